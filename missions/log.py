@@ -1,0 +1,157 @@
+"""MissionLog: the neutral record of a mission, from which report, recording and plots are made.
+
+Flat tables of equal-length columns, and `meta`, one JSON text. A log can be rendered again years later; a
+recording cannot. Nothing in it needs the simulator: data from the field fits as well, without the columns that
+only a simulator knows.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+SCHEMA = 1
+
+TABLES: dict[str, dict[str, np.dtype[Any]]] = {
+    "step": {
+        "time_s": np.dtype("f8"),
+        "pose": np.dtype(("f8", 3)),  # believed x m, y m, yaw rad, world frame, at the end of the step
+        "true_pose": np.dtype(("f8", 3)),  # NaN in field data
+        "command": np.dtype(("f8", 2)),  # speed m/s and yaw rate rad/s asked for during the step
+        "phase": np.dtype("U24"),  # what the policy was doing
+    },
+    "pulse": {
+        "step": np.dtype("i8"),
+        "strengths_v": np.dtype("f8"),  # one value per element: (n, n_elements)
+        "mains_phase_rad": np.dtype("f8"),
+        "is_credible": np.dtype("?"),  # looks like one plane wave from one direction
+    },
+    "bearing": {
+        "pulse": np.dtype("i8"),  # row in the pulse table
+        "azimuth_rad": np.dtype("f8"),  # array frame
+        "bearing_rad": np.dtype("f8"),  # world frame, with the believed heading
+        "std_rad": np.dtype("f8"),  # from noise alone; the manifold's common error comes on top
+    },
+    "finding": {
+        "step": np.dtype("i8"),
+        "id": np.dtype("i8"),
+        "position_m": np.dtype(("f8", 2)),
+        "covariance_m2": np.dtype(("f8", (2, 2))),
+        "state": np.dtype("U16"),  # candidate, confirmed, outside
+        "n_bearings": np.dtype("i8"),
+        "first_heard_s": np.dtype("f8"),
+        "opening_rad": np.dtype("f8"),  # angle by which the lines of sight have opened, seen from the finding
+    },
+    "event": {
+        "step": np.dtype("i8"),
+        "kind": np.dtype("U24"),
+        "text": np.dtype("U160"),
+    },
+}
+"""Every table and its columns. Step i covers the time up to `step.time_s[i]`; other tables point to a step."""
+
+
+class MissionLog:
+    """Tables that grow row by row, and the facts about the mission that do not change.
+
+    Args:
+        meta: JSON-serialisable facts: seed, policy, scenario as read, solids, nominal array, and `truth` where the
+            data come from a simulator.
+    """
+
+    def __init__(self, meta: Mapping[str, Any]) -> None:
+        self.meta: dict[str, Any] = {"schema": SCHEMA, **meta}
+        self._rows: dict[str, dict[str, list[Any]]] = {
+            table: {column: [] for column in columns} for table, columns in TABLES.items()
+        }
+        self._written: dict[str, int] = dict.fromkeys(TABLES, 0)
+
+    def append(self, table: str, **row: Any) -> int:  # noqa: ANN401 - a row's values are of many types
+        """Add one row to a table and return its number. Every column of the table must be given."""
+        columns = self._rows[table]
+        if row.keys() != columns.keys():
+            raise ValueError(f"a row of `{table}` has the columns {', '.join(columns)}; got {', '.join(row)}")
+        for column, value in row.items():
+            columns[column].append(value)
+        return self.n_rows(table) - 1
+
+    def n_rows(self, table: str) -> int:
+        """Rows in a table so far."""
+        return len(next(iter(self._rows[table].values())))
+
+    def column(self, table: str, column: str, start: int = 0) -> NDArray[Any]:
+        """One column from row `start` on, as an array of its declared type; row number first."""
+        dtype = TABLES[table][column]
+        values = self._rows[table][column][start:]
+        if not values:
+            width = self.meta.get("n_elements", 0) if column == "strengths_v" else None
+            return np.empty((0, width) if width else (0, *dtype.shape), dtype=dtype.base)
+        return np.array(values, dtype=dtype.base)
+
+    def table(self, table: str, start: int = 0) -> dict[str, NDArray[Any]]:
+        """All columns of a table from row `start` on."""
+        return {column: self.column(table, column, start) for column in TABLES[table]}
+
+    def _arrays(self, start: Mapping[str, int]) -> dict[str, NDArray[Any]]:
+        return {
+            f"{table}.{column}": self.column(table, column, start[table])
+            for table in TABLES
+            for column in TABLES[table]
+        }
+
+    def write_part(self, folder: Path) -> None:
+        """Write the rows since the last part, so that a killed mission keeps what it had."""
+        parts = folder / "log.parts"
+        parts.mkdir(exist_ok=True)
+        _save(parts / f"part-{len(list(parts.glob('part-*.npz'))):05d}.npz", self.meta, self._arrays(self._written))
+        self._written = {table: self.n_rows(table) for table in TABLES}
+
+    def save(self, folder: Path) -> Path:
+        """Write `log.npz` whole (under a temporary name, then renamed) and remove the parts."""
+        path = folder / "log.npz"
+        _save(path, self.meta, self._arrays(dict.fromkeys(TABLES, 0)))
+        for part in (folder / "log.parts").glob("part-*.npz"):
+            part.unlink()
+        if (folder / "log.parts").exists():
+            (folder / "log.parts").rmdir()
+        return path
+
+    @classmethod
+    def load(cls, folder: Path) -> MissionLog:
+        """Read `log.npz` of a mission's folder, or the parts that a killed mission left.
+
+        Raises:
+            FileNotFoundError: If the folder holds neither.
+            ValueError: If the log was written under another schema.
+        """
+        files = [folder / "log.npz"]
+        if not files[0].exists():
+            files = sorted((folder / "log.parts").glob("part-*.npz"))
+        if not files:
+            raise FileNotFoundError(f"{folder}: holds no log.npz and no log.parts; give the folder of a mission")
+        log: MissionLog | None = None
+        for file in files:
+            with np.load(file, allow_pickle=False) as arrays:
+                meta = json.loads(str(arrays["meta"]))
+                if meta["schema"] != SCHEMA:
+                    raise ValueError(f"{file}: log schema {meta['schema']}, this version reads schema {SCHEMA}")
+                log = log or cls(meta)
+                for name in arrays.files:
+                    table, _, column = name.partition(".")
+                    if column:
+                        log._rows[table][column].extend(arrays[name])
+        assert log is not None
+        return log
+
+
+def _save(path: Path, meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
+    temporary = path.with_name(path.name + ".tmp")
+    with temporary.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, meta=np.array(json.dumps(meta)), **arrays)
+    os.replace(temporary, path)

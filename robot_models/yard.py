@@ -1,0 +1,178 @@
+"""The yard as data: its fence, its equipment, and where on the equipment a discharge may sit.
+
+World frame: x east, y north, z up, origin on the ground at the south-west corner of the fence. Nothing here
+needs MuJoCo, so a scenario can be checked, and a path planned, without building a model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+FloatArray = NDArray[np.float64]
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+
+SURFACE_TOLERANCE_M = 0.01
+"""How far from the surface a site may be written (assumed; the width of a pencil line on a yard plan)."""
+
+SITE_STANDOFF_M = 0.02
+"""How far outside the surface a discharge on a site radiates (assumed), so that its own face does not hide it."""
+
+
+class Config(BaseModel):
+    """Base of everything read from a scenario file: frozen, strict, and closed to unknown keys."""
+
+    model_config = ConfigDict(frozen=True, strict=True, extra="forbid")
+
+
+class _Equipment(Config):
+    """What box and cylinder share: a solid that stands on the ground and hides what is behind it."""
+
+    name: Name
+    kind: Name = Field(description="kind of equipment, for example power_transformer")
+    position_m: tuple[Finite, Finite] = Field(description="centre of the footprint, world frame")
+    yaw_deg: Finite = 0.0
+    height_m: Positive
+    sites: Mapping[Name, tuple[Finite, Finite, Finite]] = Field(
+        default_factory=dict, description="candidate discharge sites on the surface, equipment frame (z from ground)"
+    )
+
+    def _footprint_distance(self, local_m: FloatArray) -> FloatArray:
+        """Signed distance of (..., 2) points in the equipment frame to the footprint, negative inside."""
+        raise NotImplementedError
+
+    def _to_local(self, points_m: FloatArray) -> FloatArray:
+        cos, sin = np.cos(np.radians(self.yaw_deg)), np.sin(np.radians(self.yaw_deg))
+        x, y = np.moveaxis(points_m[..., :2] - np.asarray(self.position_m), -1, 0)
+        return np.stack([cos * x + sin * y, cos * y - sin * x], axis=-1)
+
+    def horizontal_distance(self, points_m: ArrayLike) -> FloatArray:
+        """Signed distance of world points (..., 2 or 3) to the footprint, negative inside; shape (...), metres."""
+        return self._footprint_distance(self._to_local(np.asarray(points_m, dtype=np.float64)))
+
+    def distance(self, points_m: ArrayLike) -> FloatArray:
+        """Signed distance of world points (..., 3) to the solid, negative inside; shape (...), metres."""
+        points = np.asarray(points_m, dtype=np.float64)
+        sideways = self.horizontal_distance(points)
+        upward = np.maximum(points[..., 2] - self.height_m, -points[..., 2])
+        outside = np.hypot(np.maximum(sideways, 0.0), np.maximum(upward, 0.0))
+        return np.where((sideways > 0) | (upward > 0), outside, np.maximum(sideways, upward))
+
+    def site_position(self, site: str) -> FloatArray:
+        """Where a discharge on `site` radiates: the site moved `SITE_STANDOFF_M` out of the surface; (3,), world."""
+        local = np.asarray(self.sites[site])
+        cos, sin = np.cos(np.radians(self.yaw_deg)), np.sin(np.radians(self.yaw_deg))
+        on_surface = np.array(
+            [
+                self.position_m[0] + cos * local[0] - sin * local[1],
+                self.position_m[1] + sin * local[0] + cos * local[1],
+                local[2],
+            ]
+        )
+        step = 1e-4 * np.eye(3)
+        gradient = self.distance(on_surface + step) - self.distance(on_surface - step)
+        return on_surface + SITE_STANDOFF_M * gradient / np.linalg.norm(gradient)
+
+    @model_validator(mode="after")
+    def _sites_lie_on_the_surface(self) -> Self:
+        for site, (x, y, z) in self.sites.items():
+            sideways = float(self._footprint_distance(np.array([x, y])))
+            on_side = abs(sideways) <= SURFACE_TOLERANCE_M and 0 < z <= self.height_m
+            on_top = abs(z - self.height_m) <= SURFACE_TOLERANCE_M and sideways <= SURFACE_TOLERANCE_M
+            if not (on_side or on_top):
+                raise ValueError(
+                    f"site `{site}` at ({x:g}, {y:g}, {z:g}) is not on the surface of `{self.name}`: "
+                    f"{abs(sideways):.2f} m {'inside' if sideways < 0 else 'outside'} its outline, height {z:g} "
+                    f"of {self.height_m:g} m; allowed is within {SURFACE_TOLERANCE_M} m of a side or the top"
+                )
+        return self
+
+
+class BoxEquipment(_Equipment):
+    """Equipment with a rectangular footprint: a tank, a cabinet, a building."""
+
+    shape: Literal["box"]
+    footprint_m: tuple[Positive, Positive] = Field(description="length along x and y of the equipment frame")
+
+    def _footprint_distance(self, local_m: FloatArray) -> FloatArray:
+        beyond = np.abs(local_m) - 0.5 * np.asarray(self.footprint_m)
+        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1)
+        return outside + np.minimum(beyond.max(axis=-1), 0.0)
+
+
+class CylinderEquipment(_Equipment):
+    """Equipment with a round footprint: a bushing, a current transformer, a tank."""
+
+    shape: Literal["cylinder"]
+    radius_m: Positive
+
+    def _footprint_distance(self, local_m: FloatArray) -> FloatArray:
+        return np.linalg.norm(local_m, axis=-1) - self.radius_m
+
+
+Equipment = Annotated[BoxEquipment | CylinderEquipment, Field(discriminator="shape")]
+
+
+class Yard(Config):
+    """A fenced rectangle of ground with equipment on it."""
+
+    size_m: tuple[Positive, Positive] = Field(description="length along x (east) and y (north)")
+    equipment: tuple[Equipment, ...] = Field(default=(), strict=False)
+
+    @model_validator(mode="after")
+    def _names_are_unique_and_inside(self) -> Self:
+        faults: list[str] = []
+        names = [item.name for item in self.equipment]
+        faults += [
+            f"equipment name `{name}` is used {names.count(name)} times"
+            for name in sorted({n for n in names if names.count(n) > 1})
+        ]
+        for item in self.equipment:
+            if not self.contains(item.position_m):
+                faults.append(
+                    f"equipment `{item.name}` stands at {item.position_m}, outside the yard of {self.size_m} m"
+                )
+        if faults:
+            raise ValueError("; ".join(faults))
+        return self
+
+    def contains(self, points_m: ArrayLike) -> NDArray[np.bool_]:
+        """Whether world points (..., 2 or 3) lie inside the fence; shape (...)."""
+        points = np.asarray(points_m, dtype=np.float64)[..., :2]
+        return np.all((points >= 0.0) & (points <= np.asarray(self.size_m)), axis=-1)
+
+    def clearance(self, points_m: ArrayLike) -> FloatArray:
+        """Horizontal distance of world points (..., 2) to the nearest equipment or fence, negative inside; metres."""
+        points = np.asarray(points_m, dtype=np.float64)[..., :2]
+        to_fence = np.minimum(points, np.asarray(self.size_m) - points).min(axis=-1)
+        return np.minimum.reduce([to_fence, *(item.horizontal_distance(points) for item in self.equipment)])
+
+    def site_names(self) -> tuple[str, ...]:
+        """Every candidate discharge site as `equipment/site`, in file order."""
+        return tuple(f"{item.name}/{site}" for item in self.equipment for site in item.sites)
+
+    def site_position(self, name: str) -> FloatArray:
+        """World position (3,) at which a discharge on the site `equipment/site` radiates, metres."""
+        equipment, _, site = name.partition("/")
+        for item in self.equipment:
+            if item.name == equipment and site in item.sites:
+                return item.site_position(site)
+        raise ValueError(f"no site `{name}` in this yard; known are {', '.join(self.site_names()) or 'none'}")
+
+    def enclosing_equipment(self, position_m: ArrayLike) -> str | None:
+        """Name of the equipment that encloses a world position (3,), or None."""
+        return next((item.name for item in self.equipment if item.distance(position_m) < 0), None)
+
+    def nearest_equipment(self, position_m: ArrayLike) -> str | None:
+        """Name of the equipment whose outline is horizontally nearest to a world position (2,), or None."""
+        if not self.equipment:
+            return None
+        return min(self.equipment, key=lambda item: float(item.horizontal_distance(position_m))).name
