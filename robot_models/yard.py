@@ -11,13 +11,10 @@ from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, Field, PositiveFloat, model_validator
 
 FloatArray = NDArray[np.float64]
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 
 SURFACE_TOLERANCE_M = 0.01
@@ -27,21 +24,15 @@ SITE_STANDOFF_M = 0.02
 """How far outside the surface a discharge on a site radiates (assumed), so that its own face does not hide it."""
 
 
-class Config(BaseModel):
-    """Base of everything read from a scenario file: frozen, strict, and closed to unknown keys."""
-
-    model_config = ConfigDict(frozen=True, strict=True, extra="forbid")
-
-
-class _Equipment(Config):
+class _Equipment(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
     """What box and cylinder share: a solid that stands on the ground and hides what is behind it."""
 
     name: Name
     kind: Name = Field(description="kind of equipment, for example power_transformer")
-    position_m: tuple[Finite, Finite] = Field(description="centre of the footprint, world frame")
-    yaw_deg: Finite = 0.0
-    height_m: Positive
-    sites: Mapping[Name, tuple[Finite, Finite, Finite]] = Field(
+    position_m: tuple[float, float] = Field(description="centre of the footprint, world frame")
+    yaw_deg: float = 0.0
+    height_m: PositiveFloat
+    sites: Mapping[Name, tuple[float, float, float]] = Field(
         default_factory=dict, description="candidate discharge sites on the surface, equipment frame (z from ground)"
     )
 
@@ -100,7 +91,7 @@ class BoxEquipment(_Equipment):
     """Equipment with a rectangular footprint: a tank, a cabinet, a building."""
 
     shape: Literal["box"]
-    footprint_m: tuple[Positive, Positive] = Field(description="length along x and y of the equipment frame")
+    footprint_m: tuple[PositiveFloat, PositiveFloat] = Field(description="length along x and y of the equipment frame")
 
     def _footprint_distance(self, local_m: FloatArray) -> FloatArray:
         beyond = np.abs(local_m) - 0.5 * np.asarray(self.footprint_m)
@@ -112,7 +103,7 @@ class CylinderEquipment(_Equipment):
     """Equipment with a round footprint: a bushing, a current transformer, a tank."""
 
     shape: Literal["cylinder"]
-    radius_m: Positive
+    radius_m: PositiveFloat
 
     def _footprint_distance(self, local_m: FloatArray) -> FloatArray:
         return np.linalg.norm(local_m, axis=-1) - self.radius_m
@@ -121,11 +112,11 @@ class CylinderEquipment(_Equipment):
 Equipment = Annotated[BoxEquipment | CylinderEquipment, Field(discriminator="shape")]
 
 
-class Yard(Config):
+class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
     """A fenced rectangle of ground with equipment on it."""
 
-    size_m: tuple[Positive, Positive] = Field(description="length along x (east) and y (north)")
-    equipment: tuple[Equipment, ...] = Field(default=(), strict=False)
+    size_m: tuple[PositiveFloat, PositiveFloat] = Field(description="length along x (east) and y (north)")
+    equipment: tuple[Equipment, ...] = ()
 
     @model_validator(mode="after")
     def _names_are_unique_and_inside(self) -> Self:

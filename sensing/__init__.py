@@ -1,0 +1,15 @@
+"""What nature and the receiver do: sources and a pose become strengths. The only place that knows the truth of radio."""
+
+from sensing.array import ArrayConfig, HelicalArray
+from sensing.receiver import Heard, LineOfSight, Receiver, ReceiverConfig
+from sensing.sources import DischargeSource
+
+__all__ = [
+    "ArrayConfig",
+    "DischargeSource",
+    "Heard",
+    "HelicalArray",
+    "LineOfSight",
+    "Receiver",
+    "ReceiverConfig",
+]

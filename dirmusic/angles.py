@@ -1,0 +1,33 @@
+"""Angles on the circle. The only wrap in the repository."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+def wrap(angle_rad: ArrayLike) -> FloatArray:
+    """Bring angles of any shape into (-pi, pi]."""
+    return -np.mod(np.pi - np.asarray(angle_rad, dtype=np.float64), 2 * np.pi) + np.pi
+
+
+def difference(first_rad: ArrayLike, second_rad: ArrayLike) -> FloatArray:
+    """Signed shortest turn from `second_rad` to `first_rad`, in (-pi, pi]; shapes broadcast."""
+    return wrap(np.asarray(first_rad, dtype=np.float64) - np.asarray(second_rad, dtype=np.float64))
+
+
+def circular_mean(angle_rad: ArrayLike, weights: ArrayLike = 1.0) -> FloatArray:
+    """Direction of the weighted resultant over the last axis, in (-pi, pi]; undefined where it vanishes."""
+    angle = np.asarray(angle_rad, dtype=np.float64)
+    return np.arctan2((weights * np.sin(angle)).sum(axis=-1), (weights * np.cos(angle)).sum(axis=-1))
+
+
+def opening(angle_rad: ArrayLike) -> float:
+    """Width of the narrowest arc that holds all angles (n,): how far lines of sight have opened, in [0, 2 pi)."""
+    angle = np.sort(wrap(angle_rad))
+    if angle.size < 2:
+        return 0.0
+    gaps = np.append(np.diff(angle), angle[0] + 2 * np.pi - angle[-1])
+    return float(2 * np.pi - gaps.max())

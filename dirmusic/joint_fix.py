@@ -1,0 +1,213 @@
+"""Positions of several sources and the errors of the array that heard them, estimated together.
+
+An array that is not what its data sheet says turns every bearing by degrees, in common for all pulses from one
+azimuth: averaging does not help, and a covariance that takes the errors as independent is wrong. But the robot turns
+and drives, so the same error shows at other azimuths, and positions and element errors can be told apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dirmusic.manifold import GainManifold
+
+FloatArray = NDArray[np.float64]
+
+STRENGTH_FLOOR = 0.01
+"""Assumed share of the strength that the model leaves unexplained in a channel (gate edges, mutual coupling)."""
+
+POSITION_PRIOR_M = 60.0
+"""Assumed standard deviation of a source about where the search starts: wide, but it keeps one line of bearings finite."""
+
+ROBUST_SCALE = 3.0
+"""Residuals beyond this many standard deviations are taken as outliers, softly (soft L1 loss)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArrayModel:
+    """What the robot knows of its array: the data sheet, and how far real arrays spread about it.
+
+    Attributes:
+        manifold: Nominal gains.
+        positions_m: Nominal element positions, array frame, shape (n_elements, 2) or more columns, of which two count.
+        gain_error: Standard deviation of relative gain errors.
+        pointing_error_rad: Standard deviation of pointing errors.
+    """
+
+    manifold: GainManifold
+    positions_m: FloatArray
+    gain_error: float
+    pointing_error_rad: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoseError:
+    """How wrong the robot's pose is: standard deviations, and the time over which the error stays the same."""
+
+    position_m: float
+    heading_rad: float
+    correlation_s: float
+
+
+class Sightings(NamedTuple):
+    """Pulses heard, one a row.
+
+    Attributes:
+        time_s: Shape (n,).
+        pose: Believed x m, y m, yaw rad, shape (n, 3).
+        strengths: Scaled to unit norm, shape (n, n_elements).
+        variance: Noise variance of those, shape (n, n_elements), unitless.
+    """
+
+    time_s: FloatArray
+    pose: FloatArray
+    strengths: FloatArray
+    variance: FloatArray
+
+    def take(self, index: NDArray[np.intp]) -> Sightings:
+        """The rows at `index`."""
+        return Sightings(*(column[index] for column in self))
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointFix:
+    """Sources and array, estimated together.
+
+    Attributes:
+        positions_m: Shape (n_sources, 2), world frame.
+        covariances_m2: Shape (n_sources, 2, 2), with the uncertainty of the array's errors in it.
+        gain_errors: Relative, shape (n_elements,).
+        pointing_errors_rad: Shape (n_elements,).
+    """
+
+    positions_m: FloatArray
+    covariances_m2: FloatArray
+    gain_errors: FloatArray
+    pointing_errors_rad: FloatArray
+
+
+def locate_jointly(
+    sightings: Sightings, source: NDArray[np.intp], start_m: FloatArray, array: ArrayModel, pose_error: PoseError
+) -> JointFix:
+    r"""Maximum a posteriori positions, gain errors e and pointing errors d from strengths.
+
+    A pulse of unknown amplitude :math:`\alpha` from a source at p gives element i, at distance r_i and seeing p at
+    array azimuth :math:`\theta_i`, the strength :math:`\alpha (1 + e_i) g(\theta_i - b_i - d_i) / r_i`. The amplitude
+    is projected out of every pulse. Pose errors turn all elements alike and stay the same for seconds: they widen the
+    one direction in which the strengths move with azimuth, by as much as so many correlated pulses deserve.
+
+    Args:
+        sightings: What was heard; n rows.
+        source: Which source each row belongs to, shape (n,), in [0, n_sources).
+        start_m: Where to start, shape (n_sources, 2).
+        array: The array's data sheet and spread.
+        pose_error: Spread and correlation of the pose.
+
+    Returns:
+        The fix. Height is no state: strengths here depend on the azimuth alone.
+    """
+    from scipy.optimize import least_squares  # here, so that a command line help need not wait for it
+
+    n_sources, n_elements = start_m.shape[0], array.manifold.n_elements
+    repeats = _correlated_sightings(sightings.time_s, source, pose_error.correlation_s)
+    spread = np.concatenate(
+        [
+            np.full(2 * n_sources, POSITION_PRIOR_M),
+            np.full(n_elements, max(array.gain_error, 1e-6)),
+            np.full(n_elements, max(array.pointing_error_rad, 1e-6)),
+        ]
+    )
+    mean = np.concatenate([start_m.ravel(), np.zeros(2 * n_elements)])
+
+    def residual(state: FloatArray) -> FloatArray:
+        miss, _ = _linearise(state, sightings, source, array, pose_error, repeats, slopes=False)
+        return np.concatenate([miss.ravel(), (state - mean) / spread])
+
+    def jacobian(state: FloatArray) -> FloatArray:
+        _, slope = _linearise(state, sightings, source, array, pose_error, repeats, slopes=True)
+        return np.concatenate([slope.reshape(-1, state.size), np.diag(1.0 / spread)])
+
+    scale = np.concatenate([np.ones(2 * n_sources), spread[2 * n_sources :]])
+    solution = least_squares(
+        residual, mean, jacobian, loss="soft_l1", f_scale=ROBUST_SCALE, x_scale=scale, max_nfev=30, xtol=1e-5, ftol=1e-6
+    )
+    covariance = np.linalg.inv(solution.jac.T @ solution.jac)
+    block = 2 * np.arange(n_sources)[:, np.newaxis] + np.arange(2)
+    return JointFix(
+        positions_m=solution.x[: 2 * n_sources].reshape(-1, 2),
+        covariances_m2=covariance[block[:, :, np.newaxis], block[:, np.newaxis, :]],
+        gain_errors=solution.x[2 * n_sources : 2 * n_sources + n_elements],
+        pointing_errors_rad=solution.x[2 * n_sources + n_elements :],
+    )
+
+
+def _correlated_sightings(time_s: FloatArray, source: NDArray[np.intp], correlation_s: float) -> FloatArray:
+    """For each sighting, how many of the same source share its pose error, shape (n,), >= 1."""
+    lag = np.abs(time_s[:, np.newaxis] - time_s) / max(correlation_s, 1e-9)
+    return (np.exp(-lag) * (source[:, np.newaxis] == source)).sum(axis=-1)
+
+
+def _linearise(
+    state: FloatArray,
+    sightings: Sightings,
+    source: NDArray[np.intp],
+    array: ArrayModel,
+    pose_error: PoseError,
+    repeats: FloatArray,
+    *,
+    slopes: bool,
+) -> tuple[FloatArray, FloatArray]:
+    """Whitened misses (n, n_elements) and, on request, their derivative (n, n_elements, n_states)."""
+    n, n_elements = sightings.strengths.shape
+    n_sources = (state.size - 2 * n_elements) // 2
+    position = state[: 2 * n_sources].reshape(-1, 2)[source]
+    gain_error = state[2 * n_sources : 2 * n_sources + n_elements]
+    pointing = state[2 * n_sources + n_elements :]
+
+    yaw = sightings.pose[:, 2, np.newaxis]
+    forward, left = array.positions_m[:, 0], array.positions_m[:, 1]
+    dx = position[:, :1] - sightings.pose[:, :1] - (np.cos(yaw) * forward - np.sin(yaw) * left)
+    dy = position[:, 1:] - sightings.pose[:, 1:2] - (np.sin(yaw) * forward + np.cos(yaw) * left)
+    square = np.maximum(dx**2 + dy**2, 1e-4)
+    range_m = np.linalg.norm(position - sightings.pose[:, :2], axis=-1, keepdims=True)
+    off = np.arctan2(dy, dx) - yaw - array.manifold.boresights_rad - pointing
+    gain, slope = array.manifold.pattern(off), array.manifold.pattern.derivative(off)
+
+    weight = 1.0 / np.sqrt(sightings.variance + STRENGTH_FLOOR**2 * np.square(sightings.strengths) + 1e-8)
+    spreading = weight * np.maximum(range_m, 1e-2) / np.sqrt(square)
+    model = (1 + gain_error) * gain * spreading
+    by_azimuth = (1 + gain_error) * slope * spreading
+    data = weight * sightings.strengths
+    energy = np.square(model).sum(axis=-1, keepdims=True)
+    amplitude = (data * model).sum(axis=-1, keepdims=True) / energy
+
+    def project(vector: FloatArray) -> FloatArray:
+        return vector - model * ((vector * model).sum(axis=-1, keepdims=True) / energy)
+
+    turn = amplitude * project(by_azimuth)  # how the strengths move when the robot's heading is wrong
+    turn_energy = np.maximum(np.square(turn).sum(axis=-1, keepdims=True), 1e-12)
+    turn_variance = pose_error.heading_rad**2 + (pose_error.position_m / np.maximum(range_m, 0.3)) ** 2
+    share = 1.0 - 1.0 / np.sqrt(1.0 + turn_variance * repeats[:, np.newaxis] * turn_energy)
+
+    def whiten(vector: FloatArray) -> FloatArray:
+        return vector - turn * (share * (vector * turn).sum(axis=-1, keepdims=True) / turn_energy)
+
+    miss = whiten(data - amplitude * model)
+    if not slopes:
+        return miss, np.empty((0, 0, 0))
+    jacobian = np.zeros((n, n_elements, state.size))
+    rows = np.arange(n)
+    by_x = by_azimuth * -dy / square - model * dx / square
+    by_y = by_azimuth * dx / square - model * dy / square
+    jacobian[rows, :, 2 * source] = -whiten(amplitude * project(by_x))
+    jacobian[rows, :, 2 * source + 1] = -whiten(amplitude * project(by_y))
+    for i in range(n_elements):
+        one = np.zeros(n_elements)
+        one[i] = 1.0
+        jacobian[:, :, 2 * n_sources + i] = -whiten(amplitude * project(one * gain * spreading))
+        jacobian[:, :, 2 * n_sources + n_elements + i] = whiten(amplitude * project(one * by_azimuth))
+    return miss, jacobian

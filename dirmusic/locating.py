@@ -1,0 +1,319 @@
+"""Locator: the one place that turns bearings into findings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dirmusic.angles import difference, opening
+from dirmusic.bearing import Bearings
+from dirmusic.bounds import manifold_error, manifold_error_std, perpendicular_slope
+from dirmusic.joint_fix import ArrayModel, JointFix, PoseError, Sightings, locate_jointly
+from dirmusic.triangulation import triangulate
+
+FloatArray = NDArray[np.float64]
+State = Literal["candidate", "confirmed", "outside"]
+
+CHI2_95 = 5.991
+"""95 % quantile of chi-square with two degrees of freedom."""
+
+UNASSIGNED, AMBIGUOUS = -1, -2
+
+
+@dataclass(frozen=True, kw_only=True)
+class LocatingRules:
+    """When sightings count, belong together, make a candidate, and confirm it. All values are assumed.
+
+    Attributes:
+        max_std_rad: A pulse with a wider bearing is not credible; noise triggers are wider by far.
+        misfit_factor: A pulse is not credible if no direction explains its strengths to this many times what noise and
+            the array's spread explain.
+        gate_sigmas: How far from a candidate a bearing may point and still belong to it.
+        birth_pulses: Credible pulses from one direction, within `birth_s`, that make a candidate.
+        birth_s: See above.
+        birth_arc_rad: Half the arc that counts as one direction.
+        refit_s: Time between fits.
+        max_pulses: Pulses of one candidate that a fit uses, evenly chosen; the array limits, not the noise.
+        confirm_opening_rad: Lines of sight must have opened by this much: one line of bearings is no fix.
+        confirm_semi_major_m: The 95 % ellipse must be no longer than this to confirm.
+        confirm_range_m: It must have been heard from within this distance.
+        confirm_pulses: And this often.
+        merge_m: Candidates nearer to each other than this are one.
+    """
+
+    max_std_rad: float = np.radians(4.0)
+    misfit_factor: float = 9.0
+    gate_sigmas: float = 3.0
+    birth_pulses: int = 8
+    birth_s: float = 3.0
+    birth_arc_rad: float = np.radians(8.0)
+    refit_s: float = 1.0
+    max_pulses: int = 160
+    confirm_opening_rad: float = np.radians(60.0)
+    confirm_semi_major_m: float = 0.5
+    confirm_range_m: float = 4.0
+    confirm_pulses: int = 40
+    merge_m: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """A discharge as located so far.
+
+    Attributes:
+        id: Stays with it through the mission; counts from 1.
+        state: `candidate` until the rules confirm it; `outside` where its 95 % ellipse lies beyond the fence.
+        position_m: Shape (2,), world frame.
+        covariance_m2: Shape (2, 2), the array's common error included.
+        n_bearings: Pulses that belong to it.
+        first_heard_s: When its first pulse came.
+        fixed_s: When it was first confirmed, or None.
+        opening_rad: Angle by which the lines of sight have opened, as seen from the finding.
+        nearest_m: Least distance from which it was heard.
+    """
+
+    id: int
+    state: State
+    position_m: FloatArray
+    covariance_m2: FloatArray
+    n_bearings: int
+    first_heard_s: float
+    fixed_s: float | None
+    opening_rad: float
+    nearest_m: float
+
+    @property
+    def semi_major_m(self) -> float:
+        """Longer half-axis of the 95 % ellipse."""
+        return float(np.sqrt(CHI2_95 * np.linalg.eigvalsh(self.covariance_m2)[-1]))
+
+
+class Locator:
+    """Keeps every credible pulse, sorts pulses by candidate, and fits all candidates and the array together.
+
+    Args:
+        array: The array's data sheet and spread; never the array that made the data.
+        pose_error: How wrong the poses given to `update` may be.
+        fence_m: Length of the yard along x and y, origin at the corner; None where there is no fence.
+        rules: When sightings count.
+    """
+
+    def __init__(
+        self,
+        array: ArrayModel,
+        pose_error: PoseError,
+        *,
+        fence_m: tuple[float, float] | None = None,
+        rules: LocatingRules | None = None,
+    ) -> None:
+        self.array = array
+        self.pose_error = pose_error
+        self.fence_m = fence_m
+        self.rules = rules or LocatingRules()
+        self.findings: tuple[Finding, ...] = ()
+        self._n_named = 0
+        self._next_fit_s = -np.inf
+        n_elements = array.manifold.n_elements
+        self._gain_errors = np.zeros(n_elements)
+        self._pointing_errors_rad = np.zeros(n_elements)
+        self._sightings = Sightings(np.empty(0), np.empty((0, 3)), *(np.empty((0, n_elements)) for _ in range(2)))
+        self._azimuth_rad = np.empty(0)
+        self._std_rad = np.empty(0)
+
+    def is_credible(self, bearings: Bearings) -> NDArray[np.bool_]:
+        """Whether each pulse looks like one plane wave from one direction, strong enough to tell which; shape (...)."""
+        manifold = self.array.manifold
+        azimuth = np.nan_to_num(bearings.azimuth_rad)
+        gain = manifold.gain(azimuth)
+        slope = perpendicular_slope(gain, manifold.derivative(azimuth))
+        by_noise = np.square(bearings.std_rad) * np.square(slope).sum(axis=0) / np.square(gain).sum(axis=0)
+        expected = by_noise + self.array.gain_error**2 + self.array.pointing_error_rad**2
+        return (bearings.std_rad < self.rules.max_std_rad) & (bearings.misfit < self.rules.misfit_factor * expected)
+
+    def update(
+        self,
+        time_s: float,
+        pose: FloatArray,
+        bearings: Bearings,
+        strengths: FloatArray,
+        strength_variance: FloatArray,
+    ) -> tuple[Finding, ...]:
+        """Take in what was heard from one pose; look again at all that was heard, once every `refit_s`.
+
+        Args:
+            time_s: When.
+            pose: Believed x m, y m, yaw rad, world frame, shape (3,).
+            bearings: One per pulse, shape (n_pulses,), array frame.
+            strengths: Shape (n_pulses, n_elements), volts.
+            strength_variance: Of those, shape (n_pulses, n_elements), V^2.
+
+        Returns:
+            All findings so far, in the order of their ids.
+        """
+        credible = np.flatnonzero(self.is_credible(bearings))
+        if credible.size:
+            norm = np.linalg.norm(strengths[credible], axis=-1, keepdims=True)
+            new = (
+                np.full(credible.size, time_s),
+                np.tile(pose, (credible.size, 1)),
+                strengths[credible] / norm,
+                strength_variance[credible] / norm**2,
+            )
+            self._sightings = Sightings(*(np.concatenate(pair) for pair in zip(self._sightings, new, strict=True)))
+            self._azimuth_rad = np.concatenate([self._azimuth_rad, bearings.azimuth_rad[credible]])
+            self._std_rad = np.concatenate([self._std_rad, bearings.std_rad[credible]])
+        if time_s >= self._next_fit_s and credible.size:
+            self._next_fit_s = time_s + self.rules.refit_s
+            self._look_again(time_s)
+        return self.findings
+
+    def _look_again(self, time_s: float) -> None:
+        owner = self._assign(self.findings)
+        kept = [f for k, f in enumerate(self.findings) if (owner == k).sum() >= self.rules.birth_pulses]
+        if len(kept) < len(self.findings):
+            self.findings = tuple(kept)
+            owner = self._assign(self.findings)
+        born = self._birth(owner, time_s)
+        if born is not None:
+            self.findings += (born,)
+            owner = self._assign(self.findings)
+        if not self.findings:
+            return
+        chosen = [self._choose(np.flatnonzero(owner == k)) for k in range(len(self.findings))]
+        if any(index.size == 0 for index in chosen):
+            return
+        fix = locate_jointly(
+            self._sightings.take(np.concatenate(chosen)),
+            np.repeat(np.arange(len(chosen)), [index.size for index in chosen]),
+            np.array([self._start(f, index) for f, index in zip(self.findings, chosen, strict=True)]),
+            self.array,
+            self.pose_error,
+        )
+        self._gain_errors, self._pointing_errors_rad = fix.gain_errors, fix.pointing_errors_rad
+        self._conclude(fix, time_s)
+
+    def _choose(self, index: NDArray[np.intp]) -> NDArray[np.intp]:
+        """At most `max_pulses` of the rows `index`, evenly."""
+        if index.size <= self.rules.max_pulses:
+            return index
+        return index[np.linspace(0, index.size - 1, self.rules.max_pulses).astype(np.intp)]
+
+    def _bearings(self, index: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
+        """World bearings of sightings with the array's known error taken out, and their deviation with what is left."""
+        azimuth, manifold = self._azimuth_rad[index], self.array.manifold
+        error = manifold_error(manifold, azimuth, self._gain_errors, self._pointing_errors_rad)
+        common = manifold_error_std(manifold, azimuth, self.array.gain_error, self.array.pointing_error_rad)
+        variance = self._std_rad[index] ** 2 + common**2 + self.pose_error.heading_rad**2
+        return azimuth - error + self._sightings.pose[index, 2], np.sqrt(variance)
+
+    def _assign(self, findings: Sequence[Finding]) -> NDArray[np.intp]:
+        """For each sighting the position in `findings` it belongs to, or UNASSIGNED, or AMBIGUOUS; shape (n,)."""
+        n = self._azimuth_rad.size
+        if not findings:
+            return np.full(n, UNASSIGNED)
+        bearing, std = self._bearings(np.arange(n))
+        off = np.empty((len(findings), n))
+        for k, finding in enumerate(findings):
+            sight = finding.position_m - self._sightings.pose[:, :2]
+            range_m = np.maximum(np.linalg.norm(sight, axis=-1), 0.3)
+            across = np.stack([-sight[:, 1], sight[:, 0]], axis=-1) / range_m[:, np.newaxis]
+            spread_m2 = np.einsum("ni,ij,nj->n", across, finding.covariance_m2, across) + self.pose_error.position_m**2
+            allowed = np.sqrt(std**2 + np.minimum(spread_m2 / range_m**2, np.radians(15.0) ** 2))
+            off[k] = np.abs(difference(bearing, np.arctan2(sight[:, 1], sight[:, 0]))) / allowed
+        owner = off.argmin(axis=0)
+        owner[off.min(axis=0) > self.rules.gate_sigmas] = UNASSIGNED
+        owner[(off < self.rules.gate_sigmas).sum(axis=0) > 1] = AMBIGUOUS
+        return owner
+
+    def _birth(self, owner: NDArray[np.intp], time_s: float) -> Finding | None:
+        """A new candidate where enough recent pulses from one direction belong to nothing known."""
+        loose = np.flatnonzero(owner == UNASSIGNED)
+        recent = loose[self._sightings.time_s[loose] > time_s - self.rules.birth_s]
+        if recent.size < self.rules.birth_pulses:
+            return None
+        bearing, _ = self._bearings(recent)
+        near = np.abs(difference(bearing[:, np.newaxis], bearing)) < self.rules.birth_arc_rad
+        group = recent[near[near.sum(axis=0).argmax()]]
+        if group.size < self.rules.birth_pulses:
+            return None
+        position, covariance = self._triangulate(group)
+        if not np.isfinite(covariance).all():
+            covariance = np.eye(2) * 100.0
+        self._n_named += 1
+        return Finding(
+            id=self._n_named,
+            state="candidate",
+            position_m=position,
+            covariance_m2=covariance,
+            n_bearings=group.size,
+            first_heard_s=float(self._sightings.time_s[group[0]]),
+            fixed_s=None,
+            opening_rad=0.0,
+            nearest_m=np.inf,
+        )
+
+    def _triangulate(self, index: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
+        bearing, std = self._bearings(index)
+        fix = triangulate(self._sightings.pose[index, :2], bearing, std)
+        return fix.position_m, fix.covariance_m2
+
+    def _start(self, finding: Finding, index: NDArray[np.intp]) -> FloatArray:
+        """Where the joint fit starts: the last position, or a fresh one while that is not worth much."""
+        if finding.semi_major_m < 2 * self.rules.merge_m:
+            return finding.position_m
+        return self._triangulate(index)[0]
+
+    def _conclude(self, fix: JointFix, time_s: float) -> None:
+        """Findings from a joint fit: who owns what now, which are one, and which are confirmed."""
+        moved = [
+            replace(finding, position_m=position, covariance_m2=covariance)
+            for finding, position, covariance in zip(
+                self.findings, fix.positions_m, fix.covariances_m2, strict=True
+            )
+        ]
+        distinct: list[Finding] = []
+        for finding in moved:
+            apart = [np.linalg.norm(finding.position_m - other.position_m) for other in distinct]
+            if not apart or min(apart) > self.rules.merge_m:
+                distinct.append(finding)
+        owner = self._assign(distinct)
+        self.findings = tuple(
+            self._judge(finding, np.flatnonzero(owner == k), time_s) for k, finding in enumerate(distinct)
+        )
+
+    def _judge(self, finding: Finding, index: NDArray[np.intp], time_s: float) -> Finding:
+        if index.size == 0:
+            return finding
+        sight = self._sightings.pose[index, :2] - finding.position_m
+        finding = replace(
+            finding,
+            n_bearings=index.size,
+            opening_rad=opening(np.arctan2(sight[:, 1], sight[:, 0])),
+            nearest_m=float(np.linalg.norm(sight, axis=-1).min()),
+        )
+        if self._lies_outside(finding):
+            return replace(finding, state="outside")
+        rules = self.rules
+        if finding.state == "confirmed" or (
+            finding.opening_rad >= rules.confirm_opening_rad
+            and finding.semi_major_m <= rules.confirm_semi_major_m
+            and finding.nearest_m <= rules.confirm_range_m
+            and finding.n_bearings >= rules.confirm_pulses
+        ):
+            fixed_s = finding.fixed_s if finding.fixed_s is not None else time_s
+            return replace(finding, state="confirmed", fixed_s=fixed_s)
+        return replace(finding, state="candidate")
+
+    def _lies_outside(self, finding: Finding) -> bool:
+        """Whether the 95 % ellipse leaves no room inside the fence."""
+        if self.fence_m is None:
+            return False
+        angle = np.linspace(0, 2 * np.pi, 73)
+        root = np.linalg.cholesky(CHI2_95 * finding.covariance_m2)
+        edge = finding.position_m + np.stack([np.cos(angle), np.sin(angle)], axis=-1) @ root.T
+        points = np.concatenate([edge, finding.position_m[np.newaxis]])
+        return not bool(np.any(np.all((points >= 0) & (points <= np.asarray(self.fence_m)), axis=-1)))

@@ -1,0 +1,83 @@
+"""From what the channels recorded to what the estimator reads: covariances and strengths."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+def sample_covariance(snapshots: ArrayLike) -> FloatArray:
+    r"""Average outer product of the snapshots.
+
+    .. math:: R = X X^T / n
+
+    Args:
+        snapshots: Array output, shape (..., n_elements, n_snapshots), volts.
+
+    Returns:
+        Strength covariance, shape (..., n_elements, n_elements), V^2.
+
+    Raises:
+        ValueError: If there is no snapshot, or a value is not finite.
+
+    References:
+        Dir-MUSIC, eq. (5).
+    """
+    x = np.asarray(snapshots, dtype=np.float64)
+    if x.ndim < 2 or x.shape[-1] == 0:
+        raise ValueError(f"`snapshots` must have shape (..., n_elements, n_snapshots >= 1), got {x.shape}")
+    if not np.isfinite(x).all():
+        raise ValueError("`snapshots` must be finite; drop the broken record or channel first")
+    return x @ np.swapaxes(x, -1, -2) / x.shape[-1]
+
+
+def pulse_strengths(waveforms: ArrayLike, noise_variance: ArrayLike) -> FloatArray:
+    r"""Strength of each gated pulse in each channel: the root of its energy above that of the noise.
+
+    Energies do not care by how much a pulse is delayed from element to element, as long as the gate holds it.
+
+    .. math:: a_i = \sqrt{\max(\sum_k x_{ik}^2 - n \sigma_i^2, 0)}
+
+    Args:
+        waveforms: The gate, all of it: shape (..., n_elements, n_samples), volts.
+        noise_variance: Variance of one noise sample, V^2, >= 0; broadcasts to (..., n_elements).
+
+    Returns:
+        Strengths, shape (..., n_elements), volts (root of a sum over samples, not a peak).
+
+    Raises:
+        ValueError: If a sample is not finite or a variance is negative.
+    """
+    x = np.asarray(waveforms, dtype=np.float64)
+    variance = np.asarray(noise_variance, dtype=np.float64)
+    if x.ndim < 2:
+        raise ValueError(f"`waveforms` must have shape (..., n_elements, n_samples), got {x.shape}")
+    if not np.isfinite(x).all():
+        raise ValueError("`waveforms` must be finite; drop the broken record or channel first")
+    if not np.all(variance >= 0):
+        raise ValueError(f"`noise_variance` must be >= 0 V^2, got {noise_variance!r}")
+    energy = np.square(x).sum(axis=-1)
+    return np.sqrt(np.maximum(energy - x.shape[-1] * variance, 0.0))
+
+
+def strength_variance(strengths: ArrayLike, noise_variance: ArrayLike, n_samples: int) -> FloatArray:
+    r"""Variance of the strengths of `pulse_strengths` in white noise.
+
+    A gate's energy has variance :math:`2 n \sigma^4 + 4 \sigma^2 a^2`; the root divides it by :math:`4 a^2`. Where
+    the noise energy hides the pulse, the root is no longer linear and the variance levels off at that of
+    :math:`a^2 = \sigma^2 \sqrt{n / 2}`.
+
+    Args:
+        strengths: Shape (..., n_elements), volts, >= 0.
+        noise_variance: Variance of one noise sample, V^2; broadcasts to (..., n_elements).
+        n_samples: Samples in the gate, >= 1.
+
+    Returns:
+        Variance, shape (..., n_elements), V^2.
+    """
+    energy = np.square(np.asarray(strengths, dtype=np.float64))
+    variance = np.asarray(noise_variance, dtype=np.float64)
+    energy = np.maximum(energy, np.sqrt(n_samples / 2) * variance)
+    return variance + np.divide(n_samples * variance**2, 2 * energy, out=np.zeros_like(energy), where=energy > 0)

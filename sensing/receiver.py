@@ -1,0 +1,164 @@
+"""The receiver: noise, trigger, gate. It decides on its own data what was heard."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, NonNegativeFloat, PositiveFloat, PositiveInt
+
+from dirmusic import pulse_strengths, strength_variance
+from sensing.array import N_ELEMENTS, HelicalArray
+from sensing.propagation import SPEED_OF_LIGHT_MPS, direct_paths
+from sensing.pulses import DECAY_S, damped_pulse
+from sensing.sources import DischargeSource
+
+FloatArray = NDArray[np.float64]
+LineOfSight = Callable[[FloatArray, FloatArray], NDArray[np.bool_]]
+"""(points (n, 3), target (3,)) -> whether nothing stands between, (n,). Handed in: sensing knows no physics engine."""
+
+
+class ReceiverConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
+    """A six-channel recorder with a common trigger. The defaults are assumed, about those of a fast oscilloscope."""
+
+    sample_rate_hz: PositiveFloat = 20e9
+    noise_v: PositiveFloat = 1e-3
+    pretrigger_samples: PositiveInt = 20
+    gate_samples: PositiveInt = 90
+    false_alarm_rate_hz: PositiveFloat = 0.1
+    mains_hz: PositiveFloat = 50.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Heard:
+    """What one interval of listening gave: nothing is an answer, with n_pulses = 0.
+
+    Attributes:
+        time_s: When each trigger fell, shape (n_pulses,), ascending.
+        strengths_v: Shape (n_pulses, n_elements), volts.
+        variance_v2: Variance of the strengths, shape (n_pulses, n_elements), V^2.
+        mains_phase_rad: Phase of the receiver's own mains supply at the trigger, shape (n_pulses,), in [0, 2 pi).
+    """
+
+    time_s: FloatArray
+    strengths_v: FloatArray
+    variance_v2: FloatArray
+    mains_phase_rad: FloatArray
+
+
+class Receiver:
+    """Turns what radiates into strengths.
+
+    Args:
+        config: Receiver settings.
+        array: The array as it was really built.
+    """
+
+    def __init__(self, config: ReceiverConfig, array: HelicalArray) -> None:
+        self.config = config
+        self.array = array
+
+    @property
+    def threshold_v(self) -> float:
+        r"""Trigger level that white noise alone crosses `false_alarm_rate_hz` times a second in all channels together.
+
+        .. math:: 2 Q(T / \sigma) \, n_\text{elements} f_s = \text{rate}
+        """
+        return -self.config.noise_v * NormalDist().inv_cdf(self._tail_probability)
+
+    @property
+    def _tail_probability(self) -> float:
+        """Probability that one noise sample lies above the threshold; as many lie below minus the threshold."""
+        return self.config.false_alarm_rate_hz / (2 * N_ELEMENTS * self.config.sample_rate_hz)
+
+    def listen(
+        self,
+        pose: FloatArray,
+        sources: Sequence[DischargeSource],
+        line_of_sight: LineOfSight,
+        rng: np.random.Generator,
+        *,
+        start_s: float,
+        duration_s: float,
+    ) -> Heard:
+        """Listen from one pose for `duration_s` from `start_s` on.
+
+        Args:
+            pose: Where the robot really is: x m, y m, yaw rad, world frame, shape (3,).
+            sources: All that radiates.
+            line_of_sight: Which elements see a source.
+            rng: All randomness.
+            start_s: Simulated time at the start of the interval.
+            duration_s: Length of the interval.
+        """
+        elements_m = self.array.elements_in_world(pose)
+        times, gates = [], []
+        for source in sources:
+            emitted_s = start_s + duration_s * rng.random(rng.poisson(source.pulse_rate_hz * duration_s))
+            if emitted_s.size == 0:
+                continue
+            visible = line_of_sight(elements_m, source.position_m)
+            if not visible.any():
+                continue
+            heard, gate = self._record(pose, elements_m, source, visible, emitted_s.size, rng)
+            times.append(emitted_s[heard])
+            gates.append(gate)
+        false_s, false_gates = self._noise_triggers(rng, start_s, duration_s)
+        time_s = np.concatenate([*times, false_s])
+        strengths = pulse_strengths(np.concatenate([*gates, false_gates]), self.config.noise_v**2)
+        order = np.argsort(time_s, kind="stable")
+        time_s, strengths = time_s[order], strengths[order]
+        return Heard(
+            time_s=time_s,
+            strengths_v=strengths,
+            variance_v2=strength_variance(strengths, self.config.noise_v**2, self.config.gate_samples),
+            mains_phase_rad=np.mod(2 * np.pi * self.config.mains_hz * time_s, 2 * np.pi),
+        )
+
+    def _record(
+        self,
+        pose: FloatArray,
+        elements_m: FloatArray,
+        source: DischargeSource,
+        visible: NDArray[np.bool_],
+        n_pulses: int,
+        rng: np.random.Generator,
+    ) -> tuple[NDArray[np.bool_], FloatArray]:
+        """Record pulses of one source: which triggered (n_pulses,), and their gates (n_heard, n_elements, n_samples)."""
+        config = self.config
+        paths = direct_paths(elements_m, source.position_m)
+        amplitude = source.amplitude_v * visible * self.array.gain(paths.azimuth_rad - pose[2]) * paths.spreading
+        aperture_s = 4 * float(np.linalg.norm(self.array.positions_m[:, :2], axis=-1).max()) / SPEED_OF_LIGHT_MPS
+        lead = config.pretrigger_samples
+        n_search = lead + int((aperture_s + 2 * DECAY_S) * config.sample_rate_hz)
+        n_samples = n_search + config.gate_samples
+        jitter = rng.random((n_pulses, 1, 1))  # where between two samples the pulse arrives
+        noise = config.noise_v * rng.standard_normal((n_pulses, elements_m.shape[0], n_samples))
+        time_s = (np.arange(n_samples) - lead - jitter) / config.sample_rate_hz
+        delay_s = (paths.delay_s - paths.delay_s.min())[:, np.newaxis]
+        waveform = amplitude[:, np.newaxis] * damped_pulse(time_s - delay_s) + noise
+        crossed = (np.abs(waveform) > self.threshold_v).any(axis=1)[:, lead:n_search]
+        heard = crossed.any(axis=-1)
+        first = crossed[heard].argmax(axis=-1)  # gate starts `pretrigger_samples` before the sample that triggered
+        gate = first[:, np.newaxis, np.newaxis] + np.arange(config.gate_samples)
+        return heard, np.take_along_axis(waveform[heard], gate, axis=-1)
+
+    def _noise_triggers(
+        self, rng: np.random.Generator, start_s: float, duration_s: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Times (n,) and gates (n, n_elements, n_samples) of triggers by noise alone.
+
+        Exact for white noise and rare triggers: one sample of one channel lies in the tail beyond the threshold, all
+        others are as ever.
+        """
+        config = self.config
+        n = rng.poisson(config.false_alarm_rate_hz * duration_s)
+        gates = config.noise_v * rng.standard_normal((n, N_ELEMENTS, config.gate_samples))
+        time_s = start_s + duration_s * rng.random(n)
+        for gate in gates:
+            tail = -NormalDist().inv_cdf((1.0 - rng.random()) * self._tail_probability)
+            gate[rng.integers(N_ELEMENTS), config.pretrigger_samples] = config.noise_v * rng.choice((-1, 1)) * tail
+        return time_s, gates
