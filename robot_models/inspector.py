@@ -1,0 +1,196 @@
+"""The inspector in its world: drive it, and ask where it is, what it touched and what it can see."""
+# pyright: reportAttributeAccessIssue=false
+# The compiled bindings of MuJoCo carry no types for their enums.
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from robot_models.world import EQUIPMENT_GROUP, OBSTACLE_CONTYPE
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+CHASSIS_RADIUS_M = 0.20
+"""Radius of the chassis, the widest part of the robot; equals the geom `chassis` of the XML."""
+
+WHEEL_RADIUS_M = 0.075
+"""Rolling radius of a drive wheel; equals the geoms `left_wheel` and `right_wheel` of the XML."""
+
+WHEEL_TRACK_M = 0.32
+"""Distance between the two points on which the drive wheels stand; as in the XML."""
+
+MAX_SPEED_MPS = 0.8
+"""Greatest forward or backward speed that can be commanded (assumed; a slow walk)."""
+
+MAX_YAW_RATE_RADPS = 1.5
+"""Greatest yaw rate that can be commanded (assumed)."""
+
+MAX_ACCELERATION_MPS2 = 3.0
+"""Greatest rate at which the rim speed of a wheel is changed; abrupt commands make the wheels slip (measured)."""
+
+_EQUIPMENT_ONLY = (np.arange(mujoco.mjNGROUP) == EQUIPMENT_GROUP).astype(np.uint8)
+
+
+class Inspector:
+    """One robot in one world: named physical queries; knows no reward and no radio.
+
+    It stands at the world's origin until `reset` puts it elsewhere.
+
+    Attributes:
+        model: The world the robot is in, with the robot of `inspector.xml`.
+        data: Live state of the physics, for rendering and sensors. Change it through `reset` and `drive` only.
+
+    Raises:
+        KeyError: If the model lacks a part of the inspector; the message lists the names it has.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self.model = model
+        self.data = mujoco.MjData(model)
+        self._home = model.key("home").id
+        self._base_qpos = int(model.joint("floating_base").qposadr[0])
+        self._base_dof = int(model.joint("floating_base").dofadr[0])
+        self._wheels = model.actuator("left_wheel").id, model.actuator("right_wheel").id
+        self._rim_speeds_mps = [0.0, 0.0]
+        self._obstacles = _named_obstacles(model)
+        self._touched: set[int] = set()
+        self.reset(0.0, 0.0, 0.0)
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time since the last `reset`, seconds."""
+        return float(self.data.time)
+
+    def reset(self, x_m: float, y_m: float, yaw_rad: float) -> None:
+        """Stand the robot at rest on its wheels at a pose in the world; time and all state start from zero.
+
+        Raises:
+            ValueError: If the pose is not finite.
+        """
+        _require_finite(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
+        mujoco.mj_resetDataKeyframe(self.model, self.data, self._home)
+        base = self.data.qpos[self._base_qpos : self._base_qpos + 7]
+        turn = np.array([math.cos(0.5 * yaw_rad), 0.0, 0.0, math.sin(0.5 * yaw_rad)])
+        base[:2] = x_m, y_m
+        mujoco.mju_mulQuat(base[3:], turn, base[3:].copy())
+        mujoco.mj_forward(self.model, self.data)
+        self._rim_speeds_mps = [0.0, 0.0]
+        self._touched = set()
+        self._note_contacts()
+
+    def drive(self, v_mps: float, yaw_rate_radps: float, duration_s: float) -> None:
+        """Drive for a while under one command, noting whatever is touched on the way.
+
+        The command is clipped to `MAX_SPEED_MPS` and `MAX_YAW_RATE_RADPS`. The wheels approach it at no more than
+        `MAX_ACCELERATION_MPS2` at the rim, from where the previous `drive` left them.
+
+        Args:
+            v_mps: Forward speed, m/s; negative is backward.
+            yaw_rate_radps: Yaw rate, rad/s, counter-clockwise.
+            duration_s: How long, seconds; a whole number of physics steps.
+
+        Raises:
+            ValueError: If the command is not finite, or the duration is not a whole number of physics steps.
+        """
+        _require_finite(v_mps=v_mps, yaw_rate_radps=yaw_rate_radps, duration_s=duration_s)
+        step_s = self.model.opt.timestep
+        n_steps = round(duration_s / step_s)
+        if n_steps < 1 or not math.isclose(n_steps * step_s, duration_s):
+            raise ValueError(
+                f"`duration_s` must be a positive multiple of the physics step of {step_s:g} s, got {duration_s:g}."
+            )
+        goal = _rim_speeds(v_mps, yaw_rate_radps)
+        self._touched = set()
+        for _ in range(n_steps):
+            self._approach(goal, MAX_ACCELERATION_MPS2 * step_s)
+            # In this order contacts and positions belong to the end of the step, not to its beginning.
+            mujoco.mj_step2(self.model, self.data)
+            mujoco.mj_step1(self.model, self.data)
+            self._note_contacts()
+
+    def pose(self) -> FloatArray:
+        """Where the robot is: x, y and yaw in (-pi, pi]; shape (3,), metres and radians, world frame."""
+        x, y, _, *quat = self.data.qpos[self._base_qpos : self._base_qpos + 7].tolist()
+        return np.array([x, y, _yaw(quat)])
+
+    def velocity(self) -> FloatArray:
+        """Speed along the robot's own forward direction, m/s, and yaw rate, rad/s; shape (2,)."""
+        *_, yaw = self.pose().tolist()
+        vx, vy, _, _, _, yaw_rate = self.data.qvel[self._base_dof : self._base_dof + 6].tolist()
+        return np.array([math.cos(yaw) * vx + math.sin(yaw) * vy, yaw_rate])
+
+    def touched(self) -> tuple[str, ...]:
+        """Sorted geom names of what the robot touched since the last `drive` or `reset` began; never the floor."""
+        return tuple(sorted(self._obstacles[geom] for geom in self._touched))
+
+    def line_of_sight(self, from_m: ArrayLike, to_m: ArrayLike) -> BoolArray:
+        """Tell whether equipment stands between points and one target.
+
+        Only geoms of `EQUIPMENT_GROUP` count: neither fence nor floor nor the robot itself hides anything.
+
+        Args:
+            from_m: Points, shape (n, 3), metres, world frame.
+            to_m: The target, shape (3,), metres, world frame; outside any equipment, or it is seen from nowhere.
+
+        Returns:
+            True where nothing is in between, shape (n,).
+
+        Raises:
+            ValueError: If the shapes are wrong.
+        """
+        points, target = np.asarray(from_m, dtype=np.float64), np.asarray(to_m, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 3 or target.shape != (3,):
+            raise ValueError(
+                f"`from_m` must have shape (n, 3) and `to_m` (3,), got {points.shape} and {target.shape}. "
+                "Both are positions in the world frame."
+            )
+        return np.array([self._is_clear(target, ray) for ray in points - target], dtype=np.bool_)
+
+    def _is_clear(self, start_m: FloatArray, ray_m: FloatArray) -> bool:
+        if not ray_m.any():
+            return True
+        hit = mujoco.mj_ray(self.model, self.data, start_m, ray_m, _EQUIPMENT_ONLY, True, -1, None)
+        return not 0.0 <= hit < 1.0  # in units of the ray; -1 is no hit
+
+    def _approach(self, goal_mps: tuple[float, float], most_mps: float) -> None:
+        """Move the commanded rim speeds towards `goal_mps` by at most `most_mps`."""
+        for side, wheel in enumerate(self._wheels):
+            change = goal_mps[side] - self._rim_speeds_mps[side]
+            self._rim_speeds_mps[side] += min(max(change, -most_mps), most_mps)
+            self.data.ctrl[wheel] = self._rim_speeds_mps[side] / WHEEL_RADIUS_M
+
+    def _note_contacts(self) -> None:
+        geoms = self.data.contact.geom.ravel().tolist()
+        if not self._obstacles.keys().isdisjoint(geoms):
+            self._touched.update(self._obstacles.keys() & geoms)
+
+
+def _named_obstacles(model: mujoco.MjModel) -> dict[int, str]:
+    """Geom id to name of everything the robot can run into."""
+    ids = np.flatnonzero(model.geom_contype & OBSTACLE_CONTYPE).tolist()
+    return {geom: model.geom(geom).name or f"geom_{geom}" for geom in ids}
+
+
+def _rim_speeds(v_mps: float, yaw_rate_radps: float) -> tuple[float, float]:
+    """Left and right rim speeds, m/s, for a command within limits."""
+    v = min(max(v_mps, -MAX_SPEED_MPS), MAX_SPEED_MPS)
+    turn = min(max(yaw_rate_radps, -MAX_YAW_RATE_RADPS), MAX_YAW_RATE_RADPS) * 0.5 * WHEEL_TRACK_M
+    return v - turn, v + turn
+
+
+def _yaw(quat: list[float]) -> float:
+    """Yaw of a wxyz quaternion in (-pi, pi]."""
+    w, x, y, z = quat
+    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return math.pi if yaw == -math.pi else yaw
+
+
+def _require_finite(**values: float) -> None:
+    for name, value in values.items():
+        if not math.isfinite(value):
+            raise ValueError(f"`{name}` must be finite, got {value}.")

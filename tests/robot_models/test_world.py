@@ -1,0 +1,163 @@
+"""Laws of the built world: robot, array, floor, fence and equipment in one model."""
+# pyright: reportAttributeAccessIssue=false
+
+import mujoco
+import numpy as np
+import pytest
+
+from robot_models.world import EQUIPMENT_GROUP, INSPECTOR_XML, build_model, build_spec
+from robot_models.yard import BoxEquipment, CylinderEquipment, Yard
+
+AZIMUTHS_RAD = np.radians([90.0, 30.0, -30.0, -90.0, -150.0, 150.0])
+RING_M = np.column_stack([0.12 * np.cos(AZIMUTHS_RAD), 0.12 * np.sin(AZIMUTHS_RAD), np.full(6, 0.6)])
+TANK = BoxEquipment(
+    name="tank",
+    kind="power_transformer",
+    position_m=(6.0, 5.0),
+    yaw_deg=30.0,
+    footprint_m=(4.0, 2.0),
+    height_m=3.0,
+    shape="box",
+)
+BUSHING = CylinderEquipment(
+    name="bushing", kind="of_no_known_kind", position_m=(14.0, 9.0), radius_m=0.3, height_m=2.5, shape="cylinder"
+)
+YARD = Yard(size_m=(20.0, 12.0), equipment=(TANK, BUSHING))
+
+
+def site_axes(model: mujoco.MjModel, name: str) -> np.ndarray:
+    """Orientation of a site in the frame of its body, columns are its axes."""
+    matrix = np.zeros(9)
+    mujoco.mju_quat2Mat(matrix, model.site(name).quat)
+    return matrix.reshape(3, 3)
+
+
+def test_the_elements_of_the_robot_lie_on_the_ring_and_look_outward():
+    model = mujoco.MjModel.from_xml_path(str(INSPECTOR_XML))
+    for k, azimuth in enumerate(AZIMUTHS_RAD, start=1):
+        outward = [np.cos(azimuth), np.sin(azimuth), 0.0]
+        site = model.site(f"element_{k}")
+        assert site.bodyid[0] == model.body("base").id
+        np.testing.assert_allclose(site.pos, RING_M[k - 1], atol=1e-6)
+        np.testing.assert_allclose(site_axes(model, site.name)[:, 0], outward, atol=1e-6)
+        np.testing.assert_allclose(site_axes(model, site.name)[:, 2], [0.0, 0.0, 1.0], atol=1e-12)
+
+
+def test_the_sites_move_to_where_the_builder_is_told():
+    rng = np.random.default_rng(1)
+    positions, boresights = rng.uniform(0.0, 0.7, size=(6, 3)), rng.uniform(-np.pi, np.pi, size=6)
+    model = build_model(YARD, positions, boresights)
+    for k in range(6):
+        site = model.site(f"element_{k + 1}")
+        np.testing.assert_allclose(site.pos, positions[k], atol=1e-12)
+        outward = [np.cos(boresights[k]), np.sin(boresights[k]), 0.0]
+        np.testing.assert_allclose(site_axes(model, site.name)[:, 0], outward, atol=1e-12)
+
+
+def test_the_antennas_that_one_sees_move_with_their_sites():
+    lifted = build_model(YARD, RING_M + np.array([0.0, 0.0, 0.5]), AZIMUTHS_RAD)
+    usual = build_model(YARD, RING_M, AZIMUTHS_RAD)
+    assert np.isclose(lifted.geom_pos[:, 2] - usual.geom_pos[:, 2], 0.5).sum() == 6 * 5
+
+
+@pytest.mark.parametrize("n_elements", [1, 4, 6])
+def test_a_smaller_array_leaves_no_unused_antenna_behind(n_elements: int):
+    model = build_model(YARD, RING_M[:n_elements], AZIMUTHS_RAD[:n_elements])
+    names = [model.site(index).name for index in range(model.nsite)]
+    assert [n for n in names if n.startswith("element_")] == [f"element_{k}" for k in range(1, n_elements + 1)]
+    full = build_model(YARD, RING_M, AZIMUTHS_RAD)
+    assert full.ngeom - model.ngeom == (6 - n_elements) * 5
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, 200)
+    assert sum(warning.number for warning in data.warning) == 0
+
+
+def test_the_array_changes_nothing_about_how_the_robot_moves():
+    few, many = build_model(YARD, RING_M[:1], AZIMUTHS_RAD[:1]), build_model(YARD, RING_M, AZIMUTHS_RAD)
+    assert np.array_equal(few.body_mass, many.body_mass)
+    assert np.array_equal(few.body_inertia, many.body_inertia)
+    assert many.body_subtreemass[0] == pytest.approx(18.0)
+
+
+def test_every_solid_of_the_yard_has_the_same_surface_in_the_model():
+    model = build_model(YARD, RING_M, AZIMUTHS_RAD)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    groups = (np.arange(6) == EQUIPMENT_GROUP).astype(np.uint8)
+    rng, n_hits = np.random.default_rng(2), 0
+    for _ in range(300):
+        start = rng.uniform([0.0, 0.0, 0.1], [20.0, 12.0, 5.0])
+        ray = rng.normal(size=3)
+        range_m = mujoco.mj_ray(model, data, start, ray, groups, True, -1, None)
+        if range_m >= 0:
+            n_hits += 1
+            nearest = min(abs(float(item.distance(start + range_m * ray))) for item in YARD.equipment)
+            assert nearest < 1e-6
+    assert n_hits > 20
+
+
+def test_equipment_is_named_and_alone_in_its_group():
+    model = build_model(YARD, RING_M, AZIMUTHS_RAD)
+    in_group = [model.geom(index).name for index in np.flatnonzero(model.geom_group == EQUIPMENT_GROUP)]
+    assert sorted(in_group) == ["equipment/bushing", "equipment/tank"]
+
+
+def test_the_inner_faces_of_the_fence_are_the_boundary_of_the_yard():
+    model = build_model(YARD, RING_M, AZIMUTHS_RAD)
+    faces = {}
+    for side, axis, inward in (("west", 0, 1), ("south", 1, 1), ("east", 0, -1), ("north", 1, -1)):
+        geom = model.geom(f"fence/{side}")
+        faces[side] = geom.pos[axis] + inward * geom.size[axis]
+        assert geom.pos[2] - geom.size[2] == pytest.approx(0.0)
+        assert geom.size[1 - axis] >= 0.5 * YARD.size_m[1 - axis]
+    assert faces == pytest.approx({"west": 0.0, "south": 0.0, "east": 20.0, "north": 12.0})
+
+
+def test_obstacles_meet_the_hull_and_the_floor_meets_the_wheels():
+    model = build_model(YARD, RING_M, AZIMUTHS_RAD)
+
+    def meet(one: str, other: str) -> bool:
+        a, b = model.geom(one), model.geom(other)
+        return bool((a.contype & b.conaffinity) | (b.contype & a.conaffinity))
+
+    for obstacle in ("equipment/tank", "equipment/bushing", "fence/north", "fence/east"):
+        assert meet(obstacle, "chassis")
+        assert meet(obstacle, "mast")
+        assert not meet(obstacle, "left_wheel")
+        assert not meet(obstacle, "floor")
+    assert meet("floor", "left_wheel")
+    assert meet("floor", "rear_caster")
+    assert not meet("floor", "chassis")
+
+
+def test_kinds_are_told_apart_by_colour_and_an_unknown_kind_is_visible():
+    model = build_model(YARD, RING_M, AZIMUTHS_RAD)
+    tank, bushing = model.geom("equipment/tank").rgba, model.geom("equipment/bushing").rgba
+    assert not np.array_equal(tank, bushing)
+    assert bushing[3] == 1.0
+
+
+def test_pictures_of_640_by_480_can_be_taken():
+    model = build_model(YARD, RING_M, AZIMUTHS_RAD)
+    assert (model.vis.global_.offwidth, model.vis.global_.offheight) == (640, 480)
+
+
+def test_a_spec_can_still_be_extended_before_it_is_compiled():
+    spec = build_spec(Yard(size_m=(5.0, 5.0)), RING_M, AZIMUTHS_RAD)
+    spec.worldbody.add_geom(name="equipment/late", size=[0.1, 0.0, 0.0], group=EQUIPMENT_GROUP)
+    assert spec.compile().geom("equipment/late").size[0] == 0.1
+
+
+@pytest.mark.parametrize(
+    ("positions", "boresights", "message"),
+    [
+        (np.zeros((7, 3)), np.zeros(7), r"n from 1 to 6, got \(7, 3\)"),
+        (np.zeros((0, 3)), np.zeros(0), r"n from 1 to 6, got \(0, 3\)"),
+        (np.zeros((6, 2)), np.zeros(6), r"got \(6, 2\)"),
+        (np.zeros((6, 3)), np.zeros(4), r"must have shape \(6,\) to match"),
+        (np.full((6, 3), np.nan), np.zeros(6), "must be finite"),
+    ],
+)
+def test_element_arrays_that_make_no_array_are_refused(positions: np.ndarray, boresights: np.ndarray, message: str):
+    with pytest.raises(ValueError, match=message):
+        build_spec(YARD, positions, boresights)
