@@ -74,16 +74,19 @@ class _Equipment(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_
 
     @model_validator(mode="after")
     def _sites_lie_on_the_surface(self) -> Self:
+        faults: list[str] = []
         for site, (x, y, z) in self.sites.items():
             sideways = float(self._footprint_distance(np.array([x, y])))
             on_side = abs(sideways) <= SURFACE_TOLERANCE_M and 0 < z <= self.height_m
             on_top = abs(z - self.height_m) <= SURFACE_TOLERANCE_M and sideways <= SURFACE_TOLERANCE_M
             if not (on_side or on_top):
-                raise ValueError(
-                    f"site `{site}` at ({x:g}, {y:g}, {z:g}) is not on the surface of `{self.name}`: "
-                    f"{abs(sideways):.2f} m {'inside' if sideways < 0 else 'outside'} its outline, height {z:g} "
-                    f"of {self.height_m:g} m; allowed is within {SURFACE_TOLERANCE_M} m of a side or the top"
+                faults.append(
+                    f"sites.{site}: ({x:g}, {y:g}, {z:g}) is {abs(sideways):.2f} m "
+                    f"{'inside' if sideways < 0 else 'outside'} the outline at height {z:g} m of {self.height_m:g} m; "
+                    f"allowed is the surface, to {SURFACE_TOLERANCE_M} m: a side, or the top"
                 )
+        if faults:
+            raise ValueError("\n".join(faults))
         return self
 
 
@@ -122,17 +125,15 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
     def _names_are_unique_and_inside(self) -> Self:
         faults: list[str] = []
         names = [item.name for item in self.equipment]
-        faults += [
-            f"equipment name `{name}` is used {names.count(name)} times"
-            for name in sorted({n for n in names if names.count(n) > 1})
-        ]
-        for item in self.equipment:
+        for index, item in enumerate(self.equipment):
+            if item.name in names[:index]:
+                faults.append(f"equipment.{index}.name: `{item.name}` is taken; allowed is a name used once")
             if not self.contains(item.position_m):
                 faults.append(
-                    f"equipment `{item.name}` stands at {item.position_m}, outside the yard of {self.size_m} m"
+                    f"equipment.{index}.position_m: {item.position_m} is outside the yard; allowed is (0, 0) to {self.size_m}"
                 )
         if faults:
-            raise ValueError("; ".join(faults))
+            raise ValueError("\n".join(faults))
         return self
 
     def contains(self, points_m: ArrayLike) -> NDArray[np.bool_]:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import robot_models
-from robot_models import robot
+from robot_models import inspector as robot
 from robot_models.inspector import Inspector
 from robot_models.world import build_model
 from robot_models.yard import BoxEquipment, CylinderEquipment, Yard

@@ -1,0 +1,304 @@
+"""PatrolEnv: one robot, one yard, one array, as a Gymnasium environment."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from dirmusic import GainManifold, estimate_bearings, pseudo_spectrum, sample_covariance
+from envs.pose_sensor import PoseSensor
+from envs.scenario import Scenario, load_scenario
+from robot_models.inspector import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS, Inspector
+from robot_models.world import build_model
+from sensing import DischargeSource, Heard, HelicalArray, Receiver
+
+FloatArray = NDArray[np.float64]
+Observation = dict[str, NDArray[np.float32]]
+
+STEP_S = 0.1
+"""Control step: 10 Hz."""
+
+SPECTRUM_AZIMUTHS_RAD = np.radians(np.arange(0.0, 360.0, 5.0))
+"""Array-frame azimuths of the observed pseudo-spectrum."""
+
+MAX_BEARING_AGE_S = 60.0
+LEVEL_DECADES = 5.0
+POSE_MARGIN_M = 5.0
+
+REWARD_PER_METRE = 1.0
+REWARD_PER_SECOND = -0.05
+REWARD_PER_CONTACT_STEP = -1.0
+"""Weights of the reward's terms (assumed): a second costs 5 cm of progress, touching something costs a metre."""
+
+
+class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
+    """An inspection robot in a substation yard hears partial discharges through six directional antennas.
+
+    ## Action
+    `Box(-1, 1, (2,), float32)`: forward speed and yaw rate (counter-clockwise), as a share of the robot's limits.
+
+    | index | action | limit | unit |
+    |---|---|---|---|
+    | 0 | forward speed | 0.8 | m/s |
+    | 1 | yaw rate | 1.5 | rad/s |
+
+    ## Observation
+    A flat `Dict` of float32 boxes. World frame: x east, y north, origin at the yard's south-west corner. Array frame:
+    x forward, y left. Where nothing was heard, `heard` is 0 and what belongs to it is zero; nothing is ever NaN.
+
+    | key | shape | range | unit | meaning |
+    |---|---|---|---|---|
+    | pose | 4 | yard and 5 m around, [-1, 1] | m, m, 1, 1 | believed x, y, cos yaw, sin yaw |
+    | velocity | 2 | [-1.6, 1.6], [-3, 3] | m/s, rad/s | forward speed and yaw rate |
+    | heard | 1 | [0, 1] | 1 | 1 if a pulse came in this step |
+    | strengths | 6 | [0, 1] | 1 | of the strongest pulse of this step, unit norm |
+    | level | 1 | [0, 5] | decades | log10 of its strength over the noise of one sample, clipped |
+    | spectrum | 72 | [0, 1] | 1 | its pseudo-spectrum every 5 degrees of array azimuth, maximum 1 |
+    | bearing | 2 | [-1, 1] | 1 | cos and sin of the last bearing, world frame; zeros before the first |
+    | bearing_age | 1 | [0, 60] | s | time since that bearing, clipped; 60 before the first |
+    | waypoint | 2 | yard | m | next waypoint in world frame; the dock after the last |
+    | time_left | 1 | [0, time limit] | s | until truncation |
+
+    ## Reward
+    Metres of progress towards the nearest source not yet approached, minus 0.05 a second, minus 1 for each step in
+    contact with anything but the floor. `info["reward"]` has the terms. Progress uses the truth: it is for training.
+
+    ## Episode
+    `reset` draws each source's site and amplitude, the heading at the dock, and the errors of array and pose.
+    Terminated when every source has been approached to the stand-off distance (if there are sources and
+    `terminate_on_approach`), or when the robot is back at the dock after the route. Truncated at the time limit.
+
+    ## Info
+    `time_s`, `pose` (believed, float64), the pulses of the step (`pulse_time_s`, `strengths_v`, `variance_v2`,
+    `mains_phase_rad`, `azimuth_rad`, `std_rad`, `misfit`; n_pulses rows each), `touched` (names), `waypoints_visited`,
+    and `truth`, which is for logs and scores: no policy but `oracle` may see it.
+
+    Args:
+        scenario: Name of a shipped scenario, path of a TOML file, or a `Scenario`.
+        terminate_on_approach: Whether an episode ends once all sources are approached. Missions say no: they go on to
+            fix the source and come home.
+
+    Raises:
+        ScenarioError: If the scenario has faults; all are listed.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - the base class declares it so
+
+    def __init__(self, scenario: str | Path | Scenario = "one_source", *, terminate_on_approach: bool = True) -> None:
+        self.scenario = load_scenario(scenario)
+        self.terminate_on_approach = terminate_on_approach
+        nominal = HelicalArray.nominal(self.scenario.array)
+        self.manifold = GainManifold(nominal.pattern, nominal.boresights_rad)
+        self.inspector = Inspector(build_model(self.scenario.yard, nominal.positions_m, nominal.boresights_rad))
+        gain = self.manifold.gain(SPECTRUM_AZIMUTHS_RAD)
+        self._spectrum_gain = gain / np.linalg.norm(gain, axis=0)
+        self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
+        self.observation_space = self._build_observation_space()
+
+    def _build_observation_space(self) -> spaces.Dict:
+        size = np.asarray(self.scenario.yard.size_m)
+        low, high = np.full(2, -POSE_MARGIN_M), size + POSE_MARGIN_M
+        fastest = 2.0 * np.array([MAX_SPEED_MPS, MAX_YAW_RATE_RADPS])
+
+        def box(lowest: Any, highest: Any, n: int) -> spaces.Box:  # noqa: ANN401 - scalar or array
+            return spaces.Box(
+                np.broadcast_to(lowest, n).astype(np.float32), np.broadcast_to(highest, n).astype(np.float32), (n,)
+            )
+
+        return spaces.Dict(
+            {
+                "pose": box(np.append(low, [-1, -1]), np.append(high, [1, 1]), 4),
+                "velocity": box(-fastest, fastest, 2),
+                "heard": box(0, 1, 1),
+                "strengths": box(0, 1, self.manifold.n_elements),
+                "level": box(0, LEVEL_DECADES, 1),
+                "spectrum": box(0, 1, SPECTRUM_AZIMUTHS_RAD.size),
+                "bearing": box(-1, 1, 2),
+                "bearing_age": box(0, MAX_BEARING_AGE_S, 1),
+                "waypoint": box(0, size, 2),
+                "time_left": box(0, self.scenario.task.time_limit_s, 1),
+            }
+        )
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observation, dict[str, Any]]:
+        """Start an episode at the dock; `seed` fixes all that is drawn."""
+        super().reset(seed=seed, options=options)
+        rng, scenario = self.np_random, self.scenario
+        self._sources = self._draw_sources(rng)
+        self._interferers = [
+            DischargeSource(
+                name=item.name,
+                position_m=np.array(item.position_m),
+                amplitude_v=_draw_amplitude(item.amplitude_v, item.amplitude_range_db, rng),
+                pulse_rate_hz=item.pulse_rate_hz,
+            )
+            for item in scenario.interferers
+        ]
+        self._array = HelicalArray.draw(scenario.array, rng)
+        self._receiver = Receiver(scenario.receiver, self._array)
+        self.inspector.reset(*scenario.route.dock_m, float(rng.uniform(-np.pi, np.pi)))
+        self._pose_sensor = PoseSensor(scenario.pose_sensor, rng)
+        self._approached = np.zeros(len(self._sources), dtype=np.bool_)
+        self._n_visited = 0
+        self._n_steps = 0
+        self._last_bearing_rad: float | None = None
+        self._bearing_age_s = MAX_BEARING_AGE_S
+        self._pose = self._pose_sensor.read(self.inspector.pose(), 0.0)
+        heard = self._receiver.listen(
+            self.inspector.pose(), (), self.inspector.line_of_sight, rng, start_s=0.0, duration_s=0.0
+        )
+        return self._observe(heard)
+
+    def _draw_sources(self, rng: np.random.Generator) -> list[DischargeSource]:
+        sources: list[DischargeSource] = []
+        taken: set[str] = set()
+        for config in self.scenario.sources:
+            sites = [site for site in self.scenario.candidate_sites(config) if site not in taken]
+            position = np.array(config.position_m) if config.position_m is not None else None
+            if position is None:
+                site = sites[int(rng.integers(len(sites)))]
+                taken.add(site)
+                position = self.scenario.yard.site_position(site)
+            sources.append(
+                DischargeSource(
+                    name=config.name,
+                    position_m=position,
+                    amplitude_v=_draw_amplitude(config.amplitude_v, config.amplitude_range_db, rng),
+                    pulse_rate_hz=config.pulse_rate_hz,
+                )
+            )
+        return sources
+
+    def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Drive for 0.1 s, then listen; see the class for what comes back."""
+        v, yaw_rate = np.clip(np.asarray(action, dtype=np.float64), -1.0, 1.0)
+        before = self._distance_to_go(self.inspector.pose())
+        start_s = self._n_steps * STEP_S
+        self.inspector.drive(v * MAX_SPEED_MPS, yaw_rate * MAX_YAW_RATE_RADPS, STEP_S)
+        self._n_steps += 1
+        true_pose = self.inspector.pose()
+        self._pose = self._pose_sensor.read(true_pose, STEP_S)
+        heard = self._receiver.listen(
+            true_pose,
+            [*self._sources, *self._interferers],
+            self.inspector.line_of_sight,
+            self.np_random,
+            start_s=start_s,
+            duration_s=STEP_S,
+        )
+        terms = {
+            "progress": REWARD_PER_METRE * (before - self._distance_to_go(true_pose)),
+            "time": REWARD_PER_SECOND * STEP_S,
+            "contact": REWARD_PER_CONTACT_STEP * bool(self.inspector.touched()),
+        }
+        self._note_arrivals(true_pose)
+        observation, info = self._observe(heard)
+        info["reward"] = terms
+        docked = self._n_visited == len(self.scenario.route.waypoints_m) and self._is_near(
+            true_pose, self.scenario.route.dock_m
+        )
+        approached = self.terminate_on_approach and self._approached.size > 0 and bool(self._approached.all())
+        truncated = self._n_steps * STEP_S >= self.scenario.task.time_limit_s - 1e-9
+        return observation, float(sum(terms.values())), docked or approached, truncated, info
+
+    def _distance_to_go(self, pose: FloatArray) -> float:
+        """Horizontal distance to the nearest source not yet approached; 0 if there is none."""
+        left = [s for s, done in zip(self._sources, self._approached, strict=True) if not done]
+        return min((float(np.hypot(*(s.position_m[:2] - pose[:2]))) for s in left), default=0.0)
+
+    def _is_near(self, pose: FloatArray, stop_m: tuple[float, float]) -> bool:
+        return float(np.hypot(*(np.asarray(stop_m) - pose[:2]))) <= self.scenario.task.waypoint_radius_m
+
+    def _note_arrivals(self, pose: FloatArray) -> None:
+        for index, source in enumerate(self._sources):
+            if np.hypot(*(source.position_m[:2] - pose[:2])) <= self.scenario.task.standoff_m:
+                self._approached[index] = True
+        stops = self.scenario.route.waypoints_m
+        if self._n_visited < len(stops) and self._is_near(pose, stops[self._n_visited]):
+            self._n_visited += 1
+
+    def _observe(self, heard: Heard) -> tuple[Observation, dict[str, Any]]:
+        bearings = estimate_bearings(
+            heard.strengths_v[:, np.newaxis, :], self.manifold, strength_variance=heard.variance_v2[:, np.newaxis, :]
+        )
+        n_elements = self.manifold.n_elements
+        strengths, spectrum = np.zeros(n_elements), np.zeros(SPECTRUM_AZIMUTHS_RAD.size)
+        norm = np.linalg.norm(heard.strengths_v, axis=-1)
+        level = 0.0
+        self._bearing_age_s = min(self._bearing_age_s + STEP_S, MAX_BEARING_AGE_S)
+        is_heard = norm.size > 0 and bool(norm.max() > 0)
+        if is_heard:
+            best = int(norm.argmax())
+            strengths = heard.strengths_v[best] / norm[best]
+            level = float(np.clip(np.log10(norm[best] / self.scenario.receiver.noise_v), 0.0, LEVEL_DECADES))
+            covariance = sample_covariance(strengths[:, np.newaxis])
+            spectrum = np.minimum(pseudo_spectrum(covariance, self._spectrum_gain), 1e12)
+            spectrum = spectrum / spectrum.max()
+            self._last_bearing_rad = float(bearings.azimuth_rad[best] + self._pose[2])
+            self._bearing_age_s = 0.0
+        last = self._last_bearing_rad
+        stops = (*self.scenario.route.waypoints_m, self.scenario.route.dock_m)
+        values: dict[str, Any] = {
+            "pose": [*self._pose[:2], np.cos(self._pose[2]), np.sin(self._pose[2])],
+            "velocity": self.inspector.velocity(),
+            "heard": [float(is_heard)],
+            "strengths": strengths,
+            "level": [level],
+            "spectrum": spectrum,
+            "bearing": [0.0, 0.0] if last is None else [np.cos(last), np.sin(last)],
+            "bearing_age": [self._bearing_age_s],
+            "waypoint": stops[self._n_visited],
+            "time_left": [max(self.scenario.task.time_limit_s - self._n_steps * STEP_S, 0.0)],
+        }
+        observation = {
+            key: np.clip(np.asarray(values[key], dtype=np.float32), space.low, space.high)
+            for key, space in self.observation_space.spaces.items()
+            if isinstance(space, spaces.Box)
+        }
+        info = {
+            "time_s": self._n_steps * STEP_S,
+            "pose": self._pose.copy(),
+            "pulse_time_s": heard.time_s,
+            "strengths_v": heard.strengths_v,
+            "variance_v2": heard.variance_v2,
+            "mains_phase_rad": heard.mains_phase_rad,
+            "azimuth_rad": np.nan_to_num(bearings.azimuth_rad),
+            "std_rad": np.nan_to_num(bearings.std_rad, nan=np.pi),
+            "misfit": np.nan_to_num(bearings.misfit, nan=1.0),
+            "touched": self.inspector.touched(),
+            "waypoints_visited": self._n_visited,
+            "truth": self._truth(),
+        }
+        return observation, info
+
+    def _truth(self) -> dict[str, Any]:
+        """What only nature knows."""
+
+        def describe(source: DischargeSource) -> dict[str, Any]:
+            return {
+                "name": source.name,
+                "position_m": source.position_m.tolist(),
+                "amplitude_v": source.amplitude_v,
+                "pulse_rate_hz": source.pulse_rate_hz,
+            }
+
+        return {
+            "pose": self.inspector.pose(),
+            "sources": [describe(source) for source in self._sources],
+            "interferers": [describe(source) for source in self._interferers],
+            "array": {
+                "boresights_rad": self._array.boresights_rad.tolist(),
+                "gain_factors": self._array.gain_factors.tolist(),
+                "positions_m": self._array.positions_m.tolist(),
+            },
+        }
+
+
+def _draw_amplitude(amplitude_v: float, range_db: float, rng: np.random.Generator) -> float:
+    """Uniform in decibels over a range centred on `amplitude_v`."""
+    return amplitude_v * 10 ** (float(rng.uniform(-0.5, 0.5)) * range_db / 20)
