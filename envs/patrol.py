@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from dirmusic import GainManifold, estimate_bearings, pseudo_spectrum, sample_covariance
+from dirmusic import estimate_bearings, pseudo_spectrum, sample_covariance
 from envs.pose_sensor import PoseSensor
 from envs.scenario import Scenario, load_scenario
 from robot_models.inspector import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS, Inspector
@@ -61,7 +61,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     | spectrum | 72 | [0, 1] | 1 | its pseudo-spectrum every 5 degrees of array azimuth, maximum 1 |
     | bearing | 2 | [-1, 1] | 1 | cos and sin of the last bearing, world frame; zeros before the first |
     | bearing_age | 1 | [0, 60] | s | time since that bearing, clipped; 60 before the first |
-    | waypoint | 2 | yard | m | next waypoint in world frame; the dock after the last |
+    | waypoint | 2 | yard | m | first waypoint not yet visited, world frame; the dock after the last |
     | time_left | 1 | [0, time limit] | s | until truncation |
 
     ## Reward
@@ -75,7 +75,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     ## Info
     `time_s`, `pose` (believed, float64), the pulses of the step (`pulse_time_s`, `strengths_v`, `variance_v2`,
-    `mains_phase_rad`, `azimuth_rad`, `std_rad`, `misfit`; n_pulses rows each), `touched` (names), `waypoints_visited`,
+    `mains_phase_rad`, `azimuth_rad`, `std_rad`, `misfit`; n_pulses rows each), `touched` (names), `waypoints_visited` (indices),
     and `truth`, which is for logs and scores: no policy but `oracle` may see it.
 
     Args:
@@ -93,7 +93,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.scenario = load_scenario(scenario)
         self.terminate_on_approach = terminate_on_approach
         nominal = HelicalArray.nominal(self.scenario.array)
-        self.manifold = GainManifold(nominal.pattern, nominal.boresights_rad)
+        self.manifold = nominal.manifold()
         self.inspector = Inspector(build_model(self.scenario.yard, nominal.positions_m, nominal.boresights_rad))
         gain = self.manifold.gain(SPECTRUM_AZIMUTHS_RAD)
         self._spectrum_gain = gain / np.linalg.norm(gain, axis=0)
@@ -125,7 +125,9 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             }
         )
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observation, dict[str, Any]]:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
         """Start an episode at the dock; `seed` fixes all that is drawn."""
         super().reset(seed=seed, options=options)
         rng, scenario = self.np_random, self.scenario
@@ -144,7 +146,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.inspector.reset(*scenario.route.dock_m, float(rng.uniform(-np.pi, np.pi)))
         self._pose_sensor = PoseSensor(scenario.pose_sensor, rng)
         self._approached = np.zeros(len(self._sources), dtype=np.bool_)
-        self._n_visited = 0
+        self._visited = np.zeros(len(scenario.route.waypoints_m), dtype=np.bool_)
         self._n_steps = 0
         self._last_bearing_rad: float | None = None
         self._bearing_age_s = MAX_BEARING_AGE_S
@@ -199,9 +201,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._note_arrivals(true_pose)
         observation, info = self._observe(heard)
         info["reward"] = terms
-        docked = self._n_visited == len(self.scenario.route.waypoints_m) and self._is_near(
-            true_pose, self.scenario.route.dock_m
-        )
+        docked = bool(self._visited.all()) and self._is_near(true_pose, self.scenario.route.dock_m)
         approached = self.terminate_on_approach and self._approached.size > 0 and bool(self._approached.all())
         truncated = self._n_steps * STEP_S >= self.scenario.task.time_limit_s - 1e-9
         return observation, float(sum(terms.values())), docked or approached, truncated, info
@@ -218,9 +218,8 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         for index, source in enumerate(self._sources):
             if np.hypot(*(source.position_m[:2] - pose[:2])) <= self.scenario.task.standoff_m:
                 self._approached[index] = True
-        stops = self.scenario.route.waypoints_m
-        if self._n_visited < len(stops) and self._is_near(pose, stops[self._n_visited]):
-            self._n_visited += 1
+        for index, stop in enumerate(self.scenario.route.waypoints_m):
+            self._visited[index] |= self._is_near(pose, stop)
 
     def _observe(self, heard: Heard) -> tuple[Observation, dict[str, Any]]:
         bearings = estimate_bearings(
@@ -252,7 +251,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             "spectrum": spectrum,
             "bearing": [0.0, 0.0] if last is None else [np.cos(last), np.sin(last)],
             "bearing_age": [self._bearing_age_s],
-            "waypoint": stops[self._n_visited],
+            "waypoint": stops[int(np.append(self._visited, False).argmin())],
             "time_left": [max(self.scenario.task.time_limit_s - self._n_steps * STEP_S, 0.0)],
         }
         observation = {
@@ -271,7 +270,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             "std_rad": np.nan_to_num(bearings.std_rad, nan=np.pi),
             "misfit": np.nan_to_num(bearings.misfit, nan=1.0),
             "touched": self.inspector.touched(),
-            "waypoints_visited": self._n_visited,
+            "waypoints_visited": tuple(np.flatnonzero(self._visited).tolist()),
             "truth": self._truth(),
         }
         return observation, info

@@ -149,7 +149,9 @@ class Scenario(_Config):
                 sites = [s for s in known if s.partition("/")[0] == entry[:-2]] if entry.endswith("/*") else [entry]
                 if not sites or any(site not in known for site in sites):
                     near = get_close_matches(entry, known, n=3) or known[:12]
-                    faults.append(f"{key}.sites: no site `{entry}`; allowed are {', '.join(near) or 'none: no equipment has sites'}")
+                    faults.append(
+                        f"{key}.sites: no site `{entry}`; allowed are {', '.join(near) or 'none: no equipment has sites'}"
+                    )
                     continue
                 for site in sites:
                     faults += self._position_faults(f"{key}.sites ({site})", self.yard.site_position(site))
@@ -192,7 +194,9 @@ def load_scenario(scenario: str | Path | Scenario) -> Scenario:
     if path.suffix != ".toml" and path.name == str(scenario):
         if path.name not in shipped_scenarios():
             raise ScenarioError(
-                [f"{scenario}: no such scenario; known are {', '.join(shipped_scenarios())}, or give a path ending in .toml"]
+                [
+                    f"{scenario}: no such scenario; known are {', '.join(shipped_scenarios())}, or give a path ending in .toml"
+                ]
             )
         path = SHIPPED / f"{scenario}.toml"
     data = _read(path)

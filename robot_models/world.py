@@ -29,6 +29,9 @@ GROUND_GROUP = 0
 EQUIPMENT_GROUP = 1
 """Geom group of equipment, and of nothing else: what radio rays are cut by."""
 
+ROBOT_VISUAL_GROUP = 2
+"""Geom group of what the robot looks like; it touches nothing."""
+
 FLOOR_CONTYPE = 1
 """Contact bit that wheels and casters answer to."""
 
@@ -214,3 +217,45 @@ def _add_equipment(spec: mujoco.MjSpec, item: BoxEquipment | CylinderEquipment) 
         contype=OBSTACLE_CONTYPE,
         conaffinity=0,
     )
+
+
+def describe_solids(model: mujoco.MjModel) -> dict[str, list[dict[str, object]]]:
+    """Shapes of yard and robot as plain data, to draw them without the model.
+
+    Returns:
+        Lists `yard` (world frame) and `robot` (frame of the robot's base, origin on the floor under the axle). Each
+        solid has `name`, `group` (equipment, fence, robot), `shape`, `size_m` (MuJoCo's half sizes), `position_m`,
+        `quaternion_wxyz` and `rgba`.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)  # the base stands at the world's origin in the model's own pose
+    base = model.body("base").id
+    shapes = {
+        int(mujoco.mjtGeom.mjGEOM_BOX): "box",
+        int(mujoco.mjtGeom.mjGEOM_CYLINDER): "cylinder",
+        int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere",
+        int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): "ellipsoid",
+        int(mujoco.mjtGeom.mjGEOM_CAPSULE): "capsule",
+    }
+    solids: dict[str, list[dict[str, object]]] = {"yard": [], "robot": []}
+    for geom in range(model.ngeom):
+        name = model.geom(geom).name
+        is_robot = model.body_rootid[model.geom_bodyid[geom]] == base
+        if int(model.geom_type[geom]) not in shapes or (is_robot and model.geom_group[geom] != ROBOT_VISUAL_GROUP):
+            continue
+        quaternion = np.empty(4)
+        mujoco.mju_mat2Quat(quaternion, data.geom_xmat[geom])
+        material = int(model.geom_matid[geom])
+        rgba = model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom]
+        solids["robot" if is_robot else "yard"].append(
+            {
+                "name": name or f"part_{geom}",
+                "group": "robot" if is_robot else name.partition("/")[0],
+                "shape": shapes[int(model.geom_type[geom])],
+                "size_m": model.geom_size[geom].tolist(),
+                "position_m": data.geom_xpos[geom].tolist(),
+                "quaternion_wxyz": quaternion.tolist(),
+                "rgba": [float(value) for value in rgba],
+            }
+        )
+    return solids

@@ -70,6 +70,10 @@ class HelicalArray:
             gain_factors=np.exp(rng.normal(0.0, config.gain_error, N_ELEMENTS)),
         )
 
+    def manifold(self) -> GainManifold:
+        """The far-field manifold of the elements' pattern and boresights; of the nominal array, what estimators use."""
+        return GainManifold(self.pattern, self.boresights_rad)
+
     def elements_in_world(self, pose: FloatArray) -> FloatArray:
         """Where the elements are, shape (n_elements, 3), when the robot stands at `pose` (x m, y m, yaw rad)."""
         cos, sin = np.cos(pose[2]), np.sin(pose[2])

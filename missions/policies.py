@@ -1,0 +1,286 @@
+"""Who drives: policy(observation, findings, site_map) -> action, or None when it has nothing left to do.
+
+Every policy sees the same: what the robot senses, what the Locator found, and the operator's plan of the yard. Only
+`oracle` is told the truth, as a yardstick for the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Literal, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dirmusic import Finding
+from dirmusic.angles import difference
+from envs.patrol import Observation
+from missions.navigation import Reach, SiteMap, steer
+from robot_models.inspector import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS
+
+FloatArray = NDArray[np.float64]
+Action = NDArray[np.float32]
+PolicyName = Literal["seek", "patrol", "random", "oracle"]
+
+LEG_SPEED_MPS = 0.4
+LEG_SLACK_S = 30.0
+"""A leg may take its length at this speed plus this slack (assumed); then its goal is given up."""
+
+PURSUIT_LIMIT_S = 120.0
+"""Time given to one candidate before the robot goes back to its route (assumed)."""
+
+PURSUIT_TRIES = 2
+"""How often one candidate is pursued (assumed)."""
+
+REPLAN_S = 3.0
+"""Time between looks for a better viewpoint (assumed)."""
+
+VIEW_RADII_M = (1.4, 2.0, 2.7, 3.4)
+VIEW_ASPECTS_RAD = np.radians(np.arange(0.0, 360.0, 15.0))
+"""Viewpoints that are considered around a candidate (assumed): near enough to confirm, clear of its equipment."""
+
+NOVELTY_RAD = np.radians(60.0)
+NOVELTY_WORTH_M = 8.0
+"""A view that opens the angle by 60 degrees is worth a detour of this length (assumed)."""
+
+
+class Policy(Protocol):
+    """What the runner drives."""
+
+    phase: str
+    """What it is doing, in a word or two."""
+
+    def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
+        """The next action in [-1, 1]^2, or None to end the mission."""
+        ...
+
+
+@runtime_checkable
+class SeesTruth(Protocol):
+    """Mark of a policy that the runner tells the truth."""
+
+    def reveal(self, truth: dict[str, Any]) -> None:
+        """Take in `info["truth"]`."""
+        ...
+
+
+class Leg:
+    """A drive to one place, given up when it takes too long."""
+
+    def __init__(
+        self, site_map: SiteMap, pose: FloatArray, goal_m: FloatArray, time_s: float, reach: Reach | None = None
+    ) -> None:
+        reach = reach or site_map.reach(pose)
+        cell = site_map.cell(goal_m)
+        length = reach.length_m[cell]
+        self.goal_m = np.asarray(goal_m, dtype=np.float64)
+        self.is_reachable = bool(np.isfinite(length))
+        self.path_m = np.vstack([reach.path(cell), self.goal_m]) if self.is_reachable else np.empty((0, 2))
+        self.deadline_s = time_s + (length / LEG_SPEED_MPS + LEG_SLACK_S if self.is_reachable else 0.0)
+
+    def is_over(self, pose: FloatArray, time_s: float, radius_m: float) -> bool:
+        """Whether the goal is reached, out of reach, or has taken too long."""
+        return self.has_arrived(pose, radius_m) or not self.is_reachable or time_s > self.deadline_s
+
+    def has_arrived(self, pose: FloatArray, radius_m: float) -> bool:
+        """Whether the goal is within `radius_m`."""
+        return float(np.hypot(*(self.goal_m - pose[:2]))) <= radius_m
+
+    def action(self, pose: FloatArray) -> Action:
+        """The next action along the path."""
+        v, yaw_rate = steer(pose, self.path_m)
+        return np.array([v / MAX_SPEED_MPS, yaw_rate / MAX_YAW_RATE_RADPS], dtype=np.float32)
+
+
+class Patrol:
+    """Drive the route and go home, whatever is heard."""
+
+    def __init__(self) -> None:
+        self.phase = "patrol"
+        self._next_stop = 0
+        self._leg: Leg | None = None
+
+    def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
+        """Towards the next stop; None once the dock is reached, or given up."""
+        pose, time_s = _pose(observation), _time(observation, site_map)
+        stops = (*site_map.route.waypoints_m, site_map.route.dock_m)
+        radius = 0.7 * site_map.task.waypoint_radius_m  # inside what counts, whatever the pose error
+        while self._next_stop < len(stops):
+            goal = np.asarray(stops[self._next_stop])
+            if self._leg is None:
+                self._leg = Leg(site_map, pose, goal, time_s)
+            if not self._leg.is_over(pose, time_s, radius):
+                self.phase = "return to dock" if self._next_stop == len(stops) - 1 else f"patrol {self._next_stop + 1}"
+                return self._leg.action(pose)
+            self._leg = None
+            self._next_stop += 1
+        return None
+
+    def resume(self) -> None:
+        """Plan the way to the next stop anew, after a detour."""
+        self._leg = None
+
+
+class Seek:
+    """Patrol; on a candidate, go and look at it from several sides until it is confirmed, then return to the route."""
+
+    def __init__(self) -> None:
+        self.phase = "patrol"
+        self._patrol = Patrol()
+        self._target: int | None = None
+        self._since_s = 0.0
+        self._tries: dict[int, int] = {}
+        self._views_m: list[FloatArray] = []
+        self._leg: Leg | None = None
+        self._planned_s = -np.inf
+
+    def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
+        """Towards the best viewpoint of the candidate in hand, or the next stop of the route."""
+        pose, time_s = _pose(observation), _time(observation, site_map)
+        target = self._choose(findings, pose, time_s)
+        if target is not None:
+            action = self._pursue(target, pose, time_s, site_map)
+            if action is not None:
+                self.phase = f"seek {target.id}"
+                return action
+            self._drop()
+        action = self._patrol(observation, findings, site_map)
+        self.phase = self._patrol.phase
+        return action
+
+    def _choose(self, findings: Sequence[Finding], pose: FloatArray, time_s: float) -> Finding | None:
+        """The candidate in hand while it is one and time is left, else the nearest that deserves a try."""
+        open_ones = {f.id: f for f in findings if f.state == "candidate"}
+        if self._target is not None:
+            if self._target in open_ones and time_s - self._since_s < PURSUIT_LIMIT_S:
+                return open_ones[self._target]
+            self._drop()
+        worth = [f for f in open_ones.values() if self._tries.get(f.id, 0) < PURSUIT_TRIES]
+        if not worth:
+            return None
+        target = min(worth, key=lambda f: float(np.hypot(*(f.position_m - pose[:2]))))
+        self._target, self._since_s = target.id, time_s
+        self._tries[target.id] = self._tries.get(target.id, 0) + 1
+        self._views_m, self._leg = [], None
+        return target
+
+    def _drop(self) -> None:
+        self._target, self._leg = None, None
+        self._patrol.resume()
+
+    def _pursue(self, target: Finding, pose: FloatArray, time_s: float, site_map: SiteMap) -> Action | None:
+        """Along the leg to the current viewpoint; plans another when it is reached, old, or too slow."""
+        if not self._views_m or np.hypot(*(self._views_m[-1] - pose[:2])) > 0.5:
+            self._views_m.append(pose[:2].copy())
+        arrived = self._leg is None or self._leg.is_over(pose, time_s, 0.4)
+        if arrived or time_s - self._planned_s >= REPLAN_S:
+            reach = site_map.reach(pose)
+            goal = self._viewpoint(target, pose, reach, site_map)
+            if goal is None:
+                return None
+            self._leg, self._planned_s = Leg(site_map, pose, goal, time_s, reach), time_s
+        assert self._leg is not None
+        return self._leg.action(pose) if self._leg.is_reachable else None
+
+    def _viewpoint(self, target: Finding, pose: FloatArray, reach: Reach, site_map: SiteMap) -> FloatArray | None:
+        """A place near the candidate that sees it from a side not yet seen, and is not far to go."""
+        spokes = np.stack([np.cos(VIEW_ASPECTS_RAD), np.sin(VIEW_ASPECTS_RAD)], axis=-1)
+        ring = target.position_m + np.multiply.outer(np.asarray(VIEW_RADII_M), spokes).reshape(-1, 2)
+        ring = ring[site_map.yard.contains(ring)]
+        ring = ring[site_map.yard.clearance(ring) > 0.4] if ring.size else ring
+        ring = ring[site_map.sees(ring, target.position_m)] if ring.size else ring
+        cells = np.array([site_map.cell(point) for point in ring], dtype=np.intp)
+        length = reach.length_m[cells]
+        novelty = self._novelty(ring, target.position_m)
+        cost = np.where(
+            (length > 0.5) & (novelty > np.radians(15.0)),
+            length - NOVELTY_WORTH_M * np.minimum(novelty, NOVELTY_RAD) / NOVELTY_RAD,
+            np.inf,
+        )
+        if cost.size and np.isfinite(cost.min()):
+            return ring[cost.argmin()]
+        return self._sidestep(target, pose, reach, site_map)
+
+    def _novelty(self, points_m: FloatArray, target_m: FloatArray) -> FloatArray:
+        """Angle, seen from the target, between each point (n, 2) and the nearest view already had; shape (n,)."""
+        views = np.asarray(self._views_m) - target_m
+        had = np.arctan2(views[:, 1], views[:, 0])
+        aspect = np.arctan2(points_m[:, 1] - target_m[1], points_m[:, 0] - target_m[0])
+        return np.abs(difference(aspect[:, np.newaxis], had)).min(axis=-1)
+
+    def _sidestep(self, target: Finding, pose: FloatArray, reach: Reach, site_map: SiteMap) -> FloatArray | None:
+        """Where nothing near the candidate can be reached: the place nearby that opens the angle most."""
+        near = np.flatnonzero((reach.length_m > 2.0) & (reach.length_m < 12.0))
+        if near.size == 0:
+            return None
+        points = site_map.centres_m[near]
+        visible = site_map.sees(points, target.position_m, ignore_m=1.5)
+        worth = np.minimum(self._novelty(points, target.position_m), NOVELTY_RAD) / NOVELTY_RAD * NOVELTY_WORTH_M
+        score = worth - 0.2 * reach.length_m[near] + 2.0 * visible
+        return points[score.argmax()]
+
+
+class Random:
+    """Drive at random, changing its mind once a second: the floor under all other policies."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self.phase = "random"
+        self._rng = rng
+        self._action = np.zeros(2, dtype=np.float32)
+        self._n = 0
+
+    def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
+        """A random action, kept for ten steps."""
+        if self._n % 10 == 0:
+            self._action = self._rng.uniform(-1.0, 1.0, 2).astype(np.float32)
+        self._n += 1
+        return self._action
+
+
+class Oracle:
+    """Told where the discharges are: looks at each from several sides and goes home. What others are measured by."""
+
+    def __init__(self) -> None:
+        self.phase = "oracle"
+        self._seek = Seek()
+        self._sources_m: list[FloatArray] = []
+
+    def reveal(self, truth: dict[str, Any]) -> None:
+        """Take in the true positions of the sources."""
+        self._sources_m = [np.asarray(source["position_m"][:2]) for source in truth["sources"]]
+
+    def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
+        """As `Seek`, with the truth for candidates until the Locator has confirmed something there."""
+        confirmed = [f.position_m for f in findings if f.state == "confirmed"]
+        known = [
+            Finding(
+                id=index + 1,
+                state="candidate",
+                position_m=position,
+                covariance_m2=np.eye(2) * 1e-4,
+                n_bearings=0,
+                first_heard_s=0.0,
+                fixed_s=None,
+                opening_rad=0.0,
+                nearest_m=np.inf,
+            )
+            for index, position in enumerate(self._sources_m)
+            if all(np.hypot(*(position - other)) > 1.0 for other in confirmed)
+        ]
+        action = self._seek(observation, known, site_map)
+        self.phase = self._seek.phase
+        return action
+
+
+def make_policy(name: PolicyName, rng: np.random.Generator) -> Policy:
+    """A fresh policy by name; `rng` for those that draw."""
+    return {"seek": Seek, "patrol": Patrol, "oracle": Oracle, "random": lambda: Random(rng)}[name]()
+
+
+def _pose(observation: Observation) -> FloatArray:
+    x, y, cos, sin = observation["pose"].astype(np.float64)
+    return np.array([x, y, np.arctan2(sin, cos)])
+
+
+def _time(observation: Observation, site_map: SiteMap) -> float:
+    return site_map.task.time_limit_s - float(observation["time_left"][0])

@@ -1,0 +1,171 @@
+"""MissionLog to report.json and a printed table."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
+from scipy.optimize import linear_sum_assignment
+
+from dirmusic.locating import CHI2_95
+from envs import Scenario
+from missions.log import MissionLog
+
+FloatArray = NDArray[np.float64]
+
+SCHEMA = 1
+
+CUT_OFF_M = 2.0
+"""A finding further than this from every source is a false one; also the cut-off of OSPA."""
+
+
+def make_report(log: MissionLog, wall_time_s: float) -> dict[str, Any]:
+    """All that report.json holds.
+
+    Args:
+        log: The mission, whole or cut short.
+        wall_time_s: How long it took to run; the only figure that differs between two runs of one seed.
+
+    Returns:
+        What an operator gets, and `evaluation` beside it where the log holds the truth.
+    """
+    step, events = log.table("step"), log.table("event")
+    visited = sorted(int(text) for text in events["text"][events["kind"] == "waypoint"])
+    n_waypoints = len(log.meta["route"]["waypoints_m"])
+    findings = _findings(log)
+    report: dict[str, Any] = {
+        "schema": SCHEMA,
+        "scenario": log.meta["scenario"]["name"],
+        "seed": log.meta["seed"],
+        "policy": log.meta["policy"],
+        "sim_time_s": float(step["time_s"][-1]) if step["time_s"].size else 0.0,
+        "wall_time_s": wall_time_s,
+        "distance_m": _distance(step),
+        "collisions": int((events["kind"] == "contact").sum()),
+        "waypoints": {"visited": visited, "missed": [k for k in range(1, n_waypoints + 1) if k not in visited]},
+        "n_bearings": log.n_rows("bearing"),
+        "findings": findings,
+    }
+    if "truth" in log.meta:
+        report["evaluation"] = evaluate(findings, log.meta["truth"]["sources"])
+    return report
+
+
+def _distance(step: dict[str, NDArray[Any]]) -> float:
+    path = step["true_pose"] if np.isfinite(step["true_pose"]).all() else step["pose"]
+    return float(np.linalg.norm(np.diff(path[:, :2], axis=0), axis=-1).sum())
+
+
+def _findings(log: MissionLog) -> list[dict[str, Any]]:
+    """Confirmed findings as they stood at the end, by id."""
+    table, time_s = log.table("finding"), log.column("step", "time_s")
+    if table["step"].size == 0:
+        return []
+    yard = Scenario.model_validate_json(json.dumps(log.meta["scenario"])).yard
+    last = np.flatnonzero((table["step"] == table["step"][-1]) & (table["state"] == "confirmed"))
+    findings: list[dict[str, Any]] = []
+    for row in last:
+        confirmed = (table["id"] == table["id"][row]) & (table["state"] == "confirmed")
+        position, covariance = table["position_m"][row], table["covariance_m2"][row]
+        findings.append(
+            {
+                "position_m": position.tolist(),
+                "covariance_m2": covariance.tolist(),
+                "ellipse95": ellipse95(covariance),
+                "nearest_equipment": yard.nearest_equipment(position),
+                "n_bearings": int(table["n_bearings"][row]),
+                "first_heard_s": float(table["first_heard_s"][row]),
+                "fixed_s": float(time_s[table["step"][confirmed][0]]),
+            }
+        )
+    return findings
+
+
+def ellipse95(covariance_m2: FloatArray) -> dict[str, float]:
+    """Half-axes, and the direction of the longer one in the world frame, of the 95 % ellipse."""
+    values, vectors = np.linalg.eigh(covariance_m2)
+    return {
+        "semi_major_m": float(np.sqrt(CHI2_95 * values[1])),
+        "semi_minor_m": float(np.sqrt(CHI2_95 * values[0])),
+        "angle_rad": float(np.arctan2(vectors[1, 1], vectors[0, 1])),
+    }
+
+
+def evaluate(findings: list[dict[str, Any]], sources: list[dict[str, Any]]) -> dict[str, Any]:
+    """Score findings against the truth.
+
+    Findings and sources are paired one to one by least total distance, with a cut-off of 2 m. OSPA has c = 2 m, p = 1:
+    the mean over the larger set of the paired distances, each unpaired member counting 2 m.
+
+    References:
+        Schuhmacher, Vo and Vo, "A consistent metric for performance evaluation of multi-object filters", 2008.
+    """
+    found_m = np.array([f["position_m"] for f in findings]).reshape(-1, 2)
+    true_m = np.array([s["position_m"][:2] for s in sources]).reshape(-1, 2)
+    distance = np.linalg.norm(true_m[:, np.newaxis] - found_m, axis=-1)
+    pairs = zip(*linear_sum_assignment(np.minimum(distance, CUT_OFF_M)), strict=True)
+    partner = {int(i): int(j) for i, j in pairs if distance[i, j] < CUT_OFF_M}
+    scored: list[dict[str, Any]] = []
+    for i, source in enumerate(sources):
+        j = partner.get(i)
+        inside = None
+        if j is not None:
+            miss = found_m[j] - true_m[i]
+            inside = bool(miss @ np.linalg.solve(np.array(findings[j]["covariance_m2"]), miss) <= CHI2_95)
+        scored.append(
+            {
+                "name": source["name"],
+                "true_position_m": list(source["position_m"]),
+                "found": j is not None,
+                "error_m": None if j is None else float(distance[i, j]),
+                "inside_ellipse95": inside,
+            }
+        )
+    most = max(len(findings), len(sources))
+    missed = most - len(partner)
+    ospa = (sum(float(distance[i, j]) for i, j in partner.items()) + CUT_OFF_M * missed) / most if most else 0.0
+    return {"sources": scored, "false_findings": len(findings) - len(partner), "ospa_m": ospa}
+
+
+def findings_table(report: dict[str, Any]) -> Table:
+    """What was found, for a terminal."""
+    table = Table(title=f"Findings: {report['scenario']}, seed {report['seed']}", title_justify="left")
+    for heading in (
+        "#",
+        "position (m)",
+        "on or near",
+        "95 % ellipse (m)",
+        "bearings",
+        "heard (s)",
+        "fixed (s)",
+        "error (m)",
+    ):
+        table.add_column(heading, justify="left" if heading == "on or near" else "right")
+    sources = report.get("evaluation", {}).get("sources", [])
+    for number, finding in enumerate(report["findings"], start=1):
+        x, y = finding["position_m"]
+        ellipse = finding["ellipse95"]
+        table.add_row(
+            str(number),
+            f"{x:.2f}, {y:.2f}",
+            finding["nearest_equipment"] or "-",
+            f"{ellipse['semi_major_m']:.2f} x {ellipse['semi_minor_m']:.2f}",
+            str(finding["n_bearings"]),
+            f"{finding['first_heard_s']:.1f}",
+            f"{finding['fixed_s']:.1f}",
+            _error_of(finding, sources),
+        )
+    return table
+
+
+def _error_of(finding: dict[str, Any], sources: list[dict[str, Any]]) -> str:
+    """Distance to the source that the finding is paired with, recognised by that very distance."""
+    for source in sources:
+        if source["found"]:
+            error = float(np.hypot(*np.subtract(source["true_position_m"][:2], finding["position_m"])))
+            if abs(error - source["error_m"]) < 1e-9:
+                return f"{error:.2f} {'inside' if source['inside_ellipse95'] else 'outside'}"
+    return "false" if sources else "-"
