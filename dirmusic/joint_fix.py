@@ -23,6 +23,9 @@ STRENGTH_FLOOR = 0.01
 POSITION_PRIOR_M = 60.0
 """Assumed standard deviation of a source about where the search starts: wide, but it keeps one line of bearings finite."""
 
+HEIGHT_PRIOR_M = (0.8, 1.0)
+"""Assumed mean and standard deviation of a source's height above the array: discharges sit from cable box to bushing."""
+
 ROBUST_SCALE = 3.0
 """Residuals beyond this many standard deviations are taken as outliers, softly (soft L1 loss)."""
 
@@ -108,7 +111,8 @@ def locate_jointly(
         pose_error: Spread and correlation of the pose.
 
     Returns:
-        The fix. Height is no state: strengths here depend on the azimuth alone.
+        The fix. The height above the array is a state of its own, held by its prior: it shows only close by, where it
+        makes the elements' ranges more alike; ignored, it would be mistaken for errors of the array.
     """
     from scipy.optimize import least_squares  # here, so that a command line help need not wait for it
 
@@ -116,12 +120,13 @@ def locate_jointly(
     repeats = _correlated_sightings(sightings.time_s, source, pose_error.correlation_s)
     spread = np.concatenate(
         [
-            np.full(2 * n_sources, POSITION_PRIOR_M),
+            np.tile([POSITION_PRIOR_M, POSITION_PRIOR_M, HEIGHT_PRIOR_M[1]], n_sources),
             np.full(n_elements, max(array.gain_error, 1e-6)),
             np.full(n_elements, max(array.pointing_error_rad, 1e-6)),
         ]
     )
-    mean = np.concatenate([start_m.ravel(), np.zeros(2 * n_elements)])
+    places = np.column_stack([start_m, np.full(n_sources, HEIGHT_PRIOR_M[0])])
+    mean = np.concatenate([places.ravel(), np.zeros(2 * n_elements)])
 
     def residual(state: FloatArray) -> FloatArray:
         miss, _ = _linearise(state, sightings, source, array, pose_error, repeats, slopes=False)
@@ -131,17 +136,18 @@ def locate_jointly(
         _, slope = _linearise(state, sightings, source, array, pose_error, repeats, slopes=True)
         return np.concatenate([slope.reshape(-1, state.size), np.diag(1.0 / spread)])
 
-    scale = np.concatenate([np.ones(2 * n_sources), spread[2 * n_sources :]])
+    n_places = 3 * n_sources
+    scale = np.concatenate([np.ones(n_places), spread[n_places:]])
     solution = least_squares(
         residual, mean, jacobian, loss="soft_l1", f_scale=ROBUST_SCALE, x_scale=scale, max_nfev=30, xtol=1e-5, ftol=1e-6
     )
     covariance = np.linalg.inv(solution.jac.T @ solution.jac)
-    block = 2 * np.arange(n_sources)[:, np.newaxis] + np.arange(2)
+    block = 3 * np.arange(n_sources)[:, np.newaxis] + np.arange(2)
     return JointFix(
-        positions_m=solution.x[: 2 * n_sources].reshape(-1, 2),
+        positions_m=solution.x[:n_places].reshape(-1, 3)[:, :2],
         covariances_m2=covariance[block[:, :, np.newaxis], block[:, np.newaxis, :]],
-        gain_errors=solution.x[2 * n_sources : 2 * n_sources + n_elements],
-        pointing_errors_rad=solution.x[2 * n_sources + n_elements :],
+        gain_errors=solution.x[n_places : n_places + n_elements],
+        pointing_errors_rad=solution.x[n_places + n_elements :],
     )
 
 
@@ -163,17 +169,18 @@ def _linearise(
 ) -> tuple[FloatArray, FloatArray]:
     """Whitened misses (n, n_elements) and, on request, their derivative (n, n_elements, n_states)."""
     n, n_elements = sightings.strengths.shape
-    n_sources = (state.size - 2 * n_elements) // 2
-    position = state[: 2 * n_sources].reshape(-1, 2)[source]
-    gain_error = state[2 * n_sources : 2 * n_sources + n_elements]
-    pointing = state[2 * n_sources + n_elements :]
+    n_places = state.size - 2 * n_elements
+    position = state[:n_places].reshape(-1, 3)[source]
+    gain_error = state[n_places : n_places + n_elements]
+    pointing = state[n_places + n_elements :]
 
     yaw = sightings.pose[:, 2, np.newaxis]
     forward, left = array.positions_m[:, 0], array.positions_m[:, 1]
     dx = position[:, :1] - sightings.pose[:, :1] - (np.cos(yaw) * forward - np.sin(yaw) * left)
-    dy = position[:, 1:] - sightings.pose[:, 1:2] - (np.sin(yaw) * forward + np.cos(yaw) * left)
-    square = np.maximum(dx**2 + dy**2, 1e-4)
-    range_m = np.linalg.norm(position - sightings.pose[:, :2], axis=-1, keepdims=True)
+    dy = position[:, 1:2] - sightings.pose[:, 1:2] - (np.sin(yaw) * forward + np.cos(yaw) * left)
+    horizontal = np.maximum(dx**2 + dy**2, 1e-4)
+    square = horizontal + position[:, 2:] ** 2
+    range_m = np.linalg.norm(position[:, :2] - sightings.pose[:, :2], axis=-1, keepdims=True)
     off = np.arctan2(dy, dx) - yaw - array.manifold.boresights_rad - pointing
     gain, slope = array.manifold.pattern(off), array.manifold.pattern.derivative(off)
 
@@ -201,13 +208,16 @@ def _linearise(
         return miss, np.empty((0, 0, 0))
     jacobian = np.zeros((n, n_elements, state.size))
     rows = np.arange(n)
-    by_x = by_azimuth * -dy / square - model * dx / square
-    by_y = by_azimuth * dx / square - model * dy / square
-    jacobian[rows, :, 2 * source] = -whiten(amplitude * project(by_x))
-    jacobian[rows, :, 2 * source + 1] = -whiten(amplitude * project(by_y))
+    by_place = (
+        by_azimuth * -dy / horizontal - model * dx / square,
+        by_azimuth * dx / horizontal - model * dy / square,
+        -model * position[:, 2:] / square,
+    )
+    for axis, by_axis in enumerate(by_place):
+        jacobian[rows, :, 3 * source + axis] = -whiten(amplitude * project(by_axis))
     for i in range(n_elements):
         one = np.zeros(n_elements)
         one[i] = 1.0
-        jacobian[:, :, 2 * n_sources + i] = -whiten(amplitude * project(one * gain * spreading))
-        jacobian[:, :, 2 * n_sources + n_elements + i] = whiten(amplitude * project(one * by_azimuth))
+        jacobian[:, :, n_places + i] = -whiten(amplitude * project(one * gain * spreading))
+        jacobian[:, :, n_places + n_elements + i] = whiten(amplitude * project(one * by_azimuth))
     return miss, jacobian

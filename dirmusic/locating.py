@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dirmusic.angles import difference, opening
 from dirmusic.bearing import Bearings
 from dirmusic.bounds import manifold_error, manifold_error_std, perpendicular_slope
-from dirmusic.joint_fix import ArrayModel, JointFix, PoseError, Sightings, locate_jointly
+from dirmusic.joint_fix import ArrayModel, PoseError, Sightings, locate_jointly
 from dirmusic.triangulation import triangulate
 
 FloatArray = NDArray[np.float64]
@@ -20,6 +20,12 @@ State = Literal["candidate", "confirmed", "outside"]
 
 CHI2_95 = 5.991
 """95 % quantile of chi-square with two degrees of freedom."""
+
+NEAR_FIELD_SHARE = 0.5
+"""Share of the ring's radius by which a far-field bearing may miss a source close by (assumed)."""
+
+UNKNOWN_M = 10.0
+"""Standard deviation of a position of which only the bearing is known, until the first fit (assumed)."""
 
 UNASSIGNED, AMBIGUOUS = -1, -2
 
@@ -118,6 +124,7 @@ class Locator:
         self._n_named = 0
         self._next_fit_s = -np.inf
         n_elements = array.manifold.n_elements
+        self._aperture_m = float(np.linalg.norm(array.positions_m[:, :2], axis=-1).max())
         self._gain_errors = np.zeros(n_elements)
         self._pointing_errors_rad = np.zeros(n_elements)
         self._sightings = Sightings(np.empty(0), np.empty((0, 3)), *(np.empty((0, n_elements)) for _ in range(2)))
@@ -173,28 +180,32 @@ class Locator:
 
     def _look_again(self, time_s: float) -> None:
         owner = self._assign(self.findings)
-        kept = [f for k, f in enumerate(self.findings) if (owner == k).sum() >= self.rules.birth_pulses]
+        counts = [(owner == k).sum() for k in range(len(self.findings))]
+        kept = [
+            finding
+            for finding, count in zip(self.findings, counts, strict=True)
+            if finding.state == "confirmed" or count >= self.rules.birth_pulses
+        ]
         if len(kept) < len(self.findings):
             self.findings = tuple(kept)
             owner = self._assign(self.findings)
-        born = self._birth(owner, time_s)
-        if born is not None:
-            self.findings += (born,)
-            owner = self._assign(self.findings)
-        if not self.findings:
-            return
-        chosen = [self._choose(np.flatnonzero(owner == k)) for k in range(len(self.findings))]
-        if any(index.size == 0 for index in chosen):
+        owner = self._birth(owner, time_s)
+        chosen = {k: self._choose(np.flatnonzero(owner == k)) for k in range(len(self.findings))}
+        fitted = [k for k, index in chosen.items() if index.size >= self.rules.birth_pulses]
+        if not fitted:
             return
         fix = locate_jointly(
-            self._sightings.take(np.concatenate(chosen)),
-            np.repeat(np.arange(len(chosen)), [index.size for index in chosen]),
-            np.array([self._start(f, index) for f, index in zip(self.findings, chosen, strict=True)]),
+            self._sightings.take(np.concatenate([chosen[k] for k in fitted])),
+            np.repeat(np.arange(len(fitted)), [chosen[k].size for k in fitted]),
+            np.array([self._start(self.findings[k], chosen[k]) for k in fitted]),
             self.array,
             self.pose_error,
         )
         self._gain_errors, self._pointing_errors_rad = fix.gain_errors, fix.pointing_errors_rad
-        self._conclude(fix, time_s)
+        moved = list(self.findings)
+        for k, position, covariance in zip(fitted, fix.positions_m, fix.covariances_m2, strict=True):
+            moved[k] = replace(moved[k], position_m=position, covariance_m2=covariance)
+        self._conclude(moved, time_s)
 
     def _choose(self, index: NDArray[np.intp]) -> NDArray[np.intp]:
         """At most `max_pulses` of the rows `index`, evenly."""
@@ -221,7 +232,8 @@ class Locator:
             sight = finding.position_m - self._sightings.pose[:, :2]
             range_m = np.maximum(np.linalg.norm(sight, axis=-1), 0.3)
             across = np.stack([-sight[:, 1], sight[:, 0]], axis=-1) / range_m[:, np.newaxis]
-            spread_m2 = np.einsum("ni,ij,nj->n", across, finding.covariance_m2, across) + self.pose_error.position_m**2
+            spread_m2 = np.einsum("ni,ij,nj->n", across, finding.covariance_m2, across)
+            spread_m2 += self.pose_error.position_m**2 + (NEAR_FIELD_SHARE * self._aperture_m) ** 2
             allowed = np.sqrt(std**2 + np.minimum(spread_m2 / range_m**2, np.radians(15.0) ** 2))
             off[k] = np.abs(difference(bearing, np.arctan2(sight[:, 1], sight[:, 0]))) / allowed
         owner = off.argmin(axis=0)
@@ -229,32 +241,41 @@ class Locator:
         owner[(off < self.rules.gate_sigmas).sum(axis=0) > 1] = AMBIGUOUS
         return owner
 
-    def _birth(self, owner: NDArray[np.intp], time_s: float) -> Finding | None:
-        """A new candidate where enough recent pulses from one direction belong to nothing known."""
+    def _birth(self, owner: NDArray[np.intp], time_s: float) -> NDArray[np.intp]:
+        """Owners with recent loose pulses from one direction given to a new candidate.
+
+        If they cross where a candidate is already, that one is off, not doubled: they become its own.
+        """
         loose = np.flatnonzero(owner == UNASSIGNED)
         recent = loose[self._sightings.time_s[loose] > time_s - self.rules.birth_s]
         if recent.size < self.rules.birth_pulses:
-            return None
+            return owner
         bearing, _ = self._bearings(recent)
         near = np.abs(difference(bearing[:, np.newaxis], bearing)) < self.rules.birth_arc_rad
         group = recent[near[near.sum(axis=0).argmax()]]
         if group.size < self.rules.birth_pulses:
-            return None
+            return owner
         position, covariance = self._triangulate(group)
-        if not np.isfinite(covariance).all():
-            covariance = np.eye(2) * 100.0
+        owner = owner.copy()
+        apart = [float(np.linalg.norm(position - finding.position_m)) for finding in self.findings]
+        if apart and min(apart) < self.rules.merge_m:
+            owner[group] = int(np.argmin(apart))
+            return owner
         self._n_named += 1
-        return Finding(
+        born = Finding(
             id=self._n_named,
             state="candidate",
             position_m=position,
-            covariance_m2=covariance,
+            covariance_m2=covariance if np.isfinite(covariance).all() else np.eye(2) * UNKNOWN_M**2,
             n_bearings=group.size,
             first_heard_s=float(self._sightings.time_s[group[0]]),
             fixed_s=None,
             opening_rad=0.0,
             nearest_m=np.inf,
         )
+        owner[group] = len(self.findings)
+        self.findings += (born,)
+        return owner
 
     def _triangulate(self, index: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
         bearing, std = self._bearings(index)
@@ -267,14 +288,8 @@ class Locator:
             return finding.position_m
         return self._triangulate(index)[0]
 
-    def _conclude(self, fix: JointFix, time_s: float) -> None:
-        """Findings from a joint fit: who owns what now, which are one, and which are confirmed."""
-        moved = [
-            replace(finding, position_m=position, covariance_m2=covariance)
-            for finding, position, covariance in zip(
-                self.findings, fix.positions_m, fix.covariances_m2, strict=True
-            )
-        ]
+    def _conclude(self, moved: Sequence[Finding], time_s: float) -> None:
+        """Findings from a joint fit: which are one, who owns what now, and which are confirmed."""
         distinct: list[Finding] = []
         for finding in moved:
             apart = [np.linalg.norm(finding.position_m - other.position_m) for other in distinct]

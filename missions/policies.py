@@ -35,7 +35,7 @@ PURSUIT_TRIES = 2
 REPLAN_S = 3.0
 """Time between looks for a better viewpoint (assumed)."""
 
-VIEW_RADII_M = (1.4, 2.0, 2.7, 3.4)
+VIEW_RADII_M = (1.8, 2.3, 2.9, 3.5)
 VIEW_ASPECTS_RAD = np.radians(np.arange(0.0, 360.0, 15.0))
 """Viewpoints that are considered around a candidate (assumed): near enough to confirm, clear of its equipment."""
 
