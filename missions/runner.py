@@ -1,4 +1,4 @@
-"""The mission loop: environment, policy and Locator into a MissionLog, so that every policy is scored on the same locating."""
+"""The mission loop: environment, policy and Locator into a MissionLog; every policy is scored on the same locating."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from dirmusic import Bearings, Finding, Locator
 from dirmusic.angles import wrap
@@ -195,10 +196,14 @@ def run_mission(
     folder: Path | None = None,
     after_step: Callable[[Mission], None] | None = None,
 ) -> MissionLog:
-    """Run a whole mission; `after_step` sees it after each control step, and may end it."""
-    mission = Mission(scenario, policy, seed, folder)
-    while not mission.is_over:
-        mission.step()
-        if after_step is not None:
-            after_step(mission)
+    """Run a whole mission; `after_step` sees it after each control step, and may end it.
+
+    Linear algebra runs in one thread: the matrices are small, and the result must not depend on the number of cores.
+    """
+    with threadpool_limits(limits=1):
+        mission = Mission(scenario, policy, seed, folder)
+        while not mission.is_over:
+            mission.step()
+            if after_step is not None:
+                after_step(mission)
     return mission.log
