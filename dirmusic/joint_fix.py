@@ -21,10 +21,10 @@ STRENGTH_FLOOR = 0.01
 """Assumed share of the strength that the model leaves unexplained in a channel (gate edges, mutual coupling)."""
 
 POSITION_PRIOR_M = 60.0
-"""Assumed standard deviation of a source about where the search starts: wide, but it keeps one line of bearings finite."""
+"""Assumed standard deviation of a source about where it was heard from: it keeps one line of bearings finite."""
 
 HEIGHT_PRIOR_M = (0.8, 1.0)
-"""Assumed mean and standard deviation of a source's height above the array: discharges sit from cable box to bushing."""
+"""Assumed mean and standard deviation of a source's height above the array: cable boxes to bushings."""
 
 ROBUST_SCALE = 3.0
 """Residuals beyond this many standard deviations are taken as outliers, softly (soft L1 loss)."""
@@ -106,7 +106,7 @@ def locate_jointly(
     Args:
         sightings: What was heard; n rows.
         source: Which source each row belongs to, shape (n,), in [0, n_sources).
-        start_m: Where to start, shape (n_sources, 2).
+        start_m: Where to start, shape (n_sources, 2). Every source has at least one row.
         array: The array's data sheet and spread.
         pose_error: Spread and correlation of the pose.
 
@@ -125,8 +125,10 @@ def locate_jointly(
             np.full(n_elements, max(array.pointing_error_rad, 1e-6)),
         ]
     )
-    places = np.column_stack([start_m, np.full(n_sources, HEIGHT_PRIOR_M[0])])
-    mean = np.concatenate([places.ravel(), np.zeros(2 * n_elements)])
+    heard_from_m = [sightings.pose[source == k, :2].mean(axis=0) for k in range(n_sources)]
+    height_m = np.full(n_sources, HEIGHT_PRIOR_M[0])
+    mean = np.concatenate([np.column_stack([heard_from_m, height_m]).ravel(), np.zeros(2 * n_elements)])
+    start = np.concatenate([np.column_stack([start_m, height_m]).ravel(), np.zeros(2 * n_elements)])
 
     def residual(state: FloatArray) -> FloatArray:
         miss, _ = _linearise(state, sightings, source, array, pose_error, repeats, slopes=False)
@@ -139,7 +141,7 @@ def locate_jointly(
     n_places = 3 * n_sources
     scale = np.concatenate([np.ones(n_places), spread[n_places:]])
     solution = least_squares(
-        residual, mean, jacobian, loss="soft_l1", f_scale=ROBUST_SCALE, x_scale=scale, max_nfev=30, xtol=1e-5, ftol=1e-6
+        residual, start, jacobian, loss="soft_l1", f_scale=ROBUST_SCALE, x_scale=scale, max_nfev=30, xtol=1e-5, ftol=1e-6
     )
     covariance = np.linalg.inv(solution.jac.T @ solution.jac)
     block = 3 * np.arange(n_sources)[:, np.newaxis] + np.arange(2)

@@ -24,6 +24,9 @@ CHI2_95 = 5.991
 NEAR_FIELD_SHARE = 0.5
 """Share of the ring's radius by which a far-field bearing may miss a source close by (assumed)."""
 
+FARTHEST_START_M = 60.0
+"""Lines of sight that cross further away are taken to cross here, to start the fit (assumed)."""
+
 UNKNOWN_M = 10.0
 """Standard deviation of a position of which only the bearing is known, until the first fit (assumed)."""
 
@@ -279,8 +282,10 @@ class Locator:
 
     def _triangulate(self, index: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
         bearing, std = self._bearings(index)
-        fix = triangulate(self._sightings.pose[index, :2], bearing, std)
-        return fix.position_m, fix.covariance_m2
+        from_m = self._sightings.pose[index, :2]
+        fix = triangulate(from_m, bearing, std)
+        sight = fix.position_m - from_m[-1]
+        return from_m[-1] + sight * min(1.0, FARTHEST_START_M / np.linalg.norm(sight)), fix.covariance_m2
 
     def _start(self, finding: Finding, index: NDArray[np.intp]) -> FloatArray:
         """Where the joint fit starts: the last position, or a fresh one while that is not worth much."""

@@ -7,7 +7,7 @@ Every policy sees the same: what the robot senses, what the Locator found, and t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from dirmusic import Finding
 from dirmusic.angles import difference
 from envs.patrol import Observation
+from missions.choices import PolicyName
 from missions.navigation import Reach, SiteMap, steer
 from robot_models.inspector import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS
 
 FloatArray = NDArray[np.float64]
 Action = NDArray[np.float32]
-PolicyName = Literal["seek", "patrol", "random", "oracle"]
 
 LEG_SPEED_MPS = 0.4
 LEG_SLACK_S = 30.0

@@ -16,9 +16,10 @@ from dirmusic.angles import wrap
 from dirmusic.joint_fix import ArrayModel, PoseError
 from envs import Scenario
 from envs.patrol import STEP_S, PatrolEnv
+from missions.choices import PolicyName
 from missions.log import MissionLog
 from missions.navigation import SiteMap
-from missions.policies import PolicyName, SeesTruth, make_policy
+from missions.policies import SeesTruth, make_policy
 from robot_models.inspector import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS
 from robot_models.world import describe_solids
 from sensing import HelicalArray
@@ -59,6 +60,11 @@ class Mission:
     def time_s(self) -> float:
         """Simulated time."""
         return STEP_S * self.log.n_rows("step")
+
+    @property
+    def n_visited(self) -> int:
+        """Waypoints visited so far."""
+        return len(self._visited)
 
     def _meta(self, scenario: Scenario, policy: str, seed: int, truth: dict[str, Any]) -> dict[str, Any]:
         nominal = HelicalArray.nominal(scenario.array)

@@ -173,6 +173,7 @@ def _add_surroundings(spec: mujoco.MjSpec, yard: Yard) -> None:
     spec.stat.extent = 0.5 * float(np.hypot(size_x, size_y))
     spec.visual.headlight.ambient = [0.35, 0.35, 0.35]
     spec.visual.headlight.diffuse = [0.45, 0.45, 0.45]
+    spec.visual.map.shadowclip = 2.0  # at 1 the far floor falls out of the sun's shadow map and is speckled
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 640, 480
 
 

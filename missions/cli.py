@@ -1,0 +1,255 @@
+"""`pdpatrol`: the command line. Its help and its refusals come before anything heavy is loaded."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from missions.choices import PolicyName
+
+if TYPE_CHECKING:
+    from missions.runner import Mission
+
+USAGE_ERROR = 2
+INTERRUPTED = 130
+
+app = tyro.extras.SubcommandApp()
+out, err = Console(), Console(stderr=True)
+
+
+def main() -> None:
+    """Entry point of `pdpatrol`."""
+    app.cli(
+        prog="pdpatrol",
+        description="A simulated inspection robot that finds partial discharges in a substation.",
+        config=(tyro.conf.FlagCreatePairsOff,),
+    )
+
+
+@app.command
+def run(
+    scenario: tyro.conf.Positional[str] = "one_source",
+    *,
+    policy: PolicyName = "seek",
+    seed: int = 0,
+    out_dir: Annotated[Path | None, tyro.conf.arg(name="out", metavar="DIR")] = None,
+    live: bool = False,
+    json_output: Annotated[bool, tyro.conf.arg(name="json")] = False,
+) -> None:
+    """Run one mission and write its log, report and recording.
+
+    Ctrl-C ends the mission early; what was heard until then is written all the same.
+
+    Args:
+        scenario: Name of a shipped scenario (see `pdpatrol scenarios`), or path of a TOML file.
+        policy: Who drives. oracle is told the truth: a yardstick, not a result.
+        seed: Fixes all that is drawn; 0 or more. The same seed gives the same mission.
+        out_dir: Folder to write to; new or empty. Default: runs/SCENARIO-SEED, then -2, -3 and so on.
+        live: Show the mission in the Rerun viewer while it runs.
+        json_output: Print the report as JSON instead of a table.
+    """
+    from envs.scenario import ScenarioError, load_scenario
+
+    try:
+        loaded = load_scenario(scenario)
+    except ScenarioError as error:
+        _refuse(*error.faults)
+    if seed < 0:
+        _refuse(f"--seed: got {seed}; allowed is 0 or more")
+    folder = _new_folder(out_dir, f"{loaded.name}-{seed}")
+
+    from missions.recording import live_stream, write_recording
+    from missions.report import findings_table, make_report
+    from missions.runner import run_mission
+
+    folder.mkdir(parents=True, exist_ok=True)
+    started_s = time.perf_counter()
+    with _progress(loaded.task.time_limit_s) as follow:
+        viewer = None
+
+        def after_step(mission: Mission) -> None:
+            nonlocal viewer
+            follow(mission)
+            if live:
+                viewer = viewer or live_stream(mission.log)
+                if mission.log.n_rows("step") % 5 == 0 or mission.is_over:
+                    viewer.update()
+
+        log = run_mission(loaded, policy, seed, folder, after_step)
+    report = make_report(log, time.perf_counter() - started_s)
+    log.save(folder)
+    _write_text(folder / "report.json", json.dumps(report, indent=2) + "\n")
+    write_recording(log, folder / "mission.rrd")
+    if json_output:
+        out.print_json(data=report)
+    else:
+        out.print(findings_table(report))
+        out.print(_summary(report, log.column("event", "text")[-1]), highlight=False)
+        out.print(f"Written to {folder}: log.npz, report.json, mission.rrd", highlight=False, soft_wrap=True)
+        out.print(f"Look at it with: pdpatrol replay {folder}", highlight=False, soft_wrap=True)
+    if log.column("event", "text")[-1] == "interrupted":
+        sys.exit(INTERRUPTED)
+
+
+@app.command
+def replay(folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")], *, web: bool = False) -> None:
+    """Open the recording of a mission in the Rerun viewer.
+
+    Args:
+        folder: Folder of a mission; where it has no mission.rrd, the recording is made from its log.
+        web: Serve it to a browser on this machine (127.0.0.1) instead.
+    """
+    if not folder.is_dir():
+        _refuse(f"{folder}: no such folder; give the folder of a mission")
+    from missions.log import MissionLog
+    from missions.recording import open_viewer, serve, write_recording
+
+    recording = folder / "mission.rrd"
+    if not recording.exists():
+        try:
+            write_recording(MissionLog.load(folder), recording)
+        except (FileNotFoundError, ValueError) as error:
+            _refuse(str(error))
+    if not web:
+        open_viewer(recording)
+        return
+    with serve(recording) as url:
+        out.print(f"Serving {recording} at {url}  (Ctrl-C ends it)", highlight=False, soft_wrap=True)
+        signal.sigwait({signal.SIGINT, signal.SIGTERM})
+
+
+@app.command
+def scenarios(
+    check: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="CHECK.toml")] = None,
+    *,
+    json_output: Annotated[bool, tyro.conf.arg(name="json")] = False,
+) -> None:
+    """List the shipped scenarios, or check a file and name every fault in it.
+
+    Args:
+        check: A scenario file to check.
+        json_output: Print JSON instead of a table.
+    """
+    from envs.scenario import SHIPPED, ScenarioError, load_scenario, shipped_scenarios
+
+    if check is not None:
+        try:
+            scenario = load_scenario(check if check.suffix == ".toml" else check / "")
+        except ScenarioError as error:
+            _refuse(*error.faults)
+        n_sites = len(scenario.yard.site_names())
+        facts = {"scenario": scenario.name, "sources": len(scenario.sources), "candidate_sites": n_sites}
+        if json_output:
+            out.print_json(data=facts)
+        else:
+            out.print(f"{check}: no fault; {len(scenario.sources)} sources, {n_sites} candidate sites", highlight=False)
+        return
+    stories = {name: _first_line(SHIPPED / f"{name}.toml") for name in shipped_scenarios()}
+    if json_output:
+        out.print_json(data=stories)
+        return
+    table = Table("scenario", "what it shows")
+    for name, story in stories.items():
+        table.add_row(name, story)
+    out.print(table)
+
+
+def _refuse(*faults: str) -> None:
+    """Print one line per fault and leave with exit status 2."""
+    for fault in faults:
+        err.print(fault, highlight=False, markup=False, soft_wrap=True)
+    sys.exit(USAGE_ERROR)
+
+
+def _new_folder(given: Path | None, name: str) -> Path:
+    """A folder that holds nothing yet: the given one, or the next free one under runs/."""
+    if given is not None:
+        if given.exists() and not given.is_dir():
+            _refuse(f"--out: {given} is a file; allowed is a new or an empty folder")
+        if given.is_dir() and any(given.iterdir()):
+            _refuse(f"--out: {given} is not empty; allowed is a new or an empty folder")
+        return given
+    folder, count = Path("runs") / name, 1
+    while folder.exists():
+        count += 1
+        folder = Path("runs") / f"{name}-{count}"
+    return folder
+
+
+def _write_text(path: Path, text: str) -> None:
+    temporary = path.with_name(path.name + ".tmp")
+    temporary.write_text(text, encoding="utf-8")
+    temporary.replace(path)
+
+
+def _first_line(path: Path) -> str:
+    with path.open(encoding="utf-8") as file:
+        return file.readline().lstrip("# ").strip()
+
+
+def _summary(report: dict, ending: str) -> str:
+    missed = report["waypoints"]["missed"]
+    parts = [
+        f"{ending} after {report['sim_time_s']:.0f} s simulated in {report['wall_time_s']:.1f} s",
+        f"{report['distance_m']:.0f} m driven",
+        f"{report['n_bearings']} bearings",
+        f"{report['collisions']} collisions",
+        f"waypoints missed: {', '.join(map(str, missed)) or 'none'}",
+    ]
+    if "evaluation" in report:
+        sources = report["evaluation"]["sources"]
+        found = sum(source["found"] for source in sources)
+        parts.append(f"{found} of {len(sources)} sources found, {report['evaluation']['false_findings']} false findings")
+    return "; ".join(parts)
+
+
+@contextmanager
+def _progress(time_limit_s: float) -> Iterator:
+    """A progress bar over the route, the news as it comes, and Ctrl-C as a wish rather than a crash."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    stopped = False
+
+    def stop(*_: object) -> None:
+        nonlocal stopped
+        stopped = True
+
+    columns = (TextColumn("{task.description:<16}"), BarColumn(), TextColumn("{task.fields[clock]}"), TimeRemainingColumn())
+    previous = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        with Progress(*columns, console=err, transient=True) as progress:
+            bar = progress.add_task("start", total=1.0, clock="")
+            told = 0
+
+            def follow(mission: Mission) -> None:
+                nonlocal told
+                events = mission.log.table("event", told)
+                for kind, text in zip(events["kind"], events["text"], strict=True):
+                    if kind in ("candidate", "confirmed", "outside", "contact"):
+                        progress.console.print(f"{mission.time_s:6.1f} s  {kind}: {text}", highlight=False, markup=False)
+                told += events["kind"].size
+                stops = len(mission.site_map.route.waypoints_m) + 1
+                visited = mission.n_visited / stops
+                progress.update(
+                    bar,
+                    completed=max(visited, mission.time_s / time_limit_s),
+                    description=mission.policy.phase,
+                    clock=f"{mission.time_s:5.0f} s simulated, {visited * stops:.0f} of {stops - 1} waypoints",
+                )
+                if stopped and not mission.is_over:
+                    mission.end("interrupted")
+
+            yield follow
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
