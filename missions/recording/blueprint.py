@@ -1,0 +1,91 @@
+"""Where everything lies in a recording, and how a viewer shows it at first sight."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import rerun.blueprint as rrb
+
+SIM_TIME, STEP = "sim_time", "step"
+"""Timelines: simulated seconds, and control steps."""
+
+WORLD = "world"
+GROUND = f"{WORLD}/yard/ground"
+EQUIPMENT = f"{WORLD}/yard/equipment"
+FENCE = f"{WORLD}/yard/fence"
+SITES = f"{WORLD}/yard/sites"
+ROUTE = f"{WORLD}/route"
+TRAJECTORY = f"{WORLD}/trajectory"
+ROBOT = f"{WORLD}/robot"
+BODY = f"{ROBOT}/body"
+SPECTRUM = f"{ROBOT}/spectrum"
+BEARINGS = f"{WORLD}/bearings"
+FINDINGS = f"{WORLD}/findings"
+TRUTH = f"{WORLD}/truth"
+TRUE_TRAJECTORY = f"{TRUTH}/trajectory"
+STRENGTHS = "plots/strengths"
+UNCERTAINTY = "plots/uncertainty"
+COMMAND = "plots/command"
+PHASE = "mission/phase"
+EVENTS = "mission/events"
+
+
+def finding_path(finding: int) -> str:
+    """Where the fix of one finding lies: its point; `/ellipse` below it is the 95 % ellipse."""
+    return f"{FINDINGS}/{finding}"
+
+
+def blueprint(meta: Mapping[str, Any]) -> rrb.Blueprint:
+    """The yard large, the yard as a plan, and below them what the antennas heard, how sure the fix is, and the news."""
+    size_x, size_y = meta.get("yard_size_m", (40.0, 30.0))
+    centre = np.array([0.5 * size_x, 0.5 * size_y, 0.0])
+    reach = float(np.hypot(size_x, size_y))
+    slant = rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital,
+        position=centre + reach * np.array([-0.28, -0.66, 0.52]),
+        look_target=centre - [0.0, 0.04 * reach, 0.0],
+        eye_up=[0.0, 0.0, 1.0],
+    )
+    above = rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital,
+        position=centre + [0.0, -0.01, 0.95 * reach],
+        look_target=centre,
+        eye_up=[0.0, 1.0, 0.0],
+    )
+    sky = [24, 28, 34]
+    yard = rrb.Spatial3DView(
+        origin=WORLD, name="Yard", eye_controls=slant, background=sky, line_grid=False, spatial_information=None
+    )
+    plan = rrb.Spatial3DView(
+        origin=WORLD,
+        contents=["$origin/**", f"- {BODY}/**"],
+        name="Plan",
+        eye_controls=above,
+        background=sky,
+        line_grid=False,
+    )
+    heard = rrb.TimeSeriesView(origin=STRENGTHS, name="Strength per element (dBV)")
+    sure = rrb.TimeSeriesView(
+        origin=UNCERTAINTY, name="95 % ellipse, longer half-axis (m)", axis_y=rrb.ScalarAxis(range=(0.0, 5.0))
+    )
+    return rrb.Blueprint(
+        rrb.Vertical(
+            rrb.Horizontal(yard, plan, column_shares=[3, 2]),
+            rrb.Horizontal(
+                heard,
+                sure,
+                rrb.Vertical(
+                    rrb.StateTimelineView(origin=PHASE, name="Phase"),
+                    rrb.TextLogView(origin=EVENTS, name="Events"),
+                    row_shares=[2, 3],
+                ),
+                column_shares=[3, 2, 2],
+            ),
+            row_shares=[5, 2],
+        ),
+        rrb.TimePanel(state="collapsed", timeline=SIM_TIME),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+    )

@@ -1,0 +1,324 @@
+"""Slices of a growing MissionLog to Rerun: the live view and the file are made by the same code."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from dirmusic import GainManifold, GaussianPattern
+from dirmusic.locating import CHI2_95
+from missions.log import MissionLog
+from missions.recording import blueprint as paths
+
+FloatArray = NDArray[np.float64]
+
+RAY_M = 25.0
+HOLD_STEPS = 10
+"""How long a bearing and its spectrum stay after the last pulse: one second."""
+
+TRAIL_STEPS = 5
+"""Every how many steps the trail is drawn on."""
+
+SPECTRUM_AZIMUTHS_RAD = np.radians(np.arange(0.0, 361.0, 5.0))
+SPECTRUM_RADIUS_M = (0.6, 1.8)
+"""Ring radius where the pseudo-spectrum is 0 and where it is 1."""
+
+ELLIPSE_ANGLES_RAD = np.linspace(0.0, 2 * np.pi, 49)
+MAX_DRAWN_ELLIPSE_M = 15.0
+"""A longer ellipse would hide the yard; its fix is drawn as a point until it shrinks."""
+
+COLOURS = {
+    "candidate": (255, 178, 40),
+    "confirmed": (60, 220, 110),
+    "outside": (150, 150, 160),
+    "bearing": (255, 232, 110),
+    "spectrum": (90, 220, 255),
+    "trajectory": (120, 190, 255),
+    "truth": (255, 70, 200),
+    "route": (200, 205, 210),
+    "site": (200, 150, 90),
+    "ground": (64, 70, 72),
+}
+
+
+def write_recording(log: MissionLog, path: Path) -> None:
+    """Write a whole recording, blueprint inside, under a temporary name and rename it at the end."""
+    temporary = path.with_name(f".{path.name}.tmp.rrd")
+    stream = rr.RecordingStream("pdpatrol")
+    stream.save(temporary, default_blueprint=paths.blueprint(log.meta))
+    Recorder(stream, log).update()
+    stream.flush()
+    stream.disconnect()
+    temporary.replace(path)
+
+
+class Recorder:
+    """Sends what was added to a log since the last call.
+
+    Args:
+        stream: Where to.
+        log: A mission's log, growing or whole.
+    """
+
+    def __init__(self, stream: rr.RecordingStream, log: MissionLog) -> None:
+        self._stream = stream
+        self._log = log
+        self._sent = {"step": 0, "pulse": 0, "bearing": 0, "finding": 0, "event": 0}
+        self._trail = np.empty((0, 3))
+        self._true_trail = np.empty((0, 3))
+        self._heard_step = -10 * HOLD_STEPS
+        self._phase = ""
+        self._shown: set[int] = set()
+        boresights = np.asarray(log.meta["array"]["boresights_rad"])
+        gain = GainManifold(GaussianPattern(), boresights).gain(SPECTRUM_AZIMUTHS_RAD)
+        self._unit_gain = gain / np.linalg.norm(gain, axis=0)
+        self._log_still()
+
+    def update(self) -> None:
+        """Send the rows added since the last call."""
+        new = {table: self._log.table(table, start) for table, start in self._sent.items()}
+        first = dict(self._sent)
+        self._sent = {table: self._log.n_rows(table) for table in self._sent}
+        if new["step"]["time_s"].size:
+            self._send_motion(new["step"], first["step"])
+            self._send_heard(new, first)
+        if new["finding"]["step"].size:
+            self._send_findings(new["finding"])
+        if new["event"]["step"].size:
+            self._send_text(paths.EVENTS, new["event"]["step"], new["event"]["kind"], new["event"]["text"])
+
+    def _times(self, steps: NDArray[Any]) -> list[rr.TimeColumn]:
+        time_s = self._log.column("step", "time_s")
+        at = time_s[np.minimum(steps, time_s.size - 1)] if time_s.size else np.zeros(len(steps))
+        return [rr.TimeColumn(paths.SIM_TIME, duration=at), rr.TimeColumn(paths.STEP, sequence=np.asarray(steps))]
+
+    def _columns(self, path: str, steps: NDArray[Any], columns: Any) -> None:  # noqa: ANN401 - rerun's column lists
+        rr.send_columns(path, indexes=self._times(steps), columns=columns, recording=self._stream)
+
+    def _still(self, path: str, *archetypes: Any) -> None:  # noqa: ANN401 - any archetype
+        for archetype in archetypes:
+            self._stream.log(path, archetype, static=True)
+
+    # What does not move ------------------------------------------------------------------------------------------
+
+    def _log_still(self) -> None:
+        meta = self._log.meta
+        self._still(paths.WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+        size_x, size_y = meta.get("yard_size_m", (0.0, 0.0))
+        if size_x:
+            ground = rr.Boxes3D(
+                centers=[[0.5 * size_x, 0.5 * size_y, -0.03]],
+                half_sizes=[[0.5 * size_x, 0.5 * size_y, 0.02]],
+                colors=[COLOURS["ground"]],
+                fill_mode="solid",
+            )
+            self._still(paths.GROUND, ground)
+        solids = meta.get("solids", {})
+        by_group = {"equipment": paths.EQUIPMENT, "fence": paths.FENCE}
+        for group, path in by_group.items():
+            self._draw_solids(path, [s for s in solids.get("yard", []) if s["group"] == group])
+        self._draw_solids(paths.BODY, solids.get("robot", []))
+        self._draw_points(paths.SITES, meta.get("sites", {}), COLOURS["site"], 0.07, labelled=False)
+        if "route" in meta:
+            stops = {str(i + 1): [*p, 0.02] for i, p in enumerate(meta["route"]["waypoints_m"])}
+            self._draw_points(paths.ROUTE, {"dock": [*meta["route"]["dock_m"], 0.02], **stops}, COLOURS["route"], 0.15)
+        truth = meta.get("truth", {})
+        radiating = [*truth.get("sources", []), *truth.get("interferers", [])]
+        named = {f"true: {source['name']}": source["position_m"] for source in radiating}
+        self._draw_points(f"{paths.TRUTH}/sources", named, COLOURS["truth"], 0.22)
+        lines = {
+            paths.TRAJECTORY: ("trajectory", 0.05),
+            paths.TRUE_TRAJECTORY: ("truth", 0.02),
+            paths.BEARINGS: ("bearing", 0.035),
+            paths.SPECTRUM: ("spectrum", 0.04),
+        }
+        for path, (colour, radius) in lines.items():
+            self._still(path, rr.LineStrips3D.from_fields(colors=[COLOURS[colour]], radii=[radius]))
+        for element in range(meta["n_elements"]):
+            self._still(f"{paths.STRENGTHS}/{element + 1}", rr.SeriesPoints(names=[f"element {element + 1}"], marker_sizes=[1.5]))
+        for name in ("speed (m/s)", "yaw rate (rad/s)"):
+            self._still(f"{paths.COMMAND}/{name.split(' (')[0].replace(' ', '_')}", rr.SeriesLines(names=[name]))
+
+    def _draw_points(
+        self,
+        path: str,
+        points: dict[str, Sequence[float]],
+        colour: tuple[int, int, int],
+        radius_m: float,
+        *,
+        labelled: bool = True,
+    ) -> None:
+        if points:
+            self._still(
+                path,
+                rr.Points3D(
+                    list(points.values()), labels=list(points), colors=[colour], radii=[radius_m], show_labels=labelled
+                ),
+            )
+
+    def _draw_solids(self, path: str, solids: Sequence[dict[str, Any]]) -> None:
+        """One batch for each kind of shape."""
+        for shape in sorted({solid["shape"] for solid in solids}):
+            some = [solid for solid in solids if solid["shape"] == shape]
+            size = np.array([solid["size_m"] for solid in some])
+            centre = np.array([solid["position_m"] for solid in some])
+            common: dict[str, Any] = {
+                "quaternions": np.roll([solid["quaternion_wxyz"] for solid in some], -1, axis=-1),  # to xyzw
+                "colors": np.round(255 * np.array([solid["rgba"] for solid in some])).astype(np.uint8),
+                "labels": [solid["name"].removeprefix("equipment/") for solid in some],
+                "show_labels": False,
+                "fill_mode": "solid",
+            }
+            drawn: Any
+            if shape == "box":
+                drawn = rr.Boxes3D(half_sizes=size, centers=centre, **common)
+            elif shape == "cylinder":
+                drawn = rr.Cylinders3D(lengths=2 * size[:, 1], radii=size[:, 0], centers=centre, **common)
+            elif shape == "capsule":
+                drawn = rr.Capsules3D(lengths=2 * size[:, 1], radii=size[:, 0], translations=centre, **common)
+            else:
+                half = size if shape == "ellipsoid" else np.repeat(size[:, :1], 3, axis=1)
+                drawn = rr.Ellipsoids3D(half_sizes=half, centers=centre, **common)
+            self._still(f"{path}/{shape}", drawn)
+
+    # What moves --------------------------------------------------------------------------------------------------
+
+    def _send_motion(self, step: dict[str, NDArray[Any]], first: int) -> None:
+        n = step["time_s"].size
+        steps = np.arange(first, first + n)
+        pose, true_pose = step["pose"], step["true_pose"]
+        place = np.column_stack([pose[:, :2], np.zeros(n)])
+        half = 0.5 * pose[:, 2]
+        turn = np.column_stack([np.zeros((n, 2)), np.sin(half), np.cos(half)])
+        self._columns(paths.ROBOT, steps, rr.Transform3D.columns(translation=place, quaternion=turn))
+        for name, values in zip(("speed", "yaw_rate"), step["command"].T, strict=True):
+            self._columns(f"{paths.COMMAND}/{name}", steps, rr.Scalars.columns(scalars=values))
+        self._trail = self._send_trail(paths.TRAJECTORY, steps, place, self._trail, 0.06)
+        known = np.isfinite(true_pose).all(axis=-1)
+        true_place = np.column_stack([true_pose[:, :2], np.zeros(n)])
+        self._true_trail = self._send_trail(paths.TRUE_TRAJECTORY, steps[known], true_place[known], self._true_trail, 0.04)
+        phases = [(s, p) for s, p in zip(steps, step["phase"], strict=True)]
+        changed = [(s, p) for (s, p), (_, q) in zip(phases, [(0, self._phase), *phases[:-1]], strict=True) if p != q]
+        self._phase = phases[-1][1]
+        if changed:
+            at, phase = zip(*changed, strict=True)
+            self._columns(paths.PHASE, np.array(at), rr.StateChange.columns(state=[str(p) for p in phase]))
+
+    def _send_trail(
+        self, path: str, steps: NDArray[Any], place: FloatArray, trail: FloatArray, height_m: float
+    ) -> FloatArray:
+        """Draw the trail anew every `TRAIL_STEPS`, from its start; returns it, longer."""
+        chosen = steps % TRAIL_STEPS == 0
+        grown = np.vstack([trail, place[chosen] + [0.0, 0.0, height_m]])
+        if chosen.any():
+            strips = [grown[: len(trail) + 1 + k] for k in range(int(chosen.sum()))]
+            self._columns(path, steps[chosen], rr.LineStrips3D.columns(strips=strips))
+        return grown
+
+    def _send_heard(self, new: dict[str, dict[str, NDArray[Any]]], first: dict[str, int]) -> None:
+        n_steps = new["step"]["time_s"].size
+        steps = np.arange(first["step"], first["step"] + n_steps)
+        pulse, bearing = new["pulse"], new["bearing"]
+        row = bearing["pulse"] - first["pulse"]
+        at = pulse["step"][row] if row.size else np.empty(0, dtype=np.int64)
+        heard = np.unique(at)
+        clear = self._steps_to_clear(steps, heard)
+        if heard.size:
+            loudest = self._loudest(at, pulse["strengths_v"][row])
+            decibel = 20 * np.log10(np.maximum(pulse["strengths_v"][row][loudest], 1e-5))
+            for element, values in enumerate(decibel.T):
+                self._columns(f"{paths.STRENGTHS}/{element + 1}", heard, rr.Scalars.columns(scalars=values))
+            rings = list(self._rings(pulse["strengths_v"][row][loudest]))
+            self._send_strips(paths.SPECTRUM, heard, rings, np.ones(heard.size, dtype=int), clear)
+            pose = new["step"]["pose"][at - first["step"]]
+            start = np.column_stack([pose[:, :2], np.full(at.size, 0.6)])
+            ahead = np.column_stack([np.cos(bearing["bearing_rad"]), np.sin(bearing["bearing_rad"]), np.zeros(at.size)])
+            rays = list(np.stack([start, start + RAY_M * ahead], axis=1))
+            self._send_strips(paths.BEARINGS, heard, rays, np.bincount(np.searchsorted(heard, at)), clear)
+        elif clear.size:
+            for path in (paths.SPECTRUM, paths.BEARINGS):
+                self._send_strips(path, heard, [], np.empty(0, dtype=int), clear)
+
+    def _steps_to_clear(self, steps: NDArray[Any], heard: NDArray[Any]) -> NDArray[Any]:
+        """Steps at which the last second was silent for the first time."""
+        events = np.concatenate([[self._heard_step], heard])
+        silent = events + HOLD_STEPS
+        following = np.append(events[1:], steps[-1] + 1)
+        if heard.size:
+            self._heard_step = int(heard[-1])
+        return silent[(silent < following) & (silent >= steps[0])]
+
+    def _send_strips(
+        self, path: str, steps: NDArray[Any], strips: list[FloatArray], counts: NDArray[Any], clear: NDArray[Any]
+    ) -> None:
+        """Line strips, some to a step, and none at the steps to clear."""
+        if steps.size:
+            self._columns(path, steps, rr.LineStrips3D.columns(strips=strips).partition(counts))
+        if clear.size:
+            none = rr.LineStrips3D.columns(strips=[]).partition(np.zeros(clear.size, dtype=int))
+            self._columns(path, clear, none)
+
+    @staticmethod
+    def _loudest(at: NDArray[Any], strengths: FloatArray) -> NDArray[np.intp]:
+        """For each step in ascending `at`, the row of its strongest pulse."""
+        order = np.lexsort((np.linalg.norm(strengths, axis=-1), at))
+        return order[np.append(np.flatnonzero(np.diff(at[order])), at.size - 1)]
+
+    def _rings(self, strengths: FloatArray) -> FloatArray:
+        """The pseudo-spectrum of each row as a closed line around the robot, shape (n, n_azimuths, 3)."""
+        unit = strengths / np.linalg.norm(strengths, axis=-1, keepdims=True)
+        spectrum = 1.0 / (1.001 - np.square(unit @ self._unit_gain))
+        low, high = SPECTRUM_RADIUS_M
+        radius = low + (high - low) * spectrum / spectrum.max(axis=-1, keepdims=True)
+        x, y = radius * np.cos(SPECTRUM_AZIMUTHS_RAD), radius * np.sin(SPECTRUM_AZIMUTHS_RAD)
+        return np.stack([x, y, np.full_like(x, 0.62)], axis=-1)
+
+    def _send_findings(self, finding: dict[str, NDArray[Any]]) -> None:
+        for step in np.unique(finding["step"]):
+            rows = np.flatnonzero(finding["step"] == step)
+            present = {int(finding["id"][row]) for row in rows}
+            for gone in sorted(self._shown - present):
+                self._clear_finding(gone, step)
+            self._shown = present
+        for number in np.unique(finding["id"]).tolist():
+            rows = np.flatnonzero(finding["id"] == number)
+            steps, n = finding["step"][rows], rows.size
+            state = finding["state"][rows]
+            colour = np.array([COLOURS[str(s)] for s in state], dtype=np.uint8)
+            place = np.column_stack([finding["position_m"][rows], np.full(n, 0.1)])
+            words = [f"{s} {number}" for s in state]
+            path = paths.finding_path(number)
+            radii = np.full(n, 0.2)
+            self._columns(path, steps, rr.Points3D.columns(positions=place, colors=colour, radii=radii, labels=words))
+            values = np.linalg.eigvalsh(finding["covariance_m2"][rows])
+            semi_major = np.sqrt(CHI2_95 * values[:, 1])
+            drawn = semi_major <= MAX_DRAWN_ELLIPSE_M
+            strips = [ellipse(p, c) for p, c in zip(place[drawn], finding["covariance_m2"][rows][drawn], strict=True)]
+            lines = rr.LineStrips3D.columns(strips=strips).partition(drawn.astype(int))
+            tints = rr.LineStrips3D.columns(colors=colour, radii=np.full(n, 0.05))
+            self._columns(f"{path}/ellipse", steps, [*lines, *tints])
+            plot = f"{paths.UNCERTAINTY}/{number}"
+            self._still(plot, rr.SeriesLines(names=[f"finding {number}"]))
+            self._columns(plot, steps, rr.Scalars.columns(scalars=semi_major))
+
+    def _clear_finding(self, number: int, step: int) -> None:
+        path = paths.finding_path(number)
+        at = np.array([step])
+        self._columns(path, at, rr.Points3D.columns(positions=np.empty((0, 3))).partition([0]))
+        self._columns(f"{path}/ellipse", at, rr.LineStrips3D.columns(strips=[]).partition([0]))
+
+    def _send_text(self, path: str, steps: NDArray[Any], kinds: NDArray[Any], texts: NDArray[Any]) -> None:
+        words = [f"{kind}: {text}" for kind, text in zip(kinds, texts, strict=True)]
+        self._columns(path, steps, rr.TextLog.columns(text=words, level=["INFO"] * len(words)))
+
+
+def ellipse(position_m: FloatArray, covariance_m2: FloatArray) -> FloatArray:
+    """The 95 % ellipse as a closed line, shape (n, 3), at the height of `position_m` (3,)."""
+    root = np.linalg.cholesky(CHI2_95 * covariance_m2)
+    edge = np.stack([np.cos(ELLIPSE_ANGLES_RAD), np.sin(ELLIPSE_ANGLES_RAD)], axis=-1) @ root.T
+    return position_m + np.column_stack([edge, np.zeros(len(edge))])
