@@ -141,7 +141,15 @@ def locate_jointly(
     n_places = 3 * n_sources
     scale = np.concatenate([np.ones(n_places), spread[n_places:]])
     solution = least_squares(
-        residual, start, jacobian, loss="soft_l1", f_scale=ROBUST_SCALE, x_scale=scale, max_nfev=30, xtol=1e-5, ftol=1e-6
+        residual,
+        start,
+        jacobian,
+        loss="soft_l1",
+        f_scale=ROBUST_SCALE,
+        x_scale=scale,
+        max_nfev=30,
+        xtol=1e-5,
+        ftol=1e-6,
     )
     covariance = np.linalg.inv(solution.jac.T @ solution.jac)
     block = 3 * np.arange(n_sources)[:, np.newaxis] + np.arange(2)

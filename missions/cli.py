@@ -209,7 +209,9 @@ def _summary(report: dict, ending: str) -> str:
     if "evaluation" in report:
         sources = report["evaluation"]["sources"]
         found = sum(source["found"] for source in sources)
-        parts.append(f"{found} of {len(sources)} sources found, {report['evaluation']['false_findings']} false findings")
+        parts.append(
+            f"{found} of {len(sources)} sources found, {report['evaluation']['false_findings']} false findings"
+        )
     return "; ".join(parts)
 
 
@@ -224,7 +226,12 @@ def _progress(time_limit_s: float) -> Iterator:
         nonlocal stopped
         stopped = True
 
-    columns = (TextColumn("{task.description:<16}"), BarColumn(), TextColumn("{task.fields[clock]}"), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description:<16}"),
+        BarColumn(),
+        TextColumn("{task.fields[clock]}"),
+        TimeRemainingColumn(),
+    )
     previous = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         with Progress(*columns, console=err, transient=True) as progress:
@@ -236,7 +243,9 @@ def _progress(time_limit_s: float) -> Iterator:
                 events = mission.log.table("event", told)
                 for kind, text in zip(events["kind"], events["text"], strict=True):
                     if kind in ("candidate", "confirmed", "outside", "contact"):
-                        progress.console.print(f"{mission.time_s:6.1f} s  {kind}: {text}", highlight=False, markup=False)
+                        progress.console.print(
+                            f"{mission.time_s:6.1f} s  {kind}: {text}", highlight=False, markup=False
+                        )
                 told += events["kind"].size
                 stops = len(mission.site_map.route.waypoints_m) + 1
                 visited = mission.n_visited / stops

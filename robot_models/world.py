@@ -121,9 +121,7 @@ def _place_elements(spec: mujoco.MjSpec, positions_m: FloatArray, boresights_rad
             frame.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT  # the file's euler would win otherwise
             frame.quat = [np.cos(half), 0.0, 0.0, np.sin(half)]
         else:
-            parts = [part for part in (*spec.geoms, *spec.sites) if part.frame == frame]
-            for part in (*parts, frame):
-                spec.delete(part)
+            spec.delete(frame)  # and with it the site and the antenna that one sees
 
 
 def _add_surroundings(spec: mujoco.MjSpec, yard: Yard) -> None:

@@ -24,6 +24,8 @@ SPECTRUM = f"{ROBOT}/spectrum"
 BEARINGS = f"{WORLD}/bearings"
 FINDINGS = f"{WORLD}/findings"
 TRUTH = f"{WORLD}/truth"
+TRUE_SOURCES = f"{TRUTH}/sources"
+TRUE_NAMES = f"{TRUTH}/names"
 TRUE_TRAJECTORY = f"{TRUTH}/trajectory"
 STRENGTHS = "plots/strengths"
 UNCERTAINTY = "plots/uncertainty"
@@ -37,15 +39,20 @@ def finding_path(finding: int) -> str:
     return f"{FINDINGS}/{finding}"
 
 
-def blueprint(meta: Mapping[str, Any]) -> rrb.Blueprint:
-    """The yard large, the yard as a plan, and below them what the antennas heard, how sure the fix is, and the news."""
+def blueprint(meta: Mapping[str, Any], end_s: float | None = None) -> rrb.Blueprint:
+    """The yard large, the yard as a plan, and below them what the antennas heard, how sure the fix is, and the news.
+
+    Args:
+        meta: Of the mission's log.
+        end_s: Simulated time at which the mission ended, to show the whole of it; None while it runs.
+    """
     size_x, size_y = meta.get("yard_size_m", (40.0, 30.0))
     centre = np.array([0.5 * size_x, 0.5 * size_y, 0.0])
     reach = float(np.hypot(size_x, size_y))
     slant = rrb.EyeControls3D(
         kind=rrb.Eye3DKind.Orbital,
-        position=centre + reach * np.array([-0.28, -0.66, 0.52]),
-        look_target=centre - [0.0, 0.04 * reach, 0.0],
+        position=centre + reach * np.array([-0.16, -0.52, 0.46]),
+        look_target=centre - [0.0, 0.08 * reach, 0.0],
         eye_up=[0.0, 0.0, 1.0],
     )
     above = rrb.EyeControls3D(
@@ -54,22 +61,32 @@ def blueprint(meta: Mapping[str, Any]) -> rrb.Blueprint:
         look_target=centre,
         eye_up=[0.0, 1.0, 0.0],
     )
+    whole = rrb.TimeAxis(
+        view_range=rrb.TimeRange(
+            start=rrb.TimeRangeBoundary.absolute(seconds=0.0),
+            end=rrb.TimeRangeBoundary.absolute(seconds=end_s) if end_s else rrb.TimeRangeBoundary.infinite(),
+        )
+    )
     sky = [24, 28, 34]
     yard = rrb.Spatial3DView(
         origin=WORLD, name="Yard", eye_controls=slant, background=sky, line_grid=False, spatial_information=None
     )
     plan = rrb.Spatial3DView(
         origin=WORLD,
-        contents=["$origin/**", f"- {BODY}/**"],
+        contents=["$origin/**", f"- {BODY}/**", f"- {TRUE_NAMES}"],
         name="Plan",
         eye_controls=above,
         background=sky,
         line_grid=False,
     )
-    heard = rrb.TimeSeriesView(origin=STRENGTHS, name="Strength per element (dBV)")
+    heard = rrb.TimeSeriesView(origin=STRENGTHS, name="Strength per element (dBV)", axis_x=whole)
     sure = rrb.TimeSeriesView(
-        origin=UNCERTAINTY, name="95 % ellipse, longer half-axis (m)", axis_y=rrb.ScalarAxis(range=(0.0, 5.0))
+        origin=UNCERTAINTY,
+        name="95 % ellipse, longer half-axis (m)",
+        axis_x=whole,
+        axis_y=rrb.ScalarAxis(range=(0.0, 5.0)),
     )
+    play_state = "playing" if end_s else "following"
     return rrb.Blueprint(
         rrb.Vertical(
             rrb.Horizontal(yard, plan, column_shares=[3, 2]),
@@ -78,14 +95,18 @@ def blueprint(meta: Mapping[str, Any]) -> rrb.Blueprint:
                 sure,
                 rrb.Vertical(
                     rrb.StateTimelineView(origin=PHASE, name="Phase"),
-                    rrb.TextLogView(origin=EVENTS, name="Events"),
+                    rrb.TextLogView(
+                        origin=EVENTS,
+                        name="Events",
+                        columns=rrb.TextLogColumns(timeline_columns=[SIM_TIME], text_log_columns=["loglevel", "body"]),
+                    ),
                     row_shares=[2, 3],
                 ),
                 column_shares=[3, 2, 2],
             ),
             row_shares=[5, 2],
         ),
-        rrb.TimePanel(state="collapsed", timeline=SIM_TIME),
+        rrb.TimePanel(state="collapsed", timeline=SIM_TIME, playback_speed=4.0, play_state=play_state),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
     )

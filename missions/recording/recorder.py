@@ -25,12 +25,15 @@ TRAIL_STEPS = 5
 """Every how many steps the trail is drawn on."""
 
 SPECTRUM_AZIMUTHS_RAD = np.radians(np.arange(0.0, 361.0, 5.0))
-SPECTRUM_RADIUS_M = (0.6, 1.8)
+SPECTRUM_RADIUS_M = (0.8, 3.0)
 """Ring radius where the pseudo-spectrum is 0 and where it is 1."""
 
 ELLIPSE_ANGLES_RAD = np.linspace(0.0, 2 * np.pi, 49)
 MAX_DRAWN_ELLIPSE_M = 15.0
 """A longer ellipse would hide the yard; its fix is drawn as a point until it shrinks."""
+
+QUIETEST_DBV = -60.0
+"""Strengths below are drawn here: noise, and elements that look away."""
 
 COLOURS = {
     "candidate": (255, 178, 40),
@@ -45,12 +48,16 @@ COLOURS = {
     "ground": (64, 70, 72),
 }
 
+ELEMENT_COLOURS = ((230, 90, 80), (240, 170, 60), (225, 225, 90), (90, 200, 110), (90, 160, 240), (190, 110, 230))
+
 
 def write_recording(log: MissionLog, path: Path) -> None:
     """Write a whole recording, blueprint inside, under a temporary name and rename it at the end."""
     temporary = path.with_name(f".{path.name}.tmp.rrd")
     stream = rr.RecordingStream("pdpatrol")
-    stream.save(temporary, default_blueprint=paths.blueprint(log.meta))
+    time_s = log.column("step", "time_s")
+    end_s = float(time_s[-1]) if time_s.size else None
+    stream.save(temporary, default_blueprint=paths.blueprint(log.meta, end_s))
     Recorder(stream, log).update()
     stream.flush()
     stream.disconnect()
@@ -130,17 +137,21 @@ class Recorder:
         truth = meta.get("truth", {})
         radiating = [*truth.get("sources", []), *truth.get("interferers", [])]
         named = {f"true: {source['name']}": source["position_m"] for source in radiating}
-        self._draw_points(f"{paths.TRUTH}/sources", named, COLOURS["truth"], 0.22)
+        self._draw_points(paths.TRUE_SOURCES, named, COLOURS["truth"], 0.22, labelled=False)
+        above = {name: [x, y, z + 1.5] for name, (x, y, z) in named.items()}
+        self._draw_points(paths.TRUE_NAMES, above, COLOURS["truth"], 0.01)
         lines = {
             paths.TRAJECTORY: ("trajectory", 0.05),
             paths.TRUE_TRAJECTORY: ("truth", 0.02),
             paths.BEARINGS: ("bearing", 0.035),
-            paths.SPECTRUM: ("spectrum", 0.04),
+            paths.SPECTRUM: ("spectrum", 0.06),
         }
         for path, (colour, radius) in lines.items():
             self._still(path, rr.LineStrips3D.from_fields(colors=[COLOURS[colour]], radii=[radius]))
         for element in range(meta["n_elements"]):
-            self._still(f"{paths.STRENGTHS}/{element + 1}", rr.SeriesPoints(names=[f"element {element + 1}"], marker_sizes=[1.5]))
+            colour = ELEMENT_COLOURS[element % len(ELEMENT_COLOURS)]
+            style = rr.SeriesPoints(names=[f"element {element + 1}"], colors=[colour], marker_sizes=[1.5])
+            self._still(f"{paths.STRENGTHS}/{element + 1}", style)
         for name in ("speed (m/s)", "yaw rate (rad/s)"):
             self._still(f"{paths.COMMAND}/{name.split(' (')[0].replace(' ', '_')}", rr.SeriesLines(names=[name]))
 
@@ -201,7 +212,9 @@ class Recorder:
         self._trail = self._send_trail(paths.TRAJECTORY, steps, place, self._trail, 0.06)
         known = np.isfinite(true_pose).all(axis=-1)
         true_place = np.column_stack([true_pose[:, :2], np.zeros(n)])
-        self._true_trail = self._send_trail(paths.TRUE_TRAJECTORY, steps[known], true_place[known], self._true_trail, 0.04)
+        self._true_trail = self._send_trail(
+            paths.TRUE_TRAJECTORY, steps[known], true_place[known], self._true_trail, 0.04
+        )
         phases = [(s, p) for s, p in zip(steps, step["phase"], strict=True)]
         changed = [(s, p) for (s, p), (_, q) in zip(phases, [(0, self._phase), *phases[:-1]], strict=True) if p != q]
         self._phase = phases[-1][1]
@@ -230,7 +243,7 @@ class Recorder:
         clear = self._steps_to_clear(steps, heard)
         if heard.size:
             loudest = self._loudest(at, pulse["strengths_v"][row])
-            decibel = 20 * np.log10(np.maximum(pulse["strengths_v"][row][loudest], 1e-5))
+            decibel = 20 * np.log10(np.maximum(pulse["strengths_v"][row][loudest], 10 ** (QUIETEST_DBV / 20)))
             for element, values in enumerate(decibel.T):
                 self._columns(f"{paths.STRENGTHS}/{element + 1}", heard, rr.Scalars.columns(scalars=values))
             rings = list(self._rings(pulse["strengths_v"][row][loudest]))
@@ -313,8 +326,8 @@ class Recorder:
         self._columns(f"{path}/ellipse", at, rr.LineStrips3D.columns(strips=[]).partition([0]))
 
     def _send_text(self, path: str, steps: NDArray[Any], kinds: NDArray[Any], texts: NDArray[Any]) -> None:
-        words = [f"{kind}: {text}" for kind, text in zip(kinds, texts, strict=True)]
-        self._columns(path, steps, rr.TextLog.columns(text=words, level=["INFO"] * len(words)))
+        words, levels = [str(text) for text in texts], [str(kind) for kind in kinds]
+        self._columns(path, steps, rr.TextLog.columns(text=words, level=levels))
 
 
 def ellipse(position_m: FloatArray, covariance_m2: FloatArray) -> FloatArray:

@@ -146,6 +146,12 @@ def test_reset_stands_the_robot_at_the_pose_where_it_stays_at_rest(
     assert inspector.data.qpos[2] == pytest.approx(0.0, abs=1e-4)
 
 
+def test_the_home_keyframe_is_where_the_robot_comes_to_rest_by_itself(inspector: Inspector):
+    home = inspector.data.qpos.copy()
+    inspector.drive(0.0, 0.0, 2.0)
+    np.testing.assert_allclose(inspector.data.qpos, home, atol=1e-6)
+
+
 def test_yaw_lies_above_minus_pi_and_up_to_pi(inspector: Inspector):
     inspector.reset(10.0, 10.0, -math.pi)
     assert inspector.pose()[2] == pytest.approx(math.pi)
