@@ -75,7 +75,7 @@ class TabulatedPattern:
         value = np.asarray(gain, dtype=np.float64)
         if angle.ndim != 1 or angle.shape != value.shape or angle.size < 4:
             raise ValueError(
-                f"`off_boresight_rad` and `gain` must be of one shape (n,) with n >= 4, got {angle.shape} and {value.shape}"
+                f"`off_boresight_rad` and `gain` must be of one shape (n,), n >= 4, got {angle.shape} and {value.shape}"
             )
         if not (np.isfinite(angle).all() and np.all(np.diff(angle) > 0) and angle[-1] - angle[0] < 2 * np.pi):
             raise ValueError("`off_boresight_rad` must be finite and strictly increasing within one turn (2 pi)")

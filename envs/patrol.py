@@ -75,8 +75,8 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     ## Info
     `time_s`, `pose` (believed, float64), the pulses of the step (`pulse_time_s`, `strengths_v`, `variance_v2`,
-    `mains_phase_rad`, `azimuth_rad`, `std_rad`, `misfit`; n_pulses rows each), `touched` (names), `waypoints_visited` (indices),
-    and `truth`, which is for logs and scores: no policy but `oracle` may see it.
+    `mains_phase_rad`, `azimuth_rad`, `std_rad`, `misfit`; n_pulses rows each), `touched` (names), `waypoints_visited`
+    (indices), and `truth`, which is for logs and scores: no policy but `oracle` may see it.
 
     Args:
         scenario: Name of a shipped scenario, path of a TOML file, or a `Scenario`.

@@ -42,7 +42,7 @@ class _Config(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan
 
 
 class SourceConfig(_Config):
-    """A discharge: on a site drawn from `sites` (`equipment/site`, or `equipment/*` for all of it), or at a position."""
+    """A discharge on a site drawn from `sites` (`equipment/site`, or `equipment/*` for all of it), or at a position."""
 
     name: Name
     sites: tuple[str, ...] = ()
@@ -150,7 +150,7 @@ class Scenario(_Config):
                 if not sites or any(site not in known for site in sites):
                     near = get_close_matches(entry, known, n=3) or known[:12]
                     faults.append(
-                        f"{key}.sites: no site `{entry}`; allowed are {', '.join(near) or 'none: no equipment has sites'}"
+                        f"{key}.sites: no site `{entry}`; allowed are {', '.join(near) or 'none: equipment has no sites'}"
                     )
                     continue
                 for site in sites:
@@ -195,7 +195,8 @@ def load_scenario(scenario: str | Path | Scenario) -> Scenario:
         if path.name not in shipped_scenarios():
             raise ScenarioError(
                 [
-                    f"{scenario}: no such scenario; known are {', '.join(shipped_scenarios())}, or give a path ending in .toml"
+                    f"{scenario}: no such scenario; known are {', '.join(shipped_scenarios())}, "
+                    "or give a path ending in .toml"
                 ]
             )
         path = SHIPPED / f"{scenario}.toml"

@@ -56,7 +56,7 @@ class SiteMap:
         self.yard = scenario.yard
         self.route = scenario.route
         self.task = scenario.task
-        self._shape = tuple(int(round(size / CELL_M)) for size in self.yard.size_m)
+        self._shape = tuple(round(size / CELL_M) for size in self.yard.size_m)
 
     @cached_property
     def centres_m(self) -> FloatArray:
