@@ -18,10 +18,10 @@ def difference(first_rad: ArrayLike, second_rad: ArrayLike) -> FloatArray:
     return wrap(np.asarray(first_rad, dtype=np.float64) - np.asarray(second_rad, dtype=np.float64))
 
 
-def circular_mean(angle_rad: ArrayLike, weights: ArrayLike = 1.0) -> FloatArray:
-    """Direction of the weighted resultant over the last axis, in (-pi, pi]; undefined where it vanishes."""
+def circular_mean(angle_rad: ArrayLike) -> FloatArray:
+    """Direction of the resultant over the last axis, in (-pi, pi]; undefined where it vanishes."""
     angle = np.asarray(angle_rad, dtype=np.float64)
-    return np.arctan2((weights * np.sin(angle)).sum(axis=-1), (weights * np.cos(angle)).sum(axis=-1))
+    return np.arctan2(np.sin(angle).sum(axis=-1), np.cos(angle).sum(axis=-1))
 
 
 def opening(angle_rad: ArrayLike) -> float:

@@ -60,7 +60,7 @@ def manifold_error_std(
 
 
 def manifold_error(
-    manifold: GainManifold, azimuth_rad: ArrayLike, gain_errors: ArrayLike, pointing_errors_rad: ArrayLike
+    manifold: GainManifold, azimuth_rad: ArrayLike, gain_errors: FloatArray, pointing_errors_rad: FloatArray
 ) -> FloatArray:
     """First-order bearing error, radians and shape of `azimuth_rad`, made by known errors of the elements.
 

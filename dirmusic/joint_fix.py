@@ -151,8 +151,9 @@ def locate_jointly(
         xtol=1e-5,
         ftol=1e-6,
     )
-    covariance = np.linalg.inv(solution.jac.T @ solution.jac)
-    block = 3 * np.arange(n_sources)[:, np.newaxis] + np.arange(2)
+    slopes = np.asarray(solution.jac, dtype=np.float64)  # scaled by the robust loss
+    covariance: FloatArray = np.linalg.inv(slopes.T @ slopes).astype(np.float64)
+    block: NDArray[np.intp] = 3 * np.arange(n_sources, dtype=np.intp)[:, np.newaxis] + np.arange(2, dtype=np.intp)
     return JointFix(
         positions_m=solution.x[:n_places].reshape(-1, 3)[:, :2],
         covariances_m2=covariance[block[:, :, np.newaxis], block[:, np.newaxis, :]],
@@ -217,7 +218,7 @@ def _linearise(
     if not slopes:
         return miss, np.empty((0, 0, 0))
     jacobian = np.zeros((n, n_elements, state.size))
-    rows = np.arange(n)
+    rows = np.arange(n, dtype=np.intp)
     by_place = (
         by_azimuth * -dy / horizontal - model * dx / square,
         by_azimuth * dx / horizontal - model * dy / square,

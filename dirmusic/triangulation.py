@@ -84,10 +84,12 @@ def triangulate(positions_m: ArrayLike, bearings_rad: ArrayLike, std_rad: ArrayL
     slopes = jacobian(final.x)[is_inlier]
     information = slopes.T @ slopes
     if not np.isfinite(final.x).all() or np.linalg.cond(information) > MAX_CONDITION:
-        return Fix(position_m=robust.x, covariance_m2=np.diag([np.inf, np.inf]), is_inlier=is_inlier)
+        return Fix(
+            position_m=robust.x, covariance_m2=np.diag(np.full(2, np.inf)).astype(np.float64), is_inlier=is_inlier
+        )
     return Fix(
         position_m=final.x,
-        covariance_m2=np.linalg.inv(information),
+        covariance_m2=np.linalg.inv(information).astype(np.float64),
         is_inlier=np.abs(residual(final.x)) <= INLIER_SIGMAS,
     )
 

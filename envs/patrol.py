@@ -98,9 +98,10 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         gain = self.manifold.gain(SPECTRUM_AZIMUTHS_RAD)
         self._spectrum_gain = gain / np.linalg.norm(gain, axis=0)
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
-        self.observation_space = self._build_observation_space()
+        self._boxes = self._build_boxes()
+        self.observation_space = spaces.Dict({**self._boxes})  # pyright: ignore[reportAttributeAccessIssue]
 
-    def _build_observation_space(self) -> spaces.Dict:
+    def _build_boxes(self) -> dict[str, spaces.Box]:
         size = np.asarray(self.scenario.yard.size_m)
         low, high = np.full(2, -POSE_MARGIN_M), size + POSE_MARGIN_M
         fastest = 2.0 * np.array([MAX_SPEED_MPS, MAX_YAW_RATE_RADPS])
@@ -110,20 +111,18 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
                 np.broadcast_to(lowest, n).astype(np.float32), np.broadcast_to(highest, n).astype(np.float32), (n,)
             )
 
-        return spaces.Dict(
-            {
-                "pose": box(np.append(low, [-1, -1]), np.append(high, [1, 1]), 4),
-                "velocity": box(-fastest, fastest, 2),
-                "heard": box(0, 1, 1),
-                "strengths": box(0, 1, self.manifold.n_elements),
-                "level": box(0, LEVEL_DECADES, 1),
-                "spectrum": box(0, 1, SPECTRUM_AZIMUTHS_RAD.size),
-                "bearing": box(-1, 1, 2),
-                "bearing_age": box(0, MAX_BEARING_AGE_S, 1),
-                "waypoint": box(0, size, 2),
-                "time_left": box(0, self.scenario.task.time_limit_s, 1),
-            }
-        )
+        return {
+            "pose": box(np.append(low, [-1, -1]), np.append(high, [1, 1]), 4),
+            "velocity": box(-fastest, fastest, 2),
+            "heard": box(0, 1, 1),
+            "strengths": box(0, 1, self.manifold.n_elements),
+            "level": box(0, LEVEL_DECADES, 1),
+            "spectrum": box(0, 1, SPECTRUM_AZIMUTHS_RAD.size),
+            "bearing": box(-1, 1, 2),
+            "bearing_age": box(0, MAX_BEARING_AGE_S, 1),
+            "waypoint": box(0, size, 2),
+            "time_left": box(0, self.scenario.task.time_limit_s, 1),
+        }
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -256,8 +255,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         }
         observation = {
             key: np.clip(np.asarray(values[key], dtype=np.float32), space.low, space.high)
-            for key, space in self.observation_space.spaces.items()
-            if isinstance(space, spaces.Box)
+            for key, space in self._boxes.items()
         }
         info = {
             "time_s": self._n_steps * STEP_S,

@@ -41,7 +41,7 @@ class _Config(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan
     """Frozen, strict, closed to unknown keys and to NaN."""
 
 
-class SourceConfig(_Config):
+class SourceConfig(_Config, frozen=True):
     """A discharge on a site drawn from `sites` (`equipment/site`, or `equipment/*` for all of it), or at a position."""
 
     name: Name
@@ -62,7 +62,7 @@ class SourceConfig(_Config):
         return self
 
 
-class InterfererConfig(_Config):
+class InterfererConfig(_Config, frozen=True):
     """Something impulsive beyond the fence that is heard like a discharge and must not become a finding."""
 
     name: Name
@@ -72,14 +72,14 @@ class InterfererConfig(_Config):
     pulse_rate_hz: NonNegativeFloat = 20.0
 
 
-class RouteConfig(_Config):
+class RouteConfig(_Config, frozen=True):
     """Where the robot lives and what it patrols."""
 
     dock_m: tuple[float, float]
     waypoints_m: tuple[tuple[float, float], ...] = Field(min_length=1)
 
 
-class TaskConfig(_Config):
+class TaskConfig(_Config, frozen=True):
     """What counts as done, and how long it may take; the defaults are assumed."""
 
     time_limit_s: PositiveFloat = 600.0
@@ -89,7 +89,7 @@ class TaskConfig(_Config):
     """A waypoint, or the dock, is reached within this distance."""
 
 
-class Scenario(_Config):
+class Scenario(_Config, frozen=True):
     """A yard, a route, what discharges in it, and how good robot and array are."""
 
     name: str
@@ -150,7 +150,7 @@ class Scenario(_Config):
                 if not sites or any(site not in known for site in sites):
                     near = get_close_matches(entry, known, n=3) or known[:12]
                     faults.append(
-                        f"{key}.sites: no site `{entry}`; allowed are {', '.join(near) or 'none: equipment has no sites'}"
+                        f"{key}.sites: no site `{entry}`; allowed are {', '.join(near) or 'none: no equipment has any'}"
                     )
                     continue
                 for site in sites:
@@ -237,7 +237,9 @@ def _faults(path: Path, error: ValidationError) -> list[str]:
         key = ".".join(parts)
         if item["type"] == "value_error":  # our own checks, each line `key: what came; allowed is ...`
             prefix = f"{key}." if key else ""
-            lines += [f"{path}: {prefix}{line}" for line in str(item["ctx"]["error"]).splitlines()]
+            lines += [
+                f"{path}: {prefix}{line}" for line in str(item.get("ctx", {}).get("error", item["msg"])).splitlines()
+            ]
         elif item["type"] == "missing":
             lines.append(f"{path}: {key}: missing; it is required")
         elif item["type"] == "extra_forbidden":

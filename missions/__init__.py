@@ -1,3 +1,3 @@
 """Who drives, and what is left afterwards: policies, runner, log, report, recording, command line."""
 
-__all__ = ["choices", "cli", "log", "navigation", "policies", "recording", "report", "runner"]
+__all__: list[str] = []

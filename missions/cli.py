@@ -6,10 +6,10 @@ import json
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import tyro
 from rich.console import Console
@@ -164,7 +164,7 @@ def scenarios(
     out.print(table)
 
 
-def _refuse(*faults: str) -> None:
+def _refuse(*faults: str) -> NoReturn:
     """Print one line per fault and leave with exit status 2."""
     for fault in faults:
         err.print(fault, highlight=False, markup=False, soft_wrap=True)
@@ -197,7 +197,7 @@ def _first_line(path: Path) -> str:
         return file.readline().lstrip("# ").strip()
 
 
-def _summary(report: dict, ending: str) -> str:
+def _summary(report: dict[str, Any], ending: str) -> str:
     missed = report["waypoints"]["missed"]
     parts = [
         f"{ending} after {report['sim_time_s']:.0f} s simulated in {report['wall_time_s']:.1f} s",
@@ -216,7 +216,7 @@ def _summary(report: dict, ending: str) -> str:
 
 
 @contextmanager
-def _progress(time_limit_s: float) -> Iterator:
+def _progress(time_limit_s: float) -> Iterator[Callable[[Mission], None]]:
     """A progress bar over the route, the news as it comes, and Ctrl-C as a wish rather than a crash."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 

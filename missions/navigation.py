@@ -62,7 +62,7 @@ class SiteMap:
     def centres_m(self) -> FloatArray:
         """Cell centres, shape (n_cells, 2)."""
         axes = [CELL_M * (np.arange(n) + 0.5) for n in self._shape]
-        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1, dtype=np.float64).reshape(-1, 2)
 
     @cached_property
     def clearance_m(self) -> FloatArray:
@@ -100,8 +100,8 @@ class SiteMap:
 
     def reach(self, point_m: ArrayLike) -> Reach:
         """All shortest ways from a point (2,)."""
-        length, previous = dijkstra(self._graph, indices=self.cell(point_m), return_predecessors=True)
-        return Reach(length_m=length, _previous=previous, _site_map=self)
+        length, previous = dijkstra(self._graph, indices=[self.cell(point_m)], return_predecessors=True)
+        return Reach(length_m=length[0], _previous=previous[0], _site_map=self)
 
     def sees(self, points_m: FloatArray, target_m: FloatArray, ignore_m: float = 0.5) -> NDArray[np.bool_]:
         """Whether no equipment lies between points (n, 2) and a target (2,), but for the last `ignore_m`; (n,)."""

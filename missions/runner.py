@@ -155,7 +155,7 @@ class Mission:
             if before.pop(finding.id, None) != finding.state:
                 told = {
                     "candidate": f"candidate {finding.id} towards ({x:.1f}, {y:.1f}) m",
-                    "confirmed": f"finding {finding.id} at ({x:.2f}, {y:.2f}) m, 95 % within {finding.semi_major_m:.2f} m",
+                    "confirmed": f"finding {finding.id} at ({x:.2f}, {y:.2f}) m, 95 % in {finding.semi_major_m:.2f} m",
                     "outside": f"candidate {finding.id} lies beyond the fence, near ({x:.0f}, {y:.0f}) m",
                 }[finding.state]
                 self._event(finding.state, told)

@@ -1,3 +1,3 @@
-"""Body and yard: what exists physically. Imports none of the other packages."""
+"""Body and yard: what exists physically. Imports none of the other packages; import its modules by name."""
 
-__all__ = ["inspector", "world", "yard"]
+__all__: list[str] = []

@@ -90,7 +90,7 @@ class _Equipment(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_
         return self
 
 
-class BoxEquipment(_Equipment):
+class BoxEquipment(_Equipment, frozen=True):
     """Equipment with a rectangular footprint: a tank, a cabinet, a building."""
 
     shape: Literal["box"]
@@ -102,7 +102,7 @@ class BoxEquipment(_Equipment):
         return outside + np.minimum(beyond.max(axis=-1), 0.0)
 
 
-class CylinderEquipment(_Equipment):
+class CylinderEquipment(_Equipment, frozen=True):
     """Equipment with a round footprint: a bushing, a current transformer, a tank."""
 
     shape: Literal["cylinder"]
@@ -130,7 +130,8 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
                 faults.append(f"equipment.{index}.name: `{item.name}` is taken; allowed is a name used once")
             if not self.contains(item.position_m):
                 faults.append(
-                    f"equipment.{index}.position_m: {item.position_m} is outside the yard; allowed is (0, 0) to {self.size_m}"
+                    f"equipment.{index}.position_m: {item.position_m} is outside the yard; "
+                    f"allowed is (0, 0) to {self.size_m}"
                 )
         if faults:
             raise ValueError("\n".join(faults))

@@ -1,4 +1,4 @@
-"""What nature and the receiver do: sources and a pose become strengths. The only place that knows the truth of radio."""
+"""What nature and the receiver do: sources and a pose become strengths. It alone knows the truth of radio."""
 
 from sensing.array import ArrayConfig, HelicalArray
 from sensing.receiver import Heard, LineOfSight, Receiver, ReceiverConfig

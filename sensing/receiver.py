@@ -95,7 +95,8 @@ class Receiver:
             duration_s: Length of the interval.
         """
         elements_m = self.array.elements_in_world(pose)
-        times, gates = [], []
+        times: list[FloatArray] = []
+        gates: list[FloatArray] = []
         for source in sources:
             emitted_s = start_s + duration_s * rng.random(rng.poisson(source.pulse_rate_hz * duration_s))
             if emitted_s.size == 0:
@@ -127,7 +128,7 @@ class Receiver:
         n_pulses: int,
         rng: np.random.Generator,
     ) -> tuple[NDArray[np.bool_], FloatArray]:
-        """Record pulses of one source: which triggered (n_pulses,), and their gates (n_heard, n_elements, n_samples)."""
+        """Record one source: which pulses triggered (n_pulses,), and their gates (n_heard, n_elements, n_samples)."""
         config = self.config
         paths = direct_paths(elements_m, source.position_m)
         amplitude = source.amplitude_v * visible * self.array.gain(paths.azimuth_rad - pose[2]) * paths.spreading
@@ -140,8 +141,8 @@ class Receiver:
         time_s = (np.arange(n_samples) - lead - jitter) / config.sample_rate_hz
         delay_s = (paths.delay_s - paths.delay_s.min())[:, np.newaxis]
         waveform = amplitude[:, np.newaxis] * damped_pulse(time_s - delay_s) + noise
-        crossed = (np.abs(waveform) > self.threshold_v).any(axis=1)[:, lead:n_search]
-        heard = crossed.any(axis=-1)
+        crossed: NDArray[np.bool_] = np.max(np.abs(waveform[:, :, lead:n_search]), axis=1) > self.threshold_v
+        heard: NDArray[np.bool_] = crossed.max(axis=-1)
         first = crossed[heard].argmax(axis=-1)  # gate starts `pretrigger_samples` before the sample that triggered
         gate = first[:, np.newaxis, np.newaxis] + np.arange(config.gate_samples)
         return heard, np.take_along_axis(waveform[heard], gate, axis=-1)

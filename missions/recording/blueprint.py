@@ -52,12 +52,12 @@ def blueprint(meta: Mapping[str, Any], end_s: float | None = None) -> rrb.Bluepr
     slant = rrb.EyeControls3D(
         kind=rrb.Eye3DKind.Orbital,
         position=centre + reach * np.array([-0.16, -0.52, 0.46]),
-        look_target=centre - [0.0, 0.08 * reach, 0.0],
+        look_target=centre - np.array([0.0, 0.08 * reach, 0.0]),
         eye_up=[0.0, 0.0, 1.0],
     )
     above = rrb.EyeControls3D(
         kind=rrb.Eye3DKind.Orbital,
-        position=centre + [0.0, -0.01, 0.95 * reach],
+        position=centre + np.array([0.0, -0.01, 0.95 * reach]),
         look_target=centre,
         eye_up=[0.0, 1.0, 0.0],
     )

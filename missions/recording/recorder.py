@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -158,7 +158,7 @@ class Recorder:
     def _draw_points(
         self,
         path: str,
-        points: dict[str, Sequence[float]],
+        points: Mapping[str, Sequence[float]],
         colour: tuple[int, int, int],
         radius_m: float,
         *,
