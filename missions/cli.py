@@ -123,9 +123,7 @@ def replay(folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="
     if not web:
         open_viewer(recording)
         return
-    with serve(recording) as url:
-        out.print(f"Serving {recording} at {url}  (Ctrl-C ends it)", highlight=False, soft_wrap=True)
-        signal.sigwait({signal.SIGINT, signal.SIGTERM})
+    serve(recording, lambda url: out.print(f"Serving at {url}  (Ctrl-C ends it)", highlight=False, soft_wrap=True))
 
 
 @app.command
