@@ -1,0 +1,135 @@
+"""Locator: from pulses to findings, with an array that is not what the data sheet says."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from dirmusic import Finding, GainManifold, GaussianPattern, Locator, estimate_bearings, strength_variance
+from dirmusic.joint_fix import ArrayModel, PoseError
+
+NOMINAL = GainManifold.ring(6)
+RING_M = 0.12 * np.column_stack([np.cos(NOMINAL.boresights_rad), np.sin(NOMINAL.boresights_rad)])
+NO_POSE_ERROR = PoseError(position_m=0.0, heading_rad=0.0, correlation_s=1.0)
+NOISE_V = 1e-3
+
+
+def make_locator(fence_m: tuple[float, float] | None = (40.0, 30.0)) -> Locator:
+    array = ArrayModel(manifold=NOMINAL, positions_m=RING_M, gain_error=0.05, pointing_error_rad=np.radians(2.0))
+    return Locator(array, NO_POSE_ERROR, fence_m=fence_m)
+
+
+def listen_along(
+    path: np.ndarray, sources: Sequence[Sequence[float]], seed: int, locator: Locator | None = None
+) -> tuple[Locator, list[tuple[Finding, ...]]]:
+    """Two pulses a step from each source; strengths from a far-field model of a real array, energies' noise."""
+    rng = np.random.default_rng(seed)
+    real = GainManifold(GaussianPattern(), NOMINAL.boresights_rad + rng.normal(0, np.radians(2.0), 6))
+    factor = np.exp(rng.normal(0, 0.05, 6))
+    locator = locator or make_locator()
+    history = []
+    heading = np.gradient(path, axis=0)
+    yaw = np.arctan2(heading[:, 1], heading[:, 0])
+    for k, (place, turn) in enumerate(zip(path, yaw, strict=True)):
+        strengths = []
+        for source in sources:
+            sight = np.asarray(source) - place
+            gain = factor * real.gain(np.arctan2(sight[1], sight[0]) - turn)
+            strengths += [np.abs(0.8 / np.hypot(*sight) * gain + rng.normal(0, NOISE_V, 6)) for _ in range(2)]
+        a = np.array(strengths).reshape(-1, 6)
+        variance = strength_variance(a, NOISE_V**2, 60)
+        bearings = estimate_bearings(a[:, np.newaxis], NOMINAL, strength_variance=variance[:, np.newaxis])
+        history.append(locator.update(0.1 * k, np.array([*place, turn]), bearings, a, variance))
+    return locator, history
+
+
+def around(centre: Sequence[float], radius_m: float, from_deg: float, to_deg: float, n: int = 250) -> np.ndarray:
+    angle = np.radians(np.linspace(from_deg, to_deg, n))
+    return np.asarray(centre) + radius_m * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def test_most_true_positions_lie_in_the_ellipse_though_the_array_is_wrong() -> None:
+    source = np.array([20.0, 15.0])
+    errors, inside = [], 0
+    for seed in range(20):
+        locator, _ = listen_along(around(source, 3.0, 10 * seed, 10 * seed + 110), [source], seed)
+        (finding,) = locator.findings
+        miss = finding.position_m - source
+        errors.append(np.linalg.norm(miss))
+        inside += bool(miss @ np.linalg.solve(finding.covariance_m2, miss) < 5.991)
+        assert finding.state == "confirmed"
+    assert np.median(errors) < 0.08
+    assert inside >= 17  # of 20, for 95 %; fewer has a probability of 2 %
+
+
+def test_a_single_line_of_bearings_never_confirms() -> None:
+    source = np.array([30.0, 15.0])
+    straight = np.column_stack([np.linspace(5.0, 27.5, 300), np.full(300, 15.0)])
+    locator, history = listen_along(straight, [source], seed=1)
+    assert all(finding.state == "candidate" for findings in history for finding in findings)
+    assert locator.findings[0].opening_rad < np.radians(60)
+
+
+def test_a_finding_is_confirmed_only_after_the_lines_of_sight_have_opened_by_sixty_degrees() -> None:
+    source = np.array([20.0, 15.0])
+    _, history = listen_along(around(source, 2.5, 0, 120), [source], seed=2)
+    confirmed = [finding for findings in history for finding in findings if finding.state == "confirmed"]
+    assert confirmed
+    assert min(finding.opening_rad for finding in confirmed) >= np.radians(60)
+
+
+def test_two_sources_heard_at_once_become_two_findings() -> None:
+    sources = [(14.0, 15.0), (26.0, 15.0)]
+    loop = around((20.0, 15.0), 8.5, 0, 350, 600)
+    locator, _ = listen_along(loop, sources, seed=3)
+    found = sorted((f.position_m for f in locator.findings), key=lambda p: p[0])
+    assert len(found) == 2
+    np.testing.assert_allclose(found, sources, atol=0.25)
+
+
+def test_a_source_beyond_the_fence_is_called_outside_and_not_confirmed() -> None:
+    source = (60.0, 15.0)
+    path = np.column_stack([np.full(300, 35.0), np.linspace(3.0, 27.0, 300)])
+    locator, history = listen_along(path, [source], seed=4)
+    assert [finding.state for finding in locator.findings] == ["outside"]
+    assert not any(finding.state == "confirmed" for findings in history for finding in findings)
+
+
+def test_noise_alone_makes_no_candidate() -> None:
+    rng = np.random.default_rng(5)
+    locator = make_locator()
+    for k in range(600):  # ten a second: a hundred times the assumed false-alarm rate
+        strengths = np.sqrt(np.maximum(rng.normal(0, np.sqrt(120), (1, 6)), 0)) * NOISE_V
+        strengths[0, rng.integers(6)] = 7.3 * NOISE_V
+        variance = strength_variance(strengths, NOISE_V**2, 60)
+        bearings = estimate_bearings(strengths[:, np.newaxis], NOMINAL, strength_variance=variance[:, np.newaxis])
+        locator.update(0.1 * k, np.zeros(3), bearings, strengths, variance)
+    assert locator.findings == ()
+
+
+def test_strengths_that_no_direction_explains_are_not_credible() -> None:
+    strengths = np.array([[1.0, 0.1, 1.0, 0.1, 1.0, 0.1], 0.5 * NOMINAL.gain(0.3), np.zeros(6)])
+    bearings = estimate_bearings(strengths[:, np.newaxis], NOMINAL, strength_variance=1e-6)
+    np.testing.assert_array_equal(make_locator().is_credible(bearings), [False, True, False])
+
+
+def test_the_same_pulses_give_the_same_findings_to_the_bit() -> None:
+    source = np.array([20.0, 15.0])
+    runs = [listen_along(around(source, 4.0, 0, 90, 120), [source], seed=6)[0].findings[0] for _ in range(2)]
+    np.testing.assert_array_equal(runs[0].position_m, runs[1].position_m)
+    np.testing.assert_array_equal(runs[0].covariance_m2, runs[1].covariance_m2)
+
+
+def test_nothing_heard_gives_no_finding() -> None:
+    locator = make_locator(fence_m=None)
+    bearings = estimate_bearings(np.zeros((0, 1, 6)), NOMINAL, strength_variance=np.zeros((0, 1, 6)))
+    assert locator.update(0.0, np.zeros(3), bearings, np.zeros((0, 6)), np.zeros((0, 6))) == ()
+
+
+@pytest.mark.parametrize("state", ["candidate", "confirmed"])
+def test_a_longer_ellipse_has_a_longer_half_axis(state: str) -> None:
+    finding = Finding(
+        id=1, state=state, position_m=np.zeros(2), covariance_m2=np.diag([4.0, 1.0]), n_bearings=1,  # pyright: ignore[reportArgumentType]
+        first_heard_s=0.0, fixed_s=None, opening_rad=0.0, nearest_m=1.0,
+    )  # fmt: skip
+    assert finding.semi_major_m == pytest.approx(2 * np.sqrt(5.991))

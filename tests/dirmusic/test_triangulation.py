@@ -1,0 +1,69 @@
+"""One position from bearings."""
+
+import numpy as np
+import pytest
+
+from dirmusic import triangulate
+
+SOURCE = np.array([12.0, 7.0])
+
+
+def seen_from(positions: np.ndarray) -> np.ndarray:
+    sight = SOURCE - positions
+    return np.arctan2(sight[:, 1], sight[:, 0])
+
+
+def on_an_arc(n: int, radius_m: float = 6.0) -> np.ndarray:
+    angle = np.linspace(0.3, 2.3, n)
+    return SOURCE + radius_m * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def test_lines_of_sight_that_cross_give_their_crossing() -> None:
+    positions = on_an_arc(5)
+    fix = triangulate(positions, seen_from(positions), np.full(5, 0.01))
+    np.testing.assert_allclose(fix.position_m, SOURCE, atol=1e-6)
+    assert fix.is_inlier.all()
+
+
+def test_the_covariance_is_what_repeated_noise_gives() -> None:
+    rng = np.random.default_rng(0)
+    positions, std = on_an_arc(12), np.full(12, np.radians(1.0))
+    fixes = [triangulate(positions, seen_from(positions) + rng.normal(0, std), std) for _ in range(400)]
+    spread = np.cov(np.array([fix.position_m for fix in fixes]).T)
+    np.testing.assert_allclose(spread, np.mean([fix.covariance_m2 for fix in fixes], axis=0), rtol=0.25, atol=2e-4)
+
+
+def test_outliers_are_named_and_let_go() -> None:
+    rng = np.random.default_rng(1)
+    positions, std = on_an_arc(40), np.full(40, np.radians(1.0))
+    bearings = seen_from(positions) + rng.normal(0, std)
+    bearings[::7] += rng.uniform(0.5, 2.0, bearings[::7].size)
+    fix = triangulate(positions, bearings, std)
+    assert np.linalg.norm(fix.position_m - SOURCE) < 0.15
+    assert not fix.is_inlier[::7].any()
+
+
+def test_a_single_line_of_bearings_is_no_fix() -> None:
+    positions = np.column_stack([np.linspace(0.0, 5.0, 10), np.full(10, 7.0)])
+    fix = triangulate(positions, np.zeros(10), np.full(10, 0.02))
+    assert np.isinf(np.diag(fix.covariance_m2)).all()
+
+
+def test_bearings_that_point_away_do_not_cross_behind_the_array() -> None:
+    positions = np.array([[0.0, 0.0], [4.0, 0.0]])
+    fix = triangulate(positions, np.array([2.0, 1.2]), np.full(2, 0.01))  # they part ahead and cross behind
+    assert fix.position_m[1] > 0
+
+
+@pytest.mark.parametrize(
+    ("positions", "bearings", "std"),
+    [
+        (np.zeros((1, 2)), np.zeros(1), np.ones(1)),
+        (np.zeros((3, 2)), np.zeros(2), np.ones(3)),
+        (np.zeros((2, 2)), np.array([0.0, np.nan]), np.ones(2)),
+        (np.zeros((2, 2)), np.zeros(2), np.array([0.1, 0.0])),
+    ],
+)
+def test_bearings_that_cannot_be_are_refused(positions: np.ndarray, bearings: np.ndarray, std: np.ndarray) -> None:
+    with pytest.raises(ValueError, match="bearings"):
+        triangulate(positions, bearings, std)
