@@ -47,7 +47,7 @@ class SourceConfig(_Config, frozen=True):
     name: Name
     sites: tuple[str, ...] = ()
     position_m: tuple[float, float, float] | None = None
-    amplitude_v: PositiveFloat = 0.26
+    amplitude_v: PositiveFloat = 0.27
     """Peak of a pulse in a unit-gain channel 1 m away. The default puts the bearing bound of one pulse at 0.44 degrees
     from 5 m and 1.3 degrees from 15 m, with the default receiver."""
     amplitude_range_db: NonNegativeFloat = 6.0

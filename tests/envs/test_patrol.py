@@ -1,0 +1,137 @@
+"""PDPatrol-v0 keeps Gymnasium's contract and its own."""
+
+import re
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium import spaces
+from gymnasium.utils.env_checker import check_env
+
+from envs import load_scenario, shipped_scenarios
+from envs.patrol import PatrolEnv
+from envs.scenario import Scenario
+from robot_models.inspector import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS
+
+
+def silent(scenario: Scenario) -> Scenario:
+    sources = tuple(source.model_copy(update={"pulse_rate_hz": 0.0}) for source in scenario.sources)
+    receiver = scenario.receiver.model_copy(update={"false_alarm_rate_hz": 1e-12})
+    return scenario.model_copy(update={"sources": sources, "receiver": receiver})
+
+
+@pytest.mark.parametrize("name", shipped_scenarios())
+def test_gymnasiums_own_checker_finds_nothing(name: str) -> None:
+    check_env(gymnasium.make("envs:PDPatrol-v0", scenario=name).unwrapped)
+
+
+def test_the_table_of_the_docstring_is_the_observation_space() -> None:
+    env = PatrolEnv()
+    rows = re.findall(r"^ +\| (\w+) \| (\d+) \| \S", PatrolEnv.__doc__ or "", flags=re.MULTILINE)
+    assert isinstance(env.observation_space, spaces.Dict)
+    told = {key: (int(n),) for key, n in rows if not key.isdigit()}
+    assert told == {key: space.shape for key, space in env.observation_space.spaces.items()}
+    assert str(MAX_SPEED_MPS) in (PatrolEnv.__doc__ or "")
+    assert str(MAX_YAW_RATE_RADPS) in (PatrolEnv.__doc__ or "")
+
+
+def test_every_box_has_finite_bounds_and_every_observation_lies_in_it() -> None:
+    env = PatrolEnv("two_sources")
+    assert isinstance(env.observation_space, spaces.Dict)
+    for space in env.observation_space.spaces.values():
+        assert isinstance(space, spaces.Box)
+        assert space.is_bounded()
+    observation, _ = env.reset(seed=3)
+    env.action_space.seed(3)
+    for _ in range(300):
+        assert env.observation_space.contains(observation)
+        observation, *_ = env.step(env.action_space.sample())
+
+
+def test_the_same_seed_gives_the_same_rollout_to_the_bit_and_another_seed_another() -> None:
+    def rollout(seed: int) -> list[np.ndarray]:
+        env = PatrolEnv()
+        env.reset(seed=seed)
+        seen = []
+        for k in range(60):
+            observation, reward, *_, info = env.step(np.array([0.5, np.sin(0.1 * k)], dtype=np.float32))
+            seen += [*observation.values(), np.array([reward]), info["strengths_v"], info["truth"]["pose"]]
+        return seen
+
+    first, second, other = rollout(1), rollout(1), rollout(2)
+    assert all(np.array_equal(a, b) for a, b in zip(first, second, strict=True))
+    assert not all(np.array_equal(a, b) for a, b in zip(first, other, strict=True))
+
+
+def test_nothing_heard_is_zeros_and_never_nan() -> None:
+    env = PatrolEnv(silent(load_scenario("one_source")))
+    env.reset(seed=0)
+    observation, *_ = env.step(np.zeros(2, dtype=np.float32))
+    for key in ("heard", "strengths", "level", "spectrum", "bearing"):
+        assert not observation[key].any()
+    assert observation["bearing_age"] == 60.0
+
+
+def test_a_heard_pulse_has_unit_strengths_and_a_spectrum_that_peaks_at_one() -> None:
+    env = PatrolEnv()
+    env.reset(seed=0)
+    heard = [o for o, *_ in (env.step(np.array([0.3, 0.0], dtype=np.float32)) for _ in range(300)) if o["heard"]]
+    assert heard
+    for observation in heard:
+        assert np.linalg.norm(observation["strengths"]) == pytest.approx(1.0, abs=1e-5)
+        assert observation["spectrum"].max() == 1.0
+        assert observation["bearing_age"] == 0.0
+
+
+def test_the_reward_is_the_sum_of_its_terms_and_progress_is_metres_towards_the_source() -> None:
+    env = PatrolEnv()
+    env.reset(seed=4)
+    source = np.asarray(env.unwrapped._sources[0].position_m[:2])  # pyright: ignore[reportAttributeAccessIssue]
+    for _ in range(40):
+        before = env.inspector.pose()[:2]
+        _, reward, *_, info = env.step(np.array([1.0, 0.1], dtype=np.float32))
+        moved = np.linalg.norm(source - before) - np.linalg.norm(source - info["truth"]["pose"][:2])
+        assert reward == pytest.approx(sum(info["reward"].values()))
+        assert info["reward"]["progress"] == pytest.approx(moved)
+
+
+def test_an_episode_ends_when_all_sources_are_approached_unless_told_to_go_on() -> None:
+    scenario = load_scenario("one_source")
+    here = scenario.sources[0].model_copy(update={"sites": (), "position_m": (4.0, 3.0, 1.0)})
+    close = scenario.model_copy(update={"sources": (here,)})
+    for ends in (True, False):
+        env = PatrolEnv(close, terminate_on_approach=ends)
+        env.reset(seed=0)
+        assert env.step(np.zeros(2, dtype=np.float32))[2] is ends
+
+
+def test_an_episode_is_truncated_at_the_time_limit() -> None:
+    scenario = load_scenario("quiet_yard")
+    short = scenario.model_copy(update={"task": scenario.task.model_copy(update={"time_limit_s": 1.0})})
+    env = PatrolEnv(short)
+    env.reset(seed=0)
+    ends = [env.step(np.zeros(2, dtype=np.float32))[2:4] for _ in range(10)]
+    assert ends == [(False, False)] * 9 + [(False, True)]
+
+
+def test_the_seed_draws_site_amplitude_heading_and_array() -> None:
+    env = PatrolEnv()
+    truths = [env.reset(seed=seed)[1]["truth"] for seed in range(20)]
+    positions = np.array([truth["sources"][0]["position_m"] for truth in truths])
+    levels = 20 * np.log10([truth["sources"][0]["amplitude_v"] / 0.27 for truth in truths])
+    assert len(np.unique(positions.round(2), axis=0)) >= 5
+    assert np.ptp(positions[:, :2], axis=0).max() > 8.0
+    assert np.abs(levels).max() <= 3.0
+    assert np.ptp(levels) > 3.0
+    assert np.ptp([truth["pose"][2] for truth in truths]) > 3.0
+    assert np.ptp([truth["array"]["gain_factors"][0] for truth in truths]) > 0.05
+
+
+def test_the_believed_pose_is_near_the_true_one_but_not_it() -> None:
+    env = PatrolEnv("quiet_yard")
+    errors = []
+    for seed in range(150):
+        _, info = env.reset(seed=seed)
+        errors.append(info["pose"] - info["truth"]["pose"])
+    wrapped = (np.array(errors) + np.pi) % (2 * np.pi) - np.pi
+    np.testing.assert_allclose(wrapped.std(axis=0), [0.05, 0.05, np.radians(0.5)], rtol=0.25)

@@ -1,0 +1,205 @@
+"""Scenario files: shipped ones hold what they promise, wrong ones are named fault by fault."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from envs import Scenario, ScenarioError, load_scenario, shipped_scenarios
+from envs.scenario import SHIPPED
+from missions.navigation import SiteMap
+from robot_models.inspector import Inspector
+from robot_models.world import build_model
+from sensing import HelicalArray
+
+GOOD = """
+[yard]
+size_m = [20.0, 15.0]
+[[yard.equipment]]
+name = "tank"
+kind = "power_transformer"
+shape = "box"
+position_m = [10.0, 8.0]
+footprint_m = [4.0, 2.0]
+height_m = 3.0
+sites = { south = [0.0, -1.0, 1.5] }
+[[yard.equipment]]
+name = "post"
+kind = "bushing"
+shape = "cylinder"
+position_m = [4.0, 11.0]
+radius_m = 0.5
+height_m = 2.0
+[route]
+dock_m = [2.0, 2.0]
+waypoints_m = [[15.0, 3.0], [15.0, 12.0]]
+[array]
+gain_error = 0.05
+[receiver]
+noise_v = 1e-3
+[[sources]]
+name = "pd"
+sites = ["tank/south"]
+"""
+
+
+def fault_of(tmp_path: Path, text: str | bytes) -> tuple[str, ...]:
+    file = tmp_path / "yard.toml"
+    file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(file)
+    assert all(line.startswith(f"{file}: ") and "\n" not in line for line in caught.value.faults)
+    return caught.value.faults
+
+
+@pytest.mark.parametrize("name", shipped_scenarios())
+def test_every_shipped_scenario_loads_tells_its_story_first_and_has_an_imperfect_array(name: str) -> None:
+    text = (SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
+    assert text.startswith("# ")
+    scenario = load_scenario(name)
+    assert scenario.name == name
+    assert (scenario.array.gain_error, scenario.array.pointing_error_deg) == (0.05, 2.0)
+    assert scenario.array.position_error_m == 0.002
+    assert all(key in text for key in ("gain_error", "pointing_error_deg", "position_error_m"))
+
+
+@pytest.mark.parametrize("name", shipped_scenarios())
+def test_each_candidate_site_is_in_sight_over_sixty_degrees_of_reachable_ground_close_by(name: str) -> None:
+    scenario = load_scenario(name)
+    nominal = HelicalArray.nominal(scenario.array)
+    inspector = Inspector(build_model(scenario.yard, nominal.positions_m, nominal.boresights_rad))
+    site_map = SiteMap(scenario)
+    reach = site_map.reach(np.asarray(scenario.route.dock_m))
+    for site in scenario.yard.site_names():
+        source = scenario.yard.site_position(site)
+        away = site_map.centres_m - source[:2]
+        near = np.isfinite(reach.length_m) & (np.linalg.norm(away, axis=-1) < 3.5)
+        antennas = np.column_stack([site_map.centres_m[near], np.full(near.sum(), 0.6)])
+        seen = inspector.line_of_sight(antennas, source)
+        aspects = np.degrees(np.arctan2(away[near][seen][:, 1], away[near][seen][:, 0]))
+        assert np.unique(aspects // 10).size >= 7, f"{site}: seen over {np.unique(aspects // 10).size * 10} degrees"
+
+
+def test_the_default_scenario_is_hard_enough_to_mean_something() -> None:
+    scenario = load_scenario("one_source")
+    sites = scenario.candidate_sites(scenario.sources[0])
+    positions = np.array([scenario.yard.site_position(site) for site in sites])
+    waypoints = np.asarray(scenario.route.waypoints_m)
+    apart = np.linalg.norm(positions[:, np.newaxis, :2] - waypoints, axis=-1).min(axis=-1)
+    nominal = HelicalArray.nominal(scenario.array)
+    inspector = Inspector(build_model(scenario.yard, nominal.positions_m, nominal.boresights_rad))
+    at_dock = np.array([[*scenario.route.dock_m, scenario.array.height_m]])
+    hidden = [not inspector.line_of_sight(at_dock, position)[0] for position in positions]
+    assert len(sites) >= 8
+    assert (apart > 3.0).sum() >= 2
+    assert sum(hidden) >= 2
+
+
+@pytest.mark.parametrize("name", shipped_scenarios())
+def test_every_stop_of_a_shipped_route_can_be_reached(name: str) -> None:
+    scenario = load_scenario(name)
+    site_map = SiteMap(scenario)
+    reach = site_map.reach(np.asarray(scenario.route.dock_m))
+    assert np.isfinite([reach.length_m[site_map.cell(stop)] for stop in scenario.route.waypoints_m]).all()
+
+
+def test_the_quiet_yard_has_its_interferer_thirty_metres_beyond_the_fence() -> None:
+    scenario = load_scenario("quiet_yard")
+    (interferer,) = scenario.interferers
+    assert scenario.sources == ()
+    assert interferer.position_m[0] - scenario.yard.size_m[0] == pytest.approx(30.0)
+
+
+def test_a_good_file_loads(tmp_path: Path) -> None:
+    (tmp_path / "yard.toml").write_text(GOOD, encoding="utf-8")
+    assert isinstance(load_scenario(tmp_path / "yard.toml"), Scenario)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "words"),
+    [
+        ("noise_v = 1e-3", "noise_v = -1e-3", "receiver.noise_v", "greater than 0"),
+        ("noise_v = 1e-3", 'noise_v = "loud"', "receiver.noise_v", "'loud'"),
+        ("noise_v = 1e-3", "noise_v = true", "receiver.noise_v", "True"),
+        ("noise_v = 1e-3", "noise_v = nan", "receiver.noise_v", "finite"),
+        ("noise_v = 1e-3", "nois_v = 1e-3", "receiver.nois_v", "unknown key; allowed are sample_rate_hz, noise_v"),
+        ("size_m = [20.0, 15.0]", "size_m = [inf, 15.0]", "yard.size_m.0", "finite"),
+        ("size_m = [20.0, 15.0]", "size_m = [20.0]", "yard.size_m.1", "missing"),
+        ("gain_error = 0.05", "gain_error = nan", "array.gain_error", "finite"),
+        ("[[15.0, 3.0], ", "[[nan, 3.0], ", "route.waypoints_m.0.0", "finite"),
+        ("[[15.0, 3.0], ", "[[10.0, 8.5], ", "route.waypoints_m.0", "inside equipment `tank`"),
+        ("[[15.0, 3.0], ", "[[25.0, 8.5], ", "route.waypoints_m.0", "outside the yard"),
+        ("[[15.0, 3.0], ", "[[12.1, 8.5], ", "route.waypoints_m.0", "does not fit"),
+        ("dock_m = [2.0, 2.0]", "dock_m = [4.0, 11.2]", "route.dock_m", "inside equipment `post`"),
+        ('["tank/south"]', '["tank/sout"]', "sources.0.sites", "allowed are tank/south"),
+        ('["tank/south"]', '["pump/*"]', "sources.0.sites", "no site `pump/*`"),
+        ('sites = ["tank/south"]', "position_m = [10.0, 8.0, 1.0]", "sources.0.position_m", "enclosed by equipment `tank`"),
+        ('sites = ["tank/south"]', "position_m = [30.0, 8.0, 1.0]", "sources.0.position_m", "outside the yard"),
+        ('sites = ["tank/south"]', "position_m = [3.0, 8.0, -1.0]", "sources.0.position_m", "below ground"),
+        ('sites = ["tank/south"]', "pulse_rate_hz = 3.0", "sources.0.sites, position_m", "neither"),
+        ("[0.0, -1.0, 1.5]", "[0.0, 0.0, 1.5]", "yard.equipment.0.sites.south", "1.00 m inside"),
+        ("[4.0, 11.0]", "[10.0, 6.8]", "sources.0.sites (tank/south)", "enclosed by equipment `post`"),
+        ('"post"', '"tank"', "yard.equipment.1.name", "taken"),
+        ('"cylinder"', '"cone"', "yard.equipment.1", "cone"),
+        ("radius_m = 0.5", "radius_m = 0.5\ncolour = 3", "yard.equipment.1.colour", "radius_m"),
+        ("radius_m = 0.5", "", "yard.equipment.1.radius_m", "missing"),
+        ('name = "pd"', "", "sources.0.name", "missing"),
+        ('name = "pd"', 'name = "P D"', "sources.0.name", "P D"),
+        ("[receiver]", "[reciever]", "reciever", "unknown key; allowed are yard, route"),
+    ],
+)  # fmt: skip
+def test_a_fault_is_named_with_its_key_what_came_and_what_is_allowed(
+    old: str, new: str, key: str, words: str, tmp_path: Path
+) -> None:
+    assert old in GOOD
+    faults = fault_of(tmp_path, GOOD.replace(old, new, 1))
+    matching = [fault for fault in faults if f": {key}: " in fault]
+    assert matching, faults
+    assert words in matching[0]
+
+
+@pytest.mark.parametrize("section", ["yard", "route", "array"])
+def test_a_missing_section_is_named(section: str, tmp_path: Path) -> None:
+    start = GOOD.index(f"[{section}]")
+    end = {"yard": GOOD.index("[route]"), "route": GOOD.index("[array]"), "array": GOOD.index("[receiver]")}[section]
+    faults = fault_of(tmp_path, GOOD[:start] + GOOD[end:])
+    assert any(f": {section}: missing" in fault for fault in faults)
+
+
+def test_every_fault_is_told_at_once(tmp_path: Path) -> None:
+    text = GOOD.replace("noise_v = 1e-3", "noise_v = -1").replace("gain_error = 0.05", "gain_eror = 1")
+    assert len(fault_of(tmp_path, text)) == 2
+
+
+def test_an_empty_file_bytes_that_are_no_text_and_text_that_is_no_toml_are_refused(tmp_path: Path) -> None:
+    assert {"yard: missing; it is required", "route: missing; it is required"} <= {
+        fault.split(": ", 1)[1] for fault in fault_of(tmp_path, "")
+    }
+    assert "not UTF-8 text" in fault_of(tmp_path, b"\xff\xfe\x00yard")[0]
+    assert "not TOML" in fault_of(tmp_path, "yard = [")[0]
+
+
+def test_a_file_that_is_not_there_and_a_folder_are_refused(tmp_path: Path) -> None:
+    for path in (tmp_path / "none.toml", tmp_path):
+        with pytest.raises(ScenarioError, match="cannot be read|no such"):
+            load_scenario(path)
+    with pytest.raises(ScenarioError, match="known are one_source"):
+        load_scenario("one_sorce")
+
+
+def test_an_interferer_inside_the_yard_is_refused(tmp_path: Path) -> None:
+    text = GOOD + '[[interferers]]\nname = "radio"\nposition_m = [5.0, 5.0, 1.0]\namplitude_v = 1.0\n'
+    assert "interferers.0.position_m" in fault_of(tmp_path, text)[0]
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.binary(max_size=60))
+def test_no_bytes_whatever_cause_anything_but_named_faults(tmp_path_factory: pytest.TempPathFactory, noise: bytes) -> None:
+    file = tmp_path_factory.mktemp("noise") / "yard.toml"
+    file.write_bytes(GOOD.encode()[:400] + noise + GOOD.encode()[400:])
+    try:
+        load_scenario(file)
+    except ScenarioError as error:
+        assert error.faults
