@@ -1,0 +1,172 @@
+"""Whole missions: what they find, that they come home, that they repeat, and that no policy is told the truth."""
+
+import json
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from envs import Scenario, load_scenario
+from missions.choices import PolicyName
+from missions.log import TABLES, MissionLog
+from missions.policies import SeesTruth, make_policy
+from missions.report import make_report
+from missions.runner import Mission, run_mission
+
+REPORT_KEYS = {
+    "schema", "scenario", "seed", "policy", "sim_time_s", "wall_time_s", "distance_m", "collisions", "waypoints",
+    "n_bearings", "findings", "evaluation",
+}  # fmt: skip
+
+
+def limited(scenario: Scenario, time_limit_s: float) -> Scenario:
+    return scenario.model_copy(update={"task": scenario.task.model_copy(update={"time_limit_s": time_limit_s})})
+
+
+def assert_equal(first: MissionLog, second: MissionLog) -> None:
+    assert first.meta == second.meta
+    for table in TABLES:
+        for name, column in first.table(table).items():
+            np.testing.assert_array_equal(second.column(table, name), column, err_msg=f"{table}.{name}")
+
+
+def test_a_mission_finds_the_discharge_visits_every_waypoint_and_docks() -> None:
+    log = run_mission(load_scenario("one_source"), seed=4)
+    report = make_report(log, 1.0)
+    (source,) = report["evaluation"]["sources"]
+    assert report.keys() == REPORT_KEYS
+    assert source["found"]
+    assert source["error_m"] < 0.4
+    assert report["evaluation"]["false_findings"] == 0
+    assert report["collisions"] == 0
+    assert report["waypoints"]["missed"] == []
+    assert log.column("event", "text")[-1] == "docked"
+    (finding,) = report["findings"]
+    assert finding["n_bearings"] <= report["n_bearings"]
+    assert finding["first_heard_s"] < finding["fixed_s"] < report["sim_time_s"]
+    assert finding["nearest_equipment"] in {item.name for item in load_scenario("one_source").yard.equipment}
+    json.dumps(report, allow_nan=False)
+
+
+def test_the_same_seed_gives_the_same_log_and_report_to_the_bit() -> None:
+    scenario = limited(load_scenario("two_sources"), 60.0)
+    first, second = (run_mission(scenario, seed=5) for _ in range(2))
+    assert first.n_rows("finding") > 0
+    assert_equal(first, second)
+    assert make_report(first, 1.0) == make_report(second, 1.0)
+
+
+def test_another_seed_gives_another_mission() -> None:
+    scenario = limited(load_scenario("one_source"), 5.0)
+    first, second = (run_mission(scenario, seed=seed).column("step", "true_pose") for seed in (0, 1))
+    assert not np.array_equal(first, second)
+
+
+def silent_at(position_m: tuple[float, float, float]) -> Scenario:
+    """A source that never radiates: only who is told the truth can behave as if it were there."""
+    scenario = limited(load_scenario("one_source"), 40.0)
+    source = scenario.sources[0].model_copy(update={"sites": (), "position_m": position_m, "pulse_rate_hz": 0.0})
+    return scenario.model_copy(update={"sources": (source,)})
+
+
+@pytest.mark.parametrize("policy", get_args(PolicyName))
+def test_no_policy_but_oracle_is_told_the_truth(policy: PolicyName) -> None:
+    paths = [
+        run_mission(silent_at(position), policy, seed=2).column("step", "true_pose")
+        for position in ((6.0, 20.0, 1.0), (33.0, 13.0, 1.0))
+    ]
+    same = paths[0].shape == paths[1].shape and np.array_equal(*paths)
+    assert same is (policy != "oracle")
+    assert isinstance(make_policy(policy, np.random.default_rng(0)), SeesTruth) is (policy == "oracle")
+
+
+def test_what_a_policy_sees_holds_no_truth(monkeypatch: pytest.MonkeyPatch) -> None:
+    mission = Mission(load_scenario("one_source"), "seek", 0)
+    inner, seen = mission.policy, []
+
+    def watching(observation: object, findings: object, site_map: object) -> object:
+        seen.append((observation, findings, site_map))
+        return inner(observation, findings, site_map)  # pyright: ignore[reportArgumentType]
+
+    watching.phase = "watched"  # pyright: ignore[reportFunctionMemberAccess]
+    monkeypatch.setattr(mission, "policy", watching)
+    for _ in range(20):
+        mission.step()
+    source = mission.log.meta["truth"]["sources"][0]["position_m"]
+    for observation, findings, site_map in seen:
+        assert set(observation) == set(mission.env.observation_space.spaces)  # pyright: ignore
+        assert all(not np.allclose(finding.position_m, source[:2], atol=1e-6) for finding in findings)
+        assert vars(site_map).keys() <= {"yard", "route", "task", "_shape", "centres_m", "clearance_m", "is_free", "_graph"}
+
+
+def test_every_policy_stops_at_the_time_limit() -> None:
+    for policy in get_args(PolicyName):
+        log = run_mission(limited(load_scenario("one_source"), 3.0), policy, seed=0)
+        assert log.column("event", "text")[-1] == "time limit"
+        assert log.n_rows("step") == 30
+
+
+def test_patrol_drives_the_route_and_ends_at_the_dock_though_it_hears() -> None:
+    log = run_mission(load_scenario("quiet_yard"), "patrol", seed=1)
+    assert log.column("event", "text")[-1] == "docked"
+    assert log.n_rows("bearing") > 100
+
+
+def test_a_waypoint_that_cannot_be_reached_is_reported_and_skipped() -> None:
+    scenario = load_scenario("quiet_yard")
+    data = scenario.model_dump()
+    wall = {"kind": "wall", "shape": "box", "height_m": 2.0}
+    walls = (
+        {"name": "wall_n", "position_m": (29.0, 9.0), "footprint_m": (6.0, 0.4), **wall},
+        {"name": "wall_w", "position_m": (26.0, 4.6), "footprint_m": (0.4, 9.2), **wall},
+    )
+    data["yard"]["equipment"] = (*data["yard"]["equipment"], *walls)
+    report = make_report(run_mission(Scenario.model_validate(data), "seek", seed=0), 1.0)
+    assert report["waypoints"]["missed"] == [2]
+    assert report["sim_time_s"] < scenario.task.time_limit_s
+    assert report["collisions"] == 0
+
+
+def test_an_ended_mission_is_a_whole_one_cut_short() -> None:
+    def stop(mission: Mission) -> None:
+        if mission.time_s >= 2.0 and not mission.is_over:
+            mission.end("interrupted")
+
+    cut = run_mission(load_scenario("one_source"), seed=1, after_step=stop)
+    assert cut.n_rows("step") == 20
+    whole = run_mission(limited(load_scenario("one_source"), 2.0), seed=1)
+    np.testing.assert_array_equal(cut.column("pulse", "strengths_v"), whole.column("pulse", "strengths_v"))
+    assert make_report(cut, 1.0)["findings"] == []
+
+
+def scores(name: str, seeds: range) -> list[dict]:
+    return [make_report(run_mission(load_scenario(name), seed=seed), 1.0) for seed in seeds]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", [0, 100])
+def test_one_source_is_found_in_every_of_twenty_missions_and_mostly_inside_its_ellipse(first: int) -> None:
+    reports = scores("one_source", range(first, first + 20))
+    sources = [report["evaluation"]["sources"][0] for report in reports]
+    assert all(source["found"] for source in sources)
+    errors = [source["error_m"] for source in sources]
+    assert np.median(errors) <= 0.30
+    assert max(errors) <= 1.0
+    assert sum(source["inside_ellipse95"] for source in sources) >= 15
+    assert sum(report["collisions"] for report in reports) == 0
+    positions = np.array([source["true_position_m"][:2] for source in sources])
+    assert np.linalg.norm(positions[:, np.newaxis] - positions, axis=-1).max() > 8.0
+
+
+@pytest.mark.slow
+def test_two_sources_are_both_found_in_nine_of_ten_missions() -> None:
+    reports = scores("two_sources", range(10))
+    both = [all(source["found"] for source in report["evaluation"]["sources"]) for report in reports]
+    assert sum(both) >= 9
+
+
+@pytest.mark.slow
+def test_the_interferer_beyond_the_fence_is_heard_in_every_mission_and_becomes_no_finding() -> None:
+    reports = scores("quiet_yard", range(10))
+    assert all(report["findings"] == [] for report in reports)
+    assert all(report["n_bearings"] > 100 for report in reports)

@@ -1,0 +1,105 @@
+"""Log and report: what is left of a mission."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from missions.log import TABLES, MissionLog
+from missions.report import ellipse95, evaluate
+
+
+def finding(x: float, y: float, spread_m: float = 0.1) -> dict:
+    return {"position_m": [x, y], "covariance_m2": [[spread_m**2, 0.0], [0.0, spread_m**2]]}
+
+
+def source(x: float, y: float, name: str = "s") -> dict:
+    return {"name": name, "position_m": [x, y, 1.5]}
+
+
+def log_of(n_steps: int) -> MissionLog:
+    log = MissionLog({"n_elements": 6})
+    for k in range(n_steps):
+        log.append("step", time_s=0.1 * k, pose=np.full(3, k), true_pose=np.full(3, k), command=np.zeros(2), phase="patrol")
+        log.append("pulse", step=k, strengths_v=np.arange(6.0), mains_phase_rad=0.1, is_credible=True)
+    return log
+
+
+def test_a_log_reads_back_as_it_was_written(tmp_path: Path) -> None:
+    log = log_of(30)
+    log.save(tmp_path)
+    back = MissionLog.load(tmp_path)
+    assert back.meta == log.meta
+    for table in TABLES:
+        for name, column in log.table(table).items():
+            np.testing.assert_array_equal(back.column(table, name), column)
+            assert back.column(table, name).shape == column.shape
+    assert [path.name for path in tmp_path.iterdir()] == ["log.npz"]
+
+
+def test_a_killed_mission_keeps_its_parts_and_a_finished_one_has_none(tmp_path: Path) -> None:
+    log = log_of(10)
+    log.write_part(tmp_path)
+    for k in range(10, 14):
+        log.append("step", time_s=0.1 * k, pose=np.full(3, k), true_pose=np.zeros(3), command=np.zeros(2), phase="dock")
+    log.write_part(tmp_path)
+    assert MissionLog.load(tmp_path).n_rows("step") == 14
+    assert MissionLog.load(tmp_path).n_rows("pulse") == 10
+    log.save(tmp_path)
+    assert not (tmp_path / "log.parts").exists()
+
+
+def test_a_row_with_a_column_missing_is_refused_and_leaves_the_table_even() -> None:
+    log = log_of(3)
+    with pytest.raises(ValueError, match="has the columns"):
+        log.append("event", step=0, kind="end")
+    assert log.n_rows("event") == 0
+
+
+def test_a_log_of_another_schema_or_none_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match="no log"):
+        MissionLog.load(tmp_path)
+    log = log_of(1)
+    log.meta["schema"] = 99
+    log.save(tmp_path)
+    with pytest.raises(ValueError, match="schema 99"):
+        MissionLog.load(tmp_path)
+
+
+def test_findings_and_sources_are_paired_for_the_least_total_distance() -> None:
+    # the nearest pair first would leave 2 and 0 paired at 1.9 m
+    scores = evaluate([finding(1.0, 0.0), finding(0.0, 0.0)], [source(0.9, 0.0, "a"), source(1.9, 0.0, "b")])
+    assert [round(s["error_m"], 6) for s in scores["sources"]] == [0.9, 0.9]
+    assert scores["false_findings"] == 0
+
+
+def test_a_finding_further_than_the_cut_off_is_false_and_its_source_not_found() -> None:
+    scores = evaluate([finding(0.0, 0.0)], [source(2.1, 0.0)])
+    assert scores["sources"][0]["found"] is False
+    assert scores["sources"][0]["error_m"] is None
+    assert scores["false_findings"] == 1
+    assert scores["ospa_m"] == 2.0
+
+
+def test_ospa_counts_what_is_missing_or_too_much_at_the_cut_off() -> None:
+    assert evaluate([], [])["ospa_m"] == 0.0
+    assert evaluate([finding(0.0, 0.0)], [source(0.5, 0.0), source(9.0, 0.0)])["ospa_m"] == pytest.approx(1.25)
+    assert evaluate([finding(0.5, 0.0), finding(9.0, 0.0)], [source(0.0, 0.0)])["ospa_m"] == pytest.approx(1.25)
+
+
+def test_the_truth_lies_inside_an_ellipse_that_is_wide_enough_only() -> None:
+    for spread_m, inside in ((0.1, False), (0.3, True)):
+        assert evaluate([finding(0.0, 0.0, spread_m)], [source(0.5, 0.0)])["sources"][0]["inside_ellipse95"] is inside
+
+
+@given(st.floats(0.1, 3.0), st.floats(0.01, 0.09), st.floats(-1.5, 1.5))
+def test_the_ellipse_tells_the_axes_and_the_turn_of_its_covariance(major: float, minor: float, turn: float) -> None:
+    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    ellipse = ellipse95(rotation @ np.diag([major**2, minor**2]) @ rotation.T)
+    assert ellipse["semi_major_m"] == pytest.approx(major * np.sqrt(5.991))
+    assert ellipse["semi_minor_m"] == pytest.approx(minor * np.sqrt(5.991))
+    assert abs(np.sin(ellipse["angle_rad"] - turn)) < 1e-6
+    json.dumps(ellipse)
