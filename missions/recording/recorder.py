@@ -81,6 +81,7 @@ class Recorder:
         self._heard_step = -10 * HOLD_STEPS
         self._phase = ""
         self._shown: set[int] = set()
+        self._named: set[int] = set()
         boresights = np.asarray(log.meta["array"]["boresights_rad"])
         gain = GainManifold(GaussianPattern(), boresights).gain(SPECTRUM_AZIMUTHS_RAD)
         self._unit_gain = gain / np.linalg.norm(gain, axis=0)
@@ -316,7 +317,9 @@ class Recorder:
             tints = rr.LineStrips3D.columns(colors=colour, radii=np.full(n, 0.05))
             self._columns(f"{path}/ellipse", steps, [*lines, *tints])
             plot = f"{paths.UNCERTAINTY}/{number}"
-            self._still(plot, rr.SeriesLines(names=[f"finding {number}"]))
+            if number not in self._named:
+                self._named.add(number)
+                self._still(plot, rr.SeriesLines(names=[f"finding {number}"]))
             self._columns(plot, steps, rr.Scalars.columns(scalars=semi_major))
 
     def _clear_finding(self, number: int, step: int) -> None:

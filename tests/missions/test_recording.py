@@ -1,0 +1,177 @@
+"""Recordings are written for real and read back."""
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rerun as rr
+from rerun.chunk import RrdReader
+
+from dirmusic.locating import CHI2_95
+from envs import load_scenario
+from missions.log import MissionLog
+from missions.recording import Recorder, write_recording
+from missions.recording import blueprint as paths
+from missions.recording.recorder import ellipse
+from missions.runner import run_mission
+
+
+@pytest.fixture(autouse=True)
+def _strict() -> Iterator[None]:
+    """Rerun drops what it cannot read with a warning; here that is an error."""
+    before = rr.strict_mode()
+    rr.set_strict_mode(True)
+    yield
+    rr.set_strict_mode(before)
+
+
+@pytest.fixture(scope="module")
+def log() -> MissionLog:
+    scenario = load_scenario("one_source")
+    task = scenario.task.model_copy(update={"time_limit_s": 25.0})
+    return run_mission(scenario.model_copy(update={"task": task}), seed=1)
+
+
+@pytest.fixture(scope="module")
+def recording(log: MissionLog, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("recording") / "mission.rrd"
+    write_recording(log, path)
+    return path
+
+
+def rows(path: Path) -> dict[str, int]:
+    """Rows of every entity on a timeline or, for static data, in all."""
+    counts: dict[str, int] = {}
+    for chunk in RrdReader(path).stream().to_chunks():
+        counts[str(chunk.entity_path)] = counts.get(str(chunk.entity_path), 0) + chunk.num_rows
+    return counts
+
+
+def values(path: Path) -> dict[str, list[dict]]:
+    """Every row of every entity as plain values; what identifies rows and chunks left out."""
+    found: dict[str, list[dict]] = {}
+    for chunk in RrdReader(path).stream().to_chunks():
+        entity = found.setdefault(str(chunk.entity_path), [])
+        for row in chunk.to_record_batch().to_pylist():
+            entity.append({name: cell for name, cell in row.items() if "rowid" not in name.lower()})
+    return found
+
+
+def cells(rows_of_entity: list[dict], component: str) -> dict[int, list]:
+    """One component by step."""
+    key = next(name for row in rows_of_entity for name in row if name.endswith(f":{component}"))
+    return {row[paths.STEP]: row[key] for row in rows_of_entity if row.get(paths.STEP) is not None and key in row}
+
+
+def test_reruns_own_checker_accepts_the_file(recording: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "rerun", "rrd", "verify", str(recording)], capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_file_holds_trajectory_spectrum_bearings_fix_and_blueprint(recording: Path, log: MissionLog) -> None:
+    counted = rows(recording)
+    n_steps = log.n_rows("step")
+    assert counted[f"/{paths.ROBOT}"] >= n_steps
+    assert counted[f"/{paths.TRAJECTORY}"] >= n_steps // 5
+    heard = np.unique(log.column("pulse", "step")[log.column("bearing", "pulse")]).size
+    for path in (paths.SPECTRUM, paths.BEARINGS, f"{paths.STRENGTHS}/1"):
+        assert counted[f"/{path}"] >= heard > 50
+    number = int(log.column("finding", "id")[0])
+    fixes = int((log.column("finding", "id") == number).sum())
+    assert counted[f"/{paths.finding_path(number)}"] >= fixes > 5
+    assert counted[f"/{paths.finding_path(number)}/ellipse"] >= fixes
+    for path in (f"{paths.EQUIPMENT}/box", f"{paths.BODY}/cylinder", paths.SITES, paths.ROUTE, paths.EVENTS, paths.PHASE):
+        assert counted[f"/{path}"] >= 1
+    assert RrdReader(recording).blueprints()
+    assert not list(recording.parent.glob(".*"))
+
+
+def test_a_recording_made_slice_by_slice_as_the_log_grows_holds_the_same(log: MissionLog, tmp_path: Path) -> None:
+    growing = MissionLog(log.meta)
+    stream = rr.RecordingStream("pdpatrol")
+    stream.save(tmp_path / "slices.rrd")
+    recorder = Recorder(stream, growing)
+    tables = {name: log.table(name) for name in ("step", "pulse", "bearing", "finding", "event")}
+    pulse_step = tables["pulse"]["step"]
+    owner = {name: table["step"] for name, table in tables.items() if "step" in table}
+    owner |= {"step": np.arange(log.n_rows("step")), "bearing": pulse_step[tables["bearing"]["pulse"]]}
+    for start in range(0, log.n_rows("step"), 7):
+        for name, table in tables.items():
+            for row in np.flatnonzero((owner[name] >= start) & (owner[name] < start + 7)):
+                growing.append(name, **{column: entries[row] for column, entries in table.items()})
+        recorder.update()
+    stream.flush()
+    stream.disconnect()
+    write_recording(log, tmp_path / "whole.rrd")
+    whole, slices = values(tmp_path / "whole.rrd"), values(tmp_path / "slices.rrd")
+    moving = [path for path in whole if path.startswith(f"/{paths.WORLD}/") or path.startswith("/plots/")]
+    assert len(moving) > 15
+    for path in moving:
+        assert sorted(map(repr, whole[path])) == sorted(map(repr, slices[path])), path
+
+
+def test_rays_start_at_the_robot_and_point_as_the_bearings_do(recording: Path, log: MissionLog) -> None:
+    rays = cells(values(recording)[f"/{paths.BEARINGS}"], "strips")
+    pulse_step = log.column("pulse", "step")[log.column("bearing", "pulse")]
+    for step in np.unique(pulse_step):
+        told = np.sort(log.column("bearing", "bearing_rad")[pulse_step == step])
+        drawn = np.array(rays[int(step)])
+        np.testing.assert_allclose(drawn[:, 0, :2], np.tile(log.column("step", "pose")[step, :2], (told.size, 1)), atol=1e-5)
+        ahead = drawn[:, 1] - drawn[:, 0]
+        np.testing.assert_allclose(np.sort(np.arctan2(ahead[:, 1], ahead[:, 0])), told, atol=1e-5)
+
+
+def test_the_ring_of_the_spectrum_bulges_towards_the_bearing(recording: Path, log: MissionLog) -> None:
+    rings = cells(values(recording)[f"/{paths.SPECTRUM}"], "strips")
+    pulse_step = log.column("pulse", "step")[log.column("bearing", "pulse")]
+    for step in np.unique(pulse_step):
+        (ring,) = np.array(rings[int(step)])
+        peak = ring[np.linalg.norm(ring[:, :2], axis=-1).argmax()]
+        azimuths = log.column("bearing", "azimuth_rad")[pulse_step == step]
+        off = np.angle(np.exp(1j * (azimuths - np.arctan2(peak[1], peak[0]))))
+        assert np.abs(off).min() < np.radians(3.5)
+
+
+def test_a_second_of_silence_clears_rays_and_spectrum(tmp_path: Path, log: MissionLog) -> None:
+    quiet = MissionLog(log.meta)
+    step, pulse, bearing = (log.table(name) for name in ("step", "pulse", "bearing"))
+    for k in range(40):
+        quiet.append("step", **{name: column[k] for name, column in step.items()})
+    quiet.append("pulse", **{name: column[0] for name, column in pulse.items()} | {"step": 5})
+    quiet.append("bearing", **{name: column[0] for name, column in bearing.items()} | {"pulse": 0})
+    write_recording(quiet, tmp_path / "quiet.rrd")
+    for path in (paths.BEARINGS, paths.SPECTRUM):
+        drawn = cells(values(tmp_path / "quiet.rrd")[f"/{path}"], "strips")
+        assert {at: len(strips) for at, strips in drawn.items()} == {5: 1, 15: 0}
+
+
+def test_no_value_in_the_file_is_nan(recording: Path) -> None:
+    for path, entity in values(recording).items():
+        assert not [row for row in entity if re.search(r"\bnan\b", repr(row))], path
+
+
+def test_field_data_without_robot_truth_or_pulses_is_recorded_too(tmp_path: Path) -> None:
+    field = MissionLog({"n_elements": 4, "array": {"boresights_rad": [1.57, 0.52, -0.52, -1.57]}})
+    for k in range(20):
+        field.append(
+            "step", time_s=0.1 * k, pose=np.zeros(3), true_pose=np.full(3, np.nan), command=np.zeros(2), phase="field"
+        )
+    write_recording(field, tmp_path / "field.rrd")
+    write_recording(MissionLog(field.meta), tmp_path / "empty.rrd")
+    counted = rows(tmp_path / "field.rrd")
+    assert counted[f"/{paths.ROBOT}"] >= 20
+    assert f"/{paths.TRUE_SOURCES}" not in counted
+
+
+def test_the_drawn_ellipse_is_the_contour_that_holds_95_percent() -> None:
+    covariance = np.array([[0.5, 0.2], [0.2, 0.3]])
+    line = ellipse(np.array([3.0, 4.0, 0.1]), covariance)
+    off = line[:, :2] - [3.0, 4.0]
+    np.testing.assert_allclose(np.einsum("ni,ij,nj->n", off, np.linalg.inv(covariance), off), CHI2_95)
+    np.testing.assert_allclose(line[0], line[-1])
