@@ -133,17 +133,8 @@ def evaluate(findings: list[dict[str, Any]], sources: list[dict[str, Any]]) -> d
 def findings_table(report: dict[str, Any]) -> Table:
     """What was found, for a terminal."""
     table = Table(title=f"Findings: {report['scenario']}, seed {report['seed']}", title_justify="left")
-    for heading in (
-        "#",
-        "position (m)",
-        "on or near",
-        "95 % ellipse (m)",
-        "bearings",
-        "heard (s)",
-        "fixed (s)",
-        "error (m)",
-    ):
-        table.add_column(heading, justify="left" if heading == "on or near" else "right")
+    for heading in ("#", "x, y (m)", "nearest", "95 % ellipse (m)", "pulses", "fixed (s)", "error (m)"):
+        table.add_column(heading, justify="left" if heading == "nearest" else "right", overflow="fold")
     sources = report.get("evaluation", {}).get("sources", [])
     for number, finding in enumerate(report["findings"], start=1):
         x, y = finding["position_m"]
@@ -152,9 +143,8 @@ def findings_table(report: dict[str, Any]) -> Table:
             str(number),
             f"{x:.2f}, {y:.2f}",
             finding["nearest_equipment"] or "-",
-            f"{ellipse['semi_major_m']:.2f} x {ellipse['semi_minor_m']:.2f}",
+            f"{ellipse['semi_major_m']:.2f} by {ellipse['semi_minor_m']:.2f}",
             str(finding["n_bearings"]),
-            f"{finding['first_heard_s']:.1f}",
             f"{finding['fixed_s']:.1f}",
             _error_of(finding, sources),
         )
@@ -167,5 +157,5 @@ def _error_of(finding: dict[str, Any], sources: list[dict[str, Any]]) -> str:
         if source["found"]:
             error = float(np.hypot(*np.subtract(source["true_position_m"][:2], finding["position_m"])))
             if abs(error - source["error_m"]) < 1e-9:
-                return f"{error:.2f} {'inside' if source['inside_ellipse95'] else 'outside'}"
+                return f"{error:.2f}"
     return "false" if sources else "-"

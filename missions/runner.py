@@ -140,17 +140,7 @@ class Mission:
             return
         before = {finding.id: finding.state for finding in self._logged}
         for finding in findings:
-            self.log.append(
-                "finding",
-                step=step,
-                id=finding.id,
-                position_m=finding.position_m,
-                covariance_m2=finding.covariance_m2,
-                state=finding.state,
-                n_bearings=finding.n_bearings,
-                first_heard_s=finding.first_heard_s,
-                opening_rad=finding.opening_rad,
-            )
+            self._log_finding(step, finding, finding.state)
             x, y = finding.position_m
             if before.pop(finding.id, None) != finding.state:
                 told = {
@@ -159,9 +149,23 @@ class Mission:
                     "outside": f"candidate {finding.id} lies beyond the fence, near ({x:.0f}, {y:.0f}) m",
                 }[finding.state]
                 self._event(finding.state, told)
-        for gone in before:
-            self._event("dropped", f"candidate {gone} was no source of its own")
+        for gone in (finding for finding in self._logged if finding.id in before):
+            self._log_finding(step, gone, "dropped")
+            self._event("dropped", f"candidate {gone.id} was no source of its own")
         self._logged = tuple(findings)
+
+    def _log_finding(self, step: int, finding: Finding, state: str) -> None:
+        self.log.append(
+            "finding",
+            step=step,
+            id=finding.id,
+            position_m=finding.position_m,
+            covariance_m2=finding.covariance_m2,
+            state=state,
+            n_bearings=finding.n_bearings,
+            first_heard_s=finding.first_heard_s,
+            opening_rad=finding.opening_rad,
+        )
 
     def _log_events(self, step: int, info: dict[str, Any]) -> None:
         touched = frozenset(info["touched"])

@@ -80,7 +80,6 @@ class Recorder:
         self._true_trail = np.empty((0, 3))
         self._heard_step = -10 * HOLD_STEPS
         self._phase = ""
-        self._shown: set[int] = set()
         self._named: set[int] = set()
         boresights = np.asarray(log.meta["array"]["boresights_rad"])
         gain = GainManifold(GaussianPattern(), boresights).gain(SPECTRUM_AZIMUTHS_RAD)
@@ -184,7 +183,7 @@ class Recorder:
                 "colors": np.round(255 * np.array([solid["rgba"] for solid in some])).astype(np.uint8),
                 "labels": [solid["name"].removeprefix("equipment/") for solid in some],
                 "show_labels": False,
-                "fill_mode": "solid",
+                "fill_mode": "transparentfillmajorwireframe" if path == paths.EQUIPMENT else "solid",
             }
             drawn: Any
             if shape == "box":
@@ -192,7 +191,8 @@ class Recorder:
             elif shape == "cylinder":
                 drawn = rr.Cylinders3D(lengths=2 * size[:, 1], radii=size[:, 0], centers=centre, **common)
             elif shape == "capsule":
-                drawn = rr.Capsules3D(lengths=2 * size[:, 1], radii=size[:, 0], translations=centre, **common)
+                foot = centre - size[:, 1, np.newaxis] * _z_axis(common["quaternions"])  # Rerun's capsule starts there
+                drawn = rr.Capsules3D(lengths=2 * size[:, 1], radii=size[:, 0], translations=foot, **common)
             else:
                 half = size if shape == "ellipsoid" else np.repeat(size[:, :1], 3, axis=1)
                 drawn = rr.Ellipsoids3D(half_sizes=half, centers=centre, **common)
@@ -293,14 +293,11 @@ class Recorder:
         return np.stack([x, y, np.full_like(x, 0.62)], axis=-1)
 
     def _send_findings(self, finding: dict[str, NDArray[Any]]) -> None:
-        for step in np.unique(finding["step"]):
-            rows = np.flatnonzero(finding["step"] == step)
-            present = {int(finding["id"][row]) for row in rows}
-            for gone in sorted(self._shown - present):
-                self._clear_finding(gone, step)
-            self._shown = present
-        for number in np.unique(finding["id"]).tolist():
-            rows = np.flatnonzero(finding["id"] == number)
+        for row in np.flatnonzero(finding["state"] == "dropped"):
+            self._clear_finding(int(finding["id"][row]), int(finding["step"][row]))
+        alive = finding["state"] != "dropped"
+        for number in np.unique(finding["id"][alive]).tolist():
+            rows = np.flatnonzero(alive & (finding["id"] == number))
             steps, n = finding["step"][rows], rows.size
             state = finding["state"][rows]
             colour = np.array([COLOURS[str(s)] for s in state], dtype=np.uint8)
@@ -331,6 +328,12 @@ class Recorder:
     def _send_text(self, path: str, steps: NDArray[Any], kinds: NDArray[Any], texts: NDArray[Any]) -> None:
         words, levels = [str(text) for text in texts], [str(kind) for kind in kinds]
         self._columns(path, steps, rr.TextLog.columns(text=words, level=levels))
+
+
+def _z_axis(quaternion_xyzw: FloatArray) -> FloatArray:
+    """Where the z axis points after a turn, shape (n, 3)."""
+    x, y, z, w = np.asarray(quaternion_xyzw).T
+    return np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=-1)
 
 
 def ellipse(position_m: FloatArray, covariance_m2: FloatArray) -> FloatArray:

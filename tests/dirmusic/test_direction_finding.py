@@ -72,7 +72,9 @@ def test_elements_look_left_first_and_then_further_clockwise() -> None:
 
 def test_slopes_agree_with_differences() -> None:
     step = 1e-6
-    tabulated = TabulatedPattern(np.radians(np.arange(0.0, 360.0, 10.0)), 1.2 + np.cos(np.radians(np.arange(0, 360, 10))))
+    tabulated = TabulatedPattern(
+        np.radians(np.arange(0.0, 360.0, 10.0)), 1.2 + np.cos(np.radians(np.arange(0, 360, 10)))
+    )
     off = np.radians(np.arange(-150.3, 150.0, 7.0))
     for pattern in (GaussianPattern(), tabulated):
         numeric = (pattern(off + step) - pattern(off - step)) / (2 * step)
@@ -92,7 +94,7 @@ def test_a_tabulated_pattern_goes_through_its_points_and_round_the_circle() -> N
      ([0.0, 1.0, 2.0, 3.0], [1.0, -1.0, 1.0, 1.0]), ([0.0, 1.0, 2.0, np.nan], [1.0] * 4)],
 )  # fmt: skip
 def test_a_pattern_table_that_is_no_pattern_is_refused(angle: list[float], gain: list[float]) -> None:
-    with pytest.raises(ValueError, match="gain|off_boresight"):
+    with pytest.raises(ValueError, match=r"gain|off_boresight"):
         TabulatedPattern(angle, gain)
 
 
@@ -190,7 +192,7 @@ def gated_strengths(rho: float, n: int, seed: int, radius_m: float = 0.0) -> tup
 
 
 @pytest.mark.parametrize(("snr_db", "most"), [(10, 1.03), (0, 1.03), (-10, 1.12)])
-def test_gated_energies_reach_the_bound_and_their_deviation_is_honest(snr_db: float, most: float) -> None:
+def test_gated_energies_reach_the_bound_and_their_deviation_is_honest(snr_db: int, most: float) -> None:
     # rho of the paper's SNR for six elements: 28 070 x 10^(SNR/10) (facts.md)
     rho = 28070 * 10 ** (snr_db / 10)
     azimuth, strengths, variance = gated_strengths(rho, 8000, seed=snr_db + 100)

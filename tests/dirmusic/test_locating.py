@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from dirmusic import Finding, GainManifold, GaussianPattern, Locator, estimate_bearings, strength_variance
 from dirmusic.joint_fix import ArrayModel, PoseError
@@ -20,7 +21,7 @@ def make_locator(fence_m: tuple[float, float] | None = (40.0, 30.0)) -> Locator:
 
 
 def listen_along(
-    path: np.ndarray, sources: Sequence[Sequence[float]], seed: int, locator: Locator | None = None
+    path: np.ndarray, sources: Sequence[ArrayLike], seed: int, locator: Locator | None = None
 ) -> tuple[Locator, list[tuple[Finding, ...]]]:
     """Two pulses a step from each source; strengths from a far-field model of a real array, energies' noise."""
     rng = np.random.default_rng(seed)
@@ -43,7 +44,7 @@ def listen_along(
     return locator, history
 
 
-def around(centre: Sequence[float], radius_m: float, from_deg: float, to_deg: float, n: int = 250) -> np.ndarray:
+def around(centre: ArrayLike, radius_m: float, from_deg: float, to_deg: float, n: int = 250) -> np.ndarray:
     angle = np.radians(np.linspace(from_deg, to_deg, n))
     return np.asarray(centre) + radius_m * np.column_stack([np.cos(angle), np.sin(angle)])
 

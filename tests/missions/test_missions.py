@@ -75,7 +75,7 @@ def test_no_policy_but_oracle_is_told_the_truth(policy: PolicyName) -> None:
         run_mission(silent_at(position), policy, seed=2).column("step", "true_pose")
         for position in ((6.0, 20.0, 1.0), (33.0, 13.0, 1.0))
     ]
-    same = paths[0].shape == paths[1].shape and np.array_equal(*paths)
+    same = paths[0].shape == paths[1].shape and np.array_equal(paths[0], paths[1])
     assert same is (policy != "oracle")
     assert isinstance(make_policy(policy, np.random.default_rng(0)), SeesTruth) is (policy == "oracle")
 
@@ -96,7 +96,16 @@ def test_what_a_policy_sees_holds_no_truth(monkeypatch: pytest.MonkeyPatch) -> N
     for observation, findings, site_map in seen:
         assert set(observation) == set(mission.env.observation_space.spaces)  # pyright: ignore
         assert all(not np.allclose(finding.position_m, source[:2], atol=1e-6) for finding in findings)
-        assert vars(site_map).keys() <= {"yard", "route", "task", "_shape", "centres_m", "clearance_m", "is_free", "_graph"}
+        assert vars(site_map).keys() <= {
+            "yard",
+            "route",
+            "task",
+            "_shape",
+            "centres_m",
+            "clearance_m",
+            "is_free",
+            "_graph",
+        }
 
 
 def test_every_policy_stops_at_the_time_limit() -> None:

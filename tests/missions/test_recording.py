@@ -86,7 +86,14 @@ def test_the_file_holds_trajectory_spectrum_bearings_fix_and_blueprint(recording
     fixes = int((log.column("finding", "id") == number).sum())
     assert counted[f"/{paths.finding_path(number)}"] >= fixes > 5
     assert counted[f"/{paths.finding_path(number)}/ellipse"] >= fixes
-    for path in (f"{paths.EQUIPMENT}/box", f"{paths.BODY}/cylinder", paths.SITES, paths.ROUTE, paths.EVENTS, paths.PHASE):
+    for path in (
+        f"{paths.EQUIPMENT}/box",
+        f"{paths.BODY}/cylinder",
+        paths.SITES,
+        paths.ROUTE,
+        paths.EVENTS,
+        paths.PHASE,
+    ):
         assert counted[f"/{path}"] >= 1
     assert RrdReader(recording).blueprints()
     assert not list(recording.parent.glob(".*"))
@@ -122,7 +129,9 @@ def test_rays_start_at_the_robot_and_point_as_the_bearings_do(recording: Path, l
     for step in np.unique(pulse_step):
         told = np.sort(log.column("bearing", "bearing_rad")[pulse_step == step])
         drawn = np.array(rays[int(step)])
-        np.testing.assert_allclose(drawn[:, 0, :2], np.tile(log.column("step", "pose")[step, :2], (told.size, 1)), atol=1e-5)
+        np.testing.assert_allclose(
+            drawn[:, 0, :2], np.tile(log.column("step", "pose")[step, :2], (told.size, 1)), atol=1e-5
+        )
         ahead = drawn[:, 1] - drawn[:, 0]
         np.testing.assert_allclose(np.sort(np.arctan2(ahead[:, 1], ahead[:, 0])), told, atol=1e-5)
 

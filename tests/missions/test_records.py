@@ -23,7 +23,9 @@ def source(x: float, y: float, name: str = "s") -> dict:
 def log_of(n_steps: int) -> MissionLog:
     log = MissionLog({"n_elements": 6})
     for k in range(n_steps):
-        log.append("step", time_s=0.1 * k, pose=np.full(3, k), true_pose=np.full(3, k), command=np.zeros(2), phase="patrol")
+        log.append(
+            "step", time_s=0.1 * k, pose=np.full(3, k), true_pose=np.full(3, k), command=np.zeros(2), phase="patrol"
+        )
         log.append("pulse", step=k, strengths_v=np.arange(6.0), mains_phase_rad=0.1, is_credible=True)
     return log
 

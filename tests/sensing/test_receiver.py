@@ -17,7 +17,9 @@ def everything_in_sight(points: np.ndarray, _: np.ndarray) -> np.ndarray:
     return np.ones(len(points), dtype=np.bool_)
 
 
-def source_at(x: float, y: float, z: float = 0.6, amplitude_v: float = 0.27, rate_hz: float = 1000.0) -> DischargeSource:
+def source_at(
+    x: float, y: float, z: float = 0.6, amplitude_v: float = 0.27, rate_hz: float = 1000.0
+) -> DischargeSource:
     return DischargeSource(name="s", position_m=np.array([x, y, z]), amplitude_v=amplitude_v, pulse_rate_hz=rate_hz)
 
 

@@ -1,0 +1,112 @@
+"""Every command and every snippet of the README is run."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+import urllib.request
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+BIN = Path(sys.executable).parent
+INSTALL = "pip install uv && "
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", README, flags=re.DOTALL)
+
+
+def commands() -> list[str]:
+    """What the README tells to type, in its order, without installation."""
+    lines = [line.strip() for block in blocks("sh") for line in block.splitlines()]
+    return [line.split("  #")[0].removeprefix(INSTALL).strip() for line in lines if "uv run" in line]
+
+
+def test_the_first_two_commands_are_complete_on_a_fresh_machine() -> None:
+    lines = [line.split("  #")[0].strip() for line in blocks("sh")[0].splitlines()]
+    assert lines == [INSTALL + "uv run pdpatrol run", INSTALL + "uv run pytest"]
+
+
+def test_every_command_of_the_readme_works(tmp_path: Path) -> None:
+    assert len(commands()) >= 5
+    environment = os.environ | {"PATH": f"{BIN}{os.pathsep}{os.environ['PATH']}"}
+    for command in commands():
+        words = command.removeprefix("uv run ").split()
+        if words[:1] == ["pytest"]:
+            done = subprocess.run(
+                [*words, "--collect-only", "-q"], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120
+            )
+        elif words[:2] == ["pdpatrol", "replay"]:
+            served_on_loopback([*words, "--web"] if "--web" not in words else words, tmp_path, environment)
+            continue
+        else:
+            done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=180)
+        assert done.returncode == 0, f"{command}: {done.stderr}"
+
+
+def served_on_loopback(words: list[str], folder: Path, environment: dict[str, str]) -> None:
+    process = subprocess.Popen(
+        words,
+        cwd=folder,
+        env=environment | {"PYTHONUNBUFFERED": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        assert process.stdout is not None
+        line = process.stdout.readline().decode()
+        match = re.search(r"http://127\.0\.0\.1:\d+/", line)
+        assert match, line
+        with urllib.request.urlopen(match.group(), timeout=20) as page:
+            assert b"rerun" in page.read().lower()
+        if sys.platform == "linux":
+            assert not listens_beyond_loopback(process.pid)
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=30)
+    deadline = time.monotonic() + 10
+    while time.monotonic() < deadline:
+        try:
+            urllib.request.urlopen(match.group(), timeout=2).close()
+        except OSError:
+            return
+        time.sleep(0.2)
+    pytest.fail("the server outlived the command")
+
+
+def listens_beyond_loopback(pid: int) -> bool:
+    """Whether a descendant of `pid` listens on an address other than 127.0.0.1."""
+    parents = {int(p.name): int(p.joinpath("stat").read_text().rsplit(")", 1)[1].split()[1])
+               for p in Path("/proc").glob("[0-9]*") if p.joinpath("stat").exists()}  # fmt: skip
+    family, grown = {pid}, True
+    while grown:
+        more = {child for child, parent in parents.items() if parent in family} - family
+        family, grown = family | more, bool(more)
+    sockets = set()
+    for member in family:
+        for link in Path(f"/proc/{member}/fd").glob("*"):
+            if (target := os.readlink(link)).startswith("socket:["):
+                sockets.add(target[8:-1])
+    rows = [
+        line.split() for table in ("tcp", "tcp6") for line in Path(f"/proc/net/{table}").read_text().splitlines()[1:]
+    ]
+    listening = [row[1] for row in rows if row[3] == "0A" and row[9] in sockets]
+    assert listening
+    return any(not address.startswith("0100007F:") for address in listening)
+
+
+@pytest.mark.parametrize("snippet", blocks("python"))
+def test_every_snippet_of_the_readme_runs(snippet: str, tmp_path: Path) -> None:
+    done = subprocess.run([sys.executable, "-c", snippet], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+
+
+def test_pictures_and_files_that_the_readme_names_are_there() -> None:
+    named = re.findall(r"\]\((?!http)([^)#]+)\)", README)
+    assert named
+    assert all((ROOT / name).exists() for name in named)
