@@ -2,6 +2,7 @@
 
 from dirmusic.bearing import Bearings, estimate_bearings
 from dirmusic.bounds import bearing_bound, manifold_error_std
+from dirmusic.joint_fix import ArrayModel, PoseError
 from dirmusic.locating import Finding, Locator
 from dirmusic.manifold import GainManifold
 from dirmusic.pattern import GainPattern, GaussianPattern, TabulatedPattern
@@ -10,6 +11,7 @@ from dirmusic.strengths import pulse_strengths, sample_covariance, strength_vari
 from dirmusic.triangulation import Fix, triangulate
 
 __all__ = [
+    "ArrayModel",
     "Bearings",
     "Finding",
     "Fix",
@@ -17,6 +19,7 @@ __all__ = [
     "GainPattern",
     "GaussianPattern",
     "Locator",
+    "PoseError",
     "TabulatedPattern",
     "bearing_bound",
     "estimate_bearings",

@@ -39,8 +39,9 @@ class LocatingRules:
 
     Attributes:
         max_std_rad: A pulse with a wider bearing is not credible; noise triggers are wider by far.
-        misfit_factor: A pulse is not credible if no direction explains its strengths to this many times what noise and
-            the array's spread explain.
+        misfit_factor: A pulse is not credible if no direction explains its strengths to this many times what noise, the
+            array's spread and `misfit_floor` explain.
+        misfit_floor: Share of the energy that the far-field model of a perfect array leaves unexplained close by.
         gate_sigmas: How far from a candidate a bearing may point and still belong to it.
         birth_pulses: Credible pulses from one direction, within `birth_s`, that make a candidate.
         birth_s: See above.
@@ -56,16 +57,17 @@ class LocatingRules:
 
     max_std_rad: float = np.radians(4.0)
     misfit_factor: float = 9.0
+    misfit_floor: float = 0.05**2
     gate_sigmas: float = 3.0
-    birth_pulses: int = 8
-    birth_s: float = 3.0
+    birth_pulses: int = 6
+    birth_s: float = 10.0
     birth_arc_rad: float = np.radians(8.0)
     refit_s: float = 1.0
     max_pulses: int = 160
     confirm_opening_rad: float = np.radians(60.0)
     confirm_semi_major_m: float = 0.5
     confirm_range_m: float = 4.0
-    confirm_pulses: int = 40
+    confirm_pulses: int = 20
     merge_m: float = 1.0
 
 
@@ -141,7 +143,8 @@ class Locator:
         gain = manifold.gain(azimuth)
         slope = perpendicular_slope(gain, manifold.derivative(azimuth))
         by_noise = np.square(bearings.std_rad) * np.square(slope).sum(axis=0) / np.square(gain).sum(axis=0)
-        expected = by_noise + self.array.gain_error**2 + self.array.pointing_error_rad**2
+        by_array = self.array.gain_error**2 + self.array.pointing_error_rad**2
+        expected = by_noise + by_array + self.rules.misfit_floor
         return (bearings.std_rad < self.rules.max_std_rad) & (bearings.misfit < self.rules.misfit_factor * expected)
 
     def update(

@@ -93,7 +93,7 @@ def run(
     if json_output:
         out.print_json(data=report)
     else:
-        out.print(findings_table(report))
+        out.print(findings_table(report) if report["findings"] else "No discharge found.", highlight=False)
         out.print(_summary(report, log.column("event", "text")[-1]), highlight=False)
         out.print(f"Written to {folder}: log.npz, report.json, mission.rrd", highlight=False, soft_wrap=True)
         out.print(f"Look at it with: pdpatrol replay {folder}", highlight=False, soft_wrap=True)

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from dirmusic import Bearings, Finding, Locator
+from dirmusic import ArrayModel, Bearings, Finding, Locator, PoseError
 from dirmusic.angles import wrap
-from dirmusic.joint_fix import ArrayModel, PoseError
 from envs import Scenario
 from envs.patrol import STEP_S, PatrolEnv
 from missions.choices import PolicyName

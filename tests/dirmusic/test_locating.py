@@ -6,8 +6,16 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from dirmusic import Finding, GainManifold, GaussianPattern, Locator, estimate_bearings, strength_variance
-from dirmusic.joint_fix import ArrayModel, PoseError
+from dirmusic import (
+    ArrayModel,
+    Finding,
+    GainManifold,
+    GaussianPattern,
+    Locator,
+    PoseError,
+    estimate_bearings,
+    strength_variance,
+)
 
 NOMINAL = GainManifold.ring(6)
 RING_M = 0.12 * np.column_stack([np.cos(NOMINAL.boresights_rad), np.sin(NOMINAL.boresights_rad)])

@@ -148,6 +148,38 @@ def test_an_ended_mission_is_a_whole_one_cut_short() -> None:
     assert make_report(cut, 1.0)["findings"] == []
 
 
+OPEN_YARD = {
+    "name": "open_yard",
+    "yard": {"size_m": (30.0, 20.0)},
+    "route": {"dock_m": (3.0, 3.0), "waypoints_m": ((15.0, 4.0), (26.0, 10.0), (15.0, 16.0))},
+}
+FREE_SOURCE = {"name": "pd", "position_m": (20.0, 9.0, 1.0)}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        pytest.param({"sources": ({**FREE_SOURCE, "pulse_rate_hz": 1.0},), "array": {}}, id="one pulse a second"),
+        pytest.param(
+            {
+                "sources": (FREE_SOURCE,),
+                "array": {"gain_error": 0.0, "pointing_error_deg": 0.0, "position_error_m": 0.0},
+                "pose_sensor": {"position_std_m": 0.0, "heading_std_deg": 0.0},
+            },
+            id="array and pose without error",
+        ),
+        pytest.param(
+            {"sources": (FREE_SOURCE,), "array": {}, "receiver": {"false_alarm_rate_hz": 20.0}},
+            id="two hundred times the false alarms",
+        ),
+    ],
+)
+def test_a_free_standing_source_is_found_also_when(changes: dict) -> None:
+    report = make_report(run_mission(Scenario.model_validate({**OPEN_YARD, **changes}), seed=1), 1.0)
+    assert report["evaluation"]["sources"][0]["found"]
+    assert report["evaluation"]["false_findings"] == 0
+
+
 def scores(name: str, seeds: range) -> list[dict]:
     return [make_report(run_mission(load_scenario(name), seed=seed), 1.0) for seed in seeds]
 
