@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
@@ -34,6 +34,28 @@ REWARD_PER_METRE = 1.0
 REWARD_PER_SECOND = -0.05
 REWARD_PER_CONTACT_STEP = -1.0
 """Weights of the reward's terms (assumed): a second costs 5 cm of progress, touching something costs a metre."""
+
+
+class Pulses(NamedTuple):
+    """What the receiver and the direction finder made of one step; n_pulses rows each, by time.
+
+    Attributes:
+        time_s: Shape (n_pulses,).
+        strengths_v: Shape (n_pulses, n_elements).
+        variance_v2: Noise variance of the strengths, same shape.
+        mains_phase_rad: Shape (n_pulses,), in [0, 2 pi).
+        azimuth_rad: Direction of arrival, array frame, shape (n_pulses,).
+        std_rad: Its deviation from noise alone, shape (n_pulses,); pi where there was no strength at all.
+        misfit: Share of the energy that no single direction explains, shape (n_pulses,).
+    """
+
+    time_s: FloatArray
+    strengths_v: FloatArray
+    variance_v2: FloatArray
+    mains_phase_rad: FloatArray
+    azimuth_rad: FloatArray
+    std_rad: FloatArray
+    misfit: FloatArray
 
 
 class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
@@ -74,8 +96,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     `terminate_on_approach`), or when the robot is back at the dock after the route. Truncated at the time limit.
 
     ## Info
-    `time_s`, `pose` (believed, float64), the pulses of the step (`pulse_time_s`, `strengths_v`, `variance_v2`,
-    `mains_phase_rad`, `azimuth_rad`, `std_rad`, `misfit`; n_pulses rows each), `touched` (names), `waypoints_visited`
+    `time_s`, `pose` (believed, float64), `pulses` (a `Pulses` of this step), `touched` (names), `waypoints_visited`
     (indices), and `truth`, which is for logs and scores: no policy but `oracle` may see it.
 
     Args:
@@ -260,13 +281,15 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         info = {
             "time_s": self._n_steps * STEP_S,
             "pose": self._pose.copy(),
-            "pulse_time_s": heard.time_s,
-            "strengths_v": heard.strengths_v,
-            "variance_v2": heard.variance_v2,
-            "mains_phase_rad": heard.mains_phase_rad,
-            "azimuth_rad": np.nan_to_num(bearings.azimuth_rad),
-            "std_rad": np.nan_to_num(bearings.std_rad, nan=np.pi),
-            "misfit": np.nan_to_num(bearings.misfit, nan=1.0),
+            "pulses": Pulses(
+                time_s=heard.time_s,
+                strengths_v=heard.strengths_v,
+                variance_v2=heard.variance_v2,
+                mains_phase_rad=heard.mains_phase_rad,
+                azimuth_rad=np.nan_to_num(bearings.azimuth_rad),
+                std_rad=np.nan_to_num(bearings.std_rad, nan=np.pi),
+                misfit=np.nan_to_num(bearings.misfit, nan=1.0),
+            ),
             "touched": self.inspector.touched(),
             "waypoints_visited": tuple(np.flatnonzero(self._visited).tolist()),
             "truth": self._truth(),

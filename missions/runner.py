@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from dirmusic import ArrayModel, Bearings, Finding, Locator, PoseError
 from dirmusic.angles import wrap
 from envs import Scenario
-from envs.patrol import STEP_S, PatrolEnv
+from envs.patrol import STEP_S, PatrolEnv, Pulses
 from missions.choices import PolicyName
 from missions.log import MissionLog
 from missions.navigation import SiteMap
@@ -98,9 +98,10 @@ class Mission:
             command=np.asarray(action, dtype=np.float64) * (MAX_SPEED_MPS, MAX_YAW_RATE_RADPS),
             phase=self.policy.phase,
         )
-        bearings = Bearings(azimuth_rad=info["azimuth_rad"], std_rad=info["std_rad"], misfit=info["misfit"])
-        self._log_pulses(step, info, bearings)
-        findings = self.locator.update(info["time_s"], info["pose"], bearings, info["strengths_v"], info["variance_v2"])
+        pulses: Pulses = info["pulses"]
+        bearings = Bearings(azimuth_rad=pulses.azimuth_rad, std_rad=pulses.std_rad, misfit=pulses.misfit)
+        self._log_pulses(step, info["pose"], pulses, bearings)
+        findings = self.locator.update(info["time_s"], info["pose"], bearings, pulses.strengths_v, pulses.variance_v2)
         self._log_findings(step, findings)
         self._log_events(step, info)
         if self.folder is not None and (step + 1) % round(PART_S / STEP_S) == 0:
@@ -115,14 +116,14 @@ class Mission:
         self.is_over = True
         self._event("end", reason)
 
-    def _log_pulses(self, step: int, info: dict[str, Any], bearings: Bearings) -> None:
+    def _log_pulses(self, step: int, pose: FloatArray, pulses: Pulses, bearings: Bearings) -> None:
         credible = self.locator.is_credible(bearings)
         for i in range(credible.size):
             pulse = self.log.append(
                 "pulse",
                 step=step,
-                strengths_v=info["strengths_v"][i],
-                mains_phase_rad=info["mains_phase_rad"][i],
+                strengths_v=pulses.strengths_v[i],
+                mains_phase_rad=pulses.mains_phase_rad[i],
                 is_credible=credible[i],
             )
             if credible[i]:
@@ -130,7 +131,7 @@ class Mission:
                     "bearing",
                     pulse=pulse,
                     azimuth_rad=bearings.azimuth_rad[i],
-                    bearing_rad=wrap(bearings.azimuth_rad[i] + info["pose"][2]),
+                    bearing_rad=wrap(bearings.azimuth_rad[i] + pose[2]),
                     std_rad=bearings.std_rad[i],
                 )
 

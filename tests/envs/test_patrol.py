@@ -55,12 +55,25 @@ def test_the_same_seed_gives_the_same_rollout_to_the_bit_and_another_seed_anothe
         seen = []
         for k in range(60):
             observation, reward, *_, info = env.step(np.array([0.5, np.sin(0.1 * k)], dtype=np.float32))
-            seen += [*observation.values(), np.array([reward]), info["strengths_v"], info["truth"]["pose"]]
+            seen += [*observation.values(), np.array([reward]), info["pulses"].strengths_v, info["truth"]["pose"]]
         return seen
 
     first, second, other = rollout(1), rollout(1), rollout(2)
     assert all(np.array_equal(a, b) for a, b in zip(first, second, strict=True))
     assert not all(np.array_equal(a, b) for a, b in zip(first, other, strict=True))
+
+
+def test_gymnasiums_vector_environments_take_it_and_its_rows_are_the_single_ones() -> None:
+    both = gymnasium.make_vec("envs:PDPatrol-v0", num_envs=2, scenario="two_sources")
+    single = gymnasium.make("envs:PDPatrol-v0", scenario="two_sources")
+    rows, _ = both.reset(seed=7)
+    one, _ = single.reset(seed=8)
+    for _ in range(30):
+        for key, value in one.items():
+            np.testing.assert_array_equal(rows[key][1], value)
+        action = np.array([0.4, 0.2], dtype=np.float32)
+        rows, *_ = both.step(np.stack([action, action]))
+        one, *_ = single.step(action)
 
 
 def test_nothing_heard_is_zeros_and_never_nan() -> None:
