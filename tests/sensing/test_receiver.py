@@ -158,3 +158,14 @@ def test_an_array_without_errors_is_the_data_sheet() -> None:
 def test_elements_turn_and_move_with_the_robot() -> None:
     moved = NOMINAL.elements_in_world(np.array([2.0, 3.0, np.pi / 2]))
     np.testing.assert_allclose(moved[0], [2.0 - 0.12, 3.0, 0.6], atol=1e-12)  # element 1 looks left: now west
+
+
+def test_the_element_nearest_to_the_source_hears_the_pulse_first_by_its_own_delay() -> None:
+    receiver = Receiver(ReceiverConfig(noise_v=1e-7), NOMINAL)
+    elements, source = NOMINAL.elements_in_world(ORIGIN), source_at(8.0, 0.0)
+    seen = np.ones(6, dtype=np.bool_)
+    heard, gates = receiver._record(ORIGIN, elements, source, seen, 50, np.random.default_rng(0))  # pyright: ignore[reportPrivateUsage]
+    assert heard.all()
+    arrival = (np.abs(gates) > 1e-4).argmax(axis=-1).mean(axis=0)
+    delay_s = direct_paths(elements, source.position_m).delay_s
+    np.testing.assert_allclose(arrival - arrival[1], (delay_s - delay_s[1]) * 20e9, atol=2.0)
