@@ -52,7 +52,7 @@ class SourceConfig(_Config, frozen=True):
     from 5 m and 1.3 degrees from 15 m, with the default receiver."""
     amplitude_range_db: NonNegativeFloat = 6.0
     """Width of the range, centred on `amplitude_v`, from which the amplitude is drawn per mission."""
-    pulse_rate_hz: NonNegativeFloat = 20.0
+    pulse_rate_hz: float = Field(default=20.0, ge=0.0, le=1e4)
 
     @model_validator(mode="after")
     def _is_somewhere(self) -> Self:
@@ -69,7 +69,7 @@ class InterfererConfig(_Config, frozen=True):
     position_m: tuple[float, float, float]
     amplitude_v: PositiveFloat
     amplitude_range_db: NonNegativeFloat = 6.0
-    pulse_rate_hz: NonNegativeFloat = 20.0
+    pulse_rate_hz: float = Field(default=20.0, ge=0.0, le=1e4)
 
 
 class RouteConfig(_Config, frozen=True):
@@ -82,7 +82,7 @@ class RouteConfig(_Config, frozen=True):
 class TaskConfig(_Config, frozen=True):
     """What counts as done, and how long it may take; the defaults are assumed."""
 
-    time_limit_s: PositiveFloat = 600.0
+    time_limit_s: float = Field(default=600.0, gt=0.0, le=86_400.0)
     standoff_m: PositiveFloat = 2.5
     """A source is approached when the robot is within this horizontal distance."""
     waypoint_radius_m: PositiveFloat = 0.6

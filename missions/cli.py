@@ -29,11 +29,14 @@ out, err = Console(), Console(stderr=True)
 
 def main() -> None:
     """Entry point of `pdpatrol`."""
-    app.cli(
-        prog="pdpatrol",
-        description="A simulated inspection robot that finds partial discharges in a substation.",
-        config=(tyro.conf.FlagCreatePairsOff,),
-    )
+    try:
+        app.cli(
+            prog="pdpatrol",
+            description="A simulated inspection robot that finds partial discharges in a substation.",
+            config=(tyro.conf.FlagCreatePairsOff,),
+        )
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
 
 
 @app.command
@@ -68,11 +71,15 @@ def run(
         _refuse(f"--seed: got {seed}; allowed is 0 or more")
     folder = _new_folder(out_dir, f"{loaded.name}-{seed}")
 
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        _refuse(f"--out: {folder} cannot be made ({error.strerror}); allowed is a folder that can be written to")
+
     from missions.recording import live_stream, write_recording
     from missions.report import findings_table, make_report
     from missions.runner import run_mission
 
-    folder.mkdir(parents=True, exist_ok=True)
     started_s = time.perf_counter()
     with _progress(loaded.task.time_limit_s) as follow:
         viewer = None
@@ -86,10 +93,10 @@ def run(
                     viewer.update()
 
         log = run_mission(loaded, policy, seed, folder, after_step)
-    report = make_report(log, time.perf_counter() - started_s)
-    log.save(folder)
-    _write_text(folder / "report.json", json.dumps(report, indent=2) + "\n")
-    write_recording(log, folder / "mission.rrd")
+        report = make_report(log, time.perf_counter() - started_s)
+        log.save(folder)
+        _write_text(folder / "report.json", json.dumps(report, indent=2) + "\n")
+        write_recording(log, folder / "mission.rrd")
     if json_output:
         out.print_json(data=report)
     else:

@@ -12,8 +12,10 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
+from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
 SCHEMA = 1
@@ -128,7 +130,7 @@ class MissionLog:
 
         Raises:
             FileNotFoundError: If the folder holds neither.
-            ValueError: If the log was written under another schema.
+            ValueError: If a file is no log, or was written under another schema.
         """
         files = [folder / "log.npz"]
         if not files[0].exists():
@@ -137,7 +139,7 @@ class MissionLog:
             raise FileNotFoundError(f"{folder}: holds no log.npz and no log.parts; give the folder of a mission")
         log: MissionLog | None = None
         for file in files:
-            with np.load(file, allow_pickle=False) as arrays:
+            with _open(file) as arrays:
                 meta = json.loads(str(arrays["meta"]))
                 if meta["schema"] != SCHEMA:
                     raise ValueError(f"{file}: log schema {meta['schema']}, this version reads schema {SCHEMA}")
@@ -148,6 +150,16 @@ class MissionLog:
                         log._rows[table][column].extend(arrays[name])
         assert log is not None
         return log
+
+
+def _open(path: Path) -> NpzFile:
+    try:
+        arrays = np.load(path, allow_pickle=False)
+    except (OSError, EOFError, ValueError, BadZipFile):
+        arrays = None
+    if not isinstance(arrays, NpzFile) or "meta" not in arrays.files:
+        raise ValueError(f"{path}: is not the log of a mission; give the folder that `pdpatrol run` wrote")
+    return arrays
 
 
 def _save(path: Path, meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:

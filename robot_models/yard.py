@@ -16,6 +16,7 @@ from pydantic import BaseModel, Field, PositiveFloat, model_validator
 FloatArray = NDArray[np.float64]
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+YardLength = Annotated[float, Field(gt=0.0, le=200.0)]
 
 SURFACE_TOLERANCE_M = 0.01
 """How far from the surface a site may be written (assumed; the width of a pencil line on a yard plan)."""
@@ -118,7 +119,7 @@ Equipment = Annotated[BoxEquipment | CylinderEquipment, Field(discriminator="sha
 class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
     """A fenced rectangle of ground with equipment on it."""
 
-    size_m: tuple[PositiveFloat, PositiveFloat] = Field(description="length along x (east) and y (north)")
+    size_m: tuple[YardLength, YardLength] = Field(description="length along x (east) and y (north), at most 200 m")
     equipment: tuple[Equipment, ...] = ()
 
     @model_validator(mode="after")

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, PositiveFloat, PositiveInt
+from pydantic import BaseModel, Field, PositiveFloat, PositiveInt, model_validator
 
 from dirmusic import pulse_strengths, strength_variance
 from sensing.array import N_ELEMENTS, HelicalArray
@@ -24,12 +25,21 @@ LineOfSight = Callable[[FloatArray, FloatArray], NDArray[np.bool_]]
 class ReceiverConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
     """A six-channel recorder with a common trigger. The defaults are assumed, about those of a fast oscilloscope."""
 
-    sample_rate_hz: PositiveFloat = 20e9
+    sample_rate_hz: float = Field(default=20e9, ge=1e8, le=1e12)
     noise_v: PositiveFloat = 1e-3
     pretrigger_samples: PositiveInt = 20
-    gate_samples: PositiveInt = 90
-    false_alarm_rate_hz: PositiveFloat = 0.1
+    gate_samples: int = Field(default=90, ge=1, le=10_000)
+    false_alarm_rate_hz: float = Field(default=0.1, gt=0.0, le=1e4)
     mains_hz: PositiveFloat = 50.0
+
+    @model_validator(mode="after")
+    def _gate_reaches_beyond_the_trigger(self) -> Self:
+        if self.pretrigger_samples >= self.gate_samples:
+            raise ValueError(
+                f"pretrigger_samples: got {self.pretrigger_samples}; allowed is less than gate_samples, "
+                f"{self.gate_samples}, or the gate ends before the pulse begins"
+            )
+        return self
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -108,6 +108,17 @@ def test_a_given_folder_that_holds_something_is_refused_and_left_alone(short: Pa
     assert "is a file" in line
 
 
+def test_a_folder_that_cannot_be_made_is_refused(short: Path, tmp_path: Path) -> None:
+    (line,) = refused(pdpatrol("run", str(short), "--out", f"{short}/below", cwd=tmp_path))
+    assert line.startswith("--out: ")
+
+
+def test_a_log_that_is_none_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "log.npz").write_bytes(b"PK\x03\x04 not a log")
+    (line,) = refused(pdpatrol("replay", ".", cwd=tmp_path))
+    assert "is not the log of a mission" in line
+
+
 def test_a_faulty_scenario_is_refused_line_by_line_and_nothing_is_written(short: Path, tmp_path: Path) -> None:
     text = short.read_text(encoding="utf-8").replace("gain_error = 0.05", "gain_error = -0.05\ncolour = 1")
     short.write_text(text, encoding="utf-8")
