@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from dirmusic import GainManifold, GaussianPattern
 from dirmusic.locating import CHI2_95
 from missions.log import MissionLog
 from missions.recording import blueprint as paths
+from missions.recording.scene import COLOURS, log_scene
 
 FloatArray = NDArray[np.float64]
 
@@ -34,21 +34,6 @@ MAX_DRAWN_ELLIPSE_M = 15.0
 
 QUIETEST_DBV = -60.0
 """Strengths below are drawn here: noise, and elements that look away."""
-
-COLOURS = {
-    "candidate": (255, 178, 40),
-    "confirmed": (60, 220, 110),
-    "outside": (150, 150, 160),
-    "bearing": (255, 232, 110),
-    "spectrum": (90, 220, 255),
-    "trajectory": (120, 190, 255),
-    "truth": (255, 70, 200),
-    "route": (200, 205, 210),
-    "site": (200, 150, 90),
-    "ground": (64, 70, 72),
-}
-
-ELEMENT_COLOURS = ((230, 90, 80), (240, 170, 60), (225, 225, 90), (90, 200, 110), (90, 160, 240), (190, 110, 230))
 
 
 def write_recording(log: MissionLog, path: Path) -> None:
@@ -84,7 +69,7 @@ class Recorder:
         boresights = np.asarray(log.meta["array"]["boresights_rad"])
         gain = GainManifold(GaussianPattern(), boresights).gain(SPECTRUM_AZIMUTHS_RAD)
         self._unit_gain = gain / np.linalg.norm(gain, axis=0)
-        self._log_still()
+        log_scene(stream, log.meta)
 
     def update(self) -> None:
         """Send the rows added since the last call."""
@@ -106,99 +91,6 @@ class Recorder:
 
     def _columns(self, path: str, steps: NDArray[Any], columns: Any) -> None:  # noqa: ANN401 - rerun's column lists
         rr.send_columns(path, indexes=self._times(steps), columns=columns, recording=self._stream)
-
-    def _still(self, path: str, *archetypes: Any) -> None:  # noqa: ANN401 - any archetype
-        for archetype in archetypes:
-            self._stream.log(path, archetype, static=True)
-
-    # What does not move ------------------------------------------------------------------------------------------
-
-    def _log_still(self) -> None:
-        meta = self._log.meta
-        self._still(paths.WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP)
-        size_x, size_y = meta.get("yard_size_m", (0.0, 0.0))
-        if size_x:
-            ground = rr.Boxes3D(
-                centers=[[0.5 * size_x, 0.5 * size_y, -0.03]],
-                half_sizes=[[0.5 * size_x, 0.5 * size_y, 0.02]],
-                colors=[COLOURS["ground"]],
-                fill_mode="solid",
-            )
-            self._still(paths.GROUND, ground)
-        solids = meta.get("solids", {})
-        by_group = {"equipment": paths.EQUIPMENT, "fence": paths.FENCE}
-        for group, path in by_group.items():
-            self._draw_solids(path, [s for s in solids.get("yard", []) if s["group"] == group])
-        self._draw_solids(paths.BODY, solids.get("robot", []))
-        self._draw_points(paths.SITES, meta.get("sites", {}), COLOURS["site"], 0.07, labelled=False)
-        if "route" in meta:
-            stops = {str(i + 1): [*p, 0.02] for i, p in enumerate(meta["route"]["waypoints_m"])}
-            self._draw_points(paths.ROUTE, {"dock": [*meta["route"]["dock_m"], 0.02], **stops}, COLOURS["route"], 0.15)
-        truth = meta.get("truth", {})
-        radiating = [*truth.get("sources", []), *truth.get("interferers", [])]
-        named = {f"true: {source['name']}": source["position_m"] for source in radiating}
-        self._draw_points(paths.TRUE_SOURCES, named, COLOURS["truth"], 0.22, labelled=False)
-        above = {name: [x, y, z + 1.5] for name, (x, y, z) in named.items()}
-        self._draw_points(paths.TRUE_NAMES, above, COLOURS["truth"], 0.01)
-        lines = {
-            paths.TRAJECTORY: ("trajectory", 0.05),
-            paths.TRUE_TRAJECTORY: ("truth", 0.02),
-            paths.BEARINGS: ("bearing", 0.035),
-            paths.SPECTRUM: ("spectrum", 0.06),
-        }
-        for path, (colour, radius) in lines.items():
-            self._still(path, rr.LineStrips3D.from_fields(colors=[COLOURS[colour]], radii=[radius]))
-        for element in range(meta["n_elements"]):
-            colour = ELEMENT_COLOURS[element % len(ELEMENT_COLOURS)]
-            style = rr.SeriesPoints(names=[f"element {element + 1}"], colors=[colour], marker_sizes=[1.5])
-            self._still(f"{paths.STRENGTHS}/{element + 1}", style)
-        for name in ("speed (m/s)", "yaw rate (rad/s)"):
-            self._still(f"{paths.COMMAND}/{name.split(' (')[0].replace(' ', '_')}", rr.SeriesLines(names=[name]))
-
-    def _draw_points(
-        self,
-        path: str,
-        points: Mapping[str, Sequence[float]],
-        colour: tuple[int, int, int],
-        radius_m: float,
-        *,
-        labelled: bool = True,
-    ) -> None:
-        if points:
-            self._still(
-                path,
-                rr.Points3D(
-                    list(points.values()), labels=list(points), colors=[colour], radii=[radius_m], show_labels=labelled
-                ),
-            )
-
-    def _draw_solids(self, path: str, solids: Sequence[dict[str, Any]]) -> None:
-        """One batch for each kind of shape."""
-        for shape in sorted({solid["shape"] for solid in solids}):
-            some = [solid for solid in solids if solid["shape"] == shape]
-            size = np.array([solid["size_m"] for solid in some])
-            centre = np.array([solid["position_m"] for solid in some])
-            common: dict[str, Any] = {
-                "quaternions": np.roll([solid["quaternion_wxyz"] for solid in some], -1, axis=-1),  # to xyzw
-                "colors": np.round(255 * np.array([solid["rgba"] for solid in some])).astype(np.uint8),
-                "labels": [solid["name"].removeprefix("equipment/") for solid in some],
-                "show_labels": False,
-                "fill_mode": "transparentfillmajorwireframe" if path == paths.EQUIPMENT else "solid",
-            }
-            drawn: Any
-            if shape == "box":
-                drawn = rr.Boxes3D(half_sizes=size, centers=centre, **common)
-            elif shape == "cylinder":
-                drawn = rr.Cylinders3D(lengths=2 * size[:, 1], radii=size[:, 0], centers=centre, **common)
-            elif shape == "capsule":
-                foot = centre - size[:, 1, np.newaxis] * _z_axis(common["quaternions"])  # Rerun's capsule starts there
-                drawn = rr.Capsules3D(lengths=2 * size[:, 1], radii=size[:, 0], translations=foot, **common)
-            else:
-                half = size if shape == "ellipsoid" else np.repeat(size[:, :1], 3, axis=1)
-                drawn = rr.Ellipsoids3D(half_sizes=half, centers=centre, **common)
-            self._still(f"{path}/{shape}", drawn)
-
-    # What moves --------------------------------------------------------------------------------------------------
 
     def _send_motion(self, step: dict[str, NDArray[Any]], first: int) -> None:
         n = step["time_s"].size
@@ -316,7 +208,7 @@ class Recorder:
             plot = f"{paths.UNCERTAINTY}/{number}"
             if number not in self._named:
                 self._named.add(number)
-                self._still(plot, rr.SeriesLines(names=[f"finding {number}"]))
+                self._stream.log(plot, rr.SeriesLines(names=[f"finding {number}"]), static=True)
             self._columns(plot, steps, rr.Scalars.columns(scalars=semi_major))
 
     def _clear_finding(self, number: int, step: int) -> None:
@@ -328,12 +220,6 @@ class Recorder:
     def _send_text(self, path: str, steps: NDArray[Any], kinds: NDArray[Any], texts: NDArray[Any]) -> None:
         words, levels = [str(text) for text in texts], [str(kind) for kind in kinds]
         self._columns(path, steps, rr.TextLog.columns(text=words, level=levels))
-
-
-def _z_axis(quaternion_xyzw: FloatArray) -> FloatArray:
-    """Where the z axis points after a turn, shape (n, 3)."""
-    x, y, z, w = np.asarray(quaternion_xyzw).T
-    return np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=-1)
 
 
 def ellipse(position_m: FloatArray, covariance_m2: FloatArray) -> FloatArray:

@@ -184,3 +184,35 @@ def test_the_drawn_ellipse_is_the_contour_that_holds_95_percent() -> None:
     off = line[:, :2] - [3.0, 4.0]
     np.testing.assert_allclose(np.einsum("ni,ij,nj->n", off, np.linalg.inv(covariance), off), CHI2_95)
     np.testing.assert_allclose(line[0], line[-1])
+
+
+def test_a_capsule_is_drawn_about_its_middle(tmp_path: Path, log: MissionLog) -> None:
+    # Rerun's capsule starts at its translation and runs along its own z; MuJoCo's is centred
+    lying = {
+        "name": "bar",
+        "group": "robot",
+        "shape": "capsule",
+        "size_m": [0.01, 0.3, 0.0],
+        "position_m": [1.0, 2.0, 3.0],
+        "quaternion_wxyz": [np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0],
+        "rgba": [1.0, 1.0, 1.0, 1.0],
+    }
+    write_recording(MissionLog({**log.meta, "solids": {"yard": [], "robot": [lying]}}), tmp_path / "bar.rrd")
+    (row,) = values(tmp_path / "bar.rrd")[f"/{paths.BODY}/capsule"]
+    start = next(cell for name, cell in row.items() if name.endswith(":translations"))[0]
+    np.testing.assert_allclose(start, [0.7, 2.0, 3.0], atol=1e-6)  # turned by 90 degrees about y: z became x
+
+
+def test_a_finding_that_is_dropped_disappears(tmp_path: Path, log: MissionLog) -> None:
+    dropped = MissionLog(log.meta)
+    step, finding = log.table("step"), log.table("finding")
+    for k in range(20):
+        dropped.append("step", **{name: column[k] for name, column in step.items()})
+    for at, state in ((3, "candidate"), (9, "dropped")):
+        row = {name: column[-1] for name, column in finding.items()}
+        dropped.append("finding", **row | {"step": at, "state": state, "id": 1})
+    write_recording(dropped, tmp_path / "dropped.rrd")
+    found = values(tmp_path / "dropped.rrd")
+    for path, component in ((paths.finding_path(1), "positions"), (f"{paths.finding_path(1)}/ellipse", "strips")):
+        drawn = cells(found[f"/{path}"], component)
+        assert {at: len(shapes) for at, shapes in drawn.items()} == {3: 1, 9: 0}
