@@ -1,7 +1,8 @@
 """Direction finding on signal strength: what would run unchanged on a real robot. It never sees truth."""
 
-from dirmusic.bearing import Bearings, estimate_bearings
+from dirmusic.bearing import Bearings, bearings_from_covariance, estimate_bearings
 from dirmusic.bounds import bearing_bound, manifold_error_std
+from dirmusic.element_errors import ElementErrors, ElementSpread, ManifoldPrior, UniformOffsets
 from dirmusic.joint_fix import ArrayModel, PoseError
 from dirmusic.locating import Finding, Locator
 from dirmusic.manifold import GainManifold
@@ -13,15 +14,20 @@ from dirmusic.triangulation import Fix, triangulate
 __all__ = [
     "ArrayModel",
     "Bearings",
+    "ElementErrors",
+    "ElementSpread",
     "Finding",
     "Fix",
     "GainManifold",
     "GainPattern",
     "GaussianPattern",
     "Locator",
+    "ManifoldPrior",
     "PoseError",
     "TabulatedPattern",
+    "UniformOffsets",
     "bearing_bound",
+    "bearings_from_covariance",
     "estimate_bearings",
     "manifold_error_std",
     "noise_subspace",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dirmusic.element_errors import ElementErrors, ManifoldPrior
 from dirmusic.manifold import GainManifold
 
 FloatArray = NDArray[np.float64]
@@ -36,50 +37,35 @@ def bearing_bound(manifold: GainManifold, azimuth_rad: ArrayLike, energy_to_nois
     References:
         Stoica and Nehorai, "MUSIC, maximum likelihood, and Cramer-Rao bound", 1989, for a real gain manifold.
     """
-    slope = perpendicular_slope(manifold.gain(azimuth_rad), manifold.derivative(azimuth_rad))
+    slope = perpendicular_slope(*manifold.gain_and_slope(azimuth_rad))
     return 1.0 / np.sqrt(np.asarray(energy_to_noise) * np.square(slope).sum(axis=0))
 
 
-def manifold_error_std(
-    manifold: GainManifold, azimuth_rad: ArrayLike, gain_error: float, pointing_error_rad: float
-) -> FloatArray:
+def manifold_error_std(manifold: GainManifold, azimuth_rad: ArrayLike, prior: ManifoldPrior) -> FloatArray:
     """Bearing error that all pulses from one azimuth share, because the array is not what the data sheet says.
 
     Args:
         manifold: The nominal array.
         azimuth_rad: Array-frame azimuth, any shape.
-        gain_error: Standard deviation of the relative gain errors, >= 0.
-        pointing_error_rad: Standard deviation of the pointing errors, >= 0.
+        prior: How far the elements of real arrays spread about the data sheet.
 
     Returns:
-        Standard deviation in radians, shape of `azimuth_rad`. Averaging pulses does not lessen it.
+        Standard deviation in radians, shape of `azimuth_rad`, to first order. Averaging pulses does not lessen it.
     """
-    by_gain, by_pointing = _error_sensitivity(manifold, azimuth_rad)
-    variance = np.square(by_gain * gain_error) + np.square(by_pointing * pointing_error_rad)
+    gain, slope = manifold.gain_and_slope(azimuth_rad)
+    variance = np.square(_turn_by_gain(gain, slope)) * prior.variance(gain, slope)
     return np.sqrt(variance.sum(axis=0))
 
 
-def manifold_error(
-    manifold: GainManifold, azimuth_rad: ArrayLike, gain_errors: FloatArray, pointing_errors_rad: FloatArray
-) -> FloatArray:
-    """First-order bearing error, radians and shape of `azimuth_rad`, made by known errors of the elements.
-
-    Args:
-        manifold: The nominal array.
-        azimuth_rad: Array-frame azimuth, any shape.
-        gain_errors: Relative gain errors, shape (n_elements,).
-        pointing_errors_rad: How far each element looks beyond its nominal boresight, shape (n_elements,).
-    """
-    by_gain, by_pointing = _error_sensitivity(manifold, azimuth_rad)
-    return np.tensordot(gain_errors, by_gain, axes=1) + np.tensordot(pointing_errors_rad, by_pointing, axes=1)
+def manifold_error(manifold: GainManifold, azimuth_rad: ArrayLike, errors: ElementErrors) -> FloatArray:
+    """First-order bearing error, radians and shape of `azimuth_rad`, made by known errors of the elements."""
+    gain, slope = manifold.gain_and_slope(azimuth_rad)
+    per_element = (-1, *(1,) * (gain.ndim - 1))
+    e, d, o = (x.reshape(per_element) for x in (errors.gain, errors.pointing_rad, errors.offset))
+    return (_turn_by_gain(gain, slope) * (e * gain - d * slope + o)).sum(axis=0)
 
 
-def _error_sensitivity(manifold: GainManifold, azimuth_rad: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    r"""Bearing error per relative gain error and per pointing error of each element, shape (n_elements, ...).
-
-    :math:`\delta\theta = \sum_i g'_{\perp i} (e_i g_i - d_i g'_i) / \lVert g'_\perp \rVert^2`
-    """
-    gain, slope = manifold.gain(azimuth_rad), manifold.derivative(azimuth_rad)
+def _turn_by_gain(gain: FloatArray, slope: FloatArray) -> FloatArray:
+    r"""Bearing error per addition to the gain of each element, :math:`g'_{\perp i} / \lVert g'_\perp \rVert^2`."""
     perpendicular = perpendicular_slope(gain, slope)
-    weight = perpendicular / np.square(perpendicular).sum(axis=0)
-    return weight * gain, -weight * slope
+    return perpendicular / np.square(perpendicular).sum(axis=0)

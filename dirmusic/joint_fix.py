@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dirmusic.element_errors import ElementErrors, ElementSpread
 from dirmusic.manifold import GainManifold
 
 FloatArray = NDArray[np.float64]
@@ -37,14 +38,12 @@ class ArrayModel:
     Attributes:
         manifold: Nominal gains.
         positions_m: Nominal element positions, array frame, shape (n_elements, 2) or more columns, of which two count.
-        gain_error: Standard deviation of relative gain errors.
-        pointing_error_rad: Standard deviation of pointing errors.
+        spread: How far gains and pointings of real arrays spread about the data sheet.
     """
 
     manifold: GainManifold
     positions_m: FloatArray
-    gain_error: float
-    pointing_error_rad: float
+    spread: ElementSpread
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,14 +82,12 @@ class JointFix:
     Attributes:
         positions_m: Shape (n_sources, 2), world frame.
         covariances_m2: Shape (n_sources, 2, 2), with the uncertainty of the array's errors in it.
-        gain_errors: Relative, shape (n_elements,).
-        pointing_errors_rad: Shape (n_elements,).
+        errors: What the elements' gains and pointings turned out to be off by.
     """
 
     positions_m: FloatArray
     covariances_m2: FloatArray
-    gain_errors: FloatArray
-    pointing_errors_rad: FloatArray
+    errors: ElementErrors
 
 
 def locate_jointly(
@@ -121,8 +118,8 @@ def locate_jointly(
     spread = np.concatenate(
         [
             np.tile([POSITION_PRIOR_M, POSITION_PRIOR_M, HEIGHT_PRIOR_M[1]], n_sources),
-            np.full(n_elements, max(array.gain_error, 1e-6)),
-            np.full(n_elements, max(array.pointing_error_rad, 1e-6)),
+            np.full(n_elements, max(array.spread.gain, 1e-6)),
+            np.full(n_elements, max(array.spread.pointing_rad, 1e-6)),
         ]
     )
     heard_from_m = [sightings.pose[source == k, :2].mean(axis=0) for k in range(n_sources)]
@@ -157,8 +154,11 @@ def locate_jointly(
     return JointFix(
         positions_m=solution.x[:n_places].reshape(-1, 3)[:, :2],
         covariances_m2=covariance[block[:, :, np.newaxis], block[:, np.newaxis, :]],
-        gain_errors=solution.x[n_places : n_places + n_elements],
-        pointing_errors_rad=solution.x[n_places + n_elements :],
+        errors=ElementErrors(
+            gain=solution.x[n_places : n_places + n_elements],
+            pointing_rad=solution.x[n_places + n_elements :],
+            offset=np.zeros(n_elements),
+        ),
     )
 
 
@@ -193,7 +193,7 @@ def _linearise(
     square = horizontal + position[:, 2:] ** 2
     range_m = np.linalg.norm(position[:, :2] - sightings.pose[:, :2], axis=-1, keepdims=True)
     off = np.arctan2(dy, dx) - yaw - array.manifold.boresights_rad - pointing
-    gain, slope = array.manifold.pattern(off), array.manifold.pattern.derivative(off)
+    gain, slope = array.manifold.element_response(off)
 
     weight = 1.0 / np.sqrt(sightings.variance + STRENGTH_FLOOR**2 * np.square(sightings.strengths) + 1e-8)
     spreading = weight * np.maximum(range_m, 1e-2) / np.sqrt(square)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from dirmusic.angles import difference, opening
 from dirmusic.bearing import Bearings
 from dirmusic.bounds import manifold_error, manifold_error_std, perpendicular_slope
+from dirmusic.element_errors import ElementErrors
 from dirmusic.joint_fix import ArrayModel, PoseError, Sightings, locate_jointly
 from dirmusic.triangulation import triangulate
 
@@ -130,8 +131,7 @@ class Locator:
         self._next_fit_s = -np.inf
         n_elements = array.manifold.n_elements
         self._aperture_m = float(np.linalg.norm(array.positions_m[:, :2], axis=-1).max())
-        self._gain_errors = np.zeros(n_elements)
-        self._pointing_errors_rad = np.zeros(n_elements)
+        self._errors = ElementErrors.none(n_elements)
         self._sightings = Sightings(np.empty(0), np.empty((0, 3)), *(np.empty((0, n_elements)) for _ in range(2)))
         self._azimuth_rad = np.empty(0)
         self._std_rad = np.empty(0)
@@ -143,7 +143,7 @@ class Locator:
         gain = manifold.gain(azimuth)
         slope = perpendicular_slope(gain, manifold.derivative(azimuth))
         by_noise = np.square(bearings.std_rad) * np.square(slope).sum(axis=0) / np.square(gain).sum(axis=0)
-        by_array = self.array.gain_error**2 + self.array.pointing_error_rad**2
+        by_array = self.array.spread.gain**2 + self.array.spread.pointing_rad**2
         expected = by_noise + by_array + self.rules.misfit_floor
         return (bearings.std_rad < self.rules.max_std_rad) & (bearings.misfit < self.rules.misfit_factor * expected)
 
@@ -207,7 +207,7 @@ class Locator:
             self.array,
             self.pose_error,
         )
-        self._gain_errors, self._pointing_errors_rad = fix.gain_errors, fix.pointing_errors_rad
+        self._errors = fix.errors
         moved = list(self.findings)
         for k, position, covariance in zip(fitted, fix.positions_m, fix.covariances_m2, strict=True):
             moved[k] = replace(moved[k], position_m=position, covariance_m2=covariance)
@@ -222,8 +222,8 @@ class Locator:
     def _bearings(self, index: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
         """World bearings of sightings with the array's known error taken out, and their deviation with what is left."""
         azimuth, manifold = self._azimuth_rad[index], self.array.manifold
-        error = manifold_error(manifold, azimuth, self._gain_errors, self._pointing_errors_rad)
-        common = manifold_error_std(manifold, azimuth, self.array.gain_error, self.array.pointing_error_rad)
+        error = manifold_error(manifold, azimuth, self._errors)
+        common = manifold_error_std(manifold, azimuth, self.array.spread)
         variance = self._std_rad[index] ** 2 + common**2 + self.pose_error.heading_rad**2
         return azimuth - error + self._sightings.pose[index, 2], np.sqrt(variance)
 

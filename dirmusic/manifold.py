@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Self
 
 import numpy as np
@@ -11,6 +12,13 @@ from dirmusic.pattern import GainPattern, GaussianPattern
 
 FloatArray = NDArray[np.float64]
 
+SEARCH_STEP_RAD = np.radians(2.0)
+SEARCH_AZIMUTHS_RAD = np.arange(180) * SEARCH_STEP_RAD
+"""Where peaks are looked for before they are refined: fine against any lobe wide enough to be used in a ring."""
+
+BLIND_SLOPE = 0.01
+"""A manifold that turns by less than this per radian everywhere is blind: 1 % of gain would be a radian."""
+
 
 class GainManifold:
     """The gain array manifold that the estimator believes in.
@@ -18,44 +26,101 @@ class GainManifold:
     Args:
         pattern: Gain of each element over the angle off its boresight.
         boresights_rad: Where each element looks, array frame, shape (n_elements,), n_elements >= 2.
+        gain_factors: Known factor on each element's gain, shape (n_elements,), positive; one where nothing is known.
+        gain_offsets: Known addition to each element's gain, in units of gain, shape (n_elements,); zero where nothing
+            is known. Both come from a calibration, and `ElementErrors.correct` sets them.
+
+    Attributes:
+        search_gain: Gains towards `SEARCH_AZIMUTHS_RAD`, shape (n_elements, n_azimuths), kept because every estimate
+            starts there; `search_slope` their slopes per radian, `search_unit_gain` the gains scaled to unit norm.
 
     Raises:
-        ValueError: If `boresights_rad` is not a finite vector of at least two angles.
+        ValueError: If a vector is not finite or not of shape (n_elements,), or the array cannot tell directions apart
+            because its gains hardly change with azimuth.
 
     References:
         Dir-MUSIC, eq. (6).
     """
 
-    def __init__(self, pattern: GainPattern, boresights_rad: ArrayLike) -> None:
+    def __init__(
+        self,
+        pattern: GainPattern,
+        boresights_rad: ArrayLike,
+        *,
+        gain_factors: ArrayLike = 1.0,
+        gain_offsets: ArrayLike = 0.0,
+    ) -> None:
         boresights = np.array(boresights_rad, dtype=np.float64)
         if boresights.ndim != 1 or boresights.size < 2 or not np.isfinite(boresights).all():
             raise ValueError(
                 f"`boresights_rad` must be finite with shape (n_elements,), n_elements >= 2, got {boresights_rad!r}. "
                 "One element alone leaves no noise subspace, so it has no bearing."
             )
-        boresights.setflags(write=False)
+        factors, offsets = (np.array(x, dtype=np.float64) for x in (gain_factors, gain_offsets))
+        for name, values in (("gain_factors", factors), ("gain_offsets", offsets)):
+            if values.shape not in ((), boresights.shape) or not np.isfinite(values).all():
+                raise ValueError(f"`{name}` must be finite with shape {boresights.shape}, got {values!r}")
+        if not np.all(factors > 0):
+            raise ValueError(f"`gain_factors` must be positive, got {factors!r}; a dead element is left out by `take`")
         self.pattern = pattern
         self.boresights_rad = boresights
+        self.gain_factors = np.array(np.broadcast_to(factors, boresights.shape))
+        self.gain_offsets = np.array(np.broadcast_to(offsets, boresights.shape))
+        for array in (self.boresights_rad, self.gain_factors, self.gain_offsets):
+            array.setflags(write=False)
+        gain, slope = self.gain_and_slope(SEARCH_AZIMUTHS_RAD)
+        unit = gain / np.linalg.norm(gain, axis=0)
+        self.search_gain, self.search_slope, self.search_unit_gain = gain, slope, unit
+        for array in (gain, slope, unit):
+            array.setflags(write=False)
+        if not np.linalg.norm(np.roll(unit, -1, axis=1) - unit, axis=0).max() > BLIND_SLOPE * SEARCH_STEP_RAD:
+            raise ValueError(
+                "`pattern` is flat: the ratios of the gains do not change with azimuth, so strengths tell no direction"
+            )
 
     @classmethod
     def ring(cls, n_elements: int = 6, pattern: GainPattern | None = None) -> Self:
         """A uniform ring with boresights +90 - 360 k / n degrees: element 1 looks left, the next further clockwise."""
         return cls(pattern or GaussianPattern(), np.pi / 2 - 2 * np.pi * np.arange(n_elements) / n_elements)
 
+    def take(self, elements: Sequence[int] | NDArray[np.intp] | NDArray[np.bool_]) -> GainManifold:
+        """The manifold of some elements alone, by index or mask: a four-channel receiver, or dead channels left out."""
+        chosen = np.arange(self.n_elements)[np.asarray(elements)]
+        return GainManifold(
+            self.pattern,
+            self.boresights_rad[chosen],
+            gain_factors=self.gain_factors[chosen],
+            gain_offsets=self.gain_offsets[chosen],
+        )
+
     @property
     def n_elements(self) -> int:
         """Number of elements."""
         return self.boresights_rad.size
 
-    def off_boresight(self, azimuth_rad: ArrayLike) -> FloatArray:
-        """Azimuth of any shape as seen from each boresight, shape (n_elements, *azimuth.shape), radians."""
-        azimuth = np.asarray(azimuth_rad, dtype=np.float64)
-        return azimuth - self.boresights_rad.reshape(-1, *(1,) * azimuth.ndim)
-
     def gain(self, azimuth_rad: ArrayLike) -> FloatArray:
         """Gains towards array-frame azimuths of any shape; shape (n_elements, *azimuth.shape), unitless."""
-        return self.pattern(self.off_boresight(azimuth_rad))
+        return self.gain_and_slope(azimuth_rad)[0]
 
     def derivative(self, azimuth_rad: ArrayLike) -> FloatArray:
         """Slopes of the gains per radian of azimuth; shape (n_elements, *azimuth.shape)."""
-        return self.pattern.derivative(self.off_boresight(azimuth_rad))
+        return self.gain_and_slope(azimuth_rad)[1]
+
+    def gain_and_slope(self, azimuth_rad: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Gains and their slopes per radian, each of shape (n_elements, *azimuth.shape)."""
+        azimuth = np.asarray(azimuth_rad, dtype=np.float64)
+        per_element = (-1, *(1,) * azimuth.ndim)
+        return self.element_response(azimuth - self.boresights_rad.reshape(per_element), per_element)
+
+    def element_response(
+        self, off_boresight_rad: FloatArray, per_element: tuple[int, ...] = (-1,)
+    ) -> tuple[FloatArray, FloatArray]:
+        """Gain and slope of each element towards its own angle off boresight, which may all differ: a source close by.
+
+        Args:
+            off_boresight_rad: Shape that broadcasts with (n_elements,) reshaped to `per_element`.
+            per_element: Where the element axis is; (-1,) is the last.
+        """
+        gain, slope = self.pattern.gain_and_slope(off_boresight_rad)
+        factors, offsets = self.gain_factors.reshape(per_element), self.gain_offsets.reshape(per_element)
+        return factors * gain + offsets, factors * slope

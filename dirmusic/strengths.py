@@ -45,7 +45,8 @@ def pulse_strengths(waveforms: ArrayLike, noise_variance: ArrayLike) -> FloatArr
         noise_variance: Variance of one noise sample, V^2, >= 0; broadcasts to (..., n_elements).
 
     Returns:
-        Strengths, shape (..., n_elements), volts (root of a sum over samples, not a peak).
+        Strengths, shape (..., n_elements), volts (root of a sum over samples, not a peak). NaN marks a dead channel:
+        all its samples are zero, though there should be noise and other channels have some.
 
     Raises:
         ValueError: If a sample is not finite or a variance is negative.
@@ -54,11 +55,21 @@ def pulse_strengths(waveforms: ArrayLike, noise_variance: ArrayLike) -> FloatArr
     variance = np.asarray(noise_variance, dtype=np.float64)
     if x.ndim < 2:
         raise ValueError(f"`waveforms` must have shape (..., n_elements, n_samples), got {x.shape}")
-    if not np.isfinite(x).all():
-        raise ValueError("`waveforms` must be finite; drop the broken record or channel first")
     if not np.all(variance >= 0):
         raise ValueError(f"`noise_variance` must be >= 0 V^2, got {noise_variance!r}")
-    energy = np.square(x).sum(axis=-1)
+    energy = np.einsum("...k,...k->...", x, x)
+    if not np.isfinite(energy).all():
+        broken = np.flatnonzero(~np.all(np.isfinite(energy), axis=tuple(range(energy.ndim - 1)))) + 1
+        raise ValueError(
+            f"`waveforms` must be finite, got NaN or infinity in channels {', '.join(map(str, broken))}; drop the "
+            "broken records or channels first"
+        )
+    silent = energy == 0.0
+    if (
+        silent.any()
+    ):  # with noise about, not one sample that differs from zero: no pulse was too weak, a channel is dead
+        dead = silent & (variance > 0) & ~silent.all(axis=-1, keepdims=True)
+        energy = np.where(dead, np.nan, energy)
     return np.sqrt(np.maximum(energy - x.shape[-1] * variance, 0.0))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from dirmusic import ArrayModel, Bearings, Finding, Locator, PoseError
+from dirmusic import ArrayModel, Bearings, ElementSpread, Finding, Locator, PoseError
 from dirmusic.angles import wrap
 from envs import Scenario
 from envs.patrol import STEP_S, PatrolEnv, Pulses
@@ -187,8 +187,9 @@ def make_locator(scenario: Scenario) -> Locator:
         ArrayModel(
             manifold=nominal.manifold(),
             positions_m=nominal.positions_m,
-            gain_error=scenario.array.gain_error,
-            pointing_error_rad=float(np.radians(scenario.array.pointing_error_deg)),
+            spread=ElementSpread(
+                gain=scenario.array.gain_error, pointing_rad=float(np.radians(scenario.array.pointing_error_deg))
+            ),
         ),
         PoseError(
             position_m=scenario.pose_sensor.position_std_m,

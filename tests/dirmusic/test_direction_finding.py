@@ -6,6 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dirmusic import (
+    ElementErrors,
+    ElementSpread,
     GainManifold,
     GaussianPattern,
     TabulatedPattern,
@@ -223,15 +225,16 @@ def test_an_error_of_the_array_turns_bearings_as_predicted_and_averages_never() 
     rng = np.random.default_rng(3)
     gain_errors, pointing = rng.normal(0, 0.01, 6), rng.normal(0, np.radians(0.3), 6)
     real = GainManifold(GaussianPattern(), RING.boresights_rad + pointing)
+    errors = ElementErrors(gain=gain_errors, pointing_rad=pointing, offset=np.zeros(6))
     heard = (1 + gain_errors) * real.gain(AZIMUTHS).T
     pooled = estimate_bearings(np.repeat(heard[:, np.newaxis], 50, axis=1), RING).azimuth_rad
     error = difference(pooled, AZIMUTHS)
-    unexplained = error - manifold_error(RING, AZIMUTHS, gain_errors, pointing)
+    unexplained = error - manifold_error(RING, AZIMUTHS, errors)
     assert np.degrees(np.std(error)) > 0.3
     assert np.std(unexplained) < 0.2 * np.std(error)
 
 
 def test_the_shipped_spread_of_arrays_means_two_and_a_half_degrees() -> None:
     # locating-notes.md: 2.5 deg RMSE for 5 % gain and 2 deg pointing
-    std = manifold_error_std(RING, AZIMUTHS, 0.05, np.radians(2.0))
+    std = manifold_error_std(RING, AZIMUTHS, ElementSpread(gain=0.05, pointing_rad=np.radians(2.0)))
     assert np.degrees(np.sqrt(np.mean(np.square(std)))) == pytest.approx(2.5, abs=0.1)

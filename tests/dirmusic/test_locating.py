@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from dirmusic import (
     ArrayModel,
+    ElementSpread,
     Finding,
     GainManifold,
     GaussianPattern,
@@ -24,7 +25,9 @@ NOISE_V = 1e-3
 
 
 def make_locator(fence_m: tuple[float, float] | None = (40.0, 30.0)) -> Locator:
-    array = ArrayModel(manifold=NOMINAL, positions_m=RING_M, gain_error=0.05, pointing_error_rad=np.radians(2.0))
+    array = ArrayModel(
+        manifold=NOMINAL, positions_m=RING_M, spread=ElementSpread(gain=0.05, pointing_rad=np.radians(2.0))
+    )
     return Locator(array, NO_POSE_ERROR, fence_m=fence_m)
 
 
