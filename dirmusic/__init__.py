@@ -2,18 +2,22 @@
 
 from dirmusic.bearing import Bearings, bearings_from_covariance, estimate_bearings
 from dirmusic.bounds import bearing_bound, manifold_error_std
+from dirmusic.calibration import Calibration, calibrate
 from dirmusic.element_errors import ElementErrors, ElementSpread, ManifoldPrior, UniformOffsets
+from dirmusic.gain_delay import bearings_from_delays
 from dirmusic.joint_fix import ArrayModel, PoseError
 from dirmusic.locating import Finding, Locator
 from dirmusic.manifold import GainManifold
 from dirmusic.pattern import GainPattern, GaussianPattern, TabulatedPattern
-from dirmusic.spectrum import noise_subspace, pseudo_spectrum
+from dirmusic.preprocessing import Windows, band_pass, prepare_records, pulse_start
+from dirmusic.spectrum import noise_subspace, pseudo_spectrum, source_count, spectrum_peaks
 from dirmusic.strengths import pulse_strengths, sample_covariance, strength_variance
 from dirmusic.triangulation import Fix, triangulate
 
 __all__ = [
     "ArrayModel",
     "Bearings",
+    "Calibration",
     "ElementErrors",
     "ElementSpread",
     "Finding",
@@ -26,14 +30,22 @@ __all__ = [
     "PoseError",
     "TabulatedPattern",
     "UniformOffsets",
+    "Windows",
+    "band_pass",
     "bearing_bound",
     "bearings_from_covariance",
+    "bearings_from_delays",
+    "calibrate",
     "estimate_bearings",
     "manifold_error_std",
     "noise_subspace",
+    "prepare_records",
     "pseudo_spectrum",
+    "pulse_start",
     "pulse_strengths",
     "sample_covariance",
+    "source_count",
+    "spectrum_peaks",
     "strength_variance",
     "triangulate",
 ]

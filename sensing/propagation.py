@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from dirmusic.gain_delay import SPEED_OF_LIGHT_MPS
 
-SPEED_OF_LIGHT_MPS = 299_792_458.0
+FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

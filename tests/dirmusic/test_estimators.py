@@ -1,0 +1,305 @@
+"""Every estimator against the Cramer-Rao bound, and its own deviation against its own errors."""
+
+import numpy as np
+import pytest
+
+from dirmusic import (
+    ElementSpread,
+    GainManifold,
+    GaussianPattern,
+    UniformOffsets,
+    bearing_bound,
+    bearings_from_covariance,
+    bearings_from_delays,
+    estimate_bearings,
+    manifold_error_std,
+    pseudo_spectrum,
+    pulse_strengths,
+    sample_covariance,
+    source_count,
+    spectrum_peaks,
+    strength_variance,
+)
+from dirmusic.angles import difference
+from missions.reproduction.protocol import (
+    SAMPLE_RATE_HZ,
+    draw_covariances,
+    draw_gates,
+    wishart,
+)
+from missions.reproduction.protocol import (
+    energy_to_noise as rho,
+)
+
+RING = GainManifold.ring(6)
+GRID = np.radians(np.arange(360.0))
+
+
+def ring_positions(radius_m: float) -> np.ndarray:
+    return radius_m * np.stack([np.cos(RING.boresights_rad), np.sin(RING.boresights_rad)], axis=-1)
+
+
+def plane_waves(
+    n: int, snr_db: float, rng: np.random.Generator, *, radius_m: float = 0.0, n_samples: int = 60, lead: int = 2
+) -> tuple[np.ndarray, np.ndarray]:
+    """Azimuths (n,) and gates (n, 6, n_samples) in unit noise."""
+    azimuth = rng.uniform(-np.pi, np.pi, n)
+    return azimuth, draw_gates(RING, ring_positions(radius_m), azimuth, rho(snr_db), n_samples, rng, lead=lead)
+
+
+def rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def normalised_error_variance(bearings: object, azimuth: np.ndarray) -> float:
+    error = difference(bearings.azimuth_rad, azimuth)  # pyright: ignore[reportAttributeAccessIssue]
+    return float(np.mean(np.square(error / bearings.std_rad)))  # pyright: ignore[reportAttributeAccessIssue]
+
+
+@pytest.mark.parametrize(("snr_db", "most"), [(10, 1.05), (0, 1.05), (-5, 1.05), (-10, 1.05), (-15, 1.05), (-20, 1.10)])
+def test_samples_in_a_common_gate_reach_the_bound(snr_db: int, most: float) -> None:
+    azimuth, gates = plane_waves(20_000, snr_db, np.random.default_rng(snr_db + 40))
+    bearings = bearings_from_covariance(sample_covariance(gates), RING, n_snapshots=60, noise_variance=1.0)
+    bound = bearing_bound(RING, azimuth, rho(snr_db))
+    assert 0.97 < rms(difference(bearings.azimuth_rad, azimuth)) / rms(bound) <= most
+    assert normalised_error_variance(bearings, azimuth) == pytest.approx(1.0, abs=0.1)
+
+
+def test_twenty_pulses_pooled_reach_a_degree_where_one_alone_has_four() -> None:
+    rng = np.random.default_rng(7)
+    azimuth = rng.uniform(-np.pi, np.pi, 1500)
+    pooled = np.zeros((1500, 6, 6))
+    for _ in range(20):
+        gates = draw_gates(RING, np.zeros((6, 2)), azimuth, rho(-20), 60, rng)
+        pooled += sample_covariance(gates) / 20
+    bearings = bearings_from_covariance(pooled, RING, n_snapshots=1200, noise_variance=1.0)
+    assert np.degrees(rms(difference(bearings.azimuth_rad, azimuth))) <= 1.1
+    assert normalised_error_variance(bearings, azimuth) == pytest.approx(1.0, abs=0.2)
+
+
+@pytest.mark.parametrize("snr_db", [10, -10])
+def test_the_deviation_is_honest_for_full_records_too(snr_db: int) -> None:
+    # facts.md: variance of the full record is CRB (1 + T / (rho |g|^2)), T = 10 000 samples
+    rng = np.random.default_rng(snr_db + 50)
+    n, n_record = 1500, 10_000
+    azimuth = rng.uniform(-np.pi, np.pi, n)
+    signal = np.sqrt(rho(snr_db)) * RING.gain(azimuth).T
+    covariance = draw_covariances(signal[:, :, np.newaxis], n_record, rng)
+    bearings = bearings_from_covariance(covariance, RING, n_snapshots=n_record, noise_variance=1.0)
+    assert normalised_error_variance(bearings, azimuth) == pytest.approx(1.0, abs=0.2)
+
+
+@pytest.mark.parametrize("snr_db", [10, 0, -10])
+def test_energies_reach_the_bound_whatever_the_size_of_the_ring(snr_db: int) -> None:
+    alone = None
+    for radius_m in (0.0, 0.05, 0.12, 0.20):
+        rng = np.random.default_rng(snr_db + 60)
+        azimuth, gates = plane_waves(12_000, snr_db, rng, radius_m=radius_m, n_samples=90)
+        strengths = pulse_strengths(gates, 1.0)
+        variance = strength_variance(strengths, 1.0, 90)
+        bearings = estimate_bearings(strengths[:, np.newaxis], RING, strength_variance=variance[:, np.newaxis])
+        error = rms(difference(bearings.azimuth_rad, azimuth))
+        alone = alone or error
+        assert error == pytest.approx(alone, rel=0.10)
+        assert error <= 1.15 * rms(bearing_bound(RING, azimuth, rho(snr_db)))
+        assert normalised_error_variance(bearings, azimuth) == pytest.approx(1.0, abs=0.2)
+
+
+def test_samples_collapse_on_a_real_ring_and_gain_with_delay_does_not() -> None:
+    # facts.md: X X^T is off by 58 deg at 0.20 m; gain and delay together .03 deg at 10 dB and .16 at -10 dB
+    for snr_db, most_deg in ((10, 0.05), (-10, 0.25)):
+        rng = np.random.default_rng(3)
+        azimuth, gates = plane_waves(800, snr_db, rng, radius_m=0.20, n_samples=120, lead=10)
+        bearings = bearings_from_delays(gates, RING, ring_positions(0.20), SAMPLE_RATE_HZ, noise_variance=1.0)
+        assert np.degrees(rms(difference(bearings.azimuth_rad, azimuth))) <= most_deg
+        assert normalised_error_variance(bearings, azimuth) == pytest.approx(1.0, abs=0.2)
+    samples = bearings_from_covariance(sample_covariance(gates), RING)
+    assert np.degrees(rms(difference(samples.azimuth_rad, azimuth))) > 20.0
+
+
+def test_gain_and_delay_agree_with_gain_alone_where_the_ring_is_a_point() -> None:
+    azimuth, gates = plane_waves(300, 10, np.random.default_rng(4))
+    both = bearings_from_delays(gates, RING, ring_positions(0.0), SAMPLE_RATE_HZ, noise_variance=1.0)
+    alone = bearings_from_covariance(sample_covariance(gates), RING, n_snapshots=60, noise_variance=1.0)
+    assert rms(difference(both.azimuth_rad, alone.azimuth_rad)) < 0.1 * rms(alone.std_rad)
+    assert rms(both.std_rad / alone.std_rad) == pytest.approx(1.0, abs=0.05)
+    assert rms(difference(both.azimuth_rad, azimuth)) > 0
+
+
+def test_any_subset_of_the_elements_has_bearings_within_a_tenth_of_its_own_bound() -> None:
+    rng = np.random.default_rng(5)
+    for elements in ([0, 1, 2, 3], [1, 3, 5], [0, 2, 3, 4, 5]):
+        manifold = RING.take(elements)
+        ahead = np.radians(np.array([-60.0, -20.0, 0.0, 45.0, 70.0]))
+        azimuth = np.repeat(ahead, 2000)
+        strengths = np.sqrt(rho(10)) * manifold.gain(azimuth).T + rng.standard_normal((azimuth.size, len(elements)))
+        bearings = estimate_bearings(np.abs(strengths)[:, np.newaxis], manifold, strength_variance=1.0)
+        bound = bearing_bound(manifold, azimuth, rho(10))
+        assert rms(difference(bearings.azimuth_rad, azimuth)) == pytest.approx(rms(bound), rel=0.1)
+        assert normalised_error_variance(bearings, azimuth) == pytest.approx(1.0, abs=0.2)
+
+
+def test_a_subset_by_mask_is_the_subset_by_index() -> None:
+    mask = np.array([True, False, True, True, False, True])
+    np.testing.assert_array_equal(RING.take(mask).boresights_rad, RING.take([0, 2, 3, 5]).boresights_rad)
+
+
+def with_offsets(n: int, snr_db: float, half_width: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Azimuths and strengths of arrays with additive errors, a fresh array for each pulse."""
+    rng = np.random.default_rng(seed)
+    azimuth = rng.uniform(-np.pi, np.pi, n)
+    gain = RING.gain(azimuth).T + rng.uniform(-half_width, half_width, (n, 6))
+    return azimuth, np.abs(np.sqrt(rho(snr_db)) * gain + rng.standard_normal((n, 6)))
+
+
+@pytest.mark.parametrize("snr_db", [10, -10])
+def test_a_known_manifold_error_widens_the_deviation_and_betters_the_bearing(snr_db: int) -> None:
+    azimuth, strengths = with_offsets(3000, snr_db, 0.1, seed=6)
+    pulses = strengths[:, np.newaxis]
+    plain = estimate_bearings(pulses, RING, strength_variance=1.0)
+    assert normalised_error_variance(plain, azimuth) > 5.0  # 4 deg off, told as 0.1 to 1.4
+    for prior in (UniformOffsets(half_width=0.1), ElementSpread(offset=0.1 / np.sqrt(3))):
+        bayes = estimate_bearings(pulses, RING, strength_variance=1.0, prior=prior)
+        assert normalised_error_variance(bayes, azimuth) == pytest.approx(1.0, abs=0.2)
+        error, plain_error = (difference(b.azimuth_rad, azimuth) for b in (bayes, plain))
+        assert rms(error) < rms(plain_error)
+    exact = estimate_bearings(pulses, RING, strength_variance=1.0, prior=UniformOffsets(half_width=0.1))
+    assert rms(difference(exact.azimuth_rad, azimuth)) < 0.975 * rms(difference(plain.azimuth_rad, azimuth))
+
+
+def test_a_prior_on_gains_and_pointings_is_as_wide_as_first_order_theory_says() -> None:
+    rng = np.random.default_rng(8)
+    spread = ElementSpread(gain=0.05, pointing_rad=np.radians(2.0))
+    n = 2000
+    azimuth = rng.uniform(-np.pi, np.pi, n)
+    off = azimuth[:, np.newaxis] - RING.boresights_rad - rng.normal(0, spread.pointing_rad, (n, 6))
+    strengths = 100 * (1 + rng.normal(0, spread.gain, (n, 6))) * GaussianPattern()(off)
+    bearings = estimate_bearings(strengths[:, np.newaxis], RING, prior=spread)
+    assert normalised_error_variance(bearings, azimuth) == pytest.approx(1.0, abs=0.2)
+    assert rms(bearings.std_rad) == pytest.approx(rms(manifold_error_std(RING, azimuth, spread)), rel=0.1)
+
+
+def test_pooling_pulses_averages_noise_but_not_the_manifold_error() -> None:
+    prior = ElementSpread(offset=0.05)
+    gain = RING.gain(0.4)
+    strengths = np.abs(np.sqrt(rho(-10)) * gain + np.random.default_rng(9).standard_normal((400, 6)))
+    few = estimate_bearings(strengths[:1], RING, strength_variance=1.0, prior=prior).std_rad
+    many = estimate_bearings(strengths, RING, strength_variance=1.0, prior=prior).std_rad
+    floor = manifold_error_std(RING, 0.4, prior)
+    assert few > 1.1 * floor
+    assert many == pytest.approx(floor, rel=0.05)
+
+
+def two_sources(n: int, apart_rad: float, snr_db: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """True azimuths (n, 2) and covariances of full records with one pulse from each, at different times."""
+    rng = np.random.default_rng(seed)
+    first = rng.uniform(-np.pi, np.pi, n)
+    azimuth = np.stack([first, first + apart_rad], axis=-1)
+    signal = np.sqrt(rho(snr_db)) * np.moveaxis(RING.gain(azimuth), 0, 1)
+    return azimuth, draw_covariances(signal, 10_000, rng)
+
+
+def test_two_sources_forty_degrees_apart_are_counted_and_told_apart() -> None:
+    azimuth, covariance = two_sources(3600, np.radians(40.0), 0.0, seed=10)
+    assert np.mean(source_count(covariance, 10_000) == 2) >= 0.99
+    peaks = spectrum_peaks(pseudo_spectrum(covariance, RING.gain(GRID), n_sources=2), GRID, 2)
+    off = np.abs(difference(peaks[:, :, np.newaxis], azimuth[:, np.newaxis, :])) < np.radians(5.0)
+    both = (off[:, 0, 0] & off[:, 1, 1]) | (off[:, 0, 1] & off[:, 1, 0])
+    assert both.mean() >= 0.97
+
+
+@pytest.mark.parametrize("snr_db", [10, 0, -10, -15])
+def test_one_source_is_counted_as_one_and_none_as_none(snr_db: int) -> None:
+    rng = np.random.default_rng(snr_db + 70)
+    n = 3600
+    signal = np.sqrt(rho(snr_db)) * RING.gain(rng.uniform(-np.pi, np.pi, n)).T
+    record = draw_covariances(signal[:, :, np.newaxis], 10_000, rng)
+    assert np.mean(source_count(record, 10_000) == 1) >= 0.99
+    assert np.mean(source_count(wishart(n, 6, 10_000, rng) / 10_000, 10_000) == 0) >= 0.99
+
+
+def test_pulse_by_pulse_bearings_have_no_limit_of_resolution() -> None:
+    rng = np.random.default_rng(11)
+    azimuth = np.tile(np.radians([20.0, 24.0]), 200)
+    strengths = np.abs(np.sqrt(rho(10)) * RING.gain(azimuth).T + rng.standard_normal((400, 6)))
+    bearings = estimate_bearings(strengths[:, np.newaxis], RING).azimuth_rad
+    for k, true in enumerate((20.0, 24.0)):
+        assert np.degrees(bearings[k::2].mean()) == pytest.approx(true, abs=0.05)
+
+
+def test_fewer_peaks_than_wanted_are_filled_up_with_nan() -> None:
+    covariance = sample_covariance(RING.gain(GRID[[40]]))
+    peaks = spectrum_peaks(pseudo_spectrum(covariance, RING.gain(GRID)), GRID, 4)
+    assert np.degrees(peaks[0]) == pytest.approx(40.0, abs=1e-6)
+    assert np.isnan(peaks[-1])
+
+
+def test_a_spectrum_over_half_a_circle_has_no_peaks_to_give() -> None:
+    with pytest.raises(ValueError, match="once round"):
+        spectrum_peaks(np.ones(180), GRID[:180], 1)
+
+
+def test_the_peak_of_the_printed_spectrum_and_the_estimate_agree_for_six_elements() -> None:
+    # facts.md: the norm of the gain is flat to 0.03 dB for six elements, so normalising moves no peak by a step
+    strengths = np.abs(30 * RING.gain(GRID[::7]).T + np.random.default_rng(12).standard_normal((52, 6)))
+    printed = pseudo_spectrum(strengths[:, :, np.newaxis] * strengths[:, np.newaxis], RING.gain(GRID)).argmax(axis=-1)
+    refined = estimate_bearings(strengths[:, np.newaxis], RING).azimuth_rad
+    assert np.degrees(np.abs(difference(GRID[printed], refined))).max() < 0.9
+
+
+@pytest.mark.parametrize("elements", [2, 3, 6, 8])
+def test_a_batch_gives_each_row_what_it_would_have_alone_to_the_bit(elements: int) -> None:
+    manifold = GainManifold.ring(elements)
+    strengths = np.random.default_rng(13).uniform(0.1, 1.0, (257, 1, elements))
+    together = estimate_bearings(strengths, manifold, strength_variance=0.01)
+    for row in (0, 100, 256):
+        alone = estimate_bearings(strengths[row : row + 1], manifold, strength_variance=0.01)
+        assert together.azimuth_rad[row] == alone.azimuth_rad[0]
+        assert together.std_rad[row] == alone.std_rad[0]
+
+
+def test_a_dead_channel_shows_in_the_misfit_and_leaving_it_out_mends_the_bearing() -> None:
+    strengths = 40 * RING.gain(0.7)
+    strengths[1] = 0.0
+    wrong = estimate_bearings(strengths[np.newaxis], RING)
+    assert wrong.misfit > 0.05
+    alive = strengths > 0
+    mended = estimate_bearings(strengths[np.newaxis, alive], RING.take(alive))
+    assert difference(mended.azimuth_rad, 0.7) == pytest.approx(0.0, abs=1e-8)
+
+
+def test_a_channel_of_zeros_becomes_nan_and_is_refused_by_name_not_averaged_in() -> None:
+    _, gates = plane_waves(5, 10, np.random.default_rng(14))
+    gates[:, 3] = 0.0
+    strengths = pulse_strengths(gates, 1.0)
+    assert np.isnan(strengths[:, 3]).all()
+    assert np.isfinite(np.delete(strengths, 3, axis=1)).all()
+    with pytest.raises(ValueError, match="channels 4"):
+        estimate_bearings(strengths[:, np.newaxis], RING)
+    assert not pulse_strengths(np.zeros((6, 60)), 1.0).any()  # nothing at all is silence, not a fault
+
+
+@pytest.mark.parametrize(
+    ("call", "told"),
+    [
+        (lambda: bearings_from_covariance(np.eye(5), RING), r"\(\.\.\., 6, 6\)"),
+        (lambda: bearings_from_covariance(np.full((6, 6), np.nan), RING), "finite"),
+        (lambda: bearings_from_covariance(np.eye(6), RING, n_snapshots=0), "n_snapshots"),
+        (lambda: bearings_from_delays(np.ones((5, 60)), RING, np.zeros((6, 2)), 20e9), "6, n_samples"),
+        (lambda: bearings_from_delays(np.full((6, 60), np.inf), RING, np.zeros((6, 2)), 20e9), "finite"),
+        (lambda: bearings_from_delays(np.ones((6, 60)), RING, np.ones((6, 2)), 20e9), "within"),
+        (lambda: bearings_from_delays(np.ones((6, 60)), RING, np.zeros((6, 2)), 0.0), "sample_rate_hz"),
+        (lambda: source_count(np.eye(6), 5), "n_snapshots"),
+        (lambda: source_count(np.full((6, 6), np.nan), 50), "finite"),
+        (lambda: ElementSpread(gain=-0.1), "gain"),
+        (lambda: UniformOffsets(half_width=0.0), "half_width"),
+    ],
+)
+def test_what_no_estimator_can_use_is_refused(call, told: str) -> None:  # noqa: ANN001
+    with pytest.raises(ValueError, match=told):
+        call()
+
+
+def test_a_waveform_of_nothing_has_no_bearing() -> None:
+    bearings = bearings_from_delays(np.zeros((2, 6, 60)), RING, ring_positions(0.1), SAMPLE_RATE_HZ)
+    assert np.isnan(bearings.azimuth_rad).all()
