@@ -101,13 +101,14 @@ def estimate_bearings(
         fit = _fit(*_linear_form(pulses[:, 0], manifold), manifold)
     else:
         fit = _fit(*_quadratic_form(np.swapaxes(pulses, -1, -2) @ pulses, manifold), manifold)
-    energy = np.einsum("bpi,bpi->b", pulses, pulses)
+    energy = np.square(pulses).sum(axis=(-1, -2))
     across = bias = None
-    if variance is not None:
-        amplitude = np.einsum("bpi,ib->bp", pulses, fit.gain) / fit.gain_energy[:, np.newaxis]
-        weighted = np.einsum("bp,bpi->ib", np.square(amplitude), variance)
+    if variance is not None:  # products and sums of one order for all batch sizes, so that a row is itself to the bit
+        gain = fit.gain.T[:, np.newaxis, :]
+        amplitude = (pulses * gain).sum(axis=-1) / fit.gain_energy[:, np.newaxis]
+        weighted = (np.square(amplitude)[..., np.newaxis] * variance).sum(axis=1).T
         across = (np.square(fit.perpendicular) * weighted).sum(axis=0)
-        bias = np.einsum("bpi,ib->b", variance, np.square(fit.gain)) / np.square(fit.gain_energy)
+        bias = (variance * np.square(gain)).sum(axis=(-1, -2)) / np.square(fit.gain_energy)
         noise = weighted if prior is not None else None
     else:
         noise = np.zeros_like(fit.gain)

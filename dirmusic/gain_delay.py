@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dirmusic.angles import wrap
-from dirmusic.bearing import UNKNOWN_STD_RAD, Bearings
+from dirmusic.bearing import LEAST_SHARE, UNKNOWN_STD_RAD, Bearings
 from dirmusic.manifold import SEARCH_AZIMUTHS_RAD, SEARCH_STEP_RAD, GainManifold
 
 FloatArray = NDArray[np.float64]
@@ -21,6 +21,8 @@ MAX_RADIUS_M = 0.5
 
 REFINEMENTS = 5
 """Gauss-Newton steps from the best search azimuth."""
+
+TINY = np.finfo(np.float64).tiny
 
 PULSES_AT_ONCE = 64
 """Bounds the memory: about 20 MB for 100 samples."""
@@ -125,12 +127,13 @@ def _locate_on_circle(rows: FloatArray, array: _Array, n_padded: int, variance: 
         azimuth_rad = azimuth_rad + np.nan_to_num(_linearise(azimuth_rad, data, array, angular)[0])
         azimuth_rad = np.clip(azimuth_rad, start_rad - SEARCH_STEP_RAD, start_rad + SEARCH_STEP_RAD)
     _, signal, turning = _linearise(azimuth_rad, data, array, angular)
-    per_sample = 2.0 / n_padded  # from a sum over half the frequencies to one over samples, by Parseval
     gain_energy = np.square(array.manifold.gain(azimuth_rad)).sum(axis=0)
-    heard = np.maximum(np.square(np.abs(data)).sum(axis=(0, -1)), np.finfo(np.float64).tiny)
-    noise = np.nan_to_num(variance) * rows.shape[-1] / gain_energy
-    share = np.clip(1.0 - noise / np.maximum(per_sample * signal, 1e-300), 0.01, 1.0)
-    std = np.sqrt(variance / np.maximum(per_sample * turning, 1e-300)) / share
+    heard = np.maximum(np.square(np.abs(data)).sum(axis=(0, -1)), TINY)
+    # the waveform is known up to noise, which turns as well and tells nothing of the direction
+    by_noise = rows.shape[-1] * variance * _turning_of_noise(azimuth_rad, array, angular)
+    told = np.maximum(turning - by_noise, LEAST_SHARE * turning)
+    per_sample = 2.0 / n_padded  # from a sum over half the frequencies to one over samples, by Parseval
+    std = np.sqrt(variance * turning / per_sample) / np.maximum(told, TINY)
     return np.stack([azimuth_rad, np.minimum(std, UNKNOWN_STD_RAD), np.clip(1 - signal * gain_energy / heard, 0, 1)])
 
 
@@ -145,5 +148,13 @@ def _linearise(
     turning = across * waveform
     change = (turning.conj() * data).real.sum(axis=(0, -1))
     turning_energy = np.square(np.abs(turning)).sum(axis=(0, -1))
-    step = change / np.maximum(turning_energy, 1e-300)
+    step = change / np.maximum(turning_energy, TINY)
     return step, np.square(np.abs(waveform)).sum(axis=-1), turning_energy
+
+
+def _turning_of_noise(azimuth_rad: FloatArray, array: _Array, angular: FloatArray) -> FloatArray:
+    """Turning energy of white noise of unit variance per frequency and element, shape (n_rows,)."""
+    response, slope = array.steering(azimuth_rad, angular)
+    energy = np.square(np.abs(response)).sum(axis=0)
+    across = np.square(np.abs(slope)).sum(axis=0) - np.square(np.abs((response.conj() * slope).sum(axis=0))) / energy
+    return (across / energy).sum(axis=-1)

@@ -1,7 +1,8 @@
 """How the published simulations were made: one pulse in 10 000 samples of white noise, and what that is worth.
 
-Only the energy of the pulse and the number of samples matter to a covariance, so covariances of whole records are drawn
-from their exact law, the noncentral Wishart distribution. Whole records are drawn where the pulse has to be found first.
+Only the energy of the pulse and the number of samples matter to a covariance, so covariances of whole records are
+drawn from their exact law, the noncentral Wishart distribution. Whole records are drawn where the pulse has to be found
+first.
 """
 
 from __future__ import annotations
