@@ -3,12 +3,14 @@
 from dirmusic.bearing import Bearings, bearings_from_covariance, estimate_bearings
 from dirmusic.bounds import bearing_bound, manifold_error_std
 from dirmusic.calibration import Calibration, calibrate
+from dirmusic.csv_table import CsvTable, InputFileError, InputFileWarning, read_csv_table
 from dirmusic.element_errors import ElementErrors, ElementSpread, ManifoldPrior, UniformOffsets
 from dirmusic.gain_delay import bearings_from_delays
 from dirmusic.joint_fix import ArrayModel, PoseError
 from dirmusic.locating import Finding, Locator
 from dirmusic.manifold import GainManifold
 from dirmusic.pattern import GainPattern, GaussianPattern, TabulatedPattern
+from dirmusic.pattern_file import read_pattern, write_pattern
 from dirmusic.preprocessing import Windows, band_pass, prepare_records, pulse_start
 from dirmusic.spectrum import noise_subspace, pseudo_spectrum, source_count, spectrum_peaks
 from dirmusic.strengths import pulse_strengths, sample_covariance, strength_variance
@@ -18,6 +20,7 @@ __all__ = [
     "ArrayModel",
     "Bearings",
     "Calibration",
+    "CsvTable",
     "ElementErrors",
     "ElementSpread",
     "Finding",
@@ -25,6 +28,8 @@ __all__ = [
     "GainManifold",
     "GainPattern",
     "GaussianPattern",
+    "InputFileError",
+    "InputFileWarning",
     "Locator",
     "ManifoldPrior",
     "PoseError",
@@ -43,9 +48,12 @@ __all__ = [
     "pseudo_spectrum",
     "pulse_start",
     "pulse_strengths",
+    "read_csv_table",
+    "read_pattern",
     "sample_covariance",
     "source_count",
     "spectrum_peaks",
     "strength_variance",
     "triangulate",
+    "write_pattern",
 ]

@@ -24,14 +24,14 @@ class Calibration:
     Attributes:
         manifold: The nominal manifold with the errors corrected: give this one to the estimators.
         errors: The errors themselves.
-        remaining: Mean over azimuths of what the errors still leave of a bearing's deviation, radians.
+        remaining_rad: Root mean square over azimuths of the bearing deviation that the errors still make.
         azimuth_rad: Where the source is, array frame at the first heading, in (-pi, pi].
         std_rad: Standard deviation of that, given the spread of the errors.
     """
 
     manifold: GainManifold
     errors: ElementErrors
-    remaining: float
+    remaining_rad: float
     azimuth_rad: float
     std_rad: float
 
@@ -50,7 +50,7 @@ def calibrate(
     Under heading :math:`\psi_k` element i gives :math:`\alpha_k ((1 + e_i) g(\theta - \psi_k - b_i - d_i) + o_i)`. The
     amplitude is projected out of each heading, so the source may fluctuate. Four quarter turns are enough. What all
     pointings have in common is a turn of the whole array: no turning on the spot shows it, and its deviation, that of
-    one element over the root of their number, stays in `std_rad` and in `remaining`.
+    one element over the root of their number, stays in `std_rad` and in `remaining_rad`.
 
     The source must be in plain sight and far against the ring, and reflections out of the gate: what else arrives is
     learned as an error of the array.
@@ -138,7 +138,7 @@ def calibrate(
     return Calibration(
         manifold=corrected,
         errors=errors,
-        remaining=_remaining(corrected, covariance[turns.size + 1 :, turns.size + 1 :]),
+        remaining_rad=_remaining(corrected, covariance[turns.size + 1 :, turns.size + 1 :]),
         azimuth_rad=float(wrap(solution.x[0])),
         std_rad=float(np.sqrt(covariance[0, 0])),
     )

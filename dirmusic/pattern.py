@@ -32,7 +32,7 @@ class GaussianPattern(GainPattern):
     .. math:: g(\theta) = \sum_{i=1}^{3} a_i \exp(-(\theta - b_i)^2 / c_i^2), \quad
               \theta = (207^\circ + \text{off\_boresight}) \bmod 360^\circ
 
-    Its peak, 1.0058, is at 207 degrees of the printed formula: that is the boresight. Gains lie in [0.15, 1.01]; -3 dB
+    Its peak, 1.0058, is at 207 degrees of the printed formula: that is the boresight. Gains lie in [0.07, 1.01]; -3 dB
     width 101 degrees, front to back 16.3 dB. The pattern is not symmetric, and has a step of 0.006 where the printed
     angle passes 0/360 (off boresight by 153 degrees), left as printed.
 

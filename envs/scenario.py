@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, NonNegativeFloat, PositiveFloat, ValidationError, model_validator
 
+from dirmusic import InputFileError
 from envs.pose_sensor import PoseSensorConfig
 from robot_models.yard import Yard
 from sensing import ArrayConfig, ReceiverConfig
@@ -29,12 +30,8 @@ ROBOT_CLEARANCE_M = 0.25
 """Free ground that a waypoint needs around it: the chassis radius of 0.20 m and a little."""
 
 
-class ScenarioError(ValueError):
+class ScenarioError(InputFileError):
     """A scenario that cannot be used; one line per fault, each with file, key, what came and what is allowed."""
-
-    def __init__(self, faults: list[str]) -> None:
-        super().__init__("\n".join(faults))
-        self.faults = tuple(faults)
 
 
 class _Config(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):

@@ -1,6 +1,7 @@
 """Imports go down only, and each heavy library has one home."""
 
 import ast
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,7 +18,6 @@ MAY_IMPORT = {
 }
 ONLY_HOME = {"mujoco": "robot_models", "rerun": "missions/recording"}
 DIRMUSIC_MAY_USE = {"numpy", "scipy"}
-STANDARD = {"__future__", "collections", "dataclasses", "typing"}
 
 
 def imports(file: Path) -> Iterator[str]:
@@ -40,7 +40,7 @@ def faults(root: Path) -> list[str]:
                     found.append(f"{place} imports {module}")
                 if top in ONLY_HOME and not place.startswith(ONLY_HOME[top] + "/"):
                     found.append(f"{place} imports {module}")
-                if package == "dirmusic" and top not in {"dirmusic", *DIRMUSIC_MAY_USE, *STANDARD}:
+                if package == "dirmusic" and top not in {"dirmusic", *DIRMUSIC_MAY_USE, *sys.stdlib_module_names}:
                     found.append(f"{place} imports {module}")
     return found
 
