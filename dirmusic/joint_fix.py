@@ -38,7 +38,7 @@ class ArrayModel:
     Attributes:
         manifold: Nominal gains.
         positions_m: Nominal element positions, array frame, shape (n_elements, 2) or more columns, of which two count.
-        spread: How far gains and pointings of real arrays spread about the data sheet.
+        spread: How far real arrays spread about the data sheet.
     """
 
     manifold: GainManifold
@@ -82,7 +82,7 @@ class JointFix:
     Attributes:
         positions_m: Shape (n_sources, 2), world frame.
         covariances_m2: Shape (n_sources, 2, 2), with the uncertainty of the array's errors in it.
-        errors: What the elements' gains and pointings turned out to be off by.
+        errors: What the elements turned out to be off by.
     """
 
     positions_m: FloatArray
@@ -93,12 +93,14 @@ class JointFix:
 def locate_jointly(
     sightings: Sightings, source: NDArray[np.intp], start_m: FloatArray, array: ArrayModel, pose_error: PoseError
 ) -> JointFix:
-    r"""Maximum a posteriori positions, gain errors e and pointing errors d from strengths.
+    r"""Maximum a posteriori positions, and gain errors e, pointing errors d and offsets o of the elements.
 
     A pulse of unknown amplitude :math:`\alpha` from a source at p gives element i, at distance r_i and seeing p at
-    array azimuth :math:`\theta_i`, the strength :math:`\alpha (1 + e_i) g(\theta_i - b_i - d_i) / r_i`. The amplitude
-    is projected out of every pulse. Pose errors turn all elements alike and stay the same for seconds: they widen the
-    one direction in which the strengths move with azimuth, by as much as so many correlated pulses deserve.
+    array azimuth :math:`\theta_i`, the strength
+    :math:`\alpha ((1 + e_i) g(\theta_i - b_i - d_i) + o_i) / r_i`. The amplitude is projected out of every pulse;
+    offsets are a state where the array's spread has them. Pose errors turn all elements alike and stay the same for
+    seconds: they widen the one direction in which the strengths move with azimuth, by as much as so many correlated
+    pulses deserve.
 
     Args:
         sightings: What was heard; n rows.
@@ -115,17 +117,16 @@ def locate_jointly(
 
     n_sources, n_elements = start_m.shape[0], array.manifold.n_elements
     repeats = _correlated_sightings(sightings.time_s, source, pose_error.correlation_s)
-    spread = np.concatenate(
-        [
-            np.tile([POSITION_PRIOR_M, POSITION_PRIOR_M, HEIGHT_PRIOR_M[1]], n_sources),
-            np.full(n_elements, max(array.spread.gain, 1e-6)),
-            np.full(n_elements, max(array.spread.pointing_rad, 1e-6)),
-        ]
-    )
+    of_elements = [array.spread.gain, array.spread.pointing_rad]
+    if array.spread.offset > 0:
+        of_elements.append(array.spread.offset)
+    of_places = np.tile([POSITION_PRIOR_M, POSITION_PRIOR_M, HEIGHT_PRIOR_M[1]], n_sources)
+    spread = np.concatenate([of_places, np.repeat(np.maximum(of_elements, 1e-6), n_elements)])
+    no_errors = np.zeros(len(of_elements) * n_elements)
     heard_from_m = [sightings.pose[source == k, :2].mean(axis=0) for k in range(n_sources)]
     height_m = np.full(n_sources, HEIGHT_PRIOR_M[0])
-    mean = np.concatenate([np.column_stack([heard_from_m, height_m]).ravel(), np.zeros(2 * n_elements)])
-    start = np.concatenate([np.column_stack([start_m, height_m]).ravel(), np.zeros(2 * n_elements)])
+    mean = np.concatenate([np.column_stack([heard_from_m, height_m]).ravel(), no_errors])
+    start = np.concatenate([np.column_stack([start_m, height_m]).ravel(), no_errors])
 
     def residual(state: FloatArray) -> FloatArray:
         miss, _ = _linearise(state, sightings, source, array, pose_error, repeats, slopes=False)
@@ -154,12 +155,15 @@ def locate_jointly(
     return JointFix(
         positions_m=solution.x[:n_places].reshape(-1, 3)[:, :2],
         covariances_m2=covariance[block[:, :, np.newaxis], block[:, np.newaxis, :]],
-        errors=ElementErrors(
-            gain=solution.x[n_places : n_places + n_elements],
-            pointing_rad=solution.x[n_places + n_elements :],
-            offset=np.zeros(n_elements),
-        ),
+        errors=_errors(solution.x[n_places:], n_elements),
     )
+
+
+def _errors(state: FloatArray, n_elements: int) -> ElementErrors:
+    """The errors in the state, offsets zero where they are none."""
+    kinds = np.zeros((3, n_elements))
+    kinds[: state.size // n_elements] = state.reshape(-1, n_elements)
+    return ElementErrors(gain=kinds[0], pointing_rad=kinds[1], offset=kinds[2])
 
 
 def _correlated_sightings(time_s: FloatArray, source: NDArray[np.intp], correlation_s: float) -> FloatArray:
@@ -180,10 +184,9 @@ def _linearise(
 ) -> tuple[FloatArray, FloatArray]:
     """Whitened misses (n, n_elements) and, on request, their derivative (n, n_elements, n_states)."""
     n, n_elements = sightings.strengths.shape
-    n_places = state.size - 2 * n_elements
+    n_places = 3 * (int(source.max()) + 1)
     position = state[:n_places].reshape(-1, 3)[source]
-    gain_error = state[n_places : n_places + n_elements]
-    pointing = state[n_places + n_elements :]
+    errors = _errors(state[n_places:], n_elements)
 
     yaw = sightings.pose[:, 2, np.newaxis]
     forward, left = array.positions_m[:, 0], array.positions_m[:, 1]
@@ -192,13 +195,13 @@ def _linearise(
     horizontal = np.maximum(dx**2 + dy**2, 1e-4)
     square = horizontal + position[:, 2:] ** 2
     range_m = np.linalg.norm(position[:, :2] - sightings.pose[:, :2], axis=-1, keepdims=True)
-    off = np.arctan2(dy, dx) - yaw - array.manifold.boresights_rad - pointing
+    off = np.arctan2(dy, dx) - yaw - array.manifold.boresights_rad - errors.pointing_rad
     gain, slope = array.manifold.element_response(off)
 
     weight = 1.0 / np.sqrt(sightings.variance + STRENGTH_FLOOR**2 * np.square(sightings.strengths) + 1e-8)
     spreading = weight * np.maximum(range_m, 1e-2) / np.sqrt(square)
-    model = (1 + gain_error) * gain * spreading
-    by_azimuth = (1 + gain_error) * slope * spreading
+    model = ((1 + errors.gain) * gain + errors.offset) * spreading
+    by_azimuth = (1 + errors.gain) * slope * spreading
     data = weight * sightings.strengths
     energy = np.square(model).sum(axis=-1, keepdims=True)
     amplitude = (data * model).sum(axis=-1, keepdims=True) / energy
@@ -226,9 +229,10 @@ def _linearise(
     )
     for axis, by_axis in enumerate(by_place):
         jacobian[rows, :, 3 * source + axis] = -whiten(amplitude * project(by_axis))
+    by_error = (gain * spreading, -by_azimuth, spreading)[: (state.size - n_places) // n_elements]
     for i in range(n_elements):
         one = np.zeros(n_elements)
         one[i] = 1.0
-        jacobian[:, :, n_places + i] = -whiten(amplitude * project(one * gain * spreading))
-        jacobian[:, :, n_places + n_elements + i] = whiten(amplitude * project(one * by_azimuth))
+        for kind, change in enumerate(by_error):
+            jacobian[:, :, n_places + kind * n_elements + i] = -whiten(amplitude * project(one * change))
     return miss, jacobian

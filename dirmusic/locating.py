@@ -143,7 +143,9 @@ class Locator:
         gain = manifold.gain(azimuth)
         slope = perpendicular_slope(gain, manifold.derivative(azimuth))
         by_noise = np.square(bearings.std_rad) * np.square(slope).sum(axis=0) / np.square(gain).sum(axis=0)
-        by_array = self.array.spread.gain**2 + self.array.spread.pointing_rad**2
+        spread = self.array.spread
+        by_offset = manifold.n_elements * spread.offset**2 / np.square(gain).sum(axis=0)
+        by_array = spread.gain**2 + spread.pointing_rad**2 + by_offset
         expected = by_noise + by_array + self.rules.misfit_floor
         return (bearings.std_rad < self.rules.max_std_rad) & (bearings.misfit < self.rules.misfit_factor * expected)
 

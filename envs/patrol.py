@@ -78,7 +78,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     | pose | 4 | yard and 5 m around, [-1, 1] | m, m, 1, 1 | believed x, y, cos yaw, sin yaw |
     | velocity | 2 | [-1.6, 1.6], [-3, 3] | m/s, rad/s | forward speed and yaw rate |
     | heard | 1 | [0, 1] | 1 | 1 if a pulse came in this step |
-    | strengths | 6 | [0, 1] | 1 | of the strongest pulse of this step, unit norm |
+    | strengths | 6 | [0, 1] | 1 | of the strongest pulse of this step, unit norm; 4 with an array of 4 |
     | level | 1 | [0, 5] | decades | log10 of its strength over the noise of one sample, clipped |
     | spectrum | 72 | [0, 1] | 1 | its pseudo-spectrum every 5 degrees of array azimuth, maximum 1 |
     | bearing | 2 | [-1, 1] | 1 | cos and sin of the last bearing, world frame; zeros before the first |
@@ -163,7 +163,8 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         ]
         self._array = HelicalArray.draw(scenario.array, rng)
         self._receiver = Receiver(scenario.receiver, self._array)
-        self.inspector.reset(*scenario.route.dock_m, float(rng.uniform(-np.pi, np.pi)))
+        yaw_rad, fixed_deg = float(rng.uniform(-np.pi, np.pi)), scenario.route.dock_yaw_deg
+        self.inspector.reset(*scenario.route.dock_m, yaw_rad if fixed_deg is None else float(np.radians(fixed_deg)))
         self._pose_sensor = PoseSensor(scenario.pose_sensor, rng)
         self._approached = np.zeros(len(self._sources), dtype=np.bool_)
         self._visited = np.zeros(len(scenario.route.waypoints_m), dtype=np.bool_)
@@ -192,6 +193,8 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
                     position_m=position,
                     amplitude_v=_draw_amplitude(config.amplitude_v, config.amplitude_range_db, rng),
                     pulse_rate_hz=config.pulse_rate_hz,
+                    n_shots=config.n_shots,
+                    first_shot_s=config.first_shot_s,
                 )
             )
         return sources
@@ -221,7 +224,11 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._note_arrivals(true_pose)
         observation, info = self._observe(heard)
         info["reward"] = terms
-        docked = bool(self._visited.all()) and self._is_near(true_pose, self.scenario.route.dock_m)
+        docked = (
+            self._visited.size > 0
+            and bool(self._visited.all())
+            and self._is_near(true_pose, self.scenario.route.dock_m)
+        )
         approached = self.terminate_on_approach and self._approached.size > 0 and bool(self._approached.all())
         truncated = self._n_steps * STEP_S >= self.scenario.task.time_limit_s - 1e-9
         return observation, float(sum(terms.values())), docked or approached, truncated, info
@@ -314,6 +321,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             "array": {
                 "boresights_rad": self._array.boresights_rad.tolist(),
                 "gain_factors": self._array.gain_factors.tolist(),
+                "gain_offsets": self._array.gain_offsets.tolist(),
                 "positions_m": self._array.positions_m.tolist(),
             },
         }

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field, NonNegativeFloat, PositiveFloat, ValidationError, model_validator
+from pydantic import BaseModel, Field, NonNegativeFloat, PositiveFloat, PositiveInt, ValidationError, model_validator
 
 from dirmusic import InputFileError
 from envs.pose_sensor import PoseSensorConfig
@@ -50,6 +50,15 @@ class SourceConfig(_Config, frozen=True):
     amplitude_range_db: NonNegativeFloat = 6.0
     """Width of the range, centred on `amplitude_v`, from which the amplitude is drawn per mission."""
     pulse_rate_hz: float = Field(default=20.0, ge=0.0, le=1e4)
+    n_shots: PositiveInt | None = None
+    """A discharge gun: this many pulses, evenly at the pulse rate from `first_shot_s` on, and then no more."""
+    first_shot_s: NonNegativeFloat = 0.0
+
+    @model_validator(mode="after")
+    def _fires_at_some_rate(self) -> Self:
+        if self.n_shots is not None and self.pulse_rate_hz == 0:
+            raise ValueError("pulse_rate_hz: got 0; allowed is above 0, or the shots never come")
+        return self
 
     @model_validator(mode="after")
     def _is_somewhere(self) -> Self:
@@ -70,10 +79,12 @@ class InterfererConfig(_Config, frozen=True):
 
 
 class RouteConfig(_Config, frozen=True):
-    """Where the robot lives and what it patrols."""
+    """Where the robot lives and what it patrols. Without waypoints it stands at its dock and listens."""
 
     dock_m: tuple[float, float]
-    waypoints_m: tuple[tuple[float, float], ...] = Field(min_length=1)
+    dock_yaw_deg: float | None = Field(default=None, ge=-360.0, le=360.0)
+    """Heading at the start, counter-clockwise from x; left out, it is drawn per mission."""
+    waypoints_m: tuple[tuple[float, float], ...] = ()
 
 
 class TaskConfig(_Config, frozen=True):

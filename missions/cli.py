@@ -69,12 +69,7 @@ def run(
         _refuse(*error.faults)
     if seed < 0:
         _refuse(f"--seed: got {seed}; allowed is 0 or more")
-    folder = _new_folder(out_dir, f"{loaded.name}-{seed}")
-
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        _refuse(f"--out: {folder} cannot be made ({error.strerror}); allowed is a folder that can be written to")
+    folder = _made(_new_folder(out_dir, f"{loaded.name}-{seed}"))
 
     from missions.recording import live_stream, write_recording
     from missions.report import findings_table, make_report
@@ -169,6 +164,60 @@ def scenarios(
     out.print(table)
 
 
+@app.command
+def reproduce(
+    *,
+    trials: int = 3600,
+    seed: int = 0,
+    out_dir: Annotated[Path | None, tyro.conf.arg(name="out", metavar="DIR")] = None,
+    json_output: Annotated[bool, tyro.conf.arg(name="json")] = False,
+) -> None:
+    """Put every exhibit of the Dir-MUSIC paper beside ours, by the paper's method and by the best one.
+
+    Writes reproduction.json and the pictures, drawn like the paper's.
+
+    Args:
+        trials: Of each cell; 100 to 1000000. The paper has 3600.
+        seed: Fixes all that is drawn; 0 or more.
+        out_dir: Folder to write to; new or empty. Default: runs/reproduction-SEED, then -2, -3 and so on.
+        json_output: Print the numbers as JSON instead of tables.
+    """
+    faults = [
+        *([] if 100 <= trials <= 1_000_000 else [f"--trials: got {trials}; allowed is 100 to 1000000"]),
+        *([] if seed >= 0 else [f"--seed: got {seed}; allowed is 0 or more"]),
+    ]
+    if faults:
+        _refuse(*faults)
+    folder = _made(_new_folder(out_dir, f"reproduction-{seed}"))
+
+    from rich.progress import Progress
+
+    from missions.reproduction.figures import draw_all
+    from missions.reproduction.reproduce import reproduce as run_trials
+    from missions.reproduction.tables import as_json, as_table
+
+    started_s = time.perf_counter()
+    with Progress(console=err, transient=True) as progress:
+        bar = progress.add_task(f"{trials} trials a cell", total=1.0)
+        exhibits = run_trials(trials, seed, lambda share: progress.advance(bar, share))
+        progress.update(bar, description="pictures")
+        pictures = draw_all(exhibits, folder, seed)
+    data = as_json(exhibits, trials, seed)
+    _write_text(folder / "reproduction.json", json.dumps(data, indent=2) + "\n")
+    if json_output:
+        out.print_json(data=data)
+        return
+    for exhibit in exhibits:
+        out.print(as_table(exhibit), highlight=False)
+        out.print()
+    out.print(
+        f"{trials} trials a cell in {time.perf_counter() - started_s:.0f} s; both methods are ours, with 95 % intervals. "
+        f"Written to {folder}: reproduction.json and {len(pictures)} pictures",
+        highlight=False,
+        soft_wrap=True,
+    )
+
+
 def _refuse(*faults: str) -> NoReturn:
     """Print one line per fault and leave with exit status 2."""
     for fault in faults:
@@ -188,6 +237,15 @@ def _new_folder(given: Path | None, name: str) -> Path:
     while folder.exists():
         count += 1
         folder = Path("runs") / f"{name}-{count}"
+    return folder
+
+
+def _made(folder: Path) -> Path:
+    """The folder, made where it is not there yet."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        _refuse(f"--out: {folder} cannot be made ({error.strerror}); allowed is a folder that can be written to")
     return folder
 
 

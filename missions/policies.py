@@ -93,7 +93,7 @@ class Leg:
 
 
 class Patrol:
-    """Drive the route and go home, whatever is heard."""
+    """Drive the route and go home, whatever is heard; without a route, stand and listen."""
 
     def __init__(self) -> None:
         self.phase = "patrol"
@@ -102,6 +102,9 @@ class Patrol:
 
     def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
         """Towards the next stop; None once the dock is reached, or given up."""
+        if not site_map.route.waypoints_m:
+            self.phase = "listen"
+            return np.zeros(2, dtype=np.float32)
         pose, time_s = _pose(observation), _time(observation, site_map)
         stops = (*site_map.route.waypoints_m, site_map.route.dock_m)
         radius = 0.7 * site_map.task.waypoint_radius_m  # inside what counts, whatever the pose error
@@ -136,6 +139,9 @@ class Seek:
 
     def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
         """Towards the best viewpoint of the candidate in hand, or the next stop of the route."""
+        if not site_map.route.waypoints_m:
+            self.phase = "listen"
+            return np.zeros(2, dtype=np.float32)
         pose, time_s = _pose(observation), _time(observation, site_map)
         target = self._choose(findings, pose, time_s)
         if target is not None:

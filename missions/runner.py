@@ -188,7 +188,9 @@ def make_locator(scenario: Scenario) -> Locator:
             manifold=nominal.manifold(),
             positions_m=nominal.positions_m,
             spread=ElementSpread(
-                gain=scenario.array.gain_error, pointing_rad=float(np.radians(scenario.array.pointing_error_deg))
+                gain=scenario.array.gain_error,
+                pointing_rad=float(np.radians(scenario.array.pointing_error_deg)),
+                offset=scenario.array.gain_offset / np.sqrt(3),
             ),
         ),
         PoseError(

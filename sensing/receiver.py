@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field, PositiveFloat, PositiveInt, model_validator
 
 from dirmusic import pulse_strengths, strength_variance
-from sensing.array import N_ELEMENTS, HelicalArray
+from sensing.array import HelicalArray
 from sensing.propagation import SPEED_OF_LIGHT_MPS, direct_paths
 from sensing.pulses import DECAY_S, damped_pulse
 from sensing.sources import DischargeSource
@@ -23,7 +23,7 @@ LineOfSight = Callable[[FloatArray, FloatArray], NDArray[np.bool_]]
 
 
 class ReceiverConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
-    """A six-channel recorder with a common trigger. The defaults are assumed, about those of a fast oscilloscope."""
+    """A channel for each element and a common trigger. The defaults are assumed, about those of a fast oscilloscope."""
 
     sample_rate_hz: float = Field(default=20e9, ge=1e8, le=1e12)
     noise_v: PositiveFloat = 1e-3
@@ -70,6 +70,7 @@ class Receiver:
     def __init__(self, config: ReceiverConfig, array: HelicalArray) -> None:
         self.config = config
         self.array = array
+        self._n_elements = array.boresights_rad.size
 
     @property
     def threshold_v(self) -> float:
@@ -82,7 +83,7 @@ class Receiver:
     @property
     def _tail_probability(self) -> float:
         """Probability that one noise sample lies above the threshold; as many lie below minus the threshold."""
-        return self.config.false_alarm_rate_hz / (2 * N_ELEMENTS * self.config.sample_rate_hz)
+        return self.config.false_alarm_rate_hz / (2 * self._n_elements * self.config.sample_rate_hz)
 
     def listen(
         self,
@@ -108,7 +109,7 @@ class Receiver:
         times: list[FloatArray] = []
         gates: list[FloatArray] = []
         for source in sources:
-            emitted_s = start_s + duration_s * rng.random(rng.poisson(source.pulse_rate_hz * duration_s))
+            emitted_s = source.emissions(start_s, duration_s, rng)
             if emitted_s.size == 0:
                 continue
             visible = line_of_sight(elements_m, source.position_m)
@@ -167,9 +168,11 @@ class Receiver:
         """
         config = self.config
         n = rng.poisson(config.false_alarm_rate_hz * duration_s)
-        gates = config.noise_v * rng.standard_normal((n, N_ELEMENTS, config.gate_samples))
+        gates = config.noise_v * rng.standard_normal((n, self._n_elements, config.gate_samples))
         time_s = start_s + duration_s * rng.random(n)
         for gate in gates:
             tail = -NormalDist().inv_cdf((1.0 - rng.random()) * self._tail_probability)
-            gate[rng.integers(N_ELEMENTS), config.pretrigger_samples] = config.noise_v * rng.choice((-1, 1)) * tail
+            gate[rng.integers(self._n_elements), config.pretrigger_samples] = (
+                config.noise_v * rng.choice((-1, 1)) * tail
+            )
         return time_s, gates

@@ -15,6 +15,7 @@ from sensing.propagation import SPEED_OF_LIGHT_MPS
 from sensing.pulses import damped_pulse, unit_pulse_energy
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 SAMPLE_RATE_HZ = 20e9
 N_RECORD = 10_000
@@ -75,6 +76,34 @@ def draw_covariances(signals: FloatArray, n_record: int, rng: np.random.Generato
     heard = signals + rng.standard_normal(signals.shape)
     noise = wishart(n_trials, n_elements, n_record - n_pulses, rng)
     return (heard @ np.swapaxes(heard, -1, -2) + noise) / n_record
+
+
+def draw_phase_covariances(steering: ComplexArray, rho: float, n_record: int, rng: np.random.Generator) -> ComplexArray:
+    """The same for the analytic signals of an array that differs in phase, not in gain.
+
+    An analytic signal of n real samples has n / 2 independent complex ones.
+
+    Args:
+        steering: Response of each element, shape (n_trials, n_elements).
+        rho: Energy of the pulse over the noise variance.
+        n_record: Real samples of the record.
+        rng: All randomness.
+
+    Returns:
+        Shape (n_trials, n_elements, n_elements), up to a factor.
+    """
+    n_trials, n_elements = steering.shape
+    degrees = n_record // 2 - 1
+
+    def complex_normal(*shape: int) -> ComplexArray:
+        return rng.standard_normal(shape) + 1j * rng.standard_normal(shape)
+
+    heard = np.sqrt(rho) * steering + complex_normal(n_trials, n_elements)
+    lower = np.tril(complex_normal(n_trials, n_elements, n_elements), -1)
+    diagonal = np.arange(n_elements)
+    lower[:, diagonal, diagonal] = np.sqrt(rng.chisquare(2 * (degrees - diagonal), (n_trials, n_elements)))
+    both = np.concatenate([heard[..., np.newaxis], lower], axis=-1)
+    return both @ np.conj(np.swapaxes(both, -1, -2))
 
 
 def draw_records(gain: FloatArray, rho: FloatArray, rng: np.random.Generator) -> NDArray[np.float32]:

@@ -148,3 +148,24 @@ def test_the_believed_pose_is_near_the_true_one_but_not_it() -> None:
         errors.append(info["pose"] - info["truth"]["pose"])
     wrapped = (np.array(errors) + np.pi) % (2 * np.pi) - np.pi
     np.testing.assert_allclose(wrapped.std(axis=0), [0.05, 0.05, np.radians(0.5)], rtol=0.25)
+
+
+def test_a_standing_four_channel_robot_hears_every_shot_of_a_discharge_gun_once() -> None:
+    env = PatrolEnv("paper_field")
+    observation, info = env.reset(seed=3)
+    assert observation["strengths"].shape == (4,)
+    start = info["truth"]["pose"]
+    np.testing.assert_allclose(start, [10.0, 15.0, 0.0], atol=1e-6)
+    times: list[float] = []
+    truncated = False
+    while not truncated:
+        _, _, terminated, truncated, info = env.step(np.zeros(2, dtype=np.float32))
+        assert not terminated
+        pulses = info["pulses"]
+        times += pulses.time_s[pulses.std_rad < np.radians(15.0)].tolist()
+    np.testing.assert_allclose(info["truth"]["pose"], start, atol=0.01)
+    expected = np.concatenate([1.0 + 11.0 * k + np.arange(20) / 2.0 for k in range(10)])
+    np.testing.assert_allclose(times, expected, atol=1e-9)
+    offsets = np.array(info["truth"]["array"]["gain_offsets"])
+    assert np.all(np.abs(offsets) <= 0.06)
+    assert np.all(offsets != 0)

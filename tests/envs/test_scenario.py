@@ -61,7 +61,9 @@ def test_every_shipped_scenario_loads_tells_its_story_first_and_has_an_imperfect
     assert text.startswith("# ")
     scenario = load_scenario(name)
     assert scenario.name == name
-    assert (scenario.array.gain_error, scenario.array.pointing_error_deg) == (0.05, 2.0)
+    array = scenario.array
+    errors = (array.gain_error, array.pointing_error_deg, array.gain_offset)
+    assert errors == ((0.0, 0.0, 0.06) if name == "paper_field" else (0.05, 2.0, 0.0))
     assert scenario.array.position_error_m == 0.002
     assert all(key in text for key in ("gain_error", "pointing_error_deg", "position_error_m"))
 
@@ -208,3 +210,15 @@ def test_no_bytes_whatever_cause_anything_but_named_faults(
     file.write_bytes(GOOD.encode()[:400] + noise + GOOD.encode()[400:])
     with suppress(ScenarioError):
         load_scenario(file)
+
+
+def test_the_paper_field_scenario_is_the_table_as_printed() -> None:
+    # Dir-MUSIC, Table 3: range and angle from the array, 20 shots at each position
+    scenario = load_scenario("paper_field")
+    table = [(7.5, a) for a in (-96, -66, -19, -10, 10, 17, 28, 93)] + [(14.0, -90.0), (18.9, 17.5)]
+    assert scenario.array.n_elements == 4
+    assert [source.n_shots for source in scenario.sources] == [20] * 10
+    x, y = (np.array([s.position_m for s in scenario.sources])[:, :2] - scenario.route.dock_m).T
+    np.testing.assert_allclose(np.hypot(x, y), [r for r, _ in table], atol=1e-3)
+    np.testing.assert_allclose(np.degrees(np.arctan2(y, x)), [a for _, a in table], atol=0.01)
+    assert {s.position_m[2] for s in scenario.sources if s.position_m} == {scenario.array.height_m}

@@ -1,0 +1,74 @@
+"""All exhibits at once, on all cores, the same for the same seed whatever their number."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from threading import Event
+from typing import NamedTuple
+
+from threadpoolctl import threadpool_limits
+
+from missions.reproduction import exhibits, field
+from missions.reproduction.exhibits import Campaign, Exhibit
+
+ORDER = ("table1", "fig4", "fig5", "fig7", "table2", "table3", "phase_method", "sample_rate", "bound", "ring_size")
+"""As in the paper, then what it lacks."""
+
+
+class _Part(NamedTuple):
+    """What makes some exhibits, how many cells of trials it has, and its share of the work, as measured."""
+
+    make: Callable[[Campaign], Exhibit | tuple[Exhibit, ...]]
+    n_cells: int
+    share: float
+
+
+PARTS = (
+    _Part(exhibits.noise_tables, 5, 0.33),
+    _Part(exhibits.ring_sizes, 6, 0.16),
+    _Part(exhibits.element_counts, 6, 0.14),
+    _Part(exhibits.phase_method, 10, 0.13),
+    _Part(exhibits.manifold_errors, 4, 0.11),
+    _Part(field.field_test, 10, 0.10),
+    _Part(exhibits.sample_rates, 6, 0.02),
+    _Part(exhibits.bound, 7, 0.01),
+)
+"""The longest first, so that no core waits for it at the end."""
+
+
+class _CancelledError(Exception):
+    """Raised in the workers when the caller is interrupted."""
+
+
+def reproduce(trials: int, seed: int, progress: Callable[[float], None]) -> tuple[Exhibit, ...]:
+    """Every exhibit of the paper beside ours.
+
+    Args:
+        trials: Of each cell, >= 1; the paper has 3600.
+        seed: Fixes all that is drawn.
+        progress: Told by how much of the whole, 0 to 1, the work has advanced since it was told last; from any thread.
+
+    Returns:
+        The exhibits, in the order of `ORDER`.
+    """
+    cancelled = Event()
+
+    def work(part: _Part) -> tuple[Exhibit, ...]:
+        def tick(n: int) -> None:
+            if cancelled.is_set():
+                raise _CancelledError
+            progress(part.share * n / (part.n_cells * trials))
+
+        made = part.make(Campaign(trials=trials, seed=seed, tick=tick))
+        return made if isinstance(made, tuple) else (made,)
+
+    with threadpool_limits(limits=1), ThreadPoolExecutor(os.cpu_count()) as pool:
+        try:
+            done = {exhibit.name: exhibit for some in pool.map(work, PARTS) for exhibit in some}
+        except BaseException:
+            cancelled.set()
+            pool.shutdown(wait=True, cancel_futures=True)
+            raise
+    return tuple(done[name] for name in ORDER)
