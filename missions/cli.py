@@ -211,7 +211,7 @@ def reproduce(
         out.print(as_table(exhibit), highlight=False)
         out.print()
     out.print(
-        f"{trials} trials a cell in {time.perf_counter() - started_s:.0f} s; both methods are ours, with 95 % intervals. "
+        f"{trials} trials a cell or more in {time.perf_counter() - started_s:.0f} s; intervals are 95 %.\n"
         f"Written to {folder}: reproduction.json and {len(pictures)} pictures",
         highlight=False,
         soft_wrap=True,

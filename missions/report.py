@@ -34,11 +34,11 @@ def make_report(log: MissionLog, wall_time_s: float) -> dict[str, Any]:
     """
     step, events = log.table("step"), log.table("event")
     visited = sorted(int(text) for text in events["text"][events["kind"] == "waypoint"])
-    n_waypoints = len(log.meta["route"]["waypoints_m"])
-    findings = _findings(log)
+    n_waypoints = len(log.meta.get("route", {}).get("waypoints_m", ()))
+    findings = _findings(log, "confirmed")
     report: dict[str, Any] = {
         "schema": SCHEMA,
-        "scenario": log.meta["scenario"]["name"],
+        "scenario": log.meta["name"],
         "seed": log.meta["seed"],
         "policy": log.meta["policy"],
         "sim_time_s": float(step["time_s"][-1]) if step["time_s"].size else 0.0,
@@ -48,6 +48,7 @@ def make_report(log: MissionLog, wall_time_s: float) -> dict[str, Any]:
         "waypoints": {"visited": visited, "missed": [k for k in range(1, n_waypoints + 1) if k not in visited]},
         "n_bearings": log.n_rows("bearing"),
         "findings": findings,
+        "candidates": _findings(log, "candidate", "outside"),
     }
     if "truth" in log.meta:
         report["evaluation"] = evaluate(findings, log.meta["truth"]["sources"])
@@ -59,26 +60,29 @@ def _distance(step: dict[str, NDArray[Any]]) -> float:
     return float(np.linalg.norm(np.diff(path[:, :2], axis=0), axis=-1).sum())
 
 
-def _findings(log: MissionLog) -> list[dict[str, Any]]:
+def _findings(log: MissionLog, *states: str) -> list[dict[str, Any]]:
     """Confirmed findings as they stood at the end, by id."""
     table, time_s = log.table("finding"), log.column("step", "time_s")
     if table["step"].size == 0:
         return []
-    yard = Scenario.model_validate_json(json.dumps(log.meta["scenario"])).yard
-    last = np.flatnonzero((table["step"] == table["step"][-1]) & (table["state"] == "confirmed"))
+    yard = None
+    if "scenario" in log.meta:
+        yard = Scenario.model_validate_json(json.dumps(log.meta["scenario"])).yard
+    last = np.flatnonzero((table["step"] == table["step"][-1]) & np.isin(table["state"], states))
     findings: list[dict[str, Any]] = []
     for row in last:
-        confirmed = (table["id"] == table["id"][row]) & (table["state"] == "confirmed")
+        confirmed = np.flatnonzero((table["id"] == table["id"][row]) & (table["state"] == "confirmed"))
         position, covariance = table["position_m"][row], table["covariance_m2"][row]
         findings.append(
             {
                 "position_m": position.tolist(),
                 "covariance_m2": covariance.tolist(),
                 "ellipse95": ellipse95(covariance),
-                "nearest_equipment": yard.nearest_equipment(position),
+                "state": str(table["state"][row]),
+                "nearest_equipment": yard.nearest_equipment(position) if yard else None,
                 "n_bearings": int(table["n_bearings"][row]),
                 "first_heard_s": float(table["first_heard_s"][row]),
-                "fixed_s": float(time_s[table["step"][confirmed][0]]),
+                "fixed_s": float(time_s[table["step"][confirmed[0]]]) if confirmed.size else None,
             }
         )
     return findings

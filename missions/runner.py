@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from dirmusic import ArrayModel, Bearings, ElementSpread, Finding, Locator, PoseError
-from dirmusic.angles import wrap
+from dirmusic import ArrayModel, Bearings, ElementSpread, Locator, PoseError
 from envs import Scenario
 from envs.patrol import STEP_S, PatrolEnv, Pulses
 from missions.choices import PolicyName
 from missions.log import MissionLog
+from missions.logbook import Logbook
 from missions.navigation import SiteMap
 from missions.policies import SeesTruth, make_policy
 from robot_models.inspector import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS
@@ -49,9 +49,9 @@ class Mission:
         self._observation, info = self.env.reset(seed=seed)
         self._touched: frozenset[str] = frozenset()
         self._visited: tuple[int, ...] = ()
-        self._logged: tuple[Finding, ...] = ()
         self._true_start = info["truth"].pop("pose")
         self.log = MissionLog(self._meta(scenario, policy, seed, info["truth"]))
+        self._book = Logbook(self.log, self.locator)
         if isinstance(self.policy, SeesTruth):
             self.policy.reveal(info["truth"])
 
@@ -69,12 +69,13 @@ class Mission:
         nominal = HelicalArray.nominal(scenario.array)
         return {
             "versions": {name: version(name) for name in ("pdpatrol", "mujoco", "numpy", "scipy")},
+            "name": scenario.name,
             "seed": seed,
             "policy": policy,
             "scenario": scenario.model_dump(mode="json"),
             "n_elements": int(nominal.boresights_rad.size),
             "array": {"boresights_rad": nominal.boresights_rad.tolist(), "positions_m": nominal.positions_m.tolist()},
-            "yard_size_m": list(scenario.yard.size_m),
+            "bounds_m": [[0.0, 0.0], list(scenario.yard.size_m)],
             "route": scenario.route.model_dump(mode="json"),
             "sites": {name: scenario.yard.site_position(name).tolist() for name in scenario.yard.site_names()},
             "solids": describe_solids(self.env.inspector.model),
@@ -100,10 +101,10 @@ class Mission:
         )
         pulses: Pulses = info["pulses"]
         bearings = Bearings(azimuth_rad=pulses.azimuth_rad, std_rad=pulses.std_rad, misfit=pulses.misfit)
-        self._log_pulses(step, info["pose"], pulses, bearings)
-        findings = self.locator.update(info["time_s"], info["pose"], bearings, pulses.strengths_v, pulses.variance_v2)
-        self._log_findings(step, findings)
-        self._log_events(step, info)
+        self._book.listen(
+            info["time_s"], info["pose"], pulses.strengths_v, pulses.variance_v2, bearings, pulses.mains_phase_rad
+        )
+        self._log_events(info)
         if self.folder is not None and (step + 1) % round(PART_S / STEP_S) == 0:
             self.log.write_part(self.folder)
         if terminated:
@@ -114,70 +115,16 @@ class Mission:
     def end(self, reason: str) -> None:
         """Close the mission; what was logged stays as it is."""
         self.is_over = True
-        self._event("end", reason)
+        self._book.event("end", reason)
 
-    def _log_pulses(self, step: int, pose: FloatArray, pulses: Pulses, bearings: Bearings) -> None:
-        credible = self.locator.is_credible(bearings)
-        for i in range(credible.size):
-            pulse = self.log.append(
-                "pulse",
-                step=step,
-                strengths_v=pulses.strengths_v[i],
-                mains_phase_rad=pulses.mains_phase_rad[i],
-                is_credible=credible[i],
-            )
-            if credible[i]:
-                self.log.append(
-                    "bearing",
-                    pulse=pulse,
-                    azimuth_rad=bearings.azimuth_rad[i],
-                    bearing_rad=wrap(bearings.azimuth_rad[i] + pose[2]),
-                    std_rad=bearings.std_rad[i],
-                )
-
-    def _log_findings(self, step: int, findings: Sequence[Finding]) -> None:
-        if findings is self._logged:
-            return
-        before = {finding.id: finding.state for finding in self._logged}
-        for finding in findings:
-            self._log_finding(step, finding, finding.state)
-            x, y = finding.position_m
-            if before.pop(finding.id, None) != finding.state:
-                told = {
-                    "candidate": f"candidate {finding.id} towards ({x:.1f}, {y:.1f}) m",
-                    "confirmed": f"finding {finding.id} at ({x:.2f}, {y:.2f}) m, 95 % in {finding.semi_major_m:.2f} m",
-                    "outside": f"candidate {finding.id} lies beyond the fence, near ({x:.0f}, {y:.0f}) m",
-                }[finding.state]
-                self._event(finding.state, told)
-        for gone in (finding for finding in self._logged if finding.id in before):
-            self._log_finding(step, gone, "dropped")
-            self._event("dropped", f"candidate {gone.id} was no source of its own")
-        self._logged = tuple(findings)
-
-    def _log_finding(self, step: int, finding: Finding, state: str) -> None:
-        self.log.append(
-            "finding",
-            step=step,
-            id=finding.id,
-            position_m=finding.position_m,
-            covariance_m2=finding.covariance_m2,
-            state=state,
-            n_bearings=finding.n_bearings,
-            first_heard_s=finding.first_heard_s,
-            opening_rad=finding.opening_rad,
-        )
-
-    def _log_events(self, step: int, info: dict[str, Any]) -> None:
+    def _log_events(self, info: dict[str, Any]) -> None:
         touched = frozenset(info["touched"])
         for name in sorted(touched - self._touched):
-            self._event("contact", name)
+            self._book.event("contact", name)
         self._touched = touched
         for index in sorted(set(info["waypoints_visited"]) - set(self._visited)):
-            self._event("waypoint", str(index + 1))
+            self._book.event("waypoint", str(index + 1))
         self._visited = info["waypoints_visited"]
-
-    def _event(self, kind: str, text: str) -> None:
-        self.log.append("event", step=max(self.log.n_rows("step") - 1, 0), kind=kind, text=text)
 
 
 def make_locator(scenario: Scenario) -> Locator:

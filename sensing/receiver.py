@@ -51,12 +51,14 @@ class Heard:
         strengths_v: Shape (n_pulses, n_elements), volts.
         variance_v2: Variance of the strengths, shape (n_pulses, n_elements), V^2.
         mains_phase_rad: Phase of the receiver's own mains supply at the trigger, shape (n_pulses,), in [0, 2 pi).
+        waveforms_v: The gates, shape (n_pulses, n_elements, gate_samples), volts.
     """
 
     time_s: FloatArray
     strengths_v: FloatArray
     variance_v2: FloatArray
     mains_phase_rad: FloatArray
+    waveforms_v: FloatArray
 
 
 class Receiver:
@@ -120,14 +122,15 @@ class Receiver:
             gates.append(gate)
         false_s, false_gates = self._noise_triggers(rng, start_s, duration_s)
         time_s = np.concatenate([*times, false_s])
-        strengths = pulse_strengths(np.concatenate([*gates, false_gates]), self.config.noise_v**2)
         order = np.argsort(time_s, kind="stable")
-        time_s, strengths = time_s[order], strengths[order]
+        time_s, waveforms = time_s[order], np.concatenate([*gates, false_gates])[order]
+        strengths = pulse_strengths(waveforms, self.config.noise_v**2)
         return Heard(
             time_s=time_s,
             strengths_v=strengths,
             variance_v2=strength_variance(strengths, self.config.noise_v**2, self.config.gate_samples),
             mains_phase_rad=np.mod(2 * np.pi * self.config.mains_hz * time_s, 2 * np.pi),
+            waveforms_v=waveforms,
         )
 
     def _record(

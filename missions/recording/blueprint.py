@@ -46,9 +46,9 @@ def blueprint(meta: Mapping[str, Any], end_s: float | None = None) -> rrb.Bluepr
         meta: Of the mission's log.
         end_s: Simulated time at which the mission ended, to show the whole of it; None while it runs.
     """
-    size_x, size_y = meta.get("yard_size_m", (40.0, 30.0))
-    centre = np.array([0.5 * size_x, 0.5 * size_y, 0.0])
-    reach = float(np.hypot(size_x, size_y))
+    low, high = (np.array(corner) for corner in meta["bounds_m"])
+    centre = np.array([*(0.5 * (low + high)), 0.0])
+    reach = float(np.hypot(*(high - low)))
     slant = rrb.EyeControls3D(
         kind=rrb.Eye3DKind.Orbital,
         position=centre + reach * np.array([-0.16, -0.52, 0.46]),

@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from dirmusic import GainManifold, GaussianPattern
+from dirmusic import GainManifold, GaussianPattern, TabulatedPattern
 from dirmusic.locating import CHI2_95
 from missions.log import MissionLog
 from missions.recording import blueprint as paths
@@ -22,7 +22,7 @@ HOLD_STEPS = 10
 """How long a bearing and its spectrum stay after the last pulse: one second."""
 
 TRAIL_STEPS = 5
-"""Every how many steps the trail is drawn on."""
+"""Every how many steps of a mission the trail is drawn on; of field data, every one."""
 
 SPECTRUM_AZIMUTHS_RAD = np.radians(np.arange(0.0, 361.0, 5.0))
 SPECTRUM_RADIUS_M = (0.8, 3.0)
@@ -66,8 +66,10 @@ class Recorder:
         self._heard_step = -10 * HOLD_STEPS
         self._phase = ""
         self._named: set[int] = set()
-        boresights = np.asarray(log.meta["array"]["boresights_rad"])
-        gain = GainManifold(GaussianPattern(), boresights).gain(SPECTRUM_AZIMUTHS_RAD)
+        self._trail_steps = TRAIL_STEPS if "scenario" in log.meta else 1
+        array = log.meta["array"]
+        pattern = TabulatedPattern(**array["pattern"]) if array.get("pattern") else GaussianPattern()
+        gain = GainManifold(pattern, array["boresights_rad"]).gain(SPECTRUM_AZIMUTHS_RAD)
         self._unit_gain = gain / np.linalg.norm(gain, axis=0)
         log_scene(stream, log.meta)
 
@@ -101,7 +103,8 @@ class Recorder:
         turn = np.column_stack([np.zeros((n, 2)), np.sin(half), np.cos(half)])
         self._columns(paths.ROBOT, steps, rr.Transform3D.columns(translation=place, quaternion=turn))
         for name, values in zip(("speed", "yaw_rate"), step["command"].T, strict=True):
-            self._columns(f"{paths.COMMAND}/{name}", steps, rr.Scalars.columns(scalars=values))
+            if np.isfinite(values).all():
+                self._columns(f"{paths.COMMAND}/{name}", steps, rr.Scalars.columns(scalars=values))
         self._trail = self._send_trail(paths.TRAJECTORY, steps, place, self._trail, 0.06)
         known = np.isfinite(true_pose).all(axis=-1)
         true_place = np.column_stack([true_pose[:, :2], np.zeros(n)])
@@ -118,8 +121,8 @@ class Recorder:
     def _send_trail(
         self, path: str, steps: NDArray[Any], place: FloatArray, trail: FloatArray, height_m: float
     ) -> FloatArray:
-        """Draw the trail anew every `TRAIL_STEPS`, from its start; returns it, longer."""
-        chosen = steps % TRAIL_STEPS == 0
+        """Draw the trail anew every few steps, from its start; returns it, longer."""
+        chosen = steps % self._trail_steps == 0
         grown = np.vstack([trail, place[chosen] + [0.0, 0.0, height_m]])
         if chosen.any():
             strips = [grown[: len(trail) + 1 + k] for k in range(int(chosen.sum()))]

@@ -22,6 +22,7 @@ COLOURS = {
     "trajectory": (120, 190, 255),
     "truth": (255, 70, 200),
     "route": (200, 205, 210),
+    "robot": (235, 235, 240),
     "site": (200, 150, 90),
     "ground": (64, 70, 72),
 }
@@ -32,20 +33,21 @@ ELEMENT_COLOURS = ((230, 90, 80), (240, 170, 60), (225, 225, 90), (90, 200, 110)
 def log_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
     """Log all that does not move, and the style of what does, from the facts of a mission."""
     _still(stream, paths.WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP)
-    size_x, size_y = meta.get("yard_size_m", (0.0, 0.0))
-    if size_x:
-        ground = rr.Boxes3D(
-            centers=[[0.5 * size_x, 0.5 * size_y, -0.03]],
-            half_sizes=[[0.5 * size_x, 0.5 * size_y, 0.02]],
-            colors=[COLOURS["ground"]],
-            fill_mode="solid",
-        )
-        _still(stream, paths.GROUND, ground)
+    low, high = (np.array(corner) for corner in meta["bounds_m"])
+    ground = rr.Boxes3D(
+        centers=[[*(0.5 * (low + high)), -0.03]],
+        half_sizes=[[*(0.5 * (high - low)), 0.02]],
+        colors=[COLOURS["ground"]],
+        fill_mode="solid",
+    )
+    _still(stream, paths.GROUND, ground)
     solids = meta.get("solids", {})
     by_group = {"equipment": paths.EQUIPMENT, "fence": paths.FENCE}
     for group, path in by_group.items():
         _draw_solids(stream, path, [s for s in solids.get("yard", []) if s["group"] == group])
     _draw_solids(stream, paths.BODY, solids.get("robot", []))
+    if not solids:  # field data: of the robot no more is known than where it stood
+        _draw_points(stream, paths.BODY, {"array": [0.0, 0.0, 0.3]}, COLOURS["robot"], 0.3, labelled=False)
     _draw_points(stream, paths.SITES, meta.get("sites", {}), COLOURS["site"], 0.07, labelled=False)
     if "route" in meta:
         stops = {str(i + 1): [*p, 0.02] for i, p in enumerate(meta["route"]["waypoints_m"])}

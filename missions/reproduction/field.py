@@ -105,7 +105,7 @@ def _exhibit(paper: FloatArray, best: FloatArray, spread: FloatArray, half_width
 
     def central(values: FloatArray) -> Measured:
         low, middle, high = np.quantile(values, [0.05, 0.5, 0.95])
-        return Measured(value=float(middle), low=float(low), high=float(high))
+        return Measured(value=float(middle), n=values.size, low=float(low), high=float(high))
 
     def row(label: str, value: float, by_paper_deg: FloatArray, best_deg: FloatArray) -> Row:
         return Row(

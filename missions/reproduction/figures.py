@@ -94,10 +94,12 @@ def errors_over_direction(exhibit: Exhibit) -> Figure:
     """Figure 4: scatter and box of the errors at -10 dB."""
     figure = _figure(11, 4)
     scatter, box = figure.subplots(1, 2, width_ratios=[3, 1], sharey=True)
-    true, paper, best = exhibit.data["true"], exhibit.data["paper"], np.round(exhibit.data["best"])
-    jitter = np.random.default_rng(0).uniform(-0.3, 0.3, (2, true.size))
-    for errors, colour, label, shift in ((paper, OURS, "paper's method", jitter[0]), (best, BEST, "best", jitter[1])):
-        scatter.scatter(true, errors + shift, s=2, color=colour, alpha=0.5, label=label, linewidths=0)
+    paper, best = exhibit.data["paper"], np.round(exhibit.data["best"])
+    jitter = np.random.default_rng(0).uniform(-0.3, 0.3, (2, paper.size))  # errors are whole degrees
+    for name, errors, colour, shift in (("paper", paper, OURS, jitter[0]), ("best", best, BEST, jitter[1])):
+        label = "best" if name == "best" else "paper's method"
+        true_deg = exhibit.data[f"true_{name}"]
+        scatter.scatter(true_deg, errors + shift, s=2, color=colour, alpha=0.5, label=label, linewidths=0)
     low, high = published()["fig4"]["error_range_deg"]
     for value in (low, high):
         scatter.axhline(value, color=PAPER, linestyle=":", linewidth=1)
@@ -245,6 +247,5 @@ def _bars(axes: Axes, rows: Sequence[Row], labels: Sequence[str] | None = None, 
             )
     axes.set_xticks(place, labels or [row.label for row in rows], fontsize=8)
     axes.set_ylabel("accuracy (%)" if unit == "%" else f"({unit})")
-    axes.set_ylim(0, 122 if unit == "%" else None)
-    axes.margins(y=0.2)
-    axes.legend(fontsize=7, loc="upper right", ncols=3, frameon=False)
+    axes.set_ylim(0, 122 if unit == "%" else 1.25 * axes.get_ylim()[1])
+    axes.legend(fontsize=7, loc="upper right" if unit == "%" else "upper left", ncols=3, frameon=False)

@@ -22,6 +22,9 @@ FloatArray = NDArray[np.float64]
 GATE_SAMPLES = 60
 """3 ns: a pulse of 1 ns decay has 99.7 % of its energy in them."""
 
+FOUND_GATE_SAMPLES = 80
+"""A gate that is found from noisy data is a little longer: it starts some samples early or late."""
+
 SUCCESS_DEG = 2
 """Success is an error of at most this, on the grid. The paper writes "less than"; its numbers say "at most"."""
 
@@ -48,8 +51,8 @@ def by_phase(covariance: ComplexArray, steering: ComplexArray) -> FloatArray:
 
 def by_gate(records: NDArray[np.float32], manifold: GainManifold) -> FloatArray:
     """Gate found from the data, then maximum likelihood off the grid; degrees, shape (n_trials,)."""
-    start = pulse_start(records, GATE_SAMPLES)
-    index = start[:, np.newaxis, np.newaxis] + np.arange(GATE_SAMPLES)
+    start = pulse_start(records, FOUND_GATE_SAMPLES)
+    index = start[:, np.newaxis, np.newaxis] + np.arange(FOUND_GATE_SAMPLES)
     gate = np.take_along_axis(records, index, axis=-1)
     return np.degrees(bearings_from_covariance(sample_covariance(gate), manifold).azimuth_rad)
 

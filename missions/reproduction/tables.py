@@ -70,6 +70,7 @@ def as_table(exhibit: Exhibit) -> Group:
     for row in exhibit.rows:
         measured = (row.paper_method, row.best_method, row.unrounded)
         cells = ["-" if row.paper is None else f"{row.paper:g}", *(_told(m, row.unit) for m in measured)]
+        cells[-1] = cells[-1].partition(" ")[0]  # its interval is in the JSON file
         label = f"{row.label} (deg)" if row.unit == "deg" else row.label
         table.add_row(escape(label), *cells[: len(columns)])
     notes = [Padding(f"[dim]{escape(note)}[/dim]", (0, 0, 0, 2)) for note in exhibit.notes]
