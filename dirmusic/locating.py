@@ -47,6 +47,8 @@ class LocatingRules:
         birth_pulses: Credible pulses from one direction, within `birth_s`, that make a candidate.
         birth_s: See above.
         birth_arc_rad: Half the arc that counts as one direction.
+        birth_by_crossing: Whether so many pulses whose lines of sight cross at one place make a candidate too: for data
+            from the field, a pulse or two from each pose. Two sources have ghosts where their lines cross.
         refit_s: Time between fits.
         max_pulses: Pulses of one candidate that a fit uses, evenly chosen; the array limits, not the noise.
         confirm_opening_rad: Lines of sight must have opened by this much: one line of bearings is no fix.
@@ -63,6 +65,7 @@ class LocatingRules:
     birth_pulses: int = 6
     birth_s: float = 10.0
     birth_arc_rad: float = np.radians(8.0)
+    birth_by_crossing: bool = False
     refit_s: float = 1.0
     max_pulses: int = 160
     confirm_opening_rad: float = np.radians(60.0)
@@ -183,10 +186,11 @@ class Locator:
             self._std_rad = np.concatenate([self._std_rad, bearings.std_rad[credible]])
         if time_s >= self._next_fit_s and credible.size:
             self._next_fit_s = time_s + self.rules.refit_s
-            self._look_again(time_s)
+            self.look_again(time_s)
         return self.findings
 
-    def _look_again(self, time_s: float) -> None:
+    def look_again(self, time_s: float) -> tuple[Finding, ...]:
+        """Sort and fit all that was heard so far anew, whenever the last time was; all findings."""
         owner = self._assign(self.findings)
         counts = [(owner == k).sum() for k in range(len(self.findings))]
         kept = [
@@ -201,7 +205,7 @@ class Locator:
         chosen = {k: self._choose(np.flatnonzero(owner == k)) for k in range(len(self.findings))}
         fitted = [k for k, index in chosen.items() if index.size >= self.rules.birth_pulses]
         if not fitted:
-            return
+            return self.findings
         fix = locate_jointly(
             self._sightings.take(np.concatenate([chosen[k] for k in fitted])),
             np.repeat(np.arange(len(fitted)), [chosen[k].size for k in fitted]),
@@ -214,6 +218,7 @@ class Locator:
         for k, position, covariance in zip(fitted, fix.positions_m, fix.covariances_m2, strict=True):
             moved[k] = replace(moved[k], position_m=position, covariance_m2=covariance)
         self._conclude(moved, time_s)
+        return self.findings
 
     def _choose(self, index: NDArray[np.intp]) -> NDArray[np.intp]:
         """At most `max_pulses` of the rows `index`, evenly."""
@@ -261,6 +266,9 @@ class Locator:
         bearing, _ = self._bearings(recent)
         near = np.abs(difference(bearing[:, np.newaxis], bearing)) < self.rules.birth_arc_rad
         group = recent[near[near.sum(axis=0).argmax()]]
+        if group.size < self.rules.birth_pulses and self.rules.birth_by_crossing:
+            some = self._choose(recent)
+            group = some[triangulate(self._sightings.pose[some, :2], *self._bearings(some)).is_inlier]
         if group.size < self.rules.birth_pulses:
             return owner
         position, covariance = self._triangulate(group)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -13,7 +14,12 @@ from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
 from dirmusic import (
+    ArrayModel,
     CsvTable,
+    ElementSpread,
+    GainManifold,
+    GainPattern,
+    GaussianPattern,
     InputFileError,
     pulse_start,
     pulse_strengths,
@@ -122,6 +128,42 @@ def read_field_data(path: Path, *, noise_v: float | None = None, gate_s: float =
         n_recorded=pulses.strengths_v.shape[1],
     )
     return _without_dead(data)
+
+
+def array_model(
+    data: FieldData,
+    spread: ElementSpread,
+    pattern: GainPattern | None,
+    boresights_deg: Sequence[float] | None,
+    ring_radius_m: float,
+) -> ArrayModel:
+    """The array that heard the data, its live channels alone.
+
+    Args:
+        data: What was heard.
+        spread: How far such arrays spread about the data sheet.
+        pattern: Of every element; None for eq. (1).
+        boresights_deg: One for each recorded channel; None for a ring, six elements of which four channels have the
+            first four.
+        ring_radius_m: Radius of the ring.
+
+    Raises:
+        InputFileError: If there are not as many boresights as channels, or the pattern tells no direction.
+    """
+    n = data.n_recorded
+    if boresights_deg is not None and (len(boresights_deg) != n or not np.isfinite(boresights_deg).all()):
+        raise InputFileError(
+            [f"--boresights-deg: got {len(boresights_deg)} for {n} channels; allowed is one number for each"]
+        )
+    boresights = np.array(GainManifold.ring(6 if n == 4 else n).boresights_rad[:n])
+    if boresights_deg is not None:
+        boresights = np.radians(boresights_deg)
+    try:
+        manifold = GainManifold(pattern or GaussianPattern(), boresights).take(data.channels)
+    except ValueError as error:
+        raise InputFileError([str(error)]) from None
+    positions = ring_radius_m * np.stack([np.cos(boresights), np.sin(boresights)], axis=-1)
+    return ArrayModel(manifold=manifold, positions_m=positions[data.channels], spread=spread)
 
 
 class _Pulses(NamedTuple):

@@ -66,6 +66,10 @@ class Logbook:
                 )
         self._log_findings(step, self.locator.update(time_s, pose, bearings, strengths_v, variance_v2))
 
+    def look_again(self, time_s: float) -> None:
+        """Fit all that was heard once more, when nothing is left to come."""
+        self._log_findings(self.log.n_rows("step") - 1, self.locator.look_again(time_s))
+
     def event(self, kind: str, text: str) -> None:
         """Log something that happened in the last step."""
         self.log.append("event", step=max(self.log.n_rows("step") - 1, 0), kind=kind, text=text)

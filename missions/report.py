@@ -61,7 +61,7 @@ def _distance(step: dict[str, NDArray[Any]]) -> float:
 
 
 def _findings(log: MissionLog, *states: str) -> list[dict[str, Any]]:
-    """Confirmed findings as they stood at the end, by id."""
+    """Findings in one of some states as they stood at the end, by id."""
     table, time_s = log.table("finding"), log.column("step", "time_s")
     if table["step"].size == 0:
         return []
@@ -136,21 +136,33 @@ def evaluate(findings: list[dict[str, Any]], sources: list[dict[str, Any]]) -> d
 
 def findings_table(report: dict[str, Any]) -> Table:
     """What was found, for a terminal."""
-    table = Table(title=f"Findings: {report['scenario']}, seed {report['seed']}", title_justify="left")
-    for heading in ("#", "x, y (m)", "nearest", "95 % ellipse (m)", "pulses", "fixed (s)", "error (m)"):
+    seed = "" if report["seed"] is None else f", seed {report['seed']}"
+    return _table_of(report, "findings", f"Findings: {report['scenario']}{seed}")
+
+
+def candidates_table(report: dict[str, Any]) -> Table:
+    """What was heard but not confirmed, for a terminal."""
+    return _table_of(report, "candidates", "Not confirmed: from too few sides, too far away, or beyond the fence")
+
+
+def _table_of(report: dict[str, Any], key: str, title: str) -> Table:
+    sources = report.get("evaluation", {}).get("sources")
+    has_yard = any(finding["nearest_equipment"] for finding in report[key])
+    table = Table(title=title, title_justify="left")
+    headings = ["#", "x, y (m)", *(["nearest"] if has_yard else []), "95 % ellipse (m)", "pulses", "fixed (s)"]
+    for heading in (*headings, *(["error (m)"] if sources is not None else [])):
         table.add_column(heading, justify="left" if heading == "nearest" else "right", overflow="fold")
-    sources = report.get("evaluation", {}).get("sources", [])
-    for number, finding in enumerate(report["findings"], start=1):
+    for number, finding in enumerate(report[key], start=1):
         x, y = finding["position_m"]
         ellipse = finding["ellipse95"]
         table.add_row(
             str(number),
             f"{x:.2f}, {y:.2f}",
-            finding["nearest_equipment"] or "-",
+            *([finding["nearest_equipment"] or "-"] if has_yard else []),
             f"{ellipse['semi_major_m']:.2f} by {ellipse['semi_minor_m']:.2f}",
             str(finding["n_bearings"]),
-            f"{finding['fixed_s']:.1f}",
-            _error_of(finding, sources),
+            "-" if finding["fixed_s"] is None else f"{finding['fixed_s']:.1f}",
+            *([_error_of(finding, sources)] if sources is not None else []),
         )
     return table
 
