@@ -9,7 +9,6 @@ from dirmusic import (
     Bearings,
     GainManifold,
     bearings_from_covariance,
-    pseudo_spectrum,
     pulse_start,
     sample_covariance,
 )
@@ -30,7 +29,10 @@ SUCCESS_DEG = 2
 
 
 def by_paper(covariance: FloatArray, gain: FloatArray) -> FloatArray:
-    """Eq. (15) as printed, searched on the 1 degree grid; degrees, shape (n_trials,).
+    r"""Eq. (15) as printed, searched on the 1 degree grid; degrees, shape (n_trials,).
+
+    With one source, what a gain has in the noise subspace is what it has not along the eigenvector of the signal:
+    :math:`\lVert E_n^T g \rVert^2 = \lVert g \rVert^2 - (e_s^T g)^2`, several times faster than `pseudo_spectrum`.
 
     Args:
         covariance: Shape (n_trials, n_elements, n_elements).
@@ -39,7 +41,9 @@ def by_paper(covariance: FloatArray, gain: FloatArray) -> FloatArray:
     """
     if gain.shape[0] == 1:
         return np.full(covariance.shape[0], GRID_DEG[0], dtype=np.float64)
-    return GRID_DEG[pseudo_spectrum(covariance, gain).argmax(axis=-1)].astype(np.float64)
+    _, vectors = np.linalg.eigh(covariance)
+    null = np.square(gain).sum(axis=0) - np.square(vectors[..., -1] @ gain)
+    return GRID_DEG[null.argmin(axis=-1)].astype(np.float64)
 
 
 def by_phase(covariance: ComplexArray, steering: ComplexArray) -> FloatArray:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dirmusic import GainManifold
+from dirmusic import GainManifold, pseudo_spectrum
 from missions.reproduction import protocol
 from missions.reproduction.exhibits import Exhibit, Measured, Row, published
 from missions.reproduction.field import corrected_errors
@@ -66,6 +66,16 @@ def test_the_printed_method_finds_every_direction_without_noise() -> None:
     gain = GainManifold.ring(6).gain(np.radians(protocol.GRID_DEG))
     found = by_paper(gain.T[:, :, np.newaxis] * gain.T[:, np.newaxis, :] + 1e-9 * np.eye(6), gain)
     np.testing.assert_array_equal(found, protocol.GRID_DEG)
+
+
+@pytest.mark.parametrize("n_elements", [2, 4, 6, 10])
+def test_the_fast_form_of_eq_15_is_the_printed_one(n_elements: int) -> None:
+    rng = np.random.default_rng(2)
+    gain = GainManifold.ring(n_elements).gain(np.radians(protocol.GRID_DEG))
+    signal = 40.0 * gain[:, rng.integers(0, 360, 400)].T[..., np.newaxis]
+    covariance = protocol.draw_covariances(signal, protocol.N_RECORD, rng)
+    printed = protocol.GRID_DEG[pseudo_spectrum(covariance, gain).argmax(axis=-1)]
+    np.testing.assert_array_equal(by_paper(covariance, gain), printed)
 
 
 def test_the_slips_of_table_3_are_found_by_working_it_out_anew() -> None:
