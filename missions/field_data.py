@@ -39,6 +39,9 @@ MIN_CHANNELS = 3
 GATE_S = 4.5e-9
 """Default length of the gate: 90 samples at 20 GS/s, for a pulse of 2.5 ns and a ring of 0.2 m."""
 
+WAVEFORM_ARRAYS = ("waveforms", "sample_rate_hz", "volts_per_count")
+"""Arrays of an .npz file; the last is for counts."""
+
 QUIET_SAMPLES = 16
 """A record needs at least so many samples outside its gate, for the noise."""
 
@@ -286,25 +289,27 @@ def _read_record(path: Path) -> _Record:
 
 def _read_npz(path: Path) -> _Record:
     try:
-        file = np.load(path, allow_pickle=False)
-        if not isinstance(file, NpzFile):
-            raise ValueError("is a single array; allowed is an .npz archive")
-        with file as arrays:
-            missing = [name for name in ("waveforms", "sample_rate_hz") if name not in arrays.files]
-            if missing:
-                raise ValueError(f"no array {', '.join(missing)}; it holds {', '.join(arrays.files) or 'nothing'}")
-            counts, rate = arrays["waveforms"], arrays["sample_rate_hz"]
-            scale = arrays["volts_per_count"] if "volts_per_count" in arrays.files else np.array(1.0)
+        with path.open("rb") as file:
+            archive = np.load(file, allow_pickle=False)
+            if not isinstance(archive, NpzFile):
+                raise ValueError("is a single array; allowed is an .npz archive")
+            arrays = {name: archive[name] for name in WAVEFORM_ARRAYS if name in archive.files}
+            held = ", ".join(archive.files) or "nothing"
     except FileNotFoundError:
         raise ValueError("no such file") from None
     except (OSError, EOFError, BadZipFile) as error:
         raise ValueError(f"cannot be read ({type(error).__name__}); allowed is an .npz archive") from None
+    missing = [name for name in WAVEFORM_ARRAYS[:2] if name not in arrays]
+    if missing:
+        raise ValueError(f"no array {', '.join(missing)}; it holds {held}")
+    counts, rate = arrays["waveforms"], arrays["sample_rate_hz"]
+    scale = arrays.get("volts_per_count", np.array(1.0))
     if counts.ndim not in (2, 3) or counts.dtype.kind not in "iuf" or 0 in counts.shape:
         raise ValueError(
             f"waveforms of shape {counts.shape} and type {counts.dtype}; allowed are numbers, "
             "(n_channels, n_samples) or (n_pulses, n_channels, n_samples)"
         )
-    if counts.dtype.kind in "iu" and "volts_per_count" not in file.files:
+    if counts.dtype.kind in "iu" and "volts_per_count" not in arrays:
         raise ValueError("waveforms are whole numbers; allowed with `volts_per_count`, or in volts")
     for name, value in (("sample_rate_hz", rate), ("volts_per_count", scale)):
         if value.shape != () or value.dtype.kind not in "iuf" or not (np.isfinite(value) and value > 0):

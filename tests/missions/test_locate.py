@@ -1,0 +1,329 @@
+"""Field data in, findings out: the shipped example, other people's surveys, and every way a file can be wrong."""
+
+import importlib.util
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dirmusic import ArrayModel, ElementSpread, GainManifold, GaussianPattern, InputFileError, PoseError, write_pattern
+from missions.field_data import FieldData, array_model, read_field_data
+from missions.field_log import locate_field_data
+from missions.log import MissionLog
+from missions.report import make_report
+from sensing import ArrayConfig, HelicalArray
+from sensing.propagation import direct_paths
+from sensing.pulses import unit_pulse_energy
+
+ROOT = Path(__file__).parents[2]
+EXAMPLE = ROOT / "examples" / "locate"
+PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
+NOISE_V = 1e-3
+SPREAD = ElementSpread(gain=0.05, pointing_rad=np.radians(2.0))
+POSE_ERROR = PoseError(position_m=0.05, heading_rad=np.radians(0.5), correlation_s=5.0)
+
+
+def pdpatrol(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([PDPATROL, *arguments], cwd=cwd, capture_output=True, text=True, timeout=120)
+
+
+def located(data: FieldData, *, fence_m: tuple[float, float] | None = None) -> dict:
+    array = array_model(data, SPREAD, None, None, 0.12)
+    return make_report(locate_field_data(data, array, POSE_ERROR, fence_m=fence_m), 0.0)
+
+
+def survey(
+    path: Path, poses: np.ndarray, sources_m: list[tuple[float, float, float]], seed: int, n_elements: int = 6
+) -> list[list[float]]:
+    """A strength table of one pulse per pose and source, from an imperfect array at imperfectly known poses."""
+    rng = np.random.default_rng(seed)
+    array = HelicalArray.draw(ArrayConfig(n_elements=4 if n_elements == 4 else 6), rng)
+    energy_to_noise = unit_pulse_energy(20e9) / NOISE_V**2
+    rows: list[list[float]] = []
+    for k, (x, y, yaw) in enumerate(poses):
+        for source in sources_m:
+            paths = direct_paths(array.elements_in_world(np.array([x, y, yaw])), np.array(source))
+            amplitude = 0.27 * paths.spreading * array.gain(paths.azimuth_rad - yaw)
+            energy = rng.noncentral_chisquare(90, np.square(amplitude) * energy_to_noise)
+            believed = [*(np.array([x, y]) + rng.normal(0, 0.05, 2)), np.degrees(yaw) + rng.normal(0, 0.5)]
+            rows.append([30.0 * k, *believed, *(NOISE_V * np.sqrt(np.maximum(energy - 90, 0)))])
+    write(path, rows)
+    return rows
+
+
+def write(path: Path, rows: list[list[float]]) -> Path:
+    n = len(rows[0]) - 4
+    header = ",".join(["time_s", "x_m", "y_m", "yaw_deg", *(f"strength_{k + 1}" for k in range(n))])
+    path.write_text("\n".join([header, *(",".join(f"{v:.6f}" for v in row) for row in rows), ""]))
+    return path
+
+
+def orbit(n: int, radius_m: float, centre: tuple[float, float], turn: float = 1.0) -> np.ndarray:
+    angle = np.linspace(0, 2 * np.pi * turn, n, endpoint=False)
+    return np.column_stack([centre[0] + radius_m * np.cos(angle), centre[1] + radius_m * np.sin(angle), angle + 2.0])
+
+
+def test_waveforms_and_their_strengths_give_the_same_fix_near_the_truth(tmp_path: Path) -> None:
+    truth = json.loads((EXAMPLE / "truth.json").read_text())
+    fixes = []
+    for table in ("strengths.csv", "waveforms.csv"):
+        done = pdpatrol("locate", str(EXAMPLE / table), "--json", "--out", table, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        report = json.loads(done.stdout)
+        assert report == json.loads((tmp_path / table / "report.json").read_text())
+        assert len(report["findings"]) == 1
+        assert report["candidates"] == []
+        fixes.append(report["findings"][0]["position_m"])
+        assert {path.name for path in (tmp_path / table).iterdir()} == {"log.npz", "report.json", "mission.rrd"}
+    assert np.linalg.norm(np.subtract(*fixes)) < 0.05
+    assert np.linalg.norm(fixes[0] - np.array(truth["position_m"])[:2]) < 0.3
+
+
+def test_the_example_is_what_its_script_makes(tmp_path: Path) -> None:
+    shutil.copy(EXAMPLE / "make_example.py", tmp_path)
+    spec = importlib.util.spec_from_file_location("make_example", tmp_path / "make_example.py")
+    assert spec is not None
+    assert spec.loader is not None
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    script.main()
+    for name in ("strengths.csv", "waveforms.csv", "truth.json"):
+        assert (tmp_path / name).read_text() == (EXAMPLE / name).read_text()
+    for path in sorted((EXAMPLE / "waveforms").glob("*.npz")):
+        with np.load(path) as shipped, np.load(tmp_path / "waveforms" / path.name) as made:
+            assert all(np.array_equal(shipped[key], made[key]) for key in shipped.files)
+
+
+def test_the_log_of_field_data_reads_back_and_holds_no_truth(tmp_path: Path) -> None:
+    data = read_field_data(EXAMPLE / "strengths.csv")
+    log = locate_field_data(data, array_model(data, SPREAD, None, None, 0.12), POSE_ERROR)
+    log.save(tmp_path)
+    back = MissionLog.load(tmp_path)
+    assert back.n_rows("step") == 16
+    assert back.n_rows("pulse") == 96
+    assert np.isnan(back.column("step", "true_pose")).all()
+    assert "truth" not in back.meta
+    assert "evaluation" not in make_report(back, 0.0)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_one_pulse_from_each_of_a_few_poses_is_enough(tmp_path: Path, seed: int) -> None:
+    survey(tmp_path / "s.csv", orbit(24, 4.0, (10.0, 10.0), 0.7), [(11.0, 9.0, 1.5)], seed)
+    report = located(read_field_data(tmp_path / "s.csv", noise_v=NOISE_V))
+    assert len(report["findings"]) == 1
+    assert np.linalg.norm(np.subtract(report["findings"][0]["position_m"], (11.0, 9.0))) < 0.3
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_two_sources_heard_in_turn_are_two_findings(tmp_path: Path, seed: int) -> None:
+    sources = [(8.0, 12.0, 1.5), (14.0, 9.0, 1.5)]
+    survey(tmp_path / "s.csv", np.repeat(orbit(16, 7.0, (11.0, 10.5)), 5, axis=0), sources, seed)
+    report = located(read_field_data(tmp_path / "s.csv", noise_v=NOISE_V))
+    found = np.array([f["position_m"] for f in report["findings"]])
+    assert len(found) == 2
+    for source in sources:
+        assert np.linalg.norm(found - np.array(source[:2]), axis=-1).min() < 0.3
+
+
+def test_noise_alone_is_no_finding(tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    rows = [[10.0 * k, *p, *rng.uniform(0.0005, 0.005, 6)] for k, p in enumerate(orbit(60, 5.0, (0.0, 0.0)))]
+    report = located(read_field_data(write(tmp_path / "n.csv", rows), noise_v=NOISE_V))
+    assert report["findings"] == []
+
+
+def test_a_source_beyond_the_fence_is_told_apart(tmp_path: Path) -> None:
+    survey(tmp_path / "s.csv", np.repeat(orbit(16, 4.0, (15.0, 10.0)), 4, axis=0), [(24.0, 10.0, 1.5)], 5)
+    report = located(read_field_data(tmp_path / "s.csv", noise_v=NOISE_V), fence_m=(20.0, 20.0))
+    assert report["findings"] == []
+    assert "outside" in {candidate["state"] for candidate in report["candidates"]}
+
+
+def test_one_line_of_bearings_is_no_finding(tmp_path: Path) -> None:
+    poses = np.column_stack([np.linspace(0, 6, 40), np.full(40, 5.0), np.zeros(40)])
+    survey(tmp_path / "s.csv", poses, [(15.0, 5.0, 1.5)], 6)
+    report = located(read_field_data(tmp_path / "s.csv", noise_v=NOISE_V))
+    assert report["findings"] == []
+    assert len(report["candidates"]) == 1
+
+
+def test_four_channels_are_the_first_four_elements_of_six(tmp_path: Path) -> None:
+    centre = (11.0, 9.0)
+    poses = orbit(40, 4.0, (10.0, 10.0))
+    poses[:, 2] = np.arctan2(centre[1] - poses[:, 1], centre[0] - poses[:, 0])  # four elements look ahead
+    survey(tmp_path / "s.csv", poses, [(*centre, 1.5)], 7, n_elements=4)
+    report = located(read_field_data(tmp_path / "s.csv", noise_v=NOISE_V))
+    assert np.linalg.norm(np.subtract(report["findings"][0]["position_m"], centre)) < 0.3
+
+
+def test_a_dead_channel_is_named_left_out_and_does_no_harm(tmp_path: Path) -> None:
+    rows = survey(tmp_path / "s.csv", np.repeat(orbit(16, 4.0, (10.0, 10.0)), 3, axis=0), [(11.0, 9.0, 1.5)], 8)
+    for row in rows:
+        row[4 + 2] = 0.0
+    data = read_field_data(write(tmp_path / "dead.csv", rows), noise_v=NOISE_V)
+    assert data.notes == ("channel 3 is zero throughout: left out",)
+    assert data.channels.tolist() == [0, 1, 3, 4, 5]
+    report = located(data)
+    assert np.linalg.norm(np.subtract(report["findings"][0]["position_m"], (11.0, 9.0))) < 0.3
+
+
+def npz(path: Path, waveforms: np.ndarray, **more: object) -> None:
+    np.savez(path, allow_pickle=False, waveforms=waveforms, **{"sample_rate_hz": 20e9, **more})  # pyright: ignore
+
+
+def one_row(path: Path, name: str) -> Path:
+    path.write_text(f"time_s,x_m,y_m,yaw_deg,waveform\n0,1,2,90,{name}\n")
+    return path
+
+
+def a_pulse(n_samples: int = 400) -> np.ndarray:
+    pulse = np.zeros(n_samples)
+    pulse[200:230] = np.sin(np.arange(30))
+    clean = GainManifold.ring(6).gain(0.5)[:, np.newaxis] * pulse
+    return clean + 0.01 * np.random.default_rng(9).standard_normal((6, n_samples))
+
+
+def test_waveforms_from_csv_and_npz_in_volts_or_counts_are_the_same(tmp_path: Path) -> None:
+    x = np.round(a_pulse(), 3)
+    npz(tmp_path / "volts.npz", x)
+    npz(tmp_path / "counts.npz", np.round(1000 * x).astype(np.int16)[np.newaxis], volts_per_count=1e-3)
+    lines = ["time_s,channel_1,channel_2,channel_3,channel_4,channel_5,channel_6"]
+    lines += [",".join([f"{k / 20e9:.6e}", *(f"{v:.3f}" for v in column)]) for k, column in enumerate(x.T)]
+    (tmp_path / "text.csv").write_text("\n".join(lines))
+    read = [read_field_data(one_row(tmp_path / "t.csv", name)) for name in ("volts.npz", "counts.npz", "text.csv")]
+    for data in read[1:]:
+        np.testing.assert_allclose(data.strengths_v, read[0].strengths_v, rtol=1e-9)
+        np.testing.assert_allclose(data.variance_v2, read[0].variance_v2, rtol=1e-9)
+    assert read[0].pose[0, 2] == pytest.approx(np.pi / 2)
+
+
+def test_the_noise_of_a_waveform_is_measured_outside_its_gate(tmp_path: Path) -> None:
+    npz(tmp_path / "w.npz", a_pulse(4000))
+    data = read_field_data(one_row(tmp_path / "t.csv", "w.npz"))
+    told = read_field_data(tmp_path / "t.csv", noise_v=0.01)
+    np.testing.assert_allclose(data.variance_v2, told.variance_v2, rtol=0.15)
+
+
+def with_nan(x: np.ndarray) -> np.ndarray:
+    x[3, 7] = np.nan
+    return x
+
+
+@pytest.mark.parametrize(
+    ("make", "told"),
+    [
+        (lambda p: npz(p, with_nan(a_pulse())), "NaN or infinite samples in channel 4"),
+        (lambda p: npz(p, with_nan(a_pulse()) * np.inf), "NaN or infinite samples"),
+        (lambda p: npz(p, a_pulse()[:2]), "2 channels; allowed are 3 or more"),
+        (lambda p: npz(p, a_pulse()[:, :50]), "50 samples; allowed are as many as the gate has, 90"),
+        (lambda p: npz(p, np.ones(5)), r"shape \(5,\)"),
+        (lambda p: npz(p, a_pulse().astype(np.int16)), "volts_per_count"),
+        (lambda p: npz(p, a_pulse(), sample_rate_hz=0.0), "sample_rate_hz: got"),
+        (lambda p: np.savez(p, x=np.ones(3)), "no array waveforms, sample_rate_hz"),
+        (lambda p: p.write_bytes(b"PK\x03\x04 broken"), "cannot be read"),
+        (lambda p: np.savez(p, waveforms=np.array([{}]), sample_rate_hz=1.0), "cannot be read|pickle"),
+        (lambda p: None, "no such file"),
+    ],
+)
+def test_a_broken_waveform_is_refused_by_line_and_file(
+    tmp_path: Path, make: Callable[[Path], object], told: str
+) -> None:
+    make(tmp_path / "w.npz")
+    with pytest.raises(InputFileError, match=told) as refused:
+        read_field_data(one_row(tmp_path / "t.csv", "w.npz"))
+    assert refused.value.faults[0].startswith(f"{tmp_path / 't.csv'}: line 2: waveform: w.npz: ")
+
+
+HEADER = "time_s,x_m,y_m,yaw_deg,strength_1,strength_2,strength_3"
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (f"{HEADER}\n0,0,0,0,1,2\n", "line 2: got 6 cells; allowed are 7"),
+        (f"{HEADER}\n0,0,0,0,1,2,nan\n", "line 2: strength_3: got 'nan'; allowed is a number"),
+        (f"{HEADER}\n0,0,0,0,1,2,-1\n", "line 2: strength_3: got -1; allowed is 0 V or more"),
+        (f"{HEADER}\n0,0,0,0,1,2,3\n\n-1,0,0,0,1,2,3\n", "line 4: time_s: -1 after 0"),
+        (f"{HEADER}\n0,0,0,1e4,1,2,3\n", "line 2: yaw_deg: got 1e4; allowed is -720 to 720"),
+        (f"{HEADER}\n0,4e6,0,0,1,2,3\n", "line 2: x_m: got 4e6; allowed is .* in a frame of the site"),
+        (f"{HEADER}\n0,0,0,0,0,0,0\n", "no channel gave anything"),
+        (f"{HEADER}\n0,0,0,0,1,0,1\n", "only 2 channels gave anything; allowed are 3"),
+        (f"{HEADER},phase\n0,0,0,0,1,2,3,4\n", "unknown column phase"),
+        (f"{HEADER},std_1\n0,0,0,0,1,2,3,4\n", "columns std_1; allowed are std_1 to std_3"),
+        (f"{HEADER},waveform\n0,0,0,0,1,2,3,w.npz\n", "has both of strength_1"),
+        ("time_s,x_m,y_m,yaw_deg\n0,0,0,0\n", "has neither of strength_1"),
+        ("time_s,x_m,yaw_deg,strength_1,strength_2,strength_4\n0,0,0,1,1,1\n", "no column y_m"),
+        ("time_s,x_m,y_m,yaw_deg,strength_1,strength_2,strength_4\n0,0,0,0,1,1,1\n", "allowed are strength_1 to"),
+        ("time_s,x_m,y_m,yaw_deg,strength_1,strength_2\n0,0,0,0,1,1\n", "2 strength columns; allowed are 3"),
+    ],
+)  # fmt: skip
+def test_a_wrong_table_is_refused_by_line(tmp_path: Path, text: str, told: str) -> None:
+    (tmp_path / "t.csv").write_text(text)
+    with pytest.raises(InputFileError, match=told):
+        read_field_data(tmp_path / "t.csv", noise_v=1.0)
+
+
+def test_strengths_without_any_deviation_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text(f"{HEADER}\n0,0,0,0,1,2,3\n")
+    with pytest.raises(InputFileError, match="no columns std_1 to std_3 and no --noise-v"):
+        read_field_data(tmp_path / "t.csv")
+
+
+def test_as_many_boresights_as_channels_are_wanted(tmp_path: Path) -> None:
+    data = read_field_data(EXAMPLE / "strengths.csv")
+    with pytest.raises(InputFileError, match="got 2 for 6 channels"):
+        array_model(data, SPREAD, None, (0.0, 90.0), 0.12)
+    turned = array_model(data, SPREAD, None, tuple(range(0, 360, 60)), 0.12)
+    assert isinstance(turned, ArrayModel)
+
+
+def test_semicolons_and_a_byte_order_mark_are_noted_and_change_nothing(tmp_path: Path) -> None:
+    text = (EXAMPLE / "strengths.csv").read_text()
+    german = text.replace(",", ";").replace(".", ",")
+    (tmp_path / "german.csv").write_bytes(b"\xef\xbb\xbf" + german.replace("\n", "\r\n").encode())
+    done = pdpatrol("locate", "german.csv", "--json", cwd=tmp_path)
+    assert done.returncode == 0
+    assert "note: german.csv: semicolons" in done.stderr
+    assert "note: german.csv: begins with a byte-order mark" in done.stderr
+    plain = pdpatrol("locate", str(EXAMPLE / "strengths.csv"), "--json", cwd=tmp_path)
+    assert json.loads(done.stdout)["findings"] == json.loads(plain.stdout)["findings"]
+    assert (tmp_path / "runs" / "german" / "log.npz").exists()
+
+
+def test_a_measured_pattern_is_used(tmp_path: Path) -> None:
+    write_pattern(GaussianPattern(), tmp_path / "p.csv")
+    done = pdpatrol("locate", str(EXAMPLE / "strengths.csv"), "--json", "--pattern", "p.csv", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert np.linalg.norm(np.subtract(json.loads(done.stdout)["findings"][0]["position_m"], (14.0, 9.0))) < 0.3
+    mirrored = [f"{-a},{g:.6f}" for a in range(179, -180, -2) for g in [float(GaussianPattern()(np.radians(a)))]]
+    (tmp_path / "m.csv").write_text("\n".join(["angle_deg,gain", *mirrored]))
+    worse = pdpatrol("locate", str(EXAMPLE / "strengths.csv"), "--json", "--pattern", "m.csv", cwd=tmp_path)
+    wrong = json.loads(worse.stdout)["findings"]
+    assert not wrong or np.linalg.norm(np.subtract(wrong[0]["position_m"], (14.0, 9.0))) > 0.05
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["none.csv"], "none.csv: cannot be read"),
+        (["t.csv", "--noise-v", "0"], "--noise-v: got 0.0; allowed is above 0"),
+        (["t.csv", "--gain-error", "-1"], "--gain-error: got -1.0; allowed is 0 or more"),
+        (["t.csv", "--noise-v", "1", "--pattern", "t.csv"], "columns time_s"),
+        (["t.csv", "--noise-v", "1", "--boresights-deg", "0"], "--boresights-deg: got 1 for 3 channels"),
+        (["t.csv", "--noise-v", "1", "--out", "."], "--out: . is not empty"),
+        (["t.csv"], "no --noise-v"),
+    ],
+)
+def test_a_refusal_is_one_line_and_leaves_nothing(tmp_path: Path, arguments: list[str], told: str) -> None:
+    (tmp_path / "t.csv").write_text(f"{HEADER}\n0,0,0,0,1,2,3\n")
+    done = pdpatrol("locate", *arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    assert told in done.stderr
+    assert "Traceback" not in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["t.csv"]
