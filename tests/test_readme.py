@@ -34,6 +34,7 @@ def test_the_first_two_commands_are_complete_on_a_fresh_machine() -> None:
 
 def test_every_command_of_the_readme_works(tmp_path: Path) -> None:
     assert len(commands()) >= 5
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
     environment = os.environ | {"PATH": f"{BIN}{os.pathsep}{os.environ['PATH']}"}
     for command in commands():
         words = command.removeprefix("uv run ").split()

@@ -13,7 +13,7 @@ import pytest
 from missions.log import MissionLog
 
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
-HEAVY = ("mujoco", "rerun", "scipy.signal", "scipy.optimize")
+HEAVY = ("mujoco", "rerun", "scipy.signal", "scipy.optimize", "matplotlib")
 
 
 def pdpatrol(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -38,7 +38,11 @@ def short(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["replay", "--help"], ["scenarios", "--help"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [["--help"], ["run", "--help"], ["replay", "--help"], ["scenarios", "--help"],
+     ["reproduce", "--help"], ["locate", "--help"]],
+)  # fmt: skip
 def test_every_verb_has_help(arguments: list[str], tmp_path: Path) -> None:
     done = pdpatrol(*arguments, cwd=tmp_path)
     assert done.returncode == 0
@@ -48,6 +52,8 @@ def test_every_verb_has_help(arguments: list[str], tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "arguments",
     [["--help"], ["run", "--help"], ["run", "nowhere"], ["run", "bad.toml"], ["scenarios", "bad.toml"], ["scenarios"],
+     ["reproduce", "--help"], ["reproduce", "--trials", "5"], ["reproduce", "--out", "."], ["locate", "--help"],
+     ["locate", "none.csv"], ["locate", "bad.toml"],
      ["run", "--seed", "-1"], ["run", "--out", "."], ["run", "--policy", "magic"], ["replay", "nowhere"]],
 )  # fmt: skip
 def test_help_and_refusals_load_nothing_heavy(arguments: list[str], tmp_path: Path) -> None:
@@ -175,3 +181,19 @@ def test_a_killed_mission_keeps_its_parts_and_a_folder_without_any_is_refused(tm
     (tmp_path / "empty").mkdir()
     (line,) = refused(pdpatrol("replay", "empty", cwd=tmp_path))
     assert "holds no log.npz" in line
+
+
+def test_reproduce_writes_numbers_and_pictures_and_refuses_what_is_no_number_of_trials(tmp_path: Path) -> None:
+    done = pdpatrol("reproduce", "--trials", "100", "--seed", "4", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    folder = tmp_path / "runs" / "reproduction-4"
+    data = json.loads((folder / "reproduction.json").read_text())
+    assert json.loads(done.stdout) == data
+    assert (data["trials"], data["seed"]) == (100, 4)
+    assert len(list(folder.glob("*.png"))) == 10
+    told = refused(pdpatrol("reproduce", "--trials", "99", "--seed", "-1", cwd=tmp_path))
+    assert told == [
+        "--trials: got 99; allowed is 100 to 1000000",
+        "--seed: got -1; allowed is 0 or more",
+    ]
+    assert refused(pdpatrol("reproduce", "--out", str(folder), cwd=tmp_path))

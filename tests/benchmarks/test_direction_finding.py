@@ -1,0 +1,84 @@
+"""Speed beside peers, as ratios inside one run: `uv run --group peers pytest -m benchmark -s`."""
+
+import statistics
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_limits
+
+from dirmusic import Bearings, GainManifold, estimate_bearings, pulse_strengths, strength_variance
+
+pytestmark = pytest.mark.benchmark
+
+N_PULSES, N_ELEMENTS, N_SAMPLES = 1024, 6, 60
+NOISE_V = 0.02
+ROUNDS = 60
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    """Linear algebra in one thread, for all sides."""
+    with threadpool_limits(limits=1):
+        yield
+
+
+def gates() -> np.ndarray:
+    """Gated pulses (1024, 6, 60) from all round."""
+    rng = np.random.default_rng(0)
+    pulse = np.exp(-np.arange(N_SAMPLES) / 10) * np.sin(0.55 * np.arange(N_SAMPLES))
+    gain = GainManifold.ring(N_ELEMENTS).gain(rng.uniform(-np.pi, np.pi, N_PULSES)).T
+    return gain[:, :, np.newaxis] * pulse + NOISE_V * rng.standard_normal((N_PULSES, N_ELEMENTS, N_SAMPLES))
+
+
+def bearings(waveforms: np.ndarray, manifold: GainManifold) -> Bearings:
+    """Gates to bearings with their deviations: all that a user would call."""
+    strengths = pulse_strengths(waveforms, NOISE_V**2)
+    variance = strength_variance(strengths, NOISE_V**2, N_SAMPLES)
+    return estimate_bearings(strengths[:, np.newaxis], manifold, strength_variance=variance[:, np.newaxis])
+
+
+def seconds(call: Callable[[], object]) -> float:
+    start = time.perf_counter()
+    call()
+    return time.perf_counter() - start
+
+
+def cost_ratio(ours: Callable[[], object], theirs: Callable[[], object]) -> float:
+    """Median over rounds of the cost of ours over theirs, the two always one after the other."""
+    for call in (ours, theirs):  # both warm
+        call()
+    return statistics.median(seconds(ours) / seconds(theirs) for _ in range(ROUNDS))
+
+
+def peer_music() -> Callable[[], object]:
+    """MUSIC of pyroomacoustics for one pulse: 6 channels, 360 angles, one bin; its STFT is made beforehand."""
+    pyroomacoustics = pytest.importorskip("pyroomacoustics", reason="uv run --group peers")
+    boresights = GainManifold.ring(N_ELEMENTS).boresights_rad
+    places = 0.2 * np.stack([np.cos(boresights), np.sin(boresights)])
+    music = pyroomacoustics.doa.MUSIC(places, 20e9, 64, c=3e8, num_src=1, azimuth=np.radians(np.arange(360)))
+    rng = np.random.default_rng(1)
+    spectra = rng.standard_normal((N_ELEMENTS, 33, 8)) + 1j * rng.standard_normal((N_ELEMENTS, 33, 8))
+    return lambda: music.locate_sources(spectra, freq_bins=[6])
+
+
+def test_a_batch_of_gates_has_at_least_sixty_times_the_rate_of_a_peer() -> None:
+    waveforms, manifold = gates(), GainManifold.ring(N_ELEMENTS)
+    rate = N_PULSES / cost_ratio(lambda: bearings(waveforms, manifold), peer_music())
+    print(f"\nbatch of {N_PULSES}: {rate:.0f} times the rate of pyroomacoustics' MUSIC")
+    assert rate >= 60
+
+
+def test_one_pulse_at_a_time_is_no_slower_than_a_peer() -> None:
+    waveforms, manifold = gates()[:1], GainManifold.ring(N_ELEMENTS)
+    cost = cost_ratio(lambda: bearings(waveforms, manifold), peer_music())
+    print(f"\none pulse: {cost:.2f} of the cost of pyroomacoustics' MUSIC")
+    assert cost <= 1.0
+
+
+def test_a_batch_costs_at_most_four_products_of_the_gates_with_themselves() -> None:
+    waveforms, manifold = gates(), GainManifold.ring(N_ELEMENTS)
+    cost = cost_ratio(lambda: bearings(waveforms, manifold), lambda: waveforms @ np.swapaxes(waveforms, -1, -2))
+    print(f"\nbatch of {N_PULSES}: {cost:.2f} times the cost of x @ x.T")
+    assert cost <= 4.0
