@@ -46,7 +46,7 @@ def blueprint(meta: Mapping[str, Any], end_s: float | None = None) -> rrb.Bluepr
         meta: Of the mission's log.
         end_s: Simulated time at which the mission ended, to show the whole of it; None while it runs.
     """
-    low, high = (np.array(corner) for corner in meta["bounds_m"])
+    low, high = (np.array(corner) for corner in meta.get("bounds_m", ((0.0, 0.0), (40.0, 30.0))))
     centre = np.array([*(0.5 * (low + high)), 0.0])
     reach = float(np.hypot(*(high - low)))
     slant = rrb.EyeControls3D(

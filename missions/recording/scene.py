@@ -33,14 +33,15 @@ ELEMENT_COLOURS = ((230, 90, 80), (240, 170, 60), (225, 225, 90), (90, 200, 110)
 def log_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
     """Log all that does not move, and the style of what does, from the facts of a mission."""
     _still(stream, paths.WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP)
-    low, high = (np.array(corner) for corner in meta["bounds_m"])
-    ground = rr.Boxes3D(
-        centers=[[*(0.5 * (low + high)), -0.03]],
-        half_sizes=[[*(0.5 * (high - low)), 0.02]],
-        colors=[COLOURS["ground"]],
-        fill_mode="solid",
-    )
-    _still(stream, paths.GROUND, ground)
+    if "bounds_m" in meta:
+        low, high = (np.array(corner) for corner in meta["bounds_m"])
+        ground = rr.Boxes3D(
+            centers=[[*(0.5 * (low + high)), -0.03]],
+            half_sizes=[[*(0.5 * (high - low)), 0.02]],
+            colors=[COLOURS["ground"]],
+            fill_mode="solid",
+        )
+        _still(stream, paths.GROUND, ground)
     solids = meta.get("solids", {})
     by_group = {"equipment": paths.EQUIPMENT, "fence": paths.FENCE}
     for group, path in by_group.items():

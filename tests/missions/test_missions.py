@@ -15,7 +15,7 @@ from missions.runner import Mission, run_mission
 
 REPORT_KEYS = {
     "schema", "scenario", "seed", "policy", "sim_time_s", "wall_time_s", "distance_m", "collisions", "waypoints",
-    "n_bearings", "findings", "evaluation",
+    "n_bearings", "findings", "candidates", "evaluation",
 }  # fmt: skip
 
 
