@@ -164,7 +164,7 @@ def array_model(
     try:
         manifold = GainManifold(pattern or GaussianPattern(), boresights).take(data.channels)
     except ValueError as error:
-        raise InputFileError([str(error)]) from None
+        raise InputFileError([f"--pattern, --boresights-deg: {error}"]) from None
     positions = ring_radius_m * np.stack([np.cos(boresights), np.sin(boresights)], axis=-1)
     return ArrayModel(manifold=manifold, positions_m=positions[data.channels], spread=spread)
 

@@ -1,1 +1,1 @@
-"""The paper's exhibits beside ours: `protocol` makes the data, `exhibits` the numbers, `figures` the pictures."""
+"""The paper's exhibits beside ours: `reproduce` runs them all, `tables` and `figures` show them."""

@@ -24,6 +24,9 @@ N_RECORD = 10_000
 UNIT_ENERGY_TO_NOISE = 28_070.0
 """rho at 0 dB: energy of the pulse in a unit-gain channel over the variance of a noise sample, six elements."""
 
+REAL_GATE_SAMPLES = 120
+"""6 ns: a gate that holds the pulse and its travel across 0.4 m."""
+
 GRID_DEG = np.arange(1, 361)
 """The paper's true directions and its search grid."""
 
@@ -163,3 +166,9 @@ def draw_gates(
     clean = manifold.gain(azimuth_rad).T[..., np.newaxis] * damped_pulse(time_s)
     noise = rng.standard_normal((azimuth_rad.size, manifold.n_elements, n_samples))
     return amplitude[:, np.newaxis, np.newaxis] * clean + noise
+
+
+def ring_positions(radius_m: float) -> FloatArray:
+    """Where the six elements of a ring are, shape (6, 2)."""
+    boresights = GainManifold.ring(6).boresights_rad
+    return radius_m * np.stack([np.cos(boresights), np.sin(boresights)], axis=-1)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from threadpoolctl import threadpool_limits
 
-from missions.reproduction import exhibits, field
+from missions.reproduction import arrays, comparisons, field, limits, noise
 from missions.reproduction.exhibits import Campaign, Exhibit
 
 ORDER = ("table1", "fig4", "fig5", "fig7", "table2", "table3", "phase_method", "sample_rate", "bound", "ring_size")
@@ -26,14 +26,14 @@ class _Part(NamedTuple):
 
 
 PARTS = (
-    _Part(exhibits.noise_tables, 5, 0.33),
-    _Part(exhibits.ring_sizes, 6, 0.16),
-    _Part(exhibits.element_counts, 6, 0.14),
-    _Part(exhibits.phase_method, 10, 0.13),
-    _Part(exhibits.manifold_errors, 4, 0.11),
+    _Part(noise.noise_tables, 5, 0.33),
+    _Part(limits.ring_sizes, 6, 0.16),
+    _Part(arrays.element_counts, 6, 0.14),
+    _Part(comparisons.phase_method, 10, 0.13),
+    _Part(arrays.manifold_errors, 4, 0.11),
     _Part(field.field_test, 10, 0.10),
-    _Part(exhibits.sample_rates, 6, 0.02),
-    _Part(exhibits.bound, 7, 0.01),
+    _Part(comparisons.sample_rates, 6, 0.02),
+    _Part(limits.bound, 7, 0.01),
 )
 """The longest first, so that no core waits for it at the end."""
 

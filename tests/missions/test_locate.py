@@ -314,12 +314,15 @@ def test_a_measured_pattern_is_used(tmp_path: Path) -> None:
         (["t.csv", "--noise-v", "0"], "--noise-v: got 0.0; allowed is above 0"),
         (["t.csv", "--gain-error", "-1"], "--gain-error: got -1.0; allowed is 0 or more"),
         (["t.csv", "--noise-v", "1", "--pattern", "t.csv"], "columns time_s"),
+        (["t.csv", "--noise-v", "1", "--pattern", "../flat.csv"], "--pattern, --boresights-deg: `pattern` is flat"),
         (["t.csv", "--noise-v", "1", "--boresights-deg", "0"], "--boresights-deg: got 1 for 3 channels"),
         (["t.csv", "--noise-v", "1", "--out", "."], "--out: . is not empty"),
         (["t.csv"], "no --noise-v"),
     ],
 )
 def test_a_refusal_is_one_line_and_leaves_nothing(tmp_path: Path, arguments: list[str], told: str) -> None:
+    flat = "\n".join(["angle_deg,gain", *(f"{a},1" for a in range(0, 360, 10))])
+    (tmp_path.parent / "flat.csv").write_text(flat)
     (tmp_path / "t.csv").write_text(f"{HEADER}\n0,0,0,0,1,2,3\n")
     done = pdpatrol("locate", *arguments, cwd=tmp_path)
     assert done.returncode == 2

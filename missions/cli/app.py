@@ -1,0 +1,29 @@
+"""`pdpatrol`: the command line. Its help and its refusals come before anything heavy is loaded."""
+
+from __future__ import annotations
+
+import sys
+
+import tyro
+
+from missions.cli.locate import locate
+from missions.cli.replay import replay
+from missions.cli.reproduce import reproduce
+from missions.cli.run import run
+from missions.cli.scenarios import scenarios
+from missions.cli.terminal import INTERRUPTED
+
+
+def main() -> None:
+    """Entry point of `pdpatrol`."""
+    app = tyro.extras.SubcommandApp()
+    for verb in (run, replay, scenarios, reproduce, locate):
+        app.command(verb)
+    try:
+        app.cli(
+            prog="pdpatrol",
+            description="A simulated inspection robot that finds partial discharges in a substation.",
+            config=(tyro.conf.FlagCreatePairsOff,),
+        )
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)

@@ -1,0 +1,132 @@
+"""`pdpatrol locate`: findings from field data."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+import warnings
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from missions.cli.terminal import err, make_folder, new_folder, out, refuse, tell_where, write_text
+
+
+def locate(
+    table: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE.csv")],
+    *,
+    pattern: Path | None = None,
+    boresights_deg: tuple[float, ...] | None = None,
+    ring_radius_m: float = 0.12,
+    gain_error: float = 0.05,
+    pointing_error_deg: float = 2.0,
+    gain_offset: float = 0.0,
+    position_std_m: float = 0.05,
+    heading_std_deg: float = 0.5,
+    pose_correlation_s: float = 5.0,
+    noise_v: float | None = None,
+    gate_ns: float = 4.5,
+    yard_m: tuple[float, float] | None = None,
+    out_dir: Annotated[Path | None, tyro.conf.arg(name="out", metavar="DIR")] = None,
+    json_output: Annotated[bool, tyro.conf.arg(name="json")] = False,
+) -> None:
+    """Locate discharges in data from the field; writes log, report and recording like a mission.
+
+    The table has the columns time_s, x_m, y_m, yaw_deg (counter-clockwise from x) and, one pulse a row, strength_1 to
+    strength_n in volts, with std_1 to std_n where known; or waveform, the name of a file beside the table: .npz with
+    waveforms (channels, samples) or (pulses, channels, samples), sample_rate_hz and, for counts, volts_per_count; or
+    .csv with time_s and channel_1 to channel_n.
+
+    Args:
+        table: The table.
+        pattern: Measured pattern of one element: .csv with angle_deg and gain or gain_db, .msi or .pln. Default: eq.
+            (1) of the Dir-MUSIC paper.
+        boresights_deg: Where each channel's element looks, counter-clockwise from straight ahead. Default: a ring of
+            six, 90 30 -30 -90 -150 150, or its first four; for other numbers an even ring from 90 on, clockwise.
+        ring_radius_m: Radius of the ring of elements.
+        gain_error: How far gains spread about the data sheet, relative standard deviation.
+        pointing_error_deg: How far boresights do, standard deviation.
+        gain_offset: Half width of uniform additions to the gains.
+        position_std_m: Standard deviation of the poses' x and y.
+        heading_std_deg: Standard deviation of their heading.
+        pose_correlation_s: How long an error of the pose stays the same.
+        noise_v: Deviation of a strength, where the table has no std_1 ..., or of a noise sample of a waveform, where
+            no noise was recorded apart from the pulse.
+        gate_ns: Length of the gate that is cut out of a waveform.
+        yard_m: Length of the yard along x and y from its corner at 0 0; what lies outside is told apart.
+        out_dir: Folder to write to; new or empty. Default: runs/NAME, then -2, -3 and so on.
+        json_output: Print the report as JSON instead of a table.
+    """
+    at_least_zero = {
+        "--ring-radius-m": ring_radius_m,
+        "--gain-error": gain_error,
+        "--pointing-error-deg": pointing_error_deg,
+        "--gain-offset": gain_offset,
+        "--position-std-m": position_std_m,
+        "--heading-std-deg": heading_std_deg,
+    }
+    above_zero = {"--pose-correlation-s": pose_correlation_s, "--noise-v": noise_v, "--gate-ns": gate_ns}
+    above_zero |= {"--yard-m": min(yard_m)} if yard_m else {}
+    faults = [f"{k}: got {v}; allowed is 0 or more" for k, v in at_least_zero.items() if not 0 <= v < math.inf]
+    faults += [
+        f"{k}: got {v}; allowed is above 0" for k, v in above_zero.items() if v is not None and not 0 < v < math.inf
+    ]
+    if faults:
+        refuse(*faults)
+    folder = new_folder(out_dir, table.stem)
+
+    from rich.progress import Progress
+
+    from dirmusic import ElementSpread, InputFileError, PoseError, read_pattern
+    from missions.field_data import array_model, read_field_data
+
+    started_s = time.perf_counter()
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        try:
+            data = read_field_data(table, noise_v=noise_v, gate_s=gate_ns * 1e-9)
+            array = array_model(
+                data,
+                ElementSpread(
+                    gain=gain_error, pointing_rad=math.radians(pointing_error_deg), offset=gain_offset / math.sqrt(3)
+                ),
+                read_pattern(pattern) if pattern else None,
+                boresights_deg,
+                ring_radius_m,
+            )
+        except InputFileError as error:
+            refuse(*error.faults)
+    notes = tuple(str(warning.message) for warning in told)
+    for note in (*notes, *data.notes):
+        err.print(f"note: {note}", highlight=False, markup=False, soft_wrap=True)
+    make_folder(folder)
+
+    from missions.field_log import locate_field_data
+    from missions.recording import write_recording
+    from missions.report import candidates_table, findings_table, make_report
+
+    pose_error = PoseError(
+        position_m=position_std_m, heading_rad=math.radians(heading_std_deg), correlation_s=pose_correlation_s
+    )
+    with Progress(console=err, transient=True) as progress:
+        bar = progress.add_task(f"{data.strengths_v.shape[0]} pulses", total=1.0)
+        log = locate_field_data(
+            data, array, pose_error, fence_m=yard_m, notes=notes, progress=lambda share: progress.advance(bar, share)
+        )
+    report = make_report(log, time.perf_counter() - started_s)
+    log.save(folder)
+    write_text(folder / "report.json", json.dumps(report, indent=2) + "\n")
+    write_recording(log, folder / "mission.rrd")
+    if json_output:
+        out.print_json(data=report)
+        return
+    out.print(findings_table(report) if report["findings"] else "No discharge found.", highlight=False)
+    if report["candidates"]:
+        out.print(candidates_table(report), highlight=False)
+    out.print(
+        f"{data.time_s.size} poses, {data.strengths_v.shape[0]} pulses, {report['n_bearings']} bearings",
+        highlight=False,
+    )
+    tell_where(folder)

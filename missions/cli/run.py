@@ -1,0 +1,149 @@
+"""`pdpatrol run`: one mission."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from missions.choices import PolicyName
+from missions.cli.terminal import INTERRUPTED, err, make_folder, new_folder, out, refuse, tell_where, write_text
+
+if TYPE_CHECKING:
+    from missions.runner import Mission
+
+
+def run(
+    scenario: tyro.conf.Positional[str] = "one_source",
+    *,
+    policy: PolicyName = "seek",
+    seed: int = 0,
+    out_dir: Annotated[Path | None, tyro.conf.arg(name="out", metavar="DIR")] = None,
+    live: bool = False,
+    json_output: Annotated[bool, tyro.conf.arg(name="json")] = False,
+) -> None:
+    """Run one mission and write its log, report and recording.
+
+    Ctrl-C ends the mission early; what was heard until then is written all the same.
+
+    Args:
+        scenario: Name of a shipped scenario (see `pdpatrol scenarios`), or path of a TOML file.
+        policy: Who drives. oracle is told the truth: a yardstick, not a result.
+        seed: Fixes all that is drawn; 0 or more. The same seed gives the same mission.
+        out_dir: Folder to write to; new or empty. Default: runs/SCENARIO-SEED, then -2, -3 and so on.
+        live: Show the mission in the Rerun viewer while it runs.
+        json_output: Print the report as JSON instead of a table.
+    """
+    from envs.scenario import ScenarioError, load_scenario
+
+    try:
+        loaded = load_scenario(scenario)
+    except ScenarioError as error:
+        refuse(*error.faults)
+    if seed < 0:
+        refuse(f"--seed: got {seed}; allowed is 0 or more")
+    folder = make_folder(new_folder(out_dir, f"{loaded.name}-{seed}"))
+
+    from missions.recording import live_stream, write_recording
+    from missions.report import findings_table, make_report
+    from missions.runner import run_mission
+
+    started_s = time.perf_counter()
+    with _progress(loaded.task.time_limit_s) as follow:
+        viewer = None
+
+        def after_step(mission: Mission) -> None:
+            nonlocal viewer
+            follow(mission)
+            if live:
+                viewer = viewer or live_stream(mission.log)
+                if mission.log.n_rows("step") % 5 == 0 or mission.is_over:
+                    viewer.update()
+
+        log = run_mission(loaded, policy, seed, folder, after_step)
+        report = make_report(log, time.perf_counter() - started_s)
+        log.save(folder)
+        write_text(folder / "report.json", json.dumps(report, indent=2) + "\n")
+        write_recording(log, folder / "mission.rrd")
+    if json_output:
+        out.print_json(data=report)
+    else:
+        out.print(findings_table(report) if report["findings"] else "No discharge found.", highlight=False)
+        out.print(_summary(report, log.column("event", "text")[-1]), highlight=False)
+        tell_where(folder)
+    if log.column("event", "text")[-1] == "interrupted":
+        sys.exit(INTERRUPTED)
+
+
+def _summary(report: dict[str, Any], ending: str) -> str:
+    missed = report["waypoints"]["missed"]
+    parts = [
+        f"{ending} after {report['sim_time_s']:.0f} s simulated in {report['wall_time_s']:.1f} s",
+        f"{report['distance_m']:.0f} m driven",
+        f"{report['n_bearings']} bearings",
+        f"{report['collisions']} collisions",
+        f"waypoints missed: {', '.join(map(str, missed)) or 'none'}",
+    ]
+    if "evaluation" in report:
+        sources = report["evaluation"]["sources"]
+        found = sum(source["found"] for source in sources)
+        parts.append(
+            f"{found} of {len(sources)} sources found, {report['evaluation']['false_findings']} false findings"
+        )
+    return "; ".join(parts)
+
+
+@contextmanager
+def _progress(time_limit_s: float) -> Iterator[Callable[[Mission], None]]:
+    """A progress bar over the route, the news as it comes, and Ctrl-C as a wish rather than a crash."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    stopped = False
+
+    def stop(*_: object) -> None:
+        nonlocal stopped
+        stopped = True
+
+    columns = (
+        TextColumn("{task.description:<16}"),
+        BarColumn(),
+        TextColumn("{task.fields[clock]}"),
+        TimeRemainingColumn(),
+    )
+    previous = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        with Progress(*columns, console=err, transient=True) as progress:
+            bar = progress.add_task("start", total=1.0, clock="")
+            told = 0
+
+            def follow(mission: Mission) -> None:
+                nonlocal told
+                events = mission.log.table("event", told)
+                for kind, text in zip(events["kind"], events["text"], strict=True):
+                    if kind in ("candidate", "confirmed", "outside", "contact"):
+                        progress.console.print(
+                            f"{mission.time_s:6.1f} s  {kind}: {text}", highlight=False, markup=False
+                        )
+                told += events["kind"].size
+                stops = len(mission.site_map.route.waypoints_m) + 1
+                visited = mission.n_visited / stops
+                progress.update(
+                    bar,
+                    completed=max(visited, mission.time_s / time_limit_s),
+                    description=mission.policy.phase,
+                    clock=f"{mission.time_s:5.0f} s simulated, {visited * stops:.0f} of {stops - 1} waypoints",
+                )
+                if stopped and not mission.is_over:
+                    mission.end("interrupted")
+
+            yield follow
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)

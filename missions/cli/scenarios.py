@@ -1,0 +1,51 @@
+"""`pdpatrol scenarios`: what is shipped, and what is wrong with a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.table import Table
+
+from missions.cli.terminal import out, refuse
+
+
+def scenarios(
+    check: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="CHECK.toml")] = None,
+    *,
+    json_output: Annotated[bool, tyro.conf.arg(name="json")] = False,
+) -> None:
+    """List the shipped scenarios, or check a file and name every fault in it.
+
+    Args:
+        check: A scenario file to check.
+        json_output: Print JSON instead of a table.
+    """
+    from envs.scenario import SHIPPED, ScenarioError, load_scenario, shipped_scenarios
+
+    if check is not None:
+        try:
+            scenario = load_scenario(check if check.suffix == ".toml" else check / "")
+        except ScenarioError as error:
+            refuse(*error.faults)
+        n_sites = len(scenario.yard.site_names())
+        facts = {"scenario": scenario.name, "sources": len(scenario.sources), "candidate_sites": n_sites}
+        if json_output:
+            out.print_json(data=facts)
+        else:
+            out.print(f"{check}: no fault; {len(scenario.sources)} sources, {n_sites} candidate sites", highlight=False)
+        return
+    stories = {name: _first_line(SHIPPED / f"{name}.toml") for name in shipped_scenarios()}
+    if json_output:
+        out.print_json(data=stories)
+        return
+    table = Table("scenario", "what it shows")
+    for name, story in stories.items():
+        table.add_row(name, story)
+    out.print(table)
+
+
+def _first_line(path: Path) -> str:
+    with path.open(encoding="utf-8") as file:
+        return file.readline().lstrip("# ").strip()

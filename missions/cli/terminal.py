@@ -1,0 +1,58 @@
+"""What all verbs share: the terminal, refusals, and folders that are never written twice."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import NoReturn
+
+from rich.console import Console
+
+USAGE_ERROR = 2
+INTERRUPTED = 130
+
+out, err = Console(), Console(stderr=True)
+
+
+def refuse(*faults: str) -> NoReturn:
+    """Print one line per fault and leave with exit status 2."""
+    for fault in faults:
+        err.print(fault, highlight=False, markup=False, soft_wrap=True)
+    sys.exit(USAGE_ERROR)
+
+
+def new_folder(given: Path | None, name: str) -> Path:
+    """A folder that holds nothing yet: the given one, or the next free one under runs/."""
+    if given is not None:
+        if given.exists() and not given.is_dir():
+            refuse(f"--out: {given} is a file; allowed is a new or an empty folder")
+        if given.is_dir() and any(given.iterdir()):
+            refuse(f"--out: {given} is not empty; allowed is a new or an empty folder")
+        return given
+    folder, count = Path("runs") / name, 1
+    while folder.exists():
+        count += 1
+        folder = Path("runs") / f"{name}-{count}"
+    return folder
+
+
+def make_folder(folder: Path) -> Path:
+    """The folder, made where it is not there yet."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        refuse(f"--out: {folder} cannot be made ({error.strerror}); allowed is a folder that can be written to")
+    return folder
+
+
+def tell_where(folder: Path) -> None:
+    """Say what was written and how to look at it."""
+    out.print(f"Written to {folder}: log.npz, report.json, mission.rrd", highlight=False, soft_wrap=True)
+    out.print(f"Look at it with: pdpatrol replay {folder}", highlight=False, soft_wrap=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text whole, or not at all."""
+    temporary = path.with_name(path.name + ".tmp")
+    temporary.write_text(text, encoding="utf-8")
+    temporary.replace(path)
