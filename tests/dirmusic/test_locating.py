@@ -1,6 +1,7 @@
 """Locator: from pulses to findings, with an array that is not what the data sheet says."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,15 +9,16 @@ from numpy.typing import ArrayLike
 
 from dirmusic import (
     ArrayModel,
+    ElementErrors,
     ElementSpread,
     Finding,
     GainManifold,
-    GaussianPattern,
     Locator,
     PoseError,
     estimate_bearings,
     strength_variance,
 )
+from dirmusic.locating import LocatingRules
 
 NOMINAL = GainManifold.ring(6)
 RING_M = 0.12 * np.column_stack([np.cos(NOMINAL.boresights_rad), np.sin(NOMINAL.boresights_rad)])
@@ -24,20 +26,37 @@ NO_POSE_ERROR = PoseError(position_m=0.0, heading_rad=0.0, correlation_s=1.0)
 NOISE_V = 1e-3
 
 
-def make_locator(fence_m: tuple[float, float] | None = (40.0, 30.0)) -> Locator:
-    array = ArrayModel(
-        manifold=NOMINAL, positions_m=RING_M, spread=ElementSpread(gain=0.05, pointing_rad=np.radians(2.0))
-    )
-    return Locator(array, NO_POSE_ERROR, fence_m=fence_m)
+SPREAD = ElementSpread(gain=0.05, pointing_rad=np.radians(2.0))
+
+
+def make_locator(
+    fence_m: tuple[float, float] | None = (40.0, 30.0),
+    spread: ElementSpread = SPREAD,
+    rules: LocatingRules | None = None,
+    positions_m: np.ndarray = RING_M,
+) -> Locator:
+    array = ArrayModel(manifold=NOMINAL, positions_m=positions_m, spread=spread)
+    return Locator(array, NO_POSE_ERROR, fence_m=fence_m, rules=rules)
 
 
 def listen_along(
-    path: np.ndarray, sources: Sequence[ArrayLike], seed: int, locator: Locator | None = None
+    path: np.ndarray,
+    sources: Sequence[ArrayLike],
+    seed: int,
+    locator: Locator | None = None,
+    half_width: float | None = None,
 ) -> tuple[Locator, list[tuple[Finding, ...]]]:
-    """Two pulses a step from each source; strengths from a far-field model of a real array, energies' noise."""
+    """Two pulses a step from each source; strengths from a far-field model of a real array, energies' noise.
+
+    The array has errors of gain and pointing; with a half width, uniform additions to the gains instead.
+    """
     rng = np.random.default_rng(seed)
-    real = GainManifold(GaussianPattern(), NOMINAL.boresights_rad + rng.normal(0, np.radians(2.0), 6))
-    factor = np.exp(rng.normal(0, 0.05, 6))
+    errors = ElementErrors(
+        gain=np.expm1(rng.normal(0, 0.05, 6)), pointing_rad=rng.normal(0, np.radians(2.0), 6), offset=np.zeros(6)
+    )
+    if half_width is not None:
+        errors = replace(ElementErrors.none(6), offset=rng.uniform(-half_width, half_width, 6))
+    real = errors.correct(NOMINAL)
     locator = locator or make_locator()
     history = []
     heading = np.gradient(path, axis=0)
@@ -46,7 +65,7 @@ def listen_along(
         strengths = []
         for source in sources:
             sight = np.asarray(source) - place
-            gain = factor * real.gain(np.arctan2(sight[1], sight[0]) - turn)
+            gain = real.gain(np.arctan2(sight[1], sight[0]) - turn)
             strengths += [np.abs(0.8 / np.hypot(*sight) * gain + rng.normal(0, NOISE_V, 6)) for _ in range(2)]
         a = np.array(strengths).reshape(-1, 6)
         variance = strength_variance(a, NOISE_V**2, 60)
@@ -72,6 +91,39 @@ def test_most_true_positions_lie_in_the_ellipse_though_the_array_is_wrong() -> N
         assert finding.state == "confirmed"
     assert np.median(errors) < 0.08
     assert inside >= 17  # of 20, for 95 %; fewer has a probability of 2 %
+
+
+def test_additive_errors_of_the_gains_are_estimated_along_when_the_spread_has_them() -> None:
+    source, half_width = np.array([20.0, 15.0]), 0.06
+    spreads = {"told": ElementSpread(offset=half_width / np.sqrt(3)), "not told": SPREAD}
+    errors: dict[str, list[float]] = {name: [] for name in spreads}
+    inside = 0
+    for seed in range(12):
+        path = around(
+            source + [5.0, 0.0], 3.5, 10 * seed, 10 * seed + 350
+        )  # beside it: heard from all sides of the ring
+        for name, spread in spreads.items():
+            locator, _ = listen_along(
+                path, [source], seed, make_locator(spread=spread, positions_m=0 * RING_M), half_width
+            )
+            finding = min(locator.findings, key=lambda f: float(np.linalg.norm(f.position_m - source)))
+            miss = finding.position_m - source
+            errors[name].append(float(np.linalg.norm(miss)))
+            if name == "told":
+                inside += bool(miss @ np.linalg.solve(finding.covariance_m2, miss) < 5.991)
+    assert np.median(errors["told"]) < 0.01
+    assert np.median(errors["not told"]) > 0.02
+    assert inside >= 10  # of 12
+
+
+def test_single_pulses_from_all_round_make_a_finding_only_by_crossing() -> None:
+    source = np.array([20.0, 15.0])
+    path = around(source, 5.0, 0, 300, 20)
+    assert listen_along(path[::2], [source], seed=8)[0].findings == ()
+    rules = LocatingRules(birth_by_crossing=True, birth_s=np.inf)
+    locator, _ = listen_along(path[::2], [source], 8, make_locator(rules=rules))
+    (finding,) = locator.look_again(10.0)
+    np.testing.assert_allclose(finding.position_m, source, atol=0.3)
 
 
 def test_a_single_line_of_bearings_never_confirms() -> None:

@@ -19,6 +19,16 @@ REPORT_KEYS = {
 }  # fmt: skip
 
 
+def test_without_a_route_the_robot_stands_and_listens_to_the_field_test() -> None:
+    log = run_mission(load_scenario("paper_field"), "seek", seed=2)
+    report = make_report(log, 1.0)
+    assert report["distance_m"] < 0.1
+    assert 190 <= report["n_bearings"] <= 200  # ten positions, twenty shots; the weakest may be too wide
+    assert report["findings"] == []  # one place gives bearings, no fix
+    assert set(log.column("step", "phase")) == {"listen"}
+    assert log.column("event", "text")[-1] == "time limit"
+
+
 def limited(scenario: Scenario, time_limit_s: float) -> Scenario:
     return scenario.model_copy(update={"task": scenario.task.model_copy(update={"time_limit_s": time_limit_s})})
 
