@@ -98,10 +98,9 @@ def test_additive_errors_of_the_gains_are_estimated_along_when_the_spread_has_th
     spreads = {"told": ElementSpread(offset=half_width / np.sqrt(3)), "not told": SPREAD}
     errors: dict[str, list[float]] = {name: [] for name in spreads}
     inside = 0
-    for seed in range(12):
-        path = around(
-            source + [5.0, 0.0], 3.5, 10 * seed, 10 * seed + 350
-        )  # beside it: heard from all sides of the ring
+    for seed in range(5):
+        beside = source + np.array([5.0, 0.0])  # so that every element hears it from every side
+        path = around(beside, 3.5, 10 * seed, 10 * seed + 350, 120)
         for name, spread in spreads.items():
             locator, _ = listen_along(
                 path, [source], seed, make_locator(spread=spread, positions_m=0 * RING_M), half_width
@@ -113,7 +112,7 @@ def test_additive_errors_of_the_gains_are_estimated_along_when_the_spread_has_th
                 inside += bool(miss @ np.linalg.solve(finding.covariance_m2, miss) < 5.991)
     assert np.median(errors["told"]) < 0.01
     assert np.median(errors["not told"]) > 0.02
-    assert inside >= 10  # of 12
+    assert inside >= 4
 
 
 def test_single_pulses_from_all_round_make_a_finding_only_by_crossing() -> None:
