@@ -306,3 +306,29 @@ def test_what_no_estimator_can_use_is_refused(call, told: str) -> None:  # noqa:
 def test_a_waveform_of_nothing_has_no_bearing() -> None:
     bearings = bearings_from_delays(np.zeros((2, 6, 60)), RING, ring_positions(0.1), SAMPLE_RATE_HZ)
     assert np.isnan(bearings.azimuth_rad).all()
+
+
+def test_the_posterior_is_what_quadrature_over_the_amplitude_gives() -> None:
+    # x_i ~ N(alpha g_i, (alpha s)^2) with a scale-free prior d alpha / alpha, summed on a fine grid of its own
+    spread, true = 0.12, 0.35
+    manifold = RING.take([0, 1, 2, 3])
+    x = np.abs(7.0 * (manifold.gain(true) + spread * np.random.default_rng(15).standard_normal(4)))
+    azimuth = true + np.radians(np.linspace(-60, 60, 961))
+    alpha = 7.0 * np.exp(np.linspace(-1.2, 1.2, 401))[:, np.newaxis]
+    off = (x[:, np.newaxis, np.newaxis] / alpha - manifold.gain(azimuth)[:, np.newaxis]) / spread
+    log_density = -0.5 * np.square(off).sum(axis=0) - 4 * np.log(alpha)  # steps of log alpha are d alpha / alpha
+    weight = np.exp(log_density - log_density.max()).sum(axis=0)
+    weight /= weight.sum()
+    mean = (weight * azimuth).sum()
+    std = np.sqrt((weight * np.square(azimuth - mean)).sum())
+    told = estimate_bearings(x[np.newaxis], manifold, prior=ElementSpread(offset=spread))
+    assert difference(told.azimuth_rad, mean) == pytest.approx(0.0, abs=0.005 * std)
+    assert told.std_rad == pytest.approx(std, rel=0.005)
+
+
+def test_a_peak_between_grid_angles_is_refined_by_a_parabola() -> None:
+    true_deg = np.array([10.3, 77.8, 200.45])
+    gain = RING.gain(np.radians(true_deg)).T
+    covariance = gain[:, :, np.newaxis] * gain[:, np.newaxis, :]
+    peaks = spectrum_peaks(pseudo_spectrum(covariance, RING.gain(GRID)), GRID, 1)[:, 0]
+    np.testing.assert_allclose(np.degrees(difference(peaks, np.radians(true_deg))), 0.0, atol=0.02)
