@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from dirmusic import (
+    ElementErrors,
     ElementSpread,
     GainManifold,
     GaussianPattern,
@@ -332,3 +333,15 @@ def test_a_peak_between_grid_angles_is_refined_by_a_parabola() -> None:
     covariance = gain[:, :, np.newaxis] * gain[:, np.newaxis, :]
     peaks = spectrum_peaks(pseudo_spectrum(covariance, RING.gain(GRID)), GRID, 1)[:, 0]
     np.testing.assert_allclose(np.degrees(difference(peaks, np.radians(true_deg))), 0.0, atol=0.02)
+
+
+def test_some_elements_of_a_corrected_manifold_keep_their_corrections() -> None:
+    rng = np.random.default_rng(16)
+    errors = ElementErrors(
+        gain=rng.normal(0, 0.1, 6), pointing_rad=rng.normal(0, 0.05, 6), offset=rng.uniform(-0.05, 0.05, 6)
+    )
+    whole = errors.correct(RING)
+    np.testing.assert_array_equal(whole.take([4, 1, 2]).gain(GRID), whole.gain(GRID)[[4, 1, 2]])
+    np.testing.assert_allclose(
+        whole.gain(GRID)[3], (1 + errors.gain[3]) * RING.gain(GRID - errors.pointing_rad[3])[3] + errors.offset[3]
+    )
