@@ -39,6 +39,7 @@ class ElementErrors:
             nominal.boresights_rad + self.pointing_rad,
             gain_factors=nominal.gain_factors * (1 + self.gain),
             gain_offsets=nominal.gain_offsets * (1 + self.gain) + self.offset,
+            elevation_rad=nominal.elevation_rad,
         )
 
 

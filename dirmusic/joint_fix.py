@@ -111,7 +111,7 @@ def locate_jointly(
 
     Returns:
         The fix. The height above the array is a state of its own, held by its prior: it shows only close by, where it
-        makes the elements' ranges more alike; ignored, it would be mistaken for errors of the array.
+        makes ranges and gains of the elements more alike; ignored, it would be mistaken for errors of the array.
     """
     from scipy.optimize import least_squares  # here, so that a command line help need not wait for it
 
@@ -196,12 +196,14 @@ def _linearise(
     square = horizontal + position[:, 2:] ** 2
     range_m = np.linalg.norm(position[:, :2] - sightings.pose[:, :2], axis=-1, keepdims=True)
     off = np.arctan2(dy, dx) - yaw - array.manifold.boresights_rad - errors.pointing_rad
-    gain, slope = array.manifold.element_response(off)
+    sideways = np.sqrt(horizontal)
+    gain, slope, slope_up = array.manifold.response_in_space(off, np.arctan2(position[:, 2:], sideways))
 
     weight = 1.0 / np.sqrt(sightings.variance + STRENGTH_FLOOR**2 * np.square(sightings.strengths) + 1e-8)
     spreading = weight * np.maximum(range_m, 1e-2) / np.sqrt(square)
     model = ((1 + errors.gain) * gain + errors.offset) * spreading
     by_azimuth = (1 + errors.gain) * slope * spreading
+    by_elevation = (1 + errors.gain) * slope_up * spreading
     data = weight * sightings.strengths
     energy = np.square(model).sum(axis=-1, keepdims=True)
     amplitude = (data * model).sum(axis=-1, keepdims=True) / energy
@@ -223,9 +225,9 @@ def _linearise(
     jacobian = np.zeros((n, n_elements, state.size))
     rows = np.arange(n, dtype=np.intp)
     by_place = (
-        by_azimuth * -dy / horizontal - model * dx / square,
-        by_azimuth * dx / horizontal - model * dy / square,
-        -model * position[:, 2:] / square,
+        by_azimuth * -dy / horizontal - (model + by_elevation * position[:, 2:] / sideways) * dx / square,
+        by_azimuth * dx / horizontal - (model + by_elevation * position[:, 2:] / sideways) * dy / square,
+        (by_elevation * sideways - model * position[:, 2:]) / square,
     )
     for axis, by_axis in enumerate(by_place):
         jacobian[rows, :, 3 * source + axis] = -whiten(amplitude * project(by_axis))

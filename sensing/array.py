@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, NonNegativeFloat, PositiveFloat
 
 from dirmusic import GainManifold, GainPattern, GaussianPattern
+from dirmusic.elevation import gain_in_space
 
 FloatArray = NDArray[np.float64]
 
@@ -90,9 +91,10 @@ class HelicalArray:
         x, y, z = self.positions_m.T
         return np.column_stack([pose[0] + cos * x - sin * y, pose[1] + sin * x + cos * y, z])
 
-    def gain(self, azimuth_rad: FloatArray) -> FloatArray:
-        """Gain of element i towards its own azimuth i, array frame; shape (n_elements,)."""
-        return self.gain_factors * self.pattern(azimuth_rad - self.boresights_rad) + self.gain_offsets
+    def gain(self, azimuth_rad: FloatArray, elevation_rad: FloatArray) -> FloatArray:
+        """Gain of element i towards its own direction i, array frame; shape (n_elements,)."""
+        towards = gain_in_space(self.pattern, azimuth_rad - self.boresights_rad, elevation_rad).gain
+        return self.gain_factors * towards + self.gain_offsets
 
 
 @cache

@@ -20,11 +20,13 @@ class Paths:
         spreading: Amplitude over that at 1 m: one over the range in metres, in three dimensions.
         delay_s: Travel time.
         azimuth_rad: Horizontal direction in which each element sees the source, world frame.
+        elevation_rad: Elevation at which it does.
     """
 
     spreading: FloatArray
     delay_s: FloatArray
     azimuth_rad: FloatArray
+    elevation_rad: FloatArray
 
 
 def direct_paths(elements_m: FloatArray, source_m: FloatArray) -> Paths:
@@ -35,4 +37,5 @@ def direct_paths(elements_m: FloatArray, source_m: FloatArray) -> Paths:
         spreading=1.0 / range_m,
         delay_s=range_m / SPEED_OF_LIGHT_MPS,
         azimuth_rad=np.arctan2(sight[:, 1], sight[:, 0]),
+        elevation_rad=np.arctan2(sight[:, 2], np.hypot(sight[:, 0], sight[:, 1])),
     )

@@ -145,7 +145,12 @@ class Receiver:
         """Record one source: which pulses triggered (n_pulses,), and their gates (n_heard, n_elements, n_samples)."""
         config = self.config
         paths = direct_paths(elements_m, source.position_m)
-        amplitude = source.amplitude_v * visible * self.array.gain(paths.azimuth_rad - pose[2]) * paths.spreading
+        amplitude = (
+            source.amplitude_v
+            * visible
+            * self.array.gain(paths.azimuth_rad - pose[2], paths.elevation_rad)
+            * paths.spreading
+        )
         aperture_s = 4 * float(np.linalg.norm(self.array.positions_m[:, :2], axis=-1).max()) / SPEED_OF_LIGHT_MPS
         lead = config.pretrigger_samples
         n_search = lead + int((aperture_s + 2 * DECAY_S) * config.sample_rate_hz)

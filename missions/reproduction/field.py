@@ -61,7 +61,9 @@ def draw_shots(
     for draw in range(n_draws):
         array = HelicalArray.draw(scenario.array, rng)
         paths = direct_paths(array.elements_in_world(pose), position)
-        amplitude[draw] = source.amplitude_v * paths.spreading * array.gain(paths.azimuth_rad - pose[2])
+        amplitude[draw] = (
+            source.amplitude_v * paths.spreading * array.gain(paths.azimuth_rad - pose[2], paths.elevation_rad)
+        )
     energy_to_noise = np.square(amplitude / receiver.noise_v) * unit_pulse_energy(receiver.sample_rate_hz)
     shape = (n_draws, source.n_shots or 1, scenario.array.n_elements)
     energy = rng.noncentral_chisquare(receiver.gate_samples, energy_to_noise[:, np.newaxis], shape)

@@ -48,7 +48,7 @@ def survey(
     for k, (x, y, yaw) in enumerate(poses):
         for source in sources_m:
             paths = direct_paths(array.elements_in_world(np.array([x, y, yaw])), np.array(source))
-            amplitude = 0.27 * paths.spreading * array.gain(paths.azimuth_rad - yaw)
+            amplitude = 0.27 * paths.spreading * array.gain(paths.azimuth_rad - yaw, paths.elevation_rad)
             energy = rng.noncentral_chisquare(90, np.square(amplitude) * energy_to_noise)
             believed = [*(np.array([x, y]) + rng.normal(0, 0.05, 2)), np.degrees(yaw) + rng.normal(0, 0.5)]
             rows.append([30.0 * k, *believed, *(NOISE_V * np.sqrt(np.maximum(energy - 90, 0)))])

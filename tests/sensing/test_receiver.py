@@ -51,7 +51,7 @@ def test_paths_spread_with_range_and_arrive_at_the_speed_of_light() -> None:
 def test_strength_falls_with_one_over_range_and_follows_the_pattern() -> None:
     near, far = (listen(source_at(r, 0.0), noise_v=1e-6).strengths_v.mean(axis=0) for r in (20.0, 40.0))
     np.testing.assert_allclose(near / far, 2.0, rtol=0.02)  # elements are 0.12 m from the centre
-    gain = NOMINAL.gain(np.zeros(6))
+    gain = NOMINAL.gain(np.zeros(6), np.zeros(6))
     np.testing.assert_allclose(far / far[1], gain / gain[1], rtol=0.02)
 
 
@@ -122,7 +122,7 @@ def test_pulses_too_weak_for_the_trigger_are_not_heard() -> None:
 
 def test_the_gate_holds_the_whole_pulse_in_every_channel() -> None:
     heard = listen(source_at(-20.0, 0.0), noise_v=1e-6)
-    whole = 0.27 / 20 * np.sqrt(unit_pulse_energy(20e9)) * NOMINAL.gain(np.full(6, np.pi))
+    whole = 0.27 / 20 * np.sqrt(unit_pulse_energy(20e9)) * NOMINAL.gain(np.full(6, np.pi), np.zeros(6))
     np.testing.assert_allclose(heard.strengths_v.mean(axis=0), whole, rtol=0.03)
 
 
@@ -173,3 +173,19 @@ def test_the_element_nearest_to_the_source_hears_the_pulse_first_by_its_own_dela
     arrival = (np.abs(gates) > 1e-4).argmax(axis=-1).mean(axis=0)
     delay_s = direct_paths(elements, source.position_m).delay_s
     np.testing.assert_allclose(arrival - arrival[1], (delay_s - delay_s[1]) * 20e9, atol=2.0)
+
+
+def test_a_shot_on_the_edge_of_two_intervals_is_fired_once() -> None:
+    gun = DischargeSource(
+        name="gun", position_m=np.ones(3), amplitude_v=1.0, pulse_rate_hz=10.0, n_shots=90, first_shot_s=0.3
+    )
+    rng = np.random.default_rng(0)
+    fired = np.concatenate([gun.emissions(k * 0.1, 0.1, rng) for k in range(200)])
+    np.testing.assert_allclose(fired, 0.3 + np.arange(90) / 10, atol=1e-9)
+
+
+def test_the_array_hears_less_of_a_source_above_it_than_of_a_level_one_ahead() -> None:
+    ahead = NOMINAL.gain(np.full(6, np.pi / 6), np.zeros(6))
+    above = NOMINAL.gain(np.full(6, np.pi / 6), np.full(6, np.pi / 2))
+    assert ahead[1] > 1.5 * above[1]
+    np.testing.assert_allclose(above, above[0])  # straight up all elements are alike
