@@ -166,6 +166,20 @@ def _errors(state: FloatArray, n_elements: int) -> ElementErrors:
     return ElementErrors(gain=kinds[0], pointing_rad=kinds[1], offset=kinds[2])
 
 
+def _tolerated(change: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The direction of a change of the strengths, and the share of a miss along it that its variance explains away.
+
+    Args:
+        change: By unit error, whitened by the noise, shape (n, n_elements).
+        variance: Of that error, shape (n, 1).
+
+    Returns:
+        Unit vectors of the shape of `change`, and shares in [0, 1) of the shape of `variance`.
+    """
+    energy = np.maximum(np.square(change).sum(axis=-1, keepdims=True), 1e-12)
+    return change / np.sqrt(energy), 1.0 - 1.0 / np.sqrt(1.0 + variance * energy)
+
+
 def _correlated_sightings(time_s: FloatArray, source: NDArray[np.intp], correlation_s: float) -> FloatArray:
     """For each sighting, how many of the same source share its pose error, shape (n,), >= 1."""
     lag = np.abs(time_s[:, np.newaxis] - time_s) / max(correlation_s, 1e-9)
@@ -211,13 +225,18 @@ def _linearise(
     def project(vector: FloatArray) -> FloatArray:
         return vector - model * ((vector * model).sum(axis=-1, keepdims=True) / energy)
 
-    turn = amplitude * project(by_azimuth)  # how the strengths move when the robot's heading is wrong
-    turn_energy = np.maximum(np.square(turn).sum(axis=-1, keepdims=True), 1e-12)
-    turn_variance = pose_error.heading_rad**2 + (pose_error.position_m / np.maximum(range_m, 0.3)) ** 2
-    share = 1.0 - 1.0 / np.sqrt(1.0 + turn_variance * repeats[:, np.newaxis] * turn_energy)
+    # how the strengths move when the pose is wrong: sideways or in heading, and towards the source
+    height, near_m = position[:, 2:], np.maximum(range_m, 0.3)
+    turn_variance = pose_error.heading_rad**2 + (pose_error.position_m / near_m) ** 2
+    rise_variance = (pose_error.position_m * height / (np.square(near_m) + np.square(height))) ** 2
+    turn, turn_share = _tolerated(amplitude * project(by_azimuth), turn_variance * repeats[:, np.newaxis])
+    rise = amplitude * project(by_elevation)
+    rise -= turn * (rise * turn).sum(axis=-1, keepdims=True)
+    rise, rise_share = _tolerated(rise, rise_variance * repeats[:, np.newaxis])
 
     def whiten(vector: FloatArray) -> FloatArray:
-        return vector - turn * (share * (vector * turn).sum(axis=-1, keepdims=True) / turn_energy)
+        sideways_part = turn * (turn_share * (vector * turn).sum(axis=-1, keepdims=True))
+        return vector - sideways_part - rise * (rise_share * (vector * rise).sum(axis=-1, keepdims=True))
 
     miss = whiten(data - amplitude * model)
     if not slopes:
