@@ -15,7 +15,7 @@ from envs.pose_sensor import PoseSensor
 from envs.scenario import Scenario, load_scenario
 from robot_models.inspector import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS, Inspector
 from robot_models.world import build_model
-from sensing import DischargeSource, Heard, HelicalArray, Receiver
+from sensing import DischargeSource, Heard, HelicalArray, PulseTrain, Receiver
 
 FloatArray = NDArray[np.float64]
 Observation = dict[str, NDArray[np.float32]]
@@ -187,12 +187,22 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
                 site = sites[int(rng.integers(len(sites)))]
                 taken.add(site)
                 position = self.scenario.yard.site_position(site)
+            amplitude_v = _draw_amplitude(config.amplitude_v, config.amplitude_range_db, rng)
+            train = None
+            if config.kind is not None:
+                drawn = float(rng.choice((0.0, 120.0, 240.0)))
+                conductor_deg = drawn if config.conductor_deg is None else config.conductor_deg
+                mains_hz = self.scenario.receiver.mains_hz
+                train = PulseTrain.draw(config.kind, mains_hz, float(np.radians(conductor_deg)), rng)
             sources.append(
                 DischargeSource(
                     name=config.name,
                     position_m=position,
-                    amplitude_v=_draw_amplitude(config.amplitude_v, config.amplitude_range_db, rng),
+                    amplitude_v=amplitude_v,
                     pulse_rate_hz=config.pulse_rate_hz,
+                    train=train,
+                    active_s=config.active_s or (0.0, np.inf),
+                    drift_db_per_min=config.drift_db_per_min,
                     n_shots=config.n_shots,
                     first_shot_s=config.first_shot_s,
                 )
@@ -316,7 +326,10 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
         return {
             "pose": self.inspector.pose(),
-            "sources": [describe(source) for source in self._sources],
+            "sources": [
+                {**describe(source), "kind": config.kind}
+                for source, config in zip(self._sources, self.scenario.sources, strict=True)
+            ],
             "interferers": [describe(source) for source in self._interferers],
             "array": {
                 "boresights_rad": self._array.boresights_rad.tolist(),

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field, NonNegativeFloat, PositiveFloat, PositiveInt, ValidationError, model_validator
 
 from dirmusic import InputFileError
+from dirmusic.discharge_kinds import KindName
 from envs.pose_sensor import PoseSensorConfig
 from robot_models.yard import Yard
 from sensing import ArrayConfig, ReceiverConfig
@@ -50,9 +51,24 @@ class SourceConfig(_Config, frozen=True):
     amplitude_range_db: NonNegativeFloat = 6.0
     """Width of the range, centred on `amplitude_v`, from which the amplitude is drawn per mission."""
     pulse_rate_hz: float = Field(default=20.0, ge=0.0, le=1e4)
+    kind: KindName | None = None
+    """How its pulses lie over the phase of the mains; left out, they come at any phase."""
+    conductor_deg: float | None = Field(default=None, ge=-360.0, le=360.0)
+    """Phase of its conductor against the receiver's mains; left out, 0, 120 or 240 is drawn per mission."""
+    active_s: tuple[NonNegativeFloat, PositiveFloat] | None = None
+    """From when to when it discharges; left out, always."""
+    drift_db_per_min: float = Field(default=0.0, ge=-60.0, le=60.0)
     n_shots: PositiveInt | None = None
     """A discharge gun: this many pulses, evenly at the pulse rate from `first_shot_s` on, and then no more."""
     first_shot_s: NonNegativeFloat = 0.0
+
+    @model_validator(mode="after")
+    def _stops_after_it_starts(self) -> Self:
+        if self.active_s is not None and self.active_s[0] >= self.active_s[1]:
+            raise ValueError(f"active_s: got {self.active_s}; allowed is a start before the end")
+        if self.kind is not None and self.n_shots is not None:
+            raise ValueError("kind, n_shots: both given; allowed is one: a gun fires at no phase of the mains")
+        return self
 
     @model_validator(mode="after")
     def _fires_at_some_rate(self) -> Self:

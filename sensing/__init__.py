@@ -1,6 +1,7 @@
 """What nature and the receiver do: sources and a pose become strengths. It alone knows the truth of radio."""
 
 from sensing.array import ArrayConfig, HelicalArray
+from sensing.discharges import PulseTrain
 from sensing.receiver import Heard, LineOfSight, Receiver, ReceiverConfig
 from sensing.sources import DischargeSource
 
@@ -10,6 +11,7 @@ __all__ = [
     "Heard",
     "HelicalArray",
     "LineOfSight",
+    "PulseTrain",
     "Receiver",
     "ReceiverConfig",
 ]

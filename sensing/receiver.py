@@ -111,13 +111,13 @@ class Receiver:
         times: list[FloatArray] = []
         gates: list[FloatArray] = []
         for source in sources:
-            emitted_s = source.emissions(start_s, duration_s, rng)
+            emitted_s, peak_v = source.emissions(start_s, duration_s, rng)
             if emitted_s.size == 0:
                 continue
             visible = line_of_sight(elements_m, source.position_m)
             if not visible.any():
                 continue
-            heard, gate = self._record(pose, elements_m, source, visible, emitted_s.size, rng)
+            heard, gate = self._record(pose, elements_m, source.position_m, peak_v, visible, rng)
             times.append(emitted_s[heard])
             gates.append(gate)
         false_s, false_gates = self._noise_triggers(rng, start_s, duration_s)
@@ -137,20 +137,15 @@ class Receiver:
         self,
         pose: FloatArray,
         elements_m: FloatArray,
-        source: DischargeSource,
+        source_m: FloatArray,
+        peak_v: FloatArray,
         visible: NDArray[np.bool_],
-        n_pulses: int,
         rng: np.random.Generator,
     ) -> tuple[NDArray[np.bool_], FloatArray]:
         """Record one source: which pulses triggered (n_pulses,), and their gates (n_heard, n_elements, n_samples)."""
-        config = self.config
-        paths = direct_paths(elements_m, source.position_m)
-        amplitude = (
-            source.amplitude_v
-            * visible
-            * self.array.gain(paths.azimuth_rad - pose[2], paths.elevation_rad)
-            * paths.spreading
-        )
+        config, n_pulses = self.config, peak_v.size
+        paths = direct_paths(elements_m, source_m)
+        gain = visible * self.array.gain(paths.azimuth_rad - pose[2], paths.elevation_rad) * paths.spreading
         aperture_s = 4 * float(np.linalg.norm(self.array.positions_m[:, :2], axis=-1).max()) / SPEED_OF_LIGHT_MPS
         lead = config.pretrigger_samples
         n_search = lead + int((aperture_s + 2 * DECAY_S) * config.sample_rate_hz)
@@ -159,7 +154,8 @@ class Receiver:
         noise = config.noise_v * rng.standard_normal((n_pulses, elements_m.shape[0], n_samples))
         time_s = (np.arange(n_samples) - lead - jitter) / config.sample_rate_hz
         delay_s = (paths.delay_s - paths.delay_s.min())[:, np.newaxis]
-        waveform = amplitude[:, np.newaxis] * damped_pulse(time_s - delay_s) + noise
+        amplitude = peak_v[:, np.newaxis, np.newaxis] * gain[:, np.newaxis]
+        waveform = amplitude * damped_pulse(time_s - delay_s) + noise
         crossed: NDArray[np.bool_] = np.max(np.abs(waveform[:, :, lead:n_search]), axis=1) > self.threshold_v
         heard: NDArray[np.bool_] = crossed.max(axis=-1)
         first = crossed[heard].argmax(axis=-1)  # gate starts `pretrigger_samples` before the sample that triggered

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sensing.discharges import PulseTrain
+
 FloatArray = NDArray[np.float64]
 
 
@@ -16,13 +18,18 @@ NANOSECONDS = 9
 
 @dataclass(frozen=True, kw_only=True)
 class DischargeSource:
-    """A point that radiates pulses equally in all directions: at random times (a Poisson process), or a few shots.
+    """A point that radiates pulses equally in all directions.
+
+    It fires at random times (a Poisson process), over the phase of the mains as its kind does, or a few shots.
 
     Attributes:
         name: How reports call it.
         position_m: Shape (3,), world frame.
-        amplitude_v: Peak that one pulse would have in a unit-gain channel 1 m away, > 0.
+        amplitude_v: Peak that a typical pulse would have in a unit-gain channel 1 m away, > 0.
         pulse_rate_hz: Mean number of pulses per second, >= 0.
+        train: How its pulses lie in the cycle of the mains, and how their amplitudes spread; None for any phase.
+        active_s: From when to when it discharges, seconds.
+        drift_db_per_min: By how much it grows louder.
         n_shots: How many pulses a discharge gun fires, evenly at the pulse rate; None for a source that goes on.
         first_shot_s: When it fires the first.
     """
@@ -31,13 +38,26 @@ class DischargeSource:
     position_m: FloatArray
     amplitude_v: float
     pulse_rate_hz: float
+    train: PulseTrain | None = None
+    active_s: tuple[float, float] = (0.0, np.inf)
+    drift_db_per_min: float = 0.0
     n_shots: int | None = None
     first_shot_s: float = 0.0
 
-    def emissions(self, start_s: float, duration_s: float, rng: np.random.Generator) -> FloatArray:
-        """When it radiates within `duration_s` from `start_s` on, seconds, shape (n_pulses,)."""
-        if self.n_shots is None:
-            return start_s + duration_s * rng.random(rng.poisson(self.pulse_rate_hz * duration_s))
-        shot_s = np.round(self.first_shot_s + np.arange(self.n_shots) / self.pulse_rate_hz, NANOSECONDS)
-        end_s = round(start_s + duration_s, NANOSECONDS)
-        return shot_s[(shot_s >= round(start_s, NANOSECONDS)) & (shot_s < end_s)]
+    def emissions(self, start_s: float, duration_s: float, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+        """Times within `duration_s` from `start_s` on, seconds, and peaks at 1 m, volts; each of shape (n_pulses,)."""
+        time_s, relative = self._pulses(start_s, duration_s, rng)
+        on = (time_s >= self.active_s[0]) & (time_s < self.active_s[1])
+        time_s = time_s[on]
+        return time_s, self.amplitude_v * relative[on] * 10 ** (self.drift_db_per_min * time_s / 60 / 20)
+
+    def _pulses(self, start_s: float, duration_s: float, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+        if self.n_shots is not None:
+            shot_s = np.round(self.first_shot_s + np.arange(self.n_shots) / self.pulse_rate_hz, NANOSECONDS)
+            end_s = round(start_s + duration_s, NANOSECONDS)
+            time_s = shot_s[(shot_s >= round(start_s, NANOSECONDS)) & (shot_s < end_s)]
+        elif self.train is not None:
+            return self.train.emit(start_s, duration_s, self.pulse_rate_hz, rng)
+        else:
+            time_s = start_s + duration_s * rng.random(rng.poisson(self.pulse_rate_hz * duration_s))
+        return time_s, np.ones(time_s.size)

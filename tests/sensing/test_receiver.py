@@ -168,7 +168,8 @@ def test_the_element_nearest_to_the_source_hears_the_pulse_first_by_its_own_dela
     receiver = Receiver(ReceiverConfig(noise_v=1e-7), NOMINAL)
     elements, source = NOMINAL.elements_in_world(ORIGIN), source_at(8.0, 0.0)
     seen = np.ones(6, dtype=np.bool_)
-    heard, gates = receiver._record(ORIGIN, elements, source, seen, 50, np.random.default_rng(0))  # pyright: ignore[reportPrivateUsage]
+    peaks = np.full(50, source.amplitude_v)
+    heard, gates = receiver._record(ORIGIN, elements, source.position_m, peaks, seen, np.random.default_rng(0))  # pyright: ignore[reportPrivateUsage]
     assert heard.all()
     arrival = (np.abs(gates) > 1e-4).argmax(axis=-1).mean(axis=0)
     delay_s = direct_paths(elements, source.position_m).delay_s
@@ -180,7 +181,7 @@ def test_a_shot_on_the_edge_of_two_intervals_is_fired_once() -> None:
         name="gun", position_m=np.ones(3), amplitude_v=1.0, pulse_rate_hz=10.0, n_shots=90, first_shot_s=0.3
     )
     rng = np.random.default_rng(0)
-    fired = np.concatenate([gun.emissions(k * 0.1, 0.1, rng) for k in range(200)])
+    fired = np.concatenate([gun.emissions(k * 0.1, 0.1, rng)[0] for k in range(200)])
     np.testing.assert_allclose(fired, 0.3 + np.arange(90) / 10, atol=1e-9)
 
 
