@@ -13,10 +13,14 @@ from scipy.optimize import linear_sum_assignment
 from dirmusic.locating import CHI2_95
 from envs import Scenario
 from missions.log import MissionLog
+from missions.phase_patterns import PhaseResolved, phase_patterns
 
 FloatArray = NDArray[np.float64]
 
 SCHEMA = 1
+
+MOST_SHOWN = 200
+"""Pulses of a finding whose phase and level the report holds at most; the log holds all."""
 
 CUT_OFF_M = 2.0
 """A finding further than this from every source is a false one; also the cut-off of OSPA."""
@@ -35,7 +39,8 @@ def make_report(log: MissionLog, wall_time_s: float) -> dict[str, Any]:
     step, events = log.table("step"), log.table("event")
     visited = sorted(int(text) for text in events["text"][events["kind"] == "waypoint"])
     n_waypoints = len(log.meta.get("route", {}).get("waypoints_m", ()))
-    findings = _findings(log, "confirmed")
+    patterns = phase_patterns(log)
+    findings = _findings(log, patterns, "confirmed")
     report: dict[str, Any] = {
         "schema": SCHEMA,
         "scenario": log.meta["name"],
@@ -48,7 +53,7 @@ def make_report(log: MissionLog, wall_time_s: float) -> dict[str, Any]:
         "waypoints": {"visited": visited, "missed": [k for k in range(1, n_waypoints + 1) if k not in visited]},
         "n_bearings": log.n_rows("bearing"),
         "findings": findings,
-        "candidates": _findings(log, "candidate", "outside"),
+        "candidates": _findings(log, patterns, "candidate", "outside"),
     }
     if "truth" in log.meta:
         report["evaluation"] = evaluate(findings, log.meta["truth"]["sources"])
@@ -60,7 +65,7 @@ def _distance(step: dict[str, NDArray[Any]]) -> float:
     return float(np.linalg.norm(np.diff(path[:, :2], axis=0), axis=-1).sum())
 
 
-def _findings(log: MissionLog, *states: str) -> list[dict[str, Any]]:
+def _findings(log: MissionLog, patterns: dict[int, PhaseResolved], *states: str) -> list[dict[str, Any]]:
     """Findings in one of some states as they stood at the end, by id."""
     table, time_s = log.table("finding"), log.column("step", "time_s")
     if table["step"].size == 0:
@@ -79,6 +84,7 @@ def _findings(log: MissionLog, *states: str) -> list[dict[str, Any]]:
                 "covariance_m2": covariance.tolist(),
                 "ellipse95": ellipse95(covariance),
                 "state": str(table["state"][row]),
+                "discharge": _discharge(patterns.get(int(table["id"][row]))),
                 "nearest_equipment": yard.nearest_equipment(position) if yard else None,
                 "n_bearings": int(table["n_bearings"][row]),
                 "first_heard_s": float(table["first_heard_s"][row]),
@@ -86,6 +92,19 @@ def _findings(log: MissionLog, *states: str) -> list[dict[str, Any]]:
             }
         )
     return findings
+
+
+def _discharge(resolved: PhaseResolved | None) -> dict[str, Any] | None:
+    """The kind of discharge and the picture that tells it, thinned out; None without mains phase."""
+    if resolved is None:
+        return None
+    some = np.unique(np.linspace(0, resolved.phase_rad.size - 1, MOST_SHOWN).astype(np.intp))
+    return {
+        "kind": resolved.pattern.kind,
+        "confidence": resolved.pattern.confidence,
+        "phase_deg": np.mod(np.round(np.degrees(resolved.phase_rad[some]), 1), 360.0).tolist(),
+        "level_db": np.round(resolved.level_db[some], 2).tolist(),
+    }
 
 
 def ellipse95(covariance_m2: FloatArray) -> dict[str, float]:
@@ -149,9 +168,11 @@ def _table_of(report: dict[str, Any], key: str, title: str) -> Table:
     sources = report.get("evaluation", {}).get("sources")
     has_yard = any(finding["nearest_equipment"] for finding in report[key])
     table = Table(title=title, title_justify="left")
+    has_kind = any(finding["discharge"] for finding in report[key])
     headings = ["#", "x, y (m)", *(["nearest"] if has_yard else []), "95 % ellipse (m)", "pulses", "fixed (s)"]
+    headings += ["kind"] if has_kind else []
     for heading in (*headings, *(["error (m)"] if sources is not None else [])):
-        table.add_column(heading, justify="left" if heading == "nearest" else "right", overflow="fold")
+        table.add_column(heading, justify="left" if heading in ("nearest", "kind") else "right", overflow="fold")
     for number, finding in enumerate(report[key], start=1):
         x, y = finding["position_m"]
         ellipse = finding["ellipse95"]
@@ -162,9 +183,15 @@ def _table_of(report: dict[str, Any], key: str, title: str) -> Table:
             f"{ellipse['semi_major_m']:.2f} by {ellipse['semi_minor_m']:.2f}",
             str(finding["n_bearings"]),
             "-" if finding["fixed_s"] is None else f"{finding['fixed_s']:.1f}",
+            *([_kind_of(finding)] if has_kind else []),
             *([_error_of(finding, sources)] if sources is not None else []),
         )
     return table
+
+
+def _kind_of(finding: dict[str, Any]) -> str:
+    discharge = finding["discharge"]
+    return f"{discharge['kind']} {100 * discharge['confidence']:.0f} %" if discharge else "-"
 
 
 def _error_of(finding: dict[str, Any], sources: list[dict[str, Any]]) -> str:

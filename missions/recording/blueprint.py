@@ -30,6 +30,7 @@ TRUE_TRAJECTORY = f"{TRUTH}/trajectory"
 STRENGTHS = "plots/strengths"
 UNCERTAINTY = "plots/uncertainty"
 COMMAND = "plots/command"
+PHASES = "plots/pulse_phase"
 PHASE = "mission/phase"
 EVENTS = "mission/events"
 
@@ -86,13 +87,19 @@ def blueprint(meta: Mapping[str, Any], end_s: float | None = None) -> rrb.Bluepr
         axis_x=whole,
         axis_y=rrb.ScalarAxis(range=(0.0, 5.0)),
     )
+    phases = rrb.Spatial2DView(
+        origin=PHASES,
+        name="Pulse phase",
+        background=sky,
+        visual_bounds=rrb.VisualBounds2D(x_range=[-20.0, 380.0], y_range=[-125.0, 125.0]),
+    )
     play_state = "playing" if end_s else "following"
     return rrb.Blueprint(
         rrb.Vertical(
             rrb.Horizontal(yard, plan, column_shares=[3, 2]),
             rrb.Horizontal(
                 heard,
-                sure,
+                rrb.Tabs(sure, phases, active_tab=0),
                 rrb.Vertical(
                     rrb.StateTimelineView(origin=PHASE, name="Phase"),
                     rrb.TextLogView(

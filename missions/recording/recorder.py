@@ -9,10 +9,11 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from dirmusic import GainManifold, GaussianPattern, TabulatedPattern
 from dirmusic.locating import CHI2_95
 from missions.log import MissionLog
+from missions.phase_patterns import nominal_manifold
 from missions.recording import blueprint as paths
+from missions.recording.phase_view import draw_phase_patterns
 from missions.recording.scene import COLOURS, log_scene
 
 FloatArray = NDArray[np.float64]
@@ -67,9 +68,7 @@ class Recorder:
         self._phase = ""
         self._named: set[int] = set()
         self._trail_steps = TRAIL_STEPS if "scenario" in log.meta else 1
-        array = log.meta["array"]
-        pattern = TabulatedPattern(**array["pattern"]) if array.get("pattern") else GaussianPattern()
-        gain = GainManifold(pattern, array["boresights_rad"]).gain(SPECTRUM_AZIMUTHS_RAD)
+        gain = nominal_manifold(log).gain(SPECTRUM_AZIMUTHS_RAD)
         self._unit_gain = gain / np.linalg.norm(gain, axis=0)
         log_scene(stream, log.meta)
 
@@ -85,6 +84,8 @@ class Recorder:
             self._send_findings(new["finding"])
         if new["event"]["step"].size:
             self._send_text(paths.EVENTS, new["event"]["step"], new["event"]["kind"], new["event"]["text"])
+            if "end" in new["event"]["kind"]:
+                draw_phase_patterns(self._stream, self._log)
 
     def _times(self, steps: NDArray[Any]) -> list[rr.TimeColumn]:
         time_s = self._log.column("step", "time_s")

@@ -1,0 +1,79 @@
+"""Which pulses belong to which finding, and what their phases say."""
+
+import numpy as np
+import pytest
+
+from dirmusic import GainManifold
+from dirmusic.angles import wrap
+from missions.log import MissionLog
+from missions.phase_patterns import phase_patterns
+from missions.report import make_report
+from sensing import PulseTrain
+
+SOURCES = {1: ("corona", (10.0, 10.0)), 2: ("void", (0.0, 12.0))}
+
+
+def log_of_two_findings(seed: int, mains: bool = True) -> MissionLog:
+    """A drive between a corona and a void, every pulse with its bearing; the findings stand at the end."""
+    rng = np.random.default_rng(seed)
+    ring = GainManifold.ring(6)
+    log = MissionLog(
+        {
+            "name": "two", "seed": 0, "policy": "seek", "n_elements": 6,
+            "array": {"boresights_rad": ring.boresights_rad.tolist(), "positions_m": np.zeros((6, 3)).tolist()},
+        }
+    )  # fmt: skip
+    trains = {k: PulseTrain.draw(kind, 50.0, 0.0, rng) for k, (kind, _) in SOURCES.items()}  # pyright: ignore
+    for step in range(60):
+        pose = np.array([0.1 * step, 2.0, 0.03 * step])
+        log.append("step", time_s=0.1 * step, pose=pose, true_pose=pose, command=np.zeros(2), phase="patrol")
+        for number, (_, place) in SOURCES.items():
+            sight = np.array(place) - pose[:2]
+            azimuth = float(wrap(np.arctan2(sight[1], sight[0]) - pose[2]))
+            times, amplitudes = trains[number].emit(0.1 * step, 0.1, 20.0, rng)
+            for time_s, amplitude in zip(times, amplitudes, strict=True):
+                strengths = abs(amplitude) * number / np.hypot(*sight) * ring.gain(azimuth)
+                phase = 2 * np.pi * 50.0 * time_s if mains else np.nan
+                pulse = log.append("pulse", step=step, strengths_v=strengths, mains_phase_rad=phase, is_credible=True)
+                log.append(
+                    "bearing", pulse=pulse, azimuth_rad=azimuth,
+                    bearing_rad=wrap(azimuth + pose[2] + rng.normal(0, 0.02)), std_rad=0.02,
+                )  # fmt: skip
+    for number, (_, place) in SOURCES.items():
+        log.append(
+            "finding", step=59, id=number, position_m=np.array(place), covariance_m2=0.01 * np.eye(2),
+            state="confirmed", n_bearings=100, first_heard_s=0.0, opening_rad=1.0,
+        )  # fmt: skip
+    return log
+
+
+def test_each_finding_gets_its_own_pulses_at_their_own_level() -> None:
+    patterns = phase_patterns(log_of_two_findings(1))
+    assert set(patterns) == {1, 2}
+    for number, resolved in patterns.items():
+        assert resolved.pattern.kind == SOURCES[number][0]
+        assert 70 < resolved.phase_rad.size < 180
+        assert np.median(resolved.level_db) == pytest.approx(20 * np.log10(number), abs=2.0)  # range and gain are out
+    assert np.std(patterns[1].level_db) < 1.5  # corona: all pulses alike, from near and far
+
+
+def test_pulses_in_line_with_two_findings_belong_to_none() -> None:
+    log = log_of_two_findings(2)
+    log.append(
+        "finding", step=59, id=3, position_m=np.array([20.0, 18.0]), covariance_m2=np.eye(2), state="candidate",
+        n_bearings=9, first_heard_s=0.0, opening_rad=0.0,
+    )  # fmt: skip
+    alone, beside = phase_patterns(log_of_two_findings(2))[1], phase_patterns(log)[1]
+    assert beside.phase_rad.size < alone.phase_rad.size
+
+
+def test_the_report_tells_kind_confidence_and_picture_and_nothing_without_mains() -> None:
+    report = make_report(log_of_two_findings(3), 1.0)
+    for finding, (kind, _) in zip(report["findings"], SOURCES.values(), strict=True):
+        discharge = finding["discharge"]
+        assert discharge["kind"] == kind
+        assert 0.5 < discharge["confidence"] <= 1.0
+        assert len(discharge["phase_deg"]) == len(discharge["level_db"]) <= 200
+        assert 0.0 <= min(discharge["phase_deg"]) <= max(discharge["phase_deg"]) < 360.0
+    silent = make_report(log_of_two_findings(3, mains=False), 1.0)
+    assert [finding["discharge"] for finding in silent["findings"]] == [None, None]
