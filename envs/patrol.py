@@ -47,6 +47,7 @@ class Pulses(NamedTuple):
         azimuth_rad: Direction of arrival, array frame, shape (n_pulses,).
         std_rad: Its deviation from noise alone, shape (n_pulses,); pi where there was no strength at all.
         misfit: Share of the energy that no single direction explains, shape (n_pulses,).
+        is_clipped: Whether the pulse met the end of the converter's scale, shape (n_pulses,).
     """
 
     time_s: FloatArray
@@ -56,6 +57,7 @@ class Pulses(NamedTuple):
     azimuth_rad: FloatArray
     std_rad: FloatArray
     misfit: FloatArray
+    is_clipped: NDArray[np.bool_]
 
 
 class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
@@ -306,6 +308,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
                 azimuth_rad=np.nan_to_num(bearings.azimuth_rad),
                 std_rad=np.nan_to_num(bearings.std_rad, nan=np.pi),
                 misfit=np.nan_to_num(bearings.misfit, nan=1.0),
+                is_clipped=heard.is_clipped,
             ),
             "touched": self.inspector.touched(),
             "waypoints_visited": tuple(np.flatnonzero(self._visited).tolist()),

@@ -32,6 +32,7 @@ TABLES: dict[str, dict[str, np.dtype[Any]]] = {
         "step": np.dtype("i8"),
         "strengths_v": np.dtype("f8"),  # one value per element: (n, n_elements)
         "mains_phase_rad": np.dtype("f8"),
+        "is_clipped": np.dtype("?"),  # met the end of the converter's scale; not used for locating
         "is_credible": np.dtype("?"),  # looks like one plane wave from one direction
     },
     "bearing": {

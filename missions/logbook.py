@@ -26,6 +26,7 @@ class Logbook:
         self.log = log
         self.locator = locator
         self._logged: tuple[Finding, ...] = ()
+        self._has_clipped = False
 
     def listen(
         self,
@@ -35,6 +36,7 @@ class Logbook:
         variance_v2: FloatArray,
         bearings: Bearings,
         mains_phase_rad: FloatArray,
+        is_clipped: NDArray[np.bool_],
     ) -> None:
         """Log and locate the pulses of the last step.
 
@@ -45,15 +47,21 @@ class Logbook:
             variance_v2: Of those, same shape.
             bearings: One per pulse.
             mains_phase_rad: Shape (n_pulses,), NaN where it is not known.
+            is_clipped: Which pulses were louder than the converter can tell, shape (n_pulses,): they are logged, and
+                left out of locating.
         """
         step = self.log.n_rows("step") - 1
-        credible = self.locator.is_credible(bearings)
+        credible = self.locator.is_credible(bearings) & ~is_clipped
+        if is_clipped.any() and not self._has_clipped:
+            self._has_clipped = True
+            self.event("clipped", "a pulse beyond full scale: such pulses are left out of locating")
         for i in range(credible.size):
             pulse = self.log.append(
                 "pulse",
                 step=step,
                 strengths_v=strengths_v[i],
                 mains_phase_rad=mains_phase_rad[i],
+                is_clipped=is_clipped[i],
                 is_credible=credible[i],
             )
             if credible[i]:
@@ -64,7 +72,11 @@ class Logbook:
                     bearing_rad=wrap(bearings.azimuth_rad[i] + pose[2]),
                     std_rad=bearings.std_rad[i],
                 )
-        self._log_findings(step, self.locator.update(time_s, pose, bearings, strengths_v, variance_v2))
+        whole = ~is_clipped
+        kept = Bearings(
+            azimuth_rad=bearings.azimuth_rad[whole], std_rad=bearings.std_rad[whole], misfit=bearings.misfit[whole]
+        )
+        self._log_findings(step, self.locator.update(time_s, pose, kept, strengths_v[whole], variance_v2[whole]))
 
     def look_again(self, time_s: float) -> None:
         """Fit all that was heard once more, when nothing is left to come."""

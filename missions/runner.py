@@ -102,7 +102,13 @@ class Mission:
         pulses: Pulses = info["pulses"]
         bearings = Bearings(azimuth_rad=pulses.azimuth_rad, std_rad=pulses.std_rad, misfit=pulses.misfit)
         self._book.listen(
-            info["time_s"], info["pose"], pulses.strengths_v, pulses.variance_v2, bearings, pulses.mains_phase_rad
+            info["time_s"],
+            info["pose"],
+            pulses.strengths_v,
+            pulses.variance_v2,
+            bearings,
+            pulses.mains_phase_rad,
+            pulses.is_clipped,
         )
         self._log_events(info)
         if self.folder is not None and (step + 1) % round(PART_S / STEP_S) == 0:

@@ -31,6 +31,9 @@ class ReceiverConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_
     gate_samples: int = Field(default=90, ge=1, le=10_000)
     false_alarm_rate_hz: float = Field(default=0.1, gt=0.0, le=1e4)
     mains_hz: PositiveFloat = 50.0
+    bits: int = Field(default=12, ge=2, le=24)
+    full_scale_v: PositiveFloat = 1.0
+    """Largest voltage that the converter can tell, of either sign; beyond it a pulse is clipped, and flagged."""
 
     @model_validator(mode="after")
     def _gate_reaches_beyond_the_trigger(self) -> Self:
@@ -52,6 +55,7 @@ class Heard:
         variance_v2: Variance of the strengths, shape (n_pulses, n_elements), V^2.
         mains_phase_rad: Phase of the receiver's own mains supply at the trigger, shape (n_pulses,), in [0, 2 pi).
         waveforms_v: The gates, shape (n_pulses, n_elements, gate_samples), volts.
+        is_clipped: Whether any sample of a gate met the end of the converter's scale, shape (n_pulses,).
     """
 
     time_s: FloatArray
@@ -59,6 +63,7 @@ class Heard:
     variance_v2: FloatArray
     mains_phase_rad: FloatArray
     waveforms_v: FloatArray
+    is_clipped: NDArray[np.bool_]
 
 
 class Receiver:
@@ -73,6 +78,16 @@ class Receiver:
         self.config = config
         self.array = array
         self._n_elements = array.boresights_rad.size
+
+    @property
+    def step_v(self) -> float:
+        """What one count of the converter stands for."""
+        return self.config.full_scale_v / (2 ** (self.config.bits - 1) - 1)
+
+    @property
+    def noise_variance_v2(self) -> float:
+        """Variance of one sample without a pulse: noise, and the converter's rounding (even within one count)."""
+        return self.config.noise_v**2 + self.step_v**2 / 12
 
     @property
     def threshold_v(self) -> float:
@@ -123,14 +138,16 @@ class Receiver:
         false_s, false_gates = self._noise_triggers(rng, start_s, duration_s)
         time_s = np.concatenate([*times, false_s])
         order = np.argsort(time_s, kind="stable")
-        time_s, waveforms = time_s[order], np.concatenate([*gates, false_gates])[order]
-        strengths = pulse_strengths(waveforms, self.config.noise_v**2)
+        time_s = time_s[order]
+        waveforms, is_clipped = self._convert(np.concatenate([*gates, false_gates])[order])
+        strengths = pulse_strengths(waveforms, self.noise_variance_v2)
         return Heard(
             time_s=time_s,
             strengths_v=strengths,
-            variance_v2=strength_variance(strengths, self.config.noise_v**2, self.config.gate_samples),
+            variance_v2=strength_variance(strengths, self.noise_variance_v2, self.config.gate_samples),
             mains_phase_rad=np.mod(2 * np.pi * self.config.mains_hz * time_s, 2 * np.pi),
             waveforms_v=waveforms,
+            is_clipped=is_clipped,
         )
 
     def _record(
@@ -161,6 +178,13 @@ class Receiver:
         first = crossed[heard].argmax(axis=-1)  # gate starts `pretrigger_samples` before the sample that triggered
         gate = first[:, np.newaxis, np.newaxis] + np.arange(config.gate_samples)
         return heard, np.take_along_axis(waveform[heard], gate, axis=-1)
+
+    def _convert(self, waveforms_v: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """What the converter makes of gates (n, n_elements, n_samples), and which of them it clips, (n,)."""
+        highest = 2 ** (self.config.bits - 1) - 1
+        counts = np.round(waveforms_v / self.step_v)
+        is_clipped = np.any(np.abs(counts) >= highest, axis=(-1, -2))
+        return np.clip(counts, -highest, highest) * self.step_v, is_clipped
 
     def _noise_triggers(
         self, rng: np.random.Generator, start_s: float, duration_s: float

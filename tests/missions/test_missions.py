@@ -221,3 +221,13 @@ def test_the_interferer_beyond_the_fence_is_heard_in_every_mission_and_becomes_n
     reports = scores("quiet_yard", range(10))
     assert all(report["findings"] == [] for report in reports)
     assert all(report["n_bearings"] > 100 for report in reports)
+
+
+def test_clipped_pulses_are_told_logged_and_left_out_of_locating() -> None:
+    scenario = limited(load_scenario("one_source"), 30.0)
+    deaf = scenario.model_copy(update={"receiver": scenario.receiver.model_copy(update={"full_scale_v": 0.01})})
+    log = run_mission(deaf, "patrol", seed=0)
+    clipped = log.column("pulse", "is_clipped")
+    assert clipped.any()
+    assert not log.column("pulse", "is_credible")[clipped].any()
+    assert list(log.column("event", "kind")).count("clipped") == 1

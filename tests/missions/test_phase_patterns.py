@@ -34,7 +34,9 @@ def log_of_two_findings(seed: int, mains: bool = True) -> MissionLog:
             for time_s, amplitude in zip(times, amplitudes, strict=True):
                 strengths = abs(amplitude) * number / np.hypot(*sight) * ring.gain(azimuth)
                 phase = 2 * np.pi * 50.0 * time_s if mains else np.nan
-                pulse = log.append("pulse", step=step, strengths_v=strengths, mains_phase_rad=phase, is_credible=True)
+                pulse = log.append(
+                    "pulse", step=step, strengths_v=strengths, mains_phase_rad=phase, is_clipped=False, is_credible=True
+                )
                 log.append(
                     "bearing", pulse=pulse, azimuth_rad=azimuth,
                     bearing_rad=wrap(azimuth + pose[2] + rng.normal(0, 0.02)), std_rad=0.02,

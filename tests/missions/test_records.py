@@ -26,7 +26,7 @@ def log_of(n_steps: int) -> MissionLog:
         log.append(
             "step", time_s=0.1 * k, pose=np.full(3, k), true_pose=np.full(3, k), command=np.zeros(2), phase="patrol"
         )
-        log.append("pulse", step=k, strengths_v=np.arange(6.0), mains_phase_rad=0.1, is_credible=True)
+        log.append("pulse", step=k, strengths_v=np.arange(6.0), mains_phase_rad=0.1, is_clipped=False, is_credible=True)
     return log
 
 

@@ -49,7 +49,7 @@ def test_paths_spread_with_range_and_arrive_at_the_speed_of_light() -> None:
 
 
 def test_strength_falls_with_one_over_range_and_follows_the_pattern() -> None:
-    near, far = (listen(source_at(r, 0.0), noise_v=1e-6).strengths_v.mean(axis=0) for r in (20.0, 40.0))
+    near, far = (listen(source_at(r, 0.0), noise_v=1e-6, bits=24).strengths_v.mean(axis=0) for r in (20.0, 40.0))
     np.testing.assert_allclose(near / far, 2.0, rtol=0.02)  # elements are 0.12 m from the centre
     gain = NOMINAL.gain(np.zeros(6), np.zeros(6))
     np.testing.assert_allclose(far / far[1], gain / gain[1], rtol=0.02)
@@ -121,7 +121,7 @@ def test_pulses_too_weak_for_the_trigger_are_not_heard() -> None:
 
 
 def test_the_gate_holds_the_whole_pulse_in_every_channel() -> None:
-    heard = listen(source_at(-20.0, 0.0), noise_v=1e-6)
+    heard = listen(source_at(-20.0, 0.0), noise_v=1e-6, bits=24)
     whole = 0.27 / 20 * np.sqrt(unit_pulse_energy(20e9)) * NOMINAL.gain(np.full(6, np.pi), np.zeros(6))
     np.testing.assert_allclose(heard.strengths_v.mean(axis=0), whole, rtol=0.03)
 
@@ -165,7 +165,7 @@ def test_elements_turn_and_move_with_the_robot() -> None:
 
 
 def test_the_element_nearest_to_the_source_hears_the_pulse_first_by_its_own_delay() -> None:
-    receiver = Receiver(ReceiverConfig(noise_v=1e-7), NOMINAL)
+    receiver = Receiver(ReceiverConfig(noise_v=1e-7, bits=24), NOMINAL)
     elements, source = NOMINAL.elements_in_world(ORIGIN), source_at(8.0, 0.0)
     seen = np.ones(6, dtype=np.bool_)
     peaks = np.full(50, source.amplitude_v)
@@ -190,3 +190,26 @@ def test_the_array_hears_less_of_a_source_above_it_than_of_a_level_one_ahead() -
     above = NOMINAL.gain(np.full(6, np.pi / 6), np.full(6, np.pi / 2))
     assert ahead[1] > 1.5 * above[1]
     np.testing.assert_allclose(above, above[0])  # straight up all elements are alike
+
+
+@pytest.mark.parametrize("bits", [6, 8, 12])
+def test_the_converter_rounds_to_its_steps_and_its_rounding_is_part_of_the_noise(bits: int) -> None:
+    receiver = Receiver(ReceiverConfig(bits=bits, full_scale_v=0.1, noise_v=2e-3), NOMINAL)
+    heard = receiver.listen(
+        ORIGIN, [source_at(10.0, 0.0)], everything_in_sight, np.random.default_rng(0), start_s=0.0, duration_s=0.5
+    )
+    counts = heard.waveforms_v / receiver.step_v
+    np.testing.assert_allclose(counts, np.round(counts), atol=1e-9)
+    assert np.abs(counts).max() <= 2 ** (bits - 1) - 1
+    quiet = heard.waveforms_v[:, :, :10]  # before the trigger
+    assert quiet.var() == pytest.approx(receiver.noise_variance_v2, rel=0.05)
+    assert not heard.is_clipped.any()
+
+
+def test_a_pulse_beyond_full_scale_is_flagged_and_one_within_is_not() -> None:
+    loud, quiet = (
+        listen(source_at(3.0, 0.0, amplitude_v=v), noise_v=1e-3, full_scale_v=0.1, bits=12) for v in (3.0, 0.2)
+    )
+    assert loud.is_clipped.all()
+    assert np.abs(loud.waveforms_v).max() == pytest.approx(0.1)
+    assert not quiet.is_clipped.any()
