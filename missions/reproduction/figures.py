@@ -36,6 +36,7 @@ def draw_all(exhibits: Sequence[Exhibit], folder: Path, seed: int) -> list[Path]
         "phase_and_sample_rate": lambda: other_tables(by_name["phase_method"], by_name["sample_rate"]),
         "bound": lambda: bound(by_name["bound"]),
         "ring_size": lambda: ring_size(by_name["ring_size"]),
+        "elevation": lambda: elevation(by_name["elevation"]),
     }
     paths: list[Path] = []
     for name, draw in pictures.items():
@@ -214,6 +215,22 @@ def ring_size(exhibit: Exhibit) -> Figure:
         axes.semilogy(labels, [m.value for m in measured if m], style, color=colour, label=label)
     axes.set(xlabel="radius of the ring", ylabel="root mean square error (deg)", title=exhibit.title)
     axes.grid(which="both", alpha=0.25)
+    axes.legend(fontsize=8)
+    return figure
+
+
+def elevation(exhibit: Exhibit) -> Figure:
+    """Azimuth bias over elevation."""
+    figure = _figure(7.5, 4.2)
+    axes = figure.subplots()
+    series = (("taken for level", OURS, "s-", 0), ("told the elevation", BEST, "o-", 1))
+    for label, colour, style, column in series:
+        measured = [(row.paper_method, row.best_method)[column] for row in exhibit.rows]
+        axes.plot(
+            [row.label for row in exhibit.rows], [m.value for m in measured if m], style, color=colour, label=label
+        )
+    axes.set(ylabel="root mean square bias (deg)", title=exhibit.title)
+    axes.grid(alpha=0.25)
     axes.legend(fontsize=8)
     return figure
 

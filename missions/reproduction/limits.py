@@ -14,12 +14,15 @@ from dirmusic import (
     sample_covariance,
     strength_variance,
 )
+from dirmusic.elevation import gain_in_space
 from missions.reproduction import protocol
 from missions.reproduction.exhibits import Campaign, Exhibit, Measured, Row
 from missions.reproduction.methods import GATE_SAMPLES, by_gated_covariance, by_paper, error_deg
 from missions.reproduction.protocol import GRID_DEG, N_RECORD
 
 FloatArray = NDArray[np.float64]
+
+ELEVATIONS_DEG = (5.0, 10.0, 20.0, 30.0, 45.0, 60.0)
 
 RING_SIZES_M = (0.0, 0.01, 0.02, 0.05, 0.12, 0.20)
 
@@ -102,5 +105,32 @@ def ring_sizes(campaign: Campaign) -> Exhibit:
         notes=(
             "the paper's samples (eq. 5) assume that all elements hear a pulse at one time; on a real ring they do not",
             "best: energies of the gate, which no delay changes; last column: gain and delay together",
+        ),
+    )
+
+
+def elevation(campaign: Campaign) -> Exhibit:
+    """What it costs to take a source above the array for a level one; no noise, all round the circle."""
+    six = GainManifold.ring(6)
+    true_deg = np.arange(0.0, 360.0, 0.5)
+    off_boresight = np.radians(true_deg)[:, np.newaxis] - six.boresights_rad
+    rows: list[Row] = []
+    for elevation_deg in ELEVATIONS_DEG:
+        strengths = gain_in_space(six.pattern, off_boresight, np.radians(elevation_deg)).gain[:, np.newaxis]
+        told = six.at_elevation(float(np.radians(elevation_deg)))
+        errors = [
+            error_deg(np.degrees(estimate_bearings(strengths, manifold).azimuth_rad), true_deg)
+            for manifold in (six, told)
+        ]
+        plane, known = (Measured(value=float(np.sqrt(np.square(e).mean())), n=e.size) for e in errors)
+        rows.append(Row(label=f"{elevation_deg:g} deg up", paper_method=plane, best_method=known, unit="deg"))
+        campaign.tick(campaign.trials)
+    return Exhibit(
+        name="elevation",
+        title="Root mean square azimuth bias of a source above the array, no noise",
+        rows=tuple(rows),
+        notes=(
+            "first: taken for level, as the paper does; second: the estimator is told the elevation",
+            "a discharge 1.5 m above the array is seen at 20 degrees from 4 m, at 45 from 1.5 m",
         ),
     )
