@@ -30,6 +30,8 @@ from dirmusic import (
 FloatArray = NDArray[np.float64]
 
 POSE_COLUMNS = ("time_s", "x_m", "y_m", "yaw_deg")
+PHASE_COLUMN = "mains_phase_deg"
+
 MAX_COORDINATE_M = 1e5
 """Positions are in a frame of the site; map coordinates of millions of metres would lose their centimetres."""
 
@@ -63,6 +65,7 @@ class FieldData:
         step: Which step each pulse belongs to, shape (n_pulses,).
         strengths_v: Shape (n_pulses, n_channels); only channels that live.
         variance_v2: Of those, same shape.
+        mains_phase_rad: Phase of the mains at each pulse, shape (n_pulses,), NaN where it is not known.
         channels: Which of the recorded channels live, from 0, shape (n_channels,).
         n_recorded: How many channels were recorded.
         notes: What was unusual and how it was dealt with.
@@ -74,6 +77,7 @@ class FieldData:
     step: NDArray[np.intp]
     strengths_v: FloatArray
     variance_v2: FloatArray
+    mains_phase_rad: FloatArray
     channels: NDArray[np.intp]
     n_recorded: int
     notes: tuple[str, ...] = ()
@@ -85,7 +89,8 @@ def read_field_data(path: Path, *, noise_v: float | None = None, gate_s: float =
     That is either `strength_1` to `strength_n` in volts, one pulse a row, with `std_1` to `std_n` where the deviations
     are known; or `waveform`, a file beside the table: `.npz` with `waveforms` of shape (n_channels, n_samples) or
     (n_pulses, n_channels, n_samples), `sample_rate_hz` and, for counts, `volts_per_count`; or `.csv` with `time_s` and
-    `channel_1` to `channel_n`. A channel that is zero throughout is left out, with a note.
+    `channel_1` to `channel_n`. A channel that is zero throughout is left out, with a note. A column `mains_phase_deg`
+    tells the kind of discharge, where each row is one pulse.
 
     Args:
         path: The table.
@@ -99,14 +104,15 @@ def read_field_data(path: Path, *, noise_v: float | None = None, gate_s: float =
     table = read_csv_table(path)
     strengths = [name for name in table.header if re.fullmatch(r"strength_\d+", name)]
     deviations = [name for name in table.header if re.fullmatch(r"std_\d+", name)]
-    others = [name for name in table.header if name not in (*POSE_COLUMNS, *strengths, *deviations, "waveform")]
+    known = (*POSE_COLUMNS, *strengths, *deviations, "waveform", PHASE_COLUMN)
+    others = [name for name in table.header if name not in known]
     missing = [name for name in POSE_COLUMNS if name not in table.header]
     if missing:
         table.faults.append(f"{path}: no column {', '.join(missing)}; allowed are {', '.join(POSE_COLUMNS)} and more")
     if others:
         table.faults.append(
             f"{path}: unknown column {', '.join(others)}; allowed are {', '.join(POSE_COLUMNS)} and either waveform or "
-            "strength_1, strength_2 ... with or without std_1, std_2 ..."
+            f"strength_1, strength_2 ... with or without std_1, std_2 ..., and {PHASE_COLUMN}"
         )
     if bool(strengths) == ("waveform" in table.header):
         table.faults.append(
@@ -118,6 +124,14 @@ def read_field_data(path: Path, *, noise_v: float | None = None, gate_s: float =
         pulses = _read_strengths(table, strengths, deviations, noise_v)
     else:
         pulses = _read_waveforms(table, noise_v, gate_s)
+    phase = np.full(time_s.size, np.nan)
+    if PHASE_COLUMN in table.header:
+        phase = np.radians(table.numbers(PHASE_COLUMN, lambda v: abs(v) <= 360, "-360 to 360 degrees"))
+        if pulses.row.size > time_s.size:
+            table.faults.append(
+                f"{path}: {PHASE_COLUMN}: allowed where each row is one pulse, not with files of several"
+            )
+        table.check()
     is_new = np.ones(time_s.size, dtype=np.bool_)
     is_new[1:] = (np.diff(time_s) != 0) | np.any(np.diff(pose, axis=0) != 0, axis=-1)
     data = FieldData(
@@ -127,6 +141,7 @@ def read_field_data(path: Path, *, noise_v: float | None = None, gate_s: float =
         step=(np.cumsum(is_new) - 1)[pulses.row],
         strengths_v=pulses.strengths_v,
         variance_v2=pulses.variance_v2,
+        mains_phase_rad=phase[pulses.row],
         channels=np.arange(pulses.strengths_v.shape[1]),
         n_recorded=pulses.strengths_v.shape[1],
     )
@@ -354,6 +369,7 @@ def _without_dead(data: FieldData) -> FieldData:
         step=data.step[whole],
         strengths_v=strengths[np.ix_(whole, is_alive)],
         variance_v2=data.variance_v2[np.ix_(whole, is_alive)],
+        mains_phase_rad=data.mains_phase_rad[whole],
         channels=np.flatnonzero(is_alive),
         notes=tuple(notes),
     )

@@ -83,8 +83,8 @@ def locate_field_data(
             some = Bearings(
                 azimuth_rad=bearings.azimuth_rad[rows], std_rad=bearings.std_rad[rows], misfit=bearings.misfit[rows]
             )
-            unknown, is_clipped = np.full(some.misfit.shape, np.nan), np.zeros(some.misfit.shape, dtype=np.bool_)
-            book.listen(float(time_s), pose, data.strengths_v[rows], data.variance_v2[rows], some, unknown, is_clipped)
+            phase, is_clipped = data.mains_phase_rad[rows], np.zeros(some.misfit.shape, dtype=np.bool_)
+            book.listen(float(time_s), pose, data.strengths_v[rows], data.variance_v2[rows], some, phase, is_clipped)
             progress(1.0 / data.time_s.size)
         if log.n_rows("finding") == 0 or log.column("finding", "step")[-1] < data.time_s.size - 1:
             book.look_again(float(data.time_s[-1]))

@@ -37,7 +37,7 @@ def locate(
     The table has the columns time_s, x_m, y_m, yaw_deg (counter-clockwise from x) and, one pulse a row, strength_1 to
     strength_n in volts, with std_1 to std_n where known; or waveform, the name of a file beside the table: .npz with
     waveforms (channels, samples) or (pulses, channels, samples), sample_rate_hz and, for counts, volts_per_count; or
-    .csv with time_s and channel_1 to channel_n.
+    .csv with time_s and channel_1 to channel_n. With a column mains_phase_deg the kind of discharge is told too.
 
     Args:
         table: The table.

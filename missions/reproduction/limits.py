@@ -123,7 +123,7 @@ def elevation(campaign: Campaign) -> Exhibit:
             for manifold in (six, told)
         ]
         plane, known = (Measured(value=float(np.sqrt(np.square(e).mean())), n=e.size) for e in errors)
-        rows.append(Row(label=f"{elevation_deg:g} deg up", paper_method=plane, best_method=known, unit="deg"))
+        rows.append(Row(label=f"elevation {elevation_deg:g}", paper_method=plane, best_method=known, unit="deg"))
         campaign.tick(campaign.trials)
     return Exhibit(
         name="elevation",

@@ -130,6 +130,18 @@ def test_two_sources_heard_in_turn_are_two_findings(tmp_path: Path, seed: int) -
         assert np.linalg.norm(found - np.array(source[:2]), axis=-1).min() < 0.3
 
 
+def test_the_phase_of_the_mains_tells_the_kind_of_discharge(tmp_path: Path) -> None:
+    survey(tmp_path / "s.csv", np.repeat(orbit(20, 4.0, (10.0, 10.0)), 3, axis=0), [(11.0, 9.0, 1.5)], 9)
+    header, *rows = (tmp_path / "s.csv").read_text().splitlines()
+    assert located(read_field_data(tmp_path / "s.csv", noise_v=NOISE_V))["findings"][0]["discharge"] is None
+    rng = np.random.default_rng(9)
+    phases = 270.0 + rng.normal(0.0, 14.0, len(rows))  # corona: about the crest of one half cycle, all pulses alike
+    lines = [f"{header},mains_phase_deg", *(f"{row},{p:.1f}" for row, p in zip(rows, phases, strict=True))]
+    (tmp_path / "phase.csv").write_text("\n".join(lines))
+    (finding,) = located(read_field_data(tmp_path / "phase.csv", noise_v=NOISE_V))["findings"]
+    assert finding["discharge"]["kind"] == "corona"
+
+
 def test_noise_alone_is_no_finding(tmp_path: Path) -> None:
     rng = np.random.default_rng(4)
     rows = [[10.0 * k, *p, *rng.uniform(0.0005, 0.005, 6)] for k, p in enumerate(orbit(60, 5.0, (0.0, 0.0)))]
@@ -254,6 +266,7 @@ HEADER = "time_s,x_m,y_m,yaw_deg,strength_1,strength_2,strength_3"
         (f"{HEADER}\n0,0,0,0,0,0,0\n", "no channel gave anything"),
         (f"{HEADER}\n0,0,0,0,1,0,1\n", "only 2 channels gave anything; allowed are 3"),
         (f"{HEADER},phase\n0,0,0,0,1,2,3,4\n", "unknown column phase"),
+        (f"{HEADER},mains_phase_deg\n0,0,0,0,1,2,3,400\n", "line 2: mains_phase_deg: got 400"),
         (f"{HEADER},std_1\n0,0,0,0,1,2,3,4\n", "columns std_1; allowed are std_1 to std_3"),
         (f"{HEADER},waveform\n0,0,0,0,1,2,3,w.npz\n", "has both of strength_1"),
         ("time_s,x_m,y_m,yaw_deg\n0,0,0,0\n", "has neither of strength_1"),
