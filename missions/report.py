@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.box import SIMPLE_HEAD
 from rich.table import Table
 from scipy.optimize import linear_sum_assignment
 
@@ -156,36 +158,40 @@ def evaluate(findings: list[dict[str, Any]], sources: list[dict[str, Any]]) -> d
 def findings_table(report: dict[str, Any]) -> Table:
     """What was found, for a terminal."""
     seed = "" if report["seed"] is None else f", seed {report['seed']}"
-    return _table_of(report, "findings", f"Findings: {report['scenario']}{seed}")
+    sources = report.get("evaluation", {}).get("sources")
+    columns: dict[str, Callable[[dict[str, Any]], str]] = {"fixed (s)": lambda finding: f"{finding['fixed_s']:.1f}"}
+    if sources is not None:
+        columns["error (m)"] = lambda finding: _error_of(finding, sources)
+    return _table_of(report["findings"], f"Findings: {report['scenario']}{seed}", columns)
 
 
 def candidates_table(report: dict[str, Any]) -> Table:
     """What was heard but not confirmed, for a terminal."""
-    return _table_of(report, "candidates", "Not confirmed: from too few sides, too far away, or beyond the fence")
+    title = "Not confirmed: heard from too few sides, from too far away, or beyond the fence"
+    return _table_of(report["candidates"], title, {"state": lambda finding: finding["state"]})
 
 
-def _table_of(report: dict[str, Any], key: str, title: str) -> Table:
-    sources = report.get("evaluation", {}).get("sources")
-    has_yard = any(finding["nearest_equipment"] for finding in report[key])
-    table = Table(title=title, title_justify="left")
-    has_kind = any(finding["discharge"] for finding in report[key])
-    headings = ["#", "x, y (m)", *(["nearest"] if has_yard else []), "95 % ellipse (m)", "pulses", "fixed (s)"]
-    headings += ["kind"] if has_kind else []
-    for heading in (*headings, *(["error (m)"] if sources is not None else [])):
-        table.add_column(heading, justify="left" if heading in ("nearest", "kind") else "right", overflow="fold")
-    for number, finding in enumerate(report[key], start=1):
-        x, y = finding["position_m"]
-        ellipse = finding["ellipse95"]
-        table.add_row(
-            str(number),
-            f"{x:.2f}, {y:.2f}",
-            *([finding["nearest_equipment"] or "-"] if has_yard else []),
-            f"{ellipse['semi_major_m']:.2f} by {ellipse['semi_minor_m']:.2f}",
-            str(finding["n_bearings"]),
-            "-" if finding["fixed_s"] is None else f"{finding['fixed_s']:.1f}",
-            *([_kind_of(finding)] if has_kind else []),
-            *([_error_of(finding, sources)] if sources is not None else []),
+def _table_of(findings: list[dict[str, Any]], title: str, more: dict[str, Callable[[dict[str, Any]], str]]) -> Table:
+    """Number, place, ellipse and pulses of each; equipment and kind where they are known; and more columns."""
+    columns: dict[str, Callable[[dict[str, Any]], str]] = {
+        "x, y (m)": lambda finding: "{:.2f}, {:.2f}".format(*finding["position_m"]),
+        "95 % ellipse": lambda finding: "{semi_major_m:.2f} by {semi_minor_m:.2f}".format(**finding["ellipse95"]),
+        "pulses": lambda finding: str(finding["n_bearings"]),
+    }
+    if any(finding["nearest_equipment"] for finding in findings):
+        columns["nearest"] = lambda finding: finding["nearest_equipment"] or "-"
+    if any(finding["discharge"] for finding in findings):
+        columns["kind"] = _kind_of
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("#")
+    columns |= more
+    for heading in columns:
+        is_word = heading in ("nearest", "kind", "state")
+        table.add_column(
+            heading, justify="left" if is_word else "right", overflow="fold", no_wrap=heading == "x, y (m)"
         )
+    for number, finding in enumerate(findings, start=1):
+        table.add_row(str(number), *(tell(finding) for tell in columns.values()))
     return table
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import time
 import warnings
@@ -11,7 +10,7 @@ from typing import Annotated
 
 import tyro
 
-from missions.cli.terminal import err, make_folder, new_folder, out, refuse, tell_where, write_text
+from missions.cli.terminal import err, make_folder, new_folder, out, refuse, tell_where, write_mission
 
 
 def locate(
@@ -104,7 +103,6 @@ def locate(
     make_folder(folder)
 
     from missions.field_log import locate_field_data
-    from missions.recording import write_recording
     from missions.report import candidates_table, findings_table, make_report
 
     pose_error = PoseError(
@@ -116,9 +114,7 @@ def locate(
             data, array, pose_error, fence_m=yard_m, notes=notes, progress=lambda share: progress.advance(bar, share)
         )
     report = make_report(log, time.perf_counter() - started_s)
-    log.save(folder)
-    write_text(folder / "report.json", json.dumps(report, indent=2) + "\n")
-    write_recording(log, folder / "mission.rrd")
+    write_mission(log, report, folder)
     if json_output:
         out.print_json(data=report)
         return

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import signal
 import sys
 import time
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from missions.choices import PolicyName
-from missions.cli.terminal import INTERRUPTED, err, make_folder, new_folder, out, refuse, tell_where, write_text
+from missions.cli.terminal import INTERRUPTED, err, make_folder, new_folder, out, refuse, tell_where, write_mission
 
 if TYPE_CHECKING:
     from missions.runner import Mission
@@ -51,8 +50,8 @@ def run(
         refuse(f"--seed: got {seed}; allowed is 0 or more")
     folder = make_folder(new_folder(out_dir, f"{loaded.name}-{seed}"))
 
-    from missions.recording import live_stream, write_recording
-    from missions.report import findings_table, make_report
+    from missions.recording import live_stream
+    from missions.report import candidates_table, findings_table, make_report
     from missions.runner import run_mission
 
     started_s = time.perf_counter()
@@ -69,13 +68,13 @@ def run(
 
         log = run_mission(loaded, policy, seed, folder, after_step)
         report = make_report(log, time.perf_counter() - started_s)
-        log.save(folder)
-        write_text(folder / "report.json", json.dumps(report, indent=2) + "\n")
-        write_recording(log, folder / "mission.rrd")
+        write_mission(log, report, folder)
     if json_output:
         out.print_json(data=report)
     else:
         out.print(findings_table(report) if report["findings"] else "No discharge found.", highlight=False)
+        if report["candidates"]:
+            out.print(candidates_table(report), highlight=False)
         out.print(_summary(report, log.column("event", "text")[-1]), highlight=False)
         tell_where(folder)
     if log.column("event", "text")[-1] == "interrupted":

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from rich.console import Console
+
+if TYPE_CHECKING:
+    from missions.log import MissionLog
 
 USAGE_ERROR = 2
 INTERRUPTED = 130
@@ -43,6 +47,15 @@ def make_folder(folder: Path) -> Path:
     except OSError as error:
         refuse(f"--out: {folder} cannot be made ({error.strerror}); allowed is a folder that can be written to")
     return folder
+
+
+def write_mission(log: MissionLog, report: dict[str, Any], folder: Path) -> None:
+    """Write log, report and recording."""
+    from missions.recording import write_recording
+
+    log.save(folder)
+    write_text(folder / "report.json", json.dumps(report, indent=2) + "\n")
+    write_recording(log, folder / "mission.rrd")
 
 
 def tell_where(folder: Path) -> None:
