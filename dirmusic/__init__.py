@@ -11,7 +11,7 @@ from dirmusic.locating import Finding, Locator
 from dirmusic.manifold import GainManifold
 from dirmusic.pattern import GainPattern, GaussianPattern, TabulatedPattern
 from dirmusic.pattern_file import read_pattern, write_pattern
-from dirmusic.preprocessing import Windows, band_pass, prepare_records, pulse_start
+from dirmusic.preprocessing import Windows, band_pass, cut_windows, prepare_records, pulse_start
 from dirmusic.spectrum import noise_subspace, pseudo_spectrum, source_count, spectrum_peaks
 from dirmusic.strengths import pulse_strengths, sample_covariance, strength_variance
 from dirmusic.triangulation import Fix, triangulate
@@ -41,6 +41,7 @@ __all__ = [
     "bearings_from_covariance",
     "bearings_from_delays",
     "calibrate",
+    "cut_windows",
     "estimate_bearings",
     "manifold_error_std",
     "noise_subspace",

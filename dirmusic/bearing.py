@@ -46,6 +46,18 @@ class Bearings:
     std_rad: FloatArray
     misfit: FloatArray
 
+    def take(self, rows: slice | NDArray[np.bool_]) -> Bearings:
+        """Some of them, by slice or mask."""
+        return Bearings(azimuth_rad=self.azimuth_rad[rows], std_rad=self.std_rad[rows], misfit=self.misfit[rows])
+
+    def without_nan(self) -> Bearings:
+        """The same for tables that hold no NaN: where nothing was heard, a direction of which nothing is known."""
+        return Bearings(
+            azimuth_rad=np.nan_to_num(self.azimuth_rad),
+            std_rad=np.nan_to_num(self.std_rad, nan=np.pi),
+            misfit=np.nan_to_num(self.misfit, nan=1.0),
+        )
+
 
 def estimate_bearings(
     strengths: ArrayLike,

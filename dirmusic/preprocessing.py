@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
+_Sample = TypeVar("_Sample", np.float32, np.float64)
 
 PAPER_BAND_HZ = (1.2e9, 2.3e9)
 """Assumed: holds the 1.5 to 2 GHz in which the paper's pulses have their energy, and not its interferer at 948 MHz."""
@@ -67,11 +68,16 @@ def prepare_records(
     if band_hz is not None:
         x = band_pass(x, sample_rate_hz, band_hz)
     start = pulse_start(x, n_samples)
-    index = start[..., np.newaxis, np.newaxis] + np.arange(n_samples)
-    window = np.take_along_axis(x, np.broadcast_to(index, (*x.shape[:-1], n_samples)), axis=-1)
+    window = cut_windows(x, start, n_samples)
     scale_v = np.abs(window).max(axis=(-1, -2))
     scaled = window / np.where(scale_v > 0, scale_v, 1.0)[..., np.newaxis, np.newaxis]
     return Windows(scaled, start, scale_v)
+
+
+def cut_windows(records: NDArray[_Sample], start: NDArray[np.intp], n_samples: int) -> NDArray[_Sample]:
+    """Windows of `n_samples` from `start` (...) on out of records (..., n_elements, n_record), all channels alike."""
+    index = start[..., np.newaxis, np.newaxis] + np.arange(n_samples)
+    return np.take_along_axis(records, np.broadcast_to(index, (*records.shape[:-1], n_samples)), axis=-1)
 
 
 def band_pass(records: ArrayLike, sample_rate_hz: float, band_hz: tuple[float, float]) -> FloatArray:

@@ -297,6 +297,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             key: np.clip(np.asarray(values[key], dtype=np.float32), space.low, space.high)
             for key, space in self._boxes.items()
         }
+        told = bearings.without_nan()
         info = {
             "time_s": self._n_steps * STEP_S,
             "pose": self._pose.copy(),
@@ -305,9 +306,9 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
                 strengths_v=heard.strengths_v,
                 variance_v2=heard.variance_v2,
                 mains_phase_rad=heard.mains_phase_rad,
-                azimuth_rad=np.nan_to_num(bearings.azimuth_rad),
-                std_rad=np.nan_to_num(bearings.std_rad, nan=np.pi),
-                misfit=np.nan_to_num(bearings.misfit, nan=1.0),
+                azimuth_rad=told.azimuth_rad,
+                std_rad=told.std_rad,
+                misfit=told.misfit,
                 is_clipped=heard.is_clipped,
             ),
             "touched": self.inspector.touched(),

@@ -21,6 +21,7 @@ from dirmusic import (
     GainPattern,
     GaussianPattern,
     InputFileError,
+    cut_windows,
     pulse_start,
     pulse_strengths,
     read_csv_table,
@@ -251,8 +252,7 @@ def _read_waveforms(table: CsvTable, noise_v: float | None, gate_s: float) -> _P
     for record in records:
         x = record.waveforms_v
         start = pulse_start(x, n_gate)
-        index = start[:, np.newaxis, np.newaxis] + np.arange(n_gate)
-        gates.append(np.take_along_axis(x, np.broadcast_to(index, (*x.shape[:2], n_gate)), axis=-1))
+        gates.append(cut_windows(x, start, n_gate))
         sample = np.arange(x.shape[-1]) - start[:, np.newaxis]
         is_quiet = (sample < -BEFORE_GATE_SAMPLES) | (sample >= 2 * n_gate)
         count = np.maximum(is_quiet.sum(axis=-1), 1)[:, np.newaxis]

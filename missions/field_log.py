@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from dirmusic import ArrayModel, Bearings, Locator, PoseError, TabulatedPattern, estimate_bearings
+from dirmusic import ArrayModel, Locator, PoseError, TabulatedPattern, estimate_bearings
 from dirmusic.locating import LocatingRules
 from missions.field_data import FieldData
 from missions.log import MissionLog
@@ -54,18 +55,13 @@ def locate_field_data(
     log = MissionLog(_meta(data, array, fence_m))
     rules = FIELD_RULES
     if data.time_s.size:
-        rules = LocatingRules(**{**vars(rules), "refit_s": max(1.0, float(np.ptp(data.time_s)) / MOST_FITS)})
+        rules = replace(rules, refit_s=max(rules.refit_s, float(np.ptp(data.time_s)) / MOST_FITS))
     locator = Locator(array, pose_error, fence_m=fence_m, rules=rules)
     book = Logbook(log, locator)
     with threadpool_limits(limits=1):
         bearings = estimate_bearings(
             data.strengths_v[:, np.newaxis], array.manifold, strength_variance=data.variance_v2[:, np.newaxis]
-        )
-        bearings = Bearings(
-            azimuth_rad=np.nan_to_num(bearings.azimuth_rad),
-            std_rad=np.nan_to_num(bearings.std_rad, nan=np.pi),
-            misfit=np.nan_to_num(bearings.misfit, nan=1.0),
-        )
+        ).without_nan()
         first = np.searchsorted(data.step, np.arange(data.time_s.size + 1))
         for step, (time_s, pose) in enumerate(zip(data.time_s, data.pose, strict=True)):
             log.append(
@@ -80,9 +76,7 @@ def locate_field_data(
                 for note in (*notes, *data.notes):
                     book.event("note", note)
             rows = slice(first[step], first[step + 1])
-            some = Bearings(
-                azimuth_rad=bearings.azimuth_rad[rows], std_rad=bearings.std_rad[rows], misfit=bearings.misfit[rows]
-            )
+            some = bearings.take(rows)
             phase, is_clipped = data.mains_phase_rad[rows], np.zeros(some.misfit.shape, dtype=np.bool_)
             book.listen(float(time_s), pose, data.strengths_v[rows], data.variance_v2[rows], some, phase, is_clipped)
             progress(1.0 / data.time_s.size)

@@ -73,10 +73,8 @@ class Logbook:
                     std_rad=bearings.std_rad[i],
                 )
         whole = ~is_clipped
-        kept = Bearings(
-            azimuth_rad=bearings.azimuth_rad[whole], std_rad=bearings.std_rad[whole], misfit=bearings.misfit[whole]
-        )
-        self._log_findings(step, self.locator.update(time_s, pose, kept, strengths_v[whole], variance_v2[whole]))
+        heard = (bearings.take(whole), strengths_v[whole], variance_v2[whole])
+        self._log_findings(step, self.locator.update(time_s, pose, *heard))
 
     def look_again(self, time_s: float) -> None:
         """Fit all that was heard once more, when nothing is left to come."""

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dirmusic import pulse_start, pulse_strengths, strength_variance
+from dirmusic import cut_windows, pulse_start, pulse_strengths, strength_variance
 from envs.pose_sensor import PoseSensor, PoseSensorConfig
 from sensing import ArrayConfig, DischargeSource, HelicalArray, Receiver, ReceiverConfig
 
@@ -71,8 +71,7 @@ def main() -> None:
 
 def strengths_and_deviations(waveforms_v: np.ndarray, noise_v: float) -> list[list[str]]:
     """Strengths of each pulse and their deviations, as text, in microvolts' precision."""
-    start = pulse_start(waveforms_v, GATE_SAMPLES)
-    gate = np.stack([w[:, k : k + GATE_SAMPLES] for w, k in zip(waveforms_v, start, strict=True)])
+    gate = cut_windows(waveforms_v, pulse_start(waveforms_v, GATE_SAMPLES), GATE_SAMPLES)
     strengths = pulse_strengths(gate, noise_v**2)
     deviations = np.sqrt(strength_variance(strengths, noise_v**2, GATE_SAMPLES))
     return [[f"{v:.6f}" for v in (*row, *std)] for row, std in zip(strengths, deviations, strict=True)]

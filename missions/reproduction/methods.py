@@ -9,6 +9,7 @@ from dirmusic import (
     Bearings,
     GainManifold,
     bearings_from_covariance,
+    cut_windows,
     pulse_start,
     sample_covariance,
 )
@@ -55,9 +56,7 @@ def by_phase(covariance: ComplexArray, steering: ComplexArray) -> FloatArray:
 
 def by_gate(records: NDArray[np.float32], manifold: GainManifold) -> FloatArray:
     """Gate found from the data, then maximum likelihood off the grid; degrees, shape (n_trials,)."""
-    start = pulse_start(records, FOUND_GATE_SAMPLES)
-    index = start[:, np.newaxis, np.newaxis] + np.arange(FOUND_GATE_SAMPLES)
-    gate = np.take_along_axis(records, index, axis=-1)
+    gate = cut_windows(records, pulse_start(records, FOUND_GATE_SAMPLES), FOUND_GATE_SAMPLES)
     return np.degrees(bearings_from_covariance(sample_covariance(gate), manifold).azimuth_rad)
 
 
