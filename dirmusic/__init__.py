@@ -5,9 +5,10 @@ from dirmusic.bounds import bearing_bound, manifold_error_std
 from dirmusic.calibration import Calibration, calibrate
 from dirmusic.csv_table import CsvTable, InputFileError, InputFileWarning, read_csv_table
 from dirmusic.element_errors import ElementErrors, ElementSpread, ManifoldPrior, UniformOffsets
+from dirmusic.finding import Finding
 from dirmusic.gain_delay import bearings_from_delays
 from dirmusic.joint_fix import ArrayModel, PoseError
-from dirmusic.locating import Finding, Locator
+from dirmusic.locating import Locator
 from dirmusic.manifold import GainManifold
 from dirmusic.pattern import GainPattern, GaussianPattern, TabulatedPattern
 from dirmusic.pattern_file import read_pattern, write_pattern

@@ -73,22 +73,35 @@ def pulse_strengths(waveforms: ArrayLike, noise_variance: ArrayLike) -> FloatArr
     return np.sqrt(np.maximum(energy - x.shape[-1] * variance, 0.0))
 
 
-def strength_variance(strengths: ArrayLike, noise_variance: ArrayLike, n_samples: int) -> FloatArray:
-    r"""Variance of the strengths of `pulse_strengths` in white noise.
+def strength_variance(
+    strengths: ArrayLike,
+    noise_variance: ArrayLike,
+    n_samples: int,
+    *,
+    energy_spread: float | None = None,
+    noise_on_pulse: float = 1.0,
+) -> FloatArray:
+    r"""Variance of the strengths of `pulse_strengths`.
 
-    A gate's energy has variance :math:`2 n \sigma^4 + 4 \sigma^2 a^2`; the root divides it by :math:`4 a^2`. Where
-    the noise energy hides the pulse, the root is no longer linear and the variance levels off at that of
-    :math:`a^2 = \sigma^2 \sqrt{n / 2}`.
+    Noise with the correlation matrix :math:`C` over the gate, eigenvalues :math:`\mu_k`, gives a gate's energy the
+    variance :math:`2 \sigma^4 \sum_k \mu_k^2 + 4 \sigma^2 \kappa a^2`, where :math:`\kappa = d^T C d / d^T d` for the
+    pulse d; the root divides it by :math:`4 a^2`. In white noise the sum is n and :math:`\kappa` is 1. Where the noise
+    energy hides the pulse, the root is no longer linear and the variance levels off at that of
+    :math:`a^2 = \sigma^2 \sqrt{\sum_k \mu_k^2 / 2}`.
 
     Args:
         strengths: Shape (..., n_elements), volts, >= 0.
         noise_variance: Variance of one noise sample, V^2; broadcasts to (..., n_elements).
         n_samples: Samples in the gate, >= 1.
+        energy_spread: The sum of the squared eigenvalues; None for white noise.
+        noise_on_pulse: The factor kappa.
 
     Returns:
         Variance, shape (..., n_elements), V^2.
     """
+    spread = n_samples if energy_spread is None else energy_spread
     energy = np.square(np.asarray(strengths, dtype=np.float64))
     variance = np.asarray(noise_variance, dtype=np.float64)
-    energy = np.maximum(energy, np.sqrt(n_samples / 2) * variance)
-    return variance + np.divide(n_samples * variance**2, 2 * energy, out=np.zeros_like(energy), where=energy > 0)
+    energy = np.maximum(energy, np.sqrt(spread / 2) * variance)
+    by_noise = np.divide(spread * variance**2, 2 * energy, out=np.zeros_like(energy), where=energy > 0)
+    return noise_on_pulse * variance + by_noise

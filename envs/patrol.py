@@ -15,7 +15,17 @@ from envs.pose_sensor import PoseSensor
 from envs.scenario import Scenario, load_scenario
 from robot_models.inspector import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS, Inspector
 from robot_models.world import build_model
-from sensing import DischargeSource, Heard, HelicalArray, PulseTrain, Receiver
+from sensing import (
+    Carrier,
+    DischargeSource,
+    Faces,
+    Heard,
+    HelicalArray,
+    PulseTrain,
+    Receiver,
+    Scene,
+    Surroundings,
+)
 
 FloatArray = NDArray[np.float64]
 Observation = dict[str, NDArray[np.float32]]
@@ -117,7 +127,11 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.terminate_on_approach = terminate_on_approach
         nominal = HelicalArray.nominal(self.scenario.array)
         self.manifold = nominal.manifold()
-        self.inspector = Inspector(build_model(self.scenario.yard, nominal.positions_m, nominal.boresights_rad))
+        yard = self.scenario.yard
+        self.inspector = Inspector(build_model(yard, nominal.positions_m, nominal.boresights_rad))
+        self._surroundings = Surroundings.of_kinds(
+            [item.kind for item in yard.equipment], Faces(*yard.faces()), self.inspector.crossed
+        )
         gain = self.manifold.gain(SPECTRUM_AZIMUTHS_RAD)
         self._spectrum_gain = gain / np.linalg.norm(gain, axis=0)
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
@@ -160,9 +174,19 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
                 position_m=np.array(item.position_m),
                 amplitude_v=_draw_amplitude(item.amplitude_v, item.amplitude_range_db, rng),
                 pulse_rate_hz=item.pulse_rate_hz,
+                burst_s=item.burst_s,
             )
             for item in scenario.interferers
         ]
+        carriers = [
+            Carrier(
+                frequency_hz=item.frequency_hz,
+                amplitude_v=item.amplitude_v,
+                bearing_rad=float(np.radians(item.bearing_deg)),
+            )
+            for item in scenario.carriers
+        ]
+        self._scene = Scene([*self._sources, *self._interferers], self._surroundings, carriers)
         self._array = HelicalArray.draw(scenario.array, rng)
         self._receiver = Receiver(scenario.receiver, self._array)
         yaw_rad, fixed_deg = float(rng.uniform(-np.pi, np.pi)), scenario.route.dock_yaw_deg
@@ -174,9 +198,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._last_bearing_rad: float | None = None
         self._bearing_age_s = MAX_BEARING_AGE_S
         self._pose = self._pose_sensor.read(self.inspector.pose(), 0.0)
-        heard = self._receiver.listen(
-            self.inspector.pose(), (), self.inspector.line_of_sight, rng, start_s=0.0, duration_s=0.0
-        )
+        heard = self._receiver.listen(self.inspector.world_from_base(), self._scene, rng, start_s=0.0, duration_s=0.0)
         return self._observe(heard)
 
     def _draw_sources(self, rng: np.random.Generator) -> list[DischargeSource]:
@@ -221,12 +243,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         true_pose = self.inspector.pose()
         self._pose = self._pose_sensor.read(true_pose, STEP_S)
         heard = self._receiver.listen(
-            true_pose,
-            [*self._sources, *self._interferers],
-            self.inspector.line_of_sight,
-            self.np_random,
-            start_s=start_s,
-            duration_s=STEP_S,
+            self.inspector.world_from_base(), self._scene, self.np_random, start_s=start_s, duration_s=STEP_S
         )
         terms = {
             "progress": REWARD_PER_METRE * (before - self._distance_to_go(true_pose)),
@@ -309,7 +326,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
                 azimuth_rad=told.azimuth_rad,
                 std_rad=told.std_rad,
                 misfit=told.misfit,
-                is_clipped=heard.is_clipped,
+                is_clipped=np.any(heard.is_clipped, axis=-1, keepdims=True)[:, 0],
             ),
             "touched": self.inspector.touched(),
             "waypoints_visited": tuple(np.flatnonzero(self._visited).tolist()),

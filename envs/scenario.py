@@ -21,6 +21,7 @@ from dirmusic.discharge_kinds import KindName
 from envs.pose_sensor import PoseSensorConfig
 from robot_models.yard import Yard
 from sensing import ArrayConfig, ReceiverConfig
+from sensing.materials import KIND_MATERIALS
 
 FloatArray = NDArray[np.float64]
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
@@ -92,6 +93,19 @@ class InterfererConfig(_Config, frozen=True):
     amplitude_v: PositiveFloat
     amplitude_range_db: NonNegativeFloat = 6.0
     pulse_rate_hz: float = Field(default=20.0, ge=0.0, le=1e4)
+    burst_s: NonNegativeFloat = 0.0
+    """Length of each burst of a carrier in the band, as from a switch or a radar; 0 for impulses like discharges."""
+
+
+class CarrierConfig(_Config, frozen=True):
+    """A narrowband transmitter far away, such as the 948 MHz that the Dir-MUSIC paper met; on all the time."""
+
+    name: Name
+    frequency_hz: PositiveFloat = 948e6
+    amplitude_v: PositiveFloat
+    """Peak in a unit-gain channel at the array, before the band-pass."""
+    bearing_deg: float = Field(ge=-360.0, le=360.0)
+    """Direction it comes from, counter-clockwise from x (east)."""
 
 
 class RouteConfig(_Config, frozen=True):
@@ -122,6 +136,7 @@ class Scenario(_Config, frozen=True):
     array: ArrayConfig
     sources: tuple[SourceConfig, ...] = ()
     interferers: tuple[InterfererConfig, ...] = ()
+    carriers: tuple[CarrierConfig, ...] = ()
     receiver: ReceiverConfig = ReceiverConfig()
     pose_sensor: PoseSensorConfig = PoseSensorConfig()
     task: TaskConfig = TaskConfig()
@@ -137,10 +152,34 @@ class Scenario(_Config, frozen=True):
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
-        faults = [*self._route_faults(), *self._source_faults(), *self._interferer_faults()]
+        faults = [
+            *self._equipment_faults(),
+            *self._route_faults(),
+            *self._source_faults(),
+            *self._interferer_faults(),
+            *self._receiver_faults(),
+        ]
         if faults:
             raise ValueError("\n".join(faults))
         return self
+
+    def _equipment_faults(self) -> list[str]:
+        return [
+            f"yard.equipment.{i}.kind: no kind `{item.kind}`; allowed are {', '.join(KIND_MATERIALS)}"
+            for i, item in enumerate(self.yard.equipment)
+            if item.kind not in KIND_MATERIALS
+        ]
+
+    def _receiver_faults(self) -> list[str]:
+        n, faults = self.array.n_elements, list[str]()
+        channels = [fault.channel for fault in self.receiver.faults]
+        for i, fault in enumerate(self.receiver.faults):
+            for key, channel in (("channel", fault.channel), ("other", fault.other or 1)):
+                if channel > n:
+                    faults.append(f"receiver.faults.{i}.{key}: got {channel}; allowed is 1 to {n}")
+            if channels.index(fault.channel) != i:
+                faults.append(f"receiver.faults.{i}.channel: {fault.channel} has a fault already; allowed is one each")
+        return faults
 
     def _route_faults(self) -> list[str]:
         stops = {"route.dock_m": self.route.dock_m}

@@ -103,18 +103,6 @@ class SiteMap:
         length, previous = dijkstra(self._graph, indices=[self.cell(point_m)], return_predecessors=True)
         return Reach(length_m=length[0], _previous=previous[0], _site_map=self)
 
-    def sees(self, points_m: FloatArray, target_m: FloatArray, ignore_m: float = 0.5) -> NDArray[np.bool_]:
-        """Whether no equipment lies between points (n, 2) and a target (2,), but for the last `ignore_m`; (n,)."""
-        sight = target_m - points_m
-        range_m = np.linalg.norm(sight, axis=-1)
-        share = np.linspace(0.0, 1.0, 2 + int(range_m.max(initial=0.0) / 0.15))
-        on_way = points_m[:, np.newaxis] + share[:, np.newaxis] * sight[:, np.newaxis]
-        left = range_m[:, np.newaxis] * (1.0 - share)
-        hidden = np.zeros(on_way.shape[:-1], dtype=np.bool_)
-        for item in self.yard.equipment:
-            hidden |= item.horizontal_distance(on_way) < 0
-        return ~(hidden & (left > ignore_m)).any(axis=-1)
-
 
 def steer(pose: FloatArray, path_m: FloatArray) -> tuple[float, float]:
     """Speed (m/s) and yaw rate (rad/s) that follow a path (n, 2): turn towards a point ahead, slow down in turns."""

@@ -194,7 +194,7 @@ class Seek:
         ring = target.position_m + np.multiply.outer(np.asarray(VIEW_RADII_M), spokes).reshape(-1, 2)
         ring = ring[site_map.yard.contains(ring)]
         ring = ring[site_map.yard.clearance(ring) > 0.4] if ring.size else ring
-        ring = ring[site_map.sees(ring, target.position_m)] if ring.size else ring
+        ring = ring[site_map.yard.in_sight(ring, target.position_m, ignore_m=0.5)] if ring.size else ring
         cells = np.array([site_map.cell(point) for point in ring], dtype=np.intp)
         length = reach.length_m[cells]
         novelty = self._novelty(ring, target.position_m)
@@ -220,7 +220,7 @@ class Seek:
         if near.size == 0:
             return None
         points = site_map.centres_m[near]
-        visible = site_map.sees(points, target.position_m, ignore_m=1.5)
+        visible = site_map.yard.in_sight(points, target.position_m, ignore_m=1.5)
         worth = np.minimum(self._novelty(points, target.position_m), NOVELTY_RAD) / NOVELTY_RAD * NOVELTY_WORTH_M
         score = worth - 0.2 * reach.length_m[near] + 2.0 * visible
         return points[score.argmax()]
@@ -269,6 +269,7 @@ class Oracle:
                 fixed_s=None,
                 opening_rad=0.0,
                 nearest_m=np.inf,
+                level_db=np.nan,
             )
             for index, position in enumerate(self._sources_m)
             if all(np.hypot(*(position - other)) > 1.0 for other in confirmed)

@@ -12,7 +12,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 from scipy.optimize import linear_sum_assignment
 
-from dirmusic.locating import CHI2_95
+from dirmusic.finding import CHI2_95
 from envs import Scenario
 from missions.log import MissionLog
 from missions.phase_patterns import PhaseResolved, phase_patterns

@@ -152,6 +152,7 @@ def make_locator(scenario: Scenario) -> Locator:
             correlation_s=scenario.pose_sensor.correlation_s,
         ),
         fence_m=scenario.yard.size_m,
+        in_sight=scenario.yard.in_sight,
     )
 
 

@@ -33,6 +33,13 @@ MAX_YAW_RATE_RADPS = 1.5
 MAX_ACCELERATION_MPS2 = 3.0
 """Greatest rate at which the rim speed of a wheel is changed; abrupt commands make the wheels slip (measured)."""
 
+_NO_CUTOFF = 1e10
+_WHOLE = 1.0 - 1e-9
+"""Share of a ray up to which a hit counts."""
+
+_BEYOND_M = 1e-6
+"""How far beyond a surface a ray is taken up again."""
+
 _EQUIPMENT_ONLY = (np.arange(mujoco.mjNGROUP) == EQUIPMENT_GROUP).astype(np.uint8)
 
 
@@ -44,6 +51,7 @@ class Inspector:
     Attributes:
         model: The world the robot is in, with the robot of `inspector.xml`.
         data: Live state of the physics, for rendering and sensors. Change it through `reset` and `drive` only.
+        equipment: Names of the pieces of equipment, in the order of the yard.
 
     Raises:
         KeyError: If the model lacks a part of the inspector; the message lists the names it has.
@@ -58,6 +66,8 @@ class Inspector:
         self._wheels = model.actuator("left_wheel").id, model.actuator("right_wheel").id
         self._rim_speeds_mps = [0.0, 0.0]
         self._obstacles = _named_obstacles(model)
+        self._piece = _pieces_of_equipment(model)
+        self.equipment = tuple(model.geom(geom).name.partition("/")[2] for geom in self._piece)
         self._touched: set[int] = set()
         self.reset(0.0, 0.0, 0.0)
 
@@ -118,6 +128,14 @@ class Inspector:
         x, y, _, *quat = self.data.qpos[self._base_qpos : self._base_qpos + 7].tolist()
         return np.array([x, y, _yaw(quat)])
 
+    def world_from_base(self) -> FloatArray:
+        """Frame of the robot's base, on the floor under the middle of the axle, with tilt; shape (4, 4)."""
+        transform, rotation = np.eye(4), np.empty(9)
+        base = self.data.qpos[self._base_qpos : self._base_qpos + 7]
+        mujoco.mju_quat2Mat(rotation, base[3:])
+        transform[:3, :3], transform[:3, 3] = rotation.reshape(3, 3), base[:3]
+        return transform
+
     def velocity(self) -> FloatArray:
         """Speed along the robot's own forward direction, m/s, and yaw rate, rad/s; shape (2,)."""
         *_, yaw = self.pose().tolist()
@@ -128,34 +146,52 @@ class Inspector:
         """Sorted geom names of what the robot touched since the last `drive` or `reset` began; never the floor."""
         return tuple(sorted(self._obstacles[geom] for geom in self._touched))
 
-    def line_of_sight(self, from_m: ArrayLike, to_m: ArrayLike) -> BoolArray:
-        """Tell whether equipment stands between points and one target.
+    def crossed(self, start_m: ArrayLike, ends_m: ArrayLike) -> BoolArray:
+        """Tell which pieces of equipment stand between one point and others.
 
-        Only geoms of `EQUIPMENT_GROUP` count: neither fence nor floor nor the robot itself hides anything.
+        Only geoms of `EQUIPMENT_GROUP` count: neither fence nor floor nor the robot itself is in the way.
 
         Args:
-            from_m: Points, shape (n, 3), metres, world frame.
-            to_m: The target, shape (3,), metres, world frame; outside any equipment, or it is seen from nowhere.
+            start_m: Shape (3,), metres, world frame; outside any equipment, or that is in the way of all.
+            ends_m: Shape (n, 3), metres, world frame. One that lies on a face does not count as crossing it.
 
         Returns:
-            True where nothing is in between, shape (n,).
+            Shape (n, n_pieces), pieces in the order of `equipment`.
 
         Raises:
             ValueError: If the shapes are wrong.
         """
-        points, target = np.asarray(from_m, dtype=np.float64), np.asarray(to_m, dtype=np.float64)
-        if points.ndim != 2 or points.shape[1] != 3 or target.shape != (3,):
+        start, ends = np.asarray(start_m, dtype=np.float64), np.asarray(ends_m, dtype=np.float64)
+        if start.shape != (3,) or ends.ndim != 2 or ends.shape[1] != 3:
             raise ValueError(
-                f"`from_m` must have shape (n, 3) and `to_m` (3,), got {points.shape} and {target.shape}. "
+                f"`start_m` must have shape (3,) and `ends_m` (n, 3), got {start.shape} and {ends.shape}. "
                 "Both are positions in the world frame."
             )
-        return np.array([self._is_clear(target, ray) for ray in points - target], dtype=np.bool_)
+        n = len(ends)
+        crossed = np.zeros((n, len(self.equipment)), dtype=np.bool_)
+        rays = ends - start
+        geom, share = np.full(n, -1, dtype=np.int32), np.full(n, -1.0)
+        if n and len(self.equipment):
+            mujoco.mj_multiRay(
+                self.model, self.data, start, rays.ravel(), _EQUIPMENT_ONLY, True, -1, geom, share, None, n, _NO_CUTOFF
+            )
+        for ray in np.flatnonzero((share >= 0.0) & (share < _WHOLE)).tolist():
+            self._follow(start, rays[ray], int(geom[ray]), float(share[ray]), crossed[ray])
+        return crossed
 
-    def _is_clear(self, start_m: FloatArray, ray_m: FloatArray) -> bool:
-        if not ray_m.any():
-            return True
-        hit = mujoco.mj_ray(self.model, self.data, start_m, ray_m, _EQUIPMENT_ONLY, True, -1, None)
-        return not 0.0 <= hit < 1.0  # in units of the ray; -1 is no hit
+    def _follow(self, start_m: FloatArray, ray_m: FloatArray, geom: int, share: float, crossed: BoolArray) -> None:
+        """Note in `crossed` (n_pieces,) all that a ray meets from its first hit on; shares are those of its length."""
+        met = np.zeros(1, dtype=np.int32)
+        while True:
+            crossed[self._piece[geom]] = True
+            share += _BEYOND_M / float(np.linalg.norm(ray_m))
+            further = mujoco.mj_ray(
+                self.model, self.data, start_m + share * ray_m, ray_m, _EQUIPMENT_ONLY, True, -1, met, None
+            )
+            share += further
+            if further < 0.0 or share >= _WHOLE:
+                return
+            geom = int(met[0])
 
     def _approach(self, goal_mps: tuple[float, float], most_mps: float) -> None:
         """Move the commanded rim speeds towards `goal_mps` by at most `most_mps`."""
@@ -174,6 +210,11 @@ def _named_obstacles(model: mujoco.MjModel) -> dict[int, str]:
     """Geom id to name of everything the robot can run into."""
     ids = np.flatnonzero(model.geom_contype & OBSTACLE_CONTYPE).tolist()
     return {geom: model.geom(geom).name or f"geom_{geom}" for geom in ids}
+
+
+def _pieces_of_equipment(model: mujoco.MjModel) -> dict[int, int]:
+    """Geom id to number of the piece of equipment, in the order in which they were added."""
+    return {int(geom): piece for piece, geom in enumerate(np.flatnonzero(model.geom_group == EQUIPMENT_GROUP))}
 
 
 def _rim_speeds(v_mps: float, yaw_rate_radps: float) -> tuple[float, float]:

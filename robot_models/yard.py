@@ -41,6 +41,10 @@ class _Equipment(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_
         """Signed distance of (..., 2) points in the equipment frame to the footprint, negative inside."""
         raise NotImplementedError
 
+    def _footprint_crossed(self, start_m: FloatArray, end_m: FloatArray) -> NDArray[np.bool_]:
+        """Whether segments between points (..., 2) of the equipment frame cross the footprint; shape (...)."""
+        raise NotImplementedError
+
     def _to_local(self, points_m: FloatArray) -> FloatArray:
         cos, sin = np.cos(np.radians(self.yaw_deg)), np.sin(np.radians(self.yaw_deg))
         x, y = np.moveaxis(points_m[..., :2] - np.asarray(self.position_m), -1, 0)
@@ -49,6 +53,10 @@ class _Equipment(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_
     def horizontal_distance(self, points_m: ArrayLike) -> FloatArray:
         """Signed distance of world points (..., 2 or 3) to the footprint, negative inside; shape (...), metres."""
         return self._footprint_distance(self._to_local(np.asarray(points_m, dtype=np.float64)))
+
+    def crossed(self, start_m: FloatArray, end_m: FloatArray) -> NDArray[np.bool_]:
+        """Whether horizontal segments between world points (..., 2) cross the footprint; shape (...)."""
+        return self._footprint_crossed(self._to_local(start_m), self._to_local(end_m))
 
     def distance(self, points_m: ArrayLike) -> FloatArray:
         """Signed distance of world points (..., 3) to the solid, negative inside; shape (...), metres."""
@@ -102,6 +110,14 @@ class BoxEquipment(_Equipment, frozen=True):
         outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1)
         return outside + np.minimum(beyond.max(axis=-1), 0.0)
 
+    def _footprint_crossed(self, start_m: FloatArray, end_m: FloatArray) -> NDArray[np.bool_]:
+        along = end_m - start_m
+        along = np.where(np.abs(along) < 1e-12, 1e-12, along)
+        half = 0.5 * np.asarray(self.footprint_m)
+        first, second = (-half - start_m) / along, (half - start_m) / along
+        enters, leaves = np.minimum(first, second).max(axis=-1), np.maximum(first, second).min(axis=-1)
+        return np.maximum(enters, 0.0) < np.minimum(leaves, 1.0)
+
 
 class CylinderEquipment(_Equipment, frozen=True):
     """Equipment with a round footprint: a bushing, a current transformer, a tank."""
@@ -111,6 +127,12 @@ class CylinderEquipment(_Equipment, frozen=True):
 
     def _footprint_distance(self, local_m: FloatArray) -> FloatArray:
         return np.linalg.norm(local_m, axis=-1) - self.radius_m
+
+    def _footprint_crossed(self, start_m: FloatArray, end_m: FloatArray) -> NDArray[np.bool_]:
+        along = end_m - start_m
+        length = np.maximum(np.square(along).sum(axis=-1), 1e-24)
+        nearest = np.clip(-(start_m * along).sum(axis=-1) / length, 0.0, 1.0)
+        return self._footprint_distance(start_m + nearest[..., np.newaxis] * along) < 0
 
 
 Equipment = Annotated[BoxEquipment | CylinderEquipment, Field(discriminator="shape")]
@@ -138,6 +160,35 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
             raise ValueError("\n".join(faults))
         return self
 
+    def faces(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, NDArray[np.intp]]:
+        """Flat rectangles that radio waves are mirrored by: the ground, and the four sides and the top of every box.
+
+        Returns:
+            Plain arrays, world frame: centres (n_faces, 3); unit normals out of the equipment (n_faces, 3); unit
+            vectors along the two sides (n_faces, 2, 3); half the length of the two sides (n_faces, 2), infinite for the
+            ground; and the number of the piece of equipment, -1 for the ground (n_faces,).
+        """
+        faces = [(np.zeros(3), np.eye(3)[2], np.eye(3)[:2], np.full(2, np.inf), -1)]
+        for number, item in enumerate(self.equipment):
+            if not isinstance(item, BoxEquipment):
+                continue
+            yaw = np.radians(item.yaw_deg)
+            x, y = np.array([[np.cos(yaw), np.sin(yaw), 0.0], [-np.sin(yaw), np.cos(yaw), 0.0]])
+            up = np.array([0.0, 0.0, 1.0])
+            half_x, half_y, half_z = 0.5 * item.footprint_m[0], 0.5 * item.footprint_m[1], 0.5 * item.height_m
+            middle = np.array([*item.position_m, half_z])
+            for normal, depth, (first, second) in (
+                (x, half_x, ((y, half_y), (up, half_z))),
+                (-x, half_x, ((y, half_y), (up, half_z))),
+                (y, half_y, ((x, half_x), (up, half_z))),
+                (-y, half_y, ((x, half_x), (up, half_z))),
+                (up, half_z, ((x, half_x), (y, half_y))),
+            ):
+                axes, half_size_m = np.array([first[0], second[0]]), np.array([first[1], second[1]])
+                faces.append((middle + depth * normal, normal, axes, half_size_m, number))
+        centre, normal, sides, half_size, owner = (np.array(column) for column in zip(*faces, strict=True))
+        return centre, normal, sides, half_size, owner.astype(np.intp)
+
     def contains(self, points_m: ArrayLike) -> NDArray[np.bool_]:
         """Whether world points (..., 2 or 3) lie inside the fence; shape (...)."""
         points = np.asarray(points_m, dtype=np.float64)[..., :2]
@@ -148,6 +199,24 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         points = np.asarray(points_m, dtype=np.float64)[..., :2]
         to_fence = np.minimum(points, np.asarray(self.size_m) - points).min(axis=-1)
         return np.minimum.reduce([to_fence, *(item.horizontal_distance(points) for item in self.equipment)])
+
+    def in_sight(self, points_m: ArrayLike, target_m: ArrayLike, ignore_m: float = 0.0) -> NDArray[np.bool_]:
+        """Whether no equipment lies between points (n, 2) and a target (2,), on plan; shape (n,).
+
+        Args:
+            points_m: World frame.
+            target_m: World frame.
+            ignore_m: Equipment in so much of the way at the target's end does not count: a target on a surface, or a
+                little within it, is in sight from outside.
+        """
+        points, target = np.asarray(points_m, dtype=np.float64), np.asarray(target_m, dtype=np.float64)
+        sight = target - points
+        range_m = np.linalg.norm(sight, axis=-1, keepdims=True)
+        end = target - sight * np.minimum(ignore_m / np.maximum(range_m, 1e-9), 1.0)
+        clear = np.ones(len(points), dtype=np.bool_)
+        for item in self.equipment:
+            clear &= ~item.crossed(points, end)
+        return clear
 
     def site_names(self) -> tuple[str, ...]:
         """Every candidate discharge site as `equipment/site`, in file order."""

@@ -2,16 +2,22 @@
 
 from sensing.array import ArrayConfig, HelicalArray
 from sensing.discharges import PulseTrain
-from sensing.receiver import Heard, LineOfSight, Receiver, ReceiverConfig
-from sensing.sources import DischargeSource
+from sensing.propagation import Faces, Surroundings, level_transform
+from sensing.receiver import Heard, Receiver, ReceiverConfig
+from sensing.scene import Scene
+from sensing.sources import Carrier, DischargeSource
 
 __all__ = [
     "ArrayConfig",
+    "Carrier",
     "DischargeSource",
+    "Faces",
     "Heard",
     "HelicalArray",
-    "LineOfSight",
     "PulseTrain",
     "Receiver",
     "ReceiverConfig",
+    "Scene",
+    "Surroundings",
+    "level_transform",
 ]

@@ -85,14 +85,8 @@ class HelicalArray:
         """The far-field manifold of the elements' pattern and boresights; of the nominal array, what estimators use."""
         return GainManifold(self.pattern, self.boresights_rad)
 
-    def elements_in_world(self, pose: FloatArray) -> FloatArray:
-        """Where the elements are, shape (n_elements, 3), when the robot stands at `pose` (x m, y m, yaw rad)."""
-        cos, sin = np.cos(pose[2]), np.sin(pose[2])
-        x, y, z = self.positions_m.T
-        return np.column_stack([pose[0] + cos * x - sin * y, pose[1] + sin * x + cos * y, z])
-
     def gain(self, azimuth_rad: FloatArray, elevation_rad: FloatArray) -> FloatArray:
-        """Gain of element i towards its own direction i, array frame; shape (n_elements,)."""
+        """Gain of element i towards its own direction i, array frame; all of shape (..., n_elements)."""
         towards = gain_in_space(self.pattern, azimuth_rad - self.boresights_rad, elevation_rad).gain
         return self.gain_factors * towards + self.gain_offsets
 

@@ -1,41 +1,209 @@
-"""From source to element: spreading and delay along the direct path."""
+"""From source to element: spreading and delay, what stands in between, and what mirrors.
+
+Geometric optics of the first order: the direct path, and one reflection in every flat face, as if from the source's
+mirror image. Edges do not diffract and round equipment does not mirror; what bends round equipment is part of its loss.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.gain_delay import SPEED_OF_LIGHT_MPS
+from sensing.materials import GRAVEL, KIND_MATERIALS
 
 FloatArray = NDArray[np.float64]
+Crossed = Callable[[FloatArray, FloatArray], NDArray[np.bool_]]
+"""(start (3,), ends (n, 3)) -> which pieces of equipment each segment crosses, (n, n_pieces). Handed in: sensing knows
+no physics engine."""
+
+OWN_FACE_M = 0.05
+"""A face this close to the source is a part of it (assumed): its mirror image lies within a third of a wavelength, and
+the source's amplitude is what both radiate together."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Paths:
-    """Direct paths from one source to each element; every array has shape (n_elements,).
+class Faces(NamedTuple):
+    """Flat rectangles that mirror, world frame.
 
     Attributes:
-        spreading: Amplitude over that at 1 m: one over the range in metres, in three dimensions.
-        delay_s: Travel time.
-        azimuth_rad: Horizontal direction in which each element sees the source, world frame.
+        centre_m: Shape (n_faces, 3).
+        normal: Unit vectors out of the equipment, shape (n_faces, 3).
+        axes: Unit vectors along the two sides, shape (n_faces, 2, 3).
+        half_size_m: Half the length of the two sides, shape (n_faces, 2); may be infinite.
+        owner: Piece of equipment that the face belongs to, shape (n_faces,); -1 for the ground.
+    """
+
+    centre_m: FloatArray
+    normal: FloatArray
+    axes: FloatArray
+    half_size_m: FloatArray
+    owner: NDArray[np.intp]
+
+
+class Rays(NamedTuple):
+    """Straight lines in free space; shapes (..., n_elements), frame as the points given.
+
+    Attributes:
+        range_m: Length.
+        azimuth_rad: Horizontal direction in which an element sees the point.
         elevation_rad: Elevation at which it does.
     """
 
-    spreading: FloatArray
-    delay_s: FloatArray
+    range_m: FloatArray
     azimuth_rad: FloatArray
     elevation_rad: FloatArray
 
+    @property
+    def spreading(self) -> FloatArray:
+        """Amplitude over that at 1 m: one over the range in metres, in three dimensions."""
+        return 1.0 / self.range_m
 
-def direct_paths(elements_m: FloatArray, source_m: FloatArray) -> Paths:
-    """Free-space paths from `source_m` (3,) to elements (n_elements, 3), world frame, metres."""
-    sight = source_m - elements_m
-    range_m = np.linalg.norm(sight, axis=-1)
-    return Paths(
-        spreading=1.0 / range_m,
-        delay_s=range_m / SPEED_OF_LIGHT_MPS,
-        azimuth_rad=np.arctan2(sight[:, 1], sight[:, 0]),
-        elevation_rad=np.arctan2(sight[:, 2], np.hypot(sight[:, 0], sight[:, 1])),
+    @property
+    def delay_s(self) -> FloatArray:
+        """Travel time."""
+        return self.range_m / SPEED_OF_LIGHT_MPS
+
+
+class Paths(NamedTuple):
+    """All that leads from sources to the elements; a row is a direct path or a reflection.
+
+    Attributes:
+        source: Number of the source, shape (n_paths,).
+        rays: From the source, or from its mirror image, in the array frame; shapes (n_paths, n_elements).
+        factor: What reflection and equipment in between leave of the amplitude, shape (n_paths, n_elements).
+    """
+
+    source: NDArray[np.intp]
+    rays: Rays
+    factor: FloatArray
+
+
+def rays_between(elements_m: FloatArray, points_m: FloatArray) -> Rays:
+    """Lines from elements (n_elements, 3) to points (..., 3) of the same frame, metres; shapes (..., n_elements)."""
+    x, y, z = np.moveaxis(points_m[..., np.newaxis, :] - elements_m, -1, 0)
+    level_squared = x * x + y * y
+    return Rays(
+        range_m=np.sqrt(level_squared + z * z),
+        azimuth_rad=np.arctan2(y, x),
+        elevation_rad=np.arctan2(z, np.sqrt(level_squared)),
     )
+
+
+def level_transform(pose: FloatArray) -> FloatArray:
+    """`world_from_array`, shape (4, 4), of an array that stands level on the ground at (x m, y m, yaw rad)."""
+    x, y, yaw = pose
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    return np.array([[cos, -sin, 0.0, x], [sin, cos, 0.0, y], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+
+
+def in_array_frame(points_m: FloatArray, world_from_array: FloatArray) -> FloatArray:
+    """World points (..., 3) in the frame of an array at `world_from_array` (4, 4)."""
+    return (points_m - world_from_array[:3, 3]) @ world_from_array[:3, :3]
+
+
+class Surroundings:
+    """What stands about: equipment that weakens, and faces that mirror.
+
+    Args:
+        faces: That mirror.
+        reflection: Amplitude reflection coefficient of each face, shape (n_faces,).
+        loss: Amplitude that each piece of equipment lets pass, in (0, 1], shape (n_pieces,).
+        crossed: Which pieces a segment crosses.
+    """
+
+    def __init__(self, faces: Faces, reflection: FloatArray, loss: FloatArray, crossed: Crossed) -> None:
+        self.faces = faces
+        self.reflection = reflection
+        self.log_loss = np.log(loss)
+        self.crossed = crossed
+
+    @classmethod
+    def of_kinds(cls, kinds: Sequence[str], faces: Faces, crossed: Crossed) -> Self:
+        """Equipment of known kinds, one for each piece, on gravel.
+
+        Raises:
+            KeyError: If a kind is not in `KIND_MATERIALS`.
+        """
+        materials = [*(KIND_MATERIALS[kind] for kind in kinds), GRAVEL]  # the ground last: its owner is -1
+        loss_db, reflection = np.array(materials, dtype=np.float64).T
+        return cls(
+            faces=faces,
+            reflection=reflection[faces.owner],
+            loss=10 ** (-loss_db[:-1] / 20),
+            crossed=crossed,
+        )
+
+    @classmethod
+    def free_space(cls) -> Self:
+        """Nothing about, not even the ground."""
+        nothing = np.empty((0, 3))
+        faces = Faces(nothing, nothing, np.empty((0, 2, 3)), np.empty((0, 2)), np.empty(0, dtype=np.intp))
+        return cls(faces, np.empty(0), np.empty(0), lambda _, ends: np.empty((len(ends), 0), dtype=np.bool_))
+
+    def passed(self, start_m: FloatArray, ends_m: FloatArray) -> FloatArray:
+        """Amplitude left by the equipment between a start (3,) and ends (n, 3), shape (n,)."""
+        return np.exp(np.where(self.crossed(start_m, ends_m), self.log_loss, 0.0).sum(axis=-1))
+
+
+class Mirrors:
+    """Mirror images of sources that stay where they are: computed once for a yard.
+
+    Args:
+        surroundings: Of the yard.
+        sources_m: Shape (n_sources, 3), world frame.
+    """
+
+    def __init__(self, surroundings: Surroundings, sources_m: FloatArray) -> None:
+        self.surroundings = surroundings
+        self.sources_m = sources_m
+        faces = surroundings.faces
+        self._depth_m = np.einsum("sfi,fi->sf", sources_m[:, np.newaxis] - faces.centre_m, faces.normal)
+        self._images_m = sources_m[:, np.newaxis] - 2 * self._depth_m[..., np.newaxis] * faces.normal
+        self._mirrors = (self._depth_m > OWN_FACE_M) & (surroundings.reflection != 0)
+
+    def trace(self, sources: NDArray[np.intp], elements_m: FloatArray, world_from_array: FloatArray) -> Paths:
+        """Paths from some of the sources to all elements.
+
+        Whether a face mirrors a source to the ring, and what stands in between, is asked for the ring's centre: the
+        ring is small against equipment. What hides the source itself is asked for each element.
+
+        Args:
+            sources: Their numbers, shape (n,), ascending.
+            elements_m: Shape (n_elements, 3), array frame.
+            world_from_array: Shape (4, 4).
+        """
+        rotation, origin_m = world_from_array[:3, :3], world_from_array[:3, 3]
+        in_world_m = elements_m @ rotation.T + origin_m
+        centre_m = in_world_m.mean(axis=0)
+        row, face, point_m = self._reflections(sources, centre_m)
+        mirrored = np.ones(row.size)
+        direct = np.empty((sources.size, len(elements_m)))
+        for k, source in enumerate(sources.tolist()):
+            own = row == k
+            passed = self.surroundings.passed(self.sources_m[source], np.concatenate([in_world_m, point_m[own]]))
+            direct[k], mirrored[own] = passed[: len(elements_m)], passed[len(elements_m) :]
+        if row.size:
+            mirrored *= self.surroundings.reflection[face] * self.surroundings.passed(centre_m, point_m)
+        from_m = np.concatenate([self.sources_m[sources], self._images_m[sources[row], face]])
+        return Paths(
+            source=np.concatenate([sources, sources[row]]),
+            rays=rays_between(elements_m, in_array_frame(from_m, world_from_array)),
+            factor=np.concatenate([direct, np.broadcast_to(mirrored[:, np.newaxis], (row.size, len(elements_m)))]),
+        )
+
+    def _reflections(
+        self, sources: NDArray[np.intp], centre_m: FloatArray
+    ) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
+        """Which of the sources (row) which face mirrors to a point, and where on it: (n,), (n,) and (n, 3)."""
+        faces = self.surroundings.faces
+        height_m = np.einsum("fi,fi->f", centre_m - faces.centre_m, faces.normal)
+        row, face = np.nonzero(self._mirrors[sources] & (height_m > 0))
+        depth_m, image_m = self._depth_m[sources[row], face], self._images_m[sources[row], face]
+        share = depth_m / (depth_m + height_m[face])
+        point_m = image_m + share[:, np.newaxis] * (centre_m - image_m)
+        along_m = np.einsum("ni,nki->nk", point_m - faces.centre_m[face], faces.axes[face])
+        on_face = np.all(np.abs(along_m) <= faces.half_size_m[face], axis=-1)
+        return row[on_face], face[on_face], point_m[on_face]

@@ -1,39 +1,65 @@
-"""The receiver: noise, trigger, gate. It decides on its own data what was heard."""
+"""The receiver: band-pass, noise, trigger, gate, converter. It decides on its own data what was heard."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from statistics import NormalDist
-from typing import Self
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, PositiveFloat, PositiveInt, model_validator
 
 from dirmusic import pulse_strengths, strength_variance
+from dirmusic.gain_delay import SPEED_OF_LIGHT_MPS
 from sensing.array import HelicalArray
-from sensing.propagation import SPEED_OF_LIGHT_MPS, direct_paths
-from sensing.pulses import DECAY_S, damped_pulse
-from sensing.sources import DischargeSource
+from sensing.energy import draw_energies
+from sensing.faults import STUCK_AT, ChannelFault, Faults
+from sensing.front_end import FrontEnd
+from sensing.pulses import DECAY_S, FREQUENCY_HZ
+from sensing.scene import Emissions, Scene
 
 FloatArray = NDArray[np.float64]
-LineOfSight = Callable[[FloatArray, FloatArray], NDArray[np.bool_]]
-"""(points (n, 3), target (3,)) -> whether nothing stands between, (n,). Handed in: sensing knows no physics engine."""
+
+BLOCK = 256
+"""Waveforms that are in memory at once."""
+
+LOOKS, BURST_SHARE = 2, 0.25
+"""What does not look like a pulse (assumed): after the gate come two looks, each half a gate long; if the loudest
+channel has more than a quarter of the gate's mean power in both of them, it was a burst. Echoes fill one."""
+
+AUDIBLE_SIGMAS = 6.0
+"""A pulse that stays this far below the threshold is not recorded: noise does not lift it."""
 
 
 class ReceiverConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
-    """A channel for each element and a common trigger. The defaults are assumed, about those of a fast oscilloscope."""
+    """A channel for each element and a common trigger. The defaults are assumed, about those of a fast oscilloscope.
 
+    Once a channel has crossed the threshold, the gate starts `pretrigger_samples` before the loudest one comes to half
+    its peak: the crossing itself comes the earlier the louder the pulse.
+
+    `waveform` draws every sample of every gate. `energy` draws the energies of the gates from their exact law, many
+    times faster: the same strengths but for what needs samples (converter, carriers, saturation, trigger jitter).
+    """
+
+    fidelity: Literal["waveform", "energy"] = "waveform"
     sample_rate_hz: float = Field(default=20e9, ge=1e8, le=1e12)
+    band_hz: tuple[PositiveFloat, PositiveFloat] | Literal["all"] = (1.4e9, 2.2e9)
+    """Where the band-pass is 3 dB down. The default holds the energy of the pulses, mainly 1.5 to 2 GHz, and is 54 dB
+    down at the 948 MHz of the Dir-MUSIC paper's interferer; "all" leaves the noise white."""
     noise_v: PositiveFloat = 1e-3
+    """Standard deviation of a sample of white noise, before the band-pass."""
     pretrigger_samples: PositiveInt = 20
     gate_samples: int = Field(default=90, ge=1, le=10_000)
+    trigger_jitter: bool = True
+    """Whether noise, and where between two samples a pulse arrives, move the gate; `energy` never has it."""
     false_alarm_rate_hz: float = Field(default=0.1, gt=0.0, le=1e4)
     mains_hz: PositiveFloat = 50.0
     bits: int = Field(default=12, ge=2, le=24)
-    full_scale_v: PositiveFloat = 1.0
-    """Largest voltage that the converter can tell, of either sign; beyond it a pulse is clipped, and flagged."""
+    full_scale_v: PositiveFloat = 0.5
+    """Largest voltage that the converter can tell, of either sign; beyond it a pulse is clipped, and flagged. With the
+    defaults one count is 0.86 of the noise behind the band-pass; where it is more than two, rounding is not noise."""
+    faults: tuple[ChannelFault, ...] = ()
 
     @model_validator(mode="after")
     def _gate_reaches_beyond_the_trigger(self) -> Self:
@@ -41,6 +67,16 @@ class ReceiverConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_
             raise ValueError(
                 f"pretrigger_samples: got {self.pretrigger_samples}; allowed is less than gate_samples, "
                 f"{self.gate_samples}, or the gate ends before the pulse begins"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _band_lies_below_nyquist(self) -> Self:
+        nyquist_hz = 0.5 * self.sample_rate_hz
+        if self.band_hz != "all" and not self.band_hz[0] < self.band_hz[1] < nyquist_hz:
+            raise ValueError(
+                f"band_hz: got ({self.band_hz[0]:g}, {self.band_hz[1]:g}); allowed is a band that rises and ends below "
+                f'half of sample_rate_hz, {nyquist_hz:g}, or "all"'
             )
         return self
 
@@ -54,16 +90,26 @@ class Heard:
         strengths_v: Shape (n_pulses, n_elements), volts.
         variance_v2: Variance of the strengths, shape (n_pulses, n_elements), V^2.
         mains_phase_rad: Phase of the receiver's own mains supply at the trigger, shape (n_pulses,), in [0, 2 pi).
-        waveforms_v: The gates, shape (n_pulses, n_elements, gate_samples), volts.
-        is_clipped: Whether any sample of a gate met the end of the converter's scale, shape (n_pulses,).
+        is_clipped: Whether a channel met the end of the converter's scale, shape (n_pulses, n_elements).
+        waveforms_v: The gates, shape (n_pulses, n_elements, gate_samples), volts; no samples with fidelity `energy`.
+        n_rejected: What triggered and did not look like a pulse.
     """
 
     time_s: FloatArray
     strengths_v: FloatArray
     variance_v2: FloatArray
     mains_phase_rad: FloatArray
-    waveforms_v: FloatArray
     is_clipped: NDArray[np.bool_]
+    waveforms_v: FloatArray = field(repr=False)
+    n_rejected: int
+
+
+@dataclass(frozen=True)
+class _Arrivals:
+    """All that one source sends to the elements; `delay_s` and `amplitude` (n_paths, n_elements), for a peak of 1 V."""
+
+    delay_s: FloatArray
+    amplitude: FloatArray
 
 
 class Receiver:
@@ -77,36 +123,53 @@ class Receiver:
     def __init__(self, config: ReceiverConfig, array: HelicalArray) -> None:
         self.config = config
         self.array = array
+        self.front_end = FrontEnd(
+            config.sample_rate_hz, None if config.band_hz == "all" else config.band_hz, config.gate_samples
+        )
         self._n_elements = array.boresights_rad.size
+        self._faults = Faults(config.faults, self._n_elements)
 
     @property
     def step_v(self) -> float:
         """What one count of the converter stands for."""
         return self.config.full_scale_v / (2 ** (self.config.bits - 1) - 1)
 
-    @property
+    @cached_property
     def noise_variance_v2(self) -> float:
-        """Variance of one sample without a pulse: noise, and the converter's rounding (even within one count)."""
-        return self.config.noise_v**2 + self.step_v**2 / 12
+        """Variance of one sample without a pulse: filtered noise, and the converter's rounding (within one count)."""
+        rounding = self.step_v**2 / 12 if self.config.fidelity == "waveform" else 0.0
+        return self._filtered_v**2 + rounding
 
-    @property
+    @cached_property
+    def _filtered_v(self) -> float:
+        """Standard deviation of the noise behind the band-pass."""
+        return self.config.noise_v * float(np.sqrt(self.front_end.noise_power))
+
+    @cached_property
     def threshold_v(self) -> float:
-        r"""Trigger level that white noise alone crosses `false_alarm_rate_hz` times a second in all channels together.
+        r"""Trigger level that noise alone crosses `false_alarm_rate_hz` times a second in all channels together.
 
-        .. math:: 2 Q(T / \sigma) \, n_\text{elements} f_s = \text{rate}
+        A Gaussian sequence with correlation :math:`\rho` from sample to sample rises through T, and falls through -T,
+        with the probability :math:`2 \, T_O(T / \sigma, \sqrt{(1 - \rho) / (1 + \rho)})` each per sample, by Owen's
+        function :math:`T_O`. Crossings that follow one another within a gate count each.
         """
-        return -self.config.noise_v * NormalDist().inv_cdf(self._tail_probability)
+        from scipy.optimize import brentq
+        from scipy.special import owens_t
 
-    @property
-    def _tail_probability(self) -> float:
-        """Probability that one noise sample lies above the threshold; as many lie below minus the threshold."""
-        return self.config.false_alarm_rate_hz / (2 * self._n_elements * self.config.sample_rate_hz)
+        correlation = float(self.front_end.correlation[1]) if self.config.gate_samples > 1 else 0.0
+        slope = float(np.sqrt((1.0 - correlation) / (1.0 + correlation)))
+        crossings = 4 * self._n_elements * self.config.sample_rate_hz
+
+        def too_often(sigmas: float) -> float:
+            rate_hz = crossings * float(owens_t(sigmas, slope))
+            return float(np.log(max(rate_hz, 1e-300) / self.config.false_alarm_rate_hz))
+
+        return self._filtered_v * float(brentq(too_often, 0.0, 30.0))  # pyright: ignore[reportArgumentType]
 
     def listen(
         self,
-        pose: FloatArray,
-        sources: Sequence[DischargeSource],
-        line_of_sight: LineOfSight,
+        world_from_array: FloatArray,
+        scene: Scene,
         rng: np.random.Generator,
         *,
         start_s: float,
@@ -115,92 +178,264 @@ class Receiver:
         """Listen from one pose for `duration_s` from `start_s` on.
 
         Args:
-            pose: Where the robot really is: x m, y m, yaw rad, world frame, shape (3,).
-            sources: All that radiates.
-            line_of_sight: Which elements see a source.
+            world_from_array: Where the array really is, shape (4, 4).
+            scene: All that radiates, and what stands about.
             rng: All randomness.
             start_s: Simulated time at the start of the interval.
             duration_s: Length of the interval.
         """
-        elements_m = self.array.elements_in_world(pose)
-        times: list[FloatArray] = []
-        gates: list[FloatArray] = []
-        for source in sources:
-            emitted_s, peak_v = source.emissions(start_s, duration_s, rng)
-            if emitted_s.size == 0:
-                continue
-            visible = line_of_sight(elements_m, source.position_m)
-            if not visible.any():
-                continue
-            heard, gate = self._record(pose, elements_m, source.position_m, peak_v, visible, rng)
-            times.append(emitted_s[heard])
-            gates.append(gate)
+        emitted = scene.emissions(start_s, duration_s, rng)
+        arrivals = self._arrivals(scene, emitted, world_from_array, start_s) if emitted.time_s.size else {}
         false_s, false_gates = self._noise_triggers(rng, start_s, duration_s)
-        time_s = np.concatenate([*times, false_s])
+        if self.config.fidelity == "energy":
+            return self._hear_energies(scene, emitted, arrivals, false_s, false_gates, rng)
+        return self._hear_waveforms(scene, emitted, arrivals, false_s, false_gates, world_from_array, rng)
+
+    def _arrivals(
+        self, scene: Scene, emitted: Emissions, world_from_array: FloatArray, start_s: float
+    ) -> dict[int, _Arrivals]:
+        """What reaches the elements of each source that is on the air, by its number."""
+        on_air = np.unique(emitted.source)
+        paths = scene.trace(on_air, self.array.positions_m, world_from_array)
+        rays = paths.rays
+        amplitude = self.array.gain(rays.azimuth_rad, rays.elevation_rad) * rays.spreading * paths.factor
+        amplitude *= self._faults.signal_factors(np.array(start_s))
+        delay_s = rays.delay_s
+        return {
+            source: _Arrivals(delay_s[paths.source == source], amplitude[paths.source == source])
+            for source in on_air.tolist()
+        }
+
+    def _triggers(
+        self, arrivals: _Arrivals, peak_v: FloatArray, threshold_v: float, rng: np.random.Generator
+    ) -> tuple[FloatArray, FloatArray]:
+        """For each pulse the delay of the first arrival that is loud enough for the trigger, and its greatest voltage.
+
+        Where none is, the delay of the loudest. Both of shape (n_pulses,); the voltage has noise on it.
+        """
+        order = np.argsort(arrivals.delay_s, axis=None)
+        loudness = self.front_end.pulse_peak * np.abs(arrivals.amplitude.ravel()[order])
+        loudest = np.maximum.accumulate(loudness)
+        first = np.searchsorted(loudest, threshold_v / np.abs(peak_v), side="right")
+        first = np.where(first < order.size, first, loudness.argmax())
+        noise = self._filtered_v * rng.standard_normal(peak_v.size)
+        return arrivals.delay_s.ravel()[order[first]], loudest[-1] * np.abs(peak_v) + noise
+
+    def _signals(self, arrivals: _Arrivals, burst_s: float, start_s: FloatArray, n_samples: int) -> FloatArray:
+        """Noise-free records for a peak of 1 V, shape (n, n_elements, n_samples), from times `start_s` (n,) on."""
+        rate_hz = self.config.sample_rate_hz
+        shift = (start_s[:, np.newaxis, np.newaxis] - arrivals.delay_s) * rate_hz
+        sample = np.arange(n_samples) + shift[..., np.newaxis]
+        if burst_s > 0:
+            inside = (sample >= 0) & (sample < burst_s * rate_hz)
+            shape = inside * np.sin(2 * np.pi * FREQUENCY_HZ / rate_hz * sample)
+        else:
+            shape = self.front_end.pulse(sample)
+        return (arrivals.amplitude[..., np.newaxis] * shape).sum(axis=1)
+
+    def _gate_start_s(self, delay_s: FloatArray) -> FloatArray:
+        """Where a gate starts that no noise moves: the pre-trigger before an arrival comes to half its peak."""
+        return delay_s + (self.front_end.pulse_lag - self.config.pretrigger_samples) / self.config.sample_rate_hz
+
+    def _hear_energies(
+        self,
+        scene: Scene,
+        emitted: Emissions,
+        arrivals: dict[int, _Arrivals],
+        false_s: FloatArray,
+        false_gates: FloatArray,
+        rng: np.random.Generator,
+    ) -> Heard:
+        """Strengths from the law of the gates' energies. Bursts do not look like pulses and are rejected."""
+        times, energies, n_rejected = [false_s], [np.square(false_gates).sum(axis=-1)], 0
+        for source, arrived in arrivals.items():
+            own = emitted.source == source
+            peak_v = emitted.peak_v[own]
+            delay_s, voltage = self._triggers(arrived, peak_v, self.threshold_v, rng)
+            heard = voltage > self.threshold_v
+            if scene.sources[source].burst_s > 0:
+                n_rejected += int(heard.sum())
+                continue
+            first_s, gate = np.unique(delay_s[heard], return_inverse=True)
+            signals = self._signals(arrived, 0.0, self._gate_start_s(first_s), self.config.gate_samples)
+            energies.append(draw_energies(signals, gate, peak_v[heard], self._filtered_v, self.front_end.modes, rng))
+            times.append(emitted.time_s[own][heard])
+        time_s, energy = np.concatenate(times), np.concatenate(energies)
+        order = np.argsort(time_s, kind="stable")
+        time_s, n_samples = time_s[order], self.config.gate_samples
+        stuck = n_samples * (STUCK_AT * self.config.full_scale_v) ** 2
+        energy = self._faults.in_readings(energy[order], time_s, stuck)
+        strengths = np.sqrt(np.maximum(energy - n_samples * self.noise_variance_v2, 0.0))
+        nothing = np.empty((*strengths.shape, 0))
+        return self._heard(time_s, strengths, self.noise_variance_v2, nothing, n_rejected)
+
+    def _hear_waveforms(
+        self,
+        scene: Scene,
+        emitted: Emissions,
+        arrivals: dict[int, _Arrivals],
+        false_s: FloatArray,
+        false_gates: FloatArray,
+        world_from_array: FloatArray,
+        rng: np.random.Generator,
+    ) -> Heard:
+        """Strengths from whole gates, sample by sample."""
+        tones = self._tones(scene, world_from_array)
+        background_v2 = self.noise_variance_v2 + 0.5 * np.square(np.abs(tones)).sum(axis=0)
+        threshold_v = self.threshold_v + float(np.max(np.abs(tones).sum(axis=0)))
+        false_gates += self._carriers(scene, tones, false_gates.shape, rng)
+        times, gates, n_rejected = [false_s], [false_gates], 0
+        for source, arrived in arrivals.items():
+            own = np.flatnonzero(emitted.source == source)
+            for block in np.split(own, np.arange(BLOCK, own.size, BLOCK)):
+                heard, gate, is_pulse = self._record(
+                    scene, source, arrived, emitted.peak_v[block], tones, threshold_v, rng
+                )
+                times.append(emitted.time_s[block][heard][is_pulse])
+                gates.append(gate[is_pulse])
+                n_rejected += int((~is_pulse).sum())
+        time_s = np.concatenate(times)
         order = np.argsort(time_s, kind="stable")
         time_s = time_s[order]
-        waveforms, is_clipped = self._convert(np.concatenate([*gates, false_gates])[order])
-        strengths = pulse_strengths(waveforms, self.noise_variance_v2)
+        analogue = self._faults.in_waveforms(np.concatenate(gates)[order], time_s)
+        waveforms = self._faults.in_readings(self._convert(analogue), time_s, STUCK_AT * self.config.full_scale_v)
+        strengths = np.nan_to_num(pulse_strengths(waveforms, background_v2))  # not a count in all the gate: silent
+        return self._heard(time_s, strengths, background_v2, waveforms, n_rejected)
+
+    def _heard(
+        self,
+        time_s: FloatArray,
+        strengths_v: FloatArray,
+        background_v2: FloatArray | float,
+        waveforms_v: FloatArray,
+        n_rejected: int,
+    ) -> Heard:
+        highest = 2 ** (self.config.bits - 1) - 1
         return Heard(
             time_s=time_s,
-            strengths_v=strengths,
-            variance_v2=strength_variance(strengths, self.noise_variance_v2, self.config.gate_samples),
+            strengths_v=strengths_v,
+            variance_v2=strength_variance(
+                strengths_v,
+                background_v2,
+                self.config.gate_samples,
+                energy_spread=self.front_end.energy_spread,
+                noise_on_pulse=self.front_end.noise_on_pulse,
+            ),
             mains_phase_rad=np.mod(2 * np.pi * self.config.mains_hz * time_s, 2 * np.pi),
-            waveforms_v=waveforms,
-            is_clipped=is_clipped,
+            is_clipped=np.any(np.abs(waveforms_v) >= (highest - 0.5) * self.step_v, axis=-1),
+            waveforms_v=waveforms_v,
+            n_rejected=n_rejected,
         )
 
     def _record(
         self,
-        pose: FloatArray,
-        elements_m: FloatArray,
-        source_m: FloatArray,
+        scene: Scene,
+        source: int,
+        arrivals: _Arrivals,
         peak_v: FloatArray,
-        visible: NDArray[np.bool_],
+        tones: NDArray[np.complex128],
+        threshold_v: float,
         rng: np.random.Generator,
-    ) -> tuple[NDArray[np.bool_], FloatArray]:
-        """Record one source: which pulses triggered (n_pulses,), and their gates (n_heard, n_elements, n_samples)."""
-        config, n_pulses = self.config, peak_v.size
-        paths = direct_paths(elements_m, source_m)
-        gain = visible * self.array.gain(paths.azimuth_rad - pose[2], paths.elevation_rad) * paths.spreading
-        aperture_s = 4 * float(np.linalg.norm(self.array.positions_m[:, :2], axis=-1).max()) / SPEED_OF_LIGHT_MPS
-        lead = config.pretrigger_samples
-        n_search = lead + int((aperture_s + 2 * DECAY_S) * config.sample_rate_hz)
-        n_samples = n_search + config.gate_samples
-        jitter = rng.random((n_pulses, 1, 1))  # where between two samples the pulse arrives
-        noise = config.noise_v * rng.standard_normal((n_pulses, elements_m.shape[0], n_samples))
-        time_s = (np.arange(n_samples) - lead - jitter) / config.sample_rate_hz
-        delay_s = (paths.delay_s - paths.delay_s.min())[:, np.newaxis]
-        amplitude = peak_v[:, np.newaxis, np.newaxis] * gain[:, np.newaxis]
-        waveform = amplitude * damped_pulse(time_s - delay_s) + noise
-        crossed: NDArray[np.bool_] = np.max(np.abs(waveform[:, :, lead:n_search]), axis=1) > self.threshold_v
-        heard: NDArray[np.bool_] = crossed.max(axis=-1)
-        first = crossed[heard].argmax(axis=-1)  # gate starts `pretrigger_samples` before the sample that triggered
-        gate = first[:, np.newaxis, np.newaxis] + np.arange(config.gate_samples)
-        return heard, np.take_along_axis(waveform[heard], gate, axis=-1)
+    ) -> tuple[NDArray[np.bool_], FloatArray, NDArray[np.bool_]]:
+        """Record pulses of one source.
 
-    def _convert(self, waveforms_v: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """What the converter makes of gates (n, n_elements, n_samples), and which of them it clips, (n,)."""
+        Returns:
+            Which triggered, shape (n_pulses,); their gates, shape (n_heard, n_elements, gate_samples); and which of
+            those look like a pulse, shape (n_heard,).
+        """
+        config = self.config
+        delay_s, voltage = self._triggers(arrivals, peak_v, threshold_v, rng)
+        heard = voltage > threshold_v - config.trigger_jitter * AUDIBLE_SIGMAS * self._filtered_v
+        delay_s, peak_v = delay_s[heard], peak_v[heard]
+        n, n_looks = peak_v.size, LOOKS * (config.gate_samples // 2)
+        n_before = config.pretrigger_samples
+        if config.trigger_jitter:
+            aperture_s = 2 * float(np.linalg.norm(self.array.positions_m[:, :2], axis=-1).max()) / SPEED_OF_LIGHT_MPS
+            lead = round(aperture_s * config.sample_rate_hz)  # what arrives a little before may trigger too
+            n_search = 2 * lead + round(self.front_end.pulse_lag + 2 * DECAY_S * config.sample_rate_hz)
+            start_s = delay_s - (n_before + lead + rng.random(n)) / config.sample_rate_hz
+        else:
+            n_search = 0
+            start_s = self._gate_start_s(delay_s)
+        n_samples = n_search + config.gate_samples + n_looks
+        signals = self._signals(arrivals, scene.sources[source].burst_s, start_s, n_samples)
+        record = peak_v[:, np.newaxis, np.newaxis] * signals
+        record += config.noise_v * self.front_end.noise(rng, record.shape)
+        record += self._carriers(scene, tones, record.shape, rng)
+        first = np.zeros(n, dtype=np.intp)
+        if config.trigger_jitter:
+            level = np.abs(record[:, :, n_before : n_before + n_search])
+            peak = level.max(axis=-1)
+            triggered = peak.max(axis=-1) > threshold_v
+            heard[heard] = triggered
+            record, level, peak = record[triggered], level[triggered], peak[triggered]
+            rows, loudest = np.arange(len(record)), peak.argmax(axis=-1)
+            first = np.argmax(level[rows, loudest] >= 0.5 * peak[rows, loudest, np.newaxis], axis=-1)
+        window = first[:, np.newaxis, np.newaxis] + np.arange(config.gate_samples + n_looks)
+        record = np.take_along_axis(record, window, axis=-1)
+        return heard, record[:, :, : config.gate_samples], self._looks_like_a_pulse(record)
+
+    def _looks_like_a_pulse(self, record: FloatArray) -> NDArray[np.bool_]:
+        """Whether what fills gates died out after them; records (n, n_elements, gate and looks), answer (n,)."""
+        n_gate, n_look = self.config.gate_samples, self.config.gate_samples // 2
+        if n_look == 0:
+            return np.ones(len(record), dtype=np.bool_)
+        power = np.square(record)
+        in_gate = power[:, :, :n_gate].mean(axis=-1) - self.noise_variance_v2
+        looks = power[:, :, n_gate:].reshape(*record.shape[:2], LOOKS, n_look).mean(axis=-1) - self.noise_variance_v2
+        loudest = in_gate.argmax(axis=1)
+        rows = np.arange(len(record))
+        return looks[rows, loudest].min(axis=-1) <= BURST_SHARE * in_gate[rows, loudest]
+
+    def _tones(self, scene: Scene, world_from_array: FloatArray) -> NDArray[np.complex128]:
+        """What the band-pass leaves of carriers, amplitude and phase by channel, shape (n_carriers, n_elements)."""
+        tones = np.zeros((len(scene.carriers), self._n_elements), dtype=np.complex128)
+        heading = np.arctan2(world_from_array[1, 0], world_from_array[0, 0])
+        for row, carrier in enumerate(scene.carriers):
+            azimuth = np.full(self._n_elements, carrier.bearing_rad - heading)
+            sight = np.array([np.cos(azimuth[0]), np.sin(azimuth[0])])
+            turn = 2 * np.pi * carrier.frequency_hz / SPEED_OF_LIGHT_MPS * self.array.positions_m[:, :2] @ sight
+            gain = self.array.gain(azimuth, np.zeros(self._n_elements))
+            tones[row] = carrier.amplitude_v * self.front_end.response(carrier.frequency_hz) * gain * np.exp(1j * turn)
+        return tones
+
+    def _carriers(
+        self, scene: Scene, tones: NDArray[np.complex128], shape: tuple[int, ...], rng: np.random.Generator
+    ) -> FloatArray:
+        """What carriers add to records of a shape (n, n_elements, n_samples), each record at a phase of its own."""
+        added = np.zeros(shape)
+        for carrier, tone in zip(scene.carriers, tones, strict=True):
+            turn = 2 * np.pi * carrier.frequency_hz / self.config.sample_rate_hz * np.arange(shape[-1])
+            start = np.exp(2j * np.pi * rng.random((shape[0], 1, 1)))
+            added += (start * tone[:, np.newaxis] * np.exp(1j * turn)).real
+        return added
+
+    def _convert(self, waveforms_v: FloatArray) -> FloatArray:
+        """What the converter makes of gates: whole counts, and none beyond its scale."""
         highest = 2 ** (self.config.bits - 1) - 1
-        counts = np.round(waveforms_v / self.step_v)
-        is_clipped = np.any(np.abs(counts) >= highest, axis=(-1, -2))
-        return np.clip(counts, -highest, highest) * self.step_v, is_clipped
+        return np.clip(np.round(waveforms_v / self.step_v), -highest, highest) * self.step_v
 
     def _noise_triggers(
         self, rng: np.random.Generator, start_s: float, duration_s: float
     ) -> tuple[FloatArray, FloatArray]:
         """Times (n,) and gates (n, n_elements, n_samples) of triggers by noise alone.
 
-        Exact for white noise and rare triggers: one sample of one channel lies in the tail beyond the threshold, all
-        others are as ever.
+        One sample of one channel lies in the tail beyond the threshold, and its channel follows it as its correlation
+        says; all other channels are as ever.
         """
+        from scipy.special import ndtr, ndtri
+
         config = self.config
         n = rng.poisson(config.false_alarm_rate_hz * duration_s)
-        gates = config.noise_v * rng.standard_normal((n, self._n_elements, config.gate_samples))
+        if n == 0:
+            return np.empty(0), np.empty((0, self._n_elements, config.gate_samples))
+        gates = self._filtered_v * self.front_end.noise(rng, (n, self._n_elements, config.gate_samples))
+        gates /= np.sqrt(self.front_end.noise_power)
         time_s = start_s + duration_s * rng.random(n)
-        for gate in gates:
-            tail = -NormalDist().inv_cdf((1.0 - rng.random()) * self._tail_probability)
-            gate[rng.integers(self._n_elements), config.pretrigger_samples] = (
-                config.noise_v * rng.choice((-1, 1)) * tail
-            )
+        at, channel = config.pretrigger_samples, rng.integers(self._n_elements, size=n)
+        tail = -ndtri((1.0 - rng.random(n)) * ndtr(-self.threshold_v / self._filtered_v))
+        crossing = rng.choice((-1.0, 1.0), n) * tail * self._filtered_v
+        follows = self.front_end.correlation[np.abs(np.arange(config.gate_samples) - at)]
+        rows = np.arange(n)
+        gates[rows, channel] += (crossing - gates[rows, channel, at])[:, np.newaxis] * follows
         return time_s, gates

@@ -17,6 +17,21 @@ NANOSECONDS = 9
 
 
 @dataclass(frozen=True, kw_only=True)
+class Carrier:
+    """A narrowband transmitter far away, that radiates all the time.
+
+    Attributes:
+        frequency_hz: Of its tone.
+        amplitude_v: Peak in a unit-gain channel at the array, before the band-pass.
+        bearing_rad: Direction it comes from, world frame, level.
+    """
+
+    frequency_hz: float
+    amplitude_v: float
+    bearing_rad: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class DischargeSource:
     """A point that radiates pulses equally in all directions.
 
@@ -32,6 +47,7 @@ class DischargeSource:
         drift_db_per_min: By how much it grows louder.
         n_shots: How many pulses a discharge gun fires, evenly at the pulse rate; None for a source that goes on.
         first_shot_s: When it fires the first.
+        burst_s: How long each emission lasts, where it is a burst of a carrier and no pulse; 0 for a pulse.
     """
 
     name: str
@@ -43,6 +59,7 @@ class DischargeSource:
     drift_db_per_min: float = 0.0
     n_shots: int | None = None
     first_shot_s: float = 0.0
+    burst_s: float = 0.0
 
     def emissions(self, start_s: float, duration_s: float, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
         """Times within `duration_s` from `start_s` on, seconds, and peaks at 1 m, volts; each of shape (n_pulses,)."""

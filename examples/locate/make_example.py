@@ -16,7 +16,7 @@ import numpy as np
 
 from dirmusic import cut_windows, pulse_start, pulse_strengths, strength_variance
 from envs.pose_sensor import PoseSensor, PoseSensorConfig
-from sensing import ArrayConfig, DischargeSource, HelicalArray, Receiver, ReceiverConfig
+from sensing import ArrayConfig, DischargeSource, HelicalArray, Receiver, ReceiverConfig, Scene, level_transform
 
 HERE = Path(__file__).parent
 SEED = 20
@@ -37,16 +37,15 @@ def main() -> None:
     """Write the waveforms, both tables and the truth."""
     rng = np.random.default_rng(SEED)
     array = HelicalArray.draw(ArrayConfig(), rng)
-    receiver = Receiver(ReceiverConfig(gate_samples=240, pretrigger_samples=110, false_alarm_rate_hz=1e-3), array)
+    config = ReceiverConfig(band_hz="all", gate_samples=240, pretrigger_samples=110, false_alarm_rate_hz=1e-3)
+    receiver = Receiver(config, array)
     sensor = PoseSensor(PoseSensorConfig(), rng)
     (HERE / "waveforms").mkdir(exist_ok=True)
     strength_rows: list[list[str]] = []
     waveform_rows: list[list[str]] = []
     for number, (x, y, yaw_deg) in enumerate(POSES, start=1):
         pose = np.array([x, y, np.radians(yaw_deg)])
-        heard = receiver.listen(
-            pose, [SOURCE], lambda points, _: np.ones(len(points), bool), rng, start_s=0, duration_s=1
-        )
+        heard = receiver.listen(level_transform(pose), Scene([SOURCE]), rng, start_s=0, duration_s=1)
         believed = sensor.read(pose, DWELL_S)
         place = [f"{DWELL_S * number:.1f}", *(f"{v:.3f}" for v in believed[:2]), f"{np.degrees(believed[2]):.2f}"]
         counts = np.round(heard.waveforms_v / VOLTS_PER_COUNT).astype(np.int16)

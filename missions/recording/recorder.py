@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from dirmusic.locating import CHI2_95
+from dirmusic.finding import CHI2_95
 from missions.log import MissionLog
 from missions.phase_patterns import nominal_manifold
 from missions.recording import blueprint as paths

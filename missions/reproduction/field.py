@@ -12,7 +12,7 @@ from missions.reproduction.exhibits import Campaign, Exhibit, Measured, Row, pub
 from missions.reproduction.methods import by_paper, error_deg
 from missions.reproduction.protocol import GRID_DEG
 from sensing.array import HelicalArray
-from sensing.propagation import direct_paths
+from sensing.propagation import in_array_frame, level_transform, rays_between
 from sensing.pulses import unit_pulse_energy
 
 FloatArray = NDArray[np.float64]
@@ -60,10 +60,8 @@ def draw_shots(
     amplitude = np.empty((n_draws, scenario.array.n_elements))
     for draw in range(n_draws):
         array = HelicalArray.draw(scenario.array, rng)
-        paths = direct_paths(array.elements_in_world(pose), position)
-        amplitude[draw] = (
-            source.amplitude_v * paths.spreading * array.gain(paths.azimuth_rad - pose[2], paths.elevation_rad)
-        )
+        rays = rays_between(array.positions_m, in_array_frame(position, level_transform(pose)))
+        amplitude[draw] = source.amplitude_v * rays.spreading * array.gain(rays.azimuth_rad, rays.elevation_rad)
     energy_to_noise = np.square(amplitude / receiver.noise_v) * unit_pulse_energy(receiver.sample_rate_hz)
     shape = (n_draws, source.n_shots or 1, scenario.array.n_elements)
     energy = rng.noncentral_chisquare(receiver.gate_samples, energy_to_noise[:, np.newaxis], shape)

@@ -193,6 +193,6 @@ def test_nothing_heard_gives_no_finding() -> None:
 def test_a_longer_ellipse_has_a_longer_half_axis(state: str) -> None:
     finding = Finding(
         id=1, state=state, position_m=np.zeros(2), covariance_m2=np.diag([4.0, 1.0]), n_bearings=1,  # pyright: ignore[reportArgumentType]
-        first_heard_s=0.0, fixed_s=None, opening_rad=0.0, nearest_m=1.0,
+        first_heard_s=0.0, fixed_s=None, opening_rad=0.0, nearest_m=1.0, level_db=0.0,
     )  # fmt: skip
     assert finding.semi_major_m == pytest.approx(2 * np.sqrt(5.991))

@@ -80,7 +80,7 @@ def test_each_candidate_site_is_in_sight_over_sixty_degrees_of_reachable_ground_
         away = site_map.centres_m - source[:2]
         near = np.isfinite(reach.length_m) & (np.linalg.norm(away, axis=-1) < 3.5)
         antennas = np.column_stack([site_map.centres_m[near], np.full(near.sum(), 0.6)])
-        seen = inspector.line_of_sight(antennas, source)
+        seen = ~inspector.crossed(source, antennas).any(axis=-1)
         aspects = np.degrees(np.arctan2(away[near][seen][:, 1], away[near][seen][:, 0]))
         assert np.unique(aspects // 10).size >= 7, f"{site}: seen over {np.unique(aspects // 10).size * 10} degrees"
 
@@ -94,7 +94,7 @@ def test_the_default_scenario_is_hard_enough_to_mean_something() -> None:
     nominal = HelicalArray.nominal(scenario.array)
     inspector = Inspector(build_model(scenario.yard, nominal.positions_m, nominal.boresights_rad))
     at_dock = np.array([[*scenario.route.dock_m, scenario.array.height_m]])
-    hidden = [not inspector.line_of_sight(at_dock, position)[0] for position in positions]
+    hidden = [bool(inspector.crossed(position, at_dock).any()) for position in positions]
     assert len(sites) >= 8
     assert (apart > 3.0).sum() >= 2
     assert sum(hidden) >= 2
@@ -127,7 +127,7 @@ def test_a_good_file_loads(tmp_path: Path) -> None:
         ("noise_v = 1e-3", 'noise_v = "loud"', "receiver.noise_v", "'loud'"),
         ("noise_v = 1e-3", "noise_v = true", "receiver.noise_v", "True"),
         ("noise_v = 1e-3", "noise_v = nan", "receiver.noise_v", "finite"),
-        ("noise_v = 1e-3", "nois_v = 1e-3", "receiver.nois_v", "unknown key; allowed are sample_rate_hz, noise_v"),
+        ("noise_v = 1e-3", "nois_v = 1e-3", "receiver.nois_v", "unknown key; allowed are fidelity, sample_rate_hz"),
         ("size_m = [20.0, 15.0]", "size_m = [inf, 15.0]", "yard.size_m.0", "finite"),
         ("noise_v = 1e-3", "gate_samples = 10", "receiver.pretrigger_samples", "less than gate_samples"),
         ("noise_v = 1e-3", "gate_samples = 1000000000", "receiver.gate_samples", "10000"),
@@ -151,6 +151,13 @@ def test_a_good_file_loads(tmp_path: Path) -> None:
         ('name = "pd"', 'name = "pd"\nkind = "void"\nn_shots = 5', "sources.0.kind, n_shots", "allowed is one"),
         ('name = "pd"', 'name = "pd"\nn_shots = 5\npulse_rate_hz = 0.0', "sources.0.pulse_rate_hz", "above 0"),
         ("noise_v = 1e-3", "bits = -3", "receiver.bits", "greater than"),
+        ("noise_v = 1e-3", "band_hz = [1.4e9, 2.2e10]", "receiver.band_hz", "below half of sample_rate_hz, 1e+10"),
+        ("noise_v = 1e-3", "sample_rate_hz = 4e9", "receiver.band_hz", "below half of sample_rate_hz, 2e+09"),
+        ("noise_v = 1e-3", "band_hz = [2.2e9, 1.4e9]", "receiver.band_hz", "rises"),
+        ("noise_v = 1e-3", 'faults = [{ channel = 7, kind = "dead" }]', "receiver.faults.0.channel", "7"),
+        ("noise_v = 1e-3", 'faults = [{ channel = 1, kind = "gain_drift" }]', "receiver.faults.0.gain_db", "needs it"),
+        ("noise_v = 1e-3", 'faults = [{ channel = 1, kind = "tired" }]', "receiver.faults.0.kind", "dead"),
+        ('kind = "bushing"', 'kind = "pump"', "yard.equipment.1.kind", "bushing, cabinet"),
         ("noise_v = 1e-3", "full_scale_v = 0.0", "receiver.full_scale_v", "greater than 0"),
         ("[route]", "[route]\ndock_yaw_deg = 999.0", "route.dock_yaw_deg", "360"),
         ("[0.0, -1.0, 1.5]", "[0.0, 0.0, 1.5]", "yard.equipment.0.sites.south", "1.00 m inside"),

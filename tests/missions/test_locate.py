@@ -17,7 +17,7 @@ from missions.field_log import locate_field_data
 from missions.log import MissionLog
 from missions.report import make_report
 from sensing import ArrayConfig, HelicalArray
-from sensing.propagation import direct_paths
+from sensing.propagation import in_array_frame, level_transform, rays_between
 from sensing.pulses import unit_pulse_energy
 
 ROOT = Path(__file__).parents[2]
@@ -47,8 +47,9 @@ def survey(
     rows: list[list[float]] = []
     for k, (x, y, yaw) in enumerate(poses):
         for source in sources_m:
-            paths = direct_paths(array.elements_in_world(np.array([x, y, yaw])), np.array(source))
-            amplitude = 0.27 * paths.spreading * array.gain(paths.azimuth_rad - yaw, paths.elevation_rad)
+            source_m = in_array_frame(np.array(source), level_transform(np.array([x, y, yaw])))
+            rays = rays_between(array.positions_m, source_m)
+            amplitude = 0.27 * rays.spreading * array.gain(rays.azimuth_rad, rays.elevation_rad)
             energy = rng.noncentral_chisquare(90, np.square(amplitude) * energy_to_noise)
             believed = [*(np.array([x, y]) + rng.normal(0, 0.05, 2)), np.degrees(yaw) + rng.normal(0, 0.5)]
             rows.append([30.0 * k, *believed, *(NOISE_V * np.sqrt(np.maximum(energy - 90, 0)))])

@@ -31,10 +31,10 @@ def test_no_way_is_shorter_than_the_straight_line() -> None:
 def test_equipment_hides_what_is_behind_it_and_not_what_stands_on_it() -> None:
     tank = next(item for item in MAP.yard.equipment if item.name == "transformer_1")
     south, north = np.array([12.0, 13.0]), np.array([[12.0, 21.0]])
-    assert not MAP.sees(north, south)[0]
+    assert not MAP.yard.in_sight(north, south)[0]
     surface = np.array([12.0, tank.position_m[1] - 1.4])  # an estimate a little inside its surface
-    assert MAP.sees(south[np.newaxis], surface)[0]
-    assert not MAP.sees(north, surface)[0]
+    assert MAP.yard.in_sight(south[np.newaxis], surface, ignore_m=0.5)[0]
+    assert not MAP.yard.in_sight(north, surface, ignore_m=0.5)[0]
 
 
 def test_a_robot_that_steers_along_a_path_arrives_and_strays_little() -> None:

@@ -11,7 +11,7 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 
-from dirmusic.locating import CHI2_95
+from dirmusic.finding import CHI2_95
 from envs import load_scenario
 from missions.log import MissionLog
 from missions.recording import Recorder, write_recording
@@ -82,7 +82,7 @@ def test_the_file_holds_trajectory_spectrum_bearings_fix_and_blueprint(recording
     heard = np.unique(log.column("pulse", "step")[log.column("bearing", "pulse")]).size
     for path in (paths.SPECTRUM, paths.BEARINGS, f"{paths.STRENGTHS}/1"):
         assert counted[f"/{path}"] >= heard > 50
-    number = int(log.column("finding", "id")[0])
+    number = int(log.column("finding", "id")[-1])
     fixes = int((log.column("finding", "id") == number).sum())
     assert counted[f"/{paths.finding_path(number)}"] >= fixes > 5
     assert counted[f"/{paths.finding_path(number)}/ellipse"] >= fixes

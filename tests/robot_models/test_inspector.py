@@ -205,28 +205,42 @@ def test_a_reset_into_equipment_is_reported(inspector: Inspector):
 @pytest.mark.parametrize(
     ("start", "expected"),
     [
-        ((15.0, 10.0, 1.0), False),  # behind the tank
-        ((25.0, 10.0, 1.0), True),  # on the source's own side
-        ((15.0, 10.0, 14.0), True),  # over the top: at the tank's far edge the ray is still above 3 m
-        ((21.02, 10.0, 1.5), True),  # at the source itself
+        ((15.0, 10.0, 1.0), [True, False]),  # behind the tank
+        ((25.0, 10.0, 1.0), [False, False]),  # on the source's own side
+        ((15.0, 10.0, 14.0), [False, False]),  # over the top: at the tank's far edge the ray is still above 3 m
+        ((21.02, 10.0, 1.5), [False, False]),  # at the source itself
     ],
 )
-def test_line_of_sight_is_cut_by_equipment_in_between(
-    inspector: Inspector, start: tuple[float, float, float], expected: bool
-):
-    seen = inspector.line_of_sight(np.array([start]), np.array([21.02, 10.0, 1.5 if start[2] < 5 else 3.02]))
-    assert seen.tolist() == [expected]
+def test_equipment_in_between_is_crossed(inspector: Inspector, start: tuple[float, float, float], expected: list[bool]):
+    source = np.array([21.02, 10.0, 1.5 if start[2] < 5 else 3.02])
+    assert inspector.equipment == ("tank", "bushing")
+    assert inspector.crossed(source, np.array([start])).tolist() == [expected]
+    assert inspector.crossed(np.array(start), source[np.newaxis]).tolist() == [expected]
 
 
-def test_line_of_sight_is_cut_by_neither_fence_nor_floor_nor_robot(inspector: Inspector):
+def test_neither_fence_nor_floor_nor_robot_is_in_the_way(inspector: Inspector):
     inspector.reset(5.0, 5.0, 0.0)
     points = np.array([[-3.0, 5.0, 0.3], [4.0, 5.0, 0.12], [4.0, 5.0, 0.62], [5.0, 5.0, -1.0]])
-    assert inspector.line_of_sight(points, np.array([6.0, 5.0, 0.12])).all()
+    assert not inspector.crossed(np.array([6.0, 5.0, 0.12]), points).any()
 
 
-def test_line_of_sight_answers_each_point_for_itself(inspector: Inspector):
-    points = np.array([[10.0, 18.0, 1.0], [8.0, 22.0, 1.0], [10.0, 22.0, 1.0]])
-    assert inspector.line_of_sight(points, np.array([10.0, 22.5, 1.0])).tolist() == [False, True, True]
+def test_all_pieces_along_a_line_are_crossed_not_the_first_alone(inspector: Inspector):
+    ends = np.array([[25.0, 5.0, 1.0], [15.0, 15.0, 1.0], [8.0, 22.0, 1.0]])  # behind both, behind the bushing, neither
+    assert inspector.crossed(np.array([5.0, 25.0, 1.0]), ends).tolist() == [[True, True], [False, True], [False, False]]
+
+
+def test_a_line_that_ends_on_a_face_does_not_cross_it(inspector: Inspector):
+    on_face, through = np.array([[19.0, 10.0, 1.0]]), np.array([[21.0, 10.0, 1.0]])
+    assert not inspector.crossed(np.array([5.0, 10.0, 1.0]), on_face).any()
+    assert inspector.crossed(np.array([5.0, 10.0, 1.0]), through).tolist() == [[True, False]]
+
+
+def test_the_frame_of_the_base_is_where_the_robot_stands(inspector: Inspector):
+    inspector.reset(5.0, 6.0, 0.4)
+    frame = inspector.world_from_base()
+    np.testing.assert_allclose(frame[:2, 3], [5.0, 6.0], atol=1e-9)
+    np.testing.assert_allclose(frame[:2, 0], [np.cos(0.4), np.sin(0.4)], atol=1e-3)
+    np.testing.assert_allclose(frame[:3, :3] @ frame[:3, :3].T, np.eye(3), atol=1e-12)
 
 
 def test_the_same_commands_give_bit_identical_trajectories(model: mujoco.MjModel):
@@ -333,5 +347,5 @@ def test_a_pose_that_is_not_finite_is_refused(inspector: Inspector):
 
 
 def test_points_of_the_wrong_shape_are_refused(inspector: Inspector):
-    with pytest.raises(ValueError, match=r"`from_m` must have shape \(n, 3\)"):
-        inspector.line_of_sight(np.zeros(3), np.zeros(3))
+    with pytest.raises(ValueError, match=r"`ends_m` \(n, 3\), got"):
+        inspector.crossed(np.zeros(3), np.zeros(3))

@@ -1,0 +1,49 @@
+"""A located discharge."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+State = Literal["candidate", "confirmed", "outside"]
+
+CHI2_95 = 5.991
+"""95 % quantile of chi-square with two degrees of freedom."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """A discharge as located so far.
+
+    Attributes:
+        id: Stays with it through the mission; counts from 1.
+        state: `candidate` until the rules confirm it; `outside` where its 95 % ellipse lies beyond the fence.
+        position_m: Shape (2,), world frame.
+        covariance_m2: Shape (2, 2), the array's common error included.
+        n_bearings: Pulses that belong to it; where there is a map, those heard in sight of it.
+        first_heard_s: When its first pulse came.
+        fixed_s: When it was first confirmed, or None.
+        opening_rad: Angle by which the lines of sight have opened, as seen from the finding.
+        nearest_m: Least distance from which it was heard.
+        level_db: Strength that its louder pulses would have 1 m away, dB over 1 V; NaN until it was heard in sight.
+    """
+
+    id: int
+    state: State
+    position_m: FloatArray
+    covariance_m2: FloatArray
+    n_bearings: int
+    first_heard_s: float
+    fixed_s: float | None
+    opening_rad: float
+    nearest_m: float
+    level_db: float
+
+    @property
+    def semi_major_m(self) -> float:
+        """Longer half-axis of the 95 % ellipse."""
+        return float(np.sqrt(CHI2_95 * np.linalg.eigvalsh(self.covariance_m2)[-1]))

@@ -1,0 +1,92 @@
+"""What goes wrong in a channel of the receiver."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field, NonNegativeFloat, PositiveFloat, model_validator
+
+FloatArray = NDArray[np.float64]
+
+FaultKind = Literal["dead", "gain_drift", "saturation", "swapped", "stuck"]
+
+STUCK_AT = 0.25
+"""Share of full scale that a stuck converter keeps saying (assumed)."""
+
+
+class ChannelFault(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
+    """One fault of one channel, from `start_s` on.
+
+    `dead`: no signal comes through, its noise does. `gain_drift`: the signal changes by `gain_db`, `ramp_s` long.
+    `saturation`: the amplifier gives no more than `level_v`. `swapped`: with channel `other`, as by a plug in the wrong
+    socket. `stuck`: the converter says one number for ever.
+    """
+
+    channel: int = Field(ge=1, le=6)
+    kind: FaultKind
+    start_s: NonNegativeFloat = 0.0
+    gain_db: float | None = Field(default=None, ge=-60.0, le=60.0)
+    ramp_s: NonNegativeFloat = 0.0
+    level_v: PositiveFloat | None = None
+    other: int | None = Field(default=None, ge=1, le=6)
+
+    @model_validator(mode="after")
+    def _has_what_its_kind_needs(self) -> ChannelFault:
+        needs = {"gain_drift": "gain_db", "saturation": "level_v", "swapped": "other"}
+        for kind, key in needs.items():
+            given = getattr(self, key) is not None
+            if given and self.kind != kind:
+                raise ValueError(f"{key}: given for a channel that is {self.kind}; allowed is for {kind}")
+            if not given and self.kind == kind:
+                raise ValueError(f"{key}: missing; {kind} needs it")
+        if self.other == self.channel:
+            raise ValueError(f"other: got {self.other}, the channel itself; allowed is another one")
+        return self
+
+
+class Faults:
+    """All faults of a receiver.
+
+    Args:
+        faults: One for each channel at most.
+        n_elements: Channels of the receiver.
+    """
+
+    def __init__(self, faults: tuple[ChannelFault, ...], n_elements: int) -> None:
+        self.faults = faults
+        self.n_elements = n_elements
+
+    def signal_factors(self, time_s: FloatArray) -> FloatArray:
+        """What is left of the signal ahead of the noise, shape (*time_s.shape, n_elements)."""
+        factors = np.ones((*time_s.shape, self.n_elements))
+        for fault in self.faults:
+            since_s = time_s - fault.start_s
+            if fault.kind == "dead":
+                factors[..., fault.channel - 1] = np.where(since_s >= 0, 0.0, 1.0)
+            elif fault.kind == "gain_drift" and fault.gain_db is not None:
+                share = np.clip(since_s / fault.ramp_s, 0.0, 1.0) if fault.ramp_s > 0 else since_s >= 0
+                factors[..., fault.channel - 1] = 10 ** (fault.gain_db * share / 20)
+        return factors
+
+    def in_waveforms(self, waveforms_v: FloatArray, time_s: FloatArray) -> FloatArray:
+        """What the converter gets of waveforms (n, n_elements, n_samples) at times (n,)."""
+        for fault in self.faults:
+            if fault.kind == "saturation" and fault.level_v is not None:
+                late, channel = time_s >= fault.start_s, fault.channel - 1
+                waveforms_v[late, channel] = np.clip(waveforms_v[late, channel], -fault.level_v, fault.level_v)
+        return waveforms_v
+
+    def in_readings(self, readings: FloatArray, time_s: FloatArray, stuck: float) -> FloatArray:
+        """What comes out of the converter, shape (n, n_elements, ...): plugs swapped, and stuck ones."""
+        for fault in self.faults:
+            late, channel = time_s >= fault.start_s, fault.channel - 1
+            if fault.kind == "swapped" and fault.other is not None:
+                pair = [channel, fault.other - 1]
+                swapped = readings[late]
+                swapped[:, pair] = swapped[:, pair[::-1]]
+                readings[late] = swapped
+            elif fault.kind == "stuck":
+                readings[late, channel] = stuck
+        return readings

@@ -1,0 +1,119 @@
+"""Paths: spreading and delay, mirrors, and what stands in between."""
+
+import numpy as np
+import pytest
+
+from dirmusic.gain_delay import SPEED_OF_LIGHT_MPS
+from sensing import Faces, Surroundings, level_transform
+from sensing.materials import KIND_MATERIALS, METAL
+from sensing.propagation import Mirrors, in_array_frame, rays_between
+
+ONE_ELEMENT = np.array([[0.0, 0.0, 0.6]])
+FIRST = np.array([0])
+
+
+def nothing_in_between(_: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    return np.zeros((len(ends), 1), dtype=np.bool_)
+
+
+def ground_and_wall(wall_x: float = -2.0, half_length: float = 5.0) -> Faces:
+    """The ground, and a wall that faces east."""
+    return Faces(
+        centre_m=np.array([[0.0, 0.0, 0.0], [wall_x, 0.0, 2.0]]),
+        normal=np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]),
+        axes=np.array([[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]]),
+        half_size_m=np.array([[np.inf, np.inf], [half_length, 2.0]]),
+        owner=np.array([-1, 0]),
+    )
+
+
+def test_free_space_spreads_with_range_and_takes_its_time_to_float_precision() -> None:
+    rng = np.random.default_rng(0)
+    elements, points = rng.uniform(-5, 5, (6, 3)), rng.uniform(-50, 50, (100, 3))
+    rays = rays_between(elements, points)
+    range_m = np.linalg.norm(points[:, np.newaxis] - elements, axis=-1)
+    np.testing.assert_allclose(rays.spreading, 1 / range_m, rtol=1e-14)
+    np.testing.assert_allclose(rays.delay_s, range_m / SPEED_OF_LIGHT_MPS, rtol=1e-14)
+
+
+def test_directions_are_those_of_the_array_frame_with_tilt() -> None:
+    yaw, pitch = 0.7, 0.1
+    turn = level_transform(np.array([3.0, 4.0, yaw]))
+    tilt = np.eye(4)
+    tilt[:3, :3] = [[np.cos(pitch), 0, np.sin(pitch)], [0, 1, 0], [-np.sin(pitch), 0, np.cos(pitch)]]
+    ahead = (turn @ tilt @ np.array([5.0, 0.0, 0.0, 1.0]))[:3]
+    assert ahead[2] < -0.4  # nose down
+    rays = rays_between(np.zeros((1, 3)), in_array_frame(ahead, turn @ tilt))
+    assert rays.azimuth_rad[0] == pytest.approx(0.0, abs=1e-12)
+    assert rays.elevation_rad[0] == pytest.approx(0.0, abs=1e-12)
+    level = rays_between(np.zeros((1, 3)), in_array_frame(ahead, turn))
+    assert level.elevation_rad[0] == pytest.approx(-pitch)
+
+
+def test_ground_and_wall_mirror_once_each_with_the_length_of_the_path_by_pythagoras() -> None:
+    source = np.array([[6.0, 3.0, 1.5]])
+    surroundings = Surroundings(ground_and_wall(), np.array([-0.3, -0.8]), np.ones(1), nothing_in_between)
+    paths = Mirrors(surroundings, source).trace(FIRST, ONE_ELEMENT, np.eye(4))
+    by_hand = [np.hypot(np.hypot(6, 3), 0.9), np.hypot(np.hypot(6, 3), 2.1), np.hypot(np.hypot(6 + 4, 3), 0.9)]
+    np.testing.assert_allclose(paths.rays.range_m[:, 0], by_hand, rtol=1e-14)
+    np.testing.assert_allclose(paths.factor[:, 0], [1.0, -0.3, -0.8])
+    assert paths.rays.elevation_rad[1, 0] == pytest.approx(-np.arctan2(2.1, np.hypot(6, 3)))  # from below
+    assert paths.rays.azimuth_rad[2, 0] == pytest.approx(np.arctan2(3, -10))  # from the wall's side
+
+
+def test_a_face_mirrors_only_what_it_reaches_and_only_to_its_front() -> None:
+    surroundings = Surroundings(
+        ground_and_wall(half_length=0.5), np.array([-0.3, -0.8]), np.ones(1), nothing_in_between
+    )
+    aside, ahead, behind = np.array([[6.0, 8.0, 1.5]]), np.array([[6.0, 0.5, 1.5]]), np.array([[-3.0, 0.0, 1.5]])
+    n_paths = [
+        Mirrors(surroundings, at).trace(FIRST, ONE_ELEMENT, np.eye(4)).source.size for at in (aside, ahead, behind)
+    ]
+    assert n_paths == [2, 3, 2]
+
+
+def test_a_face_right_behind_the_source_is_part_of_the_source() -> None:
+    surroundings = Surroundings(ground_and_wall(), np.array([0.0, -0.8]), np.ones(1), nothing_in_between)
+    on_it, off_it = (
+        Mirrors(surroundings, np.array([[x, 1.0, 1.5]])).trace(FIRST, ONE_ELEMENT, np.eye(4)).source.size
+        for x in (-1.98, -1.9)
+    )
+    assert (on_it, off_it) == (1, 2)
+
+
+def test_equipment_weakens_what_crosses_it_on_every_leg() -> None:
+    legs: list[tuple[np.ndarray, np.ndarray]] = []
+
+    def low_ones_cross(start: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        legs.append((start, ends))
+        return np.column_stack([ends[:, 2] == 0.0, np.zeros(len(ends), dtype=np.bool_)])  # what ends on the ground
+
+    surroundings = Surroundings(ground_and_wall(), np.array([-0.3, -0.8]), np.array([0.1, 0.5]), low_ones_cross)
+    paths = Mirrors(surroundings, np.array([[6.0, 3.0, 1.5]])).trace(FIRST, ONE_ELEMENT, np.eye(4))
+    np.testing.assert_allclose(
+        paths.factor[:, 0], [1.0, -0.3 * 0.1 * 0.1, -0.8]
+    )  # from the source, and on to the array
+    assert len(legs) == 2
+
+
+def test_each_element_is_hidden_for_itself() -> None:
+    elements = np.array([[0.1, 0.0, 0.6], [-0.1, 0.0, 0.6]])
+
+    def second_is_hidden(_: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        return ends[:, :1] < 0
+
+    surroundings = Surroundings(ground_and_wall(), np.zeros(2), np.array([0.2]), second_is_hidden)
+    paths = Mirrors(surroundings, np.array([[6.0, 3.0, 1.5]])).trace(FIRST, elements, np.eye(4))
+    np.testing.assert_allclose(paths.factor, [[1.0, 0.2]])
+
+
+def test_losses_of_pieces_in_a_row_add_up_in_decibels() -> None:
+    surroundings = Surroundings.of_kinds(
+        ["power_transformer", "current_transformer"],
+        ground_and_wall(),
+        lambda _, ends: np.ones((len(ends), 2), dtype=np.bool_),
+    )
+    passed = surroundings.passed(np.zeros(3), np.ones((1, 3)))
+    total_db = KIND_MATERIALS["power_transformer"].loss_db + KIND_MATERIALS["current_transformer"].loss_db
+    assert -20 * np.log10(passed[0]) == pytest.approx(total_db)
+    assert surroundings.reflection.tolist() == [-0.3, METAL.reflection]
