@@ -41,22 +41,24 @@ class AssignmentRules:
         level_s: Pulses within so long and so wide an arc are judged by their median strength.
         level_arc_rad: See above.
         hidden_db: A finding's pulses this much weaker than strength over range says came round a corner.
-        echo_db: While the map hides a confirmed finding, pulses that are this much weaker than it would be in sight
+        echo_db: While the map hides a confirmed finding, pulses that are not this much louder than it would be in sight
             are its echoes, wherever they point.
         blur_rad: While it is in sight, pulses as loud as it would be that point past it by so much are its own, bent by
             a reflection; they are left out.
         blur_db: As loud means within this.
         inside_m: A finding this far behind a surface is still in sight: it sits on it, and is not known better.
+        near_m: From where a finding in sight should be heard.
     """
 
     gate_sigmas: float = 3.0
     level_s: float = 1.0
     level_arc_rad: float = np.radians(30.0)
     hidden_db: float = 10.0
-    echo_db: float = 1.0
+    echo_db: float = 2.0
     blur_rad: float = np.radians(20.0)
     blur_db: float = 5.0
     inside_m: float = 0.6
+    near_m: float = 6.0
 
 
 class Assignment(NamedTuple):
@@ -156,7 +158,7 @@ class Heard:
             off[k, is_hidden] = np.inf
             is_echo |= is_hidden
             if finding.state == "confirmed":
-                is_echo |= ~in_sight[k] & (louder_db < -rules.echo_db)
+                is_echo |= ~in_sight[k] & (louder_db < rules.echo_db)
                 is_bent |= in_sight[k] & (past < rules.blur_rad) & (np.abs(louder_db) < rules.blur_db)
         rows, owner = np.arange(n), off.argmin(axis=0)
         is_owned, is_seen = off.min(axis=0) <= rules.gate_sigmas, in_sight[owner, rows]
@@ -165,6 +167,24 @@ class Heard:
         owner[(off <= rules.gate_sigmas).sum(axis=0) > 1] = AMBIGUOUS
         owner[is_echo & ~(is_owned & is_seen)] = ECHO
         return Assignment(owner, is_seen, own_level_db)
+
+    def presence(self, finding: Finding, own: NDArray[np.intp]) -> float:
+        """Of the seconds in which anything was heard near the finding and in sight of it, the share with its pulses.
+
+        Args:
+            finding: What is asked about.
+            own: Its pulses.
+
+        Returns:
+            From 0 to 1; 1 without a map, which tells nothing.
+        """
+        if self._in_sight is None:
+            return 1.0
+        is_near = np.linalg.norm(self._places_m - finding.position_m, axis=-1) < self.rules.near_m
+        is_near[is_near] = self._in_sight(self._places_m[is_near], finding.position_m, self.rules.inside_m)
+        second = np.floor(self.sightings.time_s)
+        heard = np.unique(second[is_near[self._place]])
+        return np.intersect1d(heard, second[own]).size / max(heard.size, 1)
 
     def _loudness_db(self, bearing: FloatArray) -> FloatArray:
         """Median strength of the pulses of one time and one direction, shape (n,), dB over 1 V."""

@@ -49,12 +49,14 @@ class LocatingRules:
         confirm_opening_rad: Lines of sight must have opened by this much: one line of bearings is no fix.
         confirm_semi_major_m: The 95 % ellipse must be no longer than this to confirm.
         confirm_range_m: It must have been heard from within this distance.
-        confirm_pulses: And this often.
+        confirm_pulses: And this often. Confirmed findings that lose half of that are candidates again.
+        confirm_presence: Near it and in sight of it, where there is a map, it must have been heard in this share of the
+            seconds in which anything was: what comes from a mirror comes to few places.
         merge_m: Candidates nearer to each other than this are one.
     """
 
     max_std_rad: float = np.radians(4.0)
-    misfit_factor: float = 9.0
+    misfit_factor: float = 3.0
     misfit_floor: float = 0.05**2
     assignment: AssignmentRules = field(default_factory=AssignmentRules)
     birth_pulses: int = 6
@@ -67,6 +69,7 @@ class LocatingRules:
     confirm_semi_major_m: float = 0.5
     confirm_range_m: float = 4.0
     confirm_pulses: int = 20
+    confirm_presence: float = 0.3
     merge_m: float = 1.0
 
 
@@ -153,9 +156,7 @@ class Locator:
         owner = self._assign(self.findings).owner
         counts = [(owner == k).sum() for k in range(len(self.findings))]
         kept = [
-            finding
-            for finding, count in zip(self.findings, counts, strict=True)
-            if finding.state == "confirmed" or count >= self.rules.birth_pulses
+            finding for finding, count in zip(self.findings, counts, strict=True) if count >= self.rules.birth_pulses
         ]
         if len(kept) < len(self.findings):
             self.findings = tuple(kept)
@@ -266,7 +267,7 @@ class Locator:
     def _judge(self, finding: Finding, index: NDArray[np.intp], assignment: Assignment, time_s: float) -> Finding:
         """A finding in the light of the pulses `index` that were heard in sight of it."""
         if index.size == 0:
-            return replace(finding, state="outside" if self._lies_outside(finding) else finding.state)
+            return replace(finding, state="outside" if self._lies_outside(finding) else "candidate")
         sight = self._heard.sightings.pose[index, :2] - finding.position_m
         finding = replace(
             finding,
@@ -278,11 +279,13 @@ class Locator:
         if self._lies_outside(finding):
             return replace(finding, state="outside")
         rules = self.rules
-        if finding.state == "confirmed" or (
+        is_kept = finding.state == "confirmed" and finding.n_bearings >= rules.confirm_pulses // 2
+        if is_kept or (
             finding.opening_rad >= rules.confirm_opening_rad
             and finding.semi_major_m <= rules.confirm_semi_major_m
             and finding.nearest_m <= rules.confirm_range_m
             and finding.n_bearings >= rules.confirm_pulses
+            and self._heard.presence(finding, index) >= rules.confirm_presence
         ):
             fixed_s = finding.fixed_s if finding.fixed_s is not None else time_s
             return replace(finding, state="confirmed", fixed_s=fixed_s)

@@ -10,7 +10,8 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from dirmusic import estimate_bearings, pseudo_spectrum, sample_covariance
+from dirmusic import pseudo_spectrum, sample_covariance
+from dirmusic.channel_health import ChannelMonitor
 from envs.pose_sensor import PoseSensor
 from envs.scenario import Scenario, load_scenario
 from robot_models.inspector import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS, Inspector
@@ -58,6 +59,7 @@ class Pulses(NamedTuple):
         std_rad: Its deviation from noise alone, shape (n_pulses,); pi where there was no strength at all.
         misfit: Share of the energy that no single direction explains, shape (n_pulses,).
         is_clipped: Whether the pulse met the end of the converter's scale, shape (n_pulses,).
+        is_good: Which channels the direction finder used, shape (n_elements,).
     """
 
     time_s: FloatArray
@@ -68,6 +70,7 @@ class Pulses(NamedTuple):
     std_rad: FloatArray
     misfit: FloatArray
     is_clipped: NDArray[np.bool_]
+    is_good: NDArray[np.bool_]
 
 
 class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
@@ -109,7 +112,8 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     ## Info
     `time_s`, `pose` (believed, float64), `pulses` (a `Pulses` of this step), `touched` (names), `waypoints_visited`
-    (indices), and `truth`, which is for logs and scores: no policy but `oracle` may see it.
+    (indices), `suspects` (channels newly found at fault), and `truth`, which is for logs and scores: no policy but
+    `oracle` may see it.
 
     Args:
         scenario: Name of a shipped scenario, path of a TOML file, or a `Scenario`.
@@ -132,8 +136,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._surroundings = Surroundings.of_kinds(
             [item.kind for item in yard.equipment], Faces(*yard.faces()), self.inspector.crossed
         )
-        gain = self.manifold.gain(SPECTRUM_AZIMUTHS_RAD)
-        self._spectrum_gain = gain / np.linalg.norm(gain, axis=0)
+        self._spectrum_gain = self.manifold.gain(SPECTRUM_AZIMUTHS_RAD)
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
         self._boxes = self._build_boxes()
         self.observation_space = spaces.Dict({**self._boxes})  # pyright: ignore[reportAttributeAccessIssue]
@@ -194,6 +197,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._pose_sensor = PoseSensor(scenario.pose_sensor, rng)
         self._approached = np.zeros(len(self._sources), dtype=np.bool_)
         self._visited = np.zeros(len(scenario.route.waypoints_m), dtype=np.bool_)
+        self._monitor = ChannelMonitor(self.manifold)
         self._n_steps = 0
         self._last_bearing_rad: float | None = None
         self._bearing_age_s = MAX_BEARING_AGE_S
@@ -278,10 +282,8 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             self._visited[index] |= self._is_near(pose, stop)
 
     def _observe(self, heard: Heard) -> tuple[Observation, dict[str, Any]]:
-        bearings = estimate_bearings(
-            heard.strengths_v[:, np.newaxis, :], self.manifold, strength_variance=heard.variance_v2[:, np.newaxis, :]
-        )
-        n_elements = self.manifold.n_elements
+        bearings, suspects = self._monitor.watch(heard.strengths_v, heard.variance_v2)
+        n_elements, good = self.manifold.n_elements, self._monitor.good
         strengths, spectrum = np.zeros(n_elements), np.zeros(SPECTRUM_AZIMUTHS_RAD.size)
         norm = np.linalg.norm(heard.strengths_v, axis=-1)
         level = 0.0
@@ -289,10 +291,12 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         is_heard = norm.size > 0 and bool(norm.max() > 0)
         if is_heard:
             best = int(norm.argmax())
-            strengths = heard.strengths_v[best] / norm[best]
+            strengths = heard.strengths_v[best] * good
+            strengths /= max(float(np.linalg.norm(strengths)), 1e-12)
             level = float(np.clip(np.log10(norm[best] / self.scenario.receiver.noise_v), 0.0, LEVEL_DECADES))
             covariance = sample_covariance(strengths[:, np.newaxis])
-            spectrum = np.minimum(pseudo_spectrum(covariance, self._spectrum_gain), 1e12)
+            gain = self._spectrum_gain * good[:, np.newaxis]
+            spectrum = np.minimum(pseudo_spectrum(covariance, gain / np.linalg.norm(gain, axis=0)), 1e12)
             spectrum = spectrum / spectrum.max()
             self._last_bearing_rad = float(bearings.azimuth_rad[best] + self._pose[2])
             self._bearing_age_s = 0.0
@@ -326,8 +330,10 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
                 azimuth_rad=told.azimuth_rad,
                 std_rad=told.std_rad,
                 misfit=told.misfit,
-                is_clipped=np.any(heard.is_clipped, axis=-1, keepdims=True)[:, 0],
+                is_clipped=np.any(heard.is_clipped & good, axis=-1, keepdims=True)[:, 0],
+                is_good=good.copy(),
             ),
+            "suspects": suspects,
             "touched": self.inspector.touched(),
             "waypoints_visited": tuple(np.flatnonzero(self._visited).tolist()),
             "truth": self._truth(),

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from dirmusic import ArrayModel, Locator, PoseError, TabulatedPattern, estimate_bearings
+from dirmusic import ArrayModel, Locator, PoseError, TabulatedPattern
+from dirmusic.channel_health import ChannelMonitor
 from dirmusic.locating import LocatingRules
 from missions.field_data import FieldData
 from missions.log import MissionLog
@@ -59,9 +60,9 @@ def locate_field_data(
     locator = Locator(array, pose_error, fence_m=fence_m, rules=rules)
     book = Logbook(log, locator)
     with threadpool_limits(limits=1):
-        bearings = estimate_bearings(
-            data.strengths_v[:, np.newaxis], array.manifold, strength_variance=data.variance_v2[:, np.newaxis]
-        ).without_nan()
+        monitor = ChannelMonitor(array.manifold)
+        bearings, suspects = monitor.watch(data.strengths_v, data.variance_v2)
+        bearings = bearings.without_nan()
         first = np.searchsorted(data.step, np.arange(data.time_s.size + 1))
         for step, (time_s, pose) in enumerate(zip(data.time_s, data.pose, strict=True)):
             log.append(
@@ -75,10 +76,14 @@ def locate_field_data(
             if step == 0:
                 for note in (*notes, *data.notes):
                     book.event("note", note)
+                for suspect in suspects:  # counted as in the files, of which dead channels were dropped before
+                    recorded = suspect._replace(channel=int(data.channels[suspect.channel - 1]) + 1)
+                    book.event("channel fault", f"{recorded}: left out")
             rows = slice(first[step], first[step + 1])
             some = bearings.take(rows)
             phase, is_clipped = data.mains_phase_rad[rows], np.zeros(some.misfit.shape, dtype=np.bool_)
-            book.listen(float(time_s), pose, data.strengths_v[rows], data.variance_v2[rows], some, phase, is_clipped)
+            strengths = data.strengths_v[rows], data.variance_v2[rows]
+            book.listen(float(time_s), pose, *strengths, some, phase, is_clipped, monitor.good)
             progress(1.0 / data.time_s.size)
         if log.n_rows("finding") == 0 or log.column("finding", "step")[-1] < data.time_s.size - 1:
             book.look_again(float(data.time_s[-1]))

@@ -14,6 +14,10 @@ from missions.log import MissionLog
 FloatArray = NDArray[np.float64]
 
 
+UNTRUSTED = 1e6
+"""Variance of a channel that is left out, over the energy of the pulse: it weighs nothing."""
+
+
 class Logbook:
     """Keeps the log of pulses, bearings, findings and events, and hands the pulses to the Locator.
 
@@ -37,6 +41,7 @@ class Logbook:
         bearings: Bearings,
         mains_phase_rad: FloatArray,
         is_clipped: NDArray[np.bool_],
+        is_good: NDArray[np.bool_],
     ) -> None:
         """Log and locate the pulses of the last step.
 
@@ -49,6 +54,7 @@ class Logbook:
             mains_phase_rad: Shape (n_pulses,), NaN where it is not known.
             is_clipped: Which pulses were louder than the converter can tell, shape (n_pulses,): they are logged, and
                 left out of locating.
+            is_good: Which channels can be trusted, shape (n_elements,): the others are logged, and left out too.
         """
         step = self.log.n_rows("step") - 1
         credible = self.locator.is_credible(bearings) & ~is_clipped
@@ -73,7 +79,10 @@ class Logbook:
                     std_rad=bearings.std_rad[i],
                 )
         whole = ~is_clipped
-        heard = (bearings.take(whole), strengths_v[whole], variance_v2[whole])
+        variance_v2 = variance_v2 + np.where(
+            is_good, 0.0, UNTRUSTED * np.square(strengths_v).sum(axis=-1)[:, np.newaxis]
+        )
+        heard = (bearings.take(whole), (strengths_v * is_good)[whole], variance_v2[whole])
         self._log_findings(step, self.locator.update(time_s, pose, *heard))
 
     def look_again(self, time_s: float) -> None:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from dirmusic import GainManifold, GaussianPattern, TabulatedPattern
 from dirmusic.angles import difference, wrap
+from dirmusic.locating import LEVEL_QUANTILE
 from dirmusic.phase_resolved import PhasePattern, classify
 from missions.log import MissionLog
 
@@ -16,6 +17,12 @@ FloatArray = NDArray[np.float64]
 
 GATE_RAD = np.radians(8.0)
 """A bearing belongs to the finding that lies within this of it, if no other does (assumed)."""
+
+NEIGHBOURS = 41
+"""Pulses about one, in order of time, whose median is what the place takes away (assumed; two seconds of a mission)."""
+
+HIDDEN_DB = 10.0
+"""Where so much is taken away, something stands in between, and what is heard came round a corner (assumed)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,9 +50,10 @@ def nominal_manifold(log: MissionLog) -> GainManifold:
 def phase_patterns(log: MissionLog) -> dict[int, PhaseResolved]:
     """Phase and level of the pulses of each finding that is there at the end, by its id; none without mains phase.
 
-    The level takes out the horizontal range and the gain towards the bearing; what obstruction and height take away
-    stays in it.
+    The level takes out range and gain, and what comes and goes as the robot drives: obstruction, reflections, height.
     """
+    from scipy.ndimage import median_filter  # here, so that a command line help need not wait for it
+
     finding, bearing, pulse = log.table("finding"), log.table("bearing"), log.table("pulse")
     if finding["step"].size == 0 or bearing["pulse"].size == 0:
         return {}
@@ -63,6 +71,11 @@ def phase_patterns(log: MissionLog) -> dict[int, PhaseResolved]:
         if own.size:
             range_m = np.linalg.norm(sight[k, own], axis=-1)
             level_db = 20 * np.log10(strength[own] * range_m)
+            usual_db = median_filter(level_db, size=NEIGHBOURS, mode="nearest")
+            in_sight_db = np.quantile(usual_db, LEVEL_QUANTILE)
+            level_db += in_sight_db - usual_db
+            seen = usual_db > in_sight_db - HIDDEN_DB
+            own, level_db = own[seen], level_db[seen]
             patterns[int(finding["id"][row])] = PhaseResolved(
                 phase_rad=wrap(phase[own]), level_db=level_db, pattern=classify(phase[own], level_db)
             )

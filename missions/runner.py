@@ -100,6 +100,8 @@ class Mission:
             phase=self.policy.phase,
         )
         pulses: Pulses = info["pulses"]
+        for suspect in info["suspects"]:
+            self._book.event("channel fault", f"{suspect}: left out from here on")
         bearings = Bearings(azimuth_rad=pulses.azimuth_rad, std_rad=pulses.std_rad, misfit=pulses.misfit)
         self._book.listen(
             info["time_s"],
@@ -109,6 +111,7 @@ class Mission:
             bearings,
             pulses.mains_phase_rad,
             pulses.is_clipped,
+            pulses.is_good,
         )
         self._log_events(info)
         if self.folder is not None and (step + 1) % round(PART_S / STEP_S) == 0:

@@ -112,7 +112,8 @@ class FrontEnd:
         matrix = self.correlation[np.abs(lags[:, np.newaxis] - lags)]
         ascending, vectors = (np.asarray(x, dtype=np.float64) for x in np.linalg.eigh(matrix))
         values: FloatArray = np.maximum(ascending[::-1], 0.0)
-        n = int(np.searchsorted(np.cumsum(values), (1.0 - MODE_SHARE) * values.sum())) + 1
+        left_out = values.sum() - np.cumsum(values)
+        n = int((left_out > MODE_SHARE * values.sum()).sum()) + 1
         return values[:n], np.asarray(vectors[:, ::-1][:, :n], dtype=np.float64, order="C")
 
     @cached_property
