@@ -1,9 +1,15 @@
 """Paths: spreading and delay, mirrors, and what stands in between."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from dirmusic.gain_delay import SPEED_OF_LIGHT_MPS
+from robot_models.inspector import Inspector
+from robot_models.world import build_model
+from robot_models.yard import BoxEquipment, Yard
 from sensing import Faces, Surroundings, level_transform
 from sensing.materials import KIND_MATERIALS, METAL
 from sensing.propagation import Mirrors, in_array_frame, rays_between
@@ -117,3 +123,48 @@ def test_losses_of_pieces_in_a_row_add_up_in_decibels() -> None:
     total_db = KIND_MATERIALS["power_transformer"].loss_db + KIND_MATERIALS["current_transformer"].loss_db
     assert -20 * np.log10(passed[0]) == pytest.approx(total_db)
     assert surroundings.reflection.tolist() == [-0.3, METAL.reflection]
+
+
+REFERENCE = json.loads((Path(__file__).parent / "sionna" / "reference.json").read_text(encoding="utf-8"))
+
+
+def boxes_of_the_reference() -> Yard:
+    return Yard(
+        size_m=(30.0, 30.0),
+        equipment=tuple(
+            BoxEquipment(
+                name=name,
+                kind="wall",
+                shape="box",
+                position_m=(0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])),
+                footprint_m=(high[0] - low[0], high[1] - low[1]),
+                height_m=high[2],
+            )
+            for name, (low, high) in REFERENCE["boxes"].items()
+        ),
+    )
+
+
+@pytest.mark.parametrize("row", REFERENCE["receivers"], ids=lambda row: str(row["position_m"]))
+def test_paths_in_a_yard_are_those_that_sionna_rt_finds(row: dict[str, list[float]]) -> None:
+    """Delays within 0.1 ns, amplitudes over the direct path's within 1 dB; what is hidden there is hidden here."""
+    yard = boxes_of_the_reference()
+    inspector = Inspector(build_model(yard, np.array([[0.0, 0.0, 0.6]]), np.zeros(1)))
+    faces = Faces(*yard.faces())
+    coefficient = np.full(faces.owner.size, REFERENCE["reflection"])
+    surroundings = Surroundings(faces, coefficient, np.full(2, 1e-6), inspector.crossed)
+    elements = np.array([row["position_m"]])
+    paths = Mirrors(surroundings, np.array([REFERENCE["source_m"]])).trace(FIRST, elements, np.eye(4))
+    amplitude = np.abs(paths.factor * paths.rays.spreading)[:, 0]
+    order = np.argsort(paths.rays.delay_s[:, 0])
+    order = order[amplitude[order] > 1e-4]
+    np.testing.assert_allclose(1e9 * paths.rays.delay_s[order, 0], row["delay_ns"], atol=0.1)
+    by_first = amplitude[order] / amplitude[order[0]]
+    theirs = np.array(row["amplitude_1m"]) / row["amplitude_1m"][0]
+    np.testing.assert_allclose(20 * np.log10(by_first), 20 * np.log10(theirs), atol=1.0)
+
+
+def test_the_reference_has_hidden_and_mirrored_paths() -> None:
+    counts = [len(row["delay_ns"]) for row in REFERENCE["receivers"]]
+    assert min(counts) < 3
+    assert max(counts) >= 3
