@@ -11,7 +11,7 @@ from itertools import combinations
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from dirmusic.bearing import Bearings, estimate_bearings
 from dirmusic.manifold import GainManifold
@@ -58,6 +58,7 @@ class HealthRules:
 
     Attributes:
         check_pulses: Pulses between checks.
+        at_ease: Nothing is looked into while the upper quartile of the share that no direction explains is below this.
         window: Pulses that a check looks back on.
         fair_share: A pulse tells something of a channel that should hear it at this share of the loudest, at least.
         least_pulses: So many must tell.
@@ -70,6 +71,7 @@ class HealthRules:
     """
 
     check_pulses: int = 10
+    at_ease: float = 0.008
     window: int = 60
     fair_share: float = 0.35
     least_pulses: int = 10
@@ -80,6 +82,9 @@ class HealthRules:
     agreed: float = 0.02
     stuck_spread: float = 1e-6
 
+
+SWAP_PULSES = 30
+"""Two channels are suspected of being swapped only after a single one has had the time to show (assumed)."""
 
 CLEAR_STD_RAD = np.radians(4.0)
 """Pulses whose bearing is this good by noise are watched (assumed)."""
@@ -98,6 +103,7 @@ class ChannelMonitor:
         self.rules = rules or HealthRules()
         self.good = np.ones(manifold.n_elements, dtype=np.bool_)
         self._strengths = np.empty((0, manifold.n_elements))
+        self._misfit = np.empty(0)
         self._n_new = 0
 
     def bearings(self, strengths: FloatArray, strength_variance: FloatArray) -> Bearings:
@@ -118,37 +124,41 @@ class ChannelMonitor:
             strength_variance: Of those, same shape, V^2.
         """
         bearings = self.bearings(strengths, strength_variance)
-        suspects = self.update(strengths[np.nan_to_num(bearings.std_rad, nan=np.pi) < CLEAR_STD_RAD])
-        return (self.bearings(strengths, strength_variance) if suspects else bearings), suspects
-
-    def update(self, strengths: ArrayLike) -> tuple[SuspectChannel, ...]:
-        """Take in pulses well above the noise, shape (n_pulses, n_elements), volts; the channels newly at fault."""
-        new = np.asarray(strengths, dtype=np.float64)
+        clear = np.nan_to_num(bearings.std_rad, nan=np.pi) < CLEAR_STD_RAD
+        new, misfit = strengths[clear], bearings.misfit[clear]
         found: list[SuspectChannel] = []
-        while new.size:  # however many come at once, checks fall on the same pulses
-            part, new = np.split(new, [self.rules.check_pulses - self._n_new])
-            self._strengths = np.concatenate([self._strengths, part])[-self.rules.window :]
-            self._n_new += len(part)
+        while misfit.size:  # however many come at once, checks fall on the same pulses
+            part = slice(self.rules.check_pulses - self._n_new)
+            self._strengths = np.concatenate([self._strengths, new[part]])[-self.rules.window :]
+            self._misfit = np.concatenate([self._misfit, misfit[part]])[-self.rules.window :]
+            self._n_new += len(new[part])
+            new, misfit = new[part.stop :], misfit[part.stop :]
             if self._n_new >= self.rules.check_pulses:
                 self._n_new = 0
-                for suspect in self._check():
-                    self.good[suspect.channel - 1] = False
-                    found.append(suspect)
-        return tuple(found)
+                found += self._check()
+        return (self.bearings(strengths, strength_variance) if found else bearings), tuple(found)
 
     def _check(self) -> list[SuspectChannel]:
+        """Channels newly at fault, which are good no more."""
+        suspects = self._suspects()
+        if suspects:
+            self.good[[suspect.channel - 1 for suspect in suspects]] = False
+            channels = np.flatnonzero(self.good)
+            self._misfit = self._fit(self._strengths[:, channels], channels)[1]
+        return suspects
+
+    def _suspects(self) -> list[SuspectChannel]:
         channels = np.flatnonzero(self.good)
-        if channels.size <= LEAST_CHANNELS:
+        if channels.size <= LEAST_CHANNELS or len(self._strengths) < self.rules.least_pulses:
             return []
         heard = self._strengths[:, channels]
-        heard = heard[np.any(heard > 0, axis=-1)]
-        if len(heard) < self.rules.least_pulses:
-            return []
         spread = heard.max(axis=0) - heard.min(axis=0)
         stuck = (spread < self.rules.stuck_spread * heard.max(axis=0)) & (heard.max(axis=0) > 0)
         if stuck.any() and not stuck.all():
             return [SuspectChannel(int(channels[k]) + 1, "stuck", np.nan, len(heard)) for k in np.flatnonzero(stuck)]
-        unexplained = self._unexplained(heard, channels)
+        if np.quantile(self._misfit, 0.75) < self.rules.at_ease:
+            return []
+        unexplained = float(np.median(self._fit(heard, channels)[1]))
         best: tuple[float, SuspectChannel] | None = None
         for k, channel in enumerate(channels):
             left, suspect = self._without(heard, channels, k, int(channel) + 1)
@@ -157,10 +167,6 @@ class ChannelMonitor:
         if best is not None:
             return [best[1]]
         return self._swapped(heard, channels, unexplained)
-
-    def _unexplained(self, heard: FloatArray, channels: NDArray[np.intp]) -> float:
-        """Median share of the energy that no direction explains."""
-        return float(np.median(self._fit(heard, channels)[1]))
 
     def _fit(self, heard: FloatArray, channels: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
         """Directions (n,) of pulses (n, n_channels) by some channels, and the unexplained shares (n,)."""
@@ -190,13 +196,13 @@ class ChannelMonitor:
 
     def _swapped(self, heard: FloatArray, channels: NDArray[np.intp], unexplained: float) -> list[SuspectChannel]:
         """Two channels that explain all once they change places."""
-        if unexplained < self.rules.agreed:
+        if unexplained < self.rules.agreed or len(heard) < SWAP_PULSES:
             return []
         best, pair = np.inf, (0, 0)
         for i, j in combinations(range(channels.size), 2):
             order = np.arange(channels.size, dtype=np.intp)
             order[[i, j]] = j, i
-            left = self._unexplained(heard[:, order], channels)
+            left = float(np.median(self._fit(heard[:, order], channels)[1]))
             if left < best:
                 best, pair = left, (i, j)
         if best > min(self.rules.cure * unexplained, self.rules.agreed):

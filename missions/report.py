@@ -54,6 +54,7 @@ def make_report(log: MissionLog, wall_time_s: float) -> dict[str, Any]:
         "collisions": int((events["kind"] == "contact").sum()),
         "waypoints": {"visited": visited, "missed": [k for k in range(1, n_waypoints + 1) if k not in visited]},
         "n_bearings": log.n_rows("bearing"),
+        "channel_faults": events["text"][events["kind"] == "channel fault"].tolist(),
         "findings": findings,
         "candidates": _findings(log, patterns, "candidate", "outside"),
     }

@@ -10,7 +10,16 @@ from typing import Annotated
 
 import tyro
 
-from missions.cli.terminal import err, make_folder, new_folder, out, refuse, tell_where, write_mission
+from missions.cli.terminal import (
+    err,
+    make_folder,
+    new_folder,
+    out,
+    refuse,
+    tell_channel_faults,
+    tell_where,
+    write_mission,
+)
 
 
 def locate(
@@ -121,6 +130,7 @@ def locate(
     out.print(findings_table(report) if report["findings"] else "No discharge found.", highlight=False)
     if report["candidates"]:
         out.print(candidates_table(report), highlight=False)
+    tell_channel_faults(report)
     out.print(
         f"{data.time_s.size} poses, {data.strengths_v.shape[0]} pulses, {report['n_bearings']} bearings",
         highlight=False,

@@ -13,7 +13,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from missions.choices import PolicyName
-from missions.cli.terminal import INTERRUPTED, err, make_folder, new_folder, out, refuse, tell_where, write_mission
+from missions.cli.terminal import (
+    INTERRUPTED,
+    err,
+    make_folder,
+    new_folder,
+    out,
+    refuse,
+    tell_channel_faults,
+    tell_where,
+    write_mission,
+)
 
 if TYPE_CHECKING:
     from missions.runner import Mission
@@ -75,6 +85,7 @@ def run(
         out.print(findings_table(report) if report["findings"] else "No discharge found.", highlight=False)
         if report["candidates"]:
             out.print(candidates_table(report), highlight=False)
+        tell_channel_faults(report)
         out.print(_summary(report, log.column("event", "text")[-1]), highlight=False)
         tell_where(folder)
     if log.column("event", "text")[-1] == "interrupted":
@@ -126,7 +137,7 @@ def _progress(time_limit_s: float) -> Iterator[Callable[[Mission], None]]:
                 nonlocal told
                 events = mission.log.table("event", told)
                 for kind, text in zip(events["kind"], events["text"], strict=True):
-                    if kind in ("candidate", "confirmed", "outside", "contact", "clipped"):
+                    if kind in ("candidate", "confirmed", "outside", "contact", "clipped", "channel fault"):
                         progress.console.print(
                             f"{mission.time_s:6.1f} s  {kind}: {text}", highlight=False, markup=False
                         )

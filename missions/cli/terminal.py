@@ -69,3 +69,9 @@ def write_text(path: Path, text: str) -> None:
     temporary = path.with_name(path.name + ".tmp")
     temporary.write_text(text, encoding="utf-8")
     temporary.replace(path)
+
+
+def tell_channel_faults(report: dict[str, Any]) -> None:
+    """Say which channels of the receiver were found at fault."""
+    for text in report["channel_faults"]:
+        out.print(f"Receiver: {text}", highlight=False, style="yellow")

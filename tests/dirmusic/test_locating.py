@@ -18,6 +18,7 @@ from dirmusic import (
     estimate_bearings,
     strength_variance,
 )
+from dirmusic.assignment import InSight
 from dirmusic.locating import LocatingRules
 
 NOMINAL = GainManifold.ring(6)
@@ -34,9 +35,10 @@ def make_locator(
     spread: ElementSpread = SPREAD,
     rules: LocatingRules | None = None,
     positions_m: np.ndarray = RING_M,
+    in_sight: InSight | None = None,
 ) -> Locator:
     array = ArrayModel(manifold=NOMINAL, positions_m=positions_m, spread=spread)
-    return Locator(array, NO_POSE_ERROR, fence_m=fence_m, rules=rules)
+    return Locator(array, NO_POSE_ERROR, fence_m=fence_m, rules=rules, in_sight=in_sight)
 
 
 def listen_along(
@@ -196,3 +198,62 @@ def test_a_longer_ellipse_has_a_longer_half_axis(state: str) -> None:
         first_heard_s=0.0, fixed_s=None, opening_rad=0.0, nearest_m=1.0, level_db=0.0,
     )  # fmt: skip
     assert finding.semi_major_m == pytest.approx(2 * np.sqrt(5.991))
+
+
+WALL_Y_M = 15.0
+
+
+def across_the_wall(points: np.ndarray, target: np.ndarray, ignore_m: float) -> np.ndarray:
+    """A map of one thing: a wall along y = 15 m that is as long as the yard."""
+    beyond = (points[:, 1] - WALL_Y_M) * (target[1] - WALL_Y_M) < 0
+    return ~beyond | (np.abs(target[1] - WALL_Y_M) < ignore_m)
+
+
+def hear_mirror_and_source(in_sight: InSight | None, locator: Locator | None = None) -> Locator:
+    """Past a wall: at first a mirror image behind it is heard, then, from beyond its end, the source itself.
+
+    The mirror image is 4 dB weaker than the source.
+    """
+    rng = np.random.default_rng(0)
+    errors = ElementErrors(
+        gain=np.expm1(rng.normal(0, 0.05, 6)), pointing_rad=rng.normal(0, np.radians(2.0), 6), offset=np.zeros(6)
+    )
+    real, locator = errors.correct(NOMINAL), locator or make_locator(in_sight=in_sight)
+    image, source = np.array([20.0, 16.5]), np.array([12.0, 8.0])
+    first = around(image, 3.6, 210, 330, 200)
+    second = around(source, 3.0, 20, 150, 200)
+    for k, place in enumerate(np.concatenate([first, second])):
+        heard, level = (image, 0.5) if k < 200 else (source, 0.8)
+        sight = heard - place
+        gain = real.gain(np.arctan2(sight[1], sight[0]) - 0.01 * k)
+        a = np.abs(level / np.hypot(*sight) * gain + rng.normal(0, NOISE_V, (2, 6)))
+        variance = strength_variance(a, NOISE_V**2, 60)
+        bearings = estimate_bearings(a[:, np.newaxis], NOMINAL, strength_variance=variance[:, np.newaxis])
+        locator.update(0.1 * k, np.array([*place, 0.01 * k]), bearings, a, variance)
+    return locator
+
+
+def test_a_mirror_image_behind_known_equipment_is_not_confirmed_and_the_source_is() -> None:
+    by_map = [f for f in hear_mirror_and_source(across_the_wall).findings if f.state == "confirmed"]
+    blind = [f for f in hear_mirror_and_source(None).findings if f.state == "confirmed"]
+    assert len(blind) == 2  # without a map both are as good
+    assert len(by_map) == 1
+    np.testing.assert_allclose(by_map[0].position_m, [12.0, 8.0], atol=0.3)
+    assert by_map[0].level_db == pytest.approx(20 * np.log10(0.8) + 20 * np.log10(np.sqrt(2.87)), abs=1.5)
+
+
+def test_pulses_much_weaker_than_their_range_says_are_taken_for_echoes_and_left_out() -> None:
+    source = np.array([20.0, 15.0])
+    locator, _ = listen_along(around(source, 3.0, 0, 110), [source], seed=4)
+    (finding,) = locator.findings
+    rng = np.random.default_rng(5)
+    assert finding.state == "confirmed"
+    for k in range(50):  # 14 dB down, from the very direction
+        gain = NOMINAL.gain(np.array(np.pi))
+        a = np.abs(0.8 / 5.0 * 10 ** (-14 / 20) * gain + rng.normal(0, NOISE_V, (2, 6)))
+        variance = strength_variance(a, NOISE_V**2, 60)
+        bearings = estimate_bearings(a[:, np.newaxis], NOMINAL, strength_variance=variance[:, np.newaxis])
+        assert locator.is_credible(bearings).all()
+        locator.update(40.0 + 0.1 * k, np.array([25.0, 15.0, 0.0]), bearings, a, variance)
+    (after,) = locator.look_again(50.0)
+    assert after.n_bearings <= 500  # what was heard on the arc

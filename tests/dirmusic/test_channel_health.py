@@ -1,0 +1,123 @@
+"""Channels at fault are found from the pulses, soon, and healthy ones are left alone."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from dirmusic import GainManifold, estimate_bearings
+from dirmusic.angles import difference
+from dirmusic.channel_health import ChannelMonitor, SuspectChannel
+
+NOMINAL = GainManifold.ring(6)
+
+
+def real_array(seed: int) -> tuple[GainManifold, NDArray[np.float64]]:
+    """Boresights off by 2 degrees and gains by 5 %, the shipped defaults."""
+    rng = np.random.default_rng(seed)
+    pointed = GainManifold(NOMINAL.pattern, NOMINAL.boresights_rad + rng.normal(0, np.radians(2.0), 6))
+    return pointed, np.exp(rng.normal(0, 0.05, 6))
+
+
+def hear(seed: int, n: int, snr_db: float, factors: dict[int, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Strengths (n, 6) of pulses from anywhere, some channels off by a factor, and where they came from (n,)."""
+    manifold, gains = real_array(seed)
+    rng = np.random.default_rng(1000 + seed)
+    azimuth = rng.uniform(-np.pi, np.pi, n)
+    gain = manifold.gain(azimuth).T * gains
+    for channel, factor in factors.items():
+        gain[:, channel - 1] *= factor
+    energy = rng.noncentral_chisquare(90, np.square(gain) * 28_070 * 10 ** (snr_db / 10))
+    return np.sqrt(np.maximum(energy - 90, 0.0)), azimuth
+
+
+def watch(strengths: np.ndarray, by: int = 5) -> tuple[int | None, tuple[SuspectChannel, ...]]:
+    """After how many pulses something was found at fault, and what."""
+    monitor = ChannelMonitor(NOMINAL)
+    for first in range(0, len(strengths), by):
+        part = strengths[first : first + by]
+        _, found = monitor.watch(part, np.ones_like(part))
+        if found:
+            return first + by, found
+    return None, ()
+
+
+@pytest.mark.parametrize("snr_db", [10, 0])
+@pytest.mark.parametrize(("factor", "kind"), [(0.0, "dead"), (0.5, "low"), (2.0, "high")])
+def test_a_dead_channel_and_six_decibels_of_drift_are_found_within_fifty_pulses(
+    factor: float, kind: str, snr_db: int
+) -> None:
+    ratios = []
+    for seed in range(12):
+        channel = 1 + seed % 6
+        strengths, azimuth = hear(seed, 2000, snr_db, {channel: factor})
+        after, found = watch(strengths)
+        assert after is not None
+        assert after <= 50
+        assert [(suspect.channel, suspect.kind) for suspect in found] == [(channel, kind)]
+        good = np.delete(np.arange(6), channel - 1)
+        healthy, _ = hear(seed, 2000, snr_db, {})
+        dropped = estimate_bearings(strengths[:, np.newaxis, good], NOMINAL.take(good)).azimuth_rad
+        whole = estimate_bearings(healthy[:, np.newaxis], NOMINAL).azimuth_rad
+        ratios.append(np.median(np.abs(difference(dropped, azimuth))) / np.median(np.abs(difference(whole, azimuth))))
+    assert np.median(ratios) <= 1.5
+
+
+@pytest.mark.parametrize("snr_db", [10, 0, -10])
+def test_healthy_but_imperfect_arrays_are_never_flagged(snr_db: int) -> None:
+    for seed in range(3):
+        strengths, _ = hear(50 + seed, 10_000, snr_db, {})
+        assert watch(strengths, by=100) == (None, ())
+
+
+@pytest.mark.parametrize("pair", [(1, 2), (2, 5), (3, 6)])
+def test_swapped_channels_are_both_found(pair: tuple[int, int]) -> None:
+    strengths, _ = hear(3, 100, 10, {})
+    a, b = (channel - 1 for channel in pair)
+    strengths[:, [a, b]] = strengths[:, [b, a]]
+    after, found = watch(strengths)
+    assert after is not None
+    assert after <= 50
+    assert [(suspect.channel, suspect.kind) for suspect in found] == [(channel, "swapped") for channel in pair]
+
+
+def test_a_converter_that_always_says_the_same_is_found() -> None:
+    strengths, _ = hear(4, 100, 10, {})
+    strengths[:, 3] = 7.0
+    after, found = watch(strengths)
+    assert after is not None
+    assert after <= 50
+    assert [(suspect.channel, suspect.kind) for suspect in found] == [(4, "stuck")]
+
+
+def test_what_is_found_does_not_depend_on_how_many_pulses_come_at_once() -> None:
+    strengths, _ = hear(5, 60, 0, {2: 0.5})
+    _, whole = ChannelMonitor(NOMINAL).watch(strengths, np.ones_like(strengths))
+    monitor = ChannelMonitor(NOMINAL)
+    single = [suspect for row in strengths for suspect in monitor.watch(row[np.newaxis], np.ones((1, 6)))[1]]
+    assert list(whole) == single
+    assert monitor.good.tolist() == [True, False, True, True, True, True]
+
+
+def test_bearings_come_from_the_good_channels_from_the_pulses_on_that_show_the_fault() -> None:
+    strengths, azimuth = hear(6, 400, 10, {3: 0.0})
+    monitor = ChannelMonitor(NOMINAL)
+    before, _ = monitor.watch(strengths[:1], np.ones((1, 6)))
+    bearings, suspects = monitor.watch(strengths, np.ones_like(strengths))
+    assert [suspect.channel for suspect in suspects] == [3]
+    error = np.abs(difference(bearings.azimuth_rad, azimuth))
+    naive = np.abs(difference(estimate_bearings(strengths[:, np.newaxis], NOMINAL).azimuth_rad, azimuth))
+    assert np.median(error) < 0.3 * np.median(naive)
+    assert before.azimuth_rad.shape == (1,)
+
+
+def test_a_suspect_is_told_in_words() -> None:
+    assert str(SuspectChannel(3, "low", -6.2, 21)) == "channel 3 hears 6 dB too little (21 pulses)"
+    assert str(SuspectChannel(1, "dead", -40.0, 12)) == "channel 1 is dead (12 pulses)"
+    assert str(SuspectChannel(2, "swapped", np.nan, 10)).startswith("channel 2 is swapped")
+
+
+def test_no_more_channels_are_left_out_than_a_direction_needs() -> None:
+    strengths, _ = hear(7, 500, 10, {1: 0.0, 2: 0.0, 3: 0.0, 4: 0.0})
+    monitor = ChannelMonitor(NOMINAL)
+    monitor.watch(strengths, np.ones_like(strengths))
+    assert monitor.good.sum() >= 3
