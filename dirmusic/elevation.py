@@ -50,8 +50,7 @@ def gain_in_space(pattern: GainPattern, off_boresight_rad: ArrayLike, elevation_
     on_axis = sin_psi < NEAR_AXIS
     across = np.where(on_axis, 1.0, sin_psi)
     cos_roll = np.where(on_axis, 1.0, left / across)
-    to_left, slope_left = pattern.gain_and_slope(psi)
-    to_right, slope_right = pattern.gain_and_slope(-psi)
+    (to_left, to_right), (slope_left, slope_right) = pattern.gain_and_slope(np.stack([psi, -psi]))
     gain = 0.5 * ((1 + cos_roll) * to_left + (1 - cos_roll) * to_right)
     by_psi = 0.5 * ((1 + cos_roll) * slope_left - (1 - cos_roll) * slope_right)
     by_roll = 0.5 * (to_left - to_right)  # per change of cos_roll

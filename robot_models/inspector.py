@@ -181,10 +181,10 @@ class Inspector:
 
     def _follow(self, start_m: FloatArray, ray_m: FloatArray, geom: int, share: float, crossed: BoolArray) -> None:
         """Note in `crossed` (n_pieces,) all that a ray meets from its first hit on; shares are those of its length."""
-        met = np.zeros(1, dtype=np.int32)
+        met, beyond = np.zeros(1, dtype=np.int32), _BEYOND_M / math.hypot(*ray_m.tolist())
         while True:
             crossed[self._piece[geom]] = True
-            share += _BEYOND_M / float(np.linalg.norm(ray_m))
+            share += beyond
             further = mujoco.mj_ray(
                 self.model, self.data, start_m + share * ray_m, ray_m, _EQUIPMENT_ONLY, True, -1, met, None
             )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,23 +56,81 @@ class PulseTrain:
             conductor_rad=conductor_rad,
         )
 
+    def rhythm(self, rate_hz: float) -> Rhythm:
+        """Its clusters as rows, for a mean number of pulses per second."""
+        share, centre, width, level, spread, polarity = np.array(
+            [(c.share, c.centre_deg, c.width_deg, c.level_db, c.spread_db, c.polarity) for c in self.clusters]
+        ).T
+        n = share.size
+        return Rhythm(
+            rate_hz=rate_hz * share,
+            mains_hz=np.full(n, self.mains_hz),
+            lag=np.full(n, self.conductor_rad / (2 * np.pi)),
+            centre=centre / 360.0,
+            width=width / 360.0,
+            level_db=level,
+            spread_db=spread,
+            polarity=polarity,
+            is_even=np.zeros(n, dtype=np.bool_),
+        )
+
     def emit(
         self, start_s: float, duration_s: float, rate_hz: float, rng: np.random.Generator
     ) -> tuple[FloatArray, FloatArray]:
-        """Times within an interval, seconds, and amplitudes with their sign against the typical one; each (n_pulses,).
+        """Times within an interval, seconds, and signed amplitudes over the typical one; each (n_pulses,)."""
+        _, time_s, amplitude = self.rhythm(rate_hz).emit(start_s, duration_s, rng)
+        return time_s, amplitude
 
-        A Poisson process whose rate follows the phase: that one discharge changes the next is left out (assumed).
+
+class Rhythm(NamedTuple):
+    """When pulses come and how strongly, a row for each cluster; all columns of shape (n_rows,).
+
+    Attributes:
+        rate_hz: Mean number of pulses per second.
+        mains_hz: Frequency of the mains.
+        lag: Cycles by which the voltage at the defect lags the receiver's mains.
+        centre: Phase, in cycles.
+        width: Standard deviation of the phase, in cycles.
+        level_db: Typical level.
+        spread_db: Standard deviation of the level.
+        polarity: Sign of the pulses.
+        is_even: Whether pulses come at any phase alike; centre and width then have no meaning.
+    """
+
+    rate_hz: FloatArray
+    mains_hz: FloatArray
+    lag: FloatArray
+    centre: FloatArray
+    width: FloatArray
+    level_db: FloatArray
+    spread_db: FloatArray
+    polarity: FloatArray
+    is_even: NDArray[np.bool_]
+
+    @classmethod
+    def at_any_phase(cls, rate_hz: float) -> Rhythm:
+        """Pulses all alike that have nothing to do with the mains."""
+        none = np.zeros(1)
+        return cls(np.array([rate_hz]), np.ones(1), none, none, none, none, none, np.ones(1), np.ones(1, np.bool_))
+
+    def emit(
+        self, start_s: float, duration_s: float, rng: np.random.Generator
+    ) -> tuple[NDArray[np.intp], FloatArray, FloatArray]:
+        """Row, time within an interval, seconds, and amplitude of each pulse, row by row; each (n_pulses,).
+
+        Poisson processes whose rate follows the phase: that one discharge changes the next is left out (assumed).
         """
-        lag = self.conductor_rad / (2 * np.pi)
-        first, last = (self.mains_hz * t - lag for t in (start_s, start_s + duration_s))  # in cycles at the defect
-        low, high = int(np.floor(first)) - 1, int(np.ceil(last)) + 1  # a cluster's tail may lie in the next cycle
-        n = rng.poisson(rate_hz / self.mains_hz * (high - low))
-        share = np.array([cluster.share for cluster in self.clusters])
-        which = rng.choice(share.size, n, p=share)
-        centre, width, level, spread, polarity = np.array(
-            [(c.centre_deg, c.width_deg, c.level_db, c.spread_db, c.polarity) for c in self.clusters]
-        )[which].T.reshape(5, n)
-        cycle = rng.integers(low, high, n) + rng.normal(centre, width) / 360.0
-        amplitude = polarity * 10 ** (rng.normal(level, spread) / 20)
-        inside = (cycle >= first) & (cycle < last)
-        return (cycle[inside] + lag) / self.mains_hz, amplitude[inside]
+        first = self.mains_hz * start_s - self.lag  # in cycles at the defect
+        last = first + self.mains_hz * duration_s
+        low = np.where(self.is_even, first, np.floor(first) - 1)  # a cluster's tail may lie in the next cycle
+        n_cycles = np.where(self.is_even, last, np.ceil(last) + 1) - low
+        counts = rng.poisson(self.rate_hz / self.mains_hz * n_cycles)
+        row = np.repeat(np.arange(counts.size), counts)
+        along = rng.random(row.size) * n_cycles[row]
+        off, louder = rng.standard_normal((2, row.size))
+        in_cycle = np.where(self.is_even, 0.0, self.centre)[row] + self.width[row] * off
+        cycle = low[row] + np.where(self.is_even[row], along, np.floor(along)) + in_cycle
+        inside = (cycle >= first[row]) & (cycle < last[row])
+        row, cycle, louder = row[inside], cycle[inside], louder[inside]
+        amplitude = self.polarity[row] * 10 ** ((self.level_db[row] + self.spread_db[row] * louder) / 20)
+        return row, (cycle + self.lag[row]) / self.mains_hz[row], amplitude

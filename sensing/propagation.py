@@ -73,7 +73,7 @@ class Paths(NamedTuple):
     Attributes:
         source: Number of the source, shape (n_paths,).
         rays: From the source, or from its mirror image, in the array frame; shapes (n_paths, n_elements).
-        factor: What reflection and equipment in between leave of the amplitude, shape (n_paths, n_elements).
+        factor: What reflection and equipment in between leave of the amplitude, shape (n_paths,).
     """
 
     source: NDArray[np.intp]
@@ -83,7 +83,8 @@ class Paths(NamedTuple):
 
 def rays_between(elements_m: FloatArray, points_m: FloatArray) -> Rays:
     """Lines from elements (n_elements, 3) to points (..., 3) of the same frame, metres; shapes (..., n_elements)."""
-    x, y, z = np.moveaxis(points_m[..., np.newaxis, :] - elements_m, -1, 0)
+    sight = points_m[..., np.newaxis, :] - elements_m
+    x, y, z = sight[..., 0], sight[..., 1], sight[..., 2]
     level_squared = x * x + y * y
     return Rays(
         range_m=np.sqrt(level_squared + z * z),
@@ -143,9 +144,14 @@ class Surroundings:
         faces = Faces(nothing, nothing, np.empty((0, 2, 3)), np.empty((0, 2)), np.empty(0, dtype=np.intp))
         return cls(faces, np.empty(0), np.empty(0), lambda _, ends: np.empty((len(ends), 0), dtype=np.bool_))
 
+    @property
+    def n_pieces(self) -> int:
+        """Pieces of equipment."""
+        return self.log_loss.size
+
     def passed(self, start_m: FloatArray, ends_m: FloatArray) -> FloatArray:
         """Amplitude left by the equipment between a start (3,) and ends (n, 3), shape (n,)."""
-        return np.exp(np.where(self.crossed(start_m, ends_m), self.log_loss, 0.0).sum(axis=-1))
+        return np.exp((self.crossed(start_m, ends_m) * self.log_loss).sum(axis=-1))
 
 
 class Mirrors:
@@ -167,31 +173,31 @@ class Mirrors:
     def trace(self, sources: NDArray[np.intp], elements_m: FloatArray, world_from_array: FloatArray) -> Paths:
         """Paths from some of the sources to all elements.
 
-        Whether a face mirrors a source to the ring, and what stands in between, is asked for the ring's centre: the
-        ring is small against equipment. What hides the source itself is asked for each element.
+        Which faces mirror a source to the array, and what stands in between, is asked for the centre of its elements:
+        an array is small against equipment.
 
         Args:
             sources: Their numbers, shape (n,), ascending.
             elements_m: Shape (n_elements, 3), array frame.
             world_from_array: Shape (4, 4).
         """
-        rotation, origin_m = world_from_array[:3, :3], world_from_array[:3, 3]
-        in_world_m = elements_m @ rotation.T + origin_m
-        centre_m = in_world_m.mean(axis=0)
+        centre_m = world_from_array[:3, :3] @ (elements_m.sum(axis=0) / len(elements_m)) + world_from_array[:3, 3]
         row, face, point_m = self._reflections(sources, centre_m)
-        mirrored = np.ones(row.size)
-        direct = np.empty((sources.size, len(elements_m)))
-        for k, source in enumerate(sources.tolist()):
-            own = row == k
-            passed = self.surroundings.passed(self.sources_m[source], np.concatenate([in_world_m, point_m[own]]))
-            direct[k], mirrored[own] = passed[: len(elements_m)], passed[len(elements_m) :]
-        if row.size:
-            mirrored *= self.surroundings.reflection[face] * self.surroundings.passed(centre_m, point_m)
+        direct, mirrored = np.ones(sources.size), self.surroundings.reflection[face]
+        if self.surroundings.n_pieces:
+            for k, source in enumerate(sources.tolist()):
+                own = np.flatnonzero(row == k)
+                ends_m = np.concatenate([centre_m[np.newaxis], point_m[own]])
+                passed = self.surroundings.passed(self.sources_m[source], ends_m)
+                direct[k] = passed[0]
+                mirrored[own] *= passed[1:]
+            if row.size:
+                mirrored *= self.surroundings.passed(centre_m, point_m)
         from_m = np.concatenate([self.sources_m[sources], self._images_m[sources[row], face]])
         return Paths(
             source=np.concatenate([sources, sources[row]]),
             rays=rays_between(elements_m, in_array_frame(from_m, world_from_array)),
-            factor=np.concatenate([direct, np.broadcast_to(mirrored[:, np.newaxis], (row.size, len(elements_m)))]),
+            factor=np.concatenate([direct, mirrored]),
         )
 
     def _reflections(

@@ -195,16 +195,16 @@ class Receiver:
         self, scene: Scene, emitted: Emissions, world_from_array: FloatArray, start_s: float
     ) -> dict[int, _Arrivals]:
         """What reaches the elements of each source that is on the air, by its number."""
-        on_air = np.unique(emitted.source)
+        source = emitted.source
+        on_air = source[np.flatnonzero(np.diff(source, prepend=-1))]
         paths = scene.trace(on_air, self.array.positions_m, world_from_array)
         rays = paths.rays
-        amplitude = self.array.gain(rays.azimuth_rad, rays.elevation_rad) * rays.spreading * paths.factor
-        amplitude *= self._faults.signal_factors(np.array(start_s))
+        amplitude = self.array.gain(rays.azimuth_rad, rays.elevation_rad) * (paths.factor[:, np.newaxis] / rays.range_m)
+        if self.config.faults:
+            amplitude *= self._faults.signal_factors(np.array(start_s))
         delay_s = rays.delay_s
-        return {
-            source: _Arrivals(delay_s[paths.source == source], amplitude[paths.source == source])
-            for source in on_air.tolist()
-        }
+        own = [np.flatnonzero(paths.source == k) for k in on_air.tolist()]
+        return {k: _Arrivals(delay_s[rows], amplitude[rows]) for k, rows in zip(on_air.tolist(), own, strict=True)}
 
     def _triggers(
         self, arrivals: _Arrivals, peak_v: FloatArray, threshold_v: float, rng: np.random.Generator
@@ -214,12 +214,13 @@ class Receiver:
         Where none is, the delay of the loudest. Both of shape (n_pulses,); the voltage has noise on it.
         """
         order = np.argsort(arrivals.delay_s, axis=None)
+        delay_s = arrivals.delay_s.ravel()[order]
         loudness = self.front_end.pulse_peak * np.abs(arrivals.amplitude.ravel()[order])
         loudest = np.maximum.accumulate(loudness)
-        first = np.searchsorted(loudest, threshold_v / np.abs(peak_v), side="right")
-        first = np.where(first < order.size, first, loudness.argmax())
-        noise = self._filtered_v * rng.standard_normal(peak_v.size)
-        return arrivals.delay_s.ravel()[order[first]], loudest[-1] * np.abs(peak_v) + noise
+        size_v = np.abs(peak_v)
+        first = np.searchsorted(loudest, threshold_v / size_v, side="right")
+        first[first == order.size] = loudness.argmax()
+        return delay_s[first], loudest[-1] * size_v + self._filtered_v * rng.standard_normal(peak_v.size)
 
     def _signals(self, arrivals: _Arrivals, burst_s: float, start_s: FloatArray, n_samples: int) -> FloatArray:
         """Noise-free records for a peak of 1 V, shape (n, n_elements, n_samples), from times `start_s` (n,) on."""
@@ -248,18 +249,31 @@ class Receiver:
     ) -> Heard:
         """Strengths from the law of the gates' energies. Bursts do not look like pulses and are rejected."""
         times, energies, n_rejected = [false_s], [np.square(false_gates).sum(axis=-1)], 0
+        signals: list[FloatArray] = []
+        gates: list[NDArray[np.intp]] = []
+        peaks: list[FloatArray] = []
+        n_signals = 0
         for source, arrived in arrivals.items():
-            own = emitted.source == source
+            own = slice(*np.searchsorted(emitted.source, (source, source + 1)).tolist())
             peak_v = emitted.peak_v[own]
             delay_s, voltage = self._triggers(arrived, peak_v, self.threshold_v, rng)
             heard = voltage > self.threshold_v
             if scene.sources[source].burst_s > 0:
                 n_rejected += int(heard.sum())
                 continue
-            first_s, gate = np.unique(delay_s[heard], return_inverse=True)
-            signals = self._signals(arrived, 0.0, self._gate_start_s(first_s), self.config.gate_samples)
-            energies.append(draw_energies(signals, gate, peak_v[heard], self._filtered_v, self.front_end.modes, rng))
+            if not heard.all():
+                peak_v, delay_s = peak_v[heard], delay_s[heard]
+            if peak_v.size == 0:
+                continue
+            first_s, gate = (delay_s, np.arange(1)) if delay_s.size == 1 else np.unique(delay_s, return_inverse=True)
+            signals.append(self._signals(arrived, 0.0, self._gate_start_s(first_s), self.config.gate_samples))
+            gates.append(n_signals + gate)
+            n_signals += first_s.size
+            peaks.append(peak_v)
             times.append(emitted.time_s[own][heard])
+        if signals:
+            drawn = (np.concatenate(signals), np.concatenate(gates), np.concatenate(peaks))
+            energies.append(draw_energies(*drawn, self._filtered_v, self.front_end.modes, rng))
         time_s, energy = np.concatenate(times), np.concatenate(energies)
         order = np.argsort(time_s, kind="stable")
         time_s, n_samples = time_s[order], self.config.gate_samples
@@ -423,12 +437,12 @@ class Receiver:
         One sample of one channel lies in the tail beyond the threshold, and its channel follows it as its correlation
         says; all other channels are as ever.
         """
-        from scipy.special import ndtr, ndtri
-
         config = self.config
         n = rng.poisson(config.false_alarm_rate_hz * duration_s)
         if n == 0:
             return np.empty(0), np.empty((0, self._n_elements, config.gate_samples))
+        from scipy.special import ndtr, ndtri
+
         gates = self._filtered_v * self.front_end.noise(rng, (n, self._n_elements, config.gate_samples))
         gates /= np.sqrt(self.front_end.noise_power)
         time_s = start_s + duration_s * rng.random(n)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sensing.discharges import Rhythm
 from sensing.propagation import Mirrors, Paths, Surroundings
 from sensing.sources import Carrier, DischargeSource
 
@@ -47,16 +48,35 @@ class Scene:
         self.carriers = tuple(carriers)
         positions_m = np.array([source.position_m for source in self.sources]).reshape(-1, 3)
         self._mirrors = Mirrors(surroundings or Surroundings.free_space(), positions_m)
+        self._amplitude_v = np.array([source.amplitude_v for source in self.sources])
+        self._active_s = np.array([source.active_s for source in self.sources]).reshape(-1, 2)
+        self._drift_db = np.array([source.drift_db_per_min for source in self.sources]) / 60.0
+        self._guns = [k for k, source in enumerate(self.sources) if source.rhythm is None]
+        rhythms = [(k, source.rhythm) for k, source in enumerate(self.sources) if source.rhythm is not None]
+        self._source_of_row = np.repeat([k for k, _ in rhythms], [r.rate_hz.size for _, r in rhythms]).astype(np.intp)
+        columns = zip(*(rhythm for _, rhythm in rhythms), strict=True)
+        self._rhythm = Rhythm(*(np.concatenate(column) for column in columns)) if rhythms else None
 
     def emissions(self, start_s: float, duration_s: float, rng: np.random.Generator) -> Emissions:
         """All pulses within `duration_s` from `start_s` on."""
-        drawn = [source.emissions(start_s, duration_s, rng) for source in self.sources]
-        counts = [time_s.size for time_s, _ in drawn]
-        return Emissions(
-            np.repeat(np.arange(len(drawn)), counts),
-            np.concatenate([np.empty(0), *(time_s for time_s, _ in drawn)]),
-            np.concatenate([np.empty(0), *(peak_v for _, peak_v in drawn)]),
-        )
+        source, time_s, relative = np.empty(0, dtype=np.intp), np.empty(0), np.empty(0)
+        if self._rhythm is not None:
+            row, time_s, relative = self._rhythm.emit(start_s, duration_s, rng)
+            source = self._source_of_row[row]
+        for k in self._guns:
+            shot_s = self.sources[k].shots_s(start_s, duration_s)
+            source = np.concatenate([source, np.full(shot_s.size, k)])
+            time_s, relative = np.concatenate([time_s, shot_s]), np.concatenate([relative, np.ones(shot_s.size)])
+        if source.size == 0:
+            return Emissions(source, time_s, relative)
+        if self._guns:
+            order = np.argsort(source, kind="stable")
+            source, time_s, relative = source[order], time_s[order], relative[order]
+        on = (time_s >= self._active_s[source, 0]) & (time_s < self._active_s[source, 1])
+        if not on.all():
+            source, time_s, relative = source[on], time_s[on], relative[on]
+        louder = 10 ** (self._drift_db[source] * time_s / 20)
+        return Emissions(source, time_s, self._amplitude_v[source] * relative * louder)
 
     def trace(self, sources: NDArray[np.intp], elements_m: FloatArray, world_from_array: FloatArray) -> Paths:
         """Paths from some sources to elements; see `Mirrors.trace`."""

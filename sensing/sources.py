@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sensing.discharges import PulseTrain
+from sensing.discharges import PulseTrain, Rhythm
 
 FloatArray = NDArray[np.float64]
 
@@ -61,20 +61,15 @@ class DischargeSource:
     first_shot_s: float = 0.0
     burst_s: float = 0.0
 
-    def emissions(self, start_s: float, duration_s: float, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-        """Times within `duration_s` from `start_s` on, seconds, and peaks at 1 m, volts; each of shape (n_pulses,)."""
-        time_s, relative = self._pulses(start_s, duration_s, rng)
-        on = (time_s >= self.active_s[0]) & (time_s < self.active_s[1])
-        time_s = time_s[on]
-        return time_s, self.amplitude_v * relative[on] * 10 ** (self.drift_db_per_min * time_s / 60 / 20)
-
-    def _pulses(self, start_s: float, duration_s: float, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    @property
+    def rhythm(self) -> Rhythm | None:
+        """When it fires, if at random; None for a few shots."""
         if self.n_shots is not None:
-            shot_s = np.round(self.first_shot_s + np.arange(self.n_shots) / self.pulse_rate_hz, NANOSECONDS)
-            end_s = round(start_s + duration_s, NANOSECONDS)
-            time_s = shot_s[(shot_s >= round(start_s, NANOSECONDS)) & (shot_s < end_s)]
-        elif self.train is not None:
-            return self.train.emit(start_s, duration_s, self.pulse_rate_hz, rng)
-        else:
-            time_s = start_s + duration_s * rng.random(rng.poisson(self.pulse_rate_hz * duration_s))
-        return time_s, np.ones(time_s.size)
+            return None
+        return self.train.rhythm(self.pulse_rate_hz) if self.train else Rhythm.at_any_phase(self.pulse_rate_hz)
+
+    def shots_s(self, start_s: float, duration_s: float) -> FloatArray:
+        """Times of the shots within an interval, seconds, shape (n,)."""
+        shot_s = np.round(self.first_shot_s + np.arange(self.n_shots or 0) / self.pulse_rate_hz, NANOSECONDS)
+        end_s = round(start_s + duration_s, NANOSECONDS)
+        return shot_s[(shot_s >= round(start_s, NANOSECONDS)) & (shot_s < end_s)]

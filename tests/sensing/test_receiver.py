@@ -179,7 +179,7 @@ def test_a_shot_on_the_edge_of_two_intervals_is_fired_once() -> None:
         name="gun", position_m=np.ones(3), amplitude_v=1.0, pulse_rate_hz=10.0, n_shots=90, first_shot_s=0.3
     )
     rng = np.random.default_rng(0)
-    fired = np.concatenate([gun.emissions(k * 0.1, 0.1, rng)[0] for k in range(200)])
+    fired = np.concatenate([Scene([gun]).emissions(k * 0.1, 0.1, rng).time_s for k in range(200)])
     np.testing.assert_allclose(fired, 0.3 + np.arange(90) / 10, atol=1e-9)
 
 
