@@ -33,7 +33,6 @@ MAX_YAW_RATE_RADPS = 1.5
 MAX_ACCELERATION_MPS2 = 3.0
 """Greatest rate at which the rim speed of a wheel is changed; abrupt commands make the wheels slip (measured)."""
 
-_NO_CUTOFF = 1e10
 _WHOLE = 1.0 - 1e-9
 """Share of a ray up to which a hit counts."""
 
@@ -146,14 +145,14 @@ class Inspector:
         """Sorted geom names of what the robot touched since the last `drive` or `reset` began; never the floor."""
         return tuple(sorted(self._obstacles[geom] for geom in self._touched))
 
-    def crossed(self, start_m: ArrayLike, ends_m: ArrayLike) -> BoolArray:
-        """Tell which pieces of equipment stand between one point and others.
+    def crossed(self, starts_m: ArrayLike, ends_m: ArrayLike) -> BoolArray:
+        """Tell which pieces of equipment straight lines cross.
 
         Only geoms of `EQUIPMENT_GROUP` count: neither fence nor floor nor the robot itself is in the way.
 
         Args:
-            start_m: Shape (3,), metres, world frame; outside any equipment, or that is in the way of all.
-            ends_m: Shape (n, 3), metres, world frame. One that lies on a face does not count as crossing it.
+            starts_m: Shape (n, 3), metres, world frame; outside any equipment.
+            ends_m: Shape (n, 3). A line that ends on a face does not cross it.
 
         Returns:
             Shape (n, n_pieces), pieces in the order of `equipment`.
@@ -161,37 +160,30 @@ class Inspector:
         Raises:
             ValueError: If the shapes are wrong.
         """
-        start, ends = np.asarray(start_m, dtype=np.float64), np.asarray(ends_m, dtype=np.float64)
-        if start.shape != (3,) or ends.ndim != 2 or ends.shape[1] != 3:
+        starts, ends = np.asarray(starts_m, dtype=np.float64), np.asarray(ends_m, dtype=np.float64)
+        if starts.ndim != 2 or starts.shape[1] != 3 or starts.shape != ends.shape:
             raise ValueError(
-                f"`start_m` must have shape (3,) and `ends_m` (n, 3), got {start.shape} and {ends.shape}. "
-                "Both are positions in the world frame."
+                f"`starts_m` and `ends_m` must both have shape (n, 3), got {starts.shape} and {ends.shape}. "
+                "They are positions in the world frame."
             )
-        n = len(ends)
-        crossed = np.zeros((n, len(self.equipment)), dtype=np.bool_)
-        rays = ends - start
-        geom, share = np.full(n, -1, dtype=np.int32), np.full(n, -1.0)
-        if n and len(self.equipment):
-            mujoco.mj_multiRay(
-                self.model, self.data, start, rays.ravel(), _EQUIPMENT_ONLY, True, -1, geom, share, None, n, _NO_CUTOFF
-            )
-        for ray in np.flatnonzero((share >= 0.0) & (share < _WHOLE)).tolist():
-            self._follow(start, rays[ray], int(geom[ray]), float(share[ray]), crossed[ray])
+        rows: list[int] = []
+        pieces: list[int] = []
+        met = np.zeros(1, dtype=np.int32)
+        for row, (start, ray) in enumerate(zip(starts, ends - starts, strict=True)):
+            beyond, share = 0.0, 0.0
+            while True:
+                origin = start if share == 0.0 else start + share * ray
+                further = mujoco.mj_ray(self.model, self.data, origin, ray, _EQUIPMENT_ONLY, True, -1, met, None)
+                share += further
+                if further < 0.0 or share >= _WHOLE:
+                    break
+                rows.append(row)
+                pieces.append(self._piece[int(met[0])])
+                beyond = beyond or _BEYOND_M / math.hypot(*ray.tolist())
+                share += beyond
+        crossed = np.zeros((len(starts), len(self.equipment)), dtype=np.bool_)
+        crossed[rows, pieces] = True
         return crossed
-
-    def _follow(self, start_m: FloatArray, ray_m: FloatArray, geom: int, share: float, crossed: BoolArray) -> None:
-        """Note in `crossed` (n_pieces,) all that a ray meets from its first hit on; shares are those of its length."""
-        met, beyond = np.zeros(1, dtype=np.int32), _BEYOND_M / math.hypot(*ray_m.tolist())
-        while True:
-            crossed[self._piece[geom]] = True
-            share += beyond
-            further = mujoco.mj_ray(
-                self.model, self.data, start_m + share * ray_m, ray_m, _EQUIPMENT_ONLY, True, -1, met, None
-            )
-            share += further
-            if further < 0.0 or share >= _WHOLE:
-                return
-            geom = int(met[0])
 
     def _approach(self, goal_mps: tuple[float, float], most_mps: float) -> None:
         """Move the commanded rim speeds towards `goal_mps` by at most `most_mps`."""

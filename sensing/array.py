@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Literal, Self
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, NonNegativeFloat, PositiveFloat
 
 from dirmusic import GainManifold, GainPattern, GaussianPattern
-from dirmusic.elevation import gain_in_space
+from dirmusic.elevation import gain_towards
 
 FloatArray = NDArray[np.float64]
 
@@ -87,8 +87,20 @@ class HelicalArray:
 
     def gain(self, azimuth_rad: FloatArray, elevation_rad: FloatArray) -> FloatArray:
         """Gain of element i towards its own direction i, array frame; all of shape (..., n_elements)."""
-        towards = gain_in_space(self.pattern, azimuth_rad - self.boresights_rad, elevation_rad).gain
-        return self.gain_factors * towards + self.gain_offsets
+        level = np.cos(elevation_rad)
+        towards = (level * np.cos(azimuth_rad), level * np.sin(azimuth_rad), np.sin(elevation_rad))
+        return self.gain_towards(np.stack(np.broadcast_arrays(*towards), axis=-1))
+
+    def gain_towards(self, direction: FloatArray) -> FloatArray:
+        """The same for unit vectors of shape (..., n_elements, 3)."""
+        x, y, up = direction[..., 0], direction[..., 1], direction[..., 2]
+        cos, sin = self._boresight_cos_sin
+        gain = gain_towards(self.pattern, cos * x + sin * y, cos * y - sin * x, up)
+        return self.gain_factors * gain + self.gain_offsets
+
+    @cached_property
+    def _boresight_cos_sin(self) -> tuple[FloatArray, FloatArray]:
+        return np.cos(self.boresights_rad), np.sin(self.boresights_rad)
 
 
 @cache

@@ -17,8 +17,8 @@ from sensing.materials import GRAVEL, KIND_MATERIALS
 
 FloatArray = NDArray[np.float64]
 Crossed = Callable[[FloatArray, FloatArray], NDArray[np.bool_]]
-"""(start (3,), ends (n, 3)) -> which pieces of equipment each segment crosses, (n, n_pieces). Handed in: sensing knows
-no physics engine."""
+"""(starts (n, 3), ends (n, 3)) -> which pieces of equipment each line crosses, (n, n_pieces). Handed in: sensing
+knows no physics engine."""
 
 OWN_FACE_M = 0.05
 """A face this close to the source is a part of it (assumed): its mirror image lies within a third of a wavelength, and
@@ -44,17 +44,15 @@ class Faces(NamedTuple):
 
 
 class Rays(NamedTuple):
-    """Straight lines in free space; shapes (..., n_elements), frame as the points given.
+    """Straight lines in free space from elements to points, frame as the points given.
 
     Attributes:
-        range_m: Length.
-        azimuth_rad: Horizontal direction in which an element sees the point.
-        elevation_rad: Elevation at which it does.
+        sight_m: From element to point, shape (..., n_elements, 3).
+        range_m: Length, shape (..., n_elements).
     """
 
+    sight_m: FloatArray
     range_m: FloatArray
-    azimuth_rad: FloatArray
-    elevation_rad: FloatArray
 
     @property
     def spreading(self) -> FloatArray:
@@ -65,6 +63,16 @@ class Rays(NamedTuple):
     def delay_s(self) -> FloatArray:
         """Travel time."""
         return self.range_m / SPEED_OF_LIGHT_MPS
+
+    @property
+    def azimuth_rad(self) -> FloatArray:
+        """Horizontal direction in which an element sees the point."""
+        return np.arctan2(self.sight_m[..., 1], self.sight_m[..., 0])
+
+    @property
+    def elevation_rad(self) -> FloatArray:
+        """Elevation at which an element sees the point."""
+        return np.arctan2(self.sight_m[..., 2], np.hypot(self.sight_m[..., 0], self.sight_m[..., 1]))
 
 
 class Paths(NamedTuple):
@@ -82,15 +90,14 @@ class Paths(NamedTuple):
 
 
 def rays_between(elements_m: FloatArray, points_m: FloatArray) -> Rays:
-    """Lines from elements (n_elements, 3) to points (..., 3) of the same frame, metres; shapes (..., n_elements)."""
+    """Lines from elements (n_elements, 3) to points (..., 3) of the same frame, metres."""
     sight = points_m[..., np.newaxis, :] - elements_m
-    x, y, z = sight[..., 0], sight[..., 1], sight[..., 2]
-    level_squared = x * x + y * y
-    return Rays(
-        range_m=np.sqrt(level_squared + z * z),
-        azimuth_rad=np.arctan2(y, x),
-        elevation_rad=np.arctan2(z, np.sqrt(level_squared)),
-    )
+    return Rays(sight, np.sqrt(np.square(sight).sum(axis=-1)))
+
+
+def in_array_frame(points_m: FloatArray, world_from_array: FloatArray) -> FloatArray:
+    """World points (..., 3) in the frame of an array at `world_from_array` (4, 4)."""
+    return (points_m - world_from_array[:3, 3]) @ world_from_array[:3, :3]
 
 
 def level_transform(pose: FloatArray) -> FloatArray:
@@ -98,11 +105,6 @@ def level_transform(pose: FloatArray) -> FloatArray:
     x, y, yaw = pose
     cos, sin = np.cos(yaw), np.sin(yaw)
     return np.array([[cos, -sin, 0.0, x], [sin, cos, 0.0, y], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
-
-
-def in_array_frame(points_m: FloatArray, world_from_array: FloatArray) -> FloatArray:
-    """World points (..., 3) in the frame of an array at `world_from_array` (4, 4)."""
-    return (points_m - world_from_array[:3, 3]) @ world_from_array[:3, :3]
 
 
 class Surroundings:
@@ -144,14 +146,11 @@ class Surroundings:
         faces = Faces(nothing, nothing, np.empty((0, 2, 3)), np.empty((0, 2)), np.empty(0, dtype=np.intp))
         return cls(faces, np.empty(0), np.empty(0), lambda _, ends: np.empty((len(ends), 0), dtype=np.bool_))
 
-    @property
-    def n_pieces(self) -> int:
-        """Pieces of equipment."""
-        return self.log_loss.size
-
-    def passed(self, start_m: FloatArray, ends_m: FloatArray) -> FloatArray:
-        """Amplitude left by the equipment between a start (3,) and ends (n, 3), shape (n,)."""
-        return np.exp((self.crossed(start_m, ends_m) * self.log_loss).sum(axis=-1))
+    def passed(self, starts_m: FloatArray, ends_m: FloatArray) -> FloatArray:
+        """Amplitude left by the equipment between starts and ends, each (n, 3); shape (n,)."""
+        if self.log_loss.size == 0 or len(starts_m) == 0:
+            return np.ones(len(starts_m))
+        return np.exp((self.crossed(starts_m, ends_m) * self.log_loss).sum(axis=-1))
 
 
 class Mirrors:
@@ -170,7 +169,13 @@ class Mirrors:
         self._images_m = sources_m[:, np.newaxis] - 2 * self._depth_m[..., np.newaxis] * faces.normal
         self._mirrors = (self._depth_m > OWN_FACE_M) & (surroundings.reflection != 0)
 
-    def trace(self, sources: NDArray[np.intp], elements_m: FloatArray, world_from_array: FloatArray) -> Paths:
+    def trace(
+        self,
+        sources: NDArray[np.intp],
+        elements_m: FloatArray,
+        world_from_array: FloatArray,
+        longer_m: float = np.inf,
+    ) -> Paths:
         """Paths from some of the sources to all elements.
 
         Which faces mirror a source to the array, and what stands in between, is asked for the centre of its elements:
@@ -180,20 +185,22 @@ class Mirrors:
             sources: Their numbers, shape (n,), ascending.
             elements_m: Shape (n_elements, 3), array frame.
             world_from_array: Shape (4, 4).
+            longer_m: Reflections that much longer than a direct path that nothing weakens are left out.
         """
-        centre_m = world_from_array[:3, :3] @ (elements_m.sum(axis=0) / len(elements_m)) + world_from_array[:3, 3]
-        row, face, point_m = self._reflections(sources, centre_m)
-        direct, mirrored = np.ones(sources.size), self.surroundings.reflection[face]
-        if self.surroundings.n_pieces:
-            for k, source in enumerate(sources.tolist()):
-                own = np.flatnonzero(row == k)
-                ends_m = np.concatenate([centre_m[np.newaxis], point_m[own]])
-                passed = self.surroundings.passed(self.sources_m[source], ends_m)
-                direct[k] = passed[0]
-                mirrored[own] *= passed[1:]
-            if row.size:
-                mirrored *= self.surroundings.passed(centre_m, point_m)
-        from_m = np.concatenate([self.sources_m[sources], self._images_m[sources[row], face]])
+        rotation, origin_m = world_from_array[:3, :3], world_from_array[:3, 3]
+        centre_m = rotation @ (elements_m.sum(axis=0) / len(elements_m)) + origin_m
+        source_m, n = self.sources_m[sources], sources.size
+        direct = self.surroundings.passed(source_m, centre_m + np.zeros((n, 3)))
+        row, face, image_m, point_m = self._reflections(sources, centre_m)
+        if longer_m < np.inf:
+            direct_m = np.sqrt(np.square(source_m - centre_m).sum(axis=-1))
+            farthest_m = np.where(direct == 1.0, direct_m + longer_m, np.inf)
+            near = np.sqrt(np.square(image_m - centre_m).sum(axis=-1)) < farthest_m[row]
+            row, face, image_m, point_m = row[near], face[near], image_m[near], point_m[near]
+        legs_from_m = np.concatenate([source_m[row], centre_m + np.zeros(point_m.shape)])  # towards the face: a line
+        passed = self.surroundings.passed(legs_from_m, np.concatenate([point_m, point_m]))  # may end on it, not start
+        mirrored = self.surroundings.reflection[face] * passed[: row.size] * passed[row.size :]
+        from_m = np.concatenate([source_m, image_m])
         return Paths(
             source=np.concatenate([sources, sources[row]]),
             rays=rays_between(elements_m, in_array_frame(from_m, world_from_array)),
@@ -202,14 +209,15 @@ class Mirrors:
 
     def _reflections(
         self, sources: NDArray[np.intp], centre_m: FloatArray
-    ) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
-        """Which of the sources (row) which face mirrors to a point, and where on it: (n,), (n,) and (n, 3)."""
+    ) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray, FloatArray]:
+        """Which of the sources (row) which face mirrors to a point, (n,); the image, and where on the face, (n, 3)."""
         faces = self.surroundings.faces
-        height_m = np.einsum("fi,fi->f", centre_m - faces.centre_m, faces.normal)
-        row, face = np.nonzero(self._mirrors[sources] & (height_m > 0))
-        depth_m, image_m = self._depth_m[sources[row], face], self._images_m[sources[row], face]
+        height_m = ((centre_m - faces.centre_m) * faces.normal).sum(axis=-1)
+        row, face = (self._mirrors[sources] & (height_m > 0)).nonzero()
+        source = sources[row]
+        depth_m, image_m = self._depth_m[source, face], self._images_m[source, face]
         share = depth_m / (depth_m + height_m[face])
         point_m = image_m + share[:, np.newaxis] * (centre_m - image_m)
-        along_m = np.einsum("ni,nki->nk", point_m - faces.centre_m[face], faces.axes[face])
-        on_face = np.all(np.abs(along_m) <= faces.half_size_m[face], axis=-1)
-        return row[on_face], face[on_face], point_m[on_face]
+        along_m = ((point_m - faces.centre_m[face])[:, np.newaxis] * faces.axes[face]).sum(axis=-1)
+        on_face = (np.abs(along_m) <= faces.half_size_m[face]).all(axis=-1)
+        return row[on_face], face[on_face], image_m[on_face], point_m[on_face]

@@ -196,15 +196,39 @@ class Receiver:
     ) -> dict[int, _Arrivals]:
         """What reaches the elements of each source that is on the air, by its number."""
         source = emitted.source
-        on_air = source[np.flatnonzero(np.diff(source, prepend=-1))]
-        paths = scene.trace(on_air, self.array.positions_m, world_from_array)
+        is_first = np.ones(source.size, dtype=np.bool_)
+        np.not_equal(source[1:], source[:-1], out=is_first[1:])
+        on_air = source[is_first]
+        paths = scene.trace(on_air, self.array.positions_m, world_from_array, self._heard_later_m)
         rays = paths.rays
-        amplitude = self.array.gain(rays.azimuth_rad, rays.elevation_rad) * (paths.factor[:, np.newaxis] / rays.range_m)
+        direction = rays.sight_m / rays.range_m[..., np.newaxis]
+        amplitude = self.array.gain_towards(direction) * (paths.factor[:, np.newaxis] / rays.range_m)
         if self.config.faults:
             amplitude *= self._faults.signal_factors(np.array(start_s))
         delay_s = rays.delay_s
-        own = [np.flatnonzero(paths.source == k) for k in on_air.tolist()]
-        return {k: _Arrivals(delay_s[rows], amplitude[rows]) for k, rows in zip(on_air.tolist(), own, strict=True)}
+        arrivals: dict[int, _Arrivals] = {}
+        for k in on_air.tolist():
+            own = paths.source == k
+            arrivals[k] = _Arrivals(delay_s[own], amplitude[own])
+        return arrivals
+
+    @cached_property
+    def _aperture_m(self) -> float:
+        """Largest distance between two elements, at most."""
+        return 2 * float(np.linalg.norm(self.array.positions_m[:, :2], axis=-1).max())
+
+    @cached_property
+    def _heard_later_m(self) -> float:
+        """A path this much longer than the direct one comes after the gate, and after the looks that follow it."""
+        n_samples = self.config.gate_samples - self.config.pretrigger_samples + self.front_end.pulse_lag
+        if self.config.fidelity == "waveform":
+            n_samples += LOOKS * (self.config.gate_samples // 2)
+        return n_samples / self.config.sample_rate_hz * SPEED_OF_LIGHT_MPS + 2 * self._aperture_m
+
+    def _is_inaudible(self, arrivals: _Arrivals, peak_v: FloatArray) -> bool:
+        """Whether no noise would lift any of the pulses to the threshold."""
+        loudest = self.front_end.pulse_peak * float(np.abs(arrivals.amplitude).max() * np.abs(peak_v).max())
+        return loudest < self.threshold_v - AUDIBLE_SIGMAS * self._filtered_v
 
     def _triggers(
         self, arrivals: _Arrivals, peak_v: FloatArray, threshold_v: float, rng: np.random.Generator
@@ -213,14 +237,16 @@ class Receiver:
 
         Where none is, the delay of the loudest. Both of shape (n_pulses,); the voltage has noise on it.
         """
-        order = np.argsort(arrivals.delay_s, axis=None)
-        delay_s = arrivals.delay_s.ravel()[order]
-        loudness = self.front_end.pulse_peak * np.abs(arrivals.amplitude.ravel()[order])
-        loudest = np.maximum.accumulate(loudness)
-        size_v = np.abs(peak_v)
-        first = np.searchsorted(loudest, threshold_v / size_v, side="right")
-        first[first == order.size] = loudness.argmax()
-        return delay_s[first], loudest[-1] * size_v + self._filtered_v * rng.standard_normal(peak_v.size)
+        delay_s, size_v = arrivals.delay_s.ravel(), np.abs(peak_v)
+        loudness = self.front_end.pulse_peak * np.abs(arrivals.amplitude.ravel())
+        voltage = loudness.max() * size_v + self._filtered_v * rng.standard_normal(peak_v.size)
+        earliest = delay_s.argmin()
+        if loudness[earliest] * size_v.min() > threshold_v:
+            return np.full(peak_v.size, delay_s[earliest]), voltage
+        order = np.argsort(delay_s)
+        first = np.searchsorted(np.maximum.accumulate(loudness[order]), threshold_v / size_v, side="right")
+        first[first == order.size] = loudness[order].argmax()
+        return delay_s[order[first]], voltage
 
     def _signals(self, arrivals: _Arrivals, burst_s: float, start_s: FloatArray, n_samples: int) -> FloatArray:
         """Noise-free records for a peak of 1 V, shape (n, n_elements, n_samples), from times `start_s` (n,) on."""
@@ -256,6 +282,8 @@ class Receiver:
         for source, arrived in arrivals.items():
             own = slice(*np.searchsorted(emitted.source, (source, source + 1)).tolist())
             peak_v = emitted.peak_v[own]
+            if self._is_inaudible(arrived, peak_v):
+                continue
             delay_s, voltage = self._triggers(arrived, peak_v, self.threshold_v, rng)
             heard = voltage > self.threshold_v
             if scene.sources[source].burst_s > 0:
@@ -265,7 +293,10 @@ class Receiver:
                 peak_v, delay_s = peak_v[heard], delay_s[heard]
             if peak_v.size == 0:
                 continue
-            first_s, gate = (delay_s, np.arange(1)) if delay_s.size == 1 else np.unique(delay_s, return_inverse=True)
+            if (delay_s == delay_s[0]).all():
+                first_s, gate = delay_s[:1], np.zeros(delay_s.size, dtype=np.intp)
+            else:
+                first_s, gate = np.unique(delay_s, return_inverse=True)
             signals.append(self._signals(arrived, 0.0, self._gate_start_s(first_s), self.config.gate_samples))
             gates.append(n_signals + gate)
             n_signals += first_s.size
@@ -364,8 +395,9 @@ class Receiver:
         n, n_looks = peak_v.size, LOOKS * (config.gate_samples // 2)
         n_before = config.pretrigger_samples
         if config.trigger_jitter:
-            aperture_s = 2 * float(np.linalg.norm(self.array.positions_m[:, :2], axis=-1).max()) / SPEED_OF_LIGHT_MPS
-            lead = round(aperture_s * config.sample_rate_hz)  # what arrives a little before may trigger too
+            lead = round(
+                self._aperture_m / SPEED_OF_LIGHT_MPS * config.sample_rate_hz
+            )  # what arrives a little before may trigger too
             n_search = 2 * lead + round(self.front_end.pulse_lag + 2 * DECAY_S * config.sample_rate_hz)
             start_s = delay_s - (n_before + lead + rng.random(n)) / config.sample_rate_hz
         else:

@@ -78,6 +78,8 @@ class Scene:
         louder = 10 ** (self._drift_db[source] * time_s / 20)
         return Emissions(source, time_s, self._amplitude_v[source] * relative * louder)
 
-    def trace(self, sources: NDArray[np.intp], elements_m: FloatArray, world_from_array: FloatArray) -> Paths:
+    def trace(
+        self, sources: NDArray[np.intp], elements_m: FloatArray, world_from_array: FloatArray, longer_m: float
+    ) -> Paths:
         """Paths from some sources to elements; see `Mirrors.trace`."""
-        return self._mirrors.trace(sources, elements_m, world_from_array)
+        return self._mirrors.trace(sources, elements_m, world_from_array, longer_m)

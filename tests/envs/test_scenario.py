@@ -80,7 +80,7 @@ def test_each_candidate_site_is_in_sight_over_sixty_degrees_of_reachable_ground_
         away = site_map.centres_m - source[:2]
         near = np.isfinite(reach.length_m) & (np.linalg.norm(away, axis=-1) < 3.5)
         antennas = np.column_stack([site_map.centres_m[near], np.full(near.sum(), 0.6)])
-        seen = ~inspector.crossed(source, antennas).any(axis=-1)
+        seen = ~inspector.crossed(np.broadcast_to(source, antennas.shape), antennas).any(axis=-1)
         aspects = np.degrees(np.arctan2(away[near][seen][:, 1], away[near][seen][:, 0]))
         assert np.unique(aspects // 10).size >= 7, f"{site}: seen over {np.unique(aspects // 10).size * 10} degrees"
 
@@ -94,7 +94,7 @@ def test_the_default_scenario_is_hard_enough_to_mean_something() -> None:
     nominal = HelicalArray.nominal(scenario.array)
     inspector = Inspector(build_model(scenario.yard, nominal.positions_m, nominal.boresights_rad))
     at_dock = np.array([[*scenario.route.dock_m, scenario.array.height_m]])
-    hidden = [bool(inspector.crossed(position, at_dock).any()) for position in positions]
+    hidden = [bool(inspector.crossed(position[np.newaxis], at_dock).any()) for position in positions]
     assert len(sites) >= 8
     assert (apart > 3.0).sum() >= 2
     assert sum(hidden) >= 2

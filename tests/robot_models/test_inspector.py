@@ -214,25 +214,29 @@ def test_a_reset_into_equipment_is_reported(inspector: Inspector):
 def test_equipment_in_between_is_crossed(inspector: Inspector, start: tuple[float, float, float], expected: list[bool]):
     source = np.array([21.02, 10.0, 1.5 if start[2] < 5 else 3.02])
     assert inspector.equipment == ("tank", "bushing")
-    assert inspector.crossed(source, np.array([start])).tolist() == [expected]
-    assert inspector.crossed(np.array(start), source[np.newaxis]).tolist() == [expected]
+    assert inspector.crossed(source[np.newaxis], np.array([start])).tolist() == [expected]
+    assert inspector.crossed(np.array([start]), source[np.newaxis]).tolist() == [expected]
 
 
 def test_neither_fence_nor_floor_nor_robot_is_in_the_way(inspector: Inspector):
     inspector.reset(5.0, 5.0, 0.0)
     points = np.array([[-3.0, 5.0, 0.3], [4.0, 5.0, 0.12], [4.0, 5.0, 0.62], [5.0, 5.0, -1.0]])
-    assert not inspector.crossed(np.array([6.0, 5.0, 0.12]), points).any()
+    assert not inspector.crossed(np.tile([6.0, 5.0, 0.12], (4, 1)), points).any()
 
 
 def test_all_pieces_along_a_line_are_crossed_not_the_first_alone(inspector: Inspector):
     ends = np.array([[25.0, 5.0, 1.0], [15.0, 15.0, 1.0], [8.0, 22.0, 1.0]])  # behind both, behind the bushing, neither
-    assert inspector.crossed(np.array([5.0, 25.0, 1.0]), ends).tolist() == [[True, True], [False, True], [False, False]]
+    assert inspector.crossed(np.tile([5.0, 25.0, 1.0], (3, 1)), ends).tolist() == [
+        [True, True],
+        [False, True],
+        [False, False],
+    ]
 
 
 def test_a_line_that_ends_on_a_face_does_not_cross_it(inspector: Inspector):
     on_face, through = np.array([[19.0, 10.0, 1.0]]), np.array([[21.0, 10.0, 1.0]])
-    assert not inspector.crossed(np.array([5.0, 10.0, 1.0]), on_face).any()
-    assert inspector.crossed(np.array([5.0, 10.0, 1.0]), through).tolist() == [[True, False]]
+    assert not inspector.crossed(np.array([[5.0, 10.0, 1.0]]), on_face).any()
+    assert inspector.crossed(np.array([[5.0, 10.0, 1.0]]), through).tolist() == [[True, False]]
 
 
 def test_the_frame_of_the_base_is_where_the_robot_stands(inspector: Inspector):
@@ -347,5 +351,5 @@ def test_a_pose_that_is_not_finite_is_refused(inspector: Inspector):
 
 
 def test_points_of_the_wrong_shape_are_refused(inspector: Inspector):
-    with pytest.raises(ValueError, match=r"`ends_m` \(n, 3\), got"):
+    with pytest.raises(ValueError, match=r"must both have shape \(n, 3\)"):
         inspector.crossed(np.zeros(3), np.zeros(3))

@@ -205,7 +205,7 @@ def test_the_converter_rounds_to_its_steps_and_its_rounding_is_part_of_the_noise
 
 def test_a_pulse_beyond_full_scale_is_flagged_and_one_within_is_not() -> None:
     loud, quiet = (
-        listen(source_at(3.0, 0.0, amplitude_v=v), noise_v=1e-3, full_scale_v=0.1, bits=12) for v in (3.0, 0.2)
+        listen(source_at(3.0, 0.0, amplitude_v=v), full_scale_v=0.1, false_alarm_rate_hz=1e-9) for v in (3.0, 0.2)
     )
     assert loud.is_clipped.any(axis=-1).all()
     assert np.abs(loud.waveforms_v).max() == pytest.approx(0.1)
