@@ -102,6 +102,5 @@ def strength_variance(
     spread = n_samples if energy_spread is None else energy_spread
     energy = np.square(np.asarray(strengths, dtype=np.float64))
     variance = np.asarray(noise_variance, dtype=np.float64)
-    energy = np.maximum(energy, np.sqrt(spread / 2) * variance)
-    by_noise = np.divide(spread * variance**2, 2 * energy, out=np.zeros_like(energy), where=energy > 0)
-    return noise_on_pulse * variance + by_noise
+    energy = np.maximum(energy, np.maximum(np.sqrt(spread / 2) * variance, np.finfo(np.float64).tiny))
+    return noise_on_pulse * variance + 0.5 * spread * variance**2 / energy

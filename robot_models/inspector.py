@@ -36,8 +36,8 @@ MAX_ACCELERATION_MPS2 = 3.0
 _WHOLE = 1.0 - 1e-9
 """Share of a ray up to which a hit counts."""
 
-_BEYOND_M = 1e-6
-"""How far beyond a surface a ray is taken up again."""
+_BEYOND = 1e-7
+"""Share of a ray by which it is taken up again beyond a surface: micrometres."""
 
 _EQUIPMENT_ONLY = (np.arange(mujoco.mjNGROUP) == EQUIPMENT_GROUP).astype(np.uint8)
 
@@ -170,7 +170,7 @@ class Inspector:
         pieces: list[int] = []
         met = np.zeros(1, dtype=np.int32)
         for row, (start, ray) in enumerate(zip(starts, ends - starts, strict=True)):
-            beyond, share = 0.0, 0.0
+            share = 0.0
             while True:
                 origin = start if share == 0.0 else start + share * ray
                 further = mujoco.mj_ray(self.model, self.data, origin, ray, _EQUIPMENT_ONLY, True, -1, met, None)
@@ -179,8 +179,7 @@ class Inspector:
                     break
                 rows.append(row)
                 pieces.append(self._piece[int(met[0])])
-                beyond = beyond or _BEYOND_M / math.hypot(*ray.tolist())
-                share += beyond
+                share += _BEYOND
         crossed = np.zeros((len(starts), len(self.equipment)), dtype=np.bool_)
         crossed[rows, pieces] = True
         return crossed

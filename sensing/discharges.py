@@ -128,8 +128,8 @@ class Rhythm(NamedTuple):
         row = np.repeat(np.arange(counts.size), counts)
         along = rng.random(row.size) * n_cycles[row]
         off, louder = rng.standard_normal((2, row.size))
-        in_cycle = np.where(self.is_even, 0.0, self.centre)[row] + self.width[row] * off
-        cycle = low[row] + np.where(self.is_even[row], along, np.floor(along)) + in_cycle
+        whole = np.where(self.is_even[row], along, np.floor(along))
+        cycle = low[row] + whole + self.centre[row] + self.width[row] * off
         inside = (cycle >= first[row]) & (cycle < last[row])
         row, cycle, louder = row[inside], cycle[inside], louder[inside]
         amplitude = self.polarity[row] * 10 ** ((self.level_db[row] + self.spread_db[row] * louder) / 20)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +15,21 @@ FILTER_ORDER = 6
 """Of the Butterworth prototype: 54 dB at the 948 MHz of the Dir-MUSIC paper's interferer with the default band, while
 the filter still settles within a gate."""
 
-PHASES = 16
-"""Into how many parts a sample is divided where the filtered pulse is tabulated; in between it is interpolated."""
+PHASES = 128
+"""Into how many parts a sample is divided where the filtered pulse is tabulated; what lies between is rounded, to 0.003
+rad at 2 GHz and 20 GS/s."""
 
 SETTLED = 1e-6
 """Share of its energy that is left of the filter's impulse response when it is taken as over."""
 
 MODE_SHARE = 1e-3
 """Share of the noise energy of a gate that the modes left out have together; their mean is kept."""
+
+
+@lru_cache(maxsize=16)
+def front_end(sample_rate_hz: float, band_hz: tuple[float, float] | None, gate_samples: int) -> FrontEnd:
+    """The same front end for the same settings: its tables are made once."""
+    return FrontEnd(sample_rate_hz, band_hz, gate_samples)
 
 
 class FrontEnd:
@@ -139,15 +146,13 @@ class FrontEnd:
         sample = np.arange(n) - np.arange(PHASES)[:, np.newaxis] / PHASES  # arrives that much after a sample
         filtered = self.filter(damped_pulse(sample / self.sample_rate_hz))
         late = filtered.T[:, ::-1].ravel()  # value k is at (k - (PHASES - 1)) / PHASES samples after arrival
-        return np.append(late[PHASES - 1 :], np.zeros(2))
+        table = np.append(late[PHASES - 1 :], 0.0)
+        table[0] = 0.0  # what comes before counts as the first value, what comes after as the last
+        return table
 
     def pulse(self, sample: FloatArray) -> FloatArray:
         """The filtered pulse so many samples after its arrival, any shape; 0 before. Its peak is `pulse_peak`."""
-        table = self._pulse_table
-        at = np.minimum(np.maximum(sample * PHASES, -1.0), table.size - 2.0)
-        whole = np.floor(at).astype(np.intp)
-        left, right = table[whole], table[whole + 1]  # -1 is the zero at the end
-        return left + (at - whole) * (right - left)
+        return self._pulse_table.take((PHASES * sample + 0.5).astype(np.intp), mode="clip")
 
     @cached_property
     def pulse_peak(self) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal, Self
+from typing import Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from dirmusic.gain_delay import SPEED_OF_LIGHT_MPS
 from sensing.array import HelicalArray
 from sensing.energy import draw_energies
 from sensing.faults import STUCK_AT, ChannelFault, Faults
-from sensing.front_end import FrontEnd
+from sensing.front_end import front_end
 from sensing.pulses import DECAY_S, FREQUENCY_HZ
 from sensing.scene import Emissions, Scene
 
@@ -104,10 +104,16 @@ class Heard:
     n_rejected: int
 
 
-@dataclass(frozen=True)
-class _Arrivals:
-    """All that one source sends to the elements; `delay_s` and `amplitude` (n_paths, n_elements), for a peak of 1 V."""
+class _Arrivals(NamedTuple):
+    """All that reaches the elements from sources on the air; a row is a path.
 
+    Attributes:
+        source: Number of the source, shape (n_paths,).
+        delay_s: Shape (n_paths, n_elements).
+        amplitude: For a peak of 1 V, shape (n_paths, n_elements).
+    """
+
+    source: NDArray[np.intp]
     delay_s: FloatArray
     amplitude: FloatArray
 
@@ -123,9 +129,8 @@ class Receiver:
     def __init__(self, config: ReceiverConfig, array: HelicalArray) -> None:
         self.config = config
         self.array = array
-        self.front_end = FrontEnd(
-            config.sample_rate_hz, None if config.band_hz == "all" else config.band_hz, config.gate_samples
-        )
+        band_hz = None if config.band_hz == "all" else config.band_hz
+        self.front_end = front_end(config.sample_rate_hz, band_hz, config.gate_samples)
         self._n_elements = array.boresights_rad.size
         self._faults = Faults(config.faults, self._n_elements)
 
@@ -185,32 +190,26 @@ class Receiver:
             duration_s: Length of the interval.
         """
         emitted = scene.emissions(start_s, duration_s, rng)
-        arrivals = self._arrivals(scene, emitted, world_from_array, start_s) if emitted.time_s.size else {}
+        arrivals = self._arrivals(scene, emitted, world_from_array, start_s)
         false_s, false_gates = self._noise_triggers(rng, start_s, duration_s)
         if self.config.fidelity == "energy":
             return self._hear_energies(scene, emitted, arrivals, false_s, false_gates, rng)
         return self._hear_waveforms(scene, emitted, arrivals, false_s, false_gates, world_from_array, rng)
 
-    def _arrivals(
-        self, scene: Scene, emitted: Emissions, world_from_array: FloatArray, start_s: float
-    ) -> dict[int, _Arrivals]:
-        """What reaches the elements of each source that is on the air, by its number."""
+    def _arrivals(self, scene: Scene, emitted: Emissions, world_from_array: FloatArray, start_s: float) -> _Arrivals:
         source = emitted.source
+        if source.size == 0:
+            nothing = np.empty((0, self._n_elements))
+            return _Arrivals(source, nothing, nothing)
         is_first = np.ones(source.size, dtype=np.bool_)
         np.not_equal(source[1:], source[:-1], out=is_first[1:])
-        on_air = source[is_first]
-        paths = scene.trace(on_air, self.array.positions_m, world_from_array, self._heard_later_m)
+        paths = scene.trace(source[is_first], self.array.positions_m, world_from_array, self._heard_later_m)
         rays = paths.rays
         direction = rays.sight_m / rays.range_m[..., np.newaxis]
         amplitude = self.array.gain_towards(direction) * (paths.factor[:, np.newaxis] / rays.range_m)
         if self.config.faults:
             amplitude *= self._faults.signal_factors(np.array(start_s))
-        delay_s = rays.delay_s
-        arrivals: dict[int, _Arrivals] = {}
-        for k in on_air.tolist():
-            own = paths.source == k
-            arrivals[k] = _Arrivals(delay_s[own], amplitude[own])
-        return arrivals
+        return _Arrivals(paths.source, rays.delay_s, amplitude)
 
     @cached_property
     def _aperture_m(self) -> float:
@@ -225,40 +224,58 @@ class Receiver:
             n_samples += LOOKS * (self.config.gate_samples // 2)
         return n_samples / self.config.sample_rate_hz * SPEED_OF_LIGHT_MPS + 2 * self._aperture_m
 
-    def _is_inaudible(self, arrivals: _Arrivals, peak_v: FloatArray) -> bool:
-        """Whether no noise would lift any of the pulses to the threshold."""
-        loudest = self.front_end.pulse_peak * float(np.abs(arrivals.amplitude).max() * np.abs(peak_v).max())
-        return loudest < self.threshold_v - AUDIBLE_SIGMAS * self._filtered_v
-
     def _triggers(
-        self, arrivals: _Arrivals, peak_v: FloatArray, threshold_v: float, rng: np.random.Generator
+        self, arrivals: _Arrivals, emitted: Emissions, threshold_v: float, rng: np.random.Generator
     ) -> tuple[FloatArray, FloatArray]:
-        """For each pulse the delay of the first arrival that is loud enough for the trigger, and its greatest voltage.
+        """For each pulse when its first path that is loud enough for the trigger reaches the loudest channel.
 
-        Where none is, the delay of the loudest. Both of shape (n_pulses,); the voltage has noise on it.
+        Returns:
+            Delays of those, or where none is loud enough of the loudest path, and the greatest voltage, with noise on
+            it; both of shape (n_pulses,).
         """
-        delay_s, size_v = arrivals.delay_s.ravel(), np.abs(peak_v)
-        loudness = self.front_end.pulse_peak * np.abs(arrivals.amplitude.ravel())
-        voltage = loudness.max() * size_v + self._filtered_v * rng.standard_normal(peak_v.size)
-        earliest = delay_s.argmin()
-        if loudness[earliest] * size_v.min() > threshold_v:
-            return np.full(peak_v.size, delay_s[earliest]), voltage
-        order = np.argsort(delay_s)
-        first = np.searchsorted(np.maximum.accumulate(loudness[order]), threshold_v / size_v, side="right")
-        first[first == order.size] = loudness[order].argmax()
-        return delay_s[order[first]], voltage
+        paths, channel = np.arange(arrivals.source.size), np.abs(arrivals.amplitude).argmax(axis=-1)
+        loudest_v = self.front_end.pulse_peak * np.abs(arrivals.amplitude[paths, channel])
+        level_v = np.abs(emitted.peak_v)[:, np.newaxis] * loudest_v
+        level_v *= arrivals.source == emitted.source[:, np.newaxis]
+        path_s = arrivals.delay_s[paths, channel]
+        delay_s: FloatArray = np.where(level_v > threshold_v, path_s, np.inf).min(axis=-1, initial=np.inf)
+        never = np.flatnonzero(delay_s == np.inf)
+        if never.size:
+            delay_s[never] = path_s[level_v[never].argmax(axis=-1)]
+        noise_v: FloatArray = self._filtered_v * rng.standard_normal(emitted.peak_v.size)
+        return delay_s, noise_v + level_v.max(axis=-1, initial=0.0)
 
-    def _signals(self, arrivals: _Arrivals, burst_s: float, start_s: FloatArray, n_samples: int) -> FloatArray:
-        """Noise-free records for a peak of 1 V, shape (n, n_elements, n_samples), from times `start_s` (n,) on."""
+    def _signals(
+        self,
+        arrivals: _Arrivals,
+        source: NDArray[np.intp],
+        start_s: FloatArray,
+        n_samples: int,
+        burst_s: FloatArray | None = None,
+    ) -> FloatArray:
+        """Noise-free records for a peak of 1 V; overlapping paths are one waveform.
+
+        Args:
+            arrivals: What reaches the elements.
+            source: Whose pulse each record holds, shape (n,), n > 0.
+            start_s: When each record starts, after the pulse was radiated, shape (n,).
+            n_samples: Length of the records.
+            burst_s: Where records hold bursts of a carrier, how long they last; 0 for a pulse. None if all are pulses.
+
+        Returns:
+            Shape (n, n_elements, n_samples).
+        """
         rate_hz = self.config.sample_rate_hz
-        shift = (start_s[:, np.newaxis, np.newaxis] - arrivals.delay_s) * rate_hz
-        sample = np.arange(n_samples) + shift[..., np.newaxis]
-        if burst_s > 0:
-            inside = (sample >= 0) & (sample < burst_s * rate_hz)
-            shape = inside * np.sin(2 * np.pi * FREQUENCY_HZ / rate_hz * sample)
-        else:
-            shape = self.front_end.pulse(sample)
-        return (arrivals.amplitude[..., np.newaxis] * shape).sum(axis=1)
+        record, path = np.nonzero(arrivals.source == source[:, np.newaxis])
+        since = (start_s[record, np.newaxis] - arrivals.delay_s[path]) * rate_hz
+        sample = since[..., np.newaxis] + np.arange(n_samples)
+        shape = self.front_end.pulse(sample)
+        if burst_s is not None:
+            is_on = (sample >= 0) & (sample < (burst_s[record] * rate_hz)[:, np.newaxis, np.newaxis])
+            burst = is_on * np.sin(2 * np.pi * FREQUENCY_HZ / rate_hz * sample)
+            shape = np.where((burst_s[record] > 0)[:, np.newaxis, np.newaxis], burst, shape)
+        shape *= arrivals.amplitude[path][..., np.newaxis]
+        return np.add.reduceat(shape, np.searchsorted(record, np.arange(source.size)), axis=0)
 
     def _gate_start_s(self, delay_s: FloatArray) -> FloatArray:
         """Where a gate starts that no noise moves: the pre-trigger before an arrival comes to half its peak."""
@@ -268,43 +285,23 @@ class Receiver:
         self,
         scene: Scene,
         emitted: Emissions,
-        arrivals: dict[int, _Arrivals],
+        arrivals: _Arrivals,
         false_s: FloatArray,
         false_gates: FloatArray,
         rng: np.random.Generator,
     ) -> Heard:
         """Strengths from the law of the gates' energies. Bursts do not look like pulses and are rejected."""
-        times, energies, n_rejected = [false_s], [np.square(false_gates).sum(axis=-1)], 0
-        signals: list[FloatArray] = []
-        gates: list[NDArray[np.intp]] = []
-        peaks: list[FloatArray] = []
-        n_signals = 0
-        for source, arrived in arrivals.items():
-            own = slice(*np.searchsorted(emitted.source, (source, source + 1)).tolist())
-            peak_v = emitted.peak_v[own]
-            if self._is_inaudible(arrived, peak_v):
-                continue
-            delay_s, voltage = self._triggers(arrived, peak_v, self.threshold_v, rng)
-            heard = voltage > self.threshold_v
-            if scene.sources[source].burst_s > 0:
-                n_rejected += int(heard.sum())
-                continue
-            if not heard.all():
-                peak_v, delay_s = peak_v[heard], delay_s[heard]
-            if peak_v.size == 0:
-                continue
-            if (delay_s == delay_s[0]).all():
-                first_s, gate = delay_s[:1], np.zeros(delay_s.size, dtype=np.intp)
-            else:
-                first_s, gate = np.unique(delay_s, return_inverse=True)
-            signals.append(self._signals(arrived, 0.0, self._gate_start_s(first_s), self.config.gate_samples))
-            gates.append(n_signals + gate)
-            n_signals += first_s.size
-            peaks.append(peak_v)
-            times.append(emitted.time_s[own][heard])
-        if signals:
-            drawn = (np.concatenate(signals), np.concatenate(gates), np.concatenate(peaks))
-            energies.append(draw_energies(*drawn, self._filtered_v, self.front_end.modes, rng))
+        delay_s, voltage = self._triggers(arrivals, emitted, self.threshold_v, rng)
+        is_heard, is_burst = voltage > self.threshold_v, scene.burst_s[emitted.source] > 0
+        pulses = np.flatnonzero(is_heard & ~is_burst)
+        times, energies = [false_s, emitted.time_s[pulses]], [np.square(false_gates).sum(axis=-1)]
+        if pulses.size:
+            first_s, index, gate = np.unique(delay_s[pulses], return_index=True, return_inverse=True)
+            source, start_s = emitted.source[pulses[index]], self._gate_start_s(first_s)
+            signals = self._signals(arrivals, source, start_s, self.config.gate_samples)
+            peak_v = emitted.peak_v[pulses]
+            energies.append(draw_energies(signals, gate, peak_v, self._filtered_v, self.front_end.modes, rng))
+        n_rejected = int(np.count_nonzero(is_heard & is_burst))
         time_s, energy = np.concatenate(times), np.concatenate(energies)
         order = np.argsort(time_s, kind="stable")
         time_s, n_samples = time_s[order], self.config.gate_samples
@@ -318,7 +315,7 @@ class Receiver:
         self,
         scene: Scene,
         emitted: Emissions,
-        arrivals: dict[int, _Arrivals],
+        arrivals: _Arrivals,
         false_s: FloatArray,
         false_gates: FloatArray,
         world_from_array: FloatArray,
@@ -330,15 +327,13 @@ class Receiver:
         threshold_v = self.threshold_v + float(np.max(np.abs(tones).sum(axis=0)))
         false_gates += self._carriers(scene, tones, false_gates.shape, rng)
         times, gates, n_rejected = [false_s], [false_gates], 0
-        for source, arrived in arrivals.items():
-            own = np.flatnonzero(emitted.source == source)
-            for block in np.split(own, np.arange(BLOCK, own.size, BLOCK)):
-                heard, gate, is_pulse = self._record(
-                    scene, source, arrived, emitted.peak_v[block], tones, threshold_v, rng
-                )
-                times.append(emitted.time_s[block][heard][is_pulse])
-                gates.append(gate[is_pulse])
-                n_rejected += int((~is_pulse).sum())
+        for first in range(0, emitted.time_s.size, BLOCK):
+            part = slice(first, first + BLOCK)
+            block = Emissions(emitted.source[part], emitted.time_s[part], emitted.peak_v[part])
+            heard, gate, is_pulse = self._record(scene, block, arrivals, tones, threshold_v, rng)
+            times.append(block.time_s[heard][is_pulse])
+            gates.append(gate[is_pulse])
+            n_rejected += int((~is_pulse).sum())
         time_s = np.concatenate(times)
         order = np.argsort(time_s, kind="stable")
         time_s = time_s[order]
@@ -375,23 +370,24 @@ class Receiver:
     def _record(
         self,
         scene: Scene,
-        source: int,
+        emitted: Emissions,
         arrivals: _Arrivals,
-        peak_v: FloatArray,
         tones: NDArray[np.complex128],
         threshold_v: float,
         rng: np.random.Generator,
     ) -> tuple[NDArray[np.bool_], FloatArray, NDArray[np.bool_]]:
-        """Record pulses of one source.
+        """Record some pulses.
 
         Returns:
             Which triggered, shape (n_pulses,); their gates, shape (n_heard, n_elements, gate_samples); and which of
             those look like a pulse, shape (n_heard,).
         """
         config = self.config
-        delay_s, voltage = self._triggers(arrivals, peak_v, threshold_v, rng)
+        delay_s, voltage = self._triggers(arrivals, emitted, threshold_v, rng)
         heard = voltage > threshold_v - config.trigger_jitter * AUDIBLE_SIGMAS * self._filtered_v
-        delay_s, peak_v = delay_s[heard], peak_v[heard]
+        delay_s, peak_v, source = delay_s[heard], emitted.peak_v[heard], emitted.source[heard]
+        if source.size == 0:
+            return heard, np.empty((0, self._n_elements, config.gate_samples)), np.empty(0, dtype=np.bool_)
         n, n_looks = peak_v.size, LOOKS * (config.gate_samples // 2)
         n_before = config.pretrigger_samples
         if config.trigger_jitter:
@@ -404,7 +400,8 @@ class Receiver:
             n_search = 0
             start_s = self._gate_start_s(delay_s)
         n_samples = n_search + config.gate_samples + n_looks
-        signals = self._signals(arrivals, scene.sources[source].burst_s, start_s, n_samples)
+        burst_s = scene.burst_s[source]
+        signals = self._signals(arrivals, source, start_s, n_samples, burst_s if burst_s.any() else None)
         record = peak_v[:, np.newaxis, np.newaxis] * signals
         record += config.noise_v * self.front_end.noise(rng, record.shape)
         record += self._carriers(scene, tones, record.shape, rng)

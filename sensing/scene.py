@@ -36,6 +36,9 @@ class Scene:
         sources: All that radiates pulses or bursts.
         surroundings: What stands about.
         carriers: What radiates all the time.
+
+    Attributes:
+        burst_s: How long the emissions of each source last that are no pulses, 0 for pulses, shape (n_sources,).
     """
 
     def __init__(
@@ -51,6 +54,7 @@ class Scene:
         self._amplitude_v = np.array([source.amplitude_v for source in self.sources])
         self._active_s = np.array([source.active_s for source in self.sources]).reshape(-1, 2)
         self._drift_db = np.array([source.drift_db_per_min for source in self.sources]) / 60.0
+        self.burst_s = np.array([source.burst_s for source in self.sources])
         self._guns = [k for k, source in enumerate(self.sources) if source.rhythm is None]
         rhythms = [(k, source.rhythm) for k, source in enumerate(self.sources) if source.rhythm is not None]
         self._source_of_row = np.repeat([k for k, _ in rhythms], [r.rate_hz.size for _, r in rhythms]).astype(np.intp)

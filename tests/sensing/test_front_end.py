@@ -51,8 +51,8 @@ def test_the_tabulated_pulse_is_the_filtered_pulse_at_any_fraction_of_a_sample()
     sections = butter(FILTER_ORDER, BAND_HZ, btype="bandpass", fs=RATE_HZ, output="sos")
     for late in (0.0, 3.37, 7.9):
         at: FloatArray = np.arange(400.0) - late
-        np.testing.assert_allclose(FILTERED.pulse(at), sosfilt(sections, damped_pulse(at / RATE_HZ)), atol=3e-4)
-        np.testing.assert_allclose(WHITE.pulse(at), damped_pulse(at / RATE_HZ), atol=3e-4)
+        np.testing.assert_allclose(FILTERED.pulse(at), sosfilt(sections, damped_pulse(at / RATE_HZ)), atol=2e-3)
+        np.testing.assert_allclose(WHITE.pulse(at), damped_pulse(at / RATE_HZ), atol=2e-3)
     assert not FILTERED.pulse(np.array([-5.0, -1.0, 1e6])).any()
 
 
