@@ -36,6 +36,9 @@ MAX_ACCELERATION_MPS2 = 3.0
 _WHOLE = 1.0 - 1e-9
 """Share of a ray up to which a hit counts."""
 
+_SHORTEST_M = 1e-9
+"""MuJoCo takes no shorter ray; such a one crosses nothing."""
+
 _BEYOND = 1e-7
 """Share of a ray by which it is taken up again beyond a surface: micrometres."""
 
@@ -168,9 +171,9 @@ class Inspector:
             )
         rows: list[int] = []
         pieces: list[int] = []
-        met = np.zeros(1, dtype=np.int32)
-        for row, (start, ray) in enumerate(zip(starts, ends - starts, strict=True)):
-            share = 0.0
+        met, rays = np.zeros(1, dtype=np.int32), ends - starts
+        for row in np.flatnonzero(np.square(rays).sum(axis=-1) > _SHORTEST_M**2).tolist():
+            start, ray, share = starts[row], rays[row], 0.0
             while True:
                 origin = start if share == 0.0 else start + share * ray
                 further = mujoco.mj_ray(self.model, self.data, origin, ray, _EQUIPMENT_ONLY, True, -1, met, None)
