@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from envs import load_scenario
+
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 BIN = Path(sys.executable).parent
@@ -48,6 +50,16 @@ def test_every_command_of_the_readme_works(tmp_path: Path) -> None:
         else:
             done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=180)
         assert done.returncode == 0, f"{command}: {done.stderr}"
+
+
+def test_the_settings_that_the_readme_shows_are_taken(tmp_path: Path) -> None:
+    (block,) = blocks("toml")
+    shipped = (ROOT / "envs" / "scenarios" / "one_source.toml").read_text(encoding="utf-8")
+    assert "[receiver]" not in shipped
+    (tmp_path / "yard.toml").write_text(f"{shipped}\n{block}", encoding="utf-8")
+    scenario = load_scenario(tmp_path / "yard.toml")
+    assert scenario.receiver.fidelity == "energy"
+    assert len(scenario.receiver.faults) == len(scenario.carriers) == 1
 
 
 def served_on_loopback(words: list[str], folder: Path, environment: dict[str, str]) -> None:
