@@ -13,6 +13,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dirmusic.angles import opening
 from dirmusic.bearing import Bearings, estimate_bearings
 from dirmusic.manifold import GainManifold
 
@@ -85,6 +86,9 @@ class HealthRules:
 
 SWAP_PULSES = 30
 """Two channels are suspected of being swapped only after a single one has had the time to show (assumed)."""
+
+SWAP_OPENING_RAD = np.radians(60.0)
+"""And only by pulses from directions so far apart: from one alone, a low channel looks like two swapped (assumed)."""
 
 CLEAR_STD_RAD = np.radians(4.0)
 """Pulses whose bearing is this good by noise are watched (assumed)."""
@@ -202,9 +206,13 @@ class ChannelMonitor:
         for i, j in combinations(range(channels.size), 2):
             order = np.arange(channels.size, dtype=np.intp)
             order[[i, j]] = j, i
-            left = float(np.median(self._fit(heard[:, order], channels)[1]))
+            left = float(np.quantile(self._fit(heard[:, order], channels)[1], 0.9))
             if left < best:
                 best, pair = left, (i, j)
         if best > min(self.rules.cure * unexplained, self.rules.agreed):
+            return []
+        order = np.arange(channels.size, dtype=np.intp)
+        order[list(pair)] = order[list(pair)[::-1]]
+        if opening(self._fit(heard[:, order], channels)[0]) < SWAP_OPENING_RAD:
             return []
         return [SuspectChannel(int(channels[k]) + 1, "swapped", np.nan, len(heard)) for k in pair]

@@ -12,6 +12,7 @@ from missions.log import TABLES, MissionLog
 from missions.policies import SeesTruth, make_policy
 from missions.report import make_report
 from missions.runner import Mission, run_mission
+from sensing.faults import ChannelFault
 
 REPORT_KEYS = {
     "schema", "scenario", "seed", "policy", "sim_time_s", "wall_time_s", "distance_m", "collisions", "waypoints",
@@ -231,3 +232,23 @@ def test_clipped_pulses_are_told_logged_and_left_out_of_locating() -> None:
     assert clipped.any()
     assert not log.column("pulse", "is_credible")[clipped].any()
     assert list(log.column("event", "kind")).count("clipped") == 1
+
+
+def test_a_channel_that_dies_is_told_left_out_and_does_not_spoil_the_mission() -> None:
+    scenario = load_scenario("one_source")
+    dead = scenario.receiver.model_copy(
+        update={"faults": (ChannelFault(channel=2, kind="dead", start_s=5.0),), "fidelity": "energy"}
+    )
+    log = run_mission(scenario.model_copy(update={"receiver": dead}), seed=1)
+    report = make_report(log, 0.0)
+    assert len(report["channel_faults"]) == 1
+    assert "channel 2 is dead" in report["channel_faults"][0]
+    assert all(source["found"] for source in report["evaluation"]["sources"])
+    told = log.column("event", "step")[log.column("event", "kind") == "channel fault"][0]
+    heard = log.column("pulse", "step")
+    assert ((heard > 50) & (heard <= told)).sum() <= 100  # the credible ones among them are 50 at most
+
+
+def test_a_healthy_mission_tells_of_no_channel_fault() -> None:
+    log = run_mission(limited(load_scenario("two_sources"), 60.0), seed=11)
+    assert "channel fault" not in log.column("event", "kind")
