@@ -168,23 +168,24 @@ class Heard:
         owner[is_echo & ~(is_owned & is_seen)] = ECHO
         return Assignment(owner, is_seen, own_level_db)
 
-    def presence(self, finding: Finding, own: NDArray[np.intp]) -> float:
-        """Of the seconds in which anything was heard near the finding and in sight of it, the share with its pulses.
+    def presence(self, finding: Finding, own: NDArray[np.intp]) -> tuple[float, int]:
+        """Whether a finding is heard where it should be: near it and in sight of it.
 
         Args:
             finding: What is asked about.
             own: Its pulses.
 
         Returns:
-            From 0 to 1; 1 without a map, which tells nothing.
+            Of the seconds since it was first heard in which anything was heard there, the share with its pulses, and
+            how many they are. Without a map, which tells nothing, 1 and 0.
         """
         if self._in_sight is None:
-            return 1.0
+            return 1.0, 0
         is_near = np.linalg.norm(self._places_m - finding.position_m, axis=-1) < self.rules.near_m
         is_near[is_near] = self._in_sight(self._places_m[is_near], finding.position_m, self.rules.inside_m)
         second = np.floor(self.sightings.time_s)
-        heard = np.unique(second[is_near[self._place]])
-        return np.intersect1d(heard, second[own]).size / max(heard.size, 1)
+        heard = np.unique(second[is_near[self._place] & (self.sightings.time_s >= finding.first_heard_s)])
+        return np.intersect1d(heard, second[own]).size / max(heard.size, 1), heard.size
 
     def _loudness_db(self, bearing: FloatArray) -> FloatArray:
         """Median strength of the pulses of one time and one direction, shape (n,), dB over 1 V."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
-State = Literal["candidate", "confirmed", "outside"]
+State = Literal["candidate", "confirmed", "outside", "echo"]
 
 CHI2_95 = 5.991
 """95 % quantile of chi-square with two degrees of freedom."""
@@ -21,7 +21,8 @@ class Finding:
 
     Attributes:
         id: Stays with it through the mission; counts from 1.
-        state: `candidate` until the rules confirm it; `outside` where its 95 % ellipse lies beyond the fence.
+        state: `candidate` until the rules confirm it; `outside` where its 95 % ellipse lies beyond the fence; `echo`
+            where nothing comes from it though the robot was near and in sight of it.
         position_m: Shape (2,), world frame.
         covariance_m2: Shape (2, 2), the array's common error included.
         n_bearings: Pulses that belong to it; where there is a map, those heard in sight of it.

@@ -13,7 +13,7 @@ from dirmusic.assignment import UNASSIGNED, Assignment, AssignmentRules, Heard, 
 from dirmusic.bearing import Bearings
 from dirmusic.bounds import perpendicular_slope
 from dirmusic.element_errors import ElementErrors
-from dirmusic.finding import CHI2_95, Finding
+from dirmusic.finding import CHI2_95, Finding, State
 from dirmusic.joint_fix import ArrayModel, PoseError, locate_jointly
 from dirmusic.triangulation import triangulate
 
@@ -52,6 +52,9 @@ class LocatingRules:
         confirm_pulses: And this often. Confirmed findings that lose half of that are candidates again.
         confirm_presence: Near it and in sight of it, where there is a map, it must have been heard in this share of the
             seconds in which anything was: what comes from a mirror comes to few places.
+        echo_presence: Where it is heard in less than this share of them, it is an echo.
+        echo_s: If they are so many at least.
+        echo_semi_major_m: And its 95 % ellipse is no longer than this: else it may be elsewhere.
         merge_m: Candidates nearer to each other than this are one.
     """
 
@@ -70,6 +73,9 @@ class LocatingRules:
     confirm_range_m: float = 4.0
     confirm_pulses: int = 20
     confirm_presence: float = 0.3
+    echo_presence: float = 0.1
+    echo_s: int = 5
+    echo_semi_major_m: float = 2.0
     merge_m: float = 1.0
 
 
@@ -266,8 +272,15 @@ class Locator:
 
     def _judge(self, finding: Finding, index: NDArray[np.intp], assignment: Assignment, time_s: float) -> Finding:
         """A finding in the light of the pulses `index` that were heard in sight of it."""
+        presence, near_s = self._heard.presence(finding, index)
+        if self._lies_outside(finding):
+            doubt: State = "outside"
+        else:
+            is_known = finding.semi_major_m < self.rules.echo_semi_major_m and near_s >= self.rules.echo_s
+            is_absent = is_known and presence < self.rules.echo_presence
+            doubt = "echo" if is_absent and finding.state != "confirmed" else "candidate"
         if index.size == 0:
-            return replace(finding, state="outside" if self._lies_outside(finding) else "candidate")
+            return replace(finding, state=doubt)
         sight = self._heard.sightings.pose[index, :2] - finding.position_m
         finding = replace(
             finding,
@@ -276,8 +289,8 @@ class Locator:
             nearest_m=float(np.linalg.norm(sight, axis=-1).min()),
             level_db=float(np.quantile(assignment.level_db[index], LEVEL_QUANTILE)),
         )
-        if self._lies_outside(finding):
-            return replace(finding, state="outside")
+        if doubt != "candidate":
+            return replace(finding, state=doubt)
         rules = self.rules
         is_kept = finding.state == "confirmed" and finding.n_bearings >= rules.confirm_pulses // 2
         if is_kept or (
@@ -285,7 +298,7 @@ class Locator:
             and finding.semi_major_m <= rules.confirm_semi_major_m
             and finding.nearest_m <= rules.confirm_range_m
             and finding.n_bearings >= rules.confirm_pulses
-            and self._heard.presence(finding, index) >= rules.confirm_presence
+            and presence >= rules.confirm_presence
         ):
             fixed_s = finding.fixed_s if finding.fixed_s is not None else time_s
             return replace(finding, state="confirmed", fixed_s=fixed_s)

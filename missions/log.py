@@ -46,7 +46,7 @@ TABLES: dict[str, dict[str, np.dtype[Any]]] = {
         "id": np.dtype("i8"),
         "position_m": np.dtype(("f8", 2)),
         "covariance_m2": np.dtype(("f8", (2, 2))),
-        "state": np.dtype("U16"),  # candidate, confirmed, outside; dropped, once, when it is no more
+        "state": np.dtype("U16"),  # candidate, confirmed, outside, echo; dropped, once, when it is no more
         "n_bearings": np.dtype("i8"),
         "first_heard_s": np.dtype("f8"),
         "opening_rad": np.dtype("f8"),  # angle by which the lines of sight have opened, seen from the finding

@@ -137,7 +137,7 @@ def _progress(time_limit_s: float) -> Iterator[Callable[[Mission], None]]:
                 nonlocal told
                 events = mission.log.table("event", told)
                 for kind, text in zip(events["kind"], events["text"], strict=True):
-                    if kind in ("candidate", "confirmed", "outside", "contact", "clipped", "channel fault"):
+                    if kind in ("candidate", "confirmed", "outside", "echo", "contact", "clipped", "channel fault"):
                         progress.console.print(
                             f"{mission.time_s:6.1f} s  {kind}: {text}", highlight=False, markup=False
                         )
