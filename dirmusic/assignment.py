@@ -47,6 +47,7 @@ class AssignmentRules:
             a reflection; they are left out.
         blur_db: As loud means within this.
         inside_m: A finding this far behind a surface is still in sight: it sits on it, and is not known better.
+        edge_m: What would be hidden so far to one side may be hidden: map and poses are no better known.
         near_m: From where a finding in sight should be heard.
     """
 
@@ -58,6 +59,7 @@ class AssignmentRules:
     blur_rad: float = np.radians(20.0)
     blur_db: float = 5.0
     inside_m: float = 0.6
+    edge_m: float = 0.5
     near_m: float = 6.0
 
 
@@ -158,14 +160,16 @@ class Heard:
             off[k, is_hidden] = np.inf
             is_echo |= is_hidden
             if finding.state == "confirmed":
-                is_echo |= ~in_sight[k] & (louder_db < rules.echo_db)
+                is_clear = in_sight[k] & self._is_clear_of_edges(finding)
+                is_echo |= ~is_clear & (louder_db < rules.echo_db)
                 is_bent |= in_sight[k] & (past < rules.blur_rad) & (np.abs(louder_db) < rules.blur_db)
         rows, owner = np.arange(n), off.argmin(axis=0)
         is_owned, is_seen = off.min(axis=0) <= rules.gate_sigmas, in_sight[owner, rows]
         own_level_db = level_db[owner, rows]
+        is_fixed = np.array([finding.state == "confirmed" for finding in findings])[owner]
         owner[~is_owned] = np.where(is_bent, AMBIGUOUS, UNASSIGNED)[~is_owned]
         owner[(off <= rules.gate_sigmas).sum(axis=0) > 1] = AMBIGUOUS
-        owner[is_echo & ~(is_owned & is_seen)] = ECHO
+        owner[is_echo & ~(is_owned & is_seen & is_fixed)] = ECHO
         return Assignment(owner, is_seen, own_level_db)
 
     def presence(self, finding: Finding, own: NDArray[np.intp]) -> tuple[float, int]:
@@ -186,6 +190,17 @@ class Heard:
         second = np.floor(self.sightings.time_s)
         heard = np.unique(second[is_near[self._place] & (self.sightings.time_s >= finding.first_heard_s)])
         return np.intersect1d(heard, second[own]).size / max(heard.size, 1), heard.size
+
+    def _is_clear_of_edges(self, finding: Finding) -> NDArray[np.bool_]:
+        """Whether a finding a little to either side would be in sight too, for each pulse, shape (n,)."""
+        if self._in_sight is None:
+            return np.ones(self._place.size, dtype=np.bool_)
+        clear = np.ones(len(self._places_m), dtype=np.bool_)
+        for aside_m in np.array([[0.0, 1.0], [0.0, -1.0], [1.0, 0.0], [-1.0, 0.0]]) * self.rules.edge_m:
+            clear &= self._in_sight(
+                self._places_m, finding.position_m + aside_m, self.rules.inside_m + self.rules.edge_m
+            )
+        return clear[self._place]
 
     def _loudness_db(self, bearing: FloatArray) -> FloatArray:
         """Median strength of the pulses of one time and one direction, shape (n,), dB over 1 V."""
