@@ -41,6 +41,8 @@ class AssignmentRules:
         level_s: Pulses within so long and so wide an arc are judged by their median strength.
         level_arc_rad: See above.
         hidden_db: A finding's pulses this much weaker than strength over range says came round a corner.
+        loud_db: A confirmed finding's pulses that are no weaker than this below its level came straight, whatever the
+            map says: what hides takes more.
         echo_db: While the map hides a confirmed finding, pulses that are not this much louder than it would be in sight
             are its echoes, wherever they point.
         blur_rad: While it is in sight, pulses as loud as it would be that point past it by so much are its own, bent by
@@ -55,6 +57,7 @@ class AssignmentRules:
     level_s: float = 1.0
     level_arc_rad: float = np.radians(30.0)
     hidden_db: float = 10.0
+    loud_db: float = 4.0
     echo_db: float = 2.0
     blur_rad: float = np.radians(20.0)
     blur_db: float = 5.0
@@ -160,6 +163,7 @@ class Heard:
             off[k, is_hidden] = np.inf
             is_echo |= is_hidden
             if finding.state == "confirmed":
+                in_sight[k] |= (off[k] <= rules.gate_sigmas) & (louder_db > -rules.loud_db)
                 is_clear = in_sight[k] & self._is_clear_of_edges(finding)
                 is_echo |= ~is_clear & (louder_db < rules.echo_db)
                 is_bent |= in_sight[k] & (past < rules.blur_rad) & (np.abs(louder_db) < rules.blur_db)

@@ -16,7 +16,7 @@ from sensing.faults import ChannelFault
 
 REPORT_KEYS = {
     "schema", "scenario", "seed", "policy", "sim_time_s", "wall_time_s", "distance_m", "collisions", "waypoints",
-    "n_bearings", "findings", "candidates", "evaluation",
+    "n_bearings", "channel_faults", "findings", "candidates", "evaluation",
 }  # fmt: skip
 
 
