@@ -80,7 +80,7 @@ class Assignment(NamedTuple):
     level_db: FloatArray
 
 
-class Heard:
+class PulseRecord:
     """All credible pulses so far.
 
     Args:

@@ -24,7 +24,7 @@ class SpatialGain(NamedTuple):
 
 
 def gain_towards(pattern: GainPattern, ahead: FloatArray, left: FloatArray, up: FloatArray) -> FloatArray:
-    """The gain of `gain_in_space`, without slopes, towards unit vectors.
+    """The gain of `gain_in_space`, without slopes, along vectors of any length well above `NEAR_AXIS`.
 
     Args:
         pattern: In the plane.

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.angles import difference, opening
-from dirmusic.assignment import UNASSIGNED, Assignment, AssignmentRules, Heard, InSight
+from dirmusic.assignment import UNASSIGNED, Assignment, AssignmentRules, InSight, PulseRecord
 from dirmusic.bearing import Bearings
 from dirmusic.bounds import perpendicular_slope
 from dirmusic.element_errors import ElementErrors
@@ -107,7 +107,7 @@ class Locator:
         self._n_named = 0
         self._next_fit_s = -np.inf
         self._errors = ElementErrors.none(array.manifold.n_elements)
-        self._heard = Heard(array, pose_error, self.rules.assignment, in_sight)
+        self._heard = PulseRecord(array, pose_error, self.rules.assignment, in_sight)
 
     def is_credible(self, bearings: Bearings) -> NDArray[np.bool_]:
         """Whether each pulse looks like one plane wave from one direction, strong enough to tell which; shape (...)."""

@@ -46,15 +46,23 @@ class GaussianPattern(GainPattern):
     BORESIGHT_DEG = 207.0
     _SLOPE_FACTOR = -2.0 * np.degrees(1.0) / WIDTH_DEG
 
+    def __call__(self, off_boresight_rad: ArrayLike) -> FloatArray:
+        """Gain alone, of the shape of `off_boresight_rad`."""
+        return self._terms(off_boresight_rad)[0].sum(axis=0)
+
     def gain_and_slope(self, off_boresight_rad: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Gain, unitless, and its slope per radian; each of the shape of `off_boresight_rad`."""
+        terms, widths_off = self._terms(off_boresight_rad)
+        widths_off *= self._SLOPE_FACTOR.reshape(3, *(1,) * (widths_off.ndim - 1))
+        return terms.sum(axis=0), (widths_off * terms).sum(axis=0)
+
+    def _terms(self, off_boresight_rad: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """The three Gaussians, and by how many of their widths the angle is off their centres."""
         angle_deg = self.BORESIGHT_DEG + np.degrees(np.asarray(off_boresight_rad, dtype=np.float64))
         angle_deg = angle_deg - 360.0 * np.floor(angle_deg / 360.0)
         per_term = (3, *(1,) * angle_deg.ndim)
         widths_off = (angle_deg - self.CENTRE_DEG.reshape(per_term)) / self.WIDTH_DEG.reshape(per_term)
-        terms = self.AMPLITUDE.reshape(per_term) * np.exp(-(widths_off * widths_off))
-        widths_off *= self._SLOPE_FACTOR.reshape(per_term)
-        return terms.sum(axis=0), (widths_off * terms).sum(axis=0)
+        return self.AMPLITUDE.reshape(per_term) * np.exp(-(widths_off * widths_off)), widths_off
 
 
 MAX_GAP_RAD = np.radians(30.0)

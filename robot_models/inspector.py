@@ -155,7 +155,7 @@ class Inspector:
 
         Args:
             starts_m: Shape (n, 3), metres, world frame; outside any equipment.
-            ends_m: Shape (n, 3). A line that ends on a face does not cross it.
+            ends_m: Shape (n, 3). A line that ends on a face does not cross it, and one of no length crosses nothing.
 
         Returns:
             Shape (n, n_pieces), pieces in the order of `equipment`.
@@ -169,22 +169,19 @@ class Inspector:
                 f"`starts_m` and `ends_m` must both have shape (n, 3), got {starts.shape} and {ends.shape}. "
                 "They are positions in the world frame."
             )
-        rows: list[int] = []
-        pieces: list[int] = []
+        crossed = np.zeros((len(starts), len(self.equipment)), dtype=np.bool_)
         met, rays = np.zeros(1, dtype=np.int32), ends - starts
-        for row in np.flatnonzero(np.square(rays).sum(axis=-1) > _SHORTEST_M**2).tolist():
-            start, ray, share = starts[row], rays[row], 0.0
-            while True:
-                origin = start if share == 0.0 else start + share * ray
+        long_enough = np.einsum("ni,ni->n", rays, rays) > _SHORTEST_M**2
+        for start, ray, is_ray, row in zip(starts, rays, long_enough.tolist(), crossed, strict=True):
+            share, origin = 0.0 if is_ray else 1.0, start
+            while share < _WHOLE:
                 further = mujoco.mj_ray(self.model, self.data, origin, ray, _EQUIPMENT_ONLY, True, -1, met, None)
                 share += further
                 if further < 0.0 or share >= _WHOLE:
                     break
-                rows.append(row)
-                pieces.append(self._piece[int(met[0])])
+                row[self._piece[met.item()]] = True
                 share += _BEYOND
-        crossed = np.zeros((len(starts), len(self.equipment)), dtype=np.bool_)
-        crossed[rows, pieces] = True
+                origin = start + share * ray
         return crossed
 
     def _approach(self, goal_mps: tuple[float, float], most_mps: float) -> None:

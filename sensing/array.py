@@ -91,9 +91,9 @@ class HelicalArray:
         towards = (level * np.cos(azimuth_rad), level * np.sin(azimuth_rad), np.sin(elevation_rad))
         return self.gain_towards(np.stack(np.broadcast_arrays(*towards), axis=-1))
 
-    def gain_towards(self, direction: FloatArray) -> FloatArray:
-        """The same for unit vectors of shape (..., n_elements, 3)."""
-        x, y, up = direction[..., 0], direction[..., 1], direction[..., 2]
+    def gain_towards(self, sight_m: FloatArray) -> FloatArray:
+        """The same along vectors of shape (..., n_elements, 3)."""
+        x, y, up = sight_m[..., 0], sight_m[..., 1], sight_m[..., 2]
         cos, sin = self._boresight_cos_sin
         gain = gain_towards(self.pattern, cos * x + sin * y, cos * y - sin * x, up)
         return self.gain_factors * gain + self.gain_offsets

@@ -17,8 +17,8 @@ from sensing.materials import GRAVEL, KIND_MATERIALS
 
 FloatArray = NDArray[np.float64]
 Crossed = Callable[[FloatArray, FloatArray], NDArray[np.bool_]]
-"""(starts (n, 3), ends (n, 3)) -> which pieces of equipment each line crosses, (n, n_pieces). Handed in: sensing
-knows no physics engine."""
+"""(starts (n, 3), ends (n, 3)) -> which pieces of equipment each line crosses, (n, n_pieces); one of no length crosses
+none. Handed in: sensing knows no physics engine."""
 
 OWN_FACE_M = 0.05
 """A face this close to the source is a part of it (assumed): its mirror image lies within a third of a wavelength, and
@@ -92,7 +92,7 @@ class Paths(NamedTuple):
 def rays_between(elements_m: FloatArray, points_m: FloatArray) -> Rays:
     """Lines from elements (n_elements, 3) to points (..., 3) of the same frame, metres."""
     sight = points_m[..., np.newaxis, :] - elements_m
-    return Rays(sight, np.sqrt(np.square(sight).sum(axis=-1)))
+    return Rays(sight, _length(sight))
 
 
 def in_array_frame(points_m: FloatArray, world_from_array: FloatArray) -> FloatArray:
@@ -154,7 +154,7 @@ class Surroundings:
 
 
 class Mirrors:
-    """Mirror images of sources that stay where they are: computed once for a yard.
+    """Sources that stay where they are and their mirror images: computed once for a yard.
 
     Args:
         surroundings: Of the yard.
@@ -164,60 +164,51 @@ class Mirrors:
     def __init__(self, surroundings: Surroundings, sources_m: FloatArray) -> None:
         self.surroundings = surroundings
         self.sources_m = sources_m
-        faces = surroundings.faces
-        self._depth_m = np.einsum("sfi,fi->sf", sources_m[:, np.newaxis] - faces.centre_m, faces.normal)
-        self._images_m = sources_m[:, np.newaxis] - 2 * self._depth_m[..., np.newaxis] * faces.normal
-        self._mirrors = (self._depth_m > OWN_FACE_M) & (surroundings.reflection != 0)
+        faces, n = surroundings.faces, len(sources_m)
+        depth_m = np.einsum("sfi,fi->sf", sources_m[:, np.newaxis] - faces.centre_m, faces.normal)
+        mirrored, face = np.nonzero((depth_m > OWN_FACE_M) & (surroundings.reflection != 0))
+        depth_m = depth_m[mirrored, face]
+        images_m = sources_m[mirrored] - 2 * depth_m[:, np.newaxis] * faces.normal[face]
+        # A row for each source, as if it were the image in a face without bounds at its own place, then for each image.
+        self._source = np.concatenate([np.arange(n), mirrored])
+        self._from_m = np.concatenate([sources_m, images_m])
+        self._depth_m = np.concatenate([np.zeros(n), depth_m])
+        self._ahead_m = np.concatenate([np.ones(n), np.zeros(face.size)])  # no normal: always on the good side
+        self._normal = np.concatenate([np.zeros((n, 3)), faces.normal[face]])
+        self._centre_m = np.concatenate([sources_m, faces.centre_m[face]])
+        self._axes = np.concatenate([np.zeros((n, 2, 3)), faces.axes[face]])
+        self._half_size_m = np.concatenate([np.zeros((n, 2)), faces.half_size_m[face]])
+        self._reflection = np.concatenate([np.ones(n), surroundings.reflection[face]])
 
-    def trace(
-        self,
-        sources: NDArray[np.intp],
-        elements_m: FloatArray,
-        world_from_array: FloatArray,
-        longer_m: float = np.inf,
-    ) -> Paths:
-        """Paths from some of the sources to all elements.
+    def trace(self, on_air: NDArray[np.bool_], elements_m: FloatArray, world_from_array: FloatArray) -> Paths:
+        """Paths from some of the sources to all elements, the direct ones first.
 
         Which faces mirror a source to the array, and what stands in between, is asked for the centre of its elements:
         an array is small against equipment.
 
         Args:
-            sources: Their numbers, shape (n,), ascending.
+            on_air: Which sources, shape (n_sources,).
             elements_m: Shape (n_elements, 3), array frame.
             world_from_array: Shape (4, 4).
-            longer_m: Reflections that much longer than a direct path that nothing weakens are left out.
         """
         rotation, origin_m = world_from_array[:3, :3], world_from_array[:3, 3]
-        centre_m = rotation @ (elements_m.sum(axis=0) / len(elements_m)) + origin_m
-        source_m, n = self.sources_m[sources], sources.size
-        direct = self.surroundings.passed(source_m, centre_m + np.zeros((n, 3)))
-        row, face, image_m, point_m = self._reflections(sources, centre_m)
-        if longer_m < np.inf:
-            direct_m = np.sqrt(np.square(source_m - centre_m).sum(axis=-1))
-            farthest_m = np.where(direct == 1.0, direct_m + longer_m, np.inf)
-            near = np.sqrt(np.square(image_m - centre_m).sum(axis=-1)) < farthest_m[row]
-            row, face, image_m, point_m = row[near], face[near], image_m[near], point_m[near]
-        legs_from_m = np.concatenate([source_m[row], centre_m + np.zeros(point_m.shape)])  # towards the face: a line
-        passed = self.surroundings.passed(legs_from_m, np.concatenate([point_m, point_m]))  # may end on it, not start
-        mirrored = self.surroundings.reflection[face] * passed[: row.size] * passed[row.size :]
-        from_m = np.concatenate([source_m, image_m])
+        centre_m = rotation @ (np.add.reduce(elements_m) / len(elements_m)) + origin_m
+        height_m = np.einsum("ni,ni->n", centre_m - self._centre_m, self._normal) + self._ahead_m
+        share = self._depth_m / (self._depth_m + np.maximum(height_m, 0.0))
+        point_m = self._from_m + share[:, np.newaxis] * (centre_m - self._from_m)
+        along_m = np.einsum("ni,nai->na", point_m - self._centre_m, self._axes)
+        on_face = (np.abs(along_m) <= self._half_size_m).all(axis=-1)
+        path = np.flatnonzero(on_face & (height_m > 0) & on_air[self._source])
+        source, point_m = self._source[path], point_m[path]
+        # Both legs end on the face: a line may end there, but not start. A direct path has but the second.
+        starts_m = np.concatenate([self.sources_m[source], centre_m + np.zeros(point_m.shape)])
+        passed = self.surroundings.passed(starts_m, np.concatenate([point_m, point_m]))
         return Paths(
-            source=np.concatenate([sources, sources[row]]),
-            rays=rays_between(elements_m, in_array_frame(from_m, world_from_array)),
-            factor=np.concatenate([direct, mirrored]),
+            source=source,
+            rays=rays_between(elements_m, in_array_frame(self._from_m[path], world_from_array)),
+            factor=self._reflection[path] * passed[: path.size] * passed[path.size :],
         )
 
-    def _reflections(
-        self, sources: NDArray[np.intp], centre_m: FloatArray
-    ) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray, FloatArray]:
-        """Which of the sources (row) which face mirrors to a point, (n,); the image, and where on the face, (n, 3)."""
-        faces = self.surroundings.faces
-        height_m = ((centre_m - faces.centre_m) * faces.normal).sum(axis=-1)
-        row, face = (self._mirrors[sources] & (height_m > 0)).nonzero()
-        source = sources[row]
-        depth_m, image_m = self._depth_m[source, face], self._images_m[source, face]
-        share = depth_m / (depth_m + height_m[face])
-        point_m = image_m + share[:, np.newaxis] * (centre_m - image_m)
-        along_m = ((point_m - faces.centre_m[face])[:, np.newaxis] * faces.axes[face]).sum(axis=-1)
-        on_face = (np.abs(along_m) <= faces.half_size_m[face]).all(axis=-1)
-        return row[on_face], face[on_face], image_m[on_face], point_m[on_face]
+
+def _length(vectors: FloatArray) -> FloatArray:
+    return np.sqrt(np.einsum("...i,...i->...", vectors, vectors))

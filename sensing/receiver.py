@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal, NamedTuple, Self
@@ -27,6 +28,9 @@ BLOCK = 256
 LOOKS, BURST_SHARE = 2, 0.25
 """What does not look like a pulse (assumed): after the gate come two looks, each half a gate long; if the loudest
 channel has more than a quarter of the gate's mean power in both of them, it was a burst. Echoes fill one."""
+
+NEAREST_M = 0.1
+"""So near a source counts as so far when it is asked whether it can be heard at all."""
 
 AUDIBLE_SIGMAS = 6.0
 """A pulse that stays this far below the threshold is not recorded: noise does not lift it."""
@@ -189,61 +193,73 @@ class Receiver:
             start_s: Simulated time at the start of the interval.
             duration_s: Length of the interval.
         """
-        emitted = scene.emissions(start_s, duration_s, rng)
-        arrivals = self._arrivals(scene, emitted, world_from_array, start_s)
+        emitted = self._audible(scene, scene.emissions(start_s, duration_s, rng), world_from_array)
         false_s, false_gates = self._noise_triggers(rng, start_s, duration_s)
+        if emitted.time_s.size == false_s.size == 0:
+            return self._nothing
+        arrivals = self._arrivals(scene, emitted, world_from_array, start_s)
         if self.config.fidelity == "energy":
             return self._hear_energies(scene, emitted, arrivals, false_s, false_gates, rng)
         return self._hear_waveforms(scene, emitted, arrivals, false_s, false_gates, world_from_array, rng)
 
+    def _audible(self, scene: Scene, emitted: Emissions, world_from_array: FloatArray) -> Emissions:
+        """Those that could be heard if nothing stood in between and an element looked at them; others save the work."""
+        if emitted.time_s.size == 0:
+            return emitted
+        to_array_m = scene.positions_m - world_from_array[:3, 3]
+        range_m = np.sqrt(np.einsum("si,si->s", to_array_m, to_array_m)) - self._reach_m
+        loudest = self.front_end.pulse_peak * self._most_gain / np.maximum(range_m, NEAREST_M)
+        least_v = self.threshold_v - AUDIBLE_SIGMAS * self._filtered_v
+        return emitted.take(np.abs(emitted.peak_v) * loudest[emitted.source] > least_v)
+
     def _arrivals(self, scene: Scene, emitted: Emissions, world_from_array: FloatArray, start_s: float) -> _Arrivals:
-        source = emitted.source
-        if source.size == 0:
-            nothing = np.empty((0, self._n_elements))
-            return _Arrivals(source, nothing, nothing)
-        is_first = np.ones(source.size, dtype=np.bool_)
-        np.not_equal(source[1:], source[:-1], out=is_first[1:])
-        paths = scene.trace(source[is_first], self.array.positions_m, world_from_array, self._heard_later_m)
+        on_air = np.zeros(len(scene.sources), dtype=np.bool_)
+        on_air[emitted.source] = True
+        paths = scene.trace(on_air, self.array.positions_m, world_from_array)
         rays = paths.rays
-        direction = rays.sight_m / rays.range_m[..., np.newaxis]
-        amplitude = self.array.gain_towards(direction) * (paths.factor[:, np.newaxis] / rays.range_m)
+        amplitude = self.array.gain_towards(rays.sight_m) * (paths.factor[:, np.newaxis] * rays.spreading)
         if self.config.faults:
             amplitude *= self._faults.signal_factors(np.array(start_s))
         return _Arrivals(paths.source, rays.delay_s, amplitude)
+
+    @cached_property
+    def _most_gain(self) -> float:
+        """No element has more gain anywhere, with its faults."""
+        azimuth = np.linspace(-np.pi, np.pi, 721)[:, np.newaxis] + np.zeros(self._n_elements)
+        most = float(self.array.gain(azimuth, np.zeros(azimuth.shape)).max())
+        return 1.01 * most * max([1.0, *(10 ** ((fault.gain_db or 0.0) / 20) for fault in self.config.faults)])
+
+    @cached_property
+    def _reach_m(self) -> float:
+        """Distance of the farthest element from the origin of the array frame."""
+        return float(np.linalg.norm(self.array.positions_m, axis=-1).max())
 
     @cached_property
     def _aperture_m(self) -> float:
         """Largest distance between two elements, at most."""
         return 2 * float(np.linalg.norm(self.array.positions_m[:, :2], axis=-1).max())
 
-    @cached_property
-    def _heard_later_m(self) -> float:
-        """A path this much longer than the direct one comes after the gate, and after the looks that follow it."""
-        n_samples = self.config.gate_samples - self.config.pretrigger_samples + self.front_end.pulse_lag
-        if self.config.fidelity == "waveform":
-            n_samples += LOOKS * (self.config.gate_samples // 2)
-        return n_samples / self.config.sample_rate_hz * SPEED_OF_LIGHT_MPS + 2 * self._aperture_m
-
     def _triggers(
         self, arrivals: _Arrivals, emitted: Emissions, threshold_v: float, rng: np.random.Generator
-    ) -> tuple[FloatArray, FloatArray]:
-        """For each pulse when its first path that is loud enough for the trigger reaches the loudest channel.
+    ) -> tuple[NDArray[np.intp], FloatArray, FloatArray]:
+        """By which of its paths each pulse triggers: the first that is loud enough in its loudest channel.
 
         Returns:
-            Delays of those, or where none is loud enough of the loudest path, and the greatest voltage, with noise on
-            it; both of shape (n_pulses,).
+            That path, or where none is loud enough the loudest, shape (n_pulses,); when each path reaches its loudest
+            channel, shape (n_paths,); and the greatest voltage of each pulse, with noise on it, shape (n_pulses,).
         """
-        paths, channel = np.arange(arrivals.source.size), np.abs(arrivals.amplitude).argmax(axis=-1)
-        loudest_v = self.front_end.pulse_peak * np.abs(arrivals.amplitude[paths, channel])
-        level_v = np.abs(emitted.peak_v)[:, np.newaxis] * loudest_v
-        level_v *= arrivals.source == emitted.source[:, np.newaxis]
+        loudness = np.abs(arrivals.amplitude)
+        channel: NDArray[np.intp] = loudness.argmax(axis=-1)
+        paths = np.arange(len(loudness))
         path_s = arrivals.delay_s[paths, channel]
-        delay_s: FloatArray = np.where(level_v > threshold_v, path_s, np.inf).min(axis=-1, initial=np.inf)
-        never = np.flatnonzero(delay_s == np.inf)
-        if never.size:
-            delay_s[never] = path_s[level_v[never].argmax(axis=-1)]
-        noise_v: FloatArray = self._filtered_v * rng.standard_normal(emitted.peak_v.size)
-        return delay_s, noise_v + level_v.max(axis=-1, initial=0.0)
+        loudest_v = self.front_end.pulse_peak * loudness[paths, channel]
+        is_own = arrivals.source == emitted.source[:, np.newaxis]
+        level_v = np.where(is_own, np.abs(emitted.peak_v)[:, np.newaxis] * loudest_v, -1.0)
+        peak_v = level_v.max(axis=-1)
+        is_loud = level_v >= np.minimum(threshold_v, peak_v)[:, np.newaxis]
+        first: NDArray[np.intp] = np.where(is_loud, path_s, np.inf).argmin(axis=-1)
+        noise_v: FloatArray = self._filtered_v * rng.standard_normal(len(peak_v))
+        return first, path_s, peak_v + noise_v
 
     def _signals(
         self,
@@ -291,25 +307,38 @@ class Receiver:
         rng: np.random.Generator,
     ) -> Heard:
         """Strengths from the law of the gates' energies. Bursts do not look like pulses and are rejected."""
-        delay_s, voltage = self._triggers(arrivals, emitted, self.threshold_v, rng)
-        is_heard, is_burst = voltage > self.threshold_v, scene.burst_s[emitted.source] > 0
-        pulses = np.flatnonzero(is_heard & ~is_burst)
-        times, energies = [false_s, emitted.time_s[pulses]], [np.square(false_gates).sum(axis=-1)]
-        if pulses.size:
-            first_s, index, gate = np.unique(delay_s[pulses], return_index=True, return_inverse=True)
-            source, start_s = emitted.source[pulses[index]], self._gate_start_s(first_s)
-            signals = self._signals(arrivals, source, start_s, self.config.gate_samples)
-            peak_v = emitted.peak_v[pulses]
-            energies.append(draw_energies(signals, gate, peak_v, self._filtered_v, self.front_end.modes, rng))
-        n_rejected = int(np.count_nonzero(is_heard & is_burst))
-        time_s, energy = np.concatenate(times), np.concatenate(energies)
-        order = np.argsort(time_s, kind="stable")
-        time_s, n_samples = time_s[order], self.config.gate_samples
-        stuck = n_samples * (STUCK_AT * self.config.full_scale_v) ** 2
-        energy = self._faults.in_readings(energy[order], time_s, stuck)
+        n_samples, n_rejected = self.config.gate_samples, 0
+        time_s, energy = false_s, np.square(false_gates).sum(axis=-1)
+        if emitted.time_s.size:
+            first, path_s, voltage = self._triggers(arrivals, emitted, self.threshold_v, rng)
+            heard = np.flatnonzero(voltage > self.threshold_v)
+            if heard.size:
+                pulses = heard[scene.burst_s[emitted.source[heard]] == 0]
+                n_rejected = heard.size - pulses.size
+                drawn = self._draw(arrivals, first[pulses], path_s, emitted.peak_v[pulses], rng)
+                time_s, energy = _by_time((time_s, emitted.time_s[pulses]), (energy, drawn))
+        if time_s.size == 0 and n_rejected == 0:
+            return self._nothing
+        energy = self._faults.in_readings(energy, time_s, n_samples * (STUCK_AT * self.config.full_scale_v) ** 2)
         strengths = np.sqrt(np.maximum(energy - n_samples * self.noise_variance_v2, 0.0))
         nothing = np.empty((*strengths.shape, 0))
         return self._heard(time_s, strengths, self.noise_variance_v2, nothing, n_rejected)
+
+    def _draw(
+        self,
+        arrivals: _Arrivals,
+        trigger: NDArray[np.intp],
+        path_s: FloatArray,
+        peak_v: FloatArray,
+        rng: np.random.Generator,
+    ) -> FloatArray:
+        """Energies of the gates of pulses with given peaks, each triggered by a path; shape (n_pulses, n_elements)."""
+        is_trigger = np.zeros(path_s.size, dtype=np.bool_)
+        is_trigger[trigger] = True
+        path, signal = np.flatnonzero(is_trigger), is_trigger.cumsum()[trigger] - 1
+        start_s = self._gate_start_s(path_s[path])
+        signals = self._signals(arrivals, arrivals.source[path], start_s, self.config.gate_samples)
+        return draw_energies(signals, signal, peak_v, self._filtered_v, self.front_end.modes, rng)
 
     def _hear_waveforms(
         self,
@@ -329,18 +358,23 @@ class Receiver:
         times, gates, n_rejected = [false_s], [false_gates], 0
         for first in range(0, emitted.time_s.size, BLOCK):
             part = slice(first, first + BLOCK)
-            block = Emissions(emitted.source[part], emitted.time_s[part], emitted.peak_v[part])
+            block = emitted.take(part)
             heard, gate, is_pulse = self._record(scene, block, arrivals, tones, threshold_v, rng)
             times.append(block.time_s[heard][is_pulse])
             gates.append(gate[is_pulse])
             n_rejected += int((~is_pulse).sum())
-        time_s = np.concatenate(times)
-        order = np.argsort(time_s, kind="stable")
-        time_s = time_s[order]
-        analogue = self._faults.in_waveforms(np.concatenate(gates)[order], time_s)
+        time_s, analogue = _by_time(times, gates)
+        analogue = self._faults.in_waveforms(analogue, time_s)
         waveforms = self._faults.in_readings(self._convert(analogue), time_s, STUCK_AT * self.config.full_scale_v)
         strengths = np.nan_to_num(pulse_strengths(waveforms, background_v2))  # not a count in all the gate: silent
         return self._heard(time_s, strengths, background_v2, waveforms, n_rejected)
+
+    @cached_property
+    def _nothing(self) -> Heard:
+        """What most intervals give."""
+        n_samples = self.config.gate_samples if self.config.fidelity == "waveform" else 0
+        silence = np.empty((0, self._n_elements))
+        return self._heard(np.empty(0), silence, self.noise_variance_v2, np.empty((*silence.shape, n_samples)), 0)
 
     def _heard(
         self,
@@ -362,7 +396,7 @@ class Receiver:
                 noise_on_pulse=self.front_end.noise_on_pulse,
             ),
             mains_phase_rad=np.mod(2 * np.pi * self.config.mains_hz * time_s, 2 * np.pi),
-            is_clipped=np.any(np.abs(waveforms_v) >= (highest - 0.5) * self.step_v, axis=-1),
+            is_clipped=(np.abs(waveforms_v) >= (highest - 0.5) * self.step_v).any(axis=-1),
             waveforms_v=waveforms_v,
             n_rejected=n_rejected,
         )
@@ -383,9 +417,9 @@ class Receiver:
             those look like a pulse, shape (n_heard,).
         """
         config = self.config
-        delay_s, voltage = self._triggers(arrivals, emitted, threshold_v, rng)
+        path, path_s, voltage = self._triggers(arrivals, emitted, threshold_v, rng)
         heard = voltage > threshold_v - config.trigger_jitter * AUDIBLE_SIGMAS * self._filtered_v
-        delay_s, peak_v, source = delay_s[heard], emitted.peak_v[heard], emitted.source[heard]
+        delay_s, peak_v, source = path_s[path[heard]], emitted.peak_v[heard], emitted.source[heard]
         if source.size == 0:
             return heard, np.empty((0, self._n_elements, config.gate_samples)), np.empty(0, dtype=np.bool_)
         n, n_looks = peak_v.size, LOOKS * (config.gate_samples // 2)
@@ -482,3 +516,10 @@ class Receiver:
         rows = np.arange(n)
         gates[rows, channel] += (crossing - gates[rows, channel, at])[:, np.newaxis] * follows
         return time_s, gates
+
+
+def _by_time(times: Sequence[FloatArray], rows: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Times, each (n_k,), one after the other, and what belongs to them, each (n_k, ...)."""
+    time_s = np.concatenate(times)
+    order = np.argsort(time_s, kind="stable")
+    return time_s[order], np.concatenate(rows)[order]

@@ -24,6 +24,7 @@ from missions.recording.recorder import Recorder
 
 LOOPBACK = "127.0.0.1"
 START_LIMIT_S = 30.0
+HEED_LIMIT_S = 5.0
 
 
 def open_viewer(path: Path) -> None:
@@ -77,9 +78,17 @@ def _wait(process: subprocess.Popen[bytes], when_started: Callable[[], None] = l
             process.wait()
     finally:
         signal.signal(signal.SIGTERM, previous)
+        _end(process)
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """End the viewer and what it started: asked first, and made to where it does not heed."""
+    for request in (signal.SIGTERM, signal.SIGKILL):
         with suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGTERM)
-        process.wait()
+            os.killpg(process.pid, request)
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(HEED_LIMIT_S)
+            return
 
 
 def _answers(port: int, process: subprocess.Popen[bytes]) -> bool:

@@ -15,7 +15,7 @@ from sensing.materials import KIND_MATERIALS, METAL
 from sensing.propagation import Mirrors, in_array_frame, rays_between
 
 ONE_ELEMENT = np.array([[0.0, 0.0, 0.6]])
-FIRST = np.array([0])
+FIRST = np.ones(1, dtype=np.bool_)
 
 
 def nothing_in_between(_: np.ndarray, ends: np.ndarray) -> np.ndarray:

@@ -80,7 +80,7 @@ def behind(loss_db: float) -> Surroundings:
     """Everything stands behind one piece of equipment."""
     free = Surroundings.free_space()
     loss = np.array([10 ** (-loss_db / 20)])
-    return Surroundings(free.faces, free.reflection, loss, lambda _, ends: np.ones((len(ends), 1), dtype=np.bool_))
+    return Surroundings(free.faces, free.reflection, loss, lambda a, b: np.any(a != b, axis=-1, keepdims=True))
 
 
 def test_equipment_in_between_weakens_a_pulse_by_its_loss() -> None:
