@@ -19,7 +19,8 @@ from dirmusic.manifold import GainManifold
 FloatArray = NDArray[np.float64]
 
 STRENGTH_FLOOR = 0.01
-"""Assumed share of the strength that the model leaves unexplained in a channel (gate edges, mutual coupling)."""
+"""Assumed share of the strength that the model leaves unexplained in a channel: reflections within the gate, its edges,
+mutual coupling. It stays the same for as long as the pose error does, so pulses from nearly one place share it."""
 
 POSITION_PRIOR_M = 60.0
 """Assumed standard deviation of a source about where it was heard from: it keeps one line of bearings finite."""
@@ -100,7 +101,7 @@ def locate_jointly(
     :math:`\alpha ((1 + e_i) g(\theta_i - b_i - d_i) + o_i) / r_i`. The amplitude is projected out of every pulse;
     offsets are a state where the array's spread has them. Pose errors turn all elements alike and stay the same for
     seconds: they widen the one direction in which the strengths move with azimuth, by as much as so many correlated
-    pulses deserve.
+    pulses deserve. What no model explains stays as long, and widens every direction.
 
     Args:
         sightings: What was heard; n rows.
@@ -213,7 +214,8 @@ def _linearise(
     sideways = np.sqrt(horizontal)
     gain, slope, slope_up = array.manifold.response_in_space(off, np.arctan2(position[:, 2:], sideways))
 
-    weight = 1.0 / np.sqrt(sightings.variance + STRENGTH_FLOOR**2 * np.square(sightings.strengths) + 1e-8)
+    floor = STRENGTH_FLOOR**2 * np.square(sightings.strengths) * repeats[:, np.newaxis]
+    weight = 1.0 / np.sqrt(sightings.variance + floor + 1e-8)
     spreading = weight * np.maximum(range_m, 1e-2) / np.sqrt(square)
     model = ((1 + errors.gain) * gain + errors.offset) * spreading
     by_azimuth = (1 + errors.gain) * slope * spreading
