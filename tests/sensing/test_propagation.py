@@ -76,6 +76,8 @@ def test_a_face_mirrors_only_what_it_reaches_and_only_to_its_front() -> None:
         Mirrors(surroundings, at).trace(FIRST, ONE_ELEMENT, np.eye(4)).source.size for at in (aside, ahead, behind)
     ]
     assert n_paths == [2, 3, 2]
+    from_behind = Mirrors(surroundings, ahead).trace(FIRST, ONE_ELEMENT, level_transform(np.array([-3.0, 0.0, 0.0])))
+    assert from_behind.source.size == 2
 
 
 def test_a_face_right_behind_the_source_is_part_of_the_source() -> None:
