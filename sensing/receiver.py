@@ -29,9 +29,6 @@ LOOKS, BURST_SHARE = 2, 0.25
 """What does not look like a pulse (assumed): after the gate come two looks, each half a gate long; if the loudest
 channel has more than a quarter of the gate's mean power in both of them, it was a burst. Echoes fill one."""
 
-NEAREST_M = 0.1
-"""So near a source counts as so far when it is asked whether it can be heard at all."""
-
 AUDIBLE_SIGMAS = 6.0
 """A pulse that stays this far below the threshold is not recorded: noise does not lift it."""
 
@@ -193,7 +190,7 @@ class Receiver:
             start_s: Simulated time at the start of the interval.
             duration_s: Length of the interval.
         """
-        emitted = self._audible(scene, scene.emissions(start_s, duration_s, rng), world_from_array)
+        emitted = scene.emissions(start_s, duration_s, rng)
         false_s, false_gates = self._noise_triggers(rng, start_s, duration_s)
         if emitted.time_s.size == false_s.size == 0:
             return self._nothing
@@ -201,16 +198,6 @@ class Receiver:
         if self.config.fidelity == "energy":
             return self._hear_energies(scene, emitted, arrivals, false_s, false_gates, rng)
         return self._hear_waveforms(scene, emitted, arrivals, false_s, false_gates, world_from_array, rng)
-
-    def _audible(self, scene: Scene, emitted: Emissions, world_from_array: FloatArray) -> Emissions:
-        """Those that could be heard if nothing stood in between and an element looked at them; others save the work."""
-        if emitted.time_s.size == 0:
-            return emitted
-        to_array_m = scene.positions_m - world_from_array[:3, 3]
-        range_m = np.sqrt(np.einsum("si,si->s", to_array_m, to_array_m)) - self._reach_m
-        loudest = self.front_end.pulse_peak * self._most_gain / np.maximum(range_m, NEAREST_M)
-        least_v = self.threshold_v - AUDIBLE_SIGMAS * self._filtered_v
-        return emitted.take(np.abs(emitted.peak_v) * loudest[emitted.source] > least_v)
 
     def _arrivals(self, scene: Scene, emitted: Emissions, world_from_array: FloatArray, start_s: float) -> _Arrivals:
         on_air = np.zeros(len(scene.sources), dtype=np.bool_)
@@ -221,18 +208,6 @@ class Receiver:
         if self.config.faults:
             amplitude *= self._faults.signal_factors(np.array(start_s))
         return _Arrivals(paths.source, rays.delay_s, amplitude)
-
-    @cached_property
-    def _most_gain(self) -> float:
-        """No element has more gain anywhere, with its faults."""
-        azimuth = np.linspace(-np.pi, np.pi, 721)[:, np.newaxis] + np.zeros(self._n_elements)
-        most = float(self.array.gain(azimuth, np.zeros(azimuth.shape)).max())
-        return 1.01 * most * max([1.0, *(10 ** ((fault.gain_db or 0.0) / 20) for fault in self.config.faults)])
-
-    @cached_property
-    def _reach_m(self) -> float:
-        """Distance of the farthest element from the origin of the array frame."""
-        return float(np.linalg.norm(self.array.positions_m, axis=-1).max())
 
     @cached_property
     def _aperture_m(self) -> float:

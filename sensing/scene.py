@@ -54,7 +54,6 @@ class Scene:
         carriers: What radiates all the time.
 
     Attributes:
-        positions_m: Of the sources, shape (n_sources, 3).
         burst_s: How long the emissions of each source last that are no pulses, 0 for pulses, shape (n_sources,).
     """
 
@@ -66,8 +65,8 @@ class Scene:
     ) -> None:
         self.sources = tuple(sources)
         self.carriers = tuple(carriers)
-        self.positions_m = np.array([source.position_m for source in self.sources]).reshape(-1, 3)
-        self._mirrors = Mirrors(surroundings or Surroundings.free_space(), self.positions_m)
+        positions_m = np.array([source.position_m for source in self.sources]).reshape(-1, 3)
+        self._mirrors = Mirrors(surroundings or Surroundings.free_space(), positions_m)
         self._amplitude_v = np.array([source.amplitude_v for source in self.sources])
         self._active_s = np.array([source.active_s for source in self.sources]).reshape(-1, 2)
         self._drift_db = np.array([source.drift_db_per_min for source in self.sources]) / 60.0

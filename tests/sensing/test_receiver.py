@@ -7,7 +7,17 @@ import pytest
 
 from dirmusic import bearing_bound, estimate_bearings
 from dirmusic.angles import difference
-from sensing import ArrayConfig, DischargeSource, Heard, HelicalArray, Receiver, ReceiverConfig, Scene, Surroundings
+from sensing import (
+    ArrayConfig,
+    DischargeSource,
+    Faces,
+    Heard,
+    HelicalArray,
+    Receiver,
+    ReceiverConfig,
+    Scene,
+    Surroundings,
+)
 from sensing.front_end import FrontEnd
 from sensing.propagation import rays_between
 from sensing.pulses import damped_pulse, unit_pulse_energy
@@ -179,8 +189,57 @@ def test_a_shot_on_the_edge_of_two_intervals_is_fired_once() -> None:
         name="gun", position_m=np.ones(3), amplitude_v=1.0, pulse_rate_hz=10.0, n_shots=90, first_shot_s=0.3
     )
     rng = np.random.default_rng(0)
-    fired = np.concatenate([Scene([gun]).emissions(k * 0.1, 0.1, rng).time_s for k in range(200)])
-    np.testing.assert_allclose(fired, 0.3 + np.arange(90) / 10, atol=1e-9)
+    anew = np.concatenate([Scene([gun]).emissions(k * 0.1, 0.1, rng).time_s for k in range(200)])
+    scene = Scene([gun])
+    in_turn = np.concatenate([scene.emissions(k * 0.1, 0.1, rng).time_s for k in range(200)])
+    for fired in (anew, in_turn):
+        np.testing.assert_allclose(fired, 0.3 + np.arange(90) / 10, atol=1e-9)
+
+
+def test_pulses_drawn_ahead_lie_in_their_intervals_as_often_as_they_should_and_start_anew_when_time_goes_back() -> None:
+    scene, rng = Scene([source_at(5.0, 0.0, rate_hz=50.0), source_at(9.0, 0.0, rate_hz=20.0)]), np.random.default_rng(0)
+    pulses = [scene.emissions(k * 0.1, 0.1, rng) for k in range(3000)]
+    for k, part in enumerate(pulses):
+        assert ((part.time_s >= k * 0.1 - 1e-9) & (part.time_s < (k + 1) * 0.1 + 1e-9)).all()
+        assert (np.diff(part.time_s) >= 0).all()
+    times = np.concatenate([part.time_s for part in pulses])
+    assert np.unique(times).size == times.size == pytest.approx(300 * 70, abs=4 * np.sqrt(300 * 70))
+    sources = np.concatenate([part.source for part in pulses])
+    assert (sources == 1).mean() == pytest.approx(20 / 70, abs=0.015)
+    again = scene.emissions(0.0, 300.0, rng).time_s
+    assert again.size == pytest.approx(300 * 70, abs=4 * np.sqrt(300 * 70))
+
+
+@pytest.mark.parametrize("fidelity", ["waveform", "energy"])
+def test_the_gate_is_about_the_first_path_that_triggers_though_a_later_one_is_louder(fidelity: str) -> None:
+    source = source_at(8.0, 0.0, amplitude_v=2.7)
+    wall = Faces(
+        centre_m=np.array([[-6.0, 0.0, 2.0]]),
+        normal=np.array([[1.0, 0.0, 0.0]]),
+        axes=np.array([[[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]]),
+        half_size_m=np.array([[5.0, 2.0]]),
+        owner=np.array([0]),
+    )
+
+    def in_between(starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        return (np.all(ends == source.position_m, axis=-1) & np.any(starts != ends, axis=-1))[:, np.newaxis]
+
+    surroundings = Surroundings(wall, np.array([-0.8]), np.array([0.1]), in_between)
+    heard = listen(source, duration_s=0.1, surroundings=surroundings, fidelity=fidelity, false_alarm_rate_hz=1e-6)
+    ahead, behind = heard.strengths_v[:, 1:3].min(axis=-1), heard.strengths_v[:, 4:].max(axis=-1)
+    assert ahead.size > 50
+    assert (ahead > 1.5 * behind).all()
+
+
+@pytest.mark.parametrize("fidelity", ["waveform", "energy"])
+def test_a_pulse_that_just_reaches_the_threshold_is_heard_about_half_the_time(fidelity: str) -> None:
+    config: dict[str, Any] = {"fidelity": fidelity, "trigger_jitter": False, "false_alarm_rate_hz": 1e-6}
+    receiver = Receiver(ReceiverConfig(**config), NOMINAL)
+    range_m = float(rays_between(NOMINAL.positions_m, np.array([0.0, 10.0, 0.6])).range_m[0])  # element 1 looks there
+    loudest_gain = float(NOMINAL.gain(np.full(6, np.pi / 2), np.zeros(6)).max())
+    amplitude_v = receiver.threshold_v * range_m / (loudest_gain * receiver.front_end.pulse_peak)
+    heard = listen(source_at(0.0, 10.0, amplitude_v=amplitude_v), **config)
+    assert heard.time_s.size == pytest.approx(500, abs=80)
 
 
 def test_the_array_hears_less_of_a_source_above_it_than_of_a_level_one_ahead() -> None:
