@@ -1,5 +1,6 @@
 """What disturbs the receiver: channels at fault, carriers, and bursts that are no pulses."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -93,6 +94,18 @@ def test_without_the_filter_the_carrier_spoils_everything() -> None:
         for c in ((), (weak,))
     )
     assert spoiled > 3 * clean
+
+
+def test_the_power_of_a_steady_carrier_is_taken_out_of_the_strengths_as_noise_is() -> None:
+    ahead_of_2 = np.pi / 6
+    carrier = Carrier(frequency_hz=1.8e9, amplitude_v=0.01, bearing_rad=ahead_of_2)  # in the band
+    often = replace(SOURCE, pulse_rate_hz=1500.0)
+    clean, carried = (np.square(hear(source=often, carriers=c).strengths_v[:, 1]) for c in ((), (carrier,)))
+    power = 90 * 0.5 * (0.01 * float(NOMINAL.gain(np.full(6, ahead_of_2), np.zeros(6))[1])) ** 2
+    assert power > 0.05 * clean.mean()
+    error = carried.std() / np.sqrt(carried.size)
+    assert carried.mean() == pytest.approx(clean.mean(), abs=4 * error)
+    assert 4 * error < 0.5 * power
 
 
 @pytest.mark.parametrize("fidelity", ["waveform", "energy"])
