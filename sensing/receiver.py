@@ -334,7 +334,7 @@ class Receiver:
         for first in range(0, emitted.time_s.size, BLOCK):
             part = slice(first, first + BLOCK)
             block = emitted.take(part)
-            heard, gate, is_pulse = self._record(scene, block, arrivals, tones, threshold_v, rng)
+            heard, gate, is_pulse = self._record(scene, block, arrivals, tones, background_v2, threshold_v, rng)
             times.append(block.time_s[heard][is_pulse])
             gates.append(gate[is_pulse])
             n_rejected += int((~is_pulse).sum())
@@ -382,6 +382,7 @@ class Receiver:
         emitted: Emissions,
         arrivals: _Arrivals,
         tones: NDArray[np.complex128],
+        background_v2: FloatArray,
         threshold_v: float,
         rng: np.random.Generator,
     ) -> tuple[NDArray[np.bool_], FloatArray, NDArray[np.bool_]]:
@@ -425,16 +426,20 @@ class Receiver:
             first = np.argmax(level[rows, loudest] >= 0.5 * peak[rows, loudest, np.newaxis], axis=-1)
         window = first[:, np.newaxis, np.newaxis] + np.arange(config.gate_samples + n_looks)
         record = np.take_along_axis(record, window, axis=-1)
-        return heard, record[:, :, : config.gate_samples], self._looks_like_a_pulse(record)
+        return heard, record[:, :, : config.gate_samples], self._looks_like_a_pulse(record, background_v2)
 
-    def _looks_like_a_pulse(self, record: FloatArray) -> NDArray[np.bool_]:
-        """Whether what fills gates died out after them; records (n, n_elements, gate and looks), answer (n,)."""
+    def _looks_like_a_pulse(self, record: FloatArray, background_v2: FloatArray) -> NDArray[np.bool_]:
+        """Whether what fills gates died out after them; records (n, n_elements, gate and looks), answer (n,).
+
+        The power that is there without a pulse, `background_v2` (n_elements,), does not count.
+        """
         n_gate, n_look = self.config.gate_samples, self.config.gate_samples // 2
         if n_look == 0:
             return np.ones(len(record), dtype=np.bool_)
         power = np.square(record)
-        in_gate = power[:, :, :n_gate].mean(axis=-1) - self.noise_variance_v2
-        looks = power[:, :, n_gate:].reshape(*record.shape[:2], LOOKS, n_look).mean(axis=-1) - self.noise_variance_v2
+        in_gate = power[:, :, :n_gate].mean(axis=-1) - background_v2
+        looks = power[:, :, n_gate:].reshape(*record.shape[:2], LOOKS, n_look).mean(axis=-1)
+        looks -= background_v2[:, np.newaxis]
         loudest = in_gate.argmax(axis=1)
         rows = np.arange(len(record))
         return looks[rows, loudest].min(axis=-1) <= BURST_SHARE * in_gate[rows, loudest]

@@ -80,6 +80,16 @@ def test_swapped_channels_are_both_found(pair: tuple[int, int]) -> None:
     assert [(suspect.channel, suspect.kind) for suspect in found] == [(channel, "swapped") for channel in pair]
 
 
+@pytest.mark.parametrize("pair", [(1, 2), (2, 5), (3, 6)])
+def test_no_channels_are_called_swapped_by_pulses_from_one_direction_alone(pair: tuple[int, int]) -> None:
+    strengths, azimuth = hear(3, 4000, 10, {})
+    strengths = strengths[np.abs(difference(azimuth, 0.2)) < np.radians(15.0)]
+    a, b = (channel - 1 for channel in pair)
+    strengths[:, [a, b]] = strengths[:, [b, a]]
+    assert len(strengths) > 200
+    assert not any(suspect.kind == "swapped" for suspect in watch(strengths)[1])
+
+
 def test_a_converter_that_always_says_the_same_is_found() -> None:
     strengths, _ = hear(4, 100, 10, {})
     strengths[:, 3] = 7.0

@@ -122,9 +122,9 @@ def test_bursts_do_not_look_like_pulses_and_are_rejected(fidelity: str) -> None:
 def test_a_pulse_with_an_echo_after_the_gate_is_still_a_pulse() -> None:
     heard = hear(noise_v=1e-4)
     receiver = Receiver(ReceiverConfig(noise_v=1e-4), NOMINAL)
-    record = np.zeros((1, 6, 180))
+    record, background_v2 = np.zeros((1, 6, 180)), np.full(6, receiver.noise_variance_v2)
     record[:, :, :90] = heard.waveforms_v[:1]
     record[:, :, 90:135] = record[:, :, 20:65]  # as loud as the pulse, in one of the looks
-    assert receiver._looks_like_a_pulse(record).all()  # pyright: ignore[reportPrivateUsage]
+    assert receiver._looks_like_a_pulse(record, background_v2).all()  # pyright: ignore[reportPrivateUsage]
     record[:, :, 135:] = record[:, :, 20:65]
-    assert not receiver._looks_like_a_pulse(record).any()  # pyright: ignore[reportPrivateUsage]
+    assert not receiver._looks_like_a_pulse(record, background_v2).any()  # pyright: ignore[reportPrivateUsage]
