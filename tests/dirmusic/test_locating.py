@@ -19,6 +19,7 @@ from dirmusic import (
     strength_variance,
 )
 from dirmusic.assignment import InSight
+from dirmusic.joint_fix import Sightings, locate_jointly
 from dirmusic.locating import LocatingRules
 
 NOMINAL = GainManifold.ring(6)
@@ -257,3 +258,23 @@ def test_pulses_much_weaker_than_their_range_says_are_taken_for_echoes_and_left_
         locator.update(40.0 + 0.1 * k, np.array([25.0, 15.0, 0.0]), bearings, a, variance)
     (after,) = locator.look_again(50.0)
     assert after.n_bearings <= 500  # what was heard on the arc
+
+
+def test_ten_times_the_pulses_from_the_same_places_make_the_ellipse_no_smaller_for_what_no_model_explains_stays() -> (
+    None
+):
+    array = ArrayModel(manifold=NOMINAL, positions_m=RING_M, spread=SPREAD)
+    east = np.linspace(-6.0, 6.0, 13)
+    pose = np.column_stack([east, np.zeros(13), np.linspace(0.0, 2.0, 13)])
+    bearing = np.arctan2(5.0, -east)
+    strengths = NOMINAL.gain(bearing - pose[:, 2]).T
+    strengths /= np.linalg.norm(strengths, axis=-1, keepdims=True)
+
+    def area_m2(times: int) -> float:
+        rows = np.repeat(np.arange(13), times)
+        quiet = np.full((rows.size, 6), 1e-10)
+        sightings = Sightings(10.0 * rows, pose[rows], strengths[rows], quiet)
+        fix = locate_jointly(sightings, np.zeros_like(rows), np.array([[0.3, 4.8]]), array, NO_POSE_ERROR)
+        return float(np.sqrt(np.linalg.det(fix.covariances_m2[0])))
+
+    assert area_m2(10) == pytest.approx(area_m2(1), rel=0.1)
