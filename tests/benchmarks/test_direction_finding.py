@@ -1,4 +1,4 @@
-"""Speed beside peers, as ratios inside one run: `uv run --group peers pytest -m benchmark -s`."""
+"""Speed beside peers, as ratios inside one run: `uv run --group peers pytest -m benchmark -n 0 -s`."""
 
 import statistics
 import time

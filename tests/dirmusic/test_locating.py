@@ -273,7 +273,7 @@ def test_ten_times_the_pulses_from_the_same_places_make_the_ellipse_no_smaller_f
     def area_m2(times: int) -> float:
         rows = np.repeat(np.arange(13), times)
         quiet = np.full((rows.size, 6), 1e-10)
-        sightings = Sightings(10.0 * rows, pose[rows], strengths[rows], quiet)
+        sightings = Sightings(10.0 * rows.astype(np.float64), pose[rows], strengths[rows], quiet)
         fix = locate_jointly(sightings, np.zeros_like(rows), np.array([[0.3, 4.8]]), array, NO_POSE_ERROR)
         return float(np.sqrt(np.linalg.det(fix.covariances_m2[0])))
 
