@@ -11,10 +11,22 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from dirmusic import pseudo_spectrum, sample_covariance
+from dirmusic.angles import difference
 from dirmusic.channel_health import ChannelMonitor
+from envs.lidar import measured
+from envs.odometry import Odometry
 from envs.pose_sensor import PoseSensor
 from envs.scenario import Scenario, load_scenario
-from robot_models.inspector import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS, Inspector
+from robot_models.battery import Battery
+from robot_models.camera import Camera
+from robot_models.inspector import (
+    LIDAR_BEAMS,
+    LIDAR_RANGE_M,
+    MAX_SPEED_MPS,
+    MAX_YAW_RATE_RADPS,
+    WHEEL_RADIUS_M,
+    Inspector,
+)
 from robot_models.world import build_model
 from sensing import (
     Carrier,
@@ -91,6 +103,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     | key | shape | range | unit | meaning |
     |---|---|---|---|---|
     | pose | 4 | yard and 5 m around, [-1, 1] | m, m, 1, 1 | believed x, y, cos yaw, sin yaw |
+    | lidar | 36 | [0, 12] | m | range of beams every 10 degrees, from ahead counter-clockwise; 12 where nothing is |
     | velocity | 2 | [-1.6, 1.6], [-3, 3] | m/s, rad/s | forward speed and yaw rate |
     | heard | 1 | [0, 1] | 1 | 1 if a pulse came in this step |
     | strengths | 6 | [0, 1] | 1 | of the strongest pulse of this step, unit norm; 4 with an array of 4 |
@@ -111,22 +124,46 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     `terminate_on_approach`), or when the robot is back at the dock after the route. Truncated at the time limit.
 
     ## Info
-    `time_s`, `pose` (believed, float64), `pulses` (a `Pulses` of this step), `touched` (names), `waypoints_visited`
-    (indices), `suspects` (channels newly found at fault), and `truth`, which is for logs and scores: no policy but
-    `oracle` may see it.
+    `time_s`, `pose` (believed, float64), `odometry` (x m, y m, yaw rad by wheels and gyro alone, from the believed
+    pose at the start on), `battery` (share that is left), `pulses` (a `Pulses` of this step), `touched` (names),
+    `waypoints_visited` (indices), `suspects` (channels newly found at fault), and `truth`, which is for logs and
+    scores: no policy but `oracle` may see it.
+
+    ## Rendering
+    `rgb_array` (480, 640, 3) uint8 and `depth_array` (480, 640) float32, metres, from a camera that follows the robot;
+    `human` opens a window and keeps it up to date.
+
+    ## Pickling
+    An environment in the middle of an episode can be copied and pickled, and goes on as the original would.
 
     Args:
         scenario: Name of a shipped scenario, path of a TOML file, or a `Scenario`.
         terminate_on_approach: Whether an episode ends once all sources are approached. Missions say no: they go on to
             fix the source and come home.
+        render_mode: `human`, `rgb_array`, `depth_array`, or None.
 
     Raises:
         ScenarioError: If the scenario has faults; all are listed.
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - the base class declares it so
+    metadata: dict[str, Any] = {  # noqa: RUF012 - the base class declares it so
+        "render_modes": ["human", "rgb_array", "depth_array"],
+        "render_fps": round(1 / STEP_S),
+    }
 
-    def __init__(self, scenario: str | Path | Scenario = "one_source", *, terminate_on_approach: bool = True) -> None:
+    def __init__(
+        self,
+        scenario: str | Path | Scenario = "one_source",
+        *,
+        terminate_on_approach: bool = True,
+        render_mode: str | None = None,
+    ) -> None:
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise ValueError(
+                f"`render_mode`: got {render_mode!r}; allowed are {', '.join(self.metadata['render_modes'])}, or None"
+            )
+        self.render_mode = render_mode
+        self._camera: Camera | None = None
         self.scenario = load_scenario(scenario)
         self.terminate_on_approach = terminate_on_approach
         nominal = HelicalArray.nominal(self.scenario.array)
@@ -153,6 +190,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
         return {
             "pose": box(np.append(low, [-1, -1]), np.append(high, [1, 1]), 4),
+            "lidar": box(0, LIDAR_RANGE_M, LIDAR_BEAMS),
             "velocity": box(-fastest, fastest, 2),
             "heard": box(0, 1, 1),
             "strengths": box(0, 1, self.manifold.n_elements),
@@ -201,8 +239,14 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._n_steps = 0
         self._last_bearing_rad: float | None = None
         self._bearing_age_s = MAX_BEARING_AGE_S
-        self._pose = self._pose_sensor.read(self.inspector.pose(), 0.0)
+        self._true_pose = self.inspector.pose()
+        self._pose = self._pose_sensor.read(self._true_pose, 0.0)
+        self._odometry = Odometry(scenario.odometry, rng, self._pose)
+        self._wheel_angles = self.inspector.wheel_angles()
+        self._battery = Battery(scenario.battery)
         heard = self._receiver.listen(self.inspector.world_from_base(), self._scene, rng, start_s=0.0, duration_s=0.0)
+        if self.render_mode == "human":
+            self.render()
         return self._observe(heard)
 
     def _draw_sources(self, rng: np.random.Generator) -> list[DischargeSource]:
@@ -240,12 +284,11 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive for 0.1 s, then listen; see the class for what comes back."""
         v, yaw_rate = np.clip(np.asarray(action, dtype=np.float64), -1.0, 1.0)
-        before = self._distance_to_go(self.inspector.pose())
+        before = self._distance_to_go(self._true_pose)
         start_s = self._n_steps * STEP_S
         self.inspector.drive(v * MAX_SPEED_MPS, yaw_rate * MAX_YAW_RATE_RADPS, STEP_S)
         self._n_steps += 1
-        true_pose = self.inspector.pose()
-        self._pose = self._pose_sensor.read(true_pose, STEP_S)
+        true_pose = self._sense_motion()
         heard = self._receiver.listen(
             self.inspector.world_from_base(), self._scene, self.np_random, start_s=start_s, duration_s=STEP_S
         )
@@ -257,6 +300,8 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._note_arrivals(true_pose)
         observation, info = self._observe(heard)
         info["reward"] = terms
+        if self.render_mode == "human":
+            self.render()
         docked = (
             self._visited.size > 0
             and bool(self._visited.all())
@@ -265,6 +310,39 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         approached = self.terminate_on_approach and self._approached.size > 0 and bool(self._approached.all())
         truncated = self._n_steps * STEP_S >= self.scenario.task.time_limit_s - 1e-9
         return observation, float(sum(terms.values())), docked or approached, truncated, info
+
+    def render(self) -> NDArray[Any] | None:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """What the camera behind the robot sees; nothing with `human`, which shows it."""
+        if self.render_mode is None:
+            gymnasium.logger.warn(
+                "render() was called without a render mode: give one to make(), for example "
+                'gymnasium.make("envs:PDPatrol-v0", render_mode="rgb_array").'
+            )
+            return None
+        if self._camera is None:
+            self._camera = Camera(self.inspector.model, self.inspector.data, self.render_mode)
+        return self._camera.take()
+
+    def close(self) -> None:
+        """Close window and renderer; closing twice is no error."""
+        if self._camera is not None:
+            self._camera.close()
+            self._camera = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the camera, which opens again when it is asked for."""
+        return {**self.__dict__, "_camera": None}
+
+    def _sense_motion(self) -> FloatArray:
+        """Pose sensor, odometry and battery after a step; the true pose."""
+        true_pose, wheel_angles = self.inspector.pose(), self.inspector.wheel_angles()
+        rolled_m = WHEEL_RADIUS_M * 0.5 * float((wheel_angles - self._wheel_angles).sum())
+        turned_rad = float(difference(true_pose[2], self._true_pose[2]))
+        self._true_pose, self._wheel_angles = true_pose, wheel_angles
+        self._pose = self._pose_sensor.read(true_pose, STEP_S)
+        self._odometry.move(rolled_m, turned_rad, STEP_S)
+        self._battery.drain(self.inspector.motor_power_w(), STEP_S)
+        return true_pose
 
     def _distance_to_go(self, pose: FloatArray) -> float:
         """Horizontal distance to the nearest source not yet approached; 0 if there is none."""
@@ -304,6 +382,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         stops = (*self.scenario.route.waypoints_m, self.scenario.route.dock_m)
         values: dict[str, Any] = {
             "pose": [*self._pose[:2], np.cos(self._pose[2]), np.sin(self._pose[2])],
+            "lidar": measured(self.inspector.lidar(), self.scenario.lidar, self.np_random),
             "velocity": self.inspector.velocity(),
             "heard": [float(is_heard)],
             "strengths": strengths,
@@ -322,6 +401,8 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         info = {
             "time_s": self._n_steps * STEP_S,
             "pose": self._pose.copy(),
+            "odometry": self._odometry.pose.copy(),
+            "battery": self._battery.left,
             "pulses": Pulses(
                 time_s=heard.time_s,
                 strengths_v=heard.strengths_v,

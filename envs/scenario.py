@@ -18,7 +18,10 @@ from pydantic import BaseModel, Field, NonNegativeFloat, PositiveFloat, Positive
 
 from dirmusic import InputFileError
 from dirmusic.discharge_kinds import KindName
+from envs.lidar import LidarConfig
+from envs.odometry import OdometryConfig
 from envs.pose_sensor import PoseSensorConfig
+from robot_models.battery import BatteryConfig
 from robot_models.yard import Yard
 from sensing import ArrayConfig, ReceiverConfig
 from sensing.materials import KIND_MATERIALS
@@ -139,6 +142,9 @@ class Scenario(_Config, frozen=True):
     carriers: tuple[CarrierConfig, ...] = ()
     receiver: ReceiverConfig = ReceiverConfig()
     pose_sensor: PoseSensorConfig = PoseSensorConfig()
+    lidar: LidarConfig = LidarConfig()
+    odometry: OdometryConfig = OdometryConfig()
+    battery: BatteryConfig = BatteryConfig()
     task: TaskConfig = TaskConfig()
 
     def candidate_sites(self, source: SourceConfig) -> tuple[str, ...]:

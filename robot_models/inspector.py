@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robot_models.world import EQUIPMENT_GROUP, OBSTACLE_CONTYPE
+from robot_models.world import EQUIPMENT_GROUP, GROUND_GROUP, OBSTACLE_CONTYPE
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -31,7 +31,17 @@ MAX_YAW_RATE_RADPS = 1.5
 """Greatest yaw rate that can be commanded (assumed)."""
 
 MAX_ACCELERATION_MPS2 = 3.0
-"""Greatest rate at which the rim speed of a wheel is changed; abrupt commands make the wheels slip (measured)."""
+"""Greatest rate at which the rim speed of a wheel is changed; abrupt commands make the wheels slip (measured). The
+motors of the XML keep it."""
+
+LIDAR_BEAMS = 36
+"""Beams of the planar lidar, evenly all round; the first looks ahead, the next further counter-clockwise."""
+
+LIDAR_RANGE_M = 12.0
+"""Reach of the lidar (assumed, of a small time-of-flight scanner)."""
+
+_LOOK_STEPS = 5
+"""Physics steps between looks at what is touched: 25 ms, in which the robot moves by 2 cm at most."""
 
 _WHOLE = 1.0 - 1e-9
 """Share of a ray up to which a hit counts."""
@@ -43,6 +53,10 @@ _BEYOND = 1e-7
 """Share of a ray by which it is taken up again beyond a surface: micrometres."""
 
 _EQUIPMENT_ONLY = (np.arange(mujoco.mjNGROUP) == EQUIPMENT_GROUP).astype(np.uint8)
+_ALL_BUT_ROBOT = np.isin(np.arange(mujoco.mjNGROUP), (GROUND_GROUP, EQUIPMENT_GROUP)).astype(np.uint8)
+
+_BEAM_RAD = 2.0 * np.pi * np.arange(LIDAR_BEAMS) / LIDAR_BEAMS
+_BEAMS = np.stack([np.cos(_BEAM_RAD), np.sin(_BEAM_RAD), np.zeros(LIDAR_BEAMS)], axis=-1)
 
 
 class Inspector:
@@ -66,7 +80,9 @@ class Inspector:
         self._base_qpos = int(model.joint("floating_base").qposadr[0])
         self._base_dof = int(model.joint("floating_base").dofadr[0])
         self._wheels = model.actuator("left_wheel").id, model.actuator("right_wheel").id
-        self._rim_speeds_mps = [0.0, 0.0]
+        self._motors = [(model.actuator(w).gainprm[0], model.actuator(w).gainprm[1]) for w in self._wheels]
+        self._lidar_m = model.site("lidar").pos.copy()
+        self._wheel_qpos = [int(model.joint(name).qposadr[0]) for name in ("left_wheel", "right_wheel")]
         self._obstacles = _named_obstacles(model)
         self._piece = _pieces_of_equipment(model)
         self.equipment = tuple(model.geom(geom).name.partition("/")[2] for geom in self._piece)
@@ -91,14 +107,13 @@ class Inspector:
         base[:2] = x_m, y_m
         mujoco.mju_mulQuat(base[3:], turn, base[3:].copy())
         mujoco.mj_forward(self.model, self.data)
-        self._rim_speeds_mps = [0.0, 0.0]
         self._touched = set()
         self._note_contacts()
 
     def drive(self, v_mps: float, yaw_rate_radps: float, duration_s: float) -> None:
         """Drive for a while under one command, noting whatever is touched on the way.
 
-        The command is clipped to `MAX_SPEED_MPS` and `MAX_YAW_RATE_RADPS`. The wheels approach it at no more than
+        The command is clipped to `MAX_SPEED_MPS` and `MAX_YAW_RATE_RADPS`. The motors approach it at no more than
         `MAX_ACCELERATION_MPS2` at the rim, from where the previous `drive` left them.
 
         Args:
@@ -116,14 +131,18 @@ class Inspector:
             raise ValueError(
                 f"`duration_s` must be a positive multiple of the physics step of {step_s:g} s, got {duration_s:g}."
             )
-        goal = _rim_speeds(v_mps, yaw_rate_radps)
+        for wheel, rim_speed_mps in zip(self._wheels, _rim_speeds(v_mps, yaw_rate_radps), strict=True):
+            self.data.ctrl[wheel] = rim_speed_mps / WHEEL_RADIUS_M
         self._touched = set()
-        for _ in range(n_steps):
-            self._approach(goal, MAX_ACCELERATION_MPS2 * step_s)
-            # In this order contacts and positions belong to the end of the step, not to its beginning.
+        while n_steps > 0:
+            n = min(n_steps, _LOOK_STEPS)
+            # Begun and ended in mid-step, so that contacts and sensors belong to the end, as the pose does.
             mujoco.mj_step2(self.model, self.data)
+            if n > 1:
+                mujoco.mj_step(self.model, self.data, n - 1)
             mujoco.mj_step1(self.model, self.data)
             self._note_contacts()
+            n_steps -= n
 
     def pose(self) -> FloatArray:
         """Where the robot is: x, y and yaw in (-pi, pi]; shape (3,), metres and radians, world frame."""
@@ -143,6 +162,40 @@ class Inspector:
         *_, yaw = self.pose().tolist()
         vx, vy, _, _, _, yaw_rate = self.data.qvel[self._base_dof : self._base_dof + 6].tolist()
         return np.array([math.cos(yaw) * vx + math.sin(yaw) * vy, yaw_rate])
+
+    def wheel_angles(self) -> FloatArray:
+        """By how much the left and the right wheel have turned since `reset`; shape (2,), radians."""
+        return self.data.qpos[self._wheel_qpos]
+
+    def motor_power_w(self) -> float:
+        """Electric power that the wheel motors take now: mechanical power and what heats the copper; never fed back."""
+        taken = 0.0
+        for wheel, (resistance_ohm, constant_nmpa) in zip(self._wheels, self._motors, strict=True):
+            torque_nm = float(self.data.actuator_force[wheel])
+            mechanical_w = torque_nm * float(self.data.actuator_velocity[wheel])
+            taken += max(mechanical_w + (torque_nm / constant_nmpa) ** 2 * resistance_ohm, 0.0)
+        return taken
+
+    def lidar(self) -> FloatArray:
+        """Ranges of the planar lidar to equipment, fence or ground, at most `LIDAR_RANGE_M`; shape (LIDAR_BEAMS,)."""
+        transform = self.world_from_base()
+        rotation = transform[:3, :3]
+        range_m, geom = np.empty(LIDAR_BEAMS), np.empty(LIDAR_BEAMS, dtype=np.int32)
+        mujoco.mj_multiRay(
+            self.model,
+            self.data,
+            rotation @ self._lidar_m + transform[:3, 3],
+            (_BEAMS @ rotation.T).ravel(),
+            _ALL_BUT_ROBOT,
+            True,
+            -1,
+            geom,
+            range_m,
+            None,
+            LIDAR_BEAMS,
+            LIDAR_RANGE_M,
+        )
+        return np.where((range_m < 0.0) | (range_m > LIDAR_RANGE_M), LIDAR_RANGE_M, range_m)
 
     def touched(self) -> tuple[str, ...]:
         """Sorted geom names of what the robot touched since the last `drive` or `reset` began; never the floor."""
@@ -183,13 +236,6 @@ class Inspector:
                 share += _BEYOND
                 origin = start + share * ray
         return crossed
-
-    def _approach(self, goal_mps: tuple[float, float], most_mps: float) -> None:
-        """Move the commanded rim speeds towards `goal_mps` by at most `most_mps`."""
-        for side, wheel in enumerate(self._wheels):
-            change = goal_mps[side] - self._rim_speeds_mps[side]
-            self._rim_speeds_mps[side] += min(max(change, -most_mps), most_mps)
-            self.data.ctrl[wheel] = self._rim_speeds_mps[side] / WHEEL_RADIUS_M
 
     def _note_contacts(self) -> None:
         geoms = self.data.contact.geom.ravel().tolist()

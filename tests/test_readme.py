@@ -2,7 +2,6 @@
 
 import os
 import re
-import signal
 import subprocess
 import sys
 import time
@@ -80,7 +79,7 @@ def served_on_loopback(words: list[str], folder: Path, environment: dict[str, st
         if sys.platform == "linux":
             assert not listens_beyond_loopback(process.pid)
     finally:
-        process.send_signal(signal.SIGINT)
+        process.terminate()
         process.communicate(timeout=30)
     deadline = time.monotonic() + 10
     while time.monotonic() < deadline:

@@ -309,6 +309,9 @@ def test_the_constants_agree_with_the_xml():
     assert track == pytest.approx(robot.WHEEL_TRACK_M)
     fastest = (robot.MAX_SPEED_MPS + 0.5 * robot.WHEEL_TRACK_M * robot.MAX_YAW_RATE_RADPS) / robot.WHEEL_RADIUS_M
     assert model.actuator("left_wheel").ctrlrange[1] > fastest
+    for side in ("left", "right"):
+        slew_radps2 = model.actuator(f"{side}_wheel").dynprm[7]
+        assert slew_radps2 == pytest.approx(robot.MAX_ACCELERATION_MPS2 / robot.WHEEL_RADIUS_M)
 
 
 def test_no_geom_of_the_robot_can_touch_another():
