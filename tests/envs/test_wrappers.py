@@ -1,0 +1,58 @@
+"""Flat and bearings-only observations are proper environments, and say what the whole one says."""
+
+import pickle
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium import spaces
+from gymnasium.utils.env_checker import check_env
+
+from dirmusic.angles import difference
+from envs.patrol import PatrolEnv
+from envs.wrappers import BearingsOnly, FlatObservation
+
+ACTION = np.array([0.8, 0.4], dtype=np.float32)
+
+
+def whole() -> PatrolEnv:
+    return PatrolEnv("one_source")
+
+
+@pytest.mark.filterwarnings("ignore:.*is different from the unwrapped version")  # so it is; that is what is checked
+@pytest.mark.parametrize("wrapped", [BearingsOnly, FlatObservation, lambda env: FlatObservation(BearingsOnly(env))])
+def test_gymnasiums_checker_finds_nothing_and_a_pickled_copy_goes_on_alike(wrapped) -> None:  # noqa: ANN001
+    env = wrapped(gymnasium.make("envs:PDPatrol-v0").unwrapped)
+    check_env(env, skip_render_check=True)
+    env.reset(seed=2)
+    copy = pickle.loads(pickle.dumps(env))
+    for _ in range(20):
+        np.testing.assert_equal(env.step(ACTION)[0], copy.step(ACTION)[0])
+
+
+def test_the_bearing_is_turned_into_the_robots_frame() -> None:
+    env, same = BearingsOnly(whole()), whole()
+    assert isinstance(env.observation_space, spaces.Dict)
+    (seen, _), (all_of_it, _) = env.reset(seed=4), same.reset(seed=4)
+    assert not seen["bearing"].any()  # nothing heard yet
+    heard = 0
+    for _ in range(300):
+        seen, all_of_it = env.step(ACTION)[0], same.step(ACTION)[0]
+        assert env.observation_space.contains(seen)
+        if all_of_it["heard"][0]:
+            heard += 1
+            world = np.arctan2(*all_of_it["bearing"][::-1]) - np.arctan2(*all_of_it["pose"][:1:-1])
+            assert abs(difference(np.arctan2(*seen["bearing"][::-1]), world)) < 1e-5
+    assert heard > 3
+
+
+def test_a_flat_observation_has_every_entry_once_scaled_by_its_bounds() -> None:
+    env, same = FlatObservation(whole()), whole()
+    flat, _ = env.reset(seed=1)
+    all_of_it, _ = same.reset(seed=1)
+    assert isinstance(same.observation_space, spaces.Dict)
+    assert len(env.names) == flat.size == sum(space.shape[0] for space in same.observation_space.values())  # pyright: ignore
+    assert flat[env.names.index("time_left[0]")] == 1.0
+    lidar = flat[[env.names.index(f"lidar[{k}]") for k in range(36)]]
+    np.testing.assert_allclose(lidar, all_of_it["lidar"] / 6.0 - 1.0, atol=1e-6)
+    assert env.observation_space.contains(flat)
