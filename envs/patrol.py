@@ -295,7 +295,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         terms = {
             "progress": REWARD_PER_METRE * (before - self._distance_to_go(true_pose)),
             "time": REWARD_PER_SECOND * STEP_S,
-            "contact": REWARD_PER_CONTACT_STEP * bool(self.inspector.touched()),
+            "contact": REWARD_PER_CONTACT_STEP if self.inspector.touched() else 0.0,
         }
         self._note_arrivals(true_pose)
         observation, info = self._observe(heard)
