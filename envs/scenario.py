@@ -192,7 +192,7 @@ class Scenario(_Config, frozen=True):
         stops |= {f"route.waypoints_m.{i}": point for i, point in enumerate(self.route.waypoints_m)}
         faults: list[str] = []
         for key, point in stops.items():
-            inside = next((e.name for e in self.yard.equipment if e.horizontal_distance(point) < 0), None)
+            inside = self.yard.covering_equipment(point)
             if not self.yard.contains(point):
                 faults.append(f"{key}: {point} is outside the yard; allowed is (0, 0) to {self.yard.size_m}")
             elif inside is not None:
@@ -302,7 +302,7 @@ def _faults(path: Path, error: ValidationError) -> list[str]:
     """One line per fault: file, key path, what came, what is allowed."""
     lines: list[str] = []
     for item in error.errors(include_url=False):
-        parts = [str(part) for part in item["loc"] if part not in ("box", "cylinder", "[key]")]
+        parts = [str(part) for part in item["loc"] if part not in ("box", "cylinder", "catalogue", "[key]")]
         key = ".".join(parts)
         if item["type"] == "value_error":  # our own checks, each line `key: what came; allowed is ...`
             prefix = f"{key}." if key else ""
@@ -335,7 +335,8 @@ def _step_into(annotation: Any, part: int | str) -> Any:  # noqa: ANN401 - walks
         return annotation.model_fields[str(part)].annotation
     options = [option for option in get_args(annotation) if option is not Ellipsis]
     for option in options:
-        inner = [o for o in (option, *get_args(option)) if isinstance(o, type) and issubclass(o, BaseModel)]
+        bare = [getattr(o, "__origin__", o) if hasattr(o, "__metadata__") else o for o in (option, *get_args(option))]
+        inner = [o for o in bare if isinstance(o, type) and issubclass(o, BaseModel)]
         for model in inner:
             tag = model.model_fields.get("shape")
             if isinstance(part, int) or (tag is not None and part in get_args(tag.annotation)):

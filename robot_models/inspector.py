@@ -84,8 +84,7 @@ class Inspector:
         self._lidar_m = model.site("lidar").pos.copy()
         self._wheel_qpos = [int(model.joint(name).qposadr[0]) for name in ("left_wheel", "right_wheel")]
         self._obstacles = _named_obstacles(model)
-        self._piece = _pieces_of_equipment(model)
-        self.equipment = tuple(model.geom(geom).name.partition("/")[2] for geom in self._piece)
+        self._piece, self.equipment = _pieces_of_equipment(model)
         self._touched: set[int] = set()
         self.reset(0.0, 0.0, 0.0)
 
@@ -199,7 +198,7 @@ class Inspector:
 
     def touched(self) -> tuple[str, ...]:
         """Sorted geom names of what the robot touched since the last `drive` or `reset` began; never the floor."""
-        return tuple(sorted(self._obstacles[geom] for geom in self._touched))
+        return tuple(sorted({self._obstacles[geom] for geom in self._touched}))
 
     def crossed(self, starts_m: ArrayLike, ends_m: ArrayLike) -> BoolArray:
         """Tell which pieces of equipment straight lines cross.
@@ -246,12 +245,15 @@ class Inspector:
 def _named_obstacles(model: mujoco.MjModel) -> dict[int, str]:
     """Geom id to name of everything the robot can run into."""
     ids = np.flatnonzero(model.geom_contype & OBSTACLE_CONTYPE).tolist()
-    return {geom: model.geom(geom).name or f"geom_{geom}" for geom in ids}
+    return {geom: "/".join(model.geom(geom).name.split("/")[:2]) or f"geom_{geom}" for geom in ids}
 
 
-def _pieces_of_equipment(model: mujoco.MjModel) -> dict[int, int]:
-    """Geom id to number of the piece of equipment, in the order in which they were added."""
-    return {int(geom): piece for piece, geom in enumerate(np.flatnonzero(model.geom_group == EQUIPMENT_GROUP))}
+def _pieces_of_equipment(model: mujoco.MjModel) -> tuple[dict[int, int], tuple[str, ...]]:
+    """Geom id to number of the piece of equipment that it is a part of, and the pieces' names, in their order."""
+    geoms = np.flatnonzero(model.geom_group == EQUIPMENT_GROUP).tolist()
+    piece = {geom: model.geom(geom).name.split("/")[1] for geom in geoms}
+    names = tuple(dict.fromkeys(piece.values()))
+    return {geom: names.index(name) for geom, name in piece.items()}, names
 
 
 def _rim_speeds(v_mps: float, yaw_rate_radps: float) -> tuple[float, float]:

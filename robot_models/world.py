@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robot_models.yard import BoxEquipment, CylinderEquipment, Yard
+from robot_models.yard import BoxEquipment, CatalogueEquipment, CylinderEquipment, Yard
 
 FloatArray = NDArray[np.float64]
 
@@ -56,8 +56,27 @@ _KIND_COLOURS = {
     "reactor": (0.72, 0.74, 0.70, 1.0),
     "gis": (0.74, 0.77, 0.80, 1.0),
     "cabinet": (0.36, 0.46, 0.44, 1.0),
+    "busbar": (0.55, 0.58, 0.60, 1.0),
+    "control_building": (0.76, 0.70, 0.62, 1.0),
+    "fence": (0.50, 0.56, 0.54, 0.35),
+    "gis_bay": (0.74, 0.77, 0.80, 1.0),
+    "kerb": (0.66, 0.65, 0.62, 1.0),
     "building": (0.76, 0.70, 0.62, 1.0),
 }
+_PART_COLOURS = {
+    "hv_bushing": (0.55, 0.27, 0.18, 1.0),
+    "lv_bushing": (0.55, 0.27, 0.18, 1.0),
+    "pole": (0.55, 0.27, 0.18, 1.0),
+    "post": (0.55, 0.27, 0.18, 1.0),
+    "insulator": (0.55, 0.27, 0.18, 1.0),
+    "column": (0.55, 0.58, 0.60, 1.0),
+    "tube": (0.80, 0.82, 0.84, 1.0),
+    "drive": (0.40, 0.48, 0.46, 1.0),
+    "cubicle": (0.40, 0.48, 0.46, 1.0),
+    "base": (0.62, 0.61, 0.58, 1.0),
+}
+"""Where a part is not of the colour of its kind: porcelain is brown, steel grey."""
+
 _DEFAULT_COLOUR = (0.58, 0.60, 0.62, 1.0)
 _FENCE_COLOUR = (0.50, 0.56, 0.54, 0.35)
 
@@ -72,8 +91,8 @@ def build_spec(yard: Yard, element_positions_m: ArrayLike, element_boresights_ra
         element_boresights_rad: Azimuths the elements look to, shape (n,), array frame.
 
     Returns:
-        The spec. Equipment is named `equipment/NAME`, the fence `fence/SIDE`, the sites of the elements `element_1`
-        to `element_n`, each with its x axis along the boresight.
+        The spec. Equipment is named `equipment/NAME`, its further parts `equipment/NAME/PART`, the fence `fence/SIDE`,
+        the sites of the elements `element_1` to `element_n`, each with its x axis along the boresight.
 
     Raises:
         ValueError: If the element arrays disagree in shape, are not finite, or hold more elements than the head.
@@ -198,24 +217,26 @@ def _add_fence(spec: mujoco.MjSpec, yard: Yard) -> None:
         )
 
 
-def _add_equipment(spec: mujoco.MjSpec, item: BoxEquipment | CylinderEquipment) -> None:
-    """Stand one piece of equipment on the ground."""
-    half_yaw, half_height = 0.5 * np.radians(item.yaw_deg), 0.5 * item.height_m
-    if isinstance(item, BoxEquipment):
-        shape, size = mujoco.mjtGeom.mjGEOM_BOX, [0.5 * side for side in item.footprint_m] + [half_height]
-    else:
-        shape, size = mujoco.mjtGeom.mjGEOM_CYLINDER, [item.radius_m, half_height, 0.0]
-    spec.worldbody.add_geom(
-        name=f"equipment/{item.name}",
-        type=shape,
-        pos=[*item.position_m, half_height],
-        quat=[np.cos(half_yaw), 0.0, 0.0, np.sin(half_yaw)],
-        size=size,
-        rgba=_KIND_COLOURS.get(item.kind, _DEFAULT_COLOUR),
-        group=EQUIPMENT_GROUP,
-        contype=OBSTACLE_CONTYPE,
-        conaffinity=0,
-    )
+def _add_equipment(spec: mujoco.MjSpec, item: BoxEquipment | CylinderEquipment | CatalogueEquipment) -> None:
+    """Stand one piece of equipment on the ground, a geom for each of its parts."""
+    solids, half_yaw = item.solids, 0.5 * np.radians(item.yaw_deg)
+    for k, part in enumerate(item.assembly.parts):
+        half_height = 0.5 * (solids.top_m[k] - solids.bottom_m[k])
+        if solids.radius_m[k] > 0:
+            shape, size = mujoco.mjtGeom.mjGEOM_CYLINDER, [solids.radius_m[k], half_height, 0.0]
+        else:
+            shape, size = mujoco.mjtGeom.mjGEOM_BOX, [*solids.half_size_m[k], half_height]
+        spec.worldbody.add_geom(
+            name=f"equipment/{item.name}" if k == 0 else f"equipment/{item.name}/{part}",
+            type=shape,
+            pos=[*solids.centre_m[k], solids.bottom_m[k] + half_height],
+            quat=[np.cos(half_yaw), 0.0, 0.0, np.sin(half_yaw)],
+            size=size,
+            rgba=_PART_COLOURS.get(part.rstrip("_123"), _KIND_COLOURS.get(item.kind, _DEFAULT_COLOUR)),
+            group=EQUIPMENT_GROUP,
+            contype=OBSTACLE_CONTYPE,
+            conaffinity=0,
+        )
 
 
 def describe_solids(model: mujoco.MjModel) -> dict[str, list[dict[str, object]]]:

@@ -7,16 +7,21 @@ needs MuJoCo, so a scenario can be checked, and a path planned, without building
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Literal, Self
+from functools import cached_property
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BaseModel, Field, PositiveFloat, model_validator
+from pydantic import BaseModel, Discriminator, Field, PositiveFloat, Tag, model_validator
+
+from robot_models.equipment import CATALOGUE, Assembly
+from robot_models.solids import Box, Cylinder, Placed, Solids
 
 FloatArray = NDArray[np.float64]
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 YardLength = Annotated[float, Field(gt=0.0, le=200.0)]
+Sites = Mapping[Name, tuple[float, float, float]]
 
 SURFACE_TOLERANCE_M = 0.01
 """How far from the surface a site may be written (assumed; the width of a pencil line on a yard plan)."""
@@ -24,68 +29,63 @@ SURFACE_TOLERANCE_M = 0.01
 SITE_STANDOFF_M = 0.02
 """How far outside the surface a discharge on a site radiates (assumed), so that its own face does not hide it."""
 
+ROBOT_HEIGHT_M = 0.75
+"""The robot passes below what begins higher than this: its own height and a hand's breadth."""
+
+SIGHT_HEIGHT_M = 2.0
+"""On plan, what begins higher than this hides nothing from a robot whose antennas are 0.6 m high (assumed)."""
+
 
 class _Equipment(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
-    """What box and cylinder share: a solid that stands on the ground and hides what is behind it."""
+    """What all pieces share: a name, a kind, and a place on the ground."""
 
     name: Name
-    kind: Name = Field(description="kind of equipment, for example power_transformer")
     position_m: tuple[float, float] = Field(description="centre of the footprint, world frame")
     yaw_deg: float = 0.0
-    height_m: PositiveFloat
-    sites: Mapping[Name, tuple[float, float, float]] = Field(
-        default_factory=dict, description="candidate discharge sites on the surface, equipment frame (z from ground)"
-    )
 
-    def _footprint_distance(self, local_m: FloatArray) -> FloatArray:
-        """Signed distance of (..., 2) points in the equipment frame to the footprint, negative inside."""
+    @property
+    def assembly(self) -> Assembly:
+        """Parts and sites, in the equipment's own frame."""
         raise NotImplementedError
 
-    def _footprint_crossed(self, start_m: FloatArray, end_m: FloatArray) -> NDArray[np.bool_]:
-        """Whether segments between points (..., 2) of the equipment frame cross the footprint; shape (...)."""
-        raise NotImplementedError
+    @property
+    def placed(self) -> tuple[Placed, ...]:
+        """Its parts where they stand."""
+        return tuple(Placed(part, self.position_m, np.radians(self.yaw_deg)) for part in self.assembly.parts.values())
 
-    def _to_local(self, points_m: FloatArray) -> FloatArray:
-        cos, sin = np.cos(np.radians(self.yaw_deg)), np.sin(np.radians(self.yaw_deg))
-        x, y = np.moveaxis(points_m[..., :2] - np.asarray(self.position_m), -1, 0)
-        return np.stack([cos * x + sin * y, cos * y - sin * x], axis=-1)
-
-    def horizontal_distance(self, points_m: ArrayLike) -> FloatArray:
-        """Signed distance of world points (..., 2 or 3) to the footprint, negative inside; shape (...), metres."""
-        return self._footprint_distance(self._to_local(np.asarray(points_m, dtype=np.float64)))
-
-    def crossed(self, start_m: FloatArray, end_m: FloatArray) -> NDArray[np.bool_]:
-        """Whether horizontal segments between world points (..., 2) cross the footprint; shape (...)."""
-        return self._footprint_crossed(self._to_local(start_m), self._to_local(end_m))
-
-    def distance(self, points_m: ArrayLike) -> FloatArray:
-        """Signed distance of world points (..., 3) to the solid, negative inside; shape (...), metres."""
-        points = np.asarray(points_m, dtype=np.float64)
-        sideways = self.horizontal_distance(points)
-        upward = np.maximum(points[..., 2] - self.height_m, -points[..., 2])
-        outside = np.hypot(np.maximum(sideways, 0.0), np.maximum(upward, 0.0))
-        return np.where((sideways > 0) | (upward > 0), outside, np.maximum(sideways, upward))
+    @cached_property
+    def solids(self) -> Solids:
+        """Its parts, world frame."""
+        return Solids(self.placed)
 
     def site_position(self, site: str) -> FloatArray:
         """Where a discharge on `site` radiates: the site moved `SITE_STANDOFF_M` out of the surface; (3,), world."""
-        local = np.asarray(self.sites[site])
+        x, y, z = self.assembly.sites[site]
         cos, sin = np.cos(np.radians(self.yaw_deg)), np.sin(np.radians(self.yaw_deg))
-        on_surface = np.array(
-            [
-                self.position_m[0] + cos * local[0] - sin * local[1],
-                self.position_m[1] + sin * local[0] + cos * local[1],
-                local[2],
-            ]
-        )
+        on_surface = np.array([self.position_m[0] + cos * x - sin * y, self.position_m[1] + sin * x + cos * y, z])
         step = 1e-4 * np.eye(3)
-        gradient = self.distance(on_surface + step) - self.distance(on_surface - step)
+        gradient = self._distance(on_surface + step) - self._distance(on_surface - step)
         return on_surface + SITE_STANDOFF_M * gradient / np.linalg.norm(gradient)
+
+    def _distance(self, points_m: FloatArray) -> FloatArray:
+        return self.solids.distance(points_m).min(axis=-1)
+
+
+class _PlainEquipment(_Equipment, frozen=True):
+    """One solid that stands on the ground."""
+
+    kind: Name = Field(description="kind of equipment, for example power_transformer")
+    height_m: PositiveFloat
+    sites: Sites = Field(
+        default_factory=dict, description="candidate discharge sites on the surface, equipment frame (z from ground)"
+    )
 
     @model_validator(mode="after")
     def _sites_lie_on_the_surface(self) -> Self:
         faults: list[str] = []
+        at_origin = Solids([Placed(part, (0.0, 0.0), 0.0) for part in self.assembly.parts.values()])
         for site, (x, y, z) in self.sites.items():
-            sideways = float(self._footprint_distance(np.array([x, y])))
+            sideways = float(at_origin.horizontal_distance(np.array([x, y])).min())
             on_side = abs(sideways) <= SURFACE_TOLERANCE_M and 0 < z <= self.height_m
             on_top = abs(z - self.height_m) <= SURFACE_TOLERANCE_M and sideways <= SURFACE_TOLERANCE_M
             if not (on_side or on_top):
@@ -99,43 +99,67 @@ class _Equipment(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_
         return self
 
 
-class BoxEquipment(_Equipment, frozen=True):
-    """Equipment with a rectangular footprint: a tank, a cabinet, a building."""
+class BoxEquipment(_PlainEquipment, frozen=True):
+    """A single box: a tank, a cabinet, a building."""
 
     shape: Literal["box"]
     footprint_m: tuple[PositiveFloat, PositiveFloat] = Field(description="length along x and y of the equipment frame")
 
-    def _footprint_distance(self, local_m: FloatArray) -> FloatArray:
-        beyond = np.abs(local_m) - 0.5 * np.asarray(self.footprint_m)
-        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1)
-        return outside + np.minimum(beyond.max(axis=-1), 0.0)
-
-    def _footprint_crossed(self, start_m: FloatArray, end_m: FloatArray) -> NDArray[np.bool_]:
-        along = end_m - start_m
-        along = np.where(np.abs(along) < 1e-12, 1e-12, along)
-        half = 0.5 * np.asarray(self.footprint_m)
-        first, second = (-half - start_m) / along, (half - start_m) / along
-        enters, leaves = np.minimum(first, second).max(axis=-1), np.maximum(first, second).min(axis=-1)
-        return np.maximum(enters, 0.0) < np.minimum(leaves, 1.0)
+    @property
+    def assembly(self) -> Assembly:
+        """See `_Equipment`."""
+        return Assembly({"body": Box(footprint_m=self.footprint_m, top_m=self.height_m)}, self.sites)
 
 
-class CylinderEquipment(_Equipment, frozen=True):
-    """Equipment with a round footprint: a bushing, a current transformer, a tank."""
+class CylinderEquipment(_PlainEquipment, frozen=True):
+    """A single upright cylinder: a bushing, a current transformer, a tank."""
 
     shape: Literal["cylinder"]
     radius_m: PositiveFloat
 
-    def _footprint_distance(self, local_m: FloatArray) -> FloatArray:
-        return np.linalg.norm(local_m, axis=-1) - self.radius_m
-
-    def _footprint_crossed(self, start_m: FloatArray, end_m: FloatArray) -> NDArray[np.bool_]:
-        along = end_m - start_m
-        length = np.maximum(np.square(along).sum(axis=-1), 1e-24)
-        nearest = np.clip(-(start_m * along).sum(axis=-1) / length, 0.0, 1.0)
-        return self._footprint_distance(start_m + nearest[..., np.newaxis] * along) < 0
+    @property
+    def assembly(self) -> Assembly:
+        """See `_Equipment`."""
+        return Assembly({"body": Cylinder(radius_m=self.radius_m, top_m=self.height_m)}, self.sites)
 
 
-Equipment = Annotated[BoxEquipment | CylinderEquipment, Field(discriminator="shape")]
+class CatalogueEquipment(_Equipment, frozen=True):
+    """Equipment of a kind whose shape and sites are known: see `robot_models/equipment`."""
+
+    shape: Literal["catalogue"] = "catalogue"
+    kind: str
+    length_m: PositiveFloat | None = Field(default=None, description="along x of its own frame, where a kind stretches")
+
+    @model_validator(mode="after")
+    def _is_in_the_catalogue(self) -> Self:
+        kind = CATALOGUE.get(self.kind)
+        if kind is None:
+            raise ValueError(
+                f"kind: no shape is known for `{self.kind}`; allowed are {', '.join(CATALOGUE)}, or any kind with "
+                'shape = "box" or "cylinder"'
+            )
+        if self.length_m is not None and not kind.stretches:
+            raise ValueError(f"length_m: got {self.length_m:g}; allowed is none, for a {self.kind} has one size")
+        return self
+
+    @property
+    def assembly(self) -> Assembly:
+        """See `_Equipment`."""
+        kind = CATALOGUE[self.kind]
+        return kind.build(kind.length_m if self.length_m is None else self.length_m)
+
+
+def _shape_of(value: Any) -> str:  # noqa: ANN401 - what a file holds may be anything
+    shape = value.get("shape", "catalogue") if isinstance(value, Mapping) else getattr(value, "shape", "catalogue")
+    return str(shape)
+
+
+Equipment = Annotated[
+    Annotated[BoxEquipment, Tag("box")]
+    | Annotated[CylinderEquipment, Tag("cylinder")]
+    | Annotated[CatalogueEquipment, Tag("catalogue")],
+    Discriminator(_shape_of),
+]
 
 
 class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
@@ -160,6 +184,24 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
             raise ValueError("\n".join(faults))
         return self
 
+    @cached_property
+    def solids(self) -> Solids:
+        """All parts of all equipment, world frame, in file order."""
+        return Solids([placed for item in self.equipment for placed in item.placed])
+
+    @cached_property
+    def owner(self) -> NDArray[np.intp]:
+        """Number of the piece of equipment that each of the solids belongs to, shape (n_solids,)."""
+        return np.repeat(np.arange(len(self.equipment)), [len(item.placed) for item in self.equipment]).astype(np.intp)
+
+    @cached_property
+    def _in_the_robots_way(self) -> Solids:
+        return self.solids.take(self.solids.bottom_m < ROBOT_HEIGHT_M)
+
+    @cached_property
+    def _in_the_line_of_sight(self) -> Solids:
+        return self.solids.take(self.solids.bottom_m < SIGHT_HEIGHT_M)
+
     def faces(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, NDArray[np.intp]]:
         """Flat rectangles that radio waves are mirrored by: the ground, and the four sides and the top of every box.
 
@@ -169,14 +211,12 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
             ground; and the number of the piece of equipment, -1 for the ground (n_faces,).
         """
         faces = [(np.zeros(3), np.eye(3)[2], np.eye(3)[:2], np.full(2, np.inf), -1)]
-        for number, item in enumerate(self.equipment):
-            if not isinstance(item, BoxEquipment):
-                continue
-            yaw = np.radians(item.yaw_deg)
+        solids, up = self.solids, np.array([0.0, 0.0, 1.0])
+        for k in np.flatnonzero(solids.radius_m == 0).tolist():
+            yaw, (half_x, half_y) = solids.yaw_rad[k], solids.half_size_m[k]
             x, y = np.array([[np.cos(yaw), np.sin(yaw), 0.0], [-np.sin(yaw), np.cos(yaw), 0.0]])
-            up = np.array([0.0, 0.0, 1.0])
-            half_x, half_y, half_z = 0.5 * item.footprint_m[0], 0.5 * item.footprint_m[1], 0.5 * item.height_m
-            middle = np.array([*item.position_m, half_z])
+            half_z = 0.5 * (solids.top_m[k] - solids.bottom_m[k])
+            middle = np.array([*solids.centre_m[k], solids.bottom_m[k] + half_z])
             for normal, depth, (first, second) in (
                 (x, half_x, ((y, half_y), (up, half_z))),
                 (-x, half_x, ((y, half_y), (up, half_z))),
@@ -185,7 +225,7 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
                 (up, half_z, ((x, half_x), (y, half_y))),
             ):
                 axes, half_size_m = np.array([first[0], second[0]]), np.array([first[1], second[1]])
-                faces.append((middle + depth * normal, normal, axes, half_size_m, number))
+                faces.append((middle + depth * normal, normal, axes, half_size_m, int(self.owner[k])))
         centre, normal, sides, half_size, owner = (np.array(column) for column in zip(*faces, strict=True))
         return centre, normal, sides, half_size, owner.astype(np.intp)
 
@@ -195,10 +235,10 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         return np.all((points >= 0.0) & (points <= np.asarray(self.size_m)), axis=-1)
 
     def clearance(self, points_m: ArrayLike) -> FloatArray:
-        """Horizontal distance of world points (..., 2) to the nearest equipment or fence, negative inside; metres."""
+        """Horizontal distance of world points (..., 2) to fence or equipment in a robot's way, negative inside."""
         points = np.asarray(points_m, dtype=np.float64)[..., :2]
         to_fence = np.minimum(points, np.asarray(self.size_m) - points).min(axis=-1)
-        return np.minimum.reduce([to_fence, *(item.horizontal_distance(points) for item in self.equipment)])
+        return np.minimum(to_fence, self._in_the_robots_way.horizontal_distance(points).min(axis=-1, initial=np.inf))
 
     def in_sight(self, points_m: ArrayLike, target_m: ArrayLike, ignore_m: float = 0.0) -> NDArray[np.bool_]:
         """Whether no equipment lies between points (n, 2) and a target (2,), on plan; shape (n,).
@@ -213,29 +253,34 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         sight = target - points
         range_m = np.linalg.norm(sight, axis=-1, keepdims=True)
         end = target - sight * np.minimum(ignore_m / np.maximum(range_m, 1e-9), 1.0)
-        clear = np.ones(len(points), dtype=np.bool_)
-        for item in self.equipment:
-            clear &= ~item.crossed(points, end)
-        return clear
+        return np.asarray(~self._in_the_line_of_sight.crossed(points, end).any(axis=-1))
 
     def site_names(self) -> tuple[str, ...]:
         """Every candidate discharge site as `equipment/site`, in file order."""
-        return tuple(f"{item.name}/{site}" for item in self.equipment for site in item.sites)
+        return tuple(f"{item.name}/{site}" for item in self.equipment for site in item.assembly.sites)
 
     def site_position(self, name: str) -> FloatArray:
         """World position (3,) at which a discharge on the site `equipment/site` radiates, metres."""
         equipment, _, site = name.partition("/")
         for item in self.equipment:
-            if item.name == equipment and site in item.sites:
+            if item.name == equipment and site in item.assembly.sites:
                 return item.site_position(site)
         raise ValueError(f"no site `{name}` in this yard; known are {', '.join(self.site_names()) or 'none'}")
 
     def enclosing_equipment(self, position_m: ArrayLike) -> str | None:
         """Name of the equipment that encloses a world position (3,), or None."""
-        return next((item.name for item in self.equipment if item.distance(position_m) < 0), None)
+        inside = np.flatnonzero(self.solids.distance(np.asarray(position_m, dtype=np.float64)) < 0)
+        return self.equipment[int(self.owner[inside[0]])].name if inside.size else None
+
+    def covering_equipment(self, position_m: ArrayLike) -> str | None:
+        """Name of the equipment whose outline covers a world position (2,) in a robot's way, or None."""
+        over = self.solids.horizontal_distance(np.asarray(position_m, dtype=np.float64)) < 0
+        inside = np.flatnonzero(over & (self.solids.bottom_m < ROBOT_HEIGHT_M))
+        return self.equipment[int(self.owner[inside[0]])].name if inside.size else None
 
     def nearest_equipment(self, position_m: ArrayLike) -> str | None:
         """Name of the equipment whose outline is horizontally nearest to a world position (2,), or None."""
         if not self.equipment:
             return None
-        return min(self.equipment, key=lambda item: float(item.horizontal_distance(position_m))).name
+        distance_m = self.solids.horizontal_distance(np.asarray(position_m, dtype=np.float64))
+        return self.equipment[int(self.owner[distance_m.argmin()])].name

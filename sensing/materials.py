@@ -31,20 +31,31 @@ PORCELAIN = Material(loss_db=10.0, reflection=-0.4)
 RACK = Material(loss_db=10.0, reflection=-0.3)
 """Assumed: units on an open frame, which both shade and reflect in part."""
 
+MESH = Material(loss_db=2.0, reflection=-0.2)
+"""Assumed: wire mesh whose openings are a third of a wavelength lets most pass."""
+
+KERB = Material(loss_db=1.0, reflection=0.0)
+"""Assumed: a stone a wavelength high neither shades nor mirrors what goes over it."""
+
 GRAVEL = Material(loss_db=0.0, reflection=-0.3)
 """The ground: permittivity of 3.5 for dry gravel (assumed; ITU-R P.527 gives 3 to 4 for dry soil), normal incidence.
 At a grazing angle more comes back, of which a circularly polarised helix hears but a part."""
 
 KIND_MATERIALS: dict[str, Material] = {
     "building": CONCRETE,
+    "busbar": PORCELAIN,
     "bushing": PORCELAIN,
     "cabinet": METAL,
     "capacitor_bank": RACK,
     "circuit_breaker": METAL,
+    "control_building": CONCRETE,
     "current_transformer": PORCELAIN,
     "disconnector": PORCELAIN,
+    "fence": MESH,
     "fire_wall": CONCRETE,
     "gis": METAL,
+    "gis_bay": METAL,
+    "kerb": KERB,
     "power_transformer": METAL,
     "reactor": METAL,
     "surge_arrester": PORCELAIN,

@@ -91,8 +91,7 @@ def test_every_solid_of_the_yard_has_the_same_surface_in_the_model():
         range_m = mujoco.mj_ray(model, data, start, ray, groups, True, -1, None)
         if range_m >= 0:
             n_hits += 1
-            nearest = min(abs(float(item.distance(start + range_m * ray))) for item in YARD.equipment)
-            assert nearest < 1e-6
+            assert np.abs(YARD.solids.distance(start + range_m * ray)).min() < 1e-6
     assert n_hits > 20
 
 

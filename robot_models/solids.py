@@ -1,0 +1,112 @@
+"""Boxes and upright cylinders: as data in the frame of their equipment, and many of them at once in the yard."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, NonNegativeFloat, PositiveFloat
+
+FloatArray = NDArray[np.float64]
+
+
+class Solid(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
+    """What box and cylinder share. Frame of the equipment: footprint as at yaw 0, z up from the ground."""
+
+    centre_m: tuple[float, float] = (0.0, 0.0)
+    bottom_m: NonNegativeFloat = 0.0
+    top_m: PositiveFloat
+
+
+class Box(Solid, frozen=True):
+    """A tank, a cabinet, a wall."""
+
+    footprint_m: tuple[PositiveFloat, PositiveFloat]
+
+
+class Cylinder(Solid, frozen=True):
+    """A bushing, an insulator, a pole."""
+
+    radius_m: PositiveFloat
+
+
+class Placed(NamedTuple):
+    """A solid where its equipment stands: position of that on the ground, and its yaw."""
+
+    solid: Solid
+    position_m: tuple[float, float]
+    yaw_rad: float
+
+
+class Solids:
+    """Many solids, world frame; in every answer they are the last axis.
+
+    Args:
+        placed: The solids and where they are.
+
+    Attributes:
+        centre_m: Middle of the footprints, shape (n, 2).
+        yaw_rad: Shape (n,).
+        half_size_m: Half the sides of boxes, shape (n, 2); 0 for cylinders.
+        radius_m: Of cylinders, shape (n,); 0 for boxes.
+        bottom_m: Height above ground, shape (n,).
+        top_m: Height above ground, shape (n,).
+    """
+
+    def __init__(self, placed: Sequence[Placed]) -> None:
+        self.yaw_rad = np.array([yaw for _, _, yaw in placed], dtype=np.float64)
+        self._cos, self._sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
+        own = np.array([solid.centre_m for solid, _, _ in placed], dtype=np.float64).reshape(-1, 2)
+        turned = np.stack(
+            [self._cos * own[:, 0] - self._sin * own[:, 1], self._sin * own[:, 0] + self._cos * own[:, 1]], axis=-1
+        )
+        self.centre_m: FloatArray = np.array([at for _, at, _ in placed], dtype=np.float64).reshape(-1, 2) + turned
+        sides = [solid.footprint_m if isinstance(solid, Box) else (0.0, 0.0) for solid, _, _ in placed]
+        self.half_size_m = 0.5 * np.array(sides, dtype=np.float64).reshape(-1, 2)
+        self.radius_m = np.array(
+            [solid.radius_m if isinstance(solid, Cylinder) else 0.0 for solid, _, _ in placed], dtype=np.float64
+        )
+        self.bottom_m = np.array([solid.bottom_m for solid, _, _ in placed], dtype=np.float64)
+        self.top_m = np.array([solid.top_m for solid, _, _ in placed], dtype=np.float64)
+
+    def take(self, chosen: NDArray[np.bool_]) -> Solids:
+        """Some of them."""
+        some = object.__new__(Solids)
+        for name, column in vars(self).items():
+            setattr(some, name, column[chosen])
+        return some
+
+    def horizontal_distance(self, points_m: FloatArray) -> FloatArray:
+        """Signed distance of points (..., 2 or 3) to the footprints, negative inside; shape (..., n), metres."""
+        beyond = np.abs(self._local(points_m)) - self.half_size_m
+        outside = np.sqrt(np.square(np.maximum(beyond, 0.0)).sum(axis=-1))
+        return outside + np.minimum(beyond.max(axis=-1), 0.0) - self.radius_m
+
+    def distance(self, points_m: FloatArray) -> FloatArray:
+        """Signed distance of points (..., 3) to the surfaces, negative inside; shape (..., n), metres."""
+        sideways = self.horizontal_distance(points_m)
+        height_m = points_m[..., 2, np.newaxis]
+        upward = np.maximum(height_m - self.top_m, self.bottom_m - height_m)
+        outside = np.hypot(np.maximum(sideways, 0.0), np.maximum(upward, 0.0))
+        return np.where((sideways > 0) | (upward > 0), outside, np.maximum(sideways, upward))
+
+    def crossed(self, start_m: FloatArray, end_m: FloatArray) -> NDArray[np.bool_]:
+        """Whether level segments between points (..., 2) cross the footprints; shape (..., n)."""
+        start = self._local(start_m)
+        along = self._local(end_m) - start
+        length = np.maximum(np.square(along).sum(axis=-1), 1e-24)
+        nearest = np.clip(-(start * along).sum(axis=-1) / length, 0.0, 1.0)
+        past = np.square(start + nearest[..., np.newaxis] * along).sum(axis=-1)
+        along = np.where(np.abs(along) < 1e-12, 1e-12, along)
+        first, second = (-self.half_size_m - start) / along, (self.half_size_m - start) / along
+        enters, leaves = np.minimum(first, second).max(axis=-1), np.maximum(first, second).min(axis=-1)
+        in_box = np.maximum(enters, 0.0) < np.minimum(leaves, 1.0)
+        return np.where(self.radius_m > 0, past < np.square(self.radius_m), in_box)
+
+    def _local(self, points_m: FloatArray) -> FloatArray:
+        """Points (..., 2 or 3) in the frame of each footprint, shape (..., n, 2)."""
+        off = points_m[..., np.newaxis, :2] - self.centre_m
+        x, y = off[..., 0], off[..., 1]
+        return np.stack([self._cos * x + self._sin * y, self._cos * y - self._sin * x], axis=-1)
