@@ -49,7 +49,8 @@ class LocatingRules:
         confirm_opening_rad: Lines of sight must have opened by this much: one line of bearings is no fix.
         confirm_semi_major_m: The 95 % ellipse must be no longer than this to confirm.
         confirm_range_m: It must have been heard from within this distance.
-        confirm_pulses: And this often. Confirmed findings that lose half of that are candidates again.
+        confirm_pulses: And this often. Confirmed findings that lose half of that, or jump by more than `merge_m`, are
+            candidates again.
         confirm_presence: Near it and in sight of it, where there is a map, it must have been heard in this share of the
             seconds in which anything was: what comes from a mirror comes to few places.
         echo_presence: Where it is heard in less than this share of them, it is an echo.
@@ -189,7 +190,9 @@ class Locator:
             )
             self._errors = fix.errors
             for k, position, covariance in zip(chosen, fix.positions_m, fix.covariances_m2, strict=True):
-                moved[k] = replace(moved[k], position_m=position, covariance_m2=covariance)
+                has_jumped = np.linalg.norm(position - moved[k].position_m) > self.rules.merge_m
+                state = "candidate" if has_jumped else moved[k].state
+                moved[k] = replace(moved[k], position_m=position, covariance_m2=covariance, state=state)
         self._conclude(moved, time_s)
         return self.findings
 
