@@ -1,0 +1,106 @@
+"""Every kind of equipment in the catalogue: its shape, its sites, and how it stands in the model."""
+# pyright: reportAttributeAccessIssue=false
+
+import mujoco
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from robot_models.equipment import CATALOGUE
+from robot_models.inspector import Inspector
+from robot_models.world import EQUIPMENT_GROUP, build_model
+from robot_models.yard import BoxEquipment, CatalogueEquipment, Yard
+from sensing.materials import KIND_MATERIALS
+
+AZIMUTHS_RAD = np.radians([90.0, 30.0, -30.0, -90.0, -150.0, 150.0])
+RING_M = np.column_stack([0.12 * np.cos(AZIMUTHS_RAD), 0.12 * np.sin(AZIMUTHS_RAD), np.full(6, 0.6)])
+
+
+def yard_with(kind: str, yaw_deg: float = 30.0, length_m: float | None = None) -> Yard:
+    it = CatalogueEquipment(name="it", kind=kind, position_m=(20.0, 15.0), yaw_deg=yaw_deg, length_m=length_m)
+    return Yard(size_m=(40.0, 30.0), equipment=(it,))
+
+
+@pytest.mark.parametrize("kind", CATALOGUE)
+def test_a_kind_has_a_material_stands_on_the_ground_and_its_sites_lie_on_its_surface_in_the_open(kind: str) -> None:
+    assert kind in KIND_MATERIALS
+    yard = yard_with(kind)
+    assert yard.solids.bottom_m.min() == 0.0
+    assert (yard.solids.top_m > yard.solids.bottom_m).all()
+    for name in yard.site_names():
+        site = yard.site_position(name)
+        assert yard.solids.distance(site).min() == pytest.approx(0.02, abs=1e-3)
+        assert 0.3 < site[2] < 4.5
+
+
+@pytest.mark.parametrize("kind", CATALOGUE)
+def test_in_the_model_it_has_the_same_surface_as_on_the_map_and_is_one_piece(kind: str) -> None:
+    yard = yard_with(kind)
+    inspector = Inspector(build_model(yard, RING_M, AZIMUTHS_RAD))
+    assert inspector.equipment == ("it",)
+    groups = (np.arange(6) == EQUIPMENT_GROUP).astype(np.uint8)
+    rng, hits, met = np.random.default_rng(2), 0, np.zeros(1, dtype=np.int32)
+    for _ in range(400):
+        start = np.array([20.0, 15.0, 0.0]) + rng.uniform([-8.0, -8.0, 0.05], [8.0, 8.0, 5.0])
+        ray = (
+            np.array([20.0, 15.0, rng.uniform(0.0, yard.solids.top_m.max())])
+            + rng.normal(0.0, 1.0, 3) * (2.0, 2.0, 0.1)
+            - start
+        )
+        range_m = mujoco.mj_ray(inspector.model, inspector.data, start, ray, groups, True, -1, met, None)
+        if range_m > 0:
+            hits += 1
+            assert np.abs(yard.solids.distance(start + range_m * ray)).min() < 1e-6
+    assert hits > 5
+
+
+def test_whatever_part_is_in_the_way_the_whole_piece_is_crossed_once() -> None:
+    inspector = Inspector(build_model(yard_with("power_transformer", yaw_deg=0.0), RING_M, AZIMUTHS_RAD))
+    through_radiators_and_tank = inspector.crossed(np.array([[20.0, 25.0, 1.0]]), np.array([[20.0, 5.0, 1.0]]))
+    over_it_all = inspector.crossed(np.array([[20.0, 25.0, 4.9]]), np.array([[20.0, 5.0, 4.9]]))
+    through_a_bushing = inspector.crossed(np.array([[20.0, 25.0, 3.6]]), np.array([[20.0, 5.0, 3.6]]))
+    below_the_conservator = inspector.crossed(np.array([[17.9, 25.0, 3.0]]), np.array([[17.9, 5.0, 3.0]]))
+    assert [bool(c) for c in (through_radiators_and_tank, over_it_all, through_a_bushing, below_the_conservator)] == [
+        True,
+        False,
+        True,
+        False,
+    ]
+
+
+def test_the_robot_touches_the_piece_whatever_part_it_runs_into() -> None:
+    inspector = Inspector(build_model(yard_with("power_transformer", yaw_deg=0.0), RING_M, AZIMUTHS_RAD))
+    inspector.reset(20.0, 12.4, np.pi / 2)
+    inspector.drive(0.5, 0.0, 2.0)
+    assert inspector.touched() == ("equipment/it",)
+    inspector.reset(17.0, 8.0, 0.0)
+    inspector.drive(0.5, 0.0, 1.0)
+    assert inspector.touched() == ()
+
+
+def test_the_robot_passes_below_a_busbar_but_not_over_a_kerb() -> None:
+    busbar, kerb = yard_with("busbar", yaw_deg=0.0), yard_with("kerb", yaw_deg=0.0)
+    assert busbar.clearance(np.array([22.0, 15.0])) > 1.0
+    assert busbar.in_sight(np.array([[22.0, 10.0]]), np.array([22.0, 20.0])).all()
+    assert kerb.clearance(np.array([20.0, 15.0])) < 0
+    inspector = Inspector(build_model(kerb, RING_M, AZIMUTHS_RAD))
+    inspector.reset(20.0, 14.0, np.pi / 2)
+    assert inspector.lidar()[0] == pytest.approx(1.0 - 0.075, abs=0.01)  # as high as the lidar looks
+    inspector.drive(0.5, 0.0, 3.0)
+    assert inspector.touched() == ("equipment/it",)
+    assert inspector.pose()[1] < 15.0
+
+
+def test_a_fence_is_as_long_as_it_is_told_and_a_breaker_has_one_size() -> None:
+    assert yard_with("fence", length_m=9.0).solids.half_size_m[0, 0] == 4.5
+    with pytest.raises(ValidationError, match="a circuit_breaker has one size"):
+        yard_with("circuit_breaker", length_m=9.0)
+    with pytest.raises(ValidationError, match="no shape is known for `pump`; allowed are busbar"):
+        yard_with("pump")
+
+
+def test_a_box_of_any_kind_can_stand_in_for_what_the_catalogue_lacks() -> None:
+    box = BoxEquipment(
+        name="r", kind="reactor", position_m=(5.0, 5.0), footprint_m=(2.0, 1.0), height_m=2.0, shape="box", yaw_deg=90.0
+    )
+    assert box.solids.distance(np.array([5.0, 5.9, 1.0]))[0] == pytest.approx(-0.1)
