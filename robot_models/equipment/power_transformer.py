@@ -20,6 +20,7 @@ def power_transformer(length_m: float) -> Assembly:
         "radiators_left": Box(centre_m=(0.0, 1.55), footprint_m=(0.8 * length_m, 0.7), bottom_m=0.5, top_m=2.4),
         "radiators_right": Box(centre_m=(0.0, -1.55), footprint_m=(0.8 * length_m, 0.7), bottom_m=0.5, top_m=2.4),
         "conservator": Box(centre_m=(-half + 0.4, 0.0), footprint_m=(0.8, 2.2), bottom_m=3.2, top_m=4.0),
+        "conservator_legs": Box(centre_m=(-half + 0.4, 0.0), footprint_m=(0.2, 1.4), bottom_m=2.8, top_m=3.2),
         "tap_changer": Box(centre_m=(half + 0.3, 0.0), footprint_m=(0.6, 1.0), bottom_m=0.6, top_m=2.2),
     }
     for number, x in enumerate(PHASES_M, start=1):

@@ -1,0 +1,105 @@
+"""Yards without end: equipment of the catalogue where chance puts it, and a discharge on one of its sites."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envs.scenario import ROBOT_CLEARANCE_M, RouteConfig, Scenario, SourceConfig, TaskConfig
+from robot_models.equipment import CATALOGUE
+from robot_models.yard import CatalogueEquipment, Yard
+from sensing import ArrayConfig, ReceiverConfig
+
+FloatArray = NDArray[np.float64]
+
+SIZE_M = (32.0, 26.0)
+DOCK_M = (2.5, 2.5)
+N_WAYPOINTS = 4
+
+ROOM_M = 2.0
+"""Between two pieces of equipment, and round the dock: what a service car needs (assumed)."""
+
+TRIES = 60
+"""Places that are tried for a piece before there is no room for it."""
+
+DISCHARGING = tuple(kind for kind, entry in CATALOGUE.items() if entry.build(entry.length_m).sites)
+
+
+def random_yard(seed: int | np.random.Generator, n_obstructions: int = 5) -> Scenario:
+    """A scenario with one discharge in a yard of `n_obstructions` pieces of equipment, all of the same size and route.
+
+    The first piece is one that can discharge; without any, the source hangs in the open. Waypoints lie where the robot
+    fits; whether there is a way to each is not promised, as in a real yard: a mission reports what it could not reach.
+
+    Args:
+        seed: The same seed gives the same yard.
+        n_obstructions: Pieces of equipment asked for, in [0, 12]; where no room is left, there are fewer.
+
+    Returns:
+        The scenario, with energies as fidelity: it is meant for many episodes.
+
+    Raises:
+        ValueError: If `n_obstructions` is out of range.
+    """
+    if not 0 <= n_obstructions <= 12:
+        raise ValueError(f"`n_obstructions` must be in [0, 12], got {n_obstructions}")
+    rng = np.random.default_rng(seed)
+    kinds = list(CATALOGUE)
+    yard = Yard(size_m=SIZE_M)
+    for number in range(n_obstructions):
+        kind = str(rng.choice(DISCHARGING if number == 0 else kinds))
+        yard = _with_one_more(yard, f"{kind}_{number + 1}", kind, rng)
+    stops_m = [DOCK_M, *(_free_place(yard, rng) for _ in range(N_WAYPOINTS))]
+    places = yard.site_names()
+    source = SourceConfig(
+        name="discharge",
+        sites=(str(rng.choice(places)),) if places else (),
+        position_m=None if places else (*_free_place(yard, rng), 1.5),
+    )
+    return Scenario(
+        name="random_yard",
+        yard=yard,
+        route=RouteConfig(dock_m=DOCK_M, waypoints_m=tuple(stops_m[1:])),
+        array=ArrayConfig(),
+        sources=(source,),
+        receiver=ReceiverConfig(fidelity="energy"),
+        task=TaskConfig(time_limit_s=300.0),
+    )
+
+
+def _with_one_more(yard: Yard, name: str, kind: str, rng: np.random.Generator) -> Yard:
+    """The yard with a piece where there is room, or as it was where there is none."""
+    for _ in range(TRIES):
+        position = rng.uniform([0.0, 0.0], yard.size_m)
+        item = CatalogueEquipment(
+            name=name,
+            kind=kind,
+            position_m=(float(position[0]), float(position[1])),
+            yaw_deg=float(rng.choice([0.0, 90.0, 180.0, 270.0])),
+        )
+        outline = _outline(item)
+        from_fence = np.minimum(outline, np.asarray(yard.size_m) - outline).min()
+        from_dock = np.linalg.norm(outline - np.asarray(DOCK_M), axis=-1).min()
+        from_others = yard.solids.horizontal_distance(outline).min(initial=np.inf)
+        if from_fence >= ROOM_M and min(from_dock, from_others) >= ROOM_M:
+            return Yard(size_m=yard.size_m, equipment=(*yard.equipment, item))
+    return yard
+
+
+def _outline(item: CatalogueEquipment) -> FloatArray:
+    """Points round the bounding rectangle of a piece, a metre apart at most, shape (n, 2)."""
+    solids = item.solids
+    reach = np.hypot(*(solids.half_size_m + solids.radius_m[:, np.newaxis]).T)[:, np.newaxis]
+    low, high = (solids.centre_m - reach).min(axis=0), (solids.centre_m + reach).max(axis=0)
+    n = int(np.ceil((high - low).max())) + 1
+    x, y = np.linspace(low, high, n).T
+    sides = [(x, np.full(n, low[1])), (x, np.full(n, high[1])), (np.full(n, low[0]), y), (np.full(n, high[0]), y)]
+    return np.concatenate([np.stack(side, axis=-1) for side in sides])
+
+
+def _free_place(yard: Yard, rng: np.random.Generator) -> tuple[float, float]:
+    """Somewhere that the robot fits."""
+    while True:
+        x, y = (float(value) for value in rng.uniform([0.0, 0.0], yard.size_m))
+        if yard.clearance(np.array([x, y])) >= ROBOT_CLEARANCE_M + 0.3:
+            return x, y
