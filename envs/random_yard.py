@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from envs.scenario import ROBOT_CLEARANCE_M, RouteConfig, Scenario, SourceConfig, TaskConfig
 from robot_models.equipment import CATALOGUE
-from robot_models.yard import CatalogueEquipment, Yard
+from robot_models.yard import CatalogueEquipment, Equipment, Yard
 from sensing import ArrayConfig, ReceiverConfig
 
 FloatArray = NDArray[np.float64]
@@ -77,24 +77,21 @@ def _with_one_more(yard: Yard, name: str, kind: str, rng: np.random.Generator) -
             position_m=(float(position[0]), float(position[1])),
             yaw_deg=float(rng.choice([0.0, 90.0, 180.0, 270.0])),
         )
-        outline = _outline(item)
-        from_fence = np.minimum(outline, np.asarray(yard.size_m) - outline).min()
-        from_dock = np.linalg.norm(outline - np.asarray(DOCK_M), axis=-1).min()
-        from_others = yard.solids.horizontal_distance(outline).min(initial=np.inf)
-        if from_fence >= ROOM_M and min(from_dock, from_others) >= ROOM_M:
+        low, high = _bounds(item)
+        taken = [_bounds(other) for other in yard.equipment] + [(np.array(DOCK_M), np.array(DOCK_M))]
+        apart = [np.maximum(low - other_high, other_low - high).max() for other_low, other_high in taken]
+        if min(*low, *(yard.size_m - high), *apart) >= ROOM_M:
             return Yard(size_m=yard.size_m, equipment=(*yard.equipment, item))
     return yard
 
 
-def _outline(item: CatalogueEquipment) -> FloatArray:
-    """Points round the bounding rectangle of a piece, a metre apart at most, shape (n, 2)."""
+def _bounds(item: Equipment) -> tuple[FloatArray, FloatArray]:
+    """South-west and north-east corner of what a piece covers, each (2,), for a yaw of whole quarter turns."""
     solids = item.solids
-    reach = np.hypot(*(solids.half_size_m + solids.radius_m[:, np.newaxis]).T)[:, np.newaxis]
-    low, high = (solids.centre_m - reach).min(axis=0), (solids.centre_m + reach).max(axis=0)
-    n = int(np.ceil((high - low).max())) + 1
-    x, y = np.linspace(low, high, n).T
-    sides = [(x, np.full(n, low[1])), (x, np.full(n, high[1])), (np.full(n, low[0]), y), (np.full(n, high[0]), y)]
-    return np.concatenate([np.stack(side, axis=-1) for side in sides])
+    turned = np.abs(np.sin(solids.yaw_rad)) > 0.5
+    half_m = np.where(turned[:, np.newaxis], solids.half_size_m[:, ::-1], solids.half_size_m)
+    half_m = half_m + solids.radius_m[:, np.newaxis]
+    return (solids.centre_m - half_m).min(axis=0), (solids.centre_m + half_m).max(axis=0)
 
 
 def _free_place(yard: Yard, rng: np.random.Generator) -> tuple[float, float]:
