@@ -6,8 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, NonNegativeFloat
 
-from robot_models.inspector import LIDAR_RANGE_M
-
 FloatArray = NDArray[np.float64]
 
 
@@ -17,7 +15,7 @@ class LidarConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
     range_std_m: NonNegativeFloat = 0.02
 
 
-def measured(true_m: FloatArray, config: LidarConfig, rng: np.random.Generator) -> FloatArray:
+def measured(true_m: FloatArray, reach_m: float, config: LidarConfig, rng: np.random.Generator) -> FloatArray:
     """Ranges as the lidar tells them: noise on what it hits, and nothing beyond its reach; same shape."""
-    noisy = np.clip(true_m + config.range_std_m * rng.standard_normal(true_m.shape), 0.0, LIDAR_RANGE_M)
-    return np.where(true_m < LIDAR_RANGE_M, noisy, LIDAR_RANGE_M)
+    noisy = np.clip(true_m + config.range_std_m * rng.standard_normal(true_m.shape), 0.0, reach_m)
+    return np.where(true_m < reach_m, noisy, reach_m)

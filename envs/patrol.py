@@ -382,7 +382,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         stops = (*self.scenario.route.waypoints_m, self.scenario.route.dock_m)
         values: dict[str, Any] = {
             "pose": [*self._pose[:2], np.cos(self._pose[2]), np.sin(self._pose[2])],
-            "lidar": measured(self.inspector.lidar(), self.scenario.lidar, self.np_random),
+            "lidar": measured(self.inspector.lidar(), LIDAR_RANGE_M, self.scenario.lidar, self.np_random),
             "velocity": self.inspector.velocity(),
             "heard": [float(is_heard)],
             "strengths": strengths,

@@ -59,7 +59,7 @@ def test_whatever_part_is_in_the_way_the_whole_piece_is_crossed_once() -> None:
     through_radiators_and_tank = inspector.crossed(np.array([[20.0, 25.0, 1.0]]), np.array([[20.0, 5.0, 1.0]]))
     over_it_all = inspector.crossed(np.array([[20.0, 25.0, 4.9]]), np.array([[20.0, 5.0, 4.9]]))
     through_a_bushing = inspector.crossed(np.array([[20.0, 25.0, 3.6]]), np.array([[20.0, 5.0, 3.6]]))
-    below_the_conservator = inspector.crossed(np.array([[17.9, 25.0, 3.0]]), np.array([[17.9, 5.0, 3.0]]))
+    below_the_conservator = inspector.crossed(np.array([[17.6, 25.0, 3.0]]), np.array([[17.6, 5.0, 3.0]]))
     assert [bool(c) for c in (through_radiators_and_tank, over_it_all, through_a_bushing, below_the_conservator)] == [
         True,
         False,
