@@ -1,6 +1,6 @@
 """A tubular busbar of three phases on post insulators.
 
-Sizes are assumed, from outline drawings of 110 kV busbars. It discharges at the caps of its insulators.
+Sizes are assumed, of the usual order for 110 kV. It discharges at the caps of its insulators.
 """
 
 from __future__ import annotations

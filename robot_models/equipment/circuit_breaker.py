@@ -1,6 +1,6 @@
 """A live-tank circuit breaker for 110 kV: three poles on a common frame, and the cabinet of its drive.
 
-Sizes are assumed, from outline drawings of this class. It discharges at the flanges of its poles.
+Sizes are assumed, of the usual order for this class. It discharges at the flanges of its poles.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Bays of gas-insulated switchgear for 110 kV in the open: three enclosures, the cable ends, the control cubicle.
 
-Sizes are assumed, from outline drawings of this class. It discharges at spacers between gas compartments, and is heard
+Sizes are assumed, of the usual order for this class. It discharges at spacers between gas compartments, and is heard
 through their seals.
 """
 

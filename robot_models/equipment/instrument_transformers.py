@@ -1,6 +1,6 @@
 """Current and voltage transformers for 110 kV: a head or a base tank on a steel column, and an insulator.
 
-Sizes are assumed, from outline drawings of this class. They discharge at the head, at the foot of the insulator, and
+Sizes are assumed, of the usual order for this class. They discharge at the head, at the foot of the insulator, and
 at the terminal box.
 """
 

@@ -1,7 +1,7 @@
 """A power transformer of about 40 MVA and 110 kV: tank, radiators on both long sides, conservator, bushings.
 
-Sizes are assumed, from photographs and outline drawings of this class. It discharges where bushings leave the tank, at
-the tap changer, and inside the tank behind a flange.
+Sizes are assumed, of the usual order for this class. It discharges in its bushings, at the tap changer, and inside
+the tank behind a flange.
 """
 
 from __future__ import annotations
@@ -26,6 +26,6 @@ def power_transformer(length_m: float) -> Assembly:
     for number, x in enumerate(PHASES_M, start=1):
         parts[f"hv_bushing_{number}"] = Cylinder(centre_m=(x, 0.6), radius_m=0.18, bottom_m=2.8, top_m=4.4)
         parts[f"lv_bushing_{number}"] = Cylinder(centre_m=(x, -0.7), radius_m=0.1, bottom_m=2.8, top_m=3.4)
-    sites = {f"hv_bushing_{n}": (x, 0.6 + 0.18, 3.0) for n, x in enumerate(PHASES_M, start=1)}
+    sites = {f"hv_bushing_{n}": (x, 0.6 + 0.18, 3.8) for n, x in enumerate(PHASES_M, start=1)}
     sites |= {"tap_changer": (half + 0.6, 0.2, 1.4), "tank_end": (-half, 0.5, 1.2)}
     return Assembly(parts, sites)
