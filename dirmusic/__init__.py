@@ -13,7 +13,7 @@ from dirmusic.manifold import GainManifold
 from dirmusic.pattern import GainPattern, GaussianPattern, TabulatedPattern
 from dirmusic.pattern_file import read_pattern, write_pattern
 from dirmusic.preprocessing import Windows, band_pass, cut_windows, prepare_records, pulse_start
-from dirmusic.spectrum import noise_subspace, pseudo_spectrum, source_count, spectrum_peaks
+from dirmusic.spectrum import noise_subspace, pseudo_spectrum, pulse_spectrum, source_count, spectrum_peaks
 from dirmusic.strengths import pulse_strengths, sample_covariance, strength_variance
 from dirmusic.triangulation import Fix, triangulate
 
@@ -48,6 +48,7 @@ __all__ = [
     "noise_subspace",
     "prepare_records",
     "pseudo_spectrum",
+    "pulse_spectrum",
     "pulse_start",
     "pulse_strengths",
     "read_csv_table",

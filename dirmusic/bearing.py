@@ -2,32 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dirmusic.angles import wrap
 from dirmusic.element_errors import ManifoldPrior
-from dirmusic.manifold import SEARCH_AZIMUTHS_RAD, SEARCH_STEP_RAD, GainManifold
+from dirmusic.manifold import GainManifold
 from dirmusic.posterior import bearing_posterior
+
+if TYPE_CHECKING:
+    from dirmusic.fitting import Fit, NoiseOfFit
 
 FloatArray = NDArray[np.float64]
 
-REFINEMENTS = 2
-"""How often the manifold is linearised anew on the way from the best search azimuth; without noise, two end within
-1e-9 rad."""
-
-TINY = 1e-12
-"""Keeps a slope that vanishes from being divided by, unitless per radian squared."""
+LEAST_SHARE = 0.01
+"""Share of the pooled energy that is taken as signal at least, where it cannot be told from noise (assumed)."""
 
 UNKNOWN_STD_RAD = np.pi / np.sqrt(3)
 """Deviation of a direction of which nothing is known: uniform on the circle. None is told wider."""
-
-LEAST_SHARE = 0.01
-"""Share of the pooled energy that is taken as signal at least, where it cannot be told from noise (assumed)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,27 +99,16 @@ def estimate_bearings(
             "channels from the strengths, and from the manifold with `manifold.take`"
         )
     shape = a.shape[:-2]
-    pulses = a.reshape(int(np.prod(shape)), *a.shape[-2:])
-    variance = None
+    pulses = np.array(a.reshape(int(np.prod(shape)), *a.shape[-2:]))  # compiled loops know one layout
+    from dirmusic.fitting import fit_covariances, noise_of_pulses, pool  # here, for the compiler takes time to load
+
+    pooled = pool(pulses)
+    fit = fit_covariances(pooled, manifold.table)
+    noise = None
     if strength_variance is not None:
         given = np.asarray(strength_variance, dtype=np.float64)
-        variance = np.broadcast_to(given, a.shape).reshape(pulses.shape)
-    if pulses.shape[1] == 1:
-        fit = _fit(*_linear_form(pulses[:, 0], manifold), manifold)
-    else:
-        fit = _fit(*_quadratic_form(np.swapaxes(pulses, -1, -2) @ pulses, manifold), manifold)
-    energy = np.square(pulses).sum(axis=(-1, -2))
-    across = bias = None
-    if variance is not None:  # products and sums of one order for all batch sizes, so that a row is itself to the bit
-        gain = fit.gain.T[:, np.newaxis, :]
-        amplitude = (pulses * gain).sum(axis=-1) / fit.gain_energy[:, np.newaxis]
-        weighted = (np.square(amplitude)[..., np.newaxis] * variance).sum(axis=1).T
-        across = (np.square(fit.perpendicular) * weighted).sum(axis=0)
-        bias = (variance * np.square(gain)).sum(axis=(-1, -2)) / np.square(fit.gain_energy)
-        noise = weighted if prior is not None else None
-    else:
-        noise = np.zeros_like(fit.gain)
-    return _conclude(fit, energy, across, bias, noise, manifold, prior, shape)
+        noise = noise_of_pulses(fit, pulses, np.array(np.broadcast_to(given, a.shape)).reshape(pulses.shape))
+    return _conclude(fit, pooled, noise, manifold, prior, shape)
 
 
 def bearings_from_covariance(
@@ -162,136 +146,44 @@ def bearings_from_covariance(
         raise ValueError("`covariance` must be finite; drop the broken record or channel first")
     if n_snapshots < 1:
         raise ValueError(f"`n_snapshots` must be 1 or more, got {n_snapshots}")
+    from dirmusic.fitting import NoiseOfFit, fit_covariances  # here, for the compiler takes time to load
+
     shape = r.shape[:-2]
-    total = n_snapshots * r.reshape(-1, n, n)
-    fit = _fit(*_quadratic_form(total, manifold), manifold)
-    across = bias = None
-    noise = np.zeros_like(fit.gain)
+    total = np.array(n_snapshots * r.reshape(-1, n, n), order="C")
+    fit = fit_covariances(total, manifold.table)
+    noise = None
     if noise_variance is not None:
-        variance = np.broadcast_to(np.asarray(noise_variance, dtype=np.float64), shape).reshape(-1)
-        noise = np.broadcast_to(variance * fit.amplitude_energy, fit.gain.shape)
-        across = np.square(fit.perpendicular).sum(axis=0) * noise[0]
-        bias = n_snapshots * variance / fit.gain_energy
-    return _conclude(fit, np.einsum("bii->b", total), across, bias, noise, manifold, prior, shape)
-
-
-class _Fit(NamedTuple):
-    """A direction for each row, and what the manifold and the data are there; element axis first where there is one.
-
-    Attributes:
-        azimuth_rad: The direction.
-        gain: g.
-        gain_energy: g^T g.
-        perpendicular: p, the part of the slope across the gain.
-        perpendicular_energy: p^T p.
-        data: R g / (g^T g): the strengths, weighted by amplitude and summed.
-        amplitude_energy: g^T R g / (g^T g)^2: the sum of the squared amplitudes.
-    """
-
-    azimuth_rad: FloatArray
-    gain: FloatArray
-    gain_energy: FloatArray
-    perpendicular: FloatArray
-    perpendicular_energy: FloatArray
-    data: FloatArray
-    amplitude_energy: FloatArray
-
-
-_Times = Callable[[FloatArray], FloatArray]
-"""The product R g of the pooled covariance and one vector per row, shape (n_elements, n_rows)."""
-
-
-def _linear_form(strengths: FloatArray, manifold: GainManifold) -> tuple[FloatArray, _Times]:
-    """One pulse a row: what ranks the search azimuths, shape (n_rows, n_azimuths), and the product R g."""
-    columns = strengths.T
-    match = np.einsum("bi,ij->bj", strengths, manifold.search_unit_gain)  # neither is negative: it ranks as its square
-    return match, lambda gain: columns * (columns * gain).sum(axis=0)
-
-
-def _quadratic_form(covariance: FloatArray, manifold: GainManifold) -> tuple[FloatArray, _Times]:
-    """Pooled covariances: the match u^T R u at the search azimuths, and the product R g."""
-    unit = manifold.search_unit_gain
-    pairs = (unit[:, np.newaxis] * unit[np.newaxis]).reshape(-1, unit.shape[-1])
-    match = np.einsum("bm,mj->bj", covariance.reshape(covariance.shape[0], pairs.shape[0]), pairs)
-    return match, lambda gain: np.einsum("bij,jb->ib", covariance, gain)
-
-
-def _fit(match: FloatArray, times: _Times, manifold: GainManifold) -> _Fit:
-    """The best search azimuth, refined by Gauss-Newton within one step of the search.
-
-    The amplitude is projected out: only the part of the slope across the gain counts,
-    :math:`p = (I - g g^T / g^T g) g'`. Where the pattern has a kink (eq. (1) has one where its angle passes 0/360) the
-    steps may end to the other side of it than the very peak; the errors there are as large either way.
-    """
-    peak = match.argmax(axis=-1)
-    start_rad = azimuth_rad = SEARCH_AZIMUTHS_RAD[peak]
-    lowest, highest = start_rad - SEARCH_STEP_RAD, start_rad + SEARCH_STEP_RAD
-    fit = _linearise(azimuth_rad, manifold.search_gain[:, peak], manifold.search_slope[:, peak], times)
-    for _ in range(REFINEMENTS):
-        azimuth_rad = np.minimum(np.maximum(_next_azimuth(fit), lowest), highest)
-        fit = _linearise(azimuth_rad, *manifold.gain_and_slope(azimuth_rad), times)
-    return fit._replace(azimuth_rad=np.minimum(np.maximum(_next_azimuth(fit), lowest), highest))
-
-
-def _next_azimuth(fit: _Fit) -> FloatArray:
-    weight = fit.perpendicular_energy * fit.amplitude_energy
-    weight[weight <= 0] = np.inf
-    return fit.azimuth_rad + (fit.perpendicular * fit.data).sum(axis=0) / weight
-
-
-def _linearise(azimuth_rad: FloatArray, gain: FloatArray, slope: FloatArray, times: _Times) -> _Fit:
-    gain_energy = (gain * gain).sum(axis=0)
-    perpendicular = slope - gain * ((gain * slope).sum(axis=0) / gain_energy)
-    data = times(gain) / gain_energy
-    return _Fit(
-        azimuth_rad,
-        gain,
-        gain_energy,
-        perpendicular,
-        (perpendicular * perpendicular).sum(axis=0) + TINY,
-        data,
-        (data * gain).sum(axis=0) / gain_energy,
-    )
+        variance = np.array(np.broadcast_to(np.asarray(noise_variance, dtype=np.float64), shape)).reshape(-1)
+        energy = np.square(fit.gain).sum(axis=-1)
+        each = np.repeat((variance * fit.amplitude_energy)[:, np.newaxis], n, axis=-1)
+        noise = NoiseOfFit(each, n_snapshots * variance / energy)
+    return _conclude(fit, total, noise, manifold, prior, shape)
 
 
 def _conclude(
-    fit: _Fit,
-    energy: FloatArray,
-    across: FloatArray | None,
-    bias: FloatArray | None,
-    noise: FloatArray | None,
+    fit: Fit,
+    pooled: FloatArray,
+    noise: NoiseOfFit | None,
     manifold: GainManifold,
     prior: ManifoldPrior | None,
     shape: tuple[int, ...],
 ) -> Bearings:
-    """Bearings from a fit.
+    """Bearings from a fit to pooled covariances; no deviation where neither noise nor prior is known."""
+    from dirmusic.fitting import deviations, misfits
 
-    Args:
-        fit: Of the rows.
-        energy: All that was heard, shape (n_rows,).
-        across: Variance of the data along the perpendicular slope; None if the noise is unknown.
-        bias: What noise adds to the sum of squared amplitudes.
-        noise: Variance of the data, element axis first.
-        manifold: The nominal array.
-        prior: On its errors.
-        shape: Leading shape of the answer.
-    """
-    heard = fit.amplitude_energy > 0
-    amplitude_energy = np.where(heard, fit.amplitude_energy, 1.0)
-    signal = amplitude_energy
-    if bias is not None:
-        signal = np.maximum(amplitude_energy - bias, LEAST_SHARE * amplitude_energy)
-    azimuth_rad, std_rad = fit.azimuth_rad, np.full(fit.azimuth_rad.shape, np.nan)
-    if across is not None:
-        std_rad = np.minimum(np.sqrt(across) / (fit.perpendicular_energy * signal), UNKNOWN_STD_RAD)
-    if prior is not None and noise is not None:
+    azimuth_rad, misfit = fit.azimuth_rad, misfits(fit, pooled)
+    std_rad = np.full(azimuth_rad.shape, np.nan) if noise is None else deviations(fit, noise)
+    if prior is not None:
+        amplitude_energy = np.where(fit.amplitude_energy > 0, fit.amplitude_energy, 1.0)[:, np.newaxis]
+        relative_variance = np.zeros_like(fit.data)
+        if noise is not None:
+            signal = np.maximum(amplitude_energy - noise.bias[:, np.newaxis], LEAST_SHARE * amplitude_energy)
+            relative_variance = noise.data / np.square(signal)
         azimuth_rad, std_rad = bearing_posterior(
-            (fit.data / amplitude_energy).T, (noise / np.square(signal)).T, azimuth_rad, manifold, prior
+            fit.data / amplitude_energy, relative_variance, azimuth_rad, manifold, prior
         )
-    misfit = 1.0 - fit.amplitude_energy * fit.gain_energy / np.where(heard, energy, 1.0)
-    answer = (wrap(azimuth_rad), std_rad, np.minimum(np.maximum(misfit, 0.0), 1.0))
-    if not heard.all():
-        answer = tuple(np.where(heard, x, np.nan) for x in answer)
+    if np.isnan(misfit).any():  # nothing heard
+        azimuth_rad, std_rad = (np.where(np.isnan(misfit), np.nan, x) for x in (azimuth_rad, std_rad))
     return Bearings(
-        azimuth_rad=answer[0].reshape(shape), std_rad=answer[1].reshape(shape), misfit=answer[2].reshape(shape)
+        azimuth_rad=wrap(azimuth_rad).reshape(shape), std_rad=std_rad.reshape(shape), misfit=misfit.reshape(shape)
     )

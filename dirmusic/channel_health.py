@@ -6,6 +6,7 @@ heard; if that is wrong in the same way over many pulses, and leaving it out mak
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Literal, NamedTuple
@@ -106,8 +107,7 @@ class ChannelMonitor:
         self.manifold = manifold
         self.rules = rules or HealthRules()
         self.good = np.ones(manifold.n_elements, dtype=np.bool_)
-        self._strengths = np.empty((0, manifold.n_elements))
-        self._misfit = np.empty(0)
+        self._window: deque[tuple[FloatArray, float]] = deque(maxlen=self.rules.window)
         self._n_new = 0
 
     def bearings(self, strengths: FloatArray, strength_variance: FloatArray) -> Bearings:
@@ -128,39 +128,43 @@ class ChannelMonitor:
             strength_variance: Of those, same shape, V^2.
         """
         bearings = self.bearings(strengths, strength_variance)
-        clear = np.nan_to_num(bearings.std_rad, nan=np.pi) < CLEAR_STD_RAD
-        new, misfit = strengths[clear], bearings.misfit[clear]
+        found = self.note(strengths, bearings)
+        return (self.bearings(strengths, strength_variance) if found else bearings), found
+
+    def note(self, strengths: FloatArray, bearings: Bearings) -> tuple[SuspectChannel, ...]:
+        """Keep pulses (n_pulses, n_elements) and their bearings in view; the channels that they show to be at fault."""
         found: list[SuspectChannel] = []
-        while misfit.size:  # however many come at once, checks fall on the same pulses
-            part = slice(self.rules.check_pulses - self._n_new)
-            self._strengths = np.concatenate([self._strengths, new[part]])[-self.rules.window :]
-            self._misfit = np.concatenate([self._misfit, misfit[part]])[-self.rules.window :]
-            self._n_new += len(new[part])
-            new, misfit = new[part.stop :], misfit[part.stop :]
-            if self._n_new >= self.rules.check_pulses:
-                self._n_new = 0
-                found += self._check()
-        return (self.bearings(strengths, strength_variance) if found else bearings), tuple(found)
+        for row, (std_rad, misfit) in enumerate(zip(bearings.std_rad.tolist(), bearings.misfit.tolist(), strict=True)):
+            if std_rad < CLEAR_STD_RAD:  # however many come at once, checks fall on the same pulses
+                self._window.append((strengths[row], misfit))
+                self._n_new += 1
+                if self._n_new >= self.rules.check_pulses:
+                    self._n_new = 0
+                    found += self._check()
+        return tuple(found)
 
     def _check(self) -> list[SuspectChannel]:
         """Channels newly at fault, which are good no more."""
         suspects = self._suspects()
         if suspects:
             self.good[[suspect.channel - 1 for suspect in suspects]] = False
-            channels = np.flatnonzero(self.good)
-            self._misfit = self._fit(self._strengths[:, channels], channels)[1]
+            channels, strengths = np.flatnonzero(self.good), [strengths for strengths, _ in self._window]
+            misfit: list[float] = self._fit(np.array(strengths)[:, channels], channels)[1].tolist()
+            self._window.clear()
+            self._window.extend(zip(strengths, misfit, strict=True))
         return suspects
 
     def _suspects(self) -> list[SuspectChannel]:
         channels = np.flatnonzero(self.good)
-        if channels.size <= LEAST_CHANNELS or len(self._strengths) < self.rules.least_pulses:
+        if channels.size <= LEAST_CHANNELS or len(self._window) < self.rules.least_pulses:
             return []
-        heard = self._strengths[:, channels]
+        heard = np.array([strengths for strengths, _ in self._window])[:, channels]
         spread = heard.max(axis=0) - heard.min(axis=0)
         stuck = (spread < self.rules.stuck_spread * heard.max(axis=0)) & (heard.max(axis=0) > 0)
         if stuck.any() and not stuck.all():
             return [SuspectChannel(int(channels[k]) + 1, "stuck", np.nan, len(heard)) for k in np.flatnonzero(stuck)]
-        if np.quantile(self._misfit, 0.75) < self.rules.at_ease:
+        misfits = sorted(misfit for _, misfit in self._window)
+        if misfits[3 * len(misfits) // 4] < self.rules.at_ease:
             return []
         unexplained = float(np.median(self._fit(heard, channels)[1]))
         best: tuple[float, SuspectChannel] | None = None

@@ -23,25 +23,6 @@ class SpatialGain(NamedTuple):
     by_elevation: FloatArray
 
 
-def gain_towards(pattern: GainPattern, ahead: FloatArray, left: FloatArray, up: FloatArray) -> FloatArray:
-    """The gain of `gain_in_space`, without slopes, along vectors of any length well above `NEAR_AXIS`.
-
-    Args:
-        pattern: In the plane.
-        ahead: Component along the element's boresight.
-        left: Component level and to the left of it, same shape.
-        up: Component upwards, same shape.
-
-    Returns:
-        Gain of that shape.
-    """
-    sin_psi = np.sqrt(left * left + up * up)
-    psi = np.arctan2(sin_psi, ahead)
-    half_roll = 0.5 * left / np.maximum(sin_psi, NEAR_AXIS)
-    to_left, to_right = pattern(np.stack([psi, -psi]))
-    return (0.5 + half_roll) * to_left + (0.5 - half_roll) * to_right
-
-
 def gain_in_space(pattern: GainPattern, off_boresight_rad: ArrayLike, elevation_rad: ArrayLike) -> SpatialGain:
     r"""Gain of an element with a level boresight towards a direction in space.
 

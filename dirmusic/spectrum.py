@@ -68,6 +68,31 @@ def pseudo_spectrum(covariance: FloatArray, gain: FloatArray, n_sources: int = 1
         return 1.0 / np.square(projection).sum(axis=-2)
 
 
+LEAST_NULL = 1e-12
+"""An exact fit counts as this close to one, so that spectra of single pulses stay finite."""
+
+
+def pulse_spectrum(strengths: FloatArray, unit_gain: FloatArray) -> FloatArray:
+    r"""The pseudo-spectrum of single pulses in closed form: one pulse leaves all of space but itself to the noise.
+
+    .. math:: P(\theta) = 1 / (1 - (g(\theta)^T a)^2 / \lVert a \rVert^2), \quad \lVert g(\theta) \rVert = 1
+
+    Args:
+        strengths: One pulse a row, shape (n_pulses, n_elements), not all of a row zero.
+        unit_gain: Element gains per candidate azimuth scaled to unit norm, shape (n_pulses, n_elements, n_angles).
+
+    Returns:
+        Shape (n_pulses, n_angles), in [1, 1e12].
+
+    References:
+        Dir-MUSIC, eq. (15), for a gain of unit norm.
+    """
+    match = np.square(
+        np.einsum("pe,pej->pj", strengths, np.broadcast_to(unit_gain, (len(strengths), *unit_gain.shape[1:])))
+    )
+    return 1.0 / np.maximum(1.0 - match / np.square(strengths).sum(axis=-1, keepdims=True), LEAST_NULL)
+
+
 def spectrum_peaks(spectrum: FloatArray, azimuths_rad: FloatArray, n_sources: int) -> FloatArray:
     """Azimuths of the highest peaks of a pseudo-spectrum, refined by a parabola through its inverse.
 

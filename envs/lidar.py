@@ -15,7 +15,14 @@ class LidarConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
     range_std_m: NonNegativeFloat = 0.02
 
 
-def measured(true_m: FloatArray, reach_m: float, config: LidarConfig, rng: np.random.Generator) -> FloatArray:
-    """Ranges as the lidar tells them: noise on what it hits, and nothing beyond its reach; same shape."""
-    noisy = np.clip(true_m + config.range_std_m * rng.standard_normal(true_m.shape), 0.0, reach_m)
+def measured(true_m: FloatArray, reach_m: float, config: LidarConfig, normal: FloatArray) -> FloatArray:
+    """Ranges as the lidar tells them: noise on what it hits, nothing beyond its reach; all of one shape.
+
+    Args:
+        true_m: Ranges.
+        reach_m: Of the lidar; where nothing is hit it tells this.
+        config: Its noise.
+        normal: Standard normal draws.
+    """
+    noisy = np.minimum(np.maximum(true_m + config.range_std_m * normal, 0.0), reach_m)
     return np.where(true_m < reach_m, noisy, reach_m)

@@ -23,37 +23,42 @@ class OdometryConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_
 
 
 class Odometry:
-    """Dead reckoning: path length from the encoders, heading from the gyro.
+    """Dead reckoning: path length from the encoders, heading from the gyro; for each robot its own.
 
     Args:
         config: What makes it drift.
-        rng: All randomness.
-        pose: Where it starts, x m, y m, yaw rad.
+        n_robots: How many robots.
+
+    Attributes:
+        pose: Since the start, shape (n_robots, 3): x m, y m, yaw in (-pi, pi].
     """
 
-    def __init__(self, config: OdometryConfig, rng: np.random.Generator, pose: FloatArray) -> None:
-        self._rng = rng
-        scale, bias = rng.standard_normal(2)
-        self._metres_per_metre = 1.0 + config.wheel_radius_error * scale
-        self._bias_radps = np.radians(config.gyro_bias_deg_per_min) / 60.0 * bias
+    def __init__(self, config: OdometryConfig, n_robots: int = 1) -> None:
+        self._config = config
+        self.pose = np.zeros((n_robots, 3))
+        self._metres_per_metre = np.ones(n_robots)
+        self._bias_radps = np.zeros(n_robots)
         self._noise_rad_per_sqrt_s = np.radians(config.gyro_noise_deg_per_sqrt_min) / np.sqrt(60.0)
-        self.pose: FloatArray = pose.copy()
 
-    def move(self, rolled_m: float, turned_rad: float, elapsed_s: float) -> FloatArray:
+    def start(self, row: int, pose: FloatArray, rng: np.random.Generator) -> None:
+        """Start one robot at a pose (3,), with errors of its own."""
+        scale, bias = rng.standard_normal(2)
+        self.pose[row] = pose
+        self._metres_per_metre[row] = 1.0 + self._config.wheel_radius_error * scale
+        self._bias_radps[row] = np.radians(self._config.gyro_bias_deg_per_min) / 60.0 * bias
+
+    def move(self, rolled_m: FloatArray, turned_rad: FloatArray, elapsed_s: float, normal: FloatArray) -> None:
         """Add what happened in `elapsed_s`.
 
         Args:
-            rolled_m: Mean path of the two wheels' rims; forward is positive.
-            turned_rad: Change of the true heading: an ideal gyro's integral.
+            rolled_m: Mean path of the two wheels' rims, shape (n_robots,); forward is positive.
+            turned_rad: Change of the true heading, an ideal gyro's integral, shape (n_robots,).
             elapsed_s: Seconds.
-
-        Returns:
-            Pose since the start, shape (3,): x m, y m, yaw in (-pi, pi].
+            normal: Standard normal draws, shape (n_robots,).
         """
-        noise_rad = self._noise_rad_per_sqrt_s * np.sqrt(elapsed_s) * self._rng.standard_normal()
-        turned = turned_rad + self._bias_radps * elapsed_s + noise_rad
+        turned = turned_rad + self._bias_radps * elapsed_s + (self._noise_rad_per_sqrt_s * elapsed_s**0.5) * normal
         rolled = rolled_m * self._metres_per_metre
-        x, y, yaw = self.pose
-        along = yaw + 0.5 * turned
-        self.pose = np.array([x + rolled * np.cos(along), y + rolled * np.sin(along), wrap(yaw + turned)])
-        return self.pose
+        along = self.pose[:, 2] + 0.5 * turned
+        self.pose[:, 0] += rolled * np.cos(along)
+        self.pose[:, 1] += rolled * np.sin(along)
+        self.pose[:, 2] = wrap(self.pose[:, 2] + turned)

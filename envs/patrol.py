@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,53 +12,16 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from dirmusic import pseudo_spectrum, sample_covariance
-from dirmusic.angles import difference
-from dirmusic.channel_health import ChannelMonitor
-from envs.lidar import measured
-from envs.odometry import Odometry
-from envs.pose_sensor import PoseSensor
+from envs.patrols import STEP_S, Outcome, Patrols
 from envs.scenario import Scenario, load_scenario
-from robot_models.battery import Battery
 from robot_models.camera import Camera
-from robot_models.inspector import (
-    LIDAR_BEAMS,
-    LIDAR_RANGE_M,
-    MAX_SPEED_MPS,
-    MAX_YAW_RATE_RADPS,
-    WHEEL_RADIUS_M,
-    Inspector,
-)
-from robot_models.world import build_model
-from sensing import (
-    Carrier,
-    DischargeSource,
-    Faces,
-    Heard,
-    HelicalArray,
-    PulseTrain,
-    Receiver,
-    Scene,
-    Surroundings,
-)
 
 FloatArray = NDArray[np.float64]
 Observation = dict[str, NDArray[np.float32]]
+ScenarioSource = str | Path | Scenario | Callable[[np.random.Generator], Scenario]
+"""A scenario, or a function that draws one for each episode."""
 
-STEP_S = 0.1
-"""Control step: 10 Hz."""
-
-SPECTRUM_AZIMUTHS_RAD = np.radians(np.arange(0.0, 360.0, 5.0))
-"""Array-frame azimuths of the observed pseudo-spectrum."""
-
-MAX_BEARING_AGE_S = 60.0
-LEVEL_DECADES = 5.0
-POSE_MARGIN_M = 5.0
-
-REWARD_PER_METRE = 1.0
-REWARD_PER_SECOND = -0.05
-REWARD_PER_CONTACT_STEP = -1.0
-"""Weights of the reward's terms (assumed): a second costs 5 cm of progress, touching something costs a metre."""
+FIRST = np.zeros(1, dtype=np.intp)
 
 
 class Pulses(NamedTuple):
@@ -123,11 +88,15 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     Terminated when every source has been approached to the stand-off distance (if there are sources and
     `terminate_on_approach`), or when the robot is back at the dock after the route. Truncated at the time limit.
 
+    ## Options
+    `reset(options=...)` fixes what is drawn otherwise: `start_pose` (x m, y m, yaw rad), and `sources`, a dict from a
+    source's name to a site (`equipment/site`) or a position (x, y, z).
+
     ## Info
     `time_s`, `pose` (believed, float64), `odometry` (x m, y m, yaw rad by wheels and gyro alone, from the believed
     pose at the start on), `battery` (share that is left), `pulses` (a `Pulses` of this step), `touched` (names),
     `waypoints_visited` (indices), `suspects` (channels newly found at fault), and `truth`, which is for logs and
-    scores: no policy but `oracle` may see it.
+    scores: no policy but `oracle` may see it. At the start it holds all that was drawn and the true pose, then that pose.
 
     ## Rendering
     `rgb_array` (480, 640, 3) uint8 and `depth_array` (480, 640) float32, metres, from a camera that follows the robot;
@@ -137,7 +106,8 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     An environment in the middle of an episode can be copied and pickled, and goes on as the original would.
 
     Args:
-        scenario: Name of a shipped scenario, path of a TOML file, or a `Scenario`.
+        scenario: Name of a shipped scenario, path of a TOML file, a `Scenario`, or a function that draws one from a
+            generator for each episode (all of one size of yard, number of elements and time limit).
         terminate_on_approach: Whether an episode ends once all sources are approached. Missions say no: they go on to
             fix the source and come home.
         render_mode: `human`, `rgb_array`, `depth_array`, or None.
@@ -153,7 +123,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     def __init__(
         self,
-        scenario: str | Path | Scenario = "one_source",
+        scenario: ScenarioSource = "one_source",
         *,
         terminate_on_approach: bool = True,
         render_mode: str | None = None,
@@ -164,152 +134,78 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             )
         self.render_mode = render_mode
         self._camera: Camera | None = None
-        self.scenario = load_scenario(scenario)
-        self.terminate_on_approach = terminate_on_approach
-        nominal = HelicalArray.nominal(self.scenario.array)
-        self.manifold = nominal.manifold()
-        yard = self.scenario.yard
-        self.inspector = Inspector(build_model(yard, nominal.positions_m, nominal.boresights_rad))
-        self._surroundings = Surroundings.of_kinds(
-            [item.kind for item in yard.equipment], Faces(*yard.faces()), self.inspector.crossed
-        )
-        self._spectrum_gain = self.manifold.gain(SPECTRUM_AZIMUTHS_RAD)
+        self._draw_scenario = scenario if callable(scenario) else None
+        self._terminate_on_approach = terminate_on_approach
+        first = scenario(np.random.default_rng(0)) if callable(scenario) else load_scenario(scenario)
+        self._enter(first)
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
-        self._boxes = self._build_boxes()
-        self.observation_space = spaces.Dict({**self._boxes})  # pyright: ignore[reportAttributeAccessIssue]
+        self.observation_space = observation_space(self.patrols)  # pyright: ignore[reportAttributeAccessIssue]
 
-    def _build_boxes(self) -> dict[str, spaces.Box]:
-        size = np.asarray(self.scenario.yard.size_m)
-        low, high = np.full(2, -POSE_MARGIN_M), size + POSE_MARGIN_M
-        fastest = 2.0 * np.array([MAX_SPEED_MPS, MAX_YAW_RATE_RADPS])
+    def _enter(self, scenario: Scenario) -> None:
+        self.patrols = Patrols(scenario, terminate_on_approach=self._terminate_on_approach)
 
-        def box(lowest: Any, highest: Any, n: int) -> spaces.Box:  # noqa: ANN401 - scalar or array
-            return spaces.Box(
-                np.broadcast_to(lowest, n).astype(np.float32), np.broadcast_to(highest, n).astype(np.float32), (n,)
-            )
-
-        return {
-            "pose": box(np.append(low, [-1, -1]), np.append(high, [1, 1]), 4),
-            "lidar": box(0, LIDAR_RANGE_M, LIDAR_BEAMS),
-            "velocity": box(-fastest, fastest, 2),
-            "heard": box(0, 1, 1),
-            "strengths": box(0, 1, self.manifold.n_elements),
-            "level": box(0, LEVEL_DECADES, 1),
-            "spectrum": box(0, 1, SPECTRUM_AZIMUTHS_RAD.size),
-            "bearing": box(-1, 1, 2),
-            "bearing_age": box(0, MAX_BEARING_AGE_S, 1),
-            "waypoint": box(0, size, 2),
-            "time_left": box(0, self.scenario.task.time_limit_s, 1),
-        }
+    @property
+    def scenario(self) -> Scenario:
+        """Of this episode."""
+        return self.patrols.scenario
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Start an episode at the dock; `seed` fixes all that is drawn."""
+        """Start an episode at the dock; `seed` fixes all that is drawn, `options` what is not to be drawn."""
         super().reset(seed=seed, options=options)
-        rng, scenario = self.np_random, self.scenario
-        self._sources = self._draw_sources(rng)
-        self._interferers = [
-            DischargeSource(
-                name=item.name,
-                position_m=np.array(item.position_m),
-                amplitude_v=_draw_amplitude(item.amplitude_v, item.amplitude_range_db, rng),
-                pulse_rate_hz=item.pulse_rate_hz,
-                burst_s=item.burst_s,
-            )
-            for item in scenario.interferers
-        ]
-        carriers = [
-            Carrier(
-                frequency_hz=item.frequency_hz,
-                amplitude_v=item.amplitude_v,
-                bearing_rad=float(np.radians(item.bearing_deg)),
-            )
-            for item in scenario.carriers
-        ]
-        self._scene = Scene([*self._sources, *self._interferers], self._surroundings, carriers)
-        self._array = HelicalArray.draw(scenario.array, rng)
-        self._receiver = Receiver(scenario.receiver, self._array)
-        yaw_rad, fixed_deg = float(rng.uniform(-np.pi, np.pi)), scenario.route.dock_yaw_deg
-        self.inspector.reset(*scenario.route.dock_m, yaw_rad if fixed_deg is None else float(np.radians(fixed_deg)))
-        self._pose_sensor = PoseSensor(scenario.pose_sensor, rng)
-        self._approached = np.zeros(len(self._sources), dtype=np.bool_)
-        self._visited = np.zeros(len(scenario.route.waypoints_m), dtype=np.bool_)
-        self._monitor = ChannelMonitor(self.manifold)
-        self._n_steps = 0
-        self._last_bearing_rad: float | None = None
-        self._bearing_age_s = MAX_BEARING_AGE_S
-        self._true_pose = self.inspector.pose()
-        self._pose = self._pose_sensor.read(self._true_pose, 0.0)
-        self._odometry = Odometry(scenario.odometry, rng, self._pose)
-        self._wheel_angles = self.inspector.wheel_angles()
-        self._battery = Battery(scenario.battery)
-        heard = self._receiver.listen(self.inspector.world_from_base(), self._scene, rng, start_s=0.0, duration_s=0.0)
+        if self._draw_scenario is not None:
+            self.close()
+            self._enter(self._draw_scenario(self.np_random))
+            drawn = observation_space(self.patrols)
+            if drawn != self.observation_space:
+                raise ValueError(
+                    "`scenario`: the function drew one with another observation space; allowed are scenarios of one "
+                    f"size of yard, number of elements and time limit, as of the first: {self.observation_space}"
+                )
+        self.patrols.reset(FIRST, [self.np_random], options or {})
+        outcome = self.patrols.step(np.zeros((1, 2)), started=FIRST)
         if self.render_mode == "human":
             self.render()
-        return self._observe(heard)
-
-    def _draw_sources(self, rng: np.random.Generator) -> list[DischargeSource]:
-        sources: list[DischargeSource] = []
-        taken: set[str] = set()
-        for config in self.scenario.sources:
-            sites = [site for site in self.scenario.candidate_sites(config) if site not in taken]
-            position = np.array(config.position_m) if config.position_m is not None else None
-            if position is None:
-                site = sites[int(rng.integers(len(sites)))]
-                taken.add(site)
-                position = self.scenario.yard.site_position(site)
-            amplitude_v = _draw_amplitude(config.amplitude_v, config.amplitude_range_db, rng)
-            train = None
-            if config.kind is not None:
-                drawn = float(rng.choice((0.0, 120.0, 240.0)))
-                conductor_deg = drawn if config.conductor_deg is None else config.conductor_deg
-                mains_hz = self.scenario.receiver.mains_hz
-                train = PulseTrain.draw(config.kind, mains_hz, float(np.radians(conductor_deg)), rng)
-            sources.append(
-                DischargeSource(
-                    name=config.name,
-                    position_m=position,
-                    amplitude_v=amplitude_v,
-                    pulse_rate_hz=config.pulse_rate_hz,
-                    train=train,
-                    active_s=config.active_s or (0.0, np.inf),
-                    drift_db_per_min=config.drift_db_per_min,
-                    n_shots=config.n_shots,
-                    first_shot_s=config.first_shot_s,
-                )
-            )
-        return sources
+        info = self._info(outcome)
+        info["truth"] |= copy.deepcopy(self.patrols.episode(0).truth)
+        return _first_row(outcome.observation), info
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive for 0.1 s, then listen; see the class for what comes back."""
-        v, yaw_rate = np.clip(np.asarray(action, dtype=np.float64), -1.0, 1.0)
-        before = self._distance_to_go(self._true_pose)
-        start_s = self._n_steps * STEP_S
-        self.inspector.drive(v * MAX_SPEED_MPS, yaw_rate * MAX_YAW_RATE_RADPS, STEP_S)
-        self._n_steps += 1
-        true_pose = self._sense_motion()
-        heard = self._receiver.listen(
-            self.inspector.world_from_base(), self._scene, self.np_random, start_s=start_s, duration_s=STEP_S
-        )
-        terms = {
-            "progress": REWARD_PER_METRE * (before - self._distance_to_go(true_pose)),
-            "time": REWARD_PER_SECOND * STEP_S,
-            "contact": REWARD_PER_CONTACT_STEP if self.inspector.touched() else 0.0,
-        }
-        self._note_arrivals(true_pose)
-        observation, info = self._observe(heard)
+        outcome = self.patrols.step(np.asarray(action, dtype=np.float64)[np.newaxis])
+        info = self._info(outcome)
+        terms = {name: float(term[0]) for name, term in outcome.reward.items()}
         info["reward"] = terms
         if self.render_mode == "human":
             self.render()
-        docked = (
-            self._visited.size > 0
-            and bool(self._visited.all())
-            and self._is_near(true_pose, self.scenario.route.dock_m)
-        )
-        approached = self.terminate_on_approach and self._approached.size > 0 and bool(self._approached.all())
-        truncated = self._n_steps * STEP_S >= self.scenario.task.time_limit_s - 1e-9
-        return observation, float(sum(terms.values())), docked or approached, truncated, info
+        is_over, is_late = bool(outcome.terminated[0]), bool(outcome.truncated[0])
+        return _first_row(outcome.observation), sum(terms.values()), is_over, is_late, info
+
+    def _info(self, outcome: Outcome) -> dict[str, Any]:
+        patrols, heard = self.patrols, outcome.heard
+        told, good = outcome.bearings.without_nan(), patrols.good_channels[0]
+        return {
+            "time_s": float(patrols.time_s[0]),
+            "pose": patrols.pose[0].copy(),
+            "odometry": patrols.odometry[0],
+            "battery": float(patrols.battery[0]),
+            "pulses": Pulses(
+                time_s=heard.time_s,
+                strengths_v=heard.strengths_v,
+                variance_v2=heard.variance_v2,
+                mains_phase_rad=heard.mains_phase_rad,
+                azimuth_rad=told.azimuth_rad,
+                std_rad=told.std_rad,
+                misfit=told.misfit,
+                is_clipped=(heard.is_clipped & good).any(axis=-1),
+                is_good=good,
+            ),
+            "suspects": outcome.suspects[0],
+            "touched": patrols.inspectors.touched()[0],
+            "waypoints_visited": patrols.waypoints_visited(0),
+            "truth": {"pose": patrols.true_pose[0]},
+        }
 
     def render(self) -> NDArray[Any] | None:  # pyright: ignore[reportIncompatibleMethodOverride]
         """What the camera behind the robot sees; nothing with `human`, which shows it."""
@@ -320,8 +216,8 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             )
             return None
         if self._camera is None:
-            self._camera = Camera(self.inspector.model, self.inspector.data, self.render_mode)
-        return self._camera.take()
+            self._camera = Camera(self.patrols.inspectors.model, self.render_mode)
+        return self._camera.take(self.patrols.inspectors.data())
 
     def close(self) -> None:
         """Close window and renderer; closing twice is no error."""
@@ -333,121 +229,13 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         """All but the camera, which opens again when it is asked for."""
         return {**self.__dict__, "_camera": None}
 
-    def _sense_motion(self) -> FloatArray:
-        """Pose sensor, odometry and battery after a step; the true pose."""
-        true_pose, wheel_angles = self.inspector.pose(), self.inspector.wheel_angles()
-        rolled_m = WHEEL_RADIUS_M * 0.5 * float((wheel_angles - self._wheel_angles).sum())
-        turned_rad = float(difference(true_pose[2], self._true_pose[2]))
-        self._true_pose, self._wheel_angles = true_pose, wheel_angles
-        self._pose = self._pose_sensor.read(true_pose, STEP_S)
-        self._odometry.move(rolled_m, turned_rad, STEP_S)
-        self._battery.drain(self.inspector.motor_power_w(), STEP_S)
-        return true_pose
 
-    def _distance_to_go(self, pose: FloatArray) -> float:
-        """Horizontal distance to the nearest source not yet approached; 0 if there is none."""
-        left = [s for s, done in zip(self._sources, self._approached, strict=True) if not done]
-        return min((float(np.hypot(*(s.position_m[:2] - pose[:2]))) for s in left), default=0.0)
-
-    def _is_near(self, pose: FloatArray, stop_m: tuple[float, float]) -> bool:
-        return float(np.hypot(*(np.asarray(stop_m) - pose[:2]))) <= self.scenario.task.waypoint_radius_m
-
-    def _note_arrivals(self, pose: FloatArray) -> None:
-        for index, source in enumerate(self._sources):
-            if np.hypot(*(source.position_m[:2] - pose[:2])) <= self.scenario.task.standoff_m:
-                self._approached[index] = True
-        for index, stop in enumerate(self.scenario.route.waypoints_m):
-            self._visited[index] |= self._is_near(pose, stop)
-
-    def _observe(self, heard: Heard) -> tuple[Observation, dict[str, Any]]:
-        bearings, suspects = self._monitor.watch(heard.strengths_v, heard.variance_v2)
-        n_elements, good = self.manifold.n_elements, self._monitor.good
-        strengths, spectrum = np.zeros(n_elements), np.zeros(SPECTRUM_AZIMUTHS_RAD.size)
-        norm = np.linalg.norm(heard.strengths_v, axis=-1)
-        level = 0.0
-        self._bearing_age_s = min(self._bearing_age_s + STEP_S, MAX_BEARING_AGE_S)
-        is_heard = norm.size > 0 and bool(norm.max() > 0)
-        if is_heard:
-            best = int(norm.argmax())
-            strengths = heard.strengths_v[best] * good
-            strengths /= max(float(np.linalg.norm(strengths)), 1e-12)
-            level = float(np.clip(np.log10(norm[best] / self.scenario.receiver.noise_v), 0.0, LEVEL_DECADES))
-            covariance = sample_covariance(strengths[:, np.newaxis])
-            gain = self._spectrum_gain * good[:, np.newaxis]
-            spectrum = np.minimum(pseudo_spectrum(covariance, gain / np.linalg.norm(gain, axis=0)), 1e12)
-            spectrum = spectrum / spectrum.max()
-            self._last_bearing_rad = float(bearings.azimuth_rad[best] + self._pose[2])
-            self._bearing_age_s = 0.0
-        last = self._last_bearing_rad
-        stops = (*self.scenario.route.waypoints_m, self.scenario.route.dock_m)
-        values: dict[str, Any] = {
-            "pose": [*self._pose[:2], np.cos(self._pose[2]), np.sin(self._pose[2])],
-            "lidar": measured(self.inspector.lidar(), LIDAR_RANGE_M, self.scenario.lidar, self.np_random),
-            "velocity": self.inspector.velocity(),
-            "heard": [float(is_heard)],
-            "strengths": strengths,
-            "level": [level],
-            "spectrum": spectrum,
-            "bearing": [0.0, 0.0] if last is None else [np.cos(last), np.sin(last)],
-            "bearing_age": [self._bearing_age_s],
-            "waypoint": stops[int(np.append(self._visited, False).argmin())],
-            "time_left": [max(self.scenario.task.time_limit_s - self._n_steps * STEP_S, 0.0)],
-        }
-        observation = {
-            key: np.clip(np.asarray(values[key], dtype=np.float32), space.low, space.high)
-            for key, space in self._boxes.items()
-        }
-        told = bearings.without_nan()
-        info = {
-            "time_s": self._n_steps * STEP_S,
-            "pose": self._pose.copy(),
-            "odometry": self._odometry.pose.copy(),
-            "battery": self._battery.left,
-            "pulses": Pulses(
-                time_s=heard.time_s,
-                strengths_v=heard.strengths_v,
-                variance_v2=heard.variance_v2,
-                mains_phase_rad=heard.mains_phase_rad,
-                azimuth_rad=told.azimuth_rad,
-                std_rad=told.std_rad,
-                misfit=told.misfit,
-                is_clipped=np.any(heard.is_clipped & good, axis=-1, keepdims=True)[:, 0],
-                is_good=good.copy(),
-            ),
-            "suspects": suspects,
-            "touched": self.inspector.touched(),
-            "waypoints_visited": tuple(np.flatnonzero(self._visited).tolist()),
-            "truth": self._truth(),
-        }
-        return observation, info
-
-    def _truth(self) -> dict[str, Any]:
-        """What only nature knows."""
-
-        def describe(source: DischargeSource) -> dict[str, Any]:
-            return {
-                "name": source.name,
-                "position_m": source.position_m.tolist(),
-                "amplitude_v": source.amplitude_v,
-                "pulse_rate_hz": source.pulse_rate_hz,
-            }
-
-        return {
-            "pose": self.inspector.pose(),
-            "sources": [
-                {**describe(source), "kind": config.kind}
-                for source, config in zip(self._sources, self.scenario.sources, strict=True)
-            ],
-            "interferers": [describe(source) for source in self._interferers],
-            "array": {
-                "boresights_rad": self._array.boresights_rad.tolist(),
-                "gain_factors": self._array.gain_factors.tolist(),
-                "gain_offsets": self._array.gain_offsets.tolist(),
-                "positions_m": self._array.positions_m.tolist(),
-            },
-        }
+def observation_space(patrols: Patrols) -> spaces.Dict:
+    """The space of the observations of one robot."""
+    return spaces.Dict(
+        {key: spaces.Box(low, high, low.shape, np.float32) for key, (low, high) in patrols.bounds.items()}
+    )
 
 
-def _draw_amplitude(amplitude_v: float, range_db: float, rng: np.random.Generator) -> float:
-    """Uniform in decibels over a range centred on `amplitude_v`."""
-    return amplitude_v * 10 ** (float(rng.uniform(-0.5, 0.5)) * range_db / 20)
+def _first_row(observation: Observation) -> Observation:
+    return {key: values[0] for key, values in observation.items()}

@@ -20,23 +20,42 @@ class PoseSensorConfig(BaseModel, frozen=True, strict=True, extra="forbid", allo
 
 
 class PoseSensor:
-    """First-order Gauss-Markov error on x, y and yaw.
+    """First-order Gauss-Markov error on x, y and yaw, for each robot its own.
 
     Args:
         config: Spread and correlation time.
-        rng: All randomness.
+        n_robots: How many robots.
     """
 
-    def __init__(self, config: PoseSensorConfig, rng: np.random.Generator) -> None:
+    N_DRAWS = 3
+    """Standard normal draws that a reading of one robot takes."""
+
+    def __init__(self, config: PoseSensorConfig, n_robots: int = 1) -> None:
         self._std = np.array([config.position_std_m, config.position_std_m, np.radians(config.heading_std_deg)])
         self._correlation_s = config.correlation_s
-        self._rng = rng
-        self._error = self._std * rng.standard_normal(3)
+        self._error = np.full((n_robots, 3), np.nan)
 
-    def read(self, true_pose: FloatArray, elapsed_s: float) -> FloatArray:
-        """Believed pose (3,), x m, y m, yaw rad in (-pi, pi], `elapsed_s` after the last reading."""
+    def start(self, rows: NDArray[np.intp]) -> None:
+        """Forget the error of some robots: their next reading is the first."""
+        self._error[rows] = np.nan
+
+    def read(self, true_pose: FloatArray, elapsed_s: float, normal: FloatArray) -> FloatArray:
+        """Believed poses, `elapsed_s` after the last reading.
+
+        Args:
+            true_pose: x m, y m, yaw rad, shape (n_robots, 3).
+            elapsed_s: Seconds.
+            normal: Draws, shape (n_robots, N_DRAWS).
+
+        Returns:
+            Shape (n_robots, 3), yaw in (-pi, pi].
+        """
         kept = np.exp(-elapsed_s / self._correlation_s)
-        self._error = kept * self._error + np.sqrt(1 - kept**2) * self._std * self._rng.standard_normal(3)
-        believed = true_pose + self._error
-        believed[2] = wrap(believed[2])
+        error = kept * self._error + np.sqrt(1 - kept**2) * self._std * normal
+        first = np.isnan(error)
+        if first.any():
+            error = np.where(first, self._std * normal, error)
+        self._error = error
+        believed = true_pose + error
+        believed[:, 2] = wrap(believed[:, 2])
         return believed

@@ -19,6 +19,9 @@ N_WAYPOINTS = 4
 ROOM_M = 2.0
 """Between two pieces of equipment, and round the dock: what a service car needs (assumed)."""
 
+ROOM_TO_TURN_M = ROBOT_CLEARANCE_M + 0.3
+"""Round every stop (assumed)."""
+
 TRIES = 60
 """Places that are tried for a piece before there is no room for it."""
 
@@ -49,17 +52,17 @@ def random_yard(seed: int | np.random.Generator, n_obstructions: int = 5) -> Sce
     for number in range(n_obstructions):
         kind = str(rng.choice(DISCHARGING if number == 0 else kinds))
         yard = _with_one_more(yard, f"{kind}_{number + 1}", kind, rng)
-    stops_m = [DOCK_M, *(_free_place(yard, rng) for _ in range(N_WAYPOINTS))]
+    stops_m = [yard.free_place(rng, ROOM_TO_TURN_M) for _ in range(N_WAYPOINTS)]
     places = yard.site_names()
     source = SourceConfig(
         name="discharge",
         sites=(str(rng.choice(places)),) if places else (),
-        position_m=None if places else (*_free_place(yard, rng), 1.5),
+        position_m=None if places else (*yard.free_place(rng, ROOM_TO_TURN_M).tolist(), 1.5),
     )
     return Scenario(
         name="random_yard",
         yard=yard,
-        route=RouteConfig(dock_m=DOCK_M, waypoints_m=tuple(stops_m[1:])),
+        route=RouteConfig(dock_m=DOCK_M, waypoints_m=tuple((float(x), float(y)) for x, y in stops_m)),
         array=ArrayConfig(),
         sources=(source,),
         receiver=ReceiverConfig(fidelity="energy"),
@@ -92,11 +95,3 @@ def _bounds(item: Equipment) -> tuple[FloatArray, FloatArray]:
     half_m = np.where(turned[:, np.newaxis], solids.half_size_m[:, ::-1], solids.half_size_m)
     half_m = half_m + solids.radius_m[:, np.newaxis]
     return (solids.centre_m - half_m).min(axis=0), (solids.centre_m + half_m).max(axis=0)
-
-
-def _free_place(yard: Yard, rng: np.random.Generator) -> tuple[float, float]:
-    """Somewhere that the robot fits."""
-    while True:
-        x, y = (float(value) for value in rng.uniform([0.0, 0.0], yard.size_m))
-        if yard.clearance(np.array([x, y])) >= ROBOT_CLEARANCE_M + 0.3:
-            return x, y

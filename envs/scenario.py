@@ -49,6 +49,8 @@ class SourceConfig(_Config, frozen=True):
     name: Name
     sites: tuple[str, ...] = ()
     position_m: tuple[float, float, float] | None = None
+    anywhere_at_m: PositiveFloat | None = None
+    """It hangs at this height over some free ground, which is drawn per mission."""
     amplitude_v: PositiveFloat = 0.27
     """Peak of a pulse in a unit-gain channel 1 m away. The default puts the bearing bound of one pulse at 0.44 degrees
     from 5 m and 1.3 degrees from 15 m, with the default receiver."""
@@ -82,9 +84,10 @@ class SourceConfig(_Config, frozen=True):
 
     @model_validator(mode="after")
     def _is_somewhere(self) -> Self:
-        if bool(self.sites) == (self.position_m is not None):
-            came = "both" if self.sites else "neither"
-            raise ValueError(f"sites, position_m: {came} given; allowed is one of them")
+        given = [key for key in ("sites", "position_m", "anywhere_at_m") if getattr(self, key) not in (None, ())]
+        if len(given) != 1:
+            came = " and ".join(given) or "none of them"
+            raise ValueError(f"sites, position_m, anywhere_at_m: {came} given; allowed is one of them")
         return self
 
 

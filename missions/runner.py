@@ -78,7 +78,7 @@ class Mission:
             "bounds_m": [[0.0, 0.0], list(scenario.yard.size_m)],
             "route": scenario.route.model_dump(mode="json"),
             "sites": {name: scenario.yard.site_position(name).tolist() for name in scenario.yard.site_names()},
-            "solids": describe_solids(self.env.inspector.model),
+            "solids": describe_solids(self.env.patrols.inspectors.model),
             "start": {"true_pose": self._true_start.tolist()},
             "truth": truth,
         }

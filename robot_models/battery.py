@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, PositiveFloat
 
 
@@ -16,21 +18,26 @@ class BatteryConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_i
 
 
 class Battery:
-    """Counts what is taken.
+    """Counts what is taken, for each robot.
 
     Args:
         config: What it holds.
+        n_robots: How many robots.
     """
 
-    def __init__(self, config: BatteryConfig) -> None:
+    def __init__(self, config: BatteryConfig, n_robots: int = 1) -> None:
         self._config = config
-        self.used_wh = 0.0
+        self.used_wh = np.zeros(n_robots)
 
     @property
-    def left(self) -> float:
-        """Share that is left, in [0, 1]."""
-        return max(1.0 - self.used_wh / self._config.capacity_wh, 0.0)
+    def left(self) -> NDArray[np.float64]:
+        """Share that is left, in [0, 1], shape (n_robots,)."""
+        return np.maximum(1.0 - self.used_wh / self._config.capacity_wh, 0.0)
 
-    def drain(self, motor_power_w: float, elapsed_s: float) -> None:
-        """Take what motors and electronics need for a while."""
-        self.used_wh += (self._config.idle_w + motor_power_w) * elapsed_s / 3600.0
+    def charge(self, rows: NDArray[np.intp]) -> None:
+        """Fill up the batteries of some robots."""
+        self.used_wh[rows] = 0.0
+
+    def drain(self, motor_power_w: NDArray[np.float64], elapsed_s: float) -> None:
+        """Take what motors, shape (n_robots,), and electronics need for a while."""
+        self.used_wh += (self._config.idle_w + motor_power_w) * (elapsed_s / 3600.0)

@@ -28,15 +28,14 @@ class Camera:
 
     Args:
         model: The world.
-        data: Its live state.
         mode: `rgb_array`, `depth_array`, or `human` for a window; without a screen that is said once, and none opens.
 
     Raises:
         RuntimeError: If there is no OpenGL to draw with.
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, mode: str) -> None:
-        self._data = data
+    def __init__(self, model: mujoco.MjModel, mode: str) -> None:
+        self._model, self._shown = model, mujoco.MjData(model)
         self._window: Any = None
         self._renderer: mujoco.Renderer | None = None
         if mode == "human" and not _has_screen():
@@ -44,7 +43,7 @@ class Camera:
         elif mode == "human":
             from mujoco import viewer  # here, for it needs a screen
 
-            self._window = viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False)
+            self._window = viewer.launch_passive(model, self._shown, show_left_ui=False, show_right_ui=False)
             self._window.cam.type = mujoco.mjtCamera.mjCAMERA_FIXED
             self._window.cam.fixedcamid = model.camera(CHASE).id
         else:
@@ -56,13 +55,15 @@ class Camera:
                 renderer.enable_depth_rendering()
             self._renderer = renderer
 
-    def take(self) -> NDArray[Any] | None:
+    def take(self, data: mujoco.MjData) -> NDArray[Any] | None:
         """A picture: (HEIGHT, WIDTH, 3) uint8, or (HEIGHT, WIDTH) float32 in metres; None, with the window renewed."""
         if self._window is not None:
+            with self._window.lock():
+                mujoco.mj_copyData(self._shown, self._model, data)
             self._window.sync()
         if self._renderer is None:
             return None
-        self._renderer.update_scene(self._data, camera=CHASE)
+        self._renderer.update_scene(data, camera=CHASE)
         return np.array(self._renderer.render())
 
     def close(self) -> None:

@@ -1,19 +1,21 @@
-"""The inspector in its world: drive it, and ask where it is, what it touched and what it can see."""
+"""Inspectors in their worlds: drive them, and ask where they are, what they touched and what the lidar sees."""
 # pyright: reportAttributeAccessIssue=false
 # The compiled bindings of MuJoCo carry no types for their enums.
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
+from mujoco.batch import Batch
 from numpy.typing import ArrayLike, NDArray
 
-from robot_models.world import EQUIPMENT_GROUP, GROUND_GROUP, OBSTACLE_CONTYPE
+from robot_models.world import build_model
+from robot_models.yard import Yard
 
 FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 CHASSIS_RADIUS_M = 0.20
 """Radius of the chassis, the widest part of the robot; equals the geom `chassis` of the XML."""
@@ -40,237 +42,225 @@ LIDAR_BEAMS = 36
 LIDAR_RANGE_M = 12.0
 """Reach of the lidar (assumed, of a small time-of-flight scanner)."""
 
-_LOOK_STEPS = 5
-"""Physics steps between looks at what is touched: 25 ms, in which the robot moves by 2 cm at most."""
+_LIDAR_RIM_M = 0.2
+"""Where the beams start: distance of the sites `lidar_00` to `lidar_35` of the XML from the robot's middle."""
 
-_WHOLE = 1.0 - 1e-9
-"""Share of a ray up to which a hit counts."""
+_LIDAR_PERIOD_S = 0.1
+"""Time between its scans, as in the XML."""
 
-_SHORTEST_M = 1e-9
-"""MuJoCo takes no shorter ray; such a one crosses nothing."""
+_HULL = ("chassis_contact", "mast_contact", "head_contact")
+_CONTACT_SIZE = 4
+"""Sensors of what the hull touches, as in the XML, and numbers that they tell of each contact: found, x, y, z."""
 
-_BEYOND = 1e-7
-"""Share of a ray by which it is taken up again beyond a surface: micrometres."""
+_FROM_QUATERNION = np.zeros((9, 16))
+"""Rows of a rotation matrix from the products of a wxyz quaternion with itself."""
+for _row, _terms in enumerate(
+    (
+        {0: 1, 5: 1, 10: -1, 15: -1},
+        {6: 2, 3: -2},
+        {7: 2, 2: 2},
+        {6: 2, 3: 2},
+        {0: 1, 5: -1, 10: 1, 15: -1},
+        {11: 2, 1: -2},
+        {7: 2, 2: -2},
+        {11: 2, 1: 2},
+        {0: 1, 5: -1, 10: -1, 15: 1},
+    )
+):
+    _FROM_QUATERNION[_row, list(_terms)] = list(_terms.values())
 
-_EQUIPMENT_ONLY = (np.arange(mujoco.mjNGROUP) == EQUIPMENT_GROUP).astype(np.uint8)
-_ALL_BUT_ROBOT = np.isin(np.arange(mujoco.mjNGROUP), (GROUND_GROUP, EQUIPMENT_GROUP)).astype(np.uint8)
 
-_BEAM_RAD = 2.0 * np.pi * np.arange(LIDAR_BEAMS) / LIDAR_BEAMS
-_BEAMS = np.stack([np.cos(_BEAM_RAD), np.sin(_BEAM_RAD), np.zeros(LIDAR_BEAMS)], axis=-1)
+class Inspectors:
+    """Robots of one kind, each alone in its own copy of a yard: named physical queries; knows no reward and no radio.
 
+    They stand at the world's origin until `reset` puts them elsewhere. What one does is the same to
+    the bit whatever the others do, and however many threads there are. Every answer has a row for each robot.
 
-class Inspector:
-    """One robot in one world: named physical queries; knows no reward and no radio.
-
-    It stands at the world's origin until `reset` puts it elsewhere.
+    Args:
+        yard: Fence and equipment.
+        element_positions_m: Where the antenna elements sit, shape (n_elements, 3), array frame.
+        element_boresights_rad: Azimuths that they look to, shape (n_elements,).
+        n_robots: How many.
+        n_threads: On how many threads the physics runs.
 
     Attributes:
-        model: The world the robot is in, with the robot of `inspector.xml`.
-        data: Live state of the physics, for rendering and sensors. Change it through `reset` and `drive` only.
-        equipment: Names of the pieces of equipment, in the order of the yard.
-
-    Raises:
-        KeyError: If the model lacks a part of the inspector; the message lists the names it has.
+        model: The world that each is in.
+        step_s: Length of a physics step.
     """
 
-    def __init__(self, model: mujoco.MjModel) -> None:
-        self.model = model
-        self.data = mujoco.MjData(model)
-        self._home = model.key("home").id
-        self._base_qpos = int(model.joint("floating_base").qposadr[0])
-        self._base_dof = int(model.joint("floating_base").dofadr[0])
-        self._wheels = model.actuator("left_wheel").id, model.actuator("right_wheel").id
-        self._motors = [(model.actuator(w).gainprm[0], model.actuator(w).gainprm[1]) for w in self._wheels]
-        self._lidar_m = model.site("lidar").pos.copy()
-        self._wheel_qpos = [int(model.joint(name).qposadr[0]) for name in ("left_wheel", "right_wheel")]
-        self._obstacles = _named_obstacles(model)
-        self._piece, self.equipment = _pieces_of_equipment(model)
-        self._touched: set[int] = set()
-        self.reset(0.0, 0.0, 0.0)
+    def __init__(
+        self,
+        yard: Yard,
+        element_positions_m: ArrayLike,
+        element_boresights_rad: ArrayLike,
+        n_robots: int = 1,
+        n_threads: int = 1,
+    ) -> None:
+        self._arguments = (yard, element_positions_m, element_boresights_rad, n_robots, n_threads)
+        self.model = build_model(yard, element_positions_m, element_boresights_rad)
+        self.step_s: float = self.model.opt.timestep
+        self._yard = yard
+        self._batch = Batch(self.model, n_robots, n_threads)
+        model, batch = self.model, self._batch
+        base = int(model.joint("floating_base").qposadr[0])
+        turn = int(model.joint("floating_base").dofadr[0])
+        wheels = [int(model.joint(name).qposadr[0]) for name in ("left_wheel", "right_wheel")]
+        assert wheels[1] == wheels[0] + 1
+        self._home, self._n_substeps = model.key("home").id, 0
+        self._records: Any = {}
+        self._base, self._wheels = (
+            batch.bind("qpos")[:, base : base + 7],
+            batch.bind("qpos")[:, wheels[0] : wheels[0] + 2],
+        )
+        self._velocity = batch.bind("qvel")[:, turn : turn + 6]
+        self._ctrl, self._force, self._speed = (
+            batch.bind(name) for name in ("ctrl", "actuator_force", "actuator_velocity")
+        )
+        motors = [model.actuator(name).gainprm[:2] for name in ("left_wheel", "right_wheel")]
+        self._resistance_ohm, self._constant_nmpa = np.array(motors, dtype=np.float64).T
+        first = int(model.sensor("lidar_00").adr[0])
+        self._beams = batch.bind("sensordata")[:, first : first + LIDAR_BEAMS]
+        hull = [model.sensor(name) for name in _HULL]
+        self._contacts = np.concatenate([s.adr[0] + np.arange(0, s.dim[0], _CONTACT_SIZE) for s in hull])
+        self._touched: list[tuple[str, ...]] = [()] * n_robots
+        self.reset(np.arange(n_robots), np.zeros((n_robots, 3)))
 
     @property
-    def time_s(self) -> float:
-        """Simulated time since the last `reset`, seconds."""
-        return float(self.data.time)
+    def n_robots(self) -> int:
+        """How many there are."""
+        return len(self._base)
 
-    def reset(self, x_m: float, y_m: float, yaw_rad: float) -> None:
-        """Stand the robot at rest on its wheels at a pose in the world; time and all state start from zero.
+    def reset(self, rows: Sequence[int] | NDArray[np.intp], poses: ArrayLike) -> None:
+        """Stand some robots at rest on their wheels; their time and all state start from zero.
+
+        Args:
+            rows: Which robots, shape (n,).
+            poses: x m, y m, yaw rad of each, shape (n, 3), world frame.
 
         Raises:
-            ValueError: If the pose is not finite.
+            ValueError: If a pose is not finite.
         """
-        _require_finite(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
-        mujoco.mj_resetDataKeyframe(self.model, self.data, self._home)
-        base = self.data.qpos[self._base_qpos : self._base_qpos + 7]
-        turn = np.array([math.cos(0.5 * yaw_rad), 0.0, 0.0, math.sin(0.5 * yaw_rad)])
-        base[:2] = x_m, y_m
-        mujoco.mju_mulQuat(base[3:], turn, base[3:].copy())
-        mujoco.mj_forward(self.model, self.data)
-        self._touched = set()
-        self._note_contacts()
+        ids, at = np.asarray(rows, dtype=np.int32), np.asarray(poses, dtype=np.float64).reshape(-1, 3)
+        if not np.isfinite(at).all():
+            raise ValueError(f"`poses` must be finite, got {at.tolist()}.")
+        batch = self._batch
+        batch.reset(ids, keyframe=self._home, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
+        for row, (x, y, yaw) in zip(ids.tolist(), at.tolist(), strict=True):
+            base = self._base[row]
+            base[:2] = x, y
+            mujoco.mju_mulQuat(base[3:], [np.cos(0.5 * yaw), 0.0, 0.0, np.sin(0.5 * yaw)], base[3:].copy())
+        start = batch.state[ids].copy()
+        batch.bind("time")[ids] = _LIDAR_PERIOD_S  # so that the lidar is due; a step reads all sensors at its start
+        batch.step(ids)
+        batch.state[ids] = start
+        for row in ids.tolist():
+            self._touched[row] = self._names(batch.bind("sensordata")[row, np.newaxis])
 
-    def drive(self, v_mps: float, yaw_rate_radps: float, duration_s: float) -> None:
-        """Drive for a while under one command, noting whatever is touched on the way.
+    def drive(
+        self, v_mps: ArrayLike, yaw_rate_radps: ArrayLike, duration_s: float, rows: NDArray[np.intp] | None = None
+    ) -> None:
+        """Drive for a while under one command each, noting whatever is touched on the way.
 
-        The command is clipped to `MAX_SPEED_MPS` and `MAX_YAW_RATE_RADPS`. The motors approach it at no more than
+        Commands are clipped to `MAX_SPEED_MPS` and `MAX_YAW_RATE_RADPS`. The motors approach them at no more than
         `MAX_ACCELERATION_MPS2` at the rim, from where the previous `drive` left them.
 
         Args:
-            v_mps: Forward speed, m/s; negative is backward.
-            yaw_rate_radps: Yaw rate, rad/s, counter-clockwise.
+            v_mps: Forward speeds, shape (n_robots,), m/s; negative is backward.
+            yaw_rate_radps: Yaw rates, shape (n_robots,), rad/s, counter-clockwise.
             duration_s: How long, seconds; a whole number of physics steps.
+            rows: Which robots drive, and wait for none of the others; None for all.
 
         Raises:
-            ValueError: If the command is not finite, or the duration is not a whole number of physics steps.
+            ValueError: If a command is not finite, or the duration is not a whole number of physics steps.
         """
-        _require_finite(v_mps=v_mps, yaw_rate_radps=yaw_rate_radps, duration_s=duration_s)
-        step_s = self.model.opt.timestep
-        n_steps = round(duration_s / step_s)
-        if n_steps < 1 or not math.isclose(n_steps * step_s, duration_s):
+        v, turn = np.asarray(v_mps, dtype=np.float64), np.asarray(yaw_rate_radps, dtype=np.float64)
+        for name, values in (("v_mps", v), ("yaw_rate_radps", turn)):
+            if not np.isfinite(values).all():
+                raise ValueError(f"`{name}` must be finite, got {values}.")
+        n_substeps = round(duration_s / self.step_s)
+        if n_substeps < 1 or abs(n_substeps * self.step_s - duration_s) > 1e-9:
             raise ValueError(
-                f"`duration_s` must be a positive multiple of the physics step of {step_s:g} s, got {duration_s:g}."
+                f"`duration_s` must be a positive multiple of the physics step, {self.step_s:g} s, got {duration_s:g}."
             )
-        for wheel, rim_speed_mps in zip(self._wheels, _rim_speeds(v_mps, yaw_rate_radps), strict=True):
-            self.data.ctrl[wheel] = rim_speed_mps / WHEEL_RADIUS_M
-        self._touched = set()
-        while n_steps > 0:
-            n = min(n_steps, _LOOK_STEPS)
-            # Begun and ended in mid-step, so that contacts and sensors belong to the end, as the pose does.
-            mujoco.mj_step2(self.model, self.data)
-            if n > 1:
-                mujoco.mj_step(self.model, self.data, n - 1)
-            mujoco.mj_step1(self.model, self.data)
-            self._note_contacts()
-            n_steps -= n
+        rim = np.clip(turn, -MAX_YAW_RATE_RADPS, MAX_YAW_RATE_RADPS) * (0.5 * WHEEL_TRACK_M)
+        v = np.clip(v, -MAX_SPEED_MPS, MAX_SPEED_MPS)
+        self._ctrl[:, 0], self._ctrl[:, 1] = (v - rim) / WHEEL_RADIUS_M, (v + rim) / WHEEL_RADIUS_M
+        if n_substeps != self._n_substeps or rows is not None:
+            self._n_substeps, self._records = (0 if rows is not None else n_substeps), {}
+        self._records = self._batch.rollout(n_substeps, record=("sensordata",), ids=rows, out=self._records)
+        readings = self._records["sensordata"]
+        driven = range(self.n_robots) if rows is None else rows.tolist()
+        found = readings[:, :, self._contacts].any(axis=(1, 2)).tolist()
+        for k, row in enumerate(driven):
+            self._touched[row] = self._names(readings[k]) if found[k] else ()
 
     def pose(self) -> FloatArray:
-        """Where the robot is: x, y and yaw in (-pi, pi]; shape (3,), metres and radians, world frame."""
-        x, y, _, *quat = self.data.qpos[self._base_qpos : self._base_qpos + 7].tolist()
-        return np.array([x, y, _yaw(quat)])
+        """Where they are: x, y and yaw in (-pi, pi]; shape (n_robots, 3), metres and radians, world frame."""
+        w, x, y, z = self._base[:, 3:].T
+        yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+        pose = np.empty((len(self._base), 3))
+        pose[:, :2] = self._base[:, :2]
+        pose[:, 2] = np.where(yaw == -np.pi, np.pi, yaw)
+        return pose
 
     def world_from_base(self) -> FloatArray:
-        """Frame of the robot's base, on the floor under the middle of the axle, with tilt; shape (4, 4)."""
-        transform, rotation = np.eye(4), np.empty(9)
-        base = self.data.qpos[self._base_qpos : self._base_qpos + 7]
-        mujoco.mju_quat2Mat(rotation, base[3:])
-        transform[:3, :3], transform[:3, 3] = rotation.reshape(3, 3), base[:3]
+        """Frames of the bases, on the floor under the middle of the axle, with tilt; shape (n_robots, 4, 4)."""
+        quaternion = self._base[:, 3:]
+        products = (quaternion[:, :, np.newaxis] * quaternion[:, np.newaxis]).reshape(-1, 16)
+        transform = np.zeros((len(products), 4, 4))
+        transform[:, :3, :3] = np.einsum("ij,nj->ni", _FROM_QUATERNION, products).reshape(-1, 3, 3)
+        transform[:, :3, 3], transform[:, 3, 3] = self._base[:, :3], 1.0
         return transform
 
     def velocity(self) -> FloatArray:
-        """Speed along the robot's own forward direction, m/s, and yaw rate, rad/s; shape (2,)."""
-        *_, yaw = self.pose().tolist()
-        vx, vy, _, _, _, yaw_rate = self.data.qvel[self._base_dof : self._base_dof + 6].tolist()
-        return np.array([math.cos(yaw) * vx + math.sin(yaw) * vy, yaw_rate])
+        """Speeds along the robots' own forward direction, m/s, and yaw rates, rad/s; shape (n_robots, 2)."""
+        yaw = self.pose()[:, 2]
+        velocity = np.empty((len(yaw), 2))
+        velocity[:, 0] = np.cos(yaw) * self._velocity[:, 0] + np.sin(yaw) * self._velocity[:, 1]
+        velocity[:, 1] = self._velocity[:, 5]
+        return velocity
 
     def wheel_angles(self) -> FloatArray:
-        """By how much the left and the right wheel have turned since `reset`; shape (2,), radians."""
-        return self.data.qpos[self._wheel_qpos]
+        """By how much the left and the right wheels have turned since `reset`; shape (n_robots, 2), radians."""
+        return self._wheels.copy()
 
-    def motor_power_w(self) -> float:
-        """Electric power that the wheel motors take now: mechanical power and what heats the copper; never fed back."""
-        taken = 0.0
-        for wheel, (resistance_ohm, constant_nmpa) in zip(self._wheels, self._motors, strict=True):
-            torque_nm = float(self.data.actuator_force[wheel])
-            mechanical_w = torque_nm * float(self.data.actuator_velocity[wheel])
-            taken += max(mechanical_w + (torque_nm / constant_nmpa) ** 2 * resistance_ohm, 0.0)
-        return taken
+    def motor_power_w(self) -> FloatArray:
+        """Electric power that each robot's motors take: mechanical power and what heats the copper; never fed back."""
+        copper_w = np.square(self._force / self._constant_nmpa) * self._resistance_ohm
+        return np.maximum(self._force * self._speed + copper_w, 0.0).sum(axis=-1)
 
     def lidar(self) -> FloatArray:
-        """Ranges of the planar lidar to equipment, fence or ground, at most `LIDAR_RANGE_M`; shape (LIDAR_BEAMS,)."""
-        transform = self.world_from_base()
-        rotation = transform[:3, :3]
-        range_m, geom = np.empty(LIDAR_BEAMS), np.empty(LIDAR_BEAMS, dtype=np.int32)
-        mujoco.mj_multiRay(
-            self.model,
-            self.data,
-            rotation @ self._lidar_m + transform[:3, 3],
-            (_BEAMS @ rotation.T).ravel(),
-            _ALL_BUT_ROBOT,
-            True,
-            -1,
-            geom,
-            range_m,
-            None,
-            LIDAR_BEAMS,
-            LIDAR_RANGE_M,
-        )
-        return np.where((range_m < 0.0) | (range_m > LIDAR_RANGE_M), LIDAR_RANGE_M, range_m)
+        """Ranges from the robots' middles to what stands about, at most `LIDAR_RANGE_M`; (n_robots, LIDAR_BEAMS).
 
-    def touched(self) -> tuple[str, ...]:
-        """Sorted geom names of what the robot touched since the last `drive` or `reset` began; never the floor."""
-        return tuple(sorted({self._obstacles[geom] for geom in self._touched}))
-
-    def crossed(self, starts_m: ArrayLike, ends_m: ArrayLike) -> BoolArray:
-        """Tell which pieces of equipment straight lines cross.
-
-        Only geoms of `EQUIPMENT_GROUP` count: neither fence nor floor nor the robot itself is in the way.
-
-        Args:
-            starts_m: Shape (n, 3), metres, world frame; outside any equipment.
-            ends_m: Shape (n, 3). A line that ends on a face does not cross it, and one of no length crosses nothing.
-
-        Returns:
-            Shape (n, n_pieces), pieces in the order of `equipment`.
-
-        Raises:
-            ValueError: If the shapes are wrong.
+        They were read in the last physics step: at full speed the robot has since moved by 4 mm.
         """
-        starts, ends = np.asarray(starts_m, dtype=np.float64), np.asarray(ends_m, dtype=np.float64)
-        if starts.ndim != 2 or starts.shape[1] != 3 or starts.shape != ends.shape:
-            raise ValueError(
-                f"`starts_m` and `ends_m` must both have shape (n, 3), got {starts.shape} and {ends.shape}. "
-                "They are positions in the world frame."
-            )
-        crossed = np.zeros((len(starts), len(self.equipment)), dtype=np.bool_)
-        met, rays = np.zeros(1, dtype=np.int32), ends - starts
-        long_enough = np.einsum("ni,ni->n", rays, rays) > _SHORTEST_M**2
-        for start, ray, is_ray, row in zip(starts, rays, long_enough.tolist(), crossed, strict=True):
-            share, origin = 0.0 if is_ray else 1.0, start
-            while share < _WHOLE:
-                further = mujoco.mj_ray(self.model, self.data, origin, ray, _EQUIPMENT_ONLY, True, -1, met, None)
-                share += further
-                if further < 0.0 or share >= _WHOLE:
-                    break
-                row[self._piece[met.item()]] = True
-                share += _BEYOND
-                origin = start + share * ray
-        return crossed
+        range_m = self._beams + _LIDAR_RIM_M
+        return np.where((self._beams < 0.0) | (range_m > LIDAR_RANGE_M), LIDAR_RANGE_M, range_m)
 
-    def _note_contacts(self) -> None:
-        geoms = self.data.contact.geom.ravel().tolist()
-        if not self._obstacles.keys().isdisjoint(geoms):
-            self._touched.update(self._obstacles.keys() & geoms)
+    def touched(self) -> list[tuple[str, ...]]:
+        """What each robot touched since its last `drive` or `reset` began: `equipment/NAME` or `fence`, sorted."""
+        return list(self._touched)
 
+    def n_warnings(self) -> NDArray[np.intp]:
+        """How often MuJoCo warned of each robot's physics, shape (n_robots,)."""
+        return np.asarray(self._batch.warning).reshape(self.n_robots, -1).sum(axis=-1)
 
-def _named_obstacles(model: mujoco.MjModel) -> dict[int, str]:
-    """Geom id to name of everything the robot can run into."""
-    ids = np.flatnonzero(model.geom_contype & OBSTACLE_CONTYPE).tolist()
-    return {geom: "/".join(model.geom(geom).name.split("/")[:2]) or f"geom_{geom}" for geom in ids}
+    def data(self, row: int = 0) -> mujoco.MjData:
+        """A copy of one robot's world as it is now, complete, to draw it or to ask MuJoCo anything."""
+        data = self._batch.get_data(row)
+        mujoco.mj_forward(self.model, data)
+        return data
 
+    def _names(self, readings: FloatArray) -> tuple[str, ...]:
+        """Of what the hull touched, by where it was touched, in sensor readings (n_substeps, n_sensordata)."""
+        found = readings[:, self._contacts] > 0
+        at = readings[:, self._contacts[:, np.newaxis] + np.arange(1, _CONTACT_SIZE)][found]
+        return tuple(sorted({self._yard.obstacle_at(point) for point in at[:, :2]}))
 
-def _pieces_of_equipment(model: mujoco.MjModel) -> tuple[dict[int, int], tuple[str, ...]]:
-    """Geom id to number of the piece of equipment that it is a part of, and the pieces' names, in their order."""
-    geoms = np.flatnonzero(model.geom_group == EQUIPMENT_GROUP).tolist()
-    piece = {geom: model.geom(geom).name.split("/")[1] for geom in geoms}
-    names = tuple(dict.fromkeys(piece.values()))
-    return {geom: names.index(name) for geom, name in piece.items()}, names
+    def __getstate__(self) -> dict[str, Any]:
+        return {"arguments": self._arguments, "state": self._batch.state.copy(), "touched": self._touched}
 
-
-def _rim_speeds(v_mps: float, yaw_rate_radps: float) -> tuple[float, float]:
-    """Left and right rim speeds, m/s, for a command within limits."""
-    v = min(max(v_mps, -MAX_SPEED_MPS), MAX_SPEED_MPS)
-    turn = min(max(yaw_rate_radps, -MAX_YAW_RATE_RADPS), MAX_YAW_RATE_RADPS) * 0.5 * WHEEL_TRACK_M
-    return v - turn, v + turn
-
-
-def _yaw(quat: list[float]) -> float:
-    """Yaw of a wxyz quaternion in (-pi, pi]."""
-    w, x, y, z = quat
-    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    return math.pi if yaw == -math.pi else yaw
-
-
-def _require_finite(**values: float) -> None:
-    for name, value in values.items():
-        if not math.isfinite(value):
-            raise ValueError(f"`{name}` must be finite, got {value}.")
+    def __setstate__(self, kept: dict[str, Any]) -> None:
+        self.__init__(*kept["arguments"])
+        self._batch.state[:] = kept["state"]
+        self._touched = kept["touched"]

@@ -229,6 +229,26 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         centre, normal, sides, half_size, owner = (np.array(column) for column in zip(*faces, strict=True))
         return centre, normal, sides, half_size, owner.astype(np.intp)
 
+    def obstacles(
+        self,
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, NDArray[np.intp]]:
+        """All solids as plain arrays, world frame; a row is a solid.
+
+        Returns:
+            Middle of the footprints (n, 2), yaws (n,), half sizes (n, 2), radii (n,), heights of bottom and top (n,)
+            each, as of `Solids`, and the number of the piece of equipment that each belongs to (n,).
+        """
+        solids = self.solids
+        return (
+            solids.centre_m,
+            solids.yaw_rad,
+            solids.half_size_m,
+            solids.radius_m,
+            solids.bottom_m,
+            solids.top_m,
+            self.owner,
+        )
+
     def contains(self, points_m: ArrayLike) -> NDArray[np.bool_]:
         """Whether world points (..., 2 or 3) lie inside the fence; shape (...)."""
         points = np.asarray(points_m, dtype=np.float64)[..., :2]
@@ -239,6 +259,13 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         points = np.asarray(points_m, dtype=np.float64)[..., :2]
         to_fence = np.minimum(points, np.asarray(self.size_m) - points).min(axis=-1)
         return np.minimum(to_fence, self._in_the_robots_way.horizontal_distance(points).min(axis=-1, initial=np.inf))
+
+    def free_place(self, rng: np.random.Generator, clearance_m: float) -> FloatArray:
+        """Somewhere on the ground with so much room around it, shape (2,), evenly drawn."""
+        while True:
+            place_m = rng.uniform([0.0, 0.0], self.size_m)
+            if self.clearance(place_m) >= clearance_m:
+                return place_m
 
     def in_sight(self, points_m: ArrayLike, target_m: ArrayLike, ignore_m: float = 0.0) -> NDArray[np.bool_]:
         """Whether no equipment lies between points (n, 2) and a target (2,), on plan; shape (n,).
@@ -277,6 +304,22 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         over = self.solids.horizontal_distance(np.asarray(position_m, dtype=np.float64)) < 0
         inside = np.flatnonzero(over & (self.solids.bottom_m < ROBOT_HEIGHT_M))
         return self.equipment[int(self.owner[inside[0]])].name if inside.size else None
+
+    def obstacle_at(self, point_m: ArrayLike) -> str:
+        """What a robot touches at a world point (2,): `equipment/NAME` or `fence/SIDE`, whichever is nearest."""
+        x, y = np.asarray(point_m, dtype=np.float64)[:2].tolist()
+        distance_m = {
+            "fence/west": x,
+            "fence/east": self.size_m[0] - x,
+            "fence/south": y,
+            "fence/north": self.size_m[1] - y,
+        }
+        in_the_way = self.solids.bottom_m < ROBOT_HEIGHT_M
+        to_equipment = np.where(in_the_way, np.abs(self.solids.horizontal_distance(np.array([x, y]))), np.inf)
+        if to_equipment.size:
+            nearest = int(to_equipment.argmin())
+            distance_m[f"equipment/{self.equipment[int(self.owner[nearest])].name}"] = float(to_equipment[nearest])
+        return min(distance_m, key=lambda name: distance_m[name])
 
     def nearest_equipment(self, position_m: ArrayLike) -> str | None:
         """Name of the equipment whose outline is horizontally nearest to a world position (2,), or None."""

@@ -2,7 +2,7 @@
 
 from sensing.array import ArrayConfig, HelicalArray
 from sensing.discharges import PulseTrain
-from sensing.propagation import Faces, Surroundings, level_transform
+from sensing.propagation import Faces, Obstacles, Surroundings, level_transform
 from sensing.receiver import Heard, Receiver, ReceiverConfig
 from sensing.scene import Scene
 from sensing.sources import Carrier, DischargeSource
@@ -14,6 +14,7 @@ __all__ = [
     "Faces",
     "Heard",
     "HelicalArray",
+    "Obstacles",
     "PulseTrain",
     "Receiver",
     "ReceiverConfig",

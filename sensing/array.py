@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
-from typing import Literal, Self
+from functools import cache
+from typing import Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, NonNegativeFloat, PositiveFloat
 
 from dirmusic import GainManifold, GainPattern, GaussianPattern
-from dirmusic.elevation import gain_towards
+from dirmusic.elevation import gain_in_space
 
 FloatArray = NDArray[np.float64]
 
@@ -87,20 +88,50 @@ class HelicalArray:
 
     def gain(self, azimuth_rad: FloatArray, elevation_rad: FloatArray) -> FloatArray:
         """Gain of element i towards its own direction i, array frame; all of shape (..., n_elements)."""
-        level = np.cos(elevation_rad)
-        towards = (level * np.cos(azimuth_rad), level * np.sin(azimuth_rad), np.sin(elevation_rad))
-        return self.gain_towards(np.stack(np.broadcast_arrays(*towards), axis=-1))
+        towards = gain_in_space(self.pattern, azimuth_rad - self.boresights_rad, elevation_rad).gain
+        return self.gain_factors * towards + self.gain_offsets
 
-    def gain_towards(self, sight_m: FloatArray) -> FloatArray:
-        """The same along vectors of shape (..., n_elements, 3)."""
-        x, y, up = sight_m[..., 0], sight_m[..., 1], sight_m[..., 2]
-        cos, sin = self._boresight_cos_sin
-        gain = gain_towards(self.pattern, cos * x + sin * y, cos * y - sin * x, up)
-        return self.gain_factors * gain + self.gain_offsets
 
-    @cached_property
-    def _boresight_cos_sin(self) -> tuple[FloatArray, FloatArray]:
-        return np.cos(self.boresights_rad), np.sin(self.boresights_rad)
+TABLE_SIZE = 3600
+"""Steps of 0.1 degrees, between which a cubic is exact to 1e-10 wherever the pattern is smooth."""
+
+
+class ArrayTable(NamedTuple):
+    """The arrays of several robots, of one size and pattern, as compiled loops read them.
+
+    Attributes:
+        elements_m: Shape (n_robots, n_elements, 3), array frame.
+        boresight_cos_sin: Shape (n_robots, n_elements, 2).
+        gain_factors: Shape (n_robots, n_elements).
+        gain_offsets: Shape (n_robots, n_elements).
+        pattern_gain: Over the angle off boresight, `TABLE_SIZE` even steps once round from 0.
+        pattern_slope: Its slope per step.
+    """
+
+    elements_m: FloatArray
+    boresight_cos_sin: FloatArray
+    gain_factors: FloatArray
+    gain_offsets: FloatArray
+    pattern_gain: FloatArray
+    pattern_slope: FloatArray
+
+    @classmethod
+    def of(cls, arrays: Sequence[HelicalArray]) -> Self:
+        """A row for each array."""
+        n, n_elements, step_rad = len(arrays), arrays[0].boresights_rad.size, 2 * np.pi / TABLE_SIZE
+        gain, slope = arrays[0].pattern.gain_and_slope(step_rad * np.arange(TABLE_SIZE))
+        elements_m, cos_sin = np.empty((n, n_elements, 3)), np.empty((n, n_elements, 2))
+        factors, offsets = np.empty((n, n_elements)), np.empty((n, n_elements))
+        table = cls(elements_m, cos_sin, factors, offsets, gain, step_rad * slope)
+        for row, array in enumerate(arrays):
+            table.replace(row, array)
+        return table
+
+    def replace(self, row: int, array: HelicalArray) -> None:
+        """Another array for one robot."""
+        self.elements_m[row] = array.positions_m
+        self.boresight_cos_sin[row] = np.stack([np.cos(array.boresights_rad), np.sin(array.boresights_rad)], axis=-1)
+        self.gain_factors[row], self.gain_offsets[row] = array.gain_factors, array.gain_offsets
 
 
 @cache

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,20 @@ SETTLED = 1e-6
 
 MODE_SHARE = 1e-3
 """Share of the noise energy of a gate that the modes left out have together; their mean is kept."""
+
+
+class PulseTable(NamedTuple):
+    """A filtered pulse of 1 V before the filter, from its arrival on; 0 at both ends.
+
+    Attributes:
+        values_v: `n_phases` of them a sample.
+        n_phases: Into how many parts a sample is divided.
+        rate_hz: Samples per second.
+    """
+
+    values_v: FloatArray
+    n_phases: int
+    rate_hz: float
 
 
 @lru_cache(maxsize=16)
@@ -149,6 +164,11 @@ class FrontEnd:
         table = np.append(late[PHASES - 1 :], 0.0)
         table[0] = 0.0  # what comes before counts as the first value, what comes after as the last
         return table
+
+    @cached_property
+    def pulse_table(self) -> PulseTable:
+        """The filtered pulse as compiled loops read it."""
+        return PulseTable(self._pulse_table, PHASES, self.sample_rate_hz)
 
     def pulse(self, sample: FloatArray) -> FloatArray:
         """The filtered pulse so many samples after its arrival, any shape; 0 before. Its peak is `pulse_peak`."""

@@ -7,7 +7,8 @@ mirror image. Edges do not diffract and round equipment does not mirror; what be
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Self
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +16,13 @@ from numpy.typing import NDArray
 from dirmusic.gain_delay import SPEED_OF_LIGHT_MPS
 from sensing.materials import GRAVEL, KIND_MATERIALS
 
+if TYPE_CHECKING:
+    from sensing.tracing import Legs
+
 FloatArray = NDArray[np.float64]
 Crossed = Callable[[FloatArray, FloatArray], NDArray[np.bool_]]
-"""(starts (n, 3), ends (n, 3)) -> which pieces of equipment each line crosses, (n, n_pieces); one of no length crosses
-none. Handed in: sensing knows no physics engine."""
+"""(starts (n, 3), ends (n, 3)) -> which pieces of equipment each line crosses, (n, n_pieces). A line that ends on a
+surface does not cross it, and one of no length crosses none."""
 
 OWN_FACE_M = 0.05
 """A face this close to the source is a part of it (assumed): its mirror image lies within a third of a wavelength, and
@@ -41,6 +45,34 @@ class Faces(NamedTuple):
     axes: FloatArray
     half_size_m: FloatArray
     owner: NDArray[np.intp]
+
+
+class Obstacles(NamedTuple):
+    """Upright boxes and cylinders that stand in the way, world frame.
+
+    Attributes:
+        centre_m: Middle of the footprint, shape (n_solids, 2).
+        yaw_rad: Shape (n_solids,).
+        half_size_m: Half the sides of boxes, shape (n_solids, 2); 0 for cylinders.
+        radius_m: Of cylinders, shape (n_solids,); 0 for boxes.
+        bottom_m: Height above ground, shape (n_solids,).
+        top_m: Height above ground, shape (n_solids,).
+        owner: Piece of equipment that each is a part of, shape (n_solids,).
+    """
+
+    centre_m: FloatArray
+    yaw_rad: FloatArray
+    half_size_m: FloatArray
+    radius_m: FloatArray
+    bottom_m: FloatArray
+    top_m: FloatArray
+    owner: NDArray[np.intp]
+
+    def crossed_by(self, starts_m: FloatArray, ends_m: FloatArray, n_pieces: int) -> NDArray[np.bool_]:
+        """Which of so many pieces each line crosses, shape (n_lines, n_pieces); see `Crossed`."""
+        from sensing.tracing import cross  # here, so that a command line help need not wait for the compiler
+
+        return cross(starts_m, ends_m, self, n_pieces)
 
 
 class Rays(NamedTuple):
@@ -73,20 +105,6 @@ class Rays(NamedTuple):
     def elevation_rad(self) -> FloatArray:
         """Elevation at which an element sees the point."""
         return np.arctan2(self.sight_m[..., 2], np.hypot(self.sight_m[..., 0], self.sight_m[..., 1]))
-
-
-class Paths(NamedTuple):
-    """All that leads from sources to the elements; a row is a direct path or a reflection.
-
-    Attributes:
-        source: Number of the source, shape (n_paths,).
-        rays: From the source, or from its mirror image, in the array frame; shapes (n_paths, n_elements).
-        factor: What reflection and equipment in between leave of the amplitude, shape (n_paths,).
-    """
-
-    source: NDArray[np.intp]
-    rays: Rays
-    factor: FloatArray
 
 
 def rays_between(elements_m: FloatArray, points_m: FloatArray) -> Rays:
@@ -124,7 +142,7 @@ class Surroundings:
         self.crossed = crossed
 
     @classmethod
-    def of_kinds(cls, kinds: Sequence[str], faces: Faces, crossed: Crossed) -> Self:
+    def of_kinds(cls, kinds: Sequence[str], faces: Faces, obstacles: Obstacles) -> Self:
         """Equipment of known kinds, one for each piece, on gravel.
 
         Raises:
@@ -136,7 +154,7 @@ class Surroundings:
             faces=faces,
             reflection=reflection[faces.owner],
             loss=10 ** (-loss_db[:-1] / 20),
-            crossed=crossed,
+            crossed=partial(obstacles.crossed_by, n_pieces=len(kinds)),
         )
 
     @classmethod
@@ -146,68 +164,25 @@ class Surroundings:
         faces = Faces(nothing, nothing, np.empty((0, 2, 3)), np.empty((0, 2)), np.empty(0, dtype=np.intp))
         return cls(faces, np.empty(0), np.empty(0), lambda _, ends: np.empty((len(ends), 0), dtype=np.bool_))
 
-    def passed(self, starts_m: FloatArray, ends_m: FloatArray) -> FloatArray:
-        """Amplitude left by the equipment between starts and ends, each (n, 3); shape (n,)."""
-        if self.log_loss.size == 0 or len(starts_m) == 0:
-            return np.ones(len(starts_m))
-        return np.exp((self.crossed(starts_m, ends_m) * self.log_loss).sum(axis=-1))
 
+def trace(
+    surroundings: Surroundings, sources_m: FloatArray, on_air: NDArray[np.bool_], centre_m: FloatArray
+) -> tuple[Legs, NDArray[np.bool_]]:
+    """Paths from sources to arrays, and which pieces of equipment their legs cross.
 
-class Mirrors:
-    """Sources that stay where they are and their mirror images: computed once for a yard.
+    Which faces mirror a source to an array, and what stands in between, is asked for the centre of its elements: an
+    array is small against equipment.
 
     Args:
-        surroundings: Of the yard.
-        sources_m: Shape (n_sources, 3), world frame.
+        surroundings: Of all of them.
+        sources_m: Of each robot its own, shape (n_robots, n_sources, 3), world frame.
+        on_air: Which of them, shape (n_robots, n_sources).
+        centre_m: Middle of each array, shape (n_robots, 3).
     """
+    from sensing.tracing import find_legs  # here, so that a command line help need not wait for the compiler
 
-    def __init__(self, surroundings: Surroundings, sources_m: FloatArray) -> None:
-        self.surroundings = surroundings
-        self.sources_m = sources_m
-        faces, n = surroundings.faces, len(sources_m)
-        depth_m = np.einsum("sfi,fi->sf", sources_m[:, np.newaxis] - faces.centre_m, faces.normal)
-        mirrored, face = np.nonzero((depth_m > OWN_FACE_M) & (surroundings.reflection != 0))
-        depth_m = depth_m[mirrored, face]
-        images_m = sources_m[mirrored] - 2 * depth_m[:, np.newaxis] * faces.normal[face]
-        # A row for each source, as if it were the image in a face without bounds at its own place, then for each image.
-        self._source = np.concatenate([np.arange(n), mirrored])
-        self._from_m = np.concatenate([sources_m, images_m])
-        self._depth_m = np.concatenate([np.zeros(n), depth_m])
-        self._ahead_m = np.concatenate([np.ones(n), np.zeros(face.size)])  # no normal: always on the good side
-        self._normal = np.concatenate([np.zeros((n, 3)), faces.normal[face]])
-        self._centre_m = np.concatenate([sources_m, faces.centre_m[face]])
-        self._axes = np.concatenate([np.zeros((n, 2, 3)), faces.axes[face]])
-        self._half_size_m = np.concatenate([np.zeros((n, 2)), faces.half_size_m[face]])
-        self._reflection = np.concatenate([np.ones(n), surroundings.reflection[face]])
-
-    def trace(self, on_air: NDArray[np.bool_], elements_m: FloatArray, world_from_array: FloatArray) -> Paths:
-        """Paths from some of the sources to all elements, the direct ones first.
-
-        Which faces mirror a source to the array, and what stands in between, is asked for the centre of its elements:
-        an array is small against equipment.
-
-        Args:
-            on_air: Which sources, shape (n_sources,).
-            elements_m: Shape (n_elements, 3), array frame.
-            world_from_array: Shape (4, 4).
-        """
-        rotation, origin_m = world_from_array[:3, :3], world_from_array[:3, 3]
-        centre_m = rotation @ (np.add.reduce(elements_m) / len(elements_m)) + origin_m
-        height_m = np.einsum("ni,ni->n", centre_m - self._centre_m, self._normal) + self._ahead_m
-        share = self._depth_m / (self._depth_m + np.maximum(height_m, 0.0))
-        point_m = self._from_m + share[:, np.newaxis] * (centre_m - self._from_m)
-        along_m = np.einsum("ni,nai->na", point_m - self._centre_m, self._axes)
-        on_face = (np.abs(along_m) <= self._half_size_m).all(axis=-1)
-        path = np.flatnonzero(on_face & (height_m > 0) & on_air[self._source])
-        source, point_m = self._source[path], point_m[path]
-        # Both legs end on the face: a line may end there, but not start. A direct path has but the second.
-        starts_m = np.concatenate([self.sources_m[source], centre_m + np.zeros(point_m.shape)])
-        passed = self.surroundings.passed(starts_m, np.concatenate([point_m, point_m]))
-        return Paths(
-            source=source,
-            rays=rays_between(elements_m, in_array_frame(self._from_m[path], world_from_array)),
-            factor=self._reflection[path] * passed[: path.size] * passed[path.size :],
-        )
+    legs = find_legs(sources_m, on_air, centre_m, surroundings.faces, surroundings.reflection, OWN_FACE_M)
+    return legs, surroundings.crossed(legs.starts_m, legs.ends_m)
 
 
 def _length(vectors: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensing.discharges import Rhythm
-from sensing.propagation import Mirrors, Paths, Surroundings
+from sensing.propagation import Surroundings
 from sensing.sources import NANOSECONDS, Carrier, DischargeSource
 
 FloatArray = NDArray[np.float64]
@@ -54,6 +54,8 @@ class Scene:
         carriers: What radiates all the time.
 
     Attributes:
+        surroundings: As given, or free space.
+        positions_m: Of the sources, shape (n_sources, 3), world frame.
         burst_s: How long the emissions of each source last that are no pulses, 0 for pulses, shape (n_sources,).
     """
 
@@ -66,7 +68,8 @@ class Scene:
         self.sources = tuple(sources)
         self.carriers = tuple(carriers)
         positions_m = np.array([source.position_m for source in self.sources]).reshape(-1, 3)
-        self._mirrors = Mirrors(surroundings or Surroundings.free_space(), positions_m)
+        self.surroundings = surroundings or Surroundings.free_space()
+        self.positions_m = positions_m
         self._amplitude_v = np.array([source.amplitude_v for source in self.sources])
         self._active_s = np.array([source.active_s for source in self.sources]).reshape(-1, 2)
         self._drift_db = np.array([source.drift_db_per_min for source in self.sources]) / 60.0
@@ -112,7 +115,3 @@ class Scene:
         source, time_s = source[order], time_s[order]
         louder = 10 ** (self._drift_db[source] * time_s / 20)
         return Emissions(source, time_s, self._amplitude_v[source] * relative[order] * louder)
-
-    def trace(self, on_air: NDArray[np.bool_], elements_m: FloatArray, world_from_array: FloatArray) -> Paths:
-        """Paths from some sources to elements; see `Mirrors.trace`."""
-        return self._mirrors.trace(on_air, elements_m, world_from_array)

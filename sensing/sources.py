@@ -70,6 +70,8 @@ class DischargeSource:
 
     def shots_s(self, start_s: float, duration_s: float) -> FloatArray:
         """Times of the shots within an interval, seconds, shape (n,)."""
-        shot_s = np.round(self.first_shot_s + np.arange(self.n_shots or 0) / self.pulse_rate_hz, NANOSECONDS)
+        first, end = ((at_s - self.first_shot_s) * self.pulse_rate_hz for at_s in (start_s, start_s + duration_s))
+        number = np.arange(max(int(first) - 1, 0), min(int(end) + 2, self.n_shots or 0))
+        shot_s = np.round(self.first_shot_s + number / self.pulse_rate_hz, NANOSECONDS)
         end_s = round(start_s + duration_s, NANOSECONDS)
         return shot_s[(shot_s >= round(start_s, NANOSECONDS)) & (shot_s < end_s)]

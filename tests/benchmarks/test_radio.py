@@ -93,7 +93,9 @@ def test_share_of_an_env_step_that_goes_into_listening_to_three_sources() -> Non
     receiver = scenario.receiver.model_copy(update={"fidelity": "energy"})
     env = PatrolEnv(scenario.model_copy(update={"sources": sources, "receiver": receiver}))
     env.reset(seed=0)
-    real, spent = env._receiver.listen, [0.0]  # pyright: ignore[reportPrivateUsage]
+    receivers = env.patrols._receivers  # pyright: ignore[reportPrivateUsage]
+    assert receivers is not None
+    real, spent = receivers.listen, [0.0]
 
     def timed(*arguments: object, **options: object) -> Heard:
         start = time.perf_counter()
@@ -101,7 +103,7 @@ def test_share_of_an_env_step_that_goes_into_listening_to_three_sources() -> Non
         spent[0] += time.perf_counter() - start
         return heard
 
-    env._receiver.listen = timed  # pyright: ignore[reportPrivateUsage, reportAttributeAccessIssue]
+    receivers.listen = timed  # pyright: ignore[reportAttributeAccessIssue]
     action, shares = np.array([0.5, 0.3], dtype=np.float32), list[float]()
     for _ in range(7):
         spent[0], start = 0.0, time.perf_counter()

@@ -11,18 +11,20 @@ PERFECT = OdometryConfig(wheel_radius_error=0.0, gyro_bias_deg_per_min=0.0, gyro
 
 
 def test_without_errors_it_follows_a_circle_and_closes_it() -> None:
-    odometry = Odometry(PERFECT, np.random.default_rng(0), np.array([1.0, 2.0, 0.3]))
+    odometry = Odometry(PERFECT)
+    odometry.start(0, np.array([1.0, 2.0, 0.3]), np.random.default_rng(0))
     for _ in range(100):
-        odometry.move(2 * np.pi * 3.0 / 100, 2 * np.pi / 100, 0.1)
-    np.testing.assert_allclose(odometry.pose, [1.0, 2.0, 0.3], atol=1e-9)
+        odometry.move(np.array([2 * np.pi * 3.0 / 100]), np.array([2 * np.pi / 100]), 0.1, np.ones(1))
+    np.testing.assert_allclose(odometry.pose, [[1.0, 2.0, 0.3]], atol=1e-9)
 
 
 def test_its_errors_are_those_of_wheels_and_gyro() -> None:
-    straight = [Odometry(OdometryConfig(), np.random.default_rng(k), np.zeros(3)) for k in range(400)]
-    for odometry in straight:
-        for _ in range(600):
-            odometry.move(0.08, 0.0, 0.1)
-    x, y, yaw = np.array([odometry.pose for odometry in straight]).T
+    straight, rng = Odometry(OdometryConfig(), 400), np.random.default_rng(0)
+    for row in range(400):
+        straight.start(row, np.zeros(3), rng)
+    for _ in range(600):
+        straight.move(np.full(400, 0.08), np.zeros(400), 0.1, rng.standard_normal(400))
+    x, y, yaw = straight.pose.T
     assert x.std() == pytest.approx(48 * 0.001, rel=0.15)
     assert np.degrees(yaw.std()) == pytest.approx(np.hypot(0.05, 0.1), rel=0.15)
     assert abs(y.mean()) < 4 * y.std() / 20
@@ -38,7 +40,7 @@ def test_driven_about_the_yard_it_drifts_by_less_than_half_a_percent_of_the_way(
         wish = rng.uniform([0.4, -0.6], [1.0, 0.6], (60, 2)).astype(np.float32)
         for k in range(1200):
             action = wish[k // 20].copy()
-            if env.inspector.lidar()[[0, 1, 2, 3, -1, -2, -3]].min() < 1.5:
+            if env.patrols.inspectors.lidar()[0, [0, 1, 2, 3, -1, -2, -3]].min() < 1.5:
                 action[1] = 0.9
             _, _, _, _, info = env.step(action)
             pose = info["truth"]["pose"]

@@ -99,10 +99,10 @@ def test_a_heard_pulse_has_unit_strengths_and_a_spectrum_that_peaks_at_one() -> 
 
 def test_the_reward_is_the_sum_of_its_terms_and_progress_is_metres_towards_the_source() -> None:
     env = PatrolEnv()
-    env.reset(seed=4)
-    source = np.asarray(env.unwrapped._sources[0].position_m[:2])  # pyright: ignore[reportAttributeAccessIssue]
+    _, info = env.reset(seed=4)
+    source = np.array(info["truth"]["sources"][0]["position_m"][:2])
     for _ in range(40):
-        before = env.inspector.pose()[:2]
+        before = env.patrols.inspectors.pose()[0, :2]
         _, reward, *_, info = env.step(np.array([1.0, 0.1], dtype=np.float32))
         moved = np.linalg.norm(source - before) - np.linalg.norm(source - info["truth"]["pose"][:2])
         assert reward == pytest.approx(sum(info["reward"].values()))
@@ -155,7 +155,7 @@ def test_a_standing_four_channel_robot_hears_every_shot_of_a_discharge_gun_once(
     env = PatrolEnv("paper_field")
     observation, info = env.reset(seed=3)
     assert observation["strengths"].shape == (4,)
-    start = info["truth"]["pose"]
+    start, offsets = info["truth"]["pose"], np.array(info["truth"]["array"]["gain_offsets"])
     np.testing.assert_allclose(start, [10.0, 15.0, 0.0], atol=1e-6)
     times: list[float] = []
     truncated = False
@@ -163,11 +163,10 @@ def test_a_standing_four_channel_robot_hears_every_shot_of_a_discharge_gun_once(
         _, _, terminated, truncated, info = env.step(np.zeros(2, dtype=np.float32))
         assert not terminated
         pulses = info["pulses"]
-        times += pulses.time_s[pulses.std_rad < np.radians(15.0)].tolist()
+        times += pulses.time_s[pulses.std_rad < np.radians(10.0)].tolist()  # triggers by noise alone have no bearing
     np.testing.assert_allclose(info["truth"]["pose"], start, atol=0.01)
     expected = np.concatenate([1.0 + 11.0 * k + np.arange(20) / 2.0 for k in range(10)])
     np.testing.assert_allclose(times, expected, atol=1e-9)
-    offsets = np.array(info["truth"]["array"]["gain_offsets"])
     assert np.all(np.abs(offsets) <= 0.06)
     assert np.all(offsets != 0)
 

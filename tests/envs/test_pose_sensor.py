@@ -7,8 +7,8 @@ from envs.pose_sensor import PoseSensor, PoseSensorConfig
 
 
 def errors(n: int, every_s: float) -> np.ndarray:
-    sensor = PoseSensor(PoseSensorConfig(), np.random.default_rng(0))
-    return np.array([sensor.read(np.zeros(3), every_s) for _ in range(n)])
+    sensor, rng = PoseSensor(PoseSensorConfig()), np.random.default_rng(0)
+    return np.array([sensor.read(np.zeros((1, 3)), every_s, rng.standard_normal((1, 3)))[0] for _ in range(n)])
 
 
 def test_the_spread_stays_as_configured_however_long_it_runs() -> None:
@@ -22,7 +22,16 @@ def test_an_error_keeps_a_share_of_one_over_e_after_the_correlation_time() -> No
 
 
 def test_the_believed_heading_stays_in_the_half_open_turn() -> None:
-    sensor = PoseSensor(PoseSensorConfig(heading_std_deg=5.0), np.random.default_rng(0))
-    headings = np.array([sensor.read(np.array([0.0, 0.0, np.pi]), 5.0)[2] for _ in range(200)])
+    sensor, rng = PoseSensor(PoseSensorConfig(heading_std_deg=5.0), 200), np.random.default_rng(0)
+    headings = sensor.read(np.tile([0.0, 0.0, np.pi], (200, 1)), 5.0, rng.standard_normal((200, 3)))[:, 2]
     assert ((headings > -np.pi) & (headings <= np.pi)).all()
     assert (headings < 0).any()
+
+
+def test_a_robot_that_starts_anew_has_an_error_of_its_own_from_the_first_reading_on() -> None:
+    sensor, rng = PoseSensor(PoseSensorConfig(), 2), np.random.default_rng(1)
+    before = sensor.read(np.zeros((2, 3)), 0.1, rng.standard_normal((2, 3)))
+    sensor.start(np.array([1]))
+    after = sensor.read(np.zeros((2, 3)), 0.1, rng.standard_normal((2, 3)))
+    assert np.abs(after - before)[0, 0] < 0.03
+    assert np.abs(after - before)[1, 0] > 0.03

@@ -7,8 +7,8 @@ import pytest
 from pydantic import ValidationError
 
 from robot_models.equipment import CATALOGUE
-from robot_models.inspector import Inspector
-from robot_models.world import EQUIPMENT_GROUP, build_model
+from robot_models.inspector import Inspectors
+from robot_models.world import EQUIPMENT_GROUP
 from robot_models.yard import BoxEquipment, CatalogueEquipment, Yard
 from sensing.materials import KIND_MATERIALS
 
@@ -34,10 +34,9 @@ def test_a_kind_has_a_material_stands_on_the_ground_and_its_sites_lie_on_its_sur
 
 
 @pytest.mark.parametrize("kind", CATALOGUE)
-def test_in_the_model_it_has_the_same_surface_as_on_the_map_and_is_one_piece(kind: str) -> None:
+def test_in_the_model_it_has_the_same_surface_as_on_the_map(kind: str) -> None:
     yard = yard_with(kind)
-    inspector = Inspector(build_model(yard, RING_M, AZIMUTHS_RAD))
-    assert inspector.equipment == ("it",)
+    inspector = Inspectors(yard, RING_M, AZIMUTHS_RAD)
     groups = (np.arange(6) == EQUIPMENT_GROUP).astype(np.uint8)
     rng, hits, met = np.random.default_rng(2), 0, np.zeros(1, dtype=np.int32)
     for _ in range(400):
@@ -47,35 +46,21 @@ def test_in_the_model_it_has_the_same_surface_as_on_the_map_and_is_one_piece(kin
             + rng.normal(0.0, 1.0, 3) * (2.0, 2.0, 0.1)
             - start
         )
-        range_m = mujoco.mj_ray(inspector.model, inspector.data, start, ray, groups, True, -1, met, None)
+        range_m = mujoco.mj_ray(inspector.model, inspector.data(), start, ray, groups, True, -1, met, None)
         if range_m > 0:
             hits += 1
             assert np.abs(yard.solids.distance(start + range_m * ray)).min() < 1e-6
     assert hits > 5
 
 
-def test_whatever_part_is_in_the_way_the_whole_piece_is_crossed_once() -> None:
-    inspector = Inspector(build_model(yard_with("power_transformer", yaw_deg=0.0), RING_M, AZIMUTHS_RAD))
-    through_radiators_and_tank = inspector.crossed(np.array([[20.0, 25.0, 1.0]]), np.array([[20.0, 5.0, 1.0]]))
-    over_it_all = inspector.crossed(np.array([[20.0, 25.0, 4.9]]), np.array([[20.0, 5.0, 4.9]]))
-    through_a_bushing = inspector.crossed(np.array([[20.0, 25.0, 3.6]]), np.array([[20.0, 5.0, 3.6]]))
-    below_the_conservator = inspector.crossed(np.array([[17.6, 25.0, 3.0]]), np.array([[17.6, 5.0, 3.0]]))
-    assert [bool(c) for c in (through_radiators_and_tank, over_it_all, through_a_bushing, below_the_conservator)] == [
-        True,
-        False,
-        True,
-        False,
-    ]
-
-
 def test_the_robot_touches_the_piece_whatever_part_it_runs_into() -> None:
-    inspector = Inspector(build_model(yard_with("power_transformer", yaw_deg=0.0), RING_M, AZIMUTHS_RAD))
-    inspector.reset(20.0, 12.4, np.pi / 2)
-    inspector.drive(0.5, 0.0, 2.0)
-    assert inspector.touched() == ("equipment/it",)
-    inspector.reset(17.0, 8.0, 0.0)
-    inspector.drive(0.5, 0.0, 1.0)
-    assert inspector.touched() == ()
+    inspector = Inspectors(yard_with("power_transformer", yaw_deg=0.0), RING_M, AZIMUTHS_RAD)
+    inspector.reset([0], [(20.0, 12.4, np.pi / 2)])
+    inspector.drive([0.5], [0.0], 2.0)
+    assert inspector.touched()[0] == ("equipment/it",)
+    inspector.reset([0], [(17.0, 8.0, 0.0)])
+    inspector.drive([0.5], [0.0], 1.0)
+    assert inspector.touched()[0] == ()
 
 
 def test_the_robot_passes_below_a_busbar_but_not_over_a_kerb() -> None:
@@ -83,12 +68,12 @@ def test_the_robot_passes_below_a_busbar_but_not_over_a_kerb() -> None:
     assert busbar.clearance(np.array([22.0, 15.0])) > 1.0
     assert busbar.in_sight(np.array([[22.0, 10.0]]), np.array([22.0, 20.0])).all()
     assert kerb.clearance(np.array([20.0, 15.0])) < 0
-    inspector = Inspector(build_model(kerb, RING_M, AZIMUTHS_RAD))
-    inspector.reset(20.0, 14.0, np.pi / 2)
-    assert inspector.lidar()[0] == pytest.approx(1.0 - 0.075, abs=0.01)  # as high as the lidar looks
-    inspector.drive(0.5, 0.0, 3.0)
-    assert inspector.touched() == ("equipment/it",)
-    assert inspector.pose()[1] < 15.0
+    inspector = Inspectors(kerb, RING_M, AZIMUTHS_RAD)
+    inspector.reset([0], [(20.0, 14.0, np.pi / 2)])
+    assert inspector.lidar()[0, 0] == pytest.approx(1.0 - 0.075, abs=0.01)  # as high as the lidar looks
+    inspector.drive([0.5], [0.0], 3.0)
+    assert inspector.touched()[0] == ("equipment/it",)
+    assert inspector.pose()[0, 1] < 15.0
 
 
 def test_a_fence_is_as_long_as_it_is_told_and_a_breaker_has_one_size() -> None:

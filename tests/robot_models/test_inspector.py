@@ -10,8 +10,7 @@ import pytest
 
 import robot_models
 from robot_models import inspector as robot
-from robot_models.inspector import Inspector
-from robot_models.world import build_model
+from robot_models.inspector import Inspectors
 from robot_models.yard import BoxEquipment, CylinderEquipment, Yard
 
 FOLDER = Path(robot_models.__file__).parent / "inspector"
@@ -26,14 +25,46 @@ BUSHING = CylinderEquipment(
 )
 
 
-@pytest.fixture(scope="module")
-def model() -> mujoco.MjModel:
-    return build_model(Yard(size_m=(30.0, 30.0), equipment=(TANK, BUSHING)), RING_M, AZIMUTHS_RAD)
+YARD = Yard(size_m=(30.0, 30.0), equipment=(TANK, BUSHING))
+
+
+class Inspector:
+    """One robot alone."""
+
+    def __init__(self) -> None:
+        self.robots = Inspectors(YARD, RING_M, AZIMUTHS_RAD)
+        self.model = self.robots.model
+
+    @property
+    def data(self) -> mujoco.MjData:
+        return self.robots.data()
+
+    @property
+    def time_s(self) -> float:
+        return self.data.time
+
+    def reset(self, x_m: float, y_m: float, yaw_rad: float) -> None:
+        self.robots.reset([0], [(x_m, y_m, yaw_rad)])
+
+    def drive(self, v_mps: float, yaw_rate_radps: float, duration_s: float) -> None:
+        self.robots.drive([v_mps], [yaw_rate_radps], duration_s)
+
+    def pose(self) -> np.ndarray:
+        return self.robots.pose()[0]
+
+    def velocity(self) -> np.ndarray:
+        return self.robots.velocity()[0]
+
+    def world_from_base(self) -> np.ndarray:
+        return self.robots.world_from_base()[0]
+
+    def touched(self) -> tuple[str, ...]:
+        return self.robots.touched()[0]
 
 
 @pytest.fixture
-def inspector(model: mujoco.MjModel) -> Inspector:
-    inspector = Inspector(model)
+def inspector() -> Inspector:
+    inspector = Inspector()
     inspector.reset(10.0, 10.0, 0.0)
     return inspector
 
@@ -70,7 +101,7 @@ def test_twenty_seconds_of_random_driving_give_no_warning_and_no_nan(inspector: 
     for v, yaw_rate in rng.uniform([-0.8, -1.5], [0.8, 1.5], size=(200, 2)).tolist():
         inspector.drive(v, yaw_rate, 0.1)
         assert np.isfinite(np.concatenate([inspector.pose(), inspector.velocity()])).all()
-    assert n_warnings(inspector.data) == 0
+    assert inspector.robots.n_warnings().tolist() == [0]
     assert inspector.time_s == pytest.approx(20.0)
 
 
@@ -202,43 +233,6 @@ def test_a_reset_into_equipment_is_reported(inspector: Inspector):
     assert inspector.touched() == ("equipment/tank",)
 
 
-@pytest.mark.parametrize(
-    ("start", "expected"),
-    [
-        ((15.0, 10.0, 1.0), [True, False]),  # behind the tank
-        ((25.0, 10.0, 1.0), [False, False]),  # on the source's own side
-        ((15.0, 10.0, 14.0), [False, False]),  # over the top: at the tank's far edge the ray is still above 3 m
-        ((21.02, 10.0, 1.5), [False, False]),  # at the source itself
-    ],
-)
-def test_equipment_in_between_is_crossed(inspector: Inspector, start: tuple[float, float, float], expected: list[bool]):
-    source = np.array([21.02, 10.0, 1.5 if start[2] < 5 else 3.02])
-    assert inspector.equipment == ("tank", "bushing")
-    assert inspector.crossed(source[np.newaxis], np.array([start])).tolist() == [expected]
-    assert inspector.crossed(np.array([start]), source[np.newaxis]).tolist() == [expected]
-
-
-def test_neither_fence_nor_floor_nor_robot_is_in_the_way(inspector: Inspector):
-    inspector.reset(5.0, 5.0, 0.0)
-    points = np.array([[-3.0, 5.0, 0.3], [4.0, 5.0, 0.12], [4.0, 5.0, 0.62], [5.0, 5.0, -1.0]])
-    assert not inspector.crossed(np.tile([6.0, 5.0, 0.12], (4, 1)), points).any()
-
-
-def test_all_pieces_along_a_line_are_crossed_not_the_first_alone(inspector: Inspector):
-    ends = np.array([[25.0, 5.0, 1.0], [15.0, 15.0, 1.0], [8.0, 22.0, 1.0]])  # behind both, behind the bushing, neither
-    assert inspector.crossed(np.tile([5.0, 25.0, 1.0], (3, 1)), ends).tolist() == [
-        [True, True],
-        [False, True],
-        [False, False],
-    ]
-
-
-def test_a_line_that_ends_on_a_face_does_not_cross_it(inspector: Inspector):
-    on_face, through = np.array([[19.0, 10.0, 1.0]]), np.array([[21.0, 10.0, 1.0]])
-    assert not inspector.crossed(np.array([[5.0, 10.0, 1.0]]), on_face).any()
-    assert inspector.crossed(np.array([[5.0, 10.0, 1.0]]), through).tolist() == [[True, False]]
-
-
 def test_the_frame_of_the_base_is_where_the_robot_stands(inspector: Inspector):
     inspector.reset(5.0, 6.0, 0.4)
     frame = inspector.world_from_base()
@@ -247,7 +241,7 @@ def test_the_frame_of_the_base_is_where_the_robot_stands(inspector: Inspector):
     np.testing.assert_allclose(frame[:3, :3] @ frame[:3, :3].T, np.eye(3), atol=1e-12)
 
 
-def test_the_same_commands_give_bit_identical_trajectories(model: mujoco.MjModel):
+def test_the_same_commands_give_bit_identical_trajectories():
     def trajectory(inspector: Inspector) -> np.ndarray:
         inspector.reset(17.0, 9.0, 0.3)
         commands = np.random.default_rng(5).uniform([0.0, -1.5], [0.8, 1.5], size=(60, 2))
@@ -257,10 +251,10 @@ def test_the_same_commands_give_bit_identical_trajectories(model: mujoco.MjModel
             states.append(np.concatenate([inspector.data.qpos, inspector.data.qvel, inspector.data.sensordata]))
         return np.array(states)
 
-    inspector = Inspector(model)
+    inspector = Inspector()
     first = trajectory(inspector)
     assert np.array_equal(first, trajectory(inspector))
-    assert np.array_equal(first, trajectory(Inspector(model)))
+    assert np.array_equal(first, trajectory(Inspector()))
 
 
 def test_what_was_handed_out_does_not_change_afterwards(inspector: Inspector):
@@ -349,10 +343,5 @@ def test_a_command_that_cannot_be_driven_is_refused(
 
 
 def test_a_pose_that_is_not_finite_is_refused(inspector: Inspector):
-    with pytest.raises(ValueError, match="`yaw_rad` must be finite"):
+    with pytest.raises(ValueError, match="`poses` must be finite"):
         inspector.reset(1.0, 1.0, float("nan"))
-
-
-def test_points_of_the_wrong_shape_are_refused(inspector: Inspector):
-    with pytest.raises(ValueError, match=r"must both have shape \(n, 3\)"):
-        inspector.crossed(np.zeros(3), np.zeros(3))

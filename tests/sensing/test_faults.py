@@ -11,6 +11,7 @@ from dirmusic.angles import difference
 from sensing import ArrayConfig, Carrier, DischargeSource, Heard, HelicalArray, Receiver, ReceiverConfig, Scene
 from sensing.faults import STUCK_AT, ChannelFault
 from sensing.pulses import unit_pulse_energy
+from sensing.waveforms import looks_like_a_pulse
 
 NOMINAL = HelicalArray.nominal(ArrayConfig())
 RING = GainManifold.ring(6)
@@ -125,6 +126,6 @@ def test_a_pulse_with_an_echo_after_the_gate_is_still_a_pulse() -> None:
     record, background_v2 = np.zeros((1, 6, 180)), np.full(6, receiver.noise_variance_v2)
     record[:, :, :90] = heard.waveforms_v[:1]
     record[:, :, 90:135] = record[:, :, 20:65]  # as loud as the pulse, in one of the looks
-    assert receiver._looks_like_a_pulse(record, background_v2).all()  # pyright: ignore[reportPrivateUsage]
+    assert looks_like_a_pulse(record, background_v2, 90).all()
     record[:, :, 135:] = record[:, :, 20:65]
-    assert not receiver._looks_like_a_pulse(record, background_v2).any()  # pyright: ignore[reportPrivateUsage]
+    assert not looks_like_a_pulse(record, background_v2, 90).any()

@@ -1,21 +1,61 @@
 """Paths: spreading and delay, mirrors, and what stands in between."""
+# pyright: reportAttributeAccessIssue=false
 
 import json
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
+import mujoco
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
+from dirmusic import GainPattern
 from dirmusic.gain_delay import SPEED_OF_LIGHT_MPS
+from envs.random_yard import random_yard
 from robot_models.inspector import Inspector
 from robot_models.world import build_model
-from robot_models.yard import BoxEquipment, Yard
-from sensing import Faces, Surroundings, level_transform
+from robot_models.yard import BoxEquipment, CylinderEquipment, Yard
+from sensing import Faces, HelicalArray, Obstacles, Surroundings, level_transform
+from sensing.array import ArrayTable
 from sensing.materials import KIND_MATERIALS, METAL
-from sensing.propagation import Mirrors, in_array_frame, rays_between
+from sensing.propagation import Crossed, in_array_frame, rays_between, trace
+from sensing.tracing import arrive
 
-ONE_ELEMENT = np.array([[0.0, 0.0, 0.6]])
-FIRST = np.ones(1, dtype=np.bool_)
+AT_ORIGIN = np.eye(4)
+
+
+class Isotropic(GainPattern):
+    """An element that hears alike from everywhere."""
+
+    def gain_and_slope(self, off_boresight_rad: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        return np.ones(np.shape(off_boresight_rad)), np.zeros(np.shape(off_boresight_rad))
+
+
+class Paths(NamedTuple):
+    """Of one source to one element: its images, path lengths, and what is left of the amplitude beside spreading."""
+
+    from_m: np.ndarray
+    range_m: np.ndarray
+    factor: np.ndarray
+
+
+def paths_between(
+    surroundings: Surroundings,
+    source_m: tuple[float, float, float],
+    world_from_array: np.ndarray = AT_ORIGIN,
+    element_m: tuple[float, float, float] = (0.0, 0.0, 0.6),
+) -> Paths:
+    one, zero, at = np.ones(1), np.zeros(1), np.array([element_m])
+    element = HelicalArray(
+        pattern=Isotropic(), boresights_rad=zero, positions_m=at, gain_factors=one, gain_offsets=zero
+    )
+    centre = world_from_array[:3, :3] @ at[0] + world_from_array[:3, 3]
+    legs, is_crossed = trace(surroundings, np.array([[source_m]]), np.ones((1, 1), np.bool_), centre[np.newaxis])
+    arrivals = arrive(legs, is_crossed, surroundings.log_loss, world_from_array[np.newaxis], ArrayTable.of([element]))
+    range_m = SPEED_OF_LIGHT_MPS * arrivals.delay_s[:, 0]
+    return Paths(legs.from_m, range_m, arrivals.amplitude[:, 0] * range_m)
 
 
 def nothing_in_between(_: np.ndarray, ends: np.ndarray) -> np.ndarray:
@@ -31,6 +71,10 @@ def ground_and_wall(wall_x: float = -2.0, half_length: float = 5.0) -> Faces:
         half_size_m=np.array([[np.inf, np.inf], [half_length, 2.0]]),
         owner=np.array([-1, 0]),
     )
+
+
+def crossed_in(yard: Yard) -> Crossed:
+    return partial(Obstacles(*yard.obstacles()).crossed_by, n_pieces=len(yard.equipment))
 
 
 def test_free_space_spreads_with_range_and_takes_its_time_to_float_precision() -> None:
@@ -57,35 +101,27 @@ def test_directions_are_those_of_the_array_frame_with_tilt() -> None:
 
 
 def test_ground_and_wall_mirror_once_each_with_the_length_of_the_path_by_pythagoras() -> None:
-    source = np.array([[6.0, 3.0, 1.5]])
     surroundings = Surroundings(ground_and_wall(), np.array([-0.3, -0.8]), np.ones(1), nothing_in_between)
-    paths = Mirrors(surroundings, source).trace(FIRST, ONE_ELEMENT, np.eye(4))
+    paths = paths_between(surroundings, (6.0, 3.0, 1.5))
     by_hand = [np.hypot(np.hypot(6, 3), 0.9), np.hypot(np.hypot(6, 3), 2.1), np.hypot(np.hypot(6 + 4, 3), 0.9)]
-    np.testing.assert_allclose(paths.rays.range_m[:, 0], by_hand, rtol=1e-14)
+    np.testing.assert_allclose(paths.range_m, by_hand, rtol=1e-14)
     np.testing.assert_allclose(paths.factor, [1.0, -0.3, -0.8])
-    assert paths.rays.elevation_rad[1, 0] == pytest.approx(-np.arctan2(2.1, np.hypot(6, 3)))  # from below
-    assert paths.rays.azimuth_rad[2, 0] == pytest.approx(np.arctan2(3, -10))  # from the wall's side
+    np.testing.assert_allclose(paths.from_m, [[6, 3, 1.5], [6, 3, -1.5], [-10, 3, 1.5]])
 
 
 def test_a_face_mirrors_only_what_it_reaches_and_only_to_its_front() -> None:
     surroundings = Surroundings(
         ground_and_wall(half_length=0.5), np.array([-0.3, -0.8]), np.ones(1), nothing_in_between
     )
-    aside, ahead, behind = np.array([[6.0, 8.0, 1.5]]), np.array([[6.0, 0.5, 1.5]]), np.array([[-3.0, 0.0, 1.5]])
-    n_paths = [
-        Mirrors(surroundings, at).trace(FIRST, ONE_ELEMENT, np.eye(4)).source.size for at in (aside, ahead, behind)
-    ]
-    assert n_paths == [2, 3, 2]
-    from_behind = Mirrors(surroundings, ahead).trace(FIRST, ONE_ELEMENT, level_transform(np.array([-3.0, 0.0, 0.0])))
-    assert from_behind.source.size == 2
+    aside, ahead, behind = (6.0, 8.0, 1.5), (6.0, 0.5, 1.5), (-3.0, 0.0, 1.5)
+    assert [paths_between(surroundings, at).factor.size for at in (aside, ahead, behind)] == [2, 3, 2]
+    behind_the_wall = level_transform(np.array([-3.0, 0.0, 0.0]))
+    assert paths_between(surroundings, ahead, behind_the_wall).factor.size == 2
 
 
 def test_a_face_right_behind_the_source_is_part_of_the_source() -> None:
     surroundings = Surroundings(ground_and_wall(), np.array([0.0, -0.8]), np.ones(1), nothing_in_between)
-    on_it, off_it = (
-        Mirrors(surroundings, np.array([[x, 1.0, 1.5]])).trace(FIRST, ONE_ELEMENT, np.eye(4)).source.size
-        for x in (-1.98, -1.9)
-    )
+    on_it, off_it = (paths_between(surroundings, (x, 1.0, 1.5)).factor.size for x in (-1.98, -1.9))
     assert (on_it, off_it) == (1, 2)
 
 
@@ -95,20 +131,99 @@ def test_equipment_weakens_what_crosses_it_on_every_leg() -> None:
         return np.column_stack([touches, np.zeros(len(ends), dtype=np.bool_)])
 
     surroundings = Surroundings(ground_and_wall(), np.array([-0.3, -0.8]), np.array([0.1, 0.5]), those_of_the_ground)
-    paths = Mirrors(surroundings, np.array([[6.0, 3.0, 1.5]])).trace(FIRST, ONE_ELEMENT, np.eye(4))
+    paths = paths_between(surroundings, (6.0, 3.0, 1.5))
     np.testing.assert_allclose(paths.factor, [1.0, -0.3 * 0.1 * 0.1, -0.8])  # from the source, and on to the array
+
+
+def two_in_a_row() -> Obstacles:
+    """Two cylinders on the x axis, at 2 and at 4 m."""
+    none = np.zeros(2)
+    return Obstacles(
+        np.array([[2.0, 0.0], [4.0, 0.0]]), none, np.zeros((2, 2)), none + 0.3, none, none + 2, np.arange(2)
+    )
 
 
 def test_losses_of_pieces_in_a_row_add_up_in_decibels() -> None:
     surroundings = Surroundings.of_kinds(
-        ["power_transformer", "current_transformer"],
-        ground_and_wall(),
-        lambda _, ends: np.ones((len(ends), 2), dtype=np.bool_),
+        ["power_transformer", "current_transformer"], ground_and_wall(), two_in_a_row()
     )
-    passed = surroundings.passed(np.zeros((1, 3)), np.ones((1, 3)))
+    passed = paths_between(surroundings, (6.0, 0.0, 0.6)).factor
     total_db = KIND_MATERIALS["power_transformer"].loss_db + KIND_MATERIALS["current_transformer"].loss_db
     assert -20 * np.log10(passed[0]) == pytest.approx(total_db)
     assert surroundings.reflection.tolist() == [-0.3, METAL.reflection]
+
+
+TANK = BoxEquipment(
+    name="tank", kind="power_transformer", shape="box", position_m=(20.0, 10.0), footprint_m=(2.0, 4.0), height_m=3.0
+)
+BUSHING = CylinderEquipment(
+    name="bushing", kind="bushing", shape="cylinder", position_m=(10.0, 20.0), radius_m=0.3, height_m=2.5
+)
+TANK_AND_BUSHING = crossed_in(Yard(size_m=(30.0, 30.0), equipment=(TANK, BUSHING)))
+
+
+def line(*points: float) -> np.ndarray:
+    return np.array([points])
+
+
+@pytest.mark.parametrize(
+    ("start", "expected"),
+    [
+        ((15.0, 10.0, 1.0), [True, False]),  # behind the tank
+        ((25.0, 10.0, 1.0), [False, False]),  # on the source's own side
+        ((15.0, 10.0, 14.0), [False, False]),  # over the top: at the tank's far edge the line is still above 3 m
+        ((21.02, 10.0, 1.5), [False, False]),  # at the source itself
+    ],
+)
+def test_equipment_in_between_is_crossed_whichever_way_one_looks(
+    start: tuple[float, float, float], expected: list[bool]
+) -> None:
+    source = line(21.02, 10.0, 1.5 if start[2] < 5 else 3.02)
+    assert TANK_AND_BUSHING(source, line(*start)).tolist() == [expected]
+    assert TANK_AND_BUSHING(line(*start), source).tolist() == [expected]
+
+
+def test_all_pieces_along_a_line_are_crossed_not_the_first_alone() -> None:
+    ends = np.array([[25.0, 5.0, 1.0], [15.0, 15.0, 1.0], [8.0, 22.0, 1.0]])  # behind both, behind the bushing, neither
+    assert TANK_AND_BUSHING(np.tile([5.0, 25.0, 1.0], (3, 1)), ends).tolist() == [
+        [True, True],
+        [False, True],
+        [False, False],
+    ]
+
+
+def test_a_line_that_ends_on_a_face_does_not_cross_it_and_one_along_it_neither() -> None:
+    assert not TANK_AND_BUSHING(line(5.0, 10.0, 1.0), line(19.0, 10.0, 1.0)).any()
+    assert not TANK_AND_BUSHING(line(19.0, 5.0, 1.0), line(19.0, 15.0, 1.0)).any()
+    assert TANK_AND_BUSHING(line(5.0, 10.0, 1.0), line(21.0, 10.0, 1.0)).tolist() == [[True, False]]
+
+
+def test_straight_up_through_a_bushing_is_through_it_and_beside_it_is_not() -> None:
+    assert TANK_AND_BUSHING(line(10.1, 20.0, 0.1), line(10.1, 20.0, 5.0)).tolist() == [[False, True]]
+    assert not TANK_AND_BUSHING(line(10.4, 20.0, 0.1), line(10.4, 20.0, 5.0)).any()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_a_line_crosses_is_what_the_rays_of_mujoco_meet(seed: int) -> None:
+    """The same solids, built by another hand: every piece along each line, in yards of the catalogue."""
+    yard, rng = random_yard(seed, 8).yard, np.random.default_rng(seed)
+    inspector = Inspector(build_model(yard, np.array([[0.0, 0.0, 0.6]]), np.zeros(1)))
+    starts, ends = (rng.uniform(0.0, [*yard.size_m, 6.0], (400, 3)) for _ in range(2))
+    outside = yard.solids.distance(starts).min(axis=-1) > 0.01
+    starts, ends = starts[outside], ends[outside]
+    crossed, groups = crossed_in(yard)(starts, ends), np.array([0, 1, 0, 0, 0, 0], dtype=np.uint8)
+    names, met = [item.name for item in yard.equipment], np.zeros(1, dtype=np.int32)
+    for start, end, row in zip(starts, ends, crossed, strict=True):
+        seen, share = set[str](), 0.0
+        while True:
+            at = start + share * (end - start)
+            further = mujoco.mj_ray(inspector.model, inspector.data, at, end - start, groups, True, -1, met, None)
+            share += further + 1e-7
+            if further < 0 or share >= 1.0:
+                break
+            seen.add(inspector.model.geom(int(met[0])).name.split("/")[1])
+        assert seen == {name for name, is_crossed in zip(names, row, strict=True) if is_crossed}
+    assert crossed.sum() > 40
 
 
 REFERENCE = json.loads((Path(__file__).parent / "sionna" / "reference.json").read_text(encoding="utf-8"))
@@ -135,16 +250,15 @@ def boxes_of_the_reference() -> Yard:
 def test_paths_in_a_yard_are_those_that_sionna_rt_finds(row: dict[str, list[float]]) -> None:
     """Delays within 0.1 ns, amplitudes over the direct path's within 1 dB; what is hidden there is hidden here."""
     yard = boxes_of_the_reference()
-    inspector = Inspector(build_model(yard, np.array([[0.0, 0.0, 0.6]]), np.zeros(1)))
     faces = Faces(*yard.faces())
     coefficient = np.full(faces.owner.size, REFERENCE["reflection"])
-    surroundings = Surroundings(faces, coefficient, np.full(2, 1e-6), inspector.crossed)
-    elements = np.array([row["position_m"]])
-    paths = Mirrors(surroundings, np.array([REFERENCE["source_m"]])).trace(FIRST, elements, np.eye(4))
-    amplitude = np.abs(paths.factor * paths.rays.spreading[:, 0])
-    order = np.argsort(paths.rays.delay_s[:, 0])
+    surroundings = Surroundings(faces, coefficient, np.full(2, 1e-6), crossed_in(yard))
+    x, y, z = row["position_m"]
+    paths = paths_between(surroundings, REFERENCE["source_m"], element_m=(x, y, z))
+    amplitude = np.abs(paths.factor / paths.range_m)
+    order = np.argsort(paths.range_m)
     order = order[amplitude[order] > 1e-4]
-    np.testing.assert_allclose(1e9 * paths.rays.delay_s[order, 0], row["delay_ns"], atol=0.1)
+    np.testing.assert_allclose(1e9 * paths.range_m[order] / SPEED_OF_LIGHT_MPS, row["delay_ns"], atol=0.1)
     by_first = amplitude[order] / amplitude[order[0]]
     theirs = np.array(row["amplitude_1m"]) / row["amplitude_1m"][0]
     np.testing.assert_allclose(20 * np.log10(by_first), 20 * np.log10(theirs), atol=1.0)

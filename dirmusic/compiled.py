@@ -1,0 +1,19 @@
+"""Inner loops that are compiled: over elements, paths and samples, where numpy would need a call for each line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar, cast
+
+import numba
+
+_Function = TypeVar("_Function", bound=Callable[..., object])
+
+
+def compiled(function: _Function) -> _Function:
+    """The same function as machine code, kept on disk after its first call.
+
+    Rows of arrays are worked on one by one and in one order: the answer for a row does not depend, to the bit, on how
+    many there are. Import modules with such functions where they are used: the compiler takes a second to load.
+    """
+    return cast("_Function", numba.njit(cache=True, error_model="numpy")(function))  # pyright: ignore

@@ -1,0 +1,273 @@
+"""Receivers of one make that listen side by side: what radiates, along its paths, to the strengths of pulses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dirmusic import strength_variance
+from sensing.array import ArrayTable, HelicalArray
+from sensing.faults import STUCK_AT
+from sensing.gates import GateNoise, Incoming, find_triggers, gate_energies
+from sensing.propagation import trace
+from sensing.receiver import Heard, Receiver, ReceiverConfig
+from sensing.scene import Emissions, Scene
+from sensing.tracing import arrive
+from sensing.waveforms import Recorder
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+
+NOT_DRAWN = -1.0
+"""Time of a false alarm that is still to be drawn."""
+
+
+class _Gates(NamedTuple):
+    """Gates of pulses in any order, with their energies; a row is a pulse."""
+
+    robot: IntArray
+    time_s: FloatArray
+    energy_v2: FloatArray
+    background_v2: FloatArray
+    waveforms_v: FloatArray
+    n_rejected: int
+
+
+class Receivers:
+    """Several robots, each with its own array, scene and generator, in yards with the same surroundings.
+
+    What one of them hears does not depend, to the bit, on how many listen beside it.
+
+    Args:
+        config: Of every receiver.
+        arrays: As they were really built, of one size and pattern.
+        scenes: What each of them hears, with equally many sources.
+        rngs: All randomness of each of them.
+    """
+
+    def __init__(
+        self,
+        config: ReceiverConfig,
+        arrays: Sequence[HelicalArray],
+        scenes: Sequence[Scene],
+        rngs: Sequence[np.random.Generator],
+    ) -> None:
+        self.config = config
+        self._receivers = [Receiver(config, array) for array in arrays]
+        self._one = self._receivers[0]
+        self._arrays = ArrayTable.of(arrays)
+        self._scenes, self._rngs = list(scenes), list(rngs)
+        n_sources = len(scenes[0].sources)
+        self._sources_m = np.empty((len(arrays), n_sources, 3))
+        self._burst_s = np.empty((len(arrays), n_sources))
+        self._false_s = [NOT_DRAWN] * len(arrays)
+        for row, (scene, rng) in enumerate(zip(scenes, rngs, strict=True)):
+            self.replace(row, arrays[row], scene, rng)
+
+    def replace(self, row: int, array: HelicalArray, scene: Scene, rng: np.random.Generator) -> None:
+        """Another array, scene and generator for one robot, whose time starts anew."""
+        self._receivers[row] = Receiver(self.config, array)
+        self._arrays.replace(row, array)
+        self._scenes[row], self._rngs[row] = scene, rng
+        self._sources_m[row], self._burst_s[row] = scene.positions_m, scene.burst_s
+        self._false_s[row] = NOT_DRAWN
+
+    def listen(
+        self, world_from_array: FloatArray, start_s: FloatArray, duration_s: float, rows: IntArray | None = None
+    ) -> Heard:
+        """Listen for `duration_s`; the intervals of one robot are to follow one another.
+
+        Args:
+            world_from_array: Where the arrays really are, shape (n_robots, 4, 4).
+            start_s: Simulated time of each robot at the start of the interval, shape (n_robots,).
+            duration_s: Length of the interval.
+            rows: Which robots listen; None for all.
+        """
+        listening: list[int] = list(range(len(self._rngs))) if rows is None else rows.tolist()
+        starts: list[float] = start_s.tolist()
+        emitted = [self._scenes[row].emissions(starts[row], duration_s, self._rngs[row]) for row in listening]
+        robot, on_air = _flat(listening, emitted)
+        parts = self._false_alarms(listening, world_from_array, starts, duration_s)
+        if robot.size:
+            incoming = self._incoming(robot, on_air, world_from_array, start_s)
+            if self.config.fidelity == "energy":
+                parts.append(self._energies(robot, on_air, incoming))
+            else:
+                parts += self._waveforms(robot, on_air, incoming, world_from_array)
+        return self._conclude([part for part in parts if part.robot.size or part.n_rejected])
+
+    def _incoming(
+        self, robot: IntArray, on_air: Emissions, world_from_array: FloatArray, start_s: FloatArray
+    ) -> Incoming:
+        """Paths of all that is on the air, at all elements."""
+        is_on = np.zeros(self._burst_s.shape, dtype=np.bool_)
+        is_on[robot, on_air.source] = True
+        arrays, surroundings = self._arrays, self._scenes[0].surroundings
+        middle_m = np.add.reduce(arrays.elements_m, axis=1) / arrays.elements_m.shape[1]
+        centre_m = np.einsum("nij,nj->ni", world_from_array[:, :3, :3], middle_m) + world_from_array[:, :3, 3]
+        legs, is_crossed = trace(surroundings, self._sources_m, is_on, centre_m)
+        if self.config.faults:
+            left = self._one.faults.signal_factors(start_s)
+            arrays = arrays._replace(gain_factors=arrays.gain_factors * left, gain_offsets=arrays.gain_offsets * left)
+        arrivals = arrive(legs, is_crossed, surroundings.log_loss, world_from_array, arrays)
+        return Incoming(legs.first[robot, on_air.source], legs.n_paths[robot, on_air.source], on_air.peak_v, arrivals)
+
+    def _energies(self, robot: IntArray, on_air: Emissions, incoming: Incoming) -> _Gates:
+        """From the law of the gates' energies. Bursts do not look like pulses and are rejected."""
+        one, noise = self._one, self._noise
+        n_draws = max(noise.eigenvalues.size, 1)
+        normal = self._draw(robot, 1 + one.n_elements * n_draws)
+        path, voltage_v = find_triggers(incoming, one.front_end.pulse_peak, one.threshold_v)
+        triggered = voltage_v + noise.std_v * normal[:, 0] > one.threshold_v
+        pulse = np.flatnonzero(triggered & (self._burst_s[robot, on_air.source] == 0))
+        energy = gate_energies(
+            incoming.take(pulse),
+            path[pulse],
+            one.gate_lead_s,
+            one.front_end.pulse_table,
+            noise,
+            normal[pulse, 1:].reshape(pulse.size, one.n_elements, n_draws),
+            self._beside_the_modes(robot[pulse]),
+        )
+        n_rejected = int(np.count_nonzero(triggered)) - pulse.size
+        no_samples, background = np.empty((*energy.shape, 0)), self._background(pulse.size)
+        return _Gates(robot[pulse], on_air.time_s[pulse], energy, background, no_samples, n_rejected)
+
+    @cached_property
+    def _noise(self) -> GateNoise:
+        one = self._one
+        modes = one.front_end.modes or (np.empty(0), np.empty((self.config.gate_samples, 0)))
+        return GateNoise(one.filtered_v, *modes)
+
+    def _background(self, n: int) -> FloatArray:
+        return np.full((n, self._one.n_elements), self._one.noise_variance_v2)
+
+    def _draw(self, robot: IntArray, n: int) -> FloatArray:
+        """Standard normal draws, n for each pulse from its own robot's generator, shape (robot.size, n)."""
+        if len(self._rngs) == 1:
+            return self._rngs[0].standard_normal((robot.size, n))
+        counts = np.bincount(robot, minlength=len(self._rngs)).tolist()
+        draws = [rng.standard_normal((k, n)) for rng, k in zip(self._rngs, counts, strict=True) if k]
+        return np.concatenate(draws)
+
+    def _beside_the_modes(self, robot: IntArray) -> FloatArray:
+        """Noise energy that no mode holds, shape (n_pulses, n_elements): its mean, or in white noise a draw."""
+        one, n_samples = self._one, self.config.gate_samples
+        if one.front_end.modes is not None:
+            left_v2 = one.filtered_v**2 * (n_samples - float(self._noise.eigenvalues.sum()))
+            return np.full((robot.size, one.n_elements), left_v2)
+        beside_v2, none = np.empty((robot.size, one.n_elements)), np.zeros(one.n_elements)
+        rows: list[int] = robot.tolist()
+        for k, row in enumerate(rows):
+            beside_v2[k] = one.filtered_v**2 * self._rngs[row].noncentral_chisquare(n_samples - 1.0, none)
+        return beside_v2
+
+    def _waveforms(
+        self, robot: IntArray, on_air: Emissions, incoming: Incoming, world_from_array: FloatArray
+    ) -> list[_Gates]:
+        """From whole gates, sample by sample, robot by robot."""
+        parts: list[_Gates] = []
+        rows: list[int] = robot.tolist()
+        for row in sorted(set(rows)):
+            own = robot == row
+            recorder = Recorder(self._receivers[row], self._scenes[row], world_from_array[row], self._rngs[row])
+            time_s, gates, n_rejected = recorder.record(on_air.take(own), incoming.take(own))
+            parts.append(_converted(recorder, row, time_s, gates, n_rejected))
+        return parts
+
+    def _false_alarms(
+        self, listening: list[int], world_from_array: FloatArray, starts_s: list[float], duration_s: float
+    ) -> list[_Gates]:
+        """What noise alone triggers: a Poisson process for each robot."""
+        parts: list[_Gates] = []
+        for row in listening:
+            if self._false_s[row] >= starts_s[row] + duration_s:
+                continue
+            rng, time_s = self._rngs[row], list[float]()
+            mean_s = 1.0 / self.config.false_alarm_rate_hz
+            if self._false_s[row] < 0.0:
+                self._false_s[row] = starts_s[row] + rng.exponential(mean_s)
+            while self._false_s[row] < starts_s[row] + duration_s:
+                time_s.append(self._false_s[row])
+                self._false_s[row] += rng.exponential(mean_s)
+            if time_s:
+                parts.append(self._false_gates(row, world_from_array[row], np.array(time_s)))
+        return parts
+
+    def _false_gates(self, row: int, world_from_array: FloatArray, time_s: FloatArray) -> _Gates:
+        receiver, rng = self._receivers[row], self._rngs[row]
+        gates = np.array([receiver.false_gate(rng) for _ in range(time_s.size)])
+        if self.config.fidelity == "waveform":
+            recorder = Recorder(receiver, self._scenes[row], world_from_array, rng)
+            return _converted(recorder, row, time_s, gates + recorder.carriers(gates.shape), 0)
+        energy, robot = np.square(gates).sum(axis=-1), np.full(time_s.size, row)
+        return _Gates(robot, time_s, energy, self._background(time_s.size), gates[:, :, :0], 0)
+
+    @cached_property
+    def _nothing(self) -> Heard:
+        """What most intervals give."""
+        n_samples = self.config.gate_samples if self.config.fidelity == "waveform" else 0
+        silence = np.empty((0, self._one.n_elements))
+        no_gate = np.empty((*silence.shape, n_samples))
+        return self._heard(_Gates(np.empty(0, dtype=np.intp), np.empty(0), silence, silence, no_gate, 0))
+
+    def _conclude(self, parts: Sequence[_Gates]) -> Heard:
+        """All that was heard, robot by robot and by time."""
+        if not parts:
+            return self._nothing
+        if len(parts) == 1:
+            return self._heard(parts[0])
+        *columns, n_rejected = zip(*parts, strict=True)
+        robot, time_s, energy, background, waveforms = (np.concatenate(column) for column in columns)
+        order = np.lexsort((time_s, robot))
+        return self._heard(
+            _Gates(robot[order], time_s[order], energy[order], background[order], waveforms[order], sum(n_rejected))
+        )
+
+    def _heard(self, gates: _Gates) -> Heard:
+        one, config = self._one, self.config
+        energy = gates.energy_v2
+        if config.fidelity == "energy" and config.faults:
+            stuck = config.gate_samples * (STUCK_AT * config.full_scale_v) ** 2
+            energy = one.faults.in_readings(energy, gates.time_s, stuck)
+        strengths_v = np.sqrt(np.maximum(energy - config.gate_samples * gates.background_v2, 0.0))
+        highest_v = (2 ** (config.bits - 1) - 1.5) * one.step_v
+        return Heard(
+            robot=gates.robot,
+            time_s=gates.time_s,
+            strengths_v=strengths_v,
+            variance_v2=strength_variance(
+                strengths_v,
+                gates.background_v2,
+                config.gate_samples,
+                energy_spread=one.front_end.energy_spread,
+                noise_on_pulse=one.front_end.noise_on_pulse,
+            ),
+            mains_phase_rad=np.mod(2 * np.pi * config.mains_hz * gates.time_s, 2 * np.pi),
+            is_clipped=(np.abs(gates.waveforms_v) >= highest_v).any(axis=-1),
+            waveforms_v=gates.waveforms_v,
+            n_rejected=gates.n_rejected,
+        )
+
+
+def _flat(rows: list[int], emitted: Sequence[Emissions]) -> tuple[IntArray, Emissions]:
+    """Emissions of robots one after the other, and whose they are, shape (n_pulses,)."""
+    if len(emitted) == 1:
+        return np.full(emitted[0].time_s.size, rows[0]), emitted[0]
+    robot = np.repeat(rows, [part.time_s.size for part in emitted]).astype(np.intp)
+    if not emitted:
+        return robot, Emissions(robot, np.empty(0), np.empty(0))
+    return robot, Emissions(*(np.concatenate(column) for column in zip(*emitted, strict=True)))
+
+
+def _converted(recorder: Recorder, row: int, time_s: FloatArray, gates_v: FloatArray, n_rejected: int) -> _Gates:
+    """Gates of one robot behind its converter."""
+    waveforms = recorder.convert(gates_v, time_s)
+    background = np.broadcast_to(recorder.background_v2, waveforms.shape[:2])
+    energy = np.einsum("nek,nek->ne", waveforms, waveforms)
+    return _Gates(np.full(time_s.size, row), time_s, energy, background, waveforms, n_rejected)
