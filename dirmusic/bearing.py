@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -47,10 +48,13 @@ class Bearings:
 
     def without_nan(self) -> Bearings:
         """The same for tables that hold no NaN: where nothing was heard, a direction of which nothing is known."""
+        silent, unknown = np.isnan(self.misfit), np.isnan(self.std_rad)
+        if not unknown.any():
+            return self
         return Bearings(
-            azimuth_rad=np.nan_to_num(self.azimuth_rad),
-            std_rad=np.nan_to_num(self.std_rad, nan=np.pi),
-            misfit=np.nan_to_num(self.misfit, nan=1.0),
+            azimuth_rad=np.where(silent, 0.0, self.azimuth_rad),
+            std_rad=np.where(unknown, np.pi, self.std_rad),
+            misfit=np.where(silent, 1.0, self.misfit),
         )
 
 
@@ -98,17 +102,25 @@ def estimate_bearings(
             f"`strengths` must be finite and >= 0 V, got others in channels {', '.join(map(str, broken))}; drop broken "
             "channels from the strengths, and from the manifold with `manifold.take`"
         )
-    shape = a.shape[:-2]
-    pulses = np.array(a.reshape(int(np.prod(shape)), *a.shape[-2:]))  # compiled loops know one layout
-    from dirmusic.fitting import fit_covariances, noise_of_pulses, pool  # here, for the compiler takes time to load
+    from dirmusic.fitting import bearings_of_pulses, fit_covariances, noise_of_pulses, pool  # loads the compiler
 
-    pooled = pool(pulses)
-    fit = fit_covariances(pooled, manifold.table)
-    noise = None
+    shape = a.shape[:-2]
+    pulses = _in_rows(a)
+    variance = np.empty((0, 0, 0))
     if strength_variance is not None:
         given = np.asarray(strength_variance, dtype=np.float64)
-        noise = noise_of_pulses(fit, pulses, np.array(np.broadcast_to(given, a.shape)).reshape(pulses.shape))
+        variance = _in_rows(given if given.shape == a.shape else np.broadcast_to(given, a.shape))
+    if prior is None:
+        return _told(*bearings_of_pulses(pulses, variance, manifold.table), shape)
+    pooled = pool(pulses)
+    fit = fit_covariances(pooled, manifold.table)
+    noise = noise_of_pulses(fit, pulses, variance) if variance.size else None
     return _conclude(fit, pooled, noise, manifold, prior, shape)
+
+
+def _in_rows(values: FloatArray) -> FloatArray:
+    """A copy of shape (n_rows, n_pulses, n_elements), of the one layout that compiled loops know."""
+    return np.array(values).reshape(math.prod(values.shape[:-2]), *values.shape[-2:])
 
 
 def bearings_from_covariance(
@@ -182,8 +194,14 @@ def _conclude(
         azimuth_rad, std_rad = bearing_posterior(
             fit.data / amplitude_energy, relative_variance, azimuth_rad, manifold, prior
         )
-    if np.isnan(misfit).any():  # nothing heard
-        azimuth_rad, std_rad = (np.where(np.isnan(misfit), np.nan, x) for x in (azimuth_rad, std_rad))
+    return _told(azimuth_rad, std_rad, misfit, shape)
+
+
+def _told(azimuth_rad: FloatArray, std_rad: FloatArray, misfit: FloatArray, shape: tuple[int, ...]) -> Bearings:
+    """Bearings of a shape from rows; NaN where nothing was heard."""
+    azimuth_rad, silent = wrap(azimuth_rad), np.isnan(misfit)
+    if silent.any():
+        azimuth_rad, std_rad = np.where(silent, np.nan, azimuth_rad), np.where(silent, np.nan, std_rad)
     return Bearings(
-        azimuth_rad=wrap(azimuth_rad).reshape(shape), std_rad=std_rad.reshape(shape), misfit=misfit.reshape(shape)
+        azimuth_rad=azimuth_rad.reshape(shape), std_rad=std_rad.reshape(shape), misfit=misfit.reshape(shape)
     )

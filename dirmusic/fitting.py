@@ -179,3 +179,22 @@ def misfits(fit: Fit, covariance: FloatArray) -> FloatArray:
         explained = fit.amplitude_energy[row] * _dot(fit.gain[row], fit.gain[row])
         misfit[row] = min(max(1.0 - explained / energy, 0.0), 1.0) if energy > 0.0 else np.nan
     return misfit
+
+
+@compiled
+def bearings_of_pulses(
+    strengths: FloatArray, variance: FloatArray, table: ManifoldTable
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """All of this for pooled pulses: azimuths, not wrapped, their deviations and misfits, each of shape (n_rows,).
+
+    Args:
+        strengths: Shape (n_rows, n_pulses, n_elements).
+        variance: Of those, same shape; empty where it is not known, and deviations are NaN.
+        table: Of the manifold.
+    """
+    pooled = pool(strengths)
+    fit = fit_covariances(pooled, table)
+    std_rad = np.full(strengths.shape[0], np.nan)
+    if variance.size == strengths.size:
+        std_rad = deviations(fit, noise_of_pulses(fit, strengths, variance))
+    return fit.azimuth_rad, std_rad, misfits(fit, pooled)

@@ -88,6 +88,7 @@ class GainManifold:
             raise ValueError(f"`gain_factors` must be positive, got {factors!r}; a dead element is left out by `take`")
         if not abs(elevation_rad) <= np.pi / 2:
             raise ValueError(f"`elevation_rad` must be in [-pi/2, pi/2], got {elevation_rad!r}")
+        self._taken: dict[tuple[int, ...], GainManifold] = {}
         self.pattern = pattern
         self.elevation_rad = elevation_rad
         self.boresights_rad = boresights
@@ -113,13 +114,16 @@ class GainManifold:
     def take(self, elements: Sequence[int] | NDArray[np.intp] | NDArray[np.bool_]) -> GainManifold:
         """The manifold of some elements alone, by index or mask: a four-channel receiver, or dead channels left out."""
         chosen = np.arange(self.n_elements)[np.asarray(elements)]
-        return GainManifold(
-            self.pattern,
-            self.boresights_rad[chosen],
-            gain_factors=self.gain_factors[chosen],
-            gain_offsets=self.gain_offsets[chosen],
-            elevation_rad=self.elevation_rad,
-        )
+        key = tuple(chosen.tolist())
+        if key not in self._taken:  # channels are left out again and again to see which is at fault
+            self._taken[key] = GainManifold(
+                self.pattern,
+                self.boresights_rad[chosen],
+                gain_factors=self.gain_factors[chosen],
+                gain_offsets=self.gain_offsets[chosen],
+                elevation_rad=self.elevation_rad,
+            )
+        return self._taken[key]
 
     def at_elevation(self, elevation_rad: float) -> GainManifold:
         """The manifold of sources that are known to be seen at one elevation; by default they are level.

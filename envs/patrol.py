@@ -96,7 +96,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     `time_s`, `pose` (believed, float64), `odometry` (x m, y m, yaw rad by wheels and gyro alone, from the believed
     pose at the start on), `battery` (share that is left), `pulses` (a `Pulses` of this step), `touched` (names),
     `waypoints_visited` (indices), `suspects` (channels newly found at fault), and `truth`, which is for logs and
-    scores: no policy but `oracle` may see it. At the start it holds all that was drawn and the true pose, then that pose.
+    scores: no policy but `oracle` may see it. It holds the true pose, and at the start all that was drawn.
 
     ## Rendering
     `rgb_array` (480, 640, 3) uint8 and `depth_array` (480, 640) float32, metres, from a camera that follows the robot;

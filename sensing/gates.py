@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
+from sensing.array import ArrayTable
 from sensing.front_end import PulseTable
-from sensing.tracing import Arrivals
+from sensing.propagation import Surroundings
+from sensing.tracing import Arrivals, trace
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -178,3 +180,93 @@ def gate_energies(
                     drawn_v *= np.sqrt(noise.eigenvalues[m])
                 energy[k, e] += (drawn_v + peak_v * along[e, m]) ** 2
     return energy
+
+
+class OnAir(NamedTuple):
+    """Pulses as they were radiated, and whose they are.
+
+    Attributes:
+        robot: Number of the robot that may hear each, shape (n_pulses,).
+        source: Number of the source among the robot's own, shape (n_pulses,).
+        peak_v: Peak 1 m away in a unit-gain channel, before the band-pass, with its sign, shape (n_pulses,).
+    """
+
+    robot: IntArray
+    source: IntArray
+    peak_v: FloatArray
+
+
+@compiled
+def incoming_pulses(
+    on_air: OnAir,
+    sources_m: FloatArray,
+    world_from_array: FloatArray,
+    arrays: ArrayTable,
+    surroundings: Surroundings,
+) -> Incoming:
+    """Pulses with their paths; arguments as of `tracing.trace`."""
+    is_on = np.zeros(sources_m.shape[:2], np.bool_)
+    for k in range(on_air.robot.size):
+        is_on[on_air.robot[k], on_air.source[k]] = True
+    legs, arrivals = trace(sources_m, is_on, world_from_array, arrays, surroundings)
+    first, n_paths = np.empty(on_air.robot.size, np.intp), np.empty(on_air.robot.size, np.intp)
+    for k in range(on_air.robot.size):
+        first[k] = legs.first[on_air.robot[k], on_air.source[k]]
+        n_paths[k] = legs.n_paths[on_air.robot[k], on_air.source[k]]
+    return Incoming(first, n_paths, on_air.peak_v, arrivals)
+
+
+class Channel(NamedTuple):
+    """What a receiver makes of pulses.
+
+    Attributes:
+        pulse: Behind the filter.
+        pulse_peak: Its largest magnitude.
+        threshold_v: Trigger level.
+        gate_lead_s: Of `gate_energies`.
+        noise: Over a gate.
+    """
+
+    pulse: PulseTable
+    pulse_peak: float
+    threshold_v: float
+    gate_lead_s: float
+    noise: GateNoise
+
+
+@compiled
+def triggered_energies(
+    incoming: Incoming, channel: Channel, normal: FloatArray, beside_v2: FloatArray
+) -> tuple[IntArray, FloatArray]:
+    """Which pulses trigger, shape (n_heard,), and the energies of their gates, shape (n_heard, n_elements).
+
+    Args:
+        incoming: The pulses.
+        channel: Of the receiver.
+        normal: Standard normal draws, shape (n_pulses, 1 + n_elements * max(n_modes, 1)).
+        beside_v2: Noise energy beside the modes, shape (n_pulses, n_elements), V^2.
+    """
+    path, voltage_v = find_triggers(incoming, channel.pulse_peak, channel.threshold_v)
+    heard = np.flatnonzero(voltage_v + channel.noise.std_v * normal[:, 0] > channel.threshold_v)
+    n_elements = beside_v2.shape[1]
+    drawn = normal[heard, 1:].copy().reshape(heard.size, n_elements, (normal.shape[1] - 1) // n_elements)
+    loud = Incoming(incoming.first[heard], incoming.n_paths[heard], incoming.peak_v[heard], incoming.arrivals)
+    return heard, gate_energies(
+        loud, path[heard], channel.gate_lead_s, channel.pulse, channel.noise, drawn, beside_v2[heard]
+    )
+
+
+@compiled
+def hear_energies(
+    on_air: OnAir,
+    sources_m: FloatArray,
+    world_from_array: FloatArray,
+    arrays: ArrayTable,
+    surroundings: Surroundings,
+    channel: Channel,
+    normal: FloatArray,
+    beside_v2: FloatArray,
+) -> tuple[IntArray, FloatArray]:
+    """Both in one: from pulses on the air to those that trigger, and the energies of their gates."""
+    incoming = incoming_pulses(on_air, sources_m, world_from_array, arrays, surroundings)
+    return triggered_energies(incoming, channel, normal, beside_v2)

@@ -6,9 +6,8 @@ mirror image. Edges do not diffract and round equipment does not mirror; what be
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import partial
-from typing import TYPE_CHECKING, NamedTuple, Self
+from collections.abc import Sequence
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +15,7 @@ from numpy.typing import NDArray
 from dirmusic.gain_delay import SPEED_OF_LIGHT_MPS
 from sensing.materials import GRAVEL, KIND_MATERIALS
 
-if TYPE_CHECKING:
-    from sensing.tracing import Legs
-
 FloatArray = NDArray[np.float64]
-Crossed = Callable[[FloatArray, FloatArray], NDArray[np.bool_]]
-"""(starts (n, 3), ends (n, 3)) -> which pieces of equipment each line crosses, (n, n_pieces). A line that ends on a
-surface does not cross it, and one of no length crosses none."""
 
 OWN_FACE_M = 0.05
 """A face this close to the source is a part of it (assumed): its mirror image lies within a third of a wavelength, and
@@ -68,11 +61,11 @@ class Obstacles(NamedTuple):
     top_m: FloatArray
     owner: NDArray[np.intp]
 
-    def crossed_by(self, starts_m: FloatArray, ends_m: FloatArray, n_pieces: int) -> NDArray[np.bool_]:
-        """Which of so many pieces each line crosses, shape (n_lines, n_pieces); see `Crossed`."""
-        from sensing.tracing import cross  # here, so that a command line help need not wait for the compiler
-
-        return cross(starts_m, ends_m, self, n_pieces)
+    @classmethod
+    def none(cls) -> Self:
+        """Nothing in the way."""
+        nothing, flat = np.empty(0), np.empty((0, 2))
+        return cls(flat, nothing, flat, nothing, nothing, nothing, np.empty(0, dtype=np.intp))
 
 
 class Rays(NamedTuple):
@@ -125,21 +118,20 @@ def level_transform(pose: FloatArray) -> FloatArray:
     return np.array([[cos, -sin, 0.0, x], [sin, cos, 0.0, y], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
 
-class Surroundings:
+class Surroundings(NamedTuple):
     """What stands about: equipment that weakens, and faces that mirror.
 
-    Args:
+    Attributes:
         faces: That mirror.
         reflection: Amplitude reflection coefficient of each face, shape (n_faces,).
-        loss: Amplitude that each piece of equipment lets pass, in (0, 1], shape (n_pieces,).
-        crossed: Which pieces a segment crosses.
+        log_loss: Logarithm of the amplitude that each piece of equipment lets pass, <= 0, shape (n_pieces,).
+        obstacles: What the pieces are made of.
     """
 
-    def __init__(self, faces: Faces, reflection: FloatArray, loss: FloatArray, crossed: Crossed) -> None:
-        self.faces = faces
-        self.reflection = reflection
-        self.log_loss = np.log(loss)
-        self.crossed = crossed
+    faces: Faces
+    reflection: FloatArray
+    log_loss: FloatArray
+    obstacles: Obstacles
 
     @classmethod
     def of_kinds(cls, kinds: Sequence[str], faces: Faces, obstacles: Obstacles) -> Self:
@@ -150,39 +142,14 @@ class Surroundings:
         """
         materials = [*(KIND_MATERIALS[kind] for kind in kinds), GRAVEL]  # the ground last: its owner is -1
         loss_db, reflection = np.array(materials, dtype=np.float64).T
-        return cls(
-            faces=faces,
-            reflection=reflection[faces.owner],
-            loss=10 ** (-loss_db[:-1] / 20),
-            crossed=partial(obstacles.crossed_by, n_pieces=len(kinds)),
-        )
+        return cls(faces, reflection[faces.owner], -np.log(10.0) / 20 * loss_db[:-1], obstacles)
 
     @classmethod
     def free_space(cls) -> Self:
         """Nothing about, not even the ground."""
         nothing = np.empty((0, 3))
         faces = Faces(nothing, nothing, np.empty((0, 2, 3)), np.empty((0, 2)), np.empty(0, dtype=np.intp))
-        return cls(faces, np.empty(0), np.empty(0), lambda _, ends: np.empty((len(ends), 0), dtype=np.bool_))
-
-
-def trace(
-    surroundings: Surroundings, sources_m: FloatArray, on_air: NDArray[np.bool_], centre_m: FloatArray
-) -> tuple[Legs, NDArray[np.bool_]]:
-    """Paths from sources to arrays, and which pieces of equipment their legs cross.
-
-    Which faces mirror a source to an array, and what stands in between, is asked for the centre of its elements: an
-    array is small against equipment.
-
-    Args:
-        surroundings: Of all of them.
-        sources_m: Of each robot its own, shape (n_robots, n_sources, 3), world frame.
-        on_air: Which of them, shape (n_robots, n_sources).
-        centre_m: Middle of each array, shape (n_robots, 3).
-    """
-    from sensing.tracing import find_legs  # here, so that a command line help need not wait for the compiler
-
-    legs = find_legs(sources_m, on_air, centre_m, surroundings.faces, surroundings.reflection, OWN_FACE_M)
-    return legs, surroundings.crossed(legs.starts_m, legs.ends_m)
+        return cls(faces, np.empty(0), np.empty(0), Obstacles.none())
 
 
 def _length(vectors: FloatArray) -> FloatArray:

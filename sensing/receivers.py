@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 from dirmusic import strength_variance
 from sensing.array import ArrayTable, HelicalArray
 from sensing.faults import STUCK_AT
-from sensing.gates import GateNoise, Incoming, find_triggers, gate_energies
-from sensing.propagation import trace
+from sensing.gates import Channel, GateNoise, OnAir, hear_energies, incoming_pulses
 from sensing.receiver import Heard, Receiver, ReceiverConfig
 from sensing.scene import Emissions, Scene
-from sensing.tracing import arrive
 from sensing.waveforms import Recorder
 
 FloatArray = NDArray[np.float64]
@@ -91,58 +89,47 @@ class Receivers:
         listening: list[int] = list(range(len(self._rngs))) if rows is None else rows.tolist()
         starts: list[float] = start_s.tolist()
         emitted = [self._scenes[row].emissions(starts[row], duration_s, self._rngs[row]) for row in listening]
-        robot, on_air = _flat(listening, emitted)
+        on_air, time_s = _flat(listening, emitted)
         parts = self._false_alarms(listening, world_from_array, starts, duration_s)
-        if robot.size:
-            incoming = self._incoming(robot, on_air, world_from_array, start_s)
+        if time_s.size:
+            arrays = self._arrays
+            if self.config.faults:
+                left = self._one.faults.signal_factors(start_s)
+                factors, offsets = arrays.gain_factors * left, arrays.gain_offsets * left
+                arrays = arrays._replace(gain_factors=factors, gain_offsets=offsets)
             if self.config.fidelity == "energy":
-                parts.append(self._energies(robot, on_air, incoming))
+                parts.append(self._energies(on_air, time_s, world_from_array, arrays))
             else:
-                parts += self._waveforms(robot, on_air, incoming, world_from_array)
+                parts += self._waveforms(on_air, time_s, world_from_array, arrays)
         return self._conclude([part for part in parts if part.robot.size or part.n_rejected])
 
-    def _incoming(
-        self, robot: IntArray, on_air: Emissions, world_from_array: FloatArray, start_s: FloatArray
-    ) -> Incoming:
-        """Paths of all that is on the air, at all elements."""
-        is_on = np.zeros(self._burst_s.shape, dtype=np.bool_)
-        is_on[robot, on_air.source] = True
-        arrays, surroundings = self._arrays, self._scenes[0].surroundings
-        middle_m = np.add.reduce(arrays.elements_m, axis=1) / arrays.elements_m.shape[1]
-        centre_m = np.einsum("nij,nj->ni", world_from_array[:, :3, :3], middle_m) + world_from_array[:, :3, 3]
-        legs, is_crossed = trace(surroundings, self._sources_m, is_on, centre_m)
-        if self.config.faults:
-            left = self._one.faults.signal_factors(start_s)
-            arrays = arrays._replace(gain_factors=arrays.gain_factors * left, gain_offsets=arrays.gain_offsets * left)
-        arrivals = arrive(legs, is_crossed, surroundings.log_loss, world_from_array, arrays)
-        return Incoming(legs.first[robot, on_air.source], legs.n_paths[robot, on_air.source], on_air.peak_v, arrivals)
-
-    def _energies(self, robot: IntArray, on_air: Emissions, incoming: Incoming) -> _Gates:
+    def _energies(self, on_air: OnAir, time_s: FloatArray, world_from_array: FloatArray, arrays: ArrayTable) -> _Gates:
         """From the law of the gates' energies. Bursts do not look like pulses and are rejected."""
-        one, noise = self._one, self._noise
-        n_draws = max(noise.eigenvalues.size, 1)
-        normal = self._draw(robot, 1 + one.n_elements * n_draws)
-        path, voltage_v = find_triggers(incoming, one.front_end.pulse_peak, one.threshold_v)
-        triggered = voltage_v + noise.std_v * normal[:, 0] > one.threshold_v
-        pulse = np.flatnonzero(triggered & (self._burst_s[robot, on_air.source] == 0))
-        energy = gate_energies(
-            incoming.take(pulse),
-            path[pulse],
-            one.gate_lead_s,
-            one.front_end.pulse_table,
-            noise,
-            normal[pulse, 1:].reshape(pulse.size, one.n_elements, n_draws),
-            self._beside_the_modes(robot[pulse]),
+        noise = self._channel.noise
+        heard, energy = hear_energies(
+            on_air,
+            self._sources_m,
+            world_from_array,
+            arrays,
+            self._scenes[0].surroundings,
+            self._channel,
+            self._draw(on_air.robot, 1 + self._one.n_elements * max(noise.eigenvalues.size, 1)),
+            self._beside_the_modes(on_air.robot),
         )
-        n_rejected = int(np.count_nonzero(triggered)) - pulse.size
-        no_samples, background = np.empty((*energy.shape, 0)), self._background(pulse.size)
-        return _Gates(robot[pulse], on_air.time_s[pulse], energy, background, no_samples, n_rejected)
+        robot, n_rejected = on_air.robot[heard], 0
+        if self._burst_s.any():
+            is_pulse = self._burst_s[robot, on_air.source[heard]] == 0
+            n_rejected = int(np.count_nonzero(~is_pulse))
+            heard, energy, robot = heard[is_pulse], energy[is_pulse], robot[is_pulse]
+        no_samples = np.empty((*energy.shape, 0))
+        return _Gates(robot, time_s[heard], energy, self._background(heard.size), no_samples, n_rejected)
 
     @cached_property
-    def _noise(self) -> GateNoise:
-        one = self._one
-        modes = one.front_end.modes or (np.empty(0), np.empty((self.config.gate_samples, 0)))
-        return GateNoise(one.filtered_v, *modes)
+    def _channel(self) -> Channel:
+        one, front_end = self._one, self._one.front_end
+        modes = front_end.modes or (np.empty(0), np.empty((self.config.gate_samples, 0)))
+        noise = GateNoise(one.filtered_v, *modes)
+        return Channel(front_end.pulse_table, front_end.pulse_peak, one.threshold_v, one.gate_lead_s, noise)
 
     def _background(self, n: int) -> FloatArray:
         return np.full((n, self._one.n_elements), self._one.noise_variance_v2)
@@ -159,7 +146,7 @@ class Receivers:
         """Noise energy that no mode holds, shape (n_pulses, n_elements): its mean, or in white noise a draw."""
         one, n_samples = self._one, self.config.gate_samples
         if one.front_end.modes is not None:
-            left_v2 = one.filtered_v**2 * (n_samples - float(self._noise.eigenvalues.sum()))
+            left_v2 = one.filtered_v**2 * (n_samples - float(self._channel.noise.eigenvalues.sum()))
             return np.full((robot.size, one.n_elements), left_v2)
         beside_v2, none = np.empty((robot.size, one.n_elements)), np.zeros(one.n_elements)
         rows: list[int] = robot.tolist()
@@ -168,16 +155,18 @@ class Receivers:
         return beside_v2
 
     def _waveforms(
-        self, robot: IntArray, on_air: Emissions, incoming: Incoming, world_from_array: FloatArray
+        self, on_air: OnAir, time_s: FloatArray, world_from_array: FloatArray, arrays: ArrayTable
     ) -> list[_Gates]:
         """From whole gates, sample by sample, robot by robot."""
-        parts: list[_Gates] = []
-        rows: list[int] = robot.tolist()
-        for row in sorted(set(rows)):
-            own = robot == row
+        surroundings = self._scenes[0].surroundings
+        incoming = incoming_pulses(on_air, self._sources_m, world_from_array, arrays, surroundings)
+        parts, rows = list[_Gates](), on_air.robot.tolist()
+        for row in sorted({int(row) for row in rows}):
+            own = on_air.robot == row
             recorder = Recorder(self._receivers[row], self._scenes[row], world_from_array[row], self._rngs[row])
-            time_s, gates, n_rejected = recorder.record(on_air.take(own), incoming.take(own))
-            parts.append(_converted(recorder, row, time_s, gates, n_rejected))
+            emitted = Emissions(on_air.source[own], time_s[own], on_air.peak_v[own])
+            heard_s, gates, n_rejected = recorder.record(emitted, incoming.take(own))
+            parts.append(_converted(recorder, row, heard_s, gates, n_rejected))
         return parts
 
     def _false_alarms(
@@ -255,14 +244,16 @@ class Receivers:
         )
 
 
-def _flat(rows: list[int], emitted: Sequence[Emissions]) -> tuple[IntArray, Emissions]:
-    """Emissions of robots one after the other, and whose they are, shape (n_pulses,)."""
+def _flat(rows: list[int], emitted: Sequence[Emissions]) -> tuple[OnAir, FloatArray]:
+    """Emissions of robots one after the other, and their times, shape (n_pulses,)."""
     if len(emitted) == 1:
-        return np.full(emitted[0].time_s.size, rows[0]), emitted[0]
-    robot = np.repeat(rows, [part.time_s.size for part in emitted]).astype(np.intp)
+        source, time_s, peak_v = emitted[0]
+        return OnAir(np.full(time_s.size, rows[0]), source, peak_v), time_s
+    robot = np.repeat(np.array(rows, dtype=np.intp), [part.time_s.size for part in emitted])
     if not emitted:
-        return robot, Emissions(robot, np.empty(0), np.empty(0))
-    return robot, Emissions(*(np.concatenate(column) for column in zip(*emitted, strict=True)))
+        return OnAir(robot, robot, np.empty(0)), np.empty(0)
+    source, time_s, peak_v = (np.concatenate(column) for column in zip(*emitted, strict=True))
+    return OnAir(robot, source, peak_v), time_s
 
 
 def _converted(recorder: Recorder, row: int, time_s: FloatArray, gates_v: FloatArray, n_rejected: int) -> _Gates:

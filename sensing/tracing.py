@@ -11,7 +11,7 @@ from dirmusic.compiled import compiled
 from dirmusic.elevation import NEAR_AXIS
 from dirmusic.gain_delay import SPEED_OF_LIGHT_MPS
 from sensing.array import ArrayTable
-from sensing.propagation import Faces, Obstacles
+from sensing.propagation import OWN_FACE_M, Faces, Obstacles, Surroundings
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -50,7 +50,6 @@ def find_legs(
     centre_m: FloatArray,
     faces: Faces,
     reflection: FloatArray,
-    own_face_m: float,
 ) -> Legs:
     """Direct paths, and those by one mirror, from sources on the air to the centres of arrays.
 
@@ -60,7 +59,6 @@ def find_legs(
         centre_m: Middle of each array, shape (n_robots, 3).
         faces: That mirror.
         reflection: Their coefficients, shape (n_faces,).
-        own_face_m: A face nearer to a source than this is a part of it.
     """
     n_robots, n_sources = on_air.shape
     n_most = on_air.sum() * (1 + reflection.size)
@@ -87,7 +85,7 @@ def find_legs(
                     for i in range(3):
                         depth_m += (at_m[i] - faces.centre_m[f, i]) * faces.normal[f, i]
                         height_m += (to_m[i] - faces.centre_m[f, i]) * faces.normal[f, i]
-                    if depth_m <= own_face_m or height_m <= 0.0:
+                    if depth_m <= OWN_FACE_M or height_m <= 0.0:
                         continue
                     share = depth_m / (depth_m + height_m)
                     along_m = across_m = 0.0
@@ -131,7 +129,7 @@ def _within(low: float, high: float, start: float, change: float) -> tuple[float
 
 @compiled
 def cross(starts_m: FloatArray, ends_m: FloatArray, obstacles: Obstacles, n_pieces: int) -> BoolArray:
-    """Which pieces of equipment straight lines cross; see `propagation.Crossed`.
+    """Which pieces of equipment straight lines cross. One that ends on a surface does not cross it.
 
     Args:
         starts_m: Shape (n_lines, 3), world frame.
@@ -267,3 +265,36 @@ def arrive(
             if abs(amplitude[p, e]) > loudest[p]:
                 loudest[p], loudest_s[p] = abs(amplitude[p, e]), delay_s[p, e]
     return Arrivals(delay_s, amplitude, loudest, loudest_s)
+
+
+@compiled
+def trace(
+    sources_m: FloatArray,
+    on_air: BoolArray,
+    world_from_array: FloatArray,
+    arrays: ArrayTable,
+    surroundings: Surroundings,
+) -> tuple[Legs, Arrivals]:
+    """All paths from sources on the air to the elements of each robot's own array.
+
+    Which faces mirror a source to an array, and what stands in between, is asked for the centre of its elements: an
+    array is small against equipment.
+
+    Args:
+        sources_m: Of each robot its own, shape (n_robots, n_sources, 3), world frame.
+        on_air: Which of them, shape (n_robots, n_sources).
+        world_from_array: Shape (n_robots, 4, 4).
+        arrays: Of the robots.
+        surroundings: Of all of them.
+    """
+    n_robots, n_elements = arrays.elements_m.shape[:2]
+    centre_m = np.zeros((n_robots, 3))
+    for r in range(n_robots):
+        for i in range(3):
+            for e in range(n_elements):
+                for j in range(3):
+                    centre_m[r, i] += world_from_array[r, i, j] * arrays.elements_m[r, e, j] / n_elements
+            centre_m[r, i] += world_from_array[r, i, 3]
+    legs = find_legs(sources_m, on_air, centre_m, surroundings.faces, surroundings.reflection)
+    is_crossed = cross(legs.starts_m, legs.ends_m, surroundings.obstacles, surroundings.log_loss.size)
+    return legs, arrive(legs, is_crossed, surroundings.log_loss, world_from_array, arrays)

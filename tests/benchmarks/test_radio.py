@@ -17,6 +17,7 @@ from sensing import (
     Faces,
     Heard,
     HelicalArray,
+    Obstacles,
     Receiver,
     ReceiverConfig,
     Scene,
@@ -40,9 +41,7 @@ def ground_and_wall() -> Surroundings:
         half_size_m=np.array([[np.inf, np.inf], [5.0, 2.0]]),
         owner=np.array([-1, 0]),
     )
-    return Surroundings(
-        faces, np.array([-0.3, -0.8]), np.ones(1), lambda starts, _: np.zeros((len(starts), 1), np.bool_)
-    )
+    return Surroundings(faces, np.array([-0.3, -0.8]), np.zeros(1), Obstacles.none())
 
 
 def hear(fidelity: str, snr_db: float, seed: int) -> tuple[Heard, float]:

@@ -12,6 +12,7 @@ from envs import Scenario, ScenarioError, load_scenario, shipped_scenarios
 from envs.scenario import SHIPPED
 from missions.navigation import SiteMap
 from sensing import Obstacles
+from sensing.tracing import cross
 
 GOOD = """
 [yard]
@@ -77,7 +78,7 @@ def test_each_candidate_site_is_in_sight_over_sixty_degrees_of_reachable_ground_
         away = site_map.centres_m - source[:2]
         near = np.isfinite(reach.length_m) & (np.linalg.norm(away, axis=-1) < 3.5)
         antennas = np.column_stack([site_map.centres_m[near], np.full(near.sum(), 0.6)])
-        seen = ~obstacles.crossed_by(np.tile(source, (len(antennas), 1)), antennas, n_pieces).any(axis=-1)
+        seen = ~cross(np.tile(source, (len(antennas), 1)), antennas, obstacles, n_pieces).any(axis=-1)
         aspects = np.degrees(np.arctan2(away[near][seen][:, 1], away[near][seen][:, 0]))
         assert np.unique(aspects // 10).size >= 7, f"{site}: seen over {np.unique(aspects // 10).size * 10} degrees"
 
@@ -90,7 +91,7 @@ def test_the_default_scenario_is_hard_enough_to_mean_something() -> None:
     apart = np.linalg.norm(positions[:, np.newaxis, :2] - waypoints, axis=-1).min(axis=-1)
     obstacles, n_pieces = Obstacles(*scenario.yard.obstacles()), len(scenario.yard.equipment)
     at_dock = np.array([[*scenario.route.dock_m, scenario.array.height_m]])
-    hidden = [bool(obstacles.crossed_by(position[np.newaxis], at_dock, n_pieces).any()) for position in positions]
+    hidden = [bool(cross(position[np.newaxis], at_dock, obstacles, n_pieces).any()) for position in positions]
     assert len(sites) >= 8
     assert (apart > 3.0).sum() >= 2
     assert sum(hidden) >= 2

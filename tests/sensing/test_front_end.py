@@ -14,6 +14,7 @@ from sensing import (
     Faces,
     Heard,
     HelicalArray,
+    Obstacles,
     Receiver,
     ReceiverConfig,
     Scene,
@@ -21,7 +22,6 @@ from sensing import (
     level_transform,
 )
 from sensing.front_end import FILTER_ORDER, FrontEnd
-from sensing.propagation import Crossed
 from sensing.pulses import damped_pulse, unit_pulse_energy
 
 FloatArray = NDArray[np.float64]
@@ -90,7 +90,7 @@ def test_two_paths_interfere_as_their_sum_says() -> None:
         config = ReceiverConfig(
             fidelity="energy", noise_v=1e-9, trigger_jitter=False, false_alarm_rate_hz=1e-9, band_hz="all"
         )
-        scene = Scene([source], Surroundings(ground(), np.array([-0.5]), np.empty(0), crossed_by_none(0)))
+        scene = Scene([source], Surroundings(ground(), np.array([-0.5]), np.empty(0), Obstacles.none()))
         heard = Receiver(config, element).listen(
             np.eye(4), scene, np.random.default_rng(0), start_s=0.0, duration_s=0.1
         )
@@ -129,10 +129,6 @@ def ground_and_wall() -> Faces:
     )
 
 
-def crossed_by_none(n_pieces: int) -> Crossed:
-    return lambda _, ends: np.zeros((len(ends), n_pieces), dtype=np.bool_)
-
-
 def hear(fidelity: str, snr_db: float, seed: int, n: int, *, echoes: bool, band_hz: object) -> Heard:
     """Shots from one place at an SNR as facts define it, from a gate that noise does not move."""
     config = ReceiverConfig(
@@ -147,7 +143,7 @@ def hear(fidelity: str, snr_db: float, seed: int, n: int, *, echoes: bool, band_
     amplitude_v = range_m * config.noise_v * np.sqrt(28_070 * 10 ** (snr_db / 10) / unit_pulse_energy(RATE_HZ))
     at_m = np.array([range_m * np.cos(0.4), range_m * np.sin(0.4), 1.6])
     source = DischargeSource(name="s", position_m=at_m, amplitude_v=amplitude_v, pulse_rate_hz=1e4, n_shots=n)
-    around = Surroundings(ground_and_wall(), np.array([-0.3, -0.8]), np.ones(1), crossed_by_none(1)) if echoes else None
+    around = Surroundings(ground_and_wall(), np.array([-0.3, -0.8]), np.zeros(1), Obstacles.none()) if echoes else None
     receiver, pose = Receiver(config, REAL), level_transform(np.zeros(3))
     return receiver.listen(pose, Scene([source], around), np.random.default_rng(seed), start_s=0.0, duration_s=10.0)
 

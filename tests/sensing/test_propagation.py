@@ -2,6 +2,7 @@
 # pyright: reportAttributeAccessIssue=false
 
 import json
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -14,14 +15,13 @@ from numpy.typing import ArrayLike
 from dirmusic import GainPattern
 from dirmusic.gain_delay import SPEED_OF_LIGHT_MPS
 from envs.random_yard import random_yard
-from robot_models.inspector import Inspector
 from robot_models.world import build_model
 from robot_models.yard import BoxEquipment, CylinderEquipment, Yard
 from sensing import Faces, HelicalArray, Obstacles, Surroundings, level_transform
 from sensing.array import ArrayTable
 from sensing.materials import KIND_MATERIALS, METAL
-from sensing.propagation import Crossed, in_array_frame, rays_between, trace
-from sensing.tracing import arrive
+from sensing.propagation import in_array_frame, rays_between
+from sensing.tracing import cross, trace
 
 AT_ORIGIN = np.eye(4)
 
@@ -51,15 +51,15 @@ def paths_between(
     element = HelicalArray(
         pattern=Isotropic(), boresights_rad=zero, positions_m=at, gain_factors=one, gain_offsets=zero
     )
-    centre = world_from_array[:3, :3] @ at[0] + world_from_array[:3, 3]
-    legs, is_crossed = trace(surroundings, np.array([[source_m]]), np.ones((1, 1), np.bool_), centre[np.newaxis])
-    arrivals = arrive(legs, is_crossed, surroundings.log_loss, world_from_array[np.newaxis], ArrayTable.of([element]))
+    legs, arrivals = trace(
+        np.array([[source_m]]),
+        np.ones((1, 1), np.bool_),
+        world_from_array[np.newaxis],
+        ArrayTable.of([element]),
+        surroundings,
+    )
     range_m = SPEED_OF_LIGHT_MPS * arrivals.delay_s[:, 0]
     return Paths(legs.from_m, range_m, arrivals.amplitude[:, 0] * range_m)
-
-
-def nothing_in_between(_: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    return np.zeros((len(ends), 1), dtype=np.bool_)
 
 
 def ground_and_wall(wall_x: float = -2.0, half_length: float = 5.0) -> Faces:
@@ -73,8 +73,8 @@ def ground_and_wall(wall_x: float = -2.0, half_length: float = 5.0) -> Faces:
     )
 
 
-def crossed_in(yard: Yard) -> Crossed:
-    return partial(Obstacles(*yard.obstacles()).crossed_by, n_pieces=len(yard.equipment))
+def crossed_in(yard: Yard) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    return partial(cross, obstacles=Obstacles(*yard.obstacles()), n_pieces=len(yard.equipment))
 
 
 def test_free_space_spreads_with_range_and_takes_its_time_to_float_precision() -> None:
@@ -101,7 +101,7 @@ def test_directions_are_those_of_the_array_frame_with_tilt() -> None:
 
 
 def test_ground_and_wall_mirror_once_each_with_the_length_of_the_path_by_pythagoras() -> None:
-    surroundings = Surroundings(ground_and_wall(), np.array([-0.3, -0.8]), np.ones(1), nothing_in_between)
+    surroundings = Surroundings(ground_and_wall(), np.array([-0.3, -0.8]), np.zeros(1), Obstacles.none())
     paths = paths_between(surroundings, (6.0, 3.0, 1.5))
     by_hand = [np.hypot(np.hypot(6, 3), 0.9), np.hypot(np.hypot(6, 3), 2.1), np.hypot(np.hypot(6 + 4, 3), 0.9)]
     np.testing.assert_allclose(paths.range_m, by_hand, rtol=1e-14)
@@ -110,9 +110,7 @@ def test_ground_and_wall_mirror_once_each_with_the_length_of_the_path_by_pythago
 
 
 def test_a_face_mirrors_only_what_it_reaches_and_only_to_its_front() -> None:
-    surroundings = Surroundings(
-        ground_and_wall(half_length=0.5), np.array([-0.3, -0.8]), np.ones(1), nothing_in_between
-    )
+    surroundings = Surroundings(ground_and_wall(half_length=0.5), np.array([-0.3, -0.8]), np.zeros(1), Obstacles.none())
     aside, ahead, behind = (6.0, 8.0, 1.5), (6.0, 0.5, 1.5), (-3.0, 0.0, 1.5)
     assert [paths_between(surroundings, at).factor.size for at in (aside, ahead, behind)] == [2, 3, 2]
     behind_the_wall = level_transform(np.array([-3.0, 0.0, 0.0]))
@@ -120,19 +118,23 @@ def test_a_face_mirrors_only_what_it_reaches_and_only_to_its_front() -> None:
 
 
 def test_a_face_right_behind_the_source_is_part_of_the_source() -> None:
-    surroundings = Surroundings(ground_and_wall(), np.array([0.0, -0.8]), np.ones(1), nothing_in_between)
+    surroundings = Surroundings(ground_and_wall(), np.array([0.0, -0.8]), np.zeros(1), Obstacles.none())
     on_it, off_it = (paths_between(surroundings, (x, 1.0, 1.5)).factor.size for x in (-1.98, -1.9))
     assert (on_it, off_it) == (1, 2)
 
 
 def test_equipment_weakens_what_crosses_it_on_every_leg() -> None:
-    def those_of_the_ground(starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        touches = (starts[:, 2] == 0.0) | (ends[:, 2] == 0.0)
-        return np.column_stack([touches, np.zeros(len(ends), dtype=np.bool_)])
-
-    surroundings = Surroundings(ground_and_wall(), np.array([-0.3, -0.8]), np.array([0.1, 0.5]), those_of_the_ground)
+    low = box_between(np.array([0.0, 0.0]), 20.0, 0.1, 0.2)  # all over the ground
+    surroundings = Surroundings(ground_and_wall(), np.array([-0.3, -0.8]), np.log([0.1, 0.5]), low)
     paths = paths_between(surroundings, (6.0, 3.0, 1.5))
     np.testing.assert_allclose(paths.factor, [1.0, -0.3 * 0.1 * 0.1, -0.8])  # from the source, and on to the array
+
+
+def box_between(centre_m: np.ndarray, half_m: float, bottom_m: float, top_m: float) -> Obstacles:
+    one, none = np.ones(1), np.zeros(1)
+    return Obstacles(
+        centre_m[np.newaxis], none, np.full((1, 2), half_m), none, bottom_m * one, top_m * one, np.zeros(1, np.intp)
+    )
 
 
 def two_in_a_row() -> Obstacles:
@@ -207,7 +209,9 @@ def test_straight_up_through_a_bushing_is_through_it_and_beside_it_is_not() -> N
 def test_what_a_line_crosses_is_what_the_rays_of_mujoco_meet(seed: int) -> None:
     """The same solids, built by another hand: every piece along each line, in yards of the catalogue."""
     yard, rng = random_yard(seed, 8).yard, np.random.default_rng(seed)
-    inspector = Inspector(build_model(yard, np.array([[0.0, 0.0, 0.6]]), np.zeros(1)))
+    model = build_model(yard, np.array([[0.0, 0.0, 0.6]]), np.zeros(1))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
     starts, ends = (rng.uniform(0.0, [*yard.size_m, 6.0], (400, 3)) for _ in range(2))
     outside = yard.solids.distance(starts).min(axis=-1) > 0.01
     starts, ends = starts[outside], ends[outside]
@@ -217,11 +221,11 @@ def test_what_a_line_crosses_is_what_the_rays_of_mujoco_meet(seed: int) -> None:
         seen, share = set[str](), 0.0
         while True:
             at = start + share * (end - start)
-            further = mujoco.mj_ray(inspector.model, inspector.data, at, end - start, groups, True, -1, met, None)
+            further = mujoco.mj_ray(model, data, at, end - start, groups, True, -1, met, None)
             share += further + 1e-7
             if further < 0 or share >= 1.0:
                 break
-            seen.add(inspector.model.geom(int(met[0])).name.split("/")[1])
+            seen.add(model.geom(int(met[0])).name.split("/")[1])
         assert seen == {name for name, is_crossed in zip(names, row, strict=True) if is_crossed}
     assert crossed.sum() > 40
 
@@ -252,7 +256,7 @@ def test_paths_in_a_yard_are_those_that_sionna_rt_finds(row: dict[str, list[floa
     yard = boxes_of_the_reference()
     faces = Faces(*yard.faces())
     coefficient = np.full(faces.owner.size, REFERENCE["reflection"])
-    surroundings = Surroundings(faces, coefficient, np.full(2, 1e-6), crossed_in(yard))
+    surroundings = Surroundings(faces, coefficient, np.log(np.full(2, 1e-6)), Obstacles(*yard.obstacles()))
     x, y, z = row["position_m"]
     paths = paths_between(surroundings, REFERENCE["source_m"], element_m=(x, y, z))
     amplitude = np.abs(paths.factor / paths.range_m)
