@@ -198,3 +198,21 @@ def bearings_of_pulses(
     if variance.size == strengths.size:
         std_rad = deviations(fit, noise_of_pulses(fit, strengths, variance))
     return fit.azimuth_rad, std_rad, misfits(fit, pooled)
+
+
+@compiled
+def pulse_spectra(strengths: FloatArray, unit_gain: FloatArray, least_null: float) -> FloatArray:
+    """See `spectrum.pulse_spectrum`; a row of zeros has a spectrum of zeros."""
+    n_pulses, n, n_angles = unit_gain.shape
+    spectrum, match = np.zeros((n_pulses, n_angles)), np.empty(n_angles)
+    for k in range(n_pulses):
+        energy = _dot(strengths[k], strengths[k])
+        if energy == 0.0:
+            continue
+        match[:] = 0.0
+        for e in range(n):
+            for j in range(n_angles):
+                match[j] += strengths[k, e] * unit_gain[k, e, j]
+        for j in range(n_angles):
+            spectrum[k, j] = 1.0 / max(1.0 - match[j] * match[j] / energy, least_null)
+    return spectrum

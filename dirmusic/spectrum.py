@@ -78,19 +78,18 @@ def pulse_spectrum(strengths: FloatArray, unit_gain: FloatArray) -> FloatArray:
     .. math:: P(\theta) = 1 / (1 - (g(\theta)^T a)^2 / \lVert a \rVert^2), \quad \lVert g(\theta) \rVert = 1
 
     Args:
-        strengths: One pulse a row, shape (n_pulses, n_elements), not all of a row zero.
+        strengths: One pulse a row, shape (n_pulses, n_elements).
         unit_gain: Element gains per candidate azimuth scaled to unit norm, shape (n_pulses, n_elements, n_angles).
 
     Returns:
-        Shape (n_pulses, n_angles), in [1, 1e12].
+        Shape (n_pulses, n_angles), in [1, 1e12]; zeros for a pulse without any strength.
 
     References:
         Dir-MUSIC, eq. (15), for a gain of unit norm.
     """
-    match = np.square(
-        np.einsum("pe,pej->pj", strengths, np.broadcast_to(unit_gain, (len(strengths), *unit_gain.shape[1:])))
-    )
-    return 1.0 / np.maximum(1.0 - match / np.square(strengths).sum(axis=-1, keepdims=True), LEAST_NULL)
+    from dirmusic.fitting import pulse_spectra  # here, for the compiler takes time to load
+
+    return pulse_spectra(strengths, unit_gain, LEAST_NULL)
 
 
 def spectrum_peaks(spectrum: FloatArray, azimuths_rad: FloatArray, n_sources: int) -> FloatArray:

@@ -56,9 +56,8 @@ class Odometry:
             elapsed_s: Seconds.
             normal: Standard normal draws, shape (n_robots,).
         """
+        from envs.motion import reckon  # here, so that a command line help need not wait for the compiler
+
         turned = turned_rad + self._bias_radps * elapsed_s + (self._noise_rad_per_sqrt_s * elapsed_s**0.5) * normal
-        rolled = rolled_m * self._metres_per_metre
-        along = self.pose[:, 2] + 0.5 * turned
-        self.pose[:, 0] += rolled * np.cos(along)
-        self.pose[:, 1] += rolled * np.sin(along)
-        self.pose[:, 2] = wrap(self.pose[:, 2] + turned)
+        self.pose = reckon(self.pose, rolled_m * self._metres_per_metre, turned)
+        self.pose[:, 2] = wrap(self.pose[:, 2])

@@ -17,7 +17,7 @@ from dirmusic import Bearings, estimate_bearings, pulse_spectrum
 from dirmusic.angles import difference
 from dirmusic.channel_health import ChannelMonitor, SuspectChannel
 from envs.episode import Episode
-from envs.lidar import measured
+from envs.observing import Progress, Pulses, first_left, lidar_readings, move_on, strongest
 from envs.odometry import Odometry
 from envs.pose_sensor import PoseSensor
 from envs.scenario import Scenario
@@ -121,14 +121,17 @@ class Patrols:
         self._draws = np.zeros((n_robots, N_DRAWS))
         n_sources = len(scenario.sources)
         self._sources_m = np.zeros((n_robots, n_sources, 2))
-        self._approached = np.zeros((n_robots, n_sources), dtype=np.bool_)
-        self._visited = np.zeros((n_robots, len(self._stops_m) - 1), dtype=np.bool_)
+        self._progress = Progress(
+            approached=np.zeros((n_robots, n_sources), dtype=np.bool_),
+            visited=np.zeros((n_robots, len(self._stops_m)), dtype=np.bool_),
+            to_go_m=np.zeros(n_robots),
+            bearing=np.zeros((n_robots, 2)),
+            bearing_age_s=np.full(n_robots, MAX_BEARING_AGE_S),
+        )
+        self._good = np.ones((n_robots, self.manifold.n_elements), dtype=np.bool_)
         self._n_steps = np.zeros(n_robots)
-        self._bearing = np.zeros((n_robots, 2))
-        self._bearing_age_s = np.full(n_robots, MAX_BEARING_AGE_S)
-        self._to_go_m = np.zeros(n_robots)
         self.pose = np.zeros((n_robots, 3))
-        self._true_pose, self._wheels = self.inspectors.pose(), self.inspectors.wheel_angles()
+        self._before = self.inspectors.readings
 
     def _bounds(self) -> dict[str, tuple[NDArray[np.float32], NDArray[np.float32]]]:
         size = np.asarray(self.scenario.yard.size_m)
@@ -177,12 +180,12 @@ class Patrols:
     @property
     def true_pose(self) -> FloatArray:
         """Where the robots are, shape (n_robots, 3)."""
-        return self._true_pose.copy()
+        return self.inspectors.readings.pose.copy()
 
     @property
     def good_channels(self) -> BoolArray:
         """Which channels direction finding uses, shape (n_robots, n_elements)."""
-        return np.array([monitor.good for monitor in self._monitors])
+        return self._good.copy()
 
     def episode(self, row: int) -> Episode:
         """What was drawn for a robot's episode."""
@@ -192,7 +195,7 @@ class Patrols:
 
     def waypoints_visited(self, row: int) -> tuple[int, ...]:
         """Numbers of the waypoints that a robot has visited."""
-        return tuple(np.flatnonzero(self._visited[row]).tolist())
+        return tuple(np.flatnonzero(self._progress.visited[row, :-1]).tolist())
 
     def reset(self, rows: Rows, rngs: Sequence[np.random.Generator], options: Mapping[str, Any]) -> None:
         """Start new episodes in some rows, each with its generator; the next step is their first look."""
@@ -213,8 +216,9 @@ class Patrols:
         self.inspectors.reset(rows, [episode.start_pose for episode in drawn])
         self._pose_sensor.start(rows)
         self._battery.charge(rows)
-        self._approached[rows], self._visited[rows], self._n_steps[rows] = False, False, 0
-        self._bearing[rows], self._bearing_age_s[rows] = 0.0, MAX_BEARING_AGE_S
+        progress = self._progress
+        progress.approached[rows], progress.visited[rows], self._n_steps[rows] = False, False, 0
+        progress.bearing[rows], progress.bearing_age_s[rows], self._good[rows] = 0.0, MAX_BEARING_AGE_S, True
         gain = self.manifold.gain(SPECTRUM_AZIMUTHS_RAD)
         self._spectrum_gain[rows] = gain / np.linalg.norm(gain, axis=0)
 
@@ -237,74 +241,48 @@ class Patrols:
             self.inspectors.drive(share[:, 0] * MAX_SPEED_MPS, share[:, 1] * MAX_YAW_RATE_RADPS, STEP_S, moving)
         for rng, draws in zip(self._rngs, self._draws, strict=True):
             rng.standard_normal(out=draws)
-        self._sense_motion(is_new, started)
+        self._sense_motion(started)
         assert self._receivers is not None, "reset first"
-        heard = self._receivers.listen(self.inspectors.world_from_base(), start_s, STEP_S, moving)
+        now, task = self.inspectors.readings, self.scenario.task
+        heard = self._receivers.listen(now.world_from_base, start_s, STEP_S, moving)
         bearings, suspects = self._find_directions(heard)
+        nearer_m, all_approached, is_docked = move_on(
+            self._progress, now.pose, self._sources_m, self._stops_m, task.standoff_m, task.waypoint_radius_m, is_new
+        )
         touched = np.array([bool(names) for names in self.inspectors.touched()])
-        before, self._to_go_m = self._to_go_m, self._distance_to_go()
-        before = np.where(is_new, self._to_go_m, before) if started is not None else before
-        reward = {
-            "progress": REWARD_PER_METRE * (before - self._to_go_m),
-            "time": np.where(is_new, 0.0, REWARD_PER_SECOND * STEP_S),
-            "contact": np.where(touched & ~is_new, REWARD_PER_CONTACT_STEP, 0.0),
-        }
-        terminated = self._note_arrivals() & ~is_new
-        truncated = (self._n_steps * STEP_S >= self.scenario.task.time_limit_s - 1e-9) & ~is_new
+        is_old = (~is_new).astype(np.float64)
+        if self.terminate_on_approach:
+            is_docked |= all_approached
         return Outcome(
             observation=self._observe(heard, bearings),
-            reward=reward,
-            terminated=terminated,
-            truncated=truncated,
+            reward={
+                "progress": REWARD_PER_METRE * nearer_m,
+                "time": (REWARD_PER_SECOND * STEP_S) * is_old,
+                "contact": REWARD_PER_CONTACT_STEP * touched * is_old,
+            },
+            terminated=is_docked & ~is_new,
+            truncated=(self._n_steps * STEP_S >= task.time_limit_s - 1e-9) & ~is_new,
             heard=heard,
             bearings=bearings,
             suspects=suspects,
         )
 
-    def _sense_motion(self, is_new: BoolArray, started: Rows | None) -> None:
+    def _sense_motion(self, started: Rows | None) -> None:
         """Pose sensor, odometry, battery and clocks."""
-        true_pose, wheels = self.inspectors.pose(), self.inspectors.wheel_angles()
-        self.pose = self._pose_sensor.read(true_pose, STEP_S, self._draws[:, : PoseSensor.N_DRAWS])
-        rolled_m = (0.5 * WHEEL_RADIUS_M) * (wheels - self._wheels).sum(axis=-1)
-        turned_rad = difference(true_pose[:, 2], self._true_pose[:, 2])
-        self._odometry.move(rolled_m, turned_rad, STEP_S, self._draws[:, PoseSensor.N_DRAWS])
-        self._battery.drain(self.inspectors.motor_power_w(), STEP_S)
-        self._true_pose, self._wheels = true_pose, wheels
+        now, before, draws = self.inspectors.readings, self._before, self._draws
+        self.pose = self._pose_sensor.read(now.pose, STEP_S, draws[:, : PoseSensor.N_DRAWS])
+        rolled_m = (0.5 * WHEEL_RADIUS_M) * (now.wheel_angles - before.wheel_angles).sum(axis=-1)
+        turned_rad = difference(now.pose[:, 2], before.pose[:, 2])
+        self._odometry.move(rolled_m, turned_rad, STEP_S, draws[:, PoseSensor.N_DRAWS])
+        self._battery.drain(now.motor_power_w, STEP_S)
+        self._before = now
         self._n_steps += 1
-        self._bearing_age_s = np.minimum(self._bearing_age_s + STEP_S, MAX_BEARING_AGE_S)
+        self._progress.bearing_age_s[:] = np.minimum(self._progress.bearing_age_s + STEP_S, MAX_BEARING_AGE_S)
         if started is not None:
             for row in started.tolist():
                 self._odometry.start(row, self.pose[row], self._rngs[row])
             self._battery.charge(started)
             self._n_steps[started] = 0
-            self._to_go_m = np.where(is_new, self._distance_to_go(), self._to_go_m)
-
-    def _distance_to_go(self) -> FloatArray:
-        """Horizontal distance to the nearest source not yet approached, shape (n_robots,); 0 if there is none."""
-        if self._approached.shape[1] == 0:
-            return np.zeros(len(self.pose))
-        distance_m = np.where(self._approached, np.inf, self._source_distance())
-        nearest = distance_m.min(axis=-1)
-        return np.where(np.isinf(nearest), 0.0, nearest)
-
-    def _source_distance(self) -> FloatArray:
-        off_m = self._sources_m - self._true_pose[:, np.newaxis, :2]
-        return np.sqrt((off_m * off_m).sum(axis=-1))
-
-    def _note_arrivals(self) -> BoolArray:
-        """Tick off sources approached and stops visited; whether that ends the episode, shape (n_robots,)."""
-        task = self.scenario.task
-        over = np.zeros(len(self.pose), dtype=np.bool_)
-        if self._approached.shape[1]:
-            self._approached |= self._source_distance() <= task.standoff_m
-            if self.terminate_on_approach:
-                over |= self._approached.all(axis=-1)
-        off_m = self._stops_m - self._true_pose[:, np.newaxis, :2]
-        is_near = (off_m * off_m).sum(axis=-1) <= task.waypoint_radius_m**2
-        self._visited |= is_near[:, :-1]
-        if self._visited.shape[1]:
-            over |= self._visited.all(axis=-1) & is_near[:, -1]
-        return over
 
     def _find_directions(self, heard: Heard) -> tuple[Bearings, list[tuple[SuspectChannel, ...]]]:
         """Bearings of all pulses, from the channels that are in order, and channels newly at fault by robot."""
@@ -331,6 +309,7 @@ class Patrols:
                 again.std_rad,
                 again.misfit,
             )
+            self._good[row] = monitor.good
             gain = self.manifold.gain(SPECTRUM_AZIMUTHS_RAD) * monitor.good[:, np.newaxis]
             self._spectrum_gain[row] = gain / np.linalg.norm(gain, axis=0)
         return bearings, suspects
@@ -340,37 +319,19 @@ class Patrols:
         n = len(self.pose)
         flat = np.zeros(self._low.size, dtype=np.float32)
         entry = {key: flat[first:end].reshape(n, -1) for key, (first, end) in self._part.items()}
-        yaw = self.pose[:, 2]
+        yaw, now, progress = self.pose[:, 2], self.inspectors.readings, self._progress
         entry["pose"][:, :2], entry["pose"][:, 2], entry["pose"][:, 3] = self.pose[:, :2], np.cos(yaw), np.sin(yaw)
         noise = self._draws[:, PoseSensor.N_DRAWS + 1 :]
-        entry["lidar"][:] = measured(self.inspectors.lidar(), LIDAR_RANGE_M, self.scenario.lidar, noise)
-        entry["velocity"][:] = self.inspectors.velocity()
+        entry["lidar"][:] = lidar_readings(now, LIDAR_RANGE_M, self.scenario.lidar.range_std_m, noise)
+        entry["velocity"][:] = now.velocity
         if heard.robot.size:
-            self._observe_pulses(heard, bearings, entry)
-        entry["bearing"][:], entry["bearing_age"][:, 0] = self._bearing, self._bearing_age_s
-        left = np.zeros((n, len(self._stops_m)), dtype=np.bool_)
-        left[:, :-1] = self._visited
-        entry["waypoint"][:] = self._stops_m[left.argmin(axis=-1)]
+            pulses = Pulses(heard.robot, heard.strengths_v, bearings.azimuth_rad)
+            best = strongest(pulses, self._good, self.scenario.receiver.noise_v, self.pose, progress)
+            entry["heard"][:], entry["strengths"][:], entry["level"][:] = best
+            spectrum = pulse_spectrum(best.strengths, self._spectrum_gain)
+            entry["spectrum"][:] = spectrum / np.maximum(spectrum.max(axis=-1, keepdims=True), 1.0)
+        entry["bearing"][:], entry["bearing_age"][:, 0] = progress.bearing, progress.bearing_age_s
+        entry["waypoint"][:] = self._stops_m[first_left(progress.visited)]
         entry["time_left"][:, 0] = self.scenario.task.time_limit_s - self._n_steps * STEP_S
         np.minimum(np.maximum(flat, self._low, out=flat), self._high, out=flat)
         return entry
-
-    def _observe_pulses(self, heard: Heard, bearings: Bearings, entry: dict[str, NDArray[np.float32]]) -> None:
-        """The strongest pulse of each robot that heard one."""
-        energy = np.square(heard.strengths_v).sum(axis=-1)
-        order = np.lexsort((-energy, heard.robot))
-        best = order[np.flatnonzero(np.diff(heard.robot[order], prepend=-1))]
-        strengths = heard.strengths_v[best] * self.good_channels[heard.robot[best]]
-        norm = np.sqrt(np.square(strengths).sum(axis=-1))
-        if not norm.all():  # nothing in the channels that are in order
-            best, strengths, norm = best[norm > 0], strengths[norm > 0], norm[norm > 0]
-        rows = heard.robot[best]
-        entry["heard"][rows] = 1.0
-        strengths = strengths / norm[:, np.newaxis]
-        entry["strengths"][rows] = strengths
-        entry["level"][rows, 0] = 0.5 * np.log10(energy[best]) - np.log10(self.scenario.receiver.noise_v)
-        spectrum = pulse_spectrum(strengths, self._spectrum_gain[rows])
-        entry["spectrum"][rows] = spectrum / spectrum.max(axis=-1, keepdims=True)
-        towards = bearings.azimuth_rad[best] + self.pose[rows, 2]
-        self._bearing[rows, 0], self._bearing[rows, 1] = np.cos(towards), np.sin(towards)
-        self._bearing_age_s[rows] = 0.0

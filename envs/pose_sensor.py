@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, NonNegativeFloat, PositiveFloat
@@ -50,12 +52,9 @@ class PoseSensor:
         Returns:
             Shape (n_robots, 3), yaw in (-pi, pi].
         """
-        kept = np.exp(-elapsed_s / self._correlation_s)
-        error = kept * self._error + np.sqrt(1 - kept**2) * self._std * normal
-        first = np.isnan(error)
-        if first.any():
-            error = np.where(first, self._std * normal, error)
-        self._error = error
-        believed = true_pose + error
+        from envs.motion import believed_poses  # here, so that a command line help need not wait for the compiler
+
+        kept = math.exp(-elapsed_s / self._correlation_s)
+        believed = believed_poses(true_pose, self._error, kept, self._std, normal)
         believed[:, 2] = wrap(believed[:, 2])
         return believed

@@ -12,6 +12,7 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import ArrayLike, NDArray
 
+from robot_models.readings import Motors, Physics, read
 from robot_models.world import build_model
 from robot_models.yard import Yard
 
@@ -42,32 +43,12 @@ LIDAR_BEAMS = 36
 LIDAR_RANGE_M = 12.0
 """Reach of the lidar (assumed, of a small time-of-flight scanner)."""
 
-_LIDAR_RIM_M = 0.2
-"""Where the beams start: distance of the sites `lidar_00` to `lidar_35` of the XML from the robot's middle."""
-
 _LIDAR_PERIOD_S = 0.1
 """Time between its scans, as in the XML."""
 
 _HULL = ("chassis_contact", "mast_contact", "head_contact")
 _CONTACT_SIZE = 4
 """Sensors of what the hull touches, as in the XML, and numbers that they tell of each contact: found, x, y, z."""
-
-_FROM_QUATERNION = np.zeros((9, 16))
-"""Rows of a rotation matrix from the products of a wxyz quaternion with itself."""
-for _row, _terms in enumerate(
-    (
-        {0: 1, 5: 1, 10: -1, 15: -1},
-        {6: 2, 3: -2},
-        {7: 2, 2: 2},
-        {6: 2, 3: 2},
-        {0: 1, 5: -1, 10: 1, 15: -1},
-        {11: 2, 1: -2},
-        {7: 2, 2: -2},
-        {11: 2, 1: 2},
-        {0: 1, 5: -1, 10: -1, 15: 1},
-    )
-):
-    _FROM_QUATERNION[_row, list(_terms)] = list(_terms.values())
 
 
 class Inspectors:
@@ -86,6 +67,8 @@ class Inspectors:
     Attributes:
         model: The world that each is in.
         step_s: Length of a physics step.
+        readings: Where they are, how they move and what the lidar sees, since the last `drive` or `reset`. The lidar
+            scanned in the last physics step: at full speed the robot has since moved by a few millimetres.
     """
 
     def __init__(
@@ -108,18 +91,18 @@ class Inspectors:
         assert wheels[1] == wheels[0] + 1
         self._home, self._n_substeps = model.key("home").id, 0
         self._records: Any = {}
-        self._base, self._wheels = (
-            batch.bind("qpos")[:, base : base + 7],
-            batch.bind("qpos")[:, wheels[0] : wheels[0] + 2],
-        )
-        self._velocity = batch.bind("qvel")[:, turn : turn + 6]
-        self._ctrl, self._force, self._speed = (
-            batch.bind(name) for name in ("ctrl", "actuator_force", "actuator_velocity")
+        qpos, first = batch.bind("qpos"), int(model.sensor("lidar_00").adr[0])
+        self._ctrl = batch.bind("ctrl")
+        self._physics = Physics(
+            base=qpos[:, base : base + 7],
+            base_velocity=batch.bind("qvel")[:, turn : turn + 6],
+            wheels=qpos[:, wheels[0] : wheels[0] + 2],
+            torque_nm=batch.bind("actuator_force"),
+            wheel_radps=batch.bind("actuator_velocity"),
+            beams_m=batch.bind("sensordata")[:, first : first + LIDAR_BEAMS],
         )
         motors = [model.actuator(name).gainprm[:2] for name in ("left_wheel", "right_wheel")]
-        self._resistance_ohm, self._constant_nmpa = np.array(motors, dtype=np.float64).T
-        first = int(model.sensor("lidar_00").adr[0])
-        self._beams = batch.bind("sensordata")[:, first : first + LIDAR_BEAMS]
+        self._motors = Motors(*np.array(motors, dtype=np.float64).T.copy())
         hull = [model.sensor(name) for name in _HULL]
         self._contacts = np.concatenate([s.adr[0] + np.arange(0, s.dim[0], _CONTACT_SIZE) for s in hull])
         self._touched: list[tuple[str, ...]] = [()] * n_robots
@@ -128,7 +111,7 @@ class Inspectors:
     @property
     def n_robots(self) -> int:
         """How many there are."""
-        return len(self._base)
+        return len(self._touched)
 
     def reset(self, rows: Sequence[int] | NDArray[np.intp], poses: ArrayLike) -> None:
         """Stand some robots at rest on their wheels; their time and all state start from zero.
@@ -146,7 +129,7 @@ class Inspectors:
         batch = self._batch
         batch.reset(ids, keyframe=self._home, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         for row, (x, y, yaw) in zip(ids.tolist(), at.tolist(), strict=True):
-            base = self._base[row]
+            base = self._physics.base[row]
             base[:2] = x, y
             mujoco.mju_mulQuat(base[3:], [np.cos(0.5 * yaw), 0.0, 0.0, np.sin(0.5 * yaw)], base[3:].copy())
         start = batch.state[ids].copy()
@@ -155,6 +138,7 @@ class Inspectors:
         batch.state[ids] = start
         for row in ids.tolist():
             self._touched[row] = self._names(batch.bind("sensordata")[row, np.newaxis])
+        self.readings = read(self._physics, self._motors, LIDAR_RANGE_M)
 
     def drive(
         self, v_mps: ArrayLike, yaw_rate_radps: ArrayLike, duration_s: float, rows: NDArray[np.intp] | None = None
@@ -182,60 +166,18 @@ class Inspectors:
             raise ValueError(
                 f"`duration_s` must be a positive multiple of the physics step, {self.step_s:g} s, got {duration_s:g}."
             )
-        rim = np.clip(turn, -MAX_YAW_RATE_RADPS, MAX_YAW_RATE_RADPS) * (0.5 * WHEEL_TRACK_M)
-        v = np.clip(v, -MAX_SPEED_MPS, MAX_SPEED_MPS)
+        rim = np.minimum(np.maximum(turn, -MAX_YAW_RATE_RADPS), MAX_YAW_RATE_RADPS) * (0.5 * WHEEL_TRACK_M)
+        v = np.minimum(np.maximum(v, -MAX_SPEED_MPS), MAX_SPEED_MPS)
         self._ctrl[:, 0], self._ctrl[:, 1] = (v - rim) / WHEEL_RADIUS_M, (v + rim) / WHEEL_RADIUS_M
         if n_substeps != self._n_substeps or rows is not None:
             self._n_substeps, self._records = (0 if rows is not None else n_substeps), {}
         self._records = self._batch.rollout(n_substeps, record=("sensordata",), ids=rows, out=self._records)
-        readings = self._records["sensordata"]
+        sensed = self._records["sensordata"]
         driven = range(self.n_robots) if rows is None else rows.tolist()
-        found = readings[:, :, self._contacts].any(axis=(1, 2)).tolist()
+        found = sensed[:, :, self._contacts].any(axis=(1, 2)).tolist()
         for k, row in enumerate(driven):
-            self._touched[row] = self._names(readings[k]) if found[k] else ()
-
-    def pose(self) -> FloatArray:
-        """Where they are: x, y and yaw in (-pi, pi]; shape (n_robots, 3), metres and radians, world frame."""
-        w, x, y, z = self._base[:, 3:].T
-        yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-        pose = np.empty((len(self._base), 3))
-        pose[:, :2] = self._base[:, :2]
-        pose[:, 2] = np.where(yaw == -np.pi, np.pi, yaw)
-        return pose
-
-    def world_from_base(self) -> FloatArray:
-        """Frames of the bases, on the floor under the middle of the axle, with tilt; shape (n_robots, 4, 4)."""
-        quaternion = self._base[:, 3:]
-        products = (quaternion[:, :, np.newaxis] * quaternion[:, np.newaxis]).reshape(-1, 16)
-        transform = np.zeros((len(products), 4, 4))
-        transform[:, :3, :3] = np.einsum("ij,nj->ni", _FROM_QUATERNION, products).reshape(-1, 3, 3)
-        transform[:, :3, 3], transform[:, 3, 3] = self._base[:, :3], 1.0
-        return transform
-
-    def velocity(self) -> FloatArray:
-        """Speeds along the robots' own forward direction, m/s, and yaw rates, rad/s; shape (n_robots, 2)."""
-        yaw = self.pose()[:, 2]
-        velocity = np.empty((len(yaw), 2))
-        velocity[:, 0] = np.cos(yaw) * self._velocity[:, 0] + np.sin(yaw) * self._velocity[:, 1]
-        velocity[:, 1] = self._velocity[:, 5]
-        return velocity
-
-    def wheel_angles(self) -> FloatArray:
-        """By how much the left and the right wheels have turned since `reset`; shape (n_robots, 2), radians."""
-        return self._wheels.copy()
-
-    def motor_power_w(self) -> FloatArray:
-        """Electric power that each robot's motors take: mechanical power and what heats the copper; never fed back."""
-        copper_w = np.square(self._force / self._constant_nmpa) * self._resistance_ohm
-        return np.maximum(self._force * self._speed + copper_w, 0.0).sum(axis=-1)
-
-    def lidar(self) -> FloatArray:
-        """Ranges from the robots' middles to what stands about, at most `LIDAR_RANGE_M`; (n_robots, LIDAR_BEAMS).
-
-        They were read in the last physics step: at full speed the robot has since moved by 4 mm.
-        """
-        range_m = self._beams + _LIDAR_RIM_M
-        return np.where((self._beams < 0.0) | (range_m > LIDAR_RANGE_M), LIDAR_RANGE_M, range_m)
+            self._touched[row] = self._names(sensed[k]) if found[k] else ()
+        self.readings = read(self._physics, self._motors, LIDAR_RANGE_M)
 
     def touched(self) -> list[tuple[str, ...]]:
         """What each robot touched since its last `drive` or `reset` began: `equipment/NAME` or `fence`, sorted."""
@@ -251,16 +193,21 @@ class Inspectors:
         mujoco.mj_forward(self.model, data)
         return data
 
-    def _names(self, readings: FloatArray) -> tuple[str, ...]:
-        """Of what the hull touched, by where it was touched, in sensor readings (n_substeps, n_sensordata)."""
-        found = readings[:, self._contacts] > 0
-        at = readings[:, self._contacts[:, np.newaxis] + np.arange(1, _CONTACT_SIZE)][found]
+    def _names(self, sensed: FloatArray) -> tuple[str, ...]:
+        """Of what the hull touched, by where it was touched, in sensor data (n_substeps, n_sensordata)."""
+        found = sensed[:, self._contacts] > 0
+        at = sensed[:, self._contacts[:, np.newaxis] + np.arange(1, _CONTACT_SIZE)][found]
         return tuple(sorted({self._yard.obstacle_at(point) for point in at[:, :2]}))
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"arguments": self._arguments, "state": self._batch.state.copy(), "touched": self._touched}
+        return {
+            "arguments": self._arguments,
+            "state": self._batch.state.copy(),
+            "touched": self._touched,
+            "readings": self.readings,
+        }
 
     def __setstate__(self, kept: dict[str, Any]) -> None:
         self.__init__(*kept["arguments"])
         self._batch.state[:] = kept["state"]
-        self._touched = kept["touched"]
+        self._touched, self.readings = kept["touched"], kept["readings"]

@@ -16,7 +16,11 @@ MAY_IMPORT = {
     "envs": {"sensing", "dirmusic", "robot_models"},
     "missions": {"envs", "sensing", "dirmusic", "robot_models"},
 }
-ONLY_HOME = {"mujoco": "robot_models/", "rerun": "missions/recording/", "numba": "dirmusic/compiled.py"}
+ONLY_HOME = {
+    "mujoco": "robot_models/",
+    "rerun": "missions/recording/",
+    "numba": ("dirmusic/compiled.py", "robot_models/readings.py"),
+}
 DIRMUSIC_MAY_USE = {"numpy", "scipy", "numba"}
 
 

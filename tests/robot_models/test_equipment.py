@@ -70,10 +70,10 @@ def test_the_robot_passes_below_a_busbar_but_not_over_a_kerb() -> None:
     assert kerb.clearance(np.array([20.0, 15.0])) < 0
     inspector = Inspectors(kerb, RING_M, AZIMUTHS_RAD)
     inspector.reset([0], [(20.0, 14.0, np.pi / 2)])
-    assert inspector.lidar()[0, 0] == pytest.approx(1.0 - 0.075, abs=0.01)  # as high as the lidar looks
+    assert inspector.readings.lidar_m[0, 0] == pytest.approx(1.0 - 0.075, abs=0.01)  # as high as the lidar looks
     inspector.drive([0.5], [0.0], 3.0)
     assert inspector.touched()[0] == ("equipment/it",)
-    assert inspector.pose()[0, 1] < 15.0
+    assert inspector.readings.pose[0, 1] < 15.0
 
 
 def test_a_fence_is_as_long_as_it_is_told_and_a_breaker_has_one_size() -> None:

@@ -50,13 +50,13 @@ class Inspector:
         self.robots.drive([v_mps], [yaw_rate_radps], duration_s)
 
     def pose(self) -> np.ndarray:
-        return self.robots.pose()[0]
+        return self.robots.readings.pose[0]
 
     def velocity(self) -> np.ndarray:
-        return self.robots.velocity()[0]
+        return self.robots.readings.velocity[0]
 
     def world_from_base(self) -> np.ndarray:
-        return self.robots.world_from_base()[0]
+        return self.robots.readings.world_from_base[0]
 
     def touched(self) -> tuple[str, ...]:
         return self.robots.touched()[0]

@@ -1,0 +1,95 @@
+"""What can be read of robots in their physics, in one compiled loop over the robots."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+BEAMS_START_M = 0.2
+"""Distance from the robot's middle to where the lidar's beams start: the sites `lidar_00` to `lidar_35` of the XML."""
+
+
+class Physics(NamedTuple):
+    """Live views of the physics; a row is a robot.
+
+    Attributes:
+        base: Position and wxyz quaternion of the base, shape (n, 7).
+        base_velocity: Linear in the world frame, angular in the base's own, shape (n, 6).
+        wheels: Angles of left and right wheel, shape (n, 2).
+        torque_nm: Of the wheel motors, shape (n, 2).
+        wheel_radps: Speeds of the wheels, shape (n, 2).
+        beams_m: Ranges of the beams from where they start, negative where nothing is hit, shape (n, n_beams).
+    """
+
+    base: FloatArray
+    base_velocity: FloatArray
+    wheels: FloatArray
+    torque_nm: FloatArray
+    wheel_radps: FloatArray
+    beams_m: FloatArray
+
+
+class Motors(NamedTuple):
+    """Data of the wheel motors, shape (2,) each: resistance in ohm, and torque constant in N m/A."""
+
+    resistance_ohm: FloatArray
+    constant_nmpa: FloatArray
+
+
+class Readings(NamedTuple):
+    """What is read; a row is a robot.
+
+    Attributes:
+        pose: x m, y m and yaw in (-pi, pi], world frame, shape (n, 3).
+        world_from_base: Frame of the base, on the floor under the middle of the axle, with tilt, shape (n, 4, 4).
+        velocity: Speed along the robot's own forward direction, m/s, and yaw rate, rad/s, shape (n, 2).
+        wheel_angles: By how much left and right wheel have turned since the reset, radians, shape (n, 2).
+        motor_power_w: What the motors take: mechanical power and what heats the copper; never fed back; shape (n,).
+        lidar_m: Ranges from the robot's middle, at most the lidar's reach, shape (n, n_beams).
+    """
+
+    pose: FloatArray
+    world_from_base: FloatArray
+    velocity: FloatArray
+    wheel_angles: FloatArray
+    motor_power_w: FloatArray
+    lidar_m: FloatArray
+
+
+@numba.njit(cache=True, error_model="numpy")  # pyright: ignore
+def read(physics: Physics, motors: Motors, reach_m: float) -> Readings:
+    """Read all robots."""
+    n, n_beams = physics.beams_m.shape
+    readings = Readings(
+        np.empty((n, 3)), np.zeros((n, 4, 4)), np.empty((n, 2)), np.empty((n, 2)), np.zeros(n), np.empty((n, n_beams))
+    )
+    for r in range(n):
+        w, x, y, z = physics.base[r, 3], physics.base[r, 4], physics.base[r, 5], physics.base[r, 6]
+        frame = readings.world_from_base[r]
+        frame[0, 0], frame[0, 1], frame[0, 2] = w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)
+        frame[1, 0], frame[1, 1], frame[1, 2] = 2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)
+        frame[2, 0], frame[2, 1], frame[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z
+        frame[3, 3] = 1.0
+        yaw = np.arctan2(frame[1, 0], frame[0, 0])
+        if yaw == -np.pi:
+            yaw = np.pi
+        for i in range(3):
+            frame[i, 3] = physics.base[r, i]
+        readings.pose[r, 0], readings.pose[r, 1], readings.pose[r, 2] = frame[0, 3], frame[1, 3], yaw
+        moving = physics.base_velocity[r]
+        readings.velocity[r, 0] = np.cos(yaw) * moving[0] + np.sin(yaw) * moving[1]
+        readings.velocity[r, 1] = moving[5]
+        for side in range(2):
+            readings.wheel_angles[r, side] = physics.wheels[r, side]
+            torque = physics.torque_nm[r, side]
+            copper_w = (torque / motors.constant_nmpa[side]) ** 2 * motors.resistance_ohm[side]
+            readings.motor_power_w[r] += max(torque * physics.wheel_radps[r, side] + copper_w, 0.0)
+        for beam in range(n_beams):
+            range_m = physics.beams_m[r, beam] + BEAMS_START_M
+            readings.lidar_m[r, beam] = range_m if BEAMS_START_M <= range_m <= reach_m else reach_m
+    return readings
