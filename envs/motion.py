@@ -1,4 +1,4 @@
-"""What a robot believes of its motion, in compiled loops over the robots. Angles come out unwrapped."""
+"""What robots believe of their motion, in compiled loops over the robots."""
 
 from __future__ import annotations
 
@@ -11,10 +11,16 @@ FloatArray = NDArray[np.float64]
 
 
 @compiled
+def wrapped(angle_rad: float) -> float:
+    """`dirmusic.angles.wrap` of a single angle: into (-pi, pi]."""
+    return -((np.pi - angle_rad) % (2.0 * np.pi)) + np.pi
+
+
+@compiled
 def believed_poses(
     true_pose: FloatArray, error: FloatArray, kept: float, std: FloatArray, normal: FloatArray
 ) -> FloatArray:
-    """Poses with a first-order Gauss-Markov error; all of shape (n_robots, 3), but `std` (3,).
+    """Poses with a first-order Gauss-Markov error, yaw in (-pi, pi]; all of shape (n_robots, 3), but `std` (3,).
 
     Args:
         true_pose: x m, y m, yaw rad.
@@ -31,16 +37,38 @@ def believed_poses(
             else:
                 error[r, i] = kept * error[r, i] + renewed * std[i] * normal[r, i]
             believed[r, i] = true_pose[r, i] + error[r, i]
+        believed[r, 2] = wrapped(believed[r, 2])
     return believed
 
 
 @compiled
-def reckon(pose: FloatArray, rolled_m: FloatArray, turned_rad: FloatArray) -> FloatArray:
-    """Poses (n_robots, 3) after arcs: paths rolled and angles turned, shape (n_robots,) each."""
+def reckon(
+    pose: FloatArray,
+    wheels_rad: FloatArray,
+    wheels_before_rad: FloatArray,
+    yaw_rad: FloatArray,
+    yaw_before_rad: FloatArray,
+    metres_per_radian: FloatArray,
+    gyro_error_rad: FloatArray,
+) -> FloatArray:
+    """Poses (n_robots, 3) after arcs, yaw in (-pi, pi].
+
+    Args:
+        pose: Before.
+        wheels_rad: Angles of left and right wheel now, shape (n_robots, 2).
+        wheels_before_rad: And before.
+        yaw_rad: True heading now, shape (n_robots,): its change is an ideal gyro's integral.
+        yaw_before_rad: And before.
+        metres_per_radian: Path that the robot believes in for each wheel's turn, shape (n_robots,).
+        gyro_error_rad: By how much the gyro's integral is off, shape (n_robots,).
+    """
     moved = np.empty(pose.shape)
     for r in range(len(pose)):
-        along = pose[r, 2] + 0.5 * turned_rad[r]
-        moved[r, 0] = pose[r, 0] + rolled_m[r] * np.cos(along)
-        moved[r, 1] = pose[r, 1] + rolled_m[r] * np.sin(along)
-        moved[r, 2] = pose[r, 2] + turned_rad[r]
+        turned = wheels_rad[r, 0] - wheels_before_rad[r, 0] + wheels_rad[r, 1] - wheels_before_rad[r, 1]
+        rolled_m = 0.5 * turned * metres_per_radian[r]
+        turn = wrapped(yaw_rad[r] - yaw_before_rad[r]) + gyro_error_rad[r]
+        along = pose[r, 2] + 0.5 * turn
+        moved[r, 0] = pose[r, 0] + rolled_m * np.cos(along)
+        moved[r, 1] = pose[r, 1] + rolled_m * np.sin(along)
+        moved[r, 2] = wrapped(pose[r, 2] + turn)
     return moved

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
-from robot_models.readings import Readings
+from dirmusic.fitting import pulse_spectra
+from dirmusic.spectrum import LEAST_NULL
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -108,70 +109,113 @@ class Pulses(NamedTuple):
     azimuth_rad: FloatArray
 
 
-class Heard(NamedTuple):
-    """Entries of the observation on the strongest pulse of each robot; zero where nothing was heard.
+class Sight(NamedTuple):
+    """What an observation shows beside pulses and progress; a row is a robot.
 
     Attributes:
-        is_heard: 1 or 0, shape (n_robots, 1).
-        strengths: Unit norm, shape (n_robots, n_elements).
-        level: log10 of the strength over the noise of one sample, shape (n_robots, 1).
+        pose: Believed, shape (n_robots, 3).
+        velocity: Shape (n_robots, 2).
+        lidar_m: True ranges, shape (n_robots, n_beams).
+        lidar_noise: Standard normal draws, shape (n_robots, n_beams).
+        time_left_s: Shape (n_robots,).
     """
 
-    is_heard: FloatArray
-    strengths: FloatArray
-    level: FloatArray
+    pose: FloatArray
+    velocity: FloatArray
+    lidar_m: FloatArray
+    lidar_noise: FloatArray
+    time_left_s: FloatArray
+
+
+class Setting(NamedTuple):
+    """What stays as it is.
+
+    Attributes:
+        stops_m: Waypoints and dock, shape (n_stops, 2).
+        lidar_reach_m: Beyond which the lidar sees nothing.
+        lidar_std_m: Standard deviation of its ranges.
+        noise_v: Standard deviation of one sample of the receiver.
+    """
+
+    stops_m: FloatArray
+    lidar_reach_m: float
+    lidar_std_m: float
+    noise_v: float
 
 
 @compiled
-def strongest(pulses: Pulses, good: BoolArray, noise_v: float, pose: FloatArray, progress: Progress) -> Heard:
-    """The strongest pulse of each robot; its bearing becomes the last one of the robot's `progress`.
+def observe(
+    sight: Sight,
+    setting: Setting,
+    progress: Progress,
+    pulses: Pulses,
+    good: BoolArray,
+    spectrum_gain: FloatArray,
+    low: NDArray[np.float32],
+    high: NDArray[np.float32],
+) -> NDArray[np.float32]:
+    """Observations, an entry after the other as `PatrolEnv` lists them, within their bounds.
+
+    The bearing of a robot's strongest pulse becomes the last one of its `progress`.
 
     Args:
+        sight: Of the robots.
+        setting: Of all of them.
+        progress: Of the robots.
         pulses: Of this step.
         good: Channels in order, shape (n_robots, n_elements).
-        noise_v: Standard deviation of one sample.
-        pose: Believed, shape (n_robots, 3).
-        progress: Of the robots.
+        spectrum_gain: Of `dirmusic.pulse_spectrum`, shape (n_robots, n_elements, n_azimuths).
+        low: Of all entries of one robot.
+        high: Likewise.
+
+    Returns:
+        Shape (n_entries, n_robots): a row is an entry, so that each part of the observation lies together.
     """
-    n_robots, n_elements = good.shape
-    heard = Heard(np.zeros((n_robots, 1)), np.zeros((n_robots, n_elements)), np.zeros((n_robots, 1)))
-    most = np.zeros(n_robots)
+    (n_robots, n_elements), n_beams = good.shape, sight.lidar_m.shape[1]
+    strengths, level = np.zeros((n_robots, n_elements)), np.zeros(n_robots)
     for k in range(pulses.robot.size):
         r, energy = pulses.robot[k], 0.0
         for e in range(n_elements):
             energy += good[r, e] * pulses.strengths_v[k, e] * pulses.strengths_v[k, e]
-        if energy <= most[r]:
+        strength_v = np.sqrt(energy)
+        if strength_v <= level[r]:
             continue
-        most[r], norm = energy, np.sqrt(energy)
-        heard.is_heard[r, 0], heard.level[r, 0] = 1.0, np.log10(norm / noise_v)
+        level[r] = strength_v
         for e in range(n_elements):
-            heard.strengths[r, e] = good[r, e] * pulses.strengths_v[k, e] / norm
-        towards = pulses.azimuth_rad[k] + pose[r, 2]
+            strengths[r, e] = good[r, e] * pulses.strengths_v[k, e] / strength_v
+        towards = pulses.azimuth_rad[k] + sight.pose[r, 2]
         progress.bearing[r, 0], progress.bearing[r, 1] = np.cos(towards), np.sin(towards)
         progress.bearing_age_s[r] = 0.0
-    return heard
-
-
-@compiled
-def first_left(visited: BoolArray) -> IntArray:
-    """Number of the first stop not visited, for each robot; the last if all others are, shape (n_robots,)."""
-    stops = np.empty(len(visited), np.intp)
-    for r in range(len(visited)):
-        stops[r] = visited.shape[1] - 1
-        for k in range(visited.shape[1] - 1):
-            if not visited[r, k]:
-                stops[r] = k
-                break
-    return stops
-
-
-@compiled
-def lidar_readings(readings: Readings, reach_m: float, std_m: float, normal: FloatArray) -> FloatArray:
-    """Ranges with noise on what was hit, and nothing beyond the reach, shape (n_robots, n_beams)."""
-    told = np.empty(normal.shape)
-    for r in range(normal.shape[0]):
-        for beam in range(normal.shape[1]):
-            range_m = readings.lidar_m[r, beam]
-            noisy_m = min(max(range_m + std_m * normal[r, beam], 0.0), reach_m)
-            told[r, beam] = noisy_m if range_m < reach_m else reach_m
-    return told
+    spectrum = pulse_spectra(strengths, spectrum_gain, LEAST_NULL)
+    shown = np.zeros((low.size, n_robots), np.float32)
+    for r in range(n_robots):
+        shown[0, r], shown[1, r] = sight.pose[r, 0], sight.pose[r, 1]
+        shown[2, r], shown[3, r] = np.cos(sight.pose[r, 2]), np.sin(sight.pose[r, 2])
+        at = 4
+        for beam in range(n_beams):
+            range_m = sight.lidar_m[r, beam]
+            told_m = range_m + setting.lidar_std_m * sight.lidar_noise[r, beam]
+            shown[at + beam, r] = told_m if range_m < setting.lidar_reach_m else setting.lidar_reach_m
+        at += n_beams
+        shown[at, r], shown[at + 1, r] = sight.velocity[r, 0], sight.velocity[r, 1]
+        at += 2
+        if level[r] > 0.0:
+            shown[at, r] = 1.0
+            shown[at + 1 + n_elements, r] = np.log10(level[r] / setting.noise_v)
+        for e in range(n_elements):
+            shown[at + 1 + e, r] = strengths[r, e]
+        at += 2 + n_elements
+        highest = max(spectrum[r].max(), 1.0)
+        for k in range(spectrum.shape[1]):
+            shown[at + k, r] = spectrum[r, k] / highest
+        at += spectrum.shape[1]
+        shown[at, r], shown[at + 1, r] = progress.bearing[r, 0], progress.bearing[r, 1]
+        shown[at + 2, r] = progress.bearing_age_s[r]
+        stop = 0
+        while stop < len(setting.stops_m) - 1 and progress.visited[r, stop]:
+            stop += 1
+        shown[at + 3, r], shown[at + 4, r] = setting.stops_m[stop, 0], setting.stops_m[stop, 1]
+        shown[at + 5, r] = sight.time_left_s[r]
+        for k in range(low.size):
+            shown[k, r] = min(max(shown[k, r], low[k]), high[k])
+    return shown

@@ -6,8 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, NonNegativeFloat
 
-from dirmusic.angles import wrap
-
 FloatArray = NDArray[np.float64]
 
 
@@ -27,37 +25,41 @@ class Odometry:
 
     Args:
         config: What makes it drift.
+        wheel_radius_m: That the robot believes in.
         n_robots: How many robots.
 
     Attributes:
         pose: Since the start, shape (n_robots, 3): x m, y m, yaw in (-pi, pi].
     """
 
-    def __init__(self, config: OdometryConfig, n_robots: int = 1) -> None:
-        self._config = config
+    def __init__(self, config: OdometryConfig, wheel_radius_m: float, n_robots: int = 1) -> None:
+        self._config, self._wheel_radius_m = config, wheel_radius_m
         self.pose = np.zeros((n_robots, 3))
-        self._metres_per_metre = np.ones(n_robots)
+        self._wheels_rad, self._yaw_rad = np.zeros((n_robots, 2)), np.zeros(n_robots)
+        self._metres_per_radian = np.full(n_robots, wheel_radius_m)
         self._bias_radps = np.zeros(n_robots)
-        self._noise_rad_per_sqrt_s = np.radians(config.gyro_noise_deg_per_sqrt_min) / np.sqrt(60.0)
+        self._noise_rad_per_sqrt_s = float(np.radians(config.gyro_noise_deg_per_sqrt_min)) / 60.0**0.5
 
     def start(self, row: int, pose: FloatArray, rng: np.random.Generator) -> None:
-        """Start one robot at a pose (3,), with errors of its own."""
+        """Start one robot at a pose (3,), with errors of its own; its next reading is the first."""
         scale, bias = rng.standard_normal(2)
         self.pose[row] = pose
-        self._metres_per_metre[row] = 1.0 + self._config.wheel_radius_error * scale
+        self._metres_per_radian[row] = self._wheel_radius_m * (1.0 + self._config.wheel_radius_error * scale)
         self._bias_radps[row] = np.radians(self._config.gyro_bias_deg_per_min) / 60.0 * bias
 
-    def move(self, rolled_m: FloatArray, turned_rad: FloatArray, elapsed_s: float, normal: FloatArray) -> None:
+    def move(self, wheels_rad: FloatArray, yaw_rad: FloatArray, elapsed_s: float, normal: FloatArray) -> None:
         """Add what happened in `elapsed_s`.
 
         Args:
-            rolled_m: Mean path of the two wheels' rims, shape (n_robots,); forward is positive.
-            turned_rad: Change of the true heading, an ideal gyro's integral, shape (n_robots,).
+            wheels_rad: Angles of left and right wheel, shape (n_robots, 2).
+            yaw_rad: True heading, shape (n_robots,): its change is an ideal gyro's integral.
             elapsed_s: Seconds.
             normal: Standard normal draws, shape (n_robots,).
         """
         from envs.motion import reckon  # here, so that a command line help need not wait for the compiler
 
-        turned = turned_rad + self._bias_radps * elapsed_s + (self._noise_rad_per_sqrt_s * elapsed_s**0.5) * normal
-        self.pose = reckon(self.pose, rolled_m * self._metres_per_metre, turned)
-        self.pose[:, 2] = wrap(self.pose[:, 2])
+        gyro_error_rad = self._bias_radps * elapsed_s + (self._noise_rad_per_sqrt_s * elapsed_s**0.5) * normal
+        self.pose = reckon(
+            self.pose, wheels_rad, self._wheels_rad, yaw_rad, self._yaw_rad, self._metres_per_radian, gyro_error_rad
+        )
+        self._wheels_rad, self._yaw_rad = wheels_rad, yaw_rad

@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic import Bearings, estimate_bearings, pulse_spectrum
-from dirmusic.angles import difference
+from dirmusic import Bearings, estimate_bearings
 from dirmusic.channel_health import ChannelMonitor, SuspectChannel
 from envs.episode import Episode
-from envs.observing import Progress, Pulses, first_left, lidar_readings, move_on, strongest
+from envs.observing import Progress, Pulses, Setting, Sight, move_on, observe
 from envs.odometry import Odometry
 from envs.pose_sensor import PoseSensor
 from envs.scenario import Scenario
@@ -109,14 +108,18 @@ class Patrols:
         gain = self.manifold.gain(SPECTRUM_AZIMUTHS_RAD)
         self._spectrum_gain = np.repeat((gain / np.linalg.norm(gain, axis=0))[np.newaxis], n_robots, axis=0)
         self.bounds = self._bounds()
-        self._layout(n_robots)
+        low, high = zip(*self.bounds.values(), strict=True)
+        self._low, self._high = np.concatenate(low), np.concatenate(high)
+        ends = np.cumsum([entry.size for entry in low]).tolist()
+        self._part = dict(zip(self.bounds, zip([0, *ends[:-1]], ends, strict=True), strict=True))
         self._stops_m = np.array([*scenario.route.waypoints_m, scenario.route.dock_m])
+        self._setting = Setting(self._stops_m, LIDAR_RANGE_M, scenario.lidar.range_std_m, scenario.receiver.noise_v)
         self._episodes: list[Episode | None] = [None] * n_robots
         self._rngs: list[np.random.Generator] = [np.random.default_rng(0)] * n_robots
         self._monitors = [ChannelMonitor(self.manifold) for _ in range(n_robots)]
         self._receivers = None
         self._pose_sensor = PoseSensor(scenario.pose_sensor, n_robots)
-        self._odometry = Odometry(scenario.odometry, n_robots)
+        self._odometry = Odometry(scenario.odometry, WHEEL_RADIUS_M, n_robots)
         self._battery = Battery(scenario.battery, n_robots)
         self._draws = np.zeros((n_robots, N_DRAWS))
         n_sources = len(scenario.sources)
@@ -131,7 +134,6 @@ class Patrols:
         self._good = np.ones((n_robots, self.manifold.n_elements), dtype=np.bool_)
         self._n_steps = np.zeros(n_robots)
         self.pose = np.zeros((n_robots, 3))
-        self._before = self.inspectors.readings
 
     def _bounds(self) -> dict[str, tuple[NDArray[np.float32], NDArray[np.float32]]]:
         size = np.asarray(self.scenario.yard.size_m)
@@ -154,13 +156,6 @@ class Patrols:
             "waypoint": box(0, size, 2),
             "time_left": box(0, self.scenario.task.time_limit_s, 1),
         }
-
-    def _layout(self, n_robots: int) -> None:
-        """Where each entry of the observation lies in one array of all of them, and between which bounds."""
-        ends = np.cumsum([low.size for low, _ in self.bounds.values()]) * n_robots
-        self._part = dict(zip(self.bounds, zip([0, *ends[:-1].tolist()], ends.tolist(), strict=True), strict=True))
-        low, high = zip(*self.bounds.values(), strict=True)
-        self._low, self._high = (np.concatenate([np.tile(end, n_robots) for end in ends]) for ends in (low, high))
 
     @property
     def time_s(self) -> FloatArray:
@@ -269,15 +264,13 @@ class Patrols:
 
     def _sense_motion(self, started: Rows | None) -> None:
         """Pose sensor, odometry, battery and clocks."""
-        now, before, draws = self.inspectors.readings, self._before, self._draws
+        now, draws = self.inspectors.readings, self._draws
         self.pose = self._pose_sensor.read(now.pose, STEP_S, draws[:, : PoseSensor.N_DRAWS])
-        rolled_m = (0.5 * WHEEL_RADIUS_M) * (now.wheel_angles - before.wheel_angles).sum(axis=-1)
-        turned_rad = difference(now.pose[:, 2], before.pose[:, 2])
-        self._odometry.move(rolled_m, turned_rad, STEP_S, draws[:, PoseSensor.N_DRAWS])
+        self._odometry.move(now.wheel_angles, now.pose[:, 2], STEP_S, draws[:, PoseSensor.N_DRAWS])
         self._battery.drain(now.motor_power_w, STEP_S)
-        self._before = now
         self._n_steps += 1
-        self._progress.bearing_age_s[:] = np.minimum(self._progress.bearing_age_s + STEP_S, MAX_BEARING_AGE_S)
+        age_s = self._progress.bearing_age_s
+        np.minimum(age_s + STEP_S, MAX_BEARING_AGE_S, out=age_s)
         if started is not None:
             for row in started.tolist():
                 self._odometry.start(row, self.pose[row], self._rngs[row])
@@ -290,12 +283,13 @@ class Patrols:
         bearings = estimate_bearings(
             heard.strengths_v[:, np.newaxis], self.manifold, strength_variance=heard.variance_v2[:, np.newaxis]
         )
-        first = 0
-        for row, n_pulses in enumerate(np.bincount(heard.robot, minlength=len(self._monitors)).tolist()):
-            if n_pulses == 0:
-                continue
-            own, monitor = slice(first, first + n_pulses), self._monitors[row]
-            first += n_pulses
+        first, robots = 0, heard.robot.tolist()
+        while first < len(robots):
+            row, end = robots[first], first
+            while end < len(robots) and robots[end] == row:
+                end += 1
+            own, monitor = slice(first, end), self._monitors[row]
+            first = end
             strengths, variance = heard.strengths_v[own], heard.variance_v2[own]
             if monitor.good.all():
                 suspects[row] = monitor.note(strengths, bearings.take(own))
@@ -315,23 +309,22 @@ class Patrols:
         return bearings, suspects
 
     def _observe(self, heard: Heard, bearings: Bearings) -> dict[str, NDArray[np.float32]]:
-        """All entries of the observation, within their bounds; see `PatrolEnv`."""
-        n = len(self.pose)
-        flat = np.zeros(self._low.size, dtype=np.float32)
-        entry = {key: flat[first:end].reshape(n, -1) for key, (first, end) in self._part.items()}
-        yaw, now, progress = self.pose[:, 2], self.inspectors.readings, self._progress
-        entry["pose"][:, :2], entry["pose"][:, 2], entry["pose"][:, 3] = self.pose[:, :2], np.cos(yaw), np.sin(yaw)
-        noise = self._draws[:, PoseSensor.N_DRAWS + 1 :]
-        entry["lidar"][:] = lidar_readings(now, LIDAR_RANGE_M, self.scenario.lidar.range_std_m, noise)
-        entry["velocity"][:] = now.velocity
-        if heard.robot.size:
-            pulses = Pulses(heard.robot, heard.strengths_v, bearings.azimuth_rad)
-            best = strongest(pulses, self._good, self.scenario.receiver.noise_v, self.pose, progress)
-            entry["heard"][:], entry["strengths"][:], entry["level"][:] = best
-            spectrum = pulse_spectrum(best.strengths, self._spectrum_gain)
-            entry["spectrum"][:] = spectrum / np.maximum(spectrum.max(axis=-1, keepdims=True), 1.0)
-        entry["bearing"][:], entry["bearing_age"][:, 0] = progress.bearing, progress.bearing_age_s
-        entry["waypoint"][:] = self._stops_m[first_left(progress.visited)]
-        entry["time_left"][:, 0] = self.scenario.task.time_limit_s - self._n_steps * STEP_S
-        np.minimum(np.maximum(flat, self._low, out=flat), self._high, out=flat)
-        return entry
+        """All entries of the observation, each of shape (n_robots, ...); see `PatrolEnv`."""
+        now = self.inspectors.readings
+        shown = observe(
+            Sight(
+                self.pose,
+                now.velocity,
+                now.lidar_m,
+                self._draws[:, PoseSensor.N_DRAWS + 1 :],
+                self.scenario.task.time_limit_s - self._n_steps * STEP_S,
+            ),
+            self._setting,
+            self._progress,
+            Pulses(heard.robot, heard.strengths_v, bearings.azimuth_rad),
+            self._good,
+            self._spectrum_gain,
+            self._low,
+            self._high,
+        )
+        return {key: shown[first:end].T for key, (first, end) in self._part.items()}

@@ -8,8 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, NonNegativeFloat, PositiveFloat
 
-from dirmusic.angles import wrap
-
 FloatArray = NDArray[np.float64]
 
 
@@ -54,7 +52,4 @@ class PoseSensor:
         """
         from envs.motion import believed_poses  # here, so that a command line help need not wait for the compiler
 
-        kept = math.exp(-elapsed_s / self._correlation_s)
-        believed = believed_poses(true_pose, self._error, kept, self._std, normal)
-        believed[:, 2] = wrap(believed[:, 2])
-        return believed
+        return believed_poses(true_pose, self._error, math.exp(-elapsed_s / self._correlation_s), self._std, normal)

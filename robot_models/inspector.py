@@ -12,7 +12,7 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import ArrayLike, NDArray
 
-from robot_models.readings import Motors, Physics, read
+from robot_models.readings import Limits, Motors, Physics, command, read
 from robot_models.world import build_model
 from robot_models.yard import Yard
 
@@ -46,9 +46,13 @@ LIDAR_RANGE_M = 12.0
 _LIDAR_PERIOD_S = 0.1
 """Time between its scans, as in the XML."""
 
+_LOOK_STEPS = 5
+"""Physics steps between looks at what is touched, in which a robot moves by a few centimetres at most."""
+
 _HULL = ("chassis_contact", "mast_contact", "head_contact")
 _CONTACT_SIZE = 4
-"""Sensors of what the hull touches, as in the XML, and numbers that they tell of each contact: found, x, y, z."""
+"""Sensors of what the hull touches, one after the other in the XML, and numbers they tell of each contact: found, x, y,
+z."""
 
 
 class Inspectors:
@@ -89,8 +93,7 @@ class Inspectors:
         turn = int(model.joint("floating_base").dofadr[0])
         wheels = [int(model.joint(name).qposadr[0]) for name in ("left_wheel", "right_wheel")]
         assert wheels[1] == wheels[0] + 1
-        self._home, self._n_substeps = model.key("home").id, 0
-        self._records: Any = {}
+        self._home = model.key("home").id
         qpos, first = batch.bind("qpos"), int(model.sensor("lidar_00").adr[0])
         self._ctrl = batch.bind("ctrl")
         self._physics = Physics(
@@ -104,7 +107,8 @@ class Inspectors:
         motors = [model.actuator(name).gainprm[:2] for name in ("left_wheel", "right_wheel")]
         self._motors = Motors(*np.array(motors, dtype=np.float64).T.copy())
         hull = [model.sensor(name) for name in _HULL]
-        self._contacts = np.concatenate([s.adr[0] + np.arange(0, s.dim[0], _CONTACT_SIZE) for s in hull])
+        self._hull = batch.bind("sensordata")[:, hull[0].adr[0] : hull[-1].adr[0] + hull[-1].dim[0]]
+        self._limits = Limits(MAX_SPEED_MPS, MAX_YAW_RATE_RADPS, 0.5 * WHEEL_TRACK_M, WHEEL_RADIUS_M)
         self._touched: list[tuple[str, ...]] = [()] * n_robots
         self.reset(np.arange(n_robots), np.zeros((n_robots, 3)))
 
@@ -137,7 +141,7 @@ class Inspectors:
         batch.step(ids)
         batch.state[ids] = start
         for row in ids.tolist():
-            self._touched[row] = self._names(batch.bind("sensordata")[row, np.newaxis])
+            self._touched[row] = tuple(sorted(self._names(row)))
         self.readings = read(self._physics, self._motors, LIDAR_RANGE_M)
 
     def drive(
@@ -158,25 +162,27 @@ class Inspectors:
             ValueError: If a command is not finite, or the duration is not a whole number of physics steps.
         """
         v, turn = np.asarray(v_mps, dtype=np.float64), np.asarray(yaw_rate_radps, dtype=np.float64)
-        for name, values in (("v_mps", v), ("yaw_rate_radps", turn)):
-            if not np.isfinite(values).all():
-                raise ValueError(f"`{name}` must be finite, got {values}.")
         n_substeps = round(duration_s / self.step_s)
         if n_substeps < 1 or abs(n_substeps * self.step_s - duration_s) > 1e-9:
             raise ValueError(
                 f"`duration_s` must be a positive multiple of the physics step, {self.step_s:g} s, got {duration_s:g}."
             )
-        rim = np.minimum(np.maximum(turn, -MAX_YAW_RATE_RADPS), MAX_YAW_RATE_RADPS) * (0.5 * WHEEL_TRACK_M)
-        v = np.minimum(np.maximum(v, -MAX_SPEED_MPS), MAX_SPEED_MPS)
-        self._ctrl[:, 0], self._ctrl[:, 1] = (v - rim) / WHEEL_RADIUS_M, (v + rim) / WHEEL_RADIUS_M
-        if n_substeps != self._n_substeps or rows is not None:
-            self._n_substeps, self._records = (0 if rows is not None else n_substeps), {}
-        self._records = self._batch.rollout(n_substeps, record=("sensordata",), ids=rows, out=self._records)
-        sensed = self._records["sensordata"]
-        driven = range(self.n_robots) if rows is None else rows.tolist()
-        found = sensed[:, :, self._contacts].any(axis=(1, 2)).tolist()
-        for k, row in enumerate(driven):
-            self._touched[row] = self._names(sensed[k]) if found[k] else ()
+        if not command(v, turn, self._limits, self._ctrl):
+            raise ValueError(f"`v_mps` and `yaw_rate_radps` must be finite, got {v} and {turn}.")
+        touched: list[set[str]] | None = None
+        while n_substeps > 0:
+            n = min(n_substeps, _LOOK_STEPS)
+            self._batch.step(rows, n)
+            n_substeps -= n
+            if self._hull.any():
+                touched = touched or [set() for _ in self._touched]
+                for row in range(self.n_robots) if rows is None else rows.tolist():
+                    touched[row].update(self._names(row))
+        if touched is not None or rows is not None:
+            for row in range(self.n_robots) if rows is None else rows.tolist():
+                self._touched[row] = tuple(sorted(touched[row])) if touched is not None else ()
+        elif any(self._touched):
+            self._touched = [()] * self.n_robots
         self.readings = read(self._physics, self._motors, LIDAR_RANGE_M)
 
     def touched(self) -> list[tuple[str, ...]]:
@@ -193,11 +199,10 @@ class Inspectors:
         mujoco.mj_forward(self.model, data)
         return data
 
-    def _names(self, sensed: FloatArray) -> tuple[str, ...]:
-        """Of what the hull touched, by where it was touched, in sensor data (n_substeps, n_sensordata)."""
-        found = sensed[:, self._contacts] > 0
-        at = sensed[:, self._contacts[:, np.newaxis] + np.arange(1, _CONTACT_SIZE)][found]
-        return tuple(sorted({self._yard.obstacle_at(point) for point in at[:, :2]}))
+    def _names(self, row: int) -> set[str]:
+        """What the hull of a robot touches now, by where."""
+        contacts = self._hull[row].reshape(-1, _CONTACT_SIZE)
+        return {self._yard.obstacle_at(at) for at in contacts[contacts[:, 0] > 0, 1:3]}
 
     def __getstate__(self) -> dict[str, Any]:
         return {

@@ -41,6 +41,27 @@ class Motors(NamedTuple):
     constant_nmpa: FloatArray
 
 
+class Limits(NamedTuple):
+    """What turns commands into wheel speeds: greatest speed and yaw rate, half the track, and the wheels' radius."""
+
+    speed_mps: float
+    yaw_rate_radps: float
+    half_track_m: float
+    wheel_radius_m: float
+
+
+@numba.njit(cache=True, error_model="numpy")  # pyright: ignore
+def command(v_mps: FloatArray, yaw_rate_radps: FloatArray, limits: Limits, control_radps: FloatArray) -> bool:
+    """Set the wheels' speeds (n, 2) for commands (n,) within limits; False, and none is set, if one is not finite."""
+    if not (np.isfinite(v_mps).all() and np.isfinite(yaw_rate_radps).all()):
+        return False
+    for r in range(len(control_radps)):
+        v = min(max(v_mps[r], -limits.speed_mps), limits.speed_mps)
+        rim = min(max(yaw_rate_radps[r], -limits.yaw_rate_radps), limits.yaw_rate_radps) * limits.half_track_m
+        control_radps[r, 0], control_radps[r, 1] = (v - rim) / limits.wheel_radius_m, (v + rim) / limits.wheel_radius_m
+    return True
+
+
 class Readings(NamedTuple):
     """What is read; a row is a robot.
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from dirmusic.angles import difference
+from dirmusic.angles import difference, wrap
+from envs.motion import wrapped
 from envs.odometry import Odometry, OdometryConfig
 from envs.patrol import PatrolEnv
 
@@ -11,19 +12,20 @@ PERFECT = OdometryConfig(wheel_radius_error=0.0, gyro_bias_deg_per_min=0.0, gyro
 
 
 def test_without_errors_it_follows_a_circle_and_closes_it() -> None:
-    odometry = Odometry(PERFECT)
+    odometry, radius_m = Odometry(PERFECT, 0.1), 0.1
     odometry.start(0, np.array([1.0, 2.0, 0.3]), np.random.default_rng(0))
-    for _ in range(100):
-        odometry.move(np.array([2 * np.pi * 3.0 / 100]), np.array([2 * np.pi / 100]), 0.1, np.ones(1))
+    for k in range(1, 101):
+        rolled = np.full((1, 2), 2 * np.pi * 3.0 * k / 100 / radius_m)
+        odometry.move(rolled, np.array([2 * np.pi * k / 100]), 0.1, np.ones(1))
     np.testing.assert_allclose(odometry.pose, [[1.0, 2.0, 0.3]], atol=1e-9)
 
 
 def test_its_errors_are_those_of_wheels_and_gyro() -> None:
-    straight, rng = Odometry(OdometryConfig(), 400), np.random.default_rng(0)
+    straight, rng = Odometry(OdometryConfig(), 0.1, 400), np.random.default_rng(0)
     for row in range(400):
         straight.start(row, np.zeros(3), rng)
-    for _ in range(600):
-        straight.move(np.full(400, 0.08), np.zeros(400), 0.1, rng.standard_normal(400))
+    for k in range(1, 601):
+        straight.move(np.full((400, 2), 0.8 * k), np.zeros(400), 0.1, rng.standard_normal(400))
     x, y, yaw = straight.pose.T
     assert x.std() == pytest.approx(48 * 0.001, rel=0.15)
     assert np.degrees(yaw.std()) == pytest.approx(np.hypot(0.05, 0.1), rel=0.15)
@@ -52,3 +54,8 @@ def test_driven_about_the_yard_it_drifts_by_less_than_half_a_percent_of_the_way(
         drifts.append(float(np.hypot(*(moved - np.array([[cos, -sin], [sin, cos]]) @ true_moved))) / driven_m)
         assert driven_m > 30
     assert max(drifts) < 0.005
+
+
+def test_the_compiled_wrap_is_the_wrap() -> None:
+    angles = np.concatenate([np.linspace(-20.0, 20.0, 1001), [np.pi, -np.pi, 3 * np.pi]])
+    assert [wrapped(float(angle)) for angle in angles] == wrap(angles).tolist()

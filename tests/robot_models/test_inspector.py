@@ -329,7 +329,7 @@ def test_wheels_and_casters_lie_inside_the_outline_of_the_chassis():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((float("nan"), 0.0, 0.1), "`v_mps` must be finite"),
+        ((float("nan"), 0.0, 0.1), "`v_mps` and `yaw_rate_radps` must be finite"),
         ((0.1, float("inf"), 0.1), "`yaw_rate_radps` must be finite"),
         ((0.1, 0.0, 0.0), "positive multiple of the physics step"),
         ((0.1, 0.0, 0.0123), "positive multiple of the physics step"),
