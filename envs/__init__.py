@@ -6,4 +6,6 @@ from envs.scenario import Scenario, ScenarioError, load_scenario, shipped_scenar
 
 __all__ = ["Scenario", "ScenarioError", "load_scenario", "shipped_scenarios"]
 
-gymnasium.register(id="PDPatrol-v0", entry_point="envs.patrol:PatrolEnv")
+gymnasium.register(
+    id="PDPatrol-v0", entry_point="envs.patrol:PatrolEnv", vector_entry_point="envs.vector:PatrolVectorEnv"
+)

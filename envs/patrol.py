@@ -164,7 +164,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
                     f"size of yard, number of elements and time limit, as of the first: {self.observation_space}"
                 )
         self.patrols.reset(FIRST, [self.np_random], options or {})
-        outcome = self.patrols.step(np.zeros((1, 2)), started=FIRST)
+        outcome = self.patrols.step(None, started=FIRST)
         if self.render_mode == "human":
             self.render()
         info = self._info(outcome)

@@ -50,6 +50,8 @@ REWARD_PER_SECOND = -0.05
 REWARD_PER_CONTACT_STEP = -1.0
 """Weights of the reward's terms (assumed): a second costs 5 cm of progress, touching something costs a metre."""
 
+NO_ROWS = np.empty(0, dtype=np.intp)
+
 N_DRAWS = PoseSensor.N_DRAWS + 1 + LIDAR_BEAMS
 """Standard normal draws of a robot in a step, beside those of its receiver."""
 
@@ -217,26 +219,30 @@ class Patrols:
         gain = self.manifold.gain(SPECTRUM_AZIMUTHS_RAD)
         self._spectrum_gain[rows] = gain / np.linalg.norm(gain, axis=0)
 
-    def step(self, actions: FloatArray, started: Rows | None = None) -> Outcome:
+    def step(self, actions: FloatArray | None, started: Rows | None = None) -> Outcome:
         """Drive for 0.1 s and listen; but the rows that have just been `started` only look about.
 
         Args:
-            actions: Shape (n_robots, 2), in [-1, 1]; those of rows that started do not count.
+            actions: Shape (n_robots, 2), in [-1, 1]; those of rows that started do not count. Without any, the other
+                rows wait: no time passes for them, and what is told of them has no meaning.
             started: Rows that were reset since the last step; None for none.
         """
-        n = len(self._rngs)
-        is_new = np.zeros(n, dtype=np.bool_)
+        is_new = np.zeros(len(self._rngs), dtype=np.bool_)
         moving: Rows | None = None
         if started is not None:
             is_new[started] = True
-            moving = np.flatnonzero(~is_new)
+            moving = np.flatnonzero(~is_new) if actions is not None else NO_ROWS
         start_s = self._n_steps * STEP_S
-        if moving is None or moving.size:
+        if actions is not None and (moving is None or moving.size):
             share = np.minimum(np.maximum(actions, -1.0), 1.0)
             self.inspectors.drive(share[:, 0] * MAX_SPEED_MPS, share[:, 1] * MAX_YAW_RATE_RADPS, STEP_S, moving)
-        for rng, draws in zip(self._rngs, self._draws, strict=True):
-            rng.standard_normal(out=draws)
+        for row in range(len(self._rngs)) if actions is not None else np.flatnonzero(is_new).tolist():
+            self._rngs[row].standard_normal(out=self._draws[row])
+        waiting = np.flatnonzero(~is_new) if actions is None else NO_ROWS
+        kept = [state[waiting] for state in self._motion()]
         self._sense_motion(started)
+        for state, before in zip(self._motion() if waiting.size else (), kept, strict=False):
+            state[waiting] = before
         assert self._receivers is not None, "reset first"
         now, task = self.inspectors.readings, self.scenario.task
         heard = self._receivers.listen(now.world_from_base, start_s, STEP_S, moving)
@@ -261,6 +267,11 @@ class Patrols:
             bearings=bearings,
             suspects=suspects,
         )
+
+    def _motion(self) -> tuple[FloatArray, ...]:
+        """What a step changes whether or not a robot moves; a row is a robot."""
+        believed = (self._pose_sensor.error, self._odometry.pose, self.pose)
+        return (*believed, self._battery.used_wh, self._n_steps, self._progress.bearing_age_s)
 
     def _sense_motion(self, started: Rows | None) -> None:
         """Pose sensor, odometry, battery and clocks."""

@@ -25,6 +25,9 @@ class PoseSensor:
     Args:
         config: Spread and correlation time.
         n_robots: How many robots.
+
+    Attributes:
+        error: Of the last reading, shape (n_robots, 3); NaN before the first.
     """
 
     N_DRAWS = 3
@@ -33,11 +36,11 @@ class PoseSensor:
     def __init__(self, config: PoseSensorConfig, n_robots: int = 1) -> None:
         self._std = np.array([config.position_std_m, config.position_std_m, np.radians(config.heading_std_deg)])
         self._correlation_s = config.correlation_s
-        self._error = np.full((n_robots, 3), np.nan)
+        self.error = np.full((n_robots, 3), np.nan)
 
     def start(self, rows: NDArray[np.intp]) -> None:
         """Forget the error of some robots: their next reading is the first."""
-        self._error[rows] = np.nan
+        self.error[rows] = np.nan
 
     def read(self, true_pose: FloatArray, elapsed_s: float, normal: FloatArray) -> FloatArray:
         """Believed poses, `elapsed_s` after the last reading.
@@ -52,4 +55,4 @@ class PoseSensor:
         """
         from envs.motion import believed_poses  # here, so that a command line help need not wait for the compiler
 
-        return believed_poses(true_pose, self._error, math.exp(-elapsed_s / self._correlation_s), self._std, normal)
+        return believed_poses(true_pose, self.error, math.exp(-elapsed_s / self._correlation_s), self._std, normal)

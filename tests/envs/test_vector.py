@@ -1,0 +1,133 @@
+"""Many robots at once: each row is the single environment to the bit, whatever the others do."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+
+from envs import Scenario, load_scenario
+from envs.patrol import PatrolEnv
+from envs.vector import PatrolVectorEnv
+
+N_STEPS = 300
+
+
+def brisk(name: str = "one_source", fidelity: str = "energy") -> Scenario:
+    """A scenario whose episodes end soon, by time or by approach."""
+    scenario = load_scenario(name)
+    return scenario.model_copy(
+        update={
+            "receiver": scenario.receiver.model_copy(update={"fidelity": fidelity}),
+            "task": scenario.task.model_copy(update={"time_limit_s": 9.0, "standoff_m": 8.0}),
+        }
+    )
+
+
+def actions(seed: int, n_steps: int = N_STEPS) -> np.ndarray:
+    return np.random.default_rng([seed, 9]).uniform(-1.0, 1.0, (n_steps, 2)).astype(np.float32)
+
+
+def single_rollout(scenario: Scenario, seed: int, n_steps: int = N_STEPS) -> list[Any]:
+    """What a single environment gives that is reset in the step after the end of an episode."""
+    env, is_over, told = PatrolEnv(scenario), False, list[Any]()
+    observation, _ = env.reset(seed=seed)
+    told.append((observation, 0.0, False, False))
+    for action in actions(seed, n_steps):
+        if is_over:
+            observation, _ = env.reset()
+            told.append((observation, 0.0, False, False))
+            is_over = False
+        else:
+            observation, reward, terminated, truncated, _ = env.step(action)
+            told.append((observation, reward, terminated, truncated))
+            is_over = terminated or truncated
+    return told
+
+
+@pytest.fixture(scope="module")
+def singles() -> list[list[Any]]:
+    return [single_rollout(brisk(), 40 + row) for row in range(16)]
+
+
+@pytest.mark.parametrize(("num_envs", "num_threads"), [(1, 1), (3, 2), (16, 1), (16, 2)])
+def test_each_row_is_its_single_environment_to_the_bit(
+    num_envs: int, num_threads: int, singles: list[list[Any]]
+) -> None:
+    envs = gymnasium.make_vec("envs:PDPatrol-v0", num_envs=num_envs, scenario=brisk(), num_threads=num_threads)
+    assert isinstance(envs.unwrapped, PatrolVectorEnv)
+    observation, _ = envs.reset(seed=40)
+    driven = np.stack([actions(40 + row) for row in range(num_envs)], axis=1)
+    told = [(observation, np.zeros(num_envs), np.zeros(num_envs, bool), np.zeros(num_envs, bool))]
+    told += [envs.step(action)[:4] for action in driven]
+    n_ended = 0
+    for step, (observation, reward, terminated, truncated) in enumerate(told):
+        assert observation in envs.observation_space
+        for row in range(num_envs):
+            alone, alone_reward, alone_terminated, alone_truncated = singles[row][step]
+            for key, values in observation.items():
+                np.testing.assert_array_equal(values[row], alone[key], err_msg=f"{key} of row {row} in step {step}")
+            assert reward[row] == alone_reward
+            assert (terminated[row], truncated[row]) == (alone_terminated, alone_truncated)
+            n_ended += alone_terminated or alone_truncated
+    assert n_ended >= 3 * num_envs
+
+
+def test_rows_with_faulty_channels_and_whole_waveforms_are_their_single_environments_too() -> None:
+    scenario = brisk("two_sources", "waveform")
+    fault = {"channel": 2, "kind": "dead", "start_s": 1.0}
+    receiver = type(scenario.receiver).model_validate({**scenario.receiver.model_dump(), "faults": (fault,)})
+    sources = tuple(source.model_copy(update={"pulse_rate_hz": 60.0}) for source in scenario.sources)
+    scenario = scenario.model_copy(update={"receiver": receiver, "sources": sources})
+    envs = PatrolVectorEnv(3, scenario, num_threads=2)
+    observation, _ = envs.reset(seed=5)
+    for step, action in enumerate(np.stack([actions(5 + row, 60) for row in range(3)], axis=1)):
+        observation, *_ = envs.step(action)
+        if step == 59:
+            alone = [single_rollout(scenario, 5 + row, 60)[-1][0] for row in range(3)]
+            for key, values in observation.items():
+                np.testing.assert_array_equal(values, np.array([one[key] for one in alone]), err_msg=key)
+
+
+def test_with_same_step_autoreset_the_end_is_told_beside_the_new_start() -> None:
+    envs = PatrolVectorEnv(2, brisk(), autoreset_mode="SameStep")
+    assert envs.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+    envs.reset(seed=1)
+    for _ in range(N_STEPS):
+        observation, _, terminated, truncated, info = envs.step(np.zeros((2, 2), dtype=np.float32))
+        over = terminated | truncated
+        assert ("final_obs" in info) == over.any()
+        if over.any():
+            row = int(np.flatnonzero(over)[0])
+            assert info["_final_obs"].tolist() == over.tolist()
+            assert info["final_info"]["time_s"][row] > 0
+            assert info["time_s"][row] == 0
+            assert info["final_obs"][row]["time_left"] < observation["time_left"][row]
+            return
+    pytest.fail("no episode ended")
+
+
+def test_without_autoreset_a_mask_says_which_rows_start_anew() -> None:
+    envs = PatrolVectorEnv(3, brisk(), autoreset_mode="Disabled")
+    envs.reset(seed=2)
+    for _ in range(5):
+        before, *_, info = envs.step(np.zeros((3, 2), dtype=np.float32))
+    after, info = envs.reset(options={"reset_mask": np.array([False, True, False])})
+    assert info["time_s"].tolist() == pytest.approx([0.5, 0.0, 0.5])
+    for key, values in before.items():
+        np.testing.assert_array_equal(after[key][[0, 2]], values[[0, 2]])
+    for key, values in before.items():
+        np.testing.assert_array_equal(after[key][[0, 2]], values[[0, 2]])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"num_envs": 0}, "`num_envs` must be 1 or more"),
+        ({"num_envs": 2, "render_mode": "rgb_array"}, "make a single environment"),
+    ],
+)
+def test_what_makes_no_vector_environment_is_refused(arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        PatrolVectorEnv(**arguments)
