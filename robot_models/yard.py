@@ -35,6 +35,9 @@ ROBOT_HEIGHT_M = 0.75
 SIGHT_HEIGHT_M = 2.0
 """On plan, what begins higher than this hides nothing from a robot whose antennas are 0.6 m high (assumed)."""
 
+KERB_HEIGHT_M = 0.4
+"""On plan, what ends lower than this, such as a kerb or a door step, hides nothing from those antennas (assumed)."""
+
 
 class _Equipment(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
     """What all pieces share: a name, a kind, and a place on the ground."""
@@ -200,7 +203,7 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
 
     @cached_property
     def _in_the_line_of_sight(self) -> Solids:
-        return self.solids.take(self.solids.bottom_m < SIGHT_HEIGHT_M)
+        return self.solids.take((self.solids.bottom_m < SIGHT_HEIGHT_M) & (self.solids.top_m > KERB_HEIGHT_M))
 
     def faces(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, NDArray[np.intp]]:
         """Flat rectangles that radio waves are mirrored by: the ground, and the four sides and the top of every box.

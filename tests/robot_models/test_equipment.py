@@ -76,6 +76,12 @@ def test_the_robot_passes_below_a_busbar_but_not_over_a_kerb() -> None:
     assert inspector.readings.pose[0, 1] < 15.0
 
 
+def test_on_the_map_a_kerb_hides_nothing_and_a_breaker_does() -> None:
+    south, north = np.array([[20.0, 10.0]]), np.array([20.0, 20.0])
+    assert yard_with("kerb", yaw_deg=0.0).in_sight(south, north).all()
+    assert not yard_with("circuit_breaker", yaw_deg=0.0).in_sight(south, north).any()
+
+
 def test_a_fence_is_as_long_as_it_is_told_and_a_breaker_has_one_size() -> None:
     assert yard_with("fence", length_m=9.0).solids.half_size_m[0, 0] == 4.5
     with pytest.raises(ValidationError, match="a circuit_breaker has one size"):

@@ -1,0 +1,103 @@
+"""Make yards.png: the yards of catalogue equipment from above, with the robot at its dock and the route that it drives.
+
+MUJOCO_GL=egl uv run python docs/make_yards.py
+"""
+# pyright: reportAttributeAccessIssue=false
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import mujoco
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patheffects import withStroke
+from numpy.typing import ArrayLike, NDArray
+
+from envs import Scenario, load_scenario
+from missions.navigation import SiteMap
+from robot_models.inspector import Inspector
+from robot_models.world import build_spec
+from sensing import HelicalArray
+
+FloatArray = NDArray[np.float64]
+
+YARDS = {
+    "switchyard": "three lines and a coupler under a double busbar",
+    "gis_hall": "gas-insulated bays by the building, transformers in kerbed pits",
+    "twin_transformers": "a fire wall between them, the medium-voltage busbar in front",
+    "transformer_bay": "transformer, breaker, instrument transformers, busbar",
+}
+PIXELS_PER_M = 28.0
+ELEVATION_RAD = np.radians(-62.0)
+MARGIN_M = 1.5
+"""Beyond the fence, on all sides."""
+
+ROUTE_COLOUR, DOCK_COLOUR = "#0b5cad", "#d81b60"
+OUTLINE = [withStroke(linewidth=2.5, foreground="white")]
+
+
+def main() -> None:
+    """Write the picture beside this file."""
+    figure, panels = plt.subplots(2, 2, figsize=(12, 10.3), layout="constrained")
+    for panel, (name, shown) in zip(panels.flat, YARDS.items(), strict=True):
+        scenario = load_scenario(name)
+        draw_yard(panel, scenario)
+        draw_route(panel, scenario)
+        panel.set_title(f"{name}\n{shown}", fontsize=12)
+        panel.set_axis_off()
+        panel.set_anchor("N")
+    figure.savefig(Path(__file__).parent / "yards.png", dpi=100)
+
+
+def draw_yard(panel: Axes, scenario: Scenario) -> None:
+    """As an orthographic camera sees it from the south, the robot at its dock."""
+    array = HelicalArray.nominal(scenario.array)
+    spec = build_spec(scenario.yard, array.positions_m, array.boresights_rad)
+    half_x, half_y = 0.5 * np.asarray(scenario.yard.size_m) + MARGIN_M
+    half_y *= -np.sin(ELEVATION_RAD)
+    width, height = (round(2.0 * PIXELS_PER_M * half) for half in (half_x, half_y))
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
+    spec.visual.global_.fovy = 2.0 * half_y  # of an orthographic camera, in metres
+    spec.visual.quality.shadowsize = 8192
+    spec.light("sun").pos[2] = 22.0  # lower, the near corner of the yard would lie behind it, without shadows
+    inspector = Inspector(spec.compile())
+    inspector.reset(*scenario.route.dock_m, np.radians(45.0))
+    camera = mujoco.MjvCamera()
+    camera.lookat = (*middle(scenario), 0.0)
+    camera.azimuth, camera.elevation, camera.distance = 90.0, np.degrees(ELEVATION_RAD), 80.0
+    camera.orthographic = 1
+    with mujoco.Renderer(inspector.model, height, width) as renderer:
+        renderer.update_scene(inspector.data, camera)
+        panel.imshow(renderer.render(), extent=(-half_x, half_x, -half_y, half_y))
+
+
+def draw_route(panel: Axes, scenario: Scenario) -> None:
+    """The robot's own way from stop to stop, over the picture."""
+    site_map = SiteMap(scenario)
+    dock = scenario.route.dock_m
+    for start, stop in pairwise((dock, *scenario.route.waypoints_m, dock)):
+        way = on_picture(site_map.reach(start).path(site_map.cell(stop)), scenario)
+        panel.plot(*way.T, ":", color=ROUTE_COLOUR, linewidth=1.6)
+    for number, (x, y) in enumerate(on_picture(scenario.route.waypoints_m, scenario), start=1):
+        panel.plot(x, y, "o", color="white", markeredgecolor=ROUTE_COLOUR, markersize=12)
+        panel.text(x, y, str(number), color=ROUTE_COLOUR, fontsize=8, ha="center", va="center_baseline")
+    x, y = on_picture(dock, scenario)
+    panel.plot(x, y, "o", color="none", markeredgecolor=DOCK_COLOUR, markeredgewidth=2, markersize=16)
+    panel.text(x + 1.2, y, "dock", color=DOCK_COLOUR, fontsize=10, va="center", path_effects=OUTLINE)
+
+
+def on_picture(points_m: ArrayLike, scenario: Scenario) -> FloatArray:
+    """Where points (..., 2) of the ground are on the picture, metres from its middle."""
+    return (np.asarray(points_m) - middle(scenario)) * (1.0, -np.sin(ELEVATION_RAD))
+
+
+def middle(scenario: Scenario) -> FloatArray:
+    """Of the yard, (2,)."""
+    return 0.5 * np.asarray(scenario.yard.size_m)
+
+
+if __name__ == "__main__":
+    main()
