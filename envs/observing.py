@@ -67,7 +67,7 @@ def move_on(
 
     Returns:
         Metres by which each came nearer to the nearest source that was not yet approached; whether all sources are
-        approached; and whether it is back at the dock after the route. Shape (n_robots,) each.
+        approached, and whether it is back at the dock after the route, neither in a new episode; shape (n_robots,) each.
     """
     n_robots, n_sources = progress.approached.shape
     n_stops = len(stops_m)
@@ -78,7 +78,7 @@ def move_on(
         now_m = nearest_to_go(sources_m[r], progress.approached[r], x, y)
         if not is_new[r]:
             nearer_m[r] = progress.to_go_m[r] - now_m
-        all_approached[r] = n_sources > 0
+        all_approached[r] = n_sources > 0 and not is_new[r]
         for s in range(n_sources):
             if np.hypot(sources_m[r, s, 0] - x, sources_m[r, s, 1] - y) <= standoff_m:
                 progress.approached[r, s] = True
@@ -91,7 +91,7 @@ def move_on(
                 progress.visited[r, k] = progress.visited[r, k] or is_near
                 route_done = route_done and progress.visited[r, k]
             else:
-                is_docked[r] = route_done and is_near
+                is_docked[r] = route_done and is_near and not is_new[r]
     return nearer_m, all_approached, is_docked
 
 

@@ -202,7 +202,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
                 is_good=good,
             ),
             "suspects": outcome.suspects[0],
-            "touched": patrols.inspectors.touched()[0],
+            "touched": patrols.inspectors.touched[0],
             "waypoints_visited": patrols.waypoints_visited(0),
             "truth": {"pose": patrols.true_pose[0]},
         }

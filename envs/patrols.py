@@ -7,14 +7,15 @@ that is computed for it is computed along the row alone.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic import Bearings, estimate_bearings
+from dirmusic import Bearings
+from dirmusic.angles import wrap
 from dirmusic.channel_health import ChannelMonitor, SuspectChannel
+from dirmusic.fitting import bearings_of_pulses
 from envs.episode import Episode
 from envs.observing import Progress, Pulses, Setting, Sight, move_on, observe
 from envs.odometry import Odometry
@@ -56,8 +57,7 @@ N_DRAWS = PoseSensor.N_DRAWS + 1 + LIDAR_BEAMS
 """Standard normal draws of a robot in a step, beside those of its receiver."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Outcome:
+class Outcome(NamedTuple):
     """What a step led to; rows are robots.
 
     Attributes:
@@ -135,6 +135,8 @@ class Patrols:
         )
         self._good = np.ones((n_robots, self.manifold.n_elements), dtype=np.bool_)
         self._n_steps = np.zeros(n_robots)
+        self._last_step = scenario.task.time_limit_s / STEP_S - 1e-6
+        self._nobody = np.zeros(n_robots, dtype=np.bool_)
         self.pose = np.zeros((n_robots, 3))
 
     def _bounds(self) -> dict[str, tuple[NDArray[np.float32], NDArray[np.float32]]]:
@@ -227,21 +229,23 @@ class Patrols:
                 rows wait: no time passes for them, and what is told of them has no meaning.
             started: Rows that were reset since the last step; None for none.
         """
-        is_new = np.zeros(len(self._rngs), dtype=np.bool_)
-        moving: Rows | None = None
+        is_new, moving, waiting = self._nobody, None, NO_ROWS
         if started is not None:
+            is_new = np.zeros(len(self._rngs), dtype=np.bool_)
             is_new[started] = True
-            moving = np.flatnonzero(~is_new) if actions is not None else NO_ROWS
+            moving = np.flatnonzero(~is_new)
+            if actions is None:
+                moving, waiting = NO_ROWS, moving
         start_s = self._n_steps * STEP_S
         if actions is not None and (moving is None or moving.size):
             share = np.minimum(np.maximum(actions, -1.0), 1.0)
             self.inspectors.drive(share[:, 0] * MAX_SPEED_MPS, share[:, 1] * MAX_YAW_RATE_RADPS, STEP_S, moving)
-        for row in range(len(self._rngs)) if actions is not None else np.flatnonzero(is_new).tolist():
-            self._rngs[row].standard_normal(out=self._draws[row])
-        waiting = np.flatnonzero(~is_new) if actions is None else NO_ROWS
-        kept = [state[waiting] for state in self._motion()]
+        for row, (rng, draws) in enumerate(zip(self._rngs, self._draws, strict=True)):
+            if actions is not None or is_new[row]:
+                rng.standard_normal(out=draws)
+        kept = [state[waiting] for state in self._motion()] if waiting.size else []
         self._sense_motion(started)
-        for state, before in zip(self._motion() if waiting.size else (), kept, strict=False):
+        for state, before in zip(self._motion(), kept, strict=False):
             state[waiting] = before
         assert self._receivers is not None, "reset first"
         now, task = self.inspectors.readings, self.scenario.task
@@ -250,19 +254,18 @@ class Patrols:
         nearer_m, all_approached, is_docked = move_on(
             self._progress, now.pose, self._sources_m, self._stops_m, task.standoff_m, task.waypoint_radius_m, is_new
         )
-        touched = np.array([bool(names) for names in self.inspectors.touched()])
-        is_old = (~is_new).astype(np.float64)
-        if self.terminate_on_approach:
-            is_docked |= all_approached
+        touched = np.array([bool(names) for names in self.inspectors.touched])
+        driven = (~is_new).astype(np.float64)
+        is_over = is_docked | all_approached if self.terminate_on_approach else is_docked
         return Outcome(
             observation=self._observe(heard, bearings),
             reward={
                 "progress": REWARD_PER_METRE * nearer_m,
-                "time": (REWARD_PER_SECOND * STEP_S) * is_old,
-                "contact": REWARD_PER_CONTACT_STEP * touched * is_old,
+                "time": (REWARD_PER_SECOND * STEP_S) * driven,
+                "contact": REWARD_PER_CONTACT_STEP * touched * driven,
             },
-            terminated=is_docked & ~is_new,
-            truncated=(self._n_steps * STEP_S >= task.time_limit_s - 1e-9) & ~is_new,
+            terminated=is_over,
+            truncated=self._n_steps >= self._last_step,
             heard=heard,
             bearings=bearings,
             suspects=suspects,
@@ -291,9 +294,10 @@ class Patrols:
     def _find_directions(self, heard: Heard) -> tuple[Bearings, list[tuple[SuspectChannel, ...]]]:
         """Bearings of all pulses, from the channels that are in order, and channels newly at fault by robot."""
         suspects: list[tuple[SuspectChannel, ...]] = [()] * len(self._monitors)
-        bearings = estimate_bearings(
-            heard.strengths_v[:, np.newaxis], self.manifold, strength_variance=heard.variance_v2[:, np.newaxis]
+        azimuth_rad, std_rad, misfit = bearings_of_pulses(
+            heard.strengths_v[:, np.newaxis], heard.variance_v2[:, np.newaxis], self.manifold.table
         )
+        bearings = Bearings(azimuth_rad=wrap(azimuth_rad), std_rad=std_rad, misfit=misfit)
         first, robots = 0, heard.robot.tolist()
         while first < len(robots):
             row, end = robots[first], first

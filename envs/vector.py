@@ -176,7 +176,7 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
             "odometry": patrols.odometry,
             "battery": patrols.battery,
             "reward": outcome.reward,
-            "touched": np.array([bool(names) for names in patrols.inspectors.touched()]),
+            "touched": np.array([bool(names) for names in patrols.inspectors.touched]),
             "true_pose": patrols.true_pose,
             "pulses": {
                 "robot": heard.robot,

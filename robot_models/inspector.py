@@ -71,6 +71,7 @@ class Inspectors:
     Attributes:
         model: The world that each is in.
         step_s: Length of a physics step.
+        touched: What each robot touched since its last `drive` or `reset` began, sorted: `equipment/NAME`, `fence/SIDE`.
         readings: Where they are, how they move and what the lidar sees, since the last `drive` or `reset`. The lidar
             scanned in the last physics step: at full speed the robot has since moved by a few millimetres.
     """
@@ -109,13 +110,13 @@ class Inspectors:
         hull = [model.sensor(name) for name in _HULL]
         self._hull = batch.bind("sensordata")[:, hull[0].adr[0] : hull[-1].adr[0] + hull[-1].dim[0]]
         self._limits = Limits(MAX_SPEED_MPS, MAX_YAW_RATE_RADPS, 0.5 * WHEEL_TRACK_M, WHEEL_RADIUS_M)
-        self._touched: list[tuple[str, ...]] = [()] * n_robots
+        self.touched: list[tuple[str, ...]] = [()] * n_robots
         self.reset(np.arange(n_robots), np.zeros((n_robots, 3)))
 
     @property
     def n_robots(self) -> int:
         """How many there are."""
-        return len(self._touched)
+        return len(self.touched)
 
     def reset(self, rows: Sequence[int] | NDArray[np.intp], poses: ArrayLike) -> None:
         """Stand some robots at rest on their wheels; their time and all state start from zero.
@@ -141,7 +142,7 @@ class Inspectors:
         batch.step(ids)
         batch.state[ids] = start
         for row in ids.tolist():
-            self._touched[row] = tuple(sorted(self._names(row)))
+            self.touched[row] = tuple(sorted(self._names(row)))
         self.readings = read(self._physics, self._motors, LIDAR_RANGE_M)
 
     def drive(
@@ -175,19 +176,15 @@ class Inspectors:
             self._batch.step(rows, n)
             n_substeps -= n
             if self._hull.any():
-                touched = touched or [set() for _ in self._touched]
+                touched = touched or [set() for _ in self.touched]
                 for row in range(self.n_robots) if rows is None else rows.tolist():
                     touched[row].update(self._names(row))
         if touched is not None or rows is not None:
             for row in range(self.n_robots) if rows is None else rows.tolist():
-                self._touched[row] = tuple(sorted(touched[row])) if touched is not None else ()
-        elif any(self._touched):
-            self._touched = [()] * self.n_robots
+                self.touched[row] = tuple(sorted(touched[row])) if touched is not None else ()
+        elif any(self.touched):
+            self.touched = [()] * self.n_robots
         self.readings = read(self._physics, self._motors, LIDAR_RANGE_M)
-
-    def touched(self) -> list[tuple[str, ...]]:
-        """What each robot touched since its last `drive` or `reset` began: `equipment/NAME` or `fence`, sorted."""
-        return list(self._touched)
 
     def n_warnings(self) -> NDArray[np.intp]:
         """How often MuJoCo warned of each robot's physics, shape (n_robots,)."""
@@ -208,11 +205,11 @@ class Inspectors:
         return {
             "arguments": self._arguments,
             "state": self._batch.state.copy(),
-            "touched": self._touched,
+            "touched": self.touched,
             "readings": self.readings,
         }
 
     def __setstate__(self, kept: dict[str, Any]) -> None:
         self.__init__(*kept["arguments"])
         self._batch.state[:] = kept["state"]
-        self._touched, self.readings = kept["touched"], kept["readings"]
+        self.touched, self.readings = kept["touched"], kept["readings"]

@@ -63,6 +63,7 @@ class Receivers:
         n_sources = len(scenes[0].sources)
         self._sources_m = np.empty((len(arrays), n_sources, 3))
         self._burst_s = np.empty((len(arrays), n_sources))
+        self._has_bursts = any(source.burst_s > 0 for source in scenes[0].sources)
         self._false_s = [NOT_DRAWN] * len(arrays)
         for row, (scene, rng) in enumerate(zip(scenes, rngs, strict=True)):
             self.replace(row, arrays[row], scene, rng)
@@ -117,7 +118,7 @@ class Receivers:
             self._beside_the_modes(on_air.robot),
         )
         robot, n_rejected = on_air.robot[heard], 0
-        if self._burst_s.any():
+        if self._has_bursts:
             is_pulse = self._burst_s[robot, on_air.source[heard]] == 0
             n_rejected = int(np.count_nonzero(~is_pulse))
             heard, energy, robot = heard[is_pulse], energy[is_pulse], robot[is_pulse]
@@ -225,7 +226,10 @@ class Receivers:
             stuck = config.gate_samples * (STUCK_AT * config.full_scale_v) ** 2
             energy = one.faults.in_readings(energy, gates.time_s, stuck)
         strengths_v = np.sqrt(np.maximum(energy - config.gate_samples * gates.background_v2, 0.0))
-        highest_v = (2 ** (config.bits - 1) - 1.5) * one.step_v
+        is_clipped = np.zeros(strengths_v.shape, dtype=np.bool_)
+        if config.fidelity == "waveform":
+            highest_v = (2 ** (config.bits - 1) - 1.5) * one.step_v
+            is_clipped = (np.abs(gates.waveforms_v) >= highest_v).any(axis=-1)
         return Heard(
             robot=gates.robot,
             time_s=gates.time_s,
@@ -238,7 +242,7 @@ class Receivers:
                 noise_on_pulse=one.front_end.noise_on_pulse,
             ),
             mains_phase_rad=np.mod(2 * np.pi * config.mains_hz * gates.time_s, 2 * np.pi),
-            is_clipped=(np.abs(gates.waveforms_v) >= highest_v).any(axis=-1),
+            is_clipped=is_clipped,
             waveforms_v=gates.waveforms_v,
             n_rejected=gates.n_rejected,
         )

@@ -110,7 +110,7 @@ def test_with_same_step_autoreset_the_end_is_told_beside_the_new_start() -> None
 
 def test_without_autoreset_a_mask_says_which_rows_start_anew() -> None:
     envs = PatrolVectorEnv(3, brisk(), autoreset_mode="Disabled")
-    envs.reset(seed=2)
+    before, _ = envs.reset(seed=2)
     for _ in range(5):
         before, *_, info = envs.step(np.zeros((3, 2), dtype=np.float32))
     after, info = envs.reset(options={"reset_mask": np.array([False, True, False])})

@@ -57,10 +57,10 @@ def test_the_robot_touches_the_piece_whatever_part_it_runs_into() -> None:
     inspector = Inspectors(yard_with("power_transformer", yaw_deg=0.0), RING_M, AZIMUTHS_RAD)
     inspector.reset([0], [(20.0, 12.4, np.pi / 2)])
     inspector.drive([0.5], [0.0], 2.0)
-    assert inspector.touched()[0] == ("equipment/it",)
+    assert inspector.touched[0] == ("equipment/it",)
     inspector.reset([0], [(17.0, 8.0, 0.0)])
     inspector.drive([0.5], [0.0], 1.0)
-    assert inspector.touched()[0] == ()
+    assert inspector.touched[0] == ()
 
 
 def test_the_robot_passes_below_a_busbar_but_not_over_a_kerb() -> None:
@@ -72,7 +72,7 @@ def test_the_robot_passes_below_a_busbar_but_not_over_a_kerb() -> None:
     inspector.reset([0], [(20.0, 14.0, np.pi / 2)])
     assert inspector.readings.lidar_m[0, 0] == pytest.approx(1.0 - 0.075, abs=0.01)  # as high as the lidar looks
     inspector.drive([0.5], [0.0], 3.0)
-    assert inspector.touched()[0] == ("equipment/it",)
+    assert inspector.touched[0] == ("equipment/it",)
     assert inspector.readings.pose[0, 1] < 15.0
 
 

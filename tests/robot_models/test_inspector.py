@@ -59,7 +59,7 @@ class Inspector:
         return self.robots.readings.world_from_base[0]
 
     def touched(self) -> tuple[str, ...]:
-        return self.robots.touched()[0]
+        return self.robots.touched[0]
 
 
 @pytest.fixture

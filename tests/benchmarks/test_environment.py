@@ -1,0 +1,153 @@
+"""How fast the environment steps, beside its own physics, Gymnasium's robots and Gymnasium's vector environments.
+
+Everything is on: lidar, sensing, direction finding. All speeds are taken in turns inside one run and told as ratios.
+"""
+
+import statistics
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import gymnasium
+import mujoco
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_limits
+
+from envs.patrol import PatrolEnv
+from envs.patrols import STEP_S
+
+pytestmark = pytest.mark.benchmark
+
+N_ENVS, N_THREADS = 64, 2
+ROUNDS = 9
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    """Linear algebra in one thread, for all sides."""
+    with threadpool_limits(limits=1):
+        yield
+
+
+def median_seconds(*sides: Callable[[], int]) -> list[float]:
+    """Median over rounds of the seconds that one step of each side takes, the sides always in turn."""
+    for side in sides:
+        side()
+    taken: list[list[float]] = [[] for _ in sides]
+    for _ in range(ROUNDS):
+        for side, seconds in zip(sides, taken, strict=True):
+            start = time.perf_counter()
+            n_steps = side()
+            seconds.append((time.perf_counter() - start) / n_steps)
+    return [statistics.median(seconds) for seconds in taken]
+
+
+def random_steps(env: gymnasium.Env[Any, Any], n_steps: int = 300) -> Callable[[], int]:
+    """Random actions, drawn beforehand; a new episode where one ends."""
+    assert isinstance(env.action_space, gymnasium.spaces.Box)
+    low, high = env.action_space.low, env.action_space.high
+    actions = np.random.default_rng(0).uniform(low, high, (n_steps, *low.shape)).astype(np.float32)
+    env.reset(seed=0)
+
+    def step_all() -> int:
+        for action in actions:
+            _, _, terminated, truncated, _ = env.step(action)
+            if terminated or truncated:
+                env.reset()
+        return n_steps
+
+    return step_all
+
+
+def vector_steps(envs: gymnasium.vector.VectorEnv[Any, Any, Any], n_steps: int = 12) -> Callable[[], int]:
+    """The same for many at once, counted by environment."""
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (n_steps, envs.num_envs, 2)).astype(np.float32)
+    envs.reset(seed=0)
+
+    def step_all() -> int:
+        for action in actions:
+            envs.step(action)
+        return n_steps * envs.num_envs
+
+    return step_all
+
+
+def bare_physics(n_steps: int = 300) -> Callable[[], int]:
+    """Nothing but `mj_step` on the same model, with as many substeps and the same commands to the wheels."""
+    inspectors = PatrolEnv("bench").patrols.inspectors
+    model, data = inspectors.model, inspectors.data()
+    mujoco.mj_resetDataKeyframe(model, data, 0)  # pyright: ignore[reportAttributeAccessIssue]
+    data.qpos[:2] = 3.0, 3.0
+    v, turn = np.random.default_rng(0).uniform(-1.0, 1.0, (n_steps, 2)).T
+    wheels = np.stack([0.8 * v - 1.5 * 0.16 * turn, 0.8 * v + 1.5 * 0.16 * turn], axis=-1) / 0.075
+    n_substeps = round(STEP_S / model.opt.timestep)
+
+    def step_all() -> int:
+        for speeds in wheels:
+            data.ctrl[:] = speeds
+            mujoco.mj_step(model, data, nstep=n_substeps)  # pyright: ignore[reportAttributeAccessIssue]
+        return n_steps
+
+    return step_all
+
+
+def bench() -> gymnasium.Env[Any, Any]:
+    return gymnasium.make("envs:PDPatrol-v0", scenario="bench", terminate_on_approach=False)
+
+
+def test_every_step_of_the_bench_scenario_hears_a_pulse() -> None:
+    env = bench()
+    env.reset(seed=0)
+    rng = np.random.default_rng(1)
+    heard = [env.step(rng.uniform(-1, 1, 2).astype(np.float32))[0]["heard"][0] for _ in range(600)]
+    assert min(heard) == 1.0
+    envs = gymnasium.make_vec("envs:PDPatrol-v0", num_envs=8, scenario="bench", terminate_on_approach=False)
+    envs.reset(seed=0)
+    for _ in range(100):
+        observation, *_ = envs.step(rng.uniform(-1, 1, (8, 2)).astype(np.float32))
+        assert observation["heard"].min() == 1.0
+
+
+def test_a_single_environment_is_faster_than_ant_and_mostly_physics() -> None:
+    ant, cheetah = gymnasium.make("Ant-v5"), gymnasium.make("HalfCheetah-v5")
+    ours_s, bare_s, ant_s, cheetah_s = median_seconds(
+        random_steps(bench()), bare_physics(), random_steps(ant), random_steps(cheetah)
+    )
+    print()
+    for name, step_s, sim_s in (
+        ("PDPatrol-v0", ours_s, STEP_S),
+        ("Ant-v5", ant_s, ant.unwrapped.dt),  # pyright: ignore[reportAttributeAccessIssue]
+        ("HalfCheetah-v5", cheetah_s, cheetah.unwrapped.dt),  # pyright: ignore[reportAttributeAccessIssue]
+    ):
+        print(f"{name:15} {1 / step_s:6.0f} env steps and {sim_s / step_s:6.0f} simulated seconds a second")
+    over_ant = (STEP_S / ours_s) / (ant.unwrapped.dt / ant_s)  # pyright: ignore[reportAttributeAccessIssue]
+    print(f"{over_ant:.2f} times the simulated seconds of Ant-v5; {bare_s / ours_s:.2f} of bare physics")
+    assert over_ant >= 1.5
+    assert bare_s / ours_s >= 0.45
+
+
+def test_the_vector_environment_is_at_least_twice_as_fast_as_any_other_way() -> None:
+    def made(mode: str | None, **options: Any) -> gymnasium.vector.VectorEnv[Any, Any, Any]:  # noqa: ANN401
+        return gymnasium.make_vec(
+            "envs:PDPatrol-v0",
+            num_envs=N_ENVS if mode is None else 8,
+            vectorization_mode=mode,
+            scenario="bench",
+            terminate_on_approach=False,
+            **options,
+        )
+
+    native, sync, in_processes = made(None, num_threads=N_THREADS), made("sync"), made("async")
+    try:
+        single_s, native_s, sync_s, async_s = median_seconds(
+            random_steps(bench()), vector_steps(native), vector_steps(sync, 30), vector_steps(in_processes, 30)
+        )
+    finally:
+        in_processes.close()
+    print(
+        f"\nnative vector environment, {N_ENVS} robots on {N_THREADS} threads: {single_s / native_s:.2f} times a "
+        f"single one, {sync_s / native_s:.2f} times SyncVectorEnv, {async_s / native_s:.2f} times AsyncVectorEnv"
+    )
+    assert single_s / native_s >= 2.0
+    assert min(sync_s, async_s) / native_s >= 2.0
