@@ -67,7 +67,7 @@ def move_on(
 
     Returns:
         Metres by which each came nearer to the nearest source that was not yet approached; whether all sources are
-        approached, and whether it is back at the dock after the route, neither in a new episode; shape (n_robots,) each.
+        approached; and whether it is back at the dock after the route. Neither in a new episode. Shape (n_robots,).
     """
     n_robots, n_sources = progress.approached.shape
     n_stops = len(stops_m)

@@ -71,7 +71,7 @@ class Inspectors:
     Attributes:
         model: The world that each is in.
         step_s: Length of a physics step.
-        touched: What each robot touched since its last `drive` or `reset` began, sorted: `equipment/NAME`, `fence/SIDE`.
+        touched: What each robot touched since its last `drive` or `reset` began: `equipment/NAME`, `fence/SIDE`.
         readings: Where they are, how they move and what the lidar sees, since the last `drive` or `reset`. The lidar
             scanned in the last physics step: at full speed the robot has since moved by a few millimetres.
     """

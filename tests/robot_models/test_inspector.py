@@ -90,7 +90,7 @@ def test_each_file_compiles_and_runs_for_a_second_without_a_warning(file: str):
     model = mujoco.MjModel.from_xml_path(str(FOLDER / file))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)
-    mujoco.mj_step(model, data, 200)
+    mujoco.mj_step(model, data, round(1.0 / model.opt.timestep))
     assert n_warnings(data) == 0
     assert np.isfinite(data.qpos).all()
     assert data.time == pytest.approx(1.0)
@@ -153,7 +153,7 @@ def test_the_wheels_stay_on_the_floor_when_accelerating_and_braking_hard(inspect
     weight_n = inspector.model.body_subtreemass[0] * 9.81
     for command in [(0.8, 0.0), (-0.8, 0.0), (0.8, 1.5), (-0.8, -1.5), (0.0, 0.0)]:
         for _ in range(100):
-            inspector.drive(*command, 0.005)
+            inspector.drive(*command, inspector.robots.step_s)
             assert wheel_loads_n(inspector).min() > 0.2 * weight_n
 
 
@@ -282,7 +282,7 @@ def test_the_encoders_agree_with_the_angle_turned(inspector: Inspector):
 
 def test_the_gyro_measures_the_yaw_rate_and_the_accelerometer_gravity(inspector: Inspector):
     inspector.drive(0.0, 1.0, 1.0)
-    inspector.drive(0.0, 1.0, 0.005)
+    inspector.drive(0.0, 1.0, inspector.robots.step_s)
     assert inspector.data.sensor("gyro").data[2] == pytest.approx(inspector.velocity()[1], rel=1e-4)
     assert inspector.data.sensor("accelerometer").data[2] == pytest.approx(9.81, rel=0.01)
 
