@@ -1,7 +1,8 @@
-"""Free ground to path to wheel command, on the map that the robot carries."""
+"""Free ground and the shortest ways over it, on the map that the robot carries."""
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,10 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import KDTree
 
-from dirmusic.angles import difference
 from envs import Scenario
-from robot_models.inspector import CHASSIS_RADIUS_M, MAX_SPEED_MPS, MAX_YAW_RATE_RADPS
+from envs.scenario import ROBOT_CLEARANCE_M
+from robot_models.inspector import CHASSIS_RADIUS_M
 
 FloatArray = NDArray[np.float64]
 
@@ -24,9 +26,6 @@ MARGIN_M = 0.15
 
 COMFORT_M = 0.8
 """Ground nearer than this to equipment costs up to twice as much (assumed)."""
-
-LOOKAHEAD_M = 0.7
-"""How far ahead on the path the robot steers (assumed)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +40,10 @@ class Reach:
     _previous: NDArray[np.int32]
     _site_map: SiteMap
 
+    def nearest(self, point_m: ArrayLike) -> int:
+        """The cell nearest to a point (2,) among those that can be reached."""
+        return self._site_map.nearest(point_m, np.isfinite(self.length_m))
+
     def path(self, cell: int) -> FloatArray:
         """Cell centres from the start to `cell`, shape (n, 2), metres."""
         cells = [cell]
@@ -50,24 +53,50 @@ class Reach:
 
 
 class SiteMap:
-    """The yard as the operator's plan shows it: fence, equipment, route. It knows of no discharge."""
+    """The yard as the operator's plan shows it: fence, equipment, route. It knows of no discharge.
+
+    Attributes:
+        obstacles_m: Points of what stands in the way though the plan does not show it, shape (n, 2), world frame.
+        centres_m: Cell centres, shape (n_cells, 2).
+    """
 
     def __init__(self, scenario: Scenario) -> None:
         self.yard = scenario.yard
         self.route = scenario.route
         self.task = scenario.task
+        self.obstacles_m: FloatArray = np.empty((0, 2))
         self._shape = tuple(round(size / CELL_M) for size in self.yard.size_m)
-
-    @cached_property
-    def centres_m(self) -> FloatArray:
-        """Cell centres, shape (n_cells, 2)."""
         axes = [CELL_M * (np.arange(n) + 0.5) for n in self._shape]
-        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1, dtype=np.float64).reshape(-1, 2)
+        cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1, dtype=np.float64)
+        self.centres_m: FloatArray = cells.reshape(-1, 2)
+        self._planned_clearance_m = self.yard.clearance(self.centres_m)
+
+    def with_obstacles(self, points_m: FloatArray) -> SiteMap:
+        """The same plan with these obstacles, shape (n, 2), world frame, instead of those it had."""
+        other = copy(self)
+        for stale in ("clearance_m", "is_free", "_graph"):
+            vars(other).pop(stale, None)
+        other.obstacles_m = points_m
+        return other
 
     @cached_property
     def clearance_m(self) -> FloatArray:
-        """Distance from each cell centre to equipment or fence, shape (n_cells,)."""
-        return self.yard.clearance(self.centres_m)
+        """Distance from each cell centre to equipment, fence or obstacle, shape (n_cells,)."""
+        return np.minimum(self._planned_clearance_m, self._to_obstacles(self.centres_m))
+
+    def clearance(self, points_m: FloatArray) -> FloatArray:
+        """Distance from points (..., 2) to equipment, fence or obstacle, shape (...)."""
+        return np.minimum(self.yard.clearance(points_m), self._to_obstacles(points_m))
+
+    def _to_obstacles(self, points_m: FloatArray) -> FloatArray:
+        if not self.obstacles_m.size:
+            return np.full(points_m.shape[:-1], np.inf)
+        return np.asarray(KDTree(self.obstacles_m).query(points_m)[0], dtype=np.float64)
+
+    def is_clear(self, start_m: FloatArray, end_m: FloatArray) -> bool:
+        """Whether the robot fits all along the straight line between two points (2,)."""
+        between = np.linspace(start_m, end_m, 2 + int(np.linalg.norm(end_m - start_m) / ROBOT_CLEARANCE_M))
+        return bool(self.clearance(between).min() >= ROBOT_CLEARANCE_M)
 
     @cached_property
     def is_free(self) -> NDArray[np.bool_]:
@@ -95,20 +124,14 @@ class SiteMap:
 
     def cell(self, point_m: ArrayLike) -> int:
         """The free cell nearest to a point (2,)."""
+        return self.nearest(point_m, self.is_free)
+
+    def nearest(self, point_m: ArrayLike, among: NDArray[np.bool_]) -> int:
+        """The cell nearest to a point (2,) of those marked in `among`, shape (n_cells,)."""
         square = np.square(self.centres_m - np.asarray(point_m, dtype=np.float64)[:2]).sum(axis=-1)
-        return int(np.where(self.is_free, square, np.inf).argmin())
+        return int(np.where(among, square, np.inf).argmin())
 
     def reach(self, point_m: ArrayLike) -> Reach:
         """All shortest ways from a point (2,)."""
         length, previous = dijkstra(self._graph, indices=[self.cell(point_m)], return_predecessors=True)
         return Reach(length_m=length[0], _previous=previous[0], _site_map=self)
-
-
-def steer(pose: FloatArray, path_m: FloatArray) -> tuple[float, float]:
-    """Speed (m/s) and yaw rate (rad/s) that follow a path (n, 2): turn towards a point ahead, slow down in turns."""
-    nearest = int(np.square(path_m - pose[:2]).sum(axis=-1).argmin())
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path_m[nearest:], axis=0), axis=-1))])
-    ahead = path_m[nearest + min(int(np.searchsorted(along, LOOKAHEAD_M)), along.size - 1)]
-    off = float(difference(np.arctan2(ahead[1] - pose[1], ahead[0] - pose[0]), pose[2]))
-    yaw_rate = float(np.clip(2.5 * off, -MAX_YAW_RATE_RADPS, MAX_YAW_RATE_RADPS))
-    return MAX_SPEED_MPS * max(0.0, 1.0 - abs(off) / np.radians(50.0)), yaw_rate

@@ -6,8 +6,8 @@ Every policy sees the same: what the robot senses, what the Locator found, and t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, Protocol, runtime_checkable
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,15 +16,12 @@ from dirmusic import Finding
 from dirmusic.angles import difference
 from envs.patrol import Observation
 from missions.choices import PolicyName
-from missions.navigation import Reach, SiteMap, steer
-from robot_models.inspector import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS
+from missions.driver import Driver
+from missions.leg import Leg
+from missions.navigation import Reach, SiteMap
+from missions.policy import Action, Policy, believed_pose, time_of
 
 FloatArray = NDArray[np.float64]
-Action = NDArray[np.float32]
-
-LEG_SPEED_MPS = 0.4
-LEG_SLACK_S = 30.0
-"""A leg may take its length at this speed plus this slack (assumed); then its goal is given up."""
 
 PURSUIT_LIMIT_S = 120.0
 """Time given to one candidate before the robot goes back to its route (assumed)."""
@@ -39,57 +36,12 @@ VIEW_RADII_M = (1.8, 2.3, 2.9, 3.5)
 VIEW_ASPECTS_RAD = np.radians(np.arange(0.0, 360.0, 15.0))
 """Viewpoints that are considered around a candidate (assumed): near enough to confirm, clear of its equipment."""
 
+VIEW_RADIUS_M = 0.4
+"""How near to a viewpoint is near enough (assumed)."""
+
 NOVELTY_RAD = np.radians(60.0)
 NOVELTY_WORTH_M = 8.0
 """A view that opens the angle by 60 degrees is worth a detour of this length (assumed)."""
-
-
-class Policy(Protocol):
-    """What the runner drives."""
-
-    phase: str
-    """What it is doing, in a word or two."""
-
-    def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
-        """The next action in [-1, 1]^2, or None to end the mission."""
-        ...
-
-
-@runtime_checkable
-class SeesTruth(Protocol):
-    """Mark of a policy that the runner tells the truth."""
-
-    def reveal(self, truth: dict[str, Any]) -> None:
-        """Take in `info["truth"]`."""
-        ...
-
-
-class Leg:
-    """A drive to one place, given up when it takes too long."""
-
-    def __init__(
-        self, site_map: SiteMap, pose: FloatArray, goal_m: FloatArray, time_s: float, reach: Reach | None = None
-    ) -> None:
-        reach = reach or site_map.reach(pose)
-        cell = site_map.cell(goal_m)
-        length = reach.length_m[cell]
-        self.goal_m = np.asarray(goal_m, dtype=np.float64)
-        self.is_reachable = bool(np.isfinite(length))
-        self.path_m = np.vstack([reach.path(cell), self.goal_m]) if self.is_reachable else np.empty((0, 2))
-        self.deadline_s = time_s + (length / LEG_SPEED_MPS + LEG_SLACK_S if self.is_reachable else 0.0)
-
-    def is_over(self, pose: FloatArray, time_s: float, radius_m: float) -> bool:
-        """Whether the goal is reached, out of reach, or has taken too long."""
-        return self.has_arrived(pose, radius_m) or not self.is_reachable or time_s > self.deadline_s
-
-    def has_arrived(self, pose: FloatArray, radius_m: float) -> bool:
-        """Whether the goal is within `radius_m`."""
-        return float(np.hypot(*(self.goal_m - pose[:2]))) <= radius_m
-
-    def action(self, pose: FloatArray) -> Action:
-        """The next action along the path."""
-        v, yaw_rate = steer(pose, self.path_m)
-        return np.array([v / MAX_SPEED_MPS, yaw_rate / MAX_YAW_RATE_RADPS], dtype=np.float32)
 
 
 class Patrol:
@@ -97,6 +49,7 @@ class Patrol:
 
     def __init__(self) -> None:
         self.phase = "patrol"
+        self.unreachable: tuple[int, ...] = ()
         self._next_stop = 0
         self._leg: Leg | None = None
 
@@ -105,16 +58,19 @@ class Patrol:
         if not site_map.route.waypoints_m:
             self.phase = "listen"
             return np.zeros(2, dtype=np.float32)
-        pose, time_s = _pose(observation), _time(observation, site_map)
+        pose, time_s = believed_pose(observation), time_of(observation, site_map)
         stops = (*site_map.route.waypoints_m, site_map.route.dock_m)
         radius = 0.7 * site_map.task.waypoint_radius_m  # inside what counts, whatever the pose error
         while self._next_stop < len(stops):
             goal = np.asarray(stops[self._next_stop])
             if self._leg is None:
-                self._leg = Leg(site_map, pose, goal, time_s)
-            if not self._leg.is_over(pose, time_s, radius):
+                self._leg = Leg(site_map, pose, goal, time_s, radius)
+            self._leg.follow(site_map, pose)
+            if not self._leg.is_over(pose, time_s):
                 self.phase = "return to dock" if self._next_stop == len(stops) - 1 else f"patrol {self._next_stop + 1}"
                 return self._leg.action(pose)
+            if not self._leg.has_arrived(pose) and self._next_stop < len(stops) - 1:
+                self.unreachable = (*self.unreachable, self._next_stop + 1)
             self._leg = None
             self._next_stop += 1
         return None
@@ -129,6 +85,7 @@ class Seek:
 
     def __init__(self) -> None:
         self.phase = "patrol"
+        self.unreachable: tuple[int, ...] = ()
         self._patrol = Patrol()
         self._target: int | None = None
         self._since_s = 0.0
@@ -142,7 +99,7 @@ class Seek:
         if not site_map.route.waypoints_m:
             self.phase = "listen"
             return np.zeros(2, dtype=np.float32)
-        pose, time_s = _pose(observation), _time(observation, site_map)
+        pose, time_s = believed_pose(observation), time_of(observation, site_map)
         target = self._choose(findings, pose, time_s)
         if target is not None:
             action = self._pursue(target, pose, time_s, site_map)
@@ -151,7 +108,7 @@ class Seek:
                 return action
             self._drop()
         action = self._patrol(observation, findings, site_map)
-        self.phase = self._patrol.phase
+        self.phase, self.unreachable = self._patrol.phase, self._patrol.unreachable
         return action
 
     def _choose(self, findings: Sequence[Finding], pose: FloatArray, time_s: float) -> Finding | None:
@@ -178,13 +135,13 @@ class Seek:
         """Along the leg to the current viewpoint; plans another when it is reached, old, or too slow."""
         if not self._views_m or np.hypot(*(self._views_m[-1] - pose[:2])) > 0.5:
             self._views_m.append(pose[:2].copy())
-        arrived = self._leg is None or self._leg.is_over(pose, time_s, 0.4)
-        if arrived or time_s - self._planned_s >= REPLAN_S:
+        needs_another = self._leg is None or self._leg.is_over(pose, time_s) or self._leg.site_map is not site_map
+        if needs_another or time_s - self._planned_s >= REPLAN_S:
             reach = site_map.reach(pose)
             goal = self._viewpoint(target, pose, reach, site_map)
             if goal is None:
                 return None
-            self._leg, self._planned_s = Leg(site_map, pose, goal, time_s, reach), time_s
+            self._leg, self._planned_s = Leg(site_map, pose, goal, time_s, VIEW_RADIUS_M, reach), time_s
         assert self._leg is not None
         return self._leg.action(pose) if self._leg.is_reachable else None
 
@@ -193,7 +150,7 @@ class Seek:
         spokes = np.stack([np.cos(VIEW_ASPECTS_RAD), np.sin(VIEW_ASPECTS_RAD)], axis=-1)
         ring = target.position_m + np.multiply.outer(np.asarray(VIEW_RADII_M), spokes).reshape(-1, 2)
         ring = ring[site_map.yard.contains(ring)]
-        ring = ring[site_map.yard.clearance(ring) > 0.4] if ring.size else ring
+        ring = ring[site_map.clearance(ring) > 0.4] if ring.size else ring
         ring = ring[site_map.yard.in_sight(ring, target.position_m, ignore_m=0.5)] if ring.size else ring
         cells = np.array([site_map.cell(point) for point in ring], dtype=np.intp)
         length = reach.length_m[cells]
@@ -231,6 +188,7 @@ class Random:
 
     def __init__(self, rng: np.random.Generator) -> None:
         self.phase = "random"
+        self.unreachable: tuple[int, ...] = ()
         self._rng = rng
         self._action = np.zeros(2, dtype=np.float32)
         self._n = 0
@@ -248,7 +206,8 @@ class Oracle:
 
     def __init__(self) -> None:
         self.phase = "oracle"
-        self._seek = Seek()
+        self.unreachable: tuple[int, ...] = ()
+        self._seek = Driver(Seek())
         self._sources_m: list[FloatArray] = []
 
     def reveal(self, truth: dict[str, Any]) -> None:
@@ -275,19 +234,16 @@ class Oracle:
             if all(np.hypot(*(position - other)) > 1.0 for other in confirmed)
         ]
         action = self._seek(observation, known, site_map)
-        self.phase = self._seek.phase
+        self.phase, self.unreachable = self._seek.phase, self._seek.unreachable
         return action
 
 
 def make_policy(name: PolicyName, rng: np.random.Generator) -> Policy:
     """A fresh policy by name; `rng` for those that draw."""
-    return {"seek": Seek, "patrol": Patrol, "oracle": Oracle, "random": lambda: Random(rng)}[name]()
-
-
-def _pose(observation: Observation) -> FloatArray:
-    x, y, cos, sin = observation["pose"].astype(np.float64)
-    return np.array([x, y, np.arctan2(sin, cos)])
-
-
-def _time(observation: Observation, site_map: SiteMap) -> float:
-    return site_map.task.time_limit_s - float(observation["time_left"][0])
+    made: dict[PolicyName, Callable[[], Policy]] = {
+        "seek": lambda: Driver(Seek()),
+        "patrol": lambda: Driver(Patrol()),
+        "oracle": Oracle,
+        "random": lambda: Random(rng),
+    }
+    return made[name]()

@@ -41,6 +41,8 @@ def make_report(log: MissionLog, wall_time_s: float) -> dict[str, Any]:
     step, events = log.table("step"), log.table("event")
     visited = sorted(int(text) for text in events["text"][events["kind"] == "waypoint"])
     n_waypoints = len(log.meta.get("route", {}).get("waypoints_m", ()))
+    missed = [number for number in range(1, n_waypoints + 1) if number not in visited]
+    given_up = set(events["text"][events["kind"] == "unreachable"].tolist())
     patterns = phase_patterns(log)
     findings = _findings(log, patterns, "confirmed")
     report: dict[str, Any] = {
@@ -52,7 +54,11 @@ def make_report(log: MissionLog, wall_time_s: float) -> dict[str, Any]:
         "wall_time_s": wall_time_s,
         "distance_m": _distance(step),
         "collisions": int((events["kind"] == "contact").sum()),
-        "waypoints": {"visited": visited, "missed": [k for k in range(1, n_waypoints + 1) if k not in visited]},
+        "waypoints": {
+            "visited": visited,
+            "missed": missed,
+            "unreachable": [number for number in missed if f"waypoint {number}" in given_up],
+        },
         "n_bearings": log.n_rows("bearing"),
         "channel_faults": events["text"][events["kind"] == "channel fault"].tolist(),
         "findings": findings,

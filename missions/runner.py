@@ -18,7 +18,8 @@ from missions.choices import PolicyName
 from missions.log import MissionLog
 from missions.logbook import Logbook
 from missions.navigation import SiteMap
-from missions.policies import SeesTruth, make_policy
+from missions.policies import make_policy
+from missions.policy import SeesTruth
 from robot_models.inspector import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS
 from robot_models.world import describe_solids
 from sensing import HelicalArray
@@ -49,6 +50,7 @@ class Mission:
         self._observation, info = self.env.reset(seed=seed)
         self._touched: frozenset[str] = frozenset()
         self._visited: tuple[int, ...] = ()
+        self._unreachable: frozenset[int] = frozenset()
         self._true_start = info["truth"].pop("pose")
         self.log = MissionLog(self._meta(scenario, policy, seed, info["truth"]))
         self._book = Logbook(self.log, self.locator)
@@ -134,6 +136,9 @@ class Mission:
         for index in sorted(set(info["waypoints_visited"]) - set(self._visited)):
             self._book.event("waypoint", str(index + 1))
         self._visited = info["waypoints_visited"]
+        for number in sorted(set(self.policy.unreachable) - self._unreachable):
+            self._book.event("unreachable", f"waypoint {number}")
+        self._unreachable = frozenset(self.policy.unreachable)
 
 
 def make_locator(scenario: Scenario) -> Locator:

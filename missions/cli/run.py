@@ -28,6 +28,9 @@ from missions.cli.terminal import (
 if TYPE_CHECKING:
     from missions.runner import Mission
 
+TOLD = ("candidate", "confirmed", "outside", "echo", "contact", "unreachable", "clipped", "channel fault")
+"""Kinds of events that are news."""
+
 
 def run(
     scenario: tyro.conf.Positional[str] = "one_source",
@@ -93,7 +96,7 @@ def run(
 
 
 def _summary(report: dict[str, Any], ending: str) -> str:
-    missed = report["waypoints"]["missed"]
+    missed, unreachable = report["waypoints"]["missed"], report["waypoints"]["unreachable"]
     parts = [
         f"{ending} after {report['sim_time_s']:.0f} s simulated in {report['wall_time_s']:.1f} s",
         f"{report['distance_m']:.0f} m driven",
@@ -101,6 +104,8 @@ def _summary(report: dict[str, Any], ending: str) -> str:
         f"{report['collisions']} collisions",
         f"waypoints missed: {', '.join(map(str, missed)) or 'none'}",
     ]
+    if unreachable:
+        parts.append(f"waypoints that could not be reached: {', '.join(map(str, unreachable))}")
     if "evaluation" in report:
         sources = report["evaluation"]["sources"]
         found = sum(source["found"] for source in sources)
@@ -137,7 +142,7 @@ def _progress(time_limit_s: float) -> Iterator[Callable[[Mission], None]]:
                 nonlocal told
                 events = mission.log.table("event", told)
                 for kind, text in zip(events["kind"], events["text"], strict=True):
-                    if kind in ("candidate", "confirmed", "outside", "echo", "contact", "clipped", "channel fault"):
+                    if kind in TOLD:
                         progress.console.print(
                             f"{mission.time_s:6.1f} s  {kind}: {text}", highlight=False, markup=False
                         )

@@ -9,7 +9,8 @@ import pytest
 from envs import Scenario, load_scenario
 from missions.choices import PolicyName
 from missions.log import TABLES, MissionLog
-from missions.policies import SeesTruth, make_policy
+from missions.policies import make_policy
+from missions.policy import SeesTruth
 from missions.report import make_report
 from missions.runner import Mission, run_mission
 from sensing.faults import ChannelFault
@@ -99,7 +100,7 @@ def test_what_a_policy_sees_holds_no_truth(monkeypatch: pytest.MonkeyPatch) -> N
         seen.append((observation, findings, site_map))
         return inner(observation, findings, site_map)  # pyright: ignore[reportArgumentType]
 
-    watching.phase = "watched"  # pyright: ignore[reportFunctionMemberAccess]
+    watching.phase, watching.unreachable = "watched", ()  # pyright: ignore[reportFunctionMemberAccess]
     monkeypatch.setattr(mission, "policy", watching)
     for _ in range(20):
         mission.step()
@@ -111,9 +112,11 @@ def test_what_a_policy_sees_holds_no_truth(monkeypatch: pytest.MonkeyPatch) -> N
             "yard",
             "route",
             "task",
-            "_shape",
+            "obstacles_m",
             "centres_m",
             "clearance_m",
+            "_shape",
+            "_planned_clearance_m",
             "is_free",
             "_graph",
         }
@@ -141,8 +144,10 @@ def test_a_waypoint_that_cannot_be_reached_is_reported_and_skipped() -> None:
         {"name": "wall_w", "position_m": (26.0, 4.6), "footprint_m": (0.4, 9.2), **wall},
     )
     data["yard"]["equipment"] = (*data["yard"]["equipment"], *walls)
-    report = make_report(run_mission(Scenario.model_validate(data), "seek", seed=0), 1.0)
-    assert report["waypoints"]["missed"] == [2]
+    log = run_mission(Scenario.model_validate(data), "seek", seed=0)
+    report = make_report(log, 1.0)
+    assert report["waypoints"]["missed"] == report["waypoints"]["unreachable"] == [2]
+    assert log.column("event", "text")[log.column("event", "kind") == "unreachable"].tolist() == ["waypoint 2"]
     assert report["sim_time_s"] < scenario.task.time_limit_s
     assert report["collisions"] == 0
 

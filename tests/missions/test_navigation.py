@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from envs import load_scenario
-from missions.navigation import MARGIN_M, SiteMap, steer
-from missions.policies import Leg
+from missions.leg import BRAKING_MPS2, TURN_SPEED_MPS, Leg, speed_profile, steer
+from missions.navigation import MARGIN_M, SiteMap
 from robot_models.inspector import CHASSIS_RADIUS_M, MAX_SPEED_MPS
 
 MAP = SiteMap(load_scenario("one_source"))
@@ -39,16 +39,16 @@ def test_equipment_hides_what_is_behind_it_and_not_what_stands_on_it() -> None:
 
 def test_a_robot_that_steers_along_a_path_arrives_and_strays_little() -> None:
     pose = np.array([3.0, 3.0, 2.0])
-    leg = Leg(MAP, pose, np.array([36.0, 21.0]), 0.0)
+    leg = Leg(MAP, pose, np.array([36.0, 21.0]), 0.0, 0.3)
     worst, step_s = 0.0, 0.1
     for _ in range(1500):
         v, yaw_rate = steer(pose, leg.path_m)
         assert abs(v) <= MAX_SPEED_MPS
         pose = pose + step_s * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), yaw_rate])
         worst = max(worst, np.linalg.norm(leg.path_m - pose[:2], axis=-1).min())
-        if leg.has_arrived(pose, 0.3):
+        if leg.has_arrived(pose):
             break
-    assert leg.has_arrived(pose, 0.3)
+    assert leg.has_arrived(pose)
     assert worst < 0.3
 
 
@@ -66,18 +66,81 @@ def test_a_goal_walled_in_is_given_up_at_once() -> None:
     data["yard"]["equipment"] = (*data["yard"]["equipment"], *walls)
     walled = SiteMap(type(scenario).model_validate(data))
     pose = np.array([3.0, 3.0, 0.0])
-    leg = Leg(walled, pose, np.array([28.0, 6.0]), 0.0)
+    leg = Leg(walled, pose, np.array([28.0, 6.0]), 0.0, 0.4)
     assert not leg.is_reachable
-    assert leg.is_over(pose, 0.0, 0.4)
+    assert leg.is_over(pose, 0.0)
 
 
 def test_a_leg_that_takes_too_long_is_over() -> None:
     pose = np.array([3.0, 3.0, 0.0])
-    leg = Leg(MAP, pose, np.array([13.0, 6.0]), 5.0)
-    assert not leg.is_over(pose, 6.0, 0.4)
-    assert leg.is_over(pose, 5.0 + 200.0, 0.4)
+    leg = Leg(MAP, pose, np.array([13.0, 6.0]), 5.0, 0.4)
+    assert not leg.is_over(pose, 6.0)
+    assert leg.is_over(pose, 5.0 + 200.0)
     assert leg.deadline_s == pytest.approx(5.0 + 30.0 + leg_length(leg) / 0.4, rel=0.2)
 
 
 def leg_length(leg: Leg) -> float:
     return float(np.linalg.norm(np.diff(leg.path_m, axis=0), axis=-1).sum())
+
+
+def test_an_obstacle_that_was_seen_is_driven_round_with_the_same_room_and_forgotten_with_the_next_map() -> None:
+    start, goal = np.array([3.0, 3.0]), np.array([9.0, 3.0])
+    wall_m = np.stack([np.full(30, 6.0), np.linspace(0.0, 5.0, 30)], axis=-1)
+    seen = MAP.with_obstacles(wall_m)
+    path = seen.reach(start).path(seen.cell(goal))
+    assert np.linalg.norm(path[:, np.newaxis] - wall_m, axis=-1).min() >= CHASSIS_RADIUS_M + MARGIN_M
+    assert path[:, 1].max() > 5.0
+    again = seen.with_obstacles(wall_m[:0])
+    np.testing.assert_array_equal(again.clearance_m, MAP.clearance_m)
+    np.testing.assert_array_equal(again.reach(start).length_m, MAP.reach(start).length_m)
+
+
+def test_a_leg_plans_anew_on_another_map_and_keeps_its_deadline() -> None:
+    pose = np.array([3.0, 3.0, 0.0])
+    leg = Leg(MAP, pose, np.array([9.0, 3.0]), 0.0, 0.4)
+    before, deadline_s = leg.path_m, leg.deadline_s
+    leg.follow(MAP, pose)
+    assert leg.path_m is before
+    leg.follow(MAP.with_obstacles(np.array([[6.0, 3.0]])), pose)
+    assert np.abs(leg.path_m[:, 1] - 3.0).max() > np.abs(before[:, 1] - 3.0).max()
+    assert leg.deadline_s == deadline_s
+
+
+def test_a_goal_on_which_something_was_seen_is_approached_until_the_deadline() -> None:
+    pose, goal = np.array([3.0, 3.0, 0.0]), np.array([9.0, 3.0])
+    around = goal + 0.4 * np.stack([np.cos(np.arange(0, 6.3, 0.3)), np.sin(np.arange(0, 6.3, 0.3))], axis=-1)
+    leg = Leg(MAP.with_obstacles(around), pose, goal, 0.0, 0.3)
+    assert not leg.is_reachable
+    assert not leg.is_over(pose, 1.0)
+    assert leg.is_over(pose, leg.deadline_s + 0.1)
+    assert np.linalg.norm(leg.path_m[-1] - goal) < 1.1
+
+
+@pytest.mark.parametrize(("corner_deg", "speed_mps"), [(0.0, 0.8), (45.0, 0.5), (90.0, TURN_SPEED_MPS)])
+def test_the_speed_falls_gently_before_turns_and_to_nothing_at_the_end(corner_deg: float, speed_mps: float) -> None:
+    along_m = np.arange(0.0, 5.0, 0.25)[:, np.newaxis]
+    out = np.array([np.cos(np.radians(corner_deg)), np.sin(np.radians(corner_deg))])
+    path = np.concatenate([along_m * [1.0, 0.0], [5.0, 0.0] + along_m * out])
+    speed = speed_profile(path)
+    assert speed.max() == pytest.approx(MAX_SPEED_MPS)
+    assert speed[-1] == 0.0
+    assert speed[along_m.size] == pytest.approx(speed_mps)
+    fall = -np.diff(np.square(speed)) / np.linalg.norm(np.diff(path, axis=0), axis=-1)
+    assert fall.max() <= 2.0 * BRAKING_MPS2 + 1e-9
+
+
+def test_the_steps_of_the_grid_are_no_turns() -> None:
+    steps = np.cumsum([[0.25, 0.0], [0.25, 0.25]] * 20, axis=0)
+    assert speed_profile(steps)[3:20].min() > 0.7 * MAX_SPEED_MPS
+
+
+def test_a_robot_that_steers_to_the_end_of_a_path_stops_there() -> None:
+    path = np.stack([np.arange(0.0, 4.1, 0.25), np.zeros(17)], axis=-1)
+    pose, speeds = np.array([0.0, 0.1, 0.0]), []
+    while pose[0] < 3.9:
+        v, yaw_rate = steer(pose, path)
+        pose = pose + 0.1 * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), yaw_rate])
+        speeds.append(v)
+    assert np.linalg.norm(pose[:2] - path[-1]) < 0.15
+    assert speeds[-1] < 0.45
+    assert -np.diff(speeds).min() / 0.1 < 1.2 * BRAKING_MPS2

@@ -107,7 +107,7 @@ def test_twenty_seconds_of_random_driving_give_no_warning_and_no_nan(inspector: 
 
 def test_the_robot_reaches_the_commanded_speed_and_yaw_rate_within_one_percent(inspector: Inspector):
     limits = np.array([robot.MAX_SPEED_MPS, robot.MAX_YAW_RATE_RADPS])
-    for command in np.random.default_rng(3).uniform(-limits, limits, size=(20, 2)):
+    for command in np.random.default_rng(3).uniform(-limits, limits, size=(200, 2)):
         v, yaw_rate = command.tolist()
         inspector.reset(15.0, 25.0, 0.0)
         inspector.drive(v, yaw_rate, 1.0)

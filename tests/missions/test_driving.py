@@ -1,0 +1,238 @@
+"""What no plan shows is not touched and driven round; the robot gets away when stuck; courses are completed."""
+
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from envs import Scenario
+from envs.patrol import STEP_S, PatrolEnv
+from envs.random_yard import random_yard
+from missions.driver import Driver
+from missions.leg import Leg
+from missions.lidar_stop import STOP_M, free_way, safe_speed
+from missions.navigation import SiteMap
+from missions.policies import Patrol, Random
+from missions.policy import Policy
+from robot_models.inspector import CHASSIS_RADIUS_M, LIDAR_BEAMS, MAX_ACCELERATION_MPS2, MAX_SPEED_MPS
+
+BEAMS_RAD = 2.0 * np.pi * np.arange(LIDAR_BEAMS) / LIDAR_BEAMS
+NOTHING = np.full(LIDAR_BEAMS, 12.0)
+
+OPEN_YARD = Scenario.model_validate(
+    {
+        "name": "open_yard",
+        "yard": {"size_m": (14.0, 10.0)},
+        "route": {"dock_m": (2.0, 5.0), "dock_yaw_deg": 0.0, "waypoints_m": ((12.0, 5.0),)},
+        "array": {},
+    }
+)
+
+
+class Driven(NamedTuple):
+    """How a drive went: seconds, names touched, waypoints visited (from 0) and given up (from 1), phases, path."""
+
+    time_s: float
+    touched: set[str]
+    visited: tuple[int, ...]
+    unreachable: tuple[int, ...]
+    is_docked: bool
+    phases: set[str]
+    path_m: np.ndarray
+
+
+def drive(scenario: Scenario, site_map: SiteMap, seed: int = 0, policy: Policy | None = None) -> Driven:
+    """Drive until the policy is done, the robot docked, or the time over, without any locating."""
+    env = PatrolEnv(scenario, terminate_on_approach=False)
+    policy = policy or Driver(Patrol())
+    observation, info = env.reset(seed=seed)
+    touched, phases, path, terminated, truncated = set[str](), set[str](), [info["truth"]["pose"]], False, False
+    while not (terminated or truncated):
+        action = policy(observation, [], site_map)
+        if action is None:
+            break
+        observation, _, terminated, truncated, info = env.step(action)
+        touched.update(info["touched"])
+        phases.add(policy.phase)
+        path.append(info["truth"]["pose"])
+    visited, path_m = info["waypoints_visited"], np.array(path)[:, :2]
+    return Driven(info["time_s"], touched, visited, policy.unreachable, terminated, phases, path_m)
+
+
+def with_equipment(scenario: Scenario, *pieces: dict[str, Any]) -> Scenario:
+    data = scenario.model_dump()
+    named = [{"name": f"piece_{k}", "kind": "cabinet", "height_m": 1.5, **piece} for k, piece in enumerate(pieces)]
+    data["yard"]["equipment"] = (*data["yard"]["equipment"], *named)
+    return Scenario.model_validate(data)
+
+
+def wall_at(x_m: float) -> np.ndarray:
+    """Ranges to a wall across the way ahead."""
+    with np.errstate(divide="ignore"):
+        return np.where(np.cos(BEAMS_RAD) > 1e-9, np.minimum(x_m / np.cos(BEAMS_RAD), 12.0), 12.0)
+
+
+def test_the_way_is_free_as_far_as_the_wall_ahead_and_behind() -> None:
+    for x_m in (0.3, 0.4, 0.55):
+        assert free_way(wall_at(x_m), 0.8, 0.0) == pytest.approx(x_m - CHASSIS_RADIUS_M - 0.04, abs=0.03)
+        assert free_way(np.roll(wall_at(x_m), LIDAR_BEAMS // 2), -0.8, 0.0) == free_way(wall_at(x_m), 0.8, 0.0)
+    for v in (0.8, -0.8):
+        assert free_way(NOTHING, v, 0.3) == pytest.approx(0.6)
+
+
+def test_a_turn_away_is_freer_and_a_turn_towards_less_free_than_straight_on() -> None:
+    wall_on_the_left = np.roll(wall_at(0.3), LIDAR_BEAMS // 4)
+    assert free_way(wall_on_the_left, 0.5, 0.0) == free_way(wall_on_the_left, 0.5, -1.0) == pytest.approx(0.6)
+    assert free_way(wall_on_the_left, 0.5, 1.0) < 0.4
+
+
+def test_the_robot_may_leave_what_it_stands_against() -> None:
+    assert safe_speed(wall_at(0.21), 0.8, 0.0) == 0.0
+    assert safe_speed(wall_at(0.21), -0.8, 0.0) == -0.8
+
+
+def test_what_is_narrower_than_the_robot_stops_it_when_a_beam_meets_it() -> None:
+    for beam, blocks in ((0, True), (1, True), (2, True), (9, False), (18, False)):
+        pole = NOTHING.copy()
+        pole[beam] = 0.35
+        assert (safe_speed(pole, 0.8, 0.0) < 0.6) is blocks
+
+
+@pytest.mark.parametrize("x_m", [0.27, 0.3, 0.4, 0.5, 3.0])
+def test_a_robot_at_the_safe_speed_can_stop_in_time(x_m: float) -> None:
+    v = safe_speed(wall_at(x_m), MAX_SPEED_MPS, 0.0)
+    stops_in_m = v * STEP_S + v**2 / (2 * MAX_ACCELERATION_MPS2)
+    assert stops_in_m <= x_m - CHASSIS_RADIUS_M - STOP_M
+    assert v == MAX_SPEED_MPS or stops_in_m > x_m - CHASSIS_RADIUS_M - STOP_M - 0.07
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_whatever_a_policy_wishes_nothing_is_touched(seed: int) -> None:
+    things = [
+        {"shape": "box", "position_m": (4.0, 2.0), "footprint_m": (0.6, 1.2), "yaw_deg": 30.0},
+        {"shape": "box", "position_m": (5.0, 7.5), "footprint_m": (2.0, 0.3)},
+        {"shape": "cylinder", "position_m": (3.5, 5.0), "radius_m": 0.3},
+        {"shape": "cylinder", "position_m": (1.0, 3.5), "radius_m": 0.05},
+    ]
+    small = OPEN_YARD.model_copy(
+        update={
+            "yard": OPEN_YARD.yard.model_copy(update={"size_m": (7.0, 9.0)}),
+            "route": OPEN_YARD.route.model_copy(update={"waypoints_m": ((6.0, 5.0),)}),
+            "task": OPEN_YARD.task.model_copy(update={"time_limit_s": 120.0}),
+        }
+    )
+    scenario = with_equipment(small, *things)
+    driven = drive(scenario, SiteMap(scenario), seed, Driver(Random(np.random.default_rng(seed))))
+    unheeding = drive(scenario, SiteMap(scenario), seed, Random(np.random.default_rng(seed)))
+    assert driven.touched == set()
+    assert unheeding.touched
+    assert np.ptp(driven.path_m, axis=0).max() > 2.0
+
+
+@pytest.mark.parametrize(
+    "piece",
+    [
+        pytest.param({"shape": "box", "footprint_m": (1.0, 1.0)}, id="box"),
+        pytest.param({"shape": "box", "footprint_m": (0.4, 4.0), "yaw_deg": 10.0}, id="wall"),
+        pytest.param({"shape": "cylinder", "radius_m": 0.05}, id="pole"),
+    ],
+)
+def test_an_obstacle_that_the_plan_does_not_show_is_driven_round_untouched(piece: dict[str, Any]) -> None:
+    driven = drive(with_equipment(OPEN_YARD, {"position_m": (7.0, 5.0), **piece}), SiteMap(OPEN_YARD))
+    assert driven.touched == set()
+    assert driven.visited == (0,)
+    assert driven.is_docked
+    assert driven.time_s < 60.0
+
+
+def test_the_robot_comes_out_of_a_pocket_that_the_plan_does_not_show() -> None:
+    pocket = [
+        {"shape": "box", "position_m": (9.0, 5.0), "footprint_m": (0.3, 3.3)},
+        {"shape": "box", "position_m": (7.6, 6.5), "footprint_m": (2.8, 0.3)},
+        {"shape": "box", "position_m": (7.6, 3.5), "footprint_m": (2.8, 0.3)},
+    ]
+    driven = drive(with_equipment(OPEN_YARD, *pocket), SiteMap(OPEN_YARD))
+    assert driven.touched == set()
+    assert driven.visited == (0,)
+    assert driven.is_docked
+
+
+def test_the_robot_gets_away_from_what_its_lidar_cannot_see_and_drives_round_it() -> None:
+    sill = {"shape": "box", "position_m": (7.0, 5.0), "footprint_m": (0.3, 0.8), "height_m": 0.1}  # below the beams
+    driven = drive(with_equipment(OPEN_YARD, sill), SiteMap(OPEN_YARD))
+    assert "equipment/piece_0" in driven.touched
+    assert "back off" in driven.phases
+    assert driven.visited == (0,)
+    assert driven.is_docked
+
+
+def test_a_waypoint_under_an_obstacle_is_given_up_after_a_while_and_told_once() -> None:
+    yard = OPEN_YARD.model_copy(
+        update={"route": OPEN_YARD.route.model_copy(update={"waypoints_m": ((9.0, 5.0), (5.0, 8.0))})}
+    )
+    box = {"shape": "box", "position_m": (9.0, 5.0), "footprint_m": (2.0, 2.0)}
+    data = with_equipment(OPEN_YARD, box).model_copy(update={"route": yard.route})  # no scenario may be written so
+    driven = drive(data, SiteMap(yard))
+    assert driven.touched == set()
+    assert driven.visited == (1,)
+    assert driven.unreachable == (1,)
+    assert driven.time_s < 150.0
+
+
+def complete(seed: int) -> None:
+    scenario = random_yard(seed, seed % 8)
+    site_map = SiteMap(scenario)
+    driven = drive(scenario, site_map, seed)
+    assert driven.touched == set()
+    assert sorted([number + 1 for number in driven.visited] + list(driven.unreachable)) == [1, 2, 3, 4]
+    reach = site_map.reach(np.array(scenario.route.dock_m))
+    cells = [site_map.cell(stop) for stop in scenario.route.waypoints_m]
+    assert len(driven.unreachable) == np.isinf(reach.length_m[cells]).sum()
+    assert driven.is_docked or driven.unreachable
+
+
+@pytest.mark.parametrize("seed", [15, 21, 47])
+def test_an_obstacle_course_is_completed_without_touching_anything(seed: int) -> None:
+    complete(seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", range(0, 50, 10))
+def test_fifty_obstacle_courses_are_completed_without_touching_anything(first: int) -> None:
+    for seed in range(first, first + 10):
+        complete(seed)
+
+
+def strewn(scenario: Scenario, seed: int) -> Scenario:
+    """With four things on the way that the plan does not show, wide enough apart that there is a way round."""
+    rng, site_map, n_mapped = np.random.default_rng([seed, 1]), SiteMap(scenario), len(scenario.yard.equipment)
+    stops = np.array([scenario.route.dock_m, *scenario.route.waypoints_m, scenario.route.dock_m])
+    way = np.concatenate([site_map.reach(a).path(site_map.cell(b)) for a, b in pairwise(stops)])
+    while len(scenario.yard.equipment) < n_mapped + 4:
+        place, size = rng.choice(way), rng.uniform(0.1, 1.0, 2)
+        if np.linalg.norm(stops - place, axis=-1).min() > 2.0 and scenario.yard.clearance(place) > 0.5:
+            piece = {"name": f"strewn_{len(scenario.yard.equipment)}", "position_m": tuple(place.tolist())}
+            shape = {"shape": "box", "footprint_m": tuple(size.tolist()), "yaw_deg": float(rng.uniform(0.0, 90.0))}
+            scenario = with_equipment(scenario, {**piece, **shape})
+    return scenario
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", range(0, 50, 10))
+def test_fifty_courses_strewn_with_what_the_plan_does_not_show_are_completed_all_the_same(first: int) -> None:
+    for seed in range(first, first + 10):
+        scenario = random_yard(seed, seed % 8)
+        driven = drive(strewn(scenario, seed), SiteMap(scenario), seed)
+        assert driven.touched == set(), seed
+        assert driven.visited == (0, 1, 2, 3), seed
+
+
+def test_there_is_a_way_to_every_waypoint_of_five_hundred_random_yards() -> None:
+    for seed in range(500):
+        scenario = random_yard(seed, seed % 8)
+        pose, site_map = np.array([*scenario.route.dock_m, 0.0]), SiteMap(scenario)
+        reach = site_map.reach(pose)
+        for stop in scenario.route.waypoints_m:
+            radius_m = scenario.task.waypoint_radius_m
+            assert Leg(site_map, pose, np.array(stop), 0.0, radius_m, reach).is_reachable, (seed, stop)

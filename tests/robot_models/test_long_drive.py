@@ -1,0 +1,44 @@
+"""Driving at random for long in a yard with equipment: the physics stays sound, and the robot inside the fence."""
+# pyright: reportAttributeAccessIssue=false
+
+import numpy as np
+import pytest
+
+from envs import load_scenario
+from envs.patrol import STEP_S, PatrolEnv
+from robot_models.inspector import CHASSIS_RADIUS_M
+
+
+def drive_at_random(minutes: float, seed: int) -> set[str]:
+    """Drive a new way every second, check every step, and tell what was touched."""
+    scenario = load_scenario("transformer_bay")
+    task = scenario.task.model_copy(update={"time_limit_s": 60.0 * minutes})
+    receiver = scenario.receiver.model_copy(update={"fidelity": "energy"})
+    env = PatrolEnv(scenario.model_copy(update={"task": task, "receiver": receiver, "sources": ()}))
+    rng, size_m, touched, truncated, n_steps = np.random.default_rng(seed), scenario.yard.size_m, set[str](), False, 0
+    env.reset(seed=seed)
+    wish = rng.uniform([-0.7, -1.0], [1.0, 1.0], (round(60.0 * minutes), 2)).astype(np.float32)  # on the whole forward
+    while not truncated:
+        observation, _, terminated, truncated, info = env.step(wish[n_steps // round(1.0 / STEP_S)])
+        n_steps += 1
+        assert not terminated
+        assert all(np.isfinite(value).all() for value in observation.values())
+        assert env.observation_space.contains(observation)
+        place_m = info["truth"]["pose"][:2]
+        assert (place_m > CHASSIS_RADIUS_M - 0.01).all()
+        assert (place_m < np.subtract(size_m, CHASSIS_RADIUS_M - 0.01)).all()
+        touched.update(info["touched"])
+    assert sum(warning.number for warning in env.inspector.data.warning) == 0
+    assert n_steps == round(60.0 * minutes / STEP_S)
+    return touched
+
+
+def test_three_minutes_of_random_driving_give_no_warning_and_no_nan_and_stay_inside_the_fence() -> None:
+    drive_at_random(3.0, seed=0)
+
+
+@pytest.mark.slow
+def test_an_hour_of_random_driving_gives_no_warning_and_no_nan_and_stays_inside_the_fence() -> None:
+    touched = drive_at_random(60.0, seed=1)
+    assert any(name.startswith("fence/") for name in touched)
+    assert any(name.startswith("equipment/") for name in touched)
