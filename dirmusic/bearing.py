@@ -111,7 +111,10 @@ def estimate_bearings(
         given = np.asarray(strength_variance, dtype=np.float64)
         variance = _in_rows(given if given.shape == a.shape else np.broadcast_to(given, a.shape))
     if prior is None:
-        return _told(*bearings_of_pulses(pulses, variance, manifold.table), shape)
+        azimuth_rad, std_rad, misfit = bearings_of_pulses(pulses, variance, manifold.table)
+        return Bearings(
+            azimuth_rad=azimuth_rad.reshape(shape), std_rad=std_rad.reshape(shape), misfit=misfit.reshape(shape)
+        )
     pooled = pool(pulses)
     fit = fit_covariances(pooled, manifold.table)
     noise = noise_of_pulses(fit, pulses, variance) if variance.size else None
@@ -194,14 +197,9 @@ def _conclude(
         azimuth_rad, std_rad = bearing_posterior(
             fit.data / amplitude_energy, relative_variance, azimuth_rad, manifold, prior
         )
-    return _told(azimuth_rad, std_rad, misfit, shape)
-
-
-def _told(azimuth_rad: FloatArray, std_rad: FloatArray, misfit: FloatArray, shape: tuple[int, ...]) -> Bearings:
-    """Bearings of a shape from rows; NaN where nothing was heard."""
-    azimuth_rad, silent = wrap(azimuth_rad), np.isnan(misfit)
-    if silent.any():
-        azimuth_rad, std_rad = np.where(silent, np.nan, azimuth_rad), np.where(silent, np.nan, std_rad)
+    silent = np.isnan(misfit)
     return Bearings(
-        azimuth_rad=azimuth_rad.reshape(shape), std_rad=std_rad.reshape(shape), misfit=misfit.reshape(shape)
+        azimuth_rad=np.where(silent, np.nan, wrap(azimuth_rad)).reshape(shape),
+        std_rad=np.where(silent, np.nan, std_rad).reshape(shape),
+        misfit=misfit.reshape(shape),
     )

@@ -108,12 +108,17 @@ class ChannelMonitor:
         self.rules = rules or HealthRules()
         self.good = np.ones(manifold.n_elements, dtype=np.bool_)
         self._window: deque[tuple[FloatArray, float]] = deque(maxlen=self.rules.window)
-        self._n_new = 0
+        self._n_new = self._n_bad = 0
+
+    @property
+    def n_bad(self) -> int:
+        """How many channels are at fault."""
+        return self._n_bad
 
     def bearings(self, strengths: FloatArray, strength_variance: FloatArray) -> Bearings:
         """Bearings of pulses, (n_pulses,), from the good channels; arguments of shape (n_pulses, n_elements)."""
         manifold = self.manifold
-        if not self.good.all():
+        if self._n_bad:
             strengths, strength_variance = strengths[:, self.good], strength_variance[:, self.good]
             manifold = manifold.take(np.flatnonzero(self.good))
         return estimate_bearings(strengths[:, np.newaxis], manifold, strength_variance=strength_variance[:, np.newaxis])
@@ -128,15 +133,24 @@ class ChannelMonitor:
             strength_variance: Of those, same shape, V^2.
         """
         bearings = self.bearings(strengths, strength_variance)
-        found = self.note(strengths, bearings)
+        found = self.note(strengths, bearings.std_rad, bearings.misfit)
         return (self.bearings(strengths, strength_variance) if found else bearings), found
 
-    def note(self, strengths: FloatArray, bearings: Bearings) -> tuple[SuspectChannel, ...]:
-        """Keep pulses (n_pulses, n_elements) and their bearings in view; the channels that they show to be at fault."""
+    def note(self, strengths: FloatArray, std_rad: FloatArray, misfit: FloatArray) -> tuple[SuspectChannel, ...]:
+        """Keep pulses in view.
+
+        Args:
+            strengths: Shape (n_pulses, n_elements), volts.
+            std_rad: Of their bearings, shape (n_pulses,).
+            misfit: Of their bearings, shape (n_pulses,).
+
+        Returns:
+            The channels that they show to be at fault.
+        """
         found: list[SuspectChannel] = []
-        for row, (std_rad, misfit) in enumerate(zip(bearings.std_rad.tolist(), bearings.misfit.tolist(), strict=True)):
-            if std_rad < CLEAR_STD_RAD:  # however many come at once, checks fall on the same pulses
-                self._window.append((strengths[row], misfit))
+        for row, (std, unexplained) in enumerate(zip(std_rad.tolist(), misfit.tolist(), strict=True)):
+            if std < CLEAR_STD_RAD:  # however many come at once, checks fall on the same pulses
+                self._window.append((strengths[row], unexplained))
                 self._n_new += 1
                 if self._n_new >= self.rules.check_pulses:
                     self._n_new = 0
@@ -148,6 +162,7 @@ class ChannelMonitor:
         suspects = self._suspects()
         if suspects:
             self.good[[suspect.channel - 1 for suspect in suspects]] = False
+            self._n_bad = int((~self.good).sum())
             channels, strengths = np.flatnonzero(self.good), [strengths for strengths, _ in self._window]
             misfit: list[float] = self._fit(np.array(strengths)[:, channels], channels)[1].tolist()
             self._window.clear()

@@ -17,3 +17,8 @@ def compiled(function: _Function) -> _Function:
     many there are. Import modules with such functions where they are used: the compiler takes a second to load.
     """
     return cast("_Function", numba.njit(cache=True, error_model="numpy")(function))  # pyright: ignore
+
+
+def elementwise(function: _Function) -> _Function:
+    """A function of numbers as a numpy ufunc, for arrays of any shapes that broadcast and for other compiled loops."""
+    return cast("_Function", numba.vectorize(cache=True)(function))  # pyright: ignore

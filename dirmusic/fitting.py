@@ -40,6 +40,12 @@ class Fit(NamedTuple):
 
 
 @compiled
+def wrapped(angle_rad: float) -> float:
+    """`angles.wrap` of a single angle: into (-pi, pi]."""
+    return -((np.pi - angle_rad) % (2.0 * np.pi)) + np.pi
+
+
+@compiled
 def _dot(first: FloatArray, second: FloatArray) -> float:
     total = 0.0
     for e in range(first.size):
@@ -185,19 +191,27 @@ def misfits(fit: Fit, covariance: FloatArray) -> FloatArray:
 def bearings_of_pulses(
     strengths: FloatArray, variance: FloatArray, table: ManifoldTable
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """All of this for pooled pulses: azimuths, not wrapped, their deviations and misfits, each of shape (n_rows,).
+    """All of this for pooled pulses: azimuths, their deviations and misfits; NaN where nothing was heard.
 
     Args:
         strengths: Shape (n_rows, n_pulses, n_elements).
         variance: Of those, same shape; empty where it is not known, and deviations are NaN.
         table: Of the manifold.
+
+    Returns:
+        Each of shape (n_rows,), azimuths in (-pi, pi].
     """
     pooled = pool(strengths)
     fit = fit_covariances(pooled, table)
     std_rad = np.full(strengths.shape[0], np.nan)
     if variance.size == strengths.size:
         std_rad = deviations(fit, noise_of_pulses(fit, strengths, variance))
-    return fit.azimuth_rad, std_rad, misfits(fit, pooled)
+    misfit = misfits(fit, pooled)
+    for row in range(misfit.size):
+        silent = np.isnan(misfit[row])
+        fit.azimuth_rad[row] = np.nan if silent else wrapped(fit.azimuth_rad[row])
+        std_rad[row] = np.nan if silent else std_rad[row]
+    return fit.azimuth_rad, std_rad, misfit
 
 
 @compiled

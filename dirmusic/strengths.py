@@ -57,6 +57,8 @@ def pulse_strengths(waveforms: ArrayLike, noise_variance: ArrayLike) -> FloatArr
         raise ValueError(f"`waveforms` must have shape (..., n_elements, n_samples), got {x.shape}")
     if not np.all(variance >= 0):
         raise ValueError(f"`noise_variance` must be >= 0 V^2, got {noise_variance!r}")
+    from dirmusic.energies import strength_of  # here, for the compiler takes time to load
+
     energy = np.einsum("...k,...k->...", x, x)
     if not np.isfinite(energy).all():
         broken = np.flatnonzero(~np.all(np.isfinite(energy), axis=tuple(range(energy.ndim - 1)))) + 1
@@ -64,13 +66,14 @@ def pulse_strengths(waveforms: ArrayLike, noise_variance: ArrayLike) -> FloatArr
             f"`waveforms` must be finite, got NaN or infinity in channels {', '.join(map(str, broken))}; drop the "
             "broken records or channels first"
         )
+    strengths = np.asarray(strength_of(energy, x.shape[-1] * variance))  # pyright: ignore[reportArgumentType]
     silent = energy == 0.0
     if (
         silent.any()
     ):  # with noise about, not one sample that differs from zero: no pulse was too weak, a channel is dead
         dead = silent & (variance > 0) & ~silent.all(axis=-1, keepdims=True)
-        energy = np.where(dead, np.nan, energy)
-    return np.sqrt(np.maximum(energy - x.shape[-1] * variance, 0.0))
+        strengths = np.where(dead, np.nan, strengths)
+    return strengths
 
 
 def strength_variance(
@@ -99,8 +102,8 @@ def strength_variance(
     Returns:
         Variance, shape (..., n_elements), V^2.
     """
-    spread = n_samples if energy_spread is None else energy_spread
-    energy = np.square(np.asarray(strengths, dtype=np.float64))
-    variance = np.asarray(noise_variance, dtype=np.float64)
-    energy = np.maximum(energy, np.maximum(np.sqrt(spread / 2) * variance, np.finfo(np.float64).tiny))
-    return noise_on_pulse * variance + 0.5 * spread * variance**2 / energy
+    from dirmusic.energies import variance_of_strength  # here, for the compiler takes time to load
+
+    spread = float(n_samples if energy_spread is None else energy_spread)
+    strength, noise = (np.asarray(x, dtype=np.float64) for x in (strengths, noise_variance))
+    return np.asarray(variance_of_strength(strength, noise, spread, noise_on_pulse))  # pyright: ignore[reportArgumentType]

@@ -6,14 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
+from dirmusic.fitting import wrapped
 
 FloatArray = NDArray[np.float64]
-
-
-@compiled
-def wrapped(angle_rad: float) -> float:
-    """`dirmusic.angles.wrap` of a single angle: into (-pi, pi]."""
-    return -((np.pi - angle_rad) % (2.0 * np.pi)) + np.pi
 
 
 @compiled

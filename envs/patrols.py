@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic import Bearings
-from dirmusic.angles import wrap
 from dirmusic.channel_health import ChannelMonitor, SuspectChannel
 from dirmusic.fitting import bearings_of_pulses
 from envs.episode import Episode
@@ -50,6 +49,9 @@ REWARD_PER_METRE = 1.0
 REWARD_PER_SECOND = -0.05
 REWARD_PER_CONTACT_STEP = -1.0
 """Weights of the reward's terms (assumed): a second costs 5 cm of progress, touching something costs a metre."""
+
+LIMITS = np.array([MAX_SPEED_MPS, MAX_YAW_RATE_RADPS])
+"""What actions are shares of: m/s, rad/s. The robot drives no faster."""
 
 NO_ROWS = np.empty(0, dtype=np.intp)
 
@@ -238,8 +240,8 @@ class Patrols:
                 moving, waiting = NO_ROWS, moving
         start_s = self._n_steps * STEP_S
         if actions is not None and (moving is None or moving.size):
-            share = np.minimum(np.maximum(actions, -1.0), 1.0)
-            self.inspectors.drive(share[:, 0] * MAX_SPEED_MPS, share[:, 1] * MAX_YAW_RATE_RADPS, STEP_S, moving)
+            wanted = actions * LIMITS
+            self.inspectors.drive(wanted[:, 0], wanted[:, 1], STEP_S, moving)
         for row, (rng, draws) in enumerate(zip(self._rngs, self._draws, strict=True)):
             if actions is not None or is_new[row]:
                 rng.standard_normal(out=draws)
@@ -297,7 +299,7 @@ class Patrols:
         azimuth_rad, std_rad, misfit = bearings_of_pulses(
             heard.strengths_v[:, np.newaxis], heard.variance_v2[:, np.newaxis], self.manifold.table
         )
-        bearings = Bearings(azimuth_rad=wrap(azimuth_rad), std_rad=std_rad, misfit=misfit)
+        bearings = Bearings(azimuth_rad=azimuth_rad, std_rad=std_rad, misfit=misfit)
         first, robots = 0, heard.robot.tolist()
         while first < len(robots):
             row, end = robots[first], first
@@ -306,8 +308,8 @@ class Patrols:
             own, monitor = slice(first, end), self._monitors[row]
             first = end
             strengths, variance = heard.strengths_v[own], heard.variance_v2[own]
-            if monitor.good.all():
-                suspects[row] = monitor.note(strengths, bearings.take(own))
+            if not monitor.n_bad:
+                suspects[row] = monitor.note(strengths, std_rad[own], misfit[own])
                 if not suspects[row]:
                     continue
                 again = monitor.bearings(strengths, variance)

@@ -28,16 +28,15 @@ MODE_SHARE = 1e-3
 
 
 class PulseTable(NamedTuple):
-    """A filtered pulse of 1 V before the filter, from its arrival on; 0 at both ends.
+    """A filtered pulse of 1 V before the filter, as compiled loops read it.
 
     Attributes:
-        values_v: `n_phases` of them a sample.
-        n_phases: Into how many parts a sample is divided.
+        values_v: Row k begins with the sample that lies k / n_phases of a sample after the arrival, and goes on sample
+            by sample, shape (n_phases, n_samples); the pulse is 0 before and after.
         rate_hz: Samples per second.
     """
 
     values_v: FloatArray
-    n_phases: int
     rate_hz: float
 
 
@@ -168,7 +167,9 @@ class FrontEnd:
     @cached_property
     def pulse_table(self) -> PulseTable:
         """The filtered pulse as compiled loops read it."""
-        return PulseTable(self._pulse_table, PHASES, self.sample_rate_hz)
+        n_samples = -(-self._pulse_table.size // PHASES)
+        whole = np.pad(self._pulse_table, (0, n_samples * PHASES - self._pulse_table.size))
+        return PulseTable(np.ascontiguousarray(whole.reshape(n_samples, PHASES).T), self.sample_rate_hz)
 
     def pulse(self, sample: FloatArray) -> FloatArray:
         """The filtered pulse so many samples after its arrival, any shape; 0 before. Its peak is `pulse_peak`."""

@@ -73,16 +73,14 @@ def _add_paths(
     record: FloatArray, start_s: float, first: int, n_paths: int, arrivals: Arrivals, pulse: PulseTable
 ) -> None:
     """Add one pulse of 1 V by all its paths to a record (n_elements, n_samples) from `start_s` after its radiation."""
-    last = pulse.values_v.size - 1
+    n_phases, n_known = pulse.values_v.shape
     for p in range(first, first + n_paths):
         for e in range(record.shape[0]):
-            at = np.floor(pulse.n_phases * (start_s - arrivals.delay_s[p, e]) * pulse.rate_hz + 0.5)
-            for t in range(record.shape[1]):
-                i = at + pulse.n_phases * t
-                if i >= last:
-                    break
-                if i > 0:
-                    record[e, t] += arrivals.amplitude[p, e] * pulse.values_v[int(i)]
+            at = int(np.floor(n_phases * (start_s - arrivals.delay_s[p, e]) * pulse.rate_hz + 0.5))
+            before, phase = at // n_phases, at % n_phases  # samples from the arrival to the first one of the record
+            values_v, amplitude = pulse.values_v[phase], arrivals.amplitude[p, e]
+            for t in range(max(0, -before), min(record.shape[1], n_known - before)):
+                record[e, t] += amplitude * values_v[before + t]
 
 
 @compiled

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic import strength_variance
+from dirmusic.energies import strength_of
 from sensing.array import ArrayTable, HelicalArray
 from sensing.faults import STUCK_AT
 from sensing.gates import Channel, GateNoise, OnAir, hear_energies, incoming_pulses
@@ -225,7 +226,7 @@ class Receivers:
         if config.fidelity == "energy" and config.faults:
             stuck = config.gate_samples * (STUCK_AT * config.full_scale_v) ** 2
             energy = one.faults.in_readings(energy, gates.time_s, stuck)
-        strengths_v = np.sqrt(np.maximum(energy - config.gate_samples * gates.background_v2, 0.0))
+        strengths_v = np.asarray(strength_of(energy, config.gate_samples * gates.background_v2))  # pyright: ignore
         is_clipped = np.zeros(strengths_v.shape, dtype=np.bool_)
         if config.fidelity == "waveform":
             highest_v = (2 ** (config.bits - 1) - 1.5) * one.step_v

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dirmusic.angles import difference, wrap
-from envs.motion import wrapped
+from dirmusic.fitting import wrapped
 from envs.odometry import Odometry, OdometryConfig
 from envs.patrol import PatrolEnv
 
