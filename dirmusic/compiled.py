@@ -6,6 +6,8 @@ from collections.abc import Callable
 from typing import TypeVar, cast
 
 import numba
+import numpy as np
+from numpy.typing import NDArray
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
 
@@ -19,6 +21,6 @@ def compiled(function: _Function) -> _Function:
     return cast("_Function", numba.njit(cache=True, error_model="numpy")(function))  # pyright: ignore
 
 
-def elementwise(function: _Function) -> _Function:
+def elementwise(function: Callable[..., float]) -> Callable[..., NDArray[np.float64]]:
     """A function of numbers as a numpy ufunc, for arrays of any shapes that broadcast and for other compiled loops."""
-    return cast("_Function", numba.vectorize(cache=True)(function))  # pyright: ignore
+    return cast("Callable[..., NDArray[np.float64]]", numba.vectorize(cache=True)(function))  # pyright: ignore

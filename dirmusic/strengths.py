@@ -66,7 +66,7 @@ def pulse_strengths(waveforms: ArrayLike, noise_variance: ArrayLike) -> FloatArr
             f"`waveforms` must be finite, got NaN or infinity in channels {', '.join(map(str, broken))}; drop the "
             "broken records or channels first"
         )
-    strengths = np.asarray(strength_of(energy, x.shape[-1] * variance))  # pyright: ignore[reportArgumentType]
+    strengths = np.asarray(strength_of(energy, x.shape[-1] * variance))
     silent = energy == 0.0
     if (
         silent.any()
@@ -106,4 +106,4 @@ def strength_variance(
 
     spread = float(n_samples if energy_spread is None else energy_spread)
     strength, noise = (np.asarray(x, dtype=np.float64) for x in (strengths, noise_variance))
-    return np.asarray(variance_of_strength(strength, noise, spread, noise_on_pulse))  # pyright: ignore[reportArgumentType]
+    return np.asarray(variance_of_strength(strength, noise, spread, noise_on_pulse))

@@ -33,6 +33,9 @@ class Odometry:
     """
 
     def __init__(self, config: OdometryConfig, wheel_radius_m: float, n_robots: int = 1) -> None:
+        from envs.motion import reckon  # here, so that a command line help need not wait for the compiler
+
+        self._reckon = reckon
         self._config, self._wheel_radius_m = config, wheel_radius_m
         self.pose = np.zeros((n_robots, 3))
         self._wheels_rad, self._yaw_rad = np.zeros((n_robots, 2)), np.zeros(n_robots)
@@ -56,10 +59,8 @@ class Odometry:
             elapsed_s: Seconds.
             normal: Standard normal draws, shape (n_robots,).
         """
-        from envs.motion import reckon  # here, so that a command line help need not wait for the compiler
-
         gyro_error_rad = self._bias_radps * elapsed_s + (self._noise_rad_per_sqrt_s * elapsed_s**0.5) * normal
-        self.pose = reckon(
+        self.pose = self._reckon(
             self.pose, wheels_rad, self._wheels_rad, yaw_rad, self._yaw_rad, self._metres_per_radian, gyro_error_rad
         )
         self._wheels_rad, self._yaw_rad = wheels_rad, yaw_rad

@@ -34,6 +34,9 @@ class PoseSensor:
     """Standard normal draws that a reading of one robot takes."""
 
     def __init__(self, config: PoseSensorConfig, n_robots: int = 1) -> None:
+        from envs.motion import believed_poses  # here, so that a command line help need not wait for the compiler
+
+        self._believed_poses = believed_poses
         self._std = np.array([config.position_std_m, config.position_std_m, np.radians(config.heading_std_deg)])
         self._correlation_s = config.correlation_s
         self.error = np.full((n_robots, 3), np.nan)
@@ -53,6 +56,5 @@ class PoseSensor:
         Returns:
             Shape (n_robots, 3), yaw in (-pi, pi].
         """
-        from envs.motion import believed_poses  # here, so that a command line help need not wait for the compiler
-
-        return believed_poses(true_pose, self.error, math.exp(-elapsed_s / self._correlation_s), self._std, normal)
+        kept = math.exp(-elapsed_s / self._correlation_s)
+        return self._believed_poses(true_pose, self.error, kept, self._std, normal)

@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic import strength_variance
-from dirmusic.energies import strength_of
+from dirmusic.energies import strength_of, variance_of_strength
 from sensing.array import ArrayTable, HelicalArray
 from sensing.faults import STUCK_AT
 from sensing.gates import Channel, GateNoise, OnAir, hear_energies, incoming_pulses
@@ -133,6 +132,12 @@ class Receivers:
         noise = GateNoise(one.filtered_v, *modes)
         return Channel(front_end.pulse_table, front_end.pulse_peak, one.threshold_v, one.gate_lead_s, noise)
 
+    @cached_property
+    def _beside_v2(self) -> float:
+        """Mean noise energy that no mode holds."""
+        n_beside = self.config.gate_samples - float(self._channel.noise.eigenvalues.sum())
+        return self._one.filtered_v**2 * n_beside
+
     def _background(self, n: int) -> FloatArray:
         return np.full((n, self._one.n_elements), self._one.noise_variance_v2)
 
@@ -148,8 +153,7 @@ class Receivers:
         """Noise energy that no mode holds, shape (n_pulses, n_elements): its mean, or in white noise a draw."""
         one, n_samples = self._one, self.config.gate_samples
         if one.front_end.modes is not None:
-            left_v2 = one.filtered_v**2 * (n_samples - float(self._channel.noise.eigenvalues.sum()))
-            return np.full((robot.size, one.n_elements), left_v2)
+            return np.full((robot.size, one.n_elements), self._beside_v2)
         beside_v2, none = np.empty((robot.size, one.n_elements)), np.zeros(one.n_elements)
         rows: list[int] = robot.tolist()
         for k, row in enumerate(rows):
@@ -226,7 +230,7 @@ class Receivers:
         if config.fidelity == "energy" and config.faults:
             stuck = config.gate_samples * (STUCK_AT * config.full_scale_v) ** 2
             energy = one.faults.in_readings(energy, gates.time_s, stuck)
-        strengths_v = np.asarray(strength_of(energy, config.gate_samples * gates.background_v2))  # pyright: ignore
+        strengths_v = strength_of(energy, config.gate_samples * gates.background_v2)
         is_clipped = np.zeros(strengths_v.shape, dtype=np.bool_)
         if config.fidelity == "waveform":
             highest_v = (2 ** (config.bits - 1) - 1.5) * one.step_v
@@ -235,12 +239,8 @@ class Receivers:
             robot=gates.robot,
             time_s=gates.time_s,
             strengths_v=strengths_v,
-            variance_v2=strength_variance(
-                strengths_v,
-                gates.background_v2,
-                config.gate_samples,
-                energy_spread=one.front_end.energy_spread,
-                noise_on_pulse=one.front_end.noise_on_pulse,
+            variance_v2=variance_of_strength(
+                strengths_v, gates.background_v2, one.front_end.energy_spread, one.front_end.noise_on_pulse
             ),
             mains_phase_rad=np.mod(2 * np.pi * config.mains_hz * gates.time_s, 2 * np.pi),
             is_clipped=is_clipped,

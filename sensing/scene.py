@@ -98,8 +98,8 @@ class Scene:
             self._ahead = left.then(drawn)
             last_s = round(last_s + further_s, NANOSECONDS)
         self._ahead_s = start_s, last_s
-        first, end = self._ahead.time_s.searchsorted((start_s, end_s)).tolist()
-        return self._ahead.take(slice(first, end))
+        times = self._ahead.time_s
+        return self._ahead.take(slice(int(times.searchsorted(start_s)), int(times.searchsorted(end_s))))
 
     def _draw(self, start_s: float, duration_s: float, rng: np.random.Generator) -> Emissions:
         source, time_s, relative = np.empty(0, dtype=np.intp), np.empty(0), np.empty(0)

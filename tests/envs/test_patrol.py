@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 from gymnasium import spaces
 from gymnasium.utils.env_checker import check_env
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from envs import load_scenario, shipped_scenarios
 from envs.patrol import PatrolEnv
+from envs.random_yard import random_yard
 from envs.scenario import Scenario
 from robot_models.inspector import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS
 
@@ -47,6 +50,73 @@ def test_every_box_has_finite_bounds_and_every_observation_lies_in_it() -> None:
     for _ in range(300):
         assert env.observation_space.contains(observation)
         observation, *_ = env.step(env.action_space.sample())
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(
+    name=st.sampled_from([*shipped_scenarios(), *range(8)]),
+    seed=st.integers(0, 2**31),
+    pace=st.floats(-1.0, 1.0, width=32),
+)
+def test_every_observation_of_a_random_episode_lies_in_its_space(name: str | int, seed: int, pace: float) -> None:
+    """Shipped scenarios, and yards of chance with as many obstructions as the number says."""
+    scenario = random_yard(seed, name) if isinstance(name, int) else load_scenario(name)
+    env = PatrolEnv(scenario)
+    observation, _ = env.reset(seed=seed)
+    assert env.observation_space.contains(observation)
+    env.action_space.seed(seed)
+    for step in range(25):
+        action = env.action_space.sample() if step % 2 else np.array([pace, 1.0], dtype=np.float32)
+        observation, *_ = env.step(action)
+        assert env.observation_space.contains(observation)
+
+
+def test_what_is_drawn_can_be_fixed_by_options() -> None:
+    env = PatrolEnv("two_sources")
+    names = [source.name for source in env.scenario.sources]
+    site = env.scenario.yard.site_names()[0]
+    places = {names[0]: site, names[1]: (20.0, 6.0, 1.5)}
+    _, info = env.reset(seed=0, options={"start_pose": (8.0, 6.0, 0.5), "sources": places})
+    np.testing.assert_allclose(info["truth"]["pose"], [8.0, 6.0, 0.5], atol=1e-9)
+    first, second = (np.array(source["position_m"]) for source in info["truth"]["sources"])
+    np.testing.assert_allclose(first, env.scenario.yard.site_position(site))
+    np.testing.assert_allclose(second, [20.0, 6.0, 1.5])
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"pose": (1.0, 1.0, 0.0)}, "no option `pose`; allowed are start_pose, sources"),
+        ({"start_pose": (1.0, 1.0)}, "start_pose"),
+        ({"start_pose": (-3.0, 1.0, 0.0)}, "on free ground inside the fence"),
+        ({"sources": {"other": (1.0, 1.0, 1.0)}}, "no source `other`; allowed are"),
+        ({"sources": {"discharge": "tank/nowhere"}}, "no site `tank/nowhere`"),
+        ({"sources": {"discharge": (1.0, 1.0, -1.0)}}, "above ground in the yard"),
+    ],
+)
+def test_an_option_that_makes_no_sense_is_refused(options: dict[str, object], message: str) -> None:
+    env = PatrolEnv("transformer_bay")
+    with pytest.raises(ValueError, match=re.escape(message)):
+        env.reset(seed=0, options=options)
+
+
+def test_a_scenario_can_be_drawn_for_each_episode() -> None:
+    env = gymnasium.make("envs:PDPatrol-v0", scenario=random_yard).unwrapped
+    assert isinstance(env, PatrolEnv)
+    check_env(env)
+    layouts = set()
+    for seed in range(4):
+        env.reset(seed=seed)
+        layouts.add(tuple(item.position_m for item in env.scenario.yard.equipment))
+        env.step(np.zeros(2, dtype=np.float32))
+    assert len(layouts) == 4
+    env.reset(seed=0)
+    again = tuple(item.position_m for item in env.scenario.yard.equipment)
+    assert again in layouts
+    names = iter(["one_source", "paper_field"])
+    mixed = PatrolEnv(lambda _: load_scenario(next(names)))
+    with pytest.raises(ValueError, match="drew one with another observation space"):
+        mixed.reset(seed=0)
 
 
 def test_the_same_seed_gives_the_same_rollout_to_the_bit_and_another_seed_another() -> None:
