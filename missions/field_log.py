@@ -70,6 +70,8 @@ def locate_field_data(
                 time_s=time_s,
                 pose=pose,
                 true_pose=np.full(3, np.nan),
+                odometry=np.full(3, np.nan),
+                battery=np.nan,
                 command=np.full(2, np.nan),
                 phase="field",
             )

@@ -25,6 +25,8 @@ TABLES: dict[str, dict[str, np.dtype[Any]]] = {
         "time_s": np.dtype("f8"),
         "pose": np.dtype(("f8", 3)),  # believed x m, y m, yaw rad, world frame, at the end of the step
         "true_pose": np.dtype(("f8", 3)),  # NaN in field data
+        "odometry": np.dtype(("f8", 3)),  # by wheels and gyro alone, from the first believed pose on; NaN in field data
+        "battery": np.dtype("f8"),  # share that is left; NaN in field data
         "command": np.dtype(("f8", 2)),  # speed m/s and yaw rate rad/s asked for during the step
         "phase": np.dtype("U24"),  # what the policy was doing
     },

@@ -53,6 +53,7 @@ def make_report(log: MissionLog, wall_time_s: float) -> dict[str, Any]:
         "sim_time_s": float(step["time_s"][-1]) if step["time_s"].size else 0.0,
         "wall_time_s": wall_time_s,
         "distance_m": _distance(step),
+        "battery_left": _last(step["battery"]),
         "collisions": int((events["kind"] == "contact").sum()),
         "waypoints": {
             "visited": visited,
@@ -67,6 +68,11 @@ def make_report(log: MissionLog, wall_time_s: float) -> dict[str, Any]:
     if "truth" in log.meta:
         report["evaluation"] = evaluate(findings, log.meta["truth"]["sources"])
     return report
+
+
+def _last(values: NDArray[np.float64]) -> float | None:
+    """The last of a column; None if it is empty or not known."""
+    return float(values[-1]) if values.size and np.isfinite(values[-1]) else None
 
 
 def _distance(step: dict[str, NDArray[Any]]) -> float:

@@ -98,6 +98,8 @@ class Mission:
             time_s=info["time_s"],
             pose=info["pose"],
             true_pose=truth["pose"],
+            odometry=info["odometry"],
+            battery=info["battery"],
             command=np.asarray(action, dtype=np.float64) * (MAX_SPEED_MPS, MAX_YAW_RATE_RADPS),
             phase=self.policy.phase,
         )

@@ -101,6 +101,7 @@ def _summary(report: dict[str, Any], ending: str) -> str:
         f"{ending} after {report['sim_time_s']:.0f} s simulated in {report['wall_time_s']:.1f} s",
         f"{report['distance_m']:.0f} m driven",
         f"{report['n_bearings']} bearings",
+        *([] if (left := report["battery_left"]) is None else [f"{100 * left:.1f} % of the battery left"]),
         f"{report['collisions']} collisions",
         f"waypoints missed: {', '.join(map(str, missed)) or 'none'}",
     ]

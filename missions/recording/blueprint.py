@@ -18,6 +18,7 @@ FENCE = f"{WORLD}/yard/fence"
 SITES = f"{WORLD}/yard/sites"
 ROUTE = f"{WORLD}/route"
 TRAJECTORY = f"{WORLD}/trajectory"
+ODOMETRY = f"{WORLD}/odometry"
 ROBOT = f"{WORLD}/robot"
 BODY = f"{ROBOT}/body"
 SPECTRUM = f"{ROBOT}/spectrum"
@@ -30,6 +31,7 @@ TRUE_TRAJECTORY = f"{TRUTH}/trajectory"
 STRENGTHS = "plots/strengths"
 UNCERTAINTY = "plots/uncertainty"
 COMMAND = "plots/command"
+BATTERY = "plots/battery"
 PHASES = "plots/pulse_phase"
 PHASE = "mission/phase"
 EVENTS = "mission/events"
@@ -87,6 +89,9 @@ def blueprint(meta: Mapping[str, Any], end_s: float | None = None) -> rrb.Bluepr
         axis_x=whole,
         axis_y=rrb.ScalarAxis(range=(0.0, 5.0)),
     )
+    battery = rrb.TimeSeriesView(
+        origin=BATTERY, name="Battery (%)", axis_x=whole, axis_y=rrb.ScalarAxis(range=(0.0, 100.0))
+    )
     phases = rrb.Spatial2DView(
         origin=PHASES,
         name="Pulse phase",
@@ -99,7 +104,7 @@ def blueprint(meta: Mapping[str, Any], end_s: float | None = None) -> rrb.Bluepr
             rrb.Horizontal(yard, plan, column_shares=[3, 2]),
             rrb.Horizontal(
                 heard,
-                rrb.Tabs(sure, phases, active_tab=0),
+                rrb.Tabs(sure, phases, battery, active_tab=0),
                 rrb.Vertical(
                     rrb.StateTimelineView(origin=PHASE, name="Phase"),
                     rrb.TextLogView(

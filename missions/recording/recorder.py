@@ -63,7 +63,7 @@ class Recorder:
         self._log = log
         self._sent = {"step": 0, "pulse": 0, "bearing": 0, "finding": 0, "event": 0}
         self._trail = np.empty((0, 3))
-        self._true_trail = np.empty((0, 3))
+        self._true_trail, self._odometry_trail = np.empty((0, 3)), np.empty((0, 3))
         self._heard_step = -10 * HOLD_STEPS
         self._phase = ""
         self._named: set[int] = set()
@@ -112,6 +112,13 @@ class Recorder:
         self._true_trail = self._send_trail(
             paths.TRUE_TRAJECTORY, steps[known], true_place[known], self._true_trail, 0.04
         )
+        told = np.isfinite(step["odometry"]).all(axis=-1)
+        reckoned = np.column_stack([step["odometry"][:, :2], np.zeros(n)])
+        self._odometry_trail = self._send_trail(paths.ODOMETRY, steps[told], reckoned[told], self._odometry_trail, 0.03)
+        charged = np.isfinite(step["battery"])
+        if charged.any():
+            left = rr.Scalars.columns(scalars=100.0 * step["battery"][charged])
+            self._columns(paths.BATTERY, steps[charged], left)
         phases = [(s, p) for s, p in zip(steps, step["phase"], strict=True)]
         changed = [(s, p) for (s, p), (_, q) in zip(phases, [(0, self._phase), *phases[:-1]], strict=True) if p != q]
         self._phase = phases[-1][1]

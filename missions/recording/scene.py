@@ -21,6 +21,7 @@ COLOURS = {
     "bearing": (255, 232, 110),
     "spectrum": (90, 220, 255),
     "trajectory": (120, 190, 255),
+    "odometry": (150, 220, 160),
     "truth": (255, 70, 200),
     "route": (200, 205, 210),
     "robot": (235, 235, 240),
@@ -62,6 +63,7 @@ def log_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
     _draw_points(stream, paths.TRUE_NAMES, above, COLOURS["truth"], 0.01)
     lines = {
         paths.TRAJECTORY: ("trajectory", 0.05),
+        paths.ODOMETRY: ("odometry", 0.02),
         paths.TRUE_TRAJECTORY: ("truth", 0.02),
         paths.BEARINGS: ("bearing", 0.035),
         paths.SPECTRUM: ("spectrum", 0.06),

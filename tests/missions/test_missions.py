@@ -16,7 +16,8 @@ from missions.runner import Mission, run_mission
 from sensing.faults import ChannelFault
 
 REPORT_KEYS = {
-    "schema", "scenario", "seed", "policy", "sim_time_s", "wall_time_s", "distance_m", "collisions", "waypoints",
+    "schema", "scenario", "seed", "policy", "sim_time_s", "wall_time_s", "distance_m", "battery_left",
+    "collisions", "waypoints",
     "n_bearings", "channel_faults", "findings", "candidates", "evaluation",
 }  # fmt: skip
 
@@ -25,6 +26,7 @@ def test_without_a_route_the_robot_stands_and_listens_to_the_field_test() -> Non
     log = run_mission(load_scenario("paper_field"), "seek", seed=2)
     report = make_report(log, 1.0)
     assert report["distance_m"] < 0.1
+    assert 0.98 < report["battery_left"] < 1.0  # electronics take 80 W of 480 Wh for two minutes
     assert 190 <= report["n_bearings"] <= 200  # ten positions, twenty shots; the weakest may be too wide
     assert report["findings"] == []  # one place gives bearings, no fix
     assert set(log.column("step", "phase")) == {"listen"}

@@ -12,6 +12,8 @@ from sensing import PulseTrain
 
 SOURCES = {1: ("corona", (10.0, 10.0)), 2: ("void", (0.0, 12.0))}
 
+AT_REST = {"odometry": np.zeros(3), "battery": 1.0, "command": np.zeros(2)}
+
 
 def log_of_two_findings(seed: int, mains: bool = True) -> MissionLog:
     """A drive between a corona and a void, every pulse with its bearing; the findings stand at the end."""
@@ -26,7 +28,14 @@ def log_of_two_findings(seed: int, mains: bool = True) -> MissionLog:
     trains = {k: PulseTrain.draw(kind, 50.0, 0.0, rng) for k, (kind, _) in SOURCES.items()}  # pyright: ignore
     for step in range(60):
         pose = np.array([0.1 * step, 2.0, 0.03 * step])
-        log.append("step", time_s=0.1 * step, pose=pose, true_pose=pose, command=np.zeros(2), phase="patrol")
+        log.append(
+            "step",
+            time_s=0.1 * step,
+            pose=pose,
+            true_pose=pose,
+            **AT_REST,
+            phase="patrol",
+        )
         for number, (_, place) in SOURCES.items():
             sight = np.array(place) - pose[:2]
             azimuth = float(wrap(np.arctan2(sight[1], sight[0]) - pose[2]))

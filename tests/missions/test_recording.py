@@ -19,6 +19,8 @@ from missions.recording import blueprint as paths
 from missions.recording.recorder import ellipse
 from missions.runner import run_mission
 
+AT_REST = {"odometry": np.zeros(3), "battery": 1.0, "command": np.zeros(2)}
+
 
 @pytest.fixture(autouse=True)
 def _strict() -> Iterator[None]:
@@ -79,6 +81,8 @@ def test_the_file_holds_trajectory_spectrum_bearings_fix_and_blueprint(recording
     n_steps = log.n_rows("step")
     assert counted[f"/{paths.ROBOT}"] >= n_steps
     assert counted[f"/{paths.TRAJECTORY}"] >= n_steps // 5
+    assert counted[f"/{paths.ODOMETRY}"] >= n_steps // 5
+    assert counted[f"/{paths.BATTERY}"] == n_steps
     heard = np.unique(log.column("pulse", "step")[log.column("bearing", "pulse")]).size
     for path in (paths.SPECTRUM, paths.BEARINGS, f"{paths.STRENGTHS}/1"):
         assert counted[f"/{path}"] >= heard > 50
@@ -173,7 +177,12 @@ def test_field_data_without_robot_truth_or_pulses_is_recorded_too(tmp_path: Path
     field = MissionLog({"n_elements": 4, "array": {"boresights_rad": [1.57, 0.52, -0.52, -1.57]}})
     for k in range(20):
         field.append(
-            "step", time_s=0.1 * k, pose=np.zeros(3), true_pose=np.full(3, np.nan), command=np.zeros(2), phase="field"
+            "step",
+            time_s=0.1 * k,
+            pose=np.zeros(3),
+            true_pose=np.full(3, np.nan),
+            **AT_REST,
+            phase="field",
         )
     write_recording(field, tmp_path / "field.rrd")
     write_recording(MissionLog(field.meta), tmp_path / "empty.rrd")

@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 from missions.log import TABLES, MissionLog
 from missions.report import ellipse95, evaluate
 
+AT_REST = {"odometry": np.zeros(3), "battery": 1.0, "command": np.zeros(2)}
+
 
 def finding(x: float, y: float, spread_m: float = 0.1) -> dict:
     return {"position_m": [x, y], "covariance_m2": [[spread_m**2, 0.0], [0.0, spread_m**2]]}
@@ -24,7 +26,12 @@ def log_of(n_steps: int) -> MissionLog:
     log = MissionLog({"n_elements": 6})
     for k in range(n_steps):
         log.append(
-            "step", time_s=0.1 * k, pose=np.full(3, k), true_pose=np.full(3, k), command=np.zeros(2), phase="patrol"
+            "step",
+            time_s=0.1 * k,
+            pose=np.full(3, k),
+            true_pose=np.full(3, k),
+            **AT_REST,
+            phase="patrol",
         )
         log.append("pulse", step=k, strengths_v=np.arange(6.0), mains_phase_rad=0.1, is_clipped=False, is_credible=True)
     return log
@@ -46,7 +53,14 @@ def test_a_killed_mission_keeps_its_parts_and_a_finished_one_has_none(tmp_path: 
     log = log_of(10)
     log.write_part(tmp_path)
     for k in range(10, 14):
-        log.append("step", time_s=0.1 * k, pose=np.full(3, k), true_pose=np.zeros(3), command=np.zeros(2), phase="dock")
+        log.append(
+            "step",
+            time_s=0.1 * k,
+            pose=np.full(3, k),
+            true_pose=np.zeros(3),
+            **AT_REST,
+            phase="dock",
+        )
     log.write_part(tmp_path)
     assert MissionLog.load(tmp_path).n_rows("step") == 14
     assert MissionLog.load(tmp_path).n_rows("pulse") == 10
