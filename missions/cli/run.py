@@ -136,9 +136,7 @@ def _progress(time_limit_s: float) -> Iterator[Callable[[Mission], None]]:
     previous = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         with Progress(*columns, console=err, transient=True) as progress:
-            bar = progress.add_task(
-                "start", total=1.0, clock="the first run on a machine compiles its loops: some 20 s"
-            )
+            bar = progress.add_task("start", total=1.0, clock="the first run on a machine compiles: some 20 s")
             told = 0
 
             def follow(mission: Mission) -> None:
