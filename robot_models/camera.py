@@ -6,6 +6,7 @@ from __future__ import annotations
 import logging
 import os
 import sys
+import threading
 from typing import Any
 
 import mujoco
@@ -36,14 +37,20 @@ class Camera:
 
     def __init__(self, model: mujoco.MjModel, mode: str) -> None:
         self._model, self._shown = model, mujoco.MjData(model)
+        self._option = mujoco.MjvOption()
+        self._option.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = False  # the lidar's beams are no part of the world
         self._window: Any = None
+        self._threads: list[threading.Thread] = []
         self._renderer: mujoco.Renderer | None = None
         if mode == "human" and not _has_screen():
             logging.getLogger(__name__).warning("there is no screen (DISPLAY is not set): no window is opened")
         elif mode == "human":
             from mujoco import viewer  # here, for it needs a screen
 
+            before = set(threading.enumerate())
             self._window = viewer.launch_passive(model, self._shown, show_left_ui=False, show_right_ui=False)
+            self._threads = [thread for thread in threading.enumerate() if thread not in before]
+            self._window.opt.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = False
             self._window.cam.type = mujoco.mjtCamera.mjCAMERA_FIXED
             self._window.cam.fixedcamid = model.camera(CHASE).id
         else:
@@ -63,7 +70,7 @@ class Camera:
             self._window.sync()
         if self._renderer is None:
             return None
-        self._renderer.update_scene(data, camera=CHASE)
+        self._renderer.update_scene(data, camera=CHASE, scene_option=self._option)
         return np.array(self._renderer.render())
 
     def close(self) -> None:
@@ -71,6 +78,8 @@ class Camera:
         for opened in (self._window, self._renderer):
             if opened is not None:
                 opened.close()
+        for thread in self._threads:  # a window that outlives the interpreter takes it down
+            thread.join(timeout=5.0)
 
 
 def _has_screen() -> bool:
