@@ -77,9 +77,9 @@ def random_yard(seed: int | np.random.Generator, n_obstructions: int = 5) -> Sce
 def open_yard() -> Scenario:
     """A yard with nothing in it but a discharge in mid-air: the first thing for a learner.
 
-    Each episode draws the place of the discharge, 1.5 m above the ground, its amplitude, the robot's heading at the dock
-    in the south-west corner and the errors of its array: another seed of `reset` is another yard. The round is 84 m long
-    and the robot drives 72 m in the time limit, so an episode that terminates has reached the source.
+    Each episode draws the place of the discharge, 1.5 m above the ground, its amplitude, the robot's heading at the
+    dock in the south-west corner and the errors of its array: another seed of `reset` is another yard. The round is
+    84 m long and the robot drives 72 m in the time limit, so an episode that terminates has reached the source.
     """
     return Scenario(
         name="open_yard",
