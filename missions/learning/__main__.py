@@ -56,7 +56,7 @@ def learn(
         refuse(*faults)
     folder = new_folder(out_dir, f"learning-{seed}")
     if find_spec("stable_baselines3") is None:
-        refuse("stable-baselines3 is not installed; get it with: uv sync --extra rl")
+        refuse("stable-baselines3 is not installed; run it with: uv run --extra rl python -m missions.learning")
     data = _learn(steps, yards, seek_yards, threads, seed, make_folder(folder))
     if json_output:
         out.print_json(data=data)

@@ -16,7 +16,7 @@ def draw_curve(curve: Sequence[Mapping[str, float]], policies: Mapping[str, Mapp
     """Draw success over training steps, with the hand-written policy and the random one as levels.
 
     Args:
-        curve: `steps` and `success` of each point.
+        curve: `steps`, `success` and `yards` of each point.
         policies: Summaries of the final evaluation by name: `ppo`, `towards_last_bearing`, `random`.
         path: Of the PNG.
     """
@@ -30,7 +30,8 @@ def draw_curve(curve: Sequence[Mapping[str, float]], policies: Mapping[str, Mapp
         success = policies[name]["success"]
         axes.axhline(success, color=colour, ls="--", label=f"{label}, {success:.1%} of {n_yards} yards")
     thousands = [point["steps"] / 1000 for point in curve]
-    axes.plot(thousands, [point["success"] for point in curve], color=LEARNED, marker="o", ms=3.5, label="PPO")
+    label = f"PPO as it learns, in {curve[0]['yards']} other yards"
+    axes.plot(thousands, [point["success"] for point in curve], color=LEARNED, marker="o", ms=3.5, label=label)
     final = policies["ppo"]["success"]
     axes.plot(thousands[-1], final, "s", color=LEARNED, label=f"PPO at the end, {final:.1%} of {n_yards} yards")
     axes.set(
@@ -40,5 +41,5 @@ def draw_curve(curve: Sequence[Mapping[str, float]], policies: Mapping[str, Mapp
     axes.yaxis.set_major_formatter(PercentFormatter(1.0))
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(alpha=0.3)
-    axes.legend(loc="center right", frameon=False)
+    axes.legend(loc="center right", framealpha=1.0, edgecolor="none")
     figure.savefig(path, dpi=140)

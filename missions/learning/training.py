@@ -59,7 +59,7 @@ class _Watch(BaseCallback):  # pyright: ignore[reportUntypedBaseClass]
     def look(self) -> None:
         """Note how the policy does as it is now."""
         tried = evaluate(steering_of(self.model), CURVE_YARDS, first_seed=CURVE_FROM, num_threads=self._num_threads)
-        self.curve.append({"steps": self.num_timesteps, "success": tried.success})
+        self.curve.append({"steps": self.num_timesteps, "success": tried.success, "yards": CURVE_YARDS})
 
 
 def train(
@@ -74,8 +74,8 @@ def train(
         advance: Told of steps that were taken.
 
     Returns:
-        The model, and the learning curve: after so many `steps`, the share of `CURVE_YARDS` yards in which it reached
-        the source, with the mean of its actions.
+        The model, and the learning curve: after so many `steps`, the share `success` of so many `yards` in which it
+        reached the source, with the mean of its actions.
     """
     torch.set_num_threads(1)
     envs = LearnerEnvs(PatrolVectorEnv(N_ROBOTS, open_yard(), num_threads=num_threads, autoreset_mode="SameStep"))

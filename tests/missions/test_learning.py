@@ -103,7 +103,8 @@ def test_a_bearing_to_the_left_is_turned_to_and_none_is_waited_for() -> None:
 def test_the_picture_is_drawn(tmp_path: Path) -> None:
     summary = {"yards": 4, "success": 0.5}
     policies = {name: summary for name in ("ppo", "towards_last_bearing", "random")}
-    draw_curve([{"steps": 0, "success": 0.0}, {"steps": 8192, "success": 0.5}], policies, tmp_path / "learning.png")
+    curve = [{"steps": steps, "success": steps / 16384, "yards": 50} for steps in (0, 8192)]
+    draw_curve(curve, policies, tmp_path / "learning.png")
     assert (tmp_path / "learning.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -113,7 +114,10 @@ def test_the_command_has_help_and_says_how_to_get_what_it_lacks(tmp_path: Path) 
     assert "usage: python -m missions.learning" in told.stdout
     refused = learning(cwd=tmp_path, first=HIDE)
     assert refused.returncode == 2
-    assert refused.stderr == "stable-baselines3 is not installed; get it with: uv sync --extra rl\n"
+    assert (
+        refused.stderr
+        == "stable-baselines3 is not installed; run it with: uv run --extra rl python -m missions.learning\n"
+    )
     assert not list(tmp_path.iterdir())
 
 
