@@ -24,7 +24,7 @@ COMMAND = "import runpy; runpy.run_module('missions.learning', run_name='__main_
 
 def learning(*arguments: str, cwd: Path, first: str = "") -> subprocess.CompletedProcess[str]:
     words = [sys.executable, "-c", f"import sys; sys.argv[1:] = {list(arguments)!r}; {first}{COMMAND}"]
-    return subprocess.run(words, cwd=cwd, capture_output=True, text=True, timeout=120)
+    return subprocess.run(words, cwd=cwd, capture_output=True, text=True, timeout=600)
 
 
 def brief() -> Scenario:
