@@ -22,6 +22,10 @@ ROOM_M = 2.0
 ROOM_TO_TURN_M = ROBOT_CLEARANCE_M + 0.3
 """Round every stop (assumed)."""
 
+OPEN_ROUND_M = ((27.0, 4.0), (27.0, 22.0), (5.0, 22.0))
+OPEN_TIME_LIMIT_S = 90.0
+"""In the open yard (assumed): time enough to reach its far corner twice over, and too little for the whole round."""
+
 TRIES = 60
 """Places that are tried for a piece before there is no room for it."""
 
@@ -67,6 +71,24 @@ def random_yard(seed: int | np.random.Generator, n_obstructions: int = 5) -> Sce
         sources=(source,),
         receiver=ReceiverConfig(fidelity="energy"),
         task=TaskConfig(time_limit_s=300.0),
+    )
+
+
+def open_yard() -> Scenario:
+    """A yard with nothing in it but a discharge in mid-air: the first thing for a learner.
+
+    Each episode draws the place of the discharge, 1.5 m above the ground, its amplitude, the robot's heading at the
+    dock in the south-west corner and the errors of its array: another seed of `reset` is another yard. The round is
+    84 m long and the robot drives 72 m in the time limit, so an episode that terminates has reached the source.
+    """
+    return Scenario(
+        name="open_yard",
+        yard=Yard(size_m=SIZE_M),
+        route=RouteConfig(dock_m=DOCK_M, waypoints_m=OPEN_ROUND_M),
+        array=ArrayConfig(),
+        sources=(SourceConfig(name="discharge", anywhere_at_m=1.5),),
+        receiver=ReceiverConfig(fidelity="energy"),
+        task=TaskConfig(time_limit_s=OPEN_TIME_LIMIT_S),
     )
 
 

@@ -16,9 +16,12 @@ MAY_IMPORT = {
     "envs": {"sensing", "dirmusic", "robot_models"},
     "missions": {"envs", "sensing", "dirmusic", "robot_models"},
 }
+LEARNING = ("missions/learning/learner_envs.py", "missions/learning/training.py")
 ONLY_HOME = {
     "mujoco": "robot_models/",
     "rerun": "missions/recording/",
+    "stable_baselines3": LEARNING,
+    "torch": LEARNING,
     "numba": ("dirmusic/compiled.py", "robot_models/readings.py"),
 }
 DIRMUSIC_MAY_USE = {"numpy", "scipy", "numba"}
@@ -64,6 +67,8 @@ def test_imports_go_down_only() -> None:
         ("envs", "import mujoco"),
         ("envs", "from missions.log import MissionLog"),
         ("missions", "import rerun as rr"),
+        ("missions", "from stable_baselines3 import PPO"),
+        ("envs", "import torch"),
     ],
 )
 def test_a_forbidden_import_is_noticed(package: str, line: str, tmp_path: Path) -> None:

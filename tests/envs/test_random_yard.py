@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from envs.patrol import PatrolEnv
-from envs.random_yard import N_WAYPOINTS, ROOM_M, random_yard
+from envs.random_yard import DOCK_M, N_WAYPOINTS, ROOM_M, open_yard, random_yard
 from envs.scenario import ROBOT_CLEARANCE_M
+from robot_models.inspector import MAX_SPEED_MPS
 
 
 def check(seed: int) -> None:
@@ -47,3 +48,16 @@ def test_the_same_seed_gives_the_same_yard_and_another_another() -> None:
 def test_more_obstructions_than_fit_or_fewer_than_none_are_refused(n: int) -> None:
     with pytest.raises(ValueError, match=r"`n_obstructions` must be in \[0, 12\]"):
         random_yard(0, n)
+
+
+def test_an_open_yard_has_its_source_anywhere_and_ends_by_approach_or_by_time_alone() -> None:
+    scenario = open_yard()
+    env = PatrolEnv(scenario)
+    starts = [env.reset(seed=seed)[1]["truth"] for seed in range(40)]
+    places_m = np.array([start["sources"][0]["position_m"] for start in starts])
+    assert (places_m[:, :2].min(axis=0) < 4.0).all()
+    assert (places_m[:, :2].max(axis=0) > np.array(scenario.yard.size_m) - 4.0).all()
+    assert np.ptp([start["pose"][2] for start in starts]) > 5.0
+    stops_m = np.array([DOCK_M, *scenario.route.waypoints_m, DOCK_M])
+    round_m = np.hypot(*np.diff(stops_m, axis=0).T).sum() - 2 * scenario.task.waypoint_radius_m * (len(stops_m) - 1)
+    assert round_m > MAX_SPEED_MPS * scenario.task.time_limit_s

@@ -10,7 +10,9 @@ from gymnasium.utils.env_checker import check_env
 
 from dirmusic.angles import difference
 from envs.patrol import PatrolEnv
-from envs.wrappers import BearingsOnly, FlatObservation
+from envs.random_yard import open_yard
+from envs.vector import PatrolVectorEnv
+from envs.wrappers import BearingsOnly, FlatObservation, Flattener, bearings_only, bearings_only_space
 
 ACTION = np.array([0.8, 0.4], dtype=np.float32)
 
@@ -56,3 +58,19 @@ def test_a_flat_observation_has_every_entry_once_scaled_by_its_bounds() -> None:
     lidar = flat[[env.names.index(f"lidar[{k}]") for k in range(36)]]
     np.testing.assert_allclose(lidar, all_of_it["lidar"] / 6.0 - 1.0, atol=1e-6)
     assert env.observation_space.contains(flat)
+
+
+def test_rows_of_the_vector_environment_are_transformed_as_single_observations_are() -> None:
+    rows, n_heard = PatrolVectorEnv(4, open_yard(), num_threads=1), 0
+    flatten = Flattener(bearings_only_space(rows.single_observation_space))
+    singles = [FlatObservation(BearingsOnly(PatrolEnv(open_yard()))) for _ in range(4)]
+    batch, _ = rows.reset(seed=8)
+    one_by_one = [env.reset(seed=8 + row)[0] for row, env in enumerate(singles)]
+    for _ in range(30):
+        np.testing.assert_array_equal(flatten(bearings_only(batch)), np.stack(one_by_one))
+        batch = rows.step(np.repeat(ACTION[np.newaxis], 4, axis=0))[0]
+        one_by_one = [env.step(ACTION)[0] for env in singles]
+        n_heard += int(batch["heard"].sum())
+    assert n_heard > 60
+    stacked = {key: np.stack([values, values]) for key, values in batch.items()}  # any number of leading axes
+    np.testing.assert_array_equal(flatten(bearings_only(stacked))[1], flatten(bearings_only(batch)))
