@@ -109,8 +109,7 @@ class Patrols:
         self._surroundings = Surroundings.of_kinds(
             [item.kind for item in yard.equipment], Faces(*yard.faces()), Obstacles(*yard.obstacles())
         )
-        gain = self.manifold.gain(SPECTRUM_AZIMUTHS_RAD)
-        self._spectrum_gain = np.repeat((gain / np.linalg.norm(gain, axis=0))[np.newaxis], n_robots, axis=0)
+        self._spectrum_gain = np.empty((n_robots, self.manifold.n_elements, SPECTRUM_AZIMUTHS_RAD.size))
         self.bounds = self._bounds()
         low, high = zip(*self.bounds.values(), strict=True)
         self._low, self._high = np.concatenate(low), np.concatenate(high)
@@ -216,12 +215,15 @@ class Patrols:
             )
         self.inspectors.reset(rows, [episode.start_pose for episode in drawn])
         self._pose_sensor.start(rows)
-        self._battery.charge(rows)
         progress = self._progress
         progress.approached[rows], progress.visited[rows], self._n_steps[rows] = False, False, 0
         progress.bearing[rows], progress.bearing_age_s[rows], self._good[rows] = 0.0, MAX_BEARING_AGE_S, True
-        gain = self.manifold.gain(SPECTRUM_AZIMUTHS_RAD)
-        self._spectrum_gain[rows] = gain / np.linalg.norm(gain, axis=0)
+        self._spectrum_gain[rows] = self._unit_gain(np.ones(self.manifold.n_elements))
+
+    def _unit_gain(self, good: NDArray[Any]) -> FloatArray:
+        """Gains of the channels in order (n_elements,) towards the observed azimuths, scaled to unit norm."""
+        gain = self.manifold.gain(SPECTRUM_AZIMUTHS_RAD) * good[:, np.newaxis]
+        return gain / np.linalg.norm(gain, axis=0)
 
     def step(self, actions: FloatArray | None, started: Rows | None = None) -> Outcome:
         """Drive for 0.1 s and listen; but the rows that have just been `started` only look about.
@@ -321,8 +323,7 @@ class Patrols:
                 again.misfit,
             )
             self._good[row] = monitor.good
-            gain = self.manifold.gain(SPECTRUM_AZIMUTHS_RAD) * monitor.good[:, np.newaxis]
-            self._spectrum_gain[row] = gain / np.linalg.norm(gain, axis=0)
+            self._spectrum_gain[row] = self._unit_gain(monitor.good)
         return bearings, suspects
 
     def _observe(self, heard: Heard, bearings: Bearings) -> dict[str, NDArray[np.float32]]:
