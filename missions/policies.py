@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dirmusic import Finding
 from dirmusic.angles import difference
-from envs.patrol import Observation
+from envs.patrol import STEP_S, Observation
 from missions.choices import PolicyName
 from missions.driver import Driver
 from missions.leg import Leg
@@ -23,11 +23,11 @@ from missions.policy import Action, Policy, believed_pose, time_of
 
 FloatArray = NDArray[np.float64]
 
-PURSUIT_LIMIT_S = 120.0
-"""Time given to one candidate before the robot goes back to its route (assumed)."""
+PURSUIT_LIMIT_S = 240.0
+"""Time given to one candidate in all before the robot keeps to its route (assumed)."""
 
-PURSUIT_TRIES = 2
-"""How often one candidate is pursued (assumed)."""
+IN_VAIN_S = 120.0
+"""A candidate that nothing can be done about just now has used up so much of that time (assumed)."""
 
 REPLAN_S = 3.0
 """Time between looks for a better viewpoint (assumed)."""
@@ -88,8 +88,7 @@ class Seek:
         self.unreachable: tuple[int, ...] = ()
         self._patrol = Patrol()
         self._target: int | None = None
-        self._since_s = 0.0
-        self._tries: dict[int, int] = {}
+        self._pursued_s: dict[int, float] = {}
         self._views_m: list[FloatArray] = []
         self._leg: Leg | None = None
         self._planned_s = -np.inf
@@ -100,30 +99,32 @@ class Seek:
             self.phase = "listen"
             return np.zeros(2, dtype=np.float32)
         pose, time_s = believed_pose(observation), time_of(observation, site_map)
-        target = self._choose(findings, pose, time_s)
+        target = self._choose(findings, pose)
         if target is not None:
             action = self._pursue(target, pose, time_s, site_map)
             if action is not None:
                 self.phase = f"seek {target.id}"
+                self._pursued_s[target.id] += STEP_S
                 return action
+            self._pursued_s[target.id] += IN_VAIN_S
             self._drop()
         action = self._patrol(observation, findings, site_map)
         self.phase, self.unreachable = self._patrol.phase, self._patrol.unreachable
         return action
 
-    def _choose(self, findings: Sequence[Finding], pose: FloatArray, time_s: float) -> Finding | None:
+    def _choose(self, findings: Sequence[Finding], pose: FloatArray) -> Finding | None:
         """The candidate in hand while it is one and time is left, else the nearest that deserves a try."""
         open_ones = {f.id: f for f in findings if f.state == "candidate"}
         if self._target is not None:
-            if self._target in open_ones and time_s - self._since_s < PURSUIT_LIMIT_S:
+            if self._target in open_ones and self._pursued_s[self._target] < PURSUIT_LIMIT_S:
                 return open_ones[self._target]
             self._drop()
-        worth = [f for f in open_ones.values() if self._tries.get(f.id, 0) < PURSUIT_TRIES]
+        worth = [f for f in open_ones.values() if self._pursued_s.get(f.id, 0.0) < PURSUIT_LIMIT_S]
         if not worth:
             return None
         target = min(worth, key=lambda f: float(np.hypot(*(f.position_m - pose[:2]))))
-        self._target, self._since_s = target.id, time_s
-        self._tries[target.id] = self._tries.get(target.id, 0) + 1
+        self._target = target.id
+        self._pursued_s.setdefault(target.id, 0.0)
         self._views_m, self._leg = [], None
         return target
 

@@ -1,0 +1,44 @@
+"""How long a candidate is pursued."""
+
+import numpy as np
+
+from dirmusic import Finding
+from dirmusic.finding import State
+from envs import load_scenario
+from missions.navigation import SiteMap
+from missions.policies import PURSUIT_LIMIT_S, Seek
+
+SITE_MAP = SiteMap(load_scenario("one_source"))
+
+
+def candidate(state: State) -> Finding:
+    return Finding(
+        id=1, state=state, position_m=np.array([9.5, 8.0]), covariance_m2=0.1 * np.eye(2), n_bearings=50,
+        first_heard_s=0.0, fixed_s=None, opening_rad=0.3, nearest_m=6.0, level_db=-10.0,
+    )  # fmt: skip
+
+
+def phase_at(seek: Seek, time_s: float, state: State) -> str:
+    """What a robot that stands in the south of the yard does about the one candidate."""
+    left = SITE_MAP.task.time_limit_s - time_s
+    observation = {
+        "pose": np.array([16.0, 5.0, 1.0, 0.0], dtype=np.float32),
+        "time_left": np.array([left], dtype=np.float32),
+    }
+    seek(observation, [candidate(state)], SITE_MAP)
+    return seek.phase
+
+
+def test_a_candidate_that_seems_outside_for_a_moment_again_and_again_is_still_pursued() -> None:
+    seek = Seek()
+    for k in range(100):
+        assert phase_at(seek, 0.2 * k, "outside").startswith("patrol")
+        assert phase_at(seek, 0.2 * k + 0.1, "candidate") == "seek 1"
+
+
+def test_a_candidate_is_given_up_after_its_time() -> None:
+    seek = Seek()
+    n_steps = round(PURSUIT_LIMIT_S / 0.1)
+    phases = [phase_at(seek, 0.1 * k, "candidate") for k in range(n_steps + 5)]
+    assert set(phases[:n_steps]) == {"seek 1"}
+    assert phases[-1].startswith("patrol")
