@@ -15,6 +15,7 @@ from dirmusic import (
     estimate_bearings,
     manifold_error_std,
     pseudo_spectrum,
+    pulse_spectrum,
     pulse_strengths,
     sample_covariance,
     strength_variance,
@@ -238,3 +239,16 @@ def test_the_shipped_spread_of_arrays_means_two_and_a_half_degrees() -> None:
     # locating-notes.md: 2.5 deg RMSE for 5 % gain and 2 deg pointing
     std = manifold_error_std(RING, AZIMUTHS, ElementSpread(gain=0.05, pointing_rad=np.radians(2.0)))
     assert np.degrees(np.sqrt(np.mean(np.square(std)))) == pytest.approx(2.5, abs=0.1)
+
+
+@pytest.mark.parametrize("n_elements", [4, 6])
+def test_the_closed_form_for_one_pulse_is_the_pseudo_spectrum_of_its_covariance(n_elements: int) -> None:
+    rng, azimuths = np.random.default_rng(0), np.radians(np.arange(0.0, 360.0, 5.0))
+    gain = GainManifold.ring(6).take(range(n_elements)).gain(azimuths)
+    unit = gain / np.linalg.norm(gain, axis=0)
+    strengths = rng.uniform(0.1, 1.0, (20, n_elements))
+    told = pulse_spectrum(strengths, np.tile(unit, (20, 1, 1)))
+    by_subspace = [pseudo_spectrum(sample_covariance(row[:, np.newaxis]), unit) for row in strengths]
+    np.testing.assert_allclose(told, by_subspace, rtol=1e-9)
+    silent = pulse_spectrum(np.zeros((1, n_elements)), unit[np.newaxis])
+    assert not silent.any()

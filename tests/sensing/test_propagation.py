@@ -13,15 +13,16 @@ import pytest
 from numpy.typing import ArrayLike
 
 from dirmusic import GainPattern
+from dirmusic.elevation import gain_in_space
 from dirmusic.gain_delay import SPEED_OF_LIGHT_MPS
 from envs.random_yard import random_yard
 from robot_models.world import build_model
 from robot_models.yard import BoxEquipment, CylinderEquipment, Yard
-from sensing import Faces, HelicalArray, Obstacles, Surroundings, level_transform
+from sensing import ArrayConfig, Faces, HelicalArray, Obstacles, Surroundings, level_transform
 from sensing.array import ArrayTable
 from sensing.materials import KIND_MATERIALS, METAL
 from sensing.propagation import in_array_frame, rays_between
-from sensing.tracing import cross, trace
+from sensing.tracing import cross, gain_towards, trace
 
 AT_ORIGIN = np.eye(4)
 
@@ -272,3 +273,19 @@ def test_the_reference_has_hidden_and_mirrored_paths() -> None:
     counts = [len(row["delay_ns"]) for row in REFERENCE["receivers"]]
     assert min(counts) < 3
     assert max(counts) >= 3
+
+
+def test_an_element_hears_from_anywhere_as_its_pattern_says_to_nine_digits() -> None:
+    """The compiled table of the gain against the formula that direction finding uses."""
+    rng, array = np.random.default_rng(0), HelicalArray.draw(ArrayConfig(), np.random.default_rng(1))
+    table = ArrayTable.of([array])
+    for x, y, up in rng.normal(0.0, 5.0, (200, 3)):
+        azimuth, elevation = np.arctan2(y, x), np.arctan2(up, np.hypot(x, y))
+        by_table = [
+            gain_towards(table.pattern_gain, table.pattern_slope, cos, sin, x, y, up)
+            for cos, sin in table.boresight_cos_sin[0]
+        ]
+        by_formula = gain_in_space(array.pattern, azimuth - array.boresights_rad, elevation).gain
+        off = np.abs(np.array(by_table) - by_formula)
+        assert np.sort(off)[-2] < 1e-9  # one element may look across the step of eq. (1), which the table slopes
+        assert off.max() < 0.01
