@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import mujoco
@@ -13,7 +14,7 @@ from mujoco.batch import Batch
 from numpy.typing import ArrayLike, NDArray
 
 from robot_models.readings import Limits, Motors, Physics, command, read
-from robot_models.world import build_model
+from robot_models.world import build_spec, without_looks
 from robot_models.yard import Yard
 
 FloatArray = NDArray[np.float64]
@@ -49,6 +50,9 @@ _LIDAR_PERIOD_S = 0.1
 _LOOK_STEPS = 5
 """Physics steps between looks at what is touched, in which a robot moves by a few centimetres at most."""
 
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+"""All that physics goes on from."""
+
 _HULL = ("chassis_contact", "mast_contact", "head_contact")
 _CONTACT_SIZE = 4
 """Sensors of what the hull touches, one after the other in the XML, and numbers they tell of each contact: found, x, y,
@@ -69,7 +73,7 @@ class Inspectors:
         n_threads: On how many threads the physics runs.
 
     Attributes:
-        model: The world that each is in.
+        physics: The world that each is in, without what is only looked at.
         step_s: Length of a physics step.
         touched: What each robot touched since its last `drive` or `reset` began: `equipment/NAME`, `fence/SIDE`.
         readings: Where they are, how they move and what the lidar sees, since the last `drive` or `reset`. The lidar
@@ -85,11 +89,13 @@ class Inspectors:
         n_threads: int = 1,
     ) -> None:
         self._arguments = (yard, element_positions_m, element_boresights_rad, n_robots, n_threads)
-        self.model = build_model(yard, element_positions_m, element_boresights_rad)
-        self.step_s: float = self.model.opt.timestep
+        self._spec = build_spec(yard, element_positions_m, element_boresights_rad)
+        lidar = [f"lidar_{beam:02d}" for beam in range(LIDAR_BEAMS)]
+        self.physics: mujoco.MjModel = without_looks(self._spec, [*lidar, *_HULL]).compile()
+        self.step_s: float = self.physics.opt.timestep
         self._yard = yard
-        self._batch = Batch(self.model, n_robots, n_threads)
-        model, batch = self.model, self._batch
+        self._batch = Batch(self.physics, n_robots, n_threads)
+        model, batch = self.physics, self._batch
         base = int(model.joint("floating_base").qposadr[0])
         turn = int(model.joint("floating_base").dofadr[0])
         wheels = [int(model.joint(name).qposadr[0]) for name in ("left_wheel", "right_wheel")]
@@ -112,6 +118,11 @@ class Inspectors:
         self._limits = Limits(MAX_SPEED_MPS, MAX_YAW_RATE_RADPS, 0.5 * WHEEL_TRACK_M, WHEEL_RADIUS_M)
         self.touched: list[tuple[str, ...]] = [()] * n_robots
         self.reset(np.arange(n_robots), np.zeros((n_robots, 3)))
+
+    @cached_property
+    def model(self) -> mujoco.MjModel:
+        """The world that each is in, complete: with looks and all sensors."""
+        return self._spec.compile()
 
     @property
     def n_robots(self) -> int:
@@ -192,7 +203,10 @@ class Inspectors:
 
     def data(self, row: int = 0) -> mujoco.MjData:
         """A copy of one robot's world as it is now, complete, to draw it or to ask MuJoCo anything."""
-        data = self._batch.get_data(row)
+        state, kind = np.empty(mujoco.mj_stateSize(self.model, _STATE)), _STATE
+        mujoco.mj_getState(self.physics, self._batch.get_data(row), state, kind)
+        data = mujoco.MjData(self.model)
+        mujoco.mj_setState(self.model, data, state, kind)
         mujoco.mj_forward(self.model, data)
         return data
 

@@ -76,7 +76,8 @@ def vector_steps(envs: gymnasium.vector.VectorEnv[Any, Any, Any], n_steps: int =
 def bare_physics(n_steps: int = 300) -> Callable[[], int]:
     """Nothing but `mj_step` on the same model, with as many substeps and the same commands to the wheels."""
     inspectors = PatrolEnv("bench").patrols.inspectors
-    model, data = inspectors.model, inspectors.data()
+    model = inspectors.physics
+    data = mujoco.MjData(model)  # pyright: ignore[reportAttributeAccessIssue]
     mujoco.mj_resetDataKeyframe(model, data, 0)  # pyright: ignore[reportAttributeAccessIssue]
     data.qpos[:2] = 3.0, 3.0
     v, turn = np.random.default_rng(0).uniform(-1.0, 1.0, (n_steps, 2)).T
