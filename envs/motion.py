@@ -1,4 +1,4 @@
-"""What robots believe of their motion, in compiled loops over the robots."""
+"""What robots believe of their motion and what it takes, in compiled loops over the robots."""
 
 from __future__ import annotations
 
@@ -44,7 +44,9 @@ def reckon(
     yaw_rad: FloatArray,
     yaw_before_rad: FloatArray,
     metres_per_radian: FloatArray,
-    gyro_error_rad: FloatArray,
+    bias_rad: FloatArray,
+    noise_rad: float,
+    normal: FloatArray,
 ) -> FloatArray:
     """Poses (n_robots, 3) after arcs, yaw in (-pi, pi].
 
@@ -55,15 +57,25 @@ def reckon(
         yaw_rad: True heading now, shape (n_robots,): its change is an ideal gyro's integral.
         yaw_before_rad: And before.
         metres_per_radian: Path that the robot believes in for each wheel's turn, shape (n_robots,).
-        gyro_error_rad: By how much the gyro's integral is off, shape (n_robots,).
+        bias_rad: By how much the gyro's bias turns it meanwhile, shape (n_robots,).
+        noise_rad: Standard deviation of what its noise adds.
+        normal: Standard normal draws, shape (n_robots,).
     """
     moved = np.empty(pose.shape)
     for r in range(len(pose)):
         turned = wheels_rad[r, 0] - wheels_before_rad[r, 0] + wheels_rad[r, 1] - wheels_before_rad[r, 1]
         rolled_m = 0.5 * turned * metres_per_radian[r]
-        turn = wrapped(yaw_rad[r] - yaw_before_rad[r]) + gyro_error_rad[r]
+        turn = wrapped(yaw_rad[r] - yaw_before_rad[r]) + bias_rad[r] + noise_rad * normal[r]
         along = pose[r, 2] + 0.5 * turn
         moved[r, 0] = pose[r, 0] + rolled_m * np.cos(along)
         moved[r, 1] = pose[r, 1] + rolled_m * np.sin(along)
         moved[r, 2] = wrapped(pose[r, 2] + turn)
     return moved
+
+
+@compiled
+def drain(used_wh: FloatArray, left: FloatArray, capacity_wh: float, power_w: FloatArray, hours: float) -> None:
+    """Take power (n_robots,) from batteries for a while; `used_wh` and the share that is `left`, in [0, 1], change."""
+    for r in range(used_wh.size):
+        used_wh[r] += power_w[r] * hours
+        left[r] = max(1.0 - used_wh[r] / capacity_wh, 0.0)

@@ -59,8 +59,15 @@ class Odometry:
             elapsed_s: Seconds.
             normal: Standard normal draws, shape (n_robots,).
         """
-        gyro_error_rad = self._bias_radps * elapsed_s + (self._noise_rad_per_sqrt_s * elapsed_s**0.5) * normal
         self.pose = self._reckon(
-            self.pose, wheels_rad, self._wheels_rad, yaw_rad, self._yaw_rad, self._metres_per_radian, gyro_error_rad
+            self.pose,
+            wheels_rad,
+            self._wheels_rad,
+            yaw_rad,
+            self._yaw_rad,
+            self._metres_per_radian,
+            self._bias_radps * elapsed_s,
+            self._noise_rad_per_sqrt_s * elapsed_s**0.5,
+            normal,
         )
         self._wheels_rad, self._yaw_rad = wheels_rad, yaw_rad

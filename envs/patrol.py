@@ -13,6 +13,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from envs.patrols import STEP_S, Outcome, Patrols
+from envs.progress import REWARD_TERMS
 from envs.scenario import Scenario, load_scenario
 from robot_models.camera import Camera
 
@@ -169,18 +170,18 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             self.render()
         info = self._info(outcome)
         info["truth"] |= copy.deepcopy(self.patrols.episode(0).truth)
-        return _first_row(outcome.observation), info
+        return self.patrols.parts(outcome.shown[0]), info
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive for 0.1 s, then listen; see the class for what comes back."""
         outcome = self.patrols.step(np.asarray(action, dtype=np.float64)[np.newaxis])
         info = self._info(outcome)
-        terms = {name: float(term[0]) for name, term in outcome.reward.items()}
+        terms = dict(zip(REWARD_TERMS, outcome.reward[:, 0].tolist(), strict=True))
         info["reward"] = terms
         if self.render_mode == "human":
             self.render()
         is_over, is_late = bool(outcome.terminated[0]), bool(outcome.truncated[0])
-        return _first_row(outcome.observation), sum(terms.values()), is_over, is_late, info
+        return self.patrols.parts(outcome.shown[0]), sum(terms.values()), is_over, is_late, info
 
     def _info(self, outcome: Outcome) -> dict[str, Any]:
         patrols, heard = self.patrols, outcome.heard
@@ -235,7 +236,3 @@ def observation_space(patrols: Patrols) -> spaces.Dict:
     return spaces.Dict(
         {key: spaces.Box(low, high, low.shape, np.float32) for key, (low, high) in patrols.bounds.items()}
     )
-
-
-def _first_row(observation: Observation) -> Observation:
-    return {key: values[0] for key, values in observation.items()}

@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from dirmusic import Bearings
 from dirmusic.channel_health import ChannelMonitor, SuspectChannel
 from dirmusic.fitting import bearings_of_pulses
+from envs.battery import Battery
 from envs.episode import Episode
-from envs.observing import Progress, Pulses, Setting, Sight, move_on, observe
+from envs.observing import Setting, observe
 from envs.odometry import Odometry
 from envs.pose_sensor import PoseSensor
+from envs.progress import MAX_BEARING_AGE_S, Progress, move_on
 from envs.scenario import Scenario
-from robot_models.battery import Battery
 from robot_models.inspector import (
     LIDAR_BEAMS,
     LIDAR_RANGE_M,
@@ -41,14 +42,8 @@ STEP_S = 0.1
 SPECTRUM_AZIMUTHS_RAD = np.radians(np.arange(0.0, 360.0, 5.0))
 """Array-frame azimuths of the observed pseudo-spectrum."""
 
-MAX_BEARING_AGE_S = 60.0
 LEVEL_DECADES = 5.0
 POSE_MARGIN_M = 5.0
-
-REWARD_PER_METRE = 1.0
-REWARD_PER_SECOND = -0.05
-REWARD_PER_CONTACT_STEP = -1.0
-"""Weights of the reward's terms (assumed): a second costs 5 cm of progress, touching something costs a metre."""
 
 LIMITS = np.array([MAX_SPEED_MPS, MAX_YAW_RATE_RADPS])
 """What actions are shares of: m/s, rad/s. The robot drives no faster."""
@@ -63,8 +58,8 @@ class Outcome(NamedTuple):
     """What a step led to; rows are robots.
 
     Attributes:
-        observation: Key by key, float32, shape (n_robots, ...).
-        reward: Terms by name, shape (n_robots,).
+        shown: All entries of the observation, float32, shape (n_robots, n_entries); see `Patrols.parts`.
+        reward: Terms in the order of `REWARD_TERMS`, shape (3, n_robots).
         terminated: Whether the episode is over, shape (n_robots,).
         truncated: Whether its time is, shape (n_robots,).
         heard: All pulses, robot by robot.
@@ -72,8 +67,8 @@ class Outcome(NamedTuple):
         suspects: Channels newly found at fault, for each robot.
     """
 
-    observation: dict[str, NDArray[np.float32]]
-    reward: dict[str, FloatArray]
+    shown: NDArray[np.float32]
+    reward: FloatArray
     terminated: BoolArray
     truncated: BoolArray
     heard: Heard
@@ -112,11 +107,19 @@ class Patrols:
         self._spectrum_gain = np.empty((n_robots, self.manifold.n_elements, SPECTRUM_AZIMUTHS_RAD.size))
         self.bounds = self._bounds()
         low, high = zip(*self.bounds.values(), strict=True)
-        self._low, self._high = np.concatenate(low), np.concatenate(high)
         ends = np.cumsum([entry.size for entry in low]).tolist()
-        self._part = dict(zip(self.bounds, zip([0, *ends[:-1]], ends, strict=True), strict=True))
+        part = [(..., slice(first, end)) for first, end in zip([0, *ends[:-1]], ends, strict=True)]
+        self._parts = list(zip(self.bounds, part, strict=True))
         self._stops_m = np.array([*scenario.route.waypoints_m, scenario.route.dock_m])
-        self._setting = Setting(self._stops_m, LIDAR_RANGE_M, scenario.lidar.range_std_m, scenario.receiver.noise_v)
+        self._setting = Setting(
+            stops_m=self._stops_m,
+            low=np.concatenate(low),
+            high=np.concatenate(high),
+            lidar_reach_m=LIDAR_RANGE_M,
+            lidar_std_m=scenario.lidar.range_std_m,
+            noise_v=scenario.receiver.noise_v,
+            time_limit_s=scenario.task.time_limit_s,
+        )
         self._episodes: list[Episode | None] = [None] * n_robots
         self._rngs: list[np.random.Generator] = [np.random.default_rng(0)] * n_robots
         self._monitors = [ChannelMonitor(self.manifold) for _ in range(n_robots)]
@@ -127,13 +130,7 @@ class Patrols:
         self._draws = np.zeros((n_robots, N_DRAWS))
         n_sources = len(scenario.sources)
         self._sources_m = np.zeros((n_robots, n_sources, 2))
-        self._progress = Progress(
-            approached=np.zeros((n_robots, n_sources), dtype=np.bool_),
-            visited=np.zeros((n_robots, len(self._stops_m)), dtype=np.bool_),
-            to_go_m=np.zeros(n_robots),
-            bearing=np.zeros((n_robots, 2)),
-            bearing_age_s=np.full(n_robots, MAX_BEARING_AGE_S),
-        )
+        self._progress = Progress.at_start(n_robots, n_sources, len(self._stops_m))
         self._good = np.ones((n_robots, self.manifold.n_elements), dtype=np.bool_)
         self._n_steps = np.zeros(n_robots)
         self._last_step = scenario.task.time_limit_s / STEP_S - 1e-6
@@ -175,7 +172,7 @@ class Patrols:
     @property
     def battery(self) -> FloatArray:
         """Share that is left, shape (n_robots,)."""
-        return self._battery.left
+        return self._battery.left.copy()
 
     @property
     def true_pose(self) -> FloatArray:
@@ -215,9 +212,8 @@ class Patrols:
             )
         self.inspectors.reset(rows, [episode.start_pose for episode in drawn])
         self._pose_sensor.start(rows)
-        progress = self._progress
-        progress.approached[rows], progress.visited[rows], self._n_steps[rows] = False, False, 0
-        progress.bearing[rows], progress.bearing_age_s[rows], self._good[rows] = 0.0, MAX_BEARING_AGE_S, True
+        self._progress.restart(rows)
+        self._n_steps[rows], self._good[rows] = 0, True
         self._spectrum_gain[rows] = self._unit_gain(np.ones(self.manifold.n_elements))
 
     def _unit_gain(self, good: NDArray[Any]) -> FloatArray:
@@ -249,36 +245,42 @@ class Patrols:
                 rng.standard_normal(out=draws)
         kept = [state[waiting] for state in self._motion()] if waiting.size else []
         self._sense_motion(started)
+        now, task = self.inspectors.readings, self.scenario.task
+        touched = np.array([bool(names) for names in self.inspectors.touched])
+        reward, all_approached, is_docked = move_on(
+            tuple(self._progress),
+            now.pose,
+            self._sources_m,
+            self._stops_m,
+            task.standoff_m,
+            task.waypoint_radius_m,
+            STEP_S,
+            is_new,
+            touched,
+        )
         for state, before in zip(self._motion(), kept, strict=False):
             state[waiting] = before
         assert self._receivers is not None, "reset first"
-        now, task = self.inspectors.readings, self.scenario.task
         heard = self._receivers.listen(now.world_from_base, start_s, STEP_S, moving)
         bearings, suspects = self._find_directions(heard)
-        nearer_m, all_approached, is_docked = move_on(
-            self._progress, now.pose, self._sources_m, self._stops_m, task.standoff_m, task.waypoint_radius_m, is_new
-        )
-        touched = np.array([bool(names) for names in self.inspectors.touched])
-        driven = (~is_new).astype(np.float64)
-        is_over = is_docked | all_approached if self.terminate_on_approach else is_docked
         return Outcome(
-            observation=self._observe(heard, bearings),
-            reward={
-                "progress": REWARD_PER_METRE * nearer_m,
-                "time": (REWARD_PER_SECOND * STEP_S) * driven,
-                "contact": REWARD_PER_CONTACT_STEP * touched * driven,
-            },
-            terminated=is_over,
+            shown=self._observe(heard, bearings),
+            reward=reward,
+            terminated=is_docked | all_approached if self.terminate_on_approach else is_docked,
             truncated=self._n_steps >= self._last_step,
             heard=heard,
             bearings=bearings,
             suspects=suspects,
         )
 
+    def parts(self, shown: NDArray[np.float32]) -> dict[str, NDArray[np.float32]]:
+        """An observation key by key, from all its entries along the last axis: of one robot, or a row for each."""
+        return {key: shown[part] for key, part in self._parts}
+
     def _motion(self) -> tuple[FloatArray, ...]:
         """What a step changes whether or not a robot moves; a row is a robot."""
         believed = (self._pose_sensor.error, self._odometry.pose, self.pose)
-        return (*believed, self._battery.used_wh, self._n_steps, self._progress.bearing_age_s)
+        return (*believed, self._battery.used_wh, self._battery.left, self._n_steps, self._progress.bearing_age_s)
 
     def _sense_motion(self, started: Rows | None) -> None:
         """Pose sensor, odometry, battery and clocks."""
@@ -287,8 +289,6 @@ class Patrols:
         self._odometry.move(now.wheel_angles, now.pose[:, 2], STEP_S, draws[:, PoseSensor.N_DRAWS])
         self._battery.drain(now.motor_power_w, STEP_S)
         self._n_steps += 1
-        age_s = self._progress.bearing_age_s
-        np.minimum(age_s + STEP_S, MAX_BEARING_AGE_S, out=age_s)
         if started is not None:
             for row in started.tolist():
                 self._odometry.start(row, self.pose[row], self._rngs[row])
@@ -326,23 +326,10 @@ class Patrols:
             self._spectrum_gain[row] = self._unit_gain(monitor.good)
         return bearings, suspects
 
-    def _observe(self, heard: Heard, bearings: Bearings) -> dict[str, NDArray[np.float32]]:
-        """All entries of the observation, each of shape (n_robots, ...); see `PatrolEnv`."""
+    def _observe(self, heard: Heard, bearings: Bearings) -> NDArray[np.float32]:
+        """All entries of the observation, shape (n_robots, n_entries); see `PatrolEnv`."""
         now = self.inspectors.readings
-        shown = observe(
-            Sight(
-                self.pose,
-                now.velocity,
-                now.lidar_m,
-                self._draws[:, PoseSensor.N_DRAWS + 1 :],
-                self.scenario.task.time_limit_s - self._n_steps * STEP_S,
-            ),
-            self._setting,
-            self._progress,
-            Pulses(heard.robot, heard.strengths_v, bearings.azimuth_rad),
-            self._good,
-            self._spectrum_gain,
-            self._low,
-            self._high,
-        )
-        return {key: shown[first:end].T for key, (first, end) in self._part.items()}
+        sight = (self.pose, now.velocity, now.lidar_m, self._draws[:, PoseSensor.N_DRAWS + 1 :], self.time_s)
+        pulses = heard.robot, heard.strengths_v, bearings.azimuth_rad
+        setting, progress = tuple(self._setting), tuple(self._progress)
+        return observe(sight, setting, progress, *pulses, self._good, self._spectrum_gain).T

@@ -18,10 +18,10 @@ from pydantic import BaseModel, Field, NonNegativeFloat, PositiveFloat, Positive
 
 from dirmusic import InputFileError
 from dirmusic.discharge_kinds import KindName
+from envs.battery import BatteryConfig
 from envs.lidar import LidarConfig
 from envs.odometry import OdometryConfig
 from envs.pose_sensor import PoseSensorConfig
-from robot_models.battery import BatteryConfig
 from robot_models.yard import Yard
 from sensing import ArrayConfig, ReceiverConfig
 from sensing.materials import KIND_MATERIALS

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from envs.patrol import Observation, observation_space
 from envs.patrols import STEP_S, Outcome, Patrols
+from envs.progress import REWARD_TERMS
 from envs.scenario import Scenario, load_scenario
 
 FloatArray = NDArray[np.float64]
@@ -89,7 +90,7 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._rngs: list[np.random.Generator | None] = [None] * num_envs
         self._is_over = np.zeros(num_envs, dtype=np.bool_)
-        self._observation: Observation = {}
+        self._shown = np.empty((num_envs, 0), dtype=np.float32)
 
     @property
     def scenario(self) -> Scenario:
@@ -119,11 +120,8 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
             if seeds[row] is not None or self._rngs[row] is None:
                 self._rngs[row], _ = seeding.np_random(seeds[row])
         outcome = self._start(rows, fixed)
-        if rows.size < self.num_envs:
-            self._observation = _mixed(self._observation, outcome.observation, rows)
-        else:
-            self._observation = outcome.observation
-        return self._observation, self._info(outcome)
+        self._shown = outcome.shown if rows.size == self.num_envs else _mixed(self._shown, outcome.shown, rows)
+        return self.patrols.parts(self._shown), self._info(outcome)
 
     def _start(self, rows: Rows, options: dict[str, Any], actions: FloatArray | None = None) -> Outcome:
         """New episodes in some rows; the others take a step, if there are actions, or wait."""
@@ -144,23 +142,22 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         else:
             outcome = self.patrols.step(wanted)
         self._is_over = outcome.terminated | outcome.truncated
-        observation, info = outcome.observation, self._info(outcome)
+        self._shown, info = outcome.shown, self._info(outcome)
         if self.autoreset_mode is AutoresetMode.SAME_STEP and self._is_over.any():
-            observation, info = self._restarted(outcome, info)
-        reward = np.sum(list(outcome.reward.values()), axis=0)
-        self._observation = observation
+            self._shown, info = self._restarted(outcome, info)
+        observation, reward = self.patrols.parts(self._shown), outcome.reward.sum(axis=0)
         return observation, reward, outcome.terminated, outcome.truncated, info
 
-    def _restarted(self, ended: Outcome, info: dict[str, Any]) -> tuple[Observation, dict[str, Any]]:
+    def _restarted(self, ended: Outcome, info: dict[str, Any]) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Observations with the first ones of new episodes, and an info with how the old ones ended."""
         rows = np.flatnonzero(self._is_over)
         final = np.full(self.num_envs, None, dtype=object)
         for row in rows.tolist():
-            final[row] = {key: values[row].copy() for key, values in ended.observation.items()}
+            final[row] = self.patrols.parts(ended.shown[row].copy())
         begun = self._start(rows, {})
         over = np.zeros(self.num_envs, dtype=np.bool_)
         over[rows] = True
-        return _mixed(ended.observation, begun.observation, rows), {
+        return _mixed(ended.shown, begun.shown, rows), {
             **self._info(begun),
             "final_obs": final,
             "_final_obs": over,
@@ -175,7 +172,7 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
             "pose": patrols.pose.copy(),
             "odometry": patrols.odometry,
             "battery": patrols.battery,
-            "reward": outcome.reward,
+            "reward": dict(zip(REWARD_TERMS, outcome.reward, strict=True)),
             "touched": np.array([bool(names) for names in patrols.inspectors.touched]),
             "true_pose": patrols.true_pose,
             "pulses": {
@@ -194,9 +191,8 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         """Nothing is open."""
 
 
-def _mixed(observation: Observation, begun: Observation, rows: Rows) -> Observation:
+def _mixed(shown: NDArray[np.float32], begun: NDArray[np.float32], rows: Rows) -> NDArray[np.float32]:
     """The rows of one observation, but for some that are of another."""
-    mixed = {key: values.copy() for key, values in observation.items()}
-    for key, values in begun.items():
-        mixed[key][rows] = values[rows]
+    mixed = shown.copy()
+    mixed[rows] = begun[rows]
     return mixed

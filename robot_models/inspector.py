@@ -13,7 +13,7 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import ArrayLike, NDArray
 
-from robot_models.readings import Limits, Motors, Physics, command, read
+from robot_models.readings import Motors, Physics, command, reader
 from robot_models.world import build_spec, without_looks
 from robot_models.yard import Yard
 
@@ -49,6 +49,8 @@ _LIDAR_PERIOD_S = 0.1
 
 _LOOK_STEPS = 5
 """Physics steps between looks at what is touched, in which a robot moves by a few centimetres at most."""
+
+_LIMITS = (MAX_SPEED_MPS, MAX_YAW_RATE_RADPS, 0.5 * WHEEL_TRACK_M, WHEEL_RADIUS_M)
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 """All that physics goes on from."""
@@ -103,7 +105,7 @@ class Inspectors:
         self._home = model.key("home").id
         qpos, first = batch.bind("qpos"), int(model.sensor("lidar_00").adr[0])
         self._ctrl = batch.bind("ctrl")
-        self._physics = Physics(
+        live = Physics(
             base=qpos[:, base : base + 7],
             base_velocity=batch.bind("qvel")[:, turn : turn + 6],
             wheels=qpos[:, wheels[0] : wheels[0] + 2],
@@ -112,10 +114,10 @@ class Inspectors:
             beams_m=batch.bind("sensordata")[:, first : first + LIDAR_BEAMS],
         )
         motors = [model.actuator(name).gainprm[:2] for name in ("left_wheel", "right_wheel")]
-        self._motors = Motors(*np.array(motors, dtype=np.float64).T.copy())
+        self._base = live.base
+        self._read = reader(live, Motors(*np.array(motors, dtype=np.float64).T.copy()), LIDAR_RANGE_M)
         hull = [model.sensor(name) for name in _HULL]
         self._hull = batch.bind("sensordata")[:, hull[0].adr[0] : hull[-1].adr[0] + hull[-1].dim[0]]
-        self._limits = Limits(MAX_SPEED_MPS, MAX_YAW_RATE_RADPS, 0.5 * WHEEL_TRACK_M, WHEEL_RADIUS_M)
         self.touched: list[tuple[str, ...]] = [()] * n_robots
         self.reset(np.arange(n_robots), np.zeros((n_robots, 3)))
 
@@ -145,7 +147,7 @@ class Inspectors:
         batch = self._batch
         batch.reset(ids, keyframe=self._home, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         for row, (x, y, yaw) in zip(ids.tolist(), at.tolist(), strict=True):
-            base = self._physics.base[row]
+            base = self._base[row]
             base[:2] = x, y
             mujoco.mju_mulQuat(base[3:], [np.cos(0.5 * yaw), 0.0, 0.0, np.sin(0.5 * yaw)], base[3:].copy())
         start = batch.state[ids].copy()
@@ -154,7 +156,7 @@ class Inspectors:
         batch.state[ids] = start
         for row in ids.tolist():
             self.touched[row] = tuple(sorted(self._names(row)))
-        self.readings = read(self._physics, self._motors, LIDAR_RANGE_M)
+        self.readings = self._read()
 
     def drive(
         self, v_mps: ArrayLike, yaw_rate_radps: ArrayLike, duration_s: float, rows: NDArray[np.intp] | None = None
@@ -179,7 +181,7 @@ class Inspectors:
             raise ValueError(
                 f"`duration_s` must be a positive multiple of the physics step, {self.step_s:g} s, got {duration_s:g}."
             )
-        if not command(v, turn, self._limits, self._ctrl):
+        if not command(v, turn, *_LIMITS, self._ctrl):
             raise ValueError(f"`v_mps` and `yaw_rate_radps` must be finite, got {v} and {turn}.")
         touched: list[set[str]] | None = None
         while n_substeps > 0:
@@ -195,7 +197,7 @@ class Inspectors:
                 self.touched[row] = tuple(sorted(touched[row])) if touched is not None else ()
         elif any(self.touched):
             self.touched = [()] * self.n_robots
-        self.readings = read(self._physics, self._motors, LIDAR_RANGE_M)
+        self.readings = self._read()
 
     def n_warnings(self) -> NDArray[np.intp]:
         """How often MuJoCo warned of each robot's physics, shape (n_robots,)."""

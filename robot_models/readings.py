@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numba
@@ -41,24 +42,23 @@ class Motors(NamedTuple):
     constant_nmpa: FloatArray
 
 
-class Limits(NamedTuple):
-    """What turns commands into wheel speeds: greatest speed and yaw rate, half the track, and the wheels' radius."""
-
-    speed_mps: float
-    yaw_rate_radps: float
-    half_track_m: float
-    wheel_radius_m: float
-
-
 @numba.njit(cache=True, error_model="numpy")  # pyright: ignore
-def command(v_mps: FloatArray, yaw_rate_radps: FloatArray, limits: Limits, control_radps: FloatArray) -> bool:
+def command(
+    v_mps: FloatArray,
+    yaw_rate_radps: FloatArray,
+    most_v_mps: float,
+    most_yaw_rate_radps: float,
+    half_track_m: float,
+    wheel_radius_m: float,
+    control_radps: FloatArray,
+) -> bool:
     """Set the wheels' speeds (n, 2) for commands (n,) within limits; False, and none is set, if one is not finite."""
     if not (np.isfinite(v_mps).all() and np.isfinite(yaw_rate_radps).all()):
         return False
     for r in range(len(control_radps)):
-        v = min(max(v_mps[r], -limits.speed_mps), limits.speed_mps)
-        rim = min(max(yaw_rate_radps[r], -limits.yaw_rate_radps), limits.yaw_rate_radps) * limits.half_track_m
-        control_radps[r, 0], control_radps[r, 1] = (v - rim) / limits.wheel_radius_m, (v + rim) / limits.wheel_radius_m
+        v = min(max(v_mps[r], -most_v_mps), most_v_mps)
+        rim = min(max(yaw_rate_radps[r], -most_yaw_rate_radps), most_yaw_rate_radps) * half_track_m
+        control_radps[r, 0], control_radps[r, 1] = (v - rim) / wheel_radius_m, (v + rim) / wheel_radius_m
     return True
 
 
@@ -83,15 +83,14 @@ class Readings(NamedTuple):
 
 
 @numba.njit(cache=True, error_model="numpy")  # pyright: ignore
-def read(physics: Physics, motors: Motors, reach_m: float) -> Readings:
-    """Read all robots."""
+def _read(live: tuple[FloatArray, ...], motors: tuple[FloatArray, ...], reach_m: float) -> tuple[FloatArray, ...]:
+    physics, motors = Physics(*live), Motors(*motors)
     n, n_beams = physics.beams_m.shape
-    readings = Readings(
-        np.empty((n, 3)), np.zeros((n, 4, 4)), np.empty((n, 2)), np.empty((n, 2)), np.zeros(n), np.empty((n, n_beams))
-    )
+    pose, world_from_base, velocity = np.empty((n, 3)), np.zeros((n, 4, 4)), np.empty((n, 2))
+    wheel_angles, motor_power_w, lidar_m = np.empty((n, 2)), np.zeros(n), np.empty((n, n_beams))
     for r in range(n):
         w, x, y, z = physics.base[r, 3], physics.base[r, 4], physics.base[r, 5], physics.base[r, 6]
-        frame = readings.world_from_base[r]
+        frame = world_from_base[r]
         frame[0, 0], frame[0, 1], frame[0, 2] = w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)
         frame[1, 0], frame[1, 1], frame[1, 2] = 2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)
         frame[2, 0], frame[2, 1], frame[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z
@@ -101,16 +100,22 @@ def read(physics: Physics, motors: Motors, reach_m: float) -> Readings:
             yaw = np.pi
         for i in range(3):
             frame[i, 3] = physics.base[r, i]
-        readings.pose[r, 0], readings.pose[r, 1], readings.pose[r, 2] = frame[0, 3], frame[1, 3], yaw
+        pose[r, 0], pose[r, 1], pose[r, 2] = frame[0, 3], frame[1, 3], yaw
         moving = physics.base_velocity[r]
-        readings.velocity[r, 0] = np.cos(yaw) * moving[0] + np.sin(yaw) * moving[1]
-        readings.velocity[r, 1] = moving[5]
+        velocity[r, 0] = np.cos(yaw) * moving[0] + np.sin(yaw) * moving[1]
+        velocity[r, 1] = moving[5]
         for side in range(2):
-            readings.wheel_angles[r, side] = physics.wheels[r, side]
+            wheel_angles[r, side] = physics.wheels[r, side]
             torque = physics.torque_nm[r, side]
             copper_w = (torque / motors.constant_nmpa[side]) ** 2 * motors.resistance_ohm[side]
-            readings.motor_power_w[r] += max(torque * physics.wheel_radps[r, side] + copper_w, 0.0)
+            motor_power_w[r] += max(torque * physics.wheel_radps[r, side] + copper_w, 0.0)
         for beam in range(n_beams):
             range_m = physics.beams_m[r, beam] + BEAMS_START_M
-            readings.lidar_m[r, beam] = range_m if BEAMS_START_M <= range_m <= reach_m else reach_m
-    return readings
+            lidar_m[r, beam] = range_m if BEAMS_START_M <= range_m <= reach_m else reach_m
+    return pose, world_from_base, velocity, wheel_angles, motor_power_w, lidar_m
+
+
+def reader(physics: Physics, motors: Motors, reach_m: float) -> Callable[[], Readings]:
+    """A function that reads all robots anew."""
+    live, constants = tuple(physics), tuple(motors)  # the types of plain tuples are known faster than those of named
+    return lambda: Readings(*_read(live, constants, reach_m))

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal, Self
+from typing import Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,8 +66,7 @@ class ReceiverConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_
         return self
 
 
-@dataclass(frozen=True, kw_only=True)
-class Heard:
+class Heard(NamedTuple):
     """What one interval of listening gave: nothing is an answer, with n_pulses = 0. Robot by robot, and then by time.
 
     Attributes:
@@ -88,7 +86,7 @@ class Heard:
     variance_v2: FloatArray
     mains_phase_rad: FloatArray
     is_clipped: NDArray[np.bool_]
-    waveforms_v: FloatArray = field(repr=False)
+    waveforms_v: FloatArray
     n_rejected: int
 
 

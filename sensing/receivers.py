@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.energies import strength_of, variance_of_strength
+from dirmusic.compiled import plain
 from sensing.array import ArrayTable, HelicalArray
 from sensing.faults import STUCK_AT
-from sensing.gates import Channel, GateNoise, OnAir, hear_energies, incoming_pulses
+from sensing.gate_energies import Channel, GateNoise, hear_energies, told
+from sensing.gates import OnAir, incoming_pulses
 from sensing.receiver import Heard, Receiver, ReceiverConfig
 from sensing.scene import Emissions, Scene
 from sensing.waveforms import Recorder
@@ -26,7 +27,7 @@ NOT_DRAWN = -1.0
 
 
 class _Gates(NamedTuple):
-    """Gates of pulses in any order, with their energies; a row is a pulse."""
+    """Gates of pulses in any order, with their energies; a row is a pulse, but one background may serve for all."""
 
     robot: IntArray
     time_s: FloatArray
@@ -63,8 +64,8 @@ class Receivers:
         n_sources = len(scenes[0].sources)
         self._sources_m = np.empty((len(arrays), n_sources, 3))
         self._burst_s = np.empty((len(arrays), n_sources))
-        self._has_bursts = any(source.burst_s > 0 for source in scenes[0].sources)
         self._false_s = [NOT_DRAWN] * len(arrays)
+        self._surroundings = plain(scenes[0].surroundings)
         for row, (scene, rng) in enumerate(zip(scenes, rngs, strict=True)):
             self.replace(row, arrays[row], scene, rng)
 
@@ -90,79 +91,82 @@ class Receivers:
         listening: list[int] = list(range(len(self._rngs))) if rows is None else rows.tolist()
         starts: list[float] = start_s.tolist()
         emitted = [self._scenes[row].emissions(starts[row], duration_s, self._rngs[row]) for row in listening]
-        on_air, time_s = _flat(listening, emitted)
-        parts = self._false_alarms(listening, world_from_array, starts, duration_s)
-        if time_s.size:
+        on_air, parts = _flat(listening, emitted), self._false_alarms(listening, world_from_array, starts, duration_s)
+        if on_air.time_s.size:
             arrays = self._arrays
             if self.config.faults:
                 left = self._one.faults.signal_factors(start_s)
                 factors, offsets = arrays.gain_factors * left, arrays.gain_offsets * left
                 arrays = arrays._replace(gain_factors=factors, gain_offsets=offsets)
             if self.config.fidelity == "energy":
-                parts.append(self._energies(on_air, time_s, world_from_array, arrays))
+                parts.append(self._energies(on_air, world_from_array, arrays))
             else:
-                parts += self._waveforms(on_air, time_s, world_from_array, arrays)
+                parts += self._waveforms(on_air, world_from_array, arrays)
         return self._conclude([part for part in parts if part.robot.size or part.n_rejected])
 
-    def _energies(self, on_air: OnAir, time_s: FloatArray, world_from_array: FloatArray, arrays: ArrayTable) -> _Gates:
-        """From the law of the gates' energies. Bursts do not look like pulses and are rejected."""
-        noise = self._channel.noise
-        heard, energy = hear_energies(
-            on_air,
+    def _energies(self, on_air: OnAir, world_from_array: FloatArray, arrays: ArrayTable) -> _Gates:
+        """From the law of the gates' energies."""
+        robot, time_s, energy, n_rejected = hear_energies(
+            tuple(on_air),
             self._sources_m,
+            self._burst_s,
             world_from_array,
-            arrays,
-            self._scenes[0].surroundings,
+            tuple(arrays),
+            self._surroundings,
             self._channel,
-            self._draw(on_air.robot, 1 + self._one.n_elements * max(noise.eigenvalues.size, 1)),
+            self._draw(on_air.robot),
             self._beside_the_modes(on_air.robot),
         )
-        robot, n_rejected = on_air.robot[heard], 0
-        if self._has_bursts:
-            is_pulse = self._burst_s[robot, on_air.source[heard]] == 0
-            n_rejected = int(np.count_nonzero(~is_pulse))
-            heard, energy, robot = heard[is_pulse], energy[is_pulse], robot[is_pulse]
         no_samples = np.empty((*energy.shape, 0))
-        return _Gates(robot, time_s[heard], energy, self._background(heard.size), no_samples, n_rejected)
+        return _Gates(robot, time_s, energy, self._background_v2, no_samples, n_rejected)
 
     @cached_property
-    def _channel(self) -> Channel:
+    def _channel(self) -> tuple[Any, ...]:
         one, front_end = self._one, self._one.front_end
         modes = front_end.modes or (np.empty(0), np.empty((self.config.gate_samples, 0)))
         noise = GateNoise(one.filtered_v, *modes)
-        return Channel(front_end.pulse_table, front_end.pulse_peak, one.threshold_v, one.gate_lead_s, noise)
+        return plain(Channel(front_end.pulse_table, front_end.pulse_peak, one.threshold_v, one.gate_lead_s, noise))
 
     @cached_property
-    def _beside_v2(self) -> float:
-        """Mean noise energy that no mode holds."""
-        n_beside = self.config.gate_samples - float(self._channel.noise.eigenvalues.sum())
-        return self._one.filtered_v**2 * n_beside
+    def _background_v2(self) -> FloatArray:
+        """Power of a sample without a pulse, shape (1, n_elements)."""
+        return np.full((1, self._one.n_elements), self._one.noise_variance_v2)
 
-    def _background(self, n: int) -> FloatArray:
-        return np.full((n, self._one.n_elements), self._one.noise_variance_v2)
-
-    def _draw(self, robot: IntArray, n: int) -> FloatArray:
-        """Standard normal draws, n for each pulse from its own robot's generator, shape (robot.size, n)."""
-        if len(self._rngs) == 1:
-            return self._rngs[0].standard_normal((robot.size, n))
-        counts = np.bincount(robot, minlength=len(self._rngs)).tolist()
-        draws = [rng.standard_normal((k, n)) for rng, k in zip(self._rngs, counts, strict=True) if k]
-        return np.concatenate(draws)
+    @cached_property
+    def _beside_v2(self) -> FloatArray | None:
+        """Mean noise energy that no mode holds, shape (1, n_elements); None in white noise, which has no modes."""
+        one, modes = self._one, self._one.front_end.modes
+        if modes is None:
+            return None
+        return np.full((1, one.n_elements), one.filtered_v**2 * (self.config.gate_samples - float(modes[0].sum())))
 
     def _beside_the_modes(self, robot: IntArray) -> FloatArray:
-        """Noise energy that no mode holds, shape (n_pulses, n_elements): its mean, or in white noise a draw."""
-        one, n_samples = self._one, self.config.gate_samples
-        if one.front_end.modes is not None:
-            return np.full((robot.size, one.n_elements), self._beside_v2)
-        beside_v2, none = np.empty((robot.size, one.n_elements)), np.zeros(one.n_elements)
+        """Noise energy that no mode holds: its mean, (1, n_elements), or in white noise a draw, (n_pulses, n_elements)."""
+        if self._beside_v2 is not None:
+            return self._beside_v2
+        one, none = self._one, np.zeros(self._one.n_elements)
+        beside_v2 = np.empty((robot.size, one.n_elements))
         rows: list[int] = robot.tolist()
         for k, row in enumerate(rows):
-            beside_v2[k] = one.filtered_v**2 * self._rngs[row].noncentral_chisquare(n_samples - 1.0, none)
+            beside_v2[k] = one.filtered_v**2 * self._rngs[row].noncentral_chisquare(self.config.gate_samples - 1, none)
         return beside_v2
 
-    def _waveforms(
-        self, on_air: OnAir, time_s: FloatArray, world_from_array: FloatArray, arrays: ArrayTable
-    ) -> list[_Gates]:
+    @cached_property
+    def _n_draws(self) -> int:
+        """Standard normal draws for each pulse."""
+        modes = self._one.front_end.modes
+        return 1 + self._one.n_elements * (1 if modes is None else modes[0].size)
+
+    def _draw(self, robot: IntArray) -> FloatArray:
+        """Standard normal draws for each pulse from its own robot's generator, shape (robot.size, n_draws)."""
+        if len(self._rngs) == 1:
+            return self._rngs[0].standard_normal((robot.size, self._n_draws))
+        counts = np.bincount(robot, minlength=len(self._rngs)).tolist()
+        return np.concatenate(
+            [rng.standard_normal((k, self._n_draws)) for rng, k in zip(self._rngs, counts, strict=True) if k]
+        )
+
+    def _waveforms(self, on_air: OnAir, world_from_array: FloatArray, arrays: ArrayTable) -> list[_Gates]:
         """From whole gates, sample by sample, robot by robot."""
         surroundings = self._scenes[0].surroundings
         incoming = incoming_pulses(on_air, self._sources_m, world_from_array, arrays, surroundings)
@@ -170,7 +174,7 @@ class Receivers:
         for row in sorted({int(row) for row in rows}):
             own = on_air.robot == row
             recorder = Recorder(self._receivers[row], self._scenes[row], world_from_array[row], self._rngs[row])
-            emitted = Emissions(on_air.source[own], time_s[own], on_air.peak_v[own])
+            emitted = Emissions(on_air.source[own], on_air.time_s[own], on_air.peak_v[own])
             heard_s, gates, n_rejected = recorder.record(emitted, incoming.take(own))
             parts.append(_converted(recorder, row, heard_s, gates, n_rejected))
         return parts
@@ -180,9 +184,7 @@ class Receivers:
     ) -> list[_Gates]:
         """What noise alone triggers: a Poisson process for each robot."""
         parts: list[_Gates] = []
-        for row in listening:
-            if self._false_s[row] >= starts_s[row] + duration_s:
-                continue
+        for row in [row for row in listening if self._false_s[row] < starts_s[row] + duration_s]:
             rng, time_s = self._rngs[row], list[float]()
             mean_s = 1.0 / self.config.false_alarm_rate_hz
             if self._false_s[row] < 0.0:
@@ -201,7 +203,7 @@ class Receivers:
             recorder = Recorder(receiver, self._scenes[row], world_from_array, rng)
             return _converted(recorder, row, time_s, gates + recorder.carriers(gates.shape), 0)
         energy, robot = np.square(gates).sum(axis=-1), np.full(time_s.size, row)
-        return _Gates(robot, time_s, energy, self._background(time_s.size), gates[:, :, :0], 0)
+        return _Gates(robot, time_s, energy, self._background_v2, gates[:, :, :0], 0)
 
     @cached_property
     def _nothing(self) -> Heard:
@@ -217,7 +219,10 @@ class Receivers:
             return self._nothing
         if len(parts) == 1:
             return self._heard(parts[0])
-        *columns, n_rejected = zip(*parts, strict=True)
+        each = [
+            part._replace(background_v2=np.broadcast_to(part.background_v2, part.energy_v2.shape)) for part in parts
+        ]
+        *columns, n_rejected = zip(*each, strict=True)
         robot, time_s, energy, background, waveforms = (np.concatenate(column) for column in columns)
         order = np.lexsort((time_s, robot))
         return self._heard(
@@ -230,7 +235,15 @@ class Receivers:
         if config.fidelity == "energy" and config.faults:
             stuck = config.gate_samples * (STUCK_AT * config.full_scale_v) ** 2
             energy = one.faults.in_readings(energy, gates.time_s, stuck)
-        strengths_v = strength_of(energy, config.gate_samples * gates.background_v2)
+        strengths_v, variance_v2, mains_phase_rad = told(
+            energy,
+            gates.background_v2,
+            gates.time_s,
+            config.gate_samples,
+            one.front_end.energy_spread,
+            one.front_end.noise_on_pulse,
+            config.mains_hz,
+        )
         is_clipped = np.zeros(strengths_v.shape, dtype=np.bool_)
         if config.fidelity == "waveform":
             highest_v = (2 ** (config.bits - 1) - 1.5) * one.step_v
@@ -239,26 +252,24 @@ class Receivers:
             robot=gates.robot,
             time_s=gates.time_s,
             strengths_v=strengths_v,
-            variance_v2=variance_of_strength(
-                strengths_v, gates.background_v2, one.front_end.energy_spread, one.front_end.noise_on_pulse
-            ),
-            mains_phase_rad=np.mod(2 * np.pi * config.mains_hz * gates.time_s, 2 * np.pi),
+            variance_v2=variance_v2,
+            mains_phase_rad=mains_phase_rad,
             is_clipped=is_clipped,
             waveforms_v=gates.waveforms_v,
             n_rejected=gates.n_rejected,
         )
 
 
-def _flat(rows: list[int], emitted: Sequence[Emissions]) -> tuple[OnAir, FloatArray]:
-    """Emissions of robots one after the other, and their times, shape (n_pulses,)."""
+def _flat(rows: list[int], emitted: Sequence[Emissions]) -> OnAir:
+    """Emissions of robots one after the other."""
     if len(emitted) == 1:
         source, time_s, peak_v = emitted[0]
-        return OnAir(np.full(time_s.size, rows[0]), source, peak_v), time_s
+        return OnAir(np.full(time_s.size, rows[0]), source, peak_v, time_s)
     robot = np.repeat(np.array(rows, dtype=np.intp), [part.time_s.size for part in emitted])
     if not emitted:
-        return OnAir(robot, robot, np.empty(0)), np.empty(0)
+        return OnAir(robot, robot, np.empty(0), np.empty(0))
     source, time_s, peak_v = (np.concatenate(column) for column in zip(*emitted, strict=True))
-    return OnAir(robot, source, peak_v), time_s
+    return OnAir(robot, source, peak_v, time_s)
 
 
 def _converted(recorder: Recorder, row: int, time_s: FloatArray, gates_v: FloatArray, n_rejected: int) -> _Gates:
