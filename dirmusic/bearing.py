@@ -111,7 +111,7 @@ def estimate_bearings(
         given = np.asarray(strength_variance, dtype=np.float64)
         variance = _in_rows(given if given.shape == a.shape else np.broadcast_to(given, a.shape))
     if prior is None:
-        azimuth_rad, std_rad, misfit = bearings_of_pulses(pulses, variance, manifold.table)
+        azimuth_rad, std_rad, misfit = bearings_of_pulses(pulses, variance, tuple(manifold.table))
         return Bearings(
             azimuth_rad=azimuth_rad.reshape(shape), std_rad=std_rad.reshape(shape), misfit=misfit.reshape(shape)
         )

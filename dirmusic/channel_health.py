@@ -6,7 +6,6 @@ heard; if that is wrong in the same way over many pulses, and leaving it out mak
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Literal, NamedTuple
@@ -107,8 +106,9 @@ class ChannelMonitor:
         self.manifold = manifold
         self.rules = rules or HealthRules()
         self.good = np.ones(manifold.n_elements, dtype=np.bool_)
-        self._window: deque[tuple[FloatArray, float]] = deque(maxlen=self.rules.window)
-        self._n_new = self._n_bad = 0
+        self._strengths = np.empty((self.rules.window, manifold.n_elements))
+        self._misfits = np.empty(self.rules.window)
+        self._n_seen = self._n_new = self._n_bad = 0
 
     @property
     def n_bad(self) -> int:
@@ -150,7 +150,9 @@ class ChannelMonitor:
         found: list[SuspectChannel] = []
         for row, (std, unexplained) in enumerate(zip(std_rad.tolist(), misfit.tolist(), strict=True)):
             if std < CLEAR_STD_RAD:  # however many come at once, checks fall on the same pulses
-                self._window.append((strengths[row], unexplained))
+                at = self._n_seen % self.rules.window
+                self._strengths[at], self._misfits[at] = strengths[row], unexplained
+                self._n_seen += 1
                 self._n_new += 1
                 if self._n_new >= self.rules.check_pulses:
                     self._n_new = 0
@@ -163,22 +165,25 @@ class ChannelMonitor:
         if suspects:
             self.good[[suspect.channel - 1 for suspect in suspects]] = False
             self._n_bad = int((~self.good).sum())
-            channels, strengths = np.flatnonzero(self.good), [strengths for strengths, _ in self._window]
-            misfit: list[float] = self._fit(np.array(strengths)[:, channels], channels)[1].tolist()
-            self._window.clear()
-            self._window.extend(zip(strengths, misfit, strict=True))
+            channels, window = np.flatnonzero(self.good), self._window
+            self._misfits[window] = self._fit(self._strengths[window][:, channels], channels)[1]
         return suspects
+
+    @property
+    def _window(self) -> slice:
+        """The pulses in view, in no particular order."""
+        return slice(0, min(self._n_seen, self.rules.window))
 
     def _suspects(self) -> list[SuspectChannel]:
         channels = np.flatnonzero(self.good)
-        if channels.size <= LEAST_CHANNELS or len(self._window) < self.rules.least_pulses:
+        if channels.size <= LEAST_CHANNELS or self._n_seen < self.rules.least_pulses:
             return []
-        heard = np.array([strengths for strengths, _ in self._window])[:, channels]
-        spread = heard.max(axis=0) - heard.min(axis=0)
-        stuck = (spread < self.rules.stuck_spread * heard.max(axis=0)) & (heard.max(axis=0) > 0)
+        heard = self._strengths[self._window, channels]
+        highest = heard.max(axis=0)
+        stuck = (highest - heard.min(axis=0) < self.rules.stuck_spread * highest) & (highest > 0)
         if stuck.any() and not stuck.all():
             return [SuspectChannel(int(channels[k]) + 1, "stuck", np.nan, len(heard)) for k in np.flatnonzero(stuck)]
-        misfits = sorted(misfit for _, misfit in self._window)
+        misfits = sorted(self._misfits[self._window].tolist())
         if misfits[3 * len(misfits) // 4] < self.rules.at_ease:
             return []
         unexplained = float(np.median(self._fit(heard, channels)[1]))

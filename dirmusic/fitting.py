@@ -189,20 +189,20 @@ def misfits(fit: Fit, covariance: FloatArray) -> FloatArray:
 
 @compiled
 def bearings_of_pulses(
-    strengths: FloatArray, variance: FloatArray, table: ManifoldTable
+    strengths: FloatArray, variance: FloatArray, table: tuple[FloatArray, ...]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """All of this for pooled pulses: azimuths, their deviations and misfits; NaN where nothing was heard.
 
     Args:
         strengths: Shape (n_rows, n_pulses, n_elements).
         variance: Of those, same shape; empty where it is not known, and deviations are NaN.
-        table: Of the manifold.
+        table: Of the manifold, a plain `ManifoldTable`.
 
     Returns:
         Each of shape (n_rows,), azimuths in (-pi, pi].
     """
     pooled = pool(strengths)
-    fit = fit_covariances(pooled, table)
+    fit = fit_covariances(pooled, ManifoldTable(*table))
     std_rad = np.full(strengths.shape[0], np.nan)
     if variance.size == strengths.size:
         std_rad = deviations(fit, noise_of_pulses(fit, strengths, variance))

@@ -299,7 +299,7 @@ class Patrols:
         """Bearings of all pulses, from the channels that are in order, and channels newly at fault by robot."""
         suspects: list[tuple[SuspectChannel, ...]] = [()] * len(self._monitors)
         azimuth_rad, std_rad, misfit = bearings_of_pulses(
-            heard.strengths_v[:, np.newaxis], heard.variance_v2[:, np.newaxis], self.manifold.table
+            heard.strengths_v[:, np.newaxis], heard.variance_v2[:, np.newaxis], tuple(self.manifold.table)
         )
         bearings = Bearings(azimuth_rad=azimuth_rad, std_rad=std_rad, misfit=misfit)
         first, robots = 0, heard.robot.tolist()

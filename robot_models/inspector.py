@@ -13,7 +13,7 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import ArrayLike, NDArray
 
-from robot_models.readings import Motors, Physics, command, reader
+from robot_models.readings import Motors, Physics, command, is_any, reader
 from robot_models.world import build_spec, without_looks
 from robot_models.yard import Yard
 
@@ -47,9 +47,6 @@ LIDAR_RANGE_M = 12.0
 _LIDAR_PERIOD_S = 0.1
 """Time between its scans, as in the XML."""
 
-_LOOK_STEPS = 5
-"""Physics steps between looks at what is touched, in which a robot moves by a few centimetres at most."""
-
 _LIMITS = (MAX_SPEED_MPS, MAX_YAW_RATE_RADPS, 0.5 * WHEEL_TRACK_M, WHEEL_RADIUS_M)
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -57,8 +54,8 @@ _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 _HULL = ("chassis_contact", "mast_contact", "head_contact")
 _CONTACT_SIZE = 4
-"""Sensors of what the hull touches, one after the other in the XML, and numbers they tell of each contact: found, x, y,
-z."""
+"""Sensors of what the hull touches, which remember equally many physics steps, and numbers they tell of each contact:
+found, x, y, z."""
 
 
 class Inspectors:
@@ -116,10 +113,20 @@ class Inspectors:
         motors = [model.actuator(name).gainprm[:2] for name in ("left_wheel", "right_wheel")]
         self._base = live.base
         self._read = reader(live, Motors(*np.array(motors, dtype=np.float64).T.copy()), LIDAR_RANGE_M)
-        hull = [model.sensor(name) for name in _HULL]
-        self._hull = batch.bind("sensordata")[:, hull[0].adr[0] : hull[-1].adr[0] + hull[-1].dim[0]]
+        hull, history = [model.sensor(name).id for name in _HULL], batch.bind("history")
+        self._n_remembered = int(model.sensor_history[hull[0], 0])
+        self._touches = [self._contacts_within(history, sensor) for sensor in hull]
         self.touched: list[tuple[str, ...]] = [()] * n_robots
         self.reset(np.arange(n_robots), np.zeros((n_robots, 3)))
+
+    def _contacts_within(self, history: FloatArray, sensor: int) -> FloatArray:
+        """Where a sensor remembers contacts: a live view, shape (n_robots, n_steps, n_contacts * _CONTACT_SIZE).
+
+        MuJoCo puts a number of the user's, one of its own, and the times before them.
+        """
+        n, first = self._n_remembered, int(self.physics.sensor_historyadr[sensor]) + 2 + self._n_remembered
+        size = int(self.physics.sensor_dim[sensor])
+        return history[:, first : first + n * size].reshape(len(history), n, size)
 
     @cached_property
     def model(self) -> mujoco.MjModel:
@@ -153,9 +160,9 @@ class Inspectors:
         start = batch.state[ids].copy()
         batch.bind("time")[ids] = _LIDAR_PERIOD_S  # so that the lidar is due; a step reads all sensors at its start
         batch.step(ids)
-        batch.state[ids] = start
         for row in ids.tolist():
-            self.touched[row] = tuple(sorted(self._names(row)))
+            self.touched[row] = tuple(sorted(self._take_names(row)))
+        batch.state[ids] = start
         self.readings = self._read()
 
     def drive(
@@ -183,20 +190,17 @@ class Inspectors:
             )
         if not command(v, turn, *_LIMITS, self._ctrl):
             raise ValueError(f"`v_mps` and `yaw_rate_radps` must be finite, got {v} and {turn}.")
-        touched: list[set[str]] | None = None
+        touched: dict[int, set[str]] = {}
+        driving = range(self.n_robots) if rows is None else rows.tolist()
         while n_substeps > 0:
-            n = min(n_substeps, _LOOK_STEPS)
+            n = min(n_substeps, self._n_remembered)
             self._batch.step(rows, n)
             n_substeps -= n
-            if self._hull.any():
-                touched = touched or [set() for _ in self.touched]
-                for row in range(self.n_robots) if rows is None else rows.tolist():
-                    touched[row].update(self._names(row))
-        if touched is not None or rows is not None:
-            for row in range(self.n_robots) if rows is None else rows.tolist():
-                self.touched[row] = tuple(sorted(touched[row])) if touched is not None else ()
-        elif any(self.touched):
-            self.touched = [()] * self.n_robots
+            if is_any(*self._touches):
+                for row in driving:
+                    touched[row] = touched.get(row, set()) | self._take_names(row)
+        for row in driving:
+            self.touched[row] = tuple(sorted(touched[row])) if touched else ()
         self.readings = self._read()
 
     def n_warnings(self) -> NDArray[np.intp]:
@@ -212,10 +216,14 @@ class Inspectors:
         mujoco.mj_forward(self.model, data)
         return data
 
-    def _names(self, row: int) -> set[str]:
-        """What the hull of a robot touches now, by where."""
-        contacts = self._hull[row].reshape(-1, _CONTACT_SIZE)
-        return {self._yard.obstacle_at(at) for at in contacts[contacts[:, 0] > 0, 1:3]}
+    def _take_names(self, row: int) -> set[str]:
+        """What the hull of a robot has touched, by where; it is remembered no more."""
+        names: set[str] = set()
+        for touches in self._touches:
+            contacts = touches[row].reshape(-1, _CONTACT_SIZE)
+            names |= {self._yard.obstacle_at(at) for at in contacts[contacts[:, 0] > 0, 1:3]}
+            touches[row] = 0.0
+        return names
 
     def __getstate__(self) -> dict[str, Any]:
         return {

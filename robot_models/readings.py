@@ -62,6 +62,16 @@ def command(
     return True
 
 
+@numba.njit(cache=True, error_model="numpy")  # pyright: ignore
+def is_any(first: FloatArray, second: FloatArray, third: FloatArray) -> bool:
+    """Whether any number in three arrays is not zero."""
+    for r in range(len(first)):
+        for step in range(first.shape[1]):
+            if first[r, step].any() or second[r, step].any() or third[r, step].any():
+                return True
+    return False
+
+
 class Readings(NamedTuple):
     """What is read; a row is a robot.
 

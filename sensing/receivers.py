@@ -141,7 +141,7 @@ class Receivers:
         return np.full((1, one.n_elements), one.filtered_v**2 * (self.config.gate_samples - float(modes[0].sum())))
 
     def _beside_the_modes(self, robot: IntArray) -> FloatArray:
-        """Noise energy that no mode holds: its mean, (1, n_elements), or in white noise a draw, (n_pulses, n_elements)."""
+        """Noise energy that no mode holds: its mean, (1, n_elements); in white noise a draw, (n_pulses, n_elements)."""
         if self._beside_v2 is not None:
             return self._beside_v2
         one, none = self._one, np.zeros(self._one.n_elements)
@@ -219,10 +219,8 @@ class Receivers:
             return self._nothing
         if len(parts) == 1:
             return self._heard(parts[0])
-        each = [
-            part._replace(background_v2=np.broadcast_to(part.background_v2, part.energy_v2.shape)) for part in parts
-        ]
-        *columns, n_rejected = zip(*each, strict=True)
+        *columns, n_rejected = zip(*parts, strict=True)
+        columns[3] = tuple(np.broadcast_to(part.background_v2, part.energy_v2.shape) for part in parts)
         robot, time_s, energy, background, waveforms = (np.concatenate(column) for column in columns)
         order = np.lexsort((time_s, robot))
         return self._heard(
