@@ -218,12 +218,12 @@ class Inspectors:
 
     def _take_names(self, row: int) -> set[str]:
         """What the hull of a robot has touched, by where; it is remembered no more."""
-        names: set[str] = set()
+        points = list[FloatArray]()
         for touches in self._touches:
             contacts = touches[row].reshape(-1, _CONTACT_SIZE)
-            names |= {self._yard.obstacle_at(at) for at in contacts[contacts[:, 0] > 0, 1:3]}
+            points.append(contacts[contacts[:, 0] > 0, 1:3])
             touches[row] = 0.0
-        return names
+        return self._yard.obstacles_at(np.concatenate(points))
 
     def __getstate__(self) -> dict[str, Any]:
         return {

@@ -308,21 +308,15 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         inside = np.flatnonzero(over & (self.solids.bottom_m < ROBOT_HEIGHT_M))
         return self.equipment[int(self.owner[inside[0]])].name if inside.size else None
 
-    def obstacle_at(self, point_m: ArrayLike) -> str:
-        """What a robot touches at a world point (2,): `equipment/NAME` or `fence/SIDE`, whichever is nearest."""
-        x, y = np.asarray(point_m, dtype=np.float64)[:2].tolist()
-        distance_m = {
-            "fence/west": x,
-            "fence/east": self.size_m[0] - x,
-            "fence/south": y,
-            "fence/north": self.size_m[1] - y,
-        }
-        in_the_way = self.solids.bottom_m < ROBOT_HEIGHT_M
-        to_equipment = np.where(in_the_way, np.abs(self.solids.horizontal_distance(np.array([x, y]))), np.inf)
-        if to_equipment.size:
-            nearest = int(to_equipment.argmin())
-            distance_m[f"equipment/{self.equipment[int(self.owner[nearest])].name}"] = float(to_equipment[nearest])
-        return min(distance_m, key=lambda name: distance_m[name])
+    def obstacles_at(self, points_m: ArrayLike) -> set[str]:
+        """What a robot touches at world points (n, 2): `equipment/NAME` or `fence/SIDE`, whichever is nearest."""
+        points = np.asarray(points_m, dtype=np.float64).reshape(-1, 2)
+        names = ["fence/west", "fence/south", "fence/east", "fence/north"]
+        names += [f"equipment/{self.equipment[owner].name}" for owner in self.owner.tolist()]
+        to_equipment = np.abs(self.solids.horizontal_distance(points))
+        to_equipment[:, self.solids.bottom_m >= ROBOT_HEIGHT_M] = np.inf
+        distance_m = np.concatenate([points, np.asarray(self.size_m) - points, to_equipment], axis=-1)
+        return {names[k] for k in set(distance_m.argmin(axis=-1).tolist())}
 
     def nearest_equipment(self, position_m: ArrayLike) -> str | None:
         """Name of the equipment whose outline is horizontally nearest to a world position (2,), or None."""
