@@ -48,9 +48,10 @@ class Bearings:
 
     def without_nan(self) -> Bearings:
         """The same for tables that hold no NaN: where nothing was heard, a direction of which nothing is known."""
-        silent, unknown = np.isnan(self.misfit), np.isnan(self.std_rad)
+        unknown = np.isnan(self.std_rad)
         if not unknown.any():
             return self
+        silent = np.isnan(self.misfit)
         return Bearings(
             azimuth_rad=np.where(silent, 0.0, self.azimuth_rad),
             std_rad=np.where(unknown, np.pi, self.std_rad),

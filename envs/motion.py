@@ -2,80 +2,192 @@
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple, Self
+
 import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
 from dirmusic.fitting import wrapped
+from envs.battery import BatteryConfig
+from envs.odometry import OdometryConfig
+from envs.pose_sensor import PoseSensorConfig
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+N_DRAWS = 4
+"""Standard normal draws for each robot and step: x, y and yaw of the pose sensor, and the gyro."""
+
+
+class Motion(NamedTuple):
+    """What robots know of their motion; a row is a robot. Compiled loops change it in place.
+
+    Attributes:
+        n_steps: Since the start, shape (n_robots,).
+        time_s: Likewise.
+        pose: Believed: x m, y m, yaw in (-pi, pi], shape (n_robots, 3).
+        pose_error: Of the pose sensor's last reading, NaN before the first, shape (n_robots, 3).
+        odometry: Pose by wheels and gyro alone, shape (n_robots, 3).
+        wheels_rad: Angles of left and right wheel at the last step, shape (n_robots, 2).
+        yaw_rad: True heading at the last step, shape (n_robots,).
+        metres_per_radian: Path that the robot believes in for each wheel's turn, shape (n_robots,).
+        gyro_bias_radps: Shape (n_robots,).
+        used_wh: Taken from the battery, shape (n_robots,).
+        battery: Share that is left in it, in [0, 1], shape (n_robots,).
+    """
+
+    n_steps: FloatArray
+    time_s: FloatArray
+    pose: FloatArray
+    pose_error: FloatArray
+    odometry: FloatArray
+    wheels_rad: FloatArray
+    yaw_rad: FloatArray
+    metres_per_radian: FloatArray
+    gyro_bias_radps: FloatArray
+    used_wh: FloatArray
+    battery: FloatArray
+
+    @classmethod
+    def at_rest(cls, n_robots: int) -> Self:
+        """Of robots that are yet to be started."""
+        n = n_robots
+        return cls(
+            n_steps=np.zeros(n),
+            time_s=np.zeros(n),
+            pose=np.zeros((n, 3)),
+            pose_error=np.full((n, 3), np.nan),
+            odometry=np.zeros((n, 3)),
+            wheels_rad=np.zeros((n, 2)),
+            yaw_rad=np.zeros(n),
+            metres_per_radian=np.zeros(n),
+            gyro_bias_radps=np.zeros(n),
+            used_wh=np.zeros(n),
+            battery=np.ones(n),
+        )
+
+    def draw_odometry(self, row: int, config: OdometryConfig, wheel_radius_m: float, rng: np.random.Generator) -> None:
+        """Give the odometry of one robot errors of its own."""
+        scale, bias = rng.standard_normal(2)
+        self.metres_per_radian[row] = wheel_radius_m * (1.0 + config.wheel_radius_error * scale)
+        self.gyro_bias_radps[row] = np.radians(config.gyro_bias_deg_per_min) / 60.0 * bias
+
+
+class Senses(NamedTuple):
+    """How the robots sense their motion.
+
+    Attributes:
+        pose_std: Standard deviations of the pose sensor's error on x, y and yaw, shape (3,).
+        pose_kept: Share of it that lasts from one step to the next.
+        gyro_noise_rad: Standard deviation of what the gyro's noise adds in a step.
+        idle_w: Taken from the battery all the time.
+        capacity_wh: Of the battery.
+        step_s: Length of a step.
+    """
+
+    pose_std: FloatArray
+    pose_kept: float
+    gyro_noise_rad: float
+    idle_w: float
+    capacity_wh: float
+    step_s: float
+
+    @classmethod
+    def of(cls, pose_sensor: PoseSensorConfig, odometry: OdometryConfig, battery: BatteryConfig, step_s: float) -> Self:
+        """As configured, for steps of one length."""
+        spread_m, spread_rad = pose_sensor.position_std_m, math.radians(pose_sensor.heading_std_deg)
+        return cls(
+            pose_std=np.array([spread_m, spread_m, spread_rad]),
+            pose_kept=math.exp(-step_s / pose_sensor.correlation_s),
+            gyro_noise_rad=math.radians(odometry.gyro_noise_deg_per_sqrt_min) / 60.0**0.5 * step_s**0.5,
+            idle_w=battery.idle_w,
+            capacity_wh=battery.capacity_wh,
+            step_s=step_s,
+        )
 
 
 @compiled
-def believed_poses(
-    true_pose: FloatArray, error: FloatArray, kept: float, std: FloatArray, normal: FloatArray
-) -> FloatArray:
-    """Poses with a first-order Gauss-Markov error, yaw in (-pi, pi]; all of shape (n_robots, 3), but `std` (3,).
+def believe(
+    true_pose: FloatArray, error: FloatArray, kept: float, std: FloatArray, normal: FloatArray, believed: FloatArray
+) -> None:
+    """A pose with a first-order Gauss-Markov error, yaw in (-pi, pi]; all of shape (3,).
 
     Args:
         true_pose: x m, y m, yaw rad.
         error: Of the last reading, NaN before the first; becomes that of this one.
         kept: Share of the error that lasts until now.
         std: Of the error.
-        normal: Standard normal draws.
+        normal: Standard normal draws, at least three.
+        believed: Becomes the result.
     """
-    believed, renewed = np.empty(true_pose.shape), np.sqrt(1.0 - kept * kept)
-    for r in range(len(true_pose)):
-        for i in range(3):
-            if np.isnan(error[r, i]):
-                error[r, i] = std[i] * normal[r, i]
-            else:
-                error[r, i] = kept * error[r, i] + renewed * std[i] * normal[r, i]
-            believed[r, i] = true_pose[r, i] + error[r, i]
-        believed[r, 2] = wrapped(believed[r, 2])
-    return believed
+    renewed = np.sqrt(1.0 - kept * kept)
+    for i in range(3):
+        if np.isnan(error[i]):
+            error[i] = std[i] * normal[i]
+        else:
+            error[i] = kept * error[i] + renewed * std[i] * normal[i]
+        believed[i] = true_pose[i] + error[i]
+    believed[2] = wrapped(believed[2])
 
 
 @compiled
-def reckon(
-    pose: FloatArray,
-    wheels_rad: FloatArray,
-    wheels_before_rad: FloatArray,
-    yaw_rad: FloatArray,
-    yaw_before_rad: FloatArray,
-    metres_per_radian: FloatArray,
-    bias_rad: FloatArray,
-    noise_rad: float,
-    normal: FloatArray,
-) -> FloatArray:
-    """Poses (n_robots, 3) after arcs, yaw in (-pi, pi].
+def reckon(pose: FloatArray, turned_rad: float, metres_per_radian: float, turn_rad: float) -> None:
+    """Move a reckoned pose (3,) on along an arc, yaw in (-pi, pi].
 
     Args:
-        pose: Before.
-        wheels_rad: Angles of left and right wheel now, shape (n_robots, 2).
-        wheels_before_rad: And before.
-        yaw_rad: True heading now, shape (n_robots,): its change is an ideal gyro's integral.
-        yaw_before_rad: And before.
-        metres_per_radian: Path that the robot believes in for each wheel's turn, shape (n_robots,).
-        bias_rad: By how much the gyro's bias turns it meanwhile, shape (n_robots,).
-        noise_rad: Standard deviation of what its noise adds.
-        normal: Standard normal draws, shape (n_robots,).
+        pose: x m, y m, yaw rad.
+        turned_rad: By how much both wheels have turned together.
+        metres_per_radian: Path that the robot believes in for each wheel's turn.
+        turn_rad: Change of heading by the gyro.
     """
-    moved = np.empty(pose.shape)
-    for r in range(len(pose)):
-        turned = wheels_rad[r, 0] - wheels_before_rad[r, 0] + wheels_rad[r, 1] - wheels_before_rad[r, 1]
-        rolled_m = 0.5 * turned * metres_per_radian[r]
-        turn = wrapped(yaw_rad[r] - yaw_before_rad[r]) + bias_rad[r] + noise_rad * normal[r]
-        along = pose[r, 2] + 0.5 * turn
-        moved[r, 0] = pose[r, 0] + rolled_m * np.cos(along)
-        moved[r, 1] = pose[r, 1] + rolled_m * np.sin(along)
-        moved[r, 2] = wrapped(pose[r, 2] + turn)
-    return moved
+    rolled_m, along = 0.5 * turned_rad * metres_per_radian, pose[2] + 0.5 * turn_rad
+    pose[0] += rolled_m * np.cos(along)
+    pose[1] += rolled_m * np.sin(along)
+    pose[2] = wrapped(pose[2] + turn_rad)
 
 
 @compiled
-def drain(used_wh: FloatArray, left: FloatArray, capacity_wh: float, power_w: FloatArray, hours: float) -> None:
-    """Take power (n_robots,) from batteries for a while; `used_wh` and the share that is `left`, in [0, 1], change."""
-    for r in range(used_wh.size):
-        used_wh[r] += power_w[r] * hours
-        left[r] = max(1.0 - used_wh[r] / capacity_wh, 0.0)
+def move(
+    motion: Motion,
+    senses: Senses,
+    true_pose: FloatArray,
+    wheels_rad: FloatArray,
+    motor_power_w: FloatArray,
+    normal: FloatArray,
+    is_new: BoolArray,
+    waits: BoolArray,
+) -> None:
+    """Sense what a step has brought.
+
+    Args:
+        motion: Of the robots.
+        senses: Of all of them.
+        true_pose: x m, y m, yaw rad, shape (n_robots, 3). The change of yaw is an ideal gyro's integral.
+        wheels_rad: Angles of left and right wheel, shape (n_robots, 2).
+        motor_power_w: Taken by the motors, shape (n_robots,).
+        normal: Standard normal draws, shape (n_robots, N_DRAWS or more).
+        is_new: Who starts here and now, shape (n_robots,); the rest of its state becomes that of a start.
+        waits: For whom no time passes, shape (n_robots,).
+    """
+    hours = senses.step_s / 3600.0
+    for r in range(len(true_pose)):
+        if waits[r]:
+            continue
+        if is_new[r]:
+            motion.pose_error[r] = np.nan
+        believe(true_pose[r], motion.pose_error[r], senses.pose_kept, senses.pose_std, normal[r], motion.pose[r])
+        if is_new[r]:
+            motion.odometry[r] = motion.pose[r]
+            motion.used_wh[r], motion.n_steps[r] = 0.0, 0
+        else:
+            both = wheels_rad[r, 0] - motion.wheels_rad[r, 0] + wheels_rad[r, 1] - motion.wheels_rad[r, 1]
+            drift_rad = motion.gyro_bias_radps[r] * senses.step_s + senses.gyro_noise_rad * normal[r, 3]
+            turn_rad = wrapped(true_pose[r, 2] - motion.yaw_rad[r]) + drift_rad
+            reckon(motion.odometry[r], both, motion.metres_per_radian[r], turn_rad)
+            motion.used_wh[r] += (senses.idle_w + motor_power_w[r]) * hours
+            motion.n_steps[r] += 1
+        motion.time_s[r] = motion.n_steps[r] * senses.step_s
+        motion.battery[r] = max(1.0 - motion.used_wh[r] / senses.capacity_wh, 0.0)
+        motion.wheels_rad[r], motion.yaw_rad[r] = wheels_rad[r], true_pose[r, 2]

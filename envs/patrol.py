@@ -184,13 +184,13 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return self.patrols.parts(outcome.shown[0]), sum(terms.values()), is_over, is_late, info
 
     def _info(self, outcome: Outcome) -> dict[str, Any]:
-        patrols, heard = self.patrols, outcome.heard
+        patrols, motion, heard = self.patrols, self.patrols.motion, outcome.heard
         told, good = outcome.bearings.without_nan(), patrols.good_channels[0]
         return {
-            "time_s": float(patrols.time_s[0]),
-            "pose": patrols.pose[0].copy(),
-            "odometry": patrols.odometry[0],
-            "battery": float(patrols.battery[0]),
+            "time_s": float(motion.time_s[0]),
+            "pose": motion.pose[0].copy(),
+            "odometry": motion.odometry[0].copy(),
+            "battery": float(motion.battery[0]),
             "pulses": Pulses(
                 time_s=heard.time_s,
                 strengths_v=heard.strengths_v,
@@ -199,7 +199,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
                 azimuth_rad=told.azimuth_rad,
                 std_rad=told.std_rad,
                 misfit=told.misfit,
-                is_clipped=(heard.is_clipped & good).any(axis=-1),
+                is_clipped=heard.is_clipped @ good,
                 is_good=good,
             ),
             "suspects": outcome.suspects[0],

@@ -15,12 +15,10 @@ from numpy.typing import NDArray
 from dirmusic import Bearings
 from dirmusic.channel_health import ChannelMonitor, SuspectChannel
 from dirmusic.fitting import bearings_of_pulses
-from envs.battery import Battery
 from envs.episode import Episode
+from envs.motion import N_DRAWS, Motion, Senses
 from envs.observing import Setting, observe
-from envs.odometry import Odometry
-from envs.pose_sensor import PoseSensor
-from envs.progress import MAX_BEARING_AGE_S, Progress, move_on
+from envs.progress import MAX_BEARING_AGE_S, Progress, Task, advance
 from envs.scenario import Scenario
 from robot_models.inspector import (
     LIDAR_BEAMS,
@@ -49,9 +47,6 @@ LIMITS = np.array([MAX_SPEED_MPS, MAX_YAW_RATE_RADPS])
 """What actions are shares of: m/s, rad/s. The robot drives no faster."""
 
 NO_ROWS = np.empty(0, dtype=np.intp)
-
-N_DRAWS = PoseSensor.N_DRAWS + 1 + LIDAR_BEAMS
-"""Standard normal draws of a robot in a step, beside those of its receiver."""
 
 
 class Outcome(NamedTuple):
@@ -89,8 +84,6 @@ class Patrols:
         inspectors: The robots.
         manifold: Of the array's data sheet.
         bounds: Lowest and highest value of each entry of the observation, float32, by key.
-        pose: Believed, shape (n_robots, 3).
-        time_s: Of each episode, shape (n_robots,).
     """
 
     def __init__(
@@ -124,18 +117,22 @@ class Patrols:
         self._rngs: list[np.random.Generator] = [np.random.default_rng(0)] * n_robots
         self._monitors = [ChannelMonitor(self.manifold) for _ in range(n_robots)]
         self._receivers = None
-        self._pose_sensor = PoseSensor(scenario.pose_sensor, n_robots)
-        self._odometry = Odometry(scenario.odometry, WHEEL_RADIUS_M, n_robots)
-        self._battery = Battery(scenario.battery, n_robots)
-        self._draws = np.zeros((n_robots, N_DRAWS))
+        self._draws = np.zeros((n_robots, N_DRAWS + LIDAR_BEAMS))
         n_sources = len(scenario.sources)
         self._sources_m = np.zeros((n_robots, n_sources, 2))
         self._progress = Progress.at_start(n_robots, n_sources, len(self._stops_m))
         self._good = np.ones((n_robots, self.manifold.n_elements), dtype=np.bool_)
-        self._n_steps = np.zeros(n_robots)
-        self._last_step = scenario.task.time_limit_s / STEP_S - 1e-6
+        task = scenario.task
+        self._task = Task(
+            self._stops_m,
+            task.standoff_m,
+            task.waypoint_radius_m,
+            task.time_limit_s / STEP_S - 1e-6,
+            terminate_on_approach,
+        )
+        self._motion = Motion.at_rest(n_robots)
+        self._senses = Senses.of(scenario.pose_sensor, scenario.odometry, scenario.battery, STEP_S)
         self._nobody = np.zeros(n_robots, dtype=np.bool_)
-        self.pose = np.zeros((n_robots, 3))
 
     def _bounds(self) -> dict[str, tuple[NDArray[np.float32], NDArray[np.float32]]]:
         size = np.asarray(self.scenario.yard.size_m)
@@ -160,19 +157,9 @@ class Patrols:
         }
 
     @property
-    def time_s(self) -> FloatArray:
-        """Simulated time of each episode."""
-        return self._n_steps * STEP_S
-
-    @property
-    def odometry(self) -> FloatArray:
-        """Pose by wheels and gyro alone, shape (n_robots, 3)."""
-        return self._odometry.pose.copy()
-
-    @property
-    def battery(self) -> FloatArray:
-        """Share that is left, shape (n_robots,)."""
-        return self._battery.left.copy()
+    def motion(self) -> Motion:
+        """What the robots know of their motion, live: it changes with the next step."""
+        return self._motion
 
     @property
     def true_pose(self) -> FloatArray:
@@ -192,7 +179,7 @@ class Patrols:
 
     def waypoints_visited(self, row: int) -> tuple[int, ...]:
         """Numbers of the waypoints that a robot has visited."""
-        return tuple(np.flatnonzero(self._progress.visited[row, :-1]).tolist())
+        return tuple(k for k, is_visited in enumerate(self._progress.visited[row, :-1].tolist()) if is_visited)
 
     def reset(self, rows: Rows, rngs: Sequence[np.random.Generator], options: Mapping[str, Any]) -> None:
         """Start new episodes in some rows, each with its generator; the next step is their first look."""
@@ -211,9 +198,8 @@ class Patrols:
                 self.scenario.receiver, [e.array for e in known], [e.scene for e in known], self._rngs
             )
         self.inspectors.reset(rows, [episode.start_pose for episode in drawn])
-        self._pose_sensor.start(rows)
         self._progress.restart(rows)
-        self._n_steps[rows], self._good[rows] = 0, True
+        self._good[rows] = True
         self._spectrum_gain[rows] = self._unit_gain(np.ones(self.manifold.n_elements))
 
     def _unit_gain(self, good: NDArray[Any]) -> FloatArray:
@@ -229,45 +215,45 @@ class Patrols:
                 rows wait: no time passes for them, and what is told of them has no meaning.
             started: Rows that were reset since the last step; None for none.
         """
-        is_new, moving, waiting = self._nobody, None, NO_ROWS
+        is_new, waits, moving = self._nobody, self._nobody, None
         if started is not None:
             is_new = np.zeros(len(self._rngs), dtype=np.bool_)
             is_new[started] = True
             moving = np.flatnonzero(~is_new)
             if actions is None:
-                moving, waiting = NO_ROWS, moving
-        start_s = self._n_steps * STEP_S
+                moving, waits = NO_ROWS, ~is_new
+        start_s = self._motion.time_s.copy()
         if actions is not None and (moving is None or moving.size):
             wanted = actions * LIMITS
             self.inspectors.drive(wanted[:, 0], wanted[:, 1], STEP_S, moving)
-        for row, (rng, draws) in enumerate(zip(self._rngs, self._draws, strict=True)):
-            if actions is not None or is_new[row]:
-                rng.standard_normal(out=draws)
-        kept = [state[waiting] for state in self._motion()] if waiting.size else []
-        self._sense_motion(started)
-        now, task = self.inspectors.readings, self.scenario.task
-        touched = np.array([bool(names) for names in self.inspectors.touched])
-        reward, all_approached, is_docked = move_on(
+        for row, rng in enumerate(self._rngs):
+            if not waits[row]:
+                rng.standard_normal(out=self._draws[row])
+        now = self.inspectors.readings
+        reward, is_over, is_late = advance(
+            tuple(self._motion),
+            tuple(self._senses),
             tuple(self._progress),
+            tuple(self._task),
             now.pose,
+            now.wheel_angles,
+            now.motor_power_w,
+            self._draws,
             self._sources_m,
-            self._stops_m,
-            task.standoff_m,
-            task.waypoint_radius_m,
-            STEP_S,
+            np.array([bool(names) for names in self.inspectors.touched]),
             is_new,
-            touched,
+            waits,
         )
-        for state, before in zip(self._motion(), kept, strict=False):
-            state[waiting] = before
+        for row in [] if started is None else started.tolist():
+            self._motion.draw_odometry(row, self.scenario.odometry, WHEEL_RADIUS_M, self._rngs[row])
         assert self._receivers is not None, "reset first"
         heard = self._receivers.listen(now.world_from_base, start_s, STEP_S, moving)
         bearings, suspects = self._find_directions(heard)
         return Outcome(
             shown=self._observe(heard, bearings),
             reward=reward,
-            terminated=is_docked | all_approached if self.terminate_on_approach else is_docked,
-            truncated=self._n_steps >= self._last_step,
+            terminated=is_over,
+            truncated=is_late,
             heard=heard,
             bearings=bearings,
             suspects=suspects,
@@ -276,24 +262,6 @@ class Patrols:
     def parts(self, shown: NDArray[np.float32]) -> dict[str, NDArray[np.float32]]:
         """An observation key by key, from all its entries along the last axis: of one robot, or a row for each."""
         return {key: shown[part] for key, part in self._parts}
-
-    def _motion(self) -> tuple[FloatArray, ...]:
-        """What a step changes whether or not a robot moves; a row is a robot."""
-        believed = (self._pose_sensor.error, self._odometry.pose, self.pose)
-        return (*believed, self._battery.used_wh, self._battery.left, self._n_steps, self._progress.bearing_age_s)
-
-    def _sense_motion(self, started: Rows | None) -> None:
-        """Pose sensor, odometry, battery and clocks."""
-        now, draws = self.inspectors.readings, self._draws
-        self.pose = self._pose_sensor.read(now.pose, STEP_S, draws[:, : PoseSensor.N_DRAWS])
-        self._odometry.move(now.wheel_angles, now.pose[:, 2], STEP_S, draws[:, PoseSensor.N_DRAWS])
-        self._battery.drain(now.motor_power_w, STEP_S)
-        self._n_steps += 1
-        if started is not None:
-            for row in started.tolist():
-                self._odometry.start(row, self.pose[row], self._rngs[row])
-            self._battery.charge(started)
-            self._n_steps[started] = 0
 
     def _find_directions(self, heard: Heard) -> tuple[Bearings, list[tuple[SuspectChannel, ...]]]:
         """Bearings of all pulses, from the channels that are in order, and channels newly at fault by robot."""
@@ -329,7 +297,7 @@ class Patrols:
     def _observe(self, heard: Heard, bearings: Bearings) -> NDArray[np.float32]:
         """All entries of the observation, shape (n_robots, n_entries); see `PatrolEnv`."""
         now = self.inspectors.readings
-        sight = (self.pose, now.velocity, now.lidar_m, self._draws[:, PoseSensor.N_DRAWS + 1 :], self.time_s)
+        sight = self._motion.pose, now.velocity, now.lidar_m, self._draws[:, N_DRAWS:], self._motion.time_s
         pulses = heard.robot, heard.strengths_v, bearings.azimuth_rad
         setting, progress = tuple(self._setting), tuple(self._progress)
         return observe(sight, setting, progress, *pulses, self._good, self._spectrum_gain).T

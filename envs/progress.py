@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
+from envs.motion import Motion, Senses, move
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -66,60 +67,106 @@ def nearest_to_go(sources_m: FloatArray, approached: BoolArray, x: float, y: flo
     return 0.0 if np.isinf(nearest_m) else nearest_m
 
 
-@compiled
-def move_on(
-    progress: tuple[FloatArray, ...],
-    true_pose: FloatArray,
-    sources_m: FloatArray,
-    stops_m: FloatArray,
-    standoff_m: float,
-    stop_radius_m: float,
-    elapsed_s: float,
-    is_new: BoolArray,
-    touched: BoolArray,
-) -> tuple[FloatArray, BoolArray, BoolArray]:
-    """Bring progress up to date.
+class Task(NamedTuple):
+    """What an episode is about.
 
-    Args:
-        progress: Of the robots, a plain `Progress`.
-        true_pose: Shape (n_robots, 3).
-        sources_m: Shape (n_robots, n_sources, 2).
+    Attributes:
         stops_m: Waypoints and dock, shape (n_stops, 2).
         standoff_m: Within which a source is approached.
         stop_radius_m: Within which a stop is reached.
-        elapsed_s: Since the last call.
-        is_new: Whose episode has just begun, shape (n_robots,): no time has passed for them.
+        last_step: After which time is up.
+        ends_on_approach: Whether an episode is over once all sources are approached.
+    """
+
+    stops_m: FloatArray
+    standoff_m: float
+    stop_radius_m: float
+    last_step: float
+    ends_on_approach: bool
+
+
+@compiled
+def move_on(
+    progress: Progress,
+    task: Task,
+    motion: Motion,
+    step_s: float,
+    true_pose: FloatArray,
+    sources_m: FloatArray,
+    touched: BoolArray,
+    is_new: BoolArray,
+    waits: BoolArray,
+) -> tuple[FloatArray, BoolArray, BoolArray]:
+    """Bring progress up to date; arguments as of `advance`."""
+    n_robots, n_sources = progress.approached.shape
+    n_stops = len(task.stops_m)
+    reward = np.zeros((3, n_robots))
+    is_over, is_late = np.zeros(n_robots, np.bool_), np.zeros(n_robots, np.bool_)
+    for r in range(n_robots):
+        if waits[r]:
+            continue
+        x, y, approached, visited = true_pose[r, 0], true_pose[r, 1], progress.approached[r], progress.visited[r]
+        if not is_new[r]:
+            nearer_m = progress.to_go_m[r] - nearest_to_go(sources_m[r], approached, x, y)
+            reward[0, r] = REWARD_PER_METRE * nearer_m
+            reward[1, r] = REWARD_PER_SECOND * step_s
+            reward[2, r] = REWARD_PER_CONTACT_STEP * touched[r]
+            progress.bearing_age_s[r] = min(progress.bearing_age_s[r] + step_s, MAX_BEARING_AGE_S)
+        all_approached, route_done = n_sources > 0, n_stops > 1
+        for s in range(n_sources):
+            if np.hypot(sources_m[r, s, 0] - x, sources_m[r, s, 1] - y) <= task.standoff_m:
+                approached[s] = True
+            all_approached = all_approached and approached[s]
+        progress.to_go_m[r] = nearest_to_go(sources_m[r], approached, x, y)
+        for k in range(n_stops - 1):
+            away_m = np.hypot(task.stops_m[k, 0] - x, task.stops_m[k, 1] - y)
+            visited[k] = visited[k] or away_m <= task.stop_radius_m
+            route_done = route_done and visited[k]
+        from_dock_m = np.hypot(task.stops_m[n_stops - 1, 0] - x, task.stops_m[n_stops - 1, 1] - y)
+        is_docked = route_done and from_dock_m <= task.stop_radius_m
+        is_over[r] = not is_new[r] and (is_docked or (task.ends_on_approach and all_approached))
+        is_late[r] = motion.n_steps[r] >= task.last_step
+    return reward, is_over, is_late
+
+
+@compiled
+def advance(
+    motion: tuple[Any, ...],
+    senses: tuple[Any, ...],
+    progress: tuple[Any, ...],
+    task: tuple[Any, ...],
+    true_pose: FloatArray,
+    wheels_rad: FloatArray,
+    motor_power_w: FloatArray,
+    normal: FloatArray,
+    sources_m: FloatArray,
+    touched: BoolArray,
+    is_new: BoolArray,
+    waits: BoolArray,
+) -> tuple[FloatArray, BoolArray, BoolArray]:
+    """Bring motion and progress up to date after a step.
+
+    Args:
+        motion: Of the robots, a plain `Motion`.
+        senses: Of all of them, plain `Senses`.
+        progress: Of the robots, a plain `Progress`.
+        task: Of all of them, a plain `Task`.
+        true_pose: Shape (n_robots, 3).
+        wheels_rad: Of `motion.move`, like the following two.
+        motor_power_w: See there.
+        normal: See there.
+        sources_m: Shape (n_robots, n_sources, 2).
         touched: Who touched something, shape (n_robots,).
+        is_new: Whose episode has just begun, shape (n_robots,): no time has passed for them.
+        waits: Who takes no step, shape (n_robots,): nothing changes.
 
     Returns:
         The reward's terms, shape (3, n_robots): for metres by which each came nearer to the nearest source that was
-        not yet approached, for time, and for contact. Whether all sources are approached, shape (n_robots,), and
-        whether each is back at the dock after the route. All nothing in a new episode.
+        not yet approached, for time, and for contact. Whether all sources are approached, if that counts, or the robot
+        is back at the dock after the route; and whether time is up; shape (n_robots,). None of it in a new episode.
     """
-    approached, visited, to_go_m, _, bearing_age_s = progress
-    n_robots, n_sources = approached.shape
-    n_stops = len(stops_m)
-    reward = np.zeros((3, n_robots))
-    all_approached, is_docked = np.zeros(n_robots, np.bool_), np.zeros(n_robots, np.bool_)
-    for r in range(n_robots):
-        x, y = true_pose[r, 0], true_pose[r, 1]
-        if not is_new[r]:
-            reward[0, r] = REWARD_PER_METRE * (to_go_m[r] - nearest_to_go(sources_m[r], approached[r], x, y))
-            reward[1, r] = REWARD_PER_SECOND * elapsed_s
-            reward[2, r] = REWARD_PER_CONTACT_STEP * touched[r]
-            bearing_age_s[r] = min(bearing_age_s[r] + elapsed_s, MAX_BEARING_AGE_S)
-        all_approached[r] = n_sources > 0 and not is_new[r]
-        for s in range(n_sources):
-            if np.hypot(sources_m[r, s, 0] - x, sources_m[r, s, 1] - y) <= standoff_m:
-                approached[r, s] = True
-            all_approached[r] = all_approached[r] and approached[r, s]
-        to_go_m[r] = nearest_to_go(sources_m[r], approached[r], x, y)
-        route_done = n_stops > 1
-        for k in range(n_stops):
-            is_near = np.hypot(stops_m[k, 0] - x, stops_m[k, 1] - y) <= stop_radius_m
-            if k < n_stops - 1:
-                visited[r, k] = visited[r, k] or is_near
-                route_done = route_done and visited[r, k]
-            else:
-                is_docked[r] = route_done and is_near and not is_new[r]
-    return reward, all_approached, is_docked
+    moving, sensing = Motion(*motion), Senses(*senses)
+    move(moving, sensing, true_pose, wheels_rad, motor_power_w, normal, is_new, waits)
+    return move_on(
+        Progress(*progress), Task(*task), moving, sensing.step_s, true_pose, sources_m, touched, is_new, waits
+    )

@@ -166,12 +166,13 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         }
 
     def _info(self, outcome: Outcome) -> dict[str, Any]:
-        patrols, heard, told = self.patrols, outcome.heard, outcome.bearings.without_nan()
+        patrols, motion = self.patrols, self.patrols.motion
+        heard, told = outcome.heard, outcome.bearings.without_nan()
         return {
-            "time_s": patrols.time_s,
-            "pose": patrols.pose.copy(),
-            "odometry": patrols.odometry,
-            "battery": patrols.battery,
+            "time_s": motion.time_s.copy(),
+            "pose": motion.pose.copy(),
+            "odometry": motion.odometry.copy(),
+            "battery": motion.battery.copy(),
             "reward": dict(zip(REWARD_TERMS, outcome.reward, strict=True)),
             "touched": np.array([bool(names) for names in patrols.inspectors.touched]),
             "true_pose": patrols.true_pose,

@@ -265,6 +265,27 @@ def test_what_was_handed_out_does_not_change_afterwards(inspector: Inspector):
     assert np.array_equal(velocity, kept[1])
 
 
+def test_what_is_touched_for_a_moment_between_two_looks_is_told_once():
+    inspector = Inspector()
+    inspector.reset(18.8002, 10.0, 0.0)  # touching the tank
+    assert inspector.robots.touched == [("equipment/tank",)]
+    inspector.drive(-0.8, 0.0, 0.1)
+    assert inspector.robots.touched == [("equipment/tank",)]
+    assert inspector.pose()[0] < 18.79
+    inspector.drive(-0.8, 0.0, 0.005)
+    assert inspector.robots.touched == [()]
+
+
+def test_physics_without_looks_moves_as_the_whole_world_does(inspector: Inspector):
+    whole, data = inspector.model, inspector.data
+    assert whole.ngeom > inspector.robots.physics.ngeom + 40
+    inspector.drive(0.7, 1.1, 0.5)
+    data.ctrl[:] = inspector.data.ctrl
+    mujoco.mj_step(whole, data, nstep=round(0.5 / inspector.robots.step_s))
+    assert np.array_equal(data.qpos, inspector.data.qpos)
+    assert np.array_equal(data.qvel, inspector.data.qvel)
+
+
 def test_the_encoders_agree_with_the_distance_driven(inspector: Inspector):
     inspector.drive(0.6, 0.0, 5.0)
     inspector.drive(0.0, 0.0, 1.0)
