@@ -21,6 +21,13 @@ TINY = 1e-12
 """Keeps a slope that vanishes from being divided by, unitless per radian squared."""
 
 
+NO_ANSWER = (np.nan, np.nan, np.nan)
+"""Azimuth, deviation and misfit where nothing was heard."""
+
+UNKNOWN = (0.0, np.pi, 1.0)
+"""The same for tables that hold no NaN: a direction of which nothing is known."""
+
+
 class Fit(NamedTuple):
     """A direction for each row, and what the manifold and the data are there.
 
@@ -189,14 +196,18 @@ def misfits(fit: Fit, covariance: FloatArray) -> FloatArray:
 
 @compiled
 def bearings_of_pulses(
-    strengths: FloatArray, variance: FloatArray, table: tuple[FloatArray, ...]
+    strengths: FloatArray,
+    variance: FloatArray,
+    table: tuple[FloatArray, ...],
+    silence: tuple[float, float, float] = NO_ANSWER,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """All of this for pooled pulses: azimuths, their deviations and misfits; NaN where nothing was heard.
+    """All of this for pooled pulses: azimuths, their deviations and misfits.
 
     Args:
         strengths: Shape (n_rows, n_pulses, n_elements).
         variance: Of those, same shape; empty where it is not known, and deviations are NaN.
         table: Of the manifold, a plain `ManifoldTable`.
+        silence: The three where nothing was heard.
 
     Returns:
         Each of shape (n_rows,), azimuths in (-pi, pi].
@@ -209,8 +220,10 @@ def bearings_of_pulses(
     misfit = misfits(fit, pooled)
     for row in range(misfit.size):
         silent = np.isnan(misfit[row])
-        fit.azimuth_rad[row] = np.nan if silent else wrapped(fit.azimuth_rad[row])
-        std_rad[row] = np.nan if silent else std_rad[row]
+        if silent:
+            fit.azimuth_rad[row], std_rad[row], misfit[row] = silence
+        else:
+            fit.azimuth_rad[row] = wrapped(fit.azimuth_rad[row])
     return fit.azimuth_rad, std_rad, misfit
 
 

@@ -185,7 +185,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     def _info(self, outcome: Outcome) -> dict[str, Any]:
         patrols, motion, heard = self.patrols, self.patrols.motion, outcome.heard
-        told, good = outcome.bearings.without_nan(), patrols.good_channels[0]
+        told, good = outcome.bearings, patrols.good_channels[0]
         return {
             "time_s": float(motion.time_s[0]),
             "pose": motion.pose[0].copy(),

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dirmusic import Bearings
 from dirmusic.channel_health import ChannelMonitor, SuspectChannel
-from dirmusic.fitting import bearings_of_pulses
+from dirmusic.fitting import UNKNOWN, bearings_of_pulses
 from envs.episode import Episode
 from envs.motion import N_DRAWS, Motion, Senses
 from envs.observing import Setting, observe
@@ -240,7 +240,7 @@ class Patrols:
             now.motor_power_w,
             self._draws,
             self._sources_m,
-            np.array([bool(names) for names in self.inspectors.touched]),
+            np.fromiter(map(bool, self.inspectors.touched), np.bool_, len(self._rngs)),
             is_new,
             waits,
         )
@@ -267,7 +267,7 @@ class Patrols:
         """Bearings of all pulses, from the channels that are in order, and channels newly at fault by robot."""
         suspects: list[tuple[SuspectChannel, ...]] = [()] * len(self._monitors)
         azimuth_rad, std_rad, misfit = bearings_of_pulses(
-            heard.strengths_v[:, np.newaxis], heard.variance_v2[:, np.newaxis], tuple(self.manifold.table)
+            heard.strengths_v[:, np.newaxis], heard.variance_v2[:, np.newaxis], tuple(self.manifold.table), UNKNOWN
         )
         bearings = Bearings(azimuth_rad=azimuth_rad, std_rad=std_rad, misfit=misfit)
         first, robots = 0, heard.robot.tolist()
@@ -282,9 +282,10 @@ class Patrols:
                 suspects[row] = monitor.note(strengths, std_rad[own], misfit[own])
                 if not suspects[row]:
                     continue
-                again = monitor.bearings(strengths, variance)
+                again = monitor.bearings(strengths, variance).without_nan()
             else:
                 again, suspects[row] = monitor.watch(strengths, variance)
+                again = again.without_nan()
             bearings.azimuth_rad[own], bearings.std_rad[own], bearings.misfit[own] = (
                 again.azimuth_rad,
                 again.std_rad,

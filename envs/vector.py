@@ -167,7 +167,7 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
 
     def _info(self, outcome: Outcome) -> dict[str, Any]:
         patrols, motion = self.patrols, self.patrols.motion
-        heard, told = outcome.heard, outcome.bearings.without_nan()
+        heard, told = outcome.heard, outcome.bearings
         return {
             "time_s": motion.time_s.copy(),
             "pose": motion.pose.copy(),

@@ -18,6 +18,14 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 
+@compiled
+def _dot(first: FloatArray, second: FloatArray) -> float:
+    total = 0.0
+    for t in range(first.size):
+        total += first[t] * second[t]
+    return total
+
+
 class GateNoise(NamedTuple):
     """Filtered noise over a gate.
 
@@ -65,7 +73,7 @@ def gate_energies(
     """
     n_elements, (n_samples, n_modes) = incoming.arrivals.delay_s.shape[1], noise.eigenvectors.shape
     energy, gate = np.empty((path.size, n_elements)), np.empty((n_elements, n_samples))
-    along, rest = np.empty((n_elements, max(n_modes, 1))), np.empty(n_elements)
+    along, rest = np.empty((n_elements, 1)), np.empty(n_elements)
     known = -1
     for k in range(path.size):
         if path[k] != known:  # else the gate of the pulse before holds the same signal
@@ -73,18 +81,14 @@ def gate_energies(
             gate[:] = 0.0
             start_s = incoming.arrivals.loudest_s[known] + gate_lead_s
             add_paths(gate, float(start_s), incoming.first[k], incoming.n_paths[k], incoming.arrivals, pulse)
-            along[:] = 0.0
+            if n_modes > 0:
+                along = gate @ noise.eigenvectors  # of one shape for every pulse, so it rounds alike for all of them
             for e in range(n_elements):
-                rest[e] = 0.0
-                for t in range(n_samples):
-                    rest[e] += gate[e, t] * gate[e, t]
-                    for m in range(n_modes):
-                        along[e, m] += gate[e, t] * noise.eigenvectors[t, m]
+                rest[e] = _dot(gate[e], gate[e])
                 if n_modes == 0:
                     along[e, 0], rest[e] = np.sqrt(rest[e]), 0.0
-                for m in range(n_modes):
-                    rest[e] -= along[e, m] * along[e, m]
-                rest[e] = max(rest[e], 0.0)
+                else:
+                    rest[e] = max(rest[e] - _dot(along[e], along[e]), 0.0)
         peak_v = incoming.peak_v[k]
         for e in range(n_elements):
             energy[k, e] = peak_v * peak_v * rest[e] + beside_v2[k % len(beside_v2), e]

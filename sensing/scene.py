@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -80,6 +81,7 @@ class Scene:
         columns = zip(*(rhythm for _, rhythm in rhythms), strict=True)
         self._rhythm = Rhythm(*(np.concatenate(column) for column in columns)) if rhythms else None
         self._ahead = Emissions(np.empty(0, dtype=np.intp), np.empty(0), np.empty(0))
+        self._ahead_times = list[float]()
         self._ahead_s = (0.0, 0.0)
 
     def emissions(self, start_s: float, duration_s: float, rng: np.random.Generator) -> Emissions:
@@ -90,16 +92,18 @@ class Scene:
         start_s, end_s = round(start_s, NANOSECONDS), round(start_s + duration_s, NANOSECONDS)
         first_s, last_s = self._ahead_s
         if not first_s <= start_s <= last_s:
-            self._ahead, last_s = self._ahead.take(slice(0)), start_s
+            self._ahead, last_s, self._ahead_times = self._ahead.take(slice(0)), start_s, []
         if last_s < end_s:
             further_s = max(AHEAD_S, end_s - last_s)
             drawn = self._draw(last_s, further_s, rng)
-            left = self._ahead.take(slice(int(self._ahead.time_s.searchsorted(start_s)), None))
+            left = self._ahead.take(slice(bisect_left(self._ahead_times, start_s), None))
             self._ahead = left.then(drawn)
+            self._ahead_times = self._ahead.time_s.tolist()
             last_s = round(last_s + further_s, NANOSECONDS)
         self._ahead_s = start_s, last_s
-        times = self._ahead.time_s
-        return self._ahead.take(slice(int(times.searchsorted(start_s)), int(times.searchsorted(end_s))))
+        times = self._ahead_times
+        first = bisect_left(times, start_s)
+        return self._ahead.take(slice(first, bisect_left(times, end_s, first)))
 
     def _draw(self, start_s: float, duration_s: float, rng: np.random.Generator) -> Emissions:
         source, time_s, relative = np.empty(0, dtype=np.intp), np.empty(0), np.empty(0)
