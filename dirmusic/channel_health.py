@@ -175,17 +175,20 @@ class ChannelMonitor:
         return slice(0, min(self._n_seen, self.rules.window))
 
     def _suspects(self) -> list[SuspectChannel]:
+        from dirmusic.pulse_window import glance  # loads the compiler
+
+        n_good = self.manifold.n_elements - self._n_bad
+        if n_good <= LEAST_CHANNELS or self._n_seen < self.rules.least_pulses:
+            return []
+        strengths, misfits = self._strengths[self._window], self._misfits[self._window]
+        is_stuck, upper_quartile = glance(strengths, misfits, self.rules.stuck_spread)
+        stuck: list[int] = [k for k in np.flatnonzero(is_stuck).tolist() if self.good[k]]
+        if stuck and len(stuck) < n_good:
+            return [SuspectChannel(k + 1, "stuck", np.nan, len(strengths)) for k in stuck]
+        if upper_quartile < self.rules.at_ease:
+            return []
         channels = np.flatnonzero(self.good)
-        if channels.size <= LEAST_CHANNELS or self._n_seen < self.rules.least_pulses:
-            return []
-        heard = self._strengths[self._window, channels]
-        highest = heard.max(axis=0)
-        stuck = (highest - heard.min(axis=0) < self.rules.stuck_spread * highest) & (highest > 0)
-        if stuck.any() and not stuck.all():
-            return [SuspectChannel(int(channels[k]) + 1, "stuck", np.nan, len(heard)) for k in np.flatnonzero(stuck)]
-        misfits = sorted(self._misfits[self._window].tolist())
-        if misfits[3 * len(misfits) // 4] < self.rules.at_ease:
-            return []
+        heard = strengths[:, channels]
         unexplained = float(np.median(self._fit(heard, channels)[1]))
         best: tuple[float, SuspectChannel] | None = None
         for k, channel in enumerate(channels):

@@ -119,6 +119,36 @@ class Channel(NamedTuple):
 
 
 @compiled
+def told(
+    energy_v2: FloatArray,
+    background_v2: FloatArray,
+    time_s: FloatArray,
+    telling: tuple[int, float, float, float],
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """What a receiver tells of gates.
+
+    Args:
+        energy_v2: Shape (n_gates, n_elements).
+        background_v2: Power of a sample without a pulse, shape (n_gates, n_elements), or (1, n_elements) for all.
+        time_s: Of the triggers, shape (n_gates,).
+        telling: Samples of a gate; spread of noise energies and noise on a pulse, both as of
+            `dirmusic.strengths.strength_variance`; and frequency of the receiver's own mains supply.
+
+    Returns:
+        Strengths and their variance, both of shape (n_gates, n_elements), and the phases of the mains, shape
+        (n_gates,), in [0, 2 pi).
+    """
+    n_samples, energy_spread, noise_on_pulse, mains_hz = telling
+    strengths_v, variance_v2 = np.empty(energy_v2.shape), np.empty(energy_v2.shape)
+    for k in range(energy_v2.shape[0]):
+        for e in range(energy_v2.shape[1]):
+            noise_v2 = background_v2[k % len(background_v2), e]
+            strengths_v[k, e] = strength_of(energy_v2[k, e], n_samples * noise_v2)
+            variance_v2[k, e] = variance_of_strength(strengths_v[k, e], noise_v2, energy_spread, noise_on_pulse)
+    return strengths_v, variance_v2, np.mod(2 * np.pi * mains_hz * time_s, 2 * np.pi)
+
+
+@compiled
 def hear_energies(
     on_air: tuple[Any, ...],
     sources_m: FloatArray,
@@ -129,8 +159,10 @@ def hear_energies(
     channel: tuple[Any, ...],
     normal: FloatArray,
     beside_v2: FloatArray,
-) -> tuple[IntArray, FloatArray, FloatArray, int]:
-    """From pulses on the air to those that trigger, and the energies of their gates.
+    background_v2: FloatArray,
+    telling: tuple[int, float, float, float],
+) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, int]:
+    """From pulses on the air to what is told of those that trigger.
 
     Args:
         on_air: A plain `OnAir`.
@@ -143,10 +175,12 @@ def hear_energies(
         channel: Of all of them, a plain `Channel`.
         normal: Standard normal draws, shape (n_pulses, 1 + n_elements * max(n_modes, 1)).
         beside_v2: Of `gate_energies`.
+        background_v2: Of `told`.
+        telling: Likewise.
 
     Returns:
-        Robot, shape (n_heard,), time, shape (n_heard,), and energy, shape (n_heard, n_elements), of those that are
-        heard and look like a pulse; and how many do not.
+        Of those that are heard and look like a pulse robot and time, shape (n_heard,), energies of the gates, shape
+        (n_heard, n_elements), and what is `told` of them; and how many do not look like a pulse.
     """
     pulse, peak, threshold_v, lead_s, noise = channel
     faces, reflection, log_loss, obstacles = surroundings
@@ -164,38 +198,6 @@ def hear_energies(
     loud = Incoming(incoming.first[heard], incoming.n_paths[heard], incoming.peak_v[heard], incoming.arrivals)
     beside_v2 = beside_v2[heard] if len(beside_v2) > 1 else beside_v2
     energy = gate_energies(loud, path[heard], lead_s, PulseTable(*pulse), hiss, drawn, beside_v2)
-    return air.robot[heard], air.time_s[heard], energy, n_rejected
-
-
-@compiled
-def told(
-    energy_v2: FloatArray,
-    background_v2: FloatArray,
-    time_s: FloatArray,
-    n_samples: int,
-    energy_spread: float,
-    noise_on_pulse: float,
-    mains_hz: float,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """What a receiver tells of gates.
-
-    Args:
-        energy_v2: Shape (n_gates, n_elements).
-        background_v2: Power of a sample without a pulse, shape (n_gates, n_elements), or (1, n_elements) for all.
-        time_s: Of the triggers, shape (n_gates,).
-        n_samples: Of a gate.
-        energy_spread: Of `dirmusic.strengths.strength_variance`.
-        noise_on_pulse: Likewise.
-        mains_hz: Of the receiver's own supply.
-
-    Returns:
-        Strengths and their variance, both of shape (n_gates, n_elements), and the phases of the mains, shape
-        (n_gates,), in [0, 2 pi).
-    """
-    strengths_v, variance_v2 = np.empty(energy_v2.shape), np.empty(energy_v2.shape)
-    for k in range(energy_v2.shape[0]):
-        for e in range(energy_v2.shape[1]):
-            noise_v2 = background_v2[k % len(background_v2), e]
-            strengths_v[k, e] = strength_of(energy_v2[k, e], n_samples * noise_v2)
-            variance_v2[k, e] = variance_of_strength(strengths_v[k, e], noise_v2, energy_spread, noise_on_pulse)
-    return strengths_v, variance_v2, np.mod(2 * np.pi * mains_hz * time_s, 2 * np.pi)
+    time_s = air.time_s[heard]
+    strengths_v, variance_v2, phase_rad = told(energy, background_v2, time_s, telling)
+    return air.robot[heard], time_s, energy, strengths_v, variance_v2, phase_rad, n_rejected

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,17 +24,6 @@ IntArray = NDArray[np.intp]
 
 NOT_DRAWN = -1.0
 """Time of a false alarm that is still to be drawn."""
-
-
-class _Gates(NamedTuple):
-    """Gates of pulses in any order, with their energies; a row is a pulse, but one background may serve for all."""
-
-    robot: IntArray
-    time_s: FloatArray
-    energy_v2: FloatArray
-    background_v2: FloatArray
-    waveforms_v: FloatArray
-    n_rejected: int
 
 
 class Receivers:
@@ -102,11 +91,11 @@ class Receivers:
                 parts.append(self._energies(on_air, world_from_array, arrays))
             else:
                 parts += self._waveforms(on_air, world_from_array, arrays)
-        return self._conclude([part for part in parts if part.robot.size or part.n_rejected])
+        return _all_of(parts) if parts else self._nothing
 
-    def _energies(self, on_air: OnAir, world_from_array: FloatArray, arrays: ArrayTable) -> _Gates:
+    def _energies(self, on_air: OnAir, world_from_array: FloatArray, arrays: ArrayTable) -> Heard:
         """From the law of the gates' energies."""
-        robot, time_s, energy, n_rejected = hear_energies(
+        robot, time_s, energy, strengths_v, variance_v2, mains_phase_rad, n_rejected = hear_energies(
             tuple(on_air),
             self._sources_m,
             self._burst_s,
@@ -116,9 +105,47 @@ class Receivers:
             self._channel,
             self._draw(on_air.robot),
             self._beside_the_modes(on_air.robot),
+            self._background_v2,
+            self._telling,
         )
-        no_samples = np.empty((*energy.shape, 0))
-        return _Gates(robot, time_s, energy, self._background_v2, no_samples, n_rejected)
+        if self.config.faults:
+            return self._of_energies(robot, time_s, energy, n_rejected)
+        is_clipped, no_samples = np.zeros(energy.shape, dtype=np.bool_), np.empty((*energy.shape, 0))
+        return Heard(robot, time_s, strengths_v, variance_v2, mains_phase_rad, is_clipped, no_samples, n_rejected)
+
+    def _of_energies(self, robot: IntArray, time_s: FloatArray, energy: FloatArray, n_rejected: int) -> Heard:
+        """What is told of gates by their energies, (n_pulses, n_elements); faulty channels say something else."""
+        stuck_v2 = self.config.gate_samples * (STUCK_AT * self.config.full_scale_v) ** 2
+        energy = self._one.faults.in_readings(energy, time_s, stuck_v2)
+        strengths_v, variance_v2, mains_phase_rad = told(energy, self._background_v2, time_s, self._telling)
+        is_clipped, no_samples = np.zeros(energy.shape, dtype=np.bool_), np.empty((*energy.shape, 0))
+        return Heard(robot, time_s, strengths_v, variance_v2, mains_phase_rad, is_clipped, no_samples, n_rejected)
+
+    def _of_waveforms(
+        self, recorder: Recorder, row: int, time_s: FloatArray, gates_v: FloatArray, n_rejected: int
+    ) -> Heard:
+        """What is told of the gates (n_pulses, n_elements, gate_samples) of one robot, behind its converter."""
+        waveforms_v = recorder.convert(gates_v, time_s)
+        energy = np.einsum("nek,nek->ne", waveforms_v, waveforms_v)
+        strengths_v, variance_v2, mains_phase_rad = told(
+            energy, recorder.background_v2[np.newaxis], time_s, self._telling
+        )
+        highest_v = (2 ** (self.config.bits - 1) - 1.5) * self._one.step_v
+        return Heard(
+            robot=np.full(time_s.size, row),
+            time_s=time_s,
+            strengths_v=strengths_v,
+            variance_v2=variance_v2,
+            mains_phase_rad=mains_phase_rad,
+            is_clipped=(np.abs(waveforms_v) >= highest_v).any(axis=-1),
+            waveforms_v=waveforms_v,
+            n_rejected=n_rejected,
+        )
+
+    @cached_property
+    def _telling(self) -> tuple[int, float, float, float]:
+        front_end, config = self._one.front_end, self.config
+        return config.gate_samples, front_end.energy_spread, front_end.noise_on_pulse, config.mains_hz
 
     @cached_property
     def _channel(self) -> tuple[Any, ...]:
@@ -166,24 +193,24 @@ class Receivers:
             [rng.standard_normal((k, self._n_draws)) for rng, k in zip(self._rngs, counts, strict=True) if k]
         )
 
-    def _waveforms(self, on_air: OnAir, world_from_array: FloatArray, arrays: ArrayTable) -> list[_Gates]:
+    def _waveforms(self, on_air: OnAir, world_from_array: FloatArray, arrays: ArrayTable) -> list[Heard]:
         """From whole gates, sample by sample, robot by robot."""
         surroundings = self._scenes[0].surroundings
         incoming = incoming_pulses(on_air, self._sources_m, world_from_array, arrays, surroundings)
-        parts, rows = list[_Gates](), on_air.robot.tolist()
+        parts, rows = list[Heard](), on_air.robot.tolist()
         for row in sorted({int(row) for row in rows}):
             own = on_air.robot == row
             recorder = Recorder(self._receivers[row], self._scenes[row], world_from_array[row], self._rngs[row])
             emitted = Emissions(on_air.source[own], on_air.time_s[own], on_air.peak_v[own])
             heard_s, gates, n_rejected = recorder.record(emitted, incoming.take(own))
-            parts.append(_converted(recorder, row, heard_s, gates, n_rejected))
+            parts.append(self._of_waveforms(recorder, row, heard_s, gates, n_rejected))
         return parts
 
     def _false_alarms(
         self, listening: list[int], world_from_array: FloatArray, starts_s: list[float], duration_s: float
-    ) -> list[_Gates]:
+    ) -> list[Heard]:
         """What noise alone triggers: a Poisson process for each robot."""
-        parts: list[_Gates] = []
+        parts: list[Heard] = []
         for row in [row for row in listening if self._false_s[row] < starts_s[row] + duration_s]:
             rng, time_s = self._rngs[row], list[float]()
             mean_s = 1.0 / self.config.false_alarm_rate_hz
@@ -196,66 +223,31 @@ class Receivers:
                 parts.append(self._false_gates(row, world_from_array[row], np.array(time_s)))
         return parts
 
-    def _false_gates(self, row: int, world_from_array: FloatArray, time_s: FloatArray) -> _Gates:
+    def _false_gates(self, row: int, world_from_array: FloatArray, time_s: FloatArray) -> Heard:
         receiver, rng = self._receivers[row], self._rngs[row]
         gates = np.array([receiver.false_gate(rng) for _ in range(time_s.size)])
         if self.config.fidelity == "waveform":
             recorder = Recorder(receiver, self._scenes[row], world_from_array, rng)
-            return _converted(recorder, row, time_s, gates + recorder.carriers(gates.shape), 0)
-        energy, robot = np.square(gates).sum(axis=-1), np.full(time_s.size, row)
-        return _Gates(robot, time_s, energy, self._background_v2, gates[:, :, :0], 0)
+            return self._of_waveforms(recorder, row, time_s, gates + recorder.carriers(gates.shape), 0)
+        return self._of_energies(np.full(time_s.size, row), time_s, np.square(gates).sum(axis=-1), 0)
 
     @cached_property
     def _nothing(self) -> Heard:
         """What most intervals give."""
         n_samples = self.config.gate_samples if self.config.fidelity == "waveform" else 0
-        silence = np.empty((0, self._one.n_elements))
-        no_gate = np.empty((*silence.shape, n_samples))
-        return self._heard(_Gates(np.empty(0, dtype=np.intp), np.empty(0), silence, silence, no_gate, 0))
+        nobody, never, silence = np.empty(0, dtype=np.intp), np.empty(0), np.empty((0, self._one.n_elements))
+        no_gates = np.empty((*silence.shape, n_samples))
+        return Heard(nobody, never, silence, silence, never, silence.astype(np.bool_), no_gates, 0)
 
-    def _conclude(self, parts: Sequence[_Gates]) -> Heard:
-        """All that was heard, robot by robot and by time."""
-        if not parts:
-            return self._nothing
-        if len(parts) == 1:
-            return self._heard(parts[0])
-        *columns, n_rejected = zip(*parts, strict=True)
-        columns[3] = tuple(np.broadcast_to(part.background_v2, part.energy_v2.shape) for part in parts)
-        robot, time_s, energy, background, waveforms = (np.concatenate(column) for column in columns)
-        order = np.lexsort((time_s, robot))
-        return self._heard(
-            _Gates(robot[order], time_s[order], energy[order], background[order], waveforms[order], sum(n_rejected))
-        )
 
-    def _heard(self, gates: _Gates) -> Heard:
-        one, config = self._one, self.config
-        energy = gates.energy_v2
-        if config.fidelity == "energy" and config.faults:
-            stuck = config.gate_samples * (STUCK_AT * config.full_scale_v) ** 2
-            energy = one.faults.in_readings(energy, gates.time_s, stuck)
-        strengths_v, variance_v2, mains_phase_rad = told(
-            energy,
-            gates.background_v2,
-            gates.time_s,
-            config.gate_samples,
-            one.front_end.energy_spread,
-            one.front_end.noise_on_pulse,
-            config.mains_hz,
-        )
-        is_clipped = np.zeros(strengths_v.shape, dtype=np.bool_)
-        if config.fidelity == "waveform":
-            highest_v = (2 ** (config.bits - 1) - 1.5) * one.step_v
-            is_clipped = (np.abs(gates.waveforms_v) >= highest_v).any(axis=-1)
-        return Heard(
-            robot=gates.robot,
-            time_s=gates.time_s,
-            strengths_v=strengths_v,
-            variance_v2=variance_v2,
-            mains_phase_rad=mains_phase_rad,
-            is_clipped=is_clipped,
-            waveforms_v=gates.waveforms_v,
-            n_rejected=gates.n_rejected,
-        )
+def _all_of(parts: Sequence[Heard]) -> Heard:
+    """All that was heard, robot by robot and by time."""
+    if len(parts) == 1:
+        return parts[0]
+    *columns, n_rejected = zip(*parts, strict=True)
+    whole = [np.concatenate(column) for column in columns]
+    order = np.lexsort((whole[1], whole[0]))
+    return Heard(*(column[order] for column in whole), n_rejected=sum(n_rejected))
 
 
 def _flat(rows: list[int], emitted: Sequence[Emissions]) -> OnAir:
@@ -270,11 +262,3 @@ def _flat(rows: list[int], emitted: Sequence[Emissions]) -> OnAir:
         return OnAir(robot, robot, np.empty(0), np.empty(0))
     source, time_s, peak_v = (np.concatenate(column) for column in zip(*emitted, strict=True))
     return OnAir(robot, source, peak_v, time_s)
-
-
-def _converted(recorder: Recorder, row: int, time_s: FloatArray, gates_v: FloatArray, n_rejected: int) -> _Gates:
-    """Gates of one robot behind its converter."""
-    waveforms = recorder.convert(gates_v, time_s)
-    background = np.broadcast_to(recorder.background_v2, waveforms.shape[:2])
-    energy = np.einsum("nek,nek->ne", waveforms, waveforms)
-    return _Gates(np.full(time_s.size, row), time_s, energy, background, waveforms, n_rejected)

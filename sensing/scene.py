@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sensing.discharges import Rhythm
 from sensing.propagation import Surroundings
-from sensing.sources import NANOSECONDS, Carrier, DischargeSource
+from sensing.sources import Carrier, DischargeSource, in_nanoseconds
 
 FloatArray = NDArray[np.float64]
 
@@ -89,7 +89,7 @@ class Scene:
 
         Intervals are to follow one another, for pulses are drawn ahead; an earlier one is drawn anew.
         """
-        start_s, end_s = round(start_s, NANOSECONDS), round(start_s + duration_s, NANOSECONDS)
+        start_s, end_s = in_nanoseconds(start_s), in_nanoseconds(start_s + duration_s)
         first_s, last_s = self._ahead_s
         if not first_s <= start_s <= last_s:
             self._ahead, last_s, self._ahead_times = self._ahead.take(slice(0)), start_s, []
@@ -99,7 +99,7 @@ class Scene:
             left = self._ahead.take(slice(bisect_left(self._ahead_times, start_s), None))
             self._ahead = left.then(drawn)
             self._ahead_times = self._ahead.time_s.tolist()
-            last_s = round(last_s + further_s, NANOSECONDS)
+            last_s = in_nanoseconds(last_s + further_s)
         self._ahead_s = start_s, last_s
         times = self._ahead_times
         first = bisect_left(times, start_s)

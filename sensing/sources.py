@@ -12,8 +12,9 @@ from sensing.discharges import PulseTrain, Rhythm
 FloatArray = NDArray[np.float64]
 
 
-NANOSECONDS = 9
-"""Digits of a second to which interval and shot are compared: a shot on the edge of two intervals is fired once."""
+def in_nanoseconds(time_s: float) -> float:
+    """A time >= 0 to the nanosecond: a shot on the edge of two intervals is fired once, however their ends round."""
+    return int(time_s * 1e9 + 0.5) / 1e9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +73,5 @@ class DischargeSource:
         """Times of the shots within an interval, seconds, shape (n,)."""
         first, end = ((at_s - self.first_shot_s) * self.pulse_rate_hz for at_s in (start_s, start_s + duration_s))
         number = np.arange(max(int(first) - 1, 0), min(int(end) + 2, self.n_shots or 0))
-        shot_s = np.round(self.first_shot_s + number / self.pulse_rate_hz, NANOSECONDS)
-        end_s = round(start_s + duration_s, NANOSECONDS)
-        return shot_s[(shot_s >= round(start_s, NANOSECONDS)) & (shot_s < end_s)]
+        shot_s = np.round(self.first_shot_s + number / self.pulse_rate_hz, 9)
+        return shot_s[(shot_s >= in_nanoseconds(start_s)) & (shot_s < in_nanoseconds(start_s + duration_s))]
