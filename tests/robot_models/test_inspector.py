@@ -272,7 +272,7 @@ def test_what_is_touched_for_a_moment_between_two_looks_is_told_once():
     inspector.drive(-0.8, 0.0, 0.1)
     assert inspector.robots.touched == [("equipment/tank",)]
     assert inspector.pose()[0] < 18.79
-    inspector.drive(-0.8, 0.0, 0.005)
+    inspector.drive(-0.8, 0.0, inspector.robots.step_s)
     assert inspector.robots.touched == [()]
 
 
