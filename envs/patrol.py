@@ -199,7 +199,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
                 azimuth_rad=told.azimuth_rad,
                 std_rad=told.std_rad,
                 misfit=told.misfit,
-                is_clipped=heard.is_clipped @ good,
+                is_clipped=heard.clipped(good),
                 is_good=good,
             ),
             "suspects": outcome.suspects[0],

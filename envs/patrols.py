@@ -240,7 +240,7 @@ class Patrols:
             now.motor_power_w,
             self._draws,
             self._sources_m,
-            np.fromiter(map(bool, self.inspectors.touched), np.bool_, len(self._rngs)),
+            self.inspectors.is_touching,
             is_new,
             waits,
         )

@@ -75,6 +75,7 @@ class Inspectors:
         physics: The world that each is in, without what is only looked at.
         step_s: Length of a physics step.
         touched: What each robot touched since its last `drive` or `reset` began: `equipment/NAME`, `fence/SIDE`.
+        is_touching: Whether that is anything at all, shape (n_robots,).
         readings: Where they are, how they move and what the lidar sees, since the last `drive` or `reset`. The lidar
             scanned in the last physics step: at full speed the robot has since moved by a few millimetres.
     """
@@ -117,6 +118,7 @@ class Inspectors:
         self._n_remembered = int(model.sensor_history[hull[0], 0])
         self._touches = [self._contacts_within(history, sensor) for sensor in hull]
         self.touched: list[tuple[str, ...]] = [()] * n_robots
+        self.is_touching = np.zeros(n_robots, dtype=np.bool_)
         self.reset(np.arange(n_robots), np.zeros((n_robots, 3)))
 
     def _contacts_within(self, history: FloatArray, sensor: int) -> FloatArray:
@@ -161,7 +163,7 @@ class Inspectors:
         batch.bind("time")[ids] = _LIDAR_PERIOD_S  # so that the lidar is due; a step reads all sensors at its start
         batch.step(ids)
         for row in ids.tolist():
-            self.touched[row] = tuple(sorted(self._take_names(row)))
+            self._note(row, self._take_names(row))
         batch.state[ids] = start
         self.readings = self._read()
 
@@ -190,7 +192,7 @@ class Inspectors:
             )
         if not command(v, turn, *_LIMITS, self._ctrl):
             raise ValueError(f"`v_mps` and `yaw_rate_radps` must be finite, got {v} and {turn}.")
-        touched: dict[int, set[str]] = {}
+        names: dict[int, set[str]] = {}
         driving = range(self.n_robots) if rows is None else rows.tolist()
         while n_substeps > 0:
             n = min(n_substeps, self._n_remembered)
@@ -198,9 +200,10 @@ class Inspectors:
             n_substeps -= n
             if is_any(*self._touches):
                 for row in driving:
-                    touched[row] = touched.get(row, set()) | self._take_names(row)
+                    names[row] = names.get(row, set()) | self._take_names(row)
         for row in driving:
-            self.touched[row] = tuple(sorted(touched[row])) if touched else ()
+            if names or self.touched[row]:
+                self._note(row, names.get(row, set()))
         self.readings = self._read()
 
     def n_warnings(self) -> NDArray[np.intp]:
@@ -216,6 +219,9 @@ class Inspectors:
         mujoco.mj_forward(self.model, data)
         return data
 
+    def _note(self, row: int, names: set[str]) -> None:
+        self.touched[row], self.is_touching[row] = tuple(sorted(names)), bool(names)
+
     def _take_names(self, row: int) -> set[str]:
         """What the hull of a robot has touched, by where; it is remembered no more."""
         points = list[FloatArray]()
@@ -230,10 +236,11 @@ class Inspectors:
             "arguments": self._arguments,
             "state": self._batch.state.copy(),
             "touched": self.touched,
+            "is_touching": self.is_touching,
             "readings": self.readings,
         }
 
     def __setstate__(self, kept: dict[str, Any]) -> None:
         self.__init__(*kept["arguments"])
         self._batch.state[:] = kept["state"]
-        self.touched, self.readings = kept["touched"], kept["readings"]
+        self.touched, self.is_touching, self.readings = kept["touched"], kept["is_touching"], kept["readings"]

@@ -43,6 +43,7 @@ class GateNoise(NamedTuple):
 @compiled
 def gate_energies(
     incoming: Incoming,
+    heard: IntArray,
     path: IntArray,
     gate_lead_s: float,
     pulse: PulseTable,
@@ -61,21 +62,23 @@ def gate_energies(
 
     Args:
         incoming: The pulses.
-        path: By which path each of them triggers, shape (n_pulses,).
+        heard: Which of them have a gate, shape (n_heard,).
+        path: By which path each pulse triggers, shape (n_pulses,).
         gate_lead_s: From that path's arrival at its loudest element to the start of the gate; negative is before.
         pulse: Its shape behind the filter.
         noise: Over the gate.
-        normal: Standard normal draws, shape (n_pulses, n_elements, max(n_modes, 1)).
+        normal: Standard normal draws, shape (n_pulses, 1 + n_elements * max(n_modes, 1)); the first does not count.
         beside_v2: Noise energy beside the modes, shape (n_pulses, n_elements), or (1, n_elements) for all, V^2.
 
     Returns:
-        Sums of squares over the gate, shape (n_pulses, n_elements), V^2.
+        Sums of squares over the gate, shape (n_heard, n_elements), V^2.
     """
     n_elements, (n_samples, n_modes) = incoming.arrivals.delay_s.shape[1], noise.eigenvectors.shape
-    energy, gate = np.empty((path.size, n_elements)), np.empty((n_elements, n_samples))
+    energy, gate = np.empty((heard.size, n_elements)), np.empty((n_elements, n_samples))
     along, rest = np.empty((n_elements, 1)), np.empty(n_elements)
     known = -1
-    for k in range(path.size):
+    for i in range(heard.size):
+        k = heard[i]
         if path[k] != known:  # else the gate of the pulse before holds the same signal
             known = path[k]
             gate[:] = 0.0
@@ -89,14 +92,15 @@ def gate_energies(
                     along[e, 0], rest[e] = np.sqrt(rest[e]), 0.0
                 else:
                     rest[e] = max(rest[e] - _dot(along[e], along[e]), 0.0)
-        peak_v = incoming.peak_v[k]
+        peak_v, draw = incoming.peak_v[k], 1
         for e in range(n_elements):
-            energy[k, e] = peak_v * peak_v * rest[e] + beside_v2[k % len(beside_v2), e]
+            energy[i, e] = peak_v * peak_v * rest[e] + beside_v2[k % len(beside_v2), e]
             for m in range(along.shape[1]):
-                drawn_v = noise.std_v * normal[k, e, m]
+                drawn_v = noise.std_v * normal[k, draw]
+                draw += 1
                 if n_modes > 0:
                     drawn_v *= np.sqrt(noise.eigenvalues[m])
-                energy[k, e] += (drawn_v + peak_v * along[e, m]) ** 2
+                energy[i, e] += (drawn_v + peak_v * along[e, m]) ** 2
     return energy
 
 
@@ -188,16 +192,17 @@ def hear_energies(
     air, hiss = OnAir(*on_air), GateNoise(*noise)
     incoming = incoming_pulses(air, sources_m, world_from_array, ArrayTable(*arrays), around)
     path, voltage_v = find_triggers(incoming, peak, threshold_v)
-    is_heard, n_rejected = voltage_v + hiss.std_v * normal[:, 0] > threshold_v, 0
-    for k in np.flatnonzero(is_heard):
+    heard, n_heard, n_rejected = np.empty(path.size, np.intp), 0, 0
+    for k in range(path.size):
+        if voltage_v[k] + hiss.std_v * normal[k, 0] <= threshold_v:
+            continue
         if burst_s[air.robot[k], air.source[k]] > 0.0:
-            is_heard[k] = False
             n_rejected += 1
-    heard, n_elements = np.flatnonzero(is_heard), beside_v2.shape[1]
-    drawn = normal[heard, 1:].copy().reshape(heard.size, n_elements, (normal.shape[1] - 1) // n_elements)
-    loud = Incoming(incoming.first[heard], incoming.n_paths[heard], incoming.peak_v[heard], incoming.arrivals)
-    beside_v2 = beside_v2[heard] if len(beside_v2) > 1 else beside_v2
-    energy = gate_energies(loud, path[heard], lead_s, PulseTable(*pulse), hiss, drawn, beside_v2)
+        else:
+            heard[n_heard] = k
+            n_heard += 1
+    heard = heard[:n_heard]
+    energy = gate_energies(incoming, heard, path, lead_s, PulseTable(*pulse), hiss, normal, beside_v2)
     time_s = air.time_s[heard]
     strengths_v, variance_v2, phase_rad = told(energy, background_v2, time_s, telling)
     return air.robot[heard], time_s, energy, strengths_v, variance_v2, phase_rad, n_rejected

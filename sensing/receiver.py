@@ -89,6 +89,12 @@ class Heard(NamedTuple):
     waveforms_v: FloatArray
     n_rejected: int
 
+    def clipped(self, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Whether a channel that counts, (n_elements,), met the end of the scale, shape (n_pulses,)."""
+        if not self.waveforms_v.size:  # energies have no scale
+            return self.is_clipped[:, 0]
+        return (self.is_clipped & good).any(axis=-1)
+
 
 class Receiver:
     """Turns what radiates into strengths.
