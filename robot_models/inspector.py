@@ -223,13 +223,15 @@ class Inspectors:
         self.touched[row], self.is_touching[row] = tuple(sorted(names)), bool(names)
 
     def _take_names(self, row: int) -> set[str]:
-        """What the hull of a robot has touched, by where; it is remembered no more."""
-        points = list[FloatArray]()
+        """What the hull of a robot has touched, by where, to the centimetre; it is remembered no more."""
+        places: set[tuple[float, float]] = set()
         for touches in self._touches:
             contacts = touches[row].reshape(-1, _CONTACT_SIZE)
-            points.append(contacts[contacts[:, 0] > 0, 1:3])
-            touches[row] = 0.0
-        return self._yard.obstacles_at(np.concatenate(points))
+            found = contacts[:, 0] > 0
+            if found.any():
+                places.update(map(tuple, np.round(contacts[found, 1:3], 2).tolist()))
+                touches[row] = 0.0
+        return self._yard.obstacles_at(list(places))
 
     def __getstate__(self) -> dict[str, Any]:
         return {

@@ -44,13 +44,14 @@ def median_seconds(*sides: Callable[[], int]) -> list[float]:
 
 
 def random_steps(env: gymnasium.Env[Any, Any], n_steps: int = 300) -> Callable[[], int]:
-    """Random actions, drawn beforehand; a new episode where one ends."""
+    """Random actions, drawn beforehand; a new episode to begin with, and where one ends."""
     assert isinstance(env.action_space, gymnasium.spaces.Box)
     low, high = env.action_space.low, env.action_space.high
     actions = np.random.default_rng(0).uniform(low, high, (n_steps, *low.shape)).astype(np.float32)
     env.reset(seed=0)
 
     def step_all() -> int:
+        env.reset()
         for action in actions:
             _, _, terminated, truncated, _ = env.step(action)
             if terminated or truncated:
