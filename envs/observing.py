@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from dirmusic.compiled import compiled
 from dirmusic.fitting import pulse_spectra
 from dirmusic.spectrum import LEAST_NULL
+from envs.motion import N_DRAWS
+from robot_models.readings import LIDAR, VELOCITY
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -54,8 +56,9 @@ def observe(
     The bearing of a robot's strongest pulse becomes the last one of its `progress`.
 
     Args:
-        sight: A row for each robot: believed pose, (n_robots, 3); velocity, (n_robots, 2); true ranges of the lidar
-            and standard normal draws for them, (n_robots, n_beams); and time since the start, (n_robots,).
+        sight: A row for each robot: believed pose, (n_robots, 3); values of `robot_models.readings.Readings`; standard
+            normal draws for the lidar, (n_robots, N_DRAWS + n_beams), of which the first do not count; and time since
+            the start, (n_robots,).
         setting: Of all of them, a plain `Setting`.
         progress: Of the robots, a plain `Progress`.
         robot: Who heard each pulse of this step, shape (n_pulses,).
@@ -67,7 +70,8 @@ def observe(
     Returns:
         Shape (n_entries, n_robots): a row is an entry, so that each part of the observation lies together.
     """
-    pose, velocity, lidar_m, lidar_noise, time_s = sight
+    pose, readings, normal, time_s = sight
+    velocity, lidar_m = readings[:, VELOCITY], readings[:, LIDAR]
     stops_m, low, high, lidar_reach_m, lidar_std_m, noise_v, time_limit_s = setting
     _, visited, _, bearing, bearing_age_s = progress
     (n_robots, n_elements), n_beams = good.shape, lidar_m.shape[1]
@@ -93,7 +97,7 @@ def observe(
         at = 4
         for beam in range(n_beams):
             range_m = lidar_m[r, beam]
-            told_m = range_m + lidar_std_m * lidar_noise[r, beam]
+            told_m = range_m + lidar_std_m * normal[r, N_DRAWS + beam]
             shown[at + beam, r] = told_m if range_m < lidar_reach_m else lidar_reach_m
         at += n_beams
         shown[at, r], shown[at + 1, r] = velocity[r, 0], velocity[r, 1]

@@ -16,6 +16,7 @@ from envs.patrols import STEP_S, Outcome, Patrols
 from envs.progress import REWARD_TERMS
 from envs.scenario import Scenario, load_scenario
 from robot_models.camera import Camera
+from robot_models.inspector import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS
 
 FloatArray = NDArray[np.float64]
 Observation = dict[str, NDArray[np.float32]]
@@ -174,7 +175,8 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive for 0.1 s, then listen; see the class for what comes back."""
-        outcome = self.patrols.step(np.asarray(action, dtype=np.float64)[np.newaxis])
+        v_share, yaw_rate_share = np.asarray(action).tolist()
+        outcome = self.patrols.step(np.array([[v_share * MAX_SPEED_MPS, yaw_rate_share * MAX_YAW_RATE_RADPS]]))
         info = self._info(outcome)
         terms = dict(zip(REWARD_TERMS, outcome.reward[:, 0].tolist(), strict=True))
         info["reward"] = terms

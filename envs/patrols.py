@@ -43,9 +43,6 @@ SPECTRUM_AZIMUTHS_RAD = np.radians(np.arange(0.0, 360.0, 5.0))
 LEVEL_DECADES = 5.0
 POSE_MARGIN_M = 5.0
 
-LIMITS = np.array([MAX_SPEED_MPS, MAX_YAW_RATE_RADPS])
-"""What actions are shares of: m/s, rad/s. The robot drives no faster."""
-
 NO_ROWS = np.empty(0, dtype=np.intp)
 
 
@@ -207,12 +204,12 @@ class Patrols:
         gain = self.manifold.gain(SPECTRUM_AZIMUTHS_RAD) * good[:, np.newaxis]
         return gain / np.linalg.norm(gain, axis=0)
 
-    def step(self, actions: FloatArray | None, started: Rows | None = None) -> Outcome:
+    def step(self, commands: FloatArray | None, started: Rows | None = None) -> Outcome:
         """Drive for 0.1 s and listen; but the rows that have just been `started` only look about.
 
         Args:
-            actions: Shape (n_robots, 2), in [-1, 1]; those of rows that started do not count. Without any, the other
-                rows wait: no time passes for them, and what is told of them has no meaning.
+            commands: Speeds, m/s, and yaw rates, rad/s, shape (n_robots, 2); those of rows that started do not count.
+                Without any, the other rows wait: no time passes for them, and what is told of them has no meaning.
             started: Rows that were reset since the last step; None for none.
         """
         is_new, waits, moving = self._nobody, self._nobody, None
@@ -220,12 +217,11 @@ class Patrols:
             is_new = np.zeros(len(self._rngs), dtype=np.bool_)
             is_new[started] = True
             moving = np.flatnonzero(~is_new)
-            if actions is None:
+            if commands is None:
                 moving, waits = NO_ROWS, ~is_new
         start_s = self._motion.time_s.copy()
-        if actions is not None and (moving is None or moving.size):
-            wanted = actions * LIMITS
-            self.inspectors.drive(wanted[:, 0], wanted[:, 1], STEP_S, moving)
+        if commands is not None and (moving is None or moving.size):
+            self.inspectors.drive(commands[:, 0], commands[:, 1], STEP_S, moving)
         for row, rng in enumerate(self._rngs):
             if not waits[row]:
                 rng.standard_normal(out=self._draws[row])
@@ -235,9 +231,7 @@ class Patrols:
             tuple(self._senses),
             tuple(self._progress),
             tuple(self._task),
-            now.pose,
-            now.wheel_angles,
-            now.motor_power_w,
+            now.values,
             self._draws,
             self._sources_m,
             self.inspectors.is_touching,
@@ -298,7 +292,7 @@ class Patrols:
     def _observe(self, heard: Heard, bearings: Bearings) -> NDArray[np.float32]:
         """All entries of the observation, shape (n_robots, n_entries); see `PatrolEnv`."""
         now = self.inspectors.readings
-        sight = self._motion.pose, now.velocity, now.lidar_m, self._draws[:, N_DRAWS:], self._motion.time_s
+        sight = self._motion.pose, now.values, self._draws, self._motion.time_s
         pulses = heard.robot, heard.strengths_v, bearings.azimuth_rad
         setting, progress = tuple(self._setting), tuple(self._progress)
         return observe(sight, setting, progress, *pulses, self._good, self._spectrum_gain).T

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
 from envs.motion import Motion, Senses, move
+from robot_models.readings import MOTOR_POWER, POSE, WHEEL_ANGLES
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -135,9 +136,7 @@ def advance(
     senses: tuple[Any, ...],
     progress: tuple[Any, ...],
     task: tuple[Any, ...],
-    true_pose: FloatArray,
-    wheels_rad: FloatArray,
-    motor_power_w: FloatArray,
+    readings: FloatArray,
     normal: FloatArray,
     sources_m: FloatArray,
     touched: BoolArray,
@@ -151,10 +150,8 @@ def advance(
         senses: Of all of them, plain `Senses`.
         progress: Of the robots, a plain `Progress`.
         task: Of all of them, a plain `Task`.
-        true_pose: Shape (n_robots, 3).
-        wheels_rad: Of `motion.move`, like the following two.
-        motor_power_w: See there.
-        normal: See there.
+        readings: The values of `robot_models.readings.Readings`.
+        normal: Of `motion.move`.
         sources_m: Shape (n_robots, n_sources, 2).
         touched: Who touched something, shape (n_robots,).
         is_new: Whose episode has just begun, shape (n_robots,): no time has passed for them.
@@ -165,8 +162,8 @@ def advance(
         not yet approached, for time, and for contact. Whether all sources are approached, if that counts, or the robot
         is back at the dock after the route; and whether time is up; shape (n_robots,). None of it in a new episode.
     """
-    moving, sensing = Motion(*motion), Senses(*senses)
-    move(moving, sensing, true_pose, wheels_rad, motor_power_w, normal, is_new, waits)
+    moving, sensing, true_pose = Motion(*motion), Senses(*senses), readings[:, POSE]
+    move(moving, sensing, true_pose, readings[:, WHEEL_ANGLES], readings[:, MOTOR_POWER], normal, is_new, waits)
     return move_on(
         Progress(*progress), Task(*task), moving, sensing.step_s, true_pose, sources_m, touched, is_new, waits
     )

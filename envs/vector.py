@@ -17,6 +17,7 @@ from envs.patrol import Observation, observation_space
 from envs.patrols import STEP_S, Outcome, Patrols
 from envs.progress import REWARD_TERMS
 from envs.scenario import Scenario, load_scenario
+from robot_models.inspector import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -123,17 +124,17 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         self._shown = outcome.shown if rows.size == self.num_envs else _mixed(self._shown, outcome.shown, rows)
         return self.patrols.parts(self._shown), self._info(outcome)
 
-    def _start(self, rows: Rows, options: dict[str, Any], actions: FloatArray | None = None) -> Outcome:
-        """New episodes in some rows; the others take a step, if there are actions, or wait."""
+    def _start(self, rows: Rows, options: dict[str, Any], commands: FloatArray | None = None) -> Outcome:
+        """New episodes in some rows; the others take a step, if there are commands, or wait."""
         self.patrols.reset(rows, [rng for row in rows.tolist() if (rng := self._rngs[row]) is not None], options)
         self._is_over[rows] = False
-        return self.patrols.step(actions, started=rows)
+        return self.patrols.step(commands, started=rows)
 
     def step(
         self, actions: NDArray[np.float32]
     ) -> tuple[Observation, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
         """Drive all robots for 0.1 s, then listen; see the class for what comes back."""
-        wanted = np.asarray(actions, dtype=np.float64)
+        wanted = np.asarray(actions, dtype=np.float64) * (MAX_SPEED_MPS, MAX_YAW_RATE_RADPS)
         over = np.flatnonzero(self._is_over)
         if over.size and self.autoreset_mode is AutoresetMode.NEXT_STEP:
             outcome = self._start(over, {}, wanted)

@@ -72,32 +72,54 @@ def is_any(first: FloatArray, second: FloatArray, third: FloatArray) -> bool:
     return False
 
 
+POSE, VELOCITY, WHEEL_ANGLES, MOTOR_POWER, LIDAR = slice(0, 3), slice(3, 5), slice(5, 7), 7, slice(8, None)
+"""Columns of `Readings.values`."""
+
+
 class Readings(NamedTuple):
     """What is read; a row is a robot.
 
     Attributes:
-        pose: x m, y m and yaw in (-pi, pi], world frame, shape (n, 3).
+        values: All that follows but the frame, side by side: so it passes quickly into compiled loops.
         world_from_base: Frame of the base, on the floor under the middle of the axle, with tilt, shape (n, 4, 4).
-        velocity: Speed along the robot's own forward direction, m/s, and yaw rate, rad/s, shape (n, 2).
-        wheel_angles: By how much left and right wheel have turned since the reset, radians, shape (n, 2).
-        motor_power_w: What the motors take: mechanical power and what heats the copper; never fed back; shape (n,).
-        lidar_m: Ranges from the robot's middle, at most the lidar's reach, shape (n, n_beams).
     """
 
-    pose: FloatArray
+    values: FloatArray
     world_from_base: FloatArray
-    velocity: FloatArray
-    wheel_angles: FloatArray
-    motor_power_w: FloatArray
-    lidar_m: FloatArray
+
+    @property
+    def pose(self) -> FloatArray:
+        """X m, y m and yaw in (-pi, pi], world frame, shape (n, 3)."""
+        return self.values[:, POSE]
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Speed along the robot's own forward direction, m/s, and yaw rate, rad/s, shape (n, 2)."""
+        return self.values[:, VELOCITY]
+
+    @property
+    def wheel_angles(self) -> FloatArray:
+        """By how much left and right wheel have turned since the reset, radians, shape (n, 2)."""
+        return self.values[:, WHEEL_ANGLES]
+
+    @property
+    def motor_power_w(self) -> FloatArray:
+        """What the motors take: mechanical power and what heats the copper; never fed back; shape (n,)."""
+        return self.values[:, MOTOR_POWER]
+
+    @property
+    def lidar_m(self) -> FloatArray:
+        """Ranges from the robot's middle, at most the lidar's reach, shape (n, n_beams)."""
+        return self.values[:, LIDAR]
 
 
 @numba.njit(cache=True, error_model="numpy")  # pyright: ignore
 def _read(live: tuple[FloatArray, ...], motors: tuple[FloatArray, ...], reach_m: float) -> tuple[FloatArray, ...]:
-    physics, motors = Physics(*live), Motors(*motors)
+    physics, (resistance_ohm, constant_nmpa) = Physics(*live), motors
     n, n_beams = physics.beams_m.shape
-    pose, world_from_base, velocity = np.empty((n, 3)), np.zeros((n, 4, 4)), np.empty((n, 2))
-    wheel_angles, motor_power_w, lidar_m = np.empty((n, 2)), np.zeros(n), np.empty((n, n_beams))
+    values, world_from_base = np.zeros((n, 8 + n_beams)), np.zeros((n, 4, 4))
+    pose, velocity, wheel_angles = values[:, POSE], values[:, VELOCITY], values[:, WHEEL_ANGLES]
+    motor_power_w, lidar_m = values[:, MOTOR_POWER], values[:, LIDAR]
     for r in range(n):
         w, x, y, z = physics.base[r, 3], physics.base[r, 4], physics.base[r, 5], physics.base[r, 6]
         frame = world_from_base[r]
@@ -117,12 +139,12 @@ def _read(live: tuple[FloatArray, ...], motors: tuple[FloatArray, ...], reach_m:
         for side in range(2):
             wheel_angles[r, side] = physics.wheels[r, side]
             torque = physics.torque_nm[r, side]
-            copper_w = (torque / motors.constant_nmpa[side]) ** 2 * motors.resistance_ohm[side]
+            copper_w = (torque / constant_nmpa[side]) ** 2 * resistance_ohm[side]
             motor_power_w[r] += max(torque * physics.wheel_radps[r, side] + copper_w, 0.0)
         for beam in range(n_beams):
             range_m = physics.beams_m[r, beam] + BEAMS_START_M
             lidar_m[r, beam] = range_m if BEAMS_START_M <= range_m <= reach_m else reach_m
-    return pose, world_from_base, velocity, wheel_angles, motor_power_w, lidar_m
+    return values, world_from_base
 
 
 def reader(physics: Physics, motors: Motors, reach_m: float) -> Callable[[], Readings]:

@@ -254,8 +254,9 @@ def _flat(rows: list[int], emitted: Sequence[Emissions]) -> OnAir:
     """Emissions of robots one after the other."""
     if len(emitted) == 1:
         source, time_s, peak_v = emitted[0]
-        robot = np.empty_like(source)
-        robot[:] = rows[0]
+        robot = np.zeros(time_s.size, dtype=np.intp)
+        if rows[0]:
+            robot += rows[0]
         return OnAir(robot, source, peak_v, time_s)
     robot = np.repeat(np.array(rows, dtype=np.intp), [part.time_s.size for part in emitted])
     if not emitted:
