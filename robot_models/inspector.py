@@ -13,7 +13,7 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import ArrayLike, NDArray
 
-from robot_models.readings import Motors, Physics, command, is_any, reader
+from robot_models.readings import Motors, Physics, command, reader, touching
 from robot_models.world import build_spec, without_looks
 from robot_models.yard import Yard
 
@@ -193,16 +193,14 @@ class Inspectors:
         if not command(v, turn, *_LIMITS, self._ctrl):
             raise ValueError(f"`v_mps` and `yaw_rate_radps` must be finite, got {v} and {turn}.")
         names: dict[int, set[str]] = {}
-        driving = range(self.n_robots) if rows is None else rows.tolist()
         while n_substeps > 0:
             n = min(n_substeps, self._n_remembered)
             self._batch.step(rows, n)
             n_substeps -= n
-            if is_any(*self._touches):
-                for row in driving:
-                    names[row] = names.get(row, set()) | self._take_names(row)
-        for row in driving:
-            if names or self.touched[row]:
+            for row in touching(*self._touches).tolist():
+                names[row] = names.get(row, set()) | self._take_names(row)
+        for row, before in enumerate(self.touched):
+            if row in names or (before and (rows is None or row in rows)):
                 self._note(row, names.get(row, set()))
         self.readings = self._read()
 

@@ -63,13 +63,17 @@ def command(
 
 
 @numba.njit(cache=True, error_model="numpy")  # pyright: ignore
-def is_any(first: FloatArray, second: FloatArray, third: FloatArray) -> bool:
-    """Whether any number in three arrays is not zero."""
+def touching(first: FloatArray, second: FloatArray, third: FloatArray) -> NDArray[np.intp]:
+    """Robots of which any number in three arrays (n, ...) is not zero."""
+    rows = np.empty(len(first), np.intp)
+    n = 0
     for r in range(len(first)):
         for step in range(first.shape[1]):
             if first[r, step].any() or second[r, step].any() or third[r, step].any():
-                return True
-    return False
+                rows[n] = r
+                n += 1
+                break
+    return rows[:n]
 
 
 POSE, VELOCITY, WHEEL_ANGLES, MOTOR_POWER, LIDAR = slice(0, 3), slice(3, 5), slice(5, 7), 7, slice(8, None)
