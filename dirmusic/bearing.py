@@ -103,7 +103,13 @@ def estimate_bearings(
             f"`strengths` must be finite and >= 0 V, got others in channels {', '.join(map(str, broken))}; drop broken "
             "channels from the strengths, and from the manifold with `manifold.take`"
         )
-    from dirmusic.fitting import bearings_of_pulses, fit_covariances, noise_of_pulses, pool  # loads the compiler
+    from dirmusic.fitting import (  # loads the compiler
+        NO_ANSWER,
+        bearings_of_pulses,
+        fit_covariances,
+        noise_of_pulses,
+        pool,
+    )
 
     shape = a.shape[:-2]
     pulses = _in_rows(a)
@@ -112,7 +118,7 @@ def estimate_bearings(
         given = np.asarray(strength_variance, dtype=np.float64)
         variance = _in_rows(given if given.shape == a.shape else np.broadcast_to(given, a.shape))
     if prior is None:
-        azimuth_rad, std_rad, misfit = bearings_of_pulses(pulses, variance, tuple(manifold.table))
+        azimuth_rad, std_rad, misfit = bearings_of_pulses(pulses, variance, tuple(manifold.table), NO_ANSWER)
         return Bearings(
             azimuth_rad=azimuth_rad.reshape(shape), std_rad=std_rad.reshape(shape), misfit=misfit.reshape(shape)
         )

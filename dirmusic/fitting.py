@@ -199,7 +199,7 @@ def bearings_of_pulses(
     strengths: FloatArray,
     variance: FloatArray,
     table: tuple[FloatArray, ...],
-    silence: tuple[float, float, float] = NO_ANSWER,
+    silence: tuple[float, float, float],
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """All of this for pooled pulses: azimuths, their deviations and misfits.
 
