@@ -32,4 +32,4 @@ def plain(record: tuple[Any, ...]) -> tuple[Any, ...]:
     Compiled functions that are called often take these: it is a matter of half a microsecond to look up the type of
     each named tuple. Inside they get their names back, at no cost.
     """
-    return tuple(plain(entry) if isinstance(entry, tuple) else entry for entry in record)
+    return tuple(plain(cast("tuple[Any, ...]", entry)) if isinstance(entry, tuple) else entry for entry in record)

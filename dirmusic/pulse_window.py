@@ -31,4 +31,4 @@ def glance(strengths: FloatArray, misfits: FloatArray, stuck_spread: float) -> t
             lowest, highest = min(lowest, strengths[k, e]), max(highest, strengths[k, e])
         is_stuck[e] = highest > 0.0 and highest - lowest < stuck_spread * highest
     at = 3 * n_pulses // 4
-    return is_stuck, np.partition(misfits, at)[at]
+    return is_stuck, float(np.partition(misfits, at)[at])

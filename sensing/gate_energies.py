@@ -83,7 +83,8 @@ def gate_energies(
             known = path[k]
             gate[:] = 0.0
             start_s = incoming.arrivals.loudest_s[known] + gate_lead_s
-            add_paths(gate, float(start_s), incoming.first[k], incoming.n_paths[k], incoming.arrivals, pulse)
+            first, n_paths = int(incoming.first[k]), int(incoming.n_paths[k])
+            add_paths(gate, float(start_s), first, n_paths, incoming.arrivals, pulse)
             if n_modes > 0:
                 along = gate @ noise.eigenvectors  # of one shape for every pulse, so it rounds alike for all of them
             for e in range(n_elements):

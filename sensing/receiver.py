@@ -93,7 +93,7 @@ class Heard(NamedTuple):
         """Whether a channel that counts, (n_elements,), met the end of the scale, shape (n_pulses,)."""
         if not self.waveforms_v.size:  # energies have no scale
             return self.is_clipped[:, 0]
-        return (self.is_clipped & good).any(axis=-1)
+        return np.asarray((self.is_clipped & good).any(axis=-1))
 
 
 class Receiver:

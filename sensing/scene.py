@@ -81,7 +81,7 @@ class Scene:
         columns = zip(*(rhythm for _, rhythm in rhythms), strict=True)
         self._rhythm = Rhythm(*(np.concatenate(column) for column in columns)) if rhythms else None
         self._ahead = Emissions(np.empty(0, dtype=np.intp), np.empty(0), np.empty(0))
-        self._ahead_times = list[float]()
+        self._ahead_times: list[float] = []
         self._ahead_s = (0.0, 0.0)
 
     def emissions(self, start_s: float, duration_s: float, rng: np.random.Generator) -> Emissions:

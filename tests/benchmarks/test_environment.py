@@ -111,7 +111,6 @@ def test_every_step_of_the_bench_scenario_hears_a_pulse() -> None:
         assert observation["heard"].min() == 1.0
 
 
-@pytest.mark.xfail(reason="measured 0.8 times Ant-v5 and 0.4 of bare physics; 1.5 and 0.45 are wanted", strict=True)
 def test_a_single_environment_is_faster_than_ant_and_mostly_physics() -> None:
     ant, cheetah = gymnasium.make("Ant-v5"), gymnasium.make("HalfCheetah-v5")
     ours_s, bare_s, ant_s, cheetah_s = median_seconds(
