@@ -171,7 +171,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             self.render()
         info = self._info(outcome)
         info["truth"] |= copy.deepcopy(self.patrols.episode(0).truth)
-        return self.patrols.parts(outcome.shown[0]), info
+        return self.patrols.entries.parts(outcome.shown[0]), info
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive for 0.1 s, then listen; see the class for what comes back."""
@@ -183,7 +183,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         if self.render_mode == "human":
             self.render()
         is_over, is_late = bool(outcome.terminated[0]), bool(outcome.truncated[0])
-        return self.patrols.parts(outcome.shown[0]), sum(terms.values()), is_over, is_late, info
+        return self.patrols.entries.parts(outcome.shown[0]), sum(terms.values()), is_over, is_late, info
 
     def _info(self, outcome: Outcome) -> dict[str, Any]:
         patrols, motion, heard = self.patrols, self.patrols.motion, outcome.heard

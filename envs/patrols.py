@@ -15,19 +15,13 @@ from numpy.typing import NDArray
 from dirmusic import Bearings
 from dirmusic.channel_health import ChannelMonitor, SuspectChannel
 from dirmusic.fitting import UNKNOWN, bearings_of_pulses
+from envs.entries import SPECTRUM_AZIMUTHS_RAD, Entries, entry_bounds
 from envs.episode import Episode
 from envs.motion import N_DRAWS, Motion, Senses
 from envs.observing import Setting, observe
-from envs.progress import MAX_BEARING_AGE_S, Progress, Task, advance
+from envs.progress import Progress, Task, advance
 from envs.scenario import Scenario
-from robot_models.inspector import (
-    LIDAR_BEAMS,
-    LIDAR_RANGE_M,
-    MAX_SPEED_MPS,
-    MAX_YAW_RATE_RADPS,
-    WHEEL_RADIUS_M,
-    Inspectors,
-)
+from robot_models.inspector import LIDAR_BEAMS, LIDAR_RANGE_M, WHEEL_RADIUS_M, Inspectors
 from sensing import Faces, Heard, HelicalArray, Obstacles, Surroundings
 
 FloatArray = NDArray[np.float64]
@@ -37,12 +31,6 @@ Rows = NDArray[np.intp]
 STEP_S = 0.1
 """Control step: 10 Hz."""
 
-SPECTRUM_AZIMUTHS_RAD = np.radians(np.arange(0.0, 360.0, 5.0))
-"""Array-frame azimuths of the observed pseudo-spectrum."""
-
-LEVEL_DECADES = 5.0
-POSE_MARGIN_M = 5.0
-
 NO_ROWS = np.empty(0, dtype=np.intp)
 
 
@@ -50,7 +38,7 @@ class Outcome(NamedTuple):
     """What a step led to; rows are robots.
 
     Attributes:
-        shown: All entries of the observation, float32, shape (n_robots, n_entries); see `Patrols.parts`.
+        shown: All entries of the observation, float32, shape (n_robots, n_entries); see `Entries`.
         reward: Terms in the order of `REWARD_TERMS`, shape (3, n_robots).
         terminated: Whether the episode is over, shape (n_robots,).
         truncated: Whether its time is, shape (n_robots,).
@@ -81,13 +69,14 @@ class Patrols:
         inspectors: The robots.
         manifold: Of the array's data sheet.
         bounds: Lowest and highest value of each entry of the observation, float32, by key.
+        entries: Takes observations apart.
+        motion: What the robots know of their motion, live: it changes with the next step.
     """
 
     def __init__(
         self, scenario: Scenario, n_robots: int = 1, n_threads: int = 1, *, terminate_on_approach: bool = True
     ) -> None:
         self.scenario = scenario
-        self.terminate_on_approach = terminate_on_approach
         nominal, yard = HelicalArray.nominal(scenario.array), scenario.yard
         self.manifold = nominal.manifold()
         self.inspectors = Inspectors(yard, nominal.positions_m, nominal.boresights_rad, n_robots, n_threads)
@@ -95,16 +84,13 @@ class Patrols:
             [item.kind for item in yard.equipment], Faces(*yard.faces()), Obstacles(*yard.obstacles())
         )
         self._spectrum_gain = np.empty((n_robots, self.manifold.n_elements, SPECTRUM_AZIMUTHS_RAD.size))
-        self.bounds = self._bounds()
-        low, high = zip(*self.bounds.values(), strict=True)
-        ends = np.cumsum([entry.size for entry in low]).tolist()
-        part = [(..., slice(first, end)) for first, end in zip([0, *ends[:-1]], ends, strict=True)]
-        self._parts = list(zip(self.bounds, part, strict=True))
+        self.bounds = entry_bounds(yard.size_m, self.manifold.n_elements, scenario.task.time_limit_s)
+        self.entries = Entries(self.bounds)
         self._stops_m = np.array([*scenario.route.waypoints_m, scenario.route.dock_m])
         self._setting = Setting(
             stops_m=self._stops_m,
-            low=np.concatenate(low),
-            high=np.concatenate(high),
+            low=self.entries.low,
+            high=self.entries.high,
             lidar_reach_m=LIDAR_RANGE_M,
             lidar_std_m=scenario.lidar.range_std_m,
             noise_v=scenario.receiver.noise_v,
@@ -127,36 +113,9 @@ class Patrols:
             task.time_limit_s / STEP_S - 1e-6,
             terminate_on_approach,
         )
-        self._motion = Motion.at_rest(n_robots)
+        self.motion = Motion.at_rest(n_robots)
         self._senses = Senses.of(scenario.pose_sensor, scenario.odometry, scenario.battery, STEP_S)
         self._nobody = np.zeros(n_robots, dtype=np.bool_)
-
-    def _bounds(self) -> dict[str, tuple[NDArray[np.float32], NDArray[np.float32]]]:
-        size = np.asarray(self.scenario.yard.size_m)
-        low, high = np.full(2, -POSE_MARGIN_M), size + POSE_MARGIN_M
-        fastest = 2.0 * np.array([MAX_SPEED_MPS, MAX_YAW_RATE_RADPS])
-
-        def box(lowest: Any, highest: Any, n: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:  # noqa: ANN401
-            return tuple(np.array(np.broadcast_to(end, n), dtype=np.float32) for end in (lowest, highest))  # pyright: ignore[reportReturnType]
-
-        return {
-            "pose": box(np.append(low, [-1, -1]), np.append(high, [1, 1]), 4),
-            "lidar": box(0, LIDAR_RANGE_M, LIDAR_BEAMS),
-            "velocity": box(-fastest, fastest, 2),
-            "heard": box(0, 1, 1),
-            "strengths": box(0, 1, self.manifold.n_elements),
-            "level": box(0, LEVEL_DECADES, 1),
-            "spectrum": box(0, 1, SPECTRUM_AZIMUTHS_RAD.size),
-            "bearing": box(-1, 1, 2),
-            "bearing_age": box(0, MAX_BEARING_AGE_S, 1),
-            "waypoint": box(0, size, 2),
-            "time_left": box(0, self.scenario.task.time_limit_s, 1),
-        }
-
-    @property
-    def motion(self) -> Motion:
-        """What the robots know of their motion, live: it changes with the next step."""
-        return self._motion
 
     @property
     def true_pose(self) -> FloatArray:
@@ -219,7 +178,7 @@ class Patrols:
             moving = np.flatnonzero(~is_new)
             if commands is None:
                 moving, waits = NO_ROWS, ~is_new
-        start_s = self._motion.time_s.copy()
+        start_s = self.motion.time_s.copy()
         if commands is not None and (moving is None or moving.size):
             self.inspectors.drive(commands[:, 0], commands[:, 1], STEP_S, moving)
         for row, rng in enumerate(self._rngs):
@@ -227,7 +186,7 @@ class Patrols:
                 rng.standard_normal(out=self._draws[row])
         now = self.inspectors.readings
         reward, is_over, is_late = advance(
-            tuple(self._motion),
+            tuple(self.motion),
             tuple(self._senses),
             tuple(self._progress),
             tuple(self._task),
@@ -239,7 +198,7 @@ class Patrols:
             waits,
         )
         for row in [] if started is None else started.tolist():
-            self._motion.draw_odometry(row, self.scenario.odometry, WHEEL_RADIUS_M, self._rngs[row])
+            self.motion.draw_odometry(row, self.scenario.odometry, WHEEL_RADIUS_M, self._rngs[row])
         assert self._receivers is not None, "reset first"
         heard = self._receivers.listen(now.world_from_base, start_s, STEP_S, moving)
         bearings, suspects = self._find_directions(heard)
@@ -252,10 +211,6 @@ class Patrols:
             bearings=bearings,
             suspects=suspects,
         )
-
-    def parts(self, shown: NDArray[np.float32]) -> dict[str, NDArray[np.float32]]:
-        """An observation key by key, from all its entries along the last axis: of one robot, or a row for each."""
-        return {key: shown[part] for key, part in self._parts}
 
     def _find_directions(self, heard: Heard) -> tuple[Bearings, list[tuple[SuspectChannel, ...]]]:
         """Bearings of all pulses, from the channels that are in order, and channels newly at fault by robot."""
@@ -292,7 +247,7 @@ class Patrols:
     def _observe(self, heard: Heard, bearings: Bearings) -> NDArray[np.float32]:
         """All entries of the observation, shape (n_robots, n_entries); see `PatrolEnv`."""
         now = self.inspectors.readings
-        sight = self._motion.pose, now.values, self._draws, self._motion.time_s
+        sight = self.motion.pose, now.values, self._draws, self.motion.time_s
         pulses = heard.robot, heard.strengths_v, bearings.azimuth_rad
         setting, progress = tuple(self._setting), tuple(self._progress)
         return observe(sight, setting, progress, *pulses, self._good, self._spectrum_gain).T

@@ -122,7 +122,7 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
                 self._rngs[row], _ = seeding.np_random(seeds[row])
         outcome = self._start(rows, fixed)
         self._shown = outcome.shown if rows.size == self.num_envs else _mixed(self._shown, outcome.shown, rows)
-        return self.patrols.parts(self._shown), self._info(outcome)
+        return self.patrols.entries.parts(self._shown), self._info(outcome)
 
     def _start(self, rows: Rows, options: dict[str, Any], commands: FloatArray | None = None) -> Outcome:
         """New episodes in some rows; the others take a step, if there are commands, or wait."""
@@ -146,7 +146,7 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         self._shown, info = outcome.shown, self._info(outcome)
         if self.autoreset_mode is AutoresetMode.SAME_STEP and self._is_over.any():
             self._shown, info = self._restarted(outcome, info)
-        observation, reward = self.patrols.parts(self._shown), outcome.reward.sum(axis=0)
+        observation, reward = self.patrols.entries.parts(self._shown), outcome.reward.sum(axis=0)
         return observation, reward, outcome.terminated, outcome.truncated, info
 
     def _restarted(self, ended: Outcome, info: dict[str, Any]) -> tuple[NDArray[np.float32], dict[str, Any]]:
@@ -154,7 +154,7 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         rows = np.flatnonzero(self._is_over)
         final = np.full(self.num_envs, None, dtype=object)
         for row in rows.tolist():
-            final[row] = self.patrols.parts(ended.shown[row].copy())
+            final[row] = self.patrols.entries.parts(ended.shown[row].copy())
         begun = self._start(rows, {})
         over = np.zeros(self.num_envs, dtype=np.bool_)
         over[rows] = True
@@ -175,7 +175,7 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
             "odometry": motion.odometry.copy(),
             "battery": motion.battery.copy(),
             "reward": dict(zip(REWARD_TERMS, outcome.reward, strict=True)),
-            "touched": np.array([bool(names) for names in patrols.inspectors.touched]),
+            "touched": patrols.inspectors.is_touching.copy(),
             "true_pose": patrols.true_pose,
             "pulses": {
                 "robot": heard.robot,

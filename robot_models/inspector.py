@@ -74,8 +74,7 @@ class Inspectors:
     Attributes:
         physics: The world that each is in, without what is only looked at.
         step_s: Length of a physics step.
-        touched: What each robot touched since its last `drive` or `reset` began: `equipment/NAME`, `fence/SIDE`.
-        is_touching: Whether that is anything at all, shape (n_robots,).
+        is_touching: Who touched anything since its last `drive` or `reset` began, shape (n_robots,).
         readings: Where they are, how they move and what the lidar sees, since the last `drive` or `reset`. The lidar
             scanned in the last physics step: at full speed the robot has since moved by a few millimetres.
     """
@@ -117,7 +116,7 @@ class Inspectors:
         hull, history = [model.sensor(name).id for name in _HULL], batch.bind("history")
         self._n_remembered = int(model.sensor_history[hull[0], 0])
         self._touches = [self._contacts_within(history, sensor) for sensor in hull]
-        self.touched: list[tuple[str, ...]] = [()] * n_robots
+        self._places: list[set[tuple[float, float]]] = [set() for _ in range(n_robots)]
         self.is_touching = np.zeros(n_robots, dtype=np.bool_)
         self.reset(np.arange(n_robots), np.zeros((n_robots, 3)))
 
@@ -138,7 +137,12 @@ class Inspectors:
     @property
     def n_robots(self) -> int:
         """How many there are."""
-        return len(self.touched)
+        return len(self._places)
+
+    @property
+    def touched(self) -> list[tuple[str, ...]]:
+        """What each robot touched since its last `drive` or `reset` began: `equipment/NAME`, `fence/SIDE`."""
+        return [tuple(sorted(self._yard.obstacles_at(list(places)))) if places else () for places in self._places]
 
     def reset(self, rows: Sequence[int] | NDArray[np.intp], poses: ArrayLike) -> None:
         """Stand some robots at rest on their wheels; their time and all state start from zero.
@@ -163,7 +167,8 @@ class Inspectors:
         batch.bind("time")[ids] = _LIDAR_PERIOD_S  # so that the lidar is due; a step reads all sensors at its start
         batch.step(ids)
         for row in ids.tolist():
-            self._note(row, self._take_names(row))
+            self._places[row] = self._take_places(row)
+            self.is_touching[row] = bool(self._places[row])
         batch.state[ids] = start
         self.readings = self._read()
 
@@ -192,16 +197,17 @@ class Inspectors:
             )
         if not command(v, turn, *_LIMITS, self._ctrl):
             raise ValueError(f"`v_mps` and `yaw_rate_radps` must be finite, got {v} and {turn}.")
-        names: dict[int, set[str]] = {}
+        if any(self._places):
+            for row in range(self.n_robots) if rows is None else rows.tolist():
+                self._places[row] = set()
+                self.is_touching[row] = False
         while n_substeps > 0:
             n = min(n_substeps, self._n_remembered)
             self._batch.step(rows, n)
             n_substeps -= n
             for row in touching(*self._touches).tolist():
-                names[row] = names.get(row, set()) | self._take_names(row)
-        for row, before in enumerate(self.touched):
-            if row in names or (before and (rows is None or row in rows)):
-                self._note(row, names.get(row, set()))
+                self._places[row] |= self._take_places(row)
+                self.is_touching[row] = True
         self.readings = self._read()
 
     def n_warnings(self) -> NDArray[np.intp]:
@@ -217,11 +223,8 @@ class Inspectors:
         mujoco.mj_forward(self.model, data)
         return data
 
-    def _note(self, row: int, names: set[str]) -> None:
-        self.touched[row], self.is_touching[row] = tuple(sorted(names)), bool(names)
-
-    def _take_names(self, row: int) -> set[str]:
-        """What the hull of a robot has touched, by where, to the centimetre; it is remembered no more."""
+    def _take_places(self, row: int) -> set[tuple[float, float]]:
+        """Where the hull of a robot has touched something, to the centimetre; it is remembered no more."""
         places: set[tuple[float, float]] = set()
         for touches in self._touches:
             contacts = touches[row].reshape(-1, _CONTACT_SIZE)
@@ -229,13 +232,13 @@ class Inspectors:
             if found.any():
                 places.update(map(tuple, np.round(contacts[found, 1:3], 2).tolist()))
                 touches[row] = 0.0
-        return self._yard.obstacles_at(list(places))
+        return places
 
     def __getstate__(self) -> dict[str, Any]:
         return {
             "arguments": self._arguments,
             "state": self._batch.state.copy(),
-            "touched": self.touched,
+            "places": self._places,
             "is_touching": self.is_touching,
             "readings": self.readings,
         }
@@ -243,4 +246,4 @@ class Inspectors:
     def __setstate__(self, kept: dict[str, Any]) -> None:
         self.__init__(*kept["arguments"])
         self._batch.state[:] = kept["state"]
-        self.touched, self.is_touching, self.readings = kept["touched"], kept["is_touching"], kept["readings"]
+        self._places, self.is_touching, self.readings = kept["places"], kept["is_touching"], kept["readings"]
