@@ -13,7 +13,7 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import ArrayLike, NDArray
 
-from robot_models.readings import Motors, Physics, command, reader, touching
+from robot_models.readings import Motors, Physics, command, reader, take_places, touching
 from robot_models.world import build_spec, without_looks
 from robot_models.yard import Yard
 
@@ -115,19 +115,19 @@ class Inspectors:
         self._read = reader(live, Motors(*np.array(motors, dtype=np.float64).T.copy()), LIDAR_RANGE_M)
         hull, history = [model.sensor(name).id for name in _HULL], batch.bind("history")
         self._n_remembered = int(model.sensor_history[hull[0], 0])
-        self._touches = [self._contacts_within(history, sensor) for sensor in hull]
+        self._touches = tuple(self._contacts_within(history, sensor) for sensor in hull)
         self._places: list[set[tuple[float, float]]] = [set() for _ in range(n_robots)]
         self.is_touching = np.zeros(n_robots, dtype=np.bool_)
         self.reset(np.arange(n_robots), np.zeros((n_robots, 3)))
 
     def _contacts_within(self, history: FloatArray, sensor: int) -> FloatArray:
-        """Where a sensor remembers contacts: a live view, shape (n_robots, n_steps, n_contacts * _CONTACT_SIZE).
+        """Where a sensor remembers contacts: a live view, shape (n_robots, n_steps, n_contacts, _CONTACT_SIZE).
 
         MuJoCo puts a number of the user's, one of its own, and the times before them.
         """
         n, first = self._n_remembered, int(self.physics.sensor_historyadr[sensor]) + 2 + self._n_remembered
         size = int(self.physics.sensor_dim[sensor])
-        return history[:, first : first + n * size].reshape(len(history), n, size)
+        return history[:, first : first + n * size].reshape(len(history), n, -1, _CONTACT_SIZE)
 
     @cached_property
     def model(self) -> mujoco.MjModel:
@@ -205,7 +205,7 @@ class Inspectors:
             n = min(n_substeps, self._n_remembered)
             self._batch.step(rows, n)
             n_substeps -= n
-            for row in touching(*self._touches).tolist():
+            for row in touching(self._touches).tolist():
                 self._places[row] |= self._take_places(row)
                 self.is_touching[row] = True
         self.readings = self._read()
@@ -225,14 +225,7 @@ class Inspectors:
 
     def _take_places(self, row: int) -> set[tuple[float, float]]:
         """Where the hull of a robot has touched something, to the centimetre; it is remembered no more."""
-        places: set[tuple[float, float]] = set()
-        for touches in self._touches:
-            contacts = touches[row].reshape(-1, _CONTACT_SIZE)
-            found = contacts[:, 0] > 0
-            if found.any():
-                places.update(map(tuple, np.round(contacts[found, 1:3], 2).tolist()))
-                touches[row] = 0.0
-        return places
+        return set(map(tuple, take_places(self._touches, row).tolist()))
 
     def __getstate__(self) -> dict[str, Any]:
         return {

@@ -62,18 +62,45 @@ def command(
     return True
 
 
+Touches = tuple[FloatArray, FloatArray, FloatArray]
+"""What three sensors remember of contacts: (n_robots, n_steps, n_contacts, 4); found or not, and x, y, z. Those found
+come first."""
+
+
 @numba.njit(cache=True, error_model="numpy")  # pyright: ignore
-def touching(first: FloatArray, second: FloatArray, third: FloatArray) -> NDArray[np.intp]:
-    """Robots of which any number in three arrays (n, ...) is not zero."""
-    rows = np.empty(len(first), np.intp)
-    n = 0
-    for r in range(len(first)):
-        for step in range(first.shape[1]):
-            if first[r, step].any() or second[r, step].any() or third[r, step].any():
-                rows[n] = r
-                n += 1
-                break
+def touching(touches: Touches) -> NDArray[np.intp]:
+    """Robots that any contact is remembered of."""
+    n_robots, n_steps = touches[0].shape[:2]
+    rows, n = np.empty(n_robots, np.intp), 0
+    for r in range(n_robots):
+        n_found = 0
+        for sensor in touches:
+            for step in range(n_steps):
+                n_found += sensor[r, step, 0, 0] > 0.0
+        if n_found > 0:
+            rows[n] = r
+            n += 1
     return rows[:n]
+
+
+@numba.njit(cache=True, error_model="numpy")  # pyright: ignore
+def take_places(touches: Touches, row: int) -> FloatArray:
+    """Where contacts are remembered of a robot, x and y to the centimetre, shape (n, 2); they are forgotten."""
+    n_most = 0
+    for sensor in touches:
+        n_most += sensor.shape[1] * sensor.shape[2]
+    places, n = np.empty((n_most, 2)), 0
+    for sensor in touches:
+        for step in range(sensor.shape[1]):
+            for k in range(sensor.shape[2]):
+                if sensor[row, step, k, 0] > 0.0:
+                    places[n, 0], places[n, 1] = (
+                        np.round(sensor[row, step, k, 1], 2),
+                        np.round(sensor[row, step, k, 2], 2),
+                    )
+                    sensor[row, step, k, 0] = 0.0
+                    n += 1
+    return places[:n]
 
 
 POSE, VELOCITY, WHEEL_ANGLES, MOTOR_POWER, LIDAR = slice(0, 3), slice(3, 5), slice(5, 7), 7, slice(8, None)
