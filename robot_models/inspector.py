@@ -115,7 +115,8 @@ class Inspectors:
         self._read = reader(live, Motors(*np.array(motors, dtype=np.float64).T.copy()), LIDAR_RANGE_M)
         hull, history = [model.sensor(name).id for name in _HULL], batch.bind("history")
         self._n_remembered = int(model.sensor_history[hull[0], 0])
-        self._touches = tuple(self._contacts_within(history, sensor) for sensor in hull)
+        chassis, mast, head = (self._contacts_within(history, sensor) for sensor in hull)
+        self._touches = chassis, mast, head
         self._places: list[set[tuple[float, float]]] = [set() for _ in range(n_robots)]
         self.is_touching = np.zeros(n_robots, dtype=np.bool_)
         self.reset(np.arange(n_robots), np.zeros((n_robots, 3)))
