@@ -135,7 +135,7 @@ class Patrols:
 
     def waypoints_visited(self, row: int) -> tuple[int, ...]:
         """Numbers of the waypoints that a robot has visited."""
-        return tuple(k for k, is_visited in enumerate(self._progress.visited[row, :-1].tolist()) if is_visited)
+        return tuple(self._progress.visited[row, :-1].nonzero()[0].tolist())
 
     def reset(self, rows: Rows, rngs: Sequence[np.random.Generator], options: Mapping[str, Any]) -> None:
         """Start new episodes in some rows, each with its generator; the next step is their first look."""

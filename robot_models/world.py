@@ -115,17 +115,22 @@ def build_model(yard: Yard, element_positions_m: ArrayLike, element_boresights_r
 
 
 def without_looks(spec: mujoco.MjSpec, sensors: Sequence[str]) -> mujoco.MjSpec:
-    """The same world for physics alone: no geoms that nothing can touch, and only the sensors named.
+    """The same world for physics alone: no geoms that nothing can touch, only the sensors named, no cameras nor lights.
 
     It moves as the whole one does, in the same state, and steps by a fifth faster (measured).
     """
     lean = spec.copy()
-    for geom in lean.geoms:
-        if geom.group == ROBOT_VISUAL_GROUP:
-            lean.delete(geom)
-    for sensor in lean.sensors:
-        if sensor.name not in sensors:
-            lean.delete(sensor)
+    kept = [sensor for sensor in lean.sensors if sensor.name in sensors]
+    read_at = {sensor.objname for sensor in kept if sensor.objtype == mujoco.mjtObj.mjOBJ_SITE}
+    idle = [
+        *(geom for geom in lean.geoms if geom.group == ROBOT_VISUAL_GROUP),
+        *(sensor for sensor in lean.sensors if sensor.name not in sensors),
+        *(site for site in lean.sites if site.name not in read_at),
+        *lean.cameras,
+        *lean.lights,
+    ]
+    for element in idle:
+        lean.delete(element)
     return lean
 
 
