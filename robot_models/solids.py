@@ -92,17 +92,26 @@ class Solids:
         outside = np.hypot(np.maximum(sideways, 0.0), np.maximum(upward, 0.0))
         return np.where((sideways > 0) | (upward > 0), outside, np.maximum(sideways, upward))
 
-    def crossed(self, start_m: FloatArray, end_m: FloatArray) -> NDArray[np.bool_]:
-        """Whether level segments between points (..., 2) cross the footprints; shape (..., n)."""
+    @property
+    def depth_m(self) -> FloatArray:
+        """From the middle of each footprint to its surface, the short way, shape (n,)."""
+        return np.where(self.radius_m > 0, self.radius_m, self.half_size_m.min(axis=-1))
+
+    def crossed(self, start_m: FloatArray, end_m: FloatArray, short_m: FloatArray | float = 0.0) -> NDArray[np.bool_]:
+        """Whether level segments between points (..., 2) cross the footprints; shape (..., n).
+
+        For each of them a segment ends `short_m`, a number or shape (n,), before its end.
+        """
         start = self._local(start_m)
         along = self._local(end_m) - start
         length = np.maximum(np.square(along).sum(axis=-1), 1e-24)
-        nearest = np.clip(-(start * along).sum(axis=-1) / length, 0.0, 1.0)
+        last = 1.0 - np.minimum(short_m / np.sqrt(length), 1.0)
+        nearest = np.clip(-(start * along).sum(axis=-1) / length, 0.0, last)
         past = np.square(start + nearest[..., np.newaxis] * along).sum(axis=-1)
         along = np.where(np.abs(along) < 1e-12, 1e-12, along)
         first, second = (-self.half_size_m - start) / along, (self.half_size_m - start) / along
         enters, leaves = np.minimum(first, second).max(axis=-1), np.maximum(first, second).min(axis=-1)
-        in_box = np.maximum(enters, 0.0) < np.minimum(leaves, 1.0)
+        in_box = np.maximum(enters, 0.0) < np.minimum(leaves, last)
         return np.where(self.radius_m > 0, past < np.square(self.radius_m), in_box)
 
     def _local(self, points_m: FloatArray) -> FloatArray:

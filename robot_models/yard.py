@@ -276,14 +276,13 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         Args:
             points_m: World frame.
             target_m: World frame.
-            ignore_m: Equipment in so much of the way at the target's end does not count: a target on a surface, or a
-                little within it, is in sight from outside.
+            ignore_m: Equipment in so much of the way at the target's end does not count, or in half its own thickness:
+                a target on a surface, or a little within it, is in sight from outside, but not from beyond a post.
         """
         points, target = np.asarray(points_m, dtype=np.float64), np.asarray(target_m, dtype=np.float64)
-        sight = target - points
-        range_m = np.linalg.norm(sight, axis=-1, keepdims=True)
-        end = target - sight * np.minimum(ignore_m / np.maximum(range_m, 1e-9), 1.0)
-        return np.asarray(~self._in_the_line_of_sight.crossed(points, end).any(axis=-1))
+        solids = self._in_the_line_of_sight
+        crossed = solids.crossed(points, np.broadcast_to(target, points.shape), np.minimum(ignore_m, solids.depth_m))
+        return np.asarray(~crossed.any(axis=-1))
 
     def site_names(self) -> tuple[str, ...]:
         """Every candidate discharge site as `equipment/site`, in file order."""

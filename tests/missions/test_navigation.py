@@ -7,6 +7,7 @@ from envs import load_scenario
 from missions.leg import BRAKING_MPS2, TURN_SPEED_MPS, Leg, speed_profile, steer
 from missions.navigation import MARGIN_M, SiteMap
 from robot_models.inspector import CHASSIS_RADIUS_M, MAX_SPEED_MPS
+from robot_models.yard import CylinderEquipment, Yard
 
 MAP = SiteMap(load_scenario("one_source"))
 
@@ -144,3 +145,14 @@ def test_a_robot_that_steers_to_the_end_of_a_path_stops_there() -> None:
     assert np.linalg.norm(pose[:2] - path[-1]) < 0.15
     assert speeds[-1] < 0.45
     assert -np.diff(speeds).min() / 0.1 < 1.2 * BRAKING_MPS2
+
+
+def test_a_target_on_a_post_is_in_sight_from_its_own_side_and_not_from_beyond_the_post() -> None:
+    post = CylinderEquipment(
+        name="post", kind="surge_arrester", position_m=(10.0, 10.0), radius_m=0.2, height_m=3.0, shape="cylinder"
+    )
+    yard, south = Yard(size_m=(20.0, 20.0), equipment=(post,)), np.array([10.0, 9.8])
+    for depth_m in (0.0, 0.1):  # a target is not known better than this
+        target = south + [0.0, depth_m]
+        assert yard.in_sight(np.array([[10.0, 5.0], [8.0, 6.0]]), target, ignore_m=0.6).all()
+        assert not yard.in_sight(np.array([[10.0, 15.0], [9.0, 14.0]]), target, ignore_m=0.6).any()
