@@ -153,6 +153,6 @@ def test_a_target_on_a_post_is_in_sight_from_its_own_side_and_not_from_beyond_th
     )
     yard, south = Yard(size_m=(20.0, 20.0), equipment=(post,)), np.array([10.0, 9.8])
     for depth_m in (0.0, 0.1):  # a target is not known better than this
-        target = south + (0.0, depth_m)
+        target = south + np.array([0.0, depth_m])
         assert yard.in_sight(np.array([[10.0, 5.0], [8.0, 6.0]]), target, ignore_m=0.6).all()
         assert not yard.in_sight(np.array([[10.0, 15.0], [9.0, 14.0]]), target, ignore_m=0.6).any()
