@@ -53,7 +53,8 @@ def wrapped(angle_rad: float) -> float:
 
 
 @compiled
-def _dot(first: FloatArray, second: FloatArray) -> float:
+def dot(first: FloatArray, second: FloatArray) -> float:
+    """Scalar product of two rows, (n,), added up one by one."""
     total = 0.0
     for e in range(first.size):
         total += first[e] * second[e]
@@ -112,15 +113,15 @@ def fit_covariances(covariance: FloatArray, table: ManifoldTable) -> Fit:
         azimuth_rad = start_rad
         for _ in range(REFINEMENTS + 1):
             _look_up(azimuth_rad, table, gain, slope)
-            energy = _dot(gain, gain)
-            along = _dot(gain, slope) / energy
+            energy = dot(gain, gain)
+            along = dot(gain, slope) / energy
             for e in range(n):
                 across[e] = slope[e] - along * gain[e]
-                data[e] = _dot(covariance[row, e], gain) / energy
-            fit.amplitude_energy[row] = _dot(data, gain) / energy
-            weight = (_dot(across, across) + TINY) * fit.amplitude_energy[row]
+                data[e] = dot(covariance[row, e], gain) / energy
+            fit.amplitude_energy[row] = dot(data, gain) / energy
+            weight = (dot(across, across) + TINY) * fit.amplitude_energy[row]
             if weight > 0.0:
-                azimuth_rad += _dot(across, data) / weight
+                azimuth_rad += dot(across, data) / weight
             azimuth_rad = min(max(azimuth_rad, start_rad - SEARCH_STEP_RAD), start_rad + SEARCH_STEP_RAD)
         fit.azimuth_rad[row] = azimuth_rad
     return fit
@@ -158,9 +159,9 @@ def noise_of_pulses(fit: Fit, strengths: FloatArray, variance: FloatArray) -> No
     noise = NoiseOfFit(np.zeros((n_rows, n)), np.zeros(n_rows))
     for row in range(n_rows):
         gain = fit.gain[row]
-        energy = _dot(gain, gain)
+        energy = dot(gain, gain)
         for k in range(n_pulses):
-            amplitude = _dot(strengths[row, k], gain) / energy
+            amplitude = dot(strengths[row, k], gain) / energy
             for e in range(n):
                 noise.data[row, e] += amplitude * amplitude * variance[row, k, e]
                 noise.bias[row] += variance[row, k, e] * gain[e] * gain[e] / (energy * energy)
@@ -177,7 +178,7 @@ def deviations(fit: Fit, noise: NoiseOfFit) -> FloatArray:
         variance = 0.0
         for e in range(across.size):
             variance += across[e] * across[e] * noise.data[row, e]
-        std_rad[row] = min(np.sqrt(variance) / ((_dot(across, across) + TINY) * signal), UNKNOWN_STD_RAD)
+        std_rad[row] = min(np.sqrt(variance) / ((dot(across, across) + TINY) * signal), UNKNOWN_STD_RAD)
     return std_rad
 
 
@@ -189,7 +190,7 @@ def misfits(fit: Fit, covariance: FloatArray) -> FloatArray:
         energy = 0.0
         for e in range(covariance.shape[1]):
             energy += covariance[row, e, e]
-        explained = fit.amplitude_energy[row] * _dot(fit.gain[row], fit.gain[row])
+        explained = fit.amplitude_energy[row] * dot(fit.gain[row], fit.gain[row])
         misfit[row] = min(max(1.0 - explained / energy, 0.0), 1.0) if energy > 0.0 else np.nan
     return misfit
 
@@ -233,7 +234,7 @@ def pulse_spectra(strengths: FloatArray, unit_gain: FloatArray, least_null: floa
     n_pulses, n, n_angles = unit_gain.shape
     spectrum, match = np.zeros((n_pulses, n_angles)), np.empty(n_angles)
     for k in range(n_pulses):
-        energy = _dot(strengths[k], strengths[k])
+        energy = dot(strengths[k], strengths[k])
         if energy == 0.0:
             continue
         match[:] = 0.0

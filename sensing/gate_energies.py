@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
 from dirmusic.energies import strength_of, variance_of_strength
+from dirmusic.fitting import dot
 from sensing.array import ArrayTable
 from sensing.front_end import PulseTable
 from sensing.gates import Incoming, OnAir, add_paths, find_triggers, incoming_pulses
@@ -16,14 +17,6 @@ from sensing.propagation import Faces, Obstacles, Surroundings
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
-
-
-@compiled
-def _dot(first: FloatArray, second: FloatArray) -> float:
-    total = 0.0
-    for t in range(first.size):
-        total += first[t] * second[t]
-    return total
 
 
 class GateNoise(NamedTuple):
@@ -88,11 +81,11 @@ def gate_energies(
             if n_modes > 0:
                 along = gate @ noise.eigenvectors  # of one shape for every pulse, so it rounds alike for all of them
             for e in range(n_elements):
-                rest[e] = _dot(gate[e], gate[e])
+                rest[e] = dot(gate[e], gate[e])
                 if n_modes == 0:
                     along[e, 0], rest[e] = np.sqrt(rest[e]), 0.0
                 else:
-                    rest[e] = max(rest[e] - _dot(along[e], along[e]), 0.0)
+                    rest[e] = max(rest[e] - dot(along[e], along[e]), 0.0)
         peak_v, draw = incoming.peak_v[k], 1
         for e in range(n_elements):
             energy[i, e] = peak_v * peak_v * rest[e] + beside_v2[k % len(beside_v2), e]
