@@ -1,21 +1,21 @@
 """Direction finding on signal strength: what would run unchanged on a real robot. It never sees truth."""
 
-from dirmusic.bearing import Bearings, bearings_from_covariance, estimate_bearings
-from dirmusic.bounds import bearing_bound, manifold_error_std
-from dirmusic.calibration import Calibration, calibrate
+from dirmusic.array.bounds import bearing_bound, manifold_error_std
+from dirmusic.array.calibration import Calibration, calibrate
+from dirmusic.array.element_errors import ElementErrors, ElementSpread, ManifoldPrior, UniformOffsets
+from dirmusic.array.manifold import GainManifold
+from dirmusic.array.pattern import GainPattern, GaussianPattern, TabulatedPattern
+from dirmusic.array.pattern_file import read_pattern, write_pattern
+from dirmusic.bearing.gain_delay import bearings_from_delays
+from dirmusic.bearing.maximum_likelihood import Bearings, bearings_from_covariance, estimate_bearings
+from dirmusic.bearing.spectrum import noise_subspace, pseudo_spectrum, pulse_spectrum, source_count, spectrum_peaks
 from dirmusic.csv_table import CsvTable, InputFileError, InputFileWarning, read_csv_table
-from dirmusic.element_errors import ElementErrors, ElementSpread, ManifoldPrior, UniformOffsets
-from dirmusic.finding import Finding
-from dirmusic.gain_delay import bearings_from_delays
-from dirmusic.joint_fix import ArrayModel, PoseError
-from dirmusic.locating import Locator
-from dirmusic.manifold import GainManifold
-from dirmusic.pattern import GainPattern, GaussianPattern, TabulatedPattern
-from dirmusic.pattern_file import read_pattern, write_pattern
-from dirmusic.preprocessing import Windows, band_pass, cut_windows, prepare_records, pulse_start
-from dirmusic.spectrum import noise_subspace, pseudo_spectrum, pulse_spectrum, source_count, spectrum_peaks
-from dirmusic.strengths import pulse_strengths, sample_covariance, strength_variance
-from dirmusic.triangulation import Fix, triangulate
+from dirmusic.locating.finding import Finding
+from dirmusic.locating.joint_fix import ArrayModel, PoseError
+from dirmusic.locating.locator import Locator
+from dirmusic.locating.triangulation import Fix, triangulate
+from dirmusic.pulses.preprocessing import Windows, band_pass, cut_windows, prepare_records, pulse_start
+from dirmusic.pulses.strengths import pulse_strengths, sample_covariance, strength_variance
 
 __all__ = [
     "ArrayModel",

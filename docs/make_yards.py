@@ -17,8 +17,8 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import ArrayLike, NDArray
 
 from envs import Scenario, load_scenario
-from missions.navigation import SiteMap
-from robot_models.inspector import Inspector
+from missions.driving.site_map import SiteMap
+from robot_models.robots import Inspector
 from robot_models.world import build_spec
 from sensing import HelicalArray
 

@@ -7,5 +7,5 @@ from envs.scenario import Scenario, ScenarioError, load_scenario, shipped_scenar
 __all__ = ["Scenario", "ScenarioError", "load_scenario", "shipped_scenarios"]
 
 gymnasium.register(
-    id="PDPatrol-v0", entry_point="envs.patrol:PatrolEnv", vector_entry_point="envs.vector:PatrolVectorEnv"
+    id="PDPatrol-v0", entry_point="envs.patrol_env:PatrolEnv", vector_entry_point="envs.vector_env:PatrolVectorEnv"
 )

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.scenario import ROBOT_CLEARANCE_M, RouteConfig, Scenario, SourceConfig, TaskConfig
+from envs.scenario.scenario import ROBOT_CLEARANCE_M, RouteConfig, Scenario, TaskConfig
+from envs.scenario.sources import SourceConfig
 from robot_models.equipment import CATALOGUE
-from robot_models.yard import CatalogueEquipment, Equipment, Yard
+from robot_models.yard.yard import CatalogueEquipment, Equipment, Yard
 from sensing import ArrayConfig, ReceiverConfig
 
 FloatArray = NDArray[np.float64]

@@ -13,14 +13,14 @@ from threadpoolctl import threadpool_limits
 
 from dirmusic import ArrayModel, Bearings, ElementSpread, Locator, PoseError
 from envs import Scenario
-from envs.patrol import STEP_S, PatrolEnv, Pulses
-from missions.choices import PolicyName
-from missions.log import MissionLog
-from missions.logbook import Logbook
-from missions.navigation import SiteMap
-from missions.policies import make_policy
-from missions.policy import SeesTruth
-from robot_models.inspector import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS
+from envs.patrol_env import STEP_S, PatrolEnv, Pulses
+from missions.driving.site_map import SiteMap
+from missions.policies.names import PolicyName
+from missions.policies.protocol import SeesTruth
+from missions.policies.registry import make_policy
+from missions.record.mission_log import MissionLog
+from missions.record.tracking import Logbook
+from robot_models.robots import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS
 from robot_models.world import describe_solids
 from sensing import HelicalArray
 

@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robot_models.yard import BoxEquipment, CatalogueEquipment, CylinderEquipment, Yard
+from robot_models.yard.yard import BoxEquipment, CatalogueEquipment, CylinderEquipment, Yard
 
 FloatArray = NDArray[np.float64]
 
@@ -114,7 +114,7 @@ def build_model(yard: Yard, element_positions_m: ArrayLike, element_boresights_r
     return build_spec(yard, element_positions_m, element_boresights_rad).compile()
 
 
-def without_looks(spec: mujoco.MjSpec, sensors: Sequence[str]) -> mujoco.MjSpec:
+def physics_only(spec: mujoco.MjSpec, sensors: Sequence[str]) -> mujoco.MjSpec:
     """The same world for physics alone: no geoms that nothing can touch, only the sensors named, no cameras nor lights.
 
     It moves as the whole one does, in the same state, and steps by a fifth faster (measured).

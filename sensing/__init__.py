@@ -1,18 +1,18 @@
 """What nature and the receiver do: sources and a pose become strengths. It alone knows the truth of radio."""
 
 from sensing.array import ArrayConfig, HelicalArray
-from sensing.discharges import PulseTrain
-from sensing.propagation import Faces, Obstacles, Surroundings, level_transform
-from sensing.receiver import Heard, Receiver, ReceiverConfig
-from sensing.scene import Scene
-from sensing.sources import Carrier, DischargeSource
+from sensing.nature.discharges import PulseTrain
+from sensing.nature.scene import Scene
+from sensing.nature.sources import Carrier, DischargeSource
+from sensing.radio.surroundings import Faces, Obstacles, Surroundings, level_transform
+from sensing.receiver.receiver import Detections, Receiver, ReceiverConfig
 
 __all__ = [
     "ArrayConfig",
     "Carrier",
+    "Detections",
     "DischargeSource",
     "Faces",
-    "Heard",
     "HelicalArray",
     "Obstacles",
     "PulseTrain",

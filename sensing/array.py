@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, NonNegativeFloat, PositiveFloat
 
 from dirmusic import GainManifold, GainPattern, GaussianPattern
-from dirmusic.elevation import gain_in_space
+from dirmusic.array.elevation import gain_in_space
 
 FloatArray = NDArray[np.float64]
 

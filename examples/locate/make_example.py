@@ -15,10 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from dirmusic import cut_windows, pulse_start, pulse_strengths, strength_variance
-from envs.battery import BatteryConfig
-from envs.motion import Senses, believe
-from envs.odometry import OdometryConfig
-from envs.pose_sensor import PoseSensorConfig
+from envs.core.motion import SensorParameters, add_pose_error
+from envs.scenario.robot_sensors import BatteryConfig, OdometryConfig, PoseSensorConfig
 from sensing import ArrayConfig, DischargeSource, HelicalArray, Receiver, ReceiverConfig, Scene, level_transform
 
 HERE = Path(__file__).parent
@@ -42,7 +40,7 @@ def main() -> None:
     array = HelicalArray.draw(ArrayConfig(), rng)
     config = ReceiverConfig(band_hz="all", gate_samples=240, pretrigger_samples=110, false_alarm_rate_hz=1e-3)
     receiver = Receiver(config, array)
-    senses = Senses.of(PoseSensorConfig(), OdometryConfig(), BatteryConfig(), DWELL_S)
+    senses = SensorParameters.of(PoseSensorConfig(), OdometryConfig(), BatteryConfig(), DWELL_S)
     error, believed = np.full(3, np.nan), np.empty(3)
     (HERE / "waveforms").mkdir(exist_ok=True)
     strength_rows: list[list[str]] = []
@@ -50,7 +48,7 @@ def main() -> None:
     for number, (x, y, yaw_deg) in enumerate(POSES, start=1):
         pose = np.array([x, y, np.radians(yaw_deg)])
         heard = receiver.listen(level_transform(pose), Scene([SOURCE]), rng, start_s=0, duration_s=1)
-        believe(pose, error, senses.pose_kept, senses.pose_std, rng.standard_normal(3), believed)
+        add_pose_error(pose, error, senses.pose_kept, senses.pose_std, rng.standard_normal(3), believed)
         place = [f"{DWELL_S * number:.1f}", *(f"{v:.3f}" for v in believed[:2]), f"{np.degrees(believed[2]):.2f}"]
         counts = np.round(heard.waveforms_v / VOLTS_PER_COUNT).astype(np.int16)
         name = f"waveforms/stop_{number:02d}.npz"

@@ -88,7 +88,7 @@ def locate(
     from rich.progress import Progress
 
     from dirmusic import ElementSpread, InputFileError, PoseError, read_pattern
-    from missions.field_data import array_model, read_field_data
+    from missions.field.field_data import array_model, read_field_data
 
     started_s = time.perf_counter()
     with warnings.catch_warnings(record=True) as told:
@@ -111,8 +111,8 @@ def locate(
         err.print(f"note: {note}", highlight=False, markup=False, soft_wrap=True)
     make_folder(folder)
 
-    from missions.field_log import locate_field_data
-    from missions.report import candidates_table, findings_table, make_report
+    from missions.field.locate_field_data import locate_field_data
+    from missions.record.report import candidates_table, findings_table, make_report
 
     pose_error = PoseError(
         position_m=position_std_m, heading_rad=math.radians(heading_std_deg), correlation_s=pose_correlation_s

@@ -19,7 +19,7 @@ def replay(folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="
     """
     if not folder.is_dir():
         refuse(f"{folder}: no such folder; give the folder of a mission")
-    from missions.log import MissionLog
+    from missions.record.mission_log import MissionLog
     from missions.recording import open_viewer, serve, write_recording
 
     recording = folder / "mission.rrd"

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from missions.choices import PolicyName
 from missions.cli.terminal import (
     INTERRUPTED,
     err,
@@ -24,6 +23,7 @@ from missions.cli.terminal import (
     tell_where,
     write_mission,
 )
+from missions.policies.names import PolicyName
 
 if TYPE_CHECKING:
     from missions.runner import Mission
@@ -63,8 +63,8 @@ def run(
         refuse(f"--seed: got {seed}; allowed is 0 or more")
     folder = make_folder(new_folder(out_dir, f"{loaded.name}-{seed}"))
 
+    from missions.record.report import candidates_table, findings_table, make_report
     from missions.recording import live_stream
-    from missions.report import candidates_table, findings_table, make_report
     from missions.runner import run_mission
 
     started_s = time.perf_counter()

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from rich.console import Console
 
 if TYPE_CHECKING:
-    from missions.log import MissionLog
+    from missions.record.mission_log import MissionLog
 
 USAGE_ERROR = 2
 INTERRUPTED = 130

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.patrols import STEP_S
+from envs.core.simulation import STEP_S
 from envs.random_yard import open_yard
-from envs.vector import PatrolVectorEnv
+from envs.vector_env import PatrolVectorEnv
 from envs.wrappers import bearings_only
 from missions.learning.steering import Steering
 from missions.runner import Mission

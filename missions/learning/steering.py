@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.patrol import Observation
+from envs.patrol_env import Observation
 
 Actions = NDArray[np.float32]
 

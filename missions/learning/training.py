@@ -10,9 +10,9 @@ from stable_baselines3 import PPO  # pyright: ignore[reportMissingImports]
 from stable_baselines3.common.callbacks import BaseCallback  # pyright: ignore[reportMissingImports]
 from stable_baselines3.common.vec_env import VecNormalize  # pyright: ignore[reportMissingImports]
 
-from envs.patrol import Observation
+from envs.patrol_env import Observation
 from envs.random_yard import open_yard
-from envs.vector import PatrolVectorEnv
+from envs.vector_env import PatrolVectorEnv
 from envs.wrappers import Flattener, bearings_only_space
 from missions.learning.evaluation import evaluate
 from missions.learning.learner_envs import LearnerEnvs

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
-from missions.log import MissionLog
-from missions.phase_patterns import phase_patterns
+from missions.record.mission_log import MissionLog
+from missions.record.phase_patterns import phase_patterns
 from missions.recording import blueprint as paths
 from missions.recording.scene import COLOURS
 

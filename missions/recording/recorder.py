@@ -9,9 +9,9 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from dirmusic.finding import CHI2_95
-from missions.log import MissionLog
-from missions.phase_patterns import nominal_manifold
+from dirmusic.locating.finding import CHI2_95
+from missions.record.mission_log import MissionLog
+from missions.record.phase_patterns import nominal_manifold
 from missions.recording import blueprint as paths
 from missions.recording.phase_view import draw_phase_patterns
 from missions.recording.scene import COLOURS, log_scene

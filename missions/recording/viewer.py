@@ -18,7 +18,7 @@ from urllib.parse import quote
 
 import rerun as rr
 
-from missions.log import MissionLog
+from missions.record.mission_log import MissionLog
 from missions.recording.blueprint import blueprint
 from missions.recording.recorder import Recorder
 

@@ -7,13 +7,14 @@ from numpy.typing import NDArray
 
 from dirmusic import GainManifold, UniformOffsets, estimate_bearings, strength_variance
 from dirmusic.angles import difference, wrap
-from envs.scenario import Scenario, SourceConfig, load_scenario
+from envs.scenario import Scenario, load_scenario
+from envs.scenario.sources import SourceConfig
 from missions.reproduction.exhibits import Campaign, Exhibit, Measured, Row, published
 from missions.reproduction.methods import by_paper, error_deg
 from missions.reproduction.protocol import GRID_DEG
 from sensing.array import HelicalArray
-from sensing.propagation import in_array_frame, level_transform, rays_between
-from sensing.pulses import unit_pulse_energy
+from sensing.nature.pulse_shape import unit_pulse_energy
+from sensing.radio.surroundings import in_array_frame, level_transform, rays_between
 
 FloatArray = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from dirmusic import (
     sample_covariance,
     strength_variance,
 )
-from dirmusic.elevation import gain_in_space
+from dirmusic.array.elevation import gain_in_space
 from missions.reproduction import protocol
 from missions.reproduction.exhibits import Campaign, Exhibit, Measured, Row
 from missions.reproduction.methods import GATE_SAMPLES, by_gated_covariance, by_paper, error_deg

@@ -14,7 +14,7 @@ from dirmusic import (
     sample_covariance,
 )
 from dirmusic.angles import difference
-from dirmusic.element_errors import ManifoldPrior
+from dirmusic.array.element_errors import ManifoldPrior
 from missions.reproduction.protocol import GRID_DEG, ComplexArray
 
 FloatArray = NDArray[np.float64]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from robot_models.solids import Solid
+from robot_models.yard.solids import Solid
 
 Site = tuple[float, float, float]
 

@@ -6,7 +6,7 @@ Sizes are assumed, of the usual order for this class. It discharges at the flang
 from __future__ import annotations
 
 from robot_models.equipment.assembly import Assembly
-from robot_models.solids import Box, Cylinder, Solid
+from robot_models.yard.solids import Box, Cylinder, Solid
 
 
 def circuit_breaker(length_m: float) -> Assembly:

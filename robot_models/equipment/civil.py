@@ -6,7 +6,7 @@ Sizes are assumed.
 from __future__ import annotations
 
 from robot_models.equipment.assembly import Assembly
-from robot_models.solids import Box
+from robot_models.yard.solids import Box
 
 
 def control_building(length_m: float) -> Assembly:

@@ -7,7 +7,7 @@ through their seals.
 from __future__ import annotations
 
 from robot_models.equipment.assembly import Assembly
-from robot_models.solids import Box, Cylinder, Solid
+from robot_models.yard.solids import Box, Cylinder, Solid
 
 
 def gis_bay(length_m: float) -> Assembly:

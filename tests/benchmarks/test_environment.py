@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
-from envs.patrol import PatrolEnv
-from envs.patrols import STEP_S
+from envs.core.simulation import STEP_S
+from envs.patrol_env import PatrolEnv
 
 pytestmark = pytest.mark.benchmark
 

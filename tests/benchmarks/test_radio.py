@@ -10,12 +10,12 @@ from scipy.stats import ks_2samp
 from dirmusic import estimate_bearings
 from dirmusic.angles import difference
 from envs import load_scenario
-from envs.patrol import PatrolEnv
+from envs.patrol_env import PatrolEnv
 from sensing import (
     ArrayConfig,
+    Detections,
     DischargeSource,
     Faces,
-    Heard,
     HelicalArray,
     Obstacles,
     Receiver,
@@ -24,7 +24,7 @@ from sensing import (
     Surroundings,
     level_transform,
 )
-from sensing.pulses import unit_pulse_energy
+from sensing.nature.pulse_shape import unit_pulse_energy
 
 pytestmark = pytest.mark.benchmark
 
@@ -44,7 +44,7 @@ def ground_and_wall() -> Surroundings:
     return Surroundings(faces, np.array([-0.3, -0.8]), np.zeros(1), Obstacles.none())
 
 
-def hear(fidelity: str, snr_db: float, seed: int) -> tuple[Heard, float]:
+def hear(fidelity: str, snr_db: float, seed: int) -> tuple[Detections, float]:
     """Pulses from a gate that noise does not move, and the seconds they took."""
     config = ReceiverConfig(
         fidelity=fidelity,  # pyright: ignore[reportArgumentType]
@@ -96,7 +96,7 @@ def test_share_of_an_env_step_that_goes_into_listening_to_three_sources() -> Non
     assert receivers is not None
     real, spent = receivers.listen, [0.0]
 
-    def timed(*arguments: object, **options: object) -> Heard:
+    def timed(*arguments: object, **options: object) -> Detections:
         start = time.perf_counter()
         heard = real(*arguments, **options)  # pyright: ignore[reportArgumentType]
         spent[0] += time.perf_counter() - start

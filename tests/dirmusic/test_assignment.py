@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from dirmusic import GainManifold
-from dirmusic.assignment import AMBIGUOUS, ECHO, UNASSIGNED, AssignmentRules, InSight, PulseRecord
-from dirmusic.element_errors import ElementErrors, ElementSpread
-from dirmusic.finding import Finding
-from dirmusic.joint_fix import ArrayModel, PoseError
+from dirmusic.array.element_errors import ElementErrors, ElementSpread
+from dirmusic.locating.assignment import AMBIGUOUS, ECHO, UNASSIGNED, AssignmentRules, InSight, PulseRecord
+from dirmusic.locating.finding import Finding
+from dirmusic.locating.joint_fix import ArrayModel, PoseError
 
 NOMINAL = GainManifold.ring(6)
 ARRAY = ArrayModel(

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from dirmusic import GainManifold, estimate_bearings
 from dirmusic.angles import difference
-from dirmusic.channel_health import ChannelMonitor, SuspectChannel
+from dirmusic.bearing.channel_health import ChannelMonitor, SuspectChannel
 
 NOMINAL = GainManifold.ring(6)
 

@@ -21,7 +21,7 @@ from dirmusic import (
     strength_variance,
 )
 from dirmusic.angles import circular_mean, difference, opening, wrap
-from dirmusic.bounds import manifold_error
+from dirmusic.array.bounds import manifold_error
 
 AZIMUTHS = np.radians(np.arange(-179.5, 180.0, 1.0))
 RING = GainManifold.ring(6)

@@ -18,9 +18,9 @@ from dirmusic import (
     estimate_bearings,
     strength_variance,
 )
-from dirmusic.assignment import InSight
-from dirmusic.joint_fix import Sightings, locate_jointly
-from dirmusic.locating import LocatingRules
+from dirmusic.locating.assignment import InSight
+from dirmusic.locating.joint_fix import Sightings, locate_jointly
+from dirmusic.locating.locator import LocatingRules
 
 NOMINAL = GainManifold.ring(6)
 RING_M = 0.12 * np.column_stack([np.cos(NOMINAL.boresights_rad), np.sin(NOMINAL.boresights_rad)])
@@ -124,7 +124,7 @@ def test_single_pulses_from_all_round_make_a_finding_only_by_crossing() -> None:
     assert listen_along(path[::2], [source], seed=8)[0].findings == ()
     rules = LocatingRules(birth_by_crossing=True, birth_s=np.inf)
     locator, _ = listen_along(path[::2], [source], 8, make_locator(rules=rules))
-    (finding,) = locator.look_again(10.0)
+    (finding,) = locator.refit(10.0)
     np.testing.assert_allclose(finding.position_m, source, atol=0.3)
 
 
@@ -256,7 +256,7 @@ def test_pulses_much_weaker_than_their_range_says_are_taken_for_echoes_and_left_
         bearings = estimate_bearings(a[:, np.newaxis], NOMINAL, strength_variance=variance[:, np.newaxis])
         assert locator.is_credible(bearings).all()
         locator.update(40.0 + 0.1 * k, np.array([25.0, 15.0, 0.0]), bearings, a, variance)
-    (after,) = locator.look_again(50.0)
+    (after,) = locator.refit(50.0)
     assert after.n_bearings <= 500  # what was heard on the arc
 
 

@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 
 from dirmusic.angles import difference, wrap
-from dirmusic.fitting import wrapped
-from envs.battery import BatteryConfig
-from envs.motion import N_DRAWS, Motion, Senses, move
-from envs.odometry import OdometryConfig
-from envs.patrol import PatrolEnv
-from envs.pose_sensor import PoseSensorConfig
+from dirmusic.bearing.likelihood_kernels import wrapped
+from envs.core.motion import N_DRAWS, Motion, SensorParameters, move
+from envs.patrol_env import PatrolEnv
+from envs.scenario.robot_sensors import BatteryConfig, OdometryConfig, PoseSensorConfig
 
 PERFECT = OdometryConfig(wheel_radius_error=0.0, gyro_bias_deg_per_min=0.0, gyro_noise_deg_per_sqrt_min=0.0)
 
@@ -22,7 +20,7 @@ def reckoned(
     Wheels of 0.1 m and headings as they are truly turned, one after the other, shape (n_steps,).
     """
     n, sharp = 400, PoseSensorConfig(position_std_m=0.0, heading_std_deg=0.0)
-    motion, senses = Motion.at_rest(n), Senses.of(sharp, config, BatteryConfig(), 0.1)
+    motion, senses = Motion.at_rest(n), SensorParameters.of(sharp, config, BatteryConfig(), 0.1)
     nobody, everybody = np.zeros(n, dtype=np.bool_), np.ones(n, dtype=np.bool_)
     for k, (wheel, yaw) in enumerate(zip([0.0, *wheels_rad], [start[2], *yaw_rad], strict=True)):
         true_pose, normal = np.tile([start[0], start[1], yaw], (n, 1)), rng.standard_normal((n, N_DRAWS))
@@ -52,7 +50,7 @@ def test_its_errors_are_those_of_wheels_and_gyro() -> None:
 
 def test_the_battery_gives_what_motors_and_electronics_take_and_is_full_at_the_start() -> None:
     config = BatteryConfig(capacity_wh=10.0, idle_w=80.0)
-    motion, senses = Motion.at_rest(2), Senses.of(PoseSensorConfig(), PERFECT, config, 36.0)
+    motion, senses = Motion.at_rest(2), SensorParameters.of(PoseSensorConfig(), PERFECT, config, 36.0)
     one, nobody, power_w = np.array([True, False]), np.zeros(2, dtype=np.bool_), np.array([20.0, 120.0])
     still = np.zeros((2, 3)), np.zeros((2, 2)), power_w, np.zeros((2, N_DRAWS))
     for expected in ([0.9, 0.8], [0.8, 0.6]):

@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from envs import load_scenario, shipped_scenarios
-from envs.patrol import PatrolEnv
+from envs.patrol_env import PatrolEnv
 from envs.random_yard import random_yard
 from envs.scenario import Scenario
-from robot_models.inspector import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS
+from robot_models.robots import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS
 
 
 def silent(scenario: Scenario) -> Scenario:

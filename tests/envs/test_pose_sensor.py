@@ -3,16 +3,17 @@
 import numpy as np
 import pytest
 
-from envs.battery import BatteryConfig
-from envs.motion import N_DRAWS, Motion, Senses, move
-from envs.odometry import OdometryConfig
-from envs.pose_sensor import PoseSensorConfig
+from envs.core.motion import N_DRAWS, Motion, SensorParameters, move
+from envs.scenario.robot_sensors import BatteryConfig, OdometryConfig, PoseSensorConfig
 
 
 def read(motion: Motion, config: PoseSensorConfig, true_pose: np.ndarray, every_s: float, normal: np.ndarray) -> None:
     """Let the believed poses of all robots follow their true ones, (3,) or (n_robots, 3)."""
     n = len(motion.n_steps)
-    senses, nobody = Senses.of(config, OdometryConfig(), BatteryConfig(), every_s), np.zeros(n, dtype=np.bool_)
+    senses, nobody = (
+        SensorParameters.of(config, OdometryConfig(), BatteryConfig(), every_s),
+        np.zeros(n, dtype=np.bool_),
+    )
     move(motion, senses, np.tile(true_pose, (n, 1)), np.zeros((n, 2)), np.zeros(n), normal, nobody, nobody)
 
 
@@ -44,7 +45,7 @@ def test_the_believed_heading_stays_in_the_half_open_turn() -> None:
 
 def test_a_robot_that_starts_anew_has_an_error_of_its_own_from_the_first_reading_on() -> None:
     motion, rng, still = Motion.at_rest(2), np.random.default_rng(1), (np.zeros((2, 3)), np.zeros((2, 2)), np.zeros(2))
-    senses = Senses.of(PoseSensorConfig(), OdometryConfig(), BatteryConfig(), 0.1)
+    senses = SensorParameters.of(PoseSensorConfig(), OdometryConfig(), BatteryConfig(), 0.1)
     nobody, second = np.zeros(2, dtype=np.bool_), np.array([False, True])
     move(motion, senses, *still, rng.standard_normal((2, N_DRAWS)), nobody, nobody)
     before = motion.pose.copy()

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from envs.patrol import PatrolEnv
+from envs.patrol_env import PatrolEnv
 from envs.random_yard import DOCK_M, N_WAYPOINTS, ROOM_M, open_yard, random_yard
-from envs.scenario import ROBOT_CLEARANCE_M
-from robot_models.inspector import MAX_SPEED_MPS
+from envs.scenario.scenario import ROBOT_CLEARANCE_M
+from robot_models.robots import MAX_SPEED_MPS
 
 
 def check(seed: int) -> None:

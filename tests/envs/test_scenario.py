@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from envs import Scenario, ScenarioError, load_scenario, shipped_scenarios
 from envs.scenario import SHIPPED
-from missions.navigation import CELL_M, SiteMap
+from missions.driving.site_map import CELL_M, SiteMap
 from sensing import Obstacles
-from sensing.tracing import cross
+from sensing.radio.ray_paths import cross
 
 GOOD = """
 [yard]

@@ -8,8 +8,8 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 from envs import Scenario, load_scenario
-from envs.patrol import PatrolEnv
-from envs.vector import PatrolVectorEnv
+from envs.patrol_env import PatrolEnv
+from envs.vector_env import PatrolVectorEnv
 
 N_STEPS = 300
 

@@ -9,9 +9,9 @@ from gymnasium import spaces
 from gymnasium.utils.env_checker import check_env
 
 from dirmusic.angles import difference
-from envs.patrol import PatrolEnv
+from envs.patrol_env import PatrolEnv
 from envs.random_yard import open_yard
-from envs.vector import PatrolVectorEnv
+from envs.vector_env import PatrolVectorEnv
 from envs.wrappers import BearingsOnly, FlatObservation, Flattener, bearings_only, bearings_only_space
 
 ACTION = np.array([0.8, 0.4], dtype=np.float32)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from missions.log import MissionLog
+from missions.record.mission_log import MissionLog
 
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 HEAVY = ("mujoco", "rerun", "scipy.signal", "scipy.optimize", "matplotlib")

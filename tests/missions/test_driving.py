@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from envs import Scenario
-from envs.patrol import STEP_S, PatrolEnv
+from envs.patrol_env import STEP_S, PatrolEnv
 from envs.random_yard import random_yard
-from missions.driver import Driver
-from missions.leg import Leg
-from missions.lidar_stop import STOP_M, free_way, safe_speed
-from missions.navigation import SiteMap
-from missions.policies import Patrol, Random
-from missions.policy import Policy
-from robot_models.inspector import CHASSIS_RADIUS_M, LIDAR_BEAMS, MAX_ACCELERATION_MPS2, MAX_SPEED_MPS
+from missions.driving.collision_guard import CollisionGuard
+from missions.driving.lidar_stop import STOP_M, free_way, safe_speed
+from missions.driving.path_follower import PathFollower
+from missions.driving.site_map import SiteMap
+from missions.policies.protocol import Policy
+from missions.policies.registry import Patrol, Random
+from robot_models.robots import CHASSIS_RADIUS_M, LIDAR_BEAMS, MAX_ACCELERATION_MPS2, MAX_SPEED_MPS
 
 BEAMS_RAD = 2.0 * np.pi * np.arange(LIDAR_BEAMS) / LIDAR_BEAMS
 NOTHING = np.full(LIDAR_BEAMS, 12.0)
@@ -45,7 +45,7 @@ class Driven(NamedTuple):
 def drive(scenario: Scenario, site_map: SiteMap, seed: int = 0, policy: Policy | None = None) -> Driven:
     """Drive until the policy is done, the robot docked, or the time over, without any locating."""
     env = PatrolEnv(scenario, terminate_on_approach=False)
-    policy = policy or Driver(Patrol())
+    policy = policy or CollisionGuard(Patrol())
     observation, info = env.reset(seed=seed)
     touched, phases, path, terminated, truncated = set[str](), set[str](), [info["truth"]["pose"]], False, False
     while not (terminated or truncated):
@@ -123,7 +123,7 @@ def test_whatever_a_policy_wishes_nothing_is_touched(seed: int) -> None:
         }
     )
     scenario = with_equipment(small, *things)
-    driven = drive(scenario, SiteMap(scenario), seed, Driver(Random(np.random.default_rng(seed))))
+    driven = drive(scenario, SiteMap(scenario), seed, CollisionGuard(Random(np.random.default_rng(seed))))
     unheeding = drive(scenario, SiteMap(scenario), seed, Random(np.random.default_rng(seed)))
     assert driven.touched == set()
     assert unheeding.touched
@@ -235,4 +235,4 @@ def test_there_is_a_way_to_every_waypoint_of_five_hundred_random_yards() -> None
         reach = site_map.reach(pose)
         for stop in scenario.route.waypoints_m:
             radius_m = scenario.task.waypoint_radius_m
-            assert Leg(site_map, pose, np.array(stop), 0.0, radius_m, reach).is_reachable, (seed, stop)
+            assert PathFollower(site_map, pose, np.array(stop), 0.0, radius_m, reach).is_reachable, (seed, stop)

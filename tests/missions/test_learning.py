@@ -11,7 +11,7 @@ import pytest
 
 from envs import Scenario
 from envs.random_yard import open_yard
-from envs.vector import PatrolVectorEnv
+from envs.vector_env import PatrolVectorEnv
 from envs.wrappers import Flattener, bearings_only, bearings_only_space
 from missions.learning.evaluation import evaluate
 from missions.learning.figure import draw_curve

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from dirmusic import ArrayModel, ElementSpread, GainManifold, GaussianPattern, InputFileError, PoseError, write_pattern
-from missions.field_data import FieldData, array_model, read_field_data
-from missions.field_log import locate_field_data
-from missions.log import MissionLog
-from missions.report import make_report
+from missions.field.field_data import FieldData, array_model, read_field_data
+from missions.field.locate_field_data import locate_field_data
+from missions.record.mission_log import MissionLog
+from missions.record.report import make_report
 from sensing import ArrayConfig, HelicalArray
-from sensing.propagation import in_array_frame, level_transform, rays_between
-from sensing.pulses import unit_pulse_energy
+from sensing.nature.pulse_shape import unit_pulse_energy
+from sensing.radio.surroundings import in_array_frame, level_transform, rays_between
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "locate"

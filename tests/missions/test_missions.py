@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from envs import Scenario, load_scenario
-from missions.choices import PolicyName
-from missions.log import TABLES, MissionLog
-from missions.policies import make_policy
-from missions.policy import SeesTruth
-from missions.report import make_report
+from missions.policies.names import PolicyName
+from missions.policies.protocol import SeesTruth
+from missions.policies.registry import make_policy
+from missions.record.mission_log import TABLES, MissionLog
+from missions.record.report import make_report
 from missions.runner import Mission, run_mission
-from sensing.faults import ChannelFault
+from sensing.receiver.faults import ChannelFault
 
 REPORT_KEYS = {
     "schema", "scenario", "seed", "policy", "sim_time_s", "wall_time_s", "distance_m", "battery_left",

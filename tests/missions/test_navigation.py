@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from envs import load_scenario
-from missions.leg import BRAKING_MPS2, TURN_SPEED_MPS, Leg, speed_profile, steer
-from missions.navigation import MARGIN_M, SiteMap
-from robot_models.inspector import CHASSIS_RADIUS_M, MAX_SPEED_MPS
-from robot_models.yard import CylinderEquipment, Yard
+from missions.driving.path_follower import BRAKING_MPS2, TURN_SPEED_MPS, PathFollower, speed_profile, steer
+from missions.driving.site_map import MARGIN_M, SiteMap
+from robot_models.robots import CHASSIS_RADIUS_M, MAX_SPEED_MPS
+from robot_models.yard.yard import CylinderEquipment, Yard
 
 MAP = SiteMap(load_scenario("one_source"))
 
@@ -40,7 +40,7 @@ def test_equipment_hides_what_is_behind_it_and_not_what_stands_on_it() -> None:
 
 def test_a_robot_that_steers_along_a_path_arrives_and_strays_little() -> None:
     pose = np.array([3.0, 3.0, 2.0])
-    leg = Leg(MAP, pose, np.array([36.0, 21.0]), 0.0, 0.3)
+    leg = PathFollower(MAP, pose, np.array([36.0, 21.0]), 0.0, 0.3)
     worst, step_s = 0.0, 0.1
     for _ in range(1500):
         v, yaw_rate = steer(pose, leg.path_m)
@@ -67,20 +67,20 @@ def test_a_goal_walled_in_is_given_up_at_once() -> None:
     data["yard"]["equipment"] = (*data["yard"]["equipment"], *walls)
     walled = SiteMap(type(scenario).model_validate(data))
     pose = np.array([3.0, 3.0, 0.0])
-    leg = Leg(walled, pose, np.array([28.0, 6.0]), 0.0, 0.4)
+    leg = PathFollower(walled, pose, np.array([28.0, 6.0]), 0.0, 0.4)
     assert not leg.is_reachable
     assert leg.is_over(pose, 0.0)
 
 
 def test_a_leg_that_takes_too_long_is_over() -> None:
     pose = np.array([3.0, 3.0, 0.0])
-    leg = Leg(MAP, pose, np.array([13.0, 6.0]), 5.0, 0.4)
+    leg = PathFollower(MAP, pose, np.array([13.0, 6.0]), 5.0, 0.4)
     assert not leg.is_over(pose, 6.0)
     assert leg.is_over(pose, 5.0 + 200.0)
     assert leg.deadline_s == pytest.approx(5.0 + 30.0 + leg_length(leg) / 0.4, rel=0.2)
 
 
-def leg_length(leg: Leg) -> float:
+def leg_length(leg: PathFollower) -> float:
     return float(np.linalg.norm(np.diff(leg.path_m, axis=0), axis=-1).sum())
 
 
@@ -98,7 +98,7 @@ def test_an_obstacle_that_was_seen_is_driven_round_with_the_same_room_and_forgot
 
 def test_a_leg_plans_anew_on_another_map_and_keeps_its_deadline() -> None:
     pose = np.array([3.0, 3.0, 0.0])
-    leg = Leg(MAP, pose, np.array([9.0, 3.0]), 0.0, 0.4)
+    leg = PathFollower(MAP, pose, np.array([9.0, 3.0]), 0.0, 0.4)
     before, deadline_s = leg.path_m, leg.deadline_s
     leg.follow(MAP, pose)
     assert leg.path_m is before
@@ -110,7 +110,7 @@ def test_a_leg_plans_anew_on_another_map_and_keeps_its_deadline() -> None:
 def test_a_goal_on_which_something_was_seen_is_approached_until_the_deadline() -> None:
     pose, goal = np.array([3.0, 3.0, 0.0]), np.array([9.0, 3.0])
     around = goal + 0.4 * np.stack([np.cos(np.arange(0, 6.3, 0.3)), np.sin(np.arange(0, 6.3, 0.3))], axis=-1)
-    leg = Leg(MAP.with_obstacles(around), pose, goal, 0.0, 0.3)
+    leg = PathFollower(MAP.with_obstacles(around), pose, goal, 0.0, 0.3)
     assert not leg.is_reachable
     assert not leg.is_over(pose, 1.0)
     assert leg.is_over(pose, leg.deadline_s + 0.1)

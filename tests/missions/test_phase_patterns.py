@@ -5,9 +5,9 @@ import pytest
 
 from dirmusic import GainManifold
 from dirmusic.angles import wrap
-from missions.log import MissionLog
-from missions.phase_patterns import phase_patterns
-from missions.report import make_report
+from missions.record.mission_log import MissionLog
+from missions.record.phase_patterns import phase_patterns
+from missions.record.report import make_report
 from sensing import PulseTrain
 
 SOURCES = {1: ("corona", (10.0, 10.0)), 2: ("void", (0.0, 12.0))}

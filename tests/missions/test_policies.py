@@ -3,10 +3,10 @@
 import numpy as np
 
 from dirmusic import Finding
-from dirmusic.finding import State
+from dirmusic.locating.finding import State
 from envs import load_scenario
-from missions.navigation import SiteMap
-from missions.policies import PURSUIT_LIMIT_S, Seek
+from missions.driving.site_map import SiteMap
+from missions.policies.registry import PURSUIT_LIMIT_S, Seek
 
 SITE_MAP = SiteMap(load_scenario("one_source"))
 

@@ -11,9 +11,9 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 
-from dirmusic.finding import CHI2_95
+from dirmusic.locating.finding import CHI2_95
 from envs import load_scenario
-from missions.log import MissionLog
+from missions.record.mission_log import MissionLog
 from missions.recording import Recorder, write_recording
 from missions.recording import blueprint as paths
 from missions.recording.recorder import ellipse

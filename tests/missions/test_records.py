@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missions.log import TABLES, MissionLog
-from missions.report import ellipse95, evaluate
+from missions.record.mission_log import TABLES, MissionLog
+from missions.record.report import ellipse95, evaluate
 
 AT_REST = {"odometry": np.zeros(3), "battery": 1.0, "command": np.zeros(2)}
 

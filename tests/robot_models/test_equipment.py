@@ -7,10 +7,10 @@ import pytest
 from pydantic import ValidationError
 
 from robot_models.equipment import CATALOGUE
-from robot_models.inspector import Inspectors
+from robot_models.robots import Robots
 from robot_models.world import EQUIPMENT_GROUP
-from robot_models.yard import BoxEquipment, CatalogueEquipment, Yard
-from sensing.materials import KIND_MATERIALS
+from robot_models.yard.yard import BoxEquipment, CatalogueEquipment, Yard
+from sensing.radio.materials import KIND_MATERIALS
 
 AZIMUTHS_RAD = np.radians([90.0, 30.0, -30.0, -90.0, -150.0, 150.0])
 RING_M = np.column_stack([0.12 * np.cos(AZIMUTHS_RAD), 0.12 * np.sin(AZIMUTHS_RAD), np.full(6, 0.6)])
@@ -36,7 +36,7 @@ def test_a_kind_has_a_material_stands_on_the_ground_and_its_sites_lie_on_its_sur
 @pytest.mark.parametrize("kind", CATALOGUE)
 def test_in_the_model_it_has_the_same_surface_as_on_the_map(kind: str) -> None:
     yard = yard_with(kind)
-    inspector = Inspectors(yard, RING_M, AZIMUTHS_RAD)
+    inspector = Robots(yard, RING_M, AZIMUTHS_RAD)
     groups = (np.arange(6) == EQUIPMENT_GROUP).astype(np.uint8)
     rng, hits, met = np.random.default_rng(2), 0, np.zeros(1, dtype=np.int32)
     for _ in range(400):
@@ -54,7 +54,7 @@ def test_in_the_model_it_has_the_same_surface_as_on_the_map(kind: str) -> None:
 
 
 def test_the_robot_touches_the_piece_whatever_part_it_runs_into() -> None:
-    inspector = Inspectors(yard_with("power_transformer", yaw_deg=0.0), RING_M, AZIMUTHS_RAD)
+    inspector = Robots(yard_with("power_transformer", yaw_deg=0.0), RING_M, AZIMUTHS_RAD)
     inspector.reset([0], [(20.0, 12.4, np.pi / 2)])
     inspector.drive([0.5], [0.0], 2.0)
     assert inspector.touched[0] == ("equipment/it",)
@@ -68,7 +68,7 @@ def test_the_robot_passes_below_a_busbar_but_not_over_a_kerb() -> None:
     assert busbar.clearance(np.array([22.0, 15.0])) > 1.0
     assert busbar.in_sight(np.array([[22.0, 10.0]]), np.array([22.0, 20.0])).all()
     assert kerb.clearance(np.array([20.0, 15.0])) < 0
-    inspector = Inspectors(kerb, RING_M, AZIMUTHS_RAD)
+    inspector = Robots(kerb, RING_M, AZIMUTHS_RAD)
     inspector.reset([0], [(20.0, 14.0, np.pi / 2)])
     assert inspector.readings.lidar_m[0, 0] == pytest.approx(1.0 - 0.075, abs=0.01)  # as high as the lidar looks
     inspector.drive([0.5], [0.0], 3.0)

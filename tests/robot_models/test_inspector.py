@@ -10,8 +10,8 @@ import pytest
 
 import robot_models
 from robot_models import inspector as robot
-from robot_models.inspector import Inspectors
-from robot_models.yard import BoxEquipment, CylinderEquipment, Yard
+from robot_models.robots import Robots
+from robot_models.yard.yard import BoxEquipment, CylinderEquipment, Yard
 
 FOLDER = Path(robot_models.__file__).parent / "inspector"
 SCENE = FOLDER / "scene.xml"
@@ -32,7 +32,7 @@ class Inspector:
     """One robot alone."""
 
     def __init__(self) -> None:
-        self.robots = Inspectors(YARD, RING_M, AZIMUTHS_RAD)
+        self.robots = Robots(YARD, RING_M, AZIMUTHS_RAD)
         self.model = self.robots.model
 
     @property

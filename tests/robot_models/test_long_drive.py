@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from envs import load_scenario
-from envs.patrol import STEP_S, PatrolEnv
-from robot_models.inspector import CHASSIS_RADIUS_M
+from envs.patrol_env import STEP_S, PatrolEnv
+from robot_models.robots import CHASSIS_RADIUS_M
 
 
 def drive_at_random(minutes: float, seed: int) -> set[str]:

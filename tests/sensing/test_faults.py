@@ -8,10 +8,10 @@ import pytest
 
 from dirmusic import GainManifold, estimate_bearings
 from dirmusic.angles import difference
-from sensing import ArrayConfig, Carrier, DischargeSource, Heard, HelicalArray, Receiver, ReceiverConfig, Scene
-from sensing.faults import STUCK_AT, ChannelFault
-from sensing.pulses import unit_pulse_energy
-from sensing.waveforms import looks_like_a_pulse
+from sensing import ArrayConfig, Carrier, Detections, DischargeSource, HelicalArray, Receiver, ReceiverConfig, Scene
+from sensing.nature.pulse_shape import unit_pulse_energy
+from sensing.receiver.faults import STUCK_AT, ChannelFault
+from sensing.receiver.waveform_law import looks_like_a_pulse
 
 NOMINAL = HelicalArray.nominal(ArrayConfig())
 RING = GainManifold.ring(6)
@@ -23,7 +23,7 @@ def hear(
     source: DischargeSource = SOURCE,
     carriers: tuple[Carrier, ...] = (),
     **config: Any,  # noqa: ANN401 - settings are of many types
-) -> Heard:
+) -> Detections:
     receiver = Receiver(ReceiverConfig(faults=faults, false_alarm_rate_hz=1e-9, **config), NOMINAL)
     scene, rng = Scene([source], carriers=carriers), np.random.default_rng(0)
     return receiver.listen(np.eye(4), scene, rng, start_s=0.0, duration_s=1.0)

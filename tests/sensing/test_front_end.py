@@ -10,9 +10,9 @@ from dirmusic import estimate_bearings
 from dirmusic.angles import difference
 from sensing import (
     ArrayConfig,
+    Detections,
     DischargeSource,
     Faces,
-    Heard,
     HelicalArray,
     Obstacles,
     Receiver,
@@ -21,8 +21,8 @@ from sensing import (
     Surroundings,
     level_transform,
 )
-from sensing.front_end import FILTER_ORDER, FrontEnd
-from sensing.pulses import damped_pulse, unit_pulse_energy
+from sensing.nature.pulse_shape import damped_pulse, unit_pulse_energy
+from sensing.receiver.front_end import FILTER_ORDER, FrontEnd
 
 FloatArray = NDArray[np.float64]
 RATE_HZ, BAND_HZ = 20e9, (1.4e9, 2.2e9)
@@ -129,7 +129,7 @@ def ground_and_wall() -> Faces:
     )
 
 
-def hear(fidelity: str, snr_db: float, seed: int, n: int, *, echoes: bool, band_hz: object) -> Heard:
+def hear(fidelity: str, snr_db: float, seed: int, n: int, *, echoes: bool, band_hz: object) -> Detections:
     """Shots from one place at an SNR as facts define it, from a gate that noise does not move."""
     config = ReceiverConfig(
         fidelity=fidelity,  # pyright: ignore[reportArgumentType]

@@ -13,16 +13,16 @@ import pytest
 from numpy.typing import ArrayLike
 
 from dirmusic import GainPattern
-from dirmusic.elevation import gain_in_space
-from dirmusic.gain_delay import SPEED_OF_LIGHT_MPS
+from dirmusic.array.elevation import gain_in_space
+from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
 from envs.random_yard import random_yard
 from robot_models.world import build_model
-from robot_models.yard import BoxEquipment, CylinderEquipment, Yard
+from robot_models.yard.yard import BoxEquipment, CylinderEquipment, Yard
 from sensing import ArrayConfig, Faces, HelicalArray, Obstacles, Surroundings, level_transform
 from sensing.array import ArrayTable
-from sensing.materials import KIND_MATERIALS, METAL
-from sensing.propagation import in_array_frame, rays_between
-from sensing.tracing import cross, gain_towards, trace
+from sensing.radio.materials import KIND_MATERIALS, METAL
+from sensing.radio.ray_paths import cross, gain_towards, trace
+from sensing.radio.surroundings import in_array_frame, rays_between
 
 AT_ORIGIN = np.eye(4)
 

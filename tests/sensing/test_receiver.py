@@ -9,9 +9,9 @@ from dirmusic import bearing_bound, estimate_bearings
 from dirmusic.angles import difference
 from sensing import (
     ArrayConfig,
+    Detections,
     DischargeSource,
     Faces,
-    Heard,
     HelicalArray,
     Obstacles,
     Receiver,
@@ -19,9 +19,9 @@ from sensing import (
     Scene,
     Surroundings,
 )
-from sensing.front_end import FrontEnd
-from sensing.propagation import rays_between
-from sensing.pulses import damped_pulse, unit_pulse_energy
+from sensing.nature.pulse_shape import damped_pulse, unit_pulse_energy
+from sensing.radio.surroundings import rays_between
+from sensing.receiver.front_end import FrontEnd
 
 NOMINAL = HelicalArray.nominal(ArrayConfig())
 AT_ORIGIN = np.eye(4)
@@ -39,7 +39,7 @@ def listen(
     duration_s: float = 1.0,
     surroundings: Surroundings | None = None,
     **config: Any,  # noqa: ANN401 - settings are of many types
-) -> Heard:
+) -> Detections:
     receiver = Receiver(ReceiverConfig(**config), NOMINAL)
     scene = Scene([] if source is None else [source], surroundings)
     rng = np.random.default_rng(seed)

@@ -1,0 +1,71 @@
+"""What no unbiased estimator can beat, and what no averaging can remove."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dirmusic.array.element_errors import ElementErrors, ManifoldPrior
+from dirmusic.array.manifold import GainManifold
+
+FloatArray = NDArray[np.float64]
+
+
+def perpendicular_slope(gain: FloatArray, slope: FloatArray) -> FloatArray:
+    r"""The part of the manifold's slope that a change of amplitude cannot imitate, element axis first.
+
+    .. math:: g'_\perp = (I - g g^T / g^T g) g'
+    """
+    along = (gain * slope).sum(axis=0) / np.square(gain).sum(axis=0)
+    return slope - along * gain
+
+
+def bearing_bound(manifold: GainManifold, azimuth_rad: ArrayLike, energy_to_noise: ArrayLike) -> FloatArray:
+    r"""Cramer-Rao bound of the bearing of one pulse of unknown waveform in white noise.
+
+    .. math:: \sigma_\theta \ge 1 / (\sqrt{\rho}\, \lVert g'_\perp(\theta) \rVert), \quad \rho = \sum_k s_k^2 / \sigma^2
+
+    Args:
+        manifold: The array.
+        azimuth_rad: Array-frame azimuth, any shape.
+        energy_to_noise: rho, the pulse's energy in a unit-gain channel over the variance of one noise sample, > 0;
+            broadcasts with `azimuth_rad`. The paper's SNR is rho = 28 070 x 10^(SNR/10) for six elements.
+
+    Returns:
+        Standard deviation in radians, of the broadcast shape.
+
+    References:
+        Stoica and Nehorai, "MUSIC, maximum likelihood, and Cramer-Rao bound", 1989, for a real gain manifold.
+    """
+    slope = perpendicular_slope(*manifold.gain_and_slope(azimuth_rad))
+    return 1.0 / np.sqrt(np.asarray(energy_to_noise) * np.square(slope).sum(axis=0))
+
+
+def manifold_error_std(manifold: GainManifold, azimuth_rad: ArrayLike, prior: ManifoldPrior) -> FloatArray:
+    """Bearing error that all pulses from one azimuth share, because the array is not what the data sheet says.
+
+    Args:
+        manifold: The nominal array.
+        azimuth_rad: Array-frame azimuth, any shape.
+        prior: How far the elements of real arrays spread about the data sheet.
+
+    Returns:
+        Standard deviation in radians, shape of `azimuth_rad`, to first order. Averaging pulses does not lessen it.
+    """
+    gain, slope = manifold.gain_and_slope(azimuth_rad)
+    variance = np.square(_turn_by_gain(gain, slope)) * prior.variance(gain, slope)
+    return np.sqrt(variance.sum(axis=0))
+
+
+def manifold_error(manifold: GainManifold, azimuth_rad: ArrayLike, errors: ElementErrors) -> FloatArray:
+    """First-order bearing error, radians and shape of `azimuth_rad`, made by known errors of the elements."""
+    gain, slope = manifold.gain_and_slope(azimuth_rad)
+    per_element = (-1, *(1,) * (gain.ndim - 1))
+    e, d, o = (x.reshape(per_element) for x in (errors.gain, errors.pointing_rad, errors.offset))
+    return (_turn_by_gain(gain, slope) * (e * gain - d * slope + o)).sum(axis=0)
+
+
+def _turn_by_gain(gain: FloatArray, slope: FloatArray) -> FloatArray:
+    r"""Bearing error per addition to the gain of each element, :math:`g'_{\perp i} / \lVert g'_\perp \rVert^2`."""
+    perpendicular = perpendicular_slope(gain, slope)
+    return perpendicular / np.square(perpendicular).sum(axis=0)

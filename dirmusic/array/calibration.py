@@ -1,0 +1,176 @@
+"""The errors of the elements, learned from turns on the spot: one source, heard under several known headings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dirmusic.angles import wrap
+from dirmusic.array.element_errors import ElementErrors, ElementSpread
+from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, GainManifold
+
+FloatArray = NDArray[np.float64]
+
+NOT_FREE = 1e-9
+"""Spread of what is not to be estimated."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """What turning on the spot has told.
+
+    Attributes:
+        manifold: The nominal manifold with the errors corrected: give this one to the estimators.
+        errors: The errors themselves.
+        remaining_rad: Root mean square over azimuths of the bearing deviation that the errors still make.
+        azimuth_rad: Where the source is, array frame at the first heading, in (-pi, pi].
+        std_rad: Standard deviation of that, given the spread of the errors.
+    """
+
+    manifold: GainManifold
+    errors: ElementErrors
+    remaining_rad: float
+    azimuth_rad: float
+    std_rad: float
+
+
+def calibrate(
+    strengths: ArrayLike,
+    turns_rad: ArrayLike,
+    manifold: GainManifold,
+    spread: ElementSpread,
+    *,
+    strength_variance: ArrayLike,
+    turn_std_rad: float = 0.0,
+) -> Calibration:
+    r"""Maximum a posteriori errors of the elements from one source of unknown direction and amplitude.
+
+    Under heading :math:`\psi_k` element i gives :math:`\alpha_k ((1 + e_i) g(\theta - \psi_k - b_i - d_i) + o_i)`. The
+    amplitude is projected out of each heading, so the source may fluctuate. Four quarter turns are enough. What all
+    pointings have in common is a turn of the whole array: no turning on the spot shows it, and its deviation, that of
+    one element over the root of their number, stays in `std_rad` and in `remaining_rad`.
+
+    The source must be in plain sight and far against the ring, and reflections out of the gate: what else arrives is
+    learned as an error of the array.
+
+    Args:
+        strengths: Shape (n_headings, n_pulses, n_elements), volts, >= 0; n_headings >= 2.
+        turns_rad: By how much the robot has turned, counter-clockwise, from each heading to the next, shape
+            (n_headings - 1,).
+        manifold: The nominal array.
+        spread: How far such arrays spread about their data sheet. What has no spread is not estimated.
+        strength_variance: Variance of the strengths, V^2, > 0; broadcasts to the shape of `strengths`.
+        turn_std_rad: Standard deviation of the error of each turn, independent from turn to turn.
+
+    Returns:
+        The calibration.
+
+    Raises:
+        ValueError: If shapes disagree, a value is not finite, or a heading heard nothing.
+    """
+    from scipy.optimize import least_squares  # here, so that a command line help need not wait for it
+
+    a, turns = np.asarray(strengths, dtype=np.float64), np.asarray(turns_rad, dtype=np.float64)
+    n = manifold.n_elements
+    if a.ndim != 3 or a.shape[0] < 2 or a.shape[-1] != n or turns.shape != (a.shape[0] - 1,):
+        raise ValueError(
+            f"need strengths (n_headings >= 2, n_pulses, {n}) and turns (n_headings - 1,), got {a.shape} and "
+            f"{turns.shape}"
+        )
+    if not (np.isfinite(a).all() and np.all(a >= 0) and np.isfinite(turns).all()):
+        raise ValueError("`strengths` must be finite and >= 0 V and `turns_rad` finite; drop broken channels or pulses")
+    if not np.all(a.any(axis=(-1, -2))):
+        raise ValueError("`strengths` are all zero at some heading: nothing was heard there; leave that heading out")
+    pooled, variance = _pool(a, np.broadcast_to(np.asarray(strength_variance, dtype=np.float64), a.shape))
+    weight = 1.0 / np.sqrt(variance)
+    heading = np.concatenate([[0.0], np.cumsum(turns)])
+    prior = np.maximum(
+        np.concatenate(
+            [
+                [np.inf],
+                np.full(turns.size, turn_std_rad),
+                np.repeat([spread.gain, spread.pointing_rad, spread.offset], n),
+            ]
+        ),
+        NOT_FREE,
+    )
+    start = np.zeros(prior.size)
+    start[0] = _coarse_azimuth(pooled, heading, manifold)
+
+    def response(state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        late = np.concatenate([[0.0], np.cumsum(state[1 : turns.size + 1])])
+        e, d, o = state[turns.size + 1 :].reshape(3, n)
+        off = (state[0] - heading - late)[:, np.newaxis] - manifold.boresights_rad - d
+        gain, slope = manifold.element_response(off)
+        return weight * ((1 + e) * gain + o), weight * gain, weight * (1 + e) * slope
+
+    def residual(state: FloatArray) -> FloatArray:
+        model, _, _ = response(state)
+        return np.concatenate([_across(weight * pooled, model).ravel(), state / prior])
+
+    def jacobian(state: FloatArray) -> FloatArray:
+        model, by_gain, by_azimuth = response(state)
+        energy = np.square(model).sum(axis=-1, keepdims=True)
+        amplitude = (weight * pooled * model).sum(axis=-1, keepdims=True) / energy
+        change = np.zeros((*model.shape, state.size))
+        change[..., 0] = by_azimuth
+        for k in range(1, turns.size + 1):  # an error of one turn stays in all headings after it
+            change[k:, :, k] = -by_azimuth[k:]
+        element = np.arange(n)
+        first = turns.size + 1
+        change[:, element, first + element] = by_gain
+        change[:, element, first + n + element] = -by_azimuth
+        change[:, element, first + 2 * n + element] = weight
+        change *= -amplitude[..., np.newaxis]
+        along = np.einsum("kis,ki->ks", change, model) / energy
+        change -= along[:, np.newaxis, :] * model[..., np.newaxis]
+        return np.concatenate([change.reshape(-1, state.size), np.diag(1.0 / prior)])
+
+    scale = np.where(np.isfinite(prior), prior, 0.01)
+    solution = least_squares(residual, start, jacobian, x_scale=scale, xtol=1e-10, ftol=1e-10)
+    slopes = jacobian(solution.x)
+    covariance = np.linalg.inv(slopes.T @ slopes).astype(np.float64)
+    gain, pointing, offset = solution.x[turns.size + 1 :].reshape(3, n)
+    errors = ElementErrors(gain=gain, pointing_rad=pointing, offset=offset)
+    corrected = errors.correct(manifold)
+    return Calibration(
+        manifold=corrected,
+        errors=errors,
+        remaining_rad=_remaining(corrected, covariance[turns.size + 1 :, turns.size + 1 :]),
+        azimuth_rad=float(wrap(solution.x[0])),
+        std_rad=float(np.sqrt(covariance[0, 0])),
+    )
+
+
+def _pool(strengths: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The pulses of each heading as one, weighted by amplitude, with its variance; each (n_headings, n_elements)."""
+    values, vectors = np.linalg.eigh(np.swapaxes(strengths, -1, -2) @ strengths)
+    direction = np.abs(vectors[..., -1])
+    amplitude = np.einsum("kpi,ki->kp", strengths, direction)
+    energy = np.square(amplitude).sum(axis=-1)
+    return direction * np.sqrt(values[..., -1:]), np.einsum("kp,kpi->ki", np.square(amplitude), variance) / energy[
+        :, None
+    ]
+
+
+def _coarse_azimuth(pooled: FloatArray, heading: FloatArray, manifold: GainManifold) -> float:
+    """The search azimuth that explains most energy in all headings together."""
+    gain = manifold.gain(SEARCH_AZIMUTHS_RAD[:, np.newaxis] - heading)
+    unit = gain / np.linalg.norm(gain, axis=0)
+    return float(SEARCH_AZIMUTHS_RAD[np.square(np.einsum("ki,ijk->jk", pooled, unit)).sum(axis=-1).argmax()])
+
+
+def _across(data: FloatArray, model: FloatArray) -> FloatArray:
+    """The data (..., n_elements) without their part along the model."""
+    return data - model * ((data * model).sum(axis=-1, keepdims=True) / np.square(model).sum(axis=-1, keepdims=True))
+
+
+def _remaining(manifold: GainManifold, covariance: FloatArray) -> float:
+    """Root mean square over azimuths of the bearing deviation that errors of this covariance (3 n, 3 n) still make."""
+    gain, slope = manifold.search_gain, manifold.search_slope
+    across = slope - gain * ((gain * slope).sum(axis=0) / np.square(gain).sum(axis=0))
+    turn = across / np.square(across).sum(axis=0)
+    by_error = np.concatenate([turn * gain, -turn * slope, turn])
+    return float(np.sqrt(np.einsum("ij,ik,kj->j", by_error, covariance, by_error).mean()))

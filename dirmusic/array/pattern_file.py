@@ -1,0 +1,136 @@
+"""Measured patterns from files and back: CSV tables, and the horizontal cut of MSI Planet files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dirmusic.array.pattern import GainPattern, TabulatedPattern
+from dirmusic.csv_table import NUMBER, CsvTable, InputFileError, read_csv_table, read_text
+
+FloatArray = NDArray[np.float64]
+
+MSI_SUFFIXES = (".msi", ".pln")
+SAME_GAIN = 1e-3
+"""Share by which a row at 360 degrees may differ from the one at 0 that it repeats."""
+
+
+def read_pattern(path: str | Path) -> TabulatedPattern:
+    """The pattern of one element from a `.csv`, `.msi` or `.pln` file.
+
+    CSV has the columns `angle_deg` (off boresight, counter-clockwise, as `azimuth - boresight`) and `gain` (amplitude
+    ratio) or `gain_db`. Angles rise within one turn; a last row that repeats the first one turn later is dropped. What
+    the gains are relative to does not matter: a common factor changes no bearing.
+
+    Of an MSI Planet file the block `HORIZONTAL` is read: angles in degrees, clockwise from the boresight like a
+    compass, and attenuation in decibels, 0 or more, relative to the peak.
+
+    Raises:
+        InputFileError: If the file cannot be read, or a cell, an angle or a gap is wrong; file and line are named.
+    """
+    path = Path(path)
+    if path.suffix.lower() in MSI_SUFFIXES:
+        table, gain = _read_msi(path)
+        angle_deg = table.numbers("angle_deg")
+    elif path.suffix.lower() == ".csv":
+        table, gain = _read_csv(path)
+        angle_deg = table.numbers("angle_deg")
+    else:
+        raise InputFileError([f"{path}: ends in `{path.suffix}`; allowed are .csv, {' and '.join(MSI_SUFFIXES)}"])
+    for row in range(1, angle_deg.size):
+        if angle_deg[row] <= angle_deg[row - 1]:
+            word = "is there twice" if angle_deg[row] == angle_deg[row - 1] else "goes back"
+            table.fault(row, f"angle_deg: {angle_deg[row]:g} {word}; allowed are rising angles")
+        elif angle_deg[row] - angle_deg[0] > 360.0:
+            table.fault(row, f"angle_deg: {angle_deg[row]:g} is past one turn; allowed is up to {angle_deg[0] + 360:g}")
+    table.check()
+    if angle_deg[-1] - angle_deg[0] == 360.0:
+        if not np.isclose(gain[-1], gain[0], rtol=SAME_GAIN):
+            table.fault(-1, f"gain: {gain[-1]:.4g} one turn after {gain[0]:.4g}; allowed is the same gain again")
+        table.check()
+        angle_deg, gain = angle_deg[:-1], gain[:-1]
+    angle_rad = np.radians(angle_deg)
+    if path.suffix.lower() in MSI_SUFFIXES:
+        angle_rad, gain = -angle_rad[::-1], gain[::-1]
+    try:
+        return TabulatedPattern(angle_rad, gain)
+    except ValueError as error:
+        raise InputFileError([f"{path}: {error}"]) from None
+
+
+def write_pattern(pattern: GainPattern, path: str | Path, *, off_boresight_rad: ArrayLike | None = None) -> None:
+    """Write a pattern as `.csv` or as an MSI Planet file with its horizontal cut, 360 degrees long.
+
+    Args:
+        pattern: What to write.
+        path: Where to; the ending decides.
+        off_boresight_rad: Angles of the rows of a CSV file, rising. Default: those of a tabulated pattern, or 0 to 359
+            degrees.
+
+    Raises:
+        ValueError: If the ending is unknown.
+    """
+    path = Path(path)
+    if path.suffix.lower() in MSI_SUFFIXES:
+        clockwise_deg = np.arange(360)
+        gain = pattern(-np.radians(clockwise_deg))
+        attenuation_db = -20 * np.log10(gain / gain.max())
+        rows = [f"{a} {x:.4f}" for a, x in zip(clockwise_deg, np.abs(attenuation_db), strict=True)]
+        lines = [f"NAME {path.stem}", "GAIN 0 dBi", "COMMENT relative pattern", "HORIZONTAL 360", *rows]
+    elif path.suffix.lower() == ".csv":
+        angles = off_boresight_rad
+        if angles is None:
+            tabulated = isinstance(pattern, TabulatedPattern)
+            angles = pattern.off_boresight_rad if tabulated else np.radians(np.arange(360))
+        angles = np.asarray(angles, dtype=np.float64)
+        pairs = zip(np.degrees(angles), pattern(angles), strict=True)
+        lines = ["angle_deg,gain", *(f"{a:.10g},{g:.10g}" for a, g in pairs)]
+    else:
+        raise ValueError(f"`path` must end in .csv, {' or '.join(MSI_SUFFIXES)}, got {path.name}")
+    path.write_text("\n".join([*lines, ""]), encoding="utf-8")
+
+
+def _read_csv(path: Path) -> tuple[CsvTable, FloatArray]:
+    table = read_csv_table(path)
+    kinds = [name for name in table.header if name in ("gain", "gain_db")]
+    if "angle_deg" not in table.header or len(kinds) != 1 or len(table.header) != 2:
+        raise InputFileError(
+            [f"{path}: columns {', '.join(table.header)}; allowed are angle_deg and either gain or gain_db"]
+        )
+    if kinds == ["gain_db"]:
+        return table, 10 ** (table.numbers("gain_db", lambda x: abs(x) <= 200, "-200 to 200 dB") / 20)
+    return table, table.numbers("gain", lambda x: x > 0, "an amplitude ratio above 0 (name decibels gain_db)")
+
+
+def _read_msi(path: Path) -> tuple[CsvTable, FloatArray]:
+    """The block HORIZONTAL as a table with the columns angle_deg and attenuation, and the gains."""
+    lines = list(enumerate(read_text(path).splitlines(), start=1))
+    heads = [k for k, (_, line) in enumerate(lines) if line.split()[:1] and line.split()[0].upper() == "HORIZONTAL"]
+    if len(heads) != 1:
+        raise InputFileError([f"{path}: {len(heads)} lines begin with HORIZONTAL; allowed is one"])
+    number, head = lines[heads[0]]
+    count = head.split()[1] if len(head.split()) == 2 else ""
+    if not (count.isascii() and count.isdigit() and int(count) >= 4):
+        raise InputFileError([f"{path}: line {number}: got {head.strip()!r}; allowed is HORIZONTAL and a count from 4"])
+    body: list[tuple[int, tuple[str, ...]]] = []
+    for place, line in lines[heads[0] + 1 :]:
+        cells = tuple(line.split())
+        if cells and not NUMBER.fullmatch(cells[0]):
+            break
+        if cells:
+            body.append((place, cells))
+    table = CsvTable(
+        path=path,
+        header=("angle_deg", "attenuation_db"),
+        rows=tuple(cells for _, cells in body),
+        lines=tuple(place for place, _ in body),
+    )
+    for row, cells in enumerate(table.rows):
+        if len(cells) != 2:
+            table.fault(row, f"got {len(cells)} values; allowed are angle and attenuation")
+    if len(body) != int(count):
+        table.faults.append(f"{path}: line {number}: HORIZONTAL announces {count} rows; {len(body)} follow")
+    table.check()
+    return table, 10 ** (-table.numbers("attenuation_db", lambda x: 0 <= x <= 200, "0 to 200 dB, without a sign") / 20)

@@ -1,0 +1,1 @@
+"""From strengths to bearings: estimators, pseudo-spectrum, posterior, and channels that are at fault."""

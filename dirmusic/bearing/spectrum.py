@@ -1,0 +1,174 @@
+"""Noise subspace, pseudo-spectrum and its peaks, and how many sources there are."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dirmusic.angles import wrap
+
+FloatArray = NDArray[np.float64]
+
+
+def noise_subspace(covariance: FloatArray, n_sources: int = 1) -> FloatArray:
+    """Eigenvectors of the n_elements - n_sources smallest eigenvalues, as columns.
+
+    Args:
+        covariance: Strength covariance, shape (..., n_elements, n_elements), V^2.
+        n_sources: Sources assumed present, in [1, n_elements - 1].
+
+    Returns:
+        Orthonormal columns, shape (..., n_elements, n_elements - n_sources).
+
+    Raises:
+        ValueError: If the covariance is not square or finite, or no noise subspace is left.
+
+    References:
+        Dir-MUSIC, eq. (8)-(14).
+    """
+    n_elements = _check_covariance(covariance)
+    if not 1 <= n_sources < n_elements:
+        raise ValueError(
+            f"`n_sources` must be in [1, {n_elements - 1}] for {n_elements} elements, got {n_sources}: "
+            "the noise subspace has n_elements - n_sources dimensions and needs at least one"
+        )
+    _, vectors = np.linalg.eigh(covariance)  # eigenvalues ascending
+    return vectors[..., : n_elements - n_sources]
+
+
+def pseudo_spectrum(covariance: FloatArray, gain: FloatArray, n_sources: int = 1) -> FloatArray:
+    r"""Score every candidate azimuth by how little of its gain lies in the noise subspace.
+
+    MUSIC steers with phase; Dir-MUSIC steers with gain, so it needs neither coherent sampling nor half-wave spacing.
+
+    .. math:: P(\theta) = 1 / \lVert E_n^T g(\theta) \rVert^2
+
+    Args:
+        covariance: Strength covariance, shape (..., n_elements, n_elements), V^2.
+        gain: Element gains per candidate azimuth, shape (n_elements, n_angles), unitless.
+        n_sources: Sources assumed present, in [1, n_elements - 1].
+
+    Returns:
+        Pseudo-spectrum, shape (..., n_angles), unitless. It ranks azimuths; its height is no power. Infinite where
+        the fit is exact.
+
+    Raises:
+        ValueError: If shapes disagree or no noise subspace is left.
+
+    References:
+        Dir-MUSIC, eq. (13)-(15), as printed: `gain` is not normalised.
+    """
+    if gain.ndim != 2 or gain.shape[0] != covariance.shape[-1]:
+        raise ValueError(
+            f"`gain` must have shape ({covariance.shape[-1]}, n_angles) to match `covariance`, got {gain.shape}. "
+            "Rows are antenna elements in the order the strengths were recorded."
+        )
+    projection = np.swapaxes(noise_subspace(covariance, n_sources), -1, -2) @ gain
+    with np.errstate(divide="ignore"):
+        return 1.0 / np.square(projection).sum(axis=-2)
+
+
+LEAST_NULL = 1e-12
+"""An exact fit counts as this close to one, so that spectra of single pulses stay finite."""
+
+
+def pulse_spectrum(strengths: FloatArray, unit_gain: FloatArray) -> FloatArray:
+    r"""The pseudo-spectrum of single pulses in closed form: one pulse leaves all of space but itself to the noise.
+
+    .. math:: P(\theta) = 1 / (1 - (g(\theta)^T a)^2 / \lVert a \rVert^2), \quad \lVert g(\theta) \rVert = 1
+
+    Args:
+        strengths: One pulse a row, shape (n_pulses, n_elements).
+        unit_gain: Element gains per candidate azimuth scaled to unit norm, shape (n_pulses, n_elements, n_angles).
+
+    Returns:
+        Shape (n_pulses, n_angles), in [1, 1e12]; zeros for a pulse without any strength.
+
+    References:
+        Dir-MUSIC, eq. (15), for a gain of unit norm.
+    """
+    from dirmusic.bearing.likelihood_kernels import pulse_spectra  # here, for the compiler takes time to load
+
+    return pulse_spectra(strengths, unit_gain, LEAST_NULL)
+
+
+def spectrum_peaks(spectrum: FloatArray, azimuths_rad: FloatArray, n_sources: int) -> FloatArray:
+    """Azimuths of the highest peaks of a pseudo-spectrum, refined by a parabola through its inverse.
+
+    Two pulses that overlap are told apart from about 10 / 15 / 30 degrees on at 20 / 10 / 0 dB. Pulses that come at
+    different times have no such limit: gate them one by one and give each its own bearing.
+
+    Args:
+        spectrum: From `pseudo_spectrum` with as many sources assumed, shape (..., n_angles).
+        azimuths_rad: Even steps once round the circle, shape (n_angles,).
+        n_sources: How many peaks are wanted, >= 1.
+
+    Returns:
+        Azimuths, shape (..., n_sources), highest peak first; NaN where there are fewer peaks.
+
+    Raises:
+        ValueError: If the azimuths are not even steps once round, or do not fit the spectrum.
+    """
+    n_angles = azimuths_rad.size
+    step_rad = 2 * np.pi / n_angles
+    if azimuths_rad.shape != spectrum.shape[-1:] or not np.allclose(np.diff(azimuths_rad), step_rad, atol=1e-9):
+        raise ValueError(
+            f"`azimuths_rad` must be {spectrum.shape[-1]} even steps once round the circle to match `spectrum`, got "
+            f"shape {azimuths_rad.shape} from {azimuths_rad[:1]} to {azimuths_rad[-1:]}"
+        )
+    null = 1.0 / spectrum
+    before, after = np.roll(null, 1, axis=-1), np.roll(null, -1, axis=-1)
+    is_peak = (null < before) & (null <= after)
+    depth = np.where(is_peak, null, np.inf)
+    chosen = np.argsort(depth, axis=-1)[..., :n_sources]
+    at, left, right = (np.take_along_axis(x, chosen, axis=-1) for x in (null, before, after))
+    curvature = left + right - 2 * at
+    shift = 0.5 * (left - right) / np.where(curvature > 0, curvature, np.inf)
+    peaks = wrap(azimuths_rad[chosen] + shift * step_rad)
+    return np.where(np.take_along_axis(is_peak, chosen, axis=-1), peaks, np.nan)
+
+
+def source_count(covariance: FloatArray, n_snapshots: int) -> NDArray[np.intp]:
+    r"""How many sources a record holds, by minimum description length.
+
+    .. math:: \hat k = \arg\min_k \; \frac{n (N - k)}{2} \ln \frac{\bar\lambda_k}{\tilde\lambda_k}
+              + \frac{k (2 N - k + 1)}{4} \ln n
+
+    with the arithmetic and the geometric mean of the N - k smallest eigenvalues. Akaike's criterion, with 2 for
+    :math:`\ln n`, counts one too many in about one record of six.
+
+    Args:
+        covariance: From `sample_covariance` of samples in white noise of one variance, shape (..., N, N).
+        n_snapshots: Samples it is the mean of, >= N.
+
+    Returns:
+        Count, shape (...), in [0, N - 1].
+
+    Raises:
+        ValueError: If the covariance is not square or finite, or there are too few snapshots.
+
+    References:
+        Wax and Kailath, "Detection of signals by information theoretic criteria", 1985, with the number of free
+        parameters of a real covariance.
+    """
+    n_elements = _check_covariance(covariance)
+    if n_snapshots < n_elements:
+        raise ValueError(f"`n_snapshots` must be at least the {n_elements} elements, got {n_snapshots}")
+    eigenvalues = np.linalg.eigvalsh(covariance)  # ascending
+    eigenvalues = np.maximum(eigenvalues, 1e-15 * eigenvalues[..., -1:] + np.finfo(np.float64).tiny)
+    counts = np.arange(n_elements)
+    arithmetic = np.cumsum(eigenvalues, axis=-1) / (counts + 1)
+    geometric = np.cumsum(np.log(eigenvalues), axis=-1) / (counts + 1)
+    misfit = 0.5 * n_snapshots * (counts + 1) * (np.log(arithmetic) - geometric)  # of the counts + 1 smallest
+    n_sources = n_elements - 1 - counts
+    penalty = 0.25 * n_sources * (2 * n_elements - n_sources + 1) * np.log(n_snapshots)
+    return n_elements - 1 - np.argmin(misfit + penalty, axis=-1)
+
+
+def _check_covariance(covariance: FloatArray) -> int:
+    n_elements = covariance.shape[-1]
+    if covariance.ndim < 2 or covariance.shape[-2] != n_elements:
+        raise ValueError(f"`covariance` must have shape (..., n_elements, n_elements), got {covariance.shape}")
+    if not np.isfinite(covariance).all():
+        raise ValueError("`covariance` must be finite; drop the broken record or channel first")
+    return n_elements

@@ -1,0 +1,167 @@
+"""Pulse phase against level: which kind of discharge a pattern is most like, and how sure that is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dirmusic.angles import difference
+from dirmusic.pulses.discharge_kinds import KINDS, Cluster, KindName
+
+FloatArray = NDArray[np.float64]
+
+SHIFTS_RAD = np.radians(np.arange(0.0, 360.0, 5.0))
+"""Shifts of the mains phase that are tried: a free-field antenna does not know which conductor it hears."""
+
+OFFSETS_DB = np.arange(-12.0, 12.5, 1.5)
+"""Levels of the kind against the median of the pattern that are tried."""
+
+CENTRE_STD_DEG, WIDTH_FACTOR, LEVEL_STD_DB = 7.0, 1.2, 1.2
+"""How defects of one kind differ (assumed): a cluster is that much wider than its typical one."""
+
+STRAY_SHARE = 0.03
+"""Pulses that belong to no cluster: noise, and others' (assumed)."""
+
+LEVEL_RANGE_DB = 40.0
+"""Over which stray pulses are taken as even."""
+
+LEAST_PULSES = 20
+"""Fewer show no pattern."""
+
+MOST_PULSES = 100
+"""More are thinned out evenly: the kinds, not the noise, limit."""
+
+LEAST_EXPLAINED = 0.88
+"""Share of pulses that the clusters of a kind must explain, or the pattern is of another kind, or of several."""
+
+SECOND_KIND = 0.17
+"""Log likelihood per pulse that a second kind may gain before the pattern is a mixture (assumed)."""
+
+SECOND_KIND_BLUR = 0.04
+"""How sharply (assumed)."""
+
+ALTERNATIONS = 2
+"""How often the two kinds of a pair are fitted in turn."""
+
+INDEPENDENT_PULSES = 12
+"""How many pulses count as evidence at most, since a pattern is never quite the typical one (assumed)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhasePattern:
+    """What a pattern is like.
+
+    Attributes:
+        kind: Most likely one, or "unknown".
+        confidence: Probability of `kind` among all kinds and none of them, in [0, 1].
+        shift_rad: Phase by which the pattern leads that of `KINDS`, in [0, 2 pi); of the likeliest kind.
+        explained: Share of the pulses that the likeliest kind explains.
+    """
+
+    kind: KindName | str
+    confidence: float
+    shift_rad: float
+    explained: float
+
+
+def classify(phase_rad: ArrayLike, level_db: ArrayLike) -> PhasePattern:
+    r"""Compare a phase-resolved pattern with those of known kinds, its phase shift and level being unknown.
+
+    Each kind is a mixture of normal clusters in phase and level with a few stray pulses; the alternative is pulses at
+    any phase with levels of their own spread. The likelihoods are those of the best shift and level, tempered, because
+    no defect is quite the typical one.
+
+    Args:
+        phase_rad: Of the mains at each pulse, shape (n,).
+        level_db: Level of each pulse with range and gain taken out, shape (n,); its zero does not matter.
+
+    Returns:
+        The kind; "unknown" with fewer than `LEAST_PULSES` pulses, where none explains enough of them, or where pulses
+        come at any phase.
+
+    Raises:
+        ValueError: If shapes disagree or a value is not finite.
+    """
+    phase, level = np.asarray(phase_rad, dtype=np.float64), np.asarray(level_db, dtype=np.float64)
+    if phase.ndim != 1 or phase.shape != level.shape:
+        raise ValueError(f"`phase_rad` and `level_db` must both have shape (n,), got {phase.shape} and {level.shape}")
+    if not (np.isfinite(phase).all() and np.isfinite(level).all()):
+        raise ValueError("`phase_rad` and `level_db` must be finite")
+    if phase.size < LEAST_PULSES:
+        return PhasePattern(kind="unknown", confidence=1.0, shift_rad=0.0, explained=0.0)
+    if phase.size > MOST_PULSES:
+        some = np.linspace(0, phase.size - 1, MOST_PULSES).astype(np.intp)
+        phase, level = phase[some], level[some]
+    level = level - np.median(level)
+    spread_db = max(float(level.std()), 0.5)
+    uniform = -np.log(2 * np.pi) - 0.5 * np.square((level - level.mean()) / spread_db) - np.log(spread_db * _ROOT)
+    densities: dict[KindName, FloatArray] = {kind: _densities(phase, level, KINDS[kind]) for kind in _NAMES}
+    fits: dict[KindName, _Fit] = {kind: _best(densities[kind]) for kind in _NAMES}
+    evidence = np.array([*(fit.log_likelihood for fit in fits.values()), uniform.sum()])
+    weight = np.exp((evidence - evidence.max()) * min(1.0, INDEPENDENT_PULSES / phase.size))
+    weight /= weight.sum()
+    kind = _NAMES[int(weight[:-1].argmax())]
+    fit, probability = fits[kind], float(weight[:-1].max())
+    explained = float((fit.density / (fit.density + _STRAY)).mean())
+    gain = _gain_of_a_second_kind(kind, densities, fits) / phase.size
+    mixed = 1.0 / (1.0 + np.exp(-(gain - SECOND_KIND) / SECOND_KIND_BLUR))
+    confidence = probability * (1.0 - mixed) * min(1.0, explained / LEAST_EXPLAINED)
+    name = kind if mixed < 0.5 and explained >= LEAST_EXPLAINED and probability > weight[-1] else "unknown"
+    return PhasePattern(
+        kind=name,
+        confidence=confidence if name == kind else 1.0 - confidence,
+        shift_rad=fit.shift_rad,
+        explained=explained,
+    )
+
+
+_NAMES: tuple[KindName, ...] = tuple(KINDS)
+_ROOT = np.sqrt(2 * np.pi)
+_STRAY = STRAY_SHARE / (2 * np.pi * LEVEL_RANGE_DB)
+
+
+class _Fit(NamedTuple):
+    """A kind at its best shift and level; the density of each pulse, shape (n,), without stray ones."""
+
+    log_likelihood: float
+    shift_rad: float
+    density: FloatArray
+
+
+def _densities(phase: FloatArray, level: FloatArray, clusters: tuple[Cluster, ...]) -> FloatArray:
+    """Density of each pulse for every shift and level of a kind, shape (n_shifts, n_offsets, n)."""
+    off = difference(phase, SHIFTS_RAD[:, np.newaxis])  # (n_shifts, n)
+    above = level - OFFSETS_DB[:, np.newaxis]  # (n_offsets, n)
+    density = np.zeros((SHIFTS_RAD.size, OFFSETS_DB.size, phase.size))
+    for cluster in clusters:
+        width = np.radians(np.hypot(WIDTH_FACTOR * cluster.width_deg, CENTRE_STD_DEG))
+        spread = np.hypot(cluster.spread_db, LEVEL_STD_DB)
+        in_phase = np.exp(-0.5 * np.square(difference(off, np.radians(cluster.centre_deg)) / width)) / (width * _ROOT)
+        in_level = np.exp(-0.5 * np.square((above - cluster.level_db) / spread)) / (spread * _ROOT)
+        density += cluster.share * in_phase[:, np.newaxis] * in_level
+    return (1 - STRAY_SHARE) * density
+
+
+def _best(density: FloatArray, beside: FloatArray | float = 0.0) -> _Fit:
+    """The best shift and level, alone or with another density of the pulses beside."""
+    likelihood = np.log(density + beside + _STRAY).sum(axis=-1)
+    shift, offset = np.unravel_index(int(likelihood.argmax()), likelihood.shape)
+    return _Fit(float(likelihood[shift, offset]), float(SHIFTS_RAD[shift]), density[shift, offset])
+
+
+def _gain_of_a_second_kind(kind: KindName, densities: dict[KindName, FloatArray], fits: dict[KindName, _Fit]) -> float:
+    """By how much the log likelihood rises when half of the pulses may be of another kind, the best of all pairs."""
+    best = -np.inf
+    for pair in combinations(_NAMES, 2):
+        one, two = sorted(pair, key=lambda name: -fits[name].log_likelihood)
+        held = fits[one]
+        for _ in range(ALTERNATIONS):
+            second = _best(0.5 * densities[two], 0.5 * held.density)
+            held = _best(0.5 * densities[one], second.density)
+            held = held._replace(density=2 * held.density)
+        best = max(best, held.log_likelihood)
+    return best - fits[kind].log_likelihood

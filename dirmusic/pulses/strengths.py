@@ -1,0 +1,109 @@
+"""From what the channels recorded to what the estimator reads: covariances and strengths."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+def sample_covariance(snapshots: ArrayLike) -> FloatArray:
+    r"""Average outer product of the snapshots.
+
+    .. math:: R = X X^T / n
+
+    Args:
+        snapshots: Array output, shape (..., n_elements, n_snapshots), volts.
+
+    Returns:
+        Strength covariance, shape (..., n_elements, n_elements), V^2.
+
+    Raises:
+        ValueError: If there is no snapshot, or a value is not finite.
+
+    References:
+        Dir-MUSIC, eq. (5).
+    """
+    x = np.asarray(snapshots, dtype=np.float64)
+    if x.ndim < 2 or x.shape[-1] == 0:
+        raise ValueError(f"`snapshots` must have shape (..., n_elements, n_snapshots >= 1), got {x.shape}")
+    if not np.isfinite(x).all():
+        raise ValueError("`snapshots` must be finite; drop the broken record or channel first")
+    return x @ np.swapaxes(x, -1, -2) / x.shape[-1]
+
+
+def pulse_strengths(waveforms: ArrayLike, noise_variance: ArrayLike) -> FloatArray:
+    r"""Strength of each gated pulse in each channel: the root of its energy above that of the noise.
+
+    Energies do not care by how much a pulse is delayed from element to element, as long as the gate holds it.
+
+    .. math:: a_i = \sqrt{\max(\sum_k x_{ik}^2 - n \sigma_i^2, 0)}
+
+    Args:
+        waveforms: The gate, all of it: shape (..., n_elements, n_samples), volts.
+        noise_variance: Variance of one noise sample, V^2, >= 0; broadcasts to (..., n_elements).
+
+    Returns:
+        Strengths, shape (..., n_elements), volts (root of a sum over samples, not a peak). NaN marks a dead channel:
+        all its samples are zero, though there should be noise and other channels have some.
+
+    Raises:
+        ValueError: If a sample is not finite or a variance is negative.
+    """
+    x = np.asarray(waveforms, dtype=np.float64)
+    variance = np.asarray(noise_variance, dtype=np.float64)
+    if x.ndim < 2:
+        raise ValueError(f"`waveforms` must have shape (..., n_elements, n_samples), got {x.shape}")
+    if not np.all(variance >= 0):
+        raise ValueError(f"`noise_variance` must be >= 0 V^2, got {noise_variance!r}")
+    from dirmusic.pulses.strength_kernels import strength_of  # here, for the compiler takes time to load
+
+    energy = np.einsum("...k,...k->...", x, x)
+    if not np.isfinite(energy).all():
+        broken = np.flatnonzero(~np.all(np.isfinite(energy), axis=tuple(range(energy.ndim - 1)))) + 1
+        raise ValueError(
+            f"`waveforms` must be finite, got NaN or infinity in channels {', '.join(map(str, broken))}; drop the "
+            "broken records or channels first"
+        )
+    strengths = np.asarray(strength_of(energy, x.shape[-1] * variance))
+    silent = energy == 0.0
+    if (
+        silent.any()
+    ):  # with noise about, not one sample that differs from zero: no pulse was too weak, a channel is dead
+        dead = silent & (variance > 0) & ~silent.all(axis=-1, keepdims=True)
+        strengths = np.where(dead, np.nan, strengths)
+    return strengths
+
+
+def strength_variance(
+    strengths: ArrayLike,
+    noise_variance: ArrayLike,
+    n_samples: int,
+    *,
+    energy_spread: float | None = None,
+    noise_on_pulse: float = 1.0,
+) -> FloatArray:
+    r"""Variance of the strengths of `pulse_strengths`.
+
+    Noise with the correlation matrix :math:`C` over the gate, eigenvalues :math:`\mu_k`, gives a gate's energy the
+    variance :math:`2 \sigma^4 \sum_k \mu_k^2 + 4 \sigma^2 \kappa a^2`, where :math:`\kappa = d^T C d / d^T d` for the
+    pulse d; the root divides it by :math:`4 a^2`. In white noise the sum is n and :math:`\kappa` is 1. Where the noise
+    energy hides the pulse, the root is no longer linear and the variance levels off at that of
+    :math:`a^2 = \sigma^2 \sqrt{\sum_k \mu_k^2 / 2}`.
+
+    Args:
+        strengths: Shape (..., n_elements), volts, >= 0.
+        noise_variance: Variance of one noise sample, V^2; broadcasts to (..., n_elements).
+        n_samples: Samples in the gate, >= 1.
+        energy_spread: The sum of the squared eigenvalues; None for white noise.
+        noise_on_pulse: The factor kappa.
+
+    Returns:
+        Variance, shape (..., n_elements), V^2.
+    """
+    from dirmusic.pulses.strength_kernels import variance_of_strength  # here, for the compiler takes time to load
+
+    spread = float(n_samples if energy_spread is None else energy_spread)
+    strength, noise = (np.asarray(x, dtype=np.float64) for x in (strengths, noise_variance))
+    return np.asarray(variance_of_strength(strength, noise, spread, noise_on_pulse))

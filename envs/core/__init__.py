@@ -1,0 +1,1 @@
+"""Episodes side by side: what both environments are made of."""

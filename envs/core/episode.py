@@ -1,0 +1,183 @@
+"""What is drawn for one episode: sources, interferers, and the array as it was really built."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envs.scenario.scenario import ROBOT_CLEARANCE_M, Scenario
+from envs.scenario.sources import SourceConfig
+from sensing import Carrier, DischargeSource, HelicalArray, PulseTrain, Scene, Surroundings
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Episode:
+    """Nature's draw for one episode; what only nature knows.
+
+    Attributes:
+        sources: What discharges.
+        interferers: What is heard like a discharge and lies beyond the fence.
+        array: As it was really built.
+        scene: All that radiates.
+        start_pose: Where the robot starts, x m, y m, yaw rad, shape (3,).
+        truth: The same as plain data, for logs and scores.
+    """
+
+    sources: tuple[DischargeSource, ...]
+    interferers: tuple[DischargeSource, ...]
+    array: HelicalArray
+    scene: Scene
+    start_pose: FloatArray
+    truth: dict[str, Any]
+
+    @classmethod
+    def draw(
+        cls, scenario: Scenario, surroundings: Surroundings, rng: np.random.Generator, options: Mapping[str, Any]
+    ) -> Episode:
+        """Draw all that a scenario leaves open, but for what `options` fixes.
+
+        Raises:
+            ValueError: If an option is unknown or makes no sense in the scenario.
+        """
+        fixed = _checked(options, scenario)
+        sources = _draw_sources(scenario, rng, fixed["sources"])
+        interferers = tuple(
+            DischargeSource(
+                name=item.name,
+                position_m=np.array(item.position_m),
+                amplitude_v=_draw_amplitude(item.amplitude_v, item.amplitude_range_db, rng),
+                pulse_rate_hz=item.pulse_rate_hz,
+                burst_s=item.burst_s,
+            )
+            for item in scenario.interferers
+        )
+        carriers = [
+            Carrier(
+                frequency_hz=item.frequency_hz,
+                amplitude_v=item.amplitude_v,
+                bearing_rad=float(np.radians(item.bearing_deg)),
+            )
+            for item in scenario.carriers
+        ]
+        array = HelicalArray.draw(scenario.array, rng)
+        yaw_rad, fixed_deg = float(rng.uniform(-np.pi, np.pi)), scenario.route.dock_yaw_deg
+        yaw_rad = yaw_rad if fixed_deg is None else float(np.radians(fixed_deg))
+        start = fixed["start_pose"] if fixed["start_pose"] is not None else (*scenario.route.dock_m, yaw_rad)
+        return cls(
+            sources=sources,
+            interferers=interferers,
+            array=array,
+            scene=Scene([*sources, *interferers], surroundings, carriers),
+            start_pose=np.array(start, dtype=np.float64),
+            truth=_truth(scenario, sources, interferers, array),
+        )
+
+
+OPTIONS = ("start_pose", "sources")
+"""What `reset(options=...)` can fix; see `PatrolEnv`."""
+
+
+def _checked(options: Mapping[str, Any], scenario: Scenario) -> dict[str, Any]:
+    unknown = [key for key in options if key not in OPTIONS]
+    if unknown:
+        raise ValueError(f"`options`: no option `{unknown[0]}`; allowed are {', '.join(OPTIONS)}")
+    start, sources = options.get("start_pose"), dict(options.get("sources", {}))
+    if start is not None:
+        pose = np.asarray(start, dtype=np.float64)
+        if pose.shape != (3,) or not np.isfinite(pose).all() or scenario.yard.clearance(pose[:2]) < 0.0:
+            raise ValueError(f"`options`: start_pose {start} is no x m, y m, yaw rad on free ground inside the fence")
+    names, known = [source.name for source in scenario.sources], scenario.yard.site_names()
+    for name, place in sources.items():
+        if name not in names:
+            raise ValueError(f"`options`: no source `{name}`; allowed are {', '.join(names) or 'none'}")
+        if isinstance(place, str):
+            if place not in known:
+                raise ValueError(f"`options`: no site `{place}` for source `{name}`; allowed are {', '.join(known)}")
+            sources[name] = scenario.yard.site_position(place)
+        else:
+            at = np.asarray(place, dtype=np.float64)
+            if at.shape != (3,) or not np.isfinite(at).all() or at[2] <= 0 or not scenario.yard.contains(at):
+                raise ValueError(f"`options`: source `{name}` at {place}: allowed is x, y, z above ground in the yard")
+            sources[name] = at
+    return {"start_pose": start, "sources": sources}
+
+
+def _draw_sources(
+    scenario: Scenario, rng: np.random.Generator, fixed: Mapping[str, FloatArray]
+) -> tuple[DischargeSource, ...]:
+    sources: list[DischargeSource] = []
+    taken: set[str] = set()
+    for config in scenario.sources:
+        position_m = _draw_position(config, scenario, rng, taken)
+        sources.append(
+            DischargeSource(
+                name=config.name,
+                position_m=fixed.get(config.name, position_m),
+                amplitude_v=_draw_amplitude(config.amplitude_v, config.amplitude_range_db, rng),
+                pulse_rate_hz=config.pulse_rate_hz,
+                train=_draw_train(config, scenario, rng),
+                active_s=config.active_s or (0.0, np.inf),
+                drift_db_per_min=config.drift_db_per_min,
+                n_shots=config.n_shots,
+                first_shot_s=config.first_shot_s,
+            )
+        )
+    return tuple(sources)
+
+
+def _draw_position(config: SourceConfig, scenario: Scenario, rng: np.random.Generator, taken: set[str]) -> FloatArray:
+    if config.position_m is not None:
+        return np.array(config.position_m)
+    if config.anywhere_at_m is not None:
+        return np.append(scenario.yard.free_place(rng, ROBOT_CLEARANCE_M), config.anywhere_at_m)
+    sites = [site for site in scenario.candidate_sites(config) if site not in taken]
+    site = sites[int(rng.integers(len(sites)))]
+    taken.add(site)
+    return scenario.yard.site_position(site)
+
+
+def _draw_train(config: SourceConfig, scenario: Scenario, rng: np.random.Generator) -> PulseTrain | None:
+    if config.kind is None:
+        return None
+    drawn_deg = float(rng.choice((0.0, 120.0, 240.0)))
+    conductor_deg = drawn_deg if config.conductor_deg is None else config.conductor_deg
+    return PulseTrain.draw(config.kind, scenario.receiver.mains_hz, float(np.radians(conductor_deg)), rng)
+
+
+def _draw_amplitude(amplitude_v: float, range_db: float, rng: np.random.Generator) -> float:
+    """Uniform in decibels over a range centred on `amplitude_v`."""
+    return amplitude_v * 10 ** (float(rng.uniform(-0.5, 0.5)) * range_db / 20)
+
+
+def _truth(
+    scenario: Scenario,
+    sources: tuple[DischargeSource, ...],
+    interferers: tuple[DischargeSource, ...],
+    array: HelicalArray,
+) -> dict[str, Any]:
+    def describe(source: DischargeSource) -> dict[str, Any]:
+        return {
+            "name": source.name,
+            "position_m": source.position_m.tolist(),
+            "amplitude_v": source.amplitude_v,
+            "pulse_rate_hz": source.pulse_rate_hz,
+        }
+
+    return {
+        "sources": [
+            {**describe(source), "kind": config.kind} for source, config in zip(sources, scenario.sources, strict=True)
+        ],
+        "interferers": [describe(source) for source in interferers],
+        "array": {
+            "boresights_rad": array.boresights_rad.tolist(),
+            "gain_factors": array.gain_factors.tolist(),
+            "gain_offsets": array.gain_offsets.tolist(),
+            "positions_m": array.positions_m.tolist(),
+        },
+    }

@@ -1,0 +1,240 @@
+"""PatrolEnv: one robot, one yard, one array, as a Gymnasium environment."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from envs.core.progress import REWARD_TERMS
+from envs.core.simulation import STEP_S, Outcome, Simulation
+from envs.scenario import Scenario, load_scenario
+from robot_models.camera import Camera
+from robot_models.robots import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS
+
+FloatArray = NDArray[np.float64]
+Observation = dict[str, NDArray[np.float32]]
+ScenarioSource = str | Path | Scenario | Callable[[np.random.Generator], Scenario]
+"""A scenario, or a function that draws one for each episode."""
+
+FIRST = np.zeros(1, dtype=np.intp)
+
+
+class Pulses(NamedTuple):
+    """What the receiver and the direction finder made of one step; n_pulses rows each, by time.
+
+    Attributes:
+        time_s: Shape (n_pulses,).
+        strengths_v: Shape (n_pulses, n_elements).
+        variance_v2: Noise variance of the strengths, same shape.
+        mains_phase_rad: Shape (n_pulses,), in [0, 2 pi).
+        azimuth_rad: Direction of arrival, array frame, shape (n_pulses,).
+        std_rad: Its deviation from noise alone, shape (n_pulses,); pi where there was no strength at all.
+        misfit: Share of the energy that no single direction explains, shape (n_pulses,).
+        is_clipped: Whether the pulse met the end of the converter's scale, shape (n_pulses,).
+        is_good: Which channels the direction finder used, shape (n_elements,).
+    """
+
+    time_s: FloatArray
+    strengths_v: FloatArray
+    variance_v2: FloatArray
+    mains_phase_rad: FloatArray
+    azimuth_rad: FloatArray
+    std_rad: FloatArray
+    misfit: FloatArray
+    is_clipped: NDArray[np.bool_]
+    is_good: NDArray[np.bool_]
+
+
+class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
+    """An inspection robot in a substation yard hears partial discharges through six directional antennas.
+
+    ## Action
+    `Box(-1, 1, (2,), float32)`: forward speed and yaw rate (counter-clockwise), as a share of the robot's limits.
+
+    | index | action | limit | unit |
+    |---|---|---|---|
+    | 0 | forward speed | 0.8 | m/s |
+    | 1 | yaw rate | 1.5 | rad/s |
+
+    ## Observation
+    A flat `Dict` of float32 boxes. World frame: x east, y north, origin at the yard's south-west corner. Array frame:
+    x forward, y left. Where nothing was heard, `heard` is 0 and what belongs to it is zero; nothing is ever NaN.
+
+    | key | shape | range | unit | meaning |
+    |---|---|---|---|---|
+    | pose | 4 | yard and 5 m around, [-1, 1] | m, m, 1, 1 | believed x, y, cos yaw, sin yaw |
+    | lidar | 36 | [0, 12] | m | range of beams every 10 degrees, from ahead counter-clockwise; 12 where nothing is |
+    | velocity | 2 | [-1.6, 1.6], [-3, 3] | m/s, rad/s | forward speed and yaw rate |
+    | heard | 1 | [0, 1] | 1 | 1 if a pulse came in this step |
+    | strengths | 6 | [0, 1] | 1 | of the strongest pulse of this step, unit norm; 4 with an array of 4 |
+    | level | 1 | [0, 5] | decades | log10 of its strength over the noise of one sample, clipped |
+    | spectrum | 72 | [0, 1] | 1 | its pseudo-spectrum every 5 degrees of array azimuth, maximum 1 |
+    | bearing | 2 | [-1, 1] | 1 | cos and sin of the last bearing, world frame; zeros before the first |
+    | bearing_age | 1 | [0, 60] | s | time since that bearing, clipped; 60 before the first |
+    | waypoint | 2 | yard | m | first waypoint not yet visited, world frame; the dock after the last |
+    | time_left | 1 | [0, time limit] | s | until truncation |
+
+    ## Reward
+    Metres of progress towards the nearest source not yet approached, minus 0.05 a second, minus 1 for each step in
+    contact with anything but the floor. `info["reward"]` has the terms. Progress uses the truth: it is for training.
+
+    ## Episode
+    `reset` draws each source's site and amplitude, the heading at the dock, and the errors of array and pose.
+    Terminated when every source has been approached to the stand-off distance (if there are sources and
+    `terminate_on_approach`), or when the robot is back at the dock after the route. Truncated at the time limit.
+
+    ## Options
+    `reset(options=...)` fixes what is drawn otherwise: `start_pose` (x m, y m, yaw rad), and `sources`, a dict from a
+    source's name to a site (`equipment/site`) or a position (x, y, z).
+
+    ## Info
+    `time_s`, `pose` (believed, float64), `odometry` (x m, y m, yaw rad by wheels and gyro alone, from the believed
+    pose at the start on), `battery` (share that is left), `pulses` (a `Pulses` of this step), `touched` (names),
+    `waypoints_visited` (indices), `suspects` (channels newly found at fault), and `truth`, which is for logs and
+    scores: no policy but `oracle` may see it. It holds the true pose, and at the start all that was drawn.
+
+    ## Rendering
+    `rgb_array` (480, 640, 3) uint8 and `depth_array` (480, 640) float32, metres, from a camera that follows the robot;
+    `human` opens a window and keeps it up to date.
+
+    ## Pickling
+    An environment in the middle of an episode can be copied and pickled, and goes on as the original would.
+
+    Args:
+        scenario: Name of a shipped scenario, path of a TOML file, a `Scenario`, or a function that draws one from a
+            generator for each episode (all of one size of yard, number of elements and time limit).
+        terminate_on_approach: Whether an episode ends once all sources are approached. Missions say no: they go on to
+            fix the source and come home.
+        render_mode: `human`, `rgb_array`, `depth_array`, or None.
+
+    Raises:
+        ScenarioError: If the scenario has faults; all are listed.
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012 - the base class declares it so
+        "render_modes": ["human", "rgb_array", "depth_array"],
+        "render_fps": round(1 / STEP_S),
+    }
+
+    def __init__(
+        self,
+        scenario: ScenarioSource = "one_source",
+        *,
+        terminate_on_approach: bool = True,
+        render_mode: str | None = None,
+    ) -> None:
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise ValueError(
+                f"`render_mode`: got {render_mode!r}; allowed are {', '.join(self.metadata['render_modes'])}, or None"
+            )
+        self.render_mode = render_mode
+        self._camera: Camera | None = None
+        self._draw_scenario = scenario if callable(scenario) else None
+        self._terminate_on_approach = terminate_on_approach
+        first = scenario(np.random.default_rng(0)) if callable(scenario) else load_scenario(scenario)
+        self._enter(first)
+        self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
+        self.observation_space = observation_space(self.patrols)  # pyright: ignore[reportAttributeAccessIssue]
+
+    def _enter(self, scenario: Scenario) -> None:
+        self.patrols = Simulation(scenario, terminate_on_approach=self._terminate_on_approach)
+
+    @property
+    def scenario(self) -> Scenario:
+        """Of this episode."""
+        return self.patrols.scenario
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Start an episode at the dock; `seed` fixes all that is drawn, `options` what is not to be drawn."""
+        super().reset(seed=seed, options=options)
+        if self._draw_scenario is not None:
+            self.close()
+            self._enter(self._draw_scenario(self.np_random))
+            drawn = observation_space(self.patrols)
+            if drawn != self.observation_space:
+                raise ValueError(
+                    "`scenario`: the function drew one with another observation space; allowed are scenarios of one "
+                    f"size of yard, number of elements and time limit, as of the first: {self.observation_space}"
+                )
+        self.patrols.reset(FIRST, [self.np_random], options or {})
+        outcome = self.patrols.step(None, started=FIRST)
+        if self.render_mode == "human":
+            self.render()
+        info = self._info(outcome)
+        info["truth"] |= copy.deepcopy(self.patrols.episode(0).truth)
+        return self.patrols.entries.parts(outcome.shown[0]), info
+
+    def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Drive for 0.1 s, then listen; see the class for what comes back."""
+        v_share, yaw_rate_share = np.asarray(action).tolist()
+        outcome = self.patrols.step(np.array([[v_share * MAX_SPEED_MPS, yaw_rate_share * MAX_YAW_RATE_RADPS]]))
+        info = self._info(outcome)
+        terms = dict(zip(REWARD_TERMS, outcome.reward[:, 0].tolist(), strict=True))
+        info["reward"] = terms
+        if self.render_mode == "human":
+            self.render()
+        is_over, is_late = bool(outcome.terminated[0]), bool(outcome.truncated[0])
+        return self.patrols.entries.parts(outcome.shown[0]), sum(terms.values()), is_over, is_late, info
+
+    def _info(self, outcome: Outcome) -> dict[str, Any]:
+        patrols, motion, heard = self.patrols, self.patrols.motion, outcome.heard
+        told, good = outcome.bearings, patrols.good_channels[0]
+        return {
+            "time_s": float(motion.time_s[0]),
+            "pose": motion.pose[0].copy(),
+            "odometry": motion.odometry[0].copy(),
+            "battery": float(motion.battery[0]),
+            "pulses": Pulses(
+                time_s=heard.time_s,
+                strengths_v=heard.strengths_v,
+                variance_v2=heard.variance_v2,
+                mains_phase_rad=heard.mains_phase_rad,
+                azimuth_rad=told.azimuth_rad,
+                std_rad=told.std_rad,
+                misfit=told.misfit,
+                is_clipped=heard.clipped(good),
+                is_good=good,
+            ),
+            "suspects": outcome.suspects[0],
+            "touched": patrols.inspectors.touched[0],
+            "waypoints_visited": patrols.waypoints_visited(0),
+            "truth": {"pose": patrols.true_pose[0]},
+        }
+
+    def render(self) -> NDArray[Any] | None:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """What the camera behind the robot sees; nothing with `human`, which shows it."""
+        if self.render_mode is None:
+            gymnasium.logger.warn(
+                "render() was called without a render mode: give one to make(), for example "
+                'gymnasium.make("envs:PDPatrol-v0", render_mode="rgb_array").'
+            )
+            return None
+        if self._camera is None:
+            self._camera = Camera(self.patrols.inspectors.model, self.render_mode)
+        return self._camera.take(self.patrols.inspectors.data())
+
+    def close(self) -> None:
+        """Close window and renderer; closing twice is no error."""
+        if self._camera is not None:
+            self._camera.close()
+            self._camera = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the camera, which opens again when it is asked for."""
+        return {**self.__dict__, "_camera": None}
+
+
+def observation_space(patrols: Simulation) -> spaces.Dict:
+    """The space of the observations of one robot."""
+    return spaces.Dict(
+        {key: spaces.Box(low, high, low.shape, np.float32) for key, (low, high) in patrols.bounds.items()}
+    )

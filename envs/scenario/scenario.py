@@ -1,0 +1,161 @@
+"""A scenario: everything that a mission needs to be told.
+
+Composes the configurations that each package owns. Needs neither MuJoCo nor Rerun, so that a wrong file is refused
+at once.
+"""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, PositiveFloat, model_validator
+
+from envs.scenario.base import Config
+from envs.scenario.robot_sensors import BatteryConfig, LidarConfig, OdometryConfig, PoseSensorConfig
+from envs.scenario.sources import CarrierConfig, InterfererConfig, SourceConfig
+from robot_models.yard.yard import Yard
+from sensing import ArrayConfig, ReceiverConfig
+from sensing.radio.materials import KIND_MATERIALS
+
+FloatArray = NDArray[np.float64]
+
+ROBOT_CLEARANCE_M = 0.25
+"""Free ground that a waypoint needs around it: the chassis radius of 0.20 m and a little."""
+
+
+class RouteConfig(Config, frozen=True):
+    """Where the robot lives and what it patrols. Without waypoints it stands at its dock and listens."""
+
+    dock_m: tuple[float, float]
+    dock_yaw_deg: float | None = Field(default=None, ge=-360.0, le=360.0)
+    """Heading at the start, counter-clockwise from x; left out, it is drawn per mission."""
+    waypoints_m: tuple[tuple[float, float], ...] = ()
+
+
+class TaskConfig(Config, frozen=True):
+    """What counts as done, and how long it may take; the defaults are assumed."""
+
+    time_limit_s: float = Field(default=600.0, gt=0.0, le=86_400.0)
+    standoff_m: PositiveFloat = 2.5
+    """A source is approached when the robot is within this horizontal distance."""
+    waypoint_radius_m: PositiveFloat = 0.6
+    """A waypoint, or the dock, is reached within this distance."""
+
+
+class Scenario(Config, frozen=True):
+    """A yard, a route, what discharges in it, and how good robot and array are."""
+
+    name: str
+    yard: Yard
+    route: RouteConfig
+    array: ArrayConfig
+    sources: tuple[SourceConfig, ...] = ()
+    interferers: tuple[InterfererConfig, ...] = ()
+    carriers: tuple[CarrierConfig, ...] = ()
+    receiver: ReceiverConfig = ReceiverConfig()
+    pose_sensor: PoseSensorConfig = PoseSensorConfig()
+    lidar: LidarConfig = LidarConfig()
+    odometry: OdometryConfig = OdometryConfig()
+    battery: BatteryConfig = BatteryConfig()
+    task: TaskConfig = TaskConfig()
+
+    def candidate_sites(self, source: SourceConfig) -> tuple[str, ...]:
+        """The sites from which one is drawn for `source`, as `equipment/site`; empty for a source at a position."""
+        known = self.yard.site_names()
+        expanded = [
+            [site for site in known if site.partition("/")[0] == entry[:-2]] if entry.endswith("/*") else [entry]
+            for entry in source.sites
+        ]
+        return tuple(dict.fromkeys(site for group in expanded for site in group))
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        faults = [
+            *self._equipment_faults(),
+            *self._route_faults(),
+            *self._source_faults(),
+            *self._interferer_faults(),
+            *self._receiver_faults(),
+        ]
+        if faults:
+            raise ValueError("\n".join(faults))
+        return self
+
+    def _equipment_faults(self) -> list[str]:
+        return [
+            f"yard.equipment.{i}.kind: no kind `{item.kind}`; allowed are {', '.join(KIND_MATERIALS)}"
+            for i, item in enumerate(self.yard.equipment)
+            if item.kind not in KIND_MATERIALS
+        ]
+
+    def _receiver_faults(self) -> list[str]:
+        n, faults = self.array.n_elements, list[str]()
+        channels = [fault.channel for fault in self.receiver.faults]
+        for i, fault in enumerate(self.receiver.faults):
+            for key, channel in (("channel", fault.channel), ("other", fault.other or 1)):
+                if channel > n:
+                    faults.append(f"receiver.faults.{i}.{key}: got {channel}; allowed is 1 to {n}")
+            if channels.index(fault.channel) != i:
+                faults.append(f"receiver.faults.{i}.channel: {fault.channel} has a fault already; allowed is one each")
+        return faults
+
+    def _route_faults(self) -> list[str]:
+        stops = {"route.dock_m": self.route.dock_m}
+        stops |= {f"route.waypoints_m.{i}": point for i, point in enumerate(self.route.waypoints_m)}
+        faults: list[str] = []
+        for key, point in stops.items():
+            inside = self.yard.covering_equipment(point)
+            if not self.yard.contains(point):
+                faults.append(f"{key}: {point} is outside the yard; allowed is (0, 0) to {self.yard.size_m}")
+            elif inside is not None:
+                faults.append(f"{key}: {point} is inside equipment `{inside}`; allowed is free ground")
+            elif self.yard.clearance(point) < ROBOT_CLEARANCE_M:
+                faults.append(
+                    f"{key}: {point} is {self.yard.clearance(point):.2f} m from equipment or fence; "
+                    f"allowed is {ROBOT_CLEARANCE_M} m or more, or the robot does not fit"
+                )
+        return faults
+
+    def _source_faults(self) -> list[str]:
+        faults: list[str] = []
+        known = self.yard.site_names()
+        names = [source.name for source in (*self.sources, *self.interferers)]
+        for index, source in enumerate(self.sources):
+            key = f"sources.{index}"
+            if names.count(source.name) > 1:
+                faults.append(f"{key}.name: `{source.name}` is used {names.count(source.name)} times; allowed is once")
+            if source.position_m is not None:
+                faults += self._position_faults(f"{key}.position_m", np.array(source.position_m))
+            for entry in source.sites:
+                sites = [s for s in known if s.partition("/")[0] == entry[:-2]] if entry.endswith("/*") else [entry]
+                if not sites or any(site not in known for site in sites):
+                    near = get_close_matches(entry, known, n=3) or known[:12]
+                    faults.append(
+                        f"{key}.sites: no site `{entry}`; allowed are {', '.join(near) or 'none: no equipment has any'}"
+                    )
+                    continue
+                for site in sites:
+                    faults += self._position_faults(f"{key}.sites ({site})", self.yard.site_position(site))
+        return faults
+
+    def _position_faults(self, key: str, position_m: FloatArray) -> list[str]:
+        shown = tuple(round(float(x), 3) for x in position_m)
+        enclosing = self.yard.enclosing_equipment(position_m)
+        if not self.yard.contains(position_m):
+            return [f"{key}: {shown} is outside the yard; allowed is (0, 0) to {self.yard.size_m}"]
+        if position_m[2] <= 0:
+            return [f"{key}: {shown} is below ground; allowed is a height above 0 m"]
+        if enclosing is not None:
+            return [f"{key}: {shown} is enclosed by equipment `{enclosing}`; allowed is a surface or free air"]
+        return []
+
+    def _interferer_faults(self) -> list[str]:
+        return [
+            f"interferers.{i}.position_m: {item.position_m} is inside the yard; allowed is beyond the fence of "
+            f"{self.yard.size_m} (inside, make it one of [[sources]])"
+            for i, item in enumerate(self.interferers)
+            if self.yard.contains(item.position_m)
+        ]

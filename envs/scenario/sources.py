@@ -1,0 +1,81 @@
+"""What radiates, as a scenario file says it: discharges, impulsive interferers, carriers."""
+
+from __future__ import annotations
+
+from typing import Self
+
+from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
+
+from dirmusic.pulses.discharge_kinds import KindName
+from envs.scenario.base import Config, Name
+
+
+class SourceConfig(Config, frozen=True):
+    """A discharge on a site drawn from `sites` (`equipment/site`, or `equipment/*` for all of it), or at a position."""
+
+    name: Name
+    sites: tuple[str, ...] = ()
+    position_m: tuple[float, float, float] | None = None
+    anywhere_at_m: PositiveFloat | None = None
+    """It hangs at this height over some free ground, which is drawn per mission."""
+    amplitude_v: PositiveFloat = 0.27
+    """Peak of a pulse in a unit-gain channel 1 m away. The default puts the bearing bound of one pulse at 0.44 degrees
+    from 5 m and 1.3 degrees from 15 m, with the default receiver."""
+    amplitude_range_db: NonNegativeFloat = 6.0
+    """Width of the range, centred on `amplitude_v`, from which the amplitude is drawn per mission."""
+    pulse_rate_hz: float = Field(default=20.0, ge=0.0, le=1e4)
+    kind: KindName | None = None
+    """How its pulses lie over the phase of the mains; left out, they come at any phase."""
+    conductor_deg: float | None = Field(default=None, ge=-360.0, le=360.0)
+    """Phase of its conductor against the receiver's mains; left out, 0, 120 or 240 is drawn per mission."""
+    active_s: tuple[NonNegativeFloat, PositiveFloat] | None = None
+    """From when to when it discharges; left out, always."""
+    drift_db_per_min: float = Field(default=0.0, ge=-60.0, le=60.0)
+    n_shots: PositiveInt | None = None
+    """A discharge gun: this many pulses, evenly at the pulse rate from `first_shot_s` on, and then no more."""
+    first_shot_s: NonNegativeFloat = 0.0
+
+    @model_validator(mode="after")
+    def _stops_after_it_starts(self) -> Self:
+        if self.active_s is not None and self.active_s[0] >= self.active_s[1]:
+            raise ValueError(f"active_s: got {self.active_s}; allowed is a start before the end")
+        if self.kind is not None and self.n_shots is not None:
+            raise ValueError("kind, n_shots: both given; allowed is one: a gun fires at no phase of the mains")
+        return self
+
+    @model_validator(mode="after")
+    def _fires_at_some_rate(self) -> Self:
+        if self.n_shots is not None and self.pulse_rate_hz == 0:
+            raise ValueError("pulse_rate_hz: got 0; allowed is above 0, or the shots never come")
+        return self
+
+    @model_validator(mode="after")
+    def _is_somewhere(self) -> Self:
+        given = [key for key in ("sites", "position_m", "anywhere_at_m") if getattr(self, key) not in (None, ())]
+        if len(given) != 1:
+            came = " and ".join(given) or "none of them"
+            raise ValueError(f"sites, position_m, anywhere_at_m: {came} given; allowed is one of them")
+        return self
+
+
+class InterfererConfig(Config, frozen=True):
+    """Something impulsive beyond the fence that is heard like a discharge and must not become a finding."""
+
+    name: Name
+    position_m: tuple[float, float, float]
+    amplitude_v: PositiveFloat
+    amplitude_range_db: NonNegativeFloat = 6.0
+    pulse_rate_hz: float = Field(default=20.0, ge=0.0, le=1e4)
+    burst_s: NonNegativeFloat = 0.0
+    """Length of each burst of a carrier in the band, as from a switch or a radar; 0 for impulses like discharges."""
+
+
+class CarrierConfig(Config, frozen=True):
+    """A narrowband transmitter far away, such as the 948 MHz that the Dir-MUSIC paper met; on all the time."""
+
+    name: Name
+    frequency_hz: PositiveFloat = 948e6
+    amplitude_v: PositiveFloat
+    """Peak in a unit-gain channel at the array, before the band-pass."""
+    bearing_deg: float = Field(ge=-360.0, le=360.0)
+    """Direction it comes from, counter-clockwise from x (east)."""

@@ -1,0 +1,1 @@
+"""From a wish to a wheel command: map, shortest paths, path following, and the collision guard."""

@@ -1,0 +1,137 @@
+"""Free ground and the shortest ways over it, on the map that the robot carries."""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import KDTree
+
+from envs import Scenario
+from envs.scenario.scenario import ROBOT_CLEARANCE_M
+from robot_models.robots import CHASSIS_RADIUS_M
+
+FloatArray = NDArray[np.float64]
+
+CELL_M = 0.25
+"""Grid spacing (assumed): a robot's radius."""
+
+MARGIN_M = 0.15
+"""Room left beside the robot (assumed): three standard deviations of its pose."""
+
+COMFORT_M = 0.8
+"""Ground nearer than this to equipment costs up to twice as much (assumed)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShortestPaths:
+    """What can be reached from one place, and how.
+
+    Attributes:
+        length_m: Cost-weighted path length to every cell, shape (n_cells,); infinite where there is no way.
+    """
+
+    length_m: FloatArray
+    _previous: NDArray[np.int32]
+    _site_map: SiteMap
+
+    def nearest(self, point_m: ArrayLike) -> int:
+        """The cell nearest to a point (2,) among those that can be reached."""
+        return self._site_map.nearest(point_m, np.isfinite(self.length_m))
+
+    def path(self, cell: int) -> FloatArray:
+        """Cell centres from the start to `cell`, shape (n, 2), metres."""
+        cells = [cell]
+        while self._previous[cells[-1]] >= 0:
+            cells.append(int(self._previous[cells[-1]]))
+        return self._site_map.centres_m[cells[::-1]]
+
+
+class SiteMap:
+    """The yard as the operator's plan shows it: fence, equipment, route. It knows of no discharge.
+
+    Attributes:
+        obstacles_m: Points of what stands in the way though the plan does not show it, shape (n, 2), world frame.
+        centres_m: Cell centres, shape (n_cells, 2).
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.yard = scenario.yard
+        self.route = scenario.route
+        self.task = scenario.task
+        self.obstacles_m: FloatArray = np.empty((0, 2))
+        self._shape = tuple(round(size / CELL_M) for size in self.yard.size_m)
+        axes = [CELL_M * (np.arange(n) + 0.5) for n in self._shape]
+        cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1, dtype=np.float64)
+        self.centres_m: FloatArray = cells.reshape(-1, 2)
+        self._planned_clearance_m = self.yard.clearance(self.centres_m)
+
+    def with_obstacles(self, points_m: FloatArray) -> SiteMap:
+        """The same plan with these obstacles, shape (n, 2), world frame, instead of those it had."""
+        other = copy(self)
+        for stale in ("clearance_m", "is_free", "_graph"):
+            vars(other).pop(stale, None)
+        other.obstacles_m = points_m
+        return other
+
+    @cached_property
+    def clearance_m(self) -> FloatArray:
+        """Distance from each cell centre to equipment, fence or obstacle, shape (n_cells,)."""
+        return np.minimum(self._planned_clearance_m, self._to_obstacles(self.centres_m))
+
+    def clearance(self, points_m: FloatArray) -> FloatArray:
+        """Distance from points (..., 2) to equipment, fence or obstacle, shape (...)."""
+        return np.minimum(self.yard.clearance(points_m), self._to_obstacles(points_m))
+
+    def _to_obstacles(self, points_m: FloatArray) -> FloatArray:
+        if not self.obstacles_m.size:
+            return np.full(points_m.shape[:-1], np.inf)
+        return np.asarray(KDTree(self.obstacles_m).query(points_m)[0], dtype=np.float64)
+
+    def is_clear(self, start_m: FloatArray, end_m: FloatArray) -> bool:
+        """Whether the robot fits all along the straight line between two points (2,)."""
+        between = np.linspace(start_m, end_m, 2 + int(np.linalg.norm(end_m - start_m) / ROBOT_CLEARANCE_M))
+        return bool(self.clearance(between).min() >= ROBOT_CLEARANCE_M)
+
+    @cached_property
+    def is_free(self) -> NDArray[np.bool_]:
+        """Cells on which the robot fits, shape (n_cells,)."""
+        return self.clearance_m >= CHASSIS_RADIUS_M + MARGIN_M
+
+    @cached_property
+    def _graph(self) -> csr_array:
+        """Steps to the eight neighbours, between free cells, dearer close to equipment."""
+        index = np.arange(self.is_free.size).reshape(self._shape)
+        dear = 1.0 + np.clip((COMFORT_M - self.clearance_m) / COMFORT_M, 0.0, 1.0)
+        rows, columns, costs = [], [], []
+        for dx, dy in ((1, 0), (0, 1), (1, 1), (1, -1)):
+            low, high = max(-dy, 0), self._shape[1] - max(dy, 0)
+            a = index[: self._shape[0] - dx, low:high].ravel()
+            b = index[dx:, low + dy : high + dy].ravel()
+            both = self.is_free[a] & self.is_free[b]
+            a, b = a[both], b[both]
+            cost = CELL_M * np.hypot(dx, dy) * 0.5 * (dear[a] + dear[b])
+            rows += [a, b]
+            columns += [b, a]
+            costs += [cost, cost]
+        shape = (index.size, index.size)
+        return csr_array((np.concatenate(costs), (np.concatenate(rows), np.concatenate(columns))), shape=shape)
+
+    def cell(self, point_m: ArrayLike) -> int:
+        """The free cell nearest to a point (2,)."""
+        return self.nearest(point_m, self.is_free)
+
+    def nearest(self, point_m: ArrayLike, among: NDArray[np.bool_]) -> int:
+        """The cell nearest to a point (2,) of those marked in `among`, shape (n_cells,)."""
+        square = np.square(self.centres_m - np.asarray(point_m, dtype=np.float64)[:2]).sum(axis=-1)
+        return int(np.where(among, square, np.inf).argmin())
+
+    def reach(self, point_m: ArrayLike) -> ShortestPaths:
+        """All shortest ways from a point (2,)."""
+        length, previous = dijkstra(self._graph, indices=[self.cell(point_m)], return_predecessors=True)
+        return ShortestPaths(length_m=length[0], _previous=previous[0], _site_map=self)

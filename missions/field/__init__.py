@@ -1,0 +1,1 @@
+"""Data from the field: reading them, and locating with them."""

@@ -1,0 +1,117 @@
+"""Data from the field into a MissionLog: the same bearings, findings, report and recording as a mission has."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from dirmusic import ArrayModel, Locator, PoseError, TabulatedPattern
+from dirmusic.bearing.channel_health import ChannelMonitor
+from dirmusic.locating.locator import LocatingRules
+from missions.field.field_data import FieldData
+from missions.record.mission_log import MissionLog
+from missions.record.tracking import Logbook
+
+FloatArray = NDArray[np.float64]
+
+MARGIN_M = 10.0
+"""Ground that a recording shows around the poses."""
+
+MOST_FITS = 60
+"""How often all is fitted anew on the way, so that a recording shows how a fix came about."""
+
+FIELD_RULES = LocatingRules(
+    birth_s=np.inf, birth_pulses=4, birth_by_crossing=True, confirm_range_m=np.inf, confirm_pulses=10
+)
+"""Rules for data that were taken by people (assumed): minutes may pass between poses, few pulses come from each, and
+nobody can be sent nearer. Lines of sight must open and the ellipse must be small all the same."""
+
+
+def locate_field_data(
+    data: FieldData,
+    array: ArrayModel,
+    pose_error: PoseError,
+    *,
+    fence_m: tuple[float, float] | None = None,
+    notes: tuple[str, ...] = (),
+    progress: Callable[[float], None] = lambda share: None,
+) -> MissionLog:
+    """Bearings of all pulses and the findings they make, as the log of a mission without robot, yard and truth.
+
+    Args:
+        data: What was heard.
+        array: Data sheet and spread of the live channels.
+        pose_error: How wrong the poses may be.
+        fence_m: Length of the yard along x and y, origin at its corner; None where there is no fence.
+        notes: What was unusual about the files.
+        progress: Told by how much of the whole the work has advanced.
+    """
+    log = MissionLog(_meta(data, array, fence_m))
+    rules = FIELD_RULES
+    if data.time_s.size:
+        rules = replace(rules, refit_s=max(rules.refit_s, float(np.ptp(data.time_s)) / MOST_FITS))
+    locator = Locator(array, pose_error, fence_m=fence_m, rules=rules)
+    book = Logbook(log, locator)
+    with threadpool_limits(limits=1):
+        monitor = ChannelMonitor(array.manifold)
+        bearings, suspects = monitor.watch(data.strengths_v, data.variance_v2)
+        bearings = bearings.without_nan()
+        first = np.searchsorted(data.step, np.arange(data.time_s.size + 1))
+        for step, (time_s, pose) in enumerate(zip(data.time_s, data.pose, strict=True)):
+            log.append(
+                "step",
+                time_s=time_s,
+                pose=pose,
+                true_pose=np.full(3, np.nan),
+                odometry=np.full(3, np.nan),
+                battery=np.nan,
+                command=np.full(2, np.nan),
+                phase="field",
+            )
+            if step == 0:
+                for note in (*notes, *data.notes):
+                    book.event("note", note)
+                for suspect in suspects:  # counted as in the files, of which dead channels were dropped before
+                    recorded = suspect._replace(channel=int(data.channels[suspect.channel - 1]) + 1)
+                    book.event("channel fault", f"{recorded}: left out")
+            rows = slice(first[step], first[step + 1])
+            some = bearings.take(rows)
+            phase, is_clipped = data.mains_phase_rad[rows], np.zeros(some.misfit.shape, dtype=np.bool_)
+            strengths = data.strengths_v[rows], data.variance_v2[rows]
+            book.listen(float(time_s), pose, *strengths, some, phase, is_clipped, monitor.good)
+            progress(1.0 / data.time_s.size)
+        if log.n_rows("finding") == 0 or log.column("finding", "step")[-1] < data.time_s.size - 1:
+            book.refit(float(data.time_s[-1]))
+    book.event("end", "all rows read")
+    return log
+
+
+def _meta(data: FieldData, array: ArrayModel, fence_m: tuple[float, float] | None) -> dict[str, Any]:
+    pattern = array.manifold.pattern
+    table = None
+    if isinstance(pattern, TabulatedPattern):
+        table = {"off_boresight_rad": pattern.off_boresight_rad.tolist(), "gain": pattern.table_gain.tolist()}
+    low, high = data.pose[:, :2].min(axis=0) - MARGIN_M, data.pose[:, :2].max(axis=0) + MARGIN_M
+    if fence_m is not None:
+        low, high = np.zeros(2), np.asarray(fence_m)
+    return {
+        "versions": {name: version(name) for name in ("pdpatrol", "numpy", "scipy")},
+        "name": Path(data.path).stem,
+        "seed": None,
+        "policy": None,
+        "field_data": {"file": data.path.name, "channels": (data.channels + 1).tolist(), "recorded": data.n_recorded},
+        "n_elements": array.manifold.n_elements,
+        "array": {
+            "boresights_rad": array.manifold.boresights_rad.tolist(),
+            "positions_m": array.positions_m.tolist(),
+            "pattern": table,
+        },
+        "bounds_m": [low.tolist(), high.tolist()],
+    }

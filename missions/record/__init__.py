@@ -1,0 +1,1 @@
+"""What is left of a mission: log, tracking, report, phase-resolved patterns."""

@@ -1,0 +1,1 @@
+"""What discharges: sources, pulse trains, pulse shape."""

@@ -1,0 +1,1 @@
+"""From source to element: what stands about, ray paths, what arrives."""

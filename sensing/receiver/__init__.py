@@ -1,0 +1,1 @@
+"""From what arrives to detections: front end, trigger, gates, converter, faults."""
