@@ -8,8 +8,8 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.bearing.likelihood_kernels import wrapped
 from dirmusic.compiled import compiled
+from dirmusic.kernels import wrapped
 from envs.scenario.robot_sensors import BatteryConfig, OdometryConfig, PoseSensorConfig
 
 FloatArray = NDArray[np.float64]

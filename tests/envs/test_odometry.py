@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dirmusic.angles import difference, wrap
-from dirmusic.bearing.likelihood_kernels import wrapped
+from dirmusic.kernels import wrapped
 from envs.core.motion import N_DRAWS, Motion, SensorParameters, move
 from envs.patrol_env import PatrolEnv
 from envs.scenario.robot_sensors import BatteryConfig, OdometryConfig, PoseSensorConfig
@@ -75,7 +75,7 @@ def test_driven_about_the_yard_it_drifts_by_less_than_half_a_percent_of_the_way(
         wish = rng.uniform([0.4, -0.6], [1.0, 0.6], (60, 2)).astype(np.float32)
         for k in range(1200):
             action = wish[k // 20].copy()
-            if env.patrols.inspectors.readings.lidar_m[0, [0, 1, 2, 3, -1, -2, -3]].min() < 1.5:
+            if env.simulation.robots.readings.lidar_m[0, [0, 1, 2, 3, -1, -2, -3]].min() < 1.5:
                 action[1] = 0.9
             _, _, _, _, info = env.step(action)
             pose = info["truth"]["pose"]
