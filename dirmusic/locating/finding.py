@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dirmusic.locating.ellipse import ellipse95
 
 FloatArray = NDArray[np.float64]
-State = Literal["candidate", "confirmed", "outside", "echo"]
+State = Literal["candidate", "confirmed", "outside", "ghost"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,7 +20,7 @@ class Finding:
 
     Attributes:
         id: Stays with it through the mission; counts from 1.
-        state: `candidate` until the rules confirm it; `outside` where its 95 % ellipse lies beyond the fence; `echo`
+        state: `candidate` until the rules confirm it; `outside` where its 95 % ellipse lies beyond the fence; `ghost`
             where nothing comes from it though the robot was near and in sight of it.
         position_m: Shape (2,), world frame.
         covariance_m2: Shape (2, 2), the array's common error included.

@@ -28,7 +28,7 @@ from missions.policies.names import PolicyName
 if TYPE_CHECKING:
     from missions.runner import Mission
 
-TOLD = ("candidate", "confirmed", "outside", "echo", "contact", "unreachable", "clipped", "channel fault")
+TOLD = ("candidate", "confirmed", "outside", "ghost", "contact", "unreachable", "clipped", "channel fault")
 """Kinds of events that are news."""
 
 

@@ -48,7 +48,7 @@ TABLES: dict[str, dict[str, np.dtype[Any]]] = {
         "id": np.dtype("i8"),
         "position_m": np.dtype(("f8", 2)),
         "covariance_m2": np.dtype(("f8", (2, 2))),
-        "state": np.dtype("U16"),  # candidate, confirmed, outside, echo; dropped, once, when it is no more
+        "state": np.dtype("U16"),  # candidate, confirmed, outside, ghost; dropped, once, when it is no more
         "n_bearings": np.dtype("i8"),
         "first_detected_s": np.dtype("f8"),
         "aperture_rad": np.dtype("f8"),  # angle over which the lines of sight spread, seen from the finding
