@@ -100,7 +100,7 @@ def test_towards_the_likeliest_direction_deviation_and_misfit_are_those_of_maxim
     judged = bearings_towards(likeliest.azimuth_rad, pulses, array)
     is_same = np.isclose(judged.std_rad, likeliest.std_rad, rtol=1e-3)
     assert is_same.mean() > 0.99  # the pattern's step at 153 degrees off boresight has no slope of its own
-    np.testing.assert_allclose(judged.misfit, likeliest.misfit, atol=1e-9)
+    np.testing.assert_allclose(judged.misfit, likeliest.misfit, atol=1e-4)  # its last step is not looked up again
 
 
 def test_without_noise_an_estimator_states_the_deviation_of_its_method() -> None:
