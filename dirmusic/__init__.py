@@ -8,6 +8,9 @@ from dirmusic.array.model import ArrayModel
 from dirmusic.array.pattern import GainPattern, GaussianPattern, TabulatedPattern
 from dirmusic.array.pattern_file import read_pattern, write_pattern
 from dirmusic.bearing.bearings import Bearings
+from dirmusic.bearing.built_in import ESTIMATORS
+from dirmusic.bearing.coarse_estimators import bearings_towards
+from dirmusic.bearing.estimator import BearingEstimator
 from dirmusic.bearing.gain_delay import bearings_from_delays
 from dirmusic.bearing.maximum_likelihood import bearings_from_covariance, estimate_bearings
 from dirmusic.bearing.spectrum import noise_subspace, pseudo_spectrum, pulse_spectrum, source_count, spectrum_peaks
@@ -21,7 +24,9 @@ from dirmusic.pulses.preprocessing import Windows, band_pass, cut_windows, prepa
 from dirmusic.pulses.strengths import pulse_strengths, sample_covariance, strength_variance
 
 __all__ = [
+    "ESTIMATORS",
     "ArrayModel",
+    "BearingEstimator",
     "Bearings",
     "Calibration",
     "CsvTable",
@@ -45,6 +50,7 @@ __all__ = [
     "bearing_bound",
     "bearings_from_covariance",
     "bearings_from_delays",
+    "bearings_towards",
     "calibrate",
     "cut_windows",
     "estimate_bearings",

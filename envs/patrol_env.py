@@ -145,7 +145,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             self.render()
         info = self._info(outcome)
         info["truth"] |= copy.deepcopy(self.simulation.episode(0).truth)
-        return self.simulation.entries.parts(outcome.shown[0]), info
+        return self.simulation.layout.parts(outcome.observation[0]), info
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive for 0.1 s, then listen; see the class for what comes back."""
@@ -157,7 +157,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         if self.render_mode == "human":
             self.render()
         is_over, is_late = bool(outcome.terminated[0]), bool(outcome.truncated[0])
-        return self.simulation.entries.parts(outcome.shown[0]), sum(terms.values()), is_over, is_late, info
+        return self.simulation.layout.parts(outcome.observation[0]), sum(terms.values()), is_over, is_late, info
 
     def _info(self, outcome: Outcome) -> dict[str, Any]:
         simulation, motion = self.simulation, self.simulation.motion
@@ -199,5 +199,8 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 def observation_space(simulation: Simulation) -> spaces.Dict:
     """The space of the observations of one robot."""
     return spaces.Dict(
-        {key: spaces.Box(low, high, low.shape, np.float32) for key, (low, high) in simulation.bounds.items()}
+        {
+            key: spaces.Box(low, high, low.shape, np.float32)
+            for key, (low, high) in simulation.layout.bounds._asdict().items()
+        }
     )

@@ -90,7 +90,7 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._rngs: list[np.random.Generator | None] = [None] * num_envs
         self._is_over = np.zeros(num_envs, dtype=np.bool_)
-        self._shown = np.empty((num_envs, 0), dtype=np.float32)
+        self._observation = np.empty((num_envs, 0), dtype=np.float32)
 
     @property
     def scenario(self) -> Scenario:
@@ -120,8 +120,10 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
             if seeds[row] is not None or self._rngs[row] is None:
                 self._rngs[row], _ = seeding.np_random(seeds[row])
         outcome = self._start(rows, fixed)
-        self._shown = outcome.shown if rows.size == self.num_envs else _mixed(self._shown, outcome.shown, rows)
-        return self.simulation.entries.parts(self._shown), self._info(outcome)
+        self._observation = (
+            outcome.observation if rows.size == self.num_envs else _mixed(self._observation, outcome.observation, rows)
+        )
+        return self.simulation.layout.parts(self._observation), self._info(outcome)
 
     def _start(self, rows: Rows, options: dict[str, Any], commands: FloatArray | None = None) -> Outcome:
         """New episodes in some rows; the others take a step, if there are commands, or wait."""
@@ -142,10 +144,10 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         else:
             outcome = self.simulation.step(wanted)
         self._is_over = outcome.terminated | outcome.truncated
-        self._shown, info = outcome.shown, self._info(outcome)
+        self._observation, info = outcome.observation, self._info(outcome)
         if self.autoreset_mode is AutoresetMode.SAME_STEP and self._is_over.any():
-            self._shown, info = self._restarted(outcome, info)
-        observation, reward = self.simulation.entries.parts(self._shown), outcome.reward.sum(axis=0)
+            self._observation, info = self._restarted(outcome, info)
+        observation, reward = self.simulation.layout.parts(self._observation), outcome.reward.sum(axis=0)
         return observation, reward, outcome.terminated, outcome.truncated, info
 
     def _restarted(self, ended: Outcome, info: dict[str, Any]) -> tuple[NDArray[np.float32], dict[str, Any]]:
@@ -153,11 +155,11 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         rows = np.flatnonzero(self._is_over)
         final = np.full(self.num_envs, None, dtype=object)
         for row in rows.tolist():
-            final[row] = self.simulation.entries.parts(ended.shown[row].copy())
+            final[row] = self.simulation.layout.parts(ended.observation[row].copy())
         begun = self._start(rows, {})
         over = np.zeros(self.num_envs, dtype=np.bool_)
         over[rows] = True
-        return _mixed(ended.shown, begun.shown, rows), {
+        return _mixed(ended.observation, begun.observation, rows), {
             **self._info(begun),
             "final_obs": final,
             "_final_obs": over,
@@ -182,8 +184,8 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         """Nothing is open."""
 
 
-def _mixed(shown: NDArray[np.float32], begun: NDArray[np.float32], rows: Rows) -> NDArray[np.float32]:
+def _mixed(observation: NDArray[np.float32], begun: NDArray[np.float32], rows: Rows) -> NDArray[np.float32]:
     """The rows of one observation, but for some that are of another."""
-    mixed = shown.copy()
+    mixed = observation.copy()
     mixed[rows] = begun[rows]
     return mixed

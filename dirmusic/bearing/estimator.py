@@ -28,6 +28,7 @@ class BearingEstimator(Protocol):
         Returns:
             Columns of shape (n_pulses,), all finite: azimuths in the array frame, radians; their standard deviations
             by noise and by the method itself, radians, > 0, pi where a pulse tells nothing; and the share of its energy
-            that the direction does not explain, in [0, 1] (`misfit_of` computes it for any direction).
+            that the direction does not explain, in [0, 1] (`bearings_towards` gives deviation by noise
+            and misfit of any direction).
         """
         ...

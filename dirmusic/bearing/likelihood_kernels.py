@@ -44,7 +44,7 @@ class Fit(NamedTuple):
 
 
 @compiled
-def _look_up(azimuth_rad: float, table: ManifoldTable, gain: FloatArray, slope: FloatArray) -> None:
+def look_up(azimuth_rad: float, table: ManifoldTable, gain: FloatArray, slope: FloatArray) -> None:
     """Gain and slope per radian of each element: the cubic through the table's values and slopes."""
     n, step_rad = table.gain.shape[0], 2.0 * np.pi / table.gain.shape[0]
     at = azimuth_rad / step_rad
@@ -94,7 +94,7 @@ def fit_covariances(covariance: FloatArray, table: ManifoldTable) -> Fit:
         start_rad = SEARCH_STEP_RAD * _best_search_azimuth(covariance[row], table.unit_pairs, match)
         azimuth_rad = start_rad
         for _ in range(REFINEMENTS + 1):
-            _look_up(azimuth_rad, table, gain, slope)
+            look_up(azimuth_rad, table, gain, slope)
             energy = dot(gain, gain)
             along = dot(gain, slope) / energy
             for e in range(n):

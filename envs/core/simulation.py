@@ -19,7 +19,7 @@ from dirmusic.pulses.batch import PulseBatch
 from envs.core.episode import Episode
 from envs.core.motion import N_DRAWS, Motion, SensorParameters
 from envs.core.observation_layout import SPECTRUM_AZIMUTHS_RAD, ObservationLayout, observation_bounds
-from envs.core.observing import ObservationParameters, observe
+from envs.core.observing import ObservationParameters, perceive
 from envs.core.progress import Progress, Task, advance
 from envs.scenario import Scenario
 from robot_models.robots import LIDAR_BEAMS, LIDAR_RANGE_M, WHEEL_RADIUS_M, Robots
@@ -39,7 +39,7 @@ class Outcome(NamedTuple):
     """What a step led to; rows are robots.
 
     Attributes:
-        shown: All entries of the observation, float32, shape (n_robots, n_entries); see `ObservationLayout`.
+        observation: All entries of the observation, float32, shape (n_robots, n_entries); see `ObservationLayout`.
         reward: Terms in the order of `REWARD_TERMS`, shape (3, n_robots).
         terminated: Whether the episode is over, shape (n_robots,).
         truncated: Whether its time is, shape (n_robots,).
@@ -48,7 +48,7 @@ class Outcome(NamedTuple):
         suspects: Channels newly found at fault, for each robot.
     """
 
-    shown: NDArray[np.float32]
+    observation: NDArray[np.float32]
     reward: FloatArray
     terminated: BoolArray
     truncated: BoolArray
@@ -69,8 +69,7 @@ class Simulation:
     Attributes:
         inspectors: The robots.
         array: The array's data sheet and how far real ones spread about it: what the robot knows.
-        bounds: Lowest and highest value of each entry of the observation, float32, by key.
-        entries: Takes observations apart.
+        layout: Of the observations: bounds and places of their entries.
         motion: What the robots know of their motion, live: it changes with the next step.
     """
 
@@ -94,14 +93,15 @@ class Simulation:
             [item.kind for item in yard.equipment], Faces(*yard.faces()), Obstacles(*yard.obstacles())
         )
         self._spectrum_gain = np.empty((n_robots, self.array.manifold.n_elements, SPECTRUM_AZIMUTHS_RAD.size))
-        self.bounds = observation_bounds(yard.size_m, self.array.manifold.n_elements, scenario.task.time_limit_s)
-        self.entries = ObservationLayout(self.bounds)
+        n_elements, time_limit_s = self.array.manifold.n_elements, scenario.task.time_limit_s
+        self.layout = ObservationLayout(observation_bounds(yard.size_m, n_elements, time_limit_s))
         self._stops_m = np.array([*scenario.route.waypoints_m, scenario.route.dock_m])
-        self._setting = ObservationParameters(
+        self._observation_parameters = ObservationParameters(
             stops_m=self._stops_m,
-            low=self.entries.low,
-            high=self.entries.high,
-            lidar_reach_m=LIDAR_RANGE_M,
+            low=self.layout.low,
+            high=self.layout.high,
+            places=tuple(self.layout.places),
+            lidar_range_m=LIDAR_RANGE_M,
             lidar_std_m=scenario.lidar.range_std_m,
             noise_v=scenario.receiver.noise_v,
             time_limit_s=scenario.task.time_limit_s,
@@ -114,7 +114,7 @@ class Simulation:
         n_sources = len(scenario.sources)
         self._sources_m = np.zeros((n_robots, n_sources, 2))
         self._progress = Progress.at_start(n_robots, n_sources, len(self._stops_m))
-        self._good = np.ones((n_robots, self.array.manifold.n_elements), dtype=np.bool_)
+        self._usable = np.ones((n_robots, self.array.manifold.n_elements), dtype=np.bool_)
         task = scenario.task
         self._task = Task(
             self._stops_m,
@@ -122,9 +122,12 @@ class Simulation:
             task.waypoint_radius_m,
             task.time_limit_s / STEP_S - 1e-6,
             terminate_on_approach,
+            task.reward_per_metre,
+            task.reward_per_second,
+            task.reward_per_contact_step,
         )
         self.motion = Motion.at_rest(n_robots)
-        self._senses = SensorParameters.of(scenario.pose_sensor, scenario.odometry, scenario.battery, STEP_S)
+        self._sensors = SensorParameters.of(scenario.pose_sensor, scenario.odometry, scenario.battery, STEP_S)
         self._nobody = np.zeros(n_robots, dtype=np.bool_)
 
     @property
@@ -133,9 +136,9 @@ class Simulation:
         return self.robots.readings.pose.copy()
 
     @property
-    def good_channels(self) -> BoolArray:
+    def usable_channels(self) -> BoolArray:
         """Which channels direction finding uses, shape (n_robots, n_elements)."""
-        return self._good.copy()
+        return self._usable.copy()
 
     def episode(self, row: int) -> Episode:
         """What was drawn for a robot's episode."""
@@ -165,7 +168,7 @@ class Simulation:
             )
         self.robots.reset(rows, [episode.start_pose for episode in drawn])
         self._progress.restart(rows)
-        self._good[rows] = True
+        self._usable[rows] = True
         self._spectrum_gain[rows] = self._unit_gain(np.ones(self.array.manifold.n_elements))
 
     def _unit_gain(self, good: NDArray[Any]) -> FloatArray:
@@ -178,34 +181,29 @@ class Simulation:
 
         Args:
             commands: Speeds, m/s, and yaw rates, rad/s, shape (n_robots, 2); those of rows that started do not count.
-                Without any, the other rows wait: no time passes for them, and what is told of them has no meaning.
+                Without any, the other rows are idle: no time passes for them, and what is told of them has no meaning.
             started: Rows that were reset since the last step; None for none.
         """
-        is_new, waits, moving = self._nobody, self._nobody, None
+        is_reset, is_idle, moving = self._nobody, self._nobody, None
         if started is not None:
-            is_new = np.zeros(len(self._rngs), dtype=np.bool_)
-            is_new[started] = True
-            moving = np.flatnonzero(~is_new)
+            is_reset = np.zeros(len(self._rngs), dtype=np.bool_)
+            is_reset[started] = True
+            moving = np.flatnonzero(~is_reset)
             if commands is None:
-                moving, waits = NO_ROWS, ~is_new
+                moving, is_idle = NO_ROWS, ~is_reset
         start_s = self.motion.time_s.copy()
         if commands is not None and (moving is None or moving.size):
             self.robots.drive(commands[:, 0], commands[:, 1], STEP_S, moving)
         for row, rng in enumerate(self._rngs):
-            if not waits[row]:
+            if not is_idle[row]:
                 rng.standard_normal(out=self._draws[row])
         now = self.robots.readings
-        reward, is_over, is_late = advance(
+        result = advance(
             tuple(self.motion),
-            tuple(self._senses),
+            tuple(self._sensors),
             tuple(self._progress),
             tuple(self._task),
-            now.values,
-            self._draws,
-            self._sources_m,
-            self.robots.is_touching,
-            is_new,
-            waits,
+            (now.values, self._draws, self._sources_m, self.robots.is_touching, is_reset, is_idle),
         )
         for row in [] if started is None else started.tolist():
             self.motion.draw_odometry(row, self.scenario.odometry, WHEEL_RADIUS_M, self._rngs[row])
@@ -213,10 +211,10 @@ class Simulation:
         detections = self._receivers.listen(now.world_from_base, start_s, STEP_S, moving)
         pulses, suspects = self._find_directions(detections)
         return Outcome(
-            shown=self._observe(detections.robot, pulses),
-            reward=reward,
-            terminated=is_over,
-            truncated=is_late,
+            observation=self._observe(detections.robot, pulses),
+            reward=result.reward,
+            terminated=result.terminated,
+            truncated=result.truncated,
             robot=detections.robot,
             pulses=pulses,
             suspects=suspects,
@@ -239,14 +237,13 @@ class Simulation:
                 again = monitor.bearings(pulses.take(own))
             for column, renewed in zip(pulses, again, strict=True):
                 column[own] = renewed
-            self._good[row] = monitor.good
+            self._usable[row] = monitor.good
             self._spectrum_gain[row] = self._unit_gain(monitor.good)
         return pulses, suspects
 
     def _observe(self, robot: Rows, pulses: PulseBatch) -> NDArray[np.float32]:
         """All entries of the observation, shape (n_robots, n_entries); see `PatrolEnv`."""
-        now = self.robots.readings
-        sight = self.motion.pose, now.values, self._draws, self.motion.time_s
+        sensed = self.motion.pose, self.robots.readings.values, self._draws, self.motion.time_s
         detected = robot, pulses.strengths_v, pulses.azimuth_rad
-        setting, progress = tuple(self._setting), tuple(self._progress)
-        return observe(sight, setting, progress, *detected, self._good, self._spectrum_gain).T
+        parameters, progress = tuple(self._observation_parameters), tuple(self._progress)
+        return perceive(sensed, parameters, progress, detected, self._usable, self._spectrum_gain).T
