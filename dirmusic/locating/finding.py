@@ -30,6 +30,10 @@ class Finding:
         aperture_rad: Angle over which its lines of sight spread, seen from the finding.
         nearest_m: Least distance from which it was detected.
         level_db: Strength that its louder pulses would have 1 m away, dB over 1 V; NaN until it was detected in sight.
+
+    Raises:
+        ValueError: If position or covariance are not finite, of another shape, or the covariance is not positive
+            definite.
     """
 
     id: int
@@ -42,6 +46,17 @@ class Finding:
     aperture_rad: float
     nearest_m: float
     level_db: float
+
+    def __post_init__(self) -> None:
+        """Refuse a position or a covariance that nothing can be done with."""
+        for name, shape in (("position_m", (2,)), ("covariance_m2", (2, 2))):
+            value = getattr(self, name)
+            if np.shape(value) != shape or not np.isfinite(value).all():
+                raise ValueError(f"finding {self.id}: `{name}` must be finite with shape {shape}, got {value!r}")
+        if np.linalg.eigvalsh(self.covariance_m2)[0] <= 0:
+            raise ValueError(
+                f"finding {self.id}: `covariance_m2` must be positive definite, got {self.covariance_m2!r}"
+            )
 
     @property
     def semi_major_m(self) -> float:
