@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pydantic import Field, PositiveFloat, model_validator
 
 from envs.scenario.base import Config
+from envs.scenario.locating import LocatingConfig
 from envs.scenario.robot_sensors import BatteryConfig, LidarConfig, OdometryConfig, PoseSensorConfig
 from envs.scenario.sources import CarrierConfig, InterfererConfig, SourceConfig
 from robot_models.yard.yard import Yard
@@ -67,6 +68,7 @@ class Scenario(Config, frozen=True):
     odometry: OdometryConfig = OdometryConfig()
     battery: BatteryConfig = BatteryConfig()
     task: TaskConfig = TaskConfig()
+    locating: LocatingConfig = LocatingConfig()
 
     def candidate_sites(self, source: SourceConfig) -> tuple[str, ...]:
         """The sites from which one is drawn for `source`, as `equipment/site`; empty for a source at a position."""
