@@ -69,6 +69,7 @@ class Simulation:
     Attributes:
         inspectors: The robots.
         array: The array's data sheet and how far real ones spread about it: what the robot knows.
+        estimator: Takes the bearings.
         layout: Of the observations: bounds and places of their entries.
         motion: What the robots know of their motion, live: it changes with the next step.
     """
@@ -87,7 +88,7 @@ class Simulation:
                 offset=scenario.array.gain_offset / np.sqrt(3),
             ),
         )
-        self._estimator = MaximumLikelihood()
+        self.estimator = MaximumLikelihood()
         self.robots = Robots(yard, nominal.positions_m, nominal.boresights_rad, n_robots, n_threads)
         self._surroundings = Surroundings.of_kinds(
             [item.kind for item in yard.equipment], Faces(*yard.faces()), Obstacles(*yard.obstacles())
@@ -108,7 +109,7 @@ class Simulation:
         )
         self._episodes: list[Episode | None] = [None] * n_robots
         self._rngs: list[np.random.Generator] = [np.random.default_rng(0)] * n_robots
-        self._monitors = [ChannelMonitor(self.array, self._estimator) for _ in range(n_robots)]
+        self._monitors = [ChannelMonitor(self.array, self.estimator) for _ in range(n_robots)]
         self._receivers = None
         self._draws = np.zeros((n_robots, N_DRAWS + LIDAR_BEAMS))
         n_sources = len(scenario.sources)
@@ -157,7 +158,7 @@ class Simulation:
         drawn = [Episode.draw(self.scenario, self._surroundings, rng, options) for rng in rngs]
         for row, rng, episode in zip(rows.tolist(), rngs, drawn, strict=True):
             self._episodes[row], self._rngs[row] = episode, rng
-            self._monitors[row] = ChannelMonitor(self.array, self._estimator)
+            self._monitors[row] = ChannelMonitor(self.array, self.estimator)
             self._sources_m[row] = np.array([s.position_m[:2] for s in episode.sources]).reshape(-1, 2)
             if self._receivers is not None:
                 self._receivers.replace(row, episode.array, episode.scene, rng)
@@ -223,7 +224,7 @@ class Simulation:
     def _find_directions(self, detections: Detections) -> tuple[PulseBatch, list[tuple[SuspectChannel, ...]]]:
         """All pulses with directions from the channels that are in order, and channels newly at fault by robot."""
         suspects: list[tuple[SuspectChannel, ...]] = [()] * len(self._monitors)
-        found = self._estimator(detections.pulses, self.array)
+        found = self.estimator(detections.pulses, self.array)
         pulses = detections.pulses._replace(azimuth_rad=found.azimuth_rad, std_rad=found.std_rad, misfit=found.misfit)
         rows = detections.robot
         for row in np.unique(rows).tolist() if rows.size else ():

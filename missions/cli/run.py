@@ -63,7 +63,8 @@ def run(
         refuse(f"--seed: got {seed}; allowed is 0 or more")
     folder = make_folder(new_folder(out_dir, f"{loaded.name}-{seed}"))
 
-    from missions.record.report import candidates_table, findings_table, make_report
+    from missions.record.report import make_report
+    from missions.record.tables import candidates_table, findings_table
     from missions.recording import live_stream
     from missions.runner import run_mission
 
