@@ -44,9 +44,9 @@ class Oracle:
                 position_m=position,
                 covariance_m2=np.eye(2) * 1e-4,
                 n_bearings=0,
-                first_heard_s=0.0,
+                first_detected_s=0.0,
                 fixed_s=None,
-                opening_rad=0.0,
+                aperture_rad=0.0,
                 nearest_m=np.inf,
                 level_db=np.nan,
             )

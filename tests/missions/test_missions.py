@@ -56,7 +56,7 @@ def test_a_mission_finds_the_discharge_visits_every_waypoint_and_docks() -> None
     assert log.column("event", "text")[-1] == "docked"
     (finding,) = report["findings"]
     assert finding["n_bearings"] <= report["n_bearings"]
-    assert finding["first_heard_s"] < finding["fixed_s"] < report["sim_time_s"]
+    assert finding["first_detected_s"] < finding["fixed_s"] < report["sim_time_s"]
     assert finding["nearest_equipment"] in {item.name for item in load_scenario("one_source").yard.equipment}
     json.dumps(report, allow_nan=False)
 
