@@ -4,21 +4,29 @@ from dirmusic.array.bounds import bearing_bound, manifold_error_std
 from dirmusic.array.calibration import Calibration, calibrate
 from dirmusic.array.element_errors import ElementErrors, ElementSpread, ManifoldPrior, UniformOffsets
 from dirmusic.array.manifold import GainManifold
+from dirmusic.array.model import ArrayModel
 from dirmusic.array.pattern import GainPattern, GaussianPattern, TabulatedPattern
 from dirmusic.array.pattern_file import read_pattern, write_pattern
+from dirmusic.bearing.bearings import Bearings
+from dirmusic.bearing.built_in import ESTIMATORS
+from dirmusic.bearing.coarse_estimators import bearings_towards
+from dirmusic.bearing.estimator import BearingEstimator
 from dirmusic.bearing.gain_delay import bearings_from_delays
-from dirmusic.bearing.maximum_likelihood import Bearings, bearings_from_covariance, estimate_bearings
+from dirmusic.bearing.maximum_likelihood import bearings_from_covariance, estimate_bearings
 from dirmusic.bearing.spectrum import noise_subspace, pseudo_spectrum, pulse_spectrum, source_count, spectrum_peaks
 from dirmusic.csv_table import CsvTable, InputFileError, InputFileWarning, read_csv_table
 from dirmusic.locating.finding import Finding
-from dirmusic.locating.joint_fix import ArrayModel, PoseError
+from dirmusic.locating.joint_fix import PoseError
 from dirmusic.locating.locator import Locator
 from dirmusic.locating.triangulation import Fix, triangulate
+from dirmusic.pulses.batch import PulseBatch
 from dirmusic.pulses.preprocessing import Windows, band_pass, cut_windows, prepare_records, pulse_start
 from dirmusic.pulses.strengths import pulse_strengths, sample_covariance, strength_variance
 
 __all__ = [
+    "ESTIMATORS",
     "ArrayModel",
+    "BearingEstimator",
     "Bearings",
     "Calibration",
     "CsvTable",
@@ -34,6 +42,7 @@ __all__ = [
     "Locator",
     "ManifoldPrior",
     "PoseError",
+    "PulseBatch",
     "TabulatedPattern",
     "UniformOffsets",
     "Windows",
@@ -41,6 +50,7 @@ __all__ = [
     "bearing_bound",
     "bearings_from_covariance",
     "bearings_from_delays",
+    "bearings_towards",
     "calibrate",
     "cut_windows",
     "estimate_bearings",

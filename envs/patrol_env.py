@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -24,32 +24,6 @@ ScenarioSource = str | Path | Scenario | Callable[[np.random.Generator], Scenari
 """A scenario, or a function that draws one for each episode."""
 
 FIRST = np.zeros(1, dtype=np.intp)
-
-
-class Pulses(NamedTuple):
-    """What the receiver and the direction finder made of one step; n_pulses rows each, by time.
-
-    Attributes:
-        time_s: Shape (n_pulses,).
-        strengths_v: Shape (n_pulses, n_elements).
-        variance_v2: Noise variance of the strengths, same shape.
-        mains_phase_rad: Shape (n_pulses,), in [0, 2 pi).
-        azimuth_rad: Direction of arrival, array frame, shape (n_pulses,).
-        std_rad: Its deviation from noise alone, shape (n_pulses,); pi where there was no strength at all.
-        misfit: Share of the energy that no single direction explains, shape (n_pulses,).
-        is_clipped: Whether the pulse met the end of the converter's scale, shape (n_pulses,).
-        is_good: Which channels the direction finder used, shape (n_elements,).
-    """
-
-    time_s: FloatArray
-    strengths_v: FloatArray
-    variance_v2: FloatArray
-    mains_phase_rad: FloatArray
-    azimuth_rad: FloatArray
-    std_rad: FloatArray
-    misfit: FloatArray
-    is_clipped: NDArray[np.bool_]
-    is_good: NDArray[np.bool_]
 
 
 class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
@@ -96,9 +70,9 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     ## Info
     `time_s`, `pose` (believed, float64), `odometry` (x m, y m, yaw rad by wheels and gyro alone, from the believed
-    pose at the start on), `battery` (share that is left), `pulses` (a `Pulses` of this step), `touched` (names),
-    `waypoints_visited` (indices), `suspects` (channels newly found at fault), and `truth`, which is for logs and
-    scores: no policy but `oracle` may see it. It holds the true pose, and at the start all that was drawn.
+    pose at the start on), `battery` (share that is left), `pulses` (a `dirmusic.PulseBatch` of this step), `touched`
+    (names), `waypoints_visited` (indices), `suspects` (channels newly found at fault), and `truth`, which is for logs
+    and scores: no policy but `oracle` may see it. It holds the true pose, and at the start all that was drawn.
 
     ## Rendering
     `rgb_array` (480, 640, 3) uint8 and `depth_array` (480, 640) float32, metres, from a camera that follows the robot;
@@ -141,15 +115,15 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         first = scenario(np.random.default_rng(0)) if callable(scenario) else load_scenario(scenario)
         self._enter(first)
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
-        self.observation_space = observation_space(self.patrols)  # pyright: ignore[reportAttributeAccessIssue]
+        self.observation_space = observation_space(self.simulation)  # pyright: ignore[reportAttributeAccessIssue]
 
     def _enter(self, scenario: Scenario) -> None:
-        self.patrols = Simulation(scenario, terminate_on_approach=self._terminate_on_approach)
+        self.simulation = Simulation(scenario, terminate_on_approach=self._terminate_on_approach)
 
     @property
     def scenario(self) -> Scenario:
         """Of this episode."""
-        return self.patrols.scenario
+        return self.simulation.scenario
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -159,55 +133,44 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         if self._draw_scenario is not None:
             self.close()
             self._enter(self._draw_scenario(self.np_random))
-            drawn = observation_space(self.patrols)
+            drawn = observation_space(self.simulation)
             if drawn != self.observation_space:
                 raise ValueError(
                     "`scenario`: the function drew one with another observation space; allowed are scenarios of one "
                     f"size of yard, number of elements and time limit, as of the first: {self.observation_space}"
                 )
-        self.patrols.reset(FIRST, [self.np_random], options or {})
-        outcome = self.patrols.step(None, started=FIRST)
+        self.simulation.reset(FIRST, [self.np_random], options or {})
+        outcome = self.simulation.step(None, started=FIRST)
         if self.render_mode == "human":
             self.render()
         info = self._info(outcome)
-        info["truth"] |= copy.deepcopy(self.patrols.episode(0).truth)
-        return self.patrols.entries.parts(outcome.shown[0]), info
+        info["truth"] |= copy.deepcopy(self.simulation.episode(0).truth)
+        return self.simulation.layout.parts(outcome.observation[0]), info
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive for 0.1 s, then listen; see the class for what comes back."""
         v_share, yaw_rate_share = np.asarray(action).tolist()
-        outcome = self.patrols.step(np.array([[v_share * MAX_SPEED_MPS, yaw_rate_share * MAX_YAW_RATE_RADPS]]))
+        outcome = self.simulation.step(np.array([[v_share * MAX_SPEED_MPS, yaw_rate_share * MAX_YAW_RATE_RADPS]]))
         info = self._info(outcome)
         terms = dict(zip(REWARD_TERMS, outcome.reward[:, 0].tolist(), strict=True))
         info["reward"] = terms
         if self.render_mode == "human":
             self.render()
         is_over, is_late = bool(outcome.terminated[0]), bool(outcome.truncated[0])
-        return self.patrols.entries.parts(outcome.shown[0]), sum(terms.values()), is_over, is_late, info
+        return self.simulation.layout.parts(outcome.observation[0]), sum(terms.values()), is_over, is_late, info
 
     def _info(self, outcome: Outcome) -> dict[str, Any]:
-        patrols, motion, heard = self.patrols, self.patrols.motion, outcome.heard
-        told, good = outcome.bearings, patrols.good_channels[0]
+        simulation, motion = self.simulation, self.simulation.motion
         return {
             "time_s": float(motion.time_s[0]),
             "pose": motion.pose[0].copy(),
             "odometry": motion.odometry[0].copy(),
             "battery": float(motion.battery[0]),
-            "pulses": Pulses(
-                time_s=heard.time_s,
-                strengths_v=heard.strengths_v,
-                variance_v2=heard.variance_v2,
-                mains_phase_rad=heard.mains_phase_rad,
-                azimuth_rad=told.azimuth_rad,
-                std_rad=told.std_rad,
-                misfit=told.misfit,
-                is_clipped=heard.clipped(good),
-                is_good=good,
-            ),
+            "pulses": outcome.pulses,
             "suspects": outcome.suspects[0],
-            "touched": patrols.inspectors.touched[0],
-            "waypoints_visited": patrols.waypoints_visited(0),
-            "truth": {"pose": patrols.true_pose[0]},
+            "touched": simulation.robots.touched[0],
+            "waypoints_visited": simulation.waypoints_visited(0),
+            "truth": {"pose": simulation.true_pose[0]},
         }
 
     def render(self) -> NDArray[Any] | None:  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -219,8 +182,8 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             )
             return None
         if self._camera is None:
-            self._camera = Camera(self.patrols.inspectors.model, self.render_mode)
-        return self._camera.take(self.patrols.inspectors.data())
+            self._camera = Camera(self.simulation.robots.model, self.render_mode)
+        return self._camera.take(self.simulation.robots.data())
 
     def close(self) -> None:
         """Close window and renderer; closing twice is no error."""
@@ -233,8 +196,11 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return {**self.__dict__, "_camera": None}
 
 
-def observation_space(patrols: Simulation) -> spaces.Dict:
+def observation_space(simulation: Simulation) -> spaces.Dict:
     """The space of the observations of one robot."""
     return spaces.Dict(
-        {key: spaces.Box(low, high, low.shape, np.float32) for key, (low, high) in patrols.bounds.items()}
+        {
+            key: spaces.Box(low, high, low.shape, np.float32)
+            for key, (low, high) in simulation.layout.bounds._asdict().items()
+        }
     )

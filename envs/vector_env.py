@@ -42,8 +42,7 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
     ## Info
     Arrays with a row for each robot: `time_s`, `pose` (believed), `odometry`, `battery`, `reward` (a dict of terms),
     `touched` (whether anything was), `true_pose` (for logs and scores: no policy may see it). And `pulses`, a dict of
-    arrays with a row for each pulse of any robot: `robot` (whose it is), `time_s`, `strengths_v`, `variance_v2`,
-    `mains_phase_rad`, `azimuth_rad`, `std_rad`, `misfit`.
+    arrays with a row for each pulse of any robot: `robot` (whose it is), and the columns of a `dirmusic.PulseBatch`.
 
     Args:
         num_envs: How many robots.
@@ -80,23 +79,23 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
                 f"`render_mode`: got {render_mode!r}; allowed is None: make a single environment for pictures"
             )
         self.num_envs = num_envs
-        self.patrols = Simulation(
+        self.simulation = Simulation(
             load_scenario(scenario), num_envs, num_threads, terminate_on_approach=terminate_on_approach
         )
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
         self.single_action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
-        self.single_observation_space = observation_space(self.patrols)
+        self.single_observation_space = observation_space(self.simulation)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._rngs: list[np.random.Generator | None] = [None] * num_envs
         self._is_over = np.zeros(num_envs, dtype=np.bool_)
-        self._shown = np.empty((num_envs, 0), dtype=np.float32)
+        self._observation = np.empty((num_envs, 0), dtype=np.float32)
 
     @property
     def scenario(self) -> Scenario:
         """Of all episodes."""
-        return self.patrols.scenario
+        return self.simulation.scenario
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
@@ -121,14 +120,16 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
             if seeds[row] is not None or self._rngs[row] is None:
                 self._rngs[row], _ = seeding.np_random(seeds[row])
         outcome = self._start(rows, fixed)
-        self._shown = outcome.shown if rows.size == self.num_envs else _mixed(self._shown, outcome.shown, rows)
-        return self.patrols.entries.parts(self._shown), self._info(outcome)
+        self._observation = (
+            outcome.observation if rows.size == self.num_envs else _mixed(self._observation, outcome.observation, rows)
+        )
+        return self.simulation.layout.parts(self._observation), self._info(outcome)
 
     def _start(self, rows: Rows, options: dict[str, Any], commands: FloatArray | None = None) -> Outcome:
         """New episodes in some rows; the others take a step, if there are commands, or wait."""
-        self.patrols.reset(rows, [rng for row in rows.tolist() if (rng := self._rngs[row]) is not None], options)
+        self.simulation.reset(rows, [rng for row in rows.tolist() if (rng := self._rngs[row]) is not None], options)
         self._is_over[rows] = False
-        return self.patrols.step(commands, started=rows)
+        return self.simulation.step(commands, started=rows)
 
     def step(
         self, actions: NDArray[np.float32]
@@ -141,12 +142,12 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         elif over.size:
             raise ValueError(f"rows {over.tolist()} are over; reset them with options={{'reset_mask': mask}} first")
         else:
-            outcome = self.patrols.step(wanted)
+            outcome = self.simulation.step(wanted)
         self._is_over = outcome.terminated | outcome.truncated
-        self._shown, info = outcome.shown, self._info(outcome)
+        self._observation, info = outcome.observation, self._info(outcome)
         if self.autoreset_mode is AutoresetMode.SAME_STEP and self._is_over.any():
-            self._shown, info = self._restarted(outcome, info)
-        observation, reward = self.patrols.entries.parts(self._shown), outcome.reward.sum(axis=0)
+            self._observation, info = self._restarted(outcome, info)
+        observation, reward = self.simulation.layout.parts(self._observation), outcome.reward.sum(axis=0)
         return observation, reward, outcome.terminated, outcome.truncated, info
 
     def _restarted(self, ended: Outcome, info: dict[str, Any]) -> tuple[NDArray[np.float32], dict[str, Any]]:
@@ -154,11 +155,11 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         rows = np.flatnonzero(self._is_over)
         final = np.full(self.num_envs, None, dtype=object)
         for row in rows.tolist():
-            final[row] = self.patrols.entries.parts(ended.shown[row].copy())
+            final[row] = self.simulation.layout.parts(ended.observation[row].copy())
         begun = self._start(rows, {})
         over = np.zeros(self.num_envs, dtype=np.bool_)
         over[rows] = True
-        return _mixed(ended.shown, begun.shown, rows), {
+        return _mixed(ended.observation, begun.observation, rows), {
             **self._info(begun),
             "final_obs": final,
             "_final_obs": over,
@@ -167,34 +168,24 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         }
 
     def _info(self, outcome: Outcome) -> dict[str, Any]:
-        patrols, motion = self.patrols, self.patrols.motion
-        heard, told = outcome.heard, outcome.bearings
+        simulation, motion = self.simulation, self.simulation.motion
         return {
             "time_s": motion.time_s.copy(),
             "pose": motion.pose.copy(),
             "odometry": motion.odometry.copy(),
             "battery": motion.battery.copy(),
             "reward": dict(zip(REWARD_TERMS, outcome.reward, strict=True)),
-            "touched": patrols.inspectors.is_touching.copy(),
-            "true_pose": patrols.true_pose,
-            "pulses": {
-                "robot": heard.robot,
-                "time_s": heard.time_s,
-                "strengths_v": heard.strengths_v,
-                "variance_v2": heard.variance_v2,
-                "mains_phase_rad": heard.mains_phase_rad,
-                "azimuth_rad": told.azimuth_rad,
-                "std_rad": told.std_rad,
-                "misfit": told.misfit,
-            },
+            "touched": simulation.robots.is_touching.copy(),
+            "true_pose": simulation.true_pose,
+            "pulses": {"robot": outcome.robot, **outcome.pulses._asdict()},
         }
 
     def close_extras(self, **kwargs: Any) -> None:  # noqa: ANN401 - as Gymnasium declares it
         """Nothing is open."""
 
 
-def _mixed(shown: NDArray[np.float32], begun: NDArray[np.float32], rows: Rows) -> NDArray[np.float32]:
+def _mixed(observation: NDArray[np.float32], begun: NDArray[np.float32], rows: Rows) -> NDArray[np.float32]:
     """The rows of one observation, but for some that are of another."""
-    mixed = shown.copy()
+    mixed = observation.copy()
     mixed[rows] = begun[rows]
     return mixed

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from dirmusic import ArrayModel, Bearings, ElementSpread, Locator, PoseError
+from dirmusic import ArrayModel, Locator, PoseError
 from envs import Scenario
-from envs.patrol_env import STEP_S, PatrolEnv, Pulses
+from envs.patrol_env import STEP_S, PatrolEnv
 from missions.driving.site_map import SiteMap
 from missions.policies.names import PolicyName
 from missions.policies.protocol import SeesTruth
@@ -44,7 +44,7 @@ class Mission:
         self.env = PatrolEnv(scenario, terminate_on_approach=False)
         self.policy = make_policy(policy, np.random.default_rng([seed, 1]))
         self.site_map = SiteMap(scenario)
-        self.locator = make_locator(scenario)
+        self.locator = make_locator(scenario, self.env.simulation.array)
         self.folder = folder
         self.is_over = False
         self._observation, info = self.env.reset(seed=seed)
@@ -80,7 +80,7 @@ class Mission:
             "bounds_m": [[0.0, 0.0], list(scenario.yard.size_m)],
             "route": scenario.route.model_dump(mode="json"),
             "sites": {name: scenario.yard.site_position(name).tolist() for name in scenario.yard.site_names()},
-            "solids": describe_solids(self.env.patrols.inspectors.model),
+            "solids": describe_solids(self.env.simulation.robots.model),
             "start": {"true_pose": self._true_start.tolist()},
             "truth": truth,
         }
@@ -103,20 +103,9 @@ class Mission:
             command=np.asarray(action, dtype=np.float64) * (MAX_SPEED_MPS, MAX_YAW_RATE_RADPS),
             phase=self.policy.phase,
         )
-        pulses: Pulses = info["pulses"]
         for suspect in info["suspects"]:
             self._book.event("channel fault", f"{suspect}: left out from here on")
-        bearings = Bearings(azimuth_rad=pulses.azimuth_rad, std_rad=pulses.std_rad, misfit=pulses.misfit)
-        self._book.listen(
-            info["time_s"],
-            info["pose"],
-            pulses.strengths_v,
-            pulses.variance_v2,
-            bearings,
-            pulses.mains_phase_rad,
-            pulses.is_clipped,
-            pulses.is_good,
-        )
+        self._book.track(info["time_s"], info["pose"], info["pulses"])
         self._log_events(info)
         if self.folder is not None and (step + 1) % round(PART_S / STEP_S) == 0:
             self.log.write_part(self.folder)
@@ -143,19 +132,10 @@ class Mission:
         self._unreachable = frozenset(self.policy.unreachable)
 
 
-def make_locator(scenario: Scenario) -> Locator:
+def make_locator(scenario: Scenario, array: ArrayModel) -> Locator:
     """The robot's own Locator: it knows the data sheet of the array and the fence, and nothing of what is true."""
-    nominal = HelicalArray.nominal(scenario.array)
     return Locator(
-        ArrayModel(
-            manifold=nominal.manifold(),
-            positions_m=nominal.positions_m,
-            spread=ElementSpread(
-                gain=scenario.array.gain_error,
-                pointing_rad=float(np.radians(scenario.array.pointing_error_deg)),
-                offset=scenario.array.gain_offset / np.sqrt(3),
-            ),
-        ),
+        array,
         PoseError(
             position_m=scenario.pose_sensor.position_std_m,
             heading_rad=float(np.radians(scenario.pose_sensor.heading_std_deg)),

@@ -5,7 +5,8 @@ from sensing.nature.discharges import PulseTrain
 from sensing.nature.scene import Scene
 from sensing.nature.sources import Carrier, DischargeSource
 from sensing.radio.surroundings import Faces, Obstacles, Surroundings, level_transform
-from sensing.receiver.receiver import Detections, Receiver, ReceiverConfig
+from sensing.receiver.detections import Detections
+from sensing.receiver.receiver import Receiver, ReceiverConfig
 
 __all__ = [
     "ArrayConfig",

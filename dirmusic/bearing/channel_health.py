@@ -1,7 +1,8 @@
 """Faults of single channels, found from the pulses themselves: no reference, no test signal.
 
-One channel is left out after the other. Where the rest agrees on a direction, it says what the one left out should have
-heard; if that is wrong in the same way over many pulses, and leaving it out makes the others agree, it is at fault.
+One channel is left out after the other. Where the rest agrees on a direction, it says how strong the pulse should have
+been in the one left out; if that is wrong in the same way over many pulses, and leaving it out makes the others agree,
+it is at fault.
 """
 
 from __future__ import annotations
@@ -14,8 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.angles import opening
-from dirmusic.array.manifold import GainManifold
-from dirmusic.bearing.maximum_likelihood import Bearings, estimate_bearings
+from dirmusic.array.model import ArrayModel
+from dirmusic.bearing.bearings import Bearings
+from dirmusic.bearing.estimator import BearingEstimator
+from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
+from dirmusic.pulses.batch import PulseBatch
 
 FloatArray = NDArray[np.float64]
 FaultName = Literal["dead", "low", "high", "swapped", "stuck"]
@@ -97,16 +101,24 @@ CLEAR_STD_RAD = np.radians(4.0)
 class ChannelMonitor:
     """Watches the strengths of pulses, says which channels can be trusted, and takes bearings from those alone.
 
+    Whether a channel is at fault is judged by how well a direction explains the pulses, so by maximum likelihood,
+    whichever estimator takes the bearings.
+
     Args:
-        manifold: The nominal array.
+        array: The nominal array.
+        estimator: Takes the bearings from the usable channels.
         rules: When a channel is at fault.
     """
 
-    def __init__(self, manifold: GainManifold, rules: HealthRules | None = None) -> None:
-        self.manifold = manifold
+    def __init__(
+        self, array: ArrayModel, estimator: BearingEstimator | None = None, rules: HealthRules | None = None
+    ) -> None:
+        self.array = array
         self.rules = rules or HealthRules()
-        self.good = np.ones(manifold.n_elements, dtype=np.bool_)
-        self._strengths = np.empty((self.rules.window, manifold.n_elements))
+        self.good = np.ones(array.manifold.n_elements, dtype=np.bool_)
+        self._likelihood = MaximumLikelihood()
+        self._estimator = estimator or self._likelihood
+        self._strengths = np.empty((self.rules.window, array.manifold.n_elements))
         self._misfits = np.empty(self.rules.window)
         self._n_seen = self._n_new = self._n_bad = 0
 
@@ -115,43 +127,36 @@ class ChannelMonitor:
         """How many channels are at fault."""
         return self._n_bad
 
-    def bearings(self, strengths: FloatArray, strength_variance: FloatArray) -> Bearings:
-        """Bearings of pulses, (n_pulses,), from the good channels; arguments of shape (n_pulses, n_elements)."""
-        manifold = self.manifold
-        if self._n_bad:
-            strengths, strength_variance = strengths[:, self.good], strength_variance[:, self.good]
-            manifold = manifold.take(np.flatnonzero(self.good))
-        return estimate_bearings(strengths[:, np.newaxis], manifold, strength_variance=strength_variance[:, np.newaxis])
+    def bearings(self, pulses: PulseBatch) -> PulseBatch:
+        """The pulses with directions from the usable channels, and with those marked."""
+        if not self._n_bad:
+            found = self._estimator(pulses, self.array)
+            return pulses._replace(azimuth_rad=found.azimuth_rad, std_rad=found.std_rad, misfit=found.misfit)
+        found = self._estimator(pulses.take_channels(self.good), self.array.take(self.good))
+        return pulses._replace(
+            azimuth_rad=found.azimuth_rad,
+            std_rad=found.std_rad,
+            misfit=found.misfit,
+            is_usable=np.broadcast_to(self.good, pulses.strengths_v.shape),
+        )
 
-    def watch(
-        self, strengths: FloatArray, strength_variance: FloatArray
-    ) -> tuple[Bearings, tuple[SuspectChannel, ...]]:
-        """Bearings of pulses (n_pulses,), and the channels that these pulses show to be at fault.
+    def watch(self, pulses: PulseBatch) -> tuple[PulseBatch, tuple[SuspectChannel, ...]]:
+        """The pulses with their directions, and the channels that these pulses show to be at fault."""
+        pulses = self.bearings(pulses)
+        found = self.note(pulses)
+        return (self.bearings(pulses) if found else pulses), found
 
-        Args:
-            strengths: Shape (n_pulses, n_elements), volts.
-            strength_variance: Of those, same shape, V^2.
-        """
-        bearings = self.bearings(strengths, strength_variance)
-        found = self.note(strengths, bearings.std_rad, bearings.misfit)
-        return (self.bearings(strengths, strength_variance) if found else bearings), found
-
-    def note(self, strengths: FloatArray, std_rad: FloatArray, misfit: FloatArray) -> tuple[SuspectChannel, ...]:
-        """Keep pulses in view.
-
-        Args:
-            strengths: Shape (n_pulses, n_elements), volts.
-            std_rad: Of their bearings, shape (n_pulses,).
-            misfit: Of their bearings, shape (n_pulses,).
-
-        Returns:
-            The channels that they show to be at fault.
-        """
+    def note(self, pulses: PulseBatch) -> tuple[SuspectChannel, ...]:
+        """Keep pulses, with their directions, in view; the channels that they show to be at fault."""
         found: list[SuspectChannel] = []
+        std_rad, misfit = pulses.std_rad, pulses.misfit
+        if not isinstance(self._estimator, MaximumLikelihood):
+            likeliest = self._likelihood(pulses.take_channels(self.good), self.array.take(self.good))
+            std_rad, misfit = likeliest.std_rad, likeliest.misfit
         for row, (std, unexplained) in enumerate(zip(std_rad.tolist(), misfit.tolist(), strict=True)):
             if std < CLEAR_STD_RAD:  # however many come at once, checks fall on the same pulses
                 at = self._n_seen % self.rules.window
-                self._strengths[at], self._misfits[at] = strengths[row], unexplained
+                self._strengths[at], self._misfits[at] = pulses.strengths_v[row], unexplained
                 self._n_seen += 1
                 self._n_new += 1
                 if self._n_new >= self.rules.check_pulses:
@@ -166,7 +171,7 @@ class ChannelMonitor:
             self.good[[suspect.channel - 1 for suspect in suspects]] = False
             self._n_bad = int((~self.good).sum())
             channels, window = np.flatnonzero(self.good), self._window
-            self._misfits[window] = self._fit(self._strengths[window][:, channels], channels)[1]
+            self._misfits[window] = self._fit(self._strengths[window][:, channels], channels).misfit
         return suspects
 
     @property
@@ -177,7 +182,7 @@ class ChannelMonitor:
     def _suspects(self) -> list[SuspectChannel]:
         from dirmusic.bearing.channel_statistics import glance  # loads the compiler
 
-        n_good = self.manifold.n_elements - self._n_bad
+        n_good = self.array.manifold.n_elements - self._n_bad
         if n_good <= LEAST_CHANNELS or self._n_seen < self.rules.least_pulses:
             return []
         strengths, misfits = self._strengths[self._window], self._misfits[self._window]
@@ -188,36 +193,36 @@ class ChannelMonitor:
         if upper_quartile < self.rules.at_ease:
             return []
         channels = np.flatnonzero(self.good)
-        heard = strengths[:, channels]
-        unexplained = float(np.median(self._fit(heard, channels)[1]))
+        strengths_v = strengths[:, channels]
+        unexplained = float(np.median(self._fit(strengths_v, channels).misfit))
         best: tuple[float, SuspectChannel] | None = None
         for k, channel in enumerate(channels):
-            left, suspect = self._without(heard, channels, k, int(channel) + 1)
+            left, suspect = self._without(strengths_v, channels, k, int(channel) + 1)
             if suspect is not None and left < self.rules.cure * unexplained and (best is None or left < best[0]):
                 best = left, suspect
         if best is not None:
             return [best[1]]
-        return self._swapped(heard, channels, unexplained)
+        return self._swapped(strengths_v, channels, unexplained)
 
-    def _fit(self, heard: FloatArray, channels: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
-        """Directions (n,) of pulses (n, n_channels) by some channels, and the unexplained shares (n,)."""
-        bearings = estimate_bearings(heard[:, np.newaxis], self.manifold.take(channels)).without_nan()
-        return bearings.azimuth_rad, bearings.misfit
+    def _fit(self, strengths_v: FloatArray, channels: NDArray[np.intp]) -> Bearings:
+        """Likeliest directions of pulses (n, n_channels) by some channels."""
+        pulses = PulseBatch.detected(np.zeros(len(strengths_v)), strengths_v, np.zeros_like(strengths_v))
+        return self._likelihood(pulses, self.array.take(channels))
 
     def _without(
-        self, heard: FloatArray, channels: NDArray[np.intp], k: int, channel: int
+        self, strengths_v: FloatArray, channels: NDArray[np.intp], k: int, channel: int
     ) -> tuple[float, SuspectChannel | None]:
         """What is left unexplained without one of the channels, and whether that one is at fault."""
         rules, others = self.rules, np.delete(np.arange(channels.size), k)
-        azimuth, misfit = self._fit(heard[:, others], channels[others])
+        azimuth, _, misfit = self._fit(strengths_v[:, others], channels[others])
         left = float(np.median(misfit))
-        gain = self.manifold.gain(azimuth)[channels].T
-        amplitude = (heard[:, others] * gain[:, others]).sum(axis=-1) / np.square(gain[:, others]).sum(axis=-1)
+        gain = self.array.manifold.gain(azimuth)[channels].T
+        amplitude = (strengths_v[:, others] * gain[:, others]).sum(axis=-1) / np.square(gain[:, others]).sum(axis=-1)
         tells = (gain[:, k] >= rules.fair_share * gain.max(axis=-1)) & (misfit < rules.agreed) & (amplitude > 0)
         if tells.sum() < rules.least_pulses or left > rules.agreed:
             return left, None
         should = amplitude[tells] * gain[tells, k]
-        ratio_db: FloatArray = 20 * np.log10(np.maximum(heard[tells, k] / should, 1e-3))
+        ratio_db: FloatArray = 20 * np.log10(np.maximum(strengths_v[tells, k] / should, 1e-3))
         median_db = float(np.median(ratio_db))
         alike = float(np.mean((ratio_db if median_db > 0 else -ratio_db) > rules.each_db))
         if abs(median_db) < rules.fault_db or alike < 0.9:
@@ -225,21 +230,21 @@ class ChannelMonitor:
         kind = "dead" if median_db < rules.dead_db else "low" if median_db < 0 else "high"
         return left, SuspectChannel(channel, kind, median_db, int(tells.sum()))
 
-    def _swapped(self, heard: FloatArray, channels: NDArray[np.intp], unexplained: float) -> list[SuspectChannel]:
+    def _swapped(self, strengths_v: FloatArray, channels: NDArray[np.intp], unexplained: float) -> list[SuspectChannel]:
         """Two channels that explain all once they change places."""
-        if unexplained < self.rules.agreed or len(heard) < SWAP_PULSES:
+        if unexplained < self.rules.agreed or len(strengths_v) < SWAP_PULSES:
             return []
         best, pair = np.inf, (0, 0)
         for i, j in combinations(range(channels.size), 2):
             order = np.arange(channels.size, dtype=np.intp)
             order[[i, j]] = j, i
-            left = float(np.quantile(self._fit(heard[:, order], channels)[1], 0.9))
+            left = float(np.quantile(self._fit(strengths_v[:, order], channels).misfit, 0.9))
             if left < best:
                 best, pair = left, (i, j)
         if best > min(self.rules.cure * unexplained, self.rules.agreed):
             return []
         order = np.arange(channels.size, dtype=np.intp)
         order[list(pair)] = order[list(pair)[::-1]]
-        if opening(self._fit(heard[:, order], channels)[0]) < SWAP_OPENING_RAD:
+        if opening(self._fit(strengths_v[:, order], channels).azimuth_rad) < SWAP_OPENING_RAD:
             return []
-        return [SuspectChannel(int(channels[k]) + 1, "swapped", np.nan, len(heard)) for k in pair]
+        return [SuspectChannel(int(channels[k]) + 1, "swapped", np.nan, len(strengths_v)) for k in pair]

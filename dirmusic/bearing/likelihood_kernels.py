@@ -1,4 +1,4 @@
-"""The search for the direction that explains strengths best, in compiled loops; see `bearing.estimate_bearings`."""
+"""The search for the direction that explains strengths best, in compiled loops; see `maximum_likelihood`."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.array.manifold import SEARCH_STEP_RAD, ManifoldTable
-from dirmusic.bearing.maximum_likelihood import LEAST_SHARE, UNKNOWN_STD_RAD
+from dirmusic.bearing.bearings import LEAST_SHARE, UNKNOWN_STD_RAD, Bearings
 from dirmusic.compiled import compiled
+from dirmusic.kernels import dot, wrapped
 
 FloatArray = NDArray[np.float64]
 
@@ -20,12 +21,8 @@ REFINEMENTS = 2
 TINY = 1e-12
 """Keeps a slope that vanishes from being divided by, unitless per radian squared."""
 
-
 NO_ANSWER = (np.nan, np.nan, np.nan)
-"""Azimuth, deviation and misfit where nothing was heard."""
-
-UNKNOWN = (0.0, np.pi, 1.0)
-"""The same for tables that hold no NaN: a direction of which nothing is known."""
+"""Azimuth, deviation and misfit of a row without any strength."""
 
 
 class Fit(NamedTuple):
@@ -47,22 +44,7 @@ class Fit(NamedTuple):
 
 
 @compiled
-def wrapped(angle_rad: float) -> float:
-    """`angles.wrap` of a single angle: into (-pi, pi]."""
-    return -((np.pi - angle_rad) % (2.0 * np.pi)) + np.pi
-
-
-@compiled
-def dot(first: FloatArray, second: FloatArray) -> float:
-    """Scalar product of two rows, (n,), added up one by one."""
-    total = 0.0
-    for e in range(first.size):
-        total += first[e] * second[e]
-    return total
-
-
-@compiled
-def _look_up(azimuth_rad: float, table: ManifoldTable, gain: FloatArray, slope: FloatArray) -> None:
+def look_up(azimuth_rad: float, table: ManifoldTable, gain: FloatArray, slope: FloatArray) -> None:
     """Gain and slope per radian of each element: the cubic through the table's values and slopes."""
     n, step_rad = table.gain.shape[0], 2.0 * np.pi / table.gain.shape[0]
     at = azimuth_rad / step_rad
@@ -112,7 +94,7 @@ def fit_covariances(covariance: FloatArray, table: ManifoldTable) -> Fit:
         start_rad = SEARCH_STEP_RAD * _best_search_azimuth(covariance[row], table.unit_pairs, match)
         azimuth_rad = start_rad
         for _ in range(REFINEMENTS + 1):
-            _look_up(azimuth_rad, table, gain, slope)
+            look_up(azimuth_rad, table, gain, slope)
             energy = dot(gain, gain)
             along = dot(gain, slope) / energy
             for e in range(n):
@@ -201,17 +183,17 @@ def bearings_of_pulses(
     variance: FloatArray,
     table: tuple[FloatArray, ...],
     silence: tuple[float, float, float],
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """All of this for pooled pulses: azimuths, their deviations and misfits.
+) -> Bearings:
+    """Maximum-likelihood directions of pooled pulses, with their deviations and misfits.
 
     Args:
         strengths: Shape (n_rows, n_pulses, n_elements).
-        variance: Of those, same shape; empty where it is not known, and deviations are NaN.
+        variance: Variance of the strengths, same shape; empty where it is not known, and deviations are NaN.
         table: Of the manifold, a plain `ManifoldTable`.
-        silence: The three where nothing was heard.
+        silence: Azimuth, deviation and misfit of rows without any strength.
 
     Returns:
-        Each of shape (n_rows,), azimuths in (-pi, pi].
+        Columns of shape (n_rows,), azimuths in (-pi, pi].
     """
     pooled = pool(strengths)
     fit = fit_covariances(pooled, ManifoldTable(*table))
@@ -225,7 +207,7 @@ def bearings_of_pulses(
             fit.azimuth_rad[row], std_rad[row], misfit[row] = silence
         else:
             fit.azimuth_rad[row] = wrapped(fit.azimuth_rad[row])
-    return fit.azimuth_rad, std_rad, misfit
+    return Bearings(fit.azimuth_rad, std_rad, misfit)
 
 
 @compiled

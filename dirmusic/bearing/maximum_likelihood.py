@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,51 +11,26 @@ from numpy.typing import ArrayLike, NDArray
 from dirmusic.angles import wrap
 from dirmusic.array.element_errors import ManifoldPrior
 from dirmusic.array.manifold import GainManifold
+from dirmusic.array.model import ArrayModel
+from dirmusic.bearing.bearings import LEAST_SHARE, Bearings
 from dirmusic.bearing.posterior import bearing_posterior
+from dirmusic.pulses.batch import NO_DIRECTION, PulseBatch
 
 if TYPE_CHECKING:
     from dirmusic.bearing.likelihood_kernels import Fit, NoiseOfFit
 
 FloatArray = NDArray[np.float64]
 
-LEAST_SHARE = 0.01
-"""Share of the pooled energy that is taken as signal at least, where it cannot be told from noise (assumed)."""
 
-UNKNOWN_STD_RAD = np.pi / np.sqrt(3)
-"""Deviation of a direction of which nothing is known: uniform on the circle. None is told wider."""
+class MaximumLikelihood:
+    """The default estimator: each pulse on its own, off the grid, with its deviation; see `estimate_bearings`."""
 
+    def __call__(self, pulses: PulseBatch, array: ArrayModel) -> Bearings:
+        """Directions of the pulses, shape (n_pulses,); as of `estimator.BearingEstimator`."""
+        from dirmusic.bearing.likelihood_kernels import bearings_of_pulses  # loads the compiler
 
-@dataclass(frozen=True, kw_only=True)
-class Bearings:
-    """Directions of arrival in the array frame.
-
-    Attributes:
-        azimuth_rad: Shape (...), in (-pi, pi]; NaN where nothing was heard (all strengths zero).
-        std_rad: Shape (...). From noise alone, unless a prior on the manifold was given: an error of the manifold is
-            common to all pulses from one direction. NaN without a variance of the noise and without a prior.
-        misfit: Shape (...), share of the energy that no single direction explains, in [0, 1]. Large where two sources
-            overlap, a channel is dead, or there is only noise.
-    """
-
-    azimuth_rad: FloatArray
-    std_rad: FloatArray
-    misfit: FloatArray
-
-    def take(self, rows: slice | NDArray[np.bool_]) -> Bearings:
-        """Some of them, by slice or mask."""
-        return Bearings(azimuth_rad=self.azimuth_rad[rows], std_rad=self.std_rad[rows], misfit=self.misfit[rows])
-
-    def without_nan(self) -> Bearings:
-        """The same for tables that hold no NaN: where nothing was heard, a direction of which nothing is known."""
-        unknown = np.isnan(self.std_rad)
-        if not unknown.any():
-            return self
-        silent = np.isnan(self.misfit)
-        return Bearings(
-            azimuth_rad=np.where(silent, 0.0, self.azimuth_rad),
-            std_rad=np.where(unknown, np.pi, self.std_rad),
-            misfit=np.where(silent, 1.0, self.misfit),
-        )
+        strengths, variance = pulses.strengths_v[:, np.newaxis], pulses.variance_v2[:, np.newaxis]
+        return bearings_of_pulses(strengths, variance, tuple(array.manifold.table), NO_DIRECTION)
 
 
 def estimate_bearings(
@@ -118,14 +92,12 @@ def estimate_bearings(
         given = np.asarray(strength_variance, dtype=np.float64)
         variance = _in_rows(given if given.shape == a.shape else np.broadcast_to(given, a.shape))
     if prior is None:
-        azimuth_rad, std_rad, misfit = bearings_of_pulses(pulses, variance, tuple(manifold.table), NO_ANSWER)
-        return Bearings(
-            azimuth_rad=azimuth_rad.reshape(shape), std_rad=std_rad.reshape(shape), misfit=misfit.reshape(shape)
-        )
+        found = bearings_of_pulses(pulses, variance, tuple(manifold.table), NO_ANSWER)
+        return Bearings(*(column.reshape(shape) for column in found))
     pooled = pool(pulses)
     fit = fit_covariances(pooled, manifold.table)
     noise = noise_of_pulses(fit, pulses, variance) if variance.size else None
-    return _conclude(fit, pooled, noise, manifold, prior, shape)
+    return _bearings_of_fit(fit, pooled, noise, manifold, prior, shape)
 
 
 def _in_rows(values: FloatArray) -> FloatArray:
@@ -182,10 +154,10 @@ def bearings_from_covariance(
         energy = np.square(fit.gain).sum(axis=-1)
         each = np.repeat((variance * fit.amplitude_energy)[:, np.newaxis], n, axis=-1)
         noise = NoiseOfFit(each, n_snapshots * variance / energy)
-    return _conclude(fit, total, noise, manifold, prior, shape)
+    return _bearings_of_fit(fit, total, noise, manifold, prior, shape)
 
 
-def _conclude(
+def _bearings_of_fit(
     fit: Fit,
     pooled: FloatArray,
     noise: NoiseOfFit | None,

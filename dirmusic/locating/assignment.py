@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 from dirmusic.angles import difference
 from dirmusic.array.bounds import manifold_error, manifold_error_std
 from dirmusic.array.element_errors import ElementErrors
+from dirmusic.array.model import ArrayModel
 from dirmusic.locating.finding import Finding
-from dirmusic.locating.joint_fix import ArrayModel, PoseError, Sightings
+from dirmusic.locating.joint_fix import PoseError
+from dirmusic.pulses.batch import PulseBatch
 
 FloatArray = NDArray[np.float64]
 
@@ -97,46 +99,34 @@ class PulseRecord:
         self.pose_error = pose_error
         self.rules = rules
         self._in_sight = in_sight
-        n_elements = array.manifold.n_elements
-        self.sightings = Sightings(np.empty(0), np.empty((0, 3)), *(np.empty((0, n_elements)) for _ in range(2)))
-        self.azimuth_rad = np.empty(0)
-        self.std_rad = np.empty(0)
+        self.pulses = PulseBatch.none(array.manifold.n_elements)
+        self.pose = np.empty((0, 3))
         self._level_db = np.empty(0)
         self._places_m = np.empty((0, 2))
         self._place = np.empty(0, dtype=np.intp)
         self._aperture_m = float(np.linalg.norm(array.positions_m[:, :2], axis=-1).max())
 
-    def add(
-        self,
-        time_s: float,
-        pose: FloatArray,
-        azimuth_rad: FloatArray,
-        std_rad: FloatArray,
-        strengths: FloatArray,
-        strength_variance: FloatArray,
-    ) -> None:
-        """Pulses heard at one pose (3,): azimuths and deviations (n,), strengths and variances (n, n_elements)."""
-        norm = np.linalg.norm(strengths, axis=-1, keepdims=True)
-        n = azimuth_rad.size
-        new = (np.full(n, time_s), np.tile(pose, (n, 1)), strengths / norm, strength_variance / norm**2)
-        self.sightings = Sightings(*(np.concatenate(pair) for pair in zip(self.sightings, new, strict=True)))
+    def add(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> None:
+        """Credible pulses that were detected at one pose (3,); they get the time of the pose."""
+        n = pulses.n_pulses
+        norm_v = np.linalg.norm(pulses.strengths_v * pulses.is_usable, axis=-1)
+        self.pulses = PulseBatch.join([self.pulses, pulses._replace(time_s=np.full(n, time_s))])
+        self.pose = np.concatenate([self.pose, np.tile(pose, (n, 1))])
         self._place = np.concatenate([self._place, np.full(n, len(self._places_m))])
         self._places_m = np.concatenate([self._places_m, pose[np.newaxis, :2]])
-        self.azimuth_rad = np.concatenate([self.azimuth_rad, azimuth_rad])
-        self.std_rad = np.concatenate([self.std_rad, std_rad])
-        self._level_db = np.concatenate([self._level_db, 20 * np.log10(norm[:, 0])])
+        self._level_db = np.concatenate([self._level_db, 20 * np.log10(norm_v)])
 
     def bearings(self, index: NDArray[np.intp], errors: ElementErrors) -> tuple[FloatArray, FloatArray]:
         """World bearings of some with the array's known errors taken out, and their deviation with what is left."""
-        azimuth, manifold = self.azimuth_rad[index], self.array.manifold
+        azimuth, manifold = self.pulses.azimuth_rad[index], self.array.manifold
         common = manifold_error_std(manifold, azimuth, self.array.spread)
-        variance = self.std_rad[index] ** 2 + common**2 + self.pose_error.heading_rad**2
-        world = azimuth - manifold_error(manifold, azimuth, errors) + self.sightings.pose[index, 2]
+        variance = self.pulses.std_rad[index] ** 2 + common**2 + self.pose_error.heading_rad**2
+        world = azimuth - manifold_error(manifold, azimuth, errors) + self.pose[index, 2]
         return world, np.sqrt(variance)
 
     def assign(self, findings: Sequence[Finding], errors: ElementErrors) -> Assignment:
         """Who all pulses belong to, with the array's errors as known."""
-        n, rules = self.azimuth_rad.size, self.rules
+        n, rules = self.pulses.n_pulses, self.rules
         if not findings or n == 0:
             return Assignment(np.full(n, UNASSIGNED), np.ones(n, dtype=np.bool_), np.full(n, np.nan))
         bearing, std = self.bearings(np.arange(n), errors)
@@ -145,7 +135,7 @@ class PulseRecord:
         off, level_db, in_sight = np.empty(shape), np.empty(shape), np.ones(shape, dtype=np.bool_)
         is_echo, is_bent = np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
         for k, finding in enumerate(findings):
-            sight = finding.position_m - self.sightings.pose[:, :2]
+            sight = finding.position_m - self.pose[:, :2]
             range_m = np.maximum(np.linalg.norm(sight, axis=-1), 0.3)
             across = np.stack([-sight[:, 1], sight[:, 0]], axis=-1) / range_m[:, np.newaxis]
             spread_m2 = np.einsum("ni,ij,nj->n", across, finding.covariance_m2, across)
@@ -191,8 +181,8 @@ class PulseRecord:
             return 1.0, 0
         is_near = np.linalg.norm(self._places_m - finding.position_m, axis=-1) < self.rules.near_m
         is_near[is_near] = self._in_sight(self._places_m[is_near], finding.position_m, self.rules.inside_m)
-        second = np.floor(self.sightings.time_s)
-        heard = np.unique(second[is_near[self._place] & (self.sightings.time_s >= finding.first_heard_s)])
+        second = np.floor(self.pulses.time_s)
+        heard = np.unique(second[is_near[self._place] & (self.pulses.time_s >= finding.first_heard_s)])
         return np.intersect1d(heard, second[own]).size / max(heard.size, 1), heard.size
 
     def _is_clear_of_edges(self, finding: Finding) -> NDArray[np.bool_]:
@@ -208,7 +198,7 @@ class PulseRecord:
 
     def _loudness_db(self, bearing: FloatArray) -> FloatArray:
         """Median strength of the pulses of one time and one direction, shape (n,), dB over 1 V."""
-        time = np.floor(self.sightings.time_s / self.rules.level_s)
+        time = np.floor(self.pulses.time_s / self.rules.level_s)
         sector = np.floor(np.mod(bearing, 2 * np.pi) / self.rules.level_arc_rad)
         order = np.lexsort((self._level_db, sector, time))
         is_new = np.diff(time[order], prepend=-np.inf) + np.abs(np.diff(sector[order], prepend=-1.0)) > 0

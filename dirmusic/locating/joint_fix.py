@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.array.element_errors import ElementErrors, ElementSpread
-from dirmusic.array.manifold import GainManifold
+from dirmusic.array.element_errors import ElementErrors
+from dirmusic.array.model import ArrayModel
+from dirmusic.pulses.batch import PulseBatch
 
 FloatArray = NDArray[np.float64]
 
@@ -33,47 +34,12 @@ ROBUST_SCALE = 3.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class ArrayModel:
-    """What the robot knows of its array: the data sheet, and how far real arrays spread about it.
-
-    Attributes:
-        manifold: Nominal gains.
-        positions_m: Nominal element positions, array frame, shape (n_elements, 2) or more columns, of which two count.
-        spread: How far real arrays spread about the data sheet.
-    """
-
-    manifold: GainManifold
-    positions_m: FloatArray
-    spread: ElementSpread
-
-
-@dataclass(frozen=True, kw_only=True)
 class PoseError:
     """How wrong the robot's pose is: standard deviations, and the time over which the error stays the same."""
 
     position_m: float
     heading_rad: float
     correlation_s: float
-
-
-class Sightings(NamedTuple):
-    """Pulses heard, one a row.
-
-    Attributes:
-        time_s: Shape (n,).
-        pose: Believed x m, y m, yaw rad, shape (n, 3).
-        strengths: Scaled to unit norm, shape (n, n_elements).
-        variance: Noise variance of those, shape (n, n_elements), unitless.
-    """
-
-    time_s: FloatArray
-    pose: FloatArray
-    strengths: FloatArray
-    variance: FloatArray
-
-    def take(self, index: NDArray[np.intp]) -> Sightings:
-        """The rows at `index`."""
-        return Sightings(*(column[index] for column in self))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +58,12 @@ class JointFix:
 
 
 def locate_jointly(
-    sightings: Sightings, source: NDArray[np.intp], start_m: FloatArray, array: ArrayModel, pose_error: PoseError
+    pulses: PulseBatch,
+    pose: FloatArray,
+    source: NDArray[np.intp],
+    start_m: FloatArray,
+    array: ArrayModel,
+    pose_error: PoseError,
 ) -> JointFix:
     r"""Maximum a posteriori positions, and gain errors e, pointing errors d and offsets o of the elements.
 
@@ -104,8 +75,9 @@ def locate_jointly(
     pulses deserve. What no model explains stays as long, and widens every direction.
 
     Args:
-        sightings: What was heard; n rows.
-        source: Which source each row belongs to, shape (n,), in [0, n_sources).
+        pulses: Detected pulses, n rows; their scale does not matter, and channels that are not usable have no weight.
+        pose: Believed x m, y m, yaw rad at each pulse, world frame, shape (n, 3).
+        source: Which source each pulse belongs to, shape (n,), in [0, n_sources).
         start_m: Where to start, shape (n_sources, 2). Every source has at least one row.
         array: The array's data sheet and spread.
         pose_error: Spread and correlation of the pose.
@@ -117,24 +89,24 @@ def locate_jointly(
     from scipy.optimize import least_squares  # here, so that a command line help need not wait for it
 
     n_sources, n_elements = start_m.shape[0], array.manifold.n_elements
-    repeats = _correlated_sightings(sightings.time_s, source, pose_error.correlation_s)
+    data = _Data.of(pulses, pose, source, pose_error)
     of_elements = [array.spread.gain, array.spread.pointing_rad]
     if array.spread.offset > 0:
         of_elements.append(array.spread.offset)
     of_places = np.tile([POSITION_PRIOR_M, POSITION_PRIOR_M, HEIGHT_PRIOR_M[1]], n_sources)
     spread = np.concatenate([of_places, np.repeat(np.maximum(of_elements, 1e-6), n_elements)])
     no_errors = np.zeros(len(of_elements) * n_elements)
-    heard_from_m = [sightings.pose[source == k, :2].mean(axis=0) for k in range(n_sources)]
+    detected_from_m = [pose[source == k, :2].mean(axis=0) for k in range(n_sources)]
     height_m = np.full(n_sources, HEIGHT_PRIOR_M[0])
-    mean = np.concatenate([np.column_stack([heard_from_m, height_m]).ravel(), no_errors])
+    mean = np.concatenate([np.column_stack([detected_from_m, height_m]).ravel(), no_errors])
     start = np.concatenate([np.column_stack([start_m, height_m]).ravel(), no_errors])
 
     def residual(state: FloatArray) -> FloatArray:
-        miss, _ = _linearise(state, sightings, source, array, pose_error, repeats, slopes=False)
+        miss, _ = _linearise(state, data, array, pose_error, slopes=False)
         return np.concatenate([miss.ravel(), (state - mean) / spread])
 
     def jacobian(state: FloatArray) -> FloatArray:
-        _, slope = _linearise(state, sightings, source, array, pose_error, repeats, slopes=True)
+        _, slope = _linearise(state, data, array, pose_error, slopes=True)
         return np.concatenate([slope.reshape(-1, state.size), np.diag(1.0 / spread)])
 
     n_places = 3 * n_sources
@@ -181,48 +153,68 @@ def _tolerated(change: FloatArray, variance: FloatArray) -> tuple[FloatArray, Fl
     return change / np.sqrt(energy), 1.0 - 1.0 / np.sqrt(1.0 + variance * energy)
 
 
-def _correlated_sightings(time_s: FloatArray, source: NDArray[np.intp], correlation_s: float) -> FloatArray:
-    """For each sighting, how many of the same source share its pose error, shape (n,), >= 1."""
+def _correlated_pulses(time_s: FloatArray, source: NDArray[np.intp], correlation_s: float) -> FloatArray:
+    """For each pulse, how many of the same source share its pose error, shape (n,), >= 1."""
     lag = np.abs(time_s[:, np.newaxis] - time_s) / max(correlation_s, 1e-9)
     return (np.exp(-lag) * (source[:, np.newaxis] == source)).sum(axis=-1)
 
 
+class _Data(NamedTuple):
+    """What the fit is to explain, one pulse a row.
+
+    Attributes:
+        pose: Shape (n, 3).
+        source: Shape (n,).
+        weight: One over the deviation of each strength; 0 for channels that are not usable, shape (n, n_elements).
+        strengths: Scaled to unit norm, times the weight, shape (n, n_elements).
+        repeats: How many pulses share its pose error, shape (n, 1).
+    """
+
+    pose: FloatArray
+    source: NDArray[np.intp]
+    weight: FloatArray
+    strengths: FloatArray
+    repeats: FloatArray
+
+    @classmethod
+    def of(cls, pulses: PulseBatch, pose: FloatArray, source: NDArray[np.intp], pose_error: PoseError) -> _Data:
+        """Weights and weighted strengths of pulses; the floor stays for as long as the pose error does."""
+        usable_v = pulses.strengths_v * pulses.is_usable
+        norm_v = np.linalg.norm(usable_v, axis=-1, keepdims=True)
+        strengths, variance = usable_v / norm_v, pulses.variance_v2 / norm_v**2
+        repeats = _correlated_pulses(pulses.time_s, source, pose_error.correlation_s)
+        floor = STRENGTH_FLOOR**2 * np.square(strengths) * repeats[:, np.newaxis]
+        weight = pulses.is_usable / np.sqrt(variance + floor + 1e-8)
+        return cls(pose, source, weight, weight * strengths, repeats[:, np.newaxis])
+
+
 def _linearise(
-    state: FloatArray,
-    sightings: Sightings,
-    source: NDArray[np.intp],
-    array: ArrayModel,
-    pose_error: PoseError,
-    repeats: FloatArray,
-    *,
-    slopes: bool,
+    state: FloatArray, data: _Data, array: ArrayModel, pose_error: PoseError, *, slopes: bool
 ) -> tuple[FloatArray, FloatArray]:
     """Whitened misses (n, n_elements) and, on request, their derivative (n, n_elements, n_states)."""
-    n, n_elements = sightings.strengths.shape
+    pose, source, weight = data.pose, data.source, data.weight
+    n, n_elements = data.strengths.shape
     n_places = 3 * (int(source.max()) + 1)
     position = state[:n_places].reshape(-1, 3)[source]
     errors = _errors(state[n_places:], n_elements)
 
-    yaw = sightings.pose[:, 2, np.newaxis]
+    yaw = pose[:, 2, np.newaxis]
     forward, left = array.positions_m[:, 0], array.positions_m[:, 1]
-    dx = position[:, :1] - sightings.pose[:, :1] - (np.cos(yaw) * forward - np.sin(yaw) * left)
-    dy = position[:, 1:2] - sightings.pose[:, 1:2] - (np.sin(yaw) * forward + np.cos(yaw) * left)
+    dx = position[:, :1] - pose[:, :1] - (np.cos(yaw) * forward - np.sin(yaw) * left)
+    dy = position[:, 1:2] - pose[:, 1:2] - (np.sin(yaw) * forward + np.cos(yaw) * left)
     horizontal = np.maximum(dx**2 + dy**2, 1e-4)
     square = horizontal + position[:, 2:] ** 2
-    range_m = np.linalg.norm(position[:, :2] - sightings.pose[:, :2], axis=-1, keepdims=True)
+    range_m = np.linalg.norm(position[:, :2] - pose[:, :2], axis=-1, keepdims=True)
     off = np.arctan2(dy, dx) - yaw - array.manifold.boresights_rad - errors.pointing_rad
     sideways = np.sqrt(horizontal)
     gain, slope, slope_up = array.manifold.response_in_space(off, np.arctan2(position[:, 2:], sideways))
 
-    floor = STRENGTH_FLOOR**2 * np.square(sightings.strengths) * repeats[:, np.newaxis]
-    weight = 1.0 / np.sqrt(sightings.variance + floor + 1e-8)
     spreading = weight * np.maximum(range_m, 1e-2) / np.sqrt(square)
     model = ((1 + errors.gain) * gain + errors.offset) * spreading
     by_azimuth = (1 + errors.gain) * slope * spreading
     by_elevation = (1 + errors.gain) * slope_up * spreading
-    data = weight * sightings.strengths
     energy = np.square(model).sum(axis=-1, keepdims=True)
-    amplitude = (data * model).sum(axis=-1, keepdims=True) / energy
+    amplitude = (data.strengths * model).sum(axis=-1, keepdims=True) / energy
 
     def project(vector: FloatArray) -> FloatArray:
         return vector - model * ((vector * model).sum(axis=-1, keepdims=True) / energy)
@@ -231,16 +223,16 @@ def _linearise(
     height, near_m = position[:, 2:], np.maximum(range_m, 0.3)
     turn_variance = pose_error.heading_rad**2 + (pose_error.position_m / near_m) ** 2
     rise_variance = (pose_error.position_m * height / (np.square(near_m) + np.square(height))) ** 2
-    turn, turn_share = _tolerated(amplitude * project(by_azimuth), turn_variance * repeats[:, np.newaxis])
+    turn, turn_share = _tolerated(amplitude * project(by_azimuth), turn_variance * data.repeats)
     rise = amplitude * project(by_elevation)
     rise -= turn * (rise * turn).sum(axis=-1, keepdims=True)
-    rise, rise_share = _tolerated(rise, rise_variance * repeats[:, np.newaxis])
+    rise, rise_share = _tolerated(rise, rise_variance * data.repeats)
 
     def whiten(vector: FloatArray) -> FloatArray:
         sideways_part = turn * (turn_share * (vector * turn).sum(axis=-1, keepdims=True))
         return vector - sideways_part - rise * (rise_share * (vector * rise).sum(axis=-1, keepdims=True))
 
-    miss = whiten(data - amplitude * model)
+    miss = whiten(data.strengths - amplitude * model)
     if not slopes:
         return miss, np.empty((0, 0, 0))
     jacobian = np.zeros((n, n_elements, state.size))

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from dirmusic.angles import difference, opening
 from dirmusic.array.bounds import perpendicular_slope
 from dirmusic.array.element_errors import ElementErrors
-from dirmusic.bearing.maximum_likelihood import Bearings
+from dirmusic.array.model import ArrayModel
 from dirmusic.locating.assignment import UNASSIGNED, Assignment, AssignmentRules, InSight, PulseRecord
 from dirmusic.locating.finding import CHI2_95, Finding, State
-from dirmusic.locating.joint_fix import ArrayModel, PoseError, locate_jointly
+from dirmusic.locating.joint_fix import PoseError, locate_jointly
 from dirmusic.locating.triangulation import triangulate
+from dirmusic.pulses.batch import PulseBatch
 
 FloatArray = NDArray[np.float64]
 
@@ -108,54 +109,40 @@ class Locator:
         self._n_named = 0
         self._next_fit_s = -np.inf
         self._errors = ElementErrors.none(array.manifold.n_elements)
-        self._heard = PulseRecord(array, pose_error, self.rules.assignment, in_sight)
+        self._record = PulseRecord(array, pose_error, self.rules.assignment, in_sight)
 
-    def is_credible(self, bearings: Bearings) -> NDArray[np.bool_]:
-        """Whether each pulse looks like one plane wave from one direction, strong enough to tell which; shape (...)."""
+    def is_credible(self, pulses: PulseBatch) -> NDArray[np.bool_]:
+        """Whether each pulse looks like one plane wave from one direction, strong enough to tell which; shape (n,).
+
+        Pulses that met the end of the converter's scale in a usable channel are not: their strengths are wrong.
+        """
         manifold = self.array.manifold
-        azimuth = np.nan_to_num(bearings.azimuth_rad)
-        gain = manifold.gain(azimuth)
-        slope = perpendicular_slope(gain, manifold.derivative(azimuth))
-        by_noise = np.square(bearings.std_rad) * np.square(slope).sum(axis=0) / np.square(gain).sum(axis=0)
+        gain = manifold.gain(pulses.azimuth_rad)
+        slope = perpendicular_slope(gain, manifold.derivative(pulses.azimuth_rad))
+        by_noise = np.square(pulses.std_rad) * np.square(slope).sum(axis=0) / np.square(gain).sum(axis=0)
         spread = self.array.spread
         by_offset = manifold.n_elements * spread.offset**2 / np.square(gain).sum(axis=0)
         by_array = spread.gain**2 + spread.pointing_rad**2 + by_offset
         expected = by_noise + by_array + self.rules.misfit_floor
-        return (bearings.std_rad < self.rules.max_std_rad) & (bearings.misfit < self.rules.misfit_factor * expected)
+        is_plane_wave = pulses.misfit < self.rules.misfit_factor * expected
+        return (pulses.std_rad < self.rules.max_std_rad) & is_plane_wave & ~pulses.is_overdriven
 
-    def update(
-        self,
-        time_s: float,
-        pose: FloatArray,
-        bearings: Bearings,
-        strengths: FloatArray,
-        strength_variance: FloatArray,
-    ) -> tuple[Finding, ...]:
-        """Take in what was heard from one pose; look again at all that was heard, once every `refit_s`.
+    def update(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> tuple[Finding, ...]:
+        """Take in what was detected from one pose; refit all of it once every `refit_s`.
 
         Args:
             time_s: When.
             pose: Believed x m, y m, yaw rad, world frame, shape (3,).
-            bearings: One per pulse, shape (n_pulses,), array frame.
-            strengths: Shape (n_pulses, n_elements), volts.
-            strength_variance: Of those, shape (n_pulses, n_elements), V^2.
+            pulses: Credible pulses, with their directions; see `is_credible`.
 
         Returns:
             All findings so far, in the order of their ids.
         """
-        credible = np.flatnonzero(self.is_credible(bearings))
-        if credible.size:
-            self._heard.add(
-                time_s,
-                pose,
-                bearings.azimuth_rad[credible],
-                bearings.std_rad[credible],
-                strengths[credible],
-                strength_variance[credible],
-            )
-        if time_s >= self._next_fit_s and credible.size:
-            self._next_fit_s = time_s + self.rules.refit_s
-            self.refit(time_s)
+        if pulses.n_pulses:
+            self._record.add(time_s, pose, pulses)
+            if time_s >= self._next_fit_s:
+                self._next_fit_s = time_s + self.rules.refit_s
+                self.refit(time_s)
         return self.findings
 
     def refit(self, time_s: float) -> tuple[Finding, ...]:
@@ -182,7 +169,8 @@ class Locator:
                     moved[k] = replace(finding, position_m=position, covariance_m2=covariance)
         if chosen:
             fix = locate_jointly(
-                self._heard.sightings.take(np.concatenate(list(chosen.values()))),
+                self._record.pulses.take(index := np.concatenate(list(chosen.values()))),
+                self._record.pose[index],
                 np.repeat(np.arange(len(chosen)), [index.size for index in chosen.values()]),
                 np.array([self._start(self.findings[k], index) for k, index in chosen.items()]),
                 self.array,
@@ -203,7 +191,7 @@ class Locator:
         return index[np.linspace(0, index.size - 1, self.rules.max_pulses).astype(np.intp)]
 
     def _assign(self, findings: Sequence[Finding]) -> Assignment:
-        return self._heard.assign(findings, self._errors)
+        return self._record.assign(findings, self._errors)
 
     def _birth(self, owner: NDArray[np.intp], time_s: float) -> NDArray[np.intp]:
         """Owners with recent loose pulses from one direction given to a new candidate.
@@ -211,17 +199,15 @@ class Locator:
         If they cross where a candidate is already, that one is off, not doubled: they become its own.
         """
         loose = np.flatnonzero(owner == UNASSIGNED)
-        recent = loose[self._heard.sightings.time_s[loose] > time_s - self.rules.birth_s]
+        recent = loose[self._record.pulses.time_s[loose] > time_s - self.rules.birth_s]
         if recent.size < self.rules.birth_pulses:
             return owner
-        bearing, _ = self._heard.bearings(recent, self._errors)
+        bearing, _ = self._record.bearings(recent, self._errors)
         near = np.abs(difference(bearing[:, np.newaxis], bearing)) < self.rules.birth_arc_rad
         group = recent[near[near.sum(axis=0).argmax()]]
         if group.size < self.rules.birth_pulses and self.rules.birth_by_crossing:
             some = self._choose(recent)
-            group = some[
-                triangulate(self._heard.sightings.pose[some, :2], *self._heard.bearings(some, self._errors)).is_inlier
-            ]
+            group = some[triangulate(self._record.pose[some, :2], *self._record.bearings(some, self._errors)).is_inlier]
         if group.size < self.rules.birth_pulses:
             return owner
         position, covariance = self._triangulate(group)
@@ -237,7 +223,7 @@ class Locator:
             position_m=position,
             covariance_m2=covariance if np.isfinite(covariance).all() else np.eye(2) * UNKNOWN_M**2,
             n_bearings=group.size,
-            first_heard_s=float(self._heard.sightings.time_s[group[0]]),
+            first_heard_s=float(self._record.pulses.time_s[group[0]]),
             fixed_s=None,
             opening_rad=0.0,
             nearest_m=np.inf,
@@ -248,8 +234,8 @@ class Locator:
         return owner
 
     def _triangulate(self, index: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
-        bearing, std = self._heard.bearings(index, self._errors)
-        from_m = self._heard.sightings.pose[index, :2]
+        bearing, std = self._record.bearings(index, self._errors)
+        from_m = self._record.pose[index, :2]
         fix = triangulate(from_m, bearing, std)
         sight = fix.position_m - from_m[-1]
         return from_m[-1] + sight * min(1.0, FARTHEST_START_M / np.linalg.norm(sight)), fix.covariance_m2
@@ -275,7 +261,7 @@ class Locator:
 
     def _judge(self, finding: Finding, index: NDArray[np.intp], assignment: Assignment, time_s: float) -> Finding:
         """A finding in the light of the pulses `index` that were heard in sight of it."""
-        presence, near_s = self._heard.presence(finding, index)
+        presence, near_s = self._record.presence(finding, index)
         if self._lies_outside(finding):
             doubt: State = "outside"
         else:
@@ -284,7 +270,7 @@ class Locator:
             doubt = "echo" if is_absent and finding.state != "confirmed" else "candidate"
         if index.size == 0:
             return replace(finding, state=doubt)
-        sight = self._heard.sightings.pose[index, :2] - finding.position_m
+        sight = self._record.pose[index, :2] - finding.position_m
         finding = replace(
             finding,
             n_bearings=index.size,

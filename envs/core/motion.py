@@ -8,9 +8,10 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.bearing.likelihood_kernels import wrapped
 from dirmusic.compiled import compiled
+from dirmusic.kernels import wrapped
 from envs.scenario.robot_sensors import BatteryConfig, OdometryConfig, PoseSensorConfig
+from robot_models.readings import MOTOR_POWER, POSE, WHEEL_ANGLES
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -23,8 +24,8 @@ class Motion(NamedTuple):
     """What robots know of their motion; a row is a robot. Compiled loops change it in place.
 
     Attributes:
-        n_steps: Since the start, shape (n_robots,).
-        time_s: Likewise.
+        n_steps: Steps since the start, shape (n_robots,).
+        time_s: Time since the start, shape (n_robots,).
         pose: Believed: x m, y m, yaw in (-pi, pi], shape (n_robots, 3).
         pose_error: Of the pose sensor's last reading, NaN before the first, shape (n_robots, 3).
         odometry: Pose by wheels and gyro alone, shape (n_robots, 3).
@@ -146,46 +147,49 @@ def integrate_odometry(pose: FloatArray, turned_rad: float, metres_per_radian: f
     pose[2] = wrapped(pose[2] + turn_rad)
 
 
-@compiled
-def move(
-    motion: Motion,
-    senses: SensorParameters,
-    true_pose: FloatArray,
-    wheels_rad: FloatArray,
-    motor_power_w: FloatArray,
-    normal: FloatArray,
-    is_new: BoolArray,
-    waits: BoolArray,
-) -> None:
-    """Sense what a step has brought.
+class StepInputs(NamedTuple):
+    """What a step brought; a row is a robot.
 
-    Args:
-        motion: Of the robots.
-        senses: Of all of them.
-        true_pose: x m, y m, yaw rad, shape (n_robots, 3). The change of yaw is an ideal gyro's integral.
-        wheels_rad: Angles of left and right wheel, shape (n_robots, 2).
-        motor_power_w: Taken by the motors, shape (n_robots,).
+    Attributes:
+        readings: The values of `robot_models.readings.Readings`, shape (n_robots, n_values).
         normal: Standard normal draws, shape (n_robots, N_DRAWS or more).
-        is_new: Who starts here and now, shape (n_robots,); the rest of its state becomes that of a start.
-        waits: For whom no time passes, shape (n_robots,).
+        sources_m: Where the sources are, world frame, shape (n_robots, n_sources, 2).
+        is_touching: Who touched something, shape (n_robots,).
+        is_reset: Reset mask: whose episode has just begun, so that no time has passed, shape (n_robots,).
+        is_idle: Idle mask: who takes no step, and nothing changes, shape (n_robots,).
     """
-    hours = senses.step_s / 3600.0
+
+    readings: FloatArray
+    normal: FloatArray
+    sources_m: FloatArray
+    is_touching: BoolArray
+    is_reset: BoolArray
+    is_idle: BoolArray
+
+
+@compiled
+def move(motion: Motion, sensors: SensorParameters, inputs: StepInputs) -> None:
+    """Sense what a step has brought: the change of yaw is an ideal gyro's integral, with its drift on top."""
+    hours = sensors.step_s / 3600.0
+    true_pose, wheels_rad = inputs.readings[:, POSE], inputs.readings[:, WHEEL_ANGLES]
+    motor_power_w = inputs.readings[:, MOTOR_POWER]
     for r in range(len(true_pose)):
-        if waits[r]:
+        if inputs.is_idle[r]:
             continue
-        if is_new[r]:
+        is_reset, normal = inputs.is_reset[r], inputs.normal[r]
+        if is_reset:
             motion.pose_error[r] = np.nan
-        add_pose_error(true_pose[r], motion.pose_error[r], senses.pose_kept, senses.pose_std, normal[r], motion.pose[r])
-        if is_new[r]:
+        add_pose_error(true_pose[r], motion.pose_error[r], sensors.pose_kept, sensors.pose_std, normal, motion.pose[r])
+        if is_reset:
             motion.odometry[r] = motion.pose[r]
             motion.used_wh[r], motion.n_steps[r] = 0.0, 0
         else:
             both = wheels_rad[r, 0] - motion.wheels_rad[r, 0] + wheels_rad[r, 1] - motion.wheels_rad[r, 1]
-            drift_rad = motion.gyro_bias_radps[r] * senses.step_s + senses.gyro_noise_rad * normal[r, 3]
+            drift_rad = motion.gyro_bias_radps[r] * sensors.step_s + sensors.gyro_noise_rad * normal[3]
             turn_rad = wrapped(true_pose[r, 2] - motion.yaw_rad[r]) + drift_rad
             integrate_odometry(motion.odometry[r], both, motion.metres_per_radian[r], turn_rad)
-            motion.used_wh[r] += (senses.idle_w + motor_power_w[r]) * hours
+            motion.used_wh[r] += (sensors.idle_w + motor_power_w[r]) * hours
             motion.n_steps[r] += 1
-        motion.time_s[r] = motion.n_steps[r] * senses.step_s
-        motion.battery[r] = max(1.0 - motion.used_wh[r] / senses.capacity_wh, 0.0)
+        motion.time_s[r] = motion.n_steps[r] * sensors.step_s
+        motion.battery[r] = max(1.0 - motion.used_wh[r] / sensors.capacity_wh, 0.0)
         motion.wheels_rad[r], motion.yaw_rad[r] = wheels_rad[r], true_pose[r, 2]

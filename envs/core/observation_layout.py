@@ -1,31 +1,53 @@
-"""The entries of an observation: their names, their bounds, and where each lies."""
+"""The observation: its entries by name, their bounds, and where each lies."""
 
 from __future__ import annotations
+
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dirmusic.compiled import compiled
 from envs.core.progress import MAX_BEARING_AGE_S
 from robot_models.robots import LIDAR_BEAMS, LIDAR_RANGE_M, MAX_SPEED_MPS, MAX_YAW_RATE_RADPS
 
 Float32Array = NDArray[np.float32]
-Bounds = dict[str, tuple[Float32Array, Float32Array]]
 
 SPECTRUM_AZIMUTHS_RAD = np.radians(np.arange(0.0, 360.0, 5.0))
 """Array-frame azimuths of the observed pseudo-spectrum."""
 
 LEVEL_DECADES = 5.0
-"""Highest level told, decades over the noise of one sample."""
+"""Highest observed level, decades over the noise of one sample."""
 
 POSE_MARGIN_M = 5.0
 """How far outside the yard a believed pose may lie."""
 
 
-def observation_bounds(yard_m: tuple[float, float], n_elements: int, time_limit_s: float) -> Bounds:
-    """Lowest and highest values of the entries of one robot, key by key in the order of the observation.
+class Entries(NamedTuple):
+    """Something for each entry of the observation, in the order in which they lie; `PatrolEnv` says what they mean.
+
+    As bounds, pairs of the lowest and the highest values, each of shape (size,); as places, pairs of the first row and
+    the one after the last; inside compiled loops, views of shape (size, n_robots).
+    """
+
+    pose: Any
+    lidar: Any
+    velocity: Any
+    heard: Any
+    strengths: Any
+    level: Any
+    spectrum: Any
+    bearing: Any
+    bearing_age: Any
+    waypoint: Any
+    time_left: Any
+
+
+def observation_bounds(yard_m: tuple[float, float], n_elements: int, time_limit_s: float) -> Entries:
+    """Lowest and highest values of the entries of one robot.
 
     Args:
-        yard_m: Its size.
+        yard_m: Size of the yard.
         n_elements: Of the array.
         time_limit_s: Of an episode.
     """
@@ -36,39 +58,61 @@ def observation_bounds(yard_m: tuple[float, float], n_elements: int, time_limit_
         low, high = (np.array(np.broadcast_to(end, n), dtype=np.float32) for end in (lowest, highest))
         return low, high
 
-    return {
-        "pose": box([-POSE_MARGIN_M, -POSE_MARGIN_M, -1, -1], [*(size + POSE_MARGIN_M), 1, 1], 4),
-        "lidar": box(0, LIDAR_RANGE_M, LIDAR_BEAMS),
-        "velocity": box(-fastest, fastest, 2),
-        "heard": box(0, 1, 1),
-        "strengths": box(0, 1, n_elements),
-        "level": box(0, LEVEL_DECADES, 1),
-        "spectrum": box(0, 1, SPECTRUM_AZIMUTHS_RAD.size),
-        "bearing": box(-1, 1, 2),
-        "bearing_age": box(0, MAX_BEARING_AGE_S, 1),
-        "waypoint": box(0, size, 2),
-        "time_left": box(0, time_limit_s, 1),
-    }
+    return Entries(
+        pose=box([-POSE_MARGIN_M, -POSE_MARGIN_M, -1, -1], [*(size + POSE_MARGIN_M), 1, 1], 4),
+        lidar=box(0, LIDAR_RANGE_M, LIDAR_BEAMS),
+        velocity=box(-fastest, fastest, 2),
+        heard=box(0, 1, 1),
+        strengths=box(0, 1, n_elements),
+        level=box(0, LEVEL_DECADES, 1),
+        spectrum=box(0, 1, SPECTRUM_AZIMUTHS_RAD.size),
+        bearing=box(-1, 1, 2),
+        bearing_age=box(0, MAX_BEARING_AGE_S, 1),
+        waypoint=box(0, size, 2),
+        time_left=box(0, time_limit_s, 1),
+    )
 
 
 class ObservationLayout:
-    """Takes observations apart.
+    """Where the entries of an observation lie.
 
     Args:
-        bounds: Of their entries.
+        bounds: Of the entries.
 
     Attributes:
-        low: Of all entries one after the other, shape (n_entries,).
-        high: Likewise.
+        bounds: As given.
+        places: First row of each entry, and the one after its last.
+        low: Lowest values of all entries one after the other, shape (n_entries,).
+        high: Highest values, shape (n_entries,).
     """
 
-    def __init__(self, bounds: Bounds) -> None:
-        low, high = zip(*bounds.values(), strict=True)
+    def __init__(self, bounds: Entries) -> None:
+        self.bounds = bounds
+        low, high = zip(*bounds, strict=True)
         self.low, self.high = np.concatenate(low), np.concatenate(high)
         ends = np.cumsum([entry.size for entry in low]).tolist()
-        places = [(..., slice(first, end)) for first, end in zip([0, *ends[:-1]], ends, strict=True)]
-        self._places = list(zip(bounds, places, strict=True))
+        self.places = Entries(*zip([0, *ends[:-1]], ends, strict=True))
+        self._slices = [(name, (..., slice(*place))) for name, place in self.places._asdict().items()]
 
-    def parts(self, shown: Float32Array) -> dict[str, Float32Array]:
-        """An observation key by key, from all its entries along the last axis: of one robot, or a row for each."""
-        return {key: shown[place] for key, place in self._places}
+    def parts(self, observation: Float32Array) -> dict[str, Float32Array]:
+        """An observation by name, from all its entries along the last axis: of one robot, or a row for each."""
+        return {name: observation[part] for name, part in self._slices}
+
+
+@compiled
+def sliced(observation: Float32Array, places: tuple[tuple[int, int], ...]) -> Entries:
+    """Views of an observation (n_entries, n_robots) by name; `places` is a plain `Entries`."""
+    at = Entries(*places)
+    return Entries(
+        observation[at.pose[0] : at.pose[1]],
+        observation[at.lidar[0] : at.lidar[1]],
+        observation[at.velocity[0] : at.velocity[1]],
+        observation[at.heard[0] : at.heard[1]],
+        observation[at.strengths[0] : at.strengths[1]],
+        observation[at.level[0] : at.level[1]],
+        observation[at.spectrum[0] : at.spectrum[1]],
+        observation[at.bearing[0] : at.bearing[1]],
+        observation[at.bearing_age[0] : at.bearing_age[1]],
+        observation[at.waypoint[0] : at.waypoint[1]],
+        observation[at.time_left[0] : at.time_left[1]],
+    )

@@ -10,22 +10,25 @@ from numpy.typing import NDArray
 from dirmusic.bearing.likelihood_kernels import pulse_spectra
 from dirmusic.bearing.spectrum import LEAST_NULL
 from dirmusic.compiled import compiled
+from envs.core.loudest_pulse import LoudestPulse, loudest_pulse, note_bearings
 from envs.core.motion import N_DRAWS
+from envs.core.observation_layout import sliced
+from envs.core.progress import Progress
 from robot_models.readings import LIDAR, VELOCITY
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.intp]
 
 
 class ObservationParameters(NamedTuple):
-    """What stays as it is.
+    """What all observations of a simulation share.
 
     Attributes:
         stops_m: Waypoints and dock, shape (n_stops, 2).
-        low: Of all entries of the observation of one robot.
-        high: Likewise.
-        lidar_reach_m: Beyond which the lidar sees nothing.
+        low: Lowest values of all entries of one robot, shape (n_entries,).
+        high: Highest values, shape (n_entries,).
+        places: Where the entries lie, a plain `Entries`.
+        lidar_range_m: Beyond which the lidar sees nothing.
         lidar_std_m: Standard deviation of its ranges.
         noise_v: Standard deviation of one sample of the receiver.
         time_limit_s: Length of an episode.
@@ -34,91 +37,94 @@ class ObservationParameters(NamedTuple):
     stops_m: FloatArray
     low: NDArray[np.float32]
     high: NDArray[np.float32]
-    lidar_reach_m: float
+    places: tuple[tuple[int, int], ...]
+    lidar_range_m: float
     lidar_std_m: float
     noise_v: float
     time_limit_s: float
 
 
+class Sensed(NamedTuple):
+    """What a step's sensors gave; a row is a robot.
+
+    Attributes:
+        pose: Believed, shape (n_robots, 3).
+        readings: Values of `robot_models.readings.Readings`.
+        normal: Standard normal draws, of which those from `N_DRAWS` on are the lidar's noise.
+        time_s: Since the start, shape (n_robots,).
+    """
+
+    pose: FloatArray
+    readings: FloatArray
+    normal: FloatArray
+    time_s: FloatArray
+
+
 @compiled
-def observe(
-    sight: tuple[FloatArray, ...],
-    setting: tuple[Any, ...],
+def perceive(
+    sensed: tuple[FloatArray, ...],
+    parameters: tuple[Any, ...],
     progress: tuple[Any, ...],
-    robot: IntArray,
-    strengths_v: FloatArray,
-    azimuth_rad: FloatArray,
-    good: BoolArray,
+    pulses: tuple[Any, ...],
+    is_usable: BoolArray,
     spectrum_gain: FloatArray,
 ) -> NDArray[np.float32]:
-    """Observations, an entry after the other as `PatrolEnv` lists them, within their bounds.
-
-    The bearing of a robot's strongest pulse becomes the last one of its `progress`.
+    """Note the bearings of a step's loudest pulses, then observe.
 
     Args:
-        sight: A row for each robot: believed pose, (n_robots, 3); values of `robot_models.readings.Readings`; standard
-            normal draws for the lidar, (n_robots, N_DRAWS + n_beams), of which the first do not count; and time since
-            the start, (n_robots,).
-        setting: Of all of them, a plain `ObservationParameters`.
-        progress: Of the robots, a plain `Progress`.
-        robot: Who heard each pulse of this step, shape (n_pulses,).
-        strengths_v: Of the pulses, shape (n_pulses, n_elements).
-        azimuth_rad: Their directions, array frame, shape (n_pulses,).
-        good: Channels in order, shape (n_robots, n_elements).
-        spectrum_gain: Of `dirmusic.pulse_spectrum`, shape (n_robots, n_elements, n_azimuths).
+        sensed: A plain `Sensed`.
+        parameters: Plain `ObservationParameters`.
+        progress: A plain `Progress`, whose last bearings are renewed.
+        pulses: Of `loudest_pulse`.
+        is_usable: Of each robot's channels, shape (n_robots, n_elements).
+        spectrum_gain: Unit gains of the usable channels towards the observed azimuths, shape (n_robots, n_elements,
+            n_azimuths).
 
     Returns:
         Shape (n_entries, n_robots): a row is an entry, so that each part of the observation lies together.
     """
-    pose, readings, normal, time_s = sight
-    velocity, lidar_m = readings[:, VELOCITY], readings[:, LIDAR]
-    stops_m, low, high, lidar_reach_m, lidar_std_m, noise_v, time_limit_s = setting
-    _, visited, _, bearing, bearing_age_s = progress
-    (n_robots, n_elements), n_beams = good.shape, lidar_m.shape[1]
-    strengths, level = np.zeros((n_robots, n_elements)), np.zeros(n_robots)
-    for k in range(robot.size):
-        r, energy = robot[k], 0.0
-        for e in range(n_elements):
-            energy += good[r, e] * strengths_v[k, e] * strengths_v[k, e]
-        strength_v = np.sqrt(energy)
-        if strength_v <= level[r]:
-            continue
-        level[r] = strength_v
-        for e in range(n_elements):
-            strengths[r, e] = good[r, e] * strengths_v[k, e] / strength_v
-        towards = azimuth_rad[k] + pose[r, 2]
-        bearing[r, 0], bearing[r, 1] = np.cos(towards), np.sin(towards)
-        bearing_age_s[r] = 0.0
-    spectrum = pulse_spectra(strengths, spectrum_gain, LEAST_NULL)
-    shown = np.zeros((low.size, n_robots), np.float32)
+    state, loudest = Progress(*progress), loudest_pulse(pulses, is_usable)
+    note_bearings(state, loudest, sensed[0])
+    return observe(Sensed(*sensed), ObservationParameters(*parameters), state, loudest, spectrum_gain)
+
+
+@compiled
+def observe(
+    sensed: Sensed,
+    parameters: ObservationParameters,
+    progress: Progress,
+    loudest: LoudestPulse,
+    spectrum_gain: FloatArray,
+) -> NDArray[np.float32]:
+    """Observations within their bounds; arguments and result as of `perceive`, but nothing is changed."""
+    velocity, lidar_m = sensed.readings[:, VELOCITY], sensed.readings[:, LIDAR]
+    n_robots, n_beams = lidar_m.shape
+    spectrum = pulse_spectra(loudest.strengths, spectrum_gain, LEAST_NULL)
+    observation = np.zeros((parameters.low.size, n_robots), np.float32)
+    entry = sliced(observation, parameters.places)
     for r in range(n_robots):
-        shown[0, r], shown[1, r] = pose[r, 0], pose[r, 1]
-        shown[2, r], shown[3, r] = np.cos(pose[r, 2]), np.sin(pose[r, 2])
-        at = 4
+        entry.pose[0, r], entry.pose[1, r] = sensed.pose[r, 0], sensed.pose[r, 1]
+        entry.pose[2, r], entry.pose[3, r] = np.cos(sensed.pose[r, 2]), np.sin(sensed.pose[r, 2])
         for beam in range(n_beams):
             range_m = lidar_m[r, beam]
-            told_m = range_m + lidar_std_m * normal[r, N_DRAWS + beam]
-            shown[at + beam, r] = told_m if range_m < lidar_reach_m else lidar_reach_m
-        at += n_beams
-        shown[at, r], shown[at + 1, r] = velocity[r, 0], velocity[r, 1]
-        at += 2
-        if level[r] > 0.0:
-            shown[at, r] = 1.0
-            shown[at + 1 + n_elements, r] = np.log10(level[r] / noise_v)
-        for e in range(n_elements):
-            shown[at + 1 + e, r] = strengths[r, e]
-        at += 2 + n_elements
+            noisy_m = range_m + parameters.lidar_std_m * sensed.normal[r, N_DRAWS + beam]
+            entry.lidar[beam, r] = noisy_m if range_m < parameters.lidar_range_m else parameters.lidar_range_m
+        entry.velocity[0, r], entry.velocity[1, r] = velocity[r, 0], velocity[r, 1]
+        if loudest.level_v[r] > 0.0:
+            entry.heard[0, r] = 1.0
+            entry.level[0, r] = np.log10(loudest.level_v[r] / parameters.noise_v)
+        for e in range(loudest.strengths.shape[1]):
+            entry.strengths[e, r] = loudest.strengths[r, e]
         highest = max(spectrum[r].max(), 1.0)
         for k in range(spectrum.shape[1]):
-            shown[at + k, r] = spectrum[r, k] / highest
-        at += spectrum.shape[1]
-        shown[at, r], shown[at + 1, r] = bearing[r, 0], bearing[r, 1]
-        shown[at + 2, r] = bearing_age_s[r]
+            entry.spectrum[k, r] = spectrum[r, k] / highest
+        entry.bearing[0, r], entry.bearing[1, r] = progress.bearing[r, 0], progress.bearing[r, 1]
+        entry.bearing_age[0, r] = progress.bearing_age_s[r]
         stop = 0
-        while stop < len(stops_m) - 1 and visited[r, stop]:
+        while stop < len(parameters.stops_m) - 1 and progress.visited[r, stop]:
             stop += 1
-        shown[at + 3, r], shown[at + 4, r] = stops_m[stop, 0], stops_m[stop, 1]
-        shown[at + 5, r] = time_limit_s - time_s[r]
-        for k in range(low.size):
-            shown[k, r] = min(max(shown[k, r], low[k]), high[k])
-    return shown
+        entry.waypoint[0, r], entry.waypoint[1, r] = parameters.stops_m[stop, 0], parameters.stops_m[stop, 1]
+        entry.time_left[0, r] = parameters.time_limit_s - sensed.time_s[r]
+        for k in range(parameters.low.size):
+            observation[k, r] = min(max(observation[k, r], parameters.low[k]), parameters.high[k])
+    return observation

@@ -8,20 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
-from envs.core.motion import Motion, SensorParameters, move
-from robot_models.readings import MOTOR_POWER, POSE, WHEEL_ANGLES
+from envs.core.motion import Motion, SensorParameters, StepInputs, move
+from robot_models.readings import POSE
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 MAX_BEARING_AGE_S = 60.0
-"""Older bearings are told as so old."""
+"""Older bearings are observed as so old."""
 
 REWARD_TERMS = ("progress", "time", "contact")
-REWARD_PER_METRE = 1.0
-REWARD_PER_SECOND = -0.05
-REWARD_PER_CONTACT_STEP = -1.0
-"""Weights of the reward's terms (assumed): a second costs 5 cm of progress, touching something costs a metre."""
+"""Terms of the reward; their weights are the task's."""
 
 
 class Progress(NamedTuple):
@@ -77,6 +74,9 @@ class Task(NamedTuple):
         stop_radius_m: Within which a stop is reached.
         last_step: After which time is up.
         ends_on_approach: Whether an episode is over once all sources are approached.
+        reward_per_metre: For coming nearer to the nearest source that was not yet approached.
+        reward_per_second: For time.
+        reward_per_contact_step: For a step in contact with anything but the floor.
     """
 
     stops_m: FloatArray
@@ -84,86 +84,77 @@ class Task(NamedTuple):
     stop_radius_m: float
     last_step: float
     ends_on_approach: bool
+    reward_per_metre: float
+    reward_per_second: float
+    reward_per_contact_step: float
+
+
+class StepResult(NamedTuple):
+    """What a step came to; none of it in an episode that has just begun.
+
+    Attributes:
+        reward: Terms in the order of `REWARD_TERMS`, shape (3, n_robots).
+        terminated: Whether all sources are approached, if that counts, or the robot is back at the dock after the
+            route, shape (n_robots,).
+        truncated: Whether time is up, shape (n_robots,).
+    """
+
+    reward: FloatArray
+    terminated: BoolArray
+    truncated: BoolArray
 
 
 @compiled
-def move_on(
-    progress: Progress,
-    task: Task,
-    motion: Motion,
-    step_s: float,
-    true_pose: FloatArray,
-    sources_m: FloatArray,
-    touched: BoolArray,
-    is_new: BoolArray,
-    waits: BoolArray,
-) -> tuple[FloatArray, BoolArray, BoolArray]:
-    """Bring progress up to date; arguments as of `advance`."""
+def update_progress(progress: Progress, task: Task, motion: Motion, step_s: float, inputs: StepInputs) -> StepResult:
+    """Bring progress up to date after a step of `step_s`, and weigh it."""
     n_robots, n_sources = progress.approached.shape
-    n_stops = len(task.stops_m)
-    reward = np.zeros((3, n_robots))
-    is_over, is_late = np.zeros(n_robots, np.bool_), np.zeros(n_robots, np.bool_)
+    n_stops, true_pose = len(task.stops_m), inputs.readings[:, POSE]
+    result = StepResult(np.zeros((3, n_robots)), np.zeros(n_robots, np.bool_), np.zeros(n_robots, np.bool_))
     for r in range(n_robots):
-        if waits[r]:
+        if inputs.is_idle[r]:
             continue
         x, y, approached, visited = true_pose[r, 0], true_pose[r, 1], progress.approached[r], progress.visited[r]
-        if not is_new[r]:
-            nearer_m = progress.to_go_m[r] - nearest_to_go(sources_m[r], approached, x, y)
-            reward[0, r] = REWARD_PER_METRE * nearer_m
-            reward[1, r] = REWARD_PER_SECOND * step_s
-            reward[2, r] = REWARD_PER_CONTACT_STEP * touched[r]
+        sources_m, is_reset = inputs.sources_m[r], inputs.is_reset[r]
+        if not is_reset:
+            nearer_m = progress.to_go_m[r] - nearest_to_go(sources_m, approached, x, y)
+            result.reward[0, r] = task.reward_per_metre * nearer_m
+            result.reward[1, r] = task.reward_per_second * step_s
+            result.reward[2, r] = task.reward_per_contact_step * inputs.is_touching[r]
             progress.bearing_age_s[r] = min(progress.bearing_age_s[r] + step_s, MAX_BEARING_AGE_S)
         all_approached, route_done = n_sources > 0, n_stops > 1
         for s in range(n_sources):
-            if np.hypot(sources_m[r, s, 0] - x, sources_m[r, s, 1] - y) <= task.standoff_m:
+            if np.hypot(sources_m[s, 0] - x, sources_m[s, 1] - y) <= task.standoff_m:
                 approached[s] = True
             all_approached = all_approached and approached[s]
-        progress.to_go_m[r] = nearest_to_go(sources_m[r], approached, x, y)
+        progress.to_go_m[r] = nearest_to_go(sources_m, approached, x, y)
         for k in range(n_stops - 1):
             away_m = np.hypot(task.stops_m[k, 0] - x, task.stops_m[k, 1] - y)
             visited[k] = visited[k] or away_m <= task.stop_radius_m
             route_done = route_done and visited[k]
         from_dock_m = np.hypot(task.stops_m[n_stops - 1, 0] - x, task.stops_m[n_stops - 1, 1] - y)
         is_docked = route_done and from_dock_m <= task.stop_radius_m
-        is_over[r] = not is_new[r] and (is_docked or (task.ends_on_approach and all_approached))
-        is_late[r] = motion.n_steps[r] >= task.last_step
-    return reward, is_over, is_late
+        result.terminated[r] = not is_reset and (is_docked or (task.ends_on_approach and all_approached))
+        result.truncated[r] = motion.n_steps[r] >= task.last_step
+    return result
 
 
 @compiled
 def advance(
     motion: tuple[Any, ...],
-    senses: tuple[Any, ...],
+    sensors: tuple[Any, ...],
     progress: tuple[Any, ...],
     task: tuple[Any, ...],
-    readings: FloatArray,
-    normal: FloatArray,
-    sources_m: FloatArray,
-    touched: BoolArray,
-    is_new: BoolArray,
-    waits: BoolArray,
-) -> tuple[FloatArray, BoolArray, BoolArray]:
+    inputs: tuple[Any, ...],
+) -> StepResult:
     """Bring motion and progress up to date after a step.
 
     Args:
         motion: Of the robots, a plain `Motion`.
-        senses: Of all of them, plain `SensorParameters`.
+        sensors: Plain `SensorParameters`.
         progress: Of the robots, a plain `Progress`.
-        task: Of all of them, a plain `Task`.
-        readings: The values of `robot_models.readings.Readings`.
-        normal: Of `motion.move`.
-        sources_m: Shape (n_robots, n_sources, 2).
-        touched: Who touched something, shape (n_robots,).
-        is_new: Whose episode has just begun, shape (n_robots,): no time has passed for them.
-        waits: Who takes no step, shape (n_robots,): nothing changes.
-
-    Returns:
-        The reward's terms, shape (3, n_robots): for metres by which each came nearer to the nearest source that was
-        not yet approached, for time, and for contact. Whether all sources are approached, if that counts, or the robot
-        is back at the dock after the route; and whether time is up; shape (n_robots,). None of it in a new episode.
+        task: A plain `Task`.
+        inputs: Plain `StepInputs`.
     """
-    moving, sensing, true_pose = Motion(*motion), SensorParameters(*senses), readings[:, POSE]
-    move(moving, sensing, true_pose, readings[:, WHEEL_ANGLES], readings[:, MOTOR_POWER], normal, is_new, waits)
-    return move_on(
-        Progress(*progress), Task(*task), moving, sensing.step_s, true_pose, sources_m, touched, is_new, waits
-    )
+    moving, sensing, brought = Motion(*motion), SensorParameters(*sensors), StepInputs(*inputs)
+    move(moving, sensing, brought)
+    return update_progress(Progress(*progress), Task(*task), moving, sensing.step_s, brought)

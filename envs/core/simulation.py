@@ -12,13 +12,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic import Bearings
+from dirmusic import ArrayModel, ElementSpread
 from dirmusic.bearing.channel_health import ChannelMonitor, SuspectChannel
-from dirmusic.bearing.likelihood_kernels import UNKNOWN, bearings_of_pulses
+from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
+from dirmusic.pulses.batch import PulseBatch
 from envs.core.episode import Episode
 from envs.core.motion import N_DRAWS, Motion, SensorParameters
 from envs.core.observation_layout import SPECTRUM_AZIMUTHS_RAD, ObservationLayout, observation_bounds
-from envs.core.observing import ObservationParameters, observe
+from envs.core.observing import ObservationParameters, perceive
 from envs.core.progress import Progress, Task, advance
 from envs.scenario import Scenario
 from robot_models.robots import LIDAR_BEAMS, LIDAR_RANGE_M, WHEEL_RADIUS_M, Robots
@@ -38,21 +39,21 @@ class Outcome(NamedTuple):
     """What a step led to; rows are robots.
 
     Attributes:
-        shown: All entries of the observation, float32, shape (n_robots, n_entries); see `ObservationLayout`.
+        observation: All entries of the observation, float32, shape (n_robots, n_entries); see `ObservationLayout`.
         reward: Terms in the order of `REWARD_TERMS`, shape (3, n_robots).
         terminated: Whether the episode is over, shape (n_robots,).
         truncated: Whether its time is, shape (n_robots,).
-        heard: All pulses, robot by robot.
-        bearings: Of the pulses.
+        robot: Whose each pulse is, shape (n_pulses,).
+        pulses: All pulses with their directions, robot by robot.
         suspects: Channels newly found at fault, for each robot.
     """
 
-    shown: NDArray[np.float32]
+    observation: NDArray[np.float32]
     reward: FloatArray
     terminated: BoolArray
     truncated: BoolArray
-    heard: Detections
-    bearings: Bearings
+    robot: Rows
+    pulses: PulseBatch
     suspects: list[tuple[SuspectChannel, ...]]
 
 
@@ -67,9 +68,8 @@ class Simulation:
 
     Attributes:
         inspectors: The robots.
-        manifold: Of the array's data sheet.
-        bounds: Lowest and highest value of each entry of the observation, float32, by key.
-        entries: Takes observations apart.
+        array: The array's data sheet and how far real ones spread about it: what the robot knows.
+        layout: Of the observations: bounds and places of their entries.
         motion: What the robots know of their motion, live: it changes with the next step.
     """
 
@@ -78,35 +78,45 @@ class Simulation:
     ) -> None:
         self.scenario = scenario
         nominal, yard = HelicalArray.nominal(scenario.array), scenario.yard
-        self.manifold = nominal.manifold()
-        self.inspectors = Robots(yard, nominal.positions_m, nominal.boresights_rad, n_robots, n_threads)
+        self.array = ArrayModel(
+            manifold=nominal.manifold(),
+            positions_m=nominal.positions_m,
+            spread=ElementSpread(
+                gain=scenario.array.gain_error,
+                pointing_rad=float(np.radians(scenario.array.pointing_error_deg)),
+                offset=scenario.array.gain_offset / np.sqrt(3),
+            ),
+        )
+        self._estimator = MaximumLikelihood()
+        self.robots = Robots(yard, nominal.positions_m, nominal.boresights_rad, n_robots, n_threads)
         self._surroundings = Surroundings.of_kinds(
             [item.kind for item in yard.equipment],
             Faces(**yard.faces()._asdict()),
             Obstacles(**yard.obstacles()._asdict()),
         )
-        self._spectrum_gain = np.empty((n_robots, self.manifold.n_elements, SPECTRUM_AZIMUTHS_RAD.size))
-        self.bounds = observation_bounds(yard.size_m, self.manifold.n_elements, scenario.task.time_limit_s)
-        self.entries = ObservationLayout(self.bounds)
+        self._spectrum_gain = np.empty((n_robots, self.array.manifold.n_elements, SPECTRUM_AZIMUTHS_RAD.size))
+        n_elements, time_limit_s = self.array.manifold.n_elements, scenario.task.time_limit_s
+        self.layout = ObservationLayout(observation_bounds(yard.size_m, n_elements, time_limit_s))
         self._stops_m = np.array([*scenario.route.waypoints_m, scenario.route.dock_m])
-        self._setting = ObservationParameters(
+        self._observation_parameters = ObservationParameters(
             stops_m=self._stops_m,
-            low=self.entries.low,
-            high=self.entries.high,
-            lidar_reach_m=LIDAR_RANGE_M,
+            low=self.layout.low,
+            high=self.layout.high,
+            places=tuple(self.layout.places),
+            lidar_range_m=LIDAR_RANGE_M,
             lidar_std_m=scenario.lidar.range_std_m,
             noise_v=scenario.receiver.noise_v,
             time_limit_s=scenario.task.time_limit_s,
         )
         self._episodes: list[Episode | None] = [None] * n_robots
         self._rngs: list[np.random.Generator] = [np.random.default_rng(0)] * n_robots
-        self._monitors = [ChannelMonitor(self.manifold) for _ in range(n_robots)]
+        self._monitors = [ChannelMonitor(self.array, self._estimator) for _ in range(n_robots)]
         self._receivers = None
         self._draws = np.zeros((n_robots, N_DRAWS + LIDAR_BEAMS))
         n_sources = len(scenario.sources)
         self._sources_m = np.zeros((n_robots, n_sources, 2))
         self._progress = Progress.at_start(n_robots, n_sources, len(self._stops_m))
-        self._good = np.ones((n_robots, self.manifold.n_elements), dtype=np.bool_)
+        self._usable = np.ones((n_robots, self.array.manifold.n_elements), dtype=np.bool_)
         task = scenario.task
         self._task = Task(
             self._stops_m,
@@ -114,20 +124,23 @@ class Simulation:
             task.waypoint_radius_m,
             task.time_limit_s / STEP_S - 1e-6,
             terminate_on_approach,
+            task.reward_per_metre,
+            task.reward_per_second,
+            task.reward_per_contact_step,
         )
         self.motion = Motion.at_rest(n_robots)
-        self._senses = SensorParameters.of(scenario.pose_sensor, scenario.odometry, scenario.battery, STEP_S)
+        self._sensors = SensorParameters.of(scenario.pose_sensor, scenario.odometry, scenario.battery, STEP_S)
         self._nobody = np.zeros(n_robots, dtype=np.bool_)
 
     @property
     def true_pose(self) -> FloatArray:
         """Where the robots are, shape (n_robots, 3)."""
-        return self.inspectors.readings.pose.copy()
+        return self.robots.readings.pose.copy()
 
     @property
-    def good_channels(self) -> BoolArray:
+    def usable_channels(self) -> BoolArray:
         """Which channels direction finding uses, shape (n_robots, n_elements)."""
-        return self._good.copy()
+        return self._usable.copy()
 
     def episode(self, row: int) -> Episode:
         """What was drawn for a robot's episode."""
@@ -146,7 +159,7 @@ class Simulation:
         drawn = [Episode.draw(self.scenario, self._surroundings, rng, options) for rng in rngs]
         for row, rng, episode in zip(rows.tolist(), rngs, drawn, strict=True):
             self._episodes[row], self._rngs[row] = episode, rng
-            self._monitors[row] = ChannelMonitor(self.manifold)
+            self._monitors[row] = ChannelMonitor(self.array, self._estimator)
             self._sources_m[row] = np.array([s.position_m[:2] for s in episode.sources]).reshape(-1, 2)
             if self._receivers is not None:
                 self._receivers.replace(row, episode.array, episode.scene, rng)
@@ -155,14 +168,14 @@ class Simulation:
             self._receivers = Receivers(
                 self.scenario.receiver, [e.array for e in known], [e.scene for e in known], self._rngs
             )
-        self.inspectors.reset(rows, [episode.start_pose for episode in drawn])
+        self.robots.reset(rows, [episode.start_pose for episode in drawn])
         self._progress.restart(rows)
-        self._good[rows] = True
-        self._spectrum_gain[rows] = self._unit_gain(np.ones(self.manifold.n_elements))
+        self._usable[rows] = True
+        self._spectrum_gain[rows] = self._unit_gain(np.ones(self.array.manifold.n_elements))
 
     def _unit_gain(self, good: NDArray[Any]) -> FloatArray:
         """Gains of the channels in order (n_elements,) towards the observed azimuths, scaled to unit norm."""
-        gain = self.manifold.gain(SPECTRUM_AZIMUTHS_RAD) * good[:, np.newaxis]
+        gain = self.array.manifold.gain(SPECTRUM_AZIMUTHS_RAD) * good[:, np.newaxis]
         return gain / np.linalg.norm(gain, axis=0)
 
     def step(self, commands: FloatArray | None, started: Rows | None = None) -> Outcome:
@@ -170,86 +183,69 @@ class Simulation:
 
         Args:
             commands: Speeds, m/s, and yaw rates, rad/s, shape (n_robots, 2); those of rows that started do not count.
-                Without any, the other rows wait: no time passes for them, and what is told of them has no meaning.
+                Without any, the other rows are idle: no time passes for them, and what is told of them has no meaning.
             started: Rows that were reset since the last step; None for none.
         """
-        is_new, waits, moving = self._nobody, self._nobody, None
+        is_reset, is_idle, moving = self._nobody, self._nobody, None
         if started is not None:
-            is_new = np.zeros(len(self._rngs), dtype=np.bool_)
-            is_new[started] = True
-            moving = np.flatnonzero(~is_new)
+            is_reset = np.zeros(len(self._rngs), dtype=np.bool_)
+            is_reset[started] = True
+            moving = np.flatnonzero(~is_reset)
             if commands is None:
-                moving, waits = NO_ROWS, ~is_new
+                moving, is_idle = NO_ROWS, ~is_reset
         start_s = self.motion.time_s.copy()
         if commands is not None and (moving is None or moving.size):
-            self.inspectors.drive(commands[:, 0], commands[:, 1], STEP_S, moving)
+            self.robots.drive(commands[:, 0], commands[:, 1], STEP_S, moving)
         for row, rng in enumerate(self._rngs):
-            if not waits[row]:
+            if not is_idle[row]:
                 rng.standard_normal(out=self._draws[row])
-        now = self.inspectors.readings
-        reward, is_over, is_late = advance(
+        now = self.robots.readings
+        result = advance(
             tuple(self.motion),
-            tuple(self._senses),
+            tuple(self._sensors),
             tuple(self._progress),
             tuple(self._task),
-            now.values,
-            self._draws,
-            self._sources_m,
-            self.inspectors.is_touching,
-            is_new,
-            waits,
+            (now.values, self._draws, self._sources_m, self.robots.is_touching, is_reset, is_idle),
         )
         for row in [] if started is None else started.tolist():
             self.motion.draw_odometry(row, self.scenario.odometry, WHEEL_RADIUS_M, self._rngs[row])
         assert self._receivers is not None, "reset first"
-        heard = self._receivers.listen(now.world_from_base, start_s, STEP_S, moving)
-        bearings, suspects = self._find_directions(heard)
+        detections = self._receivers.listen(now.world_from_base, start_s, STEP_S, moving)
+        pulses, suspects = self._find_directions(detections)
         return Outcome(
-            shown=self._observe(heard, bearings),
-            reward=reward,
-            terminated=is_over,
-            truncated=is_late,
-            heard=heard,
-            bearings=bearings,
+            observation=self._observe(detections.robot, pulses),
+            reward=result.reward,
+            terminated=result.terminated,
+            truncated=result.truncated,
+            robot=detections.robot,
+            pulses=pulses,
             suspects=suspects,
         )
 
-    def _find_directions(self, heard: Detections) -> tuple[Bearings, list[tuple[SuspectChannel, ...]]]:
-        """Bearings of all pulses, from the channels that are in order, and channels newly at fault by robot."""
+    def _find_directions(self, detections: Detections) -> tuple[PulseBatch, list[tuple[SuspectChannel, ...]]]:
+        """All pulses with directions from the channels that are in order, and channels newly at fault by robot."""
         suspects: list[tuple[SuspectChannel, ...]] = [()] * len(self._monitors)
-        azimuth_rad, std_rad, misfit = bearings_of_pulses(
-            heard.strengths_v[:, np.newaxis], heard.variance_v2[:, np.newaxis], tuple(self.manifold.table), UNKNOWN
-        )
-        bearings = Bearings(azimuth_rad=azimuth_rad, std_rad=std_rad, misfit=misfit)
-        first, robots = 0, heard.robot.tolist()
-        while first < len(robots):
-            row, end = robots[first], first
-            while end < len(robots) and robots[end] == row:
-                end += 1
-            own, monitor = slice(first, end), self._monitors[row]
-            first = end
-            strengths, variance = heard.strengths_v[own], heard.variance_v2[own]
-            if not monitor.n_bad:
-                suspects[row] = monitor.note(strengths, std_rad[own], misfit[own])
+        found = self._estimator(detections.pulses, self.array)
+        pulses = detections.pulses._replace(azimuth_rad=found.azimuth_rad, std_rad=found.std_rad, misfit=found.misfit)
+        rows = detections.robot
+        for row in np.unique(rows).tolist() if rows.size else ():
+            own, monitor = slice(*np.searchsorted(rows, [row, row + 1]).tolist()), self._monitors[row]
+            if monitor.n_bad:
+                again, suspects[row] = monitor.watch(pulses.take(own))
+            else:
+                suspects[row] = monitor.note(pulses.take(own))
                 if not suspects[row]:
                     continue
-                again = monitor.bearings(strengths, variance).without_nan()
-            else:
-                again, suspects[row] = monitor.watch(strengths, variance)
-                again = again.without_nan()
-            bearings.azimuth_rad[own], bearings.std_rad[own], bearings.misfit[own] = (
-                again.azimuth_rad,
-                again.std_rad,
-                again.misfit,
-            )
-            self._good[row] = monitor.good
+                again = monitor.bearings(pulses.take(own))
+            for column, renewed in zip(pulses, again, strict=True):
+                column[own] = renewed
+            self._usable[row] = monitor.good
             self._spectrum_gain[row] = self._unit_gain(monitor.good)
-        return bearings, suspects
+        return pulses, suspects
 
-    def _observe(self, heard: Detections, bearings: Bearings) -> NDArray[np.float32]:
+    def _observe(self, robot: Rows, pulses: PulseBatch) -> NDArray[np.float32]:
         """All entries of the observation, shape (n_robots, n_entries); see `PatrolEnv`."""
-        now = self.inspectors.readings
-        sight = self.motion.pose, now.values, self._draws, self.motion.time_s
-        pulses = heard.robot, heard.strengths_v, bearings.azimuth_rad
-        setting, progress = tuple(self._setting), tuple(self._progress)
-        return observe(sight, setting, progress, *pulses, self._good, self._spectrum_gain).T
+        sensed = self.motion.pose, self.robots.readings.values, self._draws, self.motion.time_s
+        detected = robot, pulses.strengths_v, pulses.azimuth_rad
+        parameters, progress = tuple(self._observation_parameters), tuple(self._progress)
+        return perceive(sensed, parameters, progress, detected, self._usable, self._spectrum_gain).T

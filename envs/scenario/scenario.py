@@ -43,6 +43,12 @@ class TaskConfig(Config, frozen=True):
     """A source is approached when the robot is within this horizontal distance."""
     waypoint_radius_m: PositiveFloat = 0.6
     """A waypoint, or the dock, is reached within this distance."""
+    reward_per_metre: float = Field(default=1.0, ge=-1e6, le=1e6)
+    """For every metre by which the robot came nearer to the nearest source not yet approached."""
+    reward_per_second: float = Field(default=-0.05, ge=-1e6, le=1e6)
+    """The default makes a second cost 5 cm of progress."""
+    reward_per_contact_step: float = Field(default=-1.0, ge=-1e6, le=1e6)
+    """For each control step in contact with anything but the floor; the default makes it cost a metre."""
 
 
 class Scenario(Config, frozen=True):

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from dirmusic import ArrayModel, Locator, PoseError, TabulatedPattern
+from dirmusic import ArrayModel, Locator, PoseError, PulseBatch, TabulatedPattern
 from dirmusic.bearing.channel_health import ChannelMonitor
 from dirmusic.locating.locator import LocatingRules
 from missions.field.field_data import FieldData
@@ -60,9 +60,11 @@ def locate_field_data(
     locator = Locator(array, pose_error, fence_m=fence_m, rules=rules)
     book = Logbook(log, locator)
     with threadpool_limits(limits=1):
-        monitor = ChannelMonitor(array.manifold)
-        bearings, suspects = monitor.watch(data.strengths_v, data.variance_v2)
-        bearings = bearings.without_nan()
+        monitor = ChannelMonitor(array)
+        pulse_time_s = data.time_s[data.step]
+        pulses, suspects = monitor.watch(
+            PulseBatch.detected(pulse_time_s, data.strengths_v, data.variance_v2, data.mains_phase_rad)
+        )
         first = np.searchsorted(data.step, np.arange(data.time_s.size + 1))
         for step, (time_s, pose) in enumerate(zip(data.time_s, data.pose, strict=True)):
             log.append(
@@ -81,11 +83,7 @@ def locate_field_data(
                 for suspect in suspects:  # counted as in the files, of which dead channels were dropped before
                     recorded = suspect._replace(channel=int(data.channels[suspect.channel - 1]) + 1)
                     book.event("channel fault", f"{recorded}: left out")
-            rows = slice(first[step], first[step + 1])
-            some = bearings.take(rows)
-            phase, is_clipped = data.mains_phase_rad[rows], np.zeros(some.misfit.shape, dtype=np.bool_)
-            strengths = data.strengths_v[rows], data.variance_v2[rows]
-            book.listen(float(time_s), pose, *strengths, some, phase, is_clipped, monitor.good)
+            book.track(float(time_s), pose, pulses.take(slice(first[step], first[step + 1])))
             progress(1.0 / data.time_s.size)
         if log.n_rows("finding") == 0 or log.column("finding", "step")[-1] < data.time_s.size - 1:
             book.refit(float(data.time_s[-1]))

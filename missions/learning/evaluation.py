@@ -84,7 +84,7 @@ def evaluate_seek(n_yards: int) -> Evaluation:
             if mission.is_over:
                 break
             place_m = np.asarray(mission.log.meta["truth"]["sources"][0]["position_m"][:2])
-            away_m = np.hypot(*(mission.env.patrols.true_pose[0, :2] - place_m))
+            away_m = np.hypot(*(mission.env.simulation.true_pose[0, :2] - place_m))
             if away_m <= scenario.task.standoff_m:
                 reached_s[yard] = mission.time_s
         n_touched += bool(np.any(mission.log.table("event")["kind"] == "contact"))

@@ -7,15 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic import Bearings, Finding, Locator
+from dirmusic import Finding, Locator, PulseBatch
 from dirmusic.angles import wrap
 from missions.record.mission_log import MissionLog
 
 FloatArray = NDArray[np.float64]
-
-
-UNTRUSTED = 1e6
-"""Variance of a channel that is left out, over the energy of the pulse: it weighs nothing."""
 
 
 class Logbook:
@@ -32,58 +28,38 @@ class Logbook:
         self._logged: tuple[Finding, ...] = ()
         self._has_clipped = False
 
-    def listen(
-        self,
-        time_s: float,
-        pose: FloatArray,
-        strengths_v: FloatArray,
-        variance_v2: FloatArray,
-        bearings: Bearings,
-        mains_phase_rad: FloatArray,
-        is_clipped: NDArray[np.bool_],
-        is_good: NDArray[np.bool_],
-    ) -> None:
+    def track(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> None:
         """Log and locate the pulses of the last step.
 
         Args:
             time_s: Of the step.
             pose: Believed, shape (3,).
-            strengths_v: Shape (n_pulses, n_elements).
-            variance_v2: Of those, same shape.
-            bearings: One per pulse.
-            mains_phase_rad: Shape (n_pulses,), NaN where it is not known.
-            is_clipped: Which pulses were louder than the converter can tell, shape (n_pulses,): they are logged, and
-                left out of locating.
-            is_good: Which channels can be trusted, shape (n_elements,): the others are logged, and left out too.
+            pulses: With their directions. Those that are not credible, and those louder than the converter can tell,
+                are logged and left out of locating.
         """
-        step = self.log.n_rows("step") - 1
-        credible = self.locator.is_credible(bearings) & ~is_clipped
-        if is_clipped.any() and not self._has_clipped:
+        step, is_overdriven = self.log.n_rows("step") - 1, pulses.is_overdriven
+        credible = self.locator.is_credible(pulses)
+        if is_overdriven.any() and not self._has_clipped:
             self._has_clipped = True
             self.event("clipped", "a pulse beyond full scale: such pulses are left out of locating")
-        for i in range(credible.size):
+        for i in range(pulses.n_pulses):
             pulse = self.log.append(
                 "pulse",
                 step=step,
-                strengths_v=strengths_v[i],
-                mains_phase_rad=mains_phase_rad[i],
-                is_clipped=is_clipped[i],
+                strengths_v=pulses.strengths_v[i],
+                mains_phase_rad=pulses.mains_phase_rad[i],
+                is_clipped=is_overdriven[i],
                 is_credible=credible[i],
             )
             if credible[i]:
                 self.log.append(
                     "bearing",
                     pulse=pulse,
-                    azimuth_rad=bearings.azimuth_rad[i],
-                    bearing_rad=wrap(bearings.azimuth_rad[i] + pose[2]),
-                    std_rad=bearings.std_rad[i],
+                    azimuth_rad=pulses.azimuth_rad[i],
+                    bearing_rad=wrap(pulses.azimuth_rad[i] + pose[2]),
+                    std_rad=pulses.std_rad[i],
                 )
-        whole = ~is_clipped
-        variance_v2 = variance_v2 + np.where(
-            is_good, 0.0, UNTRUSTED * np.square(strengths_v).sum(axis=-1)[:, np.newaxis]
-        )
-        heard = (bearings.take(whole), (strengths_v * is_good)[whole], variance_v2[whole])
-        self._log_findings(step, self.locator.update(time_s, pose, *heard))
+        self._log_findings(step, self.locator.update(time_s, pose, pulses.take(credible)))
 
     def refit(self, time_s: float) -> None:
         """Fit all that was heard once more, when nothing is left to come."""

@@ -26,8 +26,8 @@ class RayPaths(NamedTuple):
         source: Number of the source among the robot's own, shape (n_paths,).
         from_m: Source, or its mirror image, shape (n_paths, 3).
         coefficient: Reflection coefficient of the face, 1 for a direct path, shape (n_paths,).
-        starts_m: Where its two ray_paths start, one after the other, shape (2 n_paths, 3); the first leg of a direct path
-            has no length.
+        starts_m: Where its two segments start, one after the other, shape (2 n_paths, 3); the first segment of a direct
+            path has no length.
         ends_m: Where they end, shape (2 n_paths, 3).
         first: The first path of each robot and source, shape (n_robots, n_sources).
         n_paths: How many, shape (n_robots, n_sources).

@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import plain
+from dirmusic.pulses.batch import PulseBatch
 from sensing.array import ArrayTable, HelicalArray
 from sensing.nature.scene import Emissions, Scene
 from sensing.radio.incoming import EmittedPulses, incoming_pulses
+from sensing.receiver.detections import Detections
 from sensing.receiver.energy_law import Channel, GateNoise, hear_energies, told
 from sensing.receiver.faults import STUCK_AT
-from sensing.receiver.receiver import Detections, Receiver, ReceiverConfig
+from sensing.receiver.receiver import Receiver, ReceiverConfig
 from sensing.receiver.waveform_law import Recorder
 
 FloatArray = NDArray[np.float64]
@@ -94,7 +96,9 @@ class Receivers:
                 parts.append(self._energies(emitted, world_from_array, arrays))
             else:
                 parts += self._waveforms(emitted, world_from_array, arrays)
-        return _all_of(parts) if parts else self._nothing
+        if len(parts) == 1:
+            return parts[0]
+        return Detections.join(parts) if parts else self._nothing
 
     def _energies(self, emitted: EmittedPulses, world_from_array: FloatArray, arrays: ArrayTable) -> Detections:
         """From the law of the gates' energies."""
@@ -113,16 +117,16 @@ class Receivers:
         )
         if self.config.faults:
             return self._of_energies(robot, time_s, energy, n_rejected)
-        is_clipped, no_samples = np.zeros(energy.shape, dtype=np.bool_), np.empty((*energy.shape, 0))
-        return Detections(robot, time_s, strengths_v, variance_v2, mains_phase_rad, is_clipped, no_samples, n_rejected)
+        pulses = PulseBatch.detected(time_s, strengths_v, variance_v2, mains_phase_rad)
+        return Detections(robot, pulses, np.empty((*energy.shape, 0)), n_rejected)
 
     def _of_energies(self, robot: IntArray, time_s: FloatArray, energy: FloatArray, n_rejected: int) -> Detections:
         """What is told of gates by their energies, (n_pulses, n_elements); faulty channels say something else."""
         stuck_v2 = self.config.gate_samples * (STUCK_AT * self.config.full_scale_v) ** 2
         energy = self._one.faults.in_readings(energy, time_s, stuck_v2)
         strengths_v, variance_v2, mains_phase_rad = told(energy, self._background_v2, time_s, self._telling)
-        is_clipped, no_samples = np.zeros(energy.shape, dtype=np.bool_), np.empty((*energy.shape, 0))
-        return Detections(robot, time_s, strengths_v, variance_v2, mains_phase_rad, is_clipped, no_samples, n_rejected)
+        pulses = PulseBatch.detected(time_s, strengths_v, variance_v2, mains_phase_rad)
+        return Detections(robot, pulses, np.empty((*energy.shape, 0)), n_rejected)
 
     def _of_waveforms(
         self, recorder: Recorder, row: int, time_s: FloatArray, gates_v: FloatArray, n_rejected: int
@@ -136,11 +140,9 @@ class Receivers:
         highest_v = (2 ** (self.config.bits - 1) - 1.5) * self._one.step_v
         return Detections(
             robot=np.full(time_s.size, row),
-            time_s=time_s,
-            strengths_v=strengths_v,
-            variance_v2=variance_v2,
-            mains_phase_rad=mains_phase_rad,
-            is_clipped=(np.abs(waveforms_v) >= highest_v).any(axis=-1),
+            pulses=PulseBatch.detected(
+                time_s, strengths_v, variance_v2, mains_phase_rad, (np.abs(waveforms_v) >= highest_v).any(axis=-1)
+            ),
             waveforms_v=waveforms_v,
             n_rejected=n_rejected,
         )
@@ -238,19 +240,8 @@ class Receivers:
     def _nothing(self) -> Detections:
         """What most intervals give."""
         n_samples = self.config.gate_samples if self.config.fidelity == "waveform" else 0
-        nobody, never, silence = np.empty(0, dtype=np.intp), np.empty(0), np.empty((0, self._one.n_elements))
-        no_gates = np.empty((*silence.shape, n_samples))
-        return Detections(nobody, never, silence, silence, never, silence.astype(np.bool_), no_gates, 0)
-
-
-def _all_of(parts: Sequence[Detections]) -> Detections:
-    """All that was heard, robot by robot and by time."""
-    if len(parts) == 1:
-        return parts[0]
-    *columns, n_rejected = zip(*parts, strict=True)
-    whole = [np.concatenate(column) for column in columns]
-    order = np.lexsort((whole[1], whole[0]))
-    return Detections(*(column[order] for column in whole), n_rejected=sum(n_rejected))
+        nobody, pulses = np.empty(0, dtype=np.intp), PulseBatch.none(self._one.n_elements)
+        return Detections(nobody, pulses, np.empty((0, self._one.n_elements, n_samples)), 0)
 
 
 def _flat(rows: list[int], emissions: Sequence[Emissions]) -> EmittedPulses:

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.bearing.likelihood_kernels import dot
 from dirmusic.compiled import compiled
+from dirmusic.kernels import dot
 from dirmusic.pulses.strength_kernels import strength_of, variance_of_strength
 from sensing.array import ArrayTable
 from sensing.radio.incoming import EmittedPulses, Incoming, add_paths, find_triggers, incoming_pulses

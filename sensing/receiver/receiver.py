@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Literal, NamedTuple, Self
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from pydantic import BaseModel, Field, PositiveFloat, PositiveInt, model_validat
 
 from sensing.array import HelicalArray
 from sensing.nature.scene import Scene
+from sensing.receiver.detections import Detections
 from sensing.receiver.faults import ChannelFault, Faults
 from sensing.receiver.front_end import front_end
 
@@ -64,36 +65,6 @@ class ReceiverConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_
                 f'half of sample_rate_hz, {nyquist_hz:g}, or "all"'
             )
         return self
-
-
-class Detections(NamedTuple):
-    """What one interval of listening gave: nothing is an answer, with n_pulses = 0. Robot by robot, and then by time.
-
-    Attributes:
-        robot: Number of the robot that heard it, shape (n_pulses,).
-        time_s: When each trigger fell, shape (n_pulses,).
-        strengths_v: Shape (n_pulses, n_elements), volts.
-        variance_v2: Variance of the strengths, shape (n_pulses, n_elements), V^2.
-        mains_phase_rad: Phase of the receiver's own mains supply at the trigger, shape (n_pulses,), in [0, 2 pi).
-        is_clipped: Whether a channel met the end of the converter's scale, shape (n_pulses, n_elements).
-        waveforms_v: The gates, shape (n_pulses, n_elements, gate_samples), volts; no samples with fidelity `energy`.
-        n_rejected: What triggered and did not look like a pulse.
-    """
-
-    robot: NDArray[np.intp]
-    time_s: FloatArray
-    strengths_v: FloatArray
-    variance_v2: FloatArray
-    mains_phase_rad: FloatArray
-    is_clipped: NDArray[np.bool_]
-    waveforms_v: FloatArray
-    n_rejected: int
-
-    def clipped(self, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Whether a channel that counts, (n_elements,), met the end of the scale, shape (n_pulses,)."""
-        if not self.waveforms_v.size:  # energies have no scale
-            return self.is_clipped[:, 0]
-        return np.asarray((self.is_clipped & good).any(axis=-1))
 
 
 class Receiver:

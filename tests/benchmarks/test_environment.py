@@ -76,7 +76,7 @@ def vector_steps(envs: gymnasium.vector.VectorEnv[Any, Any, Any], n_steps: int =
 
 def bare_physics(n_steps: int = 300) -> Callable[[], int]:
     """Nothing but `mj_step` on the same model, with as many substeps and the same commands to the wheels."""
-    inspectors = PatrolEnv("bench").patrols.inspectors
+    inspectors = PatrolEnv("bench").simulation.robots
     model = inspectors.physics
     data = mujoco.MjData(model)  # pyright: ignore[reportAttributeAccessIssue]
     mujoco.mj_resetDataKeyframe(model, data, 0)  # pyright: ignore[reportAttributeAccessIssue]

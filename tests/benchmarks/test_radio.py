@@ -67,10 +67,14 @@ def test_energies_have_the_law_of_waveforms_and_take_a_fiftieth_of_the_time() ->
     for snr_db in (10.0, 0.0, -10.0):
         (whole, slow_s), (drawn, fast_s) = (hear(name, snr_db, k) for k, name in enumerate(("waveform", "energy")))
         ratios.append(slow_s / fast_s)
-        distance = [ks_2samp(whole.strengths_v[:, k], drawn.strengths_v[:, k]).statistic for k in range(6)]
+        distance = [
+            ks_2samp(whole.pulses.strengths_v[:, k], drawn.pulses.strengths_v[:, k]).statistic for k in range(6)
+        ]
         spread = [
             np.std(
-                difference(estimate_bearings(x.strengths_v[:, np.newaxis], REAL.manifold()).azimuth_rad, AZIMUTH_RAD)
+                difference(
+                    estimate_bearings(x.pulses.strengths_v[:, np.newaxis], REAL.manifold()).azimuth_rad, AZIMUTH_RAD
+                )
             )
             for x in (whole, drawn)
         ]
@@ -92,7 +96,7 @@ def test_share_of_an_env_step_that_goes_into_listening_to_three_sources() -> Non
     receiver = scenario.receiver.model_copy(update={"fidelity": "energy"})
     env = PatrolEnv(scenario.model_copy(update={"sources": sources, "receiver": receiver}))
     env.reset(seed=0)
-    receivers = env.patrols._receivers  # pyright: ignore[reportPrivateUsage]
+    receivers = env.simulation._receivers  # pyright: ignore[reportPrivateUsage]
     assert receivers is not None
     real, spent = receivers.listen, [0.0]
 

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from dirmusic import GainManifold
+from dirmusic import ArrayModel, GainManifold
 from dirmusic.array.element_errors import ElementErrors, ElementSpread
 from dirmusic.locating.assignment import AMBIGUOUS, ECHO, UNASSIGNED, AssignmentRules, InSight, PulseRecord
 from dirmusic.locating.finding import Finding
-from dirmusic.locating.joint_fix import ArrayModel, PoseError
+from dirmusic.locating.joint_fix import PoseError
+from dirmusic.pulses.batch import PulseBatch
 
 NOMINAL = GainManifold.ring(6)
 ARRAY = ArrayModel(
@@ -47,7 +48,8 @@ def assigned(
     gain = NOMINAL.gain(azimuth).T
     strengths = gain / np.linalg.norm(gain, axis=-1, keepdims=True)
     strengths *= 10 ** ((LEVEL_DB + louder_db) / 20) / range_m
-    record.add(0.0, np.zeros(3), azimuth, np.full(5, np.radians(0.3)), strengths, np.full((5, 6), 1e-12))
+    pulses = PulseBatch.detected(np.zeros(5), strengths, np.full((5, 6), 1e-12))
+    record.add(0.0, np.zeros(3), pulses._replace(azimuth_rad=azimuth, std_rad=np.full(5, np.radians(0.3))))
     owner = record.assign(findings, NO_ERRORS).owner
     assert (owner == owner[0]).all()
     return int(owner[0])

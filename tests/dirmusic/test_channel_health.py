@@ -4,11 +4,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dirmusic import GainManifold, estimate_bearings
+from dirmusic import ArrayModel, ElementSpread, GainManifold, PulseBatch, estimate_bearings
 from dirmusic.angles import difference
 from dirmusic.bearing.channel_health import ChannelMonitor, SuspectChannel
 
 NOMINAL = GainManifold.ring(6)
+ARRAY = ArrayModel(manifold=NOMINAL, positions_m=np.zeros((6, 2)), spread=ElementSpread())
+
+
+def detected(strengths: np.ndarray) -> PulseBatch:
+    """Pulses of these strengths (n, 6), with noise of one volt."""
+    return PulseBatch.detected(np.zeros(len(strengths)), strengths, np.ones_like(strengths))
 
 
 def real_array(seed: int) -> tuple[GainManifold, NDArray[np.float64]]:
@@ -32,10 +38,10 @@ def hear(seed: int, n: int, snr_db: float, factors: dict[int, float]) -> tuple[n
 
 def watch(strengths: np.ndarray, by: int = 5) -> tuple[int | None, tuple[SuspectChannel, ...]]:
     """After how many pulses something was found at fault, and what."""
-    monitor = ChannelMonitor(NOMINAL)
+    monitor = ChannelMonitor(ARRAY)
     for first in range(0, len(strengths), by):
         part = strengths[first : first + by]
-        _, found = monitor.watch(part, np.ones_like(part))
+        _, found = monitor.watch(detected(part))
         if found:
             return first + by, found
     return None, ()
@@ -101,18 +107,18 @@ def test_a_converter_that_always_says_the_same_is_found() -> None:
 
 def test_what_is_found_does_not_depend_on_how_many_pulses_come_at_once() -> None:
     strengths, _ = hear(5, 60, 0, {2: 0.5})
-    _, whole = ChannelMonitor(NOMINAL).watch(strengths, np.ones_like(strengths))
-    monitor = ChannelMonitor(NOMINAL)
-    single = [suspect for row in strengths for suspect in monitor.watch(row[np.newaxis], np.ones((1, 6)))[1]]
+    _, whole = ChannelMonitor(ARRAY).watch(detected(strengths))
+    monitor = ChannelMonitor(ARRAY)
+    single = [suspect for row in strengths for suspect in monitor.watch(detected(row[np.newaxis]))[1]]
     assert list(whole) == single
     assert monitor.good.tolist() == [True, False, True, True, True, True]
 
 
 def test_bearings_come_from_the_good_channels_from_the_pulses_on_that_show_the_fault() -> None:
     strengths, azimuth = hear(6, 400, 10, {3: 0.0})
-    monitor = ChannelMonitor(NOMINAL)
-    before, _ = monitor.watch(strengths[:1], np.ones((1, 6)))
-    bearings, suspects = monitor.watch(strengths, np.ones_like(strengths))
+    monitor = ChannelMonitor(ARRAY)
+    before, _ = monitor.watch(detected(strengths[:1]))
+    bearings, suspects = monitor.watch(detected(strengths))
     assert [suspect.channel for suspect in suspects] == [3]
     error = np.abs(difference(bearings.azimuth_rad, azimuth))
     naive = np.abs(difference(estimate_bearings(strengths[:, np.newaxis], NOMINAL).azimuth_rad, azimuth))
@@ -128,6 +134,6 @@ def test_a_suspect_is_told_in_words() -> None:
 
 def test_no_more_channels_are_left_out_than_a_direction_needs() -> None:
     strengths, _ = hear(7, 500, 10, {1: 0.0, 2: 0.0, 3: 0.0, 4: 0.0})
-    monitor = ChannelMonitor(NOMINAL)
-    monitor.watch(strengths, np.ones_like(strengths))
+    monitor = ChannelMonitor(ARRAY)
+    monitor.watch(detected(strengths))
     assert monitor.good.sum() >= 3

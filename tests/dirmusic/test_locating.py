@@ -15,11 +15,12 @@ from dirmusic import (
     GainManifold,
     Locator,
     PoseError,
-    estimate_bearings,
+    PulseBatch,
     strength_variance,
 )
+from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
 from dirmusic.locating.assignment import InSight
-from dirmusic.locating.joint_fix import Sightings, locate_jointly
+from dirmusic.locating.joint_fix import locate_jointly
 from dirmusic.locating.locator import LocatingRules
 
 NOMINAL = GainManifold.ring(6)
@@ -40,6 +41,20 @@ def make_locator(
 ) -> Locator:
     array = ArrayModel(manifold=NOMINAL, positions_m=positions_m, spread=spread)
     return Locator(array, NO_POSE_ERROR, fence_m=fence_m, rules=rules, in_sight=in_sight)
+
+
+def pulses_of(strengths: np.ndarray, variance: np.ndarray | None = None) -> PulseBatch:
+    """Pulses of these strengths (n, 6) with their likeliest directions."""
+    if variance is None:
+        variance = strength_variance(strengths, NOISE_V**2, 60)
+    pulses = PulseBatch.detected(np.zeros(len(strengths)), strengths, variance)
+    found = MaximumLikelihood()(pulses, ArrayModel(manifold=NOMINAL, positions_m=RING_M, spread=SPREAD))
+    return pulses._replace(azimuth_rad=found.azimuth_rad, std_rad=found.std_rad, misfit=found.misfit)
+
+
+def update(locator: Locator, time_s: float, pose: np.ndarray, pulses: PulseBatch) -> tuple[Finding, ...]:
+    """Give a Locator the credible ones of some pulses."""
+    return locator.update(time_s, pose, pulses.take(locator.is_credible(pulses)))
 
 
 def listen_along(
@@ -71,9 +86,7 @@ def listen_along(
             gain = real.gain(np.arctan2(sight[1], sight[0]) - turn)
             strengths += [np.abs(0.8 / np.hypot(*sight) * gain + rng.normal(0, NOISE_V, 6)) for _ in range(2)]
         a = np.array(strengths).reshape(-1, 6)
-        variance = strength_variance(a, NOISE_V**2, 60)
-        bearings = estimate_bearings(a[:, np.newaxis], NOMINAL, strength_variance=variance[:, np.newaxis])
-        history.append(locator.update(0.1 * k, np.array([*place, turn]), bearings, a, variance))
+        history.append(update(locator, 0.1 * k, np.array([*place, turn]), pulses_of(a)))
     return locator, history
 
 
@@ -167,16 +180,14 @@ def test_noise_alone_makes_no_candidate() -> None:
     for k in range(600):  # ten a second: a hundred times the assumed false-alarm rate
         strengths = np.sqrt(np.maximum(rng.normal(0, np.sqrt(120), (1, 6)), 0)) * NOISE_V
         strengths[0, rng.integers(6)] = 7.3 * NOISE_V
-        variance = strength_variance(strengths, NOISE_V**2, 60)
-        bearings = estimate_bearings(strengths[:, np.newaxis], NOMINAL, strength_variance=variance[:, np.newaxis])
-        locator.update(0.1 * k, np.zeros(3), bearings, strengths, variance)
+        update(locator, 0.1 * k, np.zeros(3), pulses_of(strengths))
     assert locator.findings == ()
 
 
 def test_strengths_that_no_direction_explains_are_not_credible() -> None:
     strengths = np.array([[1.0, 0.1, 1.0, 0.1, 1.0, 0.1], 0.5 * NOMINAL.gain(0.3), np.zeros(6)])
-    bearings = estimate_bearings(strengths[:, np.newaxis], NOMINAL, strength_variance=1e-6)
-    np.testing.assert_array_equal(make_locator().is_credible(bearings), [False, True, False])
+    pulses = pulses_of(strengths, np.full(strengths.shape, 1e-6))
+    np.testing.assert_array_equal(make_locator().is_credible(pulses), [False, True, False])
 
 
 def test_the_same_pulses_give_the_same_findings_to_the_bit() -> None:
@@ -188,8 +199,7 @@ def test_the_same_pulses_give_the_same_findings_to_the_bit() -> None:
 
 def test_nothing_heard_gives_no_finding() -> None:
     locator = make_locator(fence_m=None)
-    bearings = estimate_bearings(np.zeros((0, 1, 6)), NOMINAL, strength_variance=np.zeros((0, 1, 6)))
-    assert locator.update(0.0, np.zeros(3), bearings, np.zeros((0, 6)), np.zeros((0, 6))) == ()
+    assert locator.update(0.0, np.zeros(3), PulseBatch.none(6)) == ()
 
 
 @pytest.mark.parametrize("state", ["candidate", "confirmed"])
@@ -228,9 +238,7 @@ def hear_mirror_and_source(in_sight: InSight | None, locator: Locator | None = N
         sight = heard - place
         gain = real.gain(np.arctan2(sight[1], sight[0]) - 0.01 * k)
         a = np.abs(level / np.hypot(*sight) * gain + rng.normal(0, NOISE_V, (2, 6)))
-        variance = strength_variance(a, NOISE_V**2, 60)
-        bearings = estimate_bearings(a[:, np.newaxis], NOMINAL, strength_variance=variance[:, np.newaxis])
-        locator.update(0.1 * k, np.array([*place, 0.01 * k]), bearings, a, variance)
+        update(locator, 0.1 * k, np.array([*place, 0.01 * k]), pulses_of(a))
     return locator
 
 
@@ -252,10 +260,8 @@ def test_pulses_much_weaker_than_their_range_says_are_taken_for_echoes_and_left_
     for k in range(50):  # 14 dB down, from the very direction
         gain = NOMINAL.gain(np.array(np.pi))
         a = np.abs(0.8 / 5.0 * 10 ** (-14 / 20) * gain + rng.normal(0, NOISE_V, (2, 6)))
-        variance = strength_variance(a, NOISE_V**2, 60)
-        bearings = estimate_bearings(a[:, np.newaxis], NOMINAL, strength_variance=variance[:, np.newaxis])
-        assert locator.is_credible(bearings).all()
-        locator.update(40.0 + 0.1 * k, np.array([25.0, 15.0, 0.0]), bearings, a, variance)
+        assert locator.is_credible(pulses_of(a)).all()
+        locator.update(40.0 + 0.1 * k, np.array([25.0, 15.0, 0.0]), pulses_of(a))
     (after,) = locator.refit(50.0)
     assert after.n_bearings <= 500  # what was heard on the arc
 
@@ -273,8 +279,8 @@ def test_ten_times_the_pulses_from_the_same_places_make_the_ellipse_no_smaller_f
     def area_m2(times: int) -> float:
         rows = np.repeat(np.arange(13), times)
         quiet = np.full((rows.size, 6), 1e-10)
-        sightings = Sightings(10.0 * rows.astype(np.float64), pose[rows], strengths[rows], quiet)
-        fix = locate_jointly(sightings, np.zeros_like(rows), np.array([[0.3, 4.8]]), array, NO_POSE_ERROR)
+        pulses = PulseBatch.detected(10.0 * rows.astype(np.float64), strengths[rows], quiet)
+        fix = locate_jointly(pulses, pose[rows], np.zeros_like(rows), np.array([[0.3, 4.8]]), array, NO_POSE_ERROR)
         return float(np.sqrt(np.linalg.det(fix.covariances_m2[0])))
 
     assert area_m2(10) == pytest.approx(area_m2(1), rel=0.1)

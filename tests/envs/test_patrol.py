@@ -172,7 +172,7 @@ def test_the_reward_is_the_sum_of_its_terms_and_progress_is_metres_towards_the_s
     _, info = env.reset(seed=4)
     source = np.array(info["truth"]["sources"][0]["position_m"][:2])
     for _ in range(40):
-        before = env.patrols.inspectors.readings.pose[0, :2]
+        before = env.simulation.robots.readings.pose[0, :2]
         _, reward, *_, info = env.step(np.array([1.0, 0.1], dtype=np.float32))
         moved = np.linalg.norm(source - before) - np.linalg.norm(source - info["truth"]["pose"][:2])
         assert reward == pytest.approx(sum(info["reward"].values()))

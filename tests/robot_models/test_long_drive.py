@@ -28,7 +28,7 @@ def drive_at_random(minutes: float, seed: int) -> set[str]:
         assert (place_m > CHASSIS_RADIUS_M - 0.01).all()
         assert (place_m < np.subtract(size_m, CHASSIS_RADIUS_M - 0.01)).all()
         touched.update(info["touched"])
-    assert env.patrols.inspectors.n_warnings().sum() == 0
+    assert env.simulation.robots.n_warnings().sum() == 0
     assert n_steps == round(60.0 * minutes / STEP_S)
     return touched
 

@@ -107,7 +107,7 @@ def test_two_paths_interfere_as_their_sum_says() -> None:
             both = gains[0] / direct * damped_pulse(since_s - direct / 299_792_458.0)
             both -= 0.5 * gains[1] / mirrored * damped_pulse(since_s - mirrored / 299_792_458.0)
             expected.append(float(np.square(both).sum()))
-            energies.append(float(heard.strengths_v[0, k] ** 2))
+            energies.append(float(heard.pulses.strengths_v[0, k] ** 2))
     np.testing.assert_allclose(energies, expected, rtol=2e-3)
 
 
@@ -156,12 +156,16 @@ def test_energies_by_their_law_are_distributed_as_those_of_waveforms(band_hz: ob
         hear(fidelity, 0.0, seed, 4000, echoes=echoes, band_hz=band_hz)
         for seed, fidelity in enumerate(("waveform", "energy"))
     )
-    assert whole.time_s.size == drawn.time_s.size == 4000
+    assert whole.pulses.time_s.size == drawn.pulses.time_s.size == 4000
     for k in range(6):
-        assert ks_2samp(whole.strengths_v[:, k], drawn.strengths_v[:, k]).statistic < 0.043  # 0.1 % by chance
+        assert (
+            ks_2samp(whole.pulses.strengths_v[:, k], drawn.pulses.strengths_v[:, k]).statistic < 0.043
+        )  # 0.1 % by chance
     for heard in (whole, drawn):  # what the estimator is told holds for a pulse that comes straight
-        variance = heard.strengths_v.var(axis=0)
-        np.testing.assert_allclose(variance, heard.variance_v2.mean(axis=0), rtol=0.3 if echoes else 0.1)
-    azimuths = [estimate_bearings(x.strengths_v[:, np.newaxis], REAL.manifold()).azimuth_rad for x in (whole, drawn)]
+        variance = heard.pulses.strengths_v.var(axis=0)
+        np.testing.assert_allclose(variance, heard.pulses.variance_v2.mean(axis=0), rtol=0.3 if echoes else 0.1)
+    azimuths = [
+        estimate_bearings(x.pulses.strengths_v[:, np.newaxis], REAL.manifold()).azimuth_rad for x in (whole, drawn)
+    ]
     spreads = [np.std(difference(a, 0.4)) for a in azimuths]
     assert spreads[0] == pytest.approx(spreads[1], rel=0.05)

@@ -57,7 +57,8 @@ def test_a_pulse_is_zero_before_it_arrives_has_unit_peak_and_lasts_about_two_and
 
 def test_strength_falls_with_one_over_range_and_follows_the_pattern() -> None:
     near, far = (
-        listen(source_at(r, 0.0, rate_hz=100.0), noise_v=1e-6, bits=24).strengths_v.mean(axis=0) for r in (20.0, 40.0)
+        listen(source_at(r, 0.0, rate_hz=100.0), noise_v=1e-6, bits=24).pulses.strengths_v.mean(axis=0)
+        for r in (20.0, 40.0)
     )
     np.testing.assert_allclose(near / far, 2.0, rtol=0.02)  # elements are 0.12 m from the centre
     gain = NOMINAL.gain(np.zeros(6), np.zeros(6))
@@ -81,7 +82,9 @@ def test_bearings_of_heard_pulses_lie_within_a_tenth_of_the_bound_all_round() ->
     for azimuth in np.radians(np.arange(0.0, 360.0, 25.0)):
         source = source_at(15.0 * np.cos(azimuth), 15.0 * np.sin(azimuth))
         heard = listen(source, duration_s=2.0, false_alarm_rate_hz=1e-9, band_hz="all")
-        error = difference(estimate_bearings(heard.strengths_v[:, np.newaxis], NOMINAL.manifold()).azimuth_rad, azimuth)
+        error = difference(
+            estimate_bearings(heard.pulses.strengths_v[:, np.newaxis], NOMINAL.manifold()).azimuth_rad, azimuth
+        )
         spread = float(np.std(error))  # about its mean: the ring's parallax is a bias
         over_bound.append(spread / float(bearing_bound(NOMINAL.manifold(), azimuth, rho)))
     assert np.sqrt(np.mean(np.square(over_bound))) == pytest.approx(1.0, abs=0.12)
@@ -98,18 +101,18 @@ def test_equipment_in_between_weakens_a_pulse_by_its_loss() -> None:
     clear, hidden = (
         listen(source_at(5.0, 0.0), surroundings=s, false_alarm_rate_hz=1e-9) for s in (None, behind(12.0))
     )
-    ratio = np.median(hidden.strengths_v[:, 1]) / np.median(clear.strengths_v[:, 1])
+    ratio = np.median(hidden.pulses.strengths_v[:, 1]) / np.median(clear.pulses.strengths_v[:, 1])
     assert -20 * np.log10(ratio) == pytest.approx(12.0, abs=0.3)
-    assert listen(source_at(15.0, 0.0), surroundings=behind(30.0), false_alarm_rate_hz=1e-9).time_s.size == 0
+    assert listen(source_at(15.0, 0.0), surroundings=behind(30.0), false_alarm_rate_hz=1e-9).pulses.time_s.size == 0
 
 
 def test_noise_alone_triggers_as_often_as_was_asked_and_looks_like_noise() -> None:
     heard = listen(None, duration_s=2000.0, false_alarm_rate_hz=0.1)
-    assert heard.time_s.size == pytest.approx(200, abs=45)  # three sigma
-    loudest = heard.strengths_v.max(axis=-1)
+    assert heard.pulses.time_s.size == pytest.approx(200, abs=45)  # three sigma
+    loudest = heard.pulses.strengths_v.max(axis=-1)
     sigma = Receiver(ReceiverConfig(), NOMINAL).noise_variance_v2 ** 0.5
     assert 10 < np.median(loudest) / sigma < 40  # a crossing at 7 sigma, and what belongs to it in filtered noise
-    assert (np.diff(heard.time_s) >= 0).all()
+    assert (np.diff(heard.pulses.time_s) >= 0).all()
 
 
 def test_the_threshold_keeps_the_false_alarm_rate_of_white_noise() -> None:
@@ -130,7 +133,7 @@ def test_the_threshold_keeps_the_false_alarm_rate_of_filtered_noise() -> None:
 
 
 def test_pulses_too_weak_for_the_trigger_are_not_heard() -> None:
-    assert listen(source_at(200.0, 0.0), false_alarm_rate_hz=1e-9).time_s.size == 0
+    assert listen(source_at(200.0, 0.0), false_alarm_rate_hz=1e-9).pulses.time_s.size == 0
 
 
 @pytest.mark.parametrize("band_hz", ["all", (1.4e9, 2.2e9)])
@@ -139,24 +142,24 @@ def test_the_gate_holds_the_whole_pulse_in_every_channel(band_hz: Any) -> None: 
     front_end = FrontEnd(20e9, None if band_hz == "all" else band_hz, 90)
     energy = np.square(front_end.pulse(np.arange(2000.0))).sum()
     whole = 0.27 / 20 * np.sqrt(energy) * NOMINAL.gain(np.full(6, np.pi), np.zeros(6))
-    np.testing.assert_allclose(heard.strengths_v.mean(axis=0), whole, rtol=0.03)
+    np.testing.assert_allclose(heard.pulses.strengths_v.mean(axis=0), whole, rtol=0.03)
 
 
 @pytest.mark.parametrize("range_m", [5.0, 15.0])
 @pytest.mark.parametrize("band_hz", ["all", (1.4e9, 2.2e9)])
 def test_the_reported_variance_is_that_of_the_strengths(band_hz: Any, range_m: float) -> None:  # noqa: ANN401
     heard = listen(source_at(range_m, 0.0), duration_s=5.0, false_alarm_rate_hz=1e-9, band_hz=band_hz)
-    np.testing.assert_allclose(heard.strengths_v.var(axis=0), heard.variance_v2.mean(axis=0), rtol=0.15)
+    np.testing.assert_allclose(heard.pulses.strengths_v.var(axis=0), heard.pulses.variance_v2.mean(axis=0), rtol=0.15)
 
 
 def test_pulses_come_at_the_given_mean_rate_and_carry_the_mains_phase_of_their_time() -> None:
     heard = listen(source_at(5.0, 0.0, rate_hz=20.0), duration_s=200.0, false_alarm_rate_hz=1e-9)
-    assert heard.time_s.size == pytest.approx(4000, rel=0.06)
-    np.testing.assert_allclose(heard.mains_phase_rad, np.mod(2 * np.pi * 50 * heard.time_s, 2 * np.pi))
+    assert heard.pulses.time_s.size == pytest.approx(4000, rel=0.06)
+    np.testing.assert_allclose(heard.pulses.mains_phase_rad, np.mod(2 * np.pi * 50 * heard.pulses.time_s, 2 * np.pi))
 
 
 def test_the_same_generator_gives_the_same_pulses() -> None:
-    first, second = (listen(source_at(5.0, 2.0), seed=7).strengths_v for _ in range(2))
+    first, second = (listen(source_at(5.0, 2.0), seed=7).pulses.strengths_v for _ in range(2))
     np.testing.assert_array_equal(first, second)
 
 
@@ -223,7 +226,10 @@ def test_the_gate_is_about_the_first_path_that_triggers_though_a_later_one_is_lo
     )
     surroundings = behind(20.0, x=4.0)._replace(faces=to_the_left, reflection=np.array([-0.8]))
     heard = listen(source, duration_s=0.1, surroundings=surroundings, fidelity=fidelity, false_alarm_rate_hz=1e-6)
-    ahead, left = heard.strengths_v[:, 1:3].min(axis=-1), heard.strengths_v[:, 0]  # element 1 looks to the left
+    ahead, left = (
+        heard.pulses.strengths_v[:, 1:3].min(axis=-1),
+        heard.pulses.strengths_v[:, 0],
+    )  # element 1 looks to the left
     assert ahead.size > 50
     assert (ahead > 1.3 * left).all()  # from the left, element 1 would hear most of all
 
@@ -236,7 +242,7 @@ def test_a_pulse_that_just_reaches_the_threshold_is_heard_about_half_the_time(fi
     loudest_gain = float(NOMINAL.gain(np.full(6, np.pi / 2), np.zeros(6)).max())
     amplitude_v = receiver.threshold_v * range_m / (loudest_gain * receiver.front_end.pulse_peak)
     heard = listen(source_at(0.0, 10.0, amplitude_v=amplitude_v), **config)
-    assert heard.time_s.size == pytest.approx(500, abs=80)
+    assert heard.pulses.time_s.size == pytest.approx(500, abs=80)
 
 
 def test_the_array_hears_less_of_a_source_above_it_than_of_a_level_one_ahead() -> None:
@@ -256,13 +262,13 @@ def test_the_converter_rounds_to_its_steps_and_its_rounding_is_part_of_the_noise
     assert np.abs(counts).max() <= 2 ** (bits - 1) - 1
     quiet = heard.waveforms_v[:, :, :10]  # before the trigger
     assert quiet.var() == pytest.approx(receiver.noise_variance_v2, rel=0.05)
-    assert not heard.is_clipped.any()
+    assert not heard.pulses.is_clipped.any()
 
 
 def test_a_pulse_beyond_full_scale_is_flagged_and_one_within_is_not() -> None:
     loud, quiet = (
         listen(source_at(3.0, 0.0, amplitude_v=v), full_scale_v=0.1, false_alarm_rate_hz=1e-9) for v in (3.0, 0.2)
     )
-    assert loud.is_clipped.any(axis=-1).all()
+    assert loud.pulses.is_clipped.any(axis=-1).all()
     assert np.abs(loud.waveforms_v).max() == pytest.approx(0.1)
-    assert not quiet.is_clipped.any()
+    assert not quiet.pulses.is_clipped.any()

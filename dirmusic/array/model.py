@@ -1,0 +1,34 @@
+"""What a robot knows of its array."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dirmusic.array.element_errors import ElementSpread
+from dirmusic.array.manifold import GainManifold
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArrayModel:
+    """What the robot knows of its array: the data sheet, and how far real arrays spread about it.
+
+    Attributes:
+        manifold: Nominal gains.
+        positions_m: Nominal element positions, array frame, shape (n_elements, 2) or more columns, of which two count.
+        spread: How far real arrays spread about the data sheet.
+    """
+
+    manifold: GainManifold
+    positions_m: FloatArray
+    spread: ElementSpread
+
+    def take(self, elements: Sequence[int] | NDArray[np.intp] | NDArray[np.bool_]) -> ArrayModel:
+        """The same array with some of its elements alone, by index or mask."""
+        chosen = np.arange(self.manifold.n_elements)[np.asarray(elements)]
+        return ArrayModel(manifold=self.manifold.take(chosen), positions_m=self.positions_m[chosen], spread=self.spread)

@@ -1,0 +1,106 @@
+"""Pulses, from the receiver to the Locator and the log: one record all the way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+NO_DIRECTION = (0.0, np.pi, 1.0)
+"""Azimuth, deviation and misfit of a pulse of whose direction nothing is known: tables of pulses hold no NaN."""
+
+
+class PulseBatch(NamedTuple):
+    """Pulses that a receiver has detected, one a row, by time.
+
+    The receiver fills in all but the direction; a bearing estimator adds azimuth, deviation and misfit, and a channel
+    monitor which channels are usable. Leading axes: `n_pulses` rows; an estimator that works on sub-bands would add an
+    axis of bands to the strengths and their variance, between pulses and elements.
+
+    Attributes:
+        time_s: When the trigger fell, shape (n_pulses,).
+        strengths_v: Root of the energy above the noise, shape (n_pulses, n_elements), volts, >= 0.
+        variance_v2: Noise variance of the strengths, shape (n_pulses, n_elements), V^2.
+        azimuth_rad: Direction of arrival, array frame, in (-pi, pi], shape (n_pulses,).
+        std_rad: Its standard deviation from noise alone, shape (n_pulses,); pi where nothing is known.
+        misfit: Share of the energy that the direction does not explain, in [0, 1], shape (n_pulses,).
+        is_usable: Which channels can be trusted, shape (n_pulses, n_elements).
+        mains_phase_rad: Of the receiver's own supply at the trigger, in [0, 2 pi), shape (n_pulses,); NaN where it was
+            not recorded.
+        is_clipped: Which channels met the end of the converter's scale, shape (n_pulses, n_elements).
+    """
+
+    time_s: FloatArray
+    strengths_v: FloatArray
+    variance_v2: FloatArray
+    azimuth_rad: FloatArray
+    std_rad: FloatArray
+    misfit: FloatArray
+    is_usable: BoolArray
+    mains_phase_rad: FloatArray
+    is_clipped: BoolArray
+
+    @classmethod
+    def detected(
+        cls,
+        time_s: FloatArray,
+        strengths_v: FloatArray,
+        variance_v2: FloatArray,
+        mains_phase_rad: FloatArray | None = None,
+        is_clipped: BoolArray | None = None,
+    ) -> Self:
+        """Pulses as a receiver gives them: no direction yet, and all channels usable; attributes as of the class."""
+        n, shape = time_s.size, strengths_v.shape
+        azimuth_rad, std_rad, misfit = NO_DIRECTION
+        return cls(
+            time_s=time_s,
+            strengths_v=strengths_v,
+            variance_v2=variance_v2,
+            azimuth_rad=np.full(n, azimuth_rad),
+            std_rad=np.full(n, std_rad),
+            misfit=np.full(n, misfit),
+            is_usable=np.ones(shape, dtype=np.bool_),
+            mains_phase_rad=np.full(n, np.nan) if mains_phase_rad is None else mains_phase_rad,
+            is_clipped=np.zeros(shape, dtype=np.bool_) if is_clipped is None else is_clipped,
+        )
+
+    @classmethod
+    def none(cls, n_elements: int) -> Self:
+        """No pulse at all."""
+        nothing = np.empty((0, n_elements))
+        return cls.detected(np.empty(0), nothing, nothing)
+
+    @classmethod
+    def join(cls, batches: Sequence[PulseBatch]) -> Self:
+        """All pulses of some batches, one batch after the other."""
+        columns: list[Any] = [np.concatenate(column) for column in zip(*batches, strict=True)]
+        return cls(*columns)
+
+    @property
+    def n_pulses(self) -> int:
+        """How many there are."""
+        return self.time_s.size
+
+    @property
+    def is_overdriven(self) -> BoolArray:
+        """Whether a usable channel met the end of the converter's scale, shape (n_pulses,)."""
+        return np.asarray((self.is_clipped & self.is_usable).any(axis=-1))
+
+    def take(self, rows: slice | NDArray[np.intp] | BoolArray) -> Self:
+        """Some of the pulses, by slice, index or mask."""
+        columns: list[Any] = [column[rows] for column in self]
+        return type(self)(*columns)
+
+    def take_channels(self, channels: NDArray[np.intp] | BoolArray) -> Self:
+        """The same pulses as some of the channels alone give them, by index or mask."""
+        return self._replace(
+            strengths_v=self.strengths_v[:, channels],
+            variance_v2=self.variance_v2[:, channels],
+            is_usable=self.is_usable[:, channels],
+            is_clipped=self.is_clipped[:, channels],
+        )

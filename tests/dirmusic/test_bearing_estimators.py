@@ -1,0 +1,109 @@
+"""The estimators that a scenario can name keep what their protocol promises, and rank as physics says."""
+
+import numpy as np
+import pytest
+
+from dirmusic import ESTIMATORS, ArrayModel, ElementSpread, GainManifold, PulseBatch, bearings_towards, pseudo_spectrum
+from dirmusic.angles import difference
+from dirmusic.bearing.built_in import method_std
+from dirmusic.bearing.coarse_estimators import GRID_RAD, Music, Strongest
+from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
+
+NOISE_V = 0.03
+
+
+def ring(n_elements: int) -> ArrayModel:
+    manifold = GainManifold.ring(n_elements)
+    return ArrayModel(manifold=manifold, positions_m=np.zeros((n_elements, 2)), spread=ElementSpread())
+
+
+def pulses_from(array: ArrayModel, azimuth_rad: np.ndarray, noise_v: float = NOISE_V) -> PulseBatch:
+    """A pulse of one volt from each direction, with white noise."""
+    gain = array.manifold.gain(azimuth_rad).T
+    strengths = np.abs(gain + np.random.default_rng(0).normal(0.0, noise_v, gain.shape))
+    return PulseBatch.detected(np.zeros(azimuth_rad.size), strengths, np.full(gain.shape, noise_v**2))
+
+
+def anywhere(n: int = 4000) -> np.ndarray:
+    return np.random.default_rng(1).uniform(-np.pi, np.pi, n)
+
+
+@pytest.mark.parametrize("name", ESTIMATORS)
+@pytest.mark.parametrize("n_elements", [4, 6, 8])
+def test_the_error_is_as_large_as_the_estimator_says(name: str, n_elements: int) -> None:
+    array, azimuth = ring(n_elements), anywhere()
+    found = ESTIMATORS[name]()(pulses_from(array, azimuth), array)
+    error = difference(found.azimuth_rad, azimuth) / found.std_rad
+    assert np.mean(np.square(error)) == pytest.approx(1.0, abs=0.25)
+
+
+@pytest.mark.parametrize("n_elements", [4, 6, 8, 12])
+def test_a_better_estimator_is_never_worse(n_elements: int) -> None:
+    array, azimuth = ring(n_elements), anywhere()
+    pulses = pulses_from(array, azimuth)
+    errors = [difference(ESTIMATORS[name]()(pulses, array).azimuth_rad, azimuth) for name in ESTIMATORS]
+    likeliest, on_grid, strongest = (float(np.sqrt(np.mean(np.square(error)))) for error in errors)
+    assert likeliest <= 1.001 * on_grid
+    assert on_grid < 0.5 * strongest
+
+
+@pytest.mark.parametrize("name", ESTIMATORS)
+def test_more_elements_are_never_worse(name: str) -> None:
+    azimuth = anywhere()
+    spread = [
+        float(np.std(difference(ESTIMATORS[name]()(pulses_from(ring(n), azimuth), ring(n)).azimuth_rad, azimuth)))
+        for n in (4, 6, 8, 12)
+    ]
+    assert spread == sorted(spread, reverse=True)
+
+
+@pytest.mark.parametrize("name", ESTIMATORS)
+def test_each_answer_depends_on_its_own_pulse_alone_to_the_bit(name: str) -> None:
+    array, estimator = ring(6), ESTIMATORS[name]()
+    pulses = pulses_from(array, anywhere(50))
+    whole = estimator(pulses, array)
+    for row in range(50):
+        single = estimator(pulses.take(slice(row, row + 1)), array)
+        assert [column[0] for column in single] == [column[row] for column in whole]
+
+
+@pytest.mark.parametrize("name", ESTIMATORS)
+def test_a_pulse_without_strength_has_a_direction_of_which_nothing_is_known(name: str) -> None:
+    array, nothing = ring(6), np.zeros((1, 6))
+    found = ESTIMATORS[name]()(PulseBatch.detected(np.zeros(1), nothing, nothing + 1e-6), array)
+    assert found.std_rad[0] == np.pi
+    assert found.misfit[0] == 1.0
+    assert np.isfinite(found.azimuth_rad).all()
+
+
+def test_music_is_the_peak_of_the_printed_spectrum_on_whole_degrees() -> None:
+    array = ring(4)  # whose gain varies in norm: normalised, the peak would lie elsewhere
+    pulses = pulses_from(array, anywhere(200))
+    outer = pulses.strengths_v[:, :, np.newaxis] * pulses.strengths_v[:, np.newaxis]
+    printed = GRID_RAD[pseudo_spectrum(outer, array.manifold.gain(GRID_RAD)).argmax(axis=-1)]
+    np.testing.assert_allclose(difference(Music()(pulses, array).azimuth_rad, printed), 0.0, atol=1e-12)
+
+
+def test_strongest_is_a_boresight_and_turns_with_the_ring() -> None:
+    array, azimuth = ring(6), anywhere(300)
+    found = Strongest()(pulses_from(array, azimuth, 0.0), array)
+    off = np.abs(difference(found.azimuth_rad[:, np.newaxis], array.manifold.boresights_rad)).min(axis=-1)
+    np.testing.assert_allclose(off, 0.0, atol=1e-12)
+    turned = Strongest()(pulses_from(array, azimuth + np.pi / 3, 0.0), array)
+    np.testing.assert_allclose(difference(turned.azimuth_rad, found.azimuth_rad), np.pi / 3, atol=1e-12)
+
+
+def test_towards_the_likeliest_direction_deviation_and_misfit_are_those_of_maximum_likelihood() -> None:
+    array = ring(6)
+    pulses = pulses_from(array, anywhere(300))
+    likeliest = MaximumLikelihood()(pulses, array)
+    judged = bearings_towards(likeliest.azimuth_rad, pulses, array)
+    is_same = np.isclose(judged.std_rad, likeliest.std_rad, rtol=1e-3)
+    assert is_same.mean() > 0.99  # the pattern's step at 153 degrees off boresight has no slope of its own
+    np.testing.assert_allclose(judged.misfit, likeliest.misfit, atol=1e-4)  # its last step is not looked up again
+
+
+def test_without_noise_an_estimator_states_the_deviation_of_its_method() -> None:
+    assert method_std(MaximumLikelihood(), ring(6)).max() == 0.0
+    assert np.degrees(method_std(Music(), ring(6))).max() == pytest.approx(1 / np.sqrt(12))
+    assert np.degrees(method_std(Strongest(), ring(6))).mean() == pytest.approx(60 / np.sqrt(12), rel=0.03)
