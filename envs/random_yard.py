@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from envs.scenario.scenario import ROBOT_CLEARANCE_M, RouteConfig, Scenario, TaskConfig
 from envs.scenario.sources import SourceConfig
 from robot_models.equipment import CATALOGUE
-from robot_models.yard.yard import CatalogueEquipment, Equipment, Yard
+from robot_models.yard.pieces import CatalogueEquipment, Equipment
+from robot_models.yard.yard import Yard
 from sensing import ArrayConfig, ReceiverConfig
 
 FloatArray = NDArray[np.float64]

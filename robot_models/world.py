@@ -15,7 +15,8 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robot_models.yard.yard import BoxEquipment, CatalogueEquipment, CylinderEquipment, Yard
+from robot_models.yard.pieces import BoxEquipment, CatalogueEquipment, CylinderEquipment
+from robot_models.yard.yard import Yard
 
 FloatArray = NDArray[np.float64]
 

@@ -90,7 +90,9 @@ class Simulation:
         self._estimator = MaximumLikelihood()
         self.robots = Robots(yard, nominal.positions_m, nominal.boresights_rad, n_robots, n_threads)
         self._surroundings = Surroundings.of_kinds(
-            [item.kind for item in yard.equipment], Faces(*yard.faces()), Obstacles(*yard.obstacles())
+            [item.kind for item in yard.equipment],
+            Faces(**yard.faces()._asdict()),
+            Obstacles(**yard.obstacles()._asdict()),
         )
         self._spectrum_gain = np.empty((n_robots, self.array.manifold.n_elements, SPECTRUM_AZIMUTHS_RAD.size))
         n_elements, time_limit_s = self.array.manifold.n_elements, scenario.task.time_limit_s

@@ -7,7 +7,8 @@ from envs import load_scenario
 from missions.driving.path_follower import BRAKING_MPS2, TURN_SPEED_MPS, PathFollower, speed_profile, steer
 from missions.driving.site_map import MARGIN_M, SiteMap
 from robot_models.robots import CHASSIS_RADIUS_M, MAX_SPEED_MPS
-from robot_models.yard.yard import CylinderEquipment, Yard
+from robot_models.yard.pieces import CylinderEquipment
+from robot_models.yard.yard import Yard
 
 MAP = SiteMap(load_scenario("one_source"))
 

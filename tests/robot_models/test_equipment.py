@@ -9,7 +9,8 @@ from pydantic import ValidationError
 from robot_models.equipment import CATALOGUE
 from robot_models.robots import Robots
 from robot_models.world import EQUIPMENT_GROUP
-from robot_models.yard.yard import BoxEquipment, CatalogueEquipment, Yard
+from robot_models.yard.pieces import BoxEquipment, CatalogueEquipment
+from robot_models.yard.yard import Yard
 from sensing.radio.materials import KIND_MATERIALS
 
 AZIMUTHS_RAD = np.radians([90.0, 30.0, -30.0, -90.0, -150.0, 150.0])

@@ -11,7 +11,8 @@ import pytest
 import robot_models
 from robot_models import inspector as robot
 from robot_models.robots import Robots
-from robot_models.yard.yard import BoxEquipment, CylinderEquipment, Yard
+from robot_models.yard.pieces import BoxEquipment, CylinderEquipment
+from robot_models.yard.yard import Yard
 
 FOLDER = Path(robot_models.__file__).parent / "inspector"
 SCENE = FOLDER / "scene.xml"

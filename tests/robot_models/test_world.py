@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from robot_models.world import EQUIPMENT_GROUP, INSPECTOR_XML, build_model, build_spec
-from robot_models.yard.yard import BoxEquipment, CylinderEquipment, Yard
+from robot_models.yard.pieces import BoxEquipment, CylinderEquipment
+from robot_models.yard.yard import Yard
 
 AZIMUTHS_RAD = np.radians([90.0, 30.0, -30.0, -90.0, -150.0, 150.0])
 RING_M = np.column_stack([0.12 * np.cos(AZIMUTHS_RAD), 0.12 * np.sin(AZIMUTHS_RAD), np.full(6, 0.6)])

@@ -17,7 +17,8 @@ from dirmusic.array.elevation import gain_in_space
 from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
 from envs.random_yard import random_yard
 from robot_models.world import build_model
-from robot_models.yard.yard import BoxEquipment, CylinderEquipment, Yard
+from robot_models.yard.pieces import BoxEquipment, CylinderEquipment
+from robot_models.yard.yard import Yard
 from sensing import ArrayConfig, Faces, HelicalArray, Obstacles, Surroundings, level_transform
 from sensing.array import ArrayTable
 from sensing.radio.materials import KIND_MATERIALS, METAL
@@ -75,7 +76,7 @@ def ground_and_wall(wall_x: float = -2.0, half_length: float = 5.0) -> Faces:
 
 
 def crossed_in(yard: Yard) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    return partial(cross, obstacles=Obstacles(*yard.obstacles()), n_pieces=len(yard.equipment))
+    return partial(cross, obstacles=Obstacles(**yard.obstacles()._asdict()), n_pieces=len(yard.equipment))
 
 
 def test_free_space_spreads_with_range_and_takes_its_time_to_float_precision() -> None:
@@ -255,9 +256,9 @@ def boxes_of_the_reference() -> Yard:
 def test_paths_in_a_yard_are_those_that_sionna_rt_finds(row: dict[str, list[float]]) -> None:
     """Delays within 0.1 ns, amplitudes over the direct path's within 1 dB; what is hidden there is hidden here."""
     yard = boxes_of_the_reference()
-    faces = Faces(*yard.faces())
+    faces = Faces(**yard.faces()._asdict())
     coefficient = np.full(faces.owner.size, REFERENCE["reflection"])
-    surroundings = Surroundings(faces, coefficient, np.log(np.full(2, 1e-6)), Obstacles(*yard.obstacles()))
+    surroundings = Surroundings(faces, coefficient, np.log(np.full(2, 1e-6)), Obstacles(**yard.obstacles()._asdict()))
     x, y, z = row["position_m"]
     paths = paths_between(surroundings, REFERENCE["source_m"], element_m=(x, y, z))
     amplitude = np.abs(paths.factor / paths.range_m)
