@@ -36,6 +36,9 @@ VIEW_RADII_M = (1.8, 2.3, 2.9, 3.5)
 VIEW_ASPECTS_RAD = np.radians(np.arange(0.0, 360.0, 15.0))
 """Viewpoints that are considered around a candidate (assumed): near enough to confirm, clear of its equipment."""
 
+VIEW_ROOM_M = 0.2
+"""Room between the robot and what is around a viewpoint (assumed)."""
+
 VIEW_RADIUS_M = 0.4
 """How near to a viewpoint is near enough (assumed)."""
 
@@ -153,7 +156,7 @@ class Seek:
         spokes = np.stack([np.cos(VIEW_ASPECTS_RAD), np.sin(VIEW_ASPECTS_RAD)], axis=-1)
         ring = target.position_m + np.multiply.outer(np.asarray(VIEW_RADII_M), spokes).reshape(-1, 2)
         ring = ring[site_map.yard.contains(ring)]
-        ring = ring[site_map.clearance(ring) > 0.4] if ring.size else ring
+        ring = ring[site_map.clearance(ring) > site_map.robot.footprint_radius_m + VIEW_ROOM_M] if ring.size else ring
         ring = ring[site_map.yard.in_sight(ring, target.position_m, ignore_m=0.5)] if ring.size else ring
         cells = np.array([site_map.cell(point) for point in ring], dtype=np.intp)
         length = reach.length_m[cells]
