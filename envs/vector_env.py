@@ -17,7 +17,6 @@ from envs.core.progress import REWARD_TERMS
 from envs.core.simulation import STEP_S, Outcome, Simulation
 from envs.patrol_env import Observation, observation_space
 from envs.scenario import Scenario, load_scenario
-from robot_models.robots import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -41,8 +40,9 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
 
     ## Info
     Arrays with a row for each robot: `time_s`, `pose` (believed), `odometry`, `battery`, `reward` (a dict of terms),
-    `touched` (whether anything was), `true_pose` (for logs and scores: no policy may see it). And `pulses`, a dict of
-    arrays with a row for each pulse of any robot: `robot` (whose it is), and the columns of a `dirmusic.PulseBatch`.
+    `touched` (whether anything was), `fell_over`, `true_pose` (for logs and scores: no policy may see it). And
+    `pulses`, a dict of arrays with a row for each pulse of any robot: `robot` (whose it is), and the columns of a
+    `dirmusic.PulseBatch`.
 
     Args:
         num_envs: How many robots.
@@ -135,7 +135,11 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         self, actions: NDArray[np.float32]
     ) -> tuple[Observation, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
         """Drive all robots for 0.1 s, then listen; see the class for what comes back."""
-        wanted = np.asarray(actions, dtype=np.float64) * (MAX_SPEED_MPS, MAX_YAW_RATE_RADPS)
+        wanted = self.simulation.robot.command_from_action(actions)
+        if wanted.shape != (self.num_envs, 2):
+            raise ValueError(
+                f"`actions` must have shape ({self.num_envs}, 2), a row for each robot, got {wanted.shape}"
+            )
         over = np.flatnonzero(self._is_over)
         if over.size and self.autoreset_mode is AutoresetMode.NEXT_STEP:
             outcome = self._start(over, {}, wanted)
@@ -176,6 +180,7 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
             "battery": motion.battery.copy(),
             "reward": dict(zip(REWARD_TERMS, outcome.reward, strict=True)),
             "touched": simulation.robots.is_touching.copy(),
+            "fell_over": outcome.fell_over,
             "true_pose": simulation.true_pose,
             "pulses": {"robot": outcome.robot, **outcome.pulses._asdict()},
         }

@@ -20,8 +20,7 @@ from missions.policies.make_policy import make_policy
 from missions.policies.protocol import SeesTruth
 from missions.record.mission_log import MissionLog
 from missions.record.tracking import Logbook
-from robot_models.robots import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS
-from robot_models.world import describe_solids
+from robot_models.drawn_solids import describe_solids
 from sensing import HelicalArray
 
 FloatArray = NDArray[np.float64]
@@ -126,7 +125,7 @@ class Mission:
             true_pose=truth["pose"],
             odometry=info["odometry"],
             battery=info["battery"],
-            command=np.asarray(action, dtype=np.float64) * (MAX_SPEED_MPS, MAX_YAW_RATE_RADPS),
+            command=self.site_map.robot.command_from_action(action),
             phase=self.policy.phase,
         )
         for suspect in info["suspects"]:
@@ -135,7 +134,9 @@ class Mission:
         self._log_events(info)
         if self.folder is not None and (step + 1) % round(PART_S / STEP_S) == 0:
             self.log.write_part(self.folder)
-        if terminated:
+        if info["fell_over"]:
+            self.end("fell over")
+        elif terminated:
             self.end("docked")
         elif truncated:
             self.end("time limit")

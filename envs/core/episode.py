@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.scenario.scenario import ROBOT_CLEARANCE_M, Scenario
+from envs.scenario.scenario import Scenario
 from envs.scenario.sources import SourceConfig
 from sensing import Carrier, DischargeSource, HelicalArray, PulseTrain, Scene, Surroundings
 
@@ -135,7 +135,7 @@ def _draw_position(config: SourceConfig, scenario: Scenario, rng: np.random.Gene
     if config.position_m is not None:
         return np.array(config.position_m)
     if config.anywhere_at_m is not None:
-        return np.append(scenario.yard.free_place(rng, ROBOT_CLEARANCE_M), config.anywhere_at_m)
+        return np.append(scenario.yard.free_place(rng, scenario.robot.description.room_m), config.anywhere_at_m)
     sites = [site for site in scenario.candidate_sites(config) if site not in taken]
     site = sites[int(rng.integers(len(sites)))]
     taken.add(site)

@@ -22,7 +22,9 @@ from envs.core.observation_layout import SPECTRUM_AZIMUTHS_RAD, ObservationLayou
 from envs.core.observing import ObservationParameters, perceive
 from envs.core.progress import Progress, Task, advance
 from envs.scenario import Scenario
-from robot_models.robots import LIDAR_BEAMS, LIDAR_RANGE_M, WHEEL_RADIUS_M, Robots
+from robot_models.antenna.elements import AntennaElements
+from robot_models.robots import Robots
+from robot_models.sensors import LIDAR_BEAMS, LIDAR_RANGE_M
 from sensing import Detections, Faces, HelicalArray, Obstacles, Surroundings
 
 FloatArray = NDArray[np.float64]
@@ -42,6 +44,7 @@ class Outcome(NamedTuple):
         observation: All entries of the observation, float32, shape (n_robots, n_entries); see `ObservationLayout`.
         reward: Terms in the order of `REWARD_TERMS`, shape (3, n_robots).
         terminated: Whether the episode is over, shape (n_robots,).
+        fell_over: Whether that is because the robot did, shape (n_robots,).
         truncated: Whether its time is, shape (n_robots,).
         robot: Whose each pulse is, shape (n_pulses,).
         pulses: All pulses with their directions, robot by robot.
@@ -51,6 +54,7 @@ class Outcome(NamedTuple):
     observation: NDArray[np.float32]
     reward: FloatArray
     terminated: BoolArray
+    fell_over: BoolArray
     truncated: BoolArray
     robot: Rows
     pulses: PulseBatch
@@ -67,7 +71,8 @@ class Simulation:
         terminate_on_approach: Whether an episode ends once all sources are approached.
 
     Attributes:
-        inspectors: The robots.
+        robot: What each robot is.
+        robots: All of them.
         array: The array's data sheet and how far real ones spread about it: what the robot knows.
         layout: Of the observations: bounds and places of their entries.
         motion: What the robots know of their motion, live: it changes with the next step.
@@ -88,7 +93,11 @@ class Simulation:
             ),
         )
         self._estimator = MaximumLikelihood()
-        self.robots = Robots(yard, nominal.positions_m, nominal.boresights_rad, n_robots, n_threads)
+        self.robot, elements = (
+            scenario.robot.description,
+            AntennaElements.checked(nominal.positions_m, nominal.boresights_rad),
+        )
+        self.robots = Robots(self.robot, yard, elements, n_robots, n_threads)
         self._surroundings = Surroundings.of_kinds(
             [item.kind for item in yard.equipment],
             Faces(**yard.faces()._asdict()),
@@ -96,7 +105,7 @@ class Simulation:
         )
         self._spectrum_gain = np.empty((n_robots, self.array.manifold.n_elements, SPECTRUM_AZIMUTHS_RAD.size))
         n_elements, time_limit_s = self.array.manifold.n_elements, scenario.task.time_limit_s
-        self.layout = ObservationLayout(observation_bounds(yard.size_m, n_elements, time_limit_s))
+        self.layout = ObservationLayout(observation_bounds(yard.size_m, self.robot.limits, n_elements, time_limit_s))
         self._stops_m = np.array([*scenario.route.waypoints_m, scenario.route.dock_m])
         self._observation_parameters = ObservationParameters(
             stops_m=self._stops_m,
@@ -208,14 +217,15 @@ class Simulation:
             (now.values, self._draws, self._sources_m, self.robots.is_touching, is_reset, is_idle),
         )
         for row in [] if started is None else started.tolist():
-            self.motion.draw_odometry(row, self.scenario.odometry, WHEEL_RADIUS_M, self._rngs[row])
+            self.motion.draw_odometry(row, self.scenario.odometry, self.robot.wheel_radius_m, self._rngs[row])
         assert self._receivers is not None, "reset first"
         detections = self._receivers.listen(now.world_from_base, start_s, STEP_S, moving)
         pulses, suspects = self._find_directions(detections)
         return Outcome(
             observation=self._observe(detections.robot, pulses),
             reward=result.reward,
-            terminated=result.terminated,
+            terminated=result.terminated | self.robots.fell_over,
+            fell_over=self.robots.fell_over,
             truncated=result.truncated,
             robot=detections.robot,
             pulses=pulses,

@@ -18,8 +18,8 @@ VIEW_RADII_M = (1.8, 2.3, 2.9, 3.5)
 VIEW_ASPECTS_RAD = np.radians(np.arange(0.0, 360.0, 15.0))
 """Viewpoints that are considered around a candidate (assumed): near enough to confirm, clear of its equipment."""
 
-VIEW_CLEARANCE_M = 0.4
-"""Distance of a viewpoint from equipment, fence and obstacles (assumed): the robot can stop and turn there."""
+VIEW_ROOM_M = 0.2
+"""Room about the robot at a viewpoint, to equipment, fence and obstacles (assumed): it can stop and turn there."""
 
 ON_SURFACE_M = 0.5
 """Equipment this near to a candidate does not hide it (assumed): an estimate may lie a little inside its surface."""
@@ -62,7 +62,8 @@ def best_viewpoint(
     spokes = np.stack([np.cos(VIEW_ASPECTS_RAD), np.sin(VIEW_ASPECTS_RAD)], axis=-1)
     ring = target_m + np.multiply.outer(np.asarray(VIEW_RADII_M), spokes).reshape(-1, 2)
     ring = ring[site_map.yard.contains(ring)]
-    ring = ring[site_map.clearance(ring) > VIEW_CLEARANCE_M] if ring.size else ring
+    clearance_m = site_map.robot.footprint_radius_m + VIEW_ROOM_M
+    ring = ring[site_map.clearance(ring) > clearance_m] if ring.size else ring
     ring = ring[site_map.yard.in_sight(ring, target_m, ignore_m=ON_SURFACE_M)] if ring.size else ring
     cells = np.array([site_map.cell(point) for point in ring], dtype=np.intp)
     length_m = paths.length_m[cells]

@@ -121,21 +121,21 @@ class CatalogueEquipment(_Equipment, frozen=True):
 
     @model_validator(mode="after")
     def _is_in_the_catalogue(self) -> Self:
-        kind = CATALOGUE.get(self.kind)
-        if kind is None:
+        shape = CATALOGUE.get(self.kind)
+        if shape is None:
             raise ValueError(
                 f"kind: no shape is known for `{self.kind}`; allowed are {', '.join(CATALOGUE)}, or any kind with "
                 'shape = "box" or "cylinder"'
             )
-        if self.length_m is not None and not kind.stretches:
+        if self.length_m is not None and not shape.stretches:
             raise ValueError(f"length_m: got {self.length_m:g}; allowed is none, for a {self.kind} has one size")
         return self
 
     @property
     def assembly(self) -> Assembly:
         """Parts and sites, in the equipment's own frame."""
-        kind = CATALOGUE[self.kind]
-        return kind.build(kind.length_m if self.length_m is None else self.length_m)
+        shape = CATALOGUE[self.kind]
+        return shape.build(shape.length_m if self.length_m is None else self.length_m)
 
 
 def _shape_of(value: Any) -> str:  # noqa: ANN401 - what a file holds may be anything
