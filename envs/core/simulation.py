@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, ElementSpread
 from dirmusic.bearing.channel_health import ChannelMonitor, SuspectChannel
-from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
 from dirmusic.pulses.batch import PulseBatch
 from envs.core.episode import Episode
 from envs.core.motion import N_DRAWS, Motion, SensorParameters
 from envs.core.observation_layout import SPECTRUM_AZIMUTHS_RAD, ObservationLayout, observation_bounds
 from envs.core.observing import ObservationParameters, perceive
+from envs.core.own_estimator import make_estimator
 from envs.core.progress import Progress, Task, advance
 from envs.scenario import Scenario
 from robot_models.antenna.elements import AntennaElements
@@ -92,7 +92,7 @@ class Simulation:
                 offset=scenario.array.gain_offset / np.sqrt(3),
             ),
         )
-        self._estimator = MaximumLikelihood()
+        self._estimator = make_estimator(scenario.estimator.method, self.array)
         self.robot, elements = (
             scenario.robot.description,
             AntennaElements.checked(nominal.positions_m, nominal.boresights_rad),
