@@ -47,7 +47,6 @@ class Mission:
 
     @threadpool_limits.wrap(limits=1)
     def __init__(self, scenario: Scenario, policy: str, seed: int, folder: Path | None = None) -> None:
-        self.policy = make_policy(policy, np.random.default_rng([seed, 1]))
         self.env = PatrolEnv(scenario, terminate_on_approach=False)
         self.site_map = SiteMap(scenario)
         self.locator = make_locator(scenario, self.env.simulation.array)
@@ -55,6 +54,7 @@ class Mission:
         self.is_over = False
         self.error: ForeignCodeError | None = None
         self._observation, info = self.env.reset(seed=seed)
+        self.policy = make_policy(policy, self.env.simulation.generators(0).policy)
         self._touched: frozenset[str] = frozenset()
         self._visited: tuple[int, ...] = ()
         self._unreachable: frozenset[int] = frozenset()
