@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -100,7 +101,7 @@ def test_more_elements_and_better_estimators_are_never_worse_by_more_than_the_in
     def is_worse(later: Interval, earlier: Interval) -> bool:
         return bool(later.low > earlier.high)
 
-    for (group, earlier), (same, later) in zip(scores[:-1], scores[1:], strict=True):
+    for (group, earlier), (same, later) in pairwise(scores):
         if group == same and group != "robot":
             assert not is_worse(later.bearing_rmse_deg, earlier.bearing_rmse_deg)
             assert not is_worse(later.error_m, earlier.error_m)
