@@ -41,6 +41,7 @@ class Steering(NamedTuple):
         max_yaw_rate_radps: Greatest yaw rate either way.
         half_track_m: Half the track by which wheel speeds turn the robot.
         wheel_radius_m: Rolling radius.
+        max_acceleration_mps2: With which the motors let the rims of the wheels follow.
         yaw_rate_gain: Of the integrating feedback of the gyro, 1/s; 0 for none.
     """
 
@@ -48,6 +49,7 @@ class Steering(NamedTuple):
     max_yaw_rate_radps: float
     half_track_m: float
     wheel_radius_m: float
+    max_acceleration_mps2: float
     yaw_rate_gain: float
 
 
@@ -56,12 +58,12 @@ class YawFeedback(NamedTuple):
 
     Attributes:
         gyro_radps: Live view of the yaw rate by the gyro, shape (n,).
-        wanted_radps: Yaw rate of the last command, shape (n,).
+        rims_mps: Speeds that the rims of the left and right wheels can have come to by now, shape (n, 2).
         added_radps: What is added to a commanded yaw rate for what the wheels lose by skidding, shape (n,).
     """
 
     gyro_radps: FloatArray
-    wanted_radps: FloatArray
+    rims_mps: FloatArray
     added_radps: FloatArray
 
 
@@ -93,17 +95,20 @@ def command(
     """
     if not (np.isfinite(v_mps).all() and np.isfinite(yaw_rate_radps).all()):
         return False
-    most_v_mps, most_yaw_rate_radps, half_track_m, wheel_radius_m, gain = steering
+    most_v_mps, most_yaw_rate_radps, half_track_m, wheel_radius_m, most_mps2, gain = steering
     _, actuator, side, _, _, _ = drive
-    gyro_radps, wanted_radps, added_radps = feedback
+    gyro_radps, rims_mps, added_radps = feedback
     for r in rows:
         v = min(max(v_mps[r], -most_v_mps), most_v_mps)
         turn = min(max(yaw_rate_radps[r], -most_yaw_rate_radps), most_yaw_rate_radps)
         if gain > 0.0:
-            missed = wanted_radps[r] - gyro_radps[r]
+            missed = 0.5 * (rims_mps[r, 1] - rims_mps[r, 0]) / half_track_m - gyro_radps[r]
             added = added_radps[r] + gain * period_s * missed
             added = min(max(added, -most_yaw_rate_radps), most_yaw_rate_radps)
-            wanted_radps[r], added_radps[r] = turn, 0.0 if v == 0.0 and turn == 0.0 else added
+            added_radps[r] = 0.0 if v == 0.0 and turn == 0.0 else added
+            for s in range(2):
+                change = v + (s - 0.5) * 2.0 * turn * half_track_m - rims_mps[r, s]
+                rims_mps[r, s] += min(max(change, -most_mps2 * period_s), most_mps2 * period_s)
             turn += added_radps[r]
         rim = turn * half_track_m
         for k in range(actuator.size):
