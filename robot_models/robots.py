@@ -97,7 +97,7 @@ class Robots:
         )
         self._feedback = YawFeedback(
             gyro_radps=sensordata[:, int(model.sensor(GYRO).adr[0]) + 2] if has_feedback else np.zeros(n_robots),
-            rims_mps=np.zeros((n_robots, 2)),
+            set_point=np.zeros((n_robots, 2)),
             added_radps=np.zeros(n_robots),
         )
         self._touches = self._remembered_contacts([model.sensor(name).id for name in hull])
@@ -166,7 +166,7 @@ class Robots:
             self._places[row] = self._take_places(row)
             self.is_touching[row] = bool(self._places[row])
         batch.state[ids] = start
-        self._feedback.rims_mps[ids] = 0.0
+        self._feedback.set_point[ids] = 0.0
         self._feedback.added_radps[ids] = 0.0
         self.readings = self._read()
 
@@ -231,7 +231,7 @@ class Robots:
         return {
             "arguments": self._arguments,
             "state": self._batch.state.copy(),
-            "feedback": (self._feedback.rims_mps, self._feedback.added_radps),
+            "feedback": (self._feedback.set_point, self._feedback.added_radps),
             "places": self._places,
             "is_touching": self.is_touching,
             "readings": self.readings,
@@ -240,7 +240,7 @@ class Robots:
     def __setstate__(self, kept: dict[str, Any]) -> None:
         self.__init__(*kept["arguments"])
         self._batch.state[:] = kept["state"]
-        self._feedback.rims_mps[:], self._feedback.added_radps[:] = kept["feedback"]
+        self._feedback.set_point[:], self._feedback.added_radps[:] = kept["feedback"]
         self._places, self.is_touching, self.readings = kept["places"], kept["is_touching"], kept["readings"]
 
 

@@ -54,17 +54,57 @@ class Steering(NamedTuple):
 
 
 class YawFeedback(NamedTuple):
-    """State of the feedback of the gyro; a row is a robot. `command` changes it in place.
+    """State of the feedback of the gyro; a row is a robot. `close_yaw_rate` changes it in place.
 
     Attributes:
         gyro_radps: Live view of the yaw rate by the gyro, shape (n,).
-        rims_mps: Speeds that the rims of the left and right wheels can have come to by now, shape (n, 2).
-        added_radps: What is added to a commanded yaw rate for what the wheels lose by skidding, shape (n,).
+        set_point: Speed, m/s, and yaw rate, rad/s, that the robot should have come to by now, shape (n, 2).
+        added_radps: What is added to the yaw rate for what the wheels lose by skidding, shape (n,).
     """
 
     gyro_radps: FloatArray
-    rims_mps: FloatArray
+    set_point: FloatArray
     added_radps: FloatArray
+
+
+@compiled
+def close_yaw_rate(
+    r: int, v_mps: float, yaw_rate_radps: float, period_s: float, steering: Steering, feedback: YawFeedback
+) -> tuple[float, float]:
+    """What to set the wheels to, so that a robot moves as commanded though its wheels skid.
+
+    The set point approaches the command no faster than the rims of the wheels can follow: when the robot slows down, its
+    speed comes first, so that it stops in as short a way as when it drives straight; otherwise its yaw rate.
+
+    Args:
+        r: Row of the robot.
+        v_mps: Commanded.
+        yaw_rate_radps: Commanded.
+        period_s: Time since the last command.
+        steering: Of all robots.
+        feedback: Of all robots.
+
+    Returns:
+        Speed and yaw rate.
+    """
+    gyro_radps, set_point, added_radps = feedback
+    half_track_m, most = steering.half_track_m, steering.max_yaw_rate_radps
+    added = added_radps[r] + steering.yaw_rate_gain * period_s * (set_point[r, 1] - gyro_radps[r])
+    change_mps = steering.max_acceleration_mps2 * period_s
+    v_change, turn_change = v_mps - set_point[r, 0], half_track_m * (yaw_rate_radps - set_point[r, 1])
+    if v_change * set_point[r, 0] < 0.0:
+        v_change = min(max(v_change, -change_mps), change_mps)
+        change_mps -= abs(v_change)
+        turn_change = min(max(turn_change, -change_mps), change_mps)
+    else:
+        turn_change = min(max(turn_change, -change_mps), change_mps)
+        change_mps -= abs(turn_change)
+        v_change = min(max(v_change, -change_mps), change_mps)
+    set_point[r, 0] += v_change
+    set_point[r, 1] += turn_change / half_track_m
+    stands = set_point[r, 0] == 0.0 and set_point[r, 1] == 0.0
+    added_radps[r] = 0.0 if stands else min(max(added, -most), most)
+    return set_point[r, 0], set_point[r, 1] + added_radps[r]
 
 
 @compiled
@@ -95,22 +135,15 @@ def command(
     """
     if not (np.isfinite(v_mps).all() and np.isfinite(yaw_rate_radps).all()):
         return False
-    most_v_mps, most_yaw_rate_radps, half_track_m, wheel_radius_m, most_mps2, gain = steering
-    _, actuator, side, _, _, _ = drive
-    gyro_radps, rims_mps, added_radps = feedback
+    limits, wheels = Steering(*steering), Drive(*drive)
+    most_v_mps, most_yaw_rate_radps = limits.max_speed_mps, limits.max_yaw_rate_radps
     for r in rows:
         v = min(max(v_mps[r], -most_v_mps), most_v_mps)
         turn = min(max(yaw_rate_radps[r], -most_yaw_rate_radps), most_yaw_rate_radps)
-        if gain > 0.0:
-            missed = 0.5 * (rims_mps[r, 1] - rims_mps[r, 0]) / half_track_m - gyro_radps[r]
-            added = added_radps[r] + gain * period_s * missed
-            added = min(max(added, -most_yaw_rate_radps), most_yaw_rate_radps)
-            added_radps[r] = 0.0 if v == 0.0 and turn == 0.0 else added
-            for s in range(2):
-                change = v + (s - 0.5) * 2.0 * turn * half_track_m - rims_mps[r, s]
-                rims_mps[r, s] += min(max(change, -most_mps2 * period_s), most_mps2 * period_s)
-            turn += added_radps[r]
-        rim = turn * half_track_m
-        for k in range(actuator.size):
-            control_radps[r, actuator[k]] = (v - rim if side[k] == 0 else v + rim) / wheel_radius_m
+        if limits.yaw_rate_gain > 0.0:
+            v, turn = close_yaw_rate(r, v, turn, period_s, limits, YawFeedback(*feedback))
+        rim = turn * limits.half_track_m
+        for k in range(wheels.actuator.size):
+            speed_mps = v - rim if wheels.side[k] == 0 else v + rim
+            control_radps[r, wheels.actuator[k]] = speed_mps / limits.wheel_radius_m
     return True
