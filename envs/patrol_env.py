@@ -153,7 +153,10 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive for 0.1 s, then listen; see the class for what comes back."""
-        outcome = self.simulation.step(self.simulation.robot.command_from_action(action)[np.newaxis])
+        command = self.simulation.robot.command_from_action(action)
+        if command.shape != (2,):
+            raise ValueError(f"`action` must have shape (2,), speed and yaw rate, got {command.shape}")
+        outcome = self.simulation.step(command[np.newaxis])
         info = self._info(outcome)
         terms = dict(zip(REWARD_TERMS, outcome.reward[:, 0].tolist(), strict=True))
         info["reward"] = terms

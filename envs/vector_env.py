@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+import operator
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -98,7 +100,7 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         return self.simulation.scenario
 
     def reset(
-        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Start an episode in every row, or in those of `options["reset_mask"]`; other options are as of `PatrolEnv`.
 
@@ -110,11 +112,7 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         mask = np.asarray(fixed.pop("reset_mask", np.ones(self.num_envs)), dtype=np.bool_)
         if mask.shape != (self.num_envs,) or not mask.any():
             raise ValueError(f"`options`: reset_mask must be {self.num_envs} truth values with one true, got {mask}")
-        seeds = [seed + row if isinstance(seed, int) else None for row in range(self.num_envs)]
-        if isinstance(seed, list):
-            seeds = seed
-        if len(seeds) != self.num_envs:
-            raise ValueError(f"`seed`: got {len(seeds)} seeds; allowed is one for each of the {self.num_envs} rows")
+        seeds = self._seeds(seed)
         rows = np.flatnonzero(mask)
         for row in rows.tolist():
             if seeds[row] is not None or self._rngs[row] is None:
@@ -124,6 +122,16 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
             outcome.observation if rows.size == self.num_envs else _mixed(self._observation, outcome.observation, rows)
         )
         return self.simulation.layout.parts(self._observation), self._info(outcome)
+
+    def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+        """A seed for each row, or None."""
+        if seed is None:
+            return [None] * self.num_envs
+        if isinstance(seed, (int, np.integer)):
+            return [int(seed) + row for row in range(self.num_envs)]
+        if not isinstance(seed, (list, tuple, np.ndarray)) or len(seed) != self.num_envs:
+            raise ValueError(f"`seed`: got {seed!r}; allowed is a whole number, or {self.num_envs} of them")
+        return [None if each is None else operator.index(each) for each in seed]
 
     def _start(self, rows: Rows, options: dict[str, Any], commands: FloatArray | None = None) -> Outcome:
         """New episodes in some rows; the others take a step, if there are commands, or wait."""
@@ -139,6 +147,11 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         if wanted.shape != (self.num_envs, 2):
             raise ValueError(
                 f"`actions` must have shape ({self.num_envs}, 2), a row for each robot, got {wanted.shape}"
+            )
+        if not np.isfinite(wanted).all():
+            broken = np.flatnonzero(~np.isfinite(wanted).all(axis=-1)).tolist()
+            raise ValueError(
+                f"`actions` must be finite, got {np.asarray(actions)[broken[0]].tolist()} in row {broken[0]}"
             )
         over = np.flatnonzero(self._is_over)
         if over.size and self.autoreset_mode is AutoresetMode.NEXT_STEP:

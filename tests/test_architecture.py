@@ -1,8 +1,11 @@
-"""Imports go down only, and each heavy library has one home."""
+"""Imports go down only and never in circles, each heavy library has one home, and no room is too full."""
 
 import ast
+import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -24,6 +27,8 @@ ONLY_HOME = {
     "torch": LEARNING,
     "numba": ("dirmusic/compiled.py", "robot_models/readings.py"),
 }
+MOST_FILES, MOST_LINES, MOST_ARGUMENTS = 14, 300, 8
+COMPILERS = {"compiled", "elementwise", "numba.njit", "numba.vectorize"}
 DIRMUSIC_MAY_USE = {"numpy", "scipy", "numba"}
 
 
@@ -34,6 +39,34 @@ def imports(file: Path) -> Iterator[str]:
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{file}: relative import"
             yield node.module or ""
+
+
+def modules(root: Path) -> dict[str, Path]:
+    """Every module of the packages by its dotted name."""
+    files = [file for package in MAY_IMPORT for file in sorted((root / package).rglob("*.py"))]
+    return {".".join(file.relative_to(root).with_suffix("").parts).removesuffix(".__init__"): file for file in files}
+
+
+def imported_modules(file: Path, known: set[str]) -> set[str]:
+    """Modules of ours that a file imports, wherever in it: at the top, inside a function, or for types alone."""
+    named: set[str] = set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            named |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            named |= {f"{node.module}.{alias.name}" for alias in node.names} & known or {node.module}
+    return named & known
+
+
+def circles(root: Path) -> list[str]:
+    """Modules that import each other, one line for each circle, lazy imports counted."""
+    files = modules(root)
+    graph = TopologicalSorter({name: imported_modules(file, set(files)) for name, file in files.items()})
+    try:
+        graph.prepare()
+    except CycleError as error:
+        return [" -> ".join(error.args[1])]
+    return []
 
 
 def faults(root: Path) -> list[str]:
@@ -75,6 +108,49 @@ def test_a_forbidden_import_is_noticed(package: str, line: str, tmp_path: Path) 
     (tmp_path / package).mkdir()
     (tmp_path / package / "module.py").write_text(f"def later() -> None:\n    {line}\n", encoding="utf-8")
     assert faults(tmp_path)
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    assert circles(ROOT) == []
+
+
+def test_a_circle_is_noticed_even_if_one_import_waits_inside_a_function(tmp_path: Path) -> None:
+    (tmp_path / "sensing").mkdir()
+    (tmp_path / "sensing" / "first.py").write_text("from sensing.second import x\n", encoding="utf-8")
+    (tmp_path / "sensing" / "second.py").write_text("def f():\n    from sensing import first\n", encoding="utf-8")
+    assert len(circles(tmp_path)) == 1
+
+
+def tracked_files() -> list[Path]:
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    return [ROOT / line for line in listed.splitlines() if (ROOT / line).exists()]
+
+
+def test_no_folder_holds_more_than_fourteen_files() -> None:
+    full = {str(folder): n for folder, n in Counter(file.parent for file in tracked_files()).items() if n > MOST_FILES}
+    assert full == {}
+
+
+def test_no_module_is_longer_than_three_hundred_lines() -> None:
+    lengths = {str(f): len(f.read_text(encoding="utf-8").splitlines()) for f in tracked_files() if f.suffix == ".py"}
+    assert {file: n for file, n in lengths.items() if n > MOST_LINES} == {}
+
+
+def decorators(function: ast.FunctionDef) -> set[str]:
+    return {ast.unparse(decorator).partition("(")[0] for decorator in function.decorator_list}
+
+
+def test_no_compiled_kernel_takes_more_than_eight_arguments_or_returns_a_nameless_row() -> None:
+    wrong: list[str] = []
+    for name, file in modules(ROOT).items():
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef) and decorators(node) & COMPILERS:
+                if len(node.args.args) > MOST_ARGUMENTS:
+                    wrong.append(f"{name}.{node.name} takes {len(node.args.args)} arguments")
+                returned = ast.unparse(node.returns) if node.returns else ""
+                if returned.startswith("tuple[") and returned.count(",") > 1:
+                    wrong.append(f"{name}.{node.name} returns {returned}")
+    assert wrong == []
 
 
 def test_the_top_holds_exactly_the_five_packages_and_the_tests() -> None:

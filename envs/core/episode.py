@@ -65,9 +65,9 @@ class Episode:
             )
             for item in scenario.carriers
         ]
-        array = HelicalArray.draw(scenario.array, rng)
         yaw_rad, fixed_deg = float(rng.uniform(-np.pi, np.pi)), scenario.route.dock_yaw_deg
         yaw_rad = yaw_rad if fixed_deg is None else float(np.radians(fixed_deg))
+        array = HelicalArray.draw(scenario.array, rng)  # last: arrays of other sizes shift nothing
         start = fixed["start_pose"] if fixed["start_pose"] is not None else (*scenario.route.dock_m, yaw_rad)
         return cls(
             sources=sources,

@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, ElementSpread
 from dirmusic.bearing.channel_health import ChannelMonitor, SuspectChannel
-from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
 from dirmusic.pulses.batch import PulseBatch
 from envs.core.episode import Episode
+from envs.core.generators import Generators
 from envs.core.motion import N_DRAWS, Motion, SensorParameters
 from envs.core.observation_layout import SPECTRUM_AZIMUTHS_RAD, ObservationLayout, observation_bounds
 from envs.core.observing import ObservationParameters, perceive
+from envs.core.own_estimator import make_estimator
 from envs.core.progress import Progress, Task, advance
 from envs.scenario import Scenario
 from robot_models.antenna.elements import AntennaElements
@@ -92,7 +93,7 @@ class Simulation:
                 offset=scenario.array.gain_offset / np.sqrt(3),
             ),
         )
-        self._estimator = MaximumLikelihood()
+        self._estimator = make_estimator(scenario.estimator.method, self.array)
         self.robot, elements = (
             scenario.robot.description,
             AntennaElements.checked(nominal.positions_m, nominal.boresights_rad),
@@ -118,10 +119,10 @@ class Simulation:
             time_limit_s=scenario.task.time_limit_s,
         )
         self._episodes: list[Episode | None] = [None] * n_robots
-        self._rngs: list[np.random.Generator] = [np.random.default_rng(0)] * n_robots
+        self._generators = [Generators.spawn(np.random.default_rng(0))] * n_robots
         self._monitors = [ChannelMonitor(self.array, self._estimator) for _ in range(n_robots)]
         self._receivers = None
-        self._draws = np.zeros((n_robots, N_DRAWS + LIDAR_BEAMS))
+        self._motion_normal, self._lidar_normal = np.zeros((n_robots, N_DRAWS)), np.zeros((n_robots, LIDAR_BEAMS))
         n_sources = len(scenario.sources)
         self._sources_m = np.zeros((n_robots, n_sources, 2))
         self._progress = Progress.at_start(n_robots, n_sources, len(self._stops_m))
@@ -157,6 +158,10 @@ class Simulation:
         assert episode is not None, "reset first"
         return episode
 
+    def generators(self, row: int) -> Generators:
+        """Of a robot's episode."""
+        return self._generators[row]
+
     def waypoints_visited(self, row: int) -> tuple[int, ...]:
         """Numbers of the waypoints that a robot has visited."""
         return tuple(self._progress.visited[row, :-1].nonzero()[0].tolist())
@@ -165,17 +170,22 @@ class Simulation:
         """Start new episodes in some rows, each with its generator; the next step is their first look."""
         from sensing.receiver.bank import Receivers  # here, so that a command line help need not wait for the compiler
 
-        drawn = [Episode.draw(self.scenario, self._surroundings, rng, options) for rng in rngs]
-        for row, rng, episode in zip(rows.tolist(), rngs, drawn, strict=True):
-            self._episodes[row], self._rngs[row] = episode, rng
+        spawned = [Generators.spawn(rng) for rng in rngs]
+        drawn = [Episode.draw(self.scenario, self._surroundings, each.episode, options) for each in spawned]
+        for row, generators, episode in zip(rows.tolist(), spawned, drawn, strict=True):
+            self._episodes[row], self._generators[row] = episode, generators
             self._monitors[row] = ChannelMonitor(self.array, self._estimator)
             self._sources_m[row] = np.array([s.position_m[:2] for s in episode.sources]).reshape(-1, 2)
             if self._receivers is not None:
-                self._receivers.replace(row, episode.array, episode.scene, rng)
+                self._receivers.replace(row, episode.array, episode.scene, generators.receiver, generators.nature)
         if self._receivers is None:
             known = [episode or drawn[0] for episode in self._episodes]
             self._receivers = Receivers(
-                self.scenario.receiver, [e.array for e in known], [e.scene for e in known], self._rngs
+                self.scenario.receiver,
+                [e.array for e in known],
+                [e.scene for e in known],
+                [generators.receiver for generators in self._generators],
+                [generators.nature for generators in self._generators],
             )
         self.robots.reset(rows, [episode.start_pose for episode in drawn])
         self._progress.restart(rows)
@@ -197,7 +207,7 @@ class Simulation:
         """
         is_reset, is_idle, moving = self._nobody, self._nobody, None
         if started is not None:
-            is_reset = np.zeros(len(self._rngs), dtype=np.bool_)
+            is_reset = np.zeros(len(self._generators), dtype=np.bool_)
             is_reset[started] = True
             moving = np.flatnonzero(~is_reset)
             if commands is None:
@@ -205,19 +215,21 @@ class Simulation:
         start_s = self.motion.time_s.copy()
         if commands is not None and (moving is None or moving.size):
             self.robots.drive(commands[:, 0], commands[:, 1], STEP_S, moving)
-        for row, rng in enumerate(self._rngs):
+        for row, generators in enumerate(self._generators):
             if not is_idle[row]:
-                rng.standard_normal(out=self._draws[row])
+                generators.motion.standard_normal(out=self._motion_normal[row])
+                generators.lidar.standard_normal(out=self._lidar_normal[row])
         now = self.robots.readings
         result = advance(
             tuple(self.motion),
             tuple(self._sensors),
             tuple(self._progress),
             tuple(self._task),
-            (now.values, self._draws, self._sources_m, self.robots.is_touching, is_reset, is_idle),
+            (now.values, self._motion_normal, self._sources_m, self.robots.is_touching, is_reset, is_idle),
         )
         for row in [] if started is None else started.tolist():
-            self.motion.draw_odometry(row, self.scenario.odometry, self.robot.wheel_radius_m, self._rngs[row])
+            rng = self._generators[row].motion
+            self.motion.draw_odometry(row, self.scenario.odometry, self.robot.wheel_radius_m, rng)
         assert self._receivers is not None, "reset first"
         detections = self._receivers.listen(now.world_from_base, start_s, STEP_S, moving)
         pulses, suspects = self._find_directions(detections)
@@ -255,7 +267,7 @@ class Simulation:
 
     def _observe(self, robot: Rows, pulses: PulseBatch) -> NDArray[np.float32]:
         """All entries of the observation, shape (n_robots, n_entries); see `PatrolEnv`."""
-        sensed = self.motion.pose, self.robots.readings.values, self._draws, self.motion.time_s
+        sensed = self.motion.pose, self.robots.readings.values, self._lidar_normal, self.motion.time_s
         detected = robot, pulses.strengths_v, pulses.azimuth_rad
         parameters, progress = tuple(self._observation_parameters), tuple(self._progress)
         return perceive(sensed, parameters, progress, detected, self._usable, self._spectrum_gain).T

@@ -25,3 +25,9 @@ def beside_the_scenario(path: str, info: ValidationInfo) -> str:
         info: What pydantic hands to a validator.
     """
     return str(Path((info.context or {}).get(FOLDER, "")) / path)
+
+
+def code_beside_the_scenario(name: str, info: ValidationInfo) -> str:
+    """The name of user's code: of `my_file.py:Name` the path as of `beside_the_scenario`, others as they are."""
+    file, _, attribute = name.rpartition(":")
+    return f"{beside_the_scenario(file, info)}:{attribute}" if file.endswith(".py") else name

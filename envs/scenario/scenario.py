@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pydantic import Field, PositiveFloat, model_validator
 
 from envs.scenario.base import Config
+from envs.scenario.estimator import EstimatorConfig
 from envs.scenario.robot_config import RobotConfig
 from envs.scenario.robot_sensors import BatteryConfig, LidarConfig, OdometryConfig, PoseSensorConfig
 from envs.scenario.sources import CarrierConfig, InterfererConfig, SourceConfig
@@ -56,6 +57,7 @@ class Scenario(Config, frozen=True):
     yard: Yard
     route: RouteConfig
     array: ArrayConfig
+    estimator: EstimatorConfig = EstimatorConfig()
     robot: RobotConfig = Field(default_factory=RobotConfig)
     sources: tuple[SourceConfig, ...] = ()
     interferers: tuple[InterfererConfig, ...] = ()

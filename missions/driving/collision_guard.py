@@ -12,7 +12,7 @@ from envs.patrol_env import STEP_S, Observation
 from missions.driving.lidar_stop import free_way, safe_command
 from missions.driving.seen_obstacles import SeenObstacles
 from missions.driving.site_map import SiteMap
-from missions.policies.protocol import Action, Policy, believed_pose, time_of
+from missions.policies.protocol import Action, Policy, believed_pose, checked_action, status_of, time_of
 from robot_models.description.robot_description import RobotDescription
 
 FloatArray = NDArray[np.float64]
@@ -46,7 +46,7 @@ class CollisionGuard:
     """
 
     def __init__(self, policy: Policy) -> None:
-        self.phase, self.unreachable = policy.phase, policy.unreachable
+        self.phase, self.unreachable = status_of(policy)
         self._policy = policy
         self._seen = SeenObstacles()
         self._looked_s = -np.inf
@@ -64,8 +64,8 @@ class CollisionGuard:
             self._looked_s = time_s
         if time_s < self._back_off_until_s:
             return _slowed(observation, self._back_off, site_map.robot)
-        action = self._policy(observation, findings, self._seen.on(site_map))
-        self.phase, self.unreachable = self._policy.phase, self._policy.unreachable
+        action = checked_action(self._policy(observation, findings, self._seen.on(site_map)), self._policy)
+        self.phase, self.unreachable = status_of(self._policy)
         if action is None:
             return None
         if self._is_stuck(pose, time_s, bool(action.any())):

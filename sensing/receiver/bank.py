@@ -37,7 +37,8 @@ class Receivers:
         config: Of every receiver.
         arrays: As they were really built, of one size and pattern.
         scenes: What each of them hears, with equally many sources.
-        rngs: All randomness of each of them.
+        rngs: Noise and triggers of each receiver.
+        nature_rngs: When the sources of each of them discharge, and how strongly.
     """
 
     def __init__(
@@ -46,25 +47,33 @@ class Receivers:
         arrays: Sequence[HelicalArray],
         scenes: Sequence[Scene],
         rngs: Sequence[np.random.Generator],
+        nature_rngs: Sequence[np.random.Generator],
     ) -> None:
         self.config = config
         self._receivers = [Receiver(config, array) for array in arrays]
         self._one = self._receivers[0]
         self._arrays = ArrayTable.of(arrays)
-        self._scenes, self._rngs = list(scenes), list(rngs)
+        self._scenes, self._rngs, self._nature_rngs = list(scenes), list(rngs), list(nature_rngs)
         n_sources = len(scenes[0].sources)
         self._sources_m = np.empty((len(arrays), n_sources, 3))
         self._burst_s = np.empty((len(arrays), n_sources))
         self._false_s = [NOT_DRAWN] * len(arrays)
         self._surroundings = plain(scenes[0].surroundings)
-        for row, (scene, rng) in enumerate(zip(scenes, rngs, strict=True)):
-            self.replace(row, arrays[row], scene, rng)
+        for row, scene in enumerate(scenes):
+            self.replace(row, arrays[row], scene, rngs[row], nature_rngs[row])
 
-    def replace(self, row: int, array: HelicalArray, scene: Scene, rng: np.random.Generator) -> None:
-        """Another array, scene and generator for one robot, whose time starts anew."""
+    def replace(
+        self,
+        row: int,
+        array: HelicalArray,
+        scene: Scene,
+        rng: np.random.Generator,
+        nature_rng: np.random.Generator,
+    ) -> None:
+        """Another array, scene and generators for one robot, whose time starts anew."""
         self._receivers[row] = Receiver(self.config, array)
         self._arrays.replace(row, array)
-        self._scenes[row], self._rngs[row] = scene, rng
+        self._scenes[row], self._rngs[row], self._nature_rngs[row] = scene, rng, nature_rng
         self._sources_m[row], self._burst_s[row] = scene.positions_m, scene.burst_s
         self._false_s[row] = NOT_DRAWN
 
@@ -81,7 +90,7 @@ class Receivers:
         """
         listening: list[int] = list(range(len(self._rngs))) if rows is None else rows.tolist()
         starts: list[float] = start_s.tolist()
-        emissions = [self._scenes[row].emissions(starts[row], duration_s, self._rngs[row]) for row in listening]
+        emissions = [self._scenes[row].emissions(starts[row], duration_s, self._nature_rngs[row]) for row in listening]
         emitted, parts = (
             _flat(listening, emissions),
             self._false_alarms(listening, world_from_array, starts, duration_s),

@@ -150,7 +150,7 @@ class Receiver:
         """
         from sensing.receiver.bank import Receivers  # here, so that a command line help need not wait for the compiler
 
-        one = Receivers(self.config, [self.array], [scene], [rng])
+        one = Receivers(self.config, [self.array], [scene], [rng], [rng])
         return one.listen(world_from_array[np.newaxis], np.array([start_s]), duration_s)
 
     def false_gate(self, rng: np.random.Generator) -> FloatArray:

@@ -13,8 +13,9 @@ from missions.driving.collision_guard import CollisionGuard
 from missions.driving.lidar_stop import STOP_M, free_way, safe_speed
 from missions.driving.path_follower import PathFollower
 from missions.driving.site_map import SiteMap
-from missions.policies.protocol import Policy
-from missions.policies.registry import Patrol, Random
+from missions.policies.patrol import Patrol
+from missions.policies.protocol import ReportingPolicy
+from missions.policies.random_driving import Random
 from robot_models.description.library import load_robot
 from robot_models.sensors import LIDAR_BEAMS
 
@@ -44,7 +45,7 @@ class Driven(NamedTuple):
     path_m: np.ndarray
 
 
-def drive(scenario: Scenario, site_map: SiteMap, seed: int = 0, policy: Policy | None = None) -> Driven:
+def drive(scenario: Scenario, site_map: SiteMap, seed: int = 0, policy: ReportingPolicy | None = None) -> Driven:
     """Drive until the policy is done, the robot docked, or the time over, without any locating."""
     env = PatrolEnv(scenario, terminate_on_approach=False)
     policy = policy or CollisionGuard(Patrol())

@@ -1,0 +1,42 @@
+"""What the robot's own sensors tell in PDPatrol-v0."""
+
+import numpy as np
+
+from envs.patrol_env import PatrolEnv
+
+
+def test_the_believed_pose_is_near_the_true_one_but_not_it() -> None:
+    env = PatrolEnv("quiet_yard")
+    errors = []
+    for seed in range(150):
+        _, info = env.reset(seed=seed)
+        errors.append(info["pose"] - info["truth"]["pose"])
+    wrapped = (np.array(errors) + np.pi) % (2 * np.pi) - np.pi
+    np.testing.assert_allclose(wrapped.std(axis=0), [0.05, 0.05, np.radians(0.5)], rtol=0.25)
+
+
+def test_the_lidar_sees_what_stands_about_with_its_noise_and_no_farther_than_it_reaches() -> None:
+    env = PatrolEnv("one_source")
+    observation, info = env.reset(seed=1)
+    x, y, yaw = info["truth"]["pose"]
+    errors = []
+    for beam, range_m in enumerate(observation["lidar"].tolist()):
+        direction = np.array([np.cos(yaw + np.radians(10 * beam)), np.sin(yaw + np.radians(10 * beam))])
+        along = np.arange(0.0, 12.0, 0.005)[:, np.newaxis] * direction + (x, y)
+        hit = np.flatnonzero(env.scenario.yard.clearance(along) <= 0)
+        if hit.size == 0:
+            assert range_m == 12.0
+        else:
+            errors.append(range_m - 0.005 * hit[0])
+    assert len(errors) > 10
+    assert np.abs(errors).max() < 0.1
+    assert 0.005 < np.std(errors) < 0.04
+
+
+def test_the_battery_runs_down_with_time_and_faster_when_the_robot_speeds_up() -> None:
+    env = PatrolEnv("one_source")
+    env.reset(seed=0)
+    still = [env.step(np.zeros(2, dtype=np.float32))[-1]["battery"] for _ in range(10)]
+    hasty = [env.step(np.array([(-1) ** k, 0.0], dtype=np.float32))[-1]["battery"] for k in range(10)]
+    assert 1.0 > still[0] > still[-1] > hasty[0] > hasty[-1] > 0.99
+    assert still[-1] - hasty[-1] > 1.02 * (1.0 - still[-1])
