@@ -73,8 +73,8 @@ def close_yaw_rate(
 ) -> tuple[float, float]:
     """What to set the wheels to, so that a robot moves as commanded though its wheels skid.
 
-    The set point approaches the command no faster than the rims of the wheels can follow: when the robot slows down, its
-    speed comes first, so that it stops in as short a way as when it drives straight; otherwise its yaw rate.
+    The set point approaches the command no faster than the rims of the wheels can follow: when the robot slows down,
+    its speed comes first, so that it stops in as short a way as when it drives straight; otherwise its yaw rate.
 
     Args:
         r: Row of the robot.
@@ -138,8 +138,8 @@ def command(
     limits, wheels = Steering(*steering), Drive(*drive)
     most_v_mps, most_yaw_rate_radps = limits.max_speed_mps, limits.max_yaw_rate_radps
     for r in rows:
-        v = min(max(v_mps[r], -most_v_mps), most_v_mps)
-        turn = min(max(yaw_rate_radps[r], -most_yaw_rate_radps), most_yaw_rate_radps)
+        v = float(min(max(v_mps[r], -most_v_mps), most_v_mps))
+        turn = float(min(max(yaw_rate_radps[r], -most_yaw_rate_radps), most_yaw_rate_radps))
         if limits.yaw_rate_gain > 0.0:
             v, turn = close_yaw_rate(r, v, turn, period_s, limits, YawFeedback(*feedback))
         rim = turn * limits.half_track_m
