@@ -91,12 +91,13 @@ class Robots:
                 robot.max_yaw_rate_radps,
                 0.5 * robot.turning_track_m,
                 robot.wheel_radius_m,
+                robot.max_acceleration_mps2,
                 robot.yaw_rate_gain,
             )
         )
         self._feedback = YawFeedback(
             gyro_radps=sensordata[:, int(model.sensor(GYRO).adr[0]) + 2] if has_feedback else np.zeros(n_robots),
-            wanted_radps=np.zeros(n_robots),
+            set_point=np.zeros((n_robots, 2)),
             added_radps=np.zeros(n_robots),
         )
         self._touches = self._remembered_contacts([model.sensor(name).id for name in hull])
@@ -165,7 +166,8 @@ class Robots:
             self._places[row] = self._take_places(row)
             self.is_touching[row] = bool(self._places[row])
         batch.state[ids] = start
-        self._feedback.wanted_radps[ids] = self._feedback.added_radps[ids] = 0.0
+        self._feedback.set_point[ids] = 0.0
+        self._feedback.added_radps[ids] = 0.0
         self.readings = self._read()
 
     def drive(
@@ -229,7 +231,7 @@ class Robots:
         return {
             "arguments": self._arguments,
             "state": self._batch.state.copy(),
-            "feedback": (self._feedback.wanted_radps, self._feedback.added_radps),
+            "feedback": (self._feedback.set_point, self._feedback.added_radps),
             "places": self._places,
             "is_touching": self.is_touching,
             "readings": self.readings,
@@ -238,7 +240,7 @@ class Robots:
     def __setstate__(self, kept: dict[str, Any]) -> None:
         self.__init__(*kept["arguments"])
         self._batch.state[:] = kept["state"]
-        self._feedback.wanted_radps[:], self._feedback.added_radps[:] = kept["feedback"]
+        self._feedback.set_point[:], self._feedback.added_radps[:] = kept["feedback"]
         self._places, self.is_touching, self.readings = kept["places"], kept["is_touching"], kept["readings"]
 
 

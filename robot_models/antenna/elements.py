@@ -58,7 +58,7 @@ class AntennaElements(NamedTuple):
 
 def attach_elements(spec: mujoco.MjSpec, elements: AntennaElements) -> None:
     """Put a helix for each element on the robot's base, with sites `element_1` to `element_n`, x along the look."""
-    base = spec.body("base")
+    base, helix = spec.body("base"), mujoco.MjSpec.from_file(str(HELIX_XML))
     for k, (position_m, azimuth, elevation) in enumerate(zip(*elements, strict=True), start=1):
         (cos_yaw, sin_yaw), (cos_pitch, sin_pitch) = _half_angle(azimuth), _half_angle(-elevation)
         frame = base.add_frame(
@@ -66,7 +66,7 @@ def attach_elements(spec: mujoco.MjSpec, elements: AntennaElements) -> None:
         )
         site = base.add_site(name=f"element_{k}", group=4, type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.02, 0.003, 0.003])
         site.set_frame(frame)
-        spec.attach(mujoco.MjSpec.from_file(str(HELIX_XML)), frame=frame, prefix=f"helix_{k}/")
+        spec.attach(helix.copy(), frame=frame, prefix=f"helix_{k}/")
 
 
 def _half_angle(angle_rad: float) -> tuple[float, float]:

@@ -22,15 +22,18 @@ Lidar beams, contact sensors of the hull and antenna elements are added by whoev
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
+from robot_models.antenna.elements import MAX_ELEMENTS, AntennaElements
 from robot_models.description import robot_parts as parts
 from robot_models.description.robot_description import RobotDescription, RobotFileError, Wheel
 from robot_models.description.robot_measures import SPIN_RADPS, SPIN_S, Measures, measure
-from robot_models.yard.yard import ROBOT_HEIGHT_M
+from robot_models.world import build_spec
+from robot_models.yard.yard import ROBOT_HEIGHT_M, Yard
 
 TOLERANCE_M = 0.005
 """By how much places may be off (assumed)."""
@@ -54,6 +57,26 @@ def read_robot(path: Path) -> RobotDescription:
     """
     if not path.is_file():
         raise RobotFileError([f"{path}: no such file; give an MJCF file"])
+    with _collected_warnings() as warnings:
+        robot = _read(path)
+    if warnings:
+        raise RobotFileError([f"{path}: MuJoCo warns: {_one_line(warning)}" for warning in warnings])
+    return robot
+
+
+@contextmanager
+def _collected_warnings() -> Iterator[list[str]]:
+    """What MuJoCo warns of, which it would print and write to a file of its own otherwise."""
+    warnings: list[str] = []
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(warnings.append)
+    try:
+        yield warnings
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+def _read(path: Path) -> RobotDescription:
     try:
         spec = mujoco.MjSpec.from_file(str(path))
     except ValueError as error:
@@ -68,13 +91,27 @@ def read_robot(path: Path) -> RobotDescription:
     wheels = parts.wheels_of(spec)
     measures = measure(spec, model, wheels)
     robot = _describe(path, spec, wheels, measures)
-    faults = [*_wheel_faults(robot, measures), *_speed_faults(robot, measures, model), *_body_faults(robot, measures)]
+    faults = [
+        *_wheel_faults(robot, measures),
+        *_speed_faults(robot, measures, model),
+        *_body_faults(robot, measures),
+        *_world_faults(robot),
+    ]
     if faults:
         raise RobotFileError([f"{path}: {fault}" for fault in faults])
     return robot
 
 
-def _one_line(error: ValueError) -> str:
+def _world_faults(robot: RobotDescription) -> Iterator[str]:
+    """A line if no world can be built around the robot, for example because it has a name that the world needs."""
+    try:
+        elements = AntennaElements.checked(np.zeros((MAX_ELEMENTS, 3)), np.zeros(MAX_ELEMENTS))
+        build_spec(robot, Yard(size_m=(5.0, 5.0)), elements).compile()
+    except ValueError as error:
+        yield f"world: none can be built around the robot: {_one_line(error)}"
+
+
+def _one_line(error: ValueError | str) -> str:
     return " ".join(str(error).removeprefix("Error: ").split())
 
 

@@ -117,17 +117,23 @@ def _sensor_faults(spec: mujoco.MjSpec) -> Iterator[str]:
 
 def _contact_faults(spec: mujoco.MjSpec) -> Iterator[str]:
     robots = [geom for body in spec.bodies if body.name != "world" for geom in body.geoms]
-    for geom in robots:
-        name = geom.name or f"a geom of `{geom.parent.name}`"
-        if geom.contype:
-            yield f"{name}: contype {geom.contype}; allowed is 0, a robot does not touch itself"
-        if is_hull(geom) and geom.conaffinity & FLOOR_CONTYPE:
-            yield (
-                f"{name}: conaffinity {geom.conaffinity}; allowed is {FLOOR_CONTYPE} for what stands on the floor, "
-                f"{OBSTACLE_CONTYPE} for what meets obstacles"
-            )
+    selfish = [geom for geom in robots if geom.contype]
+    if selfish:
+        yield f"{_named(selfish)}: contype other than 0; allowed is 0, for a robot does not touch itself"
+    doubled = [geom for geom in robots if is_hull(geom) and geom.conaffinity & FLOOR_CONTYPE]
+    if doubled:
+        yield (
+            f"{_named(doubled)}: conaffinity for floor and obstacles; allowed is {FLOOR_CONTYPE} for what stands on "
+            f"the floor, or {OBSTACLE_CONTYPE} for what meets obstacles"
+        )
     if not any(is_hull(geom) for geom in robots):
         yield f"hull: no geom answers to obstacles; allowed is at least one with conaffinity {OBSTACLE_CONTYPE}"
+
+
+def _named(geoms: list[mujoco.MjsGeom]) -> str:
+    """Up to three geoms by name, and how many more there are."""
+    names = [geom.name or f"a geom of {geom.parent.name}" for geom in geoms[:3]]
+    return ", ".join(names) + (f" and {len(geoms) - 3} more" if len(geoms) > 3 else "")
 
 
 def _limit_faults(spec: mujoco.MjSpec, name: str) -> Iterator[str]:
