@@ -152,7 +152,8 @@ class Simulation:
 
     def reset(self, rows: Rows, rngs: Sequence[np.random.Generator], options: Mapping[str, Any]) -> None:
         """Start new episodes in some rows, each with its generator; the next step is their first look."""
-        from sensing.receiver.bank import Receivers  # here, so that a command line help need not wait for the compiler
+        from sensing.receiver.bank import ReceiverBank  # loads the compiler
+        from sensing.receiver.receiver import Listener
 
         drawn = [Episode.draw(self.scenario, self._surroundings, rng, options) for rng in rngs]
         for row, rng, episode in zip(rows.tolist(), rngs, drawn, strict=True):
@@ -160,12 +161,11 @@ class Simulation:
             self._monitors[row] = ChannelMonitor(self.array, self._estimator)
             self._sources_m[row] = np.array([s.position_m[:2] for s in episode.sources]).reshape(-1, 2)
             if self._receivers is not None:
-                self._receivers.replace(row, episode.array, episode.scene, rng)
+                self._receivers.replace(row, Listener(array=episode.array, scene=episode.scene, rng=rng))
         if self._receivers is None:
             known = [episode or drawn[0] for episode in self._episodes]
-            self._receivers = Receivers(
-                self.scenario.receiver, [e.array for e in known], [e.scene for e in known], self._rngs
-            )
+            listeners = [Listener(array=e.array, scene=e.scene, rng=r) for e, r in zip(known, self._rngs, strict=True)]
+            self._receivers = ReceiverBank(self.scenario.receiver, listeners)
         self.robots.reset(rows, [episode.start_pose for episode in drawn])
         self._progress.restart(rows)
         self._usable[rows] = True
