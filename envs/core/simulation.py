@@ -27,6 +27,7 @@ from robot_models.antenna.elements import AntennaElements
 from robot_models.robots import Robots
 from robot_models.sensors import LIDAR_BEAMS, LIDAR_RANGE_M
 from sensing import Detections, Faces, HelicalArray, Obstacles, Surroundings
+from sensing.receiver.receiver import Listener
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -168,7 +169,7 @@ class Simulation:
 
     def reset(self, rows: Rows, rngs: Sequence[np.random.Generator], options: Mapping[str, Any]) -> None:
         """Start new episodes in some rows, each with its generator; the next step is their first look."""
-        from sensing.receiver.bank import Receivers  # here, so that a command line help need not wait for the compiler
+        from sensing.receiver.bank import ReceiverBank  # loads the compiler
 
         spawned = [Generators.spawn(rng) for rng in rngs]
         drawn = [Episode.draw(self.scenario, self._surroundings, each.episode, options) for each in spawned]
@@ -177,16 +178,11 @@ class Simulation:
             self._monitors[row] = ChannelMonitor(self.array, self._estimator)
             self._sources_m[row] = np.array([s.position_m[:2] for s in episode.sources]).reshape(-1, 2)
             if self._receivers is not None:
-                self._receivers.replace(row, episode.array, episode.scene, generators.receiver, generators.nature)
+                self._receivers.replace(row, _listener(episode, generators))
         if self._receivers is None:
             known = [episode or drawn[0] for episode in self._episodes]
-            self._receivers = Receivers(
-                self.scenario.receiver,
-                [e.array for e in known],
-                [e.scene for e in known],
-                [generators.receiver for generators in self._generators],
-                [generators.nature for generators in self._generators],
-            )
+            listeners = [_listener(*pair) for pair in zip(known, self._generators, strict=True)]
+            self._receivers = ReceiverBank(self.scenario.receiver, listeners)
         self.robots.reset(rows, [episode.start_pose for episode in drawn])
         self._progress.restart(rows)
         self._usable[rows] = True
@@ -271,3 +267,8 @@ class Simulation:
         detected = robot, pulses.strengths_v, pulses.azimuth_rad
         parameters, progress = tuple(self._observation_parameters), tuple(self._progress)
         return perceive(sensed, parameters, progress, detected, self._usable, self._spectrum_gain).T
+
+
+def _listener(episode: Episode, generators: Generators) -> Listener:
+    """What a receiver listens with, and to."""
+    return Listener(array=episode.array, scene=episode.scene, rng=generators.receiver, nature_rng=generators.nature)
