@@ -76,6 +76,7 @@ class Simulation:
         robot: What each robot is.
         robots: All of them.
         array: The array's data sheet and how far real ones spread about it: what the robot knows.
+        estimator: Takes the bearings.
         layout: Of the observations: bounds and places of their entries.
         motion: What the robots know of their motion, live: it changes with the next step.
     """
@@ -94,7 +95,7 @@ class Simulation:
                 offset=scenario.array.gain_offset / np.sqrt(3),
             ),
         )
-        self._estimator = make_estimator(scenario.estimator.method, self.array)
+        self.estimator = make_estimator(scenario.estimator.method, self.array)
         self.robot, elements = (
             scenario.robot.description,
             AntennaElements.checked(nominal.positions_m, nominal.boresights_rad),
@@ -121,7 +122,7 @@ class Simulation:
         )
         self._episodes: list[Episode | None] = [None] * n_robots
         self._generators = [Generators.spawn(np.random.default_rng(0))] * n_robots
-        self._monitors = [ChannelMonitor(self.array, self._estimator) for _ in range(n_robots)]
+        self._monitors = [ChannelMonitor(self.array, self.estimator) for _ in range(n_robots)]
         self._receivers = None
         self._motion_normal, self._lidar_normal = np.zeros((n_robots, N_DRAWS)), np.zeros((n_robots, LIDAR_BEAMS))
         n_sources = len(scenario.sources)
@@ -175,7 +176,7 @@ class Simulation:
         drawn = [Episode.draw(self.scenario, self._surroundings, each.episode, options) for each in spawned]
         for row, generators, episode in zip(rows.tolist(), spawned, drawn, strict=True):
             self._episodes[row], self._generators[row] = episode, generators
-            self._monitors[row] = ChannelMonitor(self.array, self._estimator)
+            self._monitors[row] = ChannelMonitor(self.array, self.estimator)
             self._sources_m[row] = np.array([s.position_m[:2] for s in episode.sources]).reshape(-1, 2)
             if self._receivers is not None:
                 self._receivers.replace(row, _listener(episode, generators))
@@ -243,7 +244,7 @@ class Simulation:
     def _find_directions(self, detections: Detections) -> tuple[PulseBatch, list[tuple[SuspectChannel, ...]]]:
         """All pulses with directions from the channels that are in order, and channels newly at fault by robot."""
         suspects: list[tuple[SuspectChannel, ...]] = [()] * len(self._monitors)
-        found = self._estimator(detections.pulses, self.array)
+        found = self.estimator(detections.pulses, self.array)
         pulses = detections.pulses._replace(azimuth_rad=found.azimuth_rad, std_rad=found.std_rad, misfit=found.misfit)
         rows = detections.robot
         for row in np.unique(rows).tolist() if rows.size else ():

@@ -29,7 +29,7 @@ from missions.policies.names import BUILT_IN
 if TYPE_CHECKING:
     from missions.runner import Mission
 
-TOLD = ("candidate", "confirmed", "outside", "echo", "contact", "unreachable", "clipped", "channel fault")
+TOLD = ("candidate", "confirmed", "outside", "ghost", "contact", "unreachable", "clipped", "channel fault")
 """Kinds of events that are news."""
 
 
@@ -71,7 +71,8 @@ def run(
     folder = new_folder(out_dir, f"{loaded.name}-{seed}")
 
     from envs.foreign_code import ForeignCodeError
-    from missions.record.report import candidates_table, findings_table, make_report
+    from missions.record.report import make_report
+    from missions.record.tables import candidates_table, findings_table
     from missions.recording import live_stream
     from missions.runner import Mission
 

@@ -19,11 +19,12 @@ from dirmusic import (
     strength_variance,
 )
 from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
+from dirmusic.locating.association.assignment import NoOwner
 from dirmusic.locating.association.pulse_record import InSight
 from dirmusic.locating.credibility import is_credible
 from dirmusic.locating.ellipse import is_inside95
 from dirmusic.locating.joint_fix import locate_jointly
-from dirmusic.locating.rules import LocatingRules
+from dirmusic.locating.rules import CredibilityRules, LocatingRules
 
 NOMINAL = GainManifold.ring(6)
 RING_M = 0.12 * np.column_stack([np.cos(NOMINAL.boresights_rad), np.sin(NOMINAL.boresights_rad)])
@@ -54,9 +55,14 @@ def pulses_of(strengths: np.ndarray, variance: np.ndarray | None = None) -> Puls
     return pulses._replace(azimuth_rad=found.azimuth_rad, std_rad=found.std_rad, misfit=found.misfit)
 
 
+def credible(pulses: PulseBatch) -> np.ndarray:
+    array = ArrayModel(manifold=NOMINAL, positions_m=RING_M, spread=SPREAD)
+    return is_credible(pulses, array, np.zeros(pulses.n_pulses), CredibilityRules())
+
+
 def update(locator: Locator, time_s: float, pose: np.ndarray, pulses: PulseBatch) -> tuple[Finding, ...]:
     """Give a Locator the credible ones of some pulses."""
-    return locator.update(time_s, pose, pulses.take(is_credible(pulses, locator.array, locator.rules.credibility)))
+    return locator.update(time_s, pose, pulses.take(credible(pulses)))
 
 
 def listen_along(
@@ -186,6 +192,33 @@ def test_noise_alone_makes_no_candidate() -> None:
     assert locator.findings == ()
 
 
+@pytest.mark.parametrize("fix", ["joint", "bearings"])
+def test_each_pulse_is_associated_with_the_finding_that_it_came_from_whichever_the_fix(fix: str) -> None:
+    sources = [(14.0, 15.0), (26.0, 15.0)]
+    rules = LocatingRules(fix=fix)  # pyright: ignore[reportArgumentType]
+    locator, _ = listen_along(around((20.0, 15.0), 8.5, 0, 350, 300), sources, 3, make_locator(rules=rules))
+    by_source = {int(np.argmin([np.linalg.norm(f.position_m - s) for s in sources])): f.id for f in locator.findings}
+    association = locator.association().reshape(-1, 2, 2)  # (steps, sources, pulses)
+    for k, number in by_source.items():
+        own = association[:, k]
+        assert np.isin(own, [number, *NoOwner]).all()
+        assert (own == number).mean() > 0.7
+
+
+def test_bearings_alone_give_a_worse_fix_than_strengths_and_say_so() -> None:
+    source = np.array([20.0, 15.0])
+    found: dict[str, list[Finding]] = {"joint": [], "bearings": []}
+    for seed in range(5):
+        for fix, findings in found.items():
+            rules = LocatingRules(fix=fix)  # pyright: ignore[reportArgumentType]
+            path = around(source, 3.0, 10 * seed, 10 * seed + 110, 120)
+            findings += listen_along(path, [source], seed, make_locator(rules=rules))[0].findings
+    error_m = {fix: np.median([np.linalg.norm(f.position_m - source) for f in found[fix]]) for fix in found}
+    semi_major_m = {fix: np.median([f.semi_major_m for f in found[fix]]) for fix in found}
+    assert error_m["bearings"] > error_m["joint"]
+    assert semi_major_m["bearings"] > 2 * semi_major_m["joint"]
+
+
 def test_the_same_pulses_give_the_same_findings_to_the_bit() -> None:
     source = np.array([20.0, 15.0])
     runs = [listen_along(around(source, 4.0, 0, 90, 120), [source], seed=6)[0].findings[0] for _ in range(2)]
@@ -247,7 +280,7 @@ def test_pulses_much_weaker_than_their_range_says_are_taken_for_ghosts_and_left_
     for k in range(50):  # 14 dB down, from the very direction
         gain = NOMINAL.gain(np.array(np.pi))
         a = np.abs(0.8 / 5.0 * 10 ** (-14 / 20) * gain + rng.normal(0, NOISE_V, (2, 6)))
-        assert is_credible(pulses_of(a), locator.array, locator.rules.credibility).all()
+        assert credible(pulses_of(a)).all()
         locator.update(40.0 + 0.1 * k, np.array([25.0, 15.0, 0.0]), pulses_of(a))
     (after,) = locator.refit(50.0)
     assert after.n_bearings <= 500  # those of the arc
