@@ -47,7 +47,7 @@ class GainManifold:
 
     Args:
         pattern: Gain of each element over the angle off its boresight.
-        boresights_rad: Where each element looks, array frame, shape (n_elements,), n_elements >= 2.
+        boresights_rad: Azimuth of each element's boresight, array frame, shape (n_elements,), n_elements >= 2.
         gain_factors: Known factor on each element's gain, shape (n_elements,), positive; one where nothing is known.
         gain_offsets: Known addition to each element's gain, in units of gain, shape (n_elements,); zero where nothing
             is known. Both come from a calibration, and `ElementErrors.correct` sets them.
@@ -103,12 +103,12 @@ class GainManifold:
             array.setflags(write=False)
         if not np.linalg.norm(np.roll(unit, -1, axis=1) - unit, axis=0).max() > BLIND_SLOPE * SEARCH_STEP_RAD:
             raise ValueError(
-                "`pattern` is flat: the ratios of the gains do not change with azimuth, so strengths tell no direction"
+                "`pattern` is flat: the ratios of the gains do not change with azimuth, so strengths hold no direction"
             )
 
     @classmethod
     def ring(cls, n_elements: int = 6, pattern: GainPattern | None = None) -> Self:
-        """A uniform ring with boresights +90 - 360 k / n degrees: element 1 looks left, the next further clockwise."""
+        """A uniform ring with boresights +90 - 360 k / n degrees: element 1 points left, the next further clockwise."""
         return cls(pattern or GaussianPattern(), np.pi / 2 - 2 * np.pi * np.arange(n_elements) / n_elements)
 
     def take(self, elements: Sequence[int] | NDArray[np.intp] | NDArray[np.bool_]) -> GainManifold:

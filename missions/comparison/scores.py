@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -103,11 +103,11 @@ def summarise(missions: Sequence[MissionScore]) -> Score:
 
     n_sources, n_found = (sum(getattr(mission, name) for mission in missions) for name in ("n_sources", "n_found"))
     share = binomtest(n_found, n_sources) if n_sources else None
-    wilson = share.proportion_ci(CONFIDENCE, method="wilson") if share else (np.nan, np.nan)
+    low, high = share.proportion_ci(CONFIDENCE, method="wilson") if share else (np.nan, np.nan)
     rmse_deg = np.degrees([mission.bearing_rmse_rad for mission in missions])
     return Score(
         bearing_rmse_deg=_bootstrap(rmse_deg[np.isfinite(rmse_deg)], _root_mean_square),
-        found=Interval(n_found / n_sources if n_sources else np.nan, *wilson),
+        found=Interval(n_found / n_sources if n_sources else np.nan, float(low), float(high)),
         error_m=_bootstrap(np.array([error for mission in missions for error in mission.errors_m]), np.median),
         confirmed_s=_bootstrap(np.array([at_s for mission in missions for at_s in mission.confirmed_s]), np.median),
         false_findings=sum(mission.false_findings for mission in missions),
@@ -133,3 +133,12 @@ def _bootstrap(values: FloatArray, statistic: Callable[..., Any]) -> Interval:
 def as_json(score: Score) -> dict[str, Any]:
     """A score as plain data, without NaN."""
     return json.loads(json.dumps(score._asdict()).replace("NaN", "null"))
+
+
+def from_json(data: Mapping[str, Any]) -> Score:
+    """A score from plain data, as `as_json` gives it, whatever else it holds."""
+    intervals = {
+        name: Interval(*(np.nan if value is None else value for value in data[name]))
+        for name in ("bearing_rmse_deg", "found", "error_m", "confirmed_s")
+    }
+    return Score(**intervals, false_findings=data["false_findings"])

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.locating.ellipse import ellipse95
-from envs import Scenario
 from missions.record.mission_log import MissionLog
 from missions.record.phase_patterns import PhaseResolved, phase_patterns
 from missions.record.scoring import evaluate
+from robot_models.yard.yard import Yard
 
 FloatArray = NDArray[np.float64]
 
@@ -81,7 +81,7 @@ def _findings(log: MissionLog, patterns: dict[int, PhaseResolved], *states: str)
         return []
     yard = None
     if "scenario" in log.meta:
-        yard = Scenario.model_validate_json(json.dumps(log.meta["scenario"])).yard
+        yard = Yard.model_validate_json(json.dumps(log.meta["scenario"]["yard"]))
     last = np.flatnonzero((table["step"] == table["step"][-1]) & np.isin(table["state"], states))
     findings: list[dict[str, Any]] = []
     for row in last:

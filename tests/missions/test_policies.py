@@ -6,7 +6,7 @@ from dirmusic import Finding
 from dirmusic.locating.finding import State
 from envs import load_scenario
 from missions.driving.site_map import SiteMap
-from missions.policies.registry import PURSUIT_LIMIT_S, Seek
+from missions.policies.seek import PURSUIT_LIMIT_S, Seek
 
 SITE_MAP = SiteMap(load_scenario("one_source"))
 
