@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from missions.policies.make_policy import make_policy
 from missions.policies.protocol import SeesTruth
 from missions.record.logbook import Logbook
 from missions.record.mission_log import MissionLog
+from missions.record.own_locator import OwnLocator
 from missions.record.tracking import Tracker
 from robot_models.drawn_solids import describe_solids
 from sensing import HelicalArray
@@ -108,8 +110,7 @@ class Mission:
             try:
                 self.step()
             except ForeignCodeError as error:
-                self.error = error
-                self._book.event("error", str(error))
+                self._fail(error)
                 self.end("error")
             if after_step is not None:
                 after_step(self)
@@ -150,8 +151,17 @@ class Mission:
     def end(self, reason: str) -> None:
         """Close the mission; what was logged stays as it is."""
         self.is_over = True
-        self._book.log_association(self._tracker.association())
+        try:
+            self._book.log_association(self._tracker.association())
+        except ForeignCodeError as error:  # of a Locator that failed before, or just now
+            if self.error is None:
+                self._fail(error)
+                reason = "error"
         self._book.event("end", reason)
+
+    def _fail(self, error: ForeignCodeError) -> None:
+        self.error = error
+        self._book.event("error", str(error))
 
     def _log_events(self, info: dict[str, Any]) -> None:
         touched = frozenset(info["touched"])
@@ -167,8 +177,13 @@ class Mission:
 
 
 def make_locator(scenario: Scenario, array: ArrayModel, rules: LocatingRules) -> LocatorProtocol:
-    """The Locator that the scenario names: it knows array, fence and map as the plan has them, never the truth."""
-    make: MakesLocator = Locator
+    """The Locator that the scenario names: it knows array, fence and map as the plan has them, never the truth.
+
+    Raises:
+        ForeignCodeError: If it is the user's own and cannot be loaded or made.
+    """
+    own = scenario.locating.locator
+    make: MakesLocator = Locator if own is None else partial(OwnLocator, own)
     return make(
         array,
         PoseError(

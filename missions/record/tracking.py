@@ -46,13 +46,12 @@ class Tracker:
         self._array = array
         self._method_deviation = MethodDeviation(estimator, array)
         self._rules = rules
-        self._findings: tuple[Finding, ...] = ()
-        self._n_given = 0
+        self._n_tracked = 0
 
     @property
     def findings(self) -> tuple[Finding, ...]:
         """All findings so far."""
-        return self._findings
+        return self._locator.findings
 
     def track(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> Tracked:
         """Locate with the pulses of one step.
@@ -61,34 +60,16 @@ class Tracker:
             time_s: Of the step.
             pose: Believed x m, y m, yaw rad, world frame, shape (3,).
             pulses: With their directions.
-
-        Raises:
-            ValueError: If the Locator breaks its contract.
         """
         credible = is_credible(pulses, self._array, self._method_deviation.of(pulses), self._rules)
-        self._n_given += int(credible.sum())
-        self._accept(self._locator.update(time_s, pose, pulses.take(credible)))
-        return Tracked(pulses, credible, self._findings)
+        findings = self._locator.update(time_s, pose, pulses.take(credible))
+        self._n_tracked += int(credible.sum())
+        return Tracked(pulses, credible, findings)
 
     def refit(self, time_s: float) -> tuple[Finding, ...]:
         """Fit all pulses once more, when none is left to come."""
-        self._accept(self._locator.refit(time_s))
-        return self._findings
+        return self._locator.refit(time_s)
 
     def association(self) -> NDArray[np.intp]:
-        """Finding of every credible pulse so far; see `LocatorProtocol.association`."""
-        association = np.asarray(self._locator.association())
-        if association.shape != (self._n_given,) or not np.issubdtype(association.dtype, np.integer):
-            raise ValueError(
-                f"`association` must give an integer for each of {self._n_given} pulses, "
-                f"got {association.dtype} of shape {association.shape}"
-            )
-        return association
-
-    def _accept(self, findings: tuple[Finding, ...]) -> None:
-        """Take over findings, for policy and log."""
-        if findings is self._findings:
-            return
-        if not isinstance(findings, tuple) or not all(isinstance(finding, Finding) for finding in findings):
-            raise ValueError(f"`update` and `refit` must return a tuple of Finding, got {findings!r}")
-        self._findings = findings
+        """Finding of every credible pulse that was tracked; see `LocatorProtocol.association`."""
+        return self._locator.association()[: self._n_tracked]

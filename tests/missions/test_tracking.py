@@ -1,7 +1,6 @@
 """Pulses to the Locator and into the log."""
 
 import numpy as np
-import pytest
 
 from dirmusic import ArrayModel, ElementSpread, Finding, GainManifold, PulseBatch
 from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
@@ -78,20 +77,6 @@ def test_findings_are_logged_when_they_change_and_until_they_are_confirmed_not_f
     assert log.column("finding", "state").tolist() == ["candidate", "candidate", "dropped"]
     assert np.isnan(log.column("finding", "fixed_s")).all()
     assert log.column("event", "kind").tolist() == ["candidate", "dropped"]
-
-
-@pytest.mark.parametrize("association", [None, np.array([1]), np.array([1.5, 2.0]), np.array([[1, 2]])])
-def test_an_association_that_does_not_fit_the_pulses_is_refused(association: object) -> None:
-    tracker = tracker_of(Noted(association=association))
-    tracker.track(0.0, POSE, pulses_of(0.3, 2.0))
-    with pytest.raises(ValueError, match=r"an integer for each of 2 pulses"):
-        tracker.association()
-
-
-@pytest.mark.parametrize("findings", [[FINDING], (None,), None])
-def test_what_is_no_tuple_of_findings_is_refused(findings: object) -> None:
-    with pytest.raises(ValueError, match="a tuple of Finding"):
-        tracker_of(Noted(findings)).track(0.0, POSE, pulses_of(0.3))  # pyright: ignore[reportArgumentType]
 
 
 def test_a_mission_ends_with_one_association_for_each_credible_pulse() -> None:

@@ -1,0 +1,117 @@
+"""A Locator of one's own makes the findings; what is wrong with it is one line that names file and line."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from envs import load_scenario
+from envs.foreign_code import ForeignCodeError
+from envs.scenario import SHIPPED
+from missions.record.mission_log import MissionLog
+from missions.record.report import make_report
+from missions.runner import Mission, run_mission
+
+PDPATROL = Path(sys.executable).parent / "pdpatrol"
+GOOD = """\
+import numpy as np
+from dirmusic import Finding
+
+
+class Mine:
+    def __init__(self, array, pose_error, *, fence_m, rules, in_sight):
+        self.findings, self.n = (), 0
+
+    def update(self, time_s, pose, pulses):
+        self.n += pulses.n_pulses
+        if self.n >= 20 and not self.findings:
+            self.findings = (
+                Finding(
+                    id=7, state="confirmed", position_m=pose[:2] + 1.0, covariance_m2=np.eye(2), n_bearings=self.n,
+                    first_detected_s=0.0, fixed_s=time_s, aperture_rad=1.0, nearest_m=1.0, level_db=0.0,
+                ),
+            )
+        return self.findings
+
+    def refit(self, time_s):
+        return self.findings
+
+    def association(self):
+        return np.full(self.n, 7 if self.findings else -1)
+"""
+
+
+def scenario_with(folder: Path, code: str, table: str = 'locator = "mine.py:Mine"') -> Path:
+    """A scenario file, 15 s long, that names a Locator beside it."""
+    (folder / "mine.py").write_text(code, encoding="utf-8")
+    text = (SHIPPED / "one_source.toml").read_text(encoding="utf-8")
+    file = folder / "yard.toml"
+    file.write_text(f"{text}\n[locating]\n{table}\n", encoding="utf-8")
+    return file
+
+
+def mission_log(folder: Path, code: str, table: str = 'locator = "mine.py:Mine"') -> MissionLog:
+    scenario = load_scenario(scenario_with(folder, code, table))
+    task = scenario.task.model_copy(update={"time_limit_s": 15.0})
+    return run_mission(scenario.model_copy(update={"task": task}), "patrol", seed=1)
+
+
+def test_an_own_locator_named_beside_the_scenario_makes_findings_and_association(tmp_path: Path) -> None:
+    log = mission_log(tmp_path, GOOD)
+    (finding,) = make_report(log, 0.0)["findings"]
+    assert finding["id"] == 7
+    assert finding["discharge"]["kind"]
+    assert set(log.column("association", "finding").tolist()) == {7}
+    assert log.n_rows("association") == log.n_rows("bearing") > 20
+
+
+def test_an_own_locator_gets_the_rules_that_the_scenario_sets(tmp_path: Path) -> None:
+    code = GOOD.replace("self.findings, self.n = (), 0", "raise ValueError(f'merge {rules.merge_m}, fence {fence_m}')")
+    table = 'locator = "mine.py:Mine"\nmerge_m = 3.5'
+    with pytest.raises(ForeignCodeError, match=r"mine\.py:7: ValueError: merge 3\.5, fence \(40\.0, 30\.0\)"):
+        Mission(load_scenario(scenario_with(tmp_path, code, table)), "patrol", 0)
+
+
+@pytest.mark.parametrize(
+    ("there", "instead", "told"),
+    [
+        ("return self.findings\n\n    def refit", "return list(self.findings)\n\n    def refit", "mine.py:5: gave []"),
+        ("self.n += pulses.n_pulses", "self.n += pulses.n_pulse", "mine.py:10: AttributeError"),
+        ("position_m=pose[:2] + 1.0", "position_m=pose[:2] * np.nan", "finding 7: `position_m` must be finite"),
+        ("            )\n        return", "            ) * 2\n        return", "gave the ids [7, 7]"),
+        ("np.full(self.n,", "np.full(3,", "association gave int64 of shape (3,); expected an integer for each of"),
+        ("np.full(self.n, 7", "np.full(self.n, 9", "association gave 9; expected an integer for each of"),
+        ("np.full(self.n,", "1.0 * np.full(self.n,", "association gave float64"),
+    ],
+)
+def test_a_locator_that_fails_under_way_ends_a_mission_whose_log_is_whole(
+    there: str, instead: str, told: str, tmp_path: Path
+) -> None:
+    assert there in GOOD
+    log = mission_log(tmp_path, GOOD.replace(there, instead))
+    kinds, texts = log.column("event", "kind").tolist(), log.column("event", "text").tolist()
+    assert (kinds[-2:], texts[-1]) == (["error", "end"], "error")
+    assert told in texts[-2]
+    assert kinds.count("error") == 1
+    assert make_report(log, 0.0)["sim_time_s"] > 0
+
+
+def test_what_is_no_locator_is_refused_before_the_start(tmp_path: Path) -> None:
+    for code, told in (
+        (GOOD.replace("def association", "def associate"), r"mine\.py:5: has no association"),
+        (GOOD.replace("class Mine", "class Yours"), r"no `Mine` in it; it has Yours"),
+        (GOOD.replace("fence_m, rules", "rules"), r"mine\.py:5: TypeError.*fence_m"),
+    ):
+        with pytest.raises(ForeignCodeError, match=told):
+            Mission(load_scenario(scenario_with(tmp_path, code)), "patrol", 0)
+
+
+def test_on_the_command_line_an_early_fault_is_one_line_and_status_two_and_nothing_is_written(tmp_path: Path) -> None:
+    file = scenario_with(tmp_path, GOOD.replace("self.findings, self.n", "self.findings, self.n, self.m"))
+    command = [str(PDPATROL), "run", str(file), "--out", str(tmp_path / "out")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 2
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert "mine.py:7: ValueError" in done.stderr
+    assert not (tmp_path / "out").exists()
