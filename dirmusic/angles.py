@@ -1,4 +1,4 @@
-"""Angles on the circle. The only wrap in the repository."""
+"""Angles on the circle, for arrays; `kernels.wrapped` is the twin of `wrap` for compiled loops, tied by a test."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def circular_mean(angle_rad: ArrayLike) -> FloatArray:
     return np.arctan2(np.sin(angle).sum(axis=-1), np.cos(angle).sum(axis=-1))
 
 
-def opening(angle_rad: ArrayLike) -> float:
-    """Width of the narrowest arc that holds all angles (n,): how far lines of sight have opened, in [0, 2 pi)."""
+def aperture(angle_rad: ArrayLike) -> float:
+    """Width of the narrowest arc that holds all angles (n,): the aperture of lines of sight, in [0, 2 pi)."""
     angle = np.sort(wrap(angle_rad))
     if angle.size < 2:
         return 0.0

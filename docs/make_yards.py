@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from envs import Scenario, load_scenario
 from missions.driving.site_map import SiteMap
-from robot_models.robots import Inspector
+from robot_models.antenna.elements import AntennaElements
 from robot_models.world import build_spec
 from sensing import HelicalArray
 
@@ -55,7 +55,8 @@ def main() -> None:
 def draw_yard(panel: Axes, scenario: Scenario) -> None:
     """As an orthographic camera sees it from the south, the robot at its dock."""
     array = HelicalArray.nominal(scenario.array)
-    spec = build_spec(scenario.yard, array.positions_m, array.boresights_rad)
+    elements = AntennaElements.checked(array.positions_m, array.boresights_rad)
+    spec = build_spec(scenario.robot.description, scenario.yard, elements)
     half_x, half_y = 0.5 * np.asarray(scenario.yard.size_m) + MARGIN_M
     half_y *= -np.sin(ELEVATION_RAD)
     width, height = (round(2.0 * PIXELS_PER_M * half) for half in (half_x, half_y))
@@ -63,14 +64,17 @@ def draw_yard(panel: Axes, scenario: Scenario) -> None:
     spec.visual.global_.fovy = 2.0 * half_y  # of an orthographic camera, in metres
     spec.visual.quality.shadowsize = 8192
     spec.light("sun").pos[2] = 22.0  # lower, the near corner of the yard would lie behind it, without shadows
-    inspector = Inspector(spec.compile())
-    inspector.reset(*scenario.route.dock_m, np.radians(45.0))
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)
+    data.joint("floating_base").qpos[[0, 1, 3, 6]] = *scenario.route.dock_m, np.cos(np.pi / 8), np.sin(np.pi / 8)
+    mujoco.mj_forward(model, data)
     camera = mujoco.MjvCamera()
     camera.lookat = (*middle(scenario), 0.0)
     camera.azimuth, camera.elevation, camera.distance = 90.0, np.degrees(ELEVATION_RAD), 80.0
     camera.orthographic = 1
-    with mujoco.Renderer(inspector.model, height, width) as renderer:
-        renderer.update_scene(inspector.data, camera)
+    with mujoco.Renderer(model, height, width) as renderer:
+        renderer.update_scene(data, camera)
         panel.imshow(renderer.render(), extent=(-half_x, half_x, -half_y, half_y))
 
 

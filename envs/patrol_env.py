@@ -16,7 +16,6 @@ from envs.core.progress import REWARD_TERMS
 from envs.core.simulation import STEP_S, Outcome, Simulation
 from envs.scenario import Scenario, load_scenario
 from robot_models.camera import Camera
-from robot_models.robots import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS
 
 FloatArray = NDArray[np.float64]
 Observation = dict[str, NDArray[np.float32]]
@@ -30,7 +29,8 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     """An inspection robot in a substation yard hears partial discharges through six directional antennas.
 
     ## Action
-    `Box(-1, 1, (2,), float32)`: forward speed and yaw rate (counter-clockwise), as a share of the robot's limits.
+    `Box(-1, 1, (2,), float32)`: forward speed and yaw rate (counter-clockwise), as a share of the robot's limits. Those
+    of the inspector, the robot of a scenario that names no other:
 
     | index | action | limit | unit |
     |---|---|---|---|
@@ -45,7 +45,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     |---|---|---|---|---|
     | pose | 4 | yard and 5 m around, [-1, 1] | m, m, 1, 1 | believed x, y, cos yaw, sin yaw |
     | lidar | 36 | [0, 12] | m | range of beams every 10 degrees, from ahead counter-clockwise; 12 where nothing is |
-    | velocity | 2 | [-1.6, 1.6], [-3, 3] | m/s, rad/s | forward speed and yaw rate |
+    | velocity | 2 | [-1.6, 1.6], [-3, 3] | m/s, rad/s | speed, yaw rate; bounds: twice the limits |
     | heard | 1 | [0, 1] | 1 | 1 if a pulse came in this step |
     | strengths | 6 | [0, 1] | 1 | of the strongest pulse of this step, unit norm; 4 with an array of 4 |
     | level | 1 | [0, 5] | decades | log10 of its strength over the noise of one sample, clipped |
@@ -62,7 +62,8 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     ## Episode
     `reset` draws each source's site and amplitude, the heading at the dock, and the errors of array and pose.
     Terminated when every source has been approached to the stand-off distance (if there are sources and
-    `terminate_on_approach`), or when the robot is back at the dock after the route. Truncated at the time limit.
+    `terminate_on_approach`), when the robot is back at the dock after the route, or when it has fallen over: its base
+    leans by more than 45 degrees. Truncated at the time limit.
 
     ## Options
     `reset(options=...)` fixes what is drawn otherwise: `start_pose` (x m, y m, yaw rad), and `sources`, a dict from a
@@ -71,8 +72,9 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     ## Info
     `time_s`, `pose` (believed, float64), `odometry` (x m, y m, yaw rad by wheels and gyro alone, from the believed
     pose at the start on), `battery` (share that is left), `pulses` (a `dirmusic.PulseBatch` of this step), `touched`
-    (names), `waypoints_visited` (indices), `suspects` (channels newly found at fault), and `truth`, which is for logs
-    and scores: no policy but `oracle` may see it. It holds the true pose, and at the start all that was drawn.
+    (names), `fell_over`, `waypoints_visited` (indices), `suspects` (channels newly found at fault), and `truth`, which
+    is for logs and scores: no policy but `oracle` may see it. It holds the true pose, and at the start all that was
+    drawn.
 
     ## Rendering
     `rgb_array` (480, 640, 3) uint8 and `depth_array` (480, 640) float32, metres, from a camera that follows the robot;
@@ -83,7 +85,8 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     Args:
         scenario: Name of a shipped scenario, path of a TOML file, a `Scenario`, or a function that draws one from a
-            generator for each episode (all of one size of yard, number of elements and time limit).
+            generator for each episode (all of one size of yard, limits of the robot, number of elements and time
+            limit).
         terminate_on_approach: Whether an episode ends once all sources are approached. Missions say no: they go on to
             fix the source and come home.
         render_mode: `human`, `rgb_array`, `depth_array`, or None.
@@ -137,7 +140,8 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             if drawn != self.observation_space:
                 raise ValueError(
                     "`scenario`: the function drew one with another observation space; allowed are scenarios of one "
-                    f"size of yard, number of elements and time limit, as of the first: {self.observation_space}"
+                    "size of yard, limits of the robot, number of elements and time limit, as of the first: "
+                    f"{self.observation_space}"
                 )
         self.simulation.reset(FIRST, [self.np_random], options or {})
         outcome = self.simulation.step(None, started=FIRST)
@@ -149,8 +153,10 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive for 0.1 s, then listen; see the class for what comes back."""
-        v_share, yaw_rate_share = np.asarray(action).tolist()
-        outcome = self.simulation.step(np.array([[v_share * MAX_SPEED_MPS, yaw_rate_share * MAX_YAW_RATE_RADPS]]))
+        command = self.simulation.robot.command_from_action(action)
+        if command.shape != (2,):
+            raise ValueError(f"`action` must have shape (2,), speed and yaw rate, got {command.shape}")
+        outcome = self.simulation.step(command[np.newaxis])
         info = self._info(outcome)
         terms = dict(zip(REWARD_TERMS, outcome.reward[:, 0].tolist(), strict=True))
         info["reward"] = terms
@@ -169,6 +175,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             "pulses": outcome.pulses,
             "suspects": outcome.suspects[0],
             "touched": simulation.robots.touched[0],
+            "fell_over": bool(outcome.fell_over[0]),
             "waypoints_visited": simulation.waypoints_visited(0),
             "truth": {"pose": simulation.true_pose[0]},
         }

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.scenario.scenario import ROBOT_CLEARANCE_M, RouteConfig, Scenario, TaskConfig
+from envs.scenario.scenario import RouteConfig, Scenario, TaskConfig
 from envs.scenario.sources import SourceConfig
 from robot_models.equipment import CATALOGUE
-from robot_models.yard.yard import CatalogueEquipment, Equipment, Yard
+from robot_models.yard.pieces import CatalogueEquipment, Equipment
+from robot_models.yard.yard import Yard
 from sensing import ArrayConfig, ReceiverConfig
 
 FloatArray = NDArray[np.float64]
@@ -20,8 +21,8 @@ N_WAYPOINTS = 4
 ROOM_M = 2.0
 """Between two pieces of equipment, and round the dock: what a service car needs (assumed)."""
 
-ROOM_TO_TURN_M = ROBOT_CLEARANCE_M + 0.3
-"""Round every stop (assumed)."""
+ROOM_TO_TURN_M = 0.55
+"""Round every stop (assumed): more than any of the shipped robots needs."""
 
 OPEN_ROUND_M = ((27.0, 4.0), (27.0, 22.0), (5.0, 22.0))
 OPEN_TIME_LIMIT_S = 90.0

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+import operator
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,6 @@ from envs.core.progress import REWARD_TERMS
 from envs.core.simulation import STEP_S, Outcome, Simulation
 from envs.patrol_env import Observation, observation_space
 from envs.scenario import Scenario, load_scenario
-from robot_models.robots import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -41,8 +42,9 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
 
     ## Info
     Arrays with a row for each robot: `time_s`, `pose` (believed), `odometry`, `battery`, `reward` (a dict of terms),
-    `touched` (whether anything was), `true_pose` (for logs and scores: no policy may see it). And `pulses`, a dict of
-    arrays with a row for each pulse of any robot: `robot` (whose it is), and the columns of a `dirmusic.PulseBatch`.
+    `touched` (whether anything was), `fell_over`, `true_pose` (for logs and scores: no policy may see it). And
+    `pulses`, a dict of arrays with a row for each pulse of any robot: `robot` (whose it is), and the columns of a
+    `dirmusic.PulseBatch`.
 
     Args:
         num_envs: How many robots.
@@ -98,7 +100,7 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         return self.simulation.scenario
 
     def reset(
-        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Start an episode in every row, or in those of `options["reset_mask"]`; other options are as of `PatrolEnv`.
 
@@ -110,11 +112,7 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         mask = np.asarray(fixed.pop("reset_mask", np.ones(self.num_envs)), dtype=np.bool_)
         if mask.shape != (self.num_envs,) or not mask.any():
             raise ValueError(f"`options`: reset_mask must be {self.num_envs} truth values with one true, got {mask}")
-        seeds = [seed + row if isinstance(seed, int) else None for row in range(self.num_envs)]
-        if isinstance(seed, list):
-            seeds = seed
-        if len(seeds) != self.num_envs:
-            raise ValueError(f"`seed`: got {len(seeds)} seeds; allowed is one for each of the {self.num_envs} rows")
+        seeds = self._seeds(seed)
         rows = np.flatnonzero(mask)
         for row in rows.tolist():
             if seeds[row] is not None or self._rngs[row] is None:
@@ -124,6 +122,16 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
             outcome.observation if rows.size == self.num_envs else _mixed(self._observation, outcome.observation, rows)
         )
         return self.simulation.layout.parts(self._observation), self._info(outcome)
+
+    def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+        """A seed for each row, or None."""
+        if seed is None:
+            return [None] * self.num_envs
+        if isinstance(seed, (int, np.integer)):
+            return [int(seed) + row for row in range(self.num_envs)]
+        if not isinstance(seed, (list, tuple, np.ndarray)) or len(seed) != self.num_envs:
+            raise ValueError(f"`seed`: got {seed!r}; allowed is a whole number, or {self.num_envs} of them")
+        return [None if each is None else operator.index(each) for each in seed]
 
     def _start(self, rows: Rows, options: dict[str, Any], commands: FloatArray | None = None) -> Outcome:
         """New episodes in some rows; the others take a step, if there are commands, or wait."""
@@ -135,7 +143,16 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         self, actions: NDArray[np.float32]
     ) -> tuple[Observation, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
         """Drive all robots for 0.1 s, then listen; see the class for what comes back."""
-        wanted = np.asarray(actions, dtype=np.float64) * (MAX_SPEED_MPS, MAX_YAW_RATE_RADPS)
+        wanted = self.simulation.robot.command_from_action(actions)
+        if wanted.shape != (self.num_envs, 2):
+            raise ValueError(
+                f"`actions` must have shape ({self.num_envs}, 2), a row for each robot, got {wanted.shape}"
+            )
+        if not np.isfinite(wanted).all():
+            broken = np.flatnonzero(~np.isfinite(wanted).all(axis=-1)).tolist()
+            raise ValueError(
+                f"`actions` must be finite, got {np.asarray(actions)[broken[0]].tolist()} in row {broken[0]}"
+            )
         over = np.flatnonzero(self._is_over)
         if over.size and self.autoreset_mode is AutoresetMode.NEXT_STEP:
             outcome = self._start(over, {}, wanted)
@@ -176,6 +193,7 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
             "battery": motion.battery.copy(),
             "reward": dict(zip(REWARD_TERMS, outcome.reward, strict=True)),
             "touched": simulation.robots.is_touching.copy(),
+            "fell_over": outcome.fell_over,
             "true_pose": simulation.true_pose,
             "pulses": {"robot": outcome.robot, **outcome.pulses._asdict()},
         }

@@ -13,15 +13,14 @@ from threadpoolctl import threadpool_limits
 
 from dirmusic import ArrayModel, Locator, PoseError
 from envs import Scenario
+from envs.foreign_code import ForeignCodeError
 from envs.patrol_env import STEP_S, PatrolEnv
 from missions.driving.site_map import SiteMap
-from missions.policies.names import PolicyName
+from missions.policies.make_policy import make_policy
 from missions.policies.protocol import SeesTruth
-from missions.policies.registry import make_policy
 from missions.record.mission_log import MissionLog
 from missions.record.tracking import Logbook
-from robot_models.robots import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS
-from robot_models.world import describe_solids
+from robot_models.drawn_solids import describe_solids
 from sensing import HelicalArray
 
 FloatArray = NDArray[np.float64]
@@ -35,19 +34,27 @@ class Mission:
 
     Args:
         scenario: What to run.
-        policy: Who drives.
+        policy: Who drives: the name of a policy, as `make_policy` takes it.
         seed: Fixes all that is drawn: the same seed gives the same mission, bit for bit.
         folder: Where to keep parts of the log while it grows; None keeps it in memory.
+
+    Attributes:
+        error: What ended the mission, if code that the user named raised or gave a wrong result.
+
+    Raises:
+        ForeignCodeError: If code that the user named cannot be loaded or made.
     """
 
-    def __init__(self, scenario: Scenario, policy: PolicyName, seed: int, folder: Path | None = None) -> None:
+    @threadpool_limits.wrap(limits=1)
+    def __init__(self, scenario: Scenario, policy: str, seed: int, folder: Path | None = None) -> None:
         self.env = PatrolEnv(scenario, terminate_on_approach=False)
-        self.policy = make_policy(policy, np.random.default_rng([seed, 1]))
         self.site_map = SiteMap(scenario)
         self.locator = make_locator(scenario, self.env.simulation.array)
         self.folder = folder
         self.is_over = False
+        self.error: ForeignCodeError | None = None
         self._observation, info = self.env.reset(seed=seed)
+        self.policy = make_policy(policy, self.env.simulation.generators(0).policy)
         self._touched: frozenset[str] = frozenset()
         self._visited: tuple[int, ...] = ()
         self._unreachable: frozenset[int] = frozenset()
@@ -85,6 +92,24 @@ class Mission:
             "truth": truth,
         }
 
+    @threadpool_limits.wrap(limits=1)
+    def run(self, after_step: Callable[[Mission], None] | None = None) -> MissionLog:
+        """Go on to the end; `after_step` sees the mission after each control step, and may end it.
+
+        An error in code that the user named ends the mission with events of kind `error` and `end`. Linear algebra runs
+        in one thread: the matrices are small, and the result must not depend on the number of cores.
+        """
+        while not self.is_over:
+            try:
+                self.step()
+            except ForeignCodeError as error:
+                self.error = error
+                self._book.event("error", str(error))
+                self.end("error")
+            if after_step is not None:
+                after_step(self)
+        return self.log
+
     def step(self) -> None:
         """Decide, drive and listen for one control step, locate, and log all of it."""
         action = self.policy(self._observation, self.locator.findings, self.site_map)
@@ -100,7 +125,7 @@ class Mission:
             true_pose=truth["pose"],
             odometry=info["odometry"],
             battery=info["battery"],
-            command=np.asarray(action, dtype=np.float64) * (MAX_SPEED_MPS, MAX_YAW_RATE_RADPS),
+            command=self.site_map.robot.command_from_action(action),
             phase=self.policy.phase,
         )
         for suspect in info["suspects"]:
@@ -109,7 +134,9 @@ class Mission:
         self._log_events(info)
         if self.folder is not None and (step + 1) % round(PART_S / STEP_S) == 0:
             self.log.write_part(self.folder)
-        if terminated:
+        if info["fell_over"]:
+            self.end("fell over")
+        elif terminated:
             self.end("docked")
         elif truncated:
             self.end("time limit")
@@ -148,19 +175,10 @@ def make_locator(scenario: Scenario, array: ArrayModel) -> Locator:
 
 def run_mission(
     scenario: Scenario,
-    policy: PolicyName = "seek",
+    policy: str = "seek",
     seed: int = 0,
     folder: Path | None = None,
     after_step: Callable[[Mission], None] | None = None,
 ) -> MissionLog:
-    """Run a whole mission; `after_step` sees it after each control step, and may end it.
-
-    Linear algebra runs in one thread: the matrices are small, and the result must not depend on the number of cores.
-    """
-    with threadpool_limits(limits=1):
-        mission = Mission(scenario, policy, seed, folder)
-        while not mission.is_over:
-            mission.step()
-            if after_step is not None:
-                after_step(mission)
-    return mission.log
+    """Run a whole mission; the arguments are those of `Mission` and `Mission.run`."""
+    return Mission(scenario, policy, seed, folder).run(after_step)

@@ -13,49 +13,26 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import ArrayLike, NDArray
 
-from robot_models.readings import Motors, Physics, command, reader, take_places, touching
+from robot_models.antenna.elements import AntennaElements
+from robot_models.contacts import take_places, touching
+from robot_models.description.robot_description import RobotDescription
+from robot_models.description.robot_parts import FLOATING_BASE, GYRO, HOME
+from robot_models.readings import Physics, reader
+from robot_models.sensors import LIDAR_BEAMS, LIDAR_PERIOD_S, LIDAR_RANGE_M, contact_names, lidar_names
+from robot_models.steering import Drive, Steering, YawFeedback, command
 from robot_models.world import build_spec, physics_only
 from robot_models.yard.yard import Yard
 
 FloatArray = NDArray[np.float64]
-
-CHASSIS_RADIUS_M = 0.20
-"""Radius of the chassis, the widest part of the robot; equals the geom `chassis` of the XML."""
-
-WHEEL_RADIUS_M = 0.075
-"""Rolling radius of a drive wheel; equals the geoms `left_wheel` and `right_wheel` of the XML."""
-
-WHEEL_TRACK_M = 0.32
-"""Distance between the two points on which the drive wheels stand; as in the XML."""
-
-MAX_SPEED_MPS = 0.8
-"""Greatest forward or backward speed that can be commanded (assumed; a slow walk)."""
-
-MAX_YAW_RATE_RADPS = 1.5
-"""Greatest yaw rate that can be commanded (assumed)."""
-
-MAX_ACCELERATION_MPS2 = 3.0
-"""Greatest rate at which the rim speed of a wheel is changed; abrupt commands make the wheels slip (measured). The
-motors of the XML keep it."""
-
-LIDAR_BEAMS = 36
-"""Beams of the planar lidar, evenly all round; the first looks ahead, the next further counter-clockwise."""
-
-LIDAR_RANGE_M = 12.0
-"""ShortestPaths of the lidar (assumed, of a small time-of-flight scanner)."""
-
-_LIDAR_PERIOD_S = 0.1
-"""Time between its scans, as in the XML."""
-
-_LIMITS = (MAX_SPEED_MPS, MAX_YAW_RATE_RADPS, 0.5 * WHEEL_TRACK_M, WHEEL_RADIUS_M)
+IntArray = NDArray[np.intp]
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 """All that physics goes on from."""
 
-_HULL = ("chassis_contact", "mast_contact", "head_contact")
+_LEAST_UPRIGHT = np.cos(np.radians(45.0))
+
 _CONTACT_SIZE = 4
-"""Sensors of what the hull touches, which remember equally many physics steps, and numbers they tell of each contact:
-found, x, y, z."""
+"""Numbers that the sensors of the hull remember of each contact: found, x, y, z."""
 
 
 class Robots:
@@ -65,13 +42,14 @@ class Robots:
     the bit whatever the others do, and however many threads there are. Every answer has a row for each robot.
 
     Args:
+        robot: What each of them is.
         yard: Fence and equipment.
-        element_positions_m: Where the antenna elements sit, shape (n_elements, 3), array frame.
-        element_boresights_rad: Azimuths that they look to, shape (n_elements,).
+        elements: The antenna elements that each carries.
         n_robots: How many.
         n_threads: On how many threads the physics runs.
 
     Attributes:
+        robot: As given.
         physics: The world that each is in, without what is only looked at.
         step_s: Length of a physics step.
         is_touching: Who touched anything since its last `drive` or `reset` began, shape (n_robots,).
@@ -80,60 +58,72 @@ class Robots:
     """
 
     def __init__(
-        self,
-        yard: Yard,
-        element_positions_m: ArrayLike,
-        element_boresights_rad: ArrayLike,
-        n_robots: int = 1,
-        n_threads: int = 1,
+        self, robot: RobotDescription, yard: Yard, elements: AntennaElements, n_robots: int = 1, n_threads: int = 1
     ) -> None:
-        self._arguments = (yard, element_positions_m, element_boresights_rad, n_robots, n_threads)
-        self._spec = build_spec(yard, element_positions_m, element_boresights_rad)
-        lidar = [f"lidar_{beam:02d}" for beam in range(LIDAR_BEAMS)]
-        self.physics: mujoco.MjModel = physics_only(self._spec, [*lidar, *_HULL]).compile()
+        self._arguments = (robot, yard, elements, n_robots, n_threads)
+        self.robot, self._yard, self._elements = robot, yard, elements
+        spec = build_spec(robot, yard)
+        hull, has_feedback = contact_names(spec), robot.yaw_rate_gain > 0
+        read = [*lidar_names(), *hull, *([GYRO] if has_feedback else [])]
+        self.physics: mujoco.MjModel = physics_only(spec, read).compile()
         self.step_s: float = self.physics.opt.timestep
-        self._yard = yard
         self._batch = Batch(self.physics, n_robots, n_threads)
         model, batch = self.physics, self._batch
-        base = int(model.joint("floating_base").qposadr[0])
-        turn = int(model.joint("floating_base").dofadr[0])
-        wheels = [int(model.joint(name).qposadr[0]) for name in ("left_wheel", "right_wheel")]
-        assert wheels[1] == wheels[0] + 1
-        self._home = model.key("home").id
-        qpos, first = batch.bind("qpos"), int(model.sensor("lidar_00").adr[0])
+        base = int(model.joint(FLOATING_BASE).qposadr[0])
+        turn = int(model.joint(FLOATING_BASE).dofadr[0])
+        self._home = model.key(HOME).id
+        qpos, sensordata, lidar = batch.bind("qpos"), batch.bind("sensordata"), int(model.sensor("lidar_00").adr[0])
         self._ctrl = batch.bind("ctrl")
         live = Physics(
             base=qpos[:, base : base + 7],
             base_velocity=batch.bind("qvel")[:, turn : turn + 6],
-            wheels=qpos[:, wheels[0] : wheels[0] + 2],
+            joints=qpos,
             torque_nm=batch.bind("actuator_force"),
-            wheel_radps=batch.bind("actuator_velocity"),
-            beams_m=batch.bind("sensordata")[:, first : first + LIDAR_BEAMS],
+            actuator_radps=batch.bind("actuator_velocity"),
+            beams_m=sensordata[:, lidar : lidar + LIDAR_BEAMS],
         )
-        motors = [model.actuator(name).gainprm[:2] for name in ("left_wheel", "right_wheel")]
-        self._base = live.base
-        self._read = reader(live, Motors(*np.array(motors, dtype=np.float64).T.copy()), LIDAR_RANGE_M)
-        hull, history = [model.sensor(name).id for name in _HULL], batch.bind("history")
-        self._n_remembered = int(model.sensor_history[hull[0], 0])
-        chassis, mast, head = (self._contacts_within(history, sensor) for sensor in hull)
-        self._touches = chassis, mast, head
+        self._base, drive = live.base, _drive(model, robot)
+        self._read = reader(live, drive, robot.lidar_start_m, LIDAR_RANGE_M)
+        self._drive, self._all_rows = tuple(drive), np.arange(n_robots)
+        self._steering = tuple(
+            Steering(
+                robot.max_speed_mps,
+                robot.max_yaw_rate_radps,
+                0.5 * robot.turning_track_m,
+                robot.wheel_radius_m,
+                robot.max_acceleration_mps2,
+                robot.yaw_rate_gain,
+            )
+        )
+        self._feedback = YawFeedback(
+            gyro_radps=sensordata[:, int(model.sensor(GYRO).adr[0]) + 2] if has_feedback else np.zeros(n_robots),
+            set_point=np.zeros((n_robots, 2)),
+            added_radps=np.zeros(n_robots),
+        )
+        self._touches = self._remembered_contacts([model.sensor(name).id for name in hull])
+        self._n_remembered = self._touches.shape[2]
         self._places: list[set[tuple[float, float]]] = [set() for _ in range(n_robots)]
         self.is_touching = np.zeros(n_robots, dtype=np.bool_)
-        self.reset(np.arange(n_robots), np.zeros((n_robots, 3)))
+        self.reset(self._all_rows, np.zeros((n_robots, 3)))
 
-    def _contacts_within(self, history: FloatArray, sensor: int) -> FloatArray:
-        """Where a sensor remembers contacts: a live view, shape (n_robots, n_steps, n_contacts, _CONTACT_SIZE).
+    def _remembered_contacts(self, sensors: Sequence[int]) -> FloatArray:
+        """What the sensors of the hull remember: a live view, shape (n_robots, n_sensors, n_steps, n_contacts, 4).
 
-        MuJoCo puts a number of the user's, one of its own, and the times before them.
+        Their histories follow one another. In each, MuJoCo puts a number of the user's, one of its own, and the times
+        before the contacts.
         """
-        n, first = self._n_remembered, int(self.physics.sensor_historyadr[sensor]) + 2 + self._n_remembered
-        size = int(self.physics.sensor_dim[sensor])
-        return history[:, first : first + n * size].reshape(len(history), n, -1, _CONTACT_SIZE)
+        model, history = self.physics, self._batch.bind("history")
+        n_steps, size = int(model.sensor_history[sensors[0], 0]), int(model.sensor_dim[sensors[0]])
+        first, head = int(model.sensor_historyadr[sensors[0]]), 2 + n_steps
+        each = head + n_steps * size
+        assert model.sensor_historyadr[sensors].tolist() == [first + each * k for k in range(len(sensors))]
+        rows = history[:, first : first + each * len(sensors)].reshape(len(history), len(sensors), each)
+        return rows[:, :, head:].reshape(len(history), len(sensors), n_steps, -1, _CONTACT_SIZE)
 
     @cached_property
     def model(self) -> mujoco.MjModel:
         """The world that each is in, complete: with looks and all sensors."""
-        return self._spec.compile()
+        return build_spec(self.robot, self._yard, self._elements).compile()
 
     @property
     def n_robots(self) -> int:
@@ -144,6 +134,11 @@ class Robots:
     def touched(self) -> list[tuple[str, ...]]:
         """What each robot touched since its last `drive` or `reset` began: `equipment/NAME`, `fence/SIDE`."""
         return [tuple(sorted(self._yard.obstacles_at(list(places)))) if places else () for places in self._places]
+
+    @property
+    def fell_over(self) -> NDArray[np.bool_]:
+        """Whose base leans by more than 45 degrees, shape (n_robots,)."""
+        return self.readings.world_from_base[:, 2, 2] < _LEAST_UPRIGHT
 
     def reset(self, rows: Sequence[int] | NDArray[np.intp], poses: ArrayLike) -> None:
         """Stand some robots at rest on their wheels; their time and all state start from zero.
@@ -165,12 +160,14 @@ class Robots:
             base[:2] = x, y
             mujoco.mju_mulQuat(base[3:], [np.cos(0.5 * yaw), 0.0, 0.0, np.sin(0.5 * yaw)], base[3:].copy())
         start = batch.state[ids].copy()
-        batch.bind("time")[ids] = _LIDAR_PERIOD_S  # so that the lidar is due; a step reads all sensors at its start
+        batch.bind("time")[ids] = LIDAR_PERIOD_S  # so that the lidar is due; a step reads all sensors at its start
         batch.step(ids)
         for row in ids.tolist():
             self._places[row] = self._take_places(row)
             self.is_touching[row] = bool(self._places[row])
         batch.state[ids] = start
+        self._feedback.set_point[ids] = 0.0
+        self._feedback.added_radps[ids] = 0.0
         self.readings = self._read()
 
     def drive(
@@ -178,8 +175,9 @@ class Robots:
     ) -> None:
         """Drive for a while under one command each, noting whatever is touched on the way.
 
-        Commands are clipped to `MAX_SPEED_MPS` and `MAX_YAW_RATE_RADPS`. The motors approach them at no more than
-        `MAX_ACCELERATION_MPS2` at the rim, from where the previous `drive` left them.
+        Commands are clipped to the robot's limits. The motors approach them no faster than its `max_acceleration`
+        allows, from where the previous `drive` left them. Where wheels skid in turns, the gyro corrects the yaw rate
+        from one `drive` to the next.
 
         Args:
             v_mps: Forward speeds, shape (n_robots,), m/s; negative is backward.
@@ -196,10 +194,11 @@ class Robots:
             raise ValueError(
                 f"`duration_s` must be a positive multiple of the physics step, {self.step_s:g} s, got {duration_s:g}."
             )
-        if not command(v, turn, *_LIMITS, self._ctrl):
+        driven = self._all_rows if rows is None else rows
+        if not command(v, turn, driven, duration_s, self._steering, self._drive, self._feedback, self._ctrl):
             raise ValueError(f"`v_mps` and `yaw_rate_radps` must be finite, got {v} and {turn}.")
         if any(self._places):
-            for row in range(self.n_robots) if rows is None else rows.tolist():
+            for row in driven.tolist():
                 self._places[row] = set()
                 self.is_touching[row] = False
         while n_substeps > 0:
@@ -232,6 +231,7 @@ class Robots:
         return {
             "arguments": self._arguments,
             "state": self._batch.state.copy(),
+            "feedback": (self._feedback.set_point, self._feedback.added_radps),
             "places": self._places,
             "is_touching": self.is_touching,
             "readings": self.readings,
@@ -240,4 +240,21 @@ class Robots:
     def __setstate__(self, kept: dict[str, Any]) -> None:
         self.__init__(*kept["arguments"])
         self._batch.state[:] = kept["state"]
+        self._feedback.set_point[:], self._feedback.added_radps[:] = kept["feedback"]
         self._places, self.is_touching, self.readings = kept["places"], kept["is_touching"], kept["readings"]
+
+
+def _drive(model: mujoco.MjModel, robot: RobotDescription) -> Drive:
+    """Where the driven wheels are in the model, and the data of their motors."""
+    sides = np.array([wheel.side for wheel in robot.wheels], dtype=np.intp)
+    actuators = np.array([model.actuator(wheel.actuator).id for wheel in robot.wheels], dtype=np.intp)
+    is_dc = model.actuator_gaintype[actuators] == mujoco.mjtGain.mjGAIN_DCMOTOR
+    resistance, constant = model.actuator_gainprm[actuators, :2].T
+    return Drive(
+        joint=np.array([model.joint(wheel.joint).qposadr[0] for wheel in robot.wheels], dtype=np.intp),
+        actuator=actuators,
+        side=sides,
+        side_share=1.0 / np.bincount(sides)[sides],
+        resistance_ohm=np.where(is_dc, resistance, 0.0),
+        constant_nmpa=np.where(is_dc, constant, 1.0),
+    )

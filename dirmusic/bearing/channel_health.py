@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.angles import opening
+from dirmusic.angles import aperture
 from dirmusic.array.model import ArrayModel
 from dirmusic.bearing.bearings import Bearings
 from dirmusic.bearing.estimator import BearingEstimator
@@ -245,6 +245,6 @@ class ChannelMonitor:
             return []
         order = np.arange(channels.size, dtype=np.intp)
         order[list(pair)] = order[list(pair)[::-1]]
-        if opening(self._fit(strengths_v[:, order], channels).azimuth_rad) < SWAP_OPENING_RAD:
+        if aperture(self._fit(strengths_v[:, order], channels).azimuth_rad) < SWAP_OPENING_RAD:
             return []
         return [SuspectChannel(int(channels[k]) + 1, "swapped", np.nan, len(strengths_v)) for k in pair]

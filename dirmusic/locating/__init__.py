@@ -1,1 +1,1 @@
-"""From bearings to findings: assignment, triangulation, and the fix of sources and array together."""
+"""From bearings to findings: association, births, triangulation, the fix of sources and array, confirmation."""

@@ -8,11 +8,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from dirmusic.locating.ellipse import ellipse95
+
 FloatArray = NDArray[np.float64]
 State = Literal["candidate", "confirmed", "outside", "echo"]
-
-CHI2_95 = 5.991
-"""95 % quantile of chi-square with two degrees of freedom."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,12 +24,12 @@ class Finding:
             where nothing comes from it though the robot was near and in sight of it.
         position_m: Shape (2,), world frame.
         covariance_m2: Shape (2, 2), the array's common error included.
-        n_bearings: Pulses that belong to it; where there is a map, those heard in sight of it.
-        first_heard_s: When its first pulse came.
+        n_bearings: Pulses that belong to it; where there is a map, those detected in sight of it.
+        first_detected_s: When its first pulse came.
         fixed_s: When it was first confirmed, or None.
-        opening_rad: Angle by which the lines of sight have opened, as seen from the finding.
-        nearest_m: Least distance from which it was heard.
-        level_db: Strength that its louder pulses would have 1 m away, dB over 1 V; NaN until it was heard in sight.
+        aperture_rad: Angle over which its lines of sight spread, seen from the finding.
+        nearest_m: Least distance from which it was detected.
+        level_db: Strength that its louder pulses would have 1 m away, dB over 1 V; NaN until it was detected in sight.
     """
 
     id: int
@@ -38,13 +37,13 @@ class Finding:
     position_m: FloatArray
     covariance_m2: FloatArray
     n_bearings: int
-    first_heard_s: float
+    first_detected_s: float
     fixed_s: float | None
-    opening_rad: float
+    aperture_rad: float
     nearest_m: float
     level_db: float
 
     @property
     def semi_major_m(self) -> float:
         """Longer half-axis of the 95 % ellipse."""
-        return float(np.sqrt(CHI2_95 * np.linalg.eigvalsh(self.covariance_m2)[-1]))
+        return ellipse95(self.covariance_m2).semi_major_m

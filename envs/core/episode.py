@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.scenario.scenario import ROBOT_CLEARANCE_M, Scenario
+from envs.scenario.scenario import Scenario
 from envs.scenario.sources import SourceConfig
 from sensing import Carrier, DischargeSource, HelicalArray, PulseTrain, Scene, Surroundings
 
@@ -65,9 +65,9 @@ class Episode:
             )
             for item in scenario.carriers
         ]
-        array = HelicalArray.draw(scenario.array, rng)
         yaw_rad, fixed_deg = float(rng.uniform(-np.pi, np.pi)), scenario.route.dock_yaw_deg
         yaw_rad = yaw_rad if fixed_deg is None else float(np.radians(fixed_deg))
+        array = HelicalArray.draw(scenario.array, rng)  # last: arrays of other sizes shift nothing
         start = fixed["start_pose"] if fixed["start_pose"] is not None else (*scenario.route.dock_m, yaw_rad)
         return cls(
             sources=sources,
@@ -135,7 +135,7 @@ def _draw_position(config: SourceConfig, scenario: Scenario, rng: np.random.Gene
     if config.position_m is not None:
         return np.array(config.position_m)
     if config.anywhere_at_m is not None:
-        return np.append(scenario.yard.free_place(rng, ROBOT_CLEARANCE_M), config.anywhere_at_m)
+        return np.append(scenario.yard.free_place(rng, scenario.robot.description.room_m), config.anywhere_at_m)
     sites = [site for site in scenario.candidate_sites(config) if site not in taken]
     site = sites[int(rng.integers(len(sites)))]
     taken.add(site)

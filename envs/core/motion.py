@@ -152,7 +152,7 @@ class StepInputs(NamedTuple):
 
     Attributes:
         readings: The values of `robot_models.readings.Readings`, shape (n_robots, n_values).
-        normal: Standard normal draws, shape (n_robots, N_DRAWS or more).
+        normal: Standard normal draws, shape (n_robots, N_DRAWS).
         sources_m: Where the sources are, world frame, shape (n_robots, n_sources, 2).
         is_touching: Who touched something, shape (n_robots,).
         is_reset: Reset mask: whose episode has just begun, so that no time has passed, shape (n_robots,).

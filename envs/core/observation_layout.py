@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dirmusic.compiled import compiled
 from envs.core.progress import MAX_BEARING_AGE_S
-from robot_models.robots import LIDAR_BEAMS, LIDAR_RANGE_M, MAX_SPEED_MPS, MAX_YAW_RATE_RADPS
+from robot_models.sensors import LIDAR_BEAMS, LIDAR_RANGE_M
 
 Float32Array = NDArray[np.float32]
 
@@ -43,16 +43,19 @@ class Entries(NamedTuple):
     time_left: Any
 
 
-def observation_bounds(yard_m: tuple[float, float], n_elements: int, time_limit_s: float) -> Entries:
+def observation_bounds(
+    yard_m: tuple[float, float], limits: tuple[float, float], n_elements: int, time_limit_s: float
+) -> Entries:
     """Lowest and highest values of the entries of one robot.
 
     Args:
         yard_m: Size of the yard.
+        limits: Greatest speed, m/s, and greatest yaw rate, rad/s, that can be commanded.
         n_elements: Of the array.
         time_limit_s: Of an episode.
     """
     size = np.asarray(yard_m)
-    fastest = 2.0 * np.array([MAX_SPEED_MPS, MAX_YAW_RATE_RADPS])
+    fastest = 2.0 * np.array(limits)
 
     def box(lowest: ArrayLike, highest: ArrayLike, n: int) -> tuple[Float32Array, Float32Array]:
         low, high = (np.array(np.broadcast_to(end, n), dtype=np.float32) for end in (lowest, highest))

@@ -11,7 +11,6 @@ from dirmusic.bearing.likelihood_kernels import pulse_spectra
 from dirmusic.bearing.spectrum import LEAST_NULL
 from dirmusic.compiled import compiled
 from envs.core.loudest_pulse import LoudestPulse, loudest_pulse, note_bearings
-from envs.core.motion import N_DRAWS
 from envs.core.observation_layout import sliced
 from envs.core.progress import Progress
 from robot_models.readings import LIDAR, VELOCITY
@@ -50,13 +49,13 @@ class Sensed(NamedTuple):
     Attributes:
         pose: Believed, shape (n_robots, 3).
         readings: Values of `robot_models.readings.Readings`.
-        normal: Standard normal draws, of which those from `N_DRAWS` on are the lidar's noise.
+        lidar_normal: Standard normal draws for its noise, shape (n_robots, n_beams).
         time_s: Since the start, shape (n_robots,).
     """
 
     pose: FloatArray
     readings: FloatArray
-    normal: FloatArray
+    lidar_normal: FloatArray
     time_s: FloatArray
 
 
@@ -107,7 +106,7 @@ def observe(
         entry.pose[2, r], entry.pose[3, r] = np.cos(sensed.pose[r, 2]), np.sin(sensed.pose[r, 2])
         for beam in range(n_beams):
             range_m = lidar_m[r, beam]
-            noisy_m = range_m + parameters.lidar_std_m * sensed.normal[r, N_DRAWS + beam]
+            noisy_m = range_m + parameters.lidar_std_m * sensed.lidar_normal[r, beam]
             entry.lidar[beam, r] = noisy_m if range_m < parameters.lidar_range_m else parameters.lidar_range_m
         entry.velocity[0, r], entry.velocity[1, r] = velocity[r, 0], velocity[r, 1]
         if loudest.level_v[r] > 0.0:

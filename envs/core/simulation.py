@@ -14,15 +14,18 @@ from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, ElementSpread
 from dirmusic.bearing.channel_health import ChannelMonitor, SuspectChannel
-from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
 from dirmusic.pulses.batch import PulseBatch
 from envs.core.episode import Episode
+from envs.core.generators import Generators
 from envs.core.motion import N_DRAWS, Motion, SensorParameters
 from envs.core.observation_layout import SPECTRUM_AZIMUTHS_RAD, ObservationLayout, observation_bounds
 from envs.core.observing import ObservationParameters, perceive
+from envs.core.own_estimator import make_estimator
 from envs.core.progress import Progress, Task, advance
 from envs.scenario import Scenario
-from robot_models.robots import LIDAR_BEAMS, LIDAR_RANGE_M, WHEEL_RADIUS_M, Robots
+from robot_models.antenna.elements import AntennaElements
+from robot_models.robots import Robots
+from robot_models.sensors import LIDAR_BEAMS, LIDAR_RANGE_M
 from sensing import Detections, Faces, HelicalArray, Obstacles, Surroundings
 
 FloatArray = NDArray[np.float64]
@@ -42,6 +45,7 @@ class Outcome(NamedTuple):
         observation: All entries of the observation, float32, shape (n_robots, n_entries); see `ObservationLayout`.
         reward: Terms in the order of `REWARD_TERMS`, shape (3, n_robots).
         terminated: Whether the episode is over, shape (n_robots,).
+        fell_over: Whether that is because the robot did, shape (n_robots,).
         truncated: Whether its time is, shape (n_robots,).
         robot: Whose each pulse is, shape (n_pulses,).
         pulses: All pulses with their directions, robot by robot.
@@ -51,6 +55,7 @@ class Outcome(NamedTuple):
     observation: NDArray[np.float32]
     reward: FloatArray
     terminated: BoolArray
+    fell_over: BoolArray
     truncated: BoolArray
     robot: Rows
     pulses: PulseBatch
@@ -67,7 +72,8 @@ class Simulation:
         terminate_on_approach: Whether an episode ends once all sources are approached.
 
     Attributes:
-        inspectors: The robots.
+        robot: What each robot is.
+        robots: All of them.
         array: The array's data sheet and how far real ones spread about it: what the robot knows.
         layout: Of the observations: bounds and places of their entries.
         motion: What the robots know of their motion, live: it changes with the next step.
@@ -87,14 +93,20 @@ class Simulation:
                 offset=scenario.array.gain_offset / np.sqrt(3),
             ),
         )
-        self._estimator = MaximumLikelihood()
-        self.robots = Robots(yard, nominal.positions_m, nominal.boresights_rad, n_robots, n_threads)
+        self._estimator = make_estimator(scenario.estimator.method, self.array)
+        self.robot, elements = (
+            scenario.robot.description,
+            AntennaElements.checked(nominal.positions_m, nominal.boresights_rad),
+        )
+        self.robots = Robots(self.robot, yard, elements, n_robots, n_threads)
         self._surroundings = Surroundings.of_kinds(
-            [item.kind for item in yard.equipment], Faces(*yard.faces()), Obstacles(*yard.obstacles())
+            [item.kind for item in yard.equipment],
+            Faces(**yard.faces()._asdict()),
+            Obstacles(**yard.obstacles()._asdict()),
         )
         self._spectrum_gain = np.empty((n_robots, self.array.manifold.n_elements, SPECTRUM_AZIMUTHS_RAD.size))
         n_elements, time_limit_s = self.array.manifold.n_elements, scenario.task.time_limit_s
-        self.layout = ObservationLayout(observation_bounds(yard.size_m, n_elements, time_limit_s))
+        self.layout = ObservationLayout(observation_bounds(yard.size_m, self.robot.limits, n_elements, time_limit_s))
         self._stops_m = np.array([*scenario.route.waypoints_m, scenario.route.dock_m])
         self._observation_parameters = ObservationParameters(
             stops_m=self._stops_m,
@@ -107,10 +119,10 @@ class Simulation:
             time_limit_s=scenario.task.time_limit_s,
         )
         self._episodes: list[Episode | None] = [None] * n_robots
-        self._rngs: list[np.random.Generator] = [np.random.default_rng(0)] * n_robots
+        self._generators = [Generators.spawn(np.random.default_rng(0))] * n_robots
         self._monitors = [ChannelMonitor(self.array, self._estimator) for _ in range(n_robots)]
         self._receivers = None
-        self._draws = np.zeros((n_robots, N_DRAWS + LIDAR_BEAMS))
+        self._motion_normal, self._lidar_normal = np.zeros((n_robots, N_DRAWS)), np.zeros((n_robots, LIDAR_BEAMS))
         n_sources = len(scenario.sources)
         self._sources_m = np.zeros((n_robots, n_sources, 2))
         self._progress = Progress.at_start(n_robots, n_sources, len(self._stops_m))
@@ -146,6 +158,10 @@ class Simulation:
         assert episode is not None, "reset first"
         return episode
 
+    def generators(self, row: int) -> Generators:
+        """Of a robot's episode."""
+        return self._generators[row]
+
     def waypoints_visited(self, row: int) -> tuple[int, ...]:
         """Numbers of the waypoints that a robot has visited."""
         return tuple(self._progress.visited[row, :-1].nonzero()[0].tolist())
@@ -155,17 +171,22 @@ class Simulation:
         from sensing.receiver.bank import ReceiverBank  # loads the compiler
         from sensing.receiver.receiver import Listener
 
-        drawn = [Episode.draw(self.scenario, self._surroundings, rng, options) for rng in rngs]
-        for row, rng, episode in zip(rows.tolist(), rngs, drawn, strict=True):
-            self._episodes[row], self._rngs[row] = episode, rng
+        def listener(episode: Episode, each: Generators) -> Listener:
+            return Listener(
+                array=episode.array, scene=episode.scene, nature_rng=each.nature, receiver_rng=each.receiver
+            )
+
+        spawned = [Generators.spawn(rng) for rng in rngs]
+        drawn = [Episode.draw(self.scenario, self._surroundings, each.episode, options) for each in spawned]
+        for row, generators, episode in zip(rows.tolist(), spawned, drawn, strict=True):
+            self._episodes[row], self._generators[row] = episode, generators
             self._monitors[row] = ChannelMonitor(self.array, self._estimator)
             self._sources_m[row] = np.array([s.position_m[:2] for s in episode.sources]).reshape(-1, 2)
             if self._receivers is not None:
-                self._receivers.replace(row, Listener(array=episode.array, scene=episode.scene, rng=rng))
+                self._receivers.replace(row, listener(episode, generators))
         if self._receivers is None:
             known = [episode or drawn[0] for episode in self._episodes]
-            listeners = [Listener(array=e.array, scene=e.scene, rng=r) for e, r in zip(known, self._rngs, strict=True)]
-            self._receivers = ReceiverBank(self.scenario.receiver, listeners)
+            self._receivers = ReceiverBank(self.scenario.receiver, list(map(listener, known, self._generators)))
         self.robots.reset(rows, [episode.start_pose for episode in drawn])
         self._progress.restart(rows)
         self._usable[rows] = True
@@ -186,7 +207,7 @@ class Simulation:
         """
         is_reset, is_idle, moving = self._nobody, self._nobody, None
         if started is not None:
-            is_reset = np.zeros(len(self._rngs), dtype=np.bool_)
+            is_reset = np.zeros(len(self._generators), dtype=np.bool_)
             is_reset[started] = True
             moving = np.flatnonzero(~is_reset)
             if commands is None:
@@ -194,26 +215,29 @@ class Simulation:
         start_s = self.motion.time_s.copy()
         if commands is not None and (moving is None or moving.size):
             self.robots.drive(commands[:, 0], commands[:, 1], STEP_S, moving)
-        for row, rng in enumerate(self._rngs):
+        for row, generators in enumerate(self._generators):
             if not is_idle[row]:
-                rng.standard_normal(out=self._draws[row])
+                generators.motion.standard_normal(out=self._motion_normal[row])
+                generators.lidar.standard_normal(out=self._lidar_normal[row])
         now = self.robots.readings
         result = advance(
             tuple(self.motion),
             tuple(self._sensors),
             tuple(self._progress),
             tuple(self._task),
-            (now.values, self._draws, self._sources_m, self.robots.is_touching, is_reset, is_idle),
+            (now.values, self._motion_normal, self._sources_m, self.robots.is_touching, is_reset, is_idle),
         )
         for row in [] if started is None else started.tolist():
-            self.motion.draw_odometry(row, self.scenario.odometry, WHEEL_RADIUS_M, self._rngs[row])
+            rng = self._generators[row].motion
+            self.motion.draw_odometry(row, self.scenario.odometry, self.robot.wheel_radius_m, rng)
         assert self._receivers is not None, "reset first"
         detections = self._receivers.listen(now.world_from_base, start_s, STEP_S, moving)
         pulses, suspects = self._find_directions(detections)
         return Outcome(
             observation=self._observe(detections.robot, pulses),
             reward=result.reward,
-            terminated=result.terminated,
+            terminated=result.terminated | self.robots.fell_over,
+            fell_over=self.robots.fell_over,
             truncated=result.truncated,
             robot=detections.robot,
             pulses=pulses,
@@ -243,7 +267,7 @@ class Simulation:
 
     def _observe(self, robot: Rows, pulses: PulseBatch) -> NDArray[np.float32]:
         """All entries of the observation, shape (n_robots, n_entries); see `PatrolEnv`."""
-        sensed = self.motion.pose, self.robots.readings.values, self._draws, self.motion.time_s
+        sensed = self.motion.pose, self.robots.readings.values, self._lidar_normal, self.motion.time_s
         detected = robot, pulses.strengths_v, pulses.azimuth_rad
         parameters, progress = tuple(self._observation_parameters), tuple(self._progress)
         return perceive(sensed, parameters, progress, detected, self._usable, self._spectrum_gain).T

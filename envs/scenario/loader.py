@@ -10,6 +10,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 
 from dirmusic import InputFileError
+from envs.scenario.base import FOLDER
 from envs.scenario.scenario import Scenario
 
 SHIPPED = Path(__file__).parents[1] / "scenarios"
@@ -44,7 +45,7 @@ def load_scenario(scenario: str | Path | Scenario) -> Scenario:
         path = SHIPPED / f"{scenario}.toml"
     data = _read(path)
     try:
-        return Scenario.model_validate({"name": path.stem, **data})
+        return Scenario.model_validate({"name": path.stem, **data}, context={FOLDER: path.absolute().parent})
     except ValidationError as error:
         raise ScenarioError(_faults(path, error)) from None
 

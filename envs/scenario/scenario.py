@@ -1,7 +1,7 @@
 """A scenario: everything that a mission needs to be told.
 
-Composes the configurations that each package owns. Needs neither MuJoCo nor Rerun, so that a wrong file is refused
-at once.
+Composes the configurations that each package owns. Of MuJoCo it needs no more than the robot's file, and Rerun not at
+all, so that a wrong file is refused at once.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from pydantic import Field, PositiveFloat, model_validator
 
 from envs.scenario.base import Config
+from envs.scenario.estimator import EstimatorConfig
+from envs.scenario.robot_config import RobotConfig
 from envs.scenario.robot_sensors import BatteryConfig, LidarConfig, OdometryConfig, PoseSensorConfig
 from envs.scenario.sources import CarrierConfig, InterfererConfig, SourceConfig
 from robot_models.yard.yard import Yard
@@ -21,9 +23,6 @@ from sensing import ArrayConfig, ReceiverConfig
 from sensing.radio.materials import KIND_MATERIALS
 
 FloatArray = NDArray[np.float64]
-
-ROBOT_CLEARANCE_M = 0.25
-"""Free ground that a waypoint needs around it: the chassis radius of 0.20 m and a little."""
 
 
 class RouteConfig(Config, frozen=True):
@@ -58,6 +57,8 @@ class Scenario(Config, frozen=True):
     yard: Yard
     route: RouteConfig
     array: ArrayConfig
+    estimator: EstimatorConfig = EstimatorConfig()
+    robot: RobotConfig = Field(default_factory=RobotConfig)
     sources: tuple[SourceConfig, ...] = ()
     interferers: tuple[InterfererConfig, ...] = ()
     carriers: tuple[CarrierConfig, ...] = ()
@@ -111,17 +112,17 @@ class Scenario(Config, frozen=True):
     def _route_faults(self) -> list[str]:
         stops = {"route.dock_m": self.route.dock_m}
         stops |= {f"route.waypoints_m.{i}": point for i, point in enumerate(self.route.waypoints_m)}
-        faults: list[str] = []
+        faults, room_m = list[str](), self.robot.description.room_m
         for key, point in stops.items():
             inside = self.yard.covering_equipment(point)
             if not self.yard.contains(point):
                 faults.append(f"{key}: {point} is outside the yard; allowed is (0, 0) to {self.yard.size_m}")
             elif inside is not None:
                 faults.append(f"{key}: {point} is inside equipment `{inside}`; allowed is free ground")
-            elif self.yard.clearance(point) < ROBOT_CLEARANCE_M:
+            elif self.yard.clearance(point) < room_m:
                 faults.append(
                     f"{key}: {point} is {self.yard.clearance(point):.2f} m from equipment or fence; "
-                    f"allowed is {ROBOT_CLEARANCE_M} m or more, or the robot does not fit"
+                    f"allowed is {room_m:.3g} m or more, or the robot does not fit"
                 )
         return faults
 

@@ -88,7 +88,8 @@ def locate(
     from rich.progress import Progress
 
     from dirmusic import ElementSpread, InputFileError, PoseError, read_pattern
-    from missions.field.field_data import array_model, read_field_data
+    from missions.field.array_model import array_model
+    from missions.field.field_data import read_field_data
 
     started_s = time.perf_counter()
     with warnings.catch_warnings(record=True) as told:

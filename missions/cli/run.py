@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from missions.cli.terminal import (
+    FAILED,
     INTERRUPTED,
     err,
     make_folder,
@@ -23,7 +24,7 @@ from missions.cli.terminal import (
     tell_where,
     write_mission,
 )
-from missions.policies.names import PolicyName
+from missions.policies.names import BUILT_IN
 
 if TYPE_CHECKING:
     from missions.runner import Mission
@@ -35,7 +36,7 @@ TOLD = ("candidate", "confirmed", "outside", "echo", "contact", "unreachable", "
 def run(
     scenario: tyro.conf.Positional[str] = "one_source",
     *,
-    policy: PolicyName = "seek",
+    policy: Annotated[str, tyro.conf.arg(metavar="{seek,patrol,random,oracle,FILE.py:NAME}")] = "seek",
     seed: int = 0,
     out_dir: Annotated[Path | None, tyro.conf.arg(name="out", metavar="DIR")] = None,
     live: bool = False,
@@ -43,11 +44,15 @@ def run(
 ) -> None:
     """Run one mission and write its log, report and recording.
 
-    Ctrl-C ends the mission early; what was heard until then is written all the same.
+    Ctrl-C, or an error in your own code, ends the mission early; log, report and recording are written all the same.
+    Exit status: 0, or 130 after Ctrl-C, 1 after an error in your own code, 2 if nothing was started.
 
     Args:
         scenario: Name of a shipped scenario (see `pdpatrol scenarios`), or path of a TOML file.
-        policy: Who drives. oracle is told the truth: a yardstick, not a result.
+        policy: Who drives. oracle knows the truth: a yardstick, not a result. Your own policy is a class in a file,
+            my_policy.py:MyPolicy, or in a module that Python can import, package.module:MyPolicy; MyPolicy(rng) makes
+            one, and policy(observation, findings, site_map) returns two numbers in [-1, 1], for speed and yaw rate.
+            The contract is the docstring of missions.policies.protocol.Policy; examples/own_policy is one to copy.
         seed: Fixes all that is drawn; 0 or more. The same seed gives the same mission.
         out_dir: Folder to write to; new or empty. Default: runs/SCENARIO-SEED, then -2, -3 and so on.
         live: Show the mission in the Rerun viewer while it runs.
@@ -61,11 +66,14 @@ def run(
         refuse(*error.faults)
     if seed < 0:
         refuse(f"--seed: got {seed}; allowed is 0 or more")
-    folder = make_folder(new_folder(out_dir, f"{loaded.name}-{seed}"))
+    if policy not in BUILT_IN and ":" not in policy:
+        refuse(f"--policy: no policy `{policy}`; allowed are {', '.join(BUILT_IN)}, or FILE.py:NAME for your own")
+    folder = new_folder(out_dir, f"{loaded.name}-{seed}")
 
+    from envs.foreign_code import ForeignCodeError
     from missions.record.report import candidates_table, findings_table, make_report
     from missions.recording import live_stream
-    from missions.runner import run_mission
+    from missions.runner import Mission
 
     started_s = time.perf_counter()
     with _progress(loaded.task.time_limit_s) as follow:
@@ -79,7 +87,12 @@ def run(
                 if mission.log.n_rows("step") % 5 == 0 or mission.is_over:
                     viewer.update()
 
-        log = run_mission(loaded, policy, seed, folder, after_step)
+        try:
+            mission = Mission(loaded, policy, seed, folder)
+        except ForeignCodeError as error:
+            refuse(str(error))
+        make_folder(folder)
+        log = mission.run(after_step)
         report = make_report(log, time.perf_counter() - started_s)
         write_mission(log, report, folder)
     if json_output:
@@ -91,6 +104,9 @@ def run(
         tell_channel_faults(report)
         out.print(_summary(report, log.column("event", "text")[-1]), highlight=False)
         tell_where(folder)
+    if mission.error is not None:
+        err.print(str(mission.error), highlight=False, markup=False, soft_wrap=True)
+        sys.exit(FAILED)
     if log.column("event", "text")[-1] == "interrupted":
         sys.exit(INTERRUPTED)
 
@@ -135,7 +151,7 @@ def _progress(time_limit_s: float) -> Iterator[Callable[[Mission], None]]:
     )
     previous = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        with Progress(*columns, console=err, transient=True) as progress:
+        with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
             bar = progress.add_task("start", total=1.0, clock="the first run on a machine compiles: some 20 s")
             told = 0
 

@@ -12,6 +12,7 @@ from rich.console import Console
 if TYPE_CHECKING:
     from missions.record.mission_log import MissionLog
 
+FAILED = 1
 USAGE_ERROR = 2
 INTERRUPTED = 130
 

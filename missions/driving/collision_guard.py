@@ -12,18 +12,16 @@ from envs.patrol_env import STEP_S, Observation
 from missions.driving.lidar_stop import free_way, safe_command
 from missions.driving.seen_obstacles import SeenObstacles
 from missions.driving.site_map import SiteMap
-from missions.policies.protocol import Action, Policy, believed_pose, time_of
-from robot_models.robots import CHASSIS_RADIUS_M, MAX_SPEED_MPS, MAX_YAW_RATE_RADPS
+from missions.policies.protocol import Action, Policy, believed_pose, checked_action, status_of, time_of
+from robot_models.description.robot_description import RobotDescription
 
 FloatArray = NDArray[np.float64]
-
-LIMITS = np.array([MAX_SPEED_MPS, MAX_YAW_RATE_RADPS])
 
 LOOK_S = 0.5
 """Time between looks for what the plan does not show (assumed): it is passed on to the policy in a new map."""
 
 SPEED_UP_MPS2 = 1.0
-"""Acceleration (assumed): gentle, a third of what the motors can; one wrong reading of the lidar then moves nothing."""
+"""Acceleration (assumed): gentle, within what motors can; one wrong reading of the lidar then moves nothing."""
 
 STUCK_M = 0.2
 STUCK_S = 4.0
@@ -36,8 +34,8 @@ BACK_OFFS = np.array([(-0.3, 0.0), (-0.3, 0.6), (-0.3, -0.6), (0.3, 0.9), (0.3, 
 AGAIN_M = 0.5
 """Stuck within this length of an earlier time is stuck in the same place (assumed): as far as it has backed off."""
 
-BUMPER_M = CHASSIS_RADIUS_M + 0.05
-"""How far ahead of a stuck robot's middle something is taken to stand (assumed): just before its outline."""
+BUMPER_M = 0.05
+"""How far before the outline of a stuck robot something is taken to stand (assumed)."""
 
 
 class CollisionGuard:
@@ -48,7 +46,7 @@ class CollisionGuard:
     """
 
     def __init__(self, policy: Policy) -> None:
-        self.phase, self.unreachable = policy.phase, policy.unreachable
+        self.phase, self.unreachable = status_of(policy)
         self._policy = policy
         self._seen = SeenObstacles()
         self._looked_s = -np.inf
@@ -65,14 +63,14 @@ class CollisionGuard:
             self._seen.look(observation["lidar"], pose, time_s, site_map)
             self._looked_s = time_s
         if time_s < self._back_off_until_s:
-            return _slowed(observation, self._back_off)
-        action = self._policy(observation, findings, self._seen.on(site_map))
-        self.phase, self.unreachable = self._policy.phase, self._policy.unreachable
+            return _slowed(observation, self._back_off, site_map.robot)
+        action = checked_action(self._policy(observation, findings, self._seen.on(site_map)), self._policy)
+        self.phase, self.unreachable = status_of(self._policy)
         if action is None:
             return None
         if self._is_stuck(pose, time_s, bool(action.any())):
-            return self._get_away(observation, pose, time_s)
-        return _slowed(observation, np.multiply(action, LIMITS))
+            return self._get_away(observation, pose, time_s, site_map.robot)
+        return _slowed(observation, site_map.robot.command_from_action(action), site_map.robot)
 
     def _is_stuck(self, pose: FloatArray, time_s: float, would_move: bool) -> bool:
         moved = self._last_place_m is None or np.hypot(*(pose[:2] - self._last_place_m)) > STUCK_M
@@ -80,23 +78,24 @@ class CollisionGuard:
             self._last_place_m, self._moved_s = pose[:2], time_s
         return time_s - self._moved_s > STUCK_S
 
-    def _get_away(self, observation: Observation, pose: FloatArray, time_s: float) -> Action:
+    def _get_away(self, observation: Observation, pose: FloatArray, time_s: float, robot: RobotDescription) -> Action:
         """Begin to back off where there is most room; what holds it twice, seen or not, goes onto the map."""
         if any(np.hypot(*(place - pose[:2])) < AGAIN_M for place in self._stuck_at_m):
-            bumper = pose[:2] + BUMPER_M * np.array([np.cos(pose[2]), np.sin(pose[2])])
-            self._seen.note(bumper[np.newaxis], time_s)
+            ahead = np.array([np.cos(pose[2]), np.sin(pose[2])])
+            self._seen.note((pose[:2] + (robot.footprint_radius_m + BUMPER_M) * ahead)[np.newaxis], time_s)
         self._stuck_at_m.append(pose[:2])
-        rooms = [free_way(observation["lidar"], v, yaw_rate) for v, yaw_rate in BACK_OFFS.tolist()]
+        rooms = [free_way(observation["lidar"], v, yaw_rate, robot) for v, yaw_rate in BACK_OFFS.tolist()]
         self._back_off = BACK_OFFS[int(np.argmax(rooms))]
         self._back_off_until_s = time_s + BACK_OFF_S
         self._last_place_m = None
         self.phase = "back off"
-        return _slowed(observation, self._back_off)
+        return _slowed(observation, self._back_off, robot)
 
 
-def _slowed(observation: Observation, command: FloatArray) -> Action:
+def _slowed(observation: Observation, command: FloatArray, robot: RobotDescription) -> Action:
     """An action for a command, m/s and rad/s, that is gentle and lets the robot stop before what its lidar sees."""
     v, yaw_rate = command.tolist()
     fastest = max(float(observation["velocity"][0]) * np.sign(v), 0.0) + SPEED_UP_MPS2 * STEP_S
-    safe = safe_command(observation["lidar"], float(np.clip(v, -fastest, fastest)), yaw_rate)
-    return np.clip(safe / LIMITS, -1.0, 1.0).astype(np.float32)
+    return robot.action_from_command(
+        safe_command(observation["lidar"], float(np.clip(v, -fastest, fastest)), yaw_rate, robot)
+    )

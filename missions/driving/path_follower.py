@@ -8,19 +8,20 @@ from numpy.typing import NDArray
 from dirmusic.angles import difference
 from missions.driving.site_map import ShortestPaths, SiteMap
 from missions.policies.protocol import Action
-from robot_models.robots import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS
+from robot_models.description.robot_description import RobotDescription
 
 FloatArray = NDArray[np.float64]
 
-LEG_SPEED_MPS = 0.4
-LEG_SLACK_S = 30.0
-"""A leg may take its length at this speed plus this slack (assumed); then its goal is given up."""
+LEAST_SPEED_SHARE = 0.5
+SLACK_S = 30.0
+"""A drive may take its length at this share of the robot's top speed plus this slack (assumed); then its goal is given
+up."""
 
 LOOKAHEAD_M = 0.7
 """How far ahead on the path the robot steers, and over which a turn of the path is measured (assumed)."""
 
 BRAKING_MPS2 = 0.5
-"""Deceleration before turns and the end of the path (assumed): comfortable, a sixth of what the motors can."""
+"""Deceleration before turns and the end of the path (assumed): comfortable; less if the motors can do less."""
 
 TURN_SPEED_MPS = 0.2
 SHARP_TURN_RAD = np.radians(90.0)
@@ -51,7 +52,7 @@ class PathFollower:
         self.goal_m = np.asarray(goal_m, dtype=np.float64)
         self.radius_m = radius_m
         length_m = self._plan(site_map, reach or site_map.reach(pose))
-        self.deadline_s = time_s + length_m / LEG_SPEED_MPS + LEG_SLACK_S
+        self.deadline_s = time_s + length_m / (LEAST_SPEED_SHARE * site_map.robot.max_speed_mps) + SLACK_S
 
     def _plan(self, site_map: SiteMap, reach: ShortestPaths) -> float:
         """Find the path that ends nearest to the goal; its cost-weighted length, metres."""
@@ -82,25 +83,25 @@ class PathFollower:
 
     def action(self, pose: FloatArray) -> Action:
         """The next action along the path."""
-        v, yaw_rate = steer(pose, self.path_m)
-        return np.array([v / MAX_SPEED_MPS, yaw_rate / MAX_YAW_RATE_RADPS], dtype=np.float32)
+        robot = self.site_map.robot
+        return robot.action_from_command(steer(pose, self.path_m, robot))
 
 
-def steer(pose: FloatArray, path_m: FloatArray) -> tuple[float, float]:
+def steer(pose: FloatArray, path_m: FloatArray, robot: RobotDescription) -> tuple[float, float]:
     """Speed (m/s) and yaw rate (rad/s) that follow a path (n, 2): turn towards a point ahead, slow down in turns."""
     along_m = _along(path_m)
     nearest = int(np.square(path_m - pose[:2]).sum(axis=-1).argmin())
     ahead = path_m[min(int(np.searchsorted(along_m, along_m[nearest] + LOOKAHEAD_M)), along_m.size - 1)]
     off = float(difference(np.arctan2(ahead[1] - pose[1], ahead[0] - pose[0]), pose[2]))
-    yaw_rate = float(np.clip(2.5 * off, -MAX_YAW_RATE_RADPS, MAX_YAW_RATE_RADPS))
-    v = MAX_SPEED_MPS * max(0.0, 1.0 - abs(off) / np.radians(50.0))
+    yaw_rate = float(np.clip(2.5 * off, -robot.max_yaw_rate_radps, robot.max_yaw_rate_radps))
+    v = robot.max_speed_mps * max(0.0, 1.0 - abs(off) / np.radians(50.0))
     way = path_m[min(nearest + 1, along_m.size - 1)] - path_m[max(nearest - 1, 0)]
     past_m = float(way @ (pose[:2] - path_m[nearest])) / max(float(np.linalg.norm(way)), 1e-9)
     done_m = min(along_m[nearest] + past_m, along_m[-1] - float(np.linalg.norm(path_m[-1] - pose[:2])))
-    return min(v, float(np.sqrt(np.interp(done_m, along_m, np.square(speed_profile(path_m)))))), yaw_rate
+    return min(v, float(np.sqrt(np.interp(done_m, along_m, np.square(speed_profile(path_m, robot)))))), yaw_rate
 
 
-def speed_profile(path_m: FloatArray) -> FloatArray:
+def speed_profile(path_m: FloatArray, robot: RobotDescription) -> FloatArray:
     r"""Speed at each point of a path (n, 2) from which `BRAKING_MPS2` is enough for the turns to come and the end.
 
     .. math:: v_i = \min_{j \geq i} \sqrt{u_j^2 + 2 a (s_j - s_i)}
@@ -111,11 +112,12 @@ def speed_profile(path_m: FloatArray) -> FloatArray:
         Shape (n,), m/s; zero at the end.
     """
     along_m = _along(path_m)
-    slow_down = (MAX_SPEED_MPS - TURN_SPEED_MPS) * np.minimum(_turns(path_m, along_m) / SHARP_TURN_RAD, 1.0)
-    square = np.square(MAX_SPEED_MPS - slow_down)
+    fastest, braking_mps2 = robot.max_speed_mps, min(BRAKING_MPS2, robot.max_acceleration_mps2)
+    slow_down = max(fastest - TURN_SPEED_MPS, 0.0) * np.minimum(_turns(path_m, along_m) / SHARP_TURN_RAD, 1.0)
+    square = np.square(fastest - slow_down)
     square[-1] = 0.0
-    needed = square + 2.0 * BRAKING_MPS2 * along_m
-    return np.sqrt(np.minimum.accumulate(needed[::-1])[::-1] - 2.0 * BRAKING_MPS2 * along_m)
+    needed = square + 2.0 * braking_mps2 * along_m
+    return np.sqrt(np.minimum.accumulate(needed[::-1])[::-1] - 2.0 * braking_mps2 * along_m)
 
 
 def _turns(path_m: FloatArray, along_m: FloatArray) -> FloatArray:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.driving.site_map import SiteMap
-from robot_models.robots import LIDAR_BEAMS
+from robot_models.sensors import LIDAR_BEAMS
 
 FloatArray = NDArray[np.float64]
 
@@ -17,7 +17,7 @@ EXPLAINED_M = 0.2
 """What stands this close to equipment or fence is that (assumed): three deviations of pose and range."""
 
 PLACE_M = 0.1
-"""Places are told apart to this length (assumed), half of the robot's radius."""
+"""Places are told apart to this length (assumed), half the radius of a small robot."""
 
 REMEMBERED_S = 60.0
 """How long a place counts as occupied after it was last seen so (assumed): time to drive round it."""

@@ -13,13 +13,11 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 
 from envs import Scenario
-from envs.scenario.scenario import ROBOT_CLEARANCE_M
-from robot_models.robots import CHASSIS_RADIUS_M
 
 FloatArray = NDArray[np.float64]
 
 CELL_M = 0.25
-"""Grid spacing (assumed): a robot's radius."""
+"""Grid spacing (assumed): about the radius of a robot."""
 
 MARGIN_M = 0.15
 """Room left beside the robot (assumed): three standard deviations of its pose."""
@@ -56,12 +54,14 @@ class SiteMap:
     """The yard as the operator's plan shows it: fence, equipment, route. It knows of no discharge.
 
     Attributes:
+        robot: The robot that is to fit.
         obstacles_m: Points of what stands in the way though the plan does not show it, shape (n, 2), world frame.
         centres_m: Cell centres, shape (n_cells, 2).
     """
 
     def __init__(self, scenario: Scenario) -> None:
         self.yard = scenario.yard
+        self.robot = scenario.robot.description
         self.route = scenario.route
         self.task = scenario.task
         self.obstacles_m: FloatArray = np.empty((0, 2))
@@ -95,13 +95,13 @@ class SiteMap:
 
     def is_clear(self, start_m: FloatArray, end_m: FloatArray) -> bool:
         """Whether the robot fits all along the straight line between two points (2,)."""
-        between = np.linspace(start_m, end_m, 2 + int(np.linalg.norm(end_m - start_m) / ROBOT_CLEARANCE_M))
-        return bool(self.clearance(between).min() >= ROBOT_CLEARANCE_M)
+        between = np.linspace(start_m, end_m, 2 + int(np.linalg.norm(end_m - start_m) / CELL_M))
+        return bool(self.clearance(between).min() >= self.robot.room_m)
 
     @cached_property
     def is_free(self) -> NDArray[np.bool_]:
         """Cells on which the robot fits, shape (n_cells,)."""
-        return self.clearance_m >= CHASSIS_RADIUS_M + MARGIN_M
+        return self.clearance_m >= self.robot.footprint_radius_m + MARGIN_M
 
     @cached_property
     def _graph(self) -> csr_array:

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from dirmusic import ArrayModel, Locator, PoseError, PulseBatch, TabulatedPattern
 from dirmusic.bearing.channel_health import ChannelMonitor
-from dirmusic.locating.locator import LocatingRules
+from dirmusic.locating.rules import LocatingRules
 from missions.field.field_data import FieldData
 from missions.record.mission_log import MissionLog
 from missions.record.tracking import Logbook

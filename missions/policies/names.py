@@ -1,7 +1,5 @@
-"""Names that the command line offers. Kept apart so that its help need not load the simulator."""
+"""Names of the built-in policies. Kept apart so that the command line need not load the simulator to check one."""
 
 from __future__ import annotations
 
-from typing import Literal
-
-PolicyName = Literal["seek", "patrol", "random", "oracle"]
+BUILT_IN = ("seek", "patrol", "random", "oracle")

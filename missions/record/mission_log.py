@@ -18,7 +18,7 @@ import numpy as np
 from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
-SCHEMA = 1
+SCHEMA = 2
 
 TABLES: dict[str, dict[str, np.dtype[Any]]] = {
     "step": {
@@ -50,8 +50,8 @@ TABLES: dict[str, dict[str, np.dtype[Any]]] = {
         "covariance_m2": np.dtype(("f8", (2, 2))),
         "state": np.dtype("U16"),  # candidate, confirmed, outside, echo; dropped, once, when it is no more
         "n_bearings": np.dtype("i8"),
-        "first_heard_s": np.dtype("f8"),
-        "opening_rad": np.dtype("f8"),  # angle by which the lines of sight have opened, seen from the finding
+        "first_detected_s": np.dtype("f8"),
+        "aperture_rad": np.dtype("f8"),  # angle over which the lines of sight spread, seen from the finding
     },
     "event": {
         "step": np.dtype("i8"),

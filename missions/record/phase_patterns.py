@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dirmusic import GainManifold, GaussianPattern, TabulatedPattern
 from dirmusic.angles import difference, wrap
-from dirmusic.locating.locator import LEVEL_QUANTILE
+from dirmusic.locating.confirmation import LEVEL_QUANTILE
 from dirmusic.pulses.phase_resolved import PhasePattern, classify
 from missions.record.mission_log import MissionLog
 

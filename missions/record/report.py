@@ -12,10 +12,10 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 from scipy.optimize import linear_sum_assignment
 
-from dirmusic.locating.finding import CHI2_95
-from envs import Scenario
+from dirmusic.locating.ellipse import ellipse95, is_inside95
 from missions.record.mission_log import MissionLog
 from missions.record.phase_patterns import PhaseResolved, phase_patterns
+from robot_models.yard.yard import Yard
 
 FloatArray = NDArray[np.float64]
 
@@ -87,7 +87,7 @@ def _findings(log: MissionLog, patterns: dict[int, PhaseResolved], *states: str)
         return []
     yard = None
     if "scenario" in log.meta:
-        yard = Scenario.model_validate_json(json.dumps(log.meta["scenario"])).yard
+        yard = Yard.model_validate_json(json.dumps(log.meta["scenario"]["yard"]))
     last = np.flatnonzero((table["step"] == table["step"][-1]) & np.isin(table["state"], states))
     findings: list[dict[str, Any]] = []
     for row in last:
@@ -97,12 +97,12 @@ def _findings(log: MissionLog, patterns: dict[int, PhaseResolved], *states: str)
             {
                 "position_m": position.tolist(),
                 "covariance_m2": covariance.tolist(),
-                "ellipse95": ellipse95(covariance),
+                "ellipse95": ellipse95(covariance)._asdict(),
                 "state": str(table["state"][row]),
                 "discharge": _discharge(patterns.get(int(table["id"][row]))),
                 "nearest_equipment": yard.nearest_equipment(position) if yard else None,
                 "n_bearings": int(table["n_bearings"][row]),
-                "first_heard_s": float(table["first_heard_s"][row]),
+                "first_detected_s": float(table["first_detected_s"][row]),
                 "fixed_s": float(time_s[table["step"][confirmed[0]]]) if confirmed.size else None,
             }
         )
@@ -119,16 +119,6 @@ def _discharge(resolved: PhaseResolved | None) -> dict[str, Any] | None:
         "confidence": resolved.pattern.confidence,
         "phase_deg": np.mod(np.round(np.degrees(resolved.phase_rad[some]), 1), 360.0).tolist(),
         "level_db": np.round(resolved.level_db[some], 2).tolist(),
-    }
-
-
-def ellipse95(covariance_m2: FloatArray) -> dict[str, float]:
-    """Half-axes, and the direction of the longer one in the world frame, of the 95 % ellipse."""
-    values, vectors = np.linalg.eigh(covariance_m2)
-    return {
-        "semi_major_m": float(np.sqrt(CHI2_95 * values[1])),
-        "semi_minor_m": float(np.sqrt(CHI2_95 * values[0])),
-        "angle_rad": float(np.arctan2(vectors[1, 1], vectors[0, 1])),
     }
 
 
@@ -151,8 +141,7 @@ def evaluate(findings: list[dict[str, Any]], sources: list[dict[str, Any]]) -> d
         j = partner.get(i)
         inside = None
         if j is not None:
-            miss = found_m[j] - true_m[i]
-            inside = bool(miss @ np.linalg.solve(np.array(findings[j]["covariance_m2"]), miss) <= CHI2_95)
+            inside = is_inside95(found_m[j] - true_m[i], np.array(findings[j]["covariance_m2"]))
         scored.append(
             {
                 "name": source["name"],

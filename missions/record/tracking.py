@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from dirmusic import Finding, Locator, PulseBatch
 from dirmusic.angles import wrap
+from dirmusic.locating.credibility import is_credible
 from missions.record.mission_log import MissionLog
 
 FloatArray = NDArray[np.float64]
@@ -38,7 +39,7 @@ class Logbook:
                 are logged and left out of locating.
         """
         step, is_overdriven = self.log.n_rows("step") - 1, pulses.is_overdriven
-        credible = self.locator.is_credible(pulses)
+        credible = is_credible(pulses, self.locator.array, self.locator.rules.credibility)
         if is_overdriven.any() and not self._has_clipped:
             self._has_clipped = True
             self.event("clipped", "a pulse beyond full scale: such pulses are left out of locating")
@@ -98,6 +99,6 @@ class Logbook:
             covariance_m2=finding.covariance_m2,
             state=state,
             n_bearings=finding.n_bearings,
-            first_heard_s=finding.first_heard_s,
-            opening_rad=finding.opening_rad,
+            first_detected_s=finding.first_detected_s,
+            aperture_rad=finding.aperture_rad,
         )

@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from dirmusic.locating.finding import CHI2_95
+from dirmusic.locating.ellipse import ellipse95, outline95
 from missions.record.mission_log import MissionLog
 from missions.record.phase_patterns import nominal_manifold
 from missions.recording import blueprint as paths
@@ -29,7 +29,10 @@ SPECTRUM_AZIMUTHS_RAD = np.radians(np.arange(0.0, 361.0, 5.0))
 SPECTRUM_RADIUS_M = (0.8, 3.0)
 """Ring radius where the pseudo-spectrum is 0 and where it is 1."""
 
-ELLIPSE_ANGLES_RAD = np.linspace(0.0, 2 * np.pi, 49)
+OUTLINE_POINTS = 49
+HEIGHT_M = 0.1
+"""Above ground, where fixes and ellipses are drawn."""
+
 MAX_DRAWN_ELLIPSE_M = 15.0
 """A longer ellipse would hide the yard; its fix is drawn as a point until it shrinks."""
 
@@ -204,15 +207,18 @@ class Recorder:
             steps, n = finding["step"][rows], rows.size
             state = finding["state"][rows]
             colour = np.array([COLOURS[str(s)] for s in state], dtype=np.uint8)
-            place = np.column_stack([finding["position_m"][rows], np.full(n, 0.1)])
+            place = np.column_stack([finding["position_m"][rows], np.full(n, HEIGHT_M)])
             words = [f"{s} {number}" for s in state]
             path = paths.finding_path(number)
             radii = np.full(n, 0.2)
             self._columns(path, steps, rr.Points3D.columns(positions=place, colors=colour, radii=radii, labels=words))
-            values = np.linalg.eigvalsh(finding["covariance_m2"][rows])
-            semi_major = np.sqrt(CHI2_95 * values[:, 1])
+            covariance = finding["covariance_m2"][rows]
+            semi_major = np.array([ellipse95(one).semi_major_m for one in covariance])
             drawn = semi_major <= MAX_DRAWN_ELLIPSE_M
-            strips = [ellipse(p, c) for p, c in zip(place[drawn], finding["covariance_m2"][rows][drawn], strict=True)]
+            outlines = [
+                outline95(p[:2], c, OUTLINE_POINTS) for p, c in zip(place[drawn], covariance[drawn], strict=True)
+            ]
+            strips = [np.column_stack([line, np.full(len(line), HEIGHT_M)]) for line in outlines]
             lines = rr.LineStrips3D.columns(strips=strips).partition(drawn.astype(int))
             tints = rr.LineStrips3D.columns(colors=colour, radii=np.full(n, 0.05))
             self._columns(f"{path}/ellipse", steps, [*lines, *tints])
@@ -231,10 +237,3 @@ class Recorder:
     def _send_text(self, path: str, steps: NDArray[Any], kinds: NDArray[Any], texts: NDArray[Any]) -> None:
         words, levels = [str(text) for text in texts], [str(kind) for kind in kinds]
         self._columns(path, steps, rr.TextLog.columns(text=words, level=levels))
-
-
-def ellipse(position_m: FloatArray, covariance_m2: FloatArray) -> FloatArray:
-    """The 95 % ellipse as a closed line, shape (n, 3), at the height of `position_m` (3,)."""
-    root = np.linalg.cholesky(CHI2_95 * covariance_m2)
-    edge = np.stack([np.cos(ELLIPSE_ANGLES_RAD), np.sin(ELLIPSE_ANGLES_RAD)], axis=-1) @ root.T
-    return position_m + np.column_stack([edge, np.zeros(len(edge))])

@@ -1,4 +1,4 @@
-"""How one kind of equipment is put together."""
+"""What a kind of equipment is: its parts and sites, its material, its colour."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class Assembly(NamedTuple):
     sites: Mapping[str, Site]
 
 
-class Kind(NamedTuple):
-    """A kind that can be placed by its name alone.
+class Shape(NamedTuple):
+    """How a kind is built that can be placed by its name alone.
 
     Attributes:
         build: From a length along x, metres.
@@ -34,3 +34,21 @@ class Kind(NamedTuple):
     build: Callable[[float], Assembly]
     length_m: float
     stretches: bool = False
+
+
+Colour = tuple[float, float, float, float]
+"""Red, green, blue and opacity, each in [0, 1]."""
+
+
+class Kind(NamedTuple):
+    """All that is known of a kind of equipment.
+
+    Attributes:
+        material: Name of what it is made of, as a constant of `sensing.radio.materials`.
+        colour: What it is drawn in.
+        shape: How it is built; None if a yard has to say its box or cylinder.
+    """
+
+    material: str
+    colour: Colour
+    shape: Shape | None = None

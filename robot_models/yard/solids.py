@@ -13,7 +13,7 @@ FloatArray = NDArray[np.float64]
 
 
 class Solid(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
-    """What box and cylinder share. Frame of the equipment: footprint as at yaw 0, z up from the ground."""
+    """What box and cylinder share; frame of the equipment: footprint as at yaw 0, z up from the ground."""
 
     centre_m: tuple[float, float] = (0.0, 0.0)
     bottom_m: NonNegativeFloat = 0.0
@@ -41,18 +41,18 @@ class Placed(NamedTuple):
 
 
 class Solids:
-    """Many solids, world frame; in every answer they are the last axis.
+    """Many solids at once, world frame. The last axis of every result runs over the solids.
 
     Args:
-        placed: The solids and where they are.
+        placed: The solids and where they stand.
 
     Attributes:
-        centre_m: Middle of the footprints, shape (n, 2).
-        yaw_rad: Shape (n,).
-        half_size_m: Half the sides of boxes, shape (n, 2); 0 for cylinders.
-        radius_m: Of cylinders, shape (n,); 0 for boxes.
-        bottom_m: Height above ground, shape (n,).
-        top_m: Height above ground, shape (n,).
+        centre_m: Middle of the footprints, shape (n_solids, 2).
+        yaw_rad: Shape (n_solids,).
+        half_size_m: Half the sides of boxes, shape (n_solids, 2); 0 for cylinders.
+        radius_m: Of cylinders, shape (n_solids,); 0 for boxes.
+        bottom_m: Height above ground, shape (n_solids,).
+        top_m: Height above ground, shape (n_solids,).
     """
 
     def __init__(self, placed: Sequence[Placed]) -> None:
@@ -72,20 +72,20 @@ class Solids:
         self.top_m = np.array([solid.top_m for solid, _, _ in placed], dtype=np.float64)
 
     def take(self, chosen: NDArray[np.bool_]) -> Solids:
-        """Some of them."""
+        """The solids that a mask (n_solids,) marks, in the same order."""
         some = object.__new__(Solids)
         for name, column in vars(self).items():
             setattr(some, name, column[chosen])
         return some
 
     def horizontal_distance(self, points_m: FloatArray) -> FloatArray:
-        """Signed distance of points (..., 2 or 3) to the footprints, negative inside; shape (..., n), metres."""
+        """Signed distance of points (..., 2 or 3) to the footprints, negative inside; (..., n_solids), metres."""
         beyond = np.abs(self._local(points_m)) - self.half_size_m
         outside = np.sqrt(np.square(np.maximum(beyond, 0.0)).sum(axis=-1))
         return outside + np.minimum(beyond.max(axis=-1), 0.0) - self.radius_m
 
     def distance(self, points_m: FloatArray) -> FloatArray:
-        """Signed distance of points (..., 3) to the surfaces, negative inside; shape (..., n), metres."""
+        """Signed distance of points (..., 3) to the surfaces, negative inside; shape (..., n_solids), metres."""
         sideways = self.horizontal_distance(points_m)
         height_m = points_m[..., 2, np.newaxis]
         upward = np.maximum(height_m - self.top_m, self.bottom_m - height_m)
@@ -94,13 +94,19 @@ class Solids:
 
     @property
     def depth_m(self) -> FloatArray:
-        """From the middle of each footprint to its surface, the short way, shape (n,)."""
+        """From the middle of each footprint to its nearest side, shape (n_solids,)."""
         return np.where(self.radius_m > 0, self.radius_m, self.half_size_m.min(axis=-1))
 
     def crossed(self, start_m: FloatArray, end_m: FloatArray, short_m: FloatArray | float = 0.0) -> NDArray[np.bool_]:
-        """Whether level segments between points (..., 2) cross the footprints; shape (..., n).
+        """Whether level segments cross the footprints.
 
-        For each of them a segment ends `short_m`, a number or shape (n,), before its end.
+        Args:
+            start_m: Start of the segments, shape (..., 2).
+            end_m: End of the segments, same shape.
+            short_m: Length before the end that does not count, one for all solids or shape (n_solids,).
+
+        Returns:
+            Shape (..., n_solids).
         """
         start = self._local(start_m)
         along = self._local(end_m) - start
@@ -115,7 +121,7 @@ class Solids:
         return np.where(self.radius_m > 0, past < np.square(self.radius_m), in_box)
 
     def _local(self, points_m: FloatArray) -> FloatArray:
-        """Points (..., 2 or 3) in the frame of each footprint, shape (..., n, 2)."""
+        """Points (..., 2 or 3) in the frame of each footprint, shape (..., n_solids, 2)."""
         off = points_m[..., np.newaxis, :2] - self.centre_m
         x, y = off[..., 0], off[..., 1]
         return np.stack([self._cos * x + self._sin * y, self._cos * y - self._sin * x], axis=-1)

@@ -20,7 +20,7 @@ from dirmusic import (
     sample_covariance,
     strength_variance,
 )
-from dirmusic.angles import circular_mean, difference, opening, wrap
+from dirmusic.angles import aperture, circular_mean, difference, wrap
 from dirmusic.array.bounds import manifold_error
 
 AZIMUTHS = np.radians(np.arange(-179.5, 180.0, 1.0))
@@ -39,11 +39,11 @@ def test_half_a_turn_wraps_to_plus_pi_from_both_sides() -> None:
     assert wrap(np.pi) == wrap(-np.pi) == np.pi
 
 
-def test_the_mean_and_the_opening_of_angles_do_not_mind_the_cut() -> None:
+def test_the_mean_and_the_aperture_of_angles_do_not_mind_the_cut() -> None:
     angles = np.radians([170.0, -170.0, 180.0])
     assert np.degrees(abs(circular_mean(angles))) == pytest.approx(180.0)
-    assert np.degrees(opening(angles)) == pytest.approx(20.0)
-    assert opening(angles[:1]) == 0.0
+    assert np.degrees(aperture(angles)) == pytest.approx(20.0)
+    assert aperture(angles[:1]) == 0.0
 
 
 def test_the_printed_pattern_peaks_on_its_boresight_with_the_published_figures() -> None:

@@ -15,7 +15,6 @@ from envs import load_scenario, shipped_scenarios
 from envs.patrol_env import PatrolEnv
 from envs.random_yard import random_yard
 from envs.scenario import Scenario
-from robot_models.robots import MAX_SPEED_MPS, MAX_YAW_RATE_RADPS
 
 
 def silent(scenario: Scenario) -> Scenario:
@@ -35,8 +34,10 @@ def test_the_table_of_the_docstring_is_the_observation_space() -> None:
     assert isinstance(env.observation_space, spaces.Dict)
     told = {key: (int(n),) for key, n in rows if not key.isdigit()}
     assert told == {key: space.shape for key, space in env.observation_space.spaces.items()}
-    assert str(MAX_SPEED_MPS) in (PatrolEnv.__doc__ or "")
-    assert str(MAX_YAW_RATE_RADPS) in (PatrolEnv.__doc__ or "")
+    speed_mps, yaw_rate_radps = env.scenario.robot.description.limits
+    assert f"| forward speed | {speed_mps:g} |" in (PatrolEnv.__doc__ or "")
+    assert f"| yaw rate | {yaw_rate_radps:g} |" in (PatrolEnv.__doc__ or "")
+    assert f"[-{2 * speed_mps:g}, {2 * speed_mps:g}], [-{2 * yaw_rate_radps:g}, " in (PatrolEnv.__doc__ or "")
 
 
 def test_every_box_has_finite_bounds_and_every_observation_lies_in_it() -> None:

@@ -5,8 +5,6 @@ import pytest
 
 from envs.patrol_env import PatrolEnv
 from envs.random_yard import DOCK_M, N_WAYPOINTS, ROOM_M, open_yard, random_yard
-from envs.scenario.scenario import ROBOT_CLEARANCE_M
-from robot_models.robots import MAX_SPEED_MPS
 
 
 def check(seed: int) -> None:
@@ -19,7 +17,7 @@ def check(seed: int) -> None:
     assert env.observation_space.contains(env.step(np.array([0.5, 0.1], dtype=np.float32))[0])
     assert len(scenario.route.waypoints_m) == N_WAYPOINTS
     for stop in (scenario.route.dock_m, *scenario.route.waypoints_m):
-        assert yard.clearance(np.array(stop)) >= ROBOT_CLEARANCE_M
+        assert yard.clearance(np.array(stop)) >= scenario.robot.description.room_m
     assert yard.contains(info["truth"]["sources"][0]["position_m"])
     for number, item in enumerate(yard.equipment):
         others = yard.solids.take(yard.owner != number)
@@ -60,4 +58,4 @@ def test_an_open_yard_has_its_source_anywhere_and_ends_by_approach_or_by_time_al
     assert np.ptp([start["pose"][2] for start in starts]) > 5.0
     stops_m = np.array([DOCK_M, *scenario.route.waypoints_m, DOCK_M])
     round_m = np.hypot(*np.diff(stops_m, axis=0).T).sum() - 2 * scenario.task.waypoint_radius_m * (len(stops_m) - 1)
-    assert round_m > MAX_SPEED_MPS * scenario.task.time_limit_s
+    assert round_m > scenario.robot.description.max_speed_mps * scenario.task.time_limit_s

@@ -70,7 +70,7 @@ def test_every_shipped_scenario_loads_tells_its_story_first_and_has_an_imperfect
 @pytest.mark.parametrize("name", shipped_scenarios())
 def test_each_candidate_site_is_in_sight_over_sixty_degrees_of_reachable_ground_close_by(name: str) -> None:
     scenario = load_scenario(name)
-    obstacles, n_pieces = Obstacles(*scenario.yard.obstacles()), len(scenario.yard.equipment)
+    obstacles, n_pieces = Obstacles(**scenario.yard.obstacles()._asdict()), len(scenario.yard.equipment)
     site_map = SiteMap(scenario)
     reach = site_map.reach(np.asarray(scenario.route.dock_m))
     for site in scenario.yard.site_names():
@@ -89,7 +89,7 @@ def test_the_default_scenario_is_hard_enough_to_mean_something() -> None:
     positions = np.array([scenario.yard.site_position(site) for site in sites])
     waypoints = np.asarray(scenario.route.waypoints_m)
     apart = np.linalg.norm(positions[:, np.newaxis, :2] - waypoints, axis=-1).min(axis=-1)
-    obstacles, n_pieces = Obstacles(*scenario.yard.obstacles()), len(scenario.yard.equipment)
+    obstacles, n_pieces = Obstacles(**scenario.yard.obstacles()._asdict()), len(scenario.yard.equipment)
     at_dock = np.array([[*scenario.route.dock_m, scenario.array.height_m]])
     hidden = [bool(cross(position[np.newaxis], at_dock, obstacles, n_pieces).any()) for position in positions]
     assert len(sites) >= 8

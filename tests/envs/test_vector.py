@@ -131,3 +131,35 @@ def test_without_autoreset_a_mask_says_which_rows_start_anew() -> None:
 def test_what_makes_no_vector_environment_is_refused(arguments: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         PatrolVectorEnv(**arguments)
+
+
+@pytest.mark.parametrize("shape", [(1, 2), (2, 2), (4, 2), (3,), (3, 3), (6,)])
+def test_actions_of_another_shape_are_refused(shape: tuple[int, ...]) -> None:
+    envs = PatrolVectorEnv(3)
+    envs.reset(seed=0)
+    with pytest.raises(ValueError, match="must have shape"):
+        envs.step(np.ones(shape, dtype=np.float32))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_actions_that_are_not_finite_are_refused_and_the_row_is_named(value: float) -> None:
+    envs = PatrolVectorEnv(3)
+    envs.reset(seed=0)
+    actions = np.zeros((3, 2), dtype=np.float32)
+    actions[1, 1] = value
+    with pytest.raises(ValueError, match="in row 1"):
+        envs.step(actions)
+
+
+@pytest.mark.parametrize("seed", [np.int64(5), (5, 6), np.array([5, 6]), [5, 6]])
+def test_seeds_of_any_whole_type_count(seed: object) -> None:
+    envs = PatrolVectorEnv(2)
+    first, _ = envs.reset(seed=5)
+    again, _ = envs.reset(seed=seed)  # pyright: ignore[reportArgumentType]
+    np.testing.assert_array_equal(first["pose"], again["pose"])
+
+
+@pytest.mark.parametrize("seed", ["x", 5.0, [1], [1.0, 2.0]])
+def test_what_is_no_seed_is_refused(seed: object) -> None:
+    with pytest.raises((ValueError, TypeError)):
+        PatrolVectorEnv(2).reset(seed=seed)  # pyright: ignore[reportArgumentType]

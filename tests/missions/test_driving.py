@@ -13,10 +13,13 @@ from missions.driving.collision_guard import CollisionGuard
 from missions.driving.lidar_stop import STOP_M, free_way, safe_speed
 from missions.driving.path_follower import PathFollower
 from missions.driving.site_map import SiteMap
-from missions.policies.protocol import Policy
-from missions.policies.registry import Patrol, Random
-from robot_models.robots import CHASSIS_RADIUS_M, LIDAR_BEAMS, MAX_ACCELERATION_MPS2, MAX_SPEED_MPS
+from missions.policies.patrol import Patrol
+from missions.policies.protocol import ReportingPolicy
+from missions.policies.random_driving import Random
+from robot_models.description.library import load_robot
+from robot_models.sensors import LIDAR_BEAMS
 
+ROBOT = load_robot("inspector")
 BEAMS_RAD = 2.0 * np.pi * np.arange(LIDAR_BEAMS) / LIDAR_BEAMS
 NOTHING = np.full(LIDAR_BEAMS, 12.0)
 
@@ -42,7 +45,7 @@ class Driven(NamedTuple):
     path_m: np.ndarray
 
 
-def drive(scenario: Scenario, site_map: SiteMap, seed: int = 0, policy: Policy | None = None) -> Driven:
+def drive(scenario: Scenario, site_map: SiteMap, seed: int = 0, policy: ReportingPolicy | None = None) -> Driven:
     """Drive until the policy is done, the robot docked, or the time over, without any locating."""
     env = PatrolEnv(scenario, terminate_on_approach=False)
     policy = policy or CollisionGuard(Patrol())
@@ -75,36 +78,42 @@ def wall_at(x_m: float) -> np.ndarray:
 
 def test_the_way_is_free_as_far_as_the_wall_ahead_and_behind() -> None:
     for x_m in (0.3, 0.4, 0.55):
-        assert free_way(wall_at(x_m), 0.8, 0.0) == pytest.approx(x_m - CHASSIS_RADIUS_M - 0.04, abs=0.03)
-        assert free_way(np.roll(wall_at(x_m), LIDAR_BEAMS // 2), -0.8, 0.0) == free_way(wall_at(x_m), 0.8, 0.0)
+        assert free_way(wall_at(x_m), 0.8, 0.0, ROBOT) == pytest.approx(x_m - ROBOT.footprint_radius_m - 0.04, abs=0.03)
+        assert free_way(np.roll(wall_at(x_m), LIDAR_BEAMS // 2), -0.8, 0.0, ROBOT) == free_way(
+            wall_at(x_m), 0.8, 0.0, ROBOT
+        )
     for v in (0.8, -0.8):
-        assert free_way(NOTHING, v, 0.3) == pytest.approx(0.6)
+        assert free_way(NOTHING, v, 0.3, ROBOT) == pytest.approx(0.6)
 
 
 def test_a_turn_away_is_freer_and_a_turn_towards_less_free_than_straight_on() -> None:
     wall_on_the_left = np.roll(wall_at(0.3), LIDAR_BEAMS // 4)
-    assert free_way(wall_on_the_left, 0.5, 0.0) == free_way(wall_on_the_left, 0.5, -1.0) == pytest.approx(0.6)
-    assert free_way(wall_on_the_left, 0.5, 1.0) < 0.4
+    assert (
+        free_way(wall_on_the_left, 0.5, 0.0, ROBOT)
+        == free_way(wall_on_the_left, 0.5, -1.0, ROBOT)
+        == pytest.approx(0.6)
+    )
+    assert free_way(wall_on_the_left, 0.5, 1.0, ROBOT) < 0.4
 
 
 def test_the_robot_may_leave_what_it_stands_against() -> None:
-    assert safe_speed(wall_at(0.21), 0.8, 0.0) == 0.0
-    assert safe_speed(wall_at(0.21), -0.8, 0.0) == -0.8
+    assert safe_speed(wall_at(0.21), 0.8, 0.0, ROBOT) == 0.0
+    assert safe_speed(wall_at(0.21), -0.8, 0.0, ROBOT) == -0.8
 
 
 def test_what_is_narrower_than_the_robot_stops_it_when_a_beam_meets_it() -> None:
     for beam, blocks in ((0, True), (1, True), (2, True), (9, False), (18, False)):
         pole = NOTHING.copy()
         pole[beam] = 0.35
-        assert (safe_speed(pole, 0.8, 0.0) < 0.6) is blocks
+        assert (safe_speed(pole, 0.8, 0.0, ROBOT) < 0.6) is blocks
 
 
 @pytest.mark.parametrize("x_m", [0.27, 0.3, 0.4, 0.5, 3.0])
 def test_a_robot_at_the_safe_speed_can_stop_in_time(x_m: float) -> None:
-    v = safe_speed(wall_at(x_m), MAX_SPEED_MPS, 0.0)
-    stops_in_m = v * STEP_S + v**2 / (2 * MAX_ACCELERATION_MPS2)
-    assert stops_in_m <= x_m - CHASSIS_RADIUS_M - STOP_M
-    assert v == MAX_SPEED_MPS or stops_in_m > x_m - CHASSIS_RADIUS_M - STOP_M - 0.07
+    v = safe_speed(wall_at(x_m), ROBOT.max_speed_mps, 0.0, ROBOT)
+    stops_in_m = v * STEP_S + v**2 / (2 * ROBOT.max_acceleration_mps2)
+    assert stops_in_m <= x_m - ROBOT.footprint_radius_m - STOP_M
+    assert v == ROBOT.max_speed_mps or stops_in_m > x_m - ROBOT.footprint_radius_m - STOP_M - 0.07
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -6,8 +6,8 @@ import pytest
 from envs import load_scenario
 from missions.driving.path_follower import BRAKING_MPS2, TURN_SPEED_MPS, PathFollower, speed_profile, steer
 from missions.driving.site_map import MARGIN_M, SiteMap
-from robot_models.robots import CHASSIS_RADIUS_M, MAX_SPEED_MPS
-from robot_models.yard.yard import CylinderEquipment, Yard
+from robot_models.yard.pieces import CylinderEquipment
+from robot_models.yard.yard import Yard
 
 MAP = SiteMap(load_scenario("one_source"))
 
@@ -19,7 +19,7 @@ def test_paths_go_round_equipment_with_room_for_the_robot() -> None:
         path = reach.path(cell)
         np.testing.assert_array_equal(path[-1], MAP.centres_m[cell])
         between = np.linspace(path[:-1], path[1:], 5).reshape(-1, 2)
-        assert MAP.yard.clearance(between).min() >= CHASSIS_RADIUS_M + 0.5 * MARGIN_M
+        assert MAP.yard.clearance(between).min() >= MAP.robot.footprint_radius_m + 0.5 * MARGIN_M
 
 
 def test_no_way_is_shorter_than_the_straight_line() -> None:
@@ -43,8 +43,8 @@ def test_a_robot_that_steers_along_a_path_arrives_and_strays_little() -> None:
     leg = PathFollower(MAP, pose, np.array([36.0, 21.0]), 0.0, 0.3)
     worst, step_s = 0.0, 0.1
     for _ in range(1500):
-        v, yaw_rate = steer(pose, leg.path_m)
-        assert abs(v) <= MAX_SPEED_MPS
+        v, yaw_rate = steer(pose, leg.path_m, MAP.robot)
+        assert abs(v) <= MAP.robot.max_speed_mps
         pose = pose + step_s * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), yaw_rate])
         worst = max(worst, np.linalg.norm(leg.path_m - pose[:2], axis=-1).min())
         if leg.has_arrived(pose):
@@ -89,7 +89,7 @@ def test_an_obstacle_that_was_seen_is_driven_round_with_the_same_room_and_forgot
     wall_m = np.stack([np.full(30, 6.0), np.linspace(0.0, 5.0, 30)], axis=-1)
     seen = MAP.with_obstacles(wall_m)
     path = seen.reach(start).path(seen.cell(goal))
-    assert np.linalg.norm(path[:, np.newaxis] - wall_m, axis=-1).min() >= CHASSIS_RADIUS_M + MARGIN_M
+    assert np.linalg.norm(path[:, np.newaxis] - wall_m, axis=-1).min() >= MAP.robot.footprint_radius_m + MARGIN_M
     assert path[:, 1].max() > 5.0
     again = seen.with_obstacles(wall_m[:0])
     np.testing.assert_array_equal(again.clearance_m, MAP.clearance_m)
@@ -122,8 +122,8 @@ def test_the_speed_falls_gently_before_turns_and_to_nothing_at_the_end(corner_de
     along_m = np.arange(0.0, 5.0, 0.25)[:, np.newaxis]
     out = np.array([np.cos(np.radians(corner_deg)), np.sin(np.radians(corner_deg))])
     path = np.concatenate([along_m * [1.0, 0.0], [5.0, 0.0] + along_m * out])
-    speed = speed_profile(path)
-    assert speed.max() == pytest.approx(MAX_SPEED_MPS)
+    speed = speed_profile(path, MAP.robot)
+    assert speed.max() == pytest.approx(MAP.robot.max_speed_mps)
     assert speed[-1] == 0.0
     assert speed[along_m.size] == pytest.approx(speed_mps)
     fall = -np.diff(np.square(speed)) / np.linalg.norm(np.diff(path, axis=0), axis=-1)
@@ -132,14 +132,14 @@ def test_the_speed_falls_gently_before_turns_and_to_nothing_at_the_end(corner_de
 
 def test_the_steps_of_the_grid_are_no_turns() -> None:
     steps = np.cumsum([[0.25, 0.0], [0.25, 0.25]] * 20, axis=0)
-    assert speed_profile(steps)[3:20].min() > 0.7 * MAX_SPEED_MPS
+    assert speed_profile(steps, MAP.robot)[3:20].min() > 0.7 * MAP.robot.max_speed_mps
 
 
 def test_a_robot_that_steers_to_the_end_of_a_path_stops_there() -> None:
     path = np.stack([np.arange(0.0, 4.1, 0.25), np.zeros(17)], axis=-1)
     pose, speeds = np.array([0.0, 0.1, 0.0]), []
     while pose[0] < 3.9:
-        v, yaw_rate = steer(pose, path)
+        v, yaw_rate = steer(pose, path, MAP.robot)
         pose = pose + 0.1 * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), yaw_rate])
         speeds.append(v)
     assert np.linalg.norm(pose[:2] - path[-1]) < 0.15

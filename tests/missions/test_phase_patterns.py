@@ -53,7 +53,7 @@ def log_of_two_findings(seed: int, mains: bool = True) -> MissionLog:
     for number, (_, place) in SOURCES.items():
         log.append(
             "finding", step=59, id=number, position_m=np.array(place), covariance_m2=0.01 * np.eye(2),
-            state="confirmed", n_bearings=100, first_heard_s=0.0, opening_rad=1.0,
+            state="confirmed", n_bearings=100, first_detected_s=0.0, aperture_rad=1.0,
         )  # fmt: skip
     return log
 
@@ -72,7 +72,7 @@ def test_pulses_in_line_with_two_findings_belong_to_none() -> None:
     log = log_of_two_findings(2)
     log.append(
         "finding", step=59, id=3, position_m=np.array([20.0, 18.0]), covariance_m2=np.eye(2), state="candidate",
-        n_bearings=9, first_heard_s=0.0, opening_rad=0.0,
+        n_bearings=9, first_detected_s=0.0, aperture_rad=0.0,
     )  # fmt: skip
     alone, beside = phase_patterns(log_of_two_findings(2))[1], phase_patterns(log)[1]
     assert beside.phase_rad.size < alone.phase_rad.size

@@ -6,7 +6,7 @@ from dirmusic import Finding
 from dirmusic.locating.finding import State
 from envs import load_scenario
 from missions.driving.site_map import SiteMap
-from missions.policies.registry import PURSUIT_LIMIT_S, Seek
+from missions.policies.seek import PURSUIT_LIMIT_S, Seek
 
 SITE_MAP = SiteMap(load_scenario("one_source"))
 
@@ -14,7 +14,7 @@ SITE_MAP = SiteMap(load_scenario("one_source"))
 def candidate(state: State) -> Finding:
     return Finding(
         id=1, state=state, position_m=np.array([9.5, 8.0]), covariance_m2=0.1 * np.eye(2), n_bearings=50,
-        first_heard_s=0.0, fixed_s=None, opening_rad=0.3, nearest_m=6.0, level_db=-10.0,
+        first_detected_s=0.0, fixed_s=None, aperture_rad=0.3, nearest_m=6.0, level_db=-10.0,
     )  # fmt: skip
 
 

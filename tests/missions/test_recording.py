@@ -11,12 +11,10 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 
-from dirmusic.locating.finding import CHI2_95
 from envs import load_scenario
 from missions.record.mission_log import MissionLog
 from missions.recording import Recorder, write_recording
 from missions.recording import blueprint as paths
-from missions.recording.recorder import ellipse
 from missions.runner import run_mission
 
 AT_REST = {"odometry": np.zeros(3), "battery": 1.0, "command": np.zeros(2)}
@@ -189,14 +187,6 @@ def test_field_data_without_robot_truth_or_pulses_is_recorded_too(tmp_path: Path
     counted = rows(tmp_path / "field.rrd")
     assert counted[f"/{paths.ROBOT}"] >= 20
     assert f"/{paths.TRUE_SOURCES}" not in counted
-
-
-def test_the_drawn_ellipse_is_the_contour_that_holds_95_percent() -> None:
-    covariance = np.array([[0.5, 0.2], [0.2, 0.3]])
-    line = ellipse(np.array([3.0, 4.0, 0.1]), covariance)
-    off = line[:, :2] - [3.0, 4.0]
-    np.testing.assert_allclose(np.einsum("ni,ij,nj->n", off, np.linalg.inv(covariance), off), CHI2_95)
-    np.testing.assert_allclose(line[0], line[-1])
 
 
 def test_a_capsule_is_drawn_about_its_middle(tmp_path: Path, log: MissionLog) -> None:

@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from robot_models.equipment import CATALOGUE
+from robot_models.antenna.elements import AntennaElements
+from robot_models.description.library import load_robot
+from robot_models.equipment import CATALOGUE, KINDS, colour_of
 from robot_models.robots import Robots
-from robot_models.world import EQUIPMENT_GROUP
-from robot_models.yard.yard import BoxEquipment, CatalogueEquipment, Yard
-from sensing.radio.materials import KIND_MATERIALS
+from robot_models.yard.pieces import BoxEquipment, CatalogueEquipment
+from robot_models.yard.scenery import EQUIPMENT_GROUP
+from robot_models.yard.yard import Yard
+from sensing.radio import materials
 
-AZIMUTHS_RAD = np.radians([90.0, 30.0, -30.0, -90.0, -150.0, 150.0])
-RING_M = np.column_stack([0.12 * np.cos(AZIMUTHS_RAD), 0.12 * np.sin(AZIMUTHS_RAD), np.full(6, 0.6)])
+ONE_ELEMENT = AntennaElements.checked([[0.0, 0.0, 0.6]], [0.0])
 
 
 def yard_with(kind: str, yaw_deg: float = 30.0, length_m: float | None = None) -> Yard:
@@ -21,9 +23,22 @@ def yard_with(kind: str, yaw_deg: float = 30.0, length_m: float | None = None) -
     return Yard(size_m=(40.0, 30.0), equipment=(it,))
 
 
+def test_every_kind_has_one_row_with_the_material_that_radio_reckons_with() -> None:
+    assert KINDS.keys() == materials.KIND_MATERIALS.keys()
+    for name, kind in KINDS.items():
+        assert getattr(materials, kind.material.upper()) is materials.KIND_MATERIALS[name], name
+        assert all(0.0 <= share <= 1.0 for share in kind.colour), name
+
+
+def test_the_numbers_of_a_part_do_not_change_its_colour() -> None:
+    post = colour_of("busbar", "post")
+    assert colour_of("busbar", "post_1_2") == colour_of("busbar", "post_13") == post != KINDS["busbar"].colour
+    assert colour_of("busbar", "leg_1_right") == KINDS["busbar"].colour
+    assert colour_of("of_no_known_kind", "body") not in {kind.colour for kind in KINDS.values() if kind.shape}
+
+
 @pytest.mark.parametrize("kind", CATALOGUE)
-def test_a_kind_has_a_material_stands_on_the_ground_and_its_sites_lie_on_its_surface_in_the_open(kind: str) -> None:
-    assert kind in KIND_MATERIALS
+def test_a_kind_stands_on_the_ground_and_its_sites_lie_on_its_surface_in_the_open(kind: str) -> None:
     yard = yard_with(kind)
     assert yard.solids.bottom_m.min() == 0.0
     assert (yard.solids.top_m > yard.solids.bottom_m).all()
@@ -36,7 +51,7 @@ def test_a_kind_has_a_material_stands_on_the_ground_and_its_sites_lie_on_its_sur
 @pytest.mark.parametrize("kind", CATALOGUE)
 def test_in_the_model_it_has_the_same_surface_as_on_the_map(kind: str) -> None:
     yard = yard_with(kind)
-    inspector = Robots(yard, RING_M, AZIMUTHS_RAD)
+    inspector = Robots(load_robot("inspector"), yard, ONE_ELEMENT)
     groups = (np.arange(6) == EQUIPMENT_GROUP).astype(np.uint8)
     rng, hits, met = np.random.default_rng(2), 0, np.zeros(1, dtype=np.int32)
     for _ in range(400):
@@ -54,7 +69,7 @@ def test_in_the_model_it_has_the_same_surface_as_on_the_map(kind: str) -> None:
 
 
 def test_the_robot_touches_the_piece_whatever_part_it_runs_into() -> None:
-    inspector = Robots(yard_with("power_transformer", yaw_deg=0.0), RING_M, AZIMUTHS_RAD)
+    inspector = Robots(load_robot("inspector"), yard_with("power_transformer", yaw_deg=0.0), ONE_ELEMENT)
     inspector.reset([0], [(20.0, 12.4, np.pi / 2)])
     inspector.drive([0.5], [0.0], 2.0)
     assert inspector.touched[0] == ("equipment/it",)
@@ -68,7 +83,7 @@ def test_the_robot_passes_below_a_busbar_but_not_over_a_kerb() -> None:
     assert busbar.clearance(np.array([22.0, 15.0])) > 1.0
     assert busbar.in_sight(np.array([[22.0, 10.0]]), np.array([22.0, 20.0])).all()
     assert kerb.clearance(np.array([20.0, 15.0])) < 0
-    inspector = Robots(kerb, RING_M, AZIMUTHS_RAD)
+    inspector = Robots(load_robot("inspector"), kerb, ONE_ELEMENT)
     inspector.reset([0], [(20.0, 14.0, np.pi / 2)])
     assert inspector.readings.lidar_m[0, 0] == pytest.approx(1.0 - 0.075, abs=0.01)  # as high as the lidar looks
     inspector.drive([0.5], [0.0], 3.0)

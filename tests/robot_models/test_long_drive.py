@@ -6,12 +6,13 @@ import pytest
 
 from envs import load_scenario
 from envs.patrol_env import STEP_S, PatrolEnv
-from robot_models.robots import CHASSIS_RADIUS_M
+from envs.scenario.robot_config import RobotConfig
 
 
-def drive_at_random(minutes: float, seed: int) -> set[str]:
+def drive_at_random(minutes: float, seed: int, robot: str = "inspector") -> set[str]:
     """Drive a new way every second, check every step, and tell what was touched."""
-    scenario = load_scenario("transformer_bay")
+    scenario = load_scenario("transformer_bay").model_copy(update={"robot": RobotConfig(model=robot)})
+    inner_m = scenario.robot.description.inner_radius_m
     task = scenario.task.model_copy(update={"time_limit_s": 60.0 * minutes})
     receiver = scenario.receiver.model_copy(update={"fidelity": "energy"})
     env = PatrolEnv(scenario.model_copy(update={"task": task, "receiver": receiver, "sources": ()}))
@@ -25,20 +26,22 @@ def drive_at_random(minutes: float, seed: int) -> set[str]:
         assert all(np.isfinite(value).all() for value in observation.values())
         assert env.observation_space.contains(observation)
         place_m = info["truth"]["pose"][:2]
-        assert (place_m > CHASSIS_RADIUS_M - 0.01).all()
-        assert (place_m < np.subtract(size_m, CHASSIS_RADIUS_M - 0.01)).all()
+        assert (place_m > inner_m - 0.01).all()
+        assert (place_m < np.subtract(size_m, inner_m - 0.01)).all()
         touched.update(info["touched"])
     assert env.simulation.robots.n_warnings().sum() == 0
     assert n_steps == round(60.0 * minutes / STEP_S)
     return touched
 
 
-def test_three_minutes_of_random_driving_give_no_warning_and_no_nan_and_stay_inside_the_fence() -> None:
-    drive_at_random(3.0, seed=0)
+@pytest.mark.parametrize("robot", ["inspector", "crawler"])
+def test_three_minutes_of_random_driving_give_no_warning_and_no_nan_and_stay_inside_the_fence(robot: str) -> None:
+    drive_at_random(3.0, seed=0, robot=robot)
 
 
 @pytest.mark.slow
-def test_an_hour_of_random_driving_gives_no_warning_and_no_nan_and_stays_inside_the_fence() -> None:
-    touched = drive_at_random(60.0, seed=1)
+@pytest.mark.parametrize("robot", ["inspector", "crawler"])
+def test_an_hour_of_random_driving_gives_no_warning_and_no_nan_and_stays_inside_the_fence(robot: str) -> None:
+    touched = drive_at_random(60.0, seed=1, robot=robot)
     assert any(name.startswith("fence/") for name in touched)
     assert any(name.startswith("equipment/") for name in touched)

@@ -5,8 +5,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from robot_models.world import EQUIPMENT_GROUP, INSPECTOR_XML, build_model, build_spec
-from robot_models.yard.yard import BoxEquipment, CylinderEquipment, Yard
+from robot_models.antenna.elements import MAX_ELEMENTS, AntennaElements
+from robot_models.description.library import SHIPPED, load_robot
+from robot_models.world import build_spec
+from robot_models.yard.pieces import BoxEquipment, CylinderEquipment
+from robot_models.yard.scenery import EQUIPMENT_GROUP
+from robot_models.yard.yard import Yard
 
 AZIMUTHS_RAD = np.radians([90.0, 30.0, -30.0, -90.0, -150.0, 150.0])
 RING_M = np.column_stack([0.12 * np.cos(AZIMUTHS_RAD), 0.12 * np.sin(AZIMUTHS_RAD), np.full(6, 0.6)])
@@ -25,6 +29,13 @@ BUSHING = CylinderEquipment(
 YARD = Yard(size_m=(20.0, 12.0), equipment=(TANK, BUSHING))
 
 
+def build_model(
+    yard: Yard, positions_m: np.ndarray, azimuths_rad: np.ndarray, elevations_rad: np.ndarray | float = 0.0
+) -> mujoco.MjModel:
+    elements = AntennaElements.checked(positions_m, azimuths_rad, elevations_rad)
+    return build_spec(load_robot("inspector"), yard, elements).compile()
+
+
 def site_axes(model: mujoco.MjModel, name: str) -> np.ndarray:
     """Orientation of a site in the frame of its body, columns are its axes."""
     matrix = np.zeros(9)
@@ -32,32 +43,39 @@ def site_axes(model: mujoco.MjModel, name: str) -> np.ndarray:
     return matrix.reshape(3, 3)
 
 
-def test_the_elements_of_the_robot_lie_on_the_ring_and_look_outward():
-    model = mujoco.MjModel.from_xml_path(str(INSPECTOR_XML))
-    for k, azimuth in enumerate(AZIMUTHS_RAD, start=1):
-        outward = [np.cos(azimuth), np.sin(azimuth), 0.0]
-        site = model.site(f"element_{k}")
-        assert site.bodyid[0] == model.body("base").id
-        np.testing.assert_allclose(site.pos, RING_M[k - 1], atol=1e-6)
-        np.testing.assert_allclose(site_axes(model, site.name)[:, 0], outward, atol=1e-6)
-        np.testing.assert_allclose(site_axes(model, site.name)[:, 2], [0.0, 0.0, 1.0], atol=1e-12)
-
-
-def test_the_sites_move_to_where_the_builder_is_told():
+def test_the_sites_lie_and_look_where_the_elements_do() -> None:
     rng = np.random.default_rng(1)
-    positions, boresights = rng.uniform(0.0, 0.7, size=(6, 3)), rng.uniform(-np.pi, np.pi, size=6)
-    model = build_model(YARD, positions, boresights)
-    for k in range(6):
+    positions, azimuths = rng.uniform(0.0, 0.7, size=(MAX_ELEMENTS, 3)), rng.uniform(-np.pi, np.pi, size=MAX_ELEMENTS)
+    elevations = rng.uniform(-0.5, 0.5, size=MAX_ELEMENTS) * np.pi
+    elevations[0] = 0.0
+    model = build_model(YARD, positions, azimuths, elevations)
+    for k in range(MAX_ELEMENTS):
         site = model.site(f"element_{k + 1}")
+        assert site.bodyid[0] == model.body("base").id
         np.testing.assert_allclose(site.pos, positions[k], atol=1e-12)
-        outward = [np.cos(boresights[k]), np.sin(boresights[k]), 0.0]
-        np.testing.assert_allclose(site_axes(model, site.name)[:, 0], outward, atol=1e-12)
+        axes, level = site_axes(model, site.name), np.cos(elevations[k])
+        look = [level * np.cos(azimuths[k]), level * np.sin(azimuths[k]), np.sin(elevations[k])]
+        np.testing.assert_allclose(axes[:, 0], look, atol=1e-12)
+        np.testing.assert_allclose(axes[2, 1], 0.0, atol=1e-12)  # y stays level: a look is not rolled
 
 
-def test_the_antennas_that_one_sees_move_with_their_sites():
+def test_the_antennas_that_one_sees_move_with_their_sites() -> None:
     lifted = build_model(YARD, RING_M + np.array([0.0, 0.0, 0.5]), AZIMUTHS_RAD)
     usual = build_model(YARD, RING_M, AZIMUTHS_RAD)
     assert np.isclose(lifted.geom_pos[:, 2] - usual.geom_pos[:, 2], 0.5).sum() == 6 * 5
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_every_robot_has_beams_all_round_from_where_its_file_says(name: str) -> None:
+    robot = load_robot(name)
+    model = build_spec(robot, YARD).compile()
+    for beam in range(36):
+        outward = np.array([np.cos(np.radians(10 * beam)), np.sin(np.radians(10 * beam)), 0.0])
+        site = model.site(f"lidar/beam_{beam:02d}")
+        start = robot.lidar_start_m * outward + [0.0, 0.0, robot.lidar_height_m]
+        np.testing.assert_allclose(site.pos, start, atol=1e-12)
+        np.testing.assert_allclose(site_axes(model, site.name)[:, 2], outward, atol=1e-12)
+        assert model.sensor(f"lidar_{beam:02d}").objid[0] == site.id
 
 
 @pytest.mark.parametrize("n_elements", [1, 4, 6])
@@ -142,21 +160,25 @@ def test_pictures_of_640_by_480_can_be_taken():
 
 
 def test_a_spec_can_still_be_extended_before_it_is_compiled():
-    spec = build_spec(Yard(size_m=(5.0, 5.0)), RING_M, AZIMUTHS_RAD)
+    spec = build_spec(load_robot("inspector"), Yard(size_m=(5.0, 5.0)))
     spec.worldbody.add_geom(name="equipment/late", size=[0.1, 0.0, 0.0], group=EQUIPMENT_GROUP)
     assert spec.compile().geom("equipment/late").size[0] == 0.1
 
 
 @pytest.mark.parametrize(
-    ("positions", "boresights", "message"),
+    ("positions", "azimuths", "elevations", "message"),
     [
-        (np.zeros((7, 3)), np.zeros(7), r"n from 1 to 6, got \(7, 3\)"),
-        (np.zeros((0, 3)), np.zeros(0), r"n from 1 to 6, got \(0, 3\)"),
-        (np.zeros((6, 2)), np.zeros(6), r"got \(6, 2\)"),
-        (np.zeros((6, 3)), np.zeros(4), r"must have shape \(6,\) to match"),
-        (np.full((6, 3), np.nan), np.zeros(6), "must be finite"),
+        (np.zeros((17, 3)), np.zeros(17), 0.0, r"n from 1 to 16, got \(17, 3\)"),
+        (np.zeros((0, 3)), np.zeros(0), 0.0, r"n from 1 to 16, got \(0, 3\)"),
+        (np.zeros((6, 2)), np.zeros(6), 0.0, r"got \(6, 2\)"),
+        (np.zeros((6, 3)), np.zeros(4), 0.0, r"must have shape \(6,\) to match"),
+        (np.zeros((6, 3)), np.zeros(6), np.zeros(5), r"must have shape \(6,\) to match"),
+        (np.full((6, 3), np.nan), np.zeros(6), 0.0, "must be finite"),
+        (np.zeros((6, 3)), np.zeros(6), np.inf, "must be finite"),
     ],
 )
-def test_element_arrays_that_make_no_array_are_refused(positions: np.ndarray, boresights: np.ndarray, message: str):
+def test_elements_that_make_no_array_are_refused(
+    positions: np.ndarray, azimuths: np.ndarray, elevations: np.ndarray | float, message: str
+) -> None:
     with pytest.raises(ValueError, match=message):
-        build_spec(YARD, positions, boresights)
+        AntennaElements.checked(positions, azimuths, elevations)

@@ -10,13 +10,14 @@ import pytest
 
 from envs.random_yard import random_yard
 from robot_models.world import build_model
-from robot_models.yard.yard import BoxEquipment, CylinderEquipment, Yard
+from robot_models.yard.pieces import BoxEquipment, CylinderEquipment
+from robot_models.yard.yard import Yard
 from sensing import Obstacles
 from sensing.radio.obstruction import cross
 
 
 def crossed_in(yard: Yard) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    return partial(cross, obstacles=Obstacles(*yard.obstacles()), n_pieces=len(yard.equipment))
+    return partial(cross, obstacles=Obstacles(**yard.obstacles()._asdict()), n_pieces=len(yard.equipment))
 
 
 TANK = BoxEquipment(

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 
 from dirmusic import GainPattern
 from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
-from robot_models.yard.yard import BoxEquipment, Yard
+from robot_models.yard.pieces import BoxEquipment
+from robot_models.yard.yard import Yard
 from sensing import Faces, HelicalArray, Obstacles, Surroundings, level_transform
 from sensing.array import ArrayTable
 from sensing.radio.arrivals import propagate
@@ -166,9 +167,9 @@ def boxes_of_the_reference() -> Yard:
 def test_paths_in_a_yard_are_those_that_sionna_rt_finds(row: dict[str, list[float]]) -> None:
     """Delays within 0.1 ns, amplitudes over the direct path's within 1 dB; what is hidden there is hidden here."""
     yard = boxes_of_the_reference()
-    faces = Faces(*yard.faces())
+    faces = Faces(**yard.faces()._asdict())
     coefficient = np.full(faces.owner.size, REFERENCE["reflection"])
-    surroundings = Surroundings(faces, coefficient, np.log(np.full(2, 1e-6)), Obstacles(*yard.obstacles()))
+    surroundings = Surroundings(faces, coefficient, np.log(np.full(2, 1e-6)), Obstacles(**yard.obstacles()._asdict()))
     x, y, z = row["position_m"]
     paths = paths_between(surroundings, REFERENCE["source_m"], element_m=(x, y, z))
     amplitude = np.abs(paths.factor / paths.range_m)

@@ -1,0 +1,1 @@
+"""Which pulse belongs to which finding: record of pulses, gating, ghost test, decision."""

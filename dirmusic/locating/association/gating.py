@@ -1,0 +1,63 @@
+"""Gating: how far each pulse is from a finding, in direction and in level."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dirmusic.angles import difference
+from dirmusic.locating.association.pulse_record import Measurements, PulseRecord
+from dirmusic.locating.finding import Finding
+from dirmusic.locating.rules import AssignmentRules
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+NEAR_FIELD_SHARE = 0.5
+"""Share of the ring's radius by which a far-field bearing may miss a source close by (assumed)."""
+
+LEAST_RANGE_M = 0.3
+"""Shorter ranges count as this one (assumed): so close by, a pose error alone turns the line of sight round."""
+
+WIDEST_POSITION_RAD = np.radians(15.0)
+"""What the uncertainty of the positions may add to the deviation of a bearing at most (assumed): a finding that is not
+known well, seen from close by, would take the pulses of every direction."""
+
+
+class Gate(NamedTuple):
+    """Pulses as seen by one finding; every array has shape (n,).
+
+    Attributes:
+        offset_rad: How far the bearing points past the finding, in [0, pi].
+        offset_sigmas: The same in standard deviations of bearing and positions.
+        level_db: Level 1 m from the finding that the strength of pulses of that time and direction means, dB over 1 V.
+        in_sight: Whether the map leaves the finding in sight from where the pulse was detected.
+        in_gate: Whether the bearing points to the finding.
+    """
+
+    offset_rad: FloatArray
+    offset_sigmas: FloatArray
+    level_db: FloatArray
+    in_sight: BoolArray
+    in_gate: BoolArray
+
+
+def gate_pulses(record: PulseRecord, measured: Measurements, finding: Finding, rules: AssignmentRules) -> Gate:
+    """Compare all pulses with one finding."""
+    sight = finding.position_m - record.pose[:, :2]
+    range_m = np.maximum(np.linalg.norm(sight, axis=-1), LEAST_RANGE_M)
+    across = np.stack([-sight[:, 1], sight[:, 0]], axis=-1) / range_m[:, np.newaxis]
+    position_m2 = np.einsum("ni,ij,nj->n", across, finding.covariance_m2, across)
+    position_m2 += record.pose_error.position_m**2 + (NEAR_FIELD_SHARE * record.aperture_m) ** 2
+    std = np.sqrt(measured.std_rad**2 + np.minimum(position_m2 / range_m**2, WIDEST_POSITION_RAD**2))
+    offset_rad = np.abs(difference(measured.bearing_rad, np.arctan2(sight[:, 1], sight[:, 0])))
+    offset_sigmas = offset_rad / std
+    return Gate(
+        offset_rad=offset_rad,
+        offset_sigmas=offset_sigmas,
+        level_db=measured.local_level_db + 20 * np.log10(range_m),
+        in_sight=record.in_sight(finding.position_m, rules.surface_depth_m)[record.place],
+        in_gate=offset_sigmas <= rules.gate_sigmas,
+    )

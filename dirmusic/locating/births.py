@@ -1,0 +1,86 @@
+"""Births: unassigned pulses that make a new candidate."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dirmusic.angles import difference
+from dirmusic.array.element_errors import ElementErrors
+from dirmusic.locating.association.assignment import NoOwner
+from dirmusic.locating.association.pulse_record import PulseRecord, Rows, thinned
+from dirmusic.locating.finding import Finding
+from dirmusic.locating.rules import LocatingRules
+from dirmusic.locating.triangulation import triangulate
+
+FloatArray = NDArray[np.float64]
+
+UNKNOWN_M = 10.0
+"""Standard deviation of a position of which only the bearing is known, until the first fit (assumed)."""
+
+
+class Birth(NamedTuple):
+    """Pulses that make a candidate.
+
+    Attributes:
+        rows: Rows of the pulses in their record.
+        first_detected_s: When the first of them came.
+        position_m: Where their lines of sight cross, shape (2,).
+        covariance_m2: Shape (2, 2).
+    """
+
+    rows: Rows
+    first_detected_s: float
+    position_m: FloatArray
+    covariance_m2: FloatArray
+
+    def candidate(self, number: int) -> Finding:
+        """A finding of its own."""
+        return Finding(
+            id=number,
+            state="candidate",
+            position_m=self.position_m,
+            covariance_m2=self.covariance_m2,
+            n_bearings=self.rows.size,
+            first_detected_s=self.first_detected_s,
+            fixed_s=None,
+            aperture_rad=0.0,
+            nearest_m=np.inf,
+            level_db=np.nan,
+        )
+
+
+def find_birth(
+    record: PulseRecord, owner: Rows, errors: ElementErrors, rules: LocatingRules, time_s: float
+) -> Birth | None:
+    """The largest group of recent unassigned pulses from one direction, if it is large enough to make a candidate.
+
+    Args:
+        record: All pulses.
+        owner: Finding of each pulse or a code of `NoOwner`, shape (n,).
+        errors: Errors of the array's elements as known by now.
+        rules: How many pulses, from how wide an arc, in how long a time.
+        time_s: Now.
+    """
+    unassigned = np.flatnonzero(owner == NoOwner.UNASSIGNED)
+    recent = unassigned[record.pulses.time_s[unassigned] > time_s - rules.birth_s]
+    if recent.size < rules.birth_pulses:
+        return None
+    bearing, _ = record.bearings(recent, errors)
+    is_near = np.abs(difference(bearing[:, np.newaxis], bearing)) < rules.birth_arc_rad
+    rows = recent[is_near[is_near.sum(axis=0).argmax()]]
+    if rows.size < rules.birth_pulses and rules.birth_by_crossing:
+        rows = _crossing_rows(record, thinned(recent, rules.max_pulses), errors)
+    if rows.size < rules.birth_pulses:
+        return None
+    position_m, covariance_m2 = record.crossing(rows, errors)
+    if not np.isfinite(covariance_m2).all():
+        covariance_m2 = np.eye(2) * UNKNOWN_M**2
+    return Birth(rows, float(record.pulses.time_s[rows[0]]), position_m, covariance_m2)
+
+
+def _crossing_rows(record: PulseRecord, rows: Rows, errors: ElementErrors) -> Rows:
+    """Those of some pulses whose lines of sight cross at one place."""
+    return rows[triangulate(record.pose[rows, :2], *record.bearings(rows, errors)).is_inlier]

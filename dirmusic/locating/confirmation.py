@@ -1,0 +1,121 @@
+"""Confirmation: what the pulses of a finding say of it, and the state that follows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dirmusic.angles import aperture
+from dirmusic.locating.association.assignment import Assignment
+from dirmusic.locating.association.pulse_record import PulseRecord, Rows
+from dirmusic.locating.ellipse import outline95
+from dirmusic.locating.finding import Finding
+from dirmusic.locating.rules import AssignmentRules, LocatingRules
+
+FloatArray = NDArray[np.float64]
+
+LEVEL_QUANTILE = 0.75
+"""The level of a finding is this quantile of the levels of its pulses (assumed): those on the direct path are the
+louder ones."""
+
+OUTLINE_POINTS = 73
+"""Points of the ellipse that are compared with the fence: every five degrees."""
+
+
+def updated_state(
+    finding: Finding,
+    rows: Rows,
+    assignment: Assignment,
+    record: PulseRecord,
+    rules: LocatingRules,
+    fence_m: tuple[float, float] | None,
+    time_s: float,
+) -> Finding:
+    """A finding with its state in the light of its pulses.
+
+    Args:
+        finding: Position and covariance are of the last fit.
+        rows: Rows of its pulses that were detected in sight of it.
+        assignment: Of all pulses.
+        record: All pulses.
+        rules: What confirms a finding, and what makes it a ghost.
+        fence_m: Length of the yard along x and y, origin at the corner; None without a fence.
+        time_s: Now.
+    """
+    rate, observed_s = detection_rate(finding, rows, record, rules.assignment)
+    if rows.size:
+        finding = _measured(finding, rows, assignment, record)
+    if _lies_outside(finding, fence_m):
+        return replace(finding, state="outside")
+    if finding.state != "confirmed" and _is_ghost(finding, rate, observed_s, rules):
+        return replace(finding, state="echo")
+    if rows.size and (_stays_confirmed(finding, rules) or _meets(finding, rate, rules)):
+        return replace(finding, state="confirmed", fixed_s=time_s if finding.fixed_s is None else finding.fixed_s)
+    return replace(finding, state="candidate")
+
+
+def detection_rate(finding: Finding, rows: Rows, record: PulseRecord, rules: AssignmentRules) -> tuple[float, int]:
+    """How often a finding is detected where it should be: near it and in sight of it.
+
+    Args:
+        finding: The finding.
+        rows: Rows of its pulses.
+        record: All pulses.
+        rules: How near it should be detected.
+
+    Returns:
+        Of the seconds since its first pulse in which anything was detected there, the share with its pulses, and the
+        number of these seconds. Without a map, which could tell what is in sight, 1 and 0.
+    """
+    if not record.has_map:
+        return 1.0, 0
+    is_near = np.linalg.norm(record.places_m - finding.position_m, axis=-1) < rules.detection_range_m
+    is_near[is_near] = record.in_sight(finding.position_m, rules.surface_depth_m, is_near)
+    time_s = record.pulses.time_s
+    second = np.floor(time_s)
+    observed = np.unique(second[is_near[record.place] & (time_s >= finding.first_detected_s)])
+    return np.intersect1d(observed, second[rows]).size / max(observed.size, 1), observed.size
+
+
+def _measured(finding: Finding, rows: Rows, assignment: Assignment, record: PulseRecord) -> Finding:
+    """The finding with the number, aperture, nearest range and level of its pulses."""
+    sight = record.pose[rows, :2] - finding.position_m
+    return replace(
+        finding,
+        n_bearings=rows.size,
+        aperture_rad=aperture(np.arctan2(sight[:, 1], sight[:, 0])),
+        nearest_m=float(np.linalg.norm(sight, axis=-1).min()),
+        level_db=float(np.quantile(assignment.level_db[rows], LEVEL_QUANTILE)),
+    )
+
+
+def _is_ghost(finding: Finding, rate: float, observed_s: int, rules: LocatingRules) -> bool:
+    """Whether a candidate is known well enough to be missed where it should be detected, and is."""
+    is_known = finding.semi_major_m < rules.ghost_semi_major_m and observed_s >= rules.ghost_observed_s
+    return is_known and rate < rules.ghost_detection_rate
+
+
+def _stays_confirmed(finding: Finding, rules: LocatingRules) -> bool:
+    return finding.state == "confirmed" and finding.n_bearings >= rules.confirm_pulses // 2
+
+
+def _meets(finding: Finding, rate: float, rules: LocatingRules) -> bool:
+    """Whether a candidate meets every rule of confirmation."""
+    return (
+        finding.aperture_rad >= rules.confirm_aperture_rad
+        and finding.semi_major_m <= rules.confirm_semi_major_m
+        and finding.nearest_m <= rules.confirm_range_m
+        and finding.n_bearings >= rules.confirm_pulses
+        and rate >= rules.confirm_detection_rate
+    )
+
+
+def _lies_outside(finding: Finding, fence_m: tuple[float, float] | None) -> bool:
+    """Whether the 95 % ellipse leaves no room inside the fence."""
+    if fence_m is None:
+        return False
+    outline = outline95(finding.position_m, finding.covariance_m2, OUTLINE_POINTS)
+    points = np.concatenate([outline, finding.position_m[np.newaxis]])
+    return not bool(np.any(np.all((points >= 0) & (points <= np.asarray(fence_m)), axis=-1)))

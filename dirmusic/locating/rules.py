@@ -1,0 +1,109 @@
+"""The rules of locating: when a pulse counts, to which finding it belongs, what makes and what confirms a finding."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass(frozen=True, kw_only=True)
+class CredibilityRules:
+    """When a pulse looks like one plane wave from one direction. All values are assumed.
+
+    Attributes:
+        max_std_rad: A pulse with a wider bearing is not credible; noise triggers are wider by far.
+        misfit_factor: A pulse is not credible if its direction leaves this many times more of its energy unexplained
+            than noise, the array's spread and `misfit_floor` explain.
+        misfit_floor: Share of the energy that the far-field model of a perfect array leaves unexplained close by.
+    """
+
+    max_std_rad: float = np.radians(4.0)
+    misfit_factor: float = 3.0
+    misfit_floor: float = 0.05**2
+
+
+@dataclass(frozen=True, kw_only=True)
+class AssignmentRules:
+    """When a pulse belongs to a finding. All values are assumed.
+
+    The level of a pulse is its strength times its range to a finding; that of a finding, the level of its pulses that
+    came on the direct path.
+
+    Attributes:
+        gate_sigmas: How many standard deviations off a finding a bearing may point and still belong to it.
+        level_window_s: Pulses within so long a time and `level_arc_rad` are judged by their median strength.
+        level_arc_rad: Width of the arc of bearings that share a median strength.
+        obstruction_db: Pulses in a finding's gate that are this far below its level were diffracted round an obstacle.
+        direct_path_db: Pulses in a confirmed finding's gate that are no further below its level than this came on the
+            direct path, whatever the map says: an obstacle attenuates more.
+        ghost_db: While the map obstructs a confirmed finding, pulses that are not this far above its level are its
+            multipath ghosts, whatever their bearing.
+        bias_arc_rad: While a confirmed finding is in sight, pulses at its level that point past it by less than this
+            are its own, their bearing biased by a reflection within the gate; they are left out.
+        bias_db: How far from the finding's level the level of such pulses may be.
+        surface_depth_m: A finding this far behind a surface is still in sight: it sits on the surface, and its position
+            is not known better.
+        edge_margin_m: What would be obstructed this far to one side may be obstructed: map and poses are not known
+            better.
+        detection_range_m: From how near a finding in sight should be detected.
+    """
+
+    gate_sigmas: float = 3.0
+    level_window_s: float = 1.0
+    level_arc_rad: float = np.radians(30.0)
+    obstruction_db: float = 10.0
+    direct_path_db: float = 4.0
+    ghost_db: float = 2.0
+    bias_arc_rad: float = np.radians(20.0)
+    bias_db: float = 5.0
+    surface_depth_m: float = 0.6
+    edge_margin_m: float = 0.5
+    detection_range_m: float = 6.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class LocatingRules:
+    """When pulses make a candidate, and what confirms it. All values are assumed.
+
+    Attributes:
+        credibility: When a pulse is credible.
+        assignment: When a pulse belongs to a finding.
+        birth_pulses: Unassigned pulses from one direction, within `birth_s`, that make a candidate.
+        birth_s: How long unassigned pulses can make a candidate.
+        birth_arc_rad: Half the arc that counts as one direction.
+        birth_by_crossing: Whether so many pulses whose lines of sight cross at one place make a candidate too: for data
+            from the field, a pulse or two from each pose. Two sources have ghosts where their lines cross.
+        refit_s: Time between fits.
+        max_pulses: Pulses of one finding that a fit uses, evenly chosen; the array limits, not the noise.
+        confirm_aperture_rad: Lines of sight must spread over this angle: one line of bearings is no fix.
+        confirm_semi_major_m: The 95 % ellipse must be no longer than this to confirm.
+        confirm_range_m: The finding must have been detected from within this distance.
+        confirm_pulses: The finding must have so many pulses. Confirmed findings that lose half of them, or jump by more
+            than `merge_m`, are candidates again.
+        confirm_detection_rate: Near it and in sight of it, where there is a map, the finding must have been detected in
+            this share of the seconds in which anything was: multipath from one reflector arrives in few places.
+        ghost_detection_rate: A candidate with a smaller share is a ghost.
+        ghost_observed_s: The share counts against a candidate once it is of so many seconds at least.
+        ghost_semi_major_m: The share counts against a candidate whose 95 % ellipse is no longer than this: else the
+            candidate may be elsewhere.
+        merge_m: Findings nearer to each other than this are one.
+    """
+
+    credibility: CredibilityRules = field(default_factory=CredibilityRules)
+    assignment: AssignmentRules = field(default_factory=AssignmentRules)
+    birth_pulses: int = 6
+    birth_s: float = 10.0
+    birth_arc_rad: float = np.radians(8.0)
+    birth_by_crossing: bool = False
+    refit_s: float = 1.0
+    max_pulses: int = 160
+    confirm_aperture_rad: float = np.radians(60.0)
+    confirm_semi_major_m: float = 0.5
+    confirm_range_m: float = 4.0
+    confirm_pulses: int = 20
+    confirm_detection_rate: float = 0.3
+    ghost_detection_rate: float = 0.1
+    ghost_observed_s: int = 5
+    ghost_semi_major_m: float = 2.0
+    merge_m: float = 1.0

@@ -1,0 +1,36 @@
+"""Which robot a mission is driven with, as a scenario file says it."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Self
+
+from pydantic import ValidationInfo, field_validator, model_validator
+
+from envs.scenario.base import Config, beside_the_scenario
+from robot_models.description.library import is_path, load_robot
+from robot_models.description.robot_description import RobotDescription, RobotFileError
+
+
+class RobotConfig(Config, frozen=True):
+    """The robot, by the name of a shipped one or the path of an MJCF file; a relative path starts at the scenario."""
+
+    model: str = "inspector"
+
+    @field_validator("model")
+    @classmethod
+    def _starts_at_the_scenario(cls, model: str, info: ValidationInfo) -> str:
+        return beside_the_scenario(model, info) if is_path(model) else model
+
+    @model_validator(mode="after")
+    def _is_a_robot(self) -> Self:
+        try:
+            _ = self.description
+        except RobotFileError as error:
+            raise ValueError("\n".join(f"model: {fault}" for fault in error.faults)) from None
+        return self
+
+    @cached_property
+    def description(self) -> RobotDescription:
+        """Its measures and limits."""
+        return load_robot(self.model)

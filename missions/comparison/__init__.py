@@ -1,0 +1,1 @@
+"""What a change of array, estimator or robot is worth, over many missions."""

@@ -1,0 +1,38 @@
+"""Policies by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from missions.driving.collision_guard import CollisionGuard
+from missions.policies.oracle import Oracle
+from missions.policies.own_policy import OwnPolicy
+from missions.policies.patrol import Patrol
+from missions.policies.protocol import ReportingPolicy
+from missions.policies.random_driving import Random
+from missions.policies.seek import Seek
+
+
+def make_policy(name: str, rng: np.random.Generator) -> ReportingPolicy:
+    """A fresh policy.
+
+    Args:
+        name: A built-in one's, or `my_file.py:MyPolicy`, relative to the current folder, or `package.module:MyPolicy`.
+        rng: For those that draw.
+
+    Raises:
+        ForeignCodeError: If it is not built in and cannot be loaded or made.
+    """
+    match name:
+        case "seek":
+            return CollisionGuard(Seek())
+        case "patrol":
+            return CollisionGuard(Patrol())
+        case "random":
+            return Random(rng)
+        case "oracle":
+            return Oracle()
+        case _:
+            return OwnPolicy(name, rng, Path())

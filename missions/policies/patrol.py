@@ -1,0 +1,55 @@
+"""Patrol: the route and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dirmusic import Finding
+from envs.patrol_env import Observation
+from missions.driving.path_follower import PathFollower
+from missions.driving.site_map import SiteMap
+from missions.policies.protocol import Action, believed_pose, time_of
+
+FloatArray = NDArray[np.float64]
+
+INSIDE_WAYPOINT = 0.7
+"""Share of a waypoint's radius within which the robot aims (assumed): inside it, whatever the error of the pose."""
+
+
+class Patrol:
+    """Drive the route and go home, whatever is detected; without a route, stand still."""
+
+    def __init__(self) -> None:
+        self.phase = "patrol"
+        self.unreachable: tuple[int, ...] = ()
+        self._next_stop = 0
+        self._drive: PathFollower | None = None
+
+    def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
+        """Towards the next stop; None once the dock is reached, or given up."""
+        if not site_map.route.waypoints_m:
+            self.phase = "listen"
+            return np.zeros(2, dtype=np.float32)
+        pose, time_s = believed_pose(observation), time_of(observation, site_map)
+        stops = (*site_map.route.waypoints_m, site_map.route.dock_m)
+        radius = INSIDE_WAYPOINT * site_map.task.waypoint_radius_m
+        while self._next_stop < len(stops):
+            goal = np.asarray(stops[self._next_stop])
+            if self._drive is None:
+                self._drive = PathFollower(site_map, pose, goal, time_s, radius)
+            self._drive.follow(site_map, pose)
+            if not self._drive.is_over(pose, time_s):
+                self.phase = "return to dock" if self._next_stop == len(stops) - 1 else f"patrol {self._next_stop + 1}"
+                return self._drive.action(pose)
+            if not self._drive.has_arrived(pose) and self._next_stop < len(stops) - 1:
+                self.unreachable = (*self.unreachable, self._next_stop + 1)
+            self._drive = None
+            self._next_stop += 1
+        return None
+
+    def resume(self) -> None:
+        """Plan the way to the next stop anew, after a detour."""
+        self._drive = None

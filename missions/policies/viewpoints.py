@@ -1,0 +1,99 @@
+"""Viewpoints: where to go to see a candidate from another side.
+
+A bearing says little of the distance; bearings from sides 60 degrees apart give a small ellipse. So a place is worth
+the new angle that it adds to the views already had, and costs the way there; both are counted in metres.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dirmusic.angles import difference
+from missions.driving.site_map import ShortestPaths, SiteMap
+
+FloatArray = NDArray[np.float64]
+
+VIEW_RADII_M = (1.8, 2.3, 2.9, 3.5)
+VIEW_ASPECTS_RAD = np.radians(np.arange(0.0, 360.0, 15.0))
+"""Viewpoints that are considered around a candidate (assumed): near enough to confirm, clear of its equipment."""
+
+VIEW_ROOM_M = 0.2
+"""Room about the robot at a viewpoint, to equipment, fence and obstacles (assumed): it can stop and turn there."""
+
+ON_SURFACE_M = 0.5
+"""Equipment this near to a candidate does not hide it (assumed): an estimate may lie a little inside its surface."""
+
+NOVELTY_RAD = np.radians(60.0)
+NOVELTY_WORTH_M = 8.0
+"""A view that widens the aperture angle by 60 degrees is worth a detour of this length (assumed)."""
+
+LEAST_NOVELTY_RAD = np.radians(15.0)
+LEAST_WAY_M = 0.5
+"""A viewpoint that is nearer than this, or adds less angle, is no other view (assumed)."""
+
+SIDESTEP_M = (2.0, 12.0)
+"""Lengths of the way to a sidestep (assumed): shorter ones change no angle, longer ones leave the candidate."""
+
+SIDESTEP_COST = 0.2
+"""What a metre of way to a sidestep costs (assumed): a fifth of a metre to a viewpoint, for every sidestep is far."""
+
+SIDESTEP_SIGHT_WORTH_M = 2.0
+"""What sight of the candidate adds to a sidestep (assumed): as much as 10 m of way or 15 degrees of new angle."""
+
+SIDESTEP_ON_SURFACE_M = 1.5
+"""As `ON_SURFACE_M`, for a sidestep (assumed): more, because what cannot be approached is located worse."""
+
+
+def best_viewpoint(
+    target_m: FloatArray, views_m: FloatArray, paths: ShortestPaths, site_map: SiteMap
+) -> FloatArray | None:
+    """A place near a candidate that sees it from a new side and is not far to go, else a sidestep.
+
+    Args:
+        target_m: The candidate, shape (2,), world frame.
+        views_m: Where it was viewed from so far, shape (n, 2), n at least 1.
+        paths: Shortest paths from where the robot is.
+        site_map: Where the robot fits.
+
+    Returns:
+        Shape (2,), world frame; None if no place adds an angle.
+    """
+    spokes = np.stack([np.cos(VIEW_ASPECTS_RAD), np.sin(VIEW_ASPECTS_RAD)], axis=-1)
+    ring = target_m + np.multiply.outer(np.asarray(VIEW_RADII_M), spokes).reshape(-1, 2)
+    ring = ring[site_map.yard.contains(ring)]
+    clearance_m = site_map.robot.footprint_radius_m + VIEW_ROOM_M
+    ring = ring[site_map.clearance(ring) > clearance_m] if ring.size else ring
+    ring = ring[site_map.yard.in_sight(ring, target_m, ignore_m=ON_SURFACE_M)] if ring.size else ring
+    cells = np.array([site_map.cell(point) for point in ring], dtype=np.intp)
+    length_m = paths.length_m[cells]
+    new_rad = novelty(ring, target_m, views_m)
+    cost_m = np.where((length_m > LEAST_WAY_M) & (new_rad > LEAST_NOVELTY_RAD), length_m - worth(new_rad), np.inf)
+    if cost_m.size and np.isfinite(cost_m.min()):
+        return ring[cost_m.argmin()]
+    return _sidestep(target_m, views_m, paths, site_map)
+
+
+def _sidestep(target_m: FloatArray, views_m: FloatArray, paths: ShortestPaths, site_map: SiteMap) -> FloatArray | None:
+    """Where no viewpoint near the candidate can be had: the place nearby that adds most angle, at best in sight."""
+    near = np.flatnonzero((paths.length_m > SIDESTEP_M[0]) & (paths.length_m < SIDESTEP_M[1]))
+    if near.size == 0:
+        return None
+    points = site_map.centres_m[near]
+    is_visible = site_map.yard.in_sight(points, target_m, ignore_m=SIDESTEP_ON_SURFACE_M)
+    gain_m = worth(novelty(points, target_m, views_m))
+    score_m = gain_m - SIDESTEP_COST * paths.length_m[near] + SIDESTEP_SIGHT_WORTH_M * is_visible
+    return points[score_m.argmax()]
+
+
+def novelty(points_m: FloatArray, target_m: FloatArray, views_m: FloatArray) -> FloatArray:
+    """Angle, seen from the target, between each point (n, 2) and the nearest view already had; shape (n,)."""
+    views = views_m - target_m
+    had = np.arctan2(views[:, 1], views[:, 0])
+    aspect = np.arctan2(points_m[:, 1] - target_m[1], points_m[:, 0] - target_m[0])
+    return np.abs(difference(aspect[:, np.newaxis], had)).min(axis=-1)
+
+
+def worth(new_rad: FloatArray) -> FloatArray:
+    """Length of way that a new angle is worth, metres; no more is gained beyond `NOVELTY_RAD`."""
+    return NOVELTY_WORTH_M * np.minimum(new_rad, NOVELTY_RAD) / NOVELTY_RAD

@@ -1,0 +1,1 @@
+"""The antenna elements on a robot."""

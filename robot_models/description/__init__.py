@@ -1,0 +1,1 @@
+"""What a robot is: read from its MJCF file, checked and measured."""

@@ -1,0 +1,55 @@
+"""What is to be seen of a world, as plain data."""
+# pyright: reportAttributeAccessIssue=false
+# The compiled bindings of MuJoCo carry no types for their enums.
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+VISIBLE_GROUPS = 3
+"""MuJoCo's viewer shows geoms of groups below this, unless it is told otherwise."""
+
+
+def describe_solids(model: mujoco.MjModel) -> dict[str, list[dict[str, object]]]:
+    """Shapes of yard and robot as plain data, to draw them without the model.
+
+    A robot is drawn by the geoms that MuJoCo's viewer shows, those of the first groups.
+
+    Returns:
+        Lists `yard` (world frame) and `robot` (frame of the robot's base, origin on the floor under the axle). Each
+        solid has `name`, `group` (equipment, fence, robot), `shape`, `size_m` (MuJoCo's half sizes), `position_m`,
+        `quaternion_wxyz` and `rgba`.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)  # the base stands at the world's origin in the model's own pose
+    base = model.body("base").id
+    shapes = {
+        int(mujoco.mjtGeom.mjGEOM_BOX): "box",
+        int(mujoco.mjtGeom.mjGEOM_CYLINDER): "cylinder",
+        int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere",
+        int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): "ellipsoid",
+        int(mujoco.mjtGeom.mjGEOM_CAPSULE): "capsule",
+    }
+    solids: dict[str, list[dict[str, object]]] = {"yard": [], "robot": []}
+    for geom in range(model.ngeom):
+        name = model.geom(geom).name
+        is_robot = model.body_rootid[model.geom_bodyid[geom]] == base
+        if int(model.geom_type[geom]) not in shapes or (is_robot and model.geom_group[geom] >= VISIBLE_GROUPS):
+            continue
+        quaternion = np.empty(4)
+        mujoco.mju_mat2Quat(quaternion, data.geom_xmat[geom])
+        material = int(model.geom_matid[geom])
+        rgba = model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom]
+        solids["robot" if is_robot else "yard"].append(
+            {
+                "name": name or f"part_{geom}",
+                "group": "robot" if is_robot else name.partition("/")[0],
+                "shape": shapes[int(model.geom_type[geom])],
+                "size_m": model.geom_size[geom].tolist(),
+                "position_m": data.geom_xpos[geom].tolist(),
+                "quaternion_wxyz": quaternion.tolist(),
+                "rgba": [float(value) for value in rgba],
+            }
+        )
+    return solids

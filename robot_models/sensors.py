@@ -1,0 +1,77 @@
+"""The sensors that every robot gets when a world is built: lidar beams, and what its hull touches."""
+# pyright: reportAttributeAccessIssue=false
+# The compiled bindings of MuJoCo carry no types for their enums and spec elements.
+
+from __future__ import annotations
+
+import mujoco
+
+from robot_models.description.robot_description import RobotDescription
+from robot_models.description.robot_parts import BASE, is_hull
+
+LIDAR_BEAMS = 36
+"""Beams of the planar lidar, evenly all round; the first looks ahead, the next further counter-clockwise."""
+
+LIDAR_RANGE_M = 12.0
+"""Greatest range of the lidar (assumed, of a small time-of-flight scanner)."""
+
+LIDAR_PERIOD_S = 0.1
+"""Time between its scans, and time for which contacts are remembered."""
+
+N_CONTACTS = 6
+"""How many contacts of each geom of the hull are remembered of one physics step."""
+
+_FIELDS = (mujoco.mjtConDataField.mjCONDATA_FOUND, mujoco.mjtConDataField.mjCONDATA_POS)
+_FOUND_AND_PLACE = sum(1 << field.value for field in _FIELDS)
+
+_CONTACT = "_contact"
+
+
+def lidar_names() -> list[str]:
+    """Names of the beams' sensors."""
+    return [f"lidar_{beam:02d}" for beam in range(LIDAR_BEAMS)]
+
+
+def add_lidar(spec: mujoco.MjSpec, robot: RobotDescription) -> None:
+    """Give a robot its beams: around its base, read at 10 Hz in the last physics step of every tenth of a second."""
+    ring = mujoco.MjSpec.from_string(
+        f"""<mujoco>
+          <compiler angle="degree"/>
+          <default><site group="4" size="0.006" rgba="0.9 0.2 0.2 1"/></default>
+          <worldbody>
+            <replicate count="{LIDAR_BEAMS}" euler="0 0 {360 / LIDAR_BEAMS!r}" sep="_">
+              <site name="beam" pos="{robot.lidar_start_m!r} 0 {robot.lidar_height_m!r}" zaxis="1 0 0"/>
+            </replicate>
+          </worldbody>
+        </mujoco>"""
+    )
+    spec.attach(ring, frame=spec.body(BASE).add_frame(), prefix="lidar/")
+    for beam, name in enumerate(lidar_names()):
+        spec.add_sensor(
+            name=name,
+            type=mujoco.mjtSensor.mjSENS_RANGEFINDER,
+            objtype=mujoco.mjtObj.mjOBJ_SITE,
+            objname=f"lidar/beam_{beam:02d}",
+            intprm=[1 << mujoco.mjtRayDataField.mjRAYDATA_DIST.value, 0, 0],
+            interval=[LIDAR_PERIOD_S, round(-1.5 * spec.option.timestep, 9)],
+            nsample=1,
+        )
+
+
+def add_contact_sensors(spec: mujoco.MjSpec) -> None:
+    """Give a sensor to each geom of a robot's hull, with what was touched in each physics step of a lidar's period."""
+    for number, geom in enumerate([geom for geom in spec.geoms if is_hull(geom)]):
+        geom.name = geom.name or f"hull_{number}"
+        spec.add_sensor(
+            name=f"{geom.name}{_CONTACT}",
+            type=mujoco.mjtSensor.mjSENS_CONTACT,
+            objtype=mujoco.mjtObj.mjOBJ_GEOM,
+            objname=geom.name,
+            intprm=[_FOUND_AND_PLACE, 0, N_CONTACTS],
+            nsample=round(LIDAR_PERIOD_S / spec.option.timestep),
+        )
+
+
+def contact_names(spec: mujoco.MjSpec) -> list[str]:
+    """Names of the sensors of the hull."""
+    return [sensor.name for sensor in spec.sensors if sensor.name.endswith(_CONTACT)]

@@ -1,0 +1,151 @@
+"""Pieces of equipment as a yard places them: a plain box or cylinder, or a kind of the catalogue."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, Discriminator, Field, PositiveFloat, Tag, model_validator
+
+from robot_models.equipment import CATALOGUE, Assembly
+from robot_models.yard.solids import Box, Cylinder, Placed, Solids
+
+FloatArray = NDArray[np.float64]
+
+Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+Sites = Mapping[Name, tuple[float, float, float]]
+
+SURFACE_TOLERANCE_M = 0.01
+"""How far from the surface a site may be written (assumed; the width of a pencil line on a yard plan)."""
+
+SITE_STANDOFF_M = 0.02
+"""How far outside the surface a discharge on a site radiates (assumed), so that its own face does not hide it."""
+
+
+class _Equipment(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
+    """What all pieces share: a name, a kind, and a place on the ground."""
+
+    name: Name
+    position_m: tuple[float, float] = Field(description="centre of the footprint, world frame")
+    yaw_deg: float = 0.0
+
+    @property
+    def assembly(self) -> Assembly:
+        """Parts and sites, in the equipment's own frame."""
+        raise NotImplementedError
+
+    @property
+    def placed(self) -> tuple[Placed, ...]:
+        """Its parts where they stand."""
+        return tuple(Placed(part, self.position_m, np.radians(self.yaw_deg)) for part in self.assembly.parts.values())
+
+    @cached_property
+    def solids(self) -> Solids:
+        """Its parts, world frame."""
+        return Solids(self.placed)
+
+    def site_position(self, site: str) -> FloatArray:
+        """Where a discharge on `site` radiates: the site moved `SITE_STANDOFF_M` out of the surface; (3,), world."""
+        x, y, z = self.assembly.sites[site]
+        cos, sin = np.cos(np.radians(self.yaw_deg)), np.sin(np.radians(self.yaw_deg))
+        on_surface = np.array([self.position_m[0] + cos * x - sin * y, self.position_m[1] + sin * x + cos * y, z])
+        step = 1e-4 * np.eye(3)
+        gradient = self._distance(on_surface + step) - self._distance(on_surface - step)
+        return on_surface + SITE_STANDOFF_M * gradient / np.linalg.norm(gradient)
+
+    def _distance(self, points_m: FloatArray) -> FloatArray:
+        return self.solids.distance(points_m).min(axis=-1)
+
+
+class _PlainEquipment(_Equipment, frozen=True):
+    """One solid that stands on the ground."""
+
+    kind: Name = Field(description="kind of equipment, for example power_transformer")
+    height_m: PositiveFloat
+    sites: Sites = Field(
+        default_factory=dict, description="candidate discharge sites on the surface, equipment frame (z from ground)"
+    )
+
+    @model_validator(mode="after")
+    def _sites_lie_on_the_surface(self) -> Self:
+        faults: list[str] = []
+        at_origin = Solids([Placed(part, (0.0, 0.0), 0.0) for part in self.assembly.parts.values()])
+        for site, (x, y, z) in self.sites.items():
+            sideways = float(at_origin.horizontal_distance(np.array([x, y])).min())
+            on_side = abs(sideways) <= SURFACE_TOLERANCE_M and 0 < z <= self.height_m
+            on_top = abs(z - self.height_m) <= SURFACE_TOLERANCE_M and sideways <= SURFACE_TOLERANCE_M
+            if not (on_side or on_top):
+                faults.append(
+                    f"sites.{site}: ({x:g}, {y:g}, {z:g}) is {abs(sideways):.2f} m "
+                    f"{'inside' if sideways < 0 else 'outside'} the outline at height {z:g} m of {self.height_m:g} m; "
+                    f"allowed is the surface, to {SURFACE_TOLERANCE_M} m: a side, or the top"
+                )
+        if faults:
+            raise ValueError("\n".join(faults))
+        return self
+
+
+class BoxEquipment(_PlainEquipment, frozen=True):
+    """A single box: a tank, a cabinet, a building."""
+
+    shape: Literal["box"]
+    footprint_m: tuple[PositiveFloat, PositiveFloat] = Field(description="length along x and y of the equipment frame")
+
+    @property
+    def assembly(self) -> Assembly:
+        """Parts and sites, in the equipment's own frame."""
+        return Assembly({"body": Box(footprint_m=self.footprint_m, top_m=self.height_m)}, self.sites)
+
+
+class CylinderEquipment(_PlainEquipment, frozen=True):
+    """A single upright cylinder: a bushing, a current transformer, a tank."""
+
+    shape: Literal["cylinder"]
+    radius_m: PositiveFloat
+
+    @property
+    def assembly(self) -> Assembly:
+        """Parts and sites, in the equipment's own frame."""
+        return Assembly({"body": Cylinder(radius_m=self.radius_m, top_m=self.height_m)}, self.sites)
+
+
+class CatalogueEquipment(_Equipment, frozen=True):
+    """Equipment of a kind whose shape and sites are known: see `robot_models/equipment`."""
+
+    shape: Literal["catalogue"] = "catalogue"
+    kind: str
+    length_m: PositiveFloat | None = Field(default=None, description="along x of its own frame, where a kind stretches")
+
+    @model_validator(mode="after")
+    def _is_in_the_catalogue(self) -> Self:
+        shape = CATALOGUE.get(self.kind)
+        if shape is None:
+            raise ValueError(
+                f"kind: no shape is known for `{self.kind}`; allowed are {', '.join(CATALOGUE)}, or any kind with "
+                'shape = "box" or "cylinder"'
+            )
+        if self.length_m is not None and not shape.stretches:
+            raise ValueError(f"length_m: got {self.length_m:g}; allowed is none, for a {self.kind} has one size")
+        return self
+
+    @property
+    def assembly(self) -> Assembly:
+        """Parts and sites, in the equipment's own frame."""
+        shape = CATALOGUE[self.kind]
+        return shape.build(shape.length_m if self.length_m is None else self.length_m)
+
+
+def _shape_of(value: Any) -> str:  # noqa: ANN401 - what a file holds may be anything
+    shape = value.get("shape", "catalogue") if isinstance(value, Mapping) else getattr(value, "shape", "catalogue")
+    return str(shape)
+
+
+Equipment = Annotated[
+    Annotated[BoxEquipment, Tag("box")]
+    | Annotated[CylinderEquipment, Tag("cylinder")]
+    | Annotated[CatalogueEquipment, Tag("catalogue")],
+    Discriminator(_shape_of),
+]

@@ -1,0 +1,39 @@
+"""The 95 % ellipse of a position."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dirmusic.locating.ellipse import CHI2_95, ellipse95, is_inside95, outline95
+
+
+@given(st.floats(0.1, 3.0), st.floats(0.01, 0.09), st.floats(-1.5, 1.5))
+def test_the_ellipse_has_the_axes_and_the_direction_of_its_covariance(major: float, minor: float, turn: float) -> None:
+    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    ellipse = ellipse95(rotation @ np.diag([major**2, minor**2]) @ rotation.T)
+    assert ellipse.semi_major_m == pytest.approx(major * np.sqrt(CHI2_95))
+    assert ellipse.semi_minor_m == pytest.approx(minor * np.sqrt(CHI2_95))
+    assert abs(np.sin(ellipse.angle_rad - turn)) < 1e-6
+
+
+def test_the_outline_is_closed_and_lies_at_the_quantile() -> None:
+    covariance = np.array([[0.5, 0.2], [0.2, 0.3]])
+    line = outline95(np.array([3.0, 4.0]), covariance, 49)
+    off = line - [3.0, 4.0]
+    np.testing.assert_allclose(np.einsum("ni,ij,nj->n", off, np.linalg.inv(covariance), off), CHI2_95)
+    np.testing.assert_allclose(line[0], line[-1])
+
+
+def test_the_outline_parts_inside_from_outside() -> None:
+    covariance = np.array([[0.5, 0.2], [0.2, 0.3]])
+    for off in outline95(np.zeros(2), covariance, 37):
+        assert is_inside95(0.99 * off, covariance)
+        assert not is_inside95(1.01 * off, covariance)
+
+
+def test_95_of_100_normal_draws_lie_inside() -> None:
+    rng = np.random.default_rng(0)
+    covariance = np.array([[0.5, 0.2], [0.2, 0.3]])
+    drawn = rng.multivariate_normal(np.zeros(2), covariance, 4000)
+    assert 0.94 < np.mean([is_inside95(miss, covariance) for miss in drawn]) < 0.96  # three deviations are 0.010

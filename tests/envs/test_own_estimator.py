@@ -1,0 +1,131 @@
+"""An estimator of one's own takes the bearings; what is wrong with it is one line that names file and line."""
+
+import json
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from envs import Scenario, ScenarioError, load_scenario
+from envs.foreign_code import ForeignCodeError
+from envs.patrol_env import PatrolEnv
+from envs.scenario import SHIPPED
+from missions.record.mission_log import MissionLog
+from missions.runner import run_mission
+
+PDPATROL = Path(sys.executable).parent / "pdpatrol"
+GOOD = """\
+import numpy as np
+from dirmusic import bearings_towards
+
+
+class Mine:
+    calls = 0
+
+    def __call__(self, pulses, array):
+        Mine.calls += 1
+        look = array.manifold.boresights_rad[pulses.strengths_v.argmax(axis=-1)]
+        found = bearings_towards(look, pulses, array)
+        return found._replace(std_rad=np.hypot(found.std_rad, 0.3))
+"""
+
+
+def scenario_with(folder: Path, code: str, name: str = "Mine", scenario: str = "one_source") -> Path:
+    """A scenario file that names an estimator beside it."""
+    (folder / "mine.py").write_text(code, encoding="utf-8")
+    text = (SHIPPED / f"{scenario}.toml").read_text(encoding="utf-8")
+    file = folder / "yard.toml"
+    file.write_text(f'{text}\n[estimator]\nmethod = "mine.py:{name}"\n', encoding="utf-8")
+    return file
+
+
+def bench_with(folder: Path, code: str) -> Scenario:
+    return load_scenario(scenario_with(folder, code, scenario="bench"))
+
+
+def test_an_own_estimator_named_beside_the_scenario_takes_the_bearings_of_every_environment(tmp_path: Path) -> None:
+    env = PatrolEnv(bench_with(tmp_path, GOOD))
+    env.reset(seed=0)
+    *_, info = env.step(np.zeros(2, dtype=np.float32))
+    boresights = env.simulation.array.manifold.boresights_rad
+    assert info["pulses"].n_pulses > 0
+    assert np.isin(np.round(info["pulses"].azimuth_rad, 9), np.round(boresights, 9)).all()
+
+
+def test_an_environment_with_an_own_estimator_can_be_pickled(tmp_path: Path) -> None:
+    env = PatrolEnv(bench_with(tmp_path, GOOD))
+    env.reset(seed=0)
+    twin = pickle.loads(pickle.dumps(env))
+    pulses = [each.step(np.zeros(2, dtype=np.float32))[-1]["pulses"] for each in (env, twin)]
+    np.testing.assert_array_equal(pulses[0].azimuth_rad, pulses[1].azimuth_rad)
+
+
+@pytest.mark.parametrize(
+    ("broken", "line", "named"),
+    [
+        ("return found._replace(std_rad=np.hypot(found.std_rad, np.nan))", 8, "std_rad nan"),
+        ("return found._replace(std_rad=-found.std_rad - 1)", 8, "std_rad -1"),
+        ("return found.take(slice(1, None))", 8, "shape (179,)"),
+        ("return found.azimuth_rad", 8, "expected three columns"),
+        ("raise RuntimeError('no idea')", 12, "RuntimeError: no idea"),
+    ],
+)
+def test_an_estimator_that_cannot_work_is_refused_before_the_start(
+    broken: str, line: int, named: str, tmp_path: Path
+) -> None:
+    code = GOOD.replace("return found._replace(std_rad=np.hypot(found.std_rad, 0.3))", broken)
+    with pytest.raises(ForeignCodeError) as error:
+        PatrolEnv(bench_with(tmp_path, code))
+    told = str(error.value)
+    assert f"mine.py:{line}" in told or "mine.py:5" in told
+    assert named in told
+    assert "\n" not in told
+
+
+def test_no_such_name_and_no_such_estimator_are_refused_with_what_there_is(tmp_path: Path) -> None:
+    with pytest.raises(ForeignCodeError, match="it has Mine"):
+        PatrolEnv(load_scenario(scenario_with(tmp_path, GOOD, "Yours")))
+    file = scenario_with(tmp_path, GOOD)
+    file.write_text(file.read_text(encoding="utf-8").replace("mine.py:Mine", "mine"), encoding="utf-8")
+    with pytest.raises(ScenarioError, match=r"estimator\.method: no estimator `mine`; allowed are maximum_likelihood"):
+        load_scenario(file)
+
+
+LATE = GOOD.replace(
+    "        look =", "        if Mine.calls > 40:\n            raise ValueError('tired')\n        look ="
+)
+
+
+def test_an_estimator_that_fails_under_way_ends_a_mission_whose_log_is_whole(tmp_path: Path) -> None:
+    log = run_mission(bench_with(tmp_path, LATE), "patrol", seed=0)
+    kinds, texts = log.column("event", "kind"), log.column("event", "text")
+    assert kinds.tolist()[-2:] == ["error", "end"]
+    assert "tired" in texts[-2]
+    assert "mine.py:11" in texts[-2]
+    assert log.n_rows("step") > 10
+
+
+def test_on_the_command_line_a_late_fault_is_one_line_and_all_files_are_whole(tmp_path: Path) -> None:
+    file = scenario_with(tmp_path, LATE)
+    command = [str(PDPATROL), "run", str(file), "--out", str(tmp_path / "out")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 1, done.stderr
+    assert len([line for line in done.stderr.splitlines() if "tired" in line and "mine.py" in line]) >= 1
+    assert "Traceback" not in done.stderr
+    log = MissionLog.load(tmp_path / "out")
+    assert log.column("event", "text")[-1] == "error"
+    assert json.loads((tmp_path / "out" / "report.json").read_text())["sim_time_s"] > 0
+    assert (tmp_path / "out" / "mission.rrd").stat().st_size > 1000
+
+
+def test_on_the_command_line_an_early_fault_is_one_line_and_status_two_and_nothing_is_written(tmp_path: Path) -> None:
+    file = scenario_with(tmp_path, GOOD.replace("return found._replace", "return found.no_such"))
+    command = [str(PDPATROL), "run", str(file), "--out", str(tmp_path / "out")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 2
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert "mine.py:12: AttributeError" in done.stderr
+    assert not (tmp_path / "out").exists()

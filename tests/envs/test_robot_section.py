@@ -1,0 +1,160 @@
+"""The robot that a scenario names: by name or file, checked with the scenario, and meant by everything that follows."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gymnasium import spaces
+
+from envs import Scenario, ScenarioError, load_scenario
+from envs.patrol_env import PatrolEnv
+from envs.scenario import SHIPPED
+from envs.vector_env import PatrolVectorEnv
+from missions.driving.site_map import MARGIN_M, SiteMap
+from missions.record.report import make_report
+from missions.runner import run_mission
+from robot_models.description.library import load_robot, xml_path
+
+ONE_SOURCE = (SHIPPED / "one_source.toml").read_text(encoding="utf-8")
+
+
+def with_robot(folder: Path, model: str, *changes: tuple[str, str]) -> Path:
+    """A scenario in a folder that names a robot."""
+    text = ONE_SOURCE
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path = folder / "yard.toml"
+    path.write_text(f'{text}\n[robot]\nmodel = "{model}"\n', encoding="utf-8")
+    return path
+
+
+def own_robot(folder: Path, *changes: tuple[str, str]) -> None:
+    """A user's robot beside the scenario: the crawler with some text replaced."""
+    text = xml_path("crawler").read_text(encoding="utf-8")
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    (folder / "robots").mkdir()
+    (folder / "robots" / "own.xml").write_text(text, encoding="utf-8")
+
+
+def top_heavy(folder: Path) -> Path:
+    """A scenario whose robot tips over when it brakes: 60 kg in its head, and wheels close together."""
+    own_robot(
+        folder,
+        ('pos="0 0 0.6" mass="1.6"', 'pos="0 0 0.6" mass="60"'),
+        ('pos="0.19 ', 'pos="0.03 '),
+        ('pos="-0.19 ', 'pos="-0.03 '),
+        ('<key name="home" qpos="0 0 -5.1321e-05 1 0 0 0 0 0 0 0"/>', ""),
+    )
+    return with_robot(folder, "robots/own.xml")
+
+
+def test_without_a_section_the_robot_is_the_inspector() -> None:
+    assert load_scenario("one_source").robot.description == load_robot("inspector")
+
+
+def test_a_path_starts_at_the_scenario_wherever_the_program_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own_robot(tmp_path, ('"max_speed" data="0.8"', '"max_speed" data="0.6"'))
+    path = with_robot(tmp_path, "robots/own.xml")
+    monkeypatch.chdir(SHIPPED)
+    scenario = load_scenario(path)
+    assert scenario.robot.description.max_speed_mps == 0.6
+    assert Scenario.model_validate(scenario.model_dump()).robot.description == scenario.robot.description
+
+
+def test_faults_of_the_robot_are_faults_of_the_scenario(tmp_path: Path) -> None:
+    own_robot(tmp_path, ('"max_speed" data="0.8"', '"max_speed" data="-1"'), ('name="gyro"', 'name="compass"'))
+    path = with_robot(tmp_path, "robots/own.xml", ("gain_error = 0.05", "gain_error = -0.05"))
+    with pytest.raises(ScenarioError) as refused:
+        load_scenario(path)
+    file = tmp_path / "robots" / "own.xml"
+    assert {line for line in refused.value.faults if "robot.model" in line} == {
+        f"{path}: robot.model: {file}: max_speed: got -1; allowed is one number above 0",
+        f"{path}: robot.model: {file}: gyro: no such sensor; allowed is a gyro at the site `imu`",
+    }
+    assert any("array.gain_error" in line for line in refused.value.faults)
+
+
+@pytest.mark.parametrize(
+    ("model", "told"),
+    [("walker", "known are crawler, inspector"), ("none.xml", "no such file"), ("", "known are crawler, inspector")],
+)
+def test_a_robot_that_is_not_there_is_named(model: str, told: str, tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError) as refused:
+        load_scenario(with_robot(tmp_path, model))
+    (line,) = refused.value.faults
+    assert "robot.model: " in line
+    assert told in line
+
+
+def test_a_stop_needs_as_much_room_as_the_robot_takes(tmp_path: Path) -> None:
+    near = ("dock_m = [3.0, 3.0]", "dock_m = [0.35, 3.0]")
+    assert load_scenario(with_robot(tmp_path, "inspector", near)).route.dock_m == (0.35, 3.0)
+    with pytest.raises(ScenarioError, match=r"0\.35 m from equipment or fence; allowed is 0\.445 m or more"):
+        load_scenario(with_robot(tmp_path, "crawler", near))
+
+
+def test_the_map_keeps_the_robots_own_distance(tmp_path: Path) -> None:
+    site_map = SiteMap(load_scenario(with_robot(tmp_path, "crawler")))
+    kept_m = site_map.clearance_m[site_map.is_free].min()
+    assert kept_m >= site_map.robot.footprint_radius_m + MARGIN_M
+    assert site_map.is_free.sum() < SiteMap(load_scenario("one_source")).is_free.sum()
+
+
+def test_actions_and_bounds_of_the_environment_are_shares_of_the_robots_limits(tmp_path: Path) -> None:
+    path = with_robot(tmp_path, "crawler")
+    env, many = PatrolEnv(path), PatrolVectorEnv(2, path)
+    speed_mps, yaw_rate_radps = load_robot("crawler").limits
+    assert isinstance(env.observation_space, spaces.Dict)
+    velocity = env.observation_space["velocity"]
+    assert isinstance(velocity, spaces.Box)
+    np.testing.assert_allclose(velocity.high, [2 * speed_mps, 2 * yaw_rate_radps])
+    (observation, _), (rows, _) = env.reset(seed=1), many.reset(seed=1)
+    for _ in range(25):
+        observation, *_ = env.step(np.array([-0.5, 1.0], dtype=np.float32))
+        rows, *_ = many.step(np.array([[-0.5, 1.0], [0.5, 0.0]], dtype=np.float32))
+    np.testing.assert_allclose(observation["velocity"], [-0.5 * speed_mps, yaw_rate_radps], rtol=0.03)
+    np.testing.assert_array_equal(rows["velocity"][0], observation["velocity"])
+
+
+def test_actions_of_another_shape_are_refused() -> None:
+    env, many = PatrolEnv(), PatrolVectorEnv(3)
+    _ = env.reset(seed=0), many.reset(seed=0)
+    with pytest.raises(ValueError, match=r"`action` must have shape \(\.\.\., 2\)"):
+        env.step(np.zeros(3, dtype=np.float32))
+    for shape in ((2,), (1, 2), (2, 3)):
+        with pytest.raises(ValueError, match="must have shape"):
+            many.step(np.zeros(shape, dtype=np.float32))
+
+
+def test_a_robot_that_falls_over_ends_its_episode_and_no_other(tmp_path: Path) -> None:
+    path = top_heavy(tmp_path)
+    env, many = PatrolEnv(path), PatrolVectorEnv(2, path)
+    _, info = env.reset(seed=0)
+    many.reset(seed=0)
+    assert info["fell_over"] is False
+    terminated, truncated, step = False, False, 0
+    for step in range(40):
+        full = 1.0 if step < 20 else -1.0
+        *_, terminated, truncated, info = env.step(np.array([full, 0.0], dtype=np.float32))
+        *_, over, _, rows = many.step(np.array([[full, 0.0], [0.0, 0.0]], dtype=np.float32))
+        assert terminated == info["fell_over"]
+        assert over.tolist() == rows["fell_over"].tolist() == [terminated, False]
+        if terminated:
+            break
+    assert terminated
+    assert not truncated
+    assert step > 2
+
+
+def test_a_mission_whose_robot_falls_over_ends_with_its_log_whole(tmp_path: Path) -> None:
+    log = run_mission(load_scenario(top_heavy(tmp_path)), "patrol", seed=0)
+    assert log.column("event", "kind").tolist()[-1] == "end"
+    assert log.column("event", "text").tolist()[-1] == "fell over"
+    assert log.n_rows("step") > 2
+    assert np.isfinite(log.column("step", "true_pose")).all()
+    assert make_report(log, 1.0)["sim_time_s"] == log.column("step", "time_s")[-1]

@@ -1,0 +1,203 @@
+"""Laws of how robots move: all shipped ones, and what only one of them has to obey."""
+# pyright: reportAttributeAccessIssue=false
+
+import math
+import pickle
+
+import mujoco
+import numpy as np
+import pytest
+
+from robot_models.antenna.elements import AntennaElements
+from robot_models.description.library import load_robot
+from robot_models.robots import Robots
+from robot_models.yard.yard import Yard
+from tests.robot_models.one_robot import OneRobot
+
+TRACKING = {"inspector": 0.01, "crawler": 0.03}
+"""To what share of a command the robots come."""
+
+ONE_ELEMENT = AntennaElements.checked([[0.0, 0.0, 0.6]], [0.0])
+
+
+def lean_rad(robots: Robots) -> float:
+    return float(np.hypot(*robots.readings.world_from_base[0, 2, :2]))
+
+
+def test_random_driving_gives_no_warning_no_nan_and_does_not_bounce(shipped: OneRobot) -> None:
+    rng, limits = np.random.default_rng(7), np.array(shipped.robot.limits)
+    for v, yaw_rate in rng.uniform(-limits, limits, size=(600, 2)).tolist():
+        shipped.reset(15.0, 25.0, 0.0) if abs(shipped.pose()[0] - 10.0) > 8.0 else None
+        shipped.drive(v, yaw_rate, 0.1)
+        assert np.isfinite(np.concatenate([shipped.pose(), shipped.velocity()])).all()
+        assert abs(shipped.robots.readings.world_from_base[0, 2, 3]) < 1e-3
+        assert lean_rad(shipped.robots) < np.radians(0.5)
+    assert shipped.robots.n_warnings().tolist() == [0]
+
+
+def test_the_robot_reaches_the_commanded_speed_and_yaw_rate(shipped: OneRobot) -> None:
+    limits = np.array(shipped.robot.limits)
+    for command in np.random.default_rng(3).uniform(-limits, limits, size=(100, 2)):
+        v, yaw_rate = command.tolist()
+        shipped.reset(15.0, 25.0, 0.0)
+        shipped.drive_on(v, yaw_rate, 1.0)
+        reached = []
+        for _ in range(20):
+            shipped.drive(v, yaw_rate, 0.05)
+            reached.append(shipped.velocity())
+        tolerance = TRACKING[shipped.robot.name] * np.maximum(np.abs(command), 0.1 * limits)
+        assert np.all(np.abs(np.mean(reached, axis=0) - command) < tolerance), command
+
+
+def test_the_change_of_pose_is_the_integral_of_the_velocity(shipped: OneRobot) -> None:
+    shipped.reset(10.0, 10.0, 0.5)
+    shipped.drive_on(0.5, 0.0, 1.0)
+    start = shipped.pose()
+    shipped.drive_on(0.5, 0.0, 2.0)
+    expected = start + np.array([math.cos(0.5), math.sin(0.5), 0.0])
+    np.testing.assert_allclose(shipped.pose(), expected, atol=2e-3)
+
+
+def test_a_positive_yaw_rate_turns_counter_clockwise(shipped: OneRobot) -> None:
+    shipped.drive_on(0.0, 1.0, 1.0)
+    assert shipped.pose()[2] == pytest.approx(1.0, abs=0.15)
+
+
+def test_commands_beyond_the_limits_are_clipped(shipped: OneRobot) -> None:
+    shipped.drive_on(5.0, 0.0, 2.0)
+    assert shipped.velocity()[0] == pytest.approx(shipped.robot.max_speed_mps, rel=0.01)
+    shipped.drive_on(0.0, -9.0, 3.0)
+    assert shipped.velocity()[1] == pytest.approx(-shipped.robot.max_yaw_rate_radps, rel=0.01)
+
+
+def test_the_speed_never_changes_faster_than_the_acceleration_limit(shipped: OneRobot) -> None:
+    for command in (0.8, -0.8, 0.0):
+        for _ in range(20):
+            before = shipped.velocity()[0]
+            shipped.drive(command, 0.0, 0.05)
+            assert abs(shipped.velocity()[0] - before) <= 1.1 * shipped.robot.max_acceleration_mps2 * 0.05
+
+
+@pytest.mark.parametrize("turns", [(0.0, 0.0), (1.1, -1.1), (-0.6, 0.0)])
+def test_the_robot_stops_in_the_way_that_its_limit_and_one_control_step_of_latency_give(
+    shipped: OneRobot, turns: tuple[float, float]
+) -> None:
+    shipped.drive_on(0.8, turns[0], 2.0)
+    start, v_mps = shipped.pose(), shipped.velocity()[0]
+    shipped.drive_on(0.0, turns[1], 1.0)
+    way_m = np.hypot(*(shipped.pose() - start)[:2])
+    assert 0.0 < way_m <= 0.1 * v_mps + v_mps**2 / (2.0 * shipped.robot.max_acceleration_mps2)
+
+
+@pytest.mark.parametrize("pose", [(3.0, 4.0, 0.0), (12.0, 2.0, 2.5), (5.0, 25.0, -3.0), (8.0, 8.0, math.pi)])
+def test_reset_stands_the_robot_at_the_pose_where_it_stays_at_rest(shipped: OneRobot, pose: tuple[float, ...]) -> None:
+    shipped.drive_on(0.8, 1.0, 0.5)
+    shipped.reset(*pose)
+    np.testing.assert_allclose(shipped.pose(), pose, atol=1e-12)
+    assert shipped.data.time == 0.0
+    assert not shipped.velocity().any()
+    shipped.drive_on(0.0, 0.0, 3.0)
+    np.testing.assert_allclose(shipped.pose(), pose, atol=1e-5)
+    assert shipped.data.qpos[2] == pytest.approx(0.0, abs=1e-4)
+
+
+def test_the_home_keyframe_is_where_the_robot_comes_to_rest_by_itself(shipped: OneRobot) -> None:
+    home = shipped.data.qpos.copy()
+    np.testing.assert_allclose(home[2:], shipped.robot.home_qpos[2:], atol=1e-9)
+    shipped.drive_on(0.0, 0.0, 2.0)
+    np.testing.assert_allclose(shipped.data.qpos, home, atol=1e-6)
+
+
+def test_after_a_drive_a_command_of_zero_stops_the_robot_for_good(shipped: OneRobot) -> None:
+    shipped.drive_on(0.5, 1.0, 2.0)
+    shipped.drive_on(0.0, 0.0, 1.0)
+    stopped = shipped.pose()
+    shipped.drive_on(0.0, 0.0, 10.0)
+    np.testing.assert_allclose(shipped.pose(), stopped, atol=1e-4)
+
+
+def test_yaw_lies_above_minus_pi_and_up_to_pi(inspector: OneRobot) -> None:
+    inspector.reset(10.0, 10.0, -math.pi)
+    assert inspector.pose()[2] == pytest.approx(math.pi)
+    inspector.reset(10.0, 10.0, 5.0)
+    assert inspector.pose()[2] == pytest.approx(5.0 - 2.0 * math.pi)
+
+
+def states(robots: Robots, row: int, commands: np.ndarray) -> np.ndarray:
+    """What one robot comes through, whatever the others do."""
+    robots.reset([row], [(17.0, 9.0, 0.3)])
+    others, found = np.random.default_rng(9).uniform(-0.5, 0.5, size=(len(commands), robots.n_robots, 2)), []
+    for command, other in zip(commands, others, strict=True):
+        other[row] = command
+        robots.drive(other[:, 0], other[:, 1], 0.1)
+        found.append(np.concatenate([robots.readings.values[row], robots.data(row).qpos, robots.data(row).qvel]))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("name", ["inspector", "crawler"])
+def test_the_same_commands_give_bit_identical_trajectories_alone_and_among_others(name: str) -> None:
+    robot, commands = load_robot(name), np.random.default_rng(5).uniform([0.0, -1.2], [0.8, 1.2], size=(40, 2))
+    alone, three = (Robots(robot, Yard(size_m=(30.0, 30.0)), ONE_ELEMENT, n) for n in (1, 3))
+    first = states(alone, 0, commands)
+    assert np.array_equal(first, states(alone, 0, commands))
+    assert np.array_equal(first, states(three, 1, commands))
+
+
+@pytest.mark.parametrize("name", ["inspector", "crawler"])
+def test_a_pickled_robot_drives_on_as_the_original_does(name: str) -> None:
+    robots = Robots(load_robot(name), Yard(size_m=(30.0, 30.0)), ONE_ELEMENT)
+    for _ in range(7):
+        robots.drive([0.6], [0.9], 0.1)
+    copied = pickle.loads(pickle.dumps(robots))
+    for which in (robots, copied):
+        for _ in range(7):
+            which.drive([0.2], [-1.0], 0.1)
+    assert np.array_equal(robots.readings.values, copied.readings.values)
+
+
+def test_a_robot_that_is_not_driven_stays_as_it_was(crawler: OneRobot) -> None:
+    robots = Robots(crawler.robot, Yard(size_m=(30.0, 30.0)), ONE_ELEMENT, 2)
+    alone = Robots(crawler.robot, Yard(size_m=(30.0, 30.0)), ONE_ELEMENT)
+    for row in (0, 1, 0, 0):
+        robots.drive([0.3, 0.3], [1.0, -1.0], 0.1, np.array([row]))
+    alone.drive([0.3], [-1.0], 0.1)
+    assert np.array_equal(robots.readings.values[1], alone.readings.values[0])
+
+
+def test_what_was_handed_out_does_not_change_afterwards(inspector: OneRobot) -> None:
+    pose, velocity = inspector.pose(), inspector.velocity()
+    kept = pose.copy(), velocity.copy()
+    inspector.drive(0.8, 0.5, 0.5)
+    assert np.array_equal(pose, kept[0])
+    assert np.array_equal(velocity, kept[1])
+
+
+def test_physics_without_looks_moves_as_the_whole_world_does(shipped: OneRobot) -> None:
+    whole, data = shipped.model, shipped.data
+    assert whole.ngeom > shipped.robots.physics.ngeom + 40
+    shipped.drive(0.7, 1.1, 0.5)
+    data.ctrl[:] = shipped.data.ctrl
+    mujoco.mj_step(whole, data, nstep=round(0.5 / shipped.robots.step_s))
+    assert np.array_equal(data.qpos, shipped.data.qpos)
+    assert np.array_equal(data.qvel, shipped.data.qvel)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((float("nan"), 0.0, 0.1), "`v_mps` and `yaw_rate_radps` must be finite"),
+        ((0.1, float("inf"), 0.1), "`yaw_rate_radps` must be finite"),
+        ((0.1, 0.0, 0.0), "positive multiple of the physics step"),
+        ((0.1, 0.0, 0.0123), "positive multiple of the physics step"),
+    ],
+)
+def test_a_command_that_cannot_be_driven_is_refused(
+    inspector: OneRobot, arguments: tuple[float, float, float], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        inspector.drive(*arguments)
+
+
+def test_a_pose_that_is_not_finite_is_refused(inspector: OneRobot) -> None:
+    with pytest.raises(ValueError, match="`poses` must be finite"):
+        inspector.reset(1.0, 1.0, float("nan"))
