@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -22,6 +24,7 @@ from missions.policies.make_policy import make_policy
 from missions.policies.protocol import SeesTruth
 from missions.record.logbook import Logbook
 from missions.record.mission_log import MissionLog
+from missions.record.own_locator import OwnLocator
 from missions.record.tracking import Tracker
 from robot_models.drawn_solids import describe_solids
 from sensing import HelicalArray
@@ -150,7 +153,8 @@ class Mission:
     def end(self, reason: str) -> None:
         """Close the mission; what was logged stays as it is."""
         self.is_over = True
-        self._book.log_association(self._tracker.association())
+        with suppress(ForeignCodeError):  # a Locator that failed has none
+            self._book.log_association(self._tracker.association())
         self._book.event("end", reason)
 
     def _log_events(self, info: dict[str, Any]) -> None:
@@ -167,8 +171,13 @@ class Mission:
 
 
 def make_locator(scenario: Scenario, array: ArrayModel, rules: LocatingRules) -> LocatorProtocol:
-    """The Locator that the scenario names: it knows array, fence and map as the plan has them, never the truth."""
-    make: MakesLocator = Locator
+    """The Locator that the scenario names: it knows array, fence and map as the plan has them, never the truth.
+
+    Raises:
+        ForeignCodeError: If it is code of the user's that does not work.
+    """
+    own = scenario.locating.locator
+    make: MakesLocator = Locator if own is None else partial(OwnLocator, own)
     return make(
         array,
         PoseError(

@@ -6,10 +6,10 @@ from dataclasses import fields
 from math import radians
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from dirmusic.locating.rules import AssignmentRules, CredibilityRules, LocatingRules
-from envs.scenario.base import Config
+from envs.scenario.base import Config, code_beside_the_scenario
 
 Decibel = Annotated[float, Field(ge=0.0, le=100.0)]
 Metre = Annotated[float, Field(gt=0.0, le=10_000.0)]
@@ -63,6 +63,11 @@ class LocatingConfig(Config, frozen=True):
     ghost_observed_s: Count | None = None
     ghost_semi_major_m: Metre | None = None
     merge_m: Metre | None = None
+
+    @field_validator("locator")
+    @classmethod
+    def _starts_at_the_scenario(cls, locator: str | None, info: ValidationInfo) -> str | None:
+        return None if locator is None else code_beside_the_scenario(locator, info)
 
     @model_validator(mode="after")
     def _names_code(self) -> Self:
