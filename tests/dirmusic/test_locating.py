@@ -19,11 +19,9 @@ from dirmusic import (
     strength_variance,
 )
 from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
-from dirmusic.locating.association.assignment import NoOwner
 from dirmusic.locating.association.pulse_record import InSight
 from dirmusic.locating.credibility import is_credible
 from dirmusic.locating.ellipse import is_inside95
-from dirmusic.locating.joint_fix import locate_jointly
 from dirmusic.locating.rules import CredibilityRules, LocatingRules
 
 NOMINAL = GainManifold.ring(6)
@@ -192,31 +190,27 @@ def test_noise_alone_makes_no_candidate() -> None:
     assert locator.findings == ()
 
 
-@pytest.mark.parametrize("fix", ["joint", "bearings"])
-def test_each_pulse_is_associated_with_the_finding_that_it_came_from_whichever_the_fix(fix: str) -> None:
-    sources = [(14.0, 15.0), (26.0, 15.0)]
-    rules = LocatingRules(fix=fix)  # pyright: ignore[reportArgumentType]
-    locator, _ = listen_along(around((20.0, 15.0), 8.5, 0, 350, 300), sources, 3, make_locator(rules=rules))
-    by_source = {int(np.argmin([np.linalg.norm(f.position_m - s) for s in sources])): f.id for f in locator.findings}
+def test_pulses_are_associated_with_the_finding_at_the_source_that_they_came_from() -> None:
+    sources = np.array([(14.0, 15.0), (26.0, 15.0)])
+    locator, _ = listen_along(around((20.0, 15.0), 8.5, 0, 350, 150), list(sources), seed=3)
     association = locator.association().reshape(-1, 2, 2)  # (steps, sources, pulses)
-    for k, number in by_source.items():
-        own = association[:, k]
-        assert np.isin(own, [number, *NoOwner]).all()
-        assert (own == number).mean() > 0.7
+    for finding in locator.findings:
+        own = int(np.linalg.norm(finding.position_m - sources, axis=-1).argmin())
+        assert (association[:, own] == finding.id).mean() > 0.6
+        assert (association[:, 1 - own] == finding.id).mean() < 0.05  # in line with both
 
 
 def test_bearings_alone_give_a_worse_fix_than_strengths_and_say_so() -> None:
-    source = np.array([20.0, 15.0])
-    found: dict[str, list[Finding]] = {"joint": [], "bearings": []}
+    source, found = np.array([20.0, 15.0]), dict[str, list[Finding]](joint=[], bearings=[])
     for seed in range(5):
         for fix, findings in found.items():
             rules = LocatingRules(fix=fix)  # pyright: ignore[reportArgumentType]
-            path = around(source, 3.0, 10 * seed, 10 * seed + 110, 120)
+            path = around(source, 3.0, 10 * seed, 10 * seed + 110, 60)
             findings += listen_along(path, [source], seed, make_locator(rules=rules))[0].findings
     error_m = {fix: np.median([np.linalg.norm(f.position_m - source) for f in found[fix]]) for fix in found}
     semi_major_m = {fix: np.median([f.semi_major_m for f in found[fix]]) for fix in found}
     assert error_m["bearings"] > error_m["joint"]
-    assert semi_major_m["bearings"] > 2 * semi_major_m["joint"]
+    assert semi_major_m["bearings"] > 1.5 * semi_major_m["joint"]
 
 
 def test_the_same_pulses_give_the_same_findings_to_the_bit() -> None:
@@ -284,23 +278,3 @@ def test_pulses_much_weaker_than_their_range_says_are_taken_for_ghosts_and_left_
         locator.update(40.0 + 0.1 * k, np.array([25.0, 15.0, 0.0]), pulses_of(a))
     (after,) = locator.refit(50.0)
     assert after.n_bearings <= 500  # those of the arc
-
-
-def test_ten_times_the_pulses_from_the_same_places_make_the_ellipse_no_smaller_for_what_no_model_explains_stays() -> (
-    None
-):
-    array = ArrayModel(manifold=NOMINAL, positions_m=RING_M, spread=SPREAD)
-    east = np.linspace(-6.0, 6.0, 13)
-    pose = np.column_stack([east, np.zeros(13), np.linspace(0.0, 2.0, 13)])
-    bearing = np.arctan2(5.0, -east)
-    strengths = NOMINAL.gain(bearing - pose[:, 2]).T
-    strengths /= np.linalg.norm(strengths, axis=-1, keepdims=True)
-
-    def area_m2(times: int) -> float:
-        rows = np.repeat(np.arange(13), times)
-        quiet = np.full((rows.size, 6), 1e-10)
-        pulses = PulseBatch.detected(10.0 * rows.astype(np.float64), strengths[rows], quiet)
-        fix = locate_jointly(pulses, pose[rows], np.zeros_like(rows), np.array([[0.3, 4.8]]), array, NO_POSE_ERROR)
-        return float(np.sqrt(np.linalg.det(fix.covariances_m2[0])))
-
-    assert area_m2(10) == pytest.approx(area_m2(1), rel=0.1)
