@@ -13,10 +13,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-WIDTH, HEIGHT = 640, 480
-CHASE = "chase"
-"""Camera of the robot's XML that stays behind it."""
+from robot_models.world import CHASE
 
+WIDTH, HEIGHT = 640, 480
 
 NO_SCREEN = (
     "no picture can be taken: MuJoCo found no OpenGL. Without a screen set MUJOCO_GL=egl (Debian: libegl1) or "

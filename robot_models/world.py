@@ -12,8 +12,15 @@ from robot_models.antenna.elements import AntennaElements, attach_elements
 from robot_models.description.robot_description import RobotDescription
 from robot_models.description.robot_parts import BASE, HOME
 from robot_models.sensors import add_contact_sensors, add_lidar
-from robot_models.yard.scenery import add_equipment, add_fence, add_ground
+from robot_models.yard.scenery import add_yard
 from robot_models.yard.yard import Yard
+
+CHASE = "chase"
+"""Camera that stays behind the robot, to its left; a robot's file may have one of its own."""
+
+CHASE_FROM_M = (-1.7, -1.4, 1.35)
+CHASE_AXES = (0.63, -0.777, 0.0, 0.38, 0.31, 0.87)
+"""Where it is, and its x and y axes, if the file has none; frame of the base."""
 
 
 def build_spec(robot: RobotDescription, yard: Yard, elements: AntennaElements | None = None) -> mujoco.MjSpec:
@@ -33,14 +40,14 @@ def build_spec(robot: RobotDescription, yard: Yard, elements: AntennaElements | 
     spec.modelname = "yard"
     if not any(key.name == HOME for key in spec.keys):
         spec.add_key(name=HOME, qpos=robot.home_qpos)
+    if spec.camera(CHASE) is None:
+        follows = mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM
+        spec.body(BASE).add_camera(name=CHASE, mode=follows, pos=CHASE_FROM_M, xyaxes=CHASE_AXES)
     add_lidar(spec, robot)
     add_contact_sensors(spec)
     if elements is not None:
         attach_elements(spec, elements)
-    add_ground(spec, yard)
-    add_fence(spec, yard)
-    for item in yard.equipment:
-        add_equipment(spec, item)
+    add_yard(spec, yard)
     return spec
 
 

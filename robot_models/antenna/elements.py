@@ -64,9 +64,8 @@ def attach_elements(spec: mujoco.MjSpec, elements: AntennaElements) -> None:
         frame = base.add_frame(
             pos=position_m, quat=[cos_yaw * cos_pitch, -sin_yaw * sin_pitch, cos_yaw * sin_pitch, sin_yaw * cos_pitch]
         )
-        site = base.add_site(name=f"element_{k}", group=4, type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.02, 0.003, 0.003])
-        site.set_frame(frame)
         spec.attach(helix.copy(), frame=frame, prefix=f"helix_{k}/")
+        spec.site(f"helix_{k}/element").name = f"element_{k}"
 
 
 def _half_angle(angle_rad: float) -> tuple[float, float]:

@@ -27,8 +27,29 @@ FENCE_THICKNESS_M = 0.1
 FENCE_COLOUR = (0.50, 0.56, 0.54, 0.35)
 
 
-def add_ground(spec: mujoco.MjSpec, yard: Yard) -> None:
-    """Add floor, sky and light, and tell viewers how much there is to see."""
+PREFIX = "yard/"
+"""Of the names of textures and materials of a yard."""
+
+
+def add_yard(spec: mujoco.MjSpec, yard: Yard) -> None:
+    """Put a yard around a robot: floor `floor`, light `sun`, fence `fence/SIDE`, equipment `equipment/NAME`.
+
+    It is described apart and attached, so that defaults of the robot's file do not apply to it.
+    """
+    own = mujoco.MjSpec()
+    _add_ground(own, yard)
+    _add_fence(own, yard)
+    for item in yard.equipment:
+        _add_equipment(own, item)
+    names = [element.name for element in (*own.geoms, *own.lights)]
+    spec.attach(own, frame=spec.worldbody.add_frame(), prefix=PREFIX)
+    for name in names:
+        (spec.geom(PREFIX + name) or spec.light(PREFIX + name)).name = name
+    _set_view(spec, yard)
+
+
+def _add_ground(spec: mujoco.MjSpec, yard: Yard) -> None:
+    """Add floor, sky and light."""
     size_x, size_y = yard.size_m
     spec.add_texture(
         name="sky",
@@ -70,6 +91,11 @@ def add_ground(spec: mujoco.MjSpec, yard: Yard) -> None:
         dir=[0.4, 0.5, -1.0],
         diffuse=[0.6, 0.6, 0.6],
     )
+
+
+def _set_view(spec: mujoco.MjSpec, yard: Yard) -> None:
+    """Tell viewers how much there is to see, and in what light."""
+    size_x, size_y = yard.size_m
     spec.stat.center = [0.5 * size_x, 0.5 * size_y, 0.5]
     spec.stat.extent = 0.5 * float(np.hypot(size_x, size_y))
     spec.visual.headlight.ambient = [0.35, 0.35, 0.35]
@@ -78,7 +104,7 @@ def add_ground(spec: mujoco.MjSpec, yard: Yard) -> None:
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 640, 480
 
 
-def add_fence(spec: mujoco.MjSpec, yard: Yard) -> None:
+def _add_fence(spec: mujoco.MjSpec, yard: Yard) -> None:
     """Stand four thin boxes around the yard, their inner faces on its boundary."""
     (size_x, size_y), half = yard.size_m, 0.5 * FENCE_THICKNESS_M
     along_x, along_y = (0.5 * size_x + 2 * half, half), (half, 0.5 * size_y)
@@ -101,7 +127,7 @@ def add_fence(spec: mujoco.MjSpec, yard: Yard) -> None:
         )
 
 
-def add_equipment(spec: mujoco.MjSpec, item: Equipment) -> None:
+def _add_equipment(spec: mujoco.MjSpec, item: Equipment) -> None:
     """Stand one piece of equipment on the ground, a geom for each of its parts."""
     solids, half_yaw = item.solids, 0.5 * np.radians(item.yaw_deg)
     for k, part in enumerate(item.assembly.parts):

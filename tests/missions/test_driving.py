@@ -1,5 +1,6 @@
 """What no plan shows is not touched and driven round; the robot gets away when stuck; courses are completed."""
 
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -9,8 +10,9 @@ import pytest
 from envs import Scenario
 from envs.patrol_env import STEP_S, PatrolEnv
 from envs.random_yard import random_yard
+from envs.scenario.robot_config import RobotConfig
 from missions.driving.collision_guard import CollisionGuard
-from missions.driving.lidar_stop import STOP_M, free_way, safe_speed
+from missions.driving.lidar_stop import STOP_M, free_way, safe_speed, way_m
 from missions.driving.path_follower import PathFollower
 from missions.driving.site_map import SiteMap
 from missions.policies.patrol import Patrol
@@ -116,6 +118,13 @@ def test_a_robot_at_the_safe_speed_can_stop_in_time(x_m: float) -> None:
     assert v == ROBOT.max_speed_mps or stops_in_m > x_m - ROBOT.footprint_radius_m - STOP_M - 0.07
 
 
+def test_a_robot_that_brakes_poorly_looks_twice_as_far_ahead_as_it_needs_to_stop() -> None:
+    poor = replace(ROBOT, max_acceleration_mps2=0.5)
+    assert way_m(ROBOT)[-1] == pytest.approx(0.6)
+    assert way_m(poor)[-1] == pytest.approx(2.0 * (0.8 * STEP_S + 0.8**2 / (2 * 0.5)), abs=0.02)
+    assert safe_speed(wall_at(1.0), 0.8, 0.0, poor) < 0.8 == safe_speed(wall_at(1.0), 0.8, 0.0, ROBOT)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_whatever_a_policy_wishes_nothing_is_touched(seed: int) -> None:
     things = [
@@ -189,8 +198,8 @@ def test_a_waypoint_under_an_obstacle_is_given_up_after_a_while_and_told_once() 
     assert driven.time_s < 150.0
 
 
-def complete(seed: int) -> None:
-    scenario = random_yard(seed, seed % 8)
+def complete(seed: int, robot: str = "inspector") -> None:
+    scenario = random_yard(seed, seed % 8).model_copy(update={"robot": RobotConfig(model=robot)})
     site_map = SiteMap(scenario)
     driven = drive(scenario, site_map, seed)
     assert driven.touched == set()
@@ -201,16 +210,17 @@ def complete(seed: int) -> None:
     assert driven.is_docked or driven.unreachable
 
 
-@pytest.mark.parametrize("seed", [15, 21, 47])
-def test_an_obstacle_course_is_completed_without_touching_anything(seed: int) -> None:
-    complete(seed)
+@pytest.mark.parametrize(("seed", "robot"), [(15, "inspector"), (21, "inspector"), (47, "inspector"), (23, "crawler")])
+def test_an_obstacle_course_is_completed_without_touching_anything(seed: int, robot: str) -> None:
+    complete(seed, robot)
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("robot", ["inspector", "crawler"])
 @pytest.mark.parametrize("first", range(0, 50, 10))
-def test_fifty_obstacle_courses_are_completed_without_touching_anything(first: int) -> None:
+def test_fifty_obstacle_courses_are_completed_without_touching_anything(first: int, robot: str) -> None:
     for seed in range(first, first + 10):
-        complete(seed)
+        complete(seed, robot)
 
 
 def strewn(scenario: Scenario, seed: int) -> Scenario:

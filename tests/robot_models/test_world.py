@@ -1,13 +1,15 @@
 """Laws of the built world: robot, array, floor, fence and equipment in one model."""
 # pyright: reportAttributeAccessIssue=false
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
 
 from robot_models.antenna.elements import MAX_ELEMENTS, AntennaElements
-from robot_models.description.library import SHIPPED, load_robot
-from robot_models.world import build_spec
+from robot_models.description.library import SHIPPED, load_robot, xml_path
+from robot_models.world import CHASE, build_spec
 from robot_models.yard.pieces import BoxEquipment, CylinderEquipment
 from robot_models.yard.scenery import EQUIPMENT_GROUP
 from robot_models.yard.yard import Yard
@@ -111,6 +113,31 @@ def test_every_solid_of_the_yard_has_the_same_surface_in_the_model():
             n_hits += 1
             assert np.abs(YARD.solids.distance(start + range_m * ray)).min() < 1e-6
     assert n_hits > 20
+
+
+def test_defaults_of_a_users_file_reach_its_own_parts_alone(tmp_path: Path) -> None:
+    text = xml_path("inspector").read_text(encoding="utf-8")
+    plain, changed = tmp_path / "plain.xml", tmp_path / "changed.xml"
+    plain.write_text(text, encoding="utf-8")
+    changed.write_text(
+        text.replace("<default>", '<default><geom rgba="1 0 0 1" friction="0.1" solref="0.1 1" margin="0.05"/>', 1),
+        encoding="utf-8",
+    )
+    one, other = (build_spec(load_robot(path), YARD).compile() for path in (plain, changed))
+    around = np.flatnonzero(one.geom_bodyid == 0)
+    assert around.size == 1 + 4 + 2
+    for field in ("geom_rgba", "geom_friction", "geom_solref", "geom_margin", "geom_solimp", "geom_contype"):
+        assert np.array_equal(getattr(one, field)[around], getattr(other, field)[around]), field
+    assert not np.array_equal(one.geom_friction, other.geom_friction)
+
+
+def test_a_robot_without_a_camera_is_followed_by_one(tmp_path: Path) -> None:
+    path = tmp_path / "robot.xml"
+    text = xml_path("inspector").read_text(encoding="utf-8")
+    path.write_text("\n".join(line for line in text.splitlines() if "<camera" not in line), encoding="utf-8")
+    camera = build_spec(load_robot(path), YARD).compile().camera(CHASE)
+    assert camera.pos[0] < -1.0
+    assert camera.mode[0] == mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM
 
 
 def test_equipment_is_named_and_alone_in_its_group():

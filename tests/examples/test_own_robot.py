@@ -1,0 +1,61 @@
+"""The example of a robot of one's own does what its README says."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from envs import load_scenario
+from envs.scenario.robot_config import RobotConfig
+from missions.record.report import make_report
+from missions.runner import run_mission
+
+ROOT = Path(__file__).parents[2]
+FOLDER = ROOT / "examples" / "own_robot"
+README = (FOLDER / "README.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("file", ["runner.xml", "yard.toml"])
+def test_each_file_has_at_most_sixty_lines(file: str) -> None:
+    assert len((FOLDER / file).read_text(encoding="utf-8").splitlines()) <= 60
+
+
+def test_the_commands_of_the_readme_work_and_the_robot_finds_the_source_untouched_and_is_home_sooner(
+    tmp_path: Path,
+) -> None:
+    commands = re.findall(r"^uv run pdpatrol (.*)$", README, flags=re.MULTILINE)
+    assert len(commands) == 2
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    pdpatrol = str(Path(sys.executable).with_name("pdpatrol"))
+    for command in commands:
+        done = subprocess.run([pdpatrol, *command.split()], cwd=tmp_path, capture_output=True, text=True, timeout=180)
+        assert done.returncode == 0, done.stderr
+    report = json.loads((tmp_path / "runs" / "yard-0" / "report.json").read_text(encoding="utf-8"))
+    inspector = load_scenario(FOLDER / "yard.toml").model_copy(update={"robot": RobotConfig()})
+    usual = make_report(run_mission(inspector, "seek", seed=0), 0.0)
+    for one in (report, usual):
+        assert one["collisions"] == 0
+        assert len(one["findings"]) == 1
+        assert one["evaluation"]["sources"][0]["error_m"] < 0.3
+    assert report["sim_time_s"] < 0.9 * usual["sim_time_s"]
+
+
+def test_a_fault_in_the_file_is_told_before_the_start(tmp_path: Path) -> None:
+    text = (FOLDER / "runner.xml").read_text(encoding="utf-8")
+    broken = text.replace('name="max_speed" data="1.2"', 'name="max_speed" data="-1"').replace(
+        '"left_wheel"', '"wheel"'
+    )
+    (tmp_path / "runner.xml").write_text(broken, encoding="utf-8")
+    (tmp_path / "yard.toml").write_text((FOLDER / "yard.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    pdpatrol = str(Path(sys.executable).with_name("pdpatrol"))
+    done = subprocess.run([pdpatrol, "run", "yard.toml"], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    told = done.stderr.replace("\n", " ")
+    assert "Traceback" not in told
+    for fault in ("left_wheel: no such joint", "max_speed: got -1; allowed is one number above 0"):
+        assert f"yard.toml: robot.model: {tmp_path / 'runner.xml'}: {fault}" in told
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["runner.xml", "yard.toml"]
