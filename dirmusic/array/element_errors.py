@@ -37,6 +37,7 @@ class ElementErrors:
         return GainManifold(
             nominal.pattern,
             nominal.boresights_rad + self.pointing_rad,
+            boresight_elevations_rad=nominal.boresight_elevations_rad,
             gain_factors=nominal.gain_factors * (1 + self.gain),
             gain_offsets=nominal.gain_offsets * (1 + self.gain) + self.offset,
             elevation_rad=nominal.elevation_rad,

@@ -272,4 +272,6 @@ class Simulation:
 
 def _listener(episode: Episode, generators: Generators) -> Listener:
     """What a receiver listens with, and to."""
-    return Listener(array=episode.array, scene=episode.scene, rng=generators.receiver, nature_rng=generators.nature)
+    return Listener(
+        array=episode.array, scene=episode.scene, nature_rng=generators.nature, receiver_rng=generators.receiver
+    )

@@ -67,7 +67,7 @@ class LocatingConfig(Config, frozen=True):
     @field_validator("locator")
     @classmethod
     def _starts_at_the_scenario(cls, locator: str | None, info: ValidationInfo) -> str | None:
-        return locator and code_beside_the_scenario(locator, info)
+        return None if locator is None else code_beside_the_scenario(locator, info)
 
     @model_validator(mode="after")
     def _names_code(self) -> Self:

@@ -57,7 +57,7 @@ class DetectionLaw(Protocol):
 
 
 class ReceiverBank:
-    """Robots with the same receiver, each with its own array, scene and generator, in yards with the same surroundings.
+    """Robots with one make of receiver, each with its own array, scene and generators, in the same surroundings.
 
     What one robot detects does not depend, to the bit, on how many others there are.
 
@@ -81,7 +81,7 @@ class ReceiverBank:
             self.replace(robot, listener)
 
     def replace(self, robot: int, listener: Listener) -> None:
-        """Another array, scene and generator for one robot, whose time starts anew."""
+        """Another array, scene and generators for one robot, whose time starts anew."""
         self._listeners[robot] = listener
         self._arrays.replace(robot, listener.array)
         self._sources.positions_m[robot], self._sources.burst_s[robot] = (
@@ -106,9 +106,9 @@ class ReceiverBank:
         listeners, parts = self._listeners, list[Detections]()
         emissions = [listeners[k].scene.emissions(starts[k], duration_s, listeners[k].nature_rng) for k in robots]
         for k in robots:
-            time_s = self._false_alarms.times_s(k, starts[k], duration_s, listeners[k].rng)
+            time_s = self._false_alarms.times_s(k, starts[k], duration_s, listeners[k].receiver_rng)
             if time_s:
-                gates_v = false_alarm_gates(self._receiver, len(time_s), listeners[k].rng)
+                gates_v = false_alarm_gates(self._receiver, len(time_s), listeners[k].receiver_rng)
                 noise = self._law.detect_noise(k, np.array(time_s), gates_v, listeners[k], world_from_array[k])
                 parts.append(noise)
         emitted = EmittedPulses.join(robots, emissions)
@@ -156,5 +156,5 @@ def listen_once(
         duration_s: Length of the interval.
         start_s: Simulated time at its start.
     """
-    bank = ReceiverBank(config, [Listener(array=array, scene=scene, rng=rng, nature_rng=rng)])
+    bank = ReceiverBank(config, [Listener(array=array, scene=scene, nature_rng=rng, receiver_rng=rng)])
     return bank.listen(world_from_array[np.newaxis], np.array([start_s]), duration_s)

@@ -58,7 +58,7 @@ class EnergyLaw:
         self, emitted: EmittedPulses, propagation: tuple[Any, ...], listeners: Sequence[Listener]
     ) -> list[Detections]:
         """Detections of emitted pulses; arguments as of `bank.DetectionLaw`."""
-        rngs = [listener.rng for listener in listeners]
+        rngs = [listener.receiver_rng for listener in listeners]
         draws = NoiseDraws(self._normal(emitted.robot, rngs), self._residual(emitted.robot, rngs))
         found = detect_energies(tuple(emitted), propagation, self._parameters, tuple(draws))
         if self._receiver.config.faults:

@@ -22,14 +22,14 @@ class Listener:
     Attributes:
         array: The array as it was really built.
         scene: All that radiates, and what stands about.
-        rng: Noise in the channels, and what it triggers.
         nature_rng: When the sources discharge, and how strongly.
+        receiver_rng: Noise and triggers.
     """
 
     array: HelicalArray
     scene: Scene
-    rng: np.random.Generator
     nature_rng: np.random.Generator
+    receiver_rng: np.random.Generator
 
 
 class Receiver:

@@ -58,7 +58,7 @@ class Recorder:
 
     def __init__(self, receiver: Receiver, listener: Listener, world_from_array: FloatArray) -> None:
         self._receiver, self._array = receiver, listener.array
-        self._scene, self._rng = listener.scene, listener.rng
+        self._scene, self._rng = listener.scene, listener.receiver_rng
         self._world_from_array = world_from_array
         self._carried = self._tones()
         magnitude = np.abs(self._carried)

@@ -66,6 +66,13 @@ def test_an_own_locator_named_beside_the_scenario_makes_findings_and_association
     assert log.n_rows("association") == log.n_rows("bearing") > 20
 
 
+def test_a_locator_derived_from_the_built_in_one_finds_what_that_finds(tmp_path: Path) -> None:
+    derived = "from dirmusic import Locator\n\n\nclass Mine(Locator):\n    pass\n"
+    own, usual = (mission_log(tmp_path, derived, table) for table in ('locator = "mine.py:Mine"', ""))
+    assert own.n_rows("finding") == usual.n_rows("finding") > 0
+    assert make_report(own, 0.0)["candidates"] == make_report(usual, 0.0)["candidates"]
+
+
 def test_an_own_locator_gets_the_rules_that_the_scenario_sets(tmp_path: Path) -> None:
     code = GOOD.replace("self.findings, self.n = (), 0", "raise ValueError(f'merge {rules.merge_m}, fence {fence_m}')")
     table = 'locator = "mine.py:Mine"\nmerge_m = 3.5'
