@@ -1,4 +1,4 @@
-"""Angles on the circle. The only wrap in the repository."""
+"""Angles on the circle, for arrays; `kernels.wrapped` is the twin of `wrap` for compiled loops, tied by a test."""
 
 from __future__ import annotations
 

@@ -23,3 +23,19 @@ def dot(first: FloatArray, second: FloatArray) -> float:
     for e in range(first.size):
         total += first[e] * second[e]
     return total
+
+
+@compiled
+def cubic(share: float, start: float, end: float, start_slope: float, end_slope: float) -> float:
+    """Value between two points of a table by the cubic that has their values and slopes; `share` in [0, 1]."""
+    rise = end - start
+    square, cube = 3.0 * rise - 2.0 * start_slope - end_slope, start_slope + end_slope - 2.0 * rise
+    return start + share * (start_slope + share * (square + share * cube))
+
+
+@compiled
+def cubic_slope(share: float, start: float, end: float, start_slope: float, end_slope: float) -> float:
+    """Slope of `cubic` per unit of `share`."""
+    rise = end - start
+    square, cube = 3.0 * rise - 2.0 * start_slope - end_slope, start_slope + end_slope - 2.0 * rise
+    return start_slope + share * (2.0 * square + 3.0 * share * cube)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -12,14 +14,18 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from dirmusic import ArrayModel, Locator, PoseError
+from dirmusic.locating.protocol import LocatorProtocol, MakesLocator
+from dirmusic.locating.rules import LocatingRules
 from envs import Scenario
 from envs.foreign_code import ForeignCodeError
 from envs.patrol_env import STEP_S, PatrolEnv
 from missions.driving.site_map import SiteMap
 from missions.policies.make_policy import make_policy
 from missions.policies.protocol import SeesTruth
+from missions.record.logbook import Logbook
 from missions.record.mission_log import MissionLog
-from missions.record.tracking import Logbook
+from missions.record.own_locator import OwnLocator
+from missions.record.tracking import Tracker
 from robot_models.drawn_solids import describe_solids
 from sensing import HelicalArray
 
@@ -49,7 +55,9 @@ class Mission:
     def __init__(self, scenario: Scenario, policy: str, seed: int, folder: Path | None = None) -> None:
         self.env = PatrolEnv(scenario, terminate_on_approach=False)
         self.site_map = SiteMap(scenario)
-        self.locator = make_locator(scenario, self.env.simulation.array)
+        array, rules = self.env.simulation.array, scenario.locating.rules()
+        locator = make_locator(scenario, array, rules)
+        self._tracker = Tracker(locator, array, self.env.simulation.estimator, rules.credibility)
         self.folder = folder
         self.is_over = False
         self.error: ForeignCodeError | None = None
@@ -60,7 +68,7 @@ class Mission:
         self._unreachable: frozenset[int] = frozenset()
         self._true_start = info["truth"].pop("pose")
         self.log = MissionLog(self._meta(scenario, policy, seed, info["truth"]))
-        self._book = Logbook(self.log, self.locator)
+        self._book = Logbook(self.log)
         if isinstance(self.policy, SeesTruth):
             self.policy.reveal(info["truth"])
 
@@ -112,7 +120,7 @@ class Mission:
 
     def step(self) -> None:
         """Decide, drive and listen for one control step, locate, and log all of it."""
-        action = self.policy(self._observation, self.locator.findings, self.site_map)
+        action = self.policy(self._observation, self._tracker.findings, self.site_map)
         if action is None:
             self.end("policy done")
             return
@@ -130,7 +138,8 @@ class Mission:
         )
         for suspect in info["suspects"]:
             self._book.event("channel fault", f"{suspect}: left out from here on")
-        self._book.track(info["time_s"], info["pose"], info["pulses"])
+        tracked = self._tracker.track(info["time_s"], info["pose"], info["pulses"])
+        self._book.log_tracked(info["pose"], tracked)
         self._log_events(info)
         if self.folder is not None and (step + 1) % round(PART_S / STEP_S) == 0:
             self.log.write_part(self.folder)
@@ -144,6 +153,8 @@ class Mission:
     def end(self, reason: str) -> None:
         """Close the mission; what was logged stays as it is."""
         self.is_over = True
+        with suppress(ForeignCodeError):  # a Locator that failed has none
+            self._book.log_association(self._tracker.association())
         self._book.event("end", reason)
 
     def _log_events(self, info: dict[str, Any]) -> None:
@@ -159,9 +170,15 @@ class Mission:
         self._unreachable = frozenset(self.policy.unreachable)
 
 
-def make_locator(scenario: Scenario, array: ArrayModel) -> Locator:
-    """The robot's own Locator: it knows the data sheet of the array and the fence, and nothing of what is true."""
-    return Locator(
+def make_locator(scenario: Scenario, array: ArrayModel, rules: LocatingRules) -> LocatorProtocol:
+    """The Locator that the scenario names: it knows array, fence and map as the plan has them, never the truth.
+
+    Raises:
+        ForeignCodeError: If it is code of the user's that does not work.
+    """
+    own = scenario.locating.locator
+    make: MakesLocator = Locator if own is None else partial(OwnLocator, own)
+    return make(
         array,
         PoseError(
             position_m=scenario.pose_sensor.position_std_m,
@@ -169,6 +186,7 @@ def make_locator(scenario: Scenario, array: ArrayModel) -> Locator:
             correlation_s=scenario.pose_sensor.correlation_s,
         ),
         fence_m=scenario.yard.size_m,
+        rules=rules,
         in_sight=scenario.yard.in_sight,
     )
 

@@ -5,8 +5,8 @@ from sensing.nature.discharges import PulseTrain
 from sensing.nature.scene import Scene
 from sensing.nature.sources import Carrier, DischargeSource
 from sensing.radio.surroundings import Faces, Obstacles, Surroundings, level_transform
+from sensing.receiver.config import ReceiverConfig
 from sensing.receiver.detections import Detections
-from sensing.receiver.receiver import Receiver, ReceiverConfig
 
 __all__ = [
     "ArrayConfig",
@@ -17,7 +17,6 @@ __all__ = [
     "HelicalArray",
     "Obstacles",
     "PulseTrain",
-    "Receiver",
     "ReceiverConfig",
     "Scene",
     "Surroundings",

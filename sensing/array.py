@@ -56,6 +56,11 @@ class HelicalArray:
     gain_factors: FloatArray
     gain_offsets: FloatArray
 
+    @property
+    def n_elements(self) -> int:
+        """Number of elements."""
+        return self.boresights_rad.size
+
     @classmethod
     def nominal(cls, config: ArrayConfig) -> Self:
         """The array of the data sheet: the only one that the estimator knows."""

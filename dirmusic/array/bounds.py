@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dirmusic.array.element_errors import ElementErrors, ManifoldPrior
+from dirmusic.array.element_errors import ElementErrors, ElementSpread, ManifoldPrior
 from dirmusic.array.manifold import GainManifold
 
 FloatArray = NDArray[np.float64]
@@ -55,6 +55,23 @@ def manifold_error_std(manifold: GainManifold, azimuth_rad: ArrayLike, prior: Ma
     gain, slope = manifold.gain_and_slope(azimuth_rad)
     variance = np.square(_turn_by_gain(gain, slope)) * prior.variance(gain, slope)
     return np.sqrt(variance.sum(axis=0))
+
+
+def manifold_error_covariance(manifold: GainManifold, azimuth_rad: FloatArray, spread: ElementSpread) -> FloatArray:
+    """Covariance of the bearing errors that an array unlike its data sheet makes at several azimuths.
+
+    Args:
+        manifold: The nominal array.
+        azimuth_rad: Array-frame azimuths, shape (n,).
+        spread: How far the elements of real arrays spread about the data sheet.
+
+    Returns:
+        Shape (n, n), rad^2, to first order; its diagonal is the square of `manifold_error_std`.
+    """
+    gain, slope = manifold.gain_and_slope(azimuth_rad)
+    turn = _turn_by_gain(gain, slope)
+    by_kind = (spread.gain * turn * gain, spread.pointing_rad * turn * slope, spread.offset * turn)
+    return sum((errors.T @ errors for errors in by_kind), np.zeros((azimuth_rad.size, azimuth_rad.size)))
 
 
 def manifold_error(manifold: GainManifold, azimuth_rad: ArrayLike, errors: ElementErrors) -> FloatArray:

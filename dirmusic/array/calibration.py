@@ -1,4 +1,4 @@
-"""The errors of the elements, learned from turns on the spot: one source, heard under several known headings."""
+"""The errors of the elements, learned from turns on the spot: one source, detected under several known headings."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, GainManifold
 FloatArray = NDArray[np.float64]
 
 NOT_FREE = 1e-9
-"""Spread of what is not to be estimated."""
+"""Spread of a parameter that is not to be estimated."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """What turning on the spot has told.
+    """What turning on the spot has shown.
 
     Attributes:
         manifold: The nominal manifold with the errors corrected: give this one to the estimators.
@@ -68,7 +68,7 @@ def calibrate(
         The calibration.
 
     Raises:
-        ValueError: If shapes disagree, a value is not finite, or a heading heard nothing.
+        ValueError: If shapes disagree, a value is not finite, or nothing was detected at some heading.
     """
     from scipy.optimize import least_squares  # here, so that a command line help need not wait for it
 
@@ -82,7 +82,7 @@ def calibrate(
     if not (np.isfinite(a).all() and np.all(a >= 0) and np.isfinite(turns).all()):
         raise ValueError("`strengths` must be finite and >= 0 V and `turns_rad` finite; drop broken channels or pulses")
     if not np.all(a.any(axis=(-1, -2))):
-        raise ValueError("`strengths` are all zero at some heading: nothing was heard there; leave that heading out")
+        raise ValueError("`strengths` are all zero at some heading: nothing was detected there; leave that heading out")
     pooled, variance = _pool(a, np.broadcast_to(np.asarray(strength_variance, dtype=np.float64), a.shape))
     weight = 1.0 / np.sqrt(variance)
     heading = np.concatenate([[0.0], np.cumsum(turns)])

@@ -19,7 +19,7 @@ class ElementErrors:
 
     Attributes:
         gain: Relative errors e of the gains, shape (n_elements,).
-        pointing_rad: How far each element looks beyond its nominal boresight, d, shape (n_elements,).
+        pointing_rad: Azimuth of each boresight beyond the nominal one, d, shape (n_elements,).
         offset: Additions o to the gains, in units of gain, shape (n_elements,).
     """
 
@@ -37,6 +37,7 @@ class ElementErrors:
         return GainManifold(
             nominal.pattern,
             nominal.boresights_rad + self.pointing_rad,
+            boresight_elevations_rad=nominal.boresight_elevations_rad,
             gain_factors=nominal.gain_factors * (1 + self.gain),
             gain_offsets=nominal.gain_offsets * (1 + self.gain) + self.offset,
             elevation_rad=nominal.elevation_rad,
@@ -44,7 +45,7 @@ class ElementErrors:
 
 
 class ManifoldPrior(Protocol):
-    """What is known of the errors of an array before it hears anything; elements are independent."""
+    """What is known of the errors of an array before it detects anything; elements are independent."""
 
     def variance(self, gain: FloatArray, slope: FloatArray) -> FloatArray:
         """Variance of each element's gain about the data sheet's, of the shape of `gain` and `slope` (per radian)."""

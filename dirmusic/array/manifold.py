@@ -47,7 +47,9 @@ class GainManifold:
 
     Args:
         pattern: Gain of each element over the angle off its boresight.
-        boresights_rad: Where each element looks, array frame, shape (n_elements,), n_elements >= 2.
+        boresights_rad: Azimuth of each element's boresight, array frame, shape (n_elements,), n_elements >= 2.
+        boresight_elevations_rad: Elevation of each element's boresight, in [-pi/2, pi/2], shape (n_elements,); zero for
+            a level element.
         gain_factors: Known factor on each element's gain, shape (n_elements,), positive; one where nothing is known.
         gain_offsets: Known addition to each element's gain, in units of gain, shape (n_elements,); zero where nothing
             is known. Both come from a calibration, and `ElementErrors.correct` sets them.
@@ -70,6 +72,7 @@ class GainManifold:
         pattern: GainPattern,
         boresights_rad: ArrayLike,
         *,
+        boresight_elevations_rad: ArrayLike = 0.0,
         gain_factors: ArrayLike = 1.0,
         gain_offsets: ArrayLike = 0.0,
         elevation_rad: float = 0.0,
@@ -80,22 +83,28 @@ class GainManifold:
                 f"`boresights_rad` must be finite with shape (n_elements,), n_elements >= 2, got {boresights_rad!r}. "
                 "One element alone leaves no noise subspace, so it has no bearing."
             )
-        factors, offsets = (np.array(x, dtype=np.float64) for x in (gain_factors, gain_offsets))
-        for name, values in (("gain_factors", factors), ("gain_offsets", offsets)):
+        vectors = boresight_elevations_rad, gain_factors, gain_offsets
+        tilts, factors, offsets = (np.array(x, dtype=np.float64) for x in vectors)
+        names = "boresight_elevations_rad", "gain_factors", "gain_offsets"
+        for name, values in zip(names, (tilts, factors, offsets), strict=True):
             if values.shape not in ((), boresights.shape) or not np.isfinite(values).all():
                 raise ValueError(f"`{name}` must be finite with shape {boresights.shape}, got {values!r}")
         if not np.all(factors > 0):
             raise ValueError(f"`gain_factors` must be positive, got {factors!r}; a dead element is left out by `take`")
+        if not np.all(np.abs(tilts) <= np.pi / 2):
+            raise ValueError(f"`boresight_elevations_rad` must be in [-pi/2, pi/2], got {tilts!r}")
         if not abs(elevation_rad) <= np.pi / 2:
             raise ValueError(f"`elevation_rad` must be in [-pi/2, pi/2], got {elevation_rad!r}")
         self._taken: dict[tuple[int, ...], GainManifold] = {}
         self.pattern = pattern
         self.elevation_rad = elevation_rad
         self.boresights_rad = boresights
+        self.boresight_elevations_rad = np.array(np.broadcast_to(tilts, boresights.shape))
         self.gain_factors = np.array(np.broadcast_to(factors, boresights.shape))
         self.gain_offsets = np.array(np.broadcast_to(offsets, boresights.shape))
-        for array in (self.boresights_rad, self.gain_factors, self.gain_offsets):
+        for array in (self.boresights_rad, self.boresight_elevations_rad, self.gain_factors, self.gain_offsets):
             array.setflags(write=False)
+        self._is_in_plane = elevation_rad == 0.0 and not self.boresight_elevations_rad.any()
         gain, slope = self.gain_and_slope(SEARCH_AZIMUTHS_RAD)
         unit = gain / np.linalg.norm(gain, axis=0)
         self.search_gain, self.search_slope, self.search_unit_gain = gain, slope, unit
@@ -103,12 +112,12 @@ class GainManifold:
             array.setflags(write=False)
         if not np.linalg.norm(np.roll(unit, -1, axis=1) - unit, axis=0).max() > BLIND_SLOPE * SEARCH_STEP_RAD:
             raise ValueError(
-                "`pattern` is flat: the ratios of the gains do not change with azimuth, so strengths tell no direction"
+                "`pattern` is flat: the ratios of the gains do not change with azimuth, so strengths hold no direction"
             )
 
     @classmethod
     def ring(cls, n_elements: int = 6, pattern: GainPattern | None = None) -> Self:
-        """A uniform ring with boresights +90 - 360 k / n degrees: element 1 looks left, the next further clockwise."""
+        """A uniform ring with boresights +90 - 360 k / n degrees: element 1 points left, the next further clockwise."""
         return cls(pattern or GaussianPattern(), np.pi / 2 - 2 * np.pi * np.arange(n_elements) / n_elements)
 
     def take(self, elements: Sequence[int] | NDArray[np.intp] | NDArray[np.bool_]) -> GainManifold:
@@ -119,6 +128,7 @@ class GainManifold:
             self._taken[key] = GainManifold(
                 self.pattern,
                 self.boresights_rad[chosen],
+                boresight_elevations_rad=self.boresight_elevations_rad[chosen],
                 gain_factors=self.gain_factors[chosen],
                 gain_offsets=self.gain_offsets[chosen],
                 elevation_rad=self.elevation_rad,
@@ -133,6 +143,7 @@ class GainManifold:
         return GainManifold(
             self.pattern,
             self.boresights_rad,
+            boresight_elevations_rad=self.boresight_elevations_rad,
             gain_factors=self.gain_factors,
             gain_offsets=self.gain_offsets,
             elevation_rad=elevation_rad,
@@ -171,16 +182,18 @@ class GainManifold:
     def element_response(
         self, off_boresight_rad: FloatArray, per_element: tuple[int, ...] = (-1,)
     ) -> tuple[FloatArray, FloatArray]:
-        """Gain and slope of each element towards its own angle off boresight, which may all differ: a source close by.
+        """Gain and slope of each element towards an azimuth of its own, as for a source close by.
 
         Args:
-            off_boresight_rad: Shape that broadcasts with (n_elements,) reshaped to `per_element`.
+            off_boresight_rad: Azimuth off each boresight, a shape that broadcasts with (n_elements,) reshaped to
+                `per_element`.
             per_element: Where the element axis is; (-1,) is the last.
         """
-        if self.elevation_rad == 0.0:
+        if self._is_in_plane:
             gain, slope = self.pattern.gain_and_slope(off_boresight_rad)
         else:
-            gain, slope, _ = gain_in_space(self.pattern, off_boresight_rad, self.elevation_rad)
+            tilt = self.boresight_elevations_rad.reshape(per_element)
+            gain, slope, _ = gain_in_space(self.pattern, off_boresight_rad, self.elevation_rad, tilt)
         factors, offsets = self.gain_factors.reshape(per_element), self.gain_offsets.reshape(per_element)
         return factors * gain + offsets, factors * slope
 
@@ -188,9 +201,12 @@ class GainManifold:
         """Gain of each element and its slopes towards directions of their own; the element axis is the last.
 
         Args:
-            off_boresight_rad: Shape (..., n_elements).
-            elevation_rad: Broadcasts with it; `self.elevation_rad` does not count here.
+            off_boresight_rad: Azimuth off each boresight, shape (..., n_elements).
+            elevation_rad: Elevation of each direction; broadcasts with `off_boresight_rad`. `self.elevation_rad` does
+                not count here.
         """
-        gain, by_azimuth, by_elevation = gain_in_space(self.pattern, off_boresight_rad, elevation_rad)
+        gain, by_azimuth, by_elevation = gain_in_space(
+            self.pattern, off_boresight_rad, elevation_rad, self.boresight_elevations_rad
+        )
         factors = self.gain_factors
         return SpatialGain(factors * gain + self.gain_offsets, factors * by_azimuth, factors * by_elevation)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dirmusic.array.manifold import SEARCH_STEP_RAD, ManifoldTable
 from dirmusic.bearing.bearings import LEAST_SHARE, UNKNOWN_STD_RAD, Bearings
 from dirmusic.compiled import compiled
-from dirmusic.kernels import dot, wrapped
+from dirmusic.kernels import cubic, cubic_slope, dot, wrapped
 
 FloatArray = NDArray[np.float64]
 
@@ -53,10 +53,8 @@ def look_up(azimuth_rad: float, table: ManifoldTable, gain: FloatArray, slope: F
     j = (i + 1) % n
     for e in range(gain.size):
         from_slope, to_slope = step_rad * table.slope[i, e], step_rad * table.slope[j, e]
-        rise = table.gain[j, e] - table.gain[i, e]
-        square, cube = 3.0 * rise - 2.0 * from_slope - to_slope, from_slope + to_slope - 2.0 * rise
-        gain[e] = table.gain[i, e] + t * (from_slope + t * (square + t * cube))
-        slope[e] = (from_slope + t * (2.0 * square + 3.0 * t * cube)) / step_rad
+        gain[e] = cubic(t, table.gain[i, e], table.gain[j, e], from_slope, to_slope)
+        slope[e] = cubic_slope(t, table.gain[i, e], table.gain[j, e], from_slope, to_slope) / step_rad
 
 
 @compiled

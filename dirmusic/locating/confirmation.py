@@ -50,7 +50,7 @@ def updated_state(
     if _lies_outside(finding, fence_m):
         return replace(finding, state="outside")
     if finding.state != "confirmed" and _is_ghost(finding, rate, observed_s, rules):
-        return replace(finding, state="echo")
+        return replace(finding, state="ghost")
     if rows.size and (_stays_confirmed(finding, rules) or _meets(finding, rate, rules)):
         return replace(finding, state="confirmed", fixed_s=time_s if finding.fixed_s is None else finding.fixed_s)
     return replace(finding, state="candidate")

@@ -6,19 +6,61 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.array.bounds import perpendicular_slope
+from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, SEARCH_STEP_RAD
 from dirmusic.array.model import ArrayModel
+from dirmusic.bearing.built_in import method_std
+from dirmusic.bearing.estimator import BearingEstimator
 from dirmusic.locating.rules import CredibilityRules
 from dirmusic.pulses.batch import PulseBatch
 
+FloatArray = NDArray[np.float64]
 
-def is_credible(pulses: PulseBatch, array: ArrayModel, rules: CredibilityRules) -> NDArray[np.bool_]:
-    """Whether each pulse looks like one plane wave from one direction, strong enough to tell which.
 
+class MethodDeviation:
+    """Deviation that an estimator states of its own method, towards the azimuth of each pulse.
+
+    The estimator is called once for each set of usable channels.
+
+    Args:
+        estimator: Takes the bearings.
+        array: Data sheet of all channels.
+    """
+
+    def __init__(self, estimator: BearingEstimator, array: ArrayModel) -> None:
+        self._estimator = estimator
+        self._array = array
+        self._by_channels: dict[tuple[bool, ...], FloatArray] = {}
+
+    def of(self, pulses: PulseBatch) -> FloatArray:
+        """Deviations at the nearest search azimuths, shape (n_pulses,), radians; 0 for maximum likelihood."""
+        std_rad = np.empty(pulses.n_pulses)
+        nearest = np.rint(pulses.azimuth_rad / SEARCH_STEP_RAD).astype(np.intp) % SEARCH_AZIMUTHS_RAD.size
+        for channels in np.unique(pulses.is_usable, axis=0):
+            rows = (pulses.is_usable == channels).all(axis=-1)
+            std_rad[rows] = self._towards_search_azimuths(channels)[nearest[rows]]
+        return std_rad
+
+    def _towards_search_azimuths(self, channels: NDArray[np.bool_]) -> FloatArray:
+        key = tuple(channels.tolist())
+        if key not in self._by_channels:
+            self._by_channels[key] = method_std(self._estimator, self._array.take(channels))
+        return self._by_channels[key]
+
+
+def is_credible(
+    pulses: PulseBatch, array: ArrayModel, method_std_rad: FloatArray, rules: CredibilityRules
+) -> NDArray[np.bool_]:
+    r"""Whether each pulse looks like one plane wave from one direction, strong enough to tell which.
+
+    The deviation is judged by what noise adds to that of the estimator's own method,
+    :math:`\sigma^2 < \sigma_{method}^2 + \sigma_{max}^2`: an honest coarse estimator is as credible as a fine one.
     Pulses that met the end of the converter's scale in a usable channel are not credible: their strengths are wrong.
 
     Args:
         pulses: Pulses with their directions.
         array: The array's data sheet and spread.
+        method_std_rad: Deviation that the estimator states of its own method for each pulse, shape (n_pulses,); see
+            `MethodDeviation`.
         rules: Limits of deviation and misfit.
 
     Returns:
@@ -32,4 +74,5 @@ def is_credible(pulses: PulseBatch, array: ArrayModel, rules: CredibilityRules) 
     by_array = spread.gain**2 + spread.pointing_rad**2 + by_offset
     expected = by_noise + by_array + rules.misfit_floor
     is_plane_wave = pulses.misfit < rules.misfit_factor * expected
-    return (pulses.std_rad < rules.max_std_rad) & is_plane_wave & ~pulses.is_overdriven
+    is_narrow = np.square(pulses.std_rad) < np.square(method_std_rad) + rules.max_std_rad**2
+    return is_narrow & is_plane_wave & ~pulses.is_overdriven

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-CHI2_95 = 5.991
-"""95 % quantile of chi-square with two degrees of freedom."""
+CHI2_95 = float(-2.0 * np.log(0.05))
+"""95 % quantile of chi-square with two degrees of freedom, whose distribution function is 1 - exp(-x / 2)."""
 
 
 class Ellipse(NamedTuple):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dirmusic.locating.ellipse import ellipse95
 
 FloatArray = NDArray[np.float64]
-State = Literal["candidate", "confirmed", "outside", "echo"]
+State = Literal["candidate", "confirmed", "outside", "ghost"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,7 +20,7 @@ class Finding:
 
     Attributes:
         id: Stays with it through the mission; counts from 1.
-        state: `candidate` until the rules confirm it; `outside` where its 95 % ellipse lies beyond the fence; `echo`
+        state: `candidate` until the rules confirm it; `outside` where its 95 % ellipse lies beyond the fence; `ghost`
             where nothing comes from it though the robot was near and in sight of it.
         position_m: Shape (2,), world frame.
         covariance_m2: Shape (2, 2), the array's common error included.
@@ -30,6 +30,10 @@ class Finding:
         aperture_rad: Angle over which its lines of sight spread, seen from the finding.
         nearest_m: Least distance from which it was detected.
         level_db: Strength that its louder pulses would have 1 m away, dB over 1 V; NaN until it was detected in sight.
+
+    Raises:
+        ValueError: If position or covariance are not finite, of another shape, or the covariance is not positive
+            definite.
     """
 
     id: int
@@ -42,6 +46,17 @@ class Finding:
     aperture_rad: float
     nearest_m: float
     level_db: float
+
+    def __post_init__(self) -> None:
+        """Refuse a position or a covariance that nothing can be done with."""
+        for name, shape in (("position_m", (2,)), ("covariance_m2", (2, 2))):
+            value = getattr(self, name)
+            if np.shape(value) != shape or not np.isfinite(value).all():
+                raise ValueError(f"finding {self.id}: `{name}` must be finite with shape {shape}, got {value!r}")
+        if np.linalg.eigvalsh(self.covariance_m2)[0] <= 0:
+            raise ValueError(
+                f"finding {self.id}: `covariance_m2` must be positive definite, got {self.covariance_m2!r}"
+            )
 
     @property
     def semi_major_m(self) -> float:

@@ -1,4 +1,4 @@
-"""Positions of several sources and the errors of the array that heard them, estimated together.
+"""Positions of several sources and the errors of the array that detected them, estimated together.
 
 An array that is not what its data sheet says turns every bearing by degrees, in common for all pulses from one
 azimuth: averaging does not help, and a covariance that takes the errors as independent is wrong. But the robot turns
@@ -24,7 +24,7 @@ STRENGTH_FLOOR = 0.01
 mutual coupling. It stays the same for as long as the pose error does, so pulses from nearly one place share it."""
 
 POSITION_PRIOR_M = 60.0
-"""Assumed standard deviation of a source about where it was heard from: it keeps one line of bearings finite."""
+"""Assumed standard deviation of a source about the places of its detections: it keeps one line of bearings finite."""
 
 HEIGHT_PRIOR_M = (0.8, 1.0)
 """Assumed mean and standard deviation of a source's height above the array: cable boxes to bushings."""

@@ -12,6 +12,7 @@ from dirmusic.array.element_errors import ElementErrors
 from dirmusic.array.model import ArrayModel
 from dirmusic.locating.association.assignment import Assignment, assign
 from dirmusic.locating.association.pulse_record import InSight, PulseRecord, Rows, thinned
+from dirmusic.locating.bearing_fix import locate_by_bearings
 from dirmusic.locating.births import find_birth
 from dirmusic.locating.confirmation import updated_state
 from dirmusic.locating.finding import Finding
@@ -92,6 +93,14 @@ class Locator:
         )
         return self.findings
 
+    def association(self) -> Rows:
+        """Id of the finding of each pulse so far, or a code of `NoOwner`; shape (n_pulses_so_far,)."""
+        owner = self._assign(self.findings).owner
+        ids = np.array([finding.id for finding in self.findings], dtype=np.intp)
+        is_owned = owner >= 0
+        owner[is_owned] = ids[owner[is_owned]]
+        return owner
+
     def _assign(self, findings: Sequence[Finding]) -> Assignment:
         return assign(self._record, findings, self._errors, self.rules.assignment)
 
@@ -146,9 +155,10 @@ class Locator:
         return moved
 
     def _locate(self, chosen: dict[int, Rows]) -> JointFix:
-        """Fit the array and some of the findings, each by the chosen rows of its pulses."""
+        """Fit some of the findings, each by the chosen rows of its pulses, as the rules say."""
+        locate = locate_jointly if self.rules.fix == "joint" else locate_by_bearings
         rows = np.concatenate(list(chosen.values()))
-        return locate_jointly(
+        return locate(
             self._record.pulses.take(rows),
             self._record.pose[rows],
             np.repeat(np.arange(len(chosen)), [own.size for own in chosen.values()]),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -12,7 +13,8 @@ class CredibilityRules:
     """When a pulse looks like one plane wave from one direction. All values are assumed.
 
     Attributes:
-        max_std_rad: A pulse with a wider bearing is not credible; noise triggers are wider by far.
+        max_std_rad: Most that noise may add to the deviation of the estimator's own method; noise triggers are wider by
+            far.
         misfit_factor: A pulse is not credible if its direction leaves this many times more of its energy unexplained
             than noise, the array's spread and `misfit_floor` explain.
         misfit_floor: Share of the energy that the far-field model of a perfect array leaves unexplained close by.
@@ -67,6 +69,8 @@ class LocatingRules:
     """When pulses make a candidate, and what confirms it. All values are assumed.
 
     Attributes:
+        fix: What positions are fitted to: `joint`, the strengths, with the errors of the array fitted along; or
+            `bearings`, the estimator's bearings and deviations alone.
         credibility: When a pulse is credible.
         assignment: When a pulse belongs to a finding.
         birth_pulses: Unassigned pulses from one direction, within `birth_s`, that make a candidate.
@@ -90,6 +94,7 @@ class LocatingRules:
         merge_m: Findings nearer to each other than this are one.
     """
 
+    fix: Literal["joint", "bearings"] = "joint"
     credibility: CredibilityRules = field(default_factory=CredibilityRules)
     assignment: AssignmentRules = field(default_factory=AssignmentRules)
     birth_pulses: int = 6

@@ -27,6 +27,7 @@ from robot_models.antenna.elements import AntennaElements
 from robot_models.robots import Robots
 from robot_models.sensors import LIDAR_BEAMS, LIDAR_RANGE_M
 from sensing import Detections, Faces, HelicalArray, Obstacles, Surroundings
+from sensing.receiver.receiver import Listener
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -75,6 +76,7 @@ class Simulation:
         robot: What each robot is.
         robots: All of them.
         array: The array's data sheet and how far real ones spread about it: what the robot knows.
+        estimator: Takes the bearings.
         layout: Of the observations: bounds and places of their entries.
         motion: What the robots know of their motion, live: it changes with the next step.
     """
@@ -93,7 +95,7 @@ class Simulation:
                 offset=scenario.array.gain_offset / np.sqrt(3),
             ),
         )
-        self._estimator = make_estimator(scenario.estimator.method, self.array)
+        self.estimator = make_estimator(scenario.estimator.method, self.array)
         self.robot, elements = (
             scenario.robot.description,
             AntennaElements.checked(nominal.positions_m, nominal.boresights_rad),
@@ -120,7 +122,7 @@ class Simulation:
         )
         self._episodes: list[Episode | None] = [None] * n_robots
         self._generators = [Generators.spawn(np.random.default_rng(0))] * n_robots
-        self._monitors = [ChannelMonitor(self.array, self._estimator) for _ in range(n_robots)]
+        self._monitors = [ChannelMonitor(self.array, self.estimator) for _ in range(n_robots)]
         self._receivers = None
         self._motion_normal, self._lidar_normal = np.zeros((n_robots, N_DRAWS)), np.zeros((n_robots, LIDAR_BEAMS))
         n_sources = len(scenario.sources)
@@ -168,25 +170,20 @@ class Simulation:
 
     def reset(self, rows: Rows, rngs: Sequence[np.random.Generator], options: Mapping[str, Any]) -> None:
         """Start new episodes in some rows, each with its generator; the next step is their first look."""
-        from sensing.receiver.bank import Receivers  # here, so that a command line help need not wait for the compiler
+        from sensing.receiver.bank import ReceiverBank  # loads the compiler
 
         spawned = [Generators.spawn(rng) for rng in rngs]
         drawn = [Episode.draw(self.scenario, self._surroundings, each.episode, options) for each in spawned]
         for row, generators, episode in zip(rows.tolist(), spawned, drawn, strict=True):
             self._episodes[row], self._generators[row] = episode, generators
-            self._monitors[row] = ChannelMonitor(self.array, self._estimator)
+            self._monitors[row] = ChannelMonitor(self.array, self.estimator)
             self._sources_m[row] = np.array([s.position_m[:2] for s in episode.sources]).reshape(-1, 2)
             if self._receivers is not None:
-                self._receivers.replace(row, episode.array, episode.scene, generators.receiver, generators.nature)
+                self._receivers.replace(row, _listener(episode, generators))
         if self._receivers is None:
             known = [episode or drawn[0] for episode in self._episodes]
-            self._receivers = Receivers(
-                self.scenario.receiver,
-                [e.array for e in known],
-                [e.scene for e in known],
-                [generators.receiver for generators in self._generators],
-                [generators.nature for generators in self._generators],
-            )
+            listeners = [_listener(*pair) for pair in zip(known, self._generators, strict=True)]
+            self._receivers = ReceiverBank(self.scenario.receiver, listeners)
         self.robots.reset(rows, [episode.start_pose for episode in drawn])
         self._progress.restart(rows)
         self._usable[rows] = True
@@ -248,7 +245,7 @@ class Simulation:
     def _find_directions(self, detections: Detections) -> tuple[PulseBatch, list[tuple[SuspectChannel, ...]]]:
         """All pulses with directions from the channels that are in order, and channels newly at fault by robot."""
         suspects: list[tuple[SuspectChannel, ...]] = [()] * len(self._monitors)
-        found = self._estimator(detections.pulses, self.array)
+        found = self.estimator(detections.pulses, self.array)
         pulses = detections.pulses._replace(azimuth_rad=found.azimuth_rad, std_rad=found.std_rad, misfit=found.misfit)
         rows = detections.robot
         for row in np.unique(rows).tolist() if rows.size else ():
@@ -272,3 +269,10 @@ class Simulation:
         detected = robot, pulses.strengths_v, pulses.azimuth_rad
         parameters, progress = tuple(self._observation_parameters), tuple(self._progress)
         return perceive(sensed, parameters, progress, detected, self._usable, self._spectrum_gain).T
+
+
+def _listener(episode: Episode, generators: Generators) -> Listener:
+    """What a receiver listens with, and to."""
+    return Listener(
+        array=episode.array, scene=episode.scene, nature_rng=generators.nature, receiver_rng=generators.receiver
+    )

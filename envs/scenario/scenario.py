@@ -15,6 +15,7 @@ from pydantic import Field, PositiveFloat, model_validator
 
 from envs.scenario.base import Config
 from envs.scenario.estimator import EstimatorConfig
+from envs.scenario.locating import LocatingConfig
 from envs.scenario.robot_config import RobotConfig
 from envs.scenario.robot_sensors import BatteryConfig, LidarConfig, OdometryConfig, PoseSensorConfig
 from envs.scenario.sources import CarrierConfig, InterfererConfig, SourceConfig
@@ -68,6 +69,7 @@ class Scenario(Config, frozen=True):
     odometry: OdometryConfig = OdometryConfig()
     battery: BatteryConfig = BatteryConfig()
     task: TaskConfig = TaskConfig()
+    locating: LocatingConfig = LocatingConfig()
 
     def candidate_sites(self, source: SourceConfig) -> tuple[str, ...]:
         """The sites from which one is drawn for `source`, as `equipment/site`; empty for a source at a position."""

@@ -1,4 +1,4 @@
-"""Make this example: one discharge, heard from sixteen poses by the simulator's own array and receiver.
+"""Make this example: one discharge, detected from sixteen poses by the simulator's own array and receiver.
 
     uv run python examples/locate/make_example.py
 
@@ -17,7 +17,8 @@ import numpy as np
 from dirmusic import cut_windows, pulse_start, pulse_strengths, strength_variance
 from envs.core.motion import SensorParameters, add_pose_error
 from envs.scenario.robot_sensors import BatteryConfig, OdometryConfig, PoseSensorConfig
-from sensing import ArrayConfig, DischargeSource, HelicalArray, Receiver, ReceiverConfig, Scene, level_transform
+from sensing import ArrayConfig, DischargeSource, HelicalArray, ReceiverConfig, Scene, level_transform
+from sensing.receiver.bank import listen_once
 
 HERE = Path(__file__).parent
 SEED = 20
@@ -39,7 +40,6 @@ def main() -> None:
     rng = np.random.default_rng(SEED)
     array = HelicalArray.draw(ArrayConfig(), rng)
     config = ReceiverConfig(band_hz="all", gate_samples=240, pretrigger_samples=110, false_alarm_rate_hz=1e-3)
-    receiver = Receiver(config, array)
     senses = SensorParameters.of(PoseSensorConfig(), OdometryConfig(), BatteryConfig(), DWELL_S)
     error, believed = np.full(3, np.nan), np.empty(3)
     (HERE / "waveforms").mkdir(exist_ok=True)
@@ -47,21 +47,20 @@ def main() -> None:
     waveform_rows: list[list[str]] = []
     for number, (x, y, yaw_deg) in enumerate(POSES, start=1):
         pose = np.array([x, y, np.radians(yaw_deg)])
-        heard = receiver.listen(level_transform(pose), Scene([SOURCE]), rng, start_s=0, duration_s=1)
+        world_from_array = level_transform(pose)
+        detected = listen_once(config, array, Scene([SOURCE]), rng, world_from_array=world_from_array, duration_s=1.0)
         add_pose_error(pose, error, senses.pose_kept, senses.pose_std, rng.standard_normal(3), believed)
         place = [f"{DWELL_S * number:.1f}", *(f"{v:.3f}" for v in believed[:2]), f"{np.degrees(believed[2]):.2f}"]
-        counts = np.round(heard.waveforms_v / VOLTS_PER_COUNT).astype(np.int16)
+        counts = np.round(detected.waveforms_v / VOLTS_PER_COUNT).astype(np.int16)
         name = f"waveforms/stop_{number:02d}.npz"
         np.savez_compressed(
             HERE / name,
             waveforms=counts,
-            sample_rate_hz=receiver.config.sample_rate_hz,
+            sample_rate_hz=config.sample_rate_hz,
             volts_per_count=VOLTS_PER_COUNT,
         )
         waveform_rows.append([*place, name])
-        strength_rows += [
-            [*place, *row] for row in strengths_and_deviations(heard.waveforms_v, receiver.config.noise_v)
-        ]
+        strength_rows += [[*place, *row] for row in strengths_and_deviations(detected.waveforms_v, config.noise_v)]
     pose_columns = ["time_s", "x_m", "y_m", "yaw_deg"]
     write(HERE / "waveforms.csv", [*pose_columns, "waveform"], waveform_rows)
     channels = [f"{kind}_{k + 1}" for kind in ("strength", "std") for k in range(6)]

@@ -12,12 +12,13 @@ from missions.cli.reproduce import reproduce
 from missions.cli.run import run
 from missions.cli.scenarios import scenarios
 from missions.cli.terminal import INTERRUPTED
+from missions.cli.worth import worth
 
 
 def main() -> None:
     """Entry point of `pdpatrol`."""
     app = tyro.extras.SubcommandApp()
-    for verb in (run, replay, scenarios, reproduce, locate):
+    for verb in (run, replay, scenarios, reproduce, locate, worth):
         app.command(verb)
     try:
         app.cli(

@@ -113,7 +113,8 @@ def locate(
     make_folder(folder)
 
     from missions.field.locate_field_data import locate_field_data
-    from missions.record.report import candidates_table, findings_table, make_report
+    from missions.record.report import make_report
+    from missions.record.tables import candidates_table, findings_table
 
     pose_error = PoseError(
         position_m=position_std_m, heading_rad=math.radians(heading_std_deg), correlation_s=pose_correlation_s

@@ -24,12 +24,11 @@ from missions.cli.terminal import (
     tell_where,
     write_mission,
 )
-from missions.policies.names import BUILT_IN
 
 if TYPE_CHECKING:
     from missions.runner import Mission
 
-TOLD = ("candidate", "confirmed", "outside", "echo", "contact", "unreachable", "clipped", "channel fault")
+TOLD = ("candidate", "confirmed", "outside", "ghost", "contact", "unreachable", "clipped", "channel fault")
 """Kinds of events that are news."""
 
 
@@ -58,7 +57,9 @@ def run(
         live: Show the mission in the Rerun viewer while it runs.
         json_output: Print the report as JSON instead of a table.
     """
+    from envs.foreign_code import ForeignCodeError
     from envs.scenario import ScenarioError, load_scenario
+    from missions.policies.names import BUILT_IN, load_maker
 
     try:
         loaded = load_scenario(scenario)
@@ -66,12 +67,15 @@ def run(
         refuse(*error.faults)
     if seed < 0:
         refuse(f"--seed: got {seed}; allowed is 0 or more")
-    if policy not in BUILT_IN and ":" not in policy:
-        refuse(f"--policy: no policy `{policy}`; allowed are {', '.join(BUILT_IN)}, or FILE.py:NAME for your own")
+    try:
+        if policy not in BUILT_IN:
+            load_maker(policy)
+    except ForeignCodeError as error:
+        refuse(str(error))
     folder = new_folder(out_dir, f"{loaded.name}-{seed}")
 
-    from envs.foreign_code import ForeignCodeError
-    from missions.record.report import candidates_table, findings_table, make_report
+    from missions.record.report import make_report
+    from missions.record.tables import candidates_table, findings_table
     from missions.recording import live_stream
     from missions.runner import Mission
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -133,3 +133,12 @@ def _bootstrap(values: FloatArray, statistic: Callable[..., Any]) -> Interval:
 def as_json(score: Score) -> dict[str, Any]:
     """A score as plain data, without NaN."""
     return json.loads(json.dumps(score._asdict()).replace("NaN", "null"))
+
+
+def from_json(data: Mapping[str, Any]) -> Score:
+    """A score from plain data, as `as_json` gives it, whatever else it holds."""
+    intervals = {
+        name: Interval(*(np.nan if value is None else value for value in data[name]))
+        for name in ("bearing_rmse_deg", "found", "error_m", "confirmed_s")
+    }
+    return Score(**intervals, false_findings=data["false_findings"])

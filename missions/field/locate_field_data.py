@@ -14,10 +14,12 @@ from threadpoolctl import threadpool_limits
 
 from dirmusic import ArrayModel, Locator, PoseError, PulseBatch, TabulatedPattern
 from dirmusic.bearing.channel_health import ChannelMonitor
+from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
 from dirmusic.locating.rules import LocatingRules
 from missions.field.field_data import FieldData
+from missions.record.logbook import Logbook
 from missions.record.mission_log import MissionLog
-from missions.record.tracking import Logbook
+from missions.record.tracking import Tracker
 
 FloatArray = NDArray[np.float64]
 
@@ -58,9 +60,10 @@ def locate_field_data(
     if data.time_s.size:
         rules = replace(rules, refit_s=max(rules.refit_s, float(np.ptp(data.time_s)) / MOST_FITS))
     locator = Locator(array, pose_error, fence_m=fence_m, rules=rules)
-    book = Logbook(log, locator)
+    estimator, book = MaximumLikelihood(), Logbook(log)
+    tracker = Tracker(locator, array, estimator, rules.credibility)
     with threadpool_limits(limits=1):
-        monitor = ChannelMonitor(array)
+        monitor = ChannelMonitor(array, estimator)
         pulse_time_s = data.time_s[data.step]
         pulses, suspects = monitor.watch(
             PulseBatch.detected(pulse_time_s, data.strengths_v, data.variance_v2, data.mains_phase_rad)
@@ -83,10 +86,11 @@ def locate_field_data(
                 for suspect in suspects:  # counted as in the files, of which dead channels were dropped before
                     recorded = suspect._replace(channel=int(data.channels[suspect.channel - 1]) + 1)
                     book.event("channel fault", f"{recorded}: left out")
-            book.track(float(time_s), pose, pulses.take(slice(first[step], first[step + 1])))
+            book.log_tracked(pose, tracker.track(float(time_s), pose, pulses.take(slice(first[step], first[step + 1]))))
             progress(1.0 / data.time_s.size)
         if log.n_rows("finding") == 0 or log.column("finding", "step")[-1] < data.time_s.size - 1:
-            book.refit(float(data.time_s[-1]))
+            book.log_findings(tracker.refit(float(data.time_s[-1])))
+    book.log_association(tracker.association())
     book.event("end", "all rows read")
     return log
 

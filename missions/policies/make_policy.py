@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from missions.driving.collision_guard import CollisionGuard
+from missions.policies.names import load_maker
 from missions.policies.oracle import Oracle
 from missions.policies.own_policy import OwnPolicy
 from missions.policies.patrol import Patrol
@@ -35,4 +34,4 @@ def make_policy(name: str, rng: np.random.Generator) -> ReportingPolicy:
         case "oracle":
             return Oracle()
         case _:
-            return OwnPolicy(name, rng, Path())
+            return OwnPolicy(load_maker(name), rng)

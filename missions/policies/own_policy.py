@@ -3,43 +3,39 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from dirmusic import Finding
-from envs.foreign_code import ForeignCodeError, calling, load_object, place_of
+from envs.foreign_code import ForeignCodeError, calling, place_of
 from envs.patrol_env import Observation
 from missions.driving.site_map import SiteMap
+from missions.policies.names import MAKER
 from missions.policies.protocol import ACTION, Action, SeesTruth, checked_action, status_of
 
-MAKER = "a class or function that makes a policy of a random generator: MyPolicy(rng)"
 POLICY = "a policy: policy(observation, findings, site_map) -> action"
 
 
 class OwnPolicy:
-    """A policy by `my_file.py:MyPolicy` or `package.module:MyPolicy`, reported on as the built-in ones are.
+    """Reports on a policy of one's own as the built-in ones report on themselves.
 
     Args:
-        name: Of the class, or of a function that returns a policy.
+        maker: Class or function that makes the policy.
         rng: The policy's own.
-        folder: Folder that a relative `my_file.py` starts from.
 
     Raises:
-        ForeignCodeError: If it cannot be loaded or made; by any call, if it raises or returns no action.
+        ForeignCodeError: If the policy cannot be made; by a call, if it raises an exception or returns no action.
     """
 
-    def __init__(self, name: str, rng: np.random.Generator, folder: Path) -> None:
-        self._maker = load_object(name, folder, MAKER)
-        if not callable(self._maker):
-            raise ForeignCodeError(f"{name}: is of type {type(self._maker).__name__}; expected {MAKER}")
-        with calling(self._maker, MAKER):
-            self._policy: Any = self._maker(rng)
+    def __init__(self, maker: Callable[[np.random.Generator], Any], rng: np.random.Generator) -> None:
+        self._maker = maker
+        with calling(maker, MAKER):
+            self._policy = maker(rng)
             if not callable(self._policy):
                 made = type(self._policy).__name__
-                raise ForeignCodeError(f"{place_of(self._maker)}: makes an object of type {made}; expected {POLICY}")
+                raise ForeignCodeError(f"{place_of(maker)}: makes an object of type {made}; expected {POLICY}")
             self.phase, self.unreachable = status_of(self._policy)
 
     def reveal(self, truth: dict[str, Any]) -> None:

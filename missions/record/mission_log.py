@@ -48,10 +48,15 @@ TABLES: dict[str, dict[str, np.dtype[Any]]] = {
         "id": np.dtype("i8"),
         "position_m": np.dtype(("f8", 2)),
         "covariance_m2": np.dtype(("f8", (2, 2))),
-        "state": np.dtype("U16"),  # candidate, confirmed, outside, echo; dropped, once, when it is no more
+        "state": np.dtype("U16"),  # candidate, confirmed, outside, ghost; dropped, once, when it is no more
         "n_bearings": np.dtype("i8"),
         "first_detected_s": np.dtype("f8"),
+        "fixed_s": np.dtype("f8"),  # when it was first confirmed; NaN until then
         "aperture_rad": np.dtype("f8"),  # angle over which the lines of sight spread, seen from the finding
+    },
+    "association": {  # written at the end; empty where a mission was killed
+        "pulse": np.dtype("i8"),  # row in the pulse table
+        "finding": np.dtype("i8"),  # id, or a code of `dirmusic.locating.association.assignment.NoOwner`
     },
     "event": {
         "step": np.dtype("i8"),

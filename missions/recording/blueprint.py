@@ -43,7 +43,7 @@ def finding_path(finding: int) -> str:
 
 
 def blueprint(meta: Mapping[str, Any], end_s: float | None = None) -> rrb.Blueprint:
-    """The yard large, the yard as a plan, and below them what the antennas heard, how sure the fix is, and the news.
+    """The yard in space and as a plan; below them strengths, uncertainty of the fixes, mission phase and events.
 
     Args:
         meta: Of the mission's log.
@@ -51,16 +51,16 @@ def blueprint(meta: Mapping[str, Any], end_s: float | None = None) -> rrb.Bluepr
     """
     low, high = (np.array(corner) for corner in meta.get("bounds_m", ((0.0, 0.0), (40.0, 30.0))))
     centre = np.array([*(0.5 * (low + high)), 0.0])
-    reach = float(np.hypot(*(high - low)))
+    diagonal_m = float(np.hypot(*(high - low)))
     slant = rrb.EyeControls3D(
         kind=rrb.Eye3DKind.Orbital,
-        position=centre + reach * np.array([-0.16, -0.52, 0.46]),
-        look_target=centre - np.array([0.0, 0.08 * reach, 0.0]),
+        position=centre + diagonal_m * np.array([-0.16, -0.52, 0.46]),
+        look_target=centre - np.array([0.0, 0.08 * diagonal_m, 0.0]),
         eye_up=[0.0, 0.0, 1.0],
     )
     above = rrb.EyeControls3D(
         kind=rrb.Eye3DKind.Orbital,
-        position=centre + np.array([0.0, -0.01, 0.95 * reach]),
+        position=centre + np.array([0.0, -0.01, 0.95 * diagonal_m]),
         look_target=centre,
         eye_up=[0.0, 1.0, 0.0],
     )
@@ -82,8 +82,8 @@ def blueprint(meta: Mapping[str, Any], end_s: float | None = None) -> rrb.Bluepr
         background=sky,
         line_grid=False,
     )
-    heard = rrb.TimeSeriesView(origin=STRENGTHS, name="Strength per element (dBV)", axis_x=whole)
-    sure = rrb.TimeSeriesView(
+    strengths = rrb.TimeSeriesView(origin=STRENGTHS, name="Strength per element (dBV)", axis_x=whole)
+    uncertainty = rrb.TimeSeriesView(
         origin=UNCERTAINTY,
         name="95 % ellipse, longer half-axis (m)",
         axis_x=whole,
@@ -103,8 +103,8 @@ def blueprint(meta: Mapping[str, Any], end_s: float | None = None) -> rrb.Bluepr
         rrb.Vertical(
             rrb.Horizontal(yard, plan, column_shares=[3, 2]),
             rrb.Horizontal(
-                heard,
-                rrb.Tabs(sure, phases, battery, active_tab=0),
+                strengths,
+                rrb.Tabs(uncertainty, phases, battery, active_tab=0),
                 rrb.Vertical(
                     rrb.StateTimelineView(origin=PHASE, name="Phase"),
                     rrb.TextLogView(

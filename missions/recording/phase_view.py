@@ -41,8 +41,8 @@ def draw_phase_patterns(stream: rr.RecordingStream, log: MissionLog) -> None:
         place = np.column_stack([np.mod(np.degrees(resolved.phase_rad[some]), 360.0), -PIXELS_PER_DB * above])
         tint = TINTS[order % len(TINTS)]
         stream.log(f"{paths.PHASES}/{number}", rr.Points2D(place, colors=[tint], radii=[1.2]), static=True)
-        told = f"finding {number}: {resolved.pattern.kind}, {100 * resolved.pattern.confidence:.0f} %"
+        text = f"finding {number}: {resolved.pattern.kind}, {100 * resolved.pattern.confidence:.0f} %"
         label = rr.Points2D(
-            [[180.0, -100.0 + 14.0 * order]], labels=[told], colors=[tint], radii=[0.1], show_labels=True
+            [[180.0, -100.0 + 14.0 * order]], labels=[text], colors=[tint], radii=[0.1], show_labels=True
         )
         stream.log(f"{paths.PHASES}/{number}/kind", label, static=True)

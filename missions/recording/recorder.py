@@ -67,7 +67,7 @@ class Recorder:
         self._sent = {"step": 0, "pulse": 0, "bearing": 0, "finding": 0, "event": 0}
         self._trail = np.empty((0, 3))
         self._true_trail, self._odometry_trail = np.empty((0, 3)), np.empty((0, 3))
-        self._heard_step = -10 * HOLD_STEPS
+        self._last_detection = -10 * HOLD_STEPS
         self._phase = ""
         self._named: set[int] = set()
         self._trail_steps = TRAIL_STEPS if "scenario" in log.meta else 1
@@ -82,7 +82,7 @@ class Recorder:
         self._sent = {table: self._log.n_rows(table) for table in self._sent}
         if new["step"]["time_s"].size:
             self._send_motion(new["step"], first["step"])
-            self._send_heard(new, first)
+            self._send_detections(new, first)
         if new["finding"]["step"].size:
             self._send_findings(new["finding"])
         if new["event"]["step"].size:
@@ -115,9 +115,11 @@ class Recorder:
         self._true_trail = self._send_trail(
             paths.TRUE_TRAJECTORY, steps[known], true_place[known], self._true_trail, 0.04
         )
-        told = np.isfinite(step["odometry"]).all(axis=-1)
-        reckoned = np.column_stack([step["odometry"][:, :2], np.zeros(n)])
-        self._odometry_trail = self._send_trail(paths.ODOMETRY, steps[told], reckoned[told], self._odometry_trail, 0.03)
+        has_odometry = np.isfinite(step["odometry"]).all(axis=-1)
+        by_odometry = np.column_stack([step["odometry"][:, :2], np.zeros(n)])
+        self._odometry_trail = self._send_trail(
+            paths.ODOMETRY, steps[has_odometry], by_odometry[has_odometry], self._odometry_trail, 0.03
+        )
         charged = np.isfinite(step["battery"])
         if charged.any():
             left = rr.Scalars.columns(scalars=100.0 * step["battery"][charged])
@@ -140,37 +142,37 @@ class Recorder:
             self._columns(path, steps[chosen], rr.LineStrips3D.columns(strips=strips))
         return grown
 
-    def _send_heard(self, new: dict[str, dict[str, NDArray[Any]]], first: dict[str, int]) -> None:
+    def _send_detections(self, new: dict[str, dict[str, NDArray[Any]]], first: dict[str, int]) -> None:
         n_steps = new["step"]["time_s"].size
         steps = np.arange(first["step"], first["step"] + n_steps)
         pulse, bearing = new["pulse"], new["bearing"]
         row = bearing["pulse"] - first["pulse"]
         at = pulse["step"][row] if row.size else np.empty(0, dtype=np.int64)
-        heard = np.unique(at)
-        clear = self._steps_to_clear(steps, heard)
-        if heard.size:
+        detected = np.unique(at)
+        clear = self._steps_to_clear(steps, detected)
+        if detected.size:
             loudest = self._loudest(at, pulse["strengths_v"][row])
             decibel = 20 * np.log10(np.maximum(pulse["strengths_v"][row][loudest], 10 ** (QUIETEST_DBV / 20)))
             for element, values in enumerate(decibel.T):
-                self._columns(f"{paths.STRENGTHS}/{element + 1}", heard, rr.Scalars.columns(scalars=values))
+                self._columns(f"{paths.STRENGTHS}/{element + 1}", detected, rr.Scalars.columns(scalars=values))
             rings = list(self._rings(pulse["strengths_v"][row][loudest]))
-            self._send_strips(paths.SPECTRUM, heard, rings, np.ones(heard.size, dtype=int), clear)
+            self._send_strips(paths.SPECTRUM, detected, rings, np.ones(detected.size, dtype=int), clear)
             pose = new["step"]["pose"][at - first["step"]]
             start = np.column_stack([pose[:, :2], np.full(at.size, 0.6)])
             ahead = np.column_stack([np.cos(bearing["bearing_rad"]), np.sin(bearing["bearing_rad"]), np.zeros(at.size)])
             rays = list(np.stack([start, start + RAY_M * ahead], axis=1))
-            self._send_strips(paths.BEARINGS, heard, rays, np.bincount(np.searchsorted(heard, at)), clear)
+            self._send_strips(paths.BEARINGS, detected, rays, np.bincount(np.searchsorted(detected, at)), clear)
         elif clear.size:
             for path in (paths.SPECTRUM, paths.BEARINGS):
-                self._send_strips(path, heard, [], np.empty(0, dtype=int), clear)
+                self._send_strips(path, detected, [], np.empty(0, dtype=int), clear)
 
-    def _steps_to_clear(self, steps: NDArray[Any], heard: NDArray[Any]) -> NDArray[Any]:
+    def _steps_to_clear(self, steps: NDArray[Any], detected: NDArray[Any]) -> NDArray[Any]:
         """Steps at which the last second was silent for the first time."""
-        events = np.concatenate([[self._heard_step], heard])
+        events = np.concatenate([[self._last_detection], detected])
         silent = events + HOLD_STEPS
         following = np.append(events[1:], steps[-1] + 1)
-        if heard.size:
-            self._heard_step = int(heard[-1])
+        if detected.size:
+            self._last_detection = int(detected[-1])
         return silent[(silent < following) & (silent >= steps[0])]
 
     def _send_strips(

@@ -17,7 +17,7 @@ COLOURS = {
     "candidate": (255, 178, 40),
     "confirmed": (60, 220, 110),
     "outside": (150, 150, 160),
-    "echo": (170, 120, 120),
+    "ghost": (170, 120, 120),
     "bearing": (255, 232, 110),
     "spectrum": (90, 220, 255),
     "trajectory": (120, 190, 255),

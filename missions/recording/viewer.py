@@ -1,6 +1,6 @@
 """Showing a recording: in the native viewer, in a browser on this machine, or while the mission runs.
 
-Rerun listens on all interfaces unless told otherwise; here it is told to listen on this machine alone.
+Rerun listens on all interfaces by default; here it is bound to this machine alone.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from missions.recording.recorder import Recorder
 
 LOOPBACK = "127.0.0.1"
 START_LIMIT_S = 30.0
-HEED_LIMIT_S = 5.0
+TERMINATE_LIMIT_S = 5.0
 
 
 def open_viewer(path: Path) -> None:
@@ -37,7 +37,7 @@ def serve(path: Path, announce: Callable[[str], None]) -> None:
 
     Args:
         path: The recording.
-        announce: Is told the address once it answers.
+        announce: Called with the address once it answers.
     """
     data_port, page_port = _free_port(), _free_port()
     process = _start(str(path), "--serve-web", "--port", str(data_port), "--web-viewer-port", str(page_port))
@@ -82,12 +82,12 @@ def _wait(process: subprocess.Popen[bytes], when_started: Callable[[], None] = l
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """End the viewer and what it started: asked first, and made to where it does not heed."""
+    """End the viewer and what it started: terminate first, kill where that does not end it."""
     for request in (signal.SIGTERM, signal.SIGKILL):
         with suppress(ProcessLookupError):
             os.killpg(process.pid, request)
         with suppress(subprocess.TimeoutExpired):
-            process.wait(HEED_LIMIT_S)
+            process.wait(TERMINATE_LIMIT_S)
             return
 
 

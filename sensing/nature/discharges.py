@@ -26,7 +26,7 @@ class PulseTrain:
     """When one defect discharges within the cycle of the mains, and how strongly.
 
     Attributes:
-        clusters: Of this very defect.
+        clusters: The clusters of this very defect.
         mains_hz: Frequency of the mains.
         conductor_rad: Phase by which the voltage at the defect lags the receiver's own mains: its conductor.
     """
@@ -57,7 +57,7 @@ class PulseTrain:
         )
 
     def rhythm(self, rate_hz: float) -> Rhythm:
-        """Its clusters as rows, for a mean number of pulses per second."""
+        """The clusters of the train as rows, for a mean number of pulses per second."""
         share, centre, width, level, spread, polarity = np.array(
             [(c.share, c.centre_deg, c.width_deg, c.level_db, c.spread_db, c.polarity) for c in self.clusters]
         ).T

@@ -1,4 +1,4 @@
-"""What a discharge looks like at the antenna."""
+"""Waveform of a discharge at the antenna."""
 
 from __future__ import annotations
 

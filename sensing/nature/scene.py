@@ -1,4 +1,4 @@
-"""What there is to be heard: all that radiates, and what stands about."""
+"""All that radiates in a mission, and what stands about."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FloatArray = NDArray[np.float64]
 
 
 AHEAD_S = 10.0
-"""Pulses are drawn so far ahead at once: a draw costs the same for many."""
+"""How far ahead pulses are drawn at once: a draw costs the same for many."""
 
 
 class Emissions(NamedTuple):
@@ -34,11 +34,11 @@ class Emissions(NamedTuple):
     peak_v: FloatArray
 
     def take(self, chosen: NDArray[np.intp] | NDArray[np.bool_] | slice) -> Emissions:
-        """Some of them."""
+        """Some of the pulses."""
         return Emissions(self.source[chosen], self.time_s[chosen], self.peak_v[chosen])
 
     def then(self, later: Emissions) -> Emissions:
-        """These and later ones."""
+        """These pulses and later ones."""
         return Emissions(
             np.concatenate([self.source, later.source]),
             np.concatenate([self.time_s, later.time_s]),
@@ -56,7 +56,7 @@ class Scene:
 
     Attributes:
         surroundings: As given, or free space.
-        positions_m: Of the sources, shape (n_sources, 3), world frame.
+        positions_m: Places of the sources, shape (n_sources, 3), world frame.
         burst_s: How long the emissions of each source last that are no pulses, 0 for pulses, shape (n_sources,).
     """
 

@@ -22,7 +22,7 @@ class Carrier:
     """A narrowband transmitter far away, that radiates all the time.
 
     Attributes:
-        frequency_hz: Of its tone.
+        frequency_hz: Frequency of the tone.
         amplitude_v: Peak in a unit-gain channel at the array, before the band-pass.
         bearing_rad: Direction it comes from, world frame, level.
     """
@@ -39,7 +39,7 @@ class DischargeSource:
     It fires at random times (a Poisson process), over the phase of the mains as its kind does, or a few shots.
 
     Attributes:
-        name: How reports call it.
+        name: Name in reports.
         position_m: Shape (3,), world frame.
         amplitude_v: Peak that a typical pulse would have in a unit-gain channel 1 m away, > 0.
         pulse_rate_hz: Mean number of pulses per second, >= 0.

@@ -39,7 +39,7 @@ KERB = Material(loss_db=1.0, reflection=0.0)
 
 GRAVEL = Material(loss_db=0.0, reflection=-0.3)
 """The ground: permittivity of 3.5 for dry gravel (assumed; ITU-R P.527 gives 3 to 4 for dry soil), normal incidence.
-At a grazing angle more comes back, of which a circularly polarised helix hears but a part."""
+At a grazing angle more comes back, of which a circularly polarised helix receives only a part."""
 
 KIND_MATERIALS: dict[str, Material] = {
     "building": CONCRETE,

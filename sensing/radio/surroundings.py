@@ -23,7 +23,7 @@ the source's amplitude is what both radiate together."""
 
 
 class Faces(NamedTuple):
-    """Flat rectangles that mirror, world frame.
+    """Flat rectangles that mirror, world frame; a row is a face.
 
     Attributes:
         centre_m: Shape (n_faces, 3).
@@ -122,10 +122,10 @@ class Surroundings(NamedTuple):
     """What stands about: equipment that weakens, and faces that mirror.
 
     Attributes:
-        faces: That mirror.
+        faces: Flat faces that mirror.
         reflection: Amplitude reflection coefficient of each face, shape (n_faces,).
         log_loss: Logarithm of the amplitude that each piece of equipment lets pass, <= 0, shape (n_pieces,).
-        obstacles: What the pieces are made of.
+        obstacles: Solids that the pieces are made of.
     """
 
     faces: Faces

@@ -50,7 +50,7 @@ class FrontEnd:
     """A band-pass filter and what follows from it.
 
     Args:
-        sample_rate_hz: Of the converter.
+        sample_rate_hz: Samples per second of the converter.
         band_hz: Where the filter is 3 dB down; None lets all pass, and noise stays white.
         gate_samples: Length of the gate.
     """

@@ -1,182 +1,69 @@
-"""Whole gates, sample by sample: signals, noise and carriers, the trigger in them, and the converter behind."""
+"""Detections from whole waveforms: every sample of every gate is drawn."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
-from sensing.nature.pulse_shape import DECAY_S, FREQUENCY_HZ
-from sensing.nature.scene import Emissions, Scene
-from sensing.radio.incoming import Incoming, find_triggers, signals
-from sensing.receiver.faults import STUCK_AT
-from sensing.receiver.receiver import Receiver
+from dirmusic.compiled import plain
+from sensing.radio.incoming import EmittedPulses, incoming_pulses
+from sensing.radio.propagation import Propagation
+from sensing.receiver.detections import Detections
+from sensing.receiver.gates import GateParameters, read_gates
+from sensing.receiver.receiver import Listener, Receiver
+from sensing.receiver.recorder import Gates, Recorder
 
 FloatArray = NDArray[np.float64]
 
-BLOCK = 256
-"""Waveforms that are in memory at once."""
 
-LOOKS, BURST_SHARE = 2, 0.25
-"""What does not look like a pulse (assumed): after the gate come two looks, each half a gate long; if the loudest
-channel has more than a quarter of the gate's mean power in both of them, it was a burst. Echoes fill one."""
-
-AUDIBLE_SIGMAS = 6.0
-"""A pulse that stays this far below the threshold is not recorded: noise does not lift it."""
-
-
-class Recorder:
-    """One robot's receiver at one place.
+class WaveformLaw:
+    """Draws gates sample by sample, robot by robot.
 
     Args:
-        receiver: Of the robot.
-        scene: All that radiates.
-        world_from_array: Where the array really is, shape (4, 4).
-        rng: All randomness.
-
-    Attributes:
-        background_v2: Power of a sample without a pulse, noise and carriers, shape (n_elements,).
+        receiver: The receiver of every listener.
     """
 
-    def __init__(
-        self, receiver: Receiver, scene: Scene, world_from_array: FloatArray, rng: np.random.Generator
-    ) -> None:
-        self._receiver, self._scene, self._rng = receiver, scene, rng
-        self._world_from_array = world_from_array
-        self._carried = self._tones()
-        magnitude = np.abs(self._carried)
-        self.background_v2 = receiver.noise_variance_v2 + 0.5 * np.square(magnitude).sum(axis=0)
-        self._threshold_v = receiver.threshold_v + float(magnitude.sum(axis=0).max())
-
-    def record(self, emitted: Emissions, incoming: Incoming) -> tuple[FloatArray, FloatArray, int]:
-        """Pulses as the converter gets them.
-
-        Returns:
-            Times, shape (n_heard,); gates, shape (n_heard, n_elements, gate_samples); and how many triggered and did
-            not look like a pulse.
-        """
-        times, gates, n_rejected = list[FloatArray](), list[FloatArray](), 0
-        for first in range(0, emitted.time_s.size, BLOCK):
-            part = slice(first, first + BLOCK)
-            heard, gate, is_pulse = self._block(emitted.take(part), incoming.take(part))
-            times.append(emitted.time_s[part][heard][is_pulse])
-            gates.append(gate[is_pulse])
-            n_rejected += int((~is_pulse).sum())
-        return np.concatenate(times), np.concatenate(gates), n_rejected
-
-    def convert(self, gates_v: FloatArray, time_s: FloatArray) -> FloatArray:
-        """What converter and faulty channels make of gates (n, n_elements, n_samples) at times (n,): whole counts."""
-        receiver = self._receiver
-        gates_v = receiver.faults.in_waveforms(gates_v, time_s)
-        highest = 2 ** (receiver.config.bits - 1) - 1
-        counted = np.clip(np.round(gates_v / receiver.step_v), -highest, highest) * receiver.step_v
-        return receiver.faults.in_readings(counted, time_s, STUCK_AT * receiver.config.full_scale_v)
-
-    def carriers(self, shape: tuple[int, ...]) -> FloatArray:
-        """What carriers add to records of a shape (n, n_elements, n_samples), each record at a phase of its own."""
-        added = np.zeros(shape)
-        for carrier, tone in zip(self._scene.carriers, self._carried, strict=True):
-            turn = 2 * np.pi * carrier.frequency_hz / self._receiver.config.sample_rate_hz * np.arange(shape[-1])
-            start = np.exp(2j * np.pi * self._rng.random((shape[0], 1, 1)))
-            added += (start * tone[:, np.newaxis] * np.exp(1j * turn)).real
-        return added
-
-    def _block(self, emitted: Emissions, incoming: Incoming) -> tuple[NDArray[np.bool_], FloatArray, NDArray[np.bool_]]:
-        """Record some pulses.
-
-        Returns:
-            Which triggered, shape (n_pulses,); their gates, shape (n_heard, n_elements, gate_samples); and which of
-            those look like a pulse, shape (n_heard,).
-        """
-        receiver, config, rng = self._receiver, self._receiver.config, self._rng
-        front_end, arrivals = receiver.front_end, incoming.arrivals
-        path, voltage_v = find_triggers(incoming, front_end.pulse_peak, self._threshold_v)
-        voltage_v = voltage_v + receiver.filtered_v * rng.standard_normal(voltage_v.size)
-        heard = voltage_v > self._threshold_v - config.trigger_jitter * AUDIBLE_SIGMAS * receiver.filtered_v
-        n, n_looks = int(heard.sum()), LOOKS * (config.gate_samples // 2)
-        if n == 0:
-            return heard, np.empty((0, receiver.n_elements, config.gate_samples)), np.empty(0, dtype=np.bool_)
-        n_before, n_search = config.pretrigger_samples, 0
-        start_s = arrivals.loudest_s[path[heard]] + receiver.gate_lead_s
-        if config.trigger_jitter:  # what arrives a little before may trigger too
-            lead = round(self._aperture_m / SPEED_OF_LIGHT_MPS * config.sample_rate_hz)
-            n_search = 2 * lead + round(front_end.pulse_lag + 2 * DECAY_S * config.sample_rate_hz)
-            start_s = arrivals.loudest_s[path[heard]] - (n_before + lead + rng.random(n)) / config.sample_rate_hz
-        n_samples = n_search + config.gate_samples + n_looks
-        burst_s = self._scene.burst_s[emitted.source[heard]]
-        record = self._signals(incoming.take(heard), start_s, n_samples, burst_s)
-        record *= emitted.peak_v[heard][:, np.newaxis, np.newaxis]
-        record += config.noise_v * front_end.noise(rng, record.shape)
-        record += self.carriers(record.shape)
-        first = np.zeros(n, dtype=np.intp)
-        if config.trigger_jitter:
-            level = np.abs(record[:, :, n_before : n_before + n_search])
-            peak = level.max(axis=-1)
-            triggered = peak.max(axis=-1) > self._threshold_v
-            heard[heard] = triggered
-            record, level, peak = record[triggered], level[triggered], peak[triggered]
-            rows, loudest = np.arange(len(record)), peak.argmax(axis=-1)
-            first = np.argmax(level[rows, loudest] >= 0.5 * peak[rows, loudest, np.newaxis], axis=-1)
-        window = first[:, np.newaxis, np.newaxis] + np.arange(config.gate_samples + n_looks)
-        record = np.take_along_axis(record, window, axis=-1)
-        return (
-            heard,
-            record[:, :, : config.gate_samples],
-            looks_like_a_pulse(record, self.background_v2, config.gate_samples),
+    def __init__(self, receiver: Receiver) -> None:
+        front_end, config = receiver.front_end, receiver.config
+        self._receiver = receiver
+        self._highest_v = (2 ** (config.bits - 1) - 1.5) * receiver.step_v
+        self._gate = plain(
+            GateParameters(config.gate_samples, front_end.energy_spread, front_end.noise_on_pulse, config.mains_hz)
         )
 
-    @property
-    def _aperture_m(self) -> float:
-        """Largest distance between two elements, at most."""
-        return 2 * float(np.linalg.norm(self._receiver.array.positions_m[:, :2], axis=-1).max())
+    def detect(
+        self, emitted: EmittedPulses, propagation: tuple[Any, ...], listeners: Sequence[Listener]
+    ) -> list[Detections]:
+        """Detections of emitted pulses; arguments as of `bank.DetectionLaw`."""
+        incoming = incoming_pulses(tuple(emitted), propagation)
+        world_from_array, parts = Propagation(*propagation).world_from_array, list[Detections]()
+        robots: list[int] = np.unique(emitted.robot).tolist()
+        for robot in robots:
+            own, emissions = emitted.of_robot(robot)
+            recorder = Recorder(self._receiver, listeners[robot], world_from_array[robot])
+            parts.append(self._read(recorder, robot, recorder.record(emissions, incoming.take(own))))
+        return parts
 
-    def _signals(self, incoming: Incoming, start_s: FloatArray, n_samples: int, burst_s: FloatArray) -> FloatArray:
-        """Noise-free records for a peak of 1 V, shape (n, n_elements, n_samples); bursts where they last at all."""
-        front_end, arrivals = self._receiver.front_end, incoming.arrivals
-        made = signals(incoming, start_s, n_samples, front_end.pulse_table)
-        for k in np.flatnonzero(burst_s).tolist():
-            paths = slice(incoming.first[k], incoming.first[k] + incoming.n_paths[k])
-            since_s = (
-                start_s[k] - arrivals.delay_s[paths, :, np.newaxis] + np.arange(n_samples) / front_end.sample_rate_hz
-            )
-            is_on = (since_s >= 0) & (since_s < burst_s[k])
-            tone = is_on * np.sin(2 * np.pi * FREQUENCY_HZ * since_s)
-            made[k] = (arrivals.amplitude[paths, :, np.newaxis] * tone).sum(axis=0)
-        return made
+    def detect_noise(
+        self, robot: int, time_s: FloatArray, gates_v: FloatArray, listener: Listener, world_from_array: FloatArray
+    ) -> Detections:
+        """Detections of gates that noise alone triggered; arguments as of `bank.DetectionLaw`."""
+        recorder = Recorder(self._receiver, listener, world_from_array)
+        return self._read(recorder, robot, Gates(time_s, gates_v + recorder.carriers(gates_v.shape), 0))
 
-    def _tones(self) -> NDArray[np.complex128]:
-        """What the band-pass leaves of carriers, amplitude and phase by channel, shape (n_carriers, n_elements)."""
-        receiver, transform = self._receiver, self._world_from_array
-        tones = np.zeros((len(self._scene.carriers), receiver.n_elements), dtype=np.complex128)
-        heading = np.arctan2(transform[1, 0], transform[0, 0])
-        for row, carrier in enumerate(self._scene.carriers):
-            azimuth = np.full(receiver.n_elements, carrier.bearing_rad - heading)
-            sight = np.array([np.cos(azimuth[0]), np.sin(azimuth[0])])
-            turn = 2 * np.pi * carrier.frequency_hz / SPEED_OF_LIGHT_MPS * receiver.array.positions_m[:, :2] @ sight
-            gain = receiver.array.gain(azimuth, np.zeros(receiver.n_elements))
-            response = receiver.front_end.response(carrier.frequency_hz)
-            tones[row] = carrier.amplitude_v * response * gain * np.exp(1j * turn)
-        return tones
-
-
-def looks_like_a_pulse(record_v: FloatArray, background_v2: FloatArray, n_gate: int) -> NDArray[np.bool_]:
-    """Whether what fills gates died out after them.
-
-    Args:
-        record_v: Gates with the looks after them, shape (n, n_elements, n_gate + LOOKS * (n_gate // 2)).
-        background_v2: Power that is there without a pulse and does not count, shape (n_elements,).
-        n_gate: Samples of the gate.
-
-    Returns:
-        Shape (n,).
-    """
-    n_look = n_gate // 2
-    if n_look == 0:
-        return np.ones(len(record_v), dtype=np.bool_)
-    power = np.square(record_v)
-    in_gate = power[:, :, :n_gate].mean(axis=-1) - background_v2
-    looks = power[:, :, n_gate:].reshape(*record_v.shape[:2], LOOKS, n_look).mean(axis=-1)
-    looks -= background_v2[:, np.newaxis]
-    loudest = in_gate.argmax(axis=1)
-    rows = np.arange(len(record_v))
-    return looks[rows, loudest].min(axis=-1) <= BURST_SHARE * in_gate[rows, loudest]
+    def _read(self, recorder: Recorder, robot: int, gates: Gates) -> Detections:
+        """Readings of the gates of one robot, behind its converter."""
+        time_s = gates.time_s
+        waveforms_v = recorder.convert(gates.gates_v, time_s)
+        energy_v2 = np.einsum("nek,nek->ne", waveforms_v, waveforms_v)
+        pulses = read_gates(energy_v2, recorder.background_v2[np.newaxis], time_s, self._gate)
+        is_clipped = (np.abs(waveforms_v) >= self._highest_v).any(axis=-1)
+        return Detections(
+            robot=np.full(time_s.size, robot),
+            pulses=pulses._replace(is_clipped=is_clipped),
+            waveforms_v=waveforms_v,
+            n_rejected=gates.n_rejected,
+        )

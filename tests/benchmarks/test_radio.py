@@ -18,13 +18,13 @@ from sensing import (
     Faces,
     HelicalArray,
     Obstacles,
-    Receiver,
     ReceiverConfig,
     Scene,
     Surroundings,
     level_transform,
 )
 from sensing.nature.pulse_shape import unit_pulse_energy
+from sensing.receiver.bank import listen_once
 
 pytestmark = pytest.mark.benchmark
 
@@ -44,7 +44,7 @@ def ground_and_wall() -> Surroundings:
     return Surroundings(faces, np.array([-0.3, -0.8]), np.zeros(1), Obstacles.none())
 
 
-def hear(fidelity: str, snr_db: float, seed: int) -> tuple[Detections, float]:
+def detect(fidelity: str, snr_db: float, seed: int) -> tuple[Detections, float]:
     """Pulses from a gate that noise does not move, and the seconds they took."""
     config = ReceiverConfig(
         fidelity=fidelity,  # pyright: ignore[reportArgumentType]
@@ -56,16 +56,16 @@ def hear(fidelity: str, snr_db: float, seed: int) -> tuple[Detections, float]:
     amplitude_v = RANGE_M * config.noise_v * np.sqrt(28_070 * 10 ** (snr_db / 10) / unit_pulse_energy(20e9))
     at_m = RANGE_M * np.array([np.cos(AZIMUTH_RAD), np.sin(AZIMUTH_RAD), 0.2])
     gun = DischargeSource(name="gun", position_m=at_m, amplitude_v=amplitude_v, pulse_rate_hz=1e4, n_shots=N_PULSES)
-    receiver, scene, rng = Receiver(config, REAL), Scene([gun], ground_and_wall()), np.random.default_rng(seed)
+    scene, rng = Scene([gun], ground_and_wall()), np.random.default_rng(seed)
     start = time.perf_counter()
-    heard = receiver.listen(level_transform(np.zeros(3)), scene, rng, start_s=0.0, duration_s=10.0)
-    return heard, time.perf_counter() - start
+    detected = listen_once(config, REAL, scene, rng, world_from_array=level_transform(np.zeros(3)), duration_s=10.0)
+    return detected, time.perf_counter() - start
 
 
 def test_energies_have_the_law_of_waveforms_and_take_a_fiftieth_of_the_time() -> None:
     ratios: list[float] = []
     for snr_db in (10.0, 0.0, -10.0):
-        (whole, slow_s), (drawn, fast_s) = (hear(name, snr_db, k) for k, name in enumerate(("waveform", "energy")))
+        (whole, slow_s), (drawn, fast_s) = (detect(name, snr_db, k) for k, name in enumerate(("waveform", "energy")))
         ratios.append(slow_s / fast_s)
         distance = [
             ks_2samp(whole.pulses.strengths_v[:, k], drawn.pulses.strengths_v[:, k]).statistic for k in range(6)
@@ -102,9 +102,9 @@ def test_share_of_an_env_step_that_goes_into_listening_to_three_sources() -> Non
 
     def timed(*arguments: object, **options: object) -> Detections:
         start = time.perf_counter()
-        heard = real(*arguments, **options)  # pyright: ignore[reportArgumentType]
+        detections = real(*arguments, **options)  # pyright: ignore[reportArgumentType]
         spent[0] += time.perf_counter() - start
-        return heard
+        return detections
 
     receivers.listen = timed  # pyright: ignore[reportAttributeAccessIssue]
     action, shares = np.array([0.5, 0.3], dtype=np.float32), list[float]()

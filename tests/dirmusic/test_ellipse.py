@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import chi2
 
 from dirmusic.locating.ellipse import CHI2_95, ellipse95, is_inside95, outline95
 
@@ -30,6 +31,10 @@ def test_the_outline_parts_inside_from_outside() -> None:
     for off in outline95(np.zeros(2), covariance, 37):
         assert is_inside95(0.99 * off, covariance)
         assert not is_inside95(1.01 * off, covariance)
+
+
+def test_the_quantile_is_that_of_chi_square_with_two_degrees_of_freedom() -> None:
+    assert pytest.approx(chi2.ppf(0.95, 2), rel=1e-12) == CHI2_95
 
 
 def test_95_of_100_normal_draws_lie_inside() -> None:

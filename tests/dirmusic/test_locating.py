@@ -22,8 +22,7 @@ from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
 from dirmusic.locating.association.pulse_record import InSight
 from dirmusic.locating.credibility import is_credible
 from dirmusic.locating.ellipse import is_inside95
-from dirmusic.locating.joint_fix import locate_jointly
-from dirmusic.locating.rules import LocatingRules
+from dirmusic.locating.rules import CredibilityRules, LocatingRules
 
 NOMINAL = GainManifold.ring(6)
 RING_M = 0.12 * np.column_stack([np.cos(NOMINAL.boresights_rad), np.sin(NOMINAL.boresights_rad)])
@@ -54,9 +53,14 @@ def pulses_of(strengths: np.ndarray, variance: np.ndarray | None = None) -> Puls
     return pulses._replace(azimuth_rad=found.azimuth_rad, std_rad=found.std_rad, misfit=found.misfit)
 
 
+def credible(pulses: PulseBatch) -> np.ndarray:
+    array = ArrayModel(manifold=NOMINAL, positions_m=RING_M, spread=SPREAD)
+    return is_credible(pulses, array, np.zeros(pulses.n_pulses), CredibilityRules())
+
+
 def update(locator: Locator, time_s: float, pose: np.ndarray, pulses: PulseBatch) -> tuple[Finding, ...]:
     """Give a Locator the credible ones of some pulses."""
-    return locator.update(time_s, pose, pulses.take(is_credible(pulses, locator.array, locator.rules.credibility)))
+    return locator.update(time_s, pose, pulses.take(credible(pulses)))
 
 
 def listen_along(
@@ -186,6 +190,29 @@ def test_noise_alone_makes_no_candidate() -> None:
     assert locator.findings == ()
 
 
+def test_pulses_are_associated_with_the_finding_at_the_source_that_they_came_from() -> None:
+    sources = np.array([(14.0, 15.0), (26.0, 15.0)])
+    locator, _ = listen_along(around((20.0, 15.0), 8.5, 0, 350, 150), list(sources), seed=3)
+    association = locator.association().reshape(-1, 2, 2)  # (steps, sources, pulses)
+    for finding in locator.findings:
+        own = int(np.linalg.norm(finding.position_m - sources, axis=-1).argmin())
+        assert (association[:, own] == finding.id).mean() > 0.6
+        assert (association[:, 1 - own] == finding.id).mean() < 0.05  # in line with both
+
+
+def test_bearings_alone_give_a_worse_fix_than_strengths_and_say_so() -> None:
+    source, found = np.array([20.0, 15.0]), dict[str, list[Finding]](joint=[], bearings=[])
+    for seed in range(5):
+        for fix, findings in found.items():
+            rules = LocatingRules(fix=fix)  # pyright: ignore[reportArgumentType]
+            path = around(source, 3.0, 10 * seed, 10 * seed + 110, 60)
+            findings += listen_along(path, [source], seed, make_locator(rules=rules))[0].findings
+    error_m = {fix: np.median([np.linalg.norm(f.position_m - source) for f in found[fix]]) for fix in found}
+    semi_major_m = {fix: np.median([f.semi_major_m for f in found[fix]]) for fix in found}
+    assert error_m["bearings"] > error_m["joint"]
+    assert semi_major_m["bearings"] > 1.5 * semi_major_m["joint"]
+
+
 def test_the_same_pulses_give_the_same_findings_to_the_bit() -> None:
     source = np.array([20.0, 15.0])
     runs = [listen_along(around(source, 4.0, 0, 90, 120), [source], seed=6)[0].findings[0] for _ in range(2)]
@@ -247,27 +274,7 @@ def test_pulses_much_weaker_than_their_range_says_are_taken_for_ghosts_and_left_
     for k in range(50):  # 14 dB down, from the very direction
         gain = NOMINAL.gain(np.array(np.pi))
         a = np.abs(0.8 / 5.0 * 10 ** (-14 / 20) * gain + rng.normal(0, NOISE_V, (2, 6)))
-        assert is_credible(pulses_of(a), locator.array, locator.rules.credibility).all()
+        assert credible(pulses_of(a)).all()
         locator.update(40.0 + 0.1 * k, np.array([25.0, 15.0, 0.0]), pulses_of(a))
     (after,) = locator.refit(50.0)
     assert after.n_bearings <= 500  # those of the arc
-
-
-def test_ten_times_the_pulses_from_the_same_places_make_the_ellipse_no_smaller_for_what_no_model_explains_stays() -> (
-    None
-):
-    array = ArrayModel(manifold=NOMINAL, positions_m=RING_M, spread=SPREAD)
-    east = np.linspace(-6.0, 6.0, 13)
-    pose = np.column_stack([east, np.zeros(13), np.linspace(0.0, 2.0, 13)])
-    bearing = np.arctan2(5.0, -east)
-    strengths = NOMINAL.gain(bearing - pose[:, 2]).T
-    strengths /= np.linalg.norm(strengths, axis=-1, keepdims=True)
-
-    def area_m2(times: int) -> float:
-        rows = np.repeat(np.arange(13), times)
-        quiet = np.full((rows.size, 6), 1e-10)
-        pulses = PulseBatch.detected(10.0 * rows.astype(np.float64), strengths[rows], quiet)
-        fix = locate_jointly(pulses, pose[rows], np.zeros_like(rows), np.array([[0.3, 4.8]]), array, NO_POSE_ERROR)
-        return float(np.sqrt(np.linalg.det(fix.covariances_m2[0])))
-
-    assert area_m2(10) == pytest.approx(area_m2(1), rel=0.1)

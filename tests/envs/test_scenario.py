@@ -12,7 +12,7 @@ from envs import Scenario, ScenarioError, load_scenario, shipped_scenarios
 from envs.scenario import SHIPPED
 from missions.driving.site_map import CELL_M, SiteMap
 from sensing import Obstacles
-from sensing.radio.ray_paths import cross
+from sensing.radio.obstruction import cross
 
 GOOD = """
 [yard]

@@ -54,7 +54,8 @@ def test_every_verb_has_help(arguments: list[str], tmp_path: Path) -> None:
     [["--help"], ["run", "--help"], ["run", "nowhere"], ["run", "bad.toml"], ["scenarios", "bad.toml"], ["scenarios"],
      ["reproduce", "--help"], ["reproduce", "--trials", "5"], ["reproduce", "--out", "."], ["locate", "--help"],
      ["locate", "none.csv"], ["locate", "bad.toml"],
-     ["run", "--seed", "-1"], ["run", "--out", "."], ["run", "--policy", "magic"], ["replay", "nowhere"]],
+     ["run", "--seed", "-1"], ["run", "--out", "."], ["run", "--policy", "magic"],
+     ["run", "--policy", "none.py:MyPolicy"], ["replay", "nowhere"]],
 )  # fmt: skip
 def test_help_and_refusals_load_nothing_heavy(arguments: list[str], tmp_path: Path) -> None:
     (tmp_path / "bad.toml").write_text("[yard]\nsize_m = 3\n", encoding="utf-8")

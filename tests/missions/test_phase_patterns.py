@@ -1,10 +1,11 @@
-"""Which pulses belong to which finding, and what their phases say."""
+"""What the phases of a finding's pulses say."""
 
 import numpy as np
 import pytest
 
 from dirmusic import GainManifold
 from dirmusic.angles import wrap
+from dirmusic.locating.association.assignment import NoOwner
 from missions.record.mission_log import MissionLog
 from missions.record.phase_patterns import phase_patterns
 from missions.record.report import make_report
@@ -15,8 +16,8 @@ SOURCES = {1: ("corona", (10.0, 10.0)), 2: ("void", (0.0, 12.0))}
 AT_REST = {"odometry": np.zeros(3), "battery": 1.0, "command": np.zeros(2)}
 
 
-def log_of_two_findings(seed: int, mains: bool = True) -> MissionLog:
-    """A drive between a corona and a void, every pulse with its bearing; the findings stand at the end."""
+def log_of_two_findings(seed: int, mains: bool = True, ghosts_every: int = 0) -> MissionLog:
+    """A drive between a corona and a void, every pulse with its bearing and the finding that it belongs to."""
     rng = np.random.default_rng(seed)
     ring = GainManifold.ring(6)
     log = MissionLog(
@@ -48,12 +49,14 @@ def log_of_two_findings(seed: int, mains: bool = True) -> MissionLog:
                 )
                 log.append(
                     "bearing", pulse=pulse, azimuth_rad=azimuth,
-                    bearing_rad=wrap(azimuth + pose[2] + rng.normal(0, 0.02)), std_rad=0.02,
+                    bearing_rad=wrap(azimuth + pose[2]), std_rad=0.02,
                 )  # fmt: skip
+                is_ghost = ghosts_every > 0 and pulse % ghosts_every == 0
+                log.append("association", pulse=pulse, finding=NoOwner.GHOST if is_ghost else number)
     for number, (_, place) in SOURCES.items():
         log.append(
             "finding", step=59, id=number, position_m=np.array(place), covariance_m2=0.01 * np.eye(2),
-            state="confirmed", n_bearings=100, first_detected_s=0.0, aperture_rad=1.0,
+            state="confirmed", n_bearings=100, first_detected_s=0.0, fixed_s=1.0, aperture_rad=1.0,
         )  # fmt: skip
     return log
 
@@ -68,14 +71,19 @@ def test_each_finding_gets_its_own_pulses_at_their_own_level() -> None:
     assert np.std(patterns[1].level_db) < 1.5  # corona: all pulses alike, from near and far
 
 
-def test_pulses_in_line_with_two_findings_belong_to_none() -> None:
+def test_pulses_that_the_locator_gives_to_no_finding_are_in_no_pattern() -> None:
+    whole, half = (phase_patterns(log_of_two_findings(2, ghosts_every=every)) for every in (0, 2))
+    for number in SOURCES:
+        assert half[number].phase_rad.size == pytest.approx(whole[number].phase_rad.size / 2, abs=20)
+
+
+def test_without_an_association_as_in_a_killed_mission_there_is_no_pattern() -> None:
     log = log_of_two_findings(2)
-    log.append(
-        "finding", step=59, id=3, position_m=np.array([20.0, 18.0]), covariance_m2=np.eye(2), state="candidate",
-        n_bearings=9, first_detected_s=0.0, aperture_rad=0.0,
-    )  # fmt: skip
-    alone, beside = phase_patterns(log_of_two_findings(2))[1], phase_patterns(log)[1]
-    assert beside.phase_rad.size < alone.phase_rad.size
+    killed = MissionLog(log.meta)
+    for table in ("step", "pulse", "bearing", "finding"):
+        for row in range(log.n_rows(table)):
+            killed.append(table, **{name: column[row] for name, column in log.table(table).items()})
+    assert phase_patterns(killed) == {}
 
 
 def test_the_report_tells_kind_confidence_and_picture_and_nothing_without_mains() -> None:

@@ -13,6 +13,7 @@ from rerun.chunk import RrdReader
 
 from envs import load_scenario
 from missions.record.mission_log import MissionLog
+from missions.record.report import make_report
 from missions.recording import Recorder, write_recording
 from missions.recording import blueprint as paths
 from missions.runner import run_mission
@@ -107,10 +108,11 @@ def test_a_recording_made_slice_by_slice_as_the_log_grows_holds_the_same(log: Mi
     stream = rr.RecordingStream("pdpatrol")
     stream.save(tmp_path / "slices.rrd")
     recorder = Recorder(stream, growing)
-    tables = {name: log.table(name) for name in ("step", "pulse", "bearing", "finding", "event")}
+    tables = {name: log.table(name) for name in ("step", "pulse", "bearing", "finding", "association", "event")}
     pulse_step = tables["pulse"]["step"]
     owner = {name: table["step"] for name, table in tables.items() if "step" in table}
     owner |= {"step": np.arange(log.n_rows("step")), "bearing": pulse_step[tables["bearing"]["pulse"]]}
+    owner["association"] = np.full(log.n_rows("association"), log.n_rows("step") - 1)  # written at the end
     for start in range(0, log.n_rows("step"), 7):
         for name, table in tables.items():
             for row in np.flatnonzero((owner[name] >= start) & (owner[name] < start + 7)):
@@ -219,3 +221,27 @@ def test_a_finding_that_is_dropped_disappears(tmp_path: Path, log: MissionLog) -
     for path, component in ((paths.finding_path(1), "positions"), (f"{paths.finding_path(1)}/ellipse", "strips")):
         drawn = cells(found[f"/{path}"], component)
         assert {at: len(shapes) for at, shapes in drawn.items()} == {3: 1, 9: 0}
+
+
+def test_the_parts_that_a_killed_mission_left_make_a_recording(tmp_path: Path, log: MissionLog) -> None:
+    killed = MissionLog(log.meta)
+    for table in ("step", "pulse", "bearing", "finding"):
+        for row in range(log.n_rows(table)):
+            killed.append(table, **{name: column[row] for name, column in log.table(table).items()})
+    killed.write_part(tmp_path)
+    write_recording(MissionLog.load(tmp_path), tmp_path / "killed.rrd")
+    counted = rows(tmp_path / "killed.rrd")
+    assert counted[f"/{paths.ROBOT}"] >= log.n_rows("step")
+    assert not [path for path in counted if path.startswith(f"/{paths.PHASES}/")]
+
+
+def test_a_finding_has_one_number_in_log_events_recording_and_report(recording: Path, log: MissionLog) -> None:
+    report = make_report(log, 0.0)
+    ids = {finding["id"] for finding in (*report["findings"], *report["candidates"])}
+    last = log.column("finding", "step") == log.column("finding", "step")[-1]
+    assert ids == set(log.column("finding", "id")[last].tolist())
+    told = " ".join(log.column("event", "text"))
+    for number in ids:
+        assert re.search(rf"(finding|candidate) {number} ", told)
+        labels = cells(values(recording)[f"/{paths.finding_path(number)}"], "labels")
+        assert {label.split()[-1] for (label,) in labels.values()} == {str(number)}

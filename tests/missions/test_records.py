@@ -1,4 +1,4 @@
-"""Log and report: what is left of a mission."""
+"""The log of a mission: written, cut short, read back."""
 
 from pathlib import Path
 
@@ -6,17 +6,8 @@ import numpy as np
 import pytest
 
 from missions.record.mission_log import TABLES, MissionLog
-from missions.record.report import evaluate
 
 AT_REST = {"odometry": np.zeros(3), "battery": 1.0, "command": np.zeros(2)}
-
-
-def finding(x: float, y: float, spread_m: float = 0.1) -> dict:
-    return {"position_m": [x, y], "covariance_m2": [[spread_m**2, 0.0], [0.0, spread_m**2]]}
-
-
-def source(x: float, y: float, name: str = "s") -> dict:
-    return {"name": name, "position_m": [x, y, 1.5]}
 
 
 def log_of(n_steps: int) -> MissionLog:
@@ -80,29 +71,3 @@ def test_a_log_of_another_schema_or_none_is_refused(tmp_path: Path) -> None:
     log.save(tmp_path)
     with pytest.raises(ValueError, match="schema 99"):
         MissionLog.load(tmp_path)
-
-
-def test_findings_and_sources_are_paired_for_the_least_total_distance() -> None:
-    # the nearest pair first would leave 2 and 0 paired at 1.9 m
-    scores = evaluate([finding(1.0, 0.0), finding(0.0, 0.0)], [source(0.9, 0.0, "a"), source(1.9, 0.0, "b")])
-    assert [round(s["error_m"], 6) for s in scores["sources"]] == [0.9, 0.9]
-    assert scores["false_findings"] == 0
-
-
-def test_a_finding_further_than_the_cut_off_is_false_and_its_source_not_found() -> None:
-    scores = evaluate([finding(0.0, 0.0)], [source(2.1, 0.0)])
-    assert scores["sources"][0]["found"] is False
-    assert scores["sources"][0]["error_m"] is None
-    assert scores["false_findings"] == 1
-    assert scores["ospa_m"] == 2.0
-
-
-def test_ospa_counts_what_is_missing_or_too_much_at_the_cut_off() -> None:
-    assert evaluate([], [])["ospa_m"] == 0.0
-    assert evaluate([finding(0.0, 0.0)], [source(0.5, 0.0), source(9.0, 0.0)])["ospa_m"] == pytest.approx(1.25)
-    assert evaluate([finding(0.5, 0.0), finding(9.0, 0.0)], [source(0.0, 0.0)])["ospa_m"] == pytest.approx(1.25)
-
-
-def test_the_truth_lies_inside_an_ellipse_that_is_wide_enough_only() -> None:
-    for spread_m, inside in ((0.1, False), (0.3, True)):
-        assert evaluate([finding(0.0, 0.0, spread_m)], [source(0.5, 0.0)])["sources"][0]["inside_ellipse95"] is inside

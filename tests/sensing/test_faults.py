@@ -8,57 +8,67 @@ import pytest
 
 from dirmusic import GainManifold, estimate_bearings
 from dirmusic.angles import difference
-from sensing import ArrayConfig, Carrier, Detections, DischargeSource, HelicalArray, Receiver, ReceiverConfig, Scene
+from sensing import ArrayConfig, Carrier, Detections, DischargeSource, HelicalArray, ReceiverConfig, Scene
 from sensing.nature.pulse_shape import unit_pulse_energy
+from sensing.receiver.bank import listen_once
 from sensing.receiver.faults import STUCK_AT, ChannelFault
-from sensing.receiver.waveform_law import looks_like_a_pulse
+from sensing.receiver.receiver import Receiver
+from sensing.receiver.recorder import dies_out
 
 NOMINAL = HelicalArray.nominal(ArrayConfig())
 RING = GainManifold.ring(6)
 SOURCE = DischargeSource(name="s", position_m=np.array([5.0, 1.0, 0.6]), amplitude_v=0.27, pulse_rate_hz=300.0)
 
 
-def hear(
+def detect(
     faults: tuple[ChannelFault, ...] = (),
     source: DischargeSource = SOURCE,
     carriers: tuple[Carrier, ...] = (),
     **config: Any,  # noqa: ANN401 - settings are of many types
 ) -> Detections:
-    receiver = Receiver(ReceiverConfig(faults=faults, false_alarm_rate_hz=1e-9, **config), NOMINAL)
+    settings = ReceiverConfig(faults=faults, false_alarm_rate_hz=1e-9, **config)
     scene, rng = Scene([source], carriers=carriers), np.random.default_rng(0)
-    return receiver.listen(np.eye(4), scene, rng, start_s=0.0, duration_s=1.0)
+    return listen_once(settings, NOMINAL, scene, rng, world_from_array=np.eye(4), duration_s=1.0)
 
 
 @pytest.mark.parametrize("fidelity", ["waveform", "energy"])
 def test_faults_do_to_a_channel_what_they_say(fidelity: str) -> None:
-    healthy = np.median(hear(fidelity=fidelity).pulses.strengths_v, axis=0)
+    healthy = np.median(detect(fidelity=fidelity).pulses.strengths_v, axis=0)
 
     def of(fault: ChannelFault) -> np.ndarray:
-        return np.median(hear((fault,), fidelity=fidelity).pulses.strengths_v, axis=0) / healthy
+        return np.median(detect((fault,), fidelity=fidelity).pulses.strengths_v, axis=0) / healthy
 
     np.testing.assert_allclose(of(ChannelFault(channel=2, kind="dead"))[[0, 2, 3, 4, 5]], 1.0, rtol=0.02)
     assert of(ChannelFault(channel=2, kind="dead"))[1] < 0.05
     assert of(ChannelFault(channel=2, kind="gain_drift", gain_db=-6.0))[1] == pytest.approx(0.501, rel=0.02)
     swapped = of(ChannelFault(channel=2, kind="swapped", other=5)) * healthy
     np.testing.assert_allclose(swapped[[1, 4]], healthy[[4, 1]], rtol=0.03)
-    stuck = hear((ChannelFault(channel=3, kind="stuck"),), fidelity=fidelity).pulses.strengths_v[:, 2]
+    stuck = detect((ChannelFault(channel=3, kind="stuck"),), fidelity=fidelity).pulses.strengths_v[:, 2]
     assert np.ptp(stuck) == 0.0
     assert stuck[0] == pytest.approx(np.sqrt(90) * STUCK_AT * 0.5, rel=0.01)
 
 
 def test_a_saturated_channel_gives_no_more_than_its_level() -> None:
-    heard = hear((ChannelFault(channel=2, kind="saturation", level_v=0.01),))
-    assert np.abs(heard.waveforms_v[:, 1]).max() <= 0.0103
-    assert np.abs(heard.waveforms_v[:, 2]).max() > 0.02
+    detected = detect((ChannelFault(channel=2, kind="saturation", level_v=0.01),))
+    assert np.abs(detected.waveforms_v[:, 1]).max() <= 0.0103
+    assert np.abs(detected.waveforms_v[:, 2]).max() > 0.02
 
 
 def test_a_fault_begins_when_it_says_and_a_drift_takes_its_time() -> None:
     fault = ChannelFault(channel=2, kind="gain_drift", gain_db=-12.0, start_s=10.0, ramp_s=20.0)
-    receiver = Receiver(ReceiverConfig(faults=(fault,), fidelity="energy", false_alarm_rate_hz=1e-9), NOMINAL)
+    config = ReceiverConfig(faults=(fault,), fidelity="energy", false_alarm_rate_hz=1e-9)
     at = {}
     for start_s in (0.0, 20.0, 40.0):
-        heard = receiver.listen(np.eye(4), Scene([SOURCE]), np.random.default_rng(0), start_s=start_s, duration_s=1.0)
-        at[start_s] = np.median(heard.pulses.strengths_v[:, 1])
+        detected = listen_once(
+            config,
+            NOMINAL,
+            Scene([SOURCE]),
+            np.random.default_rng(0),
+            world_from_array=np.eye(4),
+            start_s=start_s,
+            duration_s=1.0,
+        )
+        at[start_s] = np.median(detected.pulses.strengths_v[:, 1])
     assert 20 * np.log10(at[20.0] / at[0.0]) == pytest.approx(-6.0, abs=0.2)
     assert 20 * np.log10(at[40.0] / at[0.0]) == pytest.approx(-12.0, abs=0.2)
 
@@ -77,9 +87,9 @@ def test_a_carrier_ten_decibels_above_the_pulse_hardly_moves_a_bearing_behind_th
                 name="gun", position_m=place, amplitude_v=amplitude_v, pulse_rate_hz=300.0, n_shots=150
             )
             carrier = Carrier(frequency_hz=948e6, amplitude_v=strength * amplitude_v / range_m, bearing_rad=0.9 * k)
-            heard = hear(source=gun, carriers=(carrier,), bits=16)
-            assert heard.pulses.time_s.size == 150
-            found = estimate_bearings(heard.pulses.strengths_v[:, np.newaxis], RING).azimuth_rad
+            detected = detect(source=gun, carriers=(carrier,), bits=16)
+            assert detected.pulses.time_s.size == 150
+            found = estimate_bearings(detected.pulses.strengths_v[:, np.newaxis], RING).azimuth_rad
             errors.append(difference(found, azimuth))
         rmse[strength] = np.sqrt(np.mean(np.square(errors)))
     assert rmse[np.sqrt(10.0)] <= 1.1 * rmse[0.0]
@@ -88,10 +98,10 @@ def test_a_carrier_ten_decibels_above_the_pulse_hardly_moves_a_bearing_behind_th
 
 def test_without_the_filter_the_carrier_spoils_everything() -> None:
     carrier = Carrier(frequency_hz=948e6, amplitude_v=0.17, bearing_rad=2.0)
-    assert hear(carriers=(carrier,), band_hz="all").pulses.time_s.size == 0  # the trigger must be raised above it
+    assert detect(carriers=(carrier,), band_hz="all").pulses.time_s.size == 0  # the trigger must be raised above it
     weak = Carrier(frequency_hz=948e6, amplitude_v=0.02, bearing_rad=2.0)
     clean, spoiled = (
-        np.std(estimate_bearings(hear(carriers=c, band_hz="all").pulses.strengths_v[:, np.newaxis], RING).azimuth_rad)
+        np.std(estimate_bearings(detect(carriers=c, band_hz="all").pulses.strengths_v[:, np.newaxis], RING).azimuth_rad)
         for c in ((), (weak,))
     )
     assert spoiled > 3 * clean
@@ -101,7 +111,7 @@ def test_the_power_of_a_steady_carrier_is_taken_out_of_the_strengths_as_noise_is
     ahead_of_2 = np.pi / 6
     carrier = Carrier(frequency_hz=1.8e9, amplitude_v=0.01, bearing_rad=ahead_of_2)  # in the band
     often = replace(SOURCE, pulse_rate_hz=1500.0)
-    clean, carried = (np.square(hear(source=often, carriers=c).pulses.strengths_v[:, 1]) for c in ((), (carrier,)))
+    clean, carried = (np.square(detect(source=often, carriers=c).pulses.strengths_v[:, 1]) for c in ((), (carrier,)))
     power = 90 * 0.5 * (0.01 * float(NOMINAL.gain(np.full(6, ahead_of_2), np.zeros(6))[1])) ** 2
     assert power > 0.05 * clean.mean()
     error = carried.std() / np.sqrt(carried.size)
@@ -114,18 +124,18 @@ def test_bursts_do_not_look_like_pulses_and_are_rejected(fidelity: str) -> None:
     burst = DischargeSource(
         name="radar", position_m=np.array([5.0, 1.0, 0.6]), amplitude_v=0.27, pulse_rate_hz=300.0, burst_s=2e-7
     )
-    heard = hear(source=burst, fidelity=fidelity)
-    assert heard.pulses.time_s.size == 0
-    assert heard.n_rejected > 200
-    assert hear(fidelity=fidelity).n_rejected == 0
+    detected = detect(source=burst, fidelity=fidelity)
+    assert detected.pulses.time_s.size == 0
+    assert detected.n_rejected > 200
+    assert detect(fidelity=fidelity).n_rejected == 0
 
 
-def test_a_pulse_with_an_echo_after_the_gate_is_still_a_pulse() -> None:
-    heard = hear(noise_v=1e-4)
-    receiver = Receiver(ReceiverConfig(noise_v=1e-4), NOMINAL)
+def test_a_pulse_with_a_reflection_after_the_gate_is_still_a_pulse() -> None:
+    detected = detect(noise_v=1e-4)
+    receiver = Receiver(ReceiverConfig(noise_v=1e-4), 6)
     record, background_v2 = np.zeros((1, 6, 180)), np.full(6, receiver.noise_variance_v2)
-    record[:, :, :90] = heard.waveforms_v[:1]
-    record[:, :, 90:135] = record[:, :, 20:65]  # as loud as the pulse, in one of the looks
-    assert looks_like_a_pulse(record, background_v2, 90).all()
+    record[:, :, :90] = detected.waveforms_v[:1]
+    record[:, :, 90:135] = record[:, :, 20:65]  # as loud as the pulse, in one of the windows
+    assert dies_out(record, background_v2, 90).all()
     record[:, :, 135:] = record[:, :, 20:65]
-    assert not looks_like_a_pulse(record, background_v2, 90).any()
+    assert not dies_out(record, background_v2, 90).any()

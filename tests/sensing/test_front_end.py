@@ -15,13 +15,13 @@ from sensing import (
     Faces,
     HelicalArray,
     Obstacles,
-    Receiver,
     ReceiverConfig,
     Scene,
     Surroundings,
     level_transform,
 )
 from sensing.nature.pulse_shape import damped_pulse, unit_pulse_energy
+from sensing.receiver.bank import listen_once
 from sensing.receiver.front_end import FILTER_ORDER, FrontEnd
 
 FloatArray = NDArray[np.float64]
@@ -91,9 +91,8 @@ def test_two_paths_interfere_as_their_sum_says() -> None:
             fidelity="energy", noise_v=1e-9, trigger_jitter=False, false_alarm_rate_hz=1e-9, band_hz="all"
         )
         scene = Scene([source], Surroundings(ground(), np.array([-0.5]), np.empty(0), Obstacles.none()))
-        heard = Receiver(config, element).listen(
-            np.eye(4), scene, np.random.default_rng(0), start_s=0.0, duration_s=0.1
-        )
+        rng = np.random.default_rng(0)
+        detected = listen_once(config, element, scene, rng, world_from_array=np.eye(4), duration_s=0.1)
         gate_s = np.arange(90) / RATE_HZ
         for k, (x, y, z) in enumerate(element.positions_m):
             direct, mirrored = (np.sqrt((distance - x) ** 2 + y**2 + (1.5 + sign * z) ** 2) for sign in (-1, 1))
@@ -107,7 +106,7 @@ def test_two_paths_interfere_as_their_sum_says() -> None:
             both = gains[0] / direct * damped_pulse(since_s - direct / 299_792_458.0)
             both -= 0.5 * gains[1] / mirrored * damped_pulse(since_s - mirrored / 299_792_458.0)
             expected.append(float(np.square(both).sum()))
-            energies.append(float(heard.pulses.strengths_v[0, k] ** 2))
+            energies.append(float(detected.pulses.strengths_v[0, k] ** 2))
     np.testing.assert_allclose(energies, expected, rtol=2e-3)
 
 
@@ -129,7 +128,7 @@ def ground_and_wall() -> Faces:
     )
 
 
-def hear(fidelity: str, snr_db: float, seed: int, n: int, *, echoes: bool, band_hz: object) -> Detections:
+def detect(fidelity: str, snr_db: float, seed: int, n: int, *, reflections: bool, band_hz: object) -> Detections:
     """Shots from one place at an SNR as facts define it, from a gate that noise does not move."""
     config = ReceiverConfig(
         fidelity=fidelity,  # pyright: ignore[reportArgumentType]
@@ -143,17 +142,19 @@ def hear(fidelity: str, snr_db: float, seed: int, n: int, *, echoes: bool, band_
     amplitude_v = range_m * config.noise_v * np.sqrt(28_070 * 10 ** (snr_db / 10) / unit_pulse_energy(RATE_HZ))
     at_m = np.array([range_m * np.cos(0.4), range_m * np.sin(0.4), 1.6])
     source = DischargeSource(name="s", position_m=at_m, amplitude_v=amplitude_v, pulse_rate_hz=1e4, n_shots=n)
-    around = Surroundings(ground_and_wall(), np.array([-0.3, -0.8]), np.zeros(1), Obstacles.none()) if echoes else None
-    receiver, pose = Receiver(config, REAL), level_transform(np.zeros(3))
-    return receiver.listen(pose, Scene([source], around), np.random.default_rng(seed), start_s=0.0, duration_s=10.0)
+    around = (
+        Surroundings(ground_and_wall(), np.array([-0.3, -0.8]), np.zeros(1), Obstacles.none()) if reflections else None
+    )
+    scene, rng = Scene([source], around), np.random.default_rng(seed)
+    return listen_once(config, REAL, scene, rng, world_from_array=level_transform(np.zeros(3)), duration_s=10.0)
 
 
 @pytest.mark.parametrize("band_hz", [BAND_HZ, "all"])
-@pytest.mark.parametrize("echoes", [False, True])
-def test_energies_by_their_law_are_distributed_as_those_of_waveforms(band_hz: object, echoes: bool) -> None:
+@pytest.mark.parametrize("reflections", [False, True])
+def test_energies_by_their_law_are_distributed_as_those_of_waveforms(band_hz: object, reflections: bool) -> None:
     """A fixed part of the 20 000 pulses at three levels, which the benchmark runs."""
     whole, drawn = (
-        hear(fidelity, 0.0, seed, 4000, echoes=echoes, band_hz=band_hz)
+        detect(fidelity, 0.0, seed, 4000, reflections=reflections, band_hz=band_hz)
         for seed, fidelity in enumerate(("waveform", "energy"))
     )
     assert whole.pulses.time_s.size == drawn.pulses.time_s.size == 4000
@@ -161,9 +162,9 @@ def test_energies_by_their_law_are_distributed_as_those_of_waveforms(band_hz: ob
         assert (
             ks_2samp(whole.pulses.strengths_v[:, k], drawn.pulses.strengths_v[:, k]).statistic < 0.043
         )  # 0.1 % by chance
-    for heard in (whole, drawn):  # what the estimator is told holds for a pulse that comes straight
-        variance = heard.pulses.strengths_v.var(axis=0)
-        np.testing.assert_allclose(variance, heard.pulses.variance_v2.mean(axis=0), rtol=0.3 if echoes else 0.1)
+    for detected in (whole, drawn):  # what the estimator is told holds for a pulse that comes straight
+        variance = detected.pulses.strengths_v.var(axis=0)
+        np.testing.assert_allclose(variance, detected.pulses.variance_v2.mean(axis=0), rtol=0.3 if reflections else 0.1)
     azimuths = [
         estimate_bearings(x.pulses.strengths_v[:, np.newaxis], REAL.manifold()).azimuth_rad for x in (whole, drawn)
     ]

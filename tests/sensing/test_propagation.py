@@ -1,35 +1,29 @@
 """Paths: spreading and delay, mirrors, and what stands in between."""
-# pyright: reportAttributeAccessIssue=false
 
 import json
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-import mujoco
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
 from dirmusic import GainPattern
-from dirmusic.array.elevation import gain_in_space
 from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
-from envs.random_yard import random_yard
-from robot_models.world import build_model
-from robot_models.yard.pieces import BoxEquipment, CylinderEquipment
+from robot_models.yard.pieces import BoxEquipment
 from robot_models.yard.yard import Yard
-from sensing import ArrayConfig, Faces, HelicalArray, Obstacles, Surroundings, level_transform
+from sensing import Faces, HelicalArray, Obstacles, Surroundings, level_transform
 from sensing.array import ArrayTable
+from sensing.radio.arrivals import propagate
 from sensing.radio.materials import KIND_MATERIALS, METAL
-from sensing.radio.ray_paths import cross, gain_towards, trace
+from sensing.radio.propagation import Propagation, SourceTable
 from sensing.radio.surroundings import in_array_frame, rays_between
 
 AT_ORIGIN = np.eye(4)
 
 
 class Isotropic(GainPattern):
-    """An element that hears alike from everywhere."""
+    """An element with the same gain everywhere."""
 
     def gain_and_slope(self, off_boresight_rad: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         return np.ones(np.shape(off_boresight_rad)), np.zeros(np.shape(off_boresight_rad))
@@ -53,15 +47,11 @@ def paths_between(
     element = HelicalArray(
         pattern=Isotropic(), boresights_rad=zero, positions_m=at, gain_factors=one, gain_offsets=zero
     )
-    legs, arrivals = trace(
-        np.array([[source_m]]),
-        np.ones((1, 1), np.bool_),
-        world_from_array[np.newaxis],
-        ArrayTable.of([element]),
-        surroundings,
-    )
+    sources = SourceTable(np.array([[source_m]]), np.zeros((1, 1)))
+    around = Propagation(sources, world_from_array[np.newaxis], ArrayTable.of([element]), surroundings)
+    ray_paths, arrivals = propagate(np.ones((1, 1), np.bool_), around)
     range_m = SPEED_OF_LIGHT_MPS * arrivals.delay_s[:, 0]
-    return Paths(legs.from_m, range_m, arrivals.amplitude[:, 0] * range_m)
+    return Paths(ray_paths.from_m, range_m, arrivals.amplitude[:, 0] * range_m)
 
 
 def ground_and_wall(wall_x: float = -2.0, half_length: float = 5.0) -> Faces:
@@ -73,10 +63,6 @@ def ground_and_wall(wall_x: float = -2.0, half_length: float = 5.0) -> Faces:
         half_size_m=np.array([[np.inf, np.inf], [half_length, 2.0]]),
         owner=np.array([-1, 0]),
     )
-
-
-def crossed_in(yard: Yard) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    return partial(cross, obstacles=Obstacles(**yard.obstacles()._asdict()), n_pieces=len(yard.equipment))
 
 
 def test_free_space_spreads_with_range_and_takes_its_time_to_float_precision() -> None:
@@ -125,7 +111,7 @@ def test_a_face_right_behind_the_source_is_part_of_the_source() -> None:
     assert (on_it, off_it) == (1, 2)
 
 
-def test_equipment_weakens_what_crosses_it_on_every_leg() -> None:
+def test_equipment_weakens_what_crosses_it_on_every_segment() -> None:
     low = box_between(np.array([0.0, 0.0]), 20.0, 0.1, 0.2)  # all over the ground
     surroundings = Surroundings(ground_and_wall(), np.array([-0.3, -0.8]), np.log([0.1, 0.5]), low)
     paths = paths_between(surroundings, (6.0, 3.0, 1.5))
@@ -155,81 +141,6 @@ def test_losses_of_pieces_in_a_row_add_up_in_decibels() -> None:
     total_db = KIND_MATERIALS["power_transformer"].loss_db + KIND_MATERIALS["current_transformer"].loss_db
     assert -20 * np.log10(passed[0]) == pytest.approx(total_db)
     assert surroundings.reflection.tolist() == [-0.3, METAL.reflection]
-
-
-TANK = BoxEquipment(
-    name="tank", kind="power_transformer", shape="box", position_m=(20.0, 10.0), footprint_m=(2.0, 4.0), height_m=3.0
-)
-BUSHING = CylinderEquipment(
-    name="bushing", kind="bushing", shape="cylinder", position_m=(10.0, 20.0), radius_m=0.3, height_m=2.5
-)
-TANK_AND_BUSHING = crossed_in(Yard(size_m=(30.0, 30.0), equipment=(TANK, BUSHING)))
-
-
-def line(*points: float) -> np.ndarray:
-    return np.array([points])
-
-
-@pytest.mark.parametrize(
-    ("start", "expected"),
-    [
-        ((15.0, 10.0, 1.0), [True, False]),  # behind the tank
-        ((25.0, 10.0, 1.0), [False, False]),  # on the source's own side
-        ((15.0, 10.0, 14.0), [False, False]),  # over the top: at the tank's far edge the line is still above 3 m
-        ((21.02, 10.0, 1.5), [False, False]),  # at the source itself
-    ],
-)
-def test_equipment_in_between_is_crossed_whichever_way_one_looks(
-    start: tuple[float, float, float], expected: list[bool]
-) -> None:
-    source = line(21.02, 10.0, 1.5 if start[2] < 5 else 3.02)
-    assert TANK_AND_BUSHING(source, line(*start)).tolist() == [expected]
-    assert TANK_AND_BUSHING(line(*start), source).tolist() == [expected]
-
-
-def test_all_pieces_along_a_line_are_crossed_not_the_first_alone() -> None:
-    ends = np.array([[25.0, 5.0, 1.0], [15.0, 15.0, 1.0], [8.0, 22.0, 1.0]])  # behind both, behind the bushing, neither
-    assert TANK_AND_BUSHING(np.tile([5.0, 25.0, 1.0], (3, 1)), ends).tolist() == [
-        [True, True],
-        [False, True],
-        [False, False],
-    ]
-
-
-def test_a_line_that_ends_on_a_face_does_not_cross_it_and_one_along_it_neither() -> None:
-    assert not TANK_AND_BUSHING(line(5.0, 10.0, 1.0), line(19.0, 10.0, 1.0)).any()
-    assert not TANK_AND_BUSHING(line(19.0, 5.0, 1.0), line(19.0, 15.0, 1.0)).any()
-    assert TANK_AND_BUSHING(line(5.0, 10.0, 1.0), line(21.0, 10.0, 1.0)).tolist() == [[True, False]]
-
-
-def test_straight_up_through_a_bushing_is_through_it_and_beside_it_is_not() -> None:
-    assert TANK_AND_BUSHING(line(10.1, 20.0, 0.1), line(10.1, 20.0, 5.0)).tolist() == [[False, True]]
-    assert not TANK_AND_BUSHING(line(10.4, 20.0, 0.1), line(10.4, 20.0, 5.0)).any()
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_what_a_line_crosses_is_what_the_rays_of_mujoco_meet(seed: int) -> None:
-    """The same solids, built by another hand: every piece along each line, in yards of the catalogue."""
-    yard, rng = random_yard(seed, 8).yard, np.random.default_rng(seed)
-    model = build_model(yard, np.array([[0.0, 0.0, 0.6]]), np.zeros(1))
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    starts, ends = (rng.uniform(0.0, [*yard.size_m, 6.0], (400, 3)) for _ in range(2))
-    outside = yard.solids.distance(starts).min(axis=-1) > 0.01
-    starts, ends = starts[outside], ends[outside]
-    crossed, groups = crossed_in(yard)(starts, ends), np.array([0, 1, 0, 0, 0, 0], dtype=np.uint8)
-    names, met = [item.name for item in yard.equipment], np.zeros(1, dtype=np.int32)
-    for start, end, row in zip(starts, ends, crossed, strict=True):
-        seen, share = set[str](), 0.0
-        while True:
-            at = start + share * (end - start)
-            further = mujoco.mj_ray(model, data, at, end - start, groups, True, -1, met, None)
-            share += further + 1e-7
-            if further < 0 or share >= 1.0:
-                break
-            seen.add(model.geom(int(met[0])).name.split("/")[1])
-        assert seen == {name for name, is_crossed in zip(names, row, strict=True) if is_crossed}
-    assert crossed.sum() > 40
 
 
 REFERENCE = json.loads((Path(__file__).parent / "sionna" / "reference.json").read_text(encoding="utf-8"))
@@ -274,19 +185,3 @@ def test_the_reference_has_hidden_and_mirrored_paths() -> None:
     counts = [len(row["delay_ns"]) for row in REFERENCE["receivers"]]
     assert min(counts) < 3
     assert max(counts) >= 3
-
-
-def test_an_element_hears_from_anywhere_as_its_pattern_says_to_nine_digits() -> None:
-    """The compiled table of the gain against the formula that direction finding uses."""
-    rng, array = np.random.default_rng(0), HelicalArray.draw(ArrayConfig(), np.random.default_rng(1))
-    table = ArrayTable.of([array])
-    for x, y, up in rng.normal(0.0, 5.0, (200, 3)):
-        azimuth, elevation = np.arctan2(y, x), np.arctan2(up, np.hypot(x, y))
-        by_table = [
-            gain_towards(table.pattern_gain, table.pattern_slope, cos, sin, x, y, up)
-            for cos, sin in table.boresight_cos_sin[0]
-        ]
-        by_formula = gain_in_space(array.pattern, azimuth - array.boresights_rad, elevation).gain
-        off = np.abs(np.array(by_table) - by_formula)
-        assert np.sort(off)[-2] < 1e-9  # one element may look across the step of eq. (1), which the table slopes
-        assert off.max() < 0.01

@@ -1,4 +1,4 @@
-"""What the receiver hears: spreading, delay, obstruction, trigger, gate."""
+"""What the receiver detects: spreading, delay, obstruction, trigger, gate."""
 
 from typing import Any
 
@@ -14,14 +14,15 @@ from sensing import (
     Faces,
     HelicalArray,
     Obstacles,
-    Receiver,
     ReceiverConfig,
     Scene,
     Surroundings,
 )
 from sensing.nature.pulse_shape import damped_pulse, unit_pulse_energy
 from sensing.radio.surroundings import rays_between
+from sensing.receiver.bank import listen_once
 from sensing.receiver.front_end import FrontEnd
+from sensing.receiver.receiver import Receiver
 
 NOMINAL = HelicalArray.nominal(ArrayConfig())
 AT_ORIGIN = np.eye(4)
@@ -40,10 +41,8 @@ def listen(
     surroundings: Surroundings | None = None,
     **config: Any,  # noqa: ANN401 - settings are of many types
 ) -> Detections:
-    receiver = Receiver(ReceiverConfig(**config), NOMINAL)
-    scene = Scene([] if source is None else [source], surroundings)
-    rng = np.random.default_rng(seed)
-    return receiver.listen(AT_ORIGIN, scene, rng, start_s=0.0, duration_s=duration_s)
+    scene, rng = Scene([] if source is None else [source], surroundings), np.random.default_rng(seed)
+    return listen_once(ReceiverConfig(**config), NOMINAL, scene, rng, world_from_array=AT_ORIGIN, duration_s=duration_s)
 
 
 def test_a_pulse_is_zero_before_it_arrives_has_unit_peak_and_lasts_about_two_and_a_half_nanoseconds() -> None:
@@ -76,14 +75,14 @@ def test_the_default_amplitude_puts_the_bound_of_one_pulse_where_the_default_sce
     assert np.degrees(bound) == pytest.approx(degrees, rel=0.05)
 
 
-def test_bearings_of_heard_pulses_lie_within_a_tenth_of_the_bound_all_round() -> None:
+def test_bearings_of_detected_pulses_lie_within_a_tenth_of_the_bound_all_round() -> None:
     rho = unit_pulse_energy(20e9) * (0.27 / 15.0 / 1e-3) ** 2
     over_bound: list[float] = []
     for azimuth in np.radians(np.arange(0.0, 360.0, 25.0)):
         source = source_at(15.0 * np.cos(azimuth), 15.0 * np.sin(azimuth))
-        heard = listen(source, duration_s=2.0, false_alarm_rate_hz=1e-9, band_hz="all")
+        detected = listen(source, duration_s=2.0, false_alarm_rate_hz=1e-9, band_hz="all")
         error = difference(
-            estimate_bearings(heard.pulses.strengths_v[:, np.newaxis], NOMINAL.manifold()).azimuth_rad, azimuth
+            estimate_bearings(detected.pulses.strengths_v[:, np.newaxis], NOMINAL.manifold()).azimuth_rad, azimuth
         )
         spread = float(np.std(error))  # about its mean: the ring's parallax is a bias
         over_bound.append(spread / float(bearing_bound(NOMINAL.manifold(), azimuth, rho)))
@@ -107,55 +106,59 @@ def test_equipment_in_between_weakens_a_pulse_by_its_loss() -> None:
 
 
 def test_noise_alone_triggers_as_often_as_was_asked_and_looks_like_noise() -> None:
-    heard = listen(None, duration_s=2000.0, false_alarm_rate_hz=0.1)
-    assert heard.pulses.time_s.size == pytest.approx(200, abs=45)  # three sigma
-    loudest = heard.pulses.strengths_v.max(axis=-1)
-    sigma = Receiver(ReceiverConfig(), NOMINAL).noise_variance_v2 ** 0.5
+    detected = listen(None, duration_s=2000.0, false_alarm_rate_hz=0.1)
+    assert detected.pulses.time_s.size == pytest.approx(200, abs=45)  # three sigma
+    loudest = detected.pulses.strengths_v.max(axis=-1)
+    sigma = Receiver(ReceiverConfig(), 6).noise_variance_v2 ** 0.5
     assert 10 < np.median(loudest) / sigma < 40  # a crossing at 7 sigma, and what belongs to it in filtered noise
-    assert (np.diff(heard.pulses.time_s) >= 0).all()
+    assert (np.diff(detected.pulses.time_s) >= 0).all()
 
 
 def test_the_threshold_keeps_the_false_alarm_rate_of_white_noise() -> None:
     from scipy.stats import norm
 
-    receiver = Receiver(ReceiverConfig(band_hz="all"), NOMINAL)
+    receiver = Receiver(ReceiverConfig(band_hz="all"), 6)
     rate = 2 * norm.sf(receiver.threshold_v / 1e-3) * 6 * 20e9
     assert rate == pytest.approx(0.1, rel=1e-3)
 
 
 def test_the_threshold_keeps_the_false_alarm_rate_of_filtered_noise() -> None:
-    receiver = Receiver(ReceiverConfig(false_alarm_rate_hz=1e4), NOMINAL)
-    often = Receiver(receiver.config.model_copy(update={"false_alarm_rate_hz": 6e6}), NOMINAL)
+    receiver = Receiver(ReceiverConfig(false_alarm_rate_hz=1e4), 6)
+    often = Receiver(receiver.config.model_copy(update={"false_alarm_rate_hz": 6e6}), 6)
     noise = 1e-3 * receiver.front_end.noise(np.random.default_rng(0), (6, 4_000_000))
     above = np.abs(noise) > often.threshold_v
     crossings = (above[:, 1:] & ~above[:, :-1]).sum()
     assert crossings / (4e6 / 20e9) == pytest.approx(6e6, rel=0.15)  # 1200 of them
 
 
-def test_pulses_too_weak_for_the_trigger_are_not_heard() -> None:
+def test_pulses_too_weak_for_the_trigger_are_not_detected() -> None:
     assert listen(source_at(200.0, 0.0), false_alarm_rate_hz=1e-9).pulses.time_s.size == 0
 
 
 @pytest.mark.parametrize("band_hz", ["all", (1.4e9, 2.2e9)])
 def test_the_gate_holds_the_whole_pulse_in_every_channel(band_hz: Any) -> None:  # noqa: ANN401
-    heard = listen(source_at(-20.0, 0.0), noise_v=1e-6, bits=24, band_hz=band_hz)
+    detected = listen(source_at(-20.0, 0.0), noise_v=1e-6, bits=24, band_hz=band_hz)
     front_end = FrontEnd(20e9, None if band_hz == "all" else band_hz, 90)
     energy = np.square(front_end.pulse(np.arange(2000.0))).sum()
     whole = 0.27 / 20 * np.sqrt(energy) * NOMINAL.gain(np.full(6, np.pi), np.zeros(6))
-    np.testing.assert_allclose(heard.pulses.strengths_v.mean(axis=0), whole, rtol=0.03)
+    np.testing.assert_allclose(detected.pulses.strengths_v.mean(axis=0), whole, rtol=0.03)
 
 
 @pytest.mark.parametrize("range_m", [5.0, 15.0])
 @pytest.mark.parametrize("band_hz", ["all", (1.4e9, 2.2e9)])
 def test_the_reported_variance_is_that_of_the_strengths(band_hz: Any, range_m: float) -> None:  # noqa: ANN401
-    heard = listen(source_at(range_m, 0.0), duration_s=5.0, false_alarm_rate_hz=1e-9, band_hz=band_hz)
-    np.testing.assert_allclose(heard.pulses.strengths_v.var(axis=0), heard.pulses.variance_v2.mean(axis=0), rtol=0.15)
+    detected = listen(source_at(range_m, 0.0), duration_s=5.0, false_alarm_rate_hz=1e-9, band_hz=band_hz)
+    np.testing.assert_allclose(
+        detected.pulses.strengths_v.var(axis=0), detected.pulses.variance_v2.mean(axis=0), rtol=0.15
+    )
 
 
 def test_pulses_come_at_the_given_mean_rate_and_carry_the_mains_phase_of_their_time() -> None:
-    heard = listen(source_at(5.0, 0.0, rate_hz=20.0), duration_s=200.0, false_alarm_rate_hz=1e-9)
-    assert heard.pulses.time_s.size == pytest.approx(4000, rel=0.06)
-    np.testing.assert_allclose(heard.pulses.mains_phase_rad, np.mod(2 * np.pi * 50 * heard.pulses.time_s, 2 * np.pi))
+    detected = listen(source_at(5.0, 0.0, rate_hz=20.0), duration_s=200.0, false_alarm_rate_hz=1e-9)
+    assert detected.pulses.time_s.size == pytest.approx(4000, rel=0.06)
+    np.testing.assert_allclose(
+        detected.pulses.mains_phase_rad, np.mod(2 * np.pi * 50 * detected.pulses.time_s, 2 * np.pi)
+    )
 
 
 def test_the_same_generator_gives_the_same_pulses() -> None:
@@ -180,10 +183,10 @@ def test_an_array_without_errors_is_the_data_sheet() -> None:
     np.testing.assert_allclose(drawn.gain_factors, 1.0)
 
 
-def test_the_element_nearest_to_the_source_hears_the_pulse_first_by_its_own_delay() -> None:
+def test_the_element_nearest_to_the_source_receives_the_pulse_first_by_its_own_delay() -> None:
     source = source_at(8.0, 0.0, rate_hz=50.0)
-    heard = listen(source, noise_v=1e-7, bits=24, band_hz="all", false_alarm_rate_hz=1e-9)
-    arrival = (np.abs(heard.waveforms_v) > 1e-4).argmax(axis=-1).mean(axis=0)
+    detected = listen(source, noise_v=1e-7, bits=24, band_hz="all", false_alarm_rate_hz=1e-9)
+    arrival = (np.abs(detected.waveforms_v) > 1e-4).argmax(axis=-1).mean(axis=0)
     delay_s = rays_between(NOMINAL.positions_m, source.position_m).delay_s
     np.testing.assert_allclose(arrival - arrival[1], (delay_s - delay_s[1]) * 20e9, atol=2.0)
 
@@ -225,27 +228,27 @@ def test_the_gate_is_about_the_first_path_that_triggers_though_a_later_one_is_lo
         owner=np.array([0]),
     )
     surroundings = behind(20.0, x=4.0)._replace(faces=to_the_left, reflection=np.array([-0.8]))
-    heard = listen(source, duration_s=0.1, surroundings=surroundings, fidelity=fidelity, false_alarm_rate_hz=1e-6)
+    detected = listen(source, duration_s=0.1, surroundings=surroundings, fidelity=fidelity, false_alarm_rate_hz=1e-6)
     ahead, left = (
-        heard.pulses.strengths_v[:, 1:3].min(axis=-1),
-        heard.pulses.strengths_v[:, 0],
+        detected.pulses.strengths_v[:, 1:3].min(axis=-1),
+        detected.pulses.strengths_v[:, 0],
     )  # element 1 looks to the left
     assert ahead.size > 50
     assert (ahead > 1.3 * left).all()  # from the left, element 1 would hear most of all
 
 
 @pytest.mark.parametrize("fidelity", ["waveform", "energy"])
-def test_a_pulse_that_just_reaches_the_threshold_is_heard_about_half_the_time(fidelity: str) -> None:
+def test_a_pulse_that_just_reaches_the_threshold_is_detected_about_half_the_time(fidelity: str) -> None:
     config: dict[str, Any] = {"fidelity": fidelity, "trigger_jitter": False, "false_alarm_rate_hz": 1e-6}
-    receiver = Receiver(ReceiverConfig(**config), NOMINAL)
+    receiver = Receiver(ReceiverConfig(**config), 6)
     range_m = float(rays_between(NOMINAL.positions_m, np.array([0.0, 10.0, 0.6])).range_m[0])  # element 1 looks there
     loudest_gain = float(NOMINAL.gain(np.full(6, np.pi / 2), np.zeros(6)).max())
     amplitude_v = receiver.threshold_v * range_m / (loudest_gain * receiver.front_end.pulse_peak)
-    heard = listen(source_at(0.0, 10.0, amplitude_v=amplitude_v), **config)
-    assert heard.pulses.time_s.size == pytest.approx(500, abs=80)
+    detected = listen(source_at(0.0, 10.0, amplitude_v=amplitude_v), **config)
+    assert detected.pulses.time_s.size == pytest.approx(500, abs=80)
 
 
-def test_the_array_hears_less_of_a_source_above_it_than_of_a_level_one_ahead() -> None:
+def test_the_array_receives_less_of_a_source_above_it_than_of_a_level_one_ahead() -> None:
     ahead = NOMINAL.gain(np.full(6, np.pi / 6), np.zeros(6))
     above = NOMINAL.gain(np.full(6, np.pi / 6), np.full(6, np.pi / 2))
     assert ahead[1] > 1.5 * above[1]
@@ -254,15 +257,16 @@ def test_the_array_hears_less_of_a_source_above_it_than_of_a_level_one_ahead() -
 
 @pytest.mark.parametrize("bits", [6, 8, 12])
 def test_the_converter_rounds_to_its_steps_and_its_rounding_is_part_of_the_noise(bits: int) -> None:
-    receiver = Receiver(ReceiverConfig(bits=bits, full_scale_v=0.1, noise_v=2e-3, band_hz="all"), NOMINAL)
+    config = ReceiverConfig(bits=bits, full_scale_v=0.1, noise_v=2e-3, band_hz="all")
+    receiver = Receiver(config, 6)
     scene, rng = Scene([source_at(10.0, 0.0)]), np.random.default_rng(0)
-    heard = receiver.listen(AT_ORIGIN, scene, rng, start_s=0.0, duration_s=0.5)
-    counts = heard.waveforms_v / receiver.step_v
+    detected = listen_once(config, NOMINAL, scene, rng, world_from_array=AT_ORIGIN, duration_s=0.5)
+    counts = detected.waveforms_v / receiver.step_v
     np.testing.assert_allclose(counts, np.round(counts), atol=1e-9)
     assert np.abs(counts).max() <= 2 ** (bits - 1) - 1
-    quiet = heard.waveforms_v[:, :, :10]  # before the trigger
+    quiet = detected.waveforms_v[:, :, :10]  # before the trigger
     assert quiet.var() == pytest.approx(receiver.noise_variance_v2, rel=0.05)
-    assert not heard.pulses.is_clipped.any()
+    assert not detected.pulses.is_clipped.any()
 
 
 def test_a_pulse_beyond_full_scale_is_flagged_and_one_within_is_not() -> None:

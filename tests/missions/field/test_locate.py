@@ -20,7 +20,7 @@ from sensing import ArrayConfig, HelicalArray
 from sensing.nature.pulse_shape import unit_pulse_energy
 from sensing.radio.surroundings import in_array_frame, level_transform, rays_between
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 EXAMPLE = ROOT / "examples" / "locate"
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 NOISE_V = 1e-3

@@ -1,0 +1,98 @@
+"""How discharges are located, as a scenario file says it."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from math import radians
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from dirmusic.locating.rules import AssignmentRules, CredibilityRules, LocatingRules
+from envs.scenario.base import Config, code_beside_the_scenario
+
+Decibel = Annotated[float, Field(ge=0.0, le=100.0)]
+Metre = Annotated[float, Field(gt=0.0, le=10_000.0)]
+Second = Annotated[float, Field(gt=0.0, le=86_400.0)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+Arc = Annotated[float, Field(gt=0.0, le=180.0)]
+Count = Annotated[int, Field(ge=1, le=1_000_000)]
+
+
+class LocatingConfig(Config, frozen=True):
+    """The Locator and its rules.
+
+    A rule that is left out keeps its default, which `dirmusic.locating.rules` holds and explains, under the same name
+    with `_rad` for `_deg`.
+    """
+
+    fix: Literal["joint", "bearings"] = "joint"
+    """What positions are fitted to: strengths, with the errors of the array fitted along, or bearings alone."""
+    locator: str | None = None
+    """A Locator of your own, `my_file.py:MyLocator` or `package.module:MyLocator`; its contract is
+    `dirmusic.locating.protocol.LocatorProtocol`."""
+
+    max_std_deg: Arc | None = None
+    misfit_factor: Annotated[float, Field(gt=0.0, le=1000.0)] | None = None
+    misfit_floor: Share | None = None
+
+    gate_sigmas: Annotated[float, Field(gt=0.0, le=20.0)] | None = None
+    level_window_s: Second | None = None
+    level_arc_deg: Annotated[float, Field(gt=0.0, le=360.0)] | None = None
+    obstruction_db: Decibel | None = None
+    direct_path_db: Decibel | None = None
+    ghost_db: Decibel | None = None
+    bias_arc_deg: Arc | None = None
+    bias_db: Decibel | None = None
+    surface_depth_m: Annotated[float, Field(ge=0.0, le=100.0)] | None = None
+    edge_margin_m: Annotated[float, Field(ge=0.0, le=100.0)] | None = None
+    detection_range_m: Metre | None = None
+
+    birth_pulses: Annotated[int, Field(ge=2, le=10_000)] | None = None
+    birth_s: Second | None = None
+    birth_arc_deg: Arc | None = None
+    birth_by_crossing: bool | None = None
+    refit_s: Second | None = None
+    max_pulses: Annotated[int, Field(ge=2, le=2000)] | None = None
+    confirm_aperture_deg: Annotated[float, Field(ge=0.0, le=359.0)] | None = None
+    confirm_semi_major_m: Metre | None = None
+    confirm_range_m: Metre | None = None
+    confirm_pulses: Count | None = None
+    confirm_detection_rate: Share | None = None
+    ghost_detection_rate: Share | None = None
+    ghost_observed_s: Count | None = None
+    ghost_semi_major_m: Metre | None = None
+    merge_m: Metre | None = None
+
+    @field_validator("locator")
+    @classmethod
+    def _starts_at_the_scenario(cls, locator: str | None, info: ValidationInfo) -> str | None:
+        return None if locator is None else code_beside_the_scenario(locator, info)
+
+    @model_validator(mode="after")
+    def _names_code(self) -> Self:
+        if self.locator is not None and ":" not in self.locator:
+            raise ValueError(
+                f"locator: no Locator `{self.locator}`; allowed is code of your own as my_file.py:MyLocator or "
+                "package.module:MyLocator"
+            )
+        return self
+
+    def rules(self) -> LocatingRules:
+        """The rules of the Locator, angles in radians; those that are not set are the defaults."""
+        given: dict[str, Any] = {}
+        for key, value in self.model_dump(exclude={"locator"}, exclude_none=True).items():
+            in_degrees = key.endswith("_deg")
+            given[f"{key[:-4]}_rad" if in_degrees else key] = radians(value) if in_degrees else value
+        return LocatingRules(
+            credibility=CredibilityRules(**_fields_of(CredibilityRules, given)),
+            assignment=AssignmentRules(**_fields_of(AssignmentRules, given)),
+            **_fields_of(LocatingRules, given),
+        )
+
+
+def _fields_of(
+    rules: type[CredibilityRules | AssignmentRules | LocatingRules], given: dict[str, Any]
+) -> dict[str, Any]:
+    """Those of the given values that are fields of some rules."""
+    return {field.name: given[field.name] for field in fields(rules) if field.name in given}

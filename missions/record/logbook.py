@@ -1,0 +1,111 @@
+"""Logbook: pulses, bearings, findings and events, as rows of a MissionLog."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dirmusic import Finding
+from dirmusic.angles import wrap
+from missions.record.mission_log import MissionLog
+from missions.record.tracking import Tracked
+
+FloatArray = NDArray[np.float64]
+
+
+class Logbook:
+    """Writes what happened in the last step of a log; the step itself is there already.
+
+    Args:
+        log: Where to write.
+    """
+
+    def __init__(self, log: MissionLog) -> None:
+        self.log = log
+        self._logged: tuple[Finding, ...] = ()
+        self._has_clipped = False
+
+    def event(self, kind: str, text: str) -> None:
+        """Log something that happened in the last step."""
+        self.log.append("event", step=max(self.log.n_rows("step") - 1, 0), kind=kind, text=text)
+
+    def log_tracked(self, pose: FloatArray, tracked: Tracked) -> None:
+        """Log pulses with the bearings of the credible ones, and findings where they changed.
+
+        Args:
+            pose: Believed x m, y m, yaw rad, world frame, shape (3,).
+            tracked: Pulses and findings of the last step.
+        """
+        pulses, is_overdriven = tracked.pulses, tracked.pulses.is_overdriven
+        if is_overdriven.any() and not self._has_clipped:
+            self._has_clipped = True
+            self.event("clipped", "a pulse beyond full scale: such pulses are left out of locating")
+        for i in range(pulses.n_pulses):
+            pulse = self.log.append(
+                "pulse",
+                step=self.log.n_rows("step") - 1,
+                strengths_v=pulses.strengths_v[i],
+                mains_phase_rad=pulses.mains_phase_rad[i],
+                is_clipped=is_overdriven[i],
+                is_credible=tracked.is_credible[i],
+            )
+            if tracked.is_credible[i]:
+                self.log.append(
+                    "bearing",
+                    pulse=pulse,
+                    azimuth_rad=pulses.azimuth_rad[i],
+                    bearing_rad=wrap(pulses.azimuth_rad[i] + pose[2]),
+                    std_rad=pulses.std_rad[i],
+                )
+        self.log_findings(tracked.findings)
+
+    def log_findings(self, findings: Sequence[Finding]) -> None:
+        """Log all findings if they changed, and what became of each as an event."""
+        if findings is self._logged:
+            return
+        before = {finding.id: finding.state for finding in self._logged}
+        for finding in findings:
+            self._log_finding(finding, finding.state)
+            if before.pop(finding.id, None) != finding.state:
+                self.event(finding.state, _news(finding))
+        for gone in (finding for finding in self._logged if finding.id in before):
+            self._log_finding(gone, "dropped")
+            self.event("dropped", f"candidate {gone.id} was no source of its own")
+        self._logged = tuple(findings)
+
+    def log_association(self, finding: NDArray[np.intp]) -> None:
+        """Log, once, at the end, which finding each credible pulse belongs to.
+
+        Args:
+            finding: Id or code of `dirmusic.locating.association.NoOwner` for each row of the table `bearing`, shape
+                (n_bearings,).
+        """
+        for pulse, number in zip(self.log.column("bearing", "pulse"), finding, strict=True):
+            self.log.append("association", pulse=pulse, finding=number)
+
+    def _log_finding(self, finding: Finding, state: str) -> None:
+        self.log.append(
+            "finding",
+            step=self.log.n_rows("step") - 1,
+            id=finding.id,
+            position_m=finding.position_m,
+            covariance_m2=finding.covariance_m2,
+            state=state,
+            n_bearings=finding.n_bearings,
+            first_detected_s=finding.first_detected_s,
+            fixed_s=np.nan if finding.fixed_s is None else finding.fixed_s,
+            aperture_rad=finding.aperture_rad,
+        )
+
+
+def _news(finding: Finding) -> str:
+    """What the new state of a finding means."""
+    x, y = finding.position_m
+    return {
+        "candidate": f"candidate {finding.id} towards ({x:.1f}, {y:.1f}) m",
+        "confirmed": f"finding {finding.id} at ({x:.2f}, {y:.2f}) m, 95 % in {finding.semi_major_m:.2f} m",
+        "ghost": f"candidate {finding.id} is a ghost: nothing comes from near ({x:.1f}, {y:.1f}) m",
+        "outside": f"candidate {finding.id} lies beyond the fence, near ({x:.0f}, {y:.0f}) m",
+    }[finding.state]

@@ -1,0 +1,50 @@
+"""Findings against the truth: pairing, errors, OSPA."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from dirmusic.locating.ellipse import is_inside95
+
+CUT_OFF_M = 2.0
+"""A finding further than this from every source is a false one; also the cut-off of OSPA."""
+
+
+def evaluate(findings: list[dict[str, Any]], sources: list[dict[str, Any]]) -> dict[str, Any]:
+    """Score findings against the truth.
+
+    Each source gets the id of the finding that it is paired with.
+    Findings and sources are paired one to one by least total distance, with a cut-off of 2 m. OSPA has c = 2 m, p = 1:
+    the mean over the larger set of the paired distances, each unpaired member counting 2 m.
+
+    References:
+        Schuhmacher, Vo and Vo, "A consistent metric for performance evaluation of multi-object filters", 2008.
+    """
+    found_m = np.array([f["position_m"] for f in findings]).reshape(-1, 2)
+    true_m = np.array([s["position_m"][:2] for s in sources]).reshape(-1, 2)
+    distance = np.linalg.norm(true_m[:, np.newaxis] - found_m, axis=-1)
+    pairs = zip(*linear_sum_assignment(np.minimum(distance, CUT_OFF_M)), strict=True)
+    partner = {int(i): int(j) for i, j in pairs if distance[i, j] < CUT_OFF_M}
+    scored: list[dict[str, Any]] = []
+    for i, source in enumerate(sources):
+        j = partner.get(i)
+        inside = None
+        if j is not None:
+            inside = is_inside95(found_m[j] - true_m[i], np.array(findings[j]["covariance_m2"]))
+        scored.append(
+            {
+                "name": source["name"],
+                "true_position_m": list(source["position_m"]),
+                "found": j is not None,
+                "finding_id": None if j is None else findings[j]["id"],
+                "error_m": None if j is None else float(distance[i, j]),
+                "inside_ellipse95": inside,
+            }
+        )
+    most = max(len(findings), len(sources))
+    missed = most - len(partner)
+    ospa = (sum(float(distance[i, j]) for i, j in partner.items()) + CUT_OFF_M * missed) / most if most else 0.0
+    return {"sources": scored, "false_findings": len(findings) - len(partner), "ospa_m": ospa}

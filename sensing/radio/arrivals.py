@@ -1,0 +1,144 @@
+"""What arrives at the elements by each path, in compiled loops: gain, spreading, obstruction, delay."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dirmusic.array.elevation import NEAR_AXIS
+from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
+from dirmusic.compiled import compiled
+from dirmusic.kernels import cubic
+from sensing.array import ArrayTable
+from sensing.radio.obstruction import cross
+from sensing.radio.propagation import Propagation
+from sensing.radio.ray_paths import RayPaths, find_ray_paths
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+
+@compiled
+def pattern_gain(pattern: FloatArray, slope: FloatArray, off_boresight_rad: float) -> float:
+    """Gain in the plane from its table, even steps once round from 0, and the table's slopes per step."""
+    n = pattern.size
+    at = off_boresight_rad * (n / (2.0 * np.pi))
+    low = np.floor(at)
+    i = int(low) % n
+    j = (i + 1) % n
+    return cubic(at - low, pattern[i], pattern[j], slope[i], slope[j])
+
+
+@compiled
+def gain_towards(table: FloatArray, slope: FloatArray, cos: float, sin: float, x: float, y: float, up: float) -> float:
+    r"""Gain of an element with a level boresight along a vector of any length: `dirmusic.elevation.gain_in_space`.
+
+    Args:
+        table: Gain in the plane over the angle off boresight, even steps once round from 0, shape (n,).
+        slope: Its slope per step, shape (n,).
+        cos: Of the boresight's azimuth.
+        sin: Of the boresight's azimuth.
+        x: Of the vector, array frame.
+        y: Of the vector.
+        up: Of the vector.
+    """
+    ahead, left = cos * x + sin * y, cos * y - sin * x
+    sin_psi = np.sqrt(left * left + up * up)
+    psi = np.arctan2(sin_psi, ahead)
+    half_roll = 0.5 * left / max(sin_psi, NEAR_AXIS)
+    return (0.5 + half_roll) * pattern_gain(table, slope, psi) + (0.5 - half_roll) * pattern_gain(table, slope, -psi)
+
+
+class Arrivals(NamedTuple):
+    """What arrives at the elements; a row is a ray path.
+
+    Attributes:
+        delay_s: Travel time, shape (n_paths, n_elements).
+        amplitude: For a peak of 1 V at 1 m, with its sign, shape (n_paths, n_elements).
+        loudest: Largest magnitude of `amplitude`, shape (n_paths,).
+        loudest_s: Travel time to the element with that magnitude, shape (n_paths,).
+    """
+
+    delay_s: FloatArray
+    amplitude: FloatArray
+    loudest: FloatArray
+    loudest_s: FloatArray
+
+
+@compiled
+def arrive(
+    ray_paths: RayPaths, is_crossed: BoolArray, log_loss: FloatArray, world_from_array: FloatArray, arrays: ArrayTable
+) -> Arrivals:
+    """Delay and amplitude of each ray path at each element of its robot's array.
+
+    Args:
+        ray_paths: The paths.
+        is_crossed: Which pieces of equipment the segments of the paths cross, shape (2 n_paths, n_pieces).
+        log_loss: Logarithm of the amplitude that each piece lets pass, shape (n_pieces,).
+        world_from_array: Poses of the arrays, shape (n_robots, 4, 4).
+        arrays: One for each robot.
+    """
+    n_paths, n_elements = ray_paths.robot.size, arrays.elements_m.shape[1]
+    delay_s, amplitude = np.empty((n_paths, n_elements)), np.empty((n_paths, n_elements))
+    loudest, loudest_s = np.empty(n_paths), np.empty(n_paths)
+    for p in range(n_paths):
+        r = ray_paths.robot[p]
+        left = 0.0
+        for k in range(log_loss.size):
+            left += (int(is_crossed[2 * p, k]) + int(is_crossed[2 * p + 1, k])) * log_loss[k]
+        factor = ray_paths.coefficient[p] * np.exp(left)
+        dx, dy, dz = (
+            ray_paths.from_m[p, 0] - world_from_array[r, 0, 3],
+            ray_paths.from_m[p, 1] - world_from_array[r, 1, 3],
+            ray_paths.from_m[p, 2] - world_from_array[r, 2, 3],
+        )
+        w = world_from_array[r]
+        x = dx * w[0, 0] + dy * w[1, 0] + dz * w[2, 0]
+        y = dx * w[0, 1] + dy * w[1, 1] + dz * w[2, 1]
+        z = dx * w[0, 2] + dy * w[1, 2] + dz * w[2, 2]
+        loudest[p] = -1.0
+        for e in range(n_elements):
+            ex, ey, ez = x - arrays.elements_m[r, e, 0], y - arrays.elements_m[r, e, 1], z - arrays.elements_m[r, e, 2]
+            range_m = np.sqrt(ex * ex + ey * ey + ez * ez)
+            cos, sin = arrays.boresight_cos_sin[r, e]
+            gain = gain_towards(arrays.pattern_gain, arrays.pattern_slope, cos, sin, ex, ey, ez)
+            delay_s[p, e] = range_m / SPEED_OF_LIGHT_MPS
+            amplitude[p, e] = (arrays.gain_factors[r, e] * gain + arrays.gain_offsets[r, e]) * factor / range_m
+            if abs(amplitude[p, e]) > loudest[p]:
+                loudest[p], loudest_s[p] = abs(amplitude[p, e]), delay_s[p, e]
+    return Arrivals(delay_s, amplitude, loudest, loudest_s)
+
+
+class Propagated(NamedTuple):
+    """The ray paths from sources to arrays, and what arrives by each."""
+
+    ray_paths: RayPaths
+    arrivals: Arrivals
+
+
+@compiled
+def propagate(is_emitting: BoolArray, propagation: Propagation) -> Propagated:
+    """All paths from sources that emit to the elements of each robot's own array.
+
+    Which faces mirror a source to an array, and what stands in between, is asked for the centre of its elements: an
+    array is small against equipment.
+
+    Args:
+        is_emitting: Which sources emit, shape (n_robots, n_sources).
+        propagation: Places of sources and arrays, and what surrounds them.
+    """
+    arrays, world_from_array, surroundings = propagation.arrays, propagation.world_from_array, propagation.surroundings
+    n_robots, n_elements = arrays.elements_m.shape[:2]
+    centre_m = np.zeros((n_robots, 3))
+    for r in range(n_robots):
+        for i in range(3):
+            for e in range(n_elements):
+                for j in range(3):
+                    centre_m[r, i] += world_from_array[r, i, j] * arrays.elements_m[r, e, j] / n_elements
+            centre_m[r, i] += world_from_array[r, i, 3]
+    sources_m = propagation.sources.positions_m
+    ray_paths = find_ray_paths(sources_m, is_emitting, centre_m, surroundings.faces, surroundings.reflection)
+    is_crossed = cross(ray_paths.starts_m, ray_paths.ends_m, surroundings.obstacles, surroundings.log_loss.size)
+    return Propagated(ray_paths, arrive(ray_paths, is_crossed, surroundings.log_loss, world_from_array, arrays))

@@ -1,0 +1,59 @@
+"""Settings of the receiver."""
+
+from __future__ import annotations
+
+from typing import Literal, Self
+
+from pydantic import BaseModel, Field, PositiveFloat, PositiveInt, model_validator
+
+from sensing.receiver.faults import ChannelFault
+
+
+class ReceiverConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
+    """A channel for each element and a common trigger. The defaults are assumed, about those of a fast oscilloscope.
+
+    Once a channel has crossed the threshold, the gate starts `pretrigger_samples` before the loudest one comes to half
+    its peak: the crossing itself comes the earlier the louder the pulse.
+
+    `waveform` draws every sample of every gate. `energy` draws the energies of the gates from their exact law, many
+    times faster: the same strengths but for what needs samples (converter, carriers, saturation, trigger jitter).
+    """
+
+    fidelity: Literal["waveform", "energy"] = "waveform"
+    sample_rate_hz: float = Field(default=20e9, ge=1e8, le=1e12)
+    band_hz: tuple[PositiveFloat, PositiveFloat] | Literal["all"] = (1.4e9, 2.2e9)
+    """Where the band-pass is 3 dB down. The default holds the energy of the pulses, mainly 1.5 to 2 GHz, and is 54 dB
+    down at the 948 MHz of the Dir-MUSIC paper's interferer; "all" leaves the noise white."""
+    noise_v: PositiveFloat = 1e-3
+    """Standard deviation of a sample of white noise, before the band-pass."""
+    pretrigger_samples: PositiveInt = 20
+    gate_samples: int = Field(default=90, ge=1, le=10_000)
+    trigger_jitter: bool = True
+    """Whether noise, and where between two samples a pulse arrives, move the gate; `energy` never has it."""
+    false_alarm_rate_hz: float = Field(default=0.1, gt=0.0, le=1e4)
+    mains_hz: PositiveFloat = 50.0
+    bits: int = Field(default=12, ge=2, le=24)
+    full_scale_v: PositiveFloat = 0.5
+    """Largest voltage that the converter can represent, of either sign; beyond it a pulse is clipped, and flagged. With
+    the defaults one count is 0.86 of the noise behind the band-pass; where it is more than two, rounding is not
+    noise."""
+    faults: tuple[ChannelFault, ...] = ()
+
+    @model_validator(mode="after")
+    def _gate_reaches_beyond_the_trigger(self) -> Self:
+        if self.pretrigger_samples >= self.gate_samples:
+            raise ValueError(
+                f"pretrigger_samples: got {self.pretrigger_samples}; allowed is less than gate_samples, "
+                f"{self.gate_samples}, or the gate ends before the pulse begins"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _band_lies_below_nyquist(self) -> Self:
+        nyquist_hz = 0.5 * self.sample_rate_hz
+        if self.band_hz != "all" and not self.band_hz[0] < self.band_hz[1] < nyquist_hz:
+            raise ValueError(
+                f"band_hz: got ({self.band_hz[0]:g}, {self.band_hz[1]:g}); allowed is a band that rises and ends below "
+                f'half of sample_rate_hz, {nyquist_hz:g}, or "all"'
+            )
+        return self

@@ -1,0 +1,245 @@
+"""Policies that users bring along: what they are given, and every way one can be wrong, in process and as a command."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from envs import Scenario, load_scenario
+from envs.foreign_code import ForeignCodeError
+from missions.driving.collision_guard import CollisionGuard
+from missions.policies.make_policy import make_policy
+from missions.policies.names import BUILT_IN
+from missions.policies.patrol import Patrol
+from missions.record.report import make_report
+from missions.runner import Mission, run_mission
+
+POLICIES = """
+import sys
+import numpy as np
+from missions.driving.collision_guard import CollisionGuard
+from missions.policies.patrol import Patrol
+
+class Still:
+    def __init__(self, rng):
+        self.n_calls = 0
+    def __call__(self, observation, findings, site_map):
+        self.n_calls += 1
+        return self.answer()
+    def answer(self):
+        return [0, 0]
+
+class Draws:
+    def __init__(self, rng):
+        self.rng = rng
+    def __call__(self, observation, findings, site_map):
+        return self.rng.uniform(-1, 1, 2)
+
+class Fails(Still):
+    def answer(self):
+        if self.n_calls == 20:
+            raise ValueError("out of\\nideas")  # at Fails
+        return 0.5, 0.1
+
+class FailsAtOnce(Still):
+    def __init__(self, rng):
+        raise KeyError("weights")  # at FailsAtOnce
+
+class Leaves(Still):
+    def answer(self):
+        sys.exit()  # at Leaves
+
+class Three(Still):  # at Three
+    def answer(self):
+        return [0.1, 0.2, 0.3]
+
+class NotANumber(Still):  # at NotANumber
+    def answer(self):
+        return np.array([0.1, np.nan])
+
+class Text(Still):  # at Text
+    def answer(self):
+        return "ahead"
+
+class Words(Still):  # at Words
+    def answer(self):
+        return ["0.5", "0.1"]
+
+class TooFast(Still):  # at TooFast
+    def answer(self):
+        return 1.5, 0.0
+
+class Ragged(Still):  # at Ragged
+    def answer(self):
+        return [[1.0], 2.0]
+
+class NoPhase(Still):  # at NoPhase
+    phase = 3
+
+class NoNumbers(Still):  # at NoNumbers
+    unreachable = ["waypoint 2"]
+
+class Silent:  # at Silent
+    def __init__(self, rng):
+        pass
+
+class TakesNothing:  # at TakesNothing
+    def __call__(self, observation, findings, site_map):
+        return None
+
+def guarded(rng):
+    return CollisionGuard(Patrol())
+
+def guarded_three(rng):
+    return CollisionGuard(Three(rng))
+
+class Ends(Still):
+    phase, unreachable = "give up", np.array([2])
+    def answer(self):
+        return None if self.n_calls > 5 else (0.0, 0.0)
+
+class Spies(Still):
+    def reveal(self, truth):
+        self.truth = dict(truth)
+        truth["sources"] = None
+
+class SpiesInVain(Still):
+    def reveal(self, truth):
+        raise RuntimeError("no")  # at SpiesInVain
+
+number = 3
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "my.py"
+    path.write_text(POLICIES.lstrip("\n"), encoding="utf-8")
+    return path
+
+
+def short(time_limit_s: float = 3.0) -> Scenario:
+    scenario = load_scenario("one_source")
+    return scenario.model_copy(update={"task": scenario.task.model_copy(update={"time_limit_s": time_limit_s})})
+
+
+def says(error: ForeignCodeError | None, told: str, name: str, path: Path) -> bool:
+    """Whether an error is one line that begins so, with the line of the file that is marked with the policy's name."""
+    (line,) = str(error).splitlines()
+    marked = [n for n, text in enumerate(path.read_text().splitlines(), start=1) if text.endswith(f"# at {name}")]
+    return line.startswith(told.replace("my.py", str(path)).replace(":LINE:", f":{(marked or [0])[0]}:"))
+
+
+ACTION = "expected an action of 2 finite numbers in [-1, 1], or None to end the mission"
+
+
+@pytest.mark.parametrize(
+    ("name", "told", "n_steps"),
+    [
+        ("Fails", f"my.py:LINE: ValueError: out of ideas; {ACTION}", 19),
+        ("Leaves", f"my.py:LINE: SystemExit; {ACTION}", 0),
+        ("Three", f"my.py:LINE: returned [0.1, 0.2, 0.3]; {ACTION}", 0),
+        ("NotANumber", f"my.py:LINE: returned array([0.1, nan]); {ACTION}", 0),
+        ("Text", f"my.py:LINE: returned 'ahead'; {ACTION}", 0),
+        ("Words", f"my.py:LINE: returned ['0.5', '0.1']; {ACTION}", 0),
+        ("TooFast", f"my.py:LINE: returned (1.5, 0.0); {ACTION}", 0),
+        ("Ragged", "my.py:LINE: ValueError: setting an array element with a sequence", 0),
+        ("guarded_three", f"my.py:LINE: returned [0.1, 0.2, 0.3]; {ACTION}", 0),
+    ],
+)  # fmt: skip
+def test_a_policy_that_fails_under_way_ends_the_mission_with_a_whole_log(
+    name: str, told: str, n_steps: int, file: Path
+) -> None:
+    mission = Mission(short(), f"{file}:{name}", 0)
+    log = mission.run()
+    assert says(mission.error, told, name.replace("guarded_three", "Three"), file), mission.error
+    assert log.n_rows("step") == n_steps
+    assert log.column("event", "kind")[-2:].tolist() == ["error", "end"]
+    assert log.column("event", "text")[-2:].tolist() == [str(mission.error)[:160], "error"]
+    json.dumps(make_report(log, 0.0), allow_nan=False)
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("FailsAtOnce", "my.py:LINE: KeyError: 'weights'; expected a class or function that makes a policy"),
+        ("Silent", "my.py:LINE: makes an object of type Silent; expected a policy: policy(observation"),
+        ("TakesNothing", "my.py:LINE: TypeError: TakesNothing() takes no arguments"),
+        ("NoPhase", "my.py:LINE: its `phase` is 3; expected a word or two"),
+        ("NoNumbers", "my.py:LINE: its `unreachable` is ['waypoint 2']; expected numbers of waypoints"),
+        ("number", "my.py:number: is of type int; expected a class or function that makes a policy"),
+        ("SpiesInVain", "my.py:LINE: RuntimeError: no; expected"),
+        ("Nobody", "my.py: no `Nobody` in it; it has Still, Draws, Fails"),
+    ],
+)
+def test_a_policy_that_cannot_be_made_starts_no_mission(name: str, told: str, file: Path) -> None:
+    with pytest.raises(ForeignCodeError) as refused:
+        Mission(short(), f"{file}:{name}", 0)
+    assert says(refused.value, told, name, file), refused.value
+
+
+def test_every_built_in_name_makes_a_policy_and_no_other_name_does() -> None:
+    for name in BUILT_IN:
+        assert callable(make_policy(name, np.random.default_rng(0)))
+    with pytest.raises(ForeignCodeError, match="magic: no such policy; expected seek, patrol, random, oracle, or"):
+        make_policy("magic", np.random.default_rng(0))
+
+
+def test_a_policy_that_never_moves_goes_on_to_the_time_limit(file: Path) -> None:
+    log = run_mission(short(), f"{file}:Still")
+    assert log.column("event", "text")[-1] == "time limit"
+    assert log.n_rows("step") == 30
+    assert set(log.column("step", "phase")) == {"Still"}
+    assert make_report(log, 0.0)["distance_m"] < 0.01
+
+
+def test_a_policy_draws_from_a_generator_that_the_seed_fixes(file: Path) -> None:
+    first, again, other = (
+        run_mission(short(1.0), f"{file}:Draws", seed).column("step", "command") for seed in (1, 1, 2)
+    )
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first, other)
+
+
+def test_a_policy_may_end_the_mission_and_say_what_it_gave_up(file: Path) -> None:
+    log = run_mission(short(), f"{file}:Ends")
+    assert log.n_rows("step") == 5
+    assert set(log.column("step", "phase")) == {"give up"}
+    assert log.column("event", "text").tolist() == ["waypoint 2", "policy done"]
+
+
+def test_the_collision_guard_goes_round_a_policy_as_it_goes_round_the_built_in_ones(file: Path) -> None:
+    own, built_in = (run_mission(short(20.0), name) for name in (f"{file}:guarded", "patrol"))
+    for column in ("true_pose", "phase"):
+        np.testing.assert_array_equal(own.column("step", column), built_in.column("step", column))
+
+
+def test_a_policy_without_a_phase_is_guarded_too() -> None:
+    class Bare:
+        def __call__(self, observation: object, findings: object, site_map: object) -> None:
+            return None
+
+    guard = CollisionGuard(Bare())
+    assert (guard.phase, guard.unreachable) == ("Bare", ())
+    assert CollisionGuard(Patrol()).phase == "patrol"
+
+
+def test_a_policy_that_asks_for_the_truth_gets_a_copy_of_it(file: Path) -> None:
+    mission = Mission(short(), f"{file}:Spies", 0)
+    (source,) = mission.log.meta["truth"]["sources"]
+    assert mission.policy._policy.truth["sources"][0] == source  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_an_error_of_other_foreign_code_in_a_step_ends_the_mission_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    mission = Mission(short(), "patrol", 0)
+
+    def failing(action: object) -> None:
+        raise ForeignCodeError("estimator.py:3: returned NaN")
+
+    for _ in range(5):
+        mission.step()
+    monkeypatch.setattr(mission.env, "step", failing)
+    log = mission.run()
+    assert log.n_rows("step") == 5
+    assert log.column("event", "text")[-2:].tolist() == ["estimator.py:3: returned NaN", "error"]

@@ -1,0 +1,106 @@
+"""Pulses to the Locator and into the log."""
+
+import numpy as np
+import pytest
+
+from dirmusic import ArrayModel, ElementSpread, Finding, GainManifold, PulseBatch
+from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
+from dirmusic.locating.association.assignment import NoOwner
+from dirmusic.locating.rules import CredibilityRules
+from envs import load_scenario
+from missions.record.logbook import Logbook
+from missions.record.mission_log import MissionLog
+from missions.record.tracking import Tracked, Tracker
+from missions.runner import run_mission
+
+MANIFOLD = GainManifold.ring(6)
+ARRAY = ArrayModel(manifold=MANIFOLD, positions_m=np.zeros((6, 2)), spread=ElementSpread(gain=0.05))
+POSE = np.zeros(3)
+FINDING = Finding(
+    id=3, state="candidate", position_m=np.array([1.0, 2.0]), covariance_m2=np.eye(2), n_bearings=1,
+    first_detected_s=0.0, fixed_s=None, aperture_rad=0.0, nearest_m=1.0, level_db=0.0,
+)  # fmt: skip
+
+
+class Noted:
+    """A Locator that keeps what it was given and says what it was made to say."""
+
+    def __init__(self, findings: tuple = (), association: object = None) -> None:
+        self.findings, self.given = findings, []
+        self._association = association
+
+    def update(self, time_s: float, pose: np.ndarray, pulses: PulseBatch) -> tuple:
+        self.given.append(pulses)
+        return self.findings
+
+    def refit(self, time_s: float) -> tuple:
+        return self.findings
+
+    def association(self) -> object:
+        return self._association
+
+
+def tracker_of(locator: Noted) -> Tracker:
+    return Tracker(locator, ARRAY, MaximumLikelihood(), CredibilityRules())  # pyright: ignore[reportArgumentType]
+
+
+def pulses_of(*azimuth_rad: float) -> PulseBatch:
+    """A strong pulse from each azimuth, and one more that no direction explains."""
+    strengths = np.concatenate([0.5 * MANIFOLD.gain(np.array(azimuth_rad)).T, [[1.0, 0.1, 1.0, 0.1, 1.0, 0.1]]])
+    pulses = PulseBatch.detected(np.zeros(len(strengths)), strengths, np.full(strengths.shape, 1e-6))
+    found = MaximumLikelihood()(pulses, ARRAY)
+    return pulses._replace(azimuth_rad=found.azimuth_rad, std_rad=found.std_rad, misfit=found.misfit)
+
+
+def test_the_locator_is_given_the_credible_pulses_alone() -> None:
+    locator = Noted()
+    tracked = tracker_of(locator).track(0.0, POSE, pulses_of(0.3, 2.0))
+    assert tracked.is_credible.tolist() == [True, True, False]
+    np.testing.assert_allclose(locator.given[0].azimuth_rad, [0.3, 2.0], atol=1e-6)
+
+
+def test_the_log_keeps_all_pulses_and_a_bearing_for_each_credible_one() -> None:
+    log = MissionLog({"n_elements": 6})
+    log.append("step", time_s=0.1, pose=POSE, true_pose=POSE, odometry=POSE, battery=1.0, command=POSE[:2], phase="")
+    book, tracker = Logbook(log), tracker_of(Noted(association=np.array([3, NoOwner.GHOST])))
+    book.log_tracked(POSE, tracker.track(0.1, POSE, pulses_of(0.3, 2.0)))
+    book.log_association(tracker.association())
+    assert log.column("pulse", "is_credible").tolist() == [True, True, False]
+    assert log.column("bearing", "pulse").tolist() == log.column("association", "pulse").tolist() == [0, 1]
+    assert log.column("association", "finding").tolist() == [3, NoOwner.GHOST]
+
+
+def test_findings_are_logged_when_they_change_and_until_they_are_confirmed_not_fixed() -> None:
+    log = MissionLog({"n_elements": 6})
+    book, once = Logbook(log), (FINDING,)
+    for findings in (once, once, (FINDING,), ()):
+        book.log_tracked(POSE, Tracked(PulseBatch.none(6), np.empty(0, dtype=np.bool_), findings))
+    assert log.column("finding", "state").tolist() == ["candidate", "candidate", "dropped"]
+    assert np.isnan(log.column("finding", "fixed_s")).all()
+    assert log.column("event", "kind").tolist() == ["candidate", "dropped"]
+
+
+@pytest.mark.parametrize("association", [None, np.array([1]), np.array([1.5, 2.0]), np.array([[1, 2]])])
+def test_an_association_that_does_not_fit_the_pulses_is_refused(association: object) -> None:
+    tracker = tracker_of(Noted(association=association))
+    tracker.track(0.0, POSE, pulses_of(0.3, 2.0))
+    with pytest.raises(ValueError, match=r"an integer for each of 2 pulses"):
+        tracker.association()
+
+
+@pytest.mark.parametrize("findings", [[FINDING], (None,), None])
+def test_what_is_no_tuple_of_findings_is_refused(findings: object) -> None:
+    with pytest.raises(ValueError, match="a tuple of Finding"):
+        tracker_of(Noted(findings)).track(0.0, POSE, pulses_of(0.3))  # pyright: ignore[reportArgumentType]
+
+
+def test_a_mission_ends_with_one_association_for_each_credible_pulse() -> None:
+    scenario = load_scenario("two_sources")
+    task = scenario.task.model_copy(update={"time_limit_s": 40.0})
+    log = run_mission(scenario.model_copy(update={"task": task}), seed=5)
+    np.testing.assert_array_equal(log.column("association", "pulse"), log.column("bearing", "pulse"))
+    alive = log.column("finding", "id")[log.column("finding", "step") == log.column("finding", "step")[-1]]
+    assert alive.size > 0
+    assert set(log.column("association", "finding").tolist()) <= {*alive.tolist(), *NoOwner}
+    owned = (log.column("association", "finding") > 0).mean()
+    assert owned > 0.3
