@@ -84,7 +84,7 @@ class Robots:
         )
         self._base, drive = live.base, _drive(model, robot)
         self._read = reader(live, drive, robot.lidar_start_m, LIDAR_RANGE_M)
-        self._drive, self._all_rows = tuple(drive), np.arange(n_robots)
+        self._wheels, self._all_rows = (drive.actuator, drive.side), np.arange(n_robots)
         self._steering = tuple(
             Steering(
                 robot.max_speed_mps,
@@ -195,7 +195,7 @@ class Robots:
                 f"`duration_s` must be a positive multiple of the physics step, {self.step_s:g} s, got {duration_s:g}."
             )
         driven = self._all_rows if rows is None else rows
-        if not command(v, turn, driven, duration_s, self._steering, self._drive, self._feedback, self._ctrl):
+        if not command(v, turn, driven, duration_s, self._steering, self._wheels, tuple(self._feedback), self._ctrl):
             raise ValueError(f"`v_mps` and `yaw_rate_radps` must be finite, got {v} and {turn}.")
         if any(self._places):
             for row in driven.tolist():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,7 +114,7 @@ def command(
     rows: IntArray,
     period_s: float,
     steering: tuple[float, ...],
-    drive: tuple[Any, ...],
+    wheels: tuple[IntArray, IntArray],
     feedback: tuple[FloatArray, ...],
     control_radps: FloatArray,
 ) -> bool:
@@ -126,7 +126,7 @@ def command(
         rows: Which robots are commanded.
         period_s: Time since the last command.
         steering: A plain `Steering`.
-        drive: A plain `Drive`.
+        wheels: Of each driven wheel the column of its motor and its side, as of `Drive`.
         feedback: A plain `YawFeedback`.
         control_radps: Becomes the speeds, shape (n, n_actuators).
 
@@ -135,7 +135,7 @@ def command(
     """
     if not (np.isfinite(v_mps).all() and np.isfinite(yaw_rate_radps).all()):
         return False
-    limits, wheels = Steering(*steering), Drive(*drive)
+    limits, (actuator, side) = Steering(*steering), wheels
     most_v_mps, most_yaw_rate_radps = limits.max_speed_mps, limits.max_yaw_rate_radps
     for r in rows:
         v = float(min(max(v_mps[r], -most_v_mps), most_v_mps))
@@ -143,7 +143,7 @@ def command(
         if limits.yaw_rate_gain > 0.0:
             v, turn = close_yaw_rate(r, v, turn, period_s, limits, YawFeedback(*feedback))
         rim = turn * limits.half_track_m
-        for k in range(wheels.actuator.size):
-            speed_mps = v - rim if wheels.side[k] == 0 else v + rim
-            control_radps[r, wheels.actuator[k]] = speed_mps / limits.wheel_radius_m
+        for k in range(actuator.size):
+            speed_mps = v - rim if side[k] == 0 else v + rim
+            control_radps[r, actuator[k]] = speed_mps / limits.wheel_radius_m
     return True

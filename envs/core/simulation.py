@@ -230,11 +230,12 @@ class Simulation:
         assert self._receivers is not None, "reset first"
         detections = self._receivers.listen(now.world_from_base, start_s, STEP_S, moving)
         pulses, suspects = self._find_directions(detections)
+        fell_over = self.robots.fell_over
         return Outcome(
             observation=self._observe(detections.robot, pulses),
             reward=result.reward,
-            terminated=result.terminated | self.robots.fell_over,
-            fell_over=self.robots.fell_over,
+            terminated=result.terminated | fell_over,
+            fell_over=fell_over,
             truncated=result.truncated,
             robot=detections.robot,
             pulses=pulses,

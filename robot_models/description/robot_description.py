@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
@@ -94,6 +95,10 @@ class RobotDescription:
         """Greatest speed, m/s, and greatest yaw rate, rad/s."""
         return self.max_speed_mps, self.max_yaw_rate_radps
 
+    @cached_property
+    def _limits(self) -> FloatArray:
+        return np.array(self.limits)
+
     def command_from_action(self, action: ArrayLike) -> FloatArray:
         """Speeds, m/s, and yaw rates, rad/s, shape (..., 2), of actions of that shape: shares of the limits.
 
@@ -103,8 +108,8 @@ class RobotDescription:
         shares = np.asarray(action, dtype=np.float64)
         if shares.shape[-1:] != (2,):
             raise ValueError(f"`action` must have shape (..., 2), speed and yaw rate, got {shares.shape}")
-        return shares * self.limits
+        return shares * self._limits
 
     def action_from_command(self, command: ArrayLike) -> NDArray[np.float32]:
         """Actions in [-1, 1], shape (..., 2), of speeds, m/s, and yaw rates, rad/s, clipped to the limits."""
-        return np.clip(np.asarray(command, dtype=np.float64) / self.limits, -1.0, 1.0).astype(np.float32)
+        return np.clip(np.asarray(command, dtype=np.float64) / self._limits, -1.0, 1.0).astype(np.float32)
