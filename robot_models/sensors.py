@@ -24,7 +24,7 @@ N_CONTACTS = 6
 _FIELDS = (mujoco.mjtConDataField.mjCONDATA_FOUND, mujoco.mjtConDataField.mjCONDATA_POS)
 _FOUND_AND_PLACE = sum(1 << field.value for field in _FIELDS)
 
-_CONTACT = "_contact"
+_HULL = "hull/"
 
 
 def lidar_names() -> list[str]:
@@ -61,9 +61,9 @@ def add_lidar(spec: mujoco.MjSpec, robot: RobotDescription) -> None:
 def add_contact_sensors(spec: mujoco.MjSpec) -> None:
     """Give a sensor to each geom of a robot's hull, with what was touched in each physics step of a lidar's period."""
     for number, geom in enumerate([geom for geom in spec.geoms if is_hull(geom)]):
-        geom.name = geom.name or f"hull_{number}"
+        geom.name = geom.name or f"part_{number}"
         spec.add_sensor(
-            name=f"{geom.name}{_CONTACT}",
+            name=f"{_HULL}{geom.name}",
             type=mujoco.mjtSensor.mjSENS_CONTACT,
             objtype=mujoco.mjtObj.mjOBJ_GEOM,
             objname=geom.name,
@@ -74,4 +74,4 @@ def add_contact_sensors(spec: mujoco.MjSpec) -> None:
 
 def contact_names(spec: mujoco.MjSpec) -> list[str]:
     """Names of the sensors of the hull."""
-    return [sensor.name for sensor in spec.sensors if sensor.name.endswith(_CONTACT)]
+    return [sensor.name for sensor in spec.sensors if sensor.name.startswith(_HULL)]

@@ -33,7 +33,7 @@ def build_spec(robot: RobotDescription, yard: Yard, elements: AntennaElements | 
 
     Returns:
         The spec. Equipment is named `equipment/NAME`, its further parts `equipment/NAME/PART`, the fence `fence/SIDE`,
-        the beams of the lidar `lidar_00` and so on, the sensors of what the hull touches `GEOM_contact`, the sites of
+        the beams of the lidar `lidar_00` and so on, the sensors of what the hull touches `hull/GEOM`, the sites of
         the antenna elements `element_1` and so on, each with its x axis along the look.
     """
     spec = mujoco.MjSpec.from_file(str(robot.xml_path))

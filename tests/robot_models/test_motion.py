@@ -158,9 +158,10 @@ def test_a_pickled_robot_drives_on_as_the_original_does(name: str) -> None:
 def test_a_robot_that_is_not_driven_stays_as_it_was(crawler: OneRobot) -> None:
     robots = Robots(crawler.robot, Yard(size_m=(30.0, 30.0)), ONE_ELEMENT, 2)
     alone = Robots(crawler.robot, Yard(size_m=(30.0, 30.0)), ONE_ELEMENT)
-    for row in (0, 1, 0, 0):
+    for row in (0, 0, 0, 0, 1, 1, 1, 0, 0):
         robots.drive([0.3, 0.3], [1.0, -1.0], 0.1, np.array([row]))
-    alone.drive([0.3], [-1.0], 0.1)
+    for _ in range(3):
+        alone.drive([0.3], [-1.0], 0.1)
     assert np.array_equal(robots.readings.values[1], alone.readings.values[0])
 
 
