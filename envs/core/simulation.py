@@ -96,9 +96,9 @@ class Simulation:
             ),
         )
         self.estimator = make_estimator(scenario.estimator.method, self.array)
-        self.robot, elements = (
-            scenario.robot.description,
-            AntennaElements.checked(nominal.positions_m, nominal.boresights_rad),
+        self.robot = scenario.robot.description
+        elements = AntennaElements.checked(
+            nominal.positions_m, nominal.boresights_rad, nominal.boresight_elevations_rad
         )
         self.robots = Robots(self.robot, yard, elements, n_robots, n_threads)
         self._surroundings = Surroundings.of_kinds(
