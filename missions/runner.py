@@ -21,12 +21,12 @@ from envs.patrol_env import STEP_S, PatrolEnv
 from missions.driving.site_map import SiteMap
 from missions.policies.make_policy import make_policy
 from missions.policies.protocol import SeesTruth
+from missions.record.array_description import describe_array
 from missions.record.logbook import Logbook
 from missions.record.mission_log import MissionLog
 from missions.record.own_locator import OwnLocator
 from missions.record.tracking import Tracker
 from robot_models.drawn_solids import describe_solids
-from sensing import HelicalArray
 
 FloatArray = NDArray[np.float64]
 
@@ -82,15 +82,15 @@ class Mission:
         return len(self._visited)
 
     def _meta(self, scenario: Scenario, policy: str, seed: int, truth: dict[str, Any]) -> dict[str, Any]:
-        nominal = HelicalArray.nominal(scenario.array)
+        array = self.env.simulation.array
         return {
             "versions": {name: version(name) for name in ("pdpatrol", "mujoco", "numpy", "scipy")},
             "name": scenario.name,
             "seed": seed,
             "policy": policy,
             "scenario": scenario.model_dump(mode="json"),
-            "n_elements": int(nominal.boresights_rad.size),
-            "array": {"boresights_rad": nominal.boresights_rad.tolist(), "positions_m": nominal.positions_m.tolist()},
+            "n_elements": array.manifold.n_elements,
+            "array": describe_array(array),
             "bounds_m": [[0.0, 0.0], list(scenario.yard.size_m)],
             "route": scenario.route.model_dump(mode="json"),
             "sites": {name: scenario.yard.site_position(name).tolist() for name in scenario.yard.site_names()},

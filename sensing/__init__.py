@@ -1,6 +1,7 @@
 """What nature and the receiver do: sources and a pose become strengths. It alone knows the truth of radio."""
 
-from sensing.array import ArrayConfig, HelicalArray
+from sensing.array.config import ArrayConfig, ElementConfig
+from sensing.array.helical_array import HelicalArray
 from sensing.nature.discharges import PulseTrain
 from sensing.nature.scene import Scene
 from sensing.nature.sources import Carrier, DischargeSource
@@ -13,6 +14,7 @@ __all__ = [
     "Carrier",
     "Detections",
     "DischargeSource",
+    "ElementConfig",
     "Faces",
     "HelicalArray",
     "Obstacles",

@@ -176,6 +176,7 @@ def _truth(
         "interferers": [describe(source) for source in interferers],
         "array": {
             "boresights_rad": array.boresights_rad.tolist(),
+            "boresight_elevations_rad": array.boresight_elevations_rad.tolist(),
             "gain_factors": array.gain_factors.tolist(),
             "gain_offsets": array.gain_offsets.tolist(),
             "positions_m": array.positions_m.tolist(),

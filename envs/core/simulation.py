@@ -97,7 +97,9 @@ class Simulation:
         )
         self.estimator = make_estimator(scenario.estimator.method, self.array)
         self.robot = scenario.robot.description
-        elements = AntennaElements.checked(nominal.positions_m, nominal.boresights_rad)
+        elements = AntennaElements.checked(
+            nominal.positions_m, nominal.boresights_rad, nominal.boresight_elevations_rad
+        )
         self.robots = Robots(self.robot, yard, elements, n_robots, n_threads)
         self._surroundings = Surroundings.of_kinds(
             [item.kind for item in yard.equipment],

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, PositiveFloat, model_validator
 
+from envs.scenario.array_section import ArraySection
 from envs.scenario.base import Config
 from envs.scenario.estimator import EstimatorConfig
 from envs.scenario.locating import LocatingConfig
@@ -20,7 +21,7 @@ from envs.scenario.robot_config import RobotConfig
 from envs.scenario.robot_sensors import BatteryConfig, LidarConfig, OdometryConfig, PoseSensorConfig
 from envs.scenario.sources import CarrierConfig, InterfererConfig, SourceConfig
 from robot_models.yard.yard import Yard
-from sensing import ArrayConfig, ReceiverConfig
+from sensing import ReceiverConfig
 from sensing.radio.materials import KIND_MATERIALS
 
 FloatArray = NDArray[np.float64]
@@ -57,7 +58,7 @@ class Scenario(Config, frozen=True):
     name: str
     yard: Yard
     route: RouteConfig
-    array: ArrayConfig
+    array: ArraySection
     estimator: EstimatorConfig = EstimatorConfig()
     robot: RobotConfig = Field(default_factory=RobotConfig)
     sources: tuple[SourceConfig, ...] = ()
@@ -101,7 +102,7 @@ class Scenario(Config, frozen=True):
         ]
 
     def _receiver_faults(self) -> list[str]:
-        n, faults = self.array.n_elements, list[str]()
+        n, faults = self.array.n_channels, list[str]()
         channels = [fault.channel for fault in self.receiver.faults]
         for i, fault in enumerate(self.receiver.faults):
             for key, channel in (("channel", fault.channel), ("other", fault.other or 1)):

@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from dirmusic import ArrayModel, Locator, PoseError, PulseBatch, TabulatedPattern
+from dirmusic import ArrayModel, Locator, PoseError, PulseBatch
 from dirmusic.bearing.channel_health import ChannelMonitor
 from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
 from dirmusic.locating.rules import LocatingRules
 from missions.field.field_data import FieldData
+from missions.record.array_description import describe_array
 from missions.record.logbook import Logbook
 from missions.record.mission_log import MissionLog
 from missions.record.tracking import Tracker
@@ -96,10 +97,6 @@ def locate_field_data(
 
 
 def _meta(data: FieldData, array: ArrayModel, fence_m: tuple[float, float] | None) -> dict[str, Any]:
-    pattern = array.manifold.pattern
-    table = None
-    if isinstance(pattern, TabulatedPattern):
-        table = {"off_boresight_rad": pattern.off_boresight_rad.tolist(), "gain": pattern.table_gain.tolist()}
     low, high = data.pose[:, :2].min(axis=0) - MARGIN_M, data.pose[:, :2].max(axis=0) + MARGIN_M
     if fence_m is not None:
         low, high = np.zeros(2), np.asarray(fence_m)
@@ -110,10 +107,6 @@ def _meta(data: FieldData, array: ArrayModel, fence_m: tuple[float, float] | Non
         "policy": None,
         "field_data": {"file": data.path.name, "channels": (data.channels + 1).tolist(), "recorded": data.n_recorded},
         "n_elements": array.manifold.n_elements,
-        "array": {
-            "boresights_rad": array.manifold.boresights_rad.tolist(),
-            "positions_m": array.positions_m.tolist(),
-            "pattern": table,
-        },
+        "array": describe_array(array),
         "bounds_m": [low.tolist(), high.tolist()],
     }

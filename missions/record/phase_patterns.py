@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic import GainManifold, GaussianPattern, TabulatedPattern
 from dirmusic.angles import wrap
 from dirmusic.locating.confirmation import LEVEL_QUANTILE
 from dirmusic.pulses.phase_resolved import PhasePattern, classify
+from missions.record.array_description import described_manifold
 from missions.record.mission_log import MissionLog
 
 FloatArray = NDArray[np.float64]
@@ -34,13 +34,6 @@ class PhaseResolved:
     pattern: PhasePattern
 
 
-def nominal_manifold(log: MissionLog) -> GainManifold:
-    """The data sheet of the array of a mission."""
-    array = log.meta["array"]
-    pattern = TabulatedPattern(**array["pattern"]) if array.get("pattern") else GaussianPattern()
-    return GainManifold(pattern, array["boresights_rad"])
-
-
 def phase_patterns(log: MissionLog) -> dict[int, PhaseResolved]:
     """Phase and level of the pulses that the Locator associated with each finding, by its id.
 
@@ -55,7 +48,7 @@ def phase_patterns(log: MissionLog) -> dict[int, PhaseResolved]:
     from scipy.ndimage import median_filter  # here, so that a command line help need not wait for it
 
     table, association = log.table("finding"), log.table("association")
-    pulse, manifold = log.table("pulse"), nominal_manifold(log)
+    pulse, manifold = log.table("pulse"), described_manifold(log.meta["array"])
     azimuth_rad = log.column("bearing", "azimuth_rad")  # a bearing for each row of the association
     patterns: dict[int, PhaseResolved] = {}
     for number in np.unique(association["finding"][association["finding"] > 0]).tolist():

@@ -10,8 +10,8 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from dirmusic.locating.ellipse import ellipse95, outline95
+from missions.record.array_description import described_manifold
 from missions.record.mission_log import MissionLog
-from missions.record.phase_patterns import nominal_manifold
 from missions.recording import blueprint as paths
 from missions.recording.phase_view import draw_phase_patterns
 from missions.recording.scene import COLOURS, log_scene
@@ -71,7 +71,7 @@ class Recorder:
         self._phase = ""
         self._named: set[int] = set()
         self._trail_steps = TRAIL_STEPS if "scenario" in log.meta else 1
-        gain = nominal_manifold(log).gain(SPECTRUM_AZIMUTHS_RAD)
+        gain = described_manifold(log.meta["array"]).gain(SPECTRUM_AZIMUTHS_RAD)
         self._unit_gain = gain / np.linalg.norm(gain, axis=0)
         log_scene(stream, log.meta)
 

@@ -12,7 +12,7 @@ from envs.scenario.sources import SourceConfig
 from missions.reproduction.exhibits import Campaign, Exhibit, Measured, Row, published
 from missions.reproduction.methods import by_paper, error_deg
 from missions.reproduction.protocol import GRID_DEG
-from sensing.array import HelicalArray
+from sensing.array.helical_array import HelicalArray
 from sensing.nature.pulse_shape import unit_pulse_energy
 from sensing.radio.surroundings import in_array_frame, level_transform, rays_between
 
@@ -58,13 +58,13 @@ def draw_shots(
     position = np.array(source.position_m)
     dock = np.array(scenario.route.dock_m)
     pose = np.array([*dock, np.radians(scenario.route.dock_yaw_deg or 0.0)])
-    amplitude = np.empty((n_draws, scenario.array.n_elements))
+    amplitude = np.empty((n_draws, scenario.array.n_channels))
     for draw in range(n_draws):
         array = HelicalArray.draw(scenario.array, rng)
         rays = rays_between(array.positions_m, in_array_frame(position, level_transform(pose)))
         amplitude[draw] = source.amplitude_v * rays.spreading * array.gain(rays.azimuth_rad, rays.elevation_rad)
     energy_to_noise = np.square(amplitude / receiver.noise_v) * unit_pulse_energy(receiver.sample_rate_hz)
-    shape = (n_draws, source.n_shots or 1, scenario.array.n_elements)
+    shape = (n_draws, source.n_shots or 1, scenario.array.n_channels)
     energy = rng.noncentral_chisquare(receiver.gate_samples, energy_to_noise[:, np.newaxis], shape)
     strengths = receiver.noise_v * np.sqrt(np.maximum(energy - receiver.gate_samples, 0.0))
     return strengths, float(np.degrees(np.arctan2(*(position[:2] - dock)[::-1])))

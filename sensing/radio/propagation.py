@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
-from sensing.array import ArrayTable
+from sensing.array.array_table import ArrayTable
 from sensing.radio.surroundings import Faces, Obstacles, Surroundings
 
 FloatArray = NDArray[np.float64]

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from dirmusic.compiled import plain
 from dirmusic.pulses.batch import PulseBatch
-from sensing.array import ArrayTable, HelicalArray
+from sensing.array.array_table import ArrayTable
+from sensing.array.helical_array import HelicalArray
 from sensing.nature.scene import Scene
 from sensing.radio.incoming import EmittedPulses
 from sensing.radio.propagation import SourceTable

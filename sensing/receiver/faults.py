@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, NonNegativeFloat, PositiveFloat, model_validator
 
+from sensing.array.config import MOST_ELEMENTS
+
 FloatArray = NDArray[np.float64]
 
 FaultKind = Literal["dead", "gain_drift", "saturation", "swapped", "stuck"]
@@ -24,13 +26,13 @@ class ChannelFault(BaseModel, frozen=True, strict=True, extra="forbid", allow_in
     socket. `stuck`: the converter says one number for ever.
     """
 
-    channel: int = Field(ge=1, le=6)
+    channel: int = Field(ge=1, le=MOST_ELEMENTS)
     kind: FaultKind
     start_s: NonNegativeFloat = 0.0
     gain_db: float | None = Field(default=None, ge=-60.0, le=60.0)
     ramp_s: NonNegativeFloat = 0.0
     level_v: PositiveFloat | None = None
-    other: int | None = Field(default=None, ge=1, le=6)
+    other: int | None = Field(default=None, ge=1, le=MOST_ELEMENTS)
 
     @model_validator(mode="after")
     def _has_what_its_kind_needs(self) -> ChannelFault:

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from sensing.array import HelicalArray
+from sensing.array.helical_array import HelicalArray
 from sensing.nature.scene import Scene
 from sensing.receiver.config import ReceiverConfig
 from sensing.receiver.faults import Faults

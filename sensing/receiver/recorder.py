@@ -134,8 +134,9 @@ class Recorder:
 
     @property
     def _aperture_m(self) -> float:
-        """Largest distance between two elements, at most."""
-        return 2 * float(np.linalg.norm(self._array.positions_m[:, :2], axis=-1).max())
+        """Extent of the elements, the larger of breadth and height: how far apart in space arrivals may begin."""
+        breadth_m = 2 * float(np.linalg.norm(self._array.positions_m[:, :2], axis=-1).max())
+        return max(breadth_m, float(np.ptp(self._array.positions_m[:, 2])))
 
     def _signals(self, incoming: Incoming, start_s: FloatArray, n_samples: int, burst_s: FloatArray) -> FloatArray:
         """Noise-free records for a peak of 1 V, shape (n, n_elements, n_samples); bursts where they last at all."""

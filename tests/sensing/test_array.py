@@ -1,24 +1,76 @@
-"""The array: gain towards anywhere, in compiled loops and by the formula that direction finding uses."""
+"""The array as nature has it: its elements, and their gain in compiled loops against the formula."""
 
 import numpy as np
+import pytest
 
 from dirmusic.array.elevation import gain_in_space
-from sensing import ArrayConfig, HelicalArray
-from sensing.array import ArrayTable
-from sensing.radio.arrivals import gain_towards
+from sensing import ArrayConfig, ElementConfig, HelicalArray
+from sensing.array.array_table import ArrayTable, Boresight
+from sensing.radio.arrivals import PatternTable, gain_towards
+
+TILTED = ArrayConfig(
+    elements=tuple(ElementConfig(azimuth_deg=60.0 * k, elevation_deg=(-50.0, 20.0, 89.0)[k % 3]) for k in range(6))
+)
 
 
-def test_the_gain_towards_anywhere_is_what_the_pattern_says_to_nine_digits() -> None:
+@pytest.mark.parametrize("config", [ArrayConfig(), TILTED, ArrayConfig(n_elements=16)], ids=["level", "tilted", "16"])
+def test_the_gain_towards_anywhere_is_what_the_pattern_says_to_nine_digits(config: ArrayConfig) -> None:
     """The compiled table of the gain against the formula that direction finding uses."""
-    rng, array = np.random.default_rng(0), HelicalArray.draw(ArrayConfig(), np.random.default_rng(1))
+    rng, array = np.random.default_rng(0), HelicalArray.draw(config, np.random.default_rng(1))
     table = ArrayTable.of([array])
-    for x, y, up in rng.normal(0.0, 5.0, (200, 3)):
-        azimuth, elevation = np.arctan2(y, x), np.arctan2(up, np.hypot(x, y))
-        by_table = [
-            gain_towards(table.pattern_gain, table.pattern_slope, cos, sin, x, y, up)
-            for cos, sin in table.boresight_cos_sin[0]
-        ]
-        by_formula = gain_in_space(array.pattern, azimuth - array.boresights_rad, elevation).gain
+    pattern = PatternTable(table.pattern_gain, table.pattern_slope)
+    for x, y, z in rng.normal(0.0, 5.0, (200, 3)):
+        azimuth, elevation = np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))
+        by_table = [gain_towards(pattern, Boresight(*boresight), x, y, z) for boresight in table.boresights[0]]
+        off_rad = azimuth - array.boresights_rad
+        by_formula = gain_in_space(array.pattern, off_rad, elevation, array.boresight_elevations_rad).gain
         off = np.abs(np.array(by_table) - by_formula)
         assert np.sort(off)[-2] < 1e-9  # one direction may lie on the step of eq. (1), which the table slopes
         assert off.max() < 0.01
+        towards = array.gain(np.full(off.size, azimuth), np.full(off.size, elevation))
+        np.testing.assert_array_equal(towards, array.gain_factors * by_formula + array.gain_offsets)
+
+
+@pytest.mark.parametrize("n", [3, 4, 6, 16])
+def test_a_ring_is_even_begins_at_the_left_and_goes_round_clockwise(n: int) -> None:
+    array = HelicalArray.nominal(ArrayConfig(n_elements=n, ring_radius_m=0.2, height_m=0.7))
+    places_m = array.positions_m
+    np.testing.assert_allclose(places_m[0], [0.0, 0.2, 0.7], atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(places_m[:, :2], axis=-1), 0.2)
+    turned = places_m[:, 0] + 1j * places_m[:, 1]
+    np.testing.assert_allclose(np.roll(turned, -1) / turned, np.exp(-2j * np.pi / n))
+    np.testing.assert_allclose(np.exp(1j * array.boresights_rad), turned / 0.2)
+    assert not array.boresight_elevations_rad.any()
+
+
+def test_a_list_of_elements_says_where_each_points_and_sits_and_what_is_left_out_lies_on_the_ring() -> None:
+    first = ElementConfig(azimuth_deg=10.0, elevation_deg=20.0, position_m=(0.1, 0.0, 0.9))
+    others = [ElementConfig(azimuth_deg=azimuth) for azimuth in (120.0, 240.0)]
+    array = HelicalArray.nominal(ArrayConfig(elements=(first, *others), ring_radius_m=0.2, height_m=0.7))
+    np.testing.assert_allclose(np.degrees(array.boresights_rad), [10.0, 120.0, 240.0])
+    np.testing.assert_allclose(np.degrees(array.boresight_elevations_rad), [20.0, 0.0, 0.0])
+    np.testing.assert_allclose(array.positions_m[0], [0.1, 0.0, 0.9])
+    np.testing.assert_allclose(array.positions_m[1], [-0.1, 0.2 * np.sin(np.radians(120)), 0.7])
+
+
+def test_four_of_six_elements_are_the_first_four_of_the_ring() -> None:
+    four = ArrayConfig(elements=tuple(ElementConfig(azimuth_deg=a) for a in (90.0, 30.0, -30.0, -90.0)))
+    some, ring = HelicalArray.nominal(four), HelicalArray.nominal(ArrayConfig())
+    np.testing.assert_allclose(some.boresights_rad, ring.boresights_rad[:4], atol=1e-15)
+    np.testing.assert_allclose(some.positions_m, ring.positions_m[:4], atol=1e-15)
+
+
+def test_a_turned_array_receives_from_turned_directions_what_it_received_before() -> None:
+    """Tilt and azimuth of the boresights are those of one rotation of the whole array."""
+    array, rng = HelicalArray.nominal(TILTED), np.random.default_rng(0)
+    table, turn = ArrayTable.of([array]), 0.7
+    turned_boresights = [
+        Boresight(np.cos(a + turn), np.sin(a + turn), np.cos(e), np.sin(e))
+        for a, e in zip(array.boresights_rad, array.boresight_elevations_rad, strict=True)
+    ]
+    pattern = PatternTable(table.pattern_gain, table.pattern_slope)
+    for x, y, z in rng.normal(0.0, 5.0, (50, 3)):
+        at = (x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn), z)
+        before = [gain_towards(pattern, Boresight(*boresight), x, y, z) for boresight in table.boresights[0]]
+        after = [gain_towards(pattern, boresight, *at) for boresight in turned_boresights]
+        np.testing.assert_allclose(after, before, atol=1e-7)

@@ -13,7 +13,7 @@ from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
 from robot_models.yard.pieces import BoxEquipment
 from robot_models.yard.yard import Yard
 from sensing import Faces, HelicalArray, Obstacles, Surroundings, level_transform
-from sensing.array import ArrayTable
+from sensing.array.array_table import ArrayTable
 from sensing.radio.arrivals import propagate
 from sensing.radio.materials import KIND_MATERIALS, METAL
 from sensing.radio.propagation import Propagation, SourceTable
@@ -45,7 +45,12 @@ def paths_between(
 ) -> Paths:
     one, zero, at = np.ones(1), np.zeros(1), np.array([element_m])
     element = HelicalArray(
-        pattern=Isotropic(), boresights_rad=zero, positions_m=at, gain_factors=one, gain_offsets=zero
+        pattern=Isotropic(),
+        boresights_rad=zero,
+        boresight_elevations_rad=zero,
+        positions_m=at,
+        gain_factors=one,
+        gain_offsets=zero,
     )
     sources = SourceTable(np.array([[source_m]]), np.zeros((1, 1)))
     around = Propagation(sources, world_from_array[np.newaxis], ArrayTable.of([element]), surroundings)

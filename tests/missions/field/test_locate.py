@@ -16,7 +16,7 @@ from missions.field.field_data import FieldData, read_field_data
 from missions.field.locate_field_data import locate_field_data
 from missions.record.mission_log import MissionLog
 from missions.record.report import make_report
-from sensing import ArrayConfig, HelicalArray
+from sensing import ArrayConfig, ElementConfig, HelicalArray
 from sensing.nature.pulse_shape import unit_pulse_energy
 from sensing.radio.surroundings import in_array_frame, level_transform, rays_between
 
@@ -24,6 +24,7 @@ ROOT = Path(__file__).parents[3]
 EXAMPLE = ROOT / "examples" / "locate"
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 NOISE_V = 1e-3
+FOUR_OF_SIX = tuple(ElementConfig(azimuth_deg=azimuth) for azimuth in (90.0, 30.0, -30.0, -90.0))
 HEADER = "time_s,x_m,y_m,yaw_deg,strength_1,strength_2,strength_3"
 SPREAD = ElementSpread(gain=0.05, pointing_rad=np.radians(2.0))
 POSE_ERROR = PoseError(position_m=0.05, heading_rad=np.radians(0.5), correlation_s=5.0)
@@ -43,7 +44,8 @@ def survey(
 ) -> list[list[float]]:
     """A strength table of one pulse per pose and source, from an imperfect array at imperfectly known poses."""
     rng = np.random.default_rng(seed)
-    array = HelicalArray.draw(ArrayConfig(n_elements=4 if n_elements == 4 else 6), rng)
+    config = ArrayConfig(elements=FOUR_OF_SIX) if n_elements == 4 else ArrayConfig()
+    array = HelicalArray.draw(config, rng)
     energy_to_noise = unit_pulse_energy(20e9) / NOISE_V**2
     rows: list[list[float]] = []
     for k, (x, y, yaw) in enumerate(poses):

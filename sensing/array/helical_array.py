@@ -1,0 +1,76 @@
+"""An array of helical antennas: the data sheet's, or one as it was really built."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dirmusic import GainManifold, GainPattern
+from dirmusic.array.elevation import gain_in_space
+from sensing.array.config import ArrayConfig
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class HelicalArray:
+    """One array, in the array frame: x forward, y left, z up from the ground under the ring's centre.
+
+    Attributes:
+        pattern: Gain of every element over the angle off its boresight.
+        boresights_rad: Azimuth of each boresight, shape (n_elements,).
+        boresight_elevations_rad: Elevation of each boresight, shape (n_elements,).
+        positions_m: Where the elements sit, shape (n_elements, 3).
+        gain_factors: Shape (n_elements,), unitless, one for the data sheet.
+        gain_offsets: Additions to the gains, shape (n_elements,), unitless, zero for the data sheet.
+    """
+
+    pattern: GainPattern
+    boresights_rad: FloatArray
+    boresight_elevations_rad: FloatArray
+    positions_m: FloatArray
+    gain_factors: FloatArray
+    gain_offsets: FloatArray
+
+    @property
+    def n_elements(self) -> int:
+        """Number of elements."""
+        return self.boresights_rad.size
+
+    @classmethod
+    def nominal(cls, config: ArrayConfig) -> Self:
+        """The array of the data sheet: the only one that the estimator knows."""
+        n = config.n_channels
+        return cls(
+            pattern=config.nominal_pattern(),
+            **config.nominal_elements()._asdict(),
+            gain_factors=np.ones(n),
+            gain_offsets=np.zeros(n),
+        )
+
+    @classmethod
+    def draw(cls, config: ArrayConfig, rng: np.random.Generator) -> Self:
+        """An array as it was really built: the data sheet with its errors, and the pattern that is true."""
+        nominal, n = config.nominal_elements(), config.n_channels
+        pointing = rng.normal(0.0, np.radians(config.pointing_error_deg), n)
+        return cls(
+            pattern=config.real_pattern(),
+            boresights_rad=nominal.boresights_rad + pointing,
+            boresight_elevations_rad=nominal.boresight_elevations_rad,
+            positions_m=nominal.positions_m + rng.normal(0.0, config.position_error_m, (n, 3)),
+            gain_factors=np.exp(rng.normal(0.0, config.gain_error, n)),
+            gain_offsets=rng.uniform(-config.gain_offset, config.gain_offset, n),
+        )
+
+    def manifold(self) -> GainManifold:
+        """The far-field manifold of the elements' pattern and boresights; of the nominal array, what estimators use."""
+        return GainManifold(self.pattern, self.boresights_rad, boresight_elevations_rad=self.boresight_elevations_rad)
+
+    def gain(self, azimuth_rad: FloatArray, elevation_rad: FloatArray) -> FloatArray:
+        """Gain of element i towards its own direction i, array frame; all of shape (..., n_elements)."""
+        off_boresight_rad = azimuth_rad - self.boresights_rad
+        towards = gain_in_space(self.pattern, off_boresight_rad, elevation_rad, self.boresight_elevations_rad).gain
+        return self.gain_factors * towards + self.gain_offsets
