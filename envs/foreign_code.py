@@ -87,13 +87,13 @@ def calling(thing: object, expected: str) -> Iterator[None]:
         if isinstance(error, ForeignCodeError):
             raise
         text = traceback.format_exception_only(error)[0].strip()
-        folder, place = _source_of(thing)[0].parent, place_of(thing)
-        for frame, line in list(traceback.walk_tb(error.__traceback__))[2:]:  # after this function and its caller
-            if (running := Path(frame.f_code.co_filename)).is_absolute() and running.parent == folder:
-                place = _shown(running, line)
+        folder = _source_of(thing)[0].parent
+        frames = traceback.extract_tb(error.__traceback__)[2:]  # without this function and its caller
+        foreign = [_shown(Path(f.filename), f.lineno) for f in frames if os.path.dirname(f.filename) == str(folder)]
+        place = foreign[-1] if foreign else place_of(thing)
         if isinstance(error, SyntaxError):
-            text, file = f"{type(error).__name__}: {error.msg}", Path(error.filename or "")
-            place = _shown(file, error.lineno) if file.is_file() else place
+            text, broken = f"{type(error).__name__}: {error.msg}", Path(error.filename or "")
+            place = _shown(broken, error.lineno) if broken.is_file() else place
         if isinstance(error, ModuleNotFoundError) and (folder / f"{error.name}.py").is_file():
             text += f"; a file of the same folder: `from . import {error.name}`"
         raise ForeignCodeError(f"{place}: {textwrap.shorten(text, 240)}; expected {expected}") from error

@@ -1,1 +1,1 @@
-"""Who drives."""
+"""Policies: what decides where the robot drives."""

@@ -42,6 +42,7 @@ class Policy(Protocol):
     `unreachable`, numbers of the waypoints that it has given up, from 1 (default: none). Both are logged.
 
     **Truth.** Only a policy that has `reveal(truth)` is given the truth, once before the first call; see `SeesTruth`.
+    A collision guard does not pass it on: put the guard inside, as `oracle` does.
 
     **Collisions.** The runner does not keep the robot from obstacles. `missions.driving.collision_guard.CollisionGuard`
     around a policy stops before what the lidar sees, puts it on the policy's map and backs off when stuck. Name a

@@ -1,22 +1,19 @@
-"""What a change is worth: variants, scores with their intervals, and the table of the README."""
+"""What a change is worth: variants, and scores with their intervals."""
 
 import json
 import subprocess
 import sys
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from envs import load_scenario, shipped_scenarios
-from missions.comparison.scores import Interval, MissionScore, as_json, from_json, score_mission, summarise
-from missions.comparison.table import markdown
+from missions.comparison.scores import MissionScore, as_json, from_json, score_mission, summarise
 from missions.comparison.variants import VARIANTS, Variant
 from missions.comparison.worth import compare
 from missions.runner import run_mission
 
-ROOT = Path(__file__).parents[2]
 PDPATROL = Path(sys.executable).parent / "pdpatrol"
 
 
@@ -85,25 +82,3 @@ def test_what_cannot_be_compared_is_refused_in_one_line(arguments: list[str], na
     assert named in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
-
-
-def test_the_table_of_the_readme_is_the_measured_one() -> None:
-    data = json.loads((ROOT / "docs" / "worth.json").read_text(encoding="utf-8"))
-    assert data["missions"] >= 20
-    scores = {f"{each['group']}: {each['name']}": from_json(each) for each in data["variants"]}
-    assert markdown(VARIANTS, scores) in (ROOT / "README.md").read_text(encoding="utf-8")
-
-
-def test_more_elements_and_better_estimators_are_never_worse_by_more_than_the_interval() -> None:
-    data = json.loads((ROOT / "docs" / "worth.json").read_text(encoding="utf-8"))
-    scores = [(each["group"], from_json(each)) for each in data["variants"]]
-
-    def is_worse(later: Interval, earlier: Interval) -> bool:
-        return bool(later.low > earlier.high)
-
-    for (group, earlier), (same, later) in pairwise(scores):
-        if group == same and group != "robot":
-            assert not is_worse(later.bearing_rmse_deg, earlier.bearing_rmse_deg)
-            assert not is_worse(later.error_m, earlier.error_m)
-            assert not is_worse(later.confirmed_s, earlier.confirmed_s)
-            assert not is_worse(earlier.found, later.found)
