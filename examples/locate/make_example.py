@@ -1,4 +1,4 @@
-"""Make this example: one discharge, detected from sixteen poses by the simulator's own array and receiver.
+"""Make this example: one discharge, detected from fourteen poses by the simulator's own array and receiver.
 
     uv run python examples/locate/make_example.py
 
@@ -26,8 +26,8 @@ SOURCE = DischargeSource(
     name="bushing", position_m=np.array([14.0, 9.0, 1.9]), amplitude_v=0.27, pulse_rate_hz=6.0, n_shots=6
 )
 POSES = [  # x m, y m, yaw deg: past the source, then round it
-    (4.0, 4.5, 0), (6.0, 4.5, 0), (8.0, 4.5, 5), (10.0, 4.8, 10), (12.0, 5.2, 10), (14.0, 5.6, 20), (16.0, 6.4, 35),
-    (17.4, 7.8, 60), (17.8, 9.6, 95), (17.0, 11.2, 130), (15.4, 12.2, 165), (13.4, 12.2, 190), (11.6, 11.4, 215),
+    (4.0, 4.5, 0), (8.0, 4.5, 5), (10.0, 4.8, 10), (12.0, 5.2, 10), (14.0, 5.6, 20), (16.0, 6.4, 35),
+    (17.4, 7.8, 60), (17.8, 9.6, 95), (17.0, 11.2, 130), (15.4, 12.2, 165), (11.6, 11.4, 215),
     (10.6, 9.8, 250), (10.6, 8.0, 280), (11.6, 6.6, 320),
 ]  # fmt: skip
 DWELL_S = 20.0

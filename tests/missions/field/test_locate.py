@@ -108,8 +108,8 @@ def test_the_log_of_field_data_reads_back_and_holds_no_truth(tmp_path: Path) -> 
     log = locate_field_data(data, array_model(data, SPREAD, None, None, 0.12), POSE_ERROR)
     log.save(tmp_path)
     back = MissionLog.load(tmp_path)
-    assert back.n_rows("step") == 16
-    assert back.n_rows("pulse") == 96
+    assert back.n_rows("step") == 14
+    assert back.n_rows("pulse") == 84
     assert np.isnan(back.column("step", "true_pose")).all()
     assert "truth" not in back.meta
     assert "evaluation" not in make_report(back, 0.0)
