@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from envs.random_yard import random_yard
-from robot_models.world import build_model
+from robot_models.description.library import load_robot
+from robot_models.world import build_spec
 from robot_models.yard.pieces import BoxEquipment, CylinderEquipment
 from robot_models.yard.yard import Yard
 from sensing import Obstacles
@@ -74,7 +75,7 @@ def test_straight_up_through_a_bushing_is_through_it_and_beside_it_is_not() -> N
 def test_what_a_line_crosses_is_what_the_rays_of_mujoco_meet(seed: int) -> None:
     """The same solids, built by another hand: every piece along each line, in yards of the catalogue."""
     yard, rng = random_yard(seed, 8).yard, np.random.default_rng(seed)
-    model = build_model(yard, np.array([[0.0, 0.0, 0.6]]), np.zeros(1))
+    model = build_spec(load_robot("inspector"), yard).compile()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     starts, ends = (rng.uniform(0.0, [*yard.size_m, 6.0], (400, 3)) for _ in range(2))
