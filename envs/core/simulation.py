@@ -6,7 +6,7 @@ that is computed for it is computed along the row alone.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -247,16 +247,16 @@ class Simulation:
         suspects: list[tuple[SuspectChannel, ...]] = [()] * len(self._monitors)
         found = self.estimator(detections.pulses, self.array)
         pulses = detections.pulses._replace(azimuth_rad=found.azimuth_rad, std_rad=found.std_rad, misfit=found.misfit)
-        rows = detections.robot
-        for row in np.unique(rows).tolist() if rows.size else ():
-            own, monitor = slice(*np.searchsorted(rows, [row, row + 1]).tolist()), self._monitors[row]
+        for row, own in _runs(detections.robot.tolist()):
+            monitor = self._monitors[row]
+            batch = pulses if len(self._monitors) == 1 else pulses.take(own)
             if monitor.n_bad:
-                again, suspects[row] = monitor.watch(pulses.take(own))
+                again, suspects[row] = monitor.watch(batch)
             else:
-                suspects[row] = monitor.note(pulses.take(own))
+                suspects[row] = monitor.note(batch)
                 if not suspects[row]:
                     continue
-                again = monitor.bearings(pulses.take(own))
+                again = monitor.bearings(batch)
             for column, renewed in zip(pulses, again, strict=True):
                 column[own] = renewed
             self._usable[row] = monitor.good
@@ -269,6 +269,17 @@ class Simulation:
         detected = robot, pulses.strengths_v, pulses.azimuth_rad
         parameters, progress = tuple(self._observation_parameters), tuple(self._progress)
         return perceive(sensed, parameters, progress, detected, self._usable, self._spectrum_gain).T
+
+
+def _runs(rows: list[int]) -> Iterator[tuple[int, slice]]:
+    """Each number in a list in which equal ones lie together, and where they lie."""
+    first = 0
+    while first < len(rows):
+        end = first + 1
+        while end < len(rows) and rows[end] == rows[first]:
+            end += 1
+        yield rows[first], slice(first, end)
+        first = end
 
 
 def _listener(episode: Episode, generators: Generators) -> Listener:
