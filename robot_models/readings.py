@@ -34,8 +34,11 @@ class Physics(NamedTuple):
     beams_m: FloatArray
 
 
-POSE, VELOCITY, WHEEL_ANGLES, MOTOR_POWER, LIDAR = slice(0, 3), slice(3, 5), slice(5, 7), 7, slice(8, None)
+POSE, VELOCITY, WHEEL_ANGLES, MOTOR_POWER, UPRIGHT, LIDAR = slice(0, 3), slice(3, 5), slice(5, 7), 7, 8, slice(9, None)
 """Columns of `Readings.values`."""
+
+LEAST_UPRIGHT = np.cos(np.radians(45.0))
+"""A robot that is less upright has fallen over (assumed: no wheeled robot gets up from there)."""
 
 
 class Readings(NamedTuple):
@@ -70,6 +73,11 @@ class Readings(NamedTuple):
         return self.values[:, MOTOR_POWER]
 
     @property
+    def upright(self) -> FloatArray:
+        """Cosine of the base's lean, shape (n,): 1 is upright."""
+        return self.values[:, UPRIGHT]
+
+    @property
     def lidar_m(self) -> FloatArray:
         """Ranges from the robot's middle, at most the lidar's reach, shape (n, n_beams)."""
         return self.values[:, LIDAR]
@@ -81,7 +89,7 @@ def _read(
 ) -> tuple[FloatArray, FloatArray]:
     physics, wheels = Physics(*live), Drive(*drive)
     n, n_beams = physics.beams_m.shape
-    values, world_from_base = np.zeros((n, 8 + n_beams)), np.zeros((n, 4, 4))
+    values, world_from_base = np.zeros((n, 9 + n_beams)), np.zeros((n, 4, 4))
     pose, velocity, wheel_angles = values[:, POSE], values[:, VELOCITY], values[:, WHEEL_ANGLES]
     motor_power_w, lidar_m = values[:, MOTOR_POWER], values[:, LIDAR]
     for r in range(n):
@@ -97,6 +105,7 @@ def _read(
         for i in range(3):
             frame[i, 3] = physics.base[r, i]
         pose[r, 0], pose[r, 1], pose[r, 2] = frame[0, 3], frame[1, 3], yaw
+        values[r, UPRIGHT] = frame[2, 2]
         moving = physics.base_velocity[r]
         velocity[r, 0] = np.cos(yaw) * moving[0] + np.sin(yaw) * moving[1]
         velocity[r, 1] = moving[5]

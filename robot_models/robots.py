@@ -29,8 +29,6 @@ IntArray = NDArray[np.intp]
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 """All that physics goes on from."""
 
-_LEAST_UPRIGHT = np.cos(np.radians(45.0))
-
 _CONTACT_SIZE = 4
 """Numbers that the sensors of the hull remember of each contact: found, x, y, z."""
 
@@ -100,6 +98,7 @@ class Robots:
             set_point=np.zeros((n_robots, 2)),
             added_radps=np.zeros(n_robots),
         )
+        self._plain_feedback = tuple(self._feedback)
         self._touches = self._remembered_contacts([model.sensor(name).id for name in hull])
         self._n_remembered = self._touches.shape[2]
         self._places: list[set[tuple[float, float]]] = [set() for _ in range(n_robots)]
@@ -134,11 +133,6 @@ class Robots:
     def touched(self) -> list[tuple[str, ...]]:
         """What each robot touched since its last `drive` or `reset` began: `equipment/NAME`, `fence/SIDE`."""
         return [tuple(sorted(self._yard.obstacles_at(list(places)))) if places else () for places in self._places]
-
-    @property
-    def fell_over(self) -> NDArray[np.bool_]:
-        """Whose base leans by more than 45 degrees, shape (n_robots,)."""
-        return self.readings.world_from_base[:, 2, 2] < _LEAST_UPRIGHT
 
     def reset(self, rows: Sequence[int] | NDArray[np.intp], poses: ArrayLike) -> None:
         """Stand some robots at rest on their wheels; their time and all state start from zero.
@@ -195,7 +189,7 @@ class Robots:
                 f"`duration_s` must be a positive multiple of the physics step, {self.step_s:g} s, got {duration_s:g}."
             )
         driven = self._all_rows if rows is None else rows
-        if not command(v, turn, driven, duration_s, self._steering, self._wheels, tuple(self._feedback), self._ctrl):
+        if not command(v, turn, driven, duration_s, self._steering, self._wheels, self._plain_feedback, self._ctrl):
             raise ValueError(f"`v_mps` and `yaw_rate_radps` must be finite, got {v} and {turn}.")
         if any(self._places):
             for row in driven.tolist():

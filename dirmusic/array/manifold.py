@@ -42,6 +42,11 @@ class ManifoldTable(NamedTuple):
     unit_pairs: FloatArray
 
 
+def ring_boresights_rad(n_elements: int) -> FloatArray:
+    """Boresights of a uniform ring, +90 - 360 k / n degrees: element 1 points left, the next further clockwise."""
+    return np.pi / 2 - 2 * np.pi * np.arange(n_elements) / n_elements
+
+
 class GainManifold:
     """The gain array manifold that the estimator believes in.
 
@@ -117,8 +122,8 @@ class GainManifold:
 
     @classmethod
     def ring(cls, n_elements: int = 6, pattern: GainPattern | None = None) -> Self:
-        """A uniform ring with boresights +90 - 360 k / n degrees: element 1 points left, the next further clockwise."""
-        return cls(pattern or GaussianPattern(), np.pi / 2 - 2 * np.pi * np.arange(n_elements) / n_elements)
+        """A uniform ring with the boresights of `ring_boresights_rad`."""
+        return cls(pattern or GaussianPattern(), ring_boresights_rad(n_elements))
 
     def take(self, elements: Sequence[int] | NDArray[np.intp] | NDArray[np.bool_]) -> GainManifold:
         """The manifold of some elements alone, by index or mask: a four-channel receiver, or dead channels left out."""

@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dirmusic.pulses.batch import PulseBatch
+
 FloatArray = NDArray[np.float64]
 
 LEAST_SHARE = 0.01
@@ -31,6 +33,11 @@ class Bearings(NamedTuple):
     azimuth_rad: FloatArray
     std_rad: FloatArray
     misfit: FloatArray
+
+    def attached_to(self, pulses: PulseBatch) -> PulseBatch:
+        """Those pulses with these directions, one for each."""
+        time_s, strengths_v, variance_v2, _, _, _, is_usable, mains_phase_rad, is_clipped = pulses
+        return PulseBatch(time_s, strengths_v, variance_v2, *self, is_usable, mains_phase_rad, is_clipped)
 
     def take(self, rows: slice | NDArray[np.bool_]) -> Bearings:
         """Some of the directions, by slice or mask."""

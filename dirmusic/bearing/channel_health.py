@@ -130,15 +130,9 @@ class ChannelMonitor:
     def bearings(self, pulses: PulseBatch) -> PulseBatch:
         """The pulses with directions from the usable channels, and with those marked."""
         if not self._n_bad:
-            found = self._estimator(pulses, self.array)
-            return pulses._replace(azimuth_rad=found.azimuth_rad, std_rad=found.std_rad, misfit=found.misfit)
+            return self._estimator(pulses, self.array).attached_to(pulses)
         found = self._estimator(pulses.take_channels(self.good), self.array.take(self.good))
-        return pulses._replace(
-            azimuth_rad=found.azimuth_rad,
-            std_rad=found.std_rad,
-            misfit=found.misfit,
-            is_usable=np.broadcast_to(self.good, pulses.strengths_v.shape),
-        )
+        return found.attached_to(pulses)._replace(is_usable=np.broadcast_to(self.good, pulses.strengths_v.shape))
 
     def watch(self, pulses: PulseBatch) -> tuple[PulseBatch, tuple[SuspectChannel, ...]]:
         """The pulses with their directions, and the channels that these pulses show to be at fault."""

@@ -25,12 +25,15 @@ FloatArray = NDArray[np.float64]
 class MaximumLikelihood:
     """The default estimator: each pulse on its own, off the grid, with its deviation; see `estimate_bearings`."""
 
-    def __call__(self, pulses: PulseBatch, array: ArrayModel) -> Bearings:
-        """Directions of the pulses, shape (n_pulses,); as of `estimator.BearingEstimator`."""
+    def __init__(self) -> None:
         from dirmusic.bearing.likelihood_kernels import bearings_of_pulses  # loads the compiler
 
+        self._bearings_of_pulses = bearings_of_pulses
+
+    def __call__(self, pulses: PulseBatch, array: ArrayModel) -> Bearings:
+        """Directions of the pulses, shape (n_pulses,); as of `estimator.BearingEstimator`."""
         strengths, variance = pulses.strengths_v[:, np.newaxis], pulses.variance_v2[:, np.newaxis]
-        return bearings_of_pulses(strengths, variance, tuple(array.manifold.table), NO_DIRECTION)
+        return self._bearings_of_pulses(strengths, variance, tuple(array.manifold.table), NO_DIRECTION)
 
 
 def estimate_bearings(

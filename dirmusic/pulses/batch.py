@@ -75,10 +75,25 @@ class PulseBatch(NamedTuple):
         )
 
     @classmethod
+    def room(cls, n_pulses: int, n_elements: int) -> Self:
+        """Room for pulses, for a compiled loop to fill in."""
+        shape = n_pulses, n_elements
+        return cls(
+            np.empty(n_pulses),
+            np.empty(shape),
+            np.empty(shape),
+            np.empty(n_pulses),
+            np.empty(n_pulses),
+            np.empty(n_pulses),
+            np.empty(shape, dtype=np.bool_),
+            np.empty(n_pulses),
+            np.empty(shape, dtype=np.bool_),
+        )
+
+    @classmethod
     def none(cls, n_elements: int) -> Self:
         """No pulse at all."""
-        nothing = np.empty((0, n_elements))
-        return cls.detected(np.empty(0), nothing, nothing)
+        return cls.room(0, n_elements)
 
     @classmethod
     def join(cls, batches: Sequence[PulseBatch]) -> Self:

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dirmusic.compiled import compiled
 from envs.core.progress import MAX_BEARING_AGE_S
 from robot_models.sensors import LIDAR_BEAMS, LIDAR_RANGE_M
 
@@ -26,8 +25,8 @@ POSE_MARGIN_M = 5.0
 class Entries(NamedTuple):
     """Something for each entry of the observation, in the order in which they lie; `PatrolEnv` says what they mean.
 
-    As bounds, pairs of the lowest and the highest values, each of shape (size,); as places, pairs of the first row and
-    the one after the last; inside compiled loops, views of shape (size, n_robots).
+    As bounds, pairs of the lowest and the highest values, each of shape (size,); as places, the numbers of their first
+    values.
     """
 
     pose: Any
@@ -84,7 +83,7 @@ class ObservationLayout:
 
     Attributes:
         bounds: As given.
-        places: First row of each entry, and the one after its last.
+        places: Number of the first value of each entry.
         low: Lowest values of all entries one after the other, shape (n_entries,).
         high: Highest values, shape (n_entries,).
     """
@@ -94,28 +93,12 @@ class ObservationLayout:
         low, high = zip(*bounds, strict=True)
         self.low, self.high = np.concatenate(low), np.concatenate(high)
         ends = np.cumsum([entry.size for entry in low]).tolist()
-        self.places = Entries(*zip([0, *ends[:-1]], ends, strict=True))
-        self._slices = [(name, (..., slice(*place))) for name, place in self.places._asdict().items()]
+        self.places = Entries(0, *ends[:-1])
+        self._slices = [
+            (name, (..., slice(first, end)))
+            for (name, first), end in zip(self.places._asdict().items(), ends, strict=True)
+        ]
 
     def parts(self, observation: Float32Array) -> dict[str, Float32Array]:
         """An observation by name, from all its entries along the last axis: of one robot, or a row for each."""
         return {name: observation[part] for name, part in self._slices}
-
-
-@compiled
-def sliced(observation: Float32Array, places: tuple[tuple[int, int], ...]) -> Entries:
-    """Views of an observation (n_entries, n_robots) by name; `places` is a plain `Entries`."""
-    at = Entries(*places)
-    return Entries(
-        observation[at.pose[0] : at.pose[1]],
-        observation[at.lidar[0] : at.lidar[1]],
-        observation[at.velocity[0] : at.velocity[1]],
-        observation[at.heard[0] : at.heard[1]],
-        observation[at.strengths[0] : at.strengths[1]],
-        observation[at.level[0] : at.level[1]],
-        observation[at.spectrum[0] : at.spectrum[1]],
-        observation[at.bearing[0] : at.bearing[1]],
-        observation[at.bearing_age[0] : at.bearing_age[1]],
-        observation[at.waypoint[0] : at.waypoint[1]],
-        observation[at.time_left[0] : at.time_left[1]],
-    )

@@ -11,7 +11,7 @@ from dirmusic.bearing.likelihood_kernels import pulse_spectra
 from dirmusic.bearing.spectrum import LEAST_NULL
 from dirmusic.compiled import compiled
 from envs.core.loudest_pulse import LoudestPulse, loudest_pulse, note_bearings
-from envs.core.observation_layout import sliced
+from envs.core.observation_layout import Entries
 from envs.core.progress import Progress
 from robot_models.readings import LIDAR, VELOCITY
 
@@ -36,7 +36,7 @@ class ObservationParameters(NamedTuple):
     stops_m: FloatArray
     low: NDArray[np.float32]
     high: NDArray[np.float32]
-    places: tuple[tuple[int, int], ...]
+    places: tuple[int, ...]
     lidar_range_m: float
     lidar_std_m: float
     noise_v: float
@@ -100,30 +100,35 @@ def observe(
     n_robots, n_beams = lidar_m.shape
     spectrum = pulse_spectra(loudest.strengths, spectrum_gain, LEAST_NULL)
     observation = np.zeros((parameters.low.size, n_robots), np.float32)
-    entry = sliced(observation, parameters.places)
+    at = Entries(*parameters.places)
     for r in range(n_robots):
-        entry.pose[0, r], entry.pose[1, r] = sensed.pose[r, 0], sensed.pose[r, 1]
-        entry.pose[2, r], entry.pose[3, r] = np.cos(sensed.pose[r, 2]), np.sin(sensed.pose[r, 2])
+        observation[at.pose, r], observation[at.pose + 1, r] = sensed.pose[r, 0], sensed.pose[r, 1]
+        observation[at.pose + 2, r], observation[at.pose + 3, r] = np.cos(sensed.pose[r, 2]), np.sin(sensed.pose[r, 2])
         for beam in range(n_beams):
             range_m = lidar_m[r, beam]
             noisy_m = range_m + parameters.lidar_std_m * sensed.lidar_normal[r, beam]
-            entry.lidar[beam, r] = noisy_m if range_m < parameters.lidar_range_m else parameters.lidar_range_m
-        entry.velocity[0, r], entry.velocity[1, r] = velocity[r, 0], velocity[r, 1]
+            observation[at.lidar + beam, r] = (
+                noisy_m if range_m < parameters.lidar_range_m else parameters.lidar_range_m
+            )
+        observation[at.velocity, r], observation[at.velocity + 1, r] = velocity[r, 0], velocity[r, 1]
         if loudest.level_v[r] > 0.0:
-            entry.heard[0, r] = 1.0
-            entry.level[0, r] = np.log10(loudest.level_v[r] / parameters.noise_v)
+            observation[at.heard, r] = 1.0
+            observation[at.level, r] = np.log10(loudest.level_v[r] / parameters.noise_v)
         for e in range(loudest.strengths.shape[1]):
-            entry.strengths[e, r] = loudest.strengths[r, e]
+            observation[at.strengths + e, r] = loudest.strengths[r, e]
         highest = max(spectrum[r].max(), 1.0)
         for k in range(spectrum.shape[1]):
-            entry.spectrum[k, r] = spectrum[r, k] / highest
-        entry.bearing[0, r], entry.bearing[1, r] = progress.bearing[r, 0], progress.bearing[r, 1]
-        entry.bearing_age[0, r] = progress.bearing_age_s[r]
+            observation[at.spectrum + k, r] = spectrum[r, k] / highest
+        observation[at.bearing, r], observation[at.bearing + 1, r] = progress.bearing[r, 0], progress.bearing[r, 1]
+        observation[at.bearing_age, r] = progress.bearing_age_s[r]
         stop = 0
         while stop < len(parameters.stops_m) - 1 and progress.visited[r, stop]:
             stop += 1
-        entry.waypoint[0, r], entry.waypoint[1, r] = parameters.stops_m[stop, 0], parameters.stops_m[stop, 1]
-        entry.time_left[0, r] = parameters.time_limit_s - sensed.time_s[r]
+        observation[at.waypoint, r], observation[at.waypoint + 1, r] = (
+            parameters.stops_m[stop, 0],
+            parameters.stops_m[stop, 1],
+        )
+        observation[at.time_left, r] = parameters.time_limit_s - sensed.time_s[r]
         for k in range(parameters.low.size):
             observation[k, r] = min(max(observation[k, r], parameters.low[k]), parameters.high[k])
     return observation

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
 from envs.core.motion import Motion, SensorParameters, StepInputs, move
-from robot_models.readings import POSE
+from robot_models.readings import LEAST_UPRIGHT, POSE, UPRIGHT
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -90,27 +90,37 @@ class Task(NamedTuple):
 
 
 class StepResult(NamedTuple):
-    """What a step came to; none of it in an episode that has just begun.
+    """What a step came to; none of it in an episode that has just begun. Compiled loops change it in place.
 
     Attributes:
         reward: Terms in the order of `REWARD_TERMS`, shape (3, n_robots).
         terminated: Whether all sources are approached, if that counts, or the robot is back at the dock after the
-            route, shape (n_robots,).
+            route, or fell over, shape (n_robots,).
+        fell_over: Whether the robot did, shape (n_robots,).
         truncated: Whether time is up, shape (n_robots,).
     """
 
     reward: FloatArray
     terminated: BoolArray
+    fell_over: BoolArray
     truncated: BoolArray
+
+    @classmethod
+    def of_nothing(cls, n_robots: int) -> StepResult:
+        """Of no step at all."""
+        terminated, fell_over, truncated = np.zeros((3, n_robots), dtype=np.bool_)
+        return cls(np.zeros((3, n_robots)), terminated, fell_over, truncated)
 
 
 @compiled
-def update_progress(progress: Progress, task: Task, motion: Motion, step_s: float, inputs: StepInputs) -> StepResult:
-    """Bring progress up to date after a step of `step_s`, and weigh it."""
+def update_progress(
+    progress: Progress, task: Task, motion: Motion, step_s: float, inputs: StepInputs, result: StepResult
+) -> None:
+    """Bring progress up to date after a step of `step_s`, and weigh it: fill in its result."""
     n_robots, n_sources = progress.approached.shape
     n_stops, true_pose = len(task.stops_m), inputs.readings[:, POSE]
-    result = StepResult(np.zeros((3, n_robots)), np.zeros(n_robots, np.bool_), np.zeros(n_robots, np.bool_))
     for r in range(n_robots):
+        result.reward[:, r], result.terminated[r], result.fell_over[r], result.truncated[r] = 0.0, False, False, False
         if inputs.is_idle[r]:
             continue
         x, y, approached, visited = true_pose[r, 0], true_pose[r, 1], progress.approached[r], progress.visited[r]
@@ -133,9 +143,10 @@ def update_progress(progress: Progress, task: Task, motion: Motion, step_s: floa
             route_done = route_done and visited[k]
         from_dock_m = np.hypot(task.stops_m[n_stops - 1, 0] - x, task.stops_m[n_stops - 1, 1] - y)
         is_docked = route_done and from_dock_m <= task.stop_radius_m
-        result.terminated[r] = not is_reset and (is_docked or (task.ends_on_approach and all_approached))
+        is_done = is_docked or (task.ends_on_approach and all_approached)
+        result.fell_over[r] = inputs.readings[r, UPRIGHT] < LEAST_UPRIGHT
+        result.terminated[r] = result.fell_over[r] or (is_done and not is_reset)
         result.truncated[r] = motion.n_steps[r] >= task.last_step
-    return result
 
 
 @compiled
@@ -145,7 +156,8 @@ def advance(
     progress: tuple[Any, ...],
     task: tuple[Any, ...],
     inputs: tuple[Any, ...],
-) -> StepResult:
+    result: tuple[Any, ...],
+) -> None:
     """Bring motion and progress up to date after a step.
 
     Args:
@@ -154,7 +166,8 @@ def advance(
         progress: Of the robots, a plain `Progress`.
         task: A plain `Task`.
         inputs: Plain `StepInputs`.
+        result: A plain `StepResult`, which becomes this step's.
     """
     moving, sensing, brought = Motion(*motion), SensorParameters(*sensors), StepInputs(*inputs)
     move(moving, sensing, brought)
-    return update_progress(Progress(*progress), Task(*task), moving, sensing.step_s, brought)
+    update_progress(Progress(*progress), Task(*task), moving, sensing.step_s, brought, StepResult(*result))

@@ -21,7 +21,7 @@ from envs.core.motion import N_DRAWS, Motion, SensorParameters
 from envs.core.observation_layout import SPECTRUM_AZIMUTHS_RAD, ObservationLayout, observation_bounds
 from envs.core.observing import ObservationParameters, perceive
 from envs.core.own_estimator import make_estimator
-from envs.core.progress import Progress, Task, advance
+from envs.core.progress import Progress, StepResult, Task, advance
 from envs.scenario import Scenario
 from robot_models.antenna.elements import AntennaElements
 from robot_models.robots import Robots
@@ -110,7 +110,7 @@ class Simulation:
         n_elements, time_limit_s = self.array.manifold.n_elements, scenario.task.time_limit_s
         self.layout = ObservationLayout(observation_bounds(yard.size_m, self.robot.limits, n_elements, time_limit_s))
         self._stops_m = np.array([*scenario.route.waypoints_m, scenario.route.dock_m])
-        self._observation_parameters = ObservationParameters(
+        observed = ObservationParameters(
             stops_m=self._stops_m,
             low=self.layout.low,
             high=self.layout.high,
@@ -128,9 +128,11 @@ class Simulation:
         n_sources = len(scenario.sources)
         self._sources_m = np.zeros((n_robots, n_sources, 2))
         self._progress = Progress.at_start(n_robots, n_sources, len(self._stops_m))
+        self._perceived = tuple(observed), tuple(self._progress)
         self._usable = np.ones((n_robots, self.array.manifold.n_elements), dtype=np.bool_)
         task = scenario.task
-        self._task = Task(
+        self._result = StepResult.of_nothing(n_robots)
+        ended = Task(
             self._stops_m,
             task.standoff_m,
             task.waypoint_radius_m,
@@ -141,7 +143,8 @@ class Simulation:
             task.reward_per_contact_step,
         )
         self.motion = Motion.at_rest(n_robots)
-        self._sensors = SensorParameters.of(scenario.pose_sensor, scenario.odometry, scenario.battery, STEP_S)
+        sensors = SensorParameters.of(scenario.pose_sensor, scenario.odometry, scenario.battery, STEP_S)
+        self._advanced = tuple(self.motion), tuple(sensors), tuple(self._progress), tuple(ended)
         self._nobody = np.zeros(n_robots, dtype=np.bool_)
 
     @property
@@ -217,12 +220,10 @@ class Simulation:
                 generators.motion.standard_normal(out=self._motion_normal[row])
                 generators.lidar.standard_normal(out=self._lidar_normal[row])
         now = self.robots.readings
-        result = advance(
-            tuple(self.motion),
-            tuple(self._sensors),
-            tuple(self._progress),
-            tuple(self._task),
+        advance(
+            *self._advanced,
             (now.values, self._motion_normal, self._sources_m, self.robots.is_touching, is_reset, is_idle),
+            tuple(self._result),
         )
         for row in [] if started is None else started.tolist():
             rng = self._generators[row].motion
@@ -230,13 +231,12 @@ class Simulation:
         assert self._receivers is not None, "reset first"
         detections = self._receivers.listen(now.world_from_base, start_s, STEP_S, moving)
         pulses, suspects = self._find_directions(detections)
-        fell_over = self.robots.fell_over
         return Outcome(
             observation=self._observe(detections.robot, pulses),
-            reward=result.reward,
-            terminated=result.terminated | fell_over,
-            fell_over=fell_over,
-            truncated=result.truncated,
+            reward=self._result.reward.copy(),
+            terminated=self._result.terminated.copy(),
+            fell_over=self._result.fell_over.copy(),
+            truncated=self._result.truncated.copy(),
             robot=detections.robot,
             pulses=pulses,
             suspects=suspects,
@@ -245,8 +245,7 @@ class Simulation:
     def _find_directions(self, detections: Detections) -> tuple[PulseBatch, list[tuple[SuspectChannel, ...]]]:
         """All pulses with directions from the channels that are in order, and channels newly at fault by robot."""
         suspects: list[tuple[SuspectChannel, ...]] = [()] * len(self._monitors)
-        found = self.estimator(detections.pulses, self.array)
-        pulses = detections.pulses._replace(azimuth_rad=found.azimuth_rad, std_rad=found.std_rad, misfit=found.misfit)
+        pulses = self.estimator(detections.pulses, self.array).attached_to(detections.pulses)
         for row, own in _runs(detections.robot.tolist()):
             monitor = self._monitors[row]
             batch = pulses if len(self._monitors) == 1 else pulses.take(own)
@@ -267,8 +266,7 @@ class Simulation:
         """All entries of the observation, shape (n_robots, n_entries); see `PatrolEnv`."""
         sensed = self.motion.pose, self.robots.readings.values, self._lidar_normal, self.motion.time_s
         detected = robot, pulses.strengths_v, pulses.azimuth_rad
-        parameters, progress = tuple(self._observation_parameters), tuple(self._progress)
-        return perceive(sensed, parameters, progress, detected, self._usable, self._spectrum_gain).T
+        return perceive(sensed, *self._perceived, detected, self._usable, self._spectrum_gain).T
 
 
 def _runs(rows: list[int]) -> Iterator[tuple[int, slice]]:

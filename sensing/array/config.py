@@ -13,6 +13,7 @@ from pydantic import BaseModel, Field, NonNegativeFloat, PositiveFloat, model_va
 
 from dirmusic import GainManifold, GainPattern, GaussianPattern, InputFileError, TabulatedPattern, read_pattern
 from dirmusic.array.ambiguity import worst_ambiguity
+from dirmusic.array.manifold import ring_boresights_rad
 
 FloatArray = NDArray[np.float64]
 
@@ -94,7 +95,7 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
 
     def nominal_elements(self) -> Elements:
         """The elements of the data sheet."""
-        boresights, tilts = GainManifold.ring(self.n_channels).boresights_rad, np.zeros(self.n_channels)
+        boresights, tilts = ring_boresights_rad(self.n_channels), np.zeros(self.n_channels)
         if self.elements:
             boresights = np.radians([element.azimuth_deg for element in self.elements])
             tilts = np.radians([element.elevation_deg for element in self.elements])

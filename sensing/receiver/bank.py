@@ -77,6 +77,7 @@ class ReceiverBank:
         self._arrays = ArrayTable.of([listener.array for listener in listeners])
         n_sources = len(scene.sources)
         self._sources = SourceTable(np.empty((n_robots, n_sources, 3)), np.empty((n_robots, n_sources)))
+        self._plain_arrays, self._plain_sources = tuple(self._arrays), tuple(self._sources)
         self._surroundings = plain(scene.surroundings)
         for robot, listener in enumerate(listeners):
             self.replace(robot, listener)
@@ -104,7 +105,8 @@ class ReceiverBank:
         """
         robots: list[int] = list(range(len(self._listeners))) if rows is None else rows.tolist()
         starts: list[float] = start_s.tolist()
-        listeners, parts = self._listeners, list[Detections]()
+        listeners = self._listeners
+        parts: list[Detections] = []
         emissions = [listeners[k].scene.emissions(starts[k], duration_s, listeners[k].nature_rng) for k in robots]
         for k in robots:
             time_s = self._false_alarms.times_s(k, starts[k], duration_s, listeners[k].receiver_rng)
@@ -114,8 +116,8 @@ class ReceiverBank:
                 parts.append(noise)
         emitted = EmittedPulses.join(robots, emissions)
         if emitted.time_s.size:
-            arrays = tuple(self._arrays_at(start_s))
-            propagation = (tuple(self._sources), world_from_array, arrays, self._surroundings)
+            arrays = tuple(self._arrays_at(start_s)) if self.config.faults else self._plain_arrays
+            propagation = (self._plain_sources, world_from_array, arrays, self._surroundings)
             parts += self._law.detect(emitted, propagation, listeners)
         if len(parts) == 1:
             return parts[0]
@@ -123,8 +125,6 @@ class ReceiverBank:
 
     def _arrays_at(self, time_s: FloatArray) -> ArrayTable:
         """The arrays with what faults have left of their signals."""
-        if not self.config.faults:
-            return self._arrays
         left, arrays = self._receiver.faults.signal_factors(time_s), self._arrays
         return arrays._replace(gain_factors=arrays.gain_factors * left, gain_offsets=arrays.gain_offsets * left)
 

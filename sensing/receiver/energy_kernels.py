@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,13 +77,22 @@ class EnergyDetections(NamedTuple):
         robot: Number of the robot that detected it, shape (n_detected,).
         energy_v2: Sums of squares over the gates, shape (n_detected, n_elements).
         pulses: What the receiver reads from those, if no channel is at fault.
-        n_rejected: How many triggered and did not look like a pulse.
     """
 
     robot: IntArray
     energy_v2: FloatArray
     pulses: PulseBatch
-    n_rejected: int
+
+    @classmethod
+    def room(cls, n_pulses: int, n_elements: int) -> Self:
+        """Room for as many as there are pulses, to be filled in: more than one call of compiled code can hand out."""
+        room = PulseBatch.room(n_pulses, n_elements)
+        return cls(np.empty(n_pulses, dtype=np.intp), np.empty((n_pulses, n_elements)), room)
+
+    def first(self, n_detected: int) -> Self:
+        """The first rows."""
+        rows = slice(0, n_detected)
+        return type(self)(self.robot[rows], self.energy_v2[rows], self.pulses.take(rows))
 
 
 @compiled
@@ -97,8 +106,13 @@ def named_parameters(parameters: tuple[Any, ...]) -> EnergyParameters:
 
 @compiled
 def gate_energies(
-    incoming: Incoming, detected: IntArray, path: IntArray, receiver: EnergyParameters, draws: NoiseDraws
-) -> FloatArray:
+    incoming: Incoming,
+    detected: IntArray,
+    path: IntArray,
+    receiver: EnergyParameters,
+    draws: NoiseDraws,
+    energy_v2: FloatArray,
+) -> None:
     r"""Energies of gates that hold a pulse and Gaussian noise, without drawing a sample.
 
     .. math:: E = \sigma^2 \sum_k \mu_k (z_k + d_k)^2, \quad z_k \sim N(0, 1)
@@ -114,13 +128,11 @@ def gate_energies(
         path: Ray path by which each pulse triggers, shape (n_pulses,).
         receiver: What it makes of pulses.
         draws: Noise of the pulses.
-
-    Returns:
-        Sums of squares over the gate, shape (n_detected, n_elements), V^2.
+        energy_v2: Becomes the sums of squares over the gates, shape (n_detected, n_elements), V^2.
     """
     noise, normal, residual_v2 = receiver.noise, draws.normal, draws.residual_v2
     n_elements, (n_samples, n_modes) = incoming.arrivals.delay_s.shape[1], noise.eigenvectors.shape
-    energy, gate = np.empty((detected.size, n_elements)), np.empty((n_elements, n_samples))
+    gate = np.empty((n_elements, n_samples))
     along, rest = np.empty((n_elements, 1)), np.empty(n_elements)
     known = -1
     for i in range(detected.size):
@@ -141,20 +153,23 @@ def gate_energies(
                     rest[e] = max(rest[e] - dot(along[e], along[e]), 0.0)
         peak_v, draw = incoming.peak_v[k], 1
         for e in range(n_elements):
-            energy[i, e] = peak_v * peak_v * rest[e] + residual_v2[k % len(residual_v2), e]
+            energy_v2[i, e] = peak_v * peak_v * rest[e] + residual_v2[k % len(residual_v2), e]
             for m in range(along.shape[1]):
                 drawn_v = noise.std_v * normal[k, draw]
                 draw += 1
                 if n_modes > 0:
                     drawn_v *= np.sqrt(noise.eigenvalues[m])
-                energy[i, e] += (drawn_v + peak_v * along[e, m]) ** 2
-    return energy
+                energy_v2[i, e] += (drawn_v + peak_v * along[e, m]) ** 2
 
 
 @compiled
 def detect_energies(
-    emitted: tuple[Any, ...], propagation: tuple[Any, ...], parameters: tuple[Any, ...], draws: tuple[Any, ...]
-) -> EnergyDetections:
+    emitted: tuple[Any, ...],
+    propagation: tuple[Any, ...],
+    parameters: tuple[Any, ...],
+    draws: tuple[Any, ...],
+    found: tuple[Any, ...],
+) -> tuple[int, int]:
     """From emitted pulses to the readings of those that are detected.
 
     A burst does not die out after the gate: it is rejected.
@@ -164,6 +179,10 @@ def detect_energies(
         propagation: A plain `Propagation`.
         parameters: Plain `EnergyParameters`.
         draws: Plain `NoiseDraws`.
+        found: Plain `EnergyDetections` with room for all pulses.
+
+    Returns:
+        How many are detected and fill the first rows of `found`, and how many triggered and do not look like a pulse.
     """
     pulses, sources = EmittedPulses(*emitted), SourceTable(*propagation[0])
     receiver, drawn = named_parameters(parameters), NoiseDraws(*draws)
@@ -179,6 +198,9 @@ def detect_energies(
             detected[n_detected] = k
             n_detected += 1
     detected = detected[:n_detected]
-    energy_v2 = gate_energies(incoming, detected, triggers.path, receiver, drawn)
-    batch = read_gates(energy_v2, receiver.background_v2, pulses.time_s[detected], receiver.gate)
-    return EnergyDetections(pulses.robot[detected], energy_v2, batch, n_rejected)
+    robot, energy_v2, batch = found
+    robot[:n_detected] = pulses.robot[detected]
+    energy_v2 = energy_v2[:n_detected]
+    gate_energies(incoming, detected, triggers.path, receiver, drawn, energy_v2)
+    read_gates(energy_v2, receiver.background_v2, pulses.time_s[detected], receiver.gate, batch)
+    return n_detected, n_rejected

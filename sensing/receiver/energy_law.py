@@ -9,9 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import plain
+from dirmusic.pulses.batch import PulseBatch
 from sensing.radio.incoming import EmittedPulses
 from sensing.receiver.detections import Detections
-from sensing.receiver.energy_kernels import EnergyParameters, GateNoise, NoiseDraws, detect_energies
+from sensing.receiver.energy_kernels import (
+    EnergyDetections,
+    EnergyParameters,
+    GateNoise,
+    NoiseDraws,
+    detect_energies,
+)
 from sensing.receiver.faults import STUCK_AT
 from sensing.receiver.gates import GateParameters, read_gates
 from sensing.receiver.receiver import Listener, Receiver
@@ -58,12 +65,21 @@ class EnergyLaw:
         self, emitted: EmittedPulses, propagation: tuple[Any, ...], listeners: Sequence[Listener]
     ) -> list[Detections]:
         """Detections of emitted pulses; arguments as of `bank.DetectionLaw`."""
-        rngs = [listener.receiver_rng for listener in listeners]
-        draws = NoiseDraws(self._normal(emitted.robot, rngs), self._residual(emitted.robot, rngs))
-        found = detect_energies(tuple(emitted), propagation, self._parameters, tuple(draws))
+        draws = NoiseDraws(self._normal(emitted.robot, listeners), self._residual(emitted.robot, listeners))
+        n_pulses, n_elements = emitted.robot.size, self._receiver.n_elements
+        found = EnergyDetections.room(n_pulses, n_elements)
+        n_detected, n_rejected = detect_energies(
+            tuple(emitted),
+            propagation,
+            self._parameters,
+            tuple(draws),
+            (found.robot, found.energy_v2, tuple(found.pulses)),
+        )
+        if n_detected < n_pulses:
+            found = found.first(n_detected)
         if self._receiver.config.faults:
-            return [self._read(found.robot, found.pulses.time_s, found.energy_v2, found.n_rejected)]
-        return [Detections(found.robot, found.pulses, np.empty((*found.energy_v2.shape, 0)), found.n_rejected)]
+            return [self._read(found.robot, found.pulses.time_s, found.energy_v2, n_rejected)]
+        return [Detections(found.robot, found.pulses, np.empty((n_detected, n_elements, 0)), n_rejected)]
 
     def detect_noise(
         self, robot: int, time_s: FloatArray, gates_v: FloatArray, listener: Listener, world_from_array: FloatArray
@@ -76,19 +92,19 @@ class EnergyLaw:
         receiver = self._receiver
         stuck_v2 = receiver.config.gate_samples * (STUCK_AT * receiver.config.full_scale_v) ** 2
         energy_v2 = receiver.faults.in_readings(energy_v2, time_s, stuck_v2)
-        pulses = read_gates(energy_v2, self._background_v2, time_s, self._gate)
+        pulses = PulseBatch.room(*energy_v2.shape)
+        read_gates(energy_v2, self._background_v2, time_s, self._gate, tuple(pulses))
         return Detections(robot, pulses, np.empty((*energy_v2.shape, 0)), n_rejected)
 
-    def _normal(self, robot: IntArray, rngs: Sequence[np.random.Generator]) -> FloatArray:
+    def _normal(self, robot: IntArray, listeners: Sequence[Listener]) -> FloatArray:
         """Standard normal draws for each pulse from its own robot's generator, shape (n_pulses, n_draws)."""
-        if len(rngs) == 1:
-            return rngs[0].standard_normal((robot.size, self._n_draws))
-        counts = np.bincount(robot, minlength=len(rngs)).tolist()
-        return np.concatenate(
-            [rng.standard_normal((k, self._n_draws)) for rng, k in zip(rngs, counts, strict=True) if k]
-        )
+        if len(listeners) == 1:
+            return listeners[0].receiver_rng.standard_normal((robot.size, self._n_draws))
+        counts = np.bincount(robot, minlength=len(listeners)).tolist()
+        each = zip(listeners, counts, strict=True)
+        return np.concatenate([one.receiver_rng.standard_normal((k, self._n_draws)) for one, k in each if k])
 
-    def _residual(self, robot: IntArray, rngs: Sequence[np.random.Generator]) -> FloatArray:
+    def _residual(self, robot: IntArray, listeners: Sequence[Listener]) -> FloatArray:
         """Noise energy that no mode holds: its mean, (1, n_elements); in white noise a draw, (n_pulses, n_elements)."""
         if self._residual_v2 is not None:
             return self._residual_v2
@@ -96,6 +112,6 @@ class EnergyLaw:
         rows: list[int] = robot.tolist()
         residual_v2 = np.empty((robot.size, receiver.n_elements))
         for k, row in enumerate(rows):
-            drawn = rngs[row].noncentral_chisquare(receiver.config.gate_samples - 1, none)
+            drawn = listeners[row].receiver_rng.noncentral_chisquare(receiver.config.gate_samples - 1, none)
             residual_v2[k] = receiver.filtered_noise_v**2 * drawn
         return residual_v2

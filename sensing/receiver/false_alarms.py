@@ -28,7 +28,8 @@ class FalseAlarms:
 
     def times_s(self, robot: int, start_s: float, duration_s: float, rng: np.random.Generator) -> list[float]:
         """Times of one robot's false alarms within an interval; the intervals are to follow one another."""
-        next_s, end_s, times_s = self._next_s[robot], start_s + duration_s, list[float]()
+        next_s, end_s = self._next_s[robot], start_s + duration_s
+        times_s: list[float] = []
         if next_s is None:
             next_s = start_s + rng.exponential(self._mean_s)
         while next_s < end_s:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,8 +69,12 @@ class GateParameters(NamedTuple):
 
 @compiled
 def read_gates(
-    energy_v2: FloatArray, background_v2: FloatArray, time_s: FloatArray, gate: tuple[int, float, float, float]
-) -> PulseBatch:
+    energy_v2: FloatArray,
+    background_v2: FloatArray,
+    time_s: FloatArray,
+    gate: tuple[int, float, float, float],
+    pulses: tuple[Any, ...],
+) -> None:
     """Pulses from energies of gates: strengths, their variance, and phases of the mains; no channel is clipped.
 
     Args:
@@ -78,24 +82,19 @@ def read_gates(
         background_v2: Power of a sample without a pulse, shape (n_gates, n_elements), or (1, n_elements) for all.
         time_s: Times of the triggers, shape (n_gates,).
         gate: Plain `GateParameters`.
+        pulses: A plain `PulseBatch` with room for them; its first n_gates rows are filled in.
     """
     n_samples, energy_spread, noise_on_pulse, mains_hz = GateParameters(*gate)
     n_gates, n_elements = energy_v2.shape
-    azimuth_rad, std_rad, misfit = NO_DIRECTION
-    strengths_v, variance_v2 = np.empty((n_gates, n_elements)), np.empty((n_gates, n_elements))
+    read = PulseBatch(*pulses)
     for k in range(n_gates):
+        read.time_s[k] = time_s[k]
+        read.azimuth_rad[k], read.std_rad[k], read.misfit[k] = NO_DIRECTION
+        read.mains_phase_rad[k] = np.mod(2 * np.pi * mains_hz * time_s[k], 2 * np.pi)
         for e in range(n_elements):
             noise_v2 = background_v2[k % len(background_v2), e]
-            strengths_v[k, e] = strength_of(energy_v2[k, e], n_samples * noise_v2)
-            variance_v2[k, e] = variance_of_strength(strengths_v[k, e], noise_v2, energy_spread, noise_on_pulse)
-    return PulseBatch(
-        time_s,
-        strengths_v,
-        variance_v2,
-        np.full(n_gates, azimuth_rad),
-        np.full(n_gates, std_rad),
-        np.full(n_gates, misfit),
-        np.ones((n_gates, n_elements), np.bool_),
-        np.mod(2 * np.pi * mains_hz * time_s, 2 * np.pi),
-        np.zeros((n_gates, n_elements), np.bool_),
-    )
+            read.strengths_v[k, e] = strength_of(energy_v2[k, e], n_samples * noise_v2)
+            read.variance_v2[k, e] = variance_of_strength(
+                read.strengths_v[k, e], noise_v2, energy_spread, noise_on_pulse
+            )
+            read.is_usable[k, e], read.is_clipped[k, e] = True, False

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import plain
+from dirmusic.pulses.batch import PulseBatch
 from sensing.radio.incoming import EmittedPulses, incoming_pulses
 from sensing.radio.propagation import Propagation
 from sensing.receiver.detections import Detections
@@ -59,7 +60,8 @@ class WaveformLaw:
         time_s = gates.time_s
         waveforms_v = recorder.convert(gates.gates_v, time_s)
         energy_v2 = np.einsum("nek,nek->ne", waveforms_v, waveforms_v)
-        pulses = read_gates(energy_v2, recorder.background_v2[np.newaxis], time_s, self._gate)
+        pulses = PulseBatch.room(*energy_v2.shape)
+        read_gates(energy_v2, recorder.background_v2[np.newaxis], time_s, self._gate, tuple(pulses))
         is_clipped = (np.abs(waveforms_v) >= self._highest_v).any(axis=-1)
         return Detections(
             robot=np.full(time_s.size, robot),
