@@ -80,9 +80,11 @@ class Solids:
 
     def horizontal_distance(self, points_m: FloatArray) -> FloatArray:
         """Signed distance of points (..., 2 or 3) to the footprints, negative inside; (..., n_solids), metres."""
-        beyond = np.abs(self._local(points_m)) - self.half_size_m
-        outside = np.sqrt(np.square(np.maximum(beyond, 0.0)).sum(axis=-1))
-        return outside + np.minimum(beyond.max(axis=-1), 0.0) - self.radius_m
+        x, y = self._local(points_m)
+        half_x, half_y = self.half_size_m.T
+        beyond_x, beyond_y = np.abs(x) - half_x, np.abs(y) - half_y
+        outside = np.sqrt(np.square(np.maximum(beyond_x, 0.0)) + np.square(np.maximum(beyond_y, 0.0)))
+        return outside + np.minimum(np.maximum(beyond_x, beyond_y), 0.0) - self.radius_m
 
     def distance(self, points_m: FloatArray) -> FloatArray:
         """Signed distance of points (..., 3) to the surfaces, negative inside; shape (..., n_solids), metres."""
@@ -108,20 +110,28 @@ class Solids:
         Returns:
             Shape (..., n_solids).
         """
-        start = self._local(start_m)
-        along = self._local(end_m) - start
-        length = np.maximum(np.square(along).sum(axis=-1), 1e-24)
+        x, y = self._local(start_m)
+        end_x, end_y = self._local(end_m)
+        along_x, along_y = end_x - x, end_y - y
+        length = np.maximum(np.square(along_x) + np.square(along_y), 1e-24)
         last = 1.0 - np.minimum(short_m / np.sqrt(length), 1.0)
-        nearest = np.clip(-(start * along).sum(axis=-1) / length, 0.0, last)
-        past = np.square(start + nearest[..., np.newaxis] * along).sum(axis=-1)
-        along = np.where(np.abs(along) < 1e-12, 1e-12, along)
-        first, second = (-self.half_size_m - start) / along, (self.half_size_m - start) / along
-        enters, leaves = np.minimum(first, second).max(axis=-1), np.maximum(first, second).min(axis=-1)
+        nearest = np.clip(-(x * along_x + y * along_y) / length, 0.0, last)
+        past = np.square(x + nearest * along_x) + np.square(y + nearest * along_y)
+        half_x, half_y = self.half_size_m.T
+        enters_x, leaves_x = _between(x, along_x, half_x)
+        enters_y, leaves_y = _between(y, along_y, half_y)
+        enters, leaves = np.maximum(enters_x, enters_y), np.minimum(leaves_x, leaves_y)
         in_box = np.maximum(enters, 0.0) < np.minimum(leaves, last)
         return np.where(self.radius_m > 0, past < np.square(self.radius_m), in_box)
 
-    def _local(self, points_m: FloatArray) -> FloatArray:
-        """Points (..., 2 or 3) in the frame of each footprint, shape (..., n_solids, 2)."""
-        off = points_m[..., np.newaxis, :2] - self.centre_m
-        x, y = off[..., 0], off[..., 1]
-        return np.stack([self._cos * x + self._sin * y, self._cos * y - self._sin * x], axis=-1)
+    def _local(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Points (..., 2 or 3) in the frame of each footprint: along and across it, both (..., n_solids)."""
+        x, y = points_m[..., :1] - self.centre_m[:, 0], points_m[..., 1:2] - self.centre_m[:, 1]
+        return self._cos * x + self._sin * y, self._cos * y - self._sin * x
+
+
+def _between(start: FloatArray, along: FloatArray, half: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Shares of a way at which it comes between -half and half in one coordinate, and leaves there again."""
+    along = np.where(np.abs(along) < 1e-12, 1e-12, along)
+    first, second = (-half - start) / along, (half - start) / along
+    return np.minimum(first, second), np.maximum(first, second)
