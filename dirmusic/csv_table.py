@@ -65,8 +65,8 @@ class CsvTable:
 
         Args:
             column: Its name.
-            is_allowed: What a number must be, if not any; `allowed` says so in words.
-            allowed: See above.
+            is_allowed: What a number must be, if not any.
+            allowed: The same in words, for the line about a fault.
         """
         values = np.full(len(self.rows), np.nan)
         for row, cell in enumerate(self.text(column)):

@@ -106,7 +106,7 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
 
         Args:
             seed: Row i gets `seed + i`; or a list with one for each row. None goes on with the generators there are.
-            options: See above.
+            options: `reset_mask`, truth values of shape (num_envs,), and what `PatrolEnv.reset` takes.
         """
         fixed = dict(options or {})
         mask = np.asarray(fixed.pop("reset_mask", np.ones(self.num_envs)), dtype=np.bool_)

@@ -16,7 +16,7 @@ IntArray = NDArray[np.intp]
 
 
 class LoudestPulse(NamedTuple):
-    """Of each robot; rows of those that detected nothing hold zeros.
+    """The loudest pulse of each robot; rows of those that detected nothing hold zeros.
 
     Attributes:
         level_v: Root of the energy in the usable channels, shape (n_robots,).

@@ -133,7 +133,7 @@ def add_pose_error(
 
 @compiled
 def integrate_odometry(pose: FloatArray, turned_rad: float, metres_per_radian: float, turn_rad: float) -> None:
-    """Move a reckoned pose (3,) on along an arc, yaw in (-pi, pi].
+    """Move a pose by odometry (3,) on along an arc, yaw in (-pi, pi].
 
     Args:
         pose: x m, y m, yaw rad.

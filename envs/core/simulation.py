@@ -202,7 +202,7 @@ class Simulation:
 
         Args:
             commands: Speeds, m/s, and yaw rates, rad/s, shape (n_robots, 2); those of rows that started do not count.
-                Without any, the other rows are idle: no time passes for them, and what is told of them has no meaning.
+                Without any, the other rows are idle: no time passes for them, and their outcome has no meaning.
             started: Rows that were reset since the last step; None for none.
         """
         is_reset, is_idle, moving = self._nobody, self._nobody, None

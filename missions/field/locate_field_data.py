@@ -49,7 +49,7 @@ def locate_field_data(
     """Bearings of all pulses and the findings they make, as the log of a mission without robot, yard and truth.
 
     Args:
-        data: What was heard.
+        data: Pulses with their poses, as read from the table.
         array: Data sheet and spread of the live channels.
         pose_error: How wrong the poses may be.
         fence_m: Length of the yard along x and y, origin at its corner; None where there is no fence.

@@ -71,7 +71,7 @@ def train(
         steps: Of all robots together, in whole rounds of `N_ROBOTS * N_STEPS`, rounded up.
         seed: Row i of the training yards is seeded with `seed + i`.
         num_threads: Of the physics.
-        advance: Told of steps that were taken.
+        advance: Called with the number of steps that were taken.
 
     Returns:
         The model, and the learning curve: after so many `steps`, the share `success` of so many `yards` in which it

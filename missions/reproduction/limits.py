@@ -130,7 +130,7 @@ def elevation(campaign: Campaign) -> Exhibit:
         title="Root mean square azimuth bias of a source above the array, no noise",
         rows=tuple(rows),
         notes=(
-            "first: taken for level, as the paper does; second: the estimator is told the elevation",
+            "first: taken for level, as the paper does; second: the estimator knows the elevation",
             "a discharge 1.5 m above the array is seen at 20 degrees from 4 m, at 45 from 1.5 m",
         ),
     )
