@@ -41,8 +41,8 @@ class Variant(NamedTuple):
 VARIANTS = (
     *(Variant("elements", f"{n} elements", {"array": {"n_elements": n}}) for n in (4, 6, 8, 12)),
     *(
-        Variant(f"estimator, fix by {fix}", method, {"estimator": {"method": method}, "locating": {"fix": fix}})
-        for fix in ("bearings", "joint")
+        Variant(f"estimator, {how}", method, {"estimator": {"method": method}, "locating": {"fix": fix}})
+        for fix, how in (("bearings", "fix from its bearings alone"), ("joint", "joint fix"))
         for method in ("strongest", "music", "maximum_likelihood")
     ),
     *(Variant("robot", model, {"robot": {"model": model}}) for model in ("inspector", "crawler")),

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,12 @@ import pytest
 
 from envs import load_scenario, shipped_scenarios
 from missions.comparison.scores import MissionScore, as_json, from_json, score_mission, summarise
+from missions.comparison.table import markdown
 from missions.comparison.variants import VARIANTS, Variant
 from missions.comparison.worth import compare
 from missions.runner import run_mission
 
+ROOT = Path(__file__).parents[2]
 PDPATROL = Path(sys.executable).parent / "pdpatrol"
 
 
@@ -82,3 +85,22 @@ def test_what_cannot_be_compared_is_refused_in_one_line(arguments: list[str], na
     assert named in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
+
+
+DOCUMENTED = json.loads((ROOT / "docs" / "worth.json").read_text(encoding="utf-8"))
+SCORES = {f"{row['group']}: {row['name']}": from_json(row) for row in DOCUMENTED["variants"]}
+
+
+def test_the_table_of_the_readme_is_that_of_the_stored_result() -> None:
+    assert DOCUMENTED["missions"] == 20
+    assert markdown(VARIANTS, SCORES) in (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("group", sorted({variant.group for variant in VARIANTS} - {"robot"}))
+def test_more_elements_and_better_methods_are_not_worse_beyond_the_intervals(group: str) -> None:
+    scores = [SCORES[variant.key] for variant in VARIANTS if variant.group == group]
+    for worse, better in combinations(scores, 2):
+        assert better.bearing_rmse_deg.low <= worse.bearing_rmse_deg.high
+        assert better.error_m.low <= worse.error_m.high
+        assert better.confirmed_s.low <= worse.confirmed_s.high
+        assert better.found.high >= worse.found.low
