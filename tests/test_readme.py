@@ -33,15 +33,25 @@ def test_the_first_two_commands_are_complete_on_a_fresh_machine() -> None:
     assert lines == [INSTALL + "uv run pdpatrol run", INSTALL + "uv run pytest"]
 
 
-def test_every_command_of_the_readme_works(tmp_path: Path) -> None:
-    assert len(commands()) >= 5
+def sequences() -> list[list[str]]:
+    """The commands that a quick test can run, each alone, but for `replay`: it follows the run that it replays."""
+    found: list[list[str]] = []
+    for command in commands():
+        if command.startswith("uv run pdpatrol replay"):
+            (run,) = [each for each in found if each[0].startswith("uv run pdpatrol run two_sources --seed 7")]
+            run.append(command)
+        elif not command.startswith("uv run pdpatrol worth"):  # minutes: see the slow test
+            found.append([command])
+    return found
+
+
+@pytest.mark.parametrize("sequence", sequences(), ids=lambda sequence: sequence[-1])
+def test_every_command_of_the_readme_works(sequence: list[str], tmp_path: Path) -> None:
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     environment = os.environ | {"PATH": f"{BIN}{os.pathsep}{os.environ['PATH']}"}
-    for command in commands():
+    for command in sequence:
         words = command.removeprefix("uv run ").split()
-        if words[:2] == ["pdpatrol", "worth"]:  # minutes: see the slow test
-            continue
-        if words[:1] == ["pytest"]:
+        if words[0] == "pytest":
             done = subprocess.run(
                 [*words, "--collect-only", "-q"], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120
             )
