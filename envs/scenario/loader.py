@@ -25,8 +25,12 @@ def shipped_scenarios() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in SHIPPED.glob("*.toml")))
 
 
-def load_scenario(scenario: str | Path | Scenario) -> Scenario:
+def load_scenario(scenario: str | Path | Scenario, settings: Mapping[str, Any] | None = None) -> Scenario:
     """A scenario by the name of a shipped one, from a TOML file, or as it is.
+
+    Args:
+        scenario: Name, path, or the scenario itself.
+        settings: Keys that are set before the file is checked, as `receiver.noise_v`, with their values.
 
     Raises:
         ScenarioError: If there is no such scenario or file, or the file has faults; all of them are listed.
@@ -44,6 +48,8 @@ def load_scenario(scenario: str | Path | Scenario) -> Scenario:
             )
         path = SHIPPED / f"{scenario}.toml"
     data = _read(path)
+    for key, value in (settings or {}).items():
+        data = _with(data, key.split("."), _as_tuples(value))
     try:
         return Scenario.model_validate({"name": path.stem, **data}, context={FOLDER: path.absolute().parent})
     except ValidationError as error:
@@ -61,6 +67,15 @@ def _read(path: Path) -> dict[str, Any]:
         return {key: _as_tuples(value) for key, value in tomllib.loads(text).items()}
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise ScenarioError([f"{path}: not TOML: {error}"]) from None
+
+
+def _with(table: Mapping[str, Any], keys: list[str], value: Any) -> dict[str, Any]:  # noqa: ANN401 - as TOML
+    """A table with one value set, in tables within it that are made where there are none."""
+    first, *deeper = keys
+    if not deeper:
+        return {**table, first: value}
+    inner = table.get(first, {})
+    return {**table, first: _with(inner if isinstance(inner, Mapping) else {}, deeper, value)}
 
 
 def _as_tuples(value: Any) -> Any:  # noqa: ANN401 - TOML holds values of many types

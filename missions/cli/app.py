@@ -9,8 +9,10 @@ import tyro
 from missions.cli.locate import locate
 from missions.cli.replay import replay
 from missions.cli.reproduce import reproduce
+from missions.cli.results import results
 from missions.cli.run import run
 from missions.cli.scenarios import scenarios
+from missions.cli.sweep import sweep
 from missions.cli.terminal import INTERRUPTED
 from missions.cli.worth import worth
 
@@ -18,7 +20,7 @@ from missions.cli.worth import worth
 def main() -> None:
     """Entry point of `pdpatrol`."""
     app = tyro.extras.SubcommandApp()
-    for verb in (run, replay, scenarios, reproduce, locate, worth):
+    for verb in (run, replay, scenarios, reproduce, locate, worth, sweep, results):
         app.command(verb)
     try:
         app.cli(

@@ -99,17 +99,15 @@ def _bearing_rmse(log: MissionLog, scenario: Scenario) -> float:
 
 def summarise(missions: Sequence[MissionScore]) -> Score:
     """Figures of many missions, with intervals: Wilson's for the share, bootstrap over missions for the others."""
-    from scipy.stats import binomtest
-
     n_sources, n_found = (sum(getattr(mission, name) for mission in missions) for name in ("n_sources", "n_found"))
-    share = binomtest(n_found, n_sources) if n_sources else None
-    low, high = share.proportion_ci(CONFIDENCE, method="wilson") if share else (np.nan, np.nan)
     rmse_deg = np.degrees([mission.bearing_rmse_rad for mission in missions])
     return Score(
-        bearing_rmse_deg=_bootstrap(rmse_deg[np.isfinite(rmse_deg)], _root_mean_square),
-        found=Interval(n_found / n_sources if n_sources else np.nan, float(low), float(high)),
-        error_m=_bootstrap(np.array([error for mission in missions for error in mission.errors_m]), np.median),
-        confirmed_s=_bootstrap(np.array([at_s for mission in missions for at_s in mission.confirmed_s]), np.median),
+        bearing_rmse_deg=bootstrap_interval(rmse_deg[np.isfinite(rmse_deg)], _root_mean_square),
+        found=share_interval(n_found, n_sources),
+        error_m=bootstrap_interval(np.array([error for mission in missions for error in mission.errors_m]), np.median),
+        confirmed_s=bootstrap_interval(
+            np.array([at_s for mission in missions for at_s in mission.confirmed_s]), np.median
+        ),
         false_findings=sum(mission.false_findings for mission in missions),
     )
 
@@ -118,7 +116,18 @@ def _root_mean_square(values: FloatArray, axis: int = -1) -> FloatArray:
     return np.sqrt(np.mean(np.square(values), axis=axis))
 
 
-def _bootstrap(values: FloatArray, statistic: Callable[..., Any]) -> Interval:
+def share_interval(count: int, total: int) -> Interval:
+    """A share with Wilson's interval."""
+    from scipy.stats import binomtest
+
+    if not total:
+        return Interval(np.nan, np.nan, np.nan)
+    low, high = binomtest(count, total).proportion_ci(CONFIDENCE, method="wilson")
+    return Interval(count / total, float(low), float(high))
+
+
+def bootstrap_interval(values: FloatArray, statistic: Callable[..., Any]) -> Interval:
+    """A statistic of values, shape (n,), with its percentile bootstrap interval; none below two values."""
     from scipy.stats import bootstrap
 
     if values.size < 2:

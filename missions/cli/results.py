@@ -1,0 +1,56 @@
+"""`pdpatrol results`: what a sweep came to."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from missions.cli.terminal import out, refuse
+
+
+def results(
+    folder: tyro.conf.Positional[Path],
+    *,
+    markdown: bool = False,
+    csv_output: Annotated[bool, tyro.conf.arg(name="csv")] = False,
+) -> None:
+    """Sum up the dataset of a sweep: a line for each scenario, policy and setting, with 95 % intervals.
+
+    Args:
+        folder: Of the dataset.
+        markdown: Print a Markdown table.
+        csv_output: Print CSV, in SI units.
+    """
+    if markdown and csv_output:
+        refuse("--markdown and --csv: got both; allowed is one of the two")
+    from dirmusic import InputFileError
+    from missions.sweep import results_table
+    from missions.sweep.dataset import Dataset
+    from missions.sweep.summary import summarise_groups
+
+    try:
+        dataset = Dataset(folder)
+    except InputFileError as error:
+        refuse(*error.faults)
+    rows = dataset.read()
+    summaries = summarise_groups(rows)
+    if markdown:
+        sys.stdout.write(results_table.markdown(summaries))
+    elif csv_output:
+        sys.stdout.write(results_table.as_csv(summaries))
+    else:
+        out.print(results_table.terminal_table(summaries, f"{folder}, 95 % intervals"), highlight=False)
+        for row in rows.to_pylist():
+            if row["status"] != "finished":
+                last_line = row["error"].strip().splitlines()[-1]
+                out.print(
+                    f"{row['scenario']}, {row['policy']}, seed {row['seed']}: {row['status']}: {last_line}",
+                    highlight=False,
+                    soft_wrap=True,
+                )
+        missing = dataset.manifest["n_missions"] - rows.num_rows
+        if missing:
+            out.print(f"{missing} missions are still to be run: repeat the command of the sweep", highlight=False)

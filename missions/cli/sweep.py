@@ -1,0 +1,121 @@
+"""`pdpatrol sweep`: many missions side by side, none lost."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from missions.cli.terminal import FAILED, INTERRUPTED, err, out, refuse
+
+SEEDS = re.compile(r"(\d+)(?:-(\d+))?")
+SHARD = re.compile(r"(\d+)/(\d+)")
+
+
+def sweep(
+    scenario: tyro.conf.Positional[tuple[str, ...]] = ("one_source",),
+    *,
+    policy: tuple[str, ...] = ("seek",),
+    seeds: str = "0-19",
+    settings: Annotated[
+        tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(name="set", metavar="KEY=VALUES")
+    ] = (),
+    out_dir: Annotated[Path | None, tyro.conf.arg(name="out", metavar="DIR")] = None,
+    workers: int | None = None,
+    shard: Annotated[str, tyro.conf.arg(metavar="I/N")] = "1/1",
+    wall_limit_s: float = 900.0,
+    memory_gb: float = 2.0,
+) -> None:
+    """Run scenarios times settings times policies times seeds, and keep a row of each mission.
+
+    Killed at any moment, the same command goes on where it stopped. What each mission comes to depends neither on the
+    number of workers nor on the order in which they finish. Look at it with `pdpatrol results`.
+
+    Args:
+        scenario: Names of shipped scenarios, or paths of TOML files.
+        policy: seek, patrol, random, oracle, or own ones as my_file.py:MyPolicy.
+        seeds: First and last seed, as 0-19, or one.
+        settings: Values that a key of the scenario takes, as receiver.noise_v=5e-4,1e-3,2e-3; may be given several
+            times, for all combinations.
+        out_dir: Folder of the dataset; one that was begun by the same command is completed. Default: under runs/, named
+            after what is run.
+        workers: Processes side by side. Default: as many as the machine has cores.
+        shard: Part of the missions, from 1/N to N/N, for job arrays; all parts may share one folder.
+        wall_limit_s: Longest time for one mission; one that takes longer is a row that says so.
+        memory_gb: Most memory that a worker may take of its own.
+    """
+    n_workers = (os.cpu_count() or 1) if workers is None else workers
+    faults: list[str] = []
+    seeds_match, shard_match = SEEDS.fullmatch(seeds), SHARD.fullmatch(shard)
+    first, last = (int(seeds_match[1]), int(seeds_match[2] or seeds_match[1])) if seeds_match else (0, -1)
+    part, n_parts = (int(shard_match[1]), int(shard_match[2])) if shard_match else (0, 0)
+    if first > last:
+        faults.append(f"--seeds: got {seeds}; allowed is one seed, or the first and the last as 0-19")
+    if not 1 <= part <= n_parts:
+        faults.append(f"--shard: got {shard}; allowed are 1/N to N/N")
+    if n_workers < 1:
+        faults.append(f"--workers: got {workers}; allowed is 1 or more")
+    if not wall_limit_s > 0:
+        faults.append(f"--wall-limit-s: got {wall_limit_s:g}; allowed is more than 0")
+    if not memory_gb > 0:
+        faults.append(f"--memory-gb: got {memory_gb:g}; allowed is more than 0")
+    if faults:
+        refuse(*faults)
+    from dirmusic import InputFileError
+    from envs.foreign_code import ForeignCodeError
+    from missions.policies.names import BUILT_IN, load_maker
+    from missions.sweep.dataset import Dataset
+    from missions.sweep.plan import make_plan, parse_grid
+
+    try:
+        for name in set(policy) - set(BUILT_IN):
+            load_maker(name)
+        plan = make_plan(scenario, policy, parse_grid(settings), range(first, last + 1))
+        folder = out_dir or Path("runs") / f"sweep-{plan.jobs[0].scenario.name}-{plan.digest[:8]}"
+        dataset = Dataset.open_or_make(folder, plan)
+    except InputFileError as error:
+        refuse(*error.faults)
+    except ForeignCodeError as error:
+        refuse(str(error))
+    except OSError as error:
+        refuse(f"--out: {error.filename} cannot be written ({error.strerror}); allowed is a folder that can be")
+
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from missions.sweep.mission_row import MissionRow
+    from missions.sweep.process_pool import Limits, run_in_processes
+    from missions.sweep.results_table import terminal_table
+    from missions.sweep.summary import summarise_groups
+
+    done = dataset.keys()
+    jobs = [job for job in plan.shard(part, n_parts) if job.key not in done]
+    n_of_shard, sources, found = len(plan.shard(part, n_parts)), 0, 0
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    try:
+        with Progress(*columns, console=err, transient=True) as progress:
+            bar = progress.add_task("missions", total=n_of_shard, completed=n_of_shard - len(jobs))
+
+            def finish(row: MissionRow) -> None:
+                nonlocal sources, found
+                dataset.write(row)
+                sources, found = sources + row.n_sources, found + row.n_found
+                progress.update(bar, advance=1, description=f"{found} of {sources} sources found")
+                if row.status != "finished":
+                    progress.console.print(
+                        f"{row.scenario}, {row.policy}, seed {row.seed}: {row.status}", highlight=False, soft_wrap=True
+                    )
+
+            run_in_processes(jobs, n_workers, Limits(wall_limit_s, int(memory_gb * 1e9)), finish)
+        if dataset.is_complete:
+            dataset.compact()
+    except KeyboardInterrupt:
+        err.print(f"Interrupted; the same command goes on from {folder}", highlight=False, soft_wrap=True)
+        raise SystemExit(INTERRUPTED) from None
+    except OSError as error:
+        err.print(f"{folder}: a row could not be written ({error.strerror}); finished rows are kept", soft_wrap=True)
+        raise SystemExit(FAILED) from None
+    out.print(terminal_table(summarise_groups(dataset.read()), f"{folder}, 95 % intervals"), highlight=False)
+    out.print(f"Look at it with: pdpatrol results {folder}", highlight=False, soft_wrap=True)

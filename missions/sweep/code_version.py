@@ -1,0 +1,25 @@
+"""Which code a result is of."""
+
+from __future__ import annotations
+
+import hashlib
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("dirmusic", "sensing", "robot_models", "envs", "missions")
+SUFFIXES = (".py", ".toml", ".xml")
+
+
+@cache
+def digest_of_code() -> str:
+    """SHA-256 of all files of this project that a mission may depend on: names and contents, in hexadecimal digits.
+
+    It needs no repository, and sees what is not committed.
+    """
+    total = hashlib.sha256()
+    for package in PACKAGES:
+        for path in sorted(path for path in (ROOT / package).rglob("*") if path.suffix in SUFFIXES):
+            total.update(f"{path.relative_to(ROOT).as_posix()}\0{path.stat().st_size}\0".encode())
+            total.update(path.read_bytes())
+    return total.hexdigest()

@@ -1,0 +1,128 @@
+"""Rows of a sweep on disk: each mission is written at once and whole, so that no crash loses a finished one."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from dirmusic import InputFileError
+from missions.sweep.mission_row import SCHEMA, MissionRow
+from missions.sweep.plan import SweepPlan
+
+VERSION = 1
+MANIFEST, ROWS, ALL_ROWS = "sweep.json", "rows", "rows.parquet"
+
+
+class Dataset:
+    """A folder with a manifest, a file for each new row, and one file for all rows of a sweep that is complete.
+
+    Args:
+        folder: Where it is.
+
+    Attributes:
+        folder: As given.
+        manifest: What the sweep consists of, and which code it is of.
+
+    Raises:
+        InputFileError: If the folder holds no dataset.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        try:
+            self.manifest: dict[str, Any] = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise InputFileError([f"{folder}: not the dataset of a sweep ({error}); give its folder"]) from None
+
+    @classmethod
+    def open_or_make(cls, folder: Path, plan: SweepPlan) -> Dataset:
+        """The dataset of a plan: a new one, or one that was begun and is to be completed.
+
+        Raises:
+            InputFileError: If the folder holds anything else, or a dataset of other missions or other code.
+            OSError: If it cannot be written.
+        """
+        if folder.is_file() or (folder.is_dir() and not (folder / MANIFEST).exists() and any(folder.iterdir())):
+            raise InputFileError([f"--out: {folder} is no sweep; allowed is a new or empty folder, or that of a sweep"])
+        if not (folder / MANIFEST).exists():
+            (folder / ROWS).mkdir(parents=True, exist_ok=True)
+            named = {name: version(name) for name in ("pdpatrol", "mujoco", "numpy", "scipy", "numba")}
+            manifest = {
+                "version": VERSION,
+                "plan": plan.digest,
+                "code": plan.code,
+                "n_missions": len(plan.jobs),
+                "versions": named,
+            }
+            _write_whole(folder / MANIFEST, (json.dumps(manifest, indent=2) + "\n").encode())
+        dataset, faults = cls(folder), list[str]()
+        if dataset.manifest["plan"] != plan.digest:
+            faults.append(
+                f"--out: {folder} holds other missions; allowed is a new folder, or the command of that sweep"
+            )
+        if dataset.manifest["code"] != plan.code:
+            faults.append(f"--out: {folder} was begun by other code; allowed is a new folder: then compare the two")
+        if faults:
+            raise InputFileError(faults)
+        return dataset
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether all missions have a row."""
+        return len(self.keys()) == self.manifest["n_missions"]
+
+    def keys(self) -> set[str]:
+        """Keys of the missions that have a row."""
+        single = {path.stem for path in (self.folder / ROWS).glob("*.parquet")}
+        if (self.folder / ALL_ROWS).exists():
+            single |= set(pq.read_table(self.folder / ALL_ROWS, columns=["key"])["key"].to_pylist())
+        return single
+
+    def write(self, row: MissionRow) -> None:
+        """Keep one row, whole or not at all.
+
+        Raises:
+            OSError: If it cannot be written; the rows before it stay.
+        """
+        _write_whole(self.folder / ROWS / f"{row.key}.parquet", _as_parquet(_as_table([row])))
+
+    def read(self) -> pa.Table:
+        """All rows, in the order of the plan; no mission comes twice."""
+        rows: dict[str, dict[str, Any]] = {}
+        for path in [self.folder / ALL_ROWS, *(self.folder / ROWS).glob("*.parquet")]:
+            if path.exists():
+                rows |= {row["key"]: row for row in pq.read_table(path, schema=SCHEMA).to_pylist()}
+        return pa.Table.from_pylist(sorted(rows.values(), key=lambda row: row["order"]), schema=SCHEMA)
+
+    def compact(self) -> None:
+        """Put all rows into one file; at any moment each is in that file or in its own."""
+        _write_whole(self.folder / ALL_ROWS, _as_parquet(self.read()))
+        for path in (self.folder / ROWS).glob("*.parquet"):
+            path.unlink(missing_ok=True)
+
+
+def _as_table(rows: Sequence[MissionRow]) -> pa.Table:
+    return pa.Table.from_pylist([row._asdict() for row in rows], schema=SCHEMA)
+
+
+def _as_parquet(table: pa.Table) -> bytes:
+    sink = pa.BufferOutputStream()
+    pq.write_table(table, sink, compression="zstd")
+    return sink.getvalue().to_pybytes()
+
+
+def _write_whole(path: Path, content: bytes) -> None:
+    """Write a file that other processes see whole or not at all."""
+    temporary = path.with_name(f".{path.name}.tmp")
+    try:
+        temporary.write_bytes(content)
+        temporary.replace(path)
+    except OSError:
+        temporary.unlink(missing_ok=True)
+        raise

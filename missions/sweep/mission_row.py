@@ -1,0 +1,135 @@
+"""What one mission of a sweep came to: one row of a dataset."""
+
+from __future__ import annotations
+
+import json
+from typing import Literal, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+
+from missions.comparison.scores import score_mission
+from missions.record.mission_log import MissionLog
+from missions.record.report import make_report
+from missions.sweep.plan import MissionJob
+
+Status = Literal["finished", "failed", "hung", "out of memory", "died"]
+
+SCHEMA = pa.schema(
+    [
+        pa.field("order", pa.int32()),
+        pa.field("key", pa.string()),
+        pa.field("scenario", pa.string()),
+        pa.field("policy", pa.string()),
+        pa.field("settings", pa.string()),
+        pa.field("seed", pa.int64()),
+        pa.field("status", pa.string()),
+        pa.field("error", pa.string()),
+        pa.field("n_sources", pa.int32()),
+        pa.field("n_found", pa.int32()),
+        pa.field("false_findings", pa.int32()),
+        pa.field("errors_m", pa.list_(pa.float64())),
+        pa.field("confirmed_s", pa.list_(pa.float64())),
+        pa.field("n_in_ellipse", pa.int32()),
+        pa.field("ospa_m", pa.float64()),
+        pa.field("bearing_rmse_rad", pa.float64()),
+        pa.field("distance_m", pa.float64()),
+        pa.field("sim_time_s", pa.float64()),
+        pa.field("contacts", pa.int32()),
+        pa.field("waypoints_missed", pa.int32()),
+        pa.field("wall_time_s", pa.float64()),
+        pa.field("peak_memory_mb", pa.float64()),
+    ]
+)
+"""Columns of a dataset, in the order of `MissionRow`."""
+
+MEASURED = ("wall_time_s", "peak_memory_mb")
+"""Columns that differ between two runs of one mission."""
+
+
+class MissionRow(NamedTuple):
+    """One mission of a sweep.
+
+    Attributes:
+        order: Its number in the sweep.
+        key: As of `plan.MissionJob`.
+        scenario: Its name.
+        policy: Who drove.
+        settings: What the sweep set in the scenario, as JSON.
+        seed: Of the mission.
+        status: `finished`; `failed`, it raised; `hung`, it took longer than allowed; `out of memory`; or `died`, its
+            process ended again and again. Whatever is not finished has no figures: None and 0.
+        error: What went wrong, with the traceback; empty if nothing did.
+        n_sources: Sources in the yard.
+        n_found: Of the sources, those with a confirmed finding within the cut-off of `missions.record.scoring`.
+        false_findings: Confirmed findings without a source.
+        errors_m: Distances of the paired findings from their sources.
+        confirmed_s: When those were confirmed.
+        n_in_ellipse: How many of the sources lie in the 95 % ellipse of their finding.
+        ospa_m: Distance between findings and sources as sets, as of `missions.record.scoring`.
+        bearing_rmse_rad: Root mean square error of the bearings in sight of a single source; None if there were none.
+        distance_m: Driven.
+        sim_time_s: Simulated.
+        contacts: How often the robot touched something.
+        waypoints_missed: Waypoints that were not visited.
+        wall_time_s: That the mission took.
+        peak_memory_mb: Largest resident memory of its process so far.
+    """
+
+    order: int
+    key: str
+    scenario: str
+    policy: str
+    settings: str
+    seed: int
+    status: Status
+    error: str
+    n_sources: int = 0
+    n_found: int = 0
+    false_findings: int = 0
+    errors_m: tuple[float, ...] = ()
+    confirmed_s: tuple[float, ...] = ()
+    n_in_ellipse: int = 0
+    ospa_m: float | None = None
+    bearing_rmse_rad: float | None = None
+    distance_m: float | None = None
+    sim_time_s: float | None = None
+    contacts: int = 0
+    waypoints_missed: int = 0
+    wall_time_s: float | None = None
+    peak_memory_mb: float | None = None
+
+    @classmethod
+    def of_failure(cls, job: MissionJob, status: Status, error: str) -> MissionRow:
+        """A mission that came to nothing."""
+        return cls(*_identity(job), status, error)
+
+    @classmethod
+    def of_log(cls, job: MissionJob, log: MissionLog, wall_time_s: float, peak_memory_mb: float) -> MissionRow:
+        """A mission that ran to its end."""
+        report, score = make_report(log, wall_time_s), score_mission(log, job.scenario)
+        evaluation = report["evaluation"]
+        return cls(
+            *_identity(job),
+            status="finished",
+            error="",
+            n_sources=score.n_sources,
+            n_found=score.n_found,
+            false_findings=score.false_findings,
+            errors_m=score.errors_m,
+            confirmed_s=score.confirmed_s,
+            n_in_ellipse=sum(bool(source["inside_ellipse95"]) for source in evaluation["sources"]),
+            ospa_m=evaluation["ospa_m"],
+            bearing_rmse_rad=score.bearing_rmse_rad if np.isfinite(score.bearing_rmse_rad) else None,
+            distance_m=report["distance_m"],
+            sim_time_s=report["sim_time_s"],
+            contacts=report["collisions"],
+            waypoints_missed=len(report["waypoints"]["missed"]),
+            wall_time_s=wall_time_s,
+            peak_memory_mb=peak_memory_mb,
+        )
+
+
+def _identity(job: MissionJob) -> tuple[int, str, str, str, str, int]:
+    settings = json.dumps(dict(job.settings), sort_keys=True)
+    return job.order, job.key, job.scenario.name, job.policy, settings, job.seed

@@ -1,0 +1,137 @@
+"""What a sweep consists of: scenarios times settings times policies times seeds, each mission with a key of its own."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import product
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from dirmusic import InputFileError
+from envs import Scenario, load_scenario
+from missions.sweep.code_version import digest_of_code
+
+Settings = Mapping[str, Any]
+
+
+class MissionJob(NamedTuple):
+    """One mission of a sweep.
+
+    Attributes:
+        order: Its number in the sweep, from 0.
+        key: Tells it apart from every other mission of the sweep; the same in each run of it.
+        scenario: What to run, settings included.
+        policy: Who drives, as `missions.policies.make_policy` takes it.
+        settings: Keys of the scenario that the sweep sets, with their values.
+        seed: Of the mission.
+    """
+
+    order: int
+    key: str
+    scenario: Scenario
+    policy: str
+    settings: Settings
+    seed: int
+
+
+class SweepPlan(NamedTuple):
+    """All missions of a sweep, in order.
+
+    Attributes:
+        jobs: The missions.
+        digest: Changes with any of them, and with any file of the user's that they name.
+        code: Changes with any file of this project.
+    """
+
+    jobs: tuple[MissionJob, ...]
+    digest: str
+    code: str
+
+    def shard(self, number: int, n_shards: int) -> tuple[MissionJob, ...]:
+        """Part `number`, from 1, of `n_shards` parts; each mission is in exactly one."""
+        return self.jobs[number - 1 :: n_shards]
+
+
+def make_plan(
+    scenarios: Sequence[str], policies: Sequence[str], grid: Mapping[str, Sequence[Any]], seeds: Sequence[int]
+) -> SweepPlan:
+    """The missions of a sweep: for each scenario and each combination of settings, each policy on each seed.
+
+    Args:
+        scenarios: Names of shipped scenarios or paths of TOML files.
+        policies: Names of policies.
+        grid: For each key of the scenario that is set, `table.key`, the values that it takes.
+        seeds: Of the missions.
+
+    Raises:
+        InputFileError: With all faults, if a scenario cannot be loaded or does not take a setting.
+    """
+    faults: list[str] = []
+    variants: list[tuple[Scenario, Settings]] = []
+    for name, values in product(scenarios, product(*grid.values())):
+        settings = dict(zip(grid, values, strict=True))
+        try:
+            variants.append((load_scenario(name, settings), settings))
+        except InputFileError as error:
+            faults += [fault for fault in error.faults if fault not in faults]
+    if faults:
+        raise InputFileError(faults)
+    jobs: list[MissionJob] = []
+    for scenario, settings in variants:
+        for policy in policies:
+            named = digest([scenario.model_dump_json(), policy, *digests_of_files(scenario, policy)])
+            for seed in seeds:
+                jobs.append(MissionJob(len(jobs), digest([named, str(seed)])[:16], scenario, policy, settings, seed))
+    return SweepPlan(tuple(jobs), digest([job.key for job in jobs]), digest_of_code())
+
+
+def parse_grid(texts: Iterable[str]) -> dict[str, list[Any]]:
+    """A grid from texts like `receiver.noise_v=5e-4,1e-3`; values are TOML, and what is none is taken as a text.
+
+    Raises:
+        InputFileError: If a text is of another form, or a key comes twice.
+    """
+    grid: dict[str, list[Any]] = {}
+    faults: list[str] = []
+    for text in texts:
+        key, equals, values = text.partition("=")
+        if not equals or not values or not all(key.split(".")):
+            faults.append(f"--set: got {text!r}; allowed is key=value,value,... like receiver.noise_v=5e-4,1e-3")
+        elif key in grid:
+            faults.append(f"--set: {key} comes twice; allowed is once, with all its values")
+        else:
+            grid[key] = _values(values)
+    if faults:
+        raise InputFileError(faults)
+    return grid
+
+
+def _values(text: str) -> list[Any]:
+    """Values between commas; commas within brackets, braces or quotes are part of a value."""
+    try:
+        return list(tomllib.loads(f"values = [{text}]")["values"])
+    except tomllib.TOMLDecodeError:
+        return [_value(part.strip()) for part in text.split(",")]
+
+
+def _value(text: str) -> Any:  # noqa: ANN401 - TOML holds values of many types
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def digest(texts: Iterable[str]) -> str:
+    """SHA-256 of some texts, in hexadecimal digits."""
+    return hashlib.sha256(json.dumps(list(texts)).encode()).hexdigest()
+
+
+def digests_of_files(scenario: Scenario, policy: str) -> list[str]:
+    """SHA-256 of the contents of all files of the user's that a scenario and a policy name."""
+    own = scenario.array.pattern, scenario.array.true_pattern, scenario.robot.model
+    code = policy, scenario.estimator.method, scenario.locating.locator
+    names = [name for name in own if name] + [name.rpartition(":")[0] for name in code if name and ":" in name]
+    return [hashlib.sha256(Path(name).read_bytes()).hexdigest() for name in names if Path(name).is_file()]

@@ -1,0 +1,106 @@
+"""Summaries as tables: for a terminal, as Markdown, and as CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+
+import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
+
+from missions.comparison.scores import Interval
+from missions.sweep.summary import GroupSummary
+
+HEADINGS = (
+    "scenario",
+    "policy",
+    "set",
+    "missions",
+    "found (%)",
+    "median error (m)",
+    "95 % below (m)",
+    "in ellipse (%)",
+    "time to confirm (s)",
+    "false",
+    "contacts",
+    "missed",
+)
+
+
+def cells(summary: GroupSummary) -> tuple[str, ...]:
+    """A row of texts, as `HEADINGS`: values with their 95 % intervals."""
+    settings = ", ".join(f"{key}={value}" for key, value in json.loads(summary.settings).items())
+    unfinished = f" ({summary.n_unfinished} unfinished)" if summary.n_unfinished else ""
+    return (
+        summary.scenario,
+        summary.policy,
+        settings or "-",
+        f"{summary.n_missions}{unfinished}",
+        with_interval(summary.found, 0, 100.0),
+        with_interval(summary.error_m, 3),
+        f"{summary.error95_m:.3f}" if np.isfinite(summary.error95_m) else "-",
+        with_interval(summary.in_ellipse, 0, 100.0),
+        with_interval(summary.confirmed_s, 0),
+        str(summary.false_findings),
+        str(summary.contacts),
+        str(summary.waypoints_missed),
+    )
+
+
+def with_interval(interval: Interval, digits: int, factor: float = 1.0) -> str:
+    """A figure with its interval, both times `factor`; a dash where there is none."""
+    value, low, high = (factor * end for end in interval)
+    if np.isnan(value):
+        return "-"
+    if np.isnan(low):
+        return f"{value:.{digits}f}"
+    return f"{value:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
+
+
+def terminal_table(summaries: Sequence[GroupSummary], title: str) -> Table:
+    """For a terminal of eighty columns, what matters most, a section for each scenario; the other forms hold all."""
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    shown = ("missions", "found (%)", "median error (m)", "time to confirm (s)", "false", "contacts")
+    table.add_column("", overflow="fold")
+    for heading in shown:
+        table.add_column(heading, justify="right")
+    before = ""
+    for summary in summaries:
+        if summary.scenario != before:
+            before = summary.scenario
+            table.add_section()
+            table.add_row(f"[bold]{before}[/bold]")
+        named = dict(zip(HEADINGS, cells(summary), strict=True))
+        settings = "" if named["set"] == "-" else f", {named['set']}"
+        table.add_row(f"{summary.policy}{settings}", *(named[heading] for heading in shown))
+    return table
+
+
+def markdown(summaries: Sequence[GroupSummary]) -> str:
+    """As a Markdown table."""
+    lines = [HEADINGS, ("---",) * len(HEADINGS), *(cells(summary) for summary in summaries)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
+
+
+def as_csv(summaries: Sequence[GroupSummary]) -> str:
+    """As CSV in SI units: of each figure with an interval three columns."""
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    rows = [flat(summary) for summary in summaries]
+    writer.writerow(rows[0].keys() if rows else GroupSummary._fields)
+    writer.writerows(row.values() for row in rows)
+    return file.getvalue()
+
+
+def flat(summary: GroupSummary) -> dict[str, str | float]:
+    """A summary without records in it."""
+    found: dict[str, str | float] = {}
+    for name, value in summary._asdict().items():
+        if isinstance(value, Interval):
+            found |= {name: value.value, f"{name}_low": value.low, f"{name}_high": value.high}
+        else:
+            found[name] = value
+    return found

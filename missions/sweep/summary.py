@@ -1,0 +1,80 @@
+"""A dataset summed up: a line for each scenario, policy and setting, with 95 % intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+
+from missions.comparison.scores import Interval, bootstrap_interval, share_interval
+
+
+class GroupSummary(NamedTuple):
+    """Missions that differ by their seed alone.
+
+    Attributes:
+        scenario: Name of the scenario.
+        policy: Who drove.
+        settings: What the sweep set, as JSON.
+        n_missions: How many there are.
+        n_unfinished: Of those, the ones that failed, hung, ran out of memory or died; they count as missions in which
+            nothing was found only in this number.
+        found: Share of all sources that were found, with Wilson's interval.
+        error_m: Median distance of findings from their sources.
+        error95_m: 95 % of the distances are below this; NaN without any.
+        in_ellipse: Share of the found sources that lie in the 95 % ellipse of their finding.
+        confirmed_s: Median time until a source was confirmed.
+        ospa_m: Mean distance between findings and sources as sets.
+        false_findings: Confirmed findings without a source, all together.
+        contacts: How often anything was touched.
+        waypoints_missed: Waypoints not visited, all together.
+    """
+
+    scenario: str
+    policy: str
+    settings: str
+    n_missions: int
+    n_unfinished: int
+    found: Interval
+    error_m: Interval
+    error95_m: float
+    in_ellipse: Interval
+    confirmed_s: Interval
+    ospa_m: Interval
+    false_findings: int
+    contacts: int
+    waypoints_missed: int
+
+
+def summarise_groups(rows: pa.Table) -> list[GroupSummary]:
+    """Sum up a dataset: groups in the order of the plan."""
+    groups: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
+    for row in rows.to_pylist():
+        groups.setdefault((row["scenario"], row["policy"], row["settings"]), []).append(row)
+    return [_summarise(name, members) for name, members in groups.items()]
+
+
+def _summarise(name: tuple[str, str, str], rows: Sequence[dict[str, Any]]) -> GroupSummary:
+    finished = [row for row in rows if row["status"] == "finished"]
+    total = {
+        column: sum(row[column] for row in finished)
+        for column in ("n_sources", "n_found", "n_in_ellipse", "false_findings", "contacts", "waypoints_missed")
+    }
+    errors_m = np.array([error for row in finished for error in row["errors_m"]])
+    confirmed_s = np.array([time_s for row in finished for time_s in row["confirmed_s"]])
+    return GroupSummary(
+        *name,
+        n_missions=len(rows),
+        n_unfinished=len(rows) - len(finished),
+        found=share_interval(total["n_found"], total["n_sources"]),
+        error_m=bootstrap_interval(errors_m, np.median),
+        error95_m=float(np.quantile(errors_m, 0.95)) if errors_m.size else float("nan"),
+        in_ellipse=share_interval(total["n_in_ellipse"], total["n_found"]),
+        confirmed_s=bootstrap_interval(confirmed_s, np.median),
+        ospa_m=bootstrap_interval(np.array([row["ospa_m"] for row in finished]), np.mean),
+        false_findings=total["false_findings"],
+        contacts=total["contacts"],
+        waypoints_missed=total["waypoints_missed"],
+    )

@@ -1,0 +1,78 @@
+"""What a sweep consists of."""
+
+from itertools import combinations
+from pathlib import Path
+
+import pytest
+
+from dirmusic import InputFileError
+from envs import load_scenario
+from missions.sweep.plan import MissionJob, make_plan, parse_grid
+
+
+def test_every_combination_is_one_mission_and_shards_share_them_out() -> None:
+    grid = {"receiver.noise_v": [1e-3, 2e-3], "array.n_elements": [6, 8]}
+    plan = make_plan(["one_source", "two_sources"], ["seek", "patrol"], grid, range(3))
+    assert len(plan.jobs) == 2 * 4 * 2 * 3
+    assert len({job.key for job in plan.jobs}) == len(plan.jobs)
+    assert [job.order for job in plan.jobs] == list(range(len(plan.jobs)))
+    for job in plan.jobs:
+        assert job.scenario.receiver.noise_v == job.settings["receiver.noise_v"]
+        assert job.scenario.array.n_channels == job.settings["array.n_elements"]
+    shards = [plan.shard(number, 5) for number in range(1, 6)]
+    assert sorted(job.order for shard in shards for job in shard) == list(range(len(plan.jobs)))
+    assert max(map(len, shards)) - min(map(len, shards)) <= 1
+
+
+def test_keys_follow_what_is_run_and_nothing_else(tmp_path: Path) -> None:
+    policy = tmp_path / "own.py"
+    policy.write_text("class Own: pass\n", encoding="utf-8")
+
+    def only(scenario: str, policy: str, noise_v: float, seed: int) -> MissionJob:
+        return make_plan([scenario], [policy], {"receiver.noise_v": [noise_v]}, [seed]).jobs[0]
+
+    first = only("one_source", f"{policy}:Own", 1e-3, 0)
+    more = make_plan(["two_sources", "one_source"], ["seek", f"{policy}:Own"], {"receiver.noise_v": [1e-3]}, range(2))
+    assert first.key in {job.key for job in more.jobs}
+    policy.write_text("class Own:\n    pass\n", encoding="utf-8")
+    others = [
+        first,
+        only("one_source", f"{policy}:Own", 1e-3, 0),
+        only("one_source", f"{policy}:Own", 2e-3, 0),
+        only("one_source", f"{policy}:Own", 1e-3, 1),
+        only("one_source", "seek", 1e-3, 0),
+        only("two_sources", "seek", 1e-3, 0),
+    ]
+    assert all(one.key != other.key for one, other in combinations(others, 2))
+
+
+def test_a_setting_is_the_same_as_the_key_in_the_file() -> None:
+    usual = load_scenario("one_source")
+    assert load_scenario("one_source", {}) == usual
+    changed = load_scenario("one_source", {"receiver.noise_v": 2e-3, "locating.fix": "bearings"})
+    tables = usual.model_dump() | {
+        "receiver": usual.receiver.model_dump() | {"noise_v": 2e-3},
+        "locating": usual.locating.model_dump() | {"fix": "bearings"},
+    }
+    assert changed.model_dump() == tables
+
+
+def test_values_are_toml_or_texts() -> None:
+    assert parse_grid(["a.b=5e-4,1e-3,2"]) == {"a.b": [5e-4, 1e-3, 2]}
+    assert parse_grid(["a=true,false", "b=joint,bearings"]) == {"a": [True, False], "b": ["joint", "bearings"]}
+    assert parse_grid(["yard.size_m=[30.0, 24.0],[40.0, 30.0]"]) == {"yard.size_m": [[30.0, 24.0], [40.0, 30.0]]}
+    assert parse_grid(['name="a,b"']) == {"name": ["a,b"]}
+
+
+@pytest.mark.parametrize("text", ["noise", "=3", "a..b=1", "a="])
+def test_what_is_no_setting_is_refused(text: str) -> None:
+    with pytest.raises(InputFileError, match="--set: got"):
+        parse_grid([text])
+
+
+def test_all_faults_of_all_settings_are_listed() -> None:
+    grid = {"receiver.noise_v": [1e-3, -1.0], "reciever.bits": [8]}
+    with pytest.raises(InputFileError) as caught:
+        make_plan(["one_source"], ["seek"], grid, [0])
+    assert any("receiver.noise_v: got -1.0" in fault for fault in caught.value.faults)
+    assert sum("reciever: unknown key" in fault for fault in caught.value.faults) == 1

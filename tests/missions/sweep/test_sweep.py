@@ -1,0 +1,242 @@
+"""Sweeps: nothing is lost, and nothing depends on how they are run."""
+
+import json
+import os
+import random
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pyarrow as pa
+import pytest
+
+from missions.sweep.dataset import Dataset
+from missions.sweep.mission_row import MEASURED, MissionRow
+from missions.sweep.plan import make_plan
+
+PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
+SHIPPED = Path(__file__).parents[3] / "envs" / "scenarios" / "one_source.toml"
+
+POLICIES = """
+import os, time
+
+class Stands:
+    def __init__(self, rng): pass
+    def __call__(self, observation, findings, site_map): return [0.0, 0.0]
+
+class Raises(Stands):
+    def __call__(self, observation, findings, site_map): raise RuntimeError("out of ideas")
+
+class Hangs(Stands):
+    def __call__(self, observation, findings, site_map): time.sleep(3600.0)
+
+class Eats(Stands):
+    def __call__(self, observation, findings, site_map):
+        eaten = []
+        while True:
+            eaten.append(bytearray(10_000_000))
+
+class Dies(Stands):
+    def __call__(self, observation, findings, site_map): os._exit(7)
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """With a scenario of eight seconds, and policies that fail each in its own way."""
+    text = SHIPPED.read_text(encoding="utf-8")
+    (tmp_path / "short.toml").write_text(f"{text}\n[task]\ntime_limit_s = 8.0\n", encoding="utf-8")
+    (tmp_path / "own.py").write_text(POLICIES, encoding="utf-8")
+    return tmp_path
+
+
+def sweep(folder: Path, *words: str, workers: int = 2) -> subprocess.CompletedProcess[str]:
+    command = [PDPATROL, "sweep", "short.toml", "--workers", str(workers), *words]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
+
+
+def rows(folder: Path) -> pa.Table:
+    """Without what differs between two runs."""
+    return Dataset(folder).read().drop_columns(list(MEASURED))
+
+
+def test_rows_are_the_same_with_any_number_of_workers_and_from_shards(folder: Path) -> None:
+    words = "--seeds", "0-2", "--policy", "seek", "patrol"
+    done = sweep(folder, *words, "--out", "one", workers=1)
+    assert done.returncode == 0, done.stderr
+    assert sweep(folder, *words, "--out", "two", workers=2).returncode == 0
+    for shard in ("2/2", "1/2"):
+        assert not Path(folder / "parts" / "rows.parquet").exists()
+        assert sweep(folder, *words, "--out", "parts", "--shard", shard).returncode == 0
+    assert rows(folder / "one").num_rows == 6
+    assert rows(folder / "one")["status"].to_pylist() == ["finished"] * 6
+    for other in ("two", "parts"):
+        assert rows(folder / other).equals(rows(folder / "one"))
+        assert sorted(path.name for path in (folder / other).rglob("*.parquet")) == ["rows.parquet"]
+    table = subprocess.run(
+        [PDPATROL, "results", "one", "--csv"], cwd=folder, capture_output=True, text=True, timeout=60
+    )
+    assert table.stdout.splitlines()[1].startswith("short,seek,{},3,0,")
+
+
+@pytest.mark.parametrize(
+    ("n_missions", "n_kills"), [(6, 1), pytest.param(100, 20, marks=pytest.mark.slow)], ids=["once", "twenty times"]
+)
+def test_a_sweep_that_is_killed_at_any_moment_ends_with_the_same_table(
+    n_missions: int, n_kills: int, folder: Path
+) -> None:
+    words = ["--seeds", f"0-{n_missions - 1}", "--out"]
+    rng = random.Random(0)
+    for kill in range(n_kills):
+        process = subprocess.Popen(
+            [PDPATROL, "sweep", "short.toml", "--workers", "2", *words, "killed"],
+            cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
+        )  # fmt: skip
+        wanted = n_missions * (kill + 1) // (n_kills + 1)
+        while len(list((folder / "killed" / "rows").glob("*.parquet"))) < wanted:
+            time.sleep(0.01)
+        time.sleep(rng.uniform(0.0, 0.5))
+        assert process.poll() is None
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+    assert 0 < rows(folder / "killed").num_rows < n_missions
+    assert sweep(folder, *words, "killed").returncode == 0
+    assert sweep(folder, *words, "whole").returncode == 0
+    assert rows(folder / "killed").equals(rows(folder / "whole"))
+    assert rows(folder / "killed").num_rows == n_missions
+
+
+@pytest.mark.slow
+def test_a_worker_that_is_killed_is_replaced_and_its_mission_runs_again(folder: Path) -> None:
+    words = ["--seeds", "0-11"]
+    command = [PDPATROL, "sweep", "short.toml", "--workers", "2", *words, "--out", "robbed"]
+    process = subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    deadline, killed = time.monotonic() + 120, set[int]()
+    while process.poll() is None and len(killed) < 2 and time.monotonic() < deadline:
+        busy = [pid for pid in descendants(process.pid) - killed if cpu_ticks(pid) > 30]
+        if len(list((folder / "robbed" / "rows").glob("*.parquet"))) > 2 * len(killed) + 1 and busy:
+            worker = max(busy, key=cpu_ticks)
+            killed.add(worker)
+            os.kill(worker, signal.SIGKILL)
+        time.sleep(0.05)
+    _, told = process.communicate(timeout=300)
+    assert process.returncode == 0, told
+    assert len(killed) == 2
+    assert sweep(folder, *words, "--out", "whole").returncode == 0
+    assert rows(folder / "robbed").equals(rows(folder / "whole"))
+
+
+def descendants(pid: int) -> set[int]:
+    """Processes below one, without its direct children: the workers are forked by a server."""
+    parents: dict[int, int] = {}
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            parents[int(path.parent.name)] = int(path.read_text().rsplit(")", 1)[1].split()[1])
+        except OSError:
+            continue
+    children = {child for child, parent in parents.items() if parent == pid}
+    return {child for child, parent in parents.items() if parent in children}
+
+
+def cpu_ticks(pid: int) -> int:
+    try:
+        return int(Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[11])
+    except OSError:
+        return 0
+
+
+def test_what_raises_hangs_eats_or_dies_is_a_row_and_stops_nothing(folder: Path) -> None:
+    names = ["Stands", "Raises", "Hangs", "Eats", "Dies"]
+    policies = [f"own.py:{name}" for name in names]
+    limits = "--wall-limit-s", "10", "--memory-gb", "1"
+    done = sweep(folder, "--seeds", "0-1", "--policy", *policies, *limits, "--out", "out")
+    assert done.returncode == 0, done.stderr
+    table = rows(folder / "out").to_pylist()
+    assert [row["status"] for row in table] == [
+        status for status in ("finished", "failed", "hung", "out of memory", "died") for _ in range(2)
+    ]
+    assert "own.py:9: RuntimeError: out of ideas" in table[2]["error"]
+    assert table[0]["error"] == ""
+    assert "exit code 7" in table[8]["error"]
+    told = subprocess.run([PDPATROL, "results", "out"], cwd=folder, capture_output=True, text=True, timeout=60).stdout
+    assert "own.py:Hangs, seed 1: hung: took longer than the 10 s that are allowed" in told
+
+
+def test_a_full_disk_is_told_and_loses_no_finished_row(folder: Path) -> None:
+    assert sweep(folder, "--seeds", "0-1", "--shard", "1/2", "--out", "out").returncode == 0
+    kept = rows(folder / "out")
+    command = [PDPATROL, "sweep", "short.toml", "--workers", "1", "--seeds", "0-1", "--out", "out"]
+    done = subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, timeout=120,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000)),
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert "a row could not be written" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert rows(folder / "out").equals(kept)
+    assert [path.name for path in (folder / "out").rglob("*.tmp")] == []
+
+
+def test_a_crash_within_compaction_doubles_no_row(tmp_path: Path) -> None:
+    plan = make_plan(["one_source"], ["seek"], {}, range(3))
+    dataset = Dataset.open_or_make(tmp_path / "out", plan)
+    for job in plan.jobs:
+        dataset.write(MissionRow.of_failure(job, "failed", "for a test"))
+    before = dataset.read()
+    single = {path: path.read_bytes() for path in (tmp_path / "out" / "rows").iterdir()}
+    dataset.compact()
+    for path, content in list(single.items())[:2]:  # as if it had not come to remove them
+        path.write_bytes(content)
+    (tmp_path / "out" / "rows" / ".x.parquet.tmp").write_bytes(b"half a row")
+    assert dataset.read().equals(before)
+    assert dataset.keys() == {job.key for job in plan.jobs}
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--seeds", "3-1"], "--seeds: got 3-1; allowed is one seed"),
+        (["--seeds", "a"], "--seeds: got a; allowed is one seed"),
+        (["--shard", "3/2"], "--shard: got 3/2; allowed are 1/N to N/N"),
+        (["--workers", "0"], "--workers: got 0; allowed is 1 or more"),
+        (["--wall-limit-s", "0"], "--wall-limit-s: got 0; allowed is more than 0"),
+        (["--set", "receiver.noise=1"], "short.toml: receiver.noise: unknown key; allowed are"),
+        (["--set", "receiver.noise_v=-1"], "short.toml: receiver.noise_v: got -1"),
+        (["--set", "noise"], "--set: got 'noise'; allowed is key=value"),
+        (["--policy", "hide"], "hide: no such policy; expected seek"),
+        (["--policy", "own.py:None_"], "own.py: no `None_` in it"),
+        (["--out", "own.py"], "--out: own.py is no sweep"),
+        (["--out", "."], "--out: . is no sweep"),
+        (["--out", "/proc/none"], "--out: /proc/none cannot be written"),
+    ],
+)
+def test_bad_input_is_one_line_and_nothing_is_written(words: list[str], told: str, folder: Path) -> None:
+    before = sorted(folder.rglob("*"))
+    done = sweep(folder, *words)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    (line,) = done.stderr.strip().splitlines()
+    assert line.startswith(told)
+    assert [path for path in sorted(folder.rglob("*")) if "__pycache__" not in str(path)] == before
+
+
+def test_a_dataset_of_other_missions_or_other_code_is_refused(folder: Path) -> None:
+    assert sweep(folder, "--seeds", "0", "--out", "out").returncode == 0
+    before = rows(folder / "out")
+    done = sweep(folder, "--seeds", "1", "--out", "out")
+    assert done.returncode == 2
+    assert "out holds other missions" in done.stderr
+    manifest = folder / "out" / "sweep.json"
+    manifest.write_text(
+        json.dumps(json.loads(manifest.read_text(encoding="utf-8")) | {"code": "another"}), encoding="utf-8"
+    )
+    done = sweep(folder, "--seeds", "0", "--out", "out")
+    assert done.returncode == 2
+    assert "out was begun by other code" in done.stderr
+    assert rows(folder / "out").equals(before)
+    done = subprocess.run([PDPATROL, "results", "own.py"], cwd=folder, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert "own.py: not the dataset of a sweep" in done.stderr
