@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from missions.cli.terminal import out, refuse
+
+if TYPE_CHECKING:
+    from missions.sweep.dataset import Dataset
 
 
 def results(
@@ -16,6 +19,7 @@ def results(
     *,
     markdown: bool = False,
     csv_output: Annotated[bool, tyro.conf.arg(name="csv")] = False,
+    compare: Annotated[tuple[str, str] | None, tyro.conf.arg(metavar="A B")] = None,
 ) -> None:
     """Sum up the dataset of a sweep: a line for each scenario, policy and setting, with 95 % intervals.
 
@@ -23,6 +27,8 @@ def results(
         folder: Of the dataset.
         markdown: Print a Markdown table.
         csv_output: Print CSV, in SI units.
+        compare: Compare two policies, two values of a setting as receiver.noise_v=1e-3, or this dataset and that of
+            another sweep, by their folders, mission by mission on the same scenario and seed.
     """
     if markdown and csv_output:
         refuse("--markdown and --csv: got both; allowed is one of the two")
@@ -35,6 +41,9 @@ def results(
         dataset = Dataset(folder)
     except InputFileError as error:
         refuse(*error.faults)
+    if compare is not None:
+        _compare(dataset, *compare)
+        return
     rows = dataset.read()
     summaries = summarise_groups(rows)
     if markdown:
@@ -54,3 +63,21 @@ def results(
         missing = dataset.manifest["n_missions"] - rows.num_rows
         if missing:
             out.print(f"{missing} missions are still to be run: repeat the command of the sweep", highlight=False)
+
+
+def _compare(dataset: Dataset, first: str, second: str) -> None:
+    """Print the differences between two sides, and which missions flipped."""
+    from dirmusic import InputFileError
+    from missions.sweep.paired import compare, pair_up
+    from missions.sweep.results_table import differences_table
+
+    try:
+        pairs = pair_up(dataset, first, second)
+    except InputFileError as error:
+        refuse(*error.faults)
+    out.print(differences_table(compare(pairs), first, second), highlight=False)
+    for pair in pairs:
+        if pair.has_flipped:
+            n_found = f"{pair.first['n_found']} -> {pair.second['n_found']} of {pair.first['n_sources']} found"
+            where = f"{pair.first['scenario']}, {pair.first['settings']}, seed {pair.first['seed']}"
+            out.print(f"{where}: {n_found}", highlight=False, markup=False, soft_wrap=True)

@@ -12,6 +12,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from missions.comparison.scores import Interval
+from missions.sweep.paired import Difference
 from missions.sweep.summary import GroupSummary
 
 HEADINGS = (
@@ -76,6 +77,23 @@ def terminal_table(summaries: Sequence[GroupSummary], title: str) -> Table:
         named = dict(zip(HEADINGS, cells(summary), strict=True))
         settings = "" if named["set"] == "-" else f", {named['set']}"
         table.add_row(f"{summary.policy}{settings}", *(named[heading] for heading in shown))
+    return table
+
+
+def differences_table(differences: Sequence[Difference], first: str, second: str) -> Table:
+    """A paired comparison for a terminal: means, mean change with its interval, and both tests."""
+    title = f"A: {first}, B: {second}; mission by mission, change from A to B with its 95 % interval"
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("")
+    for heading in ("n", "A", "B", "change", "p", "B better : worse", "p by signs"):
+        table.add_column(heading, justify="right")
+    for each in differences:
+        value, low, high = each.change
+        change = f"{value:+.3g}" if np.isnan(low) or not value else f"{value:+.3g} ({low:+.3g} to {high:+.3g})"
+        counts = f"{each.n_second_better} : {each.n_first_better}"
+        means = f"{each.first:.3g}", f"{each.second:.3g}"
+        tests = f"{each.permutation_p:.2g}", counts, f"{each.sign_p:.2g}"
+        table.add_row(each.name, str(each.n_pairs), *means, change, *tests)
     return table
 
 
