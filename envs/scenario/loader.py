@@ -56,6 +56,11 @@ def load_scenario(scenario: str | Path | Scenario, settings: Mapping[str, Any] |
         raise ScenarioError(_faults(path, error)) from None
 
 
+def restore_scenario(data: Mapping[str, Any]) -> Scenario:
+    """A scenario from the plain data that `model_dump(mode="json")` made of it."""
+    return Scenario.model_validate(_as_tuples(data))
+
+
 def _read(path: Path) -> dict[str, Any]:
     try:
         text = path.read_bytes().decode("utf-8")

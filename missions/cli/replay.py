@@ -7,18 +7,26 @@ from typing import Annotated
 
 import tyro
 
-from missions.cli.terminal import out, refuse
+from missions.cli.terminal import err, make_folder, out, refuse, write_mission
 
 
-def replay(folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")], *, web: bool = False) -> None:
+def replay(
+    folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")],
+    *,
+    row: int | None = None,
+    web: bool = False,
+) -> None:
     """Open the recording of a mission in the Rerun viewer.
 
     Args:
         folder: Folder of a mission; where it has no mission.rrd, the recording is made from its log.
+        row: Number of a mission in the dataset of a sweep, whose folder is given: it is run again, and kept there.
         web: Serve it to a browser on this machine (127.0.0.1) instead.
     """
     if not folder.is_dir():
         refuse(f"{folder}: no such folder; give the folder of a mission")
+    if row is not None:
+        folder = _run_again(folder, row)
     from missions.record.mission_log import MissionLog
     from missions.recording import open_viewer, serve, write_recording
 
@@ -32,3 +40,27 @@ def replay(folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="
         open_viewer(recording)
         return
     serve(recording, lambda url: out.print(f"Serving at {url}  (Ctrl-C ends it)", highlight=False, soft_wrap=True))
+
+
+def _run_again(folder: Path, row: int) -> Path:
+    """The folder of one mission of a sweep, run again if it has not been yet."""
+    from dirmusic import InputFileError
+    from missions.sweep.code_version import digest_of_code
+    from missions.sweep.dataset import Dataset
+
+    try:
+        dataset = Dataset(folder)
+        job = dataset.job(row)
+    except InputFileError as error:
+        refuse(*error.faults)
+    if dataset.manifest["code"] != digest_of_code():
+        err.print("The sweep is of other code: the mission may end otherwise now", highlight=False, style="yellow")
+    mission = folder / "missions" / str(row)
+    if not (mission / "log.npz").exists():
+        from missions.record.report import make_report
+        from missions.runner import run_mission
+
+        with err.status(f"{job.scenario.name}, {job.policy}, seed {job.seed} runs again"):
+            log = run_mission(job.scenario, job.policy, job.seed)
+            write_mission(log, make_report(log, 0.0), make_folder(mission))
+    return mission

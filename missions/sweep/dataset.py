@@ -12,8 +12,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from dirmusic import InputFileError
+from envs.scenario import restore_scenario
 from missions.sweep.mission_row import SCHEMA, MissionRow
-from missions.sweep.plan import SweepPlan
+from missions.sweep.plan import MissionJob, SweepPlan
 
 VERSION = 1
 MANIFEST, ROWS, ALL_ROWS = "sweep.json", "rows", "rows.parquet"
@@ -59,6 +60,7 @@ class Dataset:
                 "code": plan.code,
                 "n_missions": len(plan.jobs),
                 "versions": named,
+                "scenarios": {job.scenario_digest: job.scenario.model_dump(mode="json") for job in plan.jobs},
             }
             _write_whole(folder / MANIFEST, (json.dumps(manifest, indent=2) + "\n").encode())
         dataset, faults = cls(folder), list[str]()
@@ -99,6 +101,20 @@ class Dataset:
             if path.exists():
                 rows |= {row["key"]: row for row in pq.read_table(path, schema=SCHEMA).to_pylist()}
         return pa.Table.from_pylist(sorted(rows.values(), key=lambda row: row["order"]), schema=SCHEMA)
+
+    def job(self, number: int) -> MissionJob:
+        """The mission of a row, to be run again.
+
+        Raises:
+            InputFileError: If there is no such row.
+        """
+        rows = {row["order"]: row for row in self.read().to_pylist()}
+        if number not in rows:
+            raise InputFileError([f"--row: got {number}; allowed is the number of a row, 0 to {max(rows, default=0)}"])
+        row = rows[number]
+        scenario = restore_scenario(self.manifest["scenarios"][row["scenario_digest"]])
+        settings = json.loads(row["settings"])
+        return MissionJob(number, row["key"], scenario, row["scenario_digest"], row["policy"], settings, row["seed"])
 
     def compact(self) -> None:
         """Put all rows into one file; at any moment each is in that file or in its own."""

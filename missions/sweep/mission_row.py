@@ -20,6 +20,7 @@ SCHEMA = pa.schema(
         pa.field("order", pa.int32()),
         pa.field("key", pa.string()),
         pa.field("scenario", pa.string()),
+        pa.field("scenario_digest", pa.string()),
         pa.field("policy", pa.string()),
         pa.field("settings", pa.string()),
         pa.field("seed", pa.int64()),
@@ -54,6 +55,7 @@ class MissionRow(NamedTuple):
         order: Its number in the sweep.
         key: As of `plan.MissionJob`.
         scenario: Its name.
+        scenario_digest: SHA-256 of it with its settings; the manifest of the dataset holds it whole.
         policy: Who drove.
         settings: What the sweep set in the scenario, as JSON.
         seed: Of the mission.
@@ -79,6 +81,7 @@ class MissionRow(NamedTuple):
     order: int
     key: str
     scenario: str
+    scenario_digest: str
     policy: str
     settings: str
     seed: int
@@ -130,6 +133,6 @@ class MissionRow(NamedTuple):
         )
 
 
-def _identity(job: MissionJob) -> tuple[int, str, str, str, str, int]:
+def _identity(job: MissionJob) -> tuple[int, str, str, str, str, str, int]:
     settings = json.dumps(dict(job.settings), sort_keys=True)
-    return job.order, job.key, job.scenario.name, job.policy, settings, job.seed
+    return job.order, job.key, job.scenario.name, job.scenario_digest, job.policy, settings, job.seed

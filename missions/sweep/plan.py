@@ -24,6 +24,7 @@ class MissionJob(NamedTuple):
         order: Its number in the sweep, from 0.
         key: Tells it apart from every other mission of the sweep; the same in each run of it.
         scenario: What to run, settings included.
+        scenario_digest: SHA-256 of the scenario as JSON, in hexadecimal digits.
         policy: Who drives, as `missions.policies.make_policy` takes it.
         settings: Keys of the scenario that the sweep sets, with their values.
         seed: Of the mission.
@@ -32,6 +33,7 @@ class MissionJob(NamedTuple):
     order: int
     key: str
     scenario: Scenario
+    scenario_digest: str
     policy: str
     settings: Settings
     seed: int
@@ -81,10 +83,12 @@ def make_plan(
         raise InputFileError(faults)
     jobs: list[MissionJob] = []
     for scenario, settings in variants:
+        of_scenario = hashlib.sha256(scenario.model_dump_json().encode()).hexdigest()
         for policy in policies:
-            named = digest([scenario.model_dump_json(), policy, *digests_of_files(scenario, policy)])
+            named = digest([of_scenario, policy, *digests_of_files(scenario, policy)])
             for seed in seeds:
-                jobs.append(MissionJob(len(jobs), digest([named, str(seed)])[:16], scenario, policy, settings, seed))
+                key = digest([named, str(seed)])[:16]
+                jobs.append(MissionJob(len(jobs), key, scenario, of_scenario, policy, settings, seed))
     return SweepPlan(tuple(jobs), digest([job.key for job in jobs]), digest_of_code())
 
 

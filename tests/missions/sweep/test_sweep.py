@@ -16,6 +16,7 @@ import pytest
 from missions.sweep.dataset import Dataset
 from missions.sweep.mission_row import MEASURED, MissionRow
 from missions.sweep.plan import make_plan
+from missions.sweep.worker import run_job
 
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 SHIPPED = Path(__file__).parents[3] / "envs" / "scenarios" / "one_source.toml"
@@ -240,3 +241,16 @@ def test_a_dataset_of_other_missions_or_other_code_is_refused(folder: Path) -> N
     done = subprocess.run([PDPATROL, "results", "own.py"], cwd=folder, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2
     assert "own.py: not the dataset of a sweep" in done.stderr
+
+
+def test_a_mission_of_a_sweep_can_be_run_again_and_comes_to_the_same(folder: Path) -> None:
+    words = "--seeds", "0-1", "--set", "receiver.noise_v=1e-3,2e-3", "--out", "out"
+    assert sweep(folder, *words).returncode == 0
+    row = rows(folder / "out").to_pylist()[3]
+    assert (row["seed"], json.loads(row["settings"])) == (1, {"receiver.noise_v": 2e-3})
+    job = Dataset(folder / "out").job(3)
+    again = json.loads(json.dumps(run_job(job)._asdict()))
+    assert {column: again[column] for column in row} == row
+    done = subprocess.run([PDPATROL, "replay", "out", "--row", "9"], cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stderr.strip() == "--row: got 9; allowed is the number of a row, 0 to 3"
