@@ -16,6 +16,7 @@ ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 BIN = Path(sys.executable).parent
 INSTALL = "pip install uv && "
+FOLLOWS = {"replay": "run two_sources --seed 7", "results": "sweep one_source"}
 
 
 def blocks(language: str) -> list[str]:
@@ -34,12 +35,15 @@ def test_the_first_two_commands_are_complete_on_a_fresh_machine() -> None:
 
 
 def sequences() -> list[list[str]]:
-    """The commands that a quick test can run, each alone, but for `replay`: it follows the run that it replays."""
+    """The commands that a quick test can run, each alone, but for those that need what another has written."""
     found: list[list[str]] = []
     for command in commands():
-        if command.startswith("uv run pdpatrol replay"):
-            (run,) = [each for each in found if each[0].startswith("uv run pdpatrol run two_sources --seed 7")]
-            run.append(command)
+        before = next(
+            (written for verb, written in FOLLOWS.items() if command.startswith(f"uv run pdpatrol {verb}")), ""
+        )
+        if before:
+            (sequence,) = [each for each in found if each[0].startswith(f"uv run pdpatrol {before}")]
+            sequence.append(command)
         elif not command.startswith("uv run pdpatrol worth"):  # minutes: see the slow test
             found.append([command])
     return found

@@ -164,15 +164,15 @@ def difference(measure: Measure, values: FloatArray) -> Difference:
     change = values[:, 1] - values[:, 0]
     better = np.sign(change) * measure.is_better
     n_first, n_second = int((better < 0).sum()), int((better > 0).sum())
+    permutation_p, sign_p, interval = 1.0, 1.0, Interval(0.0, 0.0, 0.0)
     if change.any():
+        sign_p, interval = float(binomtest(n_first, n_first + n_second).pvalue), bootstrap_interval(change, np.mean)
+    if change.any() and change.size > 1:  # a single pair is as likely either way round
         permuted = permutation_test(
             (change,), lambda x, axis: np.mean(x, axis=axis), permutation_type="samples", vectorized=True,
             n_resamples=RESAMPLES, rng=0,
         )  # fmt: skip
-        permutation_p, sign_p = float(permuted.pvalue), float(binomtest(n_first, n_first + n_second).pvalue)
-        interval = bootstrap_interval(change, np.mean)
-    else:
-        permutation_p, sign_p, interval = 1.0, 1.0, Interval(0.0, 0.0, 0.0)
+        permutation_p = float(permuted.pvalue)
     first, second = values.mean(axis=0)
     return Difference(
         measure.name, len(values), float(first), float(second), interval, permutation_p, n_first, n_second, sign_p

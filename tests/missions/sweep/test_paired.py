@@ -78,6 +78,13 @@ def test_the_permutation_test_is_significant_as_often_as_it_says_where_labels_ar
     assert 0.02 * 200 <= hits <= 0.09 * 200
 
 
+def test_a_single_pair_proves_nothing() -> None:
+    one = difference(OSPA, np.array([[0.1, 0.3]]))
+    assert one.change.value == pytest.approx(0.2)
+    assert np.isnan(one.change.low)
+    assert (one.permutation_p, one.sign_p) == (1.0, 1.0)
+
+
 @pytest.mark.parametrize(("first", "second"), [("oracle", "seek"), ("seek", "receiver.noise_v=5"), ("a", "b")])
 def test_a_side_without_missions_is_refused(first: str, second: str, tmp_path: Path) -> None:
     dataset = make_dataset(tmp_path / "out", 0.02)

@@ -97,7 +97,7 @@ def test_a_sweep_that_is_killed_at_any_moment_ends_with_the_same_table(
             cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
         )  # fmt: skip
         wanted = n_missions * (kill + 1) // (n_kills + 1)
-        while len(list((folder / "killed" / "rows").glob("*.parquet"))) < wanted:
+        while len(list((folder / "killed" / "rows").glob("*.parquet"))) < wanted and process.poll() is None:
             time.sleep(0.01)
         time.sleep(rng.uniform(0.0, 0.5))
         assert process.poll() is None
