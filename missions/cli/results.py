@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from missions.cli.terminal import out, refuse
+from missions.cli.terminal import err, make_folder, new_folder, out, refuse
 
 if TYPE_CHECKING:
     from missions.sweep.dataset import Dataset
@@ -20,6 +20,7 @@ def results(
     markdown: bool = False,
     csv_output: Annotated[bool, tyro.conf.arg(name="csv")] = False,
     compare: Annotated[tuple[str, str] | None, tyro.conf.arg(metavar="A B")] = None,
+    figures: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None,
 ) -> None:
     """Sum up the dataset of a sweep: a line for each scenario, policy and setting, with 95 % intervals.
 
@@ -29,6 +30,7 @@ def results(
         csv_output: Print CSV, in SI units.
         compare: Compare two policies, two values of a setting as receiver.noise_v=1e-3, or this dataset and that of
             another sweep, by their folders, mission by mission on the same scenario and seed.
+        figures: Draw into this folder, new or empty: errors, what is found over time, and over each setting.
     """
     if markdown and csv_output:
         refuse("--markdown and --csv: got both; allowed is one of the two")
@@ -45,6 +47,12 @@ def results(
         _compare(dataset, *compare)
         return
     rows = dataset.read()
+    if figures is not None:
+        from missions.sweep.figures import draw_figures
+
+        folder_of_figures = make_folder(new_folder(figures, "", "--figures"), "--figures")
+        written = draw_figures(rows, folder_of_figures)
+        err.print(f"Written to {figures}: {', '.join(path.name for path in written)}", highlight=False, soft_wrap=True)
     summaries = summarise_groups(rows)
     if markdown:
         sys.stdout.write(results_table.markdown(summaries))

@@ -26,13 +26,13 @@ def refuse(*faults: str) -> NoReturn:
     sys.exit(USAGE_ERROR)
 
 
-def new_folder(given: Path | None, name: str) -> Path:
-    """A folder that holds nothing yet: the given one, or the next free one under runs/."""
+def new_folder(given: Path | None, name: str, option: str = "--out") -> Path:
+    """A folder that holds nothing yet: the one given by an option, or the next free one under runs/."""
     if given is not None:
         if given.exists() and not given.is_dir():
-            refuse(f"--out: {given} is a file; allowed is a new or an empty folder")
+            refuse(f"{option}: {given} is a file; allowed is a new or an empty folder")
         if given.is_dir() and any(given.iterdir()):
-            refuse(f"--out: {given} is not empty; allowed is a new or an empty folder")
+            refuse(f"{option}: {given} is not empty; allowed is a new or an empty folder")
         return given
     folder, count = Path("runs") / name, 1
     while folder.exists():
@@ -41,12 +41,12 @@ def new_folder(given: Path | None, name: str) -> Path:
     return folder
 
 
-def make_folder(folder: Path) -> Path:
+def make_folder(folder: Path, option: str = "--out") -> Path:
     """The folder, made where it is not there yet."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        refuse(f"--out: {folder} cannot be made ({error.strerror}); allowed is a folder that can be written to")
+        refuse(f"{option}: {folder} cannot be made ({error.strerror}); allowed is a folder that can be written to")
     return folder
 
 

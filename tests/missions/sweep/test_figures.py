@@ -1,0 +1,54 @@
+"""Pictures of a dataset say what its rows say."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from missions.sweep.dataset import Dataset
+from missions.sweep.figures import draw_errors, draw_figures, draw_found_over_setting, draw_found_over_time, groups
+from missions.sweep.mission_row import MissionRow
+from missions.sweep.plan import make_plan
+
+NOISE_V = [5e-4, 1e-3, 2e-3]
+
+
+@pytest.fixture
+def dataset(tmp_path: Path) -> Dataset:
+    """The source is found from seed 1 on at low noise, from seed 2 on at the next level, and so on."""
+    plan = make_plan(["one_source"], ["seek", "patrol"], {"receiver.noise_v": NOISE_V}, range(5))
+    dataset = Dataset.open_or_make(tmp_path / "out", plan)
+    for job in plan.jobs:
+        found = job.seed > NOISE_V.index(job.settings["receiver.noise_v"])
+        row = MissionRow.of_failure(job, "finished", "")._replace(n_sources=1, sim_time_s=100.0)
+        if found:
+            row = row._replace(n_found=1, errors_m=(0.01 * job.seed,), confirmed_s=(10.0 * job.seed,))
+        dataset.write(row)
+    return dataset
+
+
+def test_lines_end_at_the_share_that_was_found(dataset: Dataset) -> None:
+    lines = groups(dataset.read().to_pylist())
+    assert list(lines)[:2] == ["seek, receiver.noise_v=0.0005", "patrol, receiver.noise_v=0.0005"]
+    for figure in (draw_errors(lines), draw_found_over_time(lines)):
+        drawn = figure.axes[0].get_lines()
+        assert [line.get_label() for line in drawn] == list(lines)
+        assert [line.get_ydata()[-1] for line in drawn] == pytest.approx(np.repeat([0.8, 0.6, 0.4], 2))  # pyright: ignore
+        for line in drawn:
+            assert np.all(np.diff(np.asarray(line.get_ydata(), dtype=np.float64)) >= 0)
+            assert np.all(np.diff(np.asarray(line.get_xdata(), dtype=np.float64)) >= 0)
+
+
+def test_a_setting_is_an_axis(dataset: Dataset) -> None:
+    (axes,) = draw_found_over_setting(dataset.read().to_pylist(), "receiver.noise_v").axes
+    assert axes.get_xlabel() == "receiver.noise_v"
+    assert [line.get_label() for line in axes.get_lines()] == ["seek", "patrol"]
+    for line in axes.get_lines():
+        np.testing.assert_allclose(np.asarray(line.get_xdata(), dtype=np.float64), NOISE_V)
+        np.testing.assert_allclose(np.asarray(line.get_ydata(), dtype=np.float64), [0.8, 0.6, 0.4])
+
+
+def test_all_pictures_are_written(dataset: Dataset, tmp_path: Path) -> None:
+    written = draw_figures(dataset.read(), tmp_path)
+    assert [path.name for path in written] == ["errors.png", "found_over_time.png", "found_over_receiver.noise_v.png"]
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in written)
