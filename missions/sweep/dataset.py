@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -97,8 +98,9 @@ class Dataset:
     def read(self) -> pa.Table:
         """All rows, in the order of the plan; no mission comes twice."""
         rows: dict[str, dict[str, Any]] = {}
-        for path in [self.folder / ALL_ROWS, *(self.folder / ROWS).glob("*.parquet")]:
-            if path.exists():
+        # the common file last: what another shard takes from the single ones meanwhile is in it by then
+        for path in [*(self.folder / ROWS).glob("*.parquet"), self.folder / ALL_ROWS]:
+            with suppress(FileNotFoundError):
                 rows |= {row["key"]: row for row in pq.read_table(path, schema=SCHEMA).to_pylist()}
         return pa.Table.from_pylist(sorted(rows.values(), key=lambda row: row["order"]), schema=SCHEMA)
 
