@@ -50,6 +50,7 @@ def half_power_width(path: Path) -> float:
     return float(2.0 * np.interp(-np.sqrt(0.5), -gain / gain[0], off_rad))
 
 
+@pytest.mark.slow
 def test_positions_are_off_by_more_where_the_data_sheet_is_wrong() -> None:
     scenario = load_scenario(FOLDER / "yard.toml")
     array = scenario.model_dump() | {"array": scenario.array.model_dump() | {"true_pattern": None}}

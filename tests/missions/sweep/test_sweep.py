@@ -66,19 +66,18 @@ def rows(folder: Path) -> pa.Table:
 
 def test_rows_are_the_same_with_any_number_of_workers_and_from_shards(folder: Path) -> None:
     words = "--seeds", "0-2", "--policy", "seek", "patrol"
-    done = sweep(folder, *words, "--out", "one", workers=1)
+    done = sweep(folder, *words, "--out", "two", workers=2)
     assert done.returncode == 0, done.stderr
-    assert sweep(folder, *words, "--out", "two", workers=2).returncode == 0
     for shard in ("2/2", "1/2"):
         assert not Path(folder / "parts" / "rows.parquet").exists()
-        assert sweep(folder, *words, "--out", "parts", "--shard", shard).returncode == 0
-    assert rows(folder / "one").num_rows == 6
-    assert rows(folder / "one")["status"].to_pylist() == ["finished"] * 6
-    for other in ("two", "parts"):
-        assert rows(folder / other).equals(rows(folder / "one"))
-        assert sorted(path.name for path in (folder / other).rglob("*.parquet")) == ["rows.parquet"]
+        assert sweep(folder, *words, "--out", "parts", "--shard", shard, workers=1).returncode == 0
+    assert rows(folder / "two").num_rows == 6
+    assert rows(folder / "two")["status"].to_pylist() == ["finished"] * 6
+    assert rows(folder / "parts").equals(rows(folder / "two"))
+    for name in ("two", "parts"):
+        assert sorted(path.name for path in (folder / name).rglob("*.parquet")) == ["rows.parquet"]
     table = subprocess.run(
-        [PDPATROL, "results", "one", "--csv"], cwd=folder, capture_output=True, text=True, timeout=60
+        [PDPATROL, "results", "two", "--csv"], cwd=folder, capture_output=True, text=True, timeout=60
     )
     assert table.stdout.splitlines()[1].startswith("short,seek,{},3,0,")
 
@@ -167,7 +166,9 @@ def test_what_raises_hangs_eats_or_dies_is_a_row_and_stops_nothing(folder: Path)
 
 
 def test_a_full_disk_is_told_and_loses_no_finished_row(folder: Path) -> None:
-    assert sweep(folder, "--seeds", "0-1", "--shard", "1/2", "--out", "out").returncode == 0
+    plan = make_plan([str(folder / "short.toml")], ["seek"], {}, range(2))
+    dataset = Dataset.open_or_make(folder / "out", plan)
+    dataset.write(MissionRow.of_failure(plan.jobs[0], "failed", "for a test"))
     kept = rows(folder / "out")
     command = [PDPATROL, "sweep", "short.toml", "--workers", "1", "--seeds", "0-1", "--out", "out"]
     done = subprocess.run(
@@ -225,7 +226,8 @@ def test_bad_input_is_one_line_and_nothing_is_written(words: list[str], told: st
 
 
 def test_a_dataset_of_other_missions_or_other_code_is_refused(folder: Path) -> None:
-    assert sweep(folder, "--seeds", "0", "--out", "out").returncode == 0
+    plan = make_plan([str(folder / "short.toml")], ["seek"], {}, [0])
+    Dataset.open_or_make(folder / "out", plan).write(MissionRow.of_failure(plan.jobs[0], "failed", "for a test"))
     before = rows(folder / "out")
     done = sweep(folder, "--seeds", "1", "--out", "out")
     assert done.returncode == 2
@@ -244,8 +246,11 @@ def test_a_dataset_of_other_missions_or_other_code_is_refused(folder: Path) -> N
 
 
 def test_a_mission_of_a_sweep_can_be_run_again_and_comes_to_the_same(folder: Path) -> None:
-    words = "--seeds", "0-1", "--set", "receiver.noise_v=1e-3,2e-3", "--out", "out"
-    assert sweep(folder, *words).returncode == 0
+    plan = make_plan([str(folder / "short.toml")], ["seek"], {"receiver.noise_v": [1e-3, 2e-3]}, range(2))
+    dataset = Dataset.open_or_make(folder / "out", plan)
+    for job in plan.jobs[:3]:
+        dataset.write(MissionRow.of_failure(job, "failed", "for a test"))
+    dataset.write(run_job(plan.jobs[3]))
     row = rows(folder / "out").to_pylist()[3]
     assert (row["seed"], json.loads(row["settings"])) == (1, {"receiver.noise_v": 2e-3})
     job = Dataset(folder / "out").job(3)
