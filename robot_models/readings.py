@@ -35,7 +35,7 @@ class Physics(NamedTuple):
 
 
 POSE, VELOCITY, WHEEL_ANGLES, MOTOR_POWER, UPRIGHT, LIDAR = slice(0, 3), slice(3, 5), slice(5, 7), 7, 8, slice(9, None)
-"""Columns of `Readings.values`."""
+"""Columns of `Readings.values`; `UPRIGHT` is the cosine of the base's lean."""
 
 LEAST_UPRIGHT = np.cos(np.radians(45.0))
 """A robot that is less upright has fallen over (assumed: no wheeled robot gets up from there)."""
@@ -71,11 +71,6 @@ class Readings(NamedTuple):
     def motor_power_w(self) -> FloatArray:
         """What the motors take, never fed back, shape (n,): mechanical power, and what heats their copper if known."""
         return self.values[:, MOTOR_POWER]
-
-    @property
-    def upright(self) -> FloatArray:
-        """Cosine of the base's lean, shape (n,): 1 is upright."""
-        return self.values[:, UPRIGHT]
 
     @property
     def lidar_m(self) -> FloatArray:

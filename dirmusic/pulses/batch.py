@@ -15,9 +15,6 @@ NO_DIRECTION = (0.0, np.pi, 1.0)
 """Azimuth, deviation and misfit of a pulse of whose direction nothing is known: tables of pulses hold no NaN."""
 
 
-_NO_DIRECTION_COLUMN = np.array(NO_DIRECTION)[:, np.newaxis]
-
-
 class PulseBatch(NamedTuple):
     """Pulses that a receiver has detected, one a row, by time.
 
@@ -59,19 +56,17 @@ class PulseBatch(NamedTuple):
     ) -> Self:
         """Pulses as a receiver gives them: no direction yet, and all channels usable; attributes as of the class."""
         n, shape = time_s.size, strengths_v.shape
-        no_direction = np.empty((3, n))
-        no_direction[:] = _NO_DIRECTION_COLUMN
-        azimuth_rad, std_rad, misfit = no_direction
+        azimuth_rad, std_rad, misfit = NO_DIRECTION
         return cls(
-            time_s,
-            strengths_v,
-            variance_v2,
-            azimuth_rad,
-            std_rad,
-            misfit,
-            np.ones(shape, dtype=np.bool_),
-            np.full(n, np.nan) if mains_phase_rad is None else mains_phase_rad,
-            np.zeros(shape, dtype=np.bool_) if is_clipped is None else is_clipped,
+            time_s=time_s,
+            strengths_v=strengths_v,
+            variance_v2=variance_v2,
+            azimuth_rad=np.full(n, azimuth_rad),
+            std_rad=np.full(n, std_rad),
+            misfit=np.full(n, misfit),
+            is_usable=np.ones(shape, dtype=np.bool_),
+            mains_phase_rad=np.full(n, np.nan) if mains_phase_rad is None else mains_phase_rad,
+            is_clipped=np.zeros(shape, dtype=np.bool_) if is_clipped is None else is_clipped,
         )
 
     @classmethod

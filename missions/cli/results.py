@@ -32,8 +32,13 @@ def results(
             another sweep, by their folders, mission by mission on the same scenario and seed.
         figures: Draw into this folder, new or empty: errors, what is found over time, and over each setting.
     """
-    if markdown and csv_output:
-        refuse("--markdown and --csv: got both; allowed is one of the two")
+    wanted = {"--markdown": markdown, "--csv": csv_output, "--compare": compare is not None}
+    given = [option for option, is_given in wanted.items() if is_given]
+    if len(given) > 1 or (compare is not None and figures is not None):
+        refuse(
+            f"{', '.join(given)}: got more than one output; allowed is one of {', '.join(wanted)}, and --figures "
+            "with all but --compare"
+        )
     from dirmusic import InputFileError
     from missions.sweep import results_table
     from missions.sweep.dataset import Dataset
