@@ -26,7 +26,8 @@ from missions.record.logbook import Logbook
 from missions.record.mission_log import MissionLog
 from missions.record.own_locator import OwnLocator
 from missions.record.tracking import Tracker
-from robot_models.drawn_solids import describe_solids
+from robot_models.drawn_solids import describe_equipment, describe_solids
+from robot_models.yard.yard import Yard
 
 FloatArray = NDArray[np.float64]
 
@@ -82,7 +83,7 @@ class Mission:
         return len(self._visited)
 
     def _meta(self, scenario: Scenario, policy: str, seed: int, truth: dict[str, Any]) -> dict[str, Any]:
-        array = self.env.simulation.array
+        array, known_yard = self.env.simulation.array, self.site_map.yard
         return {
             "versions": {name: version(name) for name in ("pdpatrol", "mujoco", "numpy", "scipy")},
             "name": scenario.name,
@@ -93,8 +94,8 @@ class Mission:
             "array": describe_array(array),
             "bounds_m": [[0.0, 0.0], list(scenario.yard.size_m)],
             "route": scenario.route.model_dump(mode="json"),
-            "sites": {name: scenario.yard.site_position(name).tolist() for name in scenario.yard.site_names()},
-            "solids": describe_solids(self.env.simulation.robots.model),
+            "sites": {name: known_yard.site_position(name).tolist() for name in known_yard.site_names()},
+            "solids": _solids(self.env, known_yard),
             "start": {"true_pose": self._true_start.tolist()},
             "truth": truth,
         }
@@ -176,6 +177,13 @@ class Mission:
         self._unreachable = frozenset(self.policy.unreachable)
 
 
+def _solids(env: PatrolEnv, known_yard: Yard) -> dict[str, Any]:
+    """What is drawn of yard and robot, and under `map` what the map shows and does not stand there."""
+    solids = describe_solids(env.simulation.robots.model)
+    wrong = [item for item in known_yard.equipment if item not in env.scenario.yard.equipment]
+    return solids | ({"map": describe_equipment(wrong)} if wrong else {})
+
+
 def make_locator(scenario: Scenario, array: ArrayModel, rules: LocatingRules) -> LocatorProtocol:
     """The Locator that the scenario names: it knows array, fence and map as the plan has them, never the truth.
 
@@ -193,7 +201,7 @@ def make_locator(scenario: Scenario, array: ArrayModel, rules: LocatingRules) ->
         ),
         fence_m=scenario.yard.size_m,
         rules=rules,
-        in_sight=scenario.yard.in_sight,
+        in_sight=scenario.known_yard.in_sight,
     )
 
 

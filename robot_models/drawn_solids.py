@@ -4,8 +4,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import mujoco
 import numpy as np
+
+from robot_models.equipment import colour_of
+from robot_models.yard.pieces import Equipment
 
 VISIBLE_GROUPS = 3
 """MuJoCo's viewer shows geoms of groups below this, unless it is told otherwise."""
@@ -53,3 +58,26 @@ def describe_solids(model: mujoco.MjModel) -> dict[str, list[dict[str, object]]]
             }
         )
     return solids
+
+
+def describe_equipment(pieces: Iterable[Equipment]) -> list[dict[str, object]]:
+    """Shapes of equipment that stands in no world, such as what a map shows wrongly; as of `describe_solids`."""
+    described: list[dict[str, object]] = []
+    for item in pieces:
+        solids, half_yaw = item.solids, 0.5 * np.radians(item.yaw_deg)
+        for k, part in enumerate(item.assembly.parts):
+            half_height_m = 0.5 * (solids.top_m[k] - solids.bottom_m[k])
+            is_round = solids.radius_m[k] > 0
+            size_m = [solids.radius_m[k], half_height_m, 0.0] if is_round else [*solids.half_size_m[k], half_height_m]
+            described.append(
+                {
+                    "name": f"equipment/{item.name}" if k == 0 else f"equipment/{item.name}/{part}",
+                    "group": "map",
+                    "shape": "cylinder" if is_round else "box",
+                    "size_m": [float(value) for value in size_m],
+                    "position_m": [*solids.centre_m[k].tolist(), float(solids.bottom_m[k] + half_height_m)],
+                    "quaternion_wxyz": [float(np.cos(half_yaw)), 0.0, 0.0, float(np.sin(half_yaw))],
+                    "rgba": list(colour_of(item.kind, part)),
+                }
+            )
+    return described

@@ -78,13 +78,13 @@ def test_the_table_of_the_readme_can_be_made(tmp_path: Path) -> None:
 
 
 def test_the_settings_that_the_readme_shows_are_taken(tmp_path: Path) -> None:
-    (block,) = blocks("toml")
     shipped = (ROOT / "envs" / "scenarios" / "one_source.toml").read_text(encoding="utf-8")
     assert "[receiver]" not in shipped
-    (tmp_path / "yard.toml").write_text(f"{shipped}\n{block}", encoding="utf-8")
+    (tmp_path / "yard.toml").write_text("\n".join([shipped, *blocks("toml")]), encoding="utf-8")
     scenario = load_scenario(tmp_path / "yard.toml")
     assert scenario.receiver.fidelity == "energy"
     assert len(scenario.receiver.faults) == len(scenario.carriers) == 1
+    assert scenario.known_yard.nearest_equipment((24.0, 13.0)) == "kiosk"
 
 
 def served_on_loopback(words: list[str], folder: Path, environment: dict[str, str]) -> None:

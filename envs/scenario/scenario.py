@@ -17,6 +17,7 @@ from envs.scenario.array_section import ArraySection
 from envs.scenario.base import Config
 from envs.scenario.estimator import EstimatorConfig
 from envs.scenario.locating import LocatingConfig
+from envs.scenario.map_section import MapConfig
 from envs.scenario.robot_config import RobotConfig
 from envs.scenario.robot_sensors import BatteryConfig, LidarConfig, OdometryConfig, PoseSensorConfig
 from envs.scenario.sources import CarrierConfig, InterfererConfig, SourceConfig
@@ -57,6 +58,7 @@ class Scenario(Config, frozen=True):
 
     name: str
     yard: Yard
+    map: MapConfig = MapConfig()
     route: RouteConfig
     array: ArraySection
     estimator: EstimatorConfig = EstimatorConfig()
@@ -72,6 +74,14 @@ class Scenario(Config, frozen=True):
     task: TaskConfig = TaskConfig()
     locating: LocatingConfig = LocatingConfig()
 
+    @property
+    def known_yard(self) -> Yard:
+        """The yard as the map has it, which is what robot and operator know: `yard` itself where they do not differ.
+
+        Made anew on each call, so that a copy of the scenario with another yard has the map of that one: keep it.
+        """
+        return self.map.of(self.yard)
+
     def candidate_sites(self, source: SourceConfig) -> tuple[str, ...]:
         """The sites from which one is drawn for `source`, as `equipment/site`; empty for a source at a position."""
         known = self.yard.site_names()
@@ -85,6 +95,7 @@ class Scenario(Config, frozen=True):
     def _fits_together(self) -> Self:
         faults = [
             *self._equipment_faults(),
+            *self.map.faults(self.yard),
             *self._route_faults(),
             *self._source_faults(),
             *self._interferer_faults(),
@@ -96,8 +107,9 @@ class Scenario(Config, frozen=True):
 
     def _equipment_faults(self) -> list[str]:
         return [
-            f"yard.equipment.{i}.kind: no kind `{item.kind}`; allowed are {', '.join(KIND_MATERIALS)}"
-            for i, item in enumerate(self.yard.equipment)
+            f"{key}.{i}.kind: no kind `{item.kind}`; allowed are {', '.join(KIND_MATERIALS)}"
+            for key, pieces in (("yard.equipment", self.yard.equipment), ("map.extra", self.map.extra))
+            for i, item in enumerate(pieces)
             if item.kind not in KIND_MATERIALS
         ]
 
@@ -115,19 +127,25 @@ class Scenario(Config, frozen=True):
     def _route_faults(self) -> list[str]:
         stops = {"route.dock_m": self.route.dock_m}
         stops |= {f"route.waypoints_m.{i}": point for i, point in enumerate(self.route.waypoints_m)}
-        faults, room_m = list[str](), self.robot.description.room_m
-        for key, point in stops.items():
-            inside = self.yard.covering_equipment(point)
-            if not self.yard.contains(point):
-                faults.append(f"{key}: {point} is outside the yard; allowed is (0, 0) to {self.yard.size_m}")
-            elif inside is not None:
-                faults.append(f"{key}: {point} is inside equipment `{inside}`; allowed is free ground")
-            elif self.yard.clearance(point) < room_m:
-                faults.append(
-                    f"{key}: {point} is {self.yard.clearance(point):.2f} m from equipment or fence; "
-                    f"allowed is {room_m:.3g} m or more, or the robot does not fit"
-                )
-        return faults
+        known = self.yard if self.map.faults(self.yard) else self.known_yard
+        return [
+            f"{key}: {fault}"
+            for key, point in stops.items()
+            for fault in self._stop_faults(point, self.yard) or self._stop_faults(point, known, " on the map")
+        ]
+
+    def _stop_faults(self, point: tuple[float, float], yard: Yard, where: str = "") -> list[str]:
+        inside, room_m = yard.covering_equipment(point), self.robot.description.room_m
+        if not yard.contains(point):
+            return [f"{point} is outside the yard; allowed is (0, 0) to {yard.size_m}"]
+        if inside is not None:
+            return [f"{point} is inside equipment `{inside}`{where}; allowed is free ground"]
+        if yard.clearance(point) < room_m:
+            return [
+                f"{point} is {yard.clearance(point):.2f} m from equipment or fence{where}; "
+                f"allowed is {room_m:.3g} m or more, or the robot does not fit"
+            ]
+        return []
 
     def _source_faults(self) -> list[str]:
         faults: list[str] = []

@@ -84,7 +84,7 @@ def score_mission(log: MissionLog, scenario: Scenario) -> MissionScore:
 
 
 def _bearing_rmse(log: MissionLog, scenario: Scenario) -> float:
-    """Error of the azimuths about the true direction from the true pose, where the plan leaves the source in sight."""
+    """Error of the azimuths about the true direction from the true pose, where the yard leaves the source in sight."""
     sources = log.meta["truth"]["sources"]
     bearing, pulse_step = log.table("bearing"), log.column("pulse", "step")
     if len(sources) != 1 or bearing["pulse"].size == 0:

@@ -54,13 +54,14 @@ class SiteMap:
     """The yard as the operator's plan shows it: fence, equipment, route. It knows of no discharge.
 
     Attributes:
+        yard: Fence and equipment as the scenario's map has them, which may differ from those that stand there.
         robot: The robot that is to fit.
         obstacles_m: Points of what stands in the way though the plan does not show it, shape (n, 2), world frame.
         centres_m: Cell centres, shape (n_cells, 2).
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        self.yard = scenario.yard
+        self.yard = scenario.known_yard
         self.robot = scenario.robot.description
         self.route = scenario.route
         self.task = scenario.task

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.locating.ellipse import ellipse95
+from envs.scenario.map_section import MapConfig
 from missions.record.mission_log import MissionLog
 from missions.record.phase_patterns import PhaseResolved, phase_patterns
 from missions.record.scoring import evaluate
@@ -79,9 +80,7 @@ def _findings(log: MissionLog, patterns: dict[int, PhaseResolved], *states: str)
     table = log.table("finding")
     if table["step"].size == 0:
         return []
-    yard = None
-    if "scenario" in log.meta:
-        yard = Yard.model_validate_json(json.dumps(log.meta["scenario"]["yard"]))
+    yard = _known_yard(log)
     last = np.flatnonzero((table["step"] == table["step"][-1]) & np.isin(table["state"], states))
     findings: list[dict[str, Any]] = []
     for row in last:
@@ -101,6 +100,15 @@ def _findings(log: MissionLog, patterns: dict[int, PhaseResolved], *states: str)
             }
         )
     return findings
+
+
+def _known_yard(log: MissionLog) -> Yard | None:
+    """The yard as the map of the mission has it; None for field data, which have no scenario."""
+    scenario = log.meta.get("scenario")
+    if scenario is None:
+        return None
+    of_map = MapConfig.model_validate_json(json.dumps(scenario.get("map", {})))
+    return of_map.of(Yard.model_validate_json(json.dumps(scenario["yard"])))
 
 
 def _discharge(resolved: PhaseResolved | None) -> dict[str, Any] | None:

@@ -32,6 +32,10 @@ COLOURS = {
 ELEMENT_COLOURS = ((230, 90, 80), (240, 170, 60), (225, 225, 90), (90, 200, 110), (90, 160, 240), (190, 110, 230))
 
 
+FILL_MODES = {paths.EQUIPMENT: "transparentfillmajorwireframe", paths.MAP: "majorwireframe"}
+"""How solids of a path are drawn that are not drawn solid."""
+
+
 def log_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
     """Log all that does not move, and the style of what does, from the facts of a mission."""
     _still(stream, paths.WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP)
@@ -48,6 +52,7 @@ def log_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
     by_group = {"equipment": paths.EQUIPMENT, "fence": paths.FENCE}
     for group, path in by_group.items():
         _draw_solids(stream, path, [s for s in solids.get("yard", []) if s["group"] == group])
+    _draw_solids(stream, paths.MAP, solids.get("map", []))
     _draw_solids(stream, paths.BODY, solids.get("robot", []))
     if not solids:  # field data: of the robot no more is known than where it stood
         _draw_points(stream, paths.BODY, {"array": [0.0, 0.0, 0.3]}, COLOURS["robot"], 0.3, labelled=False)
@@ -108,7 +113,7 @@ def _draw_solids(stream: rr.RecordingStream, path: str, solids: Sequence[dict[st
             "colors": np.round(255 * np.array([solid["rgba"] for solid in some])).astype(np.uint8),
             "labels": [solid["name"].removeprefix("equipment/") for solid in some],
             "show_labels": False,
-            "fill_mode": "transparentfillmajorwireframe" if path == paths.EQUIPMENT else "solid",
+            "fill_mode": FILL_MODES.get(path, "solid"),
         }
         drawn: Any
         if shape == "box":

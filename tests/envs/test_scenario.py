@@ -45,6 +45,21 @@ sites = ["tank/south"]
 """
 
 
+def map_of(extra: tuple[str, str, float, float] | None = None, moved: tuple[str, float, float] | None = None) -> str:
+    """The table [map] with one wrong piece, before the table [route]."""
+    lines = list[str]()
+    if extra is not None:
+        name, kind, x, y = extra
+        lines += [
+            "[[map.extra]]", f'name = "{name}"', f'kind = "{kind}"', 'shape = "box"', f"position_m = [{x}, {y}]",
+            "footprint_m = [1.0, 1.0]", "height_m = 2.0",
+        ]  # fmt: skip
+    if moved is not None:
+        name, x, y = moved
+        lines += ["[[map.moved]]", f'name = "{name}"', f"by_m = [{x}, {y}]"]
+    return "\n".join([*lines, "[route]"])
+
+
 def fault_of(tmp_path: Path, text: str | bytes) -> tuple[str, ...]:
     file = tmp_path / "yard.toml"
     file.write_bytes(text if isinstance(text, bytes) else text.encode())
@@ -168,7 +183,18 @@ def test_a_good_file_loads(tmp_path: Path) -> None:
         ("radius_m = 0.5", "", "yard.equipment.1.radius_m", "missing"),
         ('name = "pd"', "", "sources.0.name", "missing"),
         ('name = "pd"', 'name = "P D"', "sources.0.name", "P D"),
-        ("[receiver]", "[reciever]", "reciever", "unknown key; allowed are yard, route"),
+        ("[receiver]", "[reciever]", "reciever", "unknown key; allowed are yard, map, route"),
+        ("[route]", '[map]\nmissing = ["tnk"]\n[route]', "map.missing.0", "no equipment `tnk` in this yard"),
+        ("[route]", '[map]\nmising = ["tank"]\n[route]', "map.mising", "allowed are missing, extra, moved"),
+        ("[route]", map_of(moved=("pump", 1, 0)), "map.moved.0.name", "no equipment `pump` in this yard; allowed are"),
+        ("[route]", map_of(moved=("post", 0, 5)), "map.moved.0.by_m", "at (4.0, 16.0), outside the yard"),
+        ("[route]", '[map]\nmissing = ["post"]\n' + map_of(moved=("post", 1, 0)), "map.moved.0.name", "missing too"),
+        ("[route]", map_of(moved=("post", -2, -9)), "route.dock_m", "inside equipment `post` on the map"),
+        ("[route]", map_of(moved=("post", 11, -7.3)), "route.waypoints_m.0", "from equipment or fence on the map"),
+        ("[route]", map_of(extra=("tank", "cabinet", 8, 3)), "map.extra.0.name", "`tank` is taken"),
+        ("[route]", map_of(extra=("kiosk", "kiosk", 8, 3)), "map.extra.0.kind", "allowed are building, busbar"),
+        ("[route]", map_of(extra=("kiosk", "cabinet", 28, 3)), "map.extra.0.position_m", "outside the yard"),
+        ("[route]", map_of(extra=("kiosk", "cabinet", 15, 3)), "route.waypoints_m.0", "equipment `kiosk` on the map"),
     ],
 )  # fmt: skip
 def test_a_fault_is_named_with_its_key_what_came_and_what_is_allowed(

@@ -17,6 +17,7 @@ from missions.record.report import make_report
 from missions.recording import Recorder, write_recording
 from missions.recording import blueprint as paths
 from missions.runner import run_mission
+from robot_models.drawn_solids import describe_equipment
 
 AT_REST = {"odometry": np.zeros(3), "battery": 1.0, "command": np.zeros(2)}
 
@@ -206,6 +207,16 @@ def test_a_capsule_is_drawn_about_its_middle(tmp_path: Path, log: MissionLog) ->
     (row,) = values(tmp_path / "bar.rrd")[f"/{paths.BODY}/capsule"]
     start = next(cell for name, cell in row.items() if name.endswith(":translations"))[0]
     np.testing.assert_allclose(start, [0.7, 2.0, 3.0], atol=1e-6)  # turned by 90 degrees about y: z became x
+
+
+def test_what_the_map_shows_and_does_not_stand_there_is_an_outline(tmp_path: Path, log: MissionLog) -> None:
+    wrong = describe_equipment(load_scenario("one_source").yard.equipment[:1])
+    solids = {**log.meta["solids"], "map": wrong}
+    write_recording(MissionLog({**log.meta, "solids": solids}), tmp_path / "map.rrd")
+    (row,) = values(tmp_path / "map.rrd")[f"/{paths.MAP}/box"]
+    drawn = {name.rpartition(":")[2]: cell for name, cell in row.items()}
+    np.testing.assert_allclose(drawn["centers"], [wrong[0]["position_m"]], atol=1e-6)
+    assert drawn["fill_mode"] == [rr.components.FillMode.MajorWireframe.value]
 
 
 def test_a_finding_that_is_dropped_disappears(tmp_path: Path, log: MissionLog) -> None:

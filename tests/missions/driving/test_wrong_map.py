@@ -1,0 +1,180 @@
+"""A map that is wrong: planner, Locator and report go by it; physics, lidar, radio and scores go by the yard."""
+
+from copy import copy
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dirmusic import Locator
+from envs import Scenario, load_scenario
+from envs.patrol_env import PatrolEnv
+from missions.comparison.scores import score_mission
+from missions.driving.site_map import SiteMap
+from missions.policies.viewpoints import best_viewpoint
+from missions.record.mission_log import MissionLog
+from missions.record.report import make_report
+from missions.runner import Mission, make_locator, run_mission
+from robot_models.drawn_solids import describe_equipment, describe_solids
+
+RIGHT = load_scenario("one_source")
+KIOSK = {
+    "name": "kiosk",
+    "kind": "cabinet",
+    "shape": "box",
+    "position_m": (5.0, 7.5),
+    "footprint_m": (3.0, 1.0),
+    "height_m": 2.0,
+    "sites": {"door": (0.0, -0.5, 1.0)},
+}
+WRONG: dict[str, dict[str, Any]] = {
+    "missing": {"missing": ("transformer_1",)},
+    "extra": {"extra": (KIOSK,)},
+    "moved": {"moved": ({"name": "transformer_1", "by_m": (-3.0, 1.0)},)},
+}
+SOUTH, NORTH = np.array([12.0, 12.5]), np.array([12.0, 21.5])
+"""Places on both sides of transformer_1."""
+
+
+def mapped(**wrong: Any) -> Scenario:  # noqa: ANN401 - tables of many types
+    return Scenario.model_validate(RIGHT.model_dump() | {"map": wrong})
+
+
+def locators_sight(scenario: Scenario, point_m: np.ndarray, target_m: np.ndarray) -> bool:
+    """Whether the Locator of a mission takes a target to be in sight."""
+    locator = make_locator(scenario, PatrolEnv(scenario).simulation.array, scenario.locating.rules())
+    assert isinstance(locator, Locator)
+    in_sight = locator._record._in_sight
+    assert in_sight is not None
+    return bool(in_sight(point_m[np.newaxis], target_m, 0.0)[0])
+
+
+def drive_into_transformer_1(scenario: Scenario) -> list[dict[str, Any]]:
+    """What robot and world come to on the way from the dock side into transformer_1, with the source behind it."""
+    env = PatrolEnv(scenario, terminate_on_approach=False)
+    fixed = {"start_pose": (12.0, 13.0, np.pi / 2), "sources": {"discharge": "transformer_1/tank_north"}}
+    observation, info = env.reset(seed=3, options=fixed)
+    steps: list[dict[str, Any]] = [observation]
+    for _ in range(50):
+        observation, reward, _, _, info = env.step(np.array([1.0, 0.0], dtype=np.float32))
+        steps.append({**observation, "reward": reward, "touched": info["touched"], "pose": info["truth"]["pose"]})
+    return steps
+
+
+@pytest.fixture(scope="module")
+def right_drive() -> list[dict[str, Any]]:
+    return drive_into_transformer_1(RIGHT)
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_lidar_radio_and_robot_meet_the_yard_whatever_the_map_shows(
+    wrong: str, right_drive: list[dict[str, Any]]
+) -> None:
+    assert any("equipment/transformer_1" in step.get("touched", ()) for step in right_drive)
+    assert sum(float(step["heard"][0]) for step in right_drive) > 3
+    for step, expected in zip(drive_into_transformer_1(mapped(**WRONG[wrong])), right_drive, strict=True):
+        for key, value in expected.items():
+            np.testing.assert_array_equal(step[key], value, err_msg=key)
+
+
+def test_a_map_that_differs_in_nothing_is_the_yard_itself() -> None:
+    assert RIGHT.known_yard is RIGHT.yard
+    other = RIGHT.yard.model_copy(update={"size_m": (41.0, 30.0)})
+    assert RIGHT.model_copy(update={"yard": other}).known_yard is other
+
+
+def test_a_missing_piece_hides_nothing_and_is_planned_through() -> None:
+    scenario = mapped(missing=("transformer_1",))
+    assert not locators_sight(RIGHT, SOUTH, NORTH)
+    assert locators_sight(scenario, SOUTH, NORTH)
+    right, wrong = SiteMap(RIGHT), SiteMap(scenario)
+    assert wrong.is_clear(SOUTH, NORTH)
+    assert not right.is_clear(SOUTH, NORTH)
+    lengths = [site_map.reach(SOUTH).length_m[site_map.cell(NORTH)] for site_map in (right, wrong)]
+    assert lengths[1] < lengths[0] - 1.0
+
+
+def test_an_extra_piece_is_planned_round_and_hides_what_is_behind_it() -> None:
+    scenario, south, north = mapped(extra=(KIOSK,)), np.array([5.0, 5.5]), np.array([5.0, 9.5])
+    assert locators_sight(RIGHT, south, north)
+    assert not locators_sight(scenario, south, north)
+    right, wrong = SiteMap(RIGHT), SiteMap(scenario)
+    lengths = [site_map.reach(south).length_m[site_map.cell(north)] for site_map in (right, wrong)]
+    assert lengths[1] > lengths[0] + 1.0
+    target, views = np.array([5.0, 7.0]), np.array([[5.0, 4.0]])
+    view = best_viewpoint(target, views, wrong.reach(south), wrong)
+    assert view is not None
+    assert scenario.known_yard.clearance(view) > wrong.robot.footprint_radius_m
+
+
+def test_a_moved_piece_is_where_the_map_shows_it_with_its_sites_and_solids() -> None:
+    scenario = mapped(moved=({"name": "transformer_1", "by_m": (-3.0, 1.0)},))
+    for site in ("transformer_1/tank_south", "transformer_1/tap_changer"):
+        off = scenario.known_yard.site_position(site) - scenario.yard.site_position(site)
+        np.testing.assert_allclose(off, [-3.0, 1.0, 0.0], atol=1e-9)
+    points = np.random.default_rng(0).uniform([7.0, 14.0], [17.0, 20.0], (200, 2))
+    piece, shown = scenario.yard.equipment[0], scenario.known_yard.equipment[0]
+    distance_m, moved_by_m = piece.solids.horizontal_distance(points), np.array([-3.0, 1.0])
+    np.testing.assert_allclose(shown.solids.horizontal_distance(points + moved_by_m), distance_m, atol=1e-9)
+    assert SiteMap(scenario).clearance(np.array([[9.0, 18.0]])) < 0
+    assert SiteMap(scenario).clearance(np.array([[14.0, 17.0]])) > 0
+
+
+def test_discharges_sit_on_the_sites_of_the_yard_whatever_the_map_shows() -> None:
+    for wrong in WRONG.values():
+        scenario = mapped(**wrong)
+        assert scenario.candidate_sites(scenario.sources[0]) == RIGHT.candidate_sites(RIGHT.sources[0])
+
+
+@pytest.fixture(scope="module")
+def log() -> MissionLog:
+    """A mission on a right map, with a finding."""
+    return run_mission(RIGHT, seed=4)
+
+
+def test_the_report_names_the_nearest_equipment_of_the_map_and_the_scores_go_by_the_yard(log: MissionLog) -> None:
+    (finding,) = make_report(log, 0.0)["findings"]
+    nearest = finding["nearest_equipment"]
+    right_score = score_mission(log, RIGHT)
+    x, y = finding["position_m"]
+    for wrong, expected in (
+        ({"missing": (nearest,)}, None),
+        ({"moved": ({"name": nearest, "by_m": (1.0 if x < 20 else -1.0, 0.0)},)}, None),
+        ({"extra": ({**KIOSK, "position_m": (x, y)},)}, "kiosk"),
+    ):
+        scenario = mapped(**wrong)
+        on_map = copy(log)
+        on_map.meta = {**log.meta, "scenario": scenario.model_dump(mode="json")}
+        named = make_report(on_map, 0.0)["findings"][0]["nearest_equipment"]
+        assert named == (expected or scenario.known_yard.nearest_equipment(finding["position_m"]))
+        assert score_mission(on_map, scenario) == right_score
+    assert mapped(missing=(nearest,)).known_yard.nearest_equipment(finding["position_m"]) != nearest
+
+
+def test_what_the_log_draws_of_a_wrong_map_is_what_does_not_stand_there() -> None:
+    scenario = mapped(missing=("transformer_2",), extra=(KIOSK,), moved=({"name": "ct_2", "by_m": (1.0, 0.0)},))
+    meta = Mission(scenario, "patrol", 0).log.meta
+    assert [solid["name"] for solid in meta["solids"]["map"]] == ["equipment/ct_2", "equipment/kiosk"]
+    assert "kiosk/door" in meta["sites"]
+    assert "transformer_2/tank_south" not in meta["sites"]
+    assert meta["sites"]["ct_2/head"][0] == pytest.approx(RIGHT.yard.site_position("ct_2/head")[0] + 1.0)
+    assert "map" not in Mission(RIGHT, "patrol", 0).log.meta["solids"]
+
+
+@pytest.mark.parametrize("name", ["one_source", "transformer_bay"])
+def test_equipment_of_a_map_is_described_as_that_which_stands_there(name: str) -> None:
+    env = PatrolEnv(load_scenario(name))
+    solids = describe_solids(env.simulation.robots.model)["yard"]
+    standing = [solid for solid in solids if solid["group"] == "equipment"]
+    for solid, other in zip(describe_equipment(env.scenario.yard.equipment), standing, strict=True):
+        assert (solid["name"], solid["shape"]) == (other["name"], other["shape"])
+        for key in ("size_m", "position_m", "quaternion_wxyz", "rgba"):
+            np.testing.assert_allclose(np.array(solid[key]), np.array(other[key]), atol=1e-6, err_msg=key)
+
+
+def test_a_mission_on_a_wrong_map_finds_the_discharge_and_comes_home() -> None:
+    scenario = mapped(missing=("ct_1",), extra=(KIOSK,), moved=({"name": "transformer_2", "by_m": (0.6, -0.4)},))
+    report = make_report(run_mission(scenario, seed=4), 0.0)
+    assert report["evaluation"]["sources"][0]["found"]
+    assert report["waypoints"]["missed"] == []
+    assert report["collisions"] == 0
