@@ -84,6 +84,7 @@ def test_the_settings_that_the_readme_shows_are_taken(tmp_path: Path) -> None:
     scenario = load_scenario(tmp_path / "yard.toml")
     assert scenario.receiver.fidelity == "energy"
     assert len(scenario.receiver.faults) == len(scenario.carriers) == 1
+    assert [interferer.speed_mps for interferer in scenario.interferers] == [8.0]
     assert scenario.known_yard.nearest_equipment((24.0, 13.0)) == "kiosk"
 
 

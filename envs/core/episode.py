@@ -54,6 +54,8 @@ class Episode:
                 amplitude_v=_draw_amplitude(item.amplitude_v, item.amplitude_range_db, rng),
                 pulse_rate_hz=item.pulse_rate_hz,
                 burst_s=item.burst_s,
+                moves_to_m=None if item.moves_to_m is None else np.array(item.moves_to_m),
+                speed_mps=item.speed_mps or 0.0,
             )
             for item in scenario.interferers
         )
@@ -162,11 +164,14 @@ def _truth(
     array: HelicalArray,
 ) -> dict[str, Any]:
     def describe(source: DischargeSource) -> dict[str, Any]:
+        to_m = source.moves_to_m
+        motion = {} if to_m is None else {"moves_to_m": to_m.tolist(), "speed_mps": source.speed_mps}
         return {
             "name": source.name,
             "position_m": source.position_m.tolist(),
             "amplitude_v": source.amplitude_v,
             "pulse_rate_hz": source.pulse_rate_hz,
+            **motion,
         }
 
     return {

@@ -7,10 +7,16 @@ from typing import Annotated
 
 from pydantic import BaseModel, Field, ValidationInfo
 
+from dirmusic import InputFileError
+
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 
 FOLDER = "folder"
 """Key of the folder of the scenario file in the context that a scenario is validated with."""
+
+
+class ScenarioError(InputFileError):
+    """A scenario that cannot be used; one line per fault, each with file, key, what came and what is allowed."""
 
 
 class Config(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):

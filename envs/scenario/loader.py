@@ -9,15 +9,11 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from dirmusic import InputFileError
-from envs.scenario.base import FOLDER
+from envs.scenario.base import FOLDER, ScenarioError
 from envs.scenario.scenario import Scenario
+from envs.scenario.suite import choose_yards, is_of_suite
 
 SHIPPED = Path(__file__).parents[1] / "scenarios"
-
-
-class ScenarioError(InputFileError):
-    """A scenario that cannot be used; one line per fault, each with file, key, what came and what is allowed."""
 
 
 def shipped_scenarios() -> tuple[str, ...]:
@@ -29,7 +25,7 @@ def load_scenario(scenario: str | Path | Scenario, settings: Mapping[str, Any] |
     """A scenario by the name of a shipped one, from a TOML file, or as it is.
 
     Args:
-        scenario: Name, path, or the scenario itself.
+        scenario: Name, `suite/LEVEL_NUMBER` for a yard of the suite, path, or the scenario itself.
         settings: Keys that are set before the file is checked, as `receiver.noise_v`, with their values.
 
     Raises:
@@ -38,7 +34,9 @@ def load_scenario(scenario: str | Path | Scenario, settings: Mapping[str, Any] |
     if isinstance(scenario, Scenario):
         return scenario
     path = Path(scenario)
-    if path.suffix != ".toml" and path.name == str(scenario):
+    if isinstance(scenario, str) and is_of_suite(scenario):
+        path = _only_yard(scenario)
+    elif path.suffix != ".toml" and path.name == str(scenario):
         if path.name not in shipped_scenarios():
             raise ScenarioError(
                 [
@@ -54,6 +52,13 @@ def load_scenario(scenario: str | Path | Scenario, settings: Mapping[str, Any] |
         return Scenario.model_validate({"name": path.stem, **data}, context={FOLDER: path.absolute().parent})
     except ValidationError as error:
         raise ScenarioError(_faults(path, error)) from None
+
+
+def _only_yard(name: str) -> Path:
+    yard, *others = choose_yards(name)
+    if others:
+        raise ScenarioError([f"{name}: {1 + len(others)} yards; allowed is one of them, as {yard.name}"])
+    return yard.path
 
 
 def restore_scenario(data: Mapping[str, Any]) -> Scenario:

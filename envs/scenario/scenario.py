@@ -181,9 +181,16 @@ class Scenario(Config, frozen=True):
         return []
 
     def _interferer_faults(self) -> list[str]:
-        return [
-            f"interferers.{i}.position_m: {item.position_m} is inside the yard; allowed is beyond the fence of "
-            f"{self.yard.size_m} (inside, make it one of [[sources]])"
-            for i, item in enumerate(self.interferers)
-            if self.yard.contains(item.position_m)
-        ]
+        faults = list[str]()
+        for i, item in enumerate(self.interferers):
+            if self.yard.contains(item.position_m):
+                faults.append(
+                    f"interferers.{i}.position_m: {item.position_m} is inside the yard; allowed is beyond the fence of "
+                    f"{self.yard.size_m} (inside, make it one of [[sources]])"
+                )
+            elif item.moves_to_m is not None and self.yard.is_crossed(item.position_m, item.moves_to_m):
+                faults.append(
+                    f"interferers.{i}.moves_to_m: the line from {item.position_m} to {item.moves_to_m} crosses the "
+                    f"yard; allowed is a line beyond the fence of {self.yard.size_m}"
+                )
+        return faults

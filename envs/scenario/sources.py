@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from math import dist
 from typing import Self
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
 
 from dirmusic.pulses.discharge_kinds import KindName
 from envs.scenario.base import Config, Name
+
+LEAST_WAY_M = 1e-3
+"""Places nearer to each other than this are the same (assumed)."""
 
 
 class SourceConfig(Config, frozen=True):
@@ -68,6 +72,19 @@ class InterfererConfig(Config, frozen=True):
     pulse_rate_hz: float = Field(default=20.0, ge=0.0, le=1e4)
     burst_s: NonNegativeFloat = 0.0
     """Length of each burst of a carrier in the band, as from a switch or a radar; 0 for impulses like discharges."""
+    moves_to_m: tuple[float, float, float] | None = None
+    """Where it turns back, if it moves, as traffic outside: it travels to and fro between `position_m`, where it is
+    when the mission begins, and this point, on the straight line."""
+    speed_mps: float | None = Field(default=None, gt=0.0, le=1000.0)
+
+    @model_validator(mode="after")
+    def _moves_or_stands(self) -> Self:
+        if (self.moves_to_m is None) != (self.speed_mps is None):
+            given = "speed_mps" if self.moves_to_m is None else "moves_to_m"
+            raise ValueError(f"moves_to_m, speed_mps: only {given} given; allowed is both or neither")
+        if self.moves_to_m is not None and dist(self.position_m, self.moves_to_m) < LEAST_WAY_M:
+            raise ValueError(f"moves_to_m: got {self.moves_to_m}, which is position_m; allowed is another place")
+        return self
 
 
 class CarrierConfig(Config, frozen=True):

@@ -19,7 +19,7 @@ def sweep(
     scenario: tyro.conf.Positional[tuple[str, ...]] = ("one_source",),
     *,
     policy: tuple[str, ...] = ("seek",),
-    seeds: str = "0-19",
+    seeds: str | None = None,
     settings: Annotated[
         tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(name="set", metavar="KEY=VALUES")
     ] = (),
@@ -35,9 +35,10 @@ def sweep(
     number of workers nor on the order in which they finish. Look at it with `pdpatrol results`.
 
     Args:
-        scenario: Names of shipped scenarios, or paths of TOML files.
+        scenario: Names of shipped scenarios, paths of TOML files, or parts of the frozen suite: suite, suite/LEVEL,
+            suite/test, suite/test/LEVEL, or a yard as suite/weak_03.
         policy: seek, patrol, random, oracle, or own ones as my_file.py:MyPolicy.
-        seeds: First and last seed, as 0-19, or one.
+        seeds: First and last seed, as 0-19, or one. Default: those of the suite, 0-19 in any other scenario.
         settings: Values that a key of the scenario takes, as receiver.noise_v=5e-4,1e-3,2e-3; may be given several
             times, for all combinations.
         out_dir: Folder of the dataset; one that was begun by the same command is completed. Default: under runs/, named
@@ -49,7 +50,7 @@ def sweep(
     """
     n_workers = (os.cpu_count() or 1) if workers is None else workers
     faults: list[str] = []
-    seeds_match, shard_match = SEEDS.fullmatch(seeds), SHARD.fullmatch(shard)
+    seeds_match, shard_match = SEEDS.fullmatch(seeds or "0"), SHARD.fullmatch(shard)
     first, last = (int(seeds_match[1]), int(seeds_match[2] or seeds_match[1])) if seeds_match else (0, -1)
     part, n_parts = (int(shard_match[1]), int(shard_match[2])) if shard_match else (0, 0)
     if first > last:
@@ -73,8 +74,10 @@ def sweep(
     try:
         for name in set(policy) - set(BUILT_IN):
             load_maker(name)
-        plan = make_plan(scenario, policy, parse_grid(settings), range(first, last + 1))
-        folder = out_dir or Path("runs") / f"sweep-{plan.jobs[0].scenario.name}-{plan.digest[:8]}"
+        plan = make_plan(scenario, policy, parse_grid(settings), range(first, last + 1) if seeds else None)
+        first = plan.jobs[0]
+        name = scenario[0].replace("/", "-") if first.suite else first.scenario.name
+        folder = out_dir or Path("runs") / f"sweep-{name}-{plan.digest[:8]}"
         dataset = Dataset.open_or_make(folder, plan)
     except InputFileError as error:
         refuse(*error.faults)

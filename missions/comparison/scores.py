@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.angles import difference
 from envs import Scenario
+from missions.record.bearing_error import bearing_rmse
 from missions.record.mission_log import MissionLog
 from missions.record.report import make_report
 
@@ -74,27 +74,13 @@ def score_mission(log: MissionLog, scenario: Scenario) -> MissionScore:
     found = [source for source in report["evaluation"]["sources"] if source["found"]]
     confirmed_s = {finding["id"]: finding["fixed_s"] for finding in report["findings"]}
     return MissionScore(
-        bearing_rmse_rad=_bearing_rmse(log, scenario),
+        bearing_rmse_rad=bearing_rmse(log, scenario),
         n_sources=len(report["evaluation"]["sources"]),
         n_found=len(found),
         errors_m=tuple(source["error_m"] for source in found),
         confirmed_s=tuple(confirmed_s[source["finding_id"]] for source in found),
         false_findings=report["evaluation"]["false_findings"],
     )
-
-
-def _bearing_rmse(log: MissionLog, scenario: Scenario) -> float:
-    """Error of the azimuths about the true direction from the true pose, where the yard leaves the source in sight."""
-    sources = log.meta["truth"]["sources"]
-    bearing, pulse_step = log.table("bearing"), log.column("pulse", "step")
-    if len(sources) != 1 or bearing["pulse"].size == 0:
-        return float("nan")
-    pose = log.column("step", "true_pose")[pulse_step[bearing["pulse"]]]
-    source_m = np.asarray(sources[0]["position_m"][:2])
-    in_sight = scenario.yard.in_sight(pose[:, :2], source_m, ignore_m=0.1)
-    sight = source_m - pose[:, :2]
-    error = difference(bearing["azimuth_rad"], np.arctan2(sight[:, 1], sight[:, 0]) - pose[:, 2])[in_sight]
-    return float(np.sqrt(np.mean(np.square(error)))) if error.size else float("nan")
 
 
 def summarise(missions: Sequence[MissionScore]) -> Score:

@@ -13,6 +13,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 
 from envs import Scenario
+from robot_models.yard.yard import Yard
 
 FloatArray = NDArray[np.float64]
 
@@ -53,15 +54,19 @@ class ShortestPaths:
 class SiteMap:
     """The yard as the operator's plan shows it: fence, equipment, route. It knows of no discharge.
 
+    Args:
+        scenario: Of the mission.
+        yard: What it shows; by default what the scenario's map does, which may differ from what stands there.
+
     Attributes:
-        yard: Fence and equipment as the scenario's map has them, which may differ from those that stand there.
+        yard: Fence and equipment as shown.
         robot: The robot that is to fit.
         obstacles_m: Points of what stands in the way though the plan does not show it, shape (n, 2), world frame.
         centres_m: Cell centres, shape (n_cells, 2).
     """
 
-    def __init__(self, scenario: Scenario) -> None:
-        self.yard = scenario.known_yard
+    def __init__(self, scenario: Scenario, yard: Yard | None = None) -> None:
+        self.yard = scenario.known_yard if yard is None else yard
         self.robot = scenario.robot.description
         self.route = scenario.route
         self.task = scenario.task

@@ -61,8 +61,16 @@ def make_report(log: MissionLog, wall_time_s: float) -> dict[str, Any]:
         "candidates": _findings(log, patterns, "candidate", "outside"),
     }
     if "truth" in log.meta:
-        report["evaluation"] = evaluate(findings, log.meta["truth"]["sources"])
+        report["evaluation"] = evaluate(findings, log.meta["truth"]["sources"], _true_sites_m(log))
     return report
+
+
+def _true_sites_m(log: MissionLog) -> FloatArray | None:
+    """Where discharges may sit in the yard as it is, shape (n_sites, 3); None where the log does not say."""
+    if "scenario" not in log.meta:
+        return None
+    yard = Yard.model_validate_json(json.dumps(log.meta["scenario"]["yard"]))
+    return np.array([yard.site_position(name) for name in yard.site_names()]).reshape(-1, 3)
 
 
 def _if_known(value: float) -> float | None:
@@ -71,8 +79,13 @@ def _if_known(value: float) -> float | None:
 
 
 def _distance(step: dict[str, NDArray[Any]]) -> float:
+    return float(driven_m(step)[-1]) if step["pose"].size else 0.0
+
+
+def driven_m(step: dict[str, NDArray[Any]]) -> FloatArray:
+    """Length of the way up to each row of the table `step`, shape (n_steps,), metres; the true one if it is known."""
     path = step["true_pose"] if np.isfinite(step["true_pose"]).all() else step["pose"]
-    return float(np.linalg.norm(np.diff(path[:, :2], axis=0), axis=-1).sum())
+    return np.append(0.0, np.linalg.norm(np.diff(path[:, :2], axis=0), axis=-1).cumsum())
 
 
 def _findings(log: MissionLog, patterns: dict[int, PhaseResolved], *states: str) -> list[dict[str, Any]]:

@@ -5,20 +5,31 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from dirmusic.locating.ellipse import is_inside95
+
+FloatArray = NDArray[np.float64]
 
 CUT_OFF_M = 2.0
 """A finding further than this from every source is a false one; also the cut-off of OSPA."""
 
 
-def evaluate(findings: list[dict[str, Any]], sources: list[dict[str, Any]]) -> dict[str, Any]:
+def evaluate(
+    findings: list[dict[str, Any]], sources: list[dict[str, Any]], sites_m: FloatArray | None = None
+) -> dict[str, Any]:
     """Score findings against the truth.
 
-    Each source gets the id of the finding that it is paired with.
+    Each source gets the id of the finding that it is paired with. It has the right site if none of the known sites is
+    nearer to the finding, on plan, than the source itself: so an operator who looks at the nearest site looks there.
     Findings and sources are paired one to one by least total distance, with a cut-off of 2 m. OSPA has c = 2 m, p = 1:
     the mean over the larger set of the paired distances, each unpaired member counting 2 m.
+
+    Args:
+        findings: Those confirmed, as of the report.
+        sources: As of the truth.
+        sites_m: Where discharges may sit in the yard, shape (n_sites, 2 or 3); None if that is not known.
 
     References:
         Schuhmacher, Vo and Vo, "A consistent metric for performance evaluation of multi-object filters", 2008.
@@ -28,11 +39,14 @@ def evaluate(findings: list[dict[str, Any]], sources: list[dict[str, Any]]) -> d
     distance = np.linalg.norm(true_m[:, np.newaxis] - found_m, axis=-1)
     pairs = zip(*linear_sum_assignment(np.minimum(distance, CUT_OFF_M)), strict=True)
     partner = {int(i): int(j) for i, j in pairs if distance[i, j] < CUT_OFF_M}
+    known_m = np.empty((0, 2)) if sites_m is None else sites_m[:, :2]
     scored: list[dict[str, Any]] = []
     for i, source in enumerate(sources):
         j = partner.get(i)
-        inside = None
+        inside, is_right_site = None, None
         if j is not None:
+            other_m = np.linalg.norm(known_m - found_m[j], axis=-1)
+            is_right_site = bool((other_m >= distance[i, j]).all())
             inside = is_inside95(found_m[j] - true_m[i], np.array(findings[j]["covariance_m2"]))
         scored.append(
             {
@@ -42,6 +56,7 @@ def evaluate(findings: list[dict[str, Any]], sources: list[dict[str, Any]]) -> d
                 "finding_id": None if j is None else findings[j]["id"],
                 "error_m": None if j is None else float(distance[i, j]),
                 "inside_ellipse95": inside,
+                "right_site": is_right_site,
             }
         )
     most = max(len(findings), len(sources))

@@ -64,6 +64,9 @@ def log_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
     radiating = [*truth.get("sources", []), *truth.get("interferers", [])]
     named = {f"true: {source['name']}": source["position_m"] for source in radiating}
     _draw_points(stream, paths.TRUE_SOURCES, named, COLOURS["truth"], 0.22, labelled=False)
+    ways = [[source["position_m"], source["moves_to_m"]] for source in radiating if "moves_to_m" in source]
+    if ways:
+        _still(stream, paths.TRUE_WAYS, rr.LineStrips3D(ways, colors=[COLOURS["truth"]], radii=[0.05]))
     above = {name: [x, y, z + 1.5] for name, (x, y, z) in named.items()}
     _draw_points(stream, paths.TRUE_NAMES, above, COLOURS["truth"], 0.01)
     lines = {

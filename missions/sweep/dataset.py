@@ -60,6 +60,7 @@ class Dataset:
                 "plan": plan.digest,
                 "code": plan.code,
                 "n_missions": len(plan.jobs),
+                "suite": max(job.suite for job in plan.jobs),
                 "versions": named,
                 "scenarios": {job.scenario_digest: job.scenario.model_dump(mode="json") for job in plan.jobs},
             }
@@ -116,7 +117,10 @@ class Dataset:
         row = rows[number]
         scenario = restore_scenario(self.manifest["scenarios"][row["scenario_digest"]])
         settings = json.loads(row["settings"])
-        return MissionJob(number, row["key"], scenario, row["scenario_digest"], row["policy"], settings, row["seed"])
+        return MissionJob(
+            number, row["key"], row["level"], row["suite"], scenario, row["scenario_digest"], row["policy"], settings,
+            row["seed"],
+        )  # fmt: skip
 
     def compact(self) -> None:
         """Put all rows into one file; at any moment each is in that file or in its own."""

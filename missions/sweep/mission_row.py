@@ -8,9 +8,11 @@ from typing import Literal, NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from missions.comparison.scores import score_mission
+from missions.driving.shortest_tour import shortest_tour
+from missions.driving.site_map import SiteMap
+from missions.record.bearing_error import bearing_rmse
 from missions.record.mission_log import MissionLog
-from missions.record.report import make_report
+from missions.record.report import driven_m, make_report
 from missions.sweep.plan import MissionJob
 
 Status = Literal["finished", "failed", "hung", "out of memory", "died"]
@@ -19,6 +21,8 @@ SCHEMA = pa.schema(
     [
         pa.field("order", pa.int32()),
         pa.field("key", pa.string()),
+        pa.field("suite", pa.string()),
+        pa.field("level", pa.string()),
         pa.field("scenario", pa.string()),
         pa.field("scenario_digest", pa.string()),
         pa.field("policy", pa.string()),
@@ -32,9 +36,12 @@ SCHEMA = pa.schema(
         pa.field("errors_m", pa.list_(pa.float64())),
         pa.field("confirmed_s", pa.list_(pa.float64())),
         pa.field("n_in_ellipse", pa.int32()),
+        pa.field("n_right_site", pa.int32()),
         pa.field("ospa_m", pa.float64()),
         pa.field("bearing_rmse_rad", pa.float64()),
         pa.field("distance_m", pa.float64()),
+        pa.field("found_all_m", pa.float64()),
+        pa.field("shortest_m", pa.float64()),
         pa.field("sim_time_s", pa.float64()),
         pa.field("contacts", pa.int32()),
         pa.field("waypoints_missed", pa.int32()),
@@ -54,6 +61,8 @@ class MissionRow(NamedTuple):
     Attributes:
         order: Its number in the sweep.
         key: As of `plan.MissionJob`.
+        suite: Version and checksum of the suite; empty for any other scenario.
+        level: Of the suite; empty for any other scenario.
         scenario: Its name.
         scenario_digest: SHA-256 of it with its settings; the manifest of the dataset holds it whole.
         policy: Who drove.
@@ -68,9 +77,13 @@ class MissionRow(NamedTuple):
         errors_m: Distances of the paired findings from their sources.
         confirmed_s: When those were confirmed.
         n_in_ellipse: How many of the sources lie in the 95 % ellipse of their finding.
+        n_right_site: How many of the found sources have the right site, as of `missions.record.scoring`.
         ospa_m: Distance between findings and sources as sets, as of `missions.record.scoring`.
         bearing_rmse_rad: Root mean square error of the bearings in sight of a single source; None if there were none.
         distance_m: Driven.
+        found_all_m: Driven by the time when the last source was confirmed; None if one was not, or there are none.
+        shortest_m: Shortest way from the dock to within the scenario's `standoff_m` of each source, as one would drive
+            who knows them; None if there are none, or one cannot be come near to.
         sim_time_s: Simulated.
         contacts: How often the robot touched something.
         waypoints_missed: Waypoints that were not visited.
@@ -80,6 +93,8 @@ class MissionRow(NamedTuple):
 
     order: int
     key: str
+    suite: str
+    level: str
     scenario: str
     scenario_digest: str
     policy: str
@@ -93,9 +108,12 @@ class MissionRow(NamedTuple):
     errors_m: tuple[float, ...] = ()
     confirmed_s: tuple[float, ...] = ()
     n_in_ellipse: int = 0
+    n_right_site: int = 0
     ospa_m: float | None = None
     bearing_rmse_rad: float | None = None
     distance_m: float | None = None
+    found_all_m: float | None = None
+    shortest_m: float | None = None
     sim_time_s: float | None = None
     contacts: int = 0
     waypoints_missed: int = 0
@@ -110,21 +128,31 @@ class MissionRow(NamedTuple):
     @classmethod
     def of_log(cls, job: MissionJob, log: MissionLog, wall_time_s: float, peak_memory_mb: float) -> MissionRow:
         """A mission that ran to its end."""
-        report, score = make_report(log, wall_time_s), score_mission(log, job.scenario)
-        evaluation = report["evaluation"]
+        report = make_report(log, wall_time_s)
+        evaluation, step = report["evaluation"], log.table("step")
+        sources, found = evaluation["sources"], [source for source in evaluation["sources"] if source["found"]]
+        fixed_s = {finding["id"]: finding["fixed_s"] for finding in report["findings"]}
+        confirmed_s = tuple(fixed_s[source["finding_id"]] for source in found)
+        has_found_all = bool(sources) and len(found) == len(sources)
+        sources_m = [np.array(source["true_position_m"][:2]) for source in sources]
+        shortest_m = shortest_tour(SiteMap(job.scenario, job.scenario.yard), sources_m, job.scenario.task.standoff_m)
+        bearing_rmse_rad = bearing_rmse(log, job.scenario)
         return cls(
             *_identity(job),
             status="finished",
             error="",
-            n_sources=score.n_sources,
-            n_found=score.n_found,
-            false_findings=score.false_findings,
-            errors_m=score.errors_m,
-            confirmed_s=score.confirmed_s,
-            n_in_ellipse=sum(bool(source["inside_ellipse95"]) for source in evaluation["sources"]),
+            n_sources=len(sources),
+            n_found=len(found),
+            false_findings=evaluation["false_findings"],
+            errors_m=tuple(source["error_m"] for source in found),
+            confirmed_s=confirmed_s,
+            n_in_ellipse=sum(source["inside_ellipse95"] for source in found),
+            n_right_site=sum(source["right_site"] for source in found),
             ospa_m=evaluation["ospa_m"],
-            bearing_rmse_rad=score.bearing_rmse_rad if np.isfinite(score.bearing_rmse_rad) else None,
+            bearing_rmse_rad=bearing_rmse_rad if np.isfinite(bearing_rmse_rad) else None,
             distance_m=report["distance_m"],
+            found_all_m=float(np.interp(max(confirmed_s), step["time_s"], driven_m(step))) if has_found_all else None,
+            shortest_m=shortest_m if sources and np.isfinite(shortest_m) else None,
             sim_time_s=report["sim_time_s"],
             contacts=report["collisions"],
             waypoints_missed=len(report["waypoints"]["missed"]),
@@ -133,6 +161,7 @@ class MissionRow(NamedTuple):
         )
 
 
-def _identity(job: MissionJob) -> tuple[int, str, str, str, str, str, int]:
+def _identity(job: MissionJob) -> tuple[int, str, str, str, str, str, str, str, int]:
     settings = json.dumps(dict(job.settings), sort_keys=True)
-    return job.order, job.key, job.scenario.name, job.scenario_digest, job.policy, settings, job.seed
+    named = job.suite, job.level, job.scenario.name, job.scenario_digest, job.policy
+    return job.order, job.key, *named, settings, job.seed

@@ -5,16 +5,20 @@ from __future__ import annotations
 import hashlib
 import json
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from dirmusic import InputFileError
 from envs import Scenario, load_scenario
+from envs.scenario.suite import choose_yards, is_of_suite, load_suite
 from missions.sweep.code_version import digest_of_code
 
 Settings = Mapping[str, Any]
+
+USUAL_SEEDS = range(20)
+"""Of a scenario that is not of the suite."""
 
 
 class MissionJob(NamedTuple):
@@ -23,6 +27,8 @@ class MissionJob(NamedTuple):
     Attributes:
         order: Its number in the sweep, from 0.
         key: Tells it apart from every other mission of the sweep; the same in each run of it.
+        level: Of the suite; empty for any other scenario.
+        suite: Version and checksum of the suite; empty for any other scenario.
         scenario: What to run, settings included.
         scenario_digest: SHA-256 of the scenario as JSON, in hexadecimal digits.
         policy: Who drives, as `missions.policies.make_policy` takes it.
@@ -32,6 +38,8 @@ class MissionJob(NamedTuple):
 
     order: int
     key: str
+    level: str
+    suite: str
     scenario: Scenario
     scenario_digest: str
     policy: str
@@ -57,39 +65,76 @@ class SweepPlan(NamedTuple):
         return self.jobs[number - 1 :: n_shards]
 
 
+class Choice(NamedTuple):
+    """A scenario that a sweep runs.
+
+    Attributes:
+        name: As `envs.load_scenario` takes it.
+        level: As of `MissionJob`.
+        suite: As of `MissionJob`.
+        seeds: Of its missions.
+    """
+
+    name: str
+    level: str
+    suite: str
+    seeds: Sequence[int]
+
+
 def make_plan(
-    scenarios: Sequence[str], policies: Sequence[str], grid: Mapping[str, Sequence[Any]], seeds: Sequence[int]
+    scenarios: Sequence[str],
+    policies: Sequence[str],
+    grid: Mapping[str, Sequence[Any]],
+    seeds: Sequence[int] | None = None,
 ) -> SweepPlan:
     """The missions of a sweep: for each scenario and each combination of settings, each policy on each seed.
 
     Args:
-        scenarios: Names of shipped scenarios or paths of TOML files.
+        scenarios: Names of shipped scenarios, paths of TOML files, or the suite and parts of it, as
+            `envs.scenario.suite.choose_yards` takes them.
         policies: Names of policies.
         grid: For each key of the scenario that is set, `table.key`, the values that it takes.
-        seeds: Of the missions.
+        seeds: Of the missions; None for those of the suite, and for 0 to 19 in any other scenario.
 
     Raises:
         InputFileError: With all faults, if a scenario cannot be loaded or does not take a setting.
     """
     faults: list[str] = []
-    variants: list[tuple[Scenario, Settings]] = []
-    for name, values in product(scenarios, product(*grid.values())):
+    variants: list[tuple[Choice, Scenario, Settings]] = []
+    for choice, values in product(_choose(scenarios, seeds, faults), list(product(*grid.values()))):
         settings = dict(zip(grid, values, strict=True))
         try:
-            variants.append((load_scenario(name, settings), settings))
+            variants.append((choice, load_scenario(choice.name, settings), settings))
         except InputFileError as error:
             faults += [fault for fault in error.faults if fault not in faults]
     if faults:
         raise InputFileError(faults)
     jobs: list[MissionJob] = []
-    for scenario, settings in variants:
+    for choice, scenario, settings in variants:
         of_scenario = hashlib.sha256(scenario.model_dump_json().encode()).hexdigest()
         for policy in policies:
             named = digest([of_scenario, policy, *digests_of_files(scenario, policy)])
-            for seed in seeds:
+            for seed in choice.seeds:
                 key = digest([named, str(seed)])[:16]
-                jobs.append(MissionJob(len(jobs), key, scenario, of_scenario, policy, settings, seed))
+                identity = len(jobs), key, choice.level, choice.suite
+                jobs.append(MissionJob(*identity, scenario, of_scenario, policy, settings, seed))
     return SweepPlan(tuple(jobs), digest([job.key for job in jobs]), digest_of_code())
+
+
+def _choose(scenarios: Sequence[str], seeds: Sequence[int] | None, faults: list[str]) -> Iterator[Choice]:
+    """The scenarios that some names stand for; what is wrong with a name joins the faults."""
+    for name in scenarios:
+        if not is_of_suite(name):
+            yield Choice(name, "", "", USUAL_SEEDS if seeds is None else seeds)
+            continue
+        try:
+            yards = choose_yards(name)
+        except InputFileError as error:
+            faults += error.faults
+            continue
+        suite = load_suite()
+        for yard in yards:
+            yield Choice(yard.name, yard.level, suite.label, suite.seeds[yard.part] if seeds is None else seeds)
 
 
 def parse_grid(texts: Iterable[str]) -> dict[str, list[Any]]:

@@ -16,7 +16,7 @@ from missions.sweep.paired import Difference
 from missions.sweep.summary import GroupSummary
 
 HEADINGS = (
-    "scenario",
+    "scenario or level",
     "policy",
     "set",
     "missions",
@@ -24,7 +24,10 @@ HEADINGS = (
     "median error (m)",
     "95 % below (m)",
     "in ellipse (%)",
+    "right site (%)",
     "time to confirm (s)",
+    "way over shortest",
+    "OSPA (m)",
     "false",
     "contacts",
     "missed",
@@ -36,7 +39,7 @@ def cells(summary: GroupSummary) -> tuple[str, ...]:
     settings = ", ".join(f"{key}={value}" for key, value in json.loads(summary.settings).items())
     unfinished = f" ({summary.n_unfinished} unfinished)" if summary.n_unfinished else ""
     return (
-        summary.scenario,
+        summary.group,
         summary.policy,
         settings or "-",
         f"{summary.n_missions}{unfinished}",
@@ -44,7 +47,10 @@ def cells(summary: GroupSummary) -> tuple[str, ...]:
         with_interval(summary.error_m, 3),
         f"{summary.error95_m:.3f}" if np.isfinite(summary.error95_m) else "-",
         with_interval(summary.in_ellipse, 0, 100.0),
+        with_interval(summary.right_site, 0, 100.0),
         with_interval(summary.confirmed_s, 0),
+        with_interval(summary.detour, 1),
+        with_interval(summary.ospa_m, 2),
         str(summary.false_findings),
         str(summary.contacts),
         str(summary.waypoints_missed),
@@ -70,8 +76,8 @@ def terminal_table(summaries: Sequence[GroupSummary], title: str) -> Table:
         table.add_column(heading, justify="right")
     before = ""
     for summary in summaries:
-        if summary.scenario != before:
-            before = summary.scenario
+        if summary.group != before:
+            before = summary.group
             table.add_section()
             table.add_row(f"[bold]{before}[/bold]")
         named = dict(zip(HEADINGS, cells(summary), strict=True))

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, Field, model_validator
 
 from robot_models.yard.pieces import Equipment
-from robot_models.yard.solids import Solids
+from robot_models.yard.solids import Box, Placed, Solids
 from robot_models.yard.tables import FaceTable, SolidTable, face_table, solid_table
 
 FloatArray = NDArray[np.float64]
@@ -82,6 +82,13 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         """Whether world points (..., 2 or 3) lie inside the fence; shape (...)."""
         points = np.asarray(points_m, dtype=np.float64)[..., :2]
         return np.all((points >= 0.0) & (points <= np.asarray(self.size_m)), axis=-1)
+
+    def is_crossed(self, start_m: ArrayLike, end_m: ArrayLike) -> bool:
+        """Whether the straight line between two world points (3,) touches the ground inside the fence, on plan."""
+        middle_m = (0.5 * self.size_m[0], 0.5 * self.size_m[1])
+        ground = Solids([Placed(Box(footprint_m=self.size_m, top_m=1.0), middle_m, 0.0)])
+        ends = np.array([start_m, end_m], dtype=np.float64)
+        return bool(self.contains(ends).any() or ground.crossed(ends[0, :2], ends[1, :2]).any())
 
     def clearance(self, points_m: ArrayLike) -> FloatArray:
         """Horizontal distance of world points (..., 2) to fence or equipment in a robot's way, negative inside."""

@@ -56,7 +56,8 @@ class Scene:
 
     Attributes:
         surroundings: As given, or free space.
-        positions_m: Places of the sources, shape (n_sources, 3), world frame.
+        positions_m: Places of the sources at time 0, shape (n_sources, 3), world frame.
+        has_movers: Whether any source moves.
         burst_s: How long the emissions of each source last that are no pulses, 0 for pulses, shape (n_sources,).
     """
 
@@ -71,6 +72,8 @@ class Scene:
         positions_m = np.array([source.position_m for source in self.sources]).reshape(-1, 3)
         self.surroundings = surroundings or Surroundings.free_space()
         self.positions_m = positions_m
+        self._movers = [k for k, source in enumerate(self.sources) if source.moves_to_m is not None]
+        self.has_movers = bool(self._movers)
         self._amplitude_v = np.array([source.amplitude_v for source in self.sources])
         self._active_s = np.array([source.active_s for source in self.sources]).reshape(-1, 2)
         self._drift_db = np.array([source.drift_db_per_min for source in self.sources]) / 60.0
@@ -83,6 +86,15 @@ class Scene:
         self._ahead = Emissions(np.empty(0, dtype=np.intp), np.empty(0), np.empty(0))
         self._ahead_times: list[float] = []
         self._ahead_s = (0.0, 0.0)
+
+    def positions_at(self, time_s: float) -> FloatArray:
+        """Places of the sources at a time, shape (n_sources, 3), world frame; to be read only."""
+        if not self.has_movers:
+            return self.positions_m
+        positions_m = self.positions_m.copy()
+        for k in self._movers:
+            positions_m[k] = self.sources[k].position_at(time_s)
+        return positions_m
 
     def emissions(self, start_s: float, duration_s: float, rng: np.random.Generator) -> Emissions:
         """All pulses within `duration_s` from `start_s` on.

@@ -49,6 +49,9 @@ class DischargeSource:
         n_shots: How many pulses a discharge gun fires, evenly at the pulse rate; None for a source that goes on.
         first_shot_s: When it fires the first.
         burst_s: How long each emission lasts, where it is a burst of a carrier and no pulse; 0 for a pulse.
+        moves_to_m: Where it turns back if it moves, shape (3,), world frame, other than `position_m`: it travels to
+            and fro between the two on the straight line, from `position_m` at time 0. None for one that stands.
+        speed_mps: How fast it moves, > 0 where it does.
     """
 
     name: str
@@ -61,6 +64,8 @@ class DischargeSource:
     n_shots: int | None = None
     first_shot_s: float = 0.0
     burst_s: float = 0.0
+    moves_to_m: FloatArray | None = None
+    speed_mps: float = 0.0
 
     @property
     def rhythm(self) -> Rhythm | None:
@@ -68,6 +73,15 @@ class DischargeSource:
         if self.n_shots is not None:
             return None
         return self.train.rhythm(self.pulse_rate_hz) if self.train else Rhythm.at_any_phase(self.pulse_rate_hz)
+
+    def position_at(self, time_s: float) -> FloatArray:
+        """Where it is at a time, shape (3,), world frame."""
+        if self.moves_to_m is None:
+            return self.position_m
+        way_m = self.moves_to_m - self.position_m
+        length_m = float(np.linalg.norm(way_m))
+        gone_m = self.speed_mps * time_s % (2 * length_m)
+        return self.position_m + min(gone_m, 2 * length_m - gone_m) / length_m * way_m
 
     def shots_s(self, start_s: float, duration_s: float) -> FloatArray:
         """Times of the shots within an interval, seconds, shape (n,)."""

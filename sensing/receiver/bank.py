@@ -97,6 +97,8 @@ class ReceiverBank:
     ) -> Detections:
         """Listen for `duration_s`; the intervals of one robot are to follow one another.
 
+        Sources that move are taken to stand where they are at the start (assumed): in 0.1 s, traffic moves 1 or 2 m.
+
         Args:
             world_from_array: Where the arrays really are, shape (n_robots, 4, 4).
             start_s: Simulated time of each robot at the start of the interval, shape (n_robots,).
@@ -109,6 +111,8 @@ class ReceiverBank:
         parts: list[Detections] = []
         emissions = [listeners[k].scene.emissions(starts[k], duration_s, listeners[k].nature_rng) for k in robots]
         for k in robots:
+            if listeners[k].scene.has_movers:
+                self._sources.positions_m[k] = listeners[k].scene.positions_at(starts[k])
             time_s = self._false_alarms.times_s(k, starts[k], duration_s, listeners[k].receiver_rng)
             if time_s:
                 gates_v = false_alarm_gates(self._receiver, len(time_s), listeners[k].receiver_rng)

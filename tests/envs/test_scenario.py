@@ -236,9 +236,30 @@ def test_a_file_that_is_not_there_and_a_folder_are_refused(tmp_path: Path) -> No
         load_scenario("one_sorce")
 
 
-def test_an_interferer_inside_the_yard_is_refused(tmp_path: Path) -> None:
-    text = GOOD + '[[interferers]]\nname = "radio"\nposition_m = [5.0, 5.0, 1.0]\namplitude_v = 1.0\n'
-    assert "interferers.0.position_m" in fault_of(tmp_path, text)[0]
+@pytest.mark.parametrize(
+    ("place", "key", "words"),
+    [
+        ("[5, 5, 1]", "position_m", "inside the yard"),
+        ("[-5, 5, 1]\nmoves_to_m = [5, 5, 1]\nspeed_mps = 9", "moves_to_m", "crosses the yard"),
+        ("[-5, 5, 1]\nmoves_to_m = [25, 5, 1]\nspeed_mps = 9", "moves_to_m", "beyond the fence of (20.0, 15.0)"),
+        ("[-5, 14, 1]\nmoves_to_m = [5, 18, 1]\nspeed_mps = 9", "moves_to_m", None),
+        ("[-5, 12, 1]\nmoves_to_m = [5, 16, 1]\nspeed_mps = 9", "moves_to_m", "crosses the yard"),
+        ("[-5, 5, 1]\nmoves_to_m = [0, 5, 1]\nspeed_mps = 9", "moves_to_m", "crosses the yard"),
+        ("[-5, 5, 1]\nmoves_to_m = [-5, 5, 1]\nspeed_mps = 9", "moves_to_m", "another place"),
+        ("[-5, 5, 1]\nmoves_to_m = [-5, 25, 1]", "moves_to_m, speed_mps", "only moves_to_m given"),
+        ("[-5, 5, 1]\nspeed_mps = 9", "moves_to_m, speed_mps", "only speed_mps given"),
+        ("[-5, 5, 1]\nmoves_to_m = [-5, 25, 1]\nspeed_mps = 0", "speed_mps", "greater than 0"),
+    ],
+)
+def test_an_interferer_stays_beyond_the_fence(place: str, key: str, words: str | None, tmp_path: Path) -> None:
+    text = GOOD + f'[[interferers]]\nname = "radio"\namplitude_v = 1.0\nposition_m = {place}\n'
+    if words is None:
+        (tmp_path / "yard.toml").write_text(text, encoding="utf-8")
+        assert load_scenario(tmp_path / "yard.toml").interferers
+        return
+    (fault,) = fault_of(tmp_path, text)
+    assert f": interferers.0.{key}: " in fault
+    assert words in fault
 
 
 @settings(max_examples=60, deadline=None)

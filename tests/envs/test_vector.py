@@ -90,6 +90,42 @@ def test_rows_with_faulty_channels_and_whole_waveforms_are_their_single_environm
                 np.testing.assert_array_equal(values, np.array([one[key] for one in alone]), err_msg=key)
 
 
+def test_rows_at_different_times_have_an_interferer_that_moves_where_their_single_environments_have_it() -> None:
+    scenario = brisk()
+    tram = {"name": "tram", "position_m": (-20.0, -8.0, 3.0), "moves_to_m": (60.0, -8.0, 3.0), "speed_mps": 20.0}
+    tram |= {"amplitude_v": 3.0, "pulse_rate_hz": 100.0}
+    scenario = Scenario.model_validate(scenario.model_dump() | {"interferers": (tram,)})
+    envs = PatrolVectorEnv(3, scenario, autoreset_mode="Disabled")
+    singles = [PatrolEnv(scenario) for _ in range(3)]
+    _, info = envs.reset(seed=40)
+    for row, env in enumerate(singles):
+        env.reset(seed=40 + row)
+    n_heard = 0
+    for step, driven in enumerate(np.stack([actions(40 + row, 60) for row in range(3)], axis=1)):
+        if step in (10, 25):
+            mask = np.arange(3) == step // 10 - 1
+            envs.reset(options={"reset_mask": mask})
+            singles[int(mask.argmax())].reset()
+        observation, *_, info = envs.step(driven)
+        n_heard += int(observation["heard"].sum())
+        for row, env in enumerate(singles):
+            alone, *_ = env.step(driven[row])
+            for key, values in observation.items():
+                np.testing.assert_array_equal(values[row], alone[key], err_msg=f"{key} of row {row} in step {step}")
+    assert info["time_s"].tolist() == pytest.approx([5.0, 3.5, 6.0])
+    assert n_heard > 100
+
+
+def test_the_truth_tells_start_end_and_speed_of_an_interferer_that_moves() -> None:
+    tram = {"name": "tram", "position_m": (-9.0, 0.0, 3.0), "amplitude_v": 1.0}
+    moving = {**tram, "name": "bus", "moves_to_m": (-9.0, 30.0, 3.0), "speed_mps": 8.0}
+    scenario = Scenario.model_validate(brisk().model_dump() | {"interferers": (tram, moving)})
+    _, info = PatrolEnv(scenario).reset(seed=0)
+    standing, bus = info["truth"]["interferers"]
+    assert not {"moves_to_m", "speed_mps"} & standing.keys()
+    assert (bus["position_m"], bus["moves_to_m"], bus["speed_mps"]) == ([-9.0, 0.0, 3.0], [-9.0, 30.0, 3.0], 8.0)
+
+
 def test_with_same_step_autoreset_the_end_is_told_beside_the_new_start() -> None:
     envs = PatrolVectorEnv(2, brisk(), autoreset_mode="SameStep")
     assert envs.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP

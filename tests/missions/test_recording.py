@@ -215,8 +215,17 @@ def test_what_the_map_shows_and_does_not_stand_there_is_an_outline(tmp_path: Pat
     write_recording(MissionLog({**log.meta, "solids": solids}), tmp_path / "map.rrd")
     (row,) = values(tmp_path / "map.rrd")[f"/{paths.MAP}/box"]
     drawn = {name.rpartition(":")[2]: cell for name, cell in row.items()}
-    np.testing.assert_allclose(drawn["centers"], [wrong[0]["position_m"]], atol=1e-6)
+    np.testing.assert_allclose(drawn["centers"], np.array([wrong[0]["position_m"]]), atol=1e-6)
     assert drawn["fill_mode"] == [rr.components.FillMode.MajorWireframe.value]
+
+
+def test_an_interferer_that_moves_is_drawn_with_its_line(tmp_path: Path, log: MissionLog) -> None:
+    bus = {"name": "bus", "position_m": [-9.0, 0.0, 3.0], "moves_to_m": [-9.0, 30.0, 3.0], "speed_mps": 8.0}
+    truth = {**log.meta["truth"], "interferers": [bus]}
+    write_recording(MissionLog({**log.meta, "truth": truth}), tmp_path / "bus.rrd")
+    (row,) = values(tmp_path / "bus.rrd")[f"/{paths.TRUE_WAYS}"]
+    strips = next(cell for name, cell in row.items() if name.endswith(":strips"))
+    np.testing.assert_allclose(strips, [[bus["position_m"], bus["moves_to_m"]]], atol=1e-6)
 
 
 def test_a_finding_that_is_dropped_disappears(tmp_path: Path, log: MissionLog) -> None:

@@ -1,0 +1,100 @@
+"""Interferers that move to and fro: where they are, and from where their pulses come."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dirmusic import estimate_bearings
+from dirmusic.angles import difference
+from sensing import ArrayConfig, Detections, DischargeSource, HelicalArray, ReceiverConfig, Scene
+from sensing.receiver.bank import ReceiverBank, listen_once
+from sensing.receiver.receiver import Listener
+
+NOMINAL = HelicalArray.nominal(ArrayConfig())
+START_M, END_M, SPEED_MPS = np.array([-30.0, -20.0, 0.6]), np.array([30.0, -20.0, 0.6]), 12.0
+WAY_S = 5.0
+"""How long a tram takes from one end to the other."""
+
+
+def tram(*, moves: bool = True, at_m: np.ndarray = START_M) -> DischargeSource:
+    motion = {"moves_to_m": END_M, "speed_mps": SPEED_MPS} if moves else {}
+    return DischargeSource(name="tram", position_m=at_m, amplitude_v=2.0, pulse_rate_hz=400.0, **motion)
+
+
+POST = DischargeSource(name="post", position_m=np.array([10.0, 20.0, 1.0]), amplitude_v=0.5, pulse_rate_hz=50.0)
+
+
+def listen(scene: Scene, start_s: float, seed: int = 0) -> Detections:
+    return listen_once(
+        ReceiverConfig(),
+        NOMINAL,
+        scene,
+        np.random.default_rng(seed),
+        world_from_array=np.eye(4),
+        duration_s=0.1,
+        start_s=start_s,
+    )
+
+
+def test_a_mover_is_back_after_two_ways_and_at_the_far_end_after_one() -> None:
+    scene = Scene([POST, tram()])
+    for time_s, x_m in ((0.0, -30.0), (2.5, 0.0), (5.0, 30.0), (7.5, 0.0), (10.0, -30.0), (61.0, -18.0)):
+        expected = np.array([POST.position_m, (x_m, -20.0, 0.6)])
+        np.testing.assert_allclose(scene.positions_at(time_s), expected, atol=1e-9)
+
+
+@given(st.floats(0.0, 1e5), st.floats(0.0, 1.0))
+def test_a_mover_stays_on_its_line_no_faster_than_it_is_and_repeats_itself(time_s: float, later_s: float) -> None:
+    source = tram()
+    at_m, then_m = source.position_at(time_s), source.position_at(time_s + later_s)
+    assert START_M[0] - 1e-9 <= at_m[0] <= END_M[0] + 1e-9
+    np.testing.assert_allclose(at_m[1:], START_M[1:])
+    assert np.linalg.norm(then_m - at_m) <= SPEED_MPS * later_s + 1e-6
+    np.testing.assert_allclose(source.position_at(time_s + 2 * WAY_S), at_m, atol=1e-6)
+    np.testing.assert_allclose(source.position_at(2 * WAY_S * 1e4 - min(time_s, 1e5)), at_m, atol=1e-6)
+
+
+@pytest.mark.parametrize("start_s", [0.0, 1.3, 2.5, 4.9, 6.2, 13.7])
+def test_the_bearing_of_a_mover_follows_it(start_s: float) -> None:
+    scene = Scene([tram()])
+    strengths_v = listen(scene, start_s).pulses.strengths_v
+    assert len(strengths_v) > 20
+    bearing_rad = estimate_bearings(strengths_v[:, np.newaxis], NOMINAL.manifold()).azimuth_rad
+    x, y, _ = scene.positions_at(start_s)[0]
+    assert np.degrees(np.abs(difference(np.median(bearing_rad), np.arctan2(y, x)))) < 1.0
+
+
+@pytest.mark.parametrize("start_s", [0.0, 1.25, 8.0])
+def test_a_mover_is_received_to_the_bit_like_one_that_stands_where_it_is(start_s: float) -> None:
+    moving, standing = Scene([POST, tram()]), Scene([POST, tram(moves=False, at_m=tram().position_at(start_s))])
+    detected, expected = listen(moving, start_s), listen(standing, start_s)
+    np.testing.assert_array_equal(detected.pulses.strengths_v, expected.pulses.strengths_v)
+    np.testing.assert_array_equal(detected.pulses.time_s, expected.pulses.time_s)
+
+
+def test_without_movers_places_are_the_same_array_at_all_times() -> None:
+    scene = Scene([POST, tram(moves=False)])
+    assert not scene.has_movers
+    assert scene.positions_at(3.0) is scene.positions_m
+
+
+def test_each_robot_of_a_bank_has_movers_where_they_are_at_its_own_time() -> None:
+    def listener(seed: int) -> Listener:
+        nature, receiver = np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1])
+        return Listener(array=NOMINAL, scene=Scene([POST, tram()]), nature_rng=nature, receiver_rng=receiver)
+
+    starts_s, poses = np.array([0.4, 3.1, 6.0]), np.tile(np.eye(4), (3, 1, 1))
+    together = ReceiverBank(ReceiverConfig(), [listener(seed) for seed in range(3)])
+    detected = together.listen(poses, starts_s, 0.1)
+    detected_again = together.listen(poses, starts_s + 0.1, 0.1, np.array([0, 2]))
+    for robot in range(3):
+        alone = ReceiverBank(ReceiverConfig(), [listener(robot)])
+        for part, later_s in ((detected, 0.0), (detected_again, 0.1)):
+            own = part.robot == robot
+            if later_s and robot == 1:
+                assert not own.any()
+                continue
+            expected = alone.listen(poses[:1], starts_s[robot : robot + 1] + later_s, 0.1)
+            assert own.sum() > 20
+            np.testing.assert_array_equal(part.pulses.strengths_v[own], expected.pulses.strengths_v)
