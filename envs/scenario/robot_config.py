@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 from typing import Self
 
-from pydantic import ValidationInfo, field_validator, model_validator
+from pydantic import PositiveFloat, ValidationInfo, field_validator, model_validator
 
 from envs.scenario.base import Config, beside_the_scenario
 from robot_models.description.library import is_path, load_robot
@@ -16,6 +17,8 @@ class RobotConfig(Config, frozen=True):
     """The robot, by the name of a shipped one or the path of an MJCF file; a relative path starts at the scenario."""
 
     model: str = "inspector"
+    max_speed_mps: PositiveFloat | None = None
+    """Greatest speed that it is driven at; its own limit, if left out."""
 
     @field_validator("model")
     @classmethod
@@ -28,9 +31,13 @@ class RobotConfig(Config, frozen=True):
             _ = self.description
         except RobotFileError as error:
             raise ValueError("\n".join(f"model: {fault}" for fault in error.faults)) from None
+        fastest_mps = load_robot(self.model).max_speed_mps
+        if self.max_speed_mps is not None and self.max_speed_mps > fastest_mps:
+            raise ValueError(f"max_speed_mps: got {self.max_speed_mps:g}; allowed is at most its own {fastest_mps:g}")
         return self
 
     @cached_property
     def description(self) -> RobotDescription:
         """Its measures and limits."""
-        return load_robot(self.model)
+        robot = load_robot(self.model)
+        return robot if self.max_speed_mps is None else replace(robot, max_speed_mps=self.max_speed_mps)

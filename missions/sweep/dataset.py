@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import tempfile
 from collections.abc import Sequence
 from contextlib import suppress
 from importlib.metadata import version
@@ -14,15 +16,16 @@ import pyarrow.parquet as pq
 
 from dirmusic import InputFileError
 from envs.scenario import restore_scenario
+from missions.sweep.code_version import commit
 from missions.sweep.mission_row import SCHEMA, MissionRow
 from missions.sweep.plan import MissionJob, SweepPlan
 
 VERSION = 1
-MANIFEST, ROWS, ALL_ROWS = "sweep.json", "rows", "rows.parquet"
+MANIFEST, SCENARIOS, ROWS, ALL_ROWS = "sweep.json", "scenarios.parquet", "rows", "rows.parquet"
 
 
 class Dataset:
-    """A folder with a manifest, a file for each new row, and one file for all rows of a sweep that is complete.
+    """A folder with a manifest, the scenarios, a file for each new row, and one for all rows once they are complete.
 
     Args:
         folder: Where it is.
@@ -54,15 +57,17 @@ class Dataset:
             raise InputFileError([f"--out: {folder} is no sweep; allowed is a new or empty folder, or that of a sweep"])
         if not (folder / MANIFEST).exists():
             (folder / ROWS).mkdir(parents=True, exist_ok=True)
-            named = {name: version(name) for name in ("pdpatrol", "mujoco", "numpy", "scipy", "numba")}
+            scenarios = {job.scenario_digest: job.scenario.model_dump_json() for job in plan.jobs}
+            columns = {"scenario_digest": list(scenarios), "scenario": list(scenarios.values())}
+            _write_whole(folder / SCENARIOS, _as_parquet(pa.table(columns)))
             manifest = {
                 "version": VERSION,
                 "plan": plan.digest,
                 "code": plan.code,
+                "commit": commit(),
                 "n_missions": len(plan.jobs),
                 "suite": max(job.suite for job in plan.jobs),
-                "versions": named,
-                "scenarios": {job.scenario_digest: job.scenario.model_dump(mode="json") for job in plan.jobs},
+                "versions": {name: version(name) for name in ("pdpatrol", "mujoco", "numpy", "scipy", "numba")},
             }
             _write_whole(folder / MANIFEST, (json.dumps(manifest, indent=2) + "\n").encode())
         dataset, faults = cls(folder), list[str]()
@@ -115,12 +120,17 @@ class Dataset:
         if number not in rows:
             raise InputFileError([f"--row: got {number}; allowed is the number of a row, 0 to {max(rows, default=0)}"])
         row = rows[number]
-        scenario = restore_scenario(self.manifest["scenarios"][row["scenario_digest"]])
+        scenario = restore_scenario(json.loads(self._scenarios()[row["scenario_digest"]]))
         settings = json.loads(row["settings"])
         return MissionJob(
             number, row["key"], row["level"], row["suite"], scenario, row["scenario_digest"], row["policy"], settings,
             row["seed"],
         )  # fmt: skip
+
+    def _scenarios(self) -> dict[str, str]:
+        """Each scenario whole, as JSON, by its digest."""
+        table = pq.read_table(self.folder / SCENARIOS).to_pydict()
+        return dict(zip(table["scenario_digest"], table["scenario"], strict=True))
 
     def compact(self) -> None:
         """Put all rows into one file; at any moment each is in that file or in its own."""
@@ -140,11 +150,15 @@ def _as_parquet(table: pa.Table) -> bytes:
 
 
 def _write_whole(path: Path, content: bytes) -> None:
-    """Write a file that other processes see whole or not at all."""
-    temporary = path.with_name(f".{path.name}.tmp")
+    """Write a file that other processes see whole or not at all, and that a loss of power does not leave empty."""
+    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     try:
-        temporary.write_bytes(content)
-        temporary.replace(path)
+        with os.fdopen(handle, "wb") as file:
+            os.fchmod(handle, 0o644)
+            file.write(content)
+            file.flush()
+            os.fsync(handle)
+        Path(temporary).replace(path)
     except OSError:
-        temporary.unlink(missing_ok=True)
+        Path(temporary).unlink(missing_ok=True)
         raise

@@ -64,7 +64,7 @@ class MissionRow(NamedTuple):
         suite: Version and checksum of the suite; empty for any other scenario.
         level: Of the suite; empty for any other scenario.
         scenario: Its name.
-        scenario_digest: SHA-256 of it with its settings; the manifest of the dataset holds it whole.
+        scenario_digest: SHA-256 of it with its settings; `scenarios.parquet` of the dataset holds it whole.
         policy: Who drove.
         settings: What the sweep set in the scenario, as JSON.
         seed: Of the mission.

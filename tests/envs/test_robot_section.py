@@ -158,3 +158,15 @@ def test_a_mission_whose_robot_falls_over_ends_with_its_log_whole(tmp_path: Path
     assert log.n_rows("step") > 2
     assert np.isfinite(log.column("step", "true_pose")).all()
     assert make_report(log, 1.0)["sim_time_s"] == log.column("step", "time_s")[-1]
+
+
+def test_a_robot_is_driven_no_faster_than_the_scenario_says() -> None:
+    scenario = load_scenario("one_source", {"robot.max_speed_mps": 0.3, "route.dock_yaw_deg": 45.0})
+    env = PatrolEnv(scenario)
+    env.reset(seed=0)
+    poses = [env.step(np.array([1.0, 0.0], dtype=np.float32))[-1]["truth"]["pose"] for _ in range(30)]
+    speed_mps = np.hypot(*(poses[-1] - poses[-2])[:2]) / 0.1
+    assert speed_mps == pytest.approx(0.3, rel=0.05)
+    assert SiteMap(scenario).robot.max_speed_mps == 0.3
+    with pytest.raises(ScenarioError, match=r"robot.max_speed_mps: got 3; allowed is at most its own 0.8"):
+        load_scenario("one_source", {"robot.max_speed_mps": 3.0})

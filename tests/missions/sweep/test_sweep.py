@@ -75,7 +75,7 @@ def test_rows_are_the_same_with_any_number_of_workers_and_from_shards(folder: Pa
     assert rows(folder / "two")["status"].to_pylist() == ["finished"] * 6
     assert rows(folder / "parts").equals(rows(folder / "two"))
     for name in ("two", "parts"):
-        assert sorted(path.name for path in (folder / name).rglob("*.parquet")) == ["rows.parquet"]
+        assert sorted(path.name for path in (folder / name).rglob("*.parquet")) == ["rows.parquet", "scenarios.parquet"]
     table = subprocess.run(
         [PDPATROL, "results", "two", "--csv"], cwd=folder, capture_output=True, text=True, timeout=60
     )
