@@ -1,7 +1,7 @@
 """The suite: yards that are frozen, so that what two versions of the code make of them can be compared.
 
-`envs/scenarios/suite` holds a file for each yard, in a public part, for development, and a test part, to be looked at
-seldom. A file holds all that a mission meets: yard, map, sources, errors, receiver, robot and task. What is tested is
+`envs/scenarios/suite` holds a public part, for development, and a test part, to be looked at seldom, each with a folder
+for every level and in it a file for every yard. A file holds all that a mission meets: yard, map, sources, errors, receiver, robot and task. What is tested is
 not in them: estimator and locating are as the code has them, or as a sweep sets them.
 """
 
@@ -85,7 +85,7 @@ def suite_yards() -> tuple[SuiteYard, ...]:
         SuiteYard(level, part, path)
         for level in levels
         for part in PARTS
-        for path in sorted((SUITE / part).glob(f"{level}_[0-9][0-9].toml"))
+        for path in sorted((SUITE / part / level).glob("*.toml"))
     )
 
 

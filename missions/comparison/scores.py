@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from envs import Scenario
 from missions.record.bearing_error import bearing_rmse
 from missions.record.mission_log import MissionLog
 from missions.record.report import make_report
-
-FloatArray = NDArray[np.float64]
-
-CONFIDENCE = 0.95
-RESAMPLES = 2000
-"""Bootstrap resamples behind an interval."""
+from missions.sweep.intervals import Interval, bootstrap_interval, root_mean_square, share_interval
 
 
 class MissionScore(NamedTuple):
@@ -40,14 +34,6 @@ class MissionScore(NamedTuple):
     errors_m: tuple[float, ...]
     confirmed_s: tuple[float, ...]
     false_findings: int
-
-
-class Interval(NamedTuple):
-    """A figure with its 95 % interval; NaN where there is nothing to take it from."""
-
-    value: float
-    low: float
-    high: float
 
 
 class Score(NamedTuple):
@@ -88,7 +74,7 @@ def summarise(missions: Sequence[MissionScore]) -> Score:
     n_sources, n_found = (sum(getattr(mission, name) for mission in missions) for name in ("n_sources", "n_found"))
     rmse_deg = np.degrees([mission.bearing_rmse_rad for mission in missions])
     return Score(
-        bearing_rmse_deg=bootstrap_interval(rmse_deg[np.isfinite(rmse_deg)], _root_mean_square),
+        bearing_rmse_deg=bootstrap_interval(rmse_deg[np.isfinite(rmse_deg)], root_mean_square),
         found=share_interval(n_found, n_sources),
         error_m=bootstrap_interval(np.array([error for mission in missions for error in mission.errors_m]), np.median),
         confirmed_s=bootstrap_interval(
@@ -96,33 +82,6 @@ def summarise(missions: Sequence[MissionScore]) -> Score:
         ),
         false_findings=sum(mission.false_findings for mission in missions),
     )
-
-
-def _root_mean_square(values: FloatArray, axis: int = -1) -> FloatArray:
-    return np.sqrt(np.mean(np.square(values), axis=axis))
-
-
-def share_interval(count: int, total: int) -> Interval:
-    """A share with Wilson's interval."""
-    from scipy.stats import binomtest
-
-    if not total:
-        return Interval(np.nan, np.nan, np.nan)
-    low, high = binomtest(count, total).proportion_ci(CONFIDENCE, method="wilson")
-    return Interval(count / total, float(low), float(high))
-
-
-def bootstrap_interval(values: FloatArray, statistic: Callable[..., Any]) -> Interval:
-    """A statistic of values, shape (n,), with its percentile bootstrap interval; none below two values."""
-    from scipy.stats import bootstrap
-
-    if values.size < 2:
-        value = float(values[0]) if values.size else np.nan
-        return Interval(value, np.nan, np.nan)
-    low, high = bootstrap(
-        (values,), statistic, n_resamples=RESAMPLES, confidence_level=CONFIDENCE, method="percentile", rng=0
-    ).confidence_interval
-    return Interval(float(statistic(values)), float(low), float(high))
 
 
 def as_json(score: Score) -> dict[str, Any]:

@@ -8,8 +8,9 @@ import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from missions.comparison.scores import Interval, Score
+from missions.comparison.scores import Score
 from missions.comparison.variants import Variant
+from missions.sweep.intervals import Interval
 
 HEADINGS = ("", "bearing RMSE (deg)", "found (%)", "median error (m)", "time to confirm (s)", "false")
 

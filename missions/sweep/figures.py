@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
-from missions.comparison.scores import share_interval
+from missions.sweep.intervals import share_interval
 
 Row = Mapping[str, Any]
 SIZE_IN = (7.0, 4.2)

@@ -11,7 +11,7 @@ import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from missions.comparison.scores import Interval
+from missions.sweep.intervals import Interval
 from missions.sweep.paired import Difference
 from missions.sweep.summary import GroupSummary
 
@@ -20,6 +20,7 @@ HEADINGS = (
     "policy",
     "set",
     "missions",
+    "bearing RMSE (deg)",
     "found (%)",
     "median error (m)",
     "95 % below (m)",
@@ -43,6 +44,7 @@ def cells(summary: GroupSummary) -> tuple[str, ...]:
         summary.policy,
         settings or "-",
         f"{summary.n_missions}{unfinished}",
+        with_interval(summary.bearing_rmse_rad, 2, 180.0 / np.pi),
         with_interval(summary.found, 0, 100.0),
         with_interval(summary.error_m, 3),
         f"{summary.error95_m:.3f}" if np.isfinite(summary.error95_m) else "-",

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from missions.comparison.scores import Interval, bootstrap_interval, share_interval
+from missions.sweep.intervals import Interval, bootstrap_interval, root_mean_square, share_interval
 
 
 class GroupSummary(NamedTuple):
@@ -21,6 +21,7 @@ class GroupSummary(NamedTuple):
         n_missions: How many there are.
         n_unfinished: Of those, the ones that failed, hung, ran out of memory or died; they count as missions in which
             nothing was found only in this number.
+        bearing_rmse_rad: Root mean square error of the bearings, over the missions with a single source.
         found: Share of all sources that were found, with Wilson's interval.
         error_m: Median distance of findings from their sources.
         error95_m: 95 % of the distances are below this; NaN without any.
@@ -40,6 +41,7 @@ class GroupSummary(NamedTuple):
     settings: str
     n_missions: int
     n_unfinished: int
+    bearing_rmse_rad: Interval
     found: Interval
     error_m: Interval
     error95_m: float
@@ -89,12 +91,14 @@ def _summarise(name: tuple[str, str, str], rows: Sequence[dict[str, Any]]) -> Gr
         for row in finished
         if row["found_all_m"] is not None and row["shortest_m"]
     ]
+    rmse_rad = np.array([row["bearing_rmse_rad"] for row in finished if row["bearing_rmse_rad"] is not None])
     errors_m = np.array([error for row in finished for error in row["errors_m"]])
     confirmed_s = np.array([time_s for row in finished for time_s in row["confirmed_s"]])
     return GroupSummary(
         *name,
         n_missions=len(rows),
         n_unfinished=len(rows) - len(finished),
+        bearing_rmse_rad=bootstrap_interval(rmse_rad, root_mean_square),
         found=share_interval(total["n_found"], total["n_sources"]),
         error_m=bootstrap_interval(errors_m, np.median),
         error95_m=float(np.quantile(errors_m, 0.95)) if errors_m.size else float("nan"),
