@@ -1,8 +1,9 @@
 """The suite: yards that are frozen, so that what two versions of the code make of them can be compared.
 
 `envs/scenarios/suite` holds a public part, for development, and a test part, to be looked at seldom, each with a folder
-for every level and in it a file for every yard. A file holds all that a mission meets: yard, map, sources, errors, receiver, robot and task. What is tested is
-not in them: estimator and locating are as the code has them, or as a sweep sets them.
+for every level and in it a file for every yard. A file holds all that a mission meets: yard, map, sources, errors,
+receiver, robot and task. What is tested is not in them: estimator and locating are as the code has them, or as a sweep
+sets them.
 """
 
 from __future__ import annotations

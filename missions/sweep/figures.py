@@ -5,20 +5,26 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pyarrow as pa
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
-from missions.sweep.intervals import share_interval
+from missions.sweep.intervals import bootstrap_interval, share_interval
+from missions.sweep.summary import group_of
 
 Row = Mapping[str, Any]
 SIZE_IN = (7.0, 4.2)
-MOST_LINES = 10
+COLOURS = "tab20"
+MOST_LINES = 20
 """So many lines can be told apart by colour."""
+
+FAR_APART = 4.0
+"""Values of a setting that span so large a ratio lie on a logarithmic axis."""
 
 
 def draw_figures(rows: pa.Table, folder: Path) -> list[Path]:
@@ -29,8 +35,8 @@ def draw_figures(rows: pa.Table, folder: Path) -> list[Path]:
         folder: Where to put the pictures; it is there.
 
     Returns:
-        The pictures that were written: errors.png, found_over_time.png, and for each setting that takes several numbers
-        found_over_KEY.png.
+        The pictures that were written: errors.png, found_over_time.png, and over_KEY.png for each setting that takes
+        several values.
     """
     finished = [row for row in rows.to_pylist() if row["status"] == "finished" and row["n_sources"]]
     pictures = [
@@ -39,25 +45,40 @@ def draw_figures(rows: pa.Table, folder: Path) -> list[Path]:
     ]
     settings = [json.loads(row["settings"]) for row in finished]
     for key in sorted({key for each in settings for key in each}):
-        values = {each[key] for each in settings if isinstance(each.get(key), int | float)}
-        if len(values) > 1:
-            pictures.append((folder / f"found_over_{key}.png", draw_found_over_setting(finished, key)))
+        if len({json.dumps(each[key]) for each in settings if key in each}) > 1:
+            pictures.append((folder / f"over_{key}.png", draw_over_setting(finished, key)))
     for path, figure in pictures:
         figure.savefig(path, dpi=120)
     return [path for path, _ in pictures]
 
 
 def groups(rows: Sequence[Row], without: str = "") -> dict[str, list[Row]]:
-    """Missions that differ by their seed alone, or by one setting too, under what tells them from the others."""
-    texts: list[tuple[str, ...]] = []
+    """Missions that differ by their seed alone, or by one setting too, under what tells them from the others.
+
+    Levels of the suite are told apart if there is nothing else that is.
+    """
+    texts: list[tuple[str, str, str]] = []
     for row in rows:
         settings = {key: value for key, value in json.loads(row["settings"]).items() if key != without}
-        texts.append((row["scenario"], row["policy"], ", ".join(f"{key}={value}" for key, value in settings.items())))
+        shown = ", ".join(f"{key}={label_of(value)}" for key, value in settings.items())
+        texts.append((group_of(row), row["policy"], shown))
     differing = [part for part, column in enumerate(zip(*texts, strict=True)) if len(set(column)) > 1]
+    if all(row["level"] for row in rows) and (without or differing != [0]):
+        differing = [part for part in differing if part != 0]
     found: dict[str, list[Row]] = {}
     for row, parts in zip(rows, texts, strict=True):
         found.setdefault(", ".join(parts[part] for part in differing if parts[part]), []).append(row)
     return found
+
+
+def label_of(value: object) -> str:
+    """A value of a setting in a word or two: of a table its kind, of a list what it holds."""
+    if isinstance(value, list):
+        return ", ".join(label_of(item) for item in cast("list[object]", value)) or "none"
+    if isinstance(value, dict):
+        table = cast("dict[str, object]", value)
+        return str(table.get("kind", json.dumps(table)))
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def draw_errors(lines: Mapping[str, Sequence[Row]]) -> Figure:
@@ -70,8 +91,11 @@ def draw_errors(lines: Mapping[str, Sequence[Row]]) -> Figure:
 
 
 def draw_found_over_time(lines: Mapping[str, Sequence[Row]]) -> Figure:
-    """Share of all sources that were confirmed by some time."""
+    """Share of all sources that were confirmed by some time, and to the right of it the share that still hides."""
     figure, axes = _axes("time since the start (s)", "sources confirmed by then")
+    hidden = axes.secondary_yaxis("right", functions=(_rest, _rest))
+    hidden.set_ylabel("sources not confirmed by then")
+    hidden.yaxis.set_major_formatter(PercentFormatter(1.0))
     end_s = max((row["sim_time_s"] for rows in lines.values() for row in rows), default=1.0)
     for name, rows in _shown(lines):
         times_s = [time_s for row in rows for time_s in row["confirmed_s"]]
@@ -80,29 +104,64 @@ def draw_found_over_time(lines: Mapping[str, Sequence[Row]]) -> Figure:
     return _finish(figure, axes)
 
 
-def draw_found_over_setting(rows: Sequence[Row], key: str) -> Figure:
-    """Share of all sources that were found, over the values of a setting, with 95 % intervals."""
-    figure, axes = _axes(key, "sources found")
+def _rest(share: Any) -> Any:  # noqa: ANN401 - whatever matplotlib scales
+    return 1.0 - share
+
+
+def draw_over_setting(rows: Sequence[Row], key: str) -> Figure:
+    """What is found, how well and how soon, over the values of a setting, with 95 % intervals."""
+    figure = Figure(figsize=(11.0, 3.6), layout="constrained")
+    panels = figure.subplots(1, 3)
+    values = sorted(dict.fromkeys(json.dumps(json.loads(row["settings"])[key]) for row in rows), key=_by_size)
+    numbers = [json.loads(value) for value in values]
+    is_axis = all(isinstance(number, int | float) and not isinstance(number, bool) for number in numbers)
+    places = np.array(numbers if is_axis else range(len(values)), dtype=np.float64)
     for name, members in _shown(groups(rows, key)):
-        by_value: dict[float, list[Row]] = {}
-        for row in members:
-            by_value.setdefault(json.loads(row["settings"])[key], []).append(row)
-        values = sorted(by_value)
-        shares = [
-            share_interval(*(sum(row[column] for row in by_value[value]) for column in ("n_found", "n_sources")))
-            for value in values
+        by_value = [[row for row in members if json.dumps(json.loads(row["settings"])[key]) == v] for v in values]
+        figures_of = [
+            [
+                share_interval(*(sum(row[column] for row in some) for column in ("n_found", "n_sources")))
+                for some in by_value
+            ],
+            [
+                bootstrap_interval(np.array([e for row in some for e in row["errors_m"]]), np.median)
+                for some in by_value
+            ],
+            [
+                bootstrap_interval(np.array([t for row in some for t in row["confirmed_s"]]), np.median)
+                for some in by_value
+            ],
         ]
-        share, low, high = np.array(shares).T
-        (line,) = axes.plot(values, share, marker="o", label=name)
-        axes.fill_between(values, low, high, alpha=0.15, color=line.get_color(), linewidth=0.0)
-        if values[0] > 0 and values[-1] / values[0] >= 4:
+        for axes, intervals in zip(panels, figures_of, strict=True):
+            value, low, high = np.array(intervals).T
+            (line,) = axes.plot(places, value, marker="o", linestyle="-" if is_axis else "", label=name)
+            axes.vlines(places, low, high, color=line.get_color(), alpha=0.6)
+    for axes, title in zip(panels, ("sources found", "median error (m)", "median time to confirm (s)"), strict=True):
+        axes.set_title(title)
+        axes.set_xlabel(key)
+        axes.set_ylim(bottom=0.0)
+        axes.grid(alpha=0.3)
+        axes.spines[["top", "right"]].set_visible(False)
+        if is_axis and places[0] > 0 and places[-1] / places[0] >= FAR_APART:
             axes.set_xscale("log")
-    return _finish(figure, axes)
+        axes.set_xticks(places, [label_of(number) for number in numbers], rotation=0 if is_axis else 30)
+        axes.minorticks_off()
+    panels[0].set_ylim(0.0, 1.02)
+    panels[0].yaxis.set_major_formatter(PercentFormatter(1.0))
+    _finish(figure, panels[0])
+    return figure
+
+
+def _by_size(text: str) -> float:
+    """Of numbers; all else keeps its order."""
+    value = json.loads(text)
+    return float(value) if isinstance(value, int | float) else 0.0
 
 
 def _axes(x: str, y: str) -> tuple[Figure, Axes]:
     figure = Figure(figsize=SIZE_IN, layout="constrained")
     axes = figure.add_subplot()
+    axes.set_prop_cycle(color=[colormaps[COLOURS](number) for number in range(MOST_LINES)])
     axes.set_xlabel(x)
     axes.set_ylabel(y)
     axes.set_ylim(0.0, 1.02)

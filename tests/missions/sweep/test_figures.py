@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from missions.sweep.dataset import Dataset
-from missions.sweep.figures import draw_errors, draw_figures, draw_found_over_setting, draw_found_over_time, groups
+from missions.sweep.figures import draw_errors, draw_figures, draw_found_over_time, draw_over_setting, groups, label_of
 from missions.sweep.mission_row import MissionRow
 from missions.sweep.plan import make_plan
 
@@ -40,15 +40,27 @@ def test_lines_end_at_the_share_that_was_found(dataset: Dataset) -> None:
 
 
 def test_a_setting_is_an_axis(dataset: Dataset) -> None:
-    (axes,) = draw_found_over_setting(dataset.read().to_pylist(), "receiver.noise_v").axes
-    assert axes.get_xlabel() == "receiver.noise_v"
-    assert [line.get_label() for line in axes.get_lines()] == ["seek", "patrol"]
-    for line in axes.get_lines():
-        np.testing.assert_allclose(np.asarray(line.get_xdata(), dtype=np.float64), NOISE_V)
-        np.testing.assert_allclose(np.asarray(line.get_ydata(), dtype=np.float64), [0.8, 0.6, 0.4])
+    found, error, time = draw_over_setting(dataset.read().to_pylist(), "receiver.noise_v").axes
+    assert found.get_xlabel() == "receiver.noise_v"
+    assert [line.get_label() for line in found.get_lines()] == ["seek", "patrol"]
+    for axes, expected in ((found, [0.8, 0.6, 0.4]), (error, [0.025, 0.03, 0.035]), (time, [25.0, 30.0, 35.0])):
+        for line in axes.get_lines():
+            np.testing.assert_allclose(np.asarray(line.get_xdata(), dtype=np.float64), NOISE_V)
+            np.testing.assert_allclose(np.asarray(line.get_ydata(), dtype=np.float64), expected)
+
+
+def test_a_setting_that_is_no_number_is_named(tmp_path: Path) -> None:
+    dead = [{"channel": 1, "kind": "dead"}]
+    plan = make_plan(["one_source"], ["seek"], {"receiver.faults": [[], dead]}, range(2))
+    dataset = Dataset.open_or_make(tmp_path / "out", plan)
+    for job in plan.jobs:
+        dataset.write(MissionRow.of_failure(job, "finished", "")._replace(n_sources=1, sim_time_s=1.0))
+    axes = draw_over_setting(dataset.read().to_pylist(), "receiver.faults").axes[0]
+    assert {label.get_text() for label in axes.get_xticklabels()} == {"none", "dead"}
+    assert label_of([{"kind": "dead"}, {"channel": 2}]) == 'dead, {"channel": 2}'
 
 
 def test_all_pictures_are_written(dataset: Dataset, tmp_path: Path) -> None:
     written = draw_figures(dataset.read(), tmp_path)
-    assert [path.name for path in written] == ["errors.png", "found_over_time.png", "found_over_receiver.noise_v.png"]
+    assert [path.name for path in written] == ["errors.png", "found_over_time.png", "over_receiver.noise_v.png"]
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in written)
