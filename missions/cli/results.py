@@ -11,21 +11,21 @@ import tyro
 from missions.cli.terminal import err, make_folder, new_folder, out, refuse
 
 if TYPE_CHECKING:
-    from missions.sweep.dataset import Dataset
+    import pyarrow as pa
 
 
 def results(
-    folder: tyro.conf.Positional[Path],
+    folder: tyro.conf.Positional[tuple[Path, ...]],
     *,
     markdown: bool = False,
     csv_output: Annotated[bool, tyro.conf.arg(name="csv")] = False,
     compare: Annotated[tuple[str, str] | None, tyro.conf.arg(metavar="A B")] = None,
     figures: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None,
 ) -> None:
-    """Sum up the dataset of a sweep: a line for each scenario, policy and setting, with 95 % intervals.
+    """Sum up the datasets of sweeps: a line for each scenario or level, policy and setting, with 95 % intervals.
 
     Args:
-        folder: Of the dataset.
+        folder: Of the dataset, or of several, which count as one.
         markdown: Print a Markdown table.
         csv_output: Print CSV, in SI units.
         compare: Compare two policies, two values of a setting as receiver.noise_v=1e-3, or this dataset and that of
@@ -34,6 +34,8 @@ def results(
     """
     wanted = {"--markdown": markdown, "--csv": csv_output, "--compare": compare is not None}
     given = [option for option, is_given in wanted.items() if is_given]
+    if not folder:
+        refuse("FOLDER: got none; allowed is that of a dataset, or those of several")
     if len(given) > 1 or (compare is not None and figures is not None):
         refuse(
             f"{', '.join(given)}: got more than one output; allowed is one of {', '.join(wanted)}, and --figures "
@@ -41,17 +43,17 @@ def results(
         )
     from dirmusic import InputFileError
     from missions.sweep import results_table
-    from missions.sweep.dataset import Dataset
+    from missions.sweep.dataset import Dataset, read_all
     from missions.sweep.summary import summarise_groups
 
     try:
-        dataset = Dataset(folder)
+        datasets = [Dataset(each) for each in folder]
     except InputFileError as error:
         refuse(*error.faults)
+    rows = read_all(datasets)
     if compare is not None:
-        _compare(dataset, *compare)
+        _compare(rows, *compare)
         return
-    rows = dataset.read()
     if figures is not None:
         from missions.sweep.figures import draw_figures
 
@@ -64,7 +66,9 @@ def results(
     elif csv_output:
         sys.stdout.write(results_table.as_csv(summaries))
     else:
-        out.print(results_table.terminal_table(summaries, f"{folder}, 95 % intervals"), highlight=False)
+        out.print(
+            results_table.terminal_table(summaries, f"{', '.join(map(str, folder))}, 95 % intervals"), highlight=False
+        )
         for row in rows.to_pylist():
             if row["status"] != "finished":
                 last_line = row["error"].strip().splitlines()[-1]
@@ -73,19 +77,19 @@ def results(
                     highlight=False,
                     soft_wrap=True,
                 )
-        missing = dataset.manifest["n_missions"] - rows.num_rows
+        missing = sum(dataset.manifest["n_missions"] - len(dataset.keys()) for dataset in datasets)
         if missing:
             out.print(f"{missing} missions are still to be run: repeat the command of the sweep", highlight=False)
 
 
-def _compare(dataset: Dataset, first: str, second: str) -> None:
+def _compare(rows: pa.Table, first: str, second: str) -> None:
     """Print the differences between two sides, and which missions flipped."""
     from dirmusic import InputFileError
     from missions.sweep.paired import compare, pair_up
     from missions.sweep.results_table import differences_table
 
     try:
-        pairs = pair_up(dataset, first, second)
+        pairs = pair_up(rows, first, second)
     except InputFileError as error:
         refuse(*error.faults)
     out.print(differences_table(compare(pairs), first, second), highlight=False)

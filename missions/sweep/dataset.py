@@ -139,6 +139,15 @@ class Dataset:
             path.unlink(missing_ok=True)
 
 
+def read_all(datasets: Sequence[Dataset]) -> pa.Table:
+    """The rows of several datasets, one after the other; no mission comes twice."""
+    rows: dict[str, dict[str, Any]] = {}
+    for dataset in datasets:
+        for row in dataset.read().to_pylist():
+            rows.setdefault(row["key"], row)
+    return pa.Table.from_pylist(list(rows.values()), schema=SCHEMA)
+
+
 def _as_table(rows: Sequence[MissionRow]) -> pa.Table:
     return pa.Table.from_pylist([row._asdict() for row in rows], schema=SCHEMA)
 

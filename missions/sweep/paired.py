@@ -43,8 +43,13 @@ def _mean(values: Sequence[float]) -> float:
     return float(np.mean(values)) if values else float("nan")
 
 
+def _percentage(count: int, total: int) -> float:
+    return 100.0 * count / total if total else float("nan")
+
+
 MEASURES = (
-    Measure("found (%)", lambda row: 100.0 * row["n_found"] / row["n_sources"] if row["n_sources"] else np.nan, 1),
+    Measure("found (%)", lambda row: _percentage(row["n_found"], row["n_sources"]), 1),
+    Measure("right site (%)", lambda row: _percentage(row["n_right_site"], row["n_found"]), 1),
     Measure("OSPA (m)", lambda row: np.nan if row["ospa_m"] is None else row["ospa_m"], -1),
     Measure("error (m)", lambda row: _mean(row["errors_m"]), -1),
     Measure("time to confirm (s)", lambda row: _mean(row["confirmed_s"]), -1),
@@ -91,18 +96,17 @@ class Pair(NamedTuple):
         return self.first["n_found"] != self.second["n_found"]
 
 
-def pair_up(dataset: Dataset, first: str, second: str) -> list[Pair]:
-    """The missions that two sides of a dataset have in common, in order.
+def pair_up(rows: pa.Table, first: str, second: str) -> list[Pair]:
+    """The missions that two sides of a sweep have in common, in order.
 
     Args:
-        dataset: Of the sweep.
+        rows: Of the sweep.
         first: A policy, a setting as `receiver.noise_v=1e-3`, or the folder of another dataset.
         second: Another policy, another value of the same key, or another folder.
 
     Raises:
         InputFileError: If a side has no mission, or the two have none in common.
     """
-    rows = dataset.read()
     sides = [_side(rows, name) for name in (first, second)]
     faults = [
         f"--compare: {name}: no mission of it in the dataset"

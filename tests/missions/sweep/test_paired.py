@@ -36,7 +36,7 @@ def make_dataset(folder: Path, penalty_m: float) -> Dataset:
 
 def test_a_side_does_not_differ_from_itself(tmp_path: Path) -> None:
     dataset = make_dataset(tmp_path / "out", 0.02)
-    for each in compare(pair_up(dataset, "seek", "seek")):
+    for each in compare(pair_up(dataset.read(), "seek", "seek")):
         assert (each.change.value, each.change.low, each.change.high) == (0.0, 0.0, 0.0)
         assert (each.permutation_p, each.sign_p) == (1.0, 1.0)
         assert each.first == each.second
@@ -45,7 +45,7 @@ def test_a_side_does_not_differ_from_itself(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("sides", [("seek", "patrol"), ("receiver.noise_v=0.001", "receiver.noise_v=2e-3")])
 def test_a_difference_is_found_though_it_is_smaller_than_the_spread(sides: tuple[str, str], tmp_path: Path) -> None:
-    pairs = pair_up(make_dataset(tmp_path / "out", 0.02), *sides)
+    pairs = pair_up(make_dataset(tmp_path / "out", 0.02).read(), *sides)
     assert len(pairs) == 2 * N_SEEDS
     assert all(pair.first["seed"] == pair.second["seed"] for pair in pairs)
     error = next(each for each in compare(pairs) if each.name == "error (m)")
@@ -57,7 +57,7 @@ def test_a_difference_is_found_though_it_is_smaller_than_the_spread(sides: tuple
 
 def test_two_datasets_are_joined_by_mission(tmp_path: Path) -> None:
     first, second = make_dataset(tmp_path / "a", 0.02), make_dataset(tmp_path / "b", 0.05)
-    pairs = pair_up(first, str(tmp_path / "a"), str(tmp_path / "b"))
+    pairs = pair_up(first.read(), str(tmp_path / "a"), str(tmp_path / "b"))
     assert len(pairs) == 4 * N_SEEDS
     flipped = [pair for pair in pairs if pair.has_flipped]
     assert flipped
@@ -89,4 +89,4 @@ def test_a_single_pair_proves_nothing() -> None:
 def test_a_side_without_missions_is_refused(first: str, second: str, tmp_path: Path) -> None:
     dataset = make_dataset(tmp_path / "out", 0.02)
     with pytest.raises(InputFileError, match="no mission of it in the dataset"):
-        pair_up(dataset, first, second)
+        pair_up(dataset.read(), first, second)
