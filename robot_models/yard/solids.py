@@ -40,6 +40,24 @@ class Placed(NamedTuple):
     yaw_rad: float
 
 
+class Footprints(NamedTuple):
+    """Outlines of solids on plan, world frame.
+
+    Attributes:
+        centre_m: Shape (n_solids, 2).
+        cos_yaw: Shape (n_solids,).
+        sin_yaw: Shape (n_solids,).
+        half_size_m: Half the sides of boxes, shape (n_solids, 2).
+        radius_m: Of cylinders, shape (n_solids,); 0 for boxes.
+    """
+
+    centre_m: FloatArray
+    cos_yaw: FloatArray
+    sin_yaw: FloatArray
+    half_size_m: FloatArray
+    radius_m: FloatArray
+
+
 class Solids:
     """Many solids at once, world frame. The last axis of every result runs over the solids.
 
@@ -99,39 +117,11 @@ class Solids:
         """From the middle of each footprint to its nearest side, shape (n_solids,)."""
         return np.where(self.radius_m > 0, self.radius_m, self.half_size_m.min(axis=-1))
 
-    def crossed(self, start_m: FloatArray, end_m: FloatArray, short_m: FloatArray | float = 0.0) -> NDArray[np.bool_]:
-        """Whether level segments cross the footprints.
-
-        Args:
-            start_m: Start of the segments, shape (..., 2).
-            end_m: End of the segments, same shape.
-            short_m: Length before the end that does not count, one for all solids or shape (n_solids,).
-
-        Returns:
-            Shape (..., n_solids).
-        """
-        x, y = self._local(start_m)
-        end_x, end_y = self._local(end_m)
-        along_x, along_y = end_x - x, end_y - y
-        length = np.maximum(np.square(along_x) + np.square(along_y), 1e-24)
-        last = 1.0 - np.minimum(short_m / np.sqrt(length), 1.0)
-        nearest = np.clip(-(x * along_x + y * along_y) / length, 0.0, last)
-        past = np.square(x + nearest * along_x) + np.square(y + nearest * along_y)
-        half_x, half_y = self.half_size_m.T
-        enters_x, leaves_x = _between(x, along_x, half_x)
-        enters_y, leaves_y = _between(y, along_y, half_y)
-        enters, leaves = np.maximum(enters_x, enters_y), np.minimum(leaves_x, leaves_y)
-        in_box = np.maximum(enters, 0.0) < np.minimum(leaves, last)
-        return np.where(self.radius_m > 0, past < np.square(self.radius_m), in_box)
+    def footprints(self) -> Footprints:
+        """Their outlines on plan."""
+        return Footprints(self.centre_m, self._cos, self._sin, self.half_size_m, self.radius_m)
 
     def _local(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Points (..., 2 or 3) in the frame of each footprint: along and across it, both (..., n_solids)."""
         x, y = points_m[..., :1] - self.centre_m[:, 0], points_m[..., 1:2] - self.centre_m[:, 1]
         return self._cos * x + self._sin * y, self._cos * y - self._sin * x
-
-
-def _between(start: FloatArray, along: FloatArray, half: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Shares of a way at which it comes between -half and half in one coordinate, and leaves there again."""
-    along = np.where(np.abs(along) < 1e-12, 1e-12, along)
-    first, second = (-half - start) / along, (half - start) / along
-    return np.minimum(first, second), np.maximum(first, second)

@@ -87,8 +87,8 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         """Whether the straight line between two world points (3,) touches the ground inside the fence, on plan."""
         middle_m = (0.5 * self.size_m[0], 0.5 * self.size_m[1])
         ground = Solids([Placed(Box(footprint_m=self.size_m, top_m=1.0), middle_m, 0.0)])
-        ends = np.array([start_m, end_m], dtype=np.float64)
-        return bool(self.contains(ends).any() or ground.crossed(ends[0, :2], ends[1, :2]).any())
+        ends = np.array([start_m, end_m], dtype=np.float64)[:, :2]
+        return bool(self.contains(ends).any()) or not bool(_is_clear(ends[:1], ends[1], np.zeros(1), ground)[0])
 
     def clearance(self, points_m: ArrayLike) -> FloatArray:
         """Horizontal distance of world points (..., 2) to fence or equipment in a robot's way, negative inside."""
@@ -114,8 +114,7 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         """
         points, target = np.asarray(points_m, dtype=np.float64), np.asarray(target_m, dtype=np.float64)
         solids = self._in_the_line_of_sight
-        crossed = solids.crossed(points, np.broadcast_to(target, points.shape), np.minimum(ignore_m, solids.depth_m))
-        return np.asarray(~crossed.any(axis=-1))
+        return _is_clear(points, target, np.minimum(ignore_m, solids.depth_m), solids)
 
     def site_names(self) -> tuple[str, ...]:
         """Every candidate discharge site as `equipment/site`, in file order."""
@@ -156,3 +155,10 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
             return None
         distance_m = self.solids.horizontal_distance(np.asarray(position_m, dtype=np.float64))
         return self.equipment[int(self.owner[distance_m.argmin()])].name
+
+
+def _is_clear(starts_m: FloatArray, end_m: FloatArray, short_m: FloatArray, solids: Solids) -> NDArray[np.bool_]:
+    """As `line_of_sight.is_clear`."""
+    from robot_models.yard.line_of_sight import is_clear  # loads the compiler
+
+    return is_clear(np.ascontiguousarray(starts_m), np.ascontiguousarray(end_m), short_m, solids.footprints())
