@@ -1,4 +1,4 @@
-"""Make yards.png: the yards of catalogue equipment from above, with the robot at its dock and the route that it drives.
+"""Make yards.png and suite.png: yards from above, with the robot at its dock and the route that it drives.
 
 MUJOCO_GL=egl uv run python docs/make_yards.py
 """
@@ -30,6 +30,14 @@ YARDS = {
     "twin_transformers": "a fire wall between them, the medium-voltage busbar in front",
     "transformer_bay": "transformer, breaker, instrument transformers, busbar",
 }
+SUITE = {
+    "suite/open_02": "two pieces",
+    "suite/cluttered_12": "twelve pieces",
+    "suite/reflective_02": "metal between fire walls",
+    "suite/several_04": "five discharges",
+    "suite/high_04": "discharges high up",
+    "suite/wrong_map_04": "the map lacks a piece",
+}
 PIXELS_PER_M = 28.0
 ELEVATION_RAD = np.radians(-62.0)
 MARGIN_M = 1.5
@@ -40,16 +48,17 @@ OUTLINE = [withStroke(linewidth=2.5, foreground="white")]
 
 
 def main() -> None:
-    """Write the picture beside this file."""
-    figure, panels = plt.subplots(2, 2, figsize=(12, 10.3), layout="constrained")
-    for panel, (name, shown) in zip(panels.flat, YARDS.items(), strict=True):
-        scenario = load_scenario(name)
-        draw_yard(panel, scenario)
-        draw_route(panel, scenario)
-        panel.set_title(f"{name}\n{shown}", fontsize=12)
-        panel.set_axis_off()
-        panel.set_anchor("N")
-    figure.savefig(Path(__file__).parent / "yards.png", dpi=100)
+    """Write the pictures beside this file."""
+    for name, yards, shape, size_in in (("yards", YARDS, (2, 2), (12.0, 10.3)), ("suite", SUITE, (2, 3), (15.0, 8.6))):
+        figure, panels = plt.subplots(*shape, figsize=size_in, layout="constrained")
+        for panel, (yard, shown) in zip(panels.flat, yards.items(), strict=True):
+            scenario = load_scenario(yard)
+            draw_yard(panel, scenario)
+            draw_route(panel, scenario)
+            panel.set_title(f"{yard}\n{shown}", fontsize=12)
+            panel.set_axis_off()
+            panel.set_anchor("N")
+        figure.savefig(Path(__file__).parent / f"{name}.png", dpi=100)
 
 
 def draw_yard(panel: Axes, scenario: Scenario) -> None:
