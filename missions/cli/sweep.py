@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -78,7 +79,7 @@ def sweep(
         first = plan.jobs[0]
         name = scenario[0].replace("/", "-") if first.suite else first.scenario.name
         folder = out_dir or Path("runs") / f"sweep-{name}-{plan.digest[:8]}"
-        dataset = Dataset.open_or_make(folder, plan)
+        dataset = Dataset.open_or_make(folder, plan, sys.argv[1:])
     except InputFileError as error:
         refuse(*error.faults)
     except ForeignCodeError as error:

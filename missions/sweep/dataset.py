@@ -46,8 +46,13 @@ class Dataset:
             raise InputFileError([f"{folder}: not the dataset of a sweep ({error}); give its folder"]) from None
 
     @classmethod
-    def open_or_make(cls, folder: Path, plan: SweepPlan) -> Dataset:
+    def open_or_make(cls, folder: Path, plan: SweepPlan, command: Sequence[str] = ()) -> Dataset:
         """The dataset of a plan: a new one, or one that was begun and is to be completed.
+
+        Args:
+            folder: Where it is, or is to be.
+            plan: All missions.
+            command: Words of the command that runs them; a new dataset notes it.
 
         Raises:
             InputFileError: If the folder holds anything else, or a dataset of other missions or other code.
@@ -62,6 +67,7 @@ class Dataset:
             _write_whole(folder / SCENARIOS, _as_parquet(pa.table(columns)))
             manifest = {
                 "version": VERSION,
+                "command": list(command),
                 "plan": plan.digest,
                 "code": plan.code,
                 "commit": commit(),
