@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import re
 import sys
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 
@@ -29,6 +30,8 @@ def sweep(
     shard: Annotated[str, tyro.conf.arg(metavar="I/N")] = "1/1",
     wall_limit_s: float = 900.0,
     memory_gb: float = 2.0,
+    engine: Literal["pool", "ray"] = "pool",
+    ray_address: Annotated[str | None, tyro.conf.arg(metavar="ADDRESS")] = None,
 ) -> None:
     """Run scenarios times settings times policies times seeds, and keep a row of each mission.
 
@@ -44,12 +47,14 @@ def sweep(
             times, for all combinations.
         out_dir: Folder of the dataset; one that was begun by the same command is completed. Default: under runs/, named
             after what is run.
-        workers: Processes side by side. Default: as many as the machine has cores.
+        workers: Missions side by side. Default: as many as the machine, or the Ray cluster, has cores.
         shard: Part of the missions, from 1/N to N/N, for job arrays; all parts may share one folder.
         wall_limit_s: Longest time for one mission; one that takes longer is a row that says so.
         memory_gb: Most memory that a worker may take of its own.
+        engine: pool, for processes on this machine; or ray, for a Ray cluster.
+        ray_address: Of the cluster, as HOST:PORT, or auto for the one that this machine is a node of. Default: the
+            environment variable RAY_ADDRESS; without it, Ray is started on this machine and ended with the sweep.
     """
-    n_workers = (os.cpu_count() or 1) if workers is None else workers
     faults: list[str] = []
     seeds_match, shard_match = SEEDS.fullmatch(seeds or "0"), SHARD.fullmatch(shard)
     first, last = (int(seeds_match[1]), int(seeds_match[2] or seeds_match[1])) if seeds_match else (0, -1)
@@ -58,12 +63,14 @@ def sweep(
         faults.append(f"--seeds: got {seeds}; allowed is one seed, or the first and the last as 0-19")
     if not 1 <= part <= n_parts:
         faults.append(f"--shard: got {shard}; allowed are 1/N to N/N")
-    if n_workers < 1:
+    if workers is not None and workers < 1:
         faults.append(f"--workers: got {workers}; allowed is 1 or more")
     if not wall_limit_s > 0:
         faults.append(f"--wall-limit-s: got {wall_limit_s:g}; allowed is more than 0")
     if not memory_gb > 0:
         faults.append(f"--memory-gb: got {memory_gb:g}; allowed is more than 0")
+    if engine == "ray" and find_spec("ray") is None:
+        faults.append('--engine ray: needs Ray; install it with: pip install "pdpatrol[ray]"')
     if faults:
         refuse(*faults)
     from dirmusic import InputFileError
@@ -89,8 +96,10 @@ def sweep(
 
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+    from missions.sweep.engine import EngineError, Limits
     from missions.sweep.mission_row import MissionRow
-    from missions.sweep.process_pool import Limits, run_in_processes
+    from missions.sweep.process_pool import run_in_processes
+    from missions.sweep.ray_engine import run_in_ray
     from missions.sweep.results_table import terminal_table
     from missions.sweep.summary import summarise_groups
 
@@ -112,12 +121,19 @@ def sweep(
                         f"{row.scenario}, {row.policy}, seed {row.seed}: {row.status}", highlight=False, soft_wrap=True
                     )
 
-            run_in_processes(jobs, n_workers, Limits(wall_limit_s, int(memory_gb * 1e9)), finish)
+            limits = Limits(wall_limit_s, int(memory_gb * 1e9))
+            if engine == "ray":
+                run_in_ray(jobs, workers, limits, finish, address=ray_address)
+            else:
+                run_in_processes(jobs, workers or os.cpu_count() or 1, limits, finish)
         if dataset.is_complete:
             dataset.compact()
     except KeyboardInterrupt:
         err.print(f"Interrupted; the same command goes on from {folder}", highlight=False, soft_wrap=True)
         raise SystemExit(INTERRUPTED) from None
+    except EngineError as error:
+        err.print(str(error), highlight=False, soft_wrap=True)
+        raise SystemExit(FAILED) from None
     except OSError as error:
         err.print(f"{folder}: a row could not be written ({error.strerror}); finished rows are kept", soft_wrap=True)
         raise SystemExit(FAILED) from None

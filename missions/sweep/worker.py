@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import resource
 import sys
+import threading
 import time
 import traceback
 
@@ -17,12 +19,28 @@ MEGABYTE = 1e6
 RETIRED = 75
 """Exit code of a worker that has run out of memory once, and leaves its next mission to another."""
 
+ORPHANED = 76
+"""Exit code of a worker whose parent process has ended: nobody waits for its mission."""
+
 _has_run_out = False
 
 
-def limit_memory(most_bytes: int) -> None:
-    """Let this process take no more memory of its own than that: what asks for more raises `MemoryError`."""
+def set_up_worker(most_bytes: int) -> None:
+    """Make this process end with its parent, however that ends, and let it take no more memory of its own than given.
+
+    What asks for more raises `MemoryError`.
+
+    Args:
+        most_bytes: Most memory of its own.
+    """
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     resource.setrlimit(resource.RLIMIT_DATA, (most_bytes, most_bytes))
+
+
+def _end_with_parent() -> None:
+    if parent := multiprocessing.parent_process():
+        parent.join()
+        os._exit(ORPHANED)
 
 
 def run_job(job: MissionJob) -> MissionRow:

@@ -19,39 +19,6 @@ from missions.sweep.plan import make_plan
 from missions.sweep.worker import run_job
 
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
-SHIPPED = Path(__file__).parents[3] / "envs" / "scenarios" / "one_source.toml"
-
-POLICIES = """
-import os, time
-
-class Stands:
-    def __init__(self, rng): pass
-    def __call__(self, observation, findings, site_map): return [0.0, 0.0]
-
-class Raises(Stands):
-    def __call__(self, observation, findings, site_map): raise RuntimeError("out of ideas")
-
-class Hangs(Stands):
-    def __call__(self, observation, findings, site_map): time.sleep(3600.0)
-
-class Eats(Stands):
-    def __call__(self, observation, findings, site_map):
-        eaten = []
-        while True:
-            eaten.append(bytearray(10_000_000))
-
-class Dies(Stands):
-    def __call__(self, observation, findings, site_map): os._exit(7)
-"""
-
-
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    """With a scenario of eight seconds, and policies that fail each in its own way."""
-    text = SHIPPED.read_text(encoding="utf-8")
-    (tmp_path / "short.toml").write_text(f"{text}\n[task]\ntime_limit_s = 8.0\n", encoding="utf-8")
-    (tmp_path / "own.py").write_text(POLICIES, encoding="utf-8")
-    return tmp_path
 
 
 def sweep(folder: Path, *words: str, workers: int = 2) -> subprocess.CompletedProcess[str]:

@@ -1,0 +1,72 @@
+"""What both engines share: how many missions are under way, and how often one is started."""
+
+import time
+from collections import Counter
+from concurrent.futures import Future, ThreadPoolExecutor
+
+import pytest
+
+from missions.sweep.engine import ATTEMPTS, Loss, run_missions
+from missions.sweep.mission_row import MissionRow
+from missions.sweep.plan import MissionJob, make_plan
+
+JOBS = make_plan(["one_source"], ["seek"], {}, range(40)).jobs
+
+
+class Engine:
+    """Takes a millisecond for each mission; loses some, each time or, if that does not count, five times."""
+
+    def __init__(self, lose: dict[int, Loss]) -> None:
+        self.lose = lose
+        self.thread = ThreadPoolExecutor(1)
+        self.futures: list[Future[MissionRow]] = []
+        self.started: Counter[int] = Counter()
+        self.most_under_way = 0
+
+    def schedule(self, job: MissionJob) -> Future[MissionRow]:
+        self.started[job.order] += 1
+        self.futures.append(self.thread.submit(self.run, job))
+        self.most_under_way = max(self.most_under_way, sum(not future.done() for future in self.futures))
+        return self.futures[-1]
+
+    def run(self, job: MissionJob) -> MissionRow:
+        time.sleep(1e-3)
+        if job.order in self.lose:
+            raise LookupError(job.order)
+        return MissionRow.of_failure(job, "finished", "")
+
+    def explain(self, error: Exception) -> Loss:
+        number = error.args[0]
+        loss = self.lose[number]
+        if not loss.n_attempts and self.started[number] == 5:
+            del self.lose[number]
+        return loss
+
+
+@pytest.mark.parametrize("n_scheduled", [1, 2, 7])
+def test_an_engine_never_has_more_missions_than_it_was_said_to_take(n_scheduled: int) -> None:
+    engine, rows = Engine({}), list[MissionRow]()
+    run_missions(JOBS, n_scheduled, engine.schedule, engine.explain, rows.append)
+    assert engine.most_under_way == n_scheduled
+    assert sorted(row.order for row in rows) == list(range(40))
+
+
+def test_a_mission_is_started_again_as_often_as_its_loss_allows() -> None:
+    lose = {3: Loss("died", "its process ended"), 5: Loss("hung", "took too long", ATTEMPTS), 8: Loss("died", "", 0)}
+    engine, rows = Engine(lose), dict[int, MissionRow]()
+    run_missions(JOBS, 2, engine.schedule, engine.explain, lambda row: rows.update({row.order: row}))
+    assert len(rows) == 40
+    assert (rows[3].status, rows[3].error, engine.started[3]) == ("died", "its process ended", ATTEMPTS)
+    assert (rows[5].status, rows[5].error, engine.started[5]) == ("hung", "took too long", 1)
+    assert (rows[8].status, engine.started[8]) == ("finished", 6)
+    assert all(rows[n].status == "finished" and engine.started[n] == 1 for n in range(40) if n not in (3, 5, 8))
+
+
+def test_what_an_engine_cannot_explain_ends_the_sweep() -> None:
+    engine = Engine({4: Loss("died", "")})
+
+    def explain(error: Exception) -> Loss:
+        raise error
+
+    with pytest.raises(LookupError, match="4"):
+        run_missions(JOBS, 2, engine.schedule, explain, lambda row: None)

@@ -1,0 +1,189 @@
+"""Sweeps on Ray: the same rows as from processes of this machine, whatever is killed meanwhile."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from importlib.util import find_spec
+from pathlib import Path
+
+import pyarrow as pa
+import pytest
+
+from missions.sweep.dataset import Dataset
+from missions.sweep.engine import EngineError, Limits
+from missions.sweep.mission_row import MEASURED
+from missions.sweep.plan import make_plan
+from missions.sweep.ray_engine import run_on_node
+
+pytestmark = pytest.mark.skipif(find_spec("ray") is None, reason="Ray has no wheel for this Python")
+
+PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
+LOOPBACK = ("0100007F", "0000000000000000FFFF00000100007F")
+WAIT_S = 120.0
+N_MISSIONS = 30
+
+
+def command(*words: str, engine: str = "ray") -> list[str]:
+    return [PDPATROL, "sweep", "short.toml", "--workers", "2", "--engine", engine, *words]
+
+
+def sweep(folder: Path, *words: str, engine: str = "ray") -> subprocess.CompletedProcess[str]:
+    return subprocess.run(command(*words, engine=engine), cwd=folder, capture_output=True, text=True, timeout=300)
+
+
+def rows(folder: Path) -> pa.Table:
+    """Without what differs between two runs."""
+    return Dataset(folder).read().drop_columns(list(MEASURED))
+
+
+def wait_for(is_so: Callable[[], object]) -> None:
+    deadline = time.monotonic() + WAIT_S
+    while not is_so():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def n_rows(folder: Path) -> int:
+    return len(list((folder / "rows").glob("*.parquet")))
+
+
+def descendants(pid: int) -> set[int]:
+    """All processes below one, and the one itself."""
+    children: dict[int, list[int]] = {}
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            parent = int(path.read_text().rsplit(")", 1)[1].split()[1])
+        except OSError:
+            continue
+        children.setdefault(parent, []).append(int(path.parent.name))
+    found, waiting = set[int](), [pid]
+    while waiting:
+        found.add(waiting[-1])
+        waiting += children.get(waiting.pop(), [])
+    return found
+
+
+def listening(pids: set[int]) -> set[str]:
+    """Addresses on which processes listen, as the kernel writes them."""
+    sockets = set[str]()
+    for pid in pids:
+        for path in Path(f"/proc/{pid}/fd").glob("*"):
+            try:
+                sockets.add(os.readlink(path))
+            except OSError:
+                continue
+    lines = [line.split() for name in ("tcp", "tcp6") for line in Path("/proc/net", name).read_text().splitlines()[1:]]
+    return {words[1].partition(":")[0] for words in lines if words[3] == "0A" and f"socket:[{words[9]}]" in sockets}
+
+
+def test_a_table_is_that_of_the_pool_whatever_becomes_of_its_missions(folder: Path) -> None:
+    policies = "seek", *(f"own.py:{name}" for name in ("Raises", "Hangs", "Eats", "Dies"))
+    words = ["--seeds", "0", "--policy", *policies, "--wall-limit-s", "15", "--memory-gb", "1", "--out"]
+    pool, ray = (sweep(folder, *words, name, engine=engine) for name, engine in (("one", "pool"), ("two", "ray")))
+    assert (pool.returncode, ray.returncode) == (0, 0), ray.stderr
+    statuses = ["finished", "failed", "hung", "out of memory", "died"]
+    assert rows(folder / "two")["status"].to_pylist() == statuses
+    assert rows(folder / "two").equals(rows(folder / "one"))
+    assert ray.stdout.replace("two", "one") == pool.stdout
+    assert sorted(ray.stderr.split()) == sorted(pool.stderr.split())  # not a word of Ray's
+
+
+@pytest.mark.parametrize("victim", ["node", pytest.param("worker", marks=pytest.mark.slow)])
+def test_missions_of_a_node_or_a_worker_that_is_killed_run_again(
+    victim: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")  # the nodes listen on 127.0.0.1 alone
+    from ray.cluster_utils import Cluster
+
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+    try:
+        node = cluster.add_node(num_cpus=1)
+        raylet = node.all_processes["raylet"][0].process.pid
+        words = ["--seeds", f"0-{N_MISSIONS - 1}", "--policy", "own.py:Stands", "--out"]
+        sweeping = subprocess.Popen(
+            command(*words, "robbed", "--ray-address", str(cluster.address)),
+            cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+
+        def busy() -> list[int]:
+            titles = {pid: Path(f"/proc/{pid}/cmdline") for pid in descendants(raylet) - {raylet}}
+            return [pid for pid, path in titles.items() if path.read_bytes().startswith(b"ray::run_on_node")]
+
+        wait_for(lambda: n_rows(folder / "robbed") > 3)
+        wait_for(busy)
+        n_left = N_MISSIONS - n_rows(folder / "robbed")
+        for pid in [raylet, *sorted(descendants(raylet) - {raylet})] if victim == "node" else busy():
+            os.kill(pid, signal.SIGKILL)
+        told, warned = sweeping.communicate(timeout=300)
+        assert sweeping.returncode == 0, warned
+        assert n_left > 2
+        assert "raylet" not in told + warned
+    finally:
+        cluster.shutdown()
+    assert sweep(folder, *words, "whole", engine="pool").returncode == 0
+    assert rows(folder / "robbed").equals(rows(folder / "whole"))
+    assert rows(folder / "robbed")["status"].to_pylist() == ["finished"] * N_MISSIONS
+
+
+@pytest.mark.parametrize("engine", ["pool", pytest.param("ray", marks=pytest.mark.slow)])  # Ray takes a minute to end
+def test_a_command_that_is_killed_leaves_no_process_and_listens_on_this_machine_alone(
+    engine: str, folder: Path
+) -> None:
+    words = command("--seeds", "0-1", "--policy", "own.py:Hangs", "--out", "out", engine=engine)
+    sweeping = subprocess.Popen(words, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    wait_for((folder / "hanging").exists)
+    below = descendants(sweeping.pid)
+    assert len(below) > 2
+    assert listening(below) <= set(LOOPBACK)
+    assert bool(listening(below)) == (engine == "ray")
+    sweeping.kill()
+    sweeping.wait()
+    wait_for(lambda: not any(Path(f"/proc/{pid}").exists() for pid in below))
+
+
+@pytest.mark.slow
+def test_a_sweep_that_is_killed_ends_with_the_same_table(folder: Path) -> None:
+    words = ["--seeds", "0-11", "--out"]
+    for wanted in (1, 5):
+        process = subprocess.Popen(
+            command(*words, "killed"),
+            cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
+        )  # fmt: skip
+        wait_for(lambda wanted=wanted: n_rows(folder / "killed") >= wanted)
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+    assert 5 <= rows(folder / "killed").num_rows < 12
+    assert sweep(folder, *words, "killed").returncode == 0
+    assert sweep(folder, *words, "whole", engine="pool").returncode == 0
+    assert rows(folder / "killed").equals(rows(folder / "whole"))
+
+
+def test_a_node_with_other_code_runs_no_mission(folder: Path) -> None:
+    job = make_plan([str(folder / "short.toml")], ["seek"], {}, [0]).jobs[0]
+    with pytest.raises(EngineError, match="has other code"):
+        run_on_node(job, Limits(900.0, 2_000_000_000), "other", str(folder))
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1:1", "nowhere", "auto"])
+def test_an_address_without_a_cluster_is_one_line(address: str, folder: Path) -> None:
+    done = sweep(folder, "--seeds", "0", "--ray-address", address, "--out", "out")
+    assert (done.returncode, done.stdout) == (1, "")
+    (line,) = done.stderr.strip().splitlines()
+    assert line == f"--ray-address: got {address}, where no Ray cluster is; allowed is HOST:PORT or auto"
+
+
+def test_without_ray_its_engine_is_refused_in_one_line_and_the_pool_runs(folder: Path) -> None:
+    lines = "import sys; sys.modules['ray'] = None; from missions.cli import main; main()"
+    done = [
+        subprocess.run([sys.executable, "-c", lines, *command("--seeds", "0", "--out", engine, engine=engine)[1:]],
+                       cwd=folder, capture_output=True, text=True, timeout=120)
+        for engine in ("ray", "pool")
+    ]  # fmt: skip
+    assert [each.returncode for each in done] == [2, 0]
+    assert done[0].stderr == '--engine ray: needs Ray; install it with: pip install "pdpatrol[ray]"\n'
+    assert not (folder / "ray").exists()
+    assert re.search(r"short\s+seek", done[1].stdout)
