@@ -19,7 +19,7 @@ from missions.sweep.mission_row import MEASURED
 from missions.sweep.plan import make_plan
 from missions.sweep.ray_engine import run_on_node
 
-pytestmark = pytest.mark.skipif(find_spec("ray") is None, reason="Ray has no wheel for this Python")
+pytestmark = pytest.mark.skipif(find_spec("ray") is None, reason="the extra `ray` is not installed")
 
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 LOOPBACK = ("0100007F", "0000000000000000FFFF00000100007F")
