@@ -96,6 +96,7 @@ def sweep(
 
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+    from missions.sweep.compile_once import is_compiled
     from missions.sweep.engine import EngineError, Limits
     from missions.sweep.mission_row import MissionRow
     from missions.sweep.process_pool import run_in_processes
@@ -109,7 +110,8 @@ def sweep(
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
     try:
         with Progress(*columns, console=err, transient=True) as progress:
-            bar = progress.add_task("missions", total=n_of_shard, completed=n_of_shard - len(jobs))
+            doing = "missions" if is_compiled() else "compiling, once on a machine"
+            bar = progress.add_task(doing, total=n_of_shard, completed=n_of_shard - len(jobs))
 
             def finish(row: MissionRow) -> None:
                 nonlocal sources, found

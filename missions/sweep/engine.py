@@ -53,8 +53,6 @@ def run_missions(
 ) -> None:
     """Run missions on an engine, and hand over each row when it is there.
 
-    The first mission runs alone: on a new machine it compiles, and all that follow read what it has compiled.
-
     Args:
         jobs: The missions.
         n_scheduled: Most missions that the engine has at any time, so that no queue grows with their number.
@@ -68,9 +66,8 @@ def run_missions(
     waiting: Iterator[tuple[MissionJob, int]] = ((job, 0) for job in jobs)
     again: list[tuple[MissionJob, int]] = []
     running: dict[Future[MissionRow], tuple[MissionJob, int]] = {}
-    n_now = 1
     while True:
-        while len(running) < n_now and (started := again.pop() if again else next(waiting, None)):
+        while len(running) < n_scheduled and (started := again.pop() if again else next(waiting, None)):
             running[schedule(started[0])] = started
         if not running:
             break
@@ -85,4 +82,3 @@ def run_missions(
                 again.append((job, n_attempts + loss.n_attempts))
             else:
                 finish(MissionRow.of_failure(job, loss.status, loss.error))
-        n_now = n_scheduled

@@ -11,6 +11,7 @@ import time
 import traceback
 
 from missions.runner import Mission
+from missions.sweep.compile_once import compile_once
 from missions.sweep.mission_row import MissionRow
 from missions.sweep.plan import MissionJob
 
@@ -26,7 +27,7 @@ _has_run_out = False
 
 
 def set_up_worker(most_bytes: int) -> None:
-    """Make this process end with its parent, however that ends, and let it take no more memory of its own than given.
+    """Make this process end with its parent, however that ends, compile, and take no more memory of its own than given.
 
     What asks for more raises `MemoryError`.
 
@@ -34,6 +35,7 @@ def set_up_worker(most_bytes: int) -> None:
         most_bytes: Most memory of its own.
     """
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    compile_once()
     resource.setrlimit(resource.RLIMIT_DATA, (most_bytes, most_bytes))
 
 
