@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 BIN = Path(sys.executable).parent
 INSTALL = "pip install uv && "
-FOLLOWS = {"replay": "run two_sources --seed 7", "results": "sweep one_source"}
+FOLLOWS = {"replay": "run two_sources --seed 7", "results": "sweep suite"}
 
 
 def blocks(language: str) -> list[str]:

@@ -103,10 +103,11 @@ def sweep(
     from missions.sweep.ray_engine import run_in_ray
     from missions.sweep.results_table import terminal_table
     from missions.sweep.summary import summarise_groups
+    from missions.sweep.tally import Tally
 
     done = dataset.keys()
     jobs = [job for job in plan.shard(part, n_parts) if job.key not in done]
-    n_of_shard, sources, found = len(plan.shard(part, n_parts)), 0, 0
+    n_of_shard, tally = len(plan.shard(part, n_parts)), Tally()
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
     try:
         with Progress(*columns, console=err, transient=True) as progress:
@@ -114,10 +115,9 @@ def sweep(
             bar = progress.add_task(doing, total=n_of_shard, completed=n_of_shard - len(jobs))
 
             def finish(row: MissionRow) -> None:
-                nonlocal sources, found
                 dataset.write(row)
-                sources, found = sources + row.n_sources, found + row.n_found
-                progress.update(bar, advance=1, description=f"{found} of {sources} sources found")
+                tally.add(row)
+                progress.update(bar, advance=1, description=tally.found())
                 if row.status != "finished":
                     progress.console.print(
                         f"{row.scenario}, {row.policy}, seed {row.seed}: {row.status}", highlight=False, soft_wrap=True
@@ -140,4 +140,6 @@ def sweep(
         err.print(f"{folder}: a row could not be written ({error.strerror}); finished rows are kept", soft_wrap=True)
         raise SystemExit(FAILED) from None
     out.print(terminal_table(summarise_groups(dataset.read()), f"{folder}, 95 % intervals"), highlight=False)
+    if jobs:
+        out.print(tally.cost(), highlight=False, soft_wrap=True)
     out.print(f"Look at it with: pdpatrol results {folder}", highlight=False, soft_wrap=True)
