@@ -25,6 +25,15 @@ from missions.sweep.process_pool import open_pool, run_in_pool
 OBJECT_STORE_BYTES = 100_000_000
 """Of a Ray that is started here: missions and rows are kilobytes, and pass it by."""
 
+SETTINGS = {
+    "RAY_DEDUP_LOGS_SKIP_REGEX": ".",  # prints nothing of its logs: `log_to_driver` lets errors of nodes through
+    "RAY_ENABLE_UV_RUN_RUNTIME_ENV": "0",  # does not copy the working directory to each worker if uv runs the command
+}
+"""What Ray reads from the environment when it is imported, unless the user has set it."""
+
+ALONE = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}
+"""Ray's own switch for machines that are part of no cluster: all its servers listen on 127.0.0.1 alone."""
+
 CONNECT_S = 10.0
 """Longest wait for an answer from the address of a cluster (assumed)."""
 
@@ -76,7 +85,7 @@ def run_on_node(job: MissionJob, limits: Limits, code: str, folder: str) -> Miss
         EngineError: If this node has other code.
     """
     if digest_of_code() != code:
-        raise EngineError("has other code of pdpatrol; install the same there")
+        raise EngineError("it has other code of pdpatrol; install the same on all nodes")
     rows: list[MissionRow] = []
     run_in_pool(_own_pool(limits, folder), [job], 1, limits, rows.append)
     return rows[0]
@@ -93,24 +102,26 @@ def _own_pool(limits: Limits, folder: str) -> ProcessPool:
 def _ray(address: str | None, n_workers: int | None) -> Iterator[None]:
     """A connection to Ray; at its end, a Ray that was started for it ends too."""
     address = address or os.environ.get("RAY_ADDRESS") or "local"
-    os.environ.setdefault("RAY_DEDUP_LOGS_SKIP_REGEX", ".")  # what Ray prints in spite of `log_to_driver`
     started = {}
     if address == "local":
-        # Ray's own switch for a machine that is no part of a cluster: all servers listen on 127.0.0.1 alone.
-        os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"
+        os.environ.update(ALONE)
         started = {"num_cpus": n_workers, "include_dashboard": False, "object_store_memory": OBJECT_STORE_BYTES}
+    os.environ.update(SETTINGS | os.environ)
     import ray
 
     host, _, port = address.removeprefix("ray://").rpartition(":")
     try:
         if host:  # Ray would try for a quarter of an hour
             socket.create_connection((host.strip("[]"), int(port)), CONNECT_S).close()
-        ray.init(address, log_to_driver=False, logging_level=logging.CRITICAL, **started)
     except (OSError, ValueError):
-        fault = f"--ray-address: got {address}, where no Ray cluster is; allowed is HOST:PORT or auto"
-        raise EngineError(fault) from None
-    except RuntimeError as error:
-        raise EngineError(f"--ray-address: {address} cannot be joined: {' '.join(str(error).split())}") from error
+        raise EngineError(
+            f"--ray-address: got {address}, where nothing answers; allowed is HOST:PORT or auto"
+        ) from None
+    try:
+        ray.init(address, log_to_driver=False, logging_level=logging.CRITICAL, **started)
+    except (OSError, RuntimeError, ValueError) as error:
+        fault = f"{' '.join(str(error).split())}; if the cluster asks for a token, set RAY_AUTH_MODE=token"
+        raise EngineError(f"--ray-address: {address} cannot be joined: {fault}") from error
     try:
         yield
     finally:
@@ -124,5 +135,5 @@ def _explain(error: Exception) -> Loss:
         return Loss("died", str(error), 0)
     if isinstance(error, (WorkerCrashedError, OutOfMemoryError)):
         return Loss("died", f"its Ray worker ended {ATTEMPTS} times: {error}")
-    cause = error.cause if isinstance(error, RayTaskError) else error
-    raise EngineError(f"--engine ray: {cause}") from error
+    cause = str(error.cause if isinstance(error, RayTaskError) else error).partition("\n")[0]
+    raise EngineError(f"--engine ray: a node cannot run missions: {cause}") from error
