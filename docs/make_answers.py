@@ -18,9 +18,9 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from missions.sweep.dataset import Dataset, read_all
-from missions.sweep.figures import draw_errors, draw_found_over_time, draw_over_setting, groups, label_of
-from missions.sweep.results_table import HEADINGS, cells
-from missions.sweep.summary import ALL, GroupSummary, summarise_groups
+from missions.sweep.results.figures import draw_errors, draw_found_over_time, draw_over_setting, groups, label_of
+from missions.sweep.results.summary import ALL, GroupSummary, summarise_groups
+from missions.sweep.results.tables import HEADINGS, cells
 
 DOCS = Path(__file__).parent
 STORED = DOCS / "results"
@@ -34,7 +34,7 @@ class Answer(NamedTuple):
     Attributes:
         name: Of its dataset, its marks and its picture.
         keys: Settings that are varied; the first is the axis of the picture.
-        headings: Figures that its table shows, of `missions.sweep.results_table.HEADINGS`.
+        headings: Figures that its table shows, of `missions.sweep.results.tables.HEADINGS`.
     """
 
     name: str

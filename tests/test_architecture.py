@@ -25,7 +25,7 @@ ONLY_HOME = {
     "rerun": "missions/recording/",
     "stable_baselines3": LEARNING,
     "torch": LEARNING,
-    "ray": "missions/sweep/ray_engine.py",
+    "ray": "missions/sweep/engines/ray_engine.py",
     "numba": ("dirmusic/compiled.py", "robot_models/compiled.py"),
 }
 MOST_FILES, MOST_LINES, MOST_ARGUMENTS = 14, 300, 8

@@ -42,9 +42,9 @@ def results(
             "with all but --compare"
         )
     from dirmusic import InputFileError
-    from missions.sweep import results_table
     from missions.sweep.dataset import Dataset, read_all
-    from missions.sweep.summary import summarise_groups
+    from missions.sweep.results import tables
+    from missions.sweep.results.summary import summarise_groups
 
     try:
         datasets = [Dataset(each) for each in folder]
@@ -55,20 +55,18 @@ def results(
         _compare(rows, *compare)
         return
     if figures is not None:
-        from missions.sweep.figures import draw_figures
+        from missions.sweep.results.figures import draw_figures
 
         folder_of_figures = make_folder(new_folder(figures, "", "--figures"), "--figures")
         written = draw_figures(rows, folder_of_figures)
         err.print(f"Written to {figures}: {', '.join(path.name for path in written)}", highlight=False, soft_wrap=True)
     summaries = summarise_groups(rows)
     if markdown:
-        sys.stdout.write(results_table.markdown(summaries))
+        sys.stdout.write(tables.markdown(summaries))
     elif csv_output:
-        sys.stdout.write(results_table.as_csv(summaries))
+        sys.stdout.write(tables.as_csv(summaries))
     else:
-        out.print(
-            results_table.terminal_table(summaries, f"{', '.join(map(str, folder))}, 95 % intervals"), highlight=False
-        )
+        out.print(tables.terminal_table(summaries, f"{', '.join(map(str, folder))}, 95 % intervals"), highlight=False)
         for row in rows.to_pylist():
             if row["status"] != "finished":
                 last_line = row["error"].strip().splitlines()[-1]
@@ -85,8 +83,8 @@ def results(
 def _compare(rows: pa.Table, first: str, second: str) -> None:
     """Print the differences between two sides, and which missions flipped."""
     from dirmusic import InputFileError
-    from missions.sweep.paired import compare, pair_up
-    from missions.sweep.results_table import differences_table
+    from missions.sweep.results.paired import compare, pair_up
+    from missions.sweep.results.tables import differences_table
 
     try:
         pairs = pair_up(rows, first, second)

@@ -96,13 +96,13 @@ def sweep(
 
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from missions.sweep.compile_once import is_compiled
-    from missions.sweep.engine import EngineError, Limits
+    from missions.sweep.engines.compile_once import is_compiled
+    from missions.sweep.engines.engine import EngineError, Limits
+    from missions.sweep.engines.process_pool import run_in_processes
+    from missions.sweep.engines.ray_engine import run_in_ray
     from missions.sweep.mission_row import MissionRow
-    from missions.sweep.process_pool import run_in_processes
-    from missions.sweep.ray_engine import run_in_ray
-    from missions.sweep.results_table import terminal_table
-    from missions.sweep.summary import summarise_groups
+    from missions.sweep.results.summary import summarise_groups
+    from missions.sweep.results.tables import terminal_table
     from missions.sweep.tally import Tally
 
     done = dataset.keys()

@@ -12,7 +12,7 @@ from envs import Scenario
 from missions.record.bearing_error import bearing_rmse
 from missions.record.mission_log import MissionLog
 from missions.record.report import make_report
-from missions.sweep.intervals import Interval, bootstrap_interval, root_mean_square, share_interval
+from missions.sweep.results.intervals import Interval, bootstrap_interval, root_mean_square, share_interval
 
 
 class MissionScore(NamedTuple):

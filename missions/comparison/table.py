@@ -10,7 +10,7 @@ from rich.table import Table
 
 from missions.comparison.scores import Score
 from missions.comparison.variants import Variant
-from missions.sweep.intervals import Interval
+from missions.sweep.results.intervals import Interval
 
 HEADINGS = ("", "bearing RMSE (deg)", "found (%)", "median error (m)", "time to confirm (s)", "false")
 

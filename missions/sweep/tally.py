@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 
+from missions.sweep.engines.worker import peak_memory_mb
 from missions.sweep.mission_row import MissionRow
-from missions.sweep.worker import peak_memory_mb
 
 
 class Tally:

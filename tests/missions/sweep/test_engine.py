@@ -6,7 +6,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 
 import pytest
 
-from missions.sweep.engine import ATTEMPTS, Loss, run_missions
+from missions.sweep.engines.engine import ATTEMPTS, Loss, run_missions
 from missions.sweep.mission_row import MissionRow
 from missions.sweep.plan import MissionJob, make_plan
 

@@ -6,9 +6,16 @@ import numpy as np
 import pytest
 
 from missions.sweep.dataset import Dataset
-from missions.sweep.figures import draw_errors, draw_figures, draw_found_over_time, draw_over_setting, groups, label_of
 from missions.sweep.mission_row import MissionRow
 from missions.sweep.plan import make_plan
+from missions.sweep.results.figures import (
+    draw_errors,
+    draw_figures,
+    draw_found_over_time,
+    draw_over_setting,
+    groups,
+    label_of,
+)
 
 NOISE_V = [5e-4, 1e-3, 2e-3]
 

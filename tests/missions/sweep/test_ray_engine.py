@@ -14,10 +14,10 @@ import pyarrow as pa
 import pytest
 
 from missions.sweep.dataset import Dataset
-from missions.sweep.engine import EngineError, Limits
+from missions.sweep.engines.engine import EngineError, Limits
+from missions.sweep.engines.ray_engine import run_on_node
 from missions.sweep.mission_row import MEASURED
 from missions.sweep.plan import make_plan
-from missions.sweep.ray_engine import run_on_node
 
 pytestmark = pytest.mark.skipif(find_spec("ray") is None, reason="the extra `ray` is not installed")
 

@@ -14,9 +14,9 @@ import pyarrow as pa
 import pytest
 
 from missions.sweep.dataset import Dataset
+from missions.sweep.engines.worker import run_job
 from missions.sweep.mission_row import MEASURED, MissionRow
 from missions.sweep.plan import make_plan
-from missions.sweep.worker import run_job
 
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 

@@ -8,10 +8,10 @@ from concurrent.futures import Future
 
 from pebble import ProcessExpired, ProcessPool
 
-from missions.sweep.engine import ATTEMPTS, Limits, Loss, run_missions
+from missions.sweep.engines.engine import ATTEMPTS, Limits, Loss, run_missions
+from missions.sweep.engines.worker import RETIRED, run_job, set_up_worker
 from missions.sweep.mission_row import MissionRow
 from missions.sweep.plan import MissionJob
-from missions.sweep.worker import RETIRED, run_job, set_up_worker
 
 
 def run_in_processes(
@@ -36,7 +36,7 @@ def run_in_processes(
 def open_pool(n_workers: int, limits: Limits) -> ProcessPool:
     """Processes for missions, forked from a server that has imported everything once."""
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["missions.sweep.worker"])
+    context.set_forkserver_preload(["missions.sweep.engines.worker"])
     return ProcessPool(
         max_workers=n_workers, initializer=set_up_worker, initargs=[limits.memory_bytes], context=context
     )

@@ -14,8 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
-from missions.sweep.intervals import bootstrap_interval, share_interval
-from missions.sweep.summary import group_of
+from missions.sweep.results.intervals import bootstrap_interval, share_interval
+from missions.sweep.results.summary import group_of
 
 Row = Mapping[str, Any]
 SIZE_IN = (7.0, 4.2)

@@ -11,7 +11,7 @@ import time
 import traceback
 
 from missions.runner import Mission
-from missions.sweep.compile_once import compile_once
+from missions.sweep.engines.compile_once import compile_once
 from missions.sweep.mission_row import MissionRow
 from missions.sweep.plan import MissionJob
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dirmusic import InputFileError
 from missions.sweep.dataset import MANIFEST, Dataset
-from missions.sweep.intervals import Interval, bootstrap_interval
+from missions.sweep.results.intervals import Interval, bootstrap_interval
 
 FloatArray = NDArray[np.float64]
 Row = Mapping[str, Any]

@@ -11,9 +11,9 @@ import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from missions.sweep.intervals import Interval
-from missions.sweep.paired import Difference
-from missions.sweep.summary import GroupSummary
+from missions.sweep.results.intervals import Interval
+from missions.sweep.results.paired import Difference
+from missions.sweep.results.summary import GroupSummary
 
 HEADINGS = (
     "scenario or level",

@@ -1,0 +1,1 @@
+"""What sweeps came to: summaries with intervals, tables, pictures, and paired comparisons."""
