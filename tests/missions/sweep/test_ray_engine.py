@@ -82,7 +82,7 @@ def listening(pids: set[int]) -> set[str]:
 
 def test_a_table_is_that_of_the_pool_whatever_becomes_of_its_missions(folder: Path) -> None:
     policies = "seek", *(f"own.py:{name}" for name in ("Raises", "Hangs", "Eats", "Dies"))
-    words = ["--seeds", "0", "--policy", *policies, "--wall-limit-s", "15", "--memory-gb", "1", "--out"]
+    words = ["--seeds", "0", "--policy", *policies, "--wall-limit-s", "30", "--memory-gb", "1", "--out"]
     pool, ray = (sweep(folder, *words, name, engine=engine) for name, engine in (("one", "pool"), ("two", "ray")))
     assert (pool.returncode, ray.returncode) == (0, 0), ray.stderr
     statuses = ["finished", "failed", "hung", "out of memory", "died"]
