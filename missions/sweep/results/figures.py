@@ -19,9 +19,8 @@ from missions.sweep.results.summary import group_of
 
 Row = Mapping[str, Any]
 SIZE_IN = (7.0, 4.2)
-COLOURS = "tab20"
-MOST_LINES = 20
-"""So many lines can be told apart by colour."""
+COLOURS = [colormaps["tab20"](number) for number in (*range(0, 20, 2), *range(1, 20, 2))]
+"""Ten strong ones first, then ten pale ones; more lines cannot be told apart."""
 
 FAR_APART = 4.0
 """Values of a setting that span so large a ratio lie on a logarithmic axis."""
@@ -161,7 +160,7 @@ def _by_size(text: str) -> float:
 def _axes(x: str, y: str) -> tuple[Figure, Axes]:
     figure = Figure(figsize=SIZE_IN, layout="constrained")
     axes = figure.add_subplot()
-    axes.set_prop_cycle(color=[colormaps[COLOURS](number) for number in range(MOST_LINES)])
+    axes.set_prop_cycle(color=COLOURS)
     axes.set_xlabel(x)
     axes.set_ylabel(y)
     axes.set_ylim(0.0, 1.02)
@@ -173,7 +172,7 @@ def _axes(x: str, y: str) -> tuple[Figure, Axes]:
 
 def _shown(lines: Mapping[str, Sequence[Row]]) -> list[tuple[str, Sequence[Row]]]:
     """The lines that a picture has colours for."""
-    return list(lines.items())[:MOST_LINES]
+    return list(lines.items())[: len(COLOURS)]
 
 
 def _steps(axes: Axes, values: Sequence[float], n_all: int, name: str, end: float | None = None) -> None:
