@@ -71,7 +71,7 @@ def random_yard(seed: int | np.random.Generator, n_obstructions: int = 5) -> Sce
         route=RouteConfig(dock_m=DOCK_M, waypoints_m=tuple((float(x), float(y)) for x, y in stops_m)),
         array=ArrayConfig(),
         sources=(source,),
-        receiver=ReceiverConfig(fidelity="energy"),
+        receiver=ReceiverConfig(),
         task=TaskConfig(time_limit_s=300.0),
     )
 
@@ -89,7 +89,7 @@ def open_yard() -> Scenario:
         route=RouteConfig(dock_m=DOCK_M, waypoints_m=OPEN_ROUND_M),
         array=ArrayConfig(),
         sources=(SourceConfig(name="discharge", anywhere_at_m=1.5),),
-        receiver=ReceiverConfig(fidelity="energy"),
+        receiver=ReceiverConfig(),
         task=TaskConfig(time_limit_s=OPEN_TIME_LIMIT_S),
     )
 

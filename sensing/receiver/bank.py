@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,47 +13,18 @@ from dirmusic.pulses.batch import PulseBatch
 from sensing.array.array_table import ArrayTable
 from sensing.array.helical_array import HelicalArray
 from sensing.nature.scene import Scene
-from sensing.radio.incoming import EmittedPulses
 from sensing.radio.propagation import SourceTable
 from sensing.receiver.config import ReceiverConfig
+from sensing.receiver.detection import Channels, Gates, detect
 from sensing.receiver.detections import Detections
-from sensing.receiver.energy_law import EnergyLaw
-from sensing.receiver.false_alarms import FalseAlarms, false_alarm_gates
+from sensing.receiver.false_alarms import FalseAlarms
 from sensing.receiver.receiver import Listener, Receiver
-from sensing.receiver.waveform_law import WaveformLaw
+from sensing.receiver.sampling import Tones
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
-
-class DetectionLaw(Protocol):
-    """How gates come about: by their energies, or sample by sample."""
-
-    def detect(
-        self, emitted: EmittedPulses, propagation: tuple[Any, ...], listeners: Sequence[Listener]
-    ) -> list[Detections]:
-        """Detections of emitted pulses.
-
-        Args:
-            emitted: The pulses, robot by robot.
-            propagation: A plain `Propagation`, a row for each listener.
-            listeners: All robots.
-        """
-        ...
-
-    def detect_noise(
-        self, robot: int, time_s: FloatArray, gates_v: FloatArray, listener: Listener, world_from_array: FloatArray
-    ) -> Detections:
-        """Detections of gates that noise alone triggered.
-
-        Args:
-            robot: Number of the robot.
-            time_s: Times of the false alarms, shape (n_gates,).
-            gates_v: Noise in the gates, shape (n_gates, n_elements, gate_samples).
-            listener: The robot's array, scene and randomness.
-            world_from_array: Where the array really is, shape (4, 4).
-        """
-        ...
+NO_TIMES = np.empty(0)
 
 
 class ReceiverBank:
@@ -72,13 +42,17 @@ class ReceiverBank:
         self._listeners = list(listeners)
         n_robots, scene = len(listeners), listeners[0].scene
         self._receiver = Receiver(config, listeners[0].array.n_elements)
-        self._law: DetectionLaw = (EnergyLaw if config.fidelity == "energy" else WaveformLaw)(self._receiver)
         self._false_alarms = FalseAlarms(config.false_alarm_rate_hz, n_robots)
         self._arrays = ArrayTable.of([listener.array for listener in listeners])
         n_sources = len(scene.sources)
         self._sources = SourceTable(np.empty((n_robots, n_sources, 3)), np.empty((n_robots, n_sources)))
         self._plain_arrays, self._plain_sources = tuple(self._arrays), tuple(self._sources)
         self._surroundings = plain(scene.surroundings)
+        self._samplers: list[tuple[Any, ...]] = [()] * n_robots
+        self._reading, n = plain(self._receiver.reading), self._receiver.n_elements
+        self._no_tones = Tones(np.empty((0, n)), np.empty((0, n)), np.empty(0))
+        self._quiet_channels = tuple(self._channels(0.0, self._no_tones))
+        self._nothing = Detections(np.empty(0, dtype=np.intp), PulseBatch.none(n), np.empty((0, n, config.gate_samples)), 0)
         for robot, listener in enumerate(listeners):
             self.replace(robot, listener)
 
@@ -86,6 +60,7 @@ class ReceiverBank:
         """Another array, scene and generators for one robot, whose time starts anew."""
         self._listeners[robot] = listener
         self._arrays.replace(robot, listener.array)
+        self._samplers[robot] = plain(self._receiver.sampler(listener.array))
         self._sources.positions_m[robot], self._sources.burst_s[robot] = (
             listener.scene.positions_m,
             listener.scene.burst_s,
@@ -97,7 +72,8 @@ class ReceiverBank:
     ) -> Detections:
         """Listen for `duration_s`; the intervals of one robot are to follow one another.
 
-        Sources that move are taken to stand where they are at the start (assumed): in 0.1 s, traffic moves 1 or 2 m.
+        Sources that move, and channels that change, are taken to be as they are at the start (assumed): in 0.1 s,
+        traffic moves 1 or 2 m.
 
         Args:
             world_from_array: Where the arrays really are, shape (n_robots, 4, 4).
@@ -107,37 +83,71 @@ class ReceiverBank:
         """
         robots: list[int] = list(range(len(self._listeners))) if rows is None else rows.tolist()
         starts: list[float] = start_s.tolist()
-        listeners = self._listeners
-        parts: list[Detections] = []
-        emissions = [listeners[k].scene.emissions(starts[k], duration_s, listeners[k].nature_rng) for k in robots]
-        for k in robots:
-            if listeners[k].scene.has_movers:
-                self._sources.positions_m[k] = listeners[k].scene.positions_at(starts[k])
-            time_s = self._false_alarms.times_s(k, starts[k], duration_s, listeners[k].receiver_rng)
-            if time_s:
-                gates_v = false_alarm_gates(self._receiver, len(time_s), listeners[k].receiver_rng)
-                noise = self._law.detect_noise(k, np.array(time_s), gates_v, listeners[k], world_from_array[k])
-                parts.append(noise)
-        emitted = EmittedPulses.join(robots, emissions)
-        if emitted.time_s.size:
-            arrays = tuple(self._arrays_at(start_s)) if self.config.faults else self._plain_arrays
-            propagation = (self._plain_sources, world_from_array, arrays, self._surroundings)
-            parts += self._law.detect(emitted, propagation, listeners)
+        arrays = tuple(self._arrays_at(start_s)) if self.config.faults else self._plain_arrays
+        propagation = (self._plain_sources, world_from_array, arrays, self._surroundings)
+        parts = [
+            found
+            for robot in robots
+            if (found := self._listen(robot, propagation, starts[robot], duration_s)) is not None
+        ]
         if len(parts) == 1:
             return parts[0]
         return Detections.join(parts) if parts else self._nothing
+
+    def _listen(
+        self, robot: int, propagation: tuple[Any, ...], start_s: float, duration_s: float
+    ) -> Detections | None:
+        """What one robot detects; None if there is nothing."""
+        listener = self._listeners[robot]
+        scene, rng = listener.scene, listener.receiver_rng
+        emissions = scene.emissions(start_s, duration_s, listener.nature_rng)
+        false_alarms = self._false_alarms.times_s(robot, start_s, duration_s, rng)
+        n = emissions.time_s.size + len(false_alarms)
+        if n == 0:
+            return None
+        if scene.has_movers:
+            self._sources.positions_m[robot] = scene.positions_at(start_s)
+        tones, channels, sampler = self._no_tones, self._quiet_channels, self._samplers[robot]
+        if scene.carriers:
+            tones = self._receiver.tones(scene.carriers, listener.array, propagation[1][robot])
+            *others, _, burst = sampler
+            sampler = (*others, plain(self._receiver.trigger(float(tones.amplitude_v.sum(axis=0).max()))), burst)
+        if scene.carriers or self.config.faults:
+            channels = tuple(self._channels(start_s, tones))
+        found = Gates.room(n, self._receiver.n_elements, self.config.gate_samples)
+        n_found, n_rejected = detect(
+            robot,
+            tuple(emissions),
+            np.array(false_alarms) if false_alarms else NO_TIMES,
+            propagation,
+            sampler,
+            self._reading,
+            tuple(tones),
+            channels,
+            rng,
+            (found.waveforms_v, tuple(found.pulses)),
+        )
+        if n_found == 0 and n_rejected == 0:
+            return None
+        found = found.first(n_found)
+        detections = Detections(np.full(n_found, robot), found.pulses, found.waveforms_v, n_rejected)
+        return Detections.join([detections]) if false_alarms else detections
+
+    def _channels(self, time_s: float, tones: Tones) -> Channels:
+        """The channels at a time."""
+        receiver = self._receiver
+        limit_v, source, stuck_v = receiver.faults.channels(time_s, self.config.full_scale_v)
+        return Channels(
+            limit_v=limit_v,
+            background_v2=receiver.noise_variance_v2 + 0.5 * np.square(tones.amplitude_v).sum(axis=0),
+            source=source,
+            stuck_v=stuck_v,
+        )
 
     def _arrays_at(self, time_s: FloatArray) -> ArrayTable:
         """The arrays with what faults have left of their signals."""
         left, arrays = self._receiver.faults.signal_factors(time_s), self._arrays
         return arrays._replace(gain_factors=arrays.gain_factors * left, gain_offsets=arrays.gain_offsets * left)
-
-    @cached_property
-    def _nothing(self) -> Detections:
-        """What most intervals give."""
-        n_samples = self.config.gate_samples if self.config.fidelity == "waveform" else 0
-        nobody, n_elements = np.empty(0, dtype=np.intp), self._receiver.n_elements
-        return Detections(nobody, PulseBatch.none(n_elements), np.empty((0, n_elements, n_samples)), 0)
 
 
 def listen_once(

@@ -15,11 +15,9 @@ class ReceiverConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_
     Once a channel has crossed the threshold, the gate starts `pretrigger_samples` before the loudest one comes to half
     its peak: the crossing itself comes the earlier the louder the pulse.
 
-    `waveform` draws every sample of every gate. `energy` draws the energies of the gates from their exact law, many
-    times faster: the same strengths but for what needs samples (converter, carriers, saturation, trigger jitter).
+    A signal that is still there long after any echo can be is a burst, and is rejected.
     """
 
-    fidelity: Literal["waveform", "energy"] = "waveform"
     sample_rate_hz: float = Field(default=20e9, ge=1e8, le=1e12)
     band_hz: tuple[PositiveFloat, PositiveFloat] | Literal["all"] = (1.4e9, 2.2e9)
     """Where the band-pass is 3 dB down. The default holds the energy of the pulses, mainly 1.5 to 2 GHz, and is 54 dB
@@ -28,8 +26,8 @@ class ReceiverConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_
     """Standard deviation of a sample of white noise, before the band-pass."""
     pretrigger_samples: PositiveInt = 20
     gate_samples: int = Field(default=90, ge=1, le=10_000)
-    trigger_jitter: bool = True
-    """Whether noise, and where between two samples a pulse arrives, move the gate; `energy` never has it."""
+    longest_echo_s: PositiveFloat = 60e-9
+    """How long after a pulse its last echo may come: 18 m of detour. What lasts three times as long is a burst."""
     false_alarm_rate_hz: float = Field(default=0.1, gt=0.0, le=1e4)
     mains_hz: PositiveFloat = 50.0
     bits: int = Field(default=12, ge=2, le=24)

@@ -19,7 +19,7 @@ class Detections(NamedTuple):
     Attributes:
         robot: Number of the robot that detected each pulse, shape (n_pulses,).
         pulses: The pulses, their directions not known yet.
-        waveforms_v: The gates, shape (n_pulses, n_elements, gate_samples), volts; no samples with fidelity `energy`.
+        waveforms_v: The gates, shape (n_pulses, n_elements, gate_samples), volts.
         n_rejected: What triggered and did not look like a pulse.
     """
 

@@ -72,23 +72,19 @@ class Faults:
                 factors[..., fault.channel - 1] = 10 ** (fault.gain_db * share / 20)
         return factors
 
-    def in_waveforms(self, waveforms_v: FloatArray, time_s: FloatArray) -> FloatArray:
-        """What the converter gets of waveforms (n, n_elements, n_samples) at times (n,)."""
+    def channels(self, time_s: float, full_scale_v: float) -> tuple[FloatArray, NDArray[np.intp], FloatArray]:
+        """`limit_v`, `source` and `stuck_v` of `detection.Channels` at a time."""
+        limit_v, stuck_v = np.full(self.n_elements, np.inf), np.full(self.n_elements, np.nan)
+        source = np.arange(self.n_elements, dtype=np.intp)
         for fault in self.faults:
+            if time_s < fault.start_s:
+                continue
+            channel = fault.channel - 1
             if fault.kind == "saturation" and fault.level_v is not None:
-                late, channel = time_s >= fault.start_s, fault.channel - 1
-                waveforms_v[late, channel] = np.clip(waveforms_v[late, channel], -fault.level_v, fault.level_v)
-        return waveforms_v
-
-    def in_readings(self, readings: FloatArray, time_s: FloatArray, stuck: float) -> FloatArray:
-        """What comes out of the converter, shape (n, n_elements, ...): plugs swapped, and stuck ones."""
-        for fault in self.faults:
-            late, channel = time_s >= fault.start_s, fault.channel - 1
-            if fault.kind == "swapped" and fault.other is not None:
-                pair = [channel, fault.other - 1]
-                swapped = readings[late]
-                swapped[:, pair] = swapped[:, pair[::-1]]
-                readings[late] = swapped
+                limit_v[channel] = fault.level_v
             elif fault.kind == "stuck":
-                readings[late, channel] = stuck
-        return readings
+                stuck_v[channel] = STUCK_AT * full_scale_v
+            elif fault.kind == "swapped" and fault.other is not None:
+                pair = [channel, fault.other - 1]
+                source[pair] = source[pair[::-1]]
+        return limit_v, source, stuck_v

@@ -23,9 +23,6 @@ rad at 2 GHz and 20 GS/s."""
 SETTLED = 1e-6
 """Share of its energy that is left of the filter's impulse response when it is taken as over."""
 
-MODE_SHARE = 1e-3
-"""Share of the noise energy of a gate that the modes left out have together; their mean is kept."""
-
 
 class PulseTable(NamedTuple):
     """A filtered pulse of 1 V before the filter, as compiled loops read it.
@@ -38,6 +35,21 @@ class PulseTable(NamedTuple):
 
     values_v: FloatArray
     rate_hz: float
+
+
+class NoiseFilter(NamedTuple):
+    """White noise and the filter behind it, as compiled loops run them.
+
+    Attributes:
+        std_v: Standard deviation of a sample before the filter.
+        sections: Second-order sections b0, b1, b2, 1, a1, a2, shape (n_sections, 6); none if all passes.
+        settled: Turns standard normal numbers into the state that the sections have after a long time in white noise
+            of unit variance, two numbers each, shape (2 n_sections, 2 n_sections).
+    """
+
+    std_v: float
+    sections: FloatArray
+    settled: FloatArray
 
 
 @lru_cache(maxsize=16)
@@ -68,10 +80,27 @@ class FrontEnd:
 
         return np.asarray(sosfilt(self._sections, samples, axis=-1), dtype=np.float64)
 
-    def noise(self, rng: np.random.Generator, shape: tuple[int, ...]) -> FloatArray:
-        """Filtered white noise of unit variance before the filter, settled; time is the last axis."""
-        lead = self._impulse_response.size - 1
-        return self.filter(rng.standard_normal((*shape[:-1], lead + shape[-1])))[..., lead:]
+    def noise_filter(self, std_v: float) -> NoiseFilter:
+        """The filter with white noise of a standard deviation before it."""
+        sections = np.empty((0, 6)) if self._sections is None else self._sections
+        return NoiseFilter(std_v, np.ascontiguousarray(sections), self._settled)
+
+    @cached_property
+    def _settled(self) -> FloatArray:
+        """As of `NoiseFilter`: a square root of the covariance of the state in white noise."""
+        if self._sections is None:
+            return np.empty((0, 0))
+        from scipy.linalg import solve_discrete_lyapunov
+        from scipy.signal import sosfilt
+
+        n = 2 * len(self._sections)
+        unit = np.eye(n).reshape(n, -1, 2).transpose(1, 0, 2)  # as states of n filters side by side
+        _, stepped = sosfilt(self._sections, np.zeros((n, 1)), zi=unit)
+        _, driven = sosfilt(self._sections, np.ones((1, 1)), zi=np.zeros((len(unit), 1, 2)))
+        transition, drive = (x.transpose(1, 0, 2).reshape(-1, n).T for x in (stepped, driven))
+        covariance = np.asarray(solve_discrete_lyapunov(transition, drive @ drive.T), dtype=np.float64)
+        values, vectors = np.linalg.eigh(covariance)
+        return np.ascontiguousarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
     def response(self, frequency_hz: float) -> float:
         """Gain for a steady tone."""
@@ -119,23 +148,6 @@ class FrontEnd:
     def noise_power(self) -> float:
         """Variance of filtered white noise of unit variance."""
         return float(np.square(self._impulse_response).sum())
-
-    @cached_property
-    def modes(self) -> tuple[FloatArray, FloatArray] | None:
-        """Eigenvalues (n_modes,) and eigenvectors (gate_samples, n_modes) of the noise's correlation over a gate.
-
-        The largest come first; those that hold less than `MODE_SHARE` of the energy together are left out. None for
-        white noise, which has no modes of its own.
-        """
-        if self.band_hz is None:
-            return None
-        lags = np.arange(self.gate_samples)
-        matrix = self.correlation[np.abs(lags[:, np.newaxis] - lags)]
-        ascending, vectors = (np.asarray(x, dtype=np.float64) for x in np.linalg.eigh(matrix))
-        values: FloatArray = np.maximum(ascending[::-1], 0.0)
-        left_out = values.sum() - np.cumsum(values)
-        n = int((left_out > MODE_SHARE * values.sum()).sum()) + 1
-        return values[:n], np.asarray(vectors[:, ::-1][:, :n], dtype=np.float64, order="C")
 
     @cached_property
     def energy_spread(self) -> float:

@@ -2,17 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
 from sensing.array.helical_array import HelicalArray
+from sensing.nature.pulse_shape import DECAY_S
 from sensing.nature.scene import Scene
+from sensing.nature.sources import Carrier
 from sensing.receiver.config import ReceiverConfig
+from sensing.receiver.detection import Converter
 from sensing.receiver.faults import Faults
 from sensing.receiver.front_end import front_end
-from sensing.receiver.trigger import threshold_over_noise
+from sensing.receiver.gates import GateParameters
+from sensing.receiver.sampling import BurstTest, Sampler, Timing, Tones, Trigger
+from sensing.receiver.trigger import STEP, probabilities, threshold_over_noise
+
+FloatArray = NDArray[np.float64]
+
+BURST_WINDOWS, BURST_SHARE, BURST_ECHOES = 4, 0.25, 3
+"""A burst (assumed): from one to three times `longest_echo_s` after the trigger, the loudest channel has more than a
+quarter of the gate's power in all of four windows, each half a gate long. Echoes do not fill them all."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,11 +68,6 @@ class Receiver:
         self.faults = Faults(config.faults, n_elements)
 
     @property
-    def gate_lead_s(self) -> float:
-        """From an arrival to a gate that no noise moves: it starts the pre-trigger before the half peak."""
-        return (self.front_end.pulse_lag - self.config.pretrigger_samples) / self.config.sample_rate_hz
-
-    @property
     def step_v(self) -> float:
         """What one count of the converter stands for."""
         return self.config.full_scale_v / (2 ** (self.config.bits - 1) - 1)
@@ -71,8 +80,7 @@ class Receiver:
     @cached_property
     def noise_variance_v2(self) -> float:
         """Variance of one sample without a pulse: filtered noise, and the converter's rounding (within one count)."""
-        rounding = self.step_v**2 / 12 if self.config.fidelity == "waveform" else 0.0
-        return self.filtered_noise_v**2 + rounding
+        return self.filtered_noise_v**2 + self.step_v**2 / 12
 
     @cached_property
     def threshold_v(self) -> float:
@@ -81,3 +89,63 @@ class Receiver:
         correlation = float(self.front_end.correlation[1]) if config.gate_samples > 1 else 0.0
         samples_hz = self.n_elements * config.sample_rate_hz
         return self.filtered_noise_v * threshold_over_noise(config.false_alarm_rate_hz, samples_hz, correlation)
+
+    def trigger(self, above_v: float = 0.0) -> Trigger:
+        """The trigger, its level so much above that of `threshold_v`."""
+        noise_v, level_v = self.filtered_noise_v, self.threshold_v + above_v
+        return Trigger(level_v, noise_v, self.front_end.correlation, probabilities(level_v / noise_v), STEP * noise_v)
+
+    def sampler(self, array: HelicalArray) -> Sampler:
+        """How the receiver samples behind an array."""
+        config, front_end = self.config, self.front_end
+        rate_hz, correlation = config.sample_rate_hz, front_end.correlation
+        n_aperture, n_decay = round(aperture_m(array) / SPEED_OF_LIGHT_MPS * rate_hz), round(2 * DECAY_S * rate_hz)
+        timing = Timing(
+            before=config.pretrigger_samples,
+            aperture=n_aperture,
+            rise=round(front_end.pulse_lag) + n_decay,
+            peak=n_aperture + n_decay,
+            gate=config.gate_samples,
+            apart=correlation.size,
+        )
+        n_window, n_echo = max(config.gate_samples // 2, 1), round(config.longest_echo_s * rate_hz)
+        burst = BurstTest(
+            first=max(n_echo, config.gate_samples),
+            step=max((BURST_ECHOES * n_echo - n_echo - 2 * n_window) // (BURST_WINDOWS - 1), n_window),
+            n_windows=BURST_WINDOWS,
+            n_samples=n_window,
+            share=BURST_SHARE,
+        )
+        noise = front_end.noise_filter(config.noise_v)
+        return Sampler(front_end.pulse_table, noise, timing, self.trigger(), burst)
+
+    @property
+    def reading(self) -> tuple[Converter, GateParameters]:
+        """Behind the gate."""
+        config, front_end, highest = self.config, self.front_end, 2 ** (self.config.bits - 1) - 1
+        full_v = (highest - 0.5) * self.step_v
+        return Converter(self.step_v, float(highest)), GateParameters(
+            front_end.energy_spread, front_end.noise_on_pulse, config.mains_hz, full_v
+        )
+
+    def tones(self, carriers: Sequence[Carrier], array: HelicalArray, world_from_array: FloatArray) -> Tones:
+        """What the band-pass leaves of carriers, in the channels of an array at a place (4, 4)."""
+        n, rate_hz = self.n_elements, self.config.sample_rate_hz
+        tones = Tones(np.empty((len(carriers), n)), np.empty((len(carriers), n)), np.empty(len(carriers)))
+        heading_rad = np.arctan2(world_from_array[1, 0], world_from_array[0, 0])
+        for row, carrier in enumerate(carriers):
+            azimuth_rad = np.full(n, carrier.bearing_rad - heading_rad)
+            sight = np.array([np.cos(azimuth_rad[0]), np.sin(azimuth_rad[0])])
+            gain = array.gain(azimuth_rad, np.zeros(n))
+            tones.amplitude_v[row] = carrier.amplitude_v * self.front_end.response(carrier.frequency_hz) * gain
+            tones.phase_rad[row] = (
+                2 * np.pi * carrier.frequency_hz / SPEED_OF_LIGHT_MPS * array.positions_m[:, :2] @ sight
+            )
+            tones.turn_rad[row] = 2 * np.pi * carrier.frequency_hz / rate_hz
+        return tones
+
+
+def aperture_m(array: HelicalArray) -> float:
+    """Extent of the elements, the larger of breadth and height: how far apart in space arrivals may begin."""
+    breadth_m = 2 * float(np.linalg.norm(array.positions_m[:, :2], axis=-1).max())
+    return max(breadth_m, float(np.ptp(array.positions_m[:, 2])))

@@ -1,17 +1,17 @@
-"""The trigger: its level, and by which of its ray paths a pulse crosses it."""
+"""The trigger: its level, and how probably a sample exceeds it."""
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.compiled import compiled
-from sensing.radio.incoming import Incoming
-
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
+
+STEP = 0.02
+"""Of the table of probabilities, over the standard deviation of the noise."""
+
+HIGHEST = 0.5
+"""Probability at which the table ends."""
 
 
 def threshold_over_noise(false_alarm_rate_hz: float, samples_hz: float, correlation: float) -> float:
@@ -39,40 +39,16 @@ def threshold_over_noise(false_alarm_rate_hz: float, samples_hz: float, correlat
     return float(brentq(too_often, 0.0, 30.0))  # pyright: ignore[reportArgumentType]
 
 
-class Triggers(NamedTuple):
-    """How pulses meet the trigger, without noise.
-
-    Attributes:
-        path: Ray path by which each pulse triggers: the first that is loud enough in its loudest channel, or where none
-            is the loudest, shape (n_pulses,).
-        voltage_v: Greatest voltage of each pulse, shape (n_pulses,).
-    """
-
-    path: IntArray
-    voltage_v: FloatArray
-
-
-@compiled
-def find_triggers(incoming: Incoming, pulse_peak: float, threshold_v: float) -> Triggers:
-    """By which ray path each pulse triggers, and its greatest voltage.
+def probabilities(level: float) -> FloatArray:
+    """That signal and Gaussian noise exceed a level in magnitude, for signals in steps of `STEP` from 0 on.
 
     Args:
-        incoming: The pulses.
-        pulse_peak: Largest magnitude of a filtered pulse of 1 V.
-        threshold_v: Trigger level.
+        level: Over the standard deviation of the noise.
+
+    Returns:
+        Shape (n_steps,), ascending; the last is the first above `HIGHEST`.
     """
-    n_pulses, loudest, loudest_s = incoming.first.size, incoming.arrivals.loudest, incoming.arrivals.loudest_s
-    triggers = Triggers(np.empty(n_pulses, np.intp), np.empty(n_pulses))
-    for k in range(n_pulses):
-        first = incoming.first[k]
-        paths = range(first, first + incoming.n_paths[k])
-        scale_v = abs(incoming.peak_v[k]) * pulse_peak
-        highest_v = 0.0
-        for p in paths:
-            highest_v = max(highest_v, scale_v * loudest[p])
-        earliest_s, triggers.path[k] = np.inf, first
-        for p in paths:
-            if scale_v * loudest[p] >= min(threshold_v, highest_v) and loudest_s[p] < earliest_s:
-                earliest_s, triggers.path[k] = loudest_s[p], p
-        triggers.voltage_v[k] = highest_v
-    return triggers
+    from scipy.special import ndtr
+
+    signal = STEP * np.arange(int(np.ceil(level / STEP)) + 1)
+    return np.asarray(ndtr(signal - level) + ndtr(-signal - level), dtype=np.float64)
