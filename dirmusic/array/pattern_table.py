@@ -61,6 +61,14 @@ def pattern_gain_and_slope(pattern: PatternTable, off_boresight_rad: float) -> t
     return cubic(share, start, end, pattern.slope[i], pattern.slope[j]), slope / STEP_RAD
 
 
+class GainInDirection(NamedTuple):
+    """Gain towards a direction in space, and its slopes per radian."""
+
+    gain: float
+    by_azimuth: float
+    by_elevation: float
+
+
 class Boresight(NamedTuple):
     """Direction of a boresight."""
 
@@ -99,7 +107,7 @@ def gain_towards(pattern: PatternTable, boresight: Boresight, x: float, y: float
 @compiled
 def gain_and_slopes_towards(
     pattern: PatternTable, boresight: Boresight, x: float, y: float, z: float
-) -> tuple[float, float, float]:
+) -> GainInDirection:
     """Gain along a vector of length 1 and its slopes by azimuth and elevation; arguments as of `gain_towards`."""
     sideways = max(math.hypot(x, y), NEAR_AXIS)
     level = boresight.cos_azimuth * x + boresight.sin_azimuth * y
@@ -121,7 +129,7 @@ def gain_and_slopes_towards(
         roll_by_elevation = -(z * left / sideways + cos_roll * ahead * psi_by_elevation) / sin_psi
     by_psi = 0.5 * ((1.0 + cos_roll) * slope_left - (1.0 - cos_roll) * slope_right)
     by_roll = 0.5 * (to_left - to_right)  # per change of cos_roll
-    return (
+    return GainInDirection(
         0.5 * ((1.0 + cos_roll) * to_left + (1.0 - cos_roll) * to_right),
         by_psi * boresight.cos_elevation * cos_roll + by_roll * roll_by_azimuth,
         by_psi * psi_by_elevation + by_roll * roll_by_elevation,

@@ -20,7 +20,7 @@ from dirmusic.pulses.batch import PulseBatch
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
 
-    from dirmusic.locating.joint_kernels import Beliefs, Explained
+    from dirmusic.locating.joint_kernels import Beliefs, Explained, Quadratic
 
 FloatArray = NDArray[np.float64]
 
@@ -172,7 +172,7 @@ class _Fit:
         )
         self._scale = np.concatenate([np.ones(n_places), beliefs.spread[n_places:]])
         self._arguments = n_kinds, data, nominal, beliefs
-        self._known: tuple[FloatArray, float, FloatArray, FloatArray] | None = None
+        self._known: tuple[FloatArray, Quadratic] | None = None
         self._before: tuple[float, int] = np.inf, 0
 
     def solve(self, start: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -180,24 +180,24 @@ class _Fit:
         from scipy.optimize import minimize  # here, so that a command line help need not wait for it
 
         found = minimize(
-            lambda x: self._at(x)[1],
+            lambda x: self._at(x).cost,
             start / self._scale,
             method="trust-exact",
-            jac=lambda x: self._scale * self._at(x)[2],
-            hess=lambda x: np.multiply.outer(self._scale, self._scale) * self._at(x)[3],
+            jac=lambda x: self._scale * self._at(x).gradient,
+            hess=lambda x: np.multiply.outer(self._scale, self._scale) * self._at(x).hessian,
             callback=self._stop,
             options={"maxiter": MOST_STEPS, "initial_trust_radius": 10.0, "max_trust_radius": 1000.0},
         )
         best = np.asarray(found.x, dtype=np.float64)
-        return best * self._scale, self._at(best)[3]
+        return best * self._scale, self._at(best).hessian
 
-    def _at(self, x: FloatArray) -> tuple[FloatArray, float, FloatArray, FloatArray]:
-        """Where, cost, gradient and Hessian."""
+    def _at(self, x: FloatArray) -> Quadratic:
+        """The cost about a state; the last is kept, for the optimiser asks for its parts one by one."""
         from dirmusic.locating.joint_kernels import evaluate
 
         if self._known is None or not np.array_equal(self._known[0], x):
-            self._known = (x.copy(), *evaluate(self._scale * x, *self._arguments))
-        return self._known
+            self._known = x.copy(), evaluate(self._scale * x, *self._arguments)
+        return self._known[1]
 
     def _stop(self, intermediate_result: OptimizeResult) -> None:
         """End where steps gain nothing any more, or are not taken."""

@@ -85,6 +85,20 @@ class Linear(NamedTuple):
     slope: FloatArray
 
 
+class Quadratic(NamedTuple):
+    """What is minimised, about one state.
+
+    Attributes:
+        cost: Its value.
+        gradient: Shape (n_states,).
+        hessian: Shape (n_states, n_states), after Gauss and Newton.
+    """
+
+    cost: float
+    gradient: FloatArray
+    hessian: FloatArray
+
+
 @compiled
 def _dot(first: FloatArray, second: FloatArray) -> float:
     total = 0.0
@@ -114,7 +128,7 @@ def linearise(
     n_sources = (state.size - (at.slope.shape[1] - N_PLACE)) // N_PLACE
     n_kinds = (at.slope.shape[1] - N_PLACE) // n_elements
     place, errors = N_PLACE * data.source[k], N_PLACE * n_sources
-    x, y, height = state[place] - data.pose[k, 0], state[place + 1] - data.pose[k, 1], state[place + 2]
+    x, y, height = state[place] - data.pose[k, 0], state[place + 1] - data.pose[k, 1], float(state[place + 2])
     cos_yaw, sin_yaw = math.cos(data.pose[k, 2]), math.sin(data.pose[k, 2])
     range_m = math.hypot(x, y)
     model, turn, rise, by_x, by_y, by_height, by_gain, by_pointing, by_offset = room
@@ -200,10 +214,8 @@ def _tolerate(vector: FloatArray, turn: FloatArray, turn_share: float, rise: Flo
 
 
 @compiled
-def evaluate(
-    state: FloatArray, n_kinds: int, data: Explained, array: NominalArray, beliefs: Beliefs
-) -> tuple[float, FloatArray, FloatArray]:
-    r"""Cost, gradient (n_states,), and Gauss-Newton Hessian (n_states, n_states) of the robust fit.
+def evaluate(state: FloatArray, n_kinds: int, data: Explained, array: NominalArray, beliefs: Beliefs) -> Quadratic:
+    r"""The cost of the robust fit about a state.
 
     .. math:: C = \sum_i s^2 (\sqrt{1 + (f_i / s)^2} - 1)
 
@@ -251,4 +263,4 @@ def evaluate(
         hessian[i, i] += 1.0 / (root * root * root) / beliefs.spread[i] ** 2
         for j in range(i):
             hessian[j, i] = hessian[i, j]
-    return cost, gradient, hessian
+    return Quadratic(cost, gradient, hessian)
