@@ -46,7 +46,7 @@ class ReceiverBank:
         self._arrays = ArrayTable.of([listener.array for listener in listeners])
         n_sources = len(scene.sources)
         self._sources = SourceTable(np.empty((n_robots, n_sources, 3)), np.empty((n_robots, n_sources)))
-        self._plain_arrays, self._plain_sources = tuple(self._arrays), tuple(self._sources)
+        self._plain_arrays, self._plain_sources = plain(self._arrays), tuple(self._sources)
         self._surroundings = plain(scene.surroundings)
         self._samplers: list[tuple[Any, ...]] = [()] * n_robots
         self._reading, n = plain(self._receiver.reading), self._receiver.n_elements
@@ -83,7 +83,7 @@ class ReceiverBank:
         """
         robots: list[int] = list(range(len(self._listeners))) if rows is None else rows.tolist()
         starts: list[float] = start_s.tolist()
-        arrays = tuple(self._arrays_at(start_s)) if self.config.faults else self._plain_arrays
+        arrays = plain(self._arrays_at(start_s)) if self.config.faults else self._plain_arrays
         propagation = (self._plain_sources, world_from_array, arrays, self._surroundings)
         parts = [
             found
