@@ -10,7 +10,7 @@ from envs.scenario.sources import SourceConfig
 from robot_models.equipment import CATALOGUE
 from robot_models.yard.pieces import CatalogueEquipment, Equipment
 from robot_models.yard.yard import Yard
-from sensing import ArrayConfig, ReceiverConfig
+from sensing import ArrayConfig
 
 FloatArray = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ def random_yard(seed: int | np.random.Generator, n_obstructions: int = 5) -> Sce
         n_obstructions: Pieces of equipment asked for, in [0, 12]; where no room is left, there are fewer.
 
     Returns:
-        The scenario, with energies as fidelity: it is meant for many episodes.
+        The scenario.
 
     Raises:
         ValueError: If `n_obstructions` is out of range.
@@ -71,7 +71,6 @@ def random_yard(seed: int | np.random.Generator, n_obstructions: int = 5) -> Sce
         route=RouteConfig(dock_m=DOCK_M, waypoints_m=tuple((float(x), float(y)) for x, y in stops_m)),
         array=ArrayConfig(),
         sources=(source,),
-        receiver=ReceiverConfig(),
         task=TaskConfig(time_limit_s=300.0),
     )
 
@@ -89,7 +88,6 @@ def open_yard() -> Scenario:
         route=RouteConfig(dock_m=DOCK_M, waypoints_m=OPEN_ROUND_M),
         array=ArrayConfig(),
         sources=(SourceConfig(name="discharge", anywhere_at_m=1.5),),
-        receiver=ReceiverConfig(),
         task=TaskConfig(time_limit_s=OPEN_TIME_LIMIT_S),
     )
 

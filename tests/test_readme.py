@@ -82,7 +82,6 @@ def test_the_settings_that_the_readme_shows_are_taken(tmp_path: Path) -> None:
     assert "[receiver]" not in shipped
     (tmp_path / "yard.toml").write_text("\n".join([shipped, *blocks("toml")]), encoding="utf-8")
     scenario = load_scenario(tmp_path / "yard.toml")
-    assert scenario.receiver.fidelity == "energy"
     assert len(scenario.receiver.faults) == len(scenario.carriers) == 1
     assert [interferer.speed_mps for interferer in scenario.interferers] == [8.0]
     assert scenario.known_yard.nearest_equipment((24.0, 13.0)) == "kiosk"

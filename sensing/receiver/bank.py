@@ -52,7 +52,9 @@ class ReceiverBank:
         self._reading, n = plain(self._receiver.reading), self._receiver.n_elements
         self._no_tones = Tones(np.empty((0, n)), np.empty((0, n)), np.empty(0))
         self._quiet_channels = tuple(self._channels(0.0, self._no_tones))
-        self._nothing = Detections(np.empty(0, dtype=np.intp), PulseBatch.none(n), np.empty((0, n, config.gate_samples)), 0)
+        self._nothing = Detections(
+            np.empty(0, dtype=np.intp), PulseBatch.none(n), np.empty((0, n, config.gate_samples)), 0
+        )
         for robot, listener in enumerate(listeners):
             self.replace(robot, listener)
 
@@ -94,9 +96,7 @@ class ReceiverBank:
             return parts[0]
         return Detections.join(parts) if parts else self._nothing
 
-    def _listen(
-        self, robot: int, propagation: tuple[Any, ...], start_s: float, duration_s: float
-    ) -> Detections | None:
+    def _listen(self, robot: int, propagation: tuple[Any, ...], start_s: float, duration_s: float) -> Detections | None:
         """What one robot detects; None if there is nothing."""
         listener = self._listeners[robot]
         scene, rng = listener.scene, listener.receiver_rng

@@ -136,9 +136,7 @@ class Sampler(NamedTuple):
 
 
 @compiled
-def add_signal(
-    record_v: FloatArray, start_s: float, emission: Emission, arrivals: Arrivals, pulse: PulseTable
-) -> None:
+def add_signal(record_v: FloatArray, start_s: float, emission: Emission, arrivals: Arrivals, pulse: PulseTable) -> None:
     """Add an emission by all its paths to a record (n_samples, n_elements) from `start_s` after the emission on."""
     n_phases, n_known = pulse.values_v.shape
     n_samples, n_elements = record_v.shape
@@ -435,7 +433,10 @@ def fix_one(
     if window < 0:
         return Fixed(-1, -1, -1, 0.0)
     signal_v = record.volts[row, channel]
-    below, above = (trigger.level_v - abs(signal_v)) / trigger.noise_v, (trigger.level_v + abs(signal_v)) / trigger.noise_v
+    below, above = (
+        (trigger.level_v - abs(signal_v)) / trigger.noise_v,
+        (trigger.level_v + abs(signal_v)) / trigger.noise_v,
+    )
     with_signal = tail_probability(below)
     exact = with_signal + tail_probability(above)
     if rng.random() * probability >= exact:

@@ -14,12 +14,11 @@ from envs.vector_env import PatrolVectorEnv
 N_STEPS = 300
 
 
-def brisk(name: str = "one_source", fidelity: str = "energy") -> Scenario:
+def brisk(name: str = "one_source") -> Scenario:
     """A scenario whose episodes end soon, by time or by approach."""
     scenario = load_scenario(name)
     return scenario.model_copy(
         update={
-            "receiver": scenario.receiver.model_copy(update={"fidelity": fidelity}),
             "task": scenario.task.model_copy(update={"time_limit_s": 9.0, "standoff_m": 8.0}),
         }
     )
@@ -75,7 +74,7 @@ def test_each_row_is_its_single_environment_to_the_bit(
 
 
 def test_rows_with_faulty_channels_and_whole_waveforms_are_their_single_environments_too() -> None:
-    scenario = brisk("two_sources", "waveform")
+    scenario = brisk("two_sources")
     fault = {"channel": 2, "kind": "dead", "start_s": 1.0}
     receiver = type(scenario.receiver).model_validate({**scenario.receiver.model_dump(), "faults": (fault,)})
     sources = tuple(source.model_copy(update={"pulse_rate_hz": 60.0}) for source in scenario.sources)

@@ -246,9 +246,7 @@ def test_clipped_pulses_are_told_logged_and_left_out_of_locating() -> None:
 
 def test_a_channel_that_dies_is_told_left_out_and_does_not_spoil_the_mission() -> None:
     scenario = load_scenario("one_source")
-    dead = scenario.receiver.model_copy(
-        update={"faults": (ChannelFault(channel=2, kind="dead", start_s=5.0),), "fidelity": "energy"}
-    )
+    dead = scenario.receiver.model_copy(update={"faults": (ChannelFault(channel=2, kind="dead", start_s=5.0),)})
     log = run_mission(scenario.model_copy(update={"receiver": dead}), seed=1)
     report = make_report(log, 0.0)
     assert len(report["channel_faults"]) == 1
@@ -259,9 +257,7 @@ def test_a_channel_that_dies_is_told_left_out_and_does_not_spoil_the_mission() -
 @pytest.mark.parametrize("seed", range(4))
 def test_a_channel_that_dies_is_told_after_a_few_dozen_pulses_with_a_clear_direction(seed: int) -> None:
     scenario = load_scenario("one_source")
-    dead = scenario.receiver.model_copy(
-        update={"faults": (ChannelFault(channel=2, kind="dead", start_s=5.0),), "fidelity": "energy"}
-    )
+    dead = scenario.receiver.model_copy(update={"faults": (ChannelFault(channel=2, kind="dead", start_s=5.0),)})
     env = PatrolEnv(scenario.model_copy(update={"receiver": dead}), terminate_on_approach=False)
     observation, info = env.reset(seed=seed)
     policy, site_map, n_clear = make_policy("patrol", np.random.default_rng(0)), SiteMap(scenario), 0

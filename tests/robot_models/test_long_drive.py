@@ -14,8 +14,7 @@ def drive_at_random(minutes: float, seed: int, robot: str = "inspector") -> set[
     scenario = load_scenario("transformer_bay").model_copy(update={"robot": RobotConfig(model=robot)})
     inner_m = scenario.robot.description.inner_radius_m
     task = scenario.task.model_copy(update={"time_limit_s": 60.0 * minutes})
-    receiver = scenario.receiver.model_copy(update={"fidelity": "energy"})
-    env = PatrolEnv(scenario.model_copy(update={"task": task, "receiver": receiver, "sources": ()}))
+    env = PatrolEnv(scenario.model_copy(update={"task": task, "sources": ()}))
     rng, size_m, touched, truncated, n_steps = np.random.default_rng(seed), scenario.yard.size_m, set[str](), False, 0
     env.reset(seed=seed)
     wish = rng.uniform([-0.7, -1.0], [1.0, 1.0], (round(60.0 * minutes), 2)).astype(np.float32)  # on the whole forward

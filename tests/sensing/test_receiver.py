@@ -1,5 +1,6 @@
 """What the receiver detects: spreading, delay, obstruction, trigger, gate."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from sensing.radio.surroundings import rays_between
 from sensing.receiver.bank import listen_once
 from sensing.receiver.front_end import FrontEnd
 from sensing.receiver.receiver import Receiver
+from sensing.receiver.sampling import add_noise, settle
 
 NOMINAL = HelicalArray.nominal(ArrayConfig())
 AT_ORIGIN = np.eye(4)
@@ -125,9 +127,12 @@ def test_the_threshold_keeps_the_false_alarm_rate_of_white_noise() -> None:
 def test_the_threshold_keeps_the_false_alarm_rate_of_filtered_noise() -> None:
     receiver = Receiver(ReceiverConfig(false_alarm_rate_hz=1e4), 6)
     often = Receiver(receiver.config.model_copy(update={"false_alarm_rate_hz": 6e6}), 6)
-    noise = 1e-3 * receiver.front_end.noise(np.random.default_rng(0), (6, 4_000_000))
-    above = np.abs(noise) > often.threshold_v
-    crossings = (above[:, 1:] & ~above[:, :-1]).sum()
+    noise, rng, drawn = receiver.front_end.noise_filter(1e-3), np.random.default_rng(0), np.zeros((4_000_000, 6))
+    state = np.empty((len(noise.sections), 2, 6))
+    settle(noise, rng, state)
+    add_noise(noise, rng, state, drawn)
+    above = np.abs(drawn) > often.threshold_v
+    crossings = (above[1:] & ~above[:-1]).sum()
     assert crossings / (4e6 / 20e9) == pytest.approx(6e6, rel=0.15)  # 1200 of them
 
 
@@ -217,8 +222,7 @@ def test_pulses_drawn_ahead_lie_in_their_intervals_as_often_as_they_should_and_s
     assert again.size == pytest.approx(300 * 70, abs=4 * np.sqrt(300 * 70))
 
 
-@pytest.mark.parametrize("fidelity", ["waveform", "energy"])
-def test_the_gate_is_about_the_first_path_that_triggers_though_a_later_one_is_louder(fidelity: str) -> None:
+def test_the_gate_is_about_the_first_path_that_triggers_though_a_later_one_is_louder() -> None:
     source = source_at(8.0, 0.0, amplitude_v=2.7)
     to_the_left = Faces(
         centre_m=np.array([[4.0, 6.0, 2.0]]),
@@ -228,7 +232,7 @@ def test_the_gate_is_about_the_first_path_that_triggers_though_a_later_one_is_lo
         owner=np.array([0]),
     )
     surroundings = behind(20.0, x=4.0)._replace(faces=to_the_left, reflection=np.array([-0.8]))
-    detected = listen(source, duration_s=0.1, surroundings=surroundings, fidelity=fidelity, false_alarm_rate_hz=1e-6)
+    detected = listen(source, duration_s=0.1, surroundings=surroundings, false_alarm_rate_hz=1e-6)
     ahead, left = (
         detected.pulses.strengths_v[:, 1:3].min(axis=-1),
         detected.pulses.strengths_v[:, 0],
@@ -237,15 +241,15 @@ def test_the_gate_is_about_the_first_path_that_triggers_though_a_later_one_is_lo
     assert (ahead > 1.3 * left).all()  # from the left, element 1 would hear most of all
 
 
-@pytest.mark.parametrize("fidelity", ["waveform", "energy"])
-def test_a_pulse_that_just_reaches_the_threshold_is_detected_about_half_the_time(fidelity: str) -> None:
-    config: dict[str, Any] = {"fidelity": fidelity, "trigger_jitter": False, "false_alarm_rate_hz": 1e-6}
+def test_a_pulse_that_just_reaches_the_threshold_is_detected_more_often_than_not() -> None:
+    """Its largest sample alone would be every other time; those beside it get their chance too."""
+    config: dict[str, Any] = {"false_alarm_rate_hz": 1e-6}
     receiver = Receiver(ReceiverConfig(**config), 6)
     range_m = float(rays_between(NOMINAL.positions_m, np.array([0.0, 10.0, 0.6])).range_m[0])  # element 1 looks there
     loudest_gain = float(NOMINAL.gain(np.full(6, np.pi / 2), np.zeros(6)).max())
     amplitude_v = receiver.threshold_v * range_m / (loudest_gain * receiver.front_end.pulse_peak)
     detected = listen(source_at(0.0, 10.0, amplitude_v=amplitude_v), **config)
-    assert detected.pulses.time_s.size == pytest.approx(500, abs=80)
+    assert detected.pulses.time_s.size == pytest.approx(720, abs=100)
 
 
 def test_the_array_receives_less_of_a_source_above_it_than_of_a_level_one_ahead() -> None:
@@ -276,3 +280,58 @@ def test_a_pulse_beyond_full_scale_is_flagged_and_one_within_is_not() -> None:
     assert loud.pulses.is_clipped.any(axis=-1).all()
     assert np.abs(loud.waveforms_v).max() == pytest.approx(0.1)
     assert not quiet.pulses.is_clipped.any()
+
+
+I = np.eye(3)
+MIRROR = np.array([-0.8])
+
+
+def ground() -> Surroundings:
+    plane = Faces(np.zeros((1, 3)), I[2:], I[np.newaxis, :2], np.full((1, 2), np.inf), np.array([-1]))
+    return Surroundings.free_space()._replace(faces=plane, reflection=np.array([-0.3]))
+
+
+def wall(y_m: float) -> Surroundings:
+    face = Faces(np.array([[5.0, y_m, 2.0]]), I[1:2], I[np.newaxis, [0, 2]], np.array([[20.0, 3.0]]), np.array([0]))
+    return Surroundings(face, MIRROR, np.zeros(1), Obstacles.none())
+
+
+def tank_and_wall() -> Surroundings:
+    """The direct path loses 25 dB in a tank; the echo of a wall comes 22 dB above it."""
+    one, none = np.ones(1), np.zeros(1)
+    tank = Obstacles(np.array([[5.0, 0.0]]), none, np.array([[0.2, 0.5]]), none, none, 3 * one, np.zeros(1, np.intp))
+    return wall(-3.75)._replace(log_loss=-np.log(10) / 20 * np.array([25.0]), obstacles=tank)
+
+
+def share_detected(amplitude_v: float, around: Surroundings, seed: int, n: int = 1000) -> float:
+    gun = replace(source_at(10.0, 0.0), amplitude_v=amplitude_v, pulse_rate_hz=2e3, n_shots=n)
+    rng = np.random.default_rng(seed)
+    detected = listen_once(
+        ReceiverConfig(), NOMINAL, Scene([gun], around), rng, world_from_array=AT_ORIGIN, duration_s=n / 2e3
+    )
+    return detected.pulses.n_pulses / n
+
+
+def test_an_echo_is_detected_where_a_first_path_just_fails_to_trigger() -> None:
+    shares = [share_detected(amplitude_v, tank_and_wall(), 1) for amplitude_v in (0.50, 0.515, 0.53)]
+    assert min(shares) == 1.0
+
+
+def test_no_discharge_is_taken_for_a_burst_though_ground_and_wall_echo_it() -> None:
+    both = Faces(*(np.concatenate(pair) for pair in zip(ground().faces, wall(-2.75).faces, strict=True)))
+    around = Surroundings(both, np.array([-0.3, -0.8]), np.zeros(1), Obstacles.none())
+    for level_db in (6.0, 13.0, 20.0):
+        gun = replace(source_at(10.0, 0.0, 1.5), amplitude_v=0.027 * 10 ** (level_db / 20), pulse_rate_hz=2e3)
+        detected = listen(gun, duration_s=0.5, surroundings=around)
+        assert detected.n_rejected < 0.01 * detected.pulses.n_pulses
+
+
+def test_detection_rises_with_the_level() -> None:
+    """Within its interval, from 6 dB below the trigger level to 40 dB above it, in fifty random scenes."""
+    levels_db = np.arange(-6.0, 41.0, 2.0)
+    for seed in range(50):
+        rng = np.random.default_rng(seed)
+        around = [ground(), wall(-rng.uniform(0.5, 12.0)), tank_and_wall()][seed % 3]
+        shares = [share_detected(0.02 * 10 ** (x / 20), around, seed, 300) for x in levels_db + rng.uniform(-1.0, 1.0)]
+        highest = np.maximum.accumulate(shares)
+        assert (highest - shares < 3.3 * np.sqrt(2 * np.maximum(highest * (1 - highest), 0.003) / 300)).all(), seed
