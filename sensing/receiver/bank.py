@@ -19,7 +19,7 @@ from sensing.receiver.detection import Channels, Gates, detect
 from sensing.receiver.detections import Detections
 from sensing.receiver.false_alarms import FalseAlarms
 from sensing.receiver.receiver import Listener, Receiver
-from sensing.receiver.sampling import Tones
+from sensing.receiver.sampling.sampler import Tones
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -117,13 +117,10 @@ class ReceiverBank:
         found = Gates.room(n, self._receiver.n_elements, self.config.gate_samples)
         n_found, n_rejected = detect(
             robot,
-            tuple(emissions),
-            np.array(false_alarms) if false_alarms else NO_TIMES,
+            (tuple(emissions), np.array(false_alarms) if false_alarms else NO_TIMES),
             propagation,
-            sampler,
-            self._reading,
-            tuple(tones),
-            channels,
+            (sampler, *self._reading),
+            (tuple(tones), channels),
             rng,
             (found.waveforms_v, tuple(found.pulses)),
         )

@@ -14,18 +14,8 @@ from sensing.radio.arrivals import propagate
 from sensing.radio.propagation import named_propagation
 from sensing.receiver.front_end import NoiseFilter, PulseTable
 from sensing.receiver.gates import GateParameters, read_gate
-from sensing.receiver.sampling import (
-    IS_BURST,
-    IS_PULSE,
-    BurstTest,
-    Emission,
-    Sampler,
-    Timing,
-    Tones,
-    Trigger,
-    sample_noise,
-    sample_pulse,
-)
+from sensing.receiver.sampling.gate import IS_BURST, IS_PULSE, sample_noise, sample_pulse
+from sensing.receiver.sampling.sampler import BurstTest, Emission, Sampler, Timing, Tones, Trigger
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -101,13 +91,10 @@ def convert(gate_v: FloatArray, converter: Converter, channels: Channels, wavefo
 @compiled
 def detect(
     robot: int,
-    emissions: tuple[Any, ...],
-    false_alarms_s: FloatArray,
+    triggering: tuple[Any, ...],
     propagation: tuple[Any, ...],
-    sampler: tuple[Any, ...],
-    reading: tuple[Any, ...],
-    tones: tuple[Any, ...],
-    channels: tuple[Any, ...],
+    receiver: tuple[Any, ...],
+    condition: tuple[Any, ...],
     rng: np.random.Generator,
     found: tuple[Any, ...],
 ) -> tuple[int, int]:
@@ -115,25 +102,22 @@ def detect(
 
     Args:
         robot: Row of the robot in `propagation`.
-        emissions: Plain `Emissions` of its scene.
-        false_alarms_s: When noise alone triggers, shape (n_false_alarms,).
+        triggering: Plain `Emissions` of its scene, and times at which noise alone triggers, shape (n_false_alarms,).
         propagation: A plain `Propagation`.
-        sampler: A plain `Sampler`.
-        reading: Plain `Converter` and `GateParameters`.
-        tones: Plain `Tones`.
-        channels: Plain `Channels`.
+        receiver: A plain `Sampler`, `Converter` and `GateParameters`.
+        condition: Plain `Tones` and `Channels`, as they are now.
         rng: Draws.
         found: Plain `Gates` with room for all emissions and false alarms; its first rows are filled in.
 
     Returns:
         How many gates there are, and how many emissions triggered and were rejected as bursts.
     """
-    radiated, around, receiver = Emissions(*emissions), named_propagation(propagation), named_sampler(sampler)
+    radiated, around, sampler = Emissions(*triggering[0]), named_propagation(propagation), named_sampler(receiver[0])
     converter, gate, carriers, state = (
-        Converter(*reading[0]), GateParameters(*reading[1]), Tones(*tones), Channels(*channels)
+        Converter(*receiver[1]), GateParameters(*receiver[2]), Tones(*condition[0]), Channels(*condition[1])
     )  # fmt: skip
     waveforms_v, pulses = found[0], PulseBatch(*found[1])
-    gate_v = np.empty((receiver.timing.gate, state.limit_v.size))
+    gate_v = np.empty((sampler.timing.gate, state.limit_v.size))
     n_found = n_rejected = 0
     if radiated.time_s.size > 0:
         is_emitting = np.zeros(around.sources.burst_s.shape, np.bool_)
@@ -145,7 +129,7 @@ def detect(
             first, n_paths = int(ray_paths.first[robot, s]), int(ray_paths.n_paths[robot, s])
             emission = Emission(radiated.peak_v[k], around.sources.burst_s[robot, s], first, n_paths)
             came_as = sample_pulse(
-                emission, arrivals, receiver, carriers, state.limit_v, state.background_v2, rng, gate_v
+                emission, arrivals, sampler, carriers, state.limit_v, state.background_v2, rng, gate_v
             )
             if came_as == IS_PULSE:
                 convert(gate_v, converter, state, waveforms_v[n_found])
@@ -153,8 +137,8 @@ def detect(
                 n_found += 1
             elif came_as == IS_BURST:
                 n_rejected += 1
-    for time_s in false_alarms_s:
-        sample_noise(receiver, carriers, rng, gate_v)
+    for time_s in triggering[1]:
+        sample_noise(sampler, carriers, rng, gate_v)
         convert(gate_v, converter, state, waveforms_v[n_found])
         read_gate(waveforms_v[n_found], state.background_v2, time_s, gate, n_found, pulses)
         n_found += 1

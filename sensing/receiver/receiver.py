@@ -19,7 +19,7 @@ from sensing.receiver.detection import Converter
 from sensing.receiver.faults import Faults
 from sensing.receiver.front_end import front_end
 from sensing.receiver.gates import GateParameters
-from sensing.receiver.sampling import BurstTest, Sampler, Timing, Tones, Trigger
+from sensing.receiver.sampling.sampler import BurstTest, Sampler, Timing, Tones, Trigger
 from sensing.receiver.trigger import STEP, probabilities, threshold_over_noise
 
 FloatArray = NDArray[np.float64]

@@ -24,7 +24,7 @@ from sensing.nature.pulse_shape import damped_pulse
 from sensing.receiver.bank import listen_once
 from sensing.receiver.front_end import FILTER_ORDER, FrontEnd
 from sensing.receiver.receiver import Receiver
-from sensing.receiver.sampling import add_noise, settle
+from sensing.receiver.sampling.noise import add_noise, settle
 from tests.sensing.reference_receiver import arrivals_of, sample
 
 FloatArray = NDArray[np.float64]

@@ -24,7 +24,7 @@ from sensing.radio.surroundings import rays_between
 from sensing.receiver.bank import listen_once
 from sensing.receiver.front_end import FrontEnd
 from sensing.receiver.receiver import Receiver
-from sensing.receiver.sampling import add_noise, settle
+from sensing.receiver.sampling.noise import add_noise, settle
 
 NOMINAL = HelicalArray.nominal(ArrayConfig())
 AT_ORIGIN = np.eye(4)
@@ -282,17 +282,19 @@ def test_a_pulse_beyond_full_scale_is_flagged_and_one_within_is_not() -> None:
     assert not quiet.pulses.is_clipped.any()
 
 
-I = np.eye(3)
+AXES = np.eye(3)
 MIRROR = np.array([-0.8])
 
 
 def ground() -> Surroundings:
-    plane = Faces(np.zeros((1, 3)), I[2:], I[np.newaxis, :2], np.full((1, 2), np.inf), np.array([-1]))
+    plane = Faces(np.zeros((1, 3)), AXES[2:], AXES[np.newaxis, :2], np.full((1, 2), np.inf), np.array([-1]))
     return Surroundings.free_space()._replace(faces=plane, reflection=np.array([-0.3]))
 
 
 def wall(y_m: float) -> Surroundings:
-    face = Faces(np.array([[5.0, y_m, 2.0]]), I[1:2], I[np.newaxis, [0, 2]], np.array([[20.0, 3.0]]), np.array([0]))
+    face = Faces(
+        np.array([[5.0, y_m, 2.0]]), AXES[1:2], AXES[np.newaxis, [0, 2]], np.array([[20.0, 3.0]]), np.array([0])
+    )
     return Surroundings(face, MIRROR, np.zeros(1), Obstacles.none())
 
 
