@@ -69,7 +69,7 @@ def test_a_pulse_takes_no_longer_than_its_noise_and_one_out_of_reach_next_to_not
         taken.append([heard_s, faint_s, seconds_of_white_noise()])
     heard_s, faint_s, noise_s = (statistics.median(column) for column in zip(*taken, strict=True))
     print(
-        f"\nby three paths, one pulse that is heard takes {1e6 * heard_s:.0f} us, one out of reach {1e6 * faint_s:.1f} us; "
+        f"\na pulse by three paths takes {1e6 * heard_s:.0f} us, one out of reach {1e6 * faint_s:.1f} us; "
         f"white noise of 6 x 260 samples takes numpy {1e6 * noise_s:.0f} us"
     )
     assert heard_s <= 2.5 * noise_s
