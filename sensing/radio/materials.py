@@ -1,46 +1,69 @@
-"""What equipment is made of, to a radio wave between 1.5 and 2 GHz: how much of it passes, how much comes back."""
+"""What equipment and ground are made of, to a radio wave between 1.4 and 2.2 GHz: what passes, and what comes back."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
+
+import numpy as np
+
+FREQUENCY_GHZ = 1.75
+"""Middle of the pulses' band: over it, neither changes by more than a few per cent."""
+
+OPAQUE = np.inf
+"""Loss of what nothing passes: waves come round it only."""
 
 
 class Material(NamedTuple):
     """How a material treats a wave.
 
     Attributes:
-        loss_db: What a wave loses on its way through, or round, one piece of equipment, >= 0.
-        reflection: Amplitude that a flat face sends back over what falls on it, in [-1, 1]; below 0 it turns over.
+        permittivity: Real part, relative to vacuum.
+        conductivity_spm: Conductivity, S/m, at `FREQUENCY_GHZ`.
+        loss_db: What a wave loses on its way through one piece of equipment, >= 0; `OPAQUE` if nothing passes.
+        flat_share: Share of the amplitude that a smooth surface would mirror, in [0, 1]: ribs and openings scatter the
+            rest, and 0 is what is no mirror at all.
     """
 
+    permittivity: float
+    conductivity_spm: float
     loss_db: float
-    reflection: float
+    flat_share: float
 
 
-METAL = Material(loss_db=25.0, reflection=-0.8)
-"""Assumed. Nothing passes a tank; 25 dB is what bends round its edges: a knife edge well within the shadow, eq. (31) of
-ITU-R P.526 at 1.75 GHz, gives 20 to 30 dB. A smooth plate sends back -1; ribs and radiators scatter a part of it."""
+def _by_recommendation(a: float, b: float, c: float, d: float) -> tuple[float, float]:
+    """Permittivity and conductivity after ITU-R P.2040-3, eq. (28) and (29), with the constants of its table 3."""
+    return a * FREQUENCY_GHZ**b, c * FREQUENCY_GHZ**d
 
-CONCRETE = Material(loss_db=20.0, reflection=-0.39)
-"""ITU-R P.2040, concrete at 1.75 GHz: permittivity 5.24, conductivity 0.072 S/m. Hence -0.39 at normal incidence, and
-51 dB for every metre of wall, of which 0.4 m is assumed."""
 
-PORCELAIN = Material(loss_db=10.0, reflection=-0.4)
-"""Assumed: a slender insulator with a metal core lets much pass to both sides; permittivity 6 for its reflection."""
+METAL = Material(*_by_recommendation(1.0, 0.0, 1e7, 0.0), OPAQUE, flat_share=0.8)
+"""ITU-R P.2040, metal. Ribs and radiators scatter a fifth of the amplitude (assumed)."""
 
-RACK = Material(loss_db=10.0, reflection=-0.3)
-"""Assumed: units on an open frame, which both shade and reflect in part."""
+CONCRETE = Material(*_by_recommendation(5.24, 0.0, 0.0462, 0.7822), 20.0, flat_share=1.0)
+"""ITU-R P.2040, concrete: 51 dB for every metre of wall, of which 0.4 m is assumed."""
 
-MESH = Material(loss_db=2.0, reflection=-0.2)
+BRICK = Material(*_by_recommendation(3.91, 0.0, 0.0238, 0.16), 4.0, flat_share=1.0)
+"""ITU-R P.2040, brick: 26 dB for every metre, of which 0.15 m is assumed."""
+
+PORCELAIN = Material(6.0, 0.0, 10.0, flat_share=1.0)
+"""Assumed: permittivity 6; a slender insulator with a metal core lets much pass to both sides."""
+
+RACK = Material(*_by_recommendation(1.0, 0.0, 1e7, 0.0), 10.0, flat_share=0.3)
+"""Assumed: units on an open frame, which both shade and mirror in part."""
+
+MESH = Material(*_by_recommendation(1.0, 0.0, 1e7, 0.0), 2.0, flat_share=0.2)
 """Assumed: wire mesh whose openings are a third of a wavelength lets most pass."""
 
-KERB = Material(loss_db=1.0, reflection=0.0)
+KERB = Material(5.24, 0.0, 1.0, flat_share=0.0)
 """Assumed: a stone a wavelength high neither shades nor mirrors what goes over it."""
 
-GRAVEL = Material(loss_db=0.0, reflection=-0.3)
-"""The ground: permittivity of 3.5 for dry gravel (assumed; ITU-R P.527 gives 3 to 4 for dry soil), normal incidence.
-At a grazing angle more comes back, of which a circularly polarised helix receives only a part."""
+GRAVEL = Material(3.5, 0.0, 0.0, flat_share=1.0)
+"""The ground: dry gravel (assumed; ITU-R P.527 gives a permittivity of 3 to 4 for dry soil)."""
 
+DRY_GROUND = Material(*_by_recommendation(15.0, -0.1, 0.035, 1.63), 0.0, flat_share=1.0)
+"""ITU-R P.2040, medium dry ground."""
+
+WET_GROUND = Material(*_by_recommendation(30.0, -0.4, 0.15, 1.30), 0.0, flat_share=1.0)
+"""ITU-R P.2040, wet ground."""
 KIND_MATERIALS: dict[str, Material] = {
     "building": CONCRETE,
     "busbar": PORCELAIN,

@@ -1,0 +1,151 @@
+"""The electric field along a ray, in compiled functions: as it is radiated, mirrored, bent, and received.
+
+Fields are relative to what an isotropic source of linear polarisation radiates: a direct ray has length 1. Waves go as
+exp(j (omega t - k r)).
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from typing import NamedTuple
+
+from dirmusic.compiled import compiled
+from sensing.radio.fresnel import WedgeCoefficients
+from sensing.radio.materials import FREQUENCY_GHZ
+
+TINY = 1e-9
+"""A sine below which two directions are one."""
+
+LOSS_FACTOR = 17.98
+"""Imaginary part of the permittivity by conductivity in S/m, times GHz: one over 2 pi epsilon_0 (ITU-R P.2040)."""
+
+
+class Vector(NamedTuple):
+    """Of space, world frame."""
+
+    x: float
+    y: float
+    z: float
+
+
+class Field(NamedTuple):
+    """Complex amplitudes of an electric field along the axes of the world frame."""
+
+    x: complex
+    y: complex
+    z: complex
+
+
+@compiled
+def dot(first: Vector, second: Vector) -> float:
+    """Scalar product."""
+    return first.x * second.x + first.y * second.y + first.z * second.z
+
+
+@compiled
+def along(field: Field, direction: Vector) -> complex:
+    """Component of a field along a direction."""
+    return field.x * direction.x + field.y * direction.y + field.z * direction.z
+
+
+@compiled
+def across(first: Vector, second: Vector) -> Vector:
+    """Unit vector at right angles to two vectors; if they are parallel, to the first and as level as can be."""
+    x = first.y * second.z - first.z * second.y
+    y = first.z * second.x - first.x * second.z
+    z = first.x * second.y - first.y * second.x
+    length = math.sqrt(x * x + y * y + z * z)
+    if length < TINY:
+        x, y, z = -first.y, first.x, 0.0
+        length = math.sqrt(x * x + y * y)
+        if length < TINY:
+            x, y, length = 1.0, 0.0, 1.0
+    return Vector(x / length, y / length, z / length)
+
+
+@compiled
+def radiated(axis: Vector, ray: Vector) -> Field:
+    """Field of length 1 that a source polarised along an axis sends along a ray.
+
+    Along the axis itself a dipole would send nothing; here what is sent in all directions is alike, by assumption.
+    """
+    sideways = across(axis, ray)  # at right angles to both
+    towards = across(ray, sideways)
+    return Field(complex(towards.x), complex(towards.y), complex(towards.z))
+
+
+@compiled
+def received(field: Field, ray: Vector) -> complex:
+    """What an antenna of right-handed circular polarisation makes of a field that comes along a ray.
+
+    Of linear polarisation of length 1 it has the magnitude 1, whatever the direction of the field: half its power, which
+    the measured gain of the antenna has in it.
+    """
+    level = across(ray, Vector(0.0, 0.0, 1.0))
+    upright = across(level, ray)
+    return along(field, level) + 1j * along(field, upright)
+
+
+class Mirror(NamedTuple):
+    """Reflection coefficients of the field.
+
+    Attributes:
+        across: Of the component at right angles to the plane of incidence.
+        within: Of the component in it.
+    """
+
+    across: complex
+    within: complex
+
+
+@compiled
+def fresnel(cosine: float, permittivity: float, conductivity_spm: float) -> Mirror:
+    """Reflection coefficients of a smooth half-space (ITU-R P.2040-3, eq. (37)).
+
+    Args:
+        cosine: Of the angle between ray and normal, in [0, 1].
+        permittivity: Real part, relative to vacuum.
+        conductivity_spm: Conductivity, S/m.
+    """
+    inside = permittivity - 1j * LOSS_FACTOR * conductivity_spm / FREQUENCY_GHZ
+    root = cmath.sqrt(inside - (1.0 - cosine * cosine))
+    return Mirror((cosine - root) / (cosine + root), (inside * cosine - root) / (inside * cosine + root))
+
+
+@compiled
+def mirrored(field: Field, ray: Vector, leaving: Vector, normal: Vector, mirror: Mirror) -> Field:
+    """Field behind a mirror.
+
+    Args:
+        field: That arrives.
+        ray: Along which it arrives.
+        leaving: Along which it leaves.
+        normal: Of the mirror, towards the side where both are.
+        mirror: Its coefficients.
+    """
+    sideways = across(ray, normal)
+    before, behind = across(ray, sideways), across(leaving, sideways)
+    s, p = mirror.across * along(field, sideways), mirror.within * along(field, before)
+    return Field(
+        s * sideways.x + p * behind.x,
+        s * sideways.y + p * behind.y,
+        s * sideways.z + p * behind.z,
+    )
+
+
+@compiled
+def bent(field: Field, ray: Vector, leaving: Vector, edge: Vector, wedge: WedgeCoefficients) -> Field:
+    """Field behind an edge, before it spreads; arguments as of `mirrored`, with the direction of the edge.
+
+    References:
+        Kouyoumjian and Pathak 1974, eq. (23), in coordinates fixed to the edge.
+    """
+    sideways, leaves_sideways = across(ray, edge), across(edge, leaving)
+    before, behind = across(sideways, ray), across(leaves_sideways, leaving)
+    soft, hard = -wedge.soft * along(field, before), -wedge.hard * along(field, sideways)
+    return Field(
+        soft * behind.x + hard * leaves_sideways.x,
+        soft * behind.y + hard * leaves_sideways.y,
+        soft * behind.z + hard * leaves_sideways.z,
+    )
