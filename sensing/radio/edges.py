@@ -91,10 +91,9 @@ def distance(corner: Corner, point: Point) -> float:
 
 
 @compiled
-def detour_factor(detour_m: float, wavelength_m: float, *, is_hidden: bool) -> complex:
-    """What an edge leaves of a ray that has, or would have, to go so much further to pass it."""
-    nu = 2.0 * math.sqrt(max(detour_m, 0.0) / wavelength_m)
-    return knife_edge(nu if is_hidden else -nu)
+def diffraction_parameter(detour_m: float, wavelength_m: float) -> float:
+    """Of an edge by which a ray is so much longer: ITU-R P.526, eq. (26)."""
+    return 2.0 * math.sqrt(max(detour_m, 0.0) / wavelength_m)
 
 
 @compiled
@@ -146,7 +145,7 @@ def round_two(first: Corner, last: Corner, source: Point, target: Point, wavelen
     length_m = before_m * after_m * sine * sine / (before_m + after_m)
     coefficients = wedge(from_rad, leaves_rad, OUTER_TURN, k, length_m, sine)
     straight_m = math.hypot(distance(first, target), target.along - at_first)
-    left = detour_factor(after_m - straight_m, wavelength_m, is_hidden=True)
+    left = knife_edge(diffraction_parameter(after_m - straight_m, wavelength_m))
     return BentRay(True, at_first, at_last, before_m, between_m, behind_m, coefficients, left)
 
 
@@ -157,4 +156,4 @@ def passing(corner: Corner, beside: Corner, target: Point, ray: BentRay, wavelen
     behind = distance(beside, target)
     slope = (target.along - ray.last) / (face + behind)
     detour_m = (face + behind) * math.sqrt(1.0 + slope * slope) - ray.behind_m
-    return detour_factor(detour_m, wavelength_m, is_hidden=False)
+    return knife_edge(-diffraction_parameter(detour_m, wavelength_m))
