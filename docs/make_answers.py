@@ -15,12 +15,11 @@ import pyarrow as pa
 
 from missions.sweep.dataset import Dataset, read_all
 from missions.sweep.results.figures import draw_errors, draw_found_over_time, groups
-from missions.sweep.results.summary import ALL, GroupSummary, summarise_groups
+from missions.sweep.results.summary import summarise_groups
 from missions.sweep.results.tables import HEADINGS, cells
 
 DOCS = Path(__file__).parent
 STORED = DOCS / "results"
-POLICIES = ("seek", "patrol", "random", "oracle")
 WIDTH_DPI = 110
 
 
@@ -29,43 +28,9 @@ def rows_of(*names: str) -> pa.Table:
     return read_all([Dataset(STORED / name) for name in names])
 
 
-def as_one_group(rows: pa.Table) -> pa.Table:
-    """The rows as if all yards were one scenario, so that a setting is summed up over all of them."""
-    for column in ("level", "scenario"):
-        rows = rows.set_column(rows.schema.get_field_index(column), column, pa.array([""] * rows.num_rows))
-    return rows
-
-
 def table(headings: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
     """As Markdown."""
     return "".join(f"| {' | '.join(line)} |\n" for line in (headings, ["---"] * len(headings), *lines))
-
-
-def policies_table() -> str:
-    """Policies by levels: share found with its interval."""
-    rows = rows_of("policies")
-    by = {(summary.group, summary.policy): summary for summary in summarise_groups(rows)}
-    levels = list(dict.fromkeys(rows["level"].to_pylist()))
-    lines = [
-        [level, *(found(by[level, policy]) for policy in POLICIES)] for level in [*levels, ALL] if level != "quiet"
-    ]
-    more = {
-        "right site (%)": "right site (%)",
-        "median error (m)": "median error (m)",
-        "time to confirm (s)": "time to confirm (s)",
-        "way over shortest": "way over shortest",
-        "false findings": "false",
-        "contacts": "contacts",
-    }
-    for title, heading in more.items():
-        values = [dict(zip(HEADINGS, cells(by[ALL, policy]), strict=True))[heading] for policy in POLICIES]
-        lines.append([f"*all: {title}*", *values])
-    return table(["found (%)", *POLICIES], lines)
-
-
-def found(summary: GroupSummary) -> str:
-    """The share found, with its interval."""
-    return dict(zip(HEADINGS, cells(summary), strict=True))["found (%)"]
 
 
 def levels_table() -> str:
@@ -81,7 +46,7 @@ def levels_table() -> str:
 
 def texts() -> dict[str, str]:
     """All that is put between marks, by their names."""
-    return {"policies": policies_table(), "levels": levels_table()}
+    return {"levels": levels_table()}
 
 
 def filled(text: str, made: Mapping[str, str]) -> str:
@@ -100,8 +65,6 @@ def draw() -> None:
     public = [row for row in rows_of("public").to_pylist() if row["n_sources"]]
     draw_errors(groups(public)).savefig(folder / "errors.png", dpi=WIDTH_DPI)
     draw_found_over_time(groups(public)).savefig(folder / "found_over_time.png", dpi=WIDTH_DPI)
-    policies = [row for row in as_one_group(rows_of("policies")).to_pylist() if row["n_sources"]]
-    draw_found_over_time(groups(policies)).savefig(folder / "policies.png", dpi=WIDTH_DPI)
 
 
 def main() -> None:
