@@ -16,36 +16,44 @@ ROOT = Path(__file__).parents[3]
 STORED = ROOT / "docs" / "results" / "public"
 PDPATROL = Path(sys.executable).parent / "pdpatrol"
 
-SEEDS = "0-1"
+SEEDS = range(3)
 YARDS = tuple(f"{level}_01" for level in load_suite().levels)
 
-FEWER_FOUND, MORE_FALSE, MORE_CONTACTS, LARGER_ERROR = 2, 1, 1, 1.25
-"""Bands: so many sources fewer may be found, so many findings more may be false, so many contacts more, and the median
-error may be so many times as large."""
+FEWER_FOUND, MORE_FALSE, MORE_CONTACTS, LARGER_ERROR = 4, 2, 2, 1.55
+"""Bands: so many sources fewer may be found, so many findings more may be false, so many contacts more, and errors may
+be so many times as large. Missions are chaotic: by chance alone, one change of the code in a thousand does more."""
 
 
-def totals(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    names = "n_sources", "n_found", "false_findings", "contacts"
-    return {name: sum(row[name] for row in rows) for name in names} | {
-        "error_m": float(np.median([error for row in rows for error in row["errors_m"]]))
-    }
+def total(rows: Sequence[Mapping[str, Any]], name: str) -> int:
+    return sum(row[name] for row in rows)
 
 
 @pytest.mark.slow
 def test_missions_are_no_worse_than_the_stored_ones(tmp_path: Path) -> None:
     names = [f"suite/{yard}" for yard in YARDS]
+    seeds = f"{SEEDS[0]}-{SEEDS[-1]}"
     done = subprocess.run(
-        [PDPATROL, "sweep", *names, "--seeds", SEEDS, "--out", "guard"], cwd=tmp_path, capture_output=True, text=True
+        [PDPATROL, "sweep", *names, "--seeds", seeds, "--out", "guard"], cwd=tmp_path, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
-    rows = Dataset(tmp_path / "guard").read().to_pylist()
-    assert {row["status"] for row in rows} == {"finished"}
-    met = {(row["scenario"], row["seed"]) for row in rows}
-    stored = [row for row in Dataset(STORED).read().to_pylist() if (row["scenario"], row["seed"]) in met]
-    assert len(stored) == len(rows) == 2 * len(YARDS)
-    now, before = totals(rows), totals(stored)
-    assert now["n_sources"] == before["n_sources"]
-    assert now["n_found"] >= before["n_found"] - FEWER_FOUND
-    assert now["false_findings"] <= before["false_findings"] + MORE_FALSE
-    assert now["contacts"] <= before["contacts"] + MORE_CONTACTS
-    assert now["error_m"] <= before["error_m"] * LARGER_ERROR
+    now, before = Dataset(tmp_path / "guard").read().to_pylist(), Dataset(STORED).read().to_pylist()
+    assert {row["status"] for row in now} == {"finished"}
+    met = {(row["scenario"], row["seed"]): row for row in now}
+    before = [row for row in before if (row["scenario"], row["seed"]) in met]
+    assert len(before) == len(now) == len(SEEDS) * len(YARDS)
+    assert total(now, "n_sources") == total(before, "n_sources")
+    ratios = [
+        np.mean(np.log(met[row["scenario"], row["seed"]]["errors_m"])) - np.mean(np.log(row["errors_m"]))
+        for row in before
+        if row["errors_m"] and met[row["scenario"], row["seed"]]["errors_m"]
+    ]
+    changes = {
+        "found": total(now, "n_found") - total(before, "n_found"),
+        "false": total(now, "false_findings") - total(before, "false_findings"),
+        "contacts": total(now, "contacts") - total(before, "contacts"),
+        "error": float(np.exp(np.mean(ratios))),
+    }
+    assert changes["found"] >= -FEWER_FOUND, changes
+    assert changes["false"] <= MORE_FALSE, changes
+    assert changes["contacts"] <= MORE_CONTACTS, changes
+    assert changes["error"] <= LARGER_ERROR, changes
