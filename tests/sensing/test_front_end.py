@@ -89,7 +89,7 @@ def test_the_spread_of_gate_energies_is_that_of_the_noise() -> None:
 
 @pytest.mark.parametrize("distance_m", [3.0, 5.0, 8.0, 12.0])
 def test_two_paths_interfere_as_their_sum_says(distance_m: float) -> None:
-    """Strengths against the closed form, over all phases of the clock: a direct pulse, and one from the ground later."""
+    """Strengths against the closed form over all phases of the clock: a direct pulse, and one from the ground."""
     array, at_m, n = HelicalArray.nominal(ArrayConfig()), np.array([distance_m, 0.0, 1.5]), 500
     source = DischargeSource(name="s", position_m=at_m, amplitude_v=1.0, pulse_rate_hz=1e3, n_shots=n)
     config = ReceiverConfig(noise_v=1e-9, false_alarm_rate_hz=1e-9, band_hz="all", bits=24, full_scale_v=10.0)
