@@ -18,6 +18,7 @@ from sensing.receiver.config import ReceiverConfig
 from sensing.receiver.detection import Channels, Gates, detect
 from sensing.receiver.detections import Detections
 from sensing.receiver.false_alarms import FalseAlarms
+from sensing.receiver.generator_handle import GeneratorHandle
 from sensing.receiver.receiver import Listener, Receiver
 from sensing.receiver.sampling.sampler import Tones
 
@@ -49,6 +50,7 @@ class ReceiverBank:
         self._plain_arrays, self._plain_sources = plain(self._arrays), tuple(self._sources)
         self._surroundings = plain(scene.surroundings)
         self._samplers: list[tuple[Any, ...]] = [()] * n_robots
+        self._generators: list[GeneratorHandle] = [GeneratorHandle(each.receiver_rng) for each in listeners]
         self._reading, n = plain(self._receiver.reading), self._receiver.n_elements
         self._no_tones = Tones(np.empty((0, n)), np.empty((0, n)), np.empty(0))
         self._quiet_channels = tuple(self._channels(0.0, self._no_tones))
@@ -67,6 +69,7 @@ class ReceiverBank:
             listener.scene.positions_m,
             listener.scene.burst_s,
         )
+        self._generators[robot] = GeneratorHandle(listener.receiver_rng)
         self._false_alarms.restart(robot)
 
     def listen(
@@ -121,12 +124,13 @@ class ReceiverBank:
             propagation,
             (sampler, *self._reading),
             (tuple(tones), channels),
-            rng,
+            self._generators[robot],
             (found.waveforms_v, tuple(found.pulses)),
         )
         if n_found == 0 and n_rejected == 0:
             return None
-        found = found.first(n_found)
+        if n_found < n:
+            found = found.first(n_found)
         detections = Detections(np.full(n_found, robot), found.pulses, found.waveforms_v, n_rejected)
         return Detections.join([detections]) if false_alarms else detections
 

@@ -14,6 +14,7 @@ from sensing.radio.arrivals import propagate
 from sensing.radio.propagation import named_propagation
 from sensing.receiver.front_end import NoiseFilter, PulseTable
 from sensing.receiver.gates import GateParameters, read_gate
+from sensing.receiver.generator_handle import GeneratorHandle
 from sensing.receiver.sampling.gate import IS_BURST, IS_PULSE, sample_noise, sample_pulse
 from sensing.receiver.sampling.sampler import BurstTest, Emission, Sampler, Timing, Tones, Trigger
 
@@ -82,7 +83,7 @@ def convert(gate_v: FloatArray, converter: Converter, channels: Channels, wavefo
     """Whole counts of a gate (n_samples, n_elements), as readings (n_elements, n_samples)."""
     for e in range(waveform_v.shape[0]):
         for t in range(waveform_v.shape[1]):
-            counts = np.round(gate_v[t, channels.source[e]] / converter.step_v)
+            counts = np.rint(gate_v[t, channels.source[e]] / converter.step_v)
             waveform_v[e, t] = min(max(counts, -converter.highest), converter.highest) * converter.step_v
             if not np.isnan(channels.stuck_v[e]):
                 waveform_v[e, t] = channels.stuck_v[e]
@@ -95,7 +96,7 @@ def detect(
     propagation: tuple[Any, ...],
     receiver: tuple[Any, ...],
     condition: tuple[Any, ...],
-    rng: np.random.Generator,
+    generator: GeneratorHandle,
     found: tuple[Any, ...],
 ) -> tuple[int, int]:
     """Gates of all that triggers in one robot's receiver.
@@ -106,7 +107,7 @@ def detect(
         propagation: A plain `Propagation`.
         receiver: A plain `Sampler`, `Converter` and `GateParameters`.
         condition: Plain `Tones` and `Channels`, as they are now.
-        rng: Draws.
+        generator: Draws.
         found: Plain `Gates` with room for all emissions and false alarms; its first rows are filled in.
 
     Returns:
@@ -116,7 +117,7 @@ def detect(
     converter, gate, carriers, state = (
         Converter(*receiver[1]), GateParameters(*receiver[2]), Tones(*condition[0]), Channels(*condition[1])
     )  # fmt: skip
-    waveforms_v, pulses = found[0], PulseBatch(*found[1])
+    waveforms_v, pulses, rng = found[0], PulseBatch(*found[1]), generator.rng
     gate_v = np.empty((sampler.timing.gate, state.limit_v.size))
     n_found = n_rejected = 0
     if radiated.time_s.size > 0:

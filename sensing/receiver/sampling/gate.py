@@ -164,7 +164,7 @@ def sample_pulse(
     power_v2 = power_v2 / timing.gate - background_v2[loudest]
     least_v2 = sampler.burst.share * power_v2 + background_v2[loudest]
     start_s = windows.start_s[window] + (start - windows.first[window]) / sampler.pulse.rate_hz
-    since = int(np.round((start_s - windows.start_s[0]) * sampler.pulse.rate_hz))
+    since = int(np.rint((start_s - windows.start_s[0]) * sampler.pulse.rate_hz))
     return IS_BURST if lasts(start_s, since, least_v2, loudest, limit_v[loudest], incoming, sampler, rng) else IS_PULSE
 
 

@@ -95,7 +95,7 @@ def fill_signal(record: Record, windows: Windows, w: int, end: int, incoming: In
     piece_v = record.volts[row:end]
     add_signal(piece_v, start_s, incoming.emission, incoming.arrivals, pulse)
     if incoming.start_rad.size > 0:
-        at = int(np.round((start_s - windows.start_s[0]) * pulse.rate_hz))
+        at = int(np.rint((start_s - windows.start_s[0]) * pulse.rate_hz))
         add_tones(piece_v, at, incoming.tones, incoming.start_rad)
     record.has_signal[w] = end
 
