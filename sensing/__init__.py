@@ -5,7 +5,7 @@ from sensing.array.helical_array import HelicalArray
 from sensing.nature.discharges import PulseTrain
 from sensing.nature.scene import Scene
 from sensing.nature.sources import Carrier, DischargeSource
-from sensing.radio.surroundings import Faces, Obstacles, Surroundings, level_transform
+from sensing.radio.surroundings import Faces, Obstacles, Solids, Surroundings, level_transform
 from sensing.receiver.config import ReceiverConfig
 from sensing.receiver.detections import Detections
 
@@ -21,6 +21,7 @@ __all__ = [
     "PulseTrain",
     "ReceiverConfig",
     "Scene",
+    "Solids",
     "Surroundings",
     "level_transform",
 ]

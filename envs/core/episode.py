@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from envs.core.generators import Generators
 from envs.scenario.scenario import Scenario
 from envs.scenario.sources import SourceConfig
 from sensing import Carrier, DischargeSource, HelicalArray, PulseTrain, Scene, Surroundings
@@ -38,21 +39,22 @@ class Episode:
 
     @classmethod
     def draw(
-        cls, scenario: Scenario, surroundings: Surroundings, rng: np.random.Generator, options: Mapping[str, Any]
+        cls, scenario: Scenario, surroundings: Surroundings, generators: Generators, options: Mapping[str, Any]
     ) -> Episode:
         """Draw all that a scenario leaves open, but for what `options` fixes.
 
         Raises:
             ValueError: If an option is unknown or makes no sense in the scenario.
         """
-        fixed = _checked(options, scenario)
-        sources = _draw_sources(scenario, rng, fixed["sources"])
+        fixed, rng = _checked(options, scenario), generators.episode
+        sources = _draw_sources(scenario, generators, fixed["sources"])
         interferers = tuple(
             DischargeSource(
                 name=item.name,
                 position_m=np.array(item.position_m),
                 amplitude_v=_draw_amplitude(item.amplitude_v, item.amplitude_range_db, rng),
                 pulse_rate_hz=item.pulse_rate_hz,
+                axis=_draw_axis(item.polarisation, generators.polarisation),
                 burst_s=item.burst_s,
                 moves_to_m=None if item.moves_to_m is None else np.array(item.moves_to_m),
                 speed_mps=item.speed_mps or 0.0,
@@ -111,9 +113,9 @@ def _checked(options: Mapping[str, Any], scenario: Scenario) -> dict[str, Any]:
 
 
 def _draw_sources(
-    scenario: Scenario, rng: np.random.Generator, fixed: Mapping[str, FloatArray]
+    scenario: Scenario, generators: Generators, fixed: Mapping[str, FloatArray]
 ) -> tuple[DischargeSource, ...]:
-    sources: list[DischargeSource] = []
+    sources, rng = list[DischargeSource](), generators.episode
     taken: set[str] = set()
     for config in scenario.sources:
         position_m = _draw_position(config, scenario, rng, taken)
@@ -123,6 +125,7 @@ def _draw_sources(
                 position_m=fixed.get(config.name, position_m),
                 amplitude_v=_draw_amplitude(config.amplitude_v, config.amplitude_range_db, rng),
                 pulse_rate_hz=config.pulse_rate_hz,
+                axis=_draw_axis(config.polarisation, generators.polarisation),
                 train=_draw_train(config, scenario, rng),
                 active_s=config.active_s or (0.0, np.inf),
                 drift_db_per_min=config.drift_db_per_min,
@@ -152,6 +155,13 @@ def _draw_train(config: SourceConfig, scenario: Scenario, rng: np.random.Generat
     return PulseTrain.draw(config.kind, scenario.receiver.mains_hz, float(np.radians(conductor_deg)), rng)
 
 
+def _draw_axis(stated: tuple[float, float, float] | None, rng: np.random.Generator) -> FloatArray:
+    """A stated direction as a unit vector, or any direction of space alike."""
+    drawn = rng.standard_normal(3)
+    axis = drawn if stated is None else np.array(stated)
+    return axis / np.linalg.norm(axis)
+
+
 def _draw_amplitude(amplitude_v: float, range_db: float, rng: np.random.Generator) -> float:
     """Uniform in decibels over a range centred on `amplitude_v`."""
     return amplitude_v * 10 ** (float(rng.uniform(-0.5, 0.5)) * range_db / 20)
@@ -170,6 +180,7 @@ def _truth(
             "name": source.name,
             "position_m": source.position_m.tolist(),
             "amplitude_v": source.amplitude_v,
+            "polarisation": source.axis.tolist(),
             "pulse_rate_hz": source.pulse_rate_hz,
             **motion,
         }

@@ -17,6 +17,7 @@ class Generators(NamedTuple):
         nature: When sources discharge, and how strongly.
         receiver: Noise in its channels, and what that triggers.
         policy: For policies that draw.
+        polarisation: Of the sources.
     """
 
     episode: np.random.Generator
@@ -25,6 +26,7 @@ class Generators(NamedTuple):
     nature: np.random.Generator
     receiver: np.random.Generator
     policy: np.random.Generator
+    polarisation: np.random.Generator
 
     @classmethod
     def spawn(cls, parent: np.random.Generator) -> Self:

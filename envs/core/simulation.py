@@ -26,7 +26,7 @@ from envs.scenario import Scenario
 from robot_models.antenna.elements import AntennaElements
 from robot_models.robots import Robots
 from robot_models.sensors import LIDAR_BEAMS, LIDAR_RANGE_M
-from sensing import Detections, Faces, HelicalArray, Obstacles, Surroundings
+from sensing import Detections, Faces, HelicalArray, Solids, Surroundings
 from sensing.receiver.receiver import Listener
 
 FloatArray = NDArray[np.float64]
@@ -104,7 +104,7 @@ class Simulation:
         self._surroundings = Surroundings.of_kinds(
             [item.kind for item in yard.equipment],
             Faces(**yard.faces()._asdict()),
-            Obstacles(**yard.obstacles()._asdict()),
+            Solids(**yard.obstacles()._asdict()),
         )
         self._spectrum_gain = np.empty((n_robots, self.array.manifold.n_elements, SPECTRUM_AZIMUTHS_RAD.size))
         n_elements, time_limit_s = self.array.manifold.n_elements, scenario.task.time_limit_s
@@ -176,7 +176,7 @@ class Simulation:
         from sensing.receiver.bank import ReceiverBank  # loads the compiler
 
         spawned = [Generators.spawn(rng) for rng in rngs]
-        drawn = [Episode.draw(self.scenario, self._surroundings, each.episode, options) for each in spawned]
+        drawn = [Episode.draw(self.scenario, self._surroundings, each, options) for each in spawned]
         for row, generators, episode in zip(rows.tolist(), spawned, drawn, strict=True):
             self._episodes[row], self._generators[row] = episode, generators
             self._monitors[row] = ChannelMonitor(self.array, self.estimator)

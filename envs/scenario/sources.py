@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 from math import dist
-from typing import Self
+from typing import Annotated, Self
 
-from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
+from pydantic import AfterValidator, Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
 
 from dirmusic.pulses.discharge_kinds import KindName
 from envs.scenario.base import Config, Name
 
 LEAST_WAY_M = 1e-3
 """Places nearer to each other than this are the same (assumed)."""
+
+
+def _points_somewhere(direction: tuple[float, float, float]) -> tuple[float, float, float]:
+    if not any(direction):
+        raise ValueError(f"got {direction}; allowed is a vector that is not 0")
+    return direction
+
+
+Direction = Annotated[tuple[float, float, float], AfterValidator(_points_somewhere)]
+"""x, y, z of any length but 0, world frame."""
 
 
 class SourceConfig(Config, frozen=True):
@@ -28,6 +38,8 @@ class SourceConfig(Config, frozen=True):
     amplitude_range_db: NonNegativeFloat = 6.0
     """Width of the range, centred on `amplitude_v`, from which the amplitude is drawn per mission."""
     pulse_rate_hz: float = Field(default=20.0, ge=0.0, le=1e4)
+    polarisation: Direction | None = None
+    """Direction of its linear polarisation; left out, any is drawn per mission."""
     kind: KindName | None = None
     """How its pulses lie over the phase of the mains; left out, they come at any phase."""
     conductor_deg: float | None = Field(default=None, ge=-360.0, le=360.0)
@@ -70,6 +82,8 @@ class InterfererConfig(Config, frozen=True):
     amplitude_v: PositiveFloat
     amplitude_range_db: NonNegativeFloat = 6.0
     pulse_rate_hz: float = Field(default=20.0, ge=0.0, le=1e4)
+    polarisation: Direction | None = None
+    """Direction of its linear polarisation; left out, any is drawn per mission."""
     burst_s: NonNegativeFloat = 0.0
     """Length of each burst of a carrier in the band, as from a switch or a radar; 0 for impulses like discharges."""
     moves_to_m: tuple[float, float, float] | None = None

@@ -15,13 +15,14 @@ FREQUENCY_HZ = 1.75e9
 """Assumed, after the paper's measurements: about 2.5 ns long, energy mainly between 1.5 and 2 GHz (here 76 %)."""
 
 
-def damped_pulse(time_s: ArrayLike) -> FloatArray:
-    r"""Double-exponential oscillation, zero before time zero, largest magnitude 1.
+def damped_pulse(time_s: ArrayLike, phase_rad: float = 0.0) -> FloatArray:
+    r"""Double-exponential oscillation, zero before time zero, largest magnitude 1 without a phase.
 
-    .. math:: s(t) = (e^{-t/\tau_d} - e^{-t/\tau_r}) \sin(2 \pi f t) / \max_t |\cdot|
+    .. math:: s(t) = (e^{-t/\tau_d} - e^{-t/\tau_r}) \sin(2 \pi f t + \varphi) / \max_t |\cdot|_{\varphi = 0}
 
     Args:
         time_s: Time since the pulse arrived, any shape, seconds.
+        phase_rad: Phase of the oscillation, as polarisation, mirrors and edges turn it.
 
     Returns:
         Waveform for a peak of 1 V, same shape.
@@ -29,12 +30,12 @@ def damped_pulse(time_s: ArrayLike) -> FloatArray:
     References:
         Dir-MUSIC, section 3.1 (form) and 4.2 (duration and band).
     """
-    return _unscaled(np.asarray(time_s, dtype=np.float64)) / _peak()
+    return _unscaled(np.asarray(time_s, dtype=np.float64), phase_rad) / _peak()
 
 
-def _unscaled(time_s: FloatArray) -> FloatArray:
+def _unscaled(time_s: FloatArray, phase_rad: float = 0.0) -> FloatArray:
     t = np.maximum(time_s, 0.0)
-    return (np.exp(-t / DECAY_S) - np.exp(-t / RISE_S)) * np.sin(2 * np.pi * FREQUENCY_HZ * t)
+    return (np.exp(-t / DECAY_S) - np.exp(-t / RISE_S)) * np.sin(2 * np.pi * FREQUENCY_HZ * t + phase_rad)
 
 
 @cache

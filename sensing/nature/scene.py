@@ -59,6 +59,7 @@ class Scene:
         positions_m: Places of the sources at time 0, shape (n_sources, 3), world frame.
         has_movers: Whether any source moves.
         burst_s: How long the emissions of each source last that are no pulses, 0 for pulses, shape (n_sources,).
+        axes: Linear polarisations of the sources, unit vectors, shape (n_sources, 3).
     """
 
     def __init__(
@@ -78,6 +79,7 @@ class Scene:
         self._active_s = np.array([source.active_s for source in self.sources]).reshape(-1, 2)
         self._drift_db = np.array([source.drift_db_per_min for source in self.sources]) / 60.0
         self.burst_s = np.array([source.burst_s for source in self.sources])
+        self.axes = np.array([source.axis for source in self.sources]).reshape(-1, 3)
         self._guns = [k for k, source in enumerate(self.sources) if source.rhythm is None]
         rhythms = [(k, source.rhythm) for k, source in enumerate(self.sources) if source.rhythm is not None]
         self._source_of_row = np.repeat([k for k, _ in rhythms], [r.rate_hz.size for _, r in rhythms]).astype(np.intp)

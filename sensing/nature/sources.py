@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,7 @@ class DischargeSource:
         position_m: Shape (3,), world frame.
         amplitude_v: Peak that a typical pulse would have in a unit-gain channel 1 m away, > 0.
         pulse_rate_hz: Mean number of pulses per second, >= 0.
+        axis: Of its linear polarisation, a unit vector, shape (3,), world frame.
         train: How its pulses lie in the cycle of the mains, and how their amplitudes spread; None for any phase.
         active_s: From when to when it discharges, seconds.
         drift_db_per_min: By how much it grows louder.
@@ -58,6 +59,7 @@ class DischargeSource:
     position_m: FloatArray
     amplitude_v: float
     pulse_rate_hz: float
+    axis: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     train: PulseTrain | None = None
     active_s: tuple[float, float] = (0.0, np.inf)
     drift_db_per_min: float = 0.0

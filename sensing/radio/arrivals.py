@@ -11,7 +11,6 @@ from dirmusic.array.pattern_table import Boresight, gain_towards
 from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
 from dirmusic.compiled import compiled
 from sensing.array.array_table import ArrayTable
-from sensing.radio.obstruction import cross
 from sensing.radio.propagation import Propagation
 from sensing.radio.ray_paths import RayPaths, find_ray_paths
 
@@ -24,39 +23,32 @@ class Arrivals(NamedTuple):
 
     Attributes:
         delay_s: Travel time, shape (n_paths, n_elements).
-        amplitude: For a peak of 1 V at 1 m, with its sign, shape (n_paths, n_elements).
+        amplitude: For a peak of 1 V at 1 m, complex, shape (n_paths, n_elements): exp(-j omega delay) times it is what
+            comes of a steady wave exp(j omega t).
         loudest: Largest magnitude of `amplitude`, shape (n_paths,).
         loudest_s: Travel time to the element with that magnitude, shape (n_paths,).
     """
 
     delay_s: FloatArray
-    amplitude: FloatArray
+    amplitude: NDArray[np.complex128]
     loudest: FloatArray
     loudest_s: FloatArray
 
 
 @compiled
-def arrive(
-    ray_paths: RayPaths, is_crossed: BoolArray, log_loss: FloatArray, world_from_array: FloatArray, arrays: ArrayTable
-) -> Arrivals:
+def arrive(ray_paths: RayPaths, world_from_array: FloatArray, arrays: ArrayTable) -> Arrivals:
     """Delay and amplitude of each ray path at each element of its robot's array.
 
     Args:
         ray_paths: The paths.
-        is_crossed: Which pieces of equipment the segments of the paths cross, shape (2 n_paths, n_pieces).
-        log_loss: Logarithm of the amplitude that each piece lets pass, shape (n_pieces,).
         world_from_array: Poses of the arrays, shape (n_robots, 4, 4).
         arrays: One for each robot.
     """
     n_paths, n_elements = ray_paths.robot.size, arrays.elements_m.shape[1]
-    delay_s, amplitude = np.empty((n_paths, n_elements)), np.empty((n_paths, n_elements))
+    delay_s, amplitude = np.empty((n_paths, n_elements)), np.empty((n_paths, n_elements), np.complex128)
     loudest, loudest_s = np.empty(n_paths), np.empty(n_paths)
     for p in range(n_paths):
-        r = ray_paths.robot[p]
-        left = 0.0
-        for k in range(log_loss.size):
-            left += (int(is_crossed[2 * p, k]) + int(is_crossed[2 * p + 1, k])) * log_loss[k]
-        factor = ray_paths.coefficient[p] * np.exp(left)
+        r, extra_m = ray_paths.robot[p], ray_paths.extra_m[p]
         dx, dy, dz = (
             ray_paths.from_m[p, 0] - world_from_array[r, 0, 3],
             ray_paths.from_m[p, 1] - world_from_array[r, 1, 3],
@@ -72,10 +64,13 @@ def arrive(
             range_m = np.sqrt(ex * ex + ey * ey + ez * ez)
             of = arrays.boresights[r, e]
             gain = gain_towards(arrays.pattern, Boresight(of[0], of[1], of[2], of[3]), ex, ey, ez)
-            delay_s[p, e] = range_m / SPEED_OF_LIGHT_MPS
-            amplitude[p, e] = (arrays.gain_factors[r, e] * gain + arrays.gain_offsets[r, e]) * factor / range_m
-            if abs(amplitude[p, e]) > loudest[p]:
-                loudest[p], loudest_s[p] = abs(amplitude[p, e]), delay_s[p, e]
+            gain = arrays.gain_factors[r, e] * gain + arrays.gain_offsets[r, e]
+            length_m = extra_m + range_m
+            delay_s[p, e] = length_m / SPEED_OF_LIGHT_MPS
+            amplitude[p, e] = ray_paths.coefficient[p] * (gain / length_m)
+            level = abs(amplitude[p, e])
+            if level > loudest[p]:
+                loudest[p], loudest_s[p] = level, delay_s[p, e]
     return Arrivals(delay_s, amplitude, loudest, loudest_s)
 
 
@@ -97,7 +92,7 @@ def propagate(is_emitting: BoolArray, propagation: Propagation) -> Propagated:
         is_emitting: Which sources emit, shape (n_robots, n_sources).
         propagation: Places of sources and arrays, and what surrounds them.
     """
-    arrays, world_from_array, surroundings = propagation.arrays, propagation.world_from_array, propagation.surroundings
+    arrays, world_from_array = propagation.arrays, propagation.world_from_array
     n_robots, n_elements = arrays.elements_m.shape[:2]
     centre_m = np.zeros((n_robots, 3))
     for r in range(n_robots):
@@ -106,7 +101,6 @@ def propagate(is_emitting: BoolArray, propagation: Propagation) -> Propagated:
                 for j in range(3):
                     centre_m[r, i] += world_from_array[r, i, j] * arrays.elements_m[r, e, j] / n_elements
             centre_m[r, i] += world_from_array[r, i, 3]
-    sources_m = propagation.sources.positions_m
-    ray_paths = find_ray_paths(sources_m, is_emitting, centre_m, surroundings.faces, surroundings.reflection)
-    is_crossed = cross(ray_paths.starts_m, ray_paths.ends_m, surroundings.obstacles, surroundings.log_loss.size)
-    return Propagated(ray_paths, arrive(ray_paths, is_crossed, surroundings.log_loss, world_from_array, arrays))
+    sources = propagation.sources
+    ray_paths = find_ray_paths(sources.positions_m, sources.axes, is_emitting, centre_m, propagation.surroundings)
+    return Propagated(ray_paths, arrive(ray_paths, world_from_array, arrays))

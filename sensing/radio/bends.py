@@ -1,4 +1,4 @@
-"""Rays that bend round opaque equipment, in compiled loops: all that leads from one source to one array."""
+"""Rays that bend round opaque boxes, in compiled loops: all that leads from one source to one array."""
 
 from __future__ import annotations
 
@@ -9,40 +9,49 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
-from sensing.radio.edges import (
-    BentRay,
-    Corner,
-    Point,
-    diffraction_parameter,
-    passing,
-    round_one,
-    round_two,
-)
-from sensing.radio.fresnel import WedgeCoefficients
-from sensing.radio.polarisation import Field, Vector, bent, radiated, received
-from sensing.radio.surroundings import Obstacles
+from sensing.radio.edges import OUTER_TURN, Corner, Point, outer_angle, round_one, round_two
+from sensing.radio.fresnel import Mirror, WedgeCoefficients, WedgeFaces
+from sensing.radio.materials import WAVELENGTH_M, Materials
+from sensing.radio.polarisation import bent, face_mirror, mirrored, radiated, received
+from sensing.radio.surroundings import OWN_FACE_M, Obstacles
+from sensing.radio.vectors import Vector, towards, upside_down
 
 FloatArray = NDArray[np.float64]
 
-MOST_OF_ONE = 40
-"""Room for rays round one box: eight edges alone, and two by two along five faces either way."""
+UP = Vector(0.0, 0.0, 1.0)
+GROUND = -1
+"""Row of its material."""
 
-FADES_FROM, FADES_TO = 4.0, 6.0
-"""Diffraction parameters, above that of the strongest ray of a box, between which a ray fades out (assumed): what is left
-out is 25 dB below."""
+MOST_RAYS = 24
+"""Round one box: by each of four edges alone and by two either way, upright, and half of that over each side."""
+
+ROUND_BOX = (0, 1, 3, 2)
+"""Upright edges of a box in the order in which they follow one another."""
 
 
-class Bends(NamedTuple):
-    """Rays from one source to one array by the edges of one box, and then of others; a row is a ray.
+class Emitter(NamedTuple):
+    """A source that radiates.
 
     Attributes:
-        from_m: Where each bends last, shape (n, 3).
-        extra_m: Its length up to there, shape (n,).
-        first_m: Where it bends first, shape (n, 3).
-        coefficient: Of an antenna of circular polarisation, times length over spreading, complex, shape (n,).
+        at: Its place.
+        axis: Its linear polarisation, a unit vector.
     """
 
-    from_m: FloatArray
+    at: Vector
+    axis: Vector
+
+
+class BentRays(NamedTuple):
+    """Rays, a row each; the first `n` of them are there.
+
+    Attributes:
+        last_m: Where each bends last, or the mirror image of that place if the ground mirrors it afterwards, (n, 3).
+        extra_m: Its length up to there, shape (n,).
+        first_m: Where it bends first, shape (n, 3).
+        coefficient: What a circular antenna receives of it, over a straight ray as long, shape (n,).
+    """
+
+    last_m: FloatArray
     extra_m: FloatArray
     first_m: FloatArray
     coefficient: NDArray[np.complex128]
@@ -56,27 +65,26 @@ class Frame(NamedTuple):
     edge: Vector
     x: float
     y: float
-    z: float
 
 
 @compiled
-def in_frame(frame: Frame, x: float, y: float, z: float) -> Point:
+def in_frame(frame: Frame, at: Vector) -> Point:
     """A world point as seen along an edge."""
-    dx, dy, dz = x - frame.x, y - frame.y, z - frame.z
+    dx, dy = at.x - frame.x, at.y - frame.y
     return Point(
-        dx * frame.p.x + dy * frame.p.y + dz * frame.p.z,
-        dx * frame.q.x + dy * frame.q.y + dz * frame.q.z,
-        dx * frame.edge.x + dy * frame.edge.y + dz * frame.edge.z,
+        dx * frame.p.x + dy * frame.p.y + at.z * frame.p.z,
+        dx * frame.q.x + dy * frame.q.y + at.z * frame.q.z,
+        dx * frame.edge.x + dy * frame.edge.y + at.z * frame.edge.z,
     )
 
 
 @compiled
-def in_world(frame: Frame, point: Point) -> Vector:
+def in_world(frame: Frame, p: float, q: float, along: float) -> Vector:
     """The reverse of `in_frame`."""
     return Vector(
-        frame.x + point.p * frame.p.x + point.q * frame.q.x + point.along * frame.edge.x,
-        frame.y + point.p * frame.p.y + point.q * frame.q.y + point.along * frame.edge.y,
-        frame.z + point.p * frame.p.z + point.q * frame.q.z + point.along * frame.edge.z,
+        frame.x + p * frame.p.x + q * frame.q.x + along * frame.edge.x,
+        frame.y + p * frame.p.y + q * frame.q.y + along * frame.edge.y,
+        p * frame.p.z + q * frame.q.z + along * frame.edge.z,
     )
 
 
@@ -85,21 +93,133 @@ def frame_of(obstacles: Obstacles, k: int, family: int) -> Frame:
     """Frame of a family of edges of box k: 0 the upright ones, 1 and 2 those on top along its second and first side."""
     cos, sin = math.cos(obstacles.yaw_rad[k]), math.sin(obstacles.yaw_rad[k])
     x, y = obstacles.centre_m[k]
-    first, second, up = Vector(cos, sin, 0.0), Vector(-sin, cos, 0.0), Vector(0.0, 0.0, 1.0)
+    first, second = Vector(cos, sin, 0.0), Vector(-sin, cos, 0.0)
     if family == 0:
-        return Frame(first, second, up, x, y, 0.0)
+        return Frame(first, second, UP, x, y)
     if family == 1:
-        return Frame(first, up, second, x, y, 0.0)
-    return Frame(second, up, first, x, y, 0.0)
+        return Frame(first, UP, second, x, y)
+    return Frame(second, UP, first, x, y)
 
 
 @compiled
 def corner_of(obstacles: Obstacles, k: int, family: int, number: int) -> Corner:
-    """Edge of a family: four upright ones, two on top of each other family."""
+    """Edge of a family, numbers 0 to 3; of those along a side, 2 and 3 are below, and box and image are one there."""
     half_x, half_y = obstacles.half_size_m[k]
-    out_p = 1.0 if number % 2 == 0 else -1.0
+    top, bottom = obstacles.top_m[k], obstacles.bottom_m[k]
+    if bottom <= 0.0:
+        bottom = -top
+    out_p, out_q = 1.0 if number % 2 == 0 else -1.0, 1.0 if number < 2 else -1.0
     if family == 0:
-        out_q = 1.0 if number < 2 else -1.0
-        return Corner(out_p * half_x, out_q * half_y, out_p, out_q, obstacles.bottom_m[k], obstacles.top_m[k])
+        return Corner(out_p * half_x, out_q * half_y, out_p, out_q, bottom, top)
     half_p, half_along = (half_x, half_y) if family == 1 else (half_y, half_x)
-    return Corner(out_p * half_p, obstacles.top_m[k], out_p, 1.0, -half_along, half_along)
+    return Corner(out_p * half_p, top if number < 2 else bottom, out_p, out_q, -half_along, half_along)
+
+
+@compiled
+def faces_of(corner: Corner, source: Point, target: Point, materials: Materials, piece: int) -> WedgeFaces:
+    """What the faces at an edge mirror of a ray; the angles that count are those of Luebbers.
+
+    A face that the source is on mirrors nothing: its mirror image is a part of the source.
+    """
+    first = abs(math.sin(outer_angle(corner, source)))
+    last = abs(math.sin(OUTER_TURN * math.pi - outer_angle(corner, target)))
+    passes = math.exp(materials.log_loss[piece])
+    of_first, of_last = face_mirror(first, materials, piece), face_mirror(last, materials, piece)
+    if abs(source.p - corner.p) <= OWN_FACE_M:
+        of_first = Mirror(0j, 0j)
+    if abs(source.q - corner.q) <= OWN_FACE_M:
+        of_last = Mirror(0j, 0j)
+    return WedgeFaces(of_first, of_last, passes)
+
+
+class Way(NamedTuple):
+    """A ray in space, from a source or its mirror image in the ground, on to an array.
+
+    Attributes:
+        start: Source or image.
+        first: Where it bends first.
+        last: Where it bends last.
+        target: The array.
+        edge: Unit vector along the edges.
+    """
+
+    start: Vector
+    first: Vector
+    last: Vector
+    target: Vector
+    edge: Vector
+
+
+@compiled
+def receive_bent(way: Way, wedges: WedgeCoefficients, axis: Vector, materials: Materials, by_ground: bool) -> complex:
+    """What a circular antenna receives; the ground mirrors a ray before its edge, or after if it bends in the image."""
+    arrives, leaves = towards(way.start, way.first), towards(way.last, way.target)
+    if not by_ground:
+        return received(bent(radiated(axis, arrives), arrives, leaves, way.edge, wedges), leaves)
+    down = upside_down(arrives)
+    field = radiated(axis, down)
+    if way.last.z >= 0.0:
+        field = mirrored(field, down, arrives, UP, face_mirror(max(arrives.z, 0.0), materials, GROUND))
+        return received(bent(field, arrives, leaves, way.edge, wedges), leaves)
+    leaves_down = upside_down(leaves)
+    field = bent(field, down, leaves_down, upside_down(way.edge), wedges)
+    mirror = face_mirror(max(leaves.z, 0.0), materials, GROUND)
+    return received(mirrored(field, leaves_down, leaves, UP, mirror), leaves)
+
+
+@compiled
+def bend(
+    obstacles: Obstacles,
+    k: int,
+    materials: Materials,
+    emitter: Emitter,
+    target: Vector,
+    by_ground: bool,
+    rays: BentRays,
+    n: int,
+) -> int:
+    """Add the rays round the edges of box k.
+
+    Args:
+        obstacles: All solids.
+        k: Number of the box.
+        materials: Of pieces of equipment, and of the ground, which is last.
+        emitter: The source.
+        target: Middle of the array.
+        by_ground: Whether the ground mirrors them on their way, before or after.
+        rays: Filled in from row n on.
+        n: How many there are.
+
+    Returns:
+        How many there are now.
+    """
+    piece, start = obstacles.owner[k], upside_down(emitter.at) if by_ground else emitter.at
+    for family in range(3):
+        frame = frame_of(obstacles, k, family)
+        source, goal = in_frame(frame, start), in_frame(frame, target)
+        for i in range(4):
+            for step in (0, 1, 3):
+                a, b, c = ROUND_BOX[i], ROUND_BOX[(i + step) % 4], ROUND_BOX[(i + 2 * step) % 4]
+                if family > 0 and ((a < 2) != (b < 2) or (a >= 2 and not by_ground)):
+                    continue  # by the ground
+                first, last = corner_of(obstacles, k, family, a), corner_of(obstacles, k, family, b)
+                faces = faces_of(first, source, goal, materials, piece)
+                if step == 0:
+                    ray = round_one(first, source, goal, faces, WAVELENGTH_M)
+                else:
+                    ray = round_two(first, last, corner_of(obstacles, k, family, c), source, goal, faces, WAVELENGTH_M)
+                if ray.is_there:
+                    way = Way(
+                        start,
+                        in_world(frame, first.p, first.q, ray.first),
+                        in_world(frame, last.p, last.q, ray.last),
+                        target,
+                        frame.edge,
+                    )
+                    wedges = WedgeCoefficients(ray.soft, ray.hard)
+                    rays.coefficient[n] = receive_bent(way, wedges, emitter.axis, materials, by_ground)
+                    rays.first_m[n, 0], rays.first_m[n, 1], rays.first_m[n, 2] = way.first
+                    rays.last_m[n, 0], rays.last_m[n, 1], rays.last_m[n, 2] = way.last
+                    rays.extra_m[n] = ray.before_m + ray.between_m
+                    n += 1
+    return n

@@ -2,7 +2,12 @@
 
 A box has twelve edges, of which the four upright ones and the four on top bend waves to a robot. Seen along its
 direction, an edge is a corner of a rectangle: everything here is said in two coordinates p and q across the edge and a
-third along it. A ray that has to pass two edges runs along the face between them.
+third along it.
+
+What is left is that of the uniform theory of diffraction, which tells polarisations and faces apart and joins smoothly
+to the rays that an edge cuts off. From one edge along a face to the next and on, it is that of the first times Fresnel's
+integral at the second, as ITU-R P.526 has it for two edges: the theory of a wedge says nothing of a wave that comes along
+its own face. Waves that are polarised along an edge of metal leave nothing along its face.
 """
 
 from __future__ import annotations
@@ -10,16 +15,14 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from dirmusic.compiled import compiled
-from sensing.radio.fresnel import WedgeCoefficients, knife_edge, wedge
-
-FloatArray = NDArray[np.float64]
+from sensing.radio.fresnel import WedgeFaces, edge_ray, knife_edge, wedge
 
 OUTER_TURN = 1.5
 """Outer angle of an edge of a box over pi."""
+
+ON_FACE_M = 1e-6
+"""So deep within a box, a point is still on its surface."""
 
 LEAST_M = 1e-3
 """Shorter ways before and after an edge count as this one."""
@@ -63,8 +66,8 @@ class BentRay(NamedTuple):
         before_m: Length up to the first bend.
         between_m: From the first to the last; 0 with one edge.
         behind_m: From the last bend on.
-        wedge: Coefficients of the first edge.
-        left: Of the amplitude, behind the other edge or past those beside.
+        soft: Amplitude of a field along the first edge, over that of a straight ray as long.
+        hard: Of a field across it.
     """
 
     is_there: bool
@@ -73,15 +76,23 @@ class BentRay(NamedTuple):
     before_m: float
     between_m: float
     behind_m: float
-    wedge: WedgeCoefficients
-    left: complex
+    soft: complex
+    hard: complex
 
 
 @compiled
 def outer_angle(corner: Corner, point: Point) -> float:
-    """Angle of a point about an edge from the face across p on, in [0, 2 pi): within the box beyond 3/2 pi."""
+    """Angle of a point outside the box about an edge, from the face across p on, in [0, 3/2 pi]."""
     angle = math.atan2((point.p - corner.p) * corner.out_p, -(point.q - corner.q) * corner.out_q)
-    return angle if angle >= 0.0 else angle + 2.0 * math.pi
+    if angle > -0.25 * math.pi:
+        return max(angle, 0.0)
+    return min(angle + 2.0 * math.pi, OUTER_TURN * math.pi)
+
+
+@compiled
+def is_hidden(corner: Corner, point: Point) -> bool:
+    """Whether its own box hides an edge from a point."""
+    return (point.p - corner.p) * corner.out_p < -ON_FACE_M and (point.q - corner.q) * corner.out_q < -ON_FACE_M
 
 
 @compiled
@@ -99,61 +110,91 @@ def diffraction_parameter(detour_m: float, wavelength_m: float) -> float:
 @compiled
 def nothing() -> BentRay:
     """No ray."""
-    return BentRay(False, 0.0, 0.0, 0.0, 0.0, 0.0, WedgeCoefficients(0j, 0j), 0j)
+    return BentRay(False, 0.0, 0.0, 0.0, 0.0, 0.0, 0j, 0j)
+
+
+class Place(NamedTuple):
+    """Where along an edge a ray bends, and what an edge that ends there leaves of it."""
+
+    along: float
+    left: complex
 
 
 @compiled
-def round_one(corner: Corner, source: Point, target: Point, wavelength_m: float) -> BentRay:
+def place(corner: Corner, at: float, before: float, behind: float, rise: float, wavelength_m: float) -> Place:
+    """The place on an edge for a ray that would bend at `at`, if the edge went on for ever.
+
+    Args:
+        corner: The edge.
+        at: Along it.
+        before: Way up to it, across.
+        behind: Way from it on, across.
+        rise: Of source over target, along the edge.
+        wavelength_m: Of the wave.
+    """
+    share, length_m, along = before / (before + behind), math.hypot(before + behind, rise), at
+    left = 1.0 + 0.0j
+    for end, side in ((corner.low, -1.0), (corner.high, 1.0)):
+        beyond, shift = (at - end) * side, end - at
+        detour_m = (
+            math.hypot(before, share * rise + shift) + math.hypot(behind, (1.0 - share) * rise - shift) - length_m
+        )
+        nu = diffraction_parameter(detour_m, wavelength_m)
+        if beyond > 0.0:
+            along = end
+            left *= edge_ray(nu)
+        else:
+            left *= knife_edge(-nu)
+    return Place(along, left)
+
+
+@compiled
+def round_one(corner: Corner, source: Point, target: Point, faces: WedgeFaces, wavelength_m: float) -> BentRay:
     """The ray from a source round one edge to a target that both see it."""
-    from_rad, to_rad = outer_angle(corner, source), outer_angle(corner, target)
-    if max(from_rad, to_rad) > OUTER_TURN * math.pi:
+    if is_hidden(corner, source) or is_hidden(corner, target):
         return nothing()
     before, behind = distance(corner, source), distance(corner, target)
-    at = (source.along * behind + target.along * before) / (before + behind)
-    if not corner.low <= at <= corner.high:
-        return nothing()
-    before_m, behind_m = math.hypot(before, at - source.along), math.hypot(behind, target.along - at)
-    sine, k = before / before_m, 2.0 * math.pi / wavelength_m
-    length_m = before_m * behind_m * sine * sine / (before_m + behind_m)
-    coefficients = wedge(from_rad, to_rad, OUTER_TURN, k, length_m, sine)
-    return BentRay(True, at, at, before_m, 0.0, behind_m, coefficients, 1.0 + 0j)
+    rise = target.along - source.along
+    at = place(corner, source.along + rise * before / (before + behind), before, behind, rise, wavelength_m)
+    before_m, behind_m = math.hypot(before, at.along - source.along), math.hypot(behind, target.along - at.along)
+    stretch = math.hypot(before + behind, rise) / (before + behind)
+    k_length = 2.0 * math.pi / wavelength_m * before * behind / ((before + behind) * stretch)
+    wedges = wedge(outer_angle(corner, source), outer_angle(corner, target), OUTER_TURN, k_length, faces)
+    left = at.left / math.sqrt(k_length)
+    return BentRay(True, at.along, at.along, before_m, 0.0, behind_m, left * wedges.soft, left * wedges.hard)
 
 
 @compiled
-def round_two(first: Corner, last: Corner, source: Point, target: Point, wavelength_m: float) -> BentRay:
-    """The ray along the face between two edges, of which the source sees the first alone and the target the last alone.
+def round_two(
+    first: Corner, last: Corner, beyond: Corner, source: Point, target: Point, faces: WedgeFaces, wavelength_m: float
+) -> BentRay:
+    """The ray along the face between two edges, of which the source sees the first and the target the last.
 
-    The uniform theory gives the bend at the first edge; what the last one leaves is that of a knife edge, as in ITU-R
-    P.526 for two edges: the theory of a wedge says nothing of a wave that comes along its own face.
+    It fades out where it would have to pass the edge `beyond` the last one: what comes round three is left out.
     """
-    most = OUTER_TURN * math.pi
-    from_rad = outer_angle(first, source)
-    if from_rad > most or outer_angle(last, target) > most:
-        return nothing()
-    if outer_angle(first, target) <= most or outer_angle(last, source) <= most:
+    if is_hidden(first, source) or is_hidden(last, target):
         return nothing()
     before, behind = distance(first, source), distance(last, target)
     face = math.hypot(last.p - first.p, last.q - first.q)
-    slope = (target.along - source.along) / (before + face + behind)
-    at_first, at_last = source.along + slope * before, target.along - slope * behind
-    if not (first.low <= at_first <= first.high and last.low <= at_last <= last.high):
-        return nothing()
+    rise = target.along - source.along
+    whole = before + face + behind
+    slope = rise / whole
+    at_first = place(first, source.along + slope * before, before, face + behind, rise, wavelength_m)
+    at_last = place(last, target.along - slope * behind, before + face, behind, rise, wavelength_m)
+    before_m, behind_m = (
+        math.hypot(before, at_first.along - source.along),
+        math.hypot(behind, target.along - at_last.along),
+    )
+    between_m = math.hypot(face, at_last.along - at_first.along)
     stretch = math.sqrt(1.0 + slope * slope)
-    before_m, between_m, behind_m = before * stretch, face * stretch, behind * stretch
-    leaves_rad = 0.0 if last.p == first.p else most
-    sine, after_m, k = 1.0 / stretch, between_m + behind_m, 2.0 * math.pi / wavelength_m
-    length_m = before_m * after_m * sine * sine / (before_m + after_m)
-    coefficients = wedge(from_rad, leaves_rad, OUTER_TURN, k, length_m, sine)
-    straight_m = math.hypot(distance(first, target), target.along - at_first)
-    left = knife_edge(diffraction_parameter(after_m - straight_m, wavelength_m))
-    return BentRay(True, at_first, at_last, before_m, between_m, behind_m, coefficients, left)
-
-
-@compiled
-def passing(corner: Corner, beside: Corner, target: Point, ray: BentRay, wavelength_m: float) -> complex:
-    """What an edge beside leaves of a ray that is bent at another and passes it in sight of the target."""
-    face = math.hypot(beside.p - corner.p, beside.q - corner.q)
-    behind = distance(beside, target)
-    slope = (target.along - ray.last) / (face + behind)
-    detour_m = (face + behind) * math.sqrt(1.0 + slope * slope) - ray.behind_m
-    return knife_edge(-diffraction_parameter(detour_m, wavelength_m))
+    k_length = 2.0 * math.pi / wavelength_m * before * (face + behind) / (whole * stretch)
+    leaves_rad = 0.0 if last.p == first.p else OUTER_TURN * math.pi
+    wedges = wedge(outer_angle(first, source), leaves_rad, OUTER_TURN, k_length, faces)
+    straight_m = math.hypot(distance(first, target), slope * (face + behind))
+    nu = diffraction_parameter((face + behind) * stretch - straight_m, wavelength_m)
+    left = at_first.left * at_last.left * edge_ray(nu if is_hidden(first, target) else -nu) / math.sqrt(k_length)
+    detour_m = math.hypot(beyond.p - last.p, beyond.q - last.q) + distance(beyond, target) - behind
+    left *= 1.0 - 2.0 * abs(edge_ray(diffraction_parameter(detour_m, wavelength_m)))
+    return BentRay(
+        True, at_first.along, at_last.along, before_m, between_m, behind_m, left * wedges.soft, left * wedges.hard
+    )

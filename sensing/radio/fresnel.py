@@ -23,7 +23,8 @@ _SLOPE = STEP * (2j * _AT * _TAIL - 1.0)
 @compiled
 def fresnel_tail(u: float) -> complex:
     r""":math:`e^{j u^2} \int_u^\infty e^{-j t^2} dt` for u >= 0: a cubic through a table, to 1e-8, and the first terms of
-    its asymptotic series beyond."""
+    its asymptotic series beyond.
+    """
     if u >= END:
         square = u * u
         return (1.0 + 0.5j / square - 0.75 / (square * square)) / (2.0j * u)
@@ -48,6 +49,17 @@ def knife_edge(nu: float) -> complex:
     return tail if nu >= 0.0 else 1.0 - tail
 
 
+@compiled
+def edge_ray(nu: float) -> complex:
+    """What an edge adds to a wave that it leaves, or to nothing behind it, at the phase of the way round the edge.
+
+    Args:
+        nu: As of `knife_edge`, which is this, at that phase, and 1 where it is negative.
+    """
+    tail = (1.0 + 1.0j) / math.sqrt(2.0 * math.pi) * fresnel_tail(math.sqrt(0.5 * math.pi) * abs(nu))
+    return tail if nu >= 0.0 else -tail
+
+
 class WedgeCoefficients(NamedTuple):
     """Diffraction coefficients of a wedge, in square roots of metres.
 
@@ -63,9 +75,36 @@ class WedgeCoefficients(NamedTuple):
 @compiled
 def transition(x: float) -> complex:
     r"""Transition function of the uniform theory of diffraction, :math:`2 j \sqrt{x} e^{jx} \int_{\sqrt{x}}^\infty
-    e^{-j t^2} dt` for x >= 0 (Kouyoumjian and Pathak 1974, eq. (29))."""
+    e^{-j t^2} dt` for x >= 0 (Kouyoumjian and Pathak 1974, eq. (29)).
+    """
     root = math.sqrt(x)
     return 2.0j * root * fresnel_tail(root)
+
+
+class Mirror(NamedTuple):
+    """Reflection coefficients of the field.
+
+    Attributes:
+        across: Of the component at right angles to the plane of incidence.
+        within: Of the component in it.
+    """
+
+    across: complex
+    within: complex
+
+
+class WedgeFaces(NamedTuple):
+    """What a wedge is made of; -1 across and 1 within for both faces, and nothing passes, if it conducts perfectly.
+
+    Attributes:
+        first: The face from which angles are counted.
+        last: The other one.
+        passes: Share of the amplitude that passes through.
+    """
+
+    first: Mirror
+    last: Mirror
+    passes: float
 
 
 @compiled
@@ -82,25 +121,29 @@ def _term(sign: float, beta: float, n: float, k_length: float) -> complex:
 
 
 @compiled
-def wedge(
-    incident_rad: float, leaving_rad: float, n: float, k: float, length_m: float, sin_edge: float
-) -> WedgeCoefficients:
-    r"""Uniform diffraction coefficients of a perfectly conducting wedge.
+def wedge(incident_rad: float, leaving_rad: float, n: float, k_length: float, faces: WedgeFaces) -> WedgeCoefficients:
+    r"""Uniform diffraction coefficients of a wedge, times the square root of the wave number and the sine of the angle
+    between ray and edge.
 
     Args:
         incident_rad: From the face of the wedge to where the wave comes from, across the edge, in [0, n pi].
         leaving_rad: From the same face to where it goes, in [0, n pi].
         n: Outer angle of the wedge over pi: 3/2 for the edge of a box.
-        k: Wave number, 1/m.
-        length_m: :math:`s s' \sin^2 \beta / (s + s')` of a spherical wave, with the ways before and after the edge.
-        sin_edge: Sine of the angle between the ray and the edge.
+        k_length: Wave number times :math:`s s' \sin^2 \beta / (s + s')` of a spherical wave, with the ways before and
+            after the edge and the angle between ray and edge.
+        faces: What its faces mirror, and what it lets pass.
 
     References:
         Kouyoumjian and Pathak, A uniform geometrical theory of diffraction for an edge in a perfectly conducting
-        surface, Proc. IEEE 62 (1974), eq. (25) to (29).
+        surface, Proc. IEEE 62 (1974), eq. (25) to (29); with coefficients of reflection as of Luebbers, Finite
+        conductivity uniform GTD versus knife edge diffraction, IEEE Trans. Antennas Propag. 32 (1984), eq. (3).
     """
-    difference, total, k_length = leaving_rad - incident_rad, leaving_rad + incident_rad, k * length_m
-    of_incident = _term(1.0, difference, n, k_length) + _term(-1.0, difference, n, k_length)
-    of_mirrored = _term(1.0, total, n, k_length) + _term(-1.0, total, n, k_length)
-    factor = -cmath.exp(-0.25j * math.pi) / (2.0 * n * math.sqrt(2.0 * math.pi * k) * sin_edge)
-    return WedgeCoefficients(factor * (of_incident - of_mirrored), factor * (of_incident + of_mirrored))
+    difference, total = leaving_rad - incident_rad, leaving_rad + incident_rad
+    incident = _term(1.0, difference, n, k_length) + _term(-1.0, difference, n, k_length)
+    first, last = _term(-1.0, total, n, k_length), _term(1.0, total, n, k_length)
+    factor = -cmath.exp(-0.25j * math.pi) / (2.0 * n * math.sqrt(2.0 * math.pi))
+    incident *= 1.0 - faces.passes
+    return WedgeCoefficients(
+        factor * (incident + faces.first.across * first + faces.last.across * last),
+        factor * (incident + faces.first.within * first + faces.last.within * last),
+    )

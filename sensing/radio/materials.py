@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 FREQUENCY_GHZ = 1.75
 """Middle of the pulses' band: over it, neither changes by more than a few per cent."""
 
+WAVELENGTH_M = 0.299792458 / FREQUENCY_GHZ
+"""At that frequency, in air."""
+
 OPAQUE = np.inf
 """Loss of what nothing passes: waves come round it only."""
+
+
+BENDS_DB = 15.0
+"""Loss from which on waves are followed round the edges of a box (assumed): a slender one leaves as much."""
 
 
 class Material(NamedTuple):
@@ -28,6 +37,33 @@ class Material(NamedTuple):
     conductivity_spm: float
     loss_db: float
     flat_share: float
+
+    @property
+    def bends(self) -> bool:
+        """Whether so little passes that what comes round its edges counts."""
+        return self.loss_db >= BENDS_DB
+
+
+class Materials(NamedTuple):
+    """What pieces of equipment are made of, as compiled loops read it; the last row is the ground's.
+
+    Attributes:
+        permittivity: Shape (n_pieces + 1,).
+        conductivity_spm: Shape (n_pieces + 1,).
+        log_loss: Logarithm of the amplitude that passes, <= 0, shape (n_pieces + 1,).
+        flat_share: Shape (n_pieces + 1,).
+    """
+
+    permittivity: NDArray[np.float64]
+    conductivity_spm: NDArray[np.float64]
+    log_loss: NDArray[np.float64]
+    flat_share: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, pieces: Sequence[Material], ground: Material) -> Materials:
+        """Of known materials."""
+        permittivity, conductivity_spm, loss_db, flat_share = np.array([*pieces, ground], dtype=np.float64).T
+        return cls(permittivity.copy(), conductivity_spm.copy(), -np.log(10.0) / 20 * loss_db, flat_share.copy())
 
 
 def _by_recommendation(a: float, b: float, c: float, d: float) -> tuple[float, float]:

@@ -7,26 +7,15 @@ exp(j (omega t - k r)).
 from __future__ import annotations
 
 import cmath
-import math
 from typing import NamedTuple
 
 from dirmusic.compiled import compiled
-from sensing.radio.fresnel import WedgeCoefficients
-from sensing.radio.materials import FREQUENCY_GHZ
-
-TINY = 1e-9
-"""A sine below which two directions are one."""
+from sensing.radio.fresnel import Mirror, WedgeCoefficients
+from sensing.radio.materials import FREQUENCY_GHZ, Materials
+from sensing.radio.vectors import Vector, across
 
 LOSS_FACTOR = 17.98
 """Imaginary part of the permittivity by conductivity in S/m, times GHz: one over 2 pi epsilon_0 (ITU-R P.2040)."""
-
-
-class Vector(NamedTuple):
-    """Of space, world frame."""
-
-    x: float
-    y: float
-    z: float
 
 
 class Field(NamedTuple):
@@ -38,30 +27,9 @@ class Field(NamedTuple):
 
 
 @compiled
-def dot(first: Vector, second: Vector) -> float:
-    """Scalar product."""
-    return first.x * second.x + first.y * second.y + first.z * second.z
-
-
-@compiled
 def along(field: Field, direction: Vector) -> complex:
     """Component of a field along a direction."""
     return field.x * direction.x + field.y * direction.y + field.z * direction.z
-
-
-@compiled
-def across(first: Vector, second: Vector) -> Vector:
-    """Unit vector at right angles to two vectors; if they are parallel, to the first and as level as can be."""
-    x = first.y * second.z - first.z * second.y
-    y = first.z * second.x - first.x * second.z
-    z = first.x * second.y - first.y * second.x
-    length = math.sqrt(x * x + y * y + z * z)
-    if length < TINY:
-        x, y, z = -first.y, first.x, 0.0
-        length = math.sqrt(x * x + y * y)
-        if length < TINY:
-            x, y, length = 1.0, 0.0, 1.0
-    return Vector(x / length, y / length, z / length)
 
 
 @compiled
@@ -71,8 +39,8 @@ def radiated(axis: Vector, ray: Vector) -> Field:
     Along the axis itself a dipole would send nothing; here what is sent in all directions is alike, by assumption.
     """
     sideways = across(axis, ray)  # at right angles to both
-    towards = across(ray, sideways)
-    return Field(complex(towards.x), complex(towards.y), complex(towards.z))
+    lengthways = across(ray, sideways)
+    return Field(complex(lengthways.x), complex(lengthways.y), complex(lengthways.z))
 
 
 @compiled
@@ -87,18 +55,6 @@ def received(field: Field, ray: Vector) -> complex:
     return along(field, level) + 1j * along(field, upright)
 
 
-class Mirror(NamedTuple):
-    """Reflection coefficients of the field.
-
-    Attributes:
-        across: Of the component at right angles to the plane of incidence.
-        within: Of the component in it.
-    """
-
-    across: complex
-    within: complex
-
-
 @compiled
 def fresnel(cosine: float, permittivity: float, conductivity_spm: float) -> Mirror:
     """Reflection coefficients of a smooth half-space (ITU-R P.2040-3, eq. (37)).
@@ -111,6 +67,14 @@ def fresnel(cosine: float, permittivity: float, conductivity_spm: float) -> Mirr
     inside = permittivity - 1j * LOSS_FACTOR * conductivity_spm / FREQUENCY_GHZ
     root = cmath.sqrt(inside - (1.0 - cosine * cosine))
     return Mirror((cosine - root) / (cosine + root), (inside * cosine - root) / (inside * cosine + root))
+
+
+@compiled
+def face_mirror(cosine: float, materials: Materials, piece: int) -> Mirror:
+    """Reflection coefficients of a face of a piece of equipment, or of the ground (-1); of a ray at an angle as above."""
+    smooth = fresnel(cosine, materials.permittivity[piece], materials.conductivity_spm[piece])
+    flat_share = materials.flat_share[piece]
+    return Mirror(flat_share * smooth.across, flat_share * smooth.within)
 
 
 @compiled

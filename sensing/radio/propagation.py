@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from dirmusic.array.pattern_table import PatternTable
 from dirmusic.compiled import compiled
 from sensing.array.array_table import ArrayTable
+from sensing.radio.materials import Materials
 from sensing.radio.surroundings import Faces, Obstacles, Surroundings
 
 FloatArray = NDArray[np.float64]
@@ -20,10 +21,12 @@ class SourceTable(NamedTuple):
 
     Attributes:
         positions_m: Of each robot its own sources, shape (n_robots, n_sources, 3), world frame.
+        axes: Their linear polarisations, unit vectors, shape (n_robots, n_sources, 3).
         burst_s: How long emissions last that are no pulses, 0 for pulses, shape (n_robots, n_sources).
     """
 
     positions_m: FloatArray
+    axes: FloatArray
     burst_s: FloatArray
 
 
@@ -46,8 +49,8 @@ class Propagation(NamedTuple):
 @compiled
 def named_propagation(propagation: tuple[Any, ...]) -> Propagation:
     """A `Propagation` from a plain one, in which all inner records are plain too."""
-    sources, world_from_array, arrays, (faces, reflection, log_loss, obstacles) = propagation
+    sources, world_from_array, arrays, (faces, materials, obstacles) = propagation
     elements_m, boresights, gain_factors, gain_offsets, pattern = arrays
-    surroundings = Surroundings(Faces(*faces), reflection, log_loss, Obstacles(*obstacles))
+    surroundings = Surroundings(Faces(*faces), Materials(*materials), Obstacles(*obstacles))
     table = ArrayTable(elements_m, boresights, gain_factors, gain_offsets, PatternTable(*pattern))
     return Propagation(SourceTable(*sources), world_from_array, table, surroundings)

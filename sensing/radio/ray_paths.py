@@ -1,31 +1,42 @@
-"""Ray paths from sources to arrays, straight or by one mirror, found in a compiled loop."""
+"""Ray paths from sources to arrays, straight, by one mirror or round the edges of a box, found in a compiled loop."""
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
-from sensing.radio.surroundings import OWN_FACE_M, Faces
+from sensing.radio.bends import GROUND, MOST_RAYS, BentRays, Emitter, bend
+from sensing.radio.materials import Materials
+from sensing.radio.obstruction import NOBODY, crosses, left_of_line, shadow
+from sensing.radio.polarisation import face_mirror, mirrored, radiated, received
+from sensing.radio.surroundings import OWN_FACE_M, Obstacles, Surroundings
+from sensing.radio.vectors import Vector, dot, length, minus, towards
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 BoolArray = NDArray[np.bool_]
 
+FADES_FROM_DB, FADES_TO_DB = 24.0, 30.0
+"""How far below the loudest path of a source another fades, and is out (assumed): those change strengths by 3 %."""
+
+SHARES_OVER = 1.0
+"""Difference of diffraction parameters over which one of two boxes in the way takes over from the other (assumed)."""
+
 
 class RayPaths(NamedTuple):
-    """Paths as broken lines; a row is a path, those of one source and robot follow one another, the direct one first.
+    """Paths; a row is a path, those of one source and robot follow one another.
 
     Attributes:
         robot: Number of the robot that the path leads to, shape (n_paths,).
         source: Number of the source among the robot's own, shape (n_paths,).
-        from_m: Source, or its mirror image, shape (n_paths, 3).
-        coefficient: Reflection coefficient of the face, 1 for a direct path, shape (n_paths,).
-        starts_m: Where the two segments of each path start, one after the other, shape (2 n_paths, 3); the first
-            segment of a direct path has no length.
-        ends_m: Where the segments end, shape (2 n_paths, 3).
+        from_m: Whence it comes: source, its mirror image, or where it bends last, shape (n_paths, 3).
+        extra_m: Its length up to there, shape (n_paths,).
+        coefficient: What an antenna of circular polarisation receives of it, over a straight path as long in free space,
+            complex, shape (n_paths,).
         first: The first path of each robot and source, shape (n_robots, n_sources).
         n_paths: Number of paths of each robot and source, shape (n_robots, n_sources).
     """
@@ -33,79 +44,151 @@ class RayPaths(NamedTuple):
     robot: IntArray
     source: IntArray
     from_m: FloatArray
-    coefficient: FloatArray
-    starts_m: FloatArray
-    ends_m: FloatArray
+    extra_m: FloatArray
+    coefficient: NDArray[np.complex128]
     first: IntArray
     n_paths: IntArray
 
 
 @compiled
+def vector(row: FloatArray) -> Vector:
+    """Of a row of three."""
+    return Vector(row[0], row[1], row[2])
+
+
+@compiled
+def reflect(emitter: Emitter, target: Vector, surroundings: Surroundings, f: int, image_m: FloatArray) -> complex:
+    """What is received by a mirror, and where its image of the source lies; 0 if there is no such path."""
+    faces, materials, obstacles = surroundings
+    normal, centre = vector(faces.normal[f]), vector(faces.centre_m[f])
+    depth_m, height_m = dot(minus(emitter.at, centre), normal), dot(minus(target, centre), normal)
+    piece = faces.owner[f]
+    if depth_m <= OWN_FACE_M or height_m <= 0.0 or materials.flat_share[piece] == 0.0:
+        return 0j
+    image = Vector(
+        emitter.at.x - 2.0 * depth_m * normal.x,
+        emitter.at.y - 2.0 * depth_m * normal.y,
+        emitter.at.z - 2.0 * depth_m * normal.z,
+    )
+    share = depth_m / (depth_m + height_m)
+    way = minus(target, image)
+    at = Vector(image.x + share * way.x, image.y + share * way.y, image.z + share * way.z)
+    from_centre = minus(at, centre)
+    for axis in range(2):
+        if abs(dot(from_centre, vector(faces.axes[f, axis]))) > faces.half_size_m[f, axis]:
+            return 0j
+    image_m[0], image_m[1], image_m[2] = image
+    arrives, leaves = towards(emitter.at, at), towards(at, target)
+    mirror = face_mirror(abs(dot(leaves, normal)), materials, piece)
+    field = mirrored(radiated(emitter.axis, arrives), arrives, leaves, normal, mirror)
+    off = Vector(at.x + 1e-9 * normal.x, at.y + 1e-9 * normal.y, at.z + 1e-9 * normal.z)
+    left = left_of_line(emitter.at, off, obstacles, materials, NOBODY)
+    return received(field, leaves) * left * left_of_line(off, target, obstacles, materials, NOBODY)
+
+
+@compiled
+def passes_straight(start: Vector, end: Vector, obstacles: Obstacles, materials: Materials) -> float:
+    """Amplitude that is left of a straight path: nothing behind what waves bend round."""
+    left, counted = 1.0, -1
+    for k in range(obstacles.owner.size):
+        piece = obstacles.owner[k]
+        if piece != counted and crosses(start, end, obstacles, k):
+            left *= math.exp(materials.log_loss[piece])
+            counted = piece
+            if left == 0.0:
+                return 0.0
+    return left
+
+
+@compiled
+def bend_round_all(
+    emitter: Emitter, target: Vector, surroundings: Surroundings, ground_mirrors: bool, rays: BentRays
+) -> int:
+    """Rays round the edges of all boxes, with what all others leave of them; returns how many there are."""
+    faces, materials, obstacles = surroundings
+    deepest, n = -np.inf, 0
+    nus = np.empty(obstacles.owner.size)
+    for k in range(nus.size):
+        nus[k] = shadow(emitter.at, target, obstacles, k) if obstacles.bends[k] else -np.inf
+        deepest = max(deepest, nus[k])
+    for k in range(nus.size):
+        share = 1.0 if deepest <= 0.0 else min(max(1.0 - (deepest - max(nus[k], 0.0)) / SHARES_OVER, 0.0), 1.0)
+        if not obstacles.bends[k] or share == 0.0:
+            continue
+        begun = n
+        n = bend(obstacles, k, materials, emitter, target, False, rays, n)
+        if ground_mirrors:
+            n = bend(obstacles, k, materials, emitter, target, True, rays, n)
+        for i in range(begun, n):
+            first, last = vector(rays.first_m[i]), vector(rays.last_m[i])
+            first, last = Vector(first.x, first.y, abs(first.z)), Vector(last.x, last.y, abs(last.z))
+            rays.coefficient[i] *= share * left_of_line(emitter.at, first, obstacles, materials, k)
+            rays.coefficient[i] *= left_of_line(last, target, obstacles, materials, k)
+    return n
+
+
+@compiled
 def find_ray_paths(
-    sources_m: FloatArray,
-    is_emitting: BoolArray,
-    centre_m: FloatArray,
-    faces: Faces,
-    reflection: FloatArray,
+    sources_m: FloatArray, axes: FloatArray, is_emitting: BoolArray, centre_m: FloatArray, surroundings: Surroundings
 ) -> RayPaths:
-    """Direct paths, and those by one mirror, from the sources that emit to the centres of arrays.
+    """All paths from the sources that emit to the centres of arrays.
 
     Args:
         sources_m: Shape (n_robots, n_sources, 3), world frame.
+        axes: Linear polarisations of the sources, unit vectors of the same shape.
         is_emitting: Which sources emit, shape (n_robots, n_sources).
         centre_m: Middle of each array, shape (n_robots, 3).
-        faces: Flat rectangles that mirror.
-        reflection: Reflection coefficients of the faces, shape (n_faces,).
+        surroundings: What stands about.
     """
     n_robots, n_sources = is_emitting.shape
-    n_most = is_emitting.sum() * (1 + reflection.size)
+    faces, materials, obstacles = surroundings
+    n_faces, n_boxes = faces.owner.size, obstacles.bends.sum()
+    n_most = is_emitting.sum() * (1 + n_faces + 2 * MOST_RAYS * n_boxes)
     robot, source = np.empty(n_most, np.intp), np.empty(n_most, np.intp)
-    from_m, coefficient = np.empty((n_most, 3)), np.empty(n_most)
-    starts_m, ends_m = np.empty((2 * n_most, 3)), np.empty((2 * n_most, 3))
+    from_m, extra_m, coefficient = np.empty((n_most, 3)), np.empty(n_most), np.empty(n_most, np.complex128)
     first, n_paths = np.zeros((n_robots, n_sources), np.intp), np.zeros((n_robots, n_sources), np.intp)
-    point_m = np.empty(3)
+    rays = BentRays(
+        np.empty((2 * MOST_RAYS * n_boxes, 3)),
+        np.empty(2 * MOST_RAYS * n_boxes),
+        np.empty((2 * MOST_RAYS * n_boxes, 3)),
+        np.empty(2 * MOST_RAYS * n_boxes, np.complex128),
+    )
+    ground_mirrors = False
+    for f in range(n_faces):
+        ground_mirrors |= faces.owner[f] == GROUND and materials.flat_share[GROUND] > 0.0
     n = 0
     for r in range(n_robots):
+        target = vector(centre_m[r])
         for s in range(n_sources):
             if not is_emitting[r, s]:
                 continue
-            first[r, s] = n
-            at_m, to_m = sources_m[r, s], centre_m[r]
-            for f in range(-1, reflection.size):
-                from_m[n] = at_m
-                coefficient[n] = 1.0
-                point_m[:] = at_m
-                if f >= 0:
-                    if reflection[f] == 0.0:
-                        continue
-                    depth_m = height_m = 0.0
-                    for i in range(3):
-                        depth_m += (at_m[i] - faces.centre_m[f, i]) * faces.normal[f, i]
-                        height_m += (to_m[i] - faces.centre_m[f, i]) * faces.normal[f, i]
-                    if depth_m <= OWN_FACE_M or height_m <= 0.0:
-                        continue
-                    share = depth_m / (depth_m + height_m)
-                    along_m = across_m = 0.0
-                    for i in range(3):
-                        from_m[n, i] = at_m[i] - 2.0 * depth_m * faces.normal[f, i]
-                        point_m[i] = from_m[n, i] + share * (to_m[i] - from_m[n, i])
-                        along_m += (point_m[i] - faces.centre_m[f, i]) * faces.axes[f, 0, i]
-                        across_m += (point_m[i] - faces.centre_m[f, i]) * faces.axes[f, 1, i]
-                    if abs(along_m) > faces.half_size_m[f, 0] or abs(across_m) > faces.half_size_m[f, 1]:
-                        continue
-                    coefficient[n] = reflection[f]
-                robot[n], source[n] = r, s
-                starts_m[2 * n], starts_m[2 * n + 1] = at_m, to_m
-                ends_m[2 * n] = ends_m[2 * n + 1] = point_m  # a line may end on a face, but not start there
+            emitter = Emitter(vector(sources_m[r, s]), vector(axes[r, s]))
+            begun, ray = n, towards(emitter.at, target)
+            left = passes_straight(emitter.at, target, obstacles, materials)
+            if left > 0.0:
+                from_m[n], extra_m[n] = sources_m[r, s], 0.0
+                coefficient[n] = left * received(radiated(emitter.axis, ray), ray)
                 n += 1
-            n_paths[r, s] = n - first[r, s]
-    return RayPaths(
-        robot[:n],
-        source[:n],
-        from_m[:n],
-        coefficient[:n],
-        starts_m[: 2 * n],
-        ends_m[: 2 * n],
-        first,
-        n_paths,
-    )
+            for f in range(n_faces):
+                coefficient[n] = reflect(emitter, target, surroundings, f, from_m[n])
+                if coefficient[n] != 0.0:
+                    extra_m[n] = 0.0
+                    n += 1
+            for i in range(bend_round_all(emitter, target, surroundings, ground_mirrors, rays) if n_boxes else 0):
+                from_m[n], extra_m[n], coefficient[n] = rays.last_m[i], rays.extra_m[i], rays.coefficient[i]
+                n += 1
+            loudest = 0.0
+            for i in range(begun, n):
+                loudest = max(loudest, abs(coefficient[i]) / (extra_m[i] + length(minus(target, vector(from_m[i])))))
+            end, n = n, begun
+            for i in range(begun, end):
+                level = abs(coefficient[i]) / (extra_m[i] + length(minus(target, vector(from_m[i]))))
+                below_db = 20.0 * math.log10(loudest / max(level, 1e-12 * loudest))
+                fades = min(max((below_db - FADES_FROM_DB) / (FADES_TO_DB - FADES_FROM_DB), 0.0), 1.0)
+                if fades < 1.0:
+                    from_m[n], extra_m[n] = from_m[i], extra_m[i]
+                    coefficient[n] = coefficient[i] * (1.0 - fades * fades * (3.0 - 2.0 * fades))
+                    robot[n], source[n] = r, s
+                    n += 1
+            first[r, s], n_paths[r, s] = begun, n - begun
+    return RayPaths(robot[:n], source[:n], from_m[:n], extra_m[:n], coefficient[:n], first, n_paths)

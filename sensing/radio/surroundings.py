@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
-from sensing.radio.materials import GRAVEL, KIND_MATERIALS
+from sensing.radio.materials import GRAVEL, KIND_MATERIALS, Material, Materials
 
 FloatArray = NDArray[np.float64]
 
@@ -40,8 +40,8 @@ class Faces(NamedTuple):
     owner: NDArray[np.intp]
 
 
-class Obstacles(NamedTuple):
-    """Upright boxes and cylinders that stand in the way, world frame.
+class Solids(NamedTuple):
+    """Upright boxes and cylinders, world frame.
 
     Attributes:
         centre_m: Middle of the footprint, shape (n_solids, 2).
@@ -61,11 +61,35 @@ class Obstacles(NamedTuple):
     top_m: FloatArray
     owner: NDArray[np.intp]
 
+
+class Obstacles(NamedTuple):
+    """Upright boxes and cylinders that stand in the way, world frame.
+
+    Attributes:
+        centre_m: Middle of the footprint, shape (n_solids, 2).
+        yaw_rad: Shape (n_solids,).
+        half_size_m: Half the sides of boxes, shape (n_solids, 2); 0 for cylinders.
+        radius_m: Of cylinders, shape (n_solids,); 0 for boxes.
+        bottom_m: Height above ground, shape (n_solids,).
+        top_m: Height above ground, shape (n_solids,).
+        owner: Piece of equipment that each is a part of, shape (n_solids,).
+        bends: Whether waves bend round its edges, shape (n_solids,).
+    """
+
+    centre_m: FloatArray
+    yaw_rad: FloatArray
+    half_size_m: FloatArray
+    radius_m: FloatArray
+    bottom_m: FloatArray
+    top_m: FloatArray
+    owner: NDArray[np.intp]
+    bends: NDArray[np.bool_]
+
     @classmethod
     def none(cls) -> Self:
         """Nothing in the way."""
         nothing, flat = np.empty(0), np.empty((0, 2))
-        return cls(flat, nothing, flat, nothing, nothing, nothing, np.empty(0, dtype=np.intp))
+        return cls(flat, nothing, flat, nothing, nothing, nothing, np.empty(0, np.intp), np.empty(0, np.bool_))
 
 
 class Rays(NamedTuple):
@@ -119,37 +143,40 @@ def level_transform(pose: FloatArray) -> FloatArray:
 
 
 class Surroundings(NamedTuple):
-    """What stands about: equipment that weakens, and faces that mirror.
+    """What stands about, and what it is made of.
 
     Attributes:
         faces: Flat faces that mirror.
-        reflection: Amplitude reflection coefficient of each face, shape (n_faces,).
-        log_loss: Logarithm of the amplitude that each piece of equipment lets pass, <= 0, shape (n_pieces,).
+        materials: Of each piece of equipment, and of the ground, which is last: the owner of its face is -1.
         obstacles: Solids that the pieces are made of.
     """
 
     faces: Faces
-    reflection: FloatArray
-    log_loss: FloatArray
+    materials: Materials
     obstacles: Obstacles
 
     @classmethod
-    def of_kinds(cls, kinds: Sequence[str], faces: Faces, obstacles: Obstacles) -> Self:
-        """Equipment of known kinds, one for each piece, on gravel.
+    def of_kinds(cls, kinds: Sequence[str], faces: Faces, solids: Solids, ground: Material = GRAVEL) -> Self:
+        """Equipment of known kinds, one for each piece.
 
         Raises:
             KeyError: If a kind is not in `KIND_MATERIALS`.
         """
-        materials = [*(KIND_MATERIALS[kind] for kind in kinds), GRAVEL]  # the ground last: its owner is -1
-        loss_db, reflection = np.array(materials, dtype=np.float64).T
-        return cls(faces, reflection[faces.owner], -np.log(10.0) / 20 * loss_db[:-1], obstacles)
+        return cls.of_materials([KIND_MATERIALS[kind] for kind in kinds], faces, solids, ground)
+
+    @classmethod
+    def of_materials(cls, pieces: Sequence[Material], faces: Faces, solids: Solids, ground: Material = GRAVEL) -> Self:
+        """Equipment of known materials, one for each piece."""
+        bends = np.array([pieces[piece].bends for piece in solids.owner.tolist()], dtype=np.bool_)
+        obstacles = Obstacles(*solids, bends=bends & (solids.radius_m == 0.0))
+        return cls(faces, Materials.of(pieces, ground), obstacles)
 
     @classmethod
     def free_space(cls) -> Self:
         """Nothing about, not even the ground."""
         nothing = np.empty((0, 3))
         faces = Faces(nothing, nothing, np.empty((0, 2, 3)), np.empty((0, 2)), np.empty(0, dtype=np.intp))
-        return cls(faces, np.empty(0), np.empty(0), Obstacles.none())
+        return cls(faces, Materials.of([], GRAVEL), Obstacles.none())
 
 
 def _length(vectors: FloatArray) -> FloatArray:

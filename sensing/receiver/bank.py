@@ -46,7 +46,9 @@ class ReceiverBank:
         self._false_alarms = FalseAlarms(config.false_alarm_rate_hz, n_robots)
         self._arrays = ArrayTable.of([listener.array for listener in listeners])
         n_sources = len(scene.sources)
-        self._sources = SourceTable(np.empty((n_robots, n_sources, 3)), np.empty((n_robots, n_sources)))
+        self._sources = SourceTable(
+            *(np.empty((n_robots, n_sources, 3)) for _ in range(2)), np.empty((n_robots, n_sources))
+        )
         self._plain_arrays, self._plain_sources = plain(self._arrays), tuple(self._sources)
         self._surroundings = plain(scene.surroundings)
         self._samplers: list[tuple[Any, ...]] = [()] * n_robots
@@ -65,10 +67,9 @@ class ReceiverBank:
         self._listeners[robot] = listener
         self._arrays.replace(robot, listener.array)
         self._samplers[robot] = plain(self._receiver.sampler(listener.array))
-        self._sources.positions_m[robot], self._sources.burst_s[robot] = (
-            listener.scene.positions_m,
-            listener.scene.burst_s,
-        )
+        columns = listener.scene.positions_m, listener.scene.axes, listener.scene.burst_s
+        for column, own in zip(self._sources, columns, strict=True):
+            column[robot] = own
         self._generators[robot] = GeneratorHandle(listener.receiver_rng)
         self._false_alarms.restart(robot)
 

@@ -28,12 +28,14 @@ class PulseTable(NamedTuple):
     """A filtered pulse of 1 V before the filter, as compiled loops read it.
 
     Attributes:
-        values_v: Row k begins with the sample that lies k / n_phases of a sample after the arrival, and goes on sample
+        sine_v: Row k begins with the sample that lies k / n_phases of a sample after the arrival, and goes on sample
             by sample, shape (n_phases, n_samples); the pulse is 0 before and after.
+        cosine_v: Of a pulse whose oscillation is a quarter of a turn ahead; same shape.
         rate_hz: Samples per second.
     """
 
-    values_v: FloatArray
+    sine_v: FloatArray
+    cosine_v: FloatArray
     rate_hz: float
 
 
@@ -168,9 +170,12 @@ class FrontEnd:
     @cached_property
     def _pulse_table(self) -> FloatArray:
         """A pulse of 1 V before the filter, `PHASES` values a sample, from its arrival on; zero at the end."""
+        return self._tabulated(0.0)
+
+    def _tabulated(self, phase_rad: float) -> FloatArray:
         n = int(12 * DECAY_S * self.sample_rate_hz) + self._impulse_response.size
         sample = np.arange(n) - np.arange(PHASES)[:, np.newaxis] / PHASES  # arrives that much after a sample
-        filtered = self.filter(damped_pulse(sample / self.sample_rate_hz))
+        filtered = self.filter(damped_pulse(sample / self.sample_rate_hz, phase_rad))
         late = filtered.T[:, ::-1].ravel()  # value k is at (k - (PHASES - 1)) / PHASES samples after arrival
         table = np.append(late[PHASES - 1 :], 0.0)
         table[0] = 0.0  # what comes before counts as the first value, what comes after as the last
@@ -180,8 +185,11 @@ class FrontEnd:
     def pulse_table(self) -> PulseTable:
         """The filtered pulse as compiled loops read it."""
         n_samples = -(-self._pulse_table.size // PHASES)
-        whole = np.pad(self._pulse_table, (0, n_samples * PHASES - self._pulse_table.size))
-        return PulseTable(np.ascontiguousarray(whole.reshape(n_samples, PHASES).T), self.sample_rate_hz)
+        sine, cosine = (
+            np.pad(table, (0, n_samples * PHASES - table.size)).reshape(n_samples, PHASES).T
+            for table in (self._pulse_table, self._tabulated(0.5 * np.pi))
+        )
+        return PulseTable(np.ascontiguousarray(sine), np.ascontiguousarray(cosine), self.sample_rate_hz)
 
     def pulse(self, sample: FloatArray) -> FloatArray:
         """The filtered pulse so many samples after its arrival, any shape; 0 before. Its peak is `pulse_peak`."""
