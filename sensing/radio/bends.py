@@ -9,7 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
-from sensing.radio.edges import OUTER_TURN, Corner, Point, outer_angle, round_one, round_two
+from sensing.radio.edges import (
+    OUTER_TURN,
+    Corner,
+    Point,
+    diffraction_parameter,
+    distance,
+    is_hidden,
+    outer_angle,
+    round_one,
+    round_two,
+)
 from sensing.radio.fresnel import Mirror, WedgeCoefficients, WedgeFaces
 from sensing.radio.materials import WAVELENGTH_M, Materials
 from sensing.radio.polarisation import bent, face_mirror, mirrored, radiated, received
@@ -168,6 +178,30 @@ def receive_bent(way: Way, wedges: WedgeCoefficients, axis: Vector, materials: M
 
 
 @compiled
+def loudest_possible(first: Corner, last: Corner, source: Point, target: Point) -> float:
+    """About the largest amplitude that a ray round one edge or two may have, over that 1 m from the source.
+
+    That is what Fresnel's integrals leave far from the shadow of the edges, and from those in the mirrors beside.
+    """
+    rise = target.along - source.along
+    across_m = distance(first, source) + math.hypot(last.p - first.p, last.q - first.q) + distance(last, target)
+    way_m = math.hypot(across_m, rise)
+    dp, dq = target.p - source.p, target.q - source.q
+    in_p, in_q = target.p + source.p - 2.0 * first.p, target.q + source.q - 2.0 * first.q
+    amplitude = tail(way_m - math.sqrt(dp * dp + dq * dq + rise * rise))
+    amplitude += tail(way_m - math.sqrt(in_p * in_p + dq * dq + rise * rise))
+    amplitude += tail(way_m - math.sqrt(dp * dp + in_q * in_q + rise * rise))
+    return amplitude / way_m
+
+
+@compiled
+def tail(detour_m: float) -> float:
+    """The largest amplitude of an edge by which a ray is so much longer."""
+    nu = diffraction_parameter(detour_m, WAVELENGTH_M)
+    return 0.5 if nu < 0.45 else 0.225 / nu
+
+
+@compiled
 def bend(
     obstacles: Obstacles,
     k: int,
@@ -175,6 +209,7 @@ def bend(
     emitter: Emitter,
     target: Vector,
     by_ground: bool,
+    least: float,
     rays: BentRays,
     n: int,
 ) -> int:
@@ -187,6 +222,7 @@ def bend(
         emitter: The source.
         target: Middle of the array.
         by_ground: Whether the ground mirrors them on their way, before or after.
+        least: Amplitude at the array over that 1 m from the source, below which a ray is left out.
         rays: Filled in from row n on.
         n: How many there are.
 
@@ -198,28 +234,36 @@ def bend(
         frame = frame_of(obstacles, k, family)
         source, goal = in_frame(frame, start), in_frame(frame, target)
         for i in range(4):
+            first = corner_of(obstacles, k, family, ROUND_BOX[i])
+            if is_hidden(first, source):
+                continue
             for step in (0, 1, 3):
-                a, b, c = ROUND_BOX[i], ROUND_BOX[(i + step) % 4], ROUND_BOX[(i + 2 * step) % 4]
-                if family > 0 and ((a < 2) != (b < 2) or (a >= 2 and not by_ground)):
+                b = ROUND_BOX[(i + step) % 4]
+                if family > 0 and ((ROUND_BOX[i] < 2) != (b < 2) or (b >= 2 and not by_ground)):
                     continue  # by the ground
-                first, last = corner_of(obstacles, k, family, a), corner_of(obstacles, k, family, b)
+                last = corner_of(obstacles, k, family, b)
+                if is_hidden(last, goal) or loudest_possible(first, last, source, goal) < least:
+                    continue
                 faces = faces_of(first, source, goal, materials, piece)
                 if step == 0:
                     ray = round_one(first, source, goal, faces, WAVELENGTH_M)
                 else:
-                    ray = round_two(first, last, corner_of(obstacles, k, family, c), source, goal, faces, WAVELENGTH_M)
-                if ray.is_there:
-                    way = Way(
-                        start,
-                        in_world(frame, first.p, first.q, ray.first),
-                        in_world(frame, last.p, last.q, ray.last),
-                        target,
-                        frame.edge,
-                    )
-                    wedges = WedgeCoefficients(ray.soft, ray.hard)
-                    rays.coefficient[n] = receive_bent(way, wedges, emitter.axis, materials, by_ground)
-                    rays.first_m[n, 0], rays.first_m[n, 1], rays.first_m[n, 2] = way.first
-                    rays.last_m[n, 0], rays.last_m[n, 1], rays.last_m[n, 2] = way.last
-                    rays.extra_m[n] = ray.before_m + ray.between_m
-                    n += 1
+                    beyond = corner_of(obstacles, k, family, ROUND_BOX[(i + 2 * step) % 4])
+                    ray = round_two(first, last, beyond, source, goal, faces, WAVELENGTH_M)
+                way = Way(
+                    start,
+                    in_world(frame, first.p, first.q, ray.first),
+                    in_world(frame, last.p, last.q, ray.last),
+                    target,
+                    frame.edge,
+                )
+                wedges = WedgeCoefficients(ray.soft, ray.hard)
+                coefficient = receive_bent(way, wedges, emitter.axis, materials, by_ground)
+                if abs(coefficient) < least * (ray.before_m + ray.between_m + ray.behind_m):
+                    continue
+                rays.coefficient[n] = coefficient
+                rays.first_m[n, 0], rays.first_m[n, 1], rays.first_m[n, 2] = way.first
+                rays.last_m[n, 0], rays.last_m[n, 1], rays.last_m[n, 2] = way.last
+                rays.extra_m[n] = ray.before_m + ray.between_m
+                n += 1
     return n

@@ -60,7 +60,6 @@ class BentRay(NamedTuple):
     """A ray round one or two edges.
 
     Attributes:
-        is_there: Whether there is one.
         first: Where it bends first, along the edge.
         last: Where it bends last, along that edge.
         before_m: Length up to the first bend.
@@ -70,7 +69,6 @@ class BentRay(NamedTuple):
         hard: Of a field across it.
     """
 
-    is_there: bool
     first: float
     last: float
     before_m: float
@@ -105,12 +103,6 @@ def distance(corner: Corner, point: Point) -> float:
 def diffraction_parameter(detour_m: float, wavelength_m: float) -> float:
     """Of an edge by which a ray is so much longer: ITU-R P.526, eq. (26)."""
     return 2.0 * math.sqrt(max(detour_m, 0.0) / wavelength_m)
-
-
-@compiled
-def nothing() -> BentRay:
-    """No ray."""
-    return BentRay(False, 0.0, 0.0, 0.0, 0.0, 0.0, 0j, 0j)
 
 
 class Place(NamedTuple):
@@ -150,9 +142,7 @@ def place(corner: Corner, at: float, before: float, behind: float, rise: float, 
 
 @compiled
 def round_one(corner: Corner, source: Point, target: Point, faces: WedgeFaces, wavelength_m: float) -> BentRay:
-    """The ray from a source round one edge to a target that both see it."""
-    if is_hidden(corner, source) or is_hidden(corner, target):
-        return nothing()
+    """The ray from a source round one edge to a target; both are to see it."""
     before, behind = distance(corner, source), distance(corner, target)
     rise = target.along - source.along
     at = place(corner, source.along + rise * before / (before + behind), before, behind, rise, wavelength_m)
@@ -161,19 +151,17 @@ def round_one(corner: Corner, source: Point, target: Point, faces: WedgeFaces, w
     k_length = 2.0 * math.pi / wavelength_m * before * behind / ((before + behind) * stretch)
     wedges = wedge(outer_angle(corner, source), outer_angle(corner, target), OUTER_TURN, k_length, faces)
     left = at.left / math.sqrt(k_length)
-    return BentRay(True, at.along, at.along, before_m, 0.0, behind_m, left * wedges.soft, left * wedges.hard)
+    return BentRay(at.along, at.along, before_m, 0.0, behind_m, left * wedges.soft, left * wedges.hard)
 
 
 @compiled
 def round_two(
     first: Corner, last: Corner, beyond: Corner, source: Point, target: Point, faces: WedgeFaces, wavelength_m: float
 ) -> BentRay:
-    """The ray along the face between two edges, of which the source sees the first and the target the last.
+    """The ray along the face between two edges; the source is to see the first, and the target the last.
 
     It fades out where it would have to pass the edge `beyond` the last one: what comes round three is left out.
     """
-    if is_hidden(first, source) or is_hidden(last, target):
-        return nothing()
     before, behind = distance(first, source), distance(last, target)
     face = math.hypot(last.p - first.p, last.q - first.q)
     rise = target.along - source.along
@@ -195,6 +183,4 @@ def round_two(
     left = at_first.left * at_last.left * edge_ray(nu if is_hidden(first, target) else -nu) / math.sqrt(k_length)
     detour_m = math.hypot(beyond.p - last.p, beyond.q - last.q) + distance(beyond, target) - behind
     left *= 1.0 - 2.0 * abs(edge_ray(diffraction_parameter(detour_m, wavelength_m)))
-    return BentRay(
-        True, at_first.along, at_last.along, before_m, between_m, behind_m, left * wedges.soft, left * wedges.hard
-    )
+    return BentRay(at_first.along, at_last.along, before_m, between_m, behind_m, left * wedges.soft, left * wedges.hard)

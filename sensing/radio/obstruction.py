@@ -19,6 +19,10 @@ FloatArray = NDArray[np.float64]
 BARELY = 1e-9
 """Share of a line at its ends within which a surface does not count."""
 
+NEAR = 0.3
+"""Over the root of wavelength times length: what is farther from a line takes nothing from a wave along it, for its
+diffraction parameter is below `CLEAR`, in the middle as well."""
+
 CLEAR = -0.78
 """Diffraction parameter below which an edge takes nothing away (ITU-R P.526)."""
 
@@ -91,7 +95,8 @@ def _nu(start: Vector, edge: Vector, end: Vector, way_m: float) -> float:
 
 @compiled
 def shadow(start: Vector, end: Vector, obstacles: Obstacles, k: int) -> float:
-    """Diffraction parameter of the way round a solid that takes least away; negative where a line passes it.
+    """Diffraction parameter of the way round a solid that takes least away; negative where a line passes it, minus infinity
+    far from it.
 
     A line below a solid that stands on legs passes it.
     """
@@ -104,7 +109,8 @@ def shadow(start: Vector, end: Vector, obstacles: Obstacles, k: int) -> float:
     half_x, half_y = obstacles.half_size_m[k]
     reach_m = radius_m if radius_m > 0.0 else math.hypot(half_x, half_y)
     aside_m = (x - start.x) * across_x + (y - start.y) * across_y
-    if abs(aside_m) > reach_m + math.sqrt(WAVELENGTH_M * way_m):
+    ahead_m = (x - start.x) * across_y - (y - start.y) * across_x
+    if abs(aside_m) > reach_m + NEAR * math.sqrt(WAVELENGTH_M * way_m) or not -reach_m < ahead_m < level_m + reach_m:
         return -np.inf
     cos, sin = math.cos(obstacles.yaw_rad[k]), math.sin(obstacles.yaw_rad[k])
     left = right = 0.0

@@ -102,10 +102,10 @@ def passes_straight(start: Vector, end: Vector, obstacles: Obstacles, materials:
 
 @compiled
 def bend_round_all(
-    emitter: Emitter, target: Vector, surroundings: Surroundings, ground_mirrors: bool, rays: BentRays
+    emitter: Emitter, target: Vector, surroundings: Surroundings, ground_mirrors: bool, least: float, rays: BentRays
 ) -> int:
     """Rays round the edges of all boxes, with what all others leave of them; returns how many there are."""
-    faces, materials, obstacles = surroundings
+    materials, obstacles = surroundings.materials, surroundings.obstacles
     deepest, n = -np.inf, 0
     nus = np.empty(obstacles.owner.size)
     for k in range(nus.size):
@@ -116,9 +116,9 @@ def bend_round_all(
         if not obstacles.bends[k] or share == 0.0:
             continue
         begun = n
-        n = bend(obstacles, k, materials, emitter, target, False, rays, n)
+        n = bend(obstacles, k, materials, emitter, target, False, least, rays, n)
         if ground_mirrors:
-            n = bend(obstacles, k, materials, emitter, target, True, rays, n)
+            n = bend(obstacles, k, materials, emitter, target, True, least, rays, n)
         for i in range(begun, n):
             first, last = vector(rays.first_m[i]), vector(rays.last_m[i])
             first, last = Vector(first.x, first.y, abs(first.z)), Vector(last.x, last.y, abs(last.z))
@@ -174,12 +174,16 @@ def find_ray_paths(
                 if coefficient[n] != 0.0:
                     extra_m[n] = 0.0
                     n += 1
-            for i in range(bend_round_all(emitter, target, surroundings, ground_mirrors, rays) if n_boxes else 0):
-                from_m[n], extra_m[n], coefficient[n] = rays.last_m[i], rays.extra_m[i], rays.coefficient[i]
-                n += 1
             loudest = 0.0
             for i in range(begun, n):
-                loudest = max(loudest, abs(coefficient[i]) / (extra_m[i] + length(minus(target, vector(from_m[i])))))
+                loudest = max(loudest, abs(coefficient[i]) / length(minus(target, vector(from_m[i]))))
+            least = loudest * 10.0 ** (-FADES_TO_DB / 20.0)
+            n_bent = bend_round_all(emitter, target, surroundings, ground_mirrors, least, rays) if n_boxes else 0
+            for i in range(n_bent):
+                from_m[n], extra_m[n], coefficient[n] = rays.last_m[i], rays.extra_m[i], rays.coefficient[i]
+                level = abs(coefficient[n]) / (extra_m[n] + length(minus(target, vector(from_m[n]))))
+                loudest = max(loudest, level)
+                n += 1
             end, n = n, begun
             for i in range(begun, end):
                 level = abs(coefficient[i]) / (extra_m[i] + length(minus(target, vector(from_m[i]))))
