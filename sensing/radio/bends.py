@@ -21,9 +21,9 @@ from sensing.radio.edges import (
     round_two,
 )
 from sensing.radio.fresnel import Mirror, WedgeCoefficients, WedgeFaces
-from sensing.radio.materials import WAVELENGTH_M, Materials
+from sensing.radio.materials import WAVELENGTH_M, Materials, Substance, substance_of
 from sensing.radio.polarisation import bent, face_mirror, mirrored, radiated, received
-from sensing.radio.surroundings import OWN_FACE_M, Obstacles
+from sensing.radio.surroundings import OWN_FACE_M, Obstacles, Shape, shape_of
 from sensing.radio.vectors import Vector, towards, upside_down
 
 FloatArray = NDArray[np.float64]
@@ -35,8 +35,8 @@ GROUND = -1
 MOST_RAYS = 24
 """Round one box: by each of four edges alone and by two either way, upright, and half of that over each side."""
 
-ROUND_BOX = (0, 1, 3, 2)
-"""Upright edges of a box in the order in which they follow one another."""
+ORDER = ((0, 1, 3, 2), (0, 1, 2, 3), (0, 1, 2, 3))
+"""Edges of each family in the order in which they are gone through: the upright ones as they follow one another."""
 
 
 class Emitter(NamedTuple):
@@ -99,11 +99,10 @@ def in_world(frame: Frame, p: float, q: float, along: float) -> Vector:
 
 
 @compiled
-def frame_of(obstacles: Obstacles, k: int, family: int) -> Frame:
-    """Frame of a family of edges of box k: 0 the upright ones, 1 and 2 those on top along its second and first side."""
-    cos, sin = math.cos(obstacles.yaw_rad[k]), math.sin(obstacles.yaw_rad[k])
-    x, y = obstacles.centre_m[k]
-    first, second = Vector(cos, sin, 0.0), Vector(-sin, cos, 0.0)
+def frame_of(box: Shape, family: int) -> Frame:
+    """Frame of a family of edges of a box: 0 the upright ones, 1 and 2 those on top along its second and first side."""
+    x, y = box.x, box.y
+    first, second = Vector(box.cos, box.sin, 0.0), Vector(-box.sin, box.cos, 0.0)
     if family == 0:
         return Frame(first, second, UP, x, y)
     if family == 1:
@@ -112,10 +111,9 @@ def frame_of(obstacles: Obstacles, k: int, family: int) -> Frame:
 
 
 @compiled
-def corner_of(obstacles: Obstacles, k: int, family: int, number: int) -> Corner:
+def corner_of(box: Shape, family: int, number: int) -> Corner:
     """Edge of a family, numbers 0 to 3; of those along a side, 2 and 3 are below, and box and image are one there."""
-    half_x, half_y = obstacles.half_size_m[k]
-    top, bottom = obstacles.top_m[k], obstacles.bottom_m[k]
+    half_x, half_y, top, bottom = box.half_x, box.half_y, box.top_m, box.bottom_m
     if bottom <= 0.0:
         bottom = -top
     out_p, out_q = 1.0 if number % 2 == 0 else -1.0, 1.0 if number < 2 else -1.0
@@ -126,20 +124,19 @@ def corner_of(obstacles: Obstacles, k: int, family: int, number: int) -> Corner:
 
 
 @compiled
-def faces_of(corner: Corner, source: Point, target: Point, materials: Materials, piece: int) -> WedgeFaces:
+def faces_of(corner: Corner, source: Point, target: Point, material: Substance) -> WedgeFaces:
     """What the faces at an edge mirror of a ray; the angles that count are those of Luebbers.
 
     A face that the source is on mirrors nothing: its mirror image is a part of the source.
     """
     first = abs(math.sin(outer_angle(corner, source)))
     last = abs(math.sin(OUTER_TURN * math.pi - outer_angle(corner, target)))
-    passes = math.exp(materials.log_loss[piece])
-    of_first, of_last = face_mirror(first, materials, piece), face_mirror(last, materials, piece)
+    of_first, of_last = face_mirror(first, material), face_mirror(last, material)
     if abs(source.p - corner.p) <= OWN_FACE_M:
         of_first = Mirror(0j, 0j)
     if abs(source.q - corner.q) <= OWN_FACE_M:
         of_last = Mirror(0j, 0j)
-    return WedgeFaces(of_first, of_last, passes)
+    return WedgeFaces(of_first, of_last, math.exp(material.log_loss))
 
 
 class Way(NamedTuple):
@@ -161,7 +158,7 @@ class Way(NamedTuple):
 
 
 @compiled
-def receive_bent(way: Way, wedges: WedgeCoefficients, axis: Vector, materials: Materials, by_ground: bool) -> complex:
+def receive_bent(way: Way, wedges: WedgeCoefficients, axis: Vector, ground: Substance, by_ground: bool) -> complex:
     """What a circular antenna receives; the ground mirrors a ray before its edge, or after if it bends in the image."""
     arrives, leaves = towards(way.start, way.first), towards(way.last, way.target)
     if not by_ground:
@@ -169,29 +166,12 @@ def receive_bent(way: Way, wedges: WedgeCoefficients, axis: Vector, materials: M
     down = upside_down(arrives)
     field = radiated(axis, down)
     if way.last.z >= 0.0:
-        field = mirrored(field, down, arrives, UP, face_mirror(max(arrives.z, 0.0), materials, GROUND))
+        field = mirrored(field, down, arrives, UP, face_mirror(max(arrives.z, 0.0), ground))
         return received(bent(field, arrives, leaves, way.edge, wedges), leaves)
     leaves_down = upside_down(leaves)
     field = bent(field, down, leaves_down, upside_down(way.edge), wedges)
-    mirror = face_mirror(max(leaves.z, 0.0), materials, GROUND)
+    mirror = face_mirror(max(leaves.z, 0.0), ground)
     return received(mirrored(field, leaves_down, leaves, UP, mirror), leaves)
-
-
-@compiled
-def loudest_possible(first: Corner, last: Corner, source: Point, target: Point) -> float:
-    """About the largest amplitude that a ray round one edge or two may have, over that 1 m from the source.
-
-    That is what Fresnel's integrals leave far from the shadow of the edges, and from those in the mirrors beside.
-    """
-    rise = target.along - source.along
-    across_m = distance(first, source) + math.hypot(last.p - first.p, last.q - first.q) + distance(last, target)
-    way_m = math.hypot(across_m, rise)
-    dp, dq = target.p - source.p, target.q - source.q
-    in_p, in_q = target.p + source.p - 2.0 * first.p, target.q + source.q - 2.0 * first.q
-    amplitude = tail(way_m - math.sqrt(dp * dp + dq * dq + rise * rise))
-    amplitude += tail(way_m - math.sqrt(in_p * in_p + dq * dq + rise * rise))
-    amplitude += tail(way_m - math.sqrt(dp * dp + in_q * in_q + rise * rise))
-    return amplitude / way_m
 
 
 @compiled
@@ -199,6 +179,46 @@ def tail(detour_m: float) -> float:
     """The largest amplitude of an edge by which a ray is so much longer."""
     nu = diffraction_parameter(detour_m, WAVELENGTH_M)
     return 0.5 if nu < 0.45 else 0.225 / nu
+
+
+class Seen(NamedTuple):
+    """An edge as source and target see it.
+
+    Attributes:
+        before_m: Distance of the source across the edge, negative if the box hides the edge from it.
+        behind_m: Likewise of the target.
+        mirrored_p_m: What the loudest ray in the mirror across p would be long.
+        mirrored_q_m: In that across q.
+    """
+
+    before_m: float
+    behind_m: float
+    mirrored_p_m: float
+    mirrored_q_m: float
+
+
+@compiled
+def look_at(corner: Corner, source: Point, target: Point) -> Seen:
+    """An edge as source and target see it."""
+    rise, dp, dq = target.along - source.along, target.p - source.p, target.q - source.q
+    in_p, in_q = target.p + source.p - 2.0 * corner.p, target.q + source.q - 2.0 * corner.q
+    return Seen(
+        -1.0 if is_hidden(corner, source) else distance(corner, source),
+        -1.0 if is_hidden(corner, target) else distance(corner, target),
+        math.sqrt(in_p * in_p + dq * dq + rise * rise),
+        math.sqrt(dp * dp + in_q * in_q + rise * rise),
+    )
+
+
+@compiled
+def loudest_possible(seen: Seen, face_m: float, straight_m: float, rise: float) -> float:
+    """About the largest amplitude that a ray round one edge, or two, may have, over that 1 m from the source.
+
+    That is what Fresnel's integrals leave far from the shadow of the edge, and from those in the mirrors beside.
+    """
+    across_m = seen.before_m + face_m + seen.behind_m
+    way_m = math.sqrt(across_m * across_m + rise * rise)
+    return (tail(way_m - straight_m) + tail(way_m - seen.mirrored_p_m) + tail(way_m - seen.mirrored_q_m)) / way_m
 
 
 @compiled
@@ -229,26 +249,36 @@ def bend(
     Returns:
         How many there are now.
     """
-    piece, start = obstacles.owner[k], upside_down(emitter.at) if by_ground else emitter.at
+    before_m, behind_m, mirrored_m = np.empty(4), np.empty(4), np.empty((4, 2))
+    box, material = shape_of(obstacles, k), substance_of(materials, obstacles.solids.owner[k])
+    ground, start = substance_of(materials, GROUND), upside_down(emitter.at) if by_ground else emitter.at
     for family in range(3):
-        frame = frame_of(obstacles, k, family)
+        frame = frame_of(box, family)
         source, goal = in_frame(frame, start), in_frame(frame, target)
-        for i in range(4):
-            first = corner_of(obstacles, k, family, ROUND_BOX[i])
-            if is_hidden(first, source):
+        rise, n_edges = goal.along - source.along, 4 if family == 0 or by_ground else 2
+        straight_m = math.sqrt((goal.p - source.p) ** 2 + (goal.q - source.q) ** 2 + rise * rise)
+        for i in range(n_edges):
+            seen = look_at(corner_of(box, family, ORDER[family][i]), source, goal)
+            before_m[i], behind_m[i], mirrored_m[i, 0], mirrored_m[i, 1] = seen
+        for i in range(n_edges):
+            if before_m[i] < 0.0:
                 continue
+            first = corner_of(box, family, ORDER[family][i])
             for step in (0, 1, 3):
-                b = ROUND_BOX[(i + step) % 4]
-                if family > 0 and ((ROUND_BOX[i] < 2) != (b < 2) or (b >= 2 and not by_ground)):
-                    continue  # by the ground
-                last = corner_of(obstacles, k, family, b)
-                if is_hidden(last, goal) or loudest_possible(first, last, source, goal) < least:
+                j = (i + step) % 4 if family == 0 else (i if step == 0 else i ^ 1)
+                if behind_m[j] < 0.0 or (family > 0 and step == 3):
                     continue
-                faces = faces_of(first, source, goal, materials, piece)
+                last = corner_of(box, family, ORDER[family][j])
+                face_m = math.hypot(last.p - first.p, last.q - first.q)
+                seen = Seen(before_m[i], behind_m[j], mirrored_m[i, 0], mirrored_m[i, 1])
+                if loudest_possible(seen, face_m, straight_m, rise) < least:
+                    continue
+                faces = faces_of(first, source, goal, material)
                 if step == 0:
                     ray = round_one(first, source, goal, faces, WAVELENGTH_M)
                 else:
-                    beyond = corner_of(obstacles, k, family, ROUND_BOX[(i + 2 * step) % 4])
+                    after = (i + 2 * step) % 4 if family == 0 else j ^ 2
+                    beyond = corner_of(box, family, ORDER[family][after])
                     ray = round_two(first, last, beyond, source, goal, faces, WAVELENGTH_M)
                 way = Way(
                     start,
@@ -258,7 +288,7 @@ def bend(
                     frame.edge,
                 )
                 wedges = WedgeCoefficients(ray.soft, ray.hard)
-                coefficient = receive_bent(way, wedges, emitter.axis, materials, by_ground)
+                coefficient = receive_bent(way, wedges, emitter.axis, ground, by_ground)
                 if abs(coefficient) < least * (ray.before_m + ray.between_m + ray.behind_m):
                     continue
                 rays.coefficient[n] = coefficient

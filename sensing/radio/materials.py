@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dirmusic.compiled import compiled
+
 FREQUENCY_GHZ = 1.75
 """Middle of the pulses' band: over it, neither changes by more than a few per cent."""
 
@@ -64,6 +66,26 @@ class Materials(NamedTuple):
         """Of known materials."""
         permittivity, conductivity_spm, loss_db, flat_share = np.array([*pieces, ground], dtype=np.float64).T
         return cls(permittivity.copy(), conductivity_spm.copy(), -np.log(10.0) / 20 * loss_db, flat_share.copy())
+
+
+class Substance(NamedTuple):
+    """One material, as compiled loops hand it on: as of `Materials`."""
+
+    permittivity: float
+    conductivity_spm: float
+    log_loss: float
+    flat_share: float
+
+
+@compiled
+def substance_of(materials: Materials, piece: int) -> Substance:
+    """That of a piece of equipment, or of the ground (-1)."""
+    return Substance(
+        materials.permittivity[piece],
+        materials.conductivity_spm[piece],
+        materials.log_loss[piece],
+        materials.flat_share[piece],
+    )
 
 
 def _by_recommendation(a: float, b: float, c: float, d: float) -> tuple[float, float]:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from dirmusic.compiled import compiled
 from sensing.radio.edges import diffraction_parameter
 from sensing.radio.materials import WAVELENGTH_M, Materials
-from sensing.radio.surroundings import Obstacles
-from sensing.radio.vectors import Vector, length, minus
+from sensing.radio.surroundings import Obstacles, Shape, shape_of
+from sensing.radio.vectors import Vector
 
 FloatArray = NDArray[np.float64]
 
@@ -45,34 +45,68 @@ def _between(low: float, high: float, start: float, change: float) -> Inside:
     return Inside(min(first, second), max(first, second))
 
 
+class Line(NamedTuple):
+    """From one point straight to another.
+
+    Attributes:
+        start: As said.
+        end: As said.
+        length_m: Between them.
+        level_m: On plan, > 0.
+        ahead_x: Unit vector along it, on plan.
+        ahead_y: As `ahead_x`.
+    """
+
+    start: Vector
+    end: Vector
+    length_m: float
+    level_m: float
+    ahead_x: float
+    ahead_y: float
+
+
 @compiled
-def on_plan(start: Vector, end: Vector, obstacles: Obstacles, k: int) -> Inside:
+def line(start: Vector, end: Vector) -> Line:
+    """From one point to another."""
+    dx, dy, dz = end.x - start.x, end.y - start.y, end.z - start.z
+    level_m = max(math.sqrt(dx * dx + dy * dy), 1e-9)
+    return Line(start, end, math.sqrt(dx * dx + dy * dy + dz * dz), level_m, dx / level_m, dy / level_m)
+
+
+@compiled
+def is_near(way: Line, solid: Shape, margin_m: float) -> bool:
+    """Whether a circle about the footprint of a solid comes close to a line, on plan."""
+    x, y, reach_m = solid.x - way.start.x, solid.y - way.start.y, solid.reach_m + margin_m
+    ahead_m = x * way.ahead_x + y * way.ahead_y
+    return abs(y * way.ahead_x - x * way.ahead_y) <= reach_m and -reach_m < ahead_m < way.level_m + reach_m
+
+
+@compiled
+def on_plan(way: Line, solid: Shape) -> Inside:
     """Which part of the endless line through two points lies above or below the footprint of a solid, or within."""
-    x, y = start.x - obstacles.centre_m[k, 0], start.y - obstacles.centre_m[k, 1]
-    dx, dy, radius_m = end.x - start.x, end.y - start.y, obstacles.radius_m[k]
-    if radius_m > 0.0:
+    x, y, dx, dy = way.start.x - solid.x, way.start.y - solid.y, way.end.x - way.start.x, way.end.y - way.start.y
+    if solid.radius_m > 0.0:
         along, speed = x * dx + y * dy, dx * dx + dy * dy
-        root = along * along - speed * (x * x + y * y - radius_m * radius_m)
+        root = along * along - speed * (x * x + y * y - solid.radius_m * solid.radius_m)
         if speed == 0.0:
-            return _between(0.0, radius_m * radius_m, x * x + y * y, 0.0)
+            return _between(-1.0, solid.radius_m * solid.radius_m, x * x + y * y, 0.0)
         if root <= 0.0:
             return Inside(np.inf, -np.inf)
         return Inside((-along - math.sqrt(root)) / speed, (-along + math.sqrt(root)) / speed)
-    cos, sin = math.cos(obstacles.yaw_rad[k]), math.sin(obstacles.yaw_rad[k])
-    half_x, half_y = obstacles.half_size_m[k]
-    first = _between(-half_x, half_x, cos * x + sin * y, cos * dx + sin * dy)
-    second = _between(-half_y, half_y, cos * y - sin * x, cos * dy - sin * dx)
+    cos, sin = solid.cos, solid.sin
+    first = _between(-solid.half_x, solid.half_x, cos * x + sin * y, cos * dx + sin * dy)
+    second = _between(-solid.half_y, solid.half_y, cos * y - sin * x, cos * dy - sin * dx)
     return Inside(max(first.enters, second.enters), min(first.leaves, second.leaves))
 
 
 @compiled
-def crosses(start: Vector, end: Vector, obstacles: Obstacles, k: int) -> bool:
+def crosses(way: Line, solid: Shape) -> bool:
     """Whether a line crosses a solid; one that ends on its surface does not."""
-    if length(minus(end, start)) == 0.0:
+    if way.length_m == 0.0 or not is_near(way, solid, 0.0):
         return False
     plan, upright = (
-        on_plan(start, end, obstacles, k),
-        _between(obstacles.bottom_m[k], obstacles.top_m[k], start.z, end.z - start.z),
+        on_plan(way, solid),
+        _between(solid.bottom_m, solid.top_m, way.start.z, way.end.z - way.start.z),
     )
     enters, leaves = max(plan.enters, upright.enters), min(plan.leaves, upright.leaves)
     return max(enters, 0.0) < min(leaves, 1.0) and enters < 1.0 - BARELY and leaves > BARELY
@@ -87,58 +121,51 @@ def knife_edge_amplitude(nu: float) -> float:
 
 
 @compiled
-def _nu(start: Vector, edge: Vector, end: Vector, way_m: float) -> float:
-    """Diffraction parameter, without its sign, of an edge beside a line of some length."""
-    detour_m = length(minus(edge, start)) + length(minus(end, edge)) - way_m
-    return diffraction_parameter(detour_m, WAVELENGTH_M)
+def _nu(way: Line, x: float, y: float, z: float) -> float:
+    """Diffraction parameter, without its sign, of an edge beside a line."""
+    start, end = way.start, way.end
+    before_m = math.sqrt((x - start.x) ** 2 + (y - start.y) ** 2 + (z - start.z) ** 2)
+    behind_m = math.sqrt((x - end.x) ** 2 + (y - end.y) ** 2 + (z - end.z) ** 2)
+    return diffraction_parameter(before_m + behind_m - way.length_m, WAVELENGTH_M)
 
 
 @compiled
-def shadow(start: Vector, end: Vector, obstacles: Obstacles, k: int) -> float:
-    """Diffraction parameter of the way round a solid that takes least away; negative where a line passes it, minus infinity
-    far from it.
+def shadow(way: Line, solid: Shape) -> float:
+    """Diffraction parameter of the way round a solid that takes least away.
 
-    A line below a solid that stands on legs passes it.
+    It is negative where a line passes the solid, minus infinity far from it, or below one that stands on legs.
     """
-    way_m = length(minus(end, start))
-    x, y = obstacles.centre_m[k]
-    dx, dy = end.x - start.x, end.y - start.y
-    level_m = max(math.hypot(dx, dy), 1e-9)
-    across_x, across_y = -dy / level_m, dx / level_m
-    radius_m = obstacles.radius_m[k]
-    half_x, half_y = obstacles.half_size_m[k]
-    reach_m = radius_m if radius_m > 0.0 else math.hypot(half_x, half_y)
-    aside_m = (x - start.x) * across_x + (y - start.y) * across_y
-    ahead_m = (x - start.x) * across_y - (y - start.y) * across_x
-    if abs(aside_m) > reach_m + NEAR * math.sqrt(WAVELENGTH_M * way_m) or not -reach_m < ahead_m < level_m + reach_m:
+    if not is_near(way, solid, NEAR * math.sqrt(WAVELENGTH_M * way.length_m)):
         return -np.inf
-    cos, sin = math.cos(obstacles.yaw_rad[k]), math.sin(obstacles.yaw_rad[k])
+    start, radius_m = way.start, solid.radius_m
     left = right = 0.0
-    nearest = np.inf
+    nearest, rise = np.inf, way.end.z - start.z
     for i in range(2 if radius_m > 0.0 else 4):
         if radius_m > 0.0:
-            side = 1.0 if i == 0 else -1.0
-            at_x, at_y = x + side * radius_m * across_x, y + side * radius_m * across_y
+            side = radius_m if i == 0 else -radius_m
+            at_x, at_y = solid.x - side * way.ahead_y, solid.y + side * way.ahead_x
         else:
-            p, q = half_x if i % 2 == 0 else -half_x, half_y if i < 2 else -half_y
-            at_x, at_y = x + cos * p - sin * q, y + sin * p + cos * q
-        share = min(max(((at_x - start.x) * dx + (at_y - start.y) * dy) / (level_m * level_m), 0.0), 1.0)
-        nu = _nu(start, Vector(at_x, at_y, start.z + share * (end.z - start.z)), end, way_m)
+            p, q = solid.half_x if i % 2 == 0 else -solid.half_x, solid.half_y if i < 2 else -solid.half_y
+            at_x, at_y = solid.x + solid.cos * p - solid.sin * q, solid.y + solid.sin * p + solid.cos * q
+        from_x, from_y = at_x - start.x, at_y - start.y
+        share = min(max((from_x * way.ahead_x + from_y * way.ahead_y) / way.level_m, 0.0), 1.0)
+        nu = _nu(way, at_x, at_y, start.z + share * rise)
         nearest = min(nearest, nu)
-        if (at_x - start.x) * across_x + (at_y - start.y) * across_y > 0.0:
+        if from_y * way.ahead_x - from_x * way.ahead_y > 0.0:
             left = max(left, nu)
         else:
             right = max(right, nu)
-    plan = on_plan(start, end, obstacles, k)
+    plan = on_plan(way, solid)
     enters, leaves = max(plan.enters, 0.0), min(plan.leaves, 1.0)
     if enters >= leaves:
         return -nearest
-    top_m, bottom_m, over, clear = obstacles.top_m[k], obstacles.bottom_m[k], 0.0, np.inf
-    if max(start.z + enters * (end.z - start.z), start.z + leaves * (end.z - start.z)) < bottom_m:
+    if max(start.z + enters * rise, start.z + leaves * rise) < solid.bottom_m:
         return -np.inf
+    top_m, over, clear = solid.top_m, 0.0, np.inf
     for share in (enters, leaves):
-        nu = _nu(start, Vector(start.x + share * dx, start.y + share * dy, top_m), end, way_m)
-        if start.z + share * (end.z - start.z) < top_m:
+        along_m = share * way.level_m
+        nu = _nu(way, start.x + along_m * way.ahead_x, start.y + along_m * way.ahead_y, top_m)
+        if start.z + share * rise < top_m:
             over, clear = max(over, nu), 0.0
         else:
             clear = min(clear, nu)
@@ -156,14 +183,14 @@ def left_of_line(start: Vector, end: Vector, obstacles: Obstacles, materials: Ma
         materials: Of its pieces.
         own: Solid that does not count; `NOBODY` if all do.
     """
-    left, counted = 1.0, -1
-    for k in range(obstacles.owner.size):
-        piece = obstacles.owner[k]
+    left, counted, way = 1.0, -1, line(start, end)
+    for k in range(obstacles.reach_m.size):
+        piece = obstacles.solids.owner[k]
         if k == own:
             continue
         if materials.log_loss[piece] == -np.inf:
-            left *= knife_edge_amplitude(shadow(start, end, obstacles, k))
-        elif piece != counted and crosses(start, end, obstacles, k):
+            left *= knife_edge_amplitude(shadow(way, shape_of(obstacles, k)))
+        elif piece != counted and crosses(way, shape_of(obstacles, k)):
             left *= math.exp(materials.log_loss[piece])
             counted = piece
     return left

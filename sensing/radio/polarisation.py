@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from dirmusic.compiled import compiled
 from sensing.radio.fresnel import Mirror, WedgeCoefficients
-from sensing.radio.materials import FREQUENCY_GHZ, Materials
+from sensing.radio.materials import FREQUENCY_GHZ, Substance
 from sensing.radio.vectors import Vector, across
 
 LOSS_FACTOR = 17.98
@@ -70,11 +70,10 @@ def fresnel(cosine: float, permittivity: float, conductivity_spm: float) -> Mirr
 
 
 @compiled
-def face_mirror(cosine: float, materials: Materials, piece: int) -> Mirror:
-    """Reflection coefficients of a face of a piece of equipment, or of the ground (-1); of a ray at an angle as above."""
-    smooth = fresnel(cosine, materials.permittivity[piece], materials.conductivity_spm[piece])
-    flat_share = materials.flat_share[piece]
-    return Mirror(flat_share * smooth.across, flat_share * smooth.within)
+def face_mirror(cosine: float, of: Substance) -> Mirror:
+    """Reflection coefficients of a face that is made of a substance; of a ray at an angle as above."""
+    smooth = fresnel(cosine, of.permittivity, of.conductivity_spm)
+    return Mirror(of.flat_share * smooth.across, of.flat_share * smooth.within)
 
 
 @compiled

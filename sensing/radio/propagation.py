@@ -11,7 +11,7 @@ from dirmusic.array.pattern_table import PatternTable
 from dirmusic.compiled import compiled
 from sensing.array.array_table import ArrayTable
 from sensing.radio.materials import Materials
-from sensing.radio.surroundings import Faces, Obstacles, Surroundings
+from sensing.radio.surroundings import Faces, Obstacles, Solids, Surroundings
 
 FloatArray = NDArray[np.float64]
 
@@ -51,6 +51,7 @@ def named_propagation(propagation: tuple[Any, ...]) -> Propagation:
     """A `Propagation` from a plain one, in which all inner records are plain too."""
     sources, world_from_array, arrays, (faces, materials, obstacles) = propagation
     elements_m, boresights, gain_factors, gain_offsets, pattern = arrays
-    surroundings = Surroundings(Faces(*faces), Materials(*materials), Obstacles(*obstacles))
+    around = Obstacles(Solids(*obstacles[0]), obstacles[1], obstacles[2], obstacles[3])
+    surroundings = Surroundings(Faces(*faces), Materials(*materials), around)
     table = ArrayTable(elements_m, boresights, gain_factors, gain_offsets, PatternTable(*pattern))
     return Propagation(SourceTable(*sources), world_from_array, table, surroundings)

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
 from sensing.radio.bends import GROUND, MOST_RAYS, BentRays, Emitter, bend
-from sensing.radio.materials import Materials
-from sensing.radio.obstruction import NOBODY, crosses, left_of_line, shadow
+from sensing.radio.materials import Materials, substance_of
+from sensing.radio.obstruction import NOBODY, crosses, left_of_line, line, shadow
 from sensing.radio.polarisation import face_mirror, mirrored, radiated, received
-from sensing.radio.surroundings import OWN_FACE_M, Obstacles, Surroundings
+from sensing.radio.surroundings import OWN_FACE_M, Obstacles, Surroundings, shape_of
 from sensing.radio.vectors import Vector, dot, length, minus, towards
 
 FloatArray = NDArray[np.float64]
@@ -79,7 +79,7 @@ def reflect(emitter: Emitter, target: Vector, surroundings: Surroundings, f: int
             return 0j
     image_m[0], image_m[1], image_m[2] = image
     arrives, leaves = towards(emitter.at, at), towards(at, target)
-    mirror = face_mirror(abs(dot(leaves, normal)), materials, piece)
+    mirror = face_mirror(abs(dot(leaves, normal)), substance_of(materials, piece))
     field = mirrored(radiated(emitter.axis, arrives), arrives, leaves, normal, mirror)
     off = Vector(at.x + 1e-9 * normal.x, at.y + 1e-9 * normal.y, at.z + 1e-9 * normal.z)
     left = left_of_line(emitter.at, off, obstacles, materials, NOBODY)
@@ -89,10 +89,10 @@ def reflect(emitter: Emitter, target: Vector, surroundings: Surroundings, f: int
 @compiled
 def passes_straight(start: Vector, end: Vector, obstacles: Obstacles, materials: Materials) -> float:
     """Amplitude that is left of a straight path: nothing behind what waves bend round."""
-    left, counted = 1.0, -1
-    for k in range(obstacles.owner.size):
-        piece = obstacles.owner[k]
-        if piece != counted and crosses(start, end, obstacles, k):
+    left, counted, way = 1.0, -1, line(start, end)
+    for k in range(obstacles.reach_m.size):
+        piece = obstacles.solids.owner[k]
+        if piece != counted and crosses(way, shape_of(obstacles, k)):
             left *= math.exp(materials.log_loss[piece])
             counted = piece
             if left == 0.0:
@@ -107,9 +107,9 @@ def bend_round_all(
     """Rays round the edges of all boxes, with what all others leave of them; returns how many there are."""
     materials, obstacles = surroundings.materials, surroundings.obstacles
     deepest, n = -np.inf, 0
-    nus = np.empty(obstacles.owner.size)
+    nus, way = np.empty(obstacles.reach_m.size), line(emitter.at, target)
     for k in range(nus.size):
-        nus[k] = shadow(emitter.at, target, obstacles, k) if obstacles.bends[k] else -np.inf
+        nus[k] = shadow(way, shape_of(obstacles, k)) if obstacles.bends[k] else -np.inf
         deepest = max(deepest, nus[k])
     for k in range(nus.size):
         share = 1.0 if deepest <= 0.0 else min(max(1.0 - (deepest - max(nus[k], 0.0)) / SHARES_OVER, 0.0), 1.0)

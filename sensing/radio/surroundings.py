@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
+from dirmusic.compiled import compiled
 from sensing.radio.materials import GRAVEL, KIND_MATERIALS, Material, Materials
 
 FloatArray = NDArray[np.float64]
@@ -61,35 +62,66 @@ class Solids(NamedTuple):
     top_m: FloatArray
     owner: NDArray[np.intp]
 
+    @classmethod
+    def none(cls) -> Self:
+        """Nothing."""
+        nothing, flat = np.empty(0), np.empty((0, 2))
+        return cls(flat, nothing, flat, nothing, nothing, nothing, np.empty(0, np.intp))
+
 
 class Obstacles(NamedTuple):
-    """Upright boxes and cylinders that stand in the way, world frame.
+    """What stands in the way, as compiled loops read it; a row is a solid.
 
     Attributes:
-        centre_m: Middle of the footprint, shape (n_solids, 2).
-        yaw_rad: Shape (n_solids,).
-        half_size_m: Half the sides of boxes, shape (n_solids, 2); 0 for cylinders.
-        radius_m: Of cylinders, shape (n_solids,); 0 for boxes.
-        bottom_m: Height above ground, shape (n_solids,).
-        top_m: Height above ground, shape (n_solids,).
-        owner: Piece of equipment that each is a part of, shape (n_solids,).
+        solids: Boxes and cylinders.
+        heading: Cosine and sine of their yaw, shape (n_solids, 2).
+        reach_m: Farthest point of each footprint from its middle, shape (n_solids,).
         bends: Whether waves bend round its edges, shape (n_solids,).
     """
 
-    centre_m: FloatArray
-    yaw_rad: FloatArray
-    half_size_m: FloatArray
-    radius_m: FloatArray
-    bottom_m: FloatArray
-    top_m: FloatArray
-    owner: NDArray[np.intp]
+    solids: Solids
+    heading: FloatArray
+    reach_m: FloatArray
     bends: NDArray[np.bool_]
 
     @classmethod
-    def none(cls) -> Self:
-        """Nothing in the way."""
-        nothing, flat = np.empty(0), np.empty((0, 2))
-        return cls(flat, nothing, flat, nothing, nothing, nothing, np.empty(0, np.intp), np.empty(0, np.bool_))
+    def of(cls, solids: Solids, bends: NDArray[np.bool_]) -> Self:
+        """Solids, of which some bend waves round their edges."""
+        heading = np.stack([np.cos(solids.yaw_rad), np.sin(solids.yaw_rad)], axis=-1)
+        return cls(solids, heading, np.maximum(np.linalg.norm(solids.half_size_m, axis=-1), solids.radius_m), bends)
+
+
+class Shape(NamedTuple):
+    """One solid, as compiled loops hand it on: as of `Solids` and `Obstacles`."""
+
+    x: float
+    y: float
+    cos: float
+    sin: float
+    half_x: float
+    half_y: float
+    radius_m: float
+    reach_m: float
+    bottom_m: float
+    top_m: float
+
+
+@compiled
+def shape_of(obstacles: Obstacles, k: int) -> Shape:
+    """Solid k."""
+    solids = obstacles.solids
+    return Shape(
+        solids.centre_m[k, 0],
+        solids.centre_m[k, 1],
+        obstacles.heading[k, 0],
+        obstacles.heading[k, 1],
+        solids.half_size_m[k, 0],
+        solids.half_size_m[k, 1],
+        solids.radius_m[k],
+        obstacles.reach_m[k],
+        solids.bottom_m[k],
+        solids.top_m[k],
+    )
 
 
 class Rays(NamedTuple):
@@ -168,15 +200,14 @@ class Surroundings(NamedTuple):
     def of_materials(cls, pieces: Sequence[Material], faces: Faces, solids: Solids, ground: Material = GRAVEL) -> Self:
         """Equipment of known materials, one for each piece."""
         bends = np.array([pieces[piece].bends for piece in solids.owner.tolist()], dtype=np.bool_)
-        obstacles = Obstacles(*solids, bends=bends & (solids.radius_m == 0.0))
-        return cls(faces, Materials.of(pieces, ground), obstacles)
+        return cls(faces, Materials.of(pieces, ground), Obstacles.of(solids, bends & (solids.radius_m == 0.0)))
 
     @classmethod
     def free_space(cls) -> Self:
         """Nothing about, not even the ground."""
         nothing = np.empty((0, 3))
         faces = Faces(nothing, nothing, np.empty((0, 2, 3)), np.empty((0, 2)), np.empty(0, dtype=np.intp))
-        return cls(faces, Materials.of([], GRAVEL), Obstacles.none())
+        return cls(faces, Materials.of([], GRAVEL), Obstacles.of(Solids.none(), np.empty(0, np.bool_)))
 
 
 def _length(vectors: FloatArray) -> FloatArray:
