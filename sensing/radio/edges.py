@@ -5,9 +5,9 @@ direction, an edge is a corner of a rectangle: everything here is said in two co
 third along it.
 
 What is left is that of the uniform theory of diffraction, which tells polarisations and faces apart and joins smoothly
-to the rays that an edge cuts off. From one edge along a face to the next and on, it is that of the first times Fresnel's
-integral at the second, as ITU-R P.526 has it for two edges: the theory of a wedge says nothing of a wave that comes along
-its own face. Waves that are polarised along an edge of metal leave nothing along its face.
+to the rays that an edge cuts off. From one edge along a face to the next and on, it is that of the first times
+Fresnel's integral at the second, as ITU-R P.526 has it for two edges: the theory of a wedge says nothing of a wave that
+comes along its own face. Waves that are polarised along an edge of metal leave nothing along its face.
 """
 
 from __future__ import annotations
@@ -182,5 +182,6 @@ def round_two(
     nu = diffraction_parameter((face + behind) * stretch - straight_m, wavelength_m)
     left = at_first.left * at_last.left * edge_ray(nu if is_hidden(first, target) else -nu) / math.sqrt(k_length)
     detour_m = math.hypot(beyond.p - last.p, beyond.q - last.q) + distance(beyond, target) - behind
-    left *= 1.0 - 2.0 * abs(edge_ray(diffraction_parameter(detour_m, wavelength_m)))
+    fades = min(diffraction_parameter(detour_m, wavelength_m), 1.0)
+    left *= fades * fades * (3.0 - 2.0 * fades)
     return BentRay(at_first.along, at_last.along, before_m, between_m, behind_m, left * wedges.soft, left * wedges.hard)

@@ -22,8 +22,9 @@ _SLOPE = STEP * (2j * _AT * _TAIL - 1.0)
 
 @compiled
 def fresnel_tail(u: float) -> complex:
-    r""":math:`e^{j u^2} \int_u^\infty e^{-j t^2} dt` for u >= 0: a cubic through a table, to 1e-8, and the first terms of
-    its asymptotic series beyond.
+    r"""Fresnel's integral from u >= 0 on, with the phase of its start: :math:`e^{j u^2} \int_u^\infty e^{-j t^2} dt`.
+
+    A cubic through a table, to 1e-8, and the first terms of its asymptotic series beyond.
     """
     if u >= END:
         square = u * u
@@ -74,8 +75,9 @@ class WedgeCoefficients(NamedTuple):
 
 @compiled
 def transition(x: float) -> complex:
-    r"""Transition function of the uniform theory of diffraction, :math:`2 j \sqrt{x} e^{jx} \int_{\sqrt{x}}^\infty
-    e^{-j t^2} dt` for x >= 0 (Kouyoumjian and Pathak 1974, eq. (29)).
+    r"""Transition function of the uniform theory of diffraction for x >= 0.
+
+    It is :math:`2 j \sqrt{x} e^{jx} \int_{\sqrt{x}}^\infty e^{-j t^2} dt` (Kouyoumjian and Pathak 1974, eq. (29)).
     """
     root = math.sqrt(x)
     return 2.0j * root * fresnel_tail(root)
@@ -122,8 +124,9 @@ def _term(sign: float, beta: float, n: float, k_length: float) -> complex:
 
 @compiled
 def wedge(incident_rad: float, leaving_rad: float, n: float, k_length: float, faces: WedgeFaces) -> WedgeCoefficients:
-    r"""Uniform diffraction coefficients of a wedge, times the square root of the wave number and the sine of the angle
-    between ray and edge.
+    r"""Uniform diffraction coefficients of a wedge.
+
+    They are times the square root of the wave number and the sine of the angle between ray and edge.
 
     Args:
         incident_rad: From the face of the wedge to where the wave comes from, across the edge, in [0, n pi].

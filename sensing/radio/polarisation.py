@@ -47,8 +47,8 @@ def radiated(axis: Vector, ray: Vector) -> Field:
 def received(field: Field, ray: Vector) -> complex:
     """What an antenna of right-handed circular polarisation makes of a field that comes along a ray.
 
-    Of linear polarisation of length 1 it has the magnitude 1, whatever the direction of the field: half its power, which
-    the measured gain of the antenna has in it.
+    Of linear polarisation of length 1 it has the magnitude 1, whatever the direction of the field: half its power,
+    which the measured gain of the antenna has in it.
     """
     level = across(ray, Vector(0.0, 0.0, 1.0))
     upright = across(level, ray)

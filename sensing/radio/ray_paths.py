@@ -35,8 +35,8 @@ class RayPaths(NamedTuple):
         source: Number of the source among the robot's own, shape (n_paths,).
         from_m: Whence it comes: source, its mirror image, or where it bends last, shape (n_paths, 3).
         extra_m: Its length up to there, shape (n_paths,).
-        coefficient: What an antenna of circular polarisation receives of it, over a straight path as long in free space,
-            complex, shape (n_paths,).
+        coefficient: What an antenna of circular polarisation receives of it, over a straight path as long in free
+            space, complex, shape (n_paths,).
         first: The first path of each robot and source, shape (n_robots, n_sources).
         n_paths: Number of paths of each robot and source, shape (n_robots, n_sources).
     """
