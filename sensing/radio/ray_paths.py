@@ -21,7 +21,7 @@ IntArray = NDArray[np.intp]
 BoolArray = NDArray[np.bool_]
 
 FADES_FROM_DB, FADES_TO_DB = 24.0, 30.0
-"""How far below the loudest path of a source another fades, and is out (assumed): those change strengths by 3 %."""
+"""How far below the loudest path one that bends fades, and is left out (assumed): it changes strengths by 3 %."""
 
 SHARES_OVER = 1.0
 """Difference of diffraction parameters over which one of two boxes in the way takes over from the other (assumed)."""
@@ -57,6 +57,20 @@ def vector(row: FloatArray) -> Vector:
 
 
 @compiled
+def passes_straight(start: Vector, end: Vector, obstacles: Obstacles, materials: Materials) -> float:
+    """Amplitude that is left of a straight path: nothing behind what waves bend round."""
+    left, counted, way = 1.0, -1, line(start, end)
+    for k in range(obstacles.reach_m.size):
+        piece = obstacles.solids.owner[k]
+        if piece != counted and crosses(way, shape_of(obstacles, k)):
+            left *= math.exp(materials.log_loss[piece])
+            counted = piece
+            if left == 0.0:
+                return 0.0
+    return left
+
+
+@compiled
 def reflect(emitter: Emitter, target: Vector, surroundings: Surroundings, f: int, image_m: FloatArray) -> complex:
     """What is received by a mirror, and where its image of the source lies; 0 if there is no such path."""
     faces, materials, obstacles = surroundings
@@ -82,22 +96,14 @@ def reflect(emitter: Emitter, target: Vector, surroundings: Surroundings, f: int
     mirror = face_mirror(abs(dot(leaves, normal)), substance_of(materials, piece))
     field = mirrored(radiated(emitter.axis, arrives), arrives, leaves, normal, mirror)
     off = Vector(at.x + 1e-9 * normal.x, at.y + 1e-9 * normal.y, at.z + 1e-9 * normal.z)
-    left = left_of_line(emitter.at, off, obstacles, materials, NOBODY)
-    return received(field, leaves) * left * left_of_line(off, target, obstacles, materials, NOBODY)
-
-
-@compiled
-def passes_straight(start: Vector, end: Vector, obstacles: Obstacles, materials: Materials) -> float:
-    """Amplitude that is left of a straight path: nothing behind what waves bend round."""
-    left, counted, way = 1.0, -1, line(start, end)
-    for k in range(obstacles.reach_m.size):
-        piece = obstacles.solids.owner[k]
-        if piece != counted and crosses(way, shape_of(obstacles, k)):
-            left *= math.exp(materials.log_loss[piece])
-            counted = piece
-            if left == 0.0:
-                return 0.0
-    return left
+    if piece == GROUND:  # what is cut off here comes round edges
+        left = passes_straight(emitter.at, off, obstacles, materials) * passes_straight(
+            off, target, obstacles, materials
+        )
+    else:
+        left = left_of_line(emitter.at, off, obstacles, materials, NOBODY)
+        left *= left_of_line(off, target, obstacles, materials, NOBODY)
+    return received(field, leaves) * left
 
 
 @compiled
@@ -177,22 +183,22 @@ def find_ray_paths(
             loudest = 0.0
             for i in range(begun, n):
                 loudest = max(loudest, abs(coefficient[i]) / length(minus(target, vector(from_m[i]))))
-            least = loudest * 10.0 ** (-FADES_TO_DB / 20.0)
+            least, begun_bent = loudest * 10.0 ** (-FADES_TO_DB / 20.0), n
             n_bent = bend_round_all(emitter, target, surroundings, ground_mirrors, least, rays) if n_boxes else 0
             for i in range(n_bent):
                 from_m[n], extra_m[n], coefficient[n] = rays.last_m[i], rays.extra_m[i], rays.coefficient[i]
                 level = abs(coefficient[n]) / (extra_m[n] + length(minus(target, vector(from_m[n]))))
                 loudest = max(loudest, level)
                 n += 1
-            end, n = n, begun
-            for i in range(begun, end):
+            end, n = n, begun_bent
+            for i in range(begun_bent, end):
                 level = abs(coefficient[i]) / (extra_m[i] + length(minus(target, vector(from_m[i]))))
                 below_db = 20.0 * math.log10(loudest / max(level, 1e-12 * loudest))
                 fades = min(max((below_db - FADES_FROM_DB) / (FADES_TO_DB - FADES_FROM_DB), 0.0), 1.0)
                 if fades < 1.0:
                     from_m[n], extra_m[n] = from_m[i], extra_m[i]
                     coefficient[n] = coefficient[i] * (1.0 - fades * fades * (3.0 - 2.0 * fades))
-                    robot[n], source[n] = r, s
                     n += 1
+            robot[begun:n], source[begun:n] = r, s
             first[r, s], n_paths[r, s] = begun, n - begun
     return RayPaths(robot[:n], source[:n], from_m[:n], extra_m[:n], coefficient[:n], first, n_paths)
