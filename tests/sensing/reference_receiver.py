@@ -32,7 +32,7 @@ class Sampled(NamedTuple):
 
 def arrivals_of(scene: Scene, array: HelicalArray, world_from_array: FloatArray) -> Arrivals:
     """All paths of the first source of a scene."""
-    sources = SourceTable(scene.positions_m[np.newaxis, :1], scene.burst_s[np.newaxis, :1])
+    sources = SourceTable(*(column[np.newaxis, :1] for column in (scene.positions_m, scene.axes, scene.burst_s)))
     around = Propagation(sources, world_from_array[np.newaxis], ArrayTable.of([array]), scene.surroundings)
     return propagate(np.ones((1, 1), dtype=np.bool_), around).arrivals
 
@@ -94,7 +94,8 @@ def _signal(
     """What all paths bring to the elements before the filter, shape (n_elements, n_samples)."""
     time_s = start_s + np.arange(n_samples) / rate_hz - arrivals.delay_s[:, :, np.newaxis]
     if burst_s > 0.0:
-        shape = ((time_s >= 0) & (time_s < burst_s)) * np.sin(2 * np.pi * FREQUENCY_HZ * time_s)
+        turn = np.exp(2j * np.pi * FREQUENCY_HZ * time_s)
+        shape = ((time_s >= 0) & (time_s < burst_s)) * -1j * turn
     else:
-        shape = damped_pulse(time_s)
-    return amplitude_v * (arrivals.amplitude[:, :, np.newaxis] * shape).sum(axis=0)
+        shape = damped_pulse(time_s) - 1j * damped_pulse(time_s, 0.5 * np.pi)
+    return amplitude_v * (arrivals.amplitude[:, :, np.newaxis] * shape).sum(axis=0).real

@@ -14,12 +14,12 @@ from robot_models.world import build_spec
 from robot_models.yard.line_of_sight import is_clear
 from robot_models.yard.pieces import BoxEquipment, CylinderEquipment
 from robot_models.yard.yard import Yard
-from sensing import Obstacles
-from sensing.radio.obstruction import cross
+from sensing import Solids
+from tests.sensing.crossing import cross, solids_of
 
 
 def crossed_in(yard: Yard) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    return partial(cross, obstacles=Obstacles(**yard.obstacles()._asdict()), n_pieces=len(yard.equipment))
+    return partial(cross, solids=solids_of(yard), n_pieces=len(yard.equipment))
 
 
 TANK = BoxEquipment(
@@ -99,10 +99,10 @@ def test_what_a_line_crosses_is_what_the_rays_of_mujoco_meet(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_level_lines_cross_the_same_solids_for_radio_and_for_driving(seed: int) -> None:
-    """The two spellings of one geometry: `cross` in three dimensions, `is_clear` over footprints."""
+    """The two spellings of one geometry: `crosses` in three dimensions, `is_clear` over footprints."""
     solids, rng = random_yard(seed, 8).yard.solids, np.random.default_rng(seed)
     n_solids = solids.radius_m.size
-    single = Obstacles(
+    single = Solids(
         solids.centre_m,
         solids.yaw_rad,
         solids.half_size_m,

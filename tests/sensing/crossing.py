@@ -1,0 +1,37 @@
+"""Which pieces of equipment many lines cross, as the radio's compiled loops say it of one."""
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_models.yard.yard import Yard
+from sensing import Solids
+from sensing.radio.obstruction import crosses, line
+from sensing.radio.surroundings import Obstacles, shape_of
+from sensing.radio.vectors import Vector
+
+
+@numba.njit
+def _cross(
+    starts_m: NDArray[np.float64], ends_m: NDArray[np.float64], obstacles: Obstacles, n_pieces: int
+) -> NDArray[np.bool_]:
+    crossed = np.zeros((len(starts_m), n_pieces), np.bool_)
+    for i in range(len(starts_m)):
+        start, end = starts_m[i], ends_m[i]
+        way = line(Vector(start[0], start[1], start[2]), Vector(end[0], end[1], end[2]))
+        for k in range(obstacles.reach_m.size):
+            if crosses(way, shape_of(obstacles, k)):
+                crossed[i, obstacles.solids.owner[k]] = True
+    return crossed
+
+
+def cross(
+    starts_m: NDArray[np.float64], ends_m: NDArray[np.float64], solids: Solids, n_pieces: int
+) -> NDArray[np.bool_]:
+    """For lines (n, 3) to (n, 3): shape (n, n_pieces)."""
+    return _cross(starts_m, ends_m, Obstacles.of(solids, np.zeros(solids.owner.size, np.bool_)), n_pieces)
+
+
+def solids_of(yard: Yard) -> Solids:
+    """All solids of a yard."""
+    return Solids(**yard.obstacles()._asdict())
