@@ -14,12 +14,13 @@ from sensing import (
     DischargeSource,
     Faces,
     HelicalArray,
-    Obstacles,
     ReceiverConfig,
     Scene,
+    Solids,
     Surroundings,
     level_transform,
 )
+from sensing.radio.materials import GRAVEL, METAL
 from sensing.receiver.bank import listen_once
 
 pytestmark = pytest.mark.benchmark
@@ -37,7 +38,7 @@ def ground_and_wall() -> Surroundings:
         half_size_m=np.array([[np.inf, np.inf], [5.0, 2.0]]),
         owner=np.array([-1, 0]),
     )
-    return Surroundings(faces, np.array([-0.3, -0.8]), np.zeros(1), Obstacles.none())
+    return Surroundings.of_materials([METAL], faces, Solids.none(), GRAVEL)
 
 
 def seconds_a_pulse(amplitude_v: float) -> tuple[float, float]:

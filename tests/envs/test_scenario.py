@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from envs import Scenario, ScenarioError, load_scenario, shipped_scenarios
 from envs.scenario import SHIPPED
 from missions.driving.site_map import CELL_M, SiteMap
-from sensing import Obstacles
-from sensing.radio.obstruction import cross
+from tests.sensing.crossing import cross, solids_of
 
 GOOD = """
 [yard]
@@ -85,7 +84,7 @@ def test_every_shipped_scenario_loads_tells_its_story_first_and_has_an_imperfect
 @pytest.mark.parametrize("name", shipped_scenarios())
 def test_each_candidate_site_is_in_sight_over_sixty_degrees_of_reachable_ground_close_by(name: str) -> None:
     scenario = load_scenario(name)
-    obstacles, n_pieces = Obstacles(**scenario.yard.obstacles()._asdict()), len(scenario.yard.equipment)
+    solids, n_pieces = solids_of(scenario.yard), len(scenario.yard.equipment)
     site_map = SiteMap(scenario)
     reach = site_map.reach(np.asarray(scenario.route.dock_m))
     for site in scenario.yard.site_names():
@@ -93,7 +92,7 @@ def test_each_candidate_site_is_in_sight_over_sixty_degrees_of_reachable_ground_
         away = site_map.centres_m - source[:2]
         near = np.isfinite(reach.length_m) & (np.linalg.norm(away, axis=-1) < 3.5)
         antennas = np.column_stack([site_map.centres_m[near], np.full(near.sum(), 0.6)])
-        seen = ~cross(np.tile(source, (len(antennas), 1)), antennas, obstacles, n_pieces).any(axis=-1)
+        seen = ~cross(np.tile(source, (len(antennas), 1)), antennas, solids, n_pieces).any(axis=-1)
         aspects = np.degrees(np.arctan2(away[near][seen][:, 1], away[near][seen][:, 0]))
         assert np.unique(aspects // 10).size >= 7, f"{site}: seen over {np.unique(aspects // 10).size * 10} degrees"
 
@@ -104,9 +103,9 @@ def test_the_default_scenario_is_hard_enough_to_mean_something() -> None:
     positions = np.array([scenario.yard.site_position(site) for site in sites])
     waypoints = np.asarray(scenario.route.waypoints_m)
     apart = np.linalg.norm(positions[:, np.newaxis, :2] - waypoints, axis=-1).min(axis=-1)
-    obstacles, n_pieces = Obstacles(**scenario.yard.obstacles()._asdict()), len(scenario.yard.equipment)
+    solids, n_pieces = solids_of(scenario.yard), len(scenario.yard.equipment)
     at_dock = np.array([[*scenario.route.dock_m, scenario.array.height_m]])
-    hidden = [bool(cross(position[np.newaxis], at_dock, obstacles, n_pieces).any()) for position in positions]
+    hidden = [bool(cross(position[np.newaxis], at_dock, solids, n_pieces).any()) for position in positions]
     assert len(sites) >= 8
     assert (apart > 3.0).sum() >= 2
     assert sum(hidden) >= 2

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from envs.scenario import Scenario, ScenarioError, load_scenario
 from envs.scenario.suite import SUITE, SuiteYard, choose_yards, load_suite, suite_yards
 from missions.driving.site_map import SiteMap
-from sensing import Faces, HelicalArray, Obstacles, Scene, Surroundings
+from sensing import Faces, HelicalArray, Scene, Surroundings
 from sensing.nature.sources import DischargeSource
-from sensing.radio.obstruction import cross
+from tests.sensing.crossing import cross, solids_of
 from sensing.radio.surroundings import level_transform
 from sensing.receiver.bank import listen_once
 
@@ -106,13 +106,13 @@ def n_directions_from_which_it_is_heard(
     surroundings = Surroundings.of_kinds(
         [item.kind for item in yard.equipment],
         Faces(**yard.faces()._asdict()),
-        Obstacles(**yard.obstacles()._asdict()),
+        solids_of(yard),
     )
     apart_m = np.linalg.norm(reachable_m - position_m[:2], axis=-1)
     near_m = reachable_m[(apart_m > 2.0) & (apart_m < 8.0)]
     antennas_m = np.column_stack([near_m, np.full(len(near_m), scenario.array.height_m)])
     lines = np.broadcast_to(position_m, antennas_m.shape).copy()
-    in_sight = ~cross(lines, antennas_m, surroundings.obstacles, surroundings.log_loss.size).any(axis=-1)
+    in_sight = ~cross(lines, antennas_m, solids_of(yard), len(yard.equipment)).any(axis=-1)
     rng, hearing_rad = np.random.default_rng(0), []
     source = DischargeSource(name="s", position_m=position_m, amplitude_v=amplitude_v, pulse_rate_hz=20.0)
     receiver = scenario.receiver.model_copy(update={"faults": ()})

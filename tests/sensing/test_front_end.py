@@ -15,12 +15,13 @@ from sensing import (
     DischargeSource,
     Faces,
     HelicalArray,
-    Obstacles,
     ReceiverConfig,
     Scene,
+    Solids,
     Surroundings,
 )
 from sensing.nature.pulse_shape import damped_pulse
+from sensing.radio.materials import GRAVEL, METAL
 from sensing.radio.surroundings import rays_between
 from sensing.receiver.bank import listen_once
 from sensing.receiver.front_end import FILTER_ORDER, FrontEnd
@@ -93,7 +94,8 @@ def test_two_paths_interfere_as_their_sum_says(distance_m: float) -> None:
     array, at_m, n = HelicalArray.nominal(ArrayConfig()), np.array([distance_m, 0.0, 1.5]), 500
     source = DischargeSource(name="s", position_m=at_m, amplitude_v=1.0, pulse_rate_hz=1e3, n_shots=n)
     config = ReceiverConfig(noise_v=1e-9, false_alarm_rate_hz=1e-9, band_hz="all", bits=24, full_scale_v=10.0)
-    scene = Scene([source], Surroundings(ground(), np.array([-0.5]), np.empty(0), Obstacles.none()))
+    mirror = METAL._replace(flat_share=0.5)
+    scene = Scene([source], Surroundings.of_materials([], ground(), Solids.none(), mirror))
     rng = np.random.default_rng(0)
     detected = listen_once(config, array, scene, rng, world_from_array=np.eye(4), duration_s=n / 1e3)
 
@@ -129,7 +131,7 @@ def test_detections_are_those_of_a_plain_numpy_receiver(scene_number: int) -> No
         np.array([0]),
     )
     faces = Faces(*(np.concatenate(pair) for pair in zip(ground(), wall, strict=True)))
-    around = Surroundings(faces, np.array([-0.3, -0.8]), np.zeros(1), Obstacles.none())
+    around = Surroundings.of_materials([METAL], faces, Solids.none(), GRAVEL)
     at_m = turn @ [rng.uniform(3.0, 12.0), rng.uniform(-3.0, 3.0), rng.uniform(0.3, 3.0)]
     config = ReceiverConfig(false_alarm_rate_hz=1e-3)
     source = DischargeSource(name="s", position_m=at_m, amplitude_v=1.0, pulse_rate_hz=1e4, n_shots=1)

@@ -14,12 +14,13 @@ from sensing import (
     DischargeSource,
     Faces,
     HelicalArray,
-    Obstacles,
+    Solids,
     ReceiverConfig,
     Scene,
     Surroundings,
 )
 from sensing.nature.pulse_shape import damped_pulse, unit_pulse_energy
+from sensing.radio.materials import Material
 from sensing.radio.surroundings import rays_between
 from sensing.receiver.bank import listen_once
 from sensing.receiver.front_end import FrontEnd
@@ -91,11 +92,29 @@ def test_bearings_of_detected_pulses_lie_within_a_tenth_of_the_bound_all_round()
     assert np.sqrt(np.mean(np.square(over_bound))) == pytest.approx(1.0, abs=0.12)
 
 
+def lossy(loss_db: float, flat_share: float = 0.0) -> Material:
+    """So perfect a conductor that a share of every wave comes back, and lets the rest through."""
+    return Material(permittivity=1.0, conductivity_spm=1e12, loss_db=loss_db, flat_share=flat_share)
+
+
+def wall_across(x: float, half_length: float = 1.0) -> Solids:
+    """A wall of 0.4 m across the x axis."""
+    one, none = np.ones(1), np.zeros(1)
+    return Solids(np.array([[x, 0.0]]), none, np.array([[0.2, half_length]]), none, none, 3 * one, np.zeros(1, np.intp))
+
+
+def around(loss_db: float, faces: Faces | None = None, solids: Solids | None = None, **share: float) -> Surroundings:
+    """One piece of equipment with a loss, and faces; `wall` and `ground` mirror a share each."""
+    free = Surroundings.free_space()
+    ground = lossy(0.0, share.get("ground", 0.0))
+    pieces = [lossy(loss_db, share.get("wall", 0.0))]
+    made = Surroundings.of_materials(pieces, faces or free.faces, solids or Solids.none(), ground)
+    return made._replace(obstacles=made.obstacles._replace(bends=np.zeros_like(made.obstacles.bends)))
+
+
 def behind(loss_db: float, x: float = 2.0) -> Surroundings:
-    """One piece of equipment across the x axis, a wall of 0.4 m."""
-    free, one, none = Surroundings.free_space(), np.ones(1), np.zeros(1)
-    wall = Obstacles(np.array([[x, 0.0]]), none, np.array([[0.2, 1.0]]), none, none, 3 * one, np.zeros(1, np.intp))
-    return free._replace(log_loss=-np.log(10) / 20 * np.array([loss_db]), obstacles=wall)
+    """One piece of equipment across the x axis."""
+    return around(loss_db, solids=wall_across(x))
 
 
 def test_equipment_in_between_weakens_a_pulse_by_its_loss() -> None:
@@ -231,7 +250,7 @@ def test_the_gate_is_about_the_first_path_that_triggers_though_a_later_one_is_lo
         half_size_m=np.array([[5.0, 2.0]]),
         owner=np.array([0]),
     )
-    surroundings = behind(20.0, x=4.0)._replace(faces=to_the_left, reflection=np.array([-0.8]))
+    surroundings = around(12.0, to_the_left, wall_across(4.0), wall=0.8)
     detected = listen(source, duration_s=0.1, surroundings=surroundings, false_alarm_rate_hz=1e-6)
     ahead, left = (
         detected.pulses.strengths_v[:, 1:3].min(axis=-1),
@@ -285,33 +304,28 @@ def test_a_pulse_beyond_full_scale_is_flagged_and_one_within_is_not() -> None:
 
 
 AXES = np.eye(3)
-MIRROR = np.array([-0.8])
 
 
-def ground() -> Surroundings:
-    plane = Faces(np.zeros((1, 3)), AXES[2:], AXES[np.newaxis, :2], np.full((1, 2), np.inf), np.array([-1]))
-    return Surroundings.free_space()._replace(faces=plane, reflection=np.array([-0.3]))
+def ground_face() -> Faces:
+    return Faces(np.zeros((1, 3)), AXES[2:], AXES[np.newaxis, :2], np.full((1, 2), np.inf), np.array([-1]))
 
 
-def wall(y_m: float) -> Surroundings:
-    face = Faces(
+def wall_face(y_m: float) -> Faces:
+    return Faces(
         np.array([[5.0, y_m, 2.0]]), AXES[1:2], AXES[np.newaxis, [0, 2]], np.array([[20.0, 3.0]]), np.array([0])
     )
-    return Surroundings(face, MIRROR, np.zeros(1), Obstacles.none())
 
 
 def tank_and_wall() -> Surroundings:
-    """The direct path loses 25 dB in a tank; the echo of a wall comes 22 dB above it."""
-    one, none = np.ones(1), np.zeros(1)
-    tank = Obstacles(np.array([[5.0, 0.0]]), none, np.array([[0.2, 0.5]]), none, none, 3 * one, np.zeros(1, np.intp))
-    return wall(-3.75)._replace(log_loss=-np.log(10) / 20 * np.array([25.0]), obstacles=tank)
+    """The direct path loses 25 dB in a piece of equipment; the echo of its wall comes 22 dB above it."""
+    return around(25.0, wall_face(-3.75), wall_across(5.0, 0.5), wall=0.8)
 
 
-def share_detected(amplitude_v: float, around: Surroundings, seed: int, n: int = 1000) -> float:
+def share_detected(amplitude_v: float, surroundings: Surroundings, seed: int, n: int = 1000) -> float:
     gun = replace(source_at(10.0, 0.0), amplitude_v=amplitude_v, pulse_rate_hz=2e3, n_shots=n)
     rng = np.random.default_rng(seed)
     detected = listen_once(
-        ReceiverConfig(), NOMINAL, Scene([gun], around), rng, world_from_array=AT_ORIGIN, duration_s=n / 2e3
+        ReceiverConfig(), NOMINAL, Scene([gun], surroundings), rng, world_from_array=AT_ORIGIN, duration_s=n / 2e3
     )
     return detected.pulses.n_pulses / n
 
@@ -322,11 +336,11 @@ def test_an_echo_is_detected_where_a_first_path_just_fails_to_trigger() -> None:
 
 
 def test_no_discharge_is_taken_for_a_burst_though_ground_and_wall_echo_it() -> None:
-    both = Faces(*(np.concatenate(pair) for pair in zip(ground().faces, wall(-2.75).faces, strict=True)))
-    around = Surroundings(both, np.array([-0.3, -0.8]), np.zeros(1), Obstacles.none())
+    both = Faces(*(np.concatenate(pair) for pair in zip(ground_face(), wall_face(-2.75), strict=True)))
+    surroundings = around(0.0, both, ground=0.3, wall=0.8)
     for level_db in (6.0, 13.0, 20.0):
         gun = replace(source_at(10.0, 0.0, 1.5), amplitude_v=0.027 * 10 ** (level_db / 20), pulse_rate_hz=2e3)
-        detected = listen(gun, duration_s=0.5, surroundings=around)
+        detected = listen(gun, duration_s=0.5, surroundings=surroundings)
         assert detected.n_rejected < 0.01 * detected.pulses.n_pulses
 
 
