@@ -16,13 +16,14 @@ def scenarios(
     *,
     json_output: Annotated[bool, tyro.conf.arg(name="json")] = False,
 ) -> None:
-    """List the shipped scenarios, or check a file and name every fault in it.
+    """List the shipped scenarios and the levels of the suite, or check a file and name every fault in it.
 
     Args:
         check: A scenario file to check.
         json_output: Print JSON instead of a table.
     """
     from envs.scenario import SHIPPED, ScenarioError, load_scenario, shipped_scenarios
+    from envs.scenario.suite import load_suite
 
     if check is not None:
         try:
@@ -37,13 +38,18 @@ def scenarios(
             out.print(f"{check}: no fault; {len(scenario.sources)} sources, {n_sites} candidate sites", highlight=False)
         return
     stories = {name: _first_line(SHIPPED / f"{name}.toml") for name in shipped_scenarios()}
+    levels = {f"suite/{level}": story for level, story in load_suite().levels.items()}
     if json_output:
-        out.print_json(data=stories)
+        out.print_json(data=stories | levels)
         return
     table = Table("scenario", "what it shows")
     for name, story in stories.items():
         table.add_row(name, story)
+    table.add_section()
+    for name, story in levels.items():
+        table.add_row(name, story)
     out.print(table)
+    out.print("A level of the suite is many yards: pdpatrol sweep suite/open, or run suite/open_01.", highlight=False)
 
 
 def _first_line(path: Path) -> str:

@@ -43,7 +43,8 @@ class Dataset:
         try:
             self.manifest: dict[str, Any] = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
-            raise InputFileError([f"{folder}: not the dataset of a sweep ({error}); give its folder"]) from None
+            why = error.strerror if isinstance(error, OSError) else f"{MANIFEST}: {error}"
+            raise InputFileError([f"{folder}: not the dataset of a sweep ({why}); give its folder"]) from None
 
     @classmethod
     def open_or_make(cls, folder: Path, plan: SweepPlan, command: Sequence[str] = ()) -> Dataset:

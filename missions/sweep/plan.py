@@ -100,13 +100,16 @@ def make_plan(
         InputFileError: With all faults, if a scenario cannot be loaded or does not take a setting.
     """
     faults: list[str] = []
+    refused: dict[str, list[str]] = {}
     variants: list[tuple[Choice, Scenario, Settings]] = []
     for choice, values in product(_choose(scenarios, seeds, faults), list(product(*grid.values()))):
         settings = dict(zip(grid, values, strict=True))
         try:
             variants.append((choice, load_scenario(choice.name, settings), settings))
         except InputFileError as error:
-            faults += [fault for fault in error.faults if fault not in faults]
+            for file, _, fault in (line.partition(": ") for line in error.faults):
+                refused.setdefault(fault, []).append(file)
+    faults += [f"{_files(files)}: {fault}" for fault, files in refused.items()]
     if faults:
         raise InputFileError(faults)
     jobs: list[MissionJob] = []
@@ -119,6 +122,12 @@ def make_plan(
                 identity = len(jobs), key, choice.level, choice.suite
                 jobs.append(MissionJob(*identity, scenario, of_scenario, policy, settings, seed))
     return SweepPlan(tuple(jobs), digest([job.key for job in jobs]), digest_of_code())
+
+
+def _files(files: Sequence[str]) -> str:
+    """The first of some files, and how many there are besides."""
+    others = len(set(files)) - 1
+    return f"{files[0]}, and {others} more" if others else files[0]
 
 
 def _choose(scenarios: Sequence[str], seeds: Sequence[int] | None, faults: list[str]) -> Iterator[Choice]:

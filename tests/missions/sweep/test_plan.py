@@ -1,5 +1,6 @@
 """What a sweep consists of."""
 
+from collections import Counter
 from itertools import combinations
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import pytest
 
 from dirmusic import InputFileError
 from envs import load_scenario
+from envs.scenario.suite import load_suite
 from missions.sweep.plan import MissionJob, make_plan, parse_grid
 
 
@@ -76,3 +78,19 @@ def test_all_faults_of_all_settings_are_listed() -> None:
         make_plan(["one_source"], ["seek"], grid, [0])
     assert any("receiver.noise_v: got -1.0" in fault for fault in caught.value.faults)
     assert sum("reciever: unknown key" in fault for fault in caught.value.faults) == 1
+
+
+def test_what_many_yards_refuse_alike_is_one_line() -> None:
+    with pytest.raises(InputFileError) as error:
+        make_plan(["suite/open"], ["seek"], {"receiver.noise_v": [-1.0, 1e-3], "robot.model": ["inspector"]})
+    (fault,) = error.value.faults
+    assert fault.endswith("open_01.toml, and 8 more: receiver.noise_v: got -1.0; input should be greater than 0")
+
+
+def test_yards_of_the_suite_come_with_their_seeds_level_and_checksum() -> None:
+    plan = make_plan(["suite/weak", "suite/test/quiet", "one_source"], ["seek"], {})
+    by_level = Counter((job.level, job.suite) for job in plan.jobs)
+    suite = load_suite()
+    assert by_level == {("weak", suite.label): 90, ("quiet", suite.label): 70, ("", ""): 20}
+    assert {job.seed for job in plan.jobs if job.level == "quiet"} == set(suite.seeds["test"])
+    assert {job.seed for job in make_plan(["suite/weak"], ["seek"], {}, range(3)).jobs} == {0, 1, 2}
