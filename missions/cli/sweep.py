@@ -7,11 +7,18 @@ import re
 import sys
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 from missions.cli.terminal import FAILED, INTERRUPTED, err, out, refuse
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from missions.sweep.dataset import Dataset
+    from missions.sweep.mission_row import MissionRow
+    from missions.sweep.plan import MissionJob
 
 SEEDS = re.compile(r"(\d+)(?:-(\d+))?")
 SHARD = re.compile(r"(\d+)/(\d+)")
@@ -77,14 +84,16 @@ def sweep(
     from envs.foreign_code import ForeignCodeError
     from missions.policies.names import BUILT_IN, load_maker
     from missions.sweep.dataset import Dataset
+    from missions.sweep.engines.engine import Limits
+    from missions.sweep.engines.process_pool import run_in_processes
+    from missions.sweep.engines.ray_engine import run_in_ray
     from missions.sweep.plan import make_plan, parse_grid
 
     try:
-        for name in set(policy) - set(BUILT_IN):
-            load_maker(name)
+        for own in set(policy) - set(BUILT_IN):
+            load_maker(own)
         plan = make_plan(scenario, policy, parse_grid(settings), range(first, last + 1) if seeds else None)
-        first = plan.jobs[0]
-        name = scenario[0].replace("/", "-") if first.suite else first.scenario.name
+        name = scenario[0].replace("/", "-") if plan.jobs[0].suite else plan.jobs[0].scenario.name
         folder = out_dir or Path("runs") / f"sweep-{name}-{plan.digest[:8]}"
         dataset = Dataset.open_or_make(folder, plan, sys.argv[1:])
     except InputFileError as error:
@@ -93,26 +102,39 @@ def sweep(
         refuse(str(error))
     except OSError as error:
         refuse(f"--out: {error.filename} cannot be written ({error.strerror}); allowed is a folder that can be")
+    limits = Limits(wall_limit_s, int(memory_gb * 1e9))
 
+    def run(jobs: Sequence[MissionJob], finish: Callable[[MissionRow], None]) -> None:
+        if engine == "ray":
+            run_in_ray(jobs, workers, limits, finish, address=ray_address)
+        else:
+            run_in_processes(jobs, workers or os.cpu_count() or 1, limits, finish)
+
+    _complete(dataset, plan.shard(part, n_parts), run)
+
+
+def _complete(
+    dataset: Dataset,
+    shard: Sequence[MissionJob],
+    run: Callable[[Sequence[MissionJob], Callable[[MissionRow], None]], None],
+) -> None:
+    """Run the missions of a shard that have no row yet, tell how it goes, and print what all rows came to."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     from missions.sweep.engines.compile_once import is_compiled
-    from missions.sweep.engines.engine import EngineError, Limits
-    from missions.sweep.engines.process_pool import run_in_processes
-    from missions.sweep.engines.ray_engine import run_in_ray
-    from missions.sweep.mission_row import MissionRow
+    from missions.sweep.engines.engine import EngineError
     from missions.sweep.results.summary import summarise_groups
     from missions.sweep.results.tables import terminal_table
     from missions.sweep.tally import Tally
 
-    done = dataset.keys()
-    jobs = [job for job in plan.shard(part, n_parts) if job.key not in done]
-    n_of_shard, tally = len(plan.shard(part, n_parts)), Tally()
+    folder, before = dataset.folder, dataset.read().to_pylist()
+    done = {row["key"] for row in before}
+    jobs, tally = [job for job in shard if job.key not in done], Tally(before)
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
     try:
         with Progress(*columns, console=err, transient=True) as progress:
-            doing = "missions" if is_compiled() else "compiling, once on a machine"
-            bar = progress.add_task(doing, total=n_of_shard, completed=n_of_shard - len(jobs))
+            doing = tally.found() if is_compiled() else "compiling, once on a machine"
+            bar = progress.add_task(doing, total=len(shard), completed=len(shard) - len(jobs))
 
             def finish(row: MissionRow) -> None:
                 dataset.write(row)
@@ -123,11 +145,7 @@ def sweep(
                         f"{row.scenario}, {row.policy}, seed {row.seed}: {row.status}", highlight=False, soft_wrap=True
                     )
 
-            limits = Limits(wall_limit_s, int(memory_gb * 1e9))
-            if engine == "ray":
-                run_in_ray(jobs, workers, limits, finish, address=ray_address)
-            else:
-                run_in_processes(jobs, workers or os.cpu_count() or 1, limits, finish)
+            run(jobs, finish)
         if dataset.is_complete:
             dataset.compact()
     except KeyboardInterrupt:

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from missions.sweep.engines.worker import peak_memory_mb
 from missions.sweep.mission_row import MissionRow
 
 
 class Tally:
-    """Counts the missions that one run of a sweep finishes."""
+    """Counts the missions that one run of a sweep finishes.
 
-    def __init__(self) -> None:
+    Args:
+        before: Rows that are there already: they count in what was found, not in what it took.
+    """
+
+    def __init__(self, before: Sequence[Mapping[str, Any]] = ()) -> None:
         self._start_s = time.perf_counter()
-        self._n_missions = self._n_sources = self._n_found = 0
+        self._n_missions = 0
+        self._n_sources, self._n_found = (sum(row[name] for row in before) for name in ("n_sources", "n_found"))
         self._sim_time_s = self._worker_mb = 0.0
 
     def add(self, row: MissionRow) -> None:

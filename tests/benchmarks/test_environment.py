@@ -20,7 +20,7 @@ from envs.patrol_env import PatrolEnv
 pytestmark = pytest.mark.benchmark
 
 N_ENVS, N_THREADS = 64, 2
-ROUNDS = 25
+ROUNDS = 60
 
 
 @pytest.fixture(autouse=True)

@@ -11,6 +11,7 @@ import pytest
 from envs.random_yard import random_yard
 from robot_models.description.library import load_robot
 from robot_models.world import build_spec
+from robot_models.yard.line_of_sight import is_clear
 from robot_models.yard.pieces import BoxEquipment, CylinderEquipment
 from robot_models.yard.yard import Yard
 from sensing import Obstacles
@@ -98,19 +99,28 @@ def test_what_a_line_crosses_is_what_the_rays_of_mujoco_meet(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_level_lines_cross_the_same_solids_for_radio_and_for_driving(seed: int) -> None:
-    """The two spellings of one geometry: `cross` in three dimensions, `Solids.crossed` over footprints."""
+    """The two spellings of one geometry: `cross` in three dimensions, `is_clear` over footprints."""
     solids, rng = random_yard(seed, 8).yard.solids, np.random.default_rng(seed)
+    n_solids = solids.radius_m.size
     single = Obstacles(
         solids.centre_m,
         solids.yaw_rad,
         solids.half_size_m,
         solids.radius_m,
-        np.zeros(solids.radius_m.size),
-        np.full(solids.radius_m.size, 2.0),
-        np.arange(solids.radius_m.size),
+        np.zeros(n_solids),
+        np.full(n_solids, 2.0),
+        np.arange(n_solids),
     )
-    start, end = rng.uniform(0.0, 40.0, (2, 2000, 2))
-    level = [np.column_stack([points, np.ones(len(points))]) for points in (start, end)]
-    by_radio = cross(level[0], level[1], single, solids.radius_m.size)
-    np.testing.assert_array_equal(by_radio, solids.crossed(start, end))
-    assert by_radio.any(axis=0).all()
+    starts, ends = rng.uniform(0.0, 40.0, (2000, 2)), rng.uniform(0.0, 40.0, (12, 2))
+    n_met = np.zeros(n_solids, dtype=np.intp)
+    for end in ends:
+        level = [np.column_stack([points, np.ones(2000)]) for points in (starts, np.tile(end, (2000, 1)))]
+        by_radio = cross(level[0], level[1], single, n_solids)
+        n_met += by_radio.sum(axis=0)
+        for k in range(n_solids):
+            footprint = solids.take(np.arange(n_solids) == k).footprints()
+            np.testing.assert_array_equal(by_radio[:, k], ~is_clear(starts, end, np.zeros(1), footprint))
+        np.testing.assert_array_equal(
+            ~by_radio.any(axis=1), is_clear(starts, end, np.zeros(n_solids), solids.footprints())
+        )
+    assert n_met.all()
