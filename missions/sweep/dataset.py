@@ -128,11 +128,17 @@ class Dataset:
             raise InputFileError([f"--row: got {number}; allowed is the number of a row, 0 to {max(rows, default=0)}"])
         row = rows[number]
         scenario = restore_scenario(json.loads(self._scenarios()[row["scenario_digest"]]))
-        settings = json.loads(row["settings"])
         return MissionJob(
-            number, row["key"], row["level"], row["suite"], scenario, row["scenario_digest"], row["policy"], settings,
-            row["seed"],
-        )  # fmt: skip
+            order=number,
+            key=row["key"],
+            level=row["level"],
+            suite=row["suite"],
+            scenario=scenario,
+            scenario_digest=row["scenario_digest"],
+            policy=row["policy"],
+            settings=json.loads(row["settings"]),
+            seed=row["seed"],
+        )
 
     def _scenarios(self) -> dict[str, str]:
         """Each scenario whole, as JSON, by its digest."""

@@ -119,8 +119,18 @@ def make_plan(
             named = digest([of_scenario, policy, *digests_of_files(scenario, policy)])
             for seed in choice.seeds:
                 key = digest([named, str(seed)])[:16]
-                identity = len(jobs), key, choice.level, choice.suite
-                jobs.append(MissionJob(*identity, scenario, of_scenario, policy, settings, seed))
+                job = MissionJob(
+                    order=len(jobs),
+                    key=key,
+                    level=choice.level,
+                    suite=choice.suite,
+                    scenario=scenario,
+                    scenario_digest=of_scenario,
+                    policy=policy,
+                    settings=settings,
+                    seed=seed,
+                )
+                jobs.append(job)
     return SweepPlan(tuple(jobs), digest([job.key for job in jobs]), digest_of_code())
 
 
