@@ -50,7 +50,6 @@ ANSWERS = (
     Answer("noise", ("receiver.noise_v",), ("bearing RMSE (deg)", *USUAL)),
     Answer("faults", ("receiver.faults",), ("bearing RMSE (deg)", *USUAL)),
     Answer("speed", ("robot.max_speed_mps",), (*USUAL, "contacts", "missed")),
-    Answer("robots", ("robot.model",), ("bearing RMSE (deg)", *USUAL, "contacts")),
 )
 
 
