@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dirmusic.array.elevation import SpatialGain, gain_in_space
 from dirmusic.array.pattern import GainPattern, GaussianPattern
+
+if TYPE_CHECKING:
+    from dirmusic.array.pattern_table import PatternTable
 
 FloatArray = NDArray[np.float64]
 
@@ -169,6 +172,13 @@ class GainManifold:
         for array in table:
             array.setflags(write=False)
         return table
+
+    @cached_property
+    def pattern_table(self) -> PatternTable:
+        """The pattern as compiled loops look it up."""
+        from dirmusic.array.pattern_table import tabulate  # loads the compiler
+
+        return tabulate(self.pattern)
 
     def gain(self, azimuth_rad: ArrayLike) -> FloatArray:
         """Gains towards array-frame azimuths of any shape; shape (n_elements, *azimuth.shape), unitless."""

@@ -55,6 +55,7 @@ class Locator:
         self._next_fit_s = -np.inf
         self._errors = ElementErrors.none(array.manifold.n_elements)
         self._record = PulseRecord(array, pose_error, in_sight)
+        self._assigned: tuple[tuple[object, ...], Assignment | None] = (), None
 
     def update(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> tuple[Finding, ...]:
         """Take in what was detected from one pose; refit everything once every `refit_s`.
@@ -95,14 +96,20 @@ class Locator:
 
     def association(self) -> Rows:
         """Id of the finding of each pulse so far, or a code of `NoOwner`; shape (n_pulses_so_far,)."""
-        owner = self._assign(self.findings).owner
+        owner = self._assign(self.findings).owner.copy()
         ids = np.array([finding.id for finding in self.findings], dtype=np.intp)
         is_owned = owner >= 0
         owner[is_owned] = ids[owner[is_owned]]
         return owner
 
     def _assign(self, findings: Sequence[Finding]) -> Assignment:
-        return assign(self._record, findings, self._errors, self.rules.assignment)
+        """Whose each pulse is; kept, for a fit asks again where nothing was born or dropped."""
+        asked = self._record.pulses, self._errors, *findings
+        known, assignment = self._assigned
+        if assignment is None or len(asked) != len(known) or any(a is not b for a, b in zip(asked, known, strict=True)):
+            assignment = assign(self._record, findings, self._errors, self.rules.assignment)
+            self._assigned = asked, assignment
+        return assignment
 
     def _drop_unsupported(self) -> Rows:
         """Drop findings with too few pulses to make one; the owner of each pulse among the others."""

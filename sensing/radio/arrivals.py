@@ -7,61 +7,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.array.elevation import NEAR_AXIS
+from dirmusic.array.pattern_table import Boresight, gain_towards
 from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
 from dirmusic.compiled import compiled
-from dirmusic.kernels import cubic
-from sensing.array.array_table import ArrayTable, Boresight
+from sensing.array.array_table import ArrayTable
 from sensing.radio.obstruction import cross
 from sensing.radio.propagation import Propagation
 from sensing.radio.ray_paths import RayPaths, find_ray_paths
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
-
-
-class PatternTable(NamedTuple):
-    """Gain in the plane over the angle off boresight, even steps once round from 0, each of shape (n,).
-
-    Attributes:
-        gain: The gain.
-        slope: Slope of the gain per step.
-    """
-
-    gain: FloatArray
-    slope: FloatArray
-
-
-@compiled
-def pattern_gain(pattern: PatternTable, off_boresight_rad: float) -> float:
-    """Gain in the plane between the steps of the table."""
-    n = pattern.gain.size
-    at = off_boresight_rad * (n / (2.0 * np.pi))
-    low = np.floor(at)
-    i = int(low) % n
-    j = (i + 1) % n
-    return cubic(at - low, pattern.gain[i], pattern.gain[j], pattern.slope[i], pattern.slope[j])
-
-
-@compiled
-def gain_towards(pattern: PatternTable, boresight: Boresight, x: float, y: float, z: float) -> float:
-    """Gain of an element along a vector of any length, x, y, z, array frame: `dirmusic.array.elevation.gain_in_space`.
-
-    Args:
-        pattern: Of the element, in the plane.
-        boresight: Of the element.
-        x: Component forward.
-        y: Component to the left.
-        z: Component up.
-    """
-    level = boresight.cos_azimuth * x + boresight.sin_azimuth * y
-    left = boresight.cos_azimuth * y - boresight.sin_azimuth * x
-    ahead = boresight.cos_elevation * level + boresight.sin_elevation * z
-    up = boresight.cos_elevation * z - boresight.sin_elevation * level
-    sin_psi = np.sqrt(left * left + up * up)
-    psi = np.arctan2(sin_psi, ahead)
-    half_roll = 0.5 * left / max(sin_psi, NEAR_AXIS)
-    return (0.5 + half_roll) * pattern_gain(pattern, psi) + (0.5 - half_roll) * pattern_gain(pattern, -psi)
 
 
 class Arrivals(NamedTuple):
@@ -94,7 +49,6 @@ def arrive(
         arrays: One for each robot.
     """
     n_paths, n_elements = ray_paths.robot.size, arrays.elements_m.shape[1]
-    pattern = PatternTable(arrays.pattern_gain, arrays.pattern_slope)
     delay_s, amplitude = np.empty((n_paths, n_elements)), np.empty((n_paths, n_elements))
     loudest, loudest_s = np.empty(n_paths), np.empty(n_paths)
     for p in range(n_paths):
@@ -117,7 +71,7 @@ def arrive(
             ex, ey, ez = x - arrays.elements_m[r, e, 0], y - arrays.elements_m[r, e, 1], z - arrays.elements_m[r, e, 2]
             range_m = np.sqrt(ex * ex + ey * ey + ez * ez)
             of = arrays.boresights[r, e]
-            gain = gain_towards(pattern, Boresight(of[0], of[1], of[2], of[3]), ex, ey, ez)
+            gain = gain_towards(arrays.pattern, Boresight(of[0], of[1], of[2], of[3]), ex, ey, ez)
             delay_s[p, e] = range_m / SPEED_OF_LIGHT_MPS
             amplitude[p, e] = (arrays.gain_factors[r, e] * gain + arrays.gain_offsets[r, e]) * factor / range_m
             if abs(amplitude[p, e]) > loudest[p]:

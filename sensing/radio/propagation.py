@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dirmusic.array.pattern_table import PatternTable
 from dirmusic.compiled import compiled
 from sensing.array.array_table import ArrayTable
 from sensing.radio.surroundings import Faces, Obstacles, Surroundings
@@ -46,5 +47,7 @@ class Propagation(NamedTuple):
 def named_propagation(propagation: tuple[Any, ...]) -> Propagation:
     """A `Propagation` from a plain one, in which all inner records are plain too."""
     sources, world_from_array, arrays, (faces, reflection, log_loss, obstacles) = propagation
+    elements_m, boresights, gain_factors, gain_offsets, pattern = arrays
     surroundings = Surroundings(Faces(*faces), reflection, log_loss, Obstacles(*obstacles))
-    return Propagation(SourceTable(*sources), world_from_array, ArrayTable(*arrays), surroundings)
+    table = ArrayTable(elements_m, boresights, gain_factors, gain_offsets, PatternTable(*pattern))
+    return Propagation(SourceTable(*sources), world_from_array, table, surroundings)

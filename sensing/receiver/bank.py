@@ -77,7 +77,7 @@ class ReceiverBank:
         self._arrays = ArrayTable.of([listener.array for listener in listeners])
         n_sources = len(scene.sources)
         self._sources = SourceTable(np.empty((n_robots, n_sources, 3)), np.empty((n_robots, n_sources)))
-        self._plain_arrays, self._plain_sources = tuple(self._arrays), tuple(self._sources)
+        self._plain_arrays, self._plain_sources = plain(self._arrays), tuple(self._sources)
         self._surroundings = plain(scene.surroundings)
         for robot, listener in enumerate(listeners):
             self.replace(robot, listener)
@@ -120,7 +120,7 @@ class ReceiverBank:
                 parts.append(noise)
         emitted = EmittedPulses.join(robots, emissions)
         if emitted.time_s.size:
-            arrays = tuple(self._arrays_at(start_s)) if self.config.faults else self._plain_arrays
+            arrays = plain(self._arrays_at(start_s)) if self.config.faults else self._plain_arrays
             propagation = (self._plain_sources, world_from_array, arrays, self._surroundings)
             parts += self._law.detect(emitted, propagation, listeners)
         if len(parts) == 1:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from dirmusic.array.elevation import gain_in_space
+from dirmusic.array.pattern_table import Boresight, gain_and_slopes_towards, gain_towards
 from sensing import ArrayConfig, ElementConfig, HelicalArray
-from sensing.array.array_table import ArrayTable, Boresight
-from sensing.radio.arrivals import PatternTable, gain_towards
+from sensing.array.array_table import ArrayTable
 
 TILTED = ArrayConfig(
     elements=tuple(ElementConfig(azimuth_deg=60.0 * k, elevation_deg=(-50.0, 20.0, 89.0)[k % 3]) for k in range(6))
@@ -18,7 +18,7 @@ def test_the_gain_towards_anywhere_is_what_the_pattern_says_to_nine_digits(confi
     """The compiled table of the gain against the formula that direction finding uses."""
     rng, array = np.random.default_rng(0), HelicalArray.draw(config, np.random.default_rng(1))
     table = ArrayTable.of([array])
-    pattern = PatternTable(table.pattern_gain, table.pattern_slope)
+    pattern = table.pattern
     for x, y, z in rng.normal(0.0, 5.0, (200, 3)):
         azimuth, elevation = np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))
         by_table = [gain_towards(pattern, Boresight(*boresight), x, y, z) for boresight in table.boresights[0]]
@@ -29,6 +29,22 @@ def test_the_gain_towards_anywhere_is_what_the_pattern_says_to_nine_digits(confi
         assert off.max() < 0.01
         towards = array.gain(np.full(off.size, azimuth), np.full(off.size, elevation))
         np.testing.assert_array_equal(towards, array.gain_factors * by_formula + array.gain_offsets)
+
+
+@pytest.mark.parametrize("config", [ArrayConfig(), TILTED], ids=["level", "tilted"])
+def test_the_slopes_of_the_gain_are_those_of_the_formula(config: ArrayConfig) -> None:
+    rng, array = np.random.default_rng(0), HelicalArray.draw(config, np.random.default_rng(1))
+    table, off = ArrayTable.of([array]), list[float]()
+    for azimuth, elevation in zip(rng.uniform(-np.pi, np.pi, 200), rng.uniform(-1.5, 1.5, 200), strict=True):
+        level = np.cos(elevation)
+        x, y, z = level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)
+        by_table = [
+            gain_and_slopes_towards(table.pattern, Boresight(*boresight), x, y, z) for boresight in table.boresights[0]
+        ]
+        off_rad = azimuth - array.boresights_rad
+        by_formula = gain_in_space(array.pattern, off_rad, elevation, array.boresight_elevations_rad)
+        off.append(float(np.abs(np.array(by_table) - np.stack(by_formula, axis=-1)).max()))
+    assert np.quantile(off, 0.97) < 1e-7  # the others lie on the step of eq. (1)
 
 
 @pytest.mark.parametrize("n", [3, 4, 6, 16])
@@ -68,7 +84,7 @@ def test_a_turned_array_receives_from_turned_directions_what_it_received_before(
         Boresight(np.cos(a + turn), np.sin(a + turn), np.cos(e), np.sin(e))
         for a, e in zip(array.boresights_rad, array.boresight_elevations_rad, strict=True)
     ]
-    pattern = PatternTable(table.pattern_gain, table.pattern_slope)
+    pattern = table.pattern
     for x, y, z in rng.normal(0.0, 5.0, (50, 3)):
         at = (x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn), z)
         before = [gain_towards(pattern, Boresight(*boresight), x, y, z) for boresight in table.boresights[0]]

@@ -1,10 +1,17 @@
 """Sources and array fitted together."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, ElementSpread, GainManifold, PoseError, PulseBatch
-from dirmusic.locating.joint_fix import locate_jointly
+from dirmusic.array.pattern_table import as_boresights
+from dirmusic.locating.joint_fix import ROBUST_SCALE, locate_jointly
+from dirmusic.locating.joint_kernels import Beliefs, Explained, Linear, NominalArray, evaluate, linearise
+
+FloatArray = NDArray[np.float64]
 
 NOMINAL = GainManifold.ring(6)
 RING_M = 0.12 * np.column_stack([np.cos(NOMINAL.boresights_rad), np.sin(NOMINAL.boresights_rad)])
@@ -30,3 +37,96 @@ def test_ten_times_the_pulses_from_the_same_places_make_the_ellipse_no_smaller_f
         return float(np.sqrt(np.linalg.det(fix.covariances_m2[0])))
 
     assert area_m2(10) == pytest.approx(area_m2(1), rel=0.1)
+
+
+RNG = np.random.default_rng(5)
+POSE = np.column_stack([RNG.uniform(0.0, 20.0, (40, 2)), RNG.uniform(-np.pi, np.pi, 40)])
+SOURCE = np.arange(40, dtype=np.intp) % 2
+TILTED = GainManifold(
+    NOMINAL.pattern,
+    NOMINAL.boresights_rad,
+    boresight_elevations_rad=np.radians([10.0, 0.0, -10.0, 20.0, 0.0, 0.0]),
+    gain_factors=np.linspace(0.9, 1.1, 6),
+    gain_offsets=np.linspace(-0.02, 0.02, 6),
+)
+STATE = np.concatenate(
+    [[8.0, 9.0, 1.5, 3.0, 14.0, -0.4], RNG.normal(0.0, 0.05, 6), RNG.normal(0.0, 0.04, 6), RNG.normal(0.0, 0.01, 6)]
+)
+BELIEFS = Beliefs(np.zeros(STATE.size), np.full(STATE.size, 2.0), 0.1, 0.02, ROBUST_SCALE)
+
+
+def nominal(manifold: GainManifold) -> NominalArray:
+    boresights = as_boresights(manifold.boresights_rad, manifold.boresight_elevations_rad)
+    of_gain = manifold.gain_factors, manifold.gain_offsets, manifold.pattern_table
+    return NominalArray(RING_M, boresights, *of_gain)
+
+
+def modelled(state: FloatArray, weight: FloatArray) -> FloatArray:
+    """What pulses of amplitude 1 are in the elements, shape (40, 6), by the formula of `locate_jointly`."""
+    places, errors = state[:6].reshape(2, 3)[SOURCE], state[6:].reshape(3, 6)
+    cos, sin = np.cos(POSE[:, 2:]), np.sin(POSE[:, 2:])
+    dx = places[:, :1] - POSE[:, :1] - (cos * RING_M[:, 0] - sin * RING_M[:, 1])
+    dy = places[:, 1:2] - POSE[:, 1:2] - (sin * RING_M[:, 0] + cos * RING_M[:, 1])
+    off = np.arctan2(dy, dx) - POSE[:, 2:] - TILTED.boresights_rad - errors[1]
+    gain = TILTED.response_in_space(off, np.arctan2(places[:, 2:], np.hypot(dx, dy))).gain
+    range_m = np.linalg.norm(places[:, :2] - POSE[:, :2], axis=-1, keepdims=True)
+    return weight * ((1 + errors[0]) * gain + errors[2]) * range_m / np.sqrt(dx**2 + dy**2 + places[:, 2:] ** 2)
+
+
+def linear(state: FloatArray, strengths: FloatArray, weight: FloatArray, beliefs: Beliefs) -> tuple[FloatArray, ...]:
+    """Misses (40, 6) and slopes (40, 6, 21) of all pulses; the boresights are turned as `evaluate` does."""
+    data = Explained(POSE, SOURCE, weight, strengths, np.full(40, 3.0))
+    errors, at = state[6:].reshape(3, 6), (np.empty((40, 6)), np.empty((40, 6, 21)))
+    turned = nominal(TILTED)._replace(
+        boresights=as_boresights(TILTED.boresights_rad + errors[1], TILTED.boresight_elevations_rad)
+    )
+    for k in range(40):
+        linearise(k, state, data, turned, beliefs, Linear(at[0][k], at[1][k]), np.empty((9, 6)))
+    return at
+
+
+def test_the_slopes_are_those_of_the_misses_where_the_model_explains_the_strengths() -> None:
+    weight = RNG.uniform(5.0, 50.0, (40, 6))
+    strengths = RNG.uniform(0.5, 2.0, (40, 1)) * modelled(STATE, weight)
+    for beliefs in (BELIEFS, BELIEFS._replace(position_m=0.0, heading_rad=0.0)):
+        miss, slope = linear(STATE, strengths, weight, beliefs)
+        np.testing.assert_allclose(miss, 0.0, atol=1e-6)
+        for i, own in [*((i, i // 3 == SOURCE) for i in range(6)), *((i, SOURCE >= 0) for i in range(6, 24))]:
+            step = np.zeros(24)
+            step[i] = 1e-5
+            after, before = (linear(STATE + s, strengths, weight, beliefs)[0] for s in (step, -step))
+            column = i % 3 if i < 6 else i - 3
+            expected = np.where(own[:, np.newaxis], slope[:, :, column], 0.0)
+            np.testing.assert_allclose((after - before) / 2e-5, expected, atol=2e-4 * np.abs(slope[:, :, column]).max())
+
+
+def test_cost_gradient_and_hessian_are_those_of_a_soft_l1_loss_over_all_misses() -> None:
+    weight = RNG.uniform(5.0, 50.0, (40, 6))
+    strengths = modelled(STATE, weight) + RNG.normal(0.0, 3.0, (40, 6))
+    miss, slope = linear(STATE, strengths, weight, BELIEFS)
+    full = np.zeros((40, 6, 24))
+    for k in range(40):
+        full[k][:, 3 * SOURCE[k] : 3 * SOURCE[k] + 3], full[k][:, 6:] = slope[k][:, :3], slope[k][:, 3:]
+    residual = np.concatenate([miss.ravel(), STATE / 2.0])
+    jacobian = np.concatenate([full.reshape(-1, 24), np.eye(24) / 2.0])
+    root = np.sqrt(1 + np.square(residual / ROBUST_SCALE))
+    data = Explained(POSE, SOURCE, weight, strengths, np.full(40, 3.0))
+    cost, gradient, hessian = evaluate(STATE, 3, data, nominal(TILTED), BELIEFS)
+    assert cost == pytest.approx(ROBUST_SCALE**2 * (root - 1).sum())
+    np.testing.assert_allclose(gradient, jacobian.T @ (residual / root), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(hessian, jacobian.T @ (jacobian / root[:, np.newaxis] ** 3), rtol=1e-9, atol=1e-9)
+
+
+def test_two_sources_and_the_errors_of_the_array_are_found_together() -> None:
+    array = ArrayModel(manifold=TILTED, positions_m=RING_M, spread=replace(SPREAD, offset=0.02))
+    truth = STATE.copy()
+    truth[2], truth[5] = 0.8, 0.6  # heights as they are believed to be
+    strengths = modelled(truth, np.ones((40, 6)))
+    pulses = PulseBatch.detected(10.0 * np.arange(40.0), strengths, np.full((40, 6), 1e-8))
+    start_m = truth[:6].reshape(2, 3)[:, :2] + [[1.5, -1.0], [-1.0, 2.0]]
+    fix = locate_jointly(pulses, POSE, SOURCE, start_m, array, NO_POSE_ERROR)
+    miss_m = fix.positions_m - truth[:6].reshape(2, 3)[:, :2]
+    assert np.linalg.norm(miss_m, axis=-1).max() < 0.02
+    square = np.einsum("ki,kij,kj->k", miss_m, np.linalg.inv(fix.covariances_m2), miss_m)
+    assert square.max() < 6.0
+    np.testing.assert_allclose(fix.errors.pointing_rad, truth[12:18], atol=0.01)
