@@ -71,11 +71,11 @@ def with_interval(interval: Interval, digits: int, factor: float = 1.0) -> str:
 
 def terminal_table(summaries: Sequence[GroupSummary], title: str) -> Table:
     """For a terminal of eighty columns, what matters most, a section for each scenario; the other forms hold all."""
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=0, show_edge=False)
     shown = ("missions", "found (%)", "median error (m)", "time to confirm (s)", "false", "contacts")
     table.add_column("", overflow="fold")
     for heading in shown:
-        table.add_column(heading, justify="right")
+        table.add_column("n" if heading == "missions" else heading.replace(" (", "\n("), justify="right")
     before = ""
     for summary in summaries:
         if summary.group != before:
@@ -84,7 +84,7 @@ def terminal_table(summaries: Sequence[GroupSummary], title: str) -> Table:
             table.add_row(f"[bold]{before}[/bold]")
         named = dict(zip(HEADINGS, cells(summary), strict=True))
         settings = "" if named["set"] == "-" else f", {named['set']}"
-        table.add_row(f"{summary.policy}{settings}", *(named[heading] for heading in shown))
+        table.add_row(f"{summary.policy}{settings}", *(named[heading].replace(" to ", "-") for heading in shown))
     return table
 
 
