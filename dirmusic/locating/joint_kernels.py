@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from dirmusic.array.pattern_table import Boresight, PatternTable, gain_and_slopes_towards
 from dirmusic.compiled import compiled
+from dirmusic.kernels import dot
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -100,14 +101,6 @@ class Quadratic(NamedTuple):
 
 
 @compiled
-def _dot(first: FloatArray, second: FloatArray) -> float:
-    total = 0.0
-    for e in range(first.size):
-        total += first[e] * second[e]
-    return total
-
-
-@compiled
 def linearise(
     k: int, state: FloatArray, data: Explained, array: NominalArray, beliefs: Beliefs, at: Linear, room: FloatArray
 ) -> None:
@@ -154,18 +147,18 @@ def linearise(
         by_x[e], by_y[e] = cos_yaw * ahead - sin_yaw * aside, sin_yaw * ahead + cos_yaw * aside
         by_height[e] = (rise[e] * sideways - model[e] * height) / square
         by_gain[e], by_pointing[e], by_offset[e] = gain * spreading, -turn[e], spreading
-    energy = _dot(model, model)
-    amplitude = _dot(data.strengths[k], model) / energy
+    energy = dot(model, model)
+    amplitude = dot(data.strengths[k], model) / energy
     # how the strengths move when the pose is wrong: sideways or in heading, and towards the source
     near_m = max(range_m, 0.3)
     turn_variance = beliefs.heading_rad**2 + (beliefs.position_m / near_m) ** 2
     rise_variance = (beliefs.position_m * height / (near_m * near_m + height * height)) ** 2
     for vector in (turn, rise):
-        along = _dot(vector, model) / energy
+        along = dot(vector, model) / energy
         for e in range(n_elements):
             vector[e] = amplitude * (vector[e] - along * model[e])
     turn_share = _to_unit(turn, turn_variance * data.repeats[k])
-    along = _dot(rise, turn)
+    along = dot(rise, turn)
     for e in range(n_elements):
         rise[e] -= along * turn[e]
     rise_share = _to_unit(rise, rise_variance * data.repeats[k])
@@ -174,7 +167,7 @@ def linearise(
         at.miss[e] = data.strengths[k, e] - amplitude * model[e]
     _tolerate(at.miss, turn, turn_share, rise, rise_share)
     for column, vector in enumerate((by_x, by_y, by_height)):
-        along = _dot(vector, model) / energy
+        along = dot(vector, model) / energy
         for e in range(n_elements):
             vector[e] = -amplitude * (vector[e] - along * model[e])
         _tolerate(vector, turn, turn_share, rise, rise_share)
@@ -199,7 +192,7 @@ def _to_unit(vector: FloatArray, variance: float) -> float:
         vector: Whitened by the noise, shape (n_elements,).
         variance: Of that error.
     """
-    energy = max(_dot(vector, vector), 1e-12)
+    energy = max(dot(vector, vector), 1e-12)
     for e in range(vector.size):
         vector[e] /= math.sqrt(energy)
     return 1.0 - 1.0 / math.sqrt(1.0 + variance * energy)
@@ -208,7 +201,7 @@ def _to_unit(vector: FloatArray, variance: float) -> float:
 @compiled
 def _tolerate(vector: FloatArray, turn: FloatArray, turn_share: float, rise: FloatArray, rise_share: float) -> None:
     """Take from a vector what pose errors explain away."""
-    by_turn, by_rise = turn_share * _dot(vector, turn), rise_share * _dot(vector, rise)
+    by_turn, by_rise = turn_share * dot(vector, turn), rise_share * dot(vector, rise)
     for e in range(vector.size):
         vector[e] -= by_turn * turn[e] + by_rise * rise[e]
 
