@@ -45,6 +45,7 @@ USUAL = ("found (%)", "median error (m)", "in ellipse (%)", "time to confirm (s)
 ANSWERS = (
     Answer("elements", ("array.n_elements",), ("bearing RMSE (deg)", *USUAL)),
     Answer("methods", ("estimator.method", "locating.fix"), ("bearing RMSE (deg)", *USUAL)),
+    Answer("robots", ("robot.model",), (*USUAL, "way over shortest", "contacts")),
     Answer("pose", ("pose_sensor.heading_std_deg", "pose_sensor.position_std_m"), USUAL),
     Answer("noise", ("receiver.noise_v",), ("bearing RMSE (deg)", *USUAL)),
     Answer("faults", ("receiver.faults",), ("bearing RMSE (deg)", *USUAL)),
@@ -77,6 +78,19 @@ def answer_table(answer: Answer) -> str:
         named = dict(zip(HEADINGS, cells(summary), strict=True))
         lines.append([*(label_of(settings[key]) for key in answer.keys), *(named[each] for each in answer.headings)])
     return table([*(f"`{key}`" for key in answer.keys), *answer.headings], lines)
+
+
+def worth_table() -> str:
+    """What each part that can be swapped is worth: the sweeps over them, one below the other."""
+    headings = ("bearing RMSE (deg)", "found (%)", "median error (m)", "time to confirm (s)", "false")
+    lines: list[list[str]] = []
+    for name in ("elements", "methods", "robots"):
+        for summary in summarise_groups(as_one_group(rows_of(name))):
+            settings: Mapping[str, Any] = json.loads(summary.settings)
+            named = dict(zip(HEADINGS, cells(summary), strict=True))
+            value = ", ".join(f"`{key.rpartition('.')[2]}` {label_of(settings[key])}" for key in sorted(settings))
+            lines.append([value, *(named[each] for each in headings)])
+    return table(["", *headings], lines)
 
 
 def policies_table() -> str:
@@ -131,7 +145,7 @@ def cost_line() -> str:
 
 def texts() -> dict[str, str]:
     """All that is put between marks, by their names."""
-    made = {"policies": policies_table, "levels": levels_table, "cost": cost_line}
+    made = {"worth": worth_table, "policies": policies_table, "levels": levels_table, "cost": cost_line}
     return {name: make() for name, make in made.items()} | {each.name: answer_table(each) for each in ANSWERS}
 
 
