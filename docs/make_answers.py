@@ -13,7 +13,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 import pyarrow as pa
 
 from missions.sweep.dataset import Dataset, read_all
@@ -131,21 +130,9 @@ def levels_table() -> str:
     return table(["level", "missions", *headings], lines)
 
 
-def cost_line() -> str:
-    """How long the public sweep took."""
-    rows = rows_of("public")
-    wall_s, sim_s = (np.array(rows[name].to_pylist(), dtype=np.float64) for name in ("wall_time_s", "sim_time_s"))
-    memory_mb = max(rows["peak_memory_mb"].to_pylist())
-    return (
-        f"{rows.num_rows} missions took {wall_s.sum() / 3600:.1f} core hours: {3600 * len(wall_s) / wall_s.sum():.0f} "
-        f"missions an hour and core, {sim_s.sum() / wall_s.sum():.0f} simulated seconds a second, at most "
-        f"{memory_mb:.0f} MB a worker.\n"
-    )
-
-
 def texts() -> dict[str, str]:
     """All that is put between marks, by their names."""
-    made = {"worth": worth_table, "policies": policies_table, "levels": levels_table, "cost": cost_line}
+    made = {"worth": worth_table, "policies": policies_table, "levels": levels_table}
     return {name: make() for name, make in made.items()} | {each.name: answer_table(each) for each in ANSWERS}
 
 
