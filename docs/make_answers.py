@@ -6,21 +6,50 @@ uv run python docs/make_answers.py --check  # changes nothing; exit status 1 if 
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import pyarrow as pa
 
 from missions.sweep.dataset import Dataset, read_all
-from missions.sweep.results.figures import draw_errors, draw_found_over_time, groups
-from missions.sweep.results.summary import summarise_groups
+from missions.sweep.results.figures import draw_errors, draw_found_over_time, draw_over_setting, groups, label_of
+from missions.sweep.results.summary import ALL, GroupSummary, summarise_groups
 from missions.sweep.results.tables import HEADINGS, cells
 
 DOCS = Path(__file__).parent
 STORED = DOCS / "results"
+POLICIES = ("seek", "patrol", "random", "oracle")
 WIDTH_DPI = 110
+
+
+class Answer(NamedTuple):
+    """A question that a sweep answers.
+
+    Attributes:
+        name: Of its dataset, its marks and its picture.
+        keys: Settings that are varied; the first is the axis of the picture.
+        headings: Figures that its table shows, of `missions.sweep.results.tables.HEADINGS`.
+    """
+
+    name: str
+    keys: tuple[str, ...]
+    headings: tuple[str, ...]
+
+
+USUAL = ("found (%)", "median error (m)", "in ellipse (%)", "time to confirm (s)", "false")
+ANSWERS = (
+    Answer("elements", ("array.n_elements",), ("bearing RMSE (deg)", *USUAL)),
+    Answer("methods", ("estimator.method", "locating.fix"), ("bearing RMSE (deg)", *USUAL)),
+    Answer("robots", ("robot.model",), (*USUAL, "way over shortest", "contacts")),
+    Answer("pose", ("pose_sensor.heading_std_deg", "pose_sensor.position_std_m"), USUAL),
+    Answer("noise", ("receiver.noise_v",), ("bearing RMSE (deg)", *USUAL)),
+    Answer("faults", ("receiver.faults",), ("bearing RMSE (deg)", *USUAL)),
+    Answer("speed", ("robot.max_speed_mps",), (*USUAL, "contacts", "missed")),
+)
 
 
 def rows_of(*names: str) -> pa.Table:
@@ -28,14 +57,71 @@ def rows_of(*names: str) -> pa.Table:
     return read_all([Dataset(STORED / name) for name in names])
 
 
+def as_one_group(rows: pa.Table) -> pa.Table:
+    """The rows as if all yards were one scenario, so that a setting is summed up over all of them."""
+    for column in ("level", "scenario"):
+        rows = rows.set_column(rows.schema.get_field_index(column), column, pa.array([""] * rows.num_rows))
+    return rows
+
+
 def table(headings: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
     """As Markdown."""
     return "".join(f"| {' | '.join(line)} |\n" for line in (headings, ["---"] * len(headings), *lines))
 
 
+def answer_table(answer: Answer) -> str:
+    """A line for each combination of settings."""
+    lines: list[list[str]] = []
+    for summary in summarise_groups(as_one_group(rows_of(answer.name))):
+        settings: Mapping[str, Any] = json.loads(summary.settings)
+        named = dict(zip(HEADINGS, cells(summary), strict=True))
+        lines.append([*(label_of(settings[key]) for key in answer.keys), *(named[each] for each in answer.headings)])
+    return table([*(f"`{key}`" for key in answer.keys), *answer.headings], lines)
+
+
+def worth_table() -> str:
+    """What each part that can be swapped is worth: the sweeps over them, one below the other."""
+    headings = ("bearing RMSE (deg)", "found (%)", "median error (m)", "time to confirm (s)", "false")
+    lines: list[list[str]] = []
+    for name in ("elements", "methods", "robots"):
+        for summary in summarise_groups(as_one_group(rows_of(name))):
+            settings: Mapping[str, Any] = json.loads(summary.settings)
+            named = dict(zip(HEADINGS, cells(summary), strict=True))
+            value = ", ".join(f"`{key.rpartition('.')[2]}` {label_of(settings[key])}" for key in sorted(settings))
+            lines.append([value, *(named[each] for each in headings)])
+    return table(["", *headings], lines)
+
+
+def policies_table() -> str:
+    """Policies by levels: share found with its interval."""
+    rows = rows_of("policies")
+    by = {(summary.group, summary.policy): summary for summary in summarise_groups(rows)}
+    levels = list(dict.fromkeys(rows["level"].to_pylist()))
+    lines = [
+        [level, *(found(by[level, policy]) for policy in POLICIES)] for level in [*levels, ALL] if level != "quiet"
+    ]
+    more = {
+        "right site (%)": "right site (%)",
+        "median error (m)": "median error (m)",
+        "time to confirm (s)": "time to confirm (s)",
+        "way over shortest": "way over shortest",
+        "false findings": "false",
+        "contacts": "contacts",
+    }
+    for title, heading in more.items():
+        values = [dict(zip(HEADINGS, cells(by[ALL, policy]), strict=True))[heading] for policy in POLICIES]
+        lines.append([f"*all: {title}*", *values])
+    return table(["found (%)", *POLICIES], lines)
+
+
+def found(summary: GroupSummary) -> str:
+    """The share found, with its interval."""
+    return dict(zip(HEADINGS, cells(summary), strict=True))["found (%)"]
+
+
 def levels_table() -> str:
     """All figures of `seek` on the whole public suite."""
-    headings = ("found (%)", "right site (%)", "median error (m)", "95 % below (m)", "in ellipse (%)",
+    headings = (*USUAL[:1], "right site (%)", "median error (m)", "95 % below (m)", "in ellipse (%)",
                 "time to confirm (s)", "way over shortest", "OSPA (m)", "false", "contacts", "missed")  # fmt: skip
     lines: list[list[str]] = []
     for summary in summarise_groups(rows_of("public")):
@@ -46,7 +132,8 @@ def levels_table() -> str:
 
 def texts() -> dict[str, str]:
     """All that is put between marks, by their names."""
-    return {"levels": levels_table()}
+    made = {"worth": worth_table, "policies": policies_table, "levels": levels_table}
+    return {name: make() for name, make in made.items()} | {each.name: answer_table(each) for each in ANSWERS}
 
 
 def filled(text: str, made: Mapping[str, str]) -> str:
@@ -62,9 +149,14 @@ def draw() -> None:
     """All pictures."""
     folder = DOCS / "answers"
     folder.mkdir(exist_ok=True)
+    for answer in ANSWERS:
+        figure = draw_over_setting(rows_of(answer.name).to_pylist(), answer.keys[0])
+        figure.savefig(folder / f"{answer.name}.png", dpi=WIDTH_DPI)
     public = [row for row in rows_of("public").to_pylist() if row["n_sources"]]
     draw_errors(groups(public)).savefig(folder / "errors.png", dpi=WIDTH_DPI)
     draw_found_over_time(groups(public)).savefig(folder / "found_over_time.png", dpi=WIDTH_DPI)
+    policies = [row for row in as_one_group(rows_of("policies")).to_pylist() if row["n_sources"]]
+    draw_found_over_time(groups(policies)).savefig(folder / "policies.png", dpi=WIDTH_DPI)
 
 
 def main() -> None:

@@ -14,13 +14,12 @@ from missions.cli.run import run
 from missions.cli.scenarios import scenarios
 from missions.cli.sweep import sweep
 from missions.cli.terminal import INTERRUPTED
-from missions.cli.worth import worth
 
 
 def main() -> None:
     """Entry point of `pdpatrol`."""
     app = tyro.extras.SubcommandApp()
-    for verb in (run, replay, scenarios, reproduce, locate, worth, sweep, results):
+    for verb in (run, replay, scenarios, reproduce, locate, sweep, results):
         app.command(verb)
     try:
         app.cli(

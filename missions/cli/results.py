@@ -94,5 +94,6 @@ def _compare(rows: pa.Table, first: str, second: str) -> None:
     for pair in pairs:
         if pair.has_flipped:
             n_found = f"{pair.first['n_found']} -> {pair.second['n_found']} of {pair.first['n_sources']} found"
-            where = f"{pair.first['scenario']}, {pair.first['settings']}, seed {pair.first['seed']}"
+            settings = "" if pair.first["settings"] == "{}" else f" {pair.first['settings']},"
+            where = f"{pair.first['scenario']},{settings} seed {pair.first['seed']}"
             out.print(f"{where}: {n_found}", highlight=False, markup=False, soft_wrap=True)

@@ -14,6 +14,9 @@ CONFIDENCE = 0.95
 RESAMPLES = 2000
 """Bootstrap resamples behind an interval."""
 
+AT_ONCE = 100_000
+"""Values that are resampled at once, so that memory does not grow with the number of missions."""
+
 
 class Interval(NamedTuple):
     """A figure with its 95 % interval; NaN where there is nothing to take it from."""
@@ -40,9 +43,17 @@ def bootstrap_interval(values: FloatArray, statistic: Callable[..., Any]) -> Int
     if values.size < 2:
         value = float(values[0]) if values.size else np.nan
         return Interval(value, np.nan, np.nan)
-    low, high = bootstrap(
-        (values,), statistic, n_resamples=RESAMPLES, confidence_level=CONFIDENCE, method="percentile", rng=0
-    ).confidence_interval
+    batch = min(max(AT_ONCE // values.size, 1), RESAMPLES)
+    resampled = bootstrap(
+        (values,),
+        statistic,
+        n_resamples=RESAMPLES,
+        batch=batch,
+        confidence_level=CONFIDENCE,
+        method="percentile",
+        rng=0,
+    )
+    low, high = resampled.confidence_interval
     return Interval(float(statistic(values)), float(low), float(high))
 
 

@@ -9,9 +9,9 @@ import pytest
 from dirmusic import Locator
 from envs import Scenario, load_scenario
 from envs.patrol_env import PatrolEnv
-from missions.comparison.scores import score_mission
 from missions.driving.site_map import SiteMap
 from missions.policies.viewpoints import best_viewpoint
+from missions.record.bearing_error import bearing_rmse
 from missions.record.mission_log import MissionLog
 from missions.record.report import make_report
 from missions.runner import Mission, make_locator, run_mission
@@ -135,7 +135,7 @@ def log() -> MissionLog:
 def test_the_report_names_the_nearest_equipment_of_the_map_and_the_scores_go_by_the_yard(log: MissionLog) -> None:
     (finding,) = make_report(log, 0.0)["findings"]
     nearest = finding["nearest_equipment"]
-    right_score = score_mission(log, RIGHT)
+    right = make_report(log, 0.0)["evaluation"], bearing_rmse(log, RIGHT)
     x, y = finding["position_m"]
     for wrong, expected in (
         ({"missing": (nearest,)}, None),
@@ -145,9 +145,10 @@ def test_the_report_names_the_nearest_equipment_of_the_map_and_the_scores_go_by_
         scenario = mapped(**wrong)
         on_map = copy(log)
         on_map.meta = {**log.meta, "scenario": scenario.model_dump(mode="json")}
-        named = make_report(on_map, 0.0)["findings"][0]["nearest_equipment"]
+        report = make_report(on_map, 0.0)
+        named = report["findings"][0]["nearest_equipment"]
         assert named == (expected or scenario.known_yard.nearest_equipment(finding["position_m"]))
-        assert score_mission(on_map, scenario) == right_score
+        assert (report["evaluation"], bearing_rmse(on_map, scenario)) == right
     assert mapped(missing=(nearest,)).known_yard.nearest_equipment(finding["position_m"]) != nearest
 
 

@@ -1,1 +1,0 @@
-"""What a change of array, estimator or robot is worth, over many missions."""
