@@ -1,4 +1,4 @@
-"""Waves round edges: against Fresnel's integrals, Sommerfeld's half-plane and ITU-R P.526, and smooth for who drives."""
+"""Waves round edges: against Fresnel, Sommerfeld and ITU-R P.526, and smooth for a robot that drives past."""
 
 import cmath
 import math

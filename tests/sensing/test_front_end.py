@@ -92,7 +92,8 @@ def test_the_spread_of_gate_energies_is_that_of_the_noise() -> None:
 def test_two_paths_interfere_as_their_sum_says(distance_m: float) -> None:
     """Strengths against the closed form over all phases of the clock: a direct pulse, and one from the ground."""
     array, at_m, n = HelicalArray.nominal(ArrayConfig()), np.array([distance_m, 0.0, 1.5]), 500
-    source = DischargeSource(name="s", position_m=at_m, amplitude_v=1.0, pulse_rate_hz=1e3, n_shots=n)
+    level = np.array([0.0, 1.0, 0.0])  # as it comes back from metal: turned round
+    source = DischargeSource(name="s", position_m=at_m, amplitude_v=1.0, pulse_rate_hz=1e3, n_shots=n, axis=level)
     config = ReceiverConfig(noise_v=1e-9, false_alarm_rate_hz=1e-9, band_hz="all", bits=24, full_scale_v=10.0)
     mirror = METAL._replace(flat_share=0.5)
     scene = Scene([source], Surroundings.of_materials([], ground(), Solids.none(), mirror))

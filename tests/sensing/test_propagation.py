@@ -150,9 +150,7 @@ def box_between(centre_m: np.ndarray, half_m: float, bottom_m: float, top_m: flo
 def two_in_a_row() -> Solids:
     """Two cylinders on the x axis, at 2 and at 4 m."""
     none = np.zeros(2)
-    return Solids(
-        np.array([[2.0, 0.0], [4.0, 0.0]]), none, np.zeros((2, 2)), none + 0.3, none, none + 2, np.arange(2)
-    )
+    return Solids(np.array([[2.0, 0.0], [4.0, 0.0]]), none, np.zeros((2, 2)), none + 0.3, none, none + 2, np.arange(2))
 
 
 def test_losses_of_pieces_in_a_row_add_up_in_decibels() -> None:
