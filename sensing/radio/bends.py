@@ -22,15 +22,21 @@ from sensing.radio.edges import (
 )
 from sensing.radio.fresnel import Mirror, WedgeCoefficients, WedgeFaces
 from sensing.radio.materials import WAVELENGTH_M, Materials, Substance, substance_of
+from sensing.radio.obstruction import left_of_line
 from sensing.radio.polarisation import bent, face_mirror, mirrored, radiated, received
 from sensing.radio.surroundings import OWN_FACE_M, Obstacles, Shape, shape_of
-from sensing.radio.vectors import Vector, towards, upside_down
+from sensing.radio.vectors import Vector, above_ground, towards, upside_down
 
 FloatArray = NDArray[np.float64]
 
 UP = Vector(0.0, 0.0, 1.0)
 GROUND = -1
 """Row of its material."""
+
+FADES_FROM_DB, FADES_TO_DB = 24.0, 30.0
+"""How far below the loudest path one that bends fades, and is left out (assumed): it changes strengths by 3 %."""
+
+WEAKEST = 10.0 ** (-FADES_TO_DB / 20.0)
 
 MOST_RAYS = 24
 """Round one box: by each of four edges alone and by two either way, upright, and half of that over each side."""
@@ -57,14 +63,15 @@ class BentRays(NamedTuple):
     Attributes:
         last_m: Where each bends last, or the mirror image of that place if the ground mirrors it afterwards, (n, 3).
         extra_m: Its length up to there, shape (n,).
-        first_m: Where it bends first, shape (n, 3).
         coefficient: What a circular antenna receives of it, over a straight ray as long, shape (n,).
+        loudest: Largest amplitude at the array of any ray so far, straight ones included, over that 1 m from the
+            source; shape (1,).
     """
 
     last_m: FloatArray
     extra_m: FloatArray
-    first_m: FloatArray
     coefficient: NDArray[np.complex128]
+    loudest: FloatArray
 
 
 class Frame(NamedTuple):
@@ -211,45 +218,61 @@ def look_at(corner: Corner, source: Point, target: Point) -> Seen:
 
 
 @compiled
-def loudest_possible(seen: Seen, face_m: float, straight_m: float, rise: float) -> float:
+def loudest_possible(seen: Seen, face_m: float, passed_m: float, straight_m: float, rise: float) -> float:
     """About the largest amplitude that a ray round one edge, or two, may have, over that 1 m from the source.
 
     That is what Fresnel's integrals leave far from the shadow of the edge, and from those in the mirrors beside.
+
+    Args:
+        seen: By source and target, the distance of the target that from the last edge.
+        face_m: Between the edges; 0 for one.
+        passed_m: Distance of the target from the first edge.
+        straight_m: From source to target.
+        rise: Of the target over the source, along the edge.
     """
     across_m = seen.before_m + face_m + seen.behind_m
     way_m = math.sqrt(across_m * across_m + rise * rise)
-    return (tail(way_m - straight_m) + tail(way_m - seen.mirrored_p_m) + tail(way_m - seen.mirrored_q_m)) / way_m
+    round_last_m = face_m + seen.behind_m - passed_m
+    first_m = way_m - round_last_m
+    amplitude = (
+        tail(first_m - straight_m) + tail(first_m - seen.mirrored_p_m) + tail(first_m - seen.mirrored_q_m)
+    ) / way_m
+    return amplitude if face_m == 0.0 else amplitude * tail(round_last_m)
+
+
+class Bending(NamedTuple):
+    """What bends round a box.
+
+    Attributes:
+        emitter: The source.
+        target: Middle of the array.
+        by_ground: Whether the ground mirrors rays on their way, before or after.
+        share: Of their amplitude that counts.
+    """
+
+    emitter: Emitter
+    target: Vector
+    by_ground: bool
+    share: float
 
 
 @compiled
-def bend(
-    obstacles: Obstacles,
-    k: int,
-    materials: Materials,
-    emitter: Emitter,
-    target: Vector,
-    by_ground: bool,
-    least: float,
-    rays: BentRays,
-    n: int,
-) -> int:
-    """Add the rays round the edges of box k.
+def bend(bending: Bending, obstacles: Obstacles, k: int, materials: Materials, rays: BentRays, n: int) -> int:
+    """Add the rays round the edges of box k, but for those that are sure to be too weak to count.
 
     Args:
+        bending: What bends.
         obstacles: All solids.
         k: Number of the box.
         materials: Of pieces of equipment, and of the ground, which is last.
-        emitter: The source.
-        target: Middle of the array.
-        by_ground: Whether the ground mirrors them on their way, before or after.
-        least: Amplitude at the array over that 1 m from the source, below which a ray is left out.
         rays: Filled in from row n on.
         n: How many there are.
 
     Returns:
         How many there are now.
     """
-    before_m, behind_m, mirrored_m = np.empty(4), np.empty(4), np.empty((4, 2))
+    emitter, target, by_ground, share = bending
+    before_m, behind_m, passed_m, mirrored_m = np.empty(4), np.empty(4), np.empty(4), np.empty((4, 2))
     box, material = shape_of(obstacles, k), substance_of(materials, obstacles.solids.owner[k])
     ground, start = substance_of(materials, GROUND), upside_down(emitter.at) if by_ground else emitter.at
     for family in range(3):
@@ -258,8 +281,10 @@ def bend(
         rise, n_edges = goal.along - source.along, 4 if family == 0 or by_ground else 2
         straight_m = math.sqrt((goal.p - source.p) ** 2 + (goal.q - source.q) ** 2 + rise * rise)
         for i in range(n_edges):
-            seen = look_at(corner_of(box, family, ORDER[family][i]), source, goal)
+            corner = corner_of(box, family, ORDER[family][i])
+            seen = look_at(corner, source, goal)
             before_m[i], behind_m[i], mirrored_m[i, 0], mirrored_m[i, 1] = seen
+            passed_m[i] = distance(corner, goal)
         for i in range(n_edges):
             if before_m[i] < 0.0:
                 continue
@@ -271,7 +296,7 @@ def bend(
                 last = corner_of(box, family, ORDER[family][j])
                 face_m = math.hypot(last.p - first.p, last.q - first.q)
                 seen = Seen(before_m[i], behind_m[j], mirrored_m[i, 0], mirrored_m[i, 1])
-                if loudest_possible(seen, face_m, straight_m, rise) < least:
+                if loudest_possible(seen, face_m, passed_m[i], straight_m, rise) * share < WEAKEST * rays.loudest[0]:
                     continue
                 faces = faces_of(first, source, goal, material)
                 if step == 0:
@@ -289,11 +314,14 @@ def bend(
                 )
                 wedges = WedgeCoefficients(ray.soft, ray.hard)
                 coefficient = receive_bent(way, wedges, emitter.axis, ground, by_ground)
-                if abs(coefficient) < least * (ray.before_m + ray.between_m + ray.behind_m):
+                way_m = ray.before_m + ray.between_m + ray.behind_m
+                if share * abs(coefficient) < WEAKEST * rays.loudest[0] * way_m:
                     continue
-                rays.coefficient[n] = coefficient
-                rays.first_m[n, 0], rays.first_m[n, 1], rays.first_m[n, 2] = way.first
+                before = left_of_line(emitter.at, above_ground(way.first), obstacles, materials, k)
+                behind = left_of_line(above_ground(way.last), target, obstacles, materials, k)
+                rays.coefficient[n] = share * before * behind * coefficient
                 rays.last_m[n, 0], rays.last_m[n, 1], rays.last_m[n, 2] = way.last
                 rays.extra_m[n] = ray.before_m + ray.between_m
+                rays.loudest[0] = max(rays.loudest[0], abs(rays.coefficient[n]) / way_m)
                 n += 1
     return n

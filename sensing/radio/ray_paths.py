@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
-from sensing.radio.bends import GROUND, MOST_RAYS, BentRays, Emitter, bend
+from sensing.radio.bends import FADES_FROM_DB, FADES_TO_DB, GROUND, MOST_RAYS, Bending, BentRays, Emitter, bend
 from sensing.radio.materials import Materials, substance_of
 from sensing.radio.obstruction import NOBODY, crosses, left_of_line, line, shadow
 from sensing.radio.polarisation import face_mirror, mirrored, radiated, received
@@ -19,9 +19,6 @@ from sensing.radio.vectors import Vector, dot, length, minus, towards
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 BoolArray = NDArray[np.bool_]
-
-FADES_FROM_DB, FADES_TO_DB = 24.0, 30.0
-"""How far below the loudest path one that bends fades, and is left out (assumed): it changes strengths by 3 %."""
 
 SHARES_OVER = 1.0
 """Difference of diffraction parameters over which one of two boxes in the way takes over from the other (assumed)."""
@@ -108,7 +105,7 @@ def reflect(emitter: Emitter, target: Vector, surroundings: Surroundings, f: int
 
 @compiled
 def bend_round_all(
-    emitter: Emitter, target: Vector, surroundings: Surroundings, ground_mirrors: bool, least: float, rays: BentRays
+    emitter: Emitter, target: Vector, surroundings: Surroundings, ground_mirrors: bool, rays: BentRays
 ) -> int:
     """Rays round the edges of all boxes, with what all others leave of them; returns how many there are."""
     materials, obstacles = surroundings.materials, surroundings.obstacles
@@ -121,15 +118,9 @@ def bend_round_all(
         share = 1.0 if deepest <= 0.0 else min(max(1.0 - (deepest - max(nus[k], 0.0)) / SHARES_OVER, 0.0), 1.0)
         if not obstacles.bends[k] or share == 0.0:
             continue
-        begun = n
-        n = bend(obstacles, k, materials, emitter, target, False, least, rays, n)
+        n = bend(Bending(emitter, target, False, share), obstacles, k, materials, rays, n)
         if ground_mirrors:
-            n = bend(obstacles, k, materials, emitter, target, True, least, rays, n)
-        for i in range(begun, n):
-            first, last = vector(rays.first_m[i]), vector(rays.last_m[i])
-            first, last = Vector(first.x, first.y, abs(first.z)), Vector(last.x, last.y, abs(last.z))
-            rays.coefficient[i] *= share * left_of_line(emitter.at, first, obstacles, materials, k)
-            rays.coefficient[i] *= left_of_line(last, target, obstacles, materials, k)
+            n = bend(Bending(emitter, target, True, share), obstacles, k, materials, rays, n)
     return n
 
 
@@ -156,8 +147,8 @@ def find_ray_paths(
     rays = BentRays(
         np.empty((2 * MOST_RAYS * n_boxes, 3)),
         np.empty(2 * MOST_RAYS * n_boxes),
-        np.empty((2 * MOST_RAYS * n_boxes, 3)),
         np.empty(2 * MOST_RAYS * n_boxes, np.complex128),
+        np.zeros(1),
     )
     ground_mirrors = False
     for f in range(n_faces):
@@ -183,14 +174,12 @@ def find_ray_paths(
             loudest = 0.0
             for i in range(begun, n):
                 loudest = max(loudest, abs(coefficient[i]) / length(minus(target, vector(from_m[i]))))
-            least, begun_bent = loudest * 10.0 ** (-FADES_TO_DB / 20.0), n
-            n_bent = bend_round_all(emitter, target, surroundings, ground_mirrors, least, rays) if n_boxes else 0
+            rays.loudest[0], begun_bent = loudest, n
+            n_bent = bend_round_all(emitter, target, surroundings, ground_mirrors, rays) if n_boxes else 0
             for i in range(n_bent):
                 from_m[n], extra_m[n], coefficient[n] = rays.last_m[i], rays.extra_m[i], rays.coefficient[i]
-                level = abs(coefficient[n]) / (extra_m[n] + length(minus(target, vector(from_m[n]))))
-                loudest = max(loudest, level)
                 n += 1
-            end, n = n, begun_bent
+            end, n, loudest = n, begun_bent, rays.loudest[0]
             for i in range(begun_bent, end):
                 level = abs(coefficient[i]) / (extra_m[i] + length(minus(target, vector(from_m[i]))))
                 below_db = 20.0 * math.log10(loudest / max(level, 1e-12 * loudest))

@@ -52,6 +52,12 @@ def upside_down(vector: Vector) -> Vector:
 
 
 @compiled
+def above_ground(vector: Vector) -> Vector:
+    """The point itself, or the one of which it is the mirror image in the ground."""
+    return Vector(vector.x, vector.y, abs(vector.z))
+
+
+@compiled
 def across(first: Vector, second: Vector) -> Vector:
     """Unit vector at right angles to two vectors; if they are parallel, to the first and as level as can be."""
     x = first.y * second.z - first.z * second.y
