@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar, cast
+from typing import Any, Self, TypeVar, cast
 
 import numba
 import numpy as np
+from numba.core.types import StructRef
+from numba.experimental import structref
 from numpy.typing import NDArray
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
@@ -33,3 +35,32 @@ def plain(record: tuple[Any, ...]) -> tuple[Any, ...]:
     each named tuple. Inside they get their names back, at no cost.
     """
     return tuple(plain(cast("tuple[Any, ...]", entry)) if isinstance(entry, tuple) else entry for entry in record)
+
+
+@structref.register  # pyright: ignore[reportUnknownMemberType]
+class GeneratorType(StructRef):
+    """Type of a `GeneratorHandle`, for the compiler."""
+
+
+class GeneratorHandle(structref.StructRefProxy):
+    """Holds a generator for compiled functions; both draw from the same state.
+
+    A bare generator costs them 7 us at each call, a tenth of what it takes to hear a pulse: the compiler asks it anew
+    where its functions and its state are.
+    """
+
+    rng: np.random.Generator
+    """As compiled functions take it."""
+    _generator: np.random.Generator
+
+    def __new__(cls, rng: np.random.Generator) -> Self:  # noqa: D102 - as the compiler wants it
+        handle = structref.StructRefProxy.__new__(cls, rng)  # pyright: ignore
+        handle._generator = rng
+        return cast("Self", handle)
+
+    def __reduce__(self) -> tuple[type[Self], tuple[np.random.Generator]]:
+        """A copy holds the copy of the generator."""
+        return type(self), (self._generator,)
+
+
+structref.define_proxy(GeneratorHandle, GeneratorType, ["rng"])  # pyright: ignore[reportUnknownMemberType]

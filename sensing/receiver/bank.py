@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.compiled import plain
+from dirmusic.compiled import GeneratorHandle, plain
 from dirmusic.pulses.batch import PulseBatch
 from sensing.array.array_table import ArrayTable
 from sensing.array.helical_array import HelicalArray
@@ -18,7 +18,6 @@ from sensing.receiver.config import ReceiverConfig
 from sensing.receiver.detection import Channels, Gates, detect
 from sensing.receiver.detections import Detections
 from sensing.receiver.false_alarms import FalseAlarms
-from sensing.receiver.generator_handle import GeneratorHandle
 from sensing.receiver.receiver import Listener, Receiver
 from sensing.receiver.sampling.sampler import Tones
 

@@ -7,14 +7,13 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.compiled import compiled
+from dirmusic.compiled import GeneratorHandle, compiled
 from dirmusic.pulses.batch import PulseBatch
 from sensing.nature.scene import Emissions
 from sensing.radio.arrivals import propagate
 from sensing.radio.propagation import named_propagation
 from sensing.receiver.front_end import NoiseFilter, PulseTable
 from sensing.receiver.gates import GateParameters, read_gate
-from sensing.receiver.generator_handle import GeneratorHandle
 from sensing.receiver.sampling.gate import IS_BURST, IS_PULSE, sample_noise, sample_pulse
 from sensing.receiver.sampling.sampler import BurstTest, Emission, Sampler, Timing, Tones, Trigger
 

@@ -112,6 +112,10 @@ def bench() -> gymnasium.Env[Any, Any]:
     return gymnasium.make("envs:PDPatrol-v0", scenario="bench", terminate_on_approach=False)
 
 
+def shipped(scenario: str) -> gymnasium.Env[Any, Any]:
+    return gymnasium.make("envs:PDPatrol-v0", scenario=scenario)
+
+
 def test_every_step_of_the_bench_scenario_hears_a_pulse() -> None:
     env = bench()
     env.reset(seed=0)
@@ -141,6 +145,24 @@ def test_a_single_environment_is_faster_than_ant_and_mostly_physics() -> None:
     print(f"{over_ant:.2f} times the simulated seconds of Ant-v5; {bare_s / ours_s:.2f} of bare physics")
     assert over_ant >= 1.5
     assert bare_s / ours_s >= 0.45
+
+
+def test_the_shipped_scenarios_are_no_slower_than_ant() -> None:
+    """As they are: bearings of every pulse, echoes, lidar."""
+    ant, bare = gymnasium.make("Ant-v5"), bare_physics()
+    one_s, two_s, bare_s, ant_s = median_seconds(
+        random_steps(shipped("one_source")),
+        random_steps(shipped("two_sources")),
+        bare,
+        random_steps(ant),
+        undisturbed=bare,
+    )
+    ant_sim_s = ant.unwrapped.dt / ant_s  # pyright: ignore[reportAttributeAccessIssue]
+    over_ant = {"one_source": STEP_S / one_s / ant_sim_s, "two_sources": STEP_S / two_s / ant_sim_s}
+    for name, step_s in (("one_source", one_s), ("two_sources", two_s)):
+        print(f"{name:12} {over_ant[name]:.2f} times the simulated seconds of Ant-v5; {bare_s / step_s:.2f} of physics")
+    assert over_ant["one_source"] >= 1.2
+    assert over_ant["two_sources"] >= 1.0
 
 
 def test_the_vector_environment_is_at_least_twice_as_fast_as_any_other_way() -> None:

@@ -6,11 +6,8 @@ import time
 import numpy as np
 import pytest
 
-from envs import load_scenario
-from envs.patrol_env import PatrolEnv
 from sensing import (
     ArrayConfig,
-    Detections,
     DischargeSource,
     Faces,
     HelicalArray,
@@ -75,32 +72,3 @@ def test_a_pulse_takes_no_longer_than_its_noise_and_one_out_of_reach_next_to_not
     )
     assert heard_s <= 2.5 * noise_s
     assert faint_s <= 0.25 * noise_s
-
-
-def test_share_of_an_env_step_that_goes_into_listening_to_three_sources() -> None:
-    scenario = load_scenario("two_sources")
-    sites = ("reactor_west/*", "transformer_east/*", "vt_west/*")
-    sources = tuple(
-        scenario.sources[0].model_copy(update={"name": f"source_{k}", "sites": (site,)}) for k, site in enumerate(sites)
-    )
-    env = PatrolEnv(scenario.model_copy(update={"sources": sources}))
-    env.reset(seed=0)
-    receivers = env.simulation._receivers  # pyright: ignore[reportPrivateUsage]
-    assert receivers is not None
-    real, spent = receivers.listen, [0.0]
-
-    def timed(*arguments: object, **options: object) -> Detections:
-        start = time.perf_counter()
-        detections = real(*arguments, **options)  # pyright: ignore[reportArgumentType]
-        spent[0] += time.perf_counter() - start
-        return detections
-
-    receivers.listen = timed  # pyright: ignore[reportAttributeAccessIssue]
-    action, shares = np.array([0.5, 0.3], dtype=np.float32), list[float]()
-    for _ in range(7):
-        spent[0], start = 0.0, time.perf_counter()
-        for _ in range(150):
-            env.step(action)
-        shares.append(spent[0] / (time.perf_counter() - start))
-    print(f"\nlistening takes {statistics.median(shares):.2f} of an env step")
-    assert statistics.median(shares) <= 0.3

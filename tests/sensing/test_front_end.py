@@ -1,6 +1,7 @@
-"""The band-pass: what it makes of noise and pulse; and the exact law of a gate's energy behind it."""
+"""The band-pass: what it makes of noise and pulse; and the compiled receiver beside one in plain numpy."""
 
 from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -131,7 +132,7 @@ def test_detections_are_those_of_a_plain_numpy_receiver(scene_number: int) -> No
         np.array([[20.0, 4.0]]),
         np.array([0]),
     )
-    faces = Faces(*(np.concatenate(pair) for pair in zip(ground(), wall, strict=True)))
+    faces = Faces(*(np.concatenate(cast("Any", pair)) for pair in zip(ground(), wall, strict=True)))
     around = Surroundings.of_materials([METAL], faces, Solids.none(), GRAVEL)
     at_m = turn @ [rng.uniform(3.0, 12.0), rng.uniform(-3.0, 3.0), rng.uniform(0.3, 3.0)]
     config = ReceiverConfig(false_alarm_rate_hz=1e-3)

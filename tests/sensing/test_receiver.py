@@ -16,16 +16,15 @@ from sensing import (
     HelicalArray,
     ReceiverConfig,
     Scene,
-    Solids,
     Surroundings,
 )
 from sensing.nature.pulse_shape import damped_pulse, unit_pulse_energy
-from sensing.radio.materials import Material
 from sensing.radio.surroundings import rays_between
 from sensing.receiver.bank import listen_once
 from sensing.receiver.front_end import FrontEnd
 from sensing.receiver.receiver import Receiver
 from sensing.receiver.sampling.noise import add_noise, settle
+from tests.sensing.scenes import around, wall_across
 
 NOMINAL = HelicalArray.nominal(ArrayConfig())
 AT_ORIGIN = np.eye(4)
@@ -92,26 +91,6 @@ def test_bearings_of_detected_pulses_lie_within_a_tenth_of_the_bound_all_round()
         spread = float(np.std(error))  # about its mean: the ring's parallax is a bias
         over_bound.append(spread / float(bearing_bound(NOMINAL.manifold(), azimuth, rho)))
     assert np.sqrt(np.mean(np.square(over_bound))) == pytest.approx(1.0, abs=0.12)
-
-
-def lossy(loss_db: float, flat_share: float = 0.0) -> Material:
-    """So perfect a conductor that a share of every wave comes back, and lets the rest through."""
-    return Material(permittivity=1.0, conductivity_spm=1e12, loss_db=loss_db, flat_share=flat_share)
-
-
-def wall_across(x: float, half_length: float = 1.0) -> Solids:
-    """A wall of 0.4 m across the x axis."""
-    one, none = np.ones(1), np.zeros(1)
-    return Solids(np.array([[x, 0.0]]), none, np.array([[0.2, half_length]]), none, none, 3 * one, np.zeros(1, np.intp))
-
-
-def around(loss_db: float, faces: Faces | None = None, solids: Solids | None = None, **share: float) -> Surroundings:
-    """One piece of equipment with a loss, and faces; `wall` and `ground` mirror a share each."""
-    free = Surroundings.free_space()
-    ground = lossy(0.0, share.get("ground", 0.0))
-    pieces = [lossy(loss_db, share.get("wall", 0.0))]
-    made = Surroundings.of_materials(pieces, faces or free.faces, solids or Solids.none(), ground)
-    return made._replace(obstacles=made.obstacles._replace(bends=np.zeros_like(made.obstacles.bends)))
 
 
 def behind(loss_db: float, x: float = 2.0) -> Surroundings:
@@ -303,57 +282,3 @@ def test_a_pulse_beyond_full_scale_is_flagged_and_one_within_is_not() -> None:
     assert loud.pulses.is_clipped.any(axis=-1).all()
     assert np.abs(loud.waveforms_v).max() == pytest.approx(0.1)
     assert not quiet.pulses.is_clipped.any()
-
-
-AXES = np.eye(3)
-
-
-def ground_face() -> Faces:
-    return Faces(np.zeros((1, 3)), AXES[2:], AXES[np.newaxis, :2], np.full((1, 2), np.inf), np.array([-1]))
-
-
-def wall_face(y_m: float) -> Faces:
-    return Faces(
-        np.array([[5.0, y_m, 2.0]]), AXES[1:2], AXES[np.newaxis, [0, 2]], np.array([[20.0, 3.0]]), np.array([0])
-    )
-
-
-def tank_and_wall() -> Surroundings:
-    """The direct path loses 25 dB in a piece of equipment; the echo of its wall comes 22 dB above it."""
-    return around(25.0, wall_face(-3.75), wall_across(5.0, 0.5), wall=0.8)
-
-
-def share_detected(amplitude_v: float, surroundings: Surroundings, seed: int, n: int = 1000) -> float:
-    gun = replace(source_at(10.0, 0.0), amplitude_v=amplitude_v, pulse_rate_hz=2e3, n_shots=n)
-    rng = np.random.default_rng(seed)
-    detected = listen_once(
-        ReceiverConfig(), NOMINAL, Scene([gun], surroundings), rng, world_from_array=AT_ORIGIN, duration_s=n / 2e3
-    )
-    return detected.pulses.n_pulses / n
-
-
-def test_an_echo_is_detected_where_a_first_path_just_fails_to_trigger() -> None:
-    shares = [share_detected(amplitude_v, tank_and_wall(), 1) for amplitude_v in (0.50, 0.515, 0.53)]
-    assert min(shares) == 1.0
-
-
-def test_no_discharge_is_taken_for_a_burst_though_ground_and_wall_echo_it() -> None:
-    both = Faces(*(np.concatenate(pair) for pair in zip(ground_face(), wall_face(-2.75), strict=True)))
-    surroundings = around(0.0, both, ground=0.3, wall=0.8)
-    for level_db in (6.0, 13.0, 20.0):
-        gun = replace(source_at(10.0, 0.0, 1.5), amplitude_v=0.027 * 10 ** (level_db / 20), pulse_rate_hz=2e3)
-        detected = listen(gun, duration_s=0.5, surroundings=surroundings)
-        assert detected.n_rejected < 0.01 * detected.pulses.n_pulses
-
-
-def test_detection_rises_with_the_level() -> None:
-    """Within its interval, from 6 dB below the trigger level to 40 dB above it, in fifty random scenes."""
-    levels_db = np.arange(-6.0, 41.0, 2.0)
-    for seed in range(50):
-        rng = np.random.default_rng(seed)
-        echoing = around(0.0, wall_face(-rng.uniform(0.5, 12.0)), wall=0.8)
-        surroundings = [around(0.0, ground_face(), ground=0.3), echoing, tank_and_wall()][seed % 3]
-        random_db = levels_db + rng.uniform(-1.0, 1.0)
-        shares = [share_detected(0.02 * 10 ** (x / 20), surroundings, seed, 300) for x in random_db]
-        highest = np.maximum.accumulate(shares)
-        assert (highest - shares < 3.3 * np.sqrt(2 * np.maximum(highest * (1 - highest), 0.003) / 300)).all(), seed

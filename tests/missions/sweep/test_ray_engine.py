@@ -1,7 +1,6 @@
 """Sweeps on Ray: the same rows as from processes of this machine, whatever is killed meanwhile."""
 
 import os
-import random
 import re
 import signal
 import subprocess
@@ -148,31 +147,6 @@ def test_a_command_that_is_killed_leaves_no_process_and_listens_on_this_machine_
         sweeping.kill()
         sweeping.wait()
     wait_for(lambda: not any(Path(f"/proc/{pid}").exists() for pid in below))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("n_missions", "n_kills"), [(12, 2), (100, 20)], ids=["twice", "twenty times"])
-def test_a_sweep_that_is_killed_at_any_moment_ends_with_the_same_table(
-    n_missions: int, n_kills: int, folder: Path
-) -> None:
-    words = ["--seeds", f"0-{n_missions - 1}", "--out"]
-    rng = random.Random(0)
-    for kill in range(n_kills):
-        process = subprocess.Popen(
-            command(*words, "killed"),
-            cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
-        )  # fmt: skip
-        wanted = n_missions * (kill + 1) // (n_kills + 4)  # so that some are left when it is killed last
-        wait_for(lambda wanted=wanted: n_rows(folder / "killed") >= wanted)
-        time.sleep(rng.uniform(0.0, 0.5))
-        assert process.poll() is None
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-    assert 0 < rows(folder / "killed").num_rows < n_missions
-    assert sweep(folder, *words, "killed").returncode == 0
-    assert sweep(folder, *words, "whole", engine="pool").returncode == 0
-    assert rows(folder / "killed").equals(rows(folder / "whole"))
-    assert rows(folder / "killed").num_rows == n_missions
 
 
 def test_a_node_with_other_code_runs_no_mission(folder: Path) -> None:

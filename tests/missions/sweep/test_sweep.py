@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from importlib.util import find_spec
 from pathlib import Path
 
 import pyarrow as pa
@@ -49,13 +50,21 @@ def test_rows_are_the_same_with_any_number_of_workers_and_from_shards(folder: Pa
     assert table.stdout.splitlines()[1].startswith("short,seek,{},3,0,")
 
 
+needs_ray = pytest.mark.skipif(find_spec("ray") is None, reason="the extra `ray` is not installed")
+
+
 @pytest.mark.parametrize(
-    ("n_missions", "n_kills"), [(6, 1), pytest.param(100, 20, marks=pytest.mark.slow)], ids=["once", "twenty times"]
+    ("engine", "n_missions", "n_kills"),
+    [
+        ("pool", 6, 1),
+        pytest.param("pool", 100, 20, marks=pytest.mark.slow),
+        pytest.param("ray", 100, 20, marks=[pytest.mark.slow, needs_ray]),
+    ],
 )
 def test_a_sweep_that_is_killed_at_any_moment_ends_with_the_same_table(
-    n_missions: int, n_kills: int, folder: Path
+    engine: str, n_missions: int, n_kills: int, folder: Path
 ) -> None:
-    words = ["--seeds", f"0-{n_missions - 1}", "--out"]
+    words = ["--seeds", f"0-{n_missions - 1}", "--engine", engine, "--out"]
     rng = random.Random(0)
     for kill in range(n_kills):
         process = subprocess.Popen(
@@ -71,7 +80,7 @@ def test_a_sweep_that_is_killed_at_any_moment_ends_with_the_same_table(
         process.wait()
     assert 0 < rows(folder / "killed").num_rows < n_missions
     assert sweep(folder, *words, "killed").returncode == 0
-    assert sweep(folder, *words, "whole").returncode == 0
+    assert sweep(folder, "--seeds", f"0-{n_missions - 1}", "--out", "whole").returncode == 0
     assert rows(folder / "killed").equals(rows(folder / "whole"))
     assert rows(folder / "killed").num_rows == n_missions
 

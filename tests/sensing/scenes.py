@@ -1,0 +1,26 @@
+"""Scenes of a wall, a piece of equipment and the ground, with stated losses and reflections."""
+
+import numpy as np
+
+from sensing import Faces, Solids, Surroundings
+from sensing.radio.materials import Material
+
+
+def lossy(loss_db: float, flat_share: float = 0.0) -> Material:
+    """So perfect a conductor that a share of every wave comes back, and lets the rest through."""
+    return Material(permittivity=1.0, conductivity_spm=1e12, loss_db=loss_db, flat_share=flat_share)
+
+
+def wall_across(x: float, half_length: float = 1.0) -> Solids:
+    """A wall of 0.4 m across the x axis."""
+    one, none = np.ones(1), np.zeros(1)
+    return Solids(np.array([[x, 0.0]]), none, np.array([[0.2, half_length]]), none, none, 3 * one, np.zeros(1, np.intp))
+
+
+def around(loss_db: float, faces: Faces | None = None, solids: Solids | None = None, **share: float) -> Surroundings:
+    """One piece of equipment with a loss, and faces; `wall` and `ground` mirror a share each."""
+    free = Surroundings.free_space()
+    ground = lossy(0.0, share.get("ground", 0.0))
+    pieces = [lossy(loss_db, share.get("wall", 0.0))]
+    made = Surroundings.of_materials(pieces, faces or free.faces, solids or Solids.none(), ground)
+    return made._replace(obstacles=made.obstacles._replace(bends=np.zeros_like(made.obstacles.bends)))

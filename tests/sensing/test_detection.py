@@ -1,0 +1,91 @@
+"""What is detected: any path may trigger, more of a signal never less often, and no discharge passes for a burst."""
+
+from dataclasses import replace
+from typing import Any, cast
+
+import numpy as np
+
+from sensing import (
+    ArrayConfig,
+    Detections,
+    DischargeSource,
+    Faces,
+    HelicalArray,
+    ReceiverConfig,
+    Scene,
+    Surroundings,
+)
+from sensing.receiver.bank import listen_once
+from tests.sensing.scenes import around, wall_across
+
+NOMINAL = HelicalArray.nominal(ArrayConfig())
+AT_ORIGIN = np.eye(4)
+
+
+def source_at(x: float, y: float, z: float = 0.6) -> DischargeSource:
+    return DischargeSource(name="s", position_m=np.array([x, y, z]), amplitude_v=0.27, pulse_rate_hz=1000.0)
+
+
+def listen(source: DischargeSource, surroundings: Surroundings, duration_s: float) -> Detections:
+    return listen_once(
+        ReceiverConfig(),
+        NOMINAL,
+        Scene([source], surroundings),
+        np.random.default_rng(0),
+        world_from_array=AT_ORIGIN,
+        duration_s=duration_s,
+    )
+
+
+AXES = np.eye(3)
+
+
+def ground_face() -> Faces:
+    return Faces(np.zeros((1, 3)), AXES[2:], AXES[np.newaxis, :2], np.full((1, 2), np.inf), np.array([-1]))
+
+
+def wall_face(y_m: float) -> Faces:
+    return Faces(
+        np.array([[5.0, y_m, 2.0]]), AXES[1:2], AXES[np.newaxis, [0, 2]], np.array([[20.0, 3.0]]), np.array([0])
+    )
+
+
+def tank_and_wall() -> Surroundings:
+    """The direct path loses 25 dB in a piece of equipment; the echo of its wall comes 22 dB above it."""
+    return around(25.0, wall_face(-3.75), wall_across(5.0, 0.5), wall=0.8)
+
+
+def share_detected(amplitude_v: float, surroundings: Surroundings, seed: int, n: int = 1000) -> float:
+    gun = replace(source_at(10.0, 0.0), amplitude_v=amplitude_v, pulse_rate_hz=2e3, n_shots=n)
+    rng = np.random.default_rng(seed)
+    detected = listen_once(
+        ReceiverConfig(), NOMINAL, Scene([gun], surroundings), rng, world_from_array=AT_ORIGIN, duration_s=n / 2e3
+    )
+    return detected.pulses.n_pulses / n
+
+
+def test_an_echo_is_detected_where_a_first_path_just_fails_to_trigger() -> None:
+    shares = [share_detected(amplitude_v, tank_and_wall(), 1) for amplitude_v in (0.50, 0.515, 0.53)]
+    assert min(shares) == 1.0
+
+
+def test_no_discharge_is_taken_for_a_burst_though_ground_and_wall_echo_it() -> None:
+    both = Faces(*(np.concatenate(cast("Any", pair)) for pair in zip(ground_face(), wall_face(-2.75), strict=True)))
+    surroundings = around(0.0, both, ground=0.3, wall=0.8)
+    for level_db in (6.0, 13.0, 20.0):
+        gun = replace(source_at(10.0, 0.0, 1.5), amplitude_v=0.027 * 10 ** (level_db / 20), pulse_rate_hz=2e3)
+        detected = listen(gun, surroundings, 0.5)
+        assert detected.n_rejected < 0.01 * detected.pulses.n_pulses
+
+
+def test_detection_rises_with_the_level() -> None:
+    """Within its interval, from 6 dB below the trigger level to 40 dB above it, in fifty random scenes."""
+    levels_db = np.arange(-6.0, 41.0, 2.0)
+    for seed in range(50):
+        rng = np.random.default_rng(seed)
+        echoing = around(0.0, wall_face(-rng.uniform(0.5, 12.0)), wall=0.8)
+        surroundings = [around(0.0, ground_face(), ground=0.3), echoing, tank_and_wall()][seed % 3]
+        random_db = levels_db + rng.uniform(-1.0, 1.0)
+        shares = [share_detected(0.02 * 10 ** (x / 20), surroundings, seed, 300) for x in random_db]
+        highest = np.maximum.accumulate(shares)
+        assert (highest - shares < 3.3 * np.sqrt(2 * np.maximum(highest * (1 - highest), 0.003) / 300)).all(), seed
