@@ -13,6 +13,7 @@ from dirmusic.compiled import compiled
 from sensing.array.array_table import ArrayTable
 from sensing.radio.propagation import Propagation
 from sensing.radio.ray_paths import RayPaths, find_ray_paths
+from sensing.radio.vectors import Vector
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -36,25 +37,26 @@ class Arrivals(NamedTuple):
 
 
 @compiled
-def arrive(ray_paths: RayPaths, world_from_array: FloatArray, arrays: ArrayTable) -> Arrivals:
-    """Delay and amplitude of each ray path at each element of its robot's array.
+def arrive(ray_paths: RayPaths, robot: int, world_from_array: FloatArray, arrays: ArrayTable) -> Arrivals:
+    """Delay and amplitude of each ray path at each element of a robot's array.
 
     Args:
         ray_paths: The paths.
+        robot: Row of the robot.
         world_from_array: Poses of the arrays, shape (n_robots, 4, 4).
         arrays: One for each robot.
     """
-    n_paths, n_elements = ray_paths.robot.size, arrays.elements_m.shape[1]
+    n_paths, n_elements = ray_paths.source.size, arrays.elements_m.shape[1]
     delay_s, amplitude = np.empty((n_paths, n_elements)), np.empty((n_paths, n_elements), np.complex128)
     loudest, loudest_s = np.empty(n_paths), np.empty(n_paths)
+    r, w = robot, world_from_array[robot]
     for p in range(n_paths):
-        r, extra_m = ray_paths.robot[p], ray_paths.extra_m[p]
+        extra_m = ray_paths.extra_m[p]
         dx, dy, dz = (
-            ray_paths.from_m[p, 0] - world_from_array[r, 0, 3],
-            ray_paths.from_m[p, 1] - world_from_array[r, 1, 3],
-            ray_paths.from_m[p, 2] - world_from_array[r, 2, 3],
+            ray_paths.from_m[p, 0] - w[0, 3],
+            ray_paths.from_m[p, 1] - w[1, 3],
+            ray_paths.from_m[p, 2] - w[2, 3],
         )
-        w = world_from_array[r]
         x = dx * w[0, 0] + dy * w[1, 0] + dz * w[2, 0]
         y = dx * w[0, 1] + dy * w[1, 1] + dz * w[2, 1]
         z = dx * w[0, 2] + dy * w[1, 2] + dz * w[2, 2]
@@ -82,25 +84,31 @@ class Propagated(NamedTuple):
 
 
 @compiled
-def propagate(is_emitting: BoolArray, propagation: Propagation) -> Propagated:
-    """All paths from sources that emit to the elements of each robot's own array.
+def propagate(robot: int, is_emitting: BoolArray, world_from_array: FloatArray, propagation: Propagation) -> Propagated:
+    """All paths from a robot's sources that emit to the elements of its array.
 
     Which faces mirror a source to an array, and what stands in between, is asked for the centre of its elements: an
     array is small against equipment.
 
     Args:
-        is_emitting: Which sources emit, shape (n_robots, n_sources).
-        propagation: Places of sources and arrays, and what surrounds them.
+        robot: Row of the robot.
+        is_emitting: Which of its sources emit, shape (n_sources,).
+        world_from_array: Poses of the arrays, shape (n_robots, 4, 4).
+        propagation: Sources and arrays, and what surrounds them.
     """
-    arrays, world_from_array = propagation.arrays, propagation.world_from_array
-    n_robots, n_elements = arrays.elements_m.shape[:2]
-    centre_m = np.zeros((n_robots, 3))
-    for r in range(n_robots):
-        for i in range(3):
-            for e in range(n_elements):
-                for j in range(3):
-                    centre_m[r, i] += world_from_array[r, i, j] * arrays.elements_m[r, e, j] / n_elements
-            centre_m[r, i] += world_from_array[r, i, 3]
-    sources = propagation.sources
-    ray_paths = find_ray_paths(sources.positions_m, sources.axes, is_emitting, centre_m, propagation.surroundings)
-    return Propagated(ray_paths, arrive(ray_paths, world_from_array, arrays))
+    arrays, sources, w = propagation.arrays, propagation.sources, world_from_array[robot]
+    x = y = z = 0.0
+    n_elements = arrays.elements_m.shape[1]
+    for e in range(n_elements):
+        x += arrays.elements_m[robot, e, 0] / n_elements
+        y += arrays.elements_m[robot, e, 1] / n_elements
+        z += arrays.elements_m[robot, e, 2] / n_elements
+    centre = Vector(
+        w[0, 0] * x + w[0, 1] * y + w[0, 2] * z + w[0, 3],
+        w[1, 0] * x + w[1, 1] * y + w[1, 2] * z + w[1, 3],
+        w[2, 0] * x + w[2, 1] * y + w[2, 2] * z + w[2, 3],
+    )
+    ray_paths = find_ray_paths(
+        sources.positions_m[robot], sources.axes[robot], is_emitting, centre, propagation.surroundings
+    )
+    return Propagated(ray_paths, arrive(ray_paths, robot, world_from_array, arrays))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
 from sensing.radio.edges import (
+    ON_FACE_M,
     OUTER_TURN,
     Corner,
     Point,
@@ -25,7 +26,7 @@ from sensing.radio.materials import WAVELENGTH_M, Materials, Substance, substanc
 from sensing.radio.obstruction import left_of_line
 from sensing.radio.polarisation import bent, face_mirror, mirrored, radiated, received
 from sensing.radio.surroundings import OWN_FACE_M, Obstacles, Shape, shape_of
-from sensing.radio.vectors import Vector, above_ground, towards, upside_down
+from sensing.radio.vectors import Vector, above_ground, length, minus, towards, upside_down
 
 FloatArray = NDArray[np.float64]
 
@@ -33,7 +34,7 @@ UP = Vector(0.0, 0.0, 1.0)
 GROUND = -1
 """Row of its material."""
 
-FADES_FROM_DB, FADES_TO_DB = 24.0, 30.0
+FADES_FROM_DB, FADES_TO_DB = 20.0, 26.0
 """How far below the loudest path one that bends fades, and is left out (assumed): it changes strengths by 3 %."""
 
 WEAKEST = 10.0 ** (-FADES_TO_DB / 20.0)
@@ -118,11 +119,15 @@ def frame_of(box: Shape, family: int) -> Frame:
 
 
 @compiled
+def lowest(box: Shape) -> float:
+    """Where a box begins, which is one with its mirror image in the ground if it stands there."""
+    return box.bottom_m if box.bottom_m > 0.0 else -box.top_m
+
+
+@compiled
 def corner_of(box: Shape, family: int, number: int) -> Corner:
     """Edge of a family, numbers 0 to 3; of those along a side, 2 and 3 are below, and box and image are one there."""
-    half_x, half_y, top, bottom = box.half_x, box.half_y, box.top_m, box.bottom_m
-    if bottom <= 0.0:
-        bottom = -top
+    half_x, half_y, top, bottom = box.half_x, box.half_y, box.top_m, lowest(box)
     out_p, out_q = 1.0 if number % 2 == 0 else -1.0, 1.0 if number < 2 else -1.0
     if family == 0:
         return Corner(out_p * half_x, out_q * half_y, out_p, out_q, bottom, top)
@@ -240,6 +245,54 @@ def loudest_possible(seen: Seen, face_m: float, passed_m: float, straight_m: flo
     return amplitude if face_m == 0.0 else amplitude * tail(round_last_m)
 
 
+@compiled
+def clearance(box: Shape, start: Vector, end: Vector) -> float:
+    """At least the distance of a line from a box, in whose axes both points are; 0 if it may cross.
+
+    It is the largest gap that the sides of the box, or the line on plan, leave between the two.
+    """
+    gap_x = max(min(start.x, end.x), -max(start.x, end.x)) - box.half_x
+    gap_y = max(min(start.y, end.y), -max(start.y, end.y)) - box.half_y
+    gap_z = max(min(start.z, end.z) - box.top_m, lowest(box) - max(start.z, end.z))
+    along_x, along_y = end.x - start.x, end.y - start.y
+    level_m = math.sqrt(along_x * along_x + along_y * along_y) + ON_FACE_M
+    beside = abs(start.x * along_y - start.y * along_x) - box.half_x * abs(along_y) - box.half_y * abs(along_x)
+    return max(gap_x, gap_y, gap_z, beside / level_m, 0.0)
+
+
+@compiled
+def loudest_beside(box: Shape, start: Vector, end: Vector) -> float:
+    """The largest amplitude of an edge of a box so far beside a way."""
+    clear_m, straight_m = clearance(box, start, end), length(minus(end, start))
+    return tail(math.sqrt(straight_m * straight_m + 4.0 * clear_m * clear_m) - straight_m)
+
+
+@compiled
+def loudest_round(box: Shape, source: Vector, target: Vector) -> float:
+    """About the largest amplitude that any ray round a box may have, over that 1 m from the source.
+
+    It is what Fresnel's integrals leave beside the straight way, and beside those by the mirrors of its faces.
+
+    Args:
+        box: As said.
+        source: In the axes of the box, with its height above ground, or below if it is its image.
+        target: Likewise.
+    """
+    in_x = in_y = 0.0
+    for side in (-2.0, 2.0):
+        in_x = max(in_x, loudest_beside(box, Vector(side * box.half_x - source.x, source.y, source.z), target))
+        in_y = max(in_y, loudest_beside(box, Vector(source.x, side * box.half_y - source.y, source.z), target))
+    in_z = loudest_beside(box, Vector(source.x, source.y, 2.0 * box.top_m - source.z), target)
+    return (loudest_beside(box, source, target) + in_x + in_y + in_z) / length(minus(target, source))
+
+
+@compiled
+def in_axes(box: Shape, at: Vector) -> Vector:
+    """A point in the axes of a box, about its middle, with its height."""
+    x, y = at.x - box.x, at.y - box.y
+    return Vector(box.cos * x + box.sin * y, box.cos * y - box.sin * x, at.z)
+
+
 class Bending(NamedTuple):
     """What bends round a box.
 
@@ -272,9 +325,11 @@ def bend(bending: Bending, obstacles: Obstacles, k: int, materials: Materials, r
         How many there are now.
     """
     emitter, target, by_ground, share = bending
+    box, start = shape_of(obstacles, k), upside_down(emitter.at) if by_ground else emitter.at
+    if loudest_round(box, in_axes(box, start), in_axes(box, target)) * share < WEAKEST * rays.loudest[0]:
+        return n
     before_m, behind_m, passed_m, mirrored_m = np.empty(4), np.empty(4), np.empty(4), np.empty((4, 2))
-    box, material = shape_of(obstacles, k), substance_of(materials, obstacles.solids.owner[k])
-    ground, start = substance_of(materials, GROUND), upside_down(emitter.at) if by_ground else emitter.at
+    material, ground = substance_of(materials, obstacles.solids.owner[k]), substance_of(materials, GROUND)
     for family in range(3):
         frame = frame_of(box, family)
         source, goal = in_frame(frame, start), in_frame(frame, target)

@@ -14,7 +14,7 @@ from sensing.radio.materials import Materials, substance_of
 from sensing.radio.obstruction import NOBODY, crosses, left_of_line, line, shadow
 from sensing.radio.polarisation import face_mirror, mirrored, radiated, received
 from sensing.radio.surroundings import OWN_FACE_M, Obstacles, Surroundings, shape_of
-from sensing.radio.vectors import Vector, dot, length, minus, towards
+from sensing.radio.vectors import TINY, Vector, dot, length, minus, towards
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -25,20 +25,18 @@ SHARES_OVER = 1.0
 
 
 class RayPaths(NamedTuple):
-    """Paths; a row is a path, those of one source and robot follow one another.
+    """Paths to one array; a row is a path, those of one source follow one another.
 
     Attributes:
-        robot: Number of the robot that the path leads to, shape (n_paths,).
-        source: Number of the source among the robot's own, shape (n_paths,).
+        source: Number of the source, shape (n_paths,).
         from_m: Whence it comes: source, its mirror image, or where it bends last, shape (n_paths, 3).
         extra_m: Its length up to there, shape (n_paths,).
         coefficient: What an antenna of circular polarisation receives of it, over a straight path as long in free
             space, complex, shape (n_paths,).
-        first: The first path of each robot and source, shape (n_robots, n_sources).
-        n_paths: Number of paths of each robot and source, shape (n_robots, n_sources).
+        first: The first path of each source, shape (n_sources,).
+        n_paths: Number of paths of each source, shape (n_sources,).
     """
 
-    robot: IntArray
     source: IntArray
     from_m: FloatArray
     extra_m: FloatArray
@@ -125,69 +123,64 @@ def bend_round_all(
 
 
 @compiled
+def fade_out(rays: BentRays, n: int, target: Vector) -> None:
+    """Let go of bent rays that are far weaker than the loudest: their coefficients become smaller, or 0."""
+    for i in range(n):
+        way_m = rays.extra_m[i] + length(minus(target, vector(rays.last_m[i])))
+        below_db = 20.0 * math.log10(max(rays.loudest[0] * way_m / max(abs(rays.coefficient[i]), TINY), 1.0))
+        fades = min(max((below_db - FADES_FROM_DB) / (FADES_TO_DB - FADES_FROM_DB), 0.0), 1.0)
+        rays.coefficient[i] *= 1.0 - fades * fades * (3.0 - 2.0 * fades)
+
+
+@compiled
 def find_ray_paths(
-    sources_m: FloatArray, axes: FloatArray, is_emitting: BoolArray, centre_m: FloatArray, surroundings: Surroundings
+    sources_m: FloatArray, axes: FloatArray, is_emitting: BoolArray, target: Vector, surroundings: Surroundings
 ) -> RayPaths:
-    """All paths from the sources that emit to the centres of arrays.
+    """All paths from the sources that emit to the centre of an array.
 
     Args:
-        sources_m: Shape (n_robots, n_sources, 3), world frame.
+        sources_m: Shape (n_sources, 3), world frame.
         axes: Linear polarisations of the sources, unit vectors of the same shape.
-        is_emitting: Which sources emit, shape (n_robots, n_sources).
-        centre_m: Middle of each array, shape (n_robots, 3).
+        is_emitting: Which sources emit, shape (n_sources,).
+        target: Middle of the array.
         surroundings: What stands about.
     """
-    n_robots, n_sources = is_emitting.shape
     faces, materials, obstacles = surroundings
-    n_faces, n_boxes = faces.owner.size, obstacles.bends.sum()
-    n_most = is_emitting.sum() * (1 + n_faces + 2 * MOST_RAYS * n_boxes)
-    robot, source = np.empty(n_most, np.intp), np.empty(n_most, np.intp)
-    from_m, extra_m, coefficient = np.empty((n_most, 3)), np.empty(n_most), np.empty(n_most, np.complex128)
-    first, n_paths = np.zeros((n_robots, n_sources), np.intp), np.zeros((n_robots, n_sources), np.intp)
-    rays = BentRays(
-        np.empty((2 * MOST_RAYS * n_boxes, 3)),
-        np.empty(2 * MOST_RAYS * n_boxes),
-        np.empty(2 * MOST_RAYS * n_boxes, np.complex128),
-        np.zeros(1),
-    )
+    n_sources, n_faces, n_rays = is_emitting.size, faces.owner.size, 2 * MOST_RAYS * obstacles.bends.sum()
+    n_most = is_emitting.sum() * (1 + n_faces + n_rays)
+    source, from_m, extra_m = np.empty(n_most, np.intp), np.empty((n_most, 3)), np.zeros(n_most)
+    coefficient = np.empty(n_most, np.complex128)
+    first, n_paths = np.zeros(n_sources, np.intp), np.zeros(n_sources, np.intp)
+    rays = BentRays(np.empty((n_rays, 3)), np.empty(n_rays), np.empty(n_rays, np.complex128), np.zeros(1))
     ground_mirrors = False
     for f in range(n_faces):
         ground_mirrors |= faces.owner[f] == GROUND and materials.flat_share[GROUND] > 0.0
     n = 0
-    for r in range(n_robots):
-        target = vector(centre_m[r])
-        for s in range(n_sources):
-            if not is_emitting[r, s]:
-                continue
-            emitter = Emitter(vector(sources_m[r, s]), vector(axes[r, s]))
-            begun, ray = n, towards(emitter.at, target)
-            left = passes_straight(emitter.at, target, obstacles, materials)
-            if left > 0.0:
-                from_m[n], extra_m[n] = sources_m[r, s], 0.0
-                coefficient[n] = left * received(radiated(emitter.axis, ray), ray)
+    for s in range(n_sources):
+        if not is_emitting[s]:
+            continue
+        emitter = Emitter(vector(sources_m[s]), vector(axes[s]))
+        first[s], rays.loudest[0] = n, 0.0
+        left = passes_straight(emitter.at, target, obstacles, materials)
+        if left > 0.0:
+            ray = towards(emitter.at, target)
+            from_m[n, 0], from_m[n, 1], from_m[n, 2] = emitter.at
+            coefficient[n] = left * received(radiated(emitter.axis, ray), ray)
+            n += 1
+        for f in range(n_faces):
+            coefficient[n] = reflect(emitter, target, surroundings, f, from_m[n])
+            if coefficient[n] != 0.0:
                 n += 1
-            for f in range(n_faces):
-                coefficient[n] = reflect(emitter, target, surroundings, f, from_m[n])
-                if coefficient[n] != 0.0:
-                    extra_m[n] = 0.0
-                    n += 1
-            loudest = 0.0
-            for i in range(begun, n):
-                loudest = max(loudest, abs(coefficient[i]) / length(minus(target, vector(from_m[i]))))
-            rays.loudest[0], begun_bent = loudest, n
-            n_bent = bend_round_all(emitter, target, surroundings, ground_mirrors, rays) if n_boxes else 0
-            for i in range(n_bent):
-                from_m[n], extra_m[n], coefficient[n] = rays.last_m[i], rays.extra_m[i], rays.coefficient[i]
+        for i in range(first[s], n):
+            level = abs(coefficient[i]) / length(minus(target, vector(from_m[i])))
+            rays.loudest[0] = max(rays.loudest[0], level)
+        n_bent = bend_round_all(emitter, target, surroundings, ground_mirrors, rays) if n_rays else 0
+        fade_out(rays, n_bent, target)
+        for i in range(n_bent):
+            if rays.coefficient[i] != 0.0:
+                from_m[n, 0], from_m[n, 1], from_m[n, 2] = vector(rays.last_m[i])
+                extra_m[n], coefficient[n] = rays.extra_m[i], rays.coefficient[i]
                 n += 1
-            end, n, loudest = n, begun_bent, rays.loudest[0]
-            for i in range(begun_bent, end):
-                level = abs(coefficient[i]) / (extra_m[i] + length(minus(target, vector(from_m[i]))))
-                below_db = 20.0 * math.log10(loudest / max(level, 1e-12 * loudest))
-                fades = min(max((below_db - FADES_FROM_DB) / (FADES_TO_DB - FADES_FROM_DB), 0.0), 1.0)
-                if fades < 1.0:
-                    from_m[n], extra_m[n] = from_m[i], extra_m[i]
-                    coefficient[n] = coefficient[i] * (1.0 - fades * fades * (3.0 - 2.0 * fades))
-                    n += 1
-            robot[begun:n], source[begun:n] = r, s
-            first[r, s], n_paths[r, s] = begun, n - begun
-    return RayPaths(robot[:n], source[:n], from_m[:n], extra_m[:n], coefficient[:n], first, n_paths)
+        n_paths[s] = n - first[s]
+        source[first[s] : n] = s
+    return RayPaths(source[:n], from_m[:n], extra_m[:n], coefficient[:n], first, n_paths)

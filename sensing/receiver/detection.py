@@ -7,15 +7,14 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.compiled import GeneratorHandle, compiled
+from dirmusic.compiled import Held, compiled
 from dirmusic.pulses.batch import PulseBatch
 from sensing.nature.scene import Emissions
 from sensing.radio.arrivals import propagate
-from sensing.radio.propagation import named_propagation
-from sensing.receiver.front_end import NoiseFilter, PulseTable
+from sensing.radio.propagation import Propagation
 from sensing.receiver.gates import GateParameters, read_gate
 from sensing.receiver.sampling.gate import IS_BURST, IS_PULSE, sample_noise, sample_pulse
-from sensing.receiver.sampling.sampler import BurstTest, Emission, Sampler, Timing, Tones, Trigger
+from sensing.receiver.sampling.sampler import Emission, Sampler, Tones
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -70,11 +69,30 @@ class Gates(NamedTuple):
         return type(self)(self.waveforms_v[:n_gates], self.pulses.take(slice(0, n_gates)))
 
 
-@compiled
-def named_sampler(sampler: tuple[Any, ...]) -> Sampler:
-    """A `Sampler` from a plain one, in which all inner records are plain too."""
-    pulse, noise, timing, trigger, burst = sampler
-    return Sampler(PulseTable(*pulse), NoiseFilter(*noise), Timing(*timing), Trigger(*trigger), BurstTest(*burst))
+class ReceiverChain(NamedTuple):
+    """From the feeds of the antennas to readings.
+
+    Attributes:
+        sampler: Up to the gate.
+        converter: Behind it.
+        gate: How it is read.
+    """
+
+    sampler: Sampler
+    converter: Converter
+    gate: GateParameters
+
+
+class Condition(NamedTuple):
+    """What changes with time.
+
+    Attributes:
+        tones: Carriers.
+        channels: State of the channels.
+    """
+
+    tones: Tones
+    channels: Channels
 
 
 @compiled
@@ -92,41 +110,42 @@ def convert(gate_v: FloatArray, converter: Converter, channels: Channels, wavefo
 def detect(
     robot: int,
     triggering: tuple[Any, ...],
-    propagation: tuple[Any, ...],
-    receiver: tuple[Any, ...],
-    condition: tuple[Any, ...],
-    generator: GeneratorHandle,
+    world_from_array: FloatArray,
+    propagation: Held[Propagation],
+    receiver: Held[ReceiverChain],
+    condition: Held[Condition],
+    generator: Held[np.random.Generator],
     found: tuple[Any, ...],
 ) -> tuple[int, int]:
     """Gates of all that triggers in one robot's receiver.
 
     Args:
-        robot: Row of the robot in `propagation`.
+        robot: Row of the robot.
         triggering: Plain `Emissions` of its scene, and times at which noise alone triggers, shape (n_false_alarms,).
-        propagation: A plain `Propagation`.
-        receiver: A plain `Sampler`, `Converter` and `GateParameters`.
-        condition: Plain `Tones` and `Channels`, as they are now.
+        world_from_array: Poses of the arrays, shape (n_robots, 4, 4).
+        propagation: Of all robots.
+        receiver: Behind its antennas.
+        condition: As it is now.
         generator: Draws.
         found: Plain `Gates` with room for all emissions and false alarms; its first rows are filled in.
 
     Returns:
         How many gates there are, and how many emissions triggered and were rejected as bursts.
     """
-    radiated, around, sampler = Emissions(*triggering[0]), named_propagation(propagation), named_sampler(receiver[0])
-    converter, gate, carriers, state = (
-        Converter(*receiver[1]), GateParameters(*receiver[2]), Tones(*condition[0]), Channels(*condition[1])
-    )  # fmt: skip
-    waveforms_v, pulses, rng = found[0], PulseBatch(*found[1]), generator.rng
+    radiated, around, rng = Emissions(*triggering[0]), propagation.value, generator.value
+    sampler, converter, gate = receiver.value
+    carriers, state = condition.value
+    waveforms_v, pulses = found[0], PulseBatch(*found[1])
     gate_v = np.empty((sampler.timing.gate, state.limit_v.size))
     n_found = n_rejected = 0
     if radiated.time_s.size > 0:
-        is_emitting = np.zeros(around.sources.burst_s.shape, np.bool_)
+        is_emitting = np.zeros(around.sources.burst_s.shape[1], np.bool_)
         for k in range(radiated.time_s.size):
-            is_emitting[robot, radiated.source[k]] = True
-        ray_paths, arrivals = propagate(is_emitting, around)
+            is_emitting[radiated.source[k]] = True
+        ray_paths, arrivals = propagate(robot, is_emitting, world_from_array, around)
         for k in range(radiated.time_s.size):
             s = radiated.source[k]
-            first, n_paths = int(ray_paths.first[robot, s]), int(ray_paths.n_paths[robot, s])
+            first, n_paths = int(ray_paths.first[s]), int(ray_paths.n_paths[s])
             emission = Emission(radiated.peak_v[k], around.sources.burst_s[robot, s], first, n_paths)
             came_as = sample_pulse(
                 emission, arrivals, sampler, carriers, state.limit_v, state.background_v2, rng, gate_v

@@ -33,8 +33,8 @@ class Sampled(NamedTuple):
 def arrivals_of(scene: Scene, array: HelicalArray, world_from_array: FloatArray) -> Arrivals:
     """All paths of the first source of a scene."""
     sources = SourceTable(*(column[np.newaxis, :1] for column in (scene.positions_m, scene.axes, scene.burst_s)))
-    around = Propagation(sources, world_from_array[np.newaxis], ArrayTable.of([array]), scene.surroundings)
-    return propagate(np.ones((1, 1), dtype=np.bool_), around).arrivals
+    around = Propagation(sources, ArrayTable.of([array]), scene.surroundings)
+    return propagate(0, np.ones(1, np.bool_), world_from_array[np.newaxis], around).arrivals
 
 
 def sample(
