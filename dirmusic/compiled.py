@@ -35,7 +35,7 @@ class HeldType(StructRef):
     """Type of what is `Held`, for the compiler."""
 
     def preprocess_fields(self, fields: Any) -> Any:  # noqa: ANN401, D102 - the compiler's own
-        return tuple((name, types.unliteral(of)) for name, of in fields)
+        return tuple((name, types.unliteral(of)) for name, of in fields)  # pyright: ignore
 
 
 class Held(structref.StructRefProxy, Generic[_Value]):
@@ -50,16 +50,17 @@ class Held(structref.StructRefProxy, Generic[_Value]):
 
     value: _Value
     """As compiled functions take it."""
-    _given: _Value
+    given: _Value
+    """As others take it."""
 
     def __new__(cls, value: _Value) -> Self:  # noqa: D102 - as the compiler wants it
         held = _hold(value)
-        held._given = value
+        held.given = value
         return held
 
     def __reduce__(self) -> tuple[type[Held[_Value]], tuple[_Value]]:
         """A copy holds a copy."""
-        return Held, (self._given,)
+        return Held, (self.given,)
 
 
 structref.define_boxing(HeldType, Held)  # pyright: ignore[reportUnknownMemberType]

@@ -199,7 +199,7 @@ class Surroundings(NamedTuple):
     @classmethod
     def of_materials(cls, pieces: Sequence[Material], faces: Faces, solids: Solids, ground: Material = GRAVEL) -> Self:
         """Equipment of known materials, one for each piece."""
-        bends = np.array([pieces[piece].bends for piece in solids.owner.tolist()], dtype=np.bool_)
+        bends = np.array([pieces[int(piece)].bends for piece in solids.owner], dtype=np.bool_)
         return cls(faces, Materials.of(pieces, ground), Obstacles.of(solids, bends & (solids.radius_m == 0.0)))
 
     @classmethod
