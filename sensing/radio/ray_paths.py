@@ -13,7 +13,7 @@ from sensing.radio.bends import FADES_FROM_DB, FADES_TO_DB, GROUND, MOST_RAYS, B
 from sensing.radio.materials import Materials, substance_of
 from sensing.radio.obstruction import NOBODY, crosses, left_of_line, line, shadow
 from sensing.radio.polarisation import face_mirror, mirrored, radiated, received
-from sensing.radio.surroundings import OWN_FACE_M, Obstacles, Surroundings, shape_of
+from sensing.radio.surroundings import OWN_FACE_M, Faces, Obstacles, Surroundings, shape_of
 from sensing.radio.vectors import TINY, Vector, dot, length, minus, towards
 
 FloatArray = NDArray[np.float64]
@@ -65,33 +65,60 @@ def passes_straight(start: Vector, end: Vector, obstacles: Obstacles, materials:
     return left
 
 
+class Face(NamedTuple):
+    """One flat face, as compiled loops hand it on: as of `Faces`."""
+
+    owner: int
+    normal: Vector
+    centre: Vector
+
+
 @compiled
-def reflect(emitter: Emitter, target: Vector, surroundings: Surroundings, f: int, image_m: FloatArray) -> complex:
-    """What is received by a mirror, and where its image of the source lies; 0 if there is no such path."""
-    faces, materials, obstacles = surroundings
-    normal, centre = vector(faces.normal[f]), vector(faces.centre_m[f])
-    depth_m, height_m = dot(minus(emitter.at, centre), normal), dot(minus(target, centre), normal)
-    piece = faces.owner[f]
-    if depth_m <= OWN_FACE_M or height_m <= 0.0 or materials.flat_share[piece] == 0.0:
-        return 0j
-    image = Vector(
-        emitter.at.x - 2.0 * depth_m * normal.x,
-        emitter.at.y - 2.0 * depth_m * normal.y,
-        emitter.at.z - 2.0 * depth_m * normal.z,
+def face_of(faces: Faces, f: int) -> Face:
+    """Face f."""
+    return Face(
+        faces.owner[f],
+        Vector(faces.normal[f, 0], faces.normal[f, 1], faces.normal[f, 2]),
+        Vector(faces.centre_m[f, 0], faces.centre_m[f, 1], faces.centre_m[f, 2]),
     )
-    share = depth_m / (depth_m + height_m)
+
+
+class Reflection(NamedTuple):
+    """Where a face mirrors a ray.
+
+    Attributes:
+        image: Of the source.
+        at: On the face.
+    """
+
+    image: Vector
+    at: Vector
+
+
+@compiled
+def reflection(face: Face, source: Vector, depth_m: float, target: Vector, height_m: float) -> Reflection:
+    """In the plane of a face, above which source and target are so high."""
+    normal, share = face.normal, depth_m / (depth_m + height_m)
+    image = Vector(
+        source.x - 2.0 * depth_m * normal.x,
+        source.y - 2.0 * depth_m * normal.y,
+        source.z - 2.0 * depth_m * normal.z,
+    )
     way = minus(target, image)
-    at = Vector(image.x + share * way.x, image.y + share * way.y, image.z + share * way.z)
-    from_centre = minus(at, centre)
-    for axis in range(2):
-        if abs(dot(from_centre, vector(faces.axes[f, axis]))) > faces.half_size_m[f, axis]:
-            return 0j
-    image_m[0], image_m[1], image_m[2] = image
+    return Reflection(image, Vector(image.x + share * way.x, image.y + share * way.y, image.z + share * way.z))
+
+
+@compiled
+def reflect(
+    emitter: Emitter, target: Vector, face: Face, by: Reflection, materials: Materials, obstacles: Obstacles
+) -> complex:
+    """What is received by a mirror."""
+    normal, at = face.normal, by.at
     arrives, leaves = towards(emitter.at, at), towards(at, target)
-    mirror = face_mirror(abs(dot(leaves, normal)), substance_of(materials, piece))
+    mirror = face_mirror(abs(dot(leaves, normal)), substance_of(materials, face.owner))
     field = mirrored(radiated(emitter.axis, arrives), arrives, leaves, normal, mirror)
     off = Vector(at.x + 1e-9 * normal.x, at.y + 1e-9 * normal.y, at.z + 1e-9 * normal.z)
-    if piece == GROUND:  # what is cut off here comes round edges
+    if face.owner == GROUND:  # what is cut off here comes round edges
         left = passes_straight(emitter.at, off, obstacles, materials) * passes_straight(
             off, target, obstacles, materials
         )
@@ -168,9 +195,20 @@ def find_ray_paths(
             coefficient[n] = left * received(radiated(emitter.axis, ray), ray)
             n += 1
         for f in range(n_faces):
-            coefficient[n] = reflect(emitter, target, surroundings, f, from_m[n])
-            if coefficient[n] != 0.0:
-                n += 1
+            face = face_of(faces, f)
+            depth_m = dot(minus(emitter.at, face.centre), face.normal)
+            height_m = dot(minus(target, face.centre), face.normal)
+            if depth_m <= OWN_FACE_M or height_m <= 0.0 or materials.flat_share[face.owner] == 0.0:
+                continue
+            by, is_on_face = reflection(face, emitter.at, depth_m, target, height_m), True
+            off = minus(by.at, face.centre)
+            for axis in range(2):
+                aside_m = off.x * faces.axes[f, axis, 0] + off.y * faces.axes[f, axis, 1] + off.z * faces.axes[f, axis, 2]
+                is_on_face &= abs(aside_m) <= faces.half_size_m[f, axis]
+            if is_on_face:
+                coefficient[n] = reflect(emitter, target, face, by, materials, obstacles)
+                from_m[n, 0], from_m[n, 1], from_m[n, 2] = by.image
+                n += coefficient[n] != 0.0
         for i in range(first[s], n):
             level = abs(coefficient[i]) / length(minus(target, vector(from_m[i])))
             rays.loudest[0] = max(rays.loudest[0], level)
