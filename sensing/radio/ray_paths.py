@@ -9,8 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
-from sensing.radio.bends import FADES_FROM_DB, FADES_TO_DB, GROUND, MOST_RAYS, Bending, BentRays, Emitter, bend
-from sensing.radio.materials import Materials, substance_of
+from sensing.radio.bends import (
+    BENT_RAY,
+    FADES_FROM_DB,
+    FADES_TO_DB,
+    GROUND,
+    MOST_RAYS,
+    Bending,
+    BentRays,
+    Emitter,
+    bend,
+)
+from sensing.radio.materials import Materials, Substance, substance_of
 from sensing.radio.obstruction import NOBODY, crosses, left_of_line, line, shadow
 from sensing.radio.polarisation import face_mirror, mirrored, radiated, received
 from sensing.radio.surroundings import OWN_FACE_M, Faces, Obstacles, Surroundings, shape_of
@@ -52,14 +62,13 @@ def vector(row: FloatArray) -> Vector:
 
 
 @compiled
-def passes_straight(start: Vector, end: Vector, obstacles: Obstacles, materials: Materials) -> float:
+def passes_straight(start: Vector, end: Vector, obstacles: Obstacles) -> float:
     """Amplitude that is left of a straight path: nothing behind what waves bend round."""
     left, counted, way = 1.0, -1, line(start, end)
-    for k in range(obstacles.reach_m.size):
-        piece = obstacles.solids.owner[k]
-        if piece != counted and crosses(way, shape_of(obstacles, k)):
-            left *= math.exp(materials.log_loss[piece])
-            counted = piece
+    for k in range(obstacles.size):
+        if obstacles[k].owner != counted and crosses(way, shape_of(obstacles, k)):
+            left *= math.exp(obstacles[k].log_loss)
+            counted = obstacles[k].owner
             if left == 0.0:
                 return 0.0
     return left
@@ -110,42 +119,54 @@ def reflection(face: Face, source: Vector, depth_m: float, target: Vector, heigh
 
 @compiled
 def reflect(
-    emitter: Emitter, target: Vector, face: Face, by: Reflection, materials: Materials, obstacles: Obstacles
+    emitter: Emitter, target: Vector, face: Face, by: Reflection, material: Substance, obstacles: Obstacles
 ) -> complex:
     """What is received by a mirror."""
     normal, at = face.normal, by.at
     arrives, leaves = towards(emitter.at, at), towards(at, target)
-    mirror = face_mirror(abs(dot(leaves, normal)), substance_of(materials, face.owner))
+    mirror = face_mirror(abs(dot(leaves, normal)), material)
     field = mirrored(radiated(emitter.axis, arrives), arrives, leaves, normal, mirror)
     off = Vector(at.x + 1e-9 * normal.x, at.y + 1e-9 * normal.y, at.z + 1e-9 * normal.z)
     if face.owner == GROUND:  # what is cut off here comes round edges
-        left = passes_straight(emitter.at, off, obstacles, materials) * passes_straight(
-            off, target, obstacles, materials
-        )
+        left = passes_straight(emitter.at, off, obstacles) * passes_straight(off, target, obstacles)
     else:
-        left = left_of_line(emitter.at, off, obstacles, materials, NOBODY)
-        left *= left_of_line(off, target, obstacles, materials, NOBODY)
+        left = left_of_line(emitter.at, off, obstacles, NOBODY)
+        left *= left_of_line(off, target, obstacles, NOBODY)
     return received(field, leaves) * left
 
 
 @compiled
 def bend_round_all(
-    emitter: Emitter, target: Vector, surroundings: Surroundings, ground_mirrors: bool, rays: BentRays
+    emitter: Emitter,
+    target: Vector,
+    obstacles: Obstacles,
+    materials: Materials,
+    ground_mirrors: bool,
+    rays: BentRays,
 ) -> int:
     """Rays round the edges of all boxes, with what all others leave of them; returns how many there are."""
-    materials, obstacles = surroundings.materials, surroundings.obstacles
-    deepest, n = -np.inf, 0
-    nus, way = np.empty(obstacles.reach_m.size), line(emitter.at, target)
+    deepest, n, ground = -np.inf, 0, substance_of(materials, GROUND)
+    nus, way = np.empty(obstacles.size), line(emitter.at, target)
     for k in range(nus.size):
-        nus[k] = shadow(way, shape_of(obstacles, k)) if obstacles.bends[k] else -np.inf
+        nus[k] = shadow(way, shape_of(obstacles, k)) if obstacles[k].bends else -np.inf
         deepest = max(deepest, nus[k])
     for k in range(nus.size):
         share = 1.0 if deepest <= 0.0 else min(max(1.0 - (deepest - max(nus[k], 0.0)) / SHARES_OVER, 0.0), 1.0)
-        if not obstacles.bends[k] or share == 0.0:
+        if not obstacles[k].bends or share == 0.0:
             continue
-        n = bend(Bending(emitter, target, False, share), obstacles, k, materials, rays, n)
-        if ground_mirrors:
-            n = bend(Bending(emitter, target, True, share), obstacles, k, materials, rays, n)
+        material = substance_of(materials, obstacles[k].owner)
+        for by_ground in range(2 if ground_mirrors else 1):
+            bending = Bending(emitter, target, by_ground == 1, share, material, ground)
+            n = bend(bending, obstacles, k, rays, n)
+    return n
+
+
+@compiled
+def count_bends(obstacles: Obstacles) -> int:
+    """How many solids waves bend round."""
+    n = 0
+    for k in range(obstacles.size):
+        n += obstacles[k].bends
     return n
 
 
@@ -153,10 +174,11 @@ def bend_round_all(
 def fade_out(rays: BentRays, n: int, target: Vector) -> None:
     """Let go of bent rays that are far weaker than the loudest: their coefficients become smaller, or 0."""
     for i in range(n):
-        way_m = rays.extra_m[i] + length(minus(target, vector(rays.last_m[i])))
-        below_db = 20.0 * math.log10(max(rays.loudest[0] * way_m / max(abs(rays.coefficient[i]), TINY), 1.0))
+        ray = rays.rows[i]
+        way_m = ray.extra_m + length(minus(target, Vector(ray.x, ray.y, ray.z)))
+        below_db = 20.0 * math.log10(max(rays.loudest[0] * way_m / max(abs(ray.coefficient), TINY), 1.0))
         fades = min(max((below_db - FADES_FROM_DB) / (FADES_TO_DB - FADES_FROM_DB), 0.0), 1.0)
-        rays.coefficient[i] *= 1.0 - fades * fades * (3.0 - 2.0 * fades)
+        ray.coefficient *= 1.0 - fades * fades * (3.0 - 2.0 * fades)
 
 
 @compiled
@@ -173,12 +195,12 @@ def find_ray_paths(
         surroundings: What stands about.
     """
     faces, materials, obstacles = surroundings
-    n_sources, n_faces, n_rays = is_emitting.size, faces.owner.size, 2 * MOST_RAYS * obstacles.bends.sum()
+    n_sources, n_faces, n_rays = is_emitting.size, faces.owner.size, 2 * MOST_RAYS * count_bends(obstacles)
     n_most = is_emitting.sum() * (1 + n_faces + n_rays)
     source, from_m, extra_m = np.empty(n_most, np.intp), np.empty((n_most, 3)), np.zeros(n_most)
     coefficient = np.empty(n_most, np.complex128)
     first, n_paths = np.zeros(n_sources, np.intp), np.zeros(n_sources, np.intp)
-    rays = BentRays(np.empty((n_rays, 3)), np.empty(n_rays), np.empty(n_rays, np.complex128), np.zeros(1))
+    rays = BentRays(np.empty(n_rays, BENT_RAY), np.zeros(1))
     ground_mirrors = False
     for f in range(n_faces):
         ground_mirrors |= faces.owner[f] == GROUND and materials.flat_share[GROUND] > 0.0
@@ -188,11 +210,11 @@ def find_ray_paths(
             continue
         emitter = Emitter(vector(sources_m[s]), vector(axes[s]))
         first[s], rays.loudest[0] = n, 0.0
-        left = passes_straight(emitter.at, target, obstacles, materials)
+        left = passes_straight(emitter.at, target, obstacles)
         if left > 0.0:
-            ray = towards(emitter.at, target)
+            straight = towards(emitter.at, target)
             from_m[n, 0], from_m[n, 1], from_m[n, 2] = emitter.at
-            coefficient[n] = left * received(radiated(emitter.axis, ray), ray)
+            coefficient[n] = left * received(radiated(emitter.axis, straight), straight)
             n += 1
         for f in range(n_faces):
             face = face_of(faces, f)
@@ -203,21 +225,24 @@ def find_ray_paths(
             by, is_on_face = reflection(face, emitter.at, depth_m, target, height_m), True
             off = minus(by.at, face.centre)
             for axis in range(2):
-                aside_m = off.x * faces.axes[f, axis, 0] + off.y * faces.axes[f, axis, 1] + off.z * faces.axes[f, axis, 2]
+                aside_m = (
+                    off.x * faces.axes[f, axis, 0] + off.y * faces.axes[f, axis, 1] + off.z * faces.axes[f, axis, 2]
+                )
                 is_on_face &= abs(aside_m) <= faces.half_size_m[f, axis]
             if is_on_face:
-                coefficient[n] = reflect(emitter, target, face, by, materials, obstacles)
+                coefficient[n] = reflect(emitter, target, face, by, substance_of(materials, face.owner), obstacles)
                 from_m[n, 0], from_m[n, 1], from_m[n, 2] = by.image
                 n += coefficient[n] != 0.0
         for i in range(first[s], n):
             level = abs(coefficient[i]) / length(minus(target, vector(from_m[i])))
             rays.loudest[0] = max(rays.loudest[0], level)
-        n_bent = bend_round_all(emitter, target, surroundings, ground_mirrors, rays) if n_rays else 0
+        n_bent = bend_round_all(emitter, target, obstacles, materials, ground_mirrors, rays) if n_rays else 0
         fade_out(rays, n_bent, target)
         for i in range(n_bent):
-            if rays.coefficient[i] != 0.0:
-                from_m[n, 0], from_m[n, 1], from_m[n, 2] = vector(rays.last_m[i])
-                extra_m[n], coefficient[n] = rays.extra_m[i], rays.coefficient[i]
+            ray = rays.rows[i]
+            if ray.coefficient != 0.0:
+                from_m[n, 0], from_m[n, 1], from_m[n, 2] = ray.x, ray.y, ray.z
+                extra_m[n], coefficient[n] = ray.extra_m, ray.coefficient
                 n += 1
         n_paths[s] = n - first[s]
         source[first[s] : n] = s

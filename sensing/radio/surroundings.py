@@ -69,30 +69,21 @@ class Solids(NamedTuple):
         return cls(flat, nothing, flat, nothing, nothing, nothing, np.empty(0, np.intp))
 
 
-class Obstacles(NamedTuple):
-    """What stands in the way, as compiled loops read it; a row is a solid.
+class Shape(NamedTuple):
+    """One solid, as compiled loops hand it on.
 
     Attributes:
-        solids: Boxes and cylinders.
-        heading: Cosine and sine of their yaw, shape (n_solids, 2).
-        reach_m: Farthest point of each footprint from its middle, shape (n_solids,).
-        bends: Whether waves bend round its edges, shape (n_solids,).
+        x: Middle of the footprint.
+        y: Likewise.
+        cos: Cosine of its yaw.
+        sin: Sine of its yaw.
+        half_x: Half its first side; 0 for a cylinder.
+        half_y: Half its second side; 0 for a cylinder.
+        radius_m: Of a cylinder; 0 for a box.
+        reach_m: Farthest point of the footprint from its middle.
+        bottom_m: Height above ground.
+        top_m: Height above ground.
     """
-
-    solids: Solids
-    heading: FloatArray
-    reach_m: FloatArray
-    bends: NDArray[np.bool_]
-
-    @classmethod
-    def of(cls, solids: Solids, bends: NDArray[np.bool_]) -> Self:
-        """Solids, of which some bend waves round their edges."""
-        heading = np.stack([np.cos(solids.yaw_rad), np.sin(solids.yaw_rad)], axis=-1)
-        return cls(solids, heading, np.maximum(np.linalg.norm(solids.half_size_m, axis=-1), solids.radius_m), bends)
-
-
-class Shape(NamedTuple):
-    """One solid, as compiled loops hand it on: as of `Solids` and `Obstacles`."""
 
     x: float
     y: float
@@ -106,22 +97,34 @@ class Shape(NamedTuple):
     top_m: float
 
 
+OBSTACLE = np.dtype(
+    [*((name, np.float64) for name in Shape._fields), ("log_loss", np.float64), ("owner", np.intp), ("bends", np.bool_)]
+)
+"""A solid with its `Shape`, the logarithm of the amplitude that passes it, <= 0, the piece of equipment that it is a
+part of, and whether waves bend round its edges. Rows of one array: compiled functions take that at no cost."""
+
+Obstacles = NDArray[np.void]
+"""What stands in the way, rows of `OBSTACLE`."""
+
+
+def obstacles_of(solids: Solids, log_loss: FloatArray, bends: NDArray[np.bool_]) -> Obstacles:
+    """Solids with what passes each, and which of them bend waves round their edges; all of shape (n_solids,)."""
+    table = np.empty(solids.owner.size, OBSTACLE)
+    table["x"], table["y"] = solids.centre_m.T
+    table["cos"], table["sin"] = np.cos(solids.yaw_rad), np.sin(solids.yaw_rad)
+    table["half_x"], table["half_y"] = solids.half_size_m.T
+    table["radius_m"] = solids.radius_m
+    table["reach_m"] = np.maximum(np.hypot(table["half_x"], table["half_y"]), solids.radius_m)
+    table["bottom_m"], table["top_m"] = solids.bottom_m, solids.top_m
+    table["log_loss"], table["owner"], table["bends"] = log_loss, solids.owner, bends
+    return table
+
+
 @compiled
 def shape_of(obstacles: Obstacles, k: int) -> Shape:
     """Solid k."""
-    solids = obstacles.solids
-    return Shape(
-        solids.centre_m[k, 0],
-        solids.centre_m[k, 1],
-        obstacles.heading[k, 0],
-        obstacles.heading[k, 1],
-        solids.half_size_m[k, 0],
-        solids.half_size_m[k, 1],
-        solids.radius_m[k],
-        obstacles.reach_m[k],
-        solids.bottom_m[k],
-        solids.top_m[k],
-    )
+    of = obstacles[k]
+    return Shape(of.x, of.y, of.cos, of.sin, of.half_x, of.half_y, of.radius_m, of.reach_m, of.bottom_m, of.top_m)
 
 
 class Rays(NamedTuple):
@@ -199,15 +202,18 @@ class Surroundings(NamedTuple):
     @classmethod
     def of_materials(cls, pieces: Sequence[Material], faces: Faces, solids: Solids, ground: Material = GRAVEL) -> Self:
         """Equipment of known materials, one for each piece."""
-        bends = np.array([pieces[int(piece)].bends for piece in solids.owner], dtype=np.bool_)
-        return cls(faces, Materials.of(pieces, ground), Obstacles.of(solids, bends & (solids.radius_m == 0.0)))
+        materials = Materials.of(pieces, ground)
+        bends = np.array([pieces[int(piece)].bends for piece in solids.owner], dtype=np.bool_) & (
+            solids.radius_m == 0.0
+        )
+        return cls(faces, materials, obstacles_of(solids, materials.log_loss[solids.owner], bends))
 
     @classmethod
     def free_space(cls) -> Self:
         """Nothing about, not even the ground."""
         nothing = np.empty((0, 3))
         faces = Faces(nothing, nothing, np.empty((0, 2, 3)), np.empty((0, 2)), np.empty(0, dtype=np.intp))
-        return cls(faces, Materials.of([], GRAVEL), Obstacles.of(Solids.none(), np.empty(0, np.bool_)))
+        return cls.of_materials([], faces, Solids.none())
 
 
 def _length(vectors: FloatArray) -> FloatArray:

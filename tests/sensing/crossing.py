@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from robot_models.yard.yard import Yard
 from sensing import Solids
 from sensing.radio.obstruction import crosses, line
-from sensing.radio.surroundings import Obstacles, shape_of
+from sensing.radio.surroundings import Obstacles, obstacles_of, shape_of
 from sensing.radio.vectors import Vector
 
 
@@ -19,9 +19,9 @@ def _cross(
     for i in range(len(starts_m)):
         start, end = starts_m[i], ends_m[i]
         way = line(Vector(start[0], start[1], start[2]), Vector(end[0], end[1], end[2]))
-        for k in range(obstacles.reach_m.size):
+        for k in range(obstacles.size):
             if crosses(way, shape_of(obstacles, k)):
-                crossed[i, obstacles.solids.owner[k]] = True
+                crossed[i, obstacles[k].owner] = True
     return crossed
 
 
@@ -29,7 +29,13 @@ def cross(
     starts_m: NDArray[np.float64], ends_m: NDArray[np.float64], solids: Solids, n_pieces: int
 ) -> NDArray[np.bool_]:
     """For lines (n, 3) to (n, 3): shape (n, n_pieces)."""
-    return _cross(starts_m, ends_m, Obstacles.of(solids, np.zeros(solids.owner.size, np.bool_)), n_pieces)
+    none = np.zeros(solids.owner.size)
+    return _cross(starts_m, ends_m, obstacles_of(solids, none, none.astype(np.bool_)), n_pieces)
+        starts_m,
+        ends_m,
+        obstacles_of(solids, np.zeros(solids.owner.size), np.zeros(solids.owner.size, np.bool_)),
+        n_pieces,
+    )
 
 
 def solids_of(yard: Yard) -> Solids:

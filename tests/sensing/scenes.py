@@ -23,4 +23,5 @@ def around(loss_db: float, faces: Faces | None = None, solids: Solids | None = N
     ground = lossy(0.0, share.get("ground", 0.0))
     pieces = [lossy(loss_db, share.get("wall", 0.0))]
     made = Surroundings.of_materials(pieces, faces or free.faces, solids or Solids.none(), ground)
-    return made._replace(obstacles=made.obstacles._replace(bends=np.zeros_like(made.obstacles.bends)))
+    made.obstacles["bends"] = False
+    return made
