@@ -111,9 +111,9 @@ class PulseBatch(NamedTuple):
         columns: list[Any] = [column[rows] for column in self]
         return type(self)(*columns)
 
-    def copied(self) -> Self:
-        """The same pulses in memory of their own."""
-        columns: list[Any] = [column.copy() for column in self]
+    def first(self, n_pulses: int) -> Self:
+        """The first pulses, in memory of their own."""
+        columns: list[Any] = [column[:n_pulses].copy() for column in self]
         return type(self)(*columns)
 
     def take_channels(self, channels: NDArray[np.intp] | BoolArray) -> Self:

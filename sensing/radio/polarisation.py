@@ -19,7 +19,7 @@ LOSS_FACTOR = 17.98
 
 
 CONDUCTS_SPM = 1e6
-"""Conductivity from which on a material mirrors all: Fresnel's coefficients are then within 0.001 of it up to 80 deg."""
+"""Conductivity from which on a material mirrors all, as Fresnel's coefficients do within 0.001 up to 80 deg."""
 
 
 class Field(NamedTuple):

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import Held
+from dirmusic.pulses.batch import PulseBatch
 from sensing.array.array_table import ArrayTable
 from sensing.array.helical_array import HelicalArray
 from sensing.nature.scene import Scene
@@ -72,6 +73,9 @@ class ReceiverBank:
             scene.surroundings,
         )
         self._held_propagation = Held(self._propagation)
+        self._nothing = Detections(
+            np.empty(0, dtype=np.intp), PulseBatch.none(n), np.empty((0, n, config.gate_samples)), 0
+        )
         self._no_tones = Tones(np.empty((0, n)), np.empty((0, n)), np.empty(0))
         self._quiet = self._condition(0.0, self._no_tones)
         self._schedules = [self._schedule(listener) for listener in listeners]
@@ -137,13 +141,11 @@ class ReceiverBank:
                 n_found, n_rejected = detect(robot, start_s, end_s, row, *shared, gates)
             counts.append(n_found)
             row, n_all_rejected = row + n_found, n_all_rejected + n_rejected
+        if row == 0:
+            return self._nothing._replace(n_rejected=n_all_rejected)
         found = self._gates[thread].given
-        return Detections(
-            np.repeat(np.array(robots, dtype=np.intp), np.array(counts, dtype=np.intp)),
-            found.pulses.take(slice(0, row)).copied(),
-            found.waveforms_v[:row].copy(),
-            n_all_rejected,
-        )
+        robot = np.full(row, robots[0]) if len(robots) == 1 else np.repeat(robots, counts)
+        return Detections(robot, found.pulses.first(row), found.waveforms_v[:row].copy(), n_all_rejected)
 
     def _prepare(self, robot: int, start_s: float, end_s: float, interval: Interval) -> None:
         """Draw what may trigger a receiver, and let what changes with time be as it is now."""

@@ -31,11 +31,6 @@ def cross(
     """For lines (n, 3) to (n, 3): shape (n, n_pieces)."""
     none = np.zeros(solids.owner.size)
     return _cross(starts_m, ends_m, obstacles_of(solids, none, none.astype(np.bool_)), n_pieces)
-        starts_m,
-        ends_m,
-        obstacles_of(solids, np.zeros(solids.owner.size), np.zeros(solids.owner.size, np.bool_)),
-        n_pieces,
-    )
 
 
 def solids_of(yard: Yard) -> Solids:
