@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
 from sensing.radio.edges import (
-    ON_FACE_M,
     OUTER_TURN,
     Corner,
     Point,
@@ -26,7 +25,7 @@ from sensing.radio.materials import WAVELENGTH_M, Substance
 from sensing.radio.obstruction import left_of_line
 from sensing.radio.polarisation import bent, face_mirror, mirrored, radiated, received
 from sensing.radio.surroundings import OWN_FACE_M, Obstacles, Shape, shape_of
-from sensing.radio.vectors import Vector, above_ground, length, minus, towards, upside_down
+from sensing.radio.vectors import Vector, above_ground, towards, upside_down
 
 FloatArray = NDArray[np.float64]
 
@@ -35,7 +34,7 @@ GROUND = -1
 """Row of its material."""
 
 FADES_FROM_DB, FADES_TO_DB = 20.0, 26.0
-"""How far below the loudest path one that bends fades, and is left out (assumed): it changes strengths by 3 %."""
+"""How far below the loudest path one fades, and is left out (assumed): it changes strengths by less than 10 %."""
 
 WEAKEST = 10.0 ** (-FADES_TO_DB / 20.0)
 
@@ -226,6 +225,22 @@ def look_at(corner: Corner, source: Point, target: Point) -> Seen:
 
 
 @compiled
+def past_end(corner: Corner, seen: Seen, face_m: float, source_along: float, rise: float) -> float:
+    """The largest amplitude that the end of an edge leaves of a ray that would bend beyond it; 1 if it does not."""
+    behind_m = face_m + seen.behind_m
+    share = seen.before_m / (seen.before_m + behind_m)
+    at = source_along + share * rise
+    shift = min(max(at, corner.low), corner.high) - at
+    if shift == 0.0:
+        return 1.0
+    return tail(
+        math.hypot(seen.before_m, share * rise + shift)
+        + math.hypot(behind_m, (1.0 - share) * rise - shift)
+        - math.hypot(seen.before_m + behind_m, rise)
+    )
+
+
+@compiled
 def loudest_possible(seen: Seen, face_m: float, passed_m: float, straight_m: float, rise: float) -> float:
     """About the largest amplitude that a ray round one edge, or two, may have, over that 1 m from the source.
 
@@ -246,54 +261,6 @@ def loudest_possible(seen: Seen, face_m: float, passed_m: float, straight_m: flo
         tail(first_m - straight_m) + tail(first_m - seen.mirrored_p_m) + tail(first_m - seen.mirrored_q_m)
     ) / way_m
     return amplitude if face_m == 0.0 else amplitude * tail(round_last_m)
-
-
-@compiled
-def clearance(box: Shape, start: Vector, end: Vector) -> float:
-    """At least the distance of a line from a box, in whose axes both points are; 0 if it may cross.
-
-    It is the largest gap that the sides of the box, or the line on plan, leave between the two.
-    """
-    gap_x = max(min(start.x, end.x), -max(start.x, end.x)) - box.half_x
-    gap_y = max(min(start.y, end.y), -max(start.y, end.y)) - box.half_y
-    gap_z = max(min(start.z, end.z) - box.top_m, lowest(box) - max(start.z, end.z))
-    along_x, along_y = end.x - start.x, end.y - start.y
-    level_m = math.sqrt(along_x * along_x + along_y * along_y) + ON_FACE_M
-    beside = abs(start.x * along_y - start.y * along_x) - box.half_x * abs(along_y) - box.half_y * abs(along_x)
-    return max(gap_x, gap_y, gap_z, beside / level_m, 0.0)
-
-
-@compiled
-def loudest_beside(box: Shape, start: Vector, end: Vector) -> float:
-    """The largest amplitude of an edge of a box so far beside a way."""
-    clear_m, straight_m = clearance(box, start, end), length(minus(end, start))
-    return tail(math.sqrt(straight_m * straight_m + 4.0 * clear_m * clear_m) - straight_m)
-
-
-@compiled
-def loudest_round(box: Shape, source: Vector, target: Vector) -> float:
-    """About the largest amplitude that any ray round a box may have, over that 1 m from the source.
-
-    It is what Fresnel's integrals leave beside the straight way, and beside those by the mirrors of its faces.
-
-    Args:
-        box: As said.
-        source: In the axes of the box, with its height above ground, or below if it is its image.
-        target: Likewise.
-    """
-    in_x = in_y = 0.0
-    for side in (-2.0, 2.0):
-        in_x = max(in_x, loudest_beside(box, Vector(side * box.half_x - source.x, source.y, source.z), target))
-        in_y = max(in_y, loudest_beside(box, Vector(source.x, side * box.half_y - source.y, source.z), target))
-    in_z = loudest_beside(box, Vector(source.x, source.y, 2.0 * box.top_m - source.z), target)
-    return (loudest_beside(box, source, target) + in_x + in_y + in_z) / length(minus(target, source))
-
-
-@compiled
-def in_axes(box: Shape, at: Vector) -> Vector:
-    """A point in the axes of a box, about its middle, with its height."""
-    x, y = at.x - box.x, at.y - box.y
-    return Vector(box.cos * x + box.sin * y, box.cos * y - box.sin * x, at.z)
 
 
 class Bending(NamedTuple):
@@ -332,8 +299,6 @@ def bend(bending: Bending, obstacles: Obstacles, k: int, rays: BentRays, n: int)
     """
     emitter, target, by_ground, share, material, ground = bending
     box, start = shape_of(obstacles, k), upside_down(emitter.at) if by_ground else emitter.at
-    if loudest_round(box, in_axes(box, start), in_axes(box, target)) * share < WEAKEST * rays.loudest[0]:
-        return n
     before_m, behind_m, passed_m, mirrored_m = np.empty(4), np.empty(4), np.empty(4), np.empty((4, 2))
     for family in range(3):
         frame = frame_of(box, family)
@@ -346,6 +311,7 @@ def bend(bending: Bending, obstacles: Obstacles, k: int, rays: BentRays, n: int)
             before_m[i], behind_m[i], mirrored_m[i, 0], mirrored_m[i, 1] = seen
             passed_m[i] = distance(corner, goal)
         for i in range(n_edges):
+            weakest = WEAKEST * rays.loudest[0]
             if before_m[i] < 0.0:
                 continue
             first = corner_of(box, family, ORDER[family][i])
@@ -356,7 +322,8 @@ def bend(bending: Bending, obstacles: Obstacles, k: int, rays: BentRays, n: int)
                 last = corner_of(box, family, ORDER[family][j])
                 face_m = math.hypot(last.p - first.p, last.q - first.q)
                 seen = Seen(before_m[i], behind_m[j], mirrored_m[i, 0], mirrored_m[i, 1])
-                if loudest_possible(seen, face_m, passed_m[i], straight_m, rise) * share < WEAKEST * rays.loudest[0]:
+                most = share * loudest_possible(seen, face_m, passed_m[i], straight_m, rise)
+                if most < weakest or most * past_end(first, seen, face_m, source.along, rise) < weakest:
                     continue
                 faces = faces_of(first, source, goal, material)
                 if step == 0:
@@ -375,7 +342,7 @@ def bend(bending: Bending, obstacles: Obstacles, k: int, rays: BentRays, n: int)
                 wedges = WedgeCoefficients(ray.soft, ray.hard)
                 coefficient = receive_bent(way, wedges, emitter.axis, ground, by_ground)
                 way_m = ray.before_m + ray.between_m + ray.behind_m
-                if share * abs(coefficient) < WEAKEST * rays.loudest[0] * way_m:
+                if share * abs(coefficient) < weakest * way_m:
                     continue
                 before = left_of_line(emitter.at, above_ground(way.first), obstacles, k)
                 behind = left_of_line(above_ground(way.last), target, obstacles, k)

@@ -171,14 +171,11 @@ def count_bends(obstacles: Obstacles) -> int:
 
 
 @compiled
-def fade_out(rays: BentRays, n: int, target: Vector) -> None:
-    """Let go of bent rays that are far weaker than the loudest: their coefficients become smaller, or 0."""
-    for i in range(n):
-        ray = rays.rows[i]
-        way_m = ray.extra_m + length(minus(target, Vector(ray.x, ray.y, ray.z)))
-        below_db = 20.0 * math.log10(max(rays.loudest[0] * way_m / max(abs(ray.coefficient), TINY), 1.0))
-        fades = min(max((below_db - FADES_FROM_DB) / (FADES_TO_DB - FADES_FROM_DB), 0.0), 1.0)
-        ray.coefficient *= 1.0 - fades * fades * (3.0 - 2.0 * fades)
+def fading(amplitude: float, loudest: float) -> float:
+    """Share that is left of a path that is far weaker than the loudest, 0 from `FADES_TO_DB` on."""
+    below_db = 20.0 * math.log10(max(loudest / max(amplitude, TINY * loudest), 1.0))
+    fades = min(max((below_db - FADES_FROM_DB) / (FADES_TO_DB - FADES_FROM_DB), 0.0), 1.0)
+    return 1.0 - fades * fades * (3.0 - 2.0 * fades)
 
 
 @compiled
@@ -197,7 +194,7 @@ def find_ray_paths(
     faces, materials, obstacles = surroundings
     n_sources, n_faces, n_rays = is_emitting.size, faces.owner.size, 2 * MOST_RAYS * count_bends(obstacles)
     n_most = is_emitting.sum() * (1 + n_faces + n_rays)
-    source, from_m, extra_m = np.empty(n_most, np.intp), np.empty((n_most, 3)), np.zeros(n_most)
+    source, from_m, extra_m = np.empty(n_most, np.intp), np.empty((n_most, 3)), np.empty(n_most)
     coefficient = np.empty(n_most, np.complex128)
     first, n_paths = np.zeros(n_sources, np.intp), np.zeros(n_sources, np.intp)
     rays = BentRays(np.empty(n_rays, BENT_RAY), np.zeros(1))
@@ -214,6 +211,7 @@ def find_ray_paths(
         if left > 0.0:
             straight = towards(emitter.at, target)
             from_m[n, 0], from_m[n, 1], from_m[n, 2] = emitter.at
+            extra_m[n] = 0.0
             coefficient[n] = left * received(radiated(emitter.axis, straight), straight)
             n += 1
         for f in range(n_faces):
@@ -232,17 +230,22 @@ def find_ray_paths(
             if is_on_face:
                 coefficient[n] = reflect(emitter, target, face, by, substance_of(materials, face.owner), obstacles)
                 from_m[n, 0], from_m[n, 1], from_m[n, 2] = by.image
+                extra_m[n] = 0.0
                 n += coefficient[n] != 0.0
         for i in range(first[s], n):
             level = abs(coefficient[i]) / length(minus(target, vector(from_m[i])))
             rays.loudest[0] = max(rays.loudest[0], level)
         n_bent = bend_round_all(emitter, target, obstacles, materials, ground_mirrors, rays) if n_rays else 0
-        fade_out(rays, n_bent, target)
         for i in range(n_bent):
-            ray = rays.rows[i]
-            if ray.coefficient != 0.0:
-                from_m[n, 0], from_m[n, 1], from_m[n, 2] = ray.x, ray.y, ray.z
-                extra_m[n], coefficient[n] = ray.extra_m, ray.coefficient
+            from_m[n, 0], from_m[n, 1], from_m[n, 2] = rays.rows[i].x, rays.rows[i].y, rays.rows[i].z
+            extra_m[n], coefficient[n] = rays.rows[i].extra_m, rays.rows[i].coefficient
+            n += 1
+        n_found, n = n, first[s]
+        for i in range(first[s], n_found):
+            way_m = extra_m[i] + length(minus(target, vector(from_m[i])))
+            left = fading(abs(coefficient[i]) / way_m, rays.loudest[0])
+            if left > 0.0:
+                from_m[n], extra_m[n], coefficient[n] = from_m[i], extra_m[i], left * coefficient[i]
                 n += 1
         n_paths[s] = n - first[s]
         source[first[s] : n] = s
