@@ -64,16 +64,26 @@ BENT_RAY = np.dtype(
 there; and what a circular antenna receives of it, over a straight ray as long."""
 
 
+SEEN_EDGE = np.dtype(
+    [(name, np.float64) for name in ("before_m", "behind_m", "mirrored_p_m", "mirrored_q_m", "passed_m")]
+)
+    [(name, np.float64) for name in ("before_m", "behind_m", "mirrored_p_m", "mirrored_q_m", "passed_m")]
+)
+"""An edge as of `Seen`, and the distance of the target from it even if it is hidden."""
+
+
 class BentRays(NamedTuple):
     """Rays, of which the first so many are there.
 
     Attributes:
         rows: A row of `BENT_RAY` each.
+        edges: Room for the edges of one family, four rows of `SEEN_EDGE`.
         loudest: Largest amplitude at the array of any ray so far, straight ones included, over that 1 m from the
             source; shape (1,).
     """
 
     rows: NDArray[np.void]
+    edges: NDArray[np.void]
     loudest: FloatArray
 
 
@@ -299,7 +309,7 @@ def bend(bending: Bending, obstacles: Obstacles, k: int, rays: BentRays, n: int)
     """
     emitter, target, by_ground, share, material, ground = bending
     box, start = shape_of(obstacles, k), upside_down(emitter.at) if by_ground else emitter.at
-    before_m, behind_m, passed_m, mirrored_m = np.empty(4), np.empty(4), np.empty(4), np.empty((4, 2))
+    edges = rays.edges
     for family in range(3):
         frame = frame_of(box, family)
         source, goal = in_frame(frame, start), in_frame(frame, target)
@@ -308,21 +318,22 @@ def bend(bending: Bending, obstacles: Obstacles, k: int, rays: BentRays, n: int)
         for i in range(n_edges):
             corner = corner_of(box, family, ORDER[family][i])
             seen = look_at(corner, source, goal)
-            before_m[i], behind_m[i], mirrored_m[i, 0], mirrored_m[i, 1] = seen
-            passed_m[i] = distance(corner, goal)
+            edges[i].before_m, edges[i].behind_m = seen.before_m, seen.behind_m
+            edges[i].mirrored_p_m, edges[i].mirrored_q_m = seen.mirrored_p_m, seen.mirrored_q_m
+            edges[i].passed_m = distance(corner, goal)
         for i in range(n_edges):
             weakest = WEAKEST * rays.loudest[0]
-            if before_m[i] < 0.0:
+            if edges[i].before_m < 0.0:
                 continue
             first = corner_of(box, family, ORDER[family][i])
             for step in (0, 1, 3):
                 j = (i + step) % 4 if family == 0 else (i if step == 0 else i ^ 1)
-                if behind_m[j] < 0.0 or (family > 0 and step == 3):
+                if edges[j].behind_m < 0.0 or (family > 0 and step == 3):
                     continue
                 last = corner_of(box, family, ORDER[family][j])
                 face_m = math.hypot(last.p - first.p, last.q - first.q)
-                seen = Seen(before_m[i], behind_m[j], mirrored_m[i, 0], mirrored_m[i, 1])
-                most = share * loudest_possible(seen, face_m, passed_m[i], straight_m, rise)
+                seen = Seen(edges[i].before_m, edges[j].behind_m, edges[i].mirrored_p_m, edges[i].mirrored_q_m)
+                most = share * loudest_possible(seen, face_m, edges[i].passed_m, straight_m, rise)
                 if most < weakest or most * past_end(first, seen, face_m, source.along, rise) < weakest:
                     continue
                 faces = faces_of(first, source, goal, material)

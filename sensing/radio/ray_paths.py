@@ -15,6 +15,7 @@ from sensing.radio.bends import (
     FADES_TO_DB,
     GROUND,
     MOST_RAYS,
+    SEEN_EDGE,
     Bending,
     BentRays,
     Emitter,
@@ -53,12 +54,6 @@ class RayPaths(NamedTuple):
     coefficient: NDArray[np.complex128]
     first: IntArray
     n_paths: IntArray
-
-
-@compiled
-def vector(row: FloatArray) -> Vector:
-    """Of a row of three."""
-    return Vector(row[0], row[1], row[2])
 
 
 @compiled
@@ -197,7 +192,7 @@ def find_ray_paths(
     source, from_m, extra_m = np.empty(n_most, np.intp), np.empty((n_most, 3)), np.empty(n_most)
     coefficient = np.empty(n_most, np.complex128)
     first, n_paths = np.zeros(n_sources, np.intp), np.zeros(n_sources, np.intp)
-    rays = BentRays(np.empty(n_rays, BENT_RAY), np.zeros(1))
+    rays = BentRays(np.empty(n_rays, BENT_RAY), np.empty(4, SEEN_EDGE), np.zeros(1))
     ground_mirrors = False
     for f in range(n_faces):
         ground_mirrors |= faces.owner[f] == GROUND and materials.flat_share[GROUND] > 0.0
@@ -205,7 +200,9 @@ def find_ray_paths(
     for s in range(n_sources):
         if not is_emitting[s]:
             continue
-        emitter = Emitter(vector(sources_m[s]), vector(axes[s]))
+        emitter = Emitter(
+            Vector(sources_m[s, 0], sources_m[s, 1], sources_m[s, 2]), Vector(axes[s, 0], axes[s, 1], axes[s, 2])
+        )
         first[s], rays.loudest[0] = n, 0.0
         left = passes_straight(emitter.at, target, obstacles)
         if left > 0.0:
@@ -233,7 +230,8 @@ def find_ray_paths(
                 extra_m[n] = 0.0
                 n += coefficient[n] != 0.0
         for i in range(first[s], n):
-            level = abs(coefficient[i]) / length(minus(target, vector(from_m[i])))
+            way_m = length(minus(target, Vector(from_m[i, 0], from_m[i, 1], from_m[i, 2])))
+            level = abs(coefficient[i]) / way_m
             rays.loudest[0] = max(rays.loudest[0], level)
         n_bent = bend_round_all(emitter, target, obstacles, materials, ground_mirrors, rays) if n_rays else 0
         for i in range(n_bent):
@@ -242,10 +240,11 @@ def find_ray_paths(
             n += 1
         n_found, n = n, first[s]
         for i in range(first[s], n_found):
-            way_m = extra_m[i] + length(minus(target, vector(from_m[i])))
+            way_m = extra_m[i] + length(minus(target, Vector(from_m[i, 0], from_m[i, 1], from_m[i, 2])))
             left = fading(abs(coefficient[i]) / way_m, rays.loudest[0])
             if left > 0.0:
-                from_m[n], extra_m[n], coefficient[n] = from_m[i], extra_m[i], left * coefficient[i]
+                from_m[n, 0], from_m[n, 1], from_m[n, 2] = from_m[i, 0], from_m[i, 1], from_m[i, 2]
+                extra_m[n], coefficient[n] = extra_m[i], left * coefficient[i]
                 n += 1
         n_paths[s] = n - first[s]
         source[first[s] : n] = s
