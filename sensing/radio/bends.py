@@ -67,8 +67,6 @@ there; and what a circular antenna receives of it, over a straight ray as long."
 SEEN_EDGE = np.dtype(
     [(name, np.float64) for name in ("before_m", "behind_m", "mirrored_p_m", "mirrored_q_m", "passed_m")]
 )
-    [(name, np.float64) for name in ("before_m", "behind_m", "mirrored_p_m", "mirrored_q_m", "passed_m")]
-)
 """An edge as of `Seen`, and the distance of the target from it even if it is hidden."""
 
 

@@ -38,7 +38,7 @@ def test_a_half_plane_is_sommerfelds(leaving_deg: float, is_soft: bool) -> None:
         root = -math.sqrt(2 * K * rho_m) * math.cos(0.5 * angle)
         sine, cosine = fresnel_integrals(root * math.sqrt(2 / np.pi))
         tail = math.sqrt(np.pi / 2) * ((0.5 - cosine) - 1j * (0.5 - sine))
-        return cmath.exp(0.25j * np.pi) / math.sqrt(np.pi) * cmath.exp(1j * K * rho_m * math.cos(angle)) * tail
+        return complex(cmath.exp(0.25j * np.pi) / math.sqrt(np.pi) * cmath.exp(1j * K * rho_m * math.cos(angle)) * tail)
 
     exact = half(leaving - incident) + (-1 if is_soft else 1) * half(leaving + incident)
     both = wedge(incident, leaving, 2.0, K * rho_m, METAL)

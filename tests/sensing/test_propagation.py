@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pytest
@@ -163,7 +163,7 @@ def test_losses_of_pieces_in_a_row_add_up_in_decibels() -> None:
 @pytest.mark.parametrize("is_upright", [True, False])
 def test_direct_and_ground_wave_add_up_to_the_two_ray_law(is_upright: bool) -> None:
     """Complex sum over 2 to 60 m, both polarisations, by Fresnel's own formulas: within 0.1 dB."""
-    ground = Faces(*(column[:1] for column in ground_and_wall()))
+    ground = Faces(*(cast("Any", column[:1]) for column in ground_and_wall()))
     surroundings = Surroundings.of_materials([], ground, Solids.none(), GRAVEL)
     k, up_m, down_m = 2 * np.pi / WAVELENGTH_M, 1.4, 0.6
     for distance_m in np.linspace(2.0, 60.0, 300):
