@@ -47,13 +47,13 @@ class Material(NamedTuple):
 
 
 class Materials(NamedTuple):
-    """What pieces of equipment are made of, as compiled loops read it; the last row is the ground's.
+    """Materials as compiled loops read them, a row each.
 
     Attributes:
-        permittivity: Shape (n_pieces + 1,).
-        conductivity_spm: Shape (n_pieces + 1,).
-        log_loss: Logarithm of the amplitude that passes, <= 0, shape (n_pieces + 1,).
-        flat_share: Shape (n_pieces + 1,).
+        permittivity: Shape (n_materials,).
+        conductivity_spm: Shape (n_materials,).
+        log_loss: Logarithm of the amplitude that passes, <= 0, shape (n_materials,).
+        flat_share: Shape (n_materials,).
     """
 
     permittivity: NDArray[np.float64]
@@ -62,9 +62,10 @@ class Materials(NamedTuple):
     flat_share: NDArray[np.float64]
 
     @classmethod
-    def of(cls, pieces: Sequence[Material], ground: Material) -> Materials:
-        """Of known materials."""
-        permittivity, conductivity_spm, loss_db, flat_share = np.array([*pieces, ground], dtype=np.float64).T
+    def of(cls, materials: Sequence[Material]) -> Materials:
+        """Known materials, a row each."""
+        columns = np.array(materials, dtype=np.float64).reshape(-1, 4).T
+        permittivity, conductivity_spm, loss_db, flat_share = columns
         return cls(permittivity.copy(), conductivity_spm.copy(), -np.log(10.0) / 20 * loss_db, flat_share.copy())
 
 
@@ -144,3 +145,6 @@ KIND_MATERIALS: dict[str, Material] = {
     "wall": CONCRETE,
 }
 """Material of every kind of equipment that a yard may hold."""
+
+ROUND_MATERIALS: dict[str, Material] = {"circuit_breaker": PORCELAIN, "power_transformer": PORCELAIN}
+"""Of what is round about a kind of equipment, where that is not as the rest: poles and bushings are insulators."""

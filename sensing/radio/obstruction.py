@@ -26,6 +26,9 @@ diffraction parameter is below `CLEAR`, in the middle as well."""
 CLEAR = -0.78
 """Diffraction parameter below which an edge takes nothing away (ITU-R P.526)."""
 
+BREADTH = 0.95
+"""Of the box that stands for a round solid, across the line that it faces, over that of the solid."""
+
 NOBODY = -1
 
 
@@ -110,6 +113,39 @@ def crosses(way: Line, solid: Shape) -> bool:
     )
     enters, leaves = max(plan.enters, upright.enters), min(plan.leaves, upright.leaves)
     return max(enters, 0.0) < min(leaves, 1.0) and enters < 1.0 - BARELY and leaves > BARELY
+
+
+@compiled
+def facing(way: Line, solid: Shape) -> Shape:
+    """What bends waves along a line: a round solid as the box within it that faces the line, a box as it is."""
+    if solid.radius_m == 0.0:
+        return solid
+    return Shape(
+        solid.x,
+        solid.y,
+        way.ahead_x,
+        way.ahead_y,
+        math.sqrt(1.0 - BREADTH * BREADTH) * solid.radius_m,
+        BREADTH * solid.radius_m,
+        0.0,
+        solid.radius_m,
+        solid.bottom_m,
+        solid.top_m,
+    )
+
+
+@compiled
+def passes_straight(start: Vector, end: Vector, obstacles: Obstacles) -> float:
+    """Amplitude that is left of a straight path: nothing behind what is opaque, for waves come round that."""
+    left, counted, way = 1.0, -1, line(start, end)
+    for k in range(obstacles.size):
+        if obstacles[k].log_loss == -np.inf:
+            if crosses(way, facing(way, shape_of(obstacles, k))):
+                return 0.0
+        elif obstacles[k].owner != counted and crosses(way, shape_of(obstacles, k)):
+            left *= math.exp(obstacles[k].log_loss)
+            counted = obstacles[k].owner
+    return left
 
 
 @compiled

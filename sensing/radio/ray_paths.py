@@ -22,9 +22,10 @@ from sensing.radio.bends import (
     bend,
 )
 from sensing.radio.materials import Materials, Substance, substance_of
-from sensing.radio.obstruction import NOBODY, crosses, left_of_line, line, shadow
-from sensing.radio.polarisation import face_mirror, mirrored, radiated, received
-from sensing.radio.surroundings import OWN_FACE_M, Faces, Obstacles, Surroundings, shape_of
+from sensing.radio.mirrors import face_of, reflect, reflect_round, reflection
+from sensing.radio.obstruction import NOBODY, line, passes_straight, shadow
+from sensing.radio.polarisation import radiated, received
+from sensing.radio.surroundings import OWN_FACE_M, Obstacles, Surroundings, shape_of, substance_of_solid
 from sensing.radio.vectors import TINY, Vector, dot, length, minus, towards
 
 FloatArray = NDArray[np.float64]
@@ -57,80 +58,6 @@ class RayPaths(NamedTuple):
 
 
 @compiled
-def passes_straight(start: Vector, end: Vector, obstacles: Obstacles) -> float:
-    """Amplitude that is left of a straight path: nothing behind what waves bend round."""
-    left, counted, way = 1.0, -1, line(start, end)
-    for k in range(obstacles.size):
-        if obstacles[k].owner != counted and crosses(way, shape_of(obstacles, k)):
-            left *= math.exp(obstacles[k].log_loss)
-            counted = obstacles[k].owner
-            if left == 0.0:
-                return 0.0
-    return left
-
-
-class Face(NamedTuple):
-    """One flat face, as compiled loops hand it on: as of `Faces`."""
-
-    owner: int
-    normal: Vector
-    centre: Vector
-
-
-@compiled
-def face_of(faces: Faces, f: int) -> Face:
-    """Face f."""
-    return Face(
-        faces.owner[f],
-        Vector(faces.normal[f, 0], faces.normal[f, 1], faces.normal[f, 2]),
-        Vector(faces.centre_m[f, 0], faces.centre_m[f, 1], faces.centre_m[f, 2]),
-    )
-
-
-class Reflection(NamedTuple):
-    """Where a face mirrors a ray.
-
-    Attributes:
-        image: Of the source.
-        at: On the face.
-    """
-
-    image: Vector
-    at: Vector
-
-
-@compiled
-def reflection(face: Face, source: Vector, depth_m: float, target: Vector, height_m: float) -> Reflection:
-    """In the plane of a face, above which source and target are so high."""
-    normal, share = face.normal, depth_m / (depth_m + height_m)
-    image = Vector(
-        source.x - 2.0 * depth_m * normal.x,
-        source.y - 2.0 * depth_m * normal.y,
-        source.z - 2.0 * depth_m * normal.z,
-    )
-    way = minus(target, image)
-    return Reflection(image, Vector(image.x + share * way.x, image.y + share * way.y, image.z + share * way.z))
-
-
-@compiled
-def reflect(
-    emitter: Emitter, target: Vector, face: Face, by: Reflection, material: Substance, obstacles: Obstacles
-) -> complex:
-    """What is received by a mirror."""
-    normal, at = face.normal, by.at
-    arrives, leaves = towards(emitter.at, at), towards(at, target)
-    mirror = face_mirror(abs(dot(leaves, normal)), material)
-    field = mirrored(radiated(emitter.axis, arrives), arrives, leaves, normal, mirror)
-    off = Vector(at.x + 1e-9 * normal.x, at.y + 1e-9 * normal.y, at.z + 1e-9 * normal.z)
-    if face.owner == GROUND:  # what is cut off here comes round edges
-        left = passes_straight(emitter.at, off, obstacles) * passes_straight(off, target, obstacles)
-    else:
-        left = left_of_line(emitter.at, off, obstacles, NOBODY)
-        left *= left_of_line(off, target, obstacles, NOBODY)
-    return received(field, leaves) * left
-
-
-@compiled
 def bend_round_all(
     emitter: Emitter,
     target: Vector,
@@ -149,7 +76,9 @@ def bend_round_all(
         share = 1.0 if deepest <= 0.0 else min(max(1.0 - (deepest - max(nus[k], 0.0)) / SHARES_OVER, 0.0), 1.0)
         if not obstacles[k].bends or share == 0.0:
             continue
-        material = substance_of(materials, obstacles[k].owner)
+        material = substance_of_solid(obstacles, k)
+        if obstacles[k].radius_m > 0.0:  # as P.526 has it: what is round mirrors on its own
+            material = Substance(material.permittivity, material.conductivity_spm, material.log_loss, 0.0)
         for by_ground in range(2 if ground_mirrors else 1):
             bending = Bending(emitter, target, by_ground == 1, share, material, ground)
             n = bend(bending, obstacles, k, rays, n)
@@ -188,7 +117,7 @@ def find_ray_paths(
     """
     faces, materials, obstacles = surroundings
     n_sources, n_faces, n_rays = is_emitting.size, faces.owner.size, 2 * MOST_RAYS * count_bends(obstacles)
-    n_most = is_emitting.sum() * (1 + n_faces + n_rays)
+    n_most = is_emitting.sum() * (1 + n_faces + obstacles.size + n_rays)
     source, from_m, extra_m = np.empty(n_most, np.intp), np.empty((n_most, 3)), np.empty(n_most)
     coefficient = np.empty(n_most, np.complex128)
     first, n_paths = np.zeros(n_sources, np.intp), np.zeros(n_sources, np.intp)
@@ -225,14 +154,22 @@ def find_ray_paths(
                 )
                 is_on_face &= abs(aside_m) <= faces.half_size_m[f, axis]
             if is_on_face:
-                coefficient[n] = reflect(emitter, target, face, by, substance_of(materials, face.owner), obstacles)
+                material = substance_of(materials, face.owner)
+                coefficient[n] = reflect(emitter, target, face, by, material, obstacles, NOBODY)
                 from_m[n, 0], from_m[n, 1], from_m[n, 2] = by.image
                 extra_m[n] = 0.0
                 n += coefficient[n] != 0.0
         for i in range(first[s], n):
             way_m = length(minus(target, Vector(from_m[i, 0], from_m[i, 1], from_m[i, 2])))
-            level = abs(coefficient[i]) / way_m
-            rays.loudest[0] = max(rays.loudest[0], level)
+            rays.loudest[0] = max(rays.loudest[0], abs(coefficient[i]) / way_m)
+        for k in range(obstacles.size):
+            if obstacles[k].radius_m == 0.0:
+                continue
+            echo = reflect_round(emitter, target, obstacles, k, rays.loudest[0])
+            if echo.coefficient != 0.0:
+                from_m[n, 0], from_m[n, 1], from_m[n, 2] = echo.image
+                extra_m[n], coefficient[n] = 0.0, echo.coefficient
+                n += 1
         n_bent = bend_round_all(emitter, target, obstacles, materials, ground_mirrors, rays) if n_rays else 0
         for i in range(n_bent):
             from_m[n, 0], from_m[n, 1], from_m[n, 2] = rays.rows[i].x, rays.rows[i].y, rays.rows[i].z

@@ -1,8 +1,4 @@
-"""From source to element: spreading and delay, what stands in between, and what mirrors.
-
-Geometric optics of the first order: the direct path, and one reflection in every flat face, as if from the source's
-mirror image. Edges do not diffract and round equipment does not mirror; what bends round equipment is part of its loss.
-"""
+"""What stands about: flat faces that mirror, solids in the way, what both are made of; and straight lines between."""
 
 from __future__ import annotations
 
@@ -14,7 +10,7 @@ from numpy.typing import NDArray
 
 from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
 from dirmusic.compiled import compiled
-from sensing.radio.materials import GRAVEL, KIND_MATERIALS, Material, Materials
+from sensing.radio.materials import GRAVEL, KIND_MATERIALS, ROUND_MATERIALS, Material, Materials, Substance
 
 FloatArray = NDArray[np.float64]
 
@@ -98,17 +94,21 @@ class Shape(NamedTuple):
 
 
 OBSTACLE = np.dtype(
-    [*((name, np.float64) for name in Shape._fields), ("log_loss", np.float64), ("owner", np.intp), ("bends", np.bool_)]
+    [
+        *((name, np.float64) for name in (*Shape._fields, *Substance._fields)),
+        ("owner", np.intp),
+        ("bends", np.bool_),
+    ]
 )
-"""A solid with its `Shape`, the logarithm of the amplitude that passes it, <= 0, the piece of equipment that it is a
-part of, and whether waves bend round its edges. Rows of one array: compiled functions take that at no cost."""
+"""A solid with its `Shape` and its `Substance`, the piece of equipment that it is a part of, and whether waves bend
+round its edges. Rows of one array: compiled functions take that at no cost."""
 
 Obstacles = NDArray[np.void]
 """What stands in the way, rows of `OBSTACLE`."""
 
 
-def obstacles_of(solids: Solids, log_loss: FloatArray, bends: NDArray[np.bool_]) -> Obstacles:
-    """Solids with what passes each, and which of them bend waves round their edges; all of shape (n_solids,)."""
+def obstacles_of(solids: Solids, materials: Sequence[Material]) -> Obstacles:
+    """Solids, and what each is made of."""
     table = np.empty(solids.owner.size, OBSTACLE)
     table["x"], table["y"] = solids.centre_m.T
     table["cos"], table["sin"] = np.cos(solids.yaw_rad), np.sin(solids.yaw_rad)
@@ -116,7 +116,10 @@ def obstacles_of(solids: Solids, log_loss: FloatArray, bends: NDArray[np.bool_])
     table["radius_m"] = solids.radius_m
     table["reach_m"] = np.maximum(np.hypot(table["half_x"], table["half_y"]), solids.radius_m)
     table["bottom_m"], table["top_m"] = solids.bottom_m, solids.top_m
-    table["log_loss"], table["owner"], table["bends"] = log_loss, solids.owner, bends
+    of = Materials.of(materials)
+    for name in Substance._fields:
+        table[name] = getattr(of, name)
+    table["owner"], table["bends"] = solids.owner, [material.bends for material in materials]
     return table
 
 
@@ -125,6 +128,13 @@ def shape_of(obstacles: Obstacles, k: int) -> Shape:
     """Solid k."""
     of = obstacles[k]
     return Shape(of.x, of.y, of.cos, of.sin, of.half_x, of.half_y, of.radius_m, of.reach_m, of.bottom_m, of.top_m)
+
+
+@compiled
+def substance_of_solid(obstacles: Obstacles, k: int) -> Substance:
+    """What solid k is made of."""
+    of = obstacles[k]
+    return Substance(of.permittivity, of.conductivity_spm, of.log_loss, of.flat_share)
 
 
 class Rays(NamedTuple):
@@ -182,8 +192,8 @@ class Surroundings(NamedTuple):
 
     Attributes:
         faces: Flat faces that mirror.
-        materials: Of each piece of equipment, and of the ground, which is last: the owner of its face is -1.
-        obstacles: Solids that the pieces are made of.
+        materials: Of the faces of each piece of equipment, and of the ground, which is last, for its owner is -1.
+        obstacles: Solids that the pieces are made of, with their own materials.
     """
 
     faces: Faces
@@ -192,21 +202,22 @@ class Surroundings(NamedTuple):
 
     @classmethod
     def of_kinds(cls, kinds: Sequence[str], faces: Faces, solids: Solids, ground: Material = GRAVEL) -> Self:
-        """Equipment of known kinds, one for each piece.
+        """Equipment of known kinds, one for each piece; what is round may be of another material than what is flat.
 
         Raises:
             KeyError: If a kind is not in `KIND_MATERIALS`.
         """
-        return cls.of_materials([KIND_MATERIALS[kind] for kind in kinds], faces, solids, ground)
+        flat = [KIND_MATERIALS[kind] for kind in kinds]
+        round_ones = [ROUND_MATERIALS.get(kind, KIND_MATERIALS[kind]) for kind in kinds]
+        pairs = zip(solids.owner, solids.radius_m, strict=True)
+        of_solids = [(round_ones if radius_m > 0.0 else flat)[int(piece)] for piece, radius_m in pairs]
+        return cls(faces, Materials.of([*flat, ground]), obstacles_of(solids, of_solids))
 
     @classmethod
     def of_materials(cls, pieces: Sequence[Material], faces: Faces, solids: Solids, ground: Material = GRAVEL) -> Self:
         """Equipment of known materials, one for each piece."""
-        materials = Materials.of(pieces, ground)
-        bends = np.array([pieces[int(piece)].bends for piece in solids.owner], dtype=np.bool_) & (
-            solids.radius_m == 0.0
-        )
-        return cls(faces, materials, obstacles_of(solids, materials.log_loss[solids.owner], bends))
+        of_solids = [pieces[int(piece)] for piece in solids.owner]
+        return cls(faces, Materials.of([*pieces, ground]), obstacles_of(solids, of_solids))
 
     @classmethod
     def free_space(cls) -> Self:
