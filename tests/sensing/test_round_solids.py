@@ -65,14 +65,16 @@ def test_past_a_cylinder_the_field_swings_as_it_should(radius_m: float) -> None:
         assert 20 * np.log10(abs(rays(radius_m, source, target)[0].sum())) == pytest.approx(expected_db, abs=2.0)
 
 
-@pytest.mark.parametrize("radius_m", [0.3, 0.8, 1.5])
-@pytest.mark.parametrize("degrees", [0.0, 40.0, 80.0, 110.0])
+@pytest.mark.parametrize("radius_m", [0.42, 0.8, 1.5])
+@pytest.mark.parametrize("degrees", [70.0, 90.0, 110.0])
 def test_a_cylinder_mirrors_what_geometric_optics_and_the_exact_solution_say(radius_m: float, degrees: float) -> None:
-    source = (-7.0, 0.0)
-    target = (-5.0 * np.cos(np.radians(degrees)) - 0.1, -5.0 * np.sin(np.radians(degrees)))
-    fields, _ = rays(radius_m, source, target)
-    for is_soft in (True, False):
-        echo = exact(radius_m, source, target, is_soft) - 1.0
-        assert abs(fields[1]) == pytest.approx(abs(echo), rel=0.15)
-    ours, expected = fields[1] / fields[0], exact(radius_m, source, target, is_soft=True) - 1.0
-    assert np.degrees(np.angle(ours / expected)) == pytest.approx(0.0, abs=15.0)
+    """Within 1 dB, 2 dB where the radius is but two wavelengths; a wave from a point falls off faster than from a line."""
+    source = (-4.0, 0.0)
+    target = (-4.0 * np.cos(np.radians(degrees)), -4.0 * np.sin(np.radians(degrees)))
+    fields, from_m = rays(radius_m, source, target)
+    straight_m, way_m = (float(np.linalg.norm(place - target)) for place in from_m[:2])
+    echo = fields[1] / fields[0] * np.sqrt(way_m / straight_m)
+    for is_soft, sign in ((True, 1.0), (False, -1.0)):
+        expected = exact(radius_m, source, target, is_soft) - 1.0
+        assert 20 * np.log10(abs(echo) / abs(expected)) == pytest.approx(0.0, abs=2.0 if radius_m < 0.5 else 1.0)
+        assert np.degrees(np.angle(sign * echo / expected)) == pytest.approx(0.0, abs=12.0)
