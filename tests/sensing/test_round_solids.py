@@ -77,4 +77,4 @@ def test_a_cylinder_mirrors_what_geometric_optics_and_the_exact_solution_say(rad
     for is_soft, sign in ((True, 1.0), (False, -1.0)):
         expected = exact(radius_m, source, target, is_soft) - 1.0
         assert 20 * np.log10(abs(echo) / abs(expected)) == pytest.approx(0.0, abs=2.0)
-        assert np.degrees(np.angle(sign * echo / expected)) == pytest.approx(0.0, abs=12.0)
+        assert np.degrees(np.angle(sign * echo / expected)) == pytest.approx(0.0, abs=15.0)
