@@ -13,8 +13,8 @@ from sensing.radio.polarisation import face_mirror, mirrored, radiated, received
 from sensing.radio.surroundings import OWN_FACE_M, Faces, Obstacles, Shape, shape_of, substance_of_solid
 from sensing.radio.vectors import Vector, dot, minus, towards
 
-STEPS = 24
-"""Halvings of the arc on which a round solid mirrors: to a ten-millionth of it."""
+STEPS = 14
+"""Halvings of the arc on which a round solid mirrors: to a ten-thousandth of it, and its length to far less."""
 
 
 class Face(NamedTuple):
@@ -139,10 +139,10 @@ def reflect_round(emitter: Emitter, target: Vector, obstacles: Obstacles, k: int
     none = RoundEcho(0j, source)
     before_m = math.hypot(source.x - solid.x, source.y - solid.y) - solid.radius_m
     behind_m = math.hypot(target.x - solid.x, target.y - solid.y) - solid.radius_m
-    if before_m <= OWN_FACE_M or behind_m <= 0.0 or material.flat_share == 0.0:
+    if before_m <= OWN_FACE_M or behind_m <= 0.0:
         return none
-    way_m = before_m + behind_m
-    if material.flat_share * math.sqrt(0.5 * solid.radius_m / (before_m * behind_m * way_m)) < WEAKEST * loudest:
+    most = obstacles[k].mirrors * math.sqrt(0.5 * solid.radius_m / (before_m * behind_m * (before_m + behind_m)))
+    if most <= WEAKEST * loudest:
         return none
     azimuth = normal_of_round(solid, source, target)
     normal = Vector(math.cos(azimuth), math.sin(azimuth), 0.0)

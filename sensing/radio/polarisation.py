@@ -11,12 +11,8 @@ from typing import NamedTuple
 
 from dirmusic.compiled import compiled
 from sensing.radio.fresnel import Mirror, WedgeCoefficients
-from sensing.radio.materials import FREQUENCY_GHZ, Substance
+from sensing.radio.materials import FREQUENCY_GHZ, LOSS_FACTOR, Substance
 from sensing.radio.vectors import Vector, across
-
-LOSS_FACTOR = 17.98
-"""Imaginary part of the permittivity by conductivity in S/m, times GHz: one over 2 pi epsilon_0 (ITU-R P.2040)."""
-
 
 CONDUCTS_SPM = 1e6
 """Conductivity from which on a material mirrors all, as Fresnel's coefficients do within 0.001 up to 80 deg."""

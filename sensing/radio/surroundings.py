@@ -96,12 +96,14 @@ class Shape(NamedTuple):
 OBSTACLE = np.dtype(
     [
         *((name, np.float64) for name in (*Shape._fields, *Substance._fields)),
+        ("mirrors", np.float64),
         ("owner", np.intp),
         ("bends", np.bool_),
     ]
 )
-"""A solid with its `Shape` and its `Substance`, the piece of equipment that it is a part of, and whether waves bend
-round its edges. Rows of one array: compiled functions take that at no cost."""
+"""A solid with its `Shape` and its `Substance`, about the largest share of an amplitude that it mirrors if it is round,
+the piece of equipment that it is a part of, and whether waves bend round its edges. Rows of one array: compiled
+functions take that at no cost."""
 
 Obstacles = NDArray[np.void]
 """What stands in the way, rows of `OBSTACLE`."""
@@ -119,6 +121,7 @@ def obstacles_of(solids: Solids, materials: Sequence[Material]) -> Obstacles:
     of = Materials.of(materials)
     for name in Substance._fields:
         table[name] = getattr(of, name)
+    table["mirrors"] = [material.mirrors for material in materials]
     table["owner"], table["bends"] = solids.owner, [material.bends for material in materials]
     return table
 

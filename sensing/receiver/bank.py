@@ -63,7 +63,7 @@ class ReceiverBank:
 
     def __init__(self, config: ReceiverConfig, listeners: Sequence[Listener], n_threads: int = 1) -> None:
         self.config = config
-        self._listeners = list(listeners)
+        self._listeners, self._all = list(listeners), list(range(len(listeners)))
         n_robots, scene, n = len(listeners), listeners[0].scene, listeners[0].array.n_elements
         self._receiver = Receiver(config, n)
         shape = n_robots, len(scene.sources)
@@ -113,7 +113,7 @@ class ReceiverBank:
             duration_s: Length of the interval.
             rows: Which robots listen; None for all.
         """
-        robots: list[int] = list(range(len(self._listeners))) if rows is None else rows.tolist()
+        robots: list[int] = self._all if rows is None else rows.tolist()
         interval = Interval(world_from_array, start_s.tolist(), duration_s, self._held_propagation)
         if self.config.faults:
             interval = interval._replace(propagation=Held(self._propagation._replace(arrays=self._arrays_at(start_s))))
