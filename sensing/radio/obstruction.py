@@ -135,20 +135,6 @@ def facing(way: Line, solid: Shape) -> Shape:
 
 
 @compiled
-def passes_straight(start: Vector, end: Vector, obstacles: Obstacles) -> float:
-    """Amplitude that is left of a straight path: nothing behind what is opaque, for waves come round that."""
-    left, counted, way = 1.0, -1, line(start, end)
-    for k in range(obstacles.size):
-        if obstacles[k].log_loss == -np.inf:
-            if crosses(way, facing(way, shape_of(obstacles, k))):
-                return 0.0
-        elif obstacles[k].owner != counted and crosses(way, shape_of(obstacles, k)):
-            left *= math.exp(obstacles[k].log_loss)
-            counted = obstacles[k].owner
-    return left
-
-
-@compiled
 def knife_edge_amplitude(nu: float) -> float:
     """Amplitude that a knife edge leaves, without ripples where it is not in the way: ITU-R P.526, eq. (31)."""
     if nu <= CLEAR:
@@ -209,8 +195,35 @@ def shadow(way: Line, solid: Shape) -> float:
 
 
 @compiled
+def left_by(way: Line, obstacles: Obstacles, k: int) -> float:
+    """Amplitude that a solid leaves of a wave along a line: what passes it, and round it as past a knife edge."""
+    passes = math.exp(obstacles[k].log_loss)
+    return passes + (1.0 - passes) * knife_edge_amplitude(shadow(way, shape_of(obstacles, k)))
+
+
+@compiled
+def passes_straight(start: Vector, end: Vector, obstacles: Obstacles) -> float:
+    """Amplitude that is left of a straight path by all that is in the way.
+
+    What bends waves round its edges cuts it off, but for what passes: the rest comes by bent rays. Of the solids of one
+    other piece of equipment, that counts which takes away most.
+    """
+    left, of_piece, way = 1.0, 1.0, line(start, end)
+    for k in range(obstacles.size):
+        if k > 0 and obstacles[k].owner != obstacles[k - 1].owner:
+            left, of_piece = left * of_piece, 1.0
+        if not obstacles[k].bends:
+            of_piece = min(of_piece, left_by(way, obstacles, k))
+        elif crosses(way, facing(way, shape_of(obstacles, k))):
+            of_piece = min(of_piece, math.exp(obstacles[k].log_loss))
+            if of_piece == 0.0:
+                return 0.0
+    return left * of_piece
+
+
+@compiled
 def left_of_line(start: Vector, end: Vector, obstacles: Obstacles, own: int) -> float:
-    """Amplitude that what stands in the way leaves of a wave along a line: of what is opaque, the shadow of its edge.
+    """Amplitude that is left of a wave along a line that is no straight path: behind what bends, as past a knife edge.
 
     Args:
         start: Of the line.
@@ -218,13 +231,10 @@ def left_of_line(start: Vector, end: Vector, obstacles: Obstacles, own: int) -> 
         obstacles: What stands about.
         own: Solid that does not count; `NOBODY` if all do.
     """
-    left, counted, way = 1.0, -1, line(start, end)
+    left, of_piece, way = 1.0, 1.0, line(start, end)
     for k in range(obstacles.size):
-        if k == own:
-            continue
-        if obstacles[k].log_loss == -np.inf:
-            left *= knife_edge_amplitude(shadow(way, shape_of(obstacles, k)))
-        elif obstacles[k].owner != counted and crosses(way, shape_of(obstacles, k)):
-            left *= math.exp(obstacles[k].log_loss)
-            counted = obstacles[k].owner
-    return left
+        if k > 0 and obstacles[k].owner != obstacles[k - 1].owner:
+            left, of_piece = left * of_piece, 1.0
+        if k != own:
+            of_piece = min(of_piece, left_by(way, obstacles, k))
+    return left * of_piece

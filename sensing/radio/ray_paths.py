@@ -67,13 +67,14 @@ def bend_round_all(
     rays: BentRays,
 ) -> int:
     """Rays round the edges of all boxes, with what all others leave of them; returns how many there are."""
-    deepest, n, ground = -np.inf, 0, substance_of(materials, GROUND)
+    deepest, n, ground = 0.0, 0, substance_of(materials, GROUND)
     nus, way = np.empty(obstacles.size), line(emitter.at, target)
     for k in range(nus.size):
-        nus[k] = shadow(way, shape_of(obstacles, k)) if obstacles[k].bends else -np.inf
-        deepest = max(deepest, nus[k])
+        nus[k] = shadow(way, shape_of(obstacles, k)) if obstacles[k].log_loss == -np.inf else np.inf
+        if nus[k] < np.inf:
+            deepest = max(deepest, nus[k])
     for k in range(nus.size):
-        share = 1.0 if deepest <= 0.0 else min(max(1.0 - (deepest - max(nus[k], 0.0)) / SHARES_OVER, 0.0), 1.0)
+        share = min(max(1.0 - (deepest - max(nus[k], 0.0)) / SHARES_OVER, 0.0), 1.0)
         if not obstacles[k].bends or share == 0.0:
             continue
         material = substance_of_solid(obstacles, k)
