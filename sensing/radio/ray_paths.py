@@ -33,7 +33,8 @@ IntArray = NDArray[np.intp]
 BoolArray = NDArray[np.bool_]
 
 SHARES_OVER = 1.0
-"""Difference of diffraction parameters over which one of two boxes in the way takes over from the other (assumed)."""
+"""Difference of diffraction parameters over which one of two boxes in the way takes over from the other (assumed), so
+that a way round both counts once; what hides nothing, and what lets a part pass, always counts."""
 
 
 class RayPaths(NamedTuple):
@@ -70,11 +71,11 @@ def bend_round_all(
     deepest, n, ground = 0.0, 0, substance_of(materials, GROUND)
     nus, way = np.empty(obstacles.size), line(emitter.at, target)
     for k in range(nus.size):
-        nus[k] = shadow(way, shape_of(obstacles, k)) if obstacles[k].log_loss == -np.inf else np.inf
-        if nus[k] < np.inf:
-            deepest = max(deepest, nus[k])
+        nus[k] = shadow(way, shape_of(obstacles, k)) if obstacles[k].log_loss == -np.inf else -np.inf
+        deepest = max(deepest, nus[k])
     for k in range(nus.size):
-        share = min(max(1.0 - (deepest - max(nus[k], 0.0)) / SHARES_OVER, 0.0), 1.0)
+        hides = min(max(1.0 + nus[k] / SHARES_OVER, 0.0), 1.0)
+        share = 1.0 - hides * min((deepest - max(nus[k], 0.0)) / SHARES_OVER, 1.0)
         if not obstacles[k].bends or share == 0.0:
             continue
         material = substance_of_solid(obstacles, k)
