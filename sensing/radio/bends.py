@@ -32,10 +32,11 @@ FloatArray = NDArray[np.float64]
 GROUND = -1
 """Row of its material."""
 
-FADES_FROM_DB, FADES_TO_DB = 20.0, 26.0
-"""How far below the loudest path one fades, and is left out (assumed): it changes strengths by less than 10 %."""
+FADES_DB, FADES_OVER_DB = 20.0, 6.0
+"""How far below the loudest path one that bends fades, and over how much more (assumed): it changes strengths by less
+than a tenth."""
 
-WEAKEST = 10.0 ** (-FADES_TO_DB / 20.0)
+WEAKEST = 10.0 ** (-(FADES_DB + FADES_OVER_DB) / 20.0)
 
 MOST_RAYS = 24
 """Round one box: by each of four edges alone and by two either way, upright, and half of that over each side."""

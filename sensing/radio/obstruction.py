@@ -26,6 +26,9 @@ diffraction parameter is below `CLEAR`, in the middle as well."""
 CLEAR = -0.78
 """Diffraction parameter below which an edge takes nothing away (ITU-R P.526)."""
 
+RIM = 0.1
+"""Diffraction parameter from which on all of a line is behind what is lossy (assumed): some centimetres inside."""
+
 BREADTH = 0.95
 """Of the box that stands for a round solid, across the line that it faces, over that of the solid."""
 
@@ -196,9 +199,16 @@ def shadow(way: Line, solid: Shape) -> float:
 
 @compiled
 def left_by(way: Line, obstacles: Obstacles, k: int) -> float:
-    """Amplitude that a solid leaves of a wave along a line: what passes it, and round it as past a knife edge."""
-    passes = math.exp(obstacles[k].log_loss)
-    return passes + (1.0 - passes) * knife_edge_amplitude(shadow(way, shape_of(obstacles, k)))
+    """Amplitude that a solid leaves of a wave along a line.
+
+    Behind what bends waves that is what passes it, and what comes round it as past a knife edge; behind anything else
+    what passes alone, with a rim over which it takes away ever more.
+    """
+    passes, nu = math.exp(obstacles[k].log_loss), shadow(way, shape_of(obstacles, k))
+    if obstacles[k].bends:
+        return passes + (1.0 - passes) * knife_edge_amplitude(nu)
+    deep = min(max(nu / RIM, 0.0), 1.0)
+    return 1.0 - (1.0 - passes) * deep * deep * (3.0 - 2.0 * deep)
 
 
 @compiled

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from dirmusic.compiled import compiled
 from sensing.radio.bends import (
     BENT_RAY,
-    FADES_FROM_DB,
-    FADES_TO_DB,
+    FADES_DB,
+    FADES_OVER_DB,
     GROUND,
     MOST_RAYS,
     SEEN_EDGE,
@@ -35,6 +35,10 @@ BoolArray = NDArray[np.bool_]
 SHARES_OVER = 1.0
 """Difference of diffraction parameters over which one of two boxes in the way takes over from the other (assumed), so
 that a way round both counts once; what hides nothing, and what lets a part pass, always counts."""
+
+
+MIRRORED_FADES_DB = 40.0
+"""How far below the loudest path one that a flat face mirrors fades (assumed): it changes levels by 0.1 dB."""
 
 
 class RayPaths(NamedTuple):
@@ -97,10 +101,10 @@ def count_bends(obstacles: Obstacles) -> int:
 
 
 @compiled
-def fading(amplitude: float, loudest: float) -> float:
-    """Share that is left of a path that is far weaker than the loudest, 0 from `FADES_TO_DB` on."""
+def fading(amplitude: float, loudest: float, from_db: float) -> float:
+    """Share that is left of a path so far weaker than the loudest: all up to `from_db`, none `FADES_OVER_DB` on."""
     below_db = 20.0 * math.log10(max(loudest / max(amplitude, TINY * loudest), 1.0))
-    fades = min(max((below_db - FADES_FROM_DB) / (FADES_TO_DB - FADES_FROM_DB), 0.0), 1.0)
+    fades = min(max((below_db - from_db) / FADES_OVER_DB, 0.0), 1.0)
     return 1.0 - fades * fades * (3.0 - 2.0 * fades)
 
 
@@ -164,6 +168,7 @@ def find_ray_paths(
         for i in range(first[s], n):
             way_m = length(minus(target, Vector(from_m[i, 0], from_m[i, 1], from_m[i, 2])))
             rays.loudest[0] = max(rays.loudest[0], abs(coefficient[i]) / way_m)
+        begun_weak = n
         for k in range(obstacles.size):
             if obstacles[k].radius_m == 0.0:
                 continue
@@ -180,7 +185,8 @@ def find_ray_paths(
         n_found, n = n, first[s]
         for i in range(first[s], n_found):
             way_m = extra_m[i] + length(minus(target, Vector(from_m[i, 0], from_m[i, 1], from_m[i, 2])))
-            left = fading(abs(coefficient[i]) / way_m, rays.loudest[0])
+            from_db = MIRRORED_FADES_DB if i < begun_weak else FADES_DB
+            left = fading(abs(coefficient[i]) / way_m, rays.loudest[0], from_db)
             if left > 0.0:
                 from_m[n, 0], from_m[n, 1], from_m[n, 2] = from_m[i, 0], from_m[i, 1], from_m[i, 2]
                 extra_m[n], coefficient[n] = extra_m[i], left * coefficient[i]
