@@ -72,12 +72,14 @@ def bend_round_all(
     rays: BentRays,
 ) -> int:
     """Rays round the edges of all boxes, with what all others leave of them; returns how many there are."""
-    deepest, n, ground = 0.0, 0, substance_of(materials, GROUND)
+    deepest, first, n, ground = 0.0, 0, 0, substance_of(materials, GROUND)
     nus, way = np.empty(obstacles.size), line(emitter.at, target)
     for k in range(nus.size):
         nus[k] = shadow(way, shape_of(obstacles, k)) if obstacles[k].log_loss == -np.inf else -np.inf
-        deepest = max(deepest, nus[k])
-    for k in range(nus.size):
+        if nus[k] > deepest:
+            deepest, first = nus[k], k
+    for i in range(nus.size):
+        k = (first + i) % nus.size  # what comes round the deepest shadow is loud, and the rest can be left out sooner
         hides = min(max(1.0 + nus[k] / SHARES_OVER, 0.0), 1.0)
         share = 1.0 - hides * min((deepest - max(nus[k], 0.0)) / SHARES_OVER, 1.0)
         if not obstacles[k].bends or share == 0.0:
