@@ -25,7 +25,7 @@ from sensing.radio.materials import WAVELENGTH_M, Substance
 from sensing.radio.obstruction import facing, left_of_line, line
 from sensing.radio.polarisation import bent, face_mirror, mirrored, radiated, received
 from sensing.radio.surroundings import OWN_FACE_M, Obstacles, shape_of
-from sensing.radio.vectors import Vector, above_ground, towards, upside_down
+from sensing.radio.vectors import Vector, above_ground, hypot, towards, upside_down
 
 FloatArray = NDArray[np.float64]
 
@@ -95,7 +95,7 @@ def faces_of(corner: Corner, source: Point, target: Point, material: Substance) 
         of_first = Mirror(0j, 0j)
     if abs(source.q - corner.q) <= OWN_FACE_M:
         of_last = Mirror(0j, 0j)
-    return WedgeFaces(of_first, of_last, math.exp(material.log_loss))
+    return WedgeFaces(of_first, of_last, material.passes)
 
 
 class Way(NamedTuple):
@@ -150,9 +150,9 @@ def past_end(corner: Corner, seen: Seen, face_m: float, source_along: float, ris
     if shift == 0.0:
         return 1.0
     return tail(
-        math.hypot(seen.before_m, share * rise + shift)
-        + math.hypot(behind_m, (1.0 - share) * rise - shift)
-        - math.hypot(seen.before_m + behind_m, rise)
+        hypot(seen.before_m, share * rise + shift)
+        + hypot(behind_m, (1.0 - share) * rise - shift)
+        - hypot(seen.before_m + behind_m, rise)
     )
 
 
@@ -238,7 +238,7 @@ def bend(bending: Bending, obstacles: Obstacles, k: int, rays: BentRays, n: int)
                 if edges[j].behind_m < 0.0 or (family > 0 and step == 3):
                     continue
                 last = corner_of(box, family, ORDER[family][j])
-                face_m = math.hypot(last.p - first.p, last.q - first.q)
+                face_m = hypot(last.p - first.p, last.q - first.q)
                 seen = Seen(edges[i].before_m, edges[j].behind_m, edges[i].mirrored_p_m, edges[i].mirrored_q_m)
                 most = share * loudest_possible(seen, face_m, edges[i].passed_m, straight_m, rise)
                 if most < weakest or most * past_end(first, seen, face_m, source.along, rise) < weakest:

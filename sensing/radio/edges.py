@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 from dirmusic.compiled import compiled
 from sensing.radio.fresnel import WedgeFaces, edge_ray, knife_edge, wedge
+from sensing.radio.vectors import hypot
 
 OUTER_TURN = 1.5
 """Outer angle of an edge of a box over pi."""
@@ -96,7 +97,7 @@ def is_hidden(corner: Corner, point: Point) -> bool:
 @compiled
 def distance(corner: Corner, point: Point) -> float:
     """Of a point from an edge, at right angles to it."""
-    return max(math.hypot(point.p - corner.p, point.q - corner.q), LEAST_M)
+    return max(hypot(point.p - corner.p, point.q - corner.q), LEAST_M)
 
 
 @compiled
@@ -124,13 +125,11 @@ def place(corner: Corner, at: float, before: float, behind: float, rise: float, 
         rise: Of source over target, along the edge.
         wavelength_m: Of the wave.
     """
-    share, length_m, along = before / (before + behind), math.hypot(before + behind, rise), at
+    share, length_m, along = before / (before + behind), hypot(before + behind, rise), at
     left = 1.0 + 0.0j
     for end, side in ((corner.low, -1.0), (corner.high, 1.0)):
         beyond, shift = (at - end) * side, end - at
-        detour_m = (
-            math.hypot(before, share * rise + shift) + math.hypot(behind, (1.0 - share) * rise - shift) - length_m
-        )
+        detour_m = hypot(before, share * rise + shift) + hypot(behind, (1.0 - share) * rise - shift) - length_m
         nu = diffraction_parameter(detour_m, wavelength_m)
         if beyond > 0.0:
             along = end
@@ -146,8 +145,8 @@ def round_one(corner: Corner, source: Point, target: Point, faces: WedgeFaces, w
     before, behind = distance(corner, source), distance(corner, target)
     rise = target.along - source.along
     at = place(corner, source.along + rise * before / (before + behind), before, behind, rise, wavelength_m)
-    before_m, behind_m = math.hypot(before, at.along - source.along), math.hypot(behind, target.along - at.along)
-    stretch = math.hypot(before + behind, rise) / (before + behind)
+    before_m, behind_m = hypot(before, at.along - source.along), hypot(behind, target.along - at.along)
+    stretch = hypot(before + behind, rise) / (before + behind)
     k_length = 2.0 * math.pi / wavelength_m * before * behind / ((before + behind) * stretch)
     wedges = wedge(outer_angle(corner, source), outer_angle(corner, target), OUTER_TURN, k_length, faces)
     left = at.left / math.sqrt(k_length)
@@ -163,25 +162,25 @@ def round_two(
     It fades out where it would have to pass the edge `beyond` the last one: what comes round three is left out.
     """
     before, behind = distance(first, source), distance(last, target)
-    face = math.hypot(last.p - first.p, last.q - first.q)
+    face = hypot(last.p - first.p, last.q - first.q)
     rise = target.along - source.along
     whole = before + face + behind
     slope = rise / whole
     at_first = place(first, source.along + slope * before, before, face + behind, rise, wavelength_m)
     at_last = place(last, target.along - slope * behind, before + face, behind, rise, wavelength_m)
     before_m, behind_m = (
-        math.hypot(before, at_first.along - source.along),
-        math.hypot(behind, target.along - at_last.along),
+        hypot(before, at_first.along - source.along),
+        hypot(behind, target.along - at_last.along),
     )
-    between_m = math.hypot(face, at_last.along - at_first.along)
+    between_m = hypot(face, at_last.along - at_first.along)
     stretch = math.sqrt(1.0 + slope * slope)
     k_length = 2.0 * math.pi / wavelength_m * before * (face + behind) / (whole * stretch)
     leaves_rad = 0.0 if last.p == first.p else OUTER_TURN * math.pi
     wedges = wedge(outer_angle(first, source), leaves_rad, OUTER_TURN, k_length, faces)
-    straight_m = math.hypot(distance(first, target), slope * (face + behind))
+    straight_m = hypot(distance(first, target), slope * (face + behind))
     nu = diffraction_parameter((face + behind) * stretch - straight_m, wavelength_m)
     left = at_first.left * at_last.left * edge_ray(nu if is_hidden(first, target) else -nu) / math.sqrt(k_length)
-    detour_m = math.hypot(beyond.p - last.p, beyond.q - last.q) + distance(beyond, target) - behind
+    detour_m = hypot(beyond.p - last.p, beyond.q - last.q) + distance(beyond, target) - behind
     fades = min(diffraction_parameter(detour_m, wavelength_m), 1.0)
     left *= fades * fades * (3.0 - 2.0 * fades)
     return BentRay(at_first.along, at_last.along, before_m, between_m, behind_m, left * wedges.soft, left * wedges.hard)

@@ -65,13 +65,13 @@ class Materials(NamedTuple):
     Attributes:
         permittivity: Shape (n_materials,).
         conductivity_spm: Shape (n_materials,).
-        log_loss: Logarithm of the amplitude that passes, <= 0, shape (n_materials,).
+        passes: Share of the amplitude that passes, shape (n_materials,).
         flat_share: Shape (n_materials,).
     """
 
     permittivity: NDArray[np.float64]
     conductivity_spm: NDArray[np.float64]
-    log_loss: NDArray[np.float64]
+    passes: NDArray[np.float64]
     flat_share: NDArray[np.float64]
 
     @classmethod
@@ -79,7 +79,7 @@ class Materials(NamedTuple):
         """Known materials, a row each."""
         columns = np.array(materials, dtype=np.float64).reshape(-1, 4).T
         permittivity, conductivity_spm, loss_db, flat_share = columns
-        return cls(permittivity.copy(), conductivity_spm.copy(), -np.log(10.0) / 20 * loss_db, flat_share.copy())
+        return cls(permittivity.copy(), conductivity_spm.copy(), 10.0 ** (-loss_db / 20), flat_share.copy())
 
 
 class Substance(NamedTuple):
@@ -87,7 +87,7 @@ class Substance(NamedTuple):
 
     permittivity: float
     conductivity_spm: float
-    log_loss: float
+    passes: float
     flat_share: float
 
 
@@ -97,7 +97,7 @@ def substance_of(materials: Materials, piece: int) -> Substance:
     return Substance(
         materials.permittivity[piece],
         materials.conductivity_spm[piece],
-        materials.log_loss[piece],
+        materials.passes[piece],
         materials.flat_share[piece],
     )
 

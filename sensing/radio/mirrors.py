@@ -11,7 +11,7 @@ from sensing.radio.materials import Substance
 from sensing.radio.obstruction import left_of_line, passes_straight
 from sensing.radio.polarisation import face_mirror, mirrored, radiated, received
 from sensing.radio.surroundings import OWN_FACE_M, Faces, Obstacles, Shape, shape_of, substance_of_solid
-from sensing.radio.vectors import Vector, dot, minus, towards
+from sensing.radio.vectors import Vector, dot, hypot, minus, towards
 
 STEPS = 14
 """Halvings of the arc on which a round solid mirrors: to a ten-thousandth of it, and its length to far less."""
@@ -97,8 +97,8 @@ def normal_of_round(solid: Shape, source: Vector, target: Vector) -> float:
         share = 0.5 * (near + far)
         cos, sin = math.cos(low + share * turn), math.sin(low + share * turn)
         x, y = solid.x + solid.radius_m * cos, solid.y + solid.radius_m * sin
-        to_source = math.hypot(source.x - x, source.y - y)
-        to_target = math.hypot(target.x - x, target.y - y)
+        to_source = hypot(source.x - x, source.y - y)
+        to_target = hypot(target.x - x, target.y - y)
         aside = (cos * (source.y - y) - sin * (source.x - x)) / to_source
         aside += (cos * (target.y - y) - sin * (target.x - x)) / to_target
         if aside * turn > 0.0:
@@ -137,8 +137,8 @@ def reflect_round(emitter: Emitter, target: Vector, obstacles: Obstacles, k: int
     """
     solid, material, source = shape_of(obstacles, k), substance_of_solid(obstacles, k), emitter.at
     none = RoundEcho(0j, source)
-    before_m = math.hypot(source.x - solid.x, source.y - solid.y) - solid.radius_m
-    behind_m = math.hypot(target.x - solid.x, target.y - solid.y) - solid.radius_m
+    before_m = hypot(source.x - solid.x, source.y - solid.y) - solid.radius_m
+    behind_m = hypot(target.x - solid.x, target.y - solid.y) - solid.radius_m
     if before_m <= OWN_FACE_M or behind_m <= 0.0:
         return none
     most = obstacles[k].mirrors * math.sqrt(0.5 * solid.radius_m / (before_m * behind_m * (before_m + behind_m)))
@@ -147,7 +147,7 @@ def reflect_round(emitter: Emitter, target: Vector, obstacles: Obstacles, k: int
     azimuth = normal_of_round(solid, source, target)
     normal = Vector(math.cos(azimuth), math.sin(azimuth), 0.0)
     x, y = solid.x + solid.radius_m * normal.x, solid.y + solid.radius_m * normal.y
-    before_m, behind_m = math.hypot(source.x - x, source.y - y), math.hypot(target.x - x, target.y - y)
+    before_m, behind_m = hypot(source.x - x, source.y - y), hypot(target.x - x, target.y - y)
     z = source.z + before_m / (before_m + behind_m) * (target.z - source.z)
     at = Vector(x, y, z)
     depth_m, height_m = dot(minus(source, at), normal), dot(minus(target, at), normal)

@@ -204,7 +204,9 @@ def left_by(way: Line, obstacles: Obstacles, k: int) -> float:
     Behind what bends waves that is what passes it, and what comes round it as past a knife edge; behind anything else
     what passes alone, with a rim over which it takes away ever more.
     """
-    passes, nu = math.exp(obstacles[k].log_loss), shadow(way, shape_of(obstacles, k))
+    passes, nu = obstacles[k].passes, shadow(way, shape_of(obstacles, k))
+    if nu <= CLEAR:
+        return 1.0
     if obstacles[k].bends:
         return passes + (1.0 - passes) * knife_edge_amplitude(nu)
     deep = min(max(nu / RIM, 0.0), 1.0)
@@ -225,7 +227,7 @@ def passes_straight(start: Vector, end: Vector, obstacles: Obstacles) -> float:
         if not obstacles[k].bends:
             of_piece = min(of_piece, left_by(way, obstacles, k))
         elif crosses(way, facing(way, shape_of(obstacles, k))):
-            of_piece = min(of_piece, math.exp(obstacles[k].log_loss))
+            of_piece = min(of_piece, obstacles[k].passes)
             if of_piece == 0.0:
                 return 0.0
     return left * of_piece

@@ -137,7 +137,7 @@ def shape_of(obstacles: Obstacles, k: int) -> Shape:
 def substance_of_solid(obstacles: Obstacles, k: int) -> Substance:
     """What solid k is made of."""
     of = obstacles[k]
-    return Substance(of.permittivity, of.conductivity_spm, of.log_loss, of.flat_share)
+    return Substance(of.permittivity, of.conductivity_spm, of.passes, of.flat_share)
 
 
 class Rays(NamedTuple):

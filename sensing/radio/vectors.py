@@ -26,6 +26,12 @@ def dot(first: Vector, second: Vector) -> float:
 
 
 @compiled
+def hypot(first: float, second: float) -> float:
+    """Length over two axes; `math.hypot` takes thrice as long, for sizes that no yard has."""
+    return math.sqrt(first * first + second * second)
+
+
+@compiled
 def length(vector: Vector) -> float:
     """Euclidean length."""
     return math.sqrt(dot(vector, vector))

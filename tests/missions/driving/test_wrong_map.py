@@ -50,7 +50,7 @@ def locators_sight(scenario: Scenario, point_m: np.ndarray, target_m: np.ndarray
 
 
 def drive_into_transformer_1(scenario: Scenario) -> list[dict[str, Any]]:
-    """What robot and world come to on the way from the dock side into transformer_1, with the source round its corner."""
+    """What robot and world come to on the way from the dock side into transformer_1, the source round its corner."""
     env = PatrolEnv(scenario, terminate_on_approach=False)
     fixed = {"start_pose": (12.0, 13.0, np.pi / 2), "sources": {"discharge": "transformer_1/tap_changer"}}
     observation, info = env.reset(seed=3, options=fixed)
