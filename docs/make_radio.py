@@ -52,11 +52,11 @@ def levels(yard: Yard, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatA
     around = Surroundings.of_kinds(
         [item.kind for item in yard.equipment], Faces(**yard.faces()._asdict()), Solids(**yard.obstacles()._asdict())
     )
-    source_m, axis, is_emitting = np.array([SOURCE_M]), np.array([AXIS]), np.ones(1, np.bool_)
+    source_m, axis, faintest = np.array([SOURCE_M]), np.array([AXIS]), np.zeros(1)
     field, power = np.zeros((y.size, x.size), np.complex128), np.zeros((y.size, x.size))
     for row, column in np.ndindex(y.size, x.size):
         at = Vector(float(x[column]), float(y[row]), ARRAY_M)
-        rays = find_ray_paths(source_m, axis, is_emitting, at, around)
+        rays = find_ray_paths(source_m, axis, faintest, at, around)
         way_m = rays.extra_m + np.linalg.norm(rays.from_m - at, axis=-1)
         field[row, column] = np.sum(rays.coefficient / way_m * np.exp(-2j * np.pi / WAVELENGTH_M * way_m))
         power[row, column] = np.sum(np.square(np.abs(rays.coefficient) / way_m))

@@ -16,7 +16,6 @@ from sensing.radio.ray_paths import RayPaths, find_ray_paths
 from sensing.radio.vectors import Vector
 
 FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 
 class Arrivals(NamedTuple):
@@ -84,15 +83,15 @@ class Propagated(NamedTuple):
 
 
 @compiled
-def propagate(robot: int, is_emitting: BoolArray, world_from_array: FloatArray, propagation: Propagation) -> Propagated:
-    """All paths from a robot's sources that emit to the elements of its array.
+def propagate(robot: int, faintest: FloatArray, world_from_array: FloatArray, propagation: Propagation) -> Propagated:
+    """All paths from a robot's sources to the elements of its array.
 
     Which faces mirror a source to an array, and what stands in between, is asked for the centre of its elements: an
     array is small against equipment.
 
     Args:
         robot: Row of the robot.
-        is_emitting: Which of its sources emit, shape (n_sources,).
+        faintest: As of `find_ray_paths`, for its sources.
         world_from_array: Poses of the arrays, shape (n_robots, 4, 4).
         propagation: Sources and arrays, and what surrounds them.
     """
@@ -109,6 +108,6 @@ def propagate(robot: int, is_emitting: BoolArray, world_from_array: FloatArray, 
         w[2, 0] * x + w[2, 1] * y + w[2, 2] * z + w[2, 3],
     )
     ray_paths = find_ray_paths(
-        sources.positions_m[robot], sources.axes[robot], is_emitting, centre, propagation.surroundings
+        sources.positions_m[robot], sources.axes[robot], faintest, centre, propagation.surroundings
     )
     return Propagated(ray_paths, arrive(ray_paths, robot, world_from_array, arrays))

@@ -189,6 +189,7 @@ class Bending(NamedTuple):
         share: Of their amplitude that counts.
         material: Of the box.
         ground: Of the ground.
+        faintest: Amplitude at the array, over that 1 m from the source, below which no ray counts.
     """
 
     emitter: Emitter
@@ -197,6 +198,7 @@ class Bending(NamedTuple):
     share: float
     material: Substance
     ground: Substance
+    faintest: float
 
 
 @compiled
@@ -213,7 +215,7 @@ def bend(bending: Bending, obstacles: Obstacles, k: int, rays: BentRays, n: int)
     Returns:
         How many there are now.
     """
-    emitter, target, by_ground, share, material, ground = bending
+    emitter, target, by_ground, share, material, ground, _ = bending
     start = upside_down(emitter.at) if by_ground else emitter.at
     box = facing(line(start, target), shape_of(obstacles, k))
     edges = rays.edges
@@ -229,7 +231,7 @@ def bend(bending: Bending, obstacles: Obstacles, k: int, rays: BentRays, n: int)
             edges[i].mirrored_p_m, edges[i].mirrored_q_m = seen.mirrored_p_m, seen.mirrored_q_m
             edges[i].passed_m = distance(corner, goal)
         for i in range(n_edges):
-            weakest = WEAKEST * rays.loudest[0]
+            weakest = max(WEAKEST * rays.loudest[0], bending.faintest)
             if edges[i].before_m < 0.0:
                 continue
             first = corner_of(box, family, ORDER[family][i])

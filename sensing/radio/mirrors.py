@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from dirmusic.compiled import compiled
-from sensing.radio.bends import GROUND, WEAKEST, Emitter
+from sensing.radio.bends import GROUND, Emitter
 from sensing.radio.materials import Substance
 from sensing.radio.obstruction import left_of_line, passes_straight
 from sensing.radio.polarisation import face_mirror, mirrored, radiated, received
@@ -121,7 +121,7 @@ class RoundEcho(NamedTuple):
 
 
 @compiled
-def reflect_round(emitter: Emitter, target: Vector, obstacles: Obstacles, k: int, loudest: float) -> RoundEcho:
+def reflect_round(emitter: Emitter, target: Vector, obstacles: Obstacles, k: int, weakest: float) -> RoundEcho:
     """The echo of an upright cylinder, its waves spread as by geometric optics.
 
     Args:
@@ -129,7 +129,7 @@ def reflect_round(emitter: Emitter, target: Vector, obstacles: Obstacles, k: int
         target: Middle of the array.
         obstacles: What stands about.
         k: The cylinder.
-        loudest: Largest amplitude of any path, over that 1 m from the source: far weaker echoes are not looked for.
+        weakest: Amplitude at the array, over that 1 m from the source, below which no echo is looked for.
 
     References:
         McNamara, Pistorius and Malherbe, Introduction to the Uniform Geometrical Theory of Diffraction (1990), section
@@ -142,7 +142,7 @@ def reflect_round(emitter: Emitter, target: Vector, obstacles: Obstacles, k: int
     if before_m <= OWN_FACE_M or behind_m <= 0.0:
         return none
     most = obstacles[k].mirrors * math.sqrt(0.5 * solid.radius_m / (before_m * behind_m * (before_m + behind_m)))
-    if most <= WEAKEST * loudest:
+    if most <= weakest:
         return none
     azimuth = normal_of_round(solid, source, target)
     normal = Vector(math.cos(azimuth), math.sin(azimuth), 0.0)

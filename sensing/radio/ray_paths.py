@@ -16,6 +16,7 @@ from sensing.radio.bends import (
     GROUND,
     MOST_RAYS,
     SEEN_EDGE,
+    WEAKEST,
     Bending,
     BentRays,
     Emitter,
@@ -30,7 +31,6 @@ from sensing.radio.vectors import TINY, Vector, dot, length, minus, towards
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
-BoolArray = NDArray[np.bool_]
 
 SHARES_OVER = 1.0
 """Difference of diffraction parameters over which one of two boxes in the way takes over from the other (assumed), so
@@ -69,6 +69,7 @@ def bend_round_all(
     obstacles: Obstacles,
     materials: Materials,
     ground_mirrors: bool,
+    faintest: float,
     rays: BentRays,
 ) -> int:
     """Rays round the edges of all boxes, with what all others leave of them; returns how many there are."""
@@ -88,7 +89,7 @@ def bend_round_all(
         if obstacles[k].radius_m > 0.0:  # as P.526 has it: what is round mirrors on its own
             material = Substance(material.permittivity, material.conductivity_spm, material.passes, 0.0)
         for by_ground in range(2 if ground_mirrors else 1):
-            bending = Bending(emitter, target, by_ground == 1, share, material, ground)
+            bending = Bending(emitter, target, by_ground == 1, share, material, ground, faintest)
             n = bend(bending, obstacles, k, rays, n)
     return n
 
@@ -112,20 +113,21 @@ def fading(amplitude: float, loudest: float, from_db: float) -> float:
 
 @compiled
 def find_ray_paths(
-    sources_m: FloatArray, axes: FloatArray, is_emitting: BoolArray, target: Vector, surroundings: Surroundings
+    sources_m: FloatArray, axes: FloatArray, faintest: FloatArray, target: Vector, surroundings: Surroundings
 ) -> RayPaths:
     """All paths from the sources that emit to the centre of an array.
 
     Args:
         sources_m: Shape (n_sources, 3), world frame.
         axes: Linear polarisations of the sources, unit vectors of the same shape.
-        is_emitting: Which sources emit, shape (n_sources,).
+        faintest: Amplitude at the array, over that 1 m from the source, below which no path of a source counts, shape
+            (n_sources,); infinite for sources that do not emit.
         target: Middle of the array.
         surroundings: What stands about.
     """
     faces, materials, obstacles = surroundings
-    n_sources, n_faces, n_rays = is_emitting.size, faces.owner.size, 2 * MOST_RAYS * count_bends(obstacles)
-    n_most = is_emitting.sum() * (1 + n_faces + obstacles.size + n_rays)
+    n_sources, n_faces, n_rays = faintest.size, faces.owner.size, 2 * MOST_RAYS * count_bends(obstacles)
+    n_most = (faintest < np.inf).sum() * (1 + n_faces + obstacles.size + n_rays)
     source, from_m, extra_m = np.empty(n_most, np.intp), np.empty((n_most, 3)), np.empty(n_most)
     coefficient = np.empty(n_most, np.complex128)
     first, n_paths = np.zeros(n_sources, np.intp), np.zeros(n_sources, np.intp)
@@ -135,7 +137,7 @@ def find_ray_paths(
         ground_mirrors |= faces.owner[f] == GROUND and materials.flat_share[GROUND] > 0.0
     n = 0
     for s in range(n_sources):
-        if not is_emitting[s]:
+        if faintest[s] == np.inf:
             continue
         emitter = Emitter(
             Vector(sources_m[s, 0], sources_m[s, 1], sources_m[s, 2]), Vector(axes[s, 0], axes[s, 1], axes[s, 2])
@@ -174,12 +176,14 @@ def find_ray_paths(
         for k in range(obstacles.size):
             if obstacles[k].radius_m == 0.0:
                 continue
-            echo = reflect_round(emitter, target, obstacles, k, rays.loudest[0])
+            echo = reflect_round(emitter, target, obstacles, k, max(WEAKEST * rays.loudest[0], faintest[s]))
             if echo.coefficient != 0.0:
                 from_m[n, 0], from_m[n, 1], from_m[n, 2] = echo.image
                 extra_m[n], coefficient[n] = 0.0, echo.coefficient
                 n += 1
-        n_bent = bend_round_all(emitter, target, obstacles, materials, ground_mirrors, rays) if n_rays else 0
+        n_bent = 0
+        if n_rays > 0:
+            n_bent = bend_round_all(emitter, target, obstacles, materials, ground_mirrors, faintest[s], rays)
         for i in range(n_bent):
             from_m[n, 0], from_m[n, 1], from_m[n, 2] = rays.rows[i].x, rays.rows[i].y, rays.rows[i].z
             extra_m[n], coefficient[n] = rays.rows[i].extra_m, rays.rows[i].coefficient
@@ -188,8 +192,9 @@ def find_ray_paths(
         for i in range(first[s], n_found):
             way_m = extra_m[i] + length(minus(target, Vector(from_m[i, 0], from_m[i, 1], from_m[i, 2])))
             from_db = MIRRORED_FADES_DB if i < begun_weak else FADES_DB
-            left = fading(abs(coefficient[i]) / way_m, rays.loudest[0], from_db)
-            if left > 0.0:
+            level = abs(coefficient[i]) / way_m
+            left = fading(level, rays.loudest[0], from_db)
+            if left > 0.0 and level >= faintest[s]:
                 from_m[n, 0], from_m[n, 1], from_m[n, 2] = from_m[i, 0], from_m[i, 1], from_m[i, 2]
                 extra_m[n], coefficient[n] = extra_m[i], left * coefficient[i]
                 n += 1

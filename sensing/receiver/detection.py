@@ -21,6 +21,10 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 
+FAINTEST = 0.1
+"""Amplitude over the deviation of noise below which a path does not count (assumed)."""
+
+
 class Converter(NamedTuple):
     """From volts to whole counts.
 
@@ -157,11 +161,12 @@ def detect(
     tones, channels = condition
     around = propagation.value
     gate_v = np.empty((sampler.timing.gate, channels.limit_v.size))
-    is_emitting = np.zeros(around.sources.burst_s.shape[1], np.bool_)
+    faintest = np.full(around.sources.burst_s.shape[1], np.inf)
     for k in range(first, last):
-        if upcoming.source[k] != NOISE:
-            is_emitting[upcoming.source[k]] = True
-    ray_paths, arrivals = propagate(robot, is_emitting, world_from_array, around)
+        s = upcoming.source[k]
+        if s != NOISE:
+            faintest[s] = min(faintest[s], FAINTEST * sampler.trigger.noise_v / abs(upcoming.peak_v[k]))
+    ray_paths, arrivals = propagate(robot, faintest, world_from_array, around)
     row, n_rejected = first_row, 0
     for k in range(first, last):
         s = upcoming.source[k]

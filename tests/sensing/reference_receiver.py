@@ -34,7 +34,7 @@ def arrivals_of(scene: Scene, array: HelicalArray, world_from_array: FloatArray)
     """All paths of the first source of a scene."""
     sources = SourceTable(*(column[np.newaxis, :1] for column in (scene.positions_m, scene.axes, scene.burst_s)))
     around = Propagation(sources, ArrayTable.of([array]), scene.surroundings)
-    return propagate(0, np.ones(1, np.bool_), world_from_array[np.newaxis], around).arrivals
+    return propagate(0, np.zeros(1), world_from_array[np.newaxis], around).arrivals
 
 
 def sample(

@@ -35,8 +35,8 @@ def around(radius_m: float) -> Surroundings:
 def rays(radius_m: float, source: Place, target: Place) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
     """Fields by all paths over that in free space, half way up, and where each comes from (n, 2)."""
     source_m, z = np.array([[*source, 0.5 * TOP_M]]), 0.5 * TOP_M
-    upright, all_of_them = np.array([[0.0, 0.0, 1.0]]), np.ones(1, np.bool_)
-    found = find_ray_paths(source_m, upright, all_of_them, Vector(*target, z), around(radius_m))
+    upright, none = np.array([[0.0, 0.0, 1.0]]), np.zeros(1)
+    found = find_ray_paths(source_m, upright, none, Vector(*target, z), around(radius_m))
     straight_m = np.hypot(target[0] - source[0], target[1] - source[1])
     way_m = found.extra_m + np.linalg.norm(found.from_m - [*target, z], axis=-1)
     phase = np.exp(-1j * K * (way_m - straight_m))
