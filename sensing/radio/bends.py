@@ -32,7 +32,7 @@ FloatArray = NDArray[np.float64]
 GROUND = -1
 """Row of its material."""
 
-FADES_DB, FADES_OVER_DB = 20.0, 6.0
+FADES_DB, FADES_OVER_DB = 16.0, 6.0
 """How far below the loudest path one that bends fades, and over how much more (assumed): it changes strengths by less
 than a tenth."""
 
