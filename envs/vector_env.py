@@ -50,7 +50,8 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         num_envs: How many robots.
         scenario: Name of a shipped scenario, path of a TOML file, or a `Scenario`; one yard for all rows.
         terminate_on_approach: Whether an episode ends once all sources are approached.
-        num_threads: On how many threads the physics runs; 0 for all cores. The result does not depend on it.
+        num_threads: On how many threads the physics runs and receivers listen; 0 for all cores. The result
+            does not depend on it.
         autoreset_mode: When the next episode of a row starts.
         render_mode: None; make a single environment for pictures.
 

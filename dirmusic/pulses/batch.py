@@ -111,6 +111,11 @@ class PulseBatch(NamedTuple):
         columns: list[Any] = [column[rows] for column in self]
         return type(self)(*columns)
 
+    def first(self, n_pulses: int) -> Self:
+        """The first pulses, in memory of their own."""
+        columns: list[Any] = [column[:n_pulses].copy() for column in self]
+        return type(self)(*columns)
+
     def take_channels(self, channels: NDArray[np.intp] | BoolArray) -> Self:
         """The same pulses as some of the channels alone give them, by index or mask."""
         return self._replace(

@@ -6,6 +6,7 @@ that is computed for it is computed along the row alone.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -69,7 +70,7 @@ class Simulation:
     Args:
         scenario: What to run.
         n_robots: How many episodes.
-        n_threads: On how many threads the physics runs.
+        n_threads: On how many threads the physics runs and receivers listen; 0 for all cores.
         terminate_on_approach: Whether an episode ends once all sources are approached.
 
     Attributes:
@@ -101,6 +102,7 @@ class Simulation:
             nominal.positions_m, nominal.boresights_rad, nominal.boresight_elevations_rad
         )
         self.robots = Robots(self.robot, yard, elements, n_robots, n_threads)
+        self._n_threads = n_threads or os.cpu_count() or 1
         self._surroundings = Surroundings.of_kinds(
             [item.kind for item in yard.equipment],
             Faces(**yard.faces()._asdict()),
@@ -186,7 +188,7 @@ class Simulation:
         if self._receivers is None:
             known = [episode or drawn[0] for episode in self._episodes]
             listeners = [_listener(*pair) for pair in zip(known, self._generators, strict=True)]
-            self._receivers = ReceiverBank(self.scenario.receiver, listeners)
+            self._receivers = ReceiverBank(self.scenario.receiver, listeners, self._n_threads)
         self.robots.reset(rows, [episode.start_pose for episode in drawn])
         self._progress.restart(rows)
         self._usable[rows] = True

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -10,14 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensing.nature.discharges import Rhythm
-from sensing.nature.sources import Carrier, DischargeSource, in_nanoseconds
+from sensing.nature.sources import Carrier, DischargeSource
 from sensing.radio.surroundings import Surroundings
 
 FloatArray = NDArray[np.float64]
-
-
-AHEAD_S = 10.0
-"""How far ahead pulses are drawn at once: a draw costs the same for many."""
 
 
 class Emissions(NamedTuple):
@@ -83,9 +78,6 @@ class Scene:
         self._source_of_row = np.repeat([k for k, _ in rhythms], [r.rate_hz.size for _, r in rhythms]).astype(np.intp)
         columns = zip(*(rhythm for _, rhythm in rhythms), strict=True)
         self._rhythm = Rhythm(*(np.concatenate(column) for column in columns)) if rhythms else None
-        self._ahead = Emissions(np.empty(0, dtype=np.intp), np.empty(0), np.empty(0))
-        self._ahead_times: list[float] = []
-        self._ahead_s = (0.0, 0.0)
 
     def positions_at(self, time_s: float) -> FloatArray:
         """Places of the sources at a time, shape (n_sources, 3), world frame; to be read only."""
@@ -96,28 +88,8 @@ class Scene:
             positions_m[k] = self.sources[k].position_at(time_s)
         return positions_m
 
-    def emissions(self, start_s: float, duration_s: float, rng: np.random.Generator) -> Emissions:
-        """All pulses within `duration_s` from `start_s` on.
-
-        Intervals are to follow one another, for pulses are drawn ahead; an earlier one is drawn anew.
-        """
-        start_s, end_s = in_nanoseconds(start_s), in_nanoseconds(start_s + duration_s)
-        first_s, last_s = self._ahead_s
-        if not first_s <= start_s <= last_s:
-            self._ahead, last_s, self._ahead_times = self._ahead.take(slice(0)), start_s, []
-        if last_s < end_s:
-            further_s = max(AHEAD_S, end_s - last_s)
-            drawn = self._draw(last_s, further_s, rng)
-            left = self._ahead.take(slice(bisect_left(self._ahead_times, start_s), None))
-            self._ahead = left.then(drawn)
-            self._ahead_times = self._ahead.time_s.tolist()
-            last_s = in_nanoseconds(last_s + further_s)
-        self._ahead_s = start_s, last_s
-        times = self._ahead_times
-        first = bisect_left(times, start_s)
-        return self._ahead.take(slice(first, bisect_left(times, end_s, first)))
-
-    def _draw(self, start_s: float, duration_s: float, rng: np.random.Generator) -> Emissions:
+    def draw(self, start_s: float, duration_s: float, rng: np.random.Generator) -> Emissions:
+        """All pulses within `duration_s` from `start_s` on; intervals that join have none twice, and miss none."""
         source, time_s, relative = np.empty(0, dtype=np.intp), np.empty(0), np.empty(0)
         if self._rhythm is not None:
             row, time_s, relative = self._rhythm.emit(start_s, duration_s, rng)

@@ -37,32 +37,37 @@ class Arrivals(NamedTuple):
 
 @compiled
 def arrive(
-    ray_paths: RayPaths, is_crossed: BoolArray, log_loss: FloatArray, world_from_array: FloatArray, arrays: ArrayTable
+    ray_paths: RayPaths,
+    is_crossed: BoolArray,
+    log_loss: FloatArray,
+    robot: int,
+    world_from_array: FloatArray,
+    arrays: ArrayTable,
 ) -> Arrivals:
-    """Delay and amplitude of each ray path at each element of its robot's array.
+    """Delay and amplitude of each ray path at each element of a robot's array.
 
     Args:
         ray_paths: The paths.
         is_crossed: Which pieces of equipment the segments of the paths cross, shape (2 n_paths, n_pieces).
         log_loss: Logarithm of the amplitude that each piece lets pass, shape (n_pieces,).
+        robot: Row of the robot.
         world_from_array: Poses of the arrays, shape (n_robots, 4, 4).
         arrays: One for each robot.
     """
-    n_paths, n_elements = ray_paths.robot.size, arrays.elements_m.shape[1]
+    n_paths, n_elements = ray_paths.source.size, arrays.elements_m.shape[1]
     delay_s, amplitude = np.empty((n_paths, n_elements)), np.empty((n_paths, n_elements))
     loudest, loudest_s = np.empty(n_paths), np.empty(n_paths)
+    r, w = robot, world_from_array[robot]
     for p in range(n_paths):
-        r = ray_paths.robot[p]
         left = 0.0
         for k in range(log_loss.size):
             left += (int(is_crossed[2 * p, k]) + int(is_crossed[2 * p + 1, k])) * log_loss[k]
         factor = ray_paths.coefficient[p] * np.exp(left)
         dx, dy, dz = (
-            ray_paths.from_m[p, 0] - world_from_array[r, 0, 3],
-            ray_paths.from_m[p, 1] - world_from_array[r, 1, 3],
-            ray_paths.from_m[p, 2] - world_from_array[r, 2, 3],
+            ray_paths.from_m[p, 0] - w[0, 3],
+            ray_paths.from_m[p, 1] - w[1, 3],
+            ray_paths.from_m[p, 2] - w[2, 3],
         )
-        w = world_from_array[r]
         x = dx * w[0, 0] + dy * w[1, 0] + dz * w[2, 0]
         y = dx * w[0, 1] + dy * w[1, 1] + dz * w[2, 1]
         z = dx * w[0, 2] + dy * w[1, 2] + dz * w[2, 2]
@@ -87,26 +92,26 @@ class Propagated(NamedTuple):
 
 
 @compiled
-def propagate(is_emitting: BoolArray, propagation: Propagation) -> Propagated:
-    """All paths from sources that emit to the elements of each robot's own array.
+def propagate(robot: int, is_emitting: BoolArray, world_from_array: FloatArray, propagation: Propagation) -> Propagated:
+    """All paths from a robot's sources that emit to the elements of its array.
 
     Which faces mirror a source to an array, and what stands in between, is asked for the centre of its elements: an
     array is small against equipment.
 
     Args:
-        is_emitting: Which sources emit, shape (n_robots, n_sources).
-        propagation: Places of sources and arrays, and what surrounds them.
+        robot: Row of the robot.
+        is_emitting: Which of its sources emit, shape (n_sources,).
+        world_from_array: Poses of the arrays, shape (n_robots, 4, 4).
+        propagation: Sources and arrays, and what surrounds them.
     """
-    arrays, world_from_array, surroundings = propagation.arrays, propagation.world_from_array, propagation.surroundings
-    n_robots, n_elements = arrays.elements_m.shape[:2]
-    centre_m = np.zeros((n_robots, 3))
-    for r in range(n_robots):
-        for i in range(3):
-            for e in range(n_elements):
-                for j in range(3):
-                    centre_m[r, i] += world_from_array[r, i, j] * arrays.elements_m[r, e, j] / n_elements
-            centre_m[r, i] += world_from_array[r, i, 3]
-    sources_m = propagation.sources.positions_m
-    ray_paths = find_ray_paths(sources_m, is_emitting, centre_m, surroundings.faces, surroundings.reflection)
-    is_crossed = cross(ray_paths.starts_m, ray_paths.ends_m, surroundings.obstacles, surroundings.log_loss.size)
-    return Propagated(ray_paths, arrive(ray_paths, is_crossed, surroundings.log_loss, world_from_array, arrays))
+    arrays, around, w = propagation.arrays, propagation.surroundings, world_from_array[robot]
+    n_elements = arrays.elements_m.shape[1]
+    centre_m = w[:3, 3].copy()
+    for i in range(3):
+        for e in range(n_elements):
+            for j in range(3):
+                centre_m[i] += w[i, j] * arrays.elements_m[robot, e, j] / n_elements
+    sources_m = propagation.sources.positions_m[robot]
+    ray_paths = find_ray_paths(sources_m, is_emitting, centre_m, around.faces, around.reflection)
+    is_crossed = cross(ray_paths.starts_m, ray_paths.ends_m, around.obstacles, around.log_loss.size)
+    return Propagated(ray_paths, arrive(ray_paths, is_crossed, around.log_loss, robot, world_from_array, arrays))

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.array.pattern_table import PatternTable
-from dirmusic.compiled import compiled
 from sensing.array.array_table import ArrayTable
-from sensing.radio.surroundings import Faces, Obstacles, Surroundings
+from sensing.radio.surroundings import Surroundings
 
 FloatArray = NDArray[np.float64]
 
@@ -28,26 +26,14 @@ class SourceTable(NamedTuple):
 
 
 class Propagation(NamedTuple):
-    """Where sources and arrays are, and what surrounds them.
+    """Sources and arrays, and what surrounds them.
 
     Attributes:
         sources: Each robot's own.
-        world_from_array: Poses of the arrays, shape (n_robots, 4, 4).
         arrays: One for each robot.
         surroundings: The same for all robots.
     """
 
     sources: SourceTable
-    world_from_array: FloatArray
     arrays: ArrayTable
     surroundings: Surroundings
-
-
-@compiled
-def named_propagation(propagation: tuple[Any, ...]) -> Propagation:
-    """A `Propagation` from a plain one, in which all inner records are plain too."""
-    sources, world_from_array, arrays, (faces, reflection, log_loss, obstacles) = propagation
-    elements_m, boresights, gain_factors, gain_offsets, pattern = arrays
-    surroundings = Surroundings(Faces(*faces), reflection, log_loss, Obstacles(*obstacles))
-    table = ArrayTable(elements_m, boresights, gain_factors, gain_offsets, PatternTable(*pattern))
-    return Propagation(SourceTable(*sources), world_from_array, table, surroundings)

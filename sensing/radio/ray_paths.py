@@ -16,21 +16,19 @@ BoolArray = NDArray[np.bool_]
 
 
 class RayPaths(NamedTuple):
-    """Paths as broken lines; a row is a path, those of one source and robot follow one another, the direct one first.
+    """Paths to an array as broken lines; a row is a path, those of one source follow one another, the direct one first.
 
     Attributes:
-        robot: Number of the robot that the path leads to, shape (n_paths,).
-        source: Number of the source among the robot's own, shape (n_paths,).
+        source: Number of the source, shape (n_paths,).
         from_m: Source, or its mirror image, shape (n_paths, 3).
         coefficient: Reflection coefficient of the face, 1 for a direct path, shape (n_paths,).
         starts_m: Where the two segments of each path start, one after the other, shape (2 n_paths, 3); the first
             segment of a direct path has no length.
         ends_m: Where the segments end, shape (2 n_paths, 3).
-        first: The first path of each robot and source, shape (n_robots, n_sources).
-        n_paths: Number of paths of each robot and source, shape (n_robots, n_sources).
+        first: The first path of each source, shape (n_sources,).
+        n_paths: Number of paths of each source, shape (n_sources,).
     """
 
-    robot: IntArray
     source: IntArray
     from_m: FloatArray
     coefficient: FloatArray
@@ -48,64 +46,54 @@ def find_ray_paths(
     faces: Faces,
     reflection: FloatArray,
 ) -> RayPaths:
-    """Direct paths, and those by one mirror, from the sources that emit to the centres of arrays.
+    """Direct paths, and those by one mirror, from the sources that emit to the centre of an array.
 
     Args:
-        sources_m: Shape (n_robots, n_sources, 3), world frame.
-        is_emitting: Which sources emit, shape (n_robots, n_sources).
-        centre_m: Middle of each array, shape (n_robots, 3).
+        sources_m: Shape (n_sources, 3), world frame.
+        is_emitting: Which sources emit, shape (n_sources,).
+        centre_m: Middle of the array, shape (3,).
         faces: Flat rectangles that mirror.
         reflection: Reflection coefficients of the faces, shape (n_faces,).
     """
-    n_robots, n_sources = is_emitting.shape
+    n_sources = is_emitting.size
     n_most = is_emitting.sum() * (1 + reflection.size)
-    robot, source = np.empty(n_most, np.intp), np.empty(n_most, np.intp)
+    source = np.empty(n_most, np.intp)
     from_m, coefficient = np.empty((n_most, 3)), np.empty(n_most)
     starts_m, ends_m = np.empty((2 * n_most, 3)), np.empty((2 * n_most, 3))
-    first, n_paths = np.zeros((n_robots, n_sources), np.intp), np.zeros((n_robots, n_sources), np.intp)
+    first, n_paths = np.zeros(n_sources, np.intp), np.zeros(n_sources, np.intp)
     point_m = np.empty(3)
     n = 0
-    for r in range(n_robots):
-        for s in range(n_sources):
-            if not is_emitting[r, s]:
-                continue
-            first[r, s] = n
-            at_m, to_m = sources_m[r, s], centre_m[r]
-            for f in range(-1, reflection.size):
-                from_m[n] = at_m
-                coefficient[n] = 1.0
-                point_m[:] = at_m
-                if f >= 0:
-                    if reflection[f] == 0.0:
-                        continue
-                    depth_m = height_m = 0.0
-                    for i in range(3):
-                        depth_m += (at_m[i] - faces.centre_m[f, i]) * faces.normal[f, i]
-                        height_m += (to_m[i] - faces.centre_m[f, i]) * faces.normal[f, i]
-                    if depth_m <= OWN_FACE_M or height_m <= 0.0:
-                        continue
-                    share = depth_m / (depth_m + height_m)
-                    along_m = across_m = 0.0
-                    for i in range(3):
-                        from_m[n, i] = at_m[i] - 2.0 * depth_m * faces.normal[f, i]
-                        point_m[i] = from_m[n, i] + share * (to_m[i] - from_m[n, i])
-                        along_m += (point_m[i] - faces.centre_m[f, i]) * faces.axes[f, 0, i]
-                        across_m += (point_m[i] - faces.centre_m[f, i]) * faces.axes[f, 1, i]
-                    if abs(along_m) > faces.half_size_m[f, 0] or abs(across_m) > faces.half_size_m[f, 1]:
-                        continue
-                    coefficient[n] = reflection[f]
-                robot[n], source[n] = r, s
-                starts_m[2 * n], starts_m[2 * n + 1] = at_m, to_m
-                ends_m[2 * n] = ends_m[2 * n + 1] = point_m  # a line may end on a face, but not start there
-                n += 1
-            n_paths[r, s] = n - first[r, s]
-    return RayPaths(
-        robot[:n],
-        source[:n],
-        from_m[:n],
-        coefficient[:n],
-        starts_m[: 2 * n],
-        ends_m[: 2 * n],
-        first,
-        n_paths,
-    )
+    for s in range(n_sources):
+        if not is_emitting[s]:
+            continue
+        first[s] = n
+        at_m = sources_m[s]
+        for f in range(-1, reflection.size):
+            from_m[n] = at_m
+            coefficient[n] = 1.0
+            point_m[:] = at_m
+            if f >= 0:
+                if reflection[f] == 0.0:
+                    continue
+                depth_m = height_m = 0.0
+                for i in range(3):
+                    depth_m += (at_m[i] - faces.centre_m[f, i]) * faces.normal[f, i]
+                    height_m += (centre_m[i] - faces.centre_m[f, i]) * faces.normal[f, i]
+                if depth_m <= OWN_FACE_M or height_m <= 0.0:
+                    continue
+                share = depth_m / (depth_m + height_m)
+                along_m = across_m = 0.0
+                for i in range(3):
+                    from_m[n, i] = at_m[i] - 2.0 * depth_m * faces.normal[f, i]
+                    point_m[i] = from_m[n, i] + share * (centre_m[i] - from_m[n, i])
+                    along_m += (point_m[i] - faces.centre_m[f, i]) * faces.axes[f, 0, i]
+                    across_m += (point_m[i] - faces.centre_m[f, i]) * faces.axes[f, 1, i]
+                if abs(along_m) > faces.half_size_m[f, 0] or abs(across_m) > faces.half_size_m[f, 1]:
+                    continue
+                coefficient[n] = reflection[f]
+            source[n] = s
+            starts_m[2 * n], starts_m[2 * n + 1] = at_m, centre_m
+            ends_m[2 * n] = ends_m[2 * n + 1] = point_m  # a line may end on a face, but not start there
+            n += 1
+        n_paths[s] = n - first[s]
+    return RayPaths(source[:n], from_m[:n], coefficient[:n], starts_m[: 2 * n], ends_m[: 2 * n], first, n_paths)

@@ -3,28 +3,51 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.compiled import GeneratorHandle, plain
+from dirmusic.compiled import Held
 from dirmusic.pulses.batch import PulseBatch
 from sensing.array.array_table import ArrayTable
 from sensing.array.helical_array import HelicalArray
 from sensing.nature.scene import Scene
-from sensing.radio.propagation import SourceTable
+from sensing.nature.sources import in_nanoseconds
+from sensing.radio.propagation import Propagation, SourceTable
 from sensing.receiver.config import ReceiverConfig
-from sensing.receiver.detection import Channels, Gates, detect
+from sensing.receiver.detection import Channels, Condition, Gates, Listening, detect
 from sensing.receiver.detections import Detections
-from sensing.receiver.false_alarms import FalseAlarms
 from sensing.receiver.receiver import Listener, Receiver
 from sensing.receiver.sampling.sampler import Tones
+from sensing.receiver.schedule import Schedule
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
-NO_TIMES = np.empty(0)
+LEAST_ROBOTS = 4
+"""On one thread: fewer do not pay for it."""
+
+LEAST_ROOM = 64
+"""Gates that there is room for at first."""
+
+
+class Interval(NamedTuple):
+    """What all robots share while they listen.
+
+    Attributes:
+        world_from_array: Poses of the arrays, shape (n_robots, 4, 4).
+        start_s: Simulated time of each robot.
+        duration_s: Of the interval.
+        propagation: Sources and arrays, and what surrounds them.
+    """
+
+    world_from_array: FloatArray
+    start_s: list[float]
+    duration_s: float
+    propagation: Held[Propagation]
 
 
 class ReceiverBank:
@@ -35,41 +58,42 @@ class ReceiverBank:
     Args:
         config: Settings of every receiver.
         listeners: The robots, with arrays of one size and pattern, and equally many sources in each scene.
+        n_threads: On how many threads they listen.
     """
 
-    def __init__(self, config: ReceiverConfig, listeners: Sequence[Listener]) -> None:
+    def __init__(self, config: ReceiverConfig, listeners: Sequence[Listener], n_threads: int = 1) -> None:
         self.config = config
-        self._listeners = list(listeners)
-        n_robots, scene = len(listeners), listeners[0].scene
-        self._receiver = Receiver(config, listeners[0].array.n_elements)
-        self._false_alarms = FalseAlarms(config.false_alarm_rate_hz, n_robots)
-        self._arrays = ArrayTable.of([listener.array for listener in listeners])
-        n_sources = len(scene.sources)
-        self._sources = SourceTable(np.empty((n_robots, n_sources, 3)), np.empty((n_robots, n_sources)))
-        self._plain_arrays, self._plain_sources = plain(self._arrays), tuple(self._sources)
-        self._surroundings = plain(scene.surroundings)
-        self._samplers: list[tuple[Any, ...]] = [()] * n_robots
-        self._generators: list[GeneratorHandle] = [GeneratorHandle(each.receiver_rng) for each in listeners]
-        self._reading, n = plain(self._receiver.reading), self._receiver.n_elements
-        self._no_tones = Tones(np.empty((0, n)), np.empty((0, n)), np.empty(0))
-        self._quiet_channels = tuple(self._channels(0.0, self._no_tones))
+        self._listeners, self._all = list(listeners), list(range(len(listeners)))
+        n_robots, scene, n = len(listeners), listeners[0].scene, listeners[0].array.n_elements
+        self._receiver = Receiver(config, n)
+        shape = n_robots, len(scene.sources)
+        self._propagation = Propagation(
+            SourceTable(np.empty((*shape, 3)), np.empty(shape)),
+            ArrayTable.of([listener.array for listener in listeners]),
+            scene.surroundings,
+        )
+        self._held_propagation = Held(self._propagation)
         self._nothing = Detections(
             np.empty(0, dtype=np.intp), PulseBatch.none(n), np.empty((0, n, config.gate_samples)), 0
         )
+        self._no_tones = Tones(np.empty((0, n)), np.empty((0, n)), np.empty(0))
+        self._quiet = self._condition(0.0, self._no_tones)
+        self._schedules = [self._schedule(listener) for listener in listeners]
+        self._changes = [False] * n_robots
+        self._chains = [self._receiver.chain(listener.array) for listener in listeners]
+        self._listening = [self._own(robot, self._quiet) for robot in range(n_robots)]
+        self._gates = [Held(Gates.room(LEAST_ROOM, n, config.gate_samples)) for _ in range(n_threads)]
         for robot, listener in enumerate(listeners):
             self.replace(robot, listener)
 
     def replace(self, robot: int, listener: Listener) -> None:
         """Another array, scene and generators for one robot, whose time starts anew."""
-        self._listeners[robot] = listener
-        self._arrays.replace(robot, listener.array)
-        self._samplers[robot] = plain(self._receiver.sampler(listener.array))
-        self._sources.positions_m[robot], self._sources.burst_s[robot] = (
-            listener.scene.positions_m,
-            listener.scene.burst_s,
-        )
-        self._generators[robot] = GeneratorHandle(listener.receiver_rng)
-        self._false_alarms.restart(robot)
+        scene, sources = listener.scene, self._propagation.sources
+        self._listeners[robot], self._schedules[robot] = listener, self._schedule(listener)
+        self._changes[robot] = scene.has_movers or bool(scene.carriers) or bool(self.config.faults)
+        self._propagation.arrays.replace(robot, listener.array)
+        self._chains[robot] = self._receiver.chain(listener.array)
+        sources.positions_m[robot], sources.burst_s[robot] = scene.positions_m, scene.burst_s
 
     def listen(
         self, world_from_array: FloatArray, start_s: FloatArray, duration_s: float, rows: IntArray | None = None
@@ -85,68 +109,87 @@ class ReceiverBank:
             duration_s: Length of the interval.
             rows: Which robots listen; None for all.
         """
-        robots: list[int] = list(range(len(self._listeners))) if rows is None else rows.tolist()
-        starts: list[float] = start_s.tolist()
-        arrays = plain(self._arrays_at(start_s)) if self.config.faults else self._plain_arrays
-        propagation = (self._plain_sources, world_from_array, arrays, self._surroundings)
-        parts = [
-            found
-            for robot in robots
-            if (found := self._listen(robot, propagation, starts[robot], duration_s)) is not None
-        ]
-        if len(parts) == 1:
-            return parts[0]
-        return Detections.join(parts) if parts else self._nothing
+        robots: list[int] = self._all if rows is None else rows.tolist()
+        interval = Interval(world_from_array, start_s.tolist(), duration_s, self._held_propagation)
+        if self.config.faults:
+            interval = interval._replace(propagation=Held(self._propagation._replace(arrays=self._arrays_at(start_s))))
+        n_threads = min(len(self._gates), len(robots) // LEAST_ROBOTS)
+        if n_threads <= 1:
+            return self._listen(0, robots, interval)
+        shares = [share.tolist() for share in np.array_split(robots, n_threads)]
+        with ThreadPoolExecutor(n_threads) as pool:
+            return Detections.join(list(pool.map(partial(self._listen, interval=interval), range(n_threads), shares)))
 
-    def _listen(self, robot: int, propagation: tuple[Any, ...], start_s: float, duration_s: float) -> Detections | None:
-        """What one robot detects; None if there is nothing."""
-        listener = self._listeners[robot]
-        scene, rng = listener.scene, listener.receiver_rng
-        emissions = scene.emissions(start_s, duration_s, listener.nature_rng)
-        false_alarms = self._false_alarms.times_s(robot, start_s, duration_s, rng)
-        n = emissions.time_s.size + len(false_alarms)
-        if n == 0:
-            return None
+    def _listen(self, thread: int, robots: list[int], interval: Interval) -> Detections:
+        """What some robots detect, one after the other."""
+        counts: list[int] = []
+        row = n_all_rejected = 0
+        for robot in robots:
+            start_s = in_nanoseconds(interval.start_s[robot])
+            end_s = in_nanoseconds(interval.start_s[robot] + interval.duration_s)
+            if self._changes[robot] or not self._schedules[robot].reaches(start_s, end_s):
+                self._prepare(robot, start_s, end_s, interval)
+            own, gates = self._listening[robot], self._gates[thread]
+            shared = interval.world_from_array, interval.propagation, own
+            n_found, n_rejected = detect(robot, start_s, end_s, row, *shared, gates)
+            if n_found < 0:
+                gates = self._gates[thread] = self._more_room(gates.given, row, 2 * (row - n_found))
+                n_found, n_rejected = detect(robot, start_s, end_s, row, *shared, gates)
+            counts.append(n_found)
+            row, n_all_rejected = row + n_found, n_all_rejected + n_rejected
+        if row == 0:
+            return self._nothing._replace(n_rejected=n_all_rejected)
+        found = self._gates[thread].given
+        robot = np.full(row, robots[0]) if len(robots) == 1 else np.repeat(robots, counts)
+        return Detections(robot, found.pulses.first(row), found.waveforms_v[:row].copy(), n_all_rejected)
+
+    def _prepare(self, robot: int, start_s: float, end_s: float, interval: Interval) -> None:
+        """Draw what may trigger a receiver, and let what changes with time be as it is now."""
+        schedule, listener = self._schedules[robot], self._listeners[robot]
+        scene, tones = listener.scene, self._no_tones
+        if not schedule.reaches(start_s, end_s):
+            schedule.draw(start_s, end_s)
         if scene.has_movers:
-            self._sources.positions_m[robot] = scene.positions_at(start_s)
-        tones, channels, sampler = self._no_tones, self._quiet_channels, self._samplers[robot]
+            self._propagation.sources.positions_m[robot] = scene.positions_at(start_s)
         if scene.carriers:
-            tones = self._receiver.tones(scene.carriers, listener.array, propagation[1][robot])
-            *others, _, burst = sampler
-            sampler = (*others, plain(self._receiver.trigger(float(tones.amplitude_v.sum(axis=0).max()))), burst)
-        if scene.carriers or self.config.faults:
-            channels = tuple(self._channels(start_s, tones))
-        found = Gates.room(n, self._receiver.n_elements, self.config.gate_samples)
-        n_found, n_rejected = detect(
-            robot,
-            (tuple(emissions), np.array(false_alarms) if false_alarms else NO_TIMES),
-            propagation,
-            (sampler, *self._reading),
-            (tuple(tones), channels),
-            self._generators[robot],
-            (found.waveforms_v, tuple(found.pulses)),
-        )
-        if n_found == 0 and n_rejected == 0:
-            return None
-        if n_found < n:
-            found = found.first(n_found)
-        detections = Detections(np.full(n_found, robot), found.pulses, found.waveforms_v, n_rejected)
-        return Detections.join([detections]) if false_alarms else detections
+            tones = self._receiver.tones(scene.carriers, listener.array, interval.world_from_array[robot])
+        changes = scene.carriers or self.config.faults
+        self._listening[robot] = self._own(robot, self._condition(start_s, tones) if changes else self._quiet)
 
-    def _channels(self, time_s: float, tones: Tones) -> Channels:
-        """The channels at a time."""
+    def _own(self, robot: int, condition: Condition) -> Held[Listening]:
+        """All that is one robot's own."""
+        listener, chain, tones_v = self._listeners[robot], self._chains[robot], condition.tones.amplitude_v
+        if len(tones_v):
+            chain = self._receiver.chain(listener.array, above_v=float(tones_v.sum(axis=0).max()))
+        return Held(Listening(chain, condition, self._schedules[robot].ahead, listener.receiver_rng))
+
+    def _schedule(self, listener: Listener) -> Schedule:
+        """What may trigger a robot's receiver."""
+        return Schedule(listener.scene, self.config.false_alarm_rate_hz, listener.nature_rng, listener.receiver_rng)
+
+    def _more_room(self, gates: Gates, n_filled: int, n_gates: int) -> Held[Gates]:
+        """Room for so many gates, the first of which are as they are."""
+        more = Gates.room(n_gates, self._receiver.n_elements, self.config.gate_samples)
+        more.waveforms_v[:n_filled] = gates.waveforms_v[:n_filled]
+        for column, filled in zip(more.pulses, gates.pulses, strict=True):
+            column[:n_filled] = filled[:n_filled]
+        return Held(more)
+
+    def _condition(self, time_s: float, tones: Tones) -> Condition:
+        """That of one receiver at a time."""
         receiver = self._receiver
         limit_v, source, stuck_v = receiver.faults.channels(time_s, self.config.full_scale_v)
-        return Channels(
+        channels = Channels(
             limit_v=limit_v,
             background_v2=receiver.noise_variance_v2 + 0.5 * np.square(tones.amplitude_v).sum(axis=0),
             source=source,
             stuck_v=stuck_v,
         )
+        return Condition(tones, channels)
 
     def _arrays_at(self, time_s: FloatArray) -> ArrayTable:
         """The arrays with what faults have left of their signals."""
-        left, arrays = self._receiver.faults.signal_factors(time_s), self._arrays
+        left, arrays = self._receiver.faults.signal_factors(time_s), self._propagation.arrays
         return arrays._replace(gain_factors=arrays.gain_factors * left, gain_offsets=arrays.gain_offsets * left)
 
 

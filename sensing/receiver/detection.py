@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.compiled import GeneratorHandle, compiled
+from dirmusic.compiled import Held, compiled
 from dirmusic.pulses.batch import PulseBatch
 from sensing.nature.scene import Emissions
 from sensing.radio.arrivals import propagate
-from sensing.radio.propagation import named_propagation
-from sensing.receiver.front_end import NoiseFilter, PulseTable
+from sensing.radio.propagation import Propagation
 from sensing.receiver.gates import GateParameters, read_gate
 from sensing.receiver.sampling.gate import IS_BURST, IS_PULSE, sample_noise, sample_pulse
-from sensing.receiver.sampling.sampler import BurstTest, Emission, Sampler, Timing, Tones, Trigger
+from sensing.receiver.sampling.sampler import Emission, Sampler, Tones
+from sensing.receiver.schedule import NOISE
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -65,16 +65,47 @@ class Gates(NamedTuple):
         """Room for as many, for a compiled loop to fill in."""
         return cls(np.empty((n_gates, n_elements, n_samples)), PulseBatch.room(n_gates, n_elements))
 
-    def first(self, n_gates: int) -> Self:
-        """The first rows."""
-        return type(self)(self.waveforms_v[:n_gates], self.pulses.take(slice(0, n_gates)))
+
+class ReceiverChain(NamedTuple):
+    """From the feeds of the antennas to readings.
+
+    Attributes:
+        sampler: Up to the gate.
+        converter: Behind it.
+        gate: How it is read.
+    """
+
+    sampler: Sampler
+    converter: Converter
+    gate: GateParameters
 
 
-@compiled
-def named_sampler(sampler: tuple[Any, ...]) -> Sampler:
-    """A `Sampler` from a plain one, in which all inner records are plain too."""
-    pulse, noise, timing, trigger, burst = sampler
-    return Sampler(PulseTable(*pulse), NoiseFilter(*noise), Timing(*timing), Trigger(*trigger), BurstTest(*burst))
+class Condition(NamedTuple):
+    """What changes with time.
+
+    Attributes:
+        tones: Carriers.
+        channels: State of the channels.
+    """
+
+    tones: Tones
+    channels: Channels
+
+
+class Listening(NamedTuple):
+    """All that is one robot's own while it listens.
+
+    Attributes:
+        chain: Of its receiver.
+        condition: Of its channels.
+        upcoming: What may trigger, by time; source `NOISE` where noise alone does.
+        rng: Draws.
+    """
+
+    chain: ReceiverChain
+    condition: Condition
+    upcoming: Emissions
+    rng: np.random.Generator
 
 
 @compiled
@@ -91,55 +122,61 @@ def convert(gate_v: FloatArray, converter: Converter, channels: Channels, wavefo
 @compiled
 def detect(
     robot: int,
-    triggering: tuple[Any, ...],
-    propagation: tuple[Any, ...],
-    receiver: tuple[Any, ...],
-    condition: tuple[Any, ...],
-    generator: GeneratorHandle,
-    found: tuple[Any, ...],
+    start_s: float,
+    end_s: float,
+    first_row: int,
+    world_from_array: FloatArray,
+    propagation: Held[Propagation],
+    listening: Held[Listening],
+    gates: Held[Gates],
 ) -> tuple[int, int]:
-    """Gates of all that triggers in one robot's receiver.
+    """Gates of all that triggers one robot's receiver within an interval.
 
     Args:
-        robot: Row of the robot in `propagation`.
-        triggering: Plain `Emissions` of its scene, and times at which noise alone triggers, shape (n_false_alarms,).
-        propagation: A plain `Propagation`.
-        receiver: A plain `Sampler`, `Converter` and `GateParameters`.
-        condition: Plain `Tones` and `Channels`, as they are now.
-        generator: Draws.
-        found: Plain `Gates` with room for all emissions and false alarms; its first rows are filled in.
+        robot: Row of the robot.
+        start_s: Of the interval.
+        end_s: Of the interval.
+        first_row: First of `gates` that is free; there are to be as many as may trigger.
+        world_from_array: Poses of the arrays, shape (n_robots, 4, 4).
+        propagation: Of all robots.
+        listening: What is the robot's own.
+        gates: Rows are filled in.
 
     Returns:
-        How many gates there are, and how many emissions triggered and were rejected as bursts.
+        How many gates there are, and how many emissions triggered and were rejected as bursts; if there is no room for
+        all that may trigger, nothing is done, and the first is the number of rows that are wanted, negative.
     """
-    radiated, around, sampler = Emissions(*triggering[0]), named_propagation(propagation), named_sampler(receiver[0])
-    converter, gate, carriers, state = (
-        Converter(*receiver[1]), GateParameters(*receiver[2]), Tones(*condition[0]), Channels(*condition[1])
-    )  # fmt: skip
-    waveforms_v, pulses, rng = found[0], PulseBatch(*found[1]), generator.rng
-    gate_v = np.empty((sampler.timing.gate, state.limit_v.size))
-    n_found = n_rejected = 0
-    if radiated.time_s.size > 0:
-        is_emitting = np.zeros(around.sources.burst_s.shape, np.bool_)
-        for k in range(radiated.time_s.size):
-            is_emitting[robot, radiated.source[k]] = True
-        ray_paths, arrivals = propagate(is_emitting, around)
-        for k in range(radiated.time_s.size):
-            s = radiated.source[k]
-            first, n_paths = int(ray_paths.first[robot, s]), int(ray_paths.n_paths[robot, s])
-            emission = Emission(radiated.peak_v[k], around.sources.burst_s[robot, s], first, n_paths)
+    chain, condition, upcoming, rng = listening.value
+    first, last = int(np.searchsorted(upcoming.time_s, start_s)), int(np.searchsorted(upcoming.time_s, end_s))
+    if first == last:
+        return 0, 0
+    waveforms_v, pulses = gates.value
+    if first_row + last - first > len(waveforms_v):
+        return first - last, 0
+    sampler, converter, gate = chain
+    tones, channels = condition
+    around = propagation.value
+    gate_v = np.empty((sampler.timing.gate, channels.limit_v.size))
+    is_emitting = np.zeros(around.sources.burst_s.shape[1], np.bool_)
+    for k in range(first, last):
+        if upcoming.source[k] != NOISE:
+            is_emitting[upcoming.source[k]] = True
+    ray_paths, arrivals = propagate(robot, is_emitting, world_from_array, around)
+    row, n_rejected = first_row, 0
+    for k in range(first, last):
+        s = upcoming.source[k]
+        if s == NOISE:
+            sample_noise(sampler, tones, rng, gate_v)
+        else:
+            n_paths = int(ray_paths.n_paths[s])
+            emission = Emission(upcoming.peak_v[k], around.sources.burst_s[robot, s], int(ray_paths.first[s]), n_paths)
             came_as = sample_pulse(
-                emission, arrivals, sampler, carriers, state.limit_v, state.background_v2, rng, gate_v
+                emission, arrivals, sampler, tones, channels.limit_v, channels.background_v2, rng, gate_v
             )
-            if came_as == IS_PULSE:
-                convert(gate_v, converter, state, waveforms_v[n_found])
-                read_gate(waveforms_v[n_found], state.background_v2, radiated.time_s[k], gate, n_found, pulses)
-                n_found += 1
-            elif came_as == IS_BURST:
-                n_rejected += 1
-    for time_s in triggering[1]:
-        sample_noise(sampler, carriers, rng, gate_v)
-        convert(gate_v, converter, state, waveforms_v[n_found])
-        read_gate(waveforms_v[n_found], state.background_v2, time_s, gate, n_found, pulses)
-        n_found += 1
-    return n_found, n_rejected
+            if came_as != IS_PULSE:
+                n_rejected += came_as == IS_BURST
+                continue
+        convert(gate_v, converter, channels, waveforms_v[row])
+        read_gate(waveforms_v[row], channels.background_v2, upcoming.time_s[k], gate, row, pulses)
+        row += 1
+    return row - first_row, n_rejected

@@ -15,7 +15,7 @@ from sensing.nature.pulse_shape import DECAY_S
 from sensing.nature.scene import Scene
 from sensing.nature.sources import Carrier
 from sensing.receiver.config import ReceiverConfig
-from sensing.receiver.detection import Converter
+from sensing.receiver.detection import Converter, ReceiverChain
 from sensing.receiver.faults import Faults
 from sensing.receiver.front_end import front_end
 from sensing.receiver.gates import GateParameters
@@ -95,8 +95,8 @@ class Receiver:
         noise_v, level_v = self.filtered_noise_v, self.threshold_v + above_v
         return Trigger(level_v, noise_v, self.front_end.correlation, probabilities(level_v / noise_v), STEP * noise_v)
 
-    def sampler(self, array: HelicalArray) -> Sampler:
-        """How the receiver samples behind an array."""
+    def chain(self, array: HelicalArray, above_v: float = 0.0) -> ReceiverChain:
+        """All that is behind the feeds of an array, its trigger level so much above that of `threshold_v`."""
         config, front_end = self.config, self.front_end
         rate_hz, correlation = config.sample_rate_hz, front_end.correlation
         n_aperture, n_decay = round(aperture_m(array) / SPEED_OF_LIGHT_MPS * rate_hz), round(2 * DECAY_S * rate_hz)
@@ -117,15 +117,13 @@ class Receiver:
             share=BURST_SHARE,
         )
         noise = front_end.noise_filter(config.noise_v)
-        return Sampler(front_end.pulse_table, noise, timing, self.trigger(), burst)
-
-    @property
-    def reading(self) -> tuple[Converter, GateParameters]:
-        """Behind the gate."""
-        config, front_end, highest = self.config, self.front_end, 2 ** (self.config.bits - 1) - 1
-        full_v = (highest - 0.5) * self.step_v
-        return Converter(self.step_v, float(highest)), GateParameters(
-            front_end.energy_spread, front_end.noise_on_pulse, config.mains_hz, full_v
+        highest = 2 ** (config.bits - 1) - 1
+        return ReceiverChain(
+            Sampler(front_end.pulse_table, noise, timing, self.trigger(above_v), burst),
+            Converter(self.step_v, float(highest)),
+            GateParameters(
+                front_end.energy_spread, front_end.noise_on_pulse, config.mains_hz, (highest - 0.5) * self.step_v
+            ),
         )
 
     def tones(self, carriers: Sequence[Carrier], array: HelicalArray, world_from_array: FloatArray) -> Tones:

@@ -62,7 +62,7 @@ def test_a_pulse_takes_no_longer_than_its_noise_and_one_out_of_reach_next_to_not
     taken: list[list[float]] = []
     for _ in range(7):
         (heard_s, all_of_them), (faint_s, none) = seconds_a_pulse(0.27), seconds_a_pulse(0.005)
-        assert (all_of_them, none) == (1.0, 0.0)
+        assert all_of_them >= 1.0 > 1e-3 >= none
         taken.append([heard_s, faint_s, seconds_of_white_noise()])
     heard_s, faint_s, noise_s = (statistics.median(column) for column in zip(*taken, strict=True))
     print(

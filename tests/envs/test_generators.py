@@ -31,13 +31,13 @@ def test_the_next_episode_has_other_children_also_after_pickling() -> None:
 
 @pytest.mark.parametrize("scenario", ["two_sources", "transformer_bay", "quiet_yard"])
 def test_two_policies_on_one_seed_meet_the_same_nature(scenario: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    emit, emitted = Scene.emissions, list[Emissions]()
+    emit, emitted = Scene.draw, list[Emissions]()
 
     def noted(scene: Scene, start_s: float, duration_s: float, rng: np.random.Generator) -> Emissions:
         emitted.append(emit(scene, start_s, duration_s, rng))
         return emitted[-1]
 
-    monkeypatch.setattr(Scene, "emissions", noted)
+    monkeypatch.setattr(Scene, "draw", noted)
     met: list[tuple[dict, np.ndarray, np.ndarray, np.ndarray]] = []
     for policy in ("seek", "random"):
         emitted.clear()

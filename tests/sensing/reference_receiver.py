@@ -33,8 +33,8 @@ class Sampled(NamedTuple):
 def arrivals_of(scene: Scene, array: HelicalArray, world_from_array: FloatArray) -> Arrivals:
     """All paths of the first source of a scene."""
     sources = SourceTable(scene.positions_m[np.newaxis, :1], scene.burst_s[np.newaxis, :1])
-    around = Propagation(sources, world_from_array[np.newaxis], ArrayTable.of([array]), scene.surroundings)
-    return propagate(np.ones((1, 1), dtype=np.bool_), around).arrivals
+    around = Propagation(sources, ArrayTable.of([array]), scene.surroundings)
+    return propagate(0, np.ones(1, dtype=np.bool_), world_from_array[np.newaxis], around).arrivals
 
 
 def sample(

@@ -63,7 +63,7 @@ def test_a_source_stops_starts_and_drifts() -> None:
         active_s=(10.0, 20.0),
         drift_db_per_min=12.0,
     )
-    _, time_s, peak_v = Scene([source]).emissions(0.0, 100.0, np.random.default_rng(3))
+    _, time_s, peak_v = Scene([source]).draw(0.0, 100.0, np.random.default_rng(3))
     time_s, peak_v = np.sort(time_s), peak_v[np.argsort(time_s)]
     assert 10.0 <= time_s.min() < 10.3
     assert 19.7 < time_s.max() < 20.0

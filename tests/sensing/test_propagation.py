@@ -53,8 +53,8 @@ def paths_between(
         gain_offsets=zero,
     )
     sources = SourceTable(np.array([[source_m]]), np.zeros((1, 1)))
-    around = Propagation(sources, world_from_array[np.newaxis], ArrayTable.of([element]), surroundings)
-    ray_paths, arrivals = propagate(np.ones((1, 1), np.bool_), around)
+    around = Propagation(sources, ArrayTable.of([element]), surroundings)
+    ray_paths, arrivals = propagate(0, np.ones(1, np.bool_), world_from_array[np.newaxis], around)
     range_m = SPEED_OF_LIGHT_MPS * arrivals.delay_s[:, 0]
     return Paths(ray_paths.from_m, range_m, arrivals.amplitude[:, 0] * range_m)
 

@@ -25,6 +25,7 @@ from sensing.receiver.bank import listen_once
 from sensing.receiver.front_end import FrontEnd
 from sensing.receiver.receiver import Receiver
 from sensing.receiver.sampling.noise import add_noise, settle
+from sensing.receiver.schedule import Schedule
 
 NOMINAL = HelicalArray.nominal(ArrayConfig())
 AT_ORIGIN = np.eye(4)
@@ -196,21 +197,26 @@ def test_the_element_nearest_to_the_source_receives_the_pulse_first_by_its_own_d
     np.testing.assert_allclose(arrival - arrival[1], (delay_s - delay_s[1]) * 20e9, atol=2.0)
 
 
+def schedule(sources: list[DischargeSource]) -> Schedule:
+    """Of a receiver that noise alone hardly ever triggers."""
+    rng = np.random.default_rng(0)
+    return Schedule(Scene(sources), 1e-9, rng, rng)
+
+
 def test_a_shot_on_the_edge_of_two_intervals_is_fired_once() -> None:
     gun = DischargeSource(
         name="gun", position_m=np.ones(3), amplitude_v=1.0, pulse_rate_hz=10.0, n_shots=90, first_shot_s=0.3
     )
-    rng = np.random.default_rng(0)
-    anew = np.concatenate([Scene([gun]).emissions(k * 0.1, 0.1, rng).time_s for k in range(200)])
-    scene = Scene([gun])
-    in_turn = np.concatenate([scene.emissions(k * 0.1, 0.1, rng).time_s for k in range(200)])
+    anew = np.concatenate([schedule([gun]).between(k * 0.1, 0.1).time_s for k in range(200)])
+    ahead = schedule([gun])
+    in_turn = np.concatenate([ahead.between(k * 0.1, 0.1).time_s for k in range(200)])
     for fired in (anew, in_turn):
         np.testing.assert_allclose(fired, 0.3 + np.arange(90) / 10, atol=1e-9)
 
 
 def test_pulses_drawn_ahead_lie_in_their_intervals_as_often_as_they_should_and_start_anew_when_time_goes_back() -> None:
-    scene, rng = Scene([source_at(5.0, 0.0, rate_hz=50.0), source_at(9.0, 0.0, rate_hz=20.0)]), np.random.default_rng(0)
-    pulses = [scene.emissions(k * 0.1, 0.1, rng) for k in range(3000)]
+    ahead = schedule([source_at(5.0, 0.0, rate_hz=50.0), source_at(9.0, 0.0, rate_hz=20.0)])
+    pulses = [ahead.between(k * 0.1, 0.1) for k in range(3000)]
     for k, part in enumerate(pulses):
         assert ((part.time_s >= k * 0.1 - 1e-9) & (part.time_s < (k + 1) * 0.1 + 1e-9)).all()
         assert (np.diff(part.time_s) >= 0).all()
@@ -218,7 +224,7 @@ def test_pulses_drawn_ahead_lie_in_their_intervals_as_often_as_they_should_and_s
     assert np.unique(times).size == times.size == pytest.approx(300 * 70, abs=4 * np.sqrt(300 * 70))
     sources = np.concatenate([part.source for part in pulses])
     assert (sources == 1).mean() == pytest.approx(20 / 70, abs=0.015)
-    again = scene.emissions(0.0, 300.0, rng).time_s
+    again = ahead.between(0.0, 300.0).time_s
     assert again.size == pytest.approx(300 * 70, abs=4 * np.sqrt(300 * 70))
 
 
