@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,10 +55,16 @@ class Emitter(NamedTuple):
 
 
 BENT_RAY = np.dtype(
-    [(name, np.float64) for name in ("x", "y", "z", "extra_m")] + [("coefficient", np.complex128)]  # type: ignore
+    [
+        *((name, np.float64) for name in ("x", "y", "z", "first_x", "first_y", "first_z", "extra_m", "way_m")),
+        ("coefficient", np.complex128),
+        ("box", np.intp),
+        ("is_shaded", np.bool_),
+    ]
 )
-"""A ray: where it bends last, or the mirror image of that place if the ground mirrors it afterwards; its length up to
-there; and what a circular antenna receives of it, over a straight ray as long."""
+"""A ray: where it bends last, or the mirror image of that place if the ground mirrors it afterwards; where it bends
+first; its length up to the last bend, and in all; what a circular antenna receives of it, over a straight ray as long;
+the box that bends it; and whether what other solids take away is taken off already."""
 
 
 SEEN_EDGE = np.dtype(
@@ -202,6 +208,15 @@ class Bending(NamedTuple):
 
 
 @compiled
+def shade(ray: Any, source: Vector, target: Vector, obstacles: Obstacles) -> None:  # noqa: ANN401 - a row of `BENT_RAY`
+    """Take off what all solids but its own box take away from a bent ray."""
+    last = above_ground(Vector(ray.x, ray.y, ray.z))
+    left = left_of_line(source, Vector(ray.first_x, ray.first_y, ray.first_z), obstacles, ray.box)
+    ray.coefficient *= left * left_of_line(last, target, obstacles, ray.box)
+    ray.is_shaded = True
+
+
+@compiled
 def bend(bending: Bending, obstacles: Obstacles, k: int, rays: BentRays, n: int) -> int:
     """Add the rays round the edges of box k, but for those that are sure to be too weak to count.
 
@@ -264,12 +279,13 @@ def bend(bending: Bending, obstacles: Obstacles, k: int, rays: BentRays, n: int)
                 way_m = ray.before_m + ray.between_m + ray.behind_m
                 if share * abs(coefficient) < weakest * way_m:
                     continue
-                before = left_of_line(emitter.at, above_ground(way.first), obstacles, k)
-                behind = left_of_line(above_ground(way.last), target, obstacles, k)
                 found = rays.rows[n]
                 found.x, found.y, found.z = way.last
-                found.extra_m = ray.before_m + ray.between_m
-                found.coefficient = share * before * behind * coefficient
-                rays.loudest[0] = max(rays.loudest[0], abs(found.coefficient) / way_m)
+                found.first_x, found.first_y, found.first_z = above_ground(way.first)
+                found.extra_m, found.way_m = ray.before_m + ray.between_m, way_m
+                found.coefficient, found.box, found.is_shaded = share * coefficient, k, False
+                if abs(found.coefficient) > rays.loudest[0] * way_m:
+                    shade(found, emitter.at, target, obstacles)
+                    rays.loudest[0] = max(rays.loudest[0], abs(found.coefficient) / way_m)
                 n += 1
     return n
