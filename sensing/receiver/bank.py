@@ -18,7 +18,7 @@ from sensing.nature.scene import Scene
 from sensing.nature.sources import in_nanoseconds
 from sensing.radio.propagation import Propagation, SourceTable
 from sensing.receiver.config import ReceiverConfig
-from sensing.receiver.detection import Channels, Condition, Gates, Listening, detect
+from sensing.receiver.detection import Channels, Condition, Gates, Listening, ReceiverChain, detect
 from sensing.receiver.detections import Detections
 from sensing.receiver.receiver import Listener, Receiver
 from sensing.receiver.sampling.sampler import Tones
@@ -78,10 +78,10 @@ class ReceiverBank:
         )
         self._no_tones = Tones(np.empty((0, n)), np.empty((0, n)), np.empty(0))
         self._quiet = self._condition(0.0, self._no_tones)
-        self._schedules = [self._schedule(listener) for listener in listeners]
-        self._changes = [False] * n_robots
-        self._chains = [self._receiver.chain(listener.array) for listener in listeners]
-        self._listening = [self._own(robot, self._quiet) for robot in range(n_robots)]
+        self._schedules: dict[int, Schedule] = {}
+        self._changes: dict[int, bool] = {}
+        self._chains: dict[int, ReceiverChain] = {}
+        self._listening: dict[int, Held[Listening]] = {}
         self._gates = [Held(Gates.room(LEAST_ROOM, n, config.gate_samples)) for _ in range(n_threads)]
         for robot, listener in enumerate(listeners):
             self.replace(robot, listener)
@@ -89,15 +89,16 @@ class ReceiverBank:
     def replace(self, robot: int, listener: Listener) -> None:
         """Another array, scene and generators for one robot, whose time starts anew."""
         scene, sources = listener.scene, self._propagation.sources
-        self._listeners[robot], self._schedules[robot] = listener, self._schedule(listener)
+        self._listeners[robot] = listener
+        self._schedules[robot] = Schedule(
+            scene, self.config.false_alarm_rate_hz, listener.nature_rng, listener.receiver_rng
+        )
         self._changes[robot] = scene.has_movers or bool(scene.carriers) or bool(self.config.faults)
         self._propagation.arrays.replace(robot, listener.array)
         self._chains[robot] = self._receiver.chain(listener.array)
-        sources.positions_m[robot], sources.axes[robot], sources.burst_s[robot] = (
-            scene.positions_m,
-            scene.axes,
-            scene.burst_s,
-        )
+        sources.positions_m[robot], sources.axes[robot] = scene.positions_m, scene.axes
+        sources.burst_s[robot] = scene.burst_s
+        self._listening[robot] = self._own(robot, self._quiet)
 
     def listen(
         self, world_from_array: FloatArray, start_s: FloatArray, duration_s: float, rows: IntArray | None = None
@@ -166,10 +167,6 @@ class ReceiverBank:
         if len(tones_v):
             chain = self._receiver.chain(listener.array, above_v=float(tones_v.sum(axis=0).max()))
         return Held(Listening(chain, condition, self._schedules[robot].ahead, listener.receiver_rng))
-
-    def _schedule(self, listener: Listener) -> Schedule:
-        """What may trigger a robot's receiver."""
-        return Schedule(listener.scene, self.config.false_alarm_rate_hz, listener.nature_rng, listener.receiver_rng)
 
     def _more_room(self, gates: Gates, n_filled: int, n_gates: int) -> Held[Gates]:
         """Room for so many gates, the first of which are as they are."""

@@ -6,36 +6,14 @@ from typing import Any, cast
 import numpy as np
 
 from sensing import (
-    ArrayConfig,
-    Detections,
-    DischargeSource,
     Faces,
-    HelicalArray,
     ReceiverConfig,
     Scene,
     Surroundings,
 )
 from sensing.receiver.bank import listen_once
+from tests.sensing.listening import AT_ORIGIN, NOMINAL, listen, source_at
 from tests.sensing.scenes import around, wall_across
-
-NOMINAL = HelicalArray.nominal(ArrayConfig())
-AT_ORIGIN = np.eye(4)
-
-
-def source_at(x: float, y: float, z: float = 0.6) -> DischargeSource:
-    return DischargeSource(name="s", position_m=np.array([x, y, z]), amplitude_v=0.27, pulse_rate_hz=1000.0)
-
-
-def listen(source: DischargeSource, surroundings: Surroundings, duration_s: float) -> Detections:
-    return listen_once(
-        ReceiverConfig(),
-        NOMINAL,
-        Scene([source], surroundings),
-        np.random.default_rng(0),
-        world_from_array=AT_ORIGIN,
-        duration_s=duration_s,
-    )
-
 
 AXES = np.eye(3)
 
@@ -74,7 +52,7 @@ def test_no_discharge_is_taken_for_a_burst_though_ground_and_wall_echo_it() -> N
     surroundings = around(0.0, both, ground=0.3, wall=0.8)
     for level_db in (6.0, 13.0, 20.0):
         gun = replace(source_at(10.0, 0.0, 1.5), amplitude_v=0.027 * 10 ** (level_db / 20), pulse_rate_hz=2e3)
-        detected = listen(gun, surroundings, 0.5)
+        detected = listen(gun, duration_s=0.5, surroundings=surroundings)
         assert detected.n_rejected < 0.01 * detected.pulses.n_pulses
 
 

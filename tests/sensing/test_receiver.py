@@ -10,7 +10,6 @@ from dirmusic import bearing_bound, estimate_bearings
 from dirmusic.angles import difference
 from sensing import (
     ArrayConfig,
-    Detections,
     DischargeSource,
     Faces,
     HelicalArray,
@@ -25,29 +24,8 @@ from sensing.receiver.front_end import FrontEnd
 from sensing.receiver.receiver import Receiver
 from sensing.receiver.sampling.noise import add_noise, settle
 from sensing.receiver.schedule import Schedule
+from tests.sensing.listening import AT_ORIGIN, NOMINAL, listen, source_at
 from tests.sensing.scenes import around, wall_across
-
-NOMINAL = HelicalArray.nominal(ArrayConfig())
-AT_ORIGIN = np.eye(4)
-
-
-def source_at(
-    x: float, y: float, z: float = 0.6, amplitude_v: float = 0.27, rate_hz: float = 1000.0
-) -> DischargeSource:
-    """Polarised level across the line of sight: what it sends directly comes as it was sent."""
-    at_m, axis = np.array([x, y, z]), np.array([-y, x, 0.0]) / np.hypot(x, y)
-    return DischargeSource(name="s", position_m=at_m, amplitude_v=amplitude_v, pulse_rate_hz=rate_hz, axis=axis)
-
-
-def listen(
-    source: DischargeSource | None,
-    seed: int = 0,
-    duration_s: float = 1.0,
-    surroundings: Surroundings | None = None,
-    **config: Any,  # noqa: ANN401 - settings are of many types
-) -> Detections:
-    scene, rng = Scene([] if source is None else [source], surroundings), np.random.default_rng(seed)
-    return listen_once(ReceiverConfig(**config), NOMINAL, scene, rng, world_from_array=AT_ORIGIN, duration_s=duration_s)
 
 
 def test_a_pulse_is_zero_before_it_arrives_has_unit_peak_and_lasts_about_two_and_a_half_nanoseconds() -> None:

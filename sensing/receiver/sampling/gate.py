@@ -11,7 +11,7 @@ from sensing.receiver.sampling.noise import add_noise, draw_tail, settle
 from sensing.receiver.sampling.rare_triggers import LIKELY, Fixed, expect, fix_one, follow, step_probability
 from sensing.receiver.sampling.record import PIECE, Record, crossings, fill, plan_windows
 from sensing.receiver.sampling.sampler import Emission, Incoming, Sampler, Tones
-from sensing.receiver.sampling.signals import add_signal, add_tones
+from sensing.receiver.sampling.signals import add_tones, set_signal
 
 FloatArray = NDArray[np.float64]
 
@@ -47,8 +47,7 @@ def lasts(
     volts, state = np.empty((burst.n_samples, 1)), np.empty((sampler.noise.sections.shape[0], 2, 1))
     for w in range(burst.n_windows):
         at, power_v2 = burst.first + w * burst.step, 0.0
-        volts[:] = 0.0
-        add_signal(volts, start_s + at / sampler.pulse.rate_hz, incoming.emission, arrivals, sampler.pulse)
+        set_signal(volts, start_s + at / sampler.pulse.rate_hz, incoming.emission, arrivals, sampler.pulse)
         add_tones(volts, since + at, tones, incoming.start_rad)
         settle(sampler.noise, rng, state)
         add_noise(sampler.noise, rng, state, volts)
@@ -108,7 +107,7 @@ def sample_pulse(
     incoming = Incoming(emission, arrivals, tones, start_rad)
     n_windows = windows.first.size
     record = Record(
-        np.zeros((windows.end[-1], n_elements)),
+        np.empty((windows.end[-1], n_elements)),
         windows.first.copy(),
         windows.first.copy(),
         np.empty((n_windows, sampler.noise.sections.shape[0], 2, n_elements)),

@@ -12,7 +12,7 @@ from sensing.radio.arrivals import Arrivals
 from sensing.receiver.front_end import PulseTable
 from sensing.receiver.sampling.noise import add_noise, settle
 from sensing.receiver.sampling.sampler import Emission, Incoming, Sampler, Timing
-from sensing.receiver.sampling.signals import add_signal, add_tones
+from sensing.receiver.sampling.signals import add_tones, set_signal
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -93,7 +93,7 @@ def fill_signal(record: Record, windows: Windows, w: int, end: int, incoming: In
         return
     start_s = windows.start_s[w] + (row - windows.first[w]) / pulse.rate_hz
     piece_v = record.volts[row:end]
-    add_signal(piece_v, start_s, incoming.emission, incoming.arrivals, pulse)
+    set_signal(piece_v, start_s, incoming.emission, incoming.arrivals, pulse)
     if incoming.start_rad.size > 0:
         at = int(np.rint((start_s - windows.start_s[0]) * pulse.rate_hz))
         add_tones(piece_v, at, incoming.tones, incoming.start_rad)

@@ -17,26 +17,41 @@ FloatArray = NDArray[np.float64]
 
 
 @compiled
-def add_signal(record_v: FloatArray, start_s: float, emission: Emission, arrivals: Arrivals, pulse: PulseTable) -> None:
-    """Add an emission by all its paths to a record (n_samples, n_elements) from `start_s` after the emission on."""
+def set_signal(record_v: FloatArray, start_s: float, emission: Emission, arrivals: Arrivals, pulse: PulseTable) -> None:
+    """Set a record (n_samples, n_elements) to an emission by all its paths, from `start_s` after the emission on."""
     n_phases, n_known = pulse.sine_v.shape
     n_samples, n_elements = record_v.shape
+    channels_v = np.zeros((n_elements, n_samples))
     for p in range(emission.first, emission.first + emission.n_paths):
         for e in range(n_elements):
-            in_phase_v = emission.peak_v * arrivals.amplitude[p, e].real
+            into_v, in_phase_v = channels_v[e], emission.peak_v * arrivals.amplitude[p, e].real
             ahead_v = emission.peak_v * arrivals.amplitude[p, e].imag
+            if emission.burst_s > 0.0:
+                add_burst(into_v, start_s - arrivals.delay_s[p, e], pulse.rate_hz, emission.burst_s, in_phase_v, ahead_v)
+                continue
             at = int(np.floor(n_phases * (start_s - arrivals.delay_s[p, e]) * pulse.rate_hz + 0.5))
             before, phase = at // n_phases, at % n_phases  # samples from the arrival to the first one of the record
-            if emission.burst_s > 0.0:
-                for t in range(max(0, -before), n_samples):
-                    since_s = start_s + t / pulse.rate_hz - arrivals.delay_s[p, e]
-                    if 0.0 <= since_s < emission.burst_s:
-                        turn_rad = 2.0 * np.pi * FREQUENCY_HZ * since_s
-                        record_v[t, e] += in_phase_v * math.sin(turn_rad) + ahead_v * math.cos(turn_rad)
-                continue
-            sine_v, cosine_v = pulse.sine_v[phase], pulse.cosine_v[phase]
-            for t in range(max(0, -before), min(n_samples, n_known - before)):
-                record_v[t, e] += in_phase_v * sine_v[before + t] + ahead_v * cosine_v[before + t]
+            first, end = max(0, -before), min(n_samples, n_known - before)
+            if end > first:
+                sine_v, cosine_v = pulse.sine_v[phase, first + before :], pulse.cosine_v[phase, first + before :]
+                into_v = into_v[first:end]
+                for t in range(into_v.size):
+                    into_v[t] += in_phase_v * sine_v[t] + ahead_v * cosine_v[t]
+    for t in range(n_samples):
+        for e in range(n_elements):
+            record_v[t, e] = channels_v[e, t]
+
+
+@compiled
+def add_burst(
+    channel_v: FloatArray, since_s: float, rate_hz: float, burst_s: float, in_phase_v: float, ahead_v: float
+) -> None:
+    """Add a sine that lasts from time 0 to `burst_s` to a record that begins at `since_s`."""
+    for t in range(channel_v.size):
+        now_s = since_s + t / rate_hz
+        if 0.0 <= now_s < burst_s:
+            turn_rad = 2.0 * np.pi * FREQUENCY_HZ * now_s
+            channel_v[t] += in_phase_v * math.sin(turn_rad) + ahead_v * math.cos(turn_rad)
 
 
 @compiled
