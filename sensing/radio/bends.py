@@ -208,11 +208,13 @@ class Bending(NamedTuple):
 
 
 @compiled
-def shade(ray: Any, source: Vector, target: Vector, obstacles: Obstacles) -> None:  # noqa: ANN401 - a row of `BENT_RAY`
-    """Take off what all solids but its own box take away from a bent ray."""
-    last = above_ground(Vector(ray.x, ray.y, ray.z))
-    left = left_of_line(source, Vector(ray.first_x, ray.first_y, ray.first_z), obstacles, ray.box)
-    ray.coefficient *= left * left_of_line(last, target, obstacles, ray.box)
+def shade(ray: Any, source: Vector, target: Vector, obstacles: Obstacles, weakest: float) -> None:  # noqa: ANN401 - a row of `BENT_RAY`
+    """Take off what all solids but its own box take away from a bent ray; all, if that leaves less than `weakest`."""
+    last, least = above_ground(Vector(ray.x, ray.y, ray.z)), weakest * ray.way_m / abs(ray.coefficient)
+    left = left_of_line(source, Vector(ray.first_x, ray.first_y, ray.first_z), obstacles, ray.box, least)
+    if left > 0.0:
+        left *= left_of_line(last, target, obstacles, ray.box, least / left)
+    ray.coefficient *= left
     ray.is_shaded = True
 
 
@@ -285,7 +287,7 @@ def bend(bending: Bending, obstacles: Obstacles, k: int, rays: BentRays, n: int)
                 found.extra_m, found.way_m = ray.before_m + ray.between_m, way_m
                 found.coefficient, found.box, found.is_shaded = share * coefficient, k, False
                 if abs(found.coefficient) > rays.loudest[0] * way_m:
-                    shade(found, emitter.at, target, obstacles)
+                    shade(found, emitter.at, target, obstacles, weakest)
                     rays.loudest[0] = max(rays.loudest[0], abs(found.coefficient) / way_m)
                 n += 1
     return n

@@ -73,8 +73,8 @@ def reflect(
     if face.owner == GROUND:  # what is cut off here comes round edges
         left = passes_straight(emitter.at, off, obstacles) * passes_straight(off, target, obstacles)
     else:
-        left = left_of_line(emitter.at, off, obstacles, own)
-        left *= left_of_line(off, target, obstacles, own)
+        left = left_of_line(emitter.at, off, obstacles, own, 0.0)
+        left *= left_of_line(off, target, obstacles, own, 0.0)
     return received(field, leaves) * left
 
 

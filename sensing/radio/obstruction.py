@@ -234,7 +234,7 @@ def passes_straight(start: Vector, end: Vector, obstacles: Obstacles) -> float:
 
 
 @compiled
-def left_of_line(start: Vector, end: Vector, obstacles: Obstacles, own: int) -> float:
+def left_of_line(start: Vector, end: Vector, obstacles: Obstacles, own: int, least: float) -> float:
     """Amplitude that is left of a wave along a line that is no straight path: behind what bends, as past a knife edge.
 
     Args:
@@ -242,6 +242,7 @@ def left_of_line(start: Vector, end: Vector, obstacles: Obstacles, own: int) -> 
         end: Of the line.
         obstacles: What stands about.
         own: Solid that does not count; `NOBODY` if all do.
+        least: What is less is told as 0.
     """
     left, of_piece, way = 1.0, 1.0, line(start, end)
     for k in range(obstacles.size):
@@ -249,4 +250,6 @@ def left_of_line(start: Vector, end: Vector, obstacles: Obstacles, own: int) -> 
             left, of_piece = left * of_piece, 1.0
         if k != own:
             of_piece = min(of_piece, left_by(way, obstacles, k))
+            if left * of_piece < least:
+                return 0.0
     return left * of_piece

@@ -186,11 +186,11 @@ def find_ray_paths(
         if n_rays > 0:
             n_bent = bend_round_all(emitter, target, obstacles, materials, ground_mirrors, faintest[s], rays)
         for i in range(n_bent):
-            weakest = max(WEAKEST * rays.loudest[0], faintest[s]) * rays.rows[i].way_m
-            if abs(rays.rows[i].coefficient) < weakest:
+            weakest = max(WEAKEST * rays.loudest[0], faintest[s])
+            if abs(rays.rows[i].coefficient) < weakest * rays.rows[i].way_m:
                 continue
             if not rays.rows[i].is_shaded:
-                shade(rays.rows[i], emitter.at, target, obstacles)
+                shade(rays.rows[i], emitter.at, target, obstacles, weakest)
             from_m[n, 0], from_m[n, 1], from_m[n, 2] = rays.rows[i].x, rays.rows[i].y, rays.rows[i].z
             extra_m[n], coefficient[n] = rays.rows[i].extra_m, rays.rows[i].coefficient
             n += 1

@@ -11,6 +11,7 @@ from dirmusic.compiled import Held, compiled
 from dirmusic.pulses.batch import PulseBatch
 from sensing.nature.scene import Emissions
 from sensing.radio.arrivals import propagate
+from sensing.radio.bends import WEAKEST
 from sensing.radio.propagation import Propagation
 from sensing.receiver.gates import GateParameters, read_gate
 from sensing.receiver.sampling.gate import IS_BURST, IS_PULSE, sample_noise, sample_pulse
@@ -19,10 +20,6 @@ from sensing.receiver.schedule import NOISE
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
-
-
-FAINTEST = 0.1
-"""Amplitude over the deviation of noise below which a path does not count (assumed)."""
 
 
 class Converter(NamedTuple):
@@ -165,7 +162,7 @@ def detect(
     for k in range(first, last):
         s = upcoming.source[k]
         if s != NOISE:
-            faintest[s] = min(faintest[s], FAINTEST * sampler.trigger.noise_v / abs(upcoming.peak_v[k]))
+            faintest[s] = min(faintest[s], WEAKEST * sampler.trigger.level_v / abs(upcoming.peak_v[k]))
     ray_paths, arrivals = propagate(robot, faintest, world_from_array, around)
     row, n_rejected = first_row, 0
     for k in range(first, last):

@@ -27,7 +27,9 @@ def set_signal(record_v: FloatArray, start_s: float, emission: Emission, arrival
             into_v, in_phase_v = channels_v[e], emission.peak_v * arrivals.amplitude[p, e].real
             ahead_v = emission.peak_v * arrivals.amplitude[p, e].imag
             if emission.burst_s > 0.0:
-                add_burst(into_v, start_s - arrivals.delay_s[p, e], pulse.rate_hz, emission.burst_s, in_phase_v, ahead_v)
+                add_burst(
+                    into_v, start_s - arrivals.delay_s[p, e], pulse.rate_hz, emission.burst_s, in_phase_v, ahead_v
+                )
                 continue
             at = int(np.floor(n_phases * (start_s - arrivals.delay_s[p, e]) * pulse.rate_hz + 0.5))
             before, phase = at // n_phases, at % n_phases  # samples from the arrival to the first one of the record
