@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from dirmusic.compiled import compiled
 from sensing.radio.box_edges import ORDER, UP, Seen, corner_of, frame_of, in_frame, in_world, look_at
 from sensing.radio.edges import (
-    OUTER_TURN,
+    BentRay,
     Corner,
     Point,
     diffraction_parameter,
     distance,
-    outer_angle,
     round_one,
     round_two,
 )
@@ -94,8 +93,8 @@ def faces_of(corner: Corner, source: Point, target: Point, material: Substance) 
 
     A face that the source is on mirrors nothing: its mirror image is a part of the source.
     """
-    first = abs(math.sin(outer_angle(corner, source)))
-    last = abs(math.sin(OUTER_TURN * math.pi - outer_angle(corner, target)))
+    first = min(abs(source.p - corner.p) / distance(corner, source), 1.0)
+    last = min(abs(target.q - corner.q) / distance(corner, target), 1.0)
     of_first, of_last = face_mirror(first, material), face_mirror(last, material)
     if abs(source.p - corner.p) <= OWN_FACE_M:
         of_first = Mirror(0j, 0j)
@@ -137,6 +136,13 @@ def receive_bent(way: Way, wedges: WedgeCoefficients, axis: Vector, ground: Subs
     field = bent(field, down, leaves_down, upside_down(way.edge), wedges)
     mirror = face_mirror(max(leaves.z, 0.0), ground)
     return received(mirrored(field, leaves_down, leaves, UP, mirror), leaves)
+
+
+@compiled
+def most_received(ray: BentRay) -> float:
+    """What a circular antenna receives at most of a field that has been of length 1, whatever its polarisation."""
+    soft, hard = ray.soft, ray.hard
+    return math.sqrt(2.0 * max(soft.real**2 + soft.imag**2, hard.real**2 + hard.imag**2))
 
 
 @compiled
@@ -269,6 +275,9 @@ def bend(bending: Bending, obstacles: Obstacles, k: int, rays: BentRays, n: int)
                     after = (i + 2 * step) % 4 if family == 0 else j ^ 2
                     beyond = corner_of(box, family, ORDER[family][after])
                     ray = round_two(first, last, beyond, source, goal, faces, WAVELENGTH_M)
+                way_m = ray.before_m + ray.between_m + ray.behind_m
+                if share * most_received(ray) < weakest * way_m:
+                    continue
                 way = Way(
                     start,
                     in_world(frame, first.p, first.q, ray.first),
@@ -278,7 +287,6 @@ def bend(bending: Bending, obstacles: Obstacles, k: int, rays: BentRays, n: int)
                 )
                 wedges = WedgeCoefficients(ray.soft, ray.hard)
                 coefficient = receive_bent(way, wedges, emitter.axis, ground, by_ground)
-                way_m = ray.before_m + ray.between_m + ray.behind_m
                 if share * abs(coefficient) < weakest * way_m:
                     continue
                 found = rays.rows[n]

@@ -16,11 +16,11 @@ import math
 from typing import NamedTuple
 
 from dirmusic.compiled import compiled
-from sensing.radio.fresnel import WedgeFaces, edge_ray, knife_edge, wedge
+from sensing.radio.fresnel import WedgeFaces, edge_ray, knife_edge, wedge, wedge_angle
 from sensing.radio.vectors import hypot
 
-OUTER_TURN = 1.5
-"""Outer angle of an edge of a box over pi."""
+OUTER_ANGLE = wedge_angle(1.5)
+"""Of an edge of a box."""
 
 ON_FACE_M = 1e-6
 """So deep within a box, a point is still on its surface."""
@@ -85,7 +85,7 @@ def outer_angle(corner: Corner, point: Point) -> float:
     angle = math.atan2((point.p - corner.p) * corner.out_p, -(point.q - corner.q) * corner.out_q)
     if angle > -0.25 * math.pi:
         return max(angle, 0.0)
-    return min(angle + 2.0 * math.pi, OUTER_TURN * math.pi)
+    return min(angle + 2.0 * math.pi, OUTER_ANGLE.n * math.pi)
 
 
 @compiled
@@ -148,7 +148,7 @@ def round_one(corner: Corner, source: Point, target: Point, faces: WedgeFaces, w
     before_m, behind_m = hypot(before, at.along - source.along), hypot(behind, target.along - at.along)
     stretch = hypot(before + behind, rise) / (before + behind)
     k_length = 2.0 * math.pi / wavelength_m * before * behind / ((before + behind) * stretch)
-    wedges = wedge(outer_angle(corner, source), outer_angle(corner, target), OUTER_TURN, k_length, faces)
+    wedges = wedge(outer_angle(corner, source), outer_angle(corner, target), OUTER_ANGLE, k_length, faces)
     left = at.left / math.sqrt(k_length)
     return BentRay(at.along, at.along, before_m, 0.0, behind_m, left * wedges.soft, left * wedges.hard)
 
@@ -175,8 +175,8 @@ def round_two(
     between_m = hypot(face, at_last.along - at_first.along)
     stretch = math.sqrt(1.0 + slope * slope)
     k_length = 2.0 * math.pi / wavelength_m * before * (face + behind) / (whole * stretch)
-    leaves_rad = 0.0 if last.p == first.p else OUTER_TURN * math.pi
-    wedges = wedge(outer_angle(first, source), leaves_rad, OUTER_TURN, k_length, faces)
+    leaves_rad = 0.0 if last.p == first.p else OUTER_ANGLE.n * math.pi
+    wedges = wedge(outer_angle(first, source), leaves_rad, OUTER_ANGLE, k_length, faces)
     straight_m = hypot(distance(first, target), slope * (face + behind))
     nu = diffraction_parameter((face + behind) * stretch - straight_m, wavelength_m)
     left = at_first.left * at_last.left * edge_ray(nu if is_hidden(first, target) else -nu) / math.sqrt(k_length)

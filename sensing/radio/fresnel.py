@@ -109,21 +109,71 @@ class WedgeFaces(NamedTuple):
     passes: float
 
 
+class WedgeAngle(NamedTuple):
+    """Outer angle of a wedge, and what its coefficients take from it.
+
+    Attributes:
+        n: The angle over pi.
+        cos_whole: Cosine of the angle.
+        sin_whole: Its sine.
+        cos_part: Cosine of pi over 2 n.
+        sin_part: Its sine.
+    """
+
+    n: float
+    cos_whole: float
+    sin_whole: float
+    cos_part: float
+    sin_part: float
+
+
+def wedge_angle(n: float) -> WedgeAngle:
+    """The outer angle n pi: 3/2 for the edge of a box, 2 for a half-plane."""
+    whole, part = n * math.pi, 0.5 * math.pi / n
+    return WedgeAngle(n, math.cos(whole), math.sin(whole), math.cos(part), math.sin(part))
+
+
+class Terms(NamedTuple):
+    """Two cotangents with their transition functions.
+
+    Attributes:
+        plus: Of pi + beta.
+        minus: Of pi - beta.
+    """
+
+    plus: complex
+    minus: complex
+
+
 @compiled
-def _term(sign: float, beta: float, n: float, k_length: float) -> complex:
-    """One cotangent with its transition function."""
-    turns = np.round((beta + sign * math.pi) / (2.0 * math.pi * n))
-    half = 0.5 * (2.0 * math.pi * n * turns - beta)
-    a = 2.0 * math.cos(half) ** 2
-    angle = (math.pi + sign * beta) / (2.0 * n)
-    sine = math.sin(angle)
+def _term(cosine: float, sine: float, half: float, k_length: float) -> complex:
+    """One cotangent, cosine over sine, with the transition function of the angle of which `half` is half the cosine."""
     if abs(sine) < 1e-9:
         sine = math.copysign(1e-9, sine)
-    return math.cos(angle) / sine * transition(max(k_length * a, 1e-18))
+    return cosine / sine * transition(max(2.0 * k_length * half * half, 1e-18))
 
 
 @compiled
-def wedge(incident_rad: float, leaving_rad: float, n: float, k_length: float, faces: WedgeFaces) -> WedgeCoefficients:
+def _terms(beta: float, of: WedgeAngle, k_length: float) -> Terms:
+    """Both terms of an angle, in [-n pi, 2 n pi]; all angles as sums of half of it, of beta over 2 n, and constants."""
+    cos_half, sin_half = math.cos(0.5 * beta), math.sin(0.5 * beta)
+    cos, sin = math.cos(0.5 * beta / of.n), math.sin(0.5 * beta / of.n)
+    turned_by_one = of.cos_whole * cos_half + of.sin_whole * sin_half
+    turned_back = of.cos_whole * cos_half - of.sin_whole * sin_half
+    plus = cos_half if beta < (of.n - 1.0) * math.pi else turned_by_one
+    minus = turned_by_one if beta > (of.n + 1.0) * math.pi else cos_half
+    if beta < (1.0 - of.n) * math.pi:
+        minus = turned_back
+    return Terms(
+        _term(of.cos_part * cos - of.sin_part * sin, of.sin_part * cos + of.cos_part * sin, plus, k_length),
+        _term(of.cos_part * cos + of.sin_part * sin, of.sin_part * cos - of.cos_part * sin, minus, k_length),
+    )
+
+
+@compiled
+def wedge(
+    incident_rad: float, leaving_rad: float, of: WedgeAngle, k_length: float, faces: WedgeFaces
+) -> WedgeCoefficients:
     r"""Uniform diffraction coefficients of a wedge.
 
     They are times the square root of the wave number and the sine of the angle between ray and edge.
@@ -131,7 +181,7 @@ def wedge(incident_rad: float, leaving_rad: float, n: float, k_length: float, fa
     Args:
         incident_rad: From the face of the wedge to where the wave comes from, across the edge, in [0, n pi].
         leaving_rad: From the same face to where it goes, in [0, n pi].
-        n: Outer angle of the wedge over pi: 3/2 for the edge of a box.
+        of: Outer angle n pi of the wedge.
         k_length: Wave number times :math:`s s' \sin^2 \beta / (s + s')` of a spherical wave, with the ways before and
             after the edge and the angle between ray and edge.
         faces: What its faces mirror, and what it lets pass.
@@ -141,12 +191,11 @@ def wedge(incident_rad: float, leaving_rad: float, n: float, k_length: float, fa
         surface, Proc. IEEE 62 (1974), eq. (25) to (29); with coefficients of reflection as of Luebbers, Finite
         conductivity uniform GTD versus knife edge diffraction, IEEE Trans. Antennas Propag. 32 (1984), eq. (3).
     """
-    difference, total = leaving_rad - incident_rad, leaving_rad + incident_rad
-    incident = _term(1.0, difference, n, k_length) + _term(-1.0, difference, n, k_length)
-    first, last = _term(-1.0, total, n, k_length), _term(1.0, total, n, k_length)
-    factor = -cmath.exp(-0.25j * math.pi) / (2.0 * n * math.sqrt(2.0 * math.pi))
-    incident *= 1.0 - faces.passes
+    difference = _terms(leaving_rad - incident_rad, of, k_length)
+    total = _terms(leaving_rad + incident_rad, of, k_length)
+    factor = -(1.0 - 1.0j) / (4.0 * of.n * math.sqrt(math.pi))
+    incident = (1.0 - faces.passes) * (difference.plus + difference.minus)
     return WedgeCoefficients(
-        factor * (incident + faces.first.across * first + faces.last.across * last),
-        factor * (incident + faces.first.within * first + faces.last.within * last),
+        factor * (incident + faces.first.across * total.minus + faces.last.across * total.plus),
+        factor * (incident + faces.first.within * total.minus + faces.last.within * total.plus),
     )

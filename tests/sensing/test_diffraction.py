@@ -8,7 +8,7 @@ import pytest
 from scipy.special import fresnel as fresnel_integrals
 
 from sensing.radio.edges import BentRay, Corner, Point, is_hidden, round_one, round_two
-from sensing.radio.fresnel import Mirror, WedgeFaces, knife_edge, wedge
+from sensing.radio.fresnel import Mirror, WedgeFaces, knife_edge, wedge, wedge_angle
 from sensing.radio.materials import WAVELENGTH_M
 from sensing.radio.obstruction import knife_edge_amplitude
 
@@ -41,7 +41,7 @@ def test_a_half_plane_is_sommerfelds(leaving_deg: float, is_soft: bool) -> None:
         return complex(cmath.exp(0.25j * np.pi) / math.sqrt(np.pi) * cmath.exp(1j * K * rho_m * math.cos(angle)) * tail)
 
     exact = half(leaving - incident) + (-1 if is_soft else 1) * half(leaving + incident)
-    both = wedge(incident, leaving, 2.0, K * rho_m, METAL)
+    both = wedge(incident, leaving, wedge_angle(2.0), K * rho_m, METAL)
     bent = (both.soft if is_soft else both.hard) / math.sqrt(K * rho_m) * cmath.exp(-1j * K * rho_m)
     direct = cmath.exp(1j * K * rho_m * math.cos(leaving - incident)) * (leaving < np.pi + incident)
     mirrored = cmath.exp(1j * K * rho_m * math.cos(leaving + incident)) * (leaving < np.pi - incident)
