@@ -240,7 +240,7 @@ def bend(bending: Bending, obstacles: Obstacles, k: int, rays: BentRays, n: int)
     """
     emitter, target, by_ground, share, material, ground, _ = bending
     start = upside_down(emitter.at) if by_ground else emitter.at
-    box = facing(line(start, target), shape_of(obstacles, k))
+    box = facing(line(start, target), shape_of(obstacles[k]))
     edges = rays.edges
     for family in range(3):
         frame = frame_of(box, family)

@@ -135,7 +135,7 @@ def reflect_round(emitter: Emitter, target: Vector, obstacles: Obstacles, k: int
         McNamara, Pistorius and Malherbe, Introduction to the Uniform Geometrical Theory of Diffraction (1990), section
         3.4: the caustic distance behind a curved mirror, here in the plane across the cylinder.
     """
-    solid, material, source = shape_of(obstacles, k), substance_of_solid(obstacles, k), emitter.at
+    solid, material, source = shape_of(obstacles[k]), substance_of_solid(obstacles[k]), emitter.at
     none = RoundEcho(0j, source)
     before_m = hypot(source.x - solid.x, source.y - solid.y) - solid.radius_m
     behind_m = hypot(target.x - solid.x, target.y - solid.y) - solid.radius_m

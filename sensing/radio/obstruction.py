@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dirmusic.compiled import compiled
 from sensing.radio.edges import diffraction_parameter
 from sensing.radio.materials import WAVELENGTH_M
-from sensing.radio.surroundings import Obstacles, Shape, shape_of
+from sensing.radio.surroundings import Obstacle, Obstacles, Shape, shape_of
 from sensing.radio.vectors import Vector
 
 FloatArray = NDArray[np.float64]
@@ -198,16 +198,16 @@ def shadow(way: Line, solid: Shape) -> float:
 
 
 @compiled
-def left_by(way: Line, obstacles: Obstacles, k: int) -> float:
+def left_by(way: Line, solid: Obstacle) -> float:
     """Amplitude that a solid leaves of a wave along a line.
 
     Behind what bends waves that is what passes it, and what comes round it as past a knife edge; behind anything else
     what passes alone, with a rim over which it takes away ever more.
     """
-    passes, nu = obstacles[k].passes, shadow(way, shape_of(obstacles, k))
+    passes, nu = solid.passes, shadow(way, shape_of(solid))
     if nu <= CLEAR:
         return 1.0
-    if obstacles[k].bends:
+    if solid.bends:
         return passes + (1.0 - passes) * knife_edge_amplitude(nu)
     deep = min(max(nu / RIM, 0.0), 1.0)
     return 1.0 - (1.0 - passes) * deep * deep * (3.0 - 2.0 * deep)
@@ -225,8 +225,8 @@ def passes_straight(start: Vector, end: Vector, obstacles: Obstacles) -> float:
         if k > 0 and obstacles[k].owner != obstacles[k - 1].owner:
             left, of_piece = left * of_piece, 1.0
         if not obstacles[k].bends:
-            of_piece = min(of_piece, left_by(way, obstacles, k))
-        elif crosses(way, facing(way, shape_of(obstacles, k))):
+            of_piece = min(of_piece, left_by(way, obstacles[k]))
+        elif crosses(way, facing(way, shape_of(obstacles[k]))):
             of_piece = min(of_piece, obstacles[k].passes)
             if of_piece == 0.0:
                 return 0.0
@@ -249,7 +249,7 @@ def left_of_line(start: Vector, end: Vector, obstacles: Obstacles, own: int, lea
         if k > 0 and obstacles[k].owner != obstacles[k - 1].owner:
             left, of_piece = left * of_piece, 1.0
         if k != own:
-            of_piece = min(of_piece, left_by(way, obstacles, k))
+            of_piece = min(of_piece, left_by(way, obstacles[k]))
             if left * of_piece < least:
                 return 0.0
     return left * of_piece

@@ -77,7 +77,7 @@ def bend_round_all(
     deepest, first, n, ground = 0.0, 0, 0, substance_of(materials, GROUND)
     nus, way = np.empty(obstacles.size), line(emitter.at, target)
     for k in range(nus.size):
-        nus[k] = shadow(way, shape_of(obstacles, k)) if obstacles[k].passes == 0.0 else -np.inf
+        nus[k] = shadow(way, shape_of(obstacles[k])) if obstacles[k].passes == 0.0 else -np.inf
         if nus[k] > deepest:
             deepest, first = nus[k], k
     for i in range(nus.size):
@@ -86,7 +86,7 @@ def bend_round_all(
         share = 1.0 - hides * min((deepest - max(nus[k], 0.0)) / SHARES_OVER, 1.0)
         if not obstacles[k].bends or share == 0.0:
             continue
-        material = substance_of_solid(obstacles, k)
+        material = substance_of_solid(obstacles[k])
         if obstacles[k].radius_m > 0.0:  # as P.526 has it: what is round mirrors on its own
             material = Substance(material.permittivity, material.conductivity_spm, material.passes, 0.0)
         for by_ground in range(2 if ground_mirrors else 1):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,6 +108,9 @@ functions take that at no cost."""
 Obstacles = NDArray[np.void]
 """What stands in the way, rows of `OBSTACLE`."""
 
+Obstacle = Any
+"""One row of it."""
+
 
 def obstacles_of(solids: Solids, materials: Sequence[Material]) -> Obstacles:
     """Solids, and what each is made of."""
@@ -127,16 +130,14 @@ def obstacles_of(solids: Solids, materials: Sequence[Material]) -> Obstacles:
 
 
 @compiled
-def shape_of(obstacles: Obstacles, k: int) -> Shape:
-    """Solid k."""
-    of = obstacles[k]
+def shape_of(of: Obstacle) -> Shape:
+    """Of a solid."""
     return Shape(of.x, of.y, of.cos, of.sin, of.half_x, of.half_y, of.radius_m, of.reach_m, of.bottom_m, of.top_m)
 
 
 @compiled
-def substance_of_solid(obstacles: Obstacles, k: int) -> Substance:
-    """What solid k is made of."""
-    of = obstacles[k]
+def substance_of_solid(of: Obstacle) -> Substance:
+    """What a solid is made of."""
     return Substance(of.permittivity, of.conductivity_spm, of.passes, of.flat_share)
 
 

@@ -21,7 +21,7 @@ def _cross(
         start, end = starts_m[i], ends_m[i]
         way = line(Vector(start[0], start[1], start[2]), Vector(end[0], end[1], end[2]))
         for k in range(obstacles.size):
-            if crosses(way, shape_of(obstacles, k)):
+            if crosses(way, shape_of(obstacles[k])):
                 crossed[i, obstacles[k].owner] = True
     return crossed
 

@@ -19,41 +19,42 @@ FloatArray = NDArray[np.float64]
 @compiled
 def set_signal(record_v: FloatArray, start_s: float, emission: Emission, arrivals: Arrivals, pulse: PulseTable) -> None:
     """Set a record (n_samples, n_elements) to an emission by all its paths, from `start_s` after the emission on."""
-    n_phases, n_known = pulse.sine_v.shape
     n_samples, n_elements = record_v.shape
     channels_v = np.zeros((n_elements, n_samples))
     for p in range(emission.first, emission.first + emission.n_paths):
         for e in range(n_elements):
-            into_v, in_phase_v = channels_v[e], emission.peak_v * arrivals.amplitude[p, e].real
-            ahead_v = emission.peak_v * arrivals.amplitude[p, e].imag
+            since_s, peak_v = start_s - arrivals.delay_s[p, e], emission.peak_v * arrivals.amplitude[p, e]
             if emission.burst_s > 0.0:
-                add_burst(
-                    into_v, start_s - arrivals.delay_s[p, e], pulse.rate_hz, emission.burst_s, in_phase_v, ahead_v
-                )
-                continue
-            at = int(np.floor(n_phases * (start_s - arrivals.delay_s[p, e]) * pulse.rate_hz + 0.5))
-            before, phase = at // n_phases, at % n_phases  # samples from the arrival to the first one of the record
-            first, end = max(0, -before), min(n_samples, n_known - before)
-            if end > first:
-                sine_v, cosine_v = pulse.sine_v[phase, first + before :], pulse.cosine_v[phase, first + before :]
-                into_v = into_v[first:end]
-                for t in range(into_v.size):
-                    into_v[t] += in_phase_v * sine_v[t] + ahead_v * cosine_v[t]
+                add_burst(channels_v, e, since_s, peak_v, emission.burst_s, pulse.rate_hz)
+            else:
+                add_pulse(channels_v, e, since_s, peak_v, pulse)
     for t in range(n_samples):
         for e in range(n_elements):
             record_v[t, e] = channels_v[e, t]
 
 
 @compiled
-def add_burst(
-    channel_v: FloatArray, since_s: float, rate_hz: float, burst_s: float, in_phase_v: float, ahead_v: float
-) -> None:
-    """Add a sine that lasts from time 0 to `burst_s` to a record that begins at `since_s`."""
-    for t in range(channel_v.size):
+def add_pulse(channels_v: FloatArray, e: int, since_s: float, peak_v: complex, pulse: PulseTable) -> None:
+    """Add a pulse that began `since_s` ago to a channel."""
+    n_phases, n_known = pulse.sine_v.shape
+    at = int(np.floor(n_phases * since_s * pulse.rate_hz + 0.5))
+    before, phase = at // n_phases, at % n_phases  # samples from the arrival to the first one of the record
+    first, end = max(0, -before), min(channels_v.shape[1], n_known - before)
+    known, n_both = np.uint64(max(0, before)), np.uint64(max(0, end - first))  # loops over unsigned numbers are fast
+    for t in range(n_both):
+        channels_v[e, np.uint64(first) + t] += (
+            peak_v.real * pulse.sine_v[phase, known + t] + peak_v.imag * pulse.cosine_v[phase, known + t]
+        )
+
+
+@compiled
+def add_burst(channels_v: FloatArray, e: int, since_s: float, peak_v: complex, burst_s: float, rate_hz: float) -> None:
+    """Add a sine that began `since_s` ago and lasts for `burst_s` to a channel."""
+    for t in range(channels_v.shape[1]):
         now_s = since_s + t / rate_hz
         if 0.0 <= now_s < burst_s:
             turn_rad = 2.0 * np.pi * FREQUENCY_HZ * now_s
-            channel_v[t] += in_phase_v * math.sin(turn_rad) + ahead_v * math.cos(turn_rad)
+            channels_v[e, t] += peak_v.real * math.sin(turn_rad) + peak_v.imag * math.cos(turn_rad)
 
 
 @compiled
