@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from sensing.radio.edges import (
 )
 from sensing.radio.fresnel import Mirror, WedgeCoefficients, WedgeFaces
 from sensing.radio.materials import WAVELENGTH_M, Substance
-from sensing.radio.obstruction import facing, left_of_line, line
+from sensing.radio.obstruction import facing, left_of_bent, line
 from sensing.radio.polarisation import bent, face_mirror, mirrored, radiated, received
 from sensing.radio.surroundings import OWN_FACE_M, Obstacles, shape_of
 from sensing.radio.vectors import Vector, above_ground, hypot, towards, upside_down
@@ -78,12 +78,14 @@ class BentRays(NamedTuple):
     Attributes:
         rows: A row of `BENT_RAY` each.
         edges: Room for the edges of one family, four rows of `SEEN_EDGE`.
-        loudest: Largest amplitude at the array of any ray so far, straight ones included, over that 1 m from the
-            source; shape (1,).
+        shadows: What solids do to the straight path, rows of `SHADOW`.
+        loudest: Largest amplitude at the array of any ray so far, over that 1 m from the source, straight ones included
+            and bent ones twice, for an edge halves what it cuts off; shape (1,).
     """
 
     rows: NDArray[np.void]
     edges: NDArray[np.void]
+    shadows: NDArray[np.void]
     loudest: FloatArray
 
 
@@ -198,7 +200,6 @@ class Bending(NamedTuple):
         emitter: The source.
         target: Middle of the array.
         by_ground: Whether the ground mirrors rays on their way, before or after.
-        share: Of their amplitude that counts.
         material: Of the box.
         ground: Of the ground.
         faintest: Amplitude at the array, over that 1 m from the source, below which no ray counts.
@@ -207,19 +208,18 @@ class Bending(NamedTuple):
     emitter: Emitter
     target: Vector
     by_ground: bool
-    share: float
     material: Substance
     ground: Substance
     faintest: float
 
 
 @compiled
-def shade(ray: Any, source: Vector, target: Vector, obstacles: Obstacles, weakest: float) -> None:  # noqa: ANN401 - a row of `BENT_RAY`
-    """Take off what all solids but its own box take away from a bent ray; all, if that leaves less than `weakest`."""
-    last, least = above_ground(Vector(ray.x, ray.y, ray.z)), weakest * ray.way_m / abs(ray.coefficient)
-    left = left_of_line(source, Vector(ray.first_x, ray.first_y, ray.first_z), obstacles, ray.box, least)
-    if left > 0.0:
-        left *= left_of_line(last, target, obstacles, ray.box, least / left)
+def shade(rays: BentRays, i: int, source: Vector, target: Vector, obstacles: Obstacles, weakest: float) -> None:
+    """Take off what all solids but its own box take away from bent ray i; all, if less than `weakest` is left."""
+    ray, bends_last = rays.rows[i], above_ground(Vector(rays.rows[i].x, rays.rows[i].y, rays.rows[i].z))
+    first, last = line(source, Vector(ray.first_x, ray.first_y, ray.first_z)), line(bends_last, target)
+    least = weakest * ray.way_m / abs(ray.coefficient)
+    left = left_of_bent(first, last, obstacles, ray.box, rays.shadows, least)
     ray.coefficient *= left
     ray.is_shaded = True
 
@@ -238,7 +238,7 @@ def bend(bending: Bending, obstacles: Obstacles, k: int, rays: BentRays, n: int)
     Returns:
         How many there are now.
     """
-    emitter, target, by_ground, share, material, ground, _ = bending
+    emitter, target, by_ground, material, ground, _ = bending
     start = upside_down(emitter.at) if by_ground else emitter.at
     box = facing(line(start, target), shape_of(obstacles[k]))
     edges = rays.edges
@@ -265,7 +265,7 @@ def bend(bending: Bending, obstacles: Obstacles, k: int, rays: BentRays, n: int)
                 last = corner_of(box, family, ORDER[family][j])
                 face_m = hypot(last.p - first.p, last.q - first.q)
                 seen = Seen(edges[i].before_m, edges[j].behind_m, edges[i].mirrored_p_m, edges[i].mirrored_q_m)
-                most = share * loudest_possible(seen, face_m, edges[i].passed_m, straight_m, rise)
+                most = loudest_possible(seen, face_m, edges[i].passed_m, straight_m, rise)
                 if most < weakest or most * past_end(first, seen, face_m, source.along, rise) < weakest:
                     continue
                 faces = faces_of(first, source, goal, material)
@@ -276,7 +276,7 @@ def bend(bending: Bending, obstacles: Obstacles, k: int, rays: BentRays, n: int)
                     beyond = corner_of(box, family, ORDER[family][after])
                     ray = round_two(first, last, beyond, source, goal, faces, WAVELENGTH_M)
                 way_m = ray.before_m + ray.between_m + ray.behind_m
-                if share * most_received(ray) < weakest * way_m:
+                if most_received(ray) < weakest * way_m:
                     continue
                 way = Way(
                     start,
@@ -287,15 +287,15 @@ def bend(bending: Bending, obstacles: Obstacles, k: int, rays: BentRays, n: int)
                 )
                 wedges = WedgeCoefficients(ray.soft, ray.hard)
                 coefficient = receive_bent(way, wedges, emitter.axis, ground, by_ground)
-                if share * abs(coefficient) < weakest * way_m:
+                if abs(coefficient) < weakest * way_m:
                     continue
                 found = rays.rows[n]
                 found.x, found.y, found.z = way.last
                 found.first_x, found.first_y, found.first_z = above_ground(way.first)
                 found.extra_m, found.way_m = ray.before_m + ray.between_m, way_m
-                found.coefficient, found.box, found.is_shaded = share * coefficient, k, False
-                if abs(found.coefficient) > rays.loudest[0] * way_m:
-                    shade(found, emitter.at, target, obstacles, weakest)
-                    rays.loudest[0] = max(rays.loudest[0], abs(found.coefficient) / way_m)
+                found.coefficient, found.box, found.is_shaded = coefficient, k, False
+                if 2.0 * abs(found.coefficient) > rays.loudest[0] * way_m:
+                    shade(rays, n, emitter.at, target, obstacles, weakest)
+                    rays.loudest[0] = max(rays.loudest[0], 2.0 * abs(found.coefficient) / way_m)
                 n += 1
     return n

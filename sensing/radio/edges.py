@@ -117,6 +117,9 @@ class Place(NamedTuple):
 def place(corner: Corner, at: float, before: float, behind: float, rise: float, wavelength_m: float) -> Place:
     """The place on an edge for a ray that would bend at `at`, if the edge went on for ever.
 
+    Where an edge ends another begins, and behind such a corner the field is a product of what both leave; of the term
+    that both bend, each ray has half.
+
     Args:
         corner: The edge.
         at: Along it.
@@ -133,9 +136,9 @@ def place(corner: Corner, at: float, before: float, behind: float, rise: float, 
         nu = diffraction_parameter(detour_m, wavelength_m)
         if beyond > 0.0:
             along = end
-            left *= edge_ray(nu)
+            left *= 0.5 * edge_ray(nu)
         else:
-            left *= knife_edge(-nu)
+            left *= 0.5 * (1.0 + knife_edge(-nu))
     return Place(along, left)
 
 

@@ -5,13 +5,25 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dirmusic.compiled import compiled
 from sensing.radio.bends import GROUND, Emitter
-from sensing.radio.materials import Substance
-from sensing.radio.obstruction import left_of_line, passes_straight
+from sensing.radio.materials import Materials, Substance, substance_of
+from sensing.radio.obstruction import RIM_M, left_of_bent, left_of_line, line, passes_straight
 from sensing.radio.polarisation import face_mirror, mirrored, radiated, received
-from sensing.radio.surroundings import OWN_FACE_M, Faces, Obstacles, Shape, shape_of, substance_of_solid
-from sensing.radio.vectors import Vector, dot, hypot, minus, towards
+from sensing.radio.surroundings import (
+    NOBODY,
+    OWN_FACE_M,
+    Faces,
+    Obstacles,
+    Shape,
+    Surroundings,
+    shape_of,
+    substance_of_solid,
+)
+from sensing.radio.vectors import Vector, above_ground, between, dot, hypot, just_off, minus, towards, upside_down
 
 STEPS = 14
 """Halvings of the arc on which a round solid mirrors: to a ten-thousandth of it, and its length to far less."""
@@ -47,6 +59,18 @@ class Reflection(NamedTuple):
     at: Vector
 
 
+class Echo(NamedTuple):
+    """What is mirrored.
+
+    Attributes:
+        coefficient: What is received, over a straight path as long as that from the image; 0 for nothing.
+        image: Of the source in all mirrors, or in the plane that touches a round solid where it mirrors.
+    """
+
+    coefficient: complex
+    image: Vector
+
+
 @compiled
 def reflection(face: Face, source: Vector, depth_m: float, target: Vector, height_m: float) -> Reflection:
     """In the plane of a face, above which source and target are so high."""
@@ -56,26 +80,105 @@ def reflection(face: Face, source: Vector, depth_m: float, target: Vector, heigh
         source.y - 2.0 * depth_m * normal.y,
         source.z - 2.0 * depth_m * normal.z,
     )
-    way = minus(target, image)
-    return Reflection(image, Vector(image.x + share * way.x, image.y + share * way.y, image.z + share * way.z))
+    return Reflection(image, between(image, target, share))
+
+
+class Standing(NamedTuple):
+    """What stands about a mirror.
+
+    Attributes:
+        obstacles: All solids.
+        shadows: What they do to the straight path, rows of `SHADOW`.
+        own: The solid that mirrors, or `NOBODY`.
+    """
+
+    obstacles: Obstacles
+    shadows: NDArray[np.void]
+    own: int
 
 
 @compiled
-def reflect(
-    emitter: Emitter, target: Vector, face: Face, by: Reflection, material: Substance, obstacles: Obstacles, own: int
-) -> complex:
-    """What is received by a mirror, which is solid `own` or, if it stands on none of its own, `NOBODY`."""
-    normal, at = face.normal, by.at
+def reflect(emitter: Emitter, target: Vector, face: Face, at: Vector, material: Substance, by: Standing) -> complex:
+    """What is received by a mirror."""
     arrives, leaves = towards(emitter.at, at), towards(at, target)
-    mirror = face_mirror(abs(dot(leaves, normal)), material)
-    field = mirrored(radiated(emitter.axis, arrives), arrives, leaves, normal, mirror)
-    off = Vector(at.x + 1e-9 * normal.x, at.y + 1e-9 * normal.y, at.z + 1e-9 * normal.z)
+    mirror = face_mirror(abs(dot(leaves, face.normal)), material)
+    field = mirrored(radiated(emitter.axis, arrives), arrives, leaves, face.normal, mirror)
+    off = just_off(at, face.normal)
     if face.owner == GROUND:  # what is cut off here comes round edges
-        left = passes_straight(emitter.at, off, obstacles) * passes_straight(off, target, obstacles)
+        left = passes_straight(emitter.at, off, by.obstacles) * passes_straight(off, target, by.obstacles)
     else:
-        left = left_of_line(emitter.at, off, obstacles, own, 0.0)
-        left *= left_of_line(off, target, obstacles, own, 0.0)
+        left = left_of_bent(line(emitter.at, off), line(off, target), by.obstacles, by.own, by.shadows, 0.0)
     return received(field, leaves) * left
+
+
+@compiled
+def reflect_by_ground(
+    emitter: Emitter, target: Vector, face: Face, at: Vector, materials: Materials, by: Standing
+) -> complex:
+    """What is received by an upright face and by the ground, before it or after.
+
+    Args:
+        emitter: The source.
+        target: Middle of the array.
+        face: As of `reflect`.
+        at: Where the ray from the source's image in the ground meets the face, or the face's own image there: then the
+            ground comes after.
+        materials: Of all.
+        by: What stands about.
+    """
+    start, normal = upside_down(emitter.at), face.normal
+    arrives, leaves = towards(start, at), towards(at, target)
+    arrives_down, leaves_down = upside_down(arrives), upside_down(leaves)
+    mirror = face_mirror(abs(dot(leaves, normal)), substance_of(materials, face.owner))
+    ground, up = substance_of(materials, GROUND), Vector(0.0, 0.0, 1.0)
+    off = just_off(above_ground(at), normal)
+    field = radiated(emitter.axis, arrives_down)
+    if at.z >= 0.0:
+        field = mirrored(field, arrives_down, arrives, up, face_mirror(max(arrives.z, 0.0), ground))
+        field = mirrored(field, arrives, leaves, normal, mirror)
+        bounce = between(start, at, start.z / (start.z - at.z))
+        left = left_of_line(bounce, off, by.obstacles, by.own, 0.0)
+        left *= left_of_bent(line(emitter.at, bounce), line(off, target), by.obstacles, by.own, by.shadows, 0.0)
+    else:
+        field = mirrored(field, arrives_down, leaves_down, normal, mirror)
+        field = mirrored(field, leaves_down, leaves, up, face_mirror(max(leaves.z, 0.0), ground))
+        bounce = between(at, target, at.z / (at.z - target.z))
+        left = left_of_line(off, bounce, by.obstacles, by.own, 0.0)
+        left *= left_of_bent(line(emitter.at, off), line(bounce, target), by.obstacles, by.own, by.shadows, 0.0)
+    return received(field, leaves) * left
+
+
+@compiled
+def by_rim(rim_m: float) -> float:
+    """Share that is left of what a mirror whose edges bend nothing mirrors so near its rim."""
+    share = min(rim_m / RIM_M, 1.0)
+    return share * share * (3.0 - 2.0 * share)
+
+
+@compiled
+def reflect_flat(
+    emitter: Emitter, target: Vector, surroundings: Surroundings, shadows: NDArray[np.void], f: int, by_ground: bool
+) -> Echo:
+    """The echo of face f, or that of face and ground; the face is to be upright for that."""
+    faces, materials, obstacles, behind = surroundings
+    face, start = face_of(faces, f), upside_down(emitter.at) if by_ground else emitter.at
+    none = Echo(0j, start)
+    depth_m, height_m = dot(minus(start, face.centre), face.normal), dot(minus(target, face.centre), face.normal)
+    if depth_m <= OWN_FACE_M or height_m <= 0.0 or materials.flat_share[face.owner] == 0.0:
+        return none
+    image, at = reflection(face, start, depth_m, target, height_m)
+    off = minus(above_ground(at) if by_ground else at, face.centre)
+    rim_m = np.inf
+    for axis in range(2):
+        aside_m = off.x * faces.axes[f, axis, 0] + off.y * faces.axes[f, axis, 1] + off.z * faces.axes[f, axis, 2]
+        rim_m = min(rim_m, faces.half_size_m[f, axis] - abs(aside_m))
+    if rim_m < 0.0:
+        return none
+    left = 1.0 if behind[f] != NOBODY and obstacles[behind[f]].bends else by_rim(rim_m)
+    by = Standing(obstacles, shadows, behind[f])
+    if by_ground:
+        return Echo(left * reflect_by_ground(emitter, target, face, at, materials, by), image)
+    return Echo(left * reflect(emitter, target, face, at, substance_of(materials, face.owner), by), image)
 
 
 @compiled
@@ -108,26 +211,17 @@ def normal_of_round(solid: Shape, source: Vector, target: Vector) -> float:
     return low + 0.5 * (near + far) * turn
 
 
-class RoundEcho(NamedTuple):
-    """What a round solid mirrors.
-
-    Attributes:
-        coefficient: What is received, over a straight path as long as that from the image; 0 for nothing.
-        image: Of the source in the plane that touches the solid where it mirrors.
-    """
-
-    coefficient: complex
-    image: Vector
-
-
 @compiled
-def reflect_round(emitter: Emitter, target: Vector, obstacles: Obstacles, k: int, weakest: float) -> RoundEcho:
+def reflect_round(
+    emitter: Emitter, target: Vector, obstacles: Obstacles, shadows: NDArray[np.void], k: int, weakest: float
+) -> Echo:
     """The echo of an upright cylinder, its waves spread as by geometric optics.
 
     Args:
         emitter: The source.
         target: Middle of the array.
         obstacles: What stands about.
+        shadows: What they do to the straight path, rows of `SHADOW`.
         k: The cylinder.
         weakest: Amplitude at the array, over that 1 m from the source, below which no echo is looked for.
 
@@ -136,7 +230,7 @@ def reflect_round(emitter: Emitter, target: Vector, obstacles: Obstacles, k: int
         3.4: the caustic distance behind a curved mirror, here in the plane across the cylinder.
     """
     solid, material, source = shape_of(obstacles[k]), substance_of_solid(obstacles[k]), emitter.at
-    none = RoundEcho(0j, source)
+    none = Echo(0j, source)
     before_m = hypot(source.x - solid.x, source.y - solid.y) - solid.radius_m
     behind_m = hypot(target.x - solid.x, target.y - solid.y) - solid.radius_m
     if before_m <= OWN_FACE_M or behind_m <= 0.0:
@@ -151,10 +245,14 @@ def reflect_round(emitter: Emitter, target: Vector, obstacles: Obstacles, k: int
     z = source.z + before_m / (before_m + behind_m) * (target.z - source.z)
     at = Vector(x, y, z)
     depth_m, height_m = dot(minus(source, at), normal), dot(minus(target, at), normal)
-    if depth_m <= 0.0 or height_m <= 0.0 or not solid.bottom_m < z < solid.top_m:
+    rim_m = min(z - solid.bottom_m, solid.top_m - z)
+    if depth_m <= 0.0 or height_m <= 0.0 or rim_m <= 0.0:
         return none
     face = Face(obstacles[k].owner, normal, at)
     by = reflection(face, source, depth_m, target, height_m)
     caustic_m = 1.0 / (1.0 / before_m + 2.0 / (solid.radius_m * depth_m / before_m))
     spread = math.sqrt(caustic_m * (before_m + behind_m) / (before_m * (caustic_m + behind_m)))
-    return RoundEcho(spread * reflect(emitter, target, face, by, material, obstacles, k), by.image)
+    return Echo(
+        by_rim(rim_m) * spread * reflect(emitter, target, face, by.at, material, Standing(obstacles, shadows, k)),
+        by.image,
+    )

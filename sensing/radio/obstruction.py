@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dirmusic.compiled import compiled
 from sensing.radio.edges import diffraction_parameter
 from sensing.radio.materials import WAVELENGTH_M
-from sensing.radio.surroundings import Obstacle, Obstacles, Shape, shape_of
+from sensing.radio.surroundings import NOBODY, Obstacle, Obstacles, Shape, shape_of
 from sensing.radio.vectors import Vector
 
 FloatArray = NDArray[np.float64]
@@ -23,16 +23,33 @@ NEAR = 0.3
 """Over the root of wavelength times length: what is farther from a line takes nothing from a wave along it, for its
 diffraction parameter is below `CLEAR`, in the middle as well."""
 
+BESIDE = 0.7
+"""As `NEAR`, for a diffraction parameter below `CLEAR` less 1."""
+
 CLEAR = -0.78
 """Diffraction parameter below which an edge takes nothing away (ITU-R P.526)."""
 
-RIM = 0.1
-"""Diffraction parameter from which on all of a line is behind what is lossy (assumed): some centimetres inside."""
+RIM, RIM_M = 0.1, 0.1
+"""Diffraction parameter, and length inside, from which on all of a line is behind what is lossy (assumed): some
+centimetres inside."""
 
 BREADTH = 0.95
 """Of the box that stands for a round solid, across the line that it faces, over that of the solid."""
 
-NOBODY = -1
+
+class Shadow(NamedTuple):
+    """What a solid that bends waves does to the straight path.
+
+    Attributes:
+        nu: As of `shadow`.
+        cut: As of `cut_by`.
+    """
+
+    nu: float
+    cut: float
+
+
+SHADOW = np.dtype([(name, np.float64) for name in Shadow._fields])
 
 
 class Inside(NamedTuple):
@@ -106,15 +123,26 @@ def on_plan(way: Line, solid: Shape) -> Inside:
 
 
 @compiled
+def inside(way: Line, solid: Shape) -> Inside:
+    """Which part of the endless line through two points lies inside a solid."""
+    plan = on_plan(way, solid)
+    upright = _between(solid.bottom_m, solid.top_m, way.start.z, way.end.z - way.start.z)
+    return Inside(max(plan.enters, upright.enters), min(plan.leaves, upright.leaves))
+
+
+@compiled
+def inside_m(way: Line, solid: Shape) -> float:
+    """How much of a line lies inside a solid."""
+    part = inside(way, solid)
+    return max(min(part.leaves, 1.0) - max(part.enters, 0.0), 0.0) * way.length_m
+
+
+@compiled
 def crosses(way: Line, solid: Shape) -> bool:
     """Whether a line crosses a solid; one that ends on its surface does not."""
     if way.length_m == 0.0 or not is_near(way, solid, 0.0):
         return False
-    plan, upright = (
-        on_plan(way, solid),
-        _between(solid.bottom_m, solid.top_m, way.start.z, way.end.z - way.start.z),
-    )
-    enters, leaves = max(plan.enters, upright.enters), min(plan.leaves, upright.leaves)
+    enters, leaves = inside(way, solid)
     return max(enters, 0.0) < min(leaves, 1.0) and enters < 1.0 - BARELY and leaves > BARELY
 
 
@@ -155,12 +183,13 @@ def _nu(way: Line, x: float, y: float, z: float) -> float:
 
 
 @compiled
-def shadow(way: Line, solid: Shape) -> float:
+def shadow(way: Line, solid: Shape, near: float) -> float:
     """Diffraction parameter of the way round a solid that takes least away.
 
-    It is negative where a line passes the solid, minus infinity far from it, or below one that stands on legs.
+    It is negative where a line passes the solid, minus infinity farther from it than `near`, `NEAR` or `BESIDE`, and
+    below a solid that stands on legs.
     """
-    if not is_near(way, solid, NEAR * math.sqrt(WAVELENGTH_M * way.length_m)):
+    if not is_near(way, solid, near * math.sqrt(WAVELENGTH_M * way.length_m)):
         return -np.inf
     start, radius_m = way.start, solid.radius_m
     left = right = 0.0
@@ -174,7 +203,7 @@ def shadow(way: Line, solid: Shape) -> float:
             at_x, at_y = solid.x + solid.cos * p - solid.sin * q, solid.y + solid.sin * p + solid.cos * q
         from_x, from_y = at_x - start.x, at_y - start.y
         share = min(max((from_x * way.ahead_x + from_y * way.ahead_y) / way.level_m, 0.0), 1.0)
-        nu = _nu(way, at_x, at_y, start.z + share * rise)
+        nu = _nu(way, at_x, at_y, min(max(start.z + share * rise, solid.bottom_m), solid.top_m))
         nearest = min(nearest, nu)
         if from_y * way.ahead_x - from_x * way.ahead_y > 0.0:
             left = max(left, nu)
@@ -204,13 +233,20 @@ def left_by(way: Line, solid: Obstacle) -> float:
     Behind what bends waves that is what passes it, and what comes round it as past a knife edge; behind anything else
     what passes alone, with a rim over which it takes away ever more.
     """
-    passes, nu = solid.passes, shadow(way, shape_of(solid))
+    shape = shape_of(solid)
+    passes, nu = solid.passes, shadow(way, facing(way, shape) if solid.bends else shape, NEAR)
     if nu <= CLEAR:
         return 1.0
     if solid.bends:
         return passes + (1.0 - passes) * knife_edge_amplitude(nu)
-    deep = min(max(nu / RIM, 0.0), 1.0)
+    deep = min(max(nu / RIM, 0.0), inside_m(way, shape) / RIM_M, 1.0)
     return 1.0 - (1.0 - passes) * deep * deep * (3.0 - 2.0 * deep)
+
+
+@compiled
+def cut_by(way: Line, solid: Obstacle) -> float:
+    """Amplitude that a solid that bends waves leaves of a straight path: all, or what passes through."""
+    return solid.passes if crosses(way, facing(way, shape_of(solid))) else 1.0
 
 
 @compiled
@@ -226,11 +262,21 @@ def passes_straight(start: Vector, end: Vector, obstacles: Obstacles) -> float:
             left, of_piece = left * of_piece, 1.0
         if not obstacles[k].bends:
             of_piece = min(of_piece, left_by(way, obstacles[k]))
-        elif crosses(way, facing(way, shape_of(obstacles[k]))):
-            of_piece = min(of_piece, obstacles[k].passes)
+        else:
+            of_piece = min(of_piece, cut_by(way, obstacles[k]))
             if of_piece == 0.0:
                 return 0.0
     return left * of_piece
+
+
+@compiled
+def cast_shadows(way: Line, obstacles: Obstacles, shadows: NDArray[np.void]) -> None:
+    """What all solids do to a straight path, into rows of `SHADOW`."""
+    for k in range(obstacles.size):
+        shadows[k].nu, shadows[k].cut = -np.inf, 1.0
+        if obstacles[k].bends:
+            shadows[k].nu = shadow(way, facing(way, shape_of(obstacles[k])), BESIDE)
+            shadows[k].cut = cut_by(way, obstacles[k])
 
 
 @compiled
@@ -252,4 +298,52 @@ def left_of_line(start: Vector, end: Vector, obstacles: Obstacles, own: int, lea
             of_piece = min(of_piece, left_by(way, obstacles[k]))
             if left * of_piece < least:
                 return 0.0
+    return left * of_piece
+
+
+@compiled
+def counts_cut(of_ray: float, of_other: float) -> float:
+    """How far what a solid bends is cut off by another as the straight path is, instead of bent once more.
+
+    Where two solids are in the way, what is left by one and the other is a product, and one of its terms is what both
+    bend. That is to count once: what the deeper shadow's solid bends is bent by the other as well, and what the other
+    bends is cut off by the first, or not. So the field has no jump where either cuts the straight path off.
+
+    Args:
+        of_ray: Diffraction parameter on the straight path of the solid that bends the ray.
+        of_other: Of the other.
+    """
+    if of_ray <= CLEAR - 1.0 or of_other <= CLEAR - 1.0:
+        return 0.0
+    both = min(of_ray - CLEAR + 1.0, 1.0) * min(of_other - CLEAR + 1.0, 1.0)
+    return both * min(max(0.5 - 0.5 * (of_ray - of_other), 0.0), 1.0)
+
+
+@compiled
+def left_of_bent(
+    first: Line, last: Line, obstacles: Obstacles, own: int, shadows: NDArray[np.void], least: float
+) -> float:
+    """Amplitude that is left of a bent or mirrored ray by all solids but its own.
+
+    Args:
+        first: From the source to the solid that bends or mirrors it.
+        last: From there to the target.
+        obstacles: What stands about.
+        own: That solid; if it is `NOBODY`, or bends nothing, all is bent anew.
+        shadows: Rows of `SHADOW`, one for each obstacle.
+        least: What is less is told as 0.
+    """
+    left, of_piece = 1.0, 1.0
+    for k in range(obstacles.size):
+        if k > 0 and obstacles[k].owner != obstacles[k - 1].owner:
+            left, of_piece = left * of_piece, 1.0
+        if k == own:
+            continue
+        left_by_this = left_by(first, obstacles[k]) * left_by(last, obstacles[k])
+        cut = 0.0 if own == NOBODY else counts_cut(shadows[own].nu, shadows[k].nu)
+        if cut > 0.0:
+            left_by_this += cut * (shadows[k].cut - left_by_this)
+        of_piece = min(of_piece, left_by_this)
+        if left * of_piece < least:
+            return 0.0
     return left * of_piece

@@ -24,19 +24,14 @@ from sensing.radio.bends import (
     shade,
 )
 from sensing.radio.materials import Materials, Substance, substance_of
-from sensing.radio.mirrors import face_of, reflect, reflect_round, reflection
-from sensing.radio.obstruction import NOBODY, line, passes_straight, shadow
+from sensing.radio.mirrors import reflect_flat, reflect_round
+from sensing.radio.obstruction import SHADOW, cast_shadows, line, passes_straight
 from sensing.radio.polarisation import radiated, received
-from sensing.radio.surroundings import OWN_FACE_M, Obstacles, Surroundings, shape_of, substance_of_solid
-from sensing.radio.vectors import TINY, Vector, dot, length, minus, towards
+from sensing.radio.surroundings import Obstacles, Surroundings, substance_of_solid
+from sensing.radio.vectors import TINY, Vector, length, minus, towards
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
-
-SHARES_OVER = 1.0
-"""Difference of diffraction parameters over which one of two boxes in the way takes over from the other (assumed), so
-that a way round both counts once; what hides nothing, and what lets a part pass, always counts."""
-
 
 MIRRORED_FADES_DB = 40.0
 """How far below the loudest path one that a flat face mirrors fades (assumed): it changes levels by 0.1 dB."""
@@ -74,23 +69,21 @@ def bend_round_all(
     rays: BentRays,
 ) -> int:
     """Rays round the edges of all boxes, with what all others leave of them; returns how many there are."""
-    deepest, first, n, ground = 0.0, 0, 0, substance_of(materials, GROUND)
-    nus, way = np.empty(obstacles.size), line(emitter.at, target)
-    for k in range(nus.size):
-        nus[k] = shadow(way, shape_of(obstacles[k])) if obstacles[k].passes == 0.0 else -np.inf
-        if nus[k] > deepest:
-            deepest, first = nus[k], k
-    for i in range(nus.size):
-        k = (first + i) % nus.size  # what comes round the deepest shadow is loud, and the rest can be left out sooner
-        hides = min(max(1.0 + nus[k] / SHARES_OVER, 0.0), 1.0)
-        share = 1.0 - hides * min((deepest - max(nus[k], 0.0)) / SHARES_OVER, 1.0)
-        if not obstacles[k].bends or share == 0.0:
+    first, n, ground, shadows = 0, 0, substance_of(materials, GROUND), rays.shadows
+    for k in range(shadows.size):
+        if shadows[k].nu > shadows[first].nu:
+            first = k
+    for i in range(shadows.size):
+        k = (
+            first + i
+        ) % shadows.size  # what comes round the deepest shadow is loud, and the rest can be left out sooner
+        if not obstacles[k].bends:
             continue
         material = substance_of_solid(obstacles[k])
         if obstacles[k].radius_m > 0.0:  # as P.526 has it: what is round mirrors on its own
             material = Substance(material.permittivity, material.conductivity_spm, material.passes, 0.0)
         for by_ground in range(2 if ground_mirrors else 1):
-            bending = Bending(emitter, target, by_ground == 1, share, material, ground, faintest)
+            bending = Bending(emitter, target, by_ground == 1, material, ground, faintest)
             n = bend(bending, obstacles, k, rays, n)
     return n
 
@@ -126,13 +119,13 @@ def find_ray_paths(
         target: Middle of the array.
         surroundings: What stands about.
     """
-    faces, materials, obstacles = surroundings
+    faces, materials, obstacles, _ = surroundings
     n_sources, n_faces, n_rays = faintest.size, faces.owner.size, 2 * MOST_RAYS * count_bends(obstacles)
-    n_most = (faintest < np.inf).sum() * (1 + n_faces + obstacles.size + n_rays)
+    n_most = (faintest < np.inf).sum() * (1 + 2 * n_faces + obstacles.size + n_rays)
     source, from_m, extra_m = np.empty(n_most, np.intp), np.empty((n_most, 3)), np.empty(n_most)
     coefficient = np.empty(n_most, np.complex128)
     first, n_paths = np.zeros(n_sources, np.intp), np.zeros(n_sources, np.intp)
-    rays = BentRays(np.empty(n_rays, BENT_RAY), np.empty(4, SEEN_EDGE), np.zeros(1))
+    rays = BentRays(np.empty(n_rays, BENT_RAY), np.empty(4, SEEN_EDGE), np.empty(obstacles.size, SHADOW), np.zeros(1))
     ground_mirrors = False
     for f in range(n_faces):
         ground_mirrors |= faces.owner[f] == GROUND and materials.flat_share[GROUND] > 0.0
@@ -144,6 +137,7 @@ def find_ray_paths(
             Vector(sources_m[s, 0], sources_m[s, 1], sources_m[s, 2]), Vector(axes[s, 0], axes[s, 1], axes[s, 2])
         )
         first[s], rays.loudest[0] = n, 0.0
+        cast_shadows(line(emitter.at, target), obstacles, rays.shadows)
         left = passes_straight(emitter.at, target, obstacles)
         if left > 0.0:
             straight = towards(emitter.at, target)
@@ -152,24 +146,13 @@ def find_ray_paths(
             coefficient[n] = left * received(radiated(emitter.axis, straight), straight)
             n += 1
         for f in range(n_faces):
-            face = face_of(faces, f)
-            depth_m = dot(minus(emitter.at, face.centre), face.normal)
-            height_m = dot(minus(target, face.centre), face.normal)
-            if depth_m <= OWN_FACE_M or height_m <= 0.0 or materials.flat_share[face.owner] == 0.0:
-                continue
-            by, is_on_face = reflection(face, emitter.at, depth_m, target, height_m), True
-            off = minus(by.at, face.centre)
-            for axis in range(2):
-                aside_m = (
-                    off.x * faces.axes[f, axis, 0] + off.y * faces.axes[f, axis, 1] + off.z * faces.axes[f, axis, 2]
-                )
-                is_on_face &= abs(aside_m) <= faces.half_size_m[f, axis]
-            if is_on_face:
-                material = substance_of(materials, face.owner)
-                coefficient[n] = reflect(emitter, target, face, by, material, obstacles, NOBODY)
-                from_m[n, 0], from_m[n, 1], from_m[n, 2] = by.image
-                extra_m[n] = 0.0
-                n += coefficient[n] != 0.0
+            is_upright = faces.owner[f] != GROUND and faces.normal[f, 2] == 0.0
+            for by_ground in range(2 if is_upright and ground_mirrors else 1):
+                echo = reflect_flat(emitter, target, surroundings, rays.shadows, f, by_ground == 1)
+                if echo.coefficient != 0.0:
+                    from_m[n, 0], from_m[n, 1], from_m[n, 2] = echo.image
+                    extra_m[n], coefficient[n] = 0.0, echo.coefficient
+                    n += 1
         for i in range(first[s], n):
             way_m = length(minus(target, Vector(from_m[i, 0], from_m[i, 1], from_m[i, 2])))
             rays.loudest[0] = max(rays.loudest[0], abs(coefficient[i]) / way_m)
@@ -177,7 +160,9 @@ def find_ray_paths(
         for k in range(obstacles.size):
             if obstacles[k].radius_m == 0.0:
                 continue
-            echo = reflect_round(emitter, target, obstacles, k, max(WEAKEST * rays.loudest[0], faintest[s]))
+            echo = reflect_round(
+                emitter, target, obstacles, rays.shadows, k, max(WEAKEST * rays.loudest[0], faintest[s])
+            )
             if echo.coefficient != 0.0:
                 from_m[n, 0], from_m[n, 1], from_m[n, 2] = echo.image
                 extra_m[n], coefficient[n] = 0.0, echo.coefficient
@@ -190,7 +175,7 @@ def find_ray_paths(
             if abs(rays.rows[i].coefficient) < weakest * rays.rows[i].way_m:
                 continue
             if not rays.rows[i].is_shaded:
-                shade(rays.rows[i], emitter.at, target, obstacles, weakest)
+                shade(rays, i, emitter.at, target, obstacles, weakest)
             from_m[n, 0], from_m[n, 1], from_m[n, 2] = rays.rows[i].x, rays.rows[i].y, rays.rows[i].z
             extra_m[n], coefficient[n] = rays.rows[i].extra_m, rays.rows[i].coefficient
             n += 1

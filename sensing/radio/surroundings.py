@@ -19,6 +19,13 @@ OWN_FACE_M = 0.05
 the source's amplitude is what both radiate together."""
 
 
+NOBODY = -1
+"""In place of the number of a solid."""
+
+JUST_BEHIND_M = 1e-6
+"""So far behind a face is the solid whose face it is."""
+
+
 class Faces(NamedTuple):
     """Flat rectangles that mirror, world frame; a row is a face.
 
@@ -141,6 +148,23 @@ def substance_of_solid(of: Obstacle) -> Substance:
     return Substance(of.permittivity, of.conductivity_spm, of.passes, of.flat_share)
 
 
+def solids_behind(faces: Faces, solids: Solids) -> NDArray[np.intp]:
+    """Of each face the solid right behind its middle, a box of the same piece of equipment, or `NOBODY`."""
+    inside_m = (faces.centre_m - JUST_BEHIND_M * faces.normal)[:, np.newaxis]
+    off_x, off_y = np.moveaxis(inside_m[..., :2] - solids.centre_m, -1, 0)
+    cos, sin = np.cos(solids.yaw_rad), np.sin(solids.yaw_rad)
+    is_behind = (
+        (np.abs(cos * off_x + sin * off_y) < solids.half_size_m[:, 0])
+        & (np.abs(cos * off_y - sin * off_x) < solids.half_size_m[:, 1])
+        & (solids.bottom_m < inside_m[..., 2])
+        & (inside_m[..., 2] < solids.top_m)
+        & (solids.owner == faces.owner[:, np.newaxis])
+    )
+    nobody = np.full((faces.owner.size, 1), True)
+    found = np.concatenate([is_behind, nobody], axis=1).argmax(axis=1)
+    return np.where(found < solids.owner.size, found, NOBODY)
+
+
 class Rays(NamedTuple):
     """Straight lines in free space from elements to points, frame as the points given.
 
@@ -198,11 +222,13 @@ class Surroundings(NamedTuple):
         faces: Flat faces that mirror.
         materials: Of the faces of each piece of equipment, and of the ground, which is last, for its owner is -1.
         obstacles: Solids that the pieces are made of, with their own materials.
+        behind: Of each face the obstacle whose face it is, or `NOBODY`, shape (n_faces,).
     """
 
     faces: Faces
     materials: Materials
     obstacles: Obstacles
+    behind: NDArray[np.intp]
 
     @classmethod
     def of_kinds(cls, kinds: Sequence[str], faces: Faces, solids: Solids, ground: Material = GRAVEL) -> Self:
@@ -215,13 +241,15 @@ class Surroundings(NamedTuple):
         round_ones = [ROUND_MATERIALS.get(kind, KIND_MATERIALS[kind]) for kind in kinds]
         pairs = zip(solids.owner, solids.radius_m, strict=True)
         of_solids = [(round_ones if radius_m > 0.0 else flat)[int(piece)] for piece, radius_m in pairs]
-        return cls(faces, Materials.of([*flat, ground]), obstacles_of(solids, of_solids))
+        return cls(faces, Materials.of([*flat, ground]), obstacles_of(solids, of_solids), solids_behind(faces, solids))
 
     @classmethod
     def of_materials(cls, pieces: Sequence[Material], faces: Faces, solids: Solids, ground: Material = GRAVEL) -> Self:
         """Equipment of known materials, one for each piece."""
         of_solids = [pieces[int(piece)] for piece in solids.owner]
-        return cls(faces, Materials.of([*pieces, ground]), obstacles_of(solids, of_solids))
+        return cls(
+            faces, Materials.of([*pieces, ground]), obstacles_of(solids, of_solids), solids_behind(faces, solids)
+        )
 
     @classmethod
     def free_space(cls) -> Self:

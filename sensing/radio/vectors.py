@@ -52,6 +52,19 @@ def towards(start: Vector, end: Vector) -> Vector:
 
 
 @compiled
+def between(start: Vector, end: Vector, share: float) -> Vector:
+    """The point so far on the way from one to another."""
+    way = minus(end, start)
+    return Vector(start.x + share * way.x, start.y + share * way.y, start.z + share * way.z)
+
+
+@compiled
+def just_off(at: Vector, normal: Vector) -> Vector:
+    """A point so near above a face that lines from it to the front do not cross what is behind."""
+    return Vector(at.x + TINY * normal.x, at.y + TINY * normal.y, at.z + TINY * normal.z)
+
+
+@compiled
 def upside_down(vector: Vector) -> Vector:
     """Mirrored in the ground."""
     return Vector(vector.x, vector.y, -vector.z)
