@@ -31,7 +31,7 @@ FloatArray = NDArray[np.float64]
 GROUND = -1
 """Row of its material."""
 
-FADES_DB, FADES_OVER_DB = 16.0, 6.0
+FADES_DB, FADES_OVER_DB = 20.0, 6.0
 """How far below the loudest path one that bends fades, and over how much more (assumed): it changes strengths by less
 than a tenth."""
 
@@ -93,14 +93,15 @@ class BentRays(NamedTuple):
 def faces_of(corner: Corner, source: Point, target: Point, material: Substance) -> WedgeFaces:
     """What the faces at an edge mirror of a ray; the angles that count are those of Luebbers.
 
-    A face that the source is on mirrors nothing: its mirror image is a part of the source.
+    A face that the source is on mirrors nothing: its mirror image is a part of the source. How far a face goes is not
+    known here; the source is taken to be on it wherever it lies on its side of the edge.
     """
     first = min(abs(source.p - corner.p) / distance(corner, source), 1.0)
     last = min(abs(target.q - corner.q) / distance(corner, target), 1.0)
     of_first, of_last = face_mirror(first, material), face_mirror(last, material)
-    if abs(source.p - corner.p) <= OWN_FACE_M:
+    if abs(source.p - corner.p) <= OWN_FACE_M and (source.q - corner.q) * corner.out_q <= 0.0:
         of_first = Mirror(0j, 0j)
-    if abs(source.q - corner.q) <= OWN_FACE_M:
+    if abs(source.q - corner.q) <= OWN_FACE_M and (source.p - corner.p) * corner.out_p <= 0.0:
         of_last = Mirror(0j, 0j)
     return WedgeFaces(of_first, of_last, material.passes)
 

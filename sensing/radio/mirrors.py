@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dirmusic.compiled import compiled
 from sensing.radio.bends import GROUND, Emitter
 from sensing.radio.materials import Materials, Substance, substance_of
-from sensing.radio.obstruction import RIM_M, left_of_bent, left_of_line, line, passes_straight
+from sensing.radio.obstruction import RIM_M, left_of_bent, left_of_line, line, passes_by_ground
 from sensing.radio.polarisation import face_mirror, mirrored, radiated, received
 from sensing.radio.surroundings import (
     NOBODY,
@@ -105,7 +105,7 @@ def reflect(emitter: Emitter, target: Vector, face: Face, at: Vector, material: 
     field = mirrored(radiated(emitter.axis, arrives), arrives, leaves, face.normal, mirror)
     off = just_off(at, face.normal)
     if face.owner == GROUND:  # what is cut off here comes round edges
-        left = passes_straight(emitter.at, off, by.obstacles) * passes_straight(off, target, by.obstacles)
+        left = passes_by_ground(line(emitter.at, off), line(off, target), by.obstacles)
     else:
         left = left_of_bent(line(emitter.at, off), line(off, target), by.obstacles, by.own, by.shadows, 0.0)
     return received(field, leaves) * left

@@ -250,22 +250,38 @@ def cut_by(way: Line, solid: Obstacle) -> float:
 
 
 @compiled
+def left_straight(way: Line, solid: Obstacle) -> float:
+    """Amplitude that a solid leaves of a straight path: what bends waves cuts it off, the rest comes by bent rays."""
+    return cut_by(way, solid) if solid.bends else left_by(way, solid)
+
+
+@compiled
 def passes_straight(start: Vector, end: Vector, obstacles: Obstacles) -> float:
     """Amplitude that is left of a straight path by all that is in the way.
 
-    What bends waves round its edges cuts it off, but for what passes: the rest comes by bent rays. Of the solids of one
-    other piece of equipment, that counts which takes away most.
+    Of the solids of one piece of equipment, that counts which takes away most.
     """
     left, of_piece, way = 1.0, 1.0, line(start, end)
     for k in range(obstacles.size):
         if k > 0 and obstacles[k].owner != obstacles[k - 1].owner:
             left, of_piece = left * of_piece, 1.0
-        if not obstacles[k].bends:
-            of_piece = min(of_piece, left_by(way, obstacles[k]))
-        else:
-            of_piece = min(of_piece, cut_by(way, obstacles[k]))
-            if of_piece == 0.0:
-                return 0.0
+        of_piece = min(of_piece, left_straight(way, obstacles[k]))
+        if of_piece == 0.0:
+            return 0.0
+    return left * of_piece
+
+
+@compiled
+def passes_by_ground(down: Line, up: Line, obstacles: Obstacles) -> float:
+    """As `passes_straight`, of a path that the ground mirrors, which crosses what stands on the ground only once."""
+    left, of_piece = 1.0, 1.0
+    for k in range(obstacles.size):
+        if k > 0 and obstacles[k].owner != obstacles[k - 1].owner:
+            left, of_piece = left * of_piece, 1.0
+        before, after = left_straight(down, obstacles[k]), left_straight(up, obstacles[k])
+        of_piece = min(of_piece, before * after if obstacles[k].bottom_m > 0.0 else min(before, after))
+        if of_piece == 0.0:
+            return 0.0
     return left * of_piece
 
 
