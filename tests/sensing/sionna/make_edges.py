@@ -2,8 +2,8 @@
 
 Not a dependency of the project. By hand, with Python 3.11, in an environment of its own:
 
-    pip install sionna==0.19.2              # brings TensorFlow; wants LLVM, any from libllvm14 on
-    python make_edges.py
+    pip install sionna==0.19.2              # brings TensorFlow; wants LLVM: apt install libllvm19
+    DRJIT_LIBLLVM_PATH=/usr/lib/x86_64-linux-gnu/libLLVM-19.so python make_edges.py
 
 This one tries all edges, so it leaves out none but what a ray grazes, and has the coefficients of Luebbers 1984; later
 ones turn the sign of what faces mirror. Two things are not as Kouyoumjian and Pathak have them: the sine of the angle
