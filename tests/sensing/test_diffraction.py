@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 from scipy.special import fresnel as fresnel_integrals
+from scipy.special import jv
 
 from sensing.radio.edges import BentRay, Corner, Point, is_hidden, round_one, round_two
 from sensing.radio.fresnel import Mirror, WedgeFaces, knife_edge, wedge, wedge_angle
@@ -46,6 +47,28 @@ def test_a_half_plane_is_sommerfelds(leaving_deg: float, is_soft: bool) -> None:
     direct = cmath.exp(1j * K * rho_m * math.cos(leaving - incident)) * (leaving < np.pi + incident)
     mirrored = cmath.exp(1j * K * rho_m * math.cos(leaving + incident)) * (leaving < np.pi - incident)
     assert abs(direct + (-1 if is_soft else 1) * mirrored + bent - exact) < 2e-4
+
+
+@pytest.mark.parametrize("incident_deg", [5.0, 40.0, 70.0, 120.0, 150.0, 179.0, 230.0])
+@pytest.mark.parametrize("is_soft", [True, False])
+def test_the_edge_of_a_metal_box_is_that_of_the_exact_series(incident_deg: float, is_soft: bool) -> None:
+    """A plane wave on a wedge, 3 m from its edge.
+
+    References:
+        Balanis, Advanced Engineering Electromagnetics (1989), section 13.4: series of Bessel functions.
+    """
+    n, k_rho, incident, sign = 1.5, 3.0 * K, math.radians(incident_deg), -1.0 if is_soft else 1.0
+    order = np.arange(400) / n
+    terms = np.where(order == 0.0, 1.0, 2.0) * np.exp(0.5j * np.pi * order) * jv(order, k_rho)
+    wave = np.sin if is_soft else np.cos
+    for leaving in np.radians(np.arange(3.3, 268.0, 2.0)):
+        exact = 2.0 / n * np.sum(terms * wave(order * incident) * wave(order * leaving))
+        direct = cmath.exp(1j * k_rho * math.cos(leaving - incident)) * (abs(leaving - incident) < math.pi)
+        of_mirrors = incident + leaving, 2.0 * n * math.pi - incident - leaving
+        images = sum(cmath.exp(1j * k_rho * math.cos(angle)) * (angle < math.pi) for angle in of_mirrors)
+        both = wedge(incident, leaving, wedge_angle(n), k_rho, METAL)
+        bent = (both.soft if is_soft else both.hard) / math.sqrt(k_rho) * cmath.exp(-1j * k_rho)
+        assert abs(direct + sign * images + bent - exact) < 3e-4
 
 
 HALF_P, HALF_Q, TOP = 1.5, 1.0, 50.0
