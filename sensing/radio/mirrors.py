@@ -23,7 +23,7 @@ from sensing.radio.surroundings import (
     shape_of,
     substance_of_solid,
 )
-from sensing.radio.vectors import Vector, above_ground, between, dot, hypot, just_off, minus, towards, upside_down
+from sensing.radio.vectors import TINY, Vector, above_ground, between, dot, hypot, just_off, minus, towards, upside_down
 
 STEPS = 14
 """Halvings of the arc on which a round solid mirrors: to a ten-thousandth of it, and its length to far less."""
@@ -90,11 +90,13 @@ class Standing(NamedTuple):
         obstacles: All solids.
         shadows: What they do to the straight path, rows of `SHADOW`.
         own: The solid that mirrors, or `NOBODY`.
+        weakest: Amplitude at the array, over that 1 m from the source, below which nothing counts.
     """
 
     obstacles: Obstacles
     shadows: NDArray[np.void]
     own: int
+    weakest: float
 
 
 @compiled
@@ -102,13 +104,15 @@ def reflect(emitter: Emitter, target: Vector, face: Face, at: Vector, material: 
     """What is received by a mirror."""
     arrives, leaves = towards(emitter.at, at), towards(at, target)
     mirror = face_mirror(abs(dot(leaves, face.normal)), material)
-    field = mirrored(radiated(emitter.axis, arrives), arrives, leaves, face.normal, mirror)
+    coefficient = received(mirrored(radiated(emitter.axis, arrives), arrives, leaves, face.normal, mirror), leaves)
     off = just_off(at, face.normal)
+    first, last = line(emitter.at, off), line(off, target)
+    least = by.weakest * (first.length_m + last.length_m) / max(abs(coefficient), TINY)
+    if least > 1.0:
+        return 0j
     if face.owner == GROUND:  # what is cut off here comes round edges
-        left = passes_by_ground(line(emitter.at, off), line(off, target), by.obstacles)
-    else:
-        left = left_of_bent(line(emitter.at, off), line(off, target), by.obstacles, by.own, by.shadows, 0.0)
-    return received(field, leaves) * left
+        return coefficient * passes_by_ground(first, last, by.obstacles)
+    return coefficient * left_of_bent(first, last, by.obstacles, by.own, by.shadows, least)
 
 
 @compiled
@@ -137,15 +141,20 @@ def reflect_by_ground(
         field = mirrored(field, arrives_down, arrives, up, face_mirror(max(arrives.z, 0.0), ground))
         field = mirrored(field, arrives, leaves, normal, mirror)
         bounce = between(start, at, start.z / (start.z - at.z))
-        left = left_of_line(bounce, off, by.obstacles, by.own, 0.0)
-        left *= left_of_bent(line(emitter.at, bounce), line(off, target), by.obstacles, by.own, by.shadows, 0.0)
+        first, second, last = line(emitter.at, bounce), line(bounce, off), line(off, target)
     else:
         field = mirrored(field, arrives_down, leaves_down, normal, mirror)
         field = mirrored(field, leaves_down, leaves, up, face_mirror(max(leaves.z, 0.0), ground))
         bounce = between(at, target, at.z / (at.z - target.z))
-        left = left_of_line(off, bounce, by.obstacles, by.own, 0.0)
-        left *= left_of_bent(line(emitter.at, off), line(bounce, target), by.obstacles, by.own, by.shadows, 0.0)
-    return received(field, leaves) * left
+        first, second, last = line(emitter.at, off), line(off, bounce), line(bounce, target)
+    coefficient = received(field, leaves)
+    least = by.weakest * (first.length_m + second.length_m + last.length_m) / max(abs(coefficient), TINY)
+    if least > 1.0:
+        return 0j
+    left = left_of_line(second, by.obstacles, by.own, least)
+    if left > 0.0:
+        left *= left_of_bent(first, last, by.obstacles, by.own, by.shadows, least / left)
+    return coefficient * left
 
 
 @compiled
@@ -157,9 +166,9 @@ def by_rim(rim_m: float) -> float:
 
 @compiled
 def reflect_flat(
-    emitter: Emitter, target: Vector, surroundings: Surroundings, shadows: NDArray[np.void], f: int, by_ground: bool
+    emitter: Emitter, target: Vector, surroundings: Surroundings, by: Standing, f: int, by_ground: bool
 ) -> Echo:
-    """The echo of face f, or that of face and ground; the face is to be upright for that."""
+    """The echo of face f, or that of face and ground, for which it is to be upright; `by` says nobody mirrors yet."""
     faces, materials, obstacles, behind = surroundings
     face, start = face_of(faces, f), upside_down(emitter.at) if by_ground else emitter.at
     none = Echo(0j, start)
@@ -175,7 +184,7 @@ def reflect_flat(
     if rim_m < 0.0:
         return none
     left = 1.0 if behind[f] != NOBODY and obstacles[behind[f]].bends else by_rim(rim_m)
-    by = Standing(obstacles, shadows, behind[f])
+    by = Standing(obstacles, by.shadows, behind[f], by.weakest)
     if by_ground:
         return Echo(left * reflect_by_ground(emitter, target, face, at, materials, by), image)
     return Echo(left * reflect(emitter, target, face, at, substance_of(materials, face.owner), by), image)
@@ -212,31 +221,28 @@ def normal_of_round(solid: Shape, source: Vector, target: Vector) -> float:
 
 
 @compiled
-def reflect_round(
-    emitter: Emitter, target: Vector, obstacles: Obstacles, shadows: NDArray[np.void], k: int, weakest: float
-) -> Echo:
+def reflect_round(emitter: Emitter, target: Vector, k: int, by: Standing) -> Echo:
     """The echo of an upright cylinder, its waves spread as by geometric optics.
 
     Args:
         emitter: The source.
         target: Middle of the array.
-        obstacles: What stands about.
-        shadows: What they do to the straight path, rows of `SHADOW`.
         k: The cylinder.
-        weakest: Amplitude at the array, over that 1 m from the source, below which no echo is looked for.
+        by: What stands about; nobody mirrors yet.
 
     References:
         McNamara, Pistorius and Malherbe, Introduction to the Uniform Geometrical Theory of Diffraction (1990), section
         3.4: the caustic distance behind a curved mirror, here in the plane across the cylinder.
     """
-    solid, material, source = shape_of(obstacles[k]), substance_of_solid(obstacles[k]), emitter.at
+    of, source = by.obstacles[k], emitter.at
+    solid, material = shape_of(of), substance_of_solid(of)
     none = Echo(0j, source)
     before_m = hypot(source.x - solid.x, source.y - solid.y) - solid.radius_m
     behind_m = hypot(target.x - solid.x, target.y - solid.y) - solid.radius_m
     if before_m <= OWN_FACE_M or behind_m <= 0.0:
         return none
-    most = obstacles[k].mirrors * math.sqrt(0.5 * solid.radius_m / (before_m * behind_m * (before_m + behind_m)))
-    if most <= weakest:
+    most = of.mirrors * math.sqrt(0.5 * solid.radius_m / (before_m * behind_m * (before_m + behind_m)))
+    if most <= by.weakest:
         return none
     azimuth = normal_of_round(solid, source, target)
     normal = Vector(math.cos(azimuth), math.sin(azimuth), 0.0)
@@ -248,11 +254,9 @@ def reflect_round(
     rim_m = min(z - solid.bottom_m, solid.top_m - z)
     if depth_m <= 0.0 or height_m <= 0.0 or rim_m <= 0.0:
         return none
-    face = Face(obstacles[k].owner, normal, at)
-    by = reflection(face, source, depth_m, target, height_m)
+    face = Face(of.owner, normal, at)
+    image, where = reflection(face, source, depth_m, target, height_m)
     caustic_m = 1.0 / (1.0 / before_m + 2.0 / (solid.radius_m * depth_m / before_m))
     spread = math.sqrt(caustic_m * (before_m + behind_m) / (before_m * (caustic_m + behind_m)))
-    return Echo(
-        by_rim(rim_m) * spread * reflect(emitter, target, face, by.at, material, Standing(obstacles, shadows, k)),
-        by.image,
-    )
+    own = Standing(by.obstacles, by.shadows, k, by.weakest)
+    return Echo(by_rim(rim_m) * spread * reflect(emitter, target, face, where, material, own), image)

@@ -20,11 +20,10 @@ BARELY = 1e-9
 """Share of a line at its ends within which a surface does not count."""
 
 NEAR = 0.3
-"""Over the root of wavelength times length: what is farther from a line takes nothing from a wave along it, for its
-diffraction parameter is below `CLEAR`, in the middle as well."""
+"""Distance over the root of wavelength times length, from `Line.near_m` on."""
 
-BESIDE = 0.7
-"""As `NEAR`, for a diffraction parameter below `CLEAR` less 1."""
+BESIDE = 2.4
+"""Over `Line.near_m`: what is farther from a line has a diffraction parameter below `CLEAR` less 1."""
 
 CLEAR = -0.78
 """Diffraction parameter below which an edge takes nothing away (ITU-R P.526)."""
@@ -78,6 +77,8 @@ class Line(NamedTuple):
         level_m: On plan, > 0.
         ahead_x: Unit vector along it, on plan.
         ahead_y: As `ahead_x`.
+        near_m: What is farther from it takes nothing from a wave along it, for its diffraction parameter is below
+            `CLEAR`, in the middle as well.
     """
 
     start: Vector
@@ -86,6 +87,7 @@ class Line(NamedTuple):
     level_m: float
     ahead_x: float
     ahead_y: float
+    near_m: float
 
 
 @compiled
@@ -93,7 +95,8 @@ def line(start: Vector, end: Vector) -> Line:
     """From one point to another."""
     dx, dy, dz = end.x - start.x, end.y - start.y, end.z - start.z
     level_m = max(math.sqrt(dx * dx + dy * dy), 1e-9)
-    return Line(start, end, math.sqrt(dx * dx + dy * dy + dz * dz), level_m, dx / level_m, dy / level_m)
+    length_m = math.sqrt(dx * dx + dy * dy + dz * dz)
+    return Line(start, end, length_m, level_m, dx / level_m, dy / level_m, NEAR * math.sqrt(WAVELENGTH_M * length_m))
 
 
 @compiled
@@ -183,13 +186,13 @@ def _nu(way: Line, x: float, y: float, z: float) -> float:
 
 
 @compiled
-def shadow(way: Line, solid: Shape, near: float) -> float:
+def shadow(way: Line, solid: Shape, near_m: float) -> float:
     """Diffraction parameter of the way round a solid that takes least away.
 
-    It is negative where a line passes the solid, minus infinity farther from it than `near`, `NEAR` or `BESIDE`, and
-    below a solid that stands on legs.
+    It is negative where a line passes the solid, minus infinity farther from it than `near_m`, and below a solid that
+    stands on legs.
     """
-    if not is_near(way, solid, near * math.sqrt(WAVELENGTH_M * way.length_m)):
+    if not is_near(way, solid, near_m):
         return -np.inf
     start, radius_m = way.start, solid.radius_m
     left = right = 0.0
@@ -234,7 +237,9 @@ def left_by(way: Line, solid: Obstacle) -> float:
     what passes alone, with a rim over which it takes away ever more.
     """
     shape = shape_of(solid)
-    passes, nu = solid.passes, shadow(way, facing(way, shape) if solid.bends else shape, NEAR)
+    if not is_near(way, shape, way.near_m):
+        return 1.0
+    passes, nu = solid.passes, shadow(way, facing(way, shape) if solid.bends else shape, way.near_m)
     if nu <= CLEAR:
         return 1.0
     if solid.bends:
@@ -291,22 +296,21 @@ def cast_shadows(way: Line, obstacles: Obstacles, shadows: NDArray[np.void]) -> 
     for k in range(obstacles.size):
         shadows[k].nu, shadows[k].cut = -np.inf, 1.0
         if obstacles[k].bends:
-            shadows[k].nu = shadow(way, facing(way, shape_of(obstacles[k])), BESIDE)
+            shadows[k].nu = shadow(way, facing(way, shape_of(obstacles[k])), BESIDE * way.near_m)
             shadows[k].cut = cut_by(way, obstacles[k])
 
 
 @compiled
-def left_of_line(start: Vector, end: Vector, obstacles: Obstacles, own: int, least: float) -> float:
+def left_of_line(way: Line, obstacles: Obstacles, own: int, least: float) -> float:
     """Amplitude that is left of a wave along a line that is no straight path: behind what bends, as past a knife edge.
 
     Args:
-        start: Of the line.
-        end: Of the line.
+        way: The line.
         obstacles: What stands about.
         own: Solid that does not count; `NOBODY` if all do.
         least: What is less is told as 0.
     """
-    left, of_piece, way = 1.0, 1.0, line(start, end)
+    left, of_piece = 1.0, 1.0
     for k in range(obstacles.size):
         if k > 0 and obstacles[k].owner != obstacles[k - 1].owner:
             left, of_piece = left * of_piece, 1.0

@@ -24,17 +24,19 @@ from sensing.radio.bends import (
     shade,
 )
 from sensing.radio.materials import Materials, Substance, substance_of
-from sensing.radio.mirrors import reflect_flat, reflect_round
+from sensing.radio.mirrors import Standing, reflect_flat, reflect_round
 from sensing.radio.obstruction import SHADOW, cast_shadows, line, passes_straight
 from sensing.radio.polarisation import radiated, received
-from sensing.radio.surroundings import Obstacles, Surroundings, substance_of_solid
+from sensing.radio.surroundings import NOBODY, Obstacles, Surroundings, substance_of_solid
 from sensing.radio.vectors import TINY, Vector, length, minus, towards
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
-MIRRORED_FADES_DB = 40.0
-"""How far below the loudest path one that a flat face mirrors fades (assumed): it changes levels by 0.1 dB."""
+FADES_BY_GROUND_DB = 40.0
+"""How far below the loudest path that by the ground alone fades (assumed): it changes levels by 0.1 dB."""
+
+WEAKEST_BY_GROUND = 10.0 ** (-(FADES_BY_GROUND_DB + FADES_OVER_DB) / 20.0)
 
 
 class RayPaths(NamedTuple):
@@ -74,9 +76,7 @@ def bend_round_all(
         if shadows[k].nu > shadows[first].nu:
             first = k
     for i in range(shadows.size):
-        k = (
-            first + i
-        ) % shadows.size  # what comes round the deepest shadow is loud, and the rest can be left out sooner
+        k = (first + i) % shadows.size  # what comes round the deepest shadow is loud: more can be left out after it
         if not obstacles[k].bends:
             continue
         material = substance_of_solid(obstacles[k])
@@ -105,6 +105,81 @@ def fading(amplitude: float, loudest: float, from_db: float) -> float:
     return 1.0 - fades * fades * (3.0 - 2.0 * fades)
 
 
+PATH = np.dtype([*((name, np.float64) for name in ("x", "y", "z", "extra_m", "level")), ("coefficient", np.complex128)])
+"""A path as of `RayPaths`, and its amplitude at the array, over that 1 m from the source."""
+
+
+@compiled
+def add(paths: NDArray[np.void], n: int, at: Vector, extra_m: float, coefficient: complex, target: Vector) -> int:
+    """Add a path unless nothing comes by it; returns how many there are."""
+    if coefficient == 0.0:
+        return n
+    path = paths[n]
+    path.x, path.y, path.z = at
+    path.extra_m, path.coefficient = extra_m, coefficient
+    path.level = abs(coefficient) / (extra_m + length(minus(target, at)))
+    return n + 1
+
+
+@compiled
+def loudest_of(paths: NDArray[np.void], n: int) -> float:
+    """Level of the loudest of the first n paths; 0 without any."""
+    loudest = 0.0
+    for i in range(n):
+        loudest = max(loudest, paths[i].level)
+    return loudest
+
+
+@compiled
+def trace(
+    emitter: Emitter,
+    target: Vector,
+    faintest: float,
+    surroundings: Surroundings,
+    ground_mirrors: bool,
+    rays: BentRays,
+    paths: NDArray[np.void],
+) -> int:
+    """All paths of one source, into rows of `PATH`; returns how many there are."""
+    faces, materials, obstacles, _ = surroundings
+    cast_shadows(line(emitter.at, target), obstacles, rays.shadows)
+    straight = towards(emitter.at, target)
+    left = passes_straight(emitter.at, target, obstacles)
+    n = add(paths, 0, emitter.at, 0.0, left * received(radiated(emitter.axis, straight), straight), target)
+    n_strong = 0
+    for is_wall in (False, True):
+        rays.loudest[0] = loudest_of(paths, n)
+        weakest = max((WEAKEST if is_wall else WEAKEST_BY_GROUND) * rays.loudest[0], faintest)
+        by = Standing(obstacles, rays.shadows, NOBODY, weakest)
+        for f in range(faces.owner.size):
+            if (faces.owner[f] != GROUND) == is_wall:
+                for by_ground in range(2 if is_wall and faces.normal[f, 2] == 0.0 and ground_mirrors else 1):
+                    echo = reflect_flat(emitter, target, surroundings, by, f, by_ground == 1)
+                    n = add(paths, n, echo.image, 0.0, echo.coefficient, target)
+        if not is_wall:
+            n_strong = n
+    rays.loudest[0] = loudest_of(paths, n)
+    by = Standing(obstacles, rays.shadows, NOBODY, max(WEAKEST * rays.loudest[0], faintest))
+    for k in range(obstacles.size):
+        if obstacles[k].radius_m > 0.0:
+            echo = reflect_round(emitter, target, k, by)
+            n = add(paths, n, echo.image, 0.0, echo.coefficient, target)
+    n_bent = 0
+    if rays.rows.size > 0:
+        n_bent = bend_round_all(emitter, target, obstacles, materials, ground_mirrors, faintest, rays)
+    weakest = max(WEAKEST * rays.loudest[0], faintest)
+    for i in range(n_bent):
+        bent = rays.rows[i]
+        if abs(bent.coefficient) >= weakest * bent.way_m:
+            if not bent.is_shaded:
+                shade(rays, i, emitter.at, target, obstacles, weakest)
+            n = add(paths, n, Vector(bent.x, bent.y, bent.z), bent.extra_m, bent.coefficient, target)
+    for i in range(n):
+        fades_db = FADES_BY_GROUND_DB if i < n_strong else FADES_DB
+        paths[i].coefficient *= fading(paths[i].level, rays.loudest[0], fades_db) if paths[i].level >= faintest else 0.0
+    return n
+
+
 @compiled
 def find_ray_paths(
     sources_m: FloatArray, axes: FloatArray, faintest: FloatArray, target: Vector, surroundings: Surroundings
@@ -121,11 +196,12 @@ def find_ray_paths(
     """
     faces, materials, obstacles, _ = surroundings
     n_sources, n_faces, n_rays = faintest.size, faces.owner.size, 2 * MOST_RAYS * count_bends(obstacles)
-    n_most = (faintest < np.inf).sum() * (1 + 2 * n_faces + obstacles.size + n_rays)
+    rays = BentRays(np.empty(n_rays, BENT_RAY), np.empty(4, SEEN_EDGE), np.empty(obstacles.size, SHADOW), np.zeros(1))
+    paths = np.empty(1 + 2 * n_faces + obstacles.size + n_rays, PATH)
+    n_most = (faintest < np.inf).sum() * paths.size
     source, from_m, extra_m = np.empty(n_most, np.intp), np.empty((n_most, 3)), np.empty(n_most)
     coefficient = np.empty(n_most, np.complex128)
     first, n_paths = np.zeros(n_sources, np.intp), np.zeros(n_sources, np.intp)
-    rays = BentRays(np.empty(n_rays, BENT_RAY), np.empty(4, SEEN_EDGE), np.empty(obstacles.size, SHADOW), np.zeros(1))
     ground_mirrors = False
     for f in range(n_faces):
         ground_mirrors |= faces.owner[f] == GROUND and materials.flat_share[GROUND] > 0.0
@@ -136,59 +212,11 @@ def find_ray_paths(
         emitter = Emitter(
             Vector(sources_m[s, 0], sources_m[s, 1], sources_m[s, 2]), Vector(axes[s, 0], axes[s, 1], axes[s, 2])
         )
-        first[s], rays.loudest[0] = n, 0.0
-        cast_shadows(line(emitter.at, target), obstacles, rays.shadows)
-        left = passes_straight(emitter.at, target, obstacles)
-        if left > 0.0:
-            straight = towards(emitter.at, target)
-            from_m[n, 0], from_m[n, 1], from_m[n, 2] = emitter.at
-            extra_m[n] = 0.0
-            coefficient[n] = left * received(radiated(emitter.axis, straight), straight)
-            n += 1
-        for f in range(n_faces):
-            is_upright = faces.owner[f] != GROUND and faces.normal[f, 2] == 0.0
-            for by_ground in range(2 if is_upright and ground_mirrors else 1):
-                echo = reflect_flat(emitter, target, surroundings, rays.shadows, f, by_ground == 1)
-                if echo.coefficient != 0.0:
-                    from_m[n, 0], from_m[n, 1], from_m[n, 2] = echo.image
-                    extra_m[n], coefficient[n] = 0.0, echo.coefficient
-                    n += 1
-        for i in range(first[s], n):
-            way_m = length(minus(target, Vector(from_m[i, 0], from_m[i, 1], from_m[i, 2])))
-            rays.loudest[0] = max(rays.loudest[0], abs(coefficient[i]) / way_m)
-        begun_weak = n
-        for k in range(obstacles.size):
-            if obstacles[k].radius_m == 0.0:
-                continue
-            echo = reflect_round(
-                emitter, target, obstacles, rays.shadows, k, max(WEAKEST * rays.loudest[0], faintest[s])
-            )
-            if echo.coefficient != 0.0:
-                from_m[n, 0], from_m[n, 1], from_m[n, 2] = echo.image
-                extra_m[n], coefficient[n] = 0.0, echo.coefficient
-                n += 1
-        n_bent = 0
-        if n_rays > 0:
-            n_bent = bend_round_all(emitter, target, obstacles, materials, ground_mirrors, faintest[s], rays)
-        for i in range(n_bent):
-            weakest = max(WEAKEST * rays.loudest[0], faintest[s])
-            if abs(rays.rows[i].coefficient) < weakest * rays.rows[i].way_m:
-                continue
-            if not rays.rows[i].is_shaded:
-                shade(rays, i, emitter.at, target, obstacles, weakest)
-            from_m[n, 0], from_m[n, 1], from_m[n, 2] = rays.rows[i].x, rays.rows[i].y, rays.rows[i].z
-            extra_m[n], coefficient[n] = rays.rows[i].extra_m, rays.rows[i].coefficient
-            n += 1
-        n_found, n = n, first[s]
-        for i in range(first[s], n_found):
-            way_m = extra_m[i] + length(minus(target, Vector(from_m[i, 0], from_m[i, 1], from_m[i, 2])))
-            from_db = MIRRORED_FADES_DB if i < begun_weak else FADES_DB
-            level = abs(coefficient[i]) / way_m
-            left = fading(level, rays.loudest[0], from_db)
-            if left > 0.0 and level >= faintest[s]:
-                from_m[n, 0], from_m[n, 1], from_m[n, 2] = from_m[i, 0], from_m[i, 1], from_m[i, 2]
-                extra_m[n], coefficient[n] = extra_m[i], left * coefficient[i]
+        first[s] = n
+        for i in range(trace(emitter, target, faintest[s], surroundings, ground_mirrors, rays, paths)):
+            if paths[i].coefficient != 0.0:
+                from_m[n, 0], from_m[n, 1], from_m[n, 2] = paths[i].x, paths[i].y, paths[i].z
+                source[n], extra_m[n], coefficient[n] = s, paths[i].extra_m, paths[i].coefficient
                 n += 1
         n_paths[s] = n - first[s]
-        source[first[s] : n] = s
     return RayPaths(source[:n], from_m[:n], extra_m[:n], coefficient[:n], first, n_paths)
