@@ -5,7 +5,8 @@ from sensing.array.helical_array import HelicalArray
 from sensing.nature.discharges import PulseTrain
 from sensing.nature.scene import Scene
 from sensing.nature.sources import Carrier, DischargeSource
-from sensing.radio.surroundings import Faces, Obstacles, Solids, Surroundings, level_transform
+from sensing.radio.surroundings import Surroundings, level_transform
+from sensing.radio.tables import Faces, Obstacles, Solids
 from sensing.receiver.config import ReceiverConfig
 from sensing.receiver.detections import Detections
 

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-
-from dirmusic.compiled import compiled
 
 FREQUENCY_GHZ = 1.75
 """Middle of the pulses' band: over it, neither changes by more than a few per cent."""
@@ -50,6 +46,11 @@ class Material(NamedTuple):
         return self.loss_db >= BENDS_DB
 
     @property
+    def substance(self) -> Substance:
+        """For compiled loops."""
+        return Substance(self.permittivity, self.conductivity_spm, 10.0 ** (-self.loss_db / 20.0), self.flat_share)
+
+    @property
     def mirrors(self) -> float:
         """About the largest share of an amplitude that comes back from something round: a fifth more than head on.
 
@@ -59,47 +60,20 @@ class Material(NamedTuple):
         return self.flat_share * min(1.2 * float(abs((1.0 - root) / (1.0 + root))), 1.0)
 
 
-class Materials(NamedTuple):
-    """Materials as compiled loops read them, a row each.
+class Substance(NamedTuple):
+    """A material as compiled loops hand it on: as of `Material`.
 
     Attributes:
-        permittivity: Shape (n_materials,).
-        conductivity_spm: Shape (n_materials,).
-        passes: Share of the amplitude that passes, shape (n_materials,).
-        flat_share: Shape (n_materials,).
+        permittivity: As said.
+        conductivity_spm: As said.
+        passes: Share of the amplitude that passes.
+        flat_share: As said.
     """
-
-    permittivity: NDArray[np.float64]
-    conductivity_spm: NDArray[np.float64]
-    passes: NDArray[np.float64]
-    flat_share: NDArray[np.float64]
-
-    @classmethod
-    def of(cls, materials: Sequence[Material]) -> Materials:
-        """Known materials, a row each."""
-        columns = np.array(materials, dtype=np.float64).reshape(-1, 4).T
-        permittivity, conductivity_spm, loss_db, flat_share = columns
-        return cls(permittivity.copy(), conductivity_spm.copy(), 10.0 ** (-loss_db / 20), flat_share.copy())
-
-
-class Substance(NamedTuple):
-    """One material, as compiled loops hand it on: as of `Materials`."""
 
     permittivity: float
     conductivity_spm: float
     passes: float
     flat_share: float
-
-
-@compiled
-def substance_of(materials: Materials, piece: int) -> Substance:
-    """That of a piece of equipment, or of the ground (-1)."""
-    return Substance(
-        materials.permittivity[piece],
-        materials.conductivity_spm[piece],
-        materials.passes[piece],
-        materials.flat_share[piece],
-    )
 
 
 def _by_recommendation(a: float, b: float, c: float, d: float) -> tuple[float, float]:

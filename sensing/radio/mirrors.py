@@ -9,62 +9,57 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
-from sensing.radio.bends import GROUND, Emitter
-from sensing.radio.materials import Materials, Substance, substance_of
-from sensing.radio.obstruction import RIM_M, left_of_bent, left_of_line, line, passes_by_ground
-from sensing.radio.polarisation import face_mirror, mirrored, radiated, received
-from sensing.radio.surroundings import (
-    NOBODY,
-    OWN_FACE_M,
-    Faces,
-    Obstacles,
-    Shape,
-    Surroundings,
-    shape_of,
-    substance_of_solid,
+from sensing.radio.lines import line
+from sensing.radio.materials import Substance
+from sensing.radio.obstruction import RIM_M, left_of_bent, left_of_line, passes_by_ground
+from sensing.radio.polarisation import Emitter, face_mirror, mirrored, radiated, received
+from sensing.radio.surroundings import OWN_FACE_M
+from sensing.radio.tables import GROUND, Face, Obstacles, Shape, middle_of, normal_of, shape_of, substance_of, to_rim
+from sensing.radio.vectors import (
+    TINY,
+    Vector,
+    above_ground,
+    between,
+    dot,
+    hypot,
+    just_off,
+    length,
+    minus,
+    towards,
+    upside_down,
 )
-from sensing.radio.vectors import TINY, Vector, above_ground, between, dot, hypot, just_off, minus, towards, upside_down
 
 STEPS = 14
 """Halvings of the arc on which a round solid mirrors: to a ten-thousandth of it, and its length to far less."""
 
 
-class Face(NamedTuple):
-    """One flat face, as compiled loops hand it on: as of `Faces`."""
+class Plane(NamedTuple):
+    """A plane that mirrors: where a point of it is, and its normal."""
 
-    owner: int
+    at: Vector
     normal: Vector
-    centre: Vector
 
 
-@compiled
-def face_of(faces: Faces, f: int) -> Face:
-    """Face f."""
-    return Face(
-        faces.owner[f],
-        Vector(faces.normal[f, 0], faces.normal[f, 1], faces.normal[f, 2]),
-        Vector(faces.centre_m[f, 0], faces.centre_m[f, 1], faces.centre_m[f, 2]),
-    )
-
-
-class Reflection(NamedTuple):
-    """Where a face mirrors a ray.
+class Meeting(NamedTuple):
+    """Where a ray meets a mirror.
 
     Attributes:
         image: Of the source.
-        at: On the face.
+        at: On the mirror.
+        rim_m: Distance from there to the rim, inside; negative if the ray does not meet the mirror.
     """
 
     image: Vector
     at: Vector
+    rim_m: float
 
 
 class Echo(NamedTuple):
-    """What is mirrored.
+    """What a round solid mirrors.
 
     Attributes:
         coefficient: What is received, over a straight path as long as that from the image; 0 for nothing.
-        image: Of the source in all mirrors, or in the plane that touches a round solid where it mirrors.
+        image: Of the source in the plane that touches the solid where it mirrors.
     """
 
     coefficient: complex
@@ -72,15 +67,28 @@ class Echo(NamedTuple):
 
 
 @compiled
-def reflection(face: Face, source: Vector, depth_m: float, target: Vector, height_m: float) -> Reflection:
-    """In the plane of a face, above which source and target are so high."""
-    normal, share = face.normal, depth_m / (depth_m + height_m)
+def meet_plane(plane: Plane, source: Vector, target: Vector) -> Meeting:
+    """Where a plane mirrors, whose normal points to the side of both."""
+    normal = plane.normal
+    depth_m, height_m = dot(minus(source, plane.at), normal), dot(minus(target, plane.at), normal)
+    if depth_m <= OWN_FACE_M or height_m <= 0.0:
+        return Meeting(source, source, -1.0)
     image = Vector(
         source.x - 2.0 * depth_m * normal.x,
         source.y - 2.0 * depth_m * normal.y,
         source.z - 2.0 * depth_m * normal.z,
     )
-    return Reflection(image, between(image, target, share))
+    return Meeting(image, between(image, target, depth_m / (depth_m + height_m)), np.inf)
+
+
+@compiled
+def meet_face(face: Face, source: Vector, target: Vector) -> Meeting:
+    """Where a face mirrors; the source may be an image in the ground, and then the face is one with its own."""
+    image, at, rim_m = meet_plane(Plane(middle_of(face), normal_of(face)), source, target)
+    if rim_m < 0.0:
+        return Meeting(image, at, rim_m)
+    on_face = above_ground(at) if source.z < 0.0 else at
+    return Meeting(image, at, to_rim(face, minus(on_face, middle_of(face))))
 
 
 class Standing(NamedTuple):
@@ -100,42 +108,42 @@ class Standing(NamedTuple):
 
 
 @compiled
-def reflect(emitter: Emitter, target: Vector, face: Face, at: Vector, material: Substance, by: Standing) -> complex:
-    """What is received by a mirror."""
+def reflect(emitter: Emitter, target: Vector, plane: Plane, of: Substance, is_ground: bool, by: Standing) -> complex:
+    """What is received by a mirror: where it is met, `plane.at`, and what it is made of."""
+    at, normal = plane
     arrives, leaves = towards(emitter.at, at), towards(at, target)
-    mirror = face_mirror(abs(dot(leaves, face.normal)), material)
-    coefficient = received(mirrored(radiated(emitter.axis, arrives), arrives, leaves, face.normal, mirror), leaves)
-    off = just_off(at, face.normal)
+    mirror = face_mirror(abs(dot(leaves, normal)), of)
+    coefficient = received(mirrored(radiated(emitter.axis, arrives), arrives, leaves, normal, mirror), leaves)
+    off = just_off(at, normal)
     first, last = line(emitter.at, off), line(off, target)
     least = by.weakest * (first.length_m + last.length_m) / max(abs(coefficient), TINY)
     if least > 1.0:
         return 0j
-    if face.owner == GROUND:  # what is cut off here comes round edges
+    if is_ground:  # what is cut off here comes round edges
         return coefficient * passes_by_ground(first, last, by.obstacles)
     return coefficient * left_of_bent(first, last, by.obstacles, by.own, by.shadows, least)
 
 
 @compiled
 def reflect_by_ground(
-    emitter: Emitter, target: Vector, face: Face, at: Vector, materials: Materials, by: Standing
+    emitter: Emitter, target: Vector, plane: Plane, of: Substance, ground: Substance, by: Standing
 ) -> complex:
     """What is received by an upright face and by the ground, before it or after.
 
     Args:
         emitter: The source.
         target: Middle of the array.
-        face: As of `reflect`.
-        at: Where the ray from the source's image in the ground meets the face, or the face's own image there: then the
-            ground comes after.
-        materials: Of all.
+        plane: The face, and where the ray from the source's image in the ground meets it, or the face's own image
+            there: then the ground comes after.
+        of: What the face is made of.
+        ground: What the ground is made of.
         by: What stands about.
     """
-    start, normal = upside_down(emitter.at), face.normal
+    at, normal = plane
+    start, up = upside_down(emitter.at), Vector(0.0, 0.0, 1.0)
     arrives, leaves = towards(start, at), towards(at, target)
     arrives_down, leaves_down = upside_down(arrives), upside_down(leaves)
-    mirror = face_mirror(abs(dot(leaves, normal)), substance_of(materials, face.owner))
-    ground, up = substance_of(materials, GROUND), Vector(0.0, 0.0, 1.0)
-    off = just_off(above_ground(at), normal)
+    mirror, off = face_mirror(abs(dot(leaves, normal)), of), just_off(above_ground(at), normal)
     field = radiated(emitter.axis, arrives_down)
     if at.z >= 0.0:
         field = mirrored(field, arrives_down, arrives, up, face_mirror(max(arrives.z, 0.0), ground))
@@ -166,28 +174,13 @@ def by_rim(rim_m: float) -> float:
 
 @compiled
 def reflect_flat(
-    emitter: Emitter, target: Vector, surroundings: Surroundings, by: Standing, f: int, by_ground: bool
-) -> Echo:
-    """The echo of face f, or that of face and ground, for which it is to be upright; `by` says nobody mirrors yet."""
-    faces, materials, obstacles, behind = surroundings
-    face, start = face_of(faces, f), upside_down(emitter.at) if by_ground else emitter.at
-    none = Echo(0j, start)
-    depth_m, height_m = dot(minus(start, face.centre), face.normal), dot(minus(target, face.centre), face.normal)
-    if depth_m <= OWN_FACE_M or height_m <= 0.0 or materials.flat_share[face.owner] == 0.0:
-        return none
-    image, at = reflection(face, start, depth_m, target, height_m)
-    off = minus(above_ground(at) if by_ground else at, face.centre)
-    rim_m = np.inf
-    for axis in range(2):
-        aside_m = off.x * faces.axes[f, axis, 0] + off.y * faces.axes[f, axis, 1] + off.z * faces.axes[f, axis, 2]
-        rim_m = min(rim_m, faces.half_size_m[f, axis] - abs(aside_m))
-    if rim_m < 0.0:
-        return none
-    left = 1.0 if behind[f] != NOBODY and obstacles[behind[f]].bends else by_rim(rim_m)
-    by = Standing(obstacles, by.shadows, behind[f], by.weakest)
+    emitter: Emitter, target: Vector, face: Face, at: Vector, ground: Substance, by_ground: bool, by: Standing
+) -> complex:
+    """What is received by a face that is met there, or by face and ground."""
+    plane, of = Plane(at, normal_of(face)), substance_of(face)
     if by_ground:
-        return Echo(left * reflect_by_ground(emitter, target, face, at, materials, by), image)
-    return Echo(left * reflect(emitter, target, face, at, substance_of(materials, face.owner), by), image)
+        return reflect_by_ground(emitter, target, plane, of, ground, by)
+    return reflect(emitter, target, plane, of, face.owner == GROUND, by)
 
 
 @compiled
@@ -221,22 +214,20 @@ def normal_of_round(solid: Shape, source: Vector, target: Vector) -> float:
 
 
 @compiled
-def reflect_round(emitter: Emitter, target: Vector, k: int, by: Standing) -> Echo:
+def reflect_round(emitter: Emitter, target: Vector, by: Standing) -> Echo:
     """The echo of an upright cylinder, its waves spread as by geometric optics.
 
     Args:
         emitter: The source.
         target: Middle of the array.
-        k: The cylinder.
-        by: What stands about; nobody mirrors yet.
+        by: What stands about; the cylinder is what mirrors.
 
     References:
         McNamara, Pistorius and Malherbe, Introduction to the Uniform Geometrical Theory of Diffraction (1990), section
         3.4: the caustic distance behind a curved mirror, here in the plane across the cylinder.
     """
-    of, source = by.obstacles[k], emitter.at
-    solid, material = shape_of(of), substance_of_solid(of)
-    none = Echo(0j, source)
+    of, source = by.obstacles[by.own], emitter.at
+    solid, none = shape_of(of), Echo(0j, emitter.at)
     before_m = hypot(source.x - solid.x, source.y - solid.y) - solid.radius_m
     behind_m = hypot(target.x - solid.x, target.y - solid.y) - solid.radius_m
     if before_m <= OWN_FACE_M or behind_m <= 0.0:
@@ -249,14 +240,13 @@ def reflect_round(emitter: Emitter, target: Vector, k: int, by: Standing) -> Ech
     x, y = solid.x + solid.radius_m * normal.x, solid.y + solid.radius_m * normal.y
     before_m, behind_m = hypot(source.x - x, source.y - y), hypot(target.x - x, target.y - y)
     z = source.z + before_m / (before_m + behind_m) * (target.z - source.z)
-    at = Vector(x, y, z)
-    depth_m, height_m = dot(minus(source, at), normal), dot(minus(target, at), normal)
+    image, at, met = meet_plane(Plane(Vector(x, y, z), normal), source, target)
     rim_m = min(z - solid.bottom_m, solid.top_m - z)
-    if depth_m <= 0.0 or height_m <= 0.0 or rim_m <= 0.0:
+    if met < 0.0 or rim_m <= 0.0:
         return none
-    face = Face(of.owner, normal, at)
-    image, where = reflection(face, source, depth_m, target, height_m)
+    depth_m = 0.5 * length(minus(source, image))
     caustic_m = 1.0 / (1.0 / before_m + 2.0 / (solid.radius_m * depth_m / before_m))
     spread = math.sqrt(caustic_m * (before_m + behind_m) / (before_m * (caustic_m + behind_m)))
-    own = Standing(by.obstacles, by.shadows, k, by.weakest)
-    return Echo(by_rim(rim_m) * spread * reflect(emitter, target, face, where, material, own), image)
+    return Echo(
+        by_rim(rim_m) * spread * reflect(emitter, target, Plane(at, normal), substance_of(of), False, by), image
+    )

@@ -10,12 +10,24 @@ import cmath
 from typing import NamedTuple
 
 from dirmusic.compiled import compiled
-from sensing.radio.fresnel import Mirror, WedgeCoefficients
+from sensing.radio.diffraction.fresnel import Mirror, WedgeCoefficients
 from sensing.radio.materials import FREQUENCY_GHZ, LOSS_FACTOR, Substance
 from sensing.radio.vectors import Vector, across
 
 CONDUCTS_SPM = 1e6
 """Conductivity from which on a material mirrors all, as Fresnel's coefficients do within 0.001 up to 80 deg."""
+
+
+class Emitter(NamedTuple):
+    """A source that radiates.
+
+    Attributes:
+        at: Its place.
+        axis: Its linear polarisation, a unit vector.
+    """
+
+    at: Vector
+    axis: Vector
 
 
 class Field(NamedTuple):

@@ -9,26 +9,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
-from sensing.radio.bends import (
+from sensing.radio.diffraction.bends import (
     BENT_RAY,
     FADES_DB,
     FADES_OVER_DB,
-    GROUND,
     MOST_RAYS,
     SEEN_EDGE,
     WEAKEST,
     Bending,
     BentRays,
-    Emitter,
     bend,
     shade,
 )
-from sensing.radio.materials import Materials, Substance, substance_of
-from sensing.radio.mirrors import Standing, reflect_flat, reflect_round
-from sensing.radio.obstruction import SHADOW, cast_shadows, line, passes_straight
-from sensing.radio.polarisation import radiated, received
-from sensing.radio.surroundings import NOBODY, Obstacles, Surroundings, substance_of_solid
-from sensing.radio.vectors import TINY, Vector, length, minus, towards
+from sensing.radio.lines import line
+from sensing.radio.materials import Substance
+from sensing.radio.mirrors import Standing, by_rim, meet_face, reflect_flat, reflect_round
+from sensing.radio.obstruction import SHADOW, cast_shadows, passes_straight
+from sensing.radio.polarisation import Emitter, radiated, received
+from sensing.radio.surroundings import Surroundings
+from sensing.radio.tables import GROUND, Obstacles, substance_of
+from sensing.radio.vectors import TINY, Vector, length, minus, towards, upside_down
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -65,13 +65,12 @@ def bend_round_all(
     emitter: Emitter,
     target: Vector,
     obstacles: Obstacles,
-    materials: Materials,
-    ground_mirrors: bool,
+    ground: Substance,
     faintest: float,
     rays: BentRays,
 ) -> int:
     """Rays round the edges of all boxes, with what all others leave of them; returns how many there are."""
-    first, n, ground, shadows = 0, 0, substance_of(materials, GROUND), rays.shadows
+    first, n, shadows = 0, 0, rays.shadows
     for k in range(shadows.size):
         if shadows[k].nu > shadows[first].nu:
             first = k
@@ -79,10 +78,10 @@ def bend_round_all(
         k = (first + i) % shadows.size  # what comes round the deepest shadow is loud: more can be left out after it
         if not obstacles[k].bends:
             continue
-        material = substance_of_solid(obstacles[k])
+        material = substance_of(obstacles[k])
         if obstacles[k].radius_m > 0.0:  # as P.526 has it: what is round mirrors on its own
             material = Substance(material.permittivity, material.conductivity_spm, material.passes, 0.0)
-        for by_ground in range(2 if ground_mirrors else 1):
+        for by_ground in range(2 if ground.flat_share > 0.0 else 1):
             bending = Bending(emitter, target, by_ground == 1, material, ground, faintest)
             n = bend(bending, obstacles, k, rays, n)
     return n
@@ -136,13 +135,13 @@ def trace(
     target: Vector,
     faintest: float,
     surroundings: Surroundings,
-    ground_mirrors: bool,
     rays: BentRays,
     paths: NDArray[np.void],
 ) -> int:
     """All paths of one source, into rows of `PATH`; returns how many there are."""
-    faces, materials, obstacles, _ = surroundings
-    cast_shadows(line(emitter.at, target), obstacles, rays.shadows)
+    faces, ground, obstacles = surroundings
+    shadows = rays.shadows
+    cast_shadows(line(emitter.at, target), obstacles, shadows)
     straight = towards(emitter.at, target)
     left = passes_straight(emitter.at, target, obstacles)
     n = add(paths, 0, emitter.at, 0.0, left * received(radiated(emitter.axis, straight), straight), target)
@@ -150,23 +149,28 @@ def trace(
     for is_wall in (False, True):
         rays.loudest[0] = loudest_of(paths, n)
         weakest = max((WEAKEST if is_wall else WEAKEST_BY_GROUND) * rays.loudest[0], faintest)
-        by = Standing(obstacles, rays.shadows, NOBODY, weakest)
-        for f in range(faces.owner.size):
-            if (faces.owner[f] != GROUND) == is_wall:
-                for by_ground in range(2 if is_wall and faces.normal[f, 2] == 0.0 and ground_mirrors else 1):
-                    echo = reflect_flat(emitter, target, surroundings, by, f, by_ground == 1)
-                    n = add(paths, n, echo.image, 0.0, echo.coefficient, target)
+        for f in range(faces.size):
+            face = faces[f]
+            if (face.owner == GROUND) == is_wall or face.flat_share == 0.0:
+                continue
+            for by_ground in (False, True):
+                if by_ground and (not is_wall or face.normal_z != 0.0 or ground.flat_share == 0.0):
+                    continue
+                image, at, rim_m = meet_face(face, upside_down(emitter.at) if by_ground else emitter.at, target)
+                if rim_m >= 0.0:
+                    by = Standing(obstacles, shadows, face.behind, weakest)
+                    coefficient = reflect_flat(emitter, target, face, at, ground, by_ground, by)
+                    coefficient *= 1.0 if face.bends else by_rim(rim_m)
+                    n = add(paths, n, image, 0.0, coefficient, target)
         if not is_wall:
             n_strong = n
     rays.loudest[0] = loudest_of(paths, n)
-    by = Standing(obstacles, rays.shadows, NOBODY, max(WEAKEST * rays.loudest[0], faintest))
     for k in range(obstacles.size):
         if obstacles[k].radius_m > 0.0:
-            echo = reflect_round(emitter, target, k, by)
+            by = Standing(obstacles, shadows, k, max(WEAKEST * rays.loudest[0], faintest))
+            echo = reflect_round(emitter, target, by)
             n = add(paths, n, echo.image, 0.0, echo.coefficient, target)
-    n_bent = 0
-    if rays.rows.size > 0:
-        n_bent = bend_round_all(emitter, target, obstacles, materials, ground_mirrors, faintest, rays)
+    n_bent = bend_round_all(emitter, target, obstacles, ground, faintest, rays) if rays.rows.size > 0 else 0
     weakest = max(WEAKEST * rays.loudest[0], faintest)
     for i in range(n_bent):
         bent = rays.rows[i]
@@ -194,17 +198,14 @@ def find_ray_paths(
         target: Middle of the array.
         surroundings: What stands about.
     """
-    faces, materials, obstacles, _ = surroundings
-    n_sources, n_faces, n_rays = faintest.size, faces.owner.size, 2 * MOST_RAYS * count_bends(obstacles)
+    obstacles, n_sources, n_faces = surroundings.obstacles, faintest.size, surroundings.faces.size
+    n_rays = 2 * MOST_RAYS * count_bends(obstacles)
     rays = BentRays(np.empty(n_rays, BENT_RAY), np.empty(4, SEEN_EDGE), np.empty(obstacles.size, SHADOW), np.zeros(1))
     paths = np.empty(1 + 2 * n_faces + obstacles.size + n_rays, PATH)
     n_most = (faintest < np.inf).sum() * paths.size
     source, from_m, extra_m = np.empty(n_most, np.intp), np.empty((n_most, 3)), np.empty(n_most)
     coefficient = np.empty(n_most, np.complex128)
     first, n_paths = np.zeros(n_sources, np.intp), np.zeros(n_sources, np.intp)
-    ground_mirrors = False
-    for f in range(n_faces):
-        ground_mirrors |= faces.owner[f] == GROUND and materials.flat_share[GROUND] > 0.0
     n = 0
     for s in range(n_sources):
         if faintest[s] == np.inf:
@@ -213,7 +214,7 @@ def find_ray_paths(
             Vector(sources_m[s, 0], sources_m[s, 1], sources_m[s, 2]), Vector(axes[s, 0], axes[s, 1], axes[s, 2])
         )
         first[s] = n
-        for i in range(trace(emitter, target, faintest[s], surroundings, ground_mirrors, rays, paths)):
+        for i in range(trace(emitter, target, faintest[s], surroundings, rays, paths)):
             if paths[i].coefficient != 0.0:
                 from_m[n, 0], from_m[n, 1], from_m[n, 2] = paths[i].x, paths[i].y, paths[i].z
                 source[n], extra_m[n], coefficient[n] = s, paths[i].extra_m, paths[i].coefficient

@@ -11,7 +11,7 @@ from dirmusic.compiled import Held, compiled
 from dirmusic.pulses.batch import PulseBatch
 from sensing.nature.scene import Emissions
 from sensing.radio.arrivals import propagate
-from sensing.radio.bends import WEAKEST
+from sensing.radio.diffraction.bends import WEAKEST
 from sensing.radio.propagation import Propagation
 from sensing.receiver.gates import GateParameters, read_gate
 from sensing.receiver.sampling.gate import IS_BURST, IS_PULSE, sample_noise, sample_pulse

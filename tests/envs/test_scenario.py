@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from envs import Scenario, ScenarioError, load_scenario, shipped_scenarios
 from envs.scenario import SHIPPED
 from missions.driving.site_map import CELL_M, SiteMap
-from tests.sensing.crossing import cross, solids_of
+from tests.sensing.radio.crossing import cross, solids_of
 
 GOOD = """
 [yard]

@@ -15,7 +15,7 @@ from sensing import Faces, HelicalArray, Scene, Surroundings
 from sensing.nature.sources import DischargeSource
 from sensing.radio.surroundings import level_transform
 from sensing.receiver.bank import listen_once
-from tests.sensing.crossing import cross, solids_of
+from tests.sensing.radio.crossing import cross, solids_of
 
 FloatArray = NDArray[np.float64]
 

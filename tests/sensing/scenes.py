@@ -19,9 +19,8 @@ def wall_across(x: float, half_length: float = 1.0) -> Solids:
 
 def around(loss_db: float, faces: Faces | None = None, solids: Solids | None = None, **share: float) -> Surroundings:
     """One piece of equipment with a loss, and faces; `wall` and `ground` mirror a share each."""
-    free = Surroundings.free_space()
     ground = lossy(0.0, share.get("ground", 0.0))
     pieces = [lossy(loss_db, share.get("wall", 0.0))]
-    made = Surroundings.of_materials(pieces, faces or free.faces, solids or Solids.none(), ground)
+    made = Surroundings.of_materials(pieces, faces or Faces.none(), solids or Solids.none(), ground)
     made.obstacles["bends"] = False
     return made

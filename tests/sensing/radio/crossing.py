@@ -8,7 +8,7 @@ from robot_models.yard.yard import Yard
 from sensing import Solids
 from sensing.radio.materials import METAL
 from sensing.radio.obstruction import crosses, line
-from sensing.radio.surroundings import Obstacles, obstacles_of, shape_of
+from sensing.radio.tables import Obstacles, obstacle_table, shape_of
 from sensing.radio.vectors import Vector
 
 
@@ -30,7 +30,7 @@ def cross(
     starts_m: NDArray[np.float64], ends_m: NDArray[np.float64], solids: Solids, n_pieces: int
 ) -> NDArray[np.bool_]:
     """For lines (n, 3) to (n, 3): shape (n, n_pieces)."""
-    return _cross(starts_m, ends_m, obstacles_of(solids, [METAL] * solids.owner.size), n_pieces)
+    return _cross(starts_m, ends_m, obstacle_table(solids, [METAL] * solids.owner.size), n_pieces)
 
 
 def solids_of(yard: Yard) -> Solids:

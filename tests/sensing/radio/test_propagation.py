@@ -105,18 +105,18 @@ def test_directions_are_those_of_the_array_frame_with_tilt() -> None:
     assert level.elevation_rad[0] == pytest.approx(-pitch)
 
 
-def test_ground_and_wall_mirror_once_each_with_the_length_of_the_path_by_pythagoras() -> None:
+def test_ground_and_wall_mirror_once_each_and_together_with_the_length_of_the_path_by_pythagoras() -> None:
     paths = paths_between(mirrors(ground_and_wall()), (6.0, 3.0, 1.5))
-    by_hand = [np.hypot(np.hypot(6, 3), 0.9), np.hypot(np.hypot(6, 3), 2.1), np.hypot(np.hypot(6 + 4, 3), 0.9)]
-    np.testing.assert_allclose(paths.range_m, by_hand, rtol=1e-14)
-    np.testing.assert_allclose(np.abs(paths.factor), [1.0, 0.3, 0.8], rtol=1e-4)
-    np.testing.assert_allclose(paths.from_m, [[6, 3, 1.5], [6, 3, -1.5], [-10, 3, 1.5]])
+    on_plan_m = np.array([np.hypot(6, 3), np.hypot(6, 3), np.hypot(6 + 4, 3), np.hypot(6 + 4, 3)])
+    np.testing.assert_allclose(paths.range_m, np.hypot(on_plan_m, [0.9, 2.1, 0.9, 2.1]), rtol=1e-14)
+    np.testing.assert_allclose(np.abs(paths.factor), [1.0, 0.3, 0.8, 0.3 * 0.8], rtol=1e-4)
+    np.testing.assert_allclose(paths.from_m, [[6, 3, 1.5], [6, 3, -1.5], [-10, 3, 1.5], [-10, 3, -1.5]])
 
 
 def test_a_face_mirrors_only_what_it_reaches_and_only_to_its_front() -> None:
     surroundings = mirrors(ground_and_wall(half_length=0.5))
     aside, ahead, behind = (6.0, 8.0, 1.5), (6.0, 0.5, 1.5), (-3.0, 0.0, 1.5)
-    assert [paths_between(surroundings, at).factor.size for at in (aside, ahead, behind)] == [2, 3, 2]
+    assert [paths_between(surroundings, at).factor.size for at in (aside, ahead, behind)] == [2, 4, 2]
     behind_the_wall = level_transform(np.array([-3.0, 0.0, 0.0]))
     assert paths_between(surroundings, ahead, behind_the_wall).factor.size == 2
 

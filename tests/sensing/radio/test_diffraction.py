@@ -8,8 +8,8 @@ import pytest
 from scipy.special import fresnel as fresnel_integrals
 from scipy.special import jv
 
-from sensing.radio.edges import BentRay, Corner, Point, is_hidden, round_one, round_two
-from sensing.radio.fresnel import Mirror, WedgeFaces, knife_edge, wedge, wedge_angle
+from sensing.radio.diffraction.edges import BentRay, Corner, Point, is_hidden, round_one, round_two
+from sensing.radio.diffraction.fresnel import Mirror, WedgeFaces, knife_edge, wedge, wedge_angle
 from sensing.radio.materials import WAVELENGTH_M
 from sensing.radio.obstruction import knife_edge_amplitude
 

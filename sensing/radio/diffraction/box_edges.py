@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 from dirmusic.compiled import compiled
-from sensing.radio.edges import Corner, Point, distance, is_hidden
-from sensing.radio.surroundings import Shape
+from sensing.radio.diffraction.edges import Corner, Point, distance, is_hidden
+from sensing.radio.tables import Shape
 from sensing.radio.vectors import Vector
 
 UP = Vector(0.0, 0.0, 1.0)

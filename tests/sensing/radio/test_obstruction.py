@@ -15,7 +15,7 @@ from robot_models.yard.line_of_sight import is_clear
 from robot_models.yard.pieces import BoxEquipment, CylinderEquipment
 from robot_models.yard.yard import Yard
 from sensing import Solids
-from tests.sensing.crossing import cross, solids_of
+from tests.sensing.radio.crossing import cross, solids_of
 
 
 def crossed_in(yard: Yard) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
-from sensing.radio.box_edges import ORDER, UP, Seen, corner_of, frame_of, in_frame, in_world, look_at
-from sensing.radio.edges import (
+from sensing.radio.diffraction.box_edges import ORDER, UP, Seen, corner_of, frame_of, in_frame, in_world, look_at
+from sensing.radio.diffraction.edges import (
     BentRay,
     Corner,
     Point,
@@ -19,17 +19,17 @@ from sensing.radio.edges import (
     round_one,
     round_two,
 )
-from sensing.radio.fresnel import Mirror, WedgeCoefficients, WedgeFaces
+from sensing.radio.diffraction.fresnel import Mirror, WedgeCoefficients, WedgeFaces
+from sensing.radio.lines import facing, line
 from sensing.radio.materials import WAVELENGTH_M, Substance
-from sensing.radio.obstruction import facing, left_of_bent, line
-from sensing.radio.polarisation import bent, face_mirror, mirrored, radiated, received
-from sensing.radio.surroundings import OWN_FACE_M, Obstacles, shape_of
+from sensing.radio.obstruction import left_of_bent
+from sensing.radio.polarisation import Emitter, bent, face_mirror, mirrored, radiated, received
+from sensing.radio.surroundings import OWN_FACE_M
+from sensing.radio.tables import Obstacles, shape_of
 from sensing.radio.vectors import Vector, above_ground, hypot, towards, upside_down
 
 FloatArray = NDArray[np.float64]
 
-GROUND = -1
-"""Row of its material."""
 
 FADES_DB, FADES_OVER_DB = 20.0, 6.0
 """How far below the loudest path one that bends fades, and over how much more (assumed): it changes strengths by less
@@ -39,18 +39,6 @@ WEAKEST = 10.0 ** (-(FADES_DB + FADES_OVER_DB) / 20.0)
 
 MOST_RAYS = 24
 """Round one box: by each of four edges alone and by two either way, upright, and half of that over each side."""
-
-
-class Emitter(NamedTuple):
-    """A source that radiates.
-
-    Attributes:
-        at: Its place.
-        axis: Its linear polarisation, a unit vector.
-    """
-
-    at: Vector
-    axis: Vector
 
 
 BENT_RAY = np.dtype(

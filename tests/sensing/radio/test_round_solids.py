@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.special import h2vp, hankel2, jv, jvp
 
-from sensing import Solids, Surroundings
+from sensing import Faces, Solids, Surroundings
 from sensing.radio.materials import METAL, WAVELENGTH_M
 from sensing.radio.ray_paths import find_ray_paths
 from sensing.radio.vectors import Vector
@@ -29,7 +29,7 @@ def exact(radius_m: float, source: Place, target: Place, is_soft: bool) -> compl
 def around(radius_m: float) -> Surroundings:
     one, none = np.ones(1), np.zeros(1)
     high = Solids(np.zeros((1, 2)), none, np.zeros((1, 2)), radius_m * one, none, TOP_M * one, np.zeros(1, np.intp))
-    return Surroundings.of_materials([PERFECT], Surroundings.free_space().faces, high)
+    return Surroundings.of_materials([PERFECT], Faces.none(), high)
 
 
 def rays(radius_m: float, source: Place, target: Place) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:

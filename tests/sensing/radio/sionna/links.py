@@ -18,13 +18,13 @@ from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
 from robot_models.yard.pieces import BoxEquipment
 from robot_models.yard.yard import Yard
 from sensing import Faces, Solids, Surroundings
-from sensing.radio.box_edges import corner_of, frame_of, in_frame, in_world
-from sensing.radio.edges import Corner, Point, is_hidden, round_one
-from sensing.radio.fresnel import Mirror, WedgeFaces
+from sensing.radio.diffraction.box_edges import corner_of, frame_of, in_frame, in_world
+from sensing.radio.diffraction.edges import Corner, Point, is_hidden, round_one
+from sensing.radio.diffraction.fresnel import Mirror, WedgeFaces
+from sensing.radio.lines import crosses, line
 from sensing.radio.materials import CONCRETE, METAL, WAVELENGTH_M, Material, Substance
-from sensing.radio.obstruction import crosses, line
 from sensing.radio.polarisation import Field, along, face_mirror, mirrored
-from sensing.radio.surroundings import shape_of
+from sensing.radio.tables import shape_of
 from sensing.radio.vectors import Vector, across, dot, towards
 
 HERE = Path(__file__).parent
@@ -41,6 +41,7 @@ class Link(NamedTuple):
     """A source and a receiver in a yard, and Sionna's paths."""
 
     around: Surroundings
+    faces: Faces
     names: list[str]
     source: Vector
     receiver: Vector
@@ -72,7 +73,7 @@ def links() -> list[Link]:
         around = Surroundings.of_materials([SMOOTH_METAL] * len(boxes), faces, solids, CONCRETE)
         for link in yard["links"]:
             ends = Vector(*link["source_m"]), Vector(*link["receiver_m"])
-            found.append(Link(around, list(yard["boxes"]), *ends, link["paths"], EDGES[len(found)]))
+            found.append(Link(around, faces, list(yard["boxes"]), *ends, link["paths"], EDGES[len(found)]))
     return found
 
 
@@ -106,14 +107,14 @@ def delay_ns(way_m: float) -> float:
 
 
 def substance(of: Material) -> Substance:
-    return Substance(of.permittivity, of.conductivity_spm, 0.0, of.flat_share)
+    return of.substance._replace(passes=0.0)
 
 
 def face_at(link: Link, owner: str, point: list[float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Normal and middle of the face of a box, or of the ground, that a point is on."""
     if owner == "ground":
         return np.array([0.0, 0.0, 1.0]), np.zeros(3)
-    faces = link.around.faces
+    faces = link.faces
     its = np.flatnonzero(faces.owner == link.names.index(owner))
     off = np.asarray(point) - faces.centre_m[its]
     aside = np.abs(np.einsum("fai,fi->fa", faces.axes[its], off)) - faces.half_size_m[its]
