@@ -1,0 +1,132 @@
+"""Sources behind a tank: heard from its edges, and without jumps by a robot that drives into its shadow."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dirmusic.array.element_errors import ElementSpread
+from dirmusic.array.model import ArrayModel
+from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
+from robot_models.yard.pieces import BoxEquipment
+from robot_models.yard.yard import Yard
+from sensing import (
+    ArrayConfig,
+    DischargeSource,
+    Faces,
+    HelicalArray,
+    ReceiverConfig,
+    Scene,
+    Solids,
+    Surroundings,
+    level_transform,
+)
+from sensing.radio.materials import GRAVEL, METAL, WAVELENGTH_M
+from sensing.radio.ray_paths import RayPaths, find_ray_paths
+from sensing.radio.vectors import Vector
+from sensing.receiver.bank import listen_once
+
+ARRAY = HelicalArray.nominal(ArrayConfig())
+KNOWN = ArrayModel(manifold=ARRAY.manifold(), positions_m=ARRAY.positions_m, spread=ElementSpread())
+MIDDLE = np.array([12.0, 12.0])
+K = 2 * np.pi / WAVELENGTH_M
+
+
+def beside_a_tank(length_m: float, width_m: float, height_m: float, yaw_rad: float) -> Surroundings:
+    tank = BoxEquipment(
+        name="tank",
+        kind="power_transformer",
+        shape="box",
+        position_m=(float(MIDDLE[0]), float(MIDDLE[1])),
+        footprint_m=(length_m, width_m),
+        height_m=height_m,
+        yaw_deg=float(np.degrees(yaw_rad)),
+    )
+    yard = Yard(size_m=(24.0, 24.0), equipment=(tank,))
+    faces, solids = Faces(**yard.faces()._asdict()), Solids(**yard.obstacles()._asdict())
+    return Surroundings.of_materials([METAL], faces, solids, GRAVEL)
+
+
+def turned(angle_rad: float) -> NDArray[np.float64]:
+    return np.array([np.cos(angle_rad), np.sin(angle_rad)])
+
+
+def levels(paths: RayPaths, target: Vector) -> NDArray[np.float64]:
+    """Amplitude of each path at the array."""
+    return np.abs(paths.coefficient) / (paths.extra_m + np.linalg.norm(paths.from_m - np.array(target), axis=1))
+
+
+def test_a_hidden_source_is_heard_from_the_edge_that_is_ten_decibels_above_the_others() -> None:
+    """In random places: within 3 degrees of the edge, and so as far off the source as geometry says."""
+    rng, off_edge_deg, off_source_deg, by_geometry_deg = np.random.default_rng(7), [], [], []
+    for seed in range(300):
+        surroundings = beside_a_tank(*rng.uniform((2.0, 1.5, 3.0), (5.0, 3.0, 4.0)), rng.uniform(0.0, np.pi))
+        towards_robot = rng.uniform(-np.pi, np.pi)
+        robot = MIDDLE + rng.uniform(3.5, 9.0) * turned(towards_robot)
+        source = MIDDLE - rng.uniform(2.8, 5.0) * turned(towards_robot + rng.uniform(-0.5, 0.5))
+        axis = rng.standard_normal(3)
+        gun = DischargeSource(
+            name="s",
+            position_m=np.array([*source, rng.uniform(0.8, 1.6)]),
+            amplitude_v=30.0,
+            pulse_rate_hz=200.0,
+            axis=axis / np.linalg.norm(axis),
+        )
+        target = Vector(*robot, 0.6)
+        found = find_ray_paths(gun.position_m[np.newaxis], gun.axis[np.newaxis], np.zeros(1), target, surroundings)
+        level, bearing = levels(found, target), np.arctan2(*(found.from_m[:, :2] - robot).T[::-1])
+        if level.size == 0 or not found.extra_m[level.argmax()] > 0.0:
+            continue  # in sight, or heard by a mirror
+        is_edge = np.abs(np.angle(np.exp(1j * (bearing - bearing[level.argmax()])))) < np.radians(1.0)
+        others = level[~is_edge].max(initial=0.0)
+        if others > level.max() * 10 ** (-10.0 / 20):
+            continue
+        receiver, pose = (
+            ReceiverConfig(noise_v=1e-6, bits=24, full_scale_v=50.0),
+            level_transform(np.array([*robot, 0.3])),
+        )
+        scene = Scene([gun], surroundings)
+        heard = listen_once(receiver, ARRAY, scene, np.random.default_rng(seed), world_from_array=pose, duration_s=0.05)
+        if heard.pulses.n_pulses == 0:
+            continue
+        azimuth = MaximumLikelihood()(heard.pulses, KNOWN).azimuth_rad[0] + 0.3
+        to_source = np.arctan2(*(source - robot)[::-1])
+        off_edge_deg.append(abs(degrees_between(azimuth, bearing[level.argmax()])))
+        off_source_deg.append(degrees_between(azimuth, to_source))
+        by_geometry_deg.append(degrees_between(bearing[level.argmax()], to_source))
+    assert len(off_edge_deg) > 40
+    assert np.median(off_edge_deg) < 3.0
+    assert np.median(np.abs(np.subtract(off_source_deg, by_geometry_deg))) < 3.0
+    assert np.max(np.abs(by_geometry_deg)) > 20.0
+
+
+def degrees_between(first: float, second: float) -> float:
+    return float(np.degrees(np.angle(np.exp(1j * (first - second)))))
+
+
+def field_along(
+    surroundings: Surroundings, source: NDArray[np.float64], at: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    """Sum of all paths at points (n, 2), over that 1 m from the source, and the fields that six antennas make of it."""
+    axis, found = np.array([[0.3, 0.4, 0.866]]), np.empty((len(at), 6), np.complex128)
+    for i, (x, y) in enumerate(at):
+        target = Vector(x, y, 0.6)
+        paths = find_ray_paths(source[np.newaxis], axis, np.zeros(1), target, surroundings)
+        to_image = paths.from_m - np.array(target)
+        way_m = paths.extra_m + np.linalg.norm(to_image, axis=1)
+        azimuth = np.arctan2(to_image[:, 1], to_image[:, 0])
+        gain = ARRAY.pattern(azimuth[:, np.newaxis] - ARRAY.boresights_rad)
+        found[i] = (paths.coefficient / way_m * np.exp(-1j * K * way_m)) @ gain
+    return found
+
+
+def test_level_and_bearing_do_not_jump_for_a_robot_that_drives_into_the_shadow_and_out_of_it() -> None:
+    """What is received changes by a quarter as much with steps of a quarter, or by less than 1 % of the loudest."""
+    source, surroundings = np.array([8.0, 13.0, 1.4]), beside_a_tank(3.0, 2.0, 3.2, 0.4)
+    for start, end in (((13.0, 3.0), (18.0, 20.0)), ((19.0, 3.0), (16.5, 21.0)), ((8.0, 6.0), (21.0, 9.0))):
+        share = np.arange(0.0, 1.0, 0.004 / np.hypot(end[0] - start[0], end[1] - start[1]))[:, np.newaxis]
+        at = np.array(start) + share * (np.array(end) - np.array(start))
+        received = field_along(surroundings, source, at)
+        change = np.abs(np.diff(received, axis=0)).max(axis=1)
+        for i in np.argsort(change)[-8:]:
+            finer = at[i] + np.linspace(0.0, 1.0, 17)[:, np.newaxis] * (at[i + 1] - at[i])
+            smaller = np.abs(np.diff(field_along(surroundings, source, finer), axis=0)).max()
+            assert smaller < 0.25 * change[i] + 0.01 * np.abs(received[i]).max()
