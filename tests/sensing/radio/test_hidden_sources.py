@@ -58,7 +58,8 @@ def test_a_hidden_source_is_heard_from_the_edge_that_is_ten_decibels_above_the_o
     """In random places: within 3 degrees of the edge, and so as far off the source as geometry says."""
     rng, off_edge_deg, off_source_deg, by_geometry_deg = np.random.default_rng(7), [], [], []
     for seed in range(300):
-        surroundings = beside_a_tank(*rng.uniform((2.0, 1.5, 3.0), (5.0, 3.0, 4.0)), rng.uniform(0.0, np.pi))
+        length_m, width_m, height_m = rng.uniform((2.0, 1.5, 3.0), (5.0, 3.0, 4.0))
+        surroundings = beside_a_tank(length_m, width_m, height_m, rng.uniform(0.0, np.pi))
         towards_robot = rng.uniform(-np.pi, np.pi)
         robot = MIDDLE + rng.uniform(3.5, 9.0) * turned(towards_robot)
         source = MIDDLE - rng.uniform(2.8, 5.0) * turned(towards_robot + rng.uniform(-0.5, 0.5))
@@ -70,7 +71,7 @@ def test_a_hidden_source_is_heard_from_the_edge_that_is_ten_decibels_above_the_o
             pulse_rate_hz=200.0,
             axis=axis / np.linalg.norm(axis),
         )
-        target = Vector(*robot, 0.6)
+        target = Vector(robot[0], robot[1], 0.6)
         found = find_ray_paths(gun.position_m[np.newaxis], gun.axis[np.newaxis], np.zeros(1), target, surroundings)
         level, bearing = levels(found, target), np.arctan2(*(found.from_m[:, :2] - robot).T[::-1])
         if level.size == 0 or not found.extra_m[level.argmax()] > 0.0:
