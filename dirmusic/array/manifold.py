@@ -14,6 +14,7 @@ from dirmusic.array.pattern import GainPattern, GaussianPattern
 
 if TYPE_CHECKING:
     from dirmusic.array.pattern_table import PatternTable
+    from dirmusic.compiled import Held
 
 FloatArray = NDArray[np.float64]
 
@@ -172,6 +173,13 @@ class GainManifold:
         for array in table:
             array.setflags(write=False)
         return table
+
+    @cached_property
+    def held_table(self) -> Held[ManifoldTable]:
+        """The same for compiled functions that are called often."""
+        from dirmusic.compiled import Held  # loads the compiler
+
+        return Held(self.table)
 
     @cached_property
     def pattern_table(self) -> PatternTable:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dirmusic.array.manifold import SEARCH_STEP_RAD, ManifoldTable
 from dirmusic.bearing.bearings import LEAST_SHARE, UNKNOWN_STD_RAD, Bearings
-from dirmusic.compiled import compiled
+from dirmusic.compiled import Held, compiled
 from dirmusic.kernels import cubic, cubic_slope, dot, wrapped
 
 FloatArray = NDArray[np.float64]
@@ -179,7 +179,7 @@ def misfits(fit: Fit, covariance: FloatArray) -> FloatArray:
 def bearings_of_pulses(
     strengths: FloatArray,
     variance: FloatArray,
-    table: tuple[FloatArray, ...],
+    table: Held[ManifoldTable],
     silence: tuple[float, float, float],
 ) -> Bearings:
     """Maximum-likelihood directions of pooled pulses, with their deviations and misfits.
@@ -187,14 +187,14 @@ def bearings_of_pulses(
     Args:
         strengths: Shape (n_rows, n_pulses, n_elements).
         variance: Variance of the strengths, same shape; empty where it is not known, and deviations are NaN.
-        table: Of the manifold, a plain `ManifoldTable`.
+        table: Of the manifold.
         silence: Azimuth, deviation and misfit of rows without any strength.
 
     Returns:
         Columns of shape (n_rows,), azimuths in (-pi, pi].
     """
     pooled = pool(strengths)
-    fit = fit_covariances(pooled, ManifoldTable(*table))
+    fit = fit_covariances(pooled, table.value)
     std_rad = np.full(strengths.shape[0], np.nan)
     if variance.size == strengths.size:
         std_rad = deviations(fit, noise_of_pulses(fit, strengths, variance))

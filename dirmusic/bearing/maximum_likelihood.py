@@ -33,7 +33,7 @@ class MaximumLikelihood:
     def __call__(self, pulses: PulseBatch, array: ArrayModel) -> Bearings:
         """Directions of the pulses, shape (n_pulses,); as of `estimator.BearingEstimator`."""
         strengths, variance = pulses.strengths_v[:, np.newaxis], pulses.variance_v2[:, np.newaxis]
-        return self._bearings_of_pulses(strengths, variance, tuple(array.manifold.table), NO_DIRECTION)
+        return self._bearings_of_pulses(strengths, variance, array.manifold.held_table, NO_DIRECTION)
 
 
 def estimate_bearings(
@@ -95,7 +95,7 @@ def estimate_bearings(
         given = np.asarray(strength_variance, dtype=np.float64)
         variance = _in_rows(given if given.shape == a.shape else np.broadcast_to(given, a.shape))
     if prior is None:
-        found = bearings_of_pulses(pulses, variance, tuple(manifold.table), NO_ANSWER)
+        found = bearings_of_pulses(pulses, variance, manifold.held_table, NO_ANSWER)
         return Bearings(*(column.reshape(shape) for column in found))
     pooled = pool(pulses)
     fit = fit_covariances(pooled, manifold.table)

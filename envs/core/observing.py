@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dirmusic.bearing.likelihood_kernels import pulse_spectra
 from dirmusic.bearing.spectrum import LEAST_NULL
-from dirmusic.compiled import compiled
+from dirmusic.compiled import Held, compiled
 from envs.core.loudest_pulse import LoudestPulse, loudest_pulse, note_bearings
 from envs.core.observation_layout import Entries
 from envs.core.progress import Progress
@@ -48,57 +48,64 @@ class Sensed(NamedTuple):
 
     Attributes:
         pose: Believed, shape (n_robots, 3).
-        readings: Values of `robot_models.readings.Readings`.
-        lidar_normal: Standard normal draws for its noise, shape (n_robots, n_beams).
+        lidar_normal: Standard normal draws for the noise of the lidar, shape (n_robots, n_beams).
         time_s: Since the start, shape (n_robots,).
+        is_usable: Channels, shape (n_robots, n_elements).
+        spectrum_gain: Unit gains of the usable channels towards the observed azimuths, shape (n_robots, n_elements,
+            n_azimuths).
     """
 
     pose: FloatArray
-    readings: FloatArray
     lidar_normal: FloatArray
     time_s: FloatArray
+    is_usable: BoolArray
+    spectrum_gain: FloatArray
+
+
+class Observing(NamedTuple):
+    """What the observations of a simulation are made of, but for readings and pulses.
+
+    Attributes:
+        parameters: What all share.
+        sensed: As of the last step.
+        progress: Of the robots.
+    """
+
+    parameters: ObservationParameters
+    sensed: Sensed
+    progress: Progress
 
 
 @compiled
-def perceive(
-    sensed: tuple[FloatArray, ...],
-    parameters: tuple[Any, ...],
-    progress: tuple[Any, ...],
-    pulses: tuple[Any, ...],
-    is_usable: BoolArray,
-    spectrum_gain: FloatArray,
-) -> NDArray[np.float32]:
+def perceive(observing: Held[Observing], readings: FloatArray, pulses: tuple[Any, ...]) -> NDArray[np.float32]:
     """Note the bearings of a step's loudest pulses, then observe.
 
     Args:
-        sensed: A plain `Sensed`.
-        parameters: Plain `ObservationParameters`.
-        progress: A plain `Progress`, whose last bearings are renewed.
+        observing: Its `progress` is renewed: the last bearings.
+        readings: Values of `robot_models.readings.Readings`.
         pulses: Of `loudest_pulse`.
-        is_usable: Of each robot's channels, shape (n_robots, n_elements).
-        spectrum_gain: Unit gains of the usable channels towards the observed azimuths, shape (n_robots, n_elements,
-            n_azimuths).
 
     Returns:
         Shape (n_entries, n_robots): a row is an entry, so that each part of the observation lies together.
     """
-    state, loudest = Progress(*progress), loudest_pulse(pulses, is_usable)
-    note_bearings(state, loudest, sensed[0])
-    return observe(Sensed(*sensed), ObservationParameters(*parameters), state, loudest, spectrum_gain)
+    parameters, sensed, progress = observing.value
+    loudest = loudest_pulse(pulses, sensed.is_usable)
+    note_bearings(progress, loudest, sensed.pose)
+    return observe(sensed, readings, parameters, progress, loudest)
 
 
 @compiled
 def observe(
     sensed: Sensed,
+    readings: FloatArray,
     parameters: ObservationParameters,
     progress: Progress,
     loudest: LoudestPulse,
-    spectrum_gain: FloatArray,
 ) -> NDArray[np.float32]:
     """Observations within their bounds; arguments and result as of `perceive`, but nothing is changed."""
-    velocity, lidar_m = sensed.readings[:, VELOCITY], sensed.readings[:, LIDAR]
+    velocity, lidar_m = readings[:, VELOCITY], readings[:, LIDAR]
     n_robots, n_beams = lidar_m.shape
-    spectrum = pulse_spectra(loudest.strengths, spectrum_gain, LEAST_NULL)
+    spectrum = pulse_spectra(loudest.strengths, sensed.spectrum_gain, LEAST_NULL)
     observation = np.zeros((parameters.low.size, n_robots), np.float32)
     at = Entries(*parameters.places)
     for r in range(n_robots):

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.compiled import compiled
+from dirmusic.compiled import Held, compiled
 from envs.core.motion import Motion, SensorParameters, StepInputs, move
 from robot_models.readings import LEAST_UPRIGHT, POSE, UPRIGHT
 
@@ -149,25 +149,28 @@ def update_progress(
         result.truncated[r] = motion.n_steps[r] >= task.last_step
 
 
-@compiled
-def advance(
-    motion: tuple[Any, ...],
-    sensors: tuple[Any, ...],
-    progress: tuple[Any, ...],
-    task: tuple[Any, ...],
-    inputs: tuple[Any, ...],
-    result: tuple[Any, ...],
-) -> None:
-    """Bring motion and progress up to date after a step.
+class Stepping(NamedTuple):
+    """What the steps of a simulation share, and bring up to date.
 
-    Args:
-        motion: Of the robots, a plain `Motion`.
-        sensors: Plain `SensorParameters`.
-        progress: Of the robots, a plain `Progress`.
-        task: A plain `Task`.
-        inputs: Plain `StepInputs`.
-        result: A plain `StepResult`, which becomes this step's.
+    Attributes:
+        motion: Of the robots.
+        sensors: Their deviations.
+        progress: Of the robots.
+        task: Theirs.
+        result: Becomes that of the last step.
     """
-    moving, sensing, brought = Motion(*motion), SensorParameters(*sensors), StepInputs(*inputs)
-    move(moving, sensing, brought)
-    update_progress(Progress(*progress), Task(*task), moving, sensing.step_s, brought, StepResult(*result))
+
+    motion: Motion
+    sensors: SensorParameters
+    progress: Progress
+    task: Task
+    result: StepResult
+
+
+@compiled
+def advance(stepping: Held[Stepping], inputs: tuple[Any, ...]) -> None:
+    """Bring motion and progress up to date after a step, which brought plain `StepInputs`."""
+    motion, sensors, progress, task, result = stepping.value
+    brought = StepInputs(*inputs)
+    move(motion, sensors, brought)
+    update_progress(progress, task, motion, sensors.step_s, brought, result)

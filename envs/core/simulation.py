@@ -15,14 +15,15 @@ from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, ElementSpread
 from dirmusic.bearing.channel_health import ChannelMonitor, SuspectChannel
+from dirmusic.compiled import Held
 from dirmusic.pulses.batch import PulseBatch
 from envs.core.episode import Episode
 from envs.core.generators import Generators
 from envs.core.motion import N_DRAWS, Motion, SensorParameters
 from envs.core.observation_layout import SPECTRUM_AZIMUTHS_RAD, ObservationLayout, observation_bounds
-from envs.core.observing import ObservationParameters, perceive
+from envs.core.observing import ObservationParameters, Observing, Sensed, perceive
 from envs.core.own_estimator import make_estimator
-from envs.core.progress import Progress, StepResult, Task, advance
+from envs.core.progress import Progress, Stepping, StepResult, Task, advance
 from envs.scenario import Scenario
 from robot_models.antenna.elements import AntennaElements
 from robot_models.robots import Robots
@@ -130,7 +131,6 @@ class Simulation:
         n_sources = len(scenario.sources)
         self._sources_m = np.zeros((n_robots, n_sources, 2))
         self._progress = Progress.at_start(n_robots, n_sources, len(self._stops_m))
-        self._perceived = tuple(observed), tuple(self._progress)
         self._usable = np.ones((n_robots, self.array.manifold.n_elements), dtype=np.bool_)
         task = scenario.task
         self._result = StepResult.of_nothing(n_robots)
@@ -146,7 +146,10 @@ class Simulation:
         )
         self.motion = Motion.at_rest(n_robots)
         sensors = SensorParameters.of(scenario.pose_sensor, scenario.odometry, scenario.battery, STEP_S)
-        self._advanced = tuple(self.motion), tuple(sensors), tuple(self._progress), tuple(ended)
+        self._stepping = Held(Stepping(self.motion, sensors, self._progress, ended, self._result))
+        motion, gain = self.motion, self._spectrum_gain
+        sensed = Sensed(motion.pose, self._lidar_normal, motion.time_s, self._usable, gain)
+        self._observing = Held(Observing(observed, sensed, self._progress))
         self._nobody = np.zeros(n_robots, dtype=np.bool_)
 
     @property
@@ -222,11 +225,8 @@ class Simulation:
                 generators.motion.standard_normal(out=self._motion_normal[row])
                 generators.lidar.standard_normal(out=self._lidar_normal[row])
         now = self.robots.readings
-        advance(
-            *self._advanced,
-            (now.values, self._motion_normal, self._sources_m, self.robots.is_touching, is_reset, is_idle),
-            tuple(self._result),
-        )
+        touching = self.robots.is_touching
+        advance(self._stepping, (now.values, self._motion_normal, self._sources_m, touching, is_reset, is_idle))
         for row in [] if started is None else started.tolist():
             rng = self._generators[row].motion
             self.motion.draw_odometry(row, self.scenario.odometry, self.robot.wheel_radius_m, rng)
@@ -266,9 +266,8 @@ class Simulation:
 
     def _observe(self, robot: Rows, pulses: PulseBatch) -> NDArray[np.float32]:
         """All entries of the observation, shape (n_robots, n_entries); see `PatrolEnv`."""
-        sensed = self.motion.pose, self.robots.readings.values, self._lidar_normal, self.motion.time_s
         detected = robot, pulses.strengths_v, pulses.azimuth_rad
-        return perceive(sensed, *self._perceived, detected, self._usable, self._spectrum_gain).T
+        return perceive(self._observing, self.robots.readings.values, detected).T
 
 
 def _runs(rows: list[int]) -> Iterator[tuple[int, slice]]:
