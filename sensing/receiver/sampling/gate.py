@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
 from sensing.radio.arrivals import Arrivals
 from sensing.receiver.sampling.noise import add_noise, draw_tail, settle
-from sensing.receiver.sampling.rare_triggers import LIKELY, Fixed, expect, fix_one, follow, step_probability
-from sensing.receiver.sampling.record import PIECE, Record, crossings, fill, plan_windows
+from sensing.receiver.sampling.rare_triggers import (
+    LIKELY,
+    Fixed,
+    expect,
+    fix_one,
+    follow,
+    step_probability,
+)
+from sensing.receiver.sampling.record import PIECE, Record, Windows, crossings, fill, plan_windows
 from sensing.receiver.sampling.sampler import Emission, Incoming, Sampler, Tones
-from sensing.receiver.sampling.signals import add_signal, add_tones
+from sensing.receiver.sampling.signals import add_tones, set_signal
 
 FloatArray = NDArray[np.float64]
 
@@ -47,8 +56,7 @@ def lasts(
     volts, state = np.empty((burst.n_samples, 1)), np.empty((sampler.noise.sections.shape[0], 2, 1))
     for w in range(burst.n_windows):
         at, power_v2 = burst.first + w * burst.step, 0.0
-        volts[:] = 0.0
-        add_signal(volts, start_s + at / sampler.pulse.rate_hz, incoming.emission, arrivals, sampler.pulse)
+        set_signal(volts, start_s + at / sampler.pulse.rate_hz, incoming.emission, arrivals, sampler.pulse)
         add_tones(volts, since + at, tones, incoming.start_rad)
         settle(sampler.noise, rng, state)
         add_noise(sampler.noise, rng, state, volts)
@@ -57,6 +65,69 @@ def lasts(
         if power_v2 <= least_v2 * burst.n_samples:
             return False
     return burst.n_windows > 0
+
+
+class Found(NamedTuple):
+    """What triggers.
+
+    Attributes:
+        window: It lies in; -1 if nothing triggers.
+        crossing: Row of the first sample beyond the level.
+        fixed: A sample that was known to be.
+    """
+
+    window: int
+    crossing: int
+    fixed: Fixed
+
+
+@compiled
+def find_trigger(
+    record: Record,
+    windows: Windows,
+    most_tones_v: float,
+    incoming: Incoming,
+    sampler: Sampler,
+    limit_v: FloatArray,
+    rng: np.random.Generator,
+) -> Found:
+    r"""Look for the first sample beyond the level, window by window: their noises are independent.
+
+    A window that hardly ever triggers is not sampled each time. With :math:`p_i` the probability that sample i alone
+    exceeds the level, and :math:`S = \sum_i p_i < 1`: with the probability 1 - S there is nothing to be seen. Else one
+    sample is drawn, i with the probability :math:`p_i / S`; it exceeds the level, all others follow it as the noise's
+    correlation says; and where K samples exceed it, the record counts with the probability 1 / K. Every record that
+    triggers comes as often as if all had been sampled, for :math:`\sum_{i \in K} p_i P(\cdot | i) / K = P(\cdot)`.
+
+    Args:
+        record: Is filled as far as needed.
+        windows: Of it.
+        most_tones_v: No sample has more of the carriers.
+        incoming: What comes in.
+        sampler: How the receiver samples.
+        limit_v: Voltage at which each channel saturates, shape (n_elements,).
+        rng: Draws.
+    """
+    before, level_v, nothing = sampler.timing.before, sampler.trigger.level_v, Fixed(-1, -1, 0.0)
+    for w in range(windows.first.size):
+        left, first, end = rng.random(), windows.first[w] + before, windows.search_end[w]
+        if left >= (end - first) * limit_v.size * step_probability(sampler.trigger, windows.most_v[w] + most_tones_v):
+            continue  # at least what is expected
+        expected = expect(record, windows, w, incoming, sampler, limit_v)
+        if expected > LIKELY:
+            for row in range(first, end, PIECE):
+                piece_end = min(row + PIECE, end)
+                fill(record, windows, w, piece_end, incoming, sampler, rng)
+                crossing, _ = crossings(record.volts, row, piece_end, limit_v, level_v)
+                if crossing >= 0:
+                    return Found(w, crossing, nothing)
+        elif left < expected:
+            fixed = fix_one(record, windows, w, left, incoming, sampler, limit_v, rng)
+            if fixed.row >= 0:
+                crossing, n_above = crossings(record.volts, first, end, limit_v, level_v)
+                if rng.random() * n_above < 1.0:
+                    return Found(w, crossing, fixed)
+    return Found(-1, -1, nothing)
 
 
 @compiled
@@ -70,13 +141,7 @@ def sample_pulse(
     rng: np.random.Generator,
     gate_v: FloatArray,
 ) -> int:
-    r"""Whether an emission triggers, and the gate that it then fills.
-
-    A pulse that hardly ever triggers is not sampled each time. With :math:`p_i` the probability that sample i alone
-    exceeds the level, and :math:`S = \sum_i p_i < 1`: with the probability 1 - S there is nothing to be seen. Else one
-    sample is drawn, i with the probability :math:`p_i / S`; it exceeds the level, all others follow it as the noise's
-    correlation says; and where K samples exceed it, the record counts with the probability 1 / K. Every record that
-    triggers comes as often as if all had been sampled, for :math:`\sum_{i \in K} p_i P(\cdot | i) / K = P(\cdot)`.
+    """Whether an emission triggers, and the gate that it then fills.
 
     Args:
         emission: What is on its way.
@@ -91,59 +156,30 @@ def sample_pulse(
     Returns:
         `NOT_TRIGGERED`, `IS_PULSE`, or `IS_BURST`.
     """
-    timing, trigger = sampler.timing, sampler.trigger
-    level_v, n_elements = trigger.level_v, limit_v.size
-    left, most_v = rng.random(), 0.0
-    for p in range(emission.first, emission.first + emission.n_paths):
-        most_v += abs(emission.peak_v) * arrivals.loudest[p]
-    for c in range(tones.turn_rad.size):
-        most_v += tones.amplitude_v[c].max()
-    n_samples = emission.n_paths * (2 * timing.aperture + timing.rise) * n_elements
-    if left >= n_samples * step_probability(trigger, most_v):
-        return NOT_TRIGGERED  # at least the sum of all that is below
-    windows = plan_windows(emission, arrivals, timing, sampler.pulse.rate_hz, rng.random())
+    timing, trigger, n_elements, most_tones_v = sampler.timing, sampler.trigger, limit_v.size, 0.0
     start_rad = np.empty(tones.turn_rad.size)
     for c in range(start_rad.size):
         start_rad[c] = 2.0 * np.pi * rng.random()
+        most_tones_v += tones.amplitude_v[c].max()
     incoming = Incoming(emission, arrivals, tones, start_rad)
+    windows = plan_windows(emission, arrivals, timing, sampler.pulse.rate_hz, rng.random())
     n_windows = windows.first.size
+    if n_windows == 0:
+        return NOT_TRIGGERED
     record = Record(
-        np.zeros((windows.end[-1], n_elements)),
+        np.empty((windows.end[-1], n_elements)),
         windows.first.copy(),
         windows.first.copy(),
         np.empty((n_windows, sampler.noise.sections.shape[0], 2, n_elements)),
     )
-    expected = expect(record, windows, incoming, sampler, limit_v)
-    window, crossing, fixed = -1, -1, Fixed(-1, -1, -1, 0.0)
-    if expected > LIKELY:
-        for w in range(n_windows):
-            row = windows.first[w] + timing.before
-            while window < 0 and row < windows.search_end[w]:
-                end = min(row + PIECE, windows.search_end[w])
-                fill(record, windows, w, end, incoming, sampler, rng)
-                crossing, _ = crossings(record.volts, row, end, limit_v, level_v)
-                if crossing >= 0:
-                    window = w
-                row = end
-    elif left < expected:
-        fixed = fix_one(record, windows, left, incoming, sampler, limit_v, rng)
-        n_above = 0
-        for w in range(n_windows if fixed.window >= 0 else 0):
-            first = windows.first[w] + timing.before
-            found, n = crossings(record.volts, first, windows.search_end[w], limit_v, level_v)
-            n_above += n
-            if found >= 0 and window < 0:
-                window, crossing = w, found
-        if rng.random() * n_above >= 1.0:
-            window = -1
+    window, crossing, fixed = find_trigger(record, windows, most_tones_v, incoming, sampler, limit_v, rng)
     if window < 0:
         return NOT_TRIGGERED
 
     row, end = record.has_noise[window], crossing + timing.peak
     fill(record, windows, window, end, incoming, sampler, rng)
     loudest, peak_v = 0, 0.0
-    if window == fixed.window:
-        follow(record.volts, row, end, fixed, trigger.correlation)
+    follow(record.volts, row, end, fixed, trigger.correlation)
     for t in range(crossing, end):
         for e in range(n_elements):
             clipped_v = min(abs(record.volts[t, e]), limit_v[e])
@@ -155,8 +191,7 @@ def sample_pulse(
     start, power_v2 = half - timing.before, 0.0
     row, end = record.has_noise[window], start + timing.gate
     fill(record, windows, window, end, incoming, sampler, rng)
-    if window == fixed.window:
-        follow(record.volts, row, end, fixed, trigger.correlation)
+    follow(record.volts, row, end, fixed, trigger.correlation)
     for t in range(timing.gate):
         for e in range(n_elements):
             gate_v[t, e] = min(max(record.volts[start + t, e], -limit_v[e]), limit_v[e])

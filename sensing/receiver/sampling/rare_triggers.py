@@ -16,8 +16,8 @@ from sensing.receiver.sampling.sampler import Incoming, Sampler, Trigger
 FloatArray = NDArray[np.float64]
 
 LIKELY = 0.3
-"""Samples expected beyond the trigger level from which on a pulse is sampled at once. Below, a draw decides first
-whether there is anything to sample; the law is the same, see `gate.sample_pulse`."""
+"""Samples expected beyond the trigger level from which on a window is sampled at once. Below, a draw decides first
+whether there is anything to sample; the law is the same, see `gate.find_trigger`."""
 
 
 @compiled
@@ -28,21 +28,19 @@ def step_probability(trigger: Trigger, signal_v: float) -> float:
 
 
 @compiled
-def expect(record: Record, windows: Windows, incoming: Incoming, sampler: Sampler, limit_v: FloatArray) -> float:
-    """How many samples are expected to exceed the level; it is not counted on beyond `LIKELY`."""
-    expected, trigger = 0.0, sampler.trigger
-    for w in range(windows.first.size):
-        row = windows.first[w] + sampler.timing.before
-        while row < windows.search_end[w]:
-            end = min(row + PIECE, windows.search_end[w])
-            fill_signal(record, windows, w, end, incoming, sampler.pulse)
-            for t in range(row, end):
-                for e in range(limit_v.size):
-                    if limit_v[e] > trigger.level_v:
-                        expected += step_probability(trigger, record.volts[t, e])
-            if expected > LIKELY:
-                return expected
-            row = end
+def expect(
+    record: Record, windows: Windows, w: int, incoming: Incoming, sampler: Sampler, limit_v: FloatArray
+) -> float:
+    """How many samples of a window are expected to exceed the level; it is not counted on beyond `LIKELY`."""
+    expected, trigger, row = 0.0, sampler.trigger, windows.first[w] + sampler.timing.before
+    while row < windows.search_end[w] and expected <= LIKELY:
+        end = min(row + PIECE, windows.search_end[w])
+        fill_signal(record, windows, w, end, incoming, sampler.pulse)
+        for t in range(row, end):
+            for e in range(limit_v.size):
+                if limit_v[e] > trigger.level_v:
+                    expected += step_probability(trigger, record.volts[t, e])
+        row = end
     return expected
 
 
@@ -50,13 +48,11 @@ class Fixed(NamedTuple):
     """The sample that is known to exceed the level.
 
     Attributes:
-        window: It lies in; -1 for none.
-        row: Of it.
+        row: Of it; -1 for none.
         channel: Of it.
         added_v: To the noise that was drawn for it.
     """
 
-    window: int
     row: int
     channel: int
     added_v: float
@@ -64,7 +60,9 @@ class Fixed(NamedTuple):
 
 @compiled
 def follow(volts: FloatArray, first: int, end: int, fixed: Fixed, correlation: FloatArray) -> None:
-    """Let the noise from row `first` to `end` follow that of the sample that is fixed."""
+    """Let the noise from row `first` to `end` follow that of the sample that is fixed, if one is."""
+    if fixed.row < 0:
+        return
     for t in range(max(first, fixed.row - correlation.size + 1), min(end, fixed.row + correlation.size)):
         volts[t, fixed.channel] += fixed.added_v * correlation[abs(t - fixed.row)]
 
@@ -73,29 +71,29 @@ def follow(volts: FloatArray, first: int, end: int, fixed: Fixed, correlation: F
 def fix_one(
     record: Record,
     windows: Windows,
+    w: int,
     left: float,
     incoming: Incoming,
     sampler: Sampler,
     limit_v: FloatArray,
     rng: np.random.Generator,
 ) -> Fixed:
-    """Choose the sample at which the sum of the probabilities passes `left`; let it exceed the level, and fill all.
+    """Choose the sample at which the sum of the probabilities passes `left`; let it exceed the level; fill the window.
 
     The table of probabilities is rounded up: what it has too much is made up for by choosing none now and then.
     """
     trigger, before = sampler.trigger, sampler.timing.before
-    window = row = channel = -1
+    row = channel = -1
     probability = 0.0
-    for w in range(windows.first.size):
-        for t in range(windows.first[w] + before, windows.search_end[w]):
-            for e in range(limit_v.size):
-                if window < 0 and limit_v[e] > trigger.level_v:
-                    probability = step_probability(trigger, record.volts[t, e])
-                    left -= probability
-                    if left < 0.0:
-                        window, row, channel = w, t, e
-    if window < 0:
-        return Fixed(-1, -1, -1, 0.0)
+    for t in range(windows.first[w] + before, windows.search_end[w]):
+        for e in range(limit_v.size):
+            if row < 0 and limit_v[e] > trigger.level_v:
+                probability = step_probability(trigger, record.volts[t, e])
+                left -= probability
+                if left < 0.0:
+                    row, channel = t, e
+    if row < 0:
+        return Fixed(-1, -1, 0.0)
     signal_v = record.volts[row, channel]
     below, above = (
         (trigger.level_v - abs(signal_v)) / trigger.noise_v,
@@ -104,14 +102,13 @@ def fix_one(
     with_signal = tail_probability(below)
     exact = with_signal + tail_probability(above)
     if rng.random() * probability >= exact:
-        return Fixed(-1, -1, -1, 0.0)
+        return Fixed(-1, -1, 0.0)
     side = 1.0 if signal_v >= 0.0 else -1.0
     if rng.random() * exact < with_signal:
         noise_v = side * trigger.noise_v * draw_tail(below, rng)
     else:
         noise_v = -side * trigger.noise_v * draw_tail(above, rng)
-    for w in range(windows.first.size):
-        fill(record, windows, w, windows.search_end[w], incoming, sampler, rng)
-    fixed = Fixed(window, row, channel, signal_v + noise_v - record.volts[row, channel])
-    follow(record.volts, windows.first[window], windows.search_end[window], fixed, trigger.correlation)
+    fill(record, windows, w, windows.search_end[w], incoming, sampler, rng)
+    fixed = Fixed(row, channel, signal_v + noise_v - record.volts[row, channel])
+    follow(record.volts, windows.first[w], windows.search_end[w], fixed, trigger.correlation)
     return fixed

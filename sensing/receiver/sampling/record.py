@@ -12,7 +12,7 @@ from sensing.radio.arrivals import Arrivals
 from sensing.receiver.front_end import PulseTable
 from sensing.receiver.sampling.noise import add_noise, settle
 from sensing.receiver.sampling.sampler import Emission, Incoming, Sampler, Timing
-from sensing.receiver.sampling.signals import add_signal, add_tones
+from sensing.receiver.sampling.signals import add_tones, set_signal
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -29,12 +29,14 @@ class Windows(NamedTuple):
         first: Its first row in the record, shape (n_windows,).
         search_end: The row after the last in which it may trigger; the first such is `before` after `first`.
         end: The row after the last that a gate may reach.
+        most_v: No sample has more of the emission, shape (n_windows,).
     """
 
     start_s: FloatArray
     first: IntArray
     search_end: IntArray
     end: IntArray
+    most_v: FloatArray
 
 
 @compiled
@@ -49,24 +51,26 @@ def plan_windows(emission: Emission, arrivals: Arrivals, timing: Timing, rate_hz
         offset: Of the sampling clock, in [0, 1) of a sample.
     """
     n_paths, n = emission.n_paths, 0
-    windows = Windows(
-        np.empty(n_paths), np.empty(n_paths, np.intp), np.empty(n_paths, np.intp), np.empty(n_paths, np.intp)
-    )
-    at = np.sort(arrivals.loudest_s[emission.first : emission.first + n_paths]) * rate_hz - offset
+    start_s, most_v = np.empty(n_paths), np.zeros(n_paths)
+    first, search_end, end = np.empty(n_paths, np.intp), np.empty(n_paths, np.intp), np.empty(n_paths, np.intp)
+    own = slice(emission.first, emission.first + n_paths)
+    order, loudest = np.argsort(arrivals.loudest_s[own]), arrivals.loudest[own]
     reach, after = timing.aperture + timing.rise, timing.peak + timing.gate
     begins = 0.0
-    for p in range(n_paths):
-        starts = np.floor(at[p]) - timing.aperture - timing.before
-        if n > 0 and starts - begins < windows.end[n - 1] - windows.first[n - 1] + timing.apart:
-            windows.search_end[n - 1] = windows.first[n - 1] + int(np.floor(at[p]) - begins) + reach
+    for p in order:
+        at = arrivals.loudest_s[emission.first + p] * rate_hz - offset
+        starts = np.floor(at) - timing.aperture - timing.before
+        if n > 0 and starts - begins < end[n - 1] - first[n - 1] + timing.apart:
+            search_end[n - 1] = first[n - 1] + int(np.floor(at) - begins) + reach
         else:
             begins = starts
-            windows.start_s[n] = (starts + offset) / rate_hz
-            windows.first[n] = 0 if n == 0 else windows.end[n - 1]
-            windows.search_end[n] = windows.first[n] + timing.before + timing.aperture + reach
+            start_s[n] = (starts + offset) / rate_hz
+            first[n] = 0 if n == 0 else end[n - 1]
+            search_end[n] = first[n] + timing.before + timing.aperture + reach
             n += 1
-        windows.end[n - 1] = windows.search_end[n - 1] + after
-    return Windows(windows.start_s[:n], windows.first[:n], windows.search_end[:n], windows.end[:n])
+        end[n - 1] = search_end[n - 1] + after
+        most_v[n - 1] += abs(emission.peak_v) * loudest[p]
+    return Windows(start_s[:n], first[:n], search_end[:n], end[:n], most_v[:n])
 
 
 class Record(NamedTuple):
@@ -93,7 +97,7 @@ def fill_signal(record: Record, windows: Windows, w: int, end: int, incoming: In
         return
     start_s = windows.start_s[w] + (row - windows.first[w]) / pulse.rate_hz
     piece_v = record.volts[row:end]
-    add_signal(piece_v, start_s, incoming.emission, incoming.arrivals, pulse)
+    set_signal(piece_v, start_s, incoming.emission, incoming.arrivals, pulse)
     if incoming.start_rad.size > 0:
         at = int(np.rint((start_s - windows.start_s[0]) * pulse.rate_hz))
         add_tones(piece_v, at, incoming.tones, incoming.start_rad)

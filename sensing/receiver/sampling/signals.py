@@ -17,24 +17,41 @@ FloatArray = NDArray[np.float64]
 
 
 @compiled
-def add_signal(record_v: FloatArray, start_s: float, emission: Emission, arrivals: Arrivals, pulse: PulseTable) -> None:
-    """Add an emission by all its paths to a record (n_samples, n_elements) from `start_s` after the emission on."""
-    n_phases, n_known = pulse.values_v.shape
+def set_signal(record_v: FloatArray, start_s: float, emission: Emission, arrivals: Arrivals, pulse: PulseTable) -> None:
+    """Set a record (n_samples, n_elements) to an emission by all its paths, from `start_s` after the emission on."""
     n_samples, n_elements = record_v.shape
+    channels_v = np.zeros((n_elements, n_samples))
     for p in range(emission.first, emission.first + emission.n_paths):
         for e in range(n_elements):
-            amplitude_v = emission.peak_v * arrivals.amplitude[p, e]
-            at = int(np.floor(n_phases * (start_s - arrivals.delay_s[p, e]) * pulse.rate_hz + 0.5))
-            before, phase = at // n_phases, at % n_phases  # samples from the arrival to the first one of the record
+            since_s, peak_v = start_s - arrivals.delay_s[p, e], emission.peak_v * arrivals.amplitude[p, e]
             if emission.burst_s > 0.0:
-                for t in range(max(0, -before), n_samples):
-                    since_s = start_s + t / pulse.rate_hz - arrivals.delay_s[p, e]
-                    if 0.0 <= since_s < emission.burst_s:
-                        record_v[t, e] += amplitude_v * math.sin(2.0 * np.pi * FREQUENCY_HZ * since_s)
-                continue
-            values_v = pulse.values_v[phase]
-            for t in range(max(0, -before), min(n_samples, n_known - before)):
-                record_v[t, e] += amplitude_v * values_v[before + t]
+                add_burst(channels_v, e, since_s, peak_v, emission.burst_s, pulse.rate_hz)
+            else:
+                add_pulse(channels_v, e, since_s, peak_v, pulse)
+    for t in range(n_samples):
+        for e in range(n_elements):
+            record_v[t, e] = channels_v[e, t]
+
+
+@compiled
+def add_pulse(channels_v: FloatArray, e: int, since_s: float, peak_v: float, pulse: PulseTable) -> None:
+    """Add a pulse that began `since_s` ago to a channel."""
+    n_phases, n_known = pulse.values_v.shape
+    at = int(np.floor(n_phases * since_s * pulse.rate_hz + 0.5))
+    before, phase = at // n_phases, at % n_phases  # samples from the arrival to the first one of the record
+    first, end = max(0, -before), min(channels_v.shape[1], n_known - before)
+    known, n_both = np.uint64(max(0, before)), np.uint64(max(0, end - first))  # loops over unsigned numbers are fast
+    for t in range(n_both):
+        channels_v[e, np.uint64(first) + t] += peak_v * pulse.values_v[phase, known + t]
+
+
+@compiled
+def add_burst(channels_v: FloatArray, e: int, since_s: float, peak_v: float, burst_s: float, rate_hz: float) -> None:
+    """Add a sine that began `since_s` ago and lasts for `burst_s` to a channel."""
+    for t in range(channels_v.shape[1]):
+        now_s = since_s + t / rate_hz
+        if 0.0 <= now_s < burst_s:
+            channels_v[e, t] += peak_v * math.sin(2.0 * np.pi * FREQUENCY_HZ * now_s)
 
 
 @compiled
