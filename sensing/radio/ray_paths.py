@@ -69,7 +69,11 @@ def bend_round_all(
     faintest: float,
     rays: BentRays,
 ) -> int:
-    """Rays round the edges of all boxes, with what all others leave of them; returns how many there are."""
+    """Rays round the edges of all boxes, with what all others leave of them; returns how many there are.
+
+    By the ground as well, those are longer, and weaker by its coefficient: where none is loud enough without it, none is
+    looked for (assumed).
+    """
     first, n, shadows = 0, 0, rays.shadows
     for k in range(shadows.size):
         if shadows[k].nu > shadows[first].nu:
@@ -81,9 +85,10 @@ def bend_round_all(
         material = substance_of(obstacles[k])
         if obstacles[k].radius_m > 0.0:  # as P.526 has it: what is round mirrors on its own
             material = Substance(material.permittivity, material.conductivity_spm, material.passes, 0.0)
-        for by_ground in range(2 if ground.flat_share > 0.0 else 1):
-            bending = Bending(emitter, target, by_ground == 1, material, ground, faintest)
-            n = bend(bending, obstacles, k, rays, n)
+        n_before = n
+        n = bend(Bending(emitter, target, False, material, ground, faintest), obstacles, k, rays, n)
+        if n > n_before and ground.flat_share > 0.0:
+            n = bend(Bending(emitter, target, True, material, ground, faintest), obstacles, k, rays, n)
     return n
 
 
