@@ -36,7 +36,7 @@ def bearings_towards(azimuth_rad: FloatArray, pulses: PulseBatch, array: ArrayMo
     """
     from dirmusic.bearing import direction_kernels  # loads the compiler
 
-    table = tuple(array.manifold.table)
+    table = array.manifold.held_table
     return direction_kernels.bearings_towards(azimuth_rad, pulses.strengths_v, pulses.variance_v2, table)
 
 

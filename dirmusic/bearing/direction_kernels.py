@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from dirmusic.array.manifold import ManifoldTable
 from dirmusic.bearing.bearings import LEAST_SHARE, UNKNOWN_STD_RAD, Bearings
 from dirmusic.bearing.likelihood_kernels import TINY, look_up
-from dirmusic.compiled import compiled
+from dirmusic.compiled import Held, compiled
 from dirmusic.kernels import dot, wrapped
 from dirmusic.pulses.batch import NO_DIRECTION
 
@@ -51,7 +51,7 @@ def spectrum_peaks_on_grid(strengths: FloatArray, gain: FloatArray) -> NDArray[n
 
 @compiled
 def bearings_towards(
-    azimuth_rad: FloatArray, strengths: FloatArray, variance: FloatArray, table: tuple[FloatArray, ...]
+    azimuth_rad: FloatArray, strengths: FloatArray, variance: FloatArray, table: Held[ManifoldTable]
 ) -> Bearings:
     r"""Given directions with their deviations by noise and their misfits.
 
@@ -62,7 +62,7 @@ def bearings_towards(
         azimuth_rad: Array frame, shape (n_pulses,).
         strengths: Shape (n_pulses, n_elements), volts.
         variance: Variance of the strengths, same shape.
-        table: Of the manifold, a plain `ManifoldTable`.
+        table: Of the manifold.
 
     Returns:
         Columns of shape (n_pulses,); `NO_DIRECTION` for a pulse without any strength.
@@ -75,7 +75,7 @@ def bearings_towards(
         if total == 0.0:
             found.azimuth_rad[k], found.std_rad[k], found.misfit[k] = NO_DIRECTION
             continue
-        look_up(azimuth_rad[k], ManifoldTable(*table), gain, slope)
+        look_up(azimuth_rad[k], table.value, gain, slope)
         energy = dot(gain, gain)
         along, amplitude = dot(gain, slope) / energy, dot(gain, strengths[k]) / energy
         perpendicular = spread = bias = 0.0

@@ -147,8 +147,7 @@ class Simulation:
         self.motion = Motion.at_rest(n_robots)
         sensors = SensorParameters.of(scenario.pose_sensor, scenario.odometry, scenario.battery, STEP_S)
         self._stepping = Held(Stepping(self.motion, sensors, self._progress, ended, self._result))
-        motion, gain = self.motion, self._spectrum_gain
-        sensed = Sensed(motion.pose, self._lidar_normal, motion.time_s, self._usable, gain)
+        sensed = Sensed(self.motion.pose, self._lidar_normal, self.motion.time_s, self._usable, self._spectrum_gain)
         self._observing = Held(Observing(observed, sensed, self._progress))
         self._nobody = np.zeros(n_robots, dtype=np.bool_)
 
