@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from envs import load_scenario
+from tests.processes import below, listening
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -92,8 +93,7 @@ def served_on_loopback(words: list[str], folder: Path, environment: dict[str, st
         assert match, line
         with urllib.request.urlopen(match.group(), timeout=20) as page:
             assert b"rerun" in page.read().lower()
-        if sys.platform == "linux":
-            assert not listens_beyond_loopback(process.pid)
+        assert listening({process.pid, *below(process.pid)}) == {"127.0.0.1"}
     finally:
         process.terminate()
         process.communicate(timeout=30)
@@ -105,27 +105,6 @@ def served_on_loopback(words: list[str], folder: Path, environment: dict[str, st
             return
         time.sleep(0.2)
     pytest.fail("the server outlived the command")
-
-
-def listens_beyond_loopback(pid: int) -> bool:
-    """Whether a descendant of `pid` listens on an address other than 127.0.0.1."""
-    parents = {int(p.name): int(p.joinpath("stat").read_text().rsplit(")", 1)[1].split()[1])
-               for p in Path("/proc").glob("[0-9]*") if p.joinpath("stat").exists()}  # fmt: skip
-    family, grown = {pid}, True
-    while grown:
-        more = {child for child, parent in parents.items() if parent in family} - family
-        family, grown = family | more, bool(more)
-    sockets = set()
-    for member in family:
-        for link in Path(f"/proc/{member}/fd").glob("*"):
-            if (target := os.readlink(link)).startswith("socket:["):
-                sockets.add(target[8:-1])
-    rows = [
-        line.split() for table in ("tcp", "tcp6") for line in Path(f"/proc/net/{table}").read_text().splitlines()[1:]
-    ]
-    listening = [row[1] for row in rows if row[3] == "0A" and row[9] in sockets]
-    assert listening
-    return any(not address.startswith("0100007F:") for address in listening)
 
 
 @pytest.mark.parametrize("snippet", blocks("python"))

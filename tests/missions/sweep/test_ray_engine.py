@@ -10,6 +10,7 @@ from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 
+import psutil
 import pyarrow as pa
 import pytest
 
@@ -18,11 +19,12 @@ from missions.sweep.engines.engine import EngineError, Limits
 from missions.sweep.engines.ray_engine import run_on_node
 from missions.sweep.mission_row import MEASURED
 from missions.sweep.plan import make_plan
+from tests.processes import below, listening, title
 
 pytestmark = pytest.mark.skipif(find_spec("ray") is None, reason="the extra `ray` is not installed")
 
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
-LOOPBACK = ("0100007F", "0000000000000000FFFF00000100007F")
+LOOPBACK = {"127.0.0.1", "::ffff:127.0.0.1"}
 WAIT_S = 120.0
 N_MISSIONS = 30
 
@@ -49,35 +51,6 @@ def wait_for(is_so: Callable[[], object]) -> None:
 
 def n_rows(folder: Path) -> int:
     return len(list((folder / "rows").glob("*.parquet")))
-
-
-def descendants(pid: int) -> set[int]:
-    """All processes below one, and the one itself."""
-    children: dict[int, list[int]] = {}
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            parent = int(path.read_text().rsplit(")", 1)[1].split()[1])
-        except OSError:
-            continue
-        children.setdefault(parent, []).append(int(path.parent.name))
-    found, waiting = set[int](), [pid]
-    while waiting:
-        found.add(waiting[-1])
-        waiting += children.get(waiting.pop(), [])
-    return found
-
-
-def listening(pids: set[int]) -> set[str]:
-    """Addresses on which processes listen, as the kernel writes them."""
-    sockets = set[str]()
-    for pid in pids:
-        for path in Path(f"/proc/{pid}/fd").glob("*"):
-            try:
-                sockets.add(os.readlink(path))
-            except OSError:
-                continue
-    lines = [line.split() for name in ("tcp", "tcp6") for line in Path("/proc/net", name).read_text().splitlines()[1:]]
-    return {words[1].partition(":")[0] for words in lines if words[3] == "0A" and f"socket:[{words[9]}]" in sockets}
 
 
 @pytest.mark.slow
@@ -112,13 +85,12 @@ def test_missions_of_a_node_or_a_worker_that_is_killed_run_again(
         )  # fmt: skip
 
         def busy() -> list[int]:
-            titles = {pid: Path(f"/proc/{pid}/cmdline") for pid in descendants(raylet) - {raylet}}
-            return [pid for pid, path in titles.items() if path.read_bytes().startswith(b"ray::run_on_node")]
+            return [pid for pid in below(raylet) if title(pid).startswith("ray::run_on_node")]
 
         wait_for(lambda: n_rows(folder / "robbed") > 3)
         wait_for(busy)
         n_left = N_MISSIONS - n_rows(folder / "robbed")
-        for pid in [raylet, *sorted(descendants(raylet) - {raylet})] if victim == "node" else busy():
+        for pid in [raylet, *sorted(below(raylet))] if victim == "node" else busy():
             os.kill(pid, signal.SIGKILL)
         told, warned = sweeping.communicate(timeout=300)
         assert sweeping.returncode == 0, warned
@@ -139,14 +111,15 @@ def test_a_command_that_is_killed_leaves_no_process_and_listens_on_this_machine_
     sweeping = subprocess.Popen(words, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         wait_for((folder / "hanging").exists)
-        below = descendants(sweeping.pid)
-        assert len(below) > 2
-        assert listening(below) <= set(LOOPBACK)
-        assert bool(listening(below)) == (engine == "ray")
+        started = below(sweeping.pid)
+        assert len(started) > 1
+        addresses = listening({sweeping.pid, *started})
+        assert addresses <= LOOPBACK
+        assert bool(addresses) == (engine == "ray")
     finally:
         sweeping.kill()
         sweeping.wait()
-    wait_for(lambda: not any(Path(f"/proc/{pid}").exists() for pid in below))
+    wait_for(lambda: not any(psutil.pid_exists(pid) for pid in started))
 
 
 def test_a_node_with_other_code_runs_no_mission(folder: Path) -> None:

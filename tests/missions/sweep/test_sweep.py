@@ -11,6 +11,7 @@ import time
 from importlib.util import find_spec
 from pathlib import Path
 
+import psutil
 import pyarrow as pa
 import pytest
 
@@ -18,6 +19,7 @@ from missions.sweep.dataset import Dataset
 from missions.sweep.engines.worker import run_job
 from missions.sweep.mission_row import MEASURED, MissionRow
 from missions.sweep.plan import make_plan
+from tests.processes import below, cpu_s
 
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 
@@ -92,9 +94,10 @@ def test_a_worker_that_is_killed_is_replaced_and_its_mission_runs_again(folder: 
     process = subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     deadline, killed = time.monotonic() + 120, set[int]()
     while process.poll() is None and len(killed) < 2 and time.monotonic() < deadline:
-        busy = [pid for pid in descendants(process.pid) - killed if cpu_ticks(pid) > 30]
+        forking = psutil.Process(process.pid).children()  # the workers are forked by a server
+        busy = [pid for server in forking for pid in below(server.pid) - killed if cpu_s(pid) > 0.3]
         if len(list((folder / "robbed" / "rows").glob("*.parquet"))) > 2 * len(killed) + 1 and busy:
-            worker = max(busy, key=cpu_ticks)
+            worker = max(busy, key=cpu_s)
             killed.add(worker)
             os.kill(worker, signal.SIGKILL)
         time.sleep(0.05)
@@ -103,25 +106,6 @@ def test_a_worker_that_is_killed_is_replaced_and_its_mission_runs_again(folder: 
     assert len(killed) == 2
     assert sweep(folder, *words, "--out", "whole").returncode == 0
     assert rows(folder / "robbed").equals(rows(folder / "whole"))
-
-
-def descendants(pid: int) -> set[int]:
-    """Processes below one, without its direct children: the workers are forked by a server."""
-    parents: dict[int, int] = {}
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            parents[int(path.parent.name)] = int(path.read_text().rsplit(")", 1)[1].split()[1])
-        except OSError:
-            continue
-    children = {child for child, parent in parents.items() if parent == pid}
-    return {child for child, parent in parents.items() if parent in children}
-
-
-def cpu_ticks(pid: int) -> int:
-    try:
-        return int(Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[11])
-    except OSError:
-        return 0
 
 
 def test_what_raises_hangs_eats_or_dies_is_a_row_and_stops_nothing(folder: Path) -> None:
