@@ -93,8 +93,9 @@ class Robots:
                 robot.yaw_rate_gain,
             )
         )
+        self._gyro_radps = sensordata[:, int(model.sensor(GYRO).adr[0]) + 2] if has_feedback else np.zeros(n_robots)
         self._feedback = YawFeedback(
-            gyro_radps=sensordata[:, int(model.sensor(GYRO).adr[0]) + 2] if has_feedback else np.zeros(n_robots),
+            gyro_radps=np.zeros(n_robots),
             set_point=np.zeros((n_robots, 2)),
             added_radps=np.zeros(n_robots),
         )
@@ -162,7 +163,7 @@ class Robots:
         batch.state[ids] = start
         self._feedback.set_point[ids] = 0.0
         self._feedback.added_radps[ids] = 0.0
-        self.readings = self._read()
+        self._look()
 
     def drive(
         self, v_mps: ArrayLike, yaw_rate_radps: ArrayLike, duration_s: float, rows: NDArray[np.intp] | None = None
@@ -202,6 +203,11 @@ class Robots:
             for row in touching(self._touches).tolist():
                 self._places[row] |= self._take_places(row)
                 self.is_touching[row] = True
+        self._look()
+
+    def _look(self) -> None:
+        """Read what the sensors say; the gyro's word is kept for the next command, for the state does not hold it."""
+        self._feedback.gyro_radps[:] = self._gyro_radps
         self.readings = self._read()
 
     def n_warnings(self) -> NDArray[np.intp]:
@@ -225,7 +231,7 @@ class Robots:
         return {
             "arguments": self._arguments,
             "state": self._batch.state.copy(),
-            "feedback": (self._feedback.set_point, self._feedback.added_radps),
+            "feedback": tuple(self._feedback),
             "places": self._places,
             "is_touching": self.is_touching,
             "readings": self.readings,
@@ -234,7 +240,8 @@ class Robots:
     def __setstate__(self, kept: dict[str, Any]) -> None:
         self.__init__(*kept["arguments"])
         self._batch.state[:] = kept["state"]
-        self._feedback.set_point[:], self._feedback.added_radps[:] = kept["feedback"]
+        for live, was in zip(self._feedback, kept["feedback"], strict=True):
+            live[:] = was
         self._places, self.is_touching, self.readings = kept["places"], kept["is_touching"], kept["readings"]
 
 

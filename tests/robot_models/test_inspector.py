@@ -28,6 +28,18 @@ def test_the_wheels_stay_on_the_floor_when_accelerating_and_braking_hard(inspect
             assert wheel_loads_n(inspector).min() > 0.2 * weight_n
 
 
+def test_its_rims_are_as_fast_as_the_floor_below_them_however_hard_it_accelerates_and_brakes(
+    inspector: OneRobot,
+) -> None:
+    radius_m, step_s = inspector.robot.wheel_radius_m, inspector.robots.step_s
+    for v_mps in (0.8, -0.8, 0.0):
+        for _ in range(60):
+            turned, x_m = inspector.robots.readings.wheel_angles[0].mean(), inspector.pose()[0]
+            inspector.drive(v_mps, 0.0, step_s)
+            turned = inspector.robots.readings.wheel_angles[0].mean() - turned
+            assert radius_m * turned / step_s == pytest.approx((inspector.pose()[0] - x_m) / step_s, abs=0.005)
+
+
 def test_at_rest_the_casters_carry_little_of_the_weight(inspector: OneRobot) -> None:
     inspector.drive(0.0, 0.0, 1.0)
     weight_n = inspector.model.body_subtreemass[0] * 9.81

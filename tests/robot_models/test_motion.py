@@ -146,6 +146,7 @@ def test_the_same_commands_give_bit_identical_trajectories_alone_and_among_other
 @pytest.mark.parametrize("name", ["inspector", "crawler"])
 def test_a_pickled_robot_drives_on_as_the_original_does(name: str) -> None:
     robots = Robots(load_robot(name), Yard(size_m=(30.0, 30.0)), ONE_ELEMENT)
+    robots.reset([0], [(10.0, 10.0, 0.0)])
     for _ in range(7):
         robots.drive([0.6], [0.9], 0.1)
     copied = pickle.loads(pickle.dumps(robots))

@@ -10,7 +10,7 @@ from robot_models.description.robot_description import RobotFileError
 from robot_models.description.robot_file import read_robot
 from tests.robot_models.one_robot import Edited, OneRobot
 
-HOME = '<key name="home" qpos="0 0 -5.1321e-05 1 0 0 0 0 0 0 0"/>'
+HOME = '<key name="home" qpos="0 0 -7.5437e-05 1 0 0 0 0 0 0 0"/>'
 SHORT = (
     ('name="chassis" class="hull" type="box" size="0.325', 'name="chassis" class="hull" type="box" size="0.28'),
     ('pos="0.19 ', 'pos="0.15 '),
@@ -136,7 +136,7 @@ def test_actions_and_commands_are_each_others_inverse_and_actions_end_at_the_lim
             id="a hull that is too narrow",
         ),
         pytest.param(
-            [('pos="0 0 0.6" mass="1.6"', 'pos="0 0 0.8" mass="1.6"'), ('timestep="0.00625"', 'timestep="0.003"')],
+            [('pos="0 0 0.6" mass="1.6"', 'pos="0 0 0.8" mass="1.6"'), ('timestep="0.01"', 'timestep="0.003"')],
             ["hull: 0.86 m high; allowed is up to 0.75 m", "option: timestep 0.003 s; allowed is a whole fraction"],
             id="too high, and out of step",
         ),
