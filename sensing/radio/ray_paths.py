@@ -71,8 +71,8 @@ def bend_round_all(
 ) -> int:
     """Rays round the edges of all boxes, with what all others leave of them; returns how many there are.
 
-    By the ground as well, those are longer, and weaker by its coefficient: where none is loud enough without it, none is
-    looked for (assumed).
+    By the ground as well, those are longer, and weaker by its coefficient: where none is loud enough without it, none
+    is looked for (assumed).
     """
     first, n, shadows = 0, 0, rays.shadows
     for k in range(shadows.size):
