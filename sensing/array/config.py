@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, NonNegativeFloat, PositiveFloat, model_validator
 
-from dirmusic import GainManifold, GainPattern, GaussianPattern, InputFileError, TabulatedPattern, read_pattern
+from dirmusic import GainManifold, GainPattern, GaussianPattern, InputFileError, TabulatedPattern
 from dirmusic.array.ambiguity import worst_ambiguity
 from dirmusic.array.manifold import ring_boresights_rad
+from dirmusic.array.spatial_pattern import SpatialPattern
+from dirmusic.array.spatial_pattern_file import read_any_pattern
 
 FloatArray = NDArray[np.float64]
 
@@ -71,9 +73,10 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
     height_m: PositiveFloat = 0.6
     pattern: str | None = None
     """File with the pattern of every element as the data sheet has it, which direction finding uses; eq. (1) of the
-    Dir-MUSIC paper, if left out."""
+    Dir-MUSIC paper, if left out. Of a file over all directions and frequencies it uses the cut at elevation 0."""
     true_pattern: str | None = None
-    """File with the pattern that every element really has; that of the data sheet, if left out."""
+    """File with the pattern that every element really has, in the plane or over all directions and frequencies; that of
+    the data sheet, if left out."""
     gain_error: NonNegativeFloat = 0.05
     pointing_error_deg: NonNegativeFloat = 2.0
     position_error_m: NonNegativeFloat = 0.002
@@ -106,7 +109,7 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
                 positions_m[k] = element.position_m
         return Elements(boresights, tilts, positions_m)
 
-    def nominal_pattern(self) -> GainPattern:
+    def nominal_pattern(self) -> GainPattern | SpatialPattern:
         """Pattern of the data sheet.
 
         Raises:
@@ -114,7 +117,7 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
         """
         return GaussianPattern() if self.pattern is None else _pattern(self.pattern)
 
-    def real_pattern(self) -> GainPattern:
+    def real_pattern(self) -> GainPattern | SpatialPattern:
         """Pattern that the elements really have.
 
         Raises:
@@ -162,8 +165,9 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
     def _manifold_faults(self) -> list[str]:
         key, elements = "elements" if self.elements else "pattern", self.nominal_elements()
         try:
+            pattern = self.nominal_pattern()
             manifold = GainManifold(
-                self.nominal_pattern(),
+                pattern.cut() if isinstance(pattern, SpatialPattern) else pattern,
                 elements.boresights_rad,
                 boresight_elevations_rad=elements.boresight_elevations_rad,
             )
@@ -180,15 +184,15 @@ def _shown(place_m: FloatArray) -> str:
     return f"({', '.join(f'{x:g}' for x in place_m)})"
 
 
-def _pattern(path: str) -> TabulatedPattern:
+def _pattern(path: str) -> TabulatedPattern | SpatialPattern:
     """The pattern in a file, read again only if the file has changed."""
     try:
         version = Path(path).stat()
     except OSError:
-        return read_pattern(path)  # says what is wrong
+        return read_any_pattern(path)  # says what is wrong
     return _pattern_version(path, version.st_mtime_ns, version.st_size)
 
 
 @lru_cache(maxsize=16)
-def _pattern_version(path: str, modified_ns: int, size: int) -> TabulatedPattern:
-    return read_pattern(path)
+def _pattern_version(path: str, modified_ns: int, size: int) -> TabulatedPattern | SpatialPattern:
+    return read_any_pattern(path)

@@ -69,7 +69,7 @@ class ReceiverBank:
         shape = n_robots, len(scene.sources)
         self._propagation = Propagation(
             SourceTable(np.empty((*shape, 3)), np.empty((*shape, 3)), np.empty(shape)),
-            ArrayTable.of([listener.array for listener in listeners]),
+            ArrayTable.of([listener.array for listener in listeners], self._receiver.grid(listeners[0].array)),
             scene.surroundings,
         )
         self._held_propagation = Held(self._propagation)
