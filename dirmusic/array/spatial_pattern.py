@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -11,6 +14,9 @@ FloatArray = NDArray[np.float64]
 
 LEAST_GAIN = 1e-6
 """What a spline that swings below zero between the angles of a table is raised to: 120 dB below the reference."""
+
+CUT_STEP_RAD = np.radians(1.0)
+"""Of a cut's own table: so fine that it does not matter what is interpolated first."""
 
 AROUND = 4
 """Azimuths that are repeated on either side, so that the spline goes on once round."""
@@ -101,8 +107,9 @@ class SpatialPattern:
         """
         low_hz, high_hz = band_hz or (self.frequency_hz[0], self.frequency_hz[-1])
         frequency_hz = np.linspace(low_hz, high_hz, 33)
-        gain = self.gain(self.azimuth_rad, np.zeros(self.azimuth_rad.size), frequency_hz)
-        return TabulatedPattern(self.azimuth_rad, np.sqrt(np.square(gain).mean(axis=0)))
+        azimuth_rad = CUT_STEP_RAD * np.arange(round(2 * np.pi / CUT_STEP_RAD))
+        gain = self.gain(azimuth_rad, np.zeros(azimuth_rad.size), frequency_hz)
+        return TabulatedPattern(azimuth_rad, np.sqrt(np.square(gain).mean(axis=0)))
 
 
 def frequency_weights(frequency_hz: FloatArray, known_hz: FloatArray) -> FloatArray:
@@ -116,3 +123,10 @@ def frequency_weights(frequency_hz: FloatArray, known_hz: FloatArray) -> FloatAr
         Shape (n, n_known); rows sum to 1.
     """
     return np.array([np.interp(frequency_hz, known_hz, row) for row in np.eye(known_hz.size)]).T
+
+
+def halves(edges_hz: Sequence[float]) -> list[tuple[float, float]]:
+    """Lower and upper half of each sub-band, lowest first; edges as of `SubBands`."""
+    middles = [(low + high) / 2 for low, high in pairwise(edges_hz)]
+    ends = sorted([*edges_hz, *middles])
+    return list(pairwise(ends))

@@ -96,6 +96,7 @@ class Simulation:
                 pointing_rad=float(np.radians(scenario.array.pointing_error_deg)),
                 offset=scenario.array.gain_offset / np.sqrt(3),
             ),
+            band_manifolds=nominal.band_manifolds(scenario.receiver.band_edges_hz),
         )
         self.estimator = make_estimator(scenario.estimator.method, self.array)
         self.robot = scenario.robot.description

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from dirmusic import GainManifold, GainPattern
 from dirmusic.array.elevation import gain_in_space
-from dirmusic.array.spatial_pattern import SpatialPattern
+from dirmusic.array.spatial_pattern import SpatialPattern, halves
 from sensing.array.config import ArrayConfig
 from sensing.nature.pulse_shape import FREQUENCY_HZ
 
@@ -75,6 +76,18 @@ class HelicalArray:
     def manifold(self) -> GainManifold:
         """The far-field manifold of the elements' pattern and boresights; of the nominal array, what estimators use."""
         return GainManifold(self.cut, self.boresights_rad, boresight_elevations_rad=self.boresight_elevations_rad)
+
+    def band_manifolds(self, edges_hz: Sequence[float]) -> tuple[GainManifold, ...]:
+        """The manifolds of both halves of each sub-band; all the same where the pattern is one in the plane.
+
+        Args:
+            edges_hz: Of the sub-bands, rising, n_bands + 1 of them, or none.
+        """
+        if not isinstance(self.pattern, SpatialPattern):
+            return (self.manifold(),) * (2 * (len(edges_hz) - 1))
+        cuts = [self.pattern.cut(half) for half in halves(edges_hz)]
+        tilts = self.boresight_elevations_rad
+        return tuple(GainManifold(cut, self.boresights_rad, boresight_elevations_rad=tilts) for cut in cuts)
 
     def gain(
         self, azimuth_rad: FloatArray, elevation_rad: FloatArray, frequency_hz: float = FREQUENCY_HZ

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dirmusic.array.spatial_pattern import SpatialPattern
 from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
+from dirmusic.pulses.sub_bands import SubBands
 from sensing.array.gain_grid import NO_GRID, GainGrid, gain_grid
 from sensing.array.helical_array import HelicalArray
 from sensing.nature.pulse_shape import DECAY_S
@@ -20,7 +21,7 @@ from sensing.receiver.config import ReceiverConfig
 from sensing.receiver.detection import Converter, ReceiverChain
 from sensing.receiver.faults import Faults
 from sensing.receiver.front_end import PulseTable, front_end
-from sensing.receiver.gates import GateParameters
+from sensing.receiver.gates import BandReading, GateParameters
 from sensing.receiver.sampling.sampler import BurstTest, Sampler, Timing, Tones, Trigger
 from sensing.receiver.trigger import STEP, probabilities, threshold_over_noise
 
@@ -124,9 +125,24 @@ class Receiver:
             Sampler(self.pulse_table(array), noise, timing, self.trigger(above_v), burst),
             Converter(self.step_v, float(highest)),
             GateParameters(
-                front_end.energy_spread, front_end.noise_on_pulse, config.mains_hz, (highest - 0.5) * self.step_v
+                front_end.energy_spread,
+                front_end.noise_on_pulse,
+                config.mains_hz,
+                (highest - 0.5) * self.step_v,
+                self._band_reading,
             ),
         )
+
+    @cached_property
+    def _band_reading(self) -> BandReading:
+        """How strengths in sub-bands are read."""
+        config, front_end = self.config, self.front_end
+        if not config.band_edges_hz:
+            return BandReading(np.empty((0, 0, config.gate_samples)), np.empty(0), np.empty(0), np.empty(0))
+        bands = SubBands(config.band_edges_hz, config.sample_rate_hz, config.gate_samples, front_end.correlation)
+        since = np.arange(config.gate_samples, dtype=np.float64) - config.pretrigger_samples
+        pulse = front_end.pulse(since + front_end.pulse_lag)
+        return BandReading(bands.lines, bands.noise_samples, bands.energy_spread, bands.noise_on(pulse))
 
     def pulse_table(self, array: HelicalArray) -> PulseTable:
         """The filtered pulse, in bands where the gain of an array depends on frequency."""
