@@ -14,6 +14,7 @@ from dirmusic import GainManifold, GaussianPattern, pulse_start
 from missions.reproduction import protocol
 from missions.reproduction.exhibits import Exhibit, Measured, Row, published
 from missions.reproduction.methods import GATE_SAMPLES
+from missions.reproduction.over_frequency import BIAS_AZIMUTHS_DEG
 
 FloatArray = NDArray[np.float64]
 
@@ -37,6 +38,7 @@ def draw_all(exhibits: Sequence[Exhibit], folder: Path, seed: int) -> list[Path]
         "bound": lambda: bound(by_name["bound"]),
         "ring_size": lambda: ring_size(by_name["ring_size"]),
         "elevation": lambda: elevation(by_name["elevation"]),
+        "over_frequency": lambda: over_frequency(by_name["over_frequency"]),
     }
     paths: list[Path] = []
     for name, draw in pictures.items():
@@ -232,6 +234,27 @@ def elevation(exhibit: Exhibit) -> Figure:
     axes.set(ylabel="root mean square bias (deg)", title=exhibit.title)
     axes.grid(alpha=0.25)
     axes.legend(fontsize=8)
+    return figure
+
+
+def over_frequency(exhibit: Exhibit) -> Figure:
+    """Errors where the pattern changes over the band: against the bound, and over direction without noise."""
+    figure = _figure(11, 4.4)
+    left, right = figure.subplots(1, 2)
+    snr_db, limit, narrow, by_band = exhibit.data["curves"].T
+    left.semilogy(snr_db, narrow, "s-", color=OURS, label="one strength a channel")
+    left.semilogy(snr_db, by_band, "o-", color=BEST, label="strengths in sub-bands, free spectrum")
+    left.semilogy(snr_db, limit, "--", color=LIMIT, label="Cramer-Rao bound")
+    left.set(xlabel="SNR (dB)", ylabel="root mean square error (deg)", title="Computed helices in a ring")
+    (narrow_deg, by_band_deg), (lower_deg, by_band_lower_deg) = exhibit.data["bias_deg"]
+    right.plot(BIAS_AZIMUTHS_DEG, narrow_deg, color=OURS, label="one strength a channel")
+    right.plot(BIAS_AZIMUTHS_DEG, lower_deg, ":", color=OURS, label="the same, spectrum 10 % lower")
+    right.plot(BIAS_AZIMUTHS_DEG, by_band_deg, color=BEST, label="strengths in sub-bands")
+    right.plot(BIAS_AZIMUTHS_DEG, by_band_lower_deg, ":", color=BEST, label="the same, spectrum 10 % lower")
+    right.set(xlabel="direction (deg)", ylabel="bias without noise (deg)", xticks=range(-180, 181, 60))
+    for axes in (left, right):
+        axes.grid(which="both", alpha=0.25)
+        axes.legend(fontsize=8)
     return figure
 
 

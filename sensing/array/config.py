@@ -24,6 +24,10 @@ FEWEST_ELEMENTS, MOST_ELEMENTS = 3, 16
 
 USUAL_ELEMENTS = 6
 
+SHIPPED_PATTERNS = {name: Path(__file__).with_name("patterns") / f"{name}.csv" for name in ("helix", "helix_in_ring")}
+"""Patterns over all directions and frequencies that a name stands for: a helix of four turns by the method of moments,
+alone and among its five neighbours; `examples/antenna` computes them."""
+
 SAME_PLACE_M = 1e-3
 """Elements nearer to each other than this are in one place."""
 
@@ -72,11 +76,12 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
     ring_radius_m: PositiveFloat = 0.12
     height_m: PositiveFloat = 0.6
     pattern: str | None = None
-    """File with the pattern of every element as the data sheet has it, which direction finding uses; eq. (1) of the
-    Dir-MUSIC paper, if left out. Of a file over all directions and frequencies it uses the cut at elevation 0."""
+    """File with the pattern of every element as the data sheet has it, which direction finding uses, or the name of a
+    shipped one; eq. (1) of the Dir-MUSIC paper, if left out. Of a pattern over all directions and frequencies it uses
+    the cut at elevation 0."""
     true_pattern: str | None = None
-    """File with the pattern that every element really has, in the plane or over all directions and frequencies; that of
-    the data sheet, if left out."""
+    """The pattern that every element really has, in the plane or over all directions and frequencies; that of the data
+    sheet, if left out."""
     gain_error: NonNegativeFloat = 0.05
     pointing_error_deg: NonNegativeFloat = 2.0
     position_error_m: NonNegativeFloat = 0.002
@@ -185,7 +190,8 @@ def _shown(place_m: FloatArray) -> str:
 
 
 def _pattern(path: str) -> TabulatedPattern | SpatialPattern:
-    """The pattern in a file, read again only if the file has changed."""
+    """The pattern in a file, or that of a name; read again only if the file has changed."""
+    path = str(SHIPPED_PATTERNS.get(path, path))
     try:
         version = Path(path).stat()
     except OSError:

@@ -2,7 +2,6 @@
 
 import statistics
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,8 +24,7 @@ pytestmark = pytest.mark.benchmark
 
 N_PULSES = 20_000
 REAL = HelicalArray.draw(ArrayConfig(), np.random.default_rng(3))
-HELIX = Path(__file__).parents[2] / "examples" / "antenna" / "helix_in_ring.csv"
-OVER_FREQUENCY = HelicalArray.draw(ArrayConfig(true_pattern=str(HELIX)), np.random.default_rng(3))
+OVER_FREQUENCY = HelicalArray.draw(ArrayConfig(true_pattern="helix_in_ring"), np.random.default_rng(3))
 
 
 def ground_and_wall() -> Surroundings:

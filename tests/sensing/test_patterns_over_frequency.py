@@ -12,7 +12,7 @@ from dirmusic.array.spatial_pattern import SpatialPattern, frequency_weights
 from dirmusic.array.spatial_pattern_file import read_any_pattern, read_spatial_pattern
 from sensing import ArrayConfig, HelicalArray, ReceiverConfig
 from sensing.array.array_table import ArrayTable
-from sensing.array.config import ElementConfig
+from sensing.array.config import SHIPPED_PATTERNS, ElementConfig
 from sensing.radio.arrivals import arrive
 from sensing.radio.ray_paths import RayPaths
 from sensing.receiver.front_end import MOST_BANDS, PHASES
@@ -21,7 +21,7 @@ from sensing.receiver.sampling.sampler import Emission
 from sensing.receiver.sampling.signals import set_signal
 
 FloatArray = NDArray[np.float64]
-HELIX = Path(__file__).parents[2] / "examples" / "antenna" / "helix_in_ring.csv"
+HELIX = SHIPPED_PATTERNS["helix_in_ring"]
 RECEIVER = Receiver(ReceiverConfig(), 6)
 RATE_HZ = ReceiverConfig().sample_rate_hz
 DEG = np.pi / 180.0
