@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dirmusic.array.element_errors import ElementErrors, ElementSpread, ManifoldPrior
+from dirmusic.angles import difference
+from dirmusic.array.element_errors import PATTERN_APART_RAD, ElementErrors, ElementSpread, ManifoldPrior
 from dirmusic.array.manifold import GainManifold
 
 FloatArray = NDArray[np.float64]
@@ -94,7 +95,9 @@ def manifold_error_covariance(manifold: GainManifold, azimuth_rad: FloatArray, s
     gain, slope = manifold.gain_and_slope(azimuth_rad)
     turn = _turn_by_gain(gain, slope)
     by_kind = (spread.gain * turn * gain, spread.pointing_rad * turn * slope, spread.offset * turn)
-    return sum((errors.T @ errors for errors in by_kind), np.zeros((azimuth_rad.size, azimuth_rad.size)))
+    apart_rad = difference(azimuth_rad[:, np.newaxis], azimuth_rad)
+    by_pattern = spread.pattern**2 * (turn.T @ turn) * np.exp(-np.abs(apart_rad) / PATTERN_APART_RAD)
+    return sum((errors.T @ errors for errors in by_kind), by_pattern)
 
 
 def manifold_error(manifold: GainManifold, azimuth_rad: ArrayLike, errors: ElementErrors) -> FloatArray:

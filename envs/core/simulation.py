@@ -95,6 +95,7 @@ class Simulation:
                 gain=scenario.array.gain_error,
                 pointing_rad=float(np.radians(scenario.array.pointing_error_deg)),
                 offset=scenario.array.gain_offset / np.sqrt(3),
+                pattern=scenario.array.pattern_error,
             ),
             band_manifolds=nominal.band_manifolds(scenario.receiver.band_edges_hz),
         )
