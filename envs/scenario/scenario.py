@@ -122,6 +122,8 @@ class Scenario(Config, frozen=True):
                     faults.append(f"receiver.faults.{i}.{key}: got {channel}; allowed is 1 to {n}")
             if channels.index(fault.channel) != i:
                 faults.append(f"receiver.faults.{i}.channel: {fault.channel} has a fault already; allowed is one each")
+        if self.estimator.method == "sub_bands" and self.receiver.n_bands == 0:
+            faults.append("estimator.method: got sub_bands with receiver.n_bands 0; allowed are 1 to 8")
         return faults
 
     def _route_faults(self) -> list[str]:

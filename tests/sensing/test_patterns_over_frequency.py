@@ -10,11 +10,21 @@ from numpy.typing import NDArray
 from dirmusic import GainPattern, InputFileError
 from dirmusic.array.spatial_pattern import SpatialPattern, frequency_weights
 from dirmusic.array.spatial_pattern_file import read_any_pattern, read_spatial_pattern
-from sensing import ArrayConfig, HelicalArray, ReceiverConfig
+from dirmusic.pulses.sub_bands import SubBands
+from sensing import (
+    ArrayConfig,
+    DischargeSource,
+    HelicalArray,
+    ReceiverConfig,
+    Scene,
+    Surroundings,
+    level_transform,
+)
 from sensing.array.array_table import ArrayTable
 from sensing.array.config import SHIPPED_PATTERNS, ElementConfig
 from sensing.radio.arrivals import arrive
 from sensing.radio.ray_paths import RayPaths
+from sensing.receiver.bank import listen_once
 from sensing.receiver.front_end import MOST_BANDS, PHASES
 from sensing.receiver.receiver import Receiver
 from sensing.receiver.sampling.sampler import Emission
@@ -179,3 +189,30 @@ def test_a_faulty_table_is_refused_with_file_and_line(change: object, told: str,
     with pytest.raises(InputFileError, match=told) as refused:
         read_any_pattern(path)
     assert str(path) in str(refused.value)
+
+
+def test_a_receiver_reads_sub_bands_as_they_are_defined() -> None:
+    config = ReceiverConfig(n_bands=4, gate_samples=160)
+    array = HelicalArray.draw(ArrayConfig(true_pattern="helix_in_ring"), np.random.default_rng(2))
+    gun = DischargeSource(
+        name="gun", position_m=np.array([6.0, 2.0, 1.0]), amplitude_v=0.3, pulse_rate_hz=200.0, n_shots=20
+    )
+    scene = Scene([gun], Surroundings.free_space())
+    pose = level_transform(np.zeros(3))
+    found = listen_once(config, array, scene, np.random.default_rng(3), world_from_array=pose, duration_s=0.1)
+    assert found.pulses.n_pulses == 20
+    receiver = Receiver(config, 6)
+    bands = SubBands(config.band_edges_hz, config.sample_rate_hz, 160, receiver.front_end.correlation)
+    noise_v2 = np.full(6, receiver.noise_variance_v2)
+    np.testing.assert_allclose(found.pulses.band_strengths_v, bands.strengths(found.waveforms_v, noise_v2), rtol=1e-9)
+    in_band = np.square(found.pulses.band_strengths_v).sum(axis=1) / np.square(found.pulses.strengths_v)
+    assert 0.85 < np.median(in_band) < 1.0
+    whole = listen_once(
+        replace_bands(config), array, scene, np.random.default_rng(3), world_from_array=pose, duration_s=0.1
+    )
+    assert whole.pulses.band_strengths_v.shape == (20, 0, 6)
+    np.testing.assert_array_equal(whole.pulses.strengths_v, found.pulses.strengths_v)
+
+
+def replace_bands(config: ReceiverConfig) -> ReceiverConfig:
+    return config.model_copy(update={"n_bands": 0})
