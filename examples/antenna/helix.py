@@ -35,7 +35,7 @@ import tyro
 from figures import changes, draw, extent, reference, summary
 from moments import FINE_DEG, Helix, Mesh, Pattern, solve
 
-HERE = Path(__file__).parent
+CURRENT = Path()
 TABLES = {"helix": 1, "helix_in_ring": 6}
 """Each table's elements, of which the first is fed."""
 USUAL = Helix()
@@ -51,7 +51,7 @@ def main(
     step_ghz: float = 0.1,
     step_deg: float = 10.0,
     helix: Helix = USUAL,
-    folder: Path = HERE,
+    folder: Path = CURRENT,
     figure: bool = False,
     check: bool = False,
 ) -> None:
@@ -63,7 +63,7 @@ def main(
         step_ghz: Step between frequencies.
         step_deg: Step of azimuth and elevation; a multiple of 2.5 that divides 90.
         helix: Sizes.
-        folder: Where files go.
+        folder: Where files go, by default the current one; `sensing/array/patterns` has the shipped tables.
         figure: Draw helix.png as well.
         check: Solve with segments twice as long, too, and in the ring with other loads; show what that changes.
     """
