@@ -70,8 +70,8 @@ def is_credible(
     gain = manifold.gain(pulses.azimuth_rad)
     slope = perpendicular_slope(gain, manifold.derivative(pulses.azimuth_rad))
     by_noise = np.square(pulses.std_rad) * np.square(slope).sum(axis=0) / np.square(gain).sum(axis=0)
-    by_addition = manifold.n_elements * (spread.offset**2 + spread.pattern**2) / np.square(gain).sum(axis=0)
-    by_array = spread.gain**2 + spread.pointing_rad**2 + by_addition
+    by_offset = manifold.n_elements * spread.offset**2 / np.square(gain).sum(axis=0)
+    by_array = spread.gain**2 + spread.pointing_rad**2 + by_offset
     expected = by_noise + by_array + rules.misfit_floor
     is_plane_wave = pulses.misfit < rules.misfit_factor * expected
     is_narrow = np.square(pulses.std_rad) < np.square(method_std_rad) + rules.max_std_rad**2

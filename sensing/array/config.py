@@ -86,10 +86,10 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
     pointing_error_deg: NonNegativeFloat = 2.0
     position_error_m: NonNegativeFloat = 0.002
     gain_offset: NonNegativeFloat = 0.0
-    pattern_error: NonNegativeFloat = 0.02
+    pattern_error: NonNegativeFloat = 0.0
     """By how much the gain in any one direction may differ from the data sheet's pattern, over its largest gain, as the
     robot believes: a standard deviation in the plane, and more off it (`dirmusic.ElementSpread`). Nothing is drawn by
-    it: `true_pattern` says how it differs."""
+    it: `true_pattern` says how it differs. The computed helices need 0.02."""
 
     @model_validator(mode="before")
     @classmethod
