@@ -27,10 +27,9 @@ from sensing.receiver.trigger import STEP, probabilities, threshold_over_noise
 
 FloatArray = NDArray[np.float64]
 
-BURST_WINDOWS, BURST_SHARE, BURST_ECHOES = 4, 0.1, 3
+BURST_WINDOWS, BURST_SHARE, BURST_ECHOES = 4, 0.25, 3
 """A burst (assumed): from one to three times `longest_echo_s` after the trigger, the loudest channel has more than a
-tenth of the gate's power in all of four windows, each half a gate long. Echoes do not fill them all; and where several
-paths of a burst cancel, 10 dB are seldom missing."""
+quarter of the gate's power in all of four windows, each half a gate long. Echoes do not fill them all."""
 
 
 @dataclass(frozen=True, kw_only=True)
