@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dirmusic.array.element_errors import ElementErrors, ElementSpread, ManifoldPrior
+from dirmusic.angles import difference
+from dirmusic.array.element_errors import PATTERN_APART_RAD, ElementErrors, ElementSpread, ManifoldPrior
 from dirmusic.array.manifold import GainManifold
 
 FloatArray = NDArray[np.float64]
@@ -41,6 +44,27 @@ def bearing_bound(manifold: GainManifold, azimuth_rad: ArrayLike, energy_to_nois
     return 1.0 / np.sqrt(np.asarray(energy_to_noise) * np.square(slope).sum(axis=0))
 
 
+def bearing_bound_in_bands(
+    manifolds: Sequence[GainManifold], azimuth_rad: ArrayLike, energy_to_noise: ArrayLike
+) -> FloatArray:
+    r"""The same where the gain depends on frequency and the spectrum is unknown: an amplitude of its own in each band.
+
+    .. math:: \sigma_\theta \ge \left(\sum_b \rho_b \lVert g'_{b\perp}(\theta) \rVert^2\right)^{-1/2}
+
+    Args:
+        manifolds: The array in each band; bands so narrow that its gain is constant in them.
+        azimuth_rad: Array-frame azimuth, any shape.
+        energy_to_noise: rho of `bearing_bound` in each band, shape (n_bands, ...); broadcasts with `azimuth_rad`.
+
+    Returns:
+        Standard deviation in radians, of the broadcast shape.
+    """
+    rho = np.asarray(energy_to_noise, dtype=np.float64)
+    slopes = [perpendicular_slope(*manifold.gain_and_slope(azimuth_rad)) for manifold in manifolds]
+    information = [of_band * np.square(slope).sum(axis=0) for of_band, slope in zip(rho, slopes, strict=True)]
+    return 1.0 / np.sqrt(np.sum(information, axis=0))
+
+
 def manifold_error_std(manifold: GainManifold, azimuth_rad: ArrayLike, prior: ManifoldPrior) -> FloatArray:
     """Bearing error that all pulses from one azimuth share, because the array is not what the data sheet says.
 
@@ -71,7 +95,9 @@ def manifold_error_covariance(manifold: GainManifold, azimuth_rad: FloatArray, s
     gain, slope = manifold.gain_and_slope(azimuth_rad)
     turn = _turn_by_gain(gain, slope)
     by_kind = (spread.gain * turn * gain, spread.pointing_rad * turn * slope, spread.offset * turn)
-    return sum((errors.T @ errors for errors in by_kind), np.zeros((azimuth_rad.size, azimuth_rad.size)))
+    apart_rad = difference(azimuth_rad[:, np.newaxis], azimuth_rad)
+    by_pattern = spread.pattern**2 * (turn.T @ turn) * np.exp(-np.abs(apart_rad) / PATTERN_APART_RAD)
+    return sum((errors.T @ errors for errors in by_kind), by_pattern)
 
 
 def manifold_error(manifold: GainManifold, azimuth_rad: ArrayLike, errors: ElementErrors) -> FloatArray:

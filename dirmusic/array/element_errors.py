@@ -44,6 +44,15 @@ class ElementErrors:
         )
 
 
+PATTERN_APART_RAD = np.radians(18.0)
+"""Azimuths so far apart share exp(-1) of what the pattern there is off by (measured on the computed helices)."""
+
+OFF_PLANE = 12.5
+"""How what a pattern is off by grows with elevation, from the plane where it was measured: 1 + 12.5 sin^2 times. With
+0.02 in the plane it is what the computed helices are off by, alone and in the ring, from their cut and the law of
+`gain_in_space`, within a third up to 60 degrees: 0.02, 0.05, 0.1, 0.2 at 0, 20, 40, 60 degrees (measured)."""
+
+
 class ManifoldPrior(Protocol):
     """What is known of the errors of an array before it detects anything; elements are independent."""
 
@@ -73,22 +82,26 @@ class ElementSpread(ManifoldPrior):
         gain: Of the relative gain errors.
         pointing_rad: Of the pointing errors.
         offset: Of additions to the gain, in units of gain.
+        pattern: Of what the gain in any one direction differs from the pattern of the data sheet, in units of its
+            largest gain; in the plane where the pattern was measured. Other directions differ otherwise, from
+            `PATTERN_APART_RAD` on.
     """
 
     gain: float = 0.0
     pointing_rad: float = 0.0
     offset: float = 0.0
+    pattern: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse what is no spread."""
-        for name in ("gain", "pointing_rad", "offset"):
+        for name in ("gain", "pointing_rad", "offset", "pattern"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
                 raise ValueError(f"`{name}` must be a standard deviation, finite and >= 0, got {value!r}")
 
     def variance(self, gain: FloatArray, slope: FloatArray) -> FloatArray:
         """Variance of each element's gain about the data sheet's."""
-        return np.square(self.gain * gain) + np.square(self.pointing_rad * slope) + self.offset**2
+        return np.square(self.gain * gain) + np.square(self.pointing_rad * slope) + self.offset**2 + self.pattern**2
 
     def log_density(
         self, mismatch: FloatArray, gain: FloatArray, slope: FloatArray, noise_variance: FloatArray

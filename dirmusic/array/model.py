@@ -22,13 +22,21 @@ class ArrayModel:
         manifold: Nominal gains.
         positions_m: Nominal element positions, array frame, shape (n_elements, 2) or more columns, of which two count.
         spread: How far real arrays spread about the data sheet.
+        band_manifolds: Nominal gains in the lower and the upper half of each sub-band that the receiver reads, lowest
+            first; none where it reads none.
     """
 
     manifold: GainManifold
     positions_m: FloatArray
     spread: ElementSpread
+    band_manifolds: tuple[GainManifold, ...] = ()
 
     def take(self, elements: Sequence[int] | NDArray[np.intp] | NDArray[np.bool_]) -> ArrayModel:
         """The same array with some of its elements alone, by index or mask."""
         chosen = np.arange(self.manifold.n_elements)[np.asarray(elements)]
-        return ArrayModel(manifold=self.manifold.take(chosen), positions_m=self.positions_m[chosen], spread=self.spread)
+        return ArrayModel(
+            manifold=self.manifold.take(chosen),
+            positions_m=self.positions_m[chosen],
+            spread=self.spread,
+            band_manifolds=tuple(manifold.take(chosen) for manifold in self.band_manifolds),
+        )

@@ -36,8 +36,7 @@ class Bearings(NamedTuple):
 
     def attached_to(self, pulses: PulseBatch) -> PulseBatch:
         """Those pulses with these directions, one for each."""
-        time_s, strengths_v, variance_v2, _, _, _, is_usable, mains_phase_rad, is_clipped = pulses
-        return PulseBatch(time_s, strengths_v, variance_v2, *self, is_usable, mains_phase_rad, is_clipped)
+        return pulses._replace(azimuth_rad=self.azimuth_rad, std_rad=self.std_rad, misfit=self.misfit)
 
     def take(self, rows: slice | NDArray[np.bool_]) -> Bearings:
         """Some of the directions, by slice or mask."""

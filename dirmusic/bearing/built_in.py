@@ -14,8 +14,16 @@ from dirmusic.bearing.estimator import BearingEstimator
 from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
 from dirmusic.pulses.batch import PulseBatch
 
+
+def _sub_bands() -> BearingEstimator:
+    from dirmusic.bearing.sub_band_likelihood import SubBandLikelihood  # loads the compiler
+
+    return SubBandLikelihood()
+
+
 ESTIMATORS: dict[str, Callable[[], BearingEstimator]] = {
     "maximum_likelihood": MaximumLikelihood,
+    "sub_bands": _sub_bands,
     "music": Music,
     "strongest": Strongest,
 }

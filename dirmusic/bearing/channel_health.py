@@ -91,8 +91,12 @@ class HealthRules:
 SWAP_PULSES = 30
 """Two channels are suspected of being swapped only after a single one has had the time to show (assumed)."""
 
-SWAP_OPENING_RAD = np.radians(60.0)
-"""And only by pulses from directions so far apart: from one alone, a low channel looks like two swapped (assumed)."""
+OPENING_RAD = np.radians(60.0)
+"""By how far directions have to be apart (assumed): from one alone a low channel looks like two swapped, and a pattern
+that is off there like a channel too low or too high."""
+
+SURE_DB = 10.0
+"""A channel that is off by more than this is at fault whatever its pattern is (assumed): ten times the power."""
 
 CLEAR_STD_RAD = np.radians(4.0)
 """Pulses whose bearing is this good by noise are watched (assumed)."""
@@ -102,7 +106,8 @@ class ChannelMonitor:
     """Watches the strengths of pulses, says which channels can be trusted, and takes bearings from those alone.
 
     Whether a channel is at fault is judged by how well a direction explains the pulses, so by maximum likelihood,
-    whichever estimator takes the bearings.
+    whichever estimator takes the bearings. Where the pattern may be off, what it could be off by in one direction is no
+    fault: a channel at fault is so in all.
 
     Args:
         array: The nominal array.
@@ -221,6 +226,9 @@ class ChannelMonitor:
         alike = float(np.mean((ratio_db if median_db > 0 else -ratio_db) > rules.each_db))
         if abs(median_db) < rules.fault_db or alike < 0.9:
             return left, None
+        may_be_pattern = self.array.spread.pattern > 0.0 and abs(median_db) < SURE_DB
+        if may_be_pattern and aperture(azimuth[tells]) < OPENING_RAD:
+            return left, None
         kind = "dead" if median_db < rules.dead_db else "low" if median_db < 0 else "high"
         return left, SuspectChannel(channel, kind, median_db, int(tells.sum()))
 
@@ -239,6 +247,6 @@ class ChannelMonitor:
             return []
         order = np.arange(channels.size, dtype=np.intp)
         order[list(pair)] = order[list(pair)[::-1]]
-        if aperture(self._fit(strengths_v[:, order], channels).azimuth_rad) < SWAP_OPENING_RAD:
+        if aperture(self._fit(strengths_v[:, order], channels).azimuth_rad) < OPENING_RAD:
             return []
         return [SuspectChannel(int(channels[k]) + 1, "swapped", np.nan, len(strengths_v)) for k in pair]

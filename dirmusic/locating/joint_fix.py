@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.array.element_errors import ElementErrors
+from dirmusic.angles import difference
+from dirmusic.array.element_errors import OFF_PLANE, PATTERN_APART_RAD, ElementErrors, ElementSpread
 from dirmusic.array.model import ArrayModel
 from dirmusic.pulses.batch import PulseBatch
 
@@ -81,7 +82,8 @@ def locate_jointly(
     :math:`\alpha ((1 + e_i) g(\theta_i - b_i - d_i) + o_i) / r_i`. The amplitude is projected out of every pulse;
     offsets are a state where the array's spread has them. Pose errors turn all elements alike and stay the same for
     seconds: they widen the one direction in which the strengths move with azimuth, by as much as so many correlated
-    pulses deserve. What no model explains stays as long, and widens every direction.
+    pulses deserve. What no model explains stays as long, and widens every direction; so does what the pattern is off
+    by, for all pulses from one direction of the array.
 
     Args:
         pulses: Detected pulses, n rows; their scale does not matter, and channels that are not usable have no weight.
@@ -110,7 +112,9 @@ def locate_jointly(
     start = np.concatenate([np.column_stack([start_m, height_m]).ravel(), no_errors])
     n_places = 3 * n_sources
     beliefs = Beliefs(mean, spread, pose_error.position_m, pose_error.heading_rad, ROBUST_SCALE)
-    fit = _Fit(_explained(pulses, pose, source, pose_error), array, beliefs, len(of_elements), n_places)
+    fit = _Fit(
+        _explained(pulses, pose, source, start_m, array.spread, pose_error), array, beliefs, len(of_elements), n_places
+    )
     state, hessian = fit.solve(start)
     covariance: FloatArray = np.linalg.inv(hessian).astype(np.float64)
     block: NDArray[np.intp] = 3 * np.arange(n_sources, dtype=np.intp)[:, np.newaxis] + np.arange(2, dtype=np.intp)
@@ -134,7 +138,28 @@ def _correlated_pulses(time_s: FloatArray, source: NDArray[np.intp], correlation
     return (np.exp(-lag) * (source[:, np.newaxis] == source)).sum(axis=-1)
 
 
-def _explained(pulses: PulseBatch, pose: FloatArray, source: NDArray[np.intp], pose_error: PoseError) -> Explained:
+def _pattern_variance(pose: FloatArray, source: NDArray[np.intp], start_m: FloatArray, pattern: float) -> FloatArray:
+    """Variance of strengths, in units of the largest squared, by what the pattern is off by; shape (n,).
+
+    It is the same whenever a source is seen in one direction of the array, however often: pulses from there share it.
+    """
+    sight_m = start_m[source] - pose[:, :2]
+    azimuth_rad = np.arctan2(sight_m[:, 1], sight_m[:, 0]) - pose[:, 2]
+    height_m2 = HEIGHT_PRIOR_M[0] ** 2 + HEIGHT_PRIOR_M[1] ** 2
+    sin2 = height_m2 / (height_m2 + np.square(sight_m).sum(axis=-1))
+    apart = np.abs(difference(azimuth_rad[:, np.newaxis], azimuth_rad)) / PATTERN_APART_RAD
+    repeats = (np.exp(-apart) * (source[:, np.newaxis] == source)).sum(axis=-1)
+    return np.square(pattern * (1.0 + OFF_PLANE * sin2)) * repeats
+
+
+def _explained(
+    pulses: PulseBatch,
+    pose: FloatArray,
+    source: NDArray[np.intp],
+    start_m: FloatArray,
+    spread: ElementSpread,
+    pose_error: PoseError,
+) -> Explained:
     """Weights and weighted strengths of pulses; the floor stays for as long as the pose error does."""
     from dirmusic.locating.joint_kernels import Explained
 
@@ -143,6 +168,9 @@ def _explained(pulses: PulseBatch, pose: FloatArray, source: NDArray[np.intp], p
     strengths, variance = usable_v / norm_v, pulses.variance_v2 / norm_v**2
     repeats = _correlated_pulses(pulses.time_s, source, pose_error.correlation_s)
     floor = STRENGTH_FLOOR**2 * np.square(strengths) * repeats[:, np.newaxis]
+    if spread.pattern > 0.0:
+        of_largest = _pattern_variance(pose, source, start_m, spread.pattern)
+        floor += (of_largest * np.square(strengths).max(axis=-1))[:, np.newaxis]
     weight = pulses.is_usable / np.sqrt(variance + floor + 1e-8)
     return Explained(np.ascontiguousarray(pose), source, weight, weight * strengths, repeats)
 

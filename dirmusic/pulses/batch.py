@@ -19,8 +19,7 @@ class PulseBatch(NamedTuple):
     """Pulses that a receiver has detected, one a row, by time.
 
     The receiver fills in all but the direction; a bearing estimator adds azimuth, deviation and misfit, and a channel
-    monitor which channels are usable. Leading axes: `n_pulses` rows; an estimator that works on sub-bands would add an
-    axis of bands to the strengths and their variance, between pulses and elements.
+    monitor which channels are usable.
 
     Attributes:
         time_s: When the trigger fell, shape (n_pulses,).
@@ -33,6 +32,9 @@ class PulseBatch(NamedTuple):
         mains_phase_rad: Of the receiver's own supply at the trigger, in [0, 2 pi), shape (n_pulses,); NaN where it was
             not recorded.
         is_clipped: Which channels met the end of the converter's scale, shape (n_pulses, n_elements).
+        band_strengths_v: Strengths in sub-bands, shape (n_pulses, n_bands, n_elements), volts; no bands where the
+            receiver does not read them.
+        band_variance_v2: Noise variance of these, same shape, V^2.
     """
 
     time_s: FloatArray
@@ -44,6 +46,8 @@ class PulseBatch(NamedTuple):
     is_usable: BoolArray
     mains_phase_rad: FloatArray
     is_clipped: BoolArray
+    band_strengths_v: FloatArray
+    band_variance_v2: FloatArray
 
     @classmethod
     def detected(
@@ -53,10 +57,13 @@ class PulseBatch(NamedTuple):
         variance_v2: FloatArray,
         mains_phase_rad: FloatArray | None = None,
         is_clipped: BoolArray | None = None,
+        band_strengths_v: FloatArray | None = None,
+        band_variance_v2: FloatArray | None = None,
     ) -> Self:
         """Pulses as a receiver gives them: no direction yet, and all channels usable; attributes as of the class."""
         n, shape = time_s.size, strengths_v.shape
         azimuth_rad, std_rad, misfit = NO_DIRECTION
+        no_bands = np.empty((n, 0, strengths_v.shape[1]))
         return cls(
             time_s=time_s,
             strengths_v=strengths_v,
@@ -67,10 +74,12 @@ class PulseBatch(NamedTuple):
             is_usable=np.ones(shape, dtype=np.bool_),
             mains_phase_rad=np.full(n, np.nan) if mains_phase_rad is None else mains_phase_rad,
             is_clipped=np.zeros(shape, dtype=np.bool_) if is_clipped is None else is_clipped,
+            band_strengths_v=no_bands if band_strengths_v is None else band_strengths_v,
+            band_variance_v2=no_bands if band_variance_v2 is None else band_variance_v2,
         )
 
     @classmethod
-    def room(cls, n_pulses: int, n_elements: int) -> Self:
+    def room(cls, n_pulses: int, n_elements: int, n_bands: int = 0) -> Self:
         """Room for pulses, for a compiled loop to fill in."""
         shape = n_pulses, n_elements
         return cls(
@@ -83,12 +92,14 @@ class PulseBatch(NamedTuple):
             np.empty(shape, dtype=np.bool_),
             np.empty(n_pulses),
             np.empty(shape, dtype=np.bool_),
+            np.empty((n_pulses, n_bands, n_elements)),
+            np.empty((n_pulses, n_bands, n_elements)),
         )
 
     @classmethod
-    def none(cls, n_elements: int) -> Self:
+    def none(cls, n_elements: int, n_bands: int = 0) -> Self:
         """No pulse at all."""
-        return cls.room(0, n_elements)
+        return cls.room(0, n_elements, n_bands)
 
     @classmethod
     def join(cls, batches: Sequence[PulseBatch]) -> Self:
@@ -123,4 +134,6 @@ class PulseBatch(NamedTuple):
             variance_v2=self.variance_v2[:, channels],
             is_usable=self.is_usable[:, channels],
             is_clipped=self.is_clipped[:, channels],
+            band_strengths_v=self.band_strengths_v[:, :, channels],
+            band_variance_v2=self.band_variance_v2[:, :, channels],
         )

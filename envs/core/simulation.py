@@ -95,7 +95,9 @@ class Simulation:
                 gain=scenario.array.gain_error,
                 pointing_rad=float(np.radians(scenario.array.pointing_error_deg)),
                 offset=scenario.array.gain_offset / np.sqrt(3),
+                pattern=scenario.array.pattern_error,
             ),
+            band_manifolds=nominal.band_manifolds(scenario.receiver.band_edges_hz),
         )
         self.estimator = make_estimator(scenario.estimator.method, self.array)
         self.robot = scenario.robot.description
@@ -108,7 +110,7 @@ class Simulation:
             [item.kind for item in yard.equipment],
             Faces(**yard.faces()._asdict()),
             Solids(**yard.obstacles()._asdict()),
-        )
+        )._replace(by_two_walls=scenario.radio.second_order)
         self._spectrum_gain = np.empty((n_robots, self.array.manifold.n_elements, SPECTRUM_AZIMUTHS_RAD.size))
         n_elements, time_limit_s = self.array.manifold.n_elements, scenario.task.time_limit_s
         self.layout = ObservationLayout(observation_bounds(yard.size_m, self.robot.limits, n_elements, time_limit_s))

@@ -8,6 +8,7 @@ from pydantic import BeforeValidator, ValidationInfo
 
 from envs.scenario.base import beside_the_scenario
 from sensing import ArrayConfig
+from sensing.array.config import SHIPPED_PATTERNS
 
 PATTERN_KEYS = ("pattern", "true_pattern")
 
@@ -16,7 +17,8 @@ def _start_at_the_scenario(table: object, info: ValidationInfo) -> object:
     if not isinstance(table, dict):
         return table
     table = cast("dict[str, Any]", table)
-    paths = {key: table[key] for key in PATTERN_KEYS if isinstance(table.get(key), str)}
+    named = {key: table[key] for key in PATTERN_KEYS if isinstance(table.get(key), str)}
+    paths = {key: path for key, path in named.items() if path not in SHIPPED_PATTERNS}
     return {**table, **{key: beside_the_scenario(path, info) for key, path in paths.items()}}
 
 

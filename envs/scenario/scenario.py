@@ -53,6 +53,14 @@ class TaskConfig(Config, frozen=True):
     """For each control step in contact with anything but the floor; the default makes it cost a metre."""
 
 
+class RadioConfig(Config, frozen=True):
+    """What is told of how waves travel."""
+
+    second_order: bool = False
+    """Whether waves count that two walls mirror, one after the other; by a wall and the ground they always do. They are
+    late and weak, and cost time."""
+
+
 class Scenario(Config, frozen=True):
     """A yard, a route, what discharges in it, and how good robot and array are."""
 
@@ -67,6 +75,7 @@ class Scenario(Config, frozen=True):
     interferers: tuple[InterfererConfig, ...] = ()
     carriers: tuple[CarrierConfig, ...] = ()
     receiver: ReceiverConfig = ReceiverConfig()
+    radio: RadioConfig = RadioConfig()
     pose_sensor: PoseSensorConfig = PoseSensorConfig()
     lidar: LidarConfig = LidarConfig()
     odometry: OdometryConfig = OdometryConfig()
@@ -122,6 +131,8 @@ class Scenario(Config, frozen=True):
                     faults.append(f"receiver.faults.{i}.{key}: got {channel}; allowed is 1 to {n}")
             if channels.index(fault.channel) != i:
                 faults.append(f"receiver.faults.{i}.channel: {fault.channel} has a fault already; allowed is one each")
+        if self.estimator.method == "sub_bands" and self.receiver.n_bands == 0:
+            faults.append("estimator.method: got sub_bands with receiver.n_bands 0; allowed are 1 to 8")
         return faults
 
     def _route_faults(self) -> list[str]:

@@ -14,6 +14,7 @@ from dirmusic import GainManifold, GaussianPattern, pulse_start
 from missions.reproduction import protocol
 from missions.reproduction.exhibits import Exhibit, Measured, Row, published
 from missions.reproduction.methods import GATE_SAMPLES
+from missions.reproduction.over_frequency import BIAS_AZIMUTHS_DEG
 
 FloatArray = NDArray[np.float64]
 
@@ -37,6 +38,7 @@ def draw_all(exhibits: Sequence[Exhibit], folder: Path, seed: int) -> list[Path]
         "bound": lambda: bound(by_name["bound"]),
         "ring_size": lambda: ring_size(by_name["ring_size"]),
         "elevation": lambda: elevation(by_name["elevation"]),
+        "over_frequency": lambda: over_frequency(by_name["over_frequency"]),
     }
     paths: list[Path] = []
     for name, draw in pictures.items():
@@ -160,14 +162,18 @@ def field_test(exhibit: Exhibit) -> Figure:
     boxes.set(ylabel="mean error of 20 shots (deg)", title="Table 3: whiskers hold 90 % of the draws")
     boxes.legend(fontsize=8)
     results = exhibit.results
-    means.hist(exhibit.data["means"], bins=40, color=OURS, alpha=0.6)
-    means.axvspan(
-        results["central_90_low_deg"], results["central_90_high_deg"], color=PAPER, alpha=0.2, label="central 90 %"
-    )
+    drawn = exhibit.data["means"], exhibit.data["means_of_one"]
+    bins = np.histogram_bin_edges(np.concatenate(drawn), 40)
+    for values, colour, label in zip(drawn, (PAPER, OURS), ("an array at each position", "one at all"), strict=True):
+        means.hist(values, bins=bins.tolist(), color=colour, alpha=0.6, label=label)
     for key, style in (("printed", ":"), ("corrected", "-")):
-        value, percentile = results[f"{key}_mean_deg"], results[f"{key}_mean_percentile"]
+        value, percentile = results[f"{key}_mean_deg"], results[f"{key}_mean_percentile_one_array"]
         means.axvline(value, color=BEST, linestyle=style, label=f"{key}: {value:.2f} deg, percentile {percentile:.0f}")
-    means.set(xlabel="mean |error| of the ten positions (deg)", ylabel="draws", title="One mean per draw of the arrays")
+    means.set(
+        xlabel="mean |error| of the ten positions (deg)",
+        ylabel="draws",
+        title="One mean per draw; percentiles of one array",
+    )
     means.legend(fontsize=8)
     return figure
 
@@ -232,6 +238,27 @@ def elevation(exhibit: Exhibit) -> Figure:
     axes.set(ylabel="root mean square bias (deg)", title=exhibit.title)
     axes.grid(alpha=0.25)
     axes.legend(fontsize=8)
+    return figure
+
+
+def over_frequency(exhibit: Exhibit) -> Figure:
+    """Errors where the pattern changes over the band: against the bound, and over direction without noise."""
+    figure = _figure(11, 4.4)
+    left, right = figure.subplots(1, 2)
+    snr_db, limit, narrow, by_band = exhibit.data["curves"].T
+    left.semilogy(snr_db, narrow, "s-", color=OURS, label="one strength a channel")
+    left.semilogy(snr_db, by_band, "o-", color=BEST, label="strengths in sub-bands, free spectrum")
+    left.semilogy(snr_db, limit, "--", color=LIMIT, label="Cramer-Rao bound")
+    left.set(xlabel="SNR (dB)", ylabel="root mean square error (deg)", title="Computed helices in a ring")
+    (narrow_deg, by_band_deg), (lower_deg, by_band_lower_deg) = exhibit.data["bias_deg"]
+    right.plot(BIAS_AZIMUTHS_DEG, narrow_deg, color=OURS, label="one strength a channel")
+    right.plot(BIAS_AZIMUTHS_DEG, lower_deg, ":", color=OURS, label="the same, spectrum 10 % lower")
+    right.plot(BIAS_AZIMUTHS_DEG, by_band_deg, color=BEST, label="strengths in sub-bands")
+    right.plot(BIAS_AZIMUTHS_DEG, by_band_lower_deg, ":", color=BEST, label="the same, spectrum 10 % lower")
+    right.set(xlabel="direction (deg)", ylabel="bias without noise (deg)", xticks=range(-180, 181, 60))
+    for axes in (left, right):
+        axes.grid(which="both", alpha=0.25)
+        axes.legend(fontsize=8)
     return figure
 
 

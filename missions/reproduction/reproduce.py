@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from threadpoolctl import threadpool_limits
 
-from missions.reproduction import arrays, comparisons, field, limits, noise
+from missions.reproduction import arrays, comparisons, field, limits, noise, over_frequency
 from missions.reproduction.exhibits import Campaign, Exhibit
 
 ORDER = (
@@ -25,6 +25,7 @@ ORDER = (
     "bound",
     "ring_size",
     "elevation",
+    "over_frequency",
 )
 """As in the paper, then what it lacks."""
 
@@ -38,13 +39,14 @@ class _Part(NamedTuple):
 
 
 PARTS = (
-    _Part(noise.noise_tables, 5, 0.33),
+    _Part(noise.noise_tables, 5, 0.28),
     _Part(limits.ring_sizes, 6, 0.16),
     _Part(arrays.element_counts, 6, 0.14),
     _Part(comparisons.phase_method, 10, 0.13),
     _Part(arrays.manifold_errors, 4, 0.11),
-    _Part(field.field_test, 10, 0.10),
+    _Part(field.field_test, 20, 0.13),
     _Part(comparisons.sample_rates, 6, 0.02),
+    _Part(over_frequency.over_frequency, 6, 0.02),
     _Part(limits.bound, 7, 0.005),
     _Part(limits.elevation, 6, 0.005),
 )

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.array.pattern_table import Boresight, PatternTable, as_boresights, tabulate
+from sensing.array.gain_grid import NO_GRID, GainGrid
 from sensing.array.helical_array import HelicalArray
 
 FloatArray = NDArray[np.float64]
@@ -22,7 +23,8 @@ class ArrayTable(NamedTuple):
         boresights: Fields of `Boresight`, shape (n_robots, n_elements, 4).
         gain_factors: Shape (n_robots, n_elements).
         gain_offsets: Shape (n_robots, n_elements).
-        pattern: Of all elements, in the plane.
+        pattern: Of all elements, in the plane; does not count where there is a grid.
+        grid: Of all elements, over all directions and frequencies; empty where the pattern is one in the plane.
     """
 
     elements_m: FloatArray
@@ -30,14 +32,15 @@ class ArrayTable(NamedTuple):
     gain_factors: FloatArray
     gain_offsets: FloatArray
     pattern: PatternTable
+    grid: GainGrid
 
     @classmethod
-    def of(cls, arrays: Sequence[HelicalArray]) -> Self:
-        """A row for each array."""
+    def of(cls, arrays: Sequence[HelicalArray], grid: GainGrid = NO_GRID) -> Self:
+        """A row for each array; with the grid of their pattern, if it is over all directions."""
         n, n_elements = len(arrays), arrays[0].n_elements
         elements_m, boresights = np.empty((n, n_elements, 3)), np.empty((n, n_elements, len(Boresight._fields)))
         factors, offsets = np.empty((n, n_elements)), np.empty((n, n_elements))
-        table = cls(elements_m, boresights, factors, offsets, tabulate(arrays[0].pattern))
+        table = cls(elements_m, boresights, factors, offsets, tabulate(arrays[0].cut), grid)
         for row, array in enumerate(arrays):
             table.replace(row, array)
         return table

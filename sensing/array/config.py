@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, NonNegativeFloat, PositiveFloat, model_validator
 
-from dirmusic import GainManifold, GainPattern, GaussianPattern, InputFileError, TabulatedPattern, read_pattern
+from dirmusic import GainManifold, GainPattern, GaussianPattern, InputFileError, TabulatedPattern
 from dirmusic.array.ambiguity import worst_ambiguity
 from dirmusic.array.manifold import ring_boresights_rad
+from dirmusic.array.spatial_pattern import SpatialPattern
+from dirmusic.array.spatial_pattern_file import read_any_pattern
 
 FloatArray = NDArray[np.float64]
 
@@ -21,6 +23,10 @@ FEWEST_ELEMENTS, MOST_ELEMENTS = 3, 16
 """Elements of an array: two receive most directions in pairs; a robot carries no more than sixteen."""
 
 USUAL_ELEMENTS = 6
+
+SHIPPED_PATTERNS = {name: Path(__file__).with_name("patterns") / f"{name}.csv" for name in ("helix", "helix_in_ring")}
+"""Patterns over all directions and frequencies that a name stands for: a helix of four turns by the method of moments,
+alone and among its five neighbours; `examples/antenna` computes them."""
 
 SAME_PLACE_M = 1e-3
 """Elements nearer to each other than this are in one place."""
@@ -70,14 +76,20 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
     ring_radius_m: PositiveFloat = 0.12
     height_m: PositiveFloat = 0.6
     pattern: str | None = None
-    """File with the pattern of every element as the data sheet has it, which direction finding uses; eq. (1) of the
-    Dir-MUSIC paper, if left out."""
+    """File with the pattern of every element as the data sheet has it, which direction finding uses, or the name of a
+    shipped one; eq. (1) of the Dir-MUSIC paper, if left out. Of a pattern over all directions and frequencies it uses
+    the cut at elevation 0."""
     true_pattern: str | None = None
-    """File with the pattern that every element really has; that of the data sheet, if left out."""
+    """The pattern that every element really has, in the plane or over all directions and frequencies; that of the data
+    sheet, if left out."""
     gain_error: NonNegativeFloat = 0.05
     pointing_error_deg: NonNegativeFloat = 2.0
     position_error_m: NonNegativeFloat = 0.002
     gain_offset: NonNegativeFloat = 0.0
+    pattern_error: NonNegativeFloat = 0.0
+    """By how much the gain in any one direction may differ from the data sheet's pattern, over its largest gain, as the
+    robot believes: a standard deviation in the plane, and more off it (`dirmusic.ElementSpread`). Nothing is drawn by
+    it: `true_pattern` says how it differs. The computed helices need 0.02."""
 
     @model_validator(mode="before")
     @classmethod
@@ -106,7 +118,7 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
                 positions_m[k] = element.position_m
         return Elements(boresights, tilts, positions_m)
 
-    def nominal_pattern(self) -> GainPattern:
+    def nominal_pattern(self) -> GainPattern | SpatialPattern:
         """Pattern of the data sheet.
 
         Raises:
@@ -114,7 +126,7 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
         """
         return GaussianPattern() if self.pattern is None else _pattern(self.pattern)
 
-    def real_pattern(self) -> GainPattern:
+    def real_pattern(self) -> GainPattern | SpatialPattern:
         """Pattern that the elements really have.
 
         Raises:
@@ -162,8 +174,9 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
     def _manifold_faults(self) -> list[str]:
         key, elements = "elements" if self.elements else "pattern", self.nominal_elements()
         try:
+            pattern = self.nominal_pattern()
             manifold = GainManifold(
-                self.nominal_pattern(),
+                pattern.cut() if isinstance(pattern, SpatialPattern) else pattern,
                 elements.boresights_rad,
                 boresight_elevations_rad=elements.boresight_elevations_rad,
             )
@@ -180,15 +193,16 @@ def _shown(place_m: FloatArray) -> str:
     return f"({', '.join(f'{x:g}' for x in place_m)})"
 
 
-def _pattern(path: str) -> TabulatedPattern:
-    """The pattern in a file, read again only if the file has changed."""
+def _pattern(path: str) -> TabulatedPattern | SpatialPattern:
+    """The pattern in a file, or that of a name; read again only if the file has changed."""
+    path = str(SHIPPED_PATTERNS.get(path, path))
     try:
         version = Path(path).stat()
     except OSError:
-        return read_pattern(path)  # says what is wrong
+        return read_any_pattern(path)  # says what is wrong
     return _pattern_version(path, version.st_mtime_ns, version.st_size)
 
 
 @lru_cache(maxsize=16)
-def _pattern_version(path: str, modified_ns: int, size: int) -> TabulatedPattern:
-    return read_pattern(path)
+def _pattern_version(path: str, modified_ns: int, size: int) -> TabulatedPattern | SpatialPattern:
+    return read_any_pattern(path)

@@ -11,6 +11,7 @@ from dirmusic.array.pattern_table import Boresight, gain_towards
 from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
 from dirmusic.compiled import compiled
 from sensing.array.array_table import ArrayTable
+from sensing.array.gain_grid import look_up_gains
 from sensing.radio.propagation import Propagation
 from sensing.radio.ray_paths import RayPaths, find_ray_paths
 from sensing.radio.vectors import Vector
@@ -23,10 +24,11 @@ class Arrivals(NamedTuple):
 
     Attributes:
         delay_s: Travel time, shape (n_paths, n_elements).
-        amplitude: For a peak of 1 V at 1 m, complex, shape (n_paths, n_elements): exp(-j omega delay) times it is what
-            comes of a steady wave exp(j omega t).
-        loudest: Largest magnitude of `amplitude`, shape (n_paths,).
-        loudest_s: Travel time to the element with that magnitude, shape (n_paths,).
+        amplitude: For a peak of 1 V at 1 m, complex, in each band, shape (n_paths, n_elements, n_bands):
+            exp(-j omega delay) times it is what comes of a steady wave exp(j omega t). One band where the pattern is
+            the same at all frequencies.
+        loudest: What the largest magnitude at any element does not exceed, shape (n_paths,).
+        loudest_s: Travel time to the element with that, shape (n_paths,).
     """
 
     delay_s: FloatArray
@@ -45,8 +47,9 @@ def arrive(ray_paths: RayPaths, robot: int, world_from_array: FloatArray, arrays
         world_from_array: Poses of the arrays, shape (n_robots, 4, 4).
         arrays: One for each robot.
     """
-    n_paths, n_elements = ray_paths.source.size, arrays.elements_m.shape[1]
-    delay_s, amplitude = np.empty((n_paths, n_elements)), np.empty((n_paths, n_elements), np.complex128)
+    n_paths, n_elements, n_bands = ray_paths.source.size, arrays.elements_m.shape[1], arrays.grid.band_peak.size
+    delay_s, amplitude = np.empty((n_paths, n_elements)), np.empty((n_paths, n_elements, n_bands), np.complex128)
+    has_grid, gain = arrays.grid.gain.size > 0, np.empty(n_bands)
     loudest, loudest_s = np.empty(n_paths), np.empty(n_paths)
     r, w = robot, world_from_array[robot]
     for p in range(n_paths):
@@ -64,12 +67,18 @@ def arrive(ray_paths: RayPaths, robot: int, world_from_array: FloatArray, arrays
             ex, ey, ez = x - arrays.elements_m[r, e, 0], y - arrays.elements_m[r, e, 1], z - arrays.elements_m[r, e, 2]
             range_m = np.sqrt(ex * ex + ey * ey + ez * ez)
             of = arrays.boresights[r, e]
-            gain = gain_towards(arrays.pattern, Boresight(of[0], of[1], of[2], of[3]), ex, ey, ez)
-            gain = arrays.gain_factors[r, e] * gain + arrays.gain_offsets[r, e]
+            boresight = Boresight(of[0], of[1], of[2], of[3])
+            if has_grid:
+                look_up_gains(arrays.grid, boresight, ex, ey, ez, gain)
+            else:
+                gain[0] = gain_towards(arrays.pattern, boresight, ex, ey, ez)
             length_m = extra_m + range_m
             delay_s[p, e] = length_m / SPEED_OF_LIGHT_MPS
-            amplitude[p, e] = ray_paths.coefficient[p] * (gain / length_m)
-            level = abs(amplitude[p, e])
+            level = 0.0
+            for b in range(n_bands):
+                with_errors = arrays.gain_factors[r, e] * gain[b] + arrays.gain_offsets[r, e]
+                amplitude[p, e, b] = ray_paths.coefficient[p] * (with_errors / length_m)
+                level += arrays.grid.band_peak[b] * abs(amplitude[p, e, b])
             if level > loudest[p]:
                 loudest[p], loudest_s[p] = level, delay_s[p, e]
     return Arrivals(delay_s, amplitude, loudest, loudest_s)

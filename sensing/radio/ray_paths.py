@@ -28,6 +28,7 @@ from sensing.radio.obstruction import SHADOW, cast_shadows, passes_straight
 from sensing.radio.polarisation import Emitter, radiated, received
 from sensing.radio.surroundings import Surroundings
 from sensing.radio.tables import GROUND, Obstacles, substance_of
+from sensing.radio.two_mirrors import is_upright, meet_two, reflect_by_two
 from sensing.radio.vectors import TINY, Vector, length, minus, towards, upside_down
 
 FloatArray = NDArray[np.float64]
@@ -135,6 +136,27 @@ def loudest_of(paths: NDArray[np.void], n: int) -> float:
 
 
 @compiled
+def mirror_twice(
+    emitter: Emitter, target: Vector, surroundings: Surroundings, weakest: float, paths: NDArray[np.void], n: int
+) -> int:
+    """Add the paths by two upright faces, one after the other; returns how many paths there are."""
+    faces = surroundings.faces
+    for f in range(faces.size):
+        first = faces[f]
+        if not is_upright(first):
+            continue
+        for g in range(faces.size):
+            second = faces[g]
+            if f == g or not is_upright(second):
+                continue
+            met = meet_two(first, second, emitter.at, target)
+            if met.first.rim_m >= 0.0 and met.second.rim_m >= 0.0:
+                coefficient = reflect_by_two(emitter, target, first, second, met, surroundings.obstacles, weakest)
+                n = add(paths, n, met.second.image, 0.0, coefficient, target)
+    return n
+
+
+@compiled
 def trace(
     emitter: Emitter,
     target: Vector,
@@ -144,7 +166,7 @@ def trace(
     paths: NDArray[np.void],
 ) -> int:
     """All paths of one source, into rows of `PATH`; returns how many there are."""
-    faces, ground, obstacles = surroundings
+    faces, ground, obstacles, by_two_walls = surroundings
     shadows = rays.shadows
     cast_shadows(line(emitter.at, target), obstacles, shadows)
     straight = towards(emitter.at, target)
@@ -170,6 +192,8 @@ def trace(
         if not is_wall:
             n_strong = n
     rays.loudest[0] = loudest_of(paths, n)
+    if by_two_walls:
+        n = mirror_twice(emitter, target, surroundings, max(WEAKEST * rays.loudest[0], faintest), paths, n)
     for k in range(obstacles.size):
         if obstacles[k].radius_m > 0.0:
             by = Standing(obstacles, shadows, k, max(WEAKEST * rays.loudest[0], faintest))
@@ -206,7 +230,8 @@ def find_ray_paths(
     obstacles, n_sources, n_faces = surroundings.obstacles, faintest.size, surroundings.faces.size
     n_rays = 2 * MOST_RAYS * count_bends(obstacles)
     rays = BentRays(np.empty(n_rays, BENT_RAY), np.empty(4, SEEN_EDGE), np.empty(obstacles.size, SHADOW), np.zeros(1))
-    paths = np.empty(1 + 2 * n_faces + obstacles.size + n_rays, PATH)
+    n_by_two = n_faces * (n_faces - 1) if surroundings.by_two_walls else 0
+    paths = np.empty(1 + 2 * n_faces + n_by_two + obstacles.size + n_rays, PATH)
     n_most = (faintest < np.inf).sum() * paths.size
     source, from_m, extra_m = np.empty(n_most, np.intp), np.empty((n_most, 3)), np.empty(n_most)
     coefficient = np.empty(n_most, np.complex128)

@@ -76,11 +76,13 @@ class Surroundings(NamedTuple):
         faces: Flat faces that mirror, the ground among them, rows of `FACE`.
         ground: What the ground is made of; it mirrors nothing where there is none.
         obstacles: Solids that the pieces are made of, with their own materials.
+        by_two_walls: Whether rays count that two upright faces mirror, one after the other.
     """
 
     faces: NDArray[np.void]
     ground: Substance
     obstacles: Obstacles
+    by_two_walls: bool
 
     @classmethod
     def of_kinds(cls, kinds: Sequence[str], faces: Faces, solids: Solids, ground: Material = GRAVEL) -> Self:
@@ -113,7 +115,7 @@ class Surroundings(NamedTuple):
         is_there = bool((faces.owner == GROUND).any())
         table = face_table([*of_pieces, ground], faces, solids)
         below = ground if is_there else ground._replace(flat_share=0.0)
-        return cls(table, below.substance, obstacle_table(solids, of_solids))
+        return cls(table, below.substance, obstacle_table(solids, of_solids), False)
 
     @classmethod
     def free_space(cls) -> Self:

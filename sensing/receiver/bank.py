@@ -69,12 +69,12 @@ class ReceiverBank:
         shape = n_robots, len(scene.sources)
         self._propagation = Propagation(
             SourceTable(np.empty((*shape, 3)), np.empty((*shape, 3)), np.empty(shape)),
-            ArrayTable.of([listener.array for listener in listeners]),
+            ArrayTable.of([listener.array for listener in listeners], self._receiver.grid(listeners[0].array)),
             scene.surroundings,
         )
         self._held_propagation = Held(self._propagation)
         self._nothing = Detections(
-            np.empty(0, dtype=np.intp), PulseBatch.none(n), np.empty((0, n, config.gate_samples)), 0
+            np.empty(0, dtype=np.intp), PulseBatch.none(n, config.n_bands), np.empty((0, n, config.gate_samples)), 0
         )
         self._no_tones = Tones(np.empty((0, n)), np.empty((0, n)), np.empty(0))
         self._quiet = self._condition(0.0, self._no_tones)
@@ -82,7 +82,7 @@ class ReceiverBank:
         self._changes: dict[int, bool] = {}
         self._chains: dict[int, ReceiverChain] = {}
         self._listening: dict[int, Held[Listening]] = {}
-        self._gates = [Held(Gates.room(LEAST_ROOM, n, config.gate_samples)) for _ in range(n_threads)]
+        self._gates = [Held(Gates.room(LEAST_ROOM, n, config.gate_samples, config.n_bands)) for _ in range(n_threads)]
         for robot, listener in enumerate(listeners):
             self.replace(robot, listener)
 
@@ -170,7 +170,7 @@ class ReceiverBank:
 
     def _more_room(self, gates: Gates, n_filled: int, n_gates: int) -> Held[Gates]:
         """Room for so many gates, the first of which are as they are."""
-        more = Gates.room(n_gates, self._receiver.n_elements, self.config.gate_samples)
+        more = Gates.room(n_gates, self._receiver.n_elements, self.config.gate_samples, self.config.n_bands)
         more.waveforms_v[:n_filled] = gates.waveforms_v[:n_filled]
         for column, filled in zip(more.pulses, gates.pulses, strict=True):
             column[:n_filled] = filled[:n_filled]

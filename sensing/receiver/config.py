@@ -35,7 +35,26 @@ class ReceiverConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_
     """Largest voltage that the converter can represent, of either sign; beyond it a pulse is clipped, and flagged. With
     the defaults one count is 0.86 of the noise behind the band-pass; where it is more than two, rounding is not
     noise."""
+    n_bands: int = Field(default=0, ge=0, le=8)
+    """Sub-bands of one width in which strengths are read as well, for the estimator `sub_bands`. They share their noise
+    where they are narrower than the sampling rate over the gate's length, 222 MHz with the defaults."""
     faults: tuple[ChannelFault, ...] = ()
+
+    @property
+    def band_edges_hz(self) -> tuple[float, ...]:
+        """Of the sub-bands, n_bands + 1 of them; none where none are read."""
+        if self.n_bands == 0 or self.band_hz == "all":
+            return ()
+        low_hz, high_hz = self.band_hz
+        return tuple(low_hz + (high_hz - low_hz) * k / self.n_bands for k in range(self.n_bands + 1))
+
+    @model_validator(mode="after")
+    def _sub_bands_are_parts_of_a_band(self) -> Self:
+        if self.n_bands > 0 and self.band_hz == "all":
+            raise ValueError(
+                f'n_bands: got {self.n_bands} with band_hz = "all"; allowed is 0, or a band that they divide'
+            )
+        return self
 
     @model_validator(mode="after")
     def _gate_reaches_beyond_the_trigger(self) -> Self:

@@ -62,9 +62,9 @@ class Gates(NamedTuple):
     pulses: PulseBatch
 
     @classmethod
-    def room(cls, n_gates: int, n_elements: int, n_samples: int) -> Self:
+    def room(cls, n_gates: int, n_elements: int, n_samples: int, n_bands: int) -> Self:
         """Room for as many, for a compiled loop to fill in."""
-        return cls(np.empty((n_gates, n_elements, n_samples)), PulseBatch.room(n_gates, n_elements))
+        return cls(np.empty((n_gates, n_elements, n_samples)), PulseBatch.room(n_gates, n_elements, n_bands))
 
 
 class ReceiverChain(NamedTuple):

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sensing.nature.pulse_shape import DECAY_S, damped_pulse
+from dirmusic.array.spatial_pattern import frequency_weights
+from sensing.nature.pulse_shape import DECAY_S, FREQUENCY_HZ, damped_pulse
 
 FloatArray = NDArray[np.float64]
 
@@ -20,22 +21,32 @@ PHASES = 128
 """Into how many parts a sample is divided where the filtered pulse is tabulated; what lies between is rounded, to 0.003
 rad at 2 GHz and 20 GS/s."""
 
+MOST_BANDS = 8
+"""Into which a pulse is divided where the gain depends on frequency: of the default band, 114 MHz each."""
+
+LEAD_S = 12e-9
+"""How long before and after a pulse its bands are known: at eight in 800 MHz, all but 1 % of each."""
+
 SETTLED = 1e-6
 """Share of its energy that is left of the filter's impulse response when it is taken as over."""
 
 
 class PulseTable(NamedTuple):
-    """A filtered pulse of 1 V before the filter, as compiled loops read it.
+    """A filtered pulse of 1 V before the filter, divided into bands that add up to it, as compiled loops read it.
 
     Attributes:
-        sine_v: Row k begins with the sample that lies k / n_phases of a sample after the arrival, and goes on sample
-            by sample, shape (n_phases, n_samples); the pulse is 0 before and after.
+        sine_v: In each band, row k begins with the sample that lies k / n_phases of a sample after the first known one,
+            and goes on sample by sample, shape (n_bands, n_phases, n_samples); the pulse is 0 before and after.
         cosine_v: Of a pulse whose oscillation is a quarter of a turn ahead; same shape.
+        lead: Samples from the first known one to the arrival.
+        steady_share: Share of each band in a steady wave of the pulses' frequency, shape (n_bands,).
         rate_hz: Samples per second.
     """
 
     sine_v: FloatArray
     cosine_v: FloatArray
+    lead: int
+    steady_share: FloatArray
     rate_hz: float
 
 
@@ -73,6 +84,7 @@ class FrontEnd:
         self.sample_rate_hz = sample_rate_hz
         self.band_hz = band_hz
         self.gate_samples = gate_samples
+        self._divided: dict[tuple[float, ...], PulseTable] = {}
 
     def filter(self, samples: FloatArray) -> FloatArray:
         """Run forward in time along the last axis, starting from rest; same shape."""
@@ -181,15 +193,52 @@ class FrontEnd:
         table[0] = 0.0  # what comes before counts as the first value, what comes after as the last
         return table
 
+    def bands_hz(self, known_hz: FloatArray) -> FloatArray:
+        """Frequencies that bands stand for where the gain of an array depends on frequency, shape (n_bands,).
+
+        Those at which it is known, if there are few enough within the band and next to it; else even steps.
+
+        Args:
+            known_hz: Where the gain is known; it is linear in between.
+        """
+        low_hz, high_hz = self.band_hz or (known_hz[0], known_hz[-1])
+        within = known_hz[(low_hz <= known_hz) & (known_hz <= high_hz)]
+        low_hz, high_hz = (float(np.clip(end_hz, known_hz[0], known_hz[-1])) for end_hz in (low_hz, high_hz))
+        exact = np.unique(np.concatenate([[low_hz, high_hz], within]))
+        return exact if exact.size <= MOST_BANDS else np.linspace(low_hz, high_hz, MOST_BANDS)
+
     @cached_property
     def pulse_table(self) -> PulseTable:
-        """The filtered pulse as compiled loops read it."""
-        n_samples = -(-self._pulse_table.size // PHASES)
-        sine, cosine = (
-            np.pad(table, (0, n_samples * PHASES - table.size)).reshape(n_samples, PHASES).T
-            for table in (self._pulse_table, self._tabulated(0.5 * np.pi))
-        )
-        return PulseTable(np.ascontiguousarray(sine), np.ascontiguousarray(cosine), self.sample_rate_hz)
+        """The filtered pulse as compiled loops read it, in one band."""
+        sine, cosine = (by_phase(table) for table in (self._pulse_table, self._tabulated(0.5 * np.pi)))
+        return PulseTable(sine[np.newaxis], cosine[np.newaxis], 0, np.ones(1), self.sample_rate_hz)
+
+    def pulse_in_bands(self, bands_hz: FloatArray) -> PulseTable:
+        """The filtered pulse in bands: times the gains at their frequencies they add up to what a linear gain makes.
+
+        A band's share of the spectrum falls linearly from 1 at its own frequency to 0 at its neighbours'. No phase goes
+        with it: what is in a band begins before the arrival, and the less so the wider the bands.
+
+        Args:
+            bands_hz: Rising, shape (n_bands,).
+        """
+        key = tuple(bands_hz.tolist())
+        if key not in self._divided:
+            lead = round(LEAD_S * self.sample_rate_hz)
+            n_pulse = self._pulse_table.size
+            n = (-(-n_pulse // PHASES) + 2 * lead) * PHASES
+            frequency_hz = np.asarray(np.fft.rfftfreq(n, 1.0 / (PHASES * self.sample_rate_hz)), dtype=np.float64)
+            share = frequency_weights(frequency_hz, bands_hz).T
+            sine, cosine = (
+                np.array([by_phase(band) for band in np.fft.irfft(share * np.fft.rfft(whole), n)])
+                for whole in (
+                    np.pad(table, (lead * PHASES, n - lead * PHASES - n_pulse))
+                    for table in (self._pulse_table, self._tabulated(0.5 * np.pi))
+                )
+            )
+            steady = frequency_weights(np.array([FREQUENCY_HZ]), bands_hz)[0]
+            self._divided[key] = PulseTable(sine, cosine, lead, steady, self.sample_rate_hz)
+        return self._divided[key]
 
     def pulse(self, sample: FloatArray) -> FloatArray:
         """The filtered pulse so many samples after its arrival, any shape; 0 before. Its peak is `pulse_peak`."""
@@ -204,3 +253,9 @@ class FrontEnd:
     def pulse_lag(self) -> float:
         """Samples from the arrival of a pulse to where it first has half its peak."""
         return float(np.argmax(np.abs(self._pulse_table) >= 0.5 * self.pulse_peak)) / PHASES
+
+
+def by_phase(table: FloatArray) -> FloatArray:
+    """`PHASES` values a sample, as a row for each phase, shape (PHASES, n_samples)."""
+    n_samples = -(-table.size // PHASES)
+    return np.ascontiguousarray(np.pad(table, (0, n_samples * PHASES - table.size)).reshape(n_samples, PHASES).T)

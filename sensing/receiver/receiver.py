@@ -9,7 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from dirmusic.array.spatial_pattern import SpatialPattern
 from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
+from dirmusic.pulses.sub_bands import SubBands
+from sensing.array.gain_grid import NO_GRID, GainGrid, gain_grid
 from sensing.array.helical_array import HelicalArray
 from sensing.nature.pulse_shape import DECAY_S
 from sensing.nature.scene import Scene
@@ -17,8 +20,8 @@ from sensing.nature.sources import Carrier
 from sensing.receiver.config import ReceiverConfig
 from sensing.receiver.detection import Converter, ReceiverChain
 from sensing.receiver.faults import Faults
-from sensing.receiver.front_end import front_end
-from sensing.receiver.gates import GateParameters
+from sensing.receiver.front_end import PulseTable, front_end
+from sensing.receiver.gates import BandReading, GateParameters
 from sensing.receiver.sampling.sampler import BurstTest, Sampler, Timing, Tones, Trigger
 from sensing.receiver.trigger import STEP, probabilities, threshold_over_noise
 
@@ -119,12 +122,42 @@ class Receiver:
         noise = front_end.noise_filter(config.noise_v)
         highest = 2 ** (config.bits - 1) - 1
         return ReceiverChain(
-            Sampler(front_end.pulse_table, noise, timing, self.trigger(above_v), burst),
+            Sampler(self.pulse_table(array), noise, timing, self.trigger(above_v), burst),
             Converter(self.step_v, float(highest)),
             GateParameters(
-                front_end.energy_spread, front_end.noise_on_pulse, config.mains_hz, (highest - 0.5) * self.step_v
+                front_end.energy_spread,
+                front_end.noise_on_pulse,
+                config.mains_hz,
+                (highest - 0.5) * self.step_v,
+                self._band_reading,
             ),
         )
+
+    @cached_property
+    def _band_reading(self) -> BandReading:
+        """How strengths in sub-bands are read."""
+        config, front_end = self.config, self.front_end
+        if not config.band_edges_hz:
+            return BandReading(np.empty((0, 0, config.gate_samples)), np.empty(0), np.empty(0), np.empty(0))
+        bands = SubBands(config.band_edges_hz, config.sample_rate_hz, config.gate_samples, front_end.correlation)
+        since = np.arange(config.gate_samples, dtype=np.float64) - config.pretrigger_samples
+        pulse = front_end.pulse(since + front_end.pulse_lag)
+        return BandReading(bands.lines, bands.noise_samples, bands.energy_spread, bands.noise_on(pulse))
+
+    def pulse_table(self, array: HelicalArray) -> PulseTable:
+        """The filtered pulse, in bands where the gain of an array depends on frequency."""
+        pattern, front_end = array.pattern, self.front_end
+        if not isinstance(pattern, SpatialPattern):
+            return front_end.pulse_table
+        return front_end.pulse_in_bands(front_end.bands_hz(pattern.frequency_hz))
+
+    def grid(self, array: HelicalArray) -> GainGrid:
+        """Gains of an array in the bands of `pulse_table`; none where its pattern is one in the plane."""
+        if not isinstance(array.pattern, SpatialPattern):
+            return NO_GRID
+        table, bands_hz = self.pulse_table(array), self.front_end.bands_hz(array.pattern.frequency_hz)
+        peak = np.sqrt(np.square(table.sine_v) + np.square(table.cosine_v)).max(axis=(1, 2))
+        return gain_grid(array.pattern, bands_hz, peak)
 
     def tones(self, carriers: Sequence[Carrier], array: HelicalArray, world_from_array: FloatArray) -> Tones:
         """What the band-pass leaves of carriers, in the channels of an array at a place (4, 4)."""
@@ -134,7 +167,7 @@ class Receiver:
         for row, carrier in enumerate(carriers):
             azimuth_rad = np.full(n, carrier.bearing_rad - heading_rad)
             sight = np.array([np.cos(azimuth_rad[0]), np.sin(azimuth_rad[0])])
-            gain = array.gain(azimuth_rad, np.zeros(n))
+            gain = array.gain(azimuth_rad, np.zeros(n), carrier.frequency_hz)
             tones.amplitude_v[row] = carrier.amplitude_v * self.front_end.response(carrier.frequency_hz) * gain
             tones.phase_rad[row] = (
                 2 * np.pi * carrier.frequency_hz / SPEED_OF_LIGHT_MPS * array.positions_m[:, :2] @ sight

@@ -166,6 +166,8 @@ def test_a_good_file_loads(tmp_path: Path) -> None:
         ('name = "pd"', 'name = "pd"\nn_shots = 5\npulse_rate_hz = 0.0', "sources.0.pulse_rate_hz", "above 0"),
         ("noise_v = 1e-3", "bits = -3", "receiver.bits", "greater than"),
         ("noise_v = 1e-3", "band_hz = [1.4e9, 2.2e10]", "receiver.band_hz", "below half of sample_rate_hz, 1e+10"),
+        ("noise_v = 1e-3", "n_bands = 4\nband_hz = \"all\"", "receiver.n_bands", "or a band that they divide"),
+        ("noise_v = 1e-3", "n_bands = 9", "receiver.n_bands", "less than or equal to 8"),
         ("noise_v = 1e-3", "sample_rate_hz = 4e9", "receiver.band_hz", "below half of sample_rate_hz, 2e+09"),
         ("noise_v = 1e-3", "band_hz = [2.2e9, 1.4e9]", "receiver.band_hz", "rises"),
         ("noise_v = 1e-3", 'faults = [{ channel = 7, kind = "dead" }]', "receiver.faults.0.channel", "7"),

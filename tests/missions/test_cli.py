@@ -191,7 +191,7 @@ def test_reproduce_writes_numbers_and_pictures_and_refuses_what_is_no_number_of_
     data = json.loads((folder / "reproduction.json").read_text())
     assert json.loads(done.stdout) == data
     assert (data["trials"], data["seed"]) == (100, 4)
-    assert len(list(folder.glob("*.png"))) == 11
+    assert len(list(folder.glob("*.png"))) == 12
     told = refused(pdpatrol("reproduce", "--trials", "99", "--seed", "-1", cwd=tmp_path))
     assert told == [
         "--trials: got 99; allowed is 100 to 1000000",

@@ -116,7 +116,21 @@ def test_few_trials_are_already_near_the_paper_and_the_best_method_ahead() -> No
     ratios = [row for row in done["bound"].rows if row.label.startswith(("10", "0", "-10"))]
     assert all(value(row.best_method) < 1.2 < value(row.paper_method) for row in ratios)
     results = done["table3"].results
-    assert results["central_90_low_deg"] < 3.39 < 3.50 < results["central_90_high_deg"]
+    for which in ("", "_one_array"):
+        assert results[f"central_90_low_deg{which}"] < 3.39 < 3.50 < results[f"central_90_high_deg{which}"]
+    width, width_of_one = (
+        results[f"central_90_high_deg{which}"] - results[f"central_90_low_deg{which}"] for which in ("", "_one_array")
+    )
+    assert width_of_one > width  # ten errors of one array are no ten errors
+
+
+def test_where_the_pattern_changes_over_the_band_sub_bands_meet_the_bound_and_one_strength_is_biased() -> None:
+    exhibit = exhibits(200, 3)["over_frequency"]
+    for row in exhibit.rows[:4]:
+        assert value(row.best_method) < 1.10 + 2 * 0.05  # two deviations of 200 trials
+        assert value(row.paper_method) > 1.5
+    assert exhibit.results["sub_bands_bias_deg"] < 0.05 < 0.5 < exhibit.results["narrow_band_bias_deg"]
+    assert exhibit.results["sub_bands_bias_deg_lower"] < 0.05 < 0.5 < exhibit.results["narrow_band_bias_deg_lower"]
 
 
 def test_the_json_holds_paper_ours_and_best_with_intervals(tmp_path: Path) -> None:
@@ -132,7 +146,7 @@ def test_the_json_holds_paper_ours_and_best_with_intervals(tmp_path: Path) -> No
 
 def test_every_picture_is_drawn(tmp_path: Path) -> None:
     paths = draw_all(tuple(exhibits(200, 3).values()), tmp_path, seed=3)
-    assert len(paths) == 11
+    assert len(paths) == 12
     assert all(path.read_bytes().startswith(b"\x89PNG") and path.stat().st_size > 10_000 for path in paths)
     assert all(as_table(exhibit) for exhibit in exhibits(200, 3).values())
 

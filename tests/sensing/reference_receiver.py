@@ -98,4 +98,4 @@ def _signal(
         shape = ((time_s >= 0) & (time_s < burst_s)) * -1j * turn
     else:
         shape = damped_pulse(time_s) - 1j * damped_pulse(time_s, 0.5 * np.pi)
-    return amplitude_v * (arrivals.amplitude[:, :, np.newaxis] * shape).sum(axis=0).real
+    return amplitude_v * (arrivals.amplitude[:, :, 0, np.newaxis] * shape).sum(axis=0).real

@@ -23,27 +23,31 @@ def set_signal(record_v: FloatArray, start_s: float, emission: Emission, arrival
     channels_v = np.zeros((n_elements, n_samples))
     for p in range(emission.first, emission.first + emission.n_paths):
         for e in range(n_elements):
-            since_s, peak_v = start_s - arrivals.delay_s[p, e], emission.peak_v * arrivals.amplitude[p, e]
+            since_s, amplitude = start_s - arrivals.delay_s[p, e], arrivals.amplitude[p, e]
             if emission.burst_s > 0.0:
-                add_burst(channels_v, e, since_s, peak_v, emission.burst_s, pulse.rate_hz)
+                steady = 0.0j
+                for b in range(amplitude.size):
+                    steady += pulse.steady_share[b] * amplitude[b]
+                add_burst(channels_v, e, since_s, emission.peak_v * steady, emission.burst_s, pulse.rate_hz)
             else:
-                add_pulse(channels_v, e, since_s, peak_v, pulse)
+                for b in range(amplitude.size):
+                    add_pulse(channels_v, e, since_s, emission.peak_v * amplitude[b], b, pulse)
     for t in range(n_samples):
         for e in range(n_elements):
             record_v[t, e] = channels_v[e, t]
 
 
 @compiled
-def add_pulse(channels_v: FloatArray, e: int, since_s: float, peak_v: complex, pulse: PulseTable) -> None:
-    """Add a pulse that began `since_s` ago to a channel."""
-    n_phases, n_known = pulse.sine_v.shape
-    at = int(np.floor(n_phases * since_s * pulse.rate_hz + 0.5))
-    before, phase = at // n_phases, at % n_phases  # samples from the arrival to the first one of the record
+def add_pulse(channels_v: FloatArray, e: int, since_s: float, peak_v: complex, band: int, pulse: PulseTable) -> None:
+    """Add what a pulse that arrived `since_s` ago is in a band to a channel."""
+    _, n_phases, n_known = pulse.sine_v.shape
+    at = int(np.floor(n_phases * (since_s * pulse.rate_hz + pulse.lead) + 0.5))
+    before, phase = at // n_phases, at % n_phases  # samples from the table's first to the record's
     first, end = max(0, -before), min(channels_v.shape[1], n_known - before)
     known, n_both = np.uint64(max(0, before)), np.uint64(max(0, end - first))  # loops over unsigned numbers are fast
     for t in range(n_both):
         channels_v[e, np.uint64(first) + t] += (
-            peak_v.real * pulse.sine_v[phase, known + t] + peak_v.imag * pulse.cosine_v[phase, known + t]
+            peak_v.real * pulse.sine_v[band, phase, known + t] + peak_v.imag * pulse.cosine_v[band, phase, known + t]
         )
 
 

@@ -114,7 +114,7 @@ def field_along(
         to_image = paths.from_m - np.array(target)
         way_m = paths.extra_m + np.linalg.norm(to_image, axis=1)
         azimuth = np.arctan2(to_image[:, 1], to_image[:, 0])
-        gain = ARRAY.pattern(azimuth[:, np.newaxis] - ARRAY.boresights_rad)
+        gain = ARRAY.cut(azimuth[:, np.newaxis] - ARRAY.boresights_rad)
         found[i] = (paths.coefficient / way_m * np.exp(-1j * K * way_m)) @ gain
     return found
 

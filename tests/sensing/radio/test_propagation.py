@@ -58,7 +58,7 @@ def paths_between(
     around = Propagation(sources, ArrayTable.of([element]), surroundings)
     ray_paths, arrivals = propagate(0, np.zeros(1), world_from_array[np.newaxis], around)
     range_m = SPEED_OF_LIGHT_MPS * arrivals.delay_s[:, 0]
-    return Paths(ray_paths.from_m, range_m, ray_paths.extra_m > 0.0, arrivals.amplitude[:, 0] * range_m)
+    return Paths(ray_paths.from_m, range_m, ray_paths.extra_m > 0.0, arrivals.amplitude[:, 0, 0] * range_m)
 
 
 def mirror(share: float) -> Material:

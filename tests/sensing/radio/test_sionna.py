@@ -73,6 +73,31 @@ def test_direct_and_mirrored_paths_in_a_yard_are_those_that_sionna_rt_finds() ->
     assert phase.max() < 1.0
 
 
+def test_what_two_walls_mirror_is_what_sionna_rt_finds_if_it_is_asked_for() -> None:
+    ratios = list[complex]()
+    for link in links():
+        upright, source = np.array([[0.0, 0.0, 1.0]]), np.array([link.source])
+        without = find_ray_paths(source, upright, np.zeros(1), link.receiver, link.around)
+        ours = find_ray_paths(source, upright, np.zeros(1), link.receiver, link.around._replace(by_two_walls=True))
+        assert ours.extra_m.size >= without.extra_m.size
+        image = ours.extra_m == 0.0
+        way_m = np.linalg.norm(ours.from_m[image] - np.array(link.receiver), axis=1)
+        loudest = max((np.abs(matrix_of(path[4])[:, 0]).max() for path in link.paths), default=0.0)
+        for _, owners, _, their_delay_ns, stored in link.of_kind("reflection", 2):
+            theta, phi = -matrix_of(stored)[:, 0]
+            if "ground" in owners or max(abs(theta), abs(phi)) < 0.2 * loudest:
+                continue
+            row = np.abs(delay_ns(way_m) - their_delay_ns).argmin()
+            assert delay_ns(way_m[row]) == pytest.approx(their_delay_ns, abs=1e-3)
+            ratios.append(complex(ours.coefficient[image][row] / way_m[row] / (phi - 1j * theta)))
+    level, phase = decibels(np.array(ratios)), np.degrees(np.abs(np.angle(ratios)))
+    assert len(ratios) > 20
+    assert np.median(np.abs(level)) < 0.01
+    assert np.mean(np.abs(level) > 1.0) < 0.1  # weaker where a rim or an edge is close
+    assert level.max() < 0.1
+    assert phase.max() < 1.0
+
+
 @pytest.mark.parametrize(("kind", "order"), [("direct", 0), ("reflection", 1), ("reflection", 2)])
 def test_what_faces_make_of_both_polarisations_is_what_sionna_rt_says(kind: str, order: int) -> None:
     """Metal and concrete, once and one after the other: to 0.3 % of the larger polarisation, phases included."""

@@ -1,0 +1,62 @@
+"""Positions where the pattern off the plane is another than the robot believes: the computed helix, its cut known."""
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dirmusic import ArrayModel, ElementSpread, GainManifold, PoseError, PulseBatch
+from dirmusic.array.manifold import ring_boresights_rad
+from dirmusic.array.spatial_pattern import SpatialPattern
+from dirmusic.array.spatial_pattern_file import read_spatial_pattern
+from dirmusic.locating.joint_fix import locate_jointly
+from sensing.array.config import SHIPPED_PATTERNS
+
+FloatArray = NDArray[np.float64]
+
+BORESIGHTS_RAD = ring_boresights_rad(6)
+RING_M = 0.12 * np.column_stack([np.cos(BORESIGHTS_RAD), np.sin(BORESIGHTS_RAD)])
+BAND_HZ = np.linspace(1.4e9, 2.2e9, 9)
+N_SURVEYS, N_POSES, N_PULSES = 60, 16, 20
+CHI2_95 = 5.991
+
+
+@cache
+def helix() -> SpatialPattern:
+    return read_spatial_pattern(SHIPPED_PATTERNS["helix_in_ring"])
+
+
+def survey(rng: np.random.Generator, pattern_error: float) -> tuple[float, bool]:
+    """Error of the position, and whether the truth is in the 95 % ellipse, for a walk past a source at some height."""
+    array = ArrayModel(
+        manifold=GainManifold(helix().cut(), BORESIGHTS_RAD),
+        positions_m=RING_M,
+        spread=ElementSpread(gain=0.05, pointing_rad=np.radians(2.0), pattern=pattern_error),
+    )
+    truth_m, height_m = np.array([0.0, rng.uniform(2.0, 5.0)]), rng.uniform(0.2, 2.6)
+    pose = np.column_stack([np.linspace(-6.0, 6.0, N_POSES), np.zeros(N_POSES), rng.uniform(-np.pi, np.pi, N_POSES)])
+    dx, dy = (truth_m - pose[:, :2]).T
+    off = (np.arctan2(dy, dx) - pose[:, 2])[:, np.newaxis] - BORESIGHTS_RAD + np.radians(2.0) * rng.normal(size=6)
+    up = np.broadcast_to(np.arctan2(height_m, np.hypot(dx, dy))[:, np.newaxis], off.shape)
+    gain = np.sqrt(np.square(helix().gain(off, up, BAND_HZ)).mean(axis=0)) * np.exp(0.05 * rng.normal(size=6))
+    strengths = np.repeat(gain / np.linalg.norm(gain, axis=-1, keepdims=True), N_PULSES, axis=0)
+    strengths = np.maximum(strengths + 0.02 * rng.normal(size=strengths.shape), 0.0)
+    rows = np.repeat(np.arange(N_POSES), N_PULSES)
+    pulses = PulseBatch.detected(2.0 * rows.astype(np.float64), strengths, np.full(strengths.shape, 0.02**2))
+    exact = PoseError(position_m=0.03, heading_rad=np.radians(0.5), correlation_s=5.0)
+    fix = locate_jointly(pulses, pose[rows], np.zeros_like(rows), truth_m[np.newaxis] + 0.3, array, exact)
+    miss = fix.positions_m[0] - truth_m
+    return float(np.linalg.norm(miss)), bool(miss @ np.linalg.solve(fix.covariances_m2[0], miss) < CHI2_95)
+
+
+def share_in_ellipse(pattern_error: float) -> tuple[float, float]:
+    """Median error, and share of truths in their ellipse."""
+    errors, inside = zip(*(survey(np.random.default_rng([3, k]), pattern_error) for k in range(N_SURVEYS)), strict=True)
+    return float(np.median(errors)), float(np.mean(inside))
+
+
+def test_truths_are_in_their_ellipses_where_the_robot_knows_that_its_pattern_may_be_off() -> None:
+    believed, told = share_in_ellipse(0.0), share_in_ellipse(0.02)
+    assert told[1] >= 0.85
+    assert believed[1] < told[1]
+    assert told[0] < 1.5 * believed[0]

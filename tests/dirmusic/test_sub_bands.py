@@ -1,0 +1,146 @@
+"""Strengths in sub-bands, and bearings from them."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.linalg import toeplitz
+
+from dirmusic import ESTIMATORS, ArrayModel, ElementSpread, GainManifold, PulseBatch
+from dirmusic.angles import difference
+from dirmusic.array.bounds import bearing_bound, bearing_bound_in_bands
+from dirmusic.array.pattern import GainPattern, TabulatedPattern
+from dirmusic.array.spatial_pattern import halves
+from dirmusic.pulses.sub_bands import SubBands
+
+FloatArray = NDArray[np.float64]
+RATE_HZ, N = 20e9, 120
+EDGES_HZ = [1.4e9, 1.6e9, 1.9e9, 2.2e9]
+OFF = np.radians(np.arange(0.0, 360.0, 5.0))
+
+
+def beam(sharpness: float) -> GainPattern:
+    return TabulatedPattern(OFF, 0.1 + np.exp(sharpness * (np.cos(OFF) - 1.0)) * (1.0 + 0.1 * np.sin(OFF)))
+
+
+def ring(sharpness: list[float]) -> ArrayModel:
+    """A ring whose beams are the sharper the higher the half sub-band; one manifold for all in the middle."""
+    manifolds = tuple(GainManifold.ring(6, beam(each)) for each in sharpness)
+    middle = GainManifold.ring(6, beam(float(np.mean(sharpness))))
+    return ArrayModel(manifold=middle, positions_m=np.zeros((6, 2)), spread=ElementSpread(), band_manifolds=manifolds)
+
+
+def test_energies_of_all_bands_up_to_half_the_rate_add_up_to_that_of_the_gate() -> None:
+    bands = SubBands(np.linspace(0.0, 0.5 * RATE_HZ, 9), RATE_HZ, N)
+    gate = np.random.default_rng(0).normal(size=(5, 3, N))
+    energy = np.square(bands.strengths(gate, np.zeros(3)))
+    np.testing.assert_allclose(energy.sum(axis=-2), np.square(gate).sum(axis=-1), rtol=0.02)
+
+
+@pytest.mark.parametrize("of_noise", [None, 0.6])
+def test_mean_and_variance_of_the_energies_of_noise_are_as_said(of_noise: float | None) -> None:
+    correlation = None if of_noise is None else np.power(of_noise, np.arange(N), dtype=np.float64)
+    bands = SubBands(EDGES_HZ, RATE_HZ, N, correlation)
+    covariance = np.eye(N) if correlation is None else toeplitz(correlation)
+    drawn = np.linalg.cholesky(covariance) @ np.random.default_rng(1).normal(size=(N, 20_000))
+    lines = bands.lines @ drawn
+    energy = np.square(lines).sum(axis=1)
+    np.testing.assert_allclose(energy.mean(axis=1), bands.noise_samples, rtol=0.02)
+    np.testing.assert_allclose(energy.var(axis=1), 2 * bands.energy_spread, rtol=0.08)
+
+
+def test_the_variance_of_the_strengths_of_a_pulse_is_as_said() -> None:
+    bands, rng = SubBands(EDGES_HZ, RATE_HZ, N), np.random.default_rng(2)
+    time_s = np.arange(N) / RATE_HZ
+    pulse = 30.0 * np.exp(-(((time_s - 3e-9) / 0.5e-9) ** 2)) * np.sin(2 * np.pi * 1.75e9 * time_s)
+    strengths = bands.strengths(pulse + rng.normal(size=(20_000, 1, N)), np.ones(1))[..., 0]
+    said = bands.variance(strengths.mean(axis=0)[:, np.newaxis], np.ones(1), bands.noise_on(pulse))[:, 0]
+    np.testing.assert_allclose(strengths.var(axis=0), said, rtol=0.06)
+
+
+def strengths_of(array: ArrayModel, azimuth_rad: FloatArray, spectrum: list[float]) -> FloatArray:
+    """What sources with powers (2 n_bands,) in the half sub-bands make, shape (n, n_bands, n_elements)."""
+    gains = [manifold.gain(azimuth_rad).T for manifold in array.band_manifolds]
+    power = [of_half * np.square(gain) for of_half, gain in zip(spectrum, gains, strict=True)]
+    return np.sqrt(np.stack([low + high for low, high in zip(power[::2], power[1::2], strict=True)], axis=1))
+
+
+@pytest.mark.parametrize(
+    "spectrum",
+    [[1.0] * 6, [1.0, 1.2, 1.5, 1.8, 2.2, 2.7], [4.0, 3.3, 2.6, 2.0, 1.6, 1.3]],
+    ids=["flat", "rises", "falls"],
+)
+def test_without_noise_bearings_hold_for_any_smooth_spectrum_and_those_of_one_manifold_do_not(
+    spectrum: list[float],
+) -> None:
+    array = ring([0.6, 0.8, 1.0, 1.2, 1.4, 1.6])
+    azimuth = np.random.default_rng(3).uniform(-np.pi, np.pi, 300)
+    bands = strengths_of(array, azimuth, spectrum)
+    whole = np.sqrt(np.square(bands).sum(axis=1))
+    pulses = PulseBatch.detected(
+        np.zeros(300), whole, whole * 0 + 1e-12, band_strengths_v=bands, band_variance_v2=bands * 0 + 1e-12
+    )
+    errors = {
+        name: np.degrees(np.sqrt(np.mean(difference(ESTIMATORS[name]()(pulses, array).azimuth_rad, azimuth) ** 2)))
+        for name in ("sub_bands", "maximum_likelihood")
+    }
+    assert errors["sub_bands"] < 0.05
+    assert errors["maximum_likelihood"] > 4 * errors["sub_bands"]
+
+
+def test_deviations_hold_and_meet_the_bound() -> None:
+    array, rng = ring([0.6, 0.8, 1.0, 1.2, 1.4, 1.6]), np.random.default_rng(4)
+    azimuth = rng.uniform(-np.pi, np.pi, 4000)
+    bands = 40.0 * strengths_of(array, azimuth, [1.0] * 6)
+    noisy = bands + rng.normal(size=bands.shape)
+    pulses = PulseBatch.detected(
+        np.zeros(4000),
+        noisy[:, 0],
+        np.ones((4000, 6)),
+        band_strengths_v=noisy,
+        band_variance_v2=np.ones_like(noisy),
+    )
+    found = ESTIMATORS["sub_bands"]()(pulses, array)
+    error = difference(found.azimuth_rad, azimuth)
+    middles = [GainManifold.ring(6, _mean(pair)) for pair in zip(*[iter(array.band_manifolds)] * 2, strict=True)]
+    limit = bearing_bound_in_bands(middles, azimuth, np.full((3, 1), 2 * 40.0**2))
+    assert np.sqrt(np.mean((error / limit) ** 2)) == pytest.approx(1.0, abs=0.04)
+    assert np.sqrt(np.mean((error / found.std_rad) ** 2)) == pytest.approx(1.0, abs=0.04)
+    assert found.misfit.min() >= 0.0
+
+
+def _mean(pair: tuple[GainManifold, ...]) -> GainPattern:
+    return TabulatedPattern(OFF, np.sqrt(np.mean([np.square(each.pattern(OFF)) for each in pair], axis=0)))
+
+
+def test_the_bound_of_one_band_is_the_usual_one() -> None:
+    manifold, azimuth = GainManifold.ring(6), np.linspace(-3.0, 3.0, 7)
+    of_one = bearing_bound_in_bands([manifold], azimuth, np.array([[50.0]]))
+    np.testing.assert_allclose(of_one, bearing_bound(manifold, azimuth, 50.0))
+    of_two = bearing_bound_in_bands([manifold] * 2, azimuth, np.array([[20.0], [30.0]]))
+    np.testing.assert_allclose(of_two, of_one)
+
+
+def test_halves_divide_each_sub_band() -> None:
+    assert halves([1.0, 2.0, 4.0]) == [(1.0, 1.5), (1.5, 2.0), (2.0, 3.0), (3.0, 4.0)]
+
+
+def test_channels_left_out_are_left_out_of_all_sub_bands() -> None:
+    array = ring([0.6, 0.8, 1.0, 1.2])
+    azimuth = np.random.default_rng(5).uniform(-np.pi, np.pi, 50)
+    bands = strengths_of(array, azimuth, [1.0] * 4)
+    bands[:, :, 2] = 7.0  # a channel at fault
+    pulses = PulseBatch.detected(
+        np.zeros(50), bands[:, 0], bands[:, 0] * 0 + 1e-12, band_strengths_v=bands, band_variance_v2=bands * 0 + 1e-12
+    )
+    good = np.array([0, 1, 3, 4, 5])
+    found = ESTIMATORS["sub_bands"]()(pulses.take_channels(good), array.take(good))
+    assert np.degrees(np.abs(difference(found.azimuth_rad, azimuth))).max() < 0.05
+
+
+def test_a_pulse_without_any_strength_has_no_direction() -> None:
+    array = ring([0.6, 0.8])
+    nothing = np.zeros((1, 1, 6))
+    pulses = PulseBatch.detected(
+        np.zeros(1), nothing[0], nothing[0] + 1e-6, band_strengths_v=nothing, band_variance_v2=nothing + 1e-6
+    )
+    assert tuple(float(column[0]) for column in ESTIMATORS["sub_bands"]()(pulses, array)) == (0.0, np.pi, 1.0)
