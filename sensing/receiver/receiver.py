@@ -27,9 +27,10 @@ from sensing.receiver.trigger import STEP, probabilities, threshold_over_noise
 
 FloatArray = NDArray[np.float64]
 
-BURST_WINDOWS, BURST_SHARE, BURST_ECHOES = 4, 0.25, 3
-"""A burst (assumed): from one to three times `longest_echo_s` after the trigger, the loudest channel has more than a
-quarter of the gate's power in all of four windows, each half a gate long. Echoes do not fill them all."""
+BURST_WINDOWS, BURST_SHARE, BURST_ECHOES = 4, 0.15, 3
+"""A burst (assumed): from one to three times `longest_echo_s` after the trigger, the loudest channel has more than this
+share of the gate's power in all of four windows, each half a gate long. Echoes do not fill them all; paths of a burst
+that cancel leave a quarter of it now and then."""
 
 
 @dataclass(frozen=True, kw_only=True)

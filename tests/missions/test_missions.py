@@ -149,6 +149,7 @@ def test_a_waypoint_that_cannot_be_reached_is_reported_and_skipped() -> None:
         {"name": "wall_w", "position_m": (26.0, 4.6), "footprint_m": (0.4, 9.2), **wall},
     )
     data["yard"]["equipment"] = (*data["yard"]["equipment"], *walls)
+    data["interferers"] = ()
     log = run_mission(Scenario.model_validate(data), "seek", seed=0)
     report = make_report(log, 1.0)
     assert report["waypoints"]["missed"] == report["waypoints"]["unreachable"] == [2]

@@ -1,0 +1,61 @@
+"""In the shipped yards, with all their echoes, discharges pass and bursts are rejected."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from envs import load_scenario, shipped_scenarios
+from sensing import DischargeSource, Faces, HelicalArray, ReceiverConfig, Scene, Solids, Surroundings
+from sensing.receiver.bank import listen_once
+from sensing.receiver.receiver import BURST_ECHOES, Receiver
+from tests.sensing.reference_receiver import arrivals_of
+
+CONFIG = ReceiverConfig()
+N_PLACES, N_SHOTS, RATE_HZ = 400, 2, 1000.0
+
+
+def share_rejected(name: str, burst_s: float, *, second_order: bool = False) -> float:
+    """Of the emissions that trigger: from random sites, 6 to 20 dB above the trigger level at random places.
+
+    They are polarised at random; the places are those that the robot can stand on.
+    """
+    scenario, rng = load_scenario(name), np.random.default_rng(0)
+    yard, array = scenario.yard, HelicalArray.nominal(scenario.array)
+    threshold_v = Receiver(CONFIG, array.n_elements).threshold_v
+    surroundings = Surroundings.of_kinds(
+        [item.kind for item in yard.equipment],
+        Faces(**yard.faces()._asdict()),
+        Solids(**yard.obstacles()._asdict()),
+    )._replace(by_two_walls=second_order)
+    n_rejected = n_triggered = 0
+    for _ in range(N_PLACES):
+        axis, turn_rad = rng.standard_normal(3), rng.uniform(-np.pi, np.pi)
+        world_from_array = np.eye(4)
+        world_from_array[:2, :2] = [[np.cos(turn_rad), -np.sin(turn_rad)], [np.sin(turn_rad), np.cos(turn_rad)]]
+        world_from_array[:2, 3] = yard.free_place(rng, scenario.robot.description.room_m)[:2]
+        source = DischargeSource(
+            name="source",
+            position_m=yard.site_position(str(rng.choice(yard.site_names()))),
+            amplitude_v=1.0,
+            pulse_rate_hz=RATE_HZ,
+            axis=axis / np.linalg.norm(axis),
+            n_shots=N_SHOTS,
+            burst_s=burst_s,
+        )
+        loudest = np.abs(arrivals_of(Scene([source], surroundings), array, world_from_array).amplitude).max()
+        peak_v = 10 ** (rng.uniform(6.0, 20.0) / 20) * threshold_v
+        scene = Scene([replace(source, amplitude_v=float(peak_v / loudest))], surroundings)
+        duration_s = N_SHOTS / RATE_HZ
+        detected = listen_once(CONFIG, array, scene, rng, world_from_array=world_from_array, duration_s=duration_s)
+        n_rejected += detected.n_rejected
+        n_triggered += detected.n_rejected + detected.pulses.n_pulses
+    assert n_triggered > 0.9 * N_PLACES * N_SHOTS
+    return n_rejected / n_triggered
+
+
+@pytest.mark.parametrize("name", [name for name in shipped_scenarios() if load_scenario(name).yard.equipment])
+def test_discharges_pass_and_bursts_of_three_longest_echoes_are_rejected(name: str) -> None:
+    assert share_rejected(name, 0.0) < 0.01
+    assert share_rejected(name, 0.0, second_order=True) < 0.01
+    assert share_rejected(name, BURST_ECHOES * CONFIG.longest_echo_s) > 0.95
