@@ -56,7 +56,7 @@ class Mission:
         self.env = PatrolEnv(scenario, terminate_on_approach=False)
         self.site_map = SiteMap(scenario)
         array, rules = self.env.simulation.array, scenario.locating.rules()
-        locator = make_locator(scenario, array, rules)
+        locator = make_locator(scenario, self.site_map, array, rules)
         self._tracker = Tracker(locator, array, self.env.simulation.estimator, rules.credibility)
         self.folder = folder
         self.is_over = False
@@ -184,7 +184,9 @@ def _solids(env: PatrolEnv, known_yard: Yard) -> dict[str, Any]:
     return solids | ({"map": describe_equipment(wrong)} if wrong else {})
 
 
-def make_locator(scenario: Scenario, array: ArrayModel, rules: LocatingRules) -> LocatorProtocol:
+def make_locator(
+    scenario: Scenario, site_map: SiteMap, array: ArrayModel, rules: LocatingRules
+) -> LocatorProtocol:
     """The Locator that the scenario names: it knows array, fence and map as the plan has them, never the truth.
 
     Raises:
@@ -201,7 +203,7 @@ def make_locator(scenario: Scenario, array: ArrayModel, rules: LocatingRules) ->
         ),
         fence_m=scenario.yard.size_m,
         rules=rules,
-        in_sight=scenario.known_yard.in_sight,
+        sight=site_map.sight,
     )
 
 

@@ -20,7 +20,7 @@ class ArrayModel:
 
     Attributes:
         manifold: Nominal gains.
-        positions_m: Nominal element positions, array frame, shape (n_elements, 2) or more columns, of which two count.
+        positions_m: Nominal element positions, array frame, heights above the ground, shape (n_elements, 3).
         spread: How far real arrays spread about the data sheet.
         band_manifolds: Nominal gains in the lower and the upper half of each sub-band that the receiver reads, lowest
             first; none where it reads none.
@@ -30,6 +30,11 @@ class ArrayModel:
     positions_m: FloatArray
     spread: ElementSpread
     band_manifolds: tuple[GainManifold, ...] = ()
+
+    @property
+    def height_m(self) -> float:
+        """Mean height of the elements above the ground."""
+        return float(self.positions_m[:, 2].mean())
 
     def take(self, elements: Sequence[int] | NDArray[np.intp] | NDArray[np.bool_]) -> ArrayModel:
         """The same array with some of its elements alone, by index or mask."""

@@ -13,7 +13,14 @@ from dirmusic.angles import difference
 from dirmusic.array.bounds import manifold_error_covariance, perpendicular_slope
 from dirmusic.array.element_errors import ElementErrors
 from dirmusic.array.model import ArrayModel
-from dirmusic.locating.joint_fix import POSITION_PRIOR_M, ROBUST_SCALE, JointFix, PoseError
+from dirmusic.locating.joint_fix import (
+    POSITION_PRIOR_M,
+    ROBUST_SCALE,
+    JointFix,
+    PoseError,
+    with_height,
+    with_height_covariance,
+)
 from dirmusic.pulses.batch import PulseBatch
 
 FloatArray = NDArray[np.float64]
@@ -58,22 +65,22 @@ def locate_by_bearings(
         pulses: Pulses with their directions, n rows.
         pose: Believed x m, y m, yaw rad at each pulse, world frame, shape (n, 3).
         source: Which source each pulse belongs to, shape (n,), in [0, n_sources).
-        start_m: Where to start, shape (n_sources, 2). Every source has at least one row.
+        start_m: Where to start, shape (n_sources, 3). Every source has at least one row.
         array: The array's data sheet and spread.
         pose_error: Spread and correlation of the pose.
 
     Returns:
-        The fix. The errors of the array are none: bearings alone do not tell them.
+        The fix. The errors of the array are none, and heights are as their prior has them: bearings tell neither.
     """
-    positions_m, covariances_m2 = np.empty_like(start_m), np.empty((len(start_m), 2, 2))
+    positions_m, covariances_m2 = np.empty((len(start_m), 2)), np.empty((len(start_m), 2, 2))
     for k in range(len(start_m)):
         own = source == k
-        problem = _Problem(pulses.take(own), pose[own], start_m[k], array, pose_error)
-        positions_m[k] = problem.solve(start_m[k])
+        problem = _Problem(pulses.take(own), pose[own], start_m[k, :2], array, pose_error)
+        positions_m[k] = problem.solve(start_m[k, :2])
         covariances_m2[k] = problem.covariance(positions_m[k])
     return JointFix(
-        positions_m=positions_m,
-        covariances_m2=covariances_m2,
+        positions_m=with_height(positions_m),
+        covariances_m2=with_height_covariance(covariances_m2),
         errors=ElementErrors.none(array.manifold.n_elements),
     )
 

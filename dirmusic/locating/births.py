@@ -12,6 +12,7 @@ from dirmusic.array.element_errors import ElementErrors
 from dirmusic.locating.association.assignment import NoOwner
 from dirmusic.locating.association.pulse_record import PulseRecord, Rows, thinned
 from dirmusic.locating.finding import Finding
+from dirmusic.locating.joint_fix import with_height_covariance
 from dirmusic.locating.rules import LocatingRules
 from dirmusic.locating.triangulation import triangulate
 
@@ -27,8 +28,8 @@ class Birth(NamedTuple):
     Attributes:
         rows: Rows of the pulses in their record.
         first_detected_s: When the first of them came.
-        position_m: Where their lines of sight cross, shape (2,).
-        covariance_m2: Shape (2, 2).
+        position_m: Where their lines of sight cross, at the height of which nothing is known, shape (3,).
+        covariance_m2: Shape (3, 3).
     """
 
     rows: Rows
@@ -77,7 +78,7 @@ def find_birth(
         return None
     position_m, covariance_m2 = record.crossing(rows, errors)
     if not np.isfinite(covariance_m2).all():
-        covariance_m2 = np.eye(2) * UNKNOWN_M**2
+        covariance_m2 = with_height_covariance(np.eye(2) * UNKNOWN_M**2)
     return Birth(rows, float(record.pulses.time_s[rows[0]]), position_m, covariance_m2)
 
 

@@ -69,10 +69,11 @@ def detection_rate(finding: Finding, rows: Rows, record: PulseRecord, rules: Ass
         Of the seconds since its first pulse in which anything was detected there, the share with its pulses, and the
         number of these seconds. Without a map, which could tell what is in sight, 1 and 0.
     """
-    if not record.has_map:
+    if not record.sight.has_map:
         return 1.0, 0
-    is_near = np.linalg.norm(record.places_m - finding.position_m, axis=-1) < rules.detection_range_m
-    is_near[is_near] = record.in_sight(finding.position_m, rules.surface_depth_m, is_near)
+    is_near = np.linalg.norm(record.places_m[:, :2] - finding.position_m[:2], axis=-1) < rules.detection_range_m
+    left = record.sight.at_heights(record.places_m, finding, rules.surface_depth_m).min(axis=0)
+    is_near &= left >= 10 ** (-rules.sight_loss_db / 20)
     time_s = record.pulses.time_s
     second = np.floor(time_s)
     observed = np.unique(second[is_near[record.place] & (time_s >= finding.first_detected_s)])
@@ -81,7 +82,7 @@ def detection_rate(finding: Finding, rows: Rows, record: PulseRecord, rules: Ass
 
 def _measured(finding: Finding, rows: Rows, assignment: Assignment, record: PulseRecord) -> Finding:
     """The finding with the number, aperture, nearest range and level of its pulses."""
-    sight = record.pose[rows, :2] - finding.position_m
+    sight = record.pose[rows, :2] - finding.position_m[:2]
     return replace(
         finding,
         n_bearings=rows.size,
@@ -116,6 +117,6 @@ def _lies_outside(finding: Finding, fence_m: tuple[float, float] | None) -> bool
     """Whether the 95 % ellipse leaves no room inside the fence."""
     if fence_m is None:
         return False
-    outline = outline95(finding.position_m, finding.covariance_m2, OUTLINE_POINTS)
-    points = np.concatenate([outline, finding.position_m[np.newaxis]])
+    outline = outline95(finding.position_m[:2], finding.covariance_m2[:2, :2], OUTLINE_POINTS)
+    points = np.concatenate([outline, finding.position_m[np.newaxis, :2]])
     return not bool(np.any(np.all((points >= 0) & (points <= np.asarray(fence_m)), axis=-1)))

@@ -22,13 +22,13 @@ class Finding:
         id: Stays with it through the mission; counts from 1.
         state: `candidate` until the rules confirm it; `outside` where its 95 % ellipse lies beyond the fence; `ghost`
             where nothing comes from it though the robot was near and in sight of it.
-        position_m: Shape (2,), world frame.
-        covariance_m2: Shape (2, 2), the array's common error included.
+        position_m: Shape (3,), world frame.
+        covariance_m2: Shape (3, 3), the array's common error included.
         n_bearings: Pulses that belong to it; where there is a map, those detected in sight of it.
         first_detected_s: When its first pulse came.
         fixed_s: When it was first confirmed, or None.
-        aperture_rad: Angle over which its lines of sight spread, seen from the finding.
-        nearest_m: Least distance from which it was detected.
+        aperture_rad: Angle on plan over which its lines of sight spread, seen from the finding.
+        nearest_m: Least distance on plan from which it was detected.
         level_db: Strength that its louder pulses would have 1 m away, dB over 1 V; NaN until it was detected in sight.
 
     Raises:
@@ -49,7 +49,7 @@ class Finding:
 
     def __post_init__(self) -> None:
         """Refuse a position or a covariance that nothing can be done with."""
-        for name, shape in (("position_m", (2,)), ("covariance_m2", (2, 2))):
+        for name, shape in (("position_m", (3,)), ("covariance_m2", (3, 3))):
             value = getattr(self, name)
             if np.shape(value) != shape or not np.isfinite(value).all():
                 raise ValueError(f"finding {self.id}: `{name}` must be finite with shape {shape}, got {value!r}")
@@ -60,5 +60,10 @@ class Finding:
 
     @property
     def semi_major_m(self) -> float:
-        """Longer half-axis of the 95 % ellipse."""
-        return ellipse95(self.covariance_m2).semi_major_m
+        """Longer half-axis of the 95 % ellipse, on plan."""
+        return ellipse95(self.covariance_m2[:2, :2]).semi_major_m
+
+    @property
+    def height_std_m(self) -> float:
+        """Standard deviation of its height."""
+        return float(np.sqrt(self.covariance_m2[2, 2]))

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from dirmusic.angles import difference
-from dirmusic.array.element_errors import OFF_PLANE, PATTERN_APART_RAD, ElementErrors, ElementSpread
+from dirmusic.array.element_errors import OFF_PLANE, PATTERN_APART_RAD, ElementErrors
 from dirmusic.array.model import ArrayModel
 from dirmusic.pulses.batch import PulseBatch
 
@@ -32,8 +32,8 @@ mutual coupling. It stays the same for as long as the pose error does, so pulses
 POSITION_PRIOR_M = 60.0
 """Assumed standard deviation of a source about the places of its detections: it keeps one line of bearings finite."""
 
-HEIGHT_PRIOR_M = (0.8, 1.0)
-"""Assumed mean and standard deviation of a source's height above the array: cable boxes to bushings."""
+HEIGHT_PRIOR_M = (1.5, 1.2)
+"""Assumed mean and standard deviation of a source's height above the ground: cable boxes to bushings."""
 
 ROBUST_SCALE = 3.0
 """Residuals beyond this many standard deviations are taken as outliers, softly (soft L1 loss)."""
@@ -57,8 +57,8 @@ class JointFix:
     """Sources and array, estimated together.
 
     Attributes:
-        positions_m: Shape (n_sources, 2), world frame.
-        covariances_m2: Shape (n_sources, 2, 2), with the uncertainty of the array's errors in it.
+        positions_m: Shape (n_sources, 3), world frame.
+        covariances_m2: Shape (n_sources, 3, 3), with the uncertainty of the array's errors in it.
         errors: What the elements turned out to be off by.
     """
 
@@ -89,13 +89,13 @@ def locate_jointly(
         pulses: Detected pulses, n rows; their scale does not matter, and channels that are not usable have no weight.
         pose: Believed x m, y m, yaw rad at each pulse, world frame, shape (n, 3).
         source: Which source each pulse belongs to, shape (n,), in [0, n_sources).
-        start_m: Where to start, shape (n_sources, 2). Every source has at least one row.
+        start_m: Where to start, shape (n_sources, 3). Every source has at least one row.
         array: The array's data sheet and spread.
         pose_error: Spread and correlation of the pose.
 
     Returns:
-        The fix. The height above the array is a state of its own, held by its prior: it shows only close by, where it
-        makes ranges and gains of the elements more alike; ignored, it would be mistaken for errors of the array.
+        The fix. Heights are held by their prior, and show close by: a source above the plane of the array makes ranges
+        and gains of the elements more alike.
     """
     from dirmusic.locating.joint_kernels import Beliefs  # loads the compiler
 
@@ -107,22 +107,34 @@ def locate_jointly(
     spread = np.concatenate([of_places, np.repeat(np.maximum(of_elements, 1e-6), n_elements)])
     no_errors = np.zeros(len(of_elements) * n_elements)
     detected_from_m = [pose[source == k, :2].mean(axis=0) for k in range(n_sources)]
-    height_m = np.full(n_sources, HEIGHT_PRIOR_M[0])
-    mean = np.concatenate([np.column_stack([detected_from_m, height_m]).ravel(), no_errors])
-    start = np.concatenate([np.column_stack([start_m, height_m]).ravel(), no_errors])
+    mean = np.concatenate([with_height(detected_from_m).ravel(), no_errors])
+    start = np.concatenate([start_m.ravel(), no_errors])
     n_places = 3 * n_sources
     beliefs = Beliefs(mean, spread, pose_error.position_m, pose_error.heading_rad, ROBUST_SCALE)
     fit = _Fit(
-        _explained(pulses, pose, source, start_m, array.spread, pose_error), array, beliefs, len(of_elements), n_places
+        _explained(pulses, pose, source, start_m, array, pose_error), array, beliefs, len(of_elements), n_places
     )
     state, hessian = fit.solve(start)
     covariance: FloatArray = np.linalg.inv(hessian).astype(np.float64)
-    block: NDArray[np.intp] = 3 * np.arange(n_sources, dtype=np.intp)[:, np.newaxis] + np.arange(2, dtype=np.intp)
+    block: NDArray[np.intp] = 3 * np.arange(n_sources, dtype=np.intp)[:, np.newaxis] + np.arange(3, dtype=np.intp)
     return JointFix(
-        positions_m=state[:n_places].reshape(-1, 3)[:, :2],
+        positions_m=state[:n_places].reshape(-1, 3),
         covariances_m2=covariance[block[:, :, np.newaxis], block[:, np.newaxis, :]],
         errors=_errors(state[n_places:], n_elements),
     )
+
+
+def with_height(places_m: ArrayLike) -> FloatArray:
+    """Places on plan (..., 2) at the height of which nothing is known, shape (..., 3)."""
+    places = np.asarray(places_m, dtype=np.float64)
+    return np.concatenate([places, np.full((*places.shape[:-1], 1), HEIGHT_PRIOR_M[0])], axis=-1)
+
+
+def with_height_covariance(covariances_m2: FloatArray) -> FloatArray:
+    """Covariances on plan (..., 2, 2) with that of a height of which nothing is known, shape (..., 3, 3)."""
+    in_space = np.zeros((*covariances_m2.shape[:-2], 3, 3))
+    in_space[..., :2, :2], in_space[..., 2, 2] = covariances_m2, HEIGHT_PRIOR_M[1] ** 2
+    return in_space
 
 
 def _errors(state: FloatArray, n_elements: int) -> ElementErrors:
@@ -138,18 +150,20 @@ def _correlated_pulses(time_s: FloatArray, source: NDArray[np.intp], correlation
     return (np.exp(-lag) * (source[:, np.newaxis] == source)).sum(axis=-1)
 
 
-def _pattern_variance(pose: FloatArray, source: NDArray[np.intp], start_m: FloatArray, pattern: float) -> FloatArray:
+def _pattern_variance(
+    pose: FloatArray, source: NDArray[np.intp], start_m: FloatArray, array: ArrayModel
+) -> FloatArray:
     """Variance of strengths, in units of the largest squared, by what the pattern is off by; shape (n,).
 
     It is the same whenever a source is seen in one direction of the array, however often: pulses from there share it.
     """
-    sight_m = start_m[source] - pose[:, :2]
+    sight_m = start_m[source, :2] - pose[:, :2]
     azimuth_rad = np.arctan2(sight_m[:, 1], sight_m[:, 0]) - pose[:, 2]
-    height_m2 = HEIGHT_PRIOR_M[0] ** 2 + HEIGHT_PRIOR_M[1] ** 2
+    height_m2 = (HEIGHT_PRIOR_M[0] - array.height_m) ** 2 + HEIGHT_PRIOR_M[1] ** 2
     sin2 = height_m2 / (height_m2 + np.square(sight_m).sum(axis=-1))
     apart = np.abs(difference(azimuth_rad[:, np.newaxis], azimuth_rad)) / PATTERN_APART_RAD
     repeats = (np.exp(-apart) * (source[:, np.newaxis] == source)).sum(axis=-1)
-    return np.square(pattern * (1.0 + OFF_PLANE * sin2)) * repeats
+    return np.square(array.spread.pattern * (1.0 + OFF_PLANE * sin2)) * repeats
 
 
 def _explained(
@@ -157,7 +171,7 @@ def _explained(
     pose: FloatArray,
     source: NDArray[np.intp],
     start_m: FloatArray,
-    spread: ElementSpread,
+    array: ArrayModel,
     pose_error: PoseError,
 ) -> Explained:
     """Weights and weighted strengths of pulses; the floor stays for as long as the pose error does."""
@@ -168,8 +182,8 @@ def _explained(
     strengths, variance = usable_v / norm_v, pulses.variance_v2 / norm_v**2
     repeats = _correlated_pulses(pulses.time_s, source, pose_error.correlation_s)
     floor = STRENGTH_FLOOR**2 * np.square(strengths) * repeats[:, np.newaxis]
-    if spread.pattern > 0.0:
-        of_largest = _pattern_variance(pose, source, start_m, spread.pattern)
+    if array.spread.pattern > 0.0:
+        of_largest = _pattern_variance(pose, source, start_m, array)
         floor += (of_largest * np.square(strengths).max(axis=-1))[:, np.newaxis]
     weight = pulses.is_usable / np.sqrt(variance + floor + 1e-8)
     return Explained(np.ascontiguousarray(pose), source, weight, weight * strengths, repeats)

@@ -16,7 +16,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 N_PLACE = 3
-"""States of a source: x, y, and height above the array."""
+"""States of a source: x, y, and height above the ground."""
 
 
 class Explained(NamedTuple):
@@ -121,13 +121,14 @@ def linearise(
     n_sources = (state.size - (at.slope.shape[1] - N_PLACE)) // N_PLACE
     n_kinds = (at.slope.shape[1] - N_PLACE) // n_elements
     place, errors = N_PLACE * data.source[k], N_PLACE * n_sources
-    x, y, height = state[place] - data.pose[k, 0], state[place + 1] - data.pose[k, 1], float(state[place + 2])
+    x, y = state[place] - data.pose[k, 0], state[place + 1] - data.pose[k, 1]
     cos_yaw, sin_yaw = math.cos(data.pose[k, 2]), math.sin(data.pose[k, 2])
     range_m = math.hypot(x, y)
     model, turn, rise, by_x, by_y, by_height, by_gain, by_pointing, by_offset = room
     for e in range(n_elements):
         forward = cos_yaw * x + sin_yaw * y - array.positions_m[e, 0]
         left = cos_yaw * y - sin_yaw * x - array.positions_m[e, 1]
+        height = state[place + 2] - array.positions_m[e, 2]
         horizontal = max(forward * forward + left * left, 1e-4)
         square, sideways = horizontal + height * height, math.sqrt(horizontal)
         length = math.sqrt(square)
@@ -150,7 +151,7 @@ def linearise(
     energy = dot(model, model)
     amplitude = dot(data.strengths[k], model) / energy
     # how the strengths move when the pose is wrong: sideways or in heading, and towards the source
-    near_m = max(range_m, 0.3)
+    near_m, height = max(range_m, 0.3), state[place + 2] - array.positions_m[0, 2]
     turn_variance = beliefs.heading_rad**2 + (beliefs.position_m / near_m) ** 2
     rise_variance = (beliefs.position_m * height / (near_m * near_m + height * height)) ** 2
     for vector in (turn, rise):

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from dirmusic.array.element_errors import ElementErrors
 from dirmusic.array.model import ArrayModel
 from dirmusic.locating.association.assignment import Assignment, assign
-from dirmusic.locating.association.pulse_record import InSight, PulseRecord, Rows, thinned
+from dirmusic.locating.association.pulse_record import PulseRecord, Rows, thinned
+from dirmusic.locating.association.sight_lines import Sight
 from dirmusic.locating.bearing_fix import locate_by_bearings
 from dirmusic.locating.births import find_birth
 from dirmusic.locating.confirmation import updated_state
@@ -31,7 +32,7 @@ class Locator:
         pose_error: How wrong the poses given to `update` may be.
         fence_m: Length of the yard along x and y, origin at the corner; None where there is no fence.
         rules: When pulses make and confirm a finding.
-        in_sight: What the map of the yard obstructs; None where there is no map.
+        sight: What the map of the yard obstructs; None where there is no map.
 
     Attributes:
         findings: All findings so far, in the order of their ids.
@@ -44,7 +45,7 @@ class Locator:
         *,
         fence_m: tuple[float, float] | None = None,
         rules: LocatingRules | None = None,
-        in_sight: InSight | None = None,
+        sight: Sight | None = None,
     ) -> None:
         self.array = array
         self.pose_error = pose_error
@@ -54,7 +55,7 @@ class Locator:
         self._n_born = 0
         self._next_fit_s = -np.inf
         self._errors = ElementErrors.none(array.manifold.n_elements)
-        self._record = PulseRecord(array, pose_error, in_sight)
+        self._record = PulseRecord(array, pose_error, sight)
         self._assigned: tuple[tuple[object, ...], Assignment | None] = (), None
 
     def update(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> tuple[Finding, ...]:
@@ -128,7 +129,7 @@ class Locator:
         birth = find_birth(self._record, owner, self._errors, self.rules, time_s)
         if birth is None:
             return owner
-        apart_m = [float(np.linalg.norm(birth.position_m - finding.position_m)) for finding in self.findings]
+        apart_m = [float(np.linalg.norm((birth.position_m - finding.position_m)[:2])) for finding in self.findings]
         owner = owner.copy()
         if apart_m and min(apart_m) < self.rules.merge_m:
             owner[birth.rows] = int(np.argmin(apart_m))
@@ -156,7 +157,7 @@ class Locator:
         fix = self._locate(chosen)
         self._errors = fix.errors
         for k, position, covariance in zip(chosen, fix.positions_m, fix.covariances_m2, strict=True):
-            has_jumped = np.linalg.norm(position - moved[k].position_m) > self.rules.merge_m
+            has_jumped = np.linalg.norm((position - moved[k].position_m)[:2]) > self.rules.merge_m
             state = "candidate" if has_jumped else moved[k].state
             moved[k] = replace(moved[k], position_m=position, covariance_m2=covariance, state=state)
         return moved
@@ -184,7 +185,7 @@ class Locator:
         """Findings that are not nearer than `merge_m` to one with a lower id."""
         distinct: list[Finding] = []
         for finding in moved:
-            apart_m = [np.linalg.norm(finding.position_m - other.position_m) for other in distinct]
+            apart_m = [np.linalg.norm((finding.position_m - other.position_m)[:2]) for other in distinct]
             if not apart_m or min(apart_m) > self.rules.merge_m:
                 distinct.append(finding)
         return distinct

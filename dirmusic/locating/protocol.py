@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.array.model import ArrayModel
-from dirmusic.locating.association.pulse_record import InSight
+from dirmusic.locating.association.sight_lines import Sight
 from dirmusic.locating.finding import Finding
 from dirmusic.locating.joint_fix import PoseError
 from dirmusic.locating.rules import LocatingRules
@@ -71,7 +71,7 @@ class MakesLocator(Protocol):
         *,
         fence_m: tuple[float, float] | None,
         rules: LocatingRules,
-        in_sight: InSight | None,
+        sight: Sight | None,
     ) -> LocatorProtocol:
         """A Locator for one mission.
 
@@ -80,6 +80,6 @@ class MakesLocator(Protocol):
             pose_error: How wrong the poses given to `update` may be.
             fence_m: Length of the yard along x and y, origin at the corner; None where there is no fence.
             rules: What the scenario sets, and defaults for the rest; a Locator uses what it has a use for.
-            in_sight: What the map of the yard obstructs; None where there is no map.
+            sight: What the map of the yard obstructs; None where there is no map.
         """
         ...

@@ -44,6 +44,8 @@ class AssignmentRules:
         bias_arc_rad: While a confirmed finding is in sight, pulses at its level that point past it by less than this
             are its own, their bearing biased by a reflection within the gate; they are left out.
         bias_db: How far from the finding's level the level of such pulses may be.
+        sight_loss_db: What takes no more than this from a wave on the straight path leaves in sight: one insulator or a
+            fence, not two.
         surface_depth_m: A finding this far behind a surface is still in sight: it sits on the surface, and its position
             is not known better.
         edge_margin_m: What would be obstructed this far to one side may be obstructed: map and poses are not known
@@ -59,6 +61,7 @@ class AssignmentRules:
     ghost_db: float = 2.0
     bias_arc_rad: float = np.radians(20.0)
     bias_db: float = 5.0
+    sight_loss_db: float = 12.0
     surface_depth_m: float = 0.6
     edge_margin_m: float = 0.5
     detection_range_m: float = 6.0
@@ -82,7 +85,8 @@ class LocatingRules:
         max_pulses: Pulses of one finding that a fit uses, evenly chosen; the array limits, not the noise.
         confirm_aperture_rad: Lines of sight must spread over this angle: one line of bearings is no fix.
         confirm_semi_major_m: The 95 % ellipse must be no longer than this to confirm.
-        confirm_range_m: The finding must have been detected from within this distance.
+        confirm_range_m: The finding must have been detected from within this distance on plan; that it is known well
+            enough is for the ellipse to say.
         confirm_pulses: The finding must have so many pulses. Confirmed findings that lose half of them, or jump by more
             than `merge_m`, are candidates again.
         confirm_detection_rate: Near it and in sight of it, where there is a map, the finding must have been detected in
@@ -105,7 +109,7 @@ class LocatingRules:
     max_pulses: int = 160
     confirm_aperture_rad: float = np.radians(60.0)
     confirm_semi_major_m: float = 0.5
-    confirm_range_m: float = 4.0
+    confirm_range_m: float = 8.0
     confirm_pulses: int = 20
     confirm_detection_rate: float = 0.3
     ghost_detection_rate: float = 0.1

@@ -28,7 +28,8 @@ from envs.scenario import Scenario
 from robot_models.antenna.elements import AntennaElements
 from robot_models.robots import Robots
 from robot_models.sensors import LIDAR_BEAMS, LIDAR_RANGE_M
-from sensing import Detections, Faces, HelicalArray, Solids, Surroundings
+from envs.yard_surroundings import surroundings_of
+from sensing import Detections, HelicalArray
 from sensing.receiver.receiver import Listener
 
 FloatArray = NDArray[np.float64]
@@ -106,11 +107,7 @@ class Simulation:
         )
         self.robots = Robots(self.robot, yard, elements, n_robots, n_threads)
         self._n_threads = n_threads or os.cpu_count() or 1
-        self._surroundings = Surroundings.of_kinds(
-            [item.kind for item in yard.equipment],
-            Faces(**yard.faces()._asdict()),
-            Solids(**yard.obstacles()._asdict()),
-        )._replace(by_two_walls=scenario.radio.second_order)
+        self._surroundings = surroundings_of(yard, second_order=scenario.radio.second_order)
         self._spectrum_gain = np.empty((n_robots, self.array.manifold.n_elements, SPECTRUM_AZIMUTHS_RAD.size))
         n_elements, time_limit_s = self.array.manifold.n_elements, scenario.task.time_limit_s
         self.layout = ObservationLayout(observation_bounds(yard.size_m, self.robot.limits, n_elements, time_limit_s))

@@ -12,8 +12,11 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 
+from dirmusic.locating.rules import AssignmentRules
 from envs import Scenario
+from envs.yard_surroundings import surroundings_of
 from robot_models.yard.yard import Yard
+from sensing.radio.sight import Sight
 
 FloatArray = NDArray[np.float64]
 
@@ -22,6 +25,9 @@ CELL_M = 0.25
 
 MARGIN_M = 0.15
 """Room left beside the robot (assumed): three standard deviations of its pose."""
+
+LEAST_SIGHT = 10 ** (-AssignmentRules().sight_loss_db / 20)
+"""Share of a wave that is left on the straight path where a target is in sight: as pulses are judged."""
 
 COMFORT_M = 0.8
 """Ground nearer than this to equipment costs up to twice as much (assumed)."""
@@ -63,6 +69,8 @@ class SiteMap:
         robot: The robot that is to fit.
         obstacles_m: Points of what stands in the way though the plan does not show it, shape (n, 2), world frame.
         centres_m: Cell centres, shape (n_cells, 2).
+        antenna_height_m: Of the array above the ground.
+        sight: What the equipment that is shown leaves of waves on straight paths.
     """
 
     def __init__(self, scenario: Scenario, yard: Yard | None = None) -> None:
@@ -70,6 +78,8 @@ class SiteMap:
         self.robot = scenario.robot.description
         self.route = scenario.route
         self.task = scenario.task
+        self.antenna_height_m = scenario.array.height_m
+        self.sight = Sight(surroundings_of(self.yard))
         self.obstacles_m: FloatArray = np.empty((0, 2))
         self._shape = tuple(round(size / CELL_M) for size in self.yard.size_m)
         axes = [CELL_M * (np.arange(n) + 0.5) for n in self._shape]
@@ -103,6 +113,11 @@ class SiteMap:
         """Whether the robot fits all along the straight line between two points (2,)."""
         between = np.linspace(start_m, end_m, 2 + int(np.linalg.norm(end_m - start_m) / CELL_M))
         return bool(self.clearance(between).min() >= self.robot.room_m)
+
+    def in_sight(self, points_m: FloatArray, target_m: FloatArray, within_m: float) -> NDArray[np.bool_]:
+        """Whether the array over points of the ground (n, 2) has a target (3,) in sight; `within_m` as of `Sight`."""
+        places_m = np.column_stack([points_m, np.full(len(points_m), self.antenna_height_m)])
+        return self.sight(places_m, target_m, within_m) >= LEAST_SIGHT
 
     @cached_property
     def is_free(self) -> NDArray[np.bool_]:

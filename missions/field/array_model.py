@@ -42,5 +42,6 @@ def array_model(
         manifold = GainManifold(pattern or GaussianPattern(), boresights).take(data.channels)
     except ValueError as error:
         raise InputFileError([f"--pattern, --boresights-deg: {error}"]) from None
-    positions = ring_radius_m * np.stack([np.cos(boresights), np.sin(boresights)], axis=-1)
+    ring = ring_radius_m * np.stack([np.cos(boresights), np.sin(boresights)], axis=-1)
+    positions = np.column_stack([ring, np.full(len(boresights), height_m)])
     return ArrayModel(manifold=manifold, positions_m=positions[data.channels], spread=spread)

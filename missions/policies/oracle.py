@@ -32,7 +32,7 @@ class Oracle:
 
     def reveal(self, truth: dict[str, Any]) -> None:
         """Take in the true positions of the sources."""
-        self._sources_m = [np.asarray(source["position_m"][:2]) for source in truth["sources"]]
+        self._sources_m = [np.asarray(source["position_m"]) for source in truth["sources"]]
 
     def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
         """As `Seek`, with the truth for candidates until the Locator has confirmed something there."""
@@ -42,7 +42,7 @@ class Oracle:
                 id=index + 1,
                 state="candidate",
                 position_m=position,
-                covariance_m2=np.eye(2) * 1e-4,
+                covariance_m2=np.eye(3) * 1e-4,
                 n_bearings=0,
                 first_detected_s=0.0,
                 fixed_s=None,
@@ -51,7 +51,7 @@ class Oracle:
                 level_db=np.nan,
             )
             for index, position in enumerate(self._sources_m)
-            if all(np.hypot(*(position - other)) > DONE_WITHIN_M for other in confirmed)
+            if all(np.hypot(*(position - other)[:2]) > DONE_WITHIN_M for other in confirmed)
         ]
         action = self._seek(observation, known, site_map)
         self.phase, self.unreachable = self._seek.phase, self._seek.unreachable

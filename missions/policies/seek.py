@@ -75,7 +75,7 @@ class Seek:
         worth = [f for f in open_ones.values() if self._pursued_s.get(f.id, 0.0) < PURSUIT_LIMIT_S]
         if not worth:
             return None
-        target = min(worth, key=lambda f: float(np.hypot(*(f.position_m - pose[:2]))))
+        target = min(worth, key=lambda f: float(np.hypot(*(f.position_m[:2] - pose[:2]))))
         self._target = target.id
         self._pursued_s.setdefault(target.id, 0.0)
         self._views_m, self._drive = [], None

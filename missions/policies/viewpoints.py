@@ -51,7 +51,7 @@ def best_viewpoint(
     """A place near a candidate that sees it from a new side and is not far to go, else a sidestep.
 
     Args:
-        target_m: The candidate, shape (2,), world frame.
+        target_m: The candidate, shape (3,), world frame.
         views_m: Where it was viewed from so far, shape (n, 2), n at least 1.
         paths: Shortest paths from where the robot is.
         site_map: Where the robot fits.
@@ -60,11 +60,11 @@ def best_viewpoint(
         Shape (2,), world frame; None if no place adds an angle.
     """
     spokes = np.stack([np.cos(VIEW_ASPECTS_RAD), np.sin(VIEW_ASPECTS_RAD)], axis=-1)
-    ring = target_m + np.multiply.outer(np.asarray(VIEW_RADII_M), spokes).reshape(-1, 2)
+    ring = target_m[:2] + np.multiply.outer(np.asarray(VIEW_RADII_M), spokes).reshape(-1, 2)
     ring = ring[site_map.yard.contains(ring)]
     clearance_m = site_map.robot.footprint_radius_m + VIEW_ROOM_M
     ring = ring[site_map.clearance(ring) > clearance_m] if ring.size else ring
-    ring = ring[site_map.yard.in_sight(ring, target_m, ignore_m=ON_SURFACE_M)] if ring.size else ring
+    ring = ring[site_map.in_sight(ring, target_m, ON_SURFACE_M)] if ring.size else ring
     cells = np.array([site_map.cell(point) for point in ring], dtype=np.intp)
     length_m = paths.length_m[cells]
     new_rad = novelty(ring, target_m, views_m)
@@ -80,7 +80,7 @@ def _sidestep(target_m: FloatArray, views_m: FloatArray, paths: ShortestPaths, s
     if near.size == 0:
         return None
     points = site_map.centres_m[near]
-    is_visible = site_map.yard.in_sight(points, target_m, ignore_m=SIDESTEP_ON_SURFACE_M)
+    is_visible = site_map.in_sight(points, target_m, SIDESTEP_ON_SURFACE_M)
     gain_m = worth(novelty(points, target_m, views_m))
     score_m = gain_m - SIDESTEP_COST * paths.length_m[near] + SIDESTEP_SIGHT_WORTH_M * is_visible
     return points[score_m.argmax()]
@@ -88,7 +88,7 @@ def _sidestep(target_m: FloatArray, views_m: FloatArray, paths: ShortestPaths, s
 
 def novelty(points_m: FloatArray, target_m: FloatArray, views_m: FloatArray) -> FloatArray:
     """Angle, seen from the target, between each point (n, 2) and the nearest view already had; shape (n,)."""
-    views = views_m - target_m
+    views = views_m - target_m[:2]
     had = np.arctan2(views[:, 1], views[:, 0])
     aspect = np.arctan2(points_m[:, 1] - target_m[1], points_m[:, 0] - target_m[0])
     return np.abs(difference(aspect[:, np.newaxis], had)).min(axis=-1)

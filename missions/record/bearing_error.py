@@ -6,6 +6,7 @@ import numpy as np
 
 from dirmusic.angles import difference
 from envs import Scenario
+from missions.driving.site_map import SiteMap
 from missions.record.mission_log import MissionLog
 
 
@@ -17,7 +18,7 @@ def bearing_rmse(log: MissionLog, scenario: Scenario) -> float:
         scenario: Of the mission.
 
     Returns:
-        Radians, over the bearings that were taken where the yard leaves the source in sight on plan; NaN if there were
+        Radians, over the bearings that were taken where the yard leaves the source in sight; NaN if there were
         none, or if several sources make it unknown which one a bearing is of.
     """
     sources = log.meta["truth"]["sources"]
@@ -25,8 +26,8 @@ def bearing_rmse(log: MissionLog, scenario: Scenario) -> float:
     if len(sources) != 1 or bearing["pulse"].size == 0:
         return float("nan")
     pose = log.column("step", "true_pose")[pulse_step[bearing["pulse"]]]
-    source_m = np.asarray(sources[0]["position_m"][:2])
-    in_sight = scenario.yard.in_sight(pose[:, :2], source_m, ignore_m=0.1)
-    sight = source_m - pose[:, :2]
+    source_m = np.asarray(sources[0]["position_m"])
+    in_sight = SiteMap(scenario, scenario.yard).in_sight(pose[:, :2], source_m, 0.1)
+    sight = source_m[:2] - pose[:, :2]
     error = difference(bearing["azimuth_rad"], np.arctan2(sight[:, 1], sight[:, 0]) - pose[:, 2])[in_sight]
     return float(np.sqrt(np.mean(np.square(error)))) if error.size else float("nan")

@@ -46,8 +46,8 @@ TABLES: dict[str, dict[str, np.dtype[Any]]] = {
     "finding": {
         "step": np.dtype("i8"),
         "id": np.dtype("i8"),
-        "position_m": np.dtype(("f8", 2)),
-        "covariance_m2": np.dtype(("f8", (2, 2))),
+        "position_m": np.dtype(("f8", 3)),
+        "covariance_m2": np.dtype(("f8", (3, 3))),
         "state": np.dtype("U16"),  # candidate, confirmed, outside, ghost; dropped, once, when it is no more
         "n_bearings": np.dtype("i8"),
         "first_detected_s": np.dtype("f8"),

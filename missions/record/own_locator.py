@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, Finding, PoseError, PulseBatch
 from dirmusic.locating.association.assignment import NoOwner
-from dirmusic.locating.association.pulse_record import InSight
+from dirmusic.locating.association.sight_lines import Sight
 from dirmusic.locating.rules import LocatingRules
 from envs.foreign_code import ForeignCodeError, calling, load_object, place_of
 
 FloatArray = NDArray[np.float64]
 
-LOCATOR = "a Locator: MyLocator(array, pose_error, fence_m=, rules=, in_sight=) with update, refit and association"
+LOCATOR = "a Locator: MyLocator(array, pose_error, fence_m=, rules=, sight=) with update, refit and association"
 FINDINGS = "a tuple of dirmusic.Finding, with ids that differ"
 
 
@@ -28,7 +28,7 @@ class OwnLocator:
         pose_error: How wrong the poses given to `update` may be.
         fence_m: Length of the yard along x and y, origin at the corner; None where there is no fence.
         rules: What the scenario sets, and defaults for the rest.
-        in_sight: What the map of the yard obstructs; None where there is no map.
+        sight: What the map of the yard obstructs; None where there is no map.
 
     Raises:
         ForeignCodeError: If it cannot be loaded or made; by any call, if it raises or breaks the contract.
@@ -42,11 +42,11 @@ class OwnLocator:
         *,
         fence_m: tuple[float, float] | None,
         rules: LocatingRules,
-        in_sight: InSight | None,
+        sight: Sight | None,
     ) -> None:
         definition: Any = load_object(name, ".", LOCATOR)
         with calling(definition, LOCATOR):
-            self._locator: Any = definition(array, pose_error, fence_m=fence_m, rules=rules, in_sight=in_sight)
+            self._locator: Any = definition(array, pose_error, fence_m=fence_m, rules=rules, sight=sight)
         missing = [method for method in ("update", "refit", "association") if not hasattr(self._locator, method)]
         if missing:
             raise ForeignCodeError(f"{place_of(definition)}: has no {', '.join(missing)}; expected {LOCATOR}")

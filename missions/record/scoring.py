@@ -22,32 +22,32 @@ def evaluate(
     """Score findings against the truth.
 
     Each source gets the id of the finding that it is paired with. It has the right site if none of the known sites is
-    nearer to the finding, on plan, than the source itself: so an operator who looks at the nearest site looks there.
-    Findings and sources are paired one to one by least total distance, with a cut-off of 2 m. OSPA has c = 2 m, p = 1:
+    nearer to the finding than the source itself: so an operator who looks at the nearest site looks there.
+    Findings and sources are paired one to one by least total distance on plan, with a cut-off of 2 m. OSPA has c = 2 m, p = 1:
     the mean over the larger set of the paired distances, each unpaired member counting 2 m.
 
     Args:
         findings: Those confirmed, as of the report.
         sources: As of the truth.
-        sites_m: Where discharges may sit in the yard, shape (n_sites, 2 or 3); None if that is not known.
+        sites_m: Where discharges may sit in the yard, shape (n_sites, 3); None if that is not known.
 
     References:
         Schuhmacher, Vo and Vo, "A consistent metric for performance evaluation of multi-object filters", 2008.
     """
-    found_m = np.array([f["position_m"] for f in findings]).reshape(-1, 2)
-    true_m = np.array([s["position_m"][:2] for s in sources]).reshape(-1, 2)
-    distance = np.linalg.norm(true_m[:, np.newaxis] - found_m, axis=-1)
+    found_m = np.array([f["position_m"] for f in findings]).reshape(-1, 3)
+    true_m = np.array([s["position_m"] for s in sources]).reshape(-1, 3)
+    distance = np.linalg.norm((true_m[:, np.newaxis] - found_m)[..., :2], axis=-1)
     pairs = zip(*linear_sum_assignment(np.minimum(distance, CUT_OFF_M)), strict=True)
     partner = {int(i): int(j) for i, j in pairs if distance[i, j] < CUT_OFF_M}
-    known_m = np.empty((0, 2)) if sites_m is None else sites_m[:, :2]
+    known_m = np.empty((0, 3)) if sites_m is None else sites_m
     scored: list[dict[str, Any]] = []
     for i, source in enumerate(sources):
         j = partner.get(i)
         inside, is_right_site = None, None
         if j is not None:
             other_m = np.linalg.norm(known_m - found_m[j], axis=-1)
-            is_right_site = bool((other_m >= distance[i, j]).all())
-            inside = is_inside95(found_m[j] - true_m[i], np.array(findings[j]["covariance_m2"]))
+            is_right_site = bool((other_m >= np.linalg.norm(true_m[i] - found_m[j])).all())
+            inside = is_inside95((found_m[j] - true_m[i])[:2], np.array(findings[j]["covariance_m2"])[:2, :2])
         scored.append(
             {
                 "name": source["name"],
@@ -55,6 +55,7 @@ def evaluate(
                 "found": j is not None,
                 "finding_id": None if j is None else findings[j]["id"],
                 "error_m": None if j is None else float(distance[i, j]),
+                "height_error_m": None if j is None else float(found_m[j, 2] - true_m[i, 2]),
                 "inside_ellipse95": inside,
                 "right_site": is_right_site,
             }

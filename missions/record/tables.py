@@ -28,7 +28,7 @@ def candidates_table(report: dict[str, Any]) -> Table:
 def _table_of(findings: list[dict[str, Any]], title: str, more: dict[str, Callable[[dict[str, Any]], str]]) -> Table:
     """Id, position, ellipse and pulses of each; equipment and kind where they are known; and more columns."""
     columns: dict[str, Callable[[dict[str, Any]], str]] = {
-        "x, y (m)": lambda finding: "{:.2f}, {:.2f}".format(*finding["position_m"]),
+        "x, y, z (m)": lambda finding: "{:.2f}, {:.2f}, {:.2f}".format(*finding["position_m"]),
         "95 % ellipse": lambda finding: "{semi_major_m:.2f} by {semi_minor_m:.2f}".format(**finding["ellipse95"]),
         "pulses": lambda finding: str(finding["n_bearings"]),
     }
@@ -42,7 +42,7 @@ def _table_of(findings: list[dict[str, Any]], title: str, more: dict[str, Callab
     for heading in columns:
         is_word = heading in ("nearest", "kind", "state")
         table.add_column(
-            heading, justify="left" if is_word else "right", overflow="fold", no_wrap=heading == "x, y (m)"
+            heading, justify="left" if is_word else "right", overflow="fold", no_wrap=heading == "x, y, z (m)"
         )
     for finding in findings:
         table.add_row(str(finding["id"]), *(cell(finding) for cell in columns.values()))

@@ -209,12 +209,12 @@ class Recorder:
             steps, n = finding["step"][rows], rows.size
             state = finding["state"][rows]
             colour = np.array([COLOURS[str(s)] for s in state], dtype=np.uint8)
-            place = np.column_stack([finding["position_m"][rows], np.full(n, HEIGHT_M)])
+            place = finding["position_m"][rows]
             words = [f"{s} {number}" for s in state]
             path = paths.finding_path(number)
             radii = np.full(n, 0.2)
             self._columns(path, steps, rr.Points3D.columns(positions=place, colors=colour, radii=radii, labels=words))
-            covariance = finding["covariance_m2"][rows]
+            covariance = finding["covariance_m2"][rows][:, :2, :2]
             semi_major = np.array([ellipse95(one).semi_major_m for one in covariance])
             drawn = semi_major <= MAX_DRAWN_ELLIPSE_M
             outlines = [

@@ -53,7 +53,7 @@ class HelixRing:
         self.fine = [self._manifold((low, high)) for low, high in zip(self.fine_hz, self.fine_hz[1:], strict=False)]
         self.array = ArrayModel(
             manifold=self._manifold(BAND_HZ),
-            positions_m=np.zeros((6, 2)),
+            positions_m=np.zeros((6, 3)),
             spread=ElementSpread(gain=0.0, pointing_rad=0.0, offset=0.0),
             band_manifolds=tuple(self._manifold(half) for half in halves(edges_hz)),
         )

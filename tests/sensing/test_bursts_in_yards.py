@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from envs import load_scenario, shipped_scenarios
-from sensing import DischargeSource, Faces, HelicalArray, ReceiverConfig, Scene, Solids, Surroundings
+from envs.yard_surroundings import surroundings_of
+from sensing import DischargeSource, HelicalArray, ReceiverConfig, Scene
 from sensing.receiver.bank import listen_once
 from sensing.receiver.receiver import BURST_ECHOES, Receiver
 from tests.sensing.reference_receiver import arrivals_of
@@ -23,11 +24,7 @@ def share_rejected(name: str, burst_s: float, *, second_order: bool = False) -> 
     scenario, rng = load_scenario(name), np.random.default_rng(0)
     yard, array = scenario.yard, HelicalArray.nominal(scenario.array)
     threshold_v = Receiver(CONFIG, array.n_elements).threshold_v
-    surroundings = Surroundings.of_kinds(
-        [item.kind for item in yard.equipment],
-        Faces(**yard.faces()._asdict()),
-        Solids(**yard.obstacles()._asdict()),
-    )._replace(by_two_walls=second_order)
+    surroundings = surroundings_of(yard, second_order=second_order)
     n_rejected = n_triggered = 0
     for _ in range(N_PLACES):
         axis, turn_rad = rng.standard_normal(3), rng.uniform(-np.pi, np.pi)

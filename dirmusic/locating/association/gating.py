@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.angles import difference
-from dirmusic.locating.association.pulse_record import Measurements, PulseRecord
+from dirmusic.locating.association.pulse_record import LEAST_RANGE_M, Measurements, PulseRecord
 from dirmusic.locating.finding import Finding
 from dirmusic.locating.rules import AssignmentRules
 
@@ -17,9 +17,6 @@ BoolArray = NDArray[np.bool_]
 
 NEAR_FIELD_SHARE = 0.5
 """Share of the ring's radius by which a far-field bearing may miss a source close by (assumed)."""
-
-LEAST_RANGE_M = 0.3
-"""Shorter ranges count as this one (assumed): so close by, a pose error alone turns the line of sight round."""
 
 WIDEST_POSITION_RAD = np.radians(15.0)
 """What the uncertainty of the positions may add to the deviation of a bearing at most (assumed): a finding that is not
@@ -32,7 +29,8 @@ class Gate(NamedTuple):
     Attributes:
         offset_rad: How far the bearing points past the finding, in [0, pi].
         offset_sigmas: The same in standard deviations of bearing and positions.
-        level_db: Level 1 m from the finding that the strength of pulses of that time and direction means, dB over 1 V.
+        level_db: Level 1 m from the finding that the strength of pulses of that time and direction means, dB over 1 V,
+            what the map takes from a finding in sight made good.
         in_sight: Whether the map leaves the finding in sight from where the pulse was detected.
         in_gate: Whether the bearing points to the finding.
     """
@@ -46,18 +44,24 @@ class Gate(NamedTuple):
 
 def gate_pulses(record: PulseRecord, measured: Measurements, finding: Finding, rules: AssignmentRules) -> Gate:
     """Compare all pulses with one finding."""
-    sight = finding.position_m - record.pose[:, :2]
-    range_m = np.maximum(np.linalg.norm(sight, axis=-1), LEAST_RANGE_M)
+    sight = np.empty_like(record.pose)
+    sight[:, :2] = finding.position_m[:2] - record.pose[:, :2]
+    sight[:, 2] = finding.position_m[2] - record.array.height_m
+    range_m = np.maximum(np.linalg.norm(sight[:, :2], axis=-1), LEAST_RANGE_M)
     across = np.stack([-sight[:, 1], sight[:, 0]], axis=-1) / range_m[:, np.newaxis]
-    position_m2 = np.einsum("ni,ij,nj->n", across, finding.covariance_m2, across)
+    position_m2 = np.einsum("ni,ij,nj->n", across, finding.covariance_m2[:2, :2], across)
     position_m2 += record.pose_error.position_m**2 + (NEAR_FIELD_SHARE * record.aperture_m) ** 2
     std = np.sqrt(measured.std_rad**2 + np.minimum(position_m2 / range_m**2, WIDEST_POSITION_RAD**2))
     offset_rad = np.abs(difference(measured.bearing_rad, np.arctan2(sight[:, 1], sight[:, 0])))
     offset_sigmas = offset_rad / std
+    left = record.sight.at_heights(record.places_m, finding, rules.surface_depth_m).max(axis=0)
+    least = 10 ** (-rules.sight_loss_db / 20)
+    lost_db = -20 * np.log10(np.maximum(left, least))
+    in_sight = left >= least
     return Gate(
         offset_rad=offset_rad,
         offset_sigmas=offset_sigmas,
-        level_db=measured.local_level_db + 20 * np.log10(range_m),
-        in_sight=record.in_sight(finding.position_m, rules.surface_depth_m)[record.place],
+        level_db=measured.local_level_db + record.level_at_one_metre(sight) + (in_sight * lost_db)[record.place],
+        in_sight=in_sight[record.place],
         in_gate=offset_sigmas <= rules.gate_sigmas,
     )

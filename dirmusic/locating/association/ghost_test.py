@@ -19,7 +19,7 @@ from dirmusic.locating.rules import AssignmentRules
 
 BoolArray = NDArray[np.bool_]
 
-SIDES = np.array([[0.0, 1.0], [0.0, -1.0], [1.0, 0.0], [-1.0, 0.0]])
+SIDES = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
 
 
 class Paths(NamedTuple):
@@ -57,7 +57,9 @@ def judge_paths(record: PulseRecord, gate: Gate, finding: Finding, rules: Assign
 
 def _is_clear_of_edges(record: PulseRecord, finding: Finding, rules: AssignmentRules) -> BoolArray:
     """Whether the finding would be in sight of each pulse from a little to either side too, shape (n,)."""
-    clear = np.ones(len(record.places_m), dtype=np.bool_)
-    for aside_m in SIDES * rules.edge_margin_m:
-        clear &= record.in_sight(finding.position_m + aside_m, rules.surface_depth_m + rules.edge_margin_m)
+    clear, least = np.ones(len(record.places_m), dtype=np.bool_), 10 ** (-rules.sight_loss_db / 20)
+    for aside in SIDES:
+        target_m = finding.position_m + rules.edge_margin_m * aside
+        within_m = rules.surface_depth_m + rules.edge_margin_m
+        clear &= record.sight.shares(record.places_m, target_m, within_m) >= least
     return clear[record.place]

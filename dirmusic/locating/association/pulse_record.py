@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -10,19 +9,23 @@ from numpy.typing import NDArray
 
 from dirmusic.array.bounds import manifold_error, manifold_error_std
 from dirmusic.array.element_errors import ElementErrors
+from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, GainManifold
 from dirmusic.array.model import ArrayModel
-from dirmusic.locating.joint_fix import PoseError
+from dirmusic.locating.association.sight_lines import Sight, SightLines
+from dirmusic.locating.joint_fix import PoseError, with_height, with_height_covariance
 from dirmusic.locating.rules import AssignmentRules
 from dirmusic.locating.triangulation import triangulate
 from dirmusic.pulses.batch import PulseBatch
 
 FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 Rows = NDArray[np.intp]
 
-InSight = Callable[[FloatArray, FloatArray, float], NDArray[np.bool_]]
-"""(points (n, 2), target (2,), metres at the target's end that do not count) -> whether known equipment leaves the
-target in sight, (n,)."""
+PLACE_M = 0.25
+"""Side of the cells of the ground that count as one place (assumed): about the error of the pose, and less than the
+margin that is left to edges."""
+
+LEAST_RANGE_M = 0.3
+"""Shorter ranges on plan count as this one (assumed): so close by, a pose error alone turns the line of sight round."""
 
 FARTHEST_CROSSING_M = 60.0
 """Lines of sight that cross further away are taken to cross here (assumed)."""
@@ -48,31 +51,29 @@ class PulseRecord:
     Args:
         array: The array's data sheet and spread.
         pose_error: How wrong the poses are.
-        in_sight: What the map says; None without a map.
+        sight: What the map says; None without a map.
 
     Attributes:
         pulses: The pulses, n rows, in the order in which they were added.
         pose: Believed x m, y m, yaw rad at each pulse, world frame, shape (n, 3).
-        places_m: Positions from which pulses were detected, shape (n_places, 2).
+        places_m: Places of the array from which pulses were detected, one of each cell of the ground, shape
+            (n_places, 3), world frame.
         place: Row in `places_m` of each pulse, shape (n,).
         aperture_m: Radius of the ring of elements.
     """
 
-    def __init__(self, array: ArrayModel, pose_error: PoseError, in_sight: InSight | None) -> None:
+    def __init__(self, array: ArrayModel, pose_error: PoseError, sight: Sight | None) -> None:
         self.array = array
         self.pose_error = pose_error
         self.pulses = PulseBatch.none(array.manifold.n_elements)
         self.pose = np.empty((0, 3))
-        self.places_m = np.empty((0, 2))
+        self.places_m = np.empty((0, 3))
         self.place = np.empty(0, dtype=np.intp)
         self.aperture_m = float(np.linalg.norm(array.positions_m[:, :2], axis=-1).max())
-        self._in_sight = in_sight
+        self.sight = SightLines(sight)
         self._level_db = np.empty(0)
-
-    @property
-    def has_map(self) -> bool:
-        """Whether anything is known of what obstructs."""
-        return self._in_sight is not None
+        self._cells: dict[tuple[int, int], int] = {}
+        self._elevation_db = _elevation_db(array.manifold)
 
     def add(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> None:
         """Add credible pulses that were detected at one pose (3,); they get the time of the pose."""
@@ -80,8 +81,11 @@ class PulseRecord:
         norm_v = np.linalg.norm(pulses.strengths_v * pulses.is_usable, axis=-1)
         self.pulses = PulseBatch.join([self.pulses, pulses._replace(time_s=np.full(n, time_s))])
         self.pose = np.concatenate([self.pose, np.tile(pose, (n, 1))])
-        self.place = np.concatenate([self.place, np.full(n, len(self.places_m))])
-        self.places_m = np.concatenate([self.places_m, pose[np.newaxis, :2]])
+        cell = int(pose[0] // PLACE_M), int(pose[1] // PLACE_M)
+        if cell not in self._cells:
+            self._cells[cell] = len(self.places_m)
+            self.places_m = np.concatenate([self.places_m, [[pose[0], pose[1], self.array.height_m]]])
+        self.place = np.concatenate([self.place, np.full(n, self._cells[cell])])
         self._level_db = np.concatenate([self._level_db, 20 * np.log10(norm_v)])
 
     def bearings(self, rows: Rows, errors: ElementErrors) -> tuple[FloatArray, FloatArray]:
@@ -97,20 +101,24 @@ class PulseRecord:
         bearing, std = self.bearings(np.arange(self.pulses.n_pulses), errors)
         return Measurements(bearing, std, self._local_level_db(bearing, rules))
 
-    def in_sight(self, target_m: FloatArray, ignore_m: float, places: BoolArray | None = None) -> BoolArray:
-        """Whether the map leaves a target (2,) in sight from the places, or from some of them; all without a map."""
-        points_m = self.places_m if places is None else self.places_m[places]
-        if self._in_sight is None:
-            return np.ones(len(points_m), dtype=np.bool_)
-        return self._in_sight(points_m, target_m, ignore_m)
+    def level_at_one_metre(self, sight_m: FloatArray) -> FloatArray:
+        """What distance and elevation take from a level, dB, for lines of sight (n, 3) from the array."""
+        plan_m = np.maximum(np.linalg.norm(sight_m[:, :2], axis=-1), LEAST_RANGE_M)
+        elevation_deg = np.degrees(np.arctan2(np.abs(sight_m[:, 2]), plan_m))
+        by_elevation_db = np.interp(elevation_deg, np.arange(self._elevation_db.size), self._elevation_db)
+        return 20 * np.log10(np.hypot(plan_m, sight_m[:, 2])) - by_elevation_db
 
     def crossing(self, rows: Rows, errors: ElementErrors) -> tuple[FloatArray, FloatArray]:
-        """Where the lines of sight of some pulses cross, (2,), and its covariance (2, 2), infinite if they do not."""
+        """Where the lines of sight of some pulses cross, (3,), and its covariance (3, 3), infinite if they do not.
+
+        On plan: the height is that of which nothing is known.
+        """
         bearing, std = self.bearings(rows, errors)
         from_m = self.pose[rows, :2]
         fix = triangulate(from_m, bearing, std)
         sight = fix.position_m - from_m[-1]
-        return from_m[-1] + sight * min(1.0, FARTHEST_CROSSING_M / np.linalg.norm(sight)), fix.covariance_m2
+        place_m = from_m[-1] + sight * min(1.0, FARTHEST_CROSSING_M / np.linalg.norm(sight))
+        return with_height(place_m), with_height_covariance(fix.covariance_m2)
 
     def _local_level_db(self, bearing_rad: FloatArray, rules: AssignmentRules) -> FloatArray:
         """Median strength of the pulses of one time and one direction, shape (n,), dB over 1 V."""
@@ -123,6 +131,15 @@ class PulseRecord:
         level_db = np.empty(order.size)
         level_db[order] = np.repeat(self._level_db[order[starts + counts // 2]], counts)
         return level_db
+
+
+def _elevation_db(manifold: GainManifold) -> FloatArray:
+    """Sum of the gains towards elevations of 0, 1 ... 90 degrees, over that in the plane, dB."""
+    elevation_rad = np.radians(np.arange(91.0))
+    off_rad = SEARCH_AZIMUTHS_RAD[:, np.newaxis] - manifold.boresights_rad
+    gain = manifold.response_in_space(off_rad, elevation_rad[:, np.newaxis, np.newaxis]).gain
+    power = np.square(gain).sum(axis=-1).mean(axis=-1)
+    return np.asarray(10 * np.log10(power / power[0]), dtype=np.float64)
 
 
 def thinned(rows: Rows, most: int) -> Rows:

@@ -1,0 +1,65 @@
+"""What the map leaves of the straight paths between findings and the places from which pulses were detected."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dirmusic.locating.finding import Finding
+
+FloatArray = NDArray[np.float64]
+
+Sight = Callable[[FloatArray, FloatArray, float], FloatArray]
+"""(places (n, 3), target (3,), metres at the target's end in which nothing counts) -> share of the amplitude of a wave
+that known equipment leaves on the straight path, (n,), in [0, 1]."""
+
+TARGET_STEP_M = 0.1
+"""Targets are looked at to this (assumed): findings move less than that once they are known, and are not known better."""
+
+MOST_TARGETS = 1000
+"""So many are kept (assumed): those of some ten findings and the heights and sides at which they may be."""
+
+HEIGHTS_SIGMAS = (-1.0, 0.0, 1.0, 2.0)
+"""Heights at which a finding may be, in standard deviations (assumed); what hides stands below more often than above."""
+
+LEAST_HEIGHT_M = 0.1
+"""Nothing discharges below (assumed)."""
+
+
+class SightLines:
+    """Shares left on straight paths to targets, each worked out once for each place.
+
+    Args:
+        sight: What the map says; None without a map.
+    """
+
+    def __init__(self, sight: Sight | None) -> None:
+        self._sight = sight
+        self._known: dict[tuple[int, int, int, float], FloatArray] = {}
+
+    @property
+    def has_map(self) -> bool:
+        """Whether anything is known of what obstructs."""
+        return self._sight is not None
+
+    def shares(self, places_m: FloatArray, target_m: FloatArray, within_m: float) -> FloatArray:
+        """As `Sight`, of a target (3,) from places (n, 3) that are those of the last call and maybe more."""
+        if self._sight is None:
+            return np.ones(len(places_m))
+        steps = np.rint(target_m / TARGET_STEP_M).astype(np.intp)
+        key = (int(steps[0]), int(steps[1]), int(steps[2]), within_m)
+        known = self._known.get(key, np.empty(0))
+        if known.size < len(places_m):
+            more = self._sight(places_m[known.size :], steps * TARGET_STEP_M, within_m)
+            known = self._known[key] = np.concatenate([known, more])
+            if len(self._known) > MOST_TARGETS:
+                del self._known[next(iter(self._known))]
+        return known
+
+    def at_heights(self, places_m: FloatArray, finding: Finding, within_m: float) -> FloatArray:
+        """Shares for each height at which a finding may be, shape (n_heights, n)."""
+        x, y, z = finding.position_m
+        heights_m = np.maximum(z + finding.height_std_m * np.array(HEIGHTS_SIGMAS), LEAST_HEIGHT_M)
+        return np.array([self.shares(places_m, np.array([x, y, height]), within_m) for height in heights_m])
