@@ -184,9 +184,7 @@ def _solids(env: PatrolEnv, known_yard: Yard) -> dict[str, Any]:
     return solids | ({"map": describe_equipment(wrong)} if wrong else {})
 
 
-def make_locator(
-    scenario: Scenario, site_map: SiteMap, array: ArrayModel, rules: LocatingRules
-) -> LocatorProtocol:
+def make_locator(scenario: Scenario, site_map: SiteMap, array: ArrayModel, rules: LocatingRules) -> LocatorProtocol:
     """The Locator that the scenario names: it knows array, fence and map as the plan has them, never the truth.
 
     Raises:

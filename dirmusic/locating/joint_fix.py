@@ -111,9 +111,7 @@ def locate_jointly(
     start = np.concatenate([start_m.ravel(), no_errors])
     n_places = 3 * n_sources
     beliefs = Beliefs(mean, spread, pose_error.position_m, pose_error.heading_rad, ROBUST_SCALE)
-    fit = _Fit(
-        _explained(pulses, pose, source, start_m, array, pose_error), array, beliefs, len(of_elements), n_places
-    )
+    fit = _Fit(_explained(pulses, pose, source, start_m, array, pose_error), array, beliefs, len(of_elements), n_places)
     state, hessian = fit.solve(start)
     covariance: FloatArray = np.linalg.inv(hessian).astype(np.float64)
     block: NDArray[np.intp] = 3 * np.arange(n_sources, dtype=np.intp)[:, np.newaxis] + np.arange(3, dtype=np.intp)
@@ -150,9 +148,7 @@ def _correlated_pulses(time_s: FloatArray, source: NDArray[np.intp], correlation
     return (np.exp(-lag) * (source[:, np.newaxis] == source)).sum(axis=-1)
 
 
-def _pattern_variance(
-    pose: FloatArray, source: NDArray[np.intp], start_m: FloatArray, array: ArrayModel
-) -> FloatArray:
+def _pattern_variance(pose: FloatArray, source: NDArray[np.intp], start_m: FloatArray, array: ArrayModel) -> FloatArray:
     """Variance of strengths, in units of the largest squared, by what the pattern is off by; shape (n,).
 
     It is the same whenever a source is seen in one direction of the array, however often: pulses from there share it.

@@ -25,10 +25,10 @@ from envs.core.observing import ObservationParameters, Observing, Sensed, percei
 from envs.core.own_estimator import make_estimator
 from envs.core.progress import Progress, Stepping, StepResult, Task, advance
 from envs.scenario import Scenario
+from envs.yard_surroundings import surroundings_of
 from robot_models.antenna.elements import AntennaElements
 from robot_models.robots import Robots
 from robot_models.sensors import LIDAR_BEAMS, LIDAR_RANGE_M
-from envs.yard_surroundings import surroundings_of
 from sensing import Detections, HelicalArray
 from sensing.receiver.receiver import Listener
 

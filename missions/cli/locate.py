@@ -28,6 +28,7 @@ def locate(
     pattern: Path | None = None,
     boresights_deg: tuple[float, ...] | None = None,
     ring_radius_m: float = 0.12,
+    height_m: float = 0.6,
     gain_error: float = 0.05,
     pointing_error_deg: float = 2.0,
     gain_offset: float = 0.0,
@@ -54,6 +55,7 @@ def locate(
         boresights_deg: Where each channel's element looks, counter-clockwise from straight ahead. Default: a ring of
             six, 90 30 -30 -90 -150 150, or its first four; for other numbers an even ring from 90 on, clockwise.
         ring_radius_m: Radius of the ring of elements.
+        height_m: Height of the elements above the ground.
         gain_error: How far gains spread about the data sheet, relative standard deviation.
         pointing_error_deg: How far boresights do, standard deviation.
         gain_offset: Half width of uniform additions to the gains.
@@ -69,6 +71,7 @@ def locate(
     """
     at_least_zero = {
         "--ring-radius-m": ring_radius_m,
+        "--height-m": height_m,
         "--gain-error": gain_error,
         "--pointing-error-deg": pointing_error_deg,
         "--gain-offset": gain_offset,
@@ -104,6 +107,7 @@ def locate(
                 read_pattern(pattern) if pattern else None,
                 boresights_deg,
                 ring_radius_m,
+                height_m,
             )
         except InputFileError as error:
             refuse(*error.faults)

@@ -16,6 +16,7 @@ def array_model(
     pattern: GainPattern | None,
     boresights_deg: Sequence[float] | None,
     ring_radius_m: float,
+    height_m: float,
 ) -> ArrayModel:
     """Model of the array that took the data, of its live channels alone.
 
@@ -26,6 +27,7 @@ def array_model(
         boresights_deg: Azimuth of each recorded channel's element; None for an even ring, of which four channels are
             the first four of six elements.
         ring_radius_m: Radius of the ring.
+        height_m: Of the ring above the ground.
 
     Raises:
         InputFileError: If the numbers of boresights and channels differ, or the pattern is the same all round.

@@ -105,7 +105,7 @@ def _news(finding: Finding) -> str:
     x, y, z = finding.position_m
     return {
         "candidate": f"candidate {finding.id} towards ({x:.1f}, {y:.1f}) m",
-        "confirmed": f"finding {finding.id} at ({x:.2f}, {y:.2f}, {z:.2f}) m, 95 % in {finding.semi_major_m:.2f} m on plan",
+        "confirmed": f"finding {finding.id} at ({x:.2f}, {y:.2f}, {z:.2f}) m, 95 % in {finding.semi_major_m:.2f} m",
         "ghost": f"candidate {finding.id} is a ghost: nothing comes from near ({x:.1f}, {y:.1f}) m",
         "outside": f"candidate {finding.id} lies beyond the fence, near ({x:.0f}, {y:.0f}) m",
     }[finding.state]

@@ -58,7 +58,7 @@ def phase_patterns(log: MissionLog) -> dict[int, PhaseResolved]:
             continue
         rows = association["pulse"][own]
         position_m = table["position_m"][np.flatnonzero(table["id"] == number)[-1]]
-        range_m = np.linalg.norm(position_m - log.column("step", "pose")[pulse["step"][rows], :2], axis=-1)
+        range_m = np.linalg.norm(position_m[:2] - log.column("step", "pose")[pulse["step"][rows], :2], axis=-1)
         gain = np.linalg.norm(manifold.gain(azimuth_rad[own]), axis=0)
         level_db = 20 * np.log10(np.linalg.norm(pulse["strengths_v"][rows], axis=-1) / gain * range_m)
         usual_db = median_filter(level_db, size=NEIGHBOURS, mode="nearest")

@@ -23,8 +23,8 @@ def evaluate(
 
     Each source gets the id of the finding that it is paired with. It has the right site if none of the known sites is
     nearer to the finding than the source itself: so an operator who looks at the nearest site looks there.
-    Findings and sources are paired one to one by least total distance on plan, with a cut-off of 2 m. OSPA has c = 2 m, p = 1:
-    the mean over the larger set of the paired distances, each unpaired member counting 2 m.
+    Findings and sources are paired one to one by least total distance on plan, with a cut-off of 2 m. OSPA has c = 2 m,
+    p = 1: the mean over the larger set of the paired distances, each unpaired member counting 2 m.
 
     Args:
         findings: Those confirmed, as of the report.

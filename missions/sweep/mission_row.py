@@ -34,6 +34,7 @@ SCHEMA = pa.schema(
         pa.field("n_found", pa.int32()),
         pa.field("false_findings", pa.int32()),
         pa.field("errors_m", pa.list_(pa.float64())),
+        pa.field("height_errors_m", pa.list_(pa.float64())),
         pa.field("confirmed_s", pa.list_(pa.float64())),
         pa.field("n_in_ellipse", pa.int32()),
         pa.field("n_right_site", pa.int32()),
@@ -74,7 +75,8 @@ class MissionRow(NamedTuple):
         n_sources: Sources in the yard.
         n_found: Of the sources, those with a confirmed finding within the cut-off of `missions.record.scoring`.
         false_findings: Confirmed findings without a source.
-        errors_m: Distances of the paired findings from their sources.
+        errors_m: Distances of the paired findings from their sources, on plan.
+        height_errors_m: How far the paired findings are above their sources.
         confirmed_s: When those were confirmed.
         n_in_ellipse: How many of the sources lie in the 95 % ellipse of their finding.
         n_right_site: How many of the found sources have the right site, as of `missions.record.scoring`.
@@ -106,6 +108,7 @@ class MissionRow(NamedTuple):
     n_found: int = 0
     false_findings: int = 0
     errors_m: tuple[float, ...] = ()
+    height_errors_m: tuple[float, ...] = ()
     confirmed_s: tuple[float, ...] = ()
     n_in_ellipse: int = 0
     n_right_site: int = 0
@@ -145,6 +148,7 @@ class MissionRow(NamedTuple):
             n_found=len(found),
             false_findings=evaluation["false_findings"],
             errors_m=tuple(source["error_m"] for source in found),
+            height_errors_m=tuple(source["height_error_m"] for source in found),
             confirmed_s=confirmed_s,
             n_in_ellipse=sum(source["inside_ellipse95"] for source in found),
             n_right_site=sum(source["right_site"] for source in found),

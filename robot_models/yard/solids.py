@@ -40,24 +40,6 @@ class Placed(NamedTuple):
     yaw_rad: float
 
 
-class Footprints(NamedTuple):
-    """Outlines of solids on plan, world frame.
-
-    Attributes:
-        centre_m: Shape (n_solids, 2).
-        cos_yaw: Shape (n_solids,).
-        sin_yaw: Shape (n_solids,).
-        half_size_m: Half the sides of boxes, shape (n_solids, 2).
-        radius_m: Of cylinders, shape (n_solids,); 0 for boxes.
-    """
-
-    centre_m: FloatArray
-    cos_yaw: FloatArray
-    sin_yaw: FloatArray
-    half_size_m: FloatArray
-    radius_m: FloatArray
-
-
 class Solids:
     """Many solids at once, world frame. The last axis of every result runs over the solids.
 
@@ -111,15 +93,6 @@ class Solids:
         upward = np.maximum(height_m - self.top_m, self.bottom_m - height_m)
         outside = np.hypot(np.maximum(sideways, 0.0), np.maximum(upward, 0.0))
         return np.where((sideways > 0) | (upward > 0), outside, np.maximum(sideways, upward))
-
-    @property
-    def depth_m(self) -> FloatArray:
-        """From the middle of each footprint to its nearest side, shape (n_solids,)."""
-        return np.where(self.radius_m > 0, self.radius_m, self.half_size_m.min(axis=-1))
-
-    def footprints(self) -> Footprints:
-        """Their outlines on plan."""
-        return Footprints(self.centre_m, self._cos, self._sin, self.half_size_m, self.radius_m)
 
     def _local(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Points (..., 2 or 3) in the frame of each footprint: along and across it, both (..., n_solids)."""

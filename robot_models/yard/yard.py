@@ -14,20 +14,17 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, Field, model_validator
 
 from robot_models.yard.pieces import Equipment
-from robot_models.yard.solids import Box, Placed, Solids
+from robot_models.yard.solids import Solids
 from robot_models.yard.tables import FaceTable, SolidTable, face_table, solid_table
 
 FloatArray = NDArray[np.float64]
 
 YardLength = Annotated[float, Field(gt=0.0, le=200.0)]
+TINY_M = 1e-9
+"""How far a line is taken to go along an axis along which it does not go at all."""
+
 ROBOT_HEIGHT_M = 0.75
 """A robot passes below what begins higher than this (assumed): no robot may be higher."""
-
-SIGHT_HEIGHT_M = 2.0
-"""On plan, what begins higher than this hides nothing from a robot whose antennas are 0.6 m high (assumed)."""
-
-KERB_HEIGHT_M = 0.4
-"""On plan, what ends lower than this, such as a kerb or a door step, hides nothing from those antennas (assumed)."""
 
 
 class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
@@ -66,10 +63,6 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
     def _in_the_robots_way(self) -> Solids:
         return self.solids.take(self.solids.bottom_m < ROBOT_HEIGHT_M)
 
-    @cached_property
-    def _in_the_line_of_sight(self) -> Solids:
-        return self.solids.take((self.solids.bottom_m < SIGHT_HEIGHT_M) & (self.solids.top_m > KERB_HEIGHT_M))
-
     def faces(self) -> FaceTable:
         """What radio waves are mirrored by: the ground, and the four sides and the top of every box."""
         return face_table(self.solids, self.owner)
@@ -85,10 +78,10 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
 
     def is_crossed(self, start_m: ArrayLike, end_m: ArrayLike) -> bool:
         """Whether the straight line between two world points (3,) touches the ground inside the fence, on plan."""
-        middle_m = (0.5 * self.size_m[0], 0.5 * self.size_m[1])
-        ground = Solids([Placed(Box(footprint_m=self.size_m, top_m=1.0), middle_m, 0.0)])
-        ends = np.array([start_m, end_m], dtype=np.float64)[:, :2]
-        return bool(self.contains(ends).any()) or not bool(_is_clear(ends[:1], ends[1], np.zeros(1), ground)[0])
+        start, end = np.asarray(start_m, dtype=np.float64)[:2], np.asarray(end_m, dtype=np.float64)[:2]
+        along = np.where(start == end, TINY_M, end - start)
+        sides = np.stack([-start, np.asarray(self.size_m) - start]) / along
+        return bool(max(sides.min(axis=0).max(), 0.0) <= min(sides.max(axis=0).min(), 1.0))
 
     def clearance(self, points_m: ArrayLike) -> FloatArray:
         """Horizontal distance of world points (..., 2) to fence or equipment in a robot's way, negative inside."""
@@ -102,19 +95,6 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
             place_m = rng.uniform([0.0, 0.0], self.size_m)
             if self.clearance(place_m) >= clearance_m:
                 return place_m
-
-    def in_sight(self, points_m: ArrayLike, target_m: ArrayLike, ignore_m: float = 0.0) -> NDArray[np.bool_]:
-        """Whether no equipment lies between points (n, 2) and a target (2,), on plan; shape (n,).
-
-        Args:
-            points_m: World frame.
-            target_m: World frame.
-            ignore_m: Equipment in so much of the way at the target's end does not count, or in half its own thickness:
-                a target on a surface, or a little within it, is in sight from outside, but not from beyond a post.
-        """
-        points, target = np.asarray(points_m, dtype=np.float64), np.asarray(target_m, dtype=np.float64)
-        solids = self._in_the_line_of_sight
-        return _is_clear(points, target, np.minimum(ignore_m, solids.depth_m), solids)
 
     def site_names(self) -> tuple[str, ...]:
         """Every candidate discharge site as `equipment/site`, in file order."""
@@ -155,10 +135,3 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
             return None
         distance_m = self.solids.horizontal_distance(np.asarray(position_m, dtype=np.float64))
         return self.equipment[int(self.owner[distance_m.argmin()])].name
-
-
-def _is_clear(starts_m: FloatArray, end_m: FloatArray, short_m: FloatArray, solids: Solids) -> NDArray[np.bool_]:
-    """As `line_of_sight.is_clear`."""
-    from robot_models.yard.line_of_sight import is_clear  # loads the compiler
-
-    return is_clear(np.ascontiguousarray(starts_m), np.ascontiguousarray(end_m), short_m, solids.footprints())

@@ -14,7 +14,7 @@ NOISE_V = 0.03
 
 def ring(n_elements: int) -> ArrayModel:
     manifold = GainManifold.ring(n_elements)
-    return ArrayModel(manifold=manifold, positions_m=np.zeros((n_elements, 2)), spread=ElementSpread())
+    return ArrayModel(manifold=manifold, positions_m=np.zeros((n_elements, 3)), spread=ElementSpread())
 
 
 def pulses_from(array: ArrayModel, azimuth_rad: np.ndarray, noise_v: float = NOISE_V) -> PulseBatch:

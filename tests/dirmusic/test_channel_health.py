@@ -9,7 +9,7 @@ from dirmusic.angles import difference
 from dirmusic.bearing.channel_health import ChannelMonitor, SuspectChannel
 
 NOMINAL = GainManifold.ring(6)
-ARRAY = ArrayModel(manifold=NOMINAL, positions_m=np.zeros((6, 2)), spread=ElementSpread())
+ARRAY = ArrayModel(manifold=NOMINAL, positions_m=np.zeros((6, 3)), spread=ElementSpread())
 
 
 def detected(strengths: np.ndarray) -> PulseBatch:

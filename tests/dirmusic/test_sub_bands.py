@@ -26,7 +26,7 @@ def ring(sharpness: list[float]) -> ArrayModel:
     """A ring whose beams are the sharper the higher the half sub-band; one manifold for all in the middle."""
     manifolds = tuple(GainManifold.ring(6, beam(each)) for each in sharpness)
     middle = GainManifold.ring(6, beam(float(np.mean(sharpness))))
-    return ArrayModel(manifold=middle, positions_m=np.zeros((6, 2)), spread=ElementSpread(), band_manifolds=manifolds)
+    return ArrayModel(manifold=middle, positions_m=np.zeros((6, 3)), spread=ElementSpread(), band_manifolds=manifolds)
 
 
 def test_energies_of_all_bands_up_to_half_the_rate_add_up_to_that_of_the_gate() -> None:

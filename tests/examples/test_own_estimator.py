@@ -37,7 +37,7 @@ def test_the_command_of_the_readme_finds_the_discharge(tmp_path: Path) -> None:
 @pytest.mark.parametrize("noise_v", [0.002, 0.01, 0.05])
 def test_its_deviation_is_honest(noise_v: float) -> None:
     method = load_scenario(FOLDER / "yard.toml").estimator.method
-    array = ArrayModel(manifold=GainManifold.ring(6), positions_m=np.zeros((6, 2)), spread=ElementSpread())
+    array = ArrayModel(manifold=GainManifold.ring(6), positions_m=np.zeros((6, 3)), spread=ElementSpread())
     azimuth_rad = np.radians(np.arange(-179.5, 180.0, 0.5))
     gain = array.manifold.gain(azimuth_rad).T
     drawn_v = gain + noise_v * np.random.default_rng(0).standard_normal(gain.shape)

@@ -6,8 +6,6 @@ import pytest
 from envs import load_scenario
 from missions.driving.path_follower import BRAKING_MPS2, TURN_SPEED_MPS, PathFollower, speed_profile, steer
 from missions.driving.site_map import MARGIN_M, SiteMap
-from robot_models.yard.pieces import CylinderEquipment
-from robot_models.yard.yard import Yard
 
 MAP = SiteMap(load_scenario("one_source"))
 
@@ -31,11 +29,11 @@ def test_no_way_is_shorter_than_the_straight_line() -> None:
 
 def test_equipment_hides_what_is_behind_it_and_not_what_stands_on_it() -> None:
     tank = next(item for item in MAP.yard.equipment if item.name == "transformer_1")
-    south, north = np.array([12.0, 13.0]), np.array([[12.0, 21.0]])
-    assert not MAP.yard.in_sight(north, south)[0]
-    surface = np.array([12.0, tank.position_m[1] - 1.4])  # an estimate a little inside its surface
-    assert MAP.yard.in_sight(south[np.newaxis], surface, ignore_m=0.5)[0]
-    assert not MAP.yard.in_sight(north, surface, ignore_m=0.5)[0]
+    south, north = np.array([[12.0, 13.0]]), np.array([[12.0, 21.0]])
+    assert not MAP.in_sight(north, np.array([12.0, 13.0, 0.9]), 0.0)[0]
+    surface = np.array([12.0, tank.position_m[1] - 1.4, 0.9])  # an estimate a little inside its surface
+    assert MAP.in_sight(south, surface, 0.5)[0]
+    assert not MAP.in_sight(north, surface, 0.5)[0]
 
 
 def test_a_robot_that_steers_along_a_path_arrives_and_strays_little() -> None:
@@ -145,14 +143,3 @@ def test_a_robot_that_steers_to_the_end_of_a_path_stops_there() -> None:
     assert np.linalg.norm(pose[:2] - path[-1]) < 0.15
     assert speeds[-1] < 0.45
     assert -np.diff(speeds).min() / 0.1 < 1.2 * BRAKING_MPS2
-
-
-def test_a_target_on_a_post_is_in_sight_from_its_own_side_and_not_from_beyond_the_post() -> None:
-    post = CylinderEquipment(
-        name="post", kind="surge_arrester", position_m=(10.0, 10.0), radius_m=0.2, height_m=3.0, shape="cylinder"
-    )
-    yard, south = Yard(size_m=(20.0, 20.0), equipment=(post,)), np.array([10.0, 9.8])
-    for depth_m in (0.0, 0.1):  # a target is not known better than this
-        target = south + np.array([0.0, depth_m])
-        assert yard.in_sight(np.array([[10.0, 5.0], [8.0, 6.0]]), target, ignore_m=0.6).all()
-        assert not yard.in_sight(np.array([[10.0, 15.0], [9.0, 14.0]]), target, ignore_m=0.6).any()

@@ -20,7 +20,7 @@ from dirmusic import Finding
 
 
 class Mine:
-    def __init__(self, array, pose_error, *, fence_m, rules, in_sight):
+    def __init__(self, array, pose_error, *, fence_m, rules, sight):
         self.findings, self.n = (), 0
 
     def update(self, time_s, pose, pulses):
@@ -28,7 +28,7 @@ class Mine:
         if self.n >= 20 and not self.findings:
             self.findings = (
                 Finding(
-                    id=7, state="confirmed", position_m=pose[:2] + 1.0, covariance_m2=np.eye(2), n_bearings=self.n,
+                    id=7, state="confirmed", position_m=pose + 1.0, covariance_m2=np.eye(3), n_bearings=self.n,
                     first_detected_s=0.0, fixed_s=time_s, aperture_rad=1.0, nearest_m=1.0, level_db=0.0,
                 ),
             )

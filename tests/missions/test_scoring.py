@@ -2,6 +2,7 @@
 
 import io
 
+import numpy as np
 import pytest
 from rich.console import Console
 
@@ -10,7 +11,7 @@ from missions.record.tables import candidates_table, findings_table
 
 
 def finding(x: float, y: float, spread_m: float = 0.1, number: int = 1) -> dict:
-    return {"id": number, "position_m": [x, y], "covariance_m2": [[spread_m**2, 0.0], [0.0, spread_m**2]]}
+    return {"id": number, "position_m": [x, y, 1.5], "covariance_m2": (spread_m**2 * np.eye(3)).tolist()}
 
 
 def source(x: float, y: float, name: str = "s") -> dict:

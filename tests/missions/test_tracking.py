@@ -13,10 +13,10 @@ from missions.record.tracking import Tracked, Tracker
 from missions.runner import run_mission
 
 MANIFOLD = GainManifold.ring(6)
-ARRAY = ArrayModel(manifold=MANIFOLD, positions_m=np.zeros((6, 2)), spread=ElementSpread(gain=0.05))
+ARRAY = ArrayModel(manifold=MANIFOLD, positions_m=np.zeros((6, 3)), spread=ElementSpread(gain=0.05))
 POSE = np.zeros(3)
 FINDING = Finding(
-    id=3, state="candidate", position_m=np.array([1.0, 2.0]), covariance_m2=np.eye(2), n_bearings=1,
+    id=3, state="candidate", position_m=np.array([1.0, 2.0, 1.5]), covariance_m2=np.eye(3), n_bearings=1,
     first_detected_s=0.0, fixed_s=None, aperture_rad=0.0, nearest_m=1.0, level_db=0.0,
 )  # fmt: skip
 

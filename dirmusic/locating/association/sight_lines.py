@@ -16,13 +16,13 @@ Sight = Callable[[FloatArray, FloatArray, float], FloatArray]
 that known equipment leaves on the straight path, (n,), in [0, 1]."""
 
 TARGET_STEP_M = 0.1
-"""Targets are looked at to this (assumed): findings move less than that once they are known, and are not known better."""
+"""Targets are looked at to this (assumed): once they are known, findings move less."""
 
 MOST_TARGETS = 1000
 """So many are kept (assumed): those of some ten findings and the heights and sides at which they may be."""
 
 HEIGHTS_SIGMAS = (-1.0, 0.0, 1.0, 2.0)
-"""Heights at which a finding may be, in standard deviations (assumed); what hides stands below more often than above."""
+"""Heights at which a finding may be, in standard deviations (assumed): what hides stands below more often."""
 
 LEAST_HEIGHT_M = 0.1
 """Nothing discharges below (assumed)."""
@@ -52,7 +52,8 @@ class SightLines:
         key = (int(steps[0]), int(steps[1]), int(steps[2]), within_m)
         known = self._known.get(key, np.empty(0))
         if known.size < len(places_m):
-            more = self._sight(places_m[known.size :], steps * TARGET_STEP_M, within_m)
+            target_m = np.asarray(steps * TARGET_STEP_M, dtype=np.float64)
+            more = self._sight(places_m[known.size :], target_m, within_m)
             known = self._known[key] = np.concatenate([known, more])
             if len(self._known) > MOST_TARGETS:
                 del self._known[next(iter(self._known))]

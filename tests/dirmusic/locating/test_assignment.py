@@ -6,7 +6,8 @@ import pytest
 from dirmusic import ArrayModel, GainManifold
 from dirmusic.array.element_errors import ElementErrors, ElementSpread
 from dirmusic.locating.association.assignment import NoOwner, assign
-from dirmusic.locating.association.pulse_record import InSight, PulseRecord
+from dirmusic.locating.association.pulse_record import PulseRecord
+from dirmusic.locating.association.sight_lines import Sight
 from dirmusic.locating.finding import Finding
 from dirmusic.locating.joint_fix import PoseError
 from dirmusic.locating.rules import AssignmentRules
@@ -14,7 +15,7 @@ from dirmusic.pulses.batch import PulseBatch
 
 NOMINAL = GainManifold.ring(6)
 ARRAY = ArrayModel(
-    manifold=NOMINAL, positions_m=np.zeros((6, 2)), spread=ElementSpread(gain=0.01, pointing_rad=np.radians(0.5))
+    manifold=NOMINAL, positions_m=np.zeros((6, 3)), spread=ElementSpread(gain=0.01, pointing_rad=np.radians(0.5))
 )
 NO_ERRORS = ElementErrors.none(6)
 POSE_ERROR = PoseError(position_m=0.05, heading_rad=np.radians(0.5), correlation_s=5.0)
@@ -26,8 +27,8 @@ def finding(x: float, y: float, state: str = "confirmed") -> Finding:
     return Finding(
         id=1,
         state=state,  # pyright: ignore[reportArgumentType]
-        position_m=np.array([x, y]),
-        covariance_m2=0.01 * np.eye(2),
+        position_m=np.array([x, y, 0.0]),
+        covariance_m2=0.01 * np.eye(3),
         n_bearings=100,
         first_detected_s=0.0,
         fixed_s=0.0,
@@ -43,9 +44,9 @@ def assigned(
     """Owner of pulses detected at the origin from one direction, so far above what `LEVEL_DB` at a range would give."""
 
     def the_map(points: np.ndarray, target: np.ndarray, ignore_m: float) -> np.ndarray:
-        return np.full(len(points), in_sight)
+        return np.full(len(points), float(in_sight))
 
-    sight: InSight = the_map
+    sight: Sight = the_map
     record = PulseRecord(ARRAY, POSE_ERROR, sight)
     azimuth = np.full(5, np.radians(bearing_deg))
     gain = NOMINAL.gain(azimuth).T

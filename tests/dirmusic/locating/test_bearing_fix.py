@@ -10,7 +10,9 @@ from dirmusic.locating.bearing_fix import locate_by_bearings
 from dirmusic.locating.ellipse import ellipse95, is_inside95
 
 NOMINAL = GainManifold.ring(6)
-RING_M = 0.12 * np.column_stack([np.cos(NOMINAL.boresights_rad), np.sin(NOMINAL.boresights_rad)])
+RING_M = np.column_stack(
+    [0.12 * np.cos(NOMINAL.boresights_rad), 0.12 * np.sin(NOMINAL.boresights_rad), np.full(6, 0.6)]
+)
 SPREAD = ElementSpread(gain=0.05, pointing_rad=np.radians(2.0))
 POSE_ERROR = PoseError(position_m=0.05, heading_rad=np.radians(0.5), correlation_s=5.0)
 NO_POSE_ERROR = PoseError(position_m=0.0, heading_rad=0.0, correlation_s=1.0)

@@ -11,7 +11,7 @@ from dirmusic.locating.rules import CredibilityRules
 LIKELIHOOD = MaximumLikelihood()
 NOMINAL = GainManifold.ring(6)
 ARRAY = ArrayModel(
-    manifold=NOMINAL, positions_m=np.zeros((6, 2)), spread=ElementSpread(gain=0.05, pointing_rad=np.radians(2.0))
+    manifold=NOMINAL, positions_m=np.zeros((6, 3)), spread=ElementSpread(gain=0.05, pointing_rad=np.radians(2.0))
 )
 
 

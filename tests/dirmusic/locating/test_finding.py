@@ -16,11 +16,11 @@ def finding(position_m: np.ndarray, covariance_m2: np.ndarray) -> Finding:
 @pytest.mark.parametrize(
     ("position", "covariance", "fault"),
     [
-        ([np.nan, 0.0], np.eye(2), "position_m"),
-        ([0.0, 0.0, 0.0], np.eye(2), "position_m"),
-        ([0.0, 0.0], np.diag([1.0, np.inf]), "covariance_m2"),
-        ([0.0, 0.0], np.ones(2), "covariance_m2"),
-        ([0.0, 0.0], np.diag([1.0, -1.0]), "covariance_m2.*positive"),
+        ([np.nan, 0.0, 0.0], np.eye(3), "position_m"),
+        ([0.0, 0.0], np.eye(3), "position_m"),
+        ([0.0, 0.0, 0.0], np.diag([1.0, 1.0, np.inf]), "covariance_m2"),
+        ([0.0, 0.0, 0.0], np.ones(2), "covariance_m2"),
+        ([0.0, 0.0, 0.0], np.diag([1.0, 1.0, -1.0]), "covariance_m2.*positive"),
     ],
 )
 def test_a_position_or_covariance_that_cannot_be_is_refused(
@@ -31,4 +31,4 @@ def test_a_position_or_covariance_that_cannot_be_is_refused(
 
 
 def test_a_longer_ellipse_has_a_longer_half_axis() -> None:
-    assert finding(np.zeros(2), np.diag([4.0, 1.0])).semi_major_m == pytest.approx(2 * np.sqrt(5.9915), rel=1e-4)
+    assert finding(np.zeros(3), np.diag([4.0, 1.0, 9.0])).semi_major_m == pytest.approx(2 * np.sqrt(5.9915), rel=1e-4)

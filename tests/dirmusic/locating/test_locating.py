@@ -19,13 +19,15 @@ from dirmusic import (
     strength_variance,
 )
 from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
-from dirmusic.locating.association.pulse_record import InSight
+from dirmusic.locating.association.sight_lines import Sight
 from dirmusic.locating.credibility import is_credible
 from dirmusic.locating.ellipse import is_inside95
 from dirmusic.locating.rules import CredibilityRules, LocatingRules
 
 NOMINAL = GainManifold.ring(6)
-RING_M = 0.12 * np.column_stack([np.cos(NOMINAL.boresights_rad), np.sin(NOMINAL.boresights_rad)])
+RING_M = np.column_stack(
+    [0.12 * np.cos(NOMINAL.boresights_rad), 0.12 * np.sin(NOMINAL.boresights_rad), np.full(6, 0.6)]
+)
 NO_POSE_ERROR = PoseError(position_m=0.0, heading_rad=0.0, correlation_s=1.0)
 NOISE_V = 1e-3
 
@@ -38,10 +40,10 @@ def make_locator(
     spread: ElementSpread = SPREAD,
     rules: LocatingRules | None = None,
     positions_m: np.ndarray = RING_M,
-    in_sight: InSight | None = None,
+    sight: Sight | None = None,
 ) -> Locator:
     array = ArrayModel(manifold=NOMINAL, positions_m=positions_m, spread=spread)
-    return Locator(array, NO_POSE_ERROR, fence_m=fence_m, rules=rules, in_sight=in_sight)
+    return Locator(array, NO_POSE_ERROR, fence_m=fence_m, rules=rules, sight=sight)
 
 
 def pulses_of(strengths: np.ndarray, variance: np.ndarray | None = None) -> PulseBatch:
@@ -234,7 +236,7 @@ def across_the_wall(points: np.ndarray, target: np.ndarray, ignore_m: float) -> 
     return ~beyond | (np.abs(target[1] - WALL_Y_M) < ignore_m)
 
 
-def detect_image_and_source(in_sight: InSight | None, locator: Locator | None = None) -> Locator:
+def detect_image_and_source(sight: Sight | None, locator: Locator | None = None) -> Locator:
     """Past a wall: at first a mirror image behind it is detected, then, from beyond its end, the source itself.
 
     The mirror image is 4 dB weaker than the source.
@@ -243,7 +245,7 @@ def detect_image_and_source(in_sight: InSight | None, locator: Locator | None = 
     errors = ElementErrors(
         gain=np.expm1(rng.normal(0, 0.05, 6)), pointing_rad=rng.normal(0, np.radians(2.0), 6), offset=np.zeros(6)
     )
-    real, locator = errors.correct(NOMINAL), locator or make_locator(in_sight=in_sight)
+    real, locator = errors.correct(NOMINAL), locator or make_locator(sight=sight)
     image, source = np.array([20.0, 16.5]), np.array([12.0, 8.0])
     first = around(image, 3.6, 210, 330, 200)
     second = around(source, 3.0, 20, 150, 200)

@@ -15,7 +15,7 @@ from sensing.array.config import SHIPPED_PATTERNS
 FloatArray = NDArray[np.float64]
 
 BORESIGHTS_RAD = ring_boresights_rad(6)
-RING_M = 0.12 * np.column_stack([np.cos(BORESIGHTS_RAD), np.sin(BORESIGHTS_RAD)])
+RING_M = np.column_stack([0.12 * np.cos(BORESIGHTS_RAD), 0.12 * np.sin(BORESIGHTS_RAD), np.full(6, 0.6)])
 BAND_HZ = np.linspace(1.4e9, 2.2e9, 9)
 N_SURVEYS, N_POSES, N_PULSES = 60, 16, 20
 CHI2_95 = 5.991

@@ -42,11 +42,11 @@ def mapped(**wrong: Any) -> Scenario:  # noqa: ANN401 - tables of many types
 
 def locators_sight(scenario: Scenario, point_m: np.ndarray, target_m: np.ndarray) -> bool:
     """Whether the Locator of a mission takes a target to be in sight."""
-    locator = make_locator(scenario, PatrolEnv(scenario).simulation.array, scenario.locating.rules())
+    site_map = SiteMap(scenario)
+    locator = make_locator(scenario, site_map, PatrolEnv(scenario).simulation.array, scenario.locating.rules())
     assert isinstance(locator, Locator)
-    in_sight = locator._record._in_sight
-    assert in_sight is not None
-    return bool(in_sight(point_m[np.newaxis], target_m, 0.0)[0])
+    from_m, to_m = np.append(point_m, 0.6)[np.newaxis], np.append(target_m, 0.9)
+    return bool(locator._record.sight.shares(from_m, to_m, 0.0)[0] > LEAST_SIGHT)
 
 
 def drive_into_transformer_1(scenario: Scenario) -> list[dict[str, Any]]:

@@ -13,7 +13,7 @@ SITE_MAP = SiteMap(load_scenario("one_source"))
 
 def candidate(state: State) -> Finding:
     return Finding(
-        id=1, state=state, position_m=np.array([9.5, 8.0]), covariance_m2=0.1 * np.eye(2), n_bearings=50,
+        id=1, state=state, position_m=np.array([9.5, 8.0, 1.5]), covariance_m2=0.1 * np.eye(3), n_bearings=50,
         first_detected_s=0.0, fixed_s=None, aperture_rad=0.3, nearest_m=6.0, level_db=-10.0,
     )  # fmt: skip
 

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from envs.random_yard import random_yard
+from envs.yard_surroundings import surroundings_of
 from robot_models.description.library import load_robot
 from robot_models.world import build_spec
-from robot_models.yard.line_of_sight import is_clear
 from robot_models.yard.pieces import BoxEquipment, CylinderEquipment
 from robot_models.yard.yard import Yard
-from sensing import Solids
+from sensing.radio.materials import KIND_MATERIALS, PORCELAIN, ROUND_MATERIALS
+from sensing.radio.sight import Sight
 from tests.sensing.radio.crossing import cross, solids_of
 
 
@@ -98,29 +99,39 @@ def test_what_a_line_crosses_is_what_the_rays_of_mujoco_meet(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_level_lines_cross_the_same_solids_for_radio_and_for_driving(seed: int) -> None:
-    """The two spellings of one geometry: `crosses` in three dimensions, `is_clear` over footprints."""
-    solids, rng = random_yard(seed, 8).yard.solids, np.random.default_rng(seed)
-    n_solids = solids.radius_m.size
-    single = Solids(
-        solids.centre_m,
-        solids.yaw_rad,
-        solids.half_size_m,
-        solids.radius_m,
-        np.zeros(n_solids),
-        np.full(n_solids, 2.0),
-        np.arange(n_solids),
-    )
-    starts, ends = rng.uniform(0.0, 40.0, (2000, 2)), rng.uniform(0.0, 40.0, (12, 2))
-    n_met = np.zeros(n_solids, dtype=np.intp)
-    for end in ends:
-        level = [np.column_stack([points, np.ones(2000)]) for points in (starts, np.tile(end, (2000, 1)))]
-        by_radio = cross(level[0], level[1], single, n_solids)
-        n_met += by_radio.sum(axis=0)
-        for k in range(n_solids):
-            footprint = solids.take(np.arange(n_solids) == k).footprints()
-            np.testing.assert_array_equal(by_radio[:, k], ~is_clear(starts, end, np.zeros(1), footprint))
-        np.testing.assert_array_equal(
-            ~by_radio.any(axis=1), is_clear(starts, end, np.zeros(n_solids), solids.footprints())
-        )
-    assert n_met.all()
+def test_sight_is_what_lines_cross_with_the_loss_of_each_piece_and_its_rim(seed: int) -> None:
+    yard, rng = random_yard(seed, 8).yard, np.random.default_rng(seed)
+    sight = Sight(surroundings_of(yard))
+    places = rng.uniform([0.0, 0.0, 0.6], [40.0, 30.0, 0.6], (500, 3))
+    for target in rng.uniform([0.0, 0.0, 0.3], [40.0, 30.0, 4.0], (8, 3)):
+        shares = sight(places, target)
+        crossed = cross(places, np.tile(target, (500, 1)), solids_of(yard), len(yard.equipment))
+        passes = [1.0 if sight_through(item.kind) else 0.0 for item in yard.equipment]
+        assert (shares[(crossed & (np.array(passes) == 0.0)).any(axis=1)] == 0.0).all()  # behind metal, nothing
+        assert (shares[~crossed.any(axis=1)] > 0.3).all()  # beside all, at most the rim of what is lossy
+
+
+def sight_through(kind: str) -> bool:
+    """Whether any of a kind of equipment lets anything through."""
+    return {KIND_MATERIALS[kind].loss_db, ROUND_MATERIALS.get(kind, KIND_MATERIALS[kind]).loss_db} != {np.inf}
+
+
+def test_a_target_just_inside_a_surface_is_in_sight_from_outside_alone() -> None:
+    sight = Sight(surroundings_of(Yard(size_m=(30.0, 30.0), equipment=(TANK, BUSHING))))
+    inside, before, behind = np.array([18.7, 10.0, 1.0]), line(15.0, 10.0, 0.6), line(25.0, 10.0, 0.6)
+    inside = inside + [0.5, 0.0, 0.0]  # 20 cm within
+    assert sight(before, inside).item() == 0.0
+    assert sight(before, inside, 0.5).item() == 1.0
+    assert sight(behind, inside, 0.5).item() == 0.0
+    over = np.array([20.0, 10.0, 3.8])  # above the tank, as a bushing is
+    assert sight(line(15.0, 10.0, 0.6), over).item() == 0.0
+    assert sight(line(9.0, 10.0, 0.6), over).item() == 0.0
+    assert sight(line(20.0, 4.0, 0.6), over).item() == 0.0
+    past_the_edge = np.array([19.1, 10.0, 3.8])
+    assert sight(line(15.0, 10.0, 0.6), past_the_edge).item() == 1.0
+
+
+def test_porcelain_lets_through_what_its_loss_leaves() -> None:
+    sight = Sight(surroundings_of(Yard(size_m=(30.0, 30.0), equipment=(TANK, BUSHING))))
+    left = sight(line(5.0, 20.0, 0.6), np.array([15.0, 20.0, 1.0])).item()
+    assert 20 * np.log10(left) == pytest.approx(-PORCELAIN.loss_db, abs=0.01)
