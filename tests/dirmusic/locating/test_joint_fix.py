@@ -35,8 +35,8 @@ def test_ten_times_the_pulses_from_the_same_places_make_the_ellipse_no_smaller_f
         rows = np.repeat(np.arange(13), times)
         quiet = np.full((rows.size, 6), 1e-10)
         pulses = PulseBatch.detected(10.0 * rows.astype(np.float64), strengths[rows], quiet)
-        fix = locate_jointly(pulses, pose[rows], np.zeros_like(rows), np.array([[0.3, 4.8]]), array, NO_POSE_ERROR)
-        return float(np.sqrt(np.linalg.det(fix.covariances_m2[0])))
+        fix = locate_jointly(pulses, pose[rows], np.zeros_like(rows), np.array([[0.3, 4.8, 1.5]]), array, NO_POSE_ERROR)
+        return float(np.sqrt(np.linalg.det(fix.covariances_m2[0, :2, :2])))
 
     assert area_m2(10) == pytest.approx(area_m2(1), rel=0.1)
 
@@ -70,9 +70,10 @@ def modelled(state: FloatArray, weight: FloatArray) -> FloatArray:
     dx = places[:, :1] - POSE[:, :1] - (cos * RING_M[:, 0] - sin * RING_M[:, 1])
     dy = places[:, 1:2] - POSE[:, 1:2] - (sin * RING_M[:, 0] + cos * RING_M[:, 1])
     off = np.arctan2(dy, dx) - POSE[:, 2:] - TILTED.boresights_rad - errors[1]
-    gain = TILTED.response_in_space(off, np.arctan2(places[:, 2:], np.hypot(dx, dy))).gain
+    dz = places[:, 2:] - RING_M[:, 2]
+    gain = TILTED.response_in_space(off, np.arctan2(dz, np.hypot(dx, dy))).gain
     range_m = np.linalg.norm(places[:, :2] - POSE[:, :2], axis=-1, keepdims=True)
-    return weight * ((1 + errors[0]) * gain + errors[2]) * range_m / np.sqrt(dx**2 + dy**2 + places[:, 2:] ** 2)
+    return weight * ((1 + errors[0]) * gain + errors[2]) * range_m / np.sqrt(dx**2 + dy**2 + dz**2)
 
 
 def linear(state: FloatArray, strengths: FloatArray, weight: FloatArray, beliefs: Beliefs) -> tuple[FloatArray, ...]:
@@ -122,13 +123,13 @@ def test_cost_gradient_and_hessian_are_those_of_a_soft_l1_loss_over_all_misses()
 def test_two_sources_and_the_errors_of_the_array_are_found_together() -> None:
     array = ArrayModel(manifold=TILTED, positions_m=RING_M, spread=replace(SPREAD, offset=0.02))
     truth = STATE.copy()
-    truth[2], truth[5] = 0.8, 0.6  # heights as they are believed to be
+    truth[2], truth[5] = 2.1, 1.4  # heights as they are believed to be
     strengths = modelled(truth, np.ones((40, 6)))
     pulses = PulseBatch.detected(10.0 * np.arange(40.0), strengths, np.full((40, 6), 1e-8))
-    start_m = truth[:6].reshape(2, 3)[:, :2] + [[1.5, -1.0], [-1.0, 2.0]]
+    start_m = truth[:6].reshape(2, 3) + [[1.5, -1.0, 0.3], [-1.0, 2.0, -0.3]]
     fix = locate_jointly(pulses, POSE, SOURCE, start_m, array, NO_POSE_ERROR)
-    miss_m = fix.positions_m - truth[:6].reshape(2, 3)[:, :2]
-    assert np.linalg.norm(miss_m, axis=-1).max() < 0.02
+    miss_m = fix.positions_m - truth[:6].reshape(2, 3)
+    assert np.linalg.norm(miss_m[:, :2], axis=-1).max() < 0.02
     square = np.einsum("ki,kij,kj->k", miss_m, np.linalg.inv(fix.covariances_m2), miss_m)
     assert square.max() < 6.0
     np.testing.assert_allclose(fix.errors.pointing_rad, truth[12:18], atol=0.01)

@@ -33,11 +33,11 @@ def survey(rng: np.random.Generator, pattern_error: float) -> tuple[float, bool]
         positions_m=RING_M,
         spread=ElementSpread(gain=0.05, pointing_rad=np.radians(2.0), pattern=pattern_error),
     )
-    truth_m, height_m = np.array([0.0, rng.uniform(2.0, 5.0)]), rng.uniform(0.2, 2.6)
+    truth_m = np.array([0.0, rng.uniform(2.0, 5.0), 0.6 + rng.uniform(0.2, 2.6)])
     pose = np.column_stack([np.linspace(-6.0, 6.0, N_POSES), np.zeros(N_POSES), rng.uniform(-np.pi, np.pi, N_POSES)])
-    dx, dy = (truth_m - pose[:, :2]).T
+    dx, dy = (truth_m[:2] - pose[:, :2]).T
     off = (np.arctan2(dy, dx) - pose[:, 2])[:, np.newaxis] - BORESIGHTS_RAD + np.radians(2.0) * rng.normal(size=6)
-    up = np.broadcast_to(np.arctan2(height_m, np.hypot(dx, dy))[:, np.newaxis], off.shape)
+    up = np.broadcast_to(np.arctan2(truth_m[2] - 0.6, np.hypot(dx, dy))[:, np.newaxis], off.shape)
     gain = np.sqrt(np.square(helix().gain(off, up, BAND_HZ)).mean(axis=0)) * np.exp(0.05 * rng.normal(size=6))
     strengths = np.repeat(gain / np.linalg.norm(gain, axis=-1, keepdims=True), N_PULSES, axis=0)
     strengths = np.maximum(strengths + 0.02 * rng.normal(size=strengths.shape), 0.0)
@@ -45,8 +45,9 @@ def survey(rng: np.random.Generator, pattern_error: float) -> tuple[float, bool]
     pulses = PulseBatch.detected(2.0 * rows.astype(np.float64), strengths, np.full(strengths.shape, 0.02**2))
     exact = PoseError(position_m=0.03, heading_rad=np.radians(0.5), correlation_s=5.0)
     fix = locate_jointly(pulses, pose[rows], np.zeros_like(rows), truth_m[np.newaxis] + 0.3, array, exact)
-    miss = fix.positions_m[0] - truth_m
-    return float(np.linalg.norm(miss)), bool(miss @ np.linalg.solve(fix.covariances_m2[0], miss) < CHI2_95)
+    miss = (fix.positions_m[0] - truth_m)[:2]
+    inside = miss @ np.linalg.solve(fix.covariances_m2[0, :2, :2], miss) < CHI2_95
+    return float(np.linalg.norm(miss)), bool(inside)
 
 
 def share_in_ellipse(pattern_error: float) -> tuple[float, float]:

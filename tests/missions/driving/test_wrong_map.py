@@ -9,7 +9,7 @@ import pytest
 from dirmusic import Locator
 from envs import Scenario, load_scenario
 from envs.patrol_env import PatrolEnv
-from missions.driving.site_map import SiteMap
+from missions.driving.site_map import LEAST_SIGHT, SiteMap
 from missions.policies.viewpoints import best_viewpoint
 from missions.record.bearing_error import bearing_rmse
 from missions.record.mission_log import MissionLog
@@ -136,7 +136,7 @@ def test_the_report_names_the_nearest_equipment_of_the_map_and_the_scores_go_by_
     (finding,) = make_report(log, 0.0)["findings"]
     nearest = finding["nearest_equipment"]
     right = make_report(log, 0.0)["evaluation"], bearing_rmse(log, RIGHT)
-    x, y = finding["position_m"]
+    x, y, _ = finding["position_m"]
     for wrong, expected in (
         ({"missing": (nearest,)}, None),
         ({"moved": ({"name": nearest, "by_m": (1.0 if x < 20 else -1.0, 0.0)},)}, None),

@@ -119,16 +119,15 @@ def sight_through(kind: str) -> bool:
 def test_a_target_just_inside_a_surface_is_in_sight_from_outside_alone() -> None:
     sight = Sight(surroundings_of(Yard(size_m=(30.0, 30.0), equipment=(TANK, BUSHING))))
     inside, before, behind = np.array([18.7, 10.0, 1.0]), line(15.0, 10.0, 0.6), line(25.0, 10.0, 0.6)
-    inside = inside + [0.5, 0.0, 0.0]  # 20 cm within
+    inside[0] = 19.2  # 20 cm within
     assert sight(before, inside).item() == 0.0
     assert sight(before, inside, 0.5).item() == 1.0
     assert sight(behind, inside, 0.5).item() == 0.0
     over = np.array([20.0, 10.0, 3.8])  # above the tank, as a bushing is
-    assert sight(line(15.0, 10.0, 0.6), over).item() == 0.0
-    assert sight(line(9.0, 10.0, 0.6), over).item() == 0.0
-    assert sight(line(20.0, 4.0, 0.6), over).item() == 0.0
+    assert sight(line(17.0, 10.0, 0.6), over).item() == 0.0  # too near to look over the edge
+    assert sight(line(9.0, 10.0, 0.6), over).item() == 1.0
     past_the_edge = np.array([19.1, 10.0, 3.8])
-    assert sight(line(15.0, 10.0, 0.6), past_the_edge).item() == 1.0
+    assert sight(line(17.0, 10.0, 0.6), past_the_edge).item() == 1.0
 
 
 def test_porcelain_lets_through_what_its_loss_leaves() -> None:
