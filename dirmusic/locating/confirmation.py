@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,40 +45,53 @@ def updated_state(
         fence_m: Length of the yard along x and y, origin at the corner; None without a fence.
         time_s: Now.
     """
-    rate, observed_s = detection_rate(finding, rows, record, rules.assignment)
+    present = presence(finding, rows, record, rules.assignment)
     if rows.size:
         finding = _measured(finding, rows, assignment, record)
     if _lies_outside(finding, fence_m):
         return replace(finding, state="outside")
-    if finding.state != "confirmed" and _is_ghost(finding, rate, observed_s, rules):
+    if finding.state != "confirmed" and _is_ghost(finding, present, rules):
         return replace(finding, state="ghost")
-    if rows.size and (_stays_confirmed(finding, rules) or _meets(finding, rate, rules)):
+    if rows.size and (_stays_confirmed(finding, rules) or _meets(finding, present.rate, rules)):
         return replace(finding, state="confirmed", fixed_s=time_s if finding.fixed_s is None else finding.fixed_s)
     return replace(finding, state="candidate")
 
 
-def detection_rate(finding: Finding, rows: Rows, record: PulseRecord, rules: AssignmentRules) -> tuple[float, int]:
+class Presence(NamedTuple):
     """How often a finding is detected where it should be: near it and in sight of it.
+
+    Attributes:
+        rate: Of the seconds since its first pulse in which anything was detected there, the share with its pulses.
+        observed_s: How many seconds these are.
+        silent_s: Seconds there since its last pulse, whether anything was detected or not.
+    """
+
+    rate: float
+    observed_s: int
+    silent_s: int
+
+
+def presence(finding: Finding, rows: Rows, record: PulseRecord, rules: AssignmentRules) -> Presence:
+    """How often a finding is detected where it should be; without a map, which could tell what is in sight, always.
 
     Args:
         finding: The finding.
         rows: Rows of its pulses.
         record: All pulses.
         rules: How near it should be detected.
-
-    Returns:
-        Of the seconds since its first pulse in which anything was detected there, the share with its pulses, and the
-        number of these seconds. Without a map, which could tell what is in sight, 1 and 0.
     """
     if not record.sight.has_map:
-        return 1.0, 0
+        return Presence(1.0, 0, 0)
     is_near = np.linalg.norm(record.places_m[:, :2] - finding.position_m[:2], axis=-1) < rules.detection_range_m
     left = record.sight.at_heights(record.places_m, finding, rules.surface_depth_m).min(axis=0)
     is_near &= left >= 10 ** (-rules.sight_loss_db / 20)
     time_s = record.pulses.time_s
     second = np.floor(time_s)
     observed = np.unique(second[is_near[record.place] & (time_s >= finding.first_detected_s)])
-    return np.intersect1d(observed, second[rows]).size / max(observed.size, 1), observed.size
+    last_s = time_s[rows].max(initial=finding.first_detected_s)
+    silent = is_near[record.listened] & (record.listened_s > last_s)
+    rate = np.intersect1d(observed, second[rows]).size / max(observed.size, 1)
+    return Presence(rate, observed.size, int(silent.sum()))
 
 
 def _measured(finding: Finding, rows: Rows, assignment: Assignment, record: PulseRecord) -> Finding:
@@ -92,10 +106,10 @@ def _measured(finding: Finding, rows: Rows, assignment: Assignment, record: Puls
     )
 
 
-def _is_ghost(finding: Finding, rate: float, observed_s: int, rules: LocatingRules) -> bool:
+def _is_ghost(finding: Finding, present: Presence, rules: LocatingRules) -> bool:
     """Whether a candidate is known well enough to be missed where it should be detected, and is."""
-    is_known = finding.semi_major_m < rules.ghost_semi_major_m and observed_s >= rules.ghost_observed_s
-    return is_known and rate < rules.ghost_detection_rate
+    is_missed = present.observed_s >= rules.ghost_observed_s and present.rate < rules.ghost_detection_rate
+    return (is_missed and finding.semi_major_m < rules.ghost_semi_major_m) or present.silent_s >= rules.ghost_silent_s
 
 
 def _stays_confirmed(finding: Finding, rules: LocatingRules) -> bool:

@@ -38,6 +38,9 @@ HEIGHT_PRIOR_M = (1.5, 1.2)
 ROBUST_SCALE = 3.0
 """Residuals beyond this many standard deviations are taken as outliers, softly (soft L1 loss)."""
 
+MOST_APART = 50.0
+"""Costs are taken to differ by no more: what is so much less likely does not count."""
+
 MOST_STEPS, MOST_IDLE, LEAST_GAIN = 30, 3, 1e-6
 """A fit ends after so many steps, so many in a row that are not taken, or one that lowers the cost by a smaller
 share."""
@@ -94,8 +97,9 @@ def locate_jointly(
         pose_error: Spread and correlation of the pose.
 
     Returns:
-        The fix. Heights are held by their prior, and show close by: a source above the plane of the array makes ranges
-        and gains of the elements more alike.
+        The fix. Heights are held by their prior, and show close by: a source above or below the plane of the array makes
+        ranges and gains of the elements more alike. A level array cannot tell which; the likelier one is taken, and the
+        variance of the height has the other in it.
     """
     from dirmusic.locating.joint_kernels import Beliefs  # loads the compiler
 
@@ -113,13 +117,31 @@ def locate_jointly(
     beliefs = Beliefs(mean, spread, pose_error.position_m, pose_error.heading_rad, ROBUST_SCALE)
     fit = _Fit(_explained(pulses, pose, source, start_m, array, pose_error), array, beliefs, len(of_elements), n_places)
     state, hessian = fit.solve(start)
+    is_below = state[2:n_places:3] < array.height_m
+    if is_below.any():
+        other, other_hessian = fit.solve(_upside_down(state, is_below, array.height_m))
+        if fit.cost(other) < fit.cost(state):
+            state, hessian = other, other_hessian
     covariance: FloatArray = np.linalg.inv(hessian).astype(np.float64)
+    for k in range(n_sources):
+        one = np.arange(n_sources) == k
+        mirrored = _upside_down(state, one, array.height_m)
+        if mirrored[3 * k + 2] > 0.0:
+            share = 1.0 / (1.0 + np.exp(min(fit.cost(mirrored) - fit.cost(state), MOST_APART)))
+            covariance[3 * k + 2, 3 * k + 2] += share * (1.0 - share) * (mirrored[3 * k + 2] - state[3 * k + 2]) ** 2
     block: NDArray[np.intp] = 3 * np.arange(n_sources, dtype=np.intp)[:, np.newaxis] + np.arange(3, dtype=np.intp)
     return JointFix(
         positions_m=state[:n_places].reshape(-1, 3),
         covariances_m2=covariance[block[:, :, np.newaxis], block[:, np.newaxis, :]],
         errors=_errors(state[n_places:], n_elements),
     )
+
+
+def _upside_down(state: FloatArray, chosen: NDArray[np.bool_], height_m: float) -> FloatArray:
+    """A state with some of the sources mirrored in the plane of the array."""
+    mirrored, rows = state.copy(), 3 * np.flatnonzero(chosen) + 2
+    mirrored[rows] = 2.0 * height_m - mirrored[rows]
+    return mirrored
 
 
 def with_height(places_m: ArrayLike) -> FloatArray:
@@ -228,6 +250,10 @@ class _Fit:
         )
         best = np.asarray(found.x, dtype=np.float64)
         return best * self._scale, self._at(best).hessian
+
+    def cost(self, state: FloatArray) -> float:
+        """Of a state (n_states,), the negative logarithm of its probability."""
+        return self._at(state / self._scale).cost
 
     def _at(self, x: FloatArray) -> Quadratic:
         """The cost about a state; the last is kept, for the optimiser asks for its parts one by one."""

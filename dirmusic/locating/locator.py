@@ -69,11 +69,10 @@ class Locator:
         Returns:
             All findings so far, in the order of their ids.
         """
-        if pulses.n_pulses:
-            self._record.add(time_s, pose, pulses)
-            if time_s >= self._next_fit_s:
-                self._next_fit_s = time_s + self.rules.refit_s
-                self.refit(time_s)
+        self._record.add(time_s, pose, pulses)
+        if (pulses.n_pulses or self._is_waiting) and time_s >= self._next_fit_s:
+            self._next_fit_s = time_s + self.rules.refit_s
+            self.refit(time_s)
         return self.findings
 
     def refit(self, time_s: float) -> tuple[Finding, ...]:
@@ -94,6 +93,11 @@ class Locator:
             for k, finding in enumerate(distinct)
         )
         return self.findings
+
+    @property
+    def _is_waiting(self) -> bool:
+        """Whether silence tells something: there is a candidate."""
+        return any(finding.state == "candidate" for finding in self.findings)
 
     def association(self) -> Rows:
         """Id of the finding of each pulse so far, or a code of `NoOwner`; shape (n_pulses_so_far,)."""

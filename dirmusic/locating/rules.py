@@ -93,6 +93,8 @@ class LocatingRules:
             this share of the seconds in which anything was: multipath from one reflector arrives in few places.
         ghost_detection_rate: A candidate with a smaller share is a ghost.
         ghost_observed_s: The share counts against a candidate once it is of so many seconds at least.
+        ghost_silent_s: A candidate from which nothing came in so many seconds near it and in sight of it, one after the
+            other, is a ghost as well, or discharges no more; what comes from there later is another candidate.
         ghost_semi_major_m: The share counts against a candidate whose 95 % ellipse is no longer than this: else the
             candidate may be elsewhere.
         merge_m: Findings nearer to each other than this are one.
@@ -114,5 +116,6 @@ class LocatingRules:
     confirm_detection_rate: float = 0.3
     ghost_detection_rate: float = 0.1
     ghost_observed_s: int = 5
+    ghost_silent_s: int = 15
     ghost_semi_major_m: float = 2.0
     merge_m: float = 1.0

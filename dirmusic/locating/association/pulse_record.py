@@ -56,9 +56,11 @@ class PulseRecord:
     Attributes:
         pulses: The pulses, n rows, in the order in which they were added.
         pose: Believed x m, y m, yaw rad at each pulse, world frame, shape (n, 3).
-        places_m: Places of the array from which pulses were detected, one of each cell of the ground, shape
-            (n_places, 3), world frame.
+        places_m: Places where the array was, one of each cell of the ground, shape (n_places, 3), world frame.
         place: Row in `places_m` of each pulse, shape (n,).
+        listened: Row in `places_m` of where the array was in each second, one second a row, whether anything was
+            detected or not, shape (n_seconds,).
+        listened_s: Those seconds, shape (n_seconds,).
         aperture_m: Radius of the ring of elements.
     """
 
@@ -69,6 +71,8 @@ class PulseRecord:
         self.pose = np.empty((0, 3))
         self.places_m = np.empty((0, 3))
         self.place = np.empty(0, dtype=np.intp)
+        self.listened = np.empty(0, dtype=np.intp)
+        self.listened_s = np.empty(0)
         self.aperture_m = float(np.linalg.norm(array.positions_m[:, :2], axis=-1).max())
         self.sight = SightLines(sight)
         self._level_db = np.empty(0)
@@ -76,17 +80,26 @@ class PulseRecord:
         self._elevation_db = _elevation_db(array.manifold)
 
     def add(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> None:
-        """Add credible pulses that were detected at one pose (3,); they get the time of the pose."""
-        n = pulses.n_pulses
+        """Add credible pulses that were detected at one pose (3,), none or more; they get the time of the pose."""
+        n, place = pulses.n_pulses, self._place_of(pose)
+        if self.listened_s.size == 0 or time_s >= self.listened_s[-1] + 1.0:
+            self.listened = np.append(self.listened, place)
+            self.listened_s = np.append(self.listened_s, np.floor(time_s))
+        if n == 0:
+            return
         norm_v = np.linalg.norm(pulses.strengths_v * pulses.is_usable, axis=-1)
         self.pulses = PulseBatch.join([self.pulses, pulses._replace(time_s=np.full(n, time_s))])
         self.pose = np.concatenate([self.pose, np.tile(pose, (n, 1))])
+        self.place = np.concatenate([self.place, np.full(n, place)])
+        self._level_db = np.concatenate([self._level_db, 20 * np.log10(norm_v)])
+
+    def _place_of(self, pose: FloatArray) -> int:
+        """Row in `places_m` of the cell in which a pose lies; a new one where the array has not been yet."""
         cell = int(pose[0] // PLACE_M), int(pose[1] // PLACE_M)
         if cell not in self._cells:
             self._cells[cell] = len(self.places_m)
             self.places_m = np.concatenate([self.places_m, [[pose[0], pose[1], self.array.height_m]]])
-        self.place = np.concatenate([self.place, np.full(n, self._cells[cell])])
-        self._level_db = np.concatenate([self._level_db, 20 * np.log10(norm_v)])
+        return self._cells[cell]
 
     def bearings(self, rows: Rows, errors: ElementErrors) -> tuple[FloatArray, FloatArray]:
         """World bearings of some pulses with known errors of the array taken out, and their deviation with the rest."""
