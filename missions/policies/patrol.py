@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dirmusic import Finding
 from envs.patrol_env import Observation
 from missions.driving.path_follower import PathFollower
-from missions.driving.site_map import SiteMap
+from missions.driving.site_map import ShortestPaths, SiteMap
 from missions.policies.protocol import Action, believed_pose, time_of
 
 FloatArray = NDArray[np.float64]
@@ -27,6 +27,7 @@ class Patrol:
         self.unreachable: tuple[int, ...] = ()
         self._next_stop = 0
         self._drive: PathFollower | None = None
+        self._leg_m: dict[int, float] = {}
 
     def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
         """Towards the next stop; None once the dock is reached, or given up."""
@@ -50,6 +51,30 @@ class Patrol:
             self._next_stop += 1
         return None
 
+    def is_homebound(self, site_map: SiteMap) -> bool:
+        """Whether all waypoints lie behind it."""
+        return self._next_stop >= len(site_map.route.waypoints_m)
+
+    def remaining_m(self, paths: ShortestPaths, site_map: SiteMap) -> float:
+        """Length of the way past all stops that are left, from where some paths start.
+
+        Stops to which no way is known do not count.
+        """
+        stops = np.array([*site_map.route.waypoints_m, site_map.route.dock_m])[self._next_stop :]
+        if not len(stops):
+            return 0.0
+        for number in range(self._next_stop, self._next_stop + len(stops) - 1):
+            if number not in self._leg_m:
+                start, end = stops[number - self._next_stop : number - self._next_stop + 2]
+                self._leg_m[number] = _if_any(site_map.reach(start).length_m[site_map.cell(end)])
+        first_m = _if_any(paths.length_m[site_map.cell(stops[0])])
+        return first_m + sum(length for number, length in self._leg_m.items() if number >= self._next_stop)
+
     def resume(self) -> None:
         """Plan the way to the next stop anew, after a detour."""
         self._drive = None
+
+
+def _if_any(length_m: float) -> float:
+    """The length of a way, 0 where there is none."""
+    return float(length_m) if np.isfinite(length_m) else 0.0

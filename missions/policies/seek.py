@@ -1,8 +1,9 @@
-"""Seek: leave the route for every candidate, until it is confirmed."""
+"""Seek: leave the route for a candidate while that gets anywhere and the route can still be finished in time."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,27 +11,63 @@ from numpy.typing import NDArray
 from dirmusic import Finding
 from envs.patrol_env import STEP_S, Observation
 from missions.driving.path_follower import PathFollower
-from missions.driving.site_map import SiteMap
+from missions.driving.site_map import ShortestPaths, SiteMap
 from missions.policies.patrol import Patrol
 from missions.policies.protocol import Action, believed_pose, time_of
 from missions.policies.viewpoints import best_viewpoint
 
 FloatArray = NDArray[np.float64]
 
-PURSUIT_LIMIT_S = 240.0
-"""Time given to one candidate in all before the robot keeps to its route (assumed)."""
+PATIENCE_S = 50.0
+"""A candidate that has got no better for so long is set aside (assumed): time for the way to another side of it."""
 
-IN_VAIN_S = 120.0
+BETTER = 0.8
+"""A candidate has got better once its ellipse is this much shorter (assumed)."""
+
+PURSUIT_LIMIT_S = 150.0
+"""Time given to one candidate in all before the robot keeps to its route (assumed); as much again after the route."""
+
+IN_VAIN_S = 25.0
 """A candidate that nothing can be done about just now has used up so much of that time (assumed)."""
 
 REPLAN_S = 3.0
 """Time between searches for a better viewpoint (assumed)."""
+
+MEAN_SPEED_SHARE = 0.6
+"""Share of its top speed that the robot makes on its route, stops and turns included (assumed)."""
 
 VIEW_RADIUS_M = 0.4
 """How near to a viewpoint is near enough (assumed)."""
 
 VIEW_SPACING_M = 0.5
 """Length after which the robot's place counts as another view (assumed)."""
+
+
+@dataclass
+class Pursuit:
+    """What was spent on a candidate.
+
+    Attributes:
+        spent_s: In all.
+        in_vain_s: Since it last got better.
+        best_m: Shortest half-axis of its ellipse, the longer one.
+    """
+
+    spent_s: float = 0.0
+    in_vain_s: float = 0.0
+    best_m: float = np.inf
+
+    @property
+    def is_over(self) -> bool:
+        """Whether more of it would be in vain."""
+        return self.spent_s >= PURSUIT_LIMIT_S or self.in_vain_s >= PATIENCE_S
+
+    def spend(self, target: Finding, time_s: float) -> None:
+        """Count time, and see whether the candidate has got better."""
+        self.spent_s += time_s
+        self.in_vain_s += time_s
+        if target.semi_major_m < BETTER * self.best_m:
+            self.best_m, self.in_vain_s = target.semi_major_m, 0.0
 
 
 class Seek:
@@ -41,10 +78,12 @@ class Seek:
         self.unreachable: tuple[int, ...] = ()
         self._patrol = Patrol()
         self._target: int | None = None
-        self._pursued_s: dict[int, float] = {}
+        self._pursuits: dict[int, Pursuit] = {}
         self._views_m: list[FloatArray] = []
         self._drive: PathFollower | None = None
         self._planned_s = -np.inf
+        self._is_late = False
+        self._has_new_time = False
 
     def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
         """Towards the best viewpoint of the candidate in hand, or the next stop of the route."""
@@ -52,32 +91,41 @@ class Seek:
             self.phase = "listen"
             return np.zeros(2, dtype=np.float32)
         pose, time_s = believed_pose(observation), time_of(observation, site_map)
+        if self._patrol.is_homebound(site_map) and not self._has_new_time:
+            self._has_new_time = True
+            self._pursuits = {}
         target = self._choose(findings, pose)
         if target is not None:
             action = self._pursue(target, pose, time_s, site_map)
             if action is not None:
                 self.phase = f"seek {target.id}"
-                self._pursued_s[target.id] += STEP_S
+                self._pursuits[target.id].spend(target, STEP_S)
                 return action
-            self._pursued_s[target.id] += IN_VAIN_S
+            self._pursuits[target.id].spend(target, IN_VAIN_S)
             self._drop()
         action = self._patrol(observation, findings, site_map)
         self.phase, self.unreachable = self._patrol.phase, self._patrol.unreachable
         return action
 
+    def viewpoint(self, target: Finding, paths: ShortestPaths, site_map: SiteMap) -> FloatArray | None:
+        """Where to view a candidate from next, shape (2,); None if no place is of use."""
+        return best_viewpoint(target.position_m, np.asarray(self._views_m), paths, site_map)
+
     def _choose(self, findings: Sequence[Finding], pose: FloatArray) -> Finding | None:
         """The candidate in hand while it is one and time is left, else the nearest that deserves a try."""
+        if self._is_late:
+            return None
         open_ones = {f.id: f for f in findings if f.state == "candidate"}
         if self._target is not None:
-            if self._target in open_ones and self._pursued_s[self._target] < PURSUIT_LIMIT_S:
+            if self._target in open_ones and not self._pursuits[self._target].is_over:
                 return open_ones[self._target]
             self._drop()
-        worth = [f for f in open_ones.values() if self._pursued_s.get(f.id, 0.0) < PURSUIT_LIMIT_S]
+        worth = [f for f in open_ones.values() if f.id not in self._pursuits or not self._pursuits[f.id].is_over]
         if not worth:
             return None
         target = min(worth, key=lambda f: float(np.hypot(*(f.position_m[:2] - pose[:2]))))
         self._target = target.id
-        self._pursued_s.setdefault(target.id, 0.0)
+        self._pursuits.setdefault(target.id, Pursuit())
         self._views_m, self._drive = [], None
         return target
 
@@ -93,7 +141,9 @@ class Seek:
         needs_another = self._drive is None or self._drive.is_over(pose, time_s) or self._drive.site_map is not site_map
         if needs_another or time_s - self._planned_s >= REPLAN_S:
             paths = site_map.reach(pose)
-            goal = best_viewpoint(target.position_m, np.asarray(self._views_m), paths, site_map)
+            route_s = self._patrol.remaining_m(paths, site_map) / (MEAN_SPEED_SHARE * site_map.robot.max_speed_mps)
+            self._is_late = time_s + route_s > site_map.task.time_limit_s
+            goal = None if self._is_late else self.viewpoint(target, paths, site_map)
             if goal is None:
                 return None
             self._drive, self._planned_s = PathFollower(site_map, pose, goal, time_s, VIEW_RADIUS_M, paths), time_s

@@ -6,7 +6,7 @@ from dirmusic import Finding
 from dirmusic.locating.finding import State
 from envs import load_scenario
 from missions.driving.site_map import SiteMap
-from missions.policies.seek import PURSUIT_LIMIT_S, Seek
+from missions.policies.seek import PATIENCE_S, Seek
 
 SITE_MAP = SiteMap(load_scenario("one_source"))
 
@@ -36,9 +36,9 @@ def test_a_candidate_that_seems_outside_for_a_moment_again_and_again_is_still_pu
         assert phase_at(seek, 0.2 * k + 0.1, "candidate") == "seek 1"
 
 
-def test_a_candidate_is_given_up_after_its_time() -> None:
+def test_a_candidate_that_gets_no_better_is_set_aside_after_a_while() -> None:
     seek = Seek()
-    n_steps = round(PURSUIT_LIMIT_S / 0.1)
+    n_steps = round(PATIENCE_S / 0.1)
     phases = [phase_at(seek, 0.1 * k, "candidate") for k in range(n_steps + 5)]
     assert set(phases[:n_steps]) == {"seek 1"}
     assert phases[-1].startswith("patrol")
