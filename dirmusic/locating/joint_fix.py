@@ -97,9 +97,9 @@ def locate_jointly(
         pose_error: Spread and correlation of the pose.
 
     Returns:
-        The fix. Heights are held by their prior, and show close by: a source above or below the plane of the array makes
-        ranges and gains of the elements more alike. A level array cannot tell which; the likelier one is taken, and the
-        variance of the height has the other in it.
+        The fix. Heights are held by their prior, and show close by: a source above or below the plane of the array
+        makes ranges and gains of the elements more alike. A level array cannot tell which; the likelier one is taken,
+        and the variance of the height has the other in it.
     """
     from dirmusic.locating.joint_kernels import Beliefs  # loads the compiler
 

@@ -27,7 +27,7 @@ class Oracle:
     def __init__(self) -> None:
         self.phase = "oracle"
         self.unreachable: tuple[int, ...] = ()
-        self._seek = CollisionGuard(Seek())
+        self._seek = CollisionGuard(Seek(route_first=False))
         self._sources_m: list[FloatArray] = []
 
     def reveal(self, truth: dict[str, Any]) -> None:

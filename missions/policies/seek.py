@@ -71,9 +71,14 @@ class Pursuit:
 
 
 class Seek:
-    """Patrol; view each candidate from several sides until it is confirmed, then return to the route."""
+    """Patrol; view each candidate from several sides until it is confirmed, then return to the route.
 
-    def __init__(self) -> None:
+    Args:
+        route_first: Whether candidates are left where the route could not be finished in time any more.
+    """
+
+    def __init__(self, *, route_first: bool = True) -> None:
+        self._route_first = route_first
         self.phase = "patrol"
         self.unreachable: tuple[int, ...] = ()
         self._patrol = Patrol()
@@ -142,7 +147,7 @@ class Seek:
         if needs_another or time_s - self._planned_s >= REPLAN_S:
             paths = site_map.reach(pose)
             route_s = self._patrol.remaining_m(paths, site_map) / (MEAN_SPEED_SHARE * site_map.robot.max_speed_mps)
-            self._is_late = time_s + route_s > site_map.task.time_limit_s
+            self._is_late = self._route_first and time_s + route_s > site_map.task.time_limit_s
             goal = None if self._is_late else self.viewpoint(target, paths, site_map)
             if goal is None:
                 return None

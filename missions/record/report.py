@@ -13,11 +13,15 @@ from envs.scenario.map_section import MapConfig
 from missions.record.mission_log import MissionLog
 from missions.record.phase_patterns import PhaseResolved, phase_patterns
 from missions.record.scoring import evaluate
+from missions.record.which_site import site_probabilities
 from robot_models.yard.yard import Yard
 
 FloatArray = NDArray[np.float64]
 
-SCHEMA = 2
+SCHEMA = 3
+
+LEAST_TOLD = 0.01
+"""Places where a finding is with a lesser probability are not in the report."""
 
 MOST_SHOWN = 200
 """Pulses of a finding whose phase and level the report holds at most; the log holds all."""
@@ -107,13 +111,21 @@ def _findings(log: MissionLog, patterns: dict[int, PhaseResolved], *states: str)
                 "height_std_m": float(np.sqrt(covariance[2, 2])),
                 "state": str(table["state"][row]),
                 "discharge": _discharge(patterns.get(int(table["id"][row]))),
-                "nearest_equipment": yard.nearest_equipment(position) if yard else None,
+                "sites": _sites(yard, position, covariance),
                 "n_bearings": int(table["n_bearings"][row]),
                 "first_detected_s": float(table["first_detected_s"][row]),
                 "fixed_s": _if_known(table["fixed_s"][row]),
             }
         )
     return findings
+
+
+def _sites(yard: Yard | None, position_m: FloatArray, covariance_m2: FloatArray) -> list[dict[str, Any]]:
+    """Where a finding may be, the likeliest place first; nothing without a map."""
+    if yard is None:
+        return []
+    places = site_probabilities(yard, position_m, covariance_m2)
+    return [place._asdict() for place in places if place.probability >= LEAST_TOLD]
 
 
 def _known_yard(log: MissionLog) -> Yard | None:

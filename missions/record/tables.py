@@ -8,6 +8,8 @@ from typing import Any
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+from missions.record.which_site import SiteProbability, in_words
+
 
 def findings_table(report: dict[str, Any]) -> Table:
     """The findings, for a terminal."""
@@ -32,15 +34,15 @@ def _table_of(findings: list[dict[str, Any]], title: str, more: dict[str, Callab
         "95 % ellipse": lambda finding: "{semi_major_m:.2f} by {semi_minor_m:.2f}".format(**finding["ellipse95"]),
         "pulses": lambda finding: str(finding["n_bearings"]),
     }
-    if any(finding["nearest_equipment"] for finding in findings):
-        columns["nearest"] = lambda finding: finding["nearest_equipment"] or "-"
+    if any(finding["sites"] for finding in findings):
+        columns["site"] = lambda finding: in_words([SiteProbability(**place) for place in finding["sites"]])
     if any(finding["discharge"] for finding in findings):
         columns["kind"] = _kind_of
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("#")
     columns |= more
     for heading in columns:
-        is_word = heading in ("nearest", "kind", "state")
+        is_word = heading in ("site", "kind", "state")
         table.add_column(
             heading, justify="left" if is_word else "right", overflow="fold", no_wrap=heading == "x, y, z (m)"
         )

@@ -128,10 +128,3 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         to_equipment[:, self.solids.bottom_m >= ROBOT_HEIGHT_M] = np.inf
         distance_m = np.concatenate([points, np.asarray(self.size_m) - points, to_equipment], axis=-1)
         return {names[k] for k in set(distance_m.argmin(axis=-1).tolist())}
-
-    def nearest_equipment(self, position_m: ArrayLike) -> str | None:
-        """Name of the equipment whose outline is horizontally nearest to a world position (2,), or None."""
-        if not self.equipment:
-            return None
-        distance_m = self.solids.horizontal_distance(np.asarray(position_m, dtype=np.float64))
-        return self.equipment[int(self.owner[distance_m.argmin()])].name

@@ -60,7 +60,7 @@ def test_a_mission_finds_the_discharge_visits_every_waypoint_and_docks() -> None
     (finding,) = report["findings"]
     assert finding["n_bearings"] <= report["n_bearings"]
     assert finding["first_detected_s"] < finding["fixed_s"] < report["sim_time_s"]
-    assert finding["nearest_equipment"] in {item.name for item in load_scenario("one_source").yard.equipment}
+    assert finding["sites"][0]["name"] in load_scenario("one_source").yard.site_names()
     json.dumps(report, allow_nan=False)
 
 
@@ -117,6 +117,8 @@ def test_what_a_policy_sees_holds_no_truth(monkeypatch: pytest.MonkeyPatch) -> N
             "route",
             "task",
             "robot",
+            "antenna_height_m",
+            "sight",
             "obstacles_m",
             "centres_m",
             "clearance_m",
@@ -163,9 +165,9 @@ def test_an_ended_mission_is_a_whole_one_cut_short() -> None:
         if mission.time_s >= 2.0 and not mission.is_over:
             mission.end("interrupted")
 
-    cut = run_mission(load_scenario("one_source"), seed=1, after_step=stop)
+    cut = run_mission(load_scenario("one_source"), "patrol", seed=1, after_step=stop)
     assert cut.n_rows("step") == 20
-    whole = run_mission(limited(load_scenario("one_source"), 2.0), seed=1)
+    whole = run_mission(limited(load_scenario("one_source"), 2.0), "patrol", seed=1)
     np.testing.assert_array_equal(cut.column("pulse", "strengths_v"), whole.column("pulse", "strengths_v"))
     assert make_report(cut, 1.0)["findings"] == []
 

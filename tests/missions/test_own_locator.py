@@ -28,8 +28,8 @@ class Mine:
         if self.n >= 20 and not self.findings:
             self.findings = (
                 Finding(
-                    id=7, state="confirmed", position_m=np.append(pose[:2] + 1.0, 1.5), covariance_m2=np.eye(3), n_bearings=self.n,
-                    first_detected_s=0.0, fixed_s=time_s, aperture_rad=1.0, nearest_m=1.0, level_db=0.0,
+                    id=7, state="confirmed", position_m=np.append(pose[:2] + 1.0, 1.5), covariance_m2=np.eye(3),
+                    n_bearings=self.n, first_detected_s=0.0, fixed_s=time_s, aperture_rad=1.0, nearest_m=1.0, level_db=0.0,
                 ),
             )
         return self.findings
@@ -85,7 +85,11 @@ def test_an_own_locator_gets_the_rules_that_the_scenario_sets(tmp_path: Path) ->
     [
         ("return self.findings\n\n    def refit", "return list(self.findings)\n\n    def refit", "mine.py:5: gave []"),
         ("self.n += pulses.n_pulses", "self.n += pulses.n_pulse", "mine.py:10: AttributeError"),
-        ("position_m=np.append(pose[:2] + 1.0, 1.5)", "position_m=np.append(pose[:2], np.nan)", "finding 7: `position_m` must be finite"),
+        (
+            "position_m=np.append(pose[:2] + 1.0, 1.5)",
+            "position_m=np.append(pose[:2], np.nan)",
+            "finding 7: `position_m` must be finite",
+        ),
         ("            )\n        return", "            ) * 2\n        return", "gave the ids [7, 7]"),
         ("np.full(self.n,", "np.full(3,", "association gave int64 of shape (3,); expected an integer for each of"),
         ("np.full(self.n, 7", "np.full(self.n, 9", "association gave 9; expected an integer for each of"),

@@ -54,7 +54,7 @@ def test_a_source_is_paired_with_a_finding_by_its_id_even_if_two_findings_are_as
 
 def report_of(found: list[dict], sources: list[dict]) -> dict:
     shown = {
-        "ellipse95": {"semi_major_m": 0.2, "semi_minor_m": 0.1}, "n_bearings": 30, "nearest_equipment": None,
+        "ellipse95": {"semi_major_m": 0.2, "semi_minor_m": 0.1}, "n_bearings": 30, "sites": [],
         "discharge": None, "fixed_s": 12.0, "state": "confirmed",
     }  # fmt: skip
     rows = [{**one, **shown} for one in found]

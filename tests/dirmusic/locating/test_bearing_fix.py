@@ -59,7 +59,12 @@ def pulses_at(pose: np.ndarray, noise_rad: float) -> PulseBatch:
 
 def locate(pulses: PulseBatch, pose: np.ndarray, spread: ElementSpread, pose_error: PoseError, off_m: float = 0.5):
     fix = locate_by_bearings(
-        pulses, pose, np.zeros(len(pose), dtype=np.intp), np.append(SOURCE_M + off_m, 1.5)[np.newaxis], array(spread), pose_error
+        pulses,
+        pose,
+        np.zeros(len(pose), dtype=np.intp),
+        np.append(SOURCE_M + off_m, 1.5)[np.newaxis],
+        array(spread),
+        pose_error,
     )
     return fix.positions_m[0, :2], fix.covariances_m2[0, :2, :2]
 

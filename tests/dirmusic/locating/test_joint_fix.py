@@ -126,7 +126,7 @@ def test_two_sources_and_the_errors_of_the_array_are_found_together() -> None:
     truth[2], truth[5] = 2.1, 1.4  # heights as they are believed to be
     strengths = modelled(truth, np.ones((40, 6)))
     pulses = PulseBatch.detected(10.0 * np.arange(40.0), strengths, np.full((40, 6), 1e-8))
-    start_m = truth[:6].reshape(2, 3) + [[1.5, -1.0, 0.3], [-1.0, 2.0, -0.3]]
+    start_m = truth[:6].reshape(2, 3) + np.array([[1.5, -1.0, 0.3], [-1.0, 2.0, -0.3]])
     fix = locate_jointly(pulses, POSE, SOURCE, start_m, array, NO_POSE_ERROR)
     miss_m = fix.positions_m - truth[:6].reshape(2, 3)
     assert np.linalg.norm(miss_m[:, :2], axis=-1).max() < 0.02

@@ -132,24 +132,24 @@ def log() -> MissionLog:
     return run_mission(RIGHT, seed=4)
 
 
-def test_the_report_names_the_nearest_equipment_of_the_map_and_the_scores_go_by_the_yard(log: MissionLog) -> None:
+def test_the_report_names_sites_of_the_map_and_the_scores_go_by_the_yard(log: MissionLog) -> None:
     (finding,) = make_report(log, 0.0)["findings"]
-    nearest = finding["nearest_equipment"]
+    piece = finding["sites"][0]["name"].partition("/")[0]
+    assert finding["sites"][0]["probability"] > 0.5
     right = make_report(log, 0.0)["evaluation"], bearing_rmse(log, RIGHT)
     x, y, _ = finding["position_m"]
-    for wrong, expected in (
-        ({"missing": (nearest,)}, None),
-        ({"moved": ({"name": nearest, "by_m": (1.0 if x < 20 else -1.0, 0.0)},)}, None),
-        ({"extra": ({**KIOSK, "position_m": (x, y)},)}, "kiosk"),
+    for wrong, is_named in (
+        ({"missing": (piece,)}, False),
+        ({"moved": ({"name": piece, "by_m": (1.0 if x < 20 else -1.0, 0.0)},)}, False),
+        ({"extra": ({**KIOSK, "position_m": (x, y + 2.0)},)}, True),
     ):
         scenario = mapped(**wrong)
         on_map = copy(log)
         on_map.meta = {**log.meta, "scenario": scenario.model_dump(mode="json")}
         report = make_report(on_map, 0.0)
-        named = report["findings"][0]["nearest_equipment"]
-        assert named == (expected or scenario.known_yard.nearest_equipment(finding["position_m"]))
+        best = report["findings"][0]["sites"][0]["name"]
+        assert (best == finding["sites"][0]["name"]) == is_named
         assert (report["evaluation"], bearing_rmse(on_map, scenario)) == right
-    assert mapped(missing=(nearest,)).known_yard.nearest_equipment(finding["position_m"]) != nearest
 
 
 def test_what_the_log_draws_of_a_wrong_map_is_what_does_not_stand_there() -> None:

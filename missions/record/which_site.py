@@ -1,0 +1,119 @@
+"""Which site a finding is on: probabilities of the known sites, of other places on each piece, and of elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_models.yard.solids import Solids
+from robot_models.yard.yard import Yard
+
+FloatArray = NDArray[np.float64]
+
+ON_SITES, ON_EQUIPMENT = 0.8, 0.15
+"""Probability, before anything is detected, that a discharge is on one of the known sites, all alike, or elsewhere on
+the surface of equipment, all of it alike; the rest is for anywhere in the yard (assumed)."""
+
+SITE_STD_M = 0.05
+"""How well the map knows where its sites are, standard deviation (assumed)."""
+
+SURFACE_STEP_M = 0.25
+"""Between the points that stand for surfaces."""
+
+HIGHEST_M = 5.0
+"""Up to where a discharge may be anywhere in the yard (assumed)."""
+
+WORTH_TELLING = 0.1
+"""A second place that is less likely is not told beside the first."""
+
+ELSEWHERE = "elsewhere"
+
+
+class SiteProbability(NamedTuple):
+    """A place where a finding may be.
+
+    Attributes:
+        name: `equipment/site`; `equipment` alone for another place on that piece; `ELSEWHERE`.
+        probability: That it is there.
+    """
+
+    name: str
+    probability: float
+
+
+def site_probabilities(yard: Yard, position_m: FloatArray, covariance_m2: FloatArray) -> tuple[SiteProbability, ...]:
+    """All places that a finding may be on, the likeliest first; their probabilities add up to 1.
+
+    Args:
+        yard: As the map has it.
+        position_m: Of the finding, shape (3,).
+        covariance_m2: Of that, shape (3, 3).
+    """
+    sites = yard.site_names()
+    weights: dict[str, float] = {ELSEWHERE: (1.0 - ON_SITES - ON_EQUIPMENT) / (np.prod(yard.size_m) * HIGHEST_M)}
+    if sites:
+        sites_m = np.array([yard.site_position(name) for name in sites])
+        density = _density(sites_m, position_m, covariance_m2 + SITE_STD_M**2 * np.eye(3))
+        weights |= dict(zip(sites, (ON_SITES / len(sites) * density).tolist(), strict=True))
+    if yard.equipment:
+        points_m, owner = _surface(yard.solids, yard.owner)
+        density = _density(points_m, position_m, covariance_m2 + (0.5 * SURFACE_STEP_M) ** 2 * np.eye(3))
+        of_piece = np.bincount(owner, ON_EQUIPMENT / len(points_m) * density, len(yard.equipment))
+        weights |= {item.name: float(weight) for item, weight in zip(yard.equipment, of_piece, strict=True)}
+    total = sum(weights.values())
+    ranked = sorted(weights.items(), key=lambda entry: -entry[1])
+    return tuple(SiteProbability(name, float(weight / total)) for name, weight in ranked)
+
+
+def in_words(probabilities: Sequence[SiteProbability]) -> str:
+    """The likeliest place, and another that may well be; such as `transformer_1/bushing_b 82 %, bushing_a 15 %`."""
+    first = probabilities[0]
+    words = [f"{first.name} {100 * first.probability:.0f} %"]
+    for other in probabilities[1:2]:
+        if other.probability >= WORTH_TELLING:
+            piece, _, site = other.name.partition("/")
+            short = site if site and piece == first.name.partition("/")[0] else other.name
+            words.append(f"{short} {100 * other.probability:.0f} %")
+    return ", ".join(words)
+
+
+def _density(points_m: FloatArray, mean_m: FloatArray, covariance_m2: FloatArray) -> FloatArray:
+    """Of a normal distribution at points (n, 3), shape (n,), per cubic metre."""
+    off = points_m - mean_m
+    square = np.einsum("ni,ij,nj->n", off, np.linalg.inv(covariance_m2), off)
+    return np.exp(-0.5 * square) / np.sqrt(np.linalg.det(2 * np.pi * covariance_m2))
+
+
+def _surface(solids: Solids, owner: NDArray[np.intp]) -> tuple[FloatArray, NDArray[np.intp]]:
+    """Points spread evenly over the sides and tops of solids (n, 3), and the piece that each is of (n,)."""
+    points, of = list[FloatArray](), list[int]()
+    for k in range(len(owner)):
+        heights = _steps(float(solids.bottom_m[k]), float(solids.top_m[k]))
+        half_x, half_y = np.maximum(solids.half_size_m[k], solids.radius_m[k])
+        x, y = _steps(-half_x, half_x), _steps(-half_y, half_y)
+        if solids.radius_m[k] > 0.0:
+            n_round = max(round(2 * np.pi * half_x / SURFACE_STEP_M), 4)
+            angle = 2 * np.pi / n_round * np.arange(n_round)
+            rim = half_x * np.column_stack([np.cos(angle), np.sin(angle)])
+            top = np.zeros((1, 2))
+        else:
+            along_x = [np.column_stack([x, np.full(x.size, side)]) for side in (-half_y, half_y)]
+            along_y = [np.column_stack([np.full(y.size, side), y]) for side in (-half_x, half_x)]
+            rim = np.concatenate([*along_x, *along_y])
+            top = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        sides = np.column_stack([np.repeat(rim, heights.size, axis=0), np.tile(heights, len(rim))])
+        own = np.concatenate([sides, np.column_stack([top, np.full(len(top), solids.top_m[k])])])
+        cos, sin = np.cos(solids.yaw_rad[k]), np.sin(solids.yaw_rad[k])
+        turned = own[:, :2] @ np.array([[cos, sin], [-sin, cos]]) + solids.centre_m[k]
+        points.append(np.column_stack([turned, own[:, 2]]))
+        of += [int(owner[k])] * len(own)
+    return np.concatenate(points), np.array(of, dtype=np.intp)
+
+
+def _steps(low: float, high: float) -> FloatArray:
+    """Points in the middle of even steps between two bounds."""
+    n = max(round((high - low) / SURFACE_STEP_M), 1)
+    return low + (high - low) / n * (np.arange(n) + 0.5)

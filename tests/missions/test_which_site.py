@@ -1,0 +1,66 @@
+"""Which site a finding is on."""
+
+import numpy as np
+import pytest
+
+from envs.random_yard import random_yard
+from missions.record.which_site import ELSEWHERE, SiteProbability, in_words, site_probabilities
+
+YARD = random_yard(3, 10).yard
+SHARP, BLUNT = np.diag([0.01, 0.01, 0.02]), np.diag([0.5, 0.5, 1.0])
+
+
+def test_a_finding_on_a_site_is_told_to_be_there_and_one_in_the_open_to_be_nowhere() -> None:
+    for name in YARD.site_names():
+        best = site_probabilities(YARD, YARD.site_position(name), SHARP)[0]
+        assert best.name == name
+        assert best.probability > 0.5
+    places = YARD.free_place(np.random.default_rng(0), 2.0)
+    assert site_probabilities(YARD, np.array([*places, 1.0]), SHARP)[0].name == ELSEWHERE
+
+
+def test_another_place_on_a_piece_is_told_as_the_piece() -> None:
+    item = max(YARD.equipment, key=lambda one: one.solids.half_size_m.min(axis=-1).max())
+    solids, k = item.solids, int(item.solids.half_size_m.min(axis=-1).argmax())
+    cos, sin = np.cos(solids.yaw_rad[k]), np.sin(solids.yaw_rad[k])
+    corners = [
+        solids.centre_m[k] + np.array([[cos, -sin], [sin, cos]]) @ (solids.half_size_m[k] * sides)
+        for sides in ([1, 1], [1, -1], [-1, 1], [-1, -1])
+    ]
+    sites_m = np.array([YARD.site_position(name) for name in YARD.site_names()])
+    height_m = 0.5 * (solids.bottom_m[k] + solids.top_m[k])
+    corner = max(
+        (np.append(corner, height_m) for corner in corners), key=lambda at: np.linalg.norm(sites_m - at, axis=-1).min()
+    )
+    assert site_probabilities(YARD, corner, SHARP)[0].name == item.name
+
+
+def test_probabilities_add_up_and_less_is_known_of_what_is_located_worse() -> None:
+    at_m = YARD.site_position(YARD.site_names()[0])
+    sharp, blunt = (site_probabilities(YARD, at_m, covariance) for covariance in (SHARP, BLUNT))
+    for places in (sharp, blunt):
+        assert sum(place.probability for place in places) == pytest.approx(1.0)
+        assert len(places) == len(YARD.site_names()) + len(YARD.equipment) + 1
+    assert blunt[0].probability < sharp[0].probability
+
+
+def test_the_share_of_the_likeliest_site_that_is_right_is_as_stated() -> None:
+    """Over findings that miss a site by what their covariance says: told probabilities are frequencies."""
+    rng, sites = np.random.default_rng(1), YARD.site_names()
+    covariance = np.diag([0.09, 0.09, 0.16])
+    told, right = 0.0, 0
+    for k in range(400):
+        name = sites[k % len(sites)]
+        best = site_probabilities(YARD, rng.multivariate_normal(YARD.site_position(name), covariance), covariance)
+        told += next(place.probability for place in best if place.name == name)
+        right += best[0].name == name
+    share = np.mean(right / 400)
+    assert share > 0.6
+    assert told / 400 == pytest.approx(share, abs=0.2)
+
+
+def test_words_tell_the_second_place_where_it_may_well_be() -> None:
+    two = (SiteProbability("tank_1/bushing_b", 0.82), SiteProbability("tank_1/bushing_a", 0.15))
+    assert in_words(two) == "tank_1/bushing_b 82 %, bushing_a 15 %"
+    assert in_words((two[0], SiteProbability("breaker/pole", 0.12))) == "tank_1/bushing_b 82 %, breaker/pole 12 %"
+    assert in_words((two[0], SiteProbability(ELSEWHERE, 0.05))) == "tank_1/bushing_b 82 %"
