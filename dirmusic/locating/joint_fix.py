@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-STRENGTH_FLOOR = 0.01
+STRENGTH_FLOOR = 0.02
 """Assumed share of the strength that the model leaves unexplained in a channel: reflections within the gate, its edges,
 mutual coupling. It stays the same for as long as the pose error does, so pulses from nearly one place share it."""
 

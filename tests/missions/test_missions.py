@@ -111,7 +111,7 @@ def test_what_a_policy_sees_holds_no_truth(monkeypatch: pytest.MonkeyPatch) -> N
     source = mission.log.meta["truth"]["sources"][0]["position_m"]
     for observation, findings, site_map in seen:
         assert set(observation) == set(mission.env.observation_space.spaces)  # pyright: ignore
-        assert all(not np.allclose(finding.position_m, source[:2], atol=1e-6) for finding in findings)
+        assert all(not np.allclose(finding.position_m, source, atol=1e-6) for finding in findings)
         assert vars(site_map).keys() <= {
             "yard",
             "route",
