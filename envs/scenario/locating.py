@@ -44,6 +44,7 @@ class LocatingConfig(Config, frozen=True):
     ghost_db: Decibel | None = None
     bias_arc_deg: Arc | None = None
     bias_db: Decibel | None = None
+    sight_loss_db: Decibel | None = None
     surface_depth_m: Annotated[float, Field(ge=0.0, le=100.0)] | None = None
     edge_margin_m: Annotated[float, Field(ge=0.0, le=100.0)] | None = None
     detection_range_m: Metre | None = None
@@ -61,6 +62,7 @@ class LocatingConfig(Config, frozen=True):
     confirm_detection_rate: Share | None = None
     ghost_detection_rate: Share | None = None
     ghost_observed_s: Count | None = None
+    ghost_silent_s: Count | None = None
     ghost_semi_major_m: Metre | None = None
     merge_m: Metre | None = None
 

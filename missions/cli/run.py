@@ -35,7 +35,7 @@ TOLD = ("candidate", "confirmed", "outside", "ghost", "contact", "unreachable", 
 def run(
     scenario: tyro.conf.Positional[str] = "one_source",
     *,
-    policy: Annotated[str, tyro.conf.arg(metavar="{seek,patrol,random,oracle,FILE.py:NAME}")] = "seek",
+    policy: Annotated[str, tyro.conf.arg(metavar="{seek,active,patrol,random,oracle,FILE.py:NAME}")] = "seek",
     seed: int = 0,
     out_dir: Annotated[Path | None, tyro.conf.arg(name="out", metavar="DIR")] = None,
     live: bool = False,
@@ -48,9 +48,11 @@ def run(
 
     Args:
         scenario: Name of a shipped scenario (see `pdpatrol scenarios`), or path of a TOML file.
-        policy: Who drives. oracle knows the truth: a yardstick, not a result. Your own policy is a class in a file,
-            my_policy.py:MyPolicy, or in a module that Python can import, package.module:MyPolicy; MyPolicy(rng) makes
-            one, and policy(observation, findings, site_map) returns two numbers in [-1, 1], for speed and yaw rate.
+        policy: Who drives. seek leaves its route for what it hears, active looks from where it learns most, patrol
+            keeps to the route, random is a floor. oracle knows the truth: a yardstick, not a result. Your own policy is
+            a class in a file, my_policy.py:MyPolicy, or in a module that Python can import, package.module:MyPolicy;
+            MyPolicy(rng) makes one, and policy(observation, findings, site_map) returns two numbers in [-1, 1], for
+            speed and yaw rate.
             The contract is the docstring of missions.policies.protocol.Policy; examples/own_policy is one to copy.
         seed: Fixes all that is drawn; 0 or more. The same seed gives the same mission.
         out_dir: Folder to write to; new or empty. Default: runs/SCENARIO-SEED, then -2, -3 and so on.

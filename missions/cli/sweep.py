@@ -48,7 +48,7 @@ def sweep(
     Args:
         scenario: Names of shipped scenarios, paths of TOML files, or parts of the frozen suite: suite, suite/LEVEL,
             suite/test, suite/test/LEVEL, or a yard as suite/weak_03.
-        policy: seek, patrol, random, oracle, or own ones as my_file.py:MyPolicy.
+        policy: seek, active, patrol, random, oracle, or own ones as my_file.py:MyPolicy.
         seeds: First and last seed, as 0-19, or one. Default: those of the suite, 0-19 in any other scenario.
         settings: Values that a key of the scenario takes, as receiver.noise_v=5e-4,1e-3,2e-3; may be given several
             times, for all combinations.

@@ -49,6 +49,23 @@ class ShortestPaths:
         """The cell nearest to a point (2,) among those that can be reached."""
         return self._site_map.nearest(point_m, np.isfinite(self.length_m))
 
+    def gather(self, cells: NDArray[np.intp], values: FloatArray) -> FloatArray:
+        """What is gathered on the way to each of some cells (n,), shape (n, ...).
+
+        Args:
+            cells: All those nearer to the start than any of them are among them.
+            values: Of a metre of way in each cell, shape (n_cells, ...).
+        """
+        order = cells[np.argsort(self.length_m[cells], kind="stable")]
+        gathered = np.zeros_like(values)
+        centres_m = self._site_map.centres_m
+        for cell in order.tolist():
+            previous = self._previous[cell]
+            if previous >= 0:
+                step_m = float(np.linalg.norm(centres_m[cell] - centres_m[previous]))
+                gathered[cell] = gathered[previous] + step_m * values[cell]
+        return gathered[cells]
+
     def path(self, cell: int) -> FloatArray:
         """Cell centres from the start to `cell`, shape (n, 2), metres."""
         cells = [cell]

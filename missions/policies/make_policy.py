@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from missions.driving.collision_guard import CollisionGuard
+from missions.policies.active import Active
 from missions.policies.names import load_maker
 from missions.policies.oracle import Oracle
 from missions.policies.own_policy import OwnPolicy
@@ -27,6 +28,8 @@ def make_policy(name: str, rng: np.random.Generator) -> ReportingPolicy:
     match name:
         case "seek":
             return CollisionGuard(Seek())
+        case "active":
+            return CollisionGuard(Active())
         case "patrol":
             return CollisionGuard(Patrol())
         case "random":

@@ -10,7 +10,7 @@ import numpy as np
 
 from envs.foreign_code import ForeignCodeError, load_object
 
-BUILT_IN = ("seek", "patrol", "random", "oracle")
+BUILT_IN = ("seek", "active", "patrol", "random", "oracle")
 
 MAKER = "a class or function that makes a policy of a random generator: MyPolicy(rng)"
 

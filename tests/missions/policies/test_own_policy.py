@@ -182,7 +182,9 @@ def test_a_policy_that_cannot_be_made_starts_no_mission(name: str, told: str, fi
 def test_every_built_in_name_makes_a_policy_and_no_other_name_does() -> None:
     for name in BUILT_IN:
         assert callable(make_policy(name, np.random.default_rng(0)))
-    with pytest.raises(ForeignCodeError, match="magic: no such policy; expected seek, patrol, random, oracle, or"):
+    with pytest.raises(
+        ForeignCodeError, match="magic: no such policy; expected seek, active, patrol, random, oracle, or"
+    ):
         make_policy("magic", np.random.default_rng(0))
 
 

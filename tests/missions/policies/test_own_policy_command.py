@@ -99,7 +99,7 @@ def test_a_run_whose_policy_never_moves_ends_at_the_time_limit_with_a_whole_repo
         ("my.py:FailsAtOnce", "my.py:21: KeyError: 'weights'; "),
         ("none.py:MyPolicy", "none.py: no such file; "),
         ("broken.py:MyPolicy", "broken.py:2: SyntaxError: '(' was never closed; "),
-        ("magic", "magic: no such policy; expected seek, patrol, random, oracle, or my_file.py:MyPolicy"),
+        ("magic", "magic: no such policy; expected seek, active, patrol, random, oracle, or my_file.py:MyPolicy"),
     ],
 )
 def test_a_policy_that_cannot_be_loaded_is_one_line_and_exit_status_2_before_any_folder(
