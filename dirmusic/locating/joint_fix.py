@@ -124,8 +124,7 @@ def locate_jointly(
             state, hessian = other, other_hessian
     covariance: FloatArray = np.linalg.inv(hessian).astype(np.float64)
     for k in range(n_sources):
-        one = np.arange(n_sources) == k
-        mirrored = _upside_down(state, one, array.height_m)
+        mirrored = _upside_down(state, np.eye(n_sources, dtype=np.bool_)[k], array.height_m)
         if mirrored[3 * k + 2] > 0.0:
             share = 1.0 / (1.0 + np.exp(min(fit.cost(mirrored) - fit.cost(state), MOST_APART)))
             covariance[3 * k + 2, 3 * k + 2] += share * (1.0 - share) * (mirrored[3 * k + 2] - state[3 * k + 2]) ** 2

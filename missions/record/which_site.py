@@ -53,7 +53,8 @@ def site_probabilities(yard: Yard, position_m: FloatArray, covariance_m2: FloatA
         covariance_m2: Of that, shape (3, 3).
     """
     sites = yard.site_names()
-    weights: dict[str, float] = {ELSEWHERE: (1.0 - ON_SITES - ON_EQUIPMENT) / (np.prod(yard.size_m) * HIGHEST_M)}
+    volume_m3 = yard.size_m[0] * yard.size_m[1] * HIGHEST_M
+    weights = {ELSEWHERE: (1.0 - ON_SITES - ON_EQUIPMENT) / volume_m3}
     if sites:
         sites_m = np.array([yard.site_position(name) for name in sites])
         density = _density(sites_m, position_m, covariance_m2 + SITE_STD_M**2 * np.eye(3))
@@ -84,7 +85,8 @@ def _density(points_m: FloatArray, mean_m: FloatArray, covariance_m2: FloatArray
     """Of a normal distribution at points (n, 3), shape (n,), per cubic metre."""
     off = points_m - mean_m
     square = np.einsum("ni,ij,nj->n", off, np.linalg.inv(covariance_m2), off)
-    return np.exp(-0.5 * square) / np.sqrt(np.linalg.det(2 * np.pi * covariance_m2))
+    norm = np.sqrt(np.linalg.det(2 * np.pi * covariance_m2))
+    return np.asarray(np.exp(-0.5 * square), dtype=np.float64) / float(norm)
 
 
 def _surface(solids: Solids, owner: NDArray[np.intp]) -> tuple[FloatArray, NDArray[np.intp]]:
@@ -116,4 +118,4 @@ def _surface(solids: Solids, owner: NDArray[np.intp]) -> tuple[FloatArray, NDArr
 def _steps(low: float, high: float) -> FloatArray:
     """Points in the middle of even steps between two bounds."""
     n = max(round((high - low) / SURFACE_STEP_M), 1)
-    return low + (high - low) / n * (np.arange(n) + 0.5)
+    return low + (high - low) / n * (np.arange(n, dtype=np.float64) + 0.5)

@@ -236,7 +236,7 @@ def across_the_wall(points: np.ndarray, target: np.ndarray, ignore_m: float) -> 
     return ~beyond | (np.abs(target[1] - WALL_Y_M) < ignore_m)
 
 
-def detect_image_and_source(sight: Sight | None, locator: Locator | None = None) -> Locator:
+def detect_image_and_source(map_sight: Sight | None, locator: Locator | None = None) -> Locator:
     """Past a wall: at first a mirror image behind it is detected, then, from beyond its end, the source itself.
 
     The mirror image is 4 dB weaker than the source.
@@ -245,7 +245,7 @@ def detect_image_and_source(sight: Sight | None, locator: Locator | None = None)
     errors = ElementErrors(
         gain=np.expm1(rng.normal(0, 0.05, 6)), pointing_rad=rng.normal(0, np.radians(2.0), 6), offset=np.zeros(6)
     )
-    real, locator = errors.correct(NOMINAL), locator or make_locator(sight=sight)
+    real, locator = errors.correct(NOMINAL), locator or make_locator(sight=map_sight)
     image, source = np.array([20.0, 16.5]), np.array([12.0, 8.0])
     first = around(image, 3.6, 210, 330, 200)
     second = around(source, 3.0, 20, 150, 200)

@@ -35,7 +35,7 @@ def pdpatrol(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 
 
 def located(data: FieldData, *, fence_m: tuple[float, float] | None = None) -> dict:
-    array = array_model(data, SPREAD, None, None, 0.12)
+    array = array_model(data, SPREAD, None, None, 0.12, 0.6)
     return make_report(locate_field_data(data, array, POSE_ERROR, fence_m=fence_m), 0.0)
 
 
@@ -82,7 +82,7 @@ def test_waveforms_and_their_strengths_give_the_same_fix_near_the_truth(tmp_path
         assert report == json.loads((tmp_path / table / "report.json").read_text())
         assert len(report["findings"]) == 1
         assert report["candidates"] == []
-        fixes.append(report["findings"][0]["position_m"])
+        fixes.append(report["findings"][0]["position_m"][:2])
         assert {path.name for path in (tmp_path / table).iterdir()} == {"log.npz", "report.json", "mission.rrd"}
     assert np.linalg.norm(np.subtract(*fixes)) < 0.05
     assert np.linalg.norm(fixes[0] - np.array(truth["position_m"])[:2]) < 0.3
@@ -105,7 +105,7 @@ def test_the_example_is_what_its_script_makes(tmp_path: Path) -> None:
 
 def test_the_log_of_field_data_reads_back_and_holds_no_truth(tmp_path: Path) -> None:
     data = read_field_data(EXAMPLE / "strengths.csv")
-    log = locate_field_data(data, array_model(data, SPREAD, None, None, 0.12), POSE_ERROR)
+    log = locate_field_data(data, array_model(data, SPREAD, None, None, 0.12, 0.6), POSE_ERROR)
     log.save(tmp_path)
     back = MissionLog.load(tmp_path)
     assert back.n_rows("step") == 14
@@ -120,7 +120,7 @@ def test_one_pulse_from_each_of_a_few_poses_is_enough(tmp_path: Path, seed: int)
     survey(tmp_path / "s.csv", orbit(24, 4.0, (10.0, 10.0), 0.7), [(11.0, 9.0, 1.5)], seed)
     report = located(read_field_data(tmp_path / "s.csv", noise_v=NOISE_V))
     assert len(report["findings"]) == 1
-    assert np.linalg.norm(np.subtract(report["findings"][0]["position_m"], (11.0, 9.0))) < 0.3
+    assert np.linalg.norm(np.subtract(report["findings"][0]["position_m"][:2], (11.0, 9.0))) < 0.3
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -128,7 +128,7 @@ def test_two_sources_heard_in_turn_are_two_findings(tmp_path: Path, seed: int) -
     sources = [(8.0, 12.0, 1.5), (14.0, 9.0, 1.5)]
     survey(tmp_path / "s.csv", np.repeat(orbit(16, 7.0, (11.0, 10.5)), 5, axis=0), sources, seed)
     report = located(read_field_data(tmp_path / "s.csv", noise_v=NOISE_V))
-    found = np.array([f["position_m"] for f in report["findings"]])
+    found = np.array([f["position_m"][:2] for f in report["findings"]])
     assert len(found) == 2
     for source in sources:
         assert np.linalg.norm(found - np.array(source[:2]), axis=-1).min() < 0.3
@@ -174,7 +174,7 @@ def test_four_channels_are_the_first_four_elements_of_six(tmp_path: Path) -> Non
     poses[:, 2] = np.arctan2(centre[1] - poses[:, 1], centre[0] - poses[:, 0])  # four elements look ahead
     survey(tmp_path / "s.csv", poses, [(*centre, 1.5)], 7, n_elements=4)
     report = located(read_field_data(tmp_path / "s.csv", noise_v=NOISE_V))
-    assert np.linalg.norm(np.subtract(report["findings"][0]["position_m"], centre)) < 0.3
+    assert np.linalg.norm(np.subtract(report["findings"][0]["position_m"][:2], centre)) < 0.3
 
 
 def test_a_dead_channel_is_named_left_out_and_does_no_harm(tmp_path: Path) -> None:
@@ -185,14 +185,14 @@ def test_a_dead_channel_is_named_left_out_and_does_no_harm(tmp_path: Path) -> No
     assert data.notes == ("channel 3 is zero throughout: left out",)
     assert data.channels.tolist() == [0, 1, 3, 4, 5]
     report = located(data)
-    assert np.linalg.norm(np.subtract(report["findings"][0]["position_m"], (11.0, 9.0))) < 0.3
+    assert np.linalg.norm(np.subtract(report["findings"][0]["position_m"][:2], (11.0, 9.0))) < 0.3
 
 
 def test_as_many_boresights_as_channels_are_wanted(tmp_path: Path) -> None:
     data = read_field_data(EXAMPLE / "strengths.csv")
     with pytest.raises(InputFileError, match="got 2 for 6 channels"):
-        array_model(data, SPREAD, None, (0.0, 90.0), 0.12)
-    turned = array_model(data, SPREAD, None, tuple(range(0, 360, 60)), 0.12)
+        array_model(data, SPREAD, None, (0.0, 90.0), 0.12, 0.6)
+    turned = array_model(data, SPREAD, None, tuple(range(0, 360, 60)), 0.12, 0.6)
     assert isinstance(turned, ArrayModel)
 
 
@@ -213,12 +213,12 @@ def test_a_measured_pattern_is_used(tmp_path: Path) -> None:
     write_pattern(GaussianPattern(), tmp_path / "p.csv")
     done = pdpatrol("locate", str(EXAMPLE / "strengths.csv"), "--json", "--pattern", "p.csv", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert np.linalg.norm(np.subtract(json.loads(done.stdout)["findings"][0]["position_m"], (14.0, 9.0))) < 0.3
+    assert np.linalg.norm(np.subtract(json.loads(done.stdout)["findings"][0]["position_m"][:2], (14.0, 9.0))) < 0.3
     mirrored = [f"{-a},{g:.6f}" for a in range(179, -180, -2) for g in [float(GaussianPattern()(np.radians(a)))]]
     (tmp_path / "m.csv").write_text("\n".join(["angle_deg,gain", *mirrored]))
     worse = pdpatrol("locate", str(EXAMPLE / "strengths.csv"), "--json", "--pattern", "m.csv", cwd=tmp_path)
     wrong = json.loads(worse.stdout)["findings"]
-    assert not wrong or np.linalg.norm(np.subtract(wrong[0]["position_m"], (14.0, 9.0))) > 0.05
+    assert not wrong or np.linalg.norm(np.subtract(wrong[0]["position_m"][:2], (14.0, 9.0))) > 0.05
 
 
 @pytest.mark.parametrize(
