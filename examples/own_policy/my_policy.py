@@ -37,12 +37,12 @@ class MyPolicy:
             return action
         self._patrol.resume()  # it plans its way anew afterwards
         pose, time_s = believed_pose(observation), time_of(observation, site_map)
-        target = min(wanted, key=lambda f: float(np.hypot(*(f.position_m - pose[:2]))))
+        target = min(wanted, key=lambda f: float(np.hypot(*(f.position_m[:2] - pose[:2]))))
         self._spent_s[target.id] = self._spent_s.get(target.id, 0.0) + STEP_S
         if self._drive is None or self._drive.is_over(pose, time_s) or time_s - self._planned_s > REPLAN_S:
-            x, y = pose[:2] - target.position_m
+            x, y = pose[:2] - target.position_m[:2]
             angles, paths = np.arctan2(y, x) + AHEAD_RAD, site_map.reach(pose)
-            places = target.position_m + RADIUS_M * np.column_stack([np.cos(angles), np.sin(angles)])
+            places = target.position_m[:2] + RADIUS_M * np.column_stack([np.cos(angles), np.sin(angles)])
             cells = [paths.nearest(place) for place in places]  # on free ground
             goal = site_map.centres_m[min(cells, key=lambda cell: paths.length_m[cell])]
             self._drive, self._planned_s = PathFollower(site_map, pose, goal, time_s, 0.5, paths), time_s
