@@ -106,8 +106,8 @@ class ChannelMonitor:
     """Watches the strengths of pulses, says which channels can be trusted, and takes bearings from those alone.
 
     Whether a channel is at fault is judged by how well a direction explains the pulses, so by maximum likelihood,
-    whichever estimator takes the bearings. Where the pattern may be off, what it could be off by in one direction is no
-    fault: a channel at fault is so in all.
+    whichever estimator takes the bearings. What the pattern could be off by in one direction, by itself or because the
+    source is high above the array, is no fault: a channel at fault is so in all.
 
     Args:
         array: The nominal array.
@@ -226,8 +226,7 @@ class ChannelMonitor:
         alike = float(np.mean((ratio_db if median_db > 0 else -ratio_db) > rules.each_db))
         if abs(median_db) < rules.fault_db or alike < 0.9:
             return left, None
-        may_be_pattern = self.array.spread.pattern > 0.0 and abs(median_db) < SURE_DB
-        if may_be_pattern and aperture(azimuth[tells]) < OPENING_RAD:
+        if abs(median_db) < SURE_DB and aperture(azimuth[tells]) < OPENING_RAD:
             return left, None
         kind = "dead" if median_db < rules.dead_db else "low" if median_db < 0 else "high"
         return left, SuspectChannel(channel, kind, median_db, int(tells.sum()))

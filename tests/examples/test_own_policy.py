@@ -38,7 +38,7 @@ def test_the_policy_goes_round_what_it_found_after_the_fix_and_then_back_to_its_
     assert phases[-1] == "return to dock"
     circling = np.char.startswith(phases, "circle")
     centre_m = log.column("finding", "position_m")[-1]
-    aspects = log.column("step", "pose")[circling][:, :2] - centre_m
+    aspects = log.column("step", "pose")[circling][:, :2] - centre_m[:2]
     turned = np.abs(np.diff(np.unwrap(np.arctan2(aspects[:, 1], aspects[:, 0])))).sum()
     assert turned > np.pi
 
