@@ -8,7 +8,7 @@ and drives, so the same error shows at other azimuths, and positions and element
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -97,6 +97,58 @@ def locate_jointly(
         The fix. Heights are held by their prior, and show close by: a source above the plane of the array makes ranges
         and gains of the elements more alike.
     """
+    n_sources = start_m.shape[0]
+    problem = _problem(pulses, pose, source, start_m, array, pose_error)
+    state, hessian = problem.fit.solve(problem.start)
+    return JointFix(
+        positions_m=state[: 3 * n_sources].reshape(-1, 3),
+        covariances_m2=_covariances(hessian, n_sources),
+        errors=_errors(state[3 * n_sources :], array.manifold.n_elements),
+    )
+
+
+def expected_covariances(
+    pulses: PulseBatch,
+    pose: FloatArray,
+    source: NDArray[np.intp],
+    positions_m: FloatArray,
+    array: ArrayModel,
+    pose_error: PoseError,
+) -> FloatArray:
+    """Covariances that `locate_jointly` tells of sources at known places, heard by an array as its data sheet says.
+
+    With the strengths that the model expects, this bounds from below what any fix by that model can do.
+
+    Args:
+        pulses: As of `locate_jointly`, with `pose`, `source`, `array` and `pose_error`.
+        pose: As said.
+        source: As said.
+        positions_m: Where the sources are, shape (n_sources, 3).
+        array: As said.
+        pose_error: As said.
+
+    Returns:
+        Shape (n_sources, 3, 3), square metres.
+    """
+    problem = _problem(pulses, pose, source, positions_m, array, pose_error)
+    return _covariances(problem.fit.hessian(problem.start), len(positions_m))
+
+
+class _Problem(NamedTuple):
+    """What `locate_jointly` solves, and the state where it starts."""
+
+    fit: _Fit
+    start: FloatArray
+
+
+def _problem(
+    pulses: PulseBatch,
+    pose: FloatArray,
+    source: NDArray[np.intp],
+    start_m: FloatArray,
+    array: ArrayModel,
+    pose_error: PoseError,
+) -> _Problem:
     from dirmusic.locating.joint_kernels import Beliefs  # loads the compiler
 
     n_sources, n_elements = start_m.shape[0], array.manifold.n_elements
@@ -109,17 +161,16 @@ def locate_jointly(
     detected_from_m = [pose[source == k, :2].mean(axis=0) for k in range(n_sources)]
     mean = np.concatenate([with_height(detected_from_m).ravel(), no_errors])
     start = np.concatenate([start_m.ravel(), no_errors])
-    n_places = 3 * n_sources
     beliefs = Beliefs(mean, spread, pose_error.position_m, pose_error.heading_rad, ROBUST_SCALE)
-    fit = _Fit(_explained(pulses, pose, source, start_m, array, pose_error), array, beliefs, len(of_elements), n_places)
-    state, hessian = fit.solve(start)
+    explained = _explained(pulses, pose, source, start_m, array, pose_error)
+    return _Problem(_Fit(explained, array, beliefs, len(of_elements), 3 * n_sources), start)
+
+
+def _covariances(hessian: FloatArray, n_sources: int) -> FloatArray:
+    """Of the place of each source, shape (n_sources, 3, 3), with the uncertainty of all other states in it."""
     covariance: FloatArray = np.linalg.inv(hessian).astype(np.float64)
     block: NDArray[np.intp] = 3 * np.arange(n_sources, dtype=np.intp)[:, np.newaxis] + np.arange(3, dtype=np.intp)
-    return JointFix(
-        positions_m=state[:n_places].reshape(-1, 3),
-        covariances_m2=covariance[block[:, :, np.newaxis], block[:, np.newaxis, :]],
-        errors=_errors(state[n_places:], n_elements),
-    )
+    return covariance[block[:, :, np.newaxis], block[:, np.newaxis, :]]
 
 
 def with_height(places_m: ArrayLike) -> FloatArray:
@@ -228,6 +279,10 @@ class _Fit:
         )
         best = np.asarray(found.x, dtype=np.float64)
         return best * self._scale, self._at(best).hessian
+
+    def hessian(self, state: FloatArray) -> FloatArray:
+        """The Hessian about a state, shape (n_states, n_states)."""
+        return self._at(state / self._scale).hessian
 
     def _at(self, x: FloatArray) -> Quadratic:
         """The cost about a state; the last is kept, for the optimiser asks for its parts one by one."""

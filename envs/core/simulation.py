@@ -88,20 +88,10 @@ class Simulation:
         self, scenario: Scenario, n_robots: int = 1, n_threads: int = 1, *, terminate_on_approach: bool = True
     ) -> None:
         self.scenario = scenario
-        nominal, yard = HelicalArray.nominal(scenario.array), scenario.yard
-        self.array = ArrayModel(
-            manifold=nominal.manifold(),
-            positions_m=nominal.positions_m,
-            spread=ElementSpread(
-                gain=scenario.array.gain_error,
-                pointing_rad=float(np.radians(scenario.array.pointing_error_deg)),
-                offset=scenario.array.gain_offset / np.sqrt(3),
-                pattern=scenario.array.pattern_error,
-            ),
-            band_manifolds=nominal.band_manifolds(scenario.receiver.band_edges_hz),
-        )
+        yard, self.array = scenario.yard, known_array(scenario)
         self.estimator = make_estimator(scenario.estimator.method, self.array)
         self.robot = scenario.robot.description
+        nominal = scenario.array.nominal_elements()
         elements = AntennaElements.checked(
             nominal.positions_m, nominal.boresights_rad, nominal.boresight_elevations_rad
         )
@@ -111,7 +101,7 @@ class Simulation:
         self._spectrum_gain = np.empty((n_robots, self.array.manifold.n_elements, SPECTRUM_AZIMUTHS_RAD.size))
         n_elements, time_limit_s = self.array.manifold.n_elements, scenario.task.time_limit_s
         self.layout = ObservationLayout(observation_bounds(yard.size_m, self.robot.limits, n_elements, time_limit_s))
-        self._stops_m = np.array([*scenario.route.waypoints_m, scenario.route.dock_m])
+        self._stops_m = np.array([*scenario.route.stops_m, scenario.route.dock_m])
         observed = ObservationParameters(
             stops_m=self._stops_m,
             low=self.layout.low,
