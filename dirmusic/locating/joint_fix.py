@@ -117,18 +117,8 @@ def expected_covariances(
 ) -> FloatArray:
     """Covariances that `locate_jointly` tells of sources at known places, heard by an array as its data sheet says.
 
-    With the strengths that the model expects, this bounds from below what any fix by that model can do.
-
-    Args:
-        pulses: As of `locate_jointly`, with `pose`, `source`, `array` and `pose_error`.
-        pose: As said.
-        source: As said.
-        positions_m: Where the sources are, shape (n_sources, 3).
-        array: As said.
-        pose_error: As said.
-
-    Returns:
-        Shape (n_sources, 3, 3), square metres.
+    With the strengths that its model expects, that is the bound of any fix by it. Arguments are as there, with the
+    places of the sources, shape (n_sources, 3), in that of the start. Returns shape (n_sources, 3, 3), square metres.
     """
     problem = _problem(pulses, pose, source, positions_m, array, pose_error)
     return _covariances(problem.fit.hessian(problem.start), len(positions_m))

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic import ArrayModel, ElementSpread
 from dirmusic.bearing.channel_health import ChannelMonitor, SuspectChannel
 from dirmusic.compiled import Held
 from dirmusic.pulses.batch import PulseBatch
@@ -24,12 +23,13 @@ from envs.core.observation_layout import SPECTRUM_AZIMUTHS_RAD, ObservationLayou
 from envs.core.observing import ObservationParameters, Observing, Sensed, perceive
 from envs.core.own_estimator import make_estimator
 from envs.core.progress import Progress, Stepping, StepResult, Task, advance
+from envs.known_array import known_array
 from envs.scenario import Scenario
 from envs.yard_surroundings import surroundings_of
 from robot_models.antenna.elements import AntennaElements
 from robot_models.robots import Robots
 from robot_models.sensors import LIDAR_BEAMS, LIDAR_RANGE_M
-from sensing import Detections, HelicalArray
+from sensing import Detections
 from sensing.receiver.receiver import Listener
 
 FloatArray = NDArray[np.float64]

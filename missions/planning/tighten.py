@@ -24,6 +24,7 @@ MOVE_M = 3.0
 LEAST_GAIN_M = 0.5
 """A stop is moved if that makes the tour so much shorter (assumed): a second of driving is worth no search."""
 
+
 class Tightening:
     """Shortens a tour as long as every target is heard from it under the aperture that it needs.
 

@@ -15,6 +15,7 @@ from missions.driving.site_map import ShortestPaths, SiteMap
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
+
 class Way(NamedTuple):
     """The way between two cells.
 
