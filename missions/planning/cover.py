@@ -90,7 +90,7 @@ def cover(hearing: Hearing, columns: IntArray, needed_rad: FloatArray) -> IntArr
     rows = csr_array(np.concatenate(conditions).astype(np.float64))
     found = milp(
         np.ones(columns.size),
-        integrality=np.ones(columns.size),
+        integrality=np.ones(columns.size, dtype=np.intp),
         bounds=Bounds(0.0, 1.0),
         constraints=LinearConstraint(rows, 1.0, np.inf),
         options={"mip_rel_gap": GAP, "node_limit": NODE_LIMIT},

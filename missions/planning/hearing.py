@@ -69,7 +69,7 @@ class Hearing(NamedTuple):
     @property
     def is_blind(self) -> BoolArray:
         """Targets that no reachable place hears, shape (n_targets,)."""
-        return ~self.is_heard.any(axis=1)
+        return np.asarray(~self.is_heard.any(axis=1), dtype=np.bool_)
 
     def columns(self, cells: IntArray) -> IntArray:
         """Columns of cells of the map, all of which can be reached, same shape."""

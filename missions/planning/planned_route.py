@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from envs import Scenario, ScenarioError, restore_scenario
+from envs.scenario import Scenario, ScenarioError, restore_scenario
 from envs.scenario.scenario import PLANNED
 
 Point = tuple[float, float]

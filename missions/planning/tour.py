@@ -74,7 +74,7 @@ def shortest_order(lengths_m: FloatArray) -> tuple[int, ...]:
     while True:
         found = milp(
             lengths_m[first, second],
-            integrality=np.ones(first.size),
+            integrality=np.ones(first.size, dtype=np.intp),
             bounds=Bounds(0.0, 1.0),
             constraints=constraints,
             options={"mip_rel_gap": 0.0, "node_limit": NODE_LIMIT},
