@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.angles import aperture
+from dirmusic.angles import aperture, difference
 from missions.planning.hearing import Hearing
 
 FloatArray = NDArray[np.float64]
@@ -48,13 +48,23 @@ def candidates(hearing: Hearing, clearance_m: FloatArray, needed_rad: FloatArray
     chosen[hears[np.unique(square[hears], return_index=True)[1]]] = True
     for k, needed in enumerate(needed_rad - TINY_RAD):
         own = np.flatnonzero(hearing.is_heard[k])
+        aspect_rad = hearing.aspect_rad[k, own]
+        if own.size and aperture(aspect_rad[chosen[own]]) < needed:
+            chosen[own[_ends(aspect_rad)]] = True
+        while own.size and aperture(aspect_rad[chosen[own]]) < needed:
+            off_rad = np.abs(difference(aspect_rad[:, np.newaxis], aspect_rad[chosen[own]])).min(axis=1)
+            chosen[own[off_rad.argmax()]] = True
         if own.size and not chosen[own].any():
             chosen[own[clearance_m[own].argmax()]] = True
-        while own.size and aperture(hearing.aspect_rad[k, own[chosen[own]]]) < needed:
-            had = hearing.aspect_rad[k, own[chosen[own]]]
-            off = np.abs(np.angle(np.exp(1j * (hearing.aspect_rad[k, own, np.newaxis] - had)))).min(axis=1)
-            chosen[own[off.argmax()]] = True
     return np.flatnonzero(chosen).astype(np.intp)
+
+
+def _ends(aspect_rad: FloatArray) -> IntArray:
+    """The two angles, by number, between which the narrowest arc lies that holds all of them (n,)."""
+    order = np.argsort(np.mod(aspect_rad, 2 * np.pi), kind="stable")
+    gaps = np.mod(np.diff(aspect_rad[order], append=aspect_rad[order[:1]]), 2 * np.pi)
+    widest = int(gaps.argmax())
+    return order[[widest, (widest + 1) % order.size]]
 
 
 def cover(hearing: Hearing, columns: IntArray, needed_rad: FloatArray) -> IntArray:
