@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.angles import aperture, difference
+from dirmusic.angles import aperture, difference, wrap
 from missions.planning.hearing import Hearing
 
 FloatArray = NDArray[np.float64]
@@ -61,8 +61,9 @@ def candidates(hearing: Hearing, clearance_m: FloatArray, needed_rad: FloatArray
 
 def _ends(aspect_rad: FloatArray) -> IntArray:
     """The two angles, by number, between which the narrowest arc lies that holds all of them (n,)."""
-    order = np.argsort(np.mod(aspect_rad, 2 * np.pi), kind="stable")
-    gaps = np.mod(np.diff(aspect_rad[order], append=aspect_rad[order[:1]]), 2 * np.pi)
+    angle = wrap(aspect_rad)
+    order = np.argsort(angle, kind="stable")
+    gaps = np.diff(angle[order], append=angle[order[0]] + 2 * np.pi)
     widest = int(gaps.argmax())
     return order[[widest, (widest + 1) % order.size]]
 

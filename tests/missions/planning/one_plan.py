@@ -14,7 +14,7 @@ from robot_models.yard.yard import Yard
 FloatArray = NDArray[np.float64]
 
 YARDS = ("one_source", "5004", "5009")
-"""A shipped one, and random ones by their seed: with four and with nine pieces."""
+"""A shipped one, and random ones by their seed: with twelve and with four pieces."""
 
 
 def scenario_of(name: str) -> Scenario:

@@ -63,7 +63,7 @@ def test_candidates_offer_every_site_the_aperture_that_all_cells_offer(monkeypat
     plan = plan_of("one_source")
     hearing, clearance_m = plan.hearing, plan.site_map.clearance_m[plan.hearing.cells]
     monkeypatch.setattr("missions.planning.cover.SPACING_M", 12.0)
-    for needed_rad in (np.minimum(apertures(hearing), np.radians(60.0)), apertures(hearing)):
+    for needed_rad in (np.minimum(apertures(hearing), np.radians(needed_deg)) for needed_deg in (60.0, 200.0)):
         columns = candidates(hearing, clearance_m, needed_rad)
         assert (apertures(hearing, columns) >= needed_rad - 1e-9).all()
         assert hearing.is_heard[:, columns].any(axis=0).all()
