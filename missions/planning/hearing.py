@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dirmusic.angles import aperture
 from dirmusic.locating.joint_fix import HEIGHT_PRIOR_M
 from envs import Scenario
-from missions.driving.site_map import LEAST_SIGHT, SiteMap
+from missions.driving.site_map import CELL_M, LEAST_SIGHT, SiteMap
 from sensing import HelicalArray
 from sensing.receiver.receiver import Receiver
 
@@ -30,6 +31,11 @@ ELEVATIONS_RAD = np.radians(np.arange(-90.0, 91.0))
 FARTHER_M = 1.0
 """What is heard from beyond the range of confirmation alone may be heard from so much farther than needs be (assumed):
 a band of a few cells."""
+
+
+STRAYS_CELLS = 2
+"""The robot cuts corners and stops short of its stops: a cell counts as one that hears if all do that are so many cells
+away along x and y at most and can be reached (assumed: 0.5 m)."""
 
 
 class Target(NamedTuple):
@@ -55,7 +61,8 @@ class Hearing(NamedTuple):
             and farther away than is asked for.
         range_m: Distance on plan, shape (n_targets, n_cells).
         aspect_rad: Direction on plan from the target to the cell, world frame, shape (n_targets, n_cells).
-        is_heard: Whether it is heard: in sight, above the trigger by `MARGIN_DB`, near enough; (n_targets, n_cells).
+        is_heard: Whether it is heard: in sight, above the trigger by `MARGIN_DB`, near enough, and not only just there
+            (`STRAYS_CELLS`) where there are such cells; shape (n_targets, n_cells).
     """
 
     targets: tuple[Target, ...]
@@ -96,14 +103,16 @@ def hear(scenario: Scenario, site_map: SiteMap, amplitude_v: float = AMPLITUDE_V
     """Audibility of all targets; of the scenario its sources do not count.
 
     What is nowhere heard within the range of confirmation is asked for at any distance, and then counts as heard up to
-    `FARTHER_M` beyond the nearest place that hears it.
+    `FARTHER_M` beyond the nearest place that hears it. What is heard here and there alone counts as heard in each cell
+    that hears it: where others would leave it less aperture than confirmation wants.
 
     Args:
         scenario: Array, receiver, route and rules of locating.
         site_map: Of that scenario.
         amplitude_v: Peak of the discharge in a unit-gain channel 1 m away, > 0.
     """
-    within_m = scenario.locating.rules().confirm_range_m
+    rules = scenario.locating.rules()
+    within_m = rules.confirm_range_m
     targets = targets_of(site_map, within_m)
     cells = np.flatnonzero(np.isfinite(site_map.reach(scenario.route.dock_m).length_m)).astype(np.intp)
     places_m = site_map.centres_m[cells]
@@ -126,7 +135,26 @@ def hear(scenario: Scenario, site_map: SiteMap, amplitude_v: float = AMPLITUDE_V
         nearest_m = range_m[k, is_heard[k]].min(initial=np.inf)
         is_heard[k] &= range_m[k] <= max(within_m, nearest_m + FARTHER_M)
     aspect_rad = np.arctan2(away_m[..., 1], away_m[..., 0])
+    surely = _heard_all_round(is_heard, cells, site_map)
+    for k, aspects in enumerate(aspect_rad):
+        widest_rad = min(aperture(aspects[is_heard[k]]), rules.confirm_aperture_rad)
+        if surely[k].any() and aperture(aspects[surely[k]]) >= widest_rad:
+            is_heard[k] = surely[k]
     return Hearing(targets, cells, places_m, level_db, range_m, aspect_rad, is_heard)
+
+
+def _heard_all_round(is_heard: BoolArray, cells: IntArray, site_map: SiteMap) -> BoolArray:
+    """Cells that hear, and round which all cells within reach do; shape as of `is_heard`, (n_targets, n_cells)."""
+    from scipy.ndimage import minimum_filter
+
+    shape = tuple(round(size / CELL_M) for size in site_map.yard.size_m)
+    surely = np.empty_like(is_heard)
+    for k, row in enumerate(is_heard):
+        ground = np.ones(shape[0] * shape[1], dtype=np.uint8)  # what cannot be reached does not count
+        ground[cells] = row
+        around = minimum_filter(ground.reshape(shape), size=2 * STRAYS_CELLS + 1, mode="constant", cval=1)
+        surely[k] = around.ravel()[cells] > 0
+    return surely
 
 
 def _array_over(places_m: FloatArray, site_map: SiteMap) -> FloatArray:
