@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from dirmusic.angles import aperture, difference, wrap
 from missions.planning.hearing import Hearing
+from missions.planning.looks import TINY_RAD
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -19,9 +20,6 @@ afterwards, and a yard of 44 by 33 m has some four hundred."""
 GAP, NODE_LIMIT = 0.25, 500
 """A cover ends within this share of the fewest stops, or after so many nodes of its search (assumed): what the way
 makes needless is left out afterwards, so that a stop more costs little."""
-
-TINY_RAD = 1e-9
-"""Arcs narrower than an aperture by less than this are as wide."""
 
 
 def apertures(hearing: Hearing, columns: IntArray | slice = slice(None)) -> FloatArray:

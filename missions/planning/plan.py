@@ -13,8 +13,9 @@ from missions.driving.site_map import CELL_M, COMFORT_M, SiteMap
 from missions.planning.cover import apertures, candidates, cover
 from missions.planning.expected import Deviation, Forecast, driving_time, views_along
 from missions.planning.hearing import AMPLITUDE_V, Hearing, hear
+from missions.planning.looks import Looks, needed_of
 from missions.planning.tighten import Tightening
-from missions.planning.tour import Tour
+from missions.planning.tour import Tour, shortest_tour_of
 from missions.planning.ways import Ways
 
 FloatArray = NDArray[np.float64]
@@ -46,12 +47,16 @@ class PlannedSite(NamedTuple):
         name: As `equipment/site`; `air/NUMBER` on a map without any.
         position_m: Shape (3,), world frame.
         needed_rad: The aperture that it is to be heard under: that of confirmation, or the widest there is if less.
+        crossing_rad: The angle under which lines of sight are to cross, as of `Looks`.
+        n_cells: Cells of the way that are to hear it.
         heard: What the tour hears of it; None if no place that the robot can reach hears it.
     """
 
     name: str
     position_m: FloatArray
     needed_rad: float
+    crossing_rad: float
+    n_cells: int
     heard: HeardSite | None
 
 
@@ -101,7 +106,7 @@ def make_plan(
     site_map = SiteMap(scenario)
     hearing = hear(scenario, site_map, amplitude_v)
     follow("cover", 0.1)
-    tour, needed_rad = _find_tour(scenario, site_map, hearing, follow)
+    tour, needed = _find_tour(scenario, site_map, hearing, follow)
     follow("expected deviations", 0.9)
     forecast = Forecast(scenario, site_map, amplitude_v)
     top_speed_mps = scenario.robot.description.max_speed_mps
@@ -119,7 +124,8 @@ def make_plan(
             float(hearing.range_m[k, heard].min()),
             forecast.deviation(target.position_m, views, by_view),
         ) if heard.size else None  # fmt: skip
-        sites.append(PlannedSite(target.name, target.position_m, float(needed_rad[k]), of_tour))
+        of_need = float(needed.aperture_rad[k]), float(needed.crossing_rad[k]), int(needed.n_cells[k])
+        sites.append(PlannedSite(target.name, target.position_m, *of_need, of_tour))
     return Plan(
         scenario=scenario,
         site_map=site_map,
@@ -135,19 +141,18 @@ def make_plan(
 
 def _find_tour(
     scenario: Scenario, site_map: SiteMap, hearing: Hearing, follow: Callable[[str, float], None]
-) -> tuple[Tour, FloatArray]:
-    """The tour, and the aperture that each site is to be heard under, shape (n_sites,)."""
+) -> tuple[Tour, Looks]:
+    """The tour, and what it has to show of each site."""
     clearance_m = site_map.clearance_m[hearing.cells]
     needed_rad = np.minimum(apertures(hearing), scenario.locating.rules().confirm_aperture_rad)
-    stops = cover(hearing, candidates(hearing, clearance_m, needed_rad), needed_rad)
+    chosen = hearing.cells[cover(hearing, candidates(hearing, clearance_m, needed_rad), needed_rad)].tolist()
+    ways, dock = Ways(site_map), site_map.cell(scenario.route.dock_m)
+    longer = shortest_tour_of(ways, dock, chosen)
+    needed = needed_of(hearing, hearing.columns(np.unique(longer.cells)), needed_rad)
     on_lattice = (np.floor(hearing.places_m / CELL_M).astype(np.intp) % EVERY == EVERY // 2).all(axis=1)
     is_stop = on_lattice & (clearance_m >= COMFORT_M)
-    tightening = Tightening(
-        hearing,
-        Ways(site_map),
-        site_map.cell(scenario.route.dock_m),
-        needed_rad,
-        is_stop,
-        lambda n_left: follow(f"tour of {n_left} stops", 0.9 - 0.6 * n_left / max(stops.size, 1)),
-    )
-    return tightening.tighten(hearing.cells[stops].tolist()), needed_rad
+
+    def tell(n_left: int) -> None:
+        follow(f"tour of {n_left} stops", 0.9 - 0.6 * n_left / max(len(chosen), 1))
+
+    return Tightening(hearing, ways, dock, needed, is_stop, tell).tighten(longer), needed

@@ -1,4 +1,4 @@
-"""A shorter tour that hears as much: stops that the way makes needless are left out, others are moved."""
+"""A shorter tour that hears enough: stops that the way makes needless are left out, others are moved."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.angles import aperture
-from missions.planning.cover import TINY_RAD
 from missions.planning.hearing import Hearing
+from missions.planning.looks import Looks, looks_from
 from missions.planning.tour import Tour, shortest_tour_of, tour_in_order
 from missions.planning.ways import Ways
 
@@ -26,13 +25,13 @@ LEAST_GAIN_M = 0.5
 
 
 class Tightening:
-    """Shortens a tour as long as every target is heard from it under the aperture that it needs.
+    """Shortens a tour as long as it shows what is needed of every target.
 
     Args:
         hearing: Where targets are heard from.
         ways: Between cells of the map.
         dock: Cell where tours start and end.
-        needed_rad: Aperture that each target needs, shape (n_targets,).
+        needed: What a tour has to show of each target.
         is_stop: Cells, as columns of `hearing`, that stops are moved to, shape (n_cells,).
         follow: Is told how many stops there are, whenever that changes.
     """
@@ -42,33 +41,30 @@ class Tightening:
         hearing: Hearing,
         ways: Ways,
         dock: int,
-        needed_rad: FloatArray,
+        needed: Looks,
         is_stop: BoolArray,
         follow: Callable[[int], None] = lambda _: None,
     ) -> None:
         self._hearing, self._ways, self._dock = hearing, ways, dock
-        self._needed = needed_rad - TINY_RAD
+        self._needed = needed
         self._stop_cells, self._stops_m = hearing.cells[is_stop], hearing.places_m[is_stop]
         self._follow = follow
 
     def hears_all(self, cells: IntArray) -> bool:
-        """Whether all targets that any place hears are heard from some cells under the aperture that they need."""
+        """Whether some cells show what is needed of all targets that any place hears."""
         return bool(self._hears(cells, ~self._hearing.is_blind).all())
 
     def _hears(self, cells: IntArray, asked: BoolArray) -> BoolArray:
-        """Which of the targets that are asked for are heard, shape (n_asked,)."""
-        columns, rows = self._hearing.columns(np.unique(cells)), np.flatnonzero(asked)[:, np.newaxis]
-        heard, aspect_rad = self._hearing.is_heard[rows, columns], self._hearing.aspect_rad[rows, columns]
-        wide = np.array([aperture(a[h]) for a, h in zip(aspect_rad, heard, strict=True)])
-        return heard.any(axis=1) & (wide >= self._needed[asked])
+        """Of which targets that are asked for some cells show what is needed, shape (n_asked,)."""
+        shown = looks_from(self._hearing, self._hearing.columns(np.unique(cells)), asked)
+        return shown.meet(self._needed.take(asked))
 
-    def tighten(self, stops: Sequence[int]) -> Tour:
+    def tighten(self, tour: Tour) -> Tour:
         """A short tour of which no stop can be left out, in the best order.
 
         Args:
-            stops: Cells from which, with the ways between them, all targets are heard.
+            tour: One that shows enough.
         """
-        tour = shortest_tour_of(self._ways, self._dock, stops)
         while True:
             tour = self.leave_out(tour)
             moved = self._with_moves(tour)
