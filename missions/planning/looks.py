@@ -48,7 +48,7 @@ class Looks(NamedTuple):
 
     def take(self, targets: BoolArray) -> Looks:
         """Those at some targets, by mask (n_targets,)."""
-        return Looks(*(column[targets] for column in self))
+        return Looks(self.aperture_rad[targets], self.crossing_rad[targets], self.n_cells[targets])
 
 
 def looks_from(hearing: Hearing, columns: IntArray, targets: BoolArray) -> Looks:

@@ -119,7 +119,7 @@ class Tightening:
         detour_m = reach[0][cells] + reach[1][cells]
         order = np.argsort(detour_m, kind="stable")
         for cell in cells[order[detour_m[order] < reach[0][here] + reach[1][here] - LEAST_GAIN_M]].tolist():
-            way = [self._ways.between(before, cell).cells, self._ways.between(cell, after).cells]
+            way = [self._ways.reach(end).cells(cell) for end in (before, after)]
             if cell not in around and self._hears(np.concatenate([fixed, *way]), lacking).all():
                 moved = self._if_it_hears([*around[1 : k + 1], cell, *around[k + 2 : -1]])
                 if moved is not None and moved.length_m < tour.length_m - LEAST_GAIN_M:

@@ -34,9 +34,9 @@ class Tour(NamedTuple):
 
 def tour_in_order(ways: Ways, dock: int, stops: Sequence[int]) -> Tour:
     """The tour that takes the stops in the order given."""
-    legs = [ways.between(start, end) for start, end in pairwise((dock, *stops, dock))]
-    cells = np.concatenate([[dock], *(leg.cells[1:] for leg in legs)]).astype(np.intp)
-    return Tour(np.array(stops, dtype=np.intp), cells, float(sum(leg.length_m for leg in legs)))
+    legs = list(pairwise((dock, *stops, dock)))
+    cells = np.concatenate([[dock], *(ways.between(*leg).cells[1:] for leg in legs)]).astype(np.intp)
+    return Tour(np.array(stops, dtype=np.intp), cells, sum(ways.length_m(*leg) for leg in legs))
 
 
 def shortest_tour_of(ways: Ways, dock: int, stops: Sequence[int]) -> Tour:

@@ -29,7 +29,7 @@ class Way(NamedTuple):
 
 
 class Ways:
-    """The ways that the robot takes between cells of its map: comfortable ones, the same there and back.
+    """The ways that the robot takes between cells of its map, each as it finds it from where it starts.
 
     Args:
         site_map: The map.
@@ -49,17 +49,17 @@ class Ways:
     def between(self, first: int, last: int) -> Way:
         """The way from a cell to another that can be reached from it."""
         if (first, last) not in self._known:
-            if first in self._reached or (last not in self._reached and first <= last):
-                cells = self.reach(first).cells(last)
-            else:
-                cells = self.reach(last).cells(first)[::-1]
-            length_m = path_length(self._map.centres_m[cells])
-            self._known[first, last], self._known[last, first] = Way(cells, length_m), Way(cells[::-1], length_m)
+            cells = self.reach(first).cells(last)
+            self._known[first, last] = Way(cells, path_length(self._map.centres_m[cells]))
         return self._known[first, last]
+
+    def length_m(self, first: int, last: int) -> float:
+        """Length of the way between two cells, the same there and back."""
+        return self.between(min(first, last), max(first, last)).length_m
 
     def lengths_m(self, cells: Sequence[int]) -> FloatArray:
         """Lengths of the ways between all of some cells, shape (n, n), symmetric."""
         lengths_m = np.zeros((len(cells), len(cells)))
         for i, j in combinations(range(len(cells)), 2):
-            lengths_m[i, j] = lengths_m[j, i] = self.between(cells[i], cells[j]).length_m
+            lengths_m[i, j] = lengths_m[j, i] = self.length_m(cells[i], cells[j])
         return lengths_m

@@ -43,7 +43,7 @@ def test_the_strengths_of_a_far_target_are_the_gains_of_the_manifold() -> None:
 
 def test_fits_of_arrays_and_poses_that_are_off_scatter_as_is_promised() -> None:
     rng, pose, n = np.random.default_rng(3), half_round(24), 24
-    time_s, of_one = 0.7 * np.arange(n), np.zeros(n, dtype=np.intp)
+    time_s, of_one = 0.7 * np.arange(n, dtype=np.float64), np.zeros(n, dtype=np.intp)
     strengths = received(ARRAY, pose, TARGET_M)
     noise = 0.005 * strengths.max()
     expected = expected_covariances(
