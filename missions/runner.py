@@ -19,7 +19,7 @@ from envs import Scenario
 from envs.foreign_code import ForeignCodeError
 from envs.patrol_env import STEP_S, PatrolEnv
 from missions.driving.site_map import SiteMap
-from missions.planning.planned_route import with_planned_route
+from missions.planning import with_planned_route
 from missions.policies.make_policy import make_policy
 from missions.policies.protocol import SeesTruth
 from missions.record.array_description import describe_array

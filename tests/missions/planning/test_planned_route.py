@@ -8,7 +8,7 @@ from envs import Scenario, load_scenario
 from envs.patrol_env import PatrolEnv
 from envs.random_yard import random_yard
 from envs.scenario import SHIPPED, ScenarioError
-from missions.planning.planned_route import with_planned_route
+from missions.planning import with_planned_route
 from missions.runner import Mission
 from tests.missions.planning.one_plan import plan_of, scenario_of
 
