@@ -91,10 +91,10 @@ def draw_route(panel: Axes, scenario: Scenario) -> None:
     """The robot's own way from stop to stop, over the picture."""
     site_map = SiteMap(scenario)
     dock = scenario.route.dock_m
-    for start, stop in pairwise((dock, *scenario.route.waypoints_m, dock)):
+    for start, stop in pairwise((dock, *scenario.route.stops_m, dock)):
         way = on_picture(site_map.reach(start).path(site_map.cell(stop)), scenario)
         panel.plot(*way.T, ":", color=ROUTE_COLOUR, linewidth=1.6)
-    for number, (x, y) in enumerate(on_picture(scenario.route.waypoints_m, scenario), start=1):
+    for number, (x, y) in enumerate(on_picture(scenario.route.stops_m, scenario), start=1):
         panel.plot(x, y, "o", color="white", markeredgecolor=ROUTE_COLOUR, markersize=12)
         panel.text(x, y, str(number), color=ROUTE_COLOUR, fontsize=8, ha="center", va="center_baseline")
     x, y = on_picture(dock, scenario)

@@ -1,11 +1,12 @@
-"""Yards without end: equipment of the catalogue where chance puts it, and a discharge on one of its sites."""
+"""Yards without end: equipment of the catalogue where chance puts it, and a discharge somewhere on it."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.scenario.scenario import RouteConfig, Scenario, TaskConfig
+from envs.random_sources import ROOM_TO_TURN_M, random_source
+from envs.scenario.scenario import PLANNED, RouteConfig, Scenario, TaskConfig
 from envs.scenario.sources import SourceConfig
 from robot_models.equipment import CATALOGUE
 from robot_models.yard.pieces import CatalogueEquipment, Equipment
@@ -21,9 +22,6 @@ N_WAYPOINTS = 4
 ROOM_M = 2.0
 """Between two pieces of equipment, and round the dock: what a service car needs (assumed)."""
 
-ROOM_TO_TURN_M = 0.55
-"""Round every stop (assumed): more than any of the shipped robots needs."""
-
 OPEN_ROUND_M = ((27.0, 4.0), (27.0, 22.0), (5.0, 22.0))
 OPEN_TIME_LIMIT_S = 90.0
 """In the open yard (assumed): time enough to reach its far corner twice over, and too little for the whole round."""
@@ -34,15 +32,20 @@ TRIES = 60
 DISCHARGING = tuple(kind for kind, entry in CATALOGUE.items() if entry.build(entry.length_m).sites)
 
 
-def random_yard(seed: int | np.random.Generator, n_obstructions: int = 5) -> Scenario:
+def random_yard(
+    seed: int | np.random.Generator, n_obstructions: int = 5, *, has_planned_route: bool = False
+) -> Scenario:
     """A scenario with one discharge in a yard of `n_obstructions` pieces of equipment, all of the same size and route.
 
-    The first piece is one that can discharge; without any, the source hangs in the open. Waypoints lie where the robot
+    The first piece is one that can discharge; without any, the source hangs in the open. The source sits on a site of
+    the catalogue, or in one of five yards at a place on or near equipment that is none. Waypoints lie where the robot
     fits; whether there is a way to each is not promised, as in a real yard: a mission reports what it could not reach.
 
     Args:
         seed: The same seed gives the same yard.
         n_obstructions: Pieces of equipment asked for, in [0, 12]; where no room is left, there are fewer.
+        has_planned_route: Whether the route is the planned one instead, for missions; the environment alone does not
+            plan and refuses it.
 
     Returns:
         The scenario.
@@ -59,18 +62,13 @@ def random_yard(seed: int | np.random.Generator, n_obstructions: int = 5) -> Sce
         kind = str(rng.choice(DISCHARGING if number == 0 else kinds))
         yard = _with_one_more(yard, f"{kind}_{number + 1}", kind, rng)
     stops_m = [yard.free_place(rng, ROOM_TO_TURN_M) for _ in range(N_WAYPOINTS)]
-    places = yard.site_names()
-    source = SourceConfig(
-        name="discharge",
-        sites=(str(rng.choice(places)),) if places else (),
-        position_m=None if places else (*yard.free_place(rng, ROOM_TO_TURN_M).tolist(), 1.5),
-    )
+    drawn_m = tuple((float(x), float(y)) for x, y in stops_m)
     return Scenario(
         name="random_yard",
         yard=yard,
-        route=RouteConfig(dock_m=DOCK_M, waypoints_m=tuple((float(x), float(y)) for x, y in stops_m)),
+        route=RouteConfig(dock_m=DOCK_M, waypoints_m=PLANNED if has_planned_route else drawn_m),
         array=ArrayConfig(),
-        sources=(source,),
+        sources=(random_source(yard, rng),),
         task=TaskConfig(time_limit_s=300.0),
     )
 

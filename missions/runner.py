@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from dirmusic import ArrayModel, Locator, PoseError
+from dirmusic import ArrayModel, Locator
 from dirmusic.locating.protocol import LocatorProtocol, MakesLocator
 from dirmusic.locating.rules import LocatingRules
 from envs import Scenario
 from envs.foreign_code import ForeignCodeError
 from envs.patrol_env import STEP_S, PatrolEnv
 from missions.driving.site_map import SiteMap
+from missions.planning import with_planned_route
 from missions.policies.make_policy import make_policy
 from missions.policies.protocol import SeesTruth
 from missions.record.array_description import describe_array
@@ -49,10 +50,12 @@ class Mission:
 
     Raises:
         ForeignCodeError: If code that the user named cannot be loaded or made.
+        ScenarioError: If the route is to be planned, and no place hears anything.
     """
 
     @threadpool_limits.wrap(limits=1)
     def __init__(self, scenario: Scenario, policy: str, seed: int, folder: Path | None = None) -> None:
+        scenario = with_planned_route(scenario)
         self.env = PatrolEnv(scenario, terminate_on_approach=False)
         self.site_map = SiteMap(scenario)
         array, rules = self.env.simulation.array, scenario.locating.rules()
@@ -194,11 +197,7 @@ def make_locator(scenario: Scenario, site_map: SiteMap, array: ArrayModel, rules
     make: MakesLocator = Locator if own is None else partial(OwnLocator, own)
     return make(
         array,
-        PoseError(
-            position_m=scenario.pose_sensor.position_std_m,
-            heading_rad=float(np.radians(scenario.pose_sensor.heading_std_deg)),
-            correlation_s=scenario.pose_sensor.correlation_s,
-        ),
+        scenario.pose_sensor.pose_error,
         fence_m=scenario.yard.size_m,
         rules=rules,
         sight=site_map.sight,

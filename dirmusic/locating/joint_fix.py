@@ -8,7 +8,7 @@ and drives, so the same error shows at other azimuths, and positions and element
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,12 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 from dirmusic.angles import difference
 from dirmusic.array.element_errors import OFF_PLANE, PATTERN_APART_RAD, ElementErrors
 from dirmusic.array.model import ArrayModel
+from dirmusic.locating.joint_optimiser import JointOptimiser
 from dirmusic.pulses.batch import PulseBatch
 
 if TYPE_CHECKING:
-    from scipy.optimize import OptimizeResult
-
-    from dirmusic.locating.joint_kernels import Beliefs, Explained, Quadratic
+    from dirmusic.locating.joint_kernels import Explained
 
 FloatArray = NDArray[np.float64]
 
@@ -40,10 +39,6 @@ ROBUST_SCALE = 3.0
 
 MOST_APART = 50.0
 """Costs are taken to differ by no more: what is so much less likely does not count."""
-
-MOST_STEPS, MOST_IDLE, LEAST_GAIN = 30, 3, 1e-6
-"""A fit ends after so many steps, so many in a row that are not taken, or one that lowers the cost by a smaller
-share."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,6 +96,53 @@ def locate_jointly(
         makes ranges and gains of the elements more alike. A level array cannot tell which; the likelier one is taken,
         and the variance of the height has the other in it.
     """
+    n_sources = start_m.shape[0]
+    problem = _problem(pulses, pose, source, start_m, array, pose_error)
+    state, hessian = problem.fit.solve(problem.start)
+    is_below = state[2 : 3 * n_sources : 3] < array.height_m
+    if is_below.any():
+        other, other_hessian = problem.fit.solve(_upside_down(state, is_below, array.height_m))
+        if problem.fit.cost(other) < problem.fit.cost(state):
+            state, hessian = other, other_hessian
+    return JointFix(
+        positions_m=state[: 3 * n_sources].reshape(-1, 3),
+        covariances_m2=_covariances(problem.fit, state, hessian, array),
+        errors=_errors(state[3 * n_sources :], array.manifold.n_elements),
+    )
+
+
+def expected_covariances(
+    pulses: PulseBatch,
+    pose: FloatArray,
+    source: NDArray[np.intp],
+    positions_m: FloatArray,
+    array: ArrayModel,
+    pose_error: PoseError,
+) -> FloatArray:
+    """Covariances that `locate_jointly` tells of sources at known places, heard by an array as its data sheet says.
+
+    With the strengths that its model expects, that is the bound of any fix by it. Arguments are as there, with the
+    places of the sources, shape (n_sources, 3), in that of the start. Returns shape (n_sources, 3, 3), square metres.
+    """
+    problem = _problem(pulses, pose, source, positions_m, array, pose_error)
+    return _covariances(problem.fit, problem.start, problem.fit.hessian(problem.start), array)
+
+
+class _Problem(NamedTuple):
+    """What `locate_jointly` solves, and the state where it starts."""
+
+    fit: JointOptimiser
+    start: FloatArray
+
+
+def _problem(
+    pulses: PulseBatch,
+    pose: FloatArray,
+    source: NDArray[np.intp],
+    start_m: FloatArray,
+    array: ArrayModel,
+    pose_error: PoseError,
+) -> _Problem:
     from dirmusic.locating.joint_kernels import Beliefs  # loads the compiler
 
     n_sources, n_elements = start_m.shape[0], array.manifold.n_elements
@@ -113,15 +155,14 @@ def locate_jointly(
     detected_from_m = [pose[source == k, :2].mean(axis=0) for k in range(n_sources)]
     mean = np.concatenate([with_height(detected_from_m).ravel(), no_errors])
     start = np.concatenate([start_m.ravel(), no_errors])
-    n_places = 3 * n_sources
     beliefs = Beliefs(mean, spread, pose_error.position_m, pose_error.heading_rad, ROBUST_SCALE)
-    fit = _Fit(_explained(pulses, pose, source, start_m, array, pose_error), array, beliefs, len(of_elements), n_places)
-    state, hessian = fit.solve(start)
-    is_below = state[2:n_places:3] < array.height_m
-    if is_below.any():
-        other, other_hessian = fit.solve(_upside_down(state, is_below, array.height_m))
-        if fit.cost(other) < fit.cost(state):
-            state, hessian = other, other_hessian
+    explained = _explained(pulses, pose, source, start_m, array, pose_error)
+    return _Problem(JointOptimiser(explained, array, beliefs, len(of_elements), 3 * n_sources), start)
+
+
+def _covariances(fit: JointOptimiser, state: FloatArray, hessian: FloatArray, array: ArrayModel) -> FloatArray:
+    """Of the place of each source, shape (n_sources, 3, 3), with all else that is not known in it."""
+    n_sources = fit.n_places // 3
     covariance: FloatArray = np.linalg.inv(hessian).astype(np.float64)
     for k in range(n_sources):
         mirrored = _upside_down(state, np.eye(n_sources, dtype=np.bool_)[k], array.height_m)
@@ -129,11 +170,7 @@ def locate_jointly(
             share = 1.0 / (1.0 + np.exp(min(fit.cost(mirrored) - fit.cost(state), MOST_APART)))
             covariance[3 * k + 2, 3 * k + 2] += share * (1.0 - share) * (mirrored[3 * k + 2] - state[3 * k + 2]) ** 2
     block: NDArray[np.intp] = 3 * np.arange(n_sources, dtype=np.intp)[:, np.newaxis] + np.arange(3, dtype=np.intp)
-    return JointFix(
-        positions_m=state[:n_places].reshape(-1, 3),
-        covariances_m2=covariance[block[:, :, np.newaxis], block[:, np.newaxis, :]],
-        errors=_errors(state[n_places:], n_elements),
-    )
+    return covariance[block[:, :, np.newaxis], block[:, np.newaxis, :]]
 
 
 def _upside_down(state: FloatArray, chosen: NDArray[np.bool_], height_m: float) -> FloatArray:
@@ -204,72 +241,3 @@ def _explained(
         floor += (of_largest * np.square(strengths).max(axis=-1))[:, np.newaxis]
     weight = pulses.is_usable / np.sqrt(variance + floor + 1e-8)
     return Explained(np.ascontiguousarray(pose), source, weight, weight * strengths, repeats)
-
-
-class _Fit:
-    """The problem as an optimiser sees it: errors of the elements in units of their spread, places in metres.
-
-    Args:
-        data: What is to be explained.
-        array: The array's data sheet.
-        beliefs: What is known beforehand.
-        n_kinds: How many kinds of errors the elements have.
-        n_places: How many states are of places.
-    """
-
-    def __init__(self, data: Explained, array: ArrayModel, beliefs: Beliefs, n_kinds: int, n_places: int) -> None:
-        from dirmusic.array.pattern_table import as_boresights
-        from dirmusic.locating.joint_kernels import NominalArray
-
-        manifold = array.manifold
-        nominal = NominalArray(
-            array.positions_m,
-            as_boresights(manifold.boresights_rad, manifold.boresight_elevations_rad),
-            manifold.gain_factors,
-            manifold.gain_offsets,
-            manifold.pattern_table,
-        )
-        self._scale = np.concatenate([np.ones(n_places), beliefs.spread[n_places:]])
-        self._arguments = n_kinds, data, nominal, beliefs
-        self._known: tuple[FloatArray, Quadratic] | None = None
-        self._before: tuple[float, int] = np.inf, 0
-
-    def solve(self, start: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The best state (n_states,), and the Hessian there (n_states, n_states)."""
-        from scipy.optimize import minimize  # here, so that a command line help need not wait for it
-
-        found = minimize(
-            lambda x: self._at(x).cost,
-            start / self._scale,
-            method="trust-exact",
-            jac=lambda x: self._scale * self._at(x).gradient,
-            hess=lambda x: np.multiply.outer(self._scale, self._scale) * self._at(x).hessian,
-            callback=self._stop,
-            options={"maxiter": MOST_STEPS, "initial_trust_radius": 10.0, "max_trust_radius": 1000.0},
-        )
-        best = np.asarray(found.x, dtype=np.float64)
-        return best * self._scale, self._at(best).hessian
-
-    def cost(self, state: FloatArray) -> float:
-        """Of a state (n_states,), the negative logarithm of its probability."""
-        return self._at(state / self._scale).cost
-
-    def _at(self, x: FloatArray) -> Quadratic:
-        """The cost about a state; the last is kept, for the optimiser asks for its parts one by one."""
-        from dirmusic.locating.joint_kernels import evaluate
-
-        if self._known is None or not np.array_equal(self._known[0], x):
-            self._known = x.copy(), evaluate(self._scale * x, *self._arguments)
-        return self._known[1]
-
-    def _stop(self, intermediate_result: OptimizeResult) -> None:
-        """End where steps gain nothing any more, or are not taken."""
-        cost, n_idle = float(intermediate_result.fun), 0
-        last, before = self._before
-        if cost == last:
-            n_idle = before + 1
-        elif last - cost < LEAST_GAIN * cost:
-            raise StopIteration
-        if n_idle >= MOST_IDLE:
-            raise StopIteration
-        self._before = cost, n_idle

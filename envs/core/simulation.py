@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic import ArrayModel, ElementSpread
 from dirmusic.bearing.channel_health import ChannelMonitor, SuspectChannel
 from dirmusic.compiled import Held
 from dirmusic.pulses.batch import PulseBatch
@@ -24,12 +23,13 @@ from envs.core.observation_layout import SPECTRUM_AZIMUTHS_RAD, ObservationLayou
 from envs.core.observing import ObservationParameters, Observing, Sensed, perceive
 from envs.core.own_estimator import make_estimator
 from envs.core.progress import Progress, Stepping, StepResult, Task, advance
+from envs.known_array import known_array
 from envs.scenario import Scenario
 from envs.yard_surroundings import surroundings_of
 from robot_models.antenna.elements import AntennaElements
 from robot_models.robots import Robots
 from robot_models.sensors import LIDAR_BEAMS, LIDAR_RANGE_M
-from sensing import Detections, HelicalArray
+from sensing import Detections
 from sensing.receiver.receiver import Listener
 
 FloatArray = NDArray[np.float64]
@@ -88,20 +88,10 @@ class Simulation:
         self, scenario: Scenario, n_robots: int = 1, n_threads: int = 1, *, terminate_on_approach: bool = True
     ) -> None:
         self.scenario = scenario
-        nominal, yard = HelicalArray.nominal(scenario.array), scenario.yard
-        self.array = ArrayModel(
-            manifold=nominal.manifold(),
-            positions_m=nominal.positions_m,
-            spread=ElementSpread(
-                gain=scenario.array.gain_error,
-                pointing_rad=float(np.radians(scenario.array.pointing_error_deg)),
-                offset=scenario.array.gain_offset / np.sqrt(3),
-                pattern=scenario.array.pattern_error,
-            ),
-            band_manifolds=nominal.band_manifolds(scenario.receiver.band_edges_hz),
-        )
+        yard, self.array = scenario.yard, known_array(scenario)
         self.estimator = make_estimator(scenario.estimator.method, self.array)
         self.robot = scenario.robot.description
+        nominal = scenario.array.nominal_elements()
         elements = AntennaElements.checked(
             nominal.positions_m, nominal.boresights_rad, nominal.boresight_elevations_rad
         )
@@ -111,7 +101,7 @@ class Simulation:
         self._spectrum_gain = np.empty((n_robots, self.array.manifold.n_elements, SPECTRUM_AZIMUTHS_RAD.size))
         n_elements, time_limit_s = self.array.manifold.n_elements, scenario.task.time_limit_s
         self.layout = ObservationLayout(observation_bounds(yard.size_m, self.robot.limits, n_elements, time_limit_s))
-        self._stops_m = np.array([*scenario.route.waypoints_m, scenario.route.dock_m])
+        self._stops_m = np.array([*scenario.route.stops_m, scenario.route.dock_m])
         observed = ObservationParameters(
             stops_m=self._stops_m,
             low=self.layout.low,

@@ -16,6 +16,10 @@ from envs.scenario.suite import choose_yards, is_of_suite
 SHIPPED = Path(__file__).parents[1] / "scenarios"
 
 
+NOT_A_KEY = ("box", "cylinder", "catalogue", "[key]", "[given]", "[planned]")
+"""What pydantic puts into the place of a fault that is no part of the file: tags of unions, and keys of tables."""
+
+
 def shipped_scenarios() -> tuple[str, ...]:
     """Names of the scenarios that come with the package."""
     return tuple(sorted(path.stem for path in SHIPPED.glob("*.toml")))
@@ -101,7 +105,7 @@ def _faults(path: Path, error: ValidationError) -> list[str]:
     """One line per fault: file, key path, what came, what is allowed."""
     lines: list[str] = []
     for item in error.errors(include_url=False):
-        parts = [str(part) for part in item["loc"] if part not in ("box", "cylinder", "catalogue", "[key]")]
+        parts = [str(part) for part in item["loc"] if part not in NOT_A_KEY]
         key = ".".join(parts)
         if item["type"] == "value_error":  # our own checks, each line `key: what came; allowed is ...`
             prefix = f"{key}." if key else ""

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from math import radians
+
 from pydantic import NonNegativeFloat, PositiveFloat
 
+from dirmusic import PoseError
 from envs.scenario.base import Config
 
 
@@ -13,6 +16,15 @@ class PoseSensorConfig(Config, frozen=True):
     position_std_m: NonNegativeFloat = 0.05
     heading_std_deg: NonNegativeFloat = 0.5
     correlation_s: PositiveFloat = 5.0
+
+    @property
+    def pose_error(self) -> PoseError:
+        """The same as the Locator takes it."""
+        return PoseError(
+            position_m=self.position_std_m,
+            heading_rad=radians(self.heading_std_deg),
+            correlation_s=self.correlation_s,
+        )
 
 
 class OdometryConfig(Config, frozen=True):

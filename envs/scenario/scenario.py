@@ -7,11 +7,11 @@ all, so that a wrong file is refused at once.
 from __future__ import annotations
 
 from difflib import get_close_matches
-from typing import Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, PositiveFloat, model_validator
+from pydantic import Discriminator, Field, PositiveFloat, Tag, model_validator
 
 from envs.scenario.array_section import ArraySection
 from envs.scenario.base import Config
@@ -28,13 +28,43 @@ from sensing.radio.materials import KIND_MATERIALS
 FloatArray = NDArray[np.float64]
 
 
+PLANNED = "planned"
+"""In the place of waypoints: they are to be planned."""
+
+
+def _is_word(value: object) -> str:
+    return "[planned]" if isinstance(value, str) else "[given]"
+
+
+Waypoints = Annotated[
+    Annotated[tuple[tuple[float, float], ...], Tag("[given]")] | Annotated[Literal["planned"], Tag("[planned]")],
+    Discriminator(_is_word),
+]
+"""x, y of each, or `PLANNED`."""
+
+
 class RouteConfig(Config, frozen=True):
     """Where the robot lives and what it patrols. Without waypoints it stands at its dock and listens."""
 
     dock_m: tuple[float, float]
     dock_yaw_deg: float | None = Field(default=None, ge=-360.0, le=360.0)
     """Heading at the start, counter-clockwise from x; left out, it is drawn per mission."""
-    waypoints_m: tuple[tuple[float, float], ...] = ()
+    waypoints_m: Waypoints = ()
+    """In order; or `"planned"`: a mission plans them on the map when it starts, as `pdpatrol plan` does."""
+
+    @property
+    def stops_m(self) -> tuple[tuple[float, float], ...]:
+        """The waypoints.
+
+        Raises:
+            ValueError: If they are still to be planned.
+        """
+        if self.waypoints_m == PLANNED:
+            raise ValueError(
+                f'route.waypoints_m: got "{PLANNED}", and nothing is planned here; allowed are points, as '
+                "`pdpatrol plan` writes them or missions.planning.with_planned_route puts them in"
+            )
+        return self.waypoints_m
 
 
 class TaskConfig(Config, frozen=True):
@@ -137,7 +167,8 @@ class Scenario(Config, frozen=True):
 
     def _route_faults(self) -> list[str]:
         stops = {"route.dock_m": self.route.dock_m}
-        stops |= {f"route.waypoints_m.{i}": point for i, point in enumerate(self.route.waypoints_m)}
+        if self.route.waypoints_m != PLANNED:
+            stops |= {f"route.waypoints_m.{i}": point for i, point in enumerate(self.route.stops_m)}
         known = self.yard if self.map.faults(self.yard) else self.known_yard
         return [
             f"{key}: {fault}"

@@ -7,6 +7,7 @@ import sys
 import tyro
 
 from missions.cli.locate import locate
+from missions.cli.plan import plan
 from missions.cli.replay import replay
 from missions.cli.reproduce import reproduce
 from missions.cli.results import results
@@ -19,7 +20,7 @@ from missions.cli.terminal import INTERRUPTED
 def main() -> None:
     """Entry point of `pdpatrol`."""
     app = tyro.extras.SubcommandApp()
-    for verb in (run, replay, scenarios, reproduce, locate, sweep, results):
+    for verb in (run, plan, replay, scenarios, reproduce, locate, sweep, results):
         app.command(verb)
     try:
         app.cli(

@@ -97,6 +97,8 @@ def run(
             mission = Mission(loaded, policy, seed, folder)
         except ForeignCodeError as error:
             refuse(str(error))
+        except ScenarioError as error:
+            refuse(*error.faults)
         make_folder(folder)
         log = mission.run(after_step)
         report = make_report(log, time.perf_counter() - started_s)
@@ -170,7 +172,7 @@ def _progress(time_limit_s: float) -> Iterator[Callable[[Mission], None]]:
                             f"{mission.time_s:6.1f} s  {kind}: {text}", highlight=False, markup=False
                         )
                 told += events["kind"].size
-                stops = len(mission.site_map.route.waypoints_m) + 1
+                stops = len(mission.site_map.route.stops_m) + 1
                 visited = mission.n_visited / stops
                 progress.update(
                     bar,

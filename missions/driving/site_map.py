@@ -66,12 +66,16 @@ class ShortestPaths:
                 gathered[cell] = gathered[previous] + step_m * values[cell]
         return gathered[cells]
 
-    def path(self, cell: int) -> FloatArray:
-        """Cell centres from the start to `cell`, shape (n, 2), metres."""
+    def cells(self, cell: int) -> NDArray[np.intp]:
+        """Numbers of the cells on the way from the start to `cell`, both included, shape (n,)."""
         cells = [cell]
         while self._previous[cells[-1]] >= 0:
             cells.append(int(self._previous[cells[-1]]))
-        return self._site_map.centres_m[cells[::-1]]
+        return np.array(cells[::-1], dtype=np.intp)
+
+    def path(self, cell: int) -> FloatArray:
+        """Cell centres from the start to `cell`, shape (n, 2), metres."""
+        return self._site_map.centres_m[self.cells(cell)]
 
 
 class SiteMap:

@@ -31,11 +31,11 @@ class Patrol:
 
     def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
         """Towards the next stop; None once the dock is reached, or given up."""
-        if not site_map.route.waypoints_m:
+        if not site_map.route.stops_m:
             self.phase = "listen"
             return np.zeros(2, dtype=np.float32)
         pose, time_s = believed_pose(observation), time_of(observation, site_map)
-        stops = (*site_map.route.waypoints_m, site_map.route.dock_m)
+        stops = (*site_map.route.stops_m, site_map.route.dock_m)
         radius = INSIDE_WAYPOINT * site_map.task.waypoint_radius_m
         while self._next_stop < len(stops):
             goal = np.asarray(stops[self._next_stop])

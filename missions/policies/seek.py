@@ -92,7 +92,7 @@ class Seek:
 
     def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
         """Towards the best viewpoint of the candidate in hand, or the next stop of the route."""
-        if not site_map.route.waypoints_m:
+        if not site_map.route.stops_m:
             self.phase = "listen"
             return np.zeros(2, dtype=np.float32)
         pose, time_s = believed_pose(observation), time_of(observation, site_map)

@@ -1,0 +1,78 @@
+"""`pdpatrol plan`: which sites of a yard can be heard, and the tour that hears them."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from missions.cli.terminal import err, make_folder, new_folder, out, refuse, write_text
+
+
+def plan(
+    scenario: tyro.conf.Positional[str] = "one_source",
+    *,
+    settings: Annotated[
+        tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(name="set", metavar="KEY=VALUE")
+    ] = (),
+    amplitude_v: float = 0.05,
+    out_dir: Annotated[Path | None, tyro.conf.arg(name="out", metavar="DIR")] = None,
+    json_output: Annotated[bool, tyro.conf.arg(name="json")] = False,
+) -> None:
+    """Plan a patrol on the map of a yard: a short tour that hears every site, how well, and what cannot be heard.
+
+    Each site is to be heard in sight, from near enough and under enough aperture to be confirmed. Writes plan.png,
+    plan.json, and route.toml, which takes the place of [route] in a scenario file. `waypoints_m = "planned"` there
+    makes the same plan, for the default amplitude, when a mission starts.
+
+    Args:
+        scenario: Name of a shipped scenario (see `pdpatrol scenarios`), or path of a TOML file. Neither its route nor
+            its sources count.
+        settings: Value that a key of the scenario takes, as receiver.noise_v=2e-3; may be given several times.
+        amplitude_v: Peak, 1 m away, of the quietest discharge that is to be heard.
+        out_dir: Folder to write to; new or empty. Default: runs/plan-SCENARIO, then -2, -3 and so on.
+        json_output: Print the plan as JSON instead of a table.
+    """
+    from dirmusic import InputFileError
+    from envs.scenario import load_scenario
+    from missions.sweep.plan import parse_grid
+
+    if not (math.isfinite(amplitude_v) and amplitude_v > 0.0):
+        refuse(f"--amplitude-v: got {amplitude_v:g}; allowed is a finite value above 0")
+    try:
+        grid = parse_grid(settings)
+        several = [key for key, values in grid.items() if len(values) != 1]
+        if several:
+            refuse(*(f"--set: {key} has {len(grid[key])} values; allowed is one" for key in several))
+        loaded = load_scenario(scenario, {key: value for key, (value,) in grid.items()})
+    except InputFileError as error:
+        refuse(*error.faults)
+    folder = make_folder(new_folder(out_dir, f"plan-{loaded.name}"))
+
+    from rich.progress import Progress
+
+    from missions.planning.figure import draw_plan
+    from missions.planning.plan import make_plan
+    from missions.planning.tables import as_json, as_toml, sites_table, summary
+
+    with Progress(console=err, transient=True) as progress:
+        bar = progress.add_task("map", total=1.0)
+        made = make_plan(
+            loaded, amplitude_v, lambda doing, share: progress.update(bar, description=doing, completed=share)
+        )
+        progress.update(bar, description="picture", completed=0.95)
+        draw_plan(made, folder / "plan.png")
+    data = as_json(made)
+    write_text(folder / "plan.json", json.dumps(data, indent=2) + "\n")
+    write_text(folder / "route.toml", as_toml(made))
+    if json_output:
+        out.print_json(data=data)
+        return
+    out.print(sites_table(made), highlight=False)
+    out.print(summary(made), highlight=False, soft_wrap=True)
+    if made.blind:
+        out.print(f"Not heard from any reachable place: {', '.join(made.blind)}", highlight=False, style="yellow")
+    out.print(f"Written to {folder}: plan.png, plan.json, route.toml", highlight=False, soft_wrap=True)

@@ -1,0 +1,94 @@
+"""What a plan promises of positions is what fits reach."""
+
+import numpy as np
+import pytest
+
+from dirmusic import ArrayModel, PulseBatch
+from dirmusic.angles import wrap
+from dirmusic.locating.joint_fix import expected_covariances, locate_jointly
+from envs import load_scenario
+from envs.known_array import known_array
+from missions.planning.expected import Forecast, received, views_along
+from missions.planning.tour import Tour
+from tests.missions.planning.one_plan import FloatArray, plan_of
+
+SCENARIO = load_scenario("one_source")
+ARRAY, POSE_ERROR = known_array(SCENARIO), SCENARIO.pose_sensor.pose_error
+TARGET_M = np.array([14.0, 12.0, 1.8])
+
+
+def half_round(n_views: int) -> FloatArray:
+    """Poses on half a circle 4 m round the target, heading along it."""
+    angle = np.linspace(-0.5, 0.5, n_views) * np.pi
+    return np.column_stack([TARGET_M[:2] + 4.0 * np.stack([np.cos(angle), np.sin(angle)], axis=-1), angle + np.pi / 2])
+
+
+def as_built(rng: np.random.Generator) -> ArrayModel:
+    n, spread = ARRAY.manifold.n_elements, ARRAY.spread
+    manifold = type(ARRAY.manifold)(
+        ARRAY.manifold.pattern,
+        ARRAY.manifold.boresights_rad + rng.normal(0.0, spread.pointing_rad, n),
+        gain_factors=np.exp(rng.normal(0.0, spread.gain, n)),
+    )
+    return ArrayModel(manifold=manifold, positions_m=ARRAY.positions_m, spread=spread)
+
+
+def test_the_strengths_of_a_far_target_are_the_gains_of_the_manifold() -> None:
+    far_m = np.array([500.0, 300.0, ARRAY.height_m])
+    pose = np.array([[1.0, 2.0, 0.4], [3.0, -2.0, -2.0]])
+    azimuth_rad = wrap(np.arctan2(far_m[1] - pose[:, 1], far_m[0] - pose[:, 0]) - pose[:, 2])
+    gain = received(ARRAY, pose, far_m) * np.linalg.norm(far_m[:2] - pose[:, :2], axis=-1, keepdims=True)
+    np.testing.assert_allclose(gain, ARRAY.manifold.gain(azimuth_rad).T, rtol=2e-3)
+
+
+def test_fits_of_arrays_and_poses_that_are_off_scatter_as_is_promised() -> None:
+    rng, pose, n = np.random.default_rng(3), half_round(24), 24
+    time_s, of_one = 0.7 * np.arange(n, dtype=np.float64), np.zeros(n, dtype=np.intp)
+    strengths = received(ARRAY, pose, TARGET_M)
+    noise = 0.005 * strengths.max()
+    expected = expected_covariances(
+        PulseBatch.detected(time_s, strengths, np.full(strengths.shape, noise**2)),
+        pose, of_one, TARGET_M[np.newaxis], ARRAY, POSE_ERROR,
+    )[0]  # fmt: skip
+    correlation = np.exp(-np.abs(time_s[:, np.newaxis] - time_s) / POSE_ERROR.correlation_s)
+    root = np.linalg.cholesky(correlation + 1e-9 * np.eye(n))
+    std = np.array([POSE_ERROR.position_m, POSE_ERROR.position_m, POSE_ERROR.heading_rad])
+    misses: list[FloatArray] = []
+    for _ in range(120):
+        heard = received(as_built(rng), pose, TARGET_M) + rng.normal(0.0, noise, strengths.shape)
+        believed = pose + std * (root @ rng.standard_normal((n, 3)))
+        pulses = PulseBatch.detected(time_s, heard, np.full(heard.shape, noise**2))
+        start_m = TARGET_M[np.newaxis] + 0.2
+        fix = locate_jointly(pulses, believed, of_one, start_m, ARRAY, POSE_ERROR)
+        misses.append(fix.positions_m[0] - TARGET_M)
+    scatter = np.sqrt(np.square(misses).mean(axis=0))
+    promised = np.sqrt(np.diag(expected))
+    assert (0.5 * promised < scatter).all(), (scatter, promised)  # the model's floor is promised, and not drawn here
+    assert (scatter < 1.3 * promised).all(), (scatter, promised)
+
+
+def test_more_views_and_louder_pulses_never_make_it_worse_and_a_wider_aperture_makes_it_better() -> None:
+    plan = plan_of("one_source")
+    quiet, loud = (Forecast(SCENARIO, plan.site_map, volts) for volts in (0.05, 0.5))
+    cells = np.array([plan.site_map.cell(place) for place in half_round(60)[:, :2]], dtype=np.intp)
+    views = views_along(Tour(cells[:0], cells, 0.0), plan.hearing, 0.8)
+    n = views.time_s.size
+    some, half, all_views = np.arange(n) % 2 == 0, np.arange(n) < n // 2, np.ones(n, dtype=np.bool_)
+    whole = quiet.deviation(TARGET_M, views, all_views)
+    assert loud.deviation(TARGET_M, views, all_views).semi_major_m < whole.semi_major_m
+    assert quiet.deviation(TARGET_M, views, some).semi_major_m > 0.95 * whole.semi_major_m
+    assert quiet.deviation(TARGET_M, views, half).semi_major_m > 1.15 * whole.semi_major_m
+
+
+def test_views_follow_the_way_half_a_metre_apart_and_head_along_it() -> None:
+    plan = plan_of("one_source")
+    cells = np.array([plan.site_map.cell(place_m) for place_m in plan.way_m], dtype=np.intp)
+    stops = np.array([plan.site_map.cell(stop_m) for stop_m in plan.stops_m], dtype=np.intp)
+    views = views_along(Tour(stops, cells, plan.length_m), plan.hearing, 0.8)
+    apart_m = np.linalg.norm(np.diff(views.pose[:, :2], axis=0), axis=-1)
+    assert np.median(apart_m) == pytest.approx(0.5, abs=0.15)
+    assert (np.diff(views.time_s) > 0.0).all()
+    assert plan.driving_s - 5.0 < views.time_s[-1] <= plan.driving_s
+    ahead = np.stack([np.cos(views.pose[:, 2]), np.sin(views.pose[:, 2])], axis=-1)[:-1]
+    along = (ahead * np.diff(views.pose[:, :2], axis=0)).sum(axis=-1) / apart_m
+    assert np.median(along) > 0.95

@@ -1,0 +1,111 @@
+"""`pdpatrol plan` as a user meets it."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from envs.scenario import SHIPPED, load_scenario
+from tests.missions.planning.one_plan import plan_of
+
+PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
+
+
+def pdpatrol(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([PDPATROL, *arguments], cwd=cwd, capture_output=True, text=True, timeout=120)
+
+
+def test_a_plan_is_a_table_a_picture_json_and_a_route_to_paste(tmp_path: Path) -> None:
+    done = pdpatrol("plan", "one_source", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    folder, plan = tmp_path / "runs" / "plan-one_source", plan_of("one_source")
+    assert {path.name for path in folder.iterdir()} == {"plan.png", "plan.json", "route.toml"}
+    for site in plan.sites:
+        assert site.name in done.stdout
+    assert f"13 of 13 sites heard, 3 dB above the trigger and in sight; {len(plan.stops_m)} stops" in done.stdout
+    data = json.loads((folder / "plan.json").read_text(encoding="utf-8"))
+    assert data["tour"]["waypoints_m"] == plan.stops_m.tolist()
+    assert [site["heard"]["aperture_rad"] for site in data["sites"]] == [
+        site.heard.aperture_rad for site in plan.sites if site.heard
+    ]
+    picture = imread(folder / "plan.png")
+    assert min(picture.shape[:2]) > 600
+    assert len(np.unique(picture.reshape(-1, picture.shape[-1]), axis=0)) > 50
+
+    yard = (SHIPPED / "one_source.toml").read_text(encoding="utf-8")
+    before, _, rest = yard.partition("[route]")
+    pasted = before + (folder / "route.toml").read_text(encoding="utf-8") + "\n[" + rest.partition("\n[")[2]
+    (tmp_path / "pasted.toml").write_text(pasted, encoding="utf-8")
+    route = load_scenario(tmp_path / "pasted.toml").route
+    assert np.array(route.waypoints_m).tolist() == plan.stops_m.tolist()
+    assert route.dock_m == plan.scenario.route.dock_m
+
+    before_again = (folder / "plan.json").read_bytes()
+    again = pdpatrol("plan", "one_source", "--out", str(folder), cwd=tmp_path)
+    assert again.returncode == 2
+    assert (folder / "plan.json").read_bytes() == before_again
+
+
+def test_settings_and_amplitude_count_and_json_is_all_that_is_printed(tmp_path: Path) -> None:
+    given = ("--set", "receiver.noise_v=4e-3", "--amplitude-v", "0.06", "--json", "--out", "here")
+    done = pdpatrol("plan", "one_source", *given, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    data = json.loads(done.stdout)
+    assert data == json.loads((tmp_path / "here" / "plan.json").read_text(encoding="utf-8"))
+    assert data["amplitude_v"] == 0.06
+    levels = [site["heard"]["level_db"] for site in data["sites"] if site["heard"]]
+    loudest = max(site.heard.level_db for site in plan_of("one_source").sites if site.heard)
+    assert max(levels, default=0.0) < loudest - 6.0
+
+
+def test_where_nothing_is_heard_the_sites_are_listed_and_there_is_no_tour(tmp_path: Path) -> None:
+    done = pdpatrol("plan", "one_source", "--amplitude-v", "1e-5", "--out", "here", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "0 of 13 sites heard" in done.stdout
+    assert "Not heard from any reachable place: transformer_1/tank_south" in done.stdout
+    assert (tmp_path / "here" / "plan.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "fault"),
+    [
+        (["nowhere"], "nowhere: no such scenario"),
+        (["suite/open"], "suite/open: 9 yards; allowed is one of them"),
+        (["none.toml"], "none.toml: cannot be read"),
+        (["one_source", "--amplitude-v", "0"], "--amplitude-v: got 0; allowed is a finite value above 0"),
+        (["one_source", "--amplitude-v", "nan"], "--amplitude-v: got nan"),
+        (["one_source", "--set", "receiver.noise_v"], "--set: got 'receiver.noise_v'"),
+        (["one_source", "--set", "receiver.noise_v=1e-3,2e-3"], "--set: receiver.noise_v has 2 values; allowed is one"),
+        (["one_source", "--set", "receiver.noise_v=-1"], "receiver.noise_v: got -1"),
+        (["one_source", "--set", "noise=1"], "noise: unknown key"),
+        (["one_source", "--out", "."], "--out: . is not empty"),
+        (["one_source", "--out", "file"], "--out: file is a file"),
+    ],
+)
+def test_bad_input_is_one_clear_line_and_nothing_is_written(arguments: list[str], fault: str, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("kept", encoding="utf-8")
+    done = pdpatrol("plan", *arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    (line,) = done.stderr.strip().splitlines()
+    assert fault in line
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+    assert (tmp_path / "file").read_text(encoding="utf-8") == "kept"
+
+
+def test_help_and_refusals_load_nothing_heavy(tmp_path: Path) -> None:
+    heavy = ("mujoco", "rerun", "scipy.optimize", "matplotlib")
+    for arguments in (["plan", "--help"], ["plan", "nowhere"], ["plan", "--amplitude-v", "-1"]):
+        code = (
+            "import sys\nfrom missions.cli import main\n"
+            f"sys.argv = ['pdpatrol', *{arguments!r}]\n"
+            "try:\n    main()\nexcept SystemExit:\n    pass\n"
+            f"loaded = [name for name in {heavy!r} if name in sys.modules]\n"
+            "assert not loaded, loaded\n"
+        )
+        done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+        assert done.returncode == 0, done.stderr

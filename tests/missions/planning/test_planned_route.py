@@ -1,0 +1,98 @@
+"""`waypoints_m = "planned"`: a mission drives what `pdpatrol plan` plans."""
+
+from pathlib import Path
+
+import pytest
+
+from envs import Scenario, load_scenario
+from envs.patrol_env import PatrolEnv
+from envs.random_yard import random_yard
+from envs.scenario import SHIPPED, ScenarioError
+from missions.planning import with_planned_route
+from missions.runner import Mission
+from tests.missions.planning.one_plan import plan_of, scenario_of
+
+
+def to_be_planned(scenario: Scenario) -> Scenario:
+    return scenario.model_copy(update={"route": scenario.route.model_copy(update={"waypoints_m": "planned"})})
+
+
+@pytest.fixture
+def one_source(tmp_path: Path) -> Path:
+    """The file with the word in the place of its waypoints."""
+    lines = (SHIPPED / "one_source.toml").read_text(encoding="utf-8").splitlines()
+    first = next(k for k, line in enumerate(lines) if line.startswith("waypoints_m"))
+    last = next(k for k in range(first, len(lines)) if lines[k].rstrip().endswith("]]") or lines[k] == "]")
+    text = "\n".join([*lines[:first], 'waypoints_m = "planned"', *lines[last + 1 :]])
+    (tmp_path / "one_source.toml").write_text(text, encoding="utf-8")
+    return tmp_path / "one_source.toml"
+
+
+def test_a_mission_drives_the_stops_of_the_plan_and_logs_them(one_source: Path) -> None:
+    scenario = load_scenario(one_source)
+    assert scenario.route.waypoints_m == "planned"
+    mission = Mission(scenario, "patrol", 0)
+    stops = [tuple(stop) for stop in plan_of("one_source").stops_m.tolist()]
+    assert list(mission.site_map.route.stops_m) == stops
+    assert [tuple(stop) for stop in mission.log.meta["route"]["waypoints_m"]] == stops
+    for _ in range(3):
+        mission.step()
+    assert mission.log.n_rows("step") == 3
+
+
+def test_a_given_route_stays_as_it_is() -> None:
+    scenario = load_scenario("one_source")
+    assert with_planned_route(scenario) is scenario
+
+
+def test_missions_of_one_scenario_share_a_plan(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = to_be_planned(scenario_of("5009"))
+    first = with_planned_route(scenario)
+    monkeypatch.setattr("missions.planning.plan.make_plan", None)
+    assert with_planned_route(scenario) == first
+    assert first.sources == scenario.sources
+
+
+def test_random_yards_take_a_planned_route() -> None:
+    yard, planned = scenario_of("5009"), random_yard(5009, 5009 % 13, has_planned_route=True)
+    assert planned == to_be_planned(yard)
+    assert len(with_planned_route(planned).route.stops_m) == len(plan_of("5009").stops_m)
+
+
+def test_the_environment_alone_refuses_a_route_that_is_still_to_be_planned() -> None:
+    with pytest.raises(ValueError, match=r'^route.waypoints_m: got "planned"[^\n]*pdpatrol plan[^\n]*$'):
+        PatrolEnv(to_be_planned(load_scenario("one_source")))
+
+
+def test_where_nothing_is_heard_a_route_cannot_be_planned() -> None:
+    deaf = load_scenario("one_source", {"receiver.noise_v": 0.5})
+    with pytest.raises(ScenarioError, match="no site is heard"):
+        Mission(to_be_planned(deaf), "patrol", 0)
+
+
+@pytest.mark.parametrize(
+    ("waypoints", "fault"),
+    [
+        ('"by luck"', "route.waypoints_m: got 'by luck'; input should be 'planned'"),
+        ("[[1.0]]", "route.waypoints_m.0.1"),
+    ],
+)
+def test_another_word_is_refused_by_file_and_key(one_source: Path, waypoints: str, fault: str) -> None:
+    text = one_source.read_text(encoding="utf-8").replace('"planned"', waypoints)
+    one_source.write_text(text, encoding="utf-8")
+    with pytest.raises(ScenarioError) as raised:
+        load_scenario(one_source)
+    assert [line.startswith(f"{one_source}: {fault}") for line in raised.value.faults] == [True]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["one_source", "5004", "5009"])
+def test_a_patrol_visits_every_stop_in_about_the_time_that_is_told(name: str) -> None:
+    plan = plan_of(name)
+    waypoints_m = tuple((float(x), float(y)) for x, y in plan.stops_m)
+    route = plan.scenario.route.model_copy(update={"waypoints_m": waypoints_m})
+    mission = Mission(plan.scenario.model_copy(update={"route": route}), "patrol", 0)
+    log = mission.run()
+    assert mission.n_visited == len(waypoints_m)
+    assert log.column("event", "text")[-1] == "docked"
+    assert mission.time_s == pytest.approx(plan.driving_s, rel=0.15)

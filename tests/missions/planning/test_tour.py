@@ -1,0 +1,54 @@
+"""The tour is the shortest of its stops."""
+
+from itertools import pairwise, permutations
+
+import numpy as np
+import pytest
+
+from missions.driving.site_map import SiteMap
+from missions.planning.tour import shortest_order, shortest_tour_of
+from missions.planning.ways import Ways
+from tests.missions.planning.one_plan import FloatArray, plan_of
+
+
+def length(order: tuple[int, ...], lengths_m: FloatArray) -> float:
+    return float(sum(lengths_m[a, b] for a, b in pairwise((*order, order[0]))))
+
+
+def brute_force(lengths_m: FloatArray) -> float:
+    return min(length((0, *rest), lengths_m) for rest in permutations(range(1, len(lengths_m))))
+
+
+@pytest.mark.parametrize("n_stops", range(1, 9))
+def test_no_order_of_up_to_eight_stops_is_shorter(n_stops: int) -> None:
+    rng = np.random.default_rng(n_stops)
+    for clusters in (1, 3):  # far apart, clusters make tours of their own the first answer
+        middle_m = rng.uniform(0.0, 100.0 * (clusters - 1), (clusters, 2))
+        places_m = middle_m[rng.integers(clusters, size=n_stops + 1)] + rng.uniform(0.0, 10.0, (n_stops + 1, 2))
+        lengths_m = np.linalg.norm(places_m[:, np.newaxis] - places_m, axis=-1)
+        order = shortest_order(lengths_m)
+        assert order[0] == 0
+        assert sorted(order) == list(range(n_stops + 1))
+        assert length(order, lengths_m) == pytest.approx(brute_force(lengths_m), abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["one_source", "5007", "5009"])
+def test_the_planned_tour_is_the_shortest_closed_way_past_its_stops(name: str) -> None:
+    plan = plan_of(name)
+    site_map = SiteMap(plan.scenario)
+    cells = [site_map.cell(stop_m) for stop_m in (plan.scenario.route.dock_m, *plan.stops_m)]
+    assert 2 <= len(cells) <= 9
+    lengths_m = Ways(site_map).lengths_m(cells)
+    assert plan.length_m == pytest.approx(brute_force(lengths_m), abs=1e-6)
+    assert plan.length_m == pytest.approx(np.linalg.norm(np.diff(plan.way_m, axis=0), axis=-1).sum())
+
+
+def test_ways_are_as_long_back_as_there_and_the_tour_has_no_start_but_the_dock() -> None:
+    plan = plan_of("one_source")
+    site_map = plan.site_map
+    ways, dock = Ways(site_map), site_map.cell(plan.scenario.route.dock_m)
+    stops = [site_map.cell(stop_m) for stop_m in plan.stops_m]
+    np.testing.assert_array_equal(ways.lengths_m(stops), ways.lengths_m(stops).T)
+    tours = [shortest_tour_of(ways, dock, order) for order in (stops, stops[::-1], sorted(stops))]
+    assert all(np.array_equal(tour.cells, tours[0].cells) for tour in tours)
+    assert tours[0].cells[0] == tours[0].cells[-1] == dock
