@@ -145,17 +145,23 @@ class ChannelMonitor:
         found = self.note(pulses)
         return (self.bearings(pulses) if found else pulses), found
 
-    def note(self, pulses: PulseBatch) -> tuple[SuspectChannel, ...]:
-        """Keep pulses, with their directions, in view; the channels that they show to be at fault."""
+    def note(self, pulses: PulseBatch, own: slice = slice(None)) -> tuple[SuspectChannel, ...]:
+        """Keep pulses, with their directions, in view; the channels that they show to be at fault.
+
+        Args:
+            pulses: With their directions.
+            own: Which of them.
+        """
         found: list[SuspectChannel] = []
-        std_rad, misfit = pulses.std_rad, pulses.misfit
+        std_rad, misfit = pulses.std_rad[own], pulses.misfit[own]
         if not isinstance(self._estimator, MaximumLikelihood):
-            likeliest = self._likelihood(pulses.take_channels(self.good), self.array.take(self.good))
+            likeliest = self._likelihood(pulses.take(own).take_channels(self.good), self.array.take(self.good))
             std_rad, misfit = likeliest.std_rad, likeliest.misfit
+        strengths_v = pulses.strengths_v[own]
         for row, (std, unexplained) in enumerate(zip(std_rad.tolist(), misfit.tolist(), strict=True)):
             if std < CLEAR_STD_RAD:  # however many come at once, checks fall on the same pulses
                 at = self._n_seen % self.rules.window
-                self._strengths[at], self._misfits[at] = pulses.strengths_v[row], unexplained
+                self._strengths[at], self._misfits[at] = strengths_v[row], unexplained
                 self._n_seen += 1
                 self._n_new += 1
                 if self._n_new >= self.rules.check_pulses:

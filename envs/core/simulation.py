@@ -238,14 +238,13 @@ class Simulation:
         pulses = self.estimator(detections.pulses, self.array).attached_to(detections.pulses)
         for row, own in _runs(detections.robot.tolist()):
             monitor = self._monitors[row]
-            batch = pulses if len(self._monitors) == 1 else pulses.take(own)
             if monitor.n_bad:
-                again, suspects[row] = monitor.watch(batch)
+                again, suspects[row] = monitor.watch(pulses.take(own))
             else:
-                suspects[row] = monitor.note(batch)
+                suspects[row] = monitor.note(pulses, own)
                 if not suspects[row]:
                     continue
-                again = monitor.bearings(batch)
+                again = monitor.bearings(pulses.take(own))
             for column, renewed in zip(pulses, again, strict=True):
                 column[own] = renewed
             self._usable[row] = monitor.good

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,10 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 LEAST_ROBOTS = 4
-"""On one thread: fewer do not pay for it."""
+"""In one share of the work: fewer do not pay for it."""
+
+SHARES_A_THREAD = 3
+"""So no thread waits long for another whose robots hear more."""
 
 LEAST_ROOM = 64
 """Gates that there is room for at first."""
@@ -82,7 +85,10 @@ class ReceiverBank:
         self._changes: dict[int, bool] = {}
         self._chains: dict[int, ReceiverChain] = {}
         self._listening: dict[int, Held[Listening]] = {}
-        self._gates = [Held(Gates.room(LEAST_ROOM, n, config.gate_samples, config.n_bands)) for _ in range(n_threads)]
+        n_shares = n_threads * SHARES_A_THREAD if n_threads > 1 else 1
+        self._gates = [Held(Gates.room(LEAST_ROOM, n, config.gate_samples, config.n_bands)) for _ in range(n_shares)]
+        self._n_threads = n_threads
+        self._pool: ThreadPoolExecutor | None = None
         for robot, listener in enumerate(listeners):
             self.replace(robot, listener)
 
@@ -118,14 +124,19 @@ class ReceiverBank:
         interval = Interval(world_from_array, start_s.tolist(), duration_s, self._held_propagation)
         if self.config.faults:
             interval = interval._replace(propagation=Held(self._propagation._replace(arrays=self._arrays_at(start_s))))
-        n_threads = min(len(self._gates), len(robots) // LEAST_ROBOTS)
-        if n_threads <= 1:
+        n_shares = min(len(self._gates), len(robots) // LEAST_ROBOTS)
+        if n_shares <= 1:
             return self._listen(0, robots, interval)
-        shares = [share.tolist() for share in np.array_split(robots, n_threads)]
-        with ThreadPoolExecutor(n_threads) as pool:
-            return Detections.join(list(pool.map(partial(self._listen, interval=interval), range(n_threads), shares)))
+        shares = [share.tolist() for share in np.array_split(robots, n_shares)]
+        if self._pool is None:
+            self._pool = ThreadPoolExecutor(self._n_threads)
+        return Detections.join(list(self._pool.map(partial(self._listen, interval=interval), range(n_shares), shares)))
 
-    def _listen(self, thread: int, robots: list[int], interval: Interval) -> Detections:
+    def __getstate__(self) -> dict[str, Any]:
+        """A copy starts threads of its own."""
+        return vars(self) | {"_pool": None}
+
+    def _listen(self, share: int, robots: list[int], interval: Interval) -> Detections:
         """What some robots detect, one after the other."""
         counts: list[int] = []
         row = n_all_rejected = 0
@@ -134,17 +145,17 @@ class ReceiverBank:
             end_s = in_nanoseconds(interval.start_s[robot] + interval.duration_s)
             if self._changes[robot] or not self._schedules[robot].reaches(start_s, end_s):
                 self._prepare(robot, start_s, end_s, interval)
-            own, gates = self._listening[robot], self._gates[thread]
+            own, gates = self._listening[robot], self._gates[share]
             shared = interval.world_from_array, interval.propagation, own
             n_found, n_rejected = detect(robot, start_s, end_s, row, *shared, gates)
             if n_found < 0:
-                gates = self._gates[thread] = self._more_room(gates.given, row, 2 * (row - n_found))
+                gates = self._gates[share] = self._more_room(gates.given, row, 2 * (row - n_found))
                 n_found, n_rejected = detect(robot, start_s, end_s, row, *shared, gates)
             counts.append(n_found)
             row, n_all_rejected = row + n_found, n_all_rejected + n_rejected
         if row == 0:
             return self._nothing._replace(n_rejected=n_all_rejected)
-        found = self._gates[thread].given
+        found = self._gates[share].given
         robot = np.full(row, robots[0]) if len(robots) == 1 else np.repeat(robots, counts)
         return Detections(robot, found.pulses.first(row), found.waveforms_v[:row].copy(), n_all_rejected)
 
