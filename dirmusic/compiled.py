@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, Generic, Self, TypeVar, cast
 
 import numba
@@ -10,6 +10,7 @@ import numpy as np
 from numba.core import types
 from numba.core.types import StructRef
 from numba.experimental import structref
+from numba.typed import List
 from numpy.typing import NDArray
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
@@ -61,6 +62,15 @@ class Held(structref.StructRefProxy, Generic[_Value]):
     def __reduce__(self) -> tuple[type[Held[_Value]], tuple[_Value]]:
         """A copy holds a copy."""
         return Held, (self.given,)
+
+
+def held_list(records: Iterable[Held[_Value]]) -> Any:  # noqa: ANN401 - the compiler's own list
+    """Records of one type as compiled functions take many at once; items can be got and set."""
+    first, *others = records
+    listed = List.empty_list(numba.typeof(first))  # pyright: ignore
+    for record in (first, *others):
+        listed.append(record)  # pyright: ignore
+    return listed  # pyright: ignore
 
 
 structref.define_boxing(HeldType, Held)  # pyright: ignore[reportUnknownMemberType]

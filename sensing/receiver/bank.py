@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.compiled import Held
+from dirmusic.compiled import Held, held_list
 from dirmusic.pulses.batch import PulseBatch
 from sensing.array.array_table import ArrayTable
 from sensing.array.helical_array import HelicalArray
@@ -18,7 +17,7 @@ from sensing.nature.scene import Scene
 from sensing.nature.sources import in_nanoseconds
 from sensing.radio.propagation import Propagation, SourceTable
 from sensing.receiver.config import ReceiverConfig
-from sensing.receiver.detection import Channels, Condition, Gates, Listening, ReceiverChain, detect
+from sensing.receiver.detection import Channels, Condition, Gates, Listening, ReceiverChain, detect_each
 from sensing.receiver.detections import Detections
 from sensing.receiver.receiver import Listener, Receiver
 from sensing.receiver.sampling.sampler import Tones
@@ -28,10 +27,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 LEAST_ROBOTS = 4
-"""In one share of the work: fewer do not pay for it."""
-
-SHARES_A_THREAD = 3
-"""So no thread waits long for another whose robots hear more."""
+"""On one thread: fewer do not pay for it."""
 
 LEAST_ROOM = 64
 """Gates that there is room for at first."""
@@ -84,16 +80,18 @@ class ReceiverBank:
         self._schedules: dict[int, Schedule] = {}
         self._changes: dict[int, bool] = {}
         self._chains: dict[int, ReceiverChain] = {}
-        self._listening: dict[int, Held[Listening]] = {}
-        n_shares = n_threads * SHARES_A_THREAD if n_threads > 1 else 1
-        self._gates = [Held(Gates.room(LEAST_ROOM, n, config.gate_samples, config.n_bands)) for _ in range(n_shares)]
-        self._n_threads = n_threads
+        self._gates = [Held(Gates.room(LEAST_ROOM, n, config.gate_samples, config.n_bands)) for _ in range(n_threads)]
         self._pool: ThreadPoolExecutor | None = None
         for robot, listener in enumerate(listeners):
-            self.replace(robot, listener)
+            self._replace(robot, listener)
+        self._listening = held_list([self._own(robot, self._quiet) for robot in self._all])
 
     def replace(self, robot: int, listener: Listener) -> None:
         """Another array, scene and generators for one robot, whose time starts anew."""
+        self._replace(robot, listener)
+        self._listening[robot] = self._own(robot, self._quiet)
+
+    def _replace(self, robot: int, listener: Listener) -> None:
         scene, sources = listener.scene, self._propagation.sources
         self._listeners[robot] = listener
         self._schedules[robot] = Schedule(
@@ -104,7 +102,6 @@ class ReceiverBank:
         self._chains[robot] = self._receiver.chain(listener.array)
         sources.positions_m[robot], sources.axes[robot] = scene.positions_m, scene.axes
         sources.burst_s[robot] = scene.burst_s
-        self._listening[robot] = self._own(robot, self._quiet)
 
     def listen(
         self, world_from_array: FloatArray, start_s: FloatArray, duration_s: float, rows: IntArray | None = None
@@ -124,40 +121,47 @@ class ReceiverBank:
         interval = Interval(world_from_array, start_s.tolist(), duration_s, self._held_propagation)
         if self.config.faults:
             interval = interval._replace(propagation=Held(self._propagation._replace(arrays=self._arrays_at(start_s))))
-        n_shares = min(len(self._gates), len(robots) // LEAST_ROBOTS)
-        if n_shares <= 1:
+        n_threads = min(len(self._gates), len(robots) // LEAST_ROBOTS)
+        if n_threads <= 1:
             return self._listen(0, robots, interval)
-        shares = [share.tolist() for share in np.array_split(robots, n_shares)]
+        first, *others = [share.tolist() for share in np.array_split(robots, n_threads)]
         if self._pool is None:
-            self._pool = ThreadPoolExecutor(self._n_threads)
-        return Detections.join(list(self._pool.map(partial(self._listen, interval=interval), range(n_shares), shares)))
+            self._pool = ThreadPoolExecutor(len(self._gates) - 1)
+        waiting = [self._pool.submit(self._listen, k + 1, share, interval) for k, share in enumerate(others)]
+        return Detections.join([self._listen(0, first, interval), *(each.result() for each in waiting)])
 
     def __getstate__(self) -> dict[str, Any]:
         """A copy starts threads of its own."""
-        return vars(self) | {"_pool": None}
+        return vars(self) | {"_pool": None, "_listening": list(self._listening)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """As it was."""
+        vars(self).update(state | {"_listening": held_list(state["_listening"])})
 
     def _listen(self, share: int, robots: list[int], interval: Interval) -> Detections:
         """What some robots detect, one after the other."""
-        counts: list[int] = []
-        row = n_all_rejected = 0
-        for robot in robots:
+        interval_s, found = np.empty((len(robots), 2)), np.empty((len(robots), 2), dtype=np.intp)
+        for i, robot in enumerate(robots):
             start_s = in_nanoseconds(interval.start_s[robot])
             end_s = in_nanoseconds(interval.start_s[robot] + interval.duration_s)
+            interval_s[i] = start_s, end_s
             if self._changes[robot] or not self._schedules[robot].reaches(start_s, end_s):
                 self._prepare(robot, start_s, end_s, interval)
-            own, gates = self._listening[robot], self._gates[share]
-            shared = interval.world_from_array, interval.propagation, own
-            n_found, n_rejected = detect(robot, start_s, end_s, row, *shared, gates)
-            if n_found < 0:
-                gates = self._gates[share] = self._more_room(gates.given, row, 2 * (row - n_found))
-                n_found, n_rejected = detect(robot, start_s, end_s, row, *shared, gates)
-            counts.append(n_found)
-            row, n_all_rejected = row + n_found, n_all_rejected + n_rejected
-        if row == 0:
-            return self._nothing._replace(n_rejected=n_all_rejected)
-        found = self._gates[share].given
-        robot = np.full(row, robots[0]) if len(robots) == 1 else np.repeat(robots, counts)
-        return Detections(robot, found.pulses.first(row), found.waveforms_v[:row].copy(), n_all_rejected)
+        rows, turn = np.array(robots, dtype=np.intp), 0
+        shared = interval.world_from_array, interval.propagation, self._listening
+        while True:
+            turn = detect_each(rows, turn, interval_s, *shared, self._gates[share], found)
+            if turn == len(robots):
+                break
+            n_filled = int(found[:turn, 0].sum())
+            n_wanted = 2 * (n_filled - int(found[turn, 0]))
+            self._gates[share] = self._more_room(self._gates[share].given, n_filled, n_wanted)
+        n_gates, n_rejected = (int(n) for n in found.sum(axis=0))
+        if n_gates == 0:
+            return self._nothing._replace(n_rejected=n_rejected)
+        filled = self._gates[share].given
+        robot = np.repeat(rows, found[:, 0])
+        return Detections(robot, filled.pulses.first(n_gates), filled.waveforms_v[:n_gates].copy(), n_rejected)
 
     def _prepare(self, robot: int, start_s: float, end_s: float, interval: Interval) -> None:
         """Draw what may trigger a receiver, and let what changes with time be as it is now."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -182,3 +183,48 @@ def detect(
         read_gate(waveforms_v[row], channels.background_v2, upcoming.time_s[k], gate, row, pulses)
         row += 1
     return row - first_row, n_rejected
+
+
+@compiled
+def detect_each(
+    robots: IntArray,
+    first: int,
+    interval_s: FloatArray,
+    world_from_array: FloatArray,
+    propagation: Held[Propagation],
+    listening: Sequence[Held[Listening]],
+    gates: Held[Gates],
+    found: IntArray,
+) -> int:
+    """As `detect`, of some robots, one after the other, in one call: no thread waits for another meanwhile.
+
+    Args:
+        robots: Rows of the robots, shape (n,).
+        first: The first of them whose turn it is; `found` holds those before.
+        interval_s: Start and end for each of them, shape (n, 2).
+        world_from_array: As of `detect`.
+        propagation: As of `detect`.
+        listening: What is the robots' own, by their rows.
+        gates: Rows are filled in, those of one robot after those of the other.
+        found: Becomes what `detect` returns for each, shape (n, 2).
+
+    Returns:
+        Whose turn it is next: n, or the first for which there is no room.
+    """
+    row = int(found[:first, 0].sum())
+    for i in range(first, robots.size):
+        n_found, n_rejected = detect(
+            robots[i],
+            interval_s[i, 0],
+            interval_s[i, 1],
+            row,
+            world_from_array,
+            propagation,
+            listening[robots[i]],
+            gates,
+        )
+        found[i, 0], found[i, 1] = n_found, n_rejected
+        if n_found < 0:
+            return i
+        row += n_found
+    return int(robots.size)
