@@ -84,12 +84,13 @@ class ReceiverBank:
         self._pool: ThreadPoolExecutor | None = None
         for robot, listener in enumerate(listeners):
             self._replace(robot, listener)
-        self._listening = held_list([self._own(robot, self._quiet) for robot in self._all])
+        self._own_of = [self._own(robot, self._quiet) for robot in self._all]
+        self._listening = held_list(self._own_of)
 
     def replace(self, robot: int, listener: Listener) -> None:
         """Another array, scene and generators for one robot, whose time starts anew."""
         self._replace(robot, listener)
-        self._listening[robot] = self._own(robot, self._quiet)
+        self._take_in(robot, self._quiet)
 
     def _replace(self, robot: int, listener: Listener) -> None:
         scene, sources = listener.scene, self._propagation.sources
@@ -132,11 +133,11 @@ class ReceiverBank:
 
     def __getstate__(self) -> dict[str, Any]:
         """A copy starts threads of its own."""
-        return vars(self) | {"_pool": None, "_listening": list(self._listening)}
+        return vars(self) | {"_pool": None, "_listening": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """As it was."""
-        vars(self).update(state | {"_listening": held_list(state["_listening"])})
+        vars(self).update(state | {"_listening": held_list(state["_own_of"])})
 
     def _listen(self, share: int, robots: list[int], interval: Interval) -> Detections:
         """What some robots detect, one after the other."""
@@ -174,7 +175,11 @@ class ReceiverBank:
         if scene.carriers:
             tones = self._receiver.tones(scene.carriers, listener.array, interval.world_from_array[robot])
         changes = scene.carriers or self.config.faults
-        self._listening[robot] = self._own(robot, self._condition(start_s, tones) if changes else self._quiet)
+        self._take_in(robot, self._condition(start_s, tones) if changes else self._quiet)
+
+    def _take_in(self, robot: int, condition: Condition) -> None:
+        """Let a robot listen with what is its own now."""
+        self._own_of[robot] = self._listening[robot] = self._own(robot, condition)
 
     def _own(self, robot: int, condition: Condition) -> Held[Listening]:
         """All that is one robot's own."""

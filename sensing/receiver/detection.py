@@ -220,7 +220,7 @@ def detect_each(
             row,
             world_from_array,
             propagation,
-            listening[robots[i]],
+            listening[int(robots[i])],
             gates,
         )
         found[i, 0], found[i, 1] = n_found, n_rejected
