@@ -17,7 +17,7 @@ from sensing.nature.scene import Scene
 from sensing.nature.sources import in_nanoseconds
 from sensing.radio.propagation import Propagation, SourceTable
 from sensing.receiver.config import ReceiverConfig
-from sensing.receiver.detection import Channels, Condition, Gates, Listening, ReceiverChain, detect_each
+from sensing.receiver.detection import Channels, Condition, Gates, Listening, Progress, ReceiverChain, detect_each
 from sensing.receiver.detections import Detections
 from sensing.receiver.receiver import Listener, Receiver
 from sensing.receiver.sampling.sampler import Tones
@@ -31,6 +31,9 @@ LEAST_ROBOTS = 4
 
 LEAST_ROOM = 64
 """Gates that there is room for at first."""
+
+
+NOT_BEGUN = Progress(0, 0, 0, 0)
 
 
 class Interval(NamedTuple):
@@ -62,7 +65,7 @@ class ReceiverBank:
 
     def __init__(self, config: ReceiverConfig, listeners: Sequence[Listener], n_threads: int = 1) -> None:
         self.config = config
-        self._listeners, self._all = list(listeners), list(range(len(listeners)))
+        self._listeners, self._all = list(listeners), np.arange(len(listeners))
         n_robots, scene, n = len(listeners), listeners[0].scene, listeners[0].array.n_elements
         self._receiver = Receiver(config, n)
         shape = n_robots, len(scene.sources)
@@ -82,9 +85,10 @@ class ReceiverBank:
         self._chains: dict[int, ReceiverChain] = {}
         self._gates = [Held(Gates.room(LEAST_ROOM, n, config.gate_samples, config.n_bands)) for _ in range(n_threads)]
         self._pool: ThreadPoolExecutor | None = None
+        self._interval_s, self._n_found = np.empty((n_robots, 2)), np.empty(n_robots, dtype=np.intp)
         for robot, listener in enumerate(listeners):
             self._replace(robot, listener)
-        self._own_of = [self._own(robot, self._quiet) for robot in self._all]
+        self._own_of = [self._own(robot, self._quiet) for robot in range(n_robots)]
         self._listening = held_list(self._own_of)
 
     def replace(self, robot: int, listener: Listener) -> None:
@@ -118,14 +122,14 @@ class ReceiverBank:
             duration_s: Length of the interval.
             rows: Which robots listen; None for all.
         """
-        robots: list[int] = self._all if rows is None else rows.tolist()
+        robots = self._all if rows is None else rows
         interval = Interval(world_from_array, start_s.tolist(), duration_s, self._held_propagation)
         if self.config.faults:
             interval = interval._replace(propagation=Held(self._propagation._replace(arrays=self._arrays_at(start_s))))
-        n_threads = min(len(self._gates), len(robots) // LEAST_ROBOTS)
+        n_threads = min(len(self._gates), robots.size // LEAST_ROBOTS)
         if n_threads <= 1:
             return self._listen(0, robots, interval)
-        first, *others = [share.tolist() for share in np.array_split(robots, n_threads)]
+        first, *others = np.array_split(robots, n_threads)
         if self._pool is None:
             self._pool = ThreadPoolExecutor(len(self._gates) - 1)
         waiting = [self._pool.submit(self._listen, k + 1, share, interval) for k, share in enumerate(others)]
@@ -139,30 +143,28 @@ class ReceiverBank:
         """As it was."""
         vars(self).update(state | {"_listening": held_list(state["_own_of"])})
 
-    def _listen(self, share: int, robots: list[int], interval: Interval) -> Detections:
+    def _listen(self, thread: int, robots: IntArray, interval: Interval) -> Detections:
         """What some robots detect, one after the other."""
-        interval_s, found = np.empty((len(robots), 2)), np.empty((len(robots), 2), dtype=np.intp)
-        for i, robot in enumerate(robots):
+        numbers: list[int] = robots.tolist()
+        for robot in numbers:
             start_s = in_nanoseconds(interval.start_s[robot])
             end_s = in_nanoseconds(interval.start_s[robot] + interval.duration_s)
-            interval_s[i] = start_s, end_s
+            self._interval_s[robot] = start_s, end_s
             if self._changes[robot] or not self._schedules[robot].reaches(start_s, end_s):
                 self._prepare(robot, start_s, end_s, interval)
-        rows, turn = np.array(robots, dtype=np.intp), 0
-        shared = interval.world_from_array, interval.propagation, self._listening
-        while True:
-            turn = detect_each(rows, turn, interval_s, *shared, self._gates[share], found)
-            if turn == len(robots):
-                break
-            n_filled = int(found[:turn, 0].sum())
-            n_wanted = 2 * (n_filled - int(found[turn, 0]))
-            self._gates[share] = self._more_room(self._gates[share].given, n_filled, n_wanted)
-        n_gates, n_rejected = (int(n) for n in found.sum(axis=0))
-        if n_gates == 0:
-            return self._nothing._replace(n_rejected=n_rejected)
-        filled = self._gates[share].given
-        robot = np.repeat(rows, found[:, 0])
-        return Detections(robot, filled.pulses.first(n_gates), filled.waveforms_v[:n_gates].copy(), n_rejected)
+        shared = self._interval_s, interval.world_from_array, interval.propagation, self._listening
+        done = NOT_BEGUN
+        while done.turn < robots.size:
+            done = detect_each(robots, done, *shared, self._gates[thread], self._n_found)
+            if done.n_wanted:
+                n_gates = 2 * (done.n_gates + done.n_wanted)
+                self._gates[thread] = self._more_room(self._gates[thread].given, done.n_gates, n_gates)
+        if done.n_gates == 0:
+            return self._nothing._replace(n_rejected=done.n_rejected)
+        found = self._gates[thread].given
+        n, n_rejected = done.n_gates, done.n_rejected
+        whose = np.full(n, numbers[0]) if len(numbers) == 1 else np.repeat(robots, self._n_found[robots])
+        return Detections(whose, found.pulses.first(n), found.waveforms_v[:n].copy(), n_rejected)
 
     def _prepare(self, robot: int, start_s: float, end_s: float, interval: Interval) -> None:
         """Draw what may trigger a receiver, and let what changes with time be as it is now."""

@@ -185,46 +185,52 @@ def detect(
     return row - first_row, n_rejected
 
 
+class Progress(NamedTuple):
+    """How far some robots have come that listen one after the other.
+
+    Attributes:
+        turn: Whose turn it is next; their number once all are done, or the first for which there is no room.
+        n_gates: Rows of gates that are filled.
+        n_rejected: Emissions that triggered and were rejected as bursts.
+        n_wanted: Rows that the one for whom there is no room wants.
+    """
+
+    turn: int
+    n_gates: int
+    n_rejected: int
+    n_wanted: int
+
+
 @compiled
 def detect_each(
     robots: IntArray,
-    first: int,
+    before: Progress,
     interval_s: FloatArray,
     world_from_array: FloatArray,
     propagation: Held[Propagation],
     listening: Sequence[Held[Listening]],
     gates: Held[Gates],
-    found: IntArray,
-) -> int:
+    n_found: IntArray,
+) -> Progress:
     """As `detect`, of some robots, one after the other, in one call: no thread waits for another meanwhile.
 
     Args:
         robots: Rows of the robots, shape (n,).
-        first: The first of them whose turn it is; `found` holds those before.
-        interval_s: Start and end for each of them, shape (n, 2).
+        before: How far they had come.
+        interval_s: Start and end for each robot, shape (n_robots, 2).
         world_from_array: As of `detect`.
         propagation: As of `detect`.
-        listening: What is the robots' own, by their rows.
+        listening: What is the robots' own.
         gates: Rows are filled in, those of one robot after those of the other.
-        found: Becomes what `detect` returns for each, shape (n, 2).
-
-    Returns:
-        Whose turn it is next: n, or the first for which there is no room.
+        n_found: Becomes the number of gates of each robot, shape (n_robots,).
     """
-    row = int(found[:first, 0].sum())
-    for i in range(first, robots.size):
-        n_found, n_rejected = detect(
-            robots[i],
-            interval_s[i, 0],
-            interval_s[i, 1],
-            row,
-            world_from_array,
-            propagation,
-            listening[int(robots[i])],
-            gates,
-        )
-        found[i, 0], found[i, 1] = n_found, n_rejected
-        if n_found < 0:
-            return i
-        row += n_found
-    return int(robots.size)
+    n_gates, n_rejected = before.n_gates, before.n_rejected
+    for i in range(before.turn, robots.size):
+        robot = int(robots[i])
+        start_s, end_s = interval_s[robot]
+        n, n_bursts = detect(robot, start_s, end_s, n_gates, world_from_array, propagation, listening[robot], gates)
+        if n < 0:
+            return Progress(i, n_gates, n_rejected, -n)
+        n_found[robot] = n
+        n_gates, n_rejected = n_gates + n, n_rejected + n_bursts
+    return Progress(robots.size, n_gates, n_rejected, 0)
