@@ -97,11 +97,12 @@ def presence(finding: Finding, rows: Rows, record: PulseRecord, rules: Assignmen
 def _measured(finding: Finding, rows: Rows, assignment: Assignment, record: PulseRecord) -> Finding:
     """The finding with the number, aperture, nearest range and level of its pulses."""
     sight = record.pose[rows, :2] - finding.position_m[:2]
+    from_places = record.places_m[np.unique(record.place[rows]), :2] - finding.position_m[:2]
     return replace(
         finding,
         n_bearings=rows.size,
-        aperture_rad=aperture(np.arctan2(sight[:, 1], sight[:, 0])),
-        nearest_m=float(np.linalg.norm(sight, axis=-1).min()),
+        aperture_rad=aperture(np.arctan2(from_places[:, 1], from_places[:, 0])),
+        nearest_m=float(np.hypot(sight[:, 0], sight[:, 1]).min()),
         level_db=float(np.quantile(assignment.level_db[rows], LEVEL_QUANTILE)),
     )
 

@@ -35,16 +35,16 @@ class MethodDeviation:
         """Deviations at the nearest search azimuths, shape (n_pulses,), radians; 0 for maximum likelihood."""
         std_rad = np.empty(pulses.n_pulses)
         nearest = np.rint(pulses.azimuth_rad / SEARCH_STEP_RAD).astype(np.intp) % SEARCH_AZIMUTHS_RAD.size
-        for channels in np.unique(pulses.is_usable, axis=0):
-            rows = (pulses.is_usable == channels).all(axis=-1)
+        usable = [tuple(channels) for channels in pulses.is_usable.tolist()]
+        for channels in dict.fromkeys(usable):
+            rows = [k for k, of_pulse in enumerate(usable) if of_pulse == channels]
             std_rad[rows] = self._towards_search_azimuths(channels)[nearest[rows]]
         return std_rad
 
-    def _towards_search_azimuths(self, channels: NDArray[np.bool_]) -> FloatArray:
-        key = tuple(channels.tolist())
-        if key not in self._by_channels:
-            self._by_channels[key] = method_std(self._estimator, self._array.take(channels))
-        return self._by_channels[key]
+    def _towards_search_azimuths(self, channels: tuple[bool, ...]) -> FloatArray:
+        if channels not in self._by_channels:
+            self._by_channels[channels] = method_std(self._estimator, self._array.take(np.array(channels)))
+        return self._by_channels[channels]
 
 
 def is_credible(
@@ -67,8 +67,8 @@ def is_credible(
         Shape (n_pulses,).
     """
     manifold, spread = array.manifold, array.spread
-    gain = manifold.gain(pulses.azimuth_rad)
-    slope = perpendicular_slope(gain, manifold.derivative(pulses.azimuth_rad))
+    gain, slope = manifold.gain_and_slope(pulses.azimuth_rad)
+    slope = perpendicular_slope(gain, slope)
     by_noise = np.square(pulses.std_rad) * np.square(slope).sum(axis=0) / np.square(gain).sum(axis=0)
     by_offset = manifold.n_elements * spread.offset**2 / np.square(gain).sum(axis=0)
     by_array = spread.gain**2 + spread.pointing_rad**2 + by_offset

@@ -101,8 +101,9 @@ def locate_jointly(
     state, hessian = problem.fit.solve(problem.start)
     is_below = state[2 : 3 * n_sources : 3] < array.height_m
     if is_below.any():
+        cost = problem.fit.cost(state)
         other, other_hessian = problem.fit.solve(_upside_down(state, is_below, array.height_m))
-        if problem.fit.cost(other) < problem.fit.cost(state):
+        if problem.fit.cost(other) < cost:
             state, hessian = other, other_hessian
     return JointFix(
         positions_m=state[: 3 * n_sources].reshape(-1, 3),
@@ -164,10 +165,11 @@ def _covariances(fit: JointOptimiser, state: FloatArray, hessian: FloatArray, ar
     """Of the place of each source, shape (n_sources, 3, 3), with all else that is not known in it."""
     n_sources = fit.n_places // 3
     covariance: FloatArray = np.linalg.inv(hessian).astype(np.float64)
+    cost = fit.cost(state)
     for k in range(n_sources):
         mirrored = _upside_down(state, np.eye(n_sources, dtype=np.bool_)[k], array.height_m)
         if mirrored[3 * k + 2] > 0.0:
-            share = 1.0 / (1.0 + np.exp(min(fit.cost(mirrored) - fit.cost(state), MOST_APART)))
+            share = 1.0 / (1.0 + np.exp(min(fit.cost(mirrored) - cost, MOST_APART)))
             covariance[3 * k + 2, 3 * k + 2] += share * (1.0 - share) * (mirrored[3 * k + 2] - state[3 * k + 2]) ** 2
     block: NDArray[np.intp] = 3 * np.arange(n_sources, dtype=np.intp)[:, np.newaxis] + np.arange(3, dtype=np.intp)
     return covariance[block[:, :, np.newaxis], block[:, np.newaxis, :]]

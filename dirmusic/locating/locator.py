@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dirmusic.array.element_errors import ElementErrors
 from dirmusic.array.model import ArrayModel
-from dirmusic.locating.association.assignment import Assignment, assign
+from dirmusic.locating.association.assignment import Assigner, Assignment
 from dirmusic.locating.association.pulse_record import PulseRecord, Rows, thinned
 from dirmusic.locating.association.sight_lines import Sight
 from dirmusic.locating.bearing_fix import locate_by_bearings
@@ -55,8 +55,8 @@ class Locator:
         self._n_born = 0
         self._next_fit_s = -np.inf
         self._errors = ElementErrors.none(array.manifold.n_elements)
-        self._record = PulseRecord(array, pose_error, sight)
-        self._assigned: tuple[tuple[object, ...], Assignment | None] = (), None
+        self._record = PulseRecord(array, pose_error, sight, self.rules.assignment)
+        self._assigner = Assigner(self._record, self.rules.assignment)
 
     def update(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> tuple[Finding, ...]:
         """Take in what was detected from one pose; refit everything once every `refit_s`.
@@ -77,9 +77,9 @@ class Locator:
 
     def refit(self, time_s: float) -> tuple[Finding, ...]:
         """Assign and fit all pulses so far anew, whenever the last fit was; all findings."""
-        owner = self._give_birth(self._drop_unsupported(), time_s)
-        distinct = self._merged(self._fit(owner))
-        assignment = self._assign(distinct)
+        assignment = self._with_birth(self._without_unsupported(), time_s)
+        distinct = self._merged(self._fit(assignment))
+        assignment = self._assigner.assign(distinct, self._errors)
         self.findings = tuple(
             updated_state(
                 finding,
@@ -101,55 +101,47 @@ class Locator:
 
     def association(self) -> Rows:
         """Id of the finding of each pulse so far, or a code of `NoOwner`; shape (n_pulses_so_far,)."""
-        owner = self._assign(self.findings).owner.copy()
+        owner = self._assigner.assign(self.findings, self._errors).owner.copy()
         ids = np.array([finding.id for finding in self.findings], dtype=np.intp)
         is_owned = owner >= 0
         owner[is_owned] = ids[owner[is_owned]]
         return owner
 
-    def _assign(self, findings: Sequence[Finding]) -> Assignment:
-        """Whose each pulse is; kept, for a fit asks again where nothing was born or dropped."""
-        asked = self._record.pulses, self._errors, *findings
-        known, assignment = self._assigned
-        if assignment is None or len(asked) != len(known) or any(a is not b for a, b in zip(asked, known, strict=True)):
-            assignment = assign(self._record, findings, self._errors, self.rules.assignment)
-            self._assigned = asked, assignment
-        return assignment
-
-    def _drop_unsupported(self) -> Rows:
-        """Drop findings with too few pulses to make one; the owner of each pulse among the others."""
-        owner = self._assign(self.findings).owner
-        kept = [finding for k, finding in enumerate(self.findings) if (owner == k).sum() >= self.rules.birth_pulses]
+    def _without_unsupported(self) -> Assignment:
+        """Drop findings with too few pulses to make one, and assign all pulses to the others."""
+        assignment = self._assigner.assign(self.findings, self._errors)
+        owner = assignment.owner
+        n_pulses = np.bincount(owner[owner >= 0], minlength=len(self.findings))
+        kept = [finding for n, finding in zip(n_pulses, self.findings, strict=True) if n >= self.rules.birth_pulses]
         if len(kept) == len(self.findings):
-            return owner
+            return assignment
         self.findings = tuple(kept)
-        return self._assign(self.findings).owner
+        return self._assigner.assign(self.findings, self._errors)
 
-    def _give_birth(self, owner: Rows, time_s: float) -> Rows:
-        """Owners with recent unassigned pulses given to a new candidate.
+    def _with_birth(self, assignment: Assignment, time_s: float) -> Assignment:
+        """The assignment with recent unassigned pulses given to a new candidate.
 
         If they cross where a finding is already, that one is off, not doubled: they become its own.
         """
-        birth = find_birth(self._record, owner, self._errors, self.rules, time_s)
+        birth = find_birth(self._record, assignment.owner, self._errors, self.rules, time_s)
         if birth is None:
-            return owner
+            return assignment
         apart_m = [float(np.linalg.norm((birth.position_m - finding.position_m)[:2])) for finding in self.findings]
-        owner = owner.copy()
+        owner = assignment.owner.copy()
         if apart_m and min(apart_m) < self.rules.merge_m:
             owner[birth.rows] = int(np.argmin(apart_m))
-            return owner
+            return assignment._replace(owner=owner)
         self._n_born += 1
         owner[birth.rows] = len(self.findings)
         self.findings += (birth.candidate(self._n_born),)
-        return owner
+        return self._assigner.assign(self.findings, self._errors)._replace(owner=owner)
 
-    def _fit(self, owner: Rows) -> list[Finding]:
+    def _fit(self, assignment: Assignment) -> list[Finding]:
         """Findings at the positions that their pulses give: fitted together, or by crossing where none is in sight."""
-        in_sight = self._assign(self.findings).in_sight
         moved, chosen = list(self.findings), dict[int, Rows]()
         for k, finding in enumerate(self.findings):
-            own = np.flatnonzero(owner == k)
-            seen = own[in_sight[own]]
+            own = np.flatnonzero(assignment.owner == k)
+            seen = own[assignment.in_sight[own]]
             if seen.size >= self.rules.birth_pulses:
                 chosen[k] = thinned(seen, self.rules.max_pulses)
             elif own.size >= self.rules.birth_pulses and finding.state != "confirmed":
@@ -183,7 +175,7 @@ class Locator:
         """Where the joint fit starts: the last position, or a fresh one while that is not worth much."""
         if finding.semi_major_m < 2 * self.rules.merge_m:
             return finding.position_m
-        return self._record.crossing(rows, self._errors)[0]
+        return self._record.rough_crossing(rows, self._errors)
 
     def _merged(self, moved: Sequence[Finding]) -> list[Finding]:
         """Findings that are not nearer than `merge_m` to one with a lower id."""

@@ -75,7 +75,7 @@ def triangulate(positions_m: ArrayLike, bearings_rad: ArrayLike, std_rad: ArrayL
     def jacobian(point: FloatArray) -> FloatArray:
         return _slopes(point, position, std)
 
-    start = _best_start(position, bearing, std)
+    start = rough_crossing(position, bearing, std)
     robust = least_squares(residual, start, jacobian, loss="cauchy")
     is_inlier = np.abs(residual(robust.x)) <= INLIER_SIGMAS
     if is_inlier.sum() < 2:
@@ -107,8 +107,17 @@ def _slopes(point: FloatArray, position: FloatArray, std: FloatArray) -> FloatAr
     return across / (np.maximum(np.square(sight).sum(axis=-1), 1e-12) * std)[:, np.newaxis]
 
 
-def _best_start(position: FloatArray, bearing: FloatArray, std: FloatArray) -> FloatArray:
-    """The best of many points along some of the bearings: never behind the array, whatever the outliers."""
+def rough_crossing(position: FloatArray, bearing: FloatArray, std: FloatArray) -> FloatArray:
+    """The best of many points along some of the bearings: never behind the array, whatever the outliers.
+
+    Args:
+        position: Where each bearing was taken, metres, world frame, shape (n, 2).
+        bearing: World-frame bearings, radians, shape (n,).
+        std: Standard deviations, radians, shape (n,), > 0.
+
+    Returns:
+        Shape (2,), metres: where an iteration may start.
+    """
     chosen = np.unique(np.linspace(0, bearing.size - 1, 12).astype(int))
     ahead = np.stack([np.cos(bearing[chosen]), np.sin(bearing[chosen])], axis=-1)
     points = (position[chosen, np.newaxis] + START_RANGES_M[:, np.newaxis] * ahead[:, np.newaxis]).reshape(-1, 2)

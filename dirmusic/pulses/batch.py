@@ -127,6 +127,11 @@ class PulseBatch(NamedTuple):
         columns: list[Any] = [column[:n_pulses].copy() for column in self]
         return type(self)(*columns)
 
+    def without_bands(self) -> Self:
+        """The same pulses without their sub-bands, which no more than their bearings need."""
+        none = np.empty((self.n_pulses, 0, self.strengths_v.shape[1]))
+        return self._replace(band_strengths_v=none, band_variance_v2=none)
+
     def take_channels(self, channels: NDArray[np.intp] | BoolArray) -> Self:
         """The same pulses as some of the channels alone give them, by index or mask."""
         return self._replace(

@@ -111,7 +111,7 @@ class SiteMap:
     def with_obstacles(self, points_m: FloatArray) -> SiteMap:
         """The same plan with these obstacles, shape (n, 2), world frame, instead of those it had."""
         other = copy(self)
-        for stale in ("clearance_m", "is_free", "_graph"):
+        for stale in ("clearance_m", "is_free", "_free_cells", "_graph"):
             vars(other).pop(stale, None)
         other.obstacles_m = points_m
         return other
@@ -166,7 +166,18 @@ class SiteMap:
 
     def cell(self, point_m: ArrayLike) -> int:
         """The free cell nearest to a point (2,)."""
-        return self.nearest(point_m, self.is_free)
+        return int(self.nearest_free(np.asarray(point_m, dtype=np.float64)[:2]))
+
+    def nearest_free(self, points_m: FloatArray) -> NDArray[np.intp]:
+        """The free cell nearest to each point (..., 2), shape (...)."""
+        tree, cells = self._free_cells
+        return cells[tree.query(points_m)[1]]
+
+    @cached_property
+    def _free_cells(self) -> tuple[KDTree, NDArray[np.intp]]:
+        """The free cells, to be searched by place."""
+        cells = np.flatnonzero(self.is_free)
+        return KDTree(self.centres_m[cells]), cells
 
     def nearest(self, point_m: ArrayLike, among: NDArray[np.bool_]) -> int:
         """The cell nearest to a point (2,) of those marked in `among`, shape (n_cells,)."""

@@ -65,8 +65,7 @@ def best_viewpoint(
     clearance_m = site_map.robot.footprint_radius_m + VIEW_ROOM_M
     ring = ring[site_map.clearance(ring) > clearance_m] if ring.size else ring
     ring = ring[site_map.in_sight(ring, target_m, ON_SURFACE_M)] if ring.size else ring
-    cells = np.array([site_map.cell(point) for point in ring], dtype=np.intp)
-    length_m = paths.length_m[cells]
+    length_m = paths.length_m[site_map.nearest_free(ring)]
     new_rad = novelty(ring, target_m, views_m)
     cost_m = np.where((length_m > LEAST_WAY_M) & (new_rad > LEAST_NOVELTY_RAD), length_m - worth(new_rad), np.inf)
     if cost_m.size and np.isfinite(cost_m.min()):

@@ -61,7 +61,9 @@ class Tracker:
             pose: Believed x m, y m, yaw rad, world frame, shape (3,).
             pulses: With their directions.
         """
-        credible = is_credible(pulses, self._array, self._method_deviation.of(pulses), self._rules)
+        credible = np.empty(0, dtype=np.bool_)
+        if pulses.n_pulses:
+            credible = is_credible(pulses, self._array, self._method_deviation.of(pulses), self._rules)
         findings = self._locator.update(time_s, pose, pulses.take(credible))
         self._n_tracked += int(credible.sum())
         return Tracked(pulses, credible, findings)

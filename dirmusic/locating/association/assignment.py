@@ -17,6 +17,11 @@ from dirmusic.locating.finding import Finding
 from dirmusic.locating.rules import AssignmentRules
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+ALIKE_M, ALIKE_DB = 0.05, 0.5
+"""A finding that moved no further, and is known and loud as before to so much, has the same pulses (assumed): that is
+less than the errors of the poses, and than the margins of the rules."""
 
 
 class NoOwner(IntEnum):
@@ -44,35 +49,124 @@ class Assignment(NamedTuple):
     level_db: FloatArray
 
 
-def assign(
-    record: PulseRecord, findings: Sequence[Finding], errors: ElementErrors, rules: AssignmentRules
-) -> Assignment:
-    """Assign all pulses of a record to findings.
+class JudgedPulses(NamedTuple):
+    """Pulses as seen by one finding; every array has shape (n,).
+
+    Attributes:
+        offset_sigmas: As of `Gate`; infinite for what was diffracted.
+        level_db: As of `Gate`.
+        is_direct: As of `Paths`.
+        is_ghost: As of `Paths`.
+        is_biased: As of `Paths`.
+    """
+
+    offset_sigmas: FloatArray
+    level_db: FloatArray
+    is_direct: BoolArray
+    is_ghost: BoolArray
+    is_biased: BoolArray
+
+    def continued(self, n: int, later: JudgedPulses) -> JudgedPulses:
+        """The first n of these, and after them later ones."""
+        return JudgedPulses(
+            offset_sigmas=np.concatenate([self.offset_sigmas[:n], later.offset_sigmas]),
+            level_db=np.concatenate([self.level_db[:n], later.level_db]),
+            is_direct=np.concatenate([self.is_direct[:n], later.is_direct]),
+            is_ghost=np.concatenate([self.is_ghost[:n], later.is_ghost]),
+            is_biased=np.concatenate([self.is_biased[:n], later.is_biased]),
+        )
+
+
+class Judgement(NamedTuple):
+    """What a finding's judgement of all pulses was made of.
+
+    Attributes:
+        finding: As it stood then.
+        errors: Of the array's elements, as known then.
+        n_settled: So many of the first pulses would be judged alike again.
+        pulses: All there were.
+    """
+
+    finding: Finding
+    errors: ElementErrors
+    n_settled: int
+    pulses: JudgedPulses
+
+
+class Assigner:
+    """Assigns the pulses of a record to findings.
+
+    What was judged is kept: the pulses so far are judged anew by a finding that is not what it was, the latest by all.
 
     Args:
         record: The pulses.
-        findings: The findings as they stand.
-        errors: Errors of the array's elements as known by now.
         rules: When a pulse belongs to a finding.
     """
-    n = record.pulses.n_pulses
-    if not findings or n == 0:
-        nobody = np.full(n, NoOwner.UNASSIGNED, dtype=np.intp)
-        return Assignment(nobody, np.ones(n, dtype=np.bool_), np.full(n, np.nan))
-    measured = record.measurements(errors, rules)
-    gates = [gate_pulses(record, measured, finding, rules) for finding in findings]
-    paths = [judge_paths(record, gate, finding, rules) for gate, finding in zip(gates, findings, strict=True)]
-    is_diffracted = np.array([path.is_diffracted for path in paths])
-    offset_sigmas = np.where(is_diffracted, np.inf, [gate.offset_sigmas for gate in gates])
-    nearest, rows = offset_sigmas.argmin(axis=0), np.arange(n)
-    n_gates = (offset_sigmas <= rules.gate_sigmas).sum(axis=0)
-    in_sight = np.array([path.is_direct for path in paths])[nearest, rows]
-    is_confirmed = np.array([finding.state == "confirmed" for finding in findings])[nearest]
-    is_ghost = np.any([path.is_ghost for path in paths], axis=0)
-    is_biased = np.any([path.is_biased for path in paths], axis=0)
-    owner = np.select(  # the first that holds
-        [is_ghost & ~(is_confirmed & in_sight & (n_gates > 0)), n_gates > 1, n_gates == 1, is_biased],
-        [NoOwner.GHOST, NoOwner.AMBIGUOUS, nearest, NoOwner.AMBIGUOUS],
-        default=NoOwner.UNASSIGNED,
+
+    def __init__(self, record: PulseRecord, rules: AssignmentRules) -> None:
+        self._record = record
+        self._rules = rules
+        self._judged: dict[int, Judgement] = {}
+
+    def assign(self, findings: Sequence[Finding], errors: ElementErrors) -> Assignment:
+        """Assign all pulses so far.
+
+        Args:
+            findings: The findings as they stand.
+            errors: Errors of the array's elements as known by now.
+        """
+        n = self._record.pulses.n_pulses
+        self._judged = {finding.id: self._judge(finding, errors) for finding in findings}
+        if not findings or n == 0:
+            nobody = np.full(n, NoOwner.UNASSIGNED, dtype=np.intp)
+            return Assignment(nobody, np.ones(n, dtype=np.bool_), np.full(n, np.nan))
+        judged = [judgement.pulses for judgement in self._judged.values()]
+        offset_sigmas = np.array([of.offset_sigmas for of in judged])
+        nearest, each = offset_sigmas.argmin(axis=0), np.arange(n)
+        n_gates = (offset_sigmas <= self._rules.gate_sigmas).sum(axis=0)
+        in_sight = np.array([of.is_direct for of in judged])[nearest, each]
+        is_confirmed = np.array([finding.state == "confirmed" for finding in findings])[nearest]
+        is_ghost = np.any([of.is_ghost for of in judged], axis=0)
+        is_biased = np.any([of.is_biased for of in judged], axis=0)
+        owner = np.select(  # the first that holds
+            [is_ghost & ~(is_confirmed & in_sight & (n_gates > 0)), n_gates > 1, n_gates == 1, is_biased],
+            [NoOwner.GHOST, NoOwner.AMBIGUOUS, nearest, NoOwner.AMBIGUOUS],
+            default=NoOwner.UNASSIGNED,
+        )
+        return Assignment(owner, in_sight, np.array([of.level_db for of in judged])[nearest, each])
+
+    def _judge(self, finding: Finding, errors: ElementErrors) -> Judgement:
+        """All pulses by one finding: the settled ones as before, while it and the array are what they were."""
+        known = self._judged.get(finding.id)
+        if known is None or not (_is_alike(known.finding, finding) and self._record.reads_alike(known.errors, errors)):
+            pulses = self._judged_from(0, finding, errors)
+            return Judgement(finding, errors, self._record.n_settled, pulses)
+        latest = self._judged_from(known.n_settled, known.finding, known.errors)
+        pulses = known.pulses.continued(known.n_settled, latest)
+        return known._replace(n_settled=self._record.n_settled, pulses=pulses)
+
+    def _judged_from(self, first: int, finding: Finding, errors: ElementErrors) -> JudgedPulses:
+        """The pulses from one row on."""
+        rows = slice(first, None)
+        gate = gate_pulses(self._record, rows, self._record.measurements(rows, errors), finding, self._rules)
+        paths = judge_paths(self._record, rows, gate, finding, self._rules)
+        return JudgedPulses(
+            offset_sigmas=np.where(paths.is_diffracted, np.inf, gate.offset_sigmas),
+            level_db=gate.level_db,
+            is_direct=paths.is_direct,
+            is_ghost=paths.is_ghost,
+            is_biased=paths.is_biased,
+        )
+
+
+def _is_alike(then: Finding, now: Finding) -> bool:
+    """Whether a finding is near enough to what it was for the same pulses to be its own."""
+    has_level = np.isfinite(then.level_db) == np.isfinite(now.level_db)
+    return (
+        then.state == now.state
+        and bool(np.linalg.norm(then.position_m - now.position_m) <= ALIKE_M)
+        and abs(then.semi_major_m - now.semi_major_m) <= ALIKE_M
+        and abs(then.height_std_m - now.height_std_m) <= ALIKE_M
+        and has_level
+        and not abs(then.level_db - now.level_db) > ALIKE_DB
     )
-    return Assignment(owner, in_sight, np.array([gate.level_db for gate in gates])[nearest, rows])

@@ -42,10 +42,13 @@ class Gate(NamedTuple):
     in_gate: BoolArray
 
 
-def gate_pulses(record: PulseRecord, measured: Measurements, finding: Finding, rules: AssignmentRules) -> Gate:
-    """Compare all pulses with one finding."""
-    sight = np.empty_like(record.pose)
-    sight[:, :2] = finding.position_m[:2] - record.pose[:, :2]
+def gate_pulses(
+    record: PulseRecord, rows: slice, measured: Measurements, finding: Finding, rules: AssignmentRules
+) -> Gate:
+    """Compare some pulses, and what they say, with one finding."""
+    pose, place = record.pose[rows], record.place[rows]
+    sight = np.empty_like(pose)
+    sight[:, :2] = finding.position_m[:2] - pose[:, :2]
     sight[:, 2] = finding.position_m[2] - record.array.height_m
     range_m = np.maximum(np.linalg.norm(sight[:, :2], axis=-1), LEAST_RANGE_M)
     across = np.stack([-sight[:, 1], sight[:, 0]], axis=-1) / range_m[:, np.newaxis]
@@ -61,7 +64,7 @@ def gate_pulses(record: PulseRecord, measured: Measurements, finding: Finding, r
     return Gate(
         offset_rad=offset_rad,
         offset_sigmas=offset_sigmas,
-        level_db=measured.local_level_db + record.level_at_one_metre(sight) + (in_sight * lost_db)[record.place],
-        in_sight=in_sight[record.place],
+        level_db=measured.local_level_db + record.level_at_one_metre(sight) + (in_sight * lost_db)[place],
+        in_sight=in_sight[place],
         in_gate=offset_sigmas <= rules.gate_sigmas,
     )

@@ -38,15 +38,15 @@ class Paths(NamedTuple):
     is_biased: BoolArray
 
 
-def judge_paths(record: PulseRecord, gate: Gate, finding: Finding, rules: AssignmentRules) -> Paths:
-    """Judge by level and map; before a finding has a level of its own, nothing but the map tells."""
+def judge_paths(record: PulseRecord, rows: slice, gate: Gate, finding: Finding, rules: AssignmentRules) -> Paths:
+    """Judge some pulses by level and map; before a finding has a level of its own, nothing but the map tells."""
     excess_db = gate.level_db - finding.level_db
     is_diffracted = gate.in_gate & (excess_db < -rules.obstruction_db)
     if finding.state != "confirmed":
         nowhere = np.zeros(excess_db.size, dtype=np.bool_)
         return Paths(gate.in_sight, is_diffracted, is_ghost=is_diffracted, is_biased=nowhere)
     is_direct = gate.in_sight | (gate.in_gate & (excess_db > -rules.direct_path_db))
-    is_clear = is_direct & _is_clear_of_edges(record, finding, rules)
+    is_clear = is_direct & _is_clear_of_edges(record, finding, rules)[record.place[rows]]
     return Paths(
         is_direct=is_direct,
         is_diffracted=is_diffracted,
@@ -56,10 +56,10 @@ def judge_paths(record: PulseRecord, gate: Gate, finding: Finding, rules: Assign
 
 
 def _is_clear_of_edges(record: PulseRecord, finding: Finding, rules: AssignmentRules) -> BoolArray:
-    """Whether the finding would be in sight of each pulse from a little to either side too, shape (n,)."""
+    """Whether the finding would be in sight of each place from a little to either side too, shape (n_places,)."""
     clear, least = np.ones(len(record.places_m), dtype=np.bool_), 10 ** (-rules.sight_loss_db / 20)
     for aside in SIDES:
         target_m = finding.position_m + rules.edge_margin_m * aside
         within_m = rules.surface_depth_m + rules.edge_margin_m
         clear &= record.sight.shares(record.places_m, target_m, within_m) >= least
-    return clear[record.place]
+    return clear

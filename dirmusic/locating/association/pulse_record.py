@@ -7,14 +7,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.array.bounds import manifold_error, manifold_error_std
 from dirmusic.array.element_errors import ElementErrors
 from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, GainManifold
 from dirmusic.array.model import ArrayModel
+from dirmusic.locating.association.bearing_errors import BearingErrors
+from dirmusic.locating.association.growing_columns import GrowingColumns
+from dirmusic.locating.association.local_levels import LocalLevels
 from dirmusic.locating.association.sight_lines import Sight, SightLines
 from dirmusic.locating.joint_fix import PoseError, with_height, with_height_covariance
 from dirmusic.locating.rules import AssignmentRules
-from dirmusic.locating.triangulation import triangulate
+from dirmusic.locating.triangulation import rough_crossing, triangulate
 from dirmusic.pulses.batch import PulseBatch
 
 FloatArray = NDArray[np.float64]
@@ -27,6 +29,9 @@ margin that is left to edges."""
 LEAST_RANGE_M = 0.3
 """Shorter ranges on plan count as this one (assumed): so close by, a pose error alone turns the line of sight round."""
 
+ALIKE_RAD = np.radians(0.2)
+"""Bearings that differ by no more say the same (assumed): their own deviations are larger by far."""
+
 FARTHEST_CROSSING_M = 60.0
 """Lines of sight that cross further away are taken to cross here (assumed)."""
 
@@ -37,7 +42,8 @@ class Measurements(NamedTuple):
     Attributes:
         bearing_rad: World frame, shape (n,).
         std_rad: Standard deviation of the bearings: noise, unknown errors of the array, and heading, shape (n,).
-        local_level_db: Median strength of the pulses of the same time and direction, shape (n,), dB over 1 V.
+        local_level_db: Median strength of the pulses of the same time and direction, shape (n,), dB over 1 V; see
+            `LocalLevels`.
     """
 
     bearing_rad: FloatArray
@@ -52,32 +58,41 @@ class PulseRecord:
         array: The array's data sheet and spread.
         pose_error: How wrong the poses are.
         sight: What the map says; None without a map.
+        rules: Which pulses are judged together.
 
     Attributes:
-        pulses: The pulses, n rows, in the order in which they were added.
+        pulses: The pulses, n rows, in the order in which they were added, without sub-bands.
         pose: Believed x m, y m, yaw rad at each pulse, world frame, shape (n, 3).
-        places_m: Places where the array was, one of each cell of the ground, shape (n_places, 3), world frame.
         place: Row in `places_m` of each pulse, shape (n,).
+        places_m: Places where the array was, one of each cell of the ground, shape (n_places, 3), world frame.
         listened: Row in `places_m` of where the array was in each second, one second a row, whether anything was
             detected or not, shape (n_seconds,).
         listened_s: Those seconds, shape (n_seconds,).
         aperture_m: Radius of the ring of elements.
     """
 
-    def __init__(self, array: ArrayModel, pose_error: PoseError, sight: Sight | None) -> None:
+    def __init__(self, array: ArrayModel, pose_error: PoseError, sight: Sight | None, rules: AssignmentRules) -> None:
         self.array = array
         self.pose_error = pose_error
         self.pulses = PulseBatch.none(array.manifold.n_elements)
-        self.pose = np.empty((0, 3))
+        self.pose: FloatArray = np.empty((0, 3))
+        self.place: Rows = np.empty(0, dtype=np.intp)
         self.places_m = np.empty((0, 3))
-        self.place = np.empty(0, dtype=np.intp)
         self.listened = np.empty(0, dtype=np.intp)
         self.listened_s = np.empty(0)
         self.aperture_m = float(np.linalg.norm(array.positions_m[:, :2], axis=-1).max())
         self.sight = SightLines(sight)
-        self._level_db = np.empty(0)
+        self._std_rad: FloatArray = np.empty(0)
+        self._columns = GrowingColumns([self.pose, self.place, self._std_rad, *self.pulses])
+        self._levels = LocalLevels(rules)
+        self._bearing_errors = BearingErrors(array)
         self._cells: dict[tuple[int, int], int] = {}
         self._elevation_db = _elevation_db(array.manifold)
+
+    @property
+    def n_settled(self) -> int:
+        """So many of the first pulses are measured as they were when they were last asked for; see `LocalLevels`."""
+        return self._levels.n_settled
 
     def add(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> None:
         """Add credible pulses that were detected at one pose (3,), none or more; they get the time of the pose."""
@@ -87,11 +102,15 @@ class PulseRecord:
             self.listened_s = np.append(self.listened_s, np.floor(time_s))
         if n == 0:
             return
+        pulses = pulses.without_bands()._replace(time_s=np.full(n, time_s))
+        variance = pulses.std_rad**2 + self._bearing_errors.std(pulses.azimuth_rad) ** 2
+        std_rad = np.sqrt(variance + self.pose_error.heading_rad**2)
+        self._columns.extend([np.tile(pose, (n, 1)), np.full(n, place), std_rad, *pulses])
+        columns = self._columns.columns()
+        self.pose, self.place, self._std_rad = columns[:3]
+        self.pulses = PulseBatch(*columns[3:])
         norm_v = np.linalg.norm(pulses.strengths_v * pulses.is_usable, axis=-1)
-        self.pulses = PulseBatch.join([self.pulses, pulses._replace(time_s=np.full(n, time_s))])
-        self.pose = np.concatenate([self.pose, np.tile(pose, (n, 1))])
-        self.place = np.concatenate([self.place, np.full(n, place)])
-        self._level_db = np.concatenate([self._level_db, 20 * np.log10(norm_v)])
+        self._levels.add(time_s, pulses.azimuth_rad + pose[2], 20 * np.log10(norm_v))
 
     def _place_of(self, pose: FloatArray) -> int:
         """Row in `places_m` of the cell in which a pose lies; a new one where the array has not been yet."""
@@ -101,18 +120,18 @@ class PulseRecord:
             self.places_m = np.concatenate([self.places_m, [[pose[0], pose[1], self.array.height_m]]])
         return self._cells[cell]
 
-    def bearings(self, rows: Rows, errors: ElementErrors) -> tuple[FloatArray, FloatArray]:
+    def bearings(self, rows: Rows | slice, errors: ElementErrors) -> tuple[FloatArray, FloatArray]:
         """World bearings of some pulses with known errors of the array taken out, and their deviation with the rest."""
-        azimuth, manifold = self.pulses.azimuth_rad[rows], self.array.manifold
-        common = manifold_error_std(manifold, azimuth, self.array.spread)
-        variance = self.pulses.std_rad[rows] ** 2 + common**2 + self.pose_error.heading_rad**2
-        world = azimuth - manifold_error(manifold, azimuth, errors) + self.pose[rows, 2]
-        return world, np.sqrt(variance)
+        azimuth = self.pulses.azimuth_rad[rows]
+        return azimuth - self._bearing_errors.of(errors, azimuth) + self.pose[rows, 2], self._std_rad[rows]
 
-    def measurements(self, errors: ElementErrors, rules: AssignmentRules) -> Measurements:
-        """Bearings and levels of all pulses."""
-        bearing, std = self.bearings(np.arange(self.pulses.n_pulses), errors)
-        return Measurements(bearing, std, self._local_level_db(bearing, rules))
+    def reads_alike(self, first: ElementErrors, second: ElementErrors) -> bool:
+        """Whether bearings are the same to `ALIKE_RAD` with either errors of the array taken out."""
+        return first is second or self._bearing_errors.most_apart(first, second) <= ALIKE_RAD
+
+    def measurements(self, rows: slice, errors: ElementErrors) -> Measurements:
+        """Bearings and levels of some pulses."""
+        return Measurements(*self.bearings(rows, errors), self._levels.local_db()[rows])
 
     def level_at_one_metre(self, sight_m: FloatArray) -> FloatArray:
         """What distance and elevation take from a level, dB, for lines of sight (n, 3) from the array."""
@@ -133,17 +152,9 @@ class PulseRecord:
         place_m = from_m[-1] + sight * min(1.0, FARTHEST_CROSSING_M / np.linalg.norm(sight))
         return with_height(place_m), with_height_covariance(fix.covariance_m2)
 
-    def _local_level_db(self, bearing_rad: FloatArray, rules: AssignmentRules) -> FloatArray:
-        """Median strength of the pulses of one time and one direction, shape (n,), dB over 1 V."""
-        window = np.floor(self.pulses.time_s / rules.level_window_s)
-        sector = np.floor(np.mod(bearing_rad, 2 * np.pi) / rules.level_arc_rad)
-        order = np.lexsort((self._level_db, sector, window))
-        is_new = np.diff(window[order], prepend=-np.inf) + np.abs(np.diff(sector[order], prepend=-1.0)) > 0
-        starts = np.flatnonzero(is_new)
-        counts = np.diff(np.append(starts, order.size))
-        level_db = np.empty(order.size)
-        level_db[order] = np.repeat(self._level_db[order[starts + counts // 2]], counts)
-        return level_db
+    def rough_crossing(self, rows: Rows, errors: ElementErrors) -> FloatArray:
+        """About where the lines of sight of some pulses cross, (3,), for a fit to start from."""
+        return with_height(rough_crossing(self.pose[rows, :2], *self.bearings(rows, errors)))
 
 
 def _elevation_db(manifold: GainManifold) -> FloatArray:
@@ -156,7 +167,12 @@ def _elevation_db(manifold: GainManifold) -> FloatArray:
 
 
 def thinned(rows: Rows, most: int) -> Rows:
-    """At most so many of some rows, evenly chosen."""
+    """At most so many of some rows, in order and evenly spread; nearly the same ones when a few rows have been added.
+
+    The rows whose numbers, read backwards bit by bit, are the least: the sequence of van der Corput, 1935.
+    """
     if rows.size <= most:
         return rows
-    return rows[np.linspace(0, rows.size - 1, most).astype(np.intp)]
+    n_bits = int(rows.max()).bit_length()
+    backwards = sum(((rows >> bit) & 1) << (n_bits - 1 - bit) for bit in range(n_bits))
+    return rows[np.sort(np.argpartition(backwards, most)[:most])]

@@ -5,8 +5,8 @@ import pytest
 
 from dirmusic import ArrayModel, GainManifold
 from dirmusic.array.element_errors import ElementErrors, ElementSpread
-from dirmusic.locating.association.assignment import NoOwner, assign
-from dirmusic.locating.association.pulse_record import PulseRecord
+from dirmusic.locating.association.assignment import Assigner, NoOwner
+from dirmusic.locating.association.pulse_record import PulseRecord, thinned
 from dirmusic.locating.association.sight_lines import Sight
 from dirmusic.locating.finding import Finding
 from dirmusic.locating.joint_fix import PoseError
@@ -23,9 +23,9 @@ LEVEL_DB = -10.0
 UNASSIGNED, AMBIGUOUS, GHOST = NoOwner
 
 
-def finding(x: float, y: float, state: str = "confirmed") -> Finding:
+def finding(x: float, y: float, state: str = "confirmed", number: int = 1) -> Finding:
     return Finding(
-        id=1,
+        id=number,
         state=state,  # pyright: ignore[reportArgumentType]
         position_m=np.array([x, y, 0.0]),
         covariance_m2=0.01 * np.eye(3),
@@ -38,6 +38,14 @@ def finding(x: float, y: float, state: str = "confirmed") -> Finding:
     )
 
 
+def pulses_from(azimuth: np.ndarray, strength_v: np.ndarray | float) -> PulseBatch:
+    """Pulses from known azimuths (n,) with norms of their strengths, and a deviation of 0.3 degrees."""
+    n, gain = azimuth.size, NOMINAL.gain(azimuth)
+    strengths = (gain / np.linalg.norm(gain, axis=0) * strength_v).T
+    pulses = PulseBatch.detected(np.zeros(n), strengths, np.full((n, 6), 1e-12))
+    return pulses._replace(azimuth_rad=azimuth, std_rad=np.full(n, np.radians(0.3)))
+
+
 def assigned(
     findings: list[Finding], *, bearing_deg: float, excess_db: float, range_m: float, in_sight: bool = True
 ) -> int:
@@ -47,27 +55,23 @@ def assigned(
         return np.full(len(points), float(in_sight))
 
     sight: Sight = the_map
-    record = PulseRecord(ARRAY, POSE_ERROR, sight)
+    record = PulseRecord(ARRAY, POSE_ERROR, sight, AssignmentRules())
     azimuth = np.full(5, np.radians(bearing_deg))
-    gain = NOMINAL.gain(azimuth).T
-    strengths = gain / np.linalg.norm(gain, axis=-1, keepdims=True)
-    strengths *= 10 ** ((LEVEL_DB + excess_db) / 20) / range_m
-    pulses = PulseBatch.detected(np.zeros(5), strengths, np.full((5, 6), 1e-12))
-    record.add(0.0, np.zeros(3), pulses._replace(azimuth_rad=azimuth, std_rad=np.full(5, np.radians(0.3))))
-    owner = assign(record, findings, NO_ERRORS, AssignmentRules()).owner
+    record.add(0.0, np.zeros(3), pulses_from(azimuth, 10 ** ((LEVEL_DB + excess_db) / 20) / range_m))
+    owner = Assigner(record, AssignmentRules()).assign(findings, NO_ERRORS).owner
     assert (owner == owner[0]).all()
     return int(owner[0])
 
 
 def test_a_pulse_belongs_to_the_finding_that_it_points_to_and_to_none_in_another_direction() -> None:
-    west_and_north = [finding(-8.0, 0.0), finding(0.0, 8.0)]
+    west_and_north = [finding(-8.0, 0.0), finding(0.0, 8.0, number=2)]
     assert assigned(west_and_north, bearing_deg=180.0, excess_db=0.0, range_m=8.0) == 0
     assert assigned(west_and_north, bearing_deg=90.0, excess_db=0.0, range_m=8.0) == 1
     assert assigned(west_and_north, bearing_deg=-45.0, excess_db=0.0, range_m=8.0) == UNASSIGNED
 
 
 def test_a_pulse_that_two_findings_in_one_direction_explain_belongs_to_neither() -> None:
-    behind_each_other = [finding(8.0, 0.0), finding(10.0, 0.0)]
+    behind_each_other = [finding(8.0, 0.0), finding(10.0, 0.0, number=2)]
     assert assigned(behind_each_other, bearing_deg=0.0, excess_db=0.0, range_m=9.0) == AMBIGUOUS
 
 
@@ -91,3 +95,46 @@ def test_while_a_confirmed_finding_is_obstructed_pulses_no_louder_than_it_are_it
 def test_a_loud_pulse_a_little_past_a_finding_in_sight_is_its_own_biased_by_a_reflection() -> None:
     assert assigned([finding(8.0, 0.0)], bearing_deg=15.0, excess_db=0.0, range_m=8.0) == AMBIGUOUS
     assert assigned([finding(8.0, 0.0)], bearing_deg=15.0, excess_db=-8.0, range_m=8.0) == UNASSIGNED
+
+
+def test_pulses_that_come_bit_by_bit_are_assigned_as_all_at_once_while_the_findings_stay() -> None:
+    rng = np.random.default_rng(11)
+    findings = [finding(8.0, 0.0), finding(-3.0, 6.0, number=2), finding(4.0, 4.0, "candidate", number=3)]
+    record = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
+    bit_by_bit = Assigner(record, AssignmentRules())
+    for step in range(200):
+        pose = np.array([0.02 * step, 0.01 * step, 0.03 * step])
+        aim = findings[rng.integers(3)].position_m[:2] - pose[:2]
+        azimuth = np.arctan2(aim[1], aim[0]) - pose[2] + rng.normal(0.0, np.radians(4.0), 4)
+        record.add(0.3 * step, pose, pulses_from(azimuth, 10 ** (rng.normal(LEVEL_DB, 6.0, 4) / 20) / np.hypot(*aim)))
+        if rng.random() < 0.5:
+            little_by_little = bit_by_bit.assign(findings, NO_ERRORS)
+    little_by_little = bit_by_bit.assign(findings, NO_ERRORS)
+    at_once = Assigner(record, AssignmentRules()).assign(findings, NO_ERRORS)
+    assert np.unique(at_once.owner).size > 4
+    np.testing.assert_array_equal(little_by_little.owner, at_once.owner)
+    np.testing.assert_array_equal(little_by_little.in_sight, at_once.in_sight)
+    np.testing.assert_array_equal(little_by_little.level_db, at_once.level_db)
+
+
+def test_pulses_are_assigned_anew_by_a_finding_that_has_moved_changed_its_state_or_become_known() -> None:
+    pulses = pulses_from(np.full(5, 0.0), 10 ** (LEVEL_DB / 20) / 8.0)
+    record = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
+    record.add(0.0, np.zeros(3), pulses)
+    assigner = Assigner(record, AssignmentRules())
+    assert (assigner.assign([finding(8.0, 0.0)], NO_ERRORS).owner == 0).all()
+    assert (assigner.assign([finding(0.0, 8.0)], NO_ERRORS).owner == UNASSIGNED).all()
+    assert (assigner.assign([finding(8.0, 0.0)], NO_ERRORS).owner == 0).all()
+    turned = ElementErrors(gain=np.zeros(6), pointing_rad=np.full(6, np.radians(30.0)), offset=np.zeros(6))
+    assert (assigner.assign([finding(8.0, 0.0)], turned).owner == UNASSIGNED).all()
+
+
+@pytest.mark.parametrize("n", [10, 160, 161, 5000])
+def test_thinned_rows_are_spread_evenly_and_stay_when_a_few_are_added(n: int) -> None:
+    rows = 3 * np.arange(n)
+    chosen = thinned(rows, 160)
+    assert chosen.size == min(n, 160)
+    assert (np.diff(chosen) > 0).all()
+    assert np.isin(chosen, rows).all()
+    assert np.diff(chosen, prepend=-1, append=3 * n).max() <= 3 * 4 * n / chosen.size
+    assert np.isin(thinned(3 * np.arange(n + 5), 160), chosen).sum() >= chosen.size - 5

@@ -1,0 +1,106 @@
+"""What a mission costs beside its environment's own steps, and how the Locator's updates grow with what it holds."""
+
+import statistics
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_limits
+
+from dirmusic import Finding, PulseBatch
+from dirmusic.locating.protocol import LocatorProtocol
+from envs import Scenario, load_scenario
+from envs.random_yard import random_yard
+from missions.policies.protocol import Action
+from missions.runner import Mission, make_locator
+
+pytestmark = pytest.mark.benchmark
+
+
+@contextmanager
+def timed(seconds: list[float]) -> Iterator[None]:
+    """Note the processor time that something takes."""
+    start = time.process_time()
+    yield
+    seconds.append(time.process_time() - start)
+
+
+def mission_over_steps(scenario: Scenario, seed: int) -> float:
+    """Processor time of a mission under `seek`, recording apart, over that of its environment's steps."""
+    mission, in_env, whole = Mission(scenario, "seek", seed), list[float](), list[float]()
+    take_step = mission.env.step
+
+    def step(action: Action) -> Any:  # noqa: ANN401
+        with timed(in_env):
+            return take_step(action)
+
+    mission.env.step = step
+    with timed(whole):
+        mission.run()
+    return sum(whole) / sum(in_env)
+
+
+@pytest.mark.parametrize(
+    ("name", "most"), [("one_source", 3.5), ("two_sources", 3.5), ("random_yard", 3.5), ("switchyard", 6.0)]
+)
+def test_a_mission_costs_a_few_times_its_steps(name: str, most: float) -> None:
+    mission_over_steps(load_scenario("one_source"), 1)  # what is compiled is compiled
+    ratios = []
+    for seed in range(3):
+        scenario = random_yard(seed, 5) if name == "random_yard" else load_scenario(name)
+        ratios.append(mission_over_steps(scenario, seed))
+    print(f"\n{name}: a mission takes {', '.join(f'{ratio:.2f}' for ratio in ratios)} times its environment's steps")
+    assert statistics.median(ratios) <= most
+
+
+class Kept(LocatorProtocol):
+    """A Locator that keeps what it is given."""
+
+    def __init__(self, locator: LocatorProtocol) -> None:
+        self._locator = locator
+        self.tracked: list[tuple[float, np.ndarray, PulseBatch]] = []
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        return self._locator.findings
+
+    def update(self, time_s: float, pose: np.ndarray, pulses: PulseBatch) -> tuple[Finding, ...]:
+        self.tracked.append((time_s, pose, pulses))
+        return self._locator.update(time_s, pose, pulses)
+
+    def refit(self, time_s: float) -> tuple[Finding, ...]:
+        return self._locator.refit(time_s)
+
+    def association(self) -> np.ndarray:
+        return self._locator.association()
+
+
+@pytest.mark.parametrize("name", ["two_sources", "switchyard"])
+def test_an_update_with_ten_thousand_pulses_behind_it_takes_little_longer_than_with_one_thousand(name: str) -> None:
+    """The pulses of a mission, round after round."""
+    scenario = load_scenario(name)
+    mission = Mission(scenario, "patrol", 5)
+    array, rules = mission.env.simulation.array, scenario.locating.rules()
+    locator = Kept(make_locator(scenario, mission.site_map, array, rules))
+    mission._tracker._locator = locator
+    mission.run()
+    locator, tracked = make_locator(scenario, mission.site_map, array, rules), locator.tracked
+    seconds, n_pulses, refits, round_s = list[float](), list[int](), list[bool](), 0.0
+    with threadpool_limits(limits=1):
+        while not n_pulses or n_pulses[-1] < 11_000:
+            for time_s, pose, pulses in tracked:
+                before = locator.findings
+                with timed(seconds):
+                    locator.update(round_s + time_s, pose, pulses)
+                refits.append(locator.findings is not before)
+                n_pulses.append(pulses.n_pulses + (n_pulses[-1] if n_pulses else 0))
+            round_s += tracked[-1][0] + 0.1
+    of_fits, held = np.array(seconds)[refits], np.array(n_pulses)[refits]
+    short, long = (np.median(of_fits[np.abs(held - n) < 0.2 * n]) for n in (1_000, 10_000))
+    print(
+        f"\n{name}: an update takes {1e3 * short:.1f} ms after 1000 pulses, {long / short:.2f} times that after 10 000"
+    )
+    assert long <= 1.5 * short
