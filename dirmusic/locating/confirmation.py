@@ -27,7 +27,7 @@ OUTLINE_POINTS = 73
 
 def updated_state(
     finding: Finding,
-    rows: Rows,
+    number: int,
     assignment: Assignment,
     record: PulseRecord,
     rules: LocatingRules,
@@ -38,21 +38,25 @@ def updated_state(
 
     Args:
         finding: Position and covariance are of the last fit.
-        rows: Rows of its pulses that were detected in sight of it.
+        number: Its position among the findings that pulses were assigned to.
         assignment: Of all pulses.
         record: All pulses.
         rules: What confirms a finding, and what makes it a ghost.
         fence_m: Length of the yard along x and y, origin at the corner; None without a fence.
         time_s: Now.
     """
-    present = presence(finding, rows, record, rules.assignment)
+    rows = np.flatnonzero((assignment.owner == number) & assignment.in_sight)
+    present = presence(finding, np.flatnonzero(assignment.may_be[number]), record, rules.assignment)
+    n_echoes = int(assignment.is_echo[rows].sum())
     if rows.size:
         finding = _measured(finding, rows, assignment, record)
     if _lies_outside(finding, fence_m):
         return replace(finding, state="outside")
+    if _is_where_the_array_was(finding, record, rules):
+        return replace(finding, state="ghost")
     if finding.state != "confirmed" and _is_ghost(finding, present, rules):
         return replace(finding, state="ghost")
-    if rows.size and (_stays_confirmed(finding, rules) or _meets(finding, present.rate, rules)):
+    if rows.size and (_stays_confirmed(finding, n_echoes, present.rate, rules) or _meets(finding, present.rate, rules)):
         return replace(finding, state="confirmed", fixed_s=time_s if finding.fixed_s is None else finding.fixed_s)
     return replace(finding, state="candidate")
 
@@ -61,7 +65,7 @@ class Presence(NamedTuple):
     """How often a finding is detected where it should be: near it and in sight of it.
 
     Attributes:
-        rate: Of the seconds since its first pulse in which anything was detected there, the share with its pulses.
+        rate: Of the seconds in which anything was detected there, the share with pulses that may be its own.
         observed_s: How many seconds these are.
         silent_s: Seconds there since its last pulse, whether anything was detected or not.
     """
@@ -76,7 +80,7 @@ def presence(finding: Finding, rows: Rows, record: PulseRecord, rules: Assignmen
 
     Args:
         finding: The finding.
-        rows: Rows of its pulses.
+        rows: Rows of the pulses that may have come from it.
         record: All pulses.
         rules: How near it should be detected.
     """
@@ -87,7 +91,7 @@ def presence(finding: Finding, rows: Rows, record: PulseRecord, rules: Assignmen
     is_near &= left >= 10 ** (-rules.sight_loss_db / 20)
     time_s = record.pulses.time_s
     second = np.floor(time_s)
-    observed = np.unique(second[is_near[record.place] & (time_s >= finding.first_detected_s)])
+    observed = np.unique(second[is_near[record.place]])
     last_s = time_s[rows].max(initial=finding.first_detected_s)
     silent = is_near[record.listened] & (record.listened_s > last_s)
     rate = np.intersect1d(observed, second[rows]).size / max(observed.size, 1)
@@ -113,8 +117,19 @@ def _is_ghost(finding: Finding, present: Presence, rules: LocatingRules) -> bool
     return (is_missed and finding.semi_major_m < rules.ghost_semi_major_m) or present.silent_s >= rules.ghost_silent_s
 
 
-def _stays_confirmed(finding: Finding, rules: LocatingRules) -> bool:
-    return finding.state == "confirmed" and finding.n_bearings >= rules.confirm_pulses // 2
+def _is_where_the_array_was(finding: Finding, record: PulseRecord, rules: LocatingRules) -> bool:
+    """Whether the finding is known to lie where nothing can discharge, for the robot stood there."""
+    apart_m = float(np.linalg.norm(record.places_m - finding.position_m, axis=-1).min())
+    return apart_m < rules.least_range_m and finding.semi_major_m <= rules.confirm_semi_major_m
+
+
+def _stays_confirmed(finding: Finding, n_echoes: int, rate: float, rules: LocatingRules) -> bool:
+    """Whether half of what confirmed it is left, without what may be echoes of findings confirmed since."""
+    return (
+        finding.state == "confirmed"
+        and finding.n_bearings - n_echoes >= rules.confirm_pulses // 2
+        and rate >= 0.5 * rules.confirm_detection_rate
+    )
 
 
 def _meets(finding: Finding, rate: float, rules: LocatingRules) -> bool:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dirmusic.array.element_errors import ElementErrors
 from dirmusic.array.model import ArrayModel
 from dirmusic.locating.association.assignment import Assigner, Assignment
-from dirmusic.locating.association.pulse_record import PulseRecord, Rows, thinned
+from dirmusic.locating.association.pulse_record import PulseRecord, Rows
 from dirmusic.locating.association.sight_lines import Sight
 from dirmusic.locating.bearing_fix import locate_by_bearings
 from dirmusic.locating.births import find_birth
@@ -81,15 +81,7 @@ class Locator:
         distinct = self._merged(self._fit(assignment))
         assignment = self._assigner.assign(distinct, self._errors)
         self.findings = tuple(
-            updated_state(
-                finding,
-                np.flatnonzero((assignment.owner == k) & assignment.in_sight),
-                assignment,
-                self._record,
-                self.rules,
-                self.fence_m,
-                time_s,
-            )
+            updated_state(finding, k, assignment, self._record, self.rules, self.fence_m, time_s)
             for k, finding in enumerate(distinct)
         )
         return self.findings
@@ -143,9 +135,11 @@ class Locator:
             own = np.flatnonzero(assignment.owner == k)
             seen = own[assignment.in_sight[own]]
             if seen.size >= self.rules.birth_pulses:
-                chosen[k] = thinned(seen, self.rules.max_pulses)
+                chosen[k] = self._record.thinned(seen, self.rules.max_pulses)
             elif own.size >= self.rules.birth_pulses and finding.state != "confirmed":
-                position, covariance = self._record.crossing(thinned(own, self.rules.max_pulses), self._errors)
+                position, covariance = self._record.crossing(
+                    self._record.thinned(own, self.rules.max_pulses), self._errors
+                )
                 if np.isfinite(covariance).all():
                     moved[k] = replace(finding, position_m=position, covariance_m2=covariance)
         if not chosen:

@@ -42,10 +42,11 @@ class AssignmentRules:
         ghost_db: While the map obstructs a confirmed finding, pulses that are not this far above its level are its
             multipath ghosts, whatever their bearing.
         bias_arc_rad: While a confirmed finding is in sight, pulses at its level that point past it by less than this
-            are its own, their bearing biased by a reflection within the gate; they are left out.
+            are its own, their bearing biased by a reflection within the gate; they are left out, and make no candidate.
         bias_db: How far from the finding's level the level of such pulses may be.
         sight_loss_db: What takes no more than this from a wave on the straight path leaves in sight: one insulator or a
             fence, not two.
+        clear_loss_db: What takes more than this from it, if less than that, lets other paths be the louder ones.
         surface_depth_m: A finding this far behind a surface is still in sight: it sits on the surface, and its position
             is not known better.
         edge_margin_m: What would be obstructed this far to one side may be obstructed: map and poses are not known
@@ -62,6 +63,7 @@ class AssignmentRules:
     bias_arc_rad: float = np.radians(20.0)
     bias_db: float = 5.0
     sight_loss_db: float = 12.0
+    clear_loss_db: float = 3.0
     surface_depth_m: float = 0.6
     edge_margin_m: float = 0.5
     detection_range_m: float = 6.0
@@ -90,13 +92,16 @@ class LocatingRules:
         confirm_pulses: The finding must have so many pulses. Confirmed findings that lose half of them, or jump by more
             than `merge_m`, are candidates again.
         confirm_detection_rate: Near it and in sight of it, where there is a map, the finding must have been detected in
-            this share of the seconds in which anything was: multipath from one reflector arrives in few places.
+            this share of the seconds in which anything was, from the start: multipath from one reflector arrives in
+            few places. Confirmed findings of less than half of it are candidates again.
         ghost_detection_rate: A candidate with a smaller share is a ghost.
         ghost_observed_s: The share counts against a candidate once it is of so many seconds at least.
         ghost_silent_s: A candidate from which nothing came in so many seconds near it and in sight of it, one after the
             other, is a ghost as well, or discharges no more; what comes from there later is another candidate.
         ghost_semi_major_m: The share counts against a candidate whose 95 % ellipse is no longer than this: else the
             candidate may be elsewhere.
+        least_range_m: A finding that is known as well as confirmed ones, and nearer than this to where the middle of
+            the array has been, is a ghost: the robot stood there.
         merge_m: Findings nearer to each other than this are one.
     """
 
@@ -118,4 +123,5 @@ class LocatingRules:
     ghost_observed_s: int = 5
     ghost_silent_s: int = 15
     ghost_semi_major_m: float = 2.0
+    least_range_m: float = 0.4
     merge_m: float = 1.0

@@ -45,6 +45,7 @@ class LocatingConfig(Config, frozen=True):
     bias_arc_deg: Arc | None = None
     bias_db: Decibel | None = None
     sight_loss_db: Decibel | None = None
+    clear_loss_db: Decibel | None = None
     surface_depth_m: Annotated[float, Field(ge=0.0, le=100.0)] | None = None
     edge_margin_m: Annotated[float, Field(ge=0.0, le=100.0)] | None = None
     detection_range_m: Metre | None = None

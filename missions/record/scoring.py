@@ -15,6 +15,9 @@ FloatArray = NDArray[np.float64]
 CUT_OFF_M = 2.0
 """A finding further than this from every source is a false one; also the cut-off of OSPA."""
 
+SAME_PLACE_M = 1e-6
+"""A site and the source on it are apart by rounding."""
+
 
 def evaluate(
     findings: list[dict[str, Any]], sources: list[dict[str, Any]], sites_m: FloatArray | None = None
@@ -46,7 +49,7 @@ def evaluate(
         inside, is_right_site = None, None
         if j is not None:
             other_m = np.linalg.norm(known_m - found_m[j], axis=-1)
-            is_right_site = bool((other_m >= np.linalg.norm(true_m[i] - found_m[j])).all())
+            is_right_site = bool((other_m > np.linalg.norm(true_m[i] - found_m[j]) - SAME_PLACE_M).all())
             inside = is_inside95((found_m[j] - true_m[i])[:2], np.array(findings[j]["covariance_m2"])[:2, :2])
         scored.append(
             {

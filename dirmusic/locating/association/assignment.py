@@ -42,11 +42,16 @@ class Assignment(NamedTuple):
         owner: Position of the finding in the sequence of findings, or a code of `NoOwner`.
         in_sight: Whether the finding that the pulse points to best was in sight from where it was detected.
         level_db: Level 1 m from that finding that pulses of this time and direction mean, dB over 1 V.
+        may_be: Whether the pulse may be each finding's own as far as direction and level tell, whosever it is, shape
+            (n_findings, n).
+        is_echo: Whether the pulse may be an echo of another finding than its owner.
     """
 
     owner: NDArray[np.intp]
-    in_sight: NDArray[np.bool_]
+    in_sight: BoolArray
     level_db: FloatArray
+    may_be: BoolArray
+    is_echo: BoolArray
 
 
 class JudgedPulses(NamedTuple):
@@ -118,22 +123,43 @@ class Assigner:
         n = self._record.pulses.n_pulses
         self._judged = {finding.id: self._judge(finding, errors) for finding in findings}
         if not findings or n == 0:
-            nobody = np.full(n, NoOwner.UNASSIGNED, dtype=np.intp)
-            return Assignment(nobody, np.ones(n, dtype=np.bool_), np.full(n, np.nan))
+            return Assignment(
+                owner=np.full(n, NoOwner.UNASSIGNED, dtype=np.intp),
+                in_sight=np.ones(n, dtype=np.bool_),
+                level_db=np.full(n, np.nan),
+                may_be=np.empty((len(findings), n), dtype=np.bool_),
+                is_echo=np.zeros(n, dtype=np.bool_),
+            )
         judged = [judgement.pulses for judgement in self._judged.values()]
         offset_sigmas = np.array([of.offset_sigmas for of in judged])
+        is_direct = np.array([of.is_direct for of in judged])
+        is_ghost_of = np.array([of.is_ghost for of in judged])
         nearest, each = offset_sigmas.argmin(axis=0), np.arange(n)
-        n_gates = (offset_sigmas <= self._rules.gate_sigmas).sum(axis=0)
-        in_sight = np.array([of.is_direct for of in judged])[nearest, each]
+        in_gate = offset_sigmas <= self._rules.gate_sigmas
+        n_gates = in_gate.sum(axis=0)
+        in_sight = is_direct[nearest, each]
         is_confirmed = np.array([finding.state == "confirmed" for finding in findings])[nearest]
-        is_ghost = np.any([of.is_ghost for of in judged], axis=0)
-        is_biased = np.any([of.is_biased for of in judged], axis=0)
+        is_ghost, n_ghosts = is_ghost_of.any(axis=0), is_ghost_of.sum(axis=0)
+        is_biased_of = np.array([of.is_biased for of in judged])
+        is_biased = is_biased_of.any(axis=0)
+        is_of_another = ~is_confirmed & (is_biased_of.sum(axis=0) > is_biased_of[nearest, each])
         owner = np.select(  # the first that holds
-            [is_ghost & ~(is_confirmed & in_sight & (n_gates > 0)), n_gates > 1, n_gates == 1, is_biased],
+            [
+                is_ghost & ~(is_confirmed & in_sight & (n_gates > 0)),
+                n_gates > 1,
+                (n_gates == 1) & ~is_of_another,
+                is_biased,
+            ],
             [NoOwner.GHOST, NoOwner.AMBIGUOUS, nearest, NoOwner.AMBIGUOUS],
             default=NoOwner.UNASSIGNED,
         )
-        return Assignment(owner, in_sight, np.array([of.level_db for of in judged])[nearest, each])
+        return Assignment(
+            owner=owner,
+            in_sight=in_sight,
+            level_db=np.array([of.level_db for of in judged])[nearest, each],
+            may_be=in_gate & is_direct,
+            is_echo=n_ghosts > is_ghost_of[nearest, each],
+        )
 
     def _judge(self, finding: Finding, errors: ElementErrors) -> Judgement:
         """All pulses by one finding: the settled ones as before, while it and the array are what they were."""

@@ -56,8 +56,8 @@ def judge_paths(record: PulseRecord, rows: slice, gate: Gate, finding: Finding, 
 
 
 def _is_clear_of_edges(record: PulseRecord, finding: Finding, rules: AssignmentRules) -> BoolArray:
-    """Whether the finding would be in sight of each place from a little to either side too, shape (n_places,)."""
-    clear, least = np.ones(len(record.places_m), dtype=np.bool_), 10 ** (-rules.sight_loss_db / 20)
+    """Whether nothing weakens the finding at each place, nor would a little to either side, shape (n_places,)."""
+    clear, least = np.ones(len(record.places_m), dtype=np.bool_), 10 ** (-rules.clear_loss_db / 20)
     for aside in SIDES:
         target_m = finding.position_m + rules.edge_margin_m * aside
         within_m = rules.surface_depth_m + rules.edge_margin_m

@@ -26,6 +26,9 @@ PLACE_M = 0.25
 """Side of the cells of the ground that count as one place (assumed): about the error of the pose, and less than the
 margin that is left to edges."""
 
+DIRECTION_RAD = np.radians(10.0)
+"""Width of the sectors of the world that count as one direction (assumed): a few deviations of a bearing."""
+
 LEAST_RANGE_M = 0.3
 """Shorter ranges on plan count as this one (assumed): so close by, a pose error alone turns the line of sight round."""
 
@@ -83,16 +86,32 @@ class PulseRecord:
         self.aperture_m = float(np.linalg.norm(array.positions_m[:, :2], axis=-1).max())
         self.sight = SightLines(sight)
         self._std_rad: FloatArray = np.empty(0)
-        self._columns = GrowingColumns([self.pose, self.place, self._std_rad, *self.pulses])
+        self._repeat: Rows = np.empty(0, dtype=np.intp)
+        self._columns = GrowingColumns([self.pose, self.place, self._repeat, self._std_rad, *self.pulses])
         self._levels = LocalLevels(rules)
         self._bearing_errors = BearingErrors(array)
         self._cells: dict[tuple[int, int], int] = {}
+        self._n_from: dict[tuple[int, int], int] = {}
         self._elevation_db = _elevation_db(array.manifold)
 
     @property
     def n_settled(self) -> int:
         """So many of the first pulses are measured as they were when they were last asked for; see `LocalLevels`."""
         return self._levels.n_settled
+
+    def thinned(self, rows: Rows, most: int) -> Rows:
+        """At most so many of some rows, in order: pulses from as many places and directions as there are.
+
+        Of those from one place and direction the first come first, for what the array and the pose are off by is the
+        same in all. Within that the rows are evenly spread, by the least of their numbers read backwards bit by bit
+        (the sequence of van der Corput, 1935): nearly the same ones when a few rows have been added.
+        """
+        if rows.size <= most:
+            return rows
+        n_bits = int(rows.max()).bit_length()
+        backwards = sum(((rows >> bit) & 1) << (n_bits - 1 - bit) for bit in range(n_bits))
+        order = (self._repeat[rows] << n_bits) + backwards
+        return rows[np.sort(np.argpartition(order, most)[:most])]
 
     def add(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> None:
         """Add credible pulses that were detected at one pose (3,), none or more; they get the time of the pose."""
@@ -105,10 +124,11 @@ class PulseRecord:
         pulses = pulses.without_bands()._replace(time_s=np.full(n, time_s))
         variance = pulses.std_rad**2 + self._bearing_errors.std(pulses.azimuth_rad) ** 2
         std_rad = np.sqrt(variance + self.pose_error.heading_rad**2)
-        self._columns.extend([np.tile(pose, (n, 1)), np.full(n, place), std_rad, *pulses])
+        repeat = self._repeats(place, pulses.azimuth_rad + pose[2])
+        self._columns.extend([np.tile(pose, (n, 1)), np.full(n, place), repeat, std_rad, *pulses])
         columns = self._columns.columns()
-        self.pose, self.place, self._std_rad = columns[:3]
-        self.pulses = PulseBatch(*columns[3:])
+        self.pose, self.place, self._repeat, self._std_rad = columns[:4]
+        self.pulses = PulseBatch(*columns[4:])
         norm_v = np.linalg.norm(pulses.strengths_v * pulses.is_usable, axis=-1)
         self._levels.add(time_s, pulses.azimuth_rad + pose[2], 20 * np.log10(norm_v))
 
@@ -119,6 +139,14 @@ class PulseRecord:
             self._cells[cell] = len(self.places_m)
             self.places_m = np.concatenate([self.places_m, [[pose[0], pose[1], self.array.height_m]]])
         return self._cells[cell]
+
+    def _repeats(self, place: int, bearing_rad: FloatArray) -> Rows:
+        """How many earlier pulses came from the place and direction of each pulse of one step, shape (n,)."""
+        repeats = np.empty(bearing_rad.size, dtype=np.intp)
+        for k, sector in enumerate((bearing_rad % (2 * np.pi) // DIRECTION_RAD).astype(np.intp).tolist()):
+            repeats[k] = self._n_from.get((place, sector), 0)
+            self._n_from[place, sector] = int(repeats[k]) + 1
+        return repeats
 
     def bearings(self, rows: Rows | slice, errors: ElementErrors) -> tuple[FloatArray, FloatArray]:
         """World bearings of some pulses with known errors of the array taken out, and their deviation with the rest."""
@@ -164,15 +192,3 @@ def _elevation_db(manifold: GainManifold) -> FloatArray:
     gain = manifold.response_in_space(off_rad, elevation_rad[:, np.newaxis, np.newaxis]).gain
     power = np.square(gain).sum(axis=-1).mean(axis=-1)
     return np.asarray(10 * np.log10(power / power[0]), dtype=np.float64)
-
-
-def thinned(rows: Rows, most: int) -> Rows:
-    """At most so many of some rows, in order and evenly spread; nearly the same ones when a few rows have been added.
-
-    The rows whose numbers, read backwards bit by bit, are the least: the sequence of van der Corput, 1935.
-    """
-    if rows.size <= most:
-        return rows
-    n_bits = int(rows.max()).bit_length()
-    backwards = sum(((rows >> bit) & 1) << (n_bits - 1 - bit) for bit in range(n_bits))
-    return rows[np.sort(np.argpartition(backwards, most)[:most])]
