@@ -65,6 +65,7 @@ class LocatingConfig(Config, frozen=True):
     ghost_observed_s: Count | None = None
     ghost_silent_s: Count | None = None
     ghost_semi_major_m: Metre | None = None
+    least_range_m: Metre | None = None
     merge_m: Metre | None = None
 
     @field_validator("locator")
