@@ -20,7 +20,7 @@ class CredibilityRules:
         misfit_floor: Share of the energy that the far-field model of a perfect array leaves unexplained close by.
     """
 
-    max_std_rad: float = np.radians(4.0)
+    max_std_rad: float = np.radians(12.0)
     misfit_factor: float = 3.0
     misfit_floor: float = 0.05**2
 
