@@ -85,16 +85,20 @@ class ElementSpread(ManifoldPrior):
         pattern: Of what the gain in any one direction differs from the pattern of the data sheet, in units of its
             largest gain; in the plane where the pattern was measured. Other directions differ otherwise, from
             `PATTERN_APART_RAD` on.
+        unexplained: Share of a channel's strength that no model explains: reflections within the gate, its edges, mutual
+            coupling (default assumed). It counts in the joint fix alone, and stays the same for as long as the error of
+            the pose does, so that pulses from nearly one place share it.
     """
 
     gain: float = 0.0
     pointing_rad: float = 0.0
     offset: float = 0.0
     pattern: float = 0.0
+    unexplained: float = 0.02
 
     def __post_init__(self) -> None:
         """Refuse what is no spread."""
-        for name in ("gain", "pointing_rad", "offset", "pattern"):
+        for name in ("gain", "pointing_rad", "offset", "pattern", "unexplained"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
                 raise ValueError(f"`{name}` must be a standard deviation, finite and >= 0, got {value!r}")

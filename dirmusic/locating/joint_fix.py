@@ -24,10 +24,6 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-STRENGTH_FLOOR = 0.02
-"""Assumed share of the strength that the model leaves unexplained in a channel: reflections within the gate, its edges,
-mutual coupling. It stays the same for as long as the pose error does, so pulses from nearly one place share it."""
-
 POSITION_PRIOR_M = 60.0
 """Assumed standard deviation of a source about the places of its detections: it keeps one line of bearings finite."""
 
@@ -237,7 +233,7 @@ def _explained(
     norm_v = np.linalg.norm(usable_v, axis=-1, keepdims=True)
     strengths, variance = usable_v / norm_v, pulses.variance_v2 / norm_v**2
     repeats = _correlated_pulses(pulses.time_s, source, pose_error.correlation_s)
-    floor = STRENGTH_FLOOR**2 * np.square(strengths) * repeats[:, np.newaxis]
+    floor = array.spread.unexplained**2 * np.square(strengths) * repeats[:, np.newaxis]
     if array.spread.pattern > 0.0:
         of_largest = _pattern_variance(pose, source, start_m, array)
         floor += (of_largest * np.square(strengths).max(axis=-1))[:, np.newaxis]

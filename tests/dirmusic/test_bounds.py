@@ -236,6 +236,7 @@ def test_a_channel_of_zeros_becomes_nan_and_is_refused_by_name_not_averaged_in()
         (lambda: source_count(np.eye(6), 5), "n_snapshots"),
         (lambda: source_count(np.full((6, 6), np.nan), 50), "finite"),
         (lambda: ElementSpread(gain=-0.1), "gain"),
+        (lambda: ElementSpread(unexplained=-0.1), "unexplained"),
         (lambda: UniformOffsets(half_width=0.0), "half_width"),
     ],
 )

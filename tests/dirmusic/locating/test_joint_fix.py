@@ -21,24 +21,30 @@ SPREAD = ElementSpread(gain=0.05, pointing_rad=np.radians(2.0))
 NO_POSE_ERROR = PoseError(position_m=0.0, heading_rad=0.0, correlation_s=1.0)
 
 
-def test_ten_times_the_pulses_from_the_same_places_make_the_ellipse_no_smaller_for_what_no_model_explains_stays() -> (
-    None
-):
-    array = ArrayModel(manifold=NOMINAL, positions_m=RING_M, spread=SPREAD)
+def area_m2(times: int, unexplained: float) -> float:
+    """Root of the determinant of the covariance on plan, from some places with so many pulses at each."""
+    spread = replace(SPREAD if unexplained else ElementSpread(), unexplained=unexplained)
+    array = ArrayModel(manifold=NOMINAL, positions_m=RING_M, spread=spread)
     east = np.linspace(-6.0, 6.0, 13)
     pose = np.column_stack([east, np.zeros(13), np.linspace(0.0, 2.0, 13)])
     bearing = np.arctan2(5.0, -east)
     strengths = NOMINAL.gain(bearing - pose[:, 2]).T
     strengths /= np.linalg.norm(strengths, axis=-1, keepdims=True)
+    rows = np.repeat(np.arange(13), times)
+    variance = np.full((rows.size, 6), 1e-10 if unexplained else 1e-6)
+    pulses = PulseBatch.detected(10.0 * rows.astype(np.float64), strengths[rows], variance)
+    fix = locate_jointly(pulses, pose[rows], np.zeros_like(rows), np.array([[0.3, 4.8, 1.5]]), array, NO_POSE_ERROR)
+    return float(np.sqrt(np.linalg.det(fix.covariances_m2[0, :2, :2])))
 
-    def area_m2(times: int) -> float:
-        rows = np.repeat(np.arange(13), times)
-        quiet = np.full((rows.size, 6), 1e-10)
-        pulses = PulseBatch.detected(10.0 * rows.astype(np.float64), strengths[rows], quiet)
-        fix = locate_jointly(pulses, pose[rows], np.zeros_like(rows), np.array([[0.3, 4.8, 1.5]]), array, NO_POSE_ERROR)
-        return float(np.sqrt(np.linalg.det(fix.covariances_m2[0, :2, :2])))
 
-    assert area_m2(10) == pytest.approx(area_m2(1), rel=0.1)
+def test_ten_times_the_pulses_from_the_same_places_make_the_ellipse_no_smaller_for_what_no_model_explains_stays() -> (
+    None
+):
+    assert area_m2(10, 0.02) == pytest.approx(area_m2(1, 0.02), rel=0.1)
+
+
+def test_where_noise_alone_is_left_ten_times_the_pulses_make_a_tenth_of_the_ellipse() -> None:
+    assert area_m2(10, 0.0) == pytest.approx(0.1 * area_m2(1, 0.0), rel=0.02)
 
 
 RNG = np.random.default_rng(5)
