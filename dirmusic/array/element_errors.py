@@ -85,9 +85,9 @@ class ElementSpread(ManifoldPrior):
         pattern: Of what the gain in any one direction differs from the pattern of the data sheet, in units of its
             largest gain; in the plane where the pattern was measured. Other directions differ otherwise, from
             `PATTERN_APART_RAD` on.
-        unexplained: Share of a channel's strength that no model explains: reflections within the gate, its edges, mutual
-            coupling (default assumed). It counts in the joint fix alone, and stays the same for as long as the error of
-            the pose does, so that pulses from nearly one place share it.
+        unexplained: Share of a channel's strength that no model explains: reflections within the gate, its edges,
+            mutual coupling (default assumed). It counts in the joint fix alone, and stays the same for as long as the
+            error of the pose does, so that pulses from nearly one place share it.
     """
 
     gain: float = 0.0

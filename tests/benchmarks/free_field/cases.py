@@ -1,0 +1,184 @@
+"""Cases in the free field: a robot drives once round discharges in a yard with nothing in it, and listens.
+
+Pulses are made by the shipped nature, array, receiver and pose sensor; what is drawn is drawn from the seed alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dirmusic import ArrayModel, ElementSpread, PoseError, PulseBatch
+from envs import Scenario, load_scenario
+from envs.core.episode import Episode
+from envs.core.generators import Generators
+from envs.core.motion import SensorParameters, add_pose_error
+from envs.core.own_estimator import make_estimator
+from envs.core.simulation import STEP_S
+from envs.known_array import known_array
+from envs.yard_surroundings import surroundings_of
+from robot_models.yard.yard import Yard
+from sensing import HelicalArray, Surroundings, level_transform
+from sensing.receiver.bank import ReceiverBank
+from sensing.receiver.receiver import Listener
+
+FloatArray = NDArray[np.float64]
+
+SPEED_MPS = 0.8
+HEIGHTS_M = 0.8, 3.2
+LEAST_RANGE_M, MOST_RANGE_M = 5.0, 10.0
+SOURCES_WITHIN_M, LEAST_APART_M = 5.0, 3.0
+"""Several sources lie so near the middle of the loop, and no nearer to each other."""
+
+FENCE_M = load_scenario("one_source").yard.size_m
+
+
+class Case(NamedTuple):
+    """One drive.
+
+    Attributes:
+        sources_m: Where the sources are, shape (n_sources, 3), world frame.
+        real: The array as it was built.
+        array: What the robot knows of it.
+        pose_error: What the robot knows of its pose sensor.
+        true_pose: x m, y m, yaw rad at each control step, world frame, shape (n_steps, 3).
+        pose: The same as the pose sensor has it, shape (n_steps, 3).
+        pulses: All detected pulses with their directions, by time.
+        step: Control step of each pulse, shape (n_pulses,).
+    """
+
+    sources_m: FloatArray
+    real: HelicalArray
+    array: ArrayModel
+    pose_error: PoseError
+    true_pose: FloatArray
+    pose: FloatArray
+    pulses: PulseBatch
+    step: NDArray[np.intp]
+
+
+def draw_case(seed: int, n_sources: int = 1, *, is_exact: bool = False) -> Case:
+    """A drive of a seed.
+
+    Args:
+        seed: Fixes all that is drawn.
+        n_sources: How many sources discharge: one in the middle of the loop, 5 to 10 m from it, or several about there.
+        is_exact: Whether array and poses are without error, and there is no ground: what is left is noise.
+    """
+    scenario = empty_yard(n_sources, is_exact)
+    surroundings = Surroundings.free_space() if is_exact else surroundings_of(scenario.yard)
+    generators = Generators.spawn(np.random.default_rng(seed))
+    sources_m, loop = _draw_places(scenario.yard.size_m, n_sources, generators.policy)
+    names = [source.name for source in scenario.sources]
+    fixed = {"sources": dict(zip(names, sources_m, strict=True))}
+    episode = Episode.draw(scenario, surroundings, generators, fixed)
+    array = known_array(scenario)
+    if is_exact:
+        array = replace(array, spread=ElementSpread(unexplained=0.0))
+    bank = ReceiverBank(
+        scenario.receiver,
+        [
+            Listener(
+                array=episode.array,
+                scene=episode.scene,
+                nature_rng=generators.nature,
+                receiver_rng=generators.receiver,
+            )
+        ],
+    )
+    batches = [
+        bank.listen(level_transform(pose)[np.newaxis], np.array([STEP_S * k]), STEP_S).pulses
+        for k, pose in enumerate(loop)
+    ]
+    pulses = PulseBatch.join(batches)
+    return Case(
+        sources_m=sources_m,
+        real=episode.array,
+        array=array,
+        pose_error=scenario.pose_sensor.pose_error,
+        true_pose=loop,
+        pose=_believed(loop, scenario, generators.motion),
+        pulses=make_estimator(scenario.estimator.method, array)(pulses, array).attached_to(pulses),
+        step=np.repeat(np.arange(len(loop)), [batch.n_pulses for batch in batches]),
+    )
+
+
+@lru_cache
+def empty_yard(n_sources: int, is_exact: bool) -> Scenario:
+    """The shipped scenario of one source without its equipment, with so many such sources."""
+    shipped = load_scenario("one_source")
+    source = shipped.sources[0].model_copy(update={"sites": (), "anywhere_at_m": 1.0})
+    exact_array = {"gain_error": 0.0, "pointing_error_deg": 0.0, "position_error_m": 0.0}
+    exact_pose = {"position_std_m": 0.0, "heading_std_deg": 0.0}
+    return shipped.model_copy(
+        update={
+            "yard": Yard(size_m=shipped.yard.size_m),
+            "sources": tuple(source.model_copy(update={"name": f"source_{k}"}) for k in range(n_sources)),
+            "array": shipped.array.model_copy(update=exact_array if is_exact else {}),
+            "pose_sensor": shipped.pose_sensor.model_copy(update=exact_pose if is_exact else {}),
+        }
+    )
+
+
+def with_wild_bearings(case: Case, share: float, seed: int) -> Case:
+    """The case with some of its pulses, of a share, replaced by plane waves as strong from directions drawn anew."""
+    rng, pulses = np.random.default_rng(seed), case.pulses
+    wild = np.flatnonzero(rng.random(pulses.n_pulses) < share)
+    gain = case.real.manifold().gain(rng.uniform(-np.pi, np.pi, wild.size)).T
+    level_v = np.linalg.norm(pulses.strengths_v[wild], axis=-1) / np.linalg.norm(gain, axis=-1)
+    noise_v = np.sqrt(pulses.variance_v2[wild]) * rng.standard_normal(gain.shape)
+    strengths_v = pulses.strengths_v.copy()
+    strengths_v[wild] = np.abs(level_v[:, np.newaxis] * gain + noise_v)
+    changed = pulses._replace(strengths_v=strengths_v)
+    estimator = make_estimator("maximum_likelihood", case.array)
+    return case._replace(pulses=estimator(changed, case.array).attached_to(changed))
+
+
+def _draw_places(
+    size_m: tuple[float, float], n_sources: int, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Sources (n_sources, 3), and the poses (n_steps, 3) of a loop round them that begins anywhere on it."""
+    margin_m = MOST_RANGE_M
+    centre_m = np.array([rng.uniform(margin_m, length_m - margin_m) for length_m in size_m])
+    angle = np.linspace(0.0, 2.0 * np.pi, 3600, endpoint=False)
+    half_m = 0.5 * (MOST_RANGE_M - LEAST_RANGE_M)
+    first_m = rng.uniform(-half_m, half_m)
+    second_m = rng.uniform(-1.0, 1.0) * (half_m - abs(first_m))
+    start, turn, direction = rng.uniform(-np.pi, np.pi), rng.uniform(-np.pi, np.pi), rng.choice((-1.0, 1.0))
+    range_m = LEAST_RANGE_M + half_m + first_m * np.cos(angle - turn) + second_m * np.cos(2.0 * angle)
+    around = start + direction * angle
+    way_m = centre_m + range_m[:, np.newaxis] * np.column_stack([np.cos(around), np.sin(around)])
+    plan_m = centre_m[np.newaxis]
+    while n_sources > 1:
+        from_centre_m = SOURCES_WITHIN_M * np.sqrt(rng.random(n_sources))
+        towards = rng.uniform(-np.pi, np.pi, n_sources)
+        plan_m = centre_m + from_centre_m[:, np.newaxis] * np.column_stack([np.cos(towards), np.sin(towards)])
+        apart_m = np.linalg.norm(plan_m[:, np.newaxis] - plan_m, axis=-1) + 100.0 * np.eye(n_sources)
+        if apart_m.min() >= LEAST_APART_M:
+            break
+    sources_m = np.column_stack([plan_m, rng.uniform(*HEIGHTS_M, n_sources)])
+    return sources_m, _driven(way_m)
+
+
+def _driven(way_m: FloatArray) -> FloatArray:
+    """Poses (n_steps, 3) at each control step on a closed way (n, 2), heading along it."""
+    closed_m = np.concatenate([way_m, way_m[:1]])
+    along_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(closed_m, axis=0), axis=-1))])
+    at_m = np.arange(0.0, along_m[-1], SPEED_MPS * STEP_S)
+    ahead = (np.interp(at_m + 1e-2, along_m, axis) - np.interp(at_m, along_m, axis) for axis in closed_m.T)
+    x, y = (np.interp(at_m, along_m, axis) for axis in closed_m.T)
+    by_x, by_y = ahead
+    return np.column_stack([x, y, np.arctan2(by_y, by_x)])
+
+
+def _believed(true_pose: FloatArray, scenario: Scenario, rng: np.random.Generator) -> FloatArray:
+    """Poses (n_steps, 3) as the pose sensor has them."""
+    sensors = SensorParameters.of(scenario.pose_sensor, scenario.odometry, scenario.battery, STEP_S)
+    pose, error = np.empty_like(true_pose), np.full(3, np.nan)
+    for k, normal in enumerate(rng.standard_normal(true_pose.shape)):
+        add_pose_error(true_pose[k], error, sensors.pose_kept, sensors.pose_std, normal, pose[k])
+    return pose

@@ -1,0 +1,117 @@
+"""What the Locator makes of cases in the free field, beside the truth and the Cramer-Rao bound."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dirmusic import Finding, Locator
+from dirmusic.locating.credibility import is_credible
+from dirmusic.locating.ellipse import is_inside95
+from dirmusic.locating.joint_fix import HEIGHT_PRIOR_M
+from dirmusic.locating.rules import LocatingRules
+from envs.core.simulation import STEP_S
+from missions.record.scoring import evaluate
+from tests.benchmarks.free_field.cases import FENCE_M, Case
+
+FloatArray = NDArray[np.float64]
+
+NUDGE_M = 1e-4
+"""Step of the differences that the bound is made of."""
+
+
+class Fixes(NamedTuple):
+    """Of the finding with the most pulses in each case; NaN where there is none.
+
+    Attributes:
+        miss_m: Distance from the truth on plan, shape (n_cases,).
+        is_inside: Whether the truth lies within its 95 % ellipse, shape (n_cases,).
+        n_false: Confirmed findings beyond one, shape (n_cases,).
+    """
+
+    miss_m: FloatArray
+    is_inside: NDArray[np.bool_]
+    n_false: NDArray[np.intp]
+
+
+def credible(case: Case, rules: LocatingRules) -> NDArray[np.bool_]:
+    """Which pulses the Locator is given, shape (n_pulses,)."""
+    pulses = case.pulses
+    return is_credible(pulses, case.array, np.zeros(pulses.n_pulses), rules.credibility)
+
+
+def locate(case: Case, rules: LocatingRules | None = None) -> tuple[Finding, ...]:
+    """All findings after the drive: the Locator is given the pulses of a control step at a time."""
+    rules = rules or LocatingRules()
+    locator = Locator(case.array, case.pose_error, fence_m=FENCE_M, rules=rules)
+    chosen = np.flatnonzero(credible(case, rules))
+    ends = np.searchsorted(case.step[chosen], np.arange(len(case.pose)), side="right")
+    for k, own in enumerate(np.split(chosen, ends[:-1])):
+        locator.update(STEP_S * (k + 1), case.pose[k], case.pulses.take(own))
+    return locator.refit(STEP_S * len(case.pose))
+
+
+def fixes(cases: list[tuple[Case, tuple[Finding, ...]]]) -> Fixes:
+    """How cases of one source ended."""
+    miss_m, is_inside, n_false = [], [], []
+    for case, findings in cases:
+        best = max(findings, key=lambda finding: finding.n_bearings, default=None)
+        miss = np.full(2, np.nan) if best is None else best.position_m[:2] - case.sources_m[0, :2]
+        miss_m.append(np.linalg.norm(miss))
+        is_inside.append(best is not None and is_inside95(miss, best.covariance_m2[:2, :2]))
+        n_false.append(max(len(confirmed(findings)) - 1, 0))
+    return Fixes(np.array(miss_m), np.array(is_inside), np.array(n_false))
+
+
+def confirmed(findings: tuple[Finding, ...]) -> list[Finding]:
+    """Those that a user is told of."""
+    return [finding for finding in findings if finding.state == "confirmed"]
+
+
+def ospa_m(case: Case, findings: tuple[Finding, ...]) -> float:
+    """Distance between confirmed findings and sources as sets, with a cut-off of 2 m."""
+    found = [
+        {"id": f.id, "position_m": f.position_m.tolist(), "covariance_m2": f.covariance_m2.tolist()}
+        for f in confirmed(findings)
+    ]
+    return float(evaluate(found, [{"name": "", "position_m": place.tolist()} for place in case.sources_m])["ospa_m"])
+
+
+def position_bound(case: Case) -> FloatArray:
+    r"""Cramer-Rao bound of the position from all pulses of a case of one source, for an array that is known.
+
+    The information of pulses k with strengths :math:`\alpha_k h_k(p)`, their amplitudes unknown, in noise of covariance
+    :math:`\Sigma_k`, with what is believed of the height:
+
+    .. math:: F = \sum_k D_k^T (I - u_k u_k^T) D_k + \mathrm{diag}(0, 0, \sigma_z^{-2}),
+        \quad D_k = \Sigma_k^{-1/2} \alpha_k \partial h_k / \partial p, \quad u_k \propto \Sigma_k^{-1/2} h_k
+
+    Returns:
+        Covariance on plan, shape (2, 2), square metres.
+    """
+    weight = 1.0 / np.sqrt(case.pulses.variance_v2)
+    towards = weight * _gains(case, case.sources_m[0])
+    amplitude = (case.pulses.strengths_v * weight * towards).sum(axis=-1) / np.square(towards).sum(axis=-1)
+    slopes = [
+        weight * (_gains(case, case.sources_m[0] + nudge) - _gains(case, case.sources_m[0] - nudge)) / (2.0 * NUDGE_M)
+        for nudge in NUDGE_M * np.eye(3)
+    ]
+    slope = amplitude[:, np.newaxis, np.newaxis] * np.stack(slopes, axis=-1)
+    unit = towards / np.linalg.norm(towards, axis=-1, keepdims=True)
+    slope -= unit[:, :, np.newaxis] * np.einsum("ne,nei->ni", unit, slope)[:, np.newaxis]
+    information = np.einsum("nei,nej->ij", slope, slope) + np.diag([0.0, 0.0, HEIGHT_PRIOR_M[1] ** -2])
+    return np.linalg.inv(information)[:2, :2].astype(np.float64)
+
+
+def _gains(case: Case, source_m: FloatArray) -> FloatArray:
+    """Gain over range in each element, from where each pulse was really detected, shape (n_pulses, n_elements)."""
+    pose, elements_m = case.true_pose[case.step], case.real.positions_m
+    cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
+    east, north = (source_m[:2] - pose[:, :2]).T
+    forward = (cos * east + sin * north)[:, np.newaxis] - elements_m[:, 0]
+    left = (cos * north - sin * east)[:, np.newaxis] - elements_m[:, 1]
+    up = np.broadcast_to(source_m[2] - elements_m[:, 2], forward.shape)
+    plan = np.hypot(forward, left)
+    return case.real.gain(np.arctan2(left, forward), np.arctan2(up, plan)) / np.hypot(plan, up)

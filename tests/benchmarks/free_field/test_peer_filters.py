@@ -1,0 +1,59 @@
+"""Positions from bearings beside Stone Soup's filters: `uv run --group peers pytest -m benchmark -n 0 -s`."""
+
+import numpy as np
+import pytest
+
+from dirmusic.array.element_errors import ElementErrors
+from dirmusic.locating.association.pulse_record import PulseRecord
+from dirmusic.locating.rules import LocatingRules
+from dirmusic.locating.triangulation import triangulate
+from envs.core.simulation import STEP_S
+from tests.benchmarks.free_field.cases import FENCE_M, Case, draw_case
+from tests.benchmarks.free_field.figures import credible, fixes, locate
+from tests.benchmarks.free_field.peer_filters import SightLines, crossing, peer_fixes
+
+BEARINGS = LocatingRules(fix="bearings")
+N_CASES = 40
+
+
+def sight_lines(case: Case) -> SightLines:
+    """The credible bearings of a case, with the deviations that the Locator takes them to have."""
+    rows = np.flatnonzero(credible(case, BEARINGS))
+    record = PulseRecord(case.array, case.pose_error, None)
+    for step in np.unique(case.step[rows]):
+        record.add(STEP_S * float(step), case.pose[step], case.pulses.take(rows[case.step[rows] == step]))
+    bearing_rad, std_rad = record.bearings(np.arange(rows.size), ElementErrors.none(case.array.manifold.n_elements))
+    return SightLines(record.pulses.time_s, record.pose[:, :2], bearing_rad, std_rad)
+
+
+def miss_m(case: Case, place_m: np.ndarray) -> float:
+    return float(np.linalg.norm(place_m - case.sources_m[0, :2]))
+
+
+def test_the_first_line_of_sight_crosses_another_at_the_source() -> None:
+    source_m, from_m = np.array([7.0, 5.0]), np.array([[0.0, 0.0], [3.0, 0.0], [9.0, 1.0]])
+    sight_m = source_m - from_m
+    lines = SightLines(np.arange(3.0), from_m, np.arctan2(sight_m[:, 1], sight_m[:, 0]), np.full(3, 0.1))
+    np.testing.assert_allclose(crossing(lines), source_m)
+
+
+@pytest.mark.benchmark
+def test_positions_from_bearings_are_no_worse_than_those_of_the_best_filter_of_a_peer() -> None:
+    theirs: dict[str, list[float]] = {}
+    ours: dict[str, list[float]] = {"Locator, joint fix": [], "Locator, bearings alone": [], "triangulate": []}
+    for seed in range(N_CASES):
+        case = draw_case(seed)
+        lines = sight_lines(case)
+        for name, place_m in peer_fixes(lines, FENCE_M).items():
+            theirs.setdefault(name, []).append(miss_m(case, place_m))
+        for name, rules in (("Locator, joint fix", LocatingRules()), ("Locator, bearings alone", BEARINGS)):
+            ours[name].append(float(fixes([(case, locate(case, rules))]).miss_m[0]))
+        crossed = triangulate(lines.from_m, lines.bearing_rad, lines.std_rad)
+        ours["triangulate"].append(miss_m(case, crossed.position_m))
+    medians = {name: float(np.median(of_cases)) for name, of_cases in (ours | theirs).items()}
+    best = min(theirs, key=lambda name: medians[name])
+    print(f"\n{N_CASES} cases, the same bearings; median error, and over that of Stone Soup's best, {best}")
+    for name, median_m in medians.items():
+        print(f"{name:28} {median_m:.3f} m  {median_m / medians[best]:.2f}")
+    assert medians["Locator, bearings alone"] <= medians[best]
+    assert medians["Locator, joint fix"] <= medians[best]
