@@ -19,7 +19,7 @@ N_CASES = 40
 def sight_lines(case: Case) -> SightLines:
     """The credible bearings of a case, with the deviations that the Locator takes them to have."""
     rows = np.flatnonzero(credible(case, BEARINGS))
-    record = PulseRecord(case.array, case.pose_error, None)
+    record = PulseRecord(case.array, case.pose_error, None, BEARINGS.assignment)
     for step in np.unique(case.step[rows]):
         record.add(STEP_S * float(step), case.pose[step], case.pulses.take(rows[case.step[rows] == step]))
     bearing_rad, std_rad = record.bearings(np.arange(rows.size), ElementErrors.none(case.array.manifold.n_elements))
