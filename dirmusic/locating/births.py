@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dirmusic.angles import difference
 from dirmusic.array.element_errors import ElementErrors
 from dirmusic.locating.association.assignment import NoOwner
-from dirmusic.locating.association.pulse_record import PulseRecord, Rows
+from dirmusic.locating.association.pulse_record import PulseRecord, Rows, evenly
 from dirmusic.locating.finding import Finding
 from dirmusic.locating.joint_fix import with_height_covariance
 from dirmusic.locating.rules import LocatingRules
@@ -73,7 +73,7 @@ def find_birth(
     is_near = np.abs(difference(bearing[:, np.newaxis], bearing)) < rules.birth_arc_rad
     rows = recent[is_near[is_near.sum(axis=0).argmax()]]
     if rows.size < rules.birth_pulses and rules.birth_by_crossing:
-        rows = _crossing_rows(record, record.thinned(recent, rules.max_pulses), errors)
+        rows = _crossing_rows(record, evenly(recent, rules.max_pulses), errors)
     if rows.size < rules.birth_pulses:
         return None
     position_m, covariance_m2 = record.crossing(rows, errors)

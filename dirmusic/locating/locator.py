@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dirmusic.array.element_errors import ElementErrors
 from dirmusic.array.model import ArrayModel
 from dirmusic.locating.association.assignment import Assigner, Assignment
-from dirmusic.locating.association.pulse_record import PulseRecord, Rows
+from dirmusic.locating.association.pulse_record import PulseRecord, Rows, evenly
 from dirmusic.locating.association.sight_lines import Sight
 from dirmusic.locating.bearing_fix import locate_by_bearings
 from dirmusic.locating.births import find_birth
@@ -135,11 +135,9 @@ class Locator:
             own = np.flatnonzero(assignment.owner == k)
             seen = own[assignment.in_sight[own]]
             if seen.size >= self.rules.birth_pulses:
-                chosen[k] = self._record.thinned(seen, self.rules.max_pulses)
+                chosen[k] = seen
             elif own.size >= self.rules.birth_pulses and finding.state != "confirmed":
-                position, covariance = self._record.crossing(
-                    self._record.thinned(own, self.rules.max_pulses), self._errors
-                )
+                position, covariance = self._record.crossing(evenly(own, self.rules.max_pulses), self._errors)
                 if np.isfinite(covariance).all():
                     moved[k] = replace(finding, position_m=position, covariance_m2=covariance)
         if not chosen:
@@ -155,11 +153,11 @@ class Locator:
     def _locate(self, chosen: dict[int, Rows]) -> JointFix:
         """Fit some of the findings, each by the chosen rows of its pulses, as the rules say."""
         locate = locate_jointly if self.rules.fix == "joint" else locate_by_bearings
-        rows = np.concatenate(list(chosen.values()))
+        pulses, poses = zip(*(self._record.pooled(own, self.rules.max_pulses) for own in chosen.values()), strict=True)
         return locate(
-            self._record.pulses.take(rows),
-            self._record.pose[rows],
-            np.repeat(np.arange(len(chosen)), [own.size for own in chosen.values()]),
+            PulseBatch.join(pulses),
+            np.concatenate(poses),
+            np.repeat(np.arange(len(chosen)), [len(pose) for pose in poses]),
             np.array([self._start(self.findings[k], own) for k, own in chosen.items()]),
             self.array,
             self.pose_error,
@@ -169,7 +167,7 @@ class Locator:
         """Where the joint fit starts: the last position, or a fresh one while that is not worth much."""
         if finding.semi_major_m < 2 * self.rules.merge_m:
             return finding.position_m
-        return self._record.rough_crossing(rows, self._errors)
+        return self._record.rough_crossing(evenly(rows, self.rules.max_pulses), self._errors)
 
     def _merged(self, moved: Sequence[Finding]) -> list[Finding]:
         """Findings that are not nearer than `merge_m` to one with a lower id."""

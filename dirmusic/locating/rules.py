@@ -84,7 +84,7 @@ class LocatingRules:
         birth_by_crossing: Whether so many pulses whose lines of sight cross at one place make a candidate too: for data
             from the field, a pulse or two from each pose. Two sources have ghosts where their lines cross.
         refit_s: Time between fits.
-        max_pulses: Pulses of one finding that a fit uses, evenly chosen; the array limits, not the noise.
+        max_pulses: Pulses of one finding that a fit uses, each pooled of those of one place, heading and direction.
         confirm_aperture_rad: Lines of sight must spread over this angle: one line of bearings is no fix.
         confirm_semi_major_m: The 95 % ellipse must be no longer than this to confirm.
         confirm_range_m: The finding must have been detected from within this distance on plan; that it is known well
@@ -113,7 +113,7 @@ class LocatingRules:
     birth_arc_rad: float = np.radians(8.0)
     birth_by_crossing: bool = False
     refit_s: float = 1.0
-    max_pulses: int = 160
+    max_pulses: int = 120
     confirm_aperture_rad: float = np.radians(60.0)
     confirm_semi_major_m: float = 0.5
     confirm_range_m: float = 8.0
@@ -123,5 +123,5 @@ class LocatingRules:
     ghost_observed_s: int = 5
     ghost_silent_s: int = 15
     ghost_semi_major_m: float = 2.0
-    least_range_m: float = 0.4
+    least_range_m: float = 0.5
     merge_m: float = 1.0

@@ -32,6 +32,9 @@ LONGEST_WAY_M = 15.0
 START_S = 3.0
 """What turning and starting takes (assumed)."""
 
+KNOWN_M = 0.5
+"""A candidate whose 95 % ellipse is no longer than this needs another side, not a smaller deviation (assumed)."""
+
 LEAST_GAIN_MPS = 0.003
 """A view that shrinks the deviation by less in a second is none (assumed)."""
 
@@ -40,7 +43,12 @@ class Active(Seek):
     """As `Seek`, with views that are worth most."""
 
     def viewpoint(self, target: Finding, paths: ShortestPaths, site_map: SiteMap) -> FloatArray | None:
-        """The place, by the way to which most of the candidate's deviation is expected to go per second."""
+        """The place, by the way to which most of the candidate's deviation is expected to go per second.
+
+        For a candidate that is known well, and still is none that may be confirmed, a new side of it.
+        """
+        if target.semi_major_m <= KNOWN_M:
+            return super().viewpoint(target, paths, site_map)
         cells = np.flatnonzero(paths.length_m < LONGEST_WAY_M)
         information = np.zeros((len(site_map.centres_m), 3, 3))
         information[cells] = expected_information(site_map.centres_m[cells], target, site_map)

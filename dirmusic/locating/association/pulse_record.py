@@ -13,6 +13,7 @@ from dirmusic.array.model import ArrayModel
 from dirmusic.locating.association.bearing_errors import BearingErrors
 from dirmusic.locating.association.growing_columns import GrowingColumns
 from dirmusic.locating.association.local_levels import LocalLevels
+from dirmusic.locating.association.pooling import pooled
 from dirmusic.locating.association.sight_lines import Sight, SightLines
 from dirmusic.locating.joint_fix import PoseError, with_height, with_height_covariance
 from dirmusic.locating.rules import AssignmentRules
@@ -28,6 +29,15 @@ margin that is left to edges."""
 
 DIRECTION_RAD = np.radians(10.0)
 """Width of the sectors of the world that count as one direction (assumed): a few deviations of a bearing."""
+
+HEADING_RAD = np.radians(5.0)
+"""Width of the headings that count as one (assumed): gains are straight lines over so much."""
+
+LEAST_CORRELATION_S = 1.0
+"""Poses are taken to err alike for so long at least (assumed): in less the robot gets to another place."""
+
+MOST_POOLED = 32
+"""Further pulses of one group are not worth their time (assumed): what they have in common limits, not the noise."""
 
 LEAST_RANGE_M = 0.3
 """Shorter ranges on plan count as this one (assumed): so close by, a pose error alone turns the line of sight round."""
@@ -86,32 +96,20 @@ class PulseRecord:
         self.aperture_m = float(np.linalg.norm(array.positions_m[:, :2], axis=-1).max())
         self.sight = SightLines(sight)
         self._std_rad: FloatArray = np.empty(0)
+        self._group: Rows = np.empty(0, dtype=np.intp)
         self._repeat: Rows = np.empty(0, dtype=np.intp)
-        self._columns = GrowingColumns([self.pose, self.place, self._repeat, self._std_rad, *self.pulses])
+        self._columns = GrowingColumns([self.pose, self.place, self._group, self._repeat, self._std_rad, *self.pulses])
         self._levels = LocalLevels(rules)
         self._bearing_errors = BearingErrors(array)
         self._cells: dict[tuple[int, int], int] = {}
-        self._n_from: dict[tuple[int, int], int] = {}
+        self._groups: dict[tuple[int, int, int, int], int] = {}
+        self._n_in_group: list[int] = []
         self._elevation_db = _elevation_db(array.manifold)
 
     @property
     def n_settled(self) -> int:
         """So many of the first pulses are measured as they were when they were last asked for; see `LocalLevels`."""
         return self._levels.n_settled
-
-    def thinned(self, rows: Rows, most: int) -> Rows:
-        """At most so many of some rows, in order: pulses from as many places and directions as there are.
-
-        Of those from one place and direction the first come first, for what the array and the pose are off by is the
-        same in all. Within that the rows are evenly spread, by the least of their numbers read backwards bit by bit
-        (the sequence of van der Corput, 1935): nearly the same ones when a few rows have been added.
-        """
-        if rows.size <= most:
-            return rows
-        n_bits = int(rows.max()).bit_length()
-        backwards = sum(((rows >> bit) & 1) << (n_bits - 1 - bit) for bit in range(n_bits))
-        order = (self._repeat[rows] << n_bits) + backwards
-        return rows[np.sort(np.argpartition(order, most)[:most])]
 
     def add(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> None:
         """Add credible pulses that were detected at one pose (3,), none or more; they get the time of the pose."""
@@ -124,11 +122,11 @@ class PulseRecord:
         pulses = pulses.without_bands()._replace(time_s=np.full(n, time_s))
         variance = pulses.std_rad**2 + self._bearing_errors.std(pulses.azimuth_rad) ** 2
         std_rad = np.sqrt(variance + self.pose_error.heading_rad**2)
-        repeat = self._repeats(place, pulses.azimuth_rad + pose[2])
-        self._columns.extend([np.tile(pose, (n, 1)), np.full(n, place), repeat, std_rad, *pulses])
+        group, repeat = self._grouped(time_s, place, float(pose[2]), pulses.azimuth_rad)
+        self._columns.extend([np.tile(pose, (n, 1)), np.full(n, place), group, repeat, std_rad, *pulses])
         columns = self._columns.columns()
-        self.pose, self.place, self._repeat, self._std_rad = columns[:4]
-        self.pulses = PulseBatch(*columns[4:])
+        self.pose, self.place, self._group, self._repeat, self._std_rad = columns[:5]
+        self.pulses = PulseBatch(*columns[5:])
         norm_v = np.linalg.norm(pulses.strengths_v * pulses.is_usable, axis=-1)
         self._levels.add(time_s, pulses.azimuth_rad + pose[2], 20 * np.log10(norm_v))
 
@@ -140,13 +138,31 @@ class PulseRecord:
             self.places_m = np.concatenate([self.places_m, [[pose[0], pose[1], self.array.height_m]]])
         return self._cells[cell]
 
-    def _repeats(self, place: int, bearing_rad: FloatArray) -> Rows:
-        """How many earlier pulses came from the place and direction of each pulse of one step, shape (n,)."""
-        repeats = np.empty(bearing_rad.size, dtype=np.intp)
-        for k, sector in enumerate((bearing_rad % (2 * np.pi) // DIRECTION_RAD).astype(np.intp).tolist()):
-            repeats[k] = self._n_from.get((place, sector), 0)
-            self._n_from[place, sector] = int(repeats[k]) + 1
-        return repeats
+    def _grouped(self, time_s: float, place: int, yaw_rad: float, azimuth_rad: FloatArray) -> tuple[Rows, Rows]:
+        """The group of each pulse of one step, and how many were in it before, both of shape (n,).
+
+        The pulses of a group came from one place, heading and direction, within the time in which poses err alike.
+        """
+        window = int(time_s // max(self.pose_error.correlation_s, LEAST_CORRELATION_S))
+        heading = int(yaw_rad // HEADING_RAD)
+        group, repeat = np.empty((2, azimuth_rad.size), dtype=np.intp)
+        for k, sector in enumerate(((azimuth_rad + yaw_rad) % (2 * np.pi) // DIRECTION_RAD).astype(np.intp).tolist()):
+            number = self._groups.setdefault((window, place, heading, sector), len(self._groups))
+            if number == len(self._n_in_group):
+                self._n_in_group.append(0)
+            group[k], repeat[k] = number, self._n_in_group[number]
+            self._n_in_group[number] += 1
+        return group, repeat
+
+    def pooled(self, rows: Rows, most: int) -> tuple[PulseBatch, FloatArray]:
+        """Some pulses, pooled by place, heading and direction, and their poses; at most so many, evenly chosen.
+
+        Nearly the same ones when a few rows have been added.
+        """
+        rows = rows[self._repeat[rows] < MOST_POOLED]
+        groups = np.flatnonzero(np.bincount(self._group[rows]))
+        rows = rows[np.isin(self._group[rows], evenly(groups, most))]
+        return pooled(self.pulses.take(rows), self.pose[rows], self._group[rows])
 
     def bearings(self, rows: Rows | slice, errors: ElementErrors) -> tuple[FloatArray, FloatArray]:
         """World bearings of some pulses with known errors of the array taken out, and their deviation with the rest."""
@@ -192,3 +208,15 @@ def _elevation_db(manifold: GainManifold) -> FloatArray:
     gain = manifold.response_in_space(off_rad, elevation_rad[:, np.newaxis, np.newaxis]).gain
     power = np.square(gain).sum(axis=-1).mean(axis=-1)
     return np.asarray(10 * np.log10(power / power[0]), dtype=np.float64)
+
+
+def evenly(numbers: Rows, most: int) -> Rows:
+    """At most so many of some numbers (n,), evenly spread; nearly the same ones when a few have been added.
+
+    The least when read backwards bit by bit: the sequence of van der Corput, 1935.
+    """
+    if numbers.size <= most:
+        return numbers
+    n_bits = int(numbers.max()).bit_length()
+    backwards = sum(((numbers >> bit) & 1) << (n_bits - 1 - bit) for bit in range(n_bits))
+    return numbers[np.sort(np.argpartition(backwards, most)[:most])]

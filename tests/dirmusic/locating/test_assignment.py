@@ -127,28 +127,3 @@ def test_pulses_are_assigned_anew_by_a_finding_that_has_moved_changed_its_state_
     assert (assigner.assign([finding(8.0, 0.0)], NO_ERRORS).owner == 0).all()
     turned = ElementErrors(gain=np.zeros(6), pointing_rad=np.full(6, np.radians(30.0)), offset=np.zeros(6))
     assert (assigner.assign([finding(8.0, 0.0)], turned).owner == UNASSIGNED).all()
-
-
-def record_of(poses: np.ndarray) -> PulseRecord:
-    """A pulse from straight ahead at each pose (n, 3)."""
-    record = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
-    for number, pose in enumerate(poses):
-        record.add(0.1 * number, pose, pulses_from(np.zeros(1), 1.0))
-    return record
-
-
-@pytest.mark.parametrize("n", [10, 160, 161, 2000])
-def test_thinned_rows_are_spread_evenly_and_stay_when_a_few_are_added(n: int) -> None:
-    record = record_of(np.zeros((n + 5, 3)))
-    chosen = record.thinned(np.arange(n), 160)
-    assert chosen.size == min(n, 160)
-    assert (np.diff(chosen) > 0).all()
-    assert np.isin(record.thinned(np.arange(n + 5), 160), chosen).sum() >= chosen.size - 5
-
-
-def test_thinned_rows_are_of_as_many_places_and_directions_as_there_are() -> None:
-    poses = np.zeros((1000, 3))
-    poses[::100, 0] = np.arange(10)
-    poses[50::100, 2] = np.radians(20.0) * np.arange(10)
-    chosen = poses[record_of(poses).thinned(np.arange(1000), 30)]
-    assert np.unique(chosen, axis=0).shape == np.unique(poses, axis=0).shape

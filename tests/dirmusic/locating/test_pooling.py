@@ -1,0 +1,86 @@
+"""Pulses from one place and direction, pooled: what noise leaves of them, and which ones there are."""
+
+import numpy as np
+import pytest
+
+from dirmusic import ArrayModel, GainManifold
+from dirmusic.array.element_errors import ElementSpread
+from dirmusic.locating.association.pooling import pooled
+from dirmusic.locating.association.pulse_record import PulseRecord, evenly
+from dirmusic.locating.joint_fix import PoseError
+from dirmusic.locating.rules import AssignmentRules
+from dirmusic.pulses.batch import PulseBatch
+
+RING = GainManifold.ring(6)
+ARRAY = ArrayModel(manifold=RING, positions_m=np.zeros((6, 3)), spread=ElementSpread())
+POSE_ERROR = PoseError(position_m=0.05, heading_rad=np.radians(0.5), correlation_s=5.0)
+
+
+def noisy_pulses(azimuth_rad: np.ndarray, noise_v: float, rng: np.random.Generator) -> PulseBatch:
+    """Pulses of amplitudes from 0.5 to 2 V, from azimuths (n,), with the same noise in all channels."""
+    amplitude_v = rng.uniform(0.5, 2.0, azimuth_rad.size)
+    strengths_v = amplitude_v[:, np.newaxis] * RING.gain(azimuth_rad).T
+    strengths_v = strengths_v + rng.normal(0.0, noise_v, strengths_v.shape)
+    pulses = PulseBatch.detected(np.zeros(azimuth_rad.size), strengths_v, np.full(strengths_v.shape, noise_v**2))
+    return pulses._replace(azimuth_rad=azimuth_rad, std_rad=noise_v / amplitude_v)
+
+
+def test_a_pooled_pulse_has_the_shares_of_its_pulses_and_the_noise_that_is_told() -> None:
+    rng = np.random.default_rng(3)
+    azimuth_rad, n_groups = np.full(20 * 2000, 0.7), 2000
+    group = np.repeat(np.arange(n_groups), 20)
+    one_each, pose = pooled(noisy_pulses(azimuth_rad, 0.02, rng), np.zeros((group.size, 3)), group)
+    assert one_each.n_pulses == len(pose) == n_groups
+    shares = RING.gain(np.array([0.7]))[:, 0]
+    shares = shares / np.linalg.norm(shares)
+    off = one_each.strengths_v - shares
+    across = off - np.outer(off @ shares, shares)
+    told = one_each.variance_v2.mean() * 5.0
+    assert np.square(across).sum(axis=-1).mean() == pytest.approx(told, rel=0.05)
+    assert np.linalg.norm(across.mean(axis=0)) < 4.0 * np.sqrt(told / n_groups)
+
+
+def test_what_is_loud_and_usable_counts_and_groups_may_come_in_any_order() -> None:
+    rng = np.random.default_rng(4)
+    azimuth_rad = np.array([0.2, 3.0, 0.2, -3.0, 0.2])
+    pulses = noisy_pulses(azimuth_rad, 1e-6, rng)
+    is_usable = np.ones((5, 6), dtype=np.bool_)
+    is_usable[0, 2] = is_usable[1, 4] = is_usable[3, 4] = False
+    pose = np.array([[0.0, 1.0, 3.1], [5.0, 5.0, 0.0], [0.2, 1.0, -3.1], [5.0, 5.0, 0.0], [0.1, 1.0, np.pi]])
+    one_each, poses = pooled(pulses._replace(is_usable=is_usable), pose, np.array([9, 4, 9, 4, 9]))
+    np.testing.assert_array_equal(one_each.is_usable, [[True, True, True, True, False, True], [True] * 6])
+    assert abs(one_each.azimuth_rad[0]) == pytest.approx(np.pi, abs=0.15)  # the mean of 3.0 and -3.0
+    assert one_each.azimuth_rad[1] == pytest.approx(0.2)
+    assert (one_each.std_rad < [pulses.std_rad[[1, 3]].min(), pulses.std_rad[[0, 2, 4]].min()]).all()
+    assert poses[1, 1] == pytest.approx(1.0)
+    assert np.cos(poses[1, 2]) < -0.99
+
+
+def record_of(poses: np.ndarray, step_s: float) -> PulseRecord:
+    """A pulse from straight ahead at each pose (n, 3), one after the other."""
+    record = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
+    for number, pose in enumerate(poses):
+        record.add(step_s * number, pose, noisy_pulses(np.zeros(1), 0.01, np.random.default_rng(number)))
+    return record
+
+
+def test_a_place_a_heading_and_a_time_in_which_poses_err_alike_make_one_pulse() -> None:
+    standing, turning, driving = np.zeros((100, 3)), np.zeros((100, 3)), np.zeros((100, 3))
+    turning[:, 2] = np.radians(2.0) * np.arange(100)
+    driving[:, 0] = 0.5 * np.arange(100)
+    n_pooled = [
+        record_of(poses, 0.01).pooled(np.arange(100), 120)[0].n_pulses for poses in (standing, turning, driving)
+    ]
+    assert n_pooled == [1, 40, 100]
+    assert record_of(standing, 1.0).pooled(np.arange(100), 120)[0].n_pulses == 20
+    assert record_of(driving, 0.01).pooled(np.arange(100), 30)[0].n_pulses == 30
+
+
+@pytest.mark.parametrize("n", [10, 160, 161, 2000])
+def test_numbers_are_chosen_evenly_and_stay_chosen_when_a_few_are_added(n: int) -> None:
+    numbers = 3 * np.arange(n)
+    chosen = evenly(numbers, 160)
+    assert chosen.size == min(n, 160)
+    assert (np.diff(chosen) > 0).all()
+    assert np.diff(chosen, prepend=-1, append=3 * n).max() <= 4 * 3 * n / chosen.size
+    assert np.isin(evenly(3 * np.arange(n + 5), 160), chosen).sum() >= chosen.size - 5
