@@ -15,9 +15,9 @@ def findings_table(report: dict[str, Any]) -> Table:
     """The findings, for a terminal."""
     seed = "" if report["seed"] is None else f", seed {report['seed']}"
     sources = report.get("evaluation", {}).get("sources")
-    columns: dict[str, Callable[[dict[str, Any]], str]] = {"fixed (s)": lambda finding: f"{finding['fixed_s']:.1f}"}
+    columns: dict[str, Callable[[dict[str, Any]], str]] = {"fixed\n(s)": lambda finding: f"{finding['fixed_s']:.1f}"}
     if sources is not None:
-        columns["error (m)"] = lambda finding: _error_of(finding, sources)
+        columns["error\n(m)"] = lambda finding: _error_of(finding, sources)
     return _table_of(report["findings"], f"Findings: {report['scenario']}{seed}", columns)
 
 
@@ -28,14 +28,13 @@ def candidates_table(report: dict[str, Any]) -> Table:
 
 
 def _table_of(findings: list[dict[str, Any]], title: str, more: dict[str, Callable[[dict[str, Any]], str]]) -> Table:
-    """Id, position, ellipse and pulses of each; equipment and kind where they are known; and more columns."""
+    """Id, position and longer half-axis of the 95 % ellipse of each, site and kind where they are known, and more."""
     columns: dict[str, Callable[[dict[str, Any]], str]] = {
         "x, y, z (m)": lambda finding: "{:.2f}, {:.2f}, {:.2f}".format(*finding["position_m"]),
-        "95 % ellipse": lambda finding: "{semi_major_m:.2f} by {semi_minor_m:.2f}".format(**finding["ellipse95"]),
-        "pulses": lambda finding: str(finding["n_bearings"]),
+        "95 %\n(m)": lambda finding: "{semi_major_m:.2f}".format(**finding["ellipse95"]),
     }
     if any(finding["sites"] for finding in findings):
-        columns["site"] = lambda finding: in_words([SiteProbability(**place) for place in finding["sites"]])
+        columns["site"] = _site_of
     if any(finding["discharge"] for finding in findings):
         columns["kind"] = _kind_of
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
@@ -44,16 +43,25 @@ def _table_of(findings: list[dict[str, Any]], title: str, more: dict[str, Callab
     for heading in columns:
         is_word = heading in ("site", "kind", "state")
         table.add_column(
-            heading, justify="left" if is_word else "right", overflow="fold", no_wrap=heading == "x, y, z (m)"
+            heading,
+            justify="left" if is_word else "right",
+            overflow="fold",
+            no_wrap=heading in ("x, y, z (m)", "site", "kind"),
         )
     for finding in findings:
         table.add_row(str(finding["id"]), *(cell(finding) for cell in columns.values()))
     return table
 
 
+def _site_of(finding: dict[str, Any]) -> str:
+    """Piece, site and other site below each other, so that all columns fit into 80 characters."""
+    words = in_words([SiteProbability(**place) for place in finding["sites"]])
+    return words.replace("/", "/\n", 1).replace(", ", "\n")
+
+
 def _kind_of(finding: dict[str, Any]) -> str:
     discharge = finding["discharge"]
-    return f"{discharge['kind']} {100 * discharge['confidence']:.0f} %" if discharge else "-"
+    return f"{discharge['kind']}\n{100 * discharge['confidence']:.0f} %" if discharge else "-"
 
 
 def _error_of(finding: dict[str, Any], sources: list[dict[str, Any]]) -> str:
