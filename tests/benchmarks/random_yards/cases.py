@@ -1,0 +1,121 @@
+"""Missions in yards not seen before: on planned routes, with several sources, on routes that never see the source."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envs import Scenario
+from envs.random_sources import random_source
+from envs.random_yard import random_yard
+from envs.scenario.sources import SourceConfig
+from missions.driving.site_map import SiteMap
+from missions.record.report import make_report
+from missions.runner import Mission
+from robot_models.yard.yard import Yard
+
+FloatArray = NDArray[np.float64]
+
+TIME_LIMIT_S = 420.0
+"""Time for the tour and for what it finds."""
+
+APART_M = 2.0
+"""Sources of one yard are no nearer to each other, on plan: OSPA takes what is further off for another one."""
+
+NEAR_M = 10.0
+"""The route comes at least so near to the source that it never sees."""
+
+HEARD_PULSES = 30
+"""A source is heard on a route if so many pulses are."""
+
+BUSHING_M = 3.0
+"""Sources above count as those on a bushing."""
+
+
+class Outcome(NamedTuple):
+    """What a mission came to.
+
+    Attributes:
+        sources: Of the evaluation in its report, with `true_position_m`, `found`, `error_m` and so on.
+        false_findings: Confirmed findings without a source.
+        ospa_m: Distance between findings and sources as sets.
+        contacts: How often the robot touched something.
+        n_pulses: Detected.
+    """
+
+    sources: list[dict[str, Any]]
+    false_findings: int
+    ospa_m: float
+    contacts: int
+    n_pulses: int
+
+    @property
+    def is_all_found(self) -> bool:
+        """Whether each source has a confirmed finding within a metre."""
+        return all(source["found"] and source["error_m"] < 1.0 for source in self.sources)
+
+
+def run_case(scenario: Scenario, policy: str, seed: int) -> Outcome:
+    """Run a mission, and judge it."""
+    log = Mission(scenario, policy, seed).run()
+    report = make_report(log, 0.0)
+    told = report["evaluation"]
+    return Outcome(told["sources"], told["false_findings"], told["ospa_m"], report["collisions"], log.n_rows("pulse"))
+
+
+def planned(seed: int) -> Scenario:
+    """A yard of 0 to 12 pieces with one source and a planned route."""
+    return _with_time(random_yard(seed, seed % 13, has_planned_route=True))
+
+
+def several(seed: int) -> Scenario:
+    """A yard of 5 to 12 pieces with one to three sources and a planned route."""
+    scenario, rng = random_yard(seed, 5 + seed % 8, has_planned_route=True), np.random.default_rng([seed, 5])
+    sources = [*scenario.sources]
+    while len(sources) < 1 + seed % 3:
+        another = random_source(scenario.yard, rng)
+        apart_m = [_place(scenario.yard, another)[:2] - _place(scenario.yard, other)[:2] for other in sources]
+        if min(np.linalg.norm(apart_m, axis=-1)) >= APART_M:
+            sources.append(another)
+    named = tuple(
+        source.model_copy(update={"name": f"discharge_{number + 1}"}) for number, source in enumerate(sources)
+    )
+    return _with_time(scenario.model_copy(update={"sources": named}))
+
+
+def hidden(seed: int) -> Scenario | None:
+    """A yard of 5 to 12 pieces and a given route from which its source is never in sight; None if none was drawn."""
+    scenario, rng = random_yard(seed, 5 + seed % 8), np.random.default_rng([seed, 77])
+    site_map, source_m = SiteMap(scenario), _place(scenario.yard, scenario.sources[0])
+    is_in_sight = site_map.in_sight(site_map.centres_m, source_m, 0.3)
+    for _ in range(30):
+        stops_m = [tuple(scenario.yard.free_place(rng, 1.0).tolist()) for _ in range(2)]
+        cells = _cells_of([scenario.route.dock_m, *stops_m, scenario.route.dock_m], site_map)
+        if cells is None or is_in_sight[cells].any():
+            continue
+        if np.linalg.norm(site_map.centres_m[cells] - source_m[:2], axis=-1).min() < NEAR_M:
+            route = scenario.route.model_copy(update={"waypoints_m": tuple(stops_m)})
+            return _with_time(scenario.model_copy(update={"route": route}))
+    return None
+
+
+def _cells_of(stops_m: list[tuple[float, float]], site_map: SiteMap) -> NDArray[np.intp] | None:
+    """The cells of the shortest ways from stop to stop; None where there is no way."""
+    cells = list[NDArray[np.intp]]()
+    for start_m, end_m in itertools.pairwise(stops_m):
+        paths, end = site_map.reach(start_m), site_map.cell(end_m)
+        if not np.isfinite(paths.length_m[end]):
+            return None
+        cells.append(paths.cells(end))
+    return np.concatenate(cells)
+
+
+def _place(yard: Yard, source: SourceConfig) -> FloatArray:
+    return yard.site_position(source.sites[0]) if source.sites else np.asarray(source.position_m)
+
+
+def _with_time(scenario: Scenario) -> Scenario:
+    return scenario.model_copy(update={"task": scenario.task.model_copy(update={"time_limit_s": TIME_LIMIT_S})})
