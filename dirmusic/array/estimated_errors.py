@@ -20,9 +20,10 @@ DRIFT = 0.2
 """Assumed: errors change from one mission to the next by a normal step of this share of the data sheet's spread.
 Connectors are mated again, amplifiers age and warm up, plates are knocked; 0.2 is 1 % of gain and 0.4 degrees."""
 
-CONTRADICTION = 2.0
-"""Errors that are off by more than so many of the deviations that they were believed to have, root mean square over
-all, are those of another array (assumed). Of twelve that are as believed, one set in 300 000 is."""
+CONTRADICTION = 1.5
+"""Errors that have moved by more than so many of the deviations that they were believed to have, root mean square over
+all, are those of another array. In 14 pairs of missions in `one_source` those of the same array moved by 1.3 at most,
+0.7 in the median; those of another by 2.5 to 4.6, and passed 1.5 before the source was confirmed in 11 (measured)."""
 
 
 @dataclass(frozen=True, kw_only=True)

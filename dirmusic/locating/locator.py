@@ -127,9 +127,10 @@ class Locator:
         """
         assignment = self._assigner.assign(self.findings, self._errors)
         chosen = {
-            k: thinned(np.flatnonzero((assignment.owner == k) & assignment.in_sight), self.rules.max_pulses)
+            k: thinned(seen, self.rules.max_pulses)
             for k, finding in enumerate(self.findings)
             if finding.state == "confirmed"
+            and (seen := np.flatnonzero((assignment.owner == k) & assignment.in_sight)).size
         }
         if not chosen or self.rules.fix != "joint":
             return None
