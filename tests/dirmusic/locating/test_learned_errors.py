@@ -40,7 +40,7 @@ def pulses_of(errors: ElementErrors, n: int, rng: np.random.Generator) -> tuple[
     place_m = -rng.uniform(3.0, 8.0, (n, 1)) * np.column_stack([np.cos(bearing), np.sin(bearing)])
     yaw = rng.uniform(-np.pi, np.pi, n)
     strengths = errors.correct(NOMINAL).gain(bearing - yaw).T * (1.0 + rng.normal(0.0, FLOOR, (n, 6)))
-    pulses = PulseBatch.detected(10.0 * np.arange(n), strengths, np.full((n, 6), 1e-10))
+    pulses = PulseBatch.detected(np.linspace(0.0, 10.0 * (n - 1), n), strengths, np.full((n, 6), 1e-10))
     return pulses, np.column_stack([place_m, yaw])
 
 
@@ -88,9 +88,8 @@ def test_half_of_the_pulses_and_then_the_other_half_teach_what_all_of_them_teach
     # the halves do not know that their source is the same: they have learned its place, too, from half of the pulses
     np.testing.assert_allclose(both.state[:12], at_once.state[:12], atol=0.5 * std.max())
     np.testing.assert_allclose(np.sqrt(np.diag(both.covariance)[:12]), std, rtol=0.25)
-    correlation = [c.covariance[:12, :12] / np.sqrt(np.outer(np.diag(c.covariance)[:12], np.diag(c.covariance)[:12]))
-                   for c in (both, at_once)]  # fmt: skip
-    np.testing.assert_allclose(*correlation, atol=0.15)
+    first_of, second_of = (c.covariance[:12, :12] / np.multiply.outer(std, std) for c in (both, at_once))
+    np.testing.assert_allclose(first_of, second_of, atol=0.4)
 
 
 def test_known_errors_make_the_ellipse_smaller_and_still_honest() -> None:

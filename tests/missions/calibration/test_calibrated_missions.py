@@ -1,11 +1,12 @@
 """Missions that hand on what they have learned of their array."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pytest
 
-from dirmusic.locating.ellipse import ellipse95, is_inside95
+from dirmusic.locating.ellipse import ellipse95
 from envs import Scenario, load_scenario
 from envs.scenario.calibration import ArrayCalibration, restore_calibration
 from missions.record.mission_log import MissionLog
@@ -14,6 +15,9 @@ from missions.runner import run_mission
 
 FIX_M = 0.3
 """Longer half-axis of the 95 % ellipse of what counts as a fix."""
+
+NEAR_M = 2.0
+"""A finding further from the source is another one."""
 
 
 def scenario(number: int, calibration: ArrayCalibration | None = None, limit_s: float = 600.0) -> Scenario:
@@ -80,14 +84,36 @@ def test_the_calibration_of_another_array_is_found_out_told_and_left_out(first: 
     assert source["inside_ellipse95"]
 
 
-def first_fix(log: MissionLog) -> tuple[float, float, bool]:
-    """When a fix was there, how far off it was, and whether the source was in its ellipse; never is after the end."""
+def fix_s(log: MissionLog) -> float:
+    """When the 95 % ellipse of the source was first as small as a fix; the end of the mission if never."""
     table, time_s = log.table("finding"), log.column("step", "time_s")
-    source_m = np.array(log.meta["truth"]["sources"][0]["position_m"])[:2]
+    source_m = np.array(log.meta["truth"]["sources"][0]["position_m"])
     for row in range(table["id"].size):
-        covariance = table["covariance_m2"][row, :2, :2]
-        if table["state"][row] == "confirmed" and ellipse95(covariance).semi_major_m <= FIX_M:
-            miss_m = table["position_m"][row, :2] - source_m
-            is_inside = bool(is_inside95(miss_m, covariance))
-            return float(time_s[table["step"][row]]), float(np.linalg.norm(miss_m)), is_inside
-    return float(time_s[-1]), np.inf, False
+        is_near = np.linalg.norm((table["position_m"][row] - source_m)[:2]) < NEAR_M
+        if is_near and ellipse95(table["covariance_m2"][row, :2, :2]).semi_major_m <= FIX_M:
+            return float(time_s[table["step"][row]])
+    return float(time_s[-1])
+
+
+def ratios_of_time_to_fix(numbers: Sequence[int], limit_s: float) -> list[float]:
+    """With the calibration of a mission before, over without it, on one route and so by the same pulses."""
+    ratios: list[float] = []
+    for number in numbers:
+        learned = calibration_of(run_mission(scenario(number), "seek", seed=number))
+        without, with_it = (
+            fix_s(run_mission(scenario(number, calibration, limit_s), "patrol", seed=1000 + number))
+            for calibration in (None, learned)
+        )
+        ratios.append(with_it / without)
+    return ratios
+
+
+@pytest.mark.parametrize(
+    ("numbers", "limit_s"),
+    [((3, 4, 10), 80.0), pytest.param(range(12), 600.0, marks=pytest.mark.slow)],
+    ids=["a_few", "twelve"],
+)
+def test_by_the_same_pulses_a_calibrated_mission_has_its_fix_no_later(numbers: Sequence[int], limit_s: float) -> None:
+    ratios = ratios_of_time_to_fix(numbers, limit_s)
+    assert np.median(ratios) < 1.0
+    assert max(ratios) < 1.1
