@@ -127,7 +127,7 @@ class Locator:
         """
         assignment = self._assigner.assign(self.findings, self._errors)
         chosen = {
-            k: self._record.thinned(seen, self.rules.max_pulses)
+            k: seen
             for k, finding in enumerate(self.findings)
             if finding.state == "confirmed"
             and (seen := np.flatnonzero((assignment.owner == k) & assignment.in_sight)).size
