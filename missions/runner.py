@@ -142,6 +142,7 @@ class Mission:
             self._book.event("channel fault", f"{suspect}: left out from here on")
         tracked = self._tracker.track(info["time_s"], info["pose"], info["pulses"])
         self._book.log_tracked(info["pose"], tracked)
+        self._book.log_contradiction(self._tracker.contradicts_calibration)
         self._log_events(info)
         if self.folder is not None and (step + 1) % round(PART_S / STEP_S) == 0:
             self.log.write_part(self.folder)
@@ -161,7 +162,16 @@ class Mission:
             if self.error is None:
                 self._fail(error)
                 reason = "error"
+        self._keep_calibration()
         self._book.event("end", reason)
+
+    def _keep_calibration(self) -> None:
+        """Put what the mission has learned of its array into the log."""
+        scenario, meta = self.env.scenario, self.log.meta
+        name = f"{meta['name']}, seed {meta['seed']}, {meta['policy']}, {self.time_s:.1f} s"
+        calibration = self._tracker.calibration(name, scenario.array.serial_number, scenario.locating.calibration)
+        if calibration is not None:
+            meta["calibration"] = calibration.model_dump(mode="json")
 
     def _fail(self, error: ForeignCodeError) -> None:
         self.error = error

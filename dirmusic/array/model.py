@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.array.element_errors import ElementSpread
+from dirmusic.array.estimated_errors import EstimatedErrors
 from dirmusic.array.manifold import GainManifold
 
 FloatArray = NDArray[np.float64]
@@ -16,7 +17,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class ArrayModel:
-    """What the robot knows of its array: the data sheet, and how far real arrays spread about it.
+    """What the robot knows of its array: the data sheet, and how far real arrays, or this very one, are off it.
 
     Attributes:
         manifold: Nominal gains.
@@ -24,12 +25,14 @@ class ArrayModel:
         spread: How far real arrays spread about the data sheet.
         band_manifolds: Nominal gains in the lower and the upper half of each sub-band that the receiver reads, lowest
             first; none where it reads none.
+        errors: What earlier missions have shown of this very array; None where no more than the spread is known.
     """
 
     manifold: GainManifold
     positions_m: FloatArray
     spread: ElementSpread
     band_manifolds: tuple[GainManifold, ...] = ()
+    errors: EstimatedErrors | None = None
 
     @property
     def height_m(self) -> float:
@@ -44,4 +47,5 @@ class ArrayModel:
             positions_m=self.positions_m[chosen],
             spread=self.spread,
             band_manifolds=tuple(manifold.take(chosen) for manifold in self.band_manifolds),
+            errors=None if self.errors is None else self.errors.take(chosen),
         )

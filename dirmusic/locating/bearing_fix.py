@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dirmusic.angles import difference
 from dirmusic.array.bounds import manifold_error_covariance, perpendicular_slope
-from dirmusic.array.element_errors import ElementErrors
+from dirmusic.array.estimated_errors import EstimatedErrors
 from dirmusic.array.model import ArrayModel
 from dirmusic.locating.joint_fix import (
     POSITION_PRIOR_M,
@@ -70,7 +70,8 @@ def locate_by_bearings(
         pose_error: Spread and correlation of the pose.
 
     Returns:
-        The fix. The errors of the array are none, and heights are as their prior has them: bearings tell neither.
+        The fix. The errors of the array are as its spread has them, and heights as their prior has them: bearings tell
+        neither.
     """
     positions_m, covariances_m2 = np.empty((len(start_m), 2)), np.empty((len(start_m), 2, 2))
     for k in range(len(start_m)):
@@ -81,7 +82,7 @@ def locate_by_bearings(
     return JointFix(
         positions_m=with_height(positions_m),
         covariances_m2=with_height_covariance(covariances_m2),
-        errors=ElementErrors.none(array.manifold.n_elements),
+        errors=EstimatedErrors.of_spread(array.spread, array.manifold.n_elements),
     )
 
 

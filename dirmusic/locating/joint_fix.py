@@ -8,13 +8,14 @@ and drives, so the same error shows at other azimuths, and positions and element
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dirmusic.angles import difference
-from dirmusic.array.element_errors import OFF_PLANE, PATTERN_APART_RAD, ElementErrors
+from dirmusic.array.element_errors import OFF_PLANE, PATTERN_APART_RAD
+from dirmusic.array.estimated_errors import EstimatedErrors
 from dirmusic.array.model import ArrayModel
 from dirmusic.locating.joint_optimiser import JointOptimiser
 from dirmusic.pulses.batch import PulseBatch
@@ -32,6 +33,9 @@ HEIGHT_PRIOR_M = (1.5, 1.2)
 
 ROBUST_SCALE = 3.0
 """Residuals beyond this many standard deviations are taken as outliers, softly (soft L1 loss)."""
+
+LEAST_SPREAD = 1e-6
+"""Least standard deviation of an error, gain or radian: so that one that has none is a state as well."""
 
 MOST_APART = 50.0
 """Costs are taken to differ by no more: what is so much less likely does not count."""
@@ -53,12 +57,12 @@ class JointFix:
     Attributes:
         positions_m: Shape (n_sources, 3), world frame.
         covariances_m2: Shape (n_sources, 3, 3), with the uncertainty of the array's errors in it.
-        errors: What the elements turned out to be off by.
+        errors: What the elements turned out to be off by, with the uncertainty of the positions in its covariance.
     """
 
     positions_m: FloatArray
     covariances_m2: FloatArray
-    errors: ElementErrors
+    errors: EstimatedErrors
 
 
 def locate_jointly(
@@ -84,7 +88,8 @@ def locate_jointly(
         pose: Believed x m, y m, yaw rad at each pulse, world frame, shape (n, 3).
         source: Which source each pulse belongs to, shape (n,), in [0, n_sources).
         start_m: Where to start, shape (n_sources, 3). Every source has at least one row.
-        array: The array's data sheet and spread.
+        array: The array's data sheet and spread. Errors that are known of it, mean and covariance, take the place of
+            the spread.
         pose_error: Spread and correlation of the pose.
 
     Returns:
@@ -101,10 +106,11 @@ def locate_jointly(
         other, other_hessian = problem.fit.solve(_upside_down(state, is_below, array.height_m))
         if problem.fit.cost(other) < cost:
             state, hessian = other, other_hessian
+    n_places, covariance = 3 * n_sources, _inverse(hessian)
     return JointFix(
-        positions_m=state[: 3 * n_sources].reshape(-1, 3),
-        covariances_m2=_covariances(problem.fit, state, hessian, array),
-        errors=_errors(state[3 * n_sources :], array.manifold.n_elements),
+        positions_m=state[:n_places].reshape(-1, 3),
+        covariances_m2=_place_covariances(problem.fit, state, covariance, array),
+        errors=EstimatedErrors.of_states(state[n_places:], covariance[n_places:, n_places:], array.manifold.n_elements),
     )
 
 
@@ -122,7 +128,8 @@ def expected_covariances(
     places of the sources, shape (n_sources, 3), in that of the start. Returns shape (n_sources, 3, 3), square metres.
     """
     problem = _problem(pulses, pose, source, positions_m, array, pose_error)
-    return _covariances(problem.fit, problem.start, problem.fit.hessian(problem.start), array)
+    covariance = _inverse(problem.fit.hessian(problem.start))
+    return _place_covariances(problem.fit, problem.start, covariance, array)
 
 
 class _Problem(NamedTuple):
@@ -143,24 +150,48 @@ def _problem(
     from dirmusic.locating.joint_kernels import Beliefs  # loads the compiler
 
     n_sources, n_elements = start_m.shape[0], array.manifold.n_elements
-    of_elements = [array.spread.gain, array.spread.pointing_rad]
-    if array.spread.offset > 0:
-        of_elements.append(array.spread.offset)
+    n_kinds = 3 if array.spread.offset > 0 else 2
+    known = array.errors or EstimatedErrors.of_spread(array.spread, n_elements)
+    errors, covariance = known.state[: n_kinds * n_elements], known.covariance[: n_kinds * n_elements]
+    of_elements = np.maximum(np.sqrt(np.diag(covariance)), LEAST_SPREAD)
     of_places = np.tile([POSITION_PRIOR_M, POSITION_PRIOR_M, HEIGHT_PRIOR_M[1]], n_sources)
-    spread = np.concatenate([of_places, np.repeat(np.maximum(of_elements, 1e-6), n_elements)])
-    no_errors = np.zeros(len(of_elements) * n_elements)
     detected_from_m = [pose[source == k, :2].mean(axis=0) for k in range(n_sources)]
-    mean = np.concatenate([with_height(detected_from_m).ravel(), no_errors])
-    start = np.concatenate([start_m.ravel(), no_errors])
-    beliefs = Beliefs(mean, spread, pose_error.position_m, pose_error.heading_rad, ROBUST_SCALE)
+    beliefs = Beliefs(
+        mean=np.concatenate([with_height(detected_from_m).ravel(), errors]),
+        spread=np.concatenate([of_places, of_elements]),
+        decorrelation=_decorrelation(covariance[:, : errors.size], of_elements, 3 * n_sources),
+        position_m=pose_error.position_m,
+        heading_rad=pose_error.heading_rad,
+        robust_scale=ROBUST_SCALE,
+    )
     explained = _explained(pulses, pose, source, start_m, array, pose_error)
-    return _Problem(JointOptimiser(explained, array, beliefs, len(of_elements), 3 * n_sources), start)
+    start = np.concatenate([start_m.ravel(), errors])
+    return _Problem(JointOptimiser(explained, array, beliefs, n_kinds, 3 * n_sources), start)
 
 
-def _covariances(fit: JointOptimiser, state: FloatArray, hessian: FloatArray, array: ArrayModel) -> FloatArray:
-    """Of the place of each source, shape (n_sources, 3, 3), with all else that is not known in it."""
-    n_sources = fit.n_places // 3
-    covariance: FloatArray = np.linalg.inv(hessian).astype(np.float64)
+def _decorrelation(covariance: FloatArray, spread: FloatArray, n_places: int) -> FloatArray:
+    """Of places, which are independent, and of errors; see `Beliefs`."""
+    correlation = covariance / np.multiply.outer(spread, spread)
+    np.fill_diagonal(correlation, 1.0)
+    decorrelation = np.eye(n_places + spread.size)
+    decorrelation[n_places:, n_places:] = _inverse(np.linalg.cholesky(correlation))
+    return decorrelation
+
+
+def _inverse(matrix: NDArray[np.floating[Any]]) -> FloatArray:
+    return np.linalg.inv(matrix).astype(np.float64)
+
+
+def _place_covariances(fit: JointOptimiser, state: FloatArray, covariance: FloatArray, array: ArrayModel) -> FloatArray:
+    """Of the place of each source, shape (n_sources, 3, 3), with what is not known of its side of the array's plane.
+
+    Args:
+        fit: The problem.
+        state: Its solution, shape (n_states,).
+        covariance: Of all states, shape (n_states, n_states).
+        array: Of which the height counts.
+    """
+    n_sources, covariance = fit.n_places // 3, covariance.copy()
     cost = fit.cost(state)
     for k in range(n_sources):
         mirrored = _upside_down(state, np.eye(n_sources, dtype=np.bool_)[k], array.height_m)
@@ -189,13 +220,6 @@ def with_height_covariance(covariances_m2: FloatArray) -> FloatArray:
     in_space = np.zeros((*covariances_m2.shape[:-2], 3, 3))
     in_space[..., :2, :2], in_space[..., 2, 2] = covariances_m2, HEIGHT_PRIOR_M[1] ** 2
     return in_space
-
-
-def _errors(state: FloatArray, n_elements: int) -> ElementErrors:
-    """The errors in the state, offsets zero where they are none."""
-    kinds = np.zeros((3, n_elements))
-    kinds[: state.size // n_elements] = state.reshape(-1, n_elements)
-    return ElementErrors(gain=kinds[0], pointing_rad=kinds[1], offset=kinds[2])
 
 
 def _correlated_pulses(time_s: FloatArray, source: NDArray[np.intp], correlation_s: float) -> FloatArray:

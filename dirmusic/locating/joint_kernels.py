@@ -61,6 +61,8 @@ class Beliefs(NamedTuple):
     Attributes:
         mean: Of each state, shape (n_states,).
         spread: Standard deviation of each state, shape (n_states,).
+        decorrelation: What makes states over their spread independent and of unit variance: the inverse of the lower
+            Cholesky factor of their correlation, shape (n_states, n_states); the identity where they are independent.
         position_m: Standard deviation of the robot's position.
         heading_rad: Standard deviation of its heading.
         robust_scale: Residuals beyond so many deviations are taken as outliers, softly (soft L1 loss).
@@ -68,6 +70,7 @@ class Beliefs(NamedTuple):
 
     mean: FloatArray
     spread: FloatArray
+    decorrelation: FloatArray
     position_m: float
     heading_rad: float
     robust_scale: float
@@ -249,12 +252,25 @@ def evaluate(state: FloatArray, n_kinds: int, data: Explained, array: NominalArr
             for j in range(i + 1):
                 column = N_PLACE * s + j if j < N_PLACE else errors + j - N_PLACE
                 hessian[row, column] += own_hessian[s, i, j]
+    cost += _believe(state, beliefs, gradient, hessian)
     for i in range(state.size):
-        miss = (state[i] - beliefs.mean[i]) / beliefs.spread[i]
-        root = math.sqrt(1.0 + (miss / scale) ** 2)
-        cost += scale * scale * (root - 1.0)
-        gradient[i] += miss / root / beliefs.spread[i]
-        hessian[i, i] += 1.0 / (root * root * root) / beliefs.spread[i] ** 2
         for j in range(i):
             hessian[j, i] = hessian[i, j]
     return Quadratic(cost, gradient, hessian)
+
+
+@compiled
+def _believe(state: FloatArray, beliefs: Beliefs, gradient: FloatArray, hessian: FloatArray) -> float:
+    """Cost of a state by what is believed of it; adds to gradient and to the lower half of the Hessian."""
+    scale, cost = beliefs.robust_scale, 0.0
+    for i in range(state.size):
+        row, miss = beliefs.decorrelation[i], 0.0
+        for j in range(i + 1):
+            miss += row[j] * ((state[j] - beliefs.mean[j]) / beliefs.spread[j])
+        root = math.sqrt(1.0 + (miss / scale) ** 2)
+        cost += scale * scale * (root - 1.0)
+        for j in range(i + 1):
+            gradient[j] += miss / root * row[j] / beliefs.spread[j]
+            for k in range(j + 1):
+                hessian[j, k] += row[j] * row[k] / (root * root * root) / (beliefs.spread[j] * beliefs.spread[k])
+    return cost

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.array.element_errors import ElementErrors
+from dirmusic.array.estimated_errors import EstimatedErrors
 from dirmusic.array.model import ArrayModel
 from dirmusic.locating.association.assignment import Assigner, Assignment
 from dirmusic.locating.association.pulse_record import PulseRecord, Rows, evenly
@@ -24,11 +26,24 @@ from dirmusic.pulses.batch import PulseBatch
 FloatArray = NDArray[np.float64]
 
 
+class Learned(NamedTuple):
+    """What a mission has learned of its array.
+
+    Attributes:
+        errors: Of its elements, with all that was known of them before in it.
+        n_pulses: Pulses of this mission behind it.
+    """
+
+    errors: EstimatedErrors
+    n_pulses: int
+
+
 class Locator:
     """Keeps every credible pulse, assigns pulses to findings, and fits all findings and the array together.
 
     Args:
-        array: The array's data sheet and spread; never the array that made the data.
+        array: The array's data sheet and spread, and what earlier missions have learned of its errors, which counts
+            until the pulses contradict it; never the array that made the data.
         pose_error: How wrong the poses given to `update` may be.
         fence_m: Length of the yard along x and y, origin at the corner; None where there is no fence.
         rules: When pulses make and confirm a finding.
@@ -36,6 +51,10 @@ class Locator:
 
     Attributes:
         findings: All findings so far, in the order of their ids.
+        array: As given; without errors from the fit on that has contradicted them.
+
+    Raises:
+        ValueError: If errors are known and bearings are to be fitted, which makes no use of them.
     """
 
     def __init__(
@@ -51,10 +70,12 @@ class Locator:
         self.pose_error = pose_error
         self.fence_m = fence_m
         self.rules = rules or LocatingRules()
+        if array.errors is not None and self.rules.fix != "joint":
+            raise ValueError(f"`array.errors` count in the joint fit alone, got them with fix {self.rules.fix!r}")
         self.findings: tuple[Finding, ...] = ()
         self._n_born = 0
         self._next_fit_s = -np.inf
-        self._errors = ElementErrors.none(array.manifold.n_elements)
+        self._errors = array.errors.mean if array.errors else ElementErrors.none(array.manifold.n_elements)
         self._record = PulseRecord(array, pose_error, sight, self.rules.assignment)
         self._assigner = Assigner(self._record, self.rules.assignment)
 
@@ -98,6 +119,22 @@ class Locator:
         is_owned = owner >= 0
         owner[is_owned] = ids[owner[is_owned]]
         return owner
+
+    def learned(self) -> Learned | None:
+        """What the confirmed findings have taught of the array; None before there is one, and of bearings.
+
+        Candidates do not count: one that is a mirror image would teach errors that are none.
+        """
+        assignment = self._assigner.assign(self.findings, self._errors)
+        chosen = {
+            k: seen
+            for k, finding in enumerate(self.findings)
+            if finding.state == "confirmed"
+            and (seen := np.flatnonzero((assignment.owner == k) & assignment.in_sight)).size
+        }
+        if not chosen or self.rules.fix != "joint":
+            return None
+        return Learned(self._locate(chosen).errors, sum(rows.size for rows in chosen.values()))
 
     def _without_unsupported(self) -> Assignment:
         """Drop findings with too few pulses to make one, and assign all pulses to the others."""
@@ -143,7 +180,10 @@ class Locator:
         if not chosen:
             return moved
         fix = self._locate(chosen)
-        self._errors = fix.errors
+        if self.array.errors is not None and fix.errors.contradicts(self.array.errors):
+            self.array = replace(self.array, errors=None)
+            fix = self._locate(chosen)
+        self._errors = fix.errors.mean
         for k, position, covariance in zip(chosen, fix.positions_m, fix.covariances_m2, strict=True):
             has_jumped = np.linalg.norm((position - moved[k].position_m)[:2]) > self.rules.merge_m
             state = "candidate" if has_jumped else moved[k].state

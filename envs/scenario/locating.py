@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import fields
 from math import radians
-from typing import Annotated, Any, Literal, Self
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self, cast
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
+from dirmusic import InputFileError
 from dirmusic.locating.rules import AssignmentRules, CredibilityRules, LocatingRules
-from envs.scenario.base import Config, code_beside_the_scenario
+from envs.scenario.base import Config, beside_the_scenario, code_beside_the_scenario
+from envs.scenario.calibration import ArrayCalibration, read_calibration
 
 Decibel = Annotated[float, Field(ge=0.0, le=100.0)]
 Metre = Annotated[float, Field(gt=0.0, le=10_000.0)]
@@ -31,6 +34,8 @@ class LocatingConfig(Config, frozen=True):
     locator: str | None = None
     """A Locator of your own, `my_file.py:MyLocator` or `package.module:MyLocator`; its contract is
     `dirmusic.locating.protocol.LocatorProtocol`."""
+    calibration: ArrayCalibration | None = None
+    """What earlier missions have learned of this very array: a file that a mission has written."""
 
     max_std_deg: Arc | None = None
     misfit_factor: Annotated[float, Field(gt=0.0, le=1000.0)] | None = None
@@ -73,6 +78,27 @@ class LocatingConfig(Config, frozen=True):
     def _starts_at_the_scenario(cls, locator: str | None, info: ValidationInfo) -> str | None:
         return None if locator is None else code_beside_the_scenario(locator, info)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _reads_calibration(cls, given: object, info: ValidationInfo) -> object:
+        table = cast("dict[str, Any]", given) if isinstance(given, dict) else {}
+        path = table.get("calibration")
+        if not isinstance(path, str):
+            return given
+        try:
+            return {**table, "calibration": read_calibration(Path(beside_the_scenario(path, info)))}
+        except InputFileError as error:
+            raise ValueError("\n".join(f"calibration: {fault}" for fault in error.faults)) from None
+
+    @model_validator(mode="after")
+    def _makes_use_of_calibration(self) -> Self:
+        if self.calibration is not None and (self.fix != "joint" or self.locator is not None):
+            raise ValueError(
+                'calibration: given with fix = "bearings" or a Locator of your own; allowed with fix = "joint", which '
+                "alone learns errors of the array"
+            )
+        return self
+
     @model_validator(mode="after")
     def _names_code(self) -> Self:
         if self.locator is not None and ":" not in self.locator:
@@ -85,7 +111,7 @@ class LocatingConfig(Config, frozen=True):
     def rules(self) -> LocatingRules:
         """The rules of the Locator, angles in radians; those that are not set are the defaults."""
         given: dict[str, Any] = {}
-        for key, value in self.model_dump(exclude={"locator"}, exclude_none=True).items():
+        for key, value in self.model_dump(exclude={"locator", "calibration"}, exclude_none=True).items():
             in_degrees = key.endswith("_deg")
             given[f"{key[:-4]}_rad" if in_degrees else key] = radians(value) if in_degrees else value
         return LocatingRules(

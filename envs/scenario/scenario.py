@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Discriminator, Field, PositiveFloat, Tag, model_validator
 
-from envs.scenario.array_section import ArraySection
+from envs.scenario.array_section import ArraySection, data_sheet
 from envs.scenario.base import Config
+from envs.scenario.calibration import CalibratedArray
 from envs.scenario.estimator import EstimatorConfig
 from envs.scenario.locating import LocatingConfig
 from envs.scenario.map_section import MapConfig
@@ -139,6 +140,7 @@ class Scenario(Config, frozen=True):
             *self._source_faults(),
             *self._interferer_faults(),
             *self._receiver_faults(),
+            *self._calibration_faults(),
         ]
         if faults:
             raise ValueError("\n".join(faults))
@@ -164,6 +166,18 @@ class Scenario(Config, frozen=True):
         if self.estimator.method == "sub_bands" and self.receiver.n_bands == 0:
             faults.append("estimator.method: got sub_bands with receiver.n_bands 0; allowed are 1 to 8")
         return faults
+
+    def _calibration_faults(self) -> list[str]:
+        calibration, number = self.locating.calibration, self.array.serial_number
+        if calibration is None:
+            return []
+        if number is None:
+            return [
+                "array.serial_number: none with a calibration, so that each mission has another array; allowed is that "
+                "of the calibrated one"
+            ]
+        faults = calibration.faults(CalibratedArray.of(data_sheet(self.array), number))
+        return [f"locating.calibration: {fault}" for fault in faults]
 
     def _route_faults(self) -> list[str]:
         stops = {"route.dock_m": self.route.dock_m}

@@ -16,6 +16,7 @@ from missions.cli.terminal import (
     new_folder,
     out,
     refuse,
+    tell_calibration,
     tell_channel_faults,
     tell_where,
     write_mission,
@@ -37,6 +38,7 @@ def locate(
     pose_correlation_s: float = 5.0,
     noise_v: float | None = None,
     gate_ns: float = 4.5,
+    calibration: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
     yard_m: tuple[float, float] | None = None,
     out_dir: Annotated[Path | None, tyro.conf.arg(name="out", metavar="DIR")] = None,
     json_output: Annotated[bool, tyro.conf.arg(name="json")] = False,
@@ -65,6 +67,8 @@ def locate(
         noise_v: Deviation of a strength, where the table has no std_1 ..., or of a noise sample of a waveform, where
             no noise was recorded apart from the pulse.
         gate_ns: Length of the gate that is cut out of a waveform.
+        calibration: calibration.toml that was written of earlier data of this very array: what they have shown of the
+            errors of the array is made use of, and one more is written. It counts until the pulses contradict it.
         yard_m: Length of the yard along x and y from its corner at 0 0; what lies outside is told apart.
         out_dir: Folder to write to; new or empty. Default: runs/NAME, then -2, -3 and so on.
         json_output: Print the report as JSON instead of a table.
@@ -91,7 +95,8 @@ def locate(
     from rich.progress import Progress
 
     from dirmusic import ElementSpread, InputFileError, PoseError, read_pattern
-    from missions.field.array_model import array_model
+    from envs.scenario.calibration import read_calibration
+    from missions.field.array_model import array_model, calibrated
     from missions.field.field_data import read_field_data
 
     started_s = time.perf_counter()
@@ -109,6 +114,9 @@ def locate(
                 ring_radius_m,
                 height_m,
             )
+            before = None if calibration is None else read_calibration(calibration)
+            if before is not None:
+                array = calibrated(array, before)
         except InputFileError as error:
             refuse(*error.faults)
     notes = tuple(str(warning.message) for warning in told)
@@ -126,7 +134,13 @@ def locate(
     with Progress(console=err, transient=True) as progress:
         bar = progress.add_task(f"{data.strengths_v.shape[0]} pulses", total=1.0)
         log = locate_field_data(
-            data, array, pose_error, fence_m=yard_m, notes=notes, progress=lambda share: progress.advance(bar, share)
+            data,
+            array,
+            pose_error,
+            fence_m=yard_m,
+            calibration=before,
+            notes=notes,
+            progress=lambda share: progress.advance(bar, share),
         )
     report = make_report(log, time.perf_counter() - started_s)
     write_mission(log, report, folder)
@@ -137,6 +151,7 @@ def locate(
     if report["candidates"]:
         out.print(candidates_table(report), highlight=False)
     tell_channel_faults(report)
+    tell_calibration(report)
     out.print(
         f"{data.time_s.size} poses, {data.strengths_v.shape[0]} pulses, {report['n_bearings']} bearings",
         highlight=False,

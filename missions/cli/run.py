@@ -20,6 +20,7 @@ from missions.cli.terminal import (
     new_folder,
     out,
     refuse,
+    tell_calibration,
     tell_channel_faults,
     tell_where,
     write_mission,
@@ -28,7 +29,17 @@ from missions.cli.terminal import (
 if TYPE_CHECKING:
     from missions.runner import Mission
 
-TOLD = ("candidate", "confirmed", "outside", "ghost", "contact", "unreachable", "clipped", "channel fault")
+TOLD = (
+    "candidate",
+    "confirmed",
+    "outside",
+    "ghost",
+    "contact",
+    "unreachable",
+    "clipped",
+    "channel fault",
+    "calibration",
+)
 """Kinds of events that are news."""
 
 
@@ -37,6 +48,8 @@ def run(
     *,
     policy: Annotated[str, tyro.conf.arg(metavar="{seek,active,patrol,random,oracle,FILE.py:NAME}")] = "seek",
     seed: int = 0,
+    serial_number: Annotated[int | None, tyro.conf.arg(metavar="NUMBER")] = None,
+    calibration: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
     out_dir: Annotated[Path | None, tyro.conf.arg(name="out", metavar="DIR")] = None,
     live: bool = False,
     json_output: Annotated[bool, tyro.conf.arg(name="json")] = False,
@@ -55,17 +68,27 @@ def run(
             speed and yaw rate.
             The contract is the docstring of missions.policies.protocol.Policy; examples/own_policy is one to copy.
         seed: Fixes all that is drawn; 0 or more. The same seed gives the same mission.
+        serial_number: Which array the robot carries, as `serial_number` in the table [array] of the scenario: missions
+            with the same number have the same array. Default: as the scenario has it, and there another one for each
+            mission.
+        calibration: calibration.toml that an earlier mission with this very array has written: what it has learned of
+            the errors of the array is made use of, and one more is written. It counts until the pulses contradict it.
         out_dir: Folder to write to; new or empty. Default: runs/SCENARIO-SEED, then -2, -3 and so on.
         live: Show the mission in the Rerun viewer while it runs.
         json_output: Print the report as JSON instead of a table.
     """
+    from dirmusic import InputFileError
     from envs.foreign_code import ForeignCodeError
     from envs.scenario import ScenarioError, load_scenario
+    from envs.scenario.calibration import read_calibration
     from missions.policies.names import BUILT_IN, load_maker
 
+    settings: dict[str, Any] = {} if serial_number is None else {"array.serial_number": serial_number}
     try:
-        loaded = load_scenario(scenario)
-    except ScenarioError as error:
+        if calibration is not None:
+            settings["locating.calibration"] = read_calibration(calibration)
+        loaded = load_scenario(scenario, settings)
+    except InputFileError as error:
         refuse(*error.faults)
     if seed < 0:
         refuse(f"--seed: got {seed}; allowed is 0 or more")
@@ -110,6 +133,7 @@ def run(
         if report["candidates"]:
             out.print(candidates_table(report), highlight=False)
         tell_channel_faults(report)
+        tell_calibration(report)
         out.print(_summary(report, log.column("event", "text")[-1]), highlight=False)
         tell_where(folder)
     if mission.error is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
 FAILED = 1
 USAGE_ERROR = 2
 INTERRUPTED = 130
+
+CALIBRATION = "calibration.toml"
 
 out, err = Console(), Console(stderr=True)
 
@@ -51,17 +54,23 @@ def make_folder(folder: Path, option: str = "--out") -> Path:
 
 
 def write_mission(log: MissionLog, report: dict[str, Any], folder: Path) -> None:
-    """Write log, report and recording."""
+    """Write log, report, recording, and the calibration of the array if the mission has learned any."""
+    from envs.scenario.calibration import restore_calibration
     from missions.recording import write_recording
 
     log.save(folder)
     write_text(folder / "report.json", json.dumps(report, indent=2) + "\n")
+    if "calibration" in log.meta:
+        when = datetime.now().astimezone().isoformat(timespec="seconds")
+        text = restore_calibration(log.meta["calibration"]).as_toml()
+        write_text(folder / CALIBRATION, f"# Written {when}\n{text}")
     write_recording(log, folder / "mission.rrd")
 
 
 def tell_where(folder: Path) -> None:
     """Say what was written and how to look at it."""
-    out.print(f"Written to {folder}: log.npz, report.json, mission.rrd", highlight=False, soft_wrap=True)
+    files = ["log.npz", "report.json", "mission.rrd", *([CALIBRATION] if (folder / CALIBRATION).exists() else [])]
+    out.print(f"Written to {folder}: {', '.join(files)}", highlight=False, soft_wrap=True)
     out.print(f"Look at it with: pdpatrol replay {folder}", highlight=False, soft_wrap=True)
 
 
@@ -76,3 +85,9 @@ def tell_channel_faults(report: dict[str, Any]) -> None:
     """Say which channels of the receiver were found at fault."""
     for text in report["channel_faults"]:
         out.print(f"Receiver: {text}", highlight=False, style="yellow")
+
+
+def tell_calibration(report: dict[str, Any]) -> None:
+    """Say whether the pulses contradict the calibration that was taken up."""
+    for text in report["calibration"]:
+        out.print(f"Calibration: {text}", highlight=False, style="yellow")

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dirmusic import ArrayModel, ElementSpread, GainManifold, GainPattern, GaussianPattern, InputFileError
+from envs.scenario.calibration import ArrayCalibration, CalibratedArray
 from missions.field.field_data import FieldData
 
 
@@ -47,3 +48,15 @@ def array_model(
     ring = ring_radius_m * np.stack([np.cos(boresights), np.sin(boresights)], axis=-1)
     positions = np.column_stack([ring, np.full(len(boresights), height_m)])
     return ArrayModel(manifold=manifold, positions_m=positions[data.channels], spread=spread)
+
+
+def calibrated(array: ArrayModel, calibration: ArrayCalibration) -> ArrayModel:
+    """The array with what earlier data have shown of its errors.
+
+    Raises:
+        InputFileError: If the calibration is of another array.
+    """
+    faults = calibration.faults(CalibratedArray.of(array, None))
+    if faults:
+        raise InputFileError([f"--calibration: {fault}" for fault in faults])
+    return calibration.taken_up_by(array)

@@ -16,6 +16,7 @@ from dirmusic import ArrayModel, Locator, PoseError, PulseBatch
 from dirmusic.bearing.channel_health import ChannelMonitor
 from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
 from dirmusic.locating.rules import LocatingRules
+from envs.scenario.calibration import ArrayCalibration
 from missions.field.field_data import FieldData
 from missions.record.array_description import describe_array
 from missions.record.logbook import Logbook
@@ -43,6 +44,7 @@ def locate_field_data(
     pose_error: PoseError,
     *,
     fence_m: tuple[float, float] | None = None,
+    calibration: ArrayCalibration | None = None,
     notes: tuple[str, ...] = (),
     progress: Callable[[float], None] = lambda share: None,
 ) -> MissionLog:
@@ -50,9 +52,10 @@ def locate_field_data(
 
     Args:
         data: Pulses with their poses, as read from the table.
-        array: Data sheet and spread of the live channels.
+        array: Data sheet and spread of the live channels, with the errors that a calibration knows.
         pose_error: How wrong the poses may be.
         fence_m: Length of the yard along x and y, origin at its corner; None where there is no fence.
+        calibration: The one that the array has its errors from.
         notes: What was unusual about the files.
         progress: Told by how much of the whole the work has advanced.
     """
@@ -91,7 +94,11 @@ def locate_field_data(
             progress(1.0 / data.time_s.size)
         if log.n_rows("finding") == 0 or log.column("finding", "step")[-1] < data.time_s.size - 1:
             book.log_findings(tracker.refit(float(data.time_s[-1])))
+    book.log_contradiction(tracker.contradicts_calibration)
     book.log_association(tracker.association())
+    learned = tracker.calibration(data.path.name, None, calibration)
+    if learned is not None:
+        log.meta["calibration"] = learned.model_dump(mode="json")
     book.event("end", "all rows read")
     return log
 

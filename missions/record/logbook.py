@@ -25,7 +25,7 @@ class Logbook:
     def __init__(self, log: MissionLog) -> None:
         self.log = log
         self._logged: tuple[Finding, ...] = ()
-        self._has_clipped = False
+        self._has_clipped = self._has_contradicted = False
 
     def event(self, kind: str, text: str) -> None:
         """Log something that happened in the last step."""
@@ -74,6 +74,12 @@ class Logbook:
             self._log_finding(gone, "dropped")
             self.event("dropped", f"candidate {gone.id} was no source of its own")
         self._logged = tuple(findings)
+
+    def log_contradiction(self, contradicts_calibration: bool) -> None:
+        """Log, once, that the pulses contradict the calibration that was taken up."""
+        if contradicts_calibration and not self._has_contradicted:
+            self.event("calibration", "the pulses contradict it: of another array, or this one has changed; left out")
+        self._has_contradicted = contradicts_calibration
 
     def log_association(self, finding: NDArray[np.intp]) -> None:
         """Log, once, at the end, which finding each credible pulse belongs to.

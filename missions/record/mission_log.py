@@ -72,7 +72,7 @@ class MissionLog:
 
     Args:
         meta: JSON-serialisable facts: seed, policy, scenario as read, solids, nominal array, and `truth` where the
-            data come from a simulator.
+            data come from a simulator; at the end `calibration`, what was learned of the array, if anything was.
     """
 
     def __init__(self, meta: Mapping[str, Any]) -> None:

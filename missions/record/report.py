@@ -61,6 +61,7 @@ def make_report(log: MissionLog, wall_time_s: float) -> dict[str, Any]:
         },
         "n_bearings": log.n_rows("bearing"),
         "channel_faults": events["text"][events["kind"] == "channel fault"].tolist(),
+        "calibration": events["text"][events["kind"] == "calibration"].tolist(),
         "findings": findings,
         "candidates": _findings(log, patterns, "candidate", "outside"),
     }

@@ -7,10 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic import ArrayModel, BearingEstimator, Finding, PulseBatch
+from dirmusic import ArrayModel, BearingEstimator, Finding, Locator, PulseBatch
 from dirmusic.locating.credibility import MethodDeviation, is_credible
 from dirmusic.locating.protocol import LocatorProtocol
 from dirmusic.locating.rules import CredibilityRules
+from envs.scenario.calibration import ArrayCalibration, CalibratedArray
 
 FloatArray = NDArray[np.float64]
 
@@ -49,6 +50,11 @@ class Tracker:
         self._n_tracked = 0
 
     @property
+    def contradicts_calibration(self) -> bool:
+        """Whether the pulses have shown that the errors known of the array before are those of another one."""
+        return isinstance(self._locator, Locator) and self._array.errors is not self._locator.array.errors
+
+    @property
     def findings(self) -> tuple[Finding, ...]:
         """All findings so far."""
         return self._locator.findings
@@ -75,3 +81,19 @@ class Tracker:
     def association(self) -> NDArray[np.intp]:
         """Finding of every credible pulse that was tracked; see `LocatorProtocol.association`."""
         return self._locator.association()[: self._n_tracked]
+
+    def calibration(
+        self, mission: str, serial_number: int | None, before: ArrayCalibration | None
+    ) -> ArrayCalibration | None:
+        """What the Locator has learned of the array; None if nothing, or if it is one of the user's own.
+
+        Args:
+            mission: Its name.
+            serial_number: Of the array.
+            before: The calibration that the mission took up.
+        """
+        learned = self._locator.learned() if isinstance(self._locator, Locator) else None
+        if learned is None:
+            return None
+        made_use_of = None if self.contradicts_calibration else before
+        return ArrayCalibration.after(mission, learned, CalibratedArray.of(self._array, serial_number), made_use_of)

@@ -63,10 +63,9 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
     The elements are an even ring of `n_elements`, of which the first points to the left and the next further clockwise,
     or those of a list.
 
-    The errors are standard deviations, drawn once per mission and element; their defaults are assumed: 5 % of gain
-    from connectors and amplifiers, 2 degrees of azimuth from how a helix sits on its plate, 2 mm from how it is
-    mounted. `gain_offset` is another kind, that of the Dir-MUSIC paper: the half width of uniform additions to the
-    gains.
+    The errors are standard deviations, drawn once per array and element; their defaults are assumed: 5 % of gain from
+    connectors and amplifiers, 2 degrees of azimuth from how a helix sits on its plate, 2 mm from how it is mounted.
+    `gain_offset` is another kind, that of the Dir-MUSIC paper: the half width of uniform additions to the gains.
     """
 
     n_elements: int | None = None
@@ -86,6 +85,9 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
     pointing_error_deg: NonNegativeFloat = 2.0
     position_error_m: NonNegativeFloat = 0.002
     gain_offset: NonNegativeFloat = 0.0
+    serial_number: int | None = Field(default=None, ge=0, le=2**63 - 1)
+    """Which of the arrays that were built by this data sheet the robot carries: one number is one array, with the same
+    errors whatever else a mission draws. Left out, each mission has another one."""
     pattern_error: NonNegativeFloat = 0.0
     """By how much the gain in any one direction may differ from the data sheet's pattern, over its largest gain, as the
     robot believes: a standard deviation in the plane, and more off it (`dirmusic.ElementSpread`). Nothing is drawn by

@@ -56,7 +56,13 @@ class HelicalArray:
 
     @classmethod
     def draw(cls, config: ArrayConfig, rng: np.random.Generator) -> Self:
-        """An array as it was really built: the data sheet with its errors, and the pattern that is true."""
+        """An array as it was really built: the data sheet with its errors, and the pattern that is true.
+
+        Args:
+            config: Its data sheet.
+            rng: Draws the errors of an array without serial number; one with a number always has the same.
+        """
+        rng = rng if config.serial_number is None else np.random.default_rng(config.serial_number)
         nominal, n = config.nominal_elements(), config.n_channels
         pointing = rng.normal(0.0, np.radians(config.pointing_error_deg), n)
         return cls(

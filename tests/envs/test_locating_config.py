@@ -40,7 +40,7 @@ def test_without_keys_the_rules_are_the_defaults() -> None:
 
 
 def test_every_rule_and_nothing_else_can_be_set() -> None:
-    assert {key_of(rule) for rule in RULES} | {"locator"} == set(LocatingConfig.model_fields)
+    assert {key_of(rule) for rule in RULES} | {"locator", "calibration"} == set(LocatingConfig.model_fields)
 
 
 @pytest.mark.parametrize("rule", sorted(set(RULES) - {"fix"}))
@@ -70,7 +70,7 @@ def test_no_rule_takes_less_than_nothing_or_without_end(rule: str, tmp_path: Pat
     [
         ('fix = "strengths"', "locating.fix: got 'strengths'; input should be 'joint' or 'bearings'"),
         ('locator = "MyLocator"', "locating.locator: no Locator `MyLocator`; allowed is code of your own"),
-        ("max_std_rad = 0.1", "locating.max_std_rad: unknown key; allowed are fix, locator, max_std_deg"),
+        ("max_std_rad = 0.1", "locating.max_std_rad: unknown key; allowed are fix, locator, calibration, max_std_deg"),
     ],
 )
 def test_what_is_no_rule_is_refused_in_one_line(table: str, fault: str, tmp_path: Path) -> None:

@@ -187,7 +187,7 @@ def test_several_sources_are_located_as_each_alone_and_no_errors_of_the_array_ar
         )
         np.testing.assert_array_equal(both.positions_m[k], alone.positions_m[0])
         np.testing.assert_array_equal(both.covariances_m2[k], alone.covariances_m2[0])
-    assert not np.any([both.errors.gain, both.errors.pointing_rad, both.errors.offset])
+    assert not np.any(both.errors.state)
 
 
 def test_the_covariance_of_the_manifold_error_is_that_of_drawn_arrays() -> None:

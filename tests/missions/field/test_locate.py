@@ -83,7 +83,12 @@ def test_waveforms_and_their_strengths_give_the_same_fix_near_the_truth(tmp_path
         assert len(report["findings"]) == 1
         assert report["candidates"] == []
         fixes.append(report["findings"][0]["position_m"][:2])
-        assert {path.name for path in (tmp_path / table).iterdir()} == {"log.npz", "report.json", "mission.rrd"}
+        assert {path.name for path in (tmp_path / table).iterdir()} == {
+            "log.npz",
+            "report.json",
+            "mission.rrd",
+            "calibration.toml",
+        }
     assert np.linalg.norm(np.subtract(*fixes)) < 0.05
     assert np.linalg.norm(fixes[0] - np.array(truth["position_m"])[:2]) < 0.3
 

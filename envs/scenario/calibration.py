@@ -1,0 +1,240 @@
+"""Calibrations: what missions have learned of the errors of one array, as a file that the next mission takes up."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tomllib
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, PositiveInt, ValidationError, model_validator
+
+from dirmusic import ArrayModel, InputFileError
+from dirmusic.array.estimated_errors import N_KINDS, EstimatedErrors
+from dirmusic.locating.locator import Learned
+from envs.scenario.base import Config
+
+FloatArray = NDArray[np.float64]
+Numbers = tuple[Annotated[float, Field(ge=-1000.0, le=1000.0)], ...]
+
+FORMAT = "pdpatrol calibration 1"
+
+LEAST_EIGENVALUE = -1e-9
+"""Eigenvalues of a covariance over the largest may be so much below zero: digits are finite."""
+
+
+class CalibratedArray(Config, frozen=True):
+    """Which array a calibration is of: its data sheet, and the number of this very one."""
+
+    serial_number: int | None = None
+    """As of `sensing.ArrayConfig`; none in data from the field."""
+    boresights_deg: Numbers
+    boresight_elevations_deg: Numbers
+    positions_m: tuple[tuple[float, float, float], ...]
+    pattern_sha256: str
+    """Of the gain of an element at each whole degree off its boresight, to six decimals."""
+    gain_error: float
+    pointing_error_deg: float
+    offset_error: float
+    """Standard deviation, in units of gain."""
+    pattern_error: float
+
+    @classmethod
+    def of(cls, array: ArrayModel, serial_number: int | None) -> Self:
+        """The identity of an array."""
+        manifold, spread = array.manifold, array.spread
+        off_rad = np.radians(np.arange(-180.0, 180.0))
+        pattern = np.round(manifold.pattern(off_rad), 6).tolist()
+        return cls(
+            serial_number=serial_number,
+            boresights_deg=_rounded(np.degrees(manifold.boresights_rad)),
+            boresight_elevations_deg=_rounded(np.degrees(manifold.boresight_elevations_rad)),
+            positions_m=tuple((x, y, z) for x, y, z in np.round(array.positions_m, 6).tolist()),
+            pattern_sha256=hashlib.sha256(json.dumps(pattern).encode()).hexdigest(),
+            gain_error=round(spread.gain, 9),
+            pointing_error_deg=round(float(np.degrees(spread.pointing_rad)), 9),
+            offset_error=round(spread.offset, 9),
+            pattern_error=round(spread.pattern, 9),
+        )
+
+
+class CalibratedErrors(Config, frozen=True):
+    """Errors of the elements: the likeliest, and how sure they are; all as of `dirmusic.ElementErrors`."""
+
+    gain: Numbers
+    pointing_rad: Numbers
+    offset: Numbers
+    covariance: tuple[Numbers, ...]
+    """Lower triangle, row by row, of the gain errors, then the pointing errors, then the offsets."""
+
+    @model_validator(mode="after")
+    def _is_a_covariance(self) -> Self:
+        n = len(self.gain)
+        for name in ("pointing_rad", "offset"):
+            if len(getattr(self, name)) != n:
+                raise ValueError(f"{name}: got {len(getattr(self, name))} numbers; allowed are {n}, as of gain")
+        if [len(row) for row in self.covariance] != list(range(1, N_KINDS * n + 1)):
+            raise ValueError(f"covariance: allowed are {N_KINDS * n} rows, of 1, 2, 3 and so on numbers")
+        eigenvalues = np.linalg.eigvalsh(self.estimated().covariance)
+        if eigenvalues[0] < LEAST_EIGENVALUE * eigenvalues[-1]:
+            raise ValueError(f"covariance: has the eigenvalue {eigenvalues[0]:.3g}; allowed are none below 0")
+        return self
+
+    @classmethod
+    def of(cls, errors: EstimatedErrors) -> Self:
+        """The same as plain numbers."""
+        return cls(
+            gain=tuple(errors.mean.gain.tolist()),
+            pointing_rad=tuple(errors.mean.pointing_rad.tolist()),
+            offset=tuple(errors.mean.offset.tolist()),
+            covariance=tuple(tuple(row[: i + 1]) for i, row in enumerate(errors.covariance.tolist())),
+        )
+
+    def estimated(self) -> EstimatedErrors:
+        """The same as arrays."""
+        n = len(self.gain)
+        lower = np.zeros((N_KINDS * n, N_KINDS * n))
+        for i, row in enumerate(self.covariance):
+            lower[i, : i + 1] = row
+        covariance = lower + np.tril(lower, -1).T
+        return EstimatedErrors.of_states(np.array([*self.gain, *self.pointing_rad, *self.offset]), covariance, n)
+
+
+class ArrayCalibration(Config, frozen=True):
+    """What missions have learned of the errors of one array."""
+
+    format: Literal["pdpatrol calibration 1"]
+    mission: str
+    """The last one behind it."""
+    n_missions: PositiveInt
+    n_pulses: PositiveInt
+    """Of all missions, those that the fits made use of."""
+    array: CalibratedArray
+    errors: CalibratedErrors
+
+    @model_validator(mode="after")
+    def _is_of_the_array(self) -> Self:
+        n = len(self.array.boresights_deg)
+        if len(self.errors.gain) != n:
+            raise ValueError(
+                f"errors.gain: got {len(self.errors.gain)} numbers; allowed are {n}, one for each boresight"
+            )
+        return self
+
+    @classmethod
+    def after(cls, mission: str, learned: Learned, array: CalibratedArray, before: Self | None) -> Self:
+        """That which a mission leaves to the next.
+
+        Args:
+            mission: Its name.
+            learned: What it has learned.
+            array: Of which.
+            before: The one that it took up and did not contradict.
+        """
+        return cls(
+            format=FORMAT,
+            mission=mission,
+            n_missions=1 + (before.n_missions if before else 0),
+            n_pulses=learned.n_pulses + (before.n_pulses if before else 0),
+            array=array,
+            errors=CalibratedErrors.of(learned.errors),
+        )
+
+    def faults(self, array: CalibratedArray) -> list[str]:
+        """What tells another array from the one of this calibration, in one line; nothing if it is the same."""
+        mine, other = self.array.model_dump(), array.model_dump()
+        differing = [f"{key} {_shown(mine[key])}, here {_shown(other[key])}" for key in mine if mine[key] != other[key]]
+        if not differing:
+            return []
+        return [f"is of another array: {'; '.join(differing)}; allowed is a calibration of this array"]
+
+    def taken_up_by(self, array: ArrayModel) -> ArrayModel:
+        """The array of a mission that makes use of this calibration: its errors are known but for their drift."""
+        return replace(array, errors=self.errors.estimated().drifted(array.spread))
+
+    def as_toml(self) -> str:
+        """The text of its file."""
+        array = {key: value for key, value in self.array.model_dump().items() if value is not None}
+        head = {key: value for key, value in self.model_dump().items() if key not in ("array", "errors")}
+        errors = self.errors
+        return "\n".join(
+            [
+                "# What pulses have shown of the errors of one array; `pdpatrol run --calibration` takes it up.",
+                *(f"{key} = {_as_toml(value)}" for key, value in head.items()),
+                "",
+                "[array] # of which it is: data sheet, and standard deviations of what real arrays are off by",
+                *(f"{key} = {_as_toml(value)}" for key, value in array.items()),
+                "",
+                "[errors] # by element",
+                f"gain = {_as_toml(errors.gain)} # relative",
+                f"pointing_rad = {_as_toml(errors.pointing_rad)} # boresights, counter-clockwise of the nominal ones",
+                f"offset = {_as_toml(errors.offset)} # additions to the gain, in units of gain",
+                "# lower triangle: gains, then pointings, then offsets, in the squares and products of their units",
+                "covariance = [",
+                *(f"  {_as_toml(row)}," for row in errors.covariance),
+                "]",
+                "",
+            ]
+        )
+
+
+def read_calibration(path: Path) -> ArrayCalibration:
+    """The calibration in a file.
+
+    Raises:
+        InputFileError: With a line for each fault, if it cannot be read or holds no calibration.
+    """
+    try:
+        table = tomllib.loads(path.read_bytes().decode("utf-8"))
+    except OSError as error:
+        raise InputFileError([f"{path}: cannot be read ({error.strerror}); give a calibration.toml"]) from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        raise InputFileError([f"{path}: not TOML: {error}; give a calibration.toml"]) from None
+    if table.get("format") != FORMAT:
+        came = repr(table.get("format", "none"))
+        raise InputFileError([f"{path}: format: got {came:.60}; allowed is {FORMAT!r}"])
+    try:
+        return restore_calibration(table)
+    except ValidationError as error:
+        raise InputFileError(
+            [line for item in error.errors(include_url=False) for line in _lines(path, item)]
+        ) from None
+
+
+def restore_calibration(data: Mapping[str, Any]) -> ArrayCalibration:
+    """A calibration from plain data: of its file, or that `model_dump(mode="json")` made of it.
+
+    Raises:
+        ValidationError: If it is none.
+    """
+    return ArrayCalibration.model_validate_json(json.dumps(data, default=str))
+
+
+def _lines(path: Path, item: Any) -> list[str]:  # noqa: ANN401 - a dictionary of pydantic
+    key = ".".join(map(str, item["loc"]))
+    if item["type"] == "value_error":
+        return [f"{path}: {'.'.join(filter(None, (key, str(item['ctx']['error']))))}"]
+    if item["type"] == "missing":
+        return [f"{path}: {key}: missing; it is required"]
+    if item["type"] == "extra_forbidden":
+        return [f"{path}: {key}: unknown key; allowed are those that a mission writes"]
+    return [f"{path}: {key}: got {item['input']!r:.60}; {item['msg'][0].lower()}{item['msg'][1:]}"]
+
+
+def _rounded(values: FloatArray) -> Numbers:
+    return tuple(np.round(values, 6).tolist())
+
+
+def _as_toml(value: Any) -> str:  # noqa: ANN401 - a text, a number, or arrays of them
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_as_toml, value))}]"
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _shown(value: Any) -> str:  # noqa: ANN401 - any field of `CalibratedArray`
+    return "none" if value is None else f"{value!s:.40}"

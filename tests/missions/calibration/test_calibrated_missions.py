@@ -1,0 +1,119 @@
+"""Missions that hand on what they have learned of their array."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dirmusic.locating.ellipse import ellipse95
+from envs import Scenario, load_scenario
+from envs.scenario.calibration import ArrayCalibration, restore_calibration
+from missions.record.mission_log import MissionLog
+from missions.record.report import make_report
+from missions.runner import run_mission
+
+FIX_M = 0.3
+"""Longer half-axis of the 95 % ellipse of what counts as a fix."""
+
+NEAR_M = 2.0
+"""A finding further from the source is another one."""
+
+
+def scenario(number: int, calibration: ArrayCalibration | None = None, limit_s: float = 600.0) -> Scenario:
+    settings: dict[str, Any] = {"array.serial_number": number, "task.time_limit_s": limit_s}
+    if calibration is not None:
+        settings["locating.calibration"] = calibration
+    return load_scenario("one_source", settings)
+
+
+def calibration_of(log: MissionLog) -> ArrayCalibration:
+    return restore_calibration(log.meta["calibration"])
+
+
+def relabelled(calibration: ArrayCalibration, number: int) -> ArrayCalibration:
+    """The same with the number of another array of the same data sheet."""
+    return calibration.model_copy(update={"array": calibration.array.model_copy(update={"serial_number": number})})
+
+
+def test_one_number_is_one_array_whatever_the_seed() -> None:
+    truths = [run_mission(scenario(number, limit_s=0.2), seed=seed).meta["truth"] for number, seed in NUMBERED]
+    assert truths[0]["array"] == truths[1]["array"] != truths[2]["array"]
+    assert truths[0]["sources"] != truths[1]["sources"]
+    assert truths[0]["sources"] == truths[2]["sources"]
+
+
+NUMBERED = ((7, 0), (7, 1), (8, 0))
+
+
+@pytest.fixture(scope="module")
+def first() -> MissionLog:
+    """A mission that confirms its source within 25 s."""
+    return run_mission(scenario(10, limit_s=25.0), seed=1010)
+
+
+def test_a_mission_learns_its_array_and_knows_how_well(first: MissionLog) -> None:
+    errors, truth = calibration_of(first).errors.estimated(), first.meta["truth"]["array"]
+    pointing = np.array(truth["boresights_rad"]) - np.array(first.meta["array"]["boresights_rad"])
+    miss = errors.state[:12] - np.concatenate([np.array(truth["gain_factors"]) - 1.0, pointing])
+    assert miss @ np.linalg.solve(errors.covariance[:12, :12], miss) < 26.2  # 99 % of chi-squares of 12 degrees
+    assert np.sqrt(np.diag(errors.covariance)[6:12].mean()) < np.radians(1.5)
+
+
+def test_a_mission_that_confirms_nothing_leaves_no_calibration() -> None:
+    assert "calibration" not in run_mission(scenario(10, limit_s=2.0), seed=1010).meta
+
+
+def test_the_second_mission_is_the_same_to_the_bit_each_time_and_hands_on_both(first: MissionLog) -> None:
+    calibrated = scenario(10, calibration_of(first), limit_s=25.0)
+    logs = [run_mission(calibrated, seed=1010) for _ in range(2)]
+    assert logs[0].meta["calibration"] == logs[1].meta["calibration"]
+    for column in ("position_m", "covariance_m2"):
+        assert logs[0].column("finding", column).tobytes() == logs[1].column("finding", column).tobytes()
+    assert calibration_of(logs[0]).n_missions == 2
+    assert make_report(logs[0], 0.0)["calibration"] == []
+
+
+def test_the_calibration_of_another_array_is_found_out_told_and_left_out(first: MissionLog) -> None:
+    wrong = scenario(5010, relabelled(calibration_of(first), 5010), limit_s=40.0)
+    log = run_mission(wrong, seed=1010)
+    (told,) = make_report(log, 0.0)["calibration"]
+    assert "contradict" in told
+    assert calibration_of(log).n_missions == 1
+    (source,) = make_report(log, 0.0)["evaluation"]["sources"]
+    assert source["inside_ellipse95"]
+
+
+def fix_s(log: MissionLog) -> float:
+    """When the 95 % ellipse of the source was first as small as a fix; the end of the mission if never."""
+    table, time_s = log.table("finding"), log.column("step", "time_s")
+    source_m = np.array(log.meta["truth"]["sources"][0]["position_m"])
+    for row in range(table["id"].size):
+        is_near = np.linalg.norm((table["position_m"][row] - source_m)[:2]) < NEAR_M
+        if is_near and ellipse95(table["covariance_m2"][row, :2, :2]).semi_major_m <= FIX_M:
+            return float(time_s[table["step"][row]])
+    return float(time_s[-1])
+
+
+def ratios_of_time_to_fix(numbers: Sequence[int], limit_s: float) -> list[float]:
+    """With the calibration of a mission before, over without it, on one route and so by the same pulses."""
+    ratios: list[float] = []
+    for number in numbers:
+        learned = calibration_of(run_mission(scenario(number), "seek", seed=number))
+        without, with_it = (
+            fix_s(run_mission(scenario(number, calibration, limit_s), "patrol", seed=1000 + number))
+            for calibration in (None, learned)
+        )
+        ratios.append(with_it / without)
+    return ratios
+
+
+@pytest.mark.parametrize(
+    ("numbers", "limit_s"),
+    [((3, 4, 10), 80.0), pytest.param(range(12), 600.0, marks=pytest.mark.slow)],
+    ids=["a_few", "twelve"],
+)
+def test_by_the_same_pulses_a_calibrated_mission_has_its_fix_no_later(numbers: Sequence[int], limit_s: float) -> None:
+    ratios = ratios_of_time_to_fix(numbers, limit_s)
+    assert np.median(ratios) < 1.0
+    assert max(ratios) < 1.1

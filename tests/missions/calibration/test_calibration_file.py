@@ -1,0 +1,182 @@
+"""The file of a calibration: what is written is read again, and what is wrong with it is a line for each fault."""
+
+import json
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dirmusic import InputFileError
+from dirmusic.array.estimated_errors import DRIFT, EstimatedErrors
+from dirmusic.locating.locator import Learned
+from envs import Scenario, load_scenario
+from envs.known_array import known_array
+from envs.scenario import ScenarioError, restore_scenario
+from envs.scenario.calibration import ArrayCalibration, CalibratedArray, read_calibration
+
+ROOT = Path(__file__).parents[3]
+PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
+NUMBER = {"array.serial_number": 7}
+
+
+def pdpatrol(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([PDPATROL, *arguments], cwd=cwd, capture_output=True, text=True, timeout=120)
+
+
+def calibration_of(scenario: Scenario, before: ArrayCalibration | None = None) -> ArrayCalibration:
+    """A calibration with errors and covariance that are anything, correlated."""
+    rng, n = np.random.default_rng(1), scenario.array.n_channels
+    root = rng.normal(0.0, 0.01, (2 * n, 2 * n))
+    errors = EstimatedErrors.of_states(rng.normal(0.0, 0.03, 2 * n), root @ root.T, n)
+    array = CalibratedArray.of(known_array(scenario), scenario.array.serial_number)
+    return ArrayCalibration.after('yard "north", seed 1', Learned(errors, 160), array, before)
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "calibration.toml"
+    path.write_text(calibration_of(load_scenario("one_source", NUMBER)).as_toml(), encoding="utf-8")
+    return path
+
+
+def test_what_is_written_is_read_again_to_the_bit(file: Path) -> None:
+    written = calibration_of(load_scenario("one_source", NUMBER))
+    read = read_calibration(file)
+    assert read == written
+    errors = read.errors.estimated()
+    assert errors.covariance.tobytes() == written.errors.estimated().covariance.tobytes()
+    assert errors.covariance.tobytes() == errors.covariance.T.tobytes()
+
+
+def test_each_mission_adds_itself_and_its_pulses_to_those_before(file: Path) -> None:
+    before = read_calibration(file)
+    after = calibration_of(load_scenario("one_source", NUMBER), before)
+    assert (before.n_missions, before.n_pulses) == (1, 160)
+    assert (after.n_missions, after.n_pulses) == (2, 320)
+
+
+def test_a_scenario_takes_it_up_with_what_may_have_drifted(file: Path) -> None:
+    scenario = load_scenario("one_source", {**NUMBER, "locating.calibration": str(file)})
+    array, learned = known_array(scenario), read_calibration(file).errors.estimated()
+    assert array.errors is not None
+    np.testing.assert_array_equal(array.errors.state, learned.state)
+    drift = np.square(DRIFT * np.repeat([0.05, np.radians(2.0), 0.0], 6))
+    np.testing.assert_allclose(array.errors.covariance, learned.covariance + np.diag(drift))
+
+
+def test_a_scenario_holds_its_calibration_and_is_restored_without_the_file(file: Path) -> None:
+    scenario = load_scenario("one_source", {**NUMBER, "locating.calibration": str(file)})
+    file.unlink()
+    assert restore_scenario(json.loads(scenario.model_dump_json())) == scenario
+
+
+def test_it_lies_beside_the_scenario_that_names_it(file: Path) -> None:
+    shipped = (ROOT / "envs" / "scenarios" / "one_source.toml").read_text(encoding="utf-8")
+    named = (
+        shipped.replace("[array]", "[array]\nserial_number = 7") + '\n[locating]\ncalibration = "calibration.toml"\n'
+    )
+    (file.parent / "yard.toml").write_text(named, encoding="utf-8")
+    assert load_scenario(file.parent / "yard.toml").locating.calibration == read_calibration(file)
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        ({"array.serial_number": 8}, "serial_number 7, here 8"),
+        ({"array.gain_error": 0.1}, "gain_error 0.05, here 0.1"),
+        ({"array.gain_offset": 0.1}, "offset_error 0.0, here 0.05"),
+        ({"array.ring_radius_m": 0.2}, "positions_m"),
+        ({"array.pattern": "helix"}, "pattern_sha256"),
+        ({"array.n_elements": 8}, "boresights_deg"),
+        ({"locating.fix": "bearings"}, "allowed with fix"),
+        ({"locating.locator": "mine.py:Mine"}, "a Locator of your own"),
+    ],
+)
+def test_the_calibration_of_another_array_or_without_a_use_is_refused_in_one_line(
+    settings: dict[str, object], told: str, file: Path
+) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario("one_source", {**NUMBER, **settings, "locating.calibration": str(file)})
+    (line,) = caught.value.faults
+    assert "locating.calibration: " in line
+    assert told in line
+
+
+def test_a_scenario_that_has_another_array_for_each_mission_takes_none(file: Path) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario("one_source", {"locating.calibration": str(file)})
+    (line,) = caught.value.faults
+    assert "array.serial_number: none with a calibration" in line
+
+
+DAMAGES = {
+    "cut off": (lambda text: text[: len(text) // 2], "not TOML"),
+    "another format": (lambda text: text.replace("calibration 1", "calibration 2"), "format: got"),
+    "no format": (lambda text: text.replace("format = ", "form = "), "format: got"),
+    "a key more": (lambda text: text.replace("n_missions", "colour = 1\nn_missions"), "colour: unknown key"),
+    "a key less": (lambda text: text.replace("n_missions = 1\n", ""), "n_missions: missing"),
+    "no number": (lambda text: text.replace("n_pulses = 160", "n_pulses = 0"), "n_pulses: got 0"),
+    "not a number": (lambda text: text.replace("\noffset = [0.0,", "\noffset = [nan,"), "errors.offset.0: got nan"),
+    "an element less": (lambda text: text.replace("\noffset = [0.0, ", "\noffset = ["), "errors.offset: got 5 numbers"),
+    "a row less": (lambda text: text.replace("  [", "  # [", 1), "errors.covariance: allowed are 18 rows"),
+    "no covariance": (lambda text: text.replace("  [", "  [-", 1), "errors.covariance: has the eigenvalue"),
+    "no text": (lambda text: "\ufffe" + text, "not TOML"),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_file_is_refused_in_one_line(damage: str, file: Path) -> None:
+    change, told = DAMAGES[damage]
+    text = file.read_text(encoding="utf-8")
+    assert change(text) != text
+    file.write_text(change(text), encoding="utf-8")
+    with pytest.raises(InputFileError) as caught:
+        read_calibration(file)
+    (line,) = caught.value.faults
+    assert line.startswith(f"{file}: ")
+    assert told in line
+
+
+def test_two_faults_are_two_lines(file: Path) -> None:
+    text = file.read_text(encoding="utf-8").replace("n_missions = 1", "n_missions = 0").replace("= 160", "= -1")
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(InputFileError) as caught:
+        read_calibration(file)
+    assert len(caught.value.faults) == 2
+
+
+def test_the_command_refuses_with_status_two_and_writes_nothing(file: Path, tmp_path: Path) -> None:
+    file.write_text(file.read_text(encoding="utf-8")[:300], encoding="utf-8")
+    table = str(ROOT / "examples" / "locate" / "strengths.csv")
+    for command in (["run", "--serial-number", "7"], ["locate", table]):
+        for name in (file.name, "none.toml"):
+            done = pdpatrol(*command, "--calibration", name, "--out", "here", cwd=tmp_path)
+            assert done.returncode == 2, done.stdout + done.stderr
+            (line,) = done.stderr.strip().splitlines()
+            assert line.startswith(f"{name}: ")
+    assert [path.name for path in tmp_path.iterdir()] == [file.name]
+
+
+def test_field_data_leave_a_calibration_that_the_next_ones_take_up(tmp_path: Path) -> None:
+    shutil.copy(ROOT / "examples" / "locate" / "strengths.csv", tmp_path / "strengths.csv")
+    first = pdpatrol("locate", "strengths.csv", "--out", "first", cwd=tmp_path)
+    assert first.returncode == 0, first.stderr
+    assert "calibration.toml" in first.stdout
+    learned = ["--calibration", "first/calibration.toml"]
+    second = pdpatrol("locate", "strengths.csv", *learned, "--out", "second", cwd=tmp_path)
+    assert second.returncode == 0, second.stderr
+    calibrations = [read_calibration(tmp_path / name / "calibration.toml") for name in ("first", "second")]
+    assert [calibration.n_missions for calibration in calibrations] == [1, 2]
+    other = pdpatrol("locate", "strengths.csv", *learned, "--gain-error", "0.1", "--out", "third", cwd=tmp_path)
+    assert other.returncode == 2
+    assert other.stderr.strip().startswith("--calibration: is of another array: gain_error 0.05, here 0.1")
+    assert not (tmp_path / "third").exists()
+
+
+def test_an_array_without_an_element_is_another_array(file: Path) -> None:
+    array = known_array(load_scenario("one_source", NUMBER)).take(range(5))
+    assert read_calibration(file).faults(CalibratedArray.of(replace(array, errors=None), 7))
