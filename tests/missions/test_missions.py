@@ -20,7 +20,7 @@ from sensing.receiver.faults import ChannelFault
 REPORT_KEYS = {
     "schema", "scenario", "seed", "policy", "sim_time_s", "wall_time_s", "distance_m", "battery_left",
     "collisions", "waypoints",
-    "n_bearings", "channel_faults", "findings", "candidates", "evaluation",
+    "n_bearings", "channel_faults", "calibration", "findings", "candidates", "evaluation",
 }  # fmt: skip
 
 
@@ -125,6 +125,7 @@ def test_what_a_policy_sees_holds_no_truth(monkeypatch: pytest.MonkeyPatch) -> N
             "_shape",
             "_planned_clearance_m",
             "is_free",
+            "_free_cells",
             "_graph",
         }
 

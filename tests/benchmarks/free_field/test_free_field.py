@@ -13,7 +13,7 @@ from missions.sweep.results.intervals import Interval, root_mean_square, share_i
 from tests.benchmarks.free_field.cases import draw_case, with_wild_bearings
 from tests.benchmarks.free_field.figures import Fixes, confirmed, fixes, locate, ospa_m, position_bound
 
-FEW = 8
+FEW = 4
 """Cases that are always run."""
 
 MANY = 2000

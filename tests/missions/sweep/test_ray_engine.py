@@ -25,7 +25,7 @@ pytestmark = pytest.mark.skipif(find_spec("ray") is None, reason="the extra `ray
 
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 LOOPBACK = {"127.0.0.1", "::ffff:127.0.0.1"}
-WAIT_S = 120.0
+WAIT_S = 300.0
 N_MISSIONS = 30
 
 
