@@ -26,6 +26,11 @@ from dirmusic.pulses.batch import PulseBatch
 FloatArray = NDArray[np.float64]
 
 
+FRESH_SHARE = 0.05
+"""Findings are fitted anew once the pulses of one have become more, or fewer, by this share (assumed): where these are as
+good as the others, that is a fortieth of a deviation."""
+
+
 class Learned(NamedTuple):
     """What a mission has learned of its array.
 
@@ -77,6 +82,7 @@ class Locator:
         self._next_fit_s = -np.inf
         self._errors = array.errors.mean if array.errors else ElementErrors.none(array.manifold.n_elements)
         self._record = PulseRecord(array, pose_error, sight, self.rules.assignment)
+        self._n_fitted: dict[int, tuple[int, int]] = {}
         self._assigner = Assigner(self._record, self.rules.assignment)
 
     def update(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> tuple[Finding, ...]:
@@ -93,14 +99,23 @@ class Locator:
         self._record.add(time_s, pose, pulses)
         if (pulses.n_pulses or self._is_waiting) and time_s >= self._next_fit_s:
             self._next_fit_s = time_s + self.rules.refit_s
-            self.refit(time_s)
+            self._renew(time_s, always=False)
         return self.findings
 
     def refit(self, time_s: float) -> tuple[Finding, ...]:
         """Assign and fit all pulses so far anew, whenever the last fit was; all findings."""
+        return self._renew(time_s, always=True)
+
+    def _renew(self, time_s: float, *, always: bool) -> tuple[Finding, ...]:
+        """Assign all pulses so far, and fit them where that is asked for or worth it; all findings."""
         assignment = self._with_birth(self._without_unsupported(), time_s)
-        distinct = self._merged(self._fit(assignment))
-        assignment = self._assigner.assign(distinct, self._errors)
+        supported = {finding.id: np.flatnonzero(assignment.owner == k) for k, finding in enumerate(self.findings)}
+        n_pulses = {number: (own.size, int(assignment.in_sight[own].sum())) for number, own in supported.items()}
+        distinct = self.findings
+        if always or _are_worth_a_fit(n_pulses, self._n_fitted):
+            self._n_fitted = n_pulses
+            distinct = self._merged(self._fit(assignment))
+            assignment = self._assigner.assign(distinct, self._errors)
         self.findings = tuple(
             updated_state(finding, k, assignment, self._record, self.rules, self.fence_m, time_s)
             for k, finding in enumerate(distinct)
@@ -217,3 +232,14 @@ class Locator:
             if not apart_m or min(apart_m) > self.rules.merge_m:
                 distinct.append(finding)
         return distinct
+
+
+def _are_worth_a_fit(n_pulses: dict[int, tuple[int, int]], n_fitted: dict[int, tuple[int, int]]) -> bool:
+    """Whether findings or numbers of their pulses, all and in sight, are not what they were at the last fit."""
+    if n_pulses.keys() != n_fitted.keys():
+        return True
+    return any(
+        abs(now - then) > FRESH_SHARE * then
+        for number, counts in n_pulses.items()
+        for now, then in zip(counts, n_fitted[number], strict=True)
+    )
