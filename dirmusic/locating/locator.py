@@ -27,8 +27,8 @@ FloatArray = NDArray[np.float64]
 
 
 FRESH_SHARE = 0.05
-"""Findings are fitted anew once the pulses of one have become more, or fewer, by this share (assumed): where these are as
-good as the others, that is a fortieth of a deviation."""
+"""Findings are fitted anew once the pulses of one have become more, or fewer, by this share (assumed): where these are
+as good as the others, that is a fortieth of a deviation."""
 
 
 class Learned(NamedTuple):
