@@ -33,7 +33,7 @@ LEAST_HEIGHT_M = 0.2
 
 SEEN_FROM_M = (2.0, 8.0)
 LOOK_EVERY_M = 0.5
-"""Ground from which such a source is to be in sight under the aperture of confirmation, and how closely one looks: as
+"""Ground from which such a source is to be in sight under the aperture of a plan, and how closely one looks: as
 in the suite, each source can be found."""
 
 TRIES = 200
@@ -102,7 +102,7 @@ def _pushed_out(yard: Yard, place_m: FloatArray, off_m: float) -> FloatArray:
 
 
 def _can_be_seen(yard: Yard, sight: Sight, place_m: FloatArray) -> bool:
-    """Whether it is in sight from free ground nearby under the aperture of confirmation."""
+    """Whether it is in sight from free ground nearby under the aperture of a plan."""
     ahead = np.arange(-SEEN_FROM_M[1], SEEN_FROM_M[1] + LOOK_EVERY_M, LOOK_EVERY_M)
     off_m = np.stack(np.meshgrid(ahead, ahead), axis=-1).reshape(-1, 2)
     range_m = np.linalg.norm(off_m, axis=-1)
@@ -110,4 +110,4 @@ def _can_be_seen(yard: Yard, sight: Sight, place_m: FloatArray) -> bool:
     ground_m = ground_m[yard.clearance(ground_m) >= ROOM_TO_TURN_M]
     share = sight(np.column_stack([ground_m, np.full(len(ground_m), ArrayConfig().height_m)]), place_m)
     seen_m = ground_m[share >= 10 ** (-AssignmentRules().sight_loss_db / 20)] - place_m[:2]
-    return aperture(np.arctan2(seen_m[:, 1], seen_m[:, 0])) >= LocatingRules().confirm_aperture_rad
+    return aperture(np.arctan2(seen_m[:, 1], seen_m[:, 0])) >= LocatingRules().planned_aperture_rad

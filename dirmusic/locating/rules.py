@@ -69,6 +69,10 @@ class AssignmentRules:
     detection_range_m: float = 6.0
 
 
+APERTURE_MARGIN = 4.0 / 3.0
+"""Routes are planned for so many times the aperture that confirms (assumed): what is driven is not what is planned."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class LocatingRules:
     """When pulses make a candidate, and what confirms it. All values are assumed.
@@ -85,7 +89,8 @@ class LocatingRules:
             from the field, a pulse or two from each pose. Two sources have ghosts where their lines cross.
         refit_s: Time between fits.
         max_pulses: Pulses of one finding that a fit uses, each pooled of those of one place, heading and direction.
-        confirm_aperture_rad: Lines of sight must spread over this angle: one line of bearings is no fix.
+        confirm_aperture_rad: Lines of sight must spread over this angle: one line of bearings is no fix. How good a fix
+            is, is for the ellipse to say.
         confirm_semi_major_m: The 95 % ellipse must be no longer than this to confirm.
         confirm_range_m: The finding must have been detected from within this distance on plan; that it is known well
             enough is for the ellipse to say.
@@ -114,7 +119,7 @@ class LocatingRules:
     birth_by_crossing: bool = False
     refit_s: float = 1.0
     max_pulses: int = 120
-    confirm_aperture_rad: float = np.radians(60.0)
+    confirm_aperture_rad: float = np.radians(45.0)
     confirm_semi_major_m: float = 0.5
     confirm_range_m: float = 8.0
     confirm_pulses: int = 20
@@ -125,3 +130,8 @@ class LocatingRules:
     ghost_semi_major_m: float = 2.0
     least_range_m: float = 0.5
     merge_m: float = 1.0
+
+    @property
+    def planned_aperture_rad(self) -> float:
+        """Over which lines of sight spread where it is for a plan to say."""
+        return APERTURE_MARGIN * self.confirm_aperture_rad

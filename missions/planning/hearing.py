@@ -137,7 +137,7 @@ def hear(scenario: Scenario, site_map: SiteMap, amplitude_v: float = AMPLITUDE_V
     aspect_rad = np.arctan2(away_m[..., 1], away_m[..., 0])
     surely = _heard_all_round(is_heard, cells, site_map)
     for k, aspects in enumerate(aspect_rad):
-        widest_rad = min(aperture(aspects[is_heard[k]]), rules.confirm_aperture_rad)
+        widest_rad = min(aperture(aspects[is_heard[k]]), rules.planned_aperture_rad)
         if surely[k].any() and aperture(aspects[surely[k]]) >= widest_rad:
             is_heard[k] = surely[k]
     return Hearing(targets, cells, places_m, level_db, range_m, aspect_rad, is_heard)

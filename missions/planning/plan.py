@@ -144,7 +144,7 @@ def _find_tour(
 ) -> tuple[Tour, Looks]:
     """The tour, and what it has to show of each site."""
     clearance_m = site_map.clearance_m[hearing.cells]
-    needed_rad = np.minimum(apertures(hearing), scenario.locating.rules().confirm_aperture_rad)
+    needed_rad = np.minimum(apertures(hearing), scenario.locating.rules().planned_aperture_rad)
     chosen = hearing.cells[cover(hearing, candidates(hearing, clearance_m, needed_rad), needed_rad)].tolist()
     ways, dock = Ways(site_map), site_map.cell(scenario.route.dock_m)
     longer = shortest_tour_of(ways, dock, chosen)

@@ -49,7 +49,7 @@ def _remark(plan: Plan, site: PlannedSite) -> str:
     if site.heard is None:
         return NOT_HEARD
     remarks: list[str] = []
-    if site.needed_rad < rules.confirm_aperture_rad:
+    if site.needed_rad < rules.planned_aperture_rad:
         remarks.append(f"from no more than {np.degrees(site.needed_rad):.0f} degrees of aperture")
     if site.heard.nearest_m > rules.confirm_range_m:
         remarks.append(f"from no nearer than {site.heard.nearest_m:.1f} m")
