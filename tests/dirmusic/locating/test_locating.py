@@ -154,15 +154,15 @@ def test_a_single_line_of_bearings_never_confirms() -> None:
     straight = np.column_stack([np.linspace(5.0, 27.5, 300), np.full(300, 15.0)])
     locator, history = listen_along(straight, [source], seed=1)
     assert all(finding.state == "candidate" for findings in history for finding in findings)
-    assert locator.findings[0].aperture_rad < np.radians(60)
+    assert locator.findings[0].aperture_rad < LocatingRules().confirm_aperture_rad
 
 
-def test_a_finding_is_confirmed_only_after_the_lines_of_sight_spread_over_sixty_degrees() -> None:
+def test_a_finding_is_confirmed_only_after_the_lines_of_sight_have_opened_as_the_rules_ask() -> None:
     source = np.array([20.0, 15.0])
     _, history = listen_along(around(source, 2.5, 0, 120), [source], seed=2)
     confirmed = [finding for findings in history for finding in findings if finding.state == "confirmed"]
     assert confirmed
-    assert min(finding.aperture_rad for finding in confirmed) >= np.radians(60)
+    assert min(finding.aperture_rad for finding in confirmed) >= LocatingRules().confirm_aperture_rad
 
 
 def test_two_sources_that_radiate_at_once_become_two_findings() -> None:
