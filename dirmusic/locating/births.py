@@ -58,6 +58,8 @@ def find_birth(
 ) -> Birth | None:
     """The largest group of recent unassigned pulses from one direction, if it is large enough to make a candidate.
 
+    Pulses from above make none: two waves at a time look alike.
+
     Args:
         record: All pulses.
         owner: Finding of each pulse or a code of `NoOwner`, shape (n,).
@@ -65,7 +67,7 @@ def find_birth(
         rules: How many pulses, from how wide an arc, in how long a time.
         time_s: Now.
     """
-    unassigned = np.flatnonzero(owner == NoOwner.UNASSIGNED)
+    unassigned = np.flatnonzero((owner == NoOwner.UNASSIGNED) & ~record.is_from_above)
     recent = unassigned[record.pulses.time_s[unassigned] > time_s - rules.birth_s]
     if recent.size < rules.birth_pulses:
         return None

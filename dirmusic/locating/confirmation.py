@@ -21,6 +21,10 @@ LEVEL_QUANTILE = 0.75
 """The level of a finding is this quantile of the levels of its pulses (assumed): those on the direct path are the
 louder ones."""
 
+NEARLY_AS_NEAR = 1.25
+"""A finding that has not been detected from within `detection_range_m` should be from within so many times the range
+from which it has been (assumed)."""
+
 OUTLINE_POINTS = 73
 """Points of the ellipse that are compared with the fence: every five degrees."""
 
@@ -47,7 +51,6 @@ def updated_state(
     """
     rows = np.flatnonzero((assignment.owner == number) & assignment.in_sight)
     present = presence(finding, np.flatnonzero(assignment.may_be[number]), record, rules.assignment)
-    n_echoes = int(assignment.is_echo[rows].sum())
     if rows.size:
         finding = _measured(finding, rows, assignment, record)
     if _lies_outside(finding, fence_m):
@@ -56,7 +59,8 @@ def updated_state(
         return replace(finding, state="ghost")
     if finding.state != "confirmed" and _is_ghost(finding, present, rules):
         return replace(finding, state="ghost")
-    if rows.size and (_stays_confirmed(finding, n_echoes, present.rate, rules) or _meets(finding, present.rate, rules)):
+    n_own = rows.size - int(assignment.is_echo[rows].sum())
+    if _stays_confirmed(finding, n_own, present.rate, rules) or _meets(finding, n_own, present.rate, rules):
         return replace(finding, state="confirmed", fixed_s=time_s if finding.fixed_s is None else finding.fixed_s)
     return replace(finding, state="candidate")
 
@@ -78,6 +82,9 @@ class Presence(NamedTuple):
 def presence(finding: Finding, rows: Rows, record: PulseRecord, rules: AssignmentRules) -> Presence:
     """How often a finding is detected where it should be; without a map, which could tell what is in sight, always.
 
+    In sight is what is so at every height at which the finding may be; at any, where the array has been in no such
+    place.
+
     Args:
         finding: The finding.
         rows: Rows of the pulses that may have come from it.
@@ -86,9 +93,12 @@ def presence(finding: Finding, rows: Rows, record: PulseRecord, rules: Assignmen
     """
     if not record.sight.has_map:
         return Presence(1.0, 0, 0)
-    is_near = np.linalg.norm(record.places_m[:, :2] - finding.position_m[:2], axis=-1) < rules.detection_range_m
-    left = record.sight.at_heights(record.places_m, finding, rules.surface_depth_m).min(axis=0)
-    is_near &= left >= 10 ** (-rules.sight_loss_db / 20)
+    nearest_m = finding.nearest_m if np.isfinite(finding.nearest_m) else 0.0
+    near_m = max(rules.detection_range_m, NEARLY_AS_NEAR * nearest_m)
+    is_near = np.linalg.norm(record.places_m[:, :2] - finding.position_m[:2], axis=-1) < near_m
+    left = record.sight.at_heights(record.places_m, finding, rules.surface_depth_m)
+    is_clear = is_near & (left >= 10 ** (-rules.sight_loss_db / 20))
+    is_near = is_clear.all(axis=0) if is_clear.all(axis=0).any() else is_clear.any(axis=0)
     time_s = record.pulses.time_s
     second = np.floor(time_s)
     observed = np.unique(second[is_near[record.place]])
@@ -123,22 +133,22 @@ def _is_where_the_array_was(finding: Finding, record: PulseRecord, rules: Locati
     return apart_m < rules.least_range_m and finding.semi_major_m <= rules.confirm_semi_major_m
 
 
-def _stays_confirmed(finding: Finding, n_echoes: int, rate: float, rules: LocatingRules) -> bool:
+def _stays_confirmed(finding: Finding, n_own: int, rate: float, rules: LocatingRules) -> bool:
     """Whether half of what confirmed it is left, without what may be echoes of findings confirmed since."""
     return (
         finding.state == "confirmed"
-        and finding.n_bearings - n_echoes >= rules.confirm_pulses // 2
+        and n_own >= rules.confirm_pulses // 2
         and rate >= 0.5 * rules.confirm_detection_rate
     )
 
 
-def _meets(finding: Finding, rate: float, rules: LocatingRules) -> bool:
-    """Whether a candidate meets every rule of confirmation."""
+def _meets(finding: Finding, n_own: int, rate: float, rules: LocatingRules) -> bool:
+    """Whether a candidate meets every rule of confirmation, by pulses that are no echoes of another finding."""
     return (
         finding.aperture_rad >= rules.confirm_aperture_rad
         and finding.semi_major_m <= rules.confirm_semi_major_m
         and finding.nearest_m <= rules.confirm_range_m
-        and finding.n_bearings >= rules.confirm_pulses
+        and n_own >= rules.confirm_pulses
         and rate >= rules.confirm_detection_rate
     )
 

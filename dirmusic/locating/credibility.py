@@ -10,6 +10,7 @@ from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, SEARCH_STEP_RAD
 from dirmusic.array.model import ArrayModel
 from dirmusic.bearing.built_in import method_std
 from dirmusic.bearing.estimator import BearingEstimator
+from dirmusic.locating.elevation import misfits_in_space
 from dirmusic.locating.rules import CredibilityRules
 from dirmusic.pulses.batch import PulseBatch
 
@@ -50,7 +51,7 @@ class MethodDeviation:
 def is_credible(
     pulses: PulseBatch, array: ArrayModel, method_std_rad: FloatArray, rules: CredibilityRules
 ) -> NDArray[np.bool_]:
-    r"""Whether each pulse looks like one plane wave from one direction, strong enough to tell which.
+    r"""Whether each pulse looks like one plane wave from one direction in space, strong enough to tell which.
 
     The deviation is judged by what noise adds to that of the estimator's own method,
     :math:`\sigma^2 < \sigma_{method}^2 + \sigma_{max}^2`: an honest coarse estimator is as credible as a fine one.
@@ -73,6 +74,9 @@ def is_credible(
     by_offset = manifold.n_elements * spread.offset**2 / np.square(gain).sum(axis=0)
     by_array = spread.gain**2 + spread.pointing_rad**2 + by_offset
     expected = by_noise + by_array + rules.misfit_floor
-    is_plane_wave = pulses.misfit < rules.misfit_factor * expected
+    limit = rules.misfit_factor * expected
+    is_plane_wave = pulses.misfit < limit
+    (others,) = np.nonzero(~is_plane_wave)
+    is_plane_wave[others] = misfits_in_space(pulses.take(others), manifold).min(axis=0) < limit[others]
     is_narrow = np.square(pulses.std_rad) < np.square(method_std_rad) + rules.max_std_rad**2
     return is_narrow & is_plane_wave & ~pulses.is_overdriven

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.array.element_errors import ElementErrors
+from dirmusic.locating.association.echo_budget import too_many_for_echoes
 from dirmusic.locating.association.gating import gate_pulses
 from dirmusic.locating.association.ghost_test import judge_paths
 from dirmusic.locating.association.pulse_record import PulseRecord
@@ -138,27 +139,38 @@ class Assigner:
         in_gate = offset_sigmas <= self._rules.gate_sigmas
         n_gates = in_gate.sum(axis=0)
         in_sight = is_direct[nearest, each]
-        is_confirmed = np.array([finding.state == "confirmed" for finding in findings])[nearest]
-        is_ghost, n_ghosts = is_ghost_of.any(axis=0), is_ghost_of.sum(axis=0)
+        confirmed = np.array([finding.state == "confirmed" for finding in findings])
+        is_confirmed = confirmed[nearest]
+        n_ghosts, is_own_ghost = is_ghost_of.sum(axis=0), is_ghost_of[nearest, each]
+        is_ghost = (n_ghosts > 0) & ~(is_confirmed & in_sight & (n_gates > 0))
         is_biased_of = np.array([of.is_biased for of in judged])
         is_biased = is_biased_of.any(axis=0)
         is_of_another = ~is_confirmed & (is_biased_of.sum(axis=0) > is_biased_of[nearest, each])
-        owner = np.select(  # the first that holds
-            [
-                is_ghost & ~(is_confirmed & in_sight & (n_gates > 0)),
-                n_gates > 1,
-                (n_gates == 1) & ~is_of_another,
-                is_biased,
-            ],
-            [NoOwner.GHOST, NoOwner.AMBIGUOUS, nearest, NoOwner.AMBIGUOUS],
+        by_direction = np.select(  # the first that holds
+            [n_gates > 1, (n_gates == 1) & ~is_of_another, is_biased],
+            [NoOwner.AMBIGUOUS, nearest, NoOwner.AMBIGUOUS],
             default=NoOwner.UNASSIGNED,
         )
+        is_echo = (n_ghosts > is_own_ghost) | (is_ghost & is_confirmed)
+        is_source = self._outnumber_echoes(is_echo, np.where(is_ghost, NoOwner.GHOST, by_direction), confirmed)
+        is_source &= ~is_ghost_of[~confirmed].any(axis=0)
         return Assignment(
-            owner=owner,
+            owner=np.where(is_ghost & ~is_source, NoOwner.GHOST, by_direction),
             in_sight=in_sight,
             level_db=np.array([of.level_db for of in judged])[nearest, each],
             may_be=in_gate & is_direct,
-            is_echo=n_ghosts > is_ghost_of[nearest, each],
+            is_echo=(n_ghosts > is_own_ghost) & ~is_source,
+        )
+
+    def _outnumber_echoes(self, is_echo: BoolArray, owner: NDArray[np.intp], confirmed: BoolArray) -> BoolArray:
+        """Which of the pulses that may be echoes of confirmed findings are too many for that, shape (n,)."""
+        number = np.append(np.where(confirmed, np.cumsum(confirmed) - 1, -1), -1)  # of confirmed ones alone
+        return too_many_for_echoes(
+            self._record.pulses.time_s,
+            self._record.pulses.azimuth_rad + self._record.pose[:, 2],
+            is_echo & ~self._record.is_from_above,
+            number[np.maximum(owner, -1)],
+            int(confirmed.sum()),
         )
 
     def _judge(self, finding: Finding, errors: ElementErrors) -> Judgement:

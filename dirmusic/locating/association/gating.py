@@ -23,12 +23,22 @@ WIDEST_POSITION_RAD = np.radians(15.0)
 known well, seen from close by, would take the pulses of every direction."""
 
 
+ELEVATION_SHARE = 0.5
+"""Share of the bearing error by elevation that is not known (assumed): helices are not alike in all planes."""
+
+
+ELEVATION_MARGIN_RAD = np.radians(25.0)
+"""A pulse from above may fit best so far above a finding and still be its own (assumed): errors of the array, and a
+height that is not known yet."""
+
+
 class Gate(NamedTuple):
     """Pulses as seen by one finding; every array has shape (n,).
 
     Attributes:
         offset_rad: How far the bearing points past the finding, in [0, pi].
-        offset_sigmas: The same in standard deviations of bearing and positions.
+        offset_sigmas: The same in standard deviations of bearing and positions; infinite for pulses from above that
+            came from higher than the finding is.
         level_db: Level 1 m from the finding that the strength of pulses of that time and direction means, dB over 1 V,
             what the map takes from a finding in sight made good.
         in_sight: Whether the map leaves the finding in sight from where the pulse was detected.
@@ -55,8 +65,12 @@ def gate_pulses(
     position_m2 = np.einsum("ni,ij,nj->n", across, finding.covariance_m2[:2, :2], across)
     position_m2 += record.pose_error.position_m**2 + (NEAR_FIELD_SHARE * record.aperture_m) ** 2
     std = np.sqrt(measured.std_rad**2 + np.minimum(position_m2 / range_m**2, WIDEST_POSITION_RAD**2))
-    offset_rad = np.abs(difference(measured.bearing_rad, np.arctan2(sight[:, 1], sight[:, 0])))
-    offset_sigmas = offset_rad / std
+    azimuth_rad = np.arctan2(sight[:, 1], sight[:, 0])
+    elevation_rad = np.arctan2(np.abs(sight[:, 2]), range_m)
+    by_elevation_rad = record.errors_by_elevation(azimuth_rad - pose[:, 2], elevation_rad)
+    offset_rad = np.abs(difference(measured.bearing_rad, azimuth_rad + by_elevation_rad))
+    is_too_high = record.is_from_above[rows] & (record.elevation_rad[rows] - elevation_rad > ELEVATION_MARGIN_RAD)
+    offset_sigmas = np.where(is_too_high, np.inf, offset_rad / np.hypot(std, ELEVATION_SHARE * by_elevation_rad))
     left = record.sight.at_heights(record.places_m, finding, rules.surface_depth_m).max(axis=0)
     least = 10 ** (-rules.sight_loss_db / 20)
     lost_db = -20 * np.log10(np.maximum(left, least))

@@ -15,6 +15,7 @@ from dirmusic.locating.association.growing_columns import GrowingColumns
 from dirmusic.locating.association.local_levels import LocalLevels
 from dirmusic.locating.association.pooling import pooled
 from dirmusic.locating.association.sight_lines import Sight, SightLines
+from dirmusic.locating.elevation import ELEVATIONS_RAD, misfits_in_space
 from dirmusic.locating.joint_fix import PoseError, with_height, with_height_covariance
 from dirmusic.locating.rules import AssignmentRules
 from dirmusic.locating.triangulation import rough_crossing, triangulate
@@ -41,6 +42,10 @@ MOST_POOLED = 32
 
 LEAST_RANGE_M = 0.3
 """Shorter ranges on plan count as this one (assumed): so close by, a pose error alone turns the line of sight round."""
+
+FROM_ABOVE_RAD = np.radians(40.0)
+"""Pulses that fit best at elevations beyond this one are those of known findings or of none: two waves at a time look
+like one from above, and errors of the array like less than this (assumed)."""
 
 ALIKE_RAD = np.radians(0.2)
 """Bearings that differ by no more say the same (assumed): their own deviations are larger by far."""
@@ -77,6 +82,7 @@ class PulseRecord:
         pulses: The pulses, n rows, in the order in which they were added, without sub-bands.
         pose: Believed x m, y m, yaw rad at each pulse, world frame, shape (n, 3).
         place: Row in `places_m` of each pulse, shape (n,).
+        elevation_rad: That of `ELEVATIONS_RAD` at which each pulse fits best, shape (n,).
         places_m: Places where the array was, one of each cell of the ground, shape (n_places, 3), world frame.
         listened: Row in `places_m` of where the array was in each second, one second a row, whether anything was
             detected or not, shape (n_seconds,).
@@ -90,6 +96,7 @@ class PulseRecord:
         self.pulses = PulseBatch.none(array.manifold.n_elements)
         self.pose: FloatArray = np.empty((0, 3))
         self.place: Rows = np.empty(0, dtype=np.intp)
+        self.elevation_rad: FloatArray = np.empty(0)
         self.places_m = np.empty((0, 3))
         self.listened = np.empty(0, dtype=np.intp)
         self.listened_s = np.empty(0)
@@ -98,7 +105,9 @@ class PulseRecord:
         self._std_rad: FloatArray = np.empty(0)
         self._group: Rows = np.empty(0, dtype=np.intp)
         self._repeat: Rows = np.empty(0, dtype=np.intp)
-        self._columns = GrowingColumns([self.pose, self.place, self._group, self._repeat, self._std_rad, *self.pulses])
+        self._columns = GrowingColumns(
+            [self.pose, self.place, self.elevation_rad, self._group, self._repeat, self._std_rad, *self.pulses]
+        )
         self._levels = LocalLevels(rules)
         self._bearing_errors = BearingErrors(array)
         self._cells: dict[tuple[int, int], int] = {}
@@ -123,10 +132,11 @@ class PulseRecord:
         variance = pulses.std_rad**2 + self._bearing_errors.std(pulses.azimuth_rad) ** 2
         std_rad = np.sqrt(variance + self.pose_error.heading_rad**2)
         group, repeat = self._grouped(time_s, place, float(pose[2]), pulses.azimuth_rad)
-        self._columns.extend([np.tile(pose, (n, 1)), np.full(n, place), group, repeat, std_rad, *pulses])
+        elevation_rad = ELEVATIONS_RAD[misfits_in_space(pulses, self.array.manifold).argmin(axis=0)]
+        self._columns.extend([np.tile(pose, (n, 1)), np.full(n, place), elevation_rad, group, repeat, std_rad, *pulses])
         columns = self._columns.columns()
-        self.pose, self.place, self._group, self._repeat, self._std_rad = columns[:5]
-        self.pulses = PulseBatch(*columns[5:])
+        self.pose, self.place, self.elevation_rad, self._group, self._repeat, self._std_rad = columns[:6]
+        self.pulses = PulseBatch(*columns[6:])
         norm_v = np.linalg.norm(pulses.strengths_v * pulses.is_usable, axis=-1)
         self._levels.add(time_s, pulses.azimuth_rad + pose[2], 20 * np.log10(norm_v))
 
@@ -168,6 +178,15 @@ class PulseRecord:
         """World bearings of some pulses with known errors of the array taken out, and their deviation with the rest."""
         azimuth = self.pulses.azimuth_rad[rows]
         return azimuth - self._bearing_errors.of(errors, azimuth) + self.pose[rows, 2], self._std_rad[rows]
+
+    @property
+    def is_from_above(self) -> NDArray[np.bool_]:
+        """Whether each pulse fits best at an elevation beyond `FROM_ABOVE_RAD`, shape (n,)."""
+        return self.elevation_rad > FROM_ABOVE_RAD
+
+    def errors_by_elevation(self, azimuth_rad: FloatArray, elevation_rad: FloatArray) -> FloatArray:
+        """See `BearingErrors.by_elevation`."""
+        return self._bearing_errors.by_elevation(azimuth_rad, elevation_rad)
 
     def reads_alike(self, first: ElementErrors, second: ElementErrors) -> bool:
         """Whether bearings are the same to `ALIKE_RAD` with either errors of the array taken out."""

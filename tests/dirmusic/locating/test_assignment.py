@@ -1,16 +1,21 @@
 """Which pulse belongs to which finding: direction, strength over range, and what the map obstructs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from dirmusic import ArrayModel, GainManifold
 from dirmusic.array.element_errors import ElementErrors, ElementSpread
+from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
 from dirmusic.locating.association.assignment import Assigner, NoOwner
+from dirmusic.locating.association.echo_budget import too_many_for_echoes
 from dirmusic.locating.association.pulse_record import PulseRecord
 from dirmusic.locating.association.sight_lines import Sight
+from dirmusic.locating.births import find_birth
 from dirmusic.locating.finding import Finding
 from dirmusic.locating.joint_fix import PoseError
-from dirmusic.locating.rules import AssignmentRules
+from dirmusic.locating.rules import AssignmentRules, LocatingRules
 from dirmusic.pulses.batch import PulseBatch
 
 NOMINAL = GainManifold.ring(6)
@@ -127,3 +132,76 @@ def test_pulses_are_assigned_anew_by_a_finding_that_has_moved_changed_its_state_
     assert (assigner.assign([finding(8.0, 0.0)], NO_ERRORS).owner == 0).all()
     turned = ElementErrors(gain=np.zeros(6), pointing_rad=np.full(6, np.radians(30.0)), offset=np.zeros(6))
     assert (assigner.assign([finding(8.0, 0.0)], turned).owner == UNASSIGNED).all()
+
+
+HIGH_M = 4.0
+
+
+def bearings_from_above(azimuth: np.ndarray, elevation_rad: float) -> PulseBatch:
+    """Loud pulses from one elevation, with the bearings that are taken of them in the plane."""
+    off = azimuth[:, np.newaxis] - NOMINAL.boresights_rad
+    strengths = NOMINAL.response_in_space(off, np.full((azimuth.size, 1), elevation_rad)).gain
+    pulses = PulseBatch.detected(np.zeros(azimuth.size), strengths, np.full(strengths.shape, 1e-8))
+    found = MaximumLikelihood()(pulses, ARRAY)
+    return pulses._replace(azimuth_rad=found.azimuth_rad, std_rad=found.std_rad, misfit=found.misfit)
+
+
+@pytest.mark.parametrize("elevation_deg", [10.0, 30.0, 45.0, 60.0, 70.0])
+def test_bearings_that_are_off_for_they_were_taken_in_the_plane_belong_to_the_finding_above(
+    elevation_deg: float,
+) -> None:
+    for azimuth_deg in range(3, 360, 17):
+        azimuth, elevation = np.radians([float(azimuth_deg)]), np.radians(elevation_deg)
+        place = HIGH_M / np.tan(elevation) * np.array([np.cos(azimuth[0]), np.sin(azimuth[0])])
+        above = replace(finding(*place), position_m=np.array([*place, HIGH_M]), level_db=np.nan, state="candidate")
+        record = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
+        record.add(0.0, np.zeros(3), bearings_from_above(azimuth, elevation))
+        assert Assigner(record, AssignmentRules()).assign([above], NO_ERRORS).owner.tolist() == [0]
+
+
+def test_a_pulse_from_above_belongs_to_no_finding_in_the_plane_and_makes_none() -> None:
+    azimuth = np.zeros(20)
+    record = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
+    from_above = bearings_from_above(azimuth, np.radians(60.0))._replace(azimuth_rad=azimuth)
+    record.add(0.0, np.zeros(3), from_above)
+    level_with_it = replace(finding(8.0, 0.0, "candidate"), level_db=np.nan)
+    owner = Assigner(record, AssignmentRules()).assign([level_with_it], NO_ERRORS).owner
+    assert (owner == UNASSIGNED).all()
+    assert find_birth(record, owner, NO_ERRORS, LocatingRules(), 0.0) is None
+    level = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
+    level.add(0.0, np.zeros(3), bearings_from_above(azimuth, 0.0))
+    assert find_birth(level, owner, NO_ERRORS, LocatingRules(), 0.0) is not None
+
+
+def detections(
+    record: PulseRecord, rng: np.random.Generator, rates_hz: dict[float, float], seconds: range, loud_db: float
+) -> None:
+    """Pulses from directions in degrees at the rates given, so far above what `LEVEL_DB` at 8 m would give."""
+    for second in seconds:
+        counts = {bearing: rng.poisson(rate) for bearing, rate in rates_hz.items()}
+        azimuth = np.radians(np.repeat(list(counts), list(counts.values())))
+        record.add(float(second), np.zeros(3), pulses_from(azimuth, 10 ** ((LEVEL_DB + loud_db) / 20) / 8.0))
+
+
+WALL_DB = -6.0
+
+
+def behind_a_wall(points: np.ndarray, target: np.ndarray, ignore_m: float) -> np.ndarray:
+    """A map on which all is in sight and nothing clear: echoes are to be expected."""
+    return np.full(len(points), 10 ** (WALL_DB / 20))
+
+
+@pytest.mark.parametrize("is_heard", [True, False])
+def test_pulses_are_echoes_of_a_finding_only_in_so_far_as_its_own_are_missing(is_heard: bool) -> None:
+    rng, rules = np.random.default_rng(1), AssignmentRules()
+    record = PulseRecord(ARRAY, POSE_ERROR, behind_a_wall, rules)
+    detections(record, rng, {0.0: 20.0}, range(0, 20), WALL_DB)
+    detections(record, rng, {0.0: 20.0, 90.0: 20.0} if is_heard else {90.0: 20.0}, range(20, 40), WALL_DB)
+    owner = Assigner(record, rules).assign([finding(8.0, 0.0)], NO_ERRORS).owner
+    from_north = owner[np.abs(record.pulses.azimuth_rad - 0.5 * np.pi) < 0.1]
+    assert np.mean(from_north == (UNASSIGNED if is_heard else GHOST)) > 0.95
+
+
+def test_a_source_whose_rate_is_not_known_may_have_any_number_of_echoes() -> None:
+    suspects, nobody = np.ones(50, dtype=np.bool_), np.full(50, -1)
+    assert not too_many_for_echoes(np.zeros(50), np.zeros(50), suspects, nobody, 1).any()

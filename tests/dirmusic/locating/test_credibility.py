@@ -31,6 +31,18 @@ def test_strengths_that_no_direction_explains_are_not_credible() -> None:
     assert credible(pulses) == [False, True, False]
 
 
+@pytest.mark.parametrize("elevation_deg", [20.0, 37.0, 52.0, 70.0])
+def test_what_stands_above_is_credible_though_it_is_no_plane_wave_in_the_plane(elevation_deg: float) -> None:
+    rng = np.random.default_rng(3)
+    azimuth, pointing = rng.uniform(-np.pi, np.pi, (200, 1)), rng.normal(0.0, np.radians(2.0), (200, 6))
+    off = azimuth - NOMINAL.boresights_rad - pointing
+    gain = NOMINAL.response_in_space(off, np.full((200, 1), np.radians(elevation_deg))).gain
+    pulses = pulses_of(0.5 * gain * (1.0 + rng.normal(0.0, 0.05, (200, 6))))
+    assert np.mean(credible(pulses)) > 0.97
+    if elevation_deg > 45.0:
+        assert np.median(pulses.misfit) > 3 * 0.02  # three times what an array off by so much leaves in the plane
+
+
 def test_a_pulse_too_weak_to_tell_its_direction_is_not_credible() -> None:
     assert credible(pulses_of(np.array([0.5, 0.005])[:, np.newaxis] * NOMINAL.gain(0.3))) == [True, False]
 

@@ -1,0 +1,55 @@
+"""How many echoes there can be: a discharge is detected once, on its straight path or as an echo, not as both."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+WINDOW_S = 5.0
+"""Pulses are counted in windows of this length (assumed): long for numbers that tell, short for the robot's way."""
+
+SECTOR_RAD = np.radians(30.0)
+"""Echoes of one window are counted by sectors of this width (assumed)."""
+
+RATE_QUANTILE = 0.9
+"""A source is taken to discharge as often, always, as in this quantile of the windows in which it was detected
+(assumed): in the others distance or an obstacle took some."""
+
+EXCESS_SIGMAS = 3.0
+"""Pulses are too many once they are so many Poisson deviations more than there can be echoes (assumed)."""
+
+
+def too_many_for_echoes(
+    time_s: FloatArray, bearing_rad: FloatArray, is_suspect: BoolArray, owner: NDArray[np.intp], n_sources: int
+) -> BoolArray:
+    r"""Which pulses came from one direction in greater number than there can be echoes of known sources.
+
+    Source k, of which :math:`\lambda_k` pulses are due in a window and :math:`n_k` came on the straight path, leaves
+    :math:`b = \sum_k \max(\lambda_k - n_k, 0)` echoes at most; :math:`n > b + 3 \sqrt{b}` pulses of one sector are not
+    all echoes, so another source is among them.
+
+    Args:
+        time_s: Of each pulse, shape (n,).
+        bearing_rad: World frame, shape (n,).
+        is_suspect: Whether each pulse may be an echo of one of these sources, shape (n,).
+        owner: Which source each pulse came from on the straight path, in [0, n_sources), or anything below, shape (n,).
+        n_sources: How many there are.
+
+    Returns:
+        Shape (n,); pulses that are no suspects are none of these.
+    """
+    if n_sources == 0 or not is_suspect.any():
+        return np.zeros(time_s.size, dtype=np.bool_)
+    window = (time_s // WINDOW_S).astype(np.intp)
+    n_windows, n_sectors = int(window.max()) + 1, round(2 * np.pi / SECTOR_RAD)
+    is_owned = owner >= 0
+    direct = np.bincount(owner[is_owned] * n_windows + window[is_owned], minlength=n_sources * n_windows)
+    direct = direct.reshape(n_sources, n_windows)
+    due = [np.quantile(counts[counts > 0], RATE_QUANTILE) if counts.any() else np.inf for counts in direct]
+    most = np.maximum(np.array(due)[:, np.newaxis] - direct, 0.0).sum(axis=0)
+    cell = window * n_sectors + (np.mod(bearing_rad, 2 * np.pi) // SECTOR_RAD).astype(np.intp) % n_sectors
+    suspects = np.bincount(cell[is_suspect], minlength=n_windows * n_sectors)
+    return is_suspect & (suspects[cell] > (most + EXCESS_SIGMAS * np.sqrt(most + 1.0))[window])
