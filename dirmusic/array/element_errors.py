@@ -74,6 +74,10 @@ class ManifoldPrior(Protocol):
         ...
 
 
+UNEXPLAINED = 0.02
+"""Share of a channel's strength that no model explains in a yard (assumed); see `ElementSpread`."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class ElementSpread(ManifoldPrior):
     """Normal errors of the elements: standard deviations, all >= 0.
@@ -86,15 +90,15 @@ class ElementSpread(ManifoldPrior):
             largest gain; in the plane where the pattern was measured. Other directions differ otherwise, from
             `PATTERN_APART_RAD` on.
         unexplained: Share of a channel's strength that no model explains: reflections within the gate, its edges,
-            mutual coupling (default assumed). It counts in the joint fix alone, and stays the same for as long as the
-            error of the pose does, so that pulses from nearly one place share it.
+            mutual coupling; outside a laboratory `UNEXPLAINED`. It counts in the joint fix alone, and stays the same
+            for as long as the error of the pose does, so that pulses from nearly one place share it.
     """
 
     gain: float = 0.0
     pointing_rad: float = 0.0
     offset: float = 0.0
     pattern: float = 0.0
-    unexplained: float = 0.02
+    unexplained: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse what is no spread."""

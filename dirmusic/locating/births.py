@@ -54,11 +54,11 @@ class Birth(NamedTuple):
 
 
 def find_birth(
-    record: PulseRecord, owner: Rows, errors: ElementErrors, rules: LocatingRules, time_s: float
+    record: PulseRecord, owner: Rows, errors: ElementErrors, rules: LocatingRules, time_s: float, *, is_first: bool
 ) -> Birth | None:
     """The largest group of recent unassigned pulses from one direction, if it is large enough to make a candidate.
 
-    Pulses from above make none: two waves at a time look alike.
+    Pulses from above make the first candidate alone: two waves at a time look like one from above.
 
     Args:
         record: All pulses.
@@ -66,8 +66,9 @@ def find_birth(
         errors: Errors of the array's elements as known by now.
         rules: How many pulses, from how wide an arc, in how long a time.
         time_s: Now.
+        is_first: Whether there is neither a candidate nor a confirmed finding.
     """
-    unassigned = np.flatnonzero((owner == NoOwner.UNASSIGNED) & ~record.is_from_above)
+    unassigned = np.flatnonzero((owner == NoOwner.UNASSIGNED) & (is_first | ~record.is_from_above))
     recent = unassigned[record.pulses.time_s[unassigned] > time_s - rules.birth_s]
     if recent.size < rules.birth_pulses:
         return None

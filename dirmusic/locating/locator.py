@@ -167,7 +167,8 @@ class Locator:
 
         If they cross where a finding is already, that one is off, not doubled: they become its own.
         """
-        birth = find_birth(self._record, assignment.owner, self._errors, self.rules, time_s)
+        is_first = all(finding.state not in ("candidate", "confirmed") for finding in self.findings)
+        birth = find_birth(self._record, assignment.owner, self._errors, self.rules, time_s, is_first=is_first)
         if birth is None:
             return assignment
         apart_m = [float(np.linalg.norm((birth.position_m - finding.position_m)[:2])) for finding in self.findings]

@@ -45,6 +45,7 @@ def data_sheet(config: ArrayConfig, band_edges_hz: Sequence[float] = ()) -> Arra
             pointing_rad=float(np.radians(config.pointing_error_deg)),
             offset=config.gain_offset / np.sqrt(3),
             pattern=config.pattern_error,
+            unexplained=config.unexplained,
         ),
         band_manifolds=nominal.band_manifolds(band_edges_hz) if len(band_edges_hz) else (),
     )

@@ -95,6 +95,7 @@ def locate(
     from rich.progress import Progress
 
     from dirmusic import ElementSpread, InputFileError, PoseError, read_pattern
+    from dirmusic.array.element_errors import UNEXPLAINED
     from envs.scenario.calibration import read_calibration
     from missions.field.array_model import array_model, calibrated
     from missions.field.field_data import read_field_data
@@ -107,7 +108,10 @@ def locate(
             array = array_model(
                 data,
                 ElementSpread(
-                    gain=gain_error, pointing_rad=math.radians(pointing_error_deg), offset=gain_offset / math.sqrt(3)
+                    gain=gain_error,
+                    pointing_rad=math.radians(pointing_error_deg),
+                    offset=gain_offset / math.sqrt(3),
+                    unexplained=UNEXPLAINED,
                 ),
                 read_pattern(pattern) if pattern else None,
                 boresights_deg,

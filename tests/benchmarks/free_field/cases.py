@@ -78,7 +78,7 @@ def draw_case(seed: int, n_sources: int = 1, *, is_exact: bool = False) -> Case:
     episode = Episode.draw(scenario, surroundings, generators, fixed)
     array = known_array(scenario)
     if is_exact:
-        array = replace(array, spread=ElementSpread(unexplained=0.0))
+        array = replace(array, spread=ElementSpread())
     bank = ReceiverBank(
         scenario.receiver,
         [

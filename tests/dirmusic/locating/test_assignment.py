@@ -159,7 +159,7 @@ def test_bearings_that_are_off_for_they_were_taken_in_the_plane_belong_to_the_fi
         assert Assigner(record, AssignmentRules()).assign([above], NO_ERRORS).owner.tolist() == [0]
 
 
-def test_a_pulse_from_above_belongs_to_no_finding_in_the_plane_and_makes_none() -> None:
+def test_a_pulse_from_above_belongs_to_no_finding_in_the_plane_and_makes_none_but_the_first() -> None:
     azimuth = np.zeros(20)
     record = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
     from_above = bearings_from_above(azimuth, np.radians(60.0))._replace(azimuth_rad=azimuth)
@@ -167,10 +167,11 @@ def test_a_pulse_from_above_belongs_to_no_finding_in_the_plane_and_makes_none() 
     level_with_it = replace(finding(8.0, 0.0, "candidate"), level_db=np.nan)
     owner = Assigner(record, AssignmentRules()).assign([level_with_it], NO_ERRORS).owner
     assert (owner == UNASSIGNED).all()
-    assert find_birth(record, owner, NO_ERRORS, LocatingRules(), 0.0) is None
+    assert find_birth(record, owner, NO_ERRORS, LocatingRules(), 0.0, is_first=False) is None
+    assert find_birth(record, owner, NO_ERRORS, LocatingRules(), 0.0, is_first=True) is not None
     level = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
     level.add(0.0, np.zeros(3), bearings_from_above(azimuth, 0.0))
-    assert find_birth(level, owner, NO_ERRORS, LocatingRules(), 0.0) is not None
+    assert find_birth(level, owner, NO_ERRORS, LocatingRules(), 0.0, is_first=False) is not None
 
 
 def detections(

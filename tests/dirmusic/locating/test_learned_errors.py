@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, ElementErrors, ElementSpread, GainManifold, Locator, PoseError, PulseBatch
+from dirmusic.array.element_errors import UNEXPLAINED
 from dirmusic.array.estimated_errors import DRIFT, EstimatedErrors
 from dirmusic.locating.joint_fix import JointFix, locate_jointly
 from dirmusic.locating.rules import LocatingRules
@@ -14,7 +15,7 @@ from dirmusic.locating.rules import LocatingRules
 FloatArray = NDArray[np.float64]
 
 NOMINAL = GainManifold.ring(6)
-SPREAD = ElementSpread(gain=0.05, pointing_rad=np.radians(2.0))
+SPREAD = ElementSpread(gain=0.05, pointing_rad=np.radians(2.0), unexplained=UNEXPLAINED)
 RING_M = np.column_stack([np.zeros((6, 2)), np.full(6, 1.5)])  # as small as the far field of `pulses_of` has it
 ARRAY = ArrayModel(manifold=NOMINAL, positions_m=RING_M, spread=SPREAD)
 POSE_ERROR = PoseError(position_m=0.0, heading_rad=0.0, correlation_s=1.0)
