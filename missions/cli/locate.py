@@ -18,6 +18,7 @@ from missions.cli.terminal import (
     refuse,
     tell_calibration,
     tell_channel_faults,
+    tell_findings,
     tell_where,
     write_mission,
 )
@@ -130,7 +131,6 @@ def locate(
 
     from missions.field.locate_field_data import locate_field_data
     from missions.record.report import make_report
-    from missions.record.tables import candidates_table, findings_table
 
     pose_error = PoseError(
         position_m=position_std_m, heading_rad=math.radians(heading_std_deg), correlation_s=pose_correlation_s
@@ -151,9 +151,7 @@ def locate(
     if json_output:
         out.print_json(data=report)
         return
-    out.print(findings_table(report) if report["findings"] else "No discharge found.", highlight=False)
-    if report["candidates"]:
-        out.print(candidates_table(report), highlight=False)
+    tell_findings(report)
     tell_channel_faults(report)
     tell_calibration(report)
     out.print(

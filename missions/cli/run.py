@@ -22,6 +22,7 @@ from missions.cli.terminal import (
     refuse,
     tell_calibration,
     tell_channel_faults,
+    tell_findings,
     tell_where,
     write_mission,
 )
@@ -100,7 +101,6 @@ def run(
     folder = new_folder(out_dir, f"{loaded.name}-{seed}")
 
     from missions.record.report import make_report
-    from missions.record.tables import candidates_table, findings_table
     from missions.recording import live_stream
     from missions.runner import Mission
 
@@ -129,9 +129,7 @@ def run(
     if json_output:
         out.print_json(data=report)
     else:
-        out.print(findings_table(report) if report["findings"] else "No discharge found.", highlight=False)
-        if report["candidates"]:
-            out.print(candidates_table(report), highlight=False)
+        tell_findings(report)
         tell_channel_faults(report)
         tell_calibration(report)
         out.print(_summary(report, log.column("event", "text")[-1]), highlight=False)

@@ -81,6 +81,17 @@ def write_text(path: Path, text: str) -> None:
     temporary.replace(path)
 
 
+def tell_findings(report: dict[str, Any]) -> None:
+    """What was found, or why nothing was, and what was detected and not confirmed."""
+    from missions.record.pulse_counts import in_words
+    from missions.record.tables import candidates_table, findings_table
+
+    found = findings_table(report) if report["findings"] else in_words(report["pulses"])
+    out.print(found, highlight=False, soft_wrap=not report["findings"])
+    if report["candidates"]:
+        out.print(candidates_table(report), highlight=False)
+
+
 def tell_channel_faults(report: dict[str, Any]) -> None:
     """Say which channels of the receiver were found at fault."""
     for text in report["channel_faults"]:

@@ -12,6 +12,7 @@ from dirmusic.locating.ellipse import ellipse95
 from envs.scenario.map_section import MapConfig
 from missions.record.mission_log import MissionLog
 from missions.record.phase_patterns import PhaseResolved, phase_patterns
+from missions.record.pulse_counts import pulse_counts
 from missions.record.scoring import evaluate
 from missions.record.which_site import site_probabilities
 from robot_models.yard.yard import Yard
@@ -60,6 +61,7 @@ def make_report(log: MissionLog, wall_time_s: float) -> dict[str, Any]:
             "unreachable": [number for number in missed if f"waypoint {number}" in given_up],
         },
         "n_bearings": log.n_rows("bearing"),
+        "pulses": pulse_counts(log),
         "channel_faults": events["text"][events["kind"] == "channel fault"].tolist(),
         "calibration": events["text"][events["kind"] == "calibration"].tolist(),
         "findings": findings,

@@ -77,7 +77,7 @@ def test_a_run_writes_log_report_and_recording_and_prints_what_was_found(short: 
     assert {path.name for path in folder.iterdir()} == {"log.npz", "report.json", "mission.rrd"}
     report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
     assert (report["scenario"], report["seed"], report["policy"]) == ("short", 3, "seek")
-    assert "No discharge found." in done.stdout
+    assert f"No discharge found. {report['pulses']['detected']} pulses: " in done.stdout
     assert "time limit after 4 s" in done.stdout
 
 

@@ -13,6 +13,7 @@ from missions.policies.make_policy import make_policy
 from missions.policies.names import BUILT_IN
 from missions.policies.protocol import SeesTruth
 from missions.record.mission_log import TABLES, MissionLog
+from missions.record.pulse_counts import WORDS
 from missions.record.report import make_report
 from missions.runner import Mission, run_mission
 from sensing.receiver.faults import ChannelFault
@@ -20,7 +21,7 @@ from sensing.receiver.faults import ChannelFault
 REPORT_KEYS = {
     "schema", "scenario", "seed", "policy", "sim_time_s", "wall_time_s", "distance_m", "battery_left",
     "collisions", "waypoints",
-    "n_bearings", "channel_faults", "calibration", "findings", "candidates", "evaluation",
+    "n_bearings", "pulses", "channel_faults", "calibration", "findings", "candidates", "evaluation",
 }  # fmt: skip
 
 
@@ -59,6 +60,10 @@ def test_a_mission_finds_the_discharge_visits_every_waypoint_and_docks() -> None
     assert log.column("event", "text")[-1] == "docked"
     (finding,) = report["findings"]
     assert finding["n_bearings"] <= report["n_bearings"]
+    counts = report["pulses"]
+    assert counts["detected"] == log.n_rows("pulse") == sum(counts[fate] for fate in WORDS)
+    assert counts["detected"] - counts["not_credible"] == report["n_bearings"]
+    assert counts["of_findings"] > 0.5 * report["n_bearings"]
     assert finding["first_detected_s"] < finding["fixed_s"] < report["sim_time_s"]
     assert finding["sites"][0]["name"] in load_scenario("one_source").yard.site_names()
     json.dumps(report, allow_nan=False)

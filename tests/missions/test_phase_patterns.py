@@ -52,7 +52,7 @@ def log_of_two_findings(seed: int, mains: bool = True, ghosts_every: int = 0) ->
                     bearing_rad=wrap(azimuth + pose[2]), std_rad=0.02,
                 )  # fmt: skip
                 is_ghost = ghosts_every > 0 and pulse % ghosts_every == 0
-                log.append("association", pulse=pulse, finding=NoOwner.GHOST if is_ghost else number)
+                log.append("association", pulse=pulse, finding=NoOwner.ECHO if is_ghost else number)
     for number, (_, place) in SOURCES.items():
         log.append(
             "finding", step=59, id=number, position_m=np.array([*place, 0.6]), covariance_m2=0.01 * np.eye(3),

@@ -61,12 +61,12 @@ def test_the_locator_is_given_the_credible_pulses_alone() -> None:
 def test_the_log_keeps_all_pulses_and_a_bearing_for_each_credible_one() -> None:
     log = MissionLog({"n_elements": 6})
     log.append("step", time_s=0.1, pose=POSE, true_pose=POSE, odometry=POSE, battery=1.0, command=POSE[:2], phase="")
-    book, tracker = Logbook(log), tracker_of(Noted(association=np.array([3, NoOwner.GHOST])))
+    book, tracker = Logbook(log), tracker_of(Noted(association=np.array([3, NoOwner.ECHO])))
     book.log_tracked(POSE, tracker.track(0.1, POSE, pulses_of(0.3, 2.0)))
     book.log_association(tracker.association())
     assert log.column("pulse", "is_credible").tolist() == [True, True, False]
     assert log.column("bearing", "pulse").tolist() == log.column("association", "pulse").tolist() == [0, 1]
-    assert log.column("association", "finding").tolist() == [3, NoOwner.GHOST]
+    assert log.column("association", "finding").tolist() == [3, NoOwner.ECHO]
 
 
 def test_findings_are_logged_when_they_change_and_until_they_are_confirmed_not_fixed() -> None:

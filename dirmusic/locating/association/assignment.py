@@ -31,9 +31,13 @@ class NoOwner(IntEnum):
     UNASSIGNED = -1
     """It points to no finding."""
     AMBIGUOUS = -2
-    """It points to several findings, or a reflection has biased its bearing."""
-    GHOST = -3
-    """It came round an obstacle or from a reflector."""
+    """It points to several findings."""
+    BIASED = -3
+    """It is as loud as a finding in sight and points past it: a reflection within the gate has biased its bearing."""
+    DIFFRACTED = -4
+    """It points to a finding and is too weak for the range: it came round an edge."""
+    ECHO = -5
+    """It came while the map obstructs a finding, no louder than that: from a reflector, or round an edge."""
 
 
 class Assignment(NamedTuple):
@@ -63,6 +67,7 @@ class JudgedPulses(NamedTuple):
         level_db: As of `Gate`.
         is_direct: As of `Paths`.
         is_ghost: As of `Paths`.
+        is_diffracted: As of `Paths`.
         is_biased: As of `Paths`.
     """
 
@@ -70,17 +75,12 @@ class JudgedPulses(NamedTuple):
     level_db: FloatArray
     is_direct: BoolArray
     is_ghost: BoolArray
+    is_diffracted: BoolArray
     is_biased: BoolArray
 
     def continued(self, n: int, later: JudgedPulses) -> JudgedPulses:
         """The first n of these, and after them later ones."""
-        return JudgedPulses(
-            offset_sigmas=np.concatenate([self.offset_sigmas[:n], later.offset_sigmas]),
-            level_db=np.concatenate([self.level_db[:n], later.level_db]),
-            is_direct=np.concatenate([self.is_direct[:n], later.is_direct]),
-            is_ghost=np.concatenate([self.is_ghost[:n], later.is_ghost]),
-            is_biased=np.concatenate([self.is_biased[:n], later.is_biased]),
-        )
+        return JudgedPulses(*(np.concatenate([column[:n], more]) for column, more in zip(self, later, strict=True)))
 
 
 class Judgement(NamedTuple):
@@ -148,14 +148,15 @@ class Assigner:
         is_of_another = ~is_confirmed & (is_biased_of.sum(axis=0) > is_biased_of[nearest, each])
         by_direction = np.select(  # the first that holds
             [n_gates > 1, (n_gates == 1) & ~is_of_another, is_biased],
-            [NoOwner.AMBIGUOUS, nearest, NoOwner.AMBIGUOUS],
+            [NoOwner.AMBIGUOUS, nearest, NoOwner.BIASED],
             default=NoOwner.UNASSIGNED,
         )
         is_echo = (n_ghosts > is_own_ghost) | (is_ghost & is_confirmed)
-        is_source = self._outnumber_echoes(is_echo, np.where(is_ghost, NoOwner.GHOST, by_direction), confirmed)
-        is_source &= ~is_ghost_of[~confirmed].any(axis=0)
+        is_diffracted = np.array([of.is_diffracted for of in judged]).any(axis=0)
+        owner = np.where(is_ghost, np.where(is_diffracted, NoOwner.DIFFRACTED, NoOwner.ECHO), by_direction)
+        is_source = self._outnumber_echoes(is_echo, owner, confirmed) & ~is_ghost_of[~confirmed].any(axis=0)
         return Assignment(
-            owner=np.where(is_ghost & ~is_source, NoOwner.GHOST, by_direction),
+            owner=np.where(is_source, by_direction, owner),
             in_sight=in_sight,
             level_db=np.array([of.level_db for of in judged])[nearest, each],
             may_be=in_gate & is_direct,
@@ -193,6 +194,7 @@ class Assigner:
             level_db=gate.level_db,
             is_direct=paths.is_direct,
             is_ghost=paths.is_ghost,
+            is_diffracted=paths.is_diffracted,
             is_biased=paths.is_biased,
         )
 

@@ -25,7 +25,7 @@ ARRAY = ArrayModel(
 NO_ERRORS = ElementErrors.none(6)
 POSE_ERROR = PoseError(position_m=0.05, heading_rad=np.radians(0.5), correlation_s=5.0)
 LEVEL_DB = -10.0
-UNASSIGNED, AMBIGUOUS, GHOST = NoOwner
+UNASSIGNED, AMBIGUOUS, BIASED, DIFFRACTED, ECHO = NoOwner
 
 
 def finding(x: float, y: float, state: str = "confirmed", number: int = 1) -> Finding:
@@ -81,7 +81,7 @@ def test_a_pulse_that_two_findings_in_one_direction_explain_belongs_to_neither()
 
 
 def test_a_pulse_ten_decibels_too_weak_for_its_range_is_a_ghost() -> None:
-    assert assigned([finding(8.0, 0.0)], bearing_deg=0.0, excess_db=-11.0, range_m=8.0) == GHOST
+    assert assigned([finding(8.0, 0.0)], bearing_deg=0.0, excess_db=-11.0, range_m=8.0) == DIFFRACTED
     assert assigned([finding(8.0, 0.0)], bearing_deg=0.0, excess_db=-6.0, range_m=8.0) == 0
 
 
@@ -90,7 +90,7 @@ def test_while_a_confirmed_finding_is_obstructed_pulses_no_louder_than_it_are_it
     bearing_deg: float,
 ) -> None:
     obstructed = [finding(8.0, 0.0)]
-    assert assigned(obstructed, bearing_deg=bearing_deg, excess_db=0.0, range_m=8.0, in_sight=False) == GHOST
+    assert assigned(obstructed, bearing_deg=bearing_deg, excess_db=0.0, range_m=8.0, in_sight=False) == ECHO
     assert assigned(obstructed, bearing_deg=bearing_deg, excess_db=6.0, range_m=8.0, in_sight=False) == UNASSIGNED
     assert assigned(obstructed, bearing_deg=bearing_deg, excess_db=0.0, range_m=8.0, in_sight=True) == UNASSIGNED
     candidate = [finding(8.0, 0.0, state="candidate")]
@@ -98,7 +98,7 @@ def test_while_a_confirmed_finding_is_obstructed_pulses_no_louder_than_it_are_it
 
 
 def test_a_loud_pulse_a_little_past_a_finding_in_sight_is_its_own_biased_by_a_reflection() -> None:
-    assert assigned([finding(8.0, 0.0)], bearing_deg=15.0, excess_db=0.0, range_m=8.0) == AMBIGUOUS
+    assert assigned([finding(8.0, 0.0)], bearing_deg=15.0, excess_db=0.0, range_m=8.0) == BIASED
     assert assigned([finding(8.0, 0.0)], bearing_deg=15.0, excess_db=-8.0, range_m=8.0) == UNASSIGNED
 
 
@@ -200,7 +200,7 @@ def test_pulses_are_echoes_of_a_finding_only_in_so_far_as_its_own_are_missing(is
     detections(record, rng, {0.0: 20.0, 90.0: 20.0} if is_heard else {90.0: 20.0}, range(20, 40), WALL_DB)
     owner = Assigner(record, rules).assign([finding(8.0, 0.0)], NO_ERRORS).owner
     from_north = owner[np.abs(record.pulses.azimuth_rad - 0.5 * np.pi) < 0.1]
-    assert np.mean(from_north == (UNASSIGNED if is_heard else GHOST)) > 0.95
+    assert np.mean(from_north == (UNASSIGNED if is_heard else ECHO)) > 0.95
 
 
 def test_a_source_whose_rate_is_not_known_may_have_any_number_of_echoes() -> None:
