@@ -11,8 +11,8 @@ from dirmusic.pulses.batch import PulseBatch
 FloatArray = NDArray[np.float64]
 
 ELEVATIONS_RAD = np.radians([0.0, 15.0, 30.0, 45.0, 60.0, 75.0])
-"""Elevations at which waves are looked for (assumed): half a step makes gains err by 2 % at most, less than elements
-do. Nearly overhead there is no direction in the plane."""
+"""Elevations at which waves are looked for, in even steps from zero (assumed): half a step makes gains err by 2 % at
+most, less than elements do. Nearly overhead there is no direction in the plane."""
 
 
 def misfits_in_space(pulses: PulseBatch, manifold: GainManifold) -> FloatArray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,7 +80,8 @@ class JudgedPulses(NamedTuple):
 
     def continued(self, n: int, later: JudgedPulses) -> JudgedPulses:
         """The first n of these, and after them later ones."""
-        return JudgedPulses(*(np.concatenate([column[:n], more]) for column, more in zip(self, later, strict=True)))
+        columns: list[Any] = [np.concatenate([column[:n], more]) for column, more in zip(self, later, strict=True)]
+        return JudgedPulses(*columns)
 
 
 class Judgement(NamedTuple):

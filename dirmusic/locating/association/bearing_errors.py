@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import RegularGridInterpolator
+from scipy.ndimage import map_coordinates
 
 from dirmusic.angles import difference
 from dirmusic.array.bounds import manifold_error, manifold_error_std
 from dirmusic.array.element_errors import ElementErrors
-from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, TABLE_SIZE, GainManifold
+from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, SEARCH_STEP_RAD, TABLE_SIZE, GainManifold
 from dirmusic.array.model import ArrayModel
 from dirmusic.locating.elevation import ELEVATIONS_RAD
 
@@ -27,7 +27,7 @@ class BearingErrors:
         self._manifold = array.manifold
         self._last: tuple[ElementErrors, FloatArray] | None = None
         self._std_rad = manifold_error_std(array.manifold, SEARCH_AZIMUTHS_RAD, array.spread)
-        self._by_elevation = _errors_by_elevation(array.manifold)
+        self._by_elevation_rad = _errors_by_elevation(array.manifold)
 
     def std(self, azimuth_rad: FloatArray) -> FloatArray:
         """Standard deviation of the bearings towards azimuths (n,) while no error is known, shape (n,), radians."""
@@ -43,8 +43,10 @@ class BearingErrors:
         In a ring of helices 1.6 degrees root mean square at an elevation of 30 degrees, 8 at 60; linear in between to
         half a degree, and beyond the last of `ELEVATIONS_RAD` as there.
         """
-        elevation_rad = np.minimum(np.abs(elevation_rad), ELEVATIONS_RAD[-1])
-        return self._by_elevation(np.column_stack([elevation_rad, np.mod(azimuth_rad, 2 * np.pi)]))
+        row = np.abs(elevation_rad) / ELEVATIONS_RAD[1]
+        column = np.mod(azimuth_rad, 2 * np.pi) / SEARCH_STEP_RAD
+        error_rad: FloatArray = map_coordinates(self._by_elevation_rad, (row, column), order=1, mode="nearest")
+        return error_rad
 
     def most_apart(self, first: ElementErrors, second: ElementErrors) -> float:
         """Largest difference of bearing errors by two sets of errors of the elements, over all azimuths, radians."""
@@ -56,15 +58,17 @@ class BearingErrors:
         return self._last[1]
 
 
-def _errors_by_elevation(manifold: GainManifold) -> RegularGridInterpolator:
-    """The direction in the plane that fits best less the true one, over `ELEVATIONS_RAD` and azimuth in [0, 2 pi]."""
+def _errors_by_elevation(manifold: GainManifold) -> FloatArray:
+    """The direction in the plane that fits best less the true one, for `ELEVATIONS_RAD` and search azimuths once round.
+
+    Shape (n_elevations, n_azimuths + 1).
+    """
     off_rad = SEARCH_AZIMUTHS_RAD[:, np.newaxis] - manifold.boresights_rad
     gain = manifold.response_in_space(off_rad, ELEVATIONS_RAD[:, np.newaxis, np.newaxis]).gain
     in_plane = manifold.table.gain / np.linalg.norm(manifold.table.gain, axis=-1, keepdims=True)
     best_rad = 2 * np.pi / TABLE_SIZE * (gain @ in_plane.T).argmax(axis=-1)
     error_rad = difference(best_rad, SEARCH_AZIMUTHS_RAD)
-    once_round = np.column_stack([error_rad, error_rad[:, 0]])
-    return RegularGridInterpolator((ELEVATIONS_RAD, np.append(SEARCH_AZIMUTHS_RAD, 2 * np.pi)), once_round)
+    return np.column_stack([error_rad, error_rad[:, 0]])
 
 
 def _interpolated(azimuth_rad: FloatArray, at_search_azimuths: FloatArray) -> FloatArray:
