@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.angles import aperture
+from dirmusic.array.element_errors import ElementErrors
+from dirmusic.locating.association.agreement import disagreement
 from dirmusic.locating.association.assignment import Assignment
 from dirmusic.locating.association.pulse_record import PulseRecord, Rows
 from dirmusic.locating.ellipse import outline95
@@ -34,6 +36,7 @@ def updated_state(
     number: int,
     assignment: Assignment,
     record: PulseRecord,
+    errors: ElementErrors,
     rules: LocatingRules,
     fence_m: tuple[float, float] | None,
     time_s: float,
@@ -45,6 +48,7 @@ def updated_state(
         number: Its position among the findings that pulses were assigned to.
         assignment: Of all pulses.
         record: All pulses.
+        errors: Errors of the array's elements as known by now.
         rules: What confirms a finding, and what makes it a ghost.
         fence_m: Length of the yard along x and y, origin at the corner; None without a fence.
         time_s: Now.
@@ -60,7 +64,8 @@ def updated_state(
     if finding.state != "confirmed" and _is_ghost(finding, present, rules):
         return replace(finding, state="ghost")
     n_own = rows.size - int(assignment.is_echo[rows].sum())
-    if _stays_confirmed(finding, n_own, present.rate, rules) or _meets(finding, n_own, present.rate, rules):
+    is_found = _stays_confirmed(finding, n_own, present.rate, rules) or _meets(finding, n_own, present.rate, rules)
+    if is_found and disagreement(record, rows, finding, errors) <= rules.confirm_disagreement:
         return replace(finding, state="confirmed", fixed_s=time_s if finding.fixed_s is None else finding.fixed_s)
     return replace(finding, state="candidate")
 

@@ -117,7 +117,7 @@ class Locator:
             distinct = self._merged(self._fit(assignment))
             assignment = self._assigner.assign(distinct, self._errors)
         self.findings = tuple(
-            updated_state(finding, k, assignment, self._record, self.rules, self.fence_m, time_s)
+            updated_state(finding, k, assignment, self._record, self._errors, self.rules, self.fence_m, time_s)
             for k, finding in enumerate(distinct)
         )
         return self.findings

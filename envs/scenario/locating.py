@@ -65,6 +65,7 @@ class LocatingConfig(Config, frozen=True):
     confirm_semi_major_m: Metre | None = None
     confirm_range_m: Metre | None = None
     confirm_pulses: Count | None = None
+    confirm_disagreement: Annotated[float, Field(gt=0.0, le=1000.0)] | None = None
     confirm_detection_rate: Share | None = None
     ghost_detection_rate: Share | None = None
     ghost_observed_s: Count | None = None

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.angles import difference
-from dirmusic.locating.association.pulse_record import LEAST_RANGE_M, Measurements, PulseRecord
+from dirmusic.locating.association.pulse_record import LEAST_RANGE_M, Measurements, PulseRecord, Rows
 from dirmusic.locating.finding import Finding
 from dirmusic.locating.rules import AssignmentRules
 
@@ -52,25 +52,56 @@ class Gate(NamedTuple):
     in_gate: BoolArray
 
 
+class ExpectedBearings(NamedTuple):
+    """What a finding lets one expect of bearings; every array has n rows.
+
+    Attributes:
+        sight_m: From the middle of the array to the finding, shape (n, 3), world frame.
+        range_m: Its length on plan, not below `LEAST_RANGE_M`.
+        bearing_rad: World frame, as bearings are taken in the plane of the array.
+        position_rad2: Variance of it by the robot's position, and by the size of the array.
+        elevation_rad2: Variance of it by what is not known of elements off the plane.
+    """
+
+    sight_m: FloatArray
+    range_m: FloatArray
+    bearing_rad: FloatArray
+    position_rad2: FloatArray
+    elevation_rad2: FloatArray
+
+
+def expect_bearings(record: PulseRecord, rows: Rows | slice, finding: Finding) -> ExpectedBearings:
+    """Of a finding where it is taken to be, for some pulses."""
+    pose = record.pose[rows]
+    sight_m = np.empty_like(pose)
+    sight_m[:, :2] = finding.position_m[:2] - pose[:, :2]
+    sight_m[:, 2] = finding.position_m[2] - record.array.height_m
+    range_m = np.maximum(np.linalg.norm(sight_m[:, :2], axis=-1), LEAST_RANGE_M)
+    towards_rad = np.arctan2(sight_m[:, 1], sight_m[:, 0])
+    by_elevation_rad = record.errors_by_elevation(towards_rad - pose[:, 2], np.arctan2(sight_m[:, 2], range_m))
+    return ExpectedBearings(
+        sight_m,
+        range_m,
+        towards_rad + by_elevation_rad,
+        position_rad2=(record.pose_error.position_m**2 + (NEAR_FIELD_SHARE * record.aperture_m) ** 2) / range_m**2,
+        elevation_rad2=np.square(ELEVATION_SHARE * by_elevation_rad),
+    )
+
+
 def gate_pulses(
     record: PulseRecord, rows: slice, measured: Measurements, finding: Finding, rules: AssignmentRules
 ) -> Gate:
     """Compare some pulses, and what they say, with one finding."""
-    pose, place = record.pose[rows], record.place[rows]
-    sight = np.empty_like(pose)
-    sight[:, :2] = finding.position_m[:2] - pose[:, :2]
-    sight[:, 2] = finding.position_m[2] - record.array.height_m
-    range_m = np.maximum(np.linalg.norm(sight[:, :2], axis=-1), LEAST_RANGE_M)
+    place, expected = record.place[rows], expect_bearings(record, rows, finding)
+    sight, range_m = expected.sight_m, expected.range_m
     across = np.stack([-sight[:, 1], sight[:, 0]], axis=-1) / range_m[:, np.newaxis]
     position_m2 = np.einsum("ni,ij,nj->n", across, finding.covariance_m2[:2, :2], across)
-    position_m2 += record.pose_error.position_m**2 + (NEAR_FIELD_SHARE * record.aperture_m) ** 2
-    std = np.sqrt(measured.std_rad**2 + np.minimum(position_m2 / range_m**2, WIDEST_POSITION_RAD**2))
-    azimuth_rad = np.arctan2(sight[:, 1], sight[:, 0])
+    position_rad2 = np.minimum(expected.position_rad2 + position_m2 / range_m**2, WIDEST_POSITION_RAD**2)
+    std = np.sqrt(measured.std_rad**2 + position_rad2 + expected.elevation_rad2)
+    offset_rad = np.abs(difference(measured.bearing_rad, expected.bearing_rad))
     elevation_rad = np.arctan2(np.abs(sight[:, 2]), range_m)
-    by_elevation_rad = record.errors_by_elevation(azimuth_rad - pose[:, 2], elevation_rad)
-    offset_rad = np.abs(difference(measured.bearing_rad, azimuth_rad + by_elevation_rad))
     is_too_high = record.is_from_above[rows] & (record.elevation_rad[rows] - elevation_rad > ELEVATION_MARGIN_RAD)
-    offset_sigmas = np.where(is_too_high, np.inf, offset_rad / np.hypot(std, ELEVATION_SHARE * by_elevation_rad))
+    offset_sigmas = np.where(is_too_high, np.inf, offset_rad / std)
     left = record.sight.at_heights(record.places_m, finding, rules.surface_depth_m).max(axis=0)
     least = 10 ** (-rules.sight_loss_db / 20)
     lost_db = -20 * np.log10(np.maximum(left, least))
