@@ -19,7 +19,8 @@ from dirmusic.locating.triangulation import triangulate
 FloatArray = NDArray[np.float64]
 
 UNKNOWN_M = 10.0
-"""Standard deviation of a position of which only the bearing is known, until the first fit (assumed)."""
+"""Range of a position of which only the bearing is known, and its standard deviation, until the first fit (assumed):
+it may be close by."""
 
 
 class Birth(NamedTuple):
@@ -81,6 +82,8 @@ def find_birth(
         return None
     position_m, covariance_m2 = record.crossing(rows, errors)
     if not np.isfinite(covariance_m2).all():
+        sight_m = position_m[:2] - record.pose[rows[-1], :2]
+        position_m[:2] -= sight_m * max(0.0, 1.0 - UNKNOWN_M / float(np.linalg.norm(sight_m)))
         covariance_m2 = with_height_covariance(np.eye(2) * UNKNOWN_M**2)
     return Birth(rows, float(record.pulses.time_s[rows[0]]), position_m, covariance_m2)
 

@@ -13,7 +13,7 @@ from dirmusic.array.element_errors import ElementErrors
 from dirmusic.locating.association.agreement import disagreement
 from dirmusic.locating.association.assignment import Assignment
 from dirmusic.locating.association.pulse_record import PulseRecord, Rows
-from dirmusic.locating.ellipse import outline95
+from dirmusic.locating.ellipse import reaches95
 from dirmusic.locating.finding import Finding
 from dirmusic.locating.rules import AssignmentRules, LocatingRules
 
@@ -26,9 +26,6 @@ louder ones."""
 NEARLY_AS_NEAR = 1.25
 """A finding that has not been detected from within `detection_range_m` should be from within so many times the range
 from which it has been (assumed)."""
-
-OUTLINE_POINTS = 73
-"""Points of the ellipse that are compared with the fence: every five degrees."""
 
 
 def updated_state(
@@ -162,6 +159,4 @@ def _lies_outside(finding: Finding, fence_m: tuple[float, float] | None) -> bool
     """Whether the 95 % ellipse leaves no room inside the fence."""
     if fence_m is None:
         return False
-    outline = outline95(finding.position_m[:2], finding.covariance_m2[:2, :2], OUTLINE_POINTS)
-    points = np.concatenate([outline, finding.position_m[np.newaxis, :2]])
-    return not bool(np.any(np.all((points >= 0) & (points <= np.asarray(fence_m)), axis=-1)))
+    return not reaches95(finding.position_m[:2], finding.covariance_m2[:2, :2], np.asarray(fence_m))

@@ -47,3 +47,22 @@ def outline95(position_m: FloatArray, covariance_m2: FloatArray, n_points: int) 
 def is_inside95(miss_m: FloatArray, covariance_m2: FloatArray) -> bool:
     """Whether a point so far from the position, shape (2,), lies within the 95 % ellipse of a covariance (2, 2)."""
     return bool(miss_m @ np.linalg.solve(covariance_m2, miss_m) <= CHI2_95)
+
+
+def reaches95(position_m: FloatArray, covariance_m2: FloatArray, corner_m: FloatArray) -> bool:
+    """Whether the 95 % ellipse of a position (2,) and its covariance (2, 2) has any point of a rectangle in it.
+
+    Args:
+        position_m: Centre of the ellipse.
+        covariance_m2: Of the position.
+        corner_m: Of the rectangle, opposite to the origin, shape (2,).
+    """
+    if np.all((position_m >= 0.0) & (position_m <= corner_m)):
+        return True
+    corners = corner_m * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    root = np.linalg.inv(np.linalg.cholesky(covariance_m2))  # makes the ellipse a circle
+    starts = (corners - position_m) @ root.T
+    edges = np.roll(starts, -1, axis=0) - starts
+    along = np.clip(-(starts * edges).sum(axis=-1) / np.square(edges).sum(axis=-1), 0.0, 1.0)
+    nearest = starts + along[:, np.newaxis] * edges
+    return bool(np.square(nearest).sum(axis=-1).min() <= CHI2_95)

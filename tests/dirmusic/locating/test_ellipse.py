@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from dirmusic.locating.ellipse import CHI2_95, ellipse95, is_inside95, outline95
+from dirmusic.locating.ellipse import CHI2_95, ellipse95, is_inside95, outline95, reaches95
 
 
 @given(st.floats(0.1, 3.0), st.floats(0.01, 0.09), st.floats(-1.5, 1.5))
@@ -42,3 +42,28 @@ def test_95_of_100_normal_draws_lie_inside() -> None:
     covariance = np.array([[0.5, 0.2], [0.2, 0.3]])
     drawn = rng.multivariate_normal(np.zeros(2), covariance, 4000)
     assert 0.94 < np.mean([is_inside95(miss, covariance) for miss in drawn]) < 0.96  # three deviations are 0.010
+
+
+def test_an_ellipse_reaches_a_rectangle_where_any_point_of_it_does() -> None:
+    rng = np.random.default_rng(0)
+    corner = np.array([30.0, 20.0])
+    grid = np.stack(np.meshgrid(np.linspace(0.0, 30.0, 301), np.linspace(0.0, 20.0, 201)), axis=-1).reshape(-1, 2)
+    n_reaching = 0
+    for _ in range(200):
+        turn, centre = rng.uniform(0.0, np.pi), rng.uniform(-40.0, 70.0, 2)
+        axes = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+        covariance = axes @ np.diag(np.square([rng.uniform(0.5, 20.0), rng.uniform(0.5, 3.0)])) @ axes.T
+        off = grid - centre
+        distance2 = np.einsum("ni,ij,nj->n", off, np.linalg.inv(covariance), off).min()
+        if not 0.9 * CHI2_95 < distance2 < 1.1 * CHI2_95:  # the grid is too coarse to tell
+            assert reaches95(centre, covariance, corner) == (distance2 < CHI2_95)
+            n_reaching += distance2 < CHI2_95
+    assert 30 < n_reaching < 170
+
+
+def test_a_bearing_through_the_yard_reaches_it_however_long_and_thin_its_ellipse_is() -> None:
+    along = np.array([1.0, 3.0]) / np.sqrt(10.0)
+    covariance = 400.0**2 * np.outer(along, along) + 0.1**2 * np.eye(2)
+    yard_m = np.array([30.0, 20.0])
+    assert reaches95(np.array([30.0, 70.0]), covariance, yard_m)  # through (10, 10)
+    assert not reaches95(np.array([60.0, 70.0]), covariance, yard_m)  # through (40, 10)
