@@ -16,9 +16,9 @@ from dirmusic.bearing.maximum_likelihood import bearings_from_covariance, estima
 from dirmusic.bearing.spectrum import noise_subspace, pseudo_spectrum, pulse_spectrum, source_count, spectrum_peaks
 from dirmusic.csv_table import CsvTable, InputFileError, InputFileWarning, read_csv_table
 from dirmusic.locating.finding import Finding
-from dirmusic.locating.joint_fix import PoseError
+from dirmusic.locating.fitting.joint_fix import PoseError
+from dirmusic.locating.fitting.triangulation import Fix, triangulate
 from dirmusic.locating.locator import Locator
-from dirmusic.locating.triangulation import Fix, triangulate
 from dirmusic.pulses.batch import PulseBatch
 from dirmusic.pulses.preprocessing import Windows, band_pass, cut_windows, prepare_records, pulse_start
 from dirmusic.pulses.strengths import pulse_strengths, sample_covariance, strength_variance

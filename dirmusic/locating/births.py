@@ -12,9 +12,9 @@ from dirmusic.array.element_errors import ElementErrors
 from dirmusic.locating.association.assignment import NoOwner
 from dirmusic.locating.association.pulse_record import PulseRecord, Rows, evenly
 from dirmusic.locating.finding import Finding
-from dirmusic.locating.joint_fix import with_height_covariance
+from dirmusic.locating.fitting.joint_fix import with_height_covariance
+from dirmusic.locating.fitting.triangulation import triangulate
 from dirmusic.locating.rules import LocatingRules
-from dirmusic.locating.triangulation import triangulate
 
 FloatArray = NDArray[np.float64]
 

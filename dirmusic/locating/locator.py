@@ -15,11 +15,11 @@ from dirmusic.array.model import ArrayModel
 from dirmusic.locating.association.assignment import Assigner, Assignment
 from dirmusic.locating.association.pulse_record import PulseRecord, Rows, evenly
 from dirmusic.locating.association.sight_lines import Sight
-from dirmusic.locating.bearing_fix import locate_by_bearings
 from dirmusic.locating.births import find_birth
 from dirmusic.locating.confirmation import updated_state
 from dirmusic.locating.finding import Finding
-from dirmusic.locating.joint_fix import JointFix, PoseError, locate_jointly
+from dirmusic.locating.fitting.bearing_fix import locate_by_bearings
+from dirmusic.locating.fitting.joint_fix import JointFix, PoseError, locate_jointly
 from dirmusic.locating.rules import LocatingRules
 from dirmusic.pulses.batch import PulseBatch
 

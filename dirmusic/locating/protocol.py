@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dirmusic.array.model import ArrayModel
 from dirmusic.locating.association.sight_lines import Sight
 from dirmusic.locating.finding import Finding
-from dirmusic.locating.joint_fix import PoseError
+from dirmusic.locating.fitting.joint_fix import PoseError
 from dirmusic.locating.rules import LocatingRules
 from dirmusic.pulses.batch import PulseBatch
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, PulseBatch, strength_variance
 from dirmusic.locating.ellipse import ellipse95
-from dirmusic.locating.joint_fix import expected_covariances
+from dirmusic.locating.fitting.joint_fix import expected_covariances
 from envs import Scenario
 from envs.known_array import known_array
 from missions.driving.site_map import SiteMap

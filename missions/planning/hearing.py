@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.angles import aperture
-from dirmusic.locating.joint_fix import HEIGHT_PRIOR_M
+from dirmusic.locating.fitting.joint_fix import HEIGHT_PRIOR_M
 from envs import Scenario
 from missions.driving.site_map import CELL_M, LEAST_SIGHT, SiteMap
 from sensing import HelicalArray

@@ -10,7 +10,6 @@ from dirmusic.locating.association.gating import expect_bearings
 from dirmusic.locating.association.pulse_record import PulseRecord, Rows
 from dirmusic.locating.finding import Finding
 
-
 VISIT_S = 5.0
 """Pulses of one place and so long a time are one visit (assumed): the errors of the pose stay the same."""
 

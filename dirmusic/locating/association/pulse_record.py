@@ -16,9 +16,9 @@ from dirmusic.locating.association.local_levels import LocalLevels
 from dirmusic.locating.association.pooling import pooled
 from dirmusic.locating.association.sight_lines import Sight, SightLines
 from dirmusic.locating.elevation import ELEVATIONS_RAD, misfits_in_space
-from dirmusic.locating.joint_fix import PoseError, with_height, with_height_covariance
+from dirmusic.locating.fitting.joint_fix import PoseError, with_height, with_height_covariance
+from dirmusic.locating.fitting.triangulation import rough_crossing, triangulate
 from dirmusic.locating.rules import AssignmentRules
-from dirmusic.locating.triangulation import rough_crossing, triangulate
 from dirmusic.pulses.batch import PulseBatch
 
 FloatArray = NDArray[np.float64]

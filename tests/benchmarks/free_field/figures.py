@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dirmusic import Finding, Locator
 from dirmusic.locating.credibility import is_credible
 from dirmusic.locating.ellipse import is_inside95
-from dirmusic.locating.joint_fix import HEIGHT_PRIOR_M
+from dirmusic.locating.fitting.joint_fix import HEIGHT_PRIOR_M
 from dirmusic.locating.rules import LocatingRules
 from envs.core.simulation import STEP_S
 from missions.record.scoring import evaluate

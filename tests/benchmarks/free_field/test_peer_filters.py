@@ -5,8 +5,8 @@ import pytest
 
 from dirmusic.array.element_errors import ElementErrors
 from dirmusic.locating.association.pulse_record import PulseRecord
+from dirmusic.locating.fitting.triangulation import triangulate
 from dirmusic.locating.rules import LocatingRules
-from dirmusic.locating.triangulation import triangulate
 from envs.core.simulation import STEP_S
 from tests.benchmarks.free_field.cases import FENCE_M, Case, draw_case
 from tests.benchmarks.free_field.figures import credible, fixes, locate

@@ -14,7 +14,7 @@ from dirmusic.locating.association.pulse_record import PulseRecord
 from dirmusic.locating.association.sight_lines import Sight
 from dirmusic.locating.births import find_birth
 from dirmusic.locating.finding import Finding
-from dirmusic.locating.joint_fix import PoseError
+from dirmusic.locating.fitting.joint_fix import PoseError
 from dirmusic.locating.rules import AssignmentRules, LocatingRules
 from dirmusic.pulses.batch import PulseBatch
 

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, ElementSpread, GainManifold, PoseError, PulseBatch
 from dirmusic.array.pattern_table import as_boresights
-from dirmusic.locating.joint_fix import ROBUST_SCALE, locate_jointly
-from dirmusic.locating.joint_kernels import Beliefs, Explained, Linear, NominalArray, evaluate, linearise
+from dirmusic.locating.fitting.joint_fix import ROBUST_SCALE, locate_jointly
+from dirmusic.locating.fitting.joint_kernels import Beliefs, Explained, Linear, NominalArray, evaluate, linearise
 
 FloatArray = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from dirmusic import ArrayModel, ElementErrors, ElementSpread, GainManifold, Locator, PoseError, PulseBatch
 from dirmusic.array.element_errors import UNEXPLAINED
 from dirmusic.array.estimated_errors import DRIFT, EstimatedErrors
-from dirmusic.locating.joint_fix import JointFix, locate_jointly
+from dirmusic.locating.fitting.joint_fix import JointFix, locate_jointly
 from dirmusic.locating.rules import LocatingRules
 
 FloatArray = NDArray[np.float64]

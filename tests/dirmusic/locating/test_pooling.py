@@ -7,7 +7,7 @@ from dirmusic import ArrayModel, GainManifold
 from dirmusic.array.element_errors import ElementSpread
 from dirmusic.locating.association.pooling import pooled
 from dirmusic.locating.association.pulse_record import PulseRecord, evenly
-from dirmusic.locating.joint_fix import PoseError
+from dirmusic.locating.fitting.joint_fix import PoseError
 from dirmusic.locating.rules import AssignmentRules
 from dirmusic.pulses.batch import PulseBatch
 

@@ -9,7 +9,7 @@ from dirmusic import ArrayModel, ElementSpread, GainManifold, PoseError, PulseBa
 from dirmusic.array.manifold import ring_boresights_rad
 from dirmusic.array.spatial_pattern import SpatialPattern
 from dirmusic.array.spatial_pattern_file import read_spatial_pattern
-from dirmusic.locating.joint_fix import locate_jointly
+from dirmusic.locating.fitting.joint_fix import locate_jointly
 from sensing.array.config import SHIPPED_PATTERNS
 
 FloatArray = NDArray[np.float64]

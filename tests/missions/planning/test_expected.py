@@ -5,7 +5,7 @@ import pytest
 
 from dirmusic import ArrayModel, PulseBatch
 from dirmusic.angles import wrap
-from dirmusic.locating.joint_fix import expected_covariances, locate_jointly
+from dirmusic.locating.fitting.joint_fix import expected_covariances, locate_jointly
 from envs import load_scenario
 from envs.known_array import known_array
 from missions.planning.expected import Forecast, received, views_along

@@ -12,7 +12,7 @@ from dirmusic.array.model import ArrayModel
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
 
-    from dirmusic.locating.joint_kernels import Beliefs, Explained, Quadratic
+    from dirmusic.locating.fitting.joint_kernels import Beliefs, Explained, Quadratic
 
 FloatArray = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ class JointOptimiser:
 
     def __init__(self, data: Explained, array: ArrayModel, beliefs: Beliefs, n_kinds: int, n_places: int) -> None:
         from dirmusic.array.pattern_table import as_boresights
-        from dirmusic.locating.joint_kernels import NominalArray
+        from dirmusic.locating.fitting.joint_kernels import NominalArray
 
         manifold = array.manifold
         nominal = NominalArray(
@@ -76,7 +76,7 @@ class JointOptimiser:
 
     def _at(self, x: FloatArray) -> Quadratic:
         """The cost about a state; the last is kept, for the optimiser asks for its parts one by one."""
-        from dirmusic.locating.joint_kernels import evaluate
+        from dirmusic.locating.fitting.joint_kernels import evaluate
 
         if self._known is None or not np.array_equal(self._known[0], x):
             self._known = x.copy(), evaluate(self._scale * x, *self._arguments)

@@ -17,11 +17,11 @@ from dirmusic.angles import difference
 from dirmusic.array.element_errors import OFF_PLANE, PATTERN_APART_RAD
 from dirmusic.array.estimated_errors import EstimatedErrors
 from dirmusic.array.model import ArrayModel
-from dirmusic.locating.joint_optimiser import JointOptimiser
+from dirmusic.locating.fitting.joint_optimiser import JointOptimiser
 from dirmusic.pulses.batch import PulseBatch
 
 if TYPE_CHECKING:
-    from dirmusic.locating.joint_kernels import Explained
+    from dirmusic.locating.fitting.joint_kernels import Explained
 
 FloatArray = NDArray[np.float64]
 
@@ -147,7 +147,7 @@ def _problem(
     array: ArrayModel,
     pose_error: PoseError,
 ) -> _Problem:
-    from dirmusic.locating.joint_kernels import Beliefs  # loads the compiler
+    from dirmusic.locating.fitting.joint_kernels import Beliefs  # loads the compiler
 
     n_sources, n_elements = start_m.shape[0], array.manifold.n_elements
     n_kinds = 3 if array.spread.offset > 0 else 2
@@ -251,7 +251,7 @@ def _explained(
     pose_error: PoseError,
 ) -> Explained:
     """Weights and weighted strengths of pulses; the floor stays for as long as the pose error does."""
-    from dirmusic.locating.joint_kernels import Explained
+    from dirmusic.locating.fitting.joint_kernels import Explained
 
     usable_v = pulses.strengths_v * pulses.is_usable
     norm_v = np.linalg.norm(usable_v, axis=-1, keepdims=True)

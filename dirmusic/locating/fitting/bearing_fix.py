@@ -13,7 +13,7 @@ from dirmusic.angles import difference
 from dirmusic.array.bounds import manifold_error_covariance, perpendicular_slope
 from dirmusic.array.estimated_errors import EstimatedErrors
 from dirmusic.array.model import ArrayModel
-from dirmusic.locating.joint_fix import (
+from dirmusic.locating.fitting.joint_fix import (
     POSITION_PRIOR_M,
     ROBUST_SCALE,
     JointFix,
