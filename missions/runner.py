@@ -15,6 +15,7 @@ from threadpoolctl import threadpool_limits
 from dirmusic import ArrayModel, Locator
 from dirmusic.locating.protocol import LocatorProtocol, MakesLocator
 from dirmusic.locating.rules import LocatingRules
+from dirmusic.locating.yard_likelihood import Grid, YardLikelihood
 from envs import Scenario
 from envs.foreign_code import ForeignCodeError
 from envs.patrol_env import STEP_S, PatrolEnv
@@ -22,7 +23,7 @@ from missions.driving.site_map import SiteMap
 from missions.planning import with_planned_route
 from missions.policies.make_policy import make_policy
 from missions.policies.protocol import SeesTruth
-from missions.record.array_description import describe_array
+from missions.record.array_description import describe_array, describe_grid
 from missions.record.logbook import Logbook
 from missions.record.mission_log import MissionLog
 from missions.record.own_locator import OwnLocator
@@ -60,7 +61,9 @@ class Mission:
         self.site_map = SiteMap(scenario)
         array, rules = self.env.simulation.array, scenario.locating.rules()
         locator = make_locator(scenario, self.site_map, array, rules)
-        self._tracker = Tracker(locator, array, self.env.simulation.estimator, rules.credibility)
+        grid = Grid.over(np.zeros(2), np.array(scenario.yard.size_m))
+        likelihood = YardLikelihood(array, scenario.pose_sensor.pose_error, grid)
+        self._tracker = Tracker(locator, array, self.env.simulation.estimator, rules.credibility, likelihood)
         self.folder = folder
         self.is_over = False
         self.error: ForeignCodeError | None = None
@@ -70,7 +73,7 @@ class Mission:
         self._visited: tuple[int, ...] = ()
         self._unreachable: frozenset[int] = frozenset()
         self._true_start = info["truth"].pop("pose")
-        self.log = MissionLog(self._meta(scenario, policy, seed, info["truth"]))
+        self.log = MissionLog({**self._meta(scenario, policy, seed, info["truth"]), "grid": describe_grid(grid)})
         self._book = Logbook(self.log)
         if isinstance(self.policy, SeesTruth):
             self.policy.reveal(info["truth"])
@@ -158,6 +161,7 @@ class Mission:
         self.is_over = True
         try:
             self._book.log_association(self._tracker.association())
+            self._book.log_likelihood(self._tracker.log_likelihood())
         except ForeignCodeError as error:  # of a Locator that failed before, or just now
             if self.error is None:
                 self._fail(error)

@@ -16,9 +16,10 @@ from dirmusic import ArrayModel, Locator, PoseError, PulseBatch
 from dirmusic.bearing.channel_health import ChannelMonitor
 from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
 from dirmusic.locating.rules import LocatingRules
+from dirmusic.locating.yard_likelihood import Grid, YardLikelihood
 from envs.scenario.calibration import ArrayCalibration
 from missions.field.field_data import FieldData
-from missions.record.array_description import describe_array
+from missions.record.array_description import describe_array, describe_grid
 from missions.record.logbook import Logbook
 from missions.record.mission_log import MissionLog
 from missions.record.tracking import Tracker
@@ -59,13 +60,15 @@ def locate_field_data(
         notes: What was unusual about the files.
         progress: Told by how much of the whole the work has advanced.
     """
-    log = MissionLog(_meta(data, array, fence_m))
+    meta = _meta(data, array, fence_m)
+    grid = Grid.over(*np.array(meta["bounds_m"]))
+    log = MissionLog({**meta, "grid": describe_grid(grid)})
     rules = FIELD_RULES
     if data.time_s.size:
         rules = replace(rules, refit_s=max(rules.refit_s, float(np.ptp(data.time_s)) / MOST_FITS))
     locator = Locator(array, pose_error, fence_m=fence_m, rules=rules)
     estimator, book = MaximumLikelihood(), Logbook(log)
-    tracker = Tracker(locator, array, estimator, rules.credibility)
+    tracker = Tracker(locator, array, estimator, rules.credibility, YardLikelihood(array, pose_error, grid))
     with threadpool_limits(limits=1):
         monitor = ChannelMonitor(array, estimator)
         pulse_time_s = data.time_s[data.step]
@@ -96,6 +99,7 @@ def locate_field_data(
             book.log_findings(tracker.refit(float(data.time_s[-1])))
     book.log_contradiction(tracker.contradicts_calibration)
     book.log_association(tracker.association())
+    book.log_likelihood(tracker.log_likelihood())
     learned = tracker.calibration(data.path.name, None, calibration)
     if learned is not None:
         log.meta["calibration"] = learned.model_dump(mode="json")

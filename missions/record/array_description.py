@@ -1,11 +1,14 @@
-"""The data sheet of an array as plain data in a log, so that the log can be rendered again without any other file."""
+"""The data sheet of an array, and a grid, as plain data in a log, which can be rendered again without another file."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from dirmusic import ArrayModel, GainManifold, GaussianPattern, TabulatedPattern
+from dirmusic.locating.yard_likelihood import Grid
 
 
 def describe_array(array: ArrayModel) -> dict[str, Any]:
@@ -30,3 +33,14 @@ def described_manifold(description: Mapping[str, Any]) -> GainManifold:
         description["boresights_rad"],
         boresight_elevations_rad=description.get("boresight_elevations_rad", 0.0),
     )
+
+
+def describe_grid(grid: Grid) -> dict[str, Any]:
+    """Corner, cells and their number."""
+    return {"corner_m": grid.corner_m.tolist(), "cell_m": grid.cell_m, "shape": list(grid.shape)}
+
+
+def described_grid(description: Mapping[str, Any]) -> Grid:
+    """The grid of its description."""
+    nx, ny = description["shape"]
+    return Grid(np.array(description["corner_m"]), description["cell_m"], (nx, ny))

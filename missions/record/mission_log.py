@@ -8,6 +8,7 @@ only a simulator knows.
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,7 +19,7 @@ import numpy as np
 from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
-SCHEMA = 2
+SCHEMA = 3
 
 TABLES: dict[str, dict[str, np.dtype[Any]]] = {
     "step": {
@@ -53,6 +54,10 @@ TABLES: dict[str, dict[str, np.dtype[Any]]] = {
         "first_detected_s": np.dtype("f8"),
         "fixed_s": np.dtype("f8"),  # when it was first confirmed; NaN until then
         "aperture_rad": np.dtype("f8"),  # angle over which the lines of sight spread, seen from the finding
+    },
+    "likelihood": {  # over the yard, by all credible pulses so far
+        "step": np.dtype("i8"),
+        "log_likelihood": np.dtype("f4"),  # one value per cell of the grid in `meta`: (n, n_cells)
     },
     "association": {  # written at the end; empty where a mission was killed
         "pulse": np.dtype("i8"),  # row in the pulse table
@@ -100,9 +105,14 @@ class MissionLog:
         dtype = TABLES[table][column]
         values = self._rows[table][column][start:]
         if not values:
-            width = self.meta.get("n_elements", 0) if column == "strengths_v" else None
+            width = {"strengths_v": self.meta.get("n_elements", 0), "log_likelihood": self.n_cells}.get(column)
             return np.empty((0, width) if width else (0, *dtype.shape), dtype=dtype.base)
         return np.array(values, dtype=dtype.base)
+
+    @property
+    def n_cells(self) -> int:
+        """Of the grid of the likelihood over the yard; none where the log has no grid."""
+        return math.prod(self.meta["grid"]["shape"]) if "grid" in self.meta else 0
 
     def table(self, table: str, start: int = 0) -> dict[str, NDArray[Any]]:
         """All columns of a table from row `start` on."""

@@ -11,9 +11,14 @@ from dirmusic import ArrayModel, BearingEstimator, Finding, Locator, PulseBatch
 from dirmusic.locating.credibility import MethodDeviation, is_credible
 from dirmusic.locating.protocol import LocatorProtocol
 from dirmusic.locating.rules import CredibilityRules
+from dirmusic.locating.yard_likelihood import YardLikelihood
 from envs.scenario.calibration import ArrayCalibration, CalibratedArray
 
 FloatArray = NDArray[np.float64]
+
+
+LIKELIHOOD_S = 5.0
+"""Time between two looks at the likelihood over the yard (assumed): the robot has got to another place."""
 
 
 class Tracked(NamedTuple):
@@ -23,11 +28,13 @@ class Tracked(NamedTuple):
         pulses: All pulses of the step, n rows.
         is_credible: Which of them the Locator was given, shape (n,).
         findings: All findings so far.
+        log_likelihood: Over the yard, as of `YardLikelihood`, where it was looked at in this step.
     """
 
     pulses: PulseBatch
     is_credible: NDArray[np.bool_]
     findings: tuple[Finding, ...]
+    log_likelihood: FloatArray | None = None
 
 
 class Tracker:
@@ -38,16 +45,25 @@ class Tracker:
         array: Data sheet and spread of the array.
         estimator: Took the bearings of the pulses.
         rules: When a pulse is credible.
+        likelihood: Over the yard, of the same pulses.
     """
 
     def __init__(
-        self, locator: LocatorProtocol, array: ArrayModel, estimator: BearingEstimator, rules: CredibilityRules
+        self,
+        locator: LocatorProtocol,
+        array: ArrayModel,
+        estimator: BearingEstimator,
+        rules: CredibilityRules,
+        likelihood: YardLikelihood,
     ) -> None:
         self._locator = locator
         self._array = array
         self._method_deviation = MethodDeviation(estimator, array)
         self._rules = rules
         self._n_tracked = 0
+        self._likelihood = likelihood
+        self._next_look_s = -np.inf
+        self._unseen: list[tuple[PulseBatch, FloatArray]] = []
 
     @property
     def contradicts_calibration(self) -> bool:
@@ -70,9 +86,23 @@ class Tracker:
         credible = np.empty(0, dtype=np.bool_)
         if pulses.n_pulses:
             credible = is_credible(pulses, self._array, self._method_deviation.of(pulses), self._rules)
-        findings = self._locator.update(time_s, pose, pulses.take(credible))
-        self._n_tracked += int(credible.sum())
-        return Tracked(pulses, credible, findings)
+        given = pulses.take(credible)
+        findings = self._locator.update(time_s, pose, given)
+        self._n_tracked += given.n_pulses
+        if given.n_pulses:
+            self._unseen.append((given.without_bands(), np.tile(pose, (given.n_pulses, 1))))
+        is_due = bool(self._unseen) and time_s >= self._next_look_s
+        if is_due:
+            self._next_look_s = time_s + LIKELIHOOD_S
+        return Tracked(pulses, credible, findings, self.log_likelihood() if is_due else None)
+
+    def log_likelihood(self) -> FloatArray:
+        """Over the yard, by all pulses so far; see `YardLikelihood`."""
+        if self._unseen:
+            pulses, poses = zip(*self._unseen, strict=True)
+            self._likelihood.add(PulseBatch.join(pulses), np.concatenate(poses))
+            self._unseen = []
+        return self._likelihood.log_likelihood
 
     def refit(self, time_s: float) -> tuple[Finding, ...]:
         """Fit all pulses once more, when none is left to come."""

@@ -13,6 +13,8 @@ SIM_TIME, STEP = "sim_time", "step"
 
 WORLD = "world"
 GROUND = f"{WORLD}/yard/ground"
+LIKELIHOOD = f"{WORLD}/likelihood"
+"""Over the ground: how likely a source is at each place by all pulses so far."""
 EQUIPMENT = f"{WORLD}/yard/equipment"
 FENCE = f"{WORLD}/yard/fence"
 MAP = f"{WORLD}/yard/map"

@@ -10,7 +10,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from dirmusic.locating.ellipse import ellipse95, outline95
-from missions.record.array_description import described_manifold
+from missions.record.array_description import described_grid, described_manifold
 from missions.record.mission_log import MissionLog
 from missions.recording import blueprint as paths
 from missions.recording.phase_view import draw_phase_patterns
@@ -35,6 +35,9 @@ HEIGHT_M = 0.1
 
 MAX_DRAWN_ELLIPSE_M = 15.0
 """A longer ellipse would hide the yard; its fix is drawn as a point until it shrinks."""
+
+LEAST_PEAK = 50.0
+"""Log-likelihood that is drawn lightest until there is more: of some ten pulses from as many places."""
 
 QUIETEST_DBV = -60.0
 """Strengths below are drawn here: noise, and elements that look away."""
@@ -64,7 +67,7 @@ class Recorder:
     def __init__(self, stream: rr.RecordingStream, log: MissionLog) -> None:
         self._stream = stream
         self._log = log
-        self._sent = {"step": 0, "pulse": 0, "bearing": 0, "finding": 0, "event": 0}
+        self._sent = {"step": 0, "pulse": 0, "bearing": 0, "finding": 0, "likelihood": 0, "event": 0}
         self._trail = np.empty((0, 3))
         self._true_trail, self._odometry_trail = np.empty((0, 3)), np.empty((0, 3))
         self._last_detection = -10 * HOLD_STEPS
@@ -85,6 +88,8 @@ class Recorder:
             self._send_detections(new, first)
         if new["finding"]["step"].size:
             self._send_findings(new["finding"])
+        for step, log_likelihood in zip(*new["likelihood"].values(), strict=True):
+            self._draw_likelihood(int(step), log_likelihood)
         if new["event"]["step"].size:
             self._send_text(paths.EVENTS, new["event"]["step"], new["event"]["kind"], new["event"]["text"])
             if "end" in new["event"]["kind"]:
@@ -229,6 +234,26 @@ class Recorder:
                 self._named.add(number)
                 self._stream.log(plot, rr.SeriesLines(names=[f"finding {number}"]), static=True)
             self._columns(plot, steps, rr.Scalars.columns(scalars=semi_major))
+
+    def _draw_likelihood(self, step: int, log_likelihood: FloatArray) -> None:
+        """As a picture on the ground: dark where none of the pulses point, light where most do."""
+        grid = described_grid(self._log.meta["grid"])
+        peak = max(float(log_likelihood.max()), LEAST_PEAK)
+        share = np.square(np.clip(log_likelihood / peak, 0.0, 1.0)).reshape(grid.shape)
+        ground, light = np.array(COLOURS["ground"]), np.array(COLOURS["likelihood"])
+        picture = ground + share.T[::-1, :, np.newaxis] * (light - ground)  # rows from the far side to the near one
+        low, high = grid.corner_m, grid.corner_m + grid.cell_m * np.array(grid.shape)
+        corners = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
+        mesh = rr.Mesh3D(
+            vertex_positions=np.column_stack([corners, np.zeros(4)]),
+            triangle_indices=[[0, 1, 2], [0, 2, 3]],
+            vertex_texcoords=[[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]],
+            albedo_texture=np.round(picture).astype(np.uint8),
+        )
+        self._stream.set_time(paths.SIM_TIME, duration=float(self._log.column("step", "time_s")[step]))
+        self._stream.set_time(paths.STEP, sequence=step)
+        self._stream.log(paths.LIKELIHOOD, mesh)
+        self._stream.reset_time()
 
     def _clear_finding(self, number: int, step: int) -> None:
         path = paths.finding_path(number)

@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from dirmusic import ArrayModel, ElementSpread, Finding, GainManifold, PulseBatch
+from dirmusic import ArrayModel, ElementSpread, Finding, GainManifold, PoseError, PulseBatch
 from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
 from dirmusic.locating.association.assignment import NoOwner
 from dirmusic.locating.rules import CredibilityRules
+from dirmusic.locating.yard_likelihood import Grid, YardLikelihood
 from envs import load_scenario
 from missions.record.logbook import Logbook
 from missions.record.mission_log import MissionLog
@@ -40,7 +41,10 @@ class Noted:
 
 
 def tracker_of(locator: Noted) -> Tracker:
-    return Tracker(locator, ARRAY, MaximumLikelihood(), CredibilityRules())  # pyright: ignore[reportArgumentType]
+    pose_error = PoseError(position_m=0.0, heading_rad=0.0, correlation_s=1.0)
+    likelihood = YardLikelihood(ARRAY, pose_error, Grid.over(np.zeros(2), np.array([10.0, 8.0])))
+    rules = CredibilityRules()
+    return Tracker(locator, ARRAY, MaximumLikelihood(), rules, likelihood)  # pyright: ignore[reportArgumentType]
 
 
 def pulses_of(*azimuth_rad: float) -> PulseBatch:

@@ -1,0 +1,84 @@
+"""Likelihood over the yard: peaks where sources are, by pulses alone."""
+
+import numpy as np
+import pytest
+
+from dirmusic import ArrayModel, ElementSpread, GainManifold, PoseError, PulseBatch
+from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
+from dirmusic.locating.yard_likelihood import OUTLIER_SIGMAS, Grid, YardLikelihood
+
+RING = GainManifold.ring(6)
+ARRAY = ArrayModel(
+    manifold=RING, positions_m=np.zeros((6, 3)), spread=ElementSpread(gain=0.05, pointing_rad=np.radians(2.0))
+)
+POSE_ERROR = PoseError(position_m=0.0, heading_rad=0.0, correlation_s=5.0)
+GRID = Grid.over(np.array([-2.0, 0.0]), np.array([22.0, 15.0]))
+
+
+def heard(sources_m: np.ndarray, seed: int, n_wild: int = 0) -> YardLikelihood:
+    """What a drive along the yard makes of sources, with pulses from anywhere among them."""
+    rng = np.random.default_rng(seed)
+    gains = np.exp(rng.normal(0.0, 0.05, 6))
+    likelihood = YardLikelihood(ARRAY, POSE_ERROR, GRID)
+    for x in np.linspace(2.0, 18.0, 33):
+        pose = np.array([x, 1.0 + 0.2 * x, rng.uniform(-np.pi, np.pi)])
+        off = sources_m - pose[:2]
+        azimuth = np.concatenate([np.arctan2(off[:, 1], off[:, 0]) - pose[2], rng.uniform(-np.pi, np.pi, n_wild)])
+        strengths = np.abs(RING.gain(azimuth).T * gains * 0.1 + rng.normal(0.0, 1e-3, (azimuth.size, 6)))
+        pulses = PulseBatch.detected(np.zeros(azimuth.size), strengths, np.full(strengths.shape, 1e-6))
+        found = MaximumLikelihood()(pulses, ARRAY)
+        pulses = pulses._replace(azimuth_rad=found.azimuth_rad, std_rad=found.std_rad, misfit=found.misfit)
+        likelihood.add(pulses, np.tile(pose, (azimuth.size, 1)))
+    return likelihood
+
+
+def test_a_grid_covers_the_yard_and_a_larger_yard_has_larger_cells() -> None:
+    assert GRID.shape == (48, 30)
+    np.testing.assert_allclose(GRID.centres_m[[0, 1, -1]], [[-1.75, 0.25], [-1.75, 0.75], [21.75, 14.75]])
+    huge = Grid.over(np.zeros(2), np.array([400.0, 300.0]))
+    assert 9_000 < np.prod(huge.shape) < 11_000
+
+
+@pytest.mark.parametrize("n_wild", [0, 1])
+def test_the_largest_likelihood_is_at_the_source(n_wild: int) -> None:
+    for seed in range(6):
+        source_m = np.random.default_rng([seed, 9]).uniform([2.0, 7.0], [18.0, 14.0])
+        peak_m = GRID.centres_m[heard(source_m[np.newaxis], seed, n_wild).log_likelihood.argmax()]
+        assert np.linalg.norm(peak_m - source_m) < 1.0
+
+
+def test_each_of_two_sources_has_a_peak_of_its_own() -> None:
+    sources_m = np.array([[5.0, 12.0], [16.0, 10.0]])
+    likelihood = heard(sources_m, 1)
+    value, centres_m = likelihood.log_likelihood, GRID.centres_m
+    first_m = centres_m[value.argmax()]
+    far = np.linalg.norm(centres_m - first_m, axis=-1) > 3.0
+    second_m = centres_m[far][value[far].argmax()]
+    apart = np.linalg.norm(sources_m[:, np.newaxis] - [first_m, second_m], axis=-1)
+    assert apart.min(axis=1).max() < 1.2
+
+
+def test_a_pulse_gives_nothing_to_places_elsewhere_and_its_most_to_those_it_points_to() -> None:
+    likelihood = YardLikelihood(ARRAY, POSE_ERROR, GRID)
+    pulses = PulseBatch.detected(np.zeros(1), RING.gain(np.array([0.4])).T, np.full((1, 6), 1e-6))
+    pulses = pulses._replace(azimuth_rad=np.array([0.4]), std_rad=np.array([1e-3]), misfit=np.zeros(1))
+    likelihood.add(pulses, np.array([[5.0, 3.0, 0.0]]))
+    off = GRID.centres_m - [5.0, 3.0]
+    aside = np.abs(np.arctan2(off[:, 1], off[:, 0]) - 0.4)
+    most = 0.5 * OUTLIER_SIGMAS**2
+    assert likelihood.log_likelihood[aside < np.radians(0.5)].min() > 0.9 * most
+    assert likelihood.log_likelihood[aside > np.radians(25.0)].max() < 0.01 * most
+
+
+def test_it_does_not_matter_in_how_many_parts_pulses_come() -> None:
+    rng = np.random.default_rng(4)
+    azimuth = rng.uniform(-np.pi, np.pi, 30)
+    pulses = PulseBatch.detected(np.zeros(30), RING.gain(azimuth).T, np.full((30, 6), 1e-6))
+    pulses = pulses._replace(azimuth_rad=azimuth, std_rad=np.full(30, 0.02), misfit=np.zeros(30))
+    pose = np.zeros((30, 3))
+    pose[:, 0], pose[:, 1] = 0.5 * np.arange(30) + 0.1, 3.0  # no two of one place
+    at_once, in_parts = YardLikelihood(ARRAY, POSE_ERROR, GRID), YardLikelihood(ARRAY, POSE_ERROR, GRID)
+    at_once.add(pulses, pose)
+    for rows in (slice(0, 0), slice(0, 7), slice(7, 30)):
+        in_parts.add(pulses.take(rows), pose[rows])
+    np.testing.assert_allclose(in_parts.log_likelihood, at_once.log_likelihood, atol=1e-9)
