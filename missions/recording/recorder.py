@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
+from rerun.encodings import ImageFormat
 
 from dirmusic.locating.ellipse import ellipse95, outline95
 from missions.record.array_description import described_grid, described_manifold
@@ -38,6 +39,8 @@ MAX_DRAWN_ELLIPSE_M = 15.0
 
 LEAST_PEAK = 50.0
 """Log-likelihood that is drawn lightest until there is more: of some ten pulses from as many places."""
+
+UNIT_SQUARE = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
 
 QUIETEST_DBV = -60.0
 """Strengths below are drawn here: noise, and elements that look away."""
@@ -88,8 +91,8 @@ class Recorder:
             self._send_detections(new, first)
         if new["finding"]["step"].size:
             self._send_findings(new["finding"])
-        for step, log_likelihood in zip(*new["likelihood"].values(), strict=True):
-            self._draw_likelihood(int(step), log_likelihood)
+        if new["likelihood"]["step"].size:
+            self._send_likelihood(new["likelihood"])
         if new["event"]["step"].size:
             self._send_text(paths.EVENTS, new["event"]["step"], new["event"]["kind"], new["event"]["text"])
             if "end" in new["event"]["kind"]:
@@ -235,25 +238,28 @@ class Recorder:
                 self._stream.log(plot, rr.SeriesLines(names=[f"finding {number}"]), static=True)
             self._columns(plot, steps, rr.Scalars.columns(scalars=semi_major))
 
-    def _draw_likelihood(self, step: int, log_likelihood: FloatArray) -> None:
-        """As a picture on the ground: dark where none of the pulses point, light where most do."""
+    def _send_likelihood(self, likelihood: dict[str, NDArray[Any]]) -> None:
+        """As pictures on the ground: dark where none of the pulses point, light where most do."""
         grid = described_grid(self._log.meta["grid"])
-        peak = max(float(log_likelihood.max()), LEAST_PEAK)
-        share = np.square(np.clip(log_likelihood / peak, 0.0, 1.0)).reshape(grid.shape)
+        nx, ny = grid.shape
+        value = likelihood["log_likelihood"].reshape(-1, nx, ny)
+        peak = np.maximum(value.max(axis=(1, 2), keepdims=True), LEAST_PEAK)
+        share = np.square(np.clip(value / peak, 0.0, 1.0)).swapaxes(1, 2)[:, ::-1, :, np.newaxis]  # from the far side
         ground, light = np.array(COLOURS["ground"]), np.array(COLOURS["likelihood"])
-        picture = ground + share.T[::-1, :, np.newaxis] * (light - ground)  # rows from the far side to the near one
-        low, high = grid.corner_m, grid.corner_m + grid.cell_m * np.array(grid.shape)
-        corners = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
-        mesh = rr.Mesh3D(
-            vertex_positions=np.column_stack([corners, np.zeros(4)]),
-            triangle_indices=[[0, 1, 2], [0, 2, 3]],
-            vertex_texcoords=[[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]],
-            albedo_texture=np.round(picture).astype(np.uint8),
-        )
-        self._stream.set_time(paths.SIM_TIME, duration=float(self._log.column("step", "time_s")[step]))
-        self._stream.set_time(paths.STEP, sequence=step)
-        self._stream.log(paths.LIKELIHOOD, mesh)
-        self._stream.reset_time()
+        pictures = np.round(ground + share * (light - ground)).astype(np.uint8)
+        picture = ImageFormat(width=nx, height=ny, color_model="RGB", channel_datatype="U8")
+        n, steps = len(pictures), likelihood["step"]
+        textures = {
+            "albedo_texture_buffer": [one.tobytes() for one in pictures],
+            "albedo_texture_format": [picture] * n,
+        }
+        self._columns(paths.LIKELIHOOD, steps, rr.Mesh3D.columns(**textures))
+        low, size_m = np.array([*grid.corner_m, 0.0]), grid.cell_m * np.array([nx, ny, 0])
+        corners = np.tile(low + size_m * UNIT_SQUARE, (n, 1))
+        onto = np.tile(np.abs(UNIT_SQUARE[:, :2] - [0.0, 1.0]), (n, 1))  # rows of a picture go down
+        square = rr.Mesh3D.columns(vertex_positions=corners, vertex_texcoords=onto).partition([4] * n)
+        halves = rr.Mesh3D.columns(triangle_indices=np.tile([[0, 1, 2], [0, 2, 3]], (n, 1))).partition([2] * n)
+        self._columns(paths.LIKELIHOOD, steps, [*square, *halves])
 
     def _clear_finding(self, number: int, step: int) -> None:
         path = paths.finding_path(number)

@@ -12,6 +12,7 @@ from missions.driving.site_map import SiteMap
 from missions.policies.make_policy import make_policy
 from missions.policies.names import BUILT_IN
 from missions.policies.protocol import SeesTruth
+from missions.record.array_description import described_grid
 from missions.record.mission_log import TABLES, MissionLog
 from missions.record.pulse_counts import WORDS
 from missions.record.report import make_report
@@ -67,6 +68,11 @@ def test_a_mission_finds_the_discharge_visits_every_waypoint_and_docks() -> None
     assert finding["first_detected_s"] < finding["fixed_s"] < report["sim_time_s"]
     assert finding["sites"][0]["name"] in load_scenario("one_source").yard.site_names()
     json.dumps(report, allow_nan=False)
+    likelihood, grid = log.table("likelihood"), described_grid(log.meta["grid"])
+    assert np.all(np.diff(likelihood["step"]) > 0)
+    assert np.all(np.diff(likelihood["log_likelihood"].max(axis=1)) >= 0.0)
+    most_likely_m = grid.centres_m[likelihood["log_likelihood"][-1].argmax()]
+    assert np.linalg.norm(most_likely_m - source["true_position_m"][:2]) < 1.0
 
 
 def test_the_same_seed_gives_the_same_log_and_report_to_the_bit() -> None:

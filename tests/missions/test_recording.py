@@ -12,7 +12,7 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from envs import load_scenario
-from missions.record.mission_log import MissionLog
+from missions.record.mission_log import TABLES, MissionLog
 from missions.record.report import make_report
 from missions.recording import Recorder, write_recording
 from missions.recording import blueprint as paths
@@ -109,7 +109,7 @@ def test_a_recording_made_slice_by_slice_as_the_log_grows_holds_the_same(log: Mi
     stream = rr.RecordingStream("pdpatrol")
     stream.save(tmp_path / "slices.rrd")
     recorder = Recorder(stream, growing)
-    tables = {name: log.table(name) for name in ("step", "pulse", "bearing", "finding", "association", "event")}
+    tables = {name: log.table(name) for name in TABLES}
     pulse_step = tables["pulse"]["step"]
     owner = {name: table["step"] for name, table in tables.items() if "step" in table}
     owner |= {"step": np.arange(log.n_rows("step")), "bearing": pulse_step[tables["bearing"]["pulse"]]}
