@@ -13,6 +13,7 @@ from dirmusic.array.element_errors import ElementErrors
 from dirmusic.locating.association.agreement import disagreement
 from dirmusic.locating.association.assignment import Assignment
 from dirmusic.locating.association.pulse_record import PulseRecord, Rows
+from dirmusic.locating.association.sight_lines import LIKELIEST_HEIGHT
 from dirmusic.locating.ellipse import reaches95
 from dirmusic.locating.finding import Finding
 from dirmusic.locating.rules import AssignmentRules, LocatingRules
@@ -84,8 +85,8 @@ class Presence(NamedTuple):
 def presence(finding: Finding, rows: Rows, record: PulseRecord, rules: AssignmentRules) -> Presence:
     """How often a finding is detected where it should be; without a map, which could tell what is in sight, always.
 
-    In sight is what is so at every height at which the finding may be; at any, where the array has been in no such
-    place.
+    In sight is what is so at every height at which the finding may be; at the likeliest, where the array has been in
+    no such place.
 
     Args:
         finding: The finding.
@@ -100,20 +101,30 @@ def presence(finding: Finding, rows: Rows, record: PulseRecord, rules: Assignmen
     is_near = np.linalg.norm(record.places_m[:, :2] - finding.position_m[:2], axis=-1) < near_m
     left = record.sight.at_heights(record.places_m, finding, rules.surface_depth_m)
     is_clear = is_near & (left >= 10 ** (-rules.sight_loss_db / 20))
-    is_near = is_clear.all(axis=0) if is_clear.all(axis=0).any() else is_clear.any(axis=0)
+    is_near = is_clear.all(axis=0) if is_clear.all(axis=0).any() else is_clear[LIKELIEST_HEIGHT]
     time_s = record.pulses.time_s
-    second = np.floor(time_s)
-    observed = np.unique(second[is_near[record.place]])
+    second = np.floor(time_s - np.floor(time_s.min())).astype(np.intp)
+    is_observed = _marked(second[is_near[record.place]], second)
+    n_observed = int(is_observed.sum())
+    n_present = int((is_observed & _marked(second[rows], second)).sum())
     last_s = time_s[rows].max(initial=finding.first_detected_s)
     silent = is_near[record.listened] & (record.listened_s > last_s)
-    rate = np.intersect1d(observed, second[rows]).size / max(observed.size, 1)
-    return Presence(rate, observed.size, int(silent.sum()))
+    return Presence(n_present / max(n_observed, 1), n_observed, int(silent.sum()))
+
+
+def _marked(some: Rows, of: Rows) -> NDArray[np.bool_]:
+    """Which numbers up to the largest of all are among some of them."""
+    is_there = np.zeros(of.max(initial=-1) + 1, dtype=np.bool_)
+    is_there[some] = True
+    return is_there
 
 
 def _measured(finding: Finding, rows: Rows, assignment: Assignment, record: PulseRecord) -> Finding:
     """The finding with the number, aperture, nearest range and level of its pulses."""
     sight = record.pose[rows, :2] - finding.position_m[:2]
-    from_places = record.places_m[np.unique(record.place[rows]), :2] - finding.position_m[:2]
+    from_places = (
+        record.places_m[np.flatnonzero(_marked(record.place[rows], record.place)), :2] - finding.position_m[:2]
+    )
     return replace(
         finding,
         n_bearings=rows.size,

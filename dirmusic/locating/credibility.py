@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.array.bounds import perpendicular_slope
-from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, SEARCH_STEP_RAD
+from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, SEARCH_STEP_RAD, GainManifold
 from dirmusic.array.model import ArrayModel
 from dirmusic.bearing.built_in import method_std
 from dirmusic.bearing.estimator import BearingEstimator
@@ -48,6 +50,13 @@ class MethodDeviation:
         return self._by_channels[channels]
 
 
+@lru_cache(maxsize=8)
+def _energy_and_turning(manifold: GainManifold) -> tuple[FloatArray, FloatArray]:
+    """Squared norm of the gains, and of what turns their unit vector, towards the search azimuths, (n_azimuths,)."""
+    turning = perpendicular_slope(manifold.search_gain, manifold.search_slope)
+    return np.square(manifold.search_gain).sum(axis=0), np.square(turning).sum(axis=0)
+
+
 def is_credible(
     pulses: PulseBatch, array: ArrayModel, method_std_rad: FloatArray, rules: CredibilityRules
 ) -> NDArray[np.bool_]:
@@ -68,15 +77,16 @@ def is_credible(
         Shape (n_pulses,).
     """
     manifold, spread = array.manifold, array.spread
-    gain, slope = manifold.gain_and_slope(pulses.azimuth_rad)
-    slope = perpendicular_slope(gain, slope)
-    by_noise = np.square(pulses.std_rad) * np.square(slope).sum(axis=0) / np.square(gain).sum(axis=0)
-    by_offset = manifold.n_elements * spread.offset**2 / np.square(gain).sum(axis=0)
+    nearest = np.rint(pulses.azimuth_rad / SEARCH_STEP_RAD).astype(np.intp) % SEARCH_AZIMUTHS_RAD.size
+    energy, turning = _energy_and_turning(manifold)
+    by_noise = np.square(pulses.std_rad) * turning[nearest] / energy[nearest]
+    by_offset = manifold.n_elements * spread.offset**2 / energy[nearest]
     by_array = spread.gain**2 + spread.pointing_rad**2 + by_offset
     expected = by_noise + by_array + rules.misfit_floor
     limit = rules.misfit_factor * expected
     is_plane_wave = pulses.misfit < limit
     (others,) = np.nonzero(~is_plane_wave)
-    is_plane_wave[others] = misfits_in_space(pulses.take(others), manifold).min(axis=0) < limit[others]
+    if others.size:
+        is_plane_wave[others] = misfits_in_space(pulses.take(others), manifold).min(axis=0) < limit[others]
     is_narrow = np.square(pulses.std_rad) < np.square(method_std_rad) + rules.max_std_rad**2
     return is_narrow & is_plane_wave & ~pulses.is_overdriven

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.array.manifold import GainManifold
+from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, SEARCH_STEP_RAD, GainManifold
 from dirmusic.pulses.batch import PulseBatch
 
 FloatArray = NDArray[np.float64]
@@ -15,10 +17,18 @@ ELEVATIONS_RAD = np.radians([0.0, 15.0, 30.0, 45.0, 60.0, 75.0])
 most, less than elements do. Nearly overhead there is no direction in the plane."""
 
 
+@lru_cache(maxsize=8)
+def gains_in_space(manifold: GainManifold) -> FloatArray:
+    """Towards `ELEVATIONS_RAD` and the search azimuths, shape (n_elevations, n_azimuths, n_elements)."""
+    off_rad = SEARCH_AZIMUTHS_RAD[:, np.newaxis] - manifold.boresights_rad
+    return manifold.response_in_space(off_rad, ELEVATIONS_RAD[:, np.newaxis, np.newaxis]).gain
+
+
 def misfits_in_space(pulses: PulseBatch, manifold: GainManifold) -> FloatArray:
     """Share of the energy that the azimuth of each pulse leaves unexplained at each of `ELEVATIONS_RAD`.
 
-    Seen from below, the gains of a level ring are more alike: what comes from above is no plane wave in the plane.
+    Seen from below, the gains of a level ring are more alike: what comes from above is no plane wave in the plane. The
+    nearest search azimuth stands for that of the pulse: it is at most a degree off, and leaves 4e-4 unexplained.
 
     Args:
         pulses: Pulses with their directions.
@@ -27,9 +37,9 @@ def misfits_in_space(pulses: PulseBatch, manifold: GainManifold) -> FloatArray:
     Returns:
         Shape (n_elevations, n_pulses); 1 for pulses without any strength.
     """
-    off_rad = pulses.azimuth_rad[:, np.newaxis] - manifold.boresights_rad
-    gain = manifold.response_in_space(off_rad, ELEVATIONS_RAD[:, np.newaxis, np.newaxis]).gain * pulses.is_usable
+    nearest = np.rint(pulses.azimuth_rad / SEARCH_STEP_RAD).astype(np.intp) % SEARCH_AZIMUTHS_RAD.size
+    gain = gains_in_space(manifold)[:, nearest] * pulses.is_usable
     strengths_v = pulses.strengths_v * pulses.is_usable
-    explained = np.square((gain * strengths_v).sum(axis=-1)) / np.square(gain).sum(axis=-1)
-    energy = np.maximum(np.square(strengths_v).sum(axis=-1), np.finfo(np.float64).tiny)
+    explained = np.square(np.einsum("epc,pc->ep", gain, strengths_v)) / np.einsum("epc,epc->ep", gain, gain)
+    energy = np.maximum(np.einsum("pc,pc->p", strengths_v, strengths_v), np.finfo(np.float64).tiny)
     return 1.0 - explained / energy

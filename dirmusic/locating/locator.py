@@ -26,9 +26,9 @@ from dirmusic.pulses.batch import PulseBatch
 FloatArray = NDArray[np.float64]
 
 
-FRESH_SHARE = 0.05
+FRESH_SHARE = 0.1
 """Findings are fitted anew once the pulses of one have become more, or fewer, by this share (assumed): where these are
-as good as the others, that is a fortieth of a deviation."""
+as good as the others, that is a twentieth of a deviation."""
 
 
 class Learned(NamedTuple):

@@ -8,23 +8,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.array.bounds import manifold_error_std, perpendicular_slope
-from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD
+from dirmusic.array.manifold import TABLE_SIZE
 from dirmusic.array.model import ArrayModel
 from dirmusic.locating.association.pooling import pooled
-from dirmusic.locating.association.pulse_record import DIRECTION_RAD, HEADING_RAD, PLACE_M
 from dirmusic.locating.fitting.joint_fix import PoseError
 from dirmusic.pulses.batch import PulseBatch
 
 FloatArray = NDArray[np.float64]
 
-CELL_M = 0.5
+CELL_M = 0.75
 """Side of the cells of a grid that is not too large (assumed)."""
 
 MOST_CELLS = 10_000
 """Larger yards get larger cells (assumed)."""
 
+PLACE_M, HEADING_RAD, DIRECTION_RAD = 0.5, np.radians(10.0), np.radians(10.0)
+"""Pulses are pooled that differ by no more (assumed): less than a cell, and gains are nearly straight lines."""
+
 BLUR_RANGE_M = 4.0
 """From here on a line of bearing is at least as wide as a cell (assumed): so that none falls between the cells."""
+
+N_FINE = 720
+FINE_STEP_RAD = 2 * np.pi / N_FINE
+"""Azimuths between which nothing changes: half a degree."""
 
 OUTLIER_SIGMAS = 3.0
 """A place that a pulse points past by more is as good as any other (assumed): with several sources, and reflections,
@@ -105,18 +111,17 @@ class YardLikelihood:
         pulses, pose = pooled(pulses, pose, group.ravel())
         off_m = self._centres_m - pose[:, np.newaxis, :2]
         towards_rad = np.arctan2(off_m[..., 1], off_m[..., 0]) - pose[:, 2:]
-        told = np.empty_like(towards_rad)
-        for row, gain in enumerate(self._gains(pulses)):
-            told[row] = np.interp(towards_rad[row], SEARCH_AZIMUTHS_RAD, gain, period=2 * np.pi)
+        steps = np.rint(towards_rad / FINE_STEP_RAD).astype(np.intp) % N_FINE
+        told = np.take_along_axis(self._gains(pulses), steps, axis=1)
         self.log_likelihood = self.log_likelihood + told.sum(axis=0)
 
     def _gains(self, pulses: PulseBatch) -> FloatArray:
-        """What each pulse gives to places towards `SEARCH_AZIMUTHS_RAD`, shape (n_pulses, n_azimuths)."""
+        """What each pulse gives to places towards azimuths in even steps once round, shape (n_pulses, N_FINE)."""
         manifold = self._array.manifold
         usable = pulses.is_usable.astype(np.float64)
         strengths = pulses.strengths_v * usable
-        gain2 = usable @ np.square(manifold.search_gain)
-        along = np.square(strengths @ manifold.search_gain) / gain2
+        towards = manifold.table.gain[:: TABLE_SIZE // N_FINE].T
+        along = np.square(strengths @ towards) / (usable @ np.square(towards))
         miss = 1.0 - along / np.square(strengths).sum(axis=-1, keepdims=True)
         gain, slope = manifold.gain_and_slope(pulses.azimuth_rad)
         turn2 = np.square(perpendicular_slope(gain, slope)).sum(axis=0) / np.square(gain).sum(axis=0)

@@ -7,11 +7,15 @@ import numpy as np
 from dirmusic.angles import difference
 from dirmusic.array.element_errors import ElementErrors
 from dirmusic.locating.association.gating import expect_bearings
-from dirmusic.locating.association.pulse_record import PulseRecord, Rows
+from dirmusic.locating.association.pulse_record import PulseRecord, Rows, evenly
 from dirmusic.locating.finding import Finding
 
 VISIT_S = 5.0
 """Pulses of one place and so long a time are one visit (assumed): the errors of the pose stay the same."""
+
+
+MOST_PULSES = 500
+"""More do not tell better (assumed): those of one visit share their errors."""
 
 
 def disagreement(record: PulseRecord, rows: Rows, finding: Finding, errors: ElementErrors) -> float:
@@ -30,6 +34,7 @@ def disagreement(record: PulseRecord, rows: Rows, finding: Finding, errors: Elem
         finding: The finding.
         errors: Errors of the array's elements as known by now.
     """
+    rows = evenly(rows, MOST_PULSES)
     bearing_rad, std_rad = record.bearings(rows, errors)
     expected, noise_rad2 = expect_bearings(record, rows, finding), np.square(record.pulses.std_rad[rows])
     offset_rad = difference(bearing_rad, expected.bearing_rad)

@@ -114,6 +114,8 @@ class Assigner:
         self._record = record
         self._rules = rules
         self._judged: dict[int, Judgement] = {}
+        self._assigned = self._assigned_anew(())
+        self._made_of: list[object] = []
 
     def assign(self, findings: Sequence[Finding], errors: ElementErrors) -> Assignment:
         """Assign all pulses so far.
@@ -122,8 +124,15 @@ class Assigner:
             findings: The findings as they stand.
             errors: Errors of the array's elements as known by now.
         """
-        n = self._record.pulses.n_pulses
         self._judged = {finding.id: self._judge(finding, errors) for finding in findings}
+        made_of: list[object] = [self._record.pulses, *self._judged.values()]
+        if len(made_of) != len(self._made_of) or any(a is not b for a, b in zip(made_of, self._made_of, strict=True)):
+            self._assigned, self._made_of = self._assigned_anew(findings), made_of
+        return self._assigned
+
+    def _assigned_anew(self, findings: Sequence[Finding]) -> Assignment:
+        """All pulses by what was judged of them."""
+        n = self._record.pulses.n_pulses
         if not findings or n == 0:
             return Assignment(
                 owner=np.full(n, NoOwner.UNASSIGNED, dtype=np.intp),
@@ -181,6 +190,8 @@ class Assigner:
         if known is None or not (_is_alike(known.finding, finding) and self._record.reads_alike(known.errors, errors)):
             pulses = self._judged_from(0, finding, errors)
             return Judgement(finding, errors, self._record.n_settled, pulses)
+        if known.pulses.level_db.size == self._record.pulses.n_pulses:
+            return known
         latest = self._judged_from(known.n_settled, known.finding, known.errors)
         pulses = known.pulses.continued(known.n_settled, latest)
         return known._replace(n_settled=self._record.n_settled, pulses=pulses)

@@ -11,7 +11,7 @@ from dirmusic.array.bounds import manifold_error, manifold_error_std
 from dirmusic.array.element_errors import ElementErrors
 from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, SEARCH_STEP_RAD, TABLE_SIZE, GainManifold
 from dirmusic.array.model import ArrayModel
-from dirmusic.locating.elevation import ELEVATIONS_RAD
+from dirmusic.locating.elevation import ELEVATIONS_RAD, gains_in_space
 
 FloatArray = NDArray[np.float64]
 
@@ -63,10 +63,8 @@ def _errors_by_elevation(manifold: GainManifold) -> FloatArray:
 
     Shape (n_elevations, n_azimuths + 1).
     """
-    off_rad = SEARCH_AZIMUTHS_RAD[:, np.newaxis] - manifold.boresights_rad
-    gain = manifold.response_in_space(off_rad, ELEVATIONS_RAD[:, np.newaxis, np.newaxis]).gain
     in_plane = manifold.table.gain / np.linalg.norm(manifold.table.gain, axis=-1, keepdims=True)
-    best_rad = 2 * np.pi / TABLE_SIZE * (gain @ in_plane.T).argmax(axis=-1)
+    best_rad = 2 * np.pi / TABLE_SIZE * (gains_in_space(manifold) @ in_plane.T).argmax(axis=-1)
     error_rad = difference(best_rad, SEARCH_AZIMUTHS_RAD)
     return np.column_stack([error_rad, error_rad[:, 0]])
 

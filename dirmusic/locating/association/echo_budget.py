@@ -48,8 +48,10 @@ def too_many_for_echoes(
     is_owned = owner >= 0
     direct = np.bincount(owner[is_owned] * n_windows + window[is_owned], minlength=n_sources * n_windows)
     direct = direct.reshape(n_sources, n_windows)
-    due = [np.quantile(counts[counts > 0], RATE_QUANTILE) if counts.any() else np.inf for counts in direct]
-    most = np.maximum(np.array(due)[:, np.newaxis] - direct, 0.0).sum(axis=0)
+    rising, n_empty = np.sort(direct, axis=1), (direct == 0).sum(axis=1)
+    at = n_empty + (RATE_QUANTILE * (n_windows - 1 - n_empty)).astype(np.intp)
+    due = np.where(n_empty < n_windows, rising[np.arange(n_sources), np.minimum(at, n_windows - 1)], np.inf)
+    most = np.maximum(due[:, np.newaxis] - direct, 0.0).sum(axis=0)
     cell = window * n_sectors + (np.mod(bearing_rad, 2 * np.pi) // SECTOR_RAD).astype(np.intp) % n_sectors
     suspects = np.bincount(cell[is_suspect], minlength=n_windows * n_sectors)
     return is_suspect & (suspects[cell] > (most + EXCESS_SIGMAS * np.sqrt(most + 1.0))[window])

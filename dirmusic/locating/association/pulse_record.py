@@ -47,6 +47,10 @@ FROM_ABOVE_RAD = np.radians(40.0)
 """Pulses that fit best at elevations beyond this one are those of known findings or of none: two waves at a time look
 like one from above, and errors of the array like less than this (assumed)."""
 
+MOST_IN_PLANE = 0.01
+"""Share of the energy that waves from the plane, or from little above it, leave unexplained: from 30 degrees of
+elevation no more in a ring of helices; from `FROM_ABOVE_RAD`, 0.03."""
+
 ALIKE_RAD = np.radians(0.2)
 """Bearings that differ by no more say the same (assumed): their own deviations are larger by far."""
 
@@ -82,7 +86,7 @@ class PulseRecord:
         pulses: The pulses, n rows, in the order in which they were added, without sub-bands.
         pose: Believed x m, y m, yaw rad at each pulse, world frame, shape (n, 3).
         place: Row in `places_m` of each pulse, shape (n,).
-        elevation_rad: That of `ELEVATIONS_RAD` at which each pulse fits best, shape (n,).
+        elevation_rad: That of `ELEVATIONS_RAD` at which each pulse fits best, 0 where it fits in the plane, shape (n,).
         places_m: Places where the array was, one of each cell of the ground, shape (n_places, 3), world frame.
         listened: Row in `places_m` of where the array was in each second, one second a row, whether anything was
             detected or not, shape (n_seconds,).
@@ -132,7 +136,10 @@ class PulseRecord:
         variance = pulses.std_rad**2 + self._bearing_errors.std(pulses.azimuth_rad) ** 2
         std_rad = np.sqrt(variance + self.pose_error.heading_rad**2)
         group, repeat = self._grouped(time_s, place, float(pose[2]), pulses.azimuth_rad)
-        elevation_rad = ELEVATIONS_RAD[misfits_in_space(pulses, self.array.manifold).argmin(axis=0)]
+        elevation_rad, off_plane = np.zeros(n), np.flatnonzero(pulses.misfit > MOST_IN_PLANE)
+        if off_plane.size:
+            misfits = misfits_in_space(pulses.take(off_plane), self.array.manifold)
+            elevation_rad[off_plane] = ELEVATIONS_RAD[misfits.argmin(axis=0)]
         self._columns.extend([np.tile(pose, (n, 1)), np.full(n, place), elevation_rad, group, repeat, std_rad, *pulses])
         columns = self._columns.columns()
         self.pose, self.place, self.elevation_rad, self._group, self._repeat, self._std_rad = columns[:6]

@@ -24,6 +24,8 @@ MOST_TARGETS = 1000
 HEIGHTS_SIGMAS = (-1.0, 0.0, 1.0, 2.0)
 """Heights at which a finding may be, in standard deviations (assumed): what hides stands below more often."""
 
+LIKELIEST_HEIGHT = HEIGHTS_SIGMAS.index(0.0)
+
 LEAST_HEIGHT_M = 0.1
 """Nothing discharges below (assumed)."""
 
