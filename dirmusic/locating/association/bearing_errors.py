@@ -16,6 +16,9 @@ from dirmusic.locating.elevation import ELEVATIONS_RAD, gains_in_space
 FloatArray = NDArray[np.float64]
 
 
+ONCE_ROUND_RAD = np.append(SEARCH_AZIMUTHS_RAD, 2 * np.pi)
+
+
 class BearingErrors:
     """`manifold_error` and `manifold_error_std` between the search azimuths, linearly, and the error by elevation.
 
@@ -26,7 +29,7 @@ class BearingErrors:
     def __init__(self, array: ArrayModel) -> None:
         self._manifold = array.manifold
         self._last: tuple[ElementErrors, FloatArray] | None = None
-        self._std_rad = manifold_error_std(array.manifold, SEARCH_AZIMUTHS_RAD, array.spread)
+        self._std_rad = _once_round(manifold_error_std(array.manifold, SEARCH_AZIMUTHS_RAD, array.spread))
         self._by_elevation_rad = _errors_by_elevation(array.manifold)
 
     def std(self, azimuth_rad: FloatArray) -> FloatArray:
@@ -54,7 +57,7 @@ class BearingErrors:
 
     def _over_azimuth(self, errors: ElementErrors) -> FloatArray:
         if self._last is None or self._last[0] is not errors:
-            self._last = errors, manifold_error(self._manifold, SEARCH_AZIMUTHS_RAD, errors)
+            self._last = errors, _once_round(manifold_error(self._manifold, SEARCH_AZIMUTHS_RAD, errors))
         return self._last[1]
 
 
@@ -69,5 +72,10 @@ def _errors_by_elevation(manifold: GainManifold) -> FloatArray:
     return np.column_stack([error_rad, error_rad[:, 0]])
 
 
-def _interpolated(azimuth_rad: FloatArray, at_search_azimuths: FloatArray) -> FloatArray:
-    return np.interp(azimuth_rad, SEARCH_AZIMUTHS_RAD, at_search_azimuths, period=2 * np.pi)
+def _once_round(at_search_azimuths: FloatArray) -> FloatArray:
+    """With the first once more at the end, for `_interpolated`."""
+    return np.append(at_search_azimuths, at_search_azimuths[0])
+
+
+def _interpolated(azimuth_rad: FloatArray, once_round: FloatArray) -> FloatArray:
+    return np.interp(np.mod(azimuth_rad, 2 * np.pi), ONCE_ROUND_RAD, once_round)
