@@ -40,7 +40,7 @@ MAX_DRAWN_ELLIPSE_M = 15.0
 LEAST_PEAK = 50.0
 """Log-likelihood that is drawn lightest until there is more: of some ten pulses from as many places."""
 
-UNIT_SQUARE = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
+UNIT_SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
 QUIETEST_DBV = -60.0
 """Strengths below are drawn here: noise, and elements that look away."""
@@ -254,9 +254,9 @@ class Recorder:
             "albedo_texture_format": [picture] * n,
         }
         self._columns(paths.LIKELIHOOD, steps, rr.Mesh3D.columns(**textures))
-        low, size_m = np.array([*grid.corner_m, 0.0]), grid.cell_m * np.array([nx, ny, 0])
-        corners = np.tile(low + size_m * UNIT_SQUARE, (n, 1))
-        onto = np.tile(np.abs(UNIT_SQUARE[:, :2] - [0.0, 1.0]), (n, 1))  # rows of a picture go down
+        outer = 0.5 + UNIT_SQUARE * [nx - 1, ny - 1]  # from centre to centre: beyond, a picture repeats
+        corners = np.tile(np.column_stack([grid.corner_m + grid.cell_m * outer, np.zeros(4)]), (n, 1))
+        onto = np.tile(np.abs(outer / [nx, ny] - [0.0, 1.0]), (n, 1))  # rows of a picture go down
         square = rr.Mesh3D.columns(vertex_positions=corners, vertex_texcoords=onto).partition([4] * n)
         halves = rr.Mesh3D.columns(triangle_indices=np.tile([[0, 1, 2], [0, 2, 3]], (n, 1))).partition([2] * n)
         self._columns(paths.LIKELIHOOD, steps, [*square, *halves])
