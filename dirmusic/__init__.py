@@ -19,6 +19,7 @@ from dirmusic.locating.finding import Finding
 from dirmusic.locating.fitting.joint_fix import PoseError
 from dirmusic.locating.fitting.triangulation import Fix, triangulate
 from dirmusic.locating.locator import Locator
+from dirmusic.locating.yard_likelihood import Grid, YardLikelihood
 from dirmusic.pulses.batch import PulseBatch
 from dirmusic.pulses.preprocessing import Windows, band_pass, cut_windows, prepare_records, pulse_start
 from dirmusic.pulses.strengths import pulse_strengths, sample_covariance, strength_variance
@@ -37,6 +38,7 @@ __all__ = [
     "GainManifold",
     "GainPattern",
     "GaussianPattern",
+    "Grid",
     "InputFileError",
     "InputFileWarning",
     "Locator",
@@ -46,6 +48,7 @@ __all__ = [
     "TabulatedPattern",
     "UniformOffsets",
     "Windows",
+    "YardLikelihood",
     "band_pass",
     "bearing_bound",
     "bearings_from_covariance",

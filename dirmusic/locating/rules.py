@@ -40,7 +40,7 @@ class AssignmentRules:
         direct_path_db: Pulses in a confirmed finding's gate that are no further below its level than this came on the
             direct path, whatever the map says: an obstacle attenuates more.
         ghost_db: While the map obstructs a confirmed finding, pulses that are not this far above its level are its
-            multipath ghosts, whatever their bearing.
+            multipath ghosts, whatever their bearing; not more of them, though, than pulses of its own are missing.
         bias_arc_rad: While a confirmed finding is in sight, pulses at its level that point past it by less than this
             are its own, their bearing biased by a reflection within the gate; they are left out, and make no candidate.
         bias_db: How far from the finding's level the level of such pulses may be.
@@ -51,7 +51,7 @@ class AssignmentRules:
             is not known better.
         edge_margin_m: What would be obstructed this far to one side may be obstructed: map and poses are not known
             better.
-        detection_range_m: From how near a finding in sight should be detected.
+        detection_range_m: From how near a finding in sight should be detected, at least; from as near as it was, about.
     """
 
     gate_sigmas: float = 3.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,6 +78,12 @@ class JudgedPulses(NamedTuple):
     is_diffracted: BoolArray
     is_biased: BoolArray
 
+    @classmethod
+    def stacked(cls, judged: Sequence[Self]) -> Self:
+        """Those of several findings, every array of shape (n_findings, n)."""
+        columns: list[Any] = [np.array(column) for column in zip(*judged, strict=True)]
+        return cls(*columns)
+
     def continued(self, n: int, later: JudgedPulses) -> JudgedPulses:
         """The first n of these, and after them later ones."""
         columns: list[Any] = [np.concatenate([column[:n], more]) for column, more in zip(self, later, strict=True)]
@@ -141,36 +147,31 @@ class Assigner:
                 may_be=np.empty((len(findings), n), dtype=np.bool_),
                 is_echo=np.zeros(n, dtype=np.bool_),
             )
-        judged = [judgement.pulses for judgement in self._judged.values()]
-        offset_sigmas = np.array([of.offset_sigmas for of in judged])
-        is_direct = np.array([of.is_direct for of in judged])
-        is_ghost_of = np.array([of.is_ghost for of in judged])
-        nearest, each = offset_sigmas.argmin(axis=0), np.arange(n)
-        in_gate = offset_sigmas <= self._rules.gate_sigmas
+        judged = JudgedPulses.stacked([judgement.pulses for judgement in self._judged.values()])
+        nearest, each = judged.offset_sigmas.argmin(axis=0), np.arange(n)
+        in_gate = judged.offset_sigmas <= self._rules.gate_sigmas
         n_gates = in_gate.sum(axis=0)
-        in_sight = is_direct[nearest, each]
+        in_sight = judged.is_direct[nearest, each]
         confirmed = np.array([finding.state == "confirmed" for finding in findings])
         is_confirmed = confirmed[nearest]
-        n_ghosts, is_own_ghost = is_ghost_of.sum(axis=0), is_ghost_of[nearest, each]
-        is_ghost = (n_ghosts > 0) & ~(is_confirmed & in_sight & (n_gates > 0))
-        is_biased_of = np.array([of.is_biased for of in judged])
-        is_biased = is_biased_of.any(axis=0)
-        is_of_another = ~is_confirmed & (is_biased_of.sum(axis=0) > is_biased_of[nearest, each])
+        is_of_another = ~is_confirmed & (judged.is_biased.sum(axis=0) > judged.is_biased[nearest, each])
         by_direction = np.select(  # the first that holds
-            [n_gates > 1, (n_gates == 1) & ~is_of_another, is_biased],
+            [n_gates > 1, (n_gates == 1) & ~is_of_another, judged.is_biased.any(axis=0)],
             [NoOwner.AMBIGUOUS, nearest, NoOwner.BIASED],
             default=NoOwner.UNASSIGNED,
         )
-        is_echo = (n_ghosts > is_own_ghost) | (is_ghost & is_confirmed)
-        is_diffracted = np.array([of.is_diffracted for of in judged]).any(axis=0)
-        owner = np.where(is_ghost, np.where(is_diffracted, NoOwner.DIFFRACTED, NoOwner.ECHO), by_direction)
-        is_source = self._outnumber_echoes(is_echo, owner, confirmed) & ~is_ghost_of[~confirmed].any(axis=0)
+        is_ghost = judged.is_ghost.any(axis=0) & ~(is_confirmed & in_sight & (n_gates > 0))
+        by_path = np.where(judged.is_diffracted.any(axis=0), NoOwner.DIFFRACTED, NoOwner.ECHO)
+        owner = np.where(is_ghost, by_path, by_direction)
+        is_of_others = judged.is_ghost.sum(axis=0) > judged.is_ghost[nearest, each]
+        is_source = self._outnumber_echoes(is_of_others | (is_ghost & is_confirmed), owner, confirmed)
+        is_source &= ~judged.is_ghost[~confirmed].any(axis=0)
         return Assignment(
             owner=np.where(is_source, by_direction, owner),
             in_sight=in_sight,
-            level_db=np.array([of.level_db for of in judged])[nearest, each],
-            may_be=in_gate & is_direct,
-            is_echo=(n_ghosts > is_own_ghost) & ~is_source,
+            level_db=judged.level_db[nearest, each],
+            may_be=in_gate & judged.is_direct,
+            is_echo=is_of_others & ~is_source,
         )
 
     def _outnumber_echoes(self, is_echo: BoolArray, owner: NDArray[np.intp], confirmed: BoolArray) -> BoolArray:
