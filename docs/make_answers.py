@@ -22,7 +22,7 @@ from missions.sweep.results.tables import HEADINGS, cells
 
 DOCS = Path(__file__).parent
 STORED = DOCS / "results"
-POLICIES = ("seek", "patrol", "random", "oracle")
+POLICIES = ("seek", "active", "patrol", "random", "oracle")
 WIDTH_DPI = 110
 
 

@@ -132,7 +132,7 @@ class LocatingRules:
     ghost_observed_s: int = 5
     ghost_silent_s: int = 15
     ghost_semi_major_m: float = 2.0
-    least_range_m: float = 0.5
+    least_range_m: float = 0.3
     merge_m: float = 1.0
 
     @property

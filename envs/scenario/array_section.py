@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import BeforeValidator, ValidationInfo
 
 from dirmusic import ArrayModel, ElementSpread
+from dirmusic.array.element_errors import UNEXPLAINED
 from envs.scenario.base import beside_the_scenario
 from sensing import ArrayConfig, HelicalArray
 from sensing.array.config import SHIPPED_PATTERNS
@@ -45,7 +46,7 @@ def data_sheet(config: ArrayConfig, band_edges_hz: Sequence[float] = ()) -> Arra
             pointing_rad=float(np.radians(config.pointing_error_deg)),
             offset=config.gain_offset / np.sqrt(3),
             pattern=config.pattern_error,
-            unexplained=config.unexplained,
+            unexplained=UNEXPLAINED,
         ),
         band_manifolds=nominal.band_manifolds(band_edges_hz) if len(band_edges_hz) else (),
     )

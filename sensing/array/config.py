@@ -13,7 +13,6 @@ from pydantic import BaseModel, Field, NonNegativeFloat, PositiveFloat, model_va
 
 from dirmusic import GainManifold, GainPattern, GaussianPattern, InputFileError, TabulatedPattern
 from dirmusic.array.ambiguity import worst_ambiguity
-from dirmusic.array.element_errors import UNEXPLAINED
 from dirmusic.array.manifold import ring_boresights_rad
 from dirmusic.array.spatial_pattern import SpatialPattern
 from dirmusic.array.spatial_pattern_file import read_any_pattern
@@ -93,9 +92,6 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
     """By how much the gain in any one direction may differ from the data sheet's pattern, over its largest gain, as the
     robot believes: a standard deviation in the plane, and more off it (`dirmusic.ElementSpread`). Nothing is drawn by
     it: `true_pattern` says how it differs. The computed helices need 0.02."""
-    unexplained: NonNegativeFloat = UNEXPLAINED
-    """Share of a channel's strength that no model explains, as the robot believes: reflections within the gate, mutual
-    coupling (default assumed). Nothing is drawn by it; 0 is for tests in which nothing but noise is left."""
 
     @model_validator(mode="before")
     @classmethod
