@@ -34,6 +34,9 @@ BACK_OFFS = np.array([(-0.3, 0.0), (-0.3, 0.6), (-0.3, -0.6), (0.3, 0.9), (0.3, 
 AGAIN_M = 0.5
 """Stuck within this length of an earlier time is stuck in the same place (assumed): as far as it has backed off."""
 
+BUMP = 1.5
+"""Speed that is lost so many times as fast as brakes can take it was taken by something else (assumed)."""
+
 BUMPER_M = 0.05
 """How far before the outline of a stuck robot something is taken to stand (assumed)."""
 
@@ -50,6 +53,7 @@ class CollisionGuard:
         self._policy = policy
         self._seen = SeenObstacles()
         self._looked_s = -np.inf
+        self._speed_mps = 0.0
         self._last_place_m: FloatArray | None = None
         self._moved_s = 0.0
         self._stuck_at_m: list[FloatArray] = []
@@ -62,14 +66,15 @@ class CollisionGuard:
         if time_s - self._looked_s >= LOOK_S:
             self._seen.look(observation["lidar"], pose, time_s, site_map)
             self._looked_s = time_s
+        has_bumped = self._has_bumped(float(observation["velocity"][0]), site_map.robot)
         if time_s < self._back_off_until_s:
             return _slowed(observation, self._back_off, site_map.robot)
         action = checked_action(self._policy(observation, findings, self._seen.on(site_map)), self._policy)
         self.phase, self.unreachable = status_of(self._policy)
         if action is None:
             return None
-        if self._is_stuck(pose, time_s, bool(action.any())):
-            return self._get_away(observation, pose, time_s, site_map.robot)
+        if self._is_stuck(pose, time_s, bool(action.any())) or has_bumped:
+            return self._get_away(observation, pose, time_s, site_map.robot, has_bumped=has_bumped)
         return _slowed(observation, site_map.robot.command_from_action(action), site_map.robot)
 
     def _is_stuck(self, pose: FloatArray, time_s: float, would_move: bool) -> bool:
@@ -78,9 +83,16 @@ class CollisionGuard:
             self._last_place_m, self._moved_s = pose[:2], time_s
         return time_s - self._moved_s > STUCK_S
 
-    def _get_away(self, observation: Observation, pose: FloatArray, time_s: float, robot: RobotDescription) -> Action:
-        """Begin to back off where there is most room; what holds it twice, seen or not, goes onto the map."""
-        if any(np.hypot(*(place - pose[:2])) < AGAIN_M for place in self._stuck_at_m):
+    def _has_bumped(self, speed_mps: float, robot: RobotDescription) -> bool:
+        """Whether the robot has run into something, above or below what the lidar sees: no brake stops it so fast."""
+        lost_mps, self._speed_mps = abs(self._speed_mps) - abs(speed_mps), speed_mps
+        return lost_mps > BUMP * robot.max_acceleration_mps2 * STEP_S
+
+    def _get_away(
+        self, observation: Observation, pose: FloatArray, time_s: float, robot: RobotDescription, *, has_bumped: bool
+    ) -> Action:
+        """Begin to back off where there is most room; what it ran into, or what holds it twice, goes onto the map."""
+        if has_bumped or any(np.hypot(*(place - pose[:2])) < AGAIN_M for place in self._stuck_at_m):
             ahead = np.array([np.cos(pose[2]), np.sin(pose[2])])
             self._seen.note((pose[:2] + (robot.footprint_radius_m + BUMPER_M) * ahead)[np.newaxis], time_s)
         self._stuck_at_m.append(pose[:2])

@@ -1,5 +1,6 @@
 """What no plan shows is not touched and driven round; the robot gets away when stuck; courses are completed."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -7,8 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from dirmusic import Finding
 from envs import Scenario
-from envs.patrol_env import STEP_S, PatrolEnv
+from envs.patrol_env import STEP_S, Observation, PatrolEnv
 from envs.random_yard import random_yard
 from envs.scenario.robot_config import RobotConfig
 from missions.driving.collision_guard import CollisionGuard
@@ -16,7 +18,7 @@ from missions.driving.lidar_stop import STOP_M, free_way, safe_speed, way_m
 from missions.driving.path_follower import PathFollower
 from missions.driving.site_map import SiteMap
 from missions.policies.patrol import Patrol
-from missions.policies.protocol import ReportingPolicy
+from missions.policies.protocol import Action, ReportingPolicy
 from missions.policies.random_driving import Random
 from robot_models.description.library import load_robot
 from robot_models.sensors import LIDAR_BEAMS
@@ -255,3 +257,39 @@ def test_there_is_a_way_to_every_waypoint_of_five_hundred_random_yards() -> None
         for stop in scenario.route.waypoints_m:
             radius_m = scenario.task.waypoint_radius_m
             assert PathFollower(site_map, pose, np.array(stop), 0.0, radius_m, reach).is_reachable, (seed, stop)
+
+
+class Ahead:
+    """Full speed ahead, on whatever map."""
+
+    phase, unreachable = "ahead", ()
+
+    def __init__(self) -> None:
+        self.obstacles_m = np.empty((0, 2))
+
+    def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action:
+        self.obstacles_m = site_map.obstacles_m
+        return np.array([1.0, 0.0], dtype=np.float32)
+
+
+@pytest.mark.parametrize(("left_mps", "is_bump"), [(0.05, True), (0.55, False)])
+def test_what_stops_the_robot_as_no_brake_does_goes_onto_the_map_and_the_robot_backs_off(
+    left_mps: float, is_bump: bool
+) -> None:
+    """An overhang is above what the lidar sees: speed tells. The motors brake by 0.3 m/s in a step at most."""
+    env, inner = PatrolEnv(OPEN_YARD, terminate_on_approach=False), Ahead()
+    observation, site_map = env.reset(seed=0)[0], SiteMap(OPEN_YARD)
+    guard = CollisionGuard(inner)
+
+    def at(speed_mps: float) -> Observation:
+        moving = {"lidar": NOTHING.astype(np.float32), "velocity": np.array([speed_mps, 0.0], dtype=np.float32)}
+        return {**observation, **moving}  # pyright: ignore[reportReturnType]
+
+    guard(at(0.8), [], site_map)
+    guard(at(left_mps), [], site_map)
+    assert (guard.phase == "back off") == is_bump
+    guard._back_off_until_s = -np.inf
+    guard(at(0.0), [], site_map)
+    ahead_m = inner.obstacles_m - observation["pose"][:2]
+    assert len(ahead_m) == is_bump
+    assert np.all((ahead_m[:, 0] > ROBOT.footprint_radius_m - 0.1) & (np.abs(ahead_m[:, 1]) < 0.2))
