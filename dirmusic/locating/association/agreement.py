@@ -14,7 +14,7 @@ VISIT_S = 5.0
 """Pulses of one place and so long a time are one visit (assumed): the errors of the pose stay the same."""
 
 
-MOST_PULSES = 500
+MOST_PULSES = 200
 """More do not tell better (assumed): those of one visit share their errors."""
 
 
