@@ -22,6 +22,12 @@ SEARCH_STEP_RAD = np.radians(2.0)
 SEARCH_AZIMUTHS_RAD = np.arange(180) * SEARCH_STEP_RAD
 """Where peaks are looked for before they are refined: fine against any lobe wide enough to be used in a ring."""
 
+
+def nearest_search_azimuth(azimuth_rad: FloatArray) -> NDArray[np.intp]:
+    """Number of the one of `SEARCH_AZIMUTHS_RAD` that is nearest to each azimuth, of its shape."""
+    return np.rint(azimuth_rad / SEARCH_STEP_RAD).astype(np.intp) % SEARCH_AZIMUTHS_RAD.size
+
+
 BLIND_SLOPE = 0.01
 """A manifold that turns by less than this per radian everywhere is blind: 1 % of gain would be a radian."""
 

@@ -83,7 +83,7 @@ def find_birth(
     position_m, covariance_m2 = record.crossing(rows, errors)
     if not np.isfinite(covariance_m2).all():
         sight_m = position_m[:2] - record.pose[rows[-1], :2]
-        position_m[:2] -= sight_m * max(0.0, 1.0 - UNKNOWN_M / float(np.linalg.norm(sight_m)))
+        position_m[:2] -= sight_m * (1.0 - UNKNOWN_M / max(float(np.linalg.norm(sight_m)), UNKNOWN_M))
         covariance_m2 = with_height_covariance(np.eye(2) * UNKNOWN_M**2)
     return Birth(rows, float(record.pulses.time_s[rows[0]]), position_m, covariance_m2)
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.array.bounds import perpendicular_slope
-from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, SEARCH_STEP_RAD, GainManifold
+from dirmusic.array.manifold import GainManifold, nearest_search_azimuth
 from dirmusic.array.model import ArrayModel
 from dirmusic.bearing.built_in import method_std
 from dirmusic.bearing.estimator import BearingEstimator
@@ -37,7 +37,7 @@ class MethodDeviation:
     def of(self, pulses: PulseBatch) -> FloatArray:
         """Deviations at the nearest search azimuths, shape (n_pulses,), radians; 0 for maximum likelihood."""
         std_rad = np.empty(pulses.n_pulses)
-        nearest = np.rint(pulses.azimuth_rad / SEARCH_STEP_RAD).astype(np.intp) % SEARCH_AZIMUTHS_RAD.size
+        nearest = nearest_search_azimuth(pulses.azimuth_rad)
         usable = [tuple(channels) for channels in pulses.is_usable.tolist()]
         for channels in dict.fromkeys(usable):
             rows = [k for k, of_pulse in enumerate(usable) if of_pulse == channels]
@@ -77,7 +77,7 @@ def is_credible(
         Shape (n_pulses,).
     """
     manifold, spread = array.manifold, array.spread
-    nearest = np.rint(pulses.azimuth_rad / SEARCH_STEP_RAD).astype(np.intp) % SEARCH_AZIMUTHS_RAD.size
+    nearest = nearest_search_azimuth(pulses.azimuth_rad)
     energy, turning = _energy_and_turning(manifold)
     by_noise = np.square(pulses.std_rad) * turning[nearest] / energy[nearest]
     by_offset = manifold.n_elements * spread.offset**2 / energy[nearest]

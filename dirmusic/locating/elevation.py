@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, SEARCH_STEP_RAD, GainManifold
+from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, GainManifold, nearest_search_azimuth
 from dirmusic.pulses.batch import PulseBatch
 
 FloatArray = NDArray[np.float64]
@@ -37,7 +37,7 @@ def misfits_in_space(pulses: PulseBatch, manifold: GainManifold) -> FloatArray:
     Returns:
         Shape (n_elevations, n_pulses); 1 for pulses without any strength.
     """
-    nearest = np.rint(pulses.azimuth_rad / SEARCH_STEP_RAD).astype(np.intp) % SEARCH_AZIMUTHS_RAD.size
+    nearest = nearest_search_azimuth(pulses.azimuth_rad)
     gain = gains_in_space(manifold)[:, nearest] * pulses.is_usable
     strengths_v = pulses.strengths_v * pulses.is_usable
     explained = np.square(np.einsum("epc,pc->ep", gain, strengths_v)) / np.einsum("epc,epc->ep", gain, gain)
