@@ -29,12 +29,14 @@ class Birth(NamedTuple):
     Attributes:
         rows: Rows of the pulses in their record.
         first_detected_s: When the first of them came.
+        last_detected_s: When the last of them came.
         position_m: Where their lines of sight cross, at the height of which nothing is known, shape (3,).
         covariance_m2: Shape (3, 3).
     """
 
     rows: Rows
     first_detected_s: float
+    last_detected_s: float
     position_m: FloatArray
     covariance_m2: FloatArray
 
@@ -47,6 +49,7 @@ class Birth(NamedTuple):
             covariance_m2=self.covariance_m2,
             n_bearings=self.rows.size,
             first_detected_s=self.first_detected_s,
+            last_detected_s=self.last_detected_s,
             fixed_s=None,
             aperture_rad=0.0,
             nearest_m=np.inf,
@@ -85,7 +88,8 @@ def find_birth(
         sight_m = position_m[:2] - record.pose[rows[-1], :2]
         position_m[:2] -= sight_m * (1.0 - UNKNOWN_M / max(float(np.linalg.norm(sight_m)), UNKNOWN_M))
         covariance_m2 = with_height_covariance(np.eye(2) * UNKNOWN_M**2)
-    return Birth(rows, float(record.pulses.time_s[rows[0]]), position_m, covariance_m2)
+    first_s, last_s = record.pulses.time_s[rows[[0, -1]]].tolist()
+    return Birth(rows, first_s, last_s, position_m, covariance_m2)
 
 
 def _crossing_rows(record: PulseRecord, rows: Rows, errors: ElementErrors) -> Rows:

@@ -51,8 +51,11 @@ def updated_state(
         fence_m: Length of the yard along x and y, origin at the corner; None without a fence.
         time_s: Now.
     """
-    rows = np.flatnonzero((assignment.owner == number) & assignment.in_sight)
+    own = np.flatnonzero(assignment.owner == number)
+    rows = own[assignment.in_sight[own]]
     present = presence(finding, np.flatnonzero(assignment.may_be[number]), record, rules.assignment)
+    if own.size:
+        finding = replace(finding, last_detected_s=float(record.pulses.time_s[own].max()))
     if rows.size:
         finding = _measured(finding, rows, assignment, record)
     if _lies_outside(finding, fence_m):

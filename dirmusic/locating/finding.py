@@ -26,6 +26,7 @@ class Finding:
         covariance_m2: Shape (3, 3), the array's common error included.
         n_bearings: Pulses that belong to it; where there is a map, those detected in sight of it.
         first_detected_s: When its first pulse came.
+        last_detected_s: When its latest pulse came, in sight of it or not.
         fixed_s: When it was first confirmed, or None.
         aperture_rad: Angle on plan over which its lines of sight spread, seen from the finding.
         nearest_m: Least distance on plan from which it was detected.
@@ -42,6 +43,7 @@ class Finding:
     covariance_m2: FloatArray
     n_bearings: int
     first_detected_s: float
+    last_detected_s: float
     fixed_s: float | None
     aperture_rad: float
     nearest_m: float

@@ -30,6 +30,32 @@ FRESH_SHARE = 0.1
 """Findings are fitted anew once the pulses of one have become more, or fewer, by this share (assumed): where these are
 as good as the others, that is a twentieth of a deviation."""
 
+FRESH_RAD = np.radians(5.0)
+"""Findings are fitted anew once one is seen from an arc that is wider, or narrower, by this (assumed): a few pulses
+from another side tell more than many from where others came."""
+
+
+class _Support(NamedTuple):
+    """What a fit of a finding rests on.
+
+    Attributes:
+        n_pulses: Of its own.
+        n_in_sight: Those that came in sight of it.
+        aperture_rad: Over which its lines of sight spread.
+    """
+
+    n_pulses: int
+    n_in_sight: int
+    aperture_rad: float
+
+    def is_new_beside(self, fitted: _Support) -> bool:
+        """Whether a fit would rest on something else than this one."""
+        return (
+            abs(self.n_pulses - fitted.n_pulses) > FRESH_SHARE * fitted.n_pulses
+            or abs(self.n_in_sight - fitted.n_in_sight) > FRESH_SHARE * fitted.n_in_sight
+            or abs(self.aperture_rad - fitted.aperture_rad) > FRESH_RAD
+        )
+
 
 class Learned(NamedTuple):
     """What a mission has learned of its array.
@@ -82,7 +108,7 @@ class Locator:
         self._next_fit_s = -np.inf
         self._errors = array.errors.mean if array.errors else ElementErrors.none(array.manifold.n_elements)
         self._record = PulseRecord(array, pose_error, sight, self.rules.assignment)
-        self._n_fitted: dict[int, tuple[int, int]] = {}
+        self._fitted: dict[int, _Support] = {}
         self._assigner = Assigner(self._record, self.rules.assignment)
 
     def update(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> tuple[Finding, ...]:
@@ -109,11 +135,14 @@ class Locator:
     def _renew(self, time_s: float, *, always: bool) -> tuple[Finding, ...]:
         """Assign all pulses so far, and fit them where that is asked for or worth it; all findings."""
         assignment = self._with_birth(self._without_unsupported(), time_s)
-        supported = {finding.id: np.flatnonzero(assignment.owner == k) for k, finding in enumerate(self.findings)}
-        n_pulses = {number: (own.size, int(assignment.in_sight[own].sum())) for number, own in supported.items()}
+        supports: dict[int, _Support] = {}
+        for k, finding in enumerate(self.findings):
+            own = assignment.owner == k
+            n_in_sight = int(np.count_nonzero(own & assignment.in_sight))
+            supports[finding.id] = _Support(int(np.count_nonzero(own)), n_in_sight, finding.aperture_rad)
         distinct = self.findings
-        if always or _are_worth_a_fit(n_pulses, self._n_fitted):
-            self._n_fitted = n_pulses
+        if always or _are_worth_a_fit(supports, self._fitted):
+            self._fitted = supports
             distinct = self._merged(self._fit(assignment))
             assignment = self._assigner.assign(distinct, self._errors)
         self.findings = tuple(
@@ -235,12 +264,8 @@ class Locator:
         return distinct
 
 
-def _are_worth_a_fit(n_pulses: dict[int, tuple[int, int]], n_fitted: dict[int, tuple[int, int]]) -> bool:
-    """Whether findings or numbers of their pulses, all and in sight, are not what they were at the last fit."""
-    if n_pulses.keys() != n_fitted.keys():
+def _are_worth_a_fit(supports: dict[int, _Support], fitted: dict[int, _Support]) -> bool:
+    """Whether there are other findings than at the last fit, or one rests on something else."""
+    if supports.keys() != fitted.keys():
         return True
-    return any(
-        abs(now - then) > FRESH_SHARE * then
-        for number, counts in n_pulses.items()
-        for now, then in zip(counts, n_fitted[number], strict=True)
-    )
+    return any(support.is_new_beside(fitted[number]) for number, support in supports.items())

@@ -29,6 +29,10 @@ MARGIN_M = 0.15
 LEAST_SIGHT = 10 ** (-AssignmentRules().sight_loss_db / 20)
 """Share of a wave that is left on the straight path where a target is in sight: as pulses are judged."""
 
+STEPS = ((1, 0), (0, 1), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1))
+"""Of a path, in cells along x and y, and back: ways run in sixteen directions, 1.4 % longer than they need be on
+average; in eight directions they are 5.5 %, with turns of 45 degrees, for which a robot slows down."""
+
 COMFORT_M = 0.8
 """Ground nearer than this to equipment costs up to twice as much (assumed)."""
 
@@ -49,22 +53,32 @@ class ShortestPaths:
         """The cell nearest to a point (2,) among those that can be reached."""
         return self._site_map.nearest(point_m, np.isfinite(self.length_m))
 
-    def gather(self, cells: NDArray[np.intp], values: FloatArray) -> FloatArray:
-        """What is gathered on the way to each of some cells (n,), shape (n, ...).
+    def gather(self, values: FloatArray) -> FloatArray:
+        """What is gathered on the way to each cell, shape (n_cells, ...); nothing where there is no way.
 
         Args:
-            cells: All those nearer to the start than any of them are among them.
             values: Of a metre of way in each cell, shape (n_cells, ...).
         """
-        order = cells[np.argsort(self.length_m[cells], kind="stable")]
-        gathered = np.zeros_like(values)
-        centres_m = self._site_map.centres_m
-        for cell in order.tolist():
-            previous = self._previous[cell]
-            if previous >= 0:
-                step_m = float(np.linalg.norm(centres_m[cell] - centres_m[previous]))
-                gathered[cell] = gathered[previous] + step_m * values[cell]
-        return gathered[cells]
+        before, centres_m = self._before, self._site_map.centres_m
+        step_m = np.linalg.norm(centres_m - centres_m[before], axis=-1)
+        gathered = values * step_m.reshape(-1, *np.ones(values.ndim - 1, dtype=np.intp))
+        while (before != before[before]).any():  # each time, ways are gathered twice as far back
+            gathered = gathered + gathered[before]
+            before = before[before]
+        return gathered
+
+    def along(self, length_m: float) -> NDArray[np.intp]:
+        """The cell on the way to each cell where the way is so long first; the cell itself if it is nearer."""
+        is_short = self.length_m[self._before] < length_m
+        along = np.where(is_short, np.arange(is_short.size), self._before)
+        while (along != along[along]).any():
+            along = along[along]
+        return along
+
+    @cached_property
+    def _before(self) -> NDArray[np.intp]:
+        """The cell before each cell on the way to it; itself where the ways start and where there is none."""
+        return np.where(self._previous >= 0, self._previous, np.arange(self._previous.size))
 
     def cells(self, cell: int) -> NDArray[np.intp]:
         """Numbers of the cells on the way from the start to `cell`, both included, shape (n,)."""
@@ -147,17 +161,19 @@ class SiteMap:
 
     @cached_property
     def _graph(self) -> csr_array:
-        """Steps to the eight neighbours, between free cells, dearer close to equipment."""
+        """Steps past free cells, dearer close to equipment."""
         index = np.arange(self.is_free.size).reshape(self._shape)
         dear = 1.0 + np.clip((COMFORT_M - self.clearance_m) / COMFORT_M, 0.0, 1.0)
         rows, columns, costs = [], [], []
-        for dx, dy in ((1, 0), (0, 1), (1, 1), (1, -1)):
+        for dx, dy in STEPS:
             low, high = max(-dy, 0), self._shape[1] - max(dy, 0)
-            a = index[: self._shape[0] - dx, low:high].ravel()
-            b = index[dx:, low + dy : high + dy].ravel()
-            both = self.is_free[a] & self.is_free[b]
-            a, b = a[both], b[both]
-            cost = CELL_M * np.hypot(dx, dy) * 0.5 * (dear[a] + dear[b])
+            passed = [
+                index[x : self._shape[0] - dx + x, low + y : high + y].ravel()
+                for x, y in ((0, 0), (int(dx / 2), int(dy / 2)), (dx - int(dx / 2), dy - int(dy / 2)), (dx, dy))
+            ]
+            is_clear = self.is_free[passed].all(axis=0)
+            cost = CELL_M * np.hypot(dx, dy) * dear[passed].mean(axis=0)[is_clear]
+            a, b = passed[0][is_clear], passed[-1][is_clear]
             rows += [a, b]
             columns += [b, a]
             costs += [cost, cost]

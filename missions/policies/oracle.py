@@ -12,7 +12,7 @@ from dirmusic import Finding
 from envs.patrol_env import Observation
 from missions.driving.collision_guard import CollisionGuard
 from missions.driving.site_map import SiteMap
-from missions.policies.protocol import Action
+from missions.policies.protocol import Action, time_of
 from missions.policies.seek import Seek
 
 FloatArray = NDArray[np.float64]
@@ -45,6 +45,7 @@ class Oracle:
                 covariance_m2=np.eye(3) * 1e-4,
                 n_bearings=0,
                 first_detected_s=0.0,
+                last_detected_s=time_of(observation, site_map),
                 fixed_s=None,
                 aperture_rad=0.0,
                 nearest_m=np.inf,

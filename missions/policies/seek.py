@@ -36,6 +36,9 @@ REPLAN_S = 3.0
 MEAN_SPEED_SHARE = 0.6
 """Share of its top speed that the robot makes on its route, stops and turns included (assumed)."""
 
+SILENCE_S = 20.0
+"""A candidate that has not been detected for so long a time of its pursuit is set aside until it is (assumed)."""
+
 VIEW_RADIUS_M = 0.4
 """How near to a viewpoint is near enough (assumed)."""
 
@@ -50,24 +53,34 @@ class Pursuit:
     Attributes:
         spent_s: In all.
         in_vain_s: Since it last got better.
+        silent_s: Since it was last detected.
         best_m: Shortest half-axis of its ellipse, the longer one.
+        detected_s: When it was last detected.
     """
 
     spent_s: float = 0.0
     in_vain_s: float = 0.0
+    silent_s: float = 0.0
     best_m: float = np.inf
+    detected_s: float = -np.inf
 
     @property
     def is_over(self) -> bool:
         """Whether more of it would be in vain."""
-        return self.spent_s >= PURSUIT_LIMIT_S or self.in_vain_s >= PATIENCE_S
+        return self.spent_s >= PURSUIT_LIMIT_S or self.in_vain_s >= PATIENCE_S or self.silent_s >= SILENCE_S
 
     def spend(self, target: Finding, time_s: float) -> None:
         """Count time, and see whether the candidate has got better."""
         self.spent_s += time_s
         self.in_vain_s += time_s
+        self.silent_s += time_s
         if target.semi_major_m < BETTER * self.best_m:
             self.best_m, self.in_vain_s = target.semi_major_m, 0.0
+
+    def hear(self, target: Finding) -> None:
+        """See whether the candidate has been detected again."""
+        if target.last_detected_s > self.detected_s:
+            self.detected_s, self.silent_s = target.last_detected_s, 0.0
 
 
 class Seek:
@@ -112,8 +125,17 @@ class Seek:
         self.phase, self.unreachable = self._patrol.phase, self._patrol.unreachable
         return action
 
-    def viewpoint(self, target: Finding, paths: ShortestPaths, site_map: SiteMap) -> FloatArray | None:
-        """Where to view a candidate from next, shape (2,); None if no place is of use."""
+    def viewpoint(
+        self, target: Finding, pose: FloatArray, paths: ShortestPaths, site_map: SiteMap
+    ) -> FloatArray | None:
+        """Where to view a candidate from next, shape (2,); None if no place is of use.
+
+        Args:
+            target: The candidate.
+            pose: Believed, shape (3,).
+            paths: All from there.
+            site_map: Where the robot fits, and what hides the candidate.
+        """
         return best_viewpoint(target.position_m, np.asarray(self._views_m), paths, site_map)
 
     def _choose(self, findings: Sequence[Finding], pose: FloatArray) -> Finding | None:
@@ -121,6 +143,8 @@ class Seek:
         if self._is_late:
             return None
         open_ones = {f.id: f for f in findings if f.state == "candidate"}
+        for number in open_ones.keys() & self._pursuits.keys():
+            self._pursuits[number].hear(open_ones[number])
         if self._target is not None:
             if self._target in open_ones and not self._pursuits[self._target].is_over:
                 return open_ones[self._target]
@@ -148,7 +172,7 @@ class Seek:
             paths = site_map.reach(pose)
             route_s = self._patrol.remaining_m(paths, site_map) / (MEAN_SPEED_SHARE * site_map.robot.max_speed_mps)
             self._is_late = self._route_first and time_s + route_s > site_map.task.time_limit_s
-            goal = None if self._is_late else self.viewpoint(target, paths, site_map)
+            goal = None if self._is_late else self.viewpoint(target, pose, paths, site_map)
             if goal is None:
                 return None
             self._drive, self._planned_s = PathFollower(site_map, pose, goal, time_s, VIEW_RADIUS_M, paths), time_s

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from dirmusic import Finding
 from dirmusic.angles import difference
 from missions.driving.site_map import ShortestPaths, SiteMap
 
@@ -32,6 +33,9 @@ LEAST_NOVELTY_RAD = np.radians(15.0)
 LEAST_WAY_M = 0.5
 """A viewpoint that is nearer than this, or adds less angle, is no other view (assumed)."""
 
+MOST_SIGMAS, N_PLACES = 3.0, 121
+"""How far off a candidate may be, and how many places stand for that (assumed)."""
+
 SIDESTEP_M = (2.0, 12.0)
 """Lengths of the way to a sidestep (assumed): shorter ones change no angle, longer ones leave the candidate."""
 
@@ -43,6 +47,25 @@ SIDESTEP_SIGHT_WORTH_M = 2.0
 
 SIDESTEP_ON_SURFACE_M = 1.5
 """As `ON_SURFACE_M`, for a sidestep (assumed): more, because what cannot be approached is located worse."""
+
+
+def likely_place(target: Finding, pose: FloatArray, site_map: SiteMap) -> FloatArray:
+    """Where a candidate is, on average over its distance from a pose (3,) inside the fence; shape (3,).
+
+    Bearings tell of a distance r as of its inverse: with a deviation s, 1 / r is normal with s / r^2, and what seems
+    near may be far. Each metre of the line of sight is as likely before them.
+    """
+    sight_m = target.position_m[:2] - pose[:2]
+    range_m = float(np.linalg.norm(sight_m))
+    std_m = float(np.sqrt(sight_m @ target.covariance_m2[:2, :2] @ sight_m)) / range_m
+    off = np.linspace(-MOST_SIGMAS, MOST_SIGMAS, N_PLACES)
+    share = 1.0 + off * std_m / range_m  # of the inverse
+    off, longer = off[share > 0.0], 1.0 / share[share > 0.0]
+    is_inside = site_map.yard.contains(pose[:2] + np.multiply.outer(longer, sight_m))
+    if not is_inside.any():
+        return target.position_m
+    mean = np.average(longer[is_inside], weights=(np.exp(-0.5 * np.square(off)) * np.square(longer))[is_inside])
+    return np.append(pose[:2] + mean * sight_m, target.position_m[2])
 
 
 def best_viewpoint(

@@ -18,7 +18,7 @@ ARRAY = ArrayModel(manifold=MANIFOLD, positions_m=np.zeros((6, 3)), spread=Eleme
 POSE = np.zeros(3)
 FINDING = Finding(
     id=3, state="candidate", position_m=np.array([1.0, 2.0, 1.5]), covariance_m2=np.eye(3), n_bearings=1,
-    first_detected_s=0.0, fixed_s=None, aperture_rad=0.0, nearest_m=1.0, level_db=0.0,
+    first_detected_s=0.0, last_detected_s=0.0, fixed_s=None, aperture_rad=0.0, nearest_m=1.0, level_db=0.0,
 )  # fmt: skip
 
 

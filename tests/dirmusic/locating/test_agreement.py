@@ -21,6 +21,7 @@ FINDING = Finding(
     covariance_m2=0.01 * np.eye(3),
     n_bearings=100,
     first_detected_s=0.0,
+    last_detected_s=0.0,
     fixed_s=None,
     aperture_rad=1.0,
     nearest_m=3.0,

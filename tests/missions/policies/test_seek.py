@@ -6,26 +6,26 @@ from dirmusic import Finding
 from dirmusic.locating.finding import State
 from envs import load_scenario
 from missions.driving.site_map import SiteMap
-from missions.policies.seek import PATIENCE_S, Seek
+from missions.policies.seek import PATIENCE_S, SILENCE_S, Seek
 
 SITE_MAP = SiteMap(load_scenario("one_source"))
 
 
-def candidate(state: State) -> Finding:
+def candidate(state: State, detected_s: float) -> Finding:
     return Finding(
         id=1, state=state, position_m=np.array([9.5, 8.0, 1.5]), covariance_m2=0.1 * np.eye(3), n_bearings=50,
-        first_detected_s=0.0, fixed_s=None, aperture_rad=0.3, nearest_m=6.0, level_db=-10.0,
+        first_detected_s=0.0, last_detected_s=detected_s, fixed_s=None, aperture_rad=0.3, nearest_m=6.0, level_db=-10.0,
     )  # fmt: skip
 
 
-def phase_at(seek: Seek, time_s: float, state: State) -> str:
-    """What a robot that stands in the south of the yard does about the one candidate."""
+def phase_at(seek: Seek, time_s: float, state: State, detected_s: float | None = None) -> str:
+    """What a robot that stands in the south of the yard does about the one candidate, detected just now or then."""
     left = SITE_MAP.task.time_limit_s - time_s
     observation = {
         "pose": np.array([16.0, 5.0, 1.0, 0.0], dtype=np.float32),
         "time_left": np.array([left], dtype=np.float32),
     }
-    seek(observation, [candidate(state)], SITE_MAP)
+    seek(observation, [candidate(state, time_s if detected_s is None else detected_s)], SITE_MAP)
     return seek.phase
 
 
@@ -42,3 +42,14 @@ def test_a_candidate_that_gets_no_better_is_set_aside_after_a_while() -> None:
     phases = [phase_at(seek, 0.1 * k, "candidate") for k in range(n_steps + 5)]
     assert set(phases[:n_steps]) == {"seek 1"}
     assert phases[-1].startswith("patrol")
+
+
+def test_a_candidate_that_falls_silent_is_left_until_it_is_detected_again() -> None:
+    seek = Seek()
+    n_steps = round(SILENCE_S / 0.1)
+    phases = [phase_at(seek, 0.1 * k, "candidate", detected_s=0.0) for k in range(n_steps + 5)]
+    assert set(phases[:n_steps]) == {"seek 1"}
+    assert phases[-1].startswith("patrol")
+    later_s = 0.1 * len(phases)
+    assert phase_at(seek, later_s, "candidate", detected_s=0.0).startswith("patrol")
+    assert phase_at(seek, later_s + 0.1, "candidate", detected_s=later_s) == "seek 1"

@@ -1,0 +1,98 @@
+"""The next view: where a candidate may be, what a way is expected to tell, and how long it takes."""
+
+import numpy as np
+import pytest
+
+from dirmusic import Finding
+from envs import load_scenario
+from missions.driving.site_map import SiteMap
+from missions.policies.active import KNOWN_M, Active, driving_time, expected_information
+from missions.policies.viewpoints import likely_place
+
+SITE_MAP = SiteMap(load_scenario("quiet_yard"))
+POSE = np.array([4.0, 5.0, 0.0])
+
+
+def candidate(position_m: tuple[float, float], along_m: float, across_m: float) -> Finding:
+    """One that was seen from `POSE`, with deviations along that line of sight and across."""
+    sight_m = np.asarray(position_m) - POSE[:2]
+    ahead = sight_m / np.linalg.norm(sight_m)
+    across = np.array([-ahead[1], ahead[0]])
+    covariance_m2 = np.diag([0.0, 0.0, 1.0])
+    covariance_m2[:2, :2] = along_m**2 * np.outer(ahead, ahead) + across_m**2 * np.outer(across, across)
+    return Finding(
+        id=1, state="candidate", position_m=np.array([*position_m, 1.5]), covariance_m2=covariance_m2, n_bearings=50,
+        first_detected_s=0.0, last_detected_s=0.0, fixed_s=None, aperture_rad=0.1, nearest_m=6.0, level_db=-10.0,
+    )  # fmt: skip
+
+
+def test_what_is_known_well_is_taken_to_be_where_it_is() -> None:
+    target = candidate((16.0, 9.0), 0.3, 0.1)
+    np.testing.assert_allclose(likely_place(target, POSE, SITE_MAP), target.position_m, atol=0.1)
+
+
+def test_what_seems_near_may_be_far_and_what_lies_outside_is_taken_to_be_inside() -> None:
+    near = likely_place(candidate((9.0, 5.0), 3.0, 0.3), POSE, SITE_MAP)
+    assert near[0] > 11.0
+    assert near[1] == pytest.approx(5.0)
+    outside = likely_place(candidate((90.0, 5.0), 60.0, 2.0), POSE, SITE_MAP)
+    assert POSE[0] < outside[0] < SITE_MAP.yard.size_m[0]
+    away = candidate((-60.0, 5.0), 0.1, 0.1)  # known well, and not in the yard
+    np.testing.assert_array_equal(likely_place(away, POSE, SITE_MAP), away.position_m)
+
+
+def test_information_is_gathered_along_the_way_and_not_at_its_end_alone() -> None:
+    paths = SITE_MAP.reach(POSE)
+    length_m = paths.gather(np.ones(len(SITE_MAP.centres_m)))
+    reached = np.isfinite(paths.length_m)
+    for cell in np.random.default_rng(0).choice(np.flatnonzero(reached), 40):
+        path_m = paths.path(cell)
+        assert length_m[cell] == pytest.approx(np.linalg.norm(np.diff(path_m, axis=0), axis=-1).sum())
+        along = paths.along(2.0)[cell]
+        assert along in paths.cells(cell)
+        assert along == cell or 2.0 <= paths.length_m[along] < 3.2
+    assert not length_m[~reached].any()
+
+
+def test_a_view_tells_the_place_across_and_more_of_it_from_near() -> None:
+    target_m = np.array([16.0, 5.0, 0.9])
+    near, far, beyond = expected_information(np.array([[13.0, 5.0], [8.0, 5.0], [4.0, 5.0]]), target_m, SITE_MAP)
+    assert near[1, 1] > 4.0 * far[1, 1] > 0.0
+    assert near[0, 0] == pytest.approx(0.0, abs=1e-3 * near[1, 1])
+    assert not beyond.any()
+
+
+def test_a_turn_takes_time_and_a_longer_way_more() -> None:
+    paths = SITE_MAP.reach(POSE)
+    ahead, behind = SITE_MAP.cell((8.0, 5.0)), SITE_MAP.cell((1.0, 5.0))
+    time_s = driving_time(paths, POSE, SITE_MAP)
+    turned_s = driving_time(paths, POSE + np.array([0.0, 0.0, np.pi]), SITE_MAP)
+    assert time_s[ahead] < turned_s[ahead]
+    assert turned_s[behind] < time_s[behind]
+    assert time_s[SITE_MAP.cell((12.0, 5.0))] > time_s[ahead]
+
+
+def test_the_next_view_is_from_near_and_aside_and_is_kept_while_it_is_nearly_the_best() -> None:
+    policy, target = Active(), candidate((16.0, 5.0), 2.0, 0.2)
+    policy._views_m = [POSE[:2]]
+    view = policy.viewpoint(target, POSE, SITE_MAP.reach(POSE), SITE_MAP)
+    assert view is not None
+    sight_m = target.position_m[:2] - view
+    assert np.linalg.norm(sight_m) < 5.0
+    assert abs(np.arctan2(sight_m[1], sight_m[0])) > np.radians(30.0)
+    moved = candidate((16.0, 4.6), 2.0, 0.2)
+    np.testing.assert_array_equal(policy.viewpoint(moved, POSE, SITE_MAP.reach(POSE), SITE_MAP), view)
+    anew = Active()
+    anew._views_m = [POSE[:2]]
+    other = anew.viewpoint(moved, POSE, SITE_MAP.reach(POSE), SITE_MAP)
+    assert other is not None
+    assert (other[1] - POSE[1]) * (view[1] - POSE[1]) < 0.0
+
+
+def test_what_is_known_well_enough_is_seen_from_another_side() -> None:
+    policy, target = Active(), candidate((16.0, 5.0), 0.1, 0.1)
+    assert target.semi_major_m <= KNOWN_M
+    policy._views_m = [np.array([13.0, 5.0])]
+    view = policy.viewpoint(target, np.array([13.0, 5.0, 0.0]), SITE_MAP.reach((13.0, 5.0)), SITE_MAP)
+    assert view is not None
+    assert np.linalg.norm(view - [13.0, 5.0]) > 1.0
