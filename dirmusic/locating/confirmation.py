@@ -150,12 +150,13 @@ def _is_where_the_array_was(finding: Finding, record: PulseRecord, rules: Locati
 
 
 def _stays_confirmed(finding: Finding, n_own: int, rate: float, rules: LocatingRules) -> bool:
-    """Whether half of what confirmed it is left, without what may be echoes of findings confirmed since."""
-    return (
-        finding.state == "confirmed"
-        and n_own >= rules.confirm_pulses // 2
-        and rate >= 0.5 * rules.confirm_detection_rate
-    )
+    """Whether half of what confirmed it is left, without what may be echoes of findings confirmed since.
+
+    Where most of its pulses may be echoes, as many have to be left as confirm it.
+    """
+    most_are_own = 2 * n_own >= finding.n_bearings
+    least = rules.confirm_pulses // 2 if most_are_own else rules.confirm_pulses
+    return finding.state == "confirmed" and n_own >= least and rate >= 0.5 * rules.confirm_detection_rate
 
 
 def _meets(finding: Finding, n_own: int, rate: float, rules: LocatingRules) -> bool:

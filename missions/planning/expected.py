@@ -12,8 +12,8 @@ from dirmusic.locating.ellipse import ellipse95
 from dirmusic.locating.fitting.joint_fix import expected_covariances
 from envs import Scenario
 from envs.known_array import known_array
-from missions.driving.site_map import SiteMap
-from missions.planning.hearing import Hearing
+from missions.driving.site_map import LEAST_SIGHT, SiteMap
+from missions.planning.hearing import Hearing, trigger_peak
 from missions.planning.tour import Tour
 from sensing.receiver.receiver import Receiver
 
@@ -95,6 +95,15 @@ class Forecast:
         self._map = site_map
         self._amplitude_v = amplitude_v
 
+    def hears(self, target_m: FloatArray, views: Views) -> NDArray[np.bool_]:
+        """Views that hear a discharge at a place (3,) in sight, from however far; shape (n_views,).
+
+        The tour is chosen by what is heard from near and for certain; what else it hears on its way helps as well.
+        """
+        share = self._sight(target_m, views.pose)
+        peak_v = self._amplitude_v * share * received(self._array, views.pose, target_m).max(axis=-1)
+        return (share >= LEAST_SIGHT) & (peak_v >= trigger_peak(self._receiver))
+
     def deviation(self, target_m: FloatArray, views: Views, is_heard: NDArray[np.bool_]) -> Deviation:
         """What a discharge at a place (3,) would be known to from the views that hear it, marked of all (n_views,)."""
         pose, time_s = views.pose[is_heard], views.time_s[is_heard]
@@ -114,11 +123,15 @@ class Forecast:
 
     def _strengths(self, target_m: FloatArray, pose: FloatArray) -> FloatArray:
         """Strengths of a pulse that comes straight, shape (n, n_elements), volts."""
-        share = self._map.sight(np.column_stack([pose[:, :2], np.full(len(pose), self._array.height_m)]), target_m)
+        share = self._sight(target_m, pose)
         front_end, config = self._receiver.front_end, self._receiver.config
         gate = np.arange(config.gate_samples, dtype=np.float64) - config.pretrigger_samples + front_end.pulse_lag
         in_gate = float(np.linalg.norm(front_end.pulse(gate)))
         return self._amplitude_v * in_gate * share[:, np.newaxis] * received(self._array, pose, target_m)
+
+    def _sight(self, target_m: FloatArray, pose: FloatArray) -> FloatArray:
+        """Share of a wave that is left on the straight path, shape (n,)."""
+        return self._map.sight(np.column_stack([pose[:, :2], np.full(len(pose), self._array.height_m)]), target_m)
 
 
 def received(array: ArrayModel, pose: FloatArray, target_m: FloatArray) -> FloatArray:

@@ -120,7 +120,7 @@ def hear(scenario: Scenario, site_map: SiteMap, amplitude_v: float = AMPLITUDE_V
     away_m = places_m - targets_m[:, np.newaxis, :2]
     range_m = np.linalg.norm(away_m, axis=-1)
     level_db, is_heard = np.full(range_m.shape, -np.inf), np.zeros(range_m.shape, dtype=np.bool_)
-    least_gain, trigger = _least_gain(scenario), _trigger_v(scenario)
+    least_gain, trigger = _least_gain(scenario), trigger_peak(Receiver(scenario.receiver, scenario.array.n_channels))
     for k, target_m in enumerate(targets_m):
         for near in (range_m[k] <= within_m, range_m[k] > within_m):
             share = site_map.sight(_array_over(places_m[near], site_map), target_m)
@@ -161,9 +161,8 @@ def _array_over(places_m: FloatArray, site_map: SiteMap) -> FloatArray:
     return np.column_stack([places_m, np.full(len(places_m), site_map.antenna_height_m)])
 
 
-def _trigger_v(scenario: Scenario) -> float:
-    """Peak before the band-pass that just triggers."""
-    receiver = Receiver(scenario.receiver, scenario.array.n_channels)
+def trigger_peak(receiver: Receiver) -> float:
+    """Peak of a pulse before the band-pass that just triggers, volts."""
     return receiver.threshold_v / receiver.front_end.pulse_peak
 
 

@@ -115,7 +115,7 @@ def make_plan(
     wide_rad = apertures(hearing, way)
     sites: list[PlannedSite] = []
     for k, target in enumerate(hearing.targets):
-        heard, by_view = way[hearing.is_heard[k, way]], hearing.is_heard[k, views.column]
+        heard, by_view = way[hearing.is_heard[k, way]], forecast.hears(target.position_m, views)
         if heard.size and not by_view.any():  # between two views
             by_view[np.abs(views.column - heard[0]).argmin()] = True
         of_tour = HeardSite(
