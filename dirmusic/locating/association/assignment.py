@@ -13,6 +13,7 @@ from dirmusic.array.element_errors import ElementErrors
 from dirmusic.locating.association.echo_budget import too_many_for_echoes
 from dirmusic.locating.association.gating import gate_pulses
 from dirmusic.locating.association.ghost_test import judge_paths
+from dirmusic.locating.association.mains_phase import may_share_phase
 from dirmusic.locating.association.pulse_record import PulseRecord
 from dirmusic.locating.finding import Finding
 from dirmusic.locating.rules import AssignmentRules
@@ -147,12 +148,13 @@ class Assigner:
                 may_be=np.empty((len(findings), n), dtype=np.bool_),
                 is_echo=np.zeros(n, dtype=np.bool_),
             )
+        confirmed = np.array([finding.state == "confirmed" for finding in findings])
         judged = JudgedPulses.stacked([judgement.pulses for judgement in self._judged.values()])
+        judged = self._judged_by_phase(judged, confirmed)
         nearest, each = judged.offset_sigmas.argmin(axis=0), np.arange(n)
         in_gate = judged.offset_sigmas <= self._rules.gate_sigmas
         n_gates = in_gate.sum(axis=0)
         in_sight = judged.is_direct[nearest, each]
-        confirmed = np.array([finding.state == "confirmed" for finding in findings])
         is_confirmed = confirmed[nearest]
         is_of_another = ~is_confirmed & (judged.is_biased.sum(axis=0) > judged.is_biased[nearest, each])
         by_direction = np.select(  # the first that holds
@@ -172,6 +174,27 @@ class Assigner:
             level_db=judged.level_db[nearest, each],
             may_be=in_gate & judged.is_direct,
             is_echo=is_of_others & ~is_source,
+        )
+
+    def _judged_by_phase(self, judged: JudgedPulses, confirmed: BoolArray) -> JudgedPulses:
+        """What was judged, without what the phase of the mains rules out.
+
+        Of several findings in one direction, those are no owners that do not discharge at the phase of the pulse; of
+        confirmed ones that do not, it is no echo. By phase alone a pulse is never taken from the one finding that it
+        points to: a kind may be weaker in one half cycle, and heard in it from near by alone.
+
+        Args:
+            judged: By direction and level.
+            confirmed: Which findings are, shape (n_findings,).
+        """
+        in_gate = judged.offset_sigmas <= self._rules.gate_sigmas
+        is_sure = (in_gate.sum(axis=0) == 1) & ~judged.is_ghost.any(axis=0)
+        surely = np.where(is_sure, in_gate.argmax(axis=0), NoOwner.UNASSIGNED)
+        may_be = may_share_phase(self._record.pulses.mains_phase_rad, surely, confirmed.size)
+        leaves_one = (in_gate & may_be).any(axis=0)
+        return judged._replace(
+            offset_sigmas=np.where(in_gate & ~may_be & leaves_one, np.inf, judged.offset_sigmas),
+            is_ghost=judged.is_ghost & (may_be | ~confirmed[:, np.newaxis] | judged.is_diffracted),
         )
 
     def _outnumber_echoes(self, is_echo: BoolArray, owner: NDArray[np.intp], confirmed: BoolArray) -> BoolArray:
