@@ -33,6 +33,9 @@ LEAST_NOVELTY_RAD = np.radians(15.0)
 LEAST_WAY_M = 0.5
 """A viewpoint that is nearer than this, or adds less angle, is no other view (assumed)."""
 
+LEAST_RANGE_M = 0.01
+"""A candidate is taken to be no nearer (assumed): one that lies where the robot stands is in no direction."""
+
 MOST_SIGMAS, N_PLACES = 3.0, 121
 """How far off a candidate may be, and how many places stand for that (assumed)."""
 
@@ -56,7 +59,7 @@ def likely_place(target: Finding, pose: FloatArray, site_map: SiteMap) -> FloatA
     near may be far. Each metre of the line of sight is as likely before them.
     """
     sight_m = target.position_m[:2] - pose[:2]
-    range_m = float(np.linalg.norm(sight_m))
+    range_m = max(float(np.linalg.norm(sight_m)), LEAST_RANGE_M)
     std_m = float(np.sqrt(sight_m @ target.covariance_m2[:2, :2] @ sight_m)) / range_m
     off = np.linspace(-MOST_SIGMAS, MOST_SIGMAS, N_PLACES)
     share = 1.0 + off * std_m / range_m  # of the inverse

@@ -96,3 +96,9 @@ def test_what_is_known_well_enough_is_seen_from_another_side() -> None:
     view = policy.viewpoint(target, np.array([13.0, 5.0, 0.0]), SITE_MAP.reach((13.0, 5.0)), SITE_MAP)
     assert view is not None
     assert np.linalg.norm(view - [13.0, 5.0]) > 1.0
+
+
+def test_a_candidate_where_the_robot_stands_is_left_there() -> None:
+    here = candidate((16.0, 5.0), 1.0, 1.0)
+    place_m = likely_place(here, np.array([16.0, 5.0, 0.3]), SITE_MAP)
+    np.testing.assert_allclose(place_m, here.position_m)
