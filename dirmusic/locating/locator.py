@@ -145,11 +145,28 @@ class Locator:
             self._fitted = supports
             distinct = self._merged(self._fit(assignment))
             assignment = self._assigner.assign(distinct, self._errors)
-        self.findings = tuple(
-            updated_state(finding, k, assignment, self._record, self._errors, self.rules, self.fence_m, time_s)
-            for k, finding in enumerate(distinct)
-        )
+        self.findings = self._with_states(distinct, assignment, time_s)
         return self.findings
+
+    def _with_states(self, findings: Sequence[Finding], assignment: Assignment, time_s: float) -> tuple[Finding, ...]:
+        """Findings with their states; confirmed anew are those that stay so with the pulses of confirmed findings."""
+        now = self._states(findings, assignment, time_s)
+        is_new = [a.state == "confirmed" != b.state for a, b in zip(now, findings, strict=True)]
+        if not any(is_new):
+            return now
+        then = self._states(now, self._assigner.assign(now, self._errors), time_s)
+        return tuple(
+            replace(finding, state="candidate", fixed_s=before.fixed_s)
+            if new and after.state != "confirmed"
+            else finding
+            for finding, before, after, new in zip(now, findings, then, is_new, strict=True)
+        )
+
+    def _states(self, findings: Sequence[Finding], assignment: Assignment, time_s: float) -> tuple[Finding, ...]:
+        return tuple(
+            updated_state(finding, k, assignment, self._record, self._errors, self.rules, self.fence_m, time_s)
+            for k, finding in enumerate(findings)
+        )
 
     @property
     def _is_waiting(self) -> bool:
