@@ -71,6 +71,11 @@ def updated_state(
     return replace(finding, state="candidate")
 
 
+MANY_TIMES, LONGER = 40, 1.5
+"""A finding with so many times the pulses that confirm, over the aperture that plans ask for, may have an ellipse
+longer by this (assumed): it was looked at for long from all sides that there are, and more makes it hardly shorter."""
+
+
 class Presence(NamedTuple):
     """How often a finding is detected where it should be: near it and in sight of it.
 
@@ -78,18 +83,20 @@ class Presence(NamedTuple):
         rate: Of the seconds in which anything was detected there, the share with pulses that may be its own.
         observed_s: How many seconds these are.
         silent_s: Seconds there since its last pulse, whether anything was detected or not.
+        is_sure: Whether it is in sight there for certain, or at the likeliest height; else it was in no such place.
     """
 
     rate: float
     observed_s: int
     silent_s: int
+    is_sure: bool = True
 
 
 def presence(finding: Finding, rows: Rows, record: PulseRecord, rules: AssignmentRules) -> Presence:
     """How often a finding is detected where it should be; without a map, which could tell what is in sight, always.
 
-    In sight is what is so at every height at which the finding may be; at the likeliest, where the array has been in
-    no such place.
+    In sight is what is so at every height at which the finding may be; where the array has been in no such place, at
+    the likeliest; and where it has not been there either, at any.
 
     Args:
         finding: The finding.
@@ -104,7 +111,8 @@ def presence(finding: Finding, rows: Rows, record: PulseRecord, rules: Assignmen
     is_near = np.linalg.norm(record.places_m[:, :2] - finding.position_m[:2], axis=-1) < near_m
     left = record.sight.at_heights(record.places_m, finding, rules.surface_depth_m)
     is_clear = is_near & (left >= 10 ** (-rules.sight_loss_db / 20))
-    is_near = is_clear.all(axis=0) if is_clear.all(axis=0).any() else is_clear[LIKELIEST_HEIGHT]
+    surest_first = (is_clear.all(axis=0), is_clear[LIKELIEST_HEIGHT], is_clear.any(axis=0))
+    is_near = next((seen for seen in surest_first if seen.any()), surest_first[-1])
     time_s = record.pulses.time_s
     second = np.floor(time_s - np.floor(time_s.min())).astype(np.intp)
     is_observed = _marked(second[is_near[record.place]], second)
@@ -112,7 +120,8 @@ def presence(finding: Finding, rows: Rows, record: PulseRecord, rules: Assignmen
     n_present = int((is_observed & _marked(second[rows], second)).sum())
     last_s = time_s[rows].max(initial=finding.first_detected_s)
     silent = is_near[record.listened] & (record.listened_s > last_s)
-    return Presence(n_present / max(n_observed, 1), n_observed, int(silent.sum()))
+    is_sure = bool(surest_first[0].any() or surest_first[1].any())
+    return Presence(n_present / max(n_observed, 1), n_observed, int(silent.sum()), is_sure)
 
 
 def _marked(some: Rows, of: Rows) -> NDArray[np.bool_]:
@@ -139,6 +148,8 @@ def _measured(finding: Finding, rows: Rows, assignment: Assignment, record: Puls
 
 def _is_ghost(finding: Finding, present: Presence, rules: LocatingRules) -> bool:
     """Whether a candidate is known well enough to be missed where it should be detected, and is."""
+    if not present.is_sure:
+        return False
     is_missed = present.observed_s >= rules.ghost_observed_s and present.rate < rules.ghost_detection_rate
     return (is_missed and finding.semi_major_m < rules.ghost_semi_major_m) or present.silent_s >= rules.ghost_silent_s
 
@@ -161,9 +172,10 @@ def _stays_confirmed(finding: Finding, n_own: int, rate: float, rules: LocatingR
 
 def _meets(finding: Finding, n_own: int, rate: float, rules: LocatingRules) -> bool:
     """Whether a candidate meets every rule of confirmation, by pulses that are no echoes of another finding."""
+    was_seen_long = n_own >= MANY_TIMES * rules.confirm_pulses and finding.aperture_rad >= rules.planned_aperture_rad
     return (
         finding.aperture_rad >= rules.confirm_aperture_rad
-        and finding.semi_major_m <= rules.confirm_semi_major_m
+        and finding.semi_major_m <= rules.confirm_semi_major_m * (LONGER if was_seen_long else 1.0)
         and finding.nearest_m <= rules.confirm_range_m
         and n_own >= rules.confirm_pulses
         and rate >= rules.confirm_detection_rate
