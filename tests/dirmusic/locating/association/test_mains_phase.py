@@ -9,7 +9,14 @@ from dirmusic.locating.association.mains_phase import may_share_phase
 from dirmusic.locating.association.pulse_record import PulseRecord
 from dirmusic.locating.association.sight_lines import Sight
 from dirmusic.locating.rules import AssignmentRules
-from tests.dirmusic.locating.test_assignment import ARRAY, LEVEL_DB, NO_ERRORS, POSE_ERROR, finding, pulses_from
+from tests.dirmusic.locating.association.test_assignment import (
+    ARRAY,
+    LEVEL_DB,
+    NO_ERRORS,
+    POSE_ERROR,
+    finding,
+    pulses_from,
+)
 
 FloatArray = NDArray[np.float64]
 N_SURE = 600
