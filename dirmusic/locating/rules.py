@@ -42,7 +42,8 @@ class AssignmentRules:
         ghost_db: While the map obstructs a confirmed finding, pulses that are not this far above its level are its
             multipath ghosts, whatever their bearing; not more of them, though, than pulses of its own are missing.
         bias_arc_rad: While a confirmed finding is in sight, pulses at its level that point past it by less than this
-            are its own, their bearing biased by a reflection within the gate; they are left out, and make no candidate.
+            are its own, their bearing biased by a reflection within the gate; they are left out, and make no candidate,
+            as far as they are no more than its pulses that are missing.
         bias_db: How far from the finding's level the level of such pulses may be.
         sight_loss_db: What takes no more than this from a wave on the straight path leaves in sight: one insulator or a
             fence, not two.

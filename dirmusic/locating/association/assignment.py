@@ -157,11 +157,10 @@ class Assigner:
         in_sight = judged.is_direct[nearest, each]
         is_confirmed = confirmed[nearest]
         is_of_another = ~is_confirmed & (judged.is_biased.sum(axis=0) > judged.is_biased[nearest, each])
-        by_direction = np.select(  # the first that holds
-            [n_gates > 1, (n_gates == 1) & ~is_of_another, judged.is_biased.any(axis=0)],
-            [NoOwner.AMBIGUOUS, nearest, NoOwner.BIASED],
-            default=NoOwner.UNASSIGNED,
-        )
+        is_biased = judged.is_biased.any(axis=0) & ((n_gates == 0) | ((n_gates == 1) & is_of_another))
+        in_one_gate = np.where(n_gates > 1, NoOwner.AMBIGUOUS, np.where(n_gates == 1, nearest, NoOwner.UNASSIGNED))
+        is_biased &= ~self._outnumber_echoes(is_biased, np.where(is_biased, NoOwner.BIASED, in_one_gate), confirmed)
+        by_direction = np.where(is_biased, NoOwner.BIASED, in_one_gate)
         is_ghost = judged.is_ghost.any(axis=0) & ~(is_confirmed & in_sight & (n_gates > 0))
         by_path = np.where(judged.is_diffracted.any(axis=0), NoOwner.DIFFRACTED, NoOwner.ECHO)
         owner = np.where(is_ghost, by_path, by_direction)
@@ -198,7 +197,7 @@ class Assigner:
         )
 
     def _outnumber_echoes(self, is_echo: BoolArray, owner: NDArray[np.intp], confirmed: BoolArray) -> BoolArray:
-        """Which of the pulses that may be echoes of confirmed findings are too many for that, shape (n,)."""
+        """Which of the pulses that may be other paths of confirmed findings are too many for that, shape (n,)."""
         number = np.append(np.where(confirmed, np.cumsum(confirmed) - 1, -1), -1)  # of confirmed ones alone
         return too_many_for_echoes(
             self._record.pulses.time_s,

@@ -103,6 +103,22 @@ def test_a_loud_pulse_a_little_past_a_finding_in_sight_is_its_own_biased_by_a_re
     assert assigned([finding(8.0, 0.0)], bearing_deg=15.0, excess_db=-8.0, range_m=8.0) == UNASSIGNED
 
 
+def test_pulses_past_a_finding_are_biased_as_far_as_its_own_are_missing_and_another_source_beyond() -> None:
+    def owners_past_it(n_own: int) -> np.ndarray:
+        """Of the pulses past a finding, 40 a window, while it is itself detected so often instead of 40 times."""
+        record = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
+        strength_v = 10 ** (LEVEL_DB / 20) / 8.0
+        for window in range(12):
+            past = 40 if window >= 6 else 0
+            azimuth = np.repeat([0.0, np.radians(15.0)], [n_own if past else 40, past])
+            record.add(5.0 * window + 1.0, np.zeros(3), pulses_from(azimuth, strength_v))
+        owner = Assigner(record, AssignmentRules()).assign([finding(8.0, 0.0)], NO_ERRORS).owner
+        return owner[record.pulses.azimuth_rad > 0.1]
+
+    assert (owners_past_it(0) == BIASED).all()
+    assert (owners_past_it(40) == UNASSIGNED).all()
+
+
 def test_pulses_that_come_bit_by_bit_are_assigned_as_all_at_once_while_the_findings_stay() -> None:
     rng = np.random.default_rng(11)
     findings = [finding(8.0, 0.0), finding(-3.0, 6.0, number=2), finding(4.0, 4.0, "candidate", number=3)]
