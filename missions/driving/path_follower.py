@@ -61,6 +61,8 @@ class PathFollower:
         self.path_m = reach.path(cell)
         if site_map.is_clear(self.path_m[-1], self.goal_m):
             self.path_m = np.vstack([self.path_m, self.goal_m])
+        self._along_m = distances_along(self.path_m)
+        self._speed_mps = speed_profile(self.path_m, site_map.robot)
         self.is_reachable = bool(np.linalg.norm(self.path_m[-1] - self.goal_m) <= self.radius_m)
         return float(reach.length_m[cell])
 
@@ -84,12 +86,21 @@ class PathFollower:
     def action(self, pose: FloatArray) -> Action:
         """The next action along the path."""
         robot = self.site_map.robot
-        return robot.action_from_command(steer(pose, self.path_m, robot))
+        return robot.action_from_command(steer(pose, self.path_m, self._along_m, self._speed_mps, robot))
 
 
-def steer(pose: FloatArray, path_m: FloatArray, robot: RobotDescription) -> tuple[float, float]:
-    """Speed (m/s) and yaw rate (rad/s) that follow a path (n, 2): turn towards a point ahead, slow down in turns."""
-    along_m = _along(path_m)
+def steer(
+    pose: FloatArray, path_m: FloatArray, along_m: FloatArray, speed_mps: FloatArray, robot: RobotDescription
+) -> tuple[float, float]:
+    """Speed (m/s) and yaw rate (rad/s) that follow a path (n, 2): turn towards a point ahead, slow down in turns.
+
+    Args:
+        pose: Believed, shape (3,).
+        path_m: The path.
+        along_m: As of `distances_along`, shape (n,).
+        speed_mps: As of `speed_profile`, shape (n,).
+        robot: What it can do.
+    """
     nearest = int(np.square(path_m - pose[:2]).sum(axis=-1).argmin())
     ahead = path_m[min(int(np.searchsorted(along_m, along_m[nearest] + LOOKAHEAD_M)), along_m.size - 1)]
     off = float(difference(np.arctan2(ahead[1] - pose[1], ahead[0] - pose[0]), pose[2]))
@@ -98,7 +109,7 @@ def steer(pose: FloatArray, path_m: FloatArray, robot: RobotDescription) -> tupl
     way = path_m[min(nearest + 1, along_m.size - 1)] - path_m[max(nearest - 1, 0)]
     past_m = float(way @ (pose[:2] - path_m[nearest])) / max(float(np.linalg.norm(way)), 1e-9)
     done_m = min(along_m[nearest] + past_m, along_m[-1] - float(np.linalg.norm(path_m[-1] - pose[:2])))
-    return min(v, float(np.sqrt(np.interp(done_m, along_m, np.square(speed_profile(path_m, robot)))))), yaw_rate
+    return min(v, float(np.sqrt(np.interp(done_m, along_m, np.square(speed_mps))))), yaw_rate
 
 
 def speed_profile(path_m: FloatArray, robot: RobotDescription) -> FloatArray:
@@ -111,7 +122,7 @@ def speed_profile(path_m: FloatArray, robot: RobotDescription) -> FloatArray:
     Returns:
         Shape (n,), m/s; zero at the end.
     """
-    along_m = _along(path_m)
+    along_m = distances_along(path_m)
     fastest, braking_mps2 = robot.max_speed_mps, min(BRAKING_MPS2, robot.max_acceleration_mps2)
     slow_down = max(fastest - TURN_SPEED_MPS, 0.0) * np.minimum(_turns(path_m, along_m) / SHARP_TURN_RAD, 1.0)
     square = np.square(fastest - slow_down)
@@ -135,6 +146,6 @@ def _turns(path_m: FloatArray, along_m: FloatArray) -> FloatArray:
     return turns
 
 
-def _along(path_m: FloatArray) -> FloatArray:
+def distances_along(path_m: FloatArray) -> FloatArray:
     """Distance of each point of a path (n, 2) from its start, along it; shape (n,), metres."""
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path_m, axis=0), axis=-1))])

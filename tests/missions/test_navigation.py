@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from envs import load_scenario
-from missions.driving.path_follower import BRAKING_MPS2, TURN_SPEED_MPS, PathFollower, speed_profile, steer
+from missions.driving.path_follower import (
+    BRAKING_MPS2,
+    TURN_SPEED_MPS,
+    PathFollower,
+    distances_along,
+    speed_profile,
+    steer,
+)
 from missions.driving.site_map import MARGIN_M, SiteMap
 
 MAP = SiteMap(load_scenario("one_source"))
@@ -41,7 +48,9 @@ def test_a_robot_that_steers_along_a_path_arrives_and_strays_little() -> None:
     leg = PathFollower(MAP, pose, np.array([36.0, 21.0]), 0.0, 0.3)
     worst, step_s = 0.0, 0.1
     for _ in range(1500):
-        v, yaw_rate = steer(pose, leg.path_m, MAP.robot)
+        v, yaw_rate = steer(
+            pose, leg.path_m, distances_along(leg.path_m), speed_profile(leg.path_m, MAP.robot), MAP.robot
+        )
         assert abs(v) <= MAP.robot.max_speed_mps
         pose = pose + step_s * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), yaw_rate])
         worst = max(worst, np.linalg.norm(leg.path_m - pose[:2], axis=-1).min())
@@ -137,7 +146,7 @@ def test_a_robot_that_steers_to_the_end_of_a_path_stops_there() -> None:
     path = np.stack([np.arange(0.0, 4.1, 0.25), np.zeros(17)], axis=-1)
     pose, speeds = np.array([0.0, 0.1, 0.0]), []
     while pose[0] < 3.9:
-        v, yaw_rate = steer(pose, path, MAP.robot)
+        v, yaw_rate = steer(pose, path, distances_along(path), speed_profile(path, MAP.robot), MAP.robot)
         pose = pose + 0.1 * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), yaw_rate])
         speeds.append(v)
     assert np.linalg.norm(pose[:2] - path[-1]) < 0.15
