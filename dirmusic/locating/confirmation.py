@@ -65,7 +65,7 @@ def updated_state(
     if finding.state != "confirmed" and _is_ghost(finding, present, rules):
         return replace(finding, state="ghost")
     n_own = rows.size - int(assignment.is_echo[rows].sum())
-    is_found = _stays_confirmed(finding, n_own, present.rate, rules) or _meets(finding, n_own, present.rate, rules)
+    is_found = _stays_confirmed(finding, n_own, present.rate, rules) or _meets(finding, n_own, present, rules)
     if is_found and disagreement(record, rows, finding, errors) <= rules.confirm_disagreement:
         return replace(finding, state="confirmed", fixed_s=time_s if finding.fixed_s is None else finding.fixed_s)
     return replace(finding, state="candidate")
@@ -170,15 +170,19 @@ def _stays_confirmed(finding: Finding, n_own: int, rate: float, rules: LocatingR
     return finding.state == "confirmed" and n_own >= least and rate >= 0.5 * rules.confirm_detection_rate
 
 
-def _meets(finding: Finding, n_own: int, rate: float, rules: LocatingRules) -> bool:
-    """Whether a candidate meets every rule of confirmation, by pulses that are no echoes of another finding."""
+def _meets(finding: Finding, n_own: int, present: Presence, rules: LocatingRules) -> bool:
+    """Whether a candidate meets every rule of confirmation, by pulses that are no echoes of another finding.
+
+    One that is nowhere in sight for certain has to be seen for long as well.
+    """
     was_seen_long = n_own >= MANY_TIMES * rules.confirm_pulses and finding.aperture_rad >= rules.planned_aperture_rad
     return (
-        finding.aperture_rad >= rules.confirm_aperture_rad
+        (present.is_sure or was_seen_long)
+        and finding.aperture_rad >= rules.confirm_aperture_rad
         and finding.semi_major_m <= rules.confirm_semi_major_m * (LONGER if was_seen_long else 1.0)
         and finding.nearest_m <= rules.confirm_range_m
         and n_own >= rules.confirm_pulses
-        and rate >= rules.confirm_detection_rate
+        and present.rate >= rules.confirm_detection_rate
     )
 
 
