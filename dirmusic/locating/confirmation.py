@@ -55,7 +55,7 @@ def updated_state(
     rows = own[assignment.in_sight[own]]
     present = presence(finding, np.flatnonzero(assignment.may_be[number]), record, rules.assignment)
     if own.size:
-        finding = replace(finding, last_detected_s=float(record.pulses.time_s[own].max()))
+        finding = replace(finding, last_detected_s=float(record.pulses.time_s[own[-1]]))
     if rows.size:
         finding = _measured(finding, rows, assignment, record)
     if _lies_outside(finding, fence_m):
@@ -72,8 +72,8 @@ def updated_state(
 
 
 MANY_TIMES, LONGER = 40, 1.5
-"""A finding with so many times the pulses that confirm, over the aperture that plans ask for, may have an ellipse
-longer by this (assumed): it was looked at for long from all sides that there are, and more makes it hardly shorter."""
+"""A finding with so many times the pulses that confirm, over the aperture that plans ask for, was seen for long: it may
+have an ellipse longer by this, and need not be in sight for certain (assumed). More makes neither much better."""
 
 
 class Presence(NamedTuple):

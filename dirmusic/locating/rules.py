@@ -92,7 +92,8 @@ class LocatingRules:
         max_pulses: Pulses of one finding that a fit uses, each pooled of those of one place, heading and direction.
         confirm_aperture_rad: Lines of sight must spread over this angle: one line of bearings is no fix. How good a fix
             is, is for the ellipse to say.
-        confirm_semi_major_m: The 95 % ellipse must be no longer than this to confirm.
+        confirm_semi_major_m: The 95 % ellipse must be no longer than this to confirm; half as long again for what was
+            seen for long, with 40 times `confirm_pulses` over `planned_aperture_rad`.
         confirm_range_m: The finding must have been detected from within this distance on plan; that it is known well
             enough is for the ellipse to say.
         confirm_pulses: The finding must have so many pulses. Confirmed findings that lose half of them, or jump by more

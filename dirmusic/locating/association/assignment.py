@@ -159,13 +159,15 @@ class Assigner:
         is_of_another = ~is_confirmed & (judged.is_biased.sum(axis=0) > judged.is_biased[nearest, each])
         is_biased = judged.is_biased.any(axis=0) & ((n_gates == 0) | ((n_gates == 1) & is_of_another))
         in_one_gate = np.where(n_gates > 1, NoOwner.AMBIGUOUS, np.where(n_gates == 1, nearest, NoOwner.UNASSIGNED))
-        is_biased &= ~self._outnumber_echoes(is_biased, np.where(is_biased, NoOwner.BIASED, in_one_gate), confirmed)
+        is_biased &= ~self._outnumber_other_paths(
+            is_biased, np.where(is_biased, NoOwner.BIASED, in_one_gate), confirmed
+        )
         by_direction = np.where(is_biased, NoOwner.BIASED, in_one_gate)
         is_ghost = judged.is_ghost.any(axis=0) & ~(is_confirmed & in_sight & (n_gates > 0))
         by_path = np.where(judged.is_diffracted.any(axis=0), NoOwner.DIFFRACTED, NoOwner.ECHO)
         owner = np.where(is_ghost, by_path, by_direction)
         is_of_others = judged.is_ghost.sum(axis=0) > judged.is_ghost[nearest, each]
-        is_source = self._outnumber_echoes(is_of_others | (is_ghost & is_confirmed), owner, confirmed)
+        is_source = self._outnumber_other_paths(is_of_others | (is_ghost & is_confirmed), owner, confirmed)
         is_source &= ~judged.is_ghost[~confirmed].any(axis=0)
         return Assignment(
             owner=np.where(is_source, by_direction, owner),
@@ -187,7 +189,10 @@ class Assigner:
             confirmed: Which findings are, shape (n_findings,).
         """
         in_gate = judged.offset_sigmas <= self._rules.gate_sigmas
-        is_sure = (in_gate.sum(axis=0) == 1) & ~judged.is_ghost.any(axis=0)
+        n_gates, is_ghost = in_gate.sum(axis=0), judged.is_ghost.any(axis=0)
+        if not (is_ghost | (n_gates > 1)).any():
+            return judged
+        is_sure = (n_gates == 1) & ~is_ghost
         surely = np.where(is_sure, in_gate.argmax(axis=0), NoOwner.UNASSIGNED)
         may_be = may_share_phase(self._record.pulses.mains_phase_rad, surely, confirmed.size)
         leaves_one = (in_gate & may_be).any(axis=0)
@@ -196,7 +201,7 @@ class Assigner:
             is_ghost=judged.is_ghost & (may_be | ~confirmed[:, np.newaxis] | judged.is_diffracted),
         )
 
-    def _outnumber_echoes(self, is_echo: BoolArray, owner: NDArray[np.intp], confirmed: BoolArray) -> BoolArray:
+    def _outnumber_other_paths(self, is_echo: BoolArray, owner: NDArray[np.intp], confirmed: BoolArray) -> BoolArray:
         """Which of the pulses that may be other paths of confirmed findings are too many for that, shape (n,)."""
         number = np.append(np.where(confirmed, np.cumsum(confirmed) - 1, -1), -1)  # of confirmed ones alone
         return too_many_for_echoes(
