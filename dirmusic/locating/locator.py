@@ -26,9 +26,9 @@ from dirmusic.pulses.batch import PulseBatch
 FloatArray = NDArray[np.float64]
 
 
-FRESH_SHARE = 0.2
+FRESH_SHARE = 0.1
 """Findings are fitted anew once the pulses of one have become more, or fewer, by this share (assumed): where these are
-as good as the others, that is a tenth of a deviation."""
+as good as the others, that is a twentieth of a deviation."""
 
 FRESH_RAD = np.radians(10.0)
 """Findings are fitted anew once one is seen from an arc that is wider, or narrower, by this (assumed): a few pulses

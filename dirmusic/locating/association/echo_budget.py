@@ -45,10 +45,13 @@ def too_many_for_echoes(
         return np.zeros(time_s.size, dtype=np.bool_)
     window = (time_s // WINDOW_S).astype(np.intp)
     n_windows, n_sectors = int(window.max()) + 1, round(2 * np.pi / SECTOR_RAD)
-    cell = window * n_sectors + (np.mod(bearing_rad, 2 * np.pi) // SECTOR_RAD).astype(np.intp) % n_sectors
-    suspects = np.bincount(cell[is_suspect], minlength=n_windows * n_sectors)
-    if suspects.max() <= EXCESS_SIGMAS:  # too few, whatever there can be
-        return np.zeros(time_s.size, dtype=np.bool_)
+    rows = np.flatnonzero(is_suspect)
+    cell = window[rows] * n_sectors
+    cell += (np.mod(bearing_rad[rows], 2 * np.pi) // SECTOR_RAD).astype(np.intp) % n_sectors
+    n_alike = np.bincount(cell)[cell]
+    too_many = np.zeros(time_s.size, dtype=np.bool_)
+    if n_alike.max() <= EXCESS_SIGMAS:  # too few, whatever there can be
+        return too_many
     is_owned = owner >= 0
     direct = np.bincount(owner[is_owned] * n_windows + window[is_owned], minlength=n_sources * n_windows)
     direct = direct.reshape(n_sources, n_windows)
@@ -56,4 +59,5 @@ def too_many_for_echoes(
     at = n_empty + (RATE_QUANTILE * (n_windows - 1 - n_empty)).astype(np.intp)
     due = np.where(n_empty < n_windows, rising[np.arange(n_sources), np.minimum(at, n_windows - 1)], np.inf)
     most = np.maximum(due[:, np.newaxis] - direct, 0.0).sum(axis=0)
-    return is_suspect & (suspects[cell] > (most + EXCESS_SIGMAS * np.sqrt(most + 1.0))[window])
+    too_many[rows] = n_alike > (most + EXCESS_SIGMAS * np.sqrt(most + 1.0))[window[rows]]
+    return too_many

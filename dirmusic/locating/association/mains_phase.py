@@ -28,7 +28,8 @@ def may_share_phase(phase_rad: FloatArray, owner: NDArray[np.intp], n_findings: 
     :math:`c_b + 1 < 0.1 (n / 24 + 1)`.
 
     Args:
-        phase_rad: Of the mains at each pulse, shape (n,); NaN where it was not recorded, which rules nothing out.
+        phase_rad: Of the mains at each pulse, in [0, 2 pi), shape (n,); NaN where it was not recorded, which rules
+            nothing out.
         owner: Which finding each pulse surely came from, in [0, n_findings), or anything below, shape (n,).
         n_findings: How many there are.
 
@@ -36,7 +37,7 @@ def may_share_phase(phase_rad: FloatArray, owner: NDArray[np.intp], n_findings: 
         Shape (n_findings, n).
     """
     is_known = np.isfinite(phase_rad)
-    slot = (np.mod(np.where(is_known, phase_rad, 0.0), 2 * np.pi) // (2 * np.pi / N_BINS)).astype(np.intp) % N_BINS
+    slot = (np.where(is_known, phase_rad, 0.0) * (N_BINS / (2 * np.pi))).astype(np.intp) % N_BINS
     sure = is_known & (owner >= 0)
     counts = np.bincount(owner[sure] * N_BINS + slot[sure], minlength=n_findings * N_BINS)
     counts = counts.reshape(n_findings, N_BINS).astype(np.float64)
