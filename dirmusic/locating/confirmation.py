@@ -15,7 +15,7 @@ from dirmusic.locating.association.assignment import Assignment
 from dirmusic.locating.association.pulse_record import PulseRecord, Rows
 from dirmusic.locating.association.sight_lines import LIKELIEST_HEIGHT
 from dirmusic.locating.ellipse import reaches95
-from dirmusic.locating.finding import Finding
+from dirmusic.locating.finding import Finding, State
 from dirmusic.locating.rules import AssignmentRules, LocatingRules
 
 FloatArray = NDArray[np.float64]
@@ -55,20 +55,25 @@ def updated_state(
     rows = own[assignment.in_sight[own]]
     present = presence(finding, np.flatnonzero(assignment.may_be[number]), record, rules.assignment)
     if own.size:
-        finding = replace(finding, last_detected_s=float(record.pulses.time_s[own[-1]]))
-    if rows.size:
-        finding = _measured(finding, rows, assignment, record)
+        finding = _measured(finding, own, rows, assignment, record)
     if _lies_outside(finding, fence_m):
-        return replace(finding, state="outside")
+        return _in_state(finding, "outside")
     if _is_where_the_array_was(finding, record, rules):
-        return replace(finding, state="ghost")
+        return _in_state(finding, "ghost")
     if finding.state != "confirmed" and _is_ghost(finding, present, rules):
-        return replace(finding, state="ghost")
+        return _in_state(finding, "ghost")
     n_own = rows.size - int(assignment.is_echo[rows].sum())
     is_found = _stays_confirmed(finding, n_own, present.rate, rules) or _meets(finding, n_own, present, rules)
-    if is_found and disagreement(record, rows, finding, errors) <= rules.confirm_disagreement:
-        return replace(finding, state="confirmed", fixed_s=time_s if finding.fixed_s is None else finding.fixed_s)
-    return replace(finding, state="candidate")
+    if not is_found or disagreement(record, rows, finding, errors) > rules.confirm_disagreement:
+        return _in_state(finding, "candidate")
+    if finding.fixed_s is None:
+        finding = replace(finding, fixed_s=time_s)
+    return _in_state(finding, "confirmed")
+
+
+def _in_state(finding: Finding, state: State) -> Finding:
+    """The finding in a state."""
+    return finding if finding.state == state else replace(finding, state=state)
 
 
 MANY_TIMES, LONGER = 40, 1.5
@@ -131,14 +136,18 @@ def _marked(some: Rows, of: Rows) -> NDArray[np.bool_]:
     return is_there
 
 
-def _measured(finding: Finding, rows: Rows, assignment: Assignment, record: PulseRecord) -> Finding:
-    """The finding with the number, aperture, nearest range and level of its pulses."""
+def _measured(finding: Finding, own: Rows, rows: Rows, assignment: Assignment, record: PulseRecord) -> Finding:
+    """The finding with the time of its last pulse, and number, aperture, nearest range and level of those in sight."""
+    last_s = float(record.pulses.time_s[own[-1]])
+    if not rows.size:
+        return replace(finding, last_detected_s=last_s)
     sight = record.pose[rows, :2] - finding.position_m[:2]
     from_places = (
         record.places_m[np.flatnonzero(_marked(record.place[rows], record.place)), :2] - finding.position_m[:2]
     )
     return replace(
         finding,
+        last_detected_s=last_s,
         n_bearings=rows.size,
         aperture_rad=aperture(np.arctan2(from_places[:, 1], from_places[:, 0])),
         nearest_m=float(np.hypot(sight[:, 0], sight[:, 1]).min()),

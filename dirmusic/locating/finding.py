@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -60,7 +61,7 @@ class Finding:
                 f"finding {self.id}: `covariance_m2` must be positive definite, got {self.covariance_m2!r}"
             )
 
-    @property
+    @cached_property
     def semi_major_m(self) -> float:
         """Longer half-axis of the 95 % ellipse, on plan."""
         return ellipse95(self.covariance_m2[:2, :2]).semi_major_m

@@ -42,10 +42,11 @@ class Logbook:
         if is_overdriven.any() and not self._has_clipped:
             self._has_clipped = True
             self.event("clipped", "a pulse beyond full scale: such pulses are left out of locating")
+        step, bearing_rad = self.log.n_rows("step") - 1, wrap(pulses.azimuth_rad + pose[2])
         for i in range(pulses.n_pulses):
             pulse = self.log.append(
                 "pulse",
-                step=self.log.n_rows("step") - 1,
+                step=step,
                 strengths_v=pulses.strengths_v[i],
                 mains_phase_rad=pulses.mains_phase_rad[i],
                 is_clipped=is_overdriven[i],
@@ -56,7 +57,7 @@ class Logbook:
                     "bearing",
                     pulse=pulse,
                     azimuth_rad=pulses.azimuth_rad[i],
-                    bearing_rad=wrap(pulses.azimuth_rad[i] + pose[2]),
+                    bearing_rad=bearing_rad[i],
                     std_rad=pulses.std_rad[i],
                 )
         self.log_findings(tracked.findings)

@@ -26,6 +26,11 @@ ALIKE_M, ALIKE_DB = 0.05, 0.5
 less than the errors of the poses, and than the margins of the rules."""
 
 
+MUCH_LIKELIER = 3.0
+"""So many times as likely a bearing must be by another finding for the pulse to be no longer a finding's own (assumed):
+more leaves more pulses to nobody, less gives more of them to the wrong one."""
+
+
 class NoOwner(IntEnum):
     """Why a pulse belongs to no finding; negative, so that no code is the position or the id of a finding."""
 
@@ -48,8 +53,8 @@ class Assignment(NamedTuple):
         owner: Position of the finding in the sequence of findings, or a code of `NoOwner`.
         in_sight: Whether the finding that the pulse points to best was in sight from where it was detected.
         level_db: Level 1 m from that finding that pulses of this time and direction mean, dB over 1 V.
-        may_be: Whether the pulse may be each finding's own as far as direction and level tell, whosever it is, shape
-            (n_findings, n).
+        may_be: Whether the pulse may be each finding's own as far as direction and level tell, of several it may be,
+            shape (n_findings, n).
         is_echo: Whether the pulse may be an echo of another finding than its owner.
     """
 
@@ -65,6 +70,7 @@ class JudgedPulses(NamedTuple):
 
     Attributes:
         offset_sigmas: As of `Gate`; infinite for what was diffracted.
+        log_likelihood: As of `Gate`.
         level_db: As of `Gate`.
         is_direct: As of `Paths`.
         is_ghost: As of `Paths`.
@@ -73,6 +79,7 @@ class JudgedPulses(NamedTuple):
     """
 
     offset_sigmas: FloatArray
+    log_likelihood: FloatArray
     level_db: FloatArray
     is_direct: BoolArray
     is_ghost: BoolArray
@@ -151,6 +158,7 @@ class Assigner:
         confirmed = np.array([finding.state == "confirmed" for finding in findings])
         judged = JudgedPulses.stacked([judgement.pulses for judgement in self._judged.values()])
         judged = self._judged_by_phase(judged, confirmed)
+        judged = self._judged_by_likelihood(judged, confirmed)
         nearest, each = judged.offset_sigmas.argmin(axis=0), np.arange(n)
         in_gate = judged.offset_sigmas <= self._rules.gate_sigmas
         n_gates = in_gate.sum(axis=0)
@@ -176,6 +184,25 @@ class Assigner:
             may_be=in_gate & judged.is_direct,
             is_echo=is_of_others & ~is_source,
         )
+
+    def _judged_by_likelihood(self, judged: JudgedPulses, confirmed: BoolArray) -> JudgedPulses:
+        """What was judged, with no pulse pointing to a finding while another makes its bearing much likelier.
+
+        A candidate whose position is hardly known has every direction in its gate, and would leave nothing to those
+        known better. Confirmed findings and candidates are compared among themselves alone: a confirmed one is known
+        best, and would take all pulses of a new source beside it.
+
+        Args:
+            judged: By direction, level and phase.
+            confirmed: Which findings are, shape (n_findings,).
+        """
+        in_gate = judged.offset_sigmas <= self._rules.gate_sigmas
+        offset_sigmas, log_likelihood = judged.offset_sigmas.copy(), np.where(in_gate, judged.log_likelihood, -np.inf)
+        for among in (np.flatnonzero(confirmed), np.flatnonzero(~confirmed)):
+            if among.size > 1:
+                least = log_likelihood[among].max(axis=0) - np.log(MUCH_LIKELIER)
+                offset_sigmas[among] = np.where(log_likelihood[among] < least, np.inf, offset_sigmas[among])
+        return judged._replace(offset_sigmas=offset_sigmas)
 
     def _judged_by_phase(self, judged: JudgedPulses, confirmed: BoolArray) -> JudgedPulses:
         """What was judged, without what the phase of the mains rules out.
@@ -231,6 +258,7 @@ class Assigner:
         paths = judge_paths(self._record, rows, gate, finding, self._rules)
         return JudgedPulses(
             offset_sigmas=np.where(paths.is_diffracted, np.inf, gate.offset_sigmas),
+            log_likelihood=gate.log_likelihood,
             level_db=gate.level_db,
             is_direct=paths.is_direct,
             is_ghost=paths.is_ghost,

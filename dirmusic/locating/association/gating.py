@@ -39,6 +39,7 @@ class Gate(NamedTuple):
         offset_rad: How far the bearing points past the finding, in [0, pi].
         offset_sigmas: The same in standard deviations of bearing and positions; infinite for pulses from above that
             came from higher than the finding is.
+        log_likelihood: Logarithm of the normal density of that offset, but for a constant.
         level_db: Level 1 m from the finding that the strength of pulses of that time and direction means, dB over 1 V,
             what the map takes from a finding in sight made good.
         in_sight: Whether the map leaves the finding in sight from where the pulse was detected.
@@ -47,6 +48,7 @@ class Gate(NamedTuple):
 
     offset_rad: FloatArray
     offset_sigmas: FloatArray
+    log_likelihood: FloatArray
     level_db: FloatArray
     in_sight: BoolArray
     in_gate: BoolArray
@@ -109,6 +111,7 @@ def gate_pulses(
     return Gate(
         offset_rad=offset_rad,
         offset_sigmas=offset_sigmas,
+        log_likelihood=-0.5 * np.square(offset_sigmas) - np.log(std),
         level_db=measured.local_level_db + record.level_at_one_metre(sight) + (in_sight * lost_db)[place],
         in_sight=in_sight[place],
         in_gate=offset_sigmas <= rules.gate_sigmas,

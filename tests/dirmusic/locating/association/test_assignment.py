@@ -81,6 +81,15 @@ def test_a_pulse_that_two_findings_in_one_direction_explain_belongs_to_neither()
     assert assigned(behind_each_other, bearing_deg=0.0, excess_db=0.0, range_m=9.0) == AMBIGUOUS
 
 
+def test_a_candidate_whose_place_is_hardly_known_leaves_one_that_is_known_well_its_pulses() -> None:
+    known = finding(8.0, 0.0, "candidate")
+    vague = replace(finding(9.0, 1.0, "candidate", number=2), covariance_m2=np.diag([25.0, 25.0, 1.0]))
+    assert assigned([known, vague], bearing_deg=0.0, excess_db=0.0, range_m=8.0) == 0
+    assert assigned([known, vague], bearing_deg=15.0, excess_db=0.0, range_m=8.0) == 1
+    confirmed = finding(8.0, 0.0)
+    assert assigned([confirmed, vague], bearing_deg=0.0, excess_db=0.0, range_m=8.0) == AMBIGUOUS
+
+
 def test_a_pulse_ten_decibels_too_weak_for_its_range_is_a_ghost() -> None:
     assert assigned([finding(8.0, 0.0)], bearing_deg=0.0, excess_db=-11.0, range_m=8.0) == DIFFRACTED
     assert assigned([finding(8.0, 0.0)], bearing_deg=0.0, excess_db=-6.0, range_m=8.0) == 0
