@@ -105,6 +105,7 @@ class SiteMap:
         obstacles_m: Points of what stands in the way though the plan does not show it, shape (n, 2), world frame.
         centres_m: Cell centres, shape (n_cells, 2).
         antenna_height_m: Of the array above the ground.
+        knows_pattern_above: Whether the robot takes the pattern of its antennas to hold off the plane as well.
         sight: What the equipment that is shown leaves of waves on straight paths.
     """
 
@@ -114,6 +115,7 @@ class SiteMap:
         self.route = scenario.route
         self.task = scenario.task
         self.antenna_height_m = scenario.array.height_m
+        self.knows_pattern_above = scenario.array.pattern_error == 0.0
         self.sight = Sight(surroundings_of(self.yard))
         self.obstacles_m: FloatArray = np.empty((0, 2))
         self._shape = tuple(round(size / CELL_M) for size in self.yard.size_m)

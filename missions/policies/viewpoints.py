@@ -15,9 +15,13 @@ from missions.driving.site_map import ShortestPaths, SiteMap
 
 FloatArray = NDArray[np.float64]
 
-VIEW_RADII_M = (1.8, 2.3, 2.9, 3.5)
+VIEW_RADII_M = np.array([1.8, 2.3, 2.9, 3.5])
 VIEW_ASPECTS_RAD = np.radians(np.arange(0.0, 360.0, 15.0))
 """Viewpoints that are considered around a candidate (assumed): near enough to confirm, clear of its equipment."""
+
+HIGHEST_VIEW_RAD = np.radians(35.0)
+"""Where the pattern is known in the plane alone, viewpoints are no nearer to a candidate than where it is seen at this
+elevation (assumed): of the computed helices, bearings are off by 7 degrees at 30 degrees of elevation, by 40 at 45."""
 
 VIEW_ROOM_M = 0.2
 """Room about the robot at a viewpoint, to equipment, fence and obstacles (assumed): it can stop and turn there."""
@@ -86,7 +90,7 @@ def best_viewpoint(
         Shape (2,), world frame; None if no place adds an angle.
     """
     spokes = np.stack([np.cos(VIEW_ASPECTS_RAD), np.sin(VIEW_ASPECTS_RAD)], axis=-1)
-    ring = target_m[:2] + np.multiply.outer(np.asarray(VIEW_RADII_M), spokes).reshape(-1, 2)
+    ring = target_m[:2] + np.multiply.outer(_view_radii(target_m, site_map), spokes).reshape(-1, 2)
     ring = ring[site_map.yard.contains(ring)]
     clearance_m = site_map.robot.footprint_radius_m + VIEW_ROOM_M
     ring = ring[site_map.clearance(ring) > clearance_m] if ring.size else ring
@@ -97,6 +101,14 @@ def best_viewpoint(
     if cost_m.size and np.isfinite(cost_m.min()):
         return ring[cost_m.argmin()]
     return _sidestep(target_m, views_m, paths, site_map)
+
+
+def _view_radii(target_m: FloatArray, site_map: SiteMap) -> FloatArray:
+    """Distances on plan at which a candidate (3,) is to be viewed, metres."""
+    if site_map.knows_pattern_above:
+        return VIEW_RADII_M
+    least_m = abs(target_m[2] - site_map.antenna_height_m) / np.tan(HIGHEST_VIEW_RAD)
+    return VIEW_RADII_M + max(least_m - VIEW_RADII_M[0], 0.0)
 
 
 def _sidestep(target_m: FloatArray, views_m: FloatArray, paths: ShortestPaths, site_map: SiteMap) -> FloatArray | None:

@@ -23,10 +23,6 @@ WIDEST_POSITION_RAD = np.radians(15.0)
 known well, seen from close by, would take the pulses of every direction."""
 
 
-ELEVATION_SHARE = 0.5
-"""Share of the bearing error by elevation that is not known (assumed): helices are not alike in all planes."""
-
-
 ELEVATION_MARGIN_RAD = np.radians(25.0)
 """A pulse from above may fit best so far above a finding and still be its own (assumed): errors of the array, and a
 height that is not known yet."""
@@ -80,13 +76,14 @@ def expect_bearings(record: PulseRecord, rows: Rows | slice, finding: Finding) -
     sight_m[:, 2] = finding.position_m[2] - record.array.height_m
     range_m = np.maximum(np.linalg.norm(sight_m[:, :2], axis=-1), LEAST_RANGE_M)
     towards_rad = np.arctan2(sight_m[:, 1], sight_m[:, 0])
-    by_elevation_rad = record.errors_by_elevation(towards_rad - pose[:, 2], np.arctan2(sight_m[:, 2], range_m))
+    elevation_rad = np.arctan2(sight_m[:, 2], range_m)
+    by_elevation_rad, elevation_rad2 = record.errors_by_elevation(towards_rad - pose[:, 2], elevation_rad)
     return ExpectedBearings(
         sight_m,
         range_m,
         towards_rad + by_elevation_rad,
         position_rad2=(record.pose_error.position_m**2 + (NEAR_FIELD_SHARE * record.aperture_m) ** 2) / range_m**2,
-        elevation_rad2=np.square(ELEVATION_SHARE * by_elevation_rad),
+        elevation_rad2=elevation_rad2,
     )
 
 

@@ -58,6 +58,10 @@ FARTHEST_CROSSING_M = 60.0
 """Lines of sight that cross further away are taken to cross here (assumed)."""
 
 
+ELEVATION_SHARE = 0.5
+"""Share of the bearing error by elevation that is not known (assumed): helices are not alike in all planes."""
+
+
 class Measurements(NamedTuple):
     """What the pulses of a record say, with the errors of the array that are known by now taken out.
 
@@ -191,9 +195,13 @@ class PulseRecord:
         """Whether each pulse fits best at an elevation beyond `FROM_ABOVE_RAD`, shape (n,)."""
         return self.elevation_rad > FROM_ABOVE_RAD
 
-    def errors_by_elevation(self, azimuth_rad: FloatArray, elevation_rad: FloatArray) -> FloatArray:
-        """See `BearingErrors.by_elevation`."""
-        return self._bearing_errors.by_elevation(azimuth_rad, elevation_rad)
+    def errors_by_elevation(self, azimuth_rad: FloatArray, elevation_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Bearing errors by elevation, and the variance that is left when they are taken out; both of shape (n,)."""
+        error_rad = self._bearing_errors.by_elevation(azimuth_rad, elevation_rad)
+        left_rad2 = np.square(ELEVATION_SHARE * error_rad)
+        if self.array.spread.pattern > 0.0:
+            left_rad2 += self._bearing_errors.variance_off_plane(azimuth_rad, elevation_rad)
+        return error_rad, left_rad2
 
     def reads_alike(self, first: ElementErrors, second: ElementErrors) -> bool:
         """Whether bearings are the same to `ALIKE_RAD` with either errors of the array taken out."""

@@ -17,6 +17,7 @@ from dirmusic.angles import difference
 from dirmusic.array.element_errors import OFF_PLANE, PATTERN_APART_RAD
 from dirmusic.array.estimated_errors import EstimatedErrors
 from dirmusic.array.model import ArrayModel
+from dirmusic.locating.elevation import ELEVATIONS_RAD, gains_in_space
 from dirmusic.locating.fitting.joint_optimiser import JointOptimiser
 from dirmusic.pulses.batch import PulseBatch
 
@@ -231,15 +232,18 @@ def _correlated_pulses(time_s: FloatArray, source: NDArray[np.intp], correlation
 def _pattern_variance(pose: FloatArray, source: NDArray[np.intp], start_m: FloatArray, array: ArrayModel) -> FloatArray:
     """Variance of strengths, in units of the largest squared, by what the pattern is off by; shape (n,).
 
-    It is the same whenever a source is seen in one direction of the array, however often: pulses from there share it.
+    It is off by a share of the largest gain in the plane; from above all gains are smaller, and it counts for more. It
+    is the same whenever a source is seen in one direction of the array, however often: pulses from there share it.
     """
     sight_m = start_m[source, :2] - pose[:, :2]
     azimuth_rad = np.arctan2(sight_m[:, 1], sight_m[:, 0]) - pose[:, 2]
     height_m2 = (HEIGHT_PRIOR_M[0] - array.height_m) ** 2 + HEIGHT_PRIOR_M[1] ** 2
     sin2 = height_m2 / (height_m2 + np.square(sight_m).sum(axis=-1))
+    largest: FloatArray = gains_in_space(array.manifold).max(axis=(1, 2))
+    of_largest = np.asarray(np.interp(np.arcsin(np.sqrt(sin2)), ELEVATIONS_RAD, largest[0] / largest), np.float64)
     apart = np.abs(difference(azimuth_rad[:, np.newaxis], azimuth_rad)) / PATTERN_APART_RAD
     repeats = (np.exp(-apart) * (source[:, np.newaxis] == source)).sum(axis=-1)
-    return np.square(array.spread.pattern * (1.0 + OFF_PLANE * sin2)) * repeats
+    return np.square(array.spread.pattern * (1.0 + OFF_PLANE * sin2) * of_largest) * repeats
 
 
 def _explained(

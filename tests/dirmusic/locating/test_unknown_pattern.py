@@ -3,12 +3,15 @@
 from functools import cache
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, ElementSpread, GainManifold, PoseError, PulseBatch
+from dirmusic.angles import difference
 from dirmusic.array.manifold import ring_boresights_rad
 from dirmusic.array.spatial_pattern import SpatialPattern
 from dirmusic.array.spatial_pattern_file import read_spatial_pattern
+from dirmusic.locating.association.bearing_errors import BearingErrors
 from dirmusic.locating.fitting.joint_fix import locate_jointly
 from sensing.array.config import SHIPPED_PATTERNS
 
@@ -48,6 +51,23 @@ def survey(rng: np.random.Generator, pattern_error: float) -> tuple[float, bool]
     miss = (fix.positions_m[0] - truth_m)[:2]
     inside = miss @ np.linalg.solve(fix.covariances_m2[0, :2, :2], miss) < CHI2_95
     return float(np.linalg.norm(miss)), bool(inside)
+
+
+@pytest.mark.parametrize("elevation_deg", [10.0, 20.0, 30.0, 40.0, 45.0])
+def test_off_the_plane_bearings_are_off_by_what_is_told(elevation_deg: float) -> None:
+    manifold = GainManifold(helix().cut(), BORESIGHTS_RAD)
+    array = ArrayModel(manifold=manifold, positions_m=RING_M, spread=ElementSpread(pattern=0.02))
+    azimuth_rad = np.radians(np.arange(0.0, 360.0, 3.0))
+    elevation_rad = np.full(azimuth_rad.size, np.radians(elevation_deg))
+    off = azimuth_rad[:, np.newaxis] - BORESIGHTS_RAD
+    up = np.broadcast_to(elevation_rad[:, np.newaxis], off.shape)
+    strengths = np.sqrt(np.square(helix().gain(off, up, BAND_HZ)).mean(axis=0))
+    table = manifold.table.gain / np.linalg.norm(manifold.table.gain, axis=-1, keepdims=True)
+    bearing_rad = 2 * np.pi / len(table) * (strengths @ table.T).argmax(axis=-1)
+    errors = BearingErrors(array)
+    miss_rad = difference(bearing_rad, azimuth_rad + errors.by_elevation(azimuth_rad, elevation_rad))
+    told_rad2 = np.square(errors.std(azimuth_rad)) + errors.variance_off_plane(azimuth_rad, elevation_rad)
+    assert 0.4 < np.sqrt(np.mean(np.square(miss_rad)) / np.mean(told_rad2)) < 2.0
 
 
 def share_in_ellipse(pattern_error: float) -> tuple[float, float]:

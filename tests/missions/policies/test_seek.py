@@ -1,4 +1,4 @@
-"""How long a candidate is pursued."""
+"""How long a candidate is pursued, and from how near it is viewed."""
 
 import numpy as np
 
@@ -7,6 +7,7 @@ from dirmusic.locating.finding import State
 from envs import load_scenario
 from missions.driving.site_map import SiteMap
 from missions.policies.seek import PATIENCE_S, SILENCE_S, Seek
+from missions.policies.viewpoints import HIGHEST_VIEW_RAD, best_viewpoint
 
 SITE_MAP = SiteMap(load_scenario("one_source"))
 
@@ -53,3 +54,17 @@ def test_a_candidate_that_falls_silent_is_left_until_it_is_detected_again() -> N
     later_s = 0.1 * len(phases)
     assert phase_at(seek, later_s, "candidate", detected_s=0.0).startswith("patrol")
     assert phase_at(seek, later_s + 0.1, "candidate", detected_s=later_s) == "seek 1"
+
+
+def test_what_is_above_is_viewed_from_afar_where_the_pattern_is_known_in_the_plane_alone() -> None:
+    unsure = SiteMap(load_scenario("one_source", {"array.pattern_error": 0.02}))
+    start, head_m = np.array([16.0, 5.0]), np.array([13.0, 9.1, 3.2])
+    views = {site_map: best_viewpoint(head_m, start[np.newaxis], site_map.reach(start), site_map)
+             for site_map in (SITE_MAP, unsure)}  # fmt: skip
+    elevation_rad = {
+        site_map: np.arctan2(head_m[2] - site_map.antenna_height_m, np.linalg.norm(view - head_m[:2]))
+        for site_map, view in views.items()
+        if view is not None
+    }
+    assert elevation_rad[unsure] <= HIGHEST_VIEW_RAD + 1e-9
+    assert elevation_rad[SITE_MAP] > HIGHEST_VIEW_RAD
