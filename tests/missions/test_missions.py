@@ -129,6 +129,7 @@ def test_what_a_policy_sees_holds_no_truth(monkeypatch: pytest.MonkeyPatch) -> N
             "task",
             "robot",
             "antenna_height_m",
+            "knows_pattern_above",
             "sight",
             "obstacles_m",
             "centres_m",

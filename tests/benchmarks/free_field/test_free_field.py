@@ -13,8 +13,8 @@ from missions.sweep.results.intervals import Interval, root_mean_square, share_i
 from tests.benchmarks.free_field.cases import draw_case, with_wild_bearings
 from tests.benchmarks.free_field.figures import Fixes, confirmed, fixes, locate, ospa_m, position_bound
 
-FEW = 4
-"""Cases that are always run."""
+FEW, FEW_WILD = 4, 16
+"""Cases that are always run; wild bearings, which some cases meet with and others do not, take more of them."""
 
 MANY = 2000
 WILD_SHARE = 0.3
@@ -49,7 +49,7 @@ def test_a_source_in_the_free_field_is_located_and_lies_in_its_ellipse(n_cases: 
     assert inside.low <= 0.98
 
 
-@few_or_many
+@pytest.mark.parametrize("n_cases", [FEW_WILD, pytest.param(MANY, marks=pytest.mark.slow)])
 def test_thirty_per_cent_of_wild_bearings_make_the_median_at_most_half_as_large_again(n_cases: int) -> None:
     cases = (with_wild_bearings(draw_case(seed), WILD_SHARE, seed) for seed in range(n_cases))
     wild, clean = fixes([(case, locate(case)) for case in cases]), shipped(n_cases)
@@ -60,7 +60,7 @@ def test_thirty_per_cent_of_wild_bearings_make_the_median_at_most_half_as_large_
         f"\n{n_cases} cases, 30 % wild: median {np.median(wild.miss_m):.3f} m, {ratio:.2f} times that of clean ones; "
         f"in the ellipse {told(inside)}, with a false finding {told(false)}"
     )
-    assert ratio <= (1.5 if n_cases == MANY else 2.0)  # medians of so few are off by a quarter by chance
+    assert ratio <= 1.5
 
 
 @few_or_many
