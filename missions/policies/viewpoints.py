@@ -21,7 +21,7 @@ VIEW_ASPECTS_RAD = np.radians(np.arange(0.0, 360.0, 15.0))
 
 HIGHEST_VIEW_RAD = np.radians(35.0)
 """Where the pattern is known in the plane alone, viewpoints are no nearer to a candidate than where it is seen at this
-elevation (assumed): of the computed helices, bearings are off by 7 degrees at 30 degrees of elevation, by 40 at 45."""
+elevation (assumed): of the computed helices, bearings are off by 4 degrees at 30 degrees of elevation, by 40 at 45."""
 
 VIEW_ROOM_M = 0.2
 """Room about the robot at a viewpoint, to equipment, fence and obstacles (assumed): it can stop and turn there."""

@@ -55,7 +55,8 @@ class BearingErrors:
     def variance_off_plane(self, azimuth_rad: FloatArray, elevation_rad: FloatArray) -> FloatArray:
         """What an unknown pattern adds to the variance of bearings off the plane, shape (n,), rad^2, beside `std`.
 
-        For the computed helices within a factor of two up to 75 degrees of elevation: 7 degrees at 30, 40 at 45.
+        For the computed helices within a factor of two up to 75 degrees of elevation: once `by_elevation` is taken out,
+        their bearings are off by 7 degrees at 30, by 49 at 45.
         """
         row, column = _at(azimuth_rad, elevation_rad)
         above, level = (
