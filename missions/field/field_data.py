@@ -35,7 +35,7 @@ class FieldData:
         step: Step that each pulse belongs to, from 0, shape (n_pulses,).
         strengths_v: Shape (n_pulses, n_channels); live channels alone.
         variance_v2: Noise variance of the strengths, same shape.
-        mains_phase_rad: Phase of the mains at each pulse, shape (n_pulses,), NaN where it is not known.
+        mains_phase_rad: Phase of the mains at each pulse, in [0, 2 pi), shape (n_pulses,), NaN where it is not known.
         channels: Numbers, from 0, of the live ones among the recorded channels, shape (n_channels,).
         n_recorded: Number of recorded channels.
         notes: Whatever was unusual, and how it was dealt with.
@@ -118,10 +118,10 @@ def _check_columns(table: CsvTable, strengths: list[str], deviations: list[str])
 
 
 def _mains_phase(table: CsvTable, n_pulses: int) -> FloatArray:
-    """Phase of the mains in each row of the table, radians; NaN where the table has no such column."""
+    """Phase of the mains in each row of the table, in [0, 2 pi); NaN where the table has no such column."""
     if PHASE_COLUMN not in table.header:
         return np.full(len(table.rows), np.nan)
-    phase = np.radians(table.numbers(PHASE_COLUMN, lambda v: abs(v) <= 360, "-360 to 360 degrees"))
+    phase = np.radians(table.numbers(PHASE_COLUMN, lambda v: abs(v) <= 360, "-360 to 360 degrees")) % (2 * np.pi)
     if n_pulses > len(table.rows):
         table.faults.append(
             f"{table.path}: {PHASE_COLUMN}: allowed where each row is one pulse, not with files of several"

@@ -80,6 +80,13 @@ def test_a_broken_waveform_is_refused_by_line_and_file(
 HEADER = "time_s,x_m,y_m,yaw_deg,strength_1,strength_2,strength_3"
 
 
+def test_a_phase_of_the_mains_is_the_same_a_turn_earlier_or_later(tmp_path: Path) -> None:
+    rows = (f"0,0,0,0,1,2,3,{phase_deg}" for phase_deg in (-90, 270, -360, 360))
+    (tmp_path / "t.csv").write_text("\n".join([f"{HEADER},mains_phase_deg", *rows]))
+    data = read_field_data(tmp_path / "t.csv", noise_v=0.01)
+    assert np.allclose(data.mains_phase_rad, [1.5 * np.pi, 1.5 * np.pi, 0.0, 0.0])
+
+
 @pytest.mark.parametrize(
     ("text", "told"),
     [
