@@ -47,10 +47,19 @@ class ElementErrors:
 PATTERN_APART_RAD = np.radians(18.0)
 """Azimuths so far apart share exp(-1) of what the pattern there is off by (measured on the computed helices)."""
 
-OFF_PLANE = 12.5
-"""How what a pattern is off by grows with elevation, from the plane where it was measured: 1 + 12.5 sin^2 times. With
-0.02 in the plane it is what the computed helices are off by, alone and in the ring, from their cut and the law of
-`gain_in_space`, within a third up to 60 degrees: 0.02, 0.05, 0.1, 0.2 at 0, 20, 40, 60 degrees (measured)."""
+OFF_PLANE = 5.0
+"""How what a pattern is off by grows with the sine of the elevation, from the plane where it was measured. With 0.02 in
+the plane it is what the computed helix in its ring is off by from its cut and the law of `gain_in_space`: 0.017, 0.03
+to 0.04, 0.05 to 0.07 of the largest gain at 10, 20, 40 degrees, by band; alone two thirds of that (measured)."""
+
+FAR_OFF_PLANE = 12.0
+"""The same with the squared sine: more than gains show, but beyond 30 degrees bearings take the wrong of several
+directions that are nearly as likely, and are off by what this makes of them (measured as above)."""
+
+
+def off_by_pattern(sin2: FloatArray) -> FloatArray:
+    """Variance of what a pattern is off by, over that in the plane, for squared sines of the elevation; any shape."""
+    return 1.0 + OFF_PLANE**2 * sin2 + FAR_OFF_PLANE**2 * np.square(sin2)
 
 
 class ManifoldPrior(Protocol):

@@ -8,7 +8,7 @@ from scipy.ndimage import map_coordinates
 
 from dirmusic.angles import difference
 from dirmusic.array.bounds import manifold_error, manifold_error_std, perpendicular_slope
-from dirmusic.array.element_errors import OFF_PLANE, ElementErrors, ElementSpread
+from dirmusic.array.element_errors import ElementErrors, ElementSpread, off_by_pattern
 from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, SEARCH_STEP_RAD, TABLE_SIZE, GainManifold
 from dirmusic.array.model import ArrayModel
 from dirmusic.locating.elevation import ELEVATIONS_RAD, gains_in_space
@@ -89,14 +89,14 @@ def _errors_by_elevation(manifold: GainManifold) -> FloatArray:
 def _deviation_by_pattern(manifold: GainManifold, spread: ElementSpread) -> FloatArray:
     r"""Deviation of bearings by what an unknown pattern is off by, for `ELEVATIONS_RAD` and azimuths once round.
 
-    To first order :math:`\sigma (1 + 12.5 \sin^2 \epsilon) / \lVert g'_\perp \rVert`, with the change of the gains
-    over azimuth at that elevation, which leaves fewer degrees to tell apart than in the plane; but no more than if any
-    direction were as likely. Shape (n_elevations, n_azimuths + 1).
+    To first order :math:`\sigma / \lVert g'_\perp \rVert`, with :math:`\sigma^2` of `off_by_pattern` and the change of
+    the gains over azimuth at that elevation, which leaves fewer degrees to tell apart than in the plane; but no more
+    than if any direction were as likely. Shape (n_elevations, n_azimuths + 1).
     """
     gain = gains_in_space(manifold)
     slope = (np.roll(gain, -1, axis=1) - np.roll(gain, 1, axis=1)) / (2 * SEARCH_STEP_RAD)
     turning = np.linalg.norm(perpendicular_slope(gain.T, slope.T), axis=0).T
-    off_by = spread.pattern * (1.0 + OFF_PLANE * np.square(np.sin(ELEVATIONS_RAD)))
+    off_by = spread.pattern * np.sqrt(off_by_pattern(np.square(np.sin(ELEVATIONS_RAD))))
     std_rad = np.minimum(off_by[:, np.newaxis] / turning, np.pi / np.sqrt(3.0))
     return np.column_stack([std_rad, std_rad[:, 0]])
 

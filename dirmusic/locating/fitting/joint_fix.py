@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dirmusic.angles import difference
-from dirmusic.array.element_errors import OFF_PLANE, PATTERN_APART_RAD
+from dirmusic.array.element_errors import PATTERN_APART_RAD, off_by_pattern
 from dirmusic.array.estimated_errors import EstimatedErrors
 from dirmusic.array.model import ArrayModel
 from dirmusic.locating.elevation import ELEVATIONS_RAD, gains_in_space
 from dirmusic.locating.fitting.joint_optimiser import JointOptimiser
+from dirmusic.locating.fitting.pattern_deviation import SHARE_LEFT, deviation_spread
 from dirmusic.pulses.batch import PulseBatch
 
 if TYPE_CHECKING:
@@ -81,8 +82,8 @@ def locate_jointly(
     :math:`\alpha ((1 + e_i) g(\theta_i - b_i - d_i) + o_i) / r_i`. The amplitude is projected out of every pulse;
     offsets are a state where the array's spread has them. Pose errors turn all elements alike and stay the same for
     seconds: they widen the one direction in which the strengths move with azimuth, by as much as so many correlated
-    pulses deserve. What no model explains stays as long, and widens every direction; so does what the pattern is off
-    by, for all pulses from one direction of the array.
+    pulses deserve. What no model explains stays as long, and widens every direction. What the pattern may be off by
+    is a state as well, see `pattern_deviation`; the rest of it widens, for all pulses from one direction of the array.
 
     Args:
         pulses: Detected pulses, n rows; their scale does not matter, and channels that are not usable have no weight.
@@ -108,10 +109,11 @@ def locate_jointly(
         if problem.fit.cost(other) < cost:
             state, hessian = other, other_hessian
     n_places, covariance = 3 * n_sources, _inverse(hessian)
+    of_array = slice(n_places, state.size - problem.fit.n_terms)
     return JointFix(
         positions_m=state[:n_places].reshape(-1, 3),
         covariances_m2=_place_covariances(problem.fit, state, covariance, array),
-        errors=EstimatedErrors.of_states(state[n_places:], covariance[n_places:, n_places:], array.manifold.n_elements),
+        errors=EstimatedErrors.of_states(state[of_array], covariance[of_array, of_array], array.manifold.n_elements),
     )
 
 
@@ -155,27 +157,28 @@ def _problem(
     known = array.errors or EstimatedErrors.of_spread(array.spread, n_elements)
     errors, covariance = known.state[: n_kinds * n_elements], known.covariance[: n_kinds * n_elements]
     of_elements = np.maximum(np.sqrt(np.diag(covariance)), LEAST_SPREAD)
+    of_pattern = deviation_spread(array)
     of_places = np.tile([POSITION_PRIOR_M, POSITION_PRIOR_M, HEIGHT_PRIOR_M[1]], n_sources)
     detected_from_m = [pose[source == k, :2].mean(axis=0) for k in range(n_sources)]
     beliefs = Beliefs(
-        mean=np.concatenate([with_height(detected_from_m).ravel(), errors]),
-        spread=np.concatenate([of_places, of_elements]),
-        decorrelation=_decorrelation(covariance[:, : errors.size], of_elements, 3 * n_sources),
+        mean=np.concatenate([with_height(detected_from_m).ravel(), errors, np.zeros(of_pattern.size)]),
+        spread=np.concatenate([of_places, of_elements, of_pattern]),
+        decorrelation=_decorrelation(covariance[:, : errors.size], of_elements, 3 * n_sources, of_pattern.size),
         position_m=pose_error.position_m,
         heading_rad=pose_error.heading_rad,
         robust_scale=ROBUST_SCALE,
     )
     explained = _explained(pulses, pose, source, start_m, array, pose_error)
-    start = np.concatenate([start_m.ravel(), errors])
-    return _Problem(JointOptimiser(explained, array, beliefs, n_kinds, 3 * n_sources), start)
+    start = np.concatenate([start_m.ravel(), errors, np.zeros(of_pattern.size)])
+    return _Problem(JointOptimiser(explained, array, beliefs, n_kinds, 3 * n_sources, of_pattern.size), start)
 
 
-def _decorrelation(covariance: FloatArray, spread: FloatArray, n_places: int) -> FloatArray:
-    """Of places, which are independent, and of errors; see `Beliefs`."""
+def _decorrelation(covariance: FloatArray, spread: FloatArray, n_places: int, n_terms: int) -> FloatArray:
+    """Of places, of errors, and of what the pattern is off by; all but errors are independent. See `Beliefs`."""
     correlation = covariance / np.multiply.outer(spread, spread)
     np.fill_diagonal(correlation, 1.0)
-    decorrelation = np.eye(n_places + spread.size)
-    decorrelation[n_places:, n_places:] = _inverse(np.linalg.cholesky(correlation))
+    decorrelation, of_errors = np.eye(n_places + spread.size + n_terms), slice(n_places, n_places + spread.size)
+    decorrelation[of_errors, of_errors] = _inverse(np.linalg.cholesky(correlation))
     return decorrelation
 
 
@@ -230,7 +233,7 @@ def _correlated_pulses(time_s: FloatArray, source: NDArray[np.intp], correlation
 
 
 def _pattern_variance(pose: FloatArray, source: NDArray[np.intp], start_m: FloatArray, array: ArrayModel) -> FloatArray:
-    """Variance of strengths, in units of the largest squared, by what the pattern is off by; shape (n,).
+    """Variance of strengths, in units of the largest squared, by what the pattern is off by in no state; shape (n,).
 
     It is off by a share of the largest gain in the plane; from above all gains are smaller, and it counts for more. It
     is the same whenever a source is seen in one direction of the array, however often: pulses from there share it.
@@ -243,7 +246,7 @@ def _pattern_variance(pose: FloatArray, source: NDArray[np.intp], start_m: Float
     of_largest = np.asarray(np.interp(np.arcsin(np.sqrt(sin2)), ELEVATIONS_RAD, largest[0] / largest), np.float64)
     apart = np.abs(difference(azimuth_rad[:, np.newaxis], azimuth_rad)) / PATTERN_APART_RAD
     repeats = (np.exp(-apart) * (source[:, np.newaxis] == source)).sum(axis=-1)
-    return np.square(array.spread.pattern * (1.0 + OFF_PLANE * sin2) * of_largest) * repeats
+    return np.square(SHARE_LEFT * array.spread.pattern * of_largest) * off_by_pattern(sin2) * repeats
 
 
 def _explained(

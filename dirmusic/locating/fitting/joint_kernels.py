@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from dirmusic.array.pattern_table import Boresight, PatternTable, gain_and_slopes_towards
 from dirmusic.compiled import compiled
 from dirmusic.kernels import dot
+from dirmusic.locating.fitting.pattern_deviation import deviation_towards
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -82,7 +83,7 @@ class Linear(NamedTuple):
     Attributes:
         miss: What the model leaves unexplained, in deviations, shape (n_elements,).
         slope: Its derivative by the place of the source and the errors of all elements, one kind after the other;
-            shape (n_elements, N_PLACE + n_kinds n_elements).
+            then by what their pattern is off by; shape (n_elements, N_PLACE + n_kinds n_elements + n_terms).
     """
 
     miss: FloatArray
@@ -113,21 +114,23 @@ def linearise(
 
     Args:
         k: Row of the pulse.
-        state: Places of all sources, x, y and height of each, then errors by kind: gain, pointing, offset or not.
+        state: Places of all sources, x, y and height of each, then errors by kind: gain, pointing, offset or not; then
+            the terms of `pattern_deviation`, or none.
         data: The pulses.
         array: Of the data sheet, its boresights turned by their errors.
         beliefs: Deviations of the pose.
         at: Becomes the result.
-        room: For intermediate results, shape (9, n_elements).
+        room: For intermediate results, shape (9 + n_terms, n_elements).
     """
-    n_elements = data.weight.shape[1]
+    n_elements, n_terms = data.weight.shape[1], room.shape[0] - 9
     n_sources = (state.size - (at.slope.shape[1] - N_PLACE)) // N_PLACE
-    n_kinds = (at.slope.shape[1] - N_PLACE) // n_elements
-    place, errors = N_PLACE * data.source[k], N_PLACE * n_sources
+    n_kinds = (at.slope.shape[1] - N_PLACE - n_terms) // n_elements
+    place, errors, deviation = N_PLACE * data.source[k], N_PLACE * n_sources, state[state.size - n_terms :]
     x, y = state[place] - data.pose[k, 0], state[place + 1] - data.pose[k, 1]
     cos_yaw, sin_yaw = math.cos(data.pose[k, 2]), math.sin(data.pose[k, 2])
     range_m = math.hypot(x, y)
-    model, turn, rise, by_x, by_y, by_height, by_gain, by_pointing, by_offset = room
+    model, turn, rise, by_x, by_y, by_height, by_gain, by_pointing, by_offset = room[:9]
+    by_term = room[9:]
     for e in range(n_elements):
         forward = cos_yaw * x + sin_yaw * y - array.positions_m[e, 0]
         left = cos_yaw * y - sin_yaw * x - array.positions_m[e, 1]
@@ -136,13 +139,22 @@ def linearise(
         square, sideways = horizontal + height * height, math.sqrt(horizontal)
         length = math.sqrt(square)
         of = array.boresights[e]
+        boresight = Boresight(of[0], of[1], of[2], of[3])
         gain, by_azimuth, by_elevation = gain_and_slopes_towards(
-            array.pattern, Boresight(of[0], of[1], of[2], of[3]), forward / length, left / length, height / length
+            array.pattern, boresight, forward / length, left / length, height / length
         )
+        if n_terms > 0:
+            off_by = deviation_towards(
+                deviation, boresight, forward / length, left / length, height / length, by_term[:, e]
+            )
+            gain += off_by.gain
+            by_azimuth += off_by.by_azimuth
+            by_elevation += off_by.by_elevation
         factor = array.gain_factors[e]
         gain = factor * gain + array.gain_offsets[e]
         spreading = data.weight[k, e] * max(range_m, 1e-2) / length
         larger = (1.0 + state[errors + e]) * spreading
+        by_term[:, e] *= larger * factor
         offset = state[errors + 2 * n_elements + e] if n_kinds > 2 else 0.0
         model[e] = larger * gain + offset * spreading
         turn[e], rise[e] = larger * factor * by_azimuth, larger * factor * by_elevation
@@ -171,11 +183,13 @@ def linearise(
         at.miss[e] = data.strengths[k, e] - amplitude * model[e]
     _tolerate(at.miss, turn, turn_share, rise, rise_share)
     for column, vector in enumerate((by_x, by_y, by_height)):
-        along = dot(vector, model) / energy
-        for e in range(n_elements):
-            vector[e] = -amplitude * (vector[e] - along * model[e])
+        _explain(vector, model, amplitude)
         _tolerate(vector, turn, turn_share, rise, rise_share)
         at.slope[:, column] = vector
+    for i in range(n_terms):
+        _explain(by_term[i], model, amplitude)
+        _tolerate(by_term[i], turn, turn_share, rise, rise_share)
+        at.slope[:, N_PLACE + n_kinds * n_elements + i] = by_term[i]
     one = by_x  # is not needed any more
     for i in range(n_elements):
         for e in range(n_elements):
@@ -186,6 +200,14 @@ def linearise(
             at.slope[e, N_PLACE + n_elements + i] = by_pointing[i] * one[e]
             if n_kinds > 2:
                 at.slope[e, N_PLACE + 2 * n_elements + i] = by_offset[i] * one[e]
+
+
+@compiled
+def _explain(vector: FloatArray, model: FloatArray, amplitude: float) -> None:
+    """Make a change of the model one of the miss, with the amplitude projected out."""
+    along = dot(vector, model) / dot(model, model)
+    for e in range(vector.size):
+        vector[e] = -amplitude * (vector[e] - along * model[e])
 
 
 @compiled
@@ -211,7 +233,9 @@ def _tolerate(vector: FloatArray, turn: FloatArray, turn_share: float, rise: Flo
 
 
 @compiled
-def evaluate(state: FloatArray, n_kinds: int, data: Explained, array: NominalArray, beliefs: Beliefs) -> Quadratic:
+def evaluate(
+    state: FloatArray, n_kinds: int, n_terms: int, data: Explained, array: NominalArray, beliefs: Beliefs
+) -> Quadratic:
     r"""The cost of the robust fit about a state.
 
     .. math:: C = \sum_i s^2 (\sqrt{1 + (f_i / s)^2} - 1)
@@ -219,12 +243,12 @@ def evaluate(state: FloatArray, n_kinds: int, data: Explained, array: NominalArr
     over the misses f of all pulses in all channels, and of the states from what is believed of them.
     """
     n, n_elements = data.weight.shape
-    n_errors = n_kinds * n_elements
+    n_errors = n_kinds * n_elements + n_terms
     n_own, errors = N_PLACE + n_errors, state.size - n_errors
     n_sources, scale = errors // N_PLACE, beliefs.robust_scale
     own_gradient, own_hessian = np.zeros((n_sources, n_own)), np.zeros((n_sources, n_own, n_own))
     gradient, hessian, cost = np.zeros(state.size), np.zeros((state.size, state.size)), 0.0
-    at, room = Linear(np.empty(n_elements), np.empty((n_elements, n_own))), np.empty((9, n_elements))
+    at, room = Linear(np.empty(n_elements), np.empty((n_elements, n_own))), np.empty((9 + n_terms, n_elements))
     turned = array.boresights.copy()
     for e in range(n_elements):
         cos, sin = math.cos(state[errors + n_elements + e]), math.sin(state[errors + n_elements + e])

@@ -30,9 +30,12 @@ class JointOptimiser:
         beliefs: What is known beforehand.
         n_kinds: How many kinds of errors the elements have.
         n_places: How many states are of places.
+        n_terms: How many are of what the pattern is off by.
     """
 
-    def __init__(self, data: Explained, array: ArrayModel, beliefs: Beliefs, n_kinds: int, n_places: int) -> None:
+    def __init__(
+        self, data: Explained, array: ArrayModel, beliefs: Beliefs, n_kinds: int, n_places: int, n_terms: int
+    ) -> None:
         from dirmusic.array.pattern_table import as_boresights
         from dirmusic.locating.fitting.joint_kernels import NominalArray
 
@@ -44,9 +47,9 @@ class JointOptimiser:
             manifold.gain_offsets,
             manifold.pattern_table,
         )
-        self.n_places = n_places
+        self.n_places, self.n_terms = n_places, n_terms
         self._scale = np.concatenate([np.ones(n_places), beliefs.spread[n_places:]])
-        self._arguments = n_kinds, data, nominal, beliefs
+        self._arguments = n_kinds, n_terms, data, nominal, beliefs
         self._known: tuple[FloatArray, Quadratic] | None = None
         self._before: tuple[float, int] = np.inf, 0
 

@@ -10,6 +10,7 @@ from dirmusic import ArrayModel, ElementSpread, GainManifold, PoseError, PulseBa
 from dirmusic.array.pattern_table import as_boresights
 from dirmusic.locating.fitting.joint_fix import ROBUST_SCALE, locate_jointly
 from dirmusic.locating.fitting.joint_kernels import Beliefs, Explained, Linear, NominalArray, evaluate, linearise
+from dirmusic.locating.fitting.pattern_deviation import N_HARMONICS, N_TERMS
 
 FloatArray = NDArray[np.float64]
 
@@ -58,8 +59,13 @@ TILTED = GainManifold(
     gain_offsets=np.linspace(-0.02, 0.02, 6),
 )
 STATE = np.concatenate(
-    [[8.0, 9.0, 1.5, 3.0, 14.0, -0.4], RNG.normal(0.0, 0.05, 6), RNG.normal(0.0, 0.04, 6), RNG.normal(0.0, 0.01, 6)]
+    [
+        [8.0, 9.0, 1.5, 3.0, 14.0, -0.4],
+        *(RNG.normal(0.0, std, 6) for std in (0.05, 0.04, 0.01)),
+        RNG.normal(0.0, 0.02, N_TERMS),
+    ]
 )
+N_STATES = STATE.size
 BELIEFS = Beliefs(np.zeros(STATE.size), np.full(STATE.size, 2.0), np.eye(STATE.size), 0.1, 0.02, ROBUST_SCALE)
 
 
@@ -71,26 +77,30 @@ def nominal(manifold: GainManifold) -> NominalArray:
 
 def modelled(state: FloatArray, weight: FloatArray) -> FloatArray:
     """What pulses of amplitude 1 are in the elements, shape (40, 6), by the formula of `locate_jointly`."""
-    places, errors = state[:6].reshape(2, 3)[SOURCE], state[6:].reshape(3, 6)
+    places, errors = state[:6].reshape(2, 3)[SOURCE], state[6:24].reshape(3, 6)
+    terms = state[24:].reshape(3, N_HARMONICS, 2)
     cos, sin = np.cos(POSE[:, 2:]), np.sin(POSE[:, 2:])
     dx = places[:, :1] - POSE[:, :1] - (cos * RING_M[:, 0] - sin * RING_M[:, 1])
     dy = places[:, 1:2] - POSE[:, 1:2] - (sin * RING_M[:, 0] + cos * RING_M[:, 1])
     off = np.arctan2(dy, dx) - POSE[:, 2:] - TILTED.boresights_rad - errors[1]
     dz = places[:, 2:] - RING_M[:, 2]
     gain = TILTED.response_in_space(off, np.arctan2(dz, np.hypot(dx, dy))).gain
+    sin_up, harmonic = dz / np.sqrt(dx**2 + dy**2 + dz**2), (1 + np.arange(N_HARMONICS)) * off[..., np.newaxis]
+    parts = np.cos(harmonic) @ terms[..., 0].T + np.sin(harmonic) @ terms[..., 1].T
+    gain = gain + TILTED.gain_factors * (parts[..., 0] + sin_up * parts[..., 1] + sin_up**2 * parts[..., 2])
     range_m = np.linalg.norm(places[:, :2] - POSE[:, :2], axis=-1, keepdims=True)
     return weight * ((1 + errors[0]) * gain + errors[2]) * range_m / np.sqrt(dx**2 + dy**2 + dz**2)
 
 
 def linear(state: FloatArray, strengths: FloatArray, weight: FloatArray, beliefs: Beliefs) -> tuple[FloatArray, ...]:
-    """Misses (40, 6) and slopes (40, 6, 21) of all pulses; the boresights are turned as `evaluate` does."""
+    """Misses (40, 6) and slopes (40, 6, N_STATES - 3) of all pulses; the boresights are turned as `evaluate` does."""
     data = Explained(POSE, SOURCE, weight, strengths, np.full(40, 3.0))
-    errors, at = state[6:].reshape(3, 6), (np.empty((40, 6)), np.empty((40, 6, 21)))
+    errors, at = state[6:24].reshape(3, 6), (np.empty((40, 6)), np.empty((40, 6, N_STATES - 3)))
     turned = nominal(TILTED)._replace(
         boresights=as_boresights(TILTED.boresights_rad + errors[1], TILTED.boresight_elevations_rad)
     )
     for k in range(40):
-        linearise(k, state, data, turned, beliefs, Linear(at[0][k], at[1][k]), np.empty((9, 6)))
+        linearise(k, state, data, turned, beliefs, Linear(at[0][k], at[1][k]), np.empty((9 + N_TERMS, 6)))
     return at
 
 
@@ -100,8 +110,8 @@ def test_the_slopes_are_those_of_the_misses_where_the_model_explains_the_strengt
     for beliefs in (BELIEFS, BELIEFS._replace(position_m=0.0, heading_rad=0.0)):
         miss, slope = linear(STATE, strengths, weight, beliefs)
         np.testing.assert_allclose(miss, 0.0, atol=1e-6)
-        for i, own in [*((i, i // 3 == SOURCE) for i in range(6)), *((i, SOURCE >= 0) for i in range(6, 24))]:
-            step = np.zeros(24)
+        for i, own in [*((i, i // 3 == SOURCE) for i in range(6)), *((i, SOURCE >= 0) for i in range(6, N_STATES))]:
+            step = np.zeros(N_STATES)
             step[i] = 1e-5
             after, before = (linear(STATE + s, strengths, weight, beliefs)[0] for s in (step, -step))
             column = i % 3 if i < 6 else i - 3
@@ -113,14 +123,14 @@ def test_cost_gradient_and_hessian_are_those_of_a_soft_l1_loss_over_all_misses()
     weight = RNG.uniform(5.0, 50.0, (40, 6))
     strengths = modelled(STATE, weight) + RNG.normal(0.0, 3.0, (40, 6))
     miss, slope = linear(STATE, strengths, weight, BELIEFS)
-    full = np.zeros((40, 6, 24))
+    full = np.zeros((40, 6, N_STATES))
     for k in range(40):
         full[k][:, 3 * SOURCE[k] : 3 * SOURCE[k] + 3], full[k][:, 6:] = slope[k][:, :3], slope[k][:, 3:]
     residual = np.concatenate([miss.ravel(), STATE / 2.0])
-    jacobian = np.concatenate([full.reshape(-1, 24), np.eye(24) / 2.0])
+    jacobian = np.concatenate([full.reshape(-1, N_STATES), np.eye(N_STATES) / 2.0])
     root = np.sqrt(1 + np.square(residual / ROBUST_SCALE))
     data = Explained(POSE, SOURCE, weight, strengths, np.full(40, 3.0))
-    cost, gradient, hessian = evaluate(STATE, 3, data, nominal(TILTED), BELIEFS)
+    cost, gradient, hessian = evaluate(STATE, 3, N_TERMS, data, nominal(TILTED), BELIEFS)
     assert cost == pytest.approx(ROBUST_SCALE**2 * (root - 1).sum())
     np.testing.assert_allclose(gradient, jacobian.T @ (residual / root), rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(hessian, jacobian.T @ (jacobian / root[:, np.newaxis] ** 3), rtol=1e-9, atol=1e-9)
@@ -129,7 +139,7 @@ def test_cost_gradient_and_hessian_are_those_of_a_soft_l1_loss_over_all_misses()
 def test_two_sources_and_the_errors_of_the_array_are_found_together() -> None:
     array = ArrayModel(manifold=TILTED, positions_m=RING_M, spread=replace(SPREAD, offset=0.02))
     truth = STATE.copy()
-    truth[2], truth[5] = 2.1, 1.4  # heights as they are believed to be
+    truth[2], truth[5], truth[24:] = 2.1, 1.4, 0.0  # heights as they are believed to be, and the pattern
     strengths = modelled(truth, np.ones((40, 6)))
     pulses = PulseBatch.detected(10.0 * np.arange(40.0), strengths, np.full((40, 6), 1e-8))
     start_m = truth[:6].reshape(2, 3) + np.array([[1.5, -1.0, 0.3], [-1.0, 2.0, -0.3]])
