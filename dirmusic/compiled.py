@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
+import tempfile
+import warnings
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Any, Generic, Self, TypeVar, cast
 
 import numba
 import numpy as np
-from numba.core import types
+from numba.core import config, types
 from numba.core.types import StructRef
 from numba.experimental import structref
 from numba.typed import List
@@ -17,18 +21,49 @@ _Function = TypeVar("_Function", bound=Callable[..., object])
 _Value = TypeVar("_Value")
 
 
+class CacheWarning(UserWarning):
+    """Compiled functions are not kept where they should be."""
+
+
+def _can_write(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def _finds_cache() -> bool:
+    """Whether compiled functions can be kept: where the compiler does, or else in the folder for temporary files."""
+    elsewhere = Path(tempfile.gettempdir()) / f"pdpatrol-compiled-{os.getuid()}"
+    usual = Path(__file__).parent / "__pycache__", Path("~/.cache/numba").expanduser()
+    if os.environ.get("NUMBA_CACHE_DIR") or any(_can_write(folder) for folder in usual):
+        return True
+    is_found = _can_write(elsewhere)
+    told = f"they are kept in {elsewhere}" if is_found else "each command compiles them anew, some 20 s"
+    warnings.warn(f"compiled functions cannot be kept in {usual[0]} or {usual[1]}: {told}", CacheWarning, stacklevel=2)
+    if is_found:
+        os.environ["NUMBA_CACHE_DIR"] = str(elsewhere)
+        config.reload_config()  # pyright: ignore
+    return is_found
+
+
+_CACHE = _finds_cache()
+
+
 def compiled(function: _Function) -> _Function:
     """The same function as machine code, kept on disk after its first call.
 
     Rows of arrays are worked on one by one and in one order: the answer for a row does not depend, to the bit, on how
     many there are. Import modules with such functions where they are used: the compiler takes a second to load.
     """
-    return cast("_Function", numba.njit(cache=True, nogil=True, error_model="numpy")(function))  # pyright: ignore
+    return cast("_Function", numba.njit(cache=_CACHE, nogil=True, error_model="numpy")(function))  # pyright: ignore
 
 
 def elementwise(function: Callable[..., float]) -> Callable[..., NDArray[np.float64]]:
     """A function of numbers as a numpy ufunc, for arrays of any shapes that broadcast and for other compiled loops."""
-    return cast("Callable[..., NDArray[np.float64]]", numba.vectorize(cache=True)(function))  # pyright: ignore
+    return cast("Callable[..., NDArray[np.float64]]", numba.vectorize(cache=_CACHE)(function))  # pyright: ignore
 
 
 @structref.register  # pyright: ignore[reportUnknownMemberType]

@@ -1,5 +1,13 @@
 """`pdpatrol`: one file a verb."""
 
-from missions.cli.app import main
-
 __all__ = ["main"]
+
+
+def main() -> None:
+    """Entry point of `pdpatrol`: its signals are taken over before anything else is loaded."""
+    from missions.cli.command_line import command_line
+
+    with command_line():
+        from missions.cli.app import run_verb
+
+        run_verb()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-
 import tyro
 
 from missions.cli.locate import locate
@@ -14,19 +12,15 @@ from missions.cli.results import results
 from missions.cli.run import run
 from missions.cli.scenarios import scenarios
 from missions.cli.sweep import sweep
-from missions.cli.terminal import INTERRUPTED
 
 
-def main() -> None:
-    """Entry point of `pdpatrol`."""
+def run_verb() -> None:
+    """Read the command line and do what it says."""
     app = tyro.extras.SubcommandApp()
     for verb in (run, plan, replay, scenarios, reproduce, locate, sweep, results):
         app.command(verb)
-    try:
-        app.cli(
-            prog="pdpatrol",
-            description="A simulated inspection robot that finds partial discharges in a substation.",
-            config=(tyro.conf.FlagCreatePairsOff,),
-        )
-    except KeyboardInterrupt:
-        sys.exit(INTERRUPTED)
+    app.cli(
+        prog="pdpatrol",
+        description="A simulated inspection robot that finds partial discharges in a substation.",
+        config=(tyro.conf.FlagCreatePairsOff,),
+    )

@@ -10,10 +10,9 @@ from typing import Annotated
 
 import tyro
 
+from missions.cli.folders import output_folder
 from missions.cli.terminal import (
     err,
-    make_folder,
-    new_folder,
     out,
     refuse,
     tell_calibration,
@@ -91,8 +90,6 @@ def locate(
     ]
     if faults:
         refuse(*faults)
-    folder = new_folder(out_dir, table.stem)
-
     from rich.progress import Progress
 
     from dirmusic import ElementSpread, InputFileError, PoseError, read_pattern
@@ -102,52 +99,52 @@ def locate(
     from missions.field.field_data import read_field_data
 
     started_s = time.perf_counter()
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        try:
-            data = read_field_data(table, noise_v=noise_v, gate_s=gate_ns * 1e-9)
-            array = array_model(
-                data,
-                ElementSpread(
-                    gain=gain_error,
-                    pointing_rad=math.radians(pointing_error_deg),
-                    offset=gain_offset / math.sqrt(3),
-                    unexplained=UNEXPLAINED,
-                ),
-                read_pattern(pattern) if pattern else None,
-                boresights_deg,
-                ring_radius_m,
-                height_m,
-            )
-            before = None if calibration is None else read_calibration(calibration)
-            if before is not None:
-                array = calibrated(array, before)
-        except InputFileError as error:
-            refuse(*error.faults)
-    notes = tuple(str(warning.message) for warning in told)
-    for note in (*notes, *data.notes):
-        err.print(f"note: {note}", highlight=False, markup=False, soft_wrap=True)
-    make_folder(folder)
+    with output_folder(out_dir, table.stem) as folder:
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            try:
+                data = read_field_data(table, noise_v=noise_v, gate_s=gate_ns * 1e-9)
+                array = array_model(
+                    data,
+                    ElementSpread(
+                        gain=gain_error,
+                        pointing_rad=math.radians(pointing_error_deg),
+                        offset=gain_offset / math.sqrt(3),
+                        unexplained=UNEXPLAINED,
+                    ),
+                    read_pattern(pattern) if pattern else None,
+                    boresights_deg,
+                    ring_radius_m,
+                    height_m,
+                )
+                before = None if calibration is None else read_calibration(calibration)
+                if before is not None:
+                    array = calibrated(array, before)
+            except InputFileError as error:
+                refuse(*error.faults)
+        notes = tuple(str(warning.message) for warning in told)
+        for note in (*notes, *data.notes):
+            err.print(f"note: {note}", soft_wrap=True)
 
-    from missions.field.locate_field_data import locate_field_data
-    from missions.record.report import make_report
+        from missions.field.locate_field_data import locate_field_data
+        from missions.record.report import make_report
 
-    pose_error = PoseError(
-        position_m=position_std_m, heading_rad=math.radians(heading_std_deg), correlation_s=pose_correlation_s
-    )
-    with Progress(console=err, transient=True) as progress:
-        bar = progress.add_task(f"{data.strengths_v.shape[0]} pulses", total=1.0)
-        log = locate_field_data(
-            data,
-            array,
-            pose_error,
-            fence_m=yard_m,
-            calibration=before,
-            notes=notes,
-            progress=lambda share: progress.advance(bar, share),
+        pose_error = PoseError(
+            position_m=position_std_m, heading_rad=math.radians(heading_std_deg), correlation_s=pose_correlation_s
         )
-    report = make_report(log, time.perf_counter() - started_s)
-    write_mission(log, report, folder)
+        with Progress(console=err, transient=True) as progress:
+            bar = progress.add_task(f"{data.strengths_v.shape[0]} pulses", total=1.0)
+            log = locate_field_data(
+                data,
+                array,
+                pose_error,
+                fence_m=yard_m,
+                calibration=before,
+                notes=notes,
+                progress=lambda share: progress.advance(bar, share),
+            )
+        report = make_report(log, time.perf_counter() - started_s)
+        write_mission(log, report, folder)
     if json_output:
         out.print_json(data=report)
         return
@@ -156,6 +153,5 @@ def locate(
     tell_calibration(report)
     out.print(
         f"{data.time_s.size} poses, {data.strengths_v.shape[0]} pulses, {report['n_bearings']} bearings",
-        highlight=False,
     )
     tell_where(folder)

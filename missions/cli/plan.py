@@ -9,7 +9,9 @@ from typing import Annotated
 
 import tyro
 
-from missions.cli.terminal import err, make_folder, new_folder, out, refuse, write_text
+from missions.cli.folders import output_folder
+from missions.cli.terminal import err, in_one_line, out, refuse
+from missions.whole_file import whole_file, write_whole
 
 
 def plan(
@@ -50,29 +52,28 @@ def plan(
         loaded = load_scenario(scenario, {key: value for key, (value,) in grid.items()})
     except InputFileError as error:
         refuse(*error.faults)
-    folder = make_folder(new_folder(out_dir, f"plan-{loaded.name}"))
-
     from rich.progress import Progress
 
-    from missions.planning.figure import draw_plan
-    from missions.planning.plan import make_plan
-    from missions.planning.tables import as_json, as_toml, sites_table, summary
+    with output_folder(out_dir, f"plan-{loaded.name}") as folder, Progress(console=err, transient=True) as progress:
+        from missions.planning.figure import draw_plan
+        from missions.planning.plan import make_plan
+        from missions.planning.tables import as_json, as_toml, sites_table, summary
 
-    with Progress(console=err, transient=True) as progress:
         bar = progress.add_task("map", total=1.0)
         made = make_plan(
             loaded, amplitude_v, lambda doing, share: progress.update(bar, description=doing, completed=share)
         )
         progress.update(bar, description="picture", completed=0.95)
-        draw_plan(made, folder / "plan.png")
-    data = as_json(made)
-    write_text(folder / "plan.json", json.dumps(data, indent=2) + "\n")
-    write_text(folder / "route.toml", as_toml(made))
+        with whole_file(folder / "plan.png") as picture:
+            draw_plan(made, picture)
+        data = as_json(made)
+        write_whole(folder / "plan.json", json.dumps(data, indent=2) + "\n")
+        write_whole(folder / "route.toml", as_toml(made))
     if json_output:
         out.print_json(data=data)
         return
-    out.print(sites_table(made), highlight=False)
-    out.print(summary(made), highlight=False, soft_wrap=True)
+    out.print(sites_table(made))
+    out.print(summary(made), soft_wrap=True)
     if made.blind:
-        out.print(f"Not heard from any reachable place: {', '.join(made.blind)}", highlight=False, style="yellow")
-    out.print(f"Written to {folder}: plan.png, plan.json, route.toml", highlight=False, soft_wrap=True)
+        out.print(f"Not heard from any reachable place: {', '.join(made.blind)}", style="yellow")
+    out.print(f"Written to {in_one_line(str(folder))}: plan.png, plan.json, route.toml", soft_wrap=True)

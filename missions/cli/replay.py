@@ -7,7 +7,7 @@ from typing import Annotated
 
 import tyro
 
-from missions.cli.terminal import err, make_folder, out, refuse, write_mission
+from missions.cli.terminal import err, out, refuse, write_mission
 
 
 def replay(
@@ -39,7 +39,7 @@ def replay(
     if not web:
         open_viewer(recording)
         return
-    serve(recording, lambda url: out.print(f"Serving at {url}  (Ctrl-C ends it)", highlight=False, soft_wrap=True))
+    serve(recording, lambda url: out.print(f"Serving at {url}  (Ctrl-C ends it)", soft_wrap=True))
 
 
 def _run_again(folder: Path, row: int) -> Path:
@@ -54,7 +54,7 @@ def _run_again(folder: Path, row: int) -> Path:
     except InputFileError as error:
         refuse(*error.faults)
     if dataset.manifest["code"] != digest_of_code():
-        err.print("The sweep is of other code: the mission may end otherwise now", highlight=False, style="yellow")
+        err.print("The sweep is of other code: the mission may end otherwise now", style="yellow")
     mission = folder / "missions" / str(row)
     if not (mission / "log.npz").exists():
         from missions.record.report import make_report
@@ -62,5 +62,6 @@ def _run_again(folder: Path, row: int) -> Path:
 
         with err.status(f"{job.scenario.name}, {job.policy}, seed {job.seed} runs again"):
             log = run_mission(job.scenario, job.policy, job.seed)
-            write_mission(log, make_report(log, 0.0), make_folder(mission))
+            mission.mkdir(parents=True, exist_ok=True)
+            write_mission(log, make_report(log, 0.0), mission)
     return mission

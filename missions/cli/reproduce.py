@@ -9,7 +9,9 @@ from typing import Annotated
 
 import tyro
 
-from missions.cli.terminal import err, make_folder, new_folder, out, refuse, write_text
+from missions.cli.folders import output_folder
+from missions.cli.terminal import err, in_one_line, out, refuse
+from missions.whole_file import write_whole
 
 
 def reproduce(
@@ -35,31 +37,28 @@ def reproduce(
     ]
     if faults:
         refuse(*faults)
-    folder = make_folder(new_folder(out_dir, f"reproduction-{seed}"))
-
     from rich.progress import Progress
 
-    from missions.reproduction.figures import draw_all
-    from missions.reproduction.reproduce import reproduce as run_trials
-    from missions.reproduction.tables import as_json, as_table
-
     started_s = time.perf_counter()
-    with Progress(console=err, transient=True) as progress:
+    with output_folder(out_dir, f"reproduction-{seed}") as folder, Progress(console=err, transient=True) as progress:
+        from missions.reproduction.figures import draw_all
+        from missions.reproduction.reproduce import reproduce as run_trials
+        from missions.reproduction.tables import as_json, as_table
+
         bar = progress.add_task(f"{trials} trials a cell", total=1.0)
         exhibits = run_trials(trials, seed, lambda share: progress.advance(bar, share))
         progress.update(bar, description="pictures")
         pictures = draw_all(exhibits, folder, seed)
-    data = as_json(exhibits, trials, seed)
-    write_text(folder / "reproduction.json", json.dumps(data, indent=2) + "\n")
+        data = as_json(exhibits, trials, seed)
+        write_whole(folder / "reproduction.json", json.dumps(data, indent=2) + "\n")
     if json_output:
         out.print_json(data=data)
         return
     for exhibit in exhibits:
-        out.print(as_table(exhibit), highlight=False)
+        out.print(as_table(exhibit))
         out.print()
     out.print(
         f"{trials} trials a cell or more in {time.perf_counter() - started_s:.0f} s; intervals are 95 %.\n"
-        f"Written to {folder}: reproduction.json and {len(pictures)} pictures",
-        highlight=False,
+        f"Written to {in_one_line(str(folder))}: reproduction.json and {len(pictures)} pictures",
         soft_wrap=True,
     )

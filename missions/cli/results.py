@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from missions.cli.terminal import err, make_folder, new_folder, out, refuse
+from missions.cli.folders import output_folder
+from missions.cli.terminal import err, in_one_line, out, refuse
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -57,27 +58,26 @@ def results(
     if figures is not None:
         from missions.sweep.results.figures import draw_figures
 
-        folder_of_figures = make_folder(new_folder(figures, "", "--figures"), "--figures")
-        written = draw_figures(rows, folder_of_figures)
-        err.print(f"Written to {figures}: {', '.join(path.name for path in written)}", highlight=False, soft_wrap=True)
+        with output_folder(figures, "", "--figures") as folder_of_figures:
+            written = draw_figures(rows, folder_of_figures)
+        err.print(f"Written to {in_one_line(str(figures))}: {', '.join(path.name for path in written)}", soft_wrap=True)
     summaries = summarise_groups(rows)
     if markdown:
         sys.stdout.write(tables.markdown(summaries))
     elif csv_output:
         sys.stdout.write(tables.as_csv(summaries))
     else:
-        out.print(tables.terminal_table(summaries, f"{', '.join(map(str, folder))}, 95 % intervals"), highlight=False)
+        out.print(tables.terminal_table(summaries, f"{', '.join(map(str, folder))}, 95 % intervals"))
         for row in rows.to_pylist():
             if row["status"] != "finished":
                 last_line = row["error"].strip().splitlines()[-1]
                 out.print(
                     f"{row['scenario']}, {row['policy']}, seed {row['seed']}: {row['status']}: {last_line}",
-                    highlight=False,
                     soft_wrap=True,
                 )
         missing = sum(dataset.manifest["n_missions"] - len(dataset.keys()) for dataset in datasets)
         if missing:
-            out.print(f"{missing} missions are still to be run: repeat the command of the sweep", highlight=False)
+            out.print(f"{missing} missions are still to be run: repeat the command of the sweep")
 
 
 def _compare(rows: pa.Table, first: str, second: str) -> None:
@@ -90,10 +90,10 @@ def _compare(rows: pa.Table, first: str, second: str) -> None:
         pairs = pair_up(rows, first, second)
     except InputFileError as error:
         refuse(*error.faults)
-    out.print(differences_table(compare(pairs), first, second), highlight=False)
+    out.print(differences_table(compare(pairs), first, second))
     for pair in pairs:
         if pair.has_flipped:
             n_found = f"{pair.first['n_found']} -> {pair.second['n_found']} of {pair.first['n_sources']} found"
             settings = "" if pair.first["settings"] == "{}" else f" {pair.first['settings']},"
             where = f"{pair.first['scenario']},{settings} seed {pair.first['seed']}"
-            out.print(f"{where}: {n_found}", highlight=False, markup=False, soft_wrap=True)
+            out.print(f"{where}: {n_found}", soft_wrap=True)

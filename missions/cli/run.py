@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
+from missions.cli import interrupts
+from missions.cli.folders import output_folder
 from missions.cli.terminal import (
     FAILED,
-    INTERRUPTED,
     err,
-    make_folder,
-    new_folder,
     out,
     refuse,
     tell_calibration,
@@ -57,8 +55,9 @@ def run(
 ) -> None:
     """Run one mission and write its log, report and recording.
 
-    Ctrl-C, or an error in your own code, ends the mission early; log, report and recording are written all the same.
-    Exit status: 0, or 130 after Ctrl-C, 1 after an error in your own code, 2 if nothing was started.
+    Ctrl-C, SIGTERM, SIGHUP, or an error in your own code ends the mission early; log, report and recording are written
+    all the same, as far as two seconds allow. Exit status: 0, or 130, 143, 129 after one of these signals, 1 after an
+    error in your own code or what the machine denies, 2 if nothing was started.
 
     Args:
         scenario: Name of a shipped scenario (see `pdpatrol scenarios`), or path of a TOML file.
@@ -98,47 +97,50 @@ def run(
             load_maker(policy)
     except ForeignCodeError as error:
         refuse(str(error))
-    folder = new_folder(out_dir, f"{loaded.name}-{seed}")
+    with output_folder(out_dir, f"{loaded.name}-{seed}") as folder:
+        from missions.record.report import make_report
+        from missions.recording import LiveView
+        from missions.runner import Mission
 
-    from missions.record.report import make_report
-    from missions.recording import live_stream
-    from missions.runner import Mission
+        started_s = time.perf_counter()
+        with _progress(loaded.task.time_limit_s) as follow, ExitStack() as while_driving:
+            viewer, asked = None, None
 
-    started_s = time.perf_counter()
-    with _progress(loaded.task.time_limit_s) as follow:
-        viewer = None
+            def after_step(mission: Mission) -> None:
+                nonlocal viewer, asked
+                asked = asked or while_driving.enter_context(interrupts.put_off())
+                follow(mission)
+                if live:
+                    viewer = viewer or LiveView(mission.log)
+                    if mission.log.n_rows("step") % 5 == 0 or mission.is_over:
+                        viewer.update()
+                if asked() and not mission.is_over:
+                    mission.end("interrupted")
 
-        def after_step(mission: Mission) -> None:
-            nonlocal viewer
-            follow(mission)
-            if live:
-                viewer = viewer or live_stream(mission.log)
-                if mission.log.n_rows("step") % 5 == 0 or mission.is_over:
-                    viewer.update()
-
-        try:
-            mission = Mission(loaded, policy, seed, folder)
-        except ForeignCodeError as error:
-            refuse(str(error))
-        except ScenarioError as error:
-            refuse(*error.faults)
-        make_folder(folder)
-        log = mission.run(after_step)
-        report = make_report(log, time.perf_counter() - started_s)
-        write_mission(log, report, folder)
+            try:
+                mission = Mission(loaded, policy, seed, folder)
+            except ForeignCodeError as error:
+                refuse(str(error))
+            except ScenarioError as error:
+                refuse(*error.faults)
+            log = mission.run(after_step)
+            report = make_report(log, time.perf_counter() - started_s)
+            write_mission(log, report, folder)
+            if viewer:
+                viewer.leave_open()
     if json_output:
         out.print_json(data=report)
     else:
         tell_findings(report)
         tell_channel_faults(report)
         tell_calibration(report)
-        out.print(_summary(report, log.column("event", "text")[-1]), highlight=False)
+        out.print(_summary(report, log.column("event", "text")[-1]))
         tell_where(folder)
     if mission.error is not None:
-        err.print(str(mission.error), highlight=False, markup=False, soft_wrap=True)
+        err.print(str(mission.error), soft_wrap=True)
         sys.exit(FAILED)
-    if log.column("event", "text")[-1] == "interrupted":
-        sys.exit(INTERRUPTED)
+    if interrupts.status() is not None:
+        sys.exit(interrupts.status())
 
 
 def _summary(report: dict[str, Any], ending: str) -> str:
@@ -164,14 +166,8 @@ def _summary(report: dict[str, Any], ending: str) -> str:
 
 @contextmanager
 def _progress(time_limit_s: float) -> Iterator[Callable[[Mission], None]]:
-    """A progress bar over the route, the news as it comes, and Ctrl-C as a wish rather than a crash."""
+    """A progress bar over the route, and the news as it comes."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    stopped = False
-
-    def stop(*_: object) -> None:
-        nonlocal stopped
-        stopped = True
 
     columns = (
         TextColumn("{task.description:<16}"),
@@ -179,33 +175,24 @@ def _progress(time_limit_s: float) -> Iterator[Callable[[Mission], None]]:
         TextColumn("{task.fields[clock]}"),
         TimeRemainingColumn(),
     )
-    previous = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
-            bar = progress.add_task("start", total=1.0, clock="the first run on a machine compiles: some 20 s")
-            told = 0
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
+        bar = progress.add_task("start", total=1.0, clock="the first run on a machine compiles: some 20 s")
+        told = 0
 
-            def follow(mission: Mission) -> None:
-                nonlocal told
-                events = mission.log.table("event", told)
-                for kind, text in zip(events["kind"], events["text"], strict=True):
-                    if kind in TOLD:
-                        progress.console.print(
-                            f"{mission.time_s:6.1f} s  {kind}: {text}", highlight=False, markup=False
-                        )
-                told += events["kind"].size
-                stops = len(mission.site_map.route.stops_m) + 1
-                visited = mission.n_visited / stops
-                progress.update(
-                    bar,
-                    completed=max(visited, mission.time_s / time_limit_s),
-                    description=mission.policy.phase,
-                    clock=f"{mission.time_s:5.0f} s simulated, {visited * stops:.0f} of {stops - 1} waypoints",
-                )
-                if stopped and not mission.is_over:
-                    mission.end("interrupted")
+        def follow(mission: Mission) -> None:
+            nonlocal told
+            events = mission.log.table("event", told)
+            for kind, text in zip(events["kind"], events["text"], strict=True):
+                if kind in TOLD:
+                    progress.console.print(f"{mission.time_s:6.1f} s  {kind}: {text}")
+            told += events["kind"].size
+            stops = len(mission.site_map.route.stops_m) + 1
+            visited = mission.n_visited / stops
+            progress.update(
+                bar,
+                completed=max(visited, mission.time_s / time_limit_s),
+                description=mission.policy.phase,
+                clock=f"{mission.time_s:5.0f} s simulated, {visited * stops:.0f} of {stops - 1} waypoints",
+            )
 
-            yield follow
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
+        yield follow

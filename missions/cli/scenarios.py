@@ -35,7 +35,7 @@ def scenarios(
         if json_output:
             out.print_json(data=facts)
         else:
-            out.print(f"{check}: no fault; {len(scenario.sources)} sources, {n_sites} candidate sites", highlight=False)
+            out.print(f"{check}: no fault; {len(scenario.sources)} sources, {n_sites} candidate sites")
         return
     stories = {name: _first_line(SHIPPED / f"{name}.toml") for name in shipped_scenarios()}
     levels = {f"suite/{level}": story for level, story in load_suite().levels.items()}
@@ -49,7 +49,7 @@ def scenarios(
     for name, story in levels.items():
         table.add_row(name, story)
     out.print(table)
-    out.print("A level of the suite is many yards: pdpatrol sweep suite/open, or run suite/open_01.", highlight=False)
+    out.print("A level of the suite is many yards: pdpatrol sweep suite/open, or run suite/open_01.")
 
 
 def _first_line(path: Path) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from missions.cli.terminal import FAILED, INTERRUPTED, err, out, refuse
+from missions.cli.terminal import FAILED, err, out, refuse
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -142,22 +142,22 @@ def _complete(
                 progress.update(bar, advance=1, description=tally.found())
                 if row.status != "finished":
                     progress.console.print(
-                        f"{row.scenario}, {row.policy}, seed {row.seed}: {row.status}", highlight=False, soft_wrap=True
+                        f"{row.scenario}, {row.policy}, seed {row.seed}: {row.status}", soft_wrap=True
                     )
 
             run(jobs, finish)
         if dataset.is_complete:
             dataset.compact()
     except KeyboardInterrupt:
-        err.print(f"Interrupted; the same command goes on from {folder}", highlight=False, soft_wrap=True)
-        raise SystemExit(INTERRUPTED) from None
+        err.print(f"Interrupted; the same command goes on from {folder}", soft_wrap=True)
+        raise
     except EngineError as error:
-        err.print(str(error), highlight=False, soft_wrap=True)
+        err.print(str(error), soft_wrap=True)
         raise SystemExit(FAILED) from None
     except OSError as error:
         err.print(f"{folder}: a row could not be written ({error.strerror}); finished rows are kept", soft_wrap=True)
         raise SystemExit(FAILED) from None
-    out.print(terminal_table(summarise_groups(dataset.read()), f"{folder}, 95 % intervals"), highlight=False)
+    out.print(terminal_table(summarise_groups(dataset.read()), f"{folder}, 95 % intervals"))
     if jobs:
-        out.print(tally.cost(), highlight=False, soft_wrap=True)
-    out.print(f"Look at it with: pdpatrol results {folder}", highlight=False, soft_wrap=True)
+        out.print(tally.cost(), soft_wrap=True)
+    out.print(f"Look at it with: pdpatrol results {folder}", soft_wrap=True)

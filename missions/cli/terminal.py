@@ -1,84 +1,84 @@
-"""What all verbs share: the terminal, refusals, and folders that are never written twice."""
+"""What all verbs share: the terminal, refusals, and what is told of a mission."""
 
 from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Sequence
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from rich.console import Console
 
+from missions.whole_file import write_whole
+
 if TYPE_CHECKING:
     from missions.record.mission_log import MissionLog
 
 FAILED = 1
 USAGE_ERROR = 2
-INTERRUPTED = 130
 
-CALIBRATION = "calibration.toml"
+CALIBRATION, INCOMPLETE = "calibration.toml", "INCOMPLETE.txt"
 
-out, err = Console(), Console(stderr=True)
+out, err = (Console(stderr=to_stderr, markup=False, highlight=False, emoji=False) for to_stderr in (False, True))
+"""What is printed may come from a user's file: brackets, colons and numbers in it stay as they are."""
+
+
+def in_one_line(text: str) -> str:
+    """A text with line breaks and other control characters as escapes, for a terminal must not obey them."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def refuse(*faults: str) -> NoReturn:
     """Print one line per fault and leave with exit status 2."""
-    for fault in faults:
-        err.print(fault, highlight=False, markup=False, soft_wrap=True)
-    sys.exit(USAGE_ERROR)
+    _tell_and_leave(USAGE_ERROR, faults)
 
 
-def new_folder(given: Path | None, name: str, option: str = "--out") -> Path:
-    """A folder that holds nothing yet: the one given by an option, or the next free one under runs/."""
-    if given is not None:
-        if given.exists() and not given.is_dir():
-            refuse(f"{option}: {given} is a file; allowed is a new or an empty folder")
-        if given.is_dir() and any(given.iterdir()):
-            refuse(f"{option}: {given} is not empty; allowed is a new or an empty folder")
-        return given
-    folder, count = Path("runs") / name, 1
-    while folder.exists():
-        count += 1
-        folder = Path("runs") / f"{name}-{count}"
-    return folder
+def fail(*reasons: str) -> NoReturn:
+    """Print one line per reason and leave with exit status 1: it is not the user's fault."""
+    _tell_and_leave(FAILED, reasons)
 
 
-def make_folder(folder: Path, option: str = "--out") -> Path:
-    """The folder, made where it is not there yet."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        refuse(f"{option}: {folder} cannot be made ({error.strerror}); allowed is a folder that can be written to")
-    return folder
+def _tell_and_leave(status: int, lines: Sequence[str]) -> NoReturn:
+    for line in lines:
+        err.print(in_one_line(line), soft_wrap=True)
+    sys.exit(status)
 
 
 def write_mission(log: MissionLog, report: dict[str, Any], folder: Path) -> None:
-    """Write log, report, recording, and the calibration of the array if the mission has learned any."""
+    """Write log, report, recording, and the calibration of the array if the mission has learned any.
+
+    Raises:
+        OSError: If one cannot be written. What is there is whole, and `INCOMPLETE` beside it says what went wrong.
+    """
+    try:
+        _write_files(log, report, folder)
+    except OSError as error:
+        with suppress(OSError):
+            write_whole(folder / INCOMPLETE, f"Log, report and recording are not all here: {error}\n")
+        raise
+
+
+def _write_files(log: MissionLog, report: dict[str, Any], folder: Path) -> None:
     from envs.scenario.calibration import restore_calibration
     from missions.recording import write_recording
 
     log.save(folder)
-    write_text(folder / "report.json", json.dumps(report, indent=2) + "\n")
+    write_whole(folder / "report.json", json.dumps(report, indent=2) + "\n")
     if "calibration" in log.meta:
         when = datetime.now().astimezone().isoformat(timespec="seconds")
         text = restore_calibration(log.meta["calibration"]).as_toml()
-        write_text(folder / CALIBRATION, f"# Written {when}\n{text}")
+        write_whole(folder / CALIBRATION, f"# Written {when}\n{text}")
     write_recording(log, folder / "mission.rrd")
 
 
 def tell_where(folder: Path) -> None:
     """Say what was written and how to look at it."""
     files = ["log.npz", "report.json", "mission.rrd", *([CALIBRATION] if (folder / CALIBRATION).exists() else [])]
-    out.print(f"Written to {folder}: {', '.join(files)}", highlight=False, soft_wrap=True)
-    out.print(f"Look at it with: pdpatrol replay {folder}", highlight=False, soft_wrap=True)
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a text whole, or not at all."""
-    temporary = path.with_name(path.name + ".tmp")
-    temporary.write_text(text, encoding="utf-8")
-    temporary.replace(path)
+    out.print(f"Written to {folder}: {', '.join(files)}", soft_wrap=True)
+    out.print(f"Look at it with: pdpatrol replay {folder}", soft_wrap=True)
 
 
 def tell_findings(report: dict[str, Any]) -> None:
@@ -87,18 +87,18 @@ def tell_findings(report: dict[str, Any]) -> None:
     from missions.record.tables import candidates_table, findings_table
 
     found = findings_table(report) if report["findings"] else in_words(report["pulses"])
-    out.print(found, highlight=False, soft_wrap=not report["findings"])
+    out.print(found, soft_wrap=not report["findings"])
     if report["candidates"]:
-        out.print(candidates_table(report), highlight=False)
+        out.print(candidates_table(report))
 
 
 def tell_channel_faults(report: dict[str, Any]) -> None:
     """Say which channels of the receiver were found at fault."""
     for text in report["channel_faults"]:
-        out.print(f"Receiver: {text}", highlight=False, style="yellow")
+        out.print(f"Receiver: {text}", style="yellow")
 
 
 def tell_calibration(report: dict[str, Any]) -> None:
     """Say whether the pulses contradict the calibration that was taken up."""
     for text in report["calibration"]:
-        out.print(f"Calibration: {text}", highlight=False, style="yellow")
+        out.print(f"Calibration: {text}", style="yellow")

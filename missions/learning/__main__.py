@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 import time
 from importlib.util import find_spec
 from pathlib import Path
@@ -11,7 +10,10 @@ from typing import Annotated, Any
 
 import tyro
 
-from missions.cli.terminal import INTERRUPTED, err, make_folder, new_folder, out, refuse, write_text
+from missions.cli.command_line import command_line
+from missions.cli.folders import output_folder
+from missions.cli.terminal import err, in_one_line, out, refuse
+from missions.whole_file import whole_file, write_whole
 
 MAX_SEED = 899_000
 """Beyond it lie the yards of the learning curve and of the evaluation."""
@@ -54,18 +56,17 @@ def learn(
     ]
     if faults:
         refuse(*faults)
-    folder = new_folder(out_dir, f"learning-{seed}")
     if find_spec("stable_baselines3") is None:
         refuse("stable-baselines3 is not installed; run it with: uv run --extra rl python -m missions.learning")
-    data = _learn(steps, yards, seek_yards, threads, seed, make_folder(folder))
+    with output_folder(out_dir, f"learning-{seed}") as folder:
+        data = _learn(steps, yards, seek_yards, threads, seed, folder)
     if json_output:
         out.print_json(data=data)
         return
-    out.print(_table(data["policies"]), highlight=False)
+    out.print(_table(data["policies"]))
     out.print(
         f"{data['steps']} steps in {data['training_wall_s']:.0f} s. "
-        f"Written to {folder}: model.zip, learning_curve.json, learning.png",
-        highlight=False,
+        f"Written to {in_one_line(str(folder))}: model.zip, learning_curve.json, learning.png",
         soft_wrap=True,
     )
 
@@ -84,7 +85,8 @@ def _learn(steps: int, yards: int, seek_yards: int, threads: int, seed: int, fol
         bar = progress.add_task("training", total=steps)
         model, curve = train(steps, seed, num_threads=threads, advance=lambda n: progress.advance(bar, n))
         training_s = time.perf_counter() - started_s
-        model.save(folder / "model.zip")
+        with whole_file(folder / "model.zip") as file:
+            model.save(file)
         progress.update(bar, description="evaluation", total=None)
         tried = {
             "ppo": steering_of(model),
@@ -101,8 +103,9 @@ def _learn(steps: int, yards: int, seek_yards: int, threads: int, seed: int, fol
         "curve": curve,
         "policies": policies,
     }
-    write_text(folder / "learning_curve.json", json.dumps(data, indent=2) + "\n")
-    draw_curve(curve, policies, folder / "learning.png")
+    write_whole(folder / "learning_curve.json", json.dumps(data, indent=2) + "\n")
+    with whole_file(folder / "learning.png") as picture:
+        draw_curve(curve, policies, picture)
     return data
 
 
@@ -125,10 +128,8 @@ def _table(policies: dict[str, Any]) -> Any:  # noqa: ANN401 - a table of rich
 
 def main() -> None:
     """Entry point of `python -m missions.learning`."""
-    try:
+    with command_line():
         tyro.cli(learn, prog="python -m missions.learning", config=(tyro.conf.FlagCreatePairsOff,))
-    except KeyboardInterrupt:
-        sys.exit(INTERRUPTED)
 
 
 if __name__ == "__main__":

@@ -42,4 +42,4 @@ def draw_curve(curve: Sequence[Mapping[str, float]], policies: Mapping[str, Mapp
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(alpha=0.3)
     axes.legend(loc="center right", framealpha=1.0, edgecolor="none")
-    figure.savefig(path, dpi=140)
+    figure.savefig(path, dpi=140, format="png")

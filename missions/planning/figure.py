@@ -38,7 +38,7 @@ def draw_plan(plan: Plan, path: Path) -> None:
         f"{len(plan.stops_m)} stops, {plan.length_m:.0f} m, about {plan.driving_s:.0f} s",
         fontsize=11,
     )
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=110, format="png")
 
 
 def _draw_audibility(figure: Figure, axes: Axes, plan: Plan) -> None:

@@ -1,6 +1,6 @@
 """MissionLog to Rerun: the only package that imports it."""
 
 from missions.recording.recorder import Recorder, write_recording
-from missions.recording.viewer import live_stream, open_viewer, serve
+from missions.recording.viewer import LiveView, open_viewer, serve
 
-__all__ = ["Recorder", "live_stream", "open_viewer", "serve", "write_recording"]
+__all__ = ["LiveView", "Recorder", "open_viewer", "serve", "write_recording"]

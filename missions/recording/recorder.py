@@ -16,6 +16,7 @@ from missions.record.mission_log import MissionLog
 from missions.recording import blueprint as paths
 from missions.recording.phase_view import draw_phase_patterns
 from missions.recording.scene import COLOURS, log_scene
+from missions.whole_file import whole_file
 
 FloatArray = NDArray[np.float64]
 
@@ -47,16 +48,19 @@ QUIETEST_DBV = -60.0
 
 
 def write_recording(log: MissionLog, path: Path) -> None:
-    """Write a whole recording, blueprint inside, under a temporary name and rename it at the end."""
-    temporary = path.with_name(f".{path.name}.tmp.rrd")
+    """Write a whole recording, blueprint inside.
+
+    Raises:
+        OSError: If it cannot be written; a file that Rerun itself writes ends silently where the disk is full.
+    """
     stream = rr.RecordingStream("pdpatrol")
+    content = stream.binary_stream()
     time_s = log.column("step", "time_s")
-    end_s = float(time_s[-1]) if time_s.size else None
-    stream.save(temporary, default_blueprint=paths.blueprint(log.meta, end_s))
+    stream.send_blueprint(paths.blueprint(log.meta, float(time_s[-1]) if time_s.size else None))
     Recorder(stream, log).update()
-    stream.flush()
+    with whole_file(path) as temporary:
+        temporary.write_bytes(content.read(flush=True) or b"")
     stream.disconnect()
-    temporary.replace(path)
 
 
 class Recorder:

@@ -19,21 +19,22 @@ from urllib.parse import quote
 import rerun as rr
 
 from missions.record.mission_log import MissionLog
+from missions.recording import supervisor
 from missions.recording.blueprint import blueprint
 from missions.recording.recorder import Recorder
+from missions.recording.supervisor import LEAVE_OPEN
 
 LOOPBACK = "127.0.0.1"
 START_LIMIT_S = 30.0
-TERMINATE_LIMIT_S = 5.0
 
 
 def open_viewer(path: Path) -> None:
-    """Show a recording in the native viewer and wait until it is closed; Ctrl-C closes it."""
+    """Show a recording in the native viewer and wait until it is closed; what ends the wait closes it."""
     _wait(_start(str(path)))
 
 
 def serve(path: Path, announce: Callable[[str], None]) -> None:
-    """Serve a recording to browsers on this machine until Ctrl-C.
+    """Serve a recording to browsers on this machine until something ends the wait.
 
     Args:
         path: The recording.
@@ -50,45 +51,51 @@ def serve(path: Path, announce: Callable[[str], None]) -> None:
     _wait(process, announce_when_ready)
 
 
-def live_stream(log: MissionLog) -> Recorder:
-    """Open the viewer on a mission that runs; call `update` on what comes back as the log grows.
+class LiveView:
+    """The viewer on a mission that runs: call `update` as the log grows.
 
-    The viewer stays open when the mission is over.
+    It ends with this process, unless it is left open.
+
+    Args:
+        log: Of the mission.
     """
-    port = _free_port()
-    process = _start("--port", str(port), "--expect-data-soon", "--hide-welcome-screen")
-    _answers(port, process)
-    stream = rr.RecordingStream("pdpatrol")
-    stream.connect_grpc(f"rerun+http://{LOOPBACK}:{port}/proxy", default_blueprint=blueprint(log.meta))
-    return Recorder(stream, log)
+
+    def __init__(self, log: MissionLog) -> None:
+        port = _free_port()
+        self._process = _start("--port", str(port), "--expect-data-soon", "--hide-welcome-screen")
+        _answers(port, self._process)
+        stream = rr.RecordingStream("pdpatrol")
+        stream.connect_grpc(f"rerun+http://{LOOPBACK}:{port}/proxy", default_blueprint=blueprint(log.meta))
+        self._recorder = Recorder(stream, log)
+
+    def update(self) -> None:
+        """Send the rows added since the last call."""
+        self._recorder.update()
+
+    def leave_open(self) -> None:
+        """Let the viewer stay when this process has ended."""
+        with suppress(BrokenPipeError):
+            assert self._process.stdin is not None
+            self._process.stdin.write(LEAVE_OPEN)
+            self._process.stdin.close()
 
 
 def _start(*arguments: str) -> subprocess.Popen[bytes]:
-    """Rerun in a process group of its own: its launcher starts the viewer as a child, and both must go together."""
-    command = [sys.executable, "-m", "rerun", "--bind", LOOPBACK, *arguments]
-    return subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL)
+    """Rerun, which ends with this process."""
+    rerun = [sys.executable, "-m", "rerun", "--bind", LOOPBACK, *arguments]
+    command = [sys.executable, str(Path(supervisor.__file__)), *rerun]
+    return subprocess.Popen(command, start_new_session=True, stdin=subprocess.PIPE)
 
 
 def _wait(process: subprocess.Popen[bytes], when_started: Callable[[], None] = lambda: None) -> None:
-    """Wait for the viewer to end, and end it on Ctrl-C or a request to terminate."""
-    previous = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    """Wait for the viewer to end; an exception ends it."""
     try:
-        with suppress(KeyboardInterrupt):
-            when_started()
-            process.wait()
+        when_started()
+        process.wait()
     finally:
-        signal.signal(signal.SIGTERM, previous)
-        _end(process)
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    """End the viewer and what it started: terminate first, kill where that does not end it."""
-    for request in (signal.SIGTERM, signal.SIGKILL):
         with suppress(ProcessLookupError):
-            os.killpg(process.pid, request)
-        with suppress(subprocess.TimeoutExpired):
-            process.wait(TERMINATE_LIMIT_S)
-            return
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
 
 
 def _answers(port: int, process: subprocess.Popen[bytes]) -> bool:

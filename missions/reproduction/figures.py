@@ -15,6 +15,7 @@ from missions.reproduction import protocol
 from missions.reproduction.exhibits import Exhibit, Measured, Row, published
 from missions.reproduction.methods import GATE_SAMPLES
 from missions.reproduction.over_frequency import BIAS_AZIMUTHS_DEG
+from missions.whole_file import whole_file
 
 FloatArray = NDArray[np.float64]
 
@@ -43,7 +44,8 @@ def draw_all(exhibits: Sequence[Exhibit], folder: Path, seed: int) -> list[Path]
     paths: list[Path] = []
     for name, draw in pictures.items():
         path = folder / f"{name}.png"
-        draw().savefig(path, dpi=DPI)
+        with whole_file(path) as picture:
+            draw().savefig(picture, dpi=DPI, format="png")
         paths.append(path)
     return paths
 

@@ -8,9 +8,9 @@ from typing import Any
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Group
-from rich.markup import escape
 from rich.padding import Padding
 from rich.table import Table
+from rich.text import Text
 
 from missions.reproduction.exhibits import Exhibit, Measured, Row, published
 from missions.reproduction.protocol import N_RECORD, SAMPLE_RATE_HZ
@@ -63,7 +63,7 @@ def as_table(exhibit: Exhibit) -> Group:
     columns = ["paper", "paper's method", "best method", LAST_COLUMN.get(exhibit.name, "unrounded")]
     if all(row.unrounded is None for row in exhibit.rows):
         columns.pop()
-    table = Table(title=escape(exhibit.title), title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
+    table = Table(title=exhibit.title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
     table.add_column("")
     for name in columns:
         table.add_column(name, justify="right", overflow="fold")
@@ -72,8 +72,8 @@ def as_table(exhibit: Exhibit) -> Group:
         cells = ["-" if row.paper is None else f"{row.paper:g}", *(_told(m, row.unit) for m in measured)]
         cells[-1] = cells[-1].partition(" ")[0]  # its interval is in the JSON file
         label = f"{row.label} (deg)" if row.unit == "deg" else row.label
-        table.add_row(escape(label), *cells[: len(columns)])
-    notes = [Padding(f"[dim]{escape(note)}[/dim]", (0, 0, 0, 2)) for note in exhibit.notes]
+        table.add_row(label, *cells[: len(columns)])
+    notes = [Padding(Text(note, style="dim"), (0, 0, 0, 2)) for note in exhibit.notes]
     return Group(table, *notes)
 
 

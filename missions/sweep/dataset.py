@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 from collections.abc import Sequence
 from contextlib import suppress
 from importlib.metadata import version
@@ -19,6 +17,7 @@ from envs.scenario import restore_scenario
 from missions.sweep.code_version import commit
 from missions.sweep.mission_row import SCHEMA, MissionRow
 from missions.sweep.plan import MissionJob, SweepPlan
+from missions.whole_file import whole_file, write_whole
 
 VERSION = 1
 MANIFEST, SCENARIOS, ROWS, ALL_ROWS = "sweep.json", "scenarios.parquet", "rows", "rows.parquet"
@@ -65,7 +64,7 @@ class Dataset:
             (folder / ROWS).mkdir(parents=True, exist_ok=True)
             scenarios = {job.scenario_digest: job.scenario.model_dump_json() for job in plan.jobs}
             columns = {"scenario_digest": list(scenarios), "scenario": list(scenarios.values())}
-            _write_whole(folder / SCENARIOS, _as_parquet(pa.table(columns)))
+            _write_table(folder / SCENARIOS, pa.table(columns))
             manifest = {
                 "version": VERSION,
                 "command": list(command),
@@ -76,7 +75,7 @@ class Dataset:
                 "suite": max(job.suite for job in plan.jobs),
                 "versions": {name: version(name) for name in ("pdpatrol", "mujoco", "numpy", "scipy", "numba")},
             }
-            _write_whole(folder / MANIFEST, (json.dumps(manifest, indent=2) + "\n").encode())
+            write_whole(folder / MANIFEST, json.dumps(manifest, indent=2) + "\n")
         dataset, faults = cls(folder), list[str]()
         if dataset.manifest["plan"] != plan.digest:
             faults.append(
@@ -106,7 +105,7 @@ class Dataset:
         Raises:
             OSError: If it cannot be written; the rows before it stay.
         """
-        _write_whole(self.folder / ROWS / f"{row.key}.parquet", _as_parquet(_as_table([row])))
+        _write_table(self.folder / ROWS / f"{row.key}.parquet", _as_table([row]))
 
     def read(self) -> pa.Table:
         """All rows, in the order of the plan; no mission comes twice."""
@@ -147,7 +146,7 @@ class Dataset:
 
     def compact(self) -> None:
         """Put all rows into one file; at any moment each is in that file or in its own."""
-        _write_whole(self.folder / ALL_ROWS, _as_parquet(self.read()))
+        _write_table(self.folder / ALL_ROWS, self.read())
         for path in (self.folder / ROWS).glob("*.parquet"):
             path.unlink(missing_ok=True)
 
@@ -165,22 +164,6 @@ def _as_table(rows: Sequence[MissionRow]) -> pa.Table:
     return pa.Table.from_pylist([row._asdict() for row in rows], schema=SCHEMA)
 
 
-def _as_parquet(table: pa.Table) -> bytes:
-    sink = pa.BufferOutputStream()
-    pq.write_table(table, sink, compression="zstd")
-    return sink.getvalue().to_pybytes()
-
-
-def _write_whole(path: Path, content: bytes) -> None:
-    """Write a file that other processes see whole or not at all, and that a loss of power does not leave empty."""
-    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            os.fchmod(handle, 0o644)
-            file.write(content)
-            file.flush()
-            os.fsync(handle)
-        Path(temporary).replace(path)
-    except OSError:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+def _write_table(path: Path, table: pa.Table) -> None:
+    with whole_file(path) as temporary:
+        pq.write_table(table, temporary, compression="zstd")

@@ -16,6 +16,7 @@ from matplotlib.ticker import PercentFormatter
 
 from missions.sweep.results.intervals import bootstrap_interval, share_interval
 from missions.sweep.results.summary import group_of
+from missions.whole_file import whole_file
 
 Row = Mapping[str, Any]
 SIZE_IN = (7.0, 4.2)
@@ -47,7 +48,8 @@ def draw_figures(rows: pa.Table, folder: Path) -> list[Path]:
         if len({json.dumps(each[key]) for each in settings if key in each}) > 1:
             pictures.append((folder / f"over_{key}.png", draw_over_setting(finished, key)))
     for path, figure in pictures:
-        figure.savefig(path, dpi=120)
+        with whole_file(path) as picture:
+            figure.savefig(picture, dpi=120, format="png")
     return [path for path, _ in pictures]
 
 

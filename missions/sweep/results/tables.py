@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
+from rich.text import Text
 
 from missions.sweep.results.intervals import Interval
 from missions.sweep.results.paired import Difference
@@ -81,7 +82,7 @@ def terminal_table(summaries: Sequence[GroupSummary], title: str) -> Table:
         if summary.group != before:
             before = summary.group
             table.add_section()
-            table.add_row(f"[bold]{before}[/bold]")
+            table.add_row(Text(before, style="bold"))
         named = dict(zip(HEADINGS, cells(summary), strict=True))
         settings = "" if named["set"] == "-" else f", {named['set']}"
         table.add_row(f"{summary.policy}{settings}", *(named[heading].replace(" to ", "-") for heading in shown))

@@ -1,0 +1,36 @@
+"""Runs a viewer for no longer than the process that asked for it lives, whatever ends that: `supervisor.py COMMAND`.
+
+It is run as a script, in a session of its own. Its standard input is a pipe to whoever asked: when that closes, the
+viewer ends, and what it has started; `LEAVE_OPEN` before lets it stay.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+LEAVE_OPEN = b"leave open"
+TERMINATE_LIMIT_S = 3.0
+"""From the wish that a viewer ends to the end by force (assumed)."""
+
+
+def _end_with_parent() -> None:
+    if sys.stdin.buffer.read() == LEAVE_OPEN:
+        return
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    for request, wait_s in ((signal.SIGTERM, TERMINATE_LIMIT_S), (signal.SIGKILL, 0.0)):
+        os.killpg(0, request)
+        time.sleep(wait_s)
+
+
+def main() -> None:
+    """Run the command until it ends, or has to."""
+    viewer = subprocess.Popen(sys.argv[1:], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    sys.exit(viewer.wait())
+
+
+if __name__ == "__main__":
+    main()

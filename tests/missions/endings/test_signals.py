@@ -1,0 +1,148 @@
+"""Signals: at any moment, within two seconds, with whole files and no child left."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+from missions.cli.interrupts import SIGNALS
+from missions.record.mission_log import MissionLog
+
+PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
+ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+
+ENDLESS = """
+import sys, time
+from pathlib import Path
+from missions.cli.command_line import command_line
+from missions.cli.folders import output_folder
+from missions.whole_file import whole_file
+import numpy as np
+with command_line(), output_folder(Path("folder"), "") as folder:
+    (folder / "whole").touch()
+    with whole_file(folder / "half") as half:
+        half.touch()
+        print("ready", flush=True)
+        if sys.argv[1] == "compiled":
+            import numba
+            @numba.njit(nogil=True)
+            def spin(n):
+                x = 0.0
+                for i in range(n):
+                    x += i % 7
+                return x
+            spin(10)
+            print("ready", flush=True)
+            spin(10**13)
+        time.sleep(600.0)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("where", ["python", "compiled"])
+def test_signals_end_a_command_wherever_it_is_and_leave_whole_files(
+    where: str, number: signal.Signals, tmp_path: Path
+) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-c", ENDLESS, where],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    for _ in range(2 if where == "compiled" else 1):
+        assert process.stdout.readline() == "ready\n"
+    time.sleep(0.1)
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode == 128 + number
+    assert errors.strip() == "Interrupted"
+    assert [path.name for path in (tmp_path / "folder").iterdir()] == ["whole"]
+
+
+def test_a_second_signal_ends_a_command_at_once(tmp_path: Path) -> None:
+    code = ENDLESS.replace("time.sleep(600.0)", "stuck()").replace(
+        "with command_line()",
+        """
+def stuck():
+    while True:
+        try:
+            print("stuck", flush=True)
+            time.sleep(600.0)
+        except BaseException:
+            pass
+
+with command_line()""",
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, "python"], cwd=tmp_path, env=ENVIRONMENT, stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    assert [process.stdout.readline() for _ in range(2)] == ["ready\n", "stuck\n"]
+    process.send_signal(signal.SIGTERM)
+    assert process.stdout.readline() == "stuck\n"
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=30)
+    assert process.returncode == 128 + signal.SIGTERM
+    assert [path.name for path in (tmp_path / "folder").iterdir()] == ["whole"]
+
+
+def test_a_signal_that_is_to_be_ignored_stays_so(tmp_path: Path) -> None:
+    code = f"import signal\nsignal.signal(signal.SIGHUP, signal.SIG_IGN)\n{ENDLESS}".replace("600.0", "0.5")
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, "python"], cwd=tmp_path, env=ENVIRONMENT, stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n"
+    process.send_signal(signal.SIGHUP)
+    process.communicate(timeout=30)
+    assert process.returncode == 0
+    assert {path.name for path in (tmp_path / "folder").iterdir()} == {"whole", "half"}
+
+
+VERBS = {
+    "run": ("run", "one_source"),
+    "plan": ("plan", "transformer_bay"),
+    "reproduce": ("reproduce", "--trials", "3600"),
+    "sweep": ("sweep", "suite/open", "--seeds", "0", "--workers", "1"),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("verb", VERBS)
+def test_signals_at_random_moments_end_every_verb_in_two_seconds(verb: str, tmp_path: Path) -> None:
+    rng, late = np.random.default_rng(list(verb.encode())), list[float]()
+    for k in range(40):
+        number, folder = signal.Signals(rng.choice(SIGNALS)), tmp_path / str(k)
+        process = subprocess.Popen(
+            [PDPATROL, *VERBS[verb], "--out", str(folder)],
+            cwd=tmp_path,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        time.sleep(0.3 + rng.exponential(6.0))
+        children = psutil.Process(process.pid).children(recursive=True) if process.poll() is None else []
+        is_double, began = rng.random() < 0.3, time.monotonic()
+        process.send_signal(number)
+        if is_double:
+            time.sleep(0.1)
+            process.send_signal(number)
+        _, errors = process.communicate(timeout=60)
+        late.append(time.monotonic() - began)
+        assert process.returncode in (0, 128 + number), errors
+        assert "Traceback" not in errors
+        assert not [path for path in tmp_path.rglob("*") if ".tmp" in path.name]
+        if (folder / "log.npz").exists() or (folder / "log.parts").exists():
+            assert MissionLog.load(folder).n_rows("step") > 0
+        _, alive = psutil.wait_procs(children, timeout=3.0)
+        assert not alive
+    assert max(late) < 2.5  # two, and what starting and reaping a process takes on a loaded machine
