@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from missions.cli.terminal import FAILED, err, out, refuse
+from missions.cli.terminal import FAILED, err, in_one_line, out, refuse
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -149,7 +149,7 @@ def _complete(
         if dataset.is_complete:
             dataset.compact()
     except KeyboardInterrupt:
-        err.print(f"Interrupted; the same command goes on from {folder}", soft_wrap=True)
+        err.print(f"The same command goes on from {in_one_line(str(folder))}", soft_wrap=True)
         raise
     except EngineError as error:
         err.print(str(error), soft_wrap=True)

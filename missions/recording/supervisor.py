@@ -9,20 +9,13 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 
 LEAVE_OPEN = b"leave open"
-TERMINATE_LIMIT_S = 3.0
-"""From the wish that a viewer ends to the end by force (assumed)."""
 
 
 def _end_with_parent() -> None:
-    if sys.stdin.buffer.read() == LEAVE_OPEN:
-        return
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    for request, wait_s in ((signal.SIGTERM, TERMINATE_LIMIT_S), (signal.SIGKILL, 0.0)):
-        os.killpg(0, request)
-        time.sleep(wait_s)
+    if sys.stdin.buffer.read() != LEAVE_OPEN:
+        os.killpg(0, signal.SIGKILL)
 
 
 def main() -> None:

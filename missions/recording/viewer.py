@@ -84,7 +84,7 @@ def _start(*arguments: str) -> subprocess.Popen[bytes]:
     """Rerun, which ends with this process."""
     rerun = [sys.executable, "-m", "rerun", "--bind", LOOPBACK, *arguments]
     command = [sys.executable, str(Path(supervisor.__file__)), *rerun]
-    return subprocess.Popen(command, start_new_session=True, stdin=subprocess.PIPE)
+    return subprocess.Popen(command, start_new_session=True, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)
 
 
 def _wait(process: subprocess.Popen[bytes], when_started: Callable[[], None] = lambda: None) -> None:

@@ -13,6 +13,8 @@ import pytest
 
 from missions.cli.interrupts import SIGNALS
 from missions.record.mission_log import MissionLog
+from missions.recording import supervisor
+from missions.recording.supervisor import LEAVE_OPEN
 
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
@@ -106,6 +108,41 @@ def test_a_signal_that_is_to_be_ignored_stays_so(tmp_path: Path) -> None:
     process.communicate(timeout=30)
     assert process.returncode == 0
     assert {path.name for path in (tmp_path / "folder").iterdir()} == {"whole", "half"}
+
+
+SUPERVISES = f"""
+import subprocess, sys
+supervisor = subprocess.Popen(
+    [sys.executable, {supervisor.__file__!r}, "sleep", "600"],
+    stdin=subprocess.PIPE,
+    stdout=subprocess.DEVNULL,
+    start_new_session=True,
+)
+print(supervisor.pid, flush=True)
+if sys.argv[1] == "leave_open":
+    supervisor.stdin.write({LEAVE_OPEN!r})
+    supervisor.stdin.close()
+    sys.exit()
+supervisor.wait()
+"""
+
+
+@pytest.mark.parametrize("stays", [False, True])
+def test_a_viewer_ends_with_whoever_asked_for_it_however_that_ends_unless_it_is_left_open(stays: bool) -> None:
+    asked = subprocess.Popen(
+        [sys.executable, "-c", SUPERVISES, "leave_open" if stays else ""], stdout=subprocess.PIPE, text=True
+    )
+    assert asked.stdout is not None
+    viewer = psutil.Process(int(asked.stdout.readline()))
+    while not (started := viewer.children()):
+        time.sleep(0.02)
+    if not stays:
+        asked.kill()
+    asked.communicate(timeout=30)
+    _, alive = psutil.wait_procs([viewer, *started], timeout=1.0 if stays else 10.0)
+    for process in alive:
+        process.kill()
+    assert len(alive) == (2 if stays else 0)
 
 
 VERBS = {
