@@ -84,6 +84,14 @@ def test_a_folder_that_was_there_stays_and_one_that_is_not_empty_is_refused(tmp_
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["file"]
 
 
+def test_names_are_printed_as_they_are_but_for_what_a_terminal_would_obey(tmp_path: Path) -> None:
+    folder = tmp_path / "o[1]x[old] :smile: \n\x1b[31m"
+    folder.mkdir()
+    (folder / "file").touch()
+    line = told(claim(folder.name, cwd=tmp_path))
+    assert line.startswith("--out: o[1]x[old] :smile: \\n\\x1b[31m is not empty")
+
+
 def test_without_a_folder_given_each_takes_the_next_free_one(tmp_path: Path) -> None:
     some = [claim("", "keep", cwd=tmp_path) for _ in range(3)]
     assert [process.communicate()[1] for process in some] == ["", "", ""]
