@@ -13,7 +13,7 @@ from gymnasium import error, spaces
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
-from envs.core.arguments import checked_actions, checked_seed, given_scenario, told_spec
+from envs.core.arguments import NOTHING_FIXED, Fixed, checked_actions, checked_seed, given_scenario, told_spec
 from envs.core.info import fixed_info
 from envs.core.simulation import STEP_S, Outcome, Simulation
 from envs.scenario import Scenario
@@ -83,7 +83,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     | key | shape | unit | meaning |
     |---|---|---|---|
     | time_s | () | s | since the start |
-    | pose | (3,) | m, m, rad | believed x, y, yaw, float64 |
+    | believed_pose | (3,) | m, m, rad | x, y, yaw as observed, but float64 |
     | odometry | (3,) | m, m, rad | by wheels and gyro alone, from the believed pose at the start on |
     | battery | () | 1 | share that is left |
     | reward_progress | () | 1 | term of the reward |
@@ -174,7 +174,10 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     ) -> tuple[Observation, dict[str, Any]]:
         """Start an episode at the dock; `seed` fixes all that is drawn, `options` what is not to be drawn."""
         self._check_open("reset")
-        super().reset(seed=checked_seed(seed))
+        whole, fixed = checked_seed(seed), NOTHING_FIXED
+        if self._draw_scenario is None:
+            fixed = Fixed.checked(options, self.scenario)
+        super().reset(seed=whole)
         if self._draw_scenario is not None:
             self._close_camera()
             self._enter(self._draw_scenario(self.np_random))
@@ -185,7 +188,8 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
                     "size of yard, limits of the robot, number of elements and time limit, as of the first: "
                     f"{self.observation_space}"
                 )
-        self.simulation.reset(FIRST, [self.np_random], {} if options is None else options)
+            fixed = Fixed.checked(options, self.scenario)
+        self.simulation.reset(FIRST, [self.np_random], fixed)
         outcome = self.simulation.step(None, started=FIRST)
         if self.render_mode == "human":
             self.render()

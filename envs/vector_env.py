@@ -14,8 +14,16 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from envs.core.arguments import checked_actions, checked_count, checked_seed, given_scenario, told_spec
-from envs.core.info import fixed_info
+from envs.core.arguments import (
+    NOTHING_FIXED,
+    Fixed,
+    checked_actions,
+    checked_count,
+    checked_seed,
+    given_scenario,
+    told_spec,
+)
+from envs.core.info import fixed_info, joined_pulses, mixed, pulse_columns
 from envs.core.simulation import STEP_S, Outcome, Simulation
 from envs.patrol_env import Observation, observation_space
 from envs.scenario import Scenario
@@ -139,14 +147,17 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
             options: `reset_mask`, truth values of shape (num_envs,), and what `PatrolEnv.reset` takes.
         """
         self._check_open("reset")
-        given = {} if options is None else options
-        mask, fixed = self._mask(given), given
-        if isinstance(given, Mapping):
-            fixed = {key: value for key, value in given.items() if key != RESET_MASK}
-        seeds, rows = self._seeds(seed), np.flatnonzero(mask)
+        others: Any = options
+        if isinstance(options, Mapping):
+            others = {key: value for key, value in options.items() if key != RESET_MASK}
+        rows, fixed, seeds = (
+            np.flatnonzero(self._mask(options)),
+            Fixed.checked(others, self.scenario),
+            self._seeds(seed),
+        )
         outcome = self._start(rows, fixed, seeds=seeds)
         self._observation = (
-            outcome.observation if rows.size == self.num_envs else _mixed(self._observation, outcome.observation, rows)
+            outcome.observation if rows.size == self.num_envs else mixed(self._observation, outcome.observation, rows)
         )
         return self.simulation.layout.parts(self._observation), self._info(outcome)
 
@@ -192,14 +203,14 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
     def _start(
         self,
         rows: Rows,
-        options: Mapping[str, Any],
+        fixed: Fixed = NOTHING_FIXED,
         commands: FloatArray | None = None,
         seeds: Sequence[int | None] | None = None,
     ) -> Outcome:
         """New episodes in some rows; the others take a step, if there are commands, or wait."""
         known = [None] * self.num_envs if seeds is None else seeds
         rngs = [self._rng(row) if known[row] is None else seeding.np_random(known[row]) for row in rows.tolist()]
-        self.simulation.reset(rows, [rng for rng, _ in rngs], options)
+        self.simulation.reset(rows, [rng for rng, _ in rngs], fixed)
         for row, rng in zip(rows.tolist(), rngs, strict=True):
             self._rngs[row] = rng
         self._is_over[rows] = False
@@ -219,7 +230,7 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         wanted = self.simulation.robot.command_from_action(checked_actions(actions, (self.num_envs, 2)))
         over = np.flatnonzero(self._is_over)
         if over.size and self.autoreset_mode is AutoresetMode.NEXT_STEP:
-            outcome = self._start(over, {}, wanted)
+            outcome = self._start(over, commands=wanted)
         elif over.size:
             raise error.ResetNeeded(
                 f"rows {over.tolist()} are over; reset them with options={{'reset_mask': mask}} first"
@@ -239,15 +250,15 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         final = np.full(self.num_envs, None, dtype=object)
         for row in rows.tolist():
             final[row] = self.simulation.layout.parts(ended.observation[row].copy())
-        begun = self._start(rows, {})
+        begun = self._start(rows)
         over = np.zeros(self.num_envs, dtype=np.bool_)
         over[rows] = True
         told: dict[str, Any] = {
-            key: _mixed(info[key], values, rows) for key, values in fixed_info(self.simulation, begun).items()
+            key: mixed(info[key], values, rows) for key, values in fixed_info(self.simulation, begun).items()
         }
         if self._full_info:
-            told["pulses"] = _joined(info["pulses"], _columns(begun), over)
-        return _mixed(ended.observation, begun.observation, rows), {
+            told["pulses"] = joined_pulses(info["pulses"], pulse_columns(begun), over)
+        return mixed(ended.observation, begun.observation, rows), {
             **told,
             "final_obs": final,
             "_final_obs": over,
@@ -258,27 +269,8 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
     def _info(self, outcome: Outcome) -> dict[str, Any]:
         info: dict[str, Any] = dict(fixed_info(self.simulation, outcome))
         if self._full_info:
-            info["pulses"] = _columns(outcome)
+            info["pulses"] = pulse_columns(outcome)
         return info
 
     def close_extras(self, **kwargs: Any) -> None:  # noqa: ANN401 - as Gymnasium declares it
         """Nothing is open."""
-
-
-def _mixed(values: NDArray[Any], begun: NDArray[Any], rows: Rows) -> NDArray[Any]:
-    """The rows of one array, but for some that are of another."""
-    mixed = values.copy()
-    mixed[rows] = begun[rows]
-    return mixed
-
-
-def _columns(outcome: Outcome) -> dict[str, NDArray[Any]]:
-    """Pulses of all robots by the names of their columns."""
-    return {"robot": outcome.robot, **outcome.pulses._asdict()}
-
-
-def _joined(ended: dict[str, NDArray[Any]], begun: dict[str, NDArray[Any]], over: BoolArray) -> dict[str, NDArray[Any]]:
-    """Pulses of the robots that go on, and those of the new episodes of the others, robot by robot."""
-    goes_on = ~over[ended["robot"]]
-    order = np.argsort(np.append(ended["robot"][goes_on], begun["robot"]), kind="stable")
-    return {name: np.concatenate([column[goes_on], begun[name]])[order] for name, column in ended.items()}

@@ -133,7 +133,7 @@ class Mission:
         step = self.log.append(
             "step",
             time_s=info["time_s"],
-            pose=info["pose"],
+            pose=info["believed_pose"],
             true_pose=info["true_pose"],
             odometry=info["odometry"],
             battery=info["battery"],
@@ -142,8 +142,8 @@ class Mission:
         )
         for suspect in info["suspects"]:
             self._book.event("channel fault", f"{suspect}: left out from here on")
-        tracked = self._tracker.track(info["time_s"], info["pose"], info["pulses"])
-        self._book.log_tracked(info["pose"], tracked)
+        tracked = self._tracker.track(info["time_s"], info["believed_pose"], info["pulses"])
+        self._book.log_tracked(info["believed_pose"], tracked)
         self._book.log_contradiction(self._tracker.contradicts_calibration)
         self._log_events(info)
         if self.folder is not None and (step + 1) % round(PART_S / STEP_S) == 0:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from enum import Enum
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
@@ -18,6 +18,13 @@ from envs.scenario import Scenario, ScenarioError, load_scenario
 from envs.scenario.loader import restore_scenario
 
 FloatArray = NDArray[np.float64]
+
+OPTIONS = ("start_pose", "sources")
+"""What `reset(options=...)` can fix; see `PatrolEnv`."""
+
+
+HIGHEST_M = 100.0
+"""Up to which height a source can be put (assumed: no equipment of a substation is higher)."""
 
 
 def checked_actions(actions: Any, shape: tuple[int, ...]) -> FloatArray:  # noqa: ANN401 - it may be anything
@@ -108,3 +115,78 @@ def _plain(value: Any) -> Any:  # noqa: ANN401 - arguments are of many types
     if isinstance(value, Path):
         return str(value)
     return value.value if isinstance(value, Enum) else value
+
+
+class Fixed(NamedTuple):
+    """What is not drawn in an episode.
+
+    Attributes:
+        start_pose: x m, y m, yaw rad, shape (3,); None where the dock is the start.
+        sources_m: Places of sources by their names, each of shape (3,).
+    """
+
+    start_pose: FloatArray | None
+    sources_m: Mapping[str, FloatArray]
+
+    @classmethod
+    def checked(cls, options: Any, scenario: Scenario) -> Fixed:  # noqa: ANN401 - it may be anything
+        """From the options of a reset; None are no options.
+
+        Raises:
+            ValueError: If an option is unknown or makes no sense in the scenario.
+        """
+        if options is None:
+            return NOTHING_FIXED
+        if not isinstance(options, Mapping):
+            raise ValueError(f"`options`: got {options!r}; allowed is a dict with {', '.join(OPTIONS)}")
+        unknown = [key for key in options if key not in OPTIONS]
+        if unknown:
+            raise ValueError(f"`options`: no option `{unknown[0]}`; allowed are {', '.join(OPTIONS)}")
+        start, sources = options.get("start_pose"), options.get("sources")
+        pose = None if start is None else _three_numbers(start)
+        if start is not None and (pose is None or not _is_on_free_ground(pose, scenario)):
+            raise ValueError(
+                f"`options`: start_pose {start} is no x m, y m, yaw rad on free ground inside the fence; "
+                "allowed is a yaw of one turn either way"
+            )
+        if not isinstance(sources, Mapping | None):
+            raise ValueError(f"`options`: sources: got {sources!r}; allowed is a dict from a source's name to a place")
+        return cls(pose, {name: _place(name, place, scenario) for name, place in (sources or {}).items()})
+
+
+NOTHING_FIXED = Fixed(None, {})
+
+
+def _is_on_free_ground(pose: FloatArray, scenario: Scenario) -> bool:
+    is_inside = scenario.yard.contains(pose) and abs(pose[2]) <= 2.0 * np.pi
+    return bool(is_inside and scenario.yard.clearance(pose) >= 0.0)
+
+
+def _place(name: str, place: Any, scenario: Scenario) -> FloatArray:  # noqa: ANN401 - it may be anything
+    names, known = [source.name for source in scenario.sources], scenario.yard.site_names()
+    if name not in names:
+        raise ValueError(f"`options`: no source `{name}`; allowed are {', '.join(names) or 'none'}")
+    if isinstance(place, str):
+        if place not in known:
+            raise ValueError(f"`options`: no site `{place}` for source `{name}`; allowed are {', '.join(known)}")
+        return scenario.yard.site_position(place)
+    at = _three_numbers(place)
+    if at is None or not 0.0 < at[2] <= HIGHEST_M or not scenario.yard.contains(at):
+        raise ValueError(
+            f"`options`: source `{name}` at {place}: allowed is x, y, z above ground in the yard, up to {HIGHEST_M:g} m"
+        )
+    enclosing = scenario.yard.enclosing_equipment(at)
+    if enclosing is not None:
+        raise ValueError(f"`options`: source `{name}` at {place}: allowed is no place within equipment `{enclosing}`")
+    return at
+
+
+def _three_numbers(value: Any) -> FloatArray | None:  # noqa: ANN401 - it may be anything
+    """Three finite real numbers, shape (3,); None if these are none."""
+    try:
+        given = np.asarray(value)
+    except (TypeError, ValueError):
+        return None
+    if given.shape != (3,) or given.dtype.kind not in "iuf" or not np.isfinite(given).all():
+        return None
+    return given.astype(np.float64)

@@ -4,78 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from envs.core.arguments import Fixed
 from envs.core.generators import Generators
 from envs.scenario.scenario import Scenario
 from envs.scenario.sources import SourceConfig
 from sensing import Carrier, DischargeSource, HelicalArray, PulseTrain, Scene, Surroundings
 
 FloatArray = NDArray[np.float64]
-
-
-OPTIONS = ("start_pose", "sources")
-"""What `reset(options=...)` can fix; see `PatrolEnv`."""
-
-
-class Fixed(NamedTuple):
-    """What is not drawn in an episode.
-
-    Attributes:
-        start_pose: x m, y m, yaw rad, shape (3,); None where the dock is the start.
-        sources_m: Places of sources by their names, each of shape (3,).
-    """
-
-    start_pose: FloatArray | None
-    sources_m: Mapping[str, FloatArray]
-
-    @classmethod
-    def checked(cls, options: Any, scenario: Scenario) -> Fixed:  # noqa: ANN401 - it may be anything
-        """From the options of a reset.
-
-        Raises:
-            ValueError: If an option is unknown or makes no sense in the scenario.
-        """
-        if not isinstance(options, Mapping):
-            raise ValueError(f"`options`: got {options!r}; allowed is a dict with {', '.join(OPTIONS)}")
-        unknown = [key for key in options if key not in OPTIONS]
-        if unknown:
-            raise ValueError(f"`options`: no option `{unknown[0]}`; allowed are {', '.join(OPTIONS)}")
-        start, sources = options.get("start_pose"), options.get("sources")
-        pose = None if start is None else _three_numbers(start)
-        if start is not None and (pose is None or scenario.yard.clearance(pose[:2]) < 0.0):
-            raise ValueError(f"`options`: start_pose {start} is no x m, y m, yaw rad on free ground inside the fence")
-        if not isinstance(sources, Mapping | None):
-            raise ValueError(f"`options`: sources: got {sources!r}; allowed is a dict from a source's name to a place")
-        return cls(pose, {name: _place(name, place, scenario) for name, place in (sources or {}).items()})
-
-
-def _place(name: str, place: Any, scenario: Scenario) -> FloatArray:  # noqa: ANN401 - it may be anything
-    names, known = [source.name for source in scenario.sources], scenario.yard.site_names()
-    if name not in names:
-        raise ValueError(f"`options`: no source `{name}`; allowed are {', '.join(names) or 'none'}")
-    if isinstance(place, str):
-        if place not in known:
-            raise ValueError(f"`options`: no site `{place}` for source `{name}`; allowed are {', '.join(known)}")
-        return scenario.yard.site_position(place)
-    at = _three_numbers(place)
-    if at is None or at[2] <= 0 or not scenario.yard.contains(at):
-        raise ValueError(f"`options`: source `{name}` at {place}: allowed is x, y, z above ground in the yard")
-    return at
-
-
-def _three_numbers(value: Any) -> FloatArray | None:  # noqa: ANN401 - it may be anything
-    """Three finite real numbers, shape (3,); None if these are none."""
-    try:
-        given = np.asarray(value)
-    except (TypeError, ValueError):
-        return None
-    if given.shape != (3,) or given.dtype.kind not in "iuf" or not np.isfinite(given).all():
-        return None
-    return given.astype(np.float64)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from dirmusic.bearing.channel_health import ChannelMonitor, SuspectChannel
 from dirmusic.compiled import Held
 from dirmusic.pulses.batch import PulseBatch
-from envs.core.episode import Episode, Fixed
+from envs.core.arguments import Fixed
+from envs.core.episode import Episode
 from envs.core.generators import Generators
 from envs.core.motion import N_DRAWS, Motion, SensorParameters
 from envs.core.observation_layout import SPECTRUM_AZIMUTHS_RAD, ObservationLayout, observation_bounds
@@ -177,13 +178,8 @@ class Simulation:
         """Whether every robot has an episode: all have been reset once."""
         return None not in self._episodes
 
-    def reset(self, rows: Rows, rngs: Sequence[np.random.Generator], options: Mapping[str, Any]) -> None:
-        """Start new episodes in some rows, each with its generator; the next step is their first look.
-
-        Raises:
-            ValueError: If an option is unknown or makes no sense in the scenario; then nothing has changed.
-        """
-        fixed = Fixed.checked(options, self.scenario)
+    def reset(self, rows: Rows, rngs: Sequence[np.random.Generator], fixed: Fixed) -> None:
+        """Start new episodes in some rows, each with its generator; the next step is their first look."""
         from sensing.receiver.bank import ReceiverBank  # loads the compiler
 
         spawned = [Generators.spawn(rng) for rng in rngs]

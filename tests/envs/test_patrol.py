@@ -2,6 +2,7 @@
 
 import pickle
 import re
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -94,9 +95,14 @@ def test_what_is_drawn_can_be_fixed_by_options() -> None:
         ({"sources": {"other": (1.0, 1.0, 1.0)}}, "no source `other`; allowed are"),
         ({"sources": {"discharge": "tank/nowhere"}}, "no site `tank/nowhere`"),
         ({"sources": {"discharge": (1.0, 1.0, -1.0)}}, "above ground in the yard"),
+        ({"sources": {"discharge": (1.0, 1.0, 1e300)}}, "up to 100 m"),
+        ({"start_pose": (3.0, 3.0, 180.0)}, "a yaw of one turn either way"),
+        ({"start_pose": "dock"}, "start_pose dock is no x m, y m, yaw rad"),
+        ({"sources": ["discharge"]}, "allowed is a dict from a source's name to a place"),
+        ("start_pose", "`options`: got 'start_pose'; allowed is a dict"),
     ],
 )
-def test_an_option_that_makes_no_sense_is_refused(options: dict[str, object], message: str) -> None:
+def test_an_option_that_makes_no_sense_is_refused(options: Any, message: str) -> None:  # noqa: ANN401
     env = PatrolEnv("transformer_bay")
     with pytest.raises(ValueError, match=re.escape(message)):
         env.reset(seed=0, options=options)

@@ -10,7 +10,7 @@ def test_the_believed_pose_is_near_the_true_one_but_not_it() -> None:
     errors = []
     for seed in range(150):
         _, info = env.reset(seed=seed)
-        errors.append(info["pose"] - info["true_pose"])
+        errors.append(info["believed_pose"] - info["true_pose"])
     wrapped = (np.array(errors) + np.pi) % (2 * np.pi) - np.pi
     np.testing.assert_allclose(wrapped.std(axis=0), [0.05, 0.05, np.radians(0.5)], rtol=0.25)
 

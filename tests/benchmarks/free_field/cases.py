@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, ElementSpread, PoseError, PulseBatch
 from envs import Scenario, load_scenario
-from envs.core.episode import Episode, Fixed
+from envs.core.arguments import Fixed
+from envs.core.episode import Episode
 from envs.core.generators import Generators
 from envs.core.motion import SensorParameters, add_pose_error
 from envs.core.own_estimator import make_estimator
