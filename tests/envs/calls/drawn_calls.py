@@ -9,6 +9,15 @@ from hypothesis.extra import numpy as of_numpy
 N_ROBOTS = 3
 
 
+def listed(told: Any) -> Any:  # noqa: ANN401
+    """What an environment tells, with arrays of objects as lists: so it can be compared."""
+    if isinstance(told, dict):
+        return {key: listed(value) for key, value in told.items()}
+    if isinstance(told, tuple) or (isinstance(told, np.ndarray) and told.dtype == np.object_):
+        return [listed(each) for each in told]
+    return told
+
+
 class Argument(NamedTuple):
     """What is handed over, and what it means: None where it is to be refused."""
 
