@@ -105,7 +105,7 @@ def test_a_route_that_is_done_is_no_success_where_nothing_discharges() -> None:
 def test_pulses_and_what_else_has_no_fixed_shape_come_only_when_asked_for() -> None:
     env, many = PatrolEnv("bench", full_info=True), PatrolVectorEnv(2, "bench", full_info=True)
     start, begun = env.reset(seed=1)[1], many.reset(seed=1)[1]
-    info, rows = env.step(STAND)[-1], many.step(np.zeros((2, 2)))[-1]
+    info, rows = env.step(STAND)[-1], many.step(np.zeros((2, 2), dtype=np.float32))[-1]
     assert set(info) - set(table()) == {"pulses", "suspects", "touched_names"}
     assert set(start) - set(info) == {"truth"}
     assert set(rows) - set(table()) == set(begun) - set(table()) == {"pulses"}
@@ -120,10 +120,14 @@ def test_with_same_step_the_pulses_of_rows_that_go_on_are_told_beside_those_of_n
     alone = PatrolVectorEnv(3, scenario, full_info=True, autoreset_mode="Disabled", num_threads=1)
     for envs in (many, alone):
         envs.reset(seed=2)
-        envs.step(np.zeros((3, 2)))
+        envs.step(np.zeros((3, 2), dtype=np.float32))
         envs.reset(options={"reset_mask": np.array([True, False, True])})
+    told, going = dict[str, Any](), dict[str, Any]()
     for _ in range(9):
-        told, going = many.step(np.zeros((3, 2)))[-1]["pulses"], alone.step(np.zeros((3, 2)))[-1]["pulses"]
+        told, going = (
+            many.step(np.zeros((3, 2), dtype=np.float32))[-1]["pulses"],
+            alone.step(np.zeros((3, 2), dtype=np.float32))[-1]["pulses"],
+        )
     assert (np.diff(told["robot"]) >= 0).all()
     assert set(told["robot"].tolist()) >= {0, 2}
     for column, values in going.items():
@@ -138,6 +142,7 @@ def test_gymnasiums_wrappers_of_info_work_on_the_vector_environment() -> None:
         )
         _, infos = envs.reset(seed=0)
         assert [set(info) for info in infos] == [set(table())] * 3
+        late = np.zeros(3, dtype=np.bool_)
         for _ in range(5):
             *_, late, infos = envs.step(np.zeros((3, 2), dtype=np.float32))
         assert late.all()

@@ -86,7 +86,7 @@ def test_the_spec_of_a_vector_environment_goes_through_json_too() -> None:
     assert json.loads(again.spec.to_json()) == json.loads(envs.spec.to_json())
     np.testing.assert_equal(again.reset(seed=3), envs.reset(seed=3))
     for _ in range(6):
-        told, expected = again.step(np.zeros((3, 2))), envs.step(np.zeros((3, 2)))
+        told, expected = again.step(np.zeros((3, 2), dtype=np.float32)), envs.step(np.zeros((3, 2), dtype=np.float32))
         np.testing.assert_equal(listed(told), listed(expected))
 
 
@@ -112,7 +112,11 @@ def test_the_seeds_of_the_rows_are_told_and_give_the_same_episodes_again() -> No
 
 def test_calls_out_of_order_raise_gymnasiums_own_errors() -> None:
     env, many = PatrolEnv(render_mode="rgb_array"), PatrolVectorEnv(2)
-    for call in (lambda: env.step(np.zeros(2)), env.render, lambda: many.step(np.zeros((2, 2)))):
+    for call in (
+        lambda: env.step(np.zeros(2, dtype=np.float32)),
+        env.render,
+        lambda: many.step(np.zeros((2, 2), dtype=np.float32)),
+    ):
         with pytest.raises(error.ResetNeeded, match=r"before calling env\.reset"):
             call()
     with pytest.raises(error.ResetNeeded, match="for all of them"):
@@ -120,7 +124,12 @@ def test_calls_out_of_order_raise_gymnasiums_own_errors() -> None:
     _ = env.reset(seed=0), many.reset(seed=0)
     env.close()
     many.close()
-    for call in (lambda: env.step(np.zeros(2)), env.reset, lambda: many.step(np.zeros((2, 2))), many.reset):
+    for call in (
+        lambda: env.step(np.zeros(2, dtype=np.float32)),
+        env.reset,
+        lambda: many.step(np.zeros((2, 2), dtype=np.float32)),
+        many.reset,
+    ):
         with pytest.raises(error.ClosedEnvironmentError, match=r"after calling env\.close"):
             call()
 
