@@ -15,7 +15,7 @@
 # override-dependencies = ["gymnasium>=1.4,<2"] # RLlib and Tianshou pin older ones
 #
 # [tool.uv.sources]
-# pdpatrol = { path = "../.." }
+# pdpatrol = { path = "../..", editable = true }
 # ///
 """Run learning libraries on PDPatrol-v0, each for some steps, with nothing of ours between them.
 
@@ -28,6 +28,7 @@ says. Whether a policy gets any good in so few steps is not the question.
 from __future__ import annotations
 
 import functools
+import os
 import sys
 import traceback
 from collections.abc import Callable
@@ -122,6 +123,7 @@ def tianshou(steps: int) -> int:
 
 def rllib(steps: int) -> int:
     """PPO on the vector environment, and on environments made one by one."""
+    os.environ["RAY_ENABLE_UV_RUN_RUNTIME_ENV"] = "0"  # no workers: nothing needs this environment made anew
     from ray.rllib.algorithms.ppo import PPOConfig
     from ray.rllib.connectors.env_to_module import FlattenObservations
 
