@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium import spaces
+from gymnasium import error, spaces
+from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
-from envs.core.progress import REWARD_TERMS
+from envs.core.arguments import NOTHING_FIXED, Fixed, checked_actions, checked_seed, given_scenario, told_spec
+from envs.core.info import fixed_info
 from envs.core.simulation import STEP_S, Outcome, Simulation
-from envs.scenario import Scenario, load_scenario
+from envs.scenario import Scenario
 from robot_models.camera import Camera
 
 FloatArray = NDArray[np.float64]
 Observation = dict[str, NDArray[np.float32]]
-ScenarioSource = str | Path | Scenario | Callable[[np.random.Generator], Scenario]
-"""A scenario, or a function that draws one for each episode."""
+ScenarioSource = str | Path | Scenario | Mapping[str, Any] | Callable[[np.random.Generator], Scenario]
+"""A scenario, its plain data, or a function that draws one for each episode."""
 
 FIRST = np.zeros(1, dtype=np.intp)
 
@@ -36,6 +38,8 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     |---|---|---|---|
     | 0 | forward speed | 0.8 | m/s |
     | 1 | yaw rate | 1.5 | rad/s |
+
+    Actions beyond [-1, 1] are clipped; others than two finite real numbers are refused.
 
     ## Observation
     A flat `Dict` of float32 boxes. World frame: x east, y north, origin at the yard's south-west corner. Array frame:
@@ -63,18 +67,42 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     `reset` draws each source's site and amplitude, the heading at the dock, and the errors of array and pose.
     Terminated when every source has been approached to the stand-off distance (if there are sources and
     `terminate_on_approach`), when the robot is back at the dock after the route, or when it has fallen over: its base
-    leans by more than 45 degrees. Truncated at the time limit.
+    leans by more than 45 degrees. Truncated at the time limit. `success` in `info` tells the first from the others.
+
+    ## Seeds
+    `reset(seed=...)` takes whole numbers from 0 on, of Python or NumPy, and None, which goes on with the generator
+    there is; anything else is refused.
 
     ## Options
     `reset(options=...)` fixes what is drawn otherwise: `start_pose` (x m, y m, yaw rad), and `sources`, a dict from a
     source's name to a site (`equipment/site`) or a position (x, y, z).
 
     ## Info
-    `time_s`, `pose` (believed, float64), `odometry` (x m, y m, yaw rad by wheels and gyro alone, from the believed
-    pose at the start on), `battery` (share that is left), `pulses` (a `dirmusic.PulseBatch` of this step), `touched`
-    (names), `fell_over`, `waypoints_visited` (indices), `suspects` (channels newly found at fault), and `truth`, which
-    is for logs and scores: no policy but `oracle` may see it. It holds the true pose, and at the start all that was
-    drawn.
+    The same entries after `reset` and `step`, NumPy scalars and arrays of fixed shapes:
+
+    | key | shape | unit | meaning |
+    |---|---|---|---|
+    | time_s | () | s | since the start |
+    | believed_pose | (3,) | m, m, rad | x, y, yaw as observed, but float64 |
+    | odometry | (3,) | m, m, rad | by wheels and gyro alone, from the believed pose at the start on |
+    | battery | () | 1 | share that is left |
+    | reward_progress | () | 1 | term of the reward |
+    | reward_time | () | 1 | term of the reward |
+    | reward_contact | () | 1 | term of the reward |
+    | touched | () | bool | whether the robot touched anything but the floor in this step |
+    | fell_over | () | bool | whether it leans by more than 45 degrees |
+    | success | () | bool | whether every source has been approached; never where there is none |
+    | approached | (n_sources,) | bool | which sources have been, in the scenario's order |
+    | waypoints_visited | (n_waypoints,) | bool | which waypoints have been |
+    | true_pose | (3,) | m, m, rad | for logs and scores: no policy but `oracle` may see it |
+
+    With `full_info` also what has no fixed shape, and what learning libraries cannot stack: `pulses` (a
+    `dirmusic.PulseBatch` of this step), `touched_names`, `suspects` (channels newly found at fault), and after `reset`
+    `truth`: all that was drawn, for logs and scores.
+
+    ## Order of calls
+    `step` and `render` before `reset` raise `gymnasium.error.ResetNeeded`; after `close` everything but `close` raises
+    `gymnasium.error.ClosedEnvironmentError`. An episode that is over goes on when it is stepped: nothing resets itself.
 
     ## Rendering
     `rgb_array` (480, 640, 3) uint8 and `depth_array` (480, 640) float32, metres, from a camera that follows the robot;
@@ -86,9 +114,10 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     Args:
         scenario: Name of a shipped scenario, path of a TOML file, a `Scenario`, or a function that draws one from a
             generator for each episode (all of one size of yard, limits of the robot, number of elements and time
-            limit).
+            limit), or the plain data of a `Scenario`, as in a spec that went through JSON.
         terminate_on_approach: Whether an episode ends once all sources are approached. Missions say no: they go on to
             fix the source and come home.
+        full_info: Whether `info` also holds what has no fixed shape, pulses among it.
         render_mode: `human`, `rgb_array`, `depth_array`, or None.
 
     Raises:
@@ -105,6 +134,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         scenario: ScenarioSource = "one_source",
         *,
         terminate_on_approach: bool = True,
+        full_info: bool = False,
         render_mode: str | None = None,
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
@@ -114,8 +144,10 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.render_mode = render_mode
         self._camera: Camera | None = None
         self._draw_scenario = scenario if callable(scenario) else None
-        self._terminate_on_approach = terminate_on_approach
-        first = scenario(np.random.default_rng(0)) if callable(scenario) else load_scenario(scenario)
+        self._terminate_on_approach, self._full_info = terminate_on_approach, full_info
+        self._spec: EnvSpec | None = None
+        self._is_closed = False
+        first = scenario(np.random.default_rng(0)) if callable(scenario) else given_scenario(scenario)
         self._enter(first)
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
         self.observation_space = observation_space(self.simulation)  # pyright: ignore[reportAttributeAccessIssue]
@@ -128,13 +160,26 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         """Of this episode."""
         return self.simulation.scenario
 
+    @property
+    def spec(self) -> EnvSpec | None:
+        """How Gymnasium made it, with the length of an episode in steps; it goes through JSON, but for functions."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:  # pyright: ignore[reportIncompatibleVariableOverride]
+        self._spec = told_spec(spec, self.simulation.max_episode_steps)
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Start an episode at the dock; `seed` fixes all that is drawn, `options` what is not to be drawn."""
-        super().reset(seed=seed, options=options)
+        self._check_open("reset")
+        whole, fixed = checked_seed(seed), NOTHING_FIXED
+        if self._draw_scenario is None:
+            fixed = Fixed.checked(options, self.scenario)
+        super().reset(seed=whole)
         if self._draw_scenario is not None:
-            self.close()
+            self._close_camera()
             self._enter(self._draw_scenario(self.np_random))
             drawn = observation_space(self.simulation)
             if drawn != self.observation_space:
@@ -143,42 +188,41 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
                     "size of yard, limits of the robot, number of elements and time limit, as of the first: "
                     f"{self.observation_space}"
                 )
-        self.simulation.reset(FIRST, [self.np_random], options or {})
+            fixed = Fixed.checked(options, self.scenario)
+        self.simulation.reset(FIRST, [self.np_random], fixed)
         outcome = self.simulation.step(None, started=FIRST)
         if self.render_mode == "human":
             self.render()
         info = self._info(outcome)
-        info["truth"] |= copy.deepcopy(self.simulation.episode(0).truth)
+        if self._full_info:
+            info["truth"] = copy.deepcopy(self.simulation.episode(0).truth)
         return self.simulation.layout.parts(outcome.observation[0]), info
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive for 0.1 s, then listen; see the class for what comes back."""
-        command = self.simulation.robot.command_from_action(action)
-        if command.shape != (2,):
-            raise ValueError(f"`action` must have shape (2,), speed and yaw rate, got {command.shape}")
+        self._check_open("step")
+        self._check_begun("step")
+        command = self.simulation.robot.command_from_action(checked_actions(action, (2,)))
         outcome = self.simulation.step(command[np.newaxis])
-        info = self._info(outcome)
-        terms = dict(zip(REWARD_TERMS, outcome.reward[:, 0].tolist(), strict=True))
-        info["reward"] = terms
         if self.render_mode == "human":
             self.render()
-        is_over, is_late = bool(outcome.terminated[0]), bool(outcome.truncated[0])
-        return self.simulation.layout.parts(outcome.observation[0]), sum(terms.values()), is_over, is_late, info
+        reward, observation = sum(outcome.reward[:, 0].tolist()), self.simulation.layout.parts(outcome.observation[0])
+        return observation, reward, bool(outcome.terminated[0]), bool(outcome.truncated[0]), self._info(outcome)
+
+    def _check_open(self, call: str) -> None:
+        if self._is_closed:
+            raise error.ClosedEnvironmentError(f"Cannot call env.{call}() after calling env.close()")
+
+    def _check_begun(self, call: str) -> None:
+        if not self.simulation.has_begun:
+            raise error.ResetNeeded(f"Cannot call env.{call}() before calling env.reset()")
 
     def _info(self, outcome: Outcome) -> dict[str, Any]:
-        simulation, motion = self.simulation, self.simulation.motion
-        return {
-            "time_s": float(motion.time_s[0]),
-            "pose": motion.pose[0].copy(),
-            "odometry": motion.odometry[0].copy(),
-            "battery": float(motion.battery[0]),
-            "pulses": outcome.pulses,
-            "suspects": outcome.suspects[0],
-            "touched": simulation.robots.touched[0],
-            "fell_over": bool(outcome.fell_over[0]),
-            "waypoints_visited": simulation.waypoints_visited(0),
-            "truth": {"pose": simulation.true_pose[0]},
-        }
+        info: dict[str, Any] = {key: rows[0] for key, rows in fixed_info(self.simulation, outcome).items()}
+        if self._full_info:
+            info["pulses"], info["suspects"] = outcome.pulses, outcome.suspects[0]
+            info["touched_names"] = self.simulation.robots.touched[0]
+        return info
 
     def render(self) -> NDArray[Any] | None:  # pyright: ignore[reportIncompatibleMethodOverride]
         """What the camera behind the robot sees; nothing with `human`, which shows it."""
@@ -188,12 +232,18 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
                 'gymnasium.make("envs:PDPatrol-v0", render_mode="rgb_array").'
             )
             return None
+        self._check_open("render")
+        self._check_begun("render")
         if self._camera is None:
             self._camera = Camera(self.simulation.robots.model, self.render_mode)
         return self._camera.take(self.simulation.robots.data())
 
     def close(self) -> None:
-        """Close window and renderer; closing twice is no error."""
+        """Close window and renderer, for good; closing twice is no error."""
+        self._is_closed = True
+        self._close_camera()
+
+    def _close_camera(self) -> None:
         if self._camera is not None:
             self._camera.close()
             self._camera = None

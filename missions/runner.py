@@ -57,7 +57,7 @@ class Mission:
     @threadpool_limits.wrap(limits=1)
     def __init__(self, scenario: Scenario, policy: str, seed: int, folder: Path | None = None) -> None:
         scenario = with_planned_route(scenario)
-        self.env = PatrolEnv(scenario, terminate_on_approach=False)
+        self.env = PatrolEnv(scenario, terminate_on_approach=False, full_info=True)
         self.site_map = SiteMap(scenario)
         array, rules = self.env.simulation.array, scenario.locating.rules()
         locator = make_locator(scenario, self.site_map, array, rules)
@@ -72,7 +72,7 @@ class Mission:
         self._touched: frozenset[str] = frozenset()
         self._visited: tuple[int, ...] = ()
         self._unreachable: frozenset[int] = frozenset()
-        self._true_start = info["truth"].pop("pose")
+        self._true_start = info["true_pose"]
         self.log = MissionLog({**self._meta(scenario, policy, seed, info["truth"]), "grid": describe_grid(grid)})
         self._book = Logbook(self.log)
         if isinstance(self.policy, SeesTruth):
@@ -130,12 +130,11 @@ class Mission:
             self.end("policy done")
             return
         self._observation, _, terminated, truncated, info = self.env.step(action)
-        truth = info.pop("truth")
         step = self.log.append(
             "step",
             time_s=info["time_s"],
-            pose=info["pose"],
-            true_pose=truth["pose"],
+            pose=info["believed_pose"],
+            true_pose=info["true_pose"],
             odometry=info["odometry"],
             battery=info["battery"],
             command=self.site_map.robot.command_from_action(action),
@@ -143,8 +142,8 @@ class Mission:
         )
         for suspect in info["suspects"]:
             self._book.event("channel fault", f"{suspect}: left out from here on")
-        tracked = self._tracker.track(info["time_s"], info["pose"], info["pulses"])
-        self._book.log_tracked(info["pose"], tracked)
+        tracked = self._tracker.track(info["time_s"], info["believed_pose"], info["pulses"])
+        self._book.log_tracked(info["believed_pose"], tracked)
         self._book.log_contradiction(self._tracker.contradicts_calibration)
         self._log_events(info)
         if self.folder is not None and (step + 1) % round(PART_S / STEP_S) == 0:
@@ -182,13 +181,14 @@ class Mission:
         self._book.event("error", str(error))
 
     def _log_events(self, info: dict[str, Any]) -> None:
-        touched = frozenset(info["touched"])
+        touched = frozenset(info["touched_names"])
         for name in sorted(touched - self._touched):
             self._book.event("contact", name)
         self._touched = touched
-        for index in sorted(set(info["waypoints_visited"]) - set(self._visited)):
+        visited = tuple(np.flatnonzero(info["waypoints_visited"]).tolist())
+        for index in sorted(set(visited) - set(self._visited)):
             self._book.event("waypoint", str(index + 1))
-        self._visited = info["waypoints_visited"]
+        self._visited = visited
         for number in sorted(set(self.policy.unreachable) - self._unreachable):
             self._book.event("unreachable", f"waypoint {number}")
         self._unreachable = frozenset(self.policy.unreachable)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from envs.core.arguments import Fixed
 from envs.core.generators import Generators
 from envs.scenario.scenario import Scenario
 from envs.scenario.sources import SourceConfig
@@ -38,16 +39,10 @@ class Episode:
     truth: dict[str, Any]
 
     @classmethod
-    def draw(
-        cls, scenario: Scenario, surroundings: Surroundings, generators: Generators, options: Mapping[str, Any]
-    ) -> Episode:
-        """Draw all that a scenario leaves open, but for what `options` fixes.
-
-        Raises:
-            ValueError: If an option is unknown or makes no sense in the scenario.
-        """
-        fixed, rng = _checked(options, scenario), generators.episode
-        sources = _draw_sources(scenario, generators, fixed["sources"])
+    def draw(cls, scenario: Scenario, surroundings: Surroundings, generators: Generators, fixed: Fixed) -> Episode:
+        """Draw all that a scenario leaves open, but for what is fixed."""
+        rng = generators.episode
+        sources = _draw_sources(scenario, generators, fixed.sources_m)
         interferers = tuple(
             DischargeSource(
                 name=item.name,
@@ -72,7 +67,7 @@ class Episode:
         yaw_rad, fixed_deg = float(rng.uniform(-np.pi, np.pi)), scenario.route.dock_yaw_deg
         yaw_rad = yaw_rad if fixed_deg is None else float(np.radians(fixed_deg))
         array = HelicalArray.draw(scenario.array, rng)  # last: arrays of other sizes shift nothing
-        start = fixed["start_pose"] if fixed["start_pose"] is not None else (*scenario.route.dock_m, yaw_rad)
+        start = (*scenario.route.dock_m, yaw_rad) if fixed.start_pose is None else fixed.start_pose
         return cls(
             sources=sources,
             interferers=interferers,
@@ -81,35 +76,6 @@ class Episode:
             start_pose=np.array(start, dtype=np.float64),
             truth=_truth(scenario, sources, interferers, array),
         )
-
-
-OPTIONS = ("start_pose", "sources")
-"""What `reset(options=...)` can fix; see `PatrolEnv`."""
-
-
-def _checked(options: Mapping[str, Any], scenario: Scenario) -> dict[str, Any]:
-    unknown = [key for key in options if key not in OPTIONS]
-    if unknown:
-        raise ValueError(f"`options`: no option `{unknown[0]}`; allowed are {', '.join(OPTIONS)}")
-    start, sources = options.get("start_pose"), dict(options.get("sources", {}))
-    if start is not None:
-        pose = np.asarray(start, dtype=np.float64)
-        if pose.shape != (3,) or not np.isfinite(pose).all() or scenario.yard.clearance(pose[:2]) < 0.0:
-            raise ValueError(f"`options`: start_pose {start} is no x m, y m, yaw rad on free ground inside the fence")
-    names, known = [source.name for source in scenario.sources], scenario.yard.site_names()
-    for name, place in sources.items():
-        if name not in names:
-            raise ValueError(f"`options`: no source `{name}`; allowed are {', '.join(names) or 'none'}")
-        if isinstance(place, str):
-            if place not in known:
-                raise ValueError(f"`options`: no site `{place}` for source `{name}`; allowed are {', '.join(known)}")
-            sources[name] = scenario.yard.site_position(place)
-        else:
-            at = np.asarray(place, dtype=np.float64)
-            if at.shape != (3,) or not np.isfinite(at).all() or at[2] <= 0 or not scenario.yard.contains(at):
-                raise ValueError(f"`options`: source `{name}` at {place}: allowed is x, y, z above ground in the yard")
-            sources[name] = at
-    return {"start_pose": start, "sources": sources}
 
 
 def _draw_sources(

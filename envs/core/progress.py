@@ -49,6 +49,11 @@ class Progress(NamedTuple):
             bearing_age_s=np.full(n_robots, MAX_BEARING_AGE_S),
         )
 
+    @property
+    def all_approached(self) -> BoolArray:
+        """Who has approached every source; nobody where there is none; shape (n_robots,)."""
+        return self.approached.all(axis=1) & (self.approached.shape[1] > 0)
+
     def restart(self, rows: NDArray[np.intp]) -> None:
         """Begin anew in some rows."""
         self.approached[rows], self.visited[rows], self.to_go_m[rows] = False, False, 0.0

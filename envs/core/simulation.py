@@ -6,8 +6,9 @@ that is computed for it is computed along the row alone.
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from dirmusic.bearing.channel_health import ChannelMonitor, SuspectChannel
 from dirmusic.compiled import Held
 from dirmusic.pulses.batch import PulseBatch
+from envs.core.arguments import Fixed
 from envs.core.episode import Episode
 from envs.core.generators import Generators
 from envs.core.motion import N_DRAWS, Motion, SensorParameters
@@ -74,6 +76,7 @@ class Simulation:
         n_robots: How many episodes.
         n_threads: On how many threads the physics runs and receivers listen; 0 for all cores.
         terminate_on_approach: Whether an episode ends once all sources are approached.
+        max_episode_steps: After how many steps time is up at the latest; None for the scenario's time limit alone.
 
     Attributes:
         robot: What each robot is.
@@ -82,10 +85,18 @@ class Simulation:
         estimator: Takes the bearings.
         layout: Of the observations: bounds and places of their entries.
         motion: What the robots know of their motion, live: it changes with the next step.
+        progress: What the episodes have come to, live as well.
+        max_episode_steps: How many steps an episode has at most.
     """
 
     def __init__(
-        self, scenario: Scenario, n_robots: int = 1, n_threads: int = 1, *, terminate_on_approach: bool = True
+        self,
+        scenario: Scenario,
+        n_robots: int = 1,
+        n_threads: int = 1,
+        *,
+        terminate_on_approach: bool = True,
+        max_episode_steps: int | None = None,
     ) -> None:
         self.scenario = scenario
         yard, self.array = scenario.yard, known_array(scenario)
@@ -119,15 +130,17 @@ class Simulation:
         self._motion_normal, self._lidar_normal = np.zeros((n_robots, N_DRAWS)), np.zeros((n_robots, LIDAR_BEAMS))
         n_sources = len(scenario.sources)
         self._sources_m = np.zeros((n_robots, n_sources, 2))
-        self._progress = Progress.at_start(n_robots, n_sources, len(self._stops_m))
+        self.progress = Progress.at_start(n_robots, n_sources, len(self._stops_m))
         self._usable = np.ones((n_robots, self.array.manifold.n_elements), dtype=np.bool_)
         task = scenario.task
+        last_step = min(task.time_limit_s / STEP_S - 1e-6, max_episode_steps or math.inf)
+        self.max_episode_steps = math.ceil(last_step)
         self._result = StepResult.of_nothing(n_robots)
         ended = Task(
             self._stops_m,
             task.standoff_m,
             task.waypoint_radius_m,
-            task.time_limit_s / STEP_S - 1e-6,
+            last_step,
             terminate_on_approach,
             task.reward_per_metre,
             task.reward_per_second,
@@ -135,9 +148,9 @@ class Simulation:
         )
         self.motion = Motion.at_rest(n_robots)
         sensors = SensorParameters.of(scenario.pose_sensor, scenario.odometry, scenario.battery, STEP_S)
-        self._stepping = Held(Stepping(self.motion, sensors, self._progress, ended, self._result))
+        self._stepping = Held(Stepping(self.motion, sensors, self.progress, ended, self._result))
         sensed = Sensed(self.motion.pose, self._lidar_normal, self.motion.time_s, self._usable, self._spectrum_gain)
-        self._observing = Held(Observing(observed, sensed, self._progress))
+        self._observing = Held(Observing(observed, sensed, self.progress))
         self._nobody = np.zeros(n_robots, dtype=np.bool_)
 
     @property
@@ -160,16 +173,17 @@ class Simulation:
         """Of a robot's episode."""
         return self._generators[row]
 
-    def waypoints_visited(self, row: int) -> tuple[int, ...]:
-        """Numbers of the waypoints that a robot has visited."""
-        return tuple(self._progress.visited[row, :-1].nonzero()[0].tolist())
+    @property
+    def has_begun(self) -> bool:
+        """Whether every robot has an episode: all have been reset once."""
+        return None not in self._episodes
 
-    def reset(self, rows: Rows, rngs: Sequence[np.random.Generator], options: Mapping[str, Any]) -> None:
+    def reset(self, rows: Rows, rngs: Sequence[np.random.Generator], fixed: Fixed) -> None:
         """Start new episodes in some rows, each with its generator; the next step is their first look."""
         from sensing.receiver.bank import ReceiverBank  # loads the compiler
 
         spawned = [Generators.spawn(rng) for rng in rngs]
-        drawn = [Episode.draw(self.scenario, self._surroundings, each, options) for each in spawned]
+        drawn = [Episode.draw(self.scenario, self._surroundings, each, fixed) for each in spawned]
         for row, generators, episode in zip(rows.tolist(), spawned, drawn, strict=True):
             self._episodes[row], self._generators[row] = episode, generators
             self._monitors[row] = ChannelMonitor(self.array, self.estimator)
@@ -181,7 +195,7 @@ class Simulation:
             listeners = [_listener(*pair) for pair in zip(known, self._generators, strict=True)]
             self._receivers = ReceiverBank(self.scenario.receiver, listeners, self._n_threads)
         self.robots.reset(rows, [episode.start_pose for episode in drawn])
-        self._progress.restart(rows)
+        self.progress.restart(rows)
         self._usable[rows] = True
         self._spectrum_gain[rows] = self._unit_gain(np.ones(self.array.manifold.n_elements))
 

@@ -63,7 +63,7 @@ def evaluate(steering: Steering, n_yards: int, *, first_seed: int = UNSEEN_FROM,
         observation, _, terminated, truncated, info = envs.step(steering(bearings_only(observation)))
         step += 1
         touched |= running & info["touched"]
-        reached_s[running & terminated] = step * STEP_S
+        reached_s[running & terminated & info["success"]] = step * STEP_S
         running &= ~(terminated | truncated)
     envs.close()
     return Evaluation(reached_s=reached_s, n_touched=int(touched.sum()))

@@ -58,7 +58,7 @@ class LearnerEnvs(VecEnv):  # pyright: ignore[reportUntypedBaseClass]
             infos[row] = {
                 "terminal_observation": self._seen(info["final_obs"][row]),
                 "TimeLimit.truncated": bool(truncated[row] and not terminated[row]),
-                "is_success": bool(terminated[row]),
+                "is_success": bool(info["final_info"]["success"][row]),
             }
         return self._seen(observation), reward.astype(np.float32), done, infos
 

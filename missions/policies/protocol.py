@@ -72,7 +72,7 @@ class SeesTruth(Protocol):
     """Mark of a policy that is given the truth: a yardstick for others, no result of its own."""
 
     def reveal(self, truth: dict[str, Any]) -> None:
-        """Take in the truth of the mission: `info["truth"]` of the environment's reset, without the pose."""
+        """Take in the truth of the mission: `info["truth"]` of the environment's reset, with `full_info`."""
         ...
 
 

@@ -58,7 +58,7 @@ def test_another_array_meets_the_same_sources_and_starts_in_the_same_pose() -> N
     for n_elements in (4, 6):
         scenario = load_scenario("two_sources")
         array = scenario.array.model_copy(update={"n_elements": n_elements})
-        env = PatrolEnv(scenario.model_copy(update={"array": array}))
+        env = PatrolEnv(scenario.model_copy(update={"array": array}), full_info=True)
         _, info = env.reset(seed=5)
-        truths.append((info["truth"]["sources"], info["truth"]["pose"].tolist()))
+        truths.append((info["truth"]["sources"], info["true_pose"].tolist()))
     assert truths[0] == truths[1]

@@ -89,14 +89,14 @@ def test_driven_about_the_yard_it_drifts_by_less_than_half_a_percent_of_the_way(
         env = PatrolEnv("one_source")
         _, info = env.reset(seed=seed)
         rng = np.random.default_rng(seed)
-        start, true_start, driven_m, before = info["odometry"], info["truth"]["pose"], 0.0, info["truth"]["pose"]
+        start, true_start, driven_m, before = info["odometry"], info["true_pose"], 0.0, info["true_pose"]
         wish = rng.uniform([0.4, -0.6], [1.0, 0.6], (60, 2)).astype(np.float32)
         for k in range(1200):
             action = wish[k // 20].copy()
             if env.simulation.robots.readings.lidar_m[0, [0, 1, 2, 3, -1, -2, -3]].min() < 1.5:
                 action[1] = 0.9
             _, _, _, _, info = env.step(action)
-            pose = info["truth"]["pose"]
+            pose = info["true_pose"]
             driven_m += float(np.hypot(*(pose[:2] - before[:2])))
             before = pose
         turn = float(difference(start[2], true_start[2]))

@@ -47,7 +47,7 @@ def bench_with(folder: Path, code: str) -> Scenario:
 
 
 def test_an_own_estimator_named_beside_the_scenario_takes_the_bearings_of_every_environment(tmp_path: Path) -> None:
-    env = PatrolEnv(bench_with(tmp_path, GOOD))
+    env = PatrolEnv(bench_with(tmp_path, GOOD), full_info=True)
     env.reset(seed=0)
     *_, info = env.step(np.zeros(2, dtype=np.float32))
     boresights = env.simulation.array.manifold.boresights_rad
@@ -56,7 +56,7 @@ def test_an_own_estimator_named_beside_the_scenario_takes_the_bearings_of_every_
 
 
 def test_an_environment_with_an_own_estimator_can_be_pickled(tmp_path: Path) -> None:
-    env = PatrolEnv(bench_with(tmp_path, GOOD))
+    env = PatrolEnv(bench_with(tmp_path, GOOD), full_info=True)
     env.reset(seed=0)
     twin = pickle.loads(pickle.dumps(env))
     pulses = [each.step(np.zeros(2, dtype=np.float32))[-1]["pulses"] for each in (env, twin)]

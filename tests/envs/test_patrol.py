@@ -2,6 +2,7 @@
 
 import pickle
 import re
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -12,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from envs import load_scenario, shipped_scenarios
+from envs.core.progress import REWARD_TERMS
 from envs.patrol_env import PatrolEnv
 from envs.random_yard import random_yard
 from envs.scenario import Scenario
@@ -73,12 +75,12 @@ def test_every_observation_of_a_random_episode_lies_in_its_space(name: str | int
 
 
 def test_what_is_drawn_can_be_fixed_by_options() -> None:
-    env = PatrolEnv("two_sources")
+    env = PatrolEnv("two_sources", full_info=True)
     names = [source.name for source in env.scenario.sources]
     site = env.scenario.yard.site_names()[0]
     places = {names[0]: site, names[1]: (20.0, 6.0, 1.5)}
     _, info = env.reset(seed=0, options={"start_pose": (8.0, 6.0, 0.5), "sources": places})
-    np.testing.assert_allclose(info["truth"]["pose"], [8.0, 6.0, 0.5], atol=1e-9)
+    np.testing.assert_allclose(info["true_pose"], [8.0, 6.0, 0.5], atol=1e-9)
     first, second = (np.array(source["position_m"]) for source in info["truth"]["sources"])
     np.testing.assert_allclose(first, env.scenario.yard.site_position(site))
     np.testing.assert_allclose(second, [20.0, 6.0, 1.5])
@@ -93,9 +95,14 @@ def test_what_is_drawn_can_be_fixed_by_options() -> None:
         ({"sources": {"other": (1.0, 1.0, 1.0)}}, "no source `other`; allowed are"),
         ({"sources": {"discharge": "tank/nowhere"}}, "no site `tank/nowhere`"),
         ({"sources": {"discharge": (1.0, 1.0, -1.0)}}, "above ground in the yard"),
+        ({"sources": {"discharge": (1.0, 1.0, 1e300)}}, "up to 100 m"),
+        ({"start_pose": (3.0, 3.0, 180.0)}, "a yaw of one turn either way"),
+        ({"start_pose": "dock"}, "start_pose dock is no x m, y m, yaw rad"),
+        ({"sources": ["discharge"]}, "allowed is a dict from a source's name to a place"),
+        ("start_pose", "`options`: got 'start_pose'; allowed is a dict"),
     ],
 )
-def test_an_option_that_makes_no_sense_is_refused(options: dict[str, object], message: str) -> None:
+def test_an_option_that_makes_no_sense_is_refused(options: Any, message: str) -> None:  # noqa: ANN401
     env = PatrolEnv("transformer_bay")
     with pytest.raises(ValueError, match=re.escape(message)):
         env.reset(seed=0, options=options)
@@ -122,12 +129,12 @@ def test_a_scenario_can_be_drawn_for_each_episode() -> None:
 
 def test_the_same_seed_gives_the_same_rollout_to_the_bit_and_another_seed_another() -> None:
     def rollout(seed: int) -> list[np.ndarray]:
-        env = PatrolEnv()
+        env = PatrolEnv(full_info=True)
         env.reset(seed=seed)
         seen = []
         for k in range(60):
             observation, reward, *_, info = env.step(np.array([0.5, np.sin(0.1 * k)], dtype=np.float32))
-            seen += [*observation.values(), np.array([reward]), info["pulses"].strengths_v, info["truth"]["pose"]]
+            seen += [*observation.values(), np.array([reward]), info["pulses"].strengths_v, info["true_pose"]]
         return seen
 
     first, second, other = rollout(1), rollout(1), rollout(2)
@@ -169,15 +176,15 @@ def test_a_heard_pulse_has_unit_strengths_and_a_spectrum_that_peaks_at_one() -> 
 
 
 def test_the_reward_is_the_sum_of_its_terms_and_progress_is_metres_towards_the_source() -> None:
-    env = PatrolEnv()
+    env = PatrolEnv(full_info=True)
     _, info = env.reset(seed=4)
     source = np.array(info["truth"]["sources"][0]["position_m"][:2])
     for _ in range(40):
         before = env.simulation.robots.readings.pose[0, :2]
         _, reward, *_, info = env.step(np.array([1.0, 0.1], dtype=np.float32))
-        moved = np.linalg.norm(source - before) - np.linalg.norm(source - info["truth"]["pose"][:2])
-        assert reward == pytest.approx(sum(info["reward"].values()))
-        assert info["reward"]["progress"] == pytest.approx(moved)
+        moved = np.linalg.norm(source - before) - np.linalg.norm(source - info["true_pose"][:2])
+        assert reward == pytest.approx(sum(info[f"reward_{term}"] for term in REWARD_TERMS))
+        assert info["reward_progress"] == pytest.approx(moved)
 
 
 def test_an_episode_ends_when_all_sources_are_approached_unless_told_to_go_on() -> None:
@@ -200,23 +207,24 @@ def test_an_episode_is_truncated_at_the_time_limit() -> None:
 
 
 def test_the_seed_draws_site_amplitude_heading_and_array() -> None:
-    env = PatrolEnv()
-    truths = [env.reset(seed=seed)[1]["truth"] for seed in range(20)]
+    env = PatrolEnv(full_info=True)
+    starts = [env.reset(seed=seed)[1] for seed in range(20)]
+    truths = [start["truth"] for start in starts]
     positions = np.array([truth["sources"][0]["position_m"] for truth in truths])
     levels = 20 * np.log10([truth["sources"][0]["amplitude_v"] / 0.27 for truth in truths])
     assert len(np.unique(positions.round(2), axis=0)) >= 5
     assert np.ptp(positions[:, :2], axis=0).max() > 8.0
     assert np.abs(levels).max() <= 3.0
     assert np.ptp(levels) > 3.0
-    assert np.ptp([truth["pose"][2] for truth in truths]) > 3.0
+    assert np.ptp([start["true_pose"][2] for start in starts]) > 3.0
     assert np.ptp([truth["array"]["gain_factors"][0] for truth in truths]) > 0.05
 
 
 def test_a_standing_four_channel_robot_hears_every_shot_of_a_discharge_gun_once() -> None:
-    env = PatrolEnv("paper_field")
+    env = PatrolEnv("paper_field", full_info=True)
     observation, info = env.reset(seed=3)
     assert observation["strengths"].shape == (4,)
-    start, offsets = info["truth"]["pose"], np.array(info["truth"]["array"]["gain_offsets"])
+    start, offsets = info["true_pose"], np.array(info["truth"]["array"]["gain_offsets"])
     np.testing.assert_allclose(start, [10.0, 15.0, 0.0], atol=1e-6)
     times: list[float] = []
     truncated = False
@@ -225,7 +233,7 @@ def test_a_standing_four_channel_robot_hears_every_shot_of_a_discharge_gun_once(
         assert not terminated
         pulses = info["pulses"]
         times += pulses.time_s[pulses.std_rad < np.radians(10.0)].tolist()  # triggers by noise alone have no bearing
-    np.testing.assert_allclose(info["truth"]["pose"], start, atol=0.01)
+    np.testing.assert_allclose(info["true_pose"], start, atol=0.01)
     expected = np.concatenate([1.0 + 11.0 * k + np.arange(20) / 2.0 for k in range(10)])
     np.testing.assert_allclose(times, expected, atol=1e-9)
     assert np.all(np.abs(offsets) <= 0.06)
@@ -233,7 +241,7 @@ def test_a_standing_four_channel_robot_hears_every_shot_of_a_discharge_gun_once(
 
 
 def test_a_copy_pickled_in_the_middle_of_an_episode_goes_on_like_the_original_to_the_bit() -> None:
-    env = PatrolEnv("two_sources")
+    env = PatrolEnv("two_sources", full_info=True)
     env.reset(seed=5)
     action = np.array([0.7, 0.2], dtype=np.float32)
     for _ in range(30):

@@ -10,7 +10,7 @@ def test_the_believed_pose_is_near_the_true_one_but_not_it() -> None:
     errors = []
     for seed in range(150):
         _, info = env.reset(seed=seed)
-        errors.append(info["pose"] - info["truth"]["pose"])
+        errors.append(info["believed_pose"] - info["true_pose"])
     wrapped = (np.array(errors) + np.pi) % (2 * np.pi) - np.pi
     np.testing.assert_allclose(wrapped.std(axis=0), [0.05, 0.05, np.radians(0.5)], rtol=0.25)
 
@@ -18,7 +18,7 @@ def test_the_believed_pose_is_near_the_true_one_but_not_it() -> None:
 def test_the_lidar_sees_what_stands_about_with_its_noise_and_no_farther_than_it_reaches() -> None:
     env = PatrolEnv("one_source")
     observation, info = env.reset(seed=1)
-    x, y, yaw = info["truth"]["pose"]
+    x, y, yaw = info["true_pose"]
     errors = []
     for beam, range_m in enumerate(observation["lidar"].tolist()):
         direction = np.array([np.cos(yaw + np.radians(10 * beam)), np.sin(yaw + np.radians(10 * beam))])

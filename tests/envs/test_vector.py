@@ -119,7 +119,7 @@ def test_the_truth_tells_start_end_and_speed_of_an_interferer_that_moves() -> No
     tram = {"name": "tram", "position_m": (-9.0, 0.0, 3.0), "amplitude_v": 1.0}
     moving = {**tram, "name": "bus", "moves_to_m": (-9.0, 30.0, 3.0), "speed_mps": 8.0}
     scenario = Scenario.model_validate(brisk().model_dump() | {"interferers": (tram, moving)})
-    _, info = PatrolEnv(scenario).reset(seed=0)
+    _, info = PatrolEnv(scenario, full_info=True).reset(seed=0)
     standing, bus = info["truth"]["interferers"]
     assert not {"moves_to_m", "speed_mps"} & standing.keys()
     assert (bus["position_m"], bus["moves_to_m"], bus["speed_mps"]) == ([-9.0, 0.0, 3.0], [-9.0, 30.0, 3.0], 8.0)

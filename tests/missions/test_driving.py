@@ -51,19 +51,19 @@ class Driven(NamedTuple):
 
 def drive(scenario: Scenario, site_map: SiteMap, seed: int = 0, policy: ReportingPolicy | None = None) -> Driven:
     """Drive until the policy is done, the robot docked, or the time over, without any locating."""
-    env = PatrolEnv(scenario, terminate_on_approach=False)
+    env = PatrolEnv(scenario, terminate_on_approach=False, full_info=True)
     policy = policy or CollisionGuard(Patrol())
     observation, info = env.reset(seed=seed)
-    touched, phases, path, terminated, truncated = set[str](), set[str](), [info["truth"]["pose"]], False, False
+    touched, phases, path, terminated, truncated = set[str](), set[str](), [info["true_pose"]], False, False
     while not (terminated or truncated):
         action = policy(observation, [], site_map)
         if action is None:
             break
         observation, _, terminated, truncated, info = env.step(action)
-        touched.update(info["touched"])
+        touched.update(info["touched_names"])
         phases.add(policy.phase)
-        path.append(info["truth"]["pose"])
-    visited, path_m = info["waypoints_visited"], np.array(path)[:, :2]
+        path.append(info["true_pose"])
+    visited, path_m = tuple(np.flatnonzero(info["waypoints_visited"]).tolist()), np.array(path)[:, :2]
     return Driven(info["time_s"], touched, visited, policy.unreachable, terminated, phases, path_m)
 
 

@@ -274,7 +274,7 @@ def test_a_channel_that_dies_is_told_left_out_and_does_not_spoil_the_mission() -
 def test_a_channel_that_dies_is_told_after_a_few_dozen_pulses_with_a_clear_direction(seed: int) -> None:
     scenario = load_scenario("one_source")
     dead = scenario.receiver.model_copy(update={"faults": (ChannelFault(channel=2, kind="dead", start_s=5.0),)})
-    env = PatrolEnv(scenario.model_copy(update={"receiver": dead}), terminate_on_approach=False)
+    env = PatrolEnv(scenario.model_copy(update={"receiver": dead}), terminate_on_approach=False, full_info=True)
     observation, info = env.reset(seed=seed)
     policy, site_map, n_clear = make_policy("patrol", np.random.default_rng(0)), SiteMap(scenario), 0
     while not info["suspects"]:

@@ -14,7 +14,7 @@ def drive_at_random(minutes: float, seed: int, robot: str = "inspector") -> set[
     scenario = load_scenario("transformer_bay").model_copy(update={"robot": RobotConfig(model=robot)})
     inner_m = scenario.robot.description.inner_radius_m
     task = scenario.task.model_copy(update={"time_limit_s": 60.0 * minutes})
-    env = PatrolEnv(scenario.model_copy(update={"task": task, "sources": ()}))
+    env = PatrolEnv(scenario.model_copy(update={"task": task, "sources": ()}), full_info=True)
     rng, size_m, touched, truncated, n_steps = np.random.default_rng(seed), scenario.yard.size_m, set[str](), False, 0
     env.reset(seed=seed)
     wish = rng.uniform([-0.7, -1.0], [1.0, 1.0], (round(60.0 * minutes), 2)).astype(np.float32)  # on the whole forward
@@ -24,10 +24,10 @@ def drive_at_random(minutes: float, seed: int, robot: str = "inspector") -> set[
         assert not terminated
         assert all(np.isfinite(value).all() for value in observation.values())
         assert env.observation_space.contains(observation)
-        place_m = info["truth"]["pose"][:2]
+        place_m = info["true_pose"][:2]
         assert (place_m > inner_m - 0.01).all()
         assert (place_m < np.subtract(size_m, inner_m - 0.01)).all()
-        touched.update(info["touched"])
+        touched.update(info["touched_names"])
     assert env.simulation.robots.n_warnings().sum() == 0
     assert n_steps == round(60.0 * minutes / STEP_S)
     return touched

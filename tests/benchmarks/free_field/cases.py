@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, ElementSpread, PoseError, PulseBatch
 from envs import Scenario, load_scenario
+from envs.core.arguments import Fixed
 from envs.core.episode import Episode
 from envs.core.generators import Generators
 from envs.core.motion import SensorParameters, add_pose_error
@@ -74,7 +75,7 @@ def draw_case(seed: int, n_sources: int = 1, *, is_exact: bool = False) -> Case:
     generators = Generators.spawn(np.random.default_rng(seed))
     sources_m, loop = _draw_places(scenario.yard.size_m, n_sources, generators.policy)
     names = [source.name for source in scenario.sources]
-    fixed = {"sources": dict(zip(names, sources_m, strict=True))}
+    fixed = Fixed(None, dict(zip(names, sources_m, strict=True)))
     episode = Episode.draw(scenario, surroundings, generators, fixed)
     array = known_array(scenario)
     if is_exact:

@@ -12,7 +12,7 @@ def check(seed: int) -> None:
     scenario = random_yard(seed, n)
     yard = scenario.yard
     assert len(yard.equipment) <= n
-    env = PatrolEnv(scenario)
+    env = PatrolEnv(scenario, full_info=True)
     _, info = env.reset(seed=seed)
     assert env.observation_space.contains(env.step(np.array([0.5, 0.1], dtype=np.float32))[0])
     assert len(scenario.route.waypoints_m) == N_WAYPOINTS
@@ -50,12 +50,12 @@ def test_more_obstructions_than_fit_or_fewer_than_none_are_refused(n: int) -> No
 
 def test_an_open_yard_has_its_source_anywhere_and_ends_by_approach_or_by_time_alone() -> None:
     scenario = open_yard()
-    env = PatrolEnv(scenario)
-    starts = [env.reset(seed=seed)[1]["truth"] for seed in range(40)]
-    places_m = np.array([start["sources"][0]["position_m"] for start in starts])
+    env = PatrolEnv(scenario, full_info=True)
+    starts = [env.reset(seed=seed)[1] for seed in range(40)]
+    places_m = np.array([start["truth"]["sources"][0]["position_m"] for start in starts])
     assert (places_m[:, :2].min(axis=0) < 4.0).all()
     assert (places_m[:, :2].max(axis=0) > np.array(scenario.yard.size_m) - 4.0).all()
-    assert np.ptp([start["pose"][2] for start in starts]) > 5.0
+    assert np.ptp([start["true_pose"][2] for start in starts]) > 5.0
     stops_m = np.array([DOCK_M, *scenario.route.waypoints_m, DOCK_M])
     round_m = np.hypot(*np.diff(stops_m, axis=0).T).sum() - 2 * scenario.task.waypoint_radius_m * (len(stops_m) - 1)
     assert round_m > scenario.robot.description.max_speed_mps * scenario.task.time_limit_s

@@ -51,13 +51,13 @@ def locators_sight(scenario: Scenario, point_m: np.ndarray, target_m: np.ndarray
 
 def drive_into_transformer_1(scenario: Scenario) -> list[dict[str, Any]]:
     """What robot and world come to on the way from the dock side into transformer_1, the source round its corner."""
-    env = PatrolEnv(scenario, terminate_on_approach=False)
+    env = PatrolEnv(scenario, terminate_on_approach=False, full_info=True)
     fixed = {"start_pose": (12.0, 13.0, np.pi / 2), "sources": {"discharge": "transformer_1/tap_changer"}}
     observation, info = env.reset(seed=3, options=fixed)
     steps: list[dict[str, Any]] = [observation]
     for _ in range(50):
         observation, reward, _, _, info = env.step(np.array([1.0, 0.0], dtype=np.float32))
-        steps.append({**observation, "reward": reward, "touched": info["touched"], "pose": info["truth"]["pose"]})
+        steps.append({**observation, "reward": reward, "touched": info["touched_names"], "pose": info["true_pose"]})
     return steps
 
 

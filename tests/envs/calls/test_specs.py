@@ -1,0 +1,148 @@
+"""What Gymnasium is told of the environments: the length of episodes, specs through JSON, seeds, and errors."""
+
+import json
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium import error
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.utils.env_checker import check_env
+
+from envs import ScenarioError, load_scenario, shipped_scenarios
+from envs.patrol_env import PatrolEnv
+from envs.random_yard import random_yard
+from envs.vector_env import PatrolVectorEnv
+from tests.envs.calls.drawn_calls import listed
+
+ID = "envs:PDPatrol-v0"
+SHIPPED = Path(__file__).parents[3] / "envs" / "scenarios"
+
+
+@pytest.mark.parametrize(("time_limit_s", "n_steps"), [(1.0, 10), (0.96, 10), (0.04, 1)])
+def test_the_spec_tells_after_how_many_steps_time_is_up(time_limit_s: float, n_steps: int) -> None:
+    scenario = load_scenario("quiet_yard")
+    task = scenario.task.model_copy(update={"time_limit_s": time_limit_s})
+    short = scenario.model_copy(update={"task": task})
+    env, many = gymnasium.make(ID, scenario=short), gymnasium.make_vec(ID, num_envs=2, scenario=short)
+    assert env.spec is not None
+    assert many.spec is not None
+    assert (env.spec.max_episode_steps, many.spec.max_episode_steps) == (n_steps, n_steps)
+    _ = env.reset(seed=0), many.reset(seed=0)
+    late = [env.step(np.zeros(2, dtype=np.float32))[3] for _ in range(n_steps)]
+    assert late == [False] * (n_steps - 1) + [True]
+    rows = [many.step(np.zeros((2, 2), dtype=np.float32))[3].all() for _ in range(n_steps)]
+    assert rows == late
+
+
+def test_fewer_steps_can_be_asked_for_and_single_and_vector_environment_take_it_alike() -> None:
+    env, many = gymnasium.make(ID, max_episode_steps=7), gymnasium.make_vec(ID, num_envs=2, max_episode_steps=7)
+    assert env.spec is not None
+    assert many.spec is not None
+    assert (env.spec.max_episode_steps, many.spec.max_episode_steps) == (7, 7)
+    (one, _), (rows, _) = env.reset(seed=1), many.reset(seed=1)
+    for step in range(1, 8):
+        one, _, _, late, _ = env.step(np.full(2, 0.5, dtype=np.float32))
+        rows, _, _, rows_late, _ = many.step(np.full((2, 2), 0.5, dtype=np.float32))
+        assert late == rows_late[0] == (step == 7)
+        for key, values in one.items():
+            np.testing.assert_array_equal(rows[key][0], values)
+    assert PatrolVectorEnv(1, "quiet_yard", max_episode_steps=10**6).simulation.max_episode_steps < 10**6
+    for wrong in (0, -1, 2.5, "7", True):
+        with pytest.raises(ValueError, match="`max_episode_steps` must be 1 or more, a whole number"):
+            PatrolVectorEnv(1, max_episode_steps=wrong)  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize("name", [*shipped_scenarios(), "random", "path"])
+def test_a_spec_goes_through_json_and_makes_the_same_environment(name: str) -> None:
+    drawn = random_yard(3) if name == "random" else load_scenario("bench" if name == "path" else name)
+    scenario = SHIPPED / "bench.toml" if name == "path" else drawn
+    env = gymnasium.make(ID, scenario=scenario, terminate_on_approach=False)
+    assert env.spec is not None
+    again = gymnasium.make(EnvSpec.from_json(env.spec.to_json()))
+    assert isinstance(again.unwrapped, PatrolEnv)
+    assert again.unwrapped.scenario == drawn
+    assert again.spec is not None
+    assert again.spec.max_episode_steps == env.spec.max_episode_steps
+    np.testing.assert_equal(again.reset(seed=3), env.reset(seed=3))
+    action = np.array([0.6, -0.3], dtype=np.float32)
+    for _ in range(5):
+        np.testing.assert_equal(again.step(action), env.step(action))
+
+
+def test_the_spec_of_a_vector_environment_goes_through_json_too() -> None:
+    envs = gymnasium.make_vec(
+        ID,
+        num_envs=3,
+        scenario=load_scenario("two_sources"),
+        autoreset_mode=gymnasium.vector.AutoresetMode.SAME_STEP,
+        max_episode_steps=5,
+    )
+    assert envs.spec is not None
+    again = gymnasium.make_vec(EnvSpec.from_json(envs.spec.to_json()))
+    assert again.num_envs == 3
+    assert again.spec is not None
+    assert json.loads(again.spec.to_json()) == json.loads(envs.spec.to_json())
+    np.testing.assert_equal(again.reset(seed=3), envs.reset(seed=3))
+    for _ in range(6):
+        told, expected = again.step(np.zeros((3, 2), dtype=np.float32)), envs.step(np.zeros((3, 2), dtype=np.float32))
+        np.testing.assert_equal(listed(told), listed(expected))
+
+
+@pytest.mark.filterwarnings("error")
+def test_gymnasiums_checker_finds_nothing_in_an_environment_from_a_spec() -> None:
+    spec = gymnasium.make(ID, scenario=load_scenario("one_source")).spec
+    assert spec is not None
+    check_env(gymnasium.make(EnvSpec.from_json(spec.to_json())).unwrapped)
+
+
+def test_the_seeds_of_the_rows_are_told_and_give_the_same_episodes_again() -> None:
+    envs = PatrolVectorEnv(3)
+    envs.reset(seed=3)
+    assert envs.np_random_seed == (3, 4, 5)
+    envs.reset(seed=[None, 9, None])
+    assert envs.np_random_seed == (3, 9, 5)
+    unseeded, twin = PatrolVectorEnv(3), PatrolVectorEnv(3)
+    first, _ = unseeded.reset()
+    again, _ = twin.reset(seed=unseeded.np_random_seed)
+    np.testing.assert_equal(again, first)
+    assert len(set(unseeded.np_random_seed)) == 3
+
+
+def test_calls_out_of_order_raise_gymnasiums_own_errors() -> None:
+    env, many = PatrolEnv(render_mode="rgb_array"), PatrolVectorEnv(2)
+    for call in (
+        lambda: env.step(np.zeros(2, dtype=np.float32)),
+        env.render,
+        lambda: many.step(np.zeros((2, 2), dtype=np.float32)),
+    ):
+        with pytest.raises(error.ResetNeeded, match=r"before calling env\.reset"):
+            call()
+    with pytest.raises(error.ResetNeeded, match="for all of them"):
+        many.reset(seed=0, options={"reset_mask": np.array([True, False])})
+    _ = env.reset(seed=0), many.reset(seed=0)
+    env.close()
+    many.close()
+    for call in (
+        lambda: env.step(np.zeros(2, dtype=np.float32)),
+        env.reset,
+        lambda: many.step(np.zeros((2, 2), dtype=np.float32)),
+        many.reset,
+    ):
+        with pytest.raises(error.ClosedEnvironmentError, match=r"after calling env\.close"):
+            call()
+
+
+@pytest.mark.parametrize("scenario", [5, None, ["one_source"], lambda rng: random_yard(0)])
+def test_what_is_no_scenario_for_all_rows_is_refused(scenario: object) -> None:
+    with pytest.raises(ValueError, match="`scenario`: got"):
+        PatrolVectorEnv(2, scenario)  # pyright: ignore[reportArgumentType]
+
+
+def test_faults_of_plain_data_are_all_named() -> None:
+    data = load_scenario("one_source").model_dump(mode="json")
+    data["task"]["standoff_m"], data["battery"]["idle_w"] = -1.0, "much"
+    with pytest.raises(ScenarioError) as raised:
+        PatrolEnv(data)
+    assert [fault.split(": ")[1] for fault in str(raised.value).splitlines()] == ["battery.idle_w", "task.standoff_m"]
