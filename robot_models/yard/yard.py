@@ -7,19 +7,22 @@ needs MuJoCo, so a scenario can be checked, and a path planned, without building
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Annotated, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, Field, model_validator
 
 from robot_models.yard.pieces import Equipment
+from robot_models.yard.quantities import MOST_PIECES, YardLength
 from robot_models.yard.solids import Solids
 from robot_models.yard.tables import FaceTable, SolidTable, face_table, solid_table
 
 FloatArray = NDArray[np.float64]
 
-YardLength = Annotated[float, Field(gt=0.0, le=200.0)]
+FENCE_TOLERANCE_M = 0.01
+"""How far equipment may be written across the fence (assumed; the width of a pencil line on a yard plan)."""
+
 TINY_M = 1e-9
 """How far a line is taken to go along an axis along which it does not go at all."""
 
@@ -31,7 +34,7 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
     """A fenced rectangle of ground with equipment on it."""
 
     size_m: tuple[YardLength, YardLength] = Field(description="length along x (east) and y (north), at most 200 m")
-    equipment: tuple[Equipment, ...] = ()
+    equipment: tuple[Equipment, ...] = Field(default=(), max_length=MOST_PIECES)
 
     @model_validator(mode="after")
     def _names_are_unique_and_inside(self) -> Self:
@@ -44,6 +47,11 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
                 faults.append(
                     f"equipment.{index}.position_m: {item.position_m} is outside the yard; "
                     f"allowed is (0, 0) to {self.size_m}"
+                )
+            elif (across_m := self.across_fence(item)) > FENCE_TOLERANCE_M:
+                faults.append(
+                    f"equipment.{index}.position_m: `{item.name}` at {item.position_m} reaches {across_m:.2f} m beyond "
+                    f"the fence; allowed is all of it in (0, 0) to {self.size_m}"
                 )
         if faults:
             raise ValueError("\n".join(faults))
@@ -70,6 +78,11 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
     def obstacles(self) -> SolidTable:
         """What radio waves are cut by: all solids, and the piece of equipment that each is a part of."""
         return solid_table(self.solids, self.owner)
+
+    def across_fence(self, item: Equipment) -> float:
+        """By how many metres a piece of equipment reaches beyond the fence, on plan; negative inside."""
+        low_m, high_m = item.solids.extent_m
+        return float(np.maximum(-low_m, high_m - np.asarray(self.size_m)).max())
 
     def contains(self, points_m: ArrayLike) -> NDArray[np.bool_]:
         """Whether world points (..., 2 or 3) lie inside the fence; shape (...)."""
