@@ -25,7 +25,7 @@ FloatArray = NDArray[np.float64]
 Number = Annotated[float, Field(ge=-1000.0, le=1000.0), PLAIN_ZERO]
 Numbers = Annotated[tuple[Number, ...], Field(max_length=N_KINDS * MOST_ELEMENTS)]
 Spread = Annotated[float, Field(ge=0.0, le=1000.0), PLAIN_ZERO]
-Total = Annotated[int, Field(gt=0, le=10**12)]
+Total = Annotated[int, Field(ge=1, le=10**12)]
 
 FORMAT = "pdpatrol calibration 1"
 

@@ -16,10 +16,10 @@ from envs.scenario.calibration import ArrayCalibration, read_calibration
 from sensing.quantities import PLAIN_ZERO, FilePath
 
 Decibel = Annotated[float, Field(ge=0.0, le=100.0), PLAIN_ZERO]
-Metre = Annotated[float, Field(gt=0.0, le=10_000.0)]
-Second = Annotated[float, Field(gt=0.0, le=86_400.0)]
+Metre = Annotated[float, Field(ge=0.001, le=10_000.0)]
+Second = Annotated[float, Field(ge=0.01, le=86_400.0)]
 Share = Annotated[float, Field(ge=0.0, le=1.0), PLAIN_ZERO]
-Arc = Annotated[float, Field(gt=0.0, le=180.0)]
+Arc = Annotated[float, Field(ge=0.01, le=180.0)]
 Count = Annotated[int, Field(ge=1, le=1_000_000)]
 
 
@@ -59,12 +59,12 @@ class LocatingConfig(Config, frozen=True):
     """What earlier missions have learned of this very array: a file that a mission has written."""
 
     max_std_deg: Arc | None = None
-    misfit_factor: Annotated[float, Field(gt=0.0, le=1000.0)] | None = None
+    misfit_factor: Annotated[float, Field(ge=0.001, le=1000.0)] | None = None
     misfit_floor: Share | None = None
 
-    gate_sigmas: Annotated[float, Field(gt=0.0, le=20.0)] | None = None
+    gate_sigmas: Annotated[float, Field(ge=0.01, le=20.0)] | None = None
     level_window_s: Second | None = None
-    level_arc_deg: Annotated[float, Field(gt=0.0, le=360.0)] | None = None
+    level_arc_deg: Annotated[float, Field(ge=0.01, le=360.0)] | None = None
     obstruction_db: Decibel | None = None
     direct_path_db: Decibel | None = None
     ghost_db: Decibel | None = None
@@ -86,7 +86,7 @@ class LocatingConfig(Config, frozen=True):
     confirm_semi_major_m: Metre | None = None
     confirm_range_m: Metre | None = None
     confirm_pulses: Count | None = None
-    confirm_disagreement: Annotated[float, Field(gt=0.0, le=1000.0)] | None = None
+    confirm_disagreement: Annotated[float, Field(ge=0.001, le=1000.0)] | None = None
     confirm_detection_rate: Share | None = None
     ghost_detection_rate: Share | None = None
     ghost_observed_s: Count | None = None

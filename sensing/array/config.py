@@ -79,9 +79,9 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
     `gain_offset` is another kind, that of the Dir-MUSIC paper: the half width of uniform additions to the gains.
     """
 
-    n_elements: int | None = None
+    n_elements: int | None = Field(default=None, ge=0, le=MOST_ELEMENTS)
     """Elements of the ring: 6, unless given otherwise; None where there is a list."""
-    elements: tuple[ElementConfig, ...] = ()
+    elements: tuple[ElementConfig, ...] = Field(default=(), max_length=MOST_ELEMENTS)
     """All elements, instead of a ring."""
     ring_radius_m: ArrayMetre = 0.12
     height_m: ArrayMetre = 0.6
