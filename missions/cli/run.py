@@ -23,6 +23,7 @@ from missions.cli.terminal import (
     tell_calibration,
     tell_channel_faults,
     tell_findings,
+    tell_notes,
     tell_where,
     write_mission,
 )
@@ -98,6 +99,7 @@ def run(
             load_maker(policy)
     except ForeignCodeError as error:
         refuse(str(error))
+    tell_notes(loaded)
     folder = new_folder(out_dir, f"{loaded.name}-{seed}")
 
     from missions.record.report import make_report

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from rich.console import Console
 
 if TYPE_CHECKING:
+    from envs.scenario import Scenario
     from missions.record.mission_log import MissionLog
 
 FAILED = 1
@@ -27,6 +28,14 @@ def refuse(*faults: str) -> NoReturn:
     for fault in faults:
         err.print(fault, highlight=False, markup=False, soft_wrap=True)
     sys.exit(USAGE_ERROR)
+
+
+def tell_notes(scenario: Scenario) -> None:
+    """Say what in a scenario is hardly meant, one line each; it is used all the same."""
+    from envs.plausibility import plausibility
+
+    for note in plausibility(scenario):
+        err.print(f"note: {note}", highlight=False, markup=False, soft_wrap=True)
 
 
 def new_folder(given: Path | None, name: str, option: str = "--out") -> Path:

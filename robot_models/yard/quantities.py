@@ -38,14 +38,15 @@ YardLength = Annotated[float, Field(ge=1.0, le=MOST_YARD_M), PLAIN_ZERO]
 Coordinate = Annotated[float, Field(ge=-MOST_YARD_M, le=MOST_YARD_M), PLAIN_ZERO]
 """Of the yard, or of a piece of equipment in its own frame."""
 
-Length = Annotated[float, Field(ge=0.01, le=MOST_YARD_M), PLAIN_ZERO]
-"""Of a piece of equipment: thinner than 1 cm is a wire, which nothing here stands for."""
+Length = Annotated[float, Field(ge=0.05, le=MOST_YARD_M), PLAIN_ZERO]
+"""Of a piece of equipment: thinner than 5 cm is a wire, which nothing here stands for, and has no sides for a site to
+lie on."""
 
 StretchedLength = Annotated[float, Field(ge=0.5, le=MOST_YARD_M), PLAIN_ZERO]
 """Of a kind of the catalogue: what is shorter has no room for its parts."""
 
-Height = Annotated[float, Field(ge=0.01, le=50.0), PLAIN_ZERO]
-"""Above the ground: gantries of 400 kV are some 30 m high."""
+Height = Annotated[float, Field(ge=0.05, le=50.0), PLAIN_ZERO]
+"""Above the ground: what is lower is no obstacle, and gantries of 400 kV are some 30 m high."""
 
 Yaw = Annotated[float, Field(ge=-360.0, le=360.0), PLAIN_ZERO]
 """Degrees, counter-clockwise."""

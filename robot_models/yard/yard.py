@@ -26,6 +26,12 @@ FENCE_TOLERANCE_M = 0.01
 TINY_M = 1e-9
 """How far a line is taken to go along an axis along which it does not go at all."""
 
+TILE_M = 5.0
+"""Side of the tiles in which many distances are computed."""
+
+FEW_DISTANCES = 2_000_000
+"""Up to which they are computed at once."""
+
 ROBOT_HEIGHT_M = 0.75
 """A robot passes below what begins higher than this (assumed): no robot may be higher."""
 
@@ -100,7 +106,26 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         """Horizontal distance of world points (..., 2) to fence or equipment in a robot's way, negative inside."""
         points = np.asarray(points_m, dtype=np.float64)[..., :2]
         to_fence = np.minimum(points, np.asarray(self.size_m) - points).min(axis=-1)
-        return np.minimum(to_fence, self._in_the_robots_way.horizontal_distance(points).min(axis=-1, initial=np.inf))
+        return np.minimum(to_fence, self._to_equipment(points))
+
+    def _to_equipment(self, points_m: FloatArray) -> FloatArray:
+        """Horizontal distance of points (..., 2) to the nearest solid in a robot's way, tile by tile if they are many.
+
+        A solid that is farther from the middle of a tile than another by more than the tile's diagonal is nearest to
+        none of its points: time and memory grow with the points, and hardly with the equipment.
+        """
+        solids = self._in_the_robots_way
+        if points_m.size * solids.yaw_rad.size <= FEW_DISTANCES:
+            return solids.horizontal_distance(points_m).min(axis=-1, initial=np.inf)
+        flat_m = points_m.reshape(-1, 2)
+        tiles, tile = np.unique(np.floor(flat_m / TILE_M), axis=0, return_inverse=True)
+        order = np.argsort(tile, kind="stable")
+        least_m = np.empty(len(flat_m))
+        for corner, rows in zip(tiles, np.split(order, np.cumsum(np.bincount(tile))[:-1]), strict=True):
+            far_m = solids.horizontal_distance(TILE_M * (corner + 0.5))
+            near = solids.take(far_m <= far_m.min() + np.sqrt(2.0) * TILE_M)
+            least_m[rows] = near.horizontal_distance(flat_m[rows]).min(axis=-1)
+        return least_m.reshape(points_m.shape[:-1])
 
     def free_place(self, rng: np.random.Generator, clearance_m: float) -> FloatArray:
         """Somewhere on the ground with so much room around it, shape (2,), evenly drawn."""

@@ -2,14 +2,18 @@
 
 import json
 import math
+import tomllib
 from collections.abc import Iterator
 from copy import deepcopy
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from hypothesis import strategies as st
 
-from envs.scenario import Scenario
+from envs.scenario import SHIPPED, Scenario, shipped_scenarios
+
+Value: TypeAlias = Any
+"""As TOML has it."""
 
 SCHEMA = Scenario.model_json_schema()
 
@@ -24,6 +28,7 @@ SMALL: dict[str, Any] = {
             {"name": "bb", "kind": "busbar", "length_m": 8.0, "position_m": [12.0, 13.5], "yaw_deg": 0.0},
         ],
     },
+    "map": {"missing": ["ct"], "moved": [{"name": "tank", "by_m": [0.3, -0.2]}]},
     "route": {"dock_m": [3.0, 3.0], "dock_yaw_deg": 0.0, "waypoints_m": [[10.0, 5.0], [16.0, 8.0]]},
     "array": {"n_elements": 6, "gain_error": 0.05},
     "receiver": {"faults": [{"channel": 2, "kind": "gain_drift", "gain_db": -6.0, "start_s": 1.0}]},
@@ -39,11 +44,13 @@ SMALL: dict[str, Any] = {
 }  # fmt: skip
 """A small scenario with something of everything."""
 
+SHIPPED_TABLES = tuple(tomllib.loads((SHIPPED / f"{name}.toml").read_text("utf-8")) for name in shipped_scenarios())
+
 HOSTILE = (
     1e308, -1e308, 5e-324, -5e-324, -0.0, math.nan, math.inf, -math.inf, 1e-300, -1.0, 0.0, 1e9, 10**400, -(10**400),
-    2**63, -1, 0, 1, True, "", "a\nb", "\x00", "../../evil", "/etc/passwd", "[bold]x[/nope]", "\u202e\ud7ff", "x" * 5000,
-    "none.xml", "tank/*", "all", "planned", [], [[]], [1.0], [1e300, 1e300], ["x"] * 300, {}, {"a": {"b": [1]}},
-    {"shape": "cone"}, {"\n": 1}, [{}] * 100, [3],
+    2**63, -1, 0, 1, True, "", "a\nb", "\x00", "../../evil", "/etc/passwd", "[bold]x[/nope]", "\u202e\ud7ff",
+    "x" * 5000, "none.xml", "tank/*", "all", "planned", [], [[]], [1.0], [1e300, 1e300], ["x"] * 300, {},
+    {"a": {"b": [1]}}, {"shape": "cone"}, {"\n": 1}, [{}] * 100, [3],
 )  # fmt: skip
 
 FILES = {"model", "pattern", "true_pattern", "locator", "method", "calibration"}
@@ -100,7 +107,7 @@ def drawn(schema: dict[str, Any]) -> st.SearchStrategy[Any]:
     return st.fixed_dictionaries(required, optional=optional)
 
 
-def places(table: Any, schema: dict[str, Any]) -> Iterator[tuple[dict[str, Any] | list[Any], Any, dict[str, Any]]]:
+def places(table: Value, schema: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str, dict[str, Any]]]:
     """Each place of a table that a schema describes: what holds it, its key, and its schema."""
     if isinstance(table, dict):
         for key, inner in keys_of(schema).items():
@@ -110,23 +117,23 @@ def places(table: Any, schema: dict[str, Any]) -> Iterator[tuple[dict[str, Any] 
     elif isinstance(table, list):
         found = resolved(schema)
         for option in found.get("anyOf", [found]):
-            inner = resolved(option).get("items")
-            for number, item in enumerate(table if inner else ()):
+            inner: dict[str, Any] = resolved(option).get("items", {})
+            for item in table if inner else ():
                 yield from places(item, with_shape(inner, item))
 
 
-def with_shape(schema: dict[str, Any], item: Any) -> dict[str, Any]:
+def with_shape(schema: dict[str, Any], item: Value) -> dict[str, Any]:
     """Of the shapes that a piece of equipment may have, its own."""
     mapping = {"box": "BoxEquipment", "cylinder": "CylinderEquipment"}
     if "oneOf" in schema and isinstance(item, dict):
-        return {"$ref": f"#/$defs/{mapping.get(item.get('shape'), 'CatalogueEquipment')}"}
+        return {"$ref": f"#/$defs/{mapping.get(str(item.get('shape')), 'CatalogueEquipment')}"}
     return schema
 
 
 @st.composite
-def sensible(draw: st.DrawFn) -> dict[str, Any]:
-    """The small scenario with some of its keys set to what the schema allows there."""
-    scenario = deepcopy(SMALL)
+def sensible(draw: st.DrawFn, tables: st.SearchStrategy[dict[str, Any]] = st.just(SMALL)) -> dict[str, Any]:  # noqa: B008
+    """Tables with some of their keys set to what the schema allows there."""
+    scenario = deepcopy(draw(tables))
     for _ in range(draw(st.integers(1, 3))):
         table, key, schema = draw(st.sampled_from([p for p in places(scenario, SCHEMA) if p[1] not in WHOLE]))
         table[key] = draw(drawn(schema))
@@ -155,7 +162,7 @@ def hostile() -> st.SearchStrategy[Any]:
     return st.sampled_from(HOSTILE).map(deepcopy)
 
 
-def everywhere(table: Any) -> Iterator[tuple[Any, Any]]:
+def everywhere(table: Value) -> Iterator[tuple[Any, Any]]:
     """Each place in tables and arrays: what holds it, and its key."""
     pairs = table.items() if isinstance(table, dict) else enumerate(table) if isinstance(table, list) else ()
     for key, inner in pairs:
@@ -167,7 +174,7 @@ def as_toml(table: dict[str, Any]) -> str:
     return "\n".join(f"{json.dumps(key)} = {inline(value)}" for key, value in table.items())
 
 
-def inline(value: Any) -> str:
+def inline(value: Value) -> str:
     if isinstance(value, dict):
         return "{" + ", ".join(f"{json.dumps(key)} = {inline(inner)}" for key, inner in value.items()) + "}"
     if isinstance(value, list | tuple):

@@ -13,15 +13,23 @@ from hypothesis import strategies as st
 
 from envs.patrol_env import PatrolEnv
 from envs.scenario import Scenario, ScenarioError, load_scenario
-from tests.envs.limits.drawn_scenarios import SMALL, as_toml, mutated, sensible
+from tests.envs.limits.drawn_scenarios import SHIPPED_TABLES, SMALL, as_toml, mutated, sensible
 
 N_STEPS = 20
 CODE = ("tuple[", "literal[", "_shape_of", "instance of", "constrained", "Config", "Equipment", "Traceback", "pydantic")
-ANY = st.one_of(sensible(), sensible(), sensible(), mutated(st.just(SMALL)), mutated(sensible()))
-CHECKS = tuple(HealthCheck)
+SHIPPED_ONES = st.sampled_from(SHIPPED_TABLES)
+ANY = st.one_of(
+    sensible(), sensible(), sensible(SHIPPED_ONES), mutated(st.just(SMALL)), mutated(sensible()), mutated(SHIPPED_ONES)
+)
+CHECKS = [
+    HealthCheck.too_slow,
+    HealthCheck.data_too_large,
+    HealthCheck.function_scoped_fixture,
+    HealthCheck.large_base_example,
+]
 
 
-def numbers(value: Any) -> Iterator[Any]:
+def numbers(value: Any) -> Iterator[Any]:  # noqa: ANN401 - whatever an environment returns
     """All numbers in what an environment returns."""
     if isinstance(value, dict):
         for inner in value.values():
