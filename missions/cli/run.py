@@ -99,8 +99,8 @@ def run(
             load_maker(policy)
     except ForeignCodeError as error:
         refuse(str(error))
-    tell_notes(loaded)
     folder = new_folder(out_dir, f"{loaded.name}-{seed}")
+    tell_notes(loaded)
 
     from missions.record.report import make_report
     from missions.recording import live_stream
