@@ -105,7 +105,7 @@ def _mismatch(kind: str, context: Mapping[str, Any], item: Any) -> str:  # noqa:
     if kind == "string_too_long":
         return f"got {came}, {len(item['input'])} letters; allowed are at most {context['max_length']}"
     if kind == "greater_than_equal" and item["input"] <= 0 < context["ge"]:
-        return f"got {came}; input should be greater than 0, and {context['ge']:g} at least"
+        return f"got {came}; input should be greater than 0"
     if kind in TYPES:
         return f"got {came}; allowed is {TYPES[kind]}"
     return f"got {came}; {item['msg'][0].lower()}{item['msg'][1:]}"
