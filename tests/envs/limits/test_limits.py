@@ -160,6 +160,21 @@ def test_minus_zero_is_zero(tmp_path: Path) -> None:
     PatrolEnv(scenario).reset(seed=0)
 
 
+def test_a_yard_of_two_hundred_transformers_has_the_same_distances_tile_by_tile(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rows = [(10.0 + 9.0 * (k % 15), 20.0 + 9.0 * (k // 15)) for k in range(200)]
+    pieces = [{"name": f"e{k}", "kind": "power_transformer", "position_m": [*place]} for k, place in enumerate(rows)]
+    tables = {**small(yard={"size_m": [150.0, 150.0], "equipment": pieces}, sources=[]), "map": {}, "interferers": []}
+    yard = load_scenario(written(tmp_path, tables)).yard
+    points_m = np.random.default_rng(0).uniform(-5.0, 155.0, (2000, 2))
+    monkeypatch.setattr("robot_models.yard.yard.FEW_DISTANCES", 10**9)
+    at_once_m = yard.clearance(points_m)
+    monkeypatch.setattr("robot_models.yard.yard.FEW_DISTANCES", 0)
+    assert (yard.clearance(points_m) == at_once_m).all()
+    assert (yard.clearance(points_m.reshape(20, 100, 2)) == at_once_m.reshape(20, 100)).all()
+
+
 def unbounded(schema: dict[str, Any], path: str = "") -> list[str]:
     """Places of a schema with numbers without both bounds, or texts, arrays or tables of any length."""
     kind, found = schema.get("type"), list[str]()
