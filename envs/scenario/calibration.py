@@ -114,7 +114,7 @@ class ArrayCalibration(Config, frozen=True):
     """What missions have learned of the errors of one array."""
 
     format: Literal["pdpatrol calibration 1"]
-    mission: str = Field(max_length=100, pattern=r"^[^\x00-\x1f\x7f]*$")
+    mission: str = Field(max_length=1024, pattern=r"^[^\x00]*$")
     """The last one behind it."""
     n_missions: Total
     n_pulses: Total
