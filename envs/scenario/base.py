@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import BaseModel, Field, ValidationInfo
 
 from dirmusic import InputFileError
+from robot_models.yard.quantities import MOST_LETTERS
 
-Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+MISSION_NAME = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
+MissionName = Annotated[str, Field(pattern=MISSION_NAME, max_length=MOST_LETTERS)]
+"""Of a scenario. A folder is called by it: it is no path, and is printed as it is."""
+
+SITE_CHOICE = r"^[a-z][a-z0-9_]*/([a-z][a-z0-9_]*|\*)$"
+SiteChoice = Annotated[str, Field(pattern=SITE_CHOICE, max_length=2 * MOST_LETTERS + 1)]
+"""`equipment/site`, or `equipment/*`."""
+
+MOST_BYTES = 4_000_000
+"""Of a file: the largest yard that is allowed, written out, has less."""
 
 FOLDER = "folder"
 """Key of the folder of the scenario file in the context that a scenario is validated with."""
@@ -37,3 +48,32 @@ def code_beside_the_scenario(name: str, info: ValidationInfo) -> str:
     """The name of user's code: of `my_file.py:Name` the path as of `beside_the_scenario`, others as they are."""
     file, _, attribute = name.rpartition(":")
     return f"{beside_the_scenario(file, info)}:{attribute}" if file.endswith(".py") else name
+
+
+def read_toml(path: Path, wanted: str) -> dict[str, Any]:
+    """The table in a TOML file, with or without a byte order mark.
+
+    Args:
+        path: Of the file.
+        wanted: What kind of file it should be, as a fault says it.
+
+    Raises:
+        InputFileError: If it cannot be read, is too large, no text or no TOML.
+    """
+    try:
+        with path.open("rb") as file:
+            data = file.read(MOST_BYTES + 1)
+    except (OSError, ValueError) as error:  # a path with a NUL is a ValueError
+        why = error.strerror if isinstance(error, OSError) else "it is no path"
+        raise InputFileError([f"{path}: cannot be read ({why}); give {wanted}"]) from None
+    if len(data) > MOST_BYTES:
+        raise InputFileError([f"{path}: more than {MOST_BYTES // 1_000_000} MB; give {wanted}"])
+    try:
+        return tomllib.loads(data.decode("utf-8").removeprefix("\ufeff"))
+    except UnicodeDecodeError as error:
+        raise InputFileError([f"{path}: byte {error.start} is not UTF-8 text; give {wanted}"]) from None
+    except RecursionError:
+        raise InputFileError([f"{path}: not TOML: tables or arrays are nested too deeply"]) from None
+    except ValueError as error:  # TOMLDecodeError is one; a whole number of 5000 digits raises another
+        why = str(error) if isinstance(error, tomllib.TOMLDecodeError) else "a whole number has thousands of digits"
+        raise InputFileError([f"{path}: not TOML: {why}"]) from None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -12,15 +11,21 @@ from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, PositiveInt, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from dirmusic import ArrayModel, InputFileError
 from dirmusic.array.estimated_errors import N_KINDS, EstimatedErrors
 from dirmusic.locating.locator import Learned
-from envs.scenario.base import Config
+from envs.scenario.base import Config, read_toml
+from envs.scenario.faults import fault_lines, shown
+from sensing.array.config import MOST_ELEMENTS
+from sensing.quantities import PLAIN_ZERO
 
 FloatArray = NDArray[np.float64]
-Numbers = tuple[Annotated[float, Field(ge=-1000.0, le=1000.0)], ...]
+Number = Annotated[float, Field(ge=-1000.0, le=1000.0), PLAIN_ZERO]
+Numbers = Annotated[tuple[Number, ...], Field(max_length=N_KINDS * MOST_ELEMENTS)]
+Spread = Annotated[float, Field(ge=0.0, le=1000.0), PLAIN_ZERO]
+Total = Annotated[int, Field(ge=1, le=10**12)]
 
 FORMAT = "pdpatrol calibration 1"
 
@@ -31,18 +36,18 @@ LEAST_EIGENVALUE = -1e-9
 class CalibratedArray(Config, frozen=True):
     """Which array a calibration is of: its data sheet, and the number of this very one."""
 
-    serial_number: int | None = None
+    serial_number: int | None = Field(default=None, ge=0, le=2**63 - 1)
     """As of `sensing.ArrayConfig`; none in data from the field."""
     boresights_deg: Numbers
     boresight_elevations_deg: Numbers
-    positions_m: tuple[tuple[float, float, float], ...]
-    pattern_sha256: str
+    positions_m: tuple[tuple[Number, Number, Number], ...] = Field(max_length=MOST_ELEMENTS)
+    pattern_sha256: str = Field(pattern=r"^[0-9a-f]{64}$", max_length=64)
     """Of the gain of an element at each whole degree off its boresight, to six decimals."""
-    gain_error: float
-    pointing_error_deg: float
-    offset_error: float
+    gain_error: Spread
+    pointing_error_deg: Spread
+    offset_error: Spread
     """Standard deviation, in units of gain."""
-    pattern_error: float
+    pattern_error: Spread
 
     @classmethod
     def of(cls, array: ArrayModel, serial_number: int | None) -> Self:
@@ -69,7 +74,7 @@ class CalibratedErrors(Config, frozen=True):
     gain: Numbers
     pointing_rad: Numbers
     offset: Numbers
-    covariance: tuple[Numbers, ...]
+    covariance: tuple[Numbers, ...] = Field(max_length=N_KINDS * MOST_ELEMENTS)
     """Lower triangle, row by row, of the gain errors, then the pointing errors, then the offsets."""
 
     @model_validator(mode="after")
@@ -109,10 +114,10 @@ class ArrayCalibration(Config, frozen=True):
     """What missions have learned of the errors of one array."""
 
     format: Literal["pdpatrol calibration 1"]
-    mission: str
+    mission: str = Field(max_length=1024, pattern=r"^[^\x00]*$")
     """The last one behind it."""
-    n_missions: PositiveInt
-    n_pulses: PositiveInt
+    n_missions: Total
+    n_pulses: Total
     """Of all missions, those that the fits made use of."""
     array: CalibratedArray
     errors: CalibratedErrors
@@ -189,21 +194,13 @@ def read_calibration(path: Path) -> ArrayCalibration:
     Raises:
         InputFileError: With a line for each fault, if it cannot be read or holds no calibration.
     """
-    try:
-        table = tomllib.loads(path.read_bytes().decode("utf-8"))
-    except OSError as error:
-        raise InputFileError([f"{path}: cannot be read ({error.strerror}); give a calibration.toml"]) from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise InputFileError([f"{path}: not TOML: {error}; give a calibration.toml"]) from None
+    table = read_toml(path, "a calibration.toml")
     if table.get("format") != FORMAT:
-        came = repr(table.get("format", "none"))
-        raise InputFileError([f"{path}: format: got {came:.60}; allowed is {FORMAT!r}"])
+        raise InputFileError([f"{path}: format: got {shown(table.get('format', 'none'))}; allowed is {FORMAT!r}"])
     try:
         return restore_calibration(table)
     except ValidationError as error:
-        raise InputFileError(
-            [line for item in error.errors(include_url=False) for line in _lines(path, item)]
-        ) from None
+        raise InputFileError([f"{path}: {fault}" for fault in fault_lines(error, ArrayCalibration)]) from None
 
 
 def restore_calibration(data: Mapping[str, Any]) -> ArrayCalibration:
@@ -213,17 +210,6 @@ def restore_calibration(data: Mapping[str, Any]) -> ArrayCalibration:
         ValidationError: If it is none.
     """
     return ArrayCalibration.model_validate_json(json.dumps(data, default=str))
-
-
-def _lines(path: Path, item: Any) -> list[str]:  # noqa: ANN401 - a dictionary of pydantic
-    key = ".".join(map(str, item["loc"]))
-    if item["type"] == "value_error":
-        return [f"{path}: {'.'.join(filter(None, (key, str(item['ctx']['error']))))}"]
-    if item["type"] == "missing":
-        return [f"{path}: {key}: missing; it is required"]
-    if item["type"] == "extra_forbidden":
-        return [f"{path}: {key}: unknown key; allowed are those that a mission writes"]
-    return [f"{path}: {key}: got {item['input']!r:.60}; {item['msg'][0].lower()}{item['msg'][1:]}"]
 
 
 def _rounded(values: FloatArray) -> Numbers:

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-import tomllib
+import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
-from envs.scenario.base import FOLDER, ScenarioError
+from dirmusic import InputFileError
+from envs.scenario.base import FOLDER, MISSION_NAME, ScenarioError, read_toml
+from envs.scenario.faults import FORMS, fault_lines, on_one_line, shown
 from envs.scenario.scenario import Scenario
 from envs.scenario.suite import choose_yards, is_of_suite
+from robot_models.yard.quantities import MOST_LETTERS
 
 SHIPPED = Path(__file__).parents[1] / "scenarios"
 
-
-NOT_A_KEY = ("box", "cylinder", "catalogue", "[key]", "[given]", "[planned]")
-"""What pydantic puts into the place of a fault that is no part of the file: tags of unions, and keys of tables."""
+UNNAMED = "unnamed"
+"""Stands in for a name while the rest of a file is checked."""
 
 
 def shipped_scenarios() -> tuple[str, ...]:
@@ -52,10 +54,26 @@ def load_scenario(scenario: str | Path | Scenario, settings: Mapping[str, Any] |
     data = _read(path)
     for key, value in (settings or {}).items():
         data = _with(data, key.split("."), _as_tuples(value))
+    faults = [] if "name" in data else _stem_faults(path.stem)
+    name = UNNAMED if faults else path.stem
     try:
-        return Scenario.model_validate({"name": path.stem, **data}, context={FOLDER: path.absolute().parent})
+        loaded = Scenario.model_validate({"name": name, **data}, context={FOLDER: path.absolute().parent})
     except ValidationError as error:
-        raise ScenarioError(_faults(path, error)) from None
+        faults += fault_lines(error, Scenario)
+    else:
+        if not faults:
+            return loaded
+    raise ScenarioError([on_one_line(f"{path}: {fault}") for fault in faults])
+
+
+def _stem_faults(stem: str) -> list[str]:
+    """What keeps the name of a file from being that of its scenario."""
+    if len(stem) <= MOST_LETTERS and re.fullmatch(MISSION_NAME, stem):
+        return []
+    return [
+        f"name: none given, and the name of the file, {shown(stem)}, is none for a folder of results; allowed is "
+        f"{FORMS[MISSION_NAME]}, at most {MOST_LETTERS}"
+    ]
 
 
 def _only_yard(name: str) -> Path:
@@ -72,15 +90,10 @@ def restore_scenario(data: Mapping[str, Any]) -> Scenario:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        text = path.read_bytes().decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise ScenarioError([f"{path}: byte {error.start} is not UTF-8 text; a scenario is a TOML text file"]) from None
-    except OSError as error:
-        raise ScenarioError([f"{path}: cannot be read ({error.strerror}); give a TOML file"]) from None
-    try:
-        return {key: _as_tuples(value) for key, value in tomllib.loads(text).items()}
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ScenarioError([f"{path}: not TOML: {error}"]) from None
+        table = read_toml(path, "a scenario, which is a TOML text file")
+    except InputFileError as error:
+        raise ScenarioError([on_one_line(fault) for fault in error.faults]) from None
+    return {key: _as_tuples(value) for key, value in table.items()}
 
 
 def _with(table: Mapping[str, Any], keys: list[str], value: Any) -> dict[str, Any]:  # noqa: ANN401 - as TOML
@@ -99,50 +112,3 @@ def _as_tuples(value: Any) -> Any:  # noqa: ANN401 - TOML holds values of many t
     if isinstance(value, dict):
         return {key: _as_tuples(item) for key, item in value.items()}
     return value
-
-
-def _faults(path: Path, error: ValidationError) -> list[str]:
-    """One line per fault: file, key path, what came, what is allowed."""
-    lines: list[str] = []
-    for item in error.errors(include_url=False):
-        parts = [str(part) for part in item["loc"] if part not in NOT_A_KEY]
-        key = ".".join(parts)
-        if item["type"] == "value_error":  # our own checks, each line `key: what came; allowed is ...`
-            prefix = f"{key}." if key else ""
-            lines += [
-                f"{path}: {prefix}{line}" for line in str(item.get("ctx", {}).get("error", item["msg"])).splitlines()
-            ]
-        elif item["type"] == "missing":
-            lines.append(f"{path}: {key}: missing; it is required")
-        elif item["type"] == "extra_forbidden":
-            known = _known_keys(item["loc"])
-            lines.append(f"{path}: {key}: unknown key; allowed are {', '.join(known)}")
-        else:
-            came = repr(item["input"])
-            came = came if len(came) <= 60 else came[:57] + "..."
-            lines.append(f"{path}: {key}: got {came}; {item['msg'][0].lower()}{item['msg'][1:]}")
-    return lines
-
-
-def _known_keys(location: tuple[int | str, ...]) -> list[str]:
-    """Fields of the model in which the last part of `location` is unknown."""
-    model: Any = Scenario
-    for part in location[:-1]:
-        model = _step_into(model, part)
-    fields: Mapping[str, Any] = getattr(model, "model_fields", {})
-    return [name for name in fields if not (model is Scenario and name == "name")]
-
-
-def _step_into(annotation: Any, part: int | str) -> Any:  # noqa: ANN401 - walks type annotations
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation.model_fields[str(part)].annotation
-    options = [option for option in get_args(annotation) if option is not Ellipsis]
-    for option in options:
-        bare = [getattr(o, "__origin__", o) if hasattr(o, "__metadata__") else o for o in (option, *get_args(option))]
-        inner = [o for o in bare if isinstance(o, type) and issubclass(o, BaseModel)]
-        for model in inner:
-            tag = model.model_fields.get("shape")
-            if isinstance(part, int) or (tag is not None and part in get_args(tag.annotation)):
-                return option if isinstance(part, int) else model
-    deeper = [_step_into(option, part) for option in options if get_args(option)]
-    return next((found for found in deeper if found is not None), None)

@@ -1,4 +1,4 @@
-"""How discharges are located, as a scenario file says it."""
+"""Who takes the bearings, and how discharges are located, as a scenario file says it."""
 
 from __future__ import annotations
 
@@ -9,17 +9,38 @@ from typing import Annotated, Any, Literal, Self, cast
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from dirmusic import InputFileError
+from dirmusic import ESTIMATORS, InputFileError
 from dirmusic.locating.rules import AssignmentRules, CredibilityRules, LocatingRules
 from envs.scenario.base import Config, beside_the_scenario, code_beside_the_scenario
 from envs.scenario.calibration import ArrayCalibration, read_calibration
+from sensing.quantities import PLAIN_ZERO, FilePath
 
-Decibel = Annotated[float, Field(ge=0.0, le=100.0)]
-Metre = Annotated[float, Field(gt=0.0, le=10_000.0)]
-Second = Annotated[float, Field(gt=0.0, le=86_400.0)]
-Share = Annotated[float, Field(ge=0.0, le=1.0)]
-Arc = Annotated[float, Field(gt=0.0, le=180.0)]
+Decibel = Annotated[float, Field(ge=0.0, le=100.0), PLAIN_ZERO]
+Metre = Annotated[float, Field(ge=0.001, le=10_000.0)]
+Second = Annotated[float, Field(ge=0.01, le=86_400.0)]
+Share = Annotated[float, Field(ge=0.0, le=1.0), PLAIN_ZERO]
+Arc = Annotated[float, Field(ge=0.01, le=180.0)]
 Count = Annotated[int, Field(ge=1, le=1_000_000)]
+
+
+class EstimatorConfig(Config, frozen=True):
+    """The bearing estimator: a built-in one by name, or `my_file.py:MyEstimator`, `package.module:MyEstimator`."""
+
+    method: FilePath = "maximum_likelihood"
+
+    @field_validator("method")
+    @classmethod
+    def _starts_at_the_scenario(cls, method: str, info: ValidationInfo) -> str:
+        return code_beside_the_scenario(method, info)
+
+    @model_validator(mode="after")
+    def _is_known_or_names_code(self) -> Self:
+        if self.method not in ESTIMATORS and ":" not in self.method:
+            raise ValueError(
+                f"method: no estimator `{self.method}`; allowed are {', '.join(ESTIMATORS)}, or code of your own as "
+                "my_file.py:MyEstimator or package.module:MyEstimator"
+            )
+        return self
 
 
 class LocatingConfig(Config, frozen=True):
@@ -31,19 +52,19 @@ class LocatingConfig(Config, frozen=True):
 
     fix: Literal["joint", "bearings"] = "joint"
     """What positions are fitted to: strengths, with the errors of the array fitted along, or bearings alone."""
-    locator: str | None = None
+    locator: FilePath | None = None
     """A Locator of your own, `my_file.py:MyLocator` or `package.module:MyLocator`; its contract is
     `dirmusic.locating.protocol.LocatorProtocol`."""
     calibration: ArrayCalibration | None = None
     """What earlier missions have learned of this very array: a file that a mission has written."""
 
     max_std_deg: Arc | None = None
-    misfit_factor: Annotated[float, Field(gt=0.0, le=1000.0)] | None = None
+    misfit_factor: Annotated[float, Field(ge=0.001, le=1000.0)] | None = None
     misfit_floor: Share | None = None
 
-    gate_sigmas: Annotated[float, Field(gt=0.0, le=20.0)] | None = None
+    gate_sigmas: Annotated[float, Field(ge=0.01, le=20.0)] | None = None
     level_window_s: Second | None = None
-    level_arc_deg: Annotated[float, Field(gt=0.0, le=360.0)] | None = None
+    level_arc_deg: Annotated[float, Field(ge=0.01, le=360.0)] | None = None
     obstruction_db: Decibel | None = None
     direct_path_db: Decibel | None = None
     ghost_db: Decibel | None = None
@@ -51,8 +72,8 @@ class LocatingConfig(Config, frozen=True):
     bias_db: Decibel | None = None
     sight_loss_db: Decibel | None = None
     clear_loss_db: Decibel | None = None
-    surface_depth_m: Annotated[float, Field(ge=0.0, le=100.0)] | None = None
-    edge_margin_m: Annotated[float, Field(ge=0.0, le=100.0)] | None = None
+    surface_depth_m: Annotated[float, Field(ge=0.0, le=100.0), PLAIN_ZERO] | None = None
+    edge_margin_m: Annotated[float, Field(ge=0.0, le=100.0), PLAIN_ZERO] | None = None
     detection_range_m: Metre | None = None
 
     birth_pulses: Annotated[int, Field(ge=2, le=10_000)] | None = None
@@ -61,11 +82,11 @@ class LocatingConfig(Config, frozen=True):
     birth_by_crossing: bool | None = None
     refit_s: Second | None = None
     max_pulses: Annotated[int, Field(ge=2, le=2000)] | None = None
-    confirm_aperture_deg: Annotated[float, Field(ge=0.0, le=359.0)] | None = None
+    confirm_aperture_deg: Annotated[float, Field(ge=0.0, le=359.0), PLAIN_ZERO] | None = None
     confirm_semi_major_m: Metre | None = None
     confirm_range_m: Metre | None = None
     confirm_pulses: Count | None = None
-    confirm_disagreement: Annotated[float, Field(gt=0.0, le=1000.0)] | None = None
+    confirm_disagreement: Annotated[float, Field(ge=0.001, le=1000.0)] | None = None
     confirm_detection_rate: Share | None = None
     ghost_detection_rate: Share | None = None
     ghost_observed_s: Count | None = None

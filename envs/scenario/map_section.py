@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from difflib import get_close_matches
 
-from envs.scenario.base import Config, Name
+from pydantic import Field
+
+from envs.scenario.base import Config
 from robot_models.yard.pieces import Equipment
-from robot_models.yard.yard import Yard
+from robot_models.yard.quantities import MOST_PIECES, Coordinate, Name
+from robot_models.yard.yard import FENCE_TOLERANCE_M, Yard
 
 
 class MovedPiece(Config, frozen=True):
     """A piece of equipment that the map shows elsewhere."""
 
     name: Name
-    by_m: tuple[float, float]
+    by_m: tuple[Coordinate, Coordinate]
     """From where it stands to where the map shows it, world frame."""
 
     def shown_at_m(self, piece: Equipment) -> tuple[float, float]:
@@ -27,11 +30,11 @@ class MapConfig(Config, frozen=True):
     Planner, policies, Locator and report go by the map. Physics, lidar, radio and scores go by the yard.
     """
 
-    missing: tuple[str, ...] = ()
+    missing: tuple[Name, ...] = Field(default=(), max_length=MOST_PIECES)
     """Pieces of the yard that the map does not show."""
-    extra: tuple[Equipment, ...] = ()
+    extra: tuple[Equipment, ...] = Field(default=(), max_length=MOST_PIECES)
     """Pieces that the map shows and the yard does not have."""
-    moved: tuple[MovedPiece, ...] = ()
+    moved: tuple[MovedPiece, ...] = Field(default=(), max_length=MOST_PIECES)
 
     def of(self, yard: Yard) -> Yard:
         """The yard as the map has it: `yard` itself if the map differs in nothing, else a new one.
@@ -55,6 +58,9 @@ class MapConfig(Config, frozen=True):
         faults = [
             f"map.missing.{i}: {_unknown(name, pieces)}" for i, name in enumerate(self.missing) if name not in pieces
         ]
+        n_shown = len(pieces) - len(set(self.missing)) + len(self.extra)
+        if not faults and n_shown > MOST_PIECES:
+            faults.append(f"map.extra: the map shows {n_shown} pieces of equipment; allowed are at most {MOST_PIECES}")
         taken = list(pieces)
         for i, item in enumerate(self.extra):
             if item.name in taken:
@@ -63,6 +69,11 @@ class MapConfig(Config, frozen=True):
                 faults.append(
                     f"map.extra.{i}.position_m: {item.position_m} is outside the yard; "
                     f"allowed is (0, 0) to {yard.size_m}"
+                )
+            elif yard.across_fence(item) > FENCE_TOLERANCE_M:
+                faults.append(
+                    f"map.extra.{i}.position_m: `{item.name}` at {item.position_m} reaches beyond the fence; "
+                    f"allowed is all of it in (0, 0) to {yard.size_m}"
                 )
             taken.append(item.name)
         names = [piece.name for piece in self.moved]
@@ -79,6 +90,11 @@ class MapConfig(Config, frozen=True):
                 faults.append(
                     f"map.moved.{i}.by_m: {piece.by_m} puts `{piece.name}` at {shown_at_m}, outside the yard; "
                     f"allowed is (0, 0) to {yard.size_m}"
+                )
+            elif yard.across_fence(_placed_at(pieces[piece.name], shown_at_m)) > FENCE_TOLERANCE_M:
+                faults.append(
+                    f"map.moved.{i}.by_m: {piece.by_m} puts `{piece.name}` at {shown_at_m}, where it reaches beyond "
+                    f"the fence; allowed is all of it in (0, 0) to {yard.size_m}"
                 )
         return faults
 

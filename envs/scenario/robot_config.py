@@ -4,20 +4,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
-from typing import Self
+from typing import Annotated, Self
 
-from pydantic import PositiveFloat, ValidationInfo, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from envs.scenario.base import Config, beside_the_scenario
 from robot_models.description.library import is_path, load_robot
 from robot_models.description.robot_description import RobotDescription, RobotFileError
+from sensing.quantities import FilePath
 
 
 class RobotConfig(Config, frozen=True):
     """The robot, by the name of a shipped one or the path of an MJCF file; a relative path starts at the scenario."""
 
-    model: str = "inspector"
-    max_speed_mps: PositiveFloat | None = None
+    model: FilePath = "inspector"
+    max_speed_mps: Annotated[float, Field(ge=0.01, le=10.0)] | None = None
     """Greatest speed that it is driven at; its own limit, if left out."""
 
     @field_validator("model")

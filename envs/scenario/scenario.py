@@ -11,19 +11,21 @@ from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Discriminator, Field, PositiveFloat, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from envs.scenario.array_section import ArraySection, data_sheet
-from envs.scenario.base import Config
+from envs.scenario.base import Config, MissionName
 from envs.scenario.calibration import CalibratedArray
-from envs.scenario.estimator import EstimatorConfig
-from envs.scenario.locating import LocatingConfig
+from envs.scenario.limits import level_faults, place_faults, pulse_faults
+from envs.scenario.locating import EstimatorConfig, LocatingConfig
 from envs.scenario.map_section import MapConfig
 from envs.scenario.robot_config import RobotConfig
 from envs.scenario.robot_sensors import BatteryConfig, LidarConfig, OdometryConfig, PoseSensorConfig
 from envs.scenario.sources import CarrierConfig, InterfererConfig, SourceConfig
+from robot_models.yard.quantities import MOST_YARD_M, Coordinate
 from robot_models.yard.yard import Yard
 from sensing import ReceiverConfig
+from sensing.quantities import PLAIN_ZERO, Degree
 from sensing.radio.materials import KIND_MATERIALS
 
 FloatArray = NDArray[np.float64]
@@ -37,18 +39,29 @@ def _is_word(value: object) -> str:
     return "[planned]" if isinstance(value, str) else "[given]"
 
 
+MOST_WAYPOINTS = 1000
+MOST_SOURCES = 64
+"""Sources of a scenario, and interferers beyond its fence."""
+MOST_CARRIERS = 16
+
+Place = tuple[Coordinate, Coordinate]
 Waypoints = Annotated[
-    Annotated[tuple[tuple[float, float], ...], Tag("[given]")] | Annotated[Literal["planned"], Tag("[planned]")],
+    Annotated[tuple[Place, ...], Field(max_length=MOST_WAYPOINTS), Tag("[given]")]
+    | Annotated[Literal["planned"], Tag("[planned]")],
     Discriminator(_is_word),
 ]
 """x, y of each, or `PLANNED`."""
 
 
+Distance = Annotated[float, Field(ge=0.01, le=MOST_YARD_M), PLAIN_ZERO]
+Reward = Annotated[float, Field(ge=-1e6, le=1e6), PLAIN_ZERO]
+
+
 class RouteConfig(Config, frozen=True):
     """Where the robot lives and what it patrols. Without waypoints it stands at its dock and listens."""
 
-    dock_m: tuple[float, float]
-    dock_yaw_deg: float | None = Field(default=None, ge=-360.0, le=360.0)
+    dock_m: Place
+    dock_yaw_deg: Degree | None = None
     """Heading at the start, counter-clockwise from x; left out, it is drawn per mission."""
     waypoints_m: Waypoints = ()
     """In order; or `"planned"`: a mission plans them on the map when it starts, as `pdpatrol plan` does."""
@@ -71,16 +84,16 @@ class RouteConfig(Config, frozen=True):
 class TaskConfig(Config, frozen=True):
     """What counts as done, and how long it may take; the defaults are assumed."""
 
-    time_limit_s: float = Field(default=600.0, gt=0.0, le=86_400.0)
-    standoff_m: PositiveFloat = 2.5
+    time_limit_s: Annotated[float, Field(ge=0.1, le=86_400.0)] = 600.0
+    standoff_m: Distance = 2.5
     """A source is approached when the robot is within this horizontal distance."""
-    waypoint_radius_m: PositiveFloat = 0.6
+    waypoint_radius_m: Distance = 0.6
     """A waypoint, or the dock, is reached within this distance."""
-    reward_per_metre: float = Field(default=1.0, ge=-1e6, le=1e6)
+    reward_per_metre: Reward = 1.0
     """For every metre by which the robot came nearer to the nearest source not yet approached."""
-    reward_per_second: float = Field(default=-0.05, ge=-1e6, le=1e6)
+    reward_per_second: Reward = -0.05
     """The default makes a second cost 5 cm of progress."""
-    reward_per_contact_step: float = Field(default=-1.0, ge=-1e6, le=1e6)
+    reward_per_contact_step: Reward = -1.0
     """For each control step in contact with anything but the floor; the default makes it cost a metre."""
 
 
@@ -95,16 +108,16 @@ class RadioConfig(Config, frozen=True):
 class Scenario(Config, frozen=True):
     """A yard, a route, what discharges in it, and how good robot and array are."""
 
-    name: str
+    name: MissionName
     yard: Yard
     map: MapConfig = MapConfig()
     route: RouteConfig
     array: ArraySection
     estimator: EstimatorConfig = EstimatorConfig()
     robot: RobotConfig = Field(default_factory=RobotConfig)
-    sources: tuple[SourceConfig, ...] = ()
-    interferers: tuple[InterfererConfig, ...] = ()
-    carriers: tuple[CarrierConfig, ...] = ()
+    sources: tuple[SourceConfig, ...] = Field(default=(), max_length=MOST_SOURCES)
+    interferers: tuple[InterfererConfig, ...] = Field(default=(), max_length=MOST_SOURCES)
+    carriers: tuple[CarrierConfig, ...] = Field(default=(), max_length=MOST_CARRIERS)
     receiver: ReceiverConfig = ReceiverConfig()
     radio: RadioConfig = RadioConfig()
     pose_sensor: PoseSensorConfig = PoseSensorConfig()
@@ -137,11 +150,13 @@ class Scenario(Config, frozen=True):
             *self._equipment_faults(),
             *self.map.faults(self.yard),
             *self._route_faults(),
+            *self._task_faults(),
             *self._source_faults(),
             *self._interferer_faults(),
             *self._receiver_faults(),
             *self._calibration_faults(),
         ]
+        faults = faults or self._limit_faults()
         if faults:
             raise ValueError("\n".join(faults))
         return self
@@ -152,6 +167,24 @@ class Scenario(Config, frozen=True):
             for key, pieces in (("yard.equipment", self.yard.equipment), ("map.extra", self.map.extra))
             for i, item in enumerate(pieces)
             if item.kind not in KIND_MATERIALS
+        ]
+
+    def _task_faults(self) -> list[str]:
+        side_m = min(self.yard.size_m)
+        distances_m = {key: getattr(self.task, key) for key in ("standoff_m", "waypoint_radius_m")}
+        return [
+            f"task.{key}: got {distance_m:g}; allowed is less than the shorter side of the yard, {side_m:g}"
+            for key, distance_m in distances_m.items()
+            if distance_m >= side_m
+        ]
+
+    def _limit_faults(self) -> list[str]:
+        """What only shows in all of it together, once each part is in order."""
+        limit_s, sites = self.task.time_limit_s, [self.candidate_sites(source) for source in self.sources]
+        return [
+            *pulse_faults(self.sources, self.interferers, self.receiver, self.array.n_channels, limit_s),
+            *level_faults(self.sources, self.interferers, self.carriers, self.receiver, limit_s),
+            *place_faults(self.sources, sites, self.yard, self.robot.description.room_m),
         ]
 
     def _receiver_faults(self) -> list[str]:

@@ -2,54 +2,72 @@
 
 from __future__ import annotations
 
-from math import dist
+from math import dist, hypot
 from typing import Annotated, Self
 
-from pydantic import AfterValidator, Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from dirmusic.pulses.discharge_kinds import KindName
-from envs.scenario.base import Config, Name
+from envs.scenario.base import Config, SiteChoice
+from robot_models.yard.quantities import MOST_PIECES, MOST_SITES, Coordinate, Height, Name
+from sensing.quantities import PLAIN_ZERO, Degree, Hertz, MissionSecond, PeakVolt, Volt
 
 LEAST_WAY_M = 1e-3
 """Places nearer to each other than this are the same (assumed)."""
 
+LEAST_LENGTH = 1e-3
+"""Of a vector that is a direction (assumed)."""
+
+SLOWEST_GUN_HZ = 1e-4
+"""A gun that fires more seldom fires once in the longest mission (assumed)."""
+
 
 def _points_somewhere(direction: tuple[float, float, float]) -> tuple[float, float, float]:
-    if not any(direction):
+    if hypot(*direction) < LEAST_LENGTH:
         raise ValueError(f"got {direction}; allowed is a vector that is not 0")
     return direction
 
 
-Direction = Annotated[tuple[float, float, float], AfterValidator(_points_somewhere)]
+Component = Annotated[float, Field(ge=-1000.0, le=1000.0), PLAIN_ZERO]
+Direction = Annotated[tuple[Component, Component, Component], AfterValidator(_points_somewhere)]
 """x, y, z of any length but 0, world frame."""
+
+FarCoordinate = Annotated[float, Field(ge=-10_000.0, le=10_000.0), PLAIN_ZERO]
+"""Of what is heard from beyond the fence: from 10 km a pulse has 80 dB less than from 1 m."""
+
+FarHeight = Annotated[float, Field(ge=0.01, le=1000.0), PLAIN_ZERO]
+
+PulseRate = Annotated[float, Field(ge=0.0, le=1e4), PLAIN_ZERO]
+RangeDecibel = Annotated[float, Field(ge=0.0, le=60.0), PLAIN_ZERO]
+DriftDecibel = Annotated[float, Field(ge=-60.0, le=60.0), PLAIN_ZERO]
 
 
 class SourceConfig(Config, frozen=True):
     """A discharge on a site drawn from `sites` (`equipment/site`, or `equipment/*` for all of it), or at a position."""
 
     name: Name
-    sites: tuple[str, ...] = ()
-    position_m: tuple[float, float, float] | None = None
-    anywhere_at_m: PositiveFloat | None = None
+    sites: tuple[SiteChoice, ...] = Field(default=(), max_length=MOST_PIECES * MOST_SITES)
+    position_m: tuple[Coordinate, Coordinate, Coordinate] | None = None
+    anywhere_at_m: Height | None = None
     """It hangs at this height over some free ground, which is drawn per mission."""
-    amplitude_v: PositiveFloat = 0.27
+    amplitude_v: PeakVolt = 0.27
     """Peak of a pulse in a unit-gain channel 1 m away. The default puts the bearing bound of one pulse at 0.44 degrees
     from 5 m and 1.3 degrees from 15 m, with the default receiver."""
-    amplitude_range_db: NonNegativeFloat = 6.0
+    amplitude_range_db: RangeDecibel = 6.0
     """Width of the range, centred on `amplitude_v`, from which the amplitude is drawn per mission."""
-    pulse_rate_hz: float = Field(default=20.0, ge=0.0, le=1e4)
+    pulse_rate_hz: PulseRate = 20.0
     polarisation: Direction | None = None
     """Direction of its linear polarisation; left out, any is drawn per mission."""
     kind: KindName | None = None
     """How its pulses lie over the phase of the mains; left out, they come at any phase."""
-    conductor_deg: float | None = Field(default=None, ge=-360.0, le=360.0)
+    conductor_deg: Degree | None = None
     """Phase of its conductor against the receiver's mains; left out, 0, 120 or 240 is drawn per mission."""
-    active_s: tuple[NonNegativeFloat, PositiveFloat] | None = None
+    active_s: tuple[MissionSecond, MissionSecond] | None = None
     """From when to when it discharges; left out, always."""
-    drift_db_per_min: float = Field(default=0.0, ge=-60.0, le=60.0)
-    n_shots: PositiveInt | None = None
+    drift_db_per_min: DriftDecibel = 0.0
+    n_shots: int | None = Field(default=None, ge=1, le=1_000_000)
     """A discharge gun: this many pulses, evenly at the pulse rate from `first_shot_s` on, and then no more."""
-    first_shot_s: NonNegativeFloat = 0.0
+    first_shot_s: MissionSecond = 0.0
 
     @model_validator(mode="after")
     def _stops_after_it_starts(self) -> Self:
@@ -61,8 +79,11 @@ class SourceConfig(Config, frozen=True):
 
     @model_validator(mode="after")
     def _fires_at_some_rate(self) -> Self:
-        if self.n_shots is not None and self.pulse_rate_hz == 0:
-            raise ValueError("pulse_rate_hz: got 0; allowed is above 0, or the shots never come")
+        if self.n_shots is not None and self.pulse_rate_hz < SLOWEST_GUN_HZ:
+            raise ValueError(
+                f"pulse_rate_hz: got {self.pulse_rate_hz:g}; allowed is above 0, {SLOWEST_GUN_HZ:g} or more, or the "
+                "shots never come"
+            )
         return self
 
     @model_validator(mode="after")
@@ -78,18 +99,18 @@ class InterfererConfig(Config, frozen=True):
     """Something impulsive beyond the fence that is heard like a discharge and must not become a finding."""
 
     name: Name
-    position_m: tuple[float, float, float]
-    amplitude_v: PositiveFloat
-    amplitude_range_db: NonNegativeFloat = 6.0
-    pulse_rate_hz: float = Field(default=20.0, ge=0.0, le=1e4)
+    position_m: tuple[FarCoordinate, FarCoordinate, FarHeight]
+    amplitude_v: PeakVolt
+    amplitude_range_db: RangeDecibel = 6.0
+    pulse_rate_hz: PulseRate = 20.0
     polarisation: Direction | None = None
     """Direction of its linear polarisation; left out, any is drawn per mission."""
-    burst_s: NonNegativeFloat = 0.0
+    burst_s: Annotated[float, Field(ge=0.0, le=1e-3), PLAIN_ZERO] = 0.0
     """Length of each burst of a carrier in the band, as from a switch or a radar; 0 for impulses like discharges."""
-    moves_to_m: tuple[float, float, float] | None = None
+    moves_to_m: tuple[FarCoordinate, FarCoordinate, FarHeight] | None = None
     """Where it turns back, if it moves, as traffic outside: it travels to and fro between `position_m`, where it is
     when the mission begins, and this point, on the straight line."""
-    speed_mps: float | None = Field(default=None, gt=0.0, le=1000.0)
+    speed_mps: Annotated[float, Field(ge=1e-3, le=1000.0)] | None = None
 
     @model_validator(mode="after")
     def _moves_or_stands(self) -> Self:
@@ -105,8 +126,8 @@ class CarrierConfig(Config, frozen=True):
     """A narrowband transmitter far away, such as the 948 MHz that the Dir-MUSIC paper met; on all the time."""
 
     name: Name
-    frequency_hz: PositiveFloat = 948e6
-    amplitude_v: PositiveFloat
+    frequency_hz: Hertz = 948e6
+    amplitude_v: Volt
     """Peak in a unit-gain channel at the array, before the band-pass."""
-    bearing_deg: float = Field(ge=-360.0, le=360.0)
+    bearing_deg: Degree
     """Direction it comes from, counter-clockwise from x (east)."""

@@ -21,6 +21,7 @@ from missions.cli.terminal import (
     tell_calibration,
     tell_channel_faults,
     tell_findings,
+    tell_notes,
     tell_where,
     write_mission,
 )
@@ -102,6 +103,7 @@ def run(
         from missions.recording import LiveView
         from missions.runner import Mission
 
+        tell_notes(loaded)
         started_s = time.perf_counter()
         with _progress(loaded.task.time_limit_s) as follow, ExitStack() as while_driving:
             viewer, asked = None, None

@@ -8,7 +8,7 @@ from typing import Annotated
 import tyro
 from rich.table import Table
 
-from missions.cli.terminal import out, refuse
+from missions.cli.terminal import out, refuse, tell_notes
 
 
 def scenarios(
@@ -30,6 +30,7 @@ def scenarios(
             scenario = load_scenario(check if check.suffix == ".toml" else check / "")
         except ScenarioError as error:
             refuse(*error.faults)
+        tell_notes(scenario)
         n_sites = len(scenario.yard.site_names())
         facts = {"scenario": scenario.name, "sources": len(scenario.sources), "candidate_sites": n_sites}
         if json_output:

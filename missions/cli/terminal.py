@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Sequence
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
@@ -15,6 +14,7 @@ from rich.console import Console
 from missions.whole_file import write_whole
 
 if TYPE_CHECKING:
+    from envs.scenario import Scenario
     from missions.record.mission_log import MissionLog
 
 FAILED = 1
@@ -33,18 +33,17 @@ def in_one_line(text: str) -> str:
 
 def refuse(*faults: str) -> NoReturn:
     """Print one line per fault and leave with exit status 2."""
-    _tell_and_leave(USAGE_ERROR, faults)
+    for fault in faults:
+        err.print(in_one_line(fault), soft_wrap=True)
+    sys.exit(USAGE_ERROR)
 
 
-def fail(*reasons: str) -> NoReturn:
-    """Print one line per reason and leave with exit status 1: it is not the user's fault."""
-    _tell_and_leave(FAILED, reasons)
+def tell_notes(scenario: Scenario) -> None:
+    """Say what in a scenario is hardly meant, one line each; it is used all the same."""
+    from envs.plausibility import plausibility
 
-
-def _tell_and_leave(status: int, lines: Sequence[str]) -> NoReturn:
-    for line in lines:
-        err.print(in_one_line(line), soft_wrap=True)
-    sys.exit(status)
+    for note in plausibility(scenario):
+        err.print(f"note: {note}", soft_wrap=True)
 
 
 def write_mission(log: MissionLog, report: dict[str, Any], folder: Path) -> None:

@@ -8,15 +8,15 @@ from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Discriminator, Field, PositiveFloat, Tag, model_validator
+from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
 
 from robot_models.equipment import CATALOGUE, Assembly
+from robot_models.yard.quantities import MOST_SITES, Coordinate, Height, Length, Name, StretchedLength, Yaw
 from robot_models.yard.solids import Box, Cylinder, Placed, Solids
 
 FloatArray = NDArray[np.float64]
 
-Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
-Sites = Mapping[Name, tuple[float, float, float]]
+Sites = Annotated[Mapping[Name, tuple[Coordinate, Coordinate, Coordinate]], Field(max_length=MOST_SITES)]
 
 SURFACE_TOLERANCE_M = 0.01
 """How far from the surface a site may be written (assumed; the width of a pencil line on a yard plan)."""
@@ -29,8 +29,8 @@ class _Equipment(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_
     """What all pieces share: a name, a kind, and a place on the ground."""
 
     name: Name
-    position_m: tuple[float, float] = Field(description="centre of the footprint, world frame")
-    yaw_deg: float = 0.0
+    position_m: tuple[Coordinate, Coordinate] = Field(description="centre of the footprint, world frame")
+    yaw_deg: Yaw = 0.0
 
     @property
     def assembly(self) -> Assembly:
@@ -64,7 +64,7 @@ class _PlainEquipment(_Equipment, frozen=True):
     """One solid that stands on the ground."""
 
     kind: Name = Field(description="kind of equipment, for example power_transformer")
-    height_m: PositiveFloat
+    height_m: Height
     sites: Sites = Field(
         default_factory=dict, description="candidate discharge sites on the surface, equipment frame (z from ground)"
     )
@@ -75,12 +75,15 @@ class _PlainEquipment(_Equipment, frozen=True):
         at_origin = Solids([Placed(part, (0.0, 0.0), 0.0) for part in self.assembly.parts.values()])
         for site, (x, y, z) in self.sites.items():
             sideways = float(at_origin.horizontal_distance(np.array([x, y])).min())
+            upward = z - self.height_m if z > 0 else -z
             on_side = abs(sideways) <= SURFACE_TOLERANCE_M and 0 < z <= self.height_m
             on_top = abs(z - self.height_m) <= SURFACE_TOLERANCE_M and sideways <= SURFACE_TOLERANCE_M
             if not (on_side or on_top):
+                off = f"{abs(sideways):.2f} m {'inside' if sideways < 0 else 'outside'} the outline"
+                if upward > SURFACE_TOLERANCE_M:
+                    off = f"{upward:.2f} m {'above the top' if z > 0 else 'below the ground'}"
                 faults.append(
-                    f"sites.{site}: ({x:g}, {y:g}, {z:g}) is {abs(sideways):.2f} m "
-                    f"{'inside' if sideways < 0 else 'outside'} the outline at height {z:g} m of {self.height_m:g} m; "
+                    f"sites.{site}: ({x:g}, {y:g}, {z:g}) is {off} at height {z:g} m of {self.height_m:g} m; "
                     f"allowed is the surface, to {SURFACE_TOLERANCE_M} m: a side, or the top"
                 )
         if faults:
@@ -92,7 +95,7 @@ class BoxEquipment(_PlainEquipment, frozen=True):
     """A single box: a tank, a cabinet, a building."""
 
     shape: Literal["box"]
-    footprint_m: tuple[PositiveFloat, PositiveFloat] = Field(description="length along x and y of the equipment frame")
+    footprint_m: tuple[Length, Length] = Field(description="length along x and y of the equipment frame")
 
     @property
     def assembly(self) -> Assembly:
@@ -104,7 +107,7 @@ class CylinderEquipment(_PlainEquipment, frozen=True):
     """A single upright cylinder: a bushing, a current transformer, a tank."""
 
     shape: Literal["cylinder"]
-    radius_m: PositiveFloat
+    radius_m: Length
 
     @property
     def assembly(self) -> Assembly:
@@ -116,8 +119,10 @@ class CatalogueEquipment(_Equipment, frozen=True):
     """Equipment of a kind whose shape and sites are known: see `robot_models/equipment`."""
 
     shape: Literal["catalogue"] = "catalogue"
-    kind: str
-    length_m: PositiveFloat | None = Field(default=None, description="along x of its own frame, where a kind stretches")
+    kind: Name
+    length_m: StretchedLength | None = Field(
+        default=None, description="along x of its own frame, where a kind stretches"
+    )
 
     @model_validator(mode="after")
     def _is_in_the_catalogue(self) -> Self:
@@ -140,12 +145,12 @@ class CatalogueEquipment(_Equipment, frozen=True):
 
 def _shape_of(value: Any) -> str:  # noqa: ANN401 - what a file holds may be anything
     shape = value.get("shape", "catalogue") if isinstance(value, Mapping) else getattr(value, "shape", "catalogue")
-    return str(shape)
+    return f"[{shape}]"  # no key of a file has brackets
 
 
 Equipment = Annotated[
-    Annotated[BoxEquipment, Tag("box")]
-    | Annotated[CylinderEquipment, Tag("cylinder")]
-    | Annotated[CatalogueEquipment, Tag("catalogue")],
+    Annotated[BoxEquipment, Tag("[box]")]
+    | Annotated[CylinderEquipment, Tag("[cylinder]")]
+    | Annotated[CatalogueEquipment, Tag("[catalogue]")],
     Discriminator(_shape_of),
 ]

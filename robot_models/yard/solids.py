@@ -78,6 +78,13 @@ class Solids:
             setattr(some, name, column[chosen])
         return some
 
+    @property
+    def extent_m(self) -> tuple[FloatArray, FloatArray]:
+        """South-west and north-east corner of what all of them cover, each (2,)."""
+        turn = np.abs(np.array([[self._cos, self._sin], [self._sin, self._cos]]))
+        half_m = np.einsum("ijn,nj->ni", turn, self.half_size_m) + self.radius_m[:, np.newaxis]
+        return (self.centre_m - half_m).min(axis=0), (self.centre_m + half_m).max(axis=0)
+
     def horizontal_distance(self, points_m: FloatArray) -> FloatArray:
         """Signed distance of points (..., 2 or 3) to the footprints, negative inside; (..., n_solids), metres."""
         x, y = self._local(points_m)

@@ -7,21 +7,30 @@ needs MuJoCo, so a scenario can be checked, and a path planned, without building
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Annotated, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, Field, model_validator
 
 from robot_models.yard.pieces import Equipment
+from robot_models.yard.quantities import MOST_PIECES, YardLength
 from robot_models.yard.solids import Solids
 from robot_models.yard.tables import FaceTable, SolidTable, face_table, solid_table
 
 FloatArray = NDArray[np.float64]
 
-YardLength = Annotated[float, Field(gt=0.0, le=200.0)]
+FENCE_TOLERANCE_M = 0.01
+"""How far equipment may be written across the fence (assumed; the width of a pencil line on a yard plan)."""
+
 TINY_M = 1e-9
 """How far a line is taken to go along an axis along which it does not go at all."""
+
+TILE_M = 5.0
+"""Side of the tiles in which many distances are computed."""
+
+FEW_DISTANCES = 2_000_000
+"""Up to which they are computed at once."""
 
 ROBOT_HEIGHT_M = 0.75
 """A robot passes below what begins higher than this (assumed): no robot may be higher."""
@@ -31,7 +40,7 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
     """A fenced rectangle of ground with equipment on it."""
 
     size_m: tuple[YardLength, YardLength] = Field(description="length along x (east) and y (north), at most 200 m")
-    equipment: tuple[Equipment, ...] = ()
+    equipment: tuple[Equipment, ...] = Field(default=(), max_length=MOST_PIECES)
 
     @model_validator(mode="after")
     def _names_are_unique_and_inside(self) -> Self:
@@ -44,6 +53,11 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
                 faults.append(
                     f"equipment.{index}.position_m: {item.position_m} is outside the yard; "
                     f"allowed is (0, 0) to {self.size_m}"
+                )
+            elif (across_m := self.across_fence(item)) > FENCE_TOLERANCE_M:
+                faults.append(
+                    f"equipment.{index}.position_m: `{item.name}` at {item.position_m} reaches {across_m:.2f} m beyond "
+                    f"the fence; allowed is all of it in (0, 0) to {self.size_m}"
                 )
         if faults:
             raise ValueError("\n".join(faults))
@@ -71,6 +85,11 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         """What radio waves are cut by: all solids, and the piece of equipment that each is a part of."""
         return solid_table(self.solids, self.owner)
 
+    def across_fence(self, item: Equipment) -> float:
+        """By how many metres a piece of equipment reaches beyond the fence, on plan; negative inside."""
+        low_m, high_m = item.solids.extent_m
+        return float(np.maximum(-low_m, high_m - np.asarray(self.size_m)).max())
+
     def contains(self, points_m: ArrayLike) -> NDArray[np.bool_]:
         """Whether world points (..., 2 or 3) lie inside the fence; shape (...)."""
         points = np.asarray(points_m, dtype=np.float64)[..., :2]
@@ -87,7 +106,26 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         """Horizontal distance of world points (..., 2) to fence or equipment in a robot's way, negative inside."""
         points = np.asarray(points_m, dtype=np.float64)[..., :2]
         to_fence = np.minimum(points, np.asarray(self.size_m) - points).min(axis=-1)
-        return np.minimum(to_fence, self._in_the_robots_way.horizontal_distance(points).min(axis=-1, initial=np.inf))
+        return np.minimum(to_fence, self._to_equipment(points))
+
+    def _to_equipment(self, points_m: FloatArray) -> FloatArray:
+        """Horizontal distance of points (..., 2) to the nearest solid in a robot's way, tile by tile if they are many.
+
+        A solid that is farther from the middle of a tile than another by more than the tile's diagonal is nearest to
+        none of its points: time and memory grow with the points, and hardly with the equipment.
+        """
+        solids = self._in_the_robots_way
+        if points_m.size * solids.yaw_rad.size <= FEW_DISTANCES:
+            return solids.horizontal_distance(points_m).min(axis=-1, initial=np.inf)
+        flat_m = points_m.reshape(-1, 2)
+        tiles, tile = np.unique(np.floor(flat_m / TILE_M), axis=0, return_inverse=True)
+        order = np.argsort(tile, kind="stable")
+        least_m = np.empty(len(flat_m))
+        for corner, rows in zip(tiles, np.split(order, np.cumsum(np.bincount(tile))[:-1]), strict=True):
+            far_m = solids.horizontal_distance(TILE_M * (corner + 0.5))
+            near = solids.take(far_m <= far_m.min() + np.sqrt(2.0) * TILE_M)
+            least_m[rows] = near.horizontal_distance(flat_m[rows]).min(axis=-1)
+        return least_m.reshape(points_m.shape[:-1])
 
     def free_place(self, rng: np.random.Generator, clearance_m: float) -> FloatArray:
         """Somewhere on the ground with so much room around it, shape (2,), evenly drawn."""

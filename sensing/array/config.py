@@ -9,13 +9,24 @@ from typing import Any, NamedTuple, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field, NonNegativeFloat, PositiveFloat, model_validator
+from pydantic import BaseModel, Field, model_validator
 
 from dirmusic import GainManifold, GainPattern, GaussianPattern, InputFileError, TabulatedPattern
 from dirmusic.array.ambiguity import worst_ambiguity
 from dirmusic.array.manifold import ring_boresights_rad
 from dirmusic.array.spatial_pattern import SpatialPattern
 from dirmusic.array.spatial_pattern_file import read_any_pattern
+from sensing.quantities import (
+    AngleError,
+    ArrayCoordinate,
+    ArrayMetre,
+    Degree,
+    Elevation,
+    FilePath,
+    MountingHeight,
+    PlacementError,
+    Share,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -35,11 +46,11 @@ SAME_PLACE_M = 1e-3
 class ElementConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
     """One element: where it points, and where it sits."""
 
-    azimuth_deg: float = Field(ge=-360.0, le=360.0)
+    azimuth_deg: Degree
     """Of the boresight, array frame, counter-clockwise from straight ahead."""
-    elevation_deg: float = Field(default=0.0, ge=-90.0, le=90.0)
+    elevation_deg: Elevation = 0.0
     """Of the boresight, up from the horizontal."""
-    position_m: tuple[float, float, float] | None = None
+    position_m: tuple[ArrayCoordinate, ArrayCoordinate, MountingHeight] | None = None
     """Array frame: x forward, y left, z up from the ground. Left out, it is on the ring, towards the azimuth."""
 
 
@@ -68,27 +79,27 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
     `gain_offset` is another kind, that of the Dir-MUSIC paper: the half width of uniform additions to the gains.
     """
 
-    n_elements: int | None = None
+    n_elements: int | None = Field(default=None, ge=0, le=MOST_ELEMENTS)
     """Elements of the ring: 6, unless given otherwise; None where there is a list."""
-    elements: tuple[ElementConfig, ...] = ()
+    elements: tuple[ElementConfig, ...] = Field(default=(), max_length=MOST_ELEMENTS)
     """All elements, instead of a ring."""
-    ring_radius_m: PositiveFloat = 0.12
-    height_m: PositiveFloat = 0.6
-    pattern: str | None = None
+    ring_radius_m: ArrayMetre = 0.12
+    height_m: ArrayMetre = 0.6
+    pattern: FilePath | None = None
     """File with the pattern of every element as the data sheet has it, which direction finding uses, or the name of a
     shipped one; eq. (1) of the Dir-MUSIC paper, if left out. Of a pattern over all directions and frequencies it uses
     the cut at elevation 0."""
-    true_pattern: str | None = None
+    true_pattern: FilePath | None = None
     """The pattern that every element really has, in the plane or over all directions and frequencies; that of the data
     sheet, if left out."""
-    gain_error: NonNegativeFloat = 0.05
-    pointing_error_deg: NonNegativeFloat = 2.0
-    position_error_m: NonNegativeFloat = 0.002
-    gain_offset: NonNegativeFloat = 0.0
+    gain_error: Share = 0.05
+    pointing_error_deg: AngleError = 2.0
+    position_error_m: PlacementError = 0.002
+    gain_offset: Share = 0.0
     serial_number: int | None = Field(default=None, ge=0, le=2**63 - 1)
     """Which of the arrays that were built by this data sheet the robot carries: one number is one array, with the same
     errors whatever else a mission draws. Left out, each mission has another one."""
-    pattern_error: NonNegativeFloat = 0.0
+    pattern_error: Share = 0.0
     """By how much the gain in any one direction may differ from the data sheet's pattern, over its largest gain, as the
     robot believes: a standard deviation in the plane, and more off it (`dirmusic.ElementSpread`). Nothing is drawn by
     it: `true_pattern` says how it differs. The computed helices need 0.02."""

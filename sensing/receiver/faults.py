@@ -6,9 +6,10 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field, NonNegativeFloat, PositiveFloat, model_validator
+from pydantic import BaseModel, Field, model_validator
 
 from sensing.array.config import MOST_ELEMENTS
+from sensing.quantities import FaultDecibel, MissionSecond, Volt
 
 FloatArray = NDArray[np.float64]
 
@@ -28,10 +29,10 @@ class ChannelFault(BaseModel, frozen=True, strict=True, extra="forbid", allow_in
 
     channel: int = Field(ge=1, le=MOST_ELEMENTS)
     kind: FaultKind
-    start_s: NonNegativeFloat = 0.0
-    gain_db: float | None = Field(default=None, ge=-60.0, le=60.0)
-    ramp_s: NonNegativeFloat = 0.0
-    level_v: PositiveFloat | None = None
+    start_s: MissionSecond = 0.0
+    gain_db: FaultDecibel | None = None
+    ramp_s: MissionSecond = 0.0
+    level_v: Volt | None = None
     other: int | None = Field(default=None, ge=1, le=MOST_ELEMENTS)
 
     @model_validator(mode="after")

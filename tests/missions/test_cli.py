@@ -142,6 +142,16 @@ def test_a_good_file_is_said_to_have_no_fault(short: Path, tmp_path: Path) -> No
     assert "no fault" in done.stdout
 
 
+def test_what_is_hardly_meant_is_noted_and_the_mission_goes_on(short: Path, tmp_path: Path) -> None:
+    text = short.read_text(encoding="utf-8").replace("gain_error = 0.05", "gain_error = 0.9")
+    short.write_text(text, encoding="utf-8")
+    for arguments in (["scenarios", "short.toml"], ["run", "short.toml"]):
+        done = pdpatrol(*arguments, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        (note,) = [line for line in done.stderr.splitlines() if line.startswith("note: ")]
+        assert note.startswith("note: array: with gain_error 0.9")
+
+
 def test_scenarios_are_listed_as_json_too(tmp_path: Path) -> None:
     listed = json.loads(pdpatrol("scenarios", "--json", cwd=tmp_path).stdout)
     assert {"one_source", "two_sources", "quiet_yard"} <= listed.keys()
