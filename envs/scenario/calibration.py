@@ -12,17 +12,33 @@ from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, PositiveInt, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from dirmusic import ArrayModel, InputFileError
 from dirmusic.array.estimated_errors import N_KINDS, EstimatedErrors
+from dirmusic.input_file import read_whole
 from dirmusic.locating.locator import Learned
 from envs.scenario.base import Config
 
 FloatArray = NDArray[np.float64]
-Numbers = tuple[Annotated[float, Field(ge=-1000.0, le=1000.0)], ...]
+Number = Annotated[float, Field(ge=-1000.0, le=1000.0)]
+Numbers = tuple[Number, ...]
+Count = Annotated[int, Field(ge=1, le=10**12)]
 
 FORMAT = "pdpatrol calibration 1"
+
+MOST_BYTES = 10**7
+"""Largest file that is read (assumed): of an array of 32 elements it is a tenth of that."""
+
+MOST_ELEMENTS = 64
+"""Of an array (assumed)."""
+
+MOST_FAULTS = 20
+"""So many faults of a file are told."""
+
+GIVE = "give a calibration.toml"
+LONGEST_SHOWN = 60
+"""Characters of a wrong value that a message shows."""
 
 LEAST_EIGENVALUE = -1e-9
 """Eigenvalues of a covariance over the largest may be so much below zero: digits are finite."""
@@ -33,16 +49,16 @@ class CalibratedArray(Config, frozen=True):
 
     serial_number: int | None = None
     """As of `sensing.ArrayConfig`; none in data from the field."""
-    boresights_deg: Numbers
+    boresights_deg: Annotated[Numbers, Field(min_length=1, max_length=MOST_ELEMENTS)]
     boresight_elevations_deg: Numbers
-    positions_m: tuple[tuple[float, float, float], ...]
+    positions_m: tuple[tuple[Number, Number, Number], ...]
     pattern_sha256: str
     """Of the gain of an element at each whole degree off its boresight, to six decimals."""
-    gain_error: float
-    pointing_error_deg: float
-    offset_error: float
+    gain_error: Number
+    pointing_error_deg: Number
+    offset_error: Number
     """Standard deviation, in units of gain."""
-    pattern_error: float
+    pattern_error: Number
 
     @classmethod
     def of(cls, array: ArrayModel, serial_number: int | None) -> Self:
@@ -66,7 +82,7 @@ class CalibratedArray(Config, frozen=True):
 class CalibratedErrors(Config, frozen=True):
     """Errors of the elements: the likeliest, and how sure they are; all as of `dirmusic.ElementErrors`."""
 
-    gain: Numbers
+    gain: Annotated[Numbers, Field(min_length=1, max_length=MOST_ELEMENTS)]
     pointing_rad: Numbers
     offset: Numbers
     covariance: tuple[Numbers, ...]
@@ -111,8 +127,8 @@ class ArrayCalibration(Config, frozen=True):
     format: Literal["pdpatrol calibration 1"]
     mission: str
     """The last one behind it."""
-    n_missions: PositiveInt
-    n_pulses: PositiveInt
+    n_missions: Count
+    n_pulses: Count
     """Of all missions, those that the fits made use of."""
     array: CalibratedArray
     errors: CalibratedErrors
@@ -190,20 +206,23 @@ def read_calibration(path: Path) -> ArrayCalibration:
         InputFileError: With a line for each fault, if it cannot be read or holds no calibration.
     """
     try:
-        table = tomllib.loads(path.read_bytes().decode("utf-8"))
-    except OSError as error:
-        raise InputFileError([f"{path}: cannot be read ({error.strerror}); give a calibration.toml"]) from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise InputFileError([f"{path}: not TOML: {error}; give a calibration.toml"]) from None
+        table = tomllib.loads(read_whole(path, MOST_BYTES).decode("utf-8-sig"))
+    except InputFileError as error:
+        raise InputFileError([f"{error.faults[0]}; {GIVE}"]) from None
+    except (ValueError, RecursionError) as error:
+        why = str(error).splitlines()[0] if str(error) else "nested too deep"
+        raise InputFileError([f"{path}: not TOML: {why:.200}; {GIVE}"]) from None
     if table.get("format") != FORMAT:
-        came = repr(table.get("format", "none"))
-        raise InputFileError([f"{path}: format: got {came:.60}; allowed is {FORMAT!r}"])
+        came = _told(table.get("format", "none"))
+        raise InputFileError([f"{path}: format: got {came}; allowed is {FORMAT!r}"])
     try:
         return restore_calibration(table)
     except ValidationError as error:
         raise InputFileError(
-            [line for item in error.errors(include_url=False) for line in _lines(path, item)]
+            [line for item in error.errors(include_url=False)[:MOST_FAULTS] for line in _lines(path, item)]
         ) from None
+    except (ValueError, RecursionError):  # numbers of thousands of digits
+        raise InputFileError([f"{path}: holds numbers or tables that no mission writes; {GIVE}"]) from None
 
 
 def restore_calibration(data: Mapping[str, Any]) -> ArrayCalibration:
@@ -217,13 +236,43 @@ def restore_calibration(data: Mapping[str, Any]) -> ArrayCalibration:
 
 def _lines(path: Path, item: Any) -> list[str]:  # noqa: ANN401 - a dictionary of pydantic
     key = ".".join(map(str, item["loc"]))
+    key = key if key.isprintable() and len(key) <= LONGEST_SHOWN else f"{key!r:.60}"
     if item["type"] == "value_error":
         return [f"{path}: {'.'.join(filter(None, (key, str(item['ctx']['error']))))}"]
     if item["type"] == "missing":
         return [f"{path}: {key}: missing; it is required"]
     if item["type"] == "extra_forbidden":
         return [f"{path}: {key}: unknown key; allowed are those that a mission writes"]
-    return [f"{path}: {key}: got {item['input']!r:.60}; {item['msg'][0].lower()}{item['msg'][1:]}"]
+    allowed = ALLOWED.get(item["type"], ALLOWED_OF_KIND.get(item["type"].partition("_")[0], "what a mission writes"))
+    limit = next((value for name, value in item.get("ctx", {}).items() if name in ("ge", "le")), None)
+    return [f"{path}: {key}: got {_told(item['input'])}; allowed is {allowed.format(limit=limit)}"]
+
+
+ALLOWED = {
+    "greater_than_equal": "{limit} or more",
+    "less_than_equal": "{limit} or less",
+    "finite_number": "a finite number",
+    "literal_error": "what a mission writes",
+    "too_long": "no more than a mission writes",
+    "too_short": "no less than a mission writes",
+}
+ALLOWED_OF_KIND = {
+    "float": "a number",
+    "int": "a whole number",
+    "tuple": "a list",
+    "string": "a text",
+    "model": "a table",
+    "missing": "one more",
+}
+"""What is allowed, by the kind of fault, or by the kind of value that was wanted."""
+
+
+def _told(value: Any) -> str:  # noqa: ANN401 - any value of a file
+    """A value in at most sixty characters of one line."""
+    if isinstance(value, dict | list):
+        return "a table" if isinstance(value, dict) else f"a list of {len(value)}"
+    text = repr(value) if not isinstance(value, int) or abs(value) < 10**40 else "a number of many digits"
+    return text if len(text) <= LONGEST_SHOWN else text[: LONGEST_SHOWN - 3] + "..."
 
 
 def _rounded(values: FloatArray) -> Numbers:

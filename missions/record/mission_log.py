@@ -163,7 +163,9 @@ class MissionLog:
                 log._take_up(tables)
             except ValueError as error:
                 fault = str(error).removeprefix(f"{file}: ")
-                raise ValueError(f"{file}: {fault}; give the folder that `pdpatrol run` wrote") from None
+                raise ValueError(
+                    f"{file}: is not the log of a mission ({fault}); give the folder that `pdpatrol run` wrote"
+                ) from None
         assert log is not None
         return log
 
@@ -196,7 +198,7 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, dict[str, NDArray[Any]]
     meta_text = read_npz(path, ("meta",), most_bytes=MOST_BYTES)["meta"]
     meta = _parsed(str(meta_text)) if meta_text.shape == () and meta_text.dtype.kind == "U" else None
     if not isinstance(meta, dict) or "schema" not in meta:
-        raise ValueError("is not the log of a mission")
+        raise ValueError("its facts are none")
     if meta["schema"] != SCHEMA:
         raise ValueError(f"log schema {meta['schema']!s:.20}, this version reads schema {SCHEMA}")
     names = [f"{table}.{column}" for table, columns in TABLES.items() for column in columns]
@@ -210,7 +212,8 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, dict[str, NDArray[Any]]
             raise ValueError(f"the table {table} is damaged: its columns do not fit each other")
         for column, dtype in columns.items():
             shape = tables[table][column].shape[1:]
-            if (shape != dtype.shape and column not in WIDE) or (column in WIDE and len(shape) != 1):
+            is_right = len(shape) == 1 if column in WIDE else shape == dtype.shape
+            if not is_right and lengths != {0}:
                 raise ValueError(f"{table}.{column}: damaged, of rows of shape {shape}")
     return meta, tables
 

@@ -54,16 +54,20 @@ QUIETEST_DBV = -60.0
 
 
 def write_recording(log: MissionLog, path: Path) -> None:
-    """Write a whole recording, blueprint inside, under a temporary name and rename it at the end."""
+    """Write a whole recording, blueprint inside, under a temporary name and rename it at the end, or leave nothing."""
     temporary = path.with_name(f".{path.name}.tmp.rrd")
     stream = rr.RecordingStream("pdpatrol")
     time_s = log.column("step", "time_s")
     end_s = float(time_s[-1]) if time_s.size else None
     stream.save(temporary, default_blueprint=paths.blueprint(log.meta, end_s))
-    Recorder(stream, log).update()
-    stream.flush()
-    stream.disconnect()
-    temporary.replace(path)
+    try:
+        Recorder(stream, log).update()
+        stream.flush()
+        stream.disconnect()
+        temporary.replace(path)
+    finally:
+        stream.disconnect()
+        temporary.unlink(missing_ok=True)
 
 
 class Recorder:
