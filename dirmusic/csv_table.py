@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.dtypes import StringDType
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from dirmusic.input_file import InputFileError, InputFileWarning, read_text
 
 FloatArray = NDArray[np.float64]
-TextArray = np.ndarray[tuple[int], StringDType]
+TextArray = NDArray[Any]  # of texts, `StringDType`
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 SEPARATORS = ",;\t"

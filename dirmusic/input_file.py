@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import stat
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
@@ -57,7 +57,7 @@ def read_text(path: Path) -> str:
 
 
 @contextmanager
-def opened(path: Path, most_bytes: int) -> Iterator[IO[bytes]]:
+def opened(path: Path, most_bytes: int) -> Generator[IO[bytes]]:
     """A file that is no larger than so many bytes, for reading.
 
     Raises:

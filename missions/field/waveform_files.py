@@ -120,8 +120,8 @@ def read_waveforms(table: CsvTable, noise_v: float | None, gate_s: float) -> Tab
             gated.append(_gated(_read_record(path), gate_s, gated[0] if gated else None))
         except InputFileError as error:
             refused.add(name)
-            more = " (and more)" if len(error.faults) > 1 else ""
-            table.fault(row, f"waveform: {name}: {error.faults[0].removeprefix(f'{path}: ')}{more}")
+            told, *others = error.faults
+            table.fault(row, f"waveform: {name}: {told.removeprefix(f'{path}: ')}{' (and more)' if others else ''}")
         except ValueError as error:
             refused.add(name)
             table.fault(row, f"waveform: {name}: {error}")

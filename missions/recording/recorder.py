@@ -203,7 +203,7 @@ class Recorder:
     ) -> None:
         """Line strips, some to a step, and none at the steps to clear."""
         if steps.size:
-            self._columns(path, steps, rr.LineStrips3D.columns(strips=strips).partition(counts))
+            self._columns(path, steps, rr.LineStrips3D.columns(strips=strips.astype(np.float32)).partition(counts))
         if clear.size:
             none = rr.LineStrips3D.columns(strips=[]).partition(np.zeros(clear.size, dtype=int))
             self._columns(path, clear, none)
