@@ -1,11 +1,13 @@
 """Field data in other units, in too many rows, or of no use: said in one line, and what Excel writes is read."""
 
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from dirmusic import InputFileError, InputFileWarning
+from dirmusic.locating import births
 from missions.cli.locate import LIMITS
 from missions.field import field_data
 from missions.field.array_model import array_model
@@ -14,6 +16,7 @@ from missions.field.locate_field_data import locate_field_data, rejections
 from missions.field.plausibility import doubts
 from missions.record.pulse_counts import in_words
 from missions.record.report import make_report
+from missions.recording import write_recording
 from tests.missions.files import hostile
 from tests.missions.files.test_hostile_files import EXAMPLE, POSE_ERROR, SPREAD
 from tests.missions.files.test_replayed_files import pdpatrol
@@ -53,6 +56,13 @@ def test_sensible_poses_raise_no_doubt() -> None:
             assert doubts(time_s, pose) == []
 
 
+@pytest.mark.parametrize(("size_m", "lasts_s"), [(20_000.0, 1e6), (500.0, 1.0)])
+def test_a_site_too_wide_or_crossed_too_fast_looks_like_millimetres(size_m: float, lasts_s: float) -> None:
+    pose = np.column_stack([np.linspace(0.0, size_m, 100), np.zeros((100, 2))])
+    (doubt,) = doubts(np.linspace(0.0, lasts_s, 100), pose)
+    assert "looks like millimetres" in doubt
+
+
 @pytest.mark.parametrize("separator", [";", "\t", ","])
 def test_the_line_that_excel_writes_names_the_separator(tmp_path: Path, separator: str) -> None:
     lines = f"\ufeffsep={separator}\n{TEXT.replace(',', separator)}".replace("\n", "\r\n")
@@ -76,10 +86,11 @@ def test_the_line_that_excel_writes_names_the_separator(tmp_path: Path, separato
         (f"{STRENGTHS}\n0,0,0,0,1,2,{'1' * 90_000}\n".encode(), "strength_3: got 1{40}; allowed"),
         (f"{STRENGTHS}\n0,0,0,0,1,2,{'1' * 140_000}\n".encode(), "line 2: has more than 100000 characters"),
         (f'{STRENGTHS}\n0,0,0,0,1,2,"{"1" * 90_000}\n{"1" * 90_000}\n'.encode(), "line 2: a quoted cell goes on"),
+        (f'{STRENGTHS}\n0,0,0,0,1,2,"3\n4"\n1,0,0,0,1,2,3\n'.encode(), "line 2: a quoted cell goes on"),
         (",".join(f"strength_{k}" for k in range(2000)).encode(), "2000 columns; allowed are up to 1000"),
         (f"{MANY}\n{'1,' * 203}1".encode(), "200 strength columns; allowed are 3 or more, up to 32"),
     ],
-    ids=range(10),
+    ids=range(11),
 )  # fmt: skip
 def test_what_no_survey_holds_is_refused(tmp_path: Path, data: bytes, told: str) -> None:
     (tmp_path / "t.csv").write_bytes(data)
@@ -184,3 +195,29 @@ def test_every_option_of_locate_has_bounds_that_are_told(tmp_path: Path) -> None
     assert all(f"{option}: got " in done.stderr for option in LIMITS)
     assert "--gate-ns: got 1e+308; allowed is above 0, 0.001 to 1e+06 ns" in lines
     assert list(tmp_path.iterdir()) == []
+
+
+def test_bearings_near_each_other_are_counted_alike_pair_by_pair_and_sorted(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(5)
+    for n in (1, 6, 700):
+        bearing_rad = rng.uniform(-9.0, 9.0, n)
+        by_pairs = births._neighbours(bearing_rad, 0.14)
+        with monkeypatch.context() as patch:
+            patch.setattr(births, "MOST_AT_ONCE", 0)
+            np.testing.assert_array_equal(births._neighbours(bearing_rad, 0.14), by_pairs)
+
+
+@pytest.mark.slow
+def test_a_survey_of_five_times_the_pulses_takes_about_five_times_the_work(tmp_path: Path) -> None:
+    header, *rows = [line.split(",") for line in TEXT.splitlines()]
+    spent_s: list[float] = []
+    for n_rounds in (1, 100, 500):  # the first compiles
+        lines = [",".join([f"{float(row[0]) + 3600.0 * k:.1f}", *row[1:]]) for k in range(n_rounds) for row in rows]
+        (tmp_path / "t.csv").write_text("\n".join([",".join(header), *lines]))
+        before_s = time.process_time()
+        data = read_field_data(tmp_path / "t.csv")
+        log = locate_field_data(data, array_model(data, SPREAD, None, None, 0.12, 0.6), POSE_ERROR)
+        assert len(make_report(log, 0.0)["findings"]) == 1
+        write_recording(log, tmp_path / "t.rrd")
+        spent_s.append(time.process_time() - before_s)
+    assert spent_s[2] < 8.0 * spent_s[1]
