@@ -14,7 +14,8 @@ from dirmusic.bearing.estimator import BearingEstimator
 from dirmusic.bearing.gain_delay import bearings_from_delays
 from dirmusic.bearing.maximum_likelihood import bearings_from_covariance, estimate_bearings
 from dirmusic.bearing.spectrum import noise_subspace, pseudo_spectrum, pulse_spectrum, source_count, spectrum_peaks
-from dirmusic.csv_table import CsvTable, InputFileError, InputFileWarning, read_csv_table
+from dirmusic.csv_table import CsvTable, read_csv_table
+from dirmusic.input_file import InputFileError, InputFileWarning
 from dirmusic.locating.finding import Finding
 from dirmusic.locating.fitting.joint_fix import PoseError
 from dirmusic.locating.fitting.triangulation import Fix, triangulate

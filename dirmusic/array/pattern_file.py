@@ -8,11 +8,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dirmusic.array.pattern import GainPattern, TabulatedPattern
-from dirmusic.csv_table import NUMBER, CsvTable, InputFileError, read_csv_table, read_text
+from dirmusic.csv_table import NUMBER, CsvTable, as_texts, read_csv_table
+from dirmusic.input_file import InputFileError, read_text
 
 FloatArray = NDArray[np.float64]
 
 MSI_SUFFIXES = (".msi", ".pln")
+ANGLE = "angle_deg"
+MAX_ANGLE_DEG = 720.0
+MAX_DB = 200.0
+"""Gains are told within so many decibels of one, by ratio as well."""
+
 SAME_GAIN = 1e-3
 """Share by which a row at 360 degrees may differ from the one at 0 that it repeats."""
 
@@ -33,12 +39,11 @@ def read_pattern(path: str | Path) -> TabulatedPattern:
     path = Path(path)
     if path.suffix.lower() in MSI_SUFFIXES:
         table, gain = _read_msi(path)
-        angle_deg = table.numbers("angle_deg")
     elif path.suffix.lower() == ".csv":
         table, gain = _read_csv(path)
-        angle_deg = table.numbers("angle_deg")
     else:
         raise InputFileError([f"{path}: ends in `{path.suffix}`; allowed are .csv, {' and '.join(MSI_SUFFIXES)}"])
+    angle_deg = table.numbers(ANGLE, lambda x: abs(x) <= MAX_ANGLE_DEG, "-720 to 720 degrees")
     for row in range(1, angle_deg.size):
         if angle_deg[row] <= angle_deg[row - 1]:
             word = "is there twice" if angle_deg[row] == angle_deg[row - 1] else "goes back"
@@ -48,7 +53,9 @@ def read_pattern(path: str | Path) -> TabulatedPattern:
     table.check()
     if angle_deg[-1] - angle_deg[0] == 360.0:
         if not np.isclose(gain[-1], gain[0], rtol=SAME_GAIN):
-            table.fault(-1, f"gain: {gain[-1]:.4g} one turn after {gain[0]:.4g}; allowed is the same gain again")
+            table.fault(
+                angle_deg.size - 1, f"gain: {gain[-1]:.4g} one turn after {gain[0]:.4g}; allowed is the same gain again"
+            )
         table.check()
         angle_deg, gain = angle_deg[:-1], gain[:-1]
     angle_rad = np.radians(angle_deg)
@@ -99,9 +106,16 @@ def _read_csv(path: Path) -> tuple[CsvTable, FloatArray]:
         raise InputFileError(
             [f"{path}: columns {', '.join(table.header)}; allowed are angle_deg and either gain or gain_db"]
         )
-    if kinds == ["gain_db"]:
-        return table, 10 ** (table.numbers("gain_db", lambda x: abs(x) <= 200, "-200 to 200 dB") / 20)
-    return table, table.numbers("gain", lambda x: x > 0, "an amplitude ratio above 0 (name decibels gain_db)")
+    return table, read_gains(table, kinds[0])
+
+
+def read_gains(table: CsvTable, kind: str) -> FloatArray:
+    """The column `gain` or `gain_db` of a table as amplitude ratios, shape (n_rows,), NaN where there is a fault."""
+    if kind == "gain_db":
+        return 10 ** (table.numbers("gain_db", lambda x: abs(x) <= MAX_DB, "-200 to 200 dB") / 20)
+    low, high = 10 ** (-MAX_DB / 20), 10 ** (MAX_DB / 20)
+    told = f"an amplitude ratio above 0, {low:g} to {high:g} (name decibels gain_db)"
+    return table.numbers("gain", lambda x: (x >= low) & (x <= high), told)
 
 
 def _read_msi(path: Path) -> tuple[CsvTable, FloatArray]:
@@ -112,8 +126,10 @@ def _read_msi(path: Path) -> tuple[CsvTable, FloatArray]:
         raise InputFileError([f"{path}: {len(heads)} lines begin with HORIZONTAL; allowed is one"])
     number, head = lines[heads[0]]
     count = head.split()[1] if len(head.split()) == 2 else ""
-    if not (count.isascii() and count.isdigit() and int(count) >= 4):
-        raise InputFileError([f"{path}: line {number}: got {head.strip()!r}; allowed is HORIZONTAL and a count from 4"])
+    if not (count.isascii() and count.isdigit() and len(count) < 7 and int(count) >= 4):
+        raise InputFileError(
+            [f"{path}: line {number}: got {head.strip()!r:.60}; allowed is HORIZONTAL and a count from 4 to 999999"]
+        )
     body: list[tuple[int, tuple[str, ...]]] = []
     for place, line in lines[heads[0] + 1 :]:
         cells = tuple(line.split())
@@ -123,14 +139,18 @@ def _read_msi(path: Path) -> tuple[CsvTable, FloatArray]:
             body.append((place, cells))
     table = CsvTable(
         path=path,
-        header=("angle_deg", "attenuation_db"),
-        rows=tuple(cells for _, cells in body),
-        lines=tuple(place for place, _ in body),
+        header=(ANGLE, "attenuation_db"),
+        columns={
+            ANGLE: as_texts([cells[0] for _, cells in body]),
+            "attenuation_db": as_texts([cells[-1] for _, cells in body]),
+        },
+        lines=np.array([place for place, _ in body], dtype=np.intp),
     )
-    for row, cells in enumerate(table.rows):
+    for row, (_, cells) in enumerate(body):
         if len(cells) != 2:
             table.fault(row, f"got {len(cells)} values; allowed are angle and attenuation")
     if len(body) != int(count):
         table.faults.append(f"{path}: line {number}: HORIZONTAL announces {count} rows; {len(body)} follow")
     table.check()
-    return table, 10 ** (-table.numbers("attenuation_db", lambda x: 0 <= x <= 200, "0 to 200 dB, without a sign") / 20)
+    attenuation_db = table.numbers("attenuation_db", lambda x: (x >= 0) & (x <= MAX_DB), "0 to 200 dB, without a sign")
+    return table, 10 ** (-attenuation_db / 20)

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from dirmusic.array.pattern import TabulatedPattern
-from dirmusic.array.pattern_file import read_pattern
+from dirmusic.array.pattern_file import read_gains, read_pattern
 from dirmusic.array.spatial_pattern import SpatialPattern
-from dirmusic.csv_table import CsvTable, InputFileError, read_csv_table
+from dirmusic.csv_table import CsvTable, read_csv_table
+from dirmusic.input_file import InputFileError
 
 AXES = ("frequency_ghz", "azimuth_deg", "elevation_deg")
 ONE_TURN_DEG = 360.0
@@ -46,13 +47,10 @@ def read_spatial_pattern(path: str | Path) -> SpatialPattern:
         raise InputFileError(
             [f"{path}: columns {', '.join(table.header)}; allowed are {', '.join(AXES)} and either gain or gain_db"]
         )
-    frequency_ghz = table.numbers(AXES[0], lambda x: 0 < x < 1000, "a frequency in GHz, above 0")
+    frequency_ghz = table.numbers(AXES[0], lambda x: (x >= 1e-3) & (x <= 1000), "0.001 to 1000 GHz")
     azimuth_deg = table.numbers(AXES[1], lambda x: abs(x) <= ONE_TURN_DEG, "-360 to 360 degrees")
     elevation_deg = table.numbers(AXES[2], lambda x: abs(x) <= 90, "-90 to 90 degrees")
-    if kinds == ["gain_db"]:
-        gain = 10 ** (table.numbers("gain_db", lambda x: abs(x) <= 200, "-200 to 200 dB") / 20)
-    else:
-        gain = table.numbers("gain", lambda x: x > 0, "an amplitude ratio above 0 (name decibels gain_db)")
+    gain = read_gains(table, kinds[0])
     table.check()
     if np.ptp(azimuth_deg) == ONE_TURN_DEG:
         is_kept = azimuth_deg < azimuth_deg.max()

@@ -23,6 +23,11 @@ UNKNOWN_M = 10.0
 it may be close by."""
 
 
+MOST_AT_ONCE = 4096
+"""Of more bearings not every pair is compared: they are sorted, which says the same in less time and memory. And no
+more are crossed, evenly chosen."""
+
+
 class Birth(NamedTuple):
     """Pulses that make a candidate.
 
@@ -77,19 +82,31 @@ def find_birth(
     if recent.size < rules.birth_pulses:
         return None
     bearing, _ = record.bearings(recent, errors)
-    is_near = np.abs(difference(bearing[:, np.newaxis], bearing)) < rules.birth_arc_rad
-    rows = recent[is_near[is_near.sum(axis=0).argmax()]]
+    n_near = _neighbours(bearing, rules.birth_arc_rad)
+    rows = recent[np.abs(difference(bearing[n_near.argmax()], bearing)) < rules.birth_arc_rad]
     if rows.size < rules.birth_pulses and rules.birth_by_crossing:
         rows = _crossing_rows(record, evenly(recent, rules.max_pulses), errors)
     if rows.size < rules.birth_pulses:
         return None
-    position_m, covariance_m2 = record.crossing(rows, errors)
+    position_m, covariance_m2 = record.crossing(evenly(rows, MOST_AT_ONCE), errors)
     if not np.isfinite(covariance_m2).all():
         sight_m = position_m[:2] - record.pose[rows[-1], :2]
         position_m[:2] -= sight_m * (1.0 - UNKNOWN_M / max(float(np.linalg.norm(sight_m)), UNKNOWN_M))
         covariance_m2 = with_height_covariance(np.eye(2) * UNKNOWN_M**2)
     first_s, last_s = record.pulses.time_s[rows[[0, -1]]].tolist()
     return Birth(rows, first_s, last_s, position_m, covariance_m2)
+
+
+def _neighbours(bearing_rad: FloatArray, arc_rad: float) -> NDArray[np.intp]:
+    """How many of some bearings (n,) lie within an arc to either side of each, shape (n,)."""
+    if bearing_rad.size <= MOST_AT_ONCE:
+        is_near = np.abs(difference(bearing_rad[:, np.newaxis], bearing_rad)) < arc_rad
+        return is_near.sum(axis=0)
+    turned_rad = np.mod(bearing_rad, 2 * np.pi)
+    sorted_rad = np.sort(turned_rad)
+    around_rad = np.concatenate([sorted_rad - 2 * np.pi, sorted_rad, sorted_rad + 2 * np.pi])
+    above = np.searchsorted(around_rad, turned_rad + arc_rad, side="left")
+    return above - np.searchsorted(around_rad, turned_rad - arc_rad, side="right")
 
 
 def _crossing_rows(record: PulseRecord, rows: Rows, errors: ElementErrors) -> Rows:

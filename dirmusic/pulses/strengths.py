@@ -57,8 +57,6 @@ def pulse_strengths(waveforms: ArrayLike, noise_variance: ArrayLike) -> FloatArr
         raise ValueError(f"`waveforms` must have shape (..., n_elements, n_samples), got {x.shape}")
     if not np.all(variance >= 0):
         raise ValueError(f"`noise_variance` must be >= 0 V^2, got {noise_variance!r}")
-    from dirmusic.pulses.strength_kernels import strength_of  # here, for the compiler takes time to load
-
     energy = np.einsum("...k,...k->...", x, x)
     if not np.isfinite(energy).all():
         broken = np.flatnonzero(~np.all(np.isfinite(energy), axis=tuple(range(energy.ndim - 1)))) + 1
@@ -66,12 +64,22 @@ def pulse_strengths(waveforms: ArrayLike, noise_variance: ArrayLike) -> FloatArr
             f"`waveforms` must be finite, got NaN or infinity in channels {', '.join(map(str, broken))}; drop the "
             "broken records or channels first"
         )
-    strengths = np.asarray(strength_of(energy, x.shape[-1] * variance))
+    return strengths_of_energies(energy, x.shape[-1], variance)
+
+
+def strengths_of_energies(energy: FloatArray, n_samples: int, noise_variance: FloatArray) -> FloatArray:
+    """The strengths of `pulse_strengths` from the energies of gates of so many samples; all of shape (..., n_elements).
+
+    The energies are sums of squares, V^2, finite; noise is still in them.
+    """
+    from dirmusic.pulses.strength_kernels import strength_of  # here, for the compiler takes time to load
+
+    strengths = np.asarray(strength_of(energy, n_samples * noise_variance))
     silent = energy == 0.0
     if (
         silent.any()
     ):  # with noise about, not one sample that differs from zero: no pulse was too weak, a channel is dead
-        dead = silent & (variance > 0) & ~silent.all(axis=-1, keepdims=True)
+        dead = silent & (noise_variance > 0) & ~silent.all(axis=-1, keepdims=True)
         strengths = np.where(dead, np.nan, strengths)
     return strengths
 

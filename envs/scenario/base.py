@@ -9,6 +9,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, Field, ValidationInfo
 
 from dirmusic import InputFileError
+from dirmusic.input_file import read_whole
 from robot_models.yard.quantities import MOST_LETTERS
 
 MISSION_NAME = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
@@ -61,13 +62,9 @@ def read_toml(path: Path, wanted: str) -> dict[str, Any]:
         InputFileError: If it cannot be read, is too large, no text or no TOML.
     """
     try:
-        with path.open("rb") as file:
-            data = file.read(MOST_BYTES + 1)
-    except (OSError, ValueError) as error:  # a path with a NUL is a ValueError
-        why = error.strerror if isinstance(error, OSError) else "it is no path"
-        raise InputFileError([f"{path}: cannot be read ({why}); give {wanted}"]) from None
-    if len(data) > MOST_BYTES:
-        raise InputFileError([f"{path}: more than {MOST_BYTES // 1_000_000} MB; give {wanted}"])
+        data = read_whole(path, MOST_BYTES)
+    except InputFileError as error:
+        raise InputFileError([f"{fault}; give {wanted}" for fault in error.faults]) from None
     try:
         return tomllib.loads(data.decode("utf-8").removeprefix("\ufeff"))
     except UnicodeDecodeError as error:

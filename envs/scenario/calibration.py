@@ -18,10 +18,13 @@ from dirmusic.array.estimated_errors import N_KINDS, EstimatedErrors
 from dirmusic.locating.locator import Learned
 from envs.scenario.base import Config, read_toml
 from envs.scenario.faults import fault_lines, shown
-from sensing.array.config import MOST_ELEMENTS
 from sensing.quantities import PLAIN_ZERO
 
 FloatArray = NDArray[np.float64]
+
+MOST_ELEMENTS = 32
+"""Of an array: as many channels as field data may have."""
+
 Number = Annotated[float, Field(ge=-1000.0, le=1000.0), PLAIN_ZERO]
 Numbers = Annotated[tuple[Number, ...], Field(max_length=N_KINDS * MOST_ELEMENTS)]
 Spread = Annotated[float, Field(ge=0.0, le=1000.0), PLAIN_ZERO]
@@ -38,7 +41,7 @@ class CalibratedArray(Config, frozen=True):
 
     serial_number: int | None = Field(default=None, ge=0, le=2**63 - 1)
     """As of `sensing.ArrayConfig`; none in data from the field."""
-    boresights_deg: Numbers
+    boresights_deg: Annotated[Numbers, Field(min_length=1, max_length=MOST_ELEMENTS)]
     boresight_elevations_deg: Numbers
     positions_m: tuple[tuple[Number, Number, Number], ...] = Field(max_length=MOST_ELEMENTS)
     pattern_sha256: str = Field(pattern=r"^[0-9a-f]{64}$", max_length=64)
@@ -71,7 +74,7 @@ class CalibratedArray(Config, frozen=True):
 class CalibratedErrors(Config, frozen=True):
     """Errors of the elements: the likeliest, and how sure they are; all as of `dirmusic.ElementErrors`."""
 
-    gain: Numbers
+    gain: Annotated[Numbers, Field(min_length=1, max_length=MOST_ELEMENTS)]
     pointing_rad: Numbers
     offset: Numbers
     covariance: tuple[Numbers, ...] = Field(max_length=N_KINDS * MOST_ELEMENTS)

@@ -6,7 +6,7 @@ import math
 import time
 import warnings
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import tyro
 
@@ -21,6 +21,41 @@ from missions.cli.terminal import (
     tell_where,
     write_mission,
 )
+
+
+class Limits(NamedTuple):
+    """What an option may be: from the least to the most; where the least is above zero, the words say so."""
+
+    least: float
+    most: float
+    unit: str = ""
+
+    def holds(self, value: float) -> bool:
+        """Whether a value lies within."""
+        return self.least <= value <= self.most
+
+    def __str__(self) -> str:
+        """In words."""
+        words = "0 or more, up to" if self.least == 0 else f"above 0, {self.least:g} to" if self.least > 0 else None
+        words = words or f"{self.least:g} to"
+        return f"{words} {self.most:g}{self.unit}"
+
+
+LIMITS = {
+    "--boresights-deg": Limits(-720, 720, " degrees"),
+    "--ring-radius-m": Limits(0, 10, " m"),
+    "--height-m": Limits(0, 100, " m"),
+    "--gain-error": Limits(0, 1),
+    "--pointing-error-deg": Limits(0, 90, " degrees"),
+    "--gain-offset": Limits(0, 1),
+    "--position-std-m": Limits(0, 100, " m"),
+    "--heading-std-deg": Limits(0, 180, " degrees"),
+    "--pose-correlation-s": Limits(1e-3, 1e6, " s"),
+    "--noise-v": Limits(1e-12, 1e6, " V"),
+    "--gate-ns": Limits(1e-3, 1e6, " ns"),
+    "--yard-m": Limits(0.1, 1e5, " m"),
+}
+"""Of every number (assumed): beyond them are no arrays, receivers and sites that are built."""
 
 
 def locate(
@@ -73,20 +108,25 @@ def locate(
         out_dir: Folder to write to; new or empty. Default: runs/NAME, then -2, -3 and so on.
         json_output: Print the report as JSON instead of a table.
     """
-    at_least_zero = {
-        "--ring-radius-m": ring_radius_m,
-        "--height-m": height_m,
-        "--gain-error": gain_error,
-        "--pointing-error-deg": pointing_error_deg,
-        "--gain-offset": gain_offset,
-        "--position-std-m": position_std_m,
-        "--heading-std-deg": heading_std_deg,
+    options = {
+        "--boresights-deg": boresights_deg or (),
+        "--ring-radius-m": (ring_radius_m,),
+        "--height-m": (height_m,),
+        "--gain-error": (gain_error,),
+        "--pointing-error-deg": (pointing_error_deg,),
+        "--gain-offset": (gain_offset,),
+        "--position-std-m": (position_std_m,),
+        "--heading-std-deg": (heading_std_deg,),
+        "--pose-correlation-s": (pose_correlation_s,),
+        "--noise-v": () if noise_v is None else (noise_v,),
+        "--gate-ns": (gate_ns,),
+        "--yard-m": yard_m or (),
     }
-    above_zero = {"--pose-correlation-s": pose_correlation_s, "--noise-v": noise_v, "--gate-ns": gate_ns}
-    above_zero |= {"--yard-m": min(yard_m)} if yard_m else {}
-    faults = [f"{k}: got {v}; allowed is 0 or more" for k, v in at_least_zero.items() if not 0 <= v < math.inf]
-    faults += [
-        f"{k}: got {v}; allowed is above 0" for k, v in above_zero.items() if v is not None and not 0 < v < math.inf
+    faults = [
+        f"{option}: got {value}; allowed is {LIMITS[option]}"
+        for option, values in options.items()
+        for value in values
+        if not LIMITS[option].holds(value)
     ]
     if faults:
         refuse(*faults)
@@ -103,7 +143,8 @@ def locate(
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("always")
             try:
-                data = read_field_data(table, noise_v=noise_v, gate_s=gate_ns * 1e-9)
+                with err.status(f"Reads {table.name}"):
+                    data = read_field_data(table, noise_v=noise_v, gate_s=gate_ns * 1e-9)
                 array = array_model(
                     data,
                     ElementSpread(
@@ -126,7 +167,7 @@ def locate(
         for note in (*notes, *data.notes):
             err.print(f"note: {note}", soft_wrap=True)
 
-        from missions.field.locate_field_data import locate_field_data
+        from missions.field.locate_field_data import locate_field_data, rejections
         from missions.record.report import make_report
 
         pose_error = PoseError(
@@ -144,11 +185,14 @@ def locate(
                 progress=lambda share: progress.advance(bar, share),
             )
         report = make_report(log, time.perf_counter() - started_s)
-        write_mission(log, report, folder)
+        with err.status("Writes log, report and recording"):
+            write_mission(log, report, folder)
     if json_output:
         out.print_json(data=report)
         return
     tell_findings(report)
+    for text in rejections(log):
+        err.print(f"note: {text}", soft_wrap=True)
     tell_channel_faults(report)
     tell_calibration(report)
     out.print(

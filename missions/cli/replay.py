@@ -27,15 +27,23 @@ def replay(
         refuse(f"{folder}: no such folder; give the folder of a mission")
     if row is not None:
         folder = _run_again(folder, row)
+    from dirmusic import InputFileError
     from missions.record.mission_log import MissionLog
-    from missions.recording import open_viewer, serve, write_recording
+    from missions.recording import check_recording, open_viewer, serve, write_recording
 
     recording = folder / "mission.rrd"
-    if not recording.exists():
-        try:
-            write_recording(MissionLog.load(folder), recording)
-        except (FileNotFoundError, ValueError) as error:
-            refuse(str(error))
+    try:
+        if not recording.exists():
+            log = MissionLog.load(folder)
+            try:
+                write_recording(log, recording)
+            except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError):
+                refuse(f"{folder}: the facts in its log are damaged; give the folder that `pdpatrol run` wrote")
+        check_recording(recording)
+    except InputFileError as error:
+        refuse(*error.faults)
+    except (FileNotFoundError, ValueError) as error:
+        refuse(str(error))
     if not web:
         open_viewer(recording)
         return

@@ -49,9 +49,9 @@ def results(
 
     try:
         datasets = [Dataset(each) for each in folder]
+        rows = read_all(datasets)
     except InputFileError as error:
         refuse(*error.faults)
-    rows = read_all(datasets)
     if compare is not None:
         _compare(rows, *compare)
         return

@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from dirmusic import ArrayModel, Locator, PoseError, PulseBatch
 from dirmusic.bearing.channel_health import ChannelMonitor
 from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
-from dirmusic.locating.rules import LocatingRules
+from dirmusic.locating.rules import CredibilityRules, LocatingRules
 from dirmusic.locating.yard_likelihood import Grid, YardLikelihood
 from envs.scenario.calibration import ArrayCalibration
 from missions.field.field_data import FieldData
@@ -25,6 +25,9 @@ from missions.record.mission_log import MissionLog
 from missions.record.tracking import Tracker
 
 FloatArray = NDArray[np.float64]
+
+REJECTED = "rejected"
+"""Kind of the event that tells why no pulse at all was credible."""
 
 MARGIN_M = 10.0
 """Ground that a recording shows around the poses."""
@@ -97,6 +100,8 @@ def locate_field_data(
             progress(1.0 / data.time_s.size)
         if log.n_rows("finding") == 0 or log.column("finding", "step")[-1] < data.time_s.size - 1:
             book.log_findings(tracker.refit(float(data.time_s[-1])))
+    if pulses.n_pulses and not log.n_rows("bearing"):
+        book.event(REJECTED, _why_rejected(pulses, rules.credibility))
     book.log_contradiction(tracker.contradicts_calibration)
     book.log_association(tracker.association())
     book.log_likelihood(tracker.log_likelihood())
@@ -105,6 +110,22 @@ def locate_field_data(
         log.meta["calibration"] = learned.model_dump(mode="json")
     book.event("end", "all rows read")
     return log
+
+
+def rejections(log: MissionLog) -> list[str]:
+    """Why all pulses were rejected, in one line; nothing if they were not."""
+    events = log.table("event")
+    return [str(text) for text in events["text"][events["kind"] == REJECTED]]
+
+
+def _why_rejected(pulses: PulseBatch, rules: CredibilityRules) -> str:
+    n_weak = int(np.count_nonzero(pulses.std_rad >= rules.max_std_rad))
+    told = [
+        (pulses.n_pulses - n_weak, "no plane wave from one direction (boresights, pattern, order of channels?)"),
+        (n_weak, "too weak for the noise (deviations, volts?)"),
+    ]
+    fates = ", ".join(f"{number} {words}" for number, words in sorted(told, reverse=True) if number)
+    return f"all pulses were rejected: {fates}"
 
 
 def _meta(data: FieldData, array: ArrayModel, fence_m: tuple[float, float] | None) -> dict[str, Any]:

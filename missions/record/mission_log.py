@@ -12,12 +12,11 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
-from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
+from dirmusic.npz_file import read_npz
 from missions.whole_file import whole_file
 
 SCHEMA = 3
@@ -149,7 +148,7 @@ class MissionLog:
 
         Raises:
             FileNotFoundError: If the folder holds neither.
-            ValueError: If a file is no log, or was written under another schema.
+            ValueError: If a file is damaged or no log, or was written under another schema.
         """
         files = [folder / "log.npz"]
         if not files[0].exists():
@@ -158,27 +157,77 @@ class MissionLog:
             raise FileNotFoundError(f"{folder}: holds no log.npz and no log.parts; give the folder of a mission")
         log: MissionLog | None = None
         for file in files:
-            with _open(file) as arrays:
-                meta = json.loads(str(arrays["meta"]))
-                if meta["schema"] != SCHEMA:
-                    raise ValueError(f"{file}: log schema {meta['schema']}, this version reads schema {SCHEMA}")
+            try:
+                meta, tables = _read(file)
                 log = log or cls(meta)
-                for name in arrays.files:
-                    table, _, column = name.partition(".")
-                    if column:
-                        log._rows[table][column].extend(arrays[name])
+                log._take_up(tables)
+            except ValueError as error:
+                fault = str(error).removeprefix(f"{file}: ")
+                raise ValueError(
+                    f"{file}: is not the log of a mission ({fault}); give the folder that `pdpatrol run` wrote"
+                ) from None
         assert log is not None
         return log
 
+    def _take_up(self, tables: Mapping[str, Mapping[str, NDArray[Any]]]) -> None:
+        """Add the rows of a file; raises ValueError where a table points beyond another."""
+        for table, columns in tables.items():
+            for column, values in columns.items():
+                self._rows[table][column].extend(values)
+        for table, column, other in POINTERS:
+            numbers = self.column(table, column)
+            if numbers.size and not (numbers.min() >= 0 and numbers.max() < self.n_rows(other)):
+                raise ValueError(f"{table}.{column}: damaged, for it points beyond the table {other}")
 
-def _open(path: Path) -> NpzFile:
+
+POINTERS = (
+    ("pulse", "step", "step"),
+    ("bearing", "pulse", "pulse"),
+    ("finding", "step", "step"),
+    ("likelihood", "step", "step"),
+    ("association", "pulse", "pulse"),
+)
+"""Columns that hold numbers of rows, and the tables that these are of."""
+
+MOST_BYTES = 4 * 10**9
+"""Of a log (assumed): that of ten million pulses."""
+
+
+def _read(path: Path) -> tuple[dict[str, Any], dict[str, dict[str, NDArray[Any]]]]:
+    """The facts and the tables of one file; raises ValueError without its name if they are not what a log has."""
+    meta_text = read_npz(path, ("meta",), most_bytes=MOST_BYTES)["meta"]
+    meta = _parsed(str(meta_text)) if meta_text.shape == () and meta_text.dtype.kind == "U" else None
+    if not isinstance(meta, dict) or "schema" not in meta:
+        raise ValueError("its facts are none")
+    if meta["schema"] != SCHEMA:
+        raise ValueError(f"log schema {meta['schema']!s:.20}, this version reads schema {SCHEMA}")
+    names = [f"{table}.{column}" for table, columns in TABLES.items() for column in columns]
+    arrays = read_npz(path, names, most_bytes=MOST_BYTES)
+    tables: dict[str, dict[str, NDArray[Any]]] = {}
+    for table, columns in TABLES.items():
+        tables[table] = {column: arrays[f"{table}.{column}"] for column in columns}
+        lengths = {len(values) if values.ndim else -1 for values in tables[table].values()}
+        kinds = all(tables[table][column].dtype.kind == dtype.base.kind for column, dtype in columns.items())
+        if len(lengths) != 1 or -1 in lengths or not kinds:
+            raise ValueError(f"the table {table} is damaged: its columns do not fit each other")
+        for column, dtype in columns.items():
+            shape = tables[table][column].shape[1:]
+            is_right = len(shape) == 1 if column in WIDE else shape == dtype.shape
+            if not is_right and lengths != {0}:
+                raise ValueError(f"{table}.{column}: damaged, of rows of shape {shape}")
+    return meta, tables
+
+
+WIDE = ("strengths_v", "log_likelihood")
+"""Columns with a row for each element or cell."""
+
+
+def _parsed(text: str) -> object:
+    """JSON as plain data; None where it is none."""
     try:
-        arrays = np.load(path, allow_pickle=False)
-    except (OSError, EOFError, ValueError, BadZipFile):
-        arrays = None
-    if not isinstance(arrays, NpzFile) or "meta" not in arrays.files:
-        raise ValueError(f"{path}: is not the log of a mission; give the folder that `pdpatrol run` wrote")
-    return arrays
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        return None
 
 
 def _save(path: Path, meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:

@@ -36,6 +36,8 @@ def in_words(counts: dict[str, int]) -> str:
     """What became of the pulses though nothing was found, the most first: one line for a terminal."""
     if not counts["detected"]:
         return "No discharge found: no pulse was detected."
+    if counts["not_credible"] == counts["detected"]:
+        return f"No discharge found. {counts['detected']} pulses: all rejected, as {WORDS['not_credible']}."
     fates = sorted((number, WORDS[fate]) for fate, number in counts.items() if fate in WORDS and number)
     told = ", ".join(f"{number} {words}" for number, words in reversed(fates))
     return f"No discharge found. {counts['detected']} pulses: {told}."

@@ -25,7 +25,14 @@ HOLD_STEPS = 10
 """How long a bearing and its spectrum stay after the last pulse: one second."""
 
 TRAIL_STEPS = 5
-"""Every how many steps of a mission the trail is drawn on; of field data, every one."""
+"""Every how many steps of a mission the trail is drawn on; of field data, every one, while they are few."""
+
+MOST_TRAILS, FEWER_TRAILS = 2000, 200
+"""Field data of more steps than the first have no more drawings of the trail than the second: each is as long as the
+trail is by then."""
+
+MOST_TRAIL_POINTS = 20_000
+"""Of one trail."""
 
 SPECTRUM_AZIMUTHS_RAD = np.radians(np.arange(0.0, 361.0, 5.0))
 SPECTRUM_RADIUS_M = (0.8, 3.0)
@@ -56,11 +63,14 @@ def write_recording(log: MissionLog, path: Path) -> None:
     stream = rr.RecordingStream("pdpatrol")
     content = stream.binary_stream()
     time_s = log.column("step", "time_s")
-    stream.send_blueprint(paths.blueprint(log.meta, float(time_s[-1]) if time_s.size else None))
-    Recorder(stream, log).update()
+    try:
+        stream.send_blueprint(paths.blueprint(log.meta, float(time_s[-1]) if time_s.size else None))
+        Recorder(stream, log).update()
+        recording = content.read(flush=True) or b""
+    finally:
+        stream.disconnect()
     with whole_file(path) as temporary:
-        temporary.write_bytes(content.read(flush=True) or b"")
-    stream.disconnect()
+        temporary.write_bytes(recording)
 
 
 class Recorder:
@@ -80,7 +90,10 @@ class Recorder:
         self._last_detection = -10 * HOLD_STEPS
         self._phase = ""
         self._named: set[int] = set()
-        self._trail_steps = TRAIL_STEPS if "scenario" in log.meta else 1
+        n_steps = 0 if "scenario" in log.meta else log.n_rows("step")
+        self._point_steps = -(-n_steps // MOST_TRAIL_POINTS) if n_steps else TRAIL_STEPS
+        times = -(-n_steps // (FEWER_TRAILS * self._point_steps)) if n_steps > MOST_TRAILS else 1
+        self._trail_steps = times * self._point_steps
         gain = described_manifold(log.meta["array"]).gain(SPECTRUM_AZIMUTHS_RAD)
         self._unit_gain = gain / np.linalg.norm(gain, axis=0)
         log_scene(stream, log.meta)
@@ -147,11 +160,12 @@ class Recorder:
         self, path: str, steps: NDArray[Any], place: FloatArray, trail: FloatArray, height_m: float
     ) -> FloatArray:
         """Draw the trail anew every few steps, from its start; returns it, longer."""
-        chosen = steps % self._trail_steps == 0
-        grown = np.vstack([trail, place[chosen] + [0.0, 0.0, height_m]])
-        if chosen.any():
-            strips = [grown[: len(trail) + 1 + k] for k in range(int(chosen.sum()))]
-            self._columns(path, steps[chosen], rr.LineStrips3D.columns(strips=strips))
+        chosen = steps[(is_point := steps % self._point_steps == 0)]
+        grown = np.vstack([trail, place[is_point] + [0.0, 0.0, height_m]])
+        drawn = np.flatnonzero(chosen % self._trail_steps == 0)
+        if drawn.size:
+            strips = [grown[: len(trail) + 1 + k] for k in drawn.tolist()]
+            self._columns(path, chosen[drawn], rr.LineStrips3D.columns(strips=strips))
         return grown
 
     def _send_detections(self, new: dict[str, dict[str, NDArray[Any]]], first: dict[str, int]) -> None:
@@ -167,16 +181,16 @@ class Recorder:
             decibel = 20 * np.log10(np.maximum(pulse["strengths_v"][row][loudest], 10 ** (QUIETEST_DBV / 20)))
             for element, values in enumerate(decibel.T):
                 self._columns(f"{paths.STRENGTHS}/{element + 1}", detected, rr.Scalars.columns(scalars=values))
-            rings = list(self._rings(pulse["strengths_v"][row][loudest]))
+            rings = self._rings(pulse["strengths_v"][row][loudest])
             self._send_strips(paths.SPECTRUM, detected, rings, np.ones(detected.size, dtype=int), clear)
             pose = new["step"]["pose"][at - first["step"]]
             start = np.column_stack([pose[:, :2], np.full(at.size, 0.6)])
             ahead = np.column_stack([np.cos(bearing["bearing_rad"]), np.sin(bearing["bearing_rad"]), np.zeros(at.size)])
-            rays = list(np.stack([start, start + RAY_M * ahead], axis=1))
+            rays = np.stack([start, start + RAY_M * ahead], axis=1)
             self._send_strips(paths.BEARINGS, detected, rays, np.bincount(np.searchsorted(detected, at)), clear)
         elif clear.size:
             for path in (paths.SPECTRUM, paths.BEARINGS):
-                self._send_strips(path, detected, [], np.empty(0, dtype=int), clear)
+                self._send_strips(path, detected, np.empty((0, 2, 3)), np.empty(0, dtype=int), clear)
 
     def _steps_to_clear(self, steps: NDArray[Any], detected: NDArray[Any]) -> NDArray[Any]:
         """Steps at which the last second was silent for the first time."""
@@ -188,11 +202,11 @@ class Recorder:
         return silent[(silent < following) & (silent >= steps[0])]
 
     def _send_strips(
-        self, path: str, steps: NDArray[Any], strips: list[FloatArray], counts: NDArray[Any], clear: NDArray[Any]
+        self, path: str, steps: NDArray[Any], strips: FloatArray, counts: NDArray[Any], clear: NDArray[Any]
     ) -> None:
         """Line strips, some to a step, and none at the steps to clear."""
         if steps.size:
-            self._columns(path, steps, rr.LineStrips3D.columns(strips=strips).partition(counts))
+            self._columns(path, steps, rr.LineStrips3D.columns(strips=strips.astype(np.float32)).partition(counts))
         if clear.size:
             none = rr.LineStrips3D.columns(strips=[]).partition(np.zeros(clear.size, dtype=int))
             self._columns(path, clear, none)

@@ -40,10 +40,18 @@ class Dataset:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         try:
-            self.manifest: dict[str, Any] = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            why = error.strerror if isinstance(error, OSError) else f"{MANIFEST}: {error}"
+            manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+        except (OSError, ValueError, RecursionError) as error:
+            why = error.strerror if isinstance(error, OSError) else f"{MANIFEST}: no JSON"
             raise InputFileError([f"{folder}: not the dataset of a sweep ({why}); give its folder"]) from None
+        kinds = {"version": int, "plan": str, "code": str, "n_missions": int, "suite": str}
+        if not isinstance(manifest, dict) or any(not isinstance(manifest.get(k), kind) for k, kind in kinds.items()):
+            raise InputFileError([f"{folder}: not the dataset of a sweep ({MANIFEST} is damaged); give its folder"])
+        if manifest["version"] != VERSION:
+            raise InputFileError(
+                [f"{folder}: a dataset of version {manifest['version']!s:.20}; this program reads version {VERSION}"]
+            )
+        self.manifest: dict[str, Any] = manifest
 
     @classmethod
     def open_or_make(cls, folder: Path, plan: SweepPlan, command: Sequence[str] = ()) -> Dataset:
@@ -96,7 +104,7 @@ class Dataset:
         """Keys of the missions that have a row."""
         single = {path.stem for path in (self.folder / ROWS).glob("*.parquet")}
         if (self.folder / ALL_ROWS).exists():
-            single |= set(pq.read_table(self.folder / ALL_ROWS, columns=["key"])["key"].to_pylist())
+            single |= set(_rows(self.folder / ALL_ROWS, columns=["key"])["key"].to_pylist())
         return single
 
     def write(self, row: MissionRow) -> None:
@@ -113,7 +121,7 @@ class Dataset:
         # the common file last: what another shard takes from the single ones meanwhile is in it by then
         for path in [*(self.folder / ROWS).glob("*.parquet"), self.folder / ALL_ROWS]:
             with suppress(FileNotFoundError):
-                rows |= {row["key"]: row for row in pq.read_table(path, schema=SCHEMA).to_pylist()}
+                rows |= {row["key"]: row for row in _rows(path, schema=SCHEMA).to_pylist()}
         return pa.Table.from_pylist(sorted(rows.values(), key=lambda row: row["order"]), schema=SCHEMA)
 
     def job(self, number: int) -> MissionJob:
@@ -126,7 +134,13 @@ class Dataset:
         if number not in rows:
             raise InputFileError([f"--row: got {number}; allowed is the number of a row, 0 to {max(rows, default=0)}"])
         row = rows[number]
-        scenario = restore_scenario(json.loads(self._scenarios()[row["scenario_digest"]]))
+        try:
+            scenario = restore_scenario(json.loads(self._scenarios()[row["scenario_digest"]]))
+            settings = json.loads(row["settings"])
+        except (LookupError, ValueError, TypeError, RecursionError) as error:
+            if isinstance(error, InputFileError):
+                raise
+            raise InputFileError([f"{self.folder / SCENARIOS}: is damaged: no scenario of row {number}"]) from None
         return MissionJob(
             order=number,
             key=row["key"],
@@ -135,13 +149,13 @@ class Dataset:
             scenario=scenario,
             scenario_digest=row["scenario_digest"],
             policy=row["policy"],
-            settings=json.loads(row["settings"]),
+            settings=settings,
             seed=row["seed"],
         )
 
     def _scenarios(self) -> dict[str, str]:
         """Each scenario whole, as JSON, by its digest."""
-        table = pq.read_table(self.folder / SCENARIOS).to_pydict()
+        table = _rows(self.folder / SCENARIOS, columns=["scenario_digest", "scenario"]).to_pydict()
         return dict(zip(table["scenario_digest"], table["scenario"], strict=True))
 
     def compact(self) -> None:
@@ -158,6 +172,24 @@ def read_all(datasets: Sequence[Dataset]) -> pa.Table:
         for row in dataset.read().to_pylist():
             rows.setdefault(row["key"], row)
     return pa.Table.from_pylist(list(rows.values()), schema=SCHEMA)
+
+
+def _rows(path: Path, **wanted: Any) -> pa.Table:  # noqa: ANN401 - options of pyarrow
+    """A file of rows, or some of its columns.
+
+    Raises:
+        FileNotFoundError: If it is not there.
+        InputFileError: If it is damaged, or of other rows.
+    """
+    try:
+        table = pq.read_table(path, **wanted)
+        table.validate(full=True)
+    except FileNotFoundError:
+        raise
+    except (pa.ArrowException, OSError, LookupError) as error:
+        why = error.strerror if isinstance(error, OSError) and error.strerror else "damaged, or of another sweep"
+        raise InputFileError([f"{path}: cannot be read ({why})"]) from None
+    return table
 
 
 def _as_table(rows: Sequence[MissionRow]) -> pa.Table:

@@ -1,0 +1,180 @@
+"""Files as nobody should send them: seeded mutations of a good table and of a good archive of waveforms."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Callable
+
+import numpy as np
+
+CELLS = (
+    "nan", "inf", "-inf", "1e300", "-1e300", "1e-320", "-0.0", "", " ", "1_000", "٣", "0x10", "1e9999", "1" * 5000,
+    "=1+1", "'1", '"', '"1', "1,5", "1;5", "None", "-1", "1e5", "720", "1e-200", "[red]", "\x1b[31m", "\u2028",
+    "9" * 400,
+)  # fmt: skip
+
+
+def table(good: str, rng: np.random.Generator) -> bytes:
+    """A table with one to three things wrong with it, or none that matters."""
+    lines = good.splitlines()
+    for _ in range(rng.integers(0, 3)):
+        lines = TABLES[rng.integers(len(TABLES))](lines, rng)
+    data = "\n".join(lines).encode()
+    if rng.random() < 0.2:
+        data = BYTES[rng.integers(len(BYTES))](data, rng)
+    return data
+
+
+def archive(rng: np.random.Generator) -> bytes:
+    """An archive of waveforms with something wrong with it, or with nothing that matters."""
+    arrays = waveforms(rng)
+    for _ in range(rng.integers(0, 3)):
+        name = list(arrays)[rng.integers(len(arrays))]
+        if arrays[name].dtype.kind in "iuf":
+            with np.errstate(all="ignore"):
+                arrays[name] = ARRAYS[rng.integers(len(ARRAYS))](arrays[name], rng)
+    if rng.random() < 0.2:
+        arrays[("other", "x/../y", "waveforms.npy")[rng.integers(3)]] = arrays.pop(list(arrays)[rng.integers(3)])
+    kinds = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA)
+    data = packed(arrays, kinds[rng.choice(4, p=(0.4, 0.4, 0.1, 0.1))])
+    if rng.random() < 0.4:
+        data = BYTES[rng.integers(len(BYTES))](data, rng)
+    if rng.random() < 0.1:
+        data = data.replace(b"\x14\x00\x00\x00", b"\x14\x00\x01\x00")  # marked as encrypted
+    if rng.random() < 0.2:  # a header of the same length that promises more
+        data = data.replace(b"(6, 400)", (b"(6, 4e9)", b"(9**9,6)", b"(-6,400)", b"(6, 999)")[rng.integers(4)])
+    return data
+
+
+def waveforms(rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """One pulse in six channels, in counts."""
+    pulse = np.zeros(400)
+    pulse[200:230] = np.sin(np.arange(30))
+    counts = 900 * np.array([1.0, 0.9, 0.5, 0.3, 0.2, 0.6])[:, np.newaxis] * pulse + 9 * rng.standard_normal((6, 400))
+    return {
+        "waveforms": np.round(counts).astype(np.int16),
+        "sample_rate_hz": np.array(20e9),
+        "volts_per_count": np.array(1e-3),
+    }
+
+
+def packed(arrays: dict[str, np.ndarray], compression: int = zipfile.ZIP_DEFLATED) -> bytes:
+    """An archive as NumPy writes it, compressed in any way."""
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", compression) as target:
+        for name, array in arrays.items():
+            member = io.BytesIO()
+            np.lib.format.write_array(member, array, allow_pickle=True)
+            target.writestr(f"{name}.npy", member.getvalue())
+    return file.getvalue()
+
+
+def bomb(shape: str = "(1000000000000,)") -> bytes:
+    """An archive of a few hundred bytes whose header promises 8 TB of samples."""
+    header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".ljust(117) + "\n"
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as target:
+        target.writestr("waveforms.npy", b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode())
+        member = io.BytesIO()
+        np.save(member, np.array(20e9))
+        target.writestr("sample_rate_hz.npy", member.getvalue())
+    return file.getvalue()
+
+
+def _cells(lines: list[str], rng: np.random.Generator) -> list[str]:
+    row = int(rng.integers(len(lines)))
+    cells = lines[row].split(",")
+    cells[rng.integers(len(cells))] = CELLS[rng.integers(len(CELLS))]
+    return [*lines[:row], ",".join(cells), *lines[row + 1 :]]
+
+
+def _scaled(lines: list[str], rng: np.random.Generator) -> list[str]:
+    column, factor = int(rng.integers(10)), 10.0 ** rng.integers(-30, 30)
+    rows = [line.split(",") for line in lines]
+    for row in rows[1:]:
+        try:
+            row[column] = f"{float(row[column]) * factor:.6g}"
+        except (ValueError, IndexError):
+            continue
+    return [",".join(row) for row in rows]
+
+
+def _without_column(lines: list[str], rng: np.random.Generator) -> list[str]:
+    column = int(rng.integers(10))
+    return [",".join(cell for k, cell in enumerate(line.split(",")) if k != column) for line in lines]
+
+
+def _a_column_twice(lines: list[str], rng: np.random.Generator) -> list[str]:
+    column = int(rng.integers(10))
+    return [f"{line},{line.split(',')[min(column, line.count(','))]}" for line in lines]
+
+
+def _constant(lines: list[str], rng: np.random.Generator) -> list[str]:
+    column, value = int(rng.integers(10)), ("0", "1", "1e-13", "1000")[rng.integers(4)]
+    rows = [line.split(",") for line in lines]
+    return [lines[0], *(",".join([*row[:column], value, *row[column + 1 :]]) for row in rows[1:])]
+
+
+TABLES: tuple[Callable[[list[str], np.random.Generator], list[str]], ...] = (
+    _cells,
+    _cells,
+    _scaled,
+    _constant,
+    _without_column,
+    _a_column_twice,
+    lambda lines, rng: lines[: rng.integers(len(lines) + 1)],
+    lambda lines, rng: [lines[0], *np.array(lines[1:])[rng.permutation(len(lines) - 1)]] if lines else lines,
+    lambda lines, rng: ["sep=" + ",;\t|"[rng.integers(4)], *lines],
+    lambda lines, rng: [line.replace(",", ";\t |"[rng.integers(4)]) for line in lines],
+    lambda lines, rng: [line.replace(".", ",").replace(",", ";", 4) for line in lines],
+    lambda lines, rng: [*lines[:3], *["x" * 200_000] * int(rng.integers(2)), *lines[3:]],
+    lambda lines, rng: [*lines[:2], "# a remark", "", *lines[2:]],
+    lambda lines, rng: [*lines, *lines[1:]],
+)
+
+
+def _flipped(data: bytes, rng: np.random.Generator) -> bytes:
+    changed = bytearray(data)
+    for _ in range(rng.integers(1, 30) if changed else 0):
+        changed[rng.integers(len(changed))] ^= 1 << int(rng.integers(8))
+    return bytes(changed)
+
+
+BYTES: tuple[Callable[[bytes, np.random.Generator], bytes], ...] = (
+    _flipped,
+    _flipped,
+    lambda data, rng: data[: rng.integers(len(data) + 1)],
+    lambda data, rng: data[rng.integers(len(data) + 1) :],
+    lambda data, rng: data + rng.bytes(200),
+    lambda data, rng: b"\xef\xbb\xbf" + data,
+    lambda data, rng: data.replace(b"\n", b"\r\n"),
+    lambda data, rng: data.decode("latin-1").encode("utf-16"),
+    lambda data, rng: rng.bytes(int(rng.integers(2000))),
+    lambda data, rng: data[:100] + b"\0" * 50 + data[100:],
+)
+
+ARRAYS: tuple[Callable[[np.ndarray, np.random.Generator], np.ndarray], ...] = (
+    lambda array, rng: array.astype(object),
+    lambda array, rng: array.astype(str),
+    lambda array, rng: array.astype(complex),
+    lambda array, rng: array.astype(bool),
+    lambda array, rng: array.astype(np.float16),
+    lambda array, rng: array.astype(np.longdouble),
+    lambda array, rng: array.astype(np.float64) * np.nan,
+    lambda array, rng: array.astype(np.float64) * 10.0 ** rng.integers(-320, 290),
+    lambda array, rng: -array,
+    lambda array, rng: np.asfortranarray(array),
+    lambda array, rng: array[np.newaxis],
+    lambda array, rng: np.repeat(array.reshape(1, -1), int(rng.integers(50)), axis=0),
+    lambda array, rng: array.reshape(-1)[:0],
+    lambda array, rng: np.zeros_like(array),
+    lambda array, rng: np.array([{"a": 1}], dtype=object),
+    lambda array, rng: np.zeros(3, dtype=[("a", "f8"), ("b", "i4")]),
+    lambda array, rng: np.array(["2026-01-01"], dtype="M8[D]"),
+)
+
+
+def mutated(data: bytes, rng: np.random.Generator) -> bytes:
+    """The bytes of any file with something wrong with them."""
+    return BYTES[rng.integers(len(BYTES))](data, rng)

@@ -1,0 +1,194 @@
+"""Logs, recordings, datasets and calibrations from outside: shown when they are whole, refused in one line when not."""
+
+import json
+import subprocess
+import sys
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dirmusic import InputFileError
+from envs.scenario.calibration import read_calibration
+from missions.field.array_model import array_model
+from missions.field.field_data import read_field_data
+from missions.field.locate_field_data import locate_field_data
+from missions.record.mission_log import MissionLog
+from missions.recording import check_recording, write_recording
+from missions.sweep.dataset import Dataset
+from tests.missions.files import hostile
+from tests.missions.files.test_hostile_files import EXAMPLE, POSE_ERROR, SPREAD
+
+PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
+
+
+def pdpatrol(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([PDPATROL, *arguments], cwd=cwd, capture_output=True, text=True, timeout=120)
+
+
+@pytest.fixture(scope="module")
+def mission(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("mission")
+    data = read_field_data(EXAMPLE)
+    log = locate_field_data(data, array_model(data, SPREAD, None, None, 0.12, 0.6), POSE_ERROR)
+    log.save(folder)
+    write_recording(log, folder / "mission.rrd")
+    return folder
+
+
+def refused_log(folder: Path, data: bytes) -> bool:
+    """Whether a log is refused, in one line that names it; else it can be read."""
+    (folder / "log.npz").write_bytes(data)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            MissionLog.load(folder)
+        except ValueError as error:
+            fault = str(error)
+        else:
+            return False
+    assert fault.startswith(f"{folder / 'log.npz'}: ")
+    assert "\n" not in fault
+    return True
+
+
+def test_a_log_with_any_bit_turned_or_cut_short_is_refused_or_reads_as_it_was(mission: Path, tmp_path: Path) -> None:
+    whole = (mission / "log.npz").read_bytes()
+    assert not refused_log(tmp_path, whole)
+    rng = np.random.default_rng(1)
+    refused = sum(refused_log(tmp_path, hostile.mutated(whole, rng)) for _ in range(100))
+    assert refused > 50
+
+
+@pytest.mark.parametrize(
+    ("arrays", "told"),
+    [
+        ({"meta": np.array("{}")}, "is not the log of a mission .its facts are none"),
+        ({"meta": np.array("[" * 9000)}, "is not the log of a mission"),
+        ({"meta": np.array({"schema": 3})}, "meta: holds a pickle"),
+        ({"meta": np.array(3.0)}, "is not the log of a mission"),
+        ({"meta": np.array('{"schema": 3}')}, "no array step.time_s"),
+        ({"meta": np.array('{"schema": 2}')}, "log schema 2, this version reads schema 3"),
+        ({"x": np.array(1)}, "no array meta; it holds x"),
+    ],
+)
+def test_an_archive_that_is_no_log_says_why(tmp_path: Path, arrays: dict[str, np.ndarray], told: str) -> None:
+    (tmp_path / "log.npz").write_bytes(hostile.packed(arrays))
+    with pytest.raises(ValueError, match=told):
+        MissionLog.load(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "told"),
+    [
+        ("pulse.step", lambda x: x + 1000, "points beyond the table step"),
+        ("bearing.pulse", lambda x: -1 - x, "points beyond the table pulse"),
+        ("pulse.step", lambda x: x[1:], "the table pulse is damaged"),
+        ("step.pose", lambda x: x[:, :2], "step.pose: damaged"),
+        ("step.time_s", lambda x: x.astype(str), "the table step is damaged"),
+    ],
+)
+def test_a_log_whose_tables_do_not_fit_is_refused(
+    mission: Path, tmp_path: Path, name: str, change: Callable[[np.ndarray], np.ndarray], told: str
+) -> None:
+    with np.load(mission / "log.npz") as archive:
+        arrays = {key: archive[key] for key in archive.files}
+    (tmp_path / "log.npz").write_bytes(hostile.packed({**arrays, name: change(arrays[name])}))
+    with pytest.raises(ValueError, match=told):
+        MissionLog.load(tmp_path)
+
+
+def test_replay_refuses_a_log_whose_facts_are_junk(mission: Path, tmp_path: Path) -> None:
+    with np.load(mission / "log.npz") as archive:
+        arrays = {key: archive[key] for key in archive.files}
+    arrays["meta"] = np.array(json.dumps({"schema": 3, "array": 7}))
+    (tmp_path / "log.npz").write_bytes(hostile.packed(arrays))
+    done = pdpatrol("replay", ".", cwd=tmp_path)
+    assert done.returncode == 2
+    (line,) = done.stderr.strip().splitlines()
+    assert "the facts in its log are damaged" in line
+    assert [path.name for path in tmp_path.iterdir()] == ["log.npz"]
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda data: b"", "is empty"),
+        (lambda data: np.random.default_rng(2).bytes(5000), "is no recording"),
+        (lambda data: data[: len(data) // 2], "is cut short"),
+        (lambda data: data[:-1], "is cut short"),
+        (lambda data: data[:64] + bytes(2000) + data[2064:], "is damaged"),
+    ],
+)
+def test_a_recording_that_is_none_is_refused(
+    mission: Path, tmp_path: Path, change: Callable[[bytes], bytes], told: str
+) -> None:
+    whole = (mission / "mission.rrd").read_bytes()
+    check_recording(mission / "mission.rrd")
+    (tmp_path / "mission.rrd").write_bytes(change(whole))
+    with pytest.raises(InputFileError, match=told) as refused:
+        check_recording(tmp_path / "mission.rrd")
+    assert len(refused.value.faults) == 1
+
+
+def test_replay_serves_no_folder_and_no_junk(tmp_path: Path) -> None:
+    (tmp_path / "a" / "mission.rrd").mkdir(parents=True)
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b" / "mission.rrd").write_bytes(b"junk")
+    for folder, told in (("a", "is a folder"), ("b", "is no recording")):
+        done = pdpatrol("replay", "--web", folder, cwd=tmp_path)
+        assert done.returncode == 2
+        (line,) = done.stderr.strip().splitlines()
+        assert told in line
+
+
+MANIFEST = {"version": 1, "plan": "p", "code": "c", "n_missions": 1, "suite": ""}
+
+
+@pytest.mark.parametrize(
+    ("manifest", "told"),
+    [
+        ("", "no JSON"),
+        ("[" * 9000, "no JSON"),
+        ("[1]", "is damaged"),
+        (json.dumps({**MANIFEST, "n_missions": "3"}), "is damaged"),
+        (json.dumps({**MANIFEST, "version": 9}), "version 9; this program reads version 1"),
+    ],
+)
+def test_a_damaged_manifest_of_a_sweep_is_refused(tmp_path: Path, manifest: str, told: str) -> None:
+    (tmp_path / "sweep.json").write_text(manifest)
+    with pytest.raises(InputFileError, match=told):
+        Dataset(tmp_path)
+
+
+@pytest.mark.parametrize("data", [b"", b"PAR1", b"junk" * 100])
+def test_damaged_rows_of_a_sweep_are_refused(tmp_path: Path, data: bytes) -> None:
+    (tmp_path / "sweep.json").write_text(json.dumps(MANIFEST))
+    (tmp_path / "rows.parquet").write_bytes(data)
+    dataset = Dataset(tmp_path)
+    for read in (dataset.read, dataset.keys, lambda: dataset.job(0)):
+        with pytest.raises(InputFileError, match=r"rows.parquet: cannot be read"):
+            read()
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (f"format = {'9' * 5000}", "not TOML"),
+        (f"format = 0x{'f' * 5000}", "format: got a number of many digits"),
+        ("a = " + "[" * 5000, "not TOML"),
+        ('format = "pdpatrol calibration 1"', "mission: missing"),
+        (f'format = "pdpatrol calibration 1"\nn_pulses = 0x{"f" * 5000}', "numbers or tables that no mission writes"),
+        ('format = "pdpatrol calibration 1"\n"a\\nb" = 1', "unknown key"),
+        ('format = "pdpatrol calibration 1"\nn_pulses = nan', "n_pulses: got nan; allowed is a whole number"),
+        ('format = "pdpatrol calibration 1"\nerrors = []', "errors: got a list of 0; allowed is a table"),
+    ],
+)
+def test_a_calibration_that_is_none_is_refused_in_clear_lines(tmp_path: Path, text: str, told: str) -> None:
+    (tmp_path / "c.toml").write_text(text)
+    with pytest.raises(InputFileError) as refused:
+        read_calibration(tmp_path / "c.toml")
+    assert any(told in fault for fault in refused.value.faults)
+    assert all("\n" not in fault and "Input should" not in fault for fault in refused.value.faults)
