@@ -70,7 +70,7 @@ def opened(path: Path, most_bytes: int) -> Generator[IO[bytes]]:
             raise InputFileError([f"{path}: cannot be read (is {kind}); allowed is a file"])
         if found.st_size > most_bytes:
             came, most = found.st_size / 1e6, most_bytes / 1e6
-            raise InputFileError([f"{path}: has {came:.0f} MB; allowed are up to {most:.0f} MB"])
+            raise InputFileError([f"{path}: has {came:.1f} MB; allowed are up to {most:.0f} MB"])
         file = path.open("rb")
     except (OSError, ValueError) as error:  # a path with a zero byte is a ValueError
         if isinstance(error, InputFileError):

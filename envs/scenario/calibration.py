@@ -204,6 +204,8 @@ def read_calibration(path: Path) -> ArrayCalibration:
         return restore_calibration(table)
     except ValidationError as error:
         raise InputFileError([f"{path}: {fault}" for fault in fault_lines(error, ArrayCalibration)]) from None
+    except ValueError:  # whole numbers of more digits than Python writes
+        raise InputFileError([f"{path}: numbers or tables that no mission writes; give a calibration.toml"]) from None
 
 
 def restore_calibration(data: Mapping[str, Any]) -> ArrayCalibration:

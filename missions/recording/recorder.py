@@ -66,8 +66,8 @@ def write_recording(log: MissionLog, path: Path) -> None:
     try:
         stream.send_blueprint(paths.blueprint(log.meta, float(time_s[-1]) if time_s.size else None))
         Recorder(stream, log).update()
-        recording = content.read(flush=True) or b""
     finally:
+        recording = content.read(flush=True) or b""  # after an error too: Rerun warns of what nobody has read
         stream.disconnect()
     with whole_file(path) as temporary:
         temporary.write_bytes(recording)

@@ -125,7 +125,7 @@ def test_what_cannot_be_is_one_clear_line(tables: dict[str, Any], told: str, tmp
     [
         (f"x = {'7' * 5000}", "not TOML: a whole number has thousands of digits"),
         ("x = " + "[" * 100_000, "not TOML: tables or arrays are nested too deeply"),
-        ("# " + "x" * 4_100_000, "more than 4 MB; give a scenario, which is a TOML text file"),
+        ("# " + "x" * 4_100_000, "has 4.1 MB; allowed are up to 4 MB; give a scenario, which is a TOML text file"),
         ('x = "a\x01"', "not TOML: Illegal character"),
     ],
 )
