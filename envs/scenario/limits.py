@@ -159,17 +159,11 @@ def place_faults(
 
 
 def _most_taken(own: Sequence[str], before: Sequence[Sequence[str]]) -> int:
-    """How many of some sites sources before can take at most: a maximum matching, by augmenting paths."""
-    holder: dict[str, int] = {}
+    """How many of some sites sources before can take at most."""
+    from scipy.sparse import csr_array  # here, so that a command line help need not wait for it
+    from scipy.sparse.csgraph import maximum_bipartite_matching
 
-    def place(source: int, seen: set[str]) -> bool:
-        for site in before[source]:
-            if site in wanted and site not in seen:
-                seen.add(site)
-                if site not in holder or place(holder[site], seen):
-                    holder[site] = source
-                    return True
-        return False
-
-    wanted = set(own)
-    return sum(place(source, set()) for source in range(len(before)))
+    takes = np.array([[site in sites for site in own] for sites in map(set, before)], dtype=np.bool_)
+    if not takes.any():
+        return 0
+    return int((maximum_bipartite_matching(csr_array(takes), perm_type="column") >= 0).sum())
