@@ -56,9 +56,9 @@ def learn(
     ]
     if faults:
         refuse(*faults)
-    if find_spec("stable_baselines3") is None:
-        refuse("stable-baselines3 is not installed; run it with: uv run --extra rl python -m missions.learning")
     with output_folder(out_dir, f"learning-{seed}") as folder:
+        if find_spec("stable_baselines3") is None:
+            refuse("stable-baselines3 is not installed; run it with: uv run --extra rl python -m missions.learning")
         data = _learn(steps, yards, seek_yards, threads, seed, folder)
     if json_output:
         out.print_json(data=data)

@@ -65,8 +65,9 @@ class Logbook:
             self.log_likelihood(tracked.log_likelihood)
 
     def log_likelihood(self, log_likelihood: FloatArray) -> None:
-        """Log the likelihood over the yard (n_cells,) as of the last step."""
-        self.log.append("likelihood", step=self.log.n_rows("step") - 1, log_likelihood=log_likelihood)
+        """Log the likelihood over the yard (n_cells,) as of the last step, if there is any."""
+        if self.log.n_rows("step"):
+            self.log.append("likelihood", step=self.log.n_rows("step") - 1, log_likelihood=log_likelihood)
 
     def log_findings(self, findings: Sequence[Finding]) -> None:
         """Log all findings if they changed, and what became of each as an event."""
