@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -32,11 +31,17 @@ REJECTED = "rejected"
 MARGIN_M = 10.0
 """Ground that a recording shows around the poses."""
 
-MOST_FITS = 60
-"""How often all is fitted anew on the way, so that a recording shows how a fix came about."""
+REFIT_S, REFIT_SHARE = 1.0, 0.02
+"""All is fitted anew after so long, or so large a share of the time so far: soon enough that what has just come up is
+one finding and not several, and some hundred times in hours (assumed)."""
 
 FIELD_RULES = LocatingRules(
-    birth_s=np.inf, birth_pulses=4, birth_by_crossing=True, confirm_range_m=np.inf, confirm_pulses=10
+    birth_s=np.inf,
+    birth_pulses=4,
+    birth_by_crossing=True,
+    confirm_range_m=np.inf,
+    confirm_pulses=10,
+    refit_s=np.inf,
 )
 """Rules for data that were taken by people (assumed): minutes may pass between poses, few pulses come from each, and
 nobody can be sent nearer. Lines of sight must open and the ellipse must be small all the same."""
@@ -66,9 +71,7 @@ def locate_field_data(
     meta = _meta(data, array, fence_m)
     grid = Grid.over(*np.array(meta["bounds_m"]))
     log = MissionLog({**meta, "grid": describe_grid(grid)})
-    rules = FIELD_RULES
-    if data.time_s.size:
-        rules = replace(rules, refit_s=max(rules.refit_s, float(np.ptp(data.time_s)) / MOST_FITS))
+    rules, due_s = FIELD_RULES, -np.inf
     locator = Locator(array, pose_error, fence_m=fence_m, rules=rules)
     estimator, book = MaximumLikelihood(), Logbook(log)
     tracker = Tracker(locator, array, estimator, rules.credibility, YardLikelihood(array, pose_error, grid))
@@ -97,6 +100,9 @@ def locate_field_data(
                     recorded = suspect._replace(channel=int(data.channels[suspect.channel - 1]) + 1)
                     book.event("channel fault", f"{recorded}: left out")
             book.log_tracked(pose, tracker.track(float(time_s), pose, pulses.take(slice(first[step], first[step + 1]))))
+            if time_s >= due_s:
+                book.log_findings(tracker.refit(float(time_s)))
+                due_s = time_s + max(REFIT_S, REFIT_SHARE * (time_s - data.time_s[0]))
             progress(1.0 / data.time_s.size)
         if log.n_rows("finding") == 0 or log.column("finding", "step")[-1] < data.time_s.size - 1:
             book.log_findings(tracker.refit(float(data.time_s[-1])))
