@@ -12,6 +12,9 @@ from envs.core.simulation import Outcome, Rows, Simulation
 
 BoolArray = NDArray[np.bool_]
 
+REWARD_KEYS = tuple(f"reward_{term}" for term in REWARD_TERMS)
+"""Of the terms of the reward."""
+
 
 def fixed_info(simulation: Simulation, outcome: Outcome) -> dict[str, NDArray[Any]]:
     """What `PatrolEnv` tells of every step, entries of fixed shapes, after the step that led to `outcome`; copies."""
@@ -21,10 +24,10 @@ def fixed_info(simulation: Simulation, outcome: Outcome) -> dict[str, NDArray[An
         "believed_pose": motion.pose.copy(),
         "odometry": motion.odometry.copy(),
         "battery": motion.battery.copy(),
-        **{f"reward_{term}": value for term, value in zip(REWARD_TERMS, outcome.reward, strict=True)},
+        **dict(zip(REWARD_KEYS, outcome.reward, strict=True)),
         "touched": simulation.robots.is_touching.copy(),
         "fell_over": outcome.fell_over,
-        "success": progress.all_approached,
+        "success": progress.success.copy(),
         "approached": progress.approached.copy(),
         "waypoints_visited": progress.visited[:, :-1].copy(),
         "true_pose": simulation.true_pose,

@@ -26,6 +26,7 @@ class Progress(NamedTuple):
 
     Attributes:
         approached: Which sources the robot has been within the stand-off of, shape (n_robots, n_sources).
+        success: Whether it has approached every source; never where there is none; shape (n_robots,).
         visited: Which stops it has been at, shape (n_robots, n_stops); the last, the dock, only when all others were.
         to_go_m: Distance to the nearest source not yet approached, 0 if there is none, shape (n_robots,).
         bearing: Cos and sin of the last bearing, world frame; zeros before the first; shape (n_robots, 2).
@@ -33,6 +34,7 @@ class Progress(NamedTuple):
     """
 
     approached: BoolArray
+    success: BoolArray
     visited: BoolArray
     to_go_m: FloatArray
     bearing: FloatArray
@@ -43,20 +45,16 @@ class Progress(NamedTuple):
         """Of episodes that have just begun."""
         return cls(
             approached=np.zeros((n_robots, n_sources), dtype=np.bool_),
+            success=np.zeros(n_robots, dtype=np.bool_),
             visited=np.zeros((n_robots, n_stops), dtype=np.bool_),
             to_go_m=np.zeros(n_robots),
             bearing=np.zeros((n_robots, 2)),
             bearing_age_s=np.full(n_robots, MAX_BEARING_AGE_S),
         )
 
-    @property
-    def all_approached(self) -> BoolArray:
-        """Who has approached every source; nobody where there is none; shape (n_robots,)."""
-        return self.approached.all(axis=1) & (self.approached.shape[1] > 0)
-
     def restart(self, rows: NDArray[np.intp]) -> None:
         """Begin anew in some rows."""
-        self.approached[rows], self.visited[rows], self.to_go_m[rows] = False, False, 0.0
+        self.approached[rows], self.success[rows], self.visited[rows], self.to_go_m[rows] = False, False, False, 0.0
         self.bearing[rows], self.bearing_age_s[rows] = 0.0, MAX_BEARING_AGE_S
 
 
@@ -141,6 +139,7 @@ def update_progress(
             if np.hypot(sources_m[s, 0] - x, sources_m[s, 1] - y) <= task.standoff_m:
                 approached[s] = True
             all_approached = all_approached and approached[s]
+        progress.success[r] = all_approached
         progress.to_go_m[r] = nearest_to_go(sources_m, approached, x, y)
         for k in range(n_stops - 1):
             away_m = np.hypot(task.stops_m[k, 0] - x, task.stops_m[k, 1] - y)
