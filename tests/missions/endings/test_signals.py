@@ -16,6 +16,7 @@ from missions.record.mission_log import MissionLog
 from missions.recording import supervisor
 from missions.recording.supervisor import LEAVE_OPEN
 
+EXAMPLE = Path(__file__).parents[3] / "examples" / "locate" / "strengths.csv"
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
 
@@ -149,6 +150,7 @@ VERBS = {
     "run": ("run", "one_source"),
     "plan": ("plan", "transformer_bay"),
     "reproduce": ("reproduce", "--trials", "3600"),
+    "locate": ("locate", str(EXAMPLE)),
     "sweep": ("sweep", "suite/open", "--seeds", "0", "--workers", "1"),
 }
 
