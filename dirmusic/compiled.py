@@ -36,11 +36,14 @@ def _can_write(folder: Path) -> bool:
 
 def _finds_cache() -> bool:
     """Whether compiled functions can be kept: where the compiler does, or else in the folder for temporary files."""
-    elsewhere = Path(tempfile.gettempdir()) / f"pdpatrol-compiled-{os.getuid()}"
     usual = Path(__file__).parent / "__pycache__", Path("~/.cache/numba").expanduser()
     if os.environ.get("NUMBA_CACHE_DIR") or any(_can_write(folder) for folder in usual):
         return True
-    is_found = _can_write(elsewhere)
+    try:
+        elsewhere = Path(tempfile.gettempdir()) / f"pdpatrol-compiled-{os.getuid()}"
+        is_found = _can_write(elsewhere)
+    except OSError:  # no place for temporary files either
+        elsewhere, is_found = usual[0], False
     told = f"they are kept in {elsewhere}" if is_found else "each command compiles them anew, some 20 s"
     warnings.warn(f"compiled functions cannot be kept in {usual[0]} or {usual[1]}: {told}", CacheWarning, stacklevel=2)
     if is_found:

@@ -177,7 +177,7 @@ def test_signals_at_random_moments_end_every_verb_in_two_seconds(verb: str, tmp_
             process.send_signal(number)
         _, errors = process.communicate(timeout=60)
         late.append(time.monotonic() - began)
-        assert process.returncode in (0, 128 + number), errors
+        assert process.returncode in (0, 128 + number, -number), errors  # the last while Python itself starts or ends
         assert "Traceback" not in errors
         assert not [path for path in tmp_path.rglob("*") if ".tmp" in path.name]
         if (folder / "log.npz").exists() or (folder / "log.parts").exists():

@@ -95,7 +95,7 @@ print(*(warning.message for warning in told), sep="\\n")
 """
 
 
-def test_without_a_place_for_compiled_functions_they_are_kept_elsewhere_or_not_at_all_and_that_is_told_once(
+def test_without_a_place_for_compiled_functions_they_are_kept_elsewhere_and_that_is_told_once(
     tmp_path: Path,
 ) -> None:
     package = tmp_path / "code" / "dirmusic"
