@@ -17,7 +17,7 @@ CORNERS_M = np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 15.0], [0.0, 15.0], [0.0, 
 @pytest.mark.parametrize("seed", range(3))
 def test_one_source_is_one_finding_however_long_the_survey(seed: int) -> None:
     rng, manifold = np.random.default_rng(seed), GainManifold.ring(6)
-    time_s = 0.5 * np.arange(N_POSES)
+    time_s = 0.5 * np.arange(N_POSES, dtype=np.float64)
     way_m = np.concatenate([[0.0], np.linalg.norm(np.diff(CORNERS_M, axis=0), axis=-1).cumsum()])
     at_m = (0.4 * time_s) % way_m[-1]
     place_m = np.column_stack([np.interp(at_m, way_m, corner_m) for corner_m in CORNERS_M.T])
