@@ -37,6 +37,12 @@ def command_line() -> Iterator[None]:
     except MemoryError as error:
         _tell(f"Out of memory{f' ({error})' if str(error) else ''}")
         sys.exit(1)
+    except Exception:
+        status = interrupts.status()
+        if status is None:
+            raise
+        _tell("Interrupted")  # foreign code has made an error of its own of it
+        sys.exit(status)
 
 
 def _streams() -> list[TextIO]:
