@@ -19,7 +19,7 @@ from dirmusic.array.estimated_errors import EstimatedErrors
 from dirmusic.array.model import ArrayModel
 from dirmusic.locating.elevation import ELEVATIONS_RAD, gains_in_space
 from dirmusic.locating.fitting.joint_optimiser import JointOptimiser
-from dirmusic.locating.fitting.pattern_deviation import SHARE_LEFT, deviation_spread
+from dirmusic.locating.fitting.pattern_deviation import SHARE_LEFT, deviation_spread, deviation_upside_down
 from dirmusic.pulses.batch import PulseBatch
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def locate_jointly(
     is_below = state[2 : 3 * n_sources : 3] < array.height_m
     if is_below.any():
         cost = problem.fit.cost(state)
-        other, other_hessian = problem.fit.solve(_upside_down(state, is_below, array.height_m))
+        other, other_hessian = problem.fit.solve(_upside_down(state, is_below, problem.fit, array))
         if problem.fit.cost(other) < cost:
             state, hessian = other, other_hessian
     n_places, covariance = 3 * n_sources, _inverse(hessian)
@@ -198,7 +198,7 @@ def _place_covariances(fit: JointOptimiser, state: FloatArray, covariance: Float
     n_sources, covariance = fit.n_places // 3, covariance.copy()
     cost = fit.cost(state)
     for k in range(n_sources):
-        mirrored = _upside_down(state, np.eye(n_sources, dtype=np.bool_)[k], array.height_m)
+        mirrored = _upside_down(state, np.eye(n_sources, dtype=np.bool_)[k], fit, array)
         if mirrored[3 * k + 2] > 0.0:
             share = 1.0 / (1.0 + np.exp(min(fit.cost(mirrored) - cost, MOST_APART)))
             covariance[3 * k + 2, 3 * k + 2] += share * (1.0 - share) * (mirrored[3 * k + 2] - state[3 * k + 2]) ** 2
@@ -206,10 +206,12 @@ def _place_covariances(fit: JointOptimiser, state: FloatArray, covariance: Float
     return covariance[block[:, :, np.newaxis], block[:, np.newaxis, :]]
 
 
-def _upside_down(state: FloatArray, chosen: NDArray[np.bool_], height_m: float) -> FloatArray:
-    """A state with some of the sources mirrored in the plane of the array."""
+def _upside_down(state: FloatArray, chosen: NDArray[np.bool_], fit: JointOptimiser, array: ArrayModel) -> FloatArray:
+    """A state with some of the sources mirrored in the plane of the array; with all of them, its deviation as well."""
     mirrored, rows = state.copy(), 3 * np.flatnonzero(chosen) + 2
-    mirrored[rows] = 2.0 * height_m - mirrored[rows]
+    mirrored[rows] = 2.0 * array.height_m - mirrored[rows]
+    if chosen.all():
+        mirrored[state.size - fit.n_terms :] = deviation_upside_down(mirrored[state.size - fit.n_terms :])
     return mirrored
 
 

@@ -183,11 +183,11 @@ def linearise(
         at.miss[e] = data.strengths[k, e] - amplitude * model[e]
     _tolerate(at.miss, turn, turn_share, rise, rise_share)
     for column, vector in enumerate((by_x, by_y, by_height)):
-        _explain(vector, model, amplitude)
+        _explain(vector, model, energy, amplitude)
         _tolerate(vector, turn, turn_share, rise, rise_share)
         at.slope[:, column] = vector
     for i in range(n_terms):
-        _explain(by_term[i], model, amplitude)
+        _explain(by_term[i], model, energy, amplitude)
         _tolerate(by_term[i], turn, turn_share, rise, rise_share)
         at.slope[:, N_PLACE + n_kinds * n_elements + i] = by_term[i]
     one = by_x  # is not needed any more
@@ -203,9 +203,9 @@ def linearise(
 
 
 @compiled
-def _explain(vector: FloatArray, model: FloatArray, amplitude: float) -> None:
+def _explain(vector: FloatArray, model: FloatArray, energy: float, amplitude: float) -> None:
     """Make a change of the model one of the miss, with the amplitude projected out."""
-    along = dot(vector, model) / dot(model, model)
+    along = dot(vector, model) / energy
     for e in range(vector.size):
         vector[e] = -amplitude * (vector[e] - along * model[e])
 

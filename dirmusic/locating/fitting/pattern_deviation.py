@@ -39,6 +39,12 @@ def deviation_spread(array: ArrayModel) -> FloatArray:
     return level * np.repeat([1.0, OFF_PLANE, OFF_PLANE], 2 * N_HARMONICS)
 
 
+def deviation_upside_down(states: FloatArray) -> FloatArray:
+    """States (n_terms,), or none, of a deviation that is above the plane what the given one is below."""
+    in_plane, by_sine, by_square = np.split(states, 3)
+    return np.concatenate([in_plane, -by_sine, by_square])
+
+
 @compiled
 def deviation_towards(
     states: FloatArray, boresight: Boresight, x: float, y: float, z: float, terms: FloatArray

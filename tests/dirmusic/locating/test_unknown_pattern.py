@@ -44,15 +44,22 @@ def pulses_of_helices(
     return pulses, pose[rows], np.zeros_like(rows)
 
 
-def locate(rng: np.random.Generator, pose: FloatArray, truth_m: FloatArray, pattern_error: float) -> JointFix:
-    """The fix where of the helices no more is known than their cut."""
+def locate(
+    rng: np.random.Generator,
+    pose: FloatArray,
+    truth_m: FloatArray,
+    pattern_error: float,
+    start_m: FloatArray | None = None,
+) -> JointFix:
+    """The fix where of the helices no more is known than their cut; it starts beside the truth, or where it is told."""
     array = ArrayModel(
         manifold=GainManifold(helix().cut(), BORESIGHTS_RAD),
         positions_m=RING_M,
         spread=ElementSpread(gain=0.05, pointing_rad=np.radians(2.0), pattern=pattern_error),
     )
     exact = PoseError(position_m=0.03, heading_rad=np.radians(0.5), correlation_s=5.0)
-    return locate_jointly(*pulses_of_helices(rng, pose, truth_m), truth_m[np.newaxis] + 0.3, array, exact)
+    start_m = truth_m + 0.3 if start_m is None else start_m
+    return locate_jointly(*pulses_of_helices(rng, pose, truth_m), start_m[np.newaxis], array, exact)
 
 
 def survey(rng: np.random.Generator, pattern_error: float) -> tuple[float, bool]:
@@ -71,6 +78,21 @@ def semi_major_round_m(pattern_error: float) -> float:
     pose = np.column_stack([3.0 * np.cos(at_rad), 3.0 * np.sin(at_rad), at_rad + np.radians(110.0)])
     fix = locate(np.random.default_rng(11), pose, np.array([0.0, 0.0, 1.6]), pattern_error)
     return float(np.sqrt(CHI2_95 * np.linalg.eigvalsh(fix.covariances_m2[0, :2, :2])[-1]))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_fit_that_starts_below_the_array_does_not_end_below_the_ground(seed: int) -> None:
+    """A deviation turned upside down explains the mirror image of a source as well: what is believed decides."""
+    rng = np.random.default_rng([5, seed])
+    truth_m = np.array([0.0, rng.uniform(2.0, 5.0), rng.uniform(1.4, 3.0)])
+    pose = np.column_stack([np.linspace(-6.0, 6.0, N_POSES), np.zeros(N_POSES), rng.uniform(-np.pi, np.pi, N_POSES)])
+    below_m = np.array([0.0, truth_m[1], 1.2 - truth_m[2]])
+    heights_m = [
+        locate(np.random.default_rng(seed), pose, truth_m, 0.02, start_m).positions_m[0, 2]
+        for start_m in (truth_m, below_m)
+    ]
+    assert heights_m[0] == pytest.approx(heights_m[1], abs=0.05)
+    assert min(heights_m) > 0.0
 
 
 def test_round_a_source_that_stays_in_one_direction_of_the_array_what_the_pattern_is_off_by_cancels() -> None:
