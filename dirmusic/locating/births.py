@@ -23,9 +23,8 @@ UNKNOWN_M = 10.0
 it may be close by."""
 
 
-MOST_AT_ONCE = 4096
-"""Of more bearings not every pair is compared: they are sorted, which says the same in less time and memory. And no
-more are crossed, evenly chosen."""
+MOST_CROSSED = 4096
+"""Lines of sight; of more, so many are evenly chosen."""
 
 
 class Birth(NamedTuple):
@@ -88,7 +87,7 @@ def find_birth(
         rows = _crossing_rows(record, evenly(recent, rules.max_pulses), errors)
     if rows.size < rules.birth_pulses:
         return None
-    position_m, covariance_m2 = record.crossing(evenly(rows, MOST_AT_ONCE), errors)
+    position_m, covariance_m2 = record.crossing(evenly(rows, MOST_CROSSED), errors)
     if not np.isfinite(covariance_m2).all():
         sight_m = position_m[:2] - record.pose[rows[-1], :2]
         position_m[:2] -= sight_m * (1.0 - UNKNOWN_M / max(float(np.linalg.norm(sight_m)), UNKNOWN_M))
@@ -99,9 +98,6 @@ def find_birth(
 
 def _neighbours(bearing_rad: FloatArray, arc_rad: float) -> NDArray[np.intp]:
     """How many of some bearings (n,) lie within an arc to either side of each, shape (n,)."""
-    if bearing_rad.size <= MOST_AT_ONCE:
-        is_near = np.abs(difference(bearing_rad[:, np.newaxis], bearing_rad)) < arc_rad
-        return is_near.sum(axis=0)
     turned_rad = np.mod(bearing_rad, 2 * np.pi)
     sorted_rad = np.sort(turned_rad)
     around_rad = np.concatenate([sorted_rad - 2 * np.pi, sorted_rad, sorted_rad + 2 * np.pi])
