@@ -16,11 +16,10 @@ from contextlib import suppress
 from pathlib import Path
 from urllib.parse import quote
 
-import rerun as rr
-
 from missions.record.mission_log import MissionLog
 from missions.recording import supervisor
 from missions.recording.blueprint import blueprint
+from missions.recording.identity import recording_stream, send_identity
 from missions.recording.recorder import Recorder
 from missions.recording.supervisor import LEAVE_OPEN
 
@@ -64,13 +63,15 @@ class LiveView:
         port = _free_port()
         self._process = _start("--port", str(port), "--expect-data-soon", "--hide-welcome-screen")
         _answers(port, self._process)
-        stream = rr.RecordingStream("pdpatrol")
-        stream.connect_grpc(f"rerun+http://{LOOPBACK}:{port}/proxy", default_blueprint=blueprint(log.meta))
-        self._recorder = Recorder(stream, log)
+        self._log, self._stream = log, recording_stream(log)
+        self._stream.connect_grpc(f"rerun+http://{LOOPBACK}:{port}/proxy", default_blueprint=blueprint(log.meta))
+        self._recorder = Recorder(self._stream, log)
 
     def update(self) -> None:
-        """Send the rows added since the last call."""
+        """Send the rows added since the last call; after the end, what the mission came to."""
         self._recorder.update()
+        if "end" in self._log.column("event", "kind"):
+            send_identity(self._stream, self._log)
 
     def leave_open(self) -> None:
         """Let the viewer stay when this process has ended."""
