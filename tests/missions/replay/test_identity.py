@@ -10,14 +10,16 @@ from envs import load_scenario
 from missions.record.mission_log import MissionLog
 from missions.record.report import make_report
 from missions.recording.identity import recording_name, recording_stream
-from missions.runner import run_mission
+from missions.runner import Mission, run_mission
 
 
 @pytest.fixture(scope="module")
 def log() -> MissionLog:
-    scenario = load_scenario("one_source")
-    task = scenario.task.model_copy(update={"time_limit_s": 45.0})
-    return run_mission(scenario.model_copy(update={"task": task}), seed=0)
+    def end_early(mission: Mission) -> None:
+        if mission.time_s > 45.0:
+            mission.end("interrupted")
+
+    return run_mission(load_scenario("one_source"), seed=0, after_step=end_early)
 
 
 def written(log: MissionLog, path: Path) -> RrdReader:
