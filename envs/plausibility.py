@@ -76,7 +76,7 @@ def _sources(scenario: Scenario) -> Iterator[str]:
             f"{receiver.threshold_v:.2g} V: whatever triggers is clipped"
         )
     ground_m = _ground(scenario)
-    for i, source in enumerate(scenario.sources):
+    for i, source in enumerate(scenario.grown_sources):
         start_s, end_s = source.active_s or (0.0, inf)
         start_s = max(start_s, source.first_shot_s if source.n_shots is not None else 0.0)
         if source.pulse_rate_hz == 0.0 or start_s >= min(end_s, scenario.task.time_limit_s):

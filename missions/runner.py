@@ -95,6 +95,7 @@ class Mission:
             "name": scenario.name,
             "seed": seed,
             "policy": policy,
+            "date": scenario.campaign.day,
             "scenario": scenario.model_dump(mode="json"),
             "n_elements": array.manifold.n_elements,
             "array": describe_array(array),

@@ -81,9 +81,12 @@ class Episode:
 def _draw_sources(
     scenario: Scenario, generators: Generators, fixed: Mapping[str, FloatArray]
 ) -> tuple[DischargeSource, ...]:
+    number = scenario.campaign.number
+    if number is not None:
+        generators = Generators.spawn(np.random.default_rng(number))
     sources, rng = list[DischargeSource](), generators.episode
     taken: set[str] = set()
-    for config in scenario.sources:
+    for config in scenario.grown_sources:
         position_m = _draw_position(config, scenario, rng, taken)
         sources.append(
             DischargeSource(

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import tomllib
+from datetime import date
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, Field, ValidationInfo
+from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, ValidationInfo
 
 from dirmusic import InputFileError
 from dirmusic.input_file import read_whole
@@ -19,6 +20,32 @@ MissionName = Annotated[str, Field(pattern=MISSION_NAME, max_length=MOST_LETTERS
 SITE_CHOICE = r"^[a-z][a-z0-9_]*/([a-z][a-z0-9_]*|\*)$"
 SiteChoice = Annotated[str, Field(pattern=SITE_CHOICE, max_length=2 * MOST_LETTERS + 1)]
 """`equipment/site`, or `equipment/*`."""
+
+DAY = r"^20[0-9]{2}-[0-9]{2}-[0-9]{2}$"
+DAYS_PER_WEEK = 7
+
+
+def _as_text(value: object) -> object:
+    """A date of TOML as text; of a date with a time the day counts, and all else is as it was."""
+    return value.isoformat()[:10] if isinstance(value, date) else value
+
+
+def _is_of_the_calendar(day: str) -> str:
+    try:
+        date.fromisoformat(day)
+    except ValueError:
+        raise ValueError(f"got {day}; allowed is a day of the calendar") from None
+    return day
+
+
+Day = Annotated[str, Field(pattern=DAY, max_length=10), BeforeValidator(_as_text), AfterValidator(_is_of_the_calendar)]
+"""As 2026-03-02, a date of TOML or text in quotes; kept as text, which is what logs and reports hold."""
+
+
+def weeks_between(first: str, last: str) -> float:
+    """Weeks from one day to another, both as `Day`; negative if the second comes before the first."""
+    return (date.fromisoformat(last) - date.fromisoformat(first)).days / DAYS_PER_WEEK
+
 
 MOST_BYTES = 4_000_000
 """Of a file: the largest yard that is allowed, written out, has less."""

@@ -8,7 +8,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, Tag, ValidationError
 
-from envs.scenario.base import MISSION_NAME, SITE_CHOICE
+from envs.scenario.base import DAY, MISSION_NAME, SITE_CHOICE
 from robot_models.yard.quantities import NAME_PATTERN
 from sensing.quantities import PATH_PATTERN
 
@@ -23,6 +23,7 @@ FORMS = {
     MISSION_NAME: "a letter or digit, and then letters, digits, _, - and .",
     SITE_CHOICE: "equipment/site, or equipment/* for all of it",
     PATH_PATTERN: "a name or path on one line",
+    DAY: "a day of this century as 2026-03-02",
 }
 """What a pattern of the schema means."""
 

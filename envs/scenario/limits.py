@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from math import sqrt
+from math import log10, sqrt
 
 import numpy as np
 
@@ -33,6 +33,15 @@ PULSE_S = 12e-9
 MOST_DRIFT_DB = 120.0
 """That a source grows louder or fainter by in one mission."""
 
+MOST_GROWTH_DB = 120.0
+"""That a source has grown louder or fainter by when it is inspected."""
+
+MOST_RATE_HZ = 1e4
+"""Pulses a second of a source that has grown, as many as may be stated."""
+
+MOST_DECADES = 6.0
+"""By which a source has become more frequent or more seldom when it is inspected."""
+
 MOST_OVER_NOISE = 1e9
 """Loudest pulse of a source 1 m away over the noise: 180 dB."""
 
@@ -41,6 +50,24 @@ MOST_CARRIER_OVER_NOISE = 1e4
 
 FREE_SHARE = 0.01
 """Of the ground, on which the robot has to fit where a source is drawn over free ground."""
+
+
+def growth_faults(sources: Sequence[SourceConfig], weeks: float) -> Iterator[str]:
+    """Whether a source has grown, or gone, by more than a discharge can."""
+    for i, source in enumerate(sources):
+        grown_db = source.growth_db_per_week * weeks
+        if abs(grown_db) > MOST_GROWTH_DB:
+            yield (
+                f"sources.{i}.growth_db_per_week: got {source.growth_db_per_week:g}, {grown_db:.3g} dB in the "
+                f"{weeks:.3g} weeks of the campaign; allowed are {MOST_GROWTH_DB:g} dB"
+            )
+        decades = log10(1.0 + source.rate_growth_per_week) * weeks
+        if abs(decades) > MOST_DECADES or source.pulse_rate_hz * 10**decades > MOST_RATE_HZ:
+            yield (
+                f"sources.{i}.rate_growth_per_week: got {source.rate_growth_per_week:g}, 10^{decades:.3g} times the "
+                f"pulses in the {weeks:.3g} weeks of the campaign; allowed are 10^{MOST_DECADES:g} times and "
+                f"{MOST_RATE_HZ:g} a second"
+            )
 
 
 def pulse_faults(

@@ -16,12 +16,12 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from envs.scenario.array_section import ArraySection, data_sheet
 from envs.scenario.base import Config, MissionName
 from envs.scenario.calibration import CalibratedArray
-from envs.scenario.limits import level_faults, place_faults, pulse_faults
+from envs.scenario.limits import growth_faults, level_faults, place_faults, pulse_faults
 from envs.scenario.locating import EstimatorConfig, LocatingConfig
 from envs.scenario.map_section import MapConfig
 from envs.scenario.robot_config import RobotConfig
 from envs.scenario.robot_sensors import BatteryConfig, LidarConfig, OdometryConfig, PoseSensorConfig
-from envs.scenario.sources import CarrierConfig, InterfererConfig, SourceConfig
+from envs.scenario.sources import CampaignConfig, CarrierConfig, InterfererConfig, SourceConfig
 from robot_models.yard.quantities import MOST_YARD_M, Coordinate
 from robot_models.yard.yard import Yard
 from sensing import ReceiverConfig
@@ -125,6 +125,7 @@ class Scenario(Config, frozen=True):
     odometry: OdometryConfig = OdometryConfig()
     battery: BatteryConfig = BatteryConfig()
     task: TaskConfig = TaskConfig()
+    campaign: CampaignConfig = CampaignConfig()
     locating: LocatingConfig = LocatingConfig()
 
     @property
@@ -134,6 +135,11 @@ class Scenario(Config, frozen=True):
         Made anew on each call, so that a copy of the scenario with another yard has the map of that one: keep it.
         """
         return self.map.of(self.yard)
+
+    @property
+    def grown_sources(self) -> tuple[SourceConfig, ...]:
+        """The sources as they are on the day of the inspection."""
+        return tuple(source.after(self.campaign.weeks) for source in self.sources)
 
     def candidate_sites(self, source: SourceConfig) -> tuple[str, ...]:
         """The sites from which one is drawn for `source`, as `equipment/site`; empty for a source at a position."""
@@ -155,6 +161,7 @@ class Scenario(Config, frozen=True):
             *self._interferer_faults(),
             *self._receiver_faults(),
             *self._calibration_faults(),
+            *(self.campaign.faults() or growth_faults(self.sources, self.campaign.weeks)),
         ]
         faults = faults or self._limit_faults()
         if faults:
@@ -181,9 +188,10 @@ class Scenario(Config, frozen=True):
     def _limit_faults(self) -> list[str]:
         """What only shows in all of it together, once each part is in order."""
         limit_s, sites = self.task.time_limit_s, [self.candidate_sites(source) for source in self.sources]
+        sources = self.grown_sources
         return [
-            *pulse_faults(self.sources, self.interferers, self.receiver, self.array.n_channels, limit_s),
-            *level_faults(self.sources, self.interferers, self.carriers, self.receiver, limit_s),
+            *pulse_faults(sources, self.interferers, self.receiver, self.array.n_channels, limit_s),
+            *level_faults(sources, self.interferers, self.carriers, self.receiver, limit_s),
             *place_faults(self.sources, sites, self.yard, self.robot.description.room_m),
         ]
 

@@ -1,4 +1,4 @@
-"""What radiates, as a scenario file says it: discharges, impulsive interferers, carriers."""
+"""What radiates, as a scenario file says it: discharges and how they age, impulsive interferers, carriers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from dirmusic.pulses.discharge_kinds import KindName
-from envs.scenario.base import Config, SiteChoice
+from envs.scenario.base import Config, Day, SiteChoice, weeks_between
 from robot_models.yard.quantities import MOST_PIECES, MOST_SITES, Coordinate, Height, Name
 from sensing.quantities import PLAIN_ZERO, Degree, Hertz, MissionSecond, PeakVolt, Volt
 
@@ -40,6 +40,41 @@ FarHeight = Annotated[float, Field(ge=0.01, le=1000.0), PLAIN_ZERO]
 PulseRate = Annotated[float, Field(ge=0.0, le=1e4), PLAIN_ZERO]
 RangeDecibel = Annotated[float, Field(ge=0.0, le=60.0), PLAIN_ZERO]
 DriftDecibel = Annotated[float, Field(ge=-60.0, le=60.0), PLAIN_ZERO]
+"""A minute, or a week, in which a discharge changes by more than a factor of 1000 is none that one could follow."""
+
+RateGrowth = Annotated[float, Field(ge=-0.9, le=9.0), PLAIN_ZERO]
+"""A week, as a share of the rate: from a tenth to ten times as many pulses."""
+
+
+class CampaignConfig(Config, frozen=True):
+    """When an inspection takes place, and whether others met the same discharges.
+
+    A mission has its date from here and never from the clock, so that the same seed gives the same mission.
+    """
+
+    number: int | None = Field(default=None, ge=0, le=2**63 - 1)
+    """Which discharges the yard has: one number is the same sites, amplitudes, polarisations and phase patterns,
+    whatever else a mission draws. Left out, each mission has others."""
+    begins: Day = "2026-01-05"
+    """When sources are as loud and as frequent as they are stated; from here on they grow. The default is assumed."""
+    date: Day | None = None
+    """Of this inspection; left out, it takes place when the campaign begins."""
+
+    @property
+    def day(self) -> str:
+        """Of this inspection."""
+        return self.date or self.begins
+
+    @property
+    def weeks(self) -> float:
+        """Since the campaign began."""
+        return weeks_between(self.begins, self.day)
+
+    def faults(self) -> list[str]:
+        """Whether the inspection comes before all of it."""
+        if self.weeks < 0.0:
+            return [f"campaign.date: got {self.day}, before campaign.begins; allowed is {self.begins} or later"]
+        return []
 
 
 class SourceConfig(Config, frozen=True):
@@ -65,9 +100,20 @@ class SourceConfig(Config, frozen=True):
     active_s: tuple[MissionSecond, MissionSecond] | None = None
     """From when to when it discharges; left out, always."""
     drift_db_per_min: DriftDecibel = 0.0
+    growth_db_per_week: DriftDecibel = 0.0
+    """By how much its pulses grow from week to week of the campaign."""
+    rate_growth_per_week: RateGrowth = 0.0
+    """By what share of them its pulses become more from week to week: 0.2 is a fifth, and 44 % in two weeks."""
     n_shots: int | None = Field(default=None, ge=1, le=1_000_000)
     """A discharge gun: this many pulses, evenly at the pulse rate from `first_shot_s` on, and then no more."""
     first_shot_s: MissionSecond = 0.0
+
+    def after(self, weeks: float) -> Self:
+        """The source as it is so many weeks after the campaign began, >= 0; within the limits of `growth_faults`."""
+        louder, more = 10 ** (self.growth_db_per_week * weeks / 20), (1.0 + self.rate_growth_per_week) ** weeks
+        return self.model_copy(
+            update={"amplitude_v": self.amplitude_v * louder, "pulse_rate_hz": self.pulse_rate_hz * more}
+        )
 
     @model_validator(mode="after")
     def _stops_after_it_starts(self) -> Self:
