@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from datetime import date
 from pathlib import Path
@@ -30,11 +31,17 @@ def _as_text(value: object) -> object:
     return value.isoformat()[:10] if isinstance(value, date) else value
 
 
-def _is_of_the_calendar(day: str) -> str:
+def is_day(text: str) -> bool:
+    """Whether a text is a day of this century as 2026-03-02."""
     try:
-        date.fromisoformat(day)
+        return re.fullmatch(DAY, text) is not None and bool(date.fromisoformat(text))
     except ValueError:
-        raise ValueError(f"got {day}; allowed is a day of the calendar") from None
+        return False
+
+
+def _is_of_the_calendar(day: str) -> str:
+    if not is_day(day):
+        raise ValueError(f"got {day}; allowed is a day of the calendar")
     return day
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 import warnings
+from datetime import datetime
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -75,6 +76,7 @@ def locate(
     gate_ns: float = 4.5,
     calibration: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
     yard_m: tuple[float, float] | None = None,
+    date: Annotated[str | None, tyro.conf.arg(metavar="YYYY-MM-DD")] = None,
     out_dir: Annotated[Path | None, tyro.conf.arg(name="out", metavar="DIR")] = None,
     json_output: Annotated[bool, tyro.conf.arg(name="json")] = False,
 ) -> None:
@@ -105,6 +107,7 @@ def locate(
         calibration: calibration.toml that was written of earlier data of this very array: what they have shown of the
             errors of the array is made use of, and one more is written. It counts until the pulses contradict it.
         yard_m: Length of the yard along x and y from its corner at 0 0; what lies outside is told apart.
+        date: When the data were taken, which `pdpatrol trend` goes by. Default: today.
         out_dir: Folder to write to; new or empty. Default: runs/NAME, then -2, -3 and so on.
         json_output: Print the report as JSON instead of a table.
     """
@@ -128,6 +131,11 @@ def locate(
         for value in values
         if not LIMITS[option].holds(value)
     ]
+    day = date or datetime.now().astimezone().date().isoformat()
+    from envs.scenario.base import is_day
+
+    if not is_day(day):
+        faults.append(f"--date: got {day}; allowed is a day of this century as 2026-03-02")
     if faults:
         refuse(*faults)
     from rich.progress import Progress
@@ -180,6 +188,7 @@ def locate(
                 array,
                 pose_error,
                 fence_m=yard_m,
+                date=day,
                 calibration=before,
                 notes=notes,
                 progress=lambda share: progress.advance(bar, share),

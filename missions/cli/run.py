@@ -50,6 +50,7 @@ def run(
     seed: int = 0,
     serial_number: Annotated[int | None, tyro.conf.arg(metavar="NUMBER")] = None,
     calibration: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
+    date: Annotated[str | None, tyro.conf.arg(metavar="YYYY-MM-DD")] = None,
     out_dir: Annotated[Path | None, tyro.conf.arg(name="out", metavar="DIR")] = None,
     live: bool = False,
     json_output: Annotated[bool, tyro.conf.arg(name="json")] = False,
@@ -74,6 +75,8 @@ def run(
             mission.
         calibration: calibration.toml that an earlier mission with this very array has written: what it has learned of
             the errors of the array is made use of, and one more is written. It counts until the pulses contradict it.
+        date: Of the inspection, as `date` in the table [campaign] of the scenario: its sources have grown since the
+            campaign began. Default: as the scenario has it.
         out_dir: Folder to write to; new or empty. Default: runs/SCENARIO-SEED, then -2, -3 and so on.
         live: Show the mission in the Rerun viewer while it runs.
         json_output: Print the report as JSON instead of a table.
@@ -85,6 +88,8 @@ def run(
     from missions.policies.names import BUILT_IN, load_maker
 
     settings: dict[str, Any] = {} if serial_number is None else {"array.serial_number": serial_number}
+    if date is not None:
+        settings["campaign.date"] = date
     try:
         if calibration is not None:
             settings["locating.calibration"] = read_calibration(calibration)

@@ -53,6 +53,7 @@ def locate_field_data(
     pose_error: PoseError,
     *,
     fence_m: tuple[float, float] | None = None,
+    date: str | None = None,
     calibration: ArrayCalibration | None = None,
     notes: tuple[str, ...] = (),
     progress: Callable[[float], None] = lambda share: None,
@@ -64,11 +65,12 @@ def locate_field_data(
         array: Data sheet and spread of the live channels, with the errors that a calibration knows.
         pose_error: How wrong the poses may be.
         fence_m: Length of the yard along x and y, origin at its corner; None where there is no fence.
+        date: When the data were taken, as 2026-03-02; None if nobody says.
         calibration: The one that the array has its errors from.
         notes: What was unusual about the files.
         progress: Told by how much of the whole the work has advanced.
     """
-    meta = _meta(data, array, fence_m)
+    meta = {**_meta(data, array, fence_m), "date": date}
     grid = Grid.over(*np.array(meta["bounds_m"]))
     log = MissionLog({**meta, "grid": describe_grid(grid)})
     rules, due_s = FIELD_RULES, -np.inf
