@@ -5,6 +5,7 @@ from __future__ import annotations
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -206,3 +207,12 @@ class SiteMap:
         """All shortest ways from a point (2,)."""
         length, previous = dijkstra(self._graph, indices=[self.cell(point_m)], return_predecessors=True)
         return ShortestPaths(length_m=length[0], _previous=previous[0], _site_map=self)
+
+    def way_along_route(self) -> FloatArray:
+        """From the dock past the stops of the route and back, as far as ways are known, shape (n, 2), metres."""
+        stops = (self.route.dock_m, *self.route.stops_m, self.route.dock_m) if self.route.stops_m else ()
+        legs = [self.reach(start).path(self.cell(end)) for start, end in pairwise(stops)]
+        way_m = np.concatenate([np.empty((0, 2)), *(leg for leg in legs if len(leg) > 1)])
+        ahead = np.diff(way_m, axis=0)
+        goes_straight = np.isclose(ahead[:-1, 0] * ahead[1:, 1], ahead[:-1, 1] * ahead[1:, 0])
+        return way_m[np.flatnonzero(np.concatenate([[True], ~goes_straight, [True]]))] if len(way_m) > 2 else way_m

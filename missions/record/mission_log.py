@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+from bisect import bisect_left
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -100,10 +101,18 @@ class MissionLog:
         """Rows in a table so far."""
         return len(next(iter(self._rows[table].values())))
 
-    def column(self, table: str, column: str, start: int = 0) -> NDArray[Any]:
-        """One column from row `start` on, as an array of its declared type; row number first."""
+    def rows_before(self, table: str, step: int) -> int:
+        """How many rows of a table belong to steps before one; rows are in order of time."""
+        if table == "step":
+            return min(step, self.n_rows("step"))
+        if table == "bearing":
+            return bisect_left(self._rows["bearing"]["pulse"], self.rows_before("pulse", step))
+        return bisect_left(self._rows[table]["step"], step)
+
+    def column(self, table: str, column: str, start: int = 0, stop: int | None = None) -> NDArray[Any]:
+        """One column from row `start` up to `stop`, as an array of its declared type; row number first."""
         dtype = TABLES[table][column]
-        values = self._rows[table][column][start:]
+        values = self._rows[table][column][start:stop]
         if not values:
             width = {"strengths_v": self.meta.get("n_elements", 0), "log_likelihood": self.n_cells}.get(column)
             return np.empty((0, width) if width else (0, *dtype.shape), dtype=dtype.base)
@@ -114,9 +123,9 @@ class MissionLog:
         """Of the grid of the likelihood over the yard; none where the log has no grid."""
         return math.prod(self.meta["grid"]["shape"]) if "grid" in self.meta else 0
 
-    def table(self, table: str, start: int = 0) -> dict[str, NDArray[Any]]:
-        """All columns of a table from row `start` on."""
-        return {column: self.column(table, column, start) for column in TABLES[table]}
+    def table(self, table: str, start: int = 0, stop: int | None = None) -> dict[str, NDArray[Any]]:
+        """All columns of a table from row `start` up to `stop`."""
+        return {column: self.column(table, column, start, stop) for column in TABLES[table]}
 
     def _arrays(self, start: Mapping[str, int]) -> dict[str, NDArray[Any]]:
         return {

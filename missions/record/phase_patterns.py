@@ -24,11 +24,13 @@ class PhaseResolved:
     """Pulse phase against level for one finding.
 
     Attributes:
+        pulse: Rows in the table of pulses, shape (n,).
         phase_rad: Of the receiver's own mains at each pulse, shape (n,), in (-pi, pi].
         level_db: Strength with range and gain taken out: decibels over one volt at 1 m, shape (n,).
         pattern: What kind of discharge that is like.
     """
 
+    pulse: NDArray[np.intp]
     phase_rad: FloatArray
     level_db: FloatArray
     pattern: PhasePattern
@@ -64,5 +66,6 @@ def phase_patterns(log: MissionLog) -> dict[int, PhaseResolved]:
         usual_db = median_filter(level_db, size=NEIGHBOURS, mode="nearest")
         level_db += np.quantile(usual_db, LEVEL_QUANTILE) - usual_db
         phase_rad = wrap(pulse["mains_phase_rad"][rows])
-        patterns[number] = PhaseResolved(phase_rad=phase_rad, level_db=level_db, pattern=classify(phase_rad, level_db))
+        pattern = classify(phase_rad, level_db)
+        patterns[number] = PhaseResolved(pulse=rows, phase_rad=phase_rad, level_db=level_db, pattern=pattern)
     return patterns

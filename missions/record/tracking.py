@@ -17,7 +17,7 @@ from envs.scenario.calibration import ArrayCalibration, CalibratedArray
 FloatArray = NDArray[np.float64]
 
 
-LIKELIHOOD_S = 5.0
+LIKELIHOOD_S = 8.0
 """Time between two looks at the likelihood over the yard (assumed): the robot has got to another place."""
 
 

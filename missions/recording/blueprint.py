@@ -1,4 +1,4 @@
-"""Where everything lies in a recording, and how a viewer shows it at first sight."""
+"""How a viewer shows a recording at first sight."""
 
 from __future__ import annotations
 
@@ -8,123 +8,155 @@ from typing import Any
 import numpy as np
 import rerun.blueprint as rrb
 
-SIM_TIME, STEP = "sim_time", "step"
-"""Timelines: simulated seconds, and control steps."""
+from missions.recording import paths
+from missions.recording.drawing import palette
+from missions.recording.drawing.canvas import BIN_S
+from missions.recording.drawing.phase_pattern import SPAN_DB, UNITS_PER_DB
+from missions.recording.drawing.spectra import HEIGHT, WIDTH
 
-WORLD = "world"
-GROUND = f"{WORLD}/yard/ground"
-LIKELIHOOD = f"{WORLD}/likelihood"
-"""Over the ground: how likely a source is at each place by all pulses so far."""
-EQUIPMENT = f"{WORLD}/yard/equipment"
-FENCE = f"{WORLD}/yard/fence"
-MAP = f"{WORLD}/yard/map"
-"""Outlines of what the map shows and does not stand there."""
-SITES = f"{WORLD}/yard/sites"
-ROUTE = f"{WORLD}/route"
-TRAJECTORY = f"{WORLD}/trajectory"
-ODOMETRY = f"{WORLD}/odometry"
-ROBOT = f"{WORLD}/robot"
-BODY = f"{ROBOT}/body"
-SPECTRUM = f"{ROBOT}/spectrum"
-BEARINGS = f"{WORLD}/bearings"
-FINDINGS = f"{WORLD}/findings"
-TRUTH = f"{WORLD}/truth"
-TRUE_SOURCES = f"{TRUTH}/sources"
-TRUE_NAMES = f"{TRUTH}/names"
-TRUE_WAYS = f"{TRUTH}/ways"
-"""Lines along which interferers move; they are named where they start."""
-TRUE_TRAJECTORY = f"{TRUTH}/trajectory"
-STRENGTHS = "plots/strengths"
-UNCERTAINTY = "plots/uncertainty"
-COMMAND = "plots/command"
-BATTERY = "plots/battery"
-PHASES = "plots/pulse_phase"
-PHASE = "mission/phase"
-EVENTS = "mission/events"
+PAST_BINS, REJECTED_BINS = 8, 3
+"""For so many bins rays are shown after their pulse: of credible pulses, darker, and of rejected ones."""
+
+PLAYBACK = 4.0
+"""Simulated seconds a second."""
+
+ELLIPSE_DECADES = (-2.0, 1.5)
+"""Of the plot of uncertainty: from a centimetre to the size of a yard."""
 
 
-def finding_path(finding: int) -> str:
-    """Where the fix of one finding lies: its point; `/ellipse` below it is the 95 % ellipse."""
-    return f"{FINDINGS}/{finding}"
-
-
-def blueprint(meta: Mapping[str, Any], end_s: float | None = None) -> rrb.Blueprint:
-    """The yard in space and as a plan; below them strengths, uncertainty of the fixes, mission phase and events.
+def blueprint(meta: Mapping[str, Any], end_s: float | None = None, bin_s: float = BIN_S) -> rrb.Blueprint:
+    """The robot from behind and the plan, what goes on in words; below them phases, spectra, plots, phase pattern.
 
     Args:
         meta: Of the mission's log.
         end_s: Simulated time at which the mission ended, to show the whole of it; None while it runs.
+        bin_s: How long a bin of the recording lasts.
     """
-    low, high = (np.array(corner) for corner in meta.get("bounds_m", ((0.0, 0.0), (40.0, 30.0))))
-    centre = np.array([*(0.5 * (low + high)), 0.0])
-    diagonal_m = float(np.hypot(*(high - low)))
-    slant = rrb.EyeControls3D(
-        kind=rrb.Eye3DKind.Orbital,
-        position=centre + diagonal_m * np.array([-0.16, -0.52, 0.46]),
-        look_target=centre - np.array([0.0, 0.08 * diagonal_m, 0.0]),
-        eye_up=[0.0, 0.0, 1.0],
-    )
-    above = rrb.EyeControls3D(
-        kind=rrb.Eye3DKind.Orbital,
-        position=centre + np.array([0.0, -0.01, 0.95 * diagonal_m]),
-        look_target=centre,
-        eye_up=[0.0, 1.0, 0.0],
-    )
     whole = rrb.TimeAxis(
         view_range=rrb.TimeRange(
             start=rrb.TimeRangeBoundary.absolute(seconds=0.0),
             end=rrb.TimeRangeBoundary.absolute(seconds=end_s) if end_s else rrb.TimeRangeBoundary.infinite(),
         )
     )
-    sky = [24, 28, 34]
-    yard = rrb.Spatial3DView(
-        origin=WORLD, name="Yard", eye_controls=slant, background=sky, line_grid=False, spatial_information=None
+    behind = _orbit([-4.5, -3.2, 3.4], [0.0, 0.0, 0.5], tracks=paths.ROBOT)
+    yard = _yard("Robot", behind, bin_s, hidden=(paths.TRUTH, paths.MARKER, paths.EQUIPMENT_NAMES))
+    low, high = (np.array(corner) for corner in meta.get("bounds_m", ((0.0, 0.0), (40.0, 30.0))))
+    centre = np.array([*(0.5 * (low + high)), 0.0])
+    size_m = float(np.max((high - low) * [1.0, 1.25]))
+    above = _orbit(centre + np.array([0.0, -0.01, 0.88 * size_m]), centre, up=(0.0, 1.0, 0.0))
+    slant_eye = centre + np.hypot(*(high - low)) * np.array([-0.16, -0.52, 0.46])
+    slant = _orbit(slant_eye, centre - np.array([0.0, 0.08 * np.hypot(*(high - low)), 0.0]))
+    plan = _yard("Plan", above, bin_s, hidden=(paths.TRUTH,), see_through=True)
+    truth = _yard("Plan and truth", above, bin_s, hidden=(), see_through=True)
+    around = _yard("Yard", slant, bin_s, hidden=(paths.TRUTH,))
+    status = rrb.Vertical(
+        rrb.TextDocumentView(origin=paths.STATUS, name="What goes on"),
+        rrb.TextLogView(
+            origin=paths.EVENTS,
+            name="Events",
+            columns=rrb.TextLogColumns(timeline_columns=[paths.SIM_TIME], text_log_columns=["body"]),
+        ),
+        row_shares=[3, 2],
     )
-    plan = rrb.Spatial3DView(
-        origin=WORLD,
-        contents=["$origin/**", f"- {BODY}/**", f"- {TRUE_NAMES}"],
-        name="Plan",
-        eye_controls=above,
-        background=sky,
-        line_grid=False,
-    )
-    strengths = rrb.TimeSeriesView(origin=STRENGTHS, name="Strength per element (dBV)", axis_x=whole)
-    uncertainty = rrb.TimeSeriesView(
-        origin=UNCERTAINTY,
-        name="95 % ellipse, longer half-axis (m)",
-        axis_x=whole,
-        axis_y=rrb.ScalarAxis(range=(0.0, 5.0)),
-    )
-    battery = rrb.TimeSeriesView(
-        origin=BATTERY, name="Battery (%)", axis_x=whole, axis_y=rrb.ScalarAxis(range=(0.0, 100.0))
-    )
-    phases = rrb.Spatial2DView(
-        origin=PHASES,
-        name="Pulse phase",
-        background=sky,
-        visual_bounds=rrb.VisualBounds2D(x_range=[-20.0, 380.0], y_range=[-125.0, 125.0]),
-    )
-    play_state = "playing" if end_s else "following"
     return rrb.Blueprint(
         rrb.Vertical(
-            rrb.Horizontal(yard, plan, column_shares=[3, 2]),
             rrb.Horizontal(
-                strengths,
-                rrb.Tabs(uncertainty, phases, battery, active_tab=0),
-                rrb.Vertical(
-                    rrb.StateTimelineView(origin=PHASE, name="Phase"),
-                    rrb.TextLogView(
-                        origin=EVENTS,
-                        name="Events",
-                        columns=rrb.TextLogColumns(timeline_columns=[SIM_TIME], text_log_columns=["loglevel", "body"]),
-                    ),
-                    row_shares=[2, 3],
-                ),
-                column_shares=[3, 2, 2],
+                rrb.Tabs(yard, around, active_tab=0),
+                rrb.Tabs(plan, truth, active_tab=0),
+                status,
+                column_shares=[5, 5, 4],
             ),
-            row_shares=[5, 2],
+            rrb.StateTimelineView(origin=paths.PHASE, name="Mission", time_view=whole),
+            rrb.Horizontal(_spectra(), _plots(whole), _phase_pattern(), column_shares=[5, 5, 4]),
+            row_shares=[11, 2, 7],
         ),
-        rrb.TimePanel(state="collapsed", timeline=SIM_TIME, playback_speed=4.0, play_state=play_state),
+        rrb.TimePanel(
+            state="collapsed",
+            timeline=paths.SIM_TIME,
+            playback_speed=PLAYBACK,
+            play_state="playing" if end_s else "following",
+        ),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
+    )
+
+
+def _orbit(position: Any, target: Any, up: Any = (0.0, 0.0, 1.0), tracks: str | None = None) -> rrb.EyeControls3D:  # noqa: ANN401
+    return rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital, position=position, look_target=target, eye_up=up, tracking_entity=tracks
+    )
+
+
+def _yard(
+    name: str, eye: rrb.EyeControls3D, bin_s: float, *, hidden: tuple[str, ...], see_through: bool = False
+) -> rrb.Spatial3DView:
+    """The world from one side; what lies on a trail is shown as long as it is told by it."""
+    now = 0.9 * bin_s  # rings are a bin apart: one at a time
+    overrides: dict[str, Any] = {
+        paths.TRAJECTORY: _last(None),
+        paths.TRUE_TRAJECTORY: _last(None),
+        paths.ODOMETRY: _last(None),
+        paths.SPECTRUM: _last(now),
+        paths.NEW_BEARINGS: _last(now),
+        paths.PAST_BEARINGS: _last(PAST_BINS * bin_s),
+        paths.REJECTED: _last(REJECTED_BINS * bin_s),
+    }
+    overrides |= {path: rrb.EntityBehavior(visible=False) for path in hidden}
+    return rrb.Spatial3DView(
+        origin=paths.WORLD,
+        name=name,
+        eye_controls=eye,
+        background=palette.SKY,
+        line_grid=False,
+        spatial_information=None,
+        overrides=overrides,
+    )
+
+
+def _last(seconds: float | None) -> rrb.VisibleTimeRanges:
+    """What came in the last seconds; everything up to now with None."""
+    first = rrb.TimeRangeBoundary.infinite()
+    if seconds is not None:
+        first = rrb.TimeRangeBoundary.cursor_relative(seconds=-seconds)
+    now = rrb.TimeRangeBoundary.cursor_relative(seconds=0.0)
+    return rrb.VisibleTimeRanges(timeline=paths.SIM_TIME, start=first, end=now)
+
+
+def _spectra() -> rrb.Spatial2DView:
+    return rrb.Spatial2DView(
+        origin=paths.SPECTRA,
+        name="Pseudo-spectrum over time, bearing in the world; heading in blue",
+        background=palette.SKY,
+        visual_bounds=rrb.VisualBounds2D(x_range=[-45.0, WIDTH + 8.0], y_range=[-8.0, HEIGHT + 20.0]),
+        overrides={paths.SPECTRA_HEADING: _last(None)},
+    )
+
+
+def _plots(whole: rrb.TimeAxis) -> rrb.Tabs:
+    uncertainty = rrb.TimeSeriesView(
+        origin=paths.UNCERTAINTY,
+        name="95 % ellipse, 10^y m",
+        axis_x=whole,
+        axis_y=rrb.ScalarAxis(range=ELLIPSE_DECADES),
+        plot_legend=rrb.Corner2D.RightTop,
+    )
+    strengths = rrb.TimeSeriesView(origin=paths.STRENGTHS, name="Strengths (dBV)", axis_x=whole)
+    directions = rrb.TimeSeriesView(
+        origin=paths.DIRECTIONS, name="Bearings (°)", axis_x=whole, axis_y=rrb.ScalarAxis(range=(-180.0, 180.0))
+    )
+    battery = rrb.TimeSeriesView(
+        origin=paths.BATTERY, name="Battery (%)", axis_x=whole, axis_y=rrb.ScalarAxis(range=(0.0, 100.0))
+    )
+    command = rrb.TimeSeriesView(origin=paths.COMMAND, name="Commands", axis_x=whole)
+    return rrb.Tabs(uncertainty, strengths, directions, battery, command, active_tab=0)
+
+
+def _phase_pattern() -> rrb.Spatial2DView:
+    reach = UNITS_PER_DB * SPAN_DB
+    return rrb.Spatial2DView(
+        origin=paths.PHASE_PATTERN,
+        name="Phase-resolved pattern, level over 1 V at 1 m",
+        background=palette.SKY,
+        visual_bounds=rrb.VisualBounds2D(x_range=[-45.0, 370.0], y_range=[-reach - 10.0, reach + 28.0]),
+        time_ranges=_last(None),
     )

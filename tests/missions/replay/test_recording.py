@@ -14,10 +14,10 @@ from rerun.chunk import RrdReader
 from envs import load_scenario
 from missions.record.mission_log import TABLES, MissionLog
 from missions.record.report import make_report
-from missions.recording import Recorder, write_recording
-from missions.recording import blueprint as paths
+from missions.recording import Recorder, paths, write_recording
 from missions.runner import run_mission
 from robot_models.drawn_solids import describe_equipment
+from tests.missions.replay.read_back import cells, rows, values
 
 AT_REST = {"odometry": np.zeros(3), "battery": 1.0, "command": np.zeros(2)}
 
@@ -45,30 +45,6 @@ def recording(log: MissionLog, tmp_path_factory: pytest.TempPathFactory) -> Path
     return path
 
 
-def rows(path: Path) -> dict[str, int]:
-    """Rows of every entity on a timeline or, for static data, in all."""
-    counts: dict[str, int] = {}
-    for chunk in RrdReader(path).stream().to_chunks():
-        counts[str(chunk.entity_path)] = counts.get(str(chunk.entity_path), 0) + chunk.num_rows
-    return counts
-
-
-def values(path: Path) -> dict[str, list[dict]]:
-    """Every row of every entity as plain values; what identifies rows and chunks left out."""
-    found: dict[str, list[dict]] = {}
-    for chunk in RrdReader(path).stream().to_chunks():
-        entity = found.setdefault(str(chunk.entity_path), [])
-        for row in chunk.to_record_batch().to_pylist():
-            entity.append({name: cell for name, cell in row.items() if "rowid" not in name.lower()})
-    return found
-
-
-def cells(rows_of_entity: list[dict], component: str) -> dict[int, list]:
-    """One component by step."""
-    key = next(name for row in rows_of_entity for name in row if name.endswith(f":{component}"))
-    return {row[paths.STEP]: row[key] for row in rows_of_entity if row.get(paths.STEP) is not None and key in row}
-
-
 def test_reruns_own_checker_accepts_the_file(recording: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "rerun", "rrd", "verify", str(recording)], capture_output=True, text=True, timeout=60
@@ -76,39 +52,61 @@ def test_reruns_own_checker_accepts_the_file(recording: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
-def test_the_file_holds_trajectory_spectrum_bearings_fix_and_blueprint(recording: Path, log: MissionLog) -> None:
-    counted = rows(recording)
-    n_steps = log.n_rows("step")
-    assert counted[f"/{paths.ROBOT}"] >= n_steps
-    assert counted[f"/{paths.TRAJECTORY}"] >= n_steps // 5
-    assert counted[f"/{paths.ODOMETRY}"] >= n_steps // 5
-    assert counted[f"/{paths.BATTERY}"] == n_steps
-    heard = np.unique(log.column("pulse", "step")[log.column("bearing", "pulse")]).size
-    for path in (paths.SPECTRUM, paths.BEARINGS, f"{paths.STRENGTHS}/1"):
-        assert counted[f"/{path}"] >= heard > 50
-    number = int(log.column("finding", "id")[-1])
-    fixes = int((log.column("finding", "id") == number).sum())
-    assert counted[f"/{paths.finding_path(number)}"] >= fixes > 5
-    assert counted[f"/{paths.finding_path(number)}/ellipse"] >= fixes
-    assert counted[f"/{paths.PHASES}/{number}"] == 1  # pulse phase against level, drawn once at the end
-    for path in (
-        f"{paths.EQUIPMENT}/box",
-        f"{paths.BODY}/cylinder",
-        paths.SITES,
-        paths.ROUTE,
-        paths.EVENTS,
-        paths.PHASE,
-    ):
+def test_counts_are_those_of_the_log(recording: Path, log: MissionLog) -> None:
+    counted, found = rows(recording), values(recording)
+    n_steps, n_bins = log.n_rows("step"), -(-log.n_rows("step") // 5)
+    assert counted[f"/{paths.ROBOT}"] == n_steps + 1  # and what it is marked by
+    for path in (paths.TRAJECTORY, paths.TRUE_TRAJECTORY, paths.ODOMETRY, paths.SPECTRA_HEADING):
+        assert counted[f"/{path}"] == n_bins + 1  # and its style
+    assert counted[f"/{paths.BATTERY}"] == n_bins
+    drawn = {
+        path: sum(len(strips) for strips in cells(found[f"/{path}"], "strips").values())
+        for path in (paths.NEW_BEARINGS, paths.REJECTED)
+    }
+    assert drawn[paths.NEW_BEARINGS] == log.n_rows("bearing") > 100
+    assert drawn[paths.REJECTED] == log.n_rows("pulse") - log.n_rows("bearing") > 5
+    assert counted[f"/{paths.EVENTS}"] == log.n_rows("event")
+    finding = log.table("finding")
+    for number in np.unique(finding["id"]).tolist():
+        positions = cells(found[f"/{paths.finding_path(number)}"], "positions")
+        assert set(positions) == set(finding["step"][finding["id"] == number].tolist())
+    assert counted[f"/{paths.LIKELIHOOD}"] == log.n_rows("likelihood") * 2  # the picture, and where it lies
+    for path in (f"{paths.EQUIPMENT}/box", f"{paths.BODY}/cylinder", paths.SITES, paths.ROUTE, paths.PHASE):
         assert counted[f"/{path}"] >= 1
-    assert RrdReader(recording).blueprints()
-    assert not list(recording.parent.glob(".*"))
+
+
+def test_times_increase_along_every_entity(recording: Path, log: MissionLog) -> None:
+    time_s = log.column("step", "time_s")
+    for chunk in RrdReader(recording).stream().to_chunks():
+        batch = chunk.to_record_batch()
+        if paths.SIM_TIME not in batch.schema.names:
+            continue
+        at = batch.column(paths.SIM_TIME).cast("int64").to_numpy() / 1e9
+        assert (np.diff(at) >= 0.0).all(), chunk.entity_path
+        np.testing.assert_allclose(at, time_s[batch.column(paths.STEP).to_numpy()], atol=1e-6)
+
+
+def test_every_view_shows_something_that_is_there(recording: Path) -> None:
+    reader, there = RrdReader(recording), rows(recording)
+    (entry,) = reader.blueprints()
+    origins, overridden = set[str](), set[str]()
+    for chunk in reader.stream(store=entry).to_chunks():
+        overridden |= set(re.findall(r"overrides?(/.+?)(?:/visualizers)?$", str(chunk.entity_path)))
+        batch = chunk.to_record_batch()
+        for name in batch.schema.names:
+            if name.endswith(":space_origin"):
+                origins |= {origin for cell in batch.column(name).to_pylist() for origin in cell or ()}
+    assert len(origins) >= 9
+    assert len(overridden) >= 9
+    for path in (*(f"/{origin.strip('/')}" for origin in origins), *overridden):
+        assert [one for one in there if one == path or one.startswith(f"{path}/")], path
 
 
 def test_a_recording_made_slice_by_slice_as_the_log_grows_holds_the_same(log: MissionLog, tmp_path: Path) -> None:
     growing = MissionLog(log.meta)
     stream = rr.RecordingStream("pdpatrol")
     stream.save(tmp_path / "slices.rrd")
-    recorder = Recorder(stream, growing)
+    recorder = Recorder(stream, growing, float(log.column("step", "time_s")[-1]))
     tables = {name: log.table(name) for name in TABLES}
     pulse_step = tables["pulse"]["step"]
     owner = {name: table["step"] for name, table in tables.items() if "step" in table}
@@ -123,50 +121,11 @@ def test_a_recording_made_slice_by_slice_as_the_log_grows_holds_the_same(log: Mi
     stream.disconnect()
     write_recording(log, tmp_path / "whole.rrd")
     whole, slices = values(tmp_path / "whole.rrd"), values(tmp_path / "slices.rrd")
-    moving = [path for path in whole if path.startswith(f"/{paths.WORLD}/") or path.startswith("/plots/")]
-    assert len(moving) > 15
-    for path in moving:
+    drawn = [path for path in whole if not path.startswith("/__properties") and path != f"/{paths.PHASE}"]
+    assert len(drawn) > 40
+    for path in drawn:
         assert sorted(map(repr, whole[path])) == sorted(map(repr, slices[path])), path
-
-
-def test_rays_start_at_the_robot_and_point_as_the_bearings_do(recording: Path, log: MissionLog) -> None:
-    rays = cells(values(recording)[f"/{paths.BEARINGS}"], "strips")
-    pulse_step = log.column("pulse", "step")[log.column("bearing", "pulse")]
-    for step in np.unique(pulse_step):
-        told = np.sort(log.column("bearing", "bearing_rad")[pulse_step == step])
-        drawn = np.array(rays[int(step)])
-        np.testing.assert_allclose(
-            drawn[:, 0, :2], np.tile(log.column("step", "pose")[step, :2], (told.size, 1)), atol=1e-5
-        )
-        ahead = drawn[:, 1] - drawn[:, 0]
-        np.testing.assert_allclose(np.sort(np.arctan2(ahead[:, 1], ahead[:, 0])), told, atol=1e-5)
-
-
-def test_the_ring_of_the_spectrum_bulges_towards_the_bearing(recording: Path, log: MissionLog) -> None:
-    rings = cells(values(recording)[f"/{paths.SPECTRUM}"], "strips")
-    pulse_step = log.column("pulse", "step")[log.column("bearing", "pulse")]
-    for step in np.unique(pulse_step):
-        (ring,) = np.array(rings[int(step)])
-        radius, towards = np.linalg.norm(ring[:, :2], axis=-1), np.arctan2(ring[:, 1], ring[:, 0])
-        azimuths = log.column("bearing", "azimuth_rad")[pulse_step == step]
-        off = np.abs(np.angle(np.exp(1j * (azimuths[:, np.newaxis] - towards))))
-        # a source high above the array has a flat top, on which rays of five degrees may miss the very peak
-        assert (
-            off[:, radius.argmax()].min() < np.radians(3.5) or radius[off.argmin(axis=-1)].max() > 0.97 * radius.max()
-        )
-
-
-def test_a_second_of_silence_clears_rays_and_spectrum(tmp_path: Path, log: MissionLog) -> None:
-    quiet = MissionLog(log.meta)
-    step, pulse, bearing = (log.table(name) for name in ("step", "pulse", "bearing"))
-    for k in range(40):
-        quiet.append("step", **{name: column[k] for name, column in step.items()})
-    quiet.append("pulse", **{name: column[0] for name, column in pulse.items()} | {"step": 5})
-    quiet.append("bearing", **{name: column[0] for name, column in bearing.items()} | {"pulse": 0})
-    write_recording(quiet, tmp_path / "quiet.rrd")
-    for path in (paths.BEARINGS, paths.SPECTRUM):
-        drawn = cells(values(tmp_path / "quiet.rrd")[f"/{path}"], "strips")
-        assert {at: len(strips) for at, strips in drawn.items()} == {5: 1, 15: 0}
+    assert cells(whole[f"/{paths.PHASE}"], "state") == cells(slices[f"/{paths.PHASE}"], "state")
 
 
 def test_no_value_in_the_file_is_nan(recording: Path) -> None:
@@ -238,8 +197,9 @@ def test_a_finding_that_is_dropped_disappears(tmp_path: Path, log: MissionLog) -
         dropped.append("finding", **row | {"step": at, "state": state, "id": 1})
     write_recording(dropped, tmp_path / "dropped.rrd")
     found = values(tmp_path / "dropped.rrd")
-    for path, component in ((paths.finding_path(1), "positions"), (f"{paths.finding_path(1)}/ellipse", "strips")):
-        drawn = cells(found[f"/{path}"], component)
+    path = paths.finding_path(1)
+    for part, component in ((path, "positions"), (f"{path}/ellipse", "strips"), (f"{path}/height", "strips")):
+        drawn = cells(found[f"/{part}"], component)
         assert {at: len(shapes) for at, shapes in drawn.items()} == {3: 1, 9: 0}
 
 
@@ -252,7 +212,7 @@ def test_the_parts_that_a_killed_mission_left_make_a_recording(tmp_path: Path, l
     write_recording(MissionLog.load(tmp_path), tmp_path / "killed.rrd")
     counted = rows(tmp_path / "killed.rrd")
     assert counted[f"/{paths.ROBOT}"] >= log.n_rows("step")
-    assert not [path for path in counted if path.startswith(f"/{paths.PHASES}/")]
+    assert not [path for path in counted if path.startswith(f"/{paths.PHASE_PATTERN}/")]
 
 
 def test_a_finding_has_one_number_in_log_events_recording_and_report(recording: Path, log: MissionLog) -> None:
@@ -264,4 +224,4 @@ def test_a_finding_has_one_number_in_log_events_recording_and_report(recording: 
     for number in ids:
         assert re.search(rf"(finding|candidate) {number} ", told)
         labels = cells(values(recording)[f"/{paths.finding_path(number)}"], "labels")
-        assert {label.split()[-1] for (label,) in labels.values()} == {str(number)}
+        assert {label.split()[1].rstrip(":") for (label,) in labels.values()} == {str(number)}

@@ -1,0 +1,53 @@
+"""Colours of a recording, red, green and blue up to 255; they are read on a dark ground, in both of Rerun's themes."""
+
+Colour = tuple[int, int, int]
+
+STATES: dict[str, Colour] = {
+    "candidate": (255, 178, 40),
+    "confirmed": (60, 220, 110),
+    "outside": (150, 150, 160),
+    "ghost": (170, 120, 120),
+}
+"""Of findings."""
+
+SKY: Colour = (24, 28, 34)
+GROUND: Colour = (64, 70, 72)
+LIKELY: Colour = (235, 140, 60)
+NEW_BEARING: Colour = (255, 232, 110)
+PAST_BEARING: Colour = (120, 110, 58)
+REJECTED: Colour = (125, 128, 135)
+SPECTRUM: Colour = (90, 220, 255)
+TRAJECTORY: Colour = (120, 190, 255)
+ODOMETRY: Colour = (110, 130, 115)
+TRUTH: Colour = (255, 70, 200)
+ROUTE: Colour = (150, 158, 168)
+ROBOT: Colour = (235, 235, 240)
+MARKER: Colour = (40, 150, 255)
+SITE: Colour = (200, 150, 90)
+NAME: Colour = (205, 210, 215)
+HEADING: Colour = (40, 150, 255)
+
+ELEMENTS: tuple[Colour, ...] = (
+    (230, 90, 80),
+    (240, 170, 60),
+    (225, 225, 90),
+    (90, 200, 110),
+    (90, 160, 240),
+    (190, 110, 230),
+)
+
+FINDINGS: tuple[Colour, ...] = ((255, 178, 40), (90, 200, 255), (60, 220, 110), (230, 110, 220), (240, 230, 110))
+"""Of findings beside each other, in order of their ids, where the colour does not tell the state."""
+
+PHASES: dict[str, Colour] = {
+    "patrol": (70, 110, 160),
+    "listen": (170, 150, 60),
+    "seek": (200, 110, 30),
+    "return": (80, 90, 100),
+}
+"""Of what the policy does, by the first word of it."""
+
+OTHER_PHASE: Colour = (110, 80, 150)
+
+HEAT: tuple[Colour, ...] = (SKY, (88, 38, 92), (200, 70, 60), (250, 170, 60), (255, 250, 190))
+"""Of pseudo-spectra over time, from nothing to the peak, in even steps."""
