@@ -105,7 +105,8 @@ class Status:
         """
         report, step = make_report(log, 0.0), np.array([max(log.n_rows("step") - 1, 0)])
         found = report["findings"]
-        lines = [f"### Mission over after {report['sim_time_s']:.0f} s: {reason}"]
+        what = "Mission" if "scenario" in log.meta else "Survey"
+        lines = [f"### {what} over after {report['sim_time_s']:.0f} s: {reason}"]
         lines += ["Nothing was confirmed." if not found else "| | site | kind | place (m) | 95 % ellipse |"]
         lines += ["|---|---|---|---|---|"] if found else []
         for one in found:
