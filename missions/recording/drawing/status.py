@@ -37,6 +37,7 @@ PHASE_WORDS = {
     "patrol": "drives the route",
     "listen": "stands and listens",
     "return to dock": "returns to the dock",
+    "back off": "backs off from an obstacle",
     "random": "drives at random",
     "field": "data from the field",
 }
