@@ -19,6 +19,7 @@ from missions.cli.terminal import (
     tell_calibration,
     tell_channel_faults,
     tell_findings,
+    tell_json,
     tell_where,
     write_mission,
 )
@@ -176,7 +177,6 @@ def locate(
             err.print(f"note: {note}", soft_wrap=True)
 
         from missions.field.locate_field_data import locate_field_data, rejections
-        from missions.record.report import make_report
 
         pose_error = PoseError(
             position_m=position_std_m, heading_rad=math.radians(heading_std_deg), correlation_s=pose_correlation_s
@@ -193,11 +193,10 @@ def locate(
                 notes=notes,
                 progress=lambda share: progress.advance(bar, share),
             )
-        report = make_report(log, time.perf_counter() - started_s)
         with err.status("Writes log, report and recording"):
-            write_mission(log, report, folder)
+            report = write_mission(log, time.perf_counter() - started_s, folder)
     if json_output:
-        out.print_json(data=report)
+        tell_json(report)
         return
     tell_findings(report)
     for text in rejections(log):
@@ -205,6 +204,6 @@ def locate(
     tell_channel_faults(report)
     tell_calibration(report)
     out.print(
-        f"{data.time_s.size} poses, {data.strengths_v.shape[0]} pulses, {report['n_bearings']} bearings",
+        f"{data.time_s.size} poses, {data.strengths_v.shape[0]} pulses, {report.n_bearings} bearings",
     )
     tell_where(folder)

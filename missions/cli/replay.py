@@ -65,11 +65,10 @@ def _run_again(folder: Path, row: int) -> Path:
         err.print("The sweep is of other code: the mission may end otherwise now", style="yellow")
     mission = folder / "missions" / str(row)
     if not (mission / "log.npz").exists():
-        from missions.record.report import make_report
         from missions.runner import run_mission
 
         with err.status(f"{job.scenario.name}, {job.policy}, seed {job.seed} runs again"):
             log = run_mission(job.scenario, job.policy, job.seed)
             mission.mkdir(parents=True, exist_ok=True)
-            write_mission(log, make_report(log, 0.0), mission)
+            write_mission(log, 0.0, mission)
     return mission

@@ -21,12 +21,14 @@ from missions.cli.terminal import (
     tell_calibration,
     tell_channel_faults,
     tell_findings,
+    tell_json,
     tell_notes,
     tell_where,
     write_mission,
 )
 
 if TYPE_CHECKING:
+    from missions.report.records import Report
     from missions.runner import Mission
 
 TOLD = (
@@ -34,6 +36,7 @@ TOLD = (
     "confirmed",
     "outside",
     "ghost",
+    "dropped",
     "contact",
     "unreachable",
     "clipped",
@@ -104,7 +107,6 @@ def run(
     except ForeignCodeError as error:
         refuse(str(error))
     with output_folder(out_dir, f"{loaded.name}-{seed}") as folder:
-        from missions.record.report import make_report
         from missions.recording import LiveView
         from missions.runner import Mission
 
@@ -131,17 +133,17 @@ def run(
             except ScenarioError as error:
                 refuse(*error.faults)
             log = mission.run(after_step)
-            report = make_report(log, time.perf_counter() - started_s)
-            write_mission(log, report, folder)
+            report = write_mission(log, time.perf_counter() - started_s, folder)
             if viewer:
                 viewer.leave_open()
     if json_output:
-        out.print_json(data=report)
+        tell_json(report)
     else:
         tell_findings(report)
         tell_channel_faults(report)
         tell_calibration(report)
-        out.print(_summary(report, log.column("event", "text")[-1]))
+        for line in _summary(report):
+            out.print(line, soft_wrap=True)
         tell_where(folder)
     if mission.error is not None:
         err.print(str(mission.error), soft_wrap=True)
@@ -150,25 +152,23 @@ def run(
         sys.exit(interrupts.status())
 
 
-def _summary(report: dict[str, Any], ending: str) -> str:
-    missed, unreachable = report["waypoints"]["missed"], report["waypoints"]["unreachable"]
-    parts = [
-        f"{ending} after {report['sim_time_s']:.0f} s simulated in {report['wall_time_s']:.1f} s",
-        f"{report['distance_m']:.0f} m driven",
-        f"{report['n_bearings']} bearings",
-        *([] if (left := report["battery_left"]) is None else [f"{100 * left:.1f} % of the battery left"]),
-        f"{report['collisions']} collisions",
+def _summary(report: Report) -> list[str]:
+    """How the mission went, in lines for a terminal."""
+    missed, unreachable = report.waypoints.missed, report.waypoints.unreachable
+    battery = "" if report.battery_left is None else f"; {100 * report.battery_left:.1f} % of the battery left"
+    time_s = f"{report.sim_time_s:.0f} s simulated in {report.wall_time_s:.1f} s"
+    lines = [
+        f"{report.ending} after {time_s}; {report.distance_m:.0f} m driven{battery}",
+        f"{report.n_bearings} bearings; {report.collisions} collisions; "
         f"waypoints missed: {', '.join(map(str, missed)) or 'none'}",
     ]
     if unreachable:
-        parts.append(f"waypoints that could not be reached: {', '.join(map(str, unreachable))}")
-    if "evaluation" in report:
-        sources = report["evaluation"]["sources"]
-        found = sum(source["found"] for source in sources)
-        parts.append(
-            f"{found} of {len(sources)} sources found, {report['evaluation']['false_findings']} false findings"
-        )
-    return "; ".join(parts)
+        lines.append(f"waypoints that could not be reached: {', '.join(map(str, unreachable))}")
+    if report.evaluation is not None:
+        sources, n_false = report.evaluation.sources, report.evaluation.false_findings
+        found = f"{sum(source.found for source in sources)} of {len(sources)} sources found"
+        lines.append(f"{found if sources else 'no source inside the fence'}, {n_false} false findings")
+    return lines
 
 
 @contextmanager

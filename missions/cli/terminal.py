@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import json
+import os
+import shlex
 import sys
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from rich.console import Console
 
@@ -16,6 +17,7 @@ from missions.whole_file import write_whole
 if TYPE_CHECKING:
     from envs.scenario import Scenario
     from missions.record.mission_log import MissionLog
+    from missions.report.records import Report
 
 FAILED = 1
 USAGE_ERROR = 2
@@ -46,58 +48,86 @@ def tell_notes(scenario: Scenario) -> None:
         err.print(f"note: {note}", soft_wrap=True)
 
 
-def write_mission(log: MissionLog, report: dict[str, Any], folder: Path) -> None:
-    """Write log, report, recording, and the calibration of the array if the mission has learned any.
+def write_mission(log: MissionLog, wall_time_s: float, folder: Path) -> Report:
+    """Write log, report, recording, page, and the calibration of the array if the mission has learned any.
+
+    Args:
+        log: The mission, whole or cut short.
+        wall_time_s: How long it took.
+        folder: Where to.
+
+    Returns:
+        The report.
 
     Raises:
         OSError: If one cannot be written. What is there is whole, and `INCOMPLETE` beside it says what went wrong.
     """
     try:
-        _write_files(log, report, folder)
+        return _write_files(log, wall_time_s, folder)
     except OSError as error:
         with suppress(OSError):
             write_whole(folder / INCOMPLETE, f"Log, report and recording are not all here: {error}\n")
         raise
 
 
-def _write_files(log: MissionLog, report: dict[str, Any], folder: Path) -> None:
+def _write_files(log: MissionLog, wall_time_s: float, folder: Path) -> Report:
     from envs.scenario.calibration import restore_calibration
     from missions.recording import write_recording
+    from missions.report.inspection import inspected_sites
+    from missions.report.make_report import make_report
+    from missions.report.report_file import report_text
+    from missions.report.report_page import report_page
 
     log.save(folder)
-    write_whole(folder / "report.json", json.dumps(report, indent=2) + "\n")
+    inspected = inspected_sites(log)
+    report = make_report(log, wall_time_s, inspected)
+    write_whole(folder / "report.json", report_text(report))
     if "calibration" in log.meta:
         when = datetime.now().astimezone().isoformat(timespec="seconds")
         text = restore_calibration(log.meta["calibration"]).as_toml()
         write_whole(folder / CALIBRATION, f"# Written {when}\n{text}")
     write_recording(log, folder / "mission.rrd")
+    write_whole(folder / "report.html", report_page(log, report, inspected))
+    return report
 
 
 def tell_where(folder: Path) -> None:
     """Say what was written and how to look at it."""
-    files = ["log.npz", "report.json", "mission.rrd", *([CALIBRATION] if (folder / CALIBRATION).exists() else [])]
-    out.print(f"Written to {folder}: {', '.join(files)}", soft_wrap=True)
-    out.print(f"Look at it with: pdpatrol replay {folder}", soft_wrap=True)
+    files = ["log.npz", "report.json", "report.html", "mission.rrd", CALIBRATION]
+    out.print(f"Written to {folder}: {', '.join(name for name in files if (folder / name).exists())}", soft_wrap=True)
+    out.print(f"Look at it with: {as_typed(f'replay {shlex.quote(str(folder))}')}", soft_wrap=True)
 
 
-def tell_findings(report: dict[str, Any]) -> None:
+def as_typed(words: str) -> str:
+    """A command of pdpatrol as it works where the user is: through uv, if this one came so."""
+    return f"uv run pdpatrol {words}" if "UV_RUN_RECURSION_DEPTH" in os.environ else f"pdpatrol {words}"
+
+
+def tell_json(report: Report) -> None:
+    """Print report.json."""
+    from missions.report.report_file import report_text
+
+    out.print(report_text(report), end="", soft_wrap=True)
+
+
+def tell_findings(report: Report) -> None:
     """What was found, or why nothing was, and what was detected and not confirmed."""
-    from missions.record.pulse_counts import in_words
-    from missions.record.tables import candidates_table, findings_table
+    from missions.report.pulse_counts import in_words
+    from missions.report.tables import candidates_table, findings_table
 
-    found = findings_table(report) if report["findings"] else in_words(report["pulses"])
-    out.print(found, soft_wrap=not report["findings"])
-    if report["candidates"]:
+    found = findings_table(report) if report.findings else in_words(report.pulses)
+    out.print(found, soft_wrap=not report.findings)
+    if report.candidates:
         out.print(candidates_table(report))
 
 
-def tell_channel_faults(report: dict[str, Any]) -> None:
+def tell_channel_faults(report: Report) -> None:
     """Say which channels of the receiver were found at fault."""
-    for text in report["channel_faults"]:
+    for text in report.channel_faults:
         out.print(f"Receiver: {text}", style="yellow")
 
 
-def tell_calibration(report: dict[str, Any]) -> None:
+def tell_calibration(report: Report) -> None:
     """Say whether the pulses contradict the calibration that was taken up."""
-    for text in report["calibration"]:
+    for text in report.calibration:
         out.print(f"Calibration: {text}", style="yellow")

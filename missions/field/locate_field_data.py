@@ -70,7 +70,7 @@ def locate_field_data(
         notes: What was unusual about the files.
         progress: Told by how much of the whole the work has advanced.
     """
-    meta = {**_meta(data, array, fence_m), "date": date}
+    meta = {**_meta(data, array, fence_m), "date": date, "settings": _settings(array, pose_error)}
     grid = Grid.over(*np.array(meta["bounds_m"]))
     log = MissionLog({**meta, "grid": describe_grid(grid)})
     rules, due_s = FIELD_RULES, -np.inf
@@ -149,4 +149,21 @@ def _meta(data: FieldData, array: ArrayModel, fence_m: tuple[float, float] | Non
         "n_elements": array.manifold.n_elements,
         "array": describe_array(array),
         "bounds_m": [low.tolist(), high.tolist()],
+    }
+
+
+def _settings(array: ArrayModel, pose_error: PoseError) -> dict[str, dict[str, float]]:
+    """What was believed of array and poses, under the names that a scenario has for it."""
+    return {
+        "array": {
+            "n_elements": array.manifold.n_elements,
+            "height_m": array.height_m,
+            "gain_error": array.spread.gain,
+            "pointing_error_deg": float(np.degrees(array.spread.pointing_rad)),
+        },
+        "pose_sensor": {
+            "position_std_m": pose_error.position_m,
+            "heading_std_deg": float(np.degrees(pose_error.heading_rad)),
+            "correlation_s": pose_error.correlation_s,
+        },
     }

@@ -11,7 +11,8 @@ from dirmusic.angles import aperture
 from dirmusic.locating.fitting.joint_fix import HEIGHT_PRIOR_M
 from envs import Scenario
 from missions.driving.site_map import CELL_M, LEAST_SIGHT, SiteMap
-from sensing import HelicalArray
+from sensing import ArrayConfig, HelicalArray, ReceiverConfig
+from sensing.radio.sight import Sight
 from sensing.receiver.receiver import Receiver
 
 FloatArray = NDArray[np.float64]
@@ -120,15 +121,10 @@ def hear(scenario: Scenario, site_map: SiteMap, amplitude_v: float = AMPLITUDE_V
     away_m = places_m - targets_m[:, np.newaxis, :2]
     range_m = np.linalg.norm(away_m, axis=-1)
     level_db, is_heard = np.full(range_m.shape, -np.inf), np.zeros(range_m.shape, dtype=np.bool_)
-    least_gain, trigger = _least_gain(scenario), trigger_peak(Receiver(scenario.receiver, scenario.array.n_channels))
+    straight = StraightPaths(scenario.array, scenario.receiver, site_map.sight)
     for k, target_m in enumerate(targets_m):
         for near in (range_m[k] <= within_m, range_m[k] > within_m):
-            share = site_map.sight(_array_over(places_m[near], site_map), target_m)
-            rise_m = target_m[2] - site_map.antenna_height_m
-            length_m = np.hypot(range_m[k, near], rise_m)
-            gain = np.interp(np.arctan2(rise_m, range_m[k, near]), ELEVATIONS_RAD, least_gain)
-            with np.errstate(divide="ignore"):
-                level_db[k, near] = 20 * np.log10(amplitude_v * share * gain / (length_m * trigger))
+            share, level_db[k, near] = straight.heard(places_m[near], target_m, amplitude_v)
             is_heard[k, near] = (share >= LEAST_SIGHT) & (level_db[k, near] >= MARGIN_DB)
             if is_heard[k].any():
                 break
@@ -157,22 +153,50 @@ def _heard_all_round(is_heard: BoolArray, cells: IntArray, site_map: SiteMap) ->
     return surely
 
 
-def _array_over(places_m: FloatArray, site_map: SiteMap) -> FloatArray:
-    return np.column_stack([places_m, np.full(len(places_m), site_map.antenna_height_m)])
-
-
 def trigger_peak(receiver: Receiver) -> float:
     """Peak of a pulse before the band-pass that just triggers, volts."""
     return receiver.threshold_v / receiver.front_end.pulse_peak
 
 
-def _least_gain(scenario: Scenario) -> FloatArray:
+class StraightPaths:
+    """How loud discharges are on the straight path, to an array on its robot in the worst heading.
+
+    Args:
+        array: The array.
+        receiver: Whose trigger levels are over.
+        sight: What the equipment of the map leaves of waves.
+    """
+
+    def __init__(self, array: ArrayConfig, receiver: ReceiverConfig, sight: Sight) -> None:
+        self._height_m = array.height_m
+        self._least_gain = _least_gain(array)
+        self._trigger_v = trigger_peak(Receiver(receiver, array.n_channels))
+        self._sight = sight
+
+    def heard(
+        self, places_m: FloatArray, target_m: FloatArray, amplitude_v: float = AMPLITUDE_V
+    ) -> tuple[FloatArray, FloatArray]:
+        """Share of the wave that equipment leaves, and level over the trigger in decibels, each of shape (n,).
+
+        Args:
+            places_m: On the ground under the array, shape (n, 2), world frame.
+            target_m: The discharge, shape (3,), world frame.
+            amplitude_v: Its peak in a unit-gain channel 1 m away, > 0.
+        """
+        share = self._sight(np.column_stack([places_m, np.full(len(places_m), self._height_m)]), target_m)
+        range_m, rise_m = np.linalg.norm(places_m - target_m[:2], axis=-1), target_m[2] - self._height_m
+        gain = np.interp(np.arctan2(rise_m, range_m), ELEVATIONS_RAD, self._least_gain)
+        with np.errstate(divide="ignore"):
+            return share, 20 * np.log10(amplitude_v * share * gain / (np.hypot(range_m, rise_m) * self._trigger_v))
+
+
+def _least_gain(config: ArrayConfig) -> FloatArray:
     """Gain of the loudest element in the robot's worst heading, towards `ELEVATIONS_RAD`.
 
     A linear wave loses nothing else, whatever its direction: half its power is in the measured gain of a circular
     antenna (`sensing.radio.polarisation.received`).
     """
-    array = HelicalArray.nominal(scenario.array)
+    array = HelicalArray.nominal(config)
     shape = (HEADINGS_RAD.size, ELEVATIONS_RAD.size, array.n_elements)
     azimuth_rad = np.broadcast_to(HEADINGS_RAD[:, np.newaxis, np.newaxis], shape)
     gain = array.gain(azimuth_rad, np.broadcast_to(ELEVATIONS_RAD[:, np.newaxis], shape))

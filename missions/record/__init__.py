@@ -1,1 +1,1 @@
-"""What is left of a mission: log, tracking, report, phase-resolved patterns."""
+"""What is left of a mission: log, tracking, pulses of findings, phase-resolved patterns, sites."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dirmusic.angles import wrap
 from dirmusic.locating.confirmation import LEVEL_QUANTILE
 from dirmusic.pulses.phase_resolved import PhasePattern, classify
-from missions.record.array_description import described_manifold
+from missions.record.finding_pulses import finding_pulses
 from missions.record.mission_log import MissionLog
 
 FloatArray = NDArray[np.float64]
@@ -49,23 +49,14 @@ def phase_patterns(log: MissionLog) -> dict[int, PhaseResolved]:
     """
     from scipy.ndimage import median_filter  # here, so that a command line help need not wait for it
 
-    table, association = log.table("finding"), log.table("association")
-    pulse, manifold = log.table("pulse"), described_manifold(log.meta["array"])
-    azimuth_rad = log.column("bearing", "azimuth_rad")  # a bearing for each row of the association
     patterns: dict[int, PhaseResolved] = {}
-    for number in np.unique(association["finding"][association["finding"] > 0]).tolist():
-        own = np.flatnonzero(association["finding"] == number)
-        own = own[np.isfinite(pulse["mains_phase_rad"][association["pulse"][own]])]
-        if own.size == 0:
+    for number, pulses in finding_pulses(log).items():
+        own = pulses.take(np.isfinite(pulses.mains_phase_rad))
+        if own.time_s.size == 0:
             continue
-        rows = association["pulse"][own]
-        position_m = table["position_m"][np.flatnonzero(table["id"] == number)[-1]]
-        range_m = np.linalg.norm(position_m[:2] - log.column("step", "pose")[pulse["step"][rows], :2], axis=-1)
-        gain = np.linalg.norm(manifold.gain(azimuth_rad[own]), axis=0)
-        level_db = 20 * np.log10(np.linalg.norm(pulse["strengths_v"][rows], axis=-1) / gain * range_m)
-        usual_db = median_filter(level_db, size=NEIGHBOURS, mode="nearest")
-        level_db += np.quantile(usual_db, LEVEL_QUANTILE) - usual_db
-        phase_rad = wrap(pulse["mains_phase_rad"][rows])
+        usual_db = median_filter(own.level_db, size=NEIGHBOURS, mode="nearest")
+        level_db = own.level_db + np.quantile(usual_db, LEVEL_QUANTILE) - usual_db
+        phase_rad = wrap(own.mains_phase_rad)
         pattern = classify(phase_rad, level_db)
-        patterns[number] = PhaseResolved(pulse=rows, phase_rad=phase_rad, level_db=level_db, pattern=pattern)
+        patterns[number] = PhaseResolved(pulse=own.pulse, phase_rad=phase_rad, level_db=level_db, pattern=pattern)
     return patterns

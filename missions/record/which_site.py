@@ -69,15 +69,22 @@ def site_probabilities(yard: Yard, position_m: FloatArray, covariance_m2: FloatA
     return tuple(SiteProbability(name, float(weight / total)) for name, weight in ranked)
 
 
+def percent(probability: float) -> str:
+    """A probability in per cent; what is nearly certain is not told to be certain."""
+    if probability > 0.99:
+        return "> 99 %"
+    return "< 1 %" if probability < 0.01 else f"{100 * probability:.0f} %"
+
+
 def in_words(probabilities: Sequence[SiteProbability]) -> str:
     """The likeliest place, and another that may well be; such as `transformer_1/bushing_b 82 %, bushing_a 15 %`."""
     first = probabilities[0]
-    words = [f"{first.name} {100 * first.probability:.0f} %"]
+    words = [f"{first.name} {percent(first.probability)}"]
     for other in probabilities[1:2]:
         if other.probability >= WORTH_TELLING:
             piece, _, site = other.name.partition("/")
             short = site if site and piece == first.name.partition("/")[0] else other.name
-            words.append(f"{short} {100 * other.probability:.0f} %")
+            words.append(f"{short} {percent(other.probability)}")
     return ", ".join(words)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import rerun as rr
 
 from missions.record.mission_log import MissionLog
-from missions.record.scoring import evaluate
+from missions.report.scoring import Found, evaluate, true_sources
 
 PROPERTY = "mission"
 """Of the recording: what kind of mission it is, how it ended, and what wrote it."""
@@ -68,11 +68,11 @@ def _outcome(log: MissionLog) -> _Outcome:
     finding = log.table("finding")
     last = finding["step"].size and finding["step"] == finding["step"][-1]
     rows = np.flatnonzero(last & (finding["state"] == "confirmed"))
-    confirmed = [{name: finding[name][row] for name in ("id", "position_m", "covariance_m2")} for row in rows]
+    confirmed = [Found(*(finding[name][row] for name in Found._fields)) for row in rows]
     if "truth" not in log.meta:
         return _Outcome(len(confirmed), None, None)
-    sources = evaluate(confirmed, log.meta["truth"]["sources"])["sources"]
-    return _Outcome(len(confirmed), sum(source["found"] for source in sources), len(sources))
+    sources = evaluate(confirmed, true_sources(log.meta["truth"])).sources
+    return _Outcome(len(confirmed), sum(source.found for source in sources), len(sources))
 
 
 def _digest(log: MissionLog) -> str:

@@ -61,6 +61,7 @@ def inline_svg(figure: Figure, name: str, description: str) -> Markup:
     svg = re.sub(r"url\(#", f"url(#{name}-", svg)
     svg = re.sub(r'\bxlink:href="#', f'href="#{name}-', svg)
     svg = re.sub(r"<!--.*?-->\s*", "", svg, flags=re.DOTALL)
+    svg = re.sub(r' d="[^"]*"', lambda path: re.sub(r"(\.\d\d)\d+", r"\1", path[0]), svg)  # 0.01 pt is enough
     label = Markup.escape(description)
     return Markup(svg.replace("<svg ", f'<svg role="img" aria-label="{label}" ', 1))
 
@@ -68,6 +69,12 @@ def inline_svg(figure: Figure, name: str, description: str) -> Markup:
 def css_string(text: str) -> Markup:
     """A text between quotes in CSS, with all but plain letters, digits and spaces as escapes."""
     return Markup("".join(c if c.isascii() and (c.isalnum() or c in " .,_-") else f"\\{ord(c):x} " for c in text))
+
+
+def breakable(text: str) -> Markup:
+    """Names that may go on in the next line after a slash or an underscore, and percentages that may not."""
+    text = re.sub(r"(> |< )?(\d+) %", lambda found: found[0].replace(" ", "\N{NO-BREAK SPACE}"), text)
+    return Markup(re.sub(r"([/_])", r"\1<wbr>", str(Markup.escape(text))))
 
 
 @cache
@@ -79,5 +86,5 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["css_string"] = css_string
+    environment.filters |= {"css_string": css_string, "breakable": breakable}
     return environment

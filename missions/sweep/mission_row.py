@@ -12,7 +12,7 @@ from missions.driving.shortest_tour import shortest_tour
 from missions.driving.site_map import SiteMap
 from missions.record.bearing_error import bearing_rmse
 from missions.record.mission_log import MissionLog
-from missions.record.report import driven_m, make_report
+from missions.report.make_report import driven_m, make_report
 from missions.sweep.plan import MissionJob
 
 Status = Literal["finished", "failed", "hung", "out of memory", "died"]
@@ -73,14 +73,14 @@ class MissionRow(NamedTuple):
             process ended again and again. Whatever is not finished has no figures: None and 0.
         error: What went wrong, with the traceback; empty if nothing did.
         n_sources: Sources in the yard.
-        n_found: Of the sources, those with a confirmed finding within the cut-off of `missions.record.scoring`.
+        n_found: Of the sources, those with a confirmed finding within the cut-off of `missions.report.scoring`.
         false_findings: Confirmed findings without a source.
         errors_m: Distances of the paired findings from their sources, on plan.
         height_errors_m: How far the paired findings are above their sources.
         confirmed_s: When those were confirmed.
         n_in_ellipse: How many of the sources lie in the 95 % ellipse of their finding.
-        n_right_site: How many of the found sources have the right site, as of `missions.record.scoring`.
-        ospa_m: Distance between findings and sources as sets, as of `missions.record.scoring`.
+        n_right_site: How many of the found sources have the right site, as of `missions.report.scoring`.
+        ospa_m: Distance between findings and sources as sets, as of `missions.report.scoring`.
         bearing_rmse_rad: Root mean square error of the bearings in sight of a single source; None if there were none.
         distance_m: Driven.
         found_all_m: Driven by the time when the last source was confirmed; None if one was not, or there are none.
@@ -132,12 +132,13 @@ class MissionRow(NamedTuple):
     def of_log(cls, job: MissionJob, log: MissionLog, wall_time_s: float, peak_memory_mb: float) -> MissionRow:
         """A mission that ran to its end."""
         report = make_report(log, wall_time_s)
-        evaluation, step = report["evaluation"], log.table("step")
-        sources, found = evaluation["sources"], [source for source in evaluation["sources"] if source["found"]]
-        fixed_s = {finding["id"]: finding["fixed_s"] for finding in report["findings"]}
-        confirmed_s = tuple(fixed_s[source["finding_id"]] for source in found)
+        evaluation, step = report.evaluation, log.table("step")
+        assert evaluation is not None  # missions of a sweep are simulated: their truth is known
+        sources, found = evaluation.sources, [source for source in evaluation.sources if source.found]
+        fixed_s = {finding.id: finding.fixed_s for finding in report.findings}
+        confirmed_s = tuple(fixed_s[source.finding_id] for source in found)
         has_found_all = bool(sources) and len(found) == len(sources)
-        sources_m = [np.array(source["true_position_m"][:2]) for source in sources]
+        sources_m = [np.array(source.true_position_m[:2]) for source in sources]
         shortest_m = shortest_tour(SiteMap(job.scenario, job.scenario.yard), sources_m, job.scenario.task.standoff_m)
         bearing_rmse_rad = bearing_rmse(log, job.scenario)
         return cls(
@@ -146,20 +147,20 @@ class MissionRow(NamedTuple):
             error="",
             n_sources=len(sources),
             n_found=len(found),
-            false_findings=evaluation["false_findings"],
-            errors_m=tuple(source["error_m"] for source in found),
-            height_errors_m=tuple(source["height_error_m"] for source in found),
+            false_findings=evaluation.false_findings,
+            errors_m=tuple(source.error_m for source in found),
+            height_errors_m=tuple(source.height_error_m for source in found),
             confirmed_s=confirmed_s,
-            n_in_ellipse=sum(source["inside_ellipse95"] for source in found),
-            n_right_site=sum(source["right_site"] for source in found),
-            ospa_m=evaluation["ospa_m"],
+            n_in_ellipse=sum(source.inside_ellipse95 for source in found),
+            n_right_site=sum(source.right_site for source in found),
+            ospa_m=evaluation.ospa_m,
             bearing_rmse_rad=bearing_rmse_rad if np.isfinite(bearing_rmse_rad) else None,
-            distance_m=report["distance_m"],
+            distance_m=report.distance_m,
             found_all_m=float(np.interp(max(confirmed_s), step["time_s"], driven_m(step))) if has_found_all else None,
             shortest_m=shortest_m if sources and np.isfinite(shortest_m) else None,
-            sim_time_s=report["sim_time_s"],
-            contacts=report["collisions"],
-            waypoints_missed=len(report["waypoints"]["missed"]),
+            sim_time_s=report.sim_time_s,
+            contacts=report.collisions,
+            waypoints_missed=len(report.waypoints.missed),
             wall_time_s=wall_time_s,
             peak_memory_mb=peak_memory_mb,
         )

@@ -11,7 +11,7 @@ from envs.patrol_env import PatrolEnv
 from envs.scenario import SHIPPED
 from envs.vector_env import PatrolVectorEnv
 from missions.driving.site_map import MARGIN_M, SiteMap
-from missions.record.report import make_report
+from missions.report.make_report import make_report
 from missions.runner import run_mission
 from robot_models.description.library import load_robot, xml_path
 
@@ -157,7 +157,7 @@ def test_a_mission_whose_robot_falls_over_ends_with_its_log_whole(tmp_path: Path
     assert log.column("event", "text").tolist()[-1] == "fell over"
     assert log.n_rows("step") > 2
     assert np.isfinite(log.column("step", "true_pose")).all()
-    assert make_report(log, 1.0)["sim_time_s"] == log.column("step", "time_s")[-1]
+    assert make_report(log, 1.0).sim_time_s == log.column("step", "time_s")[-1]
 
 
 def test_a_robot_is_driven_no_faster_than_the_scenario_says() -> None:

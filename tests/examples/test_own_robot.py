@@ -1,6 +1,5 @@
 """The example of a robot of one's own does what its README says."""
 
-import json
 import re
 import subprocess
 import sys
@@ -10,7 +9,8 @@ import pytest
 
 from envs import load_scenario
 from envs.scenario.robot_config import RobotConfig
-from missions.record.report import make_report
+from missions.report.make_report import make_report
+from missions.report.report_file import read_report
 from missions.runner import run_mission
 
 ROOT = Path(__file__).parents[2]
@@ -33,14 +33,14 @@ def test_the_commands_of_the_readme_work_and_the_robot_finds_the_source_untouche
     for command in commands:
         done = subprocess.run([pdpatrol, *command.split()], cwd=tmp_path, capture_output=True, text=True, timeout=180)
         assert done.returncode == 0, done.stderr
-    report = json.loads((tmp_path / "runs" / "yard-0" / "report.json").read_text(encoding="utf-8"))
+    report = read_report((tmp_path / "runs" / "yard-0" / "report.json").read_text(encoding="utf-8"))
     inspector = load_scenario(FOLDER / "yard.toml").model_copy(update={"robot": RobotConfig()})
     usual = make_report(run_mission(inspector, "seek", seed=0), 0.0)
     for one in (report, usual):
-        assert one["collisions"] == 0
-        assert len(one["findings"]) == 1
-        assert one["evaluation"]["sources"][0]["error_m"] < 0.3
-    assert report["sim_time_s"] < 0.9 * usual["sim_time_s"]
+        assert one.collisions == 0
+        assert len(one.findings) == 1
+        assert one.evaluation.sources[0].error_m < 0.3
+    assert report.sim_time_s < 0.9 * usual.sim_time_s
 
 
 def test_a_fault_in_the_file_is_told_before_the_start(tmp_path: Path) -> None:

@@ -74,7 +74,7 @@ def test_a_run_writes_log_report_and_recording_and_prints_what_was_found(short: 
     done = pdpatrol("run", str(short), "--seed", "3", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     folder = tmp_path / "runs" / "short-3"
-    assert {path.name for path in folder.iterdir()} == {"log.npz", "report.json", "mission.rrd"}
+    assert {path.name for path in folder.iterdir()} == {"log.npz", "report.json", "report.html", "mission.rrd"}
     report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
     assert (report["scenario"], report["seed"], report["policy"]) == ("short", 3, "seek")
     assert f"No discharge found. {report['pulses']['detected']} pulses: " in done.stdout
@@ -172,7 +172,12 @@ def test_ctrl_c_leaves_a_valid_partial_log_report_and_recording(number: signal.S
     assert b"Traceback" not in errors
     log = MissionLog.load(tmp_path / "cut")
     assert log.column("event", "text")[-1] == "interrupted"
-    assert {path.name for path in (tmp_path / "cut").iterdir()} == {"log.npz", "report.json", "mission.rrd"}
+    assert {path.name for path in (tmp_path / "cut").iterdir()} == {
+        "log.npz",
+        "report.json",
+        "report.html",
+        "mission.rrd",
+    }
     json.loads((tmp_path / "cut" / "report.json").read_text(encoding="utf-8"))
     verify = [sys.executable, "-m", "rerun", "rrd", "verify", str(tmp_path / "cut" / "mission.rrd")]
     assert subprocess.run(verify, capture_output=True, timeout=60).returncode == 0

@@ -3,7 +3,7 @@
 import numpy as np
 
 from envs.random_yard import random_yard
-from missions.record.report import make_report
+from missions.report.make_report import make_report
 from missions.runner import run_mission
 
 SEED, N_PIECES = 110012, 6
@@ -12,9 +12,9 @@ SEED, N_PIECES = 110012, 6
 
 def test_echoes_that_cross_in_a_niche_are_not_confirmed_and_given_up_again_and_again() -> None:
     log = run_mission(random_yard(SEED, N_PIECES, has_planned_route=True), "active", seed=SEED)
-    evaluation = make_report(log, 0.0)["evaluation"]
-    assert evaluation["false_findings"] == 0
-    assert evaluation["sources"][0]["found"]
+    evaluation = make_report(log, 0.0).evaluation
+    assert evaluation.false_findings == 0
+    assert evaluation.sources[0].found
     finding = log.table("finding")
     for number in np.unique(finding["id"]):
         is_confirmed = finding["state"][finding["id"] == number] == "confirmed"

@@ -1,7 +1,5 @@
 """Whole missions: what they find, that they come home, that they repeat, and that no policy is told the truth."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -14,25 +12,20 @@ from missions.policies.names import BUILT_IN
 from missions.policies.protocol import SeesTruth
 from missions.record.array_description import described_grid
 from missions.record.mission_log import TABLES, MissionLog
-from missions.record.pulse_counts import WORDS
-from missions.record.report import make_report
+from missions.report.make_report import make_report
+from missions.report.pulse_counts import WORDS
+from missions.report.report_file import read_report, report_text
 from missions.runner import Mission, run_mission
 from sensing.receiver.faults import ChannelFault
-
-REPORT_KEYS = {
-    "schema", "scenario", "seed", "policy", "sim_time_s", "wall_time_s", "distance_m", "battery_left",
-    "collisions", "waypoints",
-    "n_bearings", "pulses", "channel_faults", "calibration", "findings", "candidates", "evaluation",
-}  # fmt: skip
 
 
 def test_without_a_route_the_robot_stands_and_listens_to_the_field_test() -> None:
     log = run_mission(load_scenario("paper_field"), "seek", seed=2)
     report = make_report(log, 1.0)
-    assert report["distance_m"] < 0.1
-    assert 0.98 < report["battery_left"] < 1.0  # electronics take 80 W of 480 Wh for two minutes
-    assert 190 <= report["n_bearings"] <= 200  # ten positions, twenty shots; the weakest may be too wide
-    assert report["findings"] == []  # one place gives bearings, no fix
+    assert report.distance_m < 0.1
+    assert 0.98 < report.battery_left < 1.0  # electronics take 80 W of 480 Wh for two minutes
+    assert 190 <= report.n_bearings <= 200  # ten positions, twenty shots; the weakest may be too wide
+    assert report.findings == ()  # one place gives bearings, no fix
     assert set(log.column("step", "phase")) == {"listen"}
     assert log.column("event", "text")[-1] == "time limit"
 
@@ -51,28 +44,27 @@ def assert_equal(first: MissionLog, second: MissionLog) -> None:
 def test_a_mission_finds_the_discharge_visits_every_waypoint_and_docks() -> None:
     log = run_mission(load_scenario("one_source"), seed=4)
     report = make_report(log, 1.0)
-    (source,) = report["evaluation"]["sources"]
-    assert report.keys() == REPORT_KEYS
-    assert source["found"]
-    assert source["error_m"] < 0.4
-    assert report["evaluation"]["false_findings"] == 0
-    assert report["collisions"] == 0
-    assert report["waypoints"]["missed"] == []
+    (source,) = report.evaluation.sources
+    assert source.found
+    assert source.error_m < 0.4
+    assert report.evaluation.false_findings == 0
+    assert report.collisions == 0
+    assert report.waypoints.missed == ()
     assert log.column("event", "text")[-1] == "docked"
-    (finding,) = report["findings"]
-    assert finding["n_bearings"] <= report["n_bearings"]
-    counts = report["pulses"]
-    assert counts["detected"] == log.n_rows("pulse") == sum(counts[fate] for fate in WORDS)
-    assert counts["detected"] - counts["not_credible"] == report["n_bearings"]
-    assert counts["of_findings"] > 0.5 * report["n_bearings"]
-    assert finding["first_detected_s"] < finding["fixed_s"] < report["sim_time_s"]
-    assert finding["sites"][0]["name"] in load_scenario("one_source").yard.site_names()
-    json.dumps(report, allow_nan=False)
+    (finding,) = report.findings
+    assert finding.n_bearings <= report.n_bearings
+    counts = report.pulses
+    assert counts.detected == log.n_rows("pulse") == sum(getattr(counts, fate) for fate in WORDS)
+    assert counts.detected - counts.not_credible == report.n_bearings
+    assert counts.of_findings > 0.5 * report.n_bearings
+    assert finding.first_detected_s < finding.fixed_s < report.sim_time_s
+    assert finding.sites[0].name in load_scenario("one_source").yard.site_names()
+    assert read_report(report_text(report)).findings[0].id == finding.id
     likelihood, grid = log.table("likelihood"), described_grid(log.meta["grid"])
     assert np.all(np.diff(likelihood["step"]) > 0)
     assert np.all(np.diff(likelihood["log_likelihood"].max(axis=1)) >= 0.0)
     most_likely_m = grid.centres_m[likelihood["log_likelihood"][-1].argmax()]
-    assert np.linalg.norm(most_likely_m - source["true_position_m"][:2]) < 1.0
+    assert np.linalg.norm(most_likely_m - source.true_position_m[:2]) < 1.0
 
 
 def test_the_same_seed_gives_the_same_log_and_report_to_the_bit() -> None:
@@ -167,10 +159,10 @@ def test_a_waypoint_that_cannot_be_reached_is_reported_and_skipped() -> None:
     data["interferers"] = ()
     log = run_mission(Scenario.model_validate(data), "seek", seed=0)
     report = make_report(log, 1.0)
-    assert report["waypoints"]["missed"] == report["waypoints"]["unreachable"] == [2]
+    assert report.waypoints.missed == report.waypoints.unreachable == (2,)
     assert log.column("event", "text")[log.column("event", "kind") == "unreachable"].tolist() == ["waypoint 2"]
-    assert report["sim_time_s"] < scenario.task.time_limit_s
-    assert report["collisions"] == 0
+    assert report.sim_time_s < scenario.task.time_limit_s
+    assert report.collisions == 0
 
 
 def test_an_ended_mission_is_a_whole_one_cut_short() -> None:
@@ -182,7 +174,7 @@ def test_an_ended_mission_is_a_whole_one_cut_short() -> None:
     assert cut.n_rows("step") == 20
     whole = run_mission(limited(load_scenario("one_source"), 2.0), "patrol", seed=1)
     np.testing.assert_array_equal(cut.column("pulse", "strengths_v"), whole.column("pulse", "strengths_v"))
-    assert make_report(cut, 1.0)["findings"] == []
+    assert make_report(cut, 1.0).findings == ()
 
 
 OPEN_YARD = {
@@ -213,8 +205,8 @@ FREE_SOURCE = {"name": "pd", "position_m": (20.0, 9.0, 1.0)}
 )
 def test_a_free_standing_source_is_found_also_when(changes: dict) -> None:
     report = make_report(run_mission(Scenario.model_validate({**OPEN_YARD, **changes}), seed=1), 1.0)
-    assert report["evaluation"]["sources"][0]["found"]
-    assert report["evaluation"]["false_findings"] == 0
+    assert report.evaluation.sources[0].found
+    assert report.evaluation.false_findings == 0
 
 
 def scores(name: str, seeds: range) -> list[dict]:
@@ -225,29 +217,29 @@ def scores(name: str, seeds: range) -> list[dict]:
 @pytest.mark.parametrize("first", [0, 100])
 def test_one_source_is_found_in_every_of_twenty_missions_and_mostly_inside_its_ellipse(first: int) -> None:
     reports = scores("one_source", range(first, first + 20))
-    sources = [report["evaluation"]["sources"][0] for report in reports]
-    assert all(source["found"] for source in sources)
-    errors = [source["error_m"] for source in sources]
+    sources = [report.evaluation.sources[0] for report in reports]
+    assert all(source.found for source in sources)
+    errors = [source.error_m for source in sources]
     assert np.median(errors) <= 0.30
     assert max(errors) <= 1.0
-    assert sum(source["inside_ellipse95"] for source in sources) >= 15
-    assert sum(report["collisions"] for report in reports) == 0
-    positions = np.array([source["true_position_m"][:2] for source in sources])
+    assert sum(source.inside_ellipse95 for source in sources) >= 15
+    assert sum(report.collisions for report in reports) == 0
+    positions = np.array([source.true_position_m[:2] for source in sources])
     assert np.linalg.norm(positions[:, np.newaxis] - positions, axis=-1).max() > 8.0
 
 
 @pytest.mark.slow
 def test_two_sources_are_both_found_in_nine_of_ten_missions() -> None:
     reports = scores("two_sources", range(10))
-    both = [all(source["found"] for source in report["evaluation"]["sources"]) for report in reports]
+    both = [all(source.found for source in report.evaluation.sources) for report in reports]
     assert sum(both) >= 9
 
 
 @pytest.mark.slow
 def test_the_interferer_beyond_the_fence_is_heard_in_every_mission_and_becomes_no_finding() -> None:
     reports = scores("quiet_yard", range(10))
-    assert all(report["findings"] == [] for report in reports)
-    assert all(report["n_bearings"] > 100 for report in reports)
+    assert all(report.findings == () for report in reports)
+    assert all(report.n_bearings > 100 for report in reports)
 
 
 def test_clipped_pulses_are_told_logged_and_left_out_of_locating() -> None:
@@ -265,9 +257,9 @@ def test_a_channel_that_dies_is_told_left_out_and_does_not_spoil_the_mission() -
     dead = scenario.receiver.model_copy(update={"faults": (ChannelFault(channel=2, kind="dead", start_s=5.0),)})
     log = run_mission(scenario.model_copy(update={"receiver": dead}), seed=1)
     report = make_report(log, 0.0)
-    assert len(report["channel_faults"]) == 1
-    assert "channel 2 is dead" in report["channel_faults"][0]
-    assert all(source["found"] for source in report["evaluation"]["sources"])
+    assert len(report.channel_faults) == 1
+    assert "channel 2 is dead" in report.channel_faults[0]
+    assert all(source.found for source in report.evaluation.sources)
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -10,7 +10,7 @@ from envs import load_scenario
 from envs.foreign_code import ForeignCodeError
 from envs.scenario import SHIPPED
 from missions.record.mission_log import MissionLog
-from missions.record.report import make_report
+from missions.report.make_report import make_report
 from missions.runner import Mission, run_mission
 
 PDPATROL = Path(sys.executable).parent / "pdpatrol"
@@ -60,9 +60,9 @@ def mission_log(folder: Path, code: str, table: str = 'locator = "mine.py:Mine"'
 
 def test_an_own_locator_named_beside_the_scenario_makes_findings_and_association(tmp_path: Path) -> None:
     log = mission_log(tmp_path, GOOD)
-    (finding,) = make_report(log, 0.0)["findings"]
-    assert finding["id"] == 7
-    assert finding["discharge"]["kind"]
+    (finding,) = make_report(log, 0.0).findings
+    assert finding.id == 7
+    assert finding.discharge.kind
     assert set(log.column("association", "finding").tolist()) == {7}
     assert log.n_rows("association") == log.n_rows("bearing") > 20
 
@@ -71,7 +71,7 @@ def test_a_locator_derived_from_the_built_in_one_finds_what_that_finds(tmp_path:
     derived = "from dirmusic import Locator\n\n\nclass Mine(Locator):\n    pass\n"
     own, usual = (mission_log(tmp_path, derived, table) for table in ('locator = "mine.py:Mine"', ""))
     assert own.n_rows("finding") == usual.n_rows("finding") > 0
-    assert make_report(own, 0.0)["candidates"] == make_report(usual, 0.0)["candidates"]
+    assert make_report(own, 0.0).candidates == make_report(usual, 0.0).candidates
 
 
 def test_an_own_locator_gets_the_rules_that_the_scenario_sets(tmp_path: Path) -> None:
@@ -106,7 +106,7 @@ def test_a_locator_that_fails_under_way_ends_a_mission_whose_log_is_whole(
     assert (kinds[-2:], texts[-1]) == (["error", "end"], "error")
     assert told in texts[-2]
     assert kinds.count("error") == 1
-    assert make_report(log, 0.0)["sim_time_s"] > 0
+    assert make_report(log, 0.0).sim_time_s > 0
 
 
 def test_what_is_no_locator_is_refused_before_the_start(tmp_path: Path) -> None:

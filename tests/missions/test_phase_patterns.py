@@ -8,7 +8,7 @@ from dirmusic.angles import wrap
 from dirmusic.locating.association.assignment import NoOwner
 from missions.record.mission_log import MissionLog
 from missions.record.phase_patterns import phase_patterns
-from missions.record.report import make_report
+from missions.report.make_report import make_report
 from sensing import PulseTrain
 
 SOURCES = {1: ("corona", (10.0, 10.0)), 2: ("void", (0.0, 12.0))}
@@ -88,11 +88,12 @@ def test_without_an_association_as_in_a_killed_mission_there_is_no_pattern() -> 
 
 def test_the_report_tells_kind_confidence_and_picture_and_nothing_without_mains() -> None:
     report = make_report(log_of_two_findings(3), 1.0)
-    for finding, (kind, _) in zip(report["findings"], SOURCES.values(), strict=True):
-        discharge = finding["discharge"]
-        assert discharge["kind"] == kind
-        assert 0.5 < discharge["confidence"] <= 1.0
-        assert len(discharge["phase_deg"]) == len(discharge["level_db"]) <= 200
-        assert 0.0 <= min(discharge["phase_deg"]) <= max(discharge["phase_deg"]) < 360.0
+    for finding, (kind, _) in zip(report.findings, SOURCES.values(), strict=True):
+        discharge = finding.discharge
+        assert discharge.kind == kind
+        assert 0.5 < discharge.confidence <= 1.0
+        counts = np.array(discharge.pattern.counts)
+        assert counts.shape[1] * discharge.pattern.phase_step_deg == 360.0
+        assert counts.sum() == finding.strength.n_pulses
     silent = make_report(log_of_two_findings(3, mains=False), 1.0)
-    assert [finding["discharge"] for finding in silent["findings"]] == [None, None]
+    assert [finding.discharge for finding in silent.findings] == [None, None]

@@ -13,10 +13,12 @@ from dirmusic.locating.ellipse import ellipse95
 from dirmusic.locating.rules import LocatingRules
 from envs.scenario.locating import LocatingConfig
 from missions.record.mission_log import MissionLog
-from missions.record.report import make_report
+from missions.record.which_site import percent
 from missions.recording import paths
 from missions.recording.drawing import palette
 from missions.recording.drawing.canvas import Canvas, Slice, Table
+from missions.report.make_report import make_report
+from missions.report.words import kind_in_words
 
 FloatArray = NDArray[np.float64]
 
@@ -105,20 +107,19 @@ class Status:
             reason: Why it is over.
         """
         report, step = make_report(log, 0.0), np.array([max(log.n_rows("step") - 1, 0)])
-        found = report["findings"]
+        found = report.findings
         what = "Mission" if "scenario" in log.meta else "Survey"
-        lines = [f"### {what} over after {report['sim_time_s']:.0f} s: {reason}"]
+        lines = [f"### {what} over after {report.sim_time_s:.0f} s: {reason}"]
         lines += ["Nothing was confirmed." if not found else "| | site | kind | place (m) | 95 % ellipse |"]
         lines += ["|---|---|---|---|---|"] if found else []
         for one in found:
-            place = f"{one['sites'][0]['name']}, {100 * one['sites'][0]['probability']:.0f} %" if one["sites"] else ""
-            kind = one["discharge"] and f"{one['discharge']['kind']}, {100 * one['discharge']['confidence']:.0f} %"
-            x, y, z = one["position_m"]
-            size = one["ellipse95"]["semi_major_m"]
-            cells = (f"**finding {one['id']}**", place, kind or "", f"{x:.2f}, {y:.2f}, {z:.2f}", f"{size:.2f} m")
+            place = f"{one.sites[0].name}, {percent(one.sites[0].probability)}" if one.sites else ""
+            x, y, z = one.position_m
+            size = f"{one.ellipse95.semi_major_m:.2f} m"
+            cells = (f"**finding {one.id}**", place, kind_in_words(one), f"{x:.2f}, {y:.2f}, {z:.2f}", size)
             lines.append(f"| {' | '.join(_escaped(cell) for cell in cells)} |")
-            label = [f"finding {one['id']}: {place}".rstrip(": ")]
-            self._canvas.columns(paths.finding_path(one["id"]), step, rr.Points3D.columns(labels=label))
+            label = [f"finding {one.id}: {place}".rstrip(": ")]
+            self._canvas.columns(paths.finding_path(one.id), step, rr.Points3D.columns(labels=label))
         self._write(step, ["\n\n".join(lines[:1]) + "\n\n" + "\n".join(lines[1:])])
 
     def _write(self, steps: NDArray[Any], texts: list[str]) -> None:

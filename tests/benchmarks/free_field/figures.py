@@ -13,7 +13,7 @@ from dirmusic.locating.ellipse import is_inside95
 from dirmusic.locating.fitting.joint_fix import HEIGHT_PRIOR_M
 from dirmusic.locating.rules import LocatingRules
 from envs.core.simulation import STEP_S
-from missions.record.scoring import evaluate
+from missions.report.scoring import TrueSource, evaluate
 from tests.benchmarks.free_field.cases import FENCE_M, Case
 
 FloatArray = NDArray[np.float64]
@@ -72,11 +72,8 @@ def confirmed(findings: tuple[Finding, ...]) -> list[Finding]:
 
 def ospa_m(case: Case, findings: tuple[Finding, ...]) -> float:
     """Distance between confirmed findings and sources as sets, with a cut-off of 2 m."""
-    found = [
-        {"id": f.id, "position_m": f.position_m.tolist(), "covariance_m2": f.covariance_m2.tolist()}
-        for f in confirmed(findings)
-    ]
-    return float(evaluate(found, [{"name": "", "position_m": place.tolist()} for place in case.sources_m])["ospa_m"])
+    sources = [TrueSource("", tuple(place.tolist())) for place in case.sources_m]
+    return evaluate(confirmed(findings), sources).ospa_m
 
 
 def position_bound(case: Case) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,8 @@ from envs.random_sources import random_source
 from envs.random_yard import random_yard
 from envs.scenario.sources import SourceConfig
 from missions.driving.site_map import SiteMap
-from missions.record.report import make_report
+from missions.report.make_report import make_report
+from missions.report.records import ScoredSource
 from missions.runner import Mission
 from robot_models.yard.yard import Yard
 
@@ -39,14 +40,14 @@ class Outcome(NamedTuple):
     """What a mission came to.
 
     Attributes:
-        sources: Of the evaluation in its report, with `true_position_m`, `found`, `error_m` and so on.
+        sources: Of the evaluation in its report, each with the finding that it is paired with.
         false_findings: Confirmed findings without a source.
         ospa_m: Distance between findings and sources as sets.
         contacts: How often the robot touched something.
         n_pulses: Detected.
     """
 
-    sources: list[dict[str, Any]]
+    sources: tuple[ScoredSource, ...]
     false_findings: int
     ospa_m: float
     contacts: int
@@ -55,15 +56,16 @@ class Outcome(NamedTuple):
     @property
     def is_all_found(self) -> bool:
         """Whether each source has a confirmed finding within a metre."""
-        return all(source["found"] and source["error_m"] < 1.0 for source in self.sources)
+        return all(source.error_m is not None and source.error_m < 1.0 for source in self.sources)
 
 
 def run_case(scenario: Scenario, policy: str, seed: int) -> Outcome:
     """Run a mission, and judge it."""
     log = Mission(scenario, policy, seed).run()
     report = make_report(log, 0.0)
-    told = report["evaluation"]
-    return Outcome(told["sources"], told["false_findings"], told["ospa_m"], report["collisions"], log.n_rows("pulse"))
+    told = report.evaluation
+    assert told is not None
+    return Outcome(told.sources, told.false_findings, told.ospa_m, report.collisions, log.n_rows("pulse"))
 
 
 def planned(seed: int) -> Scenario:

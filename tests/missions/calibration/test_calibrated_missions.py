@@ -10,7 +10,7 @@ from dirmusic.locating.ellipse import ellipse95
 from envs import Scenario, load_scenario
 from envs.scenario.calibration import ArrayCalibration, restore_calibration
 from missions.record.mission_log import MissionLog
-from missions.record.report import make_report
+from missions.report.make_report import make_report
 from missions.runner import run_mission
 
 FIX_M = 0.3
@@ -71,17 +71,17 @@ def test_the_second_mission_is_the_same_to_the_bit_each_time_and_hands_on_both(f
     for column in ("position_m", "covariance_m2"):
         assert logs[0].column("finding", column).tobytes() == logs[1].column("finding", column).tobytes()
     assert calibration_of(logs[0]).n_missions == 2
-    assert make_report(logs[0], 0.0)["calibration"] == []
+    assert make_report(logs[0], 0.0).calibration == ()
 
 
 def test_the_calibration_of_another_array_is_found_out_told_and_left_out(first: MissionLog) -> None:
     wrong = scenario(5010, relabelled(calibration_of(first), 5010), limit_s=40.0)
     log = run_mission(wrong, seed=1010)
-    (told,) = make_report(log, 0.0)["calibration"]
+    (told,) = make_report(log, 0.0).calibration
     assert "contradict" in told
     assert calibration_of(log).n_missions == 1
-    (source,) = make_report(log, 0.0)["evaluation"]["sources"]
-    assert source["inside_ellipse95"]
+    (source,) = make_report(log, 0.0).evaluation.sources
+    assert source.inside_ellipse95
 
 
 def fix_s(log: MissionLog) -> float:

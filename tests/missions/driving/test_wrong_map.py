@@ -13,7 +13,7 @@ from missions.driving.site_map import LEAST_SIGHT, SiteMap
 from missions.policies.viewpoints import best_viewpoint
 from missions.record.bearing_error import bearing_rmse
 from missions.record.mission_log import MissionLog
-from missions.record.report import make_report
+from missions.report.make_report import make_report
 from missions.runner import Mission, make_locator, run_mission
 from robot_models.drawn_solids import describe_equipment, describe_solids
 
@@ -133,11 +133,11 @@ def log() -> MissionLog:
 
 
 def test_the_report_names_sites_of_the_map_and_the_scores_go_by_the_yard(log: MissionLog) -> None:
-    (finding,) = make_report(log, 0.0)["findings"]
-    piece = finding["sites"][0]["name"].partition("/")[0]
-    assert finding["sites"][0]["probability"] > 0.5
-    right = make_report(log, 0.0)["evaluation"], bearing_rmse(log, RIGHT)
-    x, y, _ = finding["position_m"]
+    (finding,) = make_report(log, 0.0).findings
+    piece = finding.sites[0].name.partition("/")[0]
+    assert finding.sites[0].probability > 0.5
+    right = make_report(log, 0.0).evaluation, bearing_rmse(log, RIGHT)
+    x, y, _ = finding.position_m
     for wrong, is_named in (
         ({"missing": (piece,)}, False),
         ({"moved": ({"name": piece, "by_m": (1.0 if x < 20 else -1.0, 0.0)},)}, False),
@@ -147,9 +147,9 @@ def test_the_report_names_sites_of_the_map_and_the_scores_go_by_the_yard(log: Mi
         on_map = copy(log)
         on_map.meta = {**log.meta, "scenario": scenario.model_dump(mode="json")}
         report = make_report(on_map, 0.0)
-        best = report["findings"][0]["sites"][0]["name"]
-        assert (best == finding["sites"][0]["name"]) == is_named
-        assert (report["evaluation"], bearing_rmse(on_map, scenario)) == right
+        best = report.findings[0].sites[0].name
+        assert (best == finding.sites[0].name) == is_named
+        assert (report.evaluation, bearing_rmse(on_map, scenario)) == right
 
 
 def test_what_the_log_draws_of_a_wrong_map_is_what_does_not_stand_there() -> None:
@@ -176,6 +176,6 @@ def test_equipment_of_a_map_is_described_as_that_which_stands_there(name: str) -
 def test_a_mission_on_a_wrong_map_finds_the_discharge_and_comes_home() -> None:
     scenario = mapped(missing=("ct_1",), extra=(KIOSK,), moved=({"name": "transformer_2", "by_m": (0.6, -0.4)},))
     report = make_report(run_mission(scenario, seed=4), 0.0)
-    assert report["evaluation"]["sources"][0]["found"]
-    assert report["waypoints"]["missed"] == []
-    assert report["collisions"] == 0
+    assert report.evaluation.sources[0].found
+    assert report.waypoints.missed == ()
+    assert report.collisions == 0

@@ -27,7 +27,7 @@ from missions.cli.terminal import write_mission
 from missions.record.mission_log import MissionLog
 log = MissionLog.load(Path("whole"))
 with command_line(), output_folder(Path(sys.argv[1]), "") as folder:
-    write_mission(log, {"report": "short"}, folder)
+    write_mission(log, 1.0, folder)
 """
 
 
@@ -58,7 +58,7 @@ def test_a_full_disk_is_one_line_and_what_is_there_is_whole(most_kb: int, log_fo
     if "log.npz" in files:
         assert MissionLog.load(folder).n_rows("step") == 40
     if done.returncode == 0:
-        assert files == {"log.npz", "report.json", "mission.rrd"}
+        assert files == {"log.npz", "report.json", "report.html", "mission.rrd"}
         return
     (line,) = done.stderr.splitlines()
     assert "File too large" in line

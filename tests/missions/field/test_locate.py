@@ -15,7 +15,8 @@ from missions.field.array_model import array_model
 from missions.field.field_data import FieldData, read_field_data
 from missions.field.locate_field_data import locate_field_data
 from missions.record.mission_log import MissionLog
-from missions.record.report import make_report
+from missions.report.make_report import make_report
+from missions.report.records import Report
 from sensing import ArrayConfig, ElementConfig, HelicalArray
 from sensing.nature.pulse_shape import unit_pulse_energy
 from sensing.radio.surroundings import in_array_frame, level_transform, rays_between
@@ -34,7 +35,7 @@ def pdpatrol(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run([PDPATROL, *arguments], cwd=cwd, capture_output=True, text=True, timeout=120)
 
 
-def located(data: FieldData, *, fence_m: tuple[float, float] | None = None) -> dict:
+def located(data: FieldData, *, fence_m: tuple[float, float] | None = None) -> Report:
     array = array_model(data, SPREAD, None, None, 0.12, 0.6)
     return make_report(locate_field_data(data, array, POSE_ERROR, fence_m=fence_m), 0.0)
 
@@ -86,6 +87,7 @@ def test_waveforms_and_their_strengths_give_the_same_fix_near_the_truth(tmp_path
         assert {path.name for path in (tmp_path / table).iterdir()} == {
             "log.npz",
             "report.json",
+            "report.html",
             "mission.rrd",
             "calibration.toml",
         }
@@ -117,15 +119,15 @@ def test_the_log_of_field_data_reads_back_and_holds_no_truth(tmp_path: Path) -> 
     assert back.n_rows("pulse") == 84
     assert np.isnan(back.column("step", "true_pose")).all()
     assert "truth" not in back.meta
-    assert "evaluation" not in make_report(back, 0.0)
+    assert make_report(back, 0.0).evaluation is None
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_one_pulse_from_each_of_a_few_poses_is_enough(tmp_path: Path, seed: int) -> None:
     survey(tmp_path / "s.csv", orbit(24, 4.0, (10.0, 10.0), 0.7), [(11.0, 9.0, 1.5)], seed)
     report = located(read_field_data(tmp_path / "s.csv", noise_v=NOISE_V))
-    assert len(report["findings"]) == 1
-    assert np.linalg.norm(np.subtract(report["findings"][0]["position_m"][:2], (11.0, 9.0))) < 0.3
+    assert len(report.findings) == 1
+    assert np.linalg.norm(np.subtract(report.findings[0].position_m[:2], (11.0, 9.0))) < 0.3
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -133,7 +135,7 @@ def test_two_sources_heard_in_turn_are_two_findings(tmp_path: Path, seed: int) -
     sources = [(8.0, 12.0, 1.5), (14.0, 9.0, 1.5)]
     survey(tmp_path / "s.csv", np.repeat(orbit(16, 7.0, (11.0, 10.5)), 5, axis=0), sources, seed)
     report = located(read_field_data(tmp_path / "s.csv", noise_v=NOISE_V))
-    found = np.array([f["position_m"][:2] for f in report["findings"]])
+    found = np.array([f.position_m[:2] for f in report.findings])
     assert len(found) == 2
     for source in sources:
         assert np.linalg.norm(found - np.array(source[:2]), axis=-1).min() < 0.3
@@ -142,35 +144,35 @@ def test_two_sources_heard_in_turn_are_two_findings(tmp_path: Path, seed: int) -
 def test_the_phase_of_the_mains_tells_the_kind_of_discharge(tmp_path: Path) -> None:
     survey(tmp_path / "s.csv", np.repeat(orbit(20, 4.0, (10.0, 10.0)), 3, axis=0), [(11.0, 9.0, 1.5)], 9)
     header, *rows = (tmp_path / "s.csv").read_text().splitlines()
-    assert located(read_field_data(tmp_path / "s.csv", noise_v=NOISE_V))["findings"][0]["discharge"] is None
+    assert located(read_field_data(tmp_path / "s.csv", noise_v=NOISE_V)).findings[0].discharge is None
     rng = np.random.default_rng(9)
     phases = 270.0 + rng.normal(0.0, 14.0, len(rows))  # corona: about the crest of one half cycle, all pulses alike
     lines = [f"{header},mains_phase_deg", *(f"{row},{p:.1f}" for row, p in zip(rows, phases, strict=True))]
     (tmp_path / "phase.csv").write_text("\n".join(lines))
-    (finding,) = located(read_field_data(tmp_path / "phase.csv", noise_v=NOISE_V))["findings"]
-    assert finding["discharge"]["kind"] == "corona"
+    (finding,) = located(read_field_data(tmp_path / "phase.csv", noise_v=NOISE_V)).findings
+    assert finding.discharge.kind == "corona"
 
 
 def test_noise_alone_is_no_finding(tmp_path: Path) -> None:
     rng = np.random.default_rng(4)
     rows = [[10.0 * k, *p, *rng.uniform(0.0005, 0.005, 6)] for k, p in enumerate(orbit(60, 5.0, (0.0, 0.0)))]
     report = located(read_field_data(write(tmp_path / "n.csv", rows), noise_v=NOISE_V))
-    assert report["findings"] == []
+    assert report.findings == ()
 
 
 def test_a_source_beyond_the_fence_is_told_apart(tmp_path: Path) -> None:
     survey(tmp_path / "s.csv", np.repeat(orbit(16, 4.0, (15.0, 10.0)), 4, axis=0), [(24.0, 10.0, 1.5)], 5)
     report = located(read_field_data(tmp_path / "s.csv", noise_v=NOISE_V), fence_m=(20.0, 20.0))
-    assert report["findings"] == []
-    assert "outside" in {candidate["state"] for candidate in report["candidates"]}
+    assert report.findings == ()
+    assert "outside" in {candidate.state for candidate in report.candidates}
 
 
 def test_one_line_of_bearings_is_no_finding(tmp_path: Path) -> None:
     poses = np.column_stack([np.linspace(0, 6, 40), np.full(40, 5.0), np.zeros(40)])
     survey(tmp_path / "s.csv", poses, [(15.0, 5.0, 1.5)], 6)
     report = located(read_field_data(tmp_path / "s.csv", noise_v=NOISE_V))
-    assert report["findings"] == []
-    assert len(report["candidates"]) == 1
+    assert report.findings == ()
+    assert len(report.candidates) == 1
 
 
 def test_four_channels_are_the_first_four_elements_of_six(tmp_path: Path) -> None:
@@ -179,7 +181,7 @@ def test_four_channels_are_the_first_four_elements_of_six(tmp_path: Path) -> Non
     poses[:, 2] = np.arctan2(centre[1] - poses[:, 1], centre[0] - poses[:, 0])  # four elements look ahead
     survey(tmp_path / "s.csv", poses, [(*centre, 1.5)], 7, n_elements=4)
     report = located(read_field_data(tmp_path / "s.csv", noise_v=NOISE_V))
-    assert np.linalg.norm(np.subtract(report["findings"][0]["position_m"][:2], centre)) < 0.3
+    assert np.linalg.norm(np.subtract(report.findings[0].position_m[:2], centre)) < 0.3
 
 
 def test_a_dead_channel_is_named_left_out_and_does_no_harm(tmp_path: Path) -> None:
@@ -190,7 +192,7 @@ def test_a_dead_channel_is_named_left_out_and_does_no_harm(tmp_path: Path) -> No
     assert data.notes == ("channel 3 is zero throughout: left out",)
     assert data.channels.tolist() == [0, 1, 3, 4, 5]
     report = located(data)
-    assert np.linalg.norm(np.subtract(report["findings"][0]["position_m"][:2], (11.0, 9.0))) < 0.3
+    assert np.linalg.norm(np.subtract(report.findings[0].position_m[:2], (11.0, 9.0))) < 0.3
 
 
 def test_as_many_boresights_as_channels_are_wanted(tmp_path: Path) -> None:

@@ -15,9 +15,9 @@ from missions.field.array_model import array_model
 from missions.field.field_data import read_field_data
 from missions.field.locate_field_data import locate_field_data, rejections
 from missions.field.plausibility import doubts
-from missions.record.pulse_counts import in_words
-from missions.record.report import make_report
 from missions.recording import write_recording
+from missions.report.make_report import make_report
+from missions.report.pulse_counts import in_words
 from tests.missions.files import hostile
 from tests.missions.files.test_hostile_files import EXAMPLE, POSE_ERROR, SPREAD
 from tests.missions.files.test_replayed_files import pdpatrol
@@ -157,9 +157,7 @@ def test_where_all_pulses_are_rejected_it_is_said_why(tmp_path: Path) -> None:
     log = locate_field_data(data, turned, POSE_ERROR)
     (why,) = rejections(log)
     assert why.startswith(f"all pulses were rejected: {data.strengths_v.shape[0]} no plane wave from one direction")
-    assert in_words(make_report(log, 0.0)["pulses"]).startswith(
-        "No discharge found. 84 pulses: all rejected, as no plane"
-    )
+    assert in_words(make_report(log, 0.0).pulses).startswith("No discharge found. 84 pulses: all rejected, as no plane")
     right = array_model(data, SPREAD, None, None, 0.12, 0.6)
     assert rejections(locate_field_data(data, right, POSE_ERROR)) == []
 
@@ -180,10 +178,10 @@ def test_many_times_of_few_places_are_pooled_and_locate_the_same(
     found = []
     for data in (single, pooled):
         log = locate_field_data(data, array_model(data, SPREAD, None, None, 0.12, 0.6), POSE_ERROR)
-        (finding,) = make_report(log, 0.0)["findings"]
+        (finding,) = make_report(log, 0.0).findings
         found.append(finding)
-    apart_m = np.linalg.norm(np.subtract(found[0]["position_m"], found[1]["position_m"])[:2])
-    assert apart_m < 0.1 * found[0]["ellipse95"]["semi_major_m"]
+    apart_m = np.linalg.norm(np.subtract(found[0].position_m, found[1].position_m)[:2])
+    assert apart_m < 0.1 * found[0].ellipse95.semi_major_m
 
 
 def test_every_option_of_locate_has_bounds_that_are_told(tmp_path: Path) -> None:
@@ -216,7 +214,7 @@ def test_a_survey_of_five_times_the_pulses_takes_about_five_times_the_work(tmp_p
         before_s = time.process_time()
         data = read_field_data(tmp_path / "t.csv")
         log = locate_field_data(data, array_model(data, SPREAD, None, None, 0.12, 0.6), POSE_ERROR)
-        assert len(make_report(log, 0.0)["findings"]) == 1
+        assert len(make_report(log, 0.0).findings) == 1
         write_recording(log, tmp_path / "t.rrd")
         spent_s.append(time.process_time() - before_s)
     assert spent_s[2] < 8.0 * spent_s[1]

@@ -1,6 +1,5 @@
 """Files as nobody should send them: each is refused in clear lines, or runs; nothing else."""
 
-import json
 import resource
 import sys
 import warnings
@@ -13,8 +12,9 @@ from dirmusic import ElementSpread, InputFileError, InputFileWarning, PoseError
 from missions.field.array_model import array_model
 from missions.field.field_data import read_field_data
 from missions.field.locate_field_data import locate_field_data
-from missions.record.report import make_report
 from missions.recording import write_recording
+from missions.report.make_report import make_report
+from missions.report.report_file import read_report, report_text
 from tests.missions.files import hostile
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "locate" / "strengths.csv"
@@ -36,7 +36,7 @@ def tried(table: Path, recording: Path | None = None) -> bool:
             faults = error.faults
         else:
             log = locate_field_data(data, array, POSE_ERROR)
-            json.dumps(make_report(log, 0.0), allow_nan=False)
+            read_report(report_text(make_report(log, 0.0)))
             if recording is not None:
                 write_recording(log, recording)
             return True

@@ -1,6 +1,5 @@
 """Policies that users bring along: what they are given, and every way one can be wrong, in process and as a command."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,8 @@ from missions.driving.collision_guard import CollisionGuard
 from missions.policies.make_policy import make_policy
 from missions.policies.names import BUILT_IN
 from missions.policies.patrol import Patrol
-from missions.record.report import make_report
+from missions.report.make_report import make_report
+from missions.report.report_file import read_report, report_text
 from missions.runner import Mission, run_mission
 
 POLICIES = """
@@ -157,7 +157,7 @@ def test_a_policy_that_fails_under_way_ends_the_mission_with_a_whole_log(
     assert log.n_rows("step") == n_steps
     assert log.column("event", "kind")[-2:].tolist() == ["error", "end"]
     assert log.column("event", "text")[-2:].tolist() == [str(mission.error)[:160], "error"]
-    json.dumps(make_report(log, 0.0), allow_nan=False)
+    read_report(report_text(make_report(log, 0.0)))
 
 
 @pytest.mark.parametrize(
@@ -193,7 +193,7 @@ def test_a_policy_that_never_moves_goes_on_to_the_time_limit(file: Path) -> None
     assert log.column("event", "text")[-1] == "time limit"
     assert log.n_rows("step") == 30
     assert set(log.column("step", "phase")) == {"Still"}
-    assert make_report(log, 0.0)["distance_m"] < 0.01
+    assert make_report(log, 0.0).distance_m < 0.01
 
 
 def test_a_policy_draws_from_a_generator_that_the_seed_fixes(file: Path) -> None:

@@ -70,7 +70,7 @@ def test_a_run_whose_policy_fails_writes_all_files_prints_one_line_and_has_exit_
 
 def whole_report(folder: Path, n_steps: int) -> dict:
     """The report of a mission, whose other files are whole as well."""
-    assert {path.name for path in folder.iterdir()} == {"log.npz", "report.json", "mission.rrd"}
+    assert {path.name for path in folder.iterdir()} == {"log.npz", "report.json", "report.html", "mission.rrd"}
     assert MissionLog.load(folder).n_rows("step") == n_steps
     verify = [sys.executable, "-m", "rerun", "rrd", "verify", str(folder / "mission.rrd")]
     assert subprocess.run(verify, capture_output=True, timeout=60).returncode == 0

@@ -8,8 +8,8 @@ from rerun.chunk import RrdReader
 
 from envs import load_scenario
 from missions.record.mission_log import MissionLog
-from missions.record.report import make_report
 from missions.recording.identity import recording_name, recording_stream
+from missions.report.make_report import make_report
 from missions.runner import Mission, run_mission
 
 
@@ -43,13 +43,13 @@ def properties(reader: RrdReader) -> dict[str, object]:
 
 def test_a_recording_says_what_was_run_and_what_the_report_says_was_found(log: MissionLog, tmp_path: Path) -> None:
     report = make_report(log, 0.0)
-    n_found = sum(source["found"] for source in report["evaluation"]["sources"])
-    assert n_found == len(report["findings"]) == 1
+    n_found = sum(source.found for source in report.evaluation.sources)
+    assert n_found == len(report.findings) == 1
     reader = written(log, tmp_path / "a.rrd")
     told = properties(reader)
     assert (told["scenario"], told["seed"], told["policy"]) == ("one_source", 0, "seek")
     assert (told["findings"], told["sources_found"], told["sources"]) == (1, n_found, 1)
-    assert told["simulated_s"] == round(report["sim_time_s"], 1)
+    assert told["simulated_s"] == round(report.sim_time_s, 1)
     assert recording_name(log) == "one_source, seed 0, seek: found 1 of 1"
     (entry,) = reader.recordings()
     assert entry.application_id == "pdpatrol one_source"

@@ -13,8 +13,8 @@ from rerun.chunk import RrdReader
 
 from envs import load_scenario
 from missions.record.mission_log import TABLES, MissionLog
-from missions.record.report import make_report
 from missions.recording import Recorder, paths, write_recording
+from missions.report.make_report import make_report
 from missions.runner import run_mission
 from robot_models.drawn_solids import describe_equipment
 from tests.missions.replay.read_back import cells, rows, values
@@ -217,7 +217,7 @@ def test_the_parts_that_a_killed_mission_left_make_a_recording(tmp_path: Path, l
 
 def test_a_finding_has_one_number_in_log_events_recording_and_report(recording: Path, log: MissionLog) -> None:
     report = make_report(log, 0.0)
-    ids = {finding["id"] for finding in (*report["findings"], *report["candidates"])}
+    ids = {finding.id for finding in (*report.findings, *report.candidates)}
     last = log.column("finding", "step") == log.column("finding", "step")[-1]
     assert ids == set(log.column("finding", "id")[last].tolist())
     told = " ".join(log.column("event", "text"))
