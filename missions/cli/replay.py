@@ -1,4 +1,4 @@
-"""`pdpatrol replay`: look at a recording."""
+"""`pdpatrol replay`: look at recordings."""
 
 from __future__ import annotations
 
@@ -7,47 +7,80 @@ from typing import Annotated
 
 import tyro
 
-from missions.cli.terminal import err, out, refuse, write_mission
+from missions.cli.terminal import err, fail, out, refuse, write_mission
 
 
 def replay(
-    folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")],
+    folders: Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="DIR [DIR ...]")],
     *,
-    row: int | None = None,
+    row: Annotated[tyro.conf.UseAppendAction[tuple[int, ...]], tyro.conf.arg(metavar="NUMBER")] = (),
     web: bool = False,
+    screenshot: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png")] = None,
+    at: Annotated[float | None, tyro.conf.arg(metavar="SECONDS")] = None,
 ) -> None:
-    """Open the recording of a mission in the Rerun viewer.
+    """Open recordings of missions in the Rerun viewer, side by side where they are several.
+
+    A recording is made from the log of its mission where there is none, a damaged one, or one of another version of
+    Rerun.
 
     Args:
-        folder: Folder of a mission; where it has no mission.rrd, the recording is made from its log.
+        folders: Folders of missions.
         row: Number of a mission in the dataset of a sweep, whose folder is given: it is run again, and kept there.
-        web: Serve it to a browser on this machine (127.0.0.1) instead.
+            Give it several times for several missions.
+        web: Serve them to a browser on this machine (127.0.0.1) instead.
+        screenshot: Write a picture of the viewer instead, without opening one; no screen is needed.
+        at: Simulated time that the picture shows. Default: the end.
     """
-    if not folder.is_dir():
-        refuse(f"{folder}: no such folder; give the folder of a mission")
-    if row is not None:
-        folder = _run_again(folder, row)
+    if not folders:
+        refuse("DIR: missing; give the folder of a mission")
+    for folder in folders:
+        if not folder.is_dir():
+            refuse(f"{folder}: no such folder; give the folder of a mission")
+    sweep, *others = folders
+    if row and others:
+        refuse(f"--row: got {len(folders)} folders; allowed is one, that of a sweep")
+    _check_picture(screenshot, at, n_missions=len(row) or len(folders))
+    if row:
+        folders = tuple(_run_again(sweep, number) for number in row)
     from dirmusic import InputFileError
-    from missions.record.mission_log import MissionLog
-    from missions.recording import check_recording, open_viewer, serve, write_recording
+    from missions.recording import ViewerError, open_viewer, ready_recording, serve, take_screenshot
+    from missions.whole_file import whole_file
 
-    recording = folder / "mission.rrd"
     try:
-        if not recording.exists():
-            log = MissionLog.load(folder)
-            try:
-                write_recording(log, recording)
-            except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError):
-                refuse(f"{folder}: the facts in its log are damaged; give the folder that `pdpatrol run` wrote")
-        check_recording(recording)
+        recordings = [
+            ready_recording(folder, lambda fault: err.print(f"note: {fault}", soft_wrap=True)) for folder in folders
+        ]
     except InputFileError as error:
         refuse(*error.faults)
-    except (FileNotFoundError, ValueError) as error:
+    except FileNotFoundError as error:
         refuse(str(error))
-    if not web:
-        open_viewer(recording)
+    if screenshot is not None:
+        with err.status("The viewer draws"), whole_file(screenshot) as temporary:
+            temporary.write_bytes(take_screenshot(recordings[0], at))
+        out.print(f"Written: {screenshot}", soft_wrap=True)
+    elif web:
+        serve(recordings, lambda url: out.print(f"Serving at {url}  (Ctrl-C ends it)", soft_wrap=True))
+    else:
+        try:
+            open_viewer(recordings)
+        except ViewerError as error:
+            fail(f"{error}; `pdpatrol replay --web` shows it in a browser")
+
+
+def _check_picture(screenshot: Path | None, at: float | None, n_missions: int) -> None:
+    """Refuse what cannot be drawn, before anything slow."""
+    if at is not None and (screenshot is None or not 0 <= at < float("inf")):
+        refuse(f"--at: got {at}; allowed is 0 or more, with --screenshot")
+    if screenshot is None:
         return
-    serve(recording, lambda url: out.print(f"Serving at {url}  (Ctrl-C ends it)", soft_wrap=True))
+    if n_missions > 1:
+        refuse(f"--screenshot: got {n_missions} missions; allowed is one")
+    if screenshot.suffix.lower() != ".png":
+        refuse(f"--screenshot: got {screenshot}; allowed is a name that ends in .png")
+    if screenshot.exists():
+        refuse(f"--screenshot: {screenshot} exists; allowed is a new file")
+    if not screenshot.parent.is_dir():
+        refuse(f"--screenshot: {screenshot.parent} is no folder; allowed is a file in one that exists")
 
 
 def _run_again(folder: Path, row: int) -> Path:

@@ -16,6 +16,7 @@ from missions.cli.folders import output_folder
 from missions.cli.terminal import (
     FAILED,
     err,
+    fail,
     out,
     refuse,
     tell_calibration,
@@ -28,6 +29,7 @@ from missions.cli.terminal import (
 )
 
 if TYPE_CHECKING:
+    from missions.recording import LiveView
     from missions.report.records import Report
     from missions.runner import Mission
 
@@ -106,23 +108,21 @@ def run(
             load_maker(policy)
     except ForeignCodeError as error:
         refuse(str(error))
+    viewer = _live_view() if live else None
     with output_folder(out_dir, f"{loaded.name}-{seed}") as folder:
-        from missions.recording import LiveView
         from missions.runner import Mission
 
         tell_notes(loaded)
         started_s = time.perf_counter()
         with _progress(loaded.task.time_limit_s) as follow, ExitStack() as while_driving:
-            viewer, asked = None, None
+            asked = None
 
             def after_step(mission: Mission) -> None:
-                nonlocal viewer, asked
+                nonlocal asked
                 asked = asked or while_driving.enter_context(interrupts.put_off())
                 follow(mission)
-                if live:
-                    viewer = viewer or LiveView(mission.log)
-                    if mission.log.n_rows("step") % 5 == 0 or mission.is_over:
-                        viewer.update()
+                if viewer and (mission.log.n_rows("step") % 5 == 0 or mission.is_over):
+                    viewer.update(mission.log)
                 if asked() and not mission.is_over:
                     mission.end("interrupted")
 
@@ -150,6 +150,16 @@ def run(
         sys.exit(FAILED)
     if interrupts.status() is not None:
         sys.exit(interrupts.status())
+
+
+def _live_view() -> LiveView:
+    """The viewer, which comes up before anything is run."""
+    from missions.recording import LiveView, ViewerError
+
+    try:
+        return LiveView()
+    except ViewerError as error:
+        fail(f"--live: {error}; run without it, and `pdpatrol replay --web` shows the mission in a browser")
 
 
 def _summary(report: Report) -> list[str]:

@@ -40,6 +40,12 @@ def refuse(*faults: str) -> NoReturn:
     sys.exit(USAGE_ERROR)
 
 
+def fail(fault: str) -> NoReturn:
+    """Print one line on what this machine denies and leave with exit status 1."""
+    err.print(in_one_line(fault), soft_wrap=True)
+    sys.exit(FAILED)
+
+
 def tell_notes(scenario: Scenario) -> None:
     """Say what in a scenario is hardly meant, one line each; it is used all the same."""
     from envs.plausibility import plausibility

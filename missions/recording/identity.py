@@ -20,10 +20,13 @@ def recording_stream(log: MissionLog) -> rr.RecordingStream:
     """A stream with the name and the properties of a mission as its log stands; it goes nowhere yet.
 
     Recordings of one scenario share an application id, so that one blueprint serves them all; recordings of one log
-    share their recording id as well, so that a viewer shows them once.
+    share their recording id as well, so that a viewer shows them once. It is in words, for a viewer shows it where it
+    has not read the name yet.
     """
     stream = rr.RecordingStream(
-        f"pdpatrol {log.meta.get('name', 'mission')}", recording_id=_digest(log), send_properties=False
+        f"pdpatrol {log.meta.get('name', 'mission')}",
+        recording_id=f"{_kind(log)} ({_digest(log)})",
+        send_properties=False,
     )
     send_identity(stream, log)
     return stream
@@ -48,12 +51,16 @@ def send_identity(stream: rr.RecordingStream, log: MissionLog) -> None:
 
 def recording_name(log: MissionLog) -> str:
     """Scenario, seed, policy, and what has been found so far, of how many where the log holds the truth."""
-    meta, outcome = log.meta, _outcome(log)
-    seed = None if meta.get("seed") is None else f"seed {meta['seed']}"
-    kind = ", ".join(str(part) for part in (meta.get("name", "mission"), seed, meta.get("policy")) if part is not None)
+    outcome = _outcome(log)
     if outcome.n_sources is not None:
-        return f"{kind}: found {outcome.n_found} of {outcome.n_sources}"
-    return f"{kind}: {outcome.n_findings} finding{'s' if outcome.n_findings != 1 else ''}"
+        return f"{_kind(log)}: found {outcome.n_found} of {outcome.n_sources}"
+    return f"{_kind(log)}: {outcome.n_findings} finding{'s' if outcome.n_findings != 1 else ''}"
+
+
+def _kind(log: MissionLog) -> str:
+    """Scenario, seed and policy, as far as there are any."""
+    seed = None if log.meta.get("seed") is None else f"seed {log.meta['seed']}"
+    return ", ".join(str(part) for part in (log.meta.get("name", "mission"), seed, log.meta.get("policy")) if part)
 
 
 class _Outcome(NamedTuple):
@@ -80,4 +87,4 @@ def _digest(log: MissionLog) -> str:
     digest = hashlib.sha256(json.dumps(log.meta, sort_keys=True).encode())
     for table, column in (("step", "pose"), ("finding", "position_m")):
         digest.update(np.ascontiguousarray(log.column(table, column)).tobytes())
-    return digest.hexdigest()[:32]
+    return digest.hexdigest()[:8]

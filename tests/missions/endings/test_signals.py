@@ -13,8 +13,8 @@ import pytest
 
 from missions.cli.interrupts import SIGNALS
 from missions.record.mission_log import MissionLog
-from missions.recording import supervisor
-from missions.recording.supervisor import LEAVE_OPEN
+from missions.recording.viewer import supervisor
+from missions.recording.viewer.supervisor import LEAVE_OPEN
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "locate" / "strengths.csv"
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))

@@ -1,0 +1,46 @@
+"""Missions that end after some seconds, and the command that shows them."""
+
+import os
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+from envs import load_scenario
+from missions.record.mission_log import MissionLog
+from missions.runner import Mission
+
+PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
+
+
+def short_mission(end_s: float = 8.0, scenario: str = "one_source", seed: int = 0) -> MissionLog:
+    """A mission that is ended early."""
+
+    def end_early(mission: Mission) -> None:
+        if mission.time_s > end_s:
+            mission.end("interrupted")
+
+    return Mission(load_scenario(scenario), "seek", seed).run(end_early)
+
+
+def without_screen() -> dict[str, str]:
+    """The environment of a machine that has none."""
+    return {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
+
+
+def pdpatrol(*arguments: str, cwd: Path, most_bytes: int | None = None) -> subprocess.CompletedProcess[str]:
+    """The command without a screen; no file that it writes may become larger than `most_bytes`, as on a full disk."""
+
+    def limit() -> None:
+        if most_bytes is not None:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (most_bytes, most_bytes))
+
+    return subprocess.run(
+        [PDPATROL, *arguments],
+        cwd=cwd,
+        env=without_screen(),
+        capture_output=True,
+        text=True,
+        timeout=120,
+        preexec_fn=limit,
+    )
