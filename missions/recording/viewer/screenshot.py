@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from missions.recording.blueprint import SIM_TIME
+from missions.recording.paths import SIM_TIME
 from missions.recording.viewer.rerun_process import RerunProcess, ViewerError, free_port
 
 SIZE = (1600, 1000)
