@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import rerun as rr
 import rerun.blueprint as rrb
 
 from missions.recording import paths
@@ -44,8 +45,8 @@ def blueprint(meta: Mapping[str, Any], end_s: float | None = None, bin_s: float 
     centre = np.array([*(0.5 * (low + high)), 0.0])
     size_m = float(np.max((high - low) * [1.0, 1.25]))
     above = _orbit(centre + np.array([0.0, -0.01, 0.88 * size_m]), centre, up=(0.0, 1.0, 0.0))
-    slant_eye = centre + np.hypot(*(high - low)) * np.array([-0.16, -0.52, 0.46])
-    slant = _orbit(slant_eye, centre - np.array([0.0, 0.08 * np.hypot(*(high - low)), 0.0]))
+    slant_eye = centre + np.hypot(*(high - low)) * np.array([-0.1, -0.66, 0.5])
+    slant = _orbit(slant_eye, centre - np.array([0.0, 0.04 * np.hypot(*(high - low)), 0.0]))
     plan = _yard("Plan", above, bin_s, hidden=(paths.TRUTH,), see_through=True)
     truth = _yard("Plan and truth", above, bin_s, hidden=(), see_through=True)
     around = _yard("Yard", slant, bin_s, hidden=(paths.TRUTH,))
@@ -101,6 +102,10 @@ def _yard(
         paths.PAST_BEARINGS: _last(PAST_BINS * bin_s),
         paths.REJECTED: _last(REJECTED_BINS * bin_s),
     }
+    if see_through:
+        for shape, archetype in (("box", rr.Boxes3D), ("cylinder", rr.Cylinders3D)):
+            glass = archetype.from_fields(fill_mode="transparentfillmajorwireframe")
+            overrides[f"{paths.EQUIPMENT}/{shape}"] = glass.visualizer()
     overrides |= {path: rrb.EntityBehavior(visible=False) for path in hidden}
     return rrb.Spatial3DView(
         origin=paths.WORLD,

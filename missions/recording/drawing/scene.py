@@ -19,6 +19,9 @@ FILL_MODES = {paths.MAP: "majorwireframe"}
 """How solids of a path are drawn that are not drawn solid."""
 
 
+NAME_NORTH_M = 1.8
+
+
 def draw_scene(canvas: Canvas, meta: Mapping[str, Any]) -> None:
     """Draw all that does not move, from the facts of a mission."""
     canvas.still(paths.WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP)
@@ -68,14 +71,16 @@ def _draw_truth(canvas: Canvas, truth: Mapping[str, Any]) -> None:
 
 
 def _tops(solids: Sequence[Mapping[str, Any]]) -> dict[str, list[float]]:
-    """Name of each piece of equipment, and a place above its middle."""
+    """Name of each piece of equipment, and a place above it, north of the middle, where labels of findings are not."""
     pieces: dict[str, list[FloatArray]] = {}
     for solid in solids:
         if solid["group"] == "equipment":
             pieces.setdefault(solid["name"].split("/")[1], []).append(np.array(solid["position_m"]))
-    return {
-        name: [*np.mean(centres, axis=0)[:2], float(np.max(centres, axis=0)[2])] for name, centres in pieces.items()
-    }
+    above: dict[str, list[float]] = {}
+    for name, centres in pieces.items():
+        (x, y, _), top = np.mean(centres, axis=0), np.max(centres, axis=0)[2]
+        above[name] = [float(x), float(y) + NAME_NORTH_M, float(top)]
+    return above
 
 
 def _draw_points(

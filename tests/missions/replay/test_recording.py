@@ -91,7 +91,7 @@ def test_every_view_shows_something_that_is_there(recording: Path) -> None:
     (entry,) = reader.blueprints()
     origins, overridden = set[str](), set[str]()
     for chunk in reader.stream(store=entry).to_chunks():
-        overridden |= set(re.findall(r"overrides?(/.+?)(?:/visualizers)?$", str(chunk.entity_path)))
+        overridden |= set(re.findall(r"overrides?(/.+?)(?:/visualizers.*)?$", str(chunk.entity_path)))
         batch = chunk.to_record_batch()
         for name in batch.schema.names:
             if name.endswith(":space_origin"):
