@@ -1,0 +1,1 @@
+"""Repeated inspections of one yard: what is new, grown, gone."""
