@@ -8,12 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from dirmusic.angles import aperture
 from dirmusic.locating.ellipse import ellipse95
+from dirmusic.locating.rules import LocatingRules
 from envs.scenario.base import weeks_between
 from missions.campaign.inspection import Inspection, Located
 from missions.campaign.joining import Joined, join
 from missions.campaign.records import Discharge, Interval, Line, Observation, Status, Trend, Verdict
-from missions.campaign.source_level import SourceLevel, floor_v, looks_at, source_level
+from missions.campaign.source_level import NEAR_M, SourceLevel, floor_v, looks_at, source_level
 from missions.campaign.trend_line import CONFIDENCE, TrendLine, fit_line
 from missions.record.which_site import in_words, site_probabilities
 
@@ -89,13 +91,21 @@ def _discharge(joined: Joined, inspections: Sequence[Inspection], weeks: FloatAr
 
 
 def _missed(number: int, joined: Joined, known: dict[int, SourceLevel], inspection: Inspection, floor: float) -> bool:
-    """Whether an inspection would have found a discharge as it was in the nearest one that tells its level."""
+    """Whether an inspection would have found a discharge as it was in the nearest one that tells its level.
+
+    That takes enough pulses from near by, and lines of sight that open as wide as confirmation wants.
+    """
     if number in joined.found or not known or not np.isfinite(floor):
         return False
-    last = known[min(known, key=lambda k: abs(k - number))]
+    as_it_was = known[min(known, key=lambda k: abs(k - number))]
     looks = looks_at(inspection, joined.position_m)
-    is_heard = last.level_db - looks.loss_db >= 20 * np.log10(floor)
-    return bool(last.rate_hz * looks.duration_s[is_heard].sum() >= LEAST_EXPECTED)
+    away_m = inspection.log.column("step", "pose")[looks.step, :2] - joined.position_m[:2]
+    is_near = np.linalg.norm(away_m, axis=-1) <= NEAR_M
+    is_detected = is_near & (as_it_was.level_db - looks.loss_db >= 20 * np.log10(floor))
+    if as_it_was.rate_hz * looks.duration_s[is_detected].sum() < LEAST_EXPECTED:
+        return False
+    aspect_rad = np.arctan2(away_m[is_detected, 1], away_m[is_detected, 0])
+    return bool(aperture(aspect_rad) >= LocatingRules().confirm_aperture_rad)
 
 
 def _observation(

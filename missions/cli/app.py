@@ -12,12 +12,13 @@ from missions.cli.results import results
 from missions.cli.run import run
 from missions.cli.scenarios import scenarios
 from missions.cli.sweep import sweep
+from missions.cli.trend import trend
 
 
 def run_verb() -> None:
     """Read the command line and do what it says."""
     app = tyro.extras.SubcommandApp()
-    for verb in (run, plan, replay, scenarios, reproduce, locate, sweep, results):
+    for verb in (run, plan, replay, scenarios, reproduce, locate, trend, sweep, results):
         app.command(verb)
     app.cli(
         prog="pdpatrol",

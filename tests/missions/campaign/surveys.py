@@ -1,0 +1,105 @@
+"""Logs of inspections in free space, with discharges of known level and rate, and without any error but noise."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from dirmusic import GainManifold
+from missions.campaign.inspection import Inspection, Located
+from missions.record.mission_log import MissionLog
+
+HEIGHT_M = 0.6
+STEP_S = 0.1
+MANIFOLD = GainManifold.ring(6)
+NOISE_V = 1e-3
+"""Of the strengths; the weakest credible pulse has five times as much, see `STD_RAD`."""
+STD_RAD = np.radians(12.0) * 5.0
+"""Deviation of a bearing, times the strength over the noise."""
+
+
+class Source(NamedTuple):
+    """What discharges: its place, the level of its typical pulse, how that spreads, and its rate."""
+
+    position_m: tuple[float, float, float]
+    level_db: float = 0.0
+    spread_db: float = 0.0
+    rate_hz: float = 20.0
+    is_confirmed: bool = True
+
+
+def along(start_m: tuple[float, float], end_m: tuple[float, float], speed_mps: float = 0.5) -> np.ndarray:
+    """Poses on a straight way, a step apart, shape (n, 3)."""
+    n = round(float(np.hypot(*np.subtract(end_m, start_m))) / (speed_mps * STEP_S))
+    way_m = np.linspace(start_m, end_m, n)
+    heading = np.arctan2(*np.subtract(end_m, start_m)[::-1])
+    return np.column_stack([way_m, np.full(n, heading)])
+
+
+def survey(
+    poses: np.ndarray,
+    *sources: Source,
+    day: str | None = "2026-03-02",
+    trigger_v: float = 5.0 * NOISE_V,
+    seed: int = 0,
+    name: str = "survey",
+) -> MissionLog:
+    """The log of a way, with the findings as they are: id 1 and so on in the order of the sources."""
+    meta = {
+        "name": name,
+        "seed": None,
+        "policy": None,
+        "date": day,
+        "n_elements": 6,
+        "array": {
+            "boresights_rad": MANIFOLD.boresights_rad.tolist(),
+            "positions_m": np.tile([0.0, 0.0, HEIGHT_M], (6, 1)).tolist(),
+            "pattern": None,
+        },
+        "bounds_m": [[0.0, 0.0], [40.0, 30.0]],
+    }
+    log, rng = MissionLog(meta), np.random.default_rng(seed)
+    nothing = np.full(3, np.nan)
+    for k, pose in enumerate(poses):
+        log.append(
+            "step", time_s=STEP_S * (k + 1), pose=pose, true_pose=nothing, odometry=nothing, battery=np.nan,
+            command=nothing[:2], phase="",
+        )  # fmt: skip
+        for number, source in enumerate(sources, start=1):
+            way_m = np.array(source.position_m) - [pose[0], pose[1], HEIGHT_M]
+            azimuth = float(np.arctan2(way_m[1], way_m[0]) - pose[2])
+            elevation = np.full(1, np.arctan2(way_m[2], np.hypot(way_m[0], way_m[1])))
+            gain = MANIFOLD.response_in_space(azimuth - MANIFOLD.boresights_rad, elevation).gain
+            for _ in range(rng.poisson(source.rate_hz * STEP_S)):
+                level_db = source.level_db + source.spread_db * rng.standard_normal()
+                strengths_v = 10 ** (level_db / 20) * gain / np.linalg.norm(way_m)
+                strength_v = float(np.linalg.norm(strengths_v))
+                if strength_v < trigger_v:
+                    continue
+                pulse = log.append(
+                    "pulse", step=k, strengths_v=strengths_v, mains_phase_rad=0.0, is_clipped=False, is_credible=True
+                )
+                log.append(
+                    "bearing", pulse=pulse, azimuth_rad=azimuth, bearing_rad=azimuth + pose[2],
+                    std_rad=STD_RAD * NOISE_V / strength_v,
+                )  # fmt: skip
+                log.append("association", pulse=pulse, finding=number)
+    for number, source in enumerate(sources, start=1):
+        log.append(
+            "finding", step=len(poses) - 1, id=number, position_m=np.array(source.position_m),
+            covariance_m2=0.05**2 * np.eye(3), state="confirmed" if source.is_confirmed else "candidate",
+            n_bearings=100, first_detected_s=0.0, fixed_s=1.0, aperture_rad=1.0,
+        )  # fmt: skip
+    return log
+
+
+def inspection(log: MissionLog) -> Inspection:
+    """An inspection that was never on disk."""
+    return Inspection(Path(f"runs/{log.meta['date']}"), str(log.meta["date"]), log)
+
+
+def located(place_m: tuple[float, float, float], std_m: float = 0.1, *, is_confirmed: bool = True) -> Located:
+    """A finding at a place."""
+    return Located(1, is_confirmed, np.array(place_m), std_m**2 * np.eye(3))
