@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,9 +14,9 @@ from numpy.typing import NDArray
 from dirmusic import InputFileError
 from dirmusic.array.manifold import GainManifold
 from envs.scenario.base import is_day
-from envs.scenario.map_section import MapConfig
 from missions.record.array_description import described_manifold
 from missions.record.mission_log import MissionLog
+from missions.record.yard_of_log import known_yard
 from robot_models.yard.yard import Yard
 
 FloatArray = NDArray[np.float64]
@@ -83,11 +82,7 @@ class Inspection:
     @cached_property
     def yard(self) -> Yard | None:
         """As the map has it; None for data from the field."""
-        if self.is_of_the_field:
-            return None
-        scenario = self.log.meta["scenario"]
-        of_map = MapConfig.model_validate_json(json.dumps(scenario.get("map", {})))
-        return of_map.of(Yard.model_validate_json(json.dumps(scenario["yard"])))
+        return known_yard(self.log)
 
     @cached_property
     def manifold(self) -> GainManifold:

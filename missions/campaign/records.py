@@ -6,19 +6,16 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, Field, PlainSerializer
 
+from missions.report.quantities import Count, Length, Point, significant
+
 SCHEMA = 1
 
 Presence = Literal["found", "missed", "not inspected"]
 Verdict = Literal["grown", "constant", "declined", "not clear", "too few dates"]
 Status = Literal["new", "standing", "gone"]
 
-TwoDecimals = PlainSerializer(lambda value: round(value, 2) + 0.0, return_type=float, when_used="json")
-ThreeDecimals = PlainSerializer(lambda value: round(value, 3) + 0.0, return_type=float, when_used="json")
-Decibel = Annotated[float, Field(allow_inf_nan=False), TwoDecimals]
-Metre = Annotated[float, Field(allow_inf_nan=False), ThreeDecimals]
-Rate = Annotated[float, Field(allow_inf_nan=False), TwoDecimals]
-Week = Annotated[float, Field(allow_inf_nan=False), ThreeDecimals]
-Number = Annotated[float, Field(allow_inf_nan=False), ThreeDecimals]
+Number = Annotated[float, Field(allow_inf_nan=False), PlainSerializer(significant, return_type=float, when_used="json")]
+"""In the file with as many digits as mean something."""
 
 
 class Record(BaseModel, frozen=True, extra="forbid"):
@@ -38,7 +35,7 @@ class Observation(Record):
 
     run: str = Field(description="folder of the mission, as it was given")
     date: str = Field(description="of the inspection, as 2026-03-02")
-    week: Week = Field(description="weeks since the first inspection")
+    week: Number = Field(description="weeks since the first inspection")
     presence: Presence = Field(description="missed: it would have been found if it were as before")
     finding_id: int | None = Field(description="of the finding in log and report of the run; null where it is none")
     is_confirmed: bool = Field(description="whether that finding is confirmed; else it is a candidate")
@@ -47,8 +44,8 @@ class Observation(Record):
         "where too few came from near and in sight"
     )
     rate_hz: Interval | None = Field(description="pulses a second that were told to be its own")
-    n_pulses: int = Field(description="pulses that tell level and rate")
-    n_looks: int = Field(description="squares of the ground, 1 m wide, from which they came")
+    n_pulses: Count = Field(description="pulses that tell level and rate")
+    n_looks: Count = Field(description="squares of the ground, 1 m wide, from which they came")
 
 
 class Line(Record):
@@ -64,8 +61,8 @@ class Discharge(Record):
 
     number: int = Field(description="from 1 on, those that grow most first")
     site: str = Field(description="likeliest place, in words; empty without a map")
-    position_m: tuple[Metre, Metre, Metre] = Field(description="x, y, z, world frame, metres")
-    semi_major_m: Metre = Field(description="longer half-axis of its 95 % ellipse, metres")
+    position_m: Point = Field(description="x, y, z, world frame, metres")
+    semi_major_m: Length = Field(description="longer half-axis of its 95 % ellipse, metres")
     status: Status = Field(description="new: missed before it was found; gone: missed when it was last inspected")
     verdict: Verdict = Field(description="of the level, by the 99 % interval of its slope")
     level: Line | None = Field(description="decibels over one volt at 1 m; null with fewer than three dates")
@@ -76,7 +73,7 @@ class Discharge(Record):
 class Trend(Record):
     """The content of trend.json."""
 
-    version: int = Field(default=SCHEMA, alias="schema", description="of this file")
+    schema_number: Literal[1] = Field(alias="schema", description="number of this schema")
     scenario: str = Field(description="name of the yard")
     dates: tuple[str, ...] = Field(description="of the inspections, ascending")
     runs: tuple[str, ...] = Field(description="their folders, in the same order")

@@ -21,7 +21,7 @@ def trend_table(trend: Trend) -> Table:
     table.add_column("#")
     table.add_column("site", overflow="fold")
     table.add_column("since then", overflow="fold")
-    for heading in ("level\n(dB)", "a week\n(dB)", "rate\n(1/s)", "a week\n(%)"):
+    for heading in ("level\n(dBV)", "a week\n(dB)", "rate\n(1/s)", "a week\n(%)"):
         table.add_column(heading, justify="right", no_wrap=True)
     for discharge in trend.discharges:
         table.add_row(*_row(discharge))

@@ -14,7 +14,7 @@ from dirmusic.locating.rules import LocatingRules
 from envs.scenario.base import weeks_between
 from missions.campaign.inspection import Inspection, Located
 from missions.campaign.joining import Joined, join
-from missions.campaign.records import Discharge, Interval, Line, Observation, Status, Trend, Verdict
+from missions.campaign.records import SCHEMA, Discharge, Interval, Line, Observation, Status, Trend, Verdict
 from missions.campaign.source_level import NEAR_M, SourceLevel, floor_v, looks_at, source_level
 from missions.campaign.trend_line import CONFIDENCE, TrendLine, fit_line
 from missions.record.which_site import in_words, site_probabilities
@@ -44,6 +44,7 @@ def make_trend(inspections: Sequence[Inspection]) -> Trend:
     discharges = [_discharge(each, inspections, weeks, floor) for each in joined]
     discharges.sort(key=_most_urgent_first)
     return Trend(
+        schema=SCHEMA,
         scenario=str(inspections[0].log.meta["name"]),
         dates=tuple(each.day for each in inspections),
         runs=tuple(str(each.folder) for each in inspections),

@@ -7,18 +7,20 @@ from pathlib import Path
 
 from missions.campaign.inspection import Inspection
 from missions.campaign.records import Trend
+from missions.report.report_file import laid_out
 from missions.whole_file import write_whole
 
 
 def trend_text(trend: Trend) -> str:
     """The text of trend.json."""
-    return trend.model_dump_json(by_alias=True, indent=1) + "\n"
+    return laid_out(trend.model_dump(mode="json", by_alias=True)) + "\n"
 
 
-def write_trend(trend: Trend, inspections: Sequence[Inspection], folder: Path) -> None:
-    """Write both files, each whole.
+def write_trend(trend: Trend, inspections: Sequence[Inspection], folder: Path) -> tuple[str, ...]:
+    """Write the files of a trend, each whole; their names.
 
     Raises:
         OSError: If one cannot be written.
     """
     write_whole(folder / "trend.json", trend_text(trend))
+    return ("trend.json",)

@@ -5,7 +5,7 @@ __all__ = ["main"]
 
 def main() -> None:
     """Entry point of `pdpatrol`: its signals are taken over before anything else is loaded."""
-    from missions.cli.command_line import command_line
+    from missions.cli.endings.command_line import command_line
 
     with command_line():
         from missions.cli.app import run_verb

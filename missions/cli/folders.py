@@ -11,7 +11,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import NoReturn
 
-from missions.cli.interrupts import clean_up_by
+from missions.cli.endings.interrupts import clean_up_by
 from missions.cli.terminal import refuse
 
 CLAIM = ".claim"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from missions.cli import interrupts
+from missions.cli.endings import interrupts
 from missions.cli.folders import output_folder
 from missions.cli.terminal import (
     FAILED,

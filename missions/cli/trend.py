@@ -25,7 +25,7 @@ def trend(
 
     Args:
         run: Folders that `pdpatrol run` or `locate` has written, of two dates at least, in any order.
-        out_dir: Folder for trend.json and trend.html, new or empty.
+        out_dir: Folder for trend.json, new or empty.
         json_output: Print trend.json instead of a table.
     """
     if len(run) < 2:
@@ -44,12 +44,13 @@ def trend(
     from missions.campaign.trend import make_trend
     from missions.campaign.trend_file import trend_text, write_trend
 
+    written: tuple[str, ...] = ()
     if out_dir is None:
         found = make_trend(inspections)
     else:
         with output_folder(out_dir, "") as folder:
             found = make_trend(inspections)
-            write_trend(found, inspections, folder)
+            written = write_trend(found, inspections, folder)
     if json_output:
         out.print(trend_text(found), end="", soft_wrap=True)
         return
@@ -57,5 +58,5 @@ def trend(
         out.print(trend_table(found))
     else:
         out.print(f"No discharge found in {len(run)} inspections, {found.dates[0]} to {found.dates[-1]}.")
-    if out_dir is not None:
-        out.print(f"Written to {in_one_line(str(out_dir))}: trend.json, trend.html", soft_wrap=True)
+    if written:
+        out.print(f"Written to {in_one_line(str(out_dir))}: {', '.join(written)}", soft_wrap=True)

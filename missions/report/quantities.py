@@ -12,7 +12,8 @@ def _decimals(n: int) -> PlainSerializer:
     return PlainSerializer(lambda value: round(value, n) + 0.0, return_type=float, when_used="json")
 
 
-def _significant(value: float) -> float:
+def significant(value: float) -> float:
+    """Four digits that mean something; never minus zero."""
     return float(f"{value:.4g}") + 0.0
 
 
@@ -20,7 +21,7 @@ FINITE: Any = Field(allow_inf_nan=False)
 
 Metre = Annotated[float, FINITE, _decimals(3)]
 Length = Annotated[float, Field(ge=0.0, allow_inf_nan=False), _decimals(3)]
-SquareMetre = Annotated[float, FINITE, PlainSerializer(_significant, return_type=float, when_used="json")]
+SquareMetre = Annotated[float, FINITE, PlainSerializer(significant, return_type=float, when_used="json")]
 Second = Annotated[float, Field(ge=0.0, allow_inf_nan=False), _decimals(2)]
 Time = Annotated[float, FINITE, _decimals(2)]
 Probability = Annotated[float, Field(ge=0.0, le=1.0), _decimals(3)]

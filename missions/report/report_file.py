@@ -13,7 +13,7 @@ WIDTH = 120
 
 def report_text(report: Report) -> str:
     """The text of report.json."""
-    return _laid_out(report.model_dump(mode="json", by_alias=True), "") + "\n"
+    return laid_out(report.model_dump(mode="json", by_alias=True)) + "\n"
 
 
 def read_report(text: str) -> Report:
@@ -36,17 +36,17 @@ def schema_text() -> str:
     return json.dumps(report_schema(), indent=2) + "\n"
 
 
-def _laid_out(value: Any, indent: str) -> str:  # noqa: ANN401 - JSON holds values of many types
+def laid_out(value: Any, indent: str = "") -> str:  # noqa: ANN401 - JSON holds values of many types
     """JSON on one line where it fits; else a key or an item a line, or as many plain items as fit."""
     text = json.dumps(value, ensure_ascii=False)
     if len(indent) + len(text) <= WIDTH or not isinstance(value, dict | list):
         return text
     deeper = indent + " "
     if isinstance(value, dict):
-        items = [f"{json.dumps(key, ensure_ascii=False)}: {_laid_out(item, deeper)}" for key, item in value.items()]
+        items = [f"{json.dumps(key, ensure_ascii=False)}: {laid_out(item, deeper)}" for key, item in value.items()]
         return _between("{}", ",\n".join(deeper + item for item in items), indent)
     if any(isinstance(item, dict | list) for item in value):
-        items = [_laid_out(item, deeper) for item in value]
+        items = [laid_out(item, deeper) for item in value]
         return _between("[]", ",\n".join(deeper + item for item in items), indent)
     if all(isinstance(item, int) for item in value):
         return text

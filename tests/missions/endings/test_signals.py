@@ -11,7 +11,7 @@ import numpy as np
 import psutil
 import pytest
 
-from missions.cli.interrupts import SIGNALS
+from missions.cli.endings.interrupts import SIGNALS
 from missions.record.mission_log import MissionLog
 from missions.recording.viewer import supervisor
 from missions.recording.viewer.supervisor import LEAVE_OPEN
@@ -23,7 +23,7 @@ ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
 ENDLESS = """
 import sys, time
 from pathlib import Path
-from missions.cli.command_line import command_line
+from missions.cli.endings.command_line import command_line
 from missions.cli.folders import output_folder
 from missions.whole_file import whole_file
 import numpy as np

@@ -21,7 +21,7 @@ PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 WRITES = """
 import sys
 from pathlib import Path
-from missions.cli.command_line import command_line
+from missions.cli.endings.command_line import command_line
 from missions.cli.folders import output_folder
 from missions.cli.terminal import write_mission
 from missions.record.mission_log import MissionLog

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import NoReturn, TextIO
 
-from missions.cli import interrupts
+from missions.cli.endings import interrupts
 
 
 @contextmanager

@@ -1,0 +1,75 @@
+"""`pdpatrol trend` in a process of its own."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.missions.campaign.surveys import Source, along, survey
+
+COMMAND = "from missions.cli import main; main()"
+DAYS = ("2026-03-02", "2026-03-09", "2026-03-16", "2026-03-23")
+
+
+def pdpatrol(*words: str | Path) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "COLUMNS": "80"}
+    command = [sys.executable, "-c", COMMAND, "trend", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, env=environment, timeout=120, check=False)
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Four weeks of a discharge that grows, under names that a terminal must not obey."""
+    folders = list[Path]()
+    for k, day in enumerate(DAYS):
+        folder = tmp_path_factory.mktemp("runs") / f"Prüfung {k} [bold]"
+        folder.mkdir()
+        growing = Source((10.0, 10.0, 1.6), -20.0 + 3.0 * k, 2.0)
+        survey(along((6.0, 7.0), (14.0, 7.0)), growing, day=day, seed=k).save(folder)
+        folders.append(folder)
+    return folders
+
+
+def test_a_table_fits_80_columns_and_both_files_are_written_once(runs: list[Path], tmp_path: Path) -> None:
+    done = pdpatrol(*runs, "--out", tmp_path / "out")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "grown" in done.stdout
+    table, _, _ = done.stdout.partition("Written to")
+    assert max(map(len, table.splitlines())) <= 80
+    written = json.loads((tmp_path / "out" / "trend.json").read_text("utf-8"))
+    assert written["dates"] == list(DAYS)
+    assert written["discharges"][0]["verdict"] == "grown"
+    again = pdpatrol(*runs, "--out", tmp_path / "out")
+    assert again.returncode == 2
+    assert "is not empty" in again.stderr
+
+
+def test_json_is_printed_as_it_is_written(runs: list[Path]) -> None:
+    done = pdpatrol(*reversed(runs), "--json")
+    assert done.returncode == 0
+    assert json.loads(done.stdout)["runs"] == [str(run) for run in runs]
+
+
+def test_what_makes_no_campaign_is_refused_in_a_line_each(runs: list[Path], tmp_path: Path) -> None:
+    for words, told in (
+        (runs[:1], "RUN: got 1; allowed are two folders or more"),
+        ([runs[0], runs[0]], "given twice"),
+        ([runs[0], tmp_path], "holds no log.npz"),
+    ):
+        done = pdpatrol(*words, "--out", tmp_path / "never")
+        assert done.returncode == 2
+        assert len(done.stderr.splitlines()) == 1
+        assert told in done.stderr
+    assert not (tmp_path / "never").exists()
+
+
+def test_inspections_of_one_day_are_no_trend(runs: list[Path], tmp_path: Path) -> None:
+    folder = tmp_path / "same day"
+    folder.mkdir()
+    survey(along((6.0, 7.0), (14.0, 7.0)), day=DAYS[0]).save(folder)
+    done = pdpatrol(runs[0], folder)
+    assert done.returncode == 2
+    assert "allowed are inspections of two dates at least" in done.stderr
