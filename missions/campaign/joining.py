@@ -93,7 +93,9 @@ def _matched(joined: Sequence[Joined], findings: Sequence[Located]) -> Mapping[i
         ]
     )
     rows, columns = linear_sum_assignment(np.where(squares <= GATE, squares, FAR))
-    return {int(row): joined[column] for row, column in zip(rows, columns, strict=True) if squares[row, column] <= GATE}
+    return {
+        int(row): joined[int(column)] for row, column in zip(rows, columns, strict=True) if squares[row, column] <= GATE
+    }
 
 
 def _square(off_m: FloatArray, covariance_m2: FloatArray) -> float:

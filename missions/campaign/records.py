@@ -22,7 +22,7 @@ class Record(BaseModel, frozen=True, extra="forbid"):
     """A part of a trend."""
 
 
-class Interval(Record):
+class Interval(Record, frozen=True):
     """An estimate with the ends of its 99 % interval."""
 
     value: Number = Field(description="the estimate")
@@ -30,7 +30,7 @@ class Interval(Record):
     upper: Number = Field(description="upper end")
 
 
-class Observation(Record):
+class Observation(Record, frozen=True):
     """A discharge in one inspection."""
 
     run: str = Field(description="folder of the mission, as it was given")
@@ -48,7 +48,7 @@ class Observation(Record):
     n_looks: Count = Field(description="squares of the ground, 1 m wide, from which they came")
 
 
-class Line(Record):
+class Line(Record, frozen=True):
     """A line over the weeks."""
 
     per_week: Interval = Field(description="slope")
@@ -56,7 +56,7 @@ class Line(Record):
     scatter: Number = Field(description="standard deviation between inspections beyond what each states")
 
 
-class Discharge(Record):
+class Discharge(Record, frozen=True):
     """One discharge over all inspections."""
 
     number: int = Field(description="from 1 on, those that grow most first")
@@ -70,7 +70,7 @@ class Discharge(Record):
     observations: tuple[Observation, ...] = Field(description="one for each inspection, by date")
 
 
-class Trend(Record):
+class Trend(Record, frozen=True):
     """The content of trend.json."""
 
     schema_number: Literal[1] = Field(alias="schema", description="number of this schema")

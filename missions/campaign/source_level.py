@@ -83,7 +83,7 @@ class Looks(NamedTuple):
 
     def take(self, rows: BoolArray) -> Looks:
         """Some of the steps; looks keep their numbers."""
-        return Looks(*(column[rows] for column in self))
+        return Looks(self.step[rows], self.look[rows], self.duration_s[rows], self.loss_db[rows])
 
 
 def loss_db(inspection: Inspection, position_m: FloatArray, pose: FloatArray) -> FloatArray:
@@ -200,8 +200,8 @@ def _all_but(group: IntArray, numbers: IntArray) -> BoolArray:
 def _estimate(pulses: _Pulses, looks: Looks, counts: BoolArray) -> tuple[float, float]:
     """Level, dB, and rate, pulses a second, of the looks that count; each look counts alike, however long it was."""
     looks, kept = looks.take(counts[looks.look]), counts[pulses.look]
-    pulses = _Pulses(*(column[kept] for column in pulses))
-    spent_s = np.bincount(looks.look, looks.duration_s, minlength=counts.size)
+    pulses = _Pulses(pulses.level_db[kept], pulses.least_db[kept], pulses.look[kept])
+    spent_s = np.bincount(looks.look, looks.duration_s, minlength=counts.size).astype(np.float64)
     distribution = product_limit(pulses.level_db, pulses.least_db, 1.0 / spent_s[pulses.look])
     if distribution.level_db.size == 0:
         return np.nan, np.nan

@@ -10,8 +10,8 @@ from tests.missions.campaign.surveys import Source, along, inspection, survey
 SOURCE = (10.0, 10.0, 1.6)
 
 
-def level_of(source: Source, *ways: np.ndarray, **settings: float) -> SourceLevel:
-    seen = inspection(survey(np.concatenate(ways), source, **settings))
+def level_of(source: Source, *ways: np.ndarray) -> SourceLevel:
+    seen = inspection(survey(np.concatenate(ways), source))
     level = source_level(seen, seen.findings[0])
     assert level is not None
     return level
