@@ -1,6 +1,7 @@
 """Signals: at any moment, within two seconds, with whole files and no child left."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,10 +12,12 @@ import numpy as np
 import psutil
 import pytest
 
+from envs import load_scenario
 from missions.cli.endings.interrupts import SIGNALS
 from missions.record.mission_log import MissionLog
 from missions.recording.viewer import supervisor
 from missions.recording.viewer.supervisor import LEAVE_OPEN
+from missions.runner import run_mission
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "locate" / "strengths.csv"
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
@@ -146,23 +149,35 @@ def test_a_viewer_ends_with_whoever_asked_for_it_however_that_ends_unless_it_is_
     assert len(alive) == (2 if stays else 0)
 
 
+FOLDER = "the folder of the test"
 VERBS = {
-    "run": ("run", "one_source"),
-    "plan": ("plan", "transformer_bay"),
-    "reproduce": ("reproduce", "--trials", "3600"),
-    "locate": ("locate", str(EXAMPLE)),
-    "sweep": ("sweep", "suite/open", "--seeds", "0", "--workers", "1"),
+    "run": ("run", "one_source", "--out", FOLDER),
+    "plan": ("plan", "transformer_bay", "--out", FOLDER),
+    "reproduce": ("reproduce", "--trials", "3600", "--out", FOLDER),
+    "locate": ("locate", str(EXAMPLE), "--out", FOLDER),
+    "sweep": ("sweep", "suite/open", "--seeds", "0", "--workers", "1", "--out", FOLDER),
+    "replay": ("replay", FOLDER, "--web"),
 }
+
+
+@pytest.fixture(scope="module")
+def mission(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the log of a mission, and no recording."""
+    folder = tmp_path_factory.mktemp("mission")
+    run_mission(load_scenario("transformer_bay"), "patrol").save(folder)
+    return folder
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("verb", VERBS)
-def test_signals_at_random_moments_end_every_verb_in_two_seconds(verb: str, tmp_path: Path) -> None:
+def test_signals_at_random_moments_end_every_verb_in_two_seconds(verb: str, mission: Path, tmp_path: Path) -> None:
     rng, late = np.random.default_rng(list(verb.encode())), list[float]()
     for k in range(40):
         number, folder = signal.Signals(rng.choice(SIGNALS)), tmp_path / str(k)
+        if verb == "replay":
+            shutil.copytree(mission, folder)
         process = subprocess.Popen(
-            [PDPATROL, *VERBS[verb], "--out", str(folder)],
+            [PDPATROL, *(str(folder) if part == FOLDER else part for part in VERBS[verb])],
             cwd=tmp_path,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
