@@ -39,7 +39,7 @@ def blueprint(meta: Mapping[str, Any], end_s: float | None = None, bin_s: float 
             end=rrb.TimeRangeBoundary.absolute(seconds=end_s) if end_s else rrb.TimeRangeBoundary.infinite(),
         )
     )
-    behind = _orbit([-4.5, -3.2, 3.4], [0.0, 0.0, 0.5], tracks=paths.ROBOT)
+    behind = _orbit([-4.2, -3.0, 4.2], [0.0, 0.0, 0.5], tracks=paths.ROBOT)
     yard = _yard("Robot", behind, bin_s, hidden=(paths.TRUTH, paths.MARKER, paths.EQUIPMENT_NAMES))
     low, high = (np.array(corner) for corner in meta.get("bounds_m", ((0.0, 0.0), (40.0, 30.0))))
     centre = np.array([*(0.5 * (low + high)), 0.0])
@@ -140,7 +140,7 @@ def _spectra() -> rrb.Spatial2DView:
 def _plots(whole: rrb.TimeAxis) -> rrb.Tabs:
     uncertainty = rrb.TimeSeriesView(
         origin=paths.UNCERTAINTY,
-        name="95 % ellipse, 10^y m",
+        name="95 % ellipses, 10^y m",
         axis_x=whole,
         axis_y=rrb.ScalarAxis(range=ELLIPSE_DECADES),
         plot_legend=rrb.Corner2D.RightTop,

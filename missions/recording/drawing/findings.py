@@ -81,7 +81,7 @@ class Findings:
         plot = f"{paths.UNCERTAINTY}/{number}"
         if number not in self._named:
             self._named.add(number)
-            self._canvas.still(plot, rr.SeriesLines(names=[f"finding {number}"]))
+            self._canvas.still(plot, rr.SeriesLines(names=[f"{number}"]))
         self._canvas.columns(plot, steps, rr.Scalars.columns(scalars=np.log10(semi_major)))
 
     def _draw_lines(
