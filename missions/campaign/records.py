@@ -10,7 +10,7 @@ from missions.report.quantities import Count, Length, Point, significant
 
 SCHEMA = 1
 
-Presence = Literal["found", "missed", "not inspected"]
+Presence = Literal["found", "absent", "not inspected"]
 Verdict = Literal["grown", "constant", "declined", "not clear", "too few dates"]
 Status = Literal["new", "standing", "gone"]
 
@@ -36,7 +36,7 @@ class Observation(Record, frozen=True):
     run: str = Field(description="folder of the mission, as it was given")
     date: str = Field(description="of the inspection, as 2026-03-02")
     week: Number = Field(description="weeks since the first inspection")
-    presence: Presence = Field(description="missed: it would have been found if it were as before")
+    presence: Presence = Field(description="absent: it would have been found if it were as it was on the nearest date")
     finding_id: int | None = Field(description="of the finding in log and report of the run; null where it is none")
     is_confirmed: bool = Field(description="whether that finding is confirmed; else it is a candidate")
     level_db: Interval | None = Field(
@@ -63,7 +63,7 @@ class Discharge(Record, frozen=True):
     site: str = Field(description="likeliest place, in words; empty without a map")
     position_m: Point = Field(description="x, y, z, world frame, metres")
     semi_major_m: Length = Field(description="longer half-axis of its 95 % ellipse, metres")
-    status: Status = Field(description="new: missed before it was found; gone: missed when it was last inspected")
+    status: Status = Field(description="new: absent before it was found; gone: absent when it was last inspected")
     verdict: Verdict = Field(description="of the level, by the 99 % interval of its slope")
     level: Line | None = Field(description="decibels over one volt at 1 m; null with fewer than three dates")
     rate: Line | None = Field(description="natural logarithm of pulses a second; null with fewer than three dates")

@@ -67,7 +67,7 @@ def _discharge(joined: Joined, inspections: Sequence[Inspection], weeks: FloatAr
             float(weeks[k]),
             joined.found.get(k),
             levels.get(k),
-            _missed(k, joined, known, inspection, floor),
+            _is_absent(k, joined, known, inspection, floor),
         )
         for k, inspection in enumerate(inspections)
     )
@@ -91,7 +91,9 @@ def _discharge(joined: Joined, inspections: Sequence[Inspection], weeks: FloatAr
     )
 
 
-def _missed(number: int, joined: Joined, known: dict[int, SourceLevel], inspection: Inspection, floor: float) -> bool:
+def _is_absent(
+    number: int, joined: Joined, known: dict[int, SourceLevel], inspection: Inspection, floor: float
+) -> bool:
     """Whether an inspection would have found a discharge as it was in the nearest one that tells its level.
 
     That takes enough pulses from near by, and lines of sight that open as wide as confirmation wants.
@@ -110,13 +112,13 @@ def _missed(number: int, joined: Joined, known: dict[int, SourceLevel], inspecti
 
 
 def _observation(
-    inspection: Inspection, week: float, finding: Located | None, level: SourceLevel | None, is_missed: bool
+    inspection: Inspection, week: float, finding: Located | None, level: SourceLevel | None, is_absent: bool
 ) -> Observation:
     return Observation(
         run=str(inspection.folder),
         date=inspection.day,
         week=week,
-        presence="found" if finding else "missed" if is_missed else "not inspected",
+        presence="found" if finding else "absent" if is_absent else "not inspected",
         finding_id=finding.id if finding else None,
         is_confirmed=finding is not None and finding.is_confirmed,
         level_db=_interval(level.level_db, SIGMAS * level.level_std_db) if level else None,
@@ -154,6 +156,6 @@ def _verdict(line: TrendLine | None) -> Verdict:
 def _status(observations: Sequence[Observation]) -> Status:
     """By the first and the last inspection that tell whether it was there."""
     telling = [each.presence for each in observations if each.presence != "not inspected"]
-    if telling[-1] == "missed":
+    if telling[-1] == "absent":
         return "gone"
-    return "new" if telling[0] == "missed" else "standing"
+    return "new" if telling[0] == "absent" else "standing"

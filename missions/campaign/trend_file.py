@@ -7,6 +7,7 @@ from pathlib import Path
 
 from missions.campaign.inspection import Inspection
 from missions.campaign.records import Trend
+from missions.campaign.trend_page import trend_page
 from missions.report.report_file import laid_out
 from missions.whole_file import write_whole
 
@@ -23,4 +24,5 @@ def write_trend(trend: Trend, inspections: Sequence[Inspection], folder: Path) -
         OSError: If one cannot be written.
     """
     write_whole(folder / "trend.json", trend_text(trend))
-    return ("trend.json",)
+    write_whole(folder / "trend.html", trend_page(trend, inspections))
+    return ("trend.json", "trend.html")

@@ -23,8 +23,8 @@ def _status(discharge: Discharge) -> str:
     if discharge.status == "new":
         return f"new on {found[0]}"
     if discharge.status == "gone":
-        missed = [each.date for each in discharge.observations if each.presence == "missed" and each.date >= found[-1]]
-        return f"gone since {missed[0]}"
+        absent = [each.date for each in discharge.observations if each.presence == "absent" and each.date >= found[-1]]
+        return f"gone since {absent[0]}"
     return ""
 
 

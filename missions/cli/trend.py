@@ -25,7 +25,7 @@ def trend(
 
     Args:
         run: Folders that `pdpatrol run` or `locate` has written, of two dates at least, in any order.
-        out_dir: Folder for trend.json, new or empty.
+        out_dir: Folder for trend.json and trend.html, new or empty.
         json_output: Print trend.json instead of a table.
     """
     if len(run) < 2:

@@ -56,7 +56,7 @@ def test_what_was_looked_at_and_not_found_is_gone_and_what_was_not_looked_at_is_
     """The last inspection passes the place, or stays away from it."""
     source = Source(PLACE, spread_db=2.0)
     both = [survey(PAST_BOTH, source, Source(OTHER, spread_db=2.0), day=day) for day in DAYS[:2]]
-    for way, presence, status in ((PAST, "missed", "gone"), (ELSEWHERE, "not inspected", "standing")):
+    for way, presence, status in ((PAST, "absent", "gone"), (ELSEWHERE, "not inspected", "standing")):
         trend = trend_of(*both, quiet(DAYS[2], way))
         (place,) = (each for each in trend.discharges if each.position_m[0] < 20.0)
         assert [each.presence for each in place.observations] == ["found", "found", presence]
@@ -83,7 +83,7 @@ def test_a_discharge_that_would_be_too_weak_to_be_detected_from_there_is_not_gon
 def test_what_was_passed_on_one_side_of_it_in_a_hurry_is_not_gone() -> None:
     """Lines of sight open by less than what confirms a finding."""
     both = [survey(PAST, Source(PLACE, spread_db=2.0), day=day) for day in DAYS[:2]]
-    for way, presence in ((along((9.0, 6.0), (11.0, 6.0), 0.1), "not inspected"), (PAST, "missed")):
+    for way, presence in ((along((9.0, 6.0), (11.0, 6.0), 0.1), "not inspected"), (PAST, "absent")):
         (place,) = (d for d in trend_of(*both, quiet(DAYS[2], way)).discharges if d.position_m[0] < 20.0)
         assert place.observations[2].presence == presence
 

@@ -37,6 +37,7 @@ def test_a_table_fits_80_columns_and_both_files_are_written_once(runs: list[Path
     done = pdpatrol(*runs, "--out", tmp_path / "out")
     assert (done.returncode, done.stderr) == (0, "")
     assert "grown" in done.stdout
+    assert (tmp_path / "out" / "trend.html").stat().st_size > 10_000
     table, _, _ = done.stdout.partition("Written to")
     assert max(map(len, table.splitlines())) <= 80
     written = json.loads((tmp_path / "out" / "trend.json").read_text("utf-8"))
