@@ -69,7 +69,7 @@ class Site(Record):
 
 
 class PhaseHistogram(Record):
-    """Phase-resolved pattern: how many pulses came at which phase and level; zero is never a level of its own."""
+    """Phase-resolved pattern: how many pulses came at which phase and level."""
 
     phase_step_deg: Degree = Field(
         description="width of a column, degrees of the receiver's mains; the first from 0 on"
@@ -82,8 +82,10 @@ class PhaseHistogram(Record):
 class Discharge(Record):
     """What the phases of the mains at the pulses say of the kind of discharge."""
 
-    kind: str = Field(description="corona, void, surface or floating; unknown where the pattern is like none of them")
-    confidence: Probability = Field(description="probability of `kind`; of unknown, that it is none of the others")
+    kind: Literal["corona", "void", "surface", "floating", "unknown"] = Field(
+        description="unknown where the pattern is like none of the others, or has too few pulses"
+    )
+    confidence: Probability = Field(description="probability of `kind`; of unknown, 1 where there are too few pulses")
     shift_deg: Degree = Field(description="by how much the pattern leads that of its kind over the receiver's mains")
     pattern: PhaseHistogram = Field(description="phase against level of all pulses of known phase")
 

@@ -27,7 +27,7 @@ def read_report(text: str) -> Report:
 
 def report_schema() -> dict[str, Any]:
     """JSON Schema of report.json, draft 2020-12."""
-    schema = Report.model_json_schema(mode="serialization", by_alias=True)
+    schema = Report.model_json_schema(by_alias=True)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
