@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -65,6 +66,7 @@ def report_page(log: MissionLog, report: Report, inspected: Inspected | None) ->
         sections=[_section(log, finding, pulses.get(finding.id)) for finding in report.findings],
         candidates=[(finding, site_in_words(finding), kind_in_words(finding)) for finding in report.candidates],
         inspected=inspected,
+        inspected_pieces=_by_piece(inspected) if inspected else [],
         fates=[(getattr(report.pulses, fate), words) for fate, words in FATES.items()],
         settings=_settings(log.meta),
         limits=LIMITS,
@@ -90,6 +92,9 @@ def summary(report: Report) -> str:
         text += f" {_count(outside)} {'lies' if outside == 1 else 'lie'} beyond the fence."
     if len(report.candidates) > outside:
         text += f" {_count(len(report.candidates) - outside)} more could not be confirmed."
+    if missed := report.waypoints.missed:
+        n_all = len(missed) + len(report.waypoints.visited)
+        text += f" The tour is not whole: {len(missed)} of {n_all} waypoints were missed."
     return f"{text} {coverage(report)}"
 
 
@@ -140,6 +145,15 @@ def _section(log: MissionLog, finding: FindingRecord, pulses: FindingPulses | No
     )
     words = site_in_words(finding), kind_in_words(finding)
     return FindingSection(finding, *words, phase_pattern, seen, advice_for(finding))
+
+
+def _by_piece(inspected: Inspected) -> list[tuple[str, list[str], bool]]:
+    """Pieces of equipment with the sites on each that were inspected, and whether these are all of them."""
+    pieces: dict[str, list[str]] = {}
+    for name in inspected.names("inspected"):
+        pieces.setdefault(name.partition("/")[0], []).append(name.partition("/")[2])
+    n_sites = Counter(site.name.partition("/")[0] for site in inspected.sites)
+    return [(piece, names, len(names) == n_sites[piece]) for piece, names in pieces.items()]
 
 
 def _settings(meta: Mapping[str, Any]) -> dict[str, str]:

@@ -14,7 +14,7 @@ def site_in_words(finding: FindingRecord) -> str:
     if finding.state == "outside":
         return BEYOND_THE_FENCE
     if not finding.sites:
-        return "-"
+        return "not known"
     return in_words([SiteProbability(site.name, site.probability) for site in finding.sites])
 
 
@@ -22,7 +22,7 @@ def kind_in_words(finding: FindingRecord) -> str:
     """Kind of discharge with its confidence; of an unknown one there is none to tell."""
     discharge = finding.discharge
     if discharge is None:
-        return "-"
+        return "not known"
     if discharge.kind == UNKNOWN:
         return UNKNOWN
     return f"{discharge.kind} {percent(discharge.confidence)}"

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from missions.record.finding_pulses import FindingPulses
@@ -47,6 +48,7 @@ def draw_phase_pattern(discharge: Discharge) -> Figure:
         axes.axhline(middle, color="#aab4bd", linewidth=0.6)
         axes.plot(phase, middle + half * np.sin(np.radians(phase)), color="#7b8a97", linewidth=1.0)
         axes.set(xlim=(0, 360), ylim=(level_db[0], level_db[-1]), xticks=range(0, 361, 90))
+        axes.yaxis.set_major_locator(MaxNLocator(8, integer=True, steps=[1, 2, 5, 10]))
         axes.set(xlabel="phase of the receiver's mains (degrees)", ylabel="level at 1 m (dBV)")
     return figure
 

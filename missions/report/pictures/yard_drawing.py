@@ -8,6 +8,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 from matplotlib.text import OffsetFrom
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
 from dirmusic.locating.ellipse import outline95
@@ -61,6 +62,8 @@ def draw_frame(axes: Axes, low_m: ArrayLike, high_m: ArrayLike) -> None:
     (left, bottom), (right, top) = np.asarray(low_m), np.asarray(high_m)
     axes.set(xlim=(left, right), ylim=(bottom, top), xlabel="x, east (m)", ylabel="y, north (m)")
     axes.set_aspect("equal")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(8, integer=True, steps=[1, 2, 5, 10]))
     axes.grid(color="#e3e8ec", linewidth=0.5)
     axes.set_axisbelow(True)
     corner = OffsetFrom(axes.patch, (1.0, 1.0))

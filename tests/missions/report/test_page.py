@@ -1,26 +1,9 @@
 """The frame of all pages: one file, nothing to load, foreign text escaped."""
 
-from html.parser import HTMLParser
-
 from matplotlib.figure import Figure
 
 from missions.report.page import css_string, inline_svg, render
-
-
-class Reader(HTMLParser):
-    """Elements and their attributes, and the text between."""
-
-    def __init__(self, page: str) -> None:
-        super().__init__()
-        self.elements: list[tuple[str, dict[str, str | None]]] = []
-        self.text = ""
-        self.feed(page)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.elements.append((tag, dict(attrs)))
-
-    def handle_data(self, data: str) -> None:
-        self.text += data
+from tests.missions.report.html import Page
 
 
 def picture(name: str, title: str = "") -> str:
@@ -33,8 +16,8 @@ def picture(name: str, title: str = "") -> str:
 
 def test_foreign_text_cannot_leave_the_place_where_it_is_shown() -> None:
     name = '</title><script>alert(1)</script>"; } @import url(http://a.b/c);'
-    page = Reader(render("base.html", title="Survey", subject=name))
-    assert "script" not in {tag for tag, _ in page.elements}
+    page = Page(render("base.html", title="Survey", subject=name))
+    assert "script" not in page.tags
     assert page.text.count(name) == 2  # head and header; in the style it is escaped
     style = render("base.html", title="Survey", subject=name).split("<style>")[1].split("</style>")[0]
     assert "@import url" not in style
@@ -45,7 +28,7 @@ def test_a_css_string_holds_neither_quotes_nor_line_breaks_nor_the_end_of_a_styl
 
 
 def test_two_pictures_of_a_page_share_no_id_and_each_points_to_its_own() -> None:
-    first, second = Reader(picture("one")), Reader(picture("two"))
+    first, second = Page(picture("one")), Page(picture("two"))
     ids = [{a["id"] for _, a in page.elements if a.get("id")} for page in (first, second)]
     assert ids[0]
     assert not ids[0] & ids[1]
@@ -57,7 +40,7 @@ def test_two_pictures_of_a_page_share_no_id_and_each_points_to_its_own() -> None
 
 def test_a_picture_is_the_same_each_time_names_no_address_to_load_and_escapes_its_text() -> None:
     assert picture("one", "<b>&") == picture("one", "<b>&")
-    assert "b" not in {tag for tag, _ in Reader(picture("one", "<b>&")).elements}
-    for _, attributes in Reader(picture("one")).elements:
+    assert "b" not in {tag for tag, _ in Page(picture("one", "<b>&")).elements}
+    for _, attributes in Page(picture("one")).elements:
         links = [value or "" for key, value in attributes.items() if key in ("src", "href", "xlink:href")]
         assert all(link.startswith("#") for link in links)

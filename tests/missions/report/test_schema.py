@@ -4,7 +4,6 @@ import json
 from collections.abc import Callable
 from copy import deepcopy
 from pathlib import Path
-from typing import Any
 
 import jsonschema
 import pytest
@@ -47,7 +46,7 @@ LOGS: dict[str, Callable[[], MissionLog]] = {
 }
 
 
-def written(report: Report) -> Any:
+def written(report: Report) -> dict:
     return json.loads(report_text(report))
 
 
@@ -74,8 +73,8 @@ def test_the_schema_accepts_reports_which_read_back_as_they_were_written(name: s
     assert report_text(read_report(text)) == text
 
 
-def changed(*path: str | int, to: object) -> Callable[[Any], None]:
-    def change(report: Any) -> None:
+def changed(*path: str | int, to: object) -> Callable[[dict], None]:
+    def change(report: dict) -> None:
         for key in path[:-1]:
             report = report[key]
         report[path[-1]] = to
@@ -83,8 +82,8 @@ def changed(*path: str | int, to: object) -> Callable[[Any], None]:
     return change
 
 
-def without(*path: str | int) -> Callable[[Any], None]:
-    def change(report: Any) -> None:
+def without(*path: str | int) -> Callable[[dict], None]:
+    def change(report: dict) -> None:
         for key in path[:-1]:
             report = report[key]
         del report[path[-1]]
