@@ -39,7 +39,7 @@ class FindingPulses(NamedTuple):
 
     def take(self, rows: NDArray[np.bool_]) -> FindingPulses:
         """Those at some rows, by mask (n,)."""
-        return FindingPulses(*(column[rows] for column in self))
+        return FindingPulses(**{name: column[rows] for name, column in self._asdict().items()})
 
 
 def finding_pulses(log: MissionLog) -> dict[int, FindingPulses]:

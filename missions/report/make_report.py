@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from missions.report.records import (
     Ellipse,
     Evaluation,
     FindingRecord,
+    Kind,
     PhaseHistogram,
     Report,
     Site,
@@ -189,7 +190,7 @@ def _discharge(resolved: PhaseResolved | None) -> Discharge | None:
         return None
     found = resolved.pattern
     return Discharge(
-        kind=found.kind,
+        kind=cast("Kind", found.kind),
         confidence=found.confidence,
         shift_deg=float(np.degrees(found.shift_rad)),
         pattern=_histogram(resolved),

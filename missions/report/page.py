@@ -6,7 +6,7 @@ import re
 from datetime import datetime
 from functools import cache
 from io import StringIO
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 NO_METADATA = {"Creator": None, "Date": None, "Format": None, "Type": None}
 """Of an SVG: without these, matplotlib writes the same bytes each time, and names no address."""
 
-SVG_STYLE = {
+SVG_STYLE: Any = {
     "svg.fonttype": "none",  # text stays text: it can be searched, and takes the fonts of the page
     "font.family": "sans-serif",
     "font.size": 9.0,

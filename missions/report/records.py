@@ -27,12 +27,14 @@ from missions.report.quantities import (
 
 SCHEMA = 4
 
+Kind = Literal["corona", "void", "surface", "floating", "unknown"]
+
 
 class Record(BaseModel, frozen=True, extra="forbid"):
     """A part of the report."""
 
 
-class Waypoints(Record):
+class Waypoints(Record, frozen=True):
     """Waypoints by their number, from 1 on."""
 
     visited: tuple[Count, ...] = Field(description="those that the robot came to, ascending")
@@ -40,7 +42,7 @@ class Waypoints(Record):
     unreachable: tuple[Count, ...] = Field(description="those of the missed ones to which it found no way")
 
 
-class PulseCounts(Record):
+class PulseCounts(Record, frozen=True):
     """What became of the pulses; all but the first two are null if the mission was cut off without warning."""
 
     detected: Count = Field(description="all that triggered the receiver; the sum of the other fields")
@@ -53,7 +55,7 @@ class PulseCounts(Record):
     echo: Count | None = Field(description="echoes of a finding")
 
 
-class Ellipse(Record):
+class Ellipse(Record, frozen=True):
     """The 95 % ellipse of a position on plan."""
 
     semi_major_m: Length = Field(description="longer half-axis, metres")
@@ -61,14 +63,14 @@ class Ellipse(Record):
     angle_rad: Radian = Field(description="direction of the longer half-axis, world frame, counter-clockwise from east")
 
 
-class Site(Record):
+class Site(Record, frozen=True):
     """A place where a finding may be."""
 
     name: str = Field(description="equipment/site; equipment alone for another place on it; or elsewhere")
     probability: Probability = Field(description="that the finding is there")
 
 
-class PhaseHistogram(Record):
+class PhaseHistogram(Record, frozen=True):
     """Phase-resolved pattern: how many pulses came at which phase and level."""
 
     phase_step_deg: Degree = Field(
@@ -79,18 +81,16 @@ class PhaseHistogram(Record):
     counts: tuple[tuple[Count, ...], ...] = Field(description="pulses, one row for each level from the lowest up")
 
 
-class Discharge(Record):
+class Discharge(Record, frozen=True):
     """What the phases of the mains at the pulses say of the kind of discharge."""
 
-    kind: Literal["corona", "void", "surface", "floating", "unknown"] = Field(
-        description="unknown where the pattern is like none of the others, or has too few pulses"
-    )
+    kind: Kind = Field(description="unknown where the pattern is like none of the others, or has too few pulses")
     confidence: Probability = Field(description="probability of `kind`; of unknown, 1 where there are too few pulses")
     shift_deg: Degree = Field(description="by how much the pattern leads that of its kind over the receiver's mains")
     pattern: PhaseHistogram = Field(description="phase against level of all pulses of known phase")
 
 
-class Strength(Record):
+class Strength(Record, frozen=True):
     """How strong and how frequent the pulses of a finding are, with range and gain of the array taken out."""
 
     level_db: Decibel = Field(description="upper quartile of the levels, decibels over one volt at 1 m")
@@ -102,7 +102,7 @@ class Strength(Record):
     )
 
 
-class DetectedFrom(Record):
+class DetectedFrom(Record, frozen=True):
     """From where a finding was detected."""
 
     nearest_m: Length = Field(description="least distance on plan, metres")
@@ -113,7 +113,7 @@ class DetectedFrom(Record):
     duration_s: Second = Field(description="seconds in which any of its pulses were detected")
 
 
-class FindingRecord(Record):
+class FindingRecord(Record, frozen=True):
     """A discharge as located by the end."""
 
     id: int = Field(description="the same in log, recording, terminal and pages; candidates take numbers too")
@@ -137,7 +137,7 @@ class FindingRecord(Record):
     fixed_s: Time | None = Field(description="when it was first confirmed, seconds of the mission; null if never")
 
 
-class Inspection(Record):
+class Inspection(Record, frozen=True):
     """Which sites of the map were listened to, over the poses driven; sound channels and an undamaged array assumed."""
 
     useful_range_m: Length = Field(description="distance on plan from within which findings are confirmed, metres")
@@ -147,28 +147,39 @@ class Inspection(Record):
     not_inspected: tuple[str, ...] = Field(description="sites never in sight from near enough to hear it")
 
 
-class ScoredSource(Record):
-    """A true source and the finding that it is paired with, if any; fields after `found` are null without one."""
+class Match(Record, frozen=True):
+    """How well a finding fits the source that it is paired with."""
+
+    finding_id: int = Field(description="id of the finding")
+    error_m: Length = Field(description="distance of the finding from the source on plan, metres")
+    height_error_m: Metre = Field(description="height of the finding above the source, metres")
+    inside_ellipse95: bool = Field(description="whether the source lies in the finding's 95 % ellipse")
+    right_site: bool = Field(description="whether no site is nearer to the finding than the source is")
+
+
+class ScoredSource(Record, frozen=True):
+    """A true source, and the confirmed finding within 2 m on plan that it is paired with, if any."""
 
     name: str = Field(description="as of the scenario")
     true_position_m: Point = Field(description="x, y, z, world frame, metres")
-    found: bool = Field(description="whether a confirmed finding lies within 2 m on plan")
-    finding_id: int | None = Field(description="id of the finding")
-    error_m: Length | None = Field(description="distance of the finding from the source on plan, metres")
-    height_error_m: Metre | None = Field(description="height of the finding above the source, metres")
-    inside_ellipse95: bool | None = Field(description="whether the source lies in the finding's 95 % ellipse")
-    right_site: bool | None = Field(description="whether no site is nearer to the finding than the source is")
+    found: bool = Field(description="whether there is such a finding")
+    match: Match | None = Field(description="how well it fits; null if there is none")
 
 
-class Evaluation(Record):
+class Evaluation(Record, frozen=True):
     """The findings against the truth, which a simulator alone knows."""
 
     sources: tuple[ScoredSource, ...] = Field(description="every source inside the fence")
     false_findings: Count = Field(description="confirmed findings without a source")
     ospa_m: Length = Field(description="OSPA distance of findings and sources, order 1, cut-off 2 m, metres")
 
+    @property
+    def matches(self) -> tuple[Match, ...]:
+        """Of the sources that were found."""
+        return tuple(source.match for source in self.sources if source.match is not None)
 
-class Report(Record):
+
+class Report(Record, frozen=True):
     """What a mission found, how sure that is, and what it did not look at."""
 
     schema_number: Literal[4] = Field(alias="schema", description="number of this schema")
@@ -193,3 +204,14 @@ class Report(Record):
     candidates: tuple[FindingRecord, ...] = Field(description="detected, and not confirmed or beyond the fence, by id")
     inspection: Inspection | None = Field(description="what was looked at; null without a map with sites")
     evaluation: Evaluation | None = Field(description="findings against the truth; null where it is not known")
+
+    @property
+    def scores(self) -> Evaluation:
+        """The evaluation of a mission whose truth is known.
+
+        Raises:
+            ValueError: If it is not.
+        """
+        if self.evaluation is None:
+            raise ValueError(f"{self.scenario}: the truth is not known")
+        return self.evaluation

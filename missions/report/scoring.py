@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 
 from dirmusic.locating.ellipse import is_inside95
-from missions.report.records import Evaluation, ScoredSource
+from missions.report.records import Evaluation, Match, ScoredSource
 
 FloatArray = NDArray[np.float64]
 
@@ -91,24 +91,19 @@ def evaluate(
     known_m = np.empty((0, 3)) if sites_m is None else sites_m
     scored: list[ScoredSource] = []
     for i, source in enumerate(sources):
-        j = partner.get(i)
-        inside, is_right_site = None, None
+        j, match = partner.get(i), None
         if j is not None:
             other_m = np.linalg.norm(known_m - found_m[j], axis=-1)
-            is_right_site = bool((other_m > np.linalg.norm(true_m[i] - found_m[j]) - SAME_PLACE_M).all())
-            inside = is_inside95((found_m[j] - true_m[i])[:2], np.asarray(findings[j].covariance_m2)[:2, :2])
-        scored.append(
-            ScoredSource(
-                name=source.name,
-                true_position_m=source.position_m,
-                found=j is not None,
-                finding_id=None if j is None else findings[j].id,
-                error_m=None if j is None else float(distance[i, j]),
-                height_error_m=None if j is None else float(found_m[j, 2] - true_m[i, 2]),
-                inside_ellipse95=inside,
-                right_site=is_right_site,
+            off_m, covariance_m2 = found_m[j] - true_m[i], np.asarray(findings[j].covariance_m2)
+            match = Match(
+                finding_id=findings[j].id,
+                error_m=float(distance[i, j]),
+                height_error_m=float(off_m[2]),
+                inside_ellipse95=is_inside95(off_m[:2], covariance_m2[:2, :2]),
+                right_site=bool((other_m > np.linalg.norm(off_m) - SAME_PLACE_M).all()),
             )
-        )
+        position_m = source.position_m
+        scored.append(ScoredSource(name=source.name, true_position_m=position_m, found=match is not None, match=match))
     most = max(len(findings), len(sources))
     missed = most - len(partner)
     ospa = (sum(float(distance[i, j]) for i, j in partner.items()) + CUT_OFF_M * missed) / most if most else 0.0

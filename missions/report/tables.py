@@ -79,5 +79,5 @@ def _folded(words: str) -> str:
 
 def _error_of(finding: FindingRecord, sources: Sequence[ScoredSource]) -> str:
     """Distance to the source that the finding is paired with."""
-    errors_m = {source.finding_id: source.error_m for source in sources if source.error_m is not None}
+    errors_m = {source.match.finding_id: source.match.error_m for source in sources if source.match is not None}
     return f"{errors_m[finding.id]:.2f}" if finding.id in errors_m else "false"

@@ -132,12 +132,11 @@ class MissionRow(NamedTuple):
     def of_log(cls, job: MissionJob, log: MissionLog, wall_time_s: float, peak_memory_mb: float) -> MissionRow:
         """A mission that ran to its end."""
         report = make_report(log, wall_time_s)
-        evaluation, step = report.evaluation, log.table("step")
-        assert evaluation is not None  # missions of a sweep are simulated: their truth is known
-        sources, found = evaluation.sources, [source for source in evaluation.sources if source.found]
-        fixed_s = {finding.id: finding.fixed_s for finding in report.findings}
-        confirmed_s = tuple(fixed_s[source.finding_id] for source in found)
-        has_found_all = bool(sources) and len(found) == len(sources)
+        evaluation, step = report.scores, log.table("step")
+        sources, matches = evaluation.sources, evaluation.matches
+        fixed_s = {finding.id: finding.fixed_s for finding in report.findings if finding.fixed_s is not None}
+        confirmed_s = tuple(fixed_s[match.finding_id] for match in matches)
+        has_found_all = bool(sources) and len(matches) == len(sources)
         sources_m = [np.array(source.true_position_m[:2]) for source in sources]
         shortest_m = shortest_tour(SiteMap(job.scenario, job.scenario.yard), sources_m, job.scenario.task.standoff_m)
         bearing_rmse_rad = bearing_rmse(log, job.scenario)
@@ -146,13 +145,13 @@ class MissionRow(NamedTuple):
             status="finished",
             error="",
             n_sources=len(sources),
-            n_found=len(found),
+            n_found=len(matches),
             false_findings=evaluation.false_findings,
-            errors_m=tuple(source.error_m for source in found),
-            height_errors_m=tuple(source.height_error_m for source in found),
+            errors_m=tuple(match.error_m for match in matches),
+            height_errors_m=tuple(match.height_error_m for match in matches),
             confirmed_s=confirmed_s,
-            n_in_ellipse=sum(source.inside_ellipse95 for source in found),
-            n_right_site=sum(source.right_site for source in found),
+            n_in_ellipse=sum(match.inside_ellipse95 for match in matches),
+            n_right_site=sum(match.right_site for match in matches),
             ospa_m=evaluation.ospa_m,
             bearing_rmse_rad=bearing_rmse_rad if np.isfinite(bearing_rmse_rad) else None,
             distance_m=report.distance_m,

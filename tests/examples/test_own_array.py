@@ -56,7 +56,7 @@ def test_positions_are_off_by_more_where_the_data_sheet_is_wrong() -> None:
     array = scenario.model_dump() | {"array": scenario.array.model_dump() | {"true_pattern": None}}
     as_in_data_sheet = Scenario.model_validate(array)
     errors_m = [
-        [make_report(run_mission(each, "seek", seed), 0.0).evaluation.sources[0].error_m for seed in (0, 1)]
+        [make_report(run_mission(each, "seek", seed), 0.0).scores.matches[0].error_m for seed in (0, 1)]
         for each in (as_in_data_sheet, scenario)
     ]
     assert min(errors_m[1]) > 1.5 * max(errors_m[0])

@@ -39,7 +39,7 @@ def test_the_commands_of_the_readme_work_and_the_robot_finds_the_source_untouche
     for one in (report, usual):
         assert one.collisions == 0
         assert len(one.findings) == 1
-        assert one.evaluation.sources[0].error_m < 0.3
+        assert one.scores.matches[0].error_m < 0.3
     assert report.sim_time_s < 0.9 * usual.sim_time_s
 
 

@@ -12,7 +12,7 @@ SEED, N_PIECES = 110012, 6
 
 def test_echoes_that_cross_in_a_niche_are_not_confirmed_and_given_up_again_and_again() -> None:
     log = run_mission(random_yard(SEED, N_PIECES, has_planned_route=True), "active", seed=SEED)
-    evaluation = make_report(log, 0.0).evaluation
+    evaluation = make_report(log, 0.0).scores
     assert evaluation.false_findings == 0
     assert evaluation.sources[0].found
     finding = log.table("finding")

@@ -14,6 +14,7 @@ from missions.record.array_description import described_grid
 from missions.record.mission_log import TABLES, MissionLog
 from missions.report.make_report import make_report
 from missions.report.pulse_counts import WORDS
+from missions.report.records import Report
 from missions.report.report_file import read_report, report_text
 from missions.runner import Mission, run_mission
 from sensing.receiver.faults import ChannelFault
@@ -23,6 +24,7 @@ def test_without_a_route_the_robot_stands_and_listens_to_the_field_test() -> Non
     log = run_mission(load_scenario("paper_field"), "seek", seed=2)
     report = make_report(log, 1.0)
     assert report.distance_m < 0.1
+    assert report.battery_left is not None
     assert 0.98 < report.battery_left < 1.0  # electronics take 80 W of 480 Wh for two minutes
     assert 190 <= report.n_bearings <= 200  # ten positions, twenty shots; the weakest may be too wide
     assert report.findings == ()  # one place gives bearings, no fix
@@ -44,10 +46,11 @@ def assert_equal(first: MissionLog, second: MissionLog) -> None:
 def test_a_mission_finds_the_discharge_visits_every_waypoint_and_docks() -> None:
     log = run_mission(load_scenario("one_source"), seed=4)
     report = make_report(log, 1.0)
-    (source,) = report.evaluation.sources
+    (source,) = report.scores.sources
     assert source.found
-    assert source.error_m < 0.4
-    assert report.evaluation.false_findings == 0
+    assert source.match is not None
+    assert source.match.error_m < 0.4
+    assert report.scores.false_findings == 0
     assert report.collisions == 0
     assert report.waypoints.missed == ()
     assert log.column("event", "text")[-1] == "docked"
@@ -56,7 +59,9 @@ def test_a_mission_finds_the_discharge_visits_every_waypoint_and_docks() -> None
     counts = report.pulses
     assert counts.detected == log.n_rows("pulse") == sum(getattr(counts, fate) for fate in WORDS)
     assert counts.detected - counts.not_credible == report.n_bearings
+    assert counts.of_findings is not None
     assert counts.of_findings > 0.5 * report.n_bearings
+    assert finding.fixed_s is not None
     assert finding.first_detected_s < finding.fixed_s < report.sim_time_s
     assert finding.sites[0].name in load_scenario("one_source").yard.site_names()
     assert read_report(report_text(report)).findings[0].id == finding.id
@@ -205,11 +210,11 @@ FREE_SOURCE = {"name": "pd", "position_m": (20.0, 9.0, 1.0)}
 )
 def test_a_free_standing_source_is_found_also_when(changes: dict) -> None:
     report = make_report(run_mission(Scenario.model_validate({**OPEN_YARD, **changes}), seed=1), 1.0)
-    assert report.evaluation.sources[0].found
-    assert report.evaluation.false_findings == 0
+    assert report.scores.sources[0].found
+    assert report.scores.false_findings == 0
 
 
-def scores(name: str, seeds: range) -> list[dict]:
+def scores(name: str, seeds: range) -> list[Report]:
     return [make_report(run_mission(load_scenario(name), seed=seed), 1.0) for seed in seeds]
 
 
@@ -217,12 +222,13 @@ def scores(name: str, seeds: range) -> list[dict]:
 @pytest.mark.parametrize("first", [0, 100])
 def test_one_source_is_found_in_every_of_twenty_missions_and_mostly_inside_its_ellipse(first: int) -> None:
     reports = scores("one_source", range(first, first + 20))
-    sources = [report.evaluation.sources[0] for report in reports]
+    sources = [report.scores.sources[0] for report in reports]
     assert all(source.found for source in sources)
-    errors = [source.error_m for source in sources]
+    matches = [match for report in reports for match in report.scores.matches]
+    errors = [match.error_m for match in matches]
     assert np.median(errors) <= 0.30
     assert max(errors) <= 1.0
-    assert sum(source.inside_ellipse95 for source in sources) >= 15
+    assert sum(match.inside_ellipse95 for match in matches) >= 15
     assert sum(report.collisions for report in reports) == 0
     positions = np.array([source.true_position_m[:2] for source in sources])
     assert np.linalg.norm(positions[:, np.newaxis] - positions, axis=-1).max() > 8.0
@@ -231,7 +237,7 @@ def test_one_source_is_found_in_every_of_twenty_missions_and_mostly_inside_its_e
 @pytest.mark.slow
 def test_two_sources_are_both_found_in_nine_of_ten_missions() -> None:
     reports = scores("two_sources", range(10))
-    both = [all(source.found for source in report.evaluation.sources) for report in reports]
+    both = [all(source.found for source in report.scores.sources) for report in reports]
     assert sum(both) >= 9
 
 
@@ -259,7 +265,7 @@ def test_a_channel_that_dies_is_told_left_out_and_does_not_spoil_the_mission() -
     report = make_report(log, 0.0)
     assert len(report.channel_faults) == 1
     assert "channel 2 is dead" in report.channel_faults[0]
-    assert all(source.found for source in report.evaluation.sources)
+    assert all(source.found for source in report.scores.sources)
 
 
 @pytest.mark.parametrize("seed", range(4))

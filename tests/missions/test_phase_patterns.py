@@ -89,11 +89,13 @@ def test_without_an_association_as_in_a_killed_mission_there_is_no_pattern() -> 
 def test_the_report_tells_kind_confidence_and_picture_and_nothing_without_mains() -> None:
     report = make_report(log_of_two_findings(3), 1.0)
     for finding, (kind, _) in zip(report.findings, SOURCES.values(), strict=True):
-        discharge = finding.discharge
+        discharge, strength = finding.discharge, finding.strength
+        assert discharge is not None
+        assert strength is not None
         assert discharge.kind == kind
         assert 0.5 < discharge.confidence <= 1.0
         counts = np.array(discharge.pattern.counts)
         assert counts.shape[1] * discharge.pattern.phase_step_deg == 360.0
-        assert counts.sum() == finding.strength.n_pulses
+        assert counts.sum() == strength.n_pulses
     silent = make_report(log_of_two_findings(3, mains=False), 1.0)
     assert [finding.discharge for finding in silent.findings] == [None, None]

@@ -32,14 +32,14 @@ def source(x: float, y: float, name: str = "s") -> TrueSource:
 def test_findings_and_sources_are_paired_for_the_least_total_distance() -> None:
     # the nearest pair first would leave 2 and 0 paired at 1.9 m
     scores = evaluate([finding(1.0, 0.0), finding(0.0, 0.0)], [source(0.9, 0.0, "a"), source(1.9, 0.0, "b")])
-    assert [round(s.error_m, 6) for s in scores.sources] == [0.9, 0.9]
+    assert [round(match.error_m, 6) for match in scores.matches] == [0.9, 0.9]
     assert scores.false_findings == 0
 
 
 def test_a_finding_further_than_the_cut_off_is_false_and_its_source_not_found() -> None:
     scores = evaluate([finding(0.0, 0.0)], [source(2.1, 0.0)])
     assert scores.sources[0].found is False
-    assert scores.sources[0].error_m is None
+    assert scores.sources[0].match is None
     assert scores.false_findings == 1
     assert scores.ospa_m == 2.0
 
@@ -52,15 +52,15 @@ def test_ospa_counts_what_is_missing_or_too_much_at_the_cut_off() -> None:
 
 def test_the_truth_lies_inside_an_ellipse_that_is_wide_enough_only() -> None:
     for spread_m, inside in ((0.1, False), (0.3, True)):
-        assert evaluate([finding(0.0, 0.0, spread_m)], [source(0.5, 0.0)]).sources[0].inside_ellipse95 is inside
+        assert evaluate([finding(0.0, 0.0, spread_m)], [source(0.5, 0.0)]).matches[0].inside_ellipse95 is inside
 
 
 def test_a_source_is_paired_with_a_finding_by_its_id_even_if_two_findings_are_as_far() -> None:
     found = [finding(1.0, 0.0, number=4), finding(-1.0, 0.0, number=7)]
-    (first, second) = evaluate(found, [source(0.0, 0.0, "a"), source(-2.0, 0.0, "b")]).sources
+    (first, second) = evaluate(found, [source(0.0, 0.0, "a"), source(-2.0, 0.0, "b")]).matches
     assert (first.finding_id, second.finding_id) == (4, 7)
     assert first.error_m == second.error_m == 1.0
-    assert evaluate([], [source(0.0, 0.0)]).sources[0].finding_id is None
+    assert evaluate([], [source(0.0, 0.0)]).matches == ()
 
 
 def report_of(found: list[FindingRecord], candidates: list[FindingRecord], sources: list[TrueSource]) -> Report:

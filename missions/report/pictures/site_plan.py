@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
@@ -101,7 +103,7 @@ def _draw_sites(axes: Axes, inspected: Inspected | None) -> list[Line2D]:
     for state, (marker, label) in MARKS.items():
         sites = [site.position_m[:2] for site in (inspected.sites if inspected else ()) if site.state == state]
         if sites:
-            style = {"marker": marker, "linestyle": "", "color": COLOURS[state], "markeredgecolor": "white"}
+            style: Any = {"marker": marker, "linestyle": "", "color": COLOURS[state], "markeredgecolor": "white"}
             size = 3.5 if state == "inspected" else 6.5
             axes.plot(*np.array(sites).T, markersize=size, markeredgewidth=0.5, zorder=6, **style)
             marks.append(Line2D([], [], markersize=6, label=label, **style))

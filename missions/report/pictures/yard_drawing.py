@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.patches import Rectangle
-from matplotlib.patheffects import withStroke
+from matplotlib.patheffects import AbstractPathEffect, withStroke
 from matplotlib.text import OffsetFrom
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
@@ -41,7 +41,7 @@ PALER = 0.5
 FEW_PIECES = 14
 """Up to so many have larger names."""
 
-OUTLINE = [withStroke(linewidth=2.2, foreground="white")]
+OUTLINE: list[AbstractPathEffect] = [withStroke(linewidth=2.2, foreground="white")]
 
 
 def draw_yard(axes: Axes, yard: Yard, *, with_names: bool) -> None:
@@ -103,7 +103,7 @@ def draw_finding(axes: Axes, finding: FindingRecord) -> None:
     text = str(finding.id) if is_inside else f"{finding.id}: at ({position_m[0]:.0f}, {position_m[1]:.0f}) m"
     axes.annotate(
         text,
-        shown_m,
+        (float(shown_m[0]), float(shown_m[1])),
         (float(to_x), float(to_y)),
         textcoords="offset points",
         ha="center" if is_inside else "left" if to_x > 0 else "right",

@@ -57,10 +57,10 @@ def share(what: str, count: int, total: int) -> Interval:
 def test_planned_routes_find_what_discharges_in_a_random_yard(policy: str, n_cases: int) -> None:
     done = outcomes((planned(seed), policy, seed) for seed in range(FIRST, FIRST + n_cases))
     sources = [outcome.sources[0] for outcome in done]
-    found = [source for source in sources if source.found]
-    miss_m = np.array([source.error_m for source in found])
-    rise_m = np.abs([source.height_error_m for source in found])
-    low = [source for source in found if source.true_position_m[2] < BUSHING_M]
+    found = [source.match for source in sources if source.match is not None]
+    miss_m = np.array([match.error_m for match in found])
+    rise_m = np.abs([match.height_error_m for match in found])
+    low = [s.match for s in sources if s.match is not None and s.true_position_m[2] < BUSHING_M]
     high = [source for source in sources if source.true_position_m[2] >= BUSHING_M]
     print(
         f"\n{policy}: median {np.median(miss_m):.3f} m, mean {miss_m.mean():.3f} m, "
@@ -68,8 +68,8 @@ def test_planned_routes_find_what_discharges_in_a_random_yard(policy: str, n_cas
     )
     assert share("found", int((miss_m < 1.0).sum()), n_cases).high >= 0.985
     assert share("found above 3 m", sum(source.found for source in high), len(high)).high >= 0.97
-    assert share("right site", sum(source.right_site for source in found), len(found)).high >= 0.95
-    inside = share("in ellipse, low ones", sum(source.inside_ellipse95 for source in low), len(low))
+    assert share("right site", sum(match.right_site for match in found), len(found)).high >= 0.95
+    inside = share("in ellipse, low ones", sum(match.inside_ellipse95 for match in low), len(low))
     assert inside.high >= 0.92
     assert inside.low <= 0.98
     assert share("false findings", sum(outcome.false_findings > 0 for outcome in done), n_cases).low <= 0.01

@@ -80,8 +80,8 @@ def test_the_calibration_of_another_array_is_found_out_told_and_left_out(first: 
     (told,) = make_report(log, 0.0).calibration
     assert "contradict" in told
     assert calibration_of(log).n_missions == 1
-    (source,) = make_report(log, 0.0).evaluation.sources
-    assert source.inside_ellipse95
+    (match,) = make_report(log, 0.0).scores.matches
+    assert match.inside_ellipse95
 
 
 def fix_s(log: MissionLog) -> float:

@@ -176,6 +176,6 @@ def test_equipment_of_a_map_is_described_as_that_which_stands_there(name: str) -
 def test_a_mission_on_a_wrong_map_finds_the_discharge_and_comes_home() -> None:
     scenario = mapped(missing=("ct_1",), extra=(KIOSK,), moved=({"name": "transformer_2", "by_m": (0.6, -0.4)},))
     report = make_report(run_mission(scenario, seed=4), 0.0)
-    assert report.evaluation.sources[0].found
+    assert report.scores.sources[0].found
     assert report.waypoints.missed == ()
     assert report.collisions == 0

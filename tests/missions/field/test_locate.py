@@ -150,6 +150,7 @@ def test_the_phase_of_the_mains_tells_the_kind_of_discharge(tmp_path: Path) -> N
     lines = [f"{header},mains_phase_deg", *(f"{row},{p:.1f}" for row, p in zip(rows, phases, strict=True))]
     (tmp_path / "phase.csv").write_text("\n".join(lines))
     (finding,) = located(read_field_data(tmp_path / "phase.csv", noise_v=NOISE_V)).findings
+    assert finding.discharge is not None
     assert finding.discharge.kind == "corona"
 
 

@@ -43,7 +43,7 @@ def properties(reader: RrdReader) -> dict[str, object]:
 
 def test_a_recording_says_what_was_run_and_what_the_report_says_was_found(log: MissionLog, tmp_path: Path) -> None:
     report = make_report(log, 0.0)
-    n_found = sum(source.found for source in report.evaluation.sources)
+    n_found = sum(source.found for source in report.scores.sources)
     assert n_found == len(report.findings) == 1
     reader = written(log, tmp_path / "a.rrd")
     told = properties(reader)

@@ -51,7 +51,7 @@ def written(report: Report) -> dict:
 
 
 def test_the_published_schema_is_that_of_the_records_and_a_valid_one() -> None:
-    assert PUBLISHED.read_text(encoding="utf-8") == schema_text(), "run docs/make_schema.py"
+    assert PUBLISHED.read_text(encoding="utf-8") == schema_text(), "run docs/schemas/make_schema.py"
     jsonschema.Draft202012Validator.check_schema(report_schema())
 
 
