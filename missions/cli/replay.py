@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+import os
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -17,6 +20,8 @@ def replay(
     web: bool = False,
     screenshot: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png")] = None,
     at: Annotated[float | None, tyro.conf.arg(metavar="SECONDS")] = None,
+    video: Annotated[Path | None, tyro.conf.arg(metavar="FILE.mp4|FILE.gif")] = None,
+    pace: Annotated[float | None, tyro.conf.arg(metavar="FACTOR")] = None,
 ) -> None:
     """Open recordings of missions in the Rerun viewer, side by side where they are several.
 
@@ -30,6 +35,9 @@ def replay(
         web: Serve them to a browser on this machine (127.0.0.1) instead.
         screenshot: Write a picture of the viewer instead, without opening one; no screen is needed.
         at: Simulated time that the picture shows. Default: the end.
+        video: Write a film instead: the robot as it drives, beside the plan as it stood. MP4 needs ffmpeg, or the
+            extra `video`.
+        pace: Simulated seconds in one of the film. Default: as many as make a film of 20 s.
     """
     if not folders:
         refuse("DIR: missing; give the folder of a mission")
@@ -39,9 +47,19 @@ def replay(
     sweep, *others = folders
     if row and others:
         refuse(f"--row: got {len(folders)} folders; allowed is one, that of a sweep")
-    _check_picture(screenshot, at, n_missions=len(row) or len(folders))
+    n_missions = len(row) or len(folders)
+    _check_new_file("--screenshot", screenshot, (".png",), n_missions)
+    _check_new_file("--video", video, (".mp4", ".gif"), n_missions)
+    if at is not None and (screenshot is None or not 0 <= at < math.inf):
+        refuse(f"--at: got {at}; allowed is 0 or more, with --screenshot")
+    if pace is not None and (video is None or not 0.1 <= pace <= 1000.0):
+        refuse(f"--pace: got {pace}; allowed is 0.1 to 1000, with --video")
     if row:
         folders = tuple(_run_again(sweep, number) for number in row)
+    if video is not None:
+        _film(folders[-1], video, pace)
+        if screenshot is None:
+            return
     from dirmusic import InputFileError
     from missions.recording import ViewerError, open_viewer, ready_recording, serve, take_screenshot
     from missions.whole_file import whole_file
@@ -67,20 +85,38 @@ def replay(
             fail(f"{error}; `pdpatrol replay --web` shows it in a browser")
 
 
-def _check_picture(screenshot: Path | None, at: float | None, n_missions: int) -> None:
-    """Refuse what cannot be drawn, before anything slow."""
-    if at is not None and (screenshot is None or not 0 <= at < float("inf")):
-        refuse(f"--at: got {at}; allowed is 0 or more, with --screenshot")
-    if screenshot is None:
+def _check_new_file(option: str, file: Path | None, endings: tuple[str, ...], n_missions: int) -> None:
+    """Refuse what cannot be drawn or written, before anything slow."""
+    if file is None:
         return
     if n_missions > 1:
-        refuse(f"--screenshot: got {n_missions} missions; allowed is one")
-    if screenshot.suffix.lower() != ".png":
-        refuse(f"--screenshot: got {screenshot}; allowed is a name that ends in .png")
-    if screenshot.exists():
-        refuse(f"--screenshot: {screenshot} exists; allowed is a new file")
-    if not screenshot.parent.is_dir():
-        refuse(f"--screenshot: {screenshot.parent} is no folder; allowed is a file in one that exists")
+        refuse(f"{option}: got {n_missions} missions; allowed is one")
+    if file.suffix.lower() not in endings:
+        refuse(f"{option}: got {file}; allowed is a name that ends in {' or '.join(endings)}")
+    if file.exists():
+        refuse(f"{option}: {file} exists; allowed is a new file")
+    if not file.parent.is_dir():
+        refuse(f"{option}: {file.parent} is no folder; allowed is a file in one that exists")
+
+
+def _film(folder: Path, video: Path, pace: float | None) -> None:
+    if sys.platform == "linux":
+        os.environ.setdefault("MUJOCO_GL", "egl")  # draws with and without a screen; read when MuJoCo is imported
+    from rich.progress import Progress
+
+    from missions.record.mission_log import MissionLog
+    from missions.video.encode import FilmError, write_film
+
+    with Progress(console=err, transient=True, disable=not err.is_terminal) as progress:
+        bar = progress.add_task(f"films {folder.name}", total=1.0)
+        try:
+            log = MissionLog.load(folder)
+            write_film(log, video, pace, lambda share: progress.update(bar, completed=share))
+        except (FileNotFoundError, ValueError) as error:
+            refuse(str(error) if str(folder) in str(error) else f"{folder}: {error}")
+        except FilmError as error:
+            fail(f"--video: {error}")
+    out.print(f"Written: {video}", soft_wrap=True)
 
 
 def _run_again(folder: Path, row: int) -> Path:
