@@ -1,0 +1,47 @@
+"""The example of a campaign does what its README says."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from envs import load_scenario
+
+ROOT = Path(__file__).parents[2]
+FOLDER = ROOT / "examples" / "campaign"
+README = (FOLDER / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_yard_has_at_most_sixty_lines_and_says_what_the_readme_shows() -> None:
+    text = (FOLDER / "yard.toml").read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 60
+    growing, constant = load_scenario(FOLDER / "yard.toml", {"campaign.date": "2026-03-16"}).grown_sources
+    stated = load_scenario(FOLDER / "yard.toml").sources[0]
+    assert growing.amplitude_v == pytest.approx(stated.amplitude_v * 10 ** (6.0 / 20))
+    assert growing.pulse_rate_hz == pytest.approx(stated.pulse_rate_hz * 1.21)
+    assert constant.amplitude_v == stated.amplitude_v
+    shown = re.findall(r"```toml\n(.*?)```", README, flags=re.DOTALL)[0]
+    for line in shown.splitlines():
+        assert line.split(" #")[0] in text
+
+
+@pytest.mark.slow
+def test_the_commands_of_the_readme_tell_what_grows(tmp_path: Path) -> None:
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    (script,) = re.findall(r"```sh\n(.*?)```", README, flags=re.DOTALL)
+    pdpatrol = f"{sys.executable} -c 'from missions.cli import main; main()'"
+    done = subprocess.run(
+        ["sh", "-ec", script.replace("uv run pdpatrol", pdpatrol)],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=600,
+    )
+    assert done.returncode == 0, done.stderr
+    trend = json.loads((tmp_path / "runs" / "trend" / "trend.json").read_text("utf-8"))
+    assert [each["verdict"] for each in trend["discharges"]] == ["grown", "constant"]
+    rows = re.findall(r"^\| `(\S+)` \| (\w+)", README, flags=re.MULTILINE)
+    assert rows == [(each["site"].split()[0], each["verdict"]) for each in trend["discharges"]]

@@ -1,0 +1,58 @@
+"""Whole campaigns of simulated missions, with all errors that the shipped scenarios have."""
+
+from datetime import date, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from envs import load_scenario
+from missions.campaign.inspection import Inspection
+from missions.campaign.records import Trend
+from missions.campaign.trend import make_trend
+from missions.runner import run_mission
+
+pytestmark = pytest.mark.slow
+
+FIRST = date(2026, 3, 2)
+
+
+def campaign(number: int, *changes: dict[str, Any]) -> Trend:
+    """A mission a week in `two_sources`, each with what it changes of both sources; seeds and arrays differ."""
+    inspections = list[Inspection]()
+    for week, changed in enumerate(changes):
+        sources = [source.model_dump(exclude_unset=True) for source in load_scenario("two_sources").sources]
+        settings = {
+            "sources": tuple({**source, **changed.get(source["name"], {})} for source in sources),
+            "campaign.number": number,
+            "campaign.begins": FIRST.isoformat(),
+            "campaign.date": (FIRST + timedelta(weeks=week)).isoformat(),
+        }
+        log = run_mission(load_scenario("two_sources", settings), "seek", 1000 * number + week)
+        inspections.append(Inspection(Path(f"week_{week}"), log.meta["date"], log))
+    return make_trend(inspections)
+
+
+@pytest.mark.parametrize(("number", "growing"), [(1, "discharge_east"), (2, "discharge_west")])
+def test_six_weeks_tell_a_discharge_that_grows_by_3_db_a_week_from_a_constant_one(number: int, growing: str) -> None:
+    trend = campaign(number, *([{growing: {"growth_db_per_week": 3.0}}] * 6))
+    grown, constant = trend.discharges
+    assert (grown.verdict, constant.verdict) == ("grown", "constant")
+    assert grown.level is not None
+    assert constant.level is not None
+    assert grown.level.per_week.lower < 3.0 < grown.level.per_week.upper
+    assert constant.level.per_week.lower < 0.0 < constant.level.per_week.upper
+    assert constant.level.per_week.upper < grown.level.per_week.lower
+    assert (grown.position_m[0] > 22.0) == (growing == "discharge_east")
+
+
+def test_a_discharge_that_falls_silent_is_gone_and_one_that_begins_is_new() -> None:
+    silent = {"active_s": (0.0, 0.1)}
+    trend = campaign(301, {"discharge_east": silent}, {}, {"discharge_west": silent})
+    status = {each.position_m[0] > 22.0: each.status for each in trend.discharges}
+    assert status == {True: "new", False: "gone"}
+    for each in trend.discharges:
+        levels = [seen.level_db.value for seen in each.observations if seen.level_db]
+        assert len(levels) == 2
+        assert np.ptp(levels) < 3.0
