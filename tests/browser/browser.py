@@ -1,0 +1,82 @@
+"""A real browser without a window: what a page looks like, and what it complains of."""
+
+import io
+import os
+import re
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+from playwright.sync_api import Page, sync_playwright
+
+Theme = Literal["light", "dark"]
+
+KEPT = Path(__file__).parents[2] / ".ci" / "screenshots"
+"""Where pictures are left to be looked at; git ignores it."""
+
+CHROMIUM = next(
+    (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
+)
+NEEDS_CHROMIUM = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed (Debian: chromium)")
+
+SOFTWARE_GL = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
+
+
+ELSEWHERE = re.compile(r"^https?://(?!127\.0\.0\.1[:/])")
+"""What Rerun's page asks of the internet, fonts, its newest version, statistics: it gets an empty answer here."""
+
+
+class Opened(NamedTuple):
+    """A page, and the errors that it has reported so far: those of its console, of its scripts, of what it loads."""
+
+    page: Page
+    errors: list[str]
+
+
+@contextmanager
+def opened(url: str, theme: Theme) -> Iterator[Opened]:
+    """Open an address in a new browser that prefers a theme."""
+    errors: list[str] = []
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=CHROMIUM, args=[*SOFTWARE_GL, *(["--no-sandbox"] if os.geteuid() == 0 else [])]
+        )
+        try:
+            page = browser.new_page(color_scheme=theme, viewport={"width": 1280, "height": 800})
+            page.route(ELSEWHERE, lambda route: route.fulfill(status=200, content_type="application/json", body="{}"))
+            page.on("console", lambda told: errors.append(told.text) if told.type == "error" else None)
+            page.on("pageerror", lambda error: errors.append(str(error)))
+            page.on("requestfailed", lambda request: errors.append(f"cannot load {request.url}"))
+            page.goto(url, wait_until="load", timeout=60_000)
+            yield Opened(page, errors)
+        finally:
+            browser.close()
+
+
+def picture(page: Page, name: str) -> NDArray[np.uint8]:
+    """What is to be seen, shape (height, width, 3); it is kept as `name`.png."""
+    KEPT.mkdir(parents=True, exist_ok=True)
+    data = page.screenshot(path=KEPT / f"{name}.png", timeout=60_000)
+    return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
+
+
+def picture_when(
+    page: Page, name: str, is_ready: Callable[[NDArray[np.uint8]], bool], limit_s: float = 100.0
+) -> NDArray[np.uint8]:
+    """The first picture for which `is_ready` holds; the last one where none does in time."""
+    deadline = time.monotonic() + limit_s
+    while not is_ready(seen := picture(page, name)) and time.monotonic() < deadline:
+        page.wait_for_timeout(1000)
+    return seen
+
+
+def n_colours(seen: NDArray[np.uint8]) -> int:
+    """How many different colours a picture has."""
+    return np.unique(seen.reshape(-1, 3), axis=0).shape[0]

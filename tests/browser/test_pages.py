@@ -1,0 +1,91 @@
+"""What the commands leave for a browser, opened in one: the viewer, the report, both themes."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+from numpy.typing import NDArray
+
+from missions.record.mission_log import MissionLog
+from tests.browser.browser import NEEDS_CHROMIUM, Theme, n_colours, opened, picture, picture_when
+from tests.missions.replay.short_mission import short_mission
+from tests.missions.replay.test_viewer import started
+
+pytestmark = [
+    NEEDS_CHROMIUM,
+    pytest.mark.filterwarnings("default"),  # psutil leaves files open where a process ends while it is looked at
+]
+
+MIDDLE, DRAWN_COLOURS = (slice(150, 450), slice(150, 800)), 400
+"""Where the yard is drawn, and how many colours that has at least; before it is drawn, it is all of one."""
+
+
+@pytest.fixture(scope="module")
+def mission(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("browser") / "schöne Mission"
+    folder.mkdir()
+    short_mission(12.0).save(folder)
+    return folder
+
+
+def address(process: psutil.Popen) -> str:
+    assert process.stdout is not None
+    (url,) = re.findall(r"http://\S+", process.stdout.readline())
+    return url
+
+
+def has_drawn(seen: NDArray[np.uint8]) -> bool:
+    return n_colours(seen[MIDDLE]) > DRAWN_COLOURS
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_replay_in_a_browser_draws_the_mission_in_both_themes_without_an_error(mission: Path, theme: Theme) -> None:
+    with started("replay", mission.name, "--web", cwd=mission.parent, on_screen=False) as process:
+        with opened(f"{address(process)}&renderer=webgl", theme) as (page, errors):
+            seen = picture_when(page, f"replay-{theme}", has_drawn)
+        assert has_drawn(seen)
+        frame = float(seen[:20].mean())  # the bar at the top
+        assert frame > 200 if theme == "light" else frame < 60
+        assert errors == []
+
+
+def write_report(log: MissionLog, folder: Path) -> Path:
+    from missions.cli.terminal import write_mission
+
+    write_mission(log, 0.0, folder)
+    return folder / "report.html"
+
+
+PAGES = {"report": write_report}
+"""Pages that are one file each, and what writes them."""
+
+
+@pytest.mark.parametrize("name", PAGES)
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_a_page_shows_words_and_pictures_and_loads_nothing(name: str, theme: Theme, tmp_path: Path) -> None:
+    folder = tmp_path / "Prüfung 1"
+    folder.mkdir()
+    file = PAGES[name](short_mission(12.0), folder)
+    with opened(file.as_uri(), theme) as (page, errors):
+        asked: list[str] = []
+        page.on("request", lambda request: asked.append(request.url))
+        page.reload()
+        seen = picture(page, f"{name}-{theme}")
+        words, height = page.inner_text("body"), page.evaluate("document.body.scrollHeight")
+        drawn = page.evaluate("[...document.querySelectorAll('svg, img')].filter(x => x.clientHeight > 50).length")
+    assert "one_source" in words
+    assert drawn >= 1
+    assert height > 500
+    assert n_colours(seen) > 50
+    assert [url for url in asked if not url.startswith(("file:", "data:"))] == []
+    assert errors == []
+
+
+def test_a_script_that_fails_and_a_file_that_is_missing_are_noticed(tmp_path: Path) -> None:
+    bad = tmp_path / "bad.html"
+    bad.write_text("<img src='nowhere.png'><script>console.error('one'); undefined_name</script>", encoding="utf-8")
+    with opened(bad.as_uri(), "light") as (page, errors):
+        assert not has_drawn(picture(page, "bad"))
+    assert len(errors) >= 3
