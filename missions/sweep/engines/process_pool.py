@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable, Sequence
+import os
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
+from contextlib import contextmanager
+from multiprocessing import resource_tracker
 
 from pebble import ProcessExpired, ProcessPool
 
@@ -36,10 +39,25 @@ def run_in_processes(
 def open_pool(n_workers: int, limits: Limits) -> ProcessPool:
     """Processes for missions, forked from a server that has imported everything once."""
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["missions.sweep.engines.worker"])
+    context.set_forkserver_preload(["missions.sweep.engines.worker", "missions.sweep.engines.fork_server"])
+    with _warnings_of_new_processes("ignore:resource_tracker:UserWarning"):
+        resource_tracker.ensure_running()  # it tidies up after an end by force, and need not tell users of it
     return ProcessPool(
         max_workers=n_workers, initializer=set_up_worker, initargs=[limits.memory_bytes], context=context
     )
+
+
+@contextmanager
+def _warnings_of_new_processes(rule: str) -> Iterator[None]:
+    """Add a rule for warnings to those of the processes that are started in the block."""
+    before = os.environ.get("PYTHONWARNINGS")
+    os.environ["PYTHONWARNINGS"] = f"{before},{rule}" if before else rule
+    try:
+        yield
+    finally:
+        del os.environ["PYTHONWARNINGS"]
+        if before is not None:
+            os.environ["PYTHONWARNINGS"] = before
 
 
 def run_in_pool(

@@ -34,6 +34,7 @@ def set_up_worker(most_bytes: int) -> None:
     Args:
         most_bytes: Most memory of its own.
     """
+    sys.excepthook = sys.__excepthook__  # the server's own is silent
     threading.Thread(target=_end_with_parent, daemon=True).start()
     compile_once()
     resource.setrlimit(resource.RLIMIT_DATA, (most_bytes, most_bytes))

@@ -1,5 +1,8 @@
 """What both engines share: how many missions are under way, and how often one is started."""
 
+import os
+import subprocess
+import sys
 import time
 from collections import Counter
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -70,3 +73,27 @@ def test_what_an_engine_cannot_explain_ends_the_sweep() -> None:
 
     with pytest.raises(LookupError, match="4"):
         run_missions(JOBS, 2, engine.schedule, explain, lambda row: None)
+
+
+FORSAKES = """
+import os, sys, time
+from missions.sweep.engines.engine import Limits
+from missions.sweep.engines.process_pool import open_pool
+
+pool = open_pool(2, Limits(60.0, 4 * 10**9))
+pool.schedule(time.sleep, args=[60.0])
+time.sleep(float(sys.argv[1]))
+os._exit(1)
+"""
+
+
+@pytest.mark.parametrize("after_s", [0.1, 1.0])
+def test_workers_say_nothing_when_who_asked_for_them_ends_while_they_start(after_s: float) -> None:
+    ended = subprocess.run(
+        [sys.executable, "-c", FORSAKES, str(after_s)],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert ended.stderr == ""
