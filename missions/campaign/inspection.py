@@ -70,18 +70,23 @@ class Inspection:
             raise InputFileError(
                 [f"{folder}: has no date of inspection; make it anew: `pdpatrol run` and `locate` have --date"]
             )
-        if log.n_rows("bearing") != log.n_rows("association"):
+        if log.n_rows("step") == 0 or log.n_rows("bearing") != log.n_rows("association"):
             raise InputFileError([f"{folder}: the mission was cut short; give those that came to their end"])
-        return cls(folder, day, log)
+        inspection = cls(folder, day, log)
+        try:
+            _ = inspection.manifold, inspection.array_height_m, inspection.yard, log.meta["name"], log.meta["bounds_m"]
+        except (KeyError, TypeError, ValueError, AttributeError):
+            raise InputFileError([f"{folder}: is not the log of a mission (its facts are damaged)"]) from None
+        return inspection
 
     @property
     def is_of_the_field(self) -> bool:
-        """Whether it was no simulated mission: it has no map."""
-        return "scenario" not in self.log.meta
+        """Whether people took the data: it has no map, and a step for each pose alone."""
+        return "field_data" in self.log.meta
 
     @cached_property
     def yard(self) -> Yard | None:
-        """As the map has it; None for data from the field."""
+        """As the map has it; None where none is known."""
         return known_yard(self.log)
 
     @cached_property
@@ -142,4 +147,4 @@ def read_inspections(folders: Sequence[Path]) -> tuple[Inspection, ...]:
 
 def _site_of(inspection: Inspection) -> object:
     """What two inspections of one yard have in common."""
-    return None if inspection.is_of_the_field else inspection.log.meta["scenario"]["yard"]
+    return inspection.log.meta.get("scenario", {}).get("yard")

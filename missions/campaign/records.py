@@ -43,7 +43,9 @@ class Observation(Record, frozen=True):
         description="strength of its pulses 1 m away, decibels over one volt, mean of the middle half of them; null "
         "where too few came from near and in sight"
     )
-    rate_hz: Interval | None = Field(description="pulses a second that were told to be its own")
+    rate_hz: Interval | None = Field(
+        description="pulses a second that were told to be its own; null for data from the field"
+    )
     n_pulses: Count = Field(description="pulses that tell level and rate")
     n_looks: Count = Field(description="squares of the ground, 1 m wide, from which they came")
 

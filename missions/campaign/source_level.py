@@ -52,7 +52,8 @@ class SourceLevel(NamedTuple):
     Attributes:
         level_db: Strength that its pulses would have 1 m away, dB over 1 V, mean of the middle half.
         level_std_db: Its standard deviation: by fading, the position, and the gains of the array.
-        rate_hz: Pulses a second that were told to be its own.
+        rate_hz: Pulses a second that were told to be its own; of data from the field, where nobody knows for how long
+            the receiver waited, pulses a pose.
         log_rate_std: Standard deviation of the natural logarithm of that.
         n_pulses: That tell it.
         n_looks: From so many squares of the ground.
@@ -72,7 +73,7 @@ class Looks(NamedTuple):
     Attributes:
         step: Rows of the table `step`, shape (n,).
         look: Number of the look that each belongs to, in the order in which the robot came, shape (n,).
-        duration_s: Of each step, shape (n,).
+        duration_s: Of each step, shape (n,); 1 of data from the field.
         loss_db: What distance and gain take from a level of 1 m, shape (n,).
     """
 
@@ -117,7 +118,7 @@ def looks_at(inspection: Inspection, position_m: FloatArray) -> Looks:
     """Where the robot had a place in sight and near."""
     step = inspection.log.table("step")
     pose, time_s = step["pose"], step["time_s"]
-    duration_s = np.diff(time_s, prepend=2 * time_s[0] - time_s[1] if time_s.size > 1 else 0.0)
+    duration_s = np.ones(time_s.size) if inspection.is_of_the_field else np.diff(time_s, prepend=0.0)
     range_m = np.linalg.norm(pose[:, :2] - position_m[:2], axis=-1)
     in_sight = _in_sight(inspection, position_m, pose)
     near_m = max(NEAR_M, NEARER * range_m[in_sight].min(initial=np.inf)) if in_sight.any() else 0.0

@@ -71,10 +71,11 @@ def _discharge(joined: Joined, inspections: Sequence[Inspection], weeks: FloatAr
         )
         for k, inspection in enumerate(inspections)
     )
-    rows = sorted(known)
+    rows, has_rate = sorted(known), not inspections[0].is_of_the_field
     at = weeks[rows]
     level = fit_line(at, np.array([known[k].level_db for k in rows]), np.array([known[k].level_std_db for k in rows]))
-    rate = fit_line(at, np.log([known[k].rate_hz for k in rows]), np.array([known[k].log_rate_std for k in rows]))
+    log_rate = np.log([known[k].rate_hz for k in rows])
+    rate = fit_line(at, log_rate, np.array([known[k].log_rate_std for k in rows])) if has_rate else None
     yard = inspections[0].yard
     place_m, covariance_m2 = joined.position_m, joined.covariance_m2
     x, y, z = place_m.tolist()
@@ -96,9 +97,10 @@ def _is_absent(
 ) -> bool:
     """Whether an inspection would have found a discharge as it was in the nearest one that tells its level.
 
-    That takes enough pulses from near by, and lines of sight that open as wide as confirmation wants.
+    That takes enough pulses from near by, and lines of sight that open as wide as confirmation wants. Data from the
+    field never tell: they hold what triggered, and not where nothing did.
     """
-    if number in joined.found or not known or not np.isfinite(floor):
+    if number in joined.found or not known or not np.isfinite(floor) or inspection.is_of_the_field:
         return False
     as_it_was = known[min(known, key=lambda k: abs(k - number))]
     looks = looks_at(inspection, joined.position_m)
@@ -122,7 +124,9 @@ def _observation(
         finding_id=finding.id if finding else None,
         is_confirmed=finding is not None and finding.is_confirmed,
         level_db=_interval(level.level_db, SIGMAS * level.level_std_db) if level else None,
-        rate_hz=_ratio_interval(level.rate_hz, SIGMAS * level.log_rate_std) if level else None,
+        rate_hz=_ratio_interval(level.rate_hz, SIGMAS * level.log_rate_std)
+        if level and not inspection.is_of_the_field
+        else None,
         n_pulses=level.n_pulses if level else 0,
         n_looks=level.n_looks if level else 0,
     )

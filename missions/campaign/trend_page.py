@@ -26,7 +26,7 @@ class Section(NamedTuple):
         level_slope: In words, with its interval, dB a week.
         rate_slope: In words, with its interval, per cent a week.
         levels: The picture; None where no inspection tells any level.
-        rates: The picture.
+        rates: The picture; None for data from the field.
     """
 
     discharge: Discharge
@@ -68,7 +68,7 @@ def _section(discharge: Discharge) -> Section:
         level_slope=slope_in_words(discharge.level),
         rate_slope=rate_slope_in_words(discharge.rate),
         levels=inline_svg(draw_levels(discharge), f"{name}-level", f"Level {title}") if known else None,
-        rates=inline_svg(draw_rates(discharge), f"{name}-rate", f"Rate {title}") if known else None,
+        rates=inline_svg(draw_rates(discharge), f"{name}-rate", f"Rate {title}") if known and known.rate_hz else None,
     )
 
 

@@ -88,6 +88,20 @@ def test_what_was_passed_on_one_side_of_it_in_a_hurry_is_not_gone() -> None:
         assert place.observations[2].presence == presence
 
 
+def test_data_from_the_field_tell_levels_and_neither_rates_nor_absence() -> None:
+    """A table holds what triggered: nobody knows how long the receiver waited, and where nothing did."""
+    logs = [survey(PAST_BOTH, Source(PLACE, -10.0, 2.0), Source(OTHER), day=day) for day in DAYS[:3]]
+    logs.append(quiet(DAYS[3]))
+    for log in logs:
+        log.meta["field_data"] = {"file": "survey.csv"}
+    (place,) = (d for d in trend_of(*logs).discharges if d.position_m[0] < 20.0)
+    assert place.level is not None
+    assert place.level.at_start == pytest.approx(-10.0, abs=0.5)
+    assert place.rate is None
+    assert all(each.rate_hz is None for each in place.observations)
+    assert [each.presence for each in place.observations] == ["found"] * 3 + ["not inspected"]
+
+
 def test_a_trend_is_read_back_from_its_text() -> None:
     trend = trend_of(*(survey(PAST, Source(PLACE, spread_db=2.0), day=day) for day in DAYS[:3]))
     again = Trend.model_validate_json(trend_text(trend))
@@ -114,18 +128,22 @@ def test_what_cannot_be_used_is_a_line_for_each_folder(tmp_path: Path) -> None:
     of_yard.meta["scenario"] = {"yard": {"size_m": [40.0, 30.0]}}
     other, cut = saved(tmp_path / "other", of_yard), survey(PAST, Source(PLACE))
     cut._rows["association"] = {"pulse": [], "finding": []}
+    damaged = survey(PAST, Source(PLACE))
+    damaged.meta["array"] = {"boresights_rad": "none"}
+    no_array = saved(tmp_path / "no_array", damaged)
     cut_off, broken = saved(tmp_path / "cut", cut), tmp_path / "broken"
     broken.mkdir()
     (broken / "log.npz").write_bytes(b"none")
     with pytest.raises(InputFileError) as caught:
-        read_inspections([good, undated, good, other, cut_off, broken, tmp_path / "none"])
+        read_inspections([good, undated, good, other, cut_off, broken, no_array, tmp_path / "none"])
     for folder, told in (
         (undated, "has no date of inspection"),
         (good, "given twice"),
         (other, "is of another yard than"),
         (cut_off, "the mission was cut short"),
         (broken, "is not the log of a mission"),
+        (no_array, "is not the log of a mission (its facts are damaged)"),
         (tmp_path / "none", "holds no log.npz"),
     ):
         assert sum(fault.startswith(str(folder)) and told in fault for fault in caught.value.faults) == 1
-    assert len(caught.value.faults) == 6
+    assert len(caught.value.faults) == 7

@@ -74,3 +74,33 @@ def test_inspections_of_one_day_are_no_trend(runs: list[Path], tmp_path: Path) -
     done = pdpatrol(runs[0], folder)
     assert done.returncode == 2
     assert "allowed are inspections of two dates at least" in done.stderr
+
+
+def test_two_surveys_of_the_field_on_two_dates_are_a_trend(tmp_path: Path) -> None:
+    table = Path(__file__).parents[3] / "examples" / "locate" / "strengths.csv"
+    for day in DAYS[:2]:
+        located = subprocess.run(
+            [sys.executable, "-c", COMMAND, "locate", str(table), "--date", day, "--out", str(tmp_path / day)],
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+        assert located.returncode == 0, located.stderr
+        assert json.loads((tmp_path / day / "report.json").read_text("utf-8"))["date"] == day
+    done = pdpatrol(tmp_path / DAYS[0], tmp_path / DAYS[1], "--json", "--out", tmp_path / "trend")
+    assert done.returncode == 0, done.stderr
+    (discharge,) = json.loads(done.stdout)["discharges"]
+    first, second = (each["level_db"] for each in discharge["observations"])
+    assert first == second
+    assert first["lower"] < first["value"] < first["upper"]
+
+
+@pytest.mark.parametrize("words", [["run", "two_sources"], ["locate", "examples/locate/strengths.csv"]])
+def test_a_date_that_is_none_is_refused_in_a_line(words: list[str], tmp_path: Path) -> None:
+    command = [sys.executable, "-c", COMMAND, *words, "--date", "2026-02-30", "--out", str(tmp_path / "never")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert "date: got 2026-02-30; allowed is a day" in line
+    assert not (tmp_path / "never").exists()
