@@ -6,12 +6,13 @@ import multiprocessing
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
 
 from pebble import ProcessExpired, ProcessPool
 
-from missions.sweep.engines.engine import ATTEMPTS, Limits, Loss, run_missions
+from missions.sweep.engines.engine import ATTEMPTS, EngineError, Limits, Loss, run_missions
 from missions.sweep.engines.worker import RETIRED, run_job, set_up_worker
 from missions.sweep.mission_row import MissionRow
 from missions.sweep.plan import MissionJob
@@ -86,6 +87,10 @@ def run_in_pool(
         if isinstance(error, ProcessExpired):
             text = f"its process ended {ATTEMPTS} times, with exit code {error.exitcode}"
             return Loss("died", text, 0 if error.exitcode == RETIRED else 1)
+        if isinstance(error, BrokenProcessPool):
+            raise EngineError(
+                "the workers end before they run anything; one mission by `pdpatrol run` tells why"
+            ) from None
         raise error
 
     run_missions(jobs, n_scheduled, schedule, explain, finish)
