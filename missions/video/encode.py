@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -88,9 +89,7 @@ def _writer(kind: str) -> AbstractMovieWriter:
         return PillowWriter(fps=FRAMES_PER_S[kind])
     if not FFMpegWriter.isAvailable():
         try:
-            from imageio_ffmpeg import get_ffmpeg_exe  # the extra `video`
-
-            rcParams["animation.ffmpeg_path"] = get_ffmpeg_exe()
+            rcParams["animation.ffmpeg_path"] = import_module("imageio_ffmpeg").get_ffmpeg_exe()  # the extra `video`
         except (ImportError, RuntimeError):
             raise FilmError(NO_ENCODER) from None
     quality = ["-pix_fmt", "yuv420p", "-crf", "23", "-movflags", "+faststart"]

@@ -70,8 +70,8 @@ class Moments:
         """The mission after a control step."""
         time_s, pose = self._step["time_s"], self._step["pose"]
         now = float(time_s[step])
-        low, high = np.searchsorted(self._bearing_step, [np.searchsorted(time_s, now - self._stays_s), step + 1])
-        low = max(low, high - MOST_RAYS)
+        oldest, high = np.searchsorted(time_s, now - self._stays_s), np.searchsorted(self._bearing_step, step + 1)
+        low = max(np.searchsorted(self._bearing_step, oldest), high - MOST_RAYS)
         at = self._bearing_step[low:high]
         start = np.column_stack([pose[at, :2], np.full(at.size, self._height_m)])
         rays = Rays(start, self._bearing_rad[low:high], 1.0 - (now - time_s[at]) / self._stays_s)

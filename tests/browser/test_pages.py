@@ -8,9 +8,9 @@ import psutil
 import pytest
 from numpy.typing import NDArray
 
-from missions.record.mission_log import MissionLog
+from missions.cli.terminal import write_mission
 from tests.browser.browser import NEEDS_CHROMIUM, Theme, n_colours, opened, picture, picture_when
-from tests.missions.replay.short_mission import short_mission
+from tests.missions.replay.short_mission import pdpatrol, short_mission
 from tests.missions.replay.test_viewer import started
 
 pytestmark = [
@@ -51,15 +51,22 @@ def test_replay_in_a_browser_draws_the_mission_in_both_themes_without_an_error(m
         assert errors == []
 
 
-def write_report(log: MissionLog, folder: Path) -> Path:
-    from missions.cli.terminal import write_mission
-
-    write_mission(log, 0.0, folder)
+def write_report(folder: Path) -> Path:
+    write_mission(short_mission(12.0), 0.0, folder)
     return folder / "report.html"
 
 
-PAGES = {"report": write_report}
-"""Pages that are one file each, and what writes them."""
+def write_trend_page(folder: Path) -> Path:
+    for date in ("2026-03-02", "2026-03-09"):
+        (folder / date).mkdir()
+        short_mission(45.0, date=date).save(folder / date)
+    done = pdpatrol("trend", "2026-03-02", "2026-03-09", "--out", "trend", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return folder / "trend" / "trend.html"
+
+
+PAGES = {"report": write_report, "trend": write_trend_page}
+"""Pages that are one file each, and what writes them into a folder."""
 
 
 @pytest.mark.parametrize("name", PAGES)
@@ -67,7 +74,7 @@ PAGES = {"report": write_report}
 def test_a_page_shows_words_and_pictures_and_loads_nothing(name: str, theme: Theme, tmp_path: Path) -> None:
     folder = tmp_path / "Prüfung 1"
     folder.mkdir()
-    file = PAGES[name](short_mission(12.0), folder)
+    file = PAGES[name](folder)
     with opened(file.as_uri(), theme) as (page, errors):
         asked: list[str] = []
         page.on("request", lambda request: asked.append(request.url))

@@ -13,14 +13,15 @@ from missions.runner import Mission
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 
 
-def short_mission(end_s: float = 8.0, scenario: str = "one_source", seed: int = 0) -> MissionLog:
+def short_mission(end_s: float = 8.0, seed: int = 0, date: str | None = None) -> MissionLog:
     """A mission that is ended early."""
+    settings = {} if date is None else {"campaign.date": date}
 
     def end_early(mission: Mission) -> None:
         if mission.time_s > end_s:
             mission.end("interrupted")
 
-    return Mission(load_scenario(scenario), "seek", seed).run(end_early)
+    return Mission(load_scenario("one_source", settings), "seek", seed).run(end_early)
 
 
 def without_screen() -> dict[str, str]:

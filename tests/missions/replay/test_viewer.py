@@ -48,8 +48,9 @@ def started(*arguments: str, cwd: Path, on_screen: bool) -> Iterator[psutil.Pope
     try:
         yield process
     finally:
-        everything = [process, *process.children(recursive=True)]
-        os.killpg(process.pid, signal.SIGINT)
+        everything = [process, *(process.children(recursive=True) if process.is_running() else [])]
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGINT)
         _, alive = psutil.wait_procs(everything, timeout=15.0)
         for each in alive:
             each.kill()
@@ -116,6 +117,18 @@ def test_a_browser_gets_the_recordings_and_nothing_else_from_this_machine_alone(
     assert {host for _, host in hosts} == {"127.0.0.1"}
     assert len(hosts) == 2  # the page, and the files
     assert lines(process).strip() == "Interrupted"  # no line of Rerun, no second address
+
+
+@pytest.mark.filterwarnings("default")
+def test_a_killed_replay_leaves_no_server_behind(missions: Path) -> None:
+    with started("replay", "zero", "--web", cwd=missions, on_screen=False) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        servers = process.children(recursive=True)
+        assert any(server.name() == "rerun" for server in servers)
+        process.kill()
+        _, alive = psutil.wait_procs(servers, timeout=10.0)
+        assert not alive
 
 
 @NEEDS_SCREEN
