@@ -49,12 +49,29 @@ def test_a_rate_grows_with_the_rate_of_the_source_and_its_level_does_not() -> No
     assert often.level_db == pytest.approx(seldom.level_db, abs=0.5)
 
 
+def test_a_place_where_the_robot_stands_for_long_counts_no_more_than_others() -> None:
+    """The finding is a metre off, so that the level differs from place to place."""
+    way = along((8.0, 7.0), (12.0, 7.0))
+    levels = list[float]()
+    for poses in (way, np.concatenate([np.tile(way[:1], (600, 1)), way])):
+        seen = inspection(survey(poses, Source(SOURCE)))
+        level = source_level(seen, seen.findings[0]._replace(position_m=np.array([9.0, 10.0, 1.6])))
+        assert level is not None
+        levels.append(level.level_db)
+    assert levels[0] == pytest.approx(levels[1], abs=0.5)
+
+
 def test_the_stated_deviation_covers_an_error_of_the_position() -> None:
     seen = inspection(survey(along((8.0, 7.0), (12.0, 7.0)), Source(SOURCE)))
-    off = seen.findings[0]._replace(position_m=np.array([10.0, 10.3, 1.6]), covariance_m2=np.diag([0.01, 0.09, 0.01]))
-    level = source_level(seen, off)
-    assert level is not None
-    assert 0.3 < abs(level.level_db) < 2 * level.level_std_db
+    off = seen.findings[0]._replace(position_m=np.array([10.0, 10.6, 1.6]))
+    stds_db = list[float]()
+    for std_m in (0.01, 0.6):
+        level = source_level(seen, off._replace(covariance_m2=np.diag([1e-4, std_m**2, 1e-4])))
+        assert level is not None
+        stds_db.append(level.level_std_db)
+    assert level.level_db > 1.2 * stds_db[0]
+    assert level.level_db < 2.0 * stds_db[1]
+    assert stds_db[1] ** 2 - stds_db[0] ** 2 == pytest.approx(level.level_db**2, rel=0.3)
 
 
 def test_too_few_pulses_tell_no_level() -> None:

@@ -74,10 +74,13 @@ def test_what_was_looked_at_and_not_there_before_is_new() -> None:
 
 
 def test_a_discharge_that_would_be_too_weak_to_be_detected_from_there_is_not_gone() -> None:
-    weak = survey(PAST_BOTH, Source(PLACE, -33.0), Source(OTHER), day=DAYS[0])
-    far = quiet(DAYS[1], along((6.0, 0.5), (14.0, 0.5)))
-    (place,) = (each for each in trend_of(weak, far).discharges if each.position_m[0] < 20.0)
-    assert place.observations[1].presence == "not inspected"
+    """From 7 m over 59 degrees: the loud one would have been found, the weak one not."""
+    for level_db, presence in ((0.0, "absent"), (-28.0, "not inspected")):
+        before = survey(PAST_BOTH, Source(PLACE, level_db), Source(OTHER), day=DAYS[0])
+        after = quiet(DAYS[1], along((6.0, 3.0), (14.0, 3.0)))
+        (place,) = (each for each in trend_of(before, after).discharges if each.position_m[0] < 20.0)
+        assert place.observations[0].level_db is not None
+        assert place.observations[1].presence == presence
 
 
 def test_what_was_passed_on_one_side_of_it_in_a_hurry_is_not_gone() -> None:
