@@ -7,6 +7,7 @@ import tyro
 from missions.cli.locate import locate
 from missions.cli.plan import plan
 from missions.cli.replay import replay
+from missions.cli.report import report
 from missions.cli.reproduce import reproduce
 from missions.cli.results import results
 from missions.cli.run import run
@@ -18,7 +19,7 @@ from missions.cli.trend import trend
 def run_verb() -> None:
     """Read the command line and do what it says."""
     app = tyro.extras.SubcommandApp()
-    for verb in (run, plan, replay, scenarios, reproduce, locate, trend, sweep, results):
+    for verb in (run, plan, replay, report, scenarios, reproduce, locate, trend, sweep, results):
         app.command(verb)
     app.cli(
         prog="pdpatrol",

@@ -17,6 +17,7 @@ from missions.cli.terminal import (
     FAILED,
     err,
     fail,
+    load_what_writes,
     out,
     refuse,
     tell_calibration,
@@ -33,12 +34,11 @@ if TYPE_CHECKING:
     from missions.report.records import Report
     from missions.runner import Mission
 
+OF_FINDINGS = ("candidate", "confirmed", "outside", "ghost", "dropped")
+"""Kinds of events whose text says by itself what became of a candidate or a finding."""
+
 TOLD = (
-    "candidate",
-    "confirmed",
-    "outside",
-    "ghost",
-    "dropped",
+    *OF_FINDINGS,
     "contact",
     "unreachable",
     "clipped",
@@ -112,6 +112,7 @@ def run(
     with output_folder(out_dir, f"{loaded.name}-{seed}") as folder:
         from missions.runner import Mission
 
+        load_what_writes()
         tell_notes(loaded)
         started_s = time.perf_counter()
         with _progress(loaded.task.time_limit_s) as follow, ExitStack() as while_driving:
@@ -201,7 +202,8 @@ def _progress(time_limit_s: float) -> Iterator[Callable[[Mission], None]]:
             events = mission.log.table("event", told)
             for kind, text in zip(events["kind"], events["text"], strict=True):
                 if kind in TOLD:
-                    progress.console.print(f"{mission.time_s:6.1f} s  {kind}: {text}")
+                    told_as = text if kind in OF_FINDINGS else f"{kind}: {text}"
+                    progress.console.print(f"{mission.time_s:6.1f} s  {told_as}")
             told += events["kind"].size
             stops = len(mission.site_map.route.stops_m) + 1
             visited = mission.n_visited / stops

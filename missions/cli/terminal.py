@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
@@ -79,22 +80,43 @@ def write_mission(log: MissionLog, wall_time_s: float, folder: Path) -> Report:
 def _write_files(log: MissionLog, wall_time_s: float, folder: Path) -> Report:
     from envs.scenario.calibration import restore_calibration
     from missions.recording import write_recording
+
+    log.save(folder)
+    if "calibration" in log.meta:
+        when = datetime.now().astimezone().isoformat(timespec="seconds")
+        text = restore_calibration(log.meta["calibration"]).as_toml()
+        write_whole(folder / CALIBRATION, f"# Written {when}\n{text}")
+    return write_report(log, wall_time_s, folder, lambda: write_recording(log, folder / "mission.rrd"))
+
+
+def write_report(
+    log: MissionLog, wall_time_s: float, folder: Path, between: Callable[[], None] = lambda: None
+) -> Report:
+    """Write report.json and, what takes longer, report.html; see `write_mission`.
+
+    Args:
+        log: The mission, whole or cut short.
+        wall_time_s: How long it took.
+        folder: Where to.
+        between: Done between the two.
+    """
     from missions.report.inspection import inspected_sites
     from missions.report.make_report import make_report
     from missions.report.report_file import report_text
     from missions.report.report_page import report_page
 
-    log.save(folder)
     inspected = inspected_sites(log)
     report = make_report(log, wall_time_s, inspected)
     write_whole(folder / "report.json", report_text(report))
-    if "calibration" in log.meta:
-        when = datetime.now().astimezone().isoformat(timespec="seconds")
-        text = restore_calibration(log.meta["calibration"]).as_toml()
-        write_whole(folder / CALIBRATION, f"# Written {when}\n{text}")
-    write_recording(log, folder / "mission.rrd")
+    between()
     write_whole(folder / "report.html", report_page(log, report, inspected))
     return report
+
+
+def load_what_writes() -> None:
+    """Load the libraries that `write_mission` needs, before a mission: one that is interrupted has two seconds."""
+    import missions.recording
+    import missions.report.report_page  # noqa: F401
 
 
 def tell_where(folder: Path) -> None:

@@ -43,7 +43,10 @@ class FindingPulses(NamedTuple):
 
 
 def finding_pulses(log: MissionLog) -> dict[int, FindingPulses]:
-    """The pulses of each finding by its id; nothing of a mission that was killed, which has no association."""
+    """The pulses of each finding by its id; nothing of a mission that was killed, which has no association.
+
+    Pulses that came from where the pattern of the array has no gain have no level, and are left out.
+    """
     table, association, bearing = log.table("finding"), log.table("association"), log.table("bearing")
     pulse, step, manifold = log.table("pulse"), log.table("step"), described_manifold(log.meta["array"])
     found: dict[int, FindingPulses] = {}
@@ -55,13 +58,15 @@ def finding_pulses(log: MissionLog) -> dict[int, FindingPulses]:
         range_m = np.maximum(np.linalg.norm(position_m[:2] - pose[:, :2], axis=-1), NEAREST_M)
         gain = np.linalg.norm(manifold.gain(bearing["azimuth_rad"][own]), axis=0)
         strength_v = np.linalg.norm(pulse["strengths_v"][rows], axis=-1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            level_db = 20 * np.log10(strength_v / gain * range_m)
         found[number] = FindingPulses(
             pulse=rows,
             time_s=step["time_s"][pulse["step"][rows]],
             pose=pose,
             bearing_rad=bearing["bearing_rad"][own],
             range_m=range_m,
-            level_db=20 * np.log10(strength_v / gain * range_m),
+            level_db=level_db,
             mains_phase_rad=pulse["mains_phase_rad"][rows],
-        )
+        ).take(np.isfinite(level_db))
     return found

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from dirmusic import Finding
 from dirmusic.angles import wrap
+from dirmusic.locating.finding import State
 from missions.record.mission_log import MissionLog
 from missions.record.tracking import Tracked
 
@@ -76,11 +77,12 @@ class Logbook:
         before = {finding.id: finding.state for finding in self._logged}
         for finding in findings:
             self._log_finding(finding, finding.state)
-            if before.pop(finding.id, None) != finding.state:
-                self.event(finding.state, _news(finding))
+            was = before.pop(finding.id, None)
+            if was != finding.state:
+                self.event(finding.state, _news(finding, was))
         for gone in (finding for finding in self._logged if finding.id in before):
             self._log_finding(gone, "dropped")
-            self.event("dropped", f"candidate {gone.id} was no source of its own")
+            self.event("dropped", f"{_called(gone.state)} {gone.id} was no source of its own")
         self._logged = tuple(findings)
 
     def log_contradiction(self, contradicts_calibration: bool) -> None:
@@ -114,12 +116,23 @@ class Logbook:
         )
 
 
-def _news(finding: Finding) -> str:
-    """What the new state of a finding means."""
+def _called(state: State | None) -> str:
+    """What something in a state is called, with its number after it."""
+    return "finding" if state == "confirmed" else "candidate"
+
+
+def _news(finding: Finding, was: State | None) -> str:
+    """What the new state of a finding means, which was in another one or none."""
     x, y, z = finding.position_m
+    again = {
+        None: "towards",
+        "confirmed": "is in doubt: a candidate again, near",
+        "outside": "may lie inside the fence after all, near",
+        "ghost": "is no ghost after all, near",
+    }
     return {
-        "candidate": f"candidate {finding.id} towards ({x:.1f}, {y:.1f}) m",
+        "candidate": f"{_called(was)} {finding.id} {again.get(was)} ({x:.1f}, {y:.1f}) m",
         "confirmed": f"finding {finding.id} at ({x:.2f}, {y:.2f}, {z:.2f}) m, 95 % in {finding.semi_major_m:.2f} m",
         "ghost": f"candidate {finding.id} is a ghost: nothing comes from near ({x:.1f}, {y:.1f}) m",
-        "outside": f"candidate {finding.id} lies beyond the fence, near ({x:.0f}, {y:.0f}) m",
+        "outside": f"candidate {finding.id} seems to lie beyond the fence, near ({x:.0f}, {y:.0f}) m",
     }[finding.state]

@@ -14,6 +14,8 @@ from missions.record.which_site import percent
 from missions.report.advice import LIMITS, Advice, advice_for
 from missions.report.inspection import Inspected
 from missions.report.page import inline_svg, render
+from missions.report.pictures.finding_figures import draw_detected_from, draw_phase_pattern
+from missions.report.pictures.site_plan import draw_site_plan
 from missions.report.pulse_counts import WORDS
 from missions.report.records import FindingRecord, Report
 from missions.report.words import UNKNOWN, kind_in_words, site_in_words
@@ -50,8 +52,6 @@ def report_page(log: MissionLog, report: Report, inspected: Inspected | None) ->
         report: As `make_report` made it of the log.
         inspected: As `inspected_sites` made it of the log.
     """
-    from missions.report.pictures.site_plan import draw_site_plan
-
     pulses = finding_pulses(log)
     plan = draw_site_plan(log, report, inspected)
     return render(
@@ -132,8 +132,6 @@ def _in_a_phrase(finding: FindingRecord) -> str:
 
 
 def _section(log: MissionLog, finding: FindingRecord, pulses: FindingPulses | None) -> FindingSection:
-    from missions.report.pictures.finding_figures import draw_detected_from, draw_phase_pattern
-
     number, phase_pattern = finding.id, None
     if finding.discharge is not None:
         label = f"Phase-resolved pattern of finding {number}"

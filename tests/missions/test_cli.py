@@ -1,6 +1,8 @@
 """The command line as a user meets it: real processes, real files."""
 
 import json
+import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -11,6 +13,7 @@ import numpy as np
 import pytest
 
 from missions.record.mission_log import MissionLog
+from missions.report.report_file import read_report
 
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 HEAVY = ("mujoco", "rerun", "scipy.signal", "scipy.optimize", "matplotlib")
@@ -41,7 +44,7 @@ def short(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     "arguments",
     [["--help"], ["run", "--help"], ["replay", "--help"], ["scenarios", "--help"],
-     ["reproduce", "--help"], ["locate", "--help"]],
+     ["reproduce", "--help"], ["locate", "--help"], ["report", "--help"]],
 )  # fmt: skip
 def test_every_verb_has_help(arguments: list[str], tmp_path: Path) -> None:
     done = pdpatrol(*arguments, cwd=tmp_path)
@@ -55,7 +58,8 @@ def test_every_verb_has_help(arguments: list[str], tmp_path: Path) -> None:
      ["reproduce", "--help"], ["reproduce", "--trials", "5"], ["reproduce", "--out", "."], ["locate", "--help"],
      ["locate", "none.csv"], ["locate", "bad.toml"],
      ["run", "--seed", "-1"], ["run", "--out", "."], ["run", "--policy", "magic"],
-     ["run", "--policy", "none.py:MyPolicy"], ["replay", "nowhere"]],
+     ["run", "--policy", "none.py:MyPolicy"], ["replay", "nowhere"],
+     ["report", "nowhere"]],
 )  # fmt: skip
 def test_help_and_refusals_load_nothing_heavy(arguments: list[str], tmp_path: Path) -> None:
     (tmp_path / "bad.toml").write_text("[yard]\nsize_m = 3\n", encoding="utf-8")
@@ -79,6 +83,16 @@ def test_a_run_writes_log_report_and_recording_and_prints_what_was_found(short: 
     assert (report["scenario"], report["seed"], report["policy"]) == ("short", 3, "seek")
     assert f"No discharge found. {report['pulses']['detected']} pulses: " in done.stdout
     assert "time limit after 4 s" in done.stdout
+
+
+def test_what_is_to_be_typed_next_works_as_it_is_printed(short: Path, tmp_path: Path) -> None:
+    for by_uv, start in (({}, "pdpatrol"), ({"UV_RUN_RECURSION_DEPTH": "1"}, "uv run pdpatrol")):
+        folder = "a folder" + "2" * len(by_uv)
+        environment = {key: value for key, value in os.environ.items() if key != "UV_RUN_RECURSION_DEPTH"} | by_uv
+        arguments = [PDPATROL, "run", str(short), "--out", folder]
+        done = subprocess.run(arguments, cwd=tmp_path, capture_output=True, text=True, env=environment, check=True)
+        (hint,) = [line for line in done.stdout.splitlines() if line.startswith("Look at it with: ")]
+        assert shlex.split(hint.partition(": ")[2]) == [*start.split(), "replay", folder]
 
 
 def test_json_prints_the_report_and_nothing_else(short: Path, tmp_path: Path) -> None:
@@ -122,8 +136,10 @@ def test_a_folder_that_cannot_be_made_is_refused(short: Path, tmp_path: Path) ->
 
 def test_a_log_that_is_none_is_refused(tmp_path: Path) -> None:
     (tmp_path / "log.npz").write_bytes(b"PK\x03\x04 not a log")
-    (line,) = refused(pdpatrol("replay", ".", cwd=tmp_path))
-    assert "is not the log of a mission" in line
+    for verb in ("replay", "report"):
+        (line,) = refused(pdpatrol(verb, ".", cwd=tmp_path))
+        assert "is not the log of a mission" in line
+    assert [path.name for path in tmp_path.iterdir()] == ["log.npz"]
 
 
 def test_a_faulty_scenario_is_refused_line_by_line_and_nothing_is_written(short: Path, tmp_path: Path) -> None:
@@ -194,6 +210,10 @@ def test_a_killed_mission_keeps_its_parts_and_a_folder_without_any_is_refused(tm
     process.kill()
     process.communicate(timeout=60)
     assert MissionLog.load(tmp_path / "cut").n_rows("step") >= 300
+    done = pdpatrol("report", "cut", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert read_report((tmp_path / "cut" / "report.json").read_text(encoding="utf-8")).ending is None
+    assert "cut off without warning" in (tmp_path / "cut" / "report.html").read_text(encoding="utf-8")
     (tmp_path / "empty").mkdir()
     (line,) = refused(pdpatrol("replay", "empty", cwd=tmp_path))
     assert "holds no log.npz" in line

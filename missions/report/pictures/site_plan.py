@@ -80,7 +80,7 @@ def way_of(log: MissionLog) -> FloatArray:
 def _draw_way(axes: Axes, log: MissionLog) -> list[Line2D]:
     colour, is_field = COLOURS["route"], "field_data" in log.meta
     if is_field:
-        axes.plot(*log.column("step", "pose")[:, :2].T, "o", color=colour, markersize=4, zorder=4)
+        axes.plot(*way_of(log).T, "o", color=colour, markersize=4, zorder=4)
         return [Line2D([], [], color=colour, marker="o", linestyle="", label="pose of the array")]
     axes.plot(*way_of(log).T, color=colour, linewidth=1.1, zorder=4)
     marks = [Line2D([], [], color=colour, label="way driven")]
