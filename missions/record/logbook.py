@@ -74,7 +74,7 @@ class Logbook:
         """Log all findings if they changed, and what became of each as an event."""
         if findings is self._logged:
             return
-        before = {finding.id: finding.state for finding in self._logged}
+        before: dict[int, State] = {finding.id: finding.state for finding in self._logged}
         for finding in findings:
             self._log_finding(finding, finding.state)
             was = before.pop(finding.id, None)

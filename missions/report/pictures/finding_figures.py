@@ -67,7 +67,7 @@ def draw_detected_from(log: MissionLog, finding: FindingRecord, pulses: FindingP
         if yard is not None:
             draw_yard(axes, yard, with_names=True)
         axes.plot(*way_of(log).T, color="#b8c4cf", linewidth=0.9, zorder=2)
-        if pulses is not None:
+        if pulses is not None and len(seen_m):
             some = np.unique(np.linspace(0, len(seen_m) - 1, MOST_BEARINGS).astype(np.intp))
             for x, y, bearing_rad, range_m in zip(
                 *seen_m[some].T, pulses.bearing_rad[some], pulses.range_m[some], strict=True
