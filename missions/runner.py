@@ -29,6 +29,7 @@ from missions.record.mission_log import MissionLog
 from missions.record.own_locator import OwnLocator
 from missions.record.tracking import Tracker
 from robot_models.drawn_solids import describe_equipment, describe_solids
+from robot_models.sensors import describe_lidar
 from robot_models.yard.yard import Yard
 
 FloatArray = NDArray[np.float64]
@@ -104,6 +105,7 @@ class Mission:
             "route_way_m": np.round(self.site_map.way_along_route(), 2).tolist(),
             "sites": {name: known_yard.site_position(name).tolist() for name in known_yard.site_names()},
             "solids": _solids(self.env, known_yard),
+            "lidar": describe_lidar(self.site_map.robot),
             "start": {"true_pose": self._true_start.tolist()},
             "truth": truth,
         }
@@ -142,6 +144,7 @@ class Mission:
             command=self.site_map.robot.command_from_action(action),
             phase=self.policy.phase,
         )
+        self.log.append("scan", step=step, range_m=np.round(self._observation["lidar"], 3))
         for suspect in info["suspects"]:
             self._book.event("channel fault", f"{suspect}: left out from here on")
         tracked = self._tracker.track(info["time_s"], info["believed_pose"], info["pulses"])

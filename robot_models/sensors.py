@@ -32,6 +32,17 @@ def lidar_names() -> list[str]:
     return [f"lidar_{beam:02d}" for beam in range(LIDAR_BEAMS)]
 
 
+def describe_lidar(robot: RobotDescription) -> dict[str, float]:
+    """Beams as plain data: their number, where they start, how far from the floor, how far they reach, how often."""
+    return {
+        "n_beams": LIDAR_BEAMS,
+        "start_m": robot.lidar_start_m,
+        "height_m": robot.lidar_height_m,
+        "range_m": LIDAR_RANGE_M,
+        "period_s": LIDAR_PERIOD_S,
+    }
+
+
 def add_lidar(spec: mujoco.MjSpec, robot: RobotDescription) -> None:
     """Give a robot its beams: around its base, read at 10 Hz in the last physics step of every tenth of a second."""
     ring = mujoco.MjSpec.from_string(

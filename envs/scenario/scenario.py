@@ -16,6 +16,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from envs.scenario.array_section import ArraySection, data_sheet
 from envs.scenario.base import Config, MissionName
 from envs.scenario.calibration import CalibratedArray
+from envs.scenario.georeference import GeoreferenceConfig
 from envs.scenario.limits import growth_faults, level_faults, place_faults, pulse_faults
 from envs.scenario.locating import EstimatorConfig, LocatingConfig
 from envs.scenario.map_section import MapConfig
@@ -126,6 +127,7 @@ class Scenario(Config, frozen=True):
     battery: BatteryConfig = BatteryConfig()
     task: TaskConfig = TaskConfig()
     campaign: CampaignConfig = CampaignConfig()
+    georeference: GeoreferenceConfig | None = None
     locating: LocatingConfig = LocatingConfig()
 
     @property

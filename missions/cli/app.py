@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tyro
 
+from missions.cli.export import export
 from missions.cli.locate import locate
 from missions.cli.plan import plan
 from missions.cli.replay import replay
@@ -19,7 +20,7 @@ from missions.cli.trend import trend
 def run_verb() -> None:
     """Read the command line and do what it says."""
     app = tyro.extras.SubcommandApp()
-    for verb in (run, plan, replay, report, scenarios, reproduce, locate, trend, sweep, results):
+    for verb in (run, plan, replay, report, scenarios, reproduce, locate, trend, export, sweep, results):
         app.command(verb)
     app.cli(
         prog="pdpatrol",

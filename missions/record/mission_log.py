@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from dirmusic.npz_file import read_npz
 from missions.whole_file import whole_file
 
-SCHEMA = 3
+SCHEMA = 4
 
 TABLES: dict[str, dict[str, np.dtype[Any]]] = {
     "step": {
@@ -44,6 +44,10 @@ TABLES: dict[str, dict[str, np.dtype[Any]]] = {
         "azimuth_rad": np.dtype("f8"),  # array frame
         "bearing_rad": np.dtype("f8"),  # world frame, with the believed heading
         "std_rad": np.dtype("f8"),  # from noise alone; the manifold's common error comes on top
+    },
+    "scan": {  # of the lidar; none in field data
+        "step": np.dtype("i8"),
+        "range_m": np.dtype("f4"),  # one value per beam: (n, n_beams), the first ahead, counter-clockwise; see `meta`
     },
     "finding": {
         "step": np.dtype("i8"),
@@ -114,7 +118,12 @@ class MissionLog:
         dtype = TABLES[table][column]
         values = self._rows[table][column][start:stop]
         if not values:
-            width = {"strengths_v": self.meta.get("n_elements", 0), "log_likelihood": self.n_cells}.get(column)
+            widths = {
+                "strengths_v": self.meta.get("n_elements", 0),
+                "log_likelihood": self.n_cells,
+                "range_m": self.meta.get("lidar", {}).get("n_beams", 0),
+            }
+            width = widths.get(column)
             return np.empty((0, width) if width else (0, *dtype.shape), dtype=dtype.base)
         return np.array(values, dtype=dtype.base)
 
@@ -192,6 +201,7 @@ class MissionLog:
 POINTERS = (
     ("pulse", "step", "step"),
     ("bearing", "pulse", "pulse"),
+    ("scan", "step", "step"),
     ("finding", "step", "step"),
     ("likelihood", "step", "step"),
     ("association", "pulse", "pulse"),
@@ -227,8 +237,8 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, dict[str, NDArray[Any]]
     return meta, tables
 
 
-WIDE = ("strengths_v", "log_likelihood")
-"""Columns with a row for each element or cell."""
+WIDE = ("strengths_v", "log_likelihood", "range_m")
+"""Columns with a row for each element, cell or beam."""
 
 
 def _parsed(text: str) -> object:

@@ -1,0 +1,180 @@
+"""Exports, read back by the readers of their formats."""
+
+import csv
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from geojson_pydantic import FeatureCollection
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from numpy.typing import NDArray
+
+from envs import load_scenario
+from envs.scenario.georeference import GeoreferenceConfig
+from missions.export.export_mission import export_mission
+from missions.export.georeference import longitude_latitude
+from missions.record.mission_log import MissionLog
+from missions.report.make_report import make_report
+from missions.runner import run_mission
+
+PLACE = {"latitude_deg": 51.5, "longitude_deg": 7.4, "heading_deg": 20.0}
+
+
+@pytest.fixture(scope="module")
+def log() -> MissionLog:
+    settings = {f"georeference.{key}": value for key, value in PLACE.items()}
+    scenario = load_scenario("transformer_bay", {**settings, "task.time_limit_s": 45.0})
+    return run_mission(scenario, "seek", 3)
+
+
+@pytest.fixture(scope="module")
+def folder(log: MissionLog, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("export")
+    written = export_mission(log, folder)
+    assert {path.name for path in folder.iterdir()} == set(written)
+    return folder
+
+
+class Read(NamedTuple):
+    """A message."""
+
+    topic: str
+    time_ns: int
+    content: Any
+
+
+def read(path: Path) -> list[Read]:
+    """All messages of an MCAP file."""
+    with path.open("rb") as file:
+        decoded = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
+        return [Read(channel.topic, message.log_time, content) for _, channel, message, content in decoded]
+
+
+def on_earth(longitude_deg: float, latitude_deg: float) -> NDArray[np.float64]:
+    """A place on the WGS 84 ellipsoid in its own cartesian frame, metres."""
+    longitude, latitude = np.radians(longitude_deg), np.radians(latitude_deg)
+    square = 0.00669437999014
+    normal_m = 6378137.0 / np.sqrt(1.0 - square * np.sin(latitude) ** 2)
+    on_plane = normal_m * np.cos(latitude)
+    return np.array(
+        [on_plane * np.cos(longitude), on_plane * np.sin(longitude), normal_m * (1.0 - square) * np.sin(latitude)]
+    )
+
+
+@pytest.mark.parametrize("latitude_deg", [-60.0, 0.0, 51.5])
+def test_distances_and_headings_on_earth_are_those_in_the_yard(latitude_deg: float) -> None:
+    reference = GeoreferenceConfig(latitude_deg=latitude_deg, longitude_deg=7.4, heading_deg=20.0)
+    ahead, right = np.array([0.0, 150.0]), np.array([150.0, 0.0])
+    origin = on_earth(7.4, latitude_deg)
+    for place in (ahead, right, ahead + right):
+        moved = on_earth(*longitude_latitude(place, reference))
+        assert np.linalg.norm(moved - origin) == pytest.approx(np.linalg.norm(place), abs=0.01)
+    longitude, _ = longitude_latitude(ahead, reference)
+    assert longitude > 7.4  # 20 degrees from north, clockwise
+    east_m = np.linalg.norm(on_earth(longitude, latitude_deg) - origin)
+    assert east_m == pytest.approx(150.0 * np.sin(np.radians(20.0)), abs=0.01)
+
+
+def test_geojson_is_valid_and_its_ellipses_lie_about_the_findings(folder: Path, log: MissionLog) -> None:
+    text = (folder / "findings.geojson").read_text(encoding="utf-8")
+    collection = FeatureCollection.model_validate_json(text)
+    report = make_report(log, 0.0)
+    assert len(collection.features) == 2 * (len(report.findings) + len(report.candidates)) > 0
+    point, ellipse = (feature["geometry"]["coordinates"] for feature in json.loads(text)["features"][:2])
+    ring = np.array(ellipse[0])
+    assert ring[0].tolist() == ring[-1].tolist()
+    np.testing.assert_allclose(ring[:-1].mean(axis=0), point[:2], atol=1e-7)
+    x, y = (ring - ring[0]).T
+    assert 0.5 * (x[:-1] * y[1:] - x[1:] * y[:-1]).sum() > 0.0  # counter-clockwise, as RFC 7946 asks
+
+
+def test_the_table_of_findings_says_what_the_report_does(folder: Path, log: MissionLog) -> None:
+    with (folder / "findings.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    report = make_report(log, 0.0).model_dump(mode="json")
+    told = [*report["findings"], *report["candidates"]]
+    assert [row["id"] for row in rows] == [str(finding["id"]) for finding in told]
+    assert [float(rows[0][name]) for name in ("x_m", "y_m", "z_m")] == list(told[0]["position_m"])
+    assert rows[0]["site"] == told[0]["sites"][0]["name"]
+
+
+def test_parquet_has_a_row_for_each_step_and_pulse_and_null_for_what_is_not_there(
+    folder: Path, log: MissionLog
+) -> None:
+    steps, pulses = pq.read_table(folder / "steps.parquet"), pq.read_table(folder / "pulses.parquet")
+    assert steps.num_rows == log.n_rows("step")
+    np.testing.assert_array_equal(steps["yaw_rad"].to_numpy(), log.column("step", "pose")[:, 2])
+    assert pulses.num_rows == log.n_rows("pulse")
+    assert pulses["bearing_rad"].null_count == log.n_rows("pulse") - log.n_rows("bearing") > 0
+    owner = log.column("association", "finding")
+    assert pulses["finding"].null_count == pulses.num_rows - int((owner > 0).sum())
+    assert pulses["fate"].null_count == pulses.num_rows - int((owner <= 0).sum())
+    for field in (*steps.schema, *pulses.schema):
+        assert field.metadata[b"description"]
+
+
+def test_mcap_holds_poses_scans_and_markers_in_order_of_time(folder: Path, log: MissionLog) -> None:
+    messages: dict[str, list[Any]] = {}
+    times: list[int] = []
+    for topic, time_ns, content in read(folder / "mission.mcap"):
+        messages.setdefault(topic, []).append(content)
+        times.append(time_ns)
+    assert (np.diff(times) >= 0).all()
+    n_steps = log.n_rows("step")
+    for topic in ("/tf", "/pose", "/true_pose", "/scan"):
+        assert len(messages[topic]) == n_steps
+    at, pose = 100, log.column("step", "pose")[100]
+    turn = messages["/pose"][at].pose.orientation
+    assert 2.0 * np.arctan2(turn.z, turn.w) == pytest.approx(np.arctan2(np.sin(pose[2]), np.cos(pose[2])))
+    assert [messages["/pose"][at].pose.position.x, messages["/pose"][at].pose.position.y] == pytest.approx(pose[:2])
+    scan = messages["/scan"][at]
+    start_m = log.meta["lidar"]["start_m"]
+    np.testing.assert_allclose(scan.ranges, start_m + log.column("scan", "range_m")[at], atol=1e-5)
+    assert scan.angle_min + scan.angle_increment * len(scan.ranges) == pytest.approx(2.0 * np.pi)
+    (yard,) = messages["/yard"]
+    assert {marker.text for marker in yard.markers if marker.ns == "sites"} == set(log.meta["sites"])
+    finding = make_report(log, 0.0).findings[0]
+    (name,) = [one for one in messages["/findings"][-1].markers if one.ns == "names" and one.id == finding.id]
+    assert name.text == f"finding {finding.id}"
+    assert [name.pose.position.x, name.pose.position.y] == pytest.approx(finding.position_m[:2], abs=1e-3)
+    rays = sum(len(message.markers[0].points) for message in messages["/bearings"])
+    assert rays == 2 * log.n_rows("bearing")
+
+
+def test_a_piece_of_the_yard_has_its_size_in_mcap(folder: Path, log: MissionLog) -> None:
+    (yard,) = [content for topic, _, content in read(folder / "mission.mcap") if topic == "/yard"]
+    solids = log.meta["solids"]["yard"]
+    shapes = {solid["shape"] for solid in solids}
+    assert {"box", "cylinder"} <= shapes
+    for number, solid in enumerate(solids):
+        if solid["shape"] not in ("box", "cylinder"):
+            continue
+        (marker,) = [one for one in yard.markers if one.id == number and one.ns == solid["group"]]
+        x, y, z = solid["size_m"]
+        expected = (2 * x, 2 * y, 2 * z) if solid["shape"] == "box" else (2 * x, 2 * x, 2 * y)
+        assert (marker.scale.x, marker.scale.y, marker.scale.z) == pytest.approx(expected)
+
+
+def test_data_from_the_field_are_exported_without_what_they_do_not_have(tmp_path: Path) -> None:
+    field = MissionLog(
+        {"name": "survey", "seed": None, "policy": None, "n_elements": 2, "array": {"boresights_rad": [0.0, 3.1]}}
+    )
+    nothing = np.full(3, np.nan)
+    field.append(
+        "step",
+        time_s=1.0,
+        pose=np.array([1.0, 2.0, 0.5]),
+        true_pose=nothing,
+        odometry=nothing,
+        battery=np.nan,
+        command=nothing[:2],
+        phase="",
+    )
+    written = export_mission(field, tmp_path)
+    assert "findings.geojson" not in written
+    assert {topic for topic, _, _ in read(tmp_path / "mission.mcap")} == {"/yard", "/tf", "/pose"}
+    assert pq.read_table(tmp_path / "steps.parquet")["true_x_m"].null_count == 1
