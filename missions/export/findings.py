@@ -54,7 +54,7 @@ def _degrees(places: Any) -> Any:  # noqa: ANN401 - nested lists as JSON has the
     return np.round(places, DEGREE_DIGITS).tolist()
 
 
-FIELDS = (
+FIELDS: tuple[str, ...] = (
     "id",
     "state",
     "site",

@@ -93,7 +93,7 @@ def _yard(
 ) -> rrb.Spatial3DView:
     """The world from one side; what lies on a trail is shown as long as it is told by it."""
     now = 0.9 * bin_s  # rings are a bin apart: one at a time
-    overrides: dict[str, Any] = {
+    overrides: dict[Any, Any] = {  # of paths; Rerun's own type is invariant in its keys
         paths.TRAJECTORY: _last(None),
         paths.TRUE_TRAJECTORY: _last(None),
         paths.ODOMETRY: _last(None),
