@@ -19,6 +19,7 @@ from dirmusic.locating.finding import Finding, State
 from dirmusic.locating.rules import AssignmentRules, LocatingRules
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
 LEVEL_QUANTILE = 0.75
 """The level of a finding is this quantile of the levels of its pulses (assumed): those on the direct path are the
@@ -53,9 +54,9 @@ def updated_state(
     """
     own = np.flatnonzero(assignment.owner == number)
     rows = own[assignment.in_sight[own]]
-    present = presence(finding, np.flatnonzero(assignment.may_be[number]), record, rules.assignment)
+    present = presence(finding, assignment.may_be[number], assignment.is_too_weak[number], record, rules.assignment)
     if own.size:
-        finding = _measured(finding, own, rows, assignment, record)
+        finding = _measured(finding, number, own, rows, assignment, record)
     if _lies_outside(finding, fence_m):
         return _in_state(finding, "outside")
     if _is_where_the_array_was(finding, record, rules):
@@ -97,15 +98,20 @@ class Presence(NamedTuple):
     is_sure: bool = True
 
 
-def presence(finding: Finding, rows: Rows, record: PulseRecord, rules: AssignmentRules) -> Presence:
+def presence(
+    finding: Finding, may_be: BoolArray, is_too_weak: BoolArray, record: PulseRecord, rules: AssignmentRules
+) -> Presence:
     """How often a finding is detected where it should be; without a map, which could tell what is in sight, always.
 
     In sight is what is so at every height at which the finding may be; where the array has been in no such place, at
-    the likeliest; and where it has not been there either, at any.
+    the likeliest; and where it has not been there either, at any. Seconds in which pulses point to it that are all too
+    weak for its level say nothing, whatever the map says: a position that is a little off beside an edge is in sight
+    where the source is not. Nor are they silent.
 
     Args:
         finding: The finding.
-        rows: Rows of the pulses that may have come from it.
+        may_be: Which pulses may have come from it, shape (n,).
+        is_too_weak: Which point to it, too weak for its level, shape (n,).
         record: All pulses.
         rules: How near it should be detected.
     """
@@ -120,23 +126,26 @@ def presence(finding: Finding, rows: Rows, record: PulseRecord, rules: Assignmen
     is_near = next((seen for seen in surest_first if seen.any()), surest_first[-1])
     time_s = record.pulses.time_s
     second = np.floor(time_s - np.floor(time_s.min())).astype(np.intp)
-    is_observed = _marked(second[is_near[record.place]], second)
-    n_observed = int(is_observed.sum())
-    n_present = int((is_observed & _marked(second[rows], second)).sum())
-    last_s = time_s[rows].max(initial=finding.first_detected_s)
+    is_present = _marked(second[may_be], second)
+    is_hidden = _marked(second[is_too_weak], second) & ~is_present
+    is_observed = _marked(second[is_near[record.place]], second) & ~is_hidden
+    n_observed, n_present = int(is_observed.sum()), int((is_observed & is_present).sum())
+    last_s = time_s[may_be | is_too_weak].max(initial=finding.first_detected_s)
     silent = is_near[record.listened] & (record.listened_s > last_s)
     is_sure = bool(surest_first[0].any() or surest_first[1].any())
     return Presence(n_present / max(n_observed, 1), n_observed, int(silent.sum()), is_sure)
 
 
-def _marked(some: Rows, of: Rows) -> NDArray[np.bool_]:
+def _marked(some: Rows, of: Rows) -> BoolArray:
     """Which numbers up to the largest of all are among some of them."""
     is_there = np.zeros(of.max(initial=-1) + 1, dtype=np.bool_)
     is_there[some] = True
     return is_there
 
 
-def _measured(finding: Finding, own: Rows, rows: Rows, assignment: Assignment, record: PulseRecord) -> Finding:
+def _measured(
+    finding: Finding, number: int, own: Rows, rows: Rows, assignment: Assignment, record: PulseRecord
+) -> Finding:
     """The finding with the time of its last pulse, and number, aperture, nearest range and level of those in sight."""
     last_s = float(record.pulses.time_s[own[-1]])
     if not rows.size:
@@ -151,8 +160,20 @@ def _measured(finding: Finding, own: Rows, rows: Rows, assignment: Assignment, r
         n_bearings=rows.size,
         aperture_rad=aperture(np.arctan2(from_places[:, 1], from_places[:, 0])),
         nearest_m=float(np.hypot(sight[:, 0], sight[:, 1]).min()),
-        level_db=float(np.quantile(assignment.level_db[rows], LEVEL_QUANTILE)),
+        level_db=_level(finding, number, rows, assignment),
     )
+
+
+def _level(finding: Finding, number: int, rows: Rows, assignment: Assignment) -> float:
+    """The level of a finding by its pulses in sight.
+
+    Where more of those that point to a candidate are too weak for its level, that is off, by what the map takes from
+    another place than the source's: they count as well, or they would be left out, and the candidate stay as it is.
+    """
+    weak = np.flatnonzero(assignment.is_too_weak[number])
+    if finding.state != "confirmed" and weak.size > rows.size:
+        rows = np.union1d(rows, weak)
+    return float(np.quantile(assignment.level_db[number, rows], LEVEL_QUANTILE))
 
 
 def _is_ghost(finding: Finding, present: Presence, rules: LocatingRules) -> bool:

@@ -47,14 +47,17 @@ class NoOwner(IntEnum):
 
 
 class Assignment(NamedTuple):
-    """The finding that each pulse belongs to; every array has shape (n,).
+    """The finding that each pulse belongs to; every array has shape (n,), or (n_findings, n) where it says so.
 
     Attributes:
         owner: Position of the finding in the sequence of findings, or a code of `NoOwner`.
         in_sight: Whether the finding that the pulse points to best was in sight from where it was detected.
-        level_db: Level 1 m from that finding that pulses of this time and direction mean, dB over 1 V.
+        level_db: Level 1 m from each finding that pulses of this time and direction mean, dB over 1 V, shape
+            (n_findings, n).
         may_be: Whether the pulse may be each finding's own as far as direction and level tell, of several it may be,
             shape (n_findings, n).
+        is_too_weak: Whether the pulse points to each finding that the map has in sight, and is too weak for its level:
+            it came round an edge, or the level is not the finding's, shape (n_findings, n).
         is_echo: Whether the pulse may be an echo of another finding than its owner.
     """
 
@@ -62,6 +65,7 @@ class Assignment(NamedTuple):
     in_sight: BoolArray
     level_db: FloatArray
     may_be: BoolArray
+    is_too_weak: BoolArray
     is_echo: BoolArray
 
 
@@ -151,8 +155,9 @@ class Assigner:
             return Assignment(
                 owner=np.full(n, NoOwner.UNASSIGNED, dtype=np.intp),
                 in_sight=np.ones(n, dtype=np.bool_),
-                level_db=np.full(n, np.nan),
+                level_db=np.full((len(findings), n), np.nan),
                 may_be=np.empty((len(findings), n), dtype=np.bool_),
+                is_too_weak=np.empty((len(findings), n), dtype=np.bool_),
                 is_echo=np.zeros(n, dtype=np.bool_),
             )
         confirmed = np.array([finding.state == "confirmed" for finding in findings])
@@ -180,8 +185,9 @@ class Assigner:
         return Assignment(
             owner=np.where(is_source, by_direction, owner),
             in_sight=in_sight,
-            level_db=judged.level_db[nearest, each],
+            level_db=judged.level_db,
             may_be=in_gate & judged.is_direct,
+            is_too_weak=judged.is_diffracted & judged.is_direct,
             is_echo=is_of_others & ~is_source,
         )
 
