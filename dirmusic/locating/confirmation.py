@@ -86,7 +86,8 @@ class Presence(NamedTuple):
     """How often a finding is detected where it should be: near it and in sight of it.
 
     Attributes:
-        rate: Of the seconds in which anything was detected there, the share with pulses that may be its own.
+        rate: Of the seconds in which anything was detected there, the share with pulses that may be its own; 1 where
+            there are none, for nothing speaks against it.
         observed_s: How many seconds these are.
         silent_s: Seconds there since its last pulse, whether anything was detected or not.
         is_sure: Whether it is in sight there for certain, or at the likeliest height; else it was in no such place.
@@ -116,7 +117,7 @@ def presence(
         rules: How near it should be detected.
     """
     if not record.sight.has_map:
-        return Presence(1.0, 0, 0)
+        return Presence(1.0, 1, 0)
     nearest_m = finding.nearest_m if np.isfinite(finding.nearest_m) else 0.0
     near_m = max(rules.detection_range_m, NEARLY_AS_NEAR * nearest_m)
     is_near = np.linalg.norm(record.places_m[:, :2] - finding.position_m[:2], axis=-1) < near_m
@@ -133,7 +134,7 @@ def presence(
     last_s = time_s[may_be | is_too_weak].max(initial=finding.first_detected_s)
     silent = is_near[record.listened] & (record.listened_s > last_s)
     is_sure = bool(surest_first[0].any() or surest_first[1].any())
-    return Presence(n_present / max(n_observed, 1), n_observed, int(silent.sum()), is_sure)
+    return Presence(n_present / n_observed if n_observed else 1.0, n_observed, int(silent.sum()), is_sure)
 
 
 def _marked(some: Rows, of: Rows) -> BoolArray:
@@ -203,11 +204,12 @@ def _stays_confirmed(finding: Finding, n_own: int, rate: float, rules: LocatingR
 def _meets(finding: Finding, n_own: int, present: Presence, rules: LocatingRules) -> bool:
     """Whether a candidate meets every rule of confirmation, by pulses that are no echoes of another finding.
 
-    One that is nowhere in sight for certain has to be seen for long as well.
+    One that was observed nowhere where it is in sight for certain has to be seen for long as well.
     """
     was_seen_long = n_own >= MANY_TIMES * rules.confirm_pulses and finding.aperture_rad >= rules.planned_aperture_rad
+    is_observed = present.is_sure and present.observed_s > 0
     return (
-        (present.is_sure or was_seen_long)
+        (is_observed or was_seen_long)
         and finding.aperture_rad >= rules.confirm_aperture_rad
         and finding.semi_major_m <= rules.confirm_semi_major_m * (LONGER if was_seen_long else 1.0)
         and finding.nearest_m <= rules.confirm_range_m

@@ -103,7 +103,8 @@ class LocatingRules:
             cluttered yards when they were confirmed; of echoes of an interferer that moves, 1.4 to 1.9 (measured).
         confirm_detection_rate: Near it and in sight of it, where there is a map, the finding must have been detected in
             this share of the seconds in which anything was, from the start: multipath from one reflector arrives in
-            few places. Confirmed findings of less than half of it are candidates again.
+            few places. Confirmed findings of less than half of it are candidates again. Seconds with pulses too weak
+            for the finding, and with none of its own, do not count.
         ghost_detection_rate: A candidate with a smaller share is a ghost.
         ghost_observed_s: The share counts against a candidate once it is of so many seconds at least.
         ghost_silent_s: A candidate from which nothing came in so many seconds near it and in sight of it, one after the

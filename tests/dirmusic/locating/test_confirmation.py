@@ -1,4 +1,6 @@
-"""What pulses that point to a candidate, and are too weak for its range, say of it."""
+"""What is heard of a finding, and where, makes its state: what does not come is missed only where it is in sight."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -30,15 +32,19 @@ CANDIDATE = Finding(
 
 
 def everything_in_sight(points: np.ndarray, target: np.ndarray, ignore_m: float) -> np.ndarray:
-    """A map of an empty yard, as one that is a little off beside an edge."""
+    """The map of an empty yard: so it looks from a position that is a little off beside an edge."""
     return np.ones(len(points))
 
 
-class Listening:
-    """Pulses, one a second, detected from the west of a candidate at the origin."""
+def nothing_in_sight(points: np.ndarray, target: np.ndarray, ignore_m: float) -> np.ndarray:
+    """The map of a yard in which equipment hides the place of the finding from everywhere."""
+    return np.zeros(len(points))
 
-    def __init__(self) -> None:
-        the_map: Sight = everything_in_sight
+
+class Listening:
+    """Pulses, one a second, detected from the west of a finding at the origin."""
+
+    def __init__(self, the_map: Sight = everything_in_sight) -> None:
         self.record = PulseRecord(ARRAY, POSE_ERROR, the_map, RULES.assignment)
         self.time_s = 0.0
 
@@ -56,7 +62,7 @@ class Listening:
             self.time_s += 1.0
 
     def judged(self, finding: Finding = CANDIDATE) -> Finding:
-        """The candidate in the light of all that was heard."""
+        """The finding in the light of all that was heard."""
         errors = ElementErrors.none(6)
         assignment = Assigner(self.record, RULES.assignment).assign([finding], errors)
         return updated_state(finding, 0, assignment, self.record, errors, RULES, None, self.time_s)
@@ -81,3 +87,9 @@ def test_a_candidate_is_as_loud_as_its_louder_pulses_unless_most_that_point_to_i
     before_db = listening.judged().level_db
     listening.hear(n_weak, NEAR_M, WEAK_DB)
     assert listening.judged().level_db == pytest.approx(before_db + excess_db, abs=0.1)
+
+
+def test_a_confirmed_finding_stays_so_while_it_is_heard_though_the_map_has_it_in_sight_from_nowhere() -> None:
+    listening = Listening(nothing_in_sight)
+    listening.hear(40, NEAR_M)
+    assert listening.judged(replace(CANDIDATE, state="confirmed")).state == "confirmed"
