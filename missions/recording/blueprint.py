@@ -36,7 +36,7 @@ def blueprint(meta: Mapping[str, Any], end_s: float | None = None, bin_s: float 
     whole = rrb.TimeAxis(
         view_range=rrb.TimeRange(
             start=rrb.TimeRangeBoundary.absolute(seconds=0.0),
-            end=rrb.TimeRangeBoundary.absolute(seconds=end_s) if end_s else rrb.TimeRangeBoundary.infinite(),
+            end=rrb.TimeRangeBoundary.infinite(),
         )
     )
     behind = _orbit([-4.2, -3.0, 4.2], [0.0, 0.0, 0.5], tracks=paths.ROBOT)
@@ -78,7 +78,7 @@ def blueprint(meta: Mapping[str, Any], end_s: float | None = None, bin_s: float 
             play_state="playing" if end_s else "following",
         ),
         rrb.SelectionPanel(state="hidden"),
-        rrb.BlueprintPanel(state="hidden"),
+        rrb.BlueprintPanel(state="collapsed"),
     )
 
 

@@ -52,5 +52,5 @@ EVENTS = "mission/events"
 
 
 def finding_path(finding: int) -> str:
-    """Where the fix of one finding lies: its point; below it `/ellipse` and `/height`, each of 95 %."""
+    """Where the fix of one finding lies: its point; below it `/label`, and `/ellipse` and `/height`, each of 95 %."""
     return f"{FINDINGS}/{finding}"

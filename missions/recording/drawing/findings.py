@@ -64,8 +64,8 @@ class Findings:
         path = paths.finding_path(number)
         words = [f"{'finding' if state == 'confirmed' else state} {number}" for state in finding["state"]]
         colour = np.array([palette.STATES[str(state)] for state in finding["state"]], dtype=np.uint8)
-        points = rr.Points3D.columns(positions=place, colors=colour, radii=np.full(n, 0.2), labels=words)
-        self._canvas.columns(path, steps, points)
+        self._canvas.columns(path, steps, rr.Points3D.columns(positions=place, colors=colour, radii=np.full(n, 0.2)))
+        self._canvas.columns(f"{path}/label", steps, rr.Points3D.columns(positions=place, labels=words))
         covariance = finding["covariance_m2"]
         semi_major = np.array([ellipse95(one).semi_major_m for one in covariance[:, :2, :2]])
         drawn = semi_major <= MAX_DRAWN_ELLIPSE_M
@@ -81,6 +81,8 @@ class Findings:
         plot = f"{paths.UNCERTAINTY}/{number}"
         if number not in self._named:
             self._named.add(number)
+            style = rr.Points3D.from_fields(colors=[palette.NAME], radii=[0.01], show_labels=True)
+            self._canvas.still(f"{path}/label", style)
             self._canvas.still(plot, rr.SeriesLines(names=[f"{number}"]))
         self._canvas.columns(plot, steps, rr.Scalars.columns(scalars=np.log10(semi_major)))
 
@@ -99,7 +101,8 @@ class Findings:
 
     def _clear(self, number: int, step: NDArray[Any]) -> None:
         path = paths.finding_path(number)
-        self._canvas.columns(path, step, rr.Points3D.columns(positions=np.empty((0, 3))).partition([0]))
+        for part in (path, f"{path}/label"):
+            self._canvas.columns(part, step, rr.Points3D.columns(positions=np.empty((0, 3))).partition([0]))
         for part in ("ellipse", "height"):
             self._canvas.columns(f"{path}/{part}", step, rr.LineStrips3D.columns(strips=[]).partition([0]))
 

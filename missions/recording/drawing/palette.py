@@ -1,4 +1,4 @@
-"""Colours of a recording, red, green and blue up to 255; they are read on a dark ground, in both of Rerun's themes."""
+"""Colours of a recording, red, green and blue up to 255, on a dark ground in both of Rerun's themes."""
 
 Colour = tuple[int, int, int]
 
@@ -21,10 +21,13 @@ TRAJECTORY: Colour = (120, 190, 255)
 ODOMETRY: Colour = (110, 130, 115)
 TRUTH: Colour = (255, 70, 200)
 ROUTE: Colour = (150, 158, 168)
+STOP: Colour = (255, 255, 255)
 ROBOT: Colour = (235, 235, 240)
 MARKER: Colour = (40, 150, 255)
 SITE: Colour = (200, 150, 90)
-NAME: Colour = (205, 210, 215)
+NAME: Colour = (255, 255, 255)
+"""Of all words: a viewer writes them on grey, lighter in its light theme."""
+
 HEADING: Colour = (40, 150, 255)
 
 ELEMENTS: tuple[Colour, ...] = (

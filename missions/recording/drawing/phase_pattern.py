@@ -7,6 +7,7 @@ import rerun as rr
 
 from missions.record.mission_log import MissionLog
 from missions.record.phase_patterns import phase_patterns
+from missions.record.which_site import percent
 from missions.recording import paths
 from missions.recording.drawing import palette
 from missions.recording.drawing.canvas import Canvas
@@ -42,11 +43,12 @@ def draw_phase_patterns(canvas: Canvas, log: MissionLog) -> None:
         in_time = np.argsort(pulse_step[resolved.pulse[some]], kind="stable")
         points = rr.Points2D.columns(positions=place[in_time].astype(np.float32)).partition(counts)
         canvas.columns(path, steps, points)
-        text = f"finding {number}: {resolved.pattern.kind}, {100 * resolved.pattern.confidence:.0f} %"
-        where = [[180.0 * UNITS_PER_DEG, UNITS_PER_DB * (-SPAN_DB + 4.0 * order)]]
-        label = rr.Points2D.columns(positions=where, labels=[text], colors=[colour], radii=[0.1])
-        canvas.still(f"{path}/kind", rr.Points2D.from_fields(show_labels=True))
-        canvas.columns(f"{path}/kind", np.array([log.n_rows("step") - 1]), label)
+        text = f"finding {number}: {resolved.pattern.kind} {percent(resolved.pattern.confidence)}"
+        at, y = np.array([log.n_rows("step") - 1]), UNITS_PER_DB * (-SPAN_DB + 4.0 * order)
+        canvas.still(f"{path}/kind", rr.Points2D.from_fields(colors=[palette.NAME], radii=[0.1], show_labels=True))
+        canvas.columns(f"{path}/kind", at, rr.Points2D.columns(positions=[[180.0 * UNITS_PER_DEG, y]], labels=[text]))
+        dot = rr.Points2D.columns(positions=[[80.0 * UNITS_PER_DEG, y + 8.0]], colors=[colour], radii=[4.0])
+        canvas.columns(f"{path}/dot", at, dot)
 
 
 def _draw_axes(canvas: Canvas, middle_db: int) -> None:

@@ -53,7 +53,7 @@ def draw_scene(canvas: Canvas, meta: Mapping[str, Any]) -> None:
 
 def _draw_route(canvas: Canvas, meta: Mapping[str, Any]) -> None:
     stops = {str(i + 1): [*p, 0.02] for i, p in enumerate(meta["route"]["waypoints_m"])}
-    _draw_points(canvas, paths.ROUTE, {"dock": [*meta["route"]["dock_m"], 0.02], **stops}, palette.ROUTE, 0.15)
+    _draw_points(canvas, paths.ROUTE, {"dock": [*meta["route"]["dock_m"], 0.02], **stops}, palette.STOP, 0.1)
     if way_m := meta.get("route_way_m"):
         line = np.column_stack([way_m, np.full(len(way_m), 0.02)])
         canvas.still(paths.ROUTE_WAY, rr.LineStrips3D([line], colors=[palette.ROUTE], radii=rr.Radius.ui_points([0.6])))
@@ -67,7 +67,7 @@ def _draw_truth(canvas: Canvas, truth: Mapping[str, Any]) -> None:
     if ways:
         canvas.still(paths.TRUE_WAYS, rr.LineStrips3D(ways, colors=[palette.TRUTH], radii=[0.05]))
     above = {name: [x, y, z + 1.5] for name, (x, y, z) in named.items()}
-    _draw_points(canvas, paths.TRUE_NAMES, above, palette.TRUTH, 0.01)
+    _draw_points(canvas, paths.TRUE_NAMES, above, palette.NAME, 0.01)
 
 
 def _tops(solids: Sequence[Mapping[str, Any]]) -> dict[str, list[float]]:

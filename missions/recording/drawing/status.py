@@ -110,16 +110,15 @@ class Status:
         found = report.findings
         what = "Mission" if "scenario" in log.meta else "Survey"
         lines = [f"### {what} over after {report.sim_time_s:.0f} s: {reason}"]
-        lines += ["Nothing was confirmed." if not found else "| | site | kind | place (m) | 95 % ellipse |"]
-        lines += ["|---|---|---|---|---|"] if found else []
+        lines += ["Nothing was confirmed." if not found else "| | site | kind | within |"]
+        lines += ["|---|---|---|---|"] if found else []
         for one in found:
             place = f"{one.sites[0].name}, {percent(one.sites[0].probability)}" if one.sites else ""
-            x, y, z = one.position_m
             size = f"{one.ellipse95.semi_major_m:.2f} m"
-            cells = (f"**finding {one.id}**", place, kind_in_words(one), f"{x:.2f}, {y:.2f}, {z:.2f}", size)
+            cells = (f"**finding {one.id}**", place, kind_in_words(one), size)
             lines.append(f"| {' | '.join(_escaped(cell) for cell in cells)} |")
             label = [f"finding {one.id}: {place}".rstrip(": ")]
-            self._canvas.columns(paths.finding_path(one.id), step, rr.Points3D.columns(labels=label))
+            self._canvas.columns(f"{paths.finding_path(one.id)}/label", step, rr.Points3D.columns(labels=label))
         self._write(step, ["\n\n".join(lines[:1]) + "\n\n" + "\n".join(lines[1:])])
 
     def _write(self, steps: NDArray[Any], texts: list[str]) -> None:

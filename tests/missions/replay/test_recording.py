@@ -198,7 +198,12 @@ def test_a_finding_that_is_dropped_disappears(tmp_path: Path, log: MissionLog) -
     write_recording(dropped, tmp_path / "dropped.rrd")
     found = values(tmp_path / "dropped.rrd")
     path = paths.finding_path(1)
-    for part, component in ((path, "positions"), (f"{path}/ellipse", "strips"), (f"{path}/height", "strips")):
+    for part, component in (
+        (path, "positions"),
+        (f"{path}/label", "positions"),
+        (f"{path}/ellipse", "strips"),
+        (f"{path}/height", "strips"),
+    ):
         drawn = cells(found[f"/{part}"], component)
         assert {at: len(shapes) for at, shapes in drawn.items()} == {3: 1, 9: 0}
 
@@ -223,5 +228,5 @@ def test_a_finding_has_one_number_in_log_events_recording_and_report(recording: 
     told = " ".join(log.column("event", "text"))
     for number in ids:
         assert re.search(rf"(finding|candidate) {number} ", told)
-        labels = cells(values(recording)[f"/{paths.finding_path(number)}"], "labels")
+        labels = cells(values(recording)[f"/{paths.finding_path(number)}/label"], "labels")
         assert {label.split()[1].rstrip(":") for (label,) in labels.values()} == {str(number)}

@@ -84,7 +84,7 @@ def test_at_the_end_it_says_what_was_found_on_which_site_and_of_which_kind(tmp_p
     (told,) = cells(found[f"/{paths.STATUS}"], "text")[9]
     assert "### Mission over after 1 s: docked" in told
     assert site.replace("_", "\\_") in told
-    (label,) = cells(found[f"/{paths.finding_path(3)}"], "labels")[9]
+    (label,) = cells(found[f"/{paths.finding_path(3)}/label"], "labels")[9]
     assert label.startswith(f"finding 3: {site}")
 
 

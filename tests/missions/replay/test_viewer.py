@@ -1,6 +1,7 @@
 """The viewer: says so where there is no screen, listens on this machine alone, and takes pictures."""
 
 import io
+import gc
 import os
 import re
 import shutil
@@ -33,7 +34,7 @@ def missions(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @contextmanager
-def started(*arguments: str, cwd: Path, on_screen: bool) -> Iterator[psutil.Popen]:
+def started(*arguments: str, cwd: Path, on_screen: bool, keeps_output: bool = False) -> Iterator[psutil.Popen]:
     """The command at work, with all that it has started; ended as Ctrl-C does."""
     screen = ["xvfb-run", "-a", "-s", "-screen 0 1280x800x24"] if on_screen else []
     process = psutil.Popen(
@@ -54,6 +55,9 @@ def started(*arguments: str, cwd: Path, on_screen: bool) -> Iterator[psutil.Pope
         _, alive = psutil.wait_procs(everything, timeout=15.0)
         for each in alive:
             each.kill()
+        if process.stdout is not None and not keeps_output:
+            process.stdout.close()
+        gc.collect()  # what psutil left open is closed, with a warning, in the test that it belongs to
         assert not alive
 
 
@@ -70,7 +74,8 @@ def listening(process: psutil.Popen) -> list[tuple[str, str]]:
 
 def lines(process: psutil.Popen) -> str:
     assert process.stdout is not None
-    return process.stdout.read()
+    with process.stdout as output:
+        return output.read()
 
 
 @pytest.mark.parametrize("verb", ["replay", "run"])
@@ -101,7 +106,9 @@ def test_a_browser_gets_the_recordings_and_nothing_else_from_this_machine_alone(
     import urllib.parse
     import urllib.request
 
-    with started("replay", "zero", "eins und zwei", "--web", cwd=missions, on_screen=False) as process:
+    with started(
+        "replay", "zero", "eins und zwei", "--web", cwd=missions, on_screen=False, keeps_output=True
+    ) as process:
         assert process.stdout is not None
         told = process.stdout.readline()
         hosts = listening(process)
@@ -138,7 +145,7 @@ def test_a_viewer_on_a_screen_listens_on_this_machine_alone_and_says_nothing(
     verb: str, missions: Path, tmp_path: Path
 ) -> None:
     arguments = {"replay": ("replay", "zero", "eins und zwei"), "run": ("run", "--live", "--out", str(tmp_path / "m"))}
-    with started(*arguments[verb], cwd=missions, on_screen=True) as process:
+    with started(*arguments[verb], cwd=missions, on_screen=True, keeps_output=True) as process:
         deadline = time.monotonic() + 60.0
         while not (hosts := listening(process)) and time.monotonic() < deadline:
             time.sleep(0.2)
