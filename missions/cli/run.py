@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -155,6 +156,7 @@ def run(
 
 def _live_view() -> LiveView:
     """The viewer, which comes up before anything is run."""
+    os.environ.setdefault("RUST_LOG", "off")  # Rerun tells of a viewer that is closed before the mission is over
     from missions.recording import LiveView, ViewerError
 
     try:

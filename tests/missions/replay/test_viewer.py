@@ -1,7 +1,7 @@
 """The viewer: says so where there is no screen, listens on this machine alone, and takes pictures."""
 
-import io
 import gc
+import io
 import os
 import re
 import shutil
