@@ -20,8 +20,11 @@ INSTALL = "pip install uv && "
 FOLLOWS = {"replay": "run two_sources --seed 7", "results": "sweep suite"}
 
 
-def blocks(language: str) -> list[str]:
-    return re.findall(rf"```{language}\n(.*?)```", README, flags=re.DOTALL)
+SCENARIOS = (ROOT / "docs" / "scenarios.md").read_text(encoding="utf-8")
+
+
+def blocks(language: str, text: str = README) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", text, flags=re.DOTALL)
 
 
 def commands() -> list[str]:
@@ -68,13 +71,15 @@ def test_every_command_of_the_readme_works(sequence: list[str], tmp_path: Path) 
         assert done.returncode == 0, f"{command}: {done.stderr}"
 
 
-def test_the_settings_that_the_readme_shows_are_taken(tmp_path: Path) -> None:
+def test_the_settings_that_the_docs_show_are_taken(tmp_path: Path) -> None:
     shipped = (ROOT / "envs" / "scenarios" / "one_source.toml").read_text(encoding="utf-8")
     assert "[receiver]" not in shipped
-    (tmp_path / "yard.toml").write_text("\n".join([shipped, *blocks("toml")]), encoding="utf-8")
+    (tmp_path / "yard.toml").write_text("\n".join([shipped, *blocks("toml", SCENARIOS)]), encoding="utf-8")
     scenario = load_scenario(tmp_path / "yard.toml")
     assert len(scenario.receiver.faults) == len(scenario.carriers) == 1
     assert [interferer.speed_mps for interferer in scenario.interferers] == [8.0]
+    assert scenario.campaign.number == 1
+    assert scenario.georeference is not None
     assert "kiosk" in {item.name for item in scenario.known_yard.equipment}
 
 
