@@ -1,13 +1,19 @@
-"""Make report.schema.json from the records that report.json is made of.
+"""Make report.schema.json of the records of report.json, and scenario.schema.json of the models of scenario files.
 
 uv run python docs/schemas/make_schema.py
 """
 
 from pathlib import Path
 
-from missions.report.report_file import schema_text
+from envs import scenario_schema
+from missions.report import report_file
 
-SCHEMA_FILE = Path(__file__).parent / "report.schema.json"
+FOLDER = Path(__file__).parent
+TEXTS = {
+    "report.schema.json": report_file.schema_text,
+    "scenario.schema.json": scenario_schema.schema_text,
+}
 
 if __name__ == "__main__":
-    SCHEMA_FILE.write_text(schema_text(), encoding="utf-8")
+    for name, text in TEXTS.items():
+        (FOLDER / name).write_text(text(), encoding="utf-8")

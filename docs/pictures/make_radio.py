@@ -1,6 +1,6 @@
 """Make radio.png: what is left of a discharge behind a transformer all over a yard, coherent and as power.
 
-uv run python docs/make_radio.py
+uv run python docs/pictures/make_radio.py
 """
 
 from __future__ import annotations
