@@ -31,7 +31,7 @@ def main() -> None:
 
     axes.plot(*np.transpose([ROBOT_M, SOURCE_M]), color=SIGHT, lw=1.2)
     axes.plot(*SOURCE_M, marker="*", ms=18, color="#f2a900", mec="0.3")
-    axes.text(*(SOURCE_M + [0.35, 0.0]), "discharge", va="center")
+    axes.text(SOURCE_M[0] + 0.35, SOURCE_M[1], "discharge", va="center")
     axes.plot(ROBOT_M[0] + np.array([0, 4.2]), [ROBOT_M[1]] * 2, color=WORLD, lw=1, ls=":")
     axes.text(ROBOT_M[0] + 4.3, ROBOT_M[1], "east", va="center", color=WORLD)
     arrow(axes, ROBOT_M, HEADING_DEG, 3.4, ARRAY, "x, ahead")

@@ -31,11 +31,11 @@ class Formulas(Preprocessor):
 class FormulaExtension(Extension):
     """Formulas in Markdown."""
 
-    def extendMarkdown(self, md: Markdown) -> None:  # noqa: N802 - Python-Markdown calls it so
+    def extendMarkdown(self, md: Markdown) -> None:
         """Register what draws formulas."""
         md.preprocessors.register(Formulas(md), "formulas", BEFORE_CODE)
 
 
-def makeExtension() -> FormulaExtension:  # noqa: N802 - Python-Markdown calls it so
+def makeExtension() -> FormulaExtension:
     """The extension, for Python-Markdown."""
     return FormulaExtension()

@@ -9,6 +9,8 @@ import pytest
 
 from tests.docs.site import ROOT, Page, build_site
 
+pytest.importorskip("zensical", reason="uv run --group docs")
+
 LARGEST_MB = 12.0
 
 
