@@ -1,8 +1,9 @@
-"""The map of the yard, and where it is wrong: what robot, planner, Locator and report know of the equipment."""
+"""The map of the yard, and where it is wrong: what robot, planner, Locator and report know; where on Earth it lies."""
 
 from __future__ import annotations
 
 from difflib import get_close_matches
+from typing import Annotated
 
 from pydantic import Field
 
@@ -10,6 +11,21 @@ from envs.scenario.base import Config
 from robot_models.yard.pieces import Equipment
 from robot_models.yard.quantities import MOST_PIECES, Coordinate, Name
 from robot_models.yard.yard import FENCE_TOLERANCE_M, Yard
+
+
+class GeoreferenceConfig(Config, frozen=True):
+    """The yard's frame on the WGS 84 ellipsoid.
+
+    Attributes:
+        latitude_deg: Of the yard's origin, its south-west corner; below 85 degrees, where the meridians do not yet
+            converge within a yard.
+        longitude_deg: Of the same, east positive.
+        heading_deg: Of the yard's y axis, clockwise from true north: 0 where the yard lies as its map says.
+    """
+
+    latitude_deg: Annotated[float, Field(ge=-85.0, le=85.0)]
+    longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0)]
+    heading_deg: Annotated[float, Field(ge=-360.0, le=360.0)] = 0.0
 
 
 class MovedPiece(Config, frozen=True):

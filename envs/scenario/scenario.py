@@ -16,10 +16,9 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from envs.scenario.array_section import ArraySection, data_sheet
 from envs.scenario.base import Config, MissionName
 from envs.scenario.calibration import CalibratedArray
-from envs.scenario.georeference import GeoreferenceConfig
 from envs.scenario.limits import growth_faults, level_faults, place_faults, pulse_faults
 from envs.scenario.locating import EstimatorConfig, LocatingConfig
-from envs.scenario.map_section import MapConfig
+from envs.scenario.map_section import GeoreferenceConfig, MapConfig
 from envs.scenario.robot_config import RobotConfig
 from envs.scenario.robot_sensors import BatteryConfig, LidarConfig, OdometryConfig, PoseSensorConfig
 from envs.scenario.sources import CampaignConfig, CarrierConfig, InterfererConfig, SourceConfig

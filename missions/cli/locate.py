@@ -11,8 +11,8 @@ from typing import Annotated, NamedTuple
 
 import tyro
 
-from missions.cli.folders import output_folder
-from missions.cli.terminal import (
+from missions.cli.output.folders import output_folder
+from missions.cli.output.terminal import (
     err,
     out,
     refuse,

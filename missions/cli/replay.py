@@ -10,7 +10,7 @@ from typing import Annotated
 
 import tyro
 
-from missions.cli.terminal import err, fail, out, refuse, write_mission
+from missions.cli.output.terminal import err, fail, out, refuse, write_mission
 
 
 def replay(

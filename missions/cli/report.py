@@ -8,7 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from missions.cli.terminal import out, refuse, tell_findings, tell_json, write_report
+from missions.cli.output.terminal import out, refuse, tell_findings, tell_json, write_report
 
 
 def report(

@@ -9,8 +9,8 @@ from typing import Annotated
 
 import tyro
 
-from missions.cli.folders import output_folder
-from missions.cli.terminal import err, in_one_line, out, refuse
+from missions.cli.output.folders import output_folder
+from missions.cli.output.terminal import err, in_one_line, out, refuse
 from missions.whole_file import write_whole
 
 

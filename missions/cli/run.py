@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from missions.cli.endings import interrupts
-from missions.cli.folders import output_folder
-from missions.cli.terminal import (
+from missions.cli.output.folders import output_folder
+from missions.cli.output.terminal import (
     FAILED,
     err,
     fail,

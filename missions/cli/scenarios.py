@@ -8,7 +8,7 @@ from typing import Annotated
 import tyro
 from rich.table import Table
 
-from missions.cli.terminal import out, refuse, tell_notes
+from missions.cli.output.terminal import out, refuse, tell_notes
 
 
 def scenarios(

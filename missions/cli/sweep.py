@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from missions.cli.terminal import FAILED, err, in_one_line, out, refuse
+from missions.cli.output.terminal import FAILED, err, in_one_line, out, refuse
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from envs.scenario.georeference import GeoreferenceConfig
+from envs.scenario.map_section import GeoreferenceConfig
 from missions.export.findings import findings_csv, findings_geojson
 from missions.export.parquet_tables import write_pulses, write_steps
 from missions.export.ros2_recording import write_ros2_recording

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dirmusic.locating.ellipse import outline95
-from envs.scenario.georeference import GeoreferenceConfig
+from envs.scenario.map_section import GeoreferenceConfig
 from missions.export.georeference import longitude_latitude
 from missions.report.records import FindingRecord, Report
 

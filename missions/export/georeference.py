@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.scenario.georeference import GeoreferenceConfig
+from envs.scenario.map_section import GeoreferenceConfig
 
 FloatArray = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from typing import Annotated, Any
 import tyro
 
 from missions.cli.endings.command_line import command_line
-from missions.cli.folders import output_folder
-from missions.cli.terminal import err, in_one_line, out, refuse
+from missions.cli.output.folders import output_folder
+from missions.cli.output.terminal import err, in_one_line, out, refuse
 from missions.whole_file import whole_file, write_whole
 
 MAX_SEED = 899_000

@@ -56,7 +56,7 @@ def _note(message: Warning | str, *_: object) -> None:
 
 def _tell(line: str) -> None:
     with suppress(OSError):
-        from missions.cli.terminal import err, in_one_line
+        from missions.cli.output.terminal import err, in_one_line
 
         err.print(in_one_line(line), soft_wrap=True)
 

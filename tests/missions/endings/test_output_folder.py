@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from missions.cli.folders import CLAIM
+from missions.cli.output.folders import CLAIM
 from missions.whole_file import whole_file, write_whole
 
 CLAIMS = """
 import sys, time
 from pathlib import Path
-from missions.cli.folders import output_folder
+from missions.cli.output.folders import output_folder
 with output_folder(Path(sys.argv[1]) if sys.argv[1] else None, "name") as folder:
     print(folder, flush=True)
     sys.stdin.read()

@@ -27,7 +27,7 @@ ENDLESS = """
 import sys, time
 from pathlib import Path
 from missions.cli.endings.command_line import command_line
-from missions.cli.folders import output_folder
+from missions.cli.output.folders import output_folder
 from missions.whole_file import whole_file
 import numpy as np
 with command_line(), output_folder(Path("folder"), "") as folder:

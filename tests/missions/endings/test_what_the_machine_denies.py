@@ -11,7 +11,7 @@ import pytest
 
 import dirmusic
 from envs import load_scenario
-from missions.cli.terminal import INCOMPLETE
+from missions.cli.output.terminal import INCOMPLETE
 from missions.record.mission_log import MissionLog
 from missions.runner import run_mission
 
@@ -22,8 +22,8 @@ WRITES = """
 import sys
 from pathlib import Path
 from missions.cli.endings.command_line import command_line
-from missions.cli.folders import output_folder
-from missions.cli.terminal import write_mission
+from missions.cli.output.folders import output_folder
+from missions.cli.output.terminal import write_mission
 from missions.record.mission_log import MissionLog
 log = MissionLog.load(Path("whole"))
 with command_line(), output_folder(Path(sys.argv[1]), "") as folder:

@@ -14,7 +14,7 @@ from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
 
 from envs import load_scenario
-from envs.scenario.georeference import GeoreferenceConfig
+from envs.scenario.map_section import GeoreferenceConfig
 from missions.export.export_mission import export_mission
 from missions.export.georeference import longitude_latitude
 from missions.record.mission_log import MissionLog

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from missions.cli.endings.interrupts import clean_up_by
-from missions.cli.terminal import refuse
+from missions.cli.output.terminal import refuse
 
 CLAIM = ".claim"
 """File by which a process claims a folder; locked for as long as it lives."""

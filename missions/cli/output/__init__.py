@@ -1,0 +1,1 @@
+"""What a command writes: lines on a terminal, folders on disk."""
