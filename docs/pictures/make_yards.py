@@ -38,7 +38,7 @@ SUITE = {
     "suite/high_04": "discharges high up",
     "suite/wrong_map_04": "the map lacks a piece",
 }
-FOLDERS = {"yards": Path(__file__).parents[1], "suite": Path(__file__).parent}
+HERE = Path(__file__).parent
 PIXELS_PER_M = 28.0
 ELEVATION_RAD = np.radians(-62.0)
 MARGIN_M = 1.5
@@ -49,7 +49,7 @@ OUTLINE = [withStroke(linewidth=2.5, foreground="white")]
 
 
 def main() -> None:
-    """Write suite.png beside this file, and yards.png into the folder above."""
+    """Write suite.png and yards.png beside this file."""
     for name, yards, shape, size_in in (("yards", YARDS, (2, 2), (12.0, 10.3)), ("suite", SUITE, (2, 3), (15.0, 8.6))):
         figure, panels = plt.subplots(*shape, figsize=size_in, layout="constrained")
         for panel, (yard, shown) in zip(panels.flat, yards.items(), strict=True):
@@ -59,7 +59,7 @@ def main() -> None:
             panel.set_title(f"{yard}\n{shown}", fontsize=12)
             panel.set_axis_off()
             panel.set_anchor("N")
-        figure.savefig(FOLDERS[name] / f"{name}.png", dpi=100)
+        figure.savefig(HERE / f"{name}.png", dpi=100)
 
 
 def draw_yard(panel: Axes, scenario: Scenario) -> None:
