@@ -1,0 +1,56 @@
+"""The site of the docs, opened from disk in a browser."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests.browser.browser import NEEDS_CHROMIUM, Theme, n_colours, opened, picture
+from tests.docs.site import ROOT, build_site
+
+pytest.importorskip("zensical", reason="uv run --group docs")
+pytestmark = NEEDS_CHROMIUM
+
+SHOWN = ("index", "explanation/algorithm", "reference/glossary")
+"""Pages of which pictures are kept."""
+
+LEFT = "favicon.png"
+"""Chromium gives it up when the next page is opened before it has come; that it is there, `tests/docs` tells."""
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("docs") / "schöne Seiten"
+    folder.mkdir()
+    shutil.copytree(ROOT / "docs", folder / "docs")
+    done = build_site(folder)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder / "site"
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_every_page_opens_from_disk_with_its_pictures_and_without_an_error(site: Path, theme: Theme) -> None:
+    files = [file for file in sorted(site.rglob("*.html")) if file.name != "404.html"]
+    assert len(files) > 20
+    with opened((site / "index.html").as_uri(), theme) as (page, errors):
+        asked: list[str] = []
+        page.on("request", lambda request: asked.append(request.url))
+        for file in files:
+            page.goto(file.as_uri(), wait_until="load")
+            empty = page.evaluate("[...document.images].filter(x => x.complete && !x.naturalWidth).map(x => x.src)")
+            assert empty == [], file.name
+            name = file.relative_to(site).with_suffix("").as_posix()
+            if name in SHOWN:
+                assert n_colours(picture(page, f"docs-{name.replace('/', '-')}-{theme}")) > 50
+        assert [url for url in asked if not url.startswith(("file:", "data:"))] == []
+        assert [error for error in errors if LEFT not in error] == []
+
+
+def test_the_search_finds_a_page_from_disk(site: Path) -> None:
+    with opened((site / "index.html").as_uri(), "light") as (page, errors):
+        page.keyboard.press("Control+k")
+        page.wait_for_timeout(500)
+        page.keyboard.type("georeference", delay=20)
+        page.wait_for_selector("text=Where on Earth", timeout=15_000)
+        picture(page, "docs-search")
+        assert errors == []

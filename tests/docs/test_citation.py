@@ -1,0 +1,19 @@
+"""How to cite: the version is the project's, in every file that names it."""
+
+import tomllib
+
+import pytest
+
+from tests.docs.site import ROOT
+
+yaml = pytest.importorskip("yaml", reason="uv run --group docs")
+
+
+def test_citation_and_changelog_are_of_the_version_of_the_project() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert citation["version"] == project["version"]
+    assert citation["license"] == project["license"]
+    assert {"cff-version", "message", "title", "authors", "date-released"} <= set(citation)
+    heading = f"## {project['version']} - {citation['date-released']}"
+    assert heading in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").splitlines()

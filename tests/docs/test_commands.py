@@ -1,0 +1,165 @@
+"""Every command and every snippet of the docs is run: here, or by the test that is named here."""
+
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from envs import load_scenario
+from missions.runner import Mission
+from tests.docs.site import ROOT
+from tests.test_readme import commands, served_on_loopback
+
+DOCS = ROOT / "docs"
+BIN = Path(sys.executable).parent
+TOP = ("envs", "examples")
+"""What the commands need of the repository's top folder."""
+
+LEAVES_MISSION, MISSION = "1. Run a mission", "runs/two_sources-7"
+
+ELSEWHERE = {
+    "answers.md": "tests/test_answers.py",
+    "suite.md": "tests/envs/test_suite.py",
+    "sweeps.md": "tests/missions/sweep",
+    "how-to/training.md": "tests/missions/test_learning.py",
+    "how-to/equipment.md": "tests/robot_models/test_equipment.py",
+    "schemas/scenario.md": "tests/missions/test_cli.py",
+}
+"""Pages whose commands are run by other tests, most of them with fewer missions."""
+
+INSTALL = "pip install uv"
+
+
+def page(name: str) -> str:
+    return (DOCS / name).read_text(encoding="utf-8")
+
+
+PAGES = sorted(file.relative_to(DOCS).as_posix() for file in DOCS.rglob("*.md"))
+
+
+def blocks(language: str, text: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE)
+
+
+def lines(text: str) -> list[str]:
+    """What the shell is told, line by line, without remarks."""
+    shown = [line.split("  #")[0].strip() for block in blocks("sh", text) for line in block.splitlines()]
+    return [line for line in shown if line and line != INSTALL]
+
+
+def sections(text: str) -> dict[str, str]:
+    """Sections of a page by their headings."""
+    parts = re.split(r"^## (.*)$", text, flags=re.MULTILINE)
+    return dict(zip(parts[1::2], parts[2::2], strict=True))
+
+
+TUTORIAL = {title: told for title, text in sections(page("tutorial.md")).items() if (told := lines(text))}
+FOLLOWING = [title for title, told in TUTORIAL.items() if MISSION in " ".join(told)]
+ALONE = [title for title in TUTORIAL if title not in (LEAVES_MISSION, *FOLLOWING)]
+
+
+def run(told: list[str], folder: Path) -> None:
+    """Give the lines to a shell in a folder that stands for the top of the repository."""
+    environment = os.environ | {"PATH": f"{BIN}{os.pathsep}{os.environ['PATH']}"}
+    for line in told:
+        command = line.replace("uv run ", "")
+        if "replay" in command and "--web" in command:
+            served_on_loopback(command.split(), folder, environment)
+            continue
+        done = subprocess.run(
+            command, shell=True, cwd=folder, env=environment, capture_output=True, text=True, timeout=300
+        )
+        assert done.returncode == 0, f"{line}: {done.stderr}"
+
+
+@pytest.fixture
+def top(tmp_path: Path) -> Path:
+    for name in TOP:
+        (tmp_path / name).symlink_to(ROOT / name)
+    return tmp_path
+
+
+def test_the_tutorial_has_all_its_steps() -> None:
+    verbs = {match for told in TUTORIAL.values() for match in re.findall(r"uv run pdpatrol (\w+)", " ".join(told))}
+    assert verbs >= {"run", "replay", "report", "scenarios", "plan", "sweep", "results", "locate", "trend", "export"}
+    assert len(FOLLOWING) >= 3
+
+
+def test_the_tutorial_from_run_to_export_and_the_reports_snippet(top: Path) -> None:
+    for title in (LEAVES_MISSION, *FOLLOWING):
+        run(TUTORIAL[title], top)
+    shown = re.findall(r"^\| `([\w.]+)` \|", sections(page("tutorial.md"))[LEAVES_MISSION], flags=re.MULTILINE)
+    assert {path.name for path in (top / MISSION).iterdir()} == set(shown)
+    for snippet in blocks("python", page("schemas/report.md")):
+        run_snippet(snippet, top)
+
+
+@pytest.mark.parametrize("title", ALONE)
+def test_each_other_step_of_the_tutorial(title: str, top: Path) -> None:
+    run(TUTORIAL[title], top)
+
+
+def test_the_commands_for_a_yard_of_ones_own(top: Path) -> None:
+    run(lines(page("how-to/yard.md")), top)
+
+
+def test_every_other_command_of_the_docs_is_one_that_a_test_runs() -> None:
+    known = {line for told in TUTORIAL.values() for line in told} | {*commands()} | {*lines(page("how-to/yard.md"))}
+    known = {" ".join(line.split("  #")[0].split()) for line in known}
+    others = [name for name in PAGES if name not in ELSEWHERE]
+    assert [(name, line) for name in others for line in lines(page(name)) if line not in known] == []
+    assert [place for place in ELSEWHERE.values() if not (ROOT / place).exists()] == []
+
+
+def run_snippet(snippet: str, folder: Path) -> None:
+    done = subprocess.run([sys.executable, "-c", snippet], cwd=folder, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_snippet_for_yards_by_chance(tmp_path: Path) -> None:
+    (snippet,) = blocks("python", page("how-to/yard.md"))
+    run_snippet(snippet, tmp_path)
+
+
+def test_the_scenario_of_the_page_on_yards_is_whole(tmp_path: Path) -> None:
+    (text,) = blocks("toml", page("how-to/yard.md"))
+    (tmp_path / "yard.toml").write_text(text, encoding="utf-8")
+    scenario = load_scenario(tmp_path / "yard.toml")
+    assert len(scenario.yard.equipment) == 2
+
+
+def test_the_locator_of_its_page_drives_a_mission(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = page("how-to/locator.md")
+    (code,), (table,) = blocks("python", text), blocks("toml", text)
+    (tmp_path / "watched.py").write_text(code, encoding="utf-8")
+    shipped = (ROOT / "envs/scenarios/one_source.toml").read_text(encoding="utf-8")
+    (tmp_path / "yard.toml").write_text(f"{shipped}\n{table}", encoding="utf-8")
+
+    def end_early(mission: Mission) -> None:
+        if mission.time_s > 15.0:
+            mission.end("interrupted")
+
+    Mission(load_scenario(tmp_path / "yard.toml"), "patrol", 1).run(end_early)
+    assert "s: findings, candidates" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["how-to/plan.md", "radio.md"])
+def test_tables_of_a_page_fit_a_shipped_scenario(name: str) -> None:
+    tables = [tomllib.loads(block) for block in blocks("toml", page(name))]
+    assert tables
+    for each in tables:
+        load_scenario(
+            "one_source", {f"{table}.{key}": value for table, keys in each.items() for key, value in keys.items()}
+        )
+
+
+def test_pages_with_snippets_name_them_here() -> None:
+    here = {"how-to/yard.md", "how-to/locator.md", "schemas/report.md"}
+    assert {name for name in PAGES if blocks("python", page(name))} == here
+    settings = {"how-to/yard.md", "how-to/locator.md", "how-to/plan.md", "radio.md", "scenarios.md"}
+    shown = {name for name in PAGES if any("=" in block for block in blocks("toml", page(name)))}
+    assert shown == settings
