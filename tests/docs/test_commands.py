@@ -144,7 +144,7 @@ def test_the_locator_of_its_page_drives_a_mission(tmp_path: Path, capsys: pytest
             mission.end("interrupted")
 
     Mission(load_scenario(tmp_path / "yard.toml"), "patrol", 1).run(end_early)
-    assert "s: findings, candidates" in capsys.readouterr().out
+    assert "s: now 1 candidates and findings" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("name", ["how-to/plan.md", "radio.md"])
