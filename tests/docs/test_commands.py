@@ -27,7 +27,6 @@ ELSEWHERE = {
     "sweeps.md": "tests/missions/sweep",
     "how-to/training.md": "tests/missions/test_learning.py",
     "how-to/equipment.md": "tests/robot_models/test_equipment.py",
-    "schemas/scenario.md": "tests/missions/test_cli.py",
 }
 """Pages whose commands are run by other tests, most of them with fewer missions."""
 

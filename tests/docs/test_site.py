@@ -55,6 +55,11 @@ def test_no_link_is_dead_and_no_picture_is_missing(site: Path) -> None:
     assert dead == []
 
 
+def test_every_page_has_one_title(site: Path) -> None:
+    titles = {str(file): file.read_text(encoding="utf-8").count("<h1") for file in pages(site)}
+    assert {file: n for file, n in titles.items() if n != 1} == {}
+
+
 def test_pages_load_nothing_from_the_network(site: Path) -> None:
     loaded = [
         f"{file.relative_to(site)}: <{tag}> {address}"
@@ -69,8 +74,11 @@ def test_pages_load_nothing_from_the_network(site: Path) -> None:
 
 def test_formulas_and_files_that_pages_show_are_put_in_and_none_is_left_as_its_source(site: Path) -> None:
     assert "<math" in (site / "explanation" / "algorithm.html").read_text(encoding="utf-8")
-    left = [str(file) for file in pages(site) if re.search(r"\.\. math::|-?8 *< *--", page(file).words)]
+    left = [str(file) for file in pages(site) if re.search(r"\.\. math::|:math:|-?8 *< *--", page(file).words)]
     assert left == []
+    drawn = [formula for file in pages(site) for formula in re.findall(r"<math.*?</math>", file.read_text("utf-8"))]
+    assert len(drawn) > 20
+    assert [formula for formula in drawn if "\\" in formula] == []
 
 
 def test_the_public_names_of_dirmusic_are_all_described(site: Path) -> None:
