@@ -88,10 +88,10 @@ def test_the_public_names_of_dirmusic_are_all_described(site: Path) -> None:
     assert [name for name in dirmusic.__all__ if f"dirmusic.{name}" not in anchors] == []
 
 
-@pytest.mark.parametrize("question", ["antenna", "yard", "locate", "answers", "cite"])
-def test_what_a_stranger_asks_is_linked_on_the_first_page(site: Path, question: str) -> None:
-    linked = {Path(urlsplit(named.address).path).stem for named in page(site / "index.html").named if named.tag == "a"}
-    assert question in linked
+def test_what_a_stranger_asks_is_linked_on_the_first_page() -> None:
+    """Where the navigation leads, which is on every page, does not count."""
+    linked = set(re.findall(r"\]\(([\w/-]+)\.md", (ROOT / "docs" / "index.md").read_text(encoding="utf-8")))
+    assert linked >= {"how-to/antenna", "how-to/yard", "how-to/locate", "answers", "reference/cite"}
 
 
 def test_the_pages_are_small(site: Path) -> None:
