@@ -69,7 +69,7 @@ def blueprint(meta: Mapping[str, Any], end_s: float | None = None, bin_s: float 
             ),
             rrb.StateTimelineView(origin=paths.PHASE, name="Mission", time_view=whole),
             rrb.Horizontal(_spectra(), _plots(whole), _phase_pattern(), column_shares=[5, 5, 4]),
-            row_shares=[11, 2, 7],
+            row_shares=[10, 2.5, 7],
         ),
         rrb.TimePanel(
             state="collapsed",
