@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import os
 import tempfile
+import time
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Generator, Iterable
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Generic, Self, TypeVar, cast
 
 import numba
 import numpy as np
-from numba.core import config, types
+from numba.core import config, event, types
 from numba.core.types import StructRef
 from numba.experimental import structref
 from numba.typed import List
@@ -118,3 +120,38 @@ structref.define_constructor(Held, HeldType, ["value"])  # pyright: ignore[repor
 @compiled
 def _hold(value: Any) -> Any:  # noqa: ANN401 - of any type
     return Held(value)
+
+
+class Compiling:
+    """What was compiled so far.
+
+    Attributes:
+        n_functions: How many functions.
+        spent_s: How long it took.
+    """
+
+    def __init__(self) -> None:
+        self.n_functions = 0
+        self.spent_s = 0.0
+
+
+@contextmanager
+def watch_compiler(tell: Callable[[Compiling], None]) -> Generator[Compiling]:
+    """Follow the compiler in the block; `tell` is called after each function that it has compiled."""
+    compiling, began_s = Compiling(), list[float]()
+
+    class Follower(event.Listener):
+        """A function may be compiled while another one is, which calls it."""
+
+        def on_start(self, event: event.Event) -> None:
+            began_s.append(time.perf_counter())
+
+        def on_end(self, event: event.Event) -> None:
+            spent_s = time.perf_counter() - began_s.pop()
+            if not began_s:
+                compiling.spent_s += spent_s
+            compiling.n_functions += 1
+            tell(compiling)
+
+    with event.install_listener("numba:compile", Follower()):  # pyright: ignore[reportUnknownMemberType]
+        yield compiling

@@ -28,6 +28,7 @@ from missions.record.logbook import Logbook
 from missions.record.mission_log import MissionLog
 from missions.record.own_locator import OwnLocator
 from missions.record.tracking import Tracker
+from missions.stopwatch import Stopwatch
 from robot_models.drawn_solids import describe_equipment, describe_solids
 from robot_models.sensors import describe_lidar
 from robot_models.yard.yard import Yard
@@ -48,6 +49,7 @@ class Mission:
         folder: Where to keep parts of the log while it grows; None keeps it in memory.
 
     Attributes:
+        stopwatch: Where the wall time of its steps went: policy, environment, locating.
         error: What ended the mission, if code that the user named raised or gave a wrong result.
 
     Raises:
@@ -66,6 +68,7 @@ class Mission:
         likelihood = YardLikelihood(array, scenario.pose_sensor.pose_error, grid)
         self._tracker = Tracker(locator, array, self.env.simulation.estimator, rules.credibility, likelihood)
         self.folder = folder
+        self.stopwatch = Stopwatch()
         self.is_over = False
         self.error: ForeignCodeError | None = None
         self._observation, info = self.env.reset(seed=seed)
@@ -129,11 +132,14 @@ class Mission:
 
     def step(self) -> None:
         """Decide, drive and listen for one control step, locate, and log all of it."""
-        action = self.policy(self._observation, self._tracker.findings, self.site_map)
+        on = self.stopwatch.on
+        with on("policy"):
+            action = self.policy(self._observation, self._tracker.findings, self.site_map)
         if action is None:
             self.end("policy done")
             return
-        self._observation, _, terminated, truncated, info = self.env.step(action)
+        with on("environment"):
+            self._observation, _, terminated, truncated, info = self.env.step(action)
         step = self.log.append(
             "step",
             time_s=info["time_s"],
@@ -147,7 +153,8 @@ class Mission:
         self.log.append("scan", step=step, range_m=np.round(self._observation["lidar"], 3))
         for suspect in info["suspects"]:
             self._book.event("channel fault", f"{suspect}: left out from here on")
-        tracked = self._tracker.track(info["time_s"], info["believed_pose"], info["pulses"])
+        with on("locating"):
+            tracked = self._tracker.track(info["time_s"], info["believed_pose"], info["pulses"])
         self._book.log_tracked(info["believed_pose"], tracked)
         self._book.log_contradiction(self._tracker.contradicts_calibration)
         self._log_events(info)

@@ -1,9 +1,11 @@
-"""What the processes below one do, for tests of commands that start others; whatever ends meanwhile is left out."""
+"""What processes do and say, for tests of commands; of those below one, whatever ends meanwhile is left out."""
 
+import re
 from collections.abc import Iterable
 from contextlib import suppress
 
 import psutil
+import pytest
 
 
 def below(pid: int) -> set[int]:
@@ -38,3 +40,12 @@ def title(pid: int) -> str:
         return " ".join(psutil.Process(pid).cmdline())
     except psutil.NoSuchProcess:
         return ""
+
+
+def assert_tells_time(stderr: str, *parts: str) -> None:
+    """One line, whose parts add up."""
+    (line,) = (line for line in stderr.splitlines() if line.startswith("Time: "))
+    total, *others = (float(number) for number in re.findall(r"(-?\d+\.\d) s", line.partition(";")[0]))
+    assert sum(others) == pytest.approx(total, abs=0.1 * len(others))
+    assert min(others) >= 0.0
+    assert all(f"{part} " in line for part in parts)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 import warnings
 from datetime import datetime
 from pathlib import Path
@@ -20,6 +19,7 @@ from missions.cli.output.terminal import (
     tell_channel_faults,
     tell_findings,
     tell_json,
+    tell_time,
     tell_where,
     write_mission,
 )
@@ -80,6 +80,7 @@ def locate(
     date: Annotated[str | None, tyro.conf.arg(metavar="YYYY-MM-DD")] = None,
     out_dir: Annotated[Path | None, tyro.conf.arg(name="out", metavar="DIR")] = None,
     json_output: Annotated[bool, tyro.conf.arg(name="json")] = False,
+    timing: bool = False,
 ) -> None:
     """Locate discharges in data from the field; writes log, report and recording like a mission.
 
@@ -111,6 +112,7 @@ def locate(
         date: When the data were taken, which `pdpatrol trend` goes by. Default: today.
         out_dir: Folder to write to; new or empty. Default: runs/NAME, then -2, -3 and so on.
         json_output: Print the report as JSON instead of a table.
+        timing: Say in a line where the time went.
     """
     options = {
         "--boresights-deg": boresights_deg or (),
@@ -143,16 +145,18 @@ def locate(
 
     from dirmusic import ElementSpread, InputFileError, PoseError, read_pattern
     from dirmusic.array.element_errors import UNEXPLAINED
+    from dirmusic.compiled import watch_compiler
     from envs.scenario.calibration import read_calibration
     from missions.field.array_model import array_model, calibrated
     from missions.field.field_data import read_field_data
+    from missions.stopwatch import Stopwatch
 
-    started_s = time.perf_counter()
-    with output_folder(out_dir, table.stem) as folder:
+    stopwatch = Stopwatch()
+    with output_folder(out_dir, table.stem) as folder, watch_compiler(lambda _: None) as compiling:
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("always")
             try:
-                with err.status(f"Reads {table.name}"):
+                with err.status(f"Reads {table.name}"), stopwatch.on("reading"):
                     data = read_field_data(table, noise_v=noise_v, gate_s=gate_ns * 1e-9)
                 array = array_model(
                     data,
@@ -181,7 +185,7 @@ def locate(
         pose_error = PoseError(
             position_m=position_std_m, heading_rad=math.radians(heading_std_deg), correlation_s=pose_correlation_s
         )
-        with Progress(console=err, transient=True) as progress:
+        with Progress(console=err, transient=True) as progress, stopwatch.on("locating"):
             bar = progress.add_task(f"{data.strengths_v.shape[0]} pulses", total=1.0)
             log = locate_field_data(
                 data,
@@ -193,8 +197,10 @@ def locate(
                 notes=notes,
                 progress=lambda share: progress.advance(bar, share),
             )
-        with err.status("Writes log, report and recording"):
-            report = write_mission(log, time.perf_counter() - started_s, folder)
+        with err.status("Writes log, report and recording"), stopwatch.on("log, report and recording"):
+            report = write_mission(log, stopwatch.total_s, folder)
+    if timing:
+        tell_time(stopwatch, compiling)
     if json_output:
         tell_json(report)
         return

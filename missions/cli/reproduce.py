@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import json
-import time
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
 from missions.cli.output.folders import output_folder
-from missions.cli.output.terminal import err, in_one_line, out, refuse
-from missions.whole_file import write_whole
+from missions.cli.output.terminal import err, in_one_line, out, refuse, tell_time
 
 
 def reproduce(
@@ -20,16 +17,19 @@ def reproduce(
     seed: int = 0,
     out_dir: Annotated[Path | None, tyro.conf.arg(name="out", metavar="DIR")] = None,
     json_output: Annotated[bool, tyro.conf.arg(name="json")] = False,
+    timing: bool = False,
 ) -> None:
     """Put every exhibit of the Dir-MUSIC paper beside ours, by the paper's method and by the best one.
 
-    Writes reproduction.json and the pictures, drawn like the paper's.
+    It ends with a verdict: which of the paper's numbers lie where its method puts them, and which do not. Writes
+    reproduction.html, reproduction.json and the pictures, drawn like the paper's.
 
     Args:
         trials: Of each cell; 100 to 1000000. The paper has 3600.
         seed: Fixes all that is drawn; 0 or more.
         out_dir: Folder to write to; new or empty. Default: runs/reproduction-SEED, then -2, -3 and so on.
         json_output: Print the numbers as JSON instead of tables.
+        timing: Say in a line where the time went.
     """
     faults = [
         *([] if 100 <= trials <= 1_000_000 else [f"--trials: got {trials}; allowed is 100 to 1000000"]),
@@ -39,26 +39,37 @@ def reproduce(
         refuse(*faults)
     from rich.progress import Progress
 
-    started_s = time.perf_counter()
+    from missions.stopwatch import Stopwatch
+
+    stopwatch = Stopwatch()
     with output_folder(out_dir, f"reproduction-{seed}") as folder, Progress(console=err, transient=True) as progress:
-        from missions.reproduction.figures import draw_all
-        from missions.reproduction.reproduce import reproduce as run_trials
-        from missions.reproduction.tables import as_json, as_table
+        with stopwatch.on("loading"):
+            from dirmusic.compiled import watch_compiler
+            from missions.reproduction.output.tables import as_table
+            from missions.reproduction.output.write import write_reproduction
+            from missions.reproduction.reproduce import reproduce as run_trials
+            from missions.reproduction.verdict import verdict
 
         bar = progress.add_task(f"{trials} trials a cell", total=1.0)
-        exhibits = run_trials(trials, seed, lambda share: progress.advance(bar, share))
-        progress.update(bar, description="pictures")
-        pictures = draw_all(exhibits, folder, seed)
-        data = as_json(exhibits, trials, seed)
-        write_whole(folder / "reproduction.json", json.dumps(data, indent=2) + "\n")
+        with stopwatch.on("trials"), watch_compiler(lambda _: None) as compiling:
+            exhibits = run_trials(trials, seed, lambda share: progress.advance(bar, share))
+        bar = progress.add_task("pictures", total=1.0)
+        with stopwatch.on("pictures and page"):
+            data = write_reproduction(exhibits, trials, seed, folder, lambda share: progress.advance(bar, share))
     if json_output:
         out.print_json(data=data)
-        return
-    for exhibit in exhibits:
-        out.print(as_table(exhibit))
-        out.print()
-    out.print(
-        f"{trials} trials a cell or more in {time.perf_counter() - started_s:.0f} s; intervals are 95 %.\n"
-        f"Written to {in_one_line(str(folder))}: reproduction.json and {len(pictures)} pictures",
-        soft_wrap=True,
-    )
+    else:
+        for exhibit in exhibits:
+            out.print(as_table(exhibit))
+            out.print()
+        found = verdict(exhibits)
+        out.print(f"{trials} trials a cell or more in {stopwatch.total_s:.0f} s; intervals are 95 %.", soft_wrap=True)
+        out.print(str(found), soft_wrap=True)
+        for miss in found.misses:
+            out.print(f"  {miss}; {miss.why or 'it may be chance'}", soft_wrap=True)
+        out.print(
+            f"Written to {in_one_line(str(folder))}: reproduction.html, reproduction.json and the pictures",
+            soft_wrap=True,
+        )
+    if timing:
+        tell_time(stopwatch, compiling)

@@ -26,11 +26,13 @@ from missions.cli.output.terminal import (
     tell_findings,
     tell_json,
     tell_notes,
+    tell_time,
     tell_where,
     write_mission,
 )
 
 if TYPE_CHECKING:
+    from dirmusic.compiled import Compiling
     from missions.recording import LiveView
     from missions.report.records import Report
     from missions.runner import Mission
@@ -48,6 +50,9 @@ TOLD = (
 )
 """Kinds of events that are news."""
 
+COMPILED = 200
+"""Functions that a first mission compiles."""
+
 
 def run(
     scenario: tyro.conf.Positional[str] = "one_source",
@@ -60,6 +65,7 @@ def run(
     out_dir: Annotated[Path | None, tyro.conf.arg(name="out", metavar="DIR")] = None,
     live: bool = False,
     json_output: Annotated[bool, tyro.conf.arg(name="json")] = False,
+    timing: bool = False,
 ) -> None:
     """Run one mission and write its log, report and recording.
 
@@ -86,12 +92,16 @@ def run(
         out_dir: Folder to write to; new or empty. Default: runs/SCENARIO-SEED, then -2, -3 and so on.
         live: Show the mission in the Rerun viewer while it runs.
         json_output: Print the report as JSON instead of a table.
+        timing: Say in a line where the time went.
     """
     from dirmusic import InputFileError
     from envs.foreign_code import ForeignCodeError
     from envs.scenario import ScenarioError, load_scenario
     from envs.scenario.calibration import read_calibration
     from missions.policies.names import BUILT_IN, load_maker
+    from missions.stopwatch import Stopwatch
+
+    stopwatch = Stopwatch()
 
     settings: dict[str, Any] = {} if serial_number is None else {"array.serial_number": serial_number}
     if date is not None:
@@ -111,12 +121,18 @@ def run(
         refuse(str(error))
     viewer = _live_view() if live else None
     with output_folder(out_dir, f"{loaded.name}-{seed}") as folder:
-        from missions.runner import Mission
+        with stopwatch.on("loading"):
+            from dirmusic.compiled import watch_compiler
+            from missions.runner import Mission
 
-        load_what_writes()
+            load_what_writes()
         tell_notes(loaded)
         started_s = time.perf_counter()
-        with _progress(loaded.task.time_limit_s) as follow, ExitStack() as while_driving:
+        with (
+            _progress(loaded.task.time_limit_s) as (follow, compiled),
+            watch_compiler(compiled) as compiling,
+            ExitStack() as while_driving,
+        ):
             asked = None
 
             def after_step(mission: Mission) -> None:
@@ -129,13 +145,17 @@ def run(
                     mission.end("interrupted")
 
             try:
-                mission = Mission(loaded, policy, seed, folder)
+                with stopwatch.on("starting"):
+                    mission = Mission(loaded, policy, seed, folder)
             except ForeignCodeError as error:
                 refuse(str(error))
             except ScenarioError as error:
                 refuse(*error.faults)
-            log = mission.run(after_step)
-            report = write_mission(log, time.perf_counter() - started_s, folder)
+            with stopwatch.on("the rest of the mission"):
+                log = mission.run(after_step)
+            stopwatch.split("the rest of the mission", mission.stopwatch.spent_s)
+            with stopwatch.on("log, report and recording"):
+                report = write_mission(log, time.perf_counter() - started_s, folder)
             if viewer:
                 viewer.leave_open()
     if json_output:
@@ -147,6 +167,8 @@ def run(
         for line in _summary(report):
             out.print(line, soft_wrap=True)
         tell_where(folder)
+    if timing:
+        tell_time(stopwatch, compiling)
     if mission.error is not None:
         err.print(str(mission.error), soft_wrap=True)
         sys.exit(FAILED)
@@ -185,8 +207,8 @@ def _summary(report: Report) -> list[str]:
 
 
 @contextmanager
-def _progress(time_limit_s: float) -> Iterator[Callable[[Mission], None]]:
-    """A progress bar over the route, and the news as it comes."""
+def _progress(time_limit_s: float) -> Iterator[tuple[Callable[[Mission], None], Callable[[Compiling], None]]]:
+    """A progress bar over the route, with the news as it comes; before that, over what is compiled."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (
@@ -196,7 +218,7 @@ def _progress(time_limit_s: float) -> Iterator[Callable[[Mission], None]]:
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
-        bar = progress.add_task("start", total=1.0, clock="the first run on a machine compiles: some 20 s")
+        bar = progress.add_task("start", total=1.0, clock="")
         told = 0
 
         def follow(mission: Mission) -> None:
@@ -216,4 +238,12 @@ def _progress(time_limit_s: float) -> Iterator[Callable[[Mission], None]]:
                 clock=f"{mission.time_s:5.0f} s simulated, {visited * stops:.0f} of {stops - 1} waypoints",
             )
 
-        yield follow
+        def compiled(compiling: Compiling) -> None:
+            progress.update(
+                bar,
+                completed=min(compiling.n_functions / COMPILED, 1.0),
+                description="compiles",
+                clock=f"the first run on a machine: {compiling.n_functions} of some {COMPILED} functions",
+            )
+
+        yield follow, compiled

@@ -14,6 +14,7 @@ import pytest
 
 from missions.record.mission_log import MissionLog
 from missions.report.report_file import read_report
+from tests.processes import assert_tells_time
 
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 HEAVY = ("mujoco", "rerun", "scipy.signal", "scipy.optimize", "matplotlib")
@@ -96,9 +97,10 @@ def test_what_is_to_be_typed_next_works_as_it_is_printed(short: Path, tmp_path: 
 
 
 def test_json_prints_the_report_and_nothing_else(short: Path, tmp_path: Path) -> None:
-    done = pdpatrol("run", str(short), "--json", "--out", "here", cwd=tmp_path)
+    done = pdpatrol("run", str(short), "--json", "--timing", "--out", "here", cwd=tmp_path)
     written = json.loads((tmp_path / "here" / "report.json").read_text(encoding="utf-8"))
     assert json.loads(done.stdout) == written
+    assert_tells_time(done.stderr, "policy", "environment", "locating", "log, report and recording")
 
 
 def test_two_runs_of_one_seed_differ_in_wall_time_alone(short: Path, tmp_path: Path) -> None:
@@ -220,8 +222,9 @@ def test_a_killed_mission_keeps_its_parts_and_a_folder_without_any_is_refused(tm
 
 
 def test_reproduce_writes_numbers_and_pictures_and_refuses_what_is_no_number_of_trials(tmp_path: Path) -> None:
-    done = pdpatrol("reproduce", "--trials", "100", "--seed", "4", "--json", cwd=tmp_path)
+    done = pdpatrol("reproduce", "--trials", "100", "--seed", "4", "--json", "--timing", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
+    assert_tells_time(done.stderr, "trials", "pictures and page")
     folder = tmp_path / "runs" / "reproduction-4"
     data = json.loads((folder / "reproduction.json").read_text())
     assert json.loads(done.stdout) == data

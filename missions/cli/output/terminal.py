@@ -16,9 +16,11 @@ from rich.console import Console
 from missions.whole_file import write_whole
 
 if TYPE_CHECKING:
+    from dirmusic.compiled import Compiling
     from envs.scenario import Scenario
     from missions.record.mission_log import MissionLog
     from missions.report.records import Report
+    from missions.stopwatch import Stopwatch
 
 FAILED = 1
 USAGE_ERROR = 2
@@ -117,6 +119,15 @@ def load_what_writes() -> None:
     """Load the libraries that `write_mission` needs, before a mission: one that is interrupted has two seconds."""
     import missions.recording
     import missions.report.report_page  # noqa: F401
+
+
+def tell_time(stopwatch: Stopwatch, compiling: Compiling) -> None:
+    """Say where the time went, in a line."""
+    total_s = stopwatch.total_s
+    parts = {**stopwatch.spent_s, "the rest": total_s - sum(stopwatch.spent_s.values())}
+    told = ", ".join(f"{what} {spent_s:.1f} s" for what, spent_s in parts.items())
+    compiled = f"; {compiling.spent_s:.1f} s of it compiling {compiling.n_functions} functions, once on a machine"
+    err.print(f"Time: {total_s:.1f} s: {told}{compiled if compiling.n_functions else ''}", soft_wrap=True)
 
 
 def tell_where(folder: Path) -> None:

@@ -20,6 +20,7 @@ from missions.report.records import Report
 from sensing import ArrayConfig, ElementConfig, HelicalArray
 from sensing.nature.pulse_shape import unit_pulse_energy
 from sensing.radio.surroundings import in_array_frame, level_transform, rays_between
+from tests.processes import assert_tells_time
 
 ROOT = Path(__file__).parents[3]
 EXAMPLE = ROOT / "examples" / "locate"
@@ -77,8 +78,9 @@ def test_waveforms_and_their_strengths_give_the_same_fix_near_the_truth(tmp_path
     truth = json.loads((EXAMPLE / "truth.json").read_text())
     fixes = []
     for table in ("strengths.csv", "waveforms.csv"):
-        done = pdpatrol("locate", str(EXAMPLE / table), "--json", "--out", table, cwd=tmp_path)
+        done = pdpatrol("locate", str(EXAMPLE / table), "--json", "--timing", "--out", table, cwd=tmp_path)
         assert done.returncode == 0, done.stderr
+        assert_tells_time(done.stderr, "reading", "locating", "log, report and recording")
         report = json.loads(done.stdout)
         assert report == json.loads((tmp_path / table / "report.json").read_text())
         assert len(report["findings"]) == 1

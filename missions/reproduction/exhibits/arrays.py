@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from dirmusic import GainManifold, UniformOffsets
 from missions.reproduction import protocol
-from missions.reproduction.exhibits import Campaign, Exhibit, Measured, Row, accuracy_row, directions, published
+from missions.reproduction.exhibit import Campaign, Exhibit, Measured, Row, accuracy_row, directions, published
 from missions.reproduction.methods import GATE_SAMPLES, by_gated_covariance, by_paper, error_deg
+from missions.reproduction.prediction import Prediction
 from missions.reproduction.protocol import GRID_DEG, N_RECORD
 
 FloatArray = NDArray[np.float64]
@@ -34,11 +35,12 @@ def manifold_errors(campaign: Campaign) -> Exhibit:
         rows.append(accuracy_row(f"D = {half_width}", accuracy, by_paper_deg, best_deg))
         rows.append(
             Row(
-                label="  spread",
+                label=f"D = {half_width}, spread",
                 paper=spread,
                 paper_method=Measured.spread(by_paper_deg),
                 best_method=Measured.spread(np.round(best_deg)),
                 unrounded=Measured.spread(best_deg),
+                predicted=Prediction.of_spread(by_paper_deg),
                 unit="deg",
             )
         )

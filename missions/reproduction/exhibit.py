@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest, chi2
 
 from missions.reproduction.methods import SUCCESS_DEG, is_success
+from missions.reproduction.prediction import Prediction
 from missions.reproduction.protocol import GRID_DEG
 
 FloatArray = NDArray[np.float64]
@@ -71,6 +72,7 @@ class Row:
     Attributes:
         label: What it is.
         paper: As printed; None where the paper has none.
+        predicted: Where `paper` should lie by what was measured here; None where nothing can be said of it.
         paper_method: Ours, by the paper's method.
         best_method: Ours, by the best method under the same scoring.
         unrounded: The best method's refined peak, not rounded to the grid, under |error| <= 2 degrees.
@@ -82,7 +84,18 @@ class Row:
     paper_method: Measured | None = None
     best_method: Measured | None = None
     unrounded: Measured | None = None
+    predicted: Prediction | None = None
     unit: str = "%"
+
+    @property
+    def is_compared(self) -> bool:
+        """Whether the paper has a number that can be held against a prediction."""
+        return self.paper is not None and self.predicted is not None
+
+    @property
+    def is_met(self) -> bool:
+        """Whether that number lies where it should."""
+        return self.paper is not None and self.predicted is not None and self.predicted.holds(self.paper)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +104,7 @@ class Exhibit:
 
     Attributes:
         name: Its key in the JSON file.
-        title: What it shows.
+        title: What it shows: its name in words, a colon, and the rest.
         rows: The numbers.
         notes: What was done, what is a slip of the paper, what cannot be matched and why.
         results: Further numbers by name.
@@ -104,6 +117,11 @@ class Exhibit:
     notes: tuple[str, ...] = ()
     results: dict[str, float] = field(default_factory=dict[str, float])
     data: dict[str, Any] = field(default_factory=dict[str, Any])
+
+    @property
+    def heading(self) -> str:
+        """Its name in words, such as `Table 1`."""
+        return self.title.partition(":")[0]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,4 +165,5 @@ def accuracy_row(label: str, paper: float | None, by_paper_deg: FloatArray, best
         paper_method=Measured.share(is_success(by_paper_deg)),
         best_method=Measured.share(is_success(best_deg)),
         unrounded=Measured.share(np.abs(best_deg) <= SUCCESS_DEG),
+        predicted=Prediction.of_share(is_success(by_paper_deg)),
     )

@@ -12,8 +12,9 @@ from dirmusic import GainManifold, UniformOffsets, estimate_bearings, strength_v
 from dirmusic.angles import difference, wrap
 from envs.scenario import Scenario, load_scenario
 from envs.scenario.sources import SourceConfig
-from missions.reproduction.exhibits import Campaign, Exhibit, Measured, Row, published
+from missions.reproduction.exhibit import Campaign, Exhibit, Measured, Row, published
 from missions.reproduction.methods import by_paper, error_deg
+from missions.reproduction.prediction import Prediction
 from missions.reproduction.protocol import GRID_DEG
 from sensing.array.helical_array import HelicalArray
 from sensing.nature.pulse_shape import unit_pulse_energy
@@ -152,20 +153,25 @@ def _exhibit(independent: FieldErrors, same: FieldErrors, half_width: float) -> 
         low, middle, high = np.quantile(values, [0.05, 0.5, 0.95])
         return Measured(value=float(middle), n=values.size, low=float(low), high=float(high))
 
-    def row(label: str, value: float, by_paper_deg: FloatArray, best_deg: FloatArray) -> Row:
+    def row(label: str, value: float, by_paper_deg: FloatArray, best_deg: FloatArray, *, is_slip: bool = False) -> Row:
         return Row(
-            label=label, paper=value, paper_method=central(by_paper_deg), best_method=central(best_deg), unit="deg"
+            label=label,
+            paper=value,
+            paper_method=central(by_paper_deg),
+            best_method=central(best_deg),
+            predicted=None if is_slip else Prediction.of_one(by_paper_deg),
+            unit="deg",
         )
 
     rows = [
-        row(f"{range_m:g} m, {true:g} deg", abs(error), np.abs(by_paper_deg), np.abs(best_deg))
+        row(f"{range_m:g} m, {true:g}°", abs(error), np.abs(by_paper_deg), np.abs(best_deg))
         for (range_m, true, *_), error, by_paper_deg, best_deg in zip(
             printed["rows"], corrected, independent.paper, independent.best, strict=True
         )
     ]
     for which, errors, of_draws in (("ten arrays", independent, means), ("one array", same, means_of_one)):
         best = np.abs(errors.best).mean(axis=0)
-        rows.append(row(f"mean |error|, printed; {which}", mean_printed, of_draws, best))
+        rows.append(row(f"mean |error|, printed; {which}", mean_printed, of_draws, best, is_slip=True))
         rows.append(row(f"mean |error|, corrected; {which}", mean_corrected, of_draws, best))
     spreads = np.array([row[-1] for row in printed["rows"]])
     return Exhibit(

@@ -16,7 +16,7 @@ from dirmusic import (
 )
 from dirmusic.array.elevation import gain_in_space
 from missions.reproduction import protocol
-from missions.reproduction.exhibits import Campaign, Exhibit, Measured, Row
+from missions.reproduction.exhibit import Campaign, Exhibit, Measured, Row
 from missions.reproduction.methods import GATE_SAMPLES, by_gated_covariance, by_paper, error_deg
 from missions.reproduction.protocol import GRID_DEG, N_RECORD
 
@@ -54,7 +54,7 @@ def bound(campaign: Campaign) -> Exhibit:
         curves.append((snr_db, limit_deg, limit_deg * ratios[0].value, limit_deg * ratios[1].value))
     return Exhibit(
         name="bound",
-        title="Root mean square error over the Cramer-Rao bound, continuous directions",
+        title="Bound: root mean square error over the Cramer-Rao bound, continuous directions",
         rows=tuple(rows),
         notes=(
             "the paper has no bound; its method searches a 1 degree grid and keeps the samples without a pulse",
@@ -100,7 +100,7 @@ def ring_sizes(campaign: Campaign) -> Exhibit:
         )
     return Exhibit(
         name="ring_size",
-        title="Root mean square error over the ring's radius, 10 dB",
+        title="Ring size: root mean square error over the ring's radius, 10 dB",
         rows=tuple(rows),
         notes=(
             "the paper's samples (eq. 5) assume that all elements hear a pulse at one time; on a real ring they do not",
@@ -123,11 +123,11 @@ def elevation(campaign: Campaign) -> Exhibit:
             for manifold in (six, told)
         ]
         plane, known = (Measured(value=float(np.sqrt(np.square(e).mean())), n=e.size) for e in errors)
-        rows.append(Row(label=f"elevation {elevation_deg:g}", paper_method=plane, best_method=known, unit="deg"))
+        rows.append(Row(label=f"{elevation_deg:g} deg above", paper_method=plane, best_method=known, unit="deg"))
         campaign.tick(campaign.trials)
     return Exhibit(
         name="elevation",
-        title="Root mean square azimuth bias of a source above the array, no noise",
+        title="Elevation: root mean square bias of the azimuth of a source above the array, no noise",
         rows=tuple(rows),
         notes=(
             "first: taken for level, as the paper does; second: the estimator knows the elevation",

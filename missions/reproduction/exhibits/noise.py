@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from dirmusic import GainManifold
 from missions.reproduction import protocol
-from missions.reproduction.exhibits import Campaign, Exhibit, Measured, Row, accuracy_row, directions, published
+from missions.reproduction.exhibit import Campaign, Exhibit, Measured, Row, accuracy_row, directions, published
 from missions.reproduction.methods import FOUND_GATE_SAMPLES, by_gate, by_paper, error_deg
+from missions.reproduction.prediction import Prediction
 from missions.reproduction.protocol import GRID_DEG, N_RECORD
 
 FloatArray = NDArray[np.float64]
@@ -50,6 +51,7 @@ def noise_tables(campaign: Campaign) -> tuple[Exhibit, Exhibit, Exhibit]:
         n = campaign.trials  # as many for both: a range grows with the trials
         last = {method: done[0, method][:n] for method in truths}
         last |= {f"true_{method}": np.concatenate(true_deg)[:n] for method, true_deg in truths.items()}
+        last["all_by_paper"] = done[0, "paper"]
     gate = f"best: a gate of {FOUND_GATE_SAMPLES} samples found in the whole record, then maximum likelihood, no grid"
     scoring = "unrounded: the same bearings not rounded to the grid, so that 2 degrees are 2 and not 2.5"
     return (
@@ -69,12 +71,18 @@ def _figure4(last: dict[str, FloatArray]) -> Exhibit:
     low, high = printed["error_range_deg"]
     spread = printed["error_spread_printed_as_variance"]
 
-    def row(label: str, paper: float, measure: Callable[[FloatArray], Measured]) -> Row:
+    def row(
+        label: str,
+        paper: float,
+        measure: Callable[[FloatArray], Measured],
+        predict: Callable[[FloatArray], Prediction],
+    ) -> Row:
         return Row(
             label=label,
             paper=paper,
             paper_method=measure(last["paper"]),
             best_method=measure(np.round(last["best"])),
+            predicted=predict(last["all_by_paper"]),
             unit="deg",
         )
 
@@ -87,11 +95,15 @@ def _figure4(last: dict[str, FloatArray]) -> Exhibit:
         name="fig4",
         title="Fig. 4: errors at -10 dB, six elements",
         rows=(
-            row("mean", printed["error_mean_deg"], mean),
-            row("standard deviation", spread, Measured.spread),
-            row("least", low, lambda errors: Measured(value=float(errors.min()), n=errors.size)),
-            row("largest", high, lambda errors: Measured(value=float(errors.max()), n=errors.size)),
+            row("mean", printed["error_mean_deg"], mean, Prediction.of_mean),
+            row("standard deviation", spread, Measured.spread, Prediction.of_spread),
+            row("least", low, _extreme(np.min), Prediction.of_least),
+            row("largest", high, _extreme(np.max), Prediction.of_largest),
         ),
         notes=(f"slip: the paper calls {spread} the variance; it is the standard deviation, in degrees",),
         data=last,
     )
+
+
+def _extreme(pick: Callable[[FloatArray], float]) -> Callable[[FloatArray], Measured]:
+    return lambda errors: Measured(value=float(pick(errors)), n=errors.size)

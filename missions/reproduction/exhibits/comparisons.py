@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from dirmusic import GainManifold, bearings_from_covariance, bearings_from_delays
 from missions.reproduction import protocol
-from missions.reproduction.exhibits import Campaign, Exhibit, Measured, Row, accuracy_row, directions, published
+from missions.reproduction.exhibit import Campaign, Exhibit, Measured, Row, accuracy_row, directions, published
 from missions.reproduction.methods import (
     GATE_SAMPLES,
     SUCCESS_DEG,
@@ -16,6 +16,7 @@ from missions.reproduction.methods import (
     error_deg,
     is_success,
 )
+from missions.reproduction.prediction import Prediction
 from missions.reproduction.protocol import GRID_DEG, N_RECORD
 
 FloatArray = NDArray[np.float64]
@@ -42,6 +43,7 @@ def phase_method(campaign: Campaign) -> Exhibit:
                 paper_method=Measured.share(is_success(errors)),
                 best_method=Measured.share(is_success(both)),
                 unrounded=Measured.share(np.abs(both) <= SUCCESS_DEG),
+                predicted=Prediction.of_share(is_success(errors)),
             )
         )
     return Exhibit(
@@ -85,14 +87,15 @@ def sample_rates(campaign: Campaign) -> Exhibit:
         phase = _by_phase(campaign, 11, cell, steering, n_record, 10.0)
         rows.append(
             Row(
-                label="  phase method",
+                label=f"{rate_hz / 1e9:g} GS/s, phase method",
                 paper=printed["phase_percent"][cell],
                 paper_method=Measured.share(is_success(phase)),
+                predicted=Prediction.of_share(is_success(phase)),
             )
         )
     return Exhibit(
         name="sample_rate",
-        title="Accuracy (%) over the sample rate, 10 dB",
+        title="Sample rate: accuracy (%) at 10 dB",
         rows=tuple(rows),
         notes=(
             "the noise is set from the record, so that only the number of samples, 0.5 us long, counts",

@@ -2,19 +2,21 @@
 
 import json
 from functools import cache
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from dirmusic import GainManifold, pseudo_spectrum
 from missions.reproduction import protocol
-from missions.reproduction.exhibits import Exhibit, Measured, Row, published
-from missions.reproduction.field import corrected_errors
-from missions.reproduction.figures import draw_all
+from missions.reproduction.exhibit import Exhibit, Measured, Row, published
+from missions.reproduction.exhibits.field import corrected_errors
 from missions.reproduction.methods import by_paper, error_deg, is_success
+from missions.reproduction.output.tables import as_json, as_table
+from missions.reproduction.output.write import write_reproduction
 from missions.reproduction.reproduce import ORDER, reproduce
-from missions.reproduction.tables import as_json, as_table
 
 SIMULATED = {
     # facts.md, column "sim": another implementation of the same protocol, 36 000 trials a cell
@@ -144,11 +146,15 @@ def test_the_json_holds_paper_ours_and_best_with_intervals(tmp_path: Path) -> No
     assert any("not matched" in note for note in data["exhibits"]["sample_rate"]["notes"])
 
 
-def test_every_picture_is_drawn(tmp_path: Path) -> None:
-    paths = draw_all(tuple(exhibits(200, 3).values()), tmp_path, seed=3)
+def test_every_picture_is_drawn_and_every_table_printed(tmp_path: Path) -> None:
+    write_reproduction(tuple(exhibits(200, 3).values()), 200, 3, tmp_path, lambda share: None)
+    paths = list(tmp_path.glob("*.png"))
     assert len(paths) == 12
     assert all(path.read_bytes().startswith(b"\x89PNG") and path.stat().st_size > 10_000 for path in paths)
-    assert all(as_table(exhibit) for exhibit in exhibits(200, 3).values())
+    for exhibit in exhibits(200, 3).values():
+        console = Console(file=StringIO(), width=80, markup=False)
+        console.print(as_table(exhibit))
+        assert "[" not in console.file.getvalue()  # type: ignore[attr-defined] # styles are no text
 
 
 @pytest.mark.slow

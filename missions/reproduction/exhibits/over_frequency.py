@@ -20,7 +20,7 @@ from dirmusic.array.spatial_pattern import SpatialPattern, halves
 from dirmusic.array.spatial_pattern_file import read_spatial_pattern
 from dirmusic.pulses.sub_bands import SubBands
 from missions.reproduction import protocol
-from missions.reproduction.exhibits import Campaign, Exhibit, Measured, Row
+from missions.reproduction.exhibit import Campaign, Exhibit, Measured, Row
 from missions.reproduction.methods import error_deg
 from sensing.array.config import SHIPPED_PATTERNS
 from sensing.nature.pulse_shape import damped_pulse
@@ -131,7 +131,7 @@ def over_frequency(campaign: Campaign) -> Exhibit:
     bias = [_bias_deg(ring, spectrum) for spectrum in (usual, lowered)]
     return Exhibit(
         name="over_frequency",
-        title="Root mean square error over the Cramer-Rao bound, a helix whose pattern changes over the band",
+        title="Over frequency: root mean square error over the Cramer-Rao bound, a pattern that changes over the band",
         rows=tuple(rows),
         notes=(
             "first: one strength a channel, and the pattern's root mean square over the band for a flat spectrum; "

@@ -1,0 +1,1 @@
+"""The exhibits for a terminal, as data, as pictures and as a page."""

@@ -1,0 +1,50 @@
+"""All that `reproduce` leaves in its folder."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from markupsafe import Markup
+
+from missions.report.page import inline_svg
+from missions.reproduction.exhibit import Exhibit
+from missions.reproduction.output.page import reproduction_page
+from missions.reproduction.output.pictures import pictures
+from missions.reproduction.output.tables import as_json
+from missions.whole_file import whole_file, write_whole
+
+
+def write_reproduction(
+    exhibits: Sequence[Exhibit], trials: int, seed: int, folder: Path, progress: Callable[[float], None]
+) -> dict[str, Any]:
+    """Write the pictures, reproduction.json and reproduction.html.
+
+    Args:
+        exhibits: All of them.
+        trials: Of each cell.
+        seed: Of what was drawn.
+        folder: Where to.
+        progress: Told by how much of the whole the work has advanced.
+
+    Returns:
+        What reproduction.json holds.
+    """
+    by_name, inline, method = {exhibit.name: exhibit for exhibit in exhibits}, dict[str, Markup](), list[Markup]()
+    every = pictures(seed)
+    for picture in every:
+        figure = picture.of(by_name)
+        with whole_file(folder / f"{picture.name}.png") as file:
+            figure.savefig(file, format="png")
+        svg = inline_svg(figure, picture.name, "; ".join(by_name[name].title for name in picture.exhibits))
+        if picture.exhibits:
+            inline[picture.exhibits[0]] = svg
+        else:
+            method.append(svg)
+        progress(1.0 / len(every))
+    data = as_json(exhibits, trials, seed)
+    write_whole(folder / "reproduction.json", json.dumps(data, indent=2) + "\n")
+    write_whole(folder / "reproduction.html", reproduction_page(exhibits, inline, method, trials, seed))
+    return data
