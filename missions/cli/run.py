@@ -50,7 +50,7 @@ TOLD = (
 )
 """Kinds of events that are news."""
 
-COMPILED = 200
+COMPILED = 350
 """Functions that a first mission compiles."""
 
 

@@ -26,6 +26,7 @@ def command_line() -> Iterator[None]:
         for stream in _streams():
             stream.flush()
     except KeyboardInterrupt:
+        interrupts.kill_children()
         _tell("Interrupted")
         sys.exit(interrupts.status() or interrupts.BY_KEYBOARD)
     except BrokenPipeError:
@@ -41,6 +42,7 @@ def command_line() -> Iterator[None]:
         status = interrupts.status()
         if status is None:
             raise
+        interrupts.kill_children()
         _tell("Interrupted")  # foreign code has made an error of its own of it
         sys.exit(status)
 

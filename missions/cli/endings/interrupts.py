@@ -97,13 +97,20 @@ def _next_signal(reader: int, timeout_s: float | None) -> int:
 
 
 def _end(number: int) -> NoReturn:
-    from multiprocessing import active_children  # here, so that signals are taken over sooner
-
-    for child in active_children():
-        child.kill()
+    kill_children()
     for cleanup in (remove_unfinished, *_cleanups):
         with suppress(Exception):
             cleanup()
     with suppress(OSError):
         os.write(sys.stderr.fileno(), b"\nInterrupted\n")
     os._exit(128 + number)
+
+
+def kill_children() -> None:
+    """Processes that this one has started, and those of theirs: one that is just starting would not notice the end."""
+    import psutil  # here, so that signals are taken over sooner
+
+    for child in psutil.Process().children(recursive=True):
+        with suppress(psutil.Error):
+            if not any("resource_tracker" in word for word in child.cmdline()):  # it tidies up, and then ends itself
+                child.kill()

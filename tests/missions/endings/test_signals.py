@@ -101,6 +101,38 @@ with command_line()""",
     assert [path.name for path in (tmp_path / "folder").iterdir()] == ["whole"]
 
 
+STUCK = """
+        while True:
+            try:
+                time.sleep(600.0)
+            except BaseException:
+                pass
+"""
+STARTS = """
+import subprocess, sys, time
+subprocess.Popen(["sleep", "600"])
+time.sleep(600.0)
+"""
+
+
+@pytest.mark.parametrize("is_forced", [False, True])
+def test_processes_that_were_just_starting_end_too(is_forced: bool, tmp_path: Path) -> None:
+    begin = f"import subprocess; child = subprocess.Popen([sys.executable, '-c', {STARTS!r}])"
+    wait = STUCK if is_forced else "time.sleep(600.0)"
+    code = ENDLESS.replace("time.sleep(600.0)", f"{begin}\n        {wait}")
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, "python"], cwd=tmp_path, env=ENVIRONMENT, stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n"
+    while len(started := psutil.Process(process.pid).children(recursive=True)) < 2:
+        time.sleep(0.02)
+    process.send_signal(signal.SIGTERM)
+    process.communicate(timeout=30)  # to the end of whoever could still write
+    assert process.returncode == 128 + signal.SIGTERM
+    assert not psutil.wait_procs(started, timeout=5.0)[1]
+
+
 def test_a_signal_that_is_to_be_ignored_stays_so(tmp_path: Path) -> None:
     code = f"import signal\nsignal.signal(signal.SIGHUP, signal.SIG_IGN)\n{ENDLESS}".replace("600.0", "0.5")
     process = subprocess.Popen(
