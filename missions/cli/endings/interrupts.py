@@ -70,9 +70,10 @@ def clean_up_by(cleanup: Callable[[], None]) -> None:
 
 def _receive(number: int, _frame: object) -> None:
     global _received
-    _received = _received or number
-    if not _is_put_off:
-        raise Interrupted
+    if _received is None:
+        _received = number
+        if not _is_put_off:
+            raise Interrupted
 
 
 def _report_unraisable(error: sys.UnraisableHookArgs) -> None:

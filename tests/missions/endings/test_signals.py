@@ -101,6 +101,16 @@ with command_line()""",
     assert [path.name for path in (tmp_path / "folder").iterdir()] == ["whole"]
 
 
+TIDIES = """
+        try:
+            print("waits", flush=True)
+            time.sleep(600.0)
+        finally:
+            print("tidies", flush=True)
+            until = time.monotonic() + 60.0
+            while time.monotonic() < until:  # in which a signal would raise at once
+                sum(range(100))
+"""
 STUCK = """
         while True:
             try:
@@ -131,6 +141,26 @@ def test_processes_that_were_just_starting_end_too(is_forced: bool, tmp_path: Pa
     process.communicate(timeout=30)  # to the end of whoever could still write
     assert process.returncode == 128 + signal.SIGTERM
     assert not psutil.wait_procs(started, timeout=5.0)[1]
+
+
+def test_a_second_signal_while_the_first_is_seen_to_leaves_no_traceback(tmp_path: Path) -> None:
+    tidies = ENDLESS.replace("time.sleep(600.0)", TIDIES)
+    process = subprocess.Popen(
+        [sys.executable, "-c", tidies, "python"],
+        cwd=tmp_path,
+        env=ENVIRONMENT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert [process.stdout.readline() for _ in range(2)] == ["ready\n", "waits\n"]
+    process.send_signal(signal.SIGTERM)
+    assert process.stdout.readline() == "tidies\n"
+    process.send_signal(signal.SIGTERM)
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode == 128 + signal.SIGTERM
+    assert errors.strip() == "Interrupted"
 
 
 def test_a_signal_that_is_to_be_ignored_stays_so(tmp_path: Path) -> None:
