@@ -105,12 +105,12 @@ class Held(structref.StructRefProxy, Generic[_Value]):
 
 
 def held_list(records: Iterable[Held[_Value]]) -> Any:  # noqa: ANN401 - the compiler's own list
-    """Records of one type as compiled functions take many at once; items can be got and set."""
+    """Records of one type as compiled functions take many at once; `replace_in` puts another one in."""
     first, *others = records
-    listed = List.empty_list(numba.typeof(first))  # pyright: ignore
-    for record in (first, *others):
-        listed.append(record)  # pyright: ignore
-    return listed  # pyright: ignore
+    listed = _listed(first)
+    for record in others:
+        _append(listed, record)
+    return listed
 
 
 structref.define_boxing(HeldType, Held)  # pyright: ignore[reportUnknownMemberType]
@@ -120,6 +120,27 @@ structref.define_constructor(Held, HeldType, ["value"])  # pyright: ignore[repor
 @compiled
 def _hold(value: Any) -> Any:  # noqa: ANN401 - of any type
     return Held(value)
+
+
+# What the compiler's own lists do when Python calls them is compiled anew in each process, a second of it; here it is kept.
+
+
+@compiled
+def _listed(first: Any) -> Any:  # noqa: ANN401 - of any type
+    listed = List()
+    listed.append(first)
+    return listed
+
+
+@compiled
+def _append(listed: Any, record: Any) -> None:  # noqa: ANN401
+    listed.append(record)
+
+
+@compiled
+def replace_in(listed: Any, index: int, record: Any) -> None:  # noqa: ANN401
+    """Put another record of the same type into a `held_list`."""
+    listed[index] = record
 
 
 class Compiling:

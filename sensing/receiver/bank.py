@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.compiled import Held, held_list
+from dirmusic.compiled import Held, held_list, replace_in
 from dirmusic.pulses.batch import PulseBatch
 from sensing.array.array_table import ArrayTable
 from sensing.array.helical_array import HelicalArray
@@ -181,7 +181,8 @@ class ReceiverBank:
 
     def _take_in(self, robot: int, condition: Condition) -> None:
         """Let a robot listen with what is its own now."""
-        self._own_of[robot] = self._listening[robot] = self._own(robot, condition)
+        self._own_of[robot] = self._own(robot, condition)
+        replace_in(self._listening, robot, self._own_of[robot])
 
     def _own(self, robot: int, condition: Condition) -> Held[Listening]:
         """All that is one robot's own."""

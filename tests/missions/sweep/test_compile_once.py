@@ -51,3 +51,18 @@ def test_two_at_once_leave_a_cache_to_which_missions_add_nothing(tmp_path: Path)
     assert compiled
     subprocess.run([sys.executable, "-c", MISSIONS], env=environment, check=True, timeout=300)
     assert {path: path.stat().st_mtime_ns for path in cache.rglob("*.nb?")} == compiled
+
+
+def test_what_one_process_has_compiled_no_other_one_compiles_again() -> None:
+    script = """
+from dirmusic.compiled import watch_compiler
+with watch_compiler(lambda _: None) as compiling:
+    import gymnasium
+    env = gymnasium.make("envs:PDPatrol-v0", scenario="one_source")
+    env.reset(seed=0)
+    for _ in range(30):
+        env.step(env.action_space.sample() * 0.0)
+print(compiling.n_functions)
+"""
+    counted = [subprocess.run([sys.executable, "-c", script], capture_output=True, text=True) for _ in range(2)]
+    assert counted[1].stdout.strip() == "0", counted[1].stderr
