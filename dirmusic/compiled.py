@@ -122,7 +122,7 @@ def _hold(value: Any) -> Any:  # noqa: ANN401 - of any type
     return Held(value)
 
 
-# What the compiler's own lists do when Python calls them is compiled anew in each process, a second of it; here it is kept.
+# What the compiler's own lists do for Python is compiled anew in each process, a second long; these are kept on disk.
 
 
 @compiled

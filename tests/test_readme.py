@@ -13,6 +13,8 @@ import pytest
 from envs import load_scenario
 from tests.processes import below, listening
 
+pytestmark = pytest.mark.whole
+
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 BIN = Path(sys.executable).parent

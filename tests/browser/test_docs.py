@@ -9,7 +9,7 @@ from tests.browser.browser import NEEDS_CHROMIUM, Theme, n_colours, opened, pict
 from tests.docs.site import ROOT, build_site
 
 pytest.importorskip("zensical", reason="uv run --group docs")
-pytestmark = NEEDS_CHROMIUM
+pytestmark = [pytest.mark.whole, NEEDS_CHROMIUM]
 
 SHOWN = ("index", "explanation/algorithm", "reference/glossary")
 """Pages of which pictures are kept."""

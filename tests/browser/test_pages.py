@@ -14,6 +14,7 @@ from tests.missions.replay.short_mission import pdpatrol, short_mission
 from tests.missions.replay.test_viewer import started
 
 pytestmark = [
+    pytest.mark.whole,
     NEEDS_CHROMIUM,
     pytest.mark.filterwarnings("default"),  # psutil leaves files open where a process ends while it is looked at
 ]

@@ -14,6 +14,8 @@ from missions.runner import Mission
 from tests.docs.site import ROOT
 from tests.test_readme import commands, served_on_loopback
 
+pytestmark = pytest.mark.whole
+
 DOCS = ROOT / "docs"
 BIN = Path(sys.executable).parent
 TOP = ("envs", "examples")

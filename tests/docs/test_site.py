@@ -10,6 +10,8 @@ import pytest
 
 from tests.docs.site import ROOT, Page, build_site
 
+pytestmark = pytest.mark.whole
+
 pytest.importorskip("zensical", reason="uv run --group docs")
 
 LARGEST_MB = 12.0

@@ -108,6 +108,7 @@ def test_an_estimator_that_fails_under_way_ends_a_mission_whose_log_is_whole(tmp
     assert log.n_rows("step") > 10
 
 
+@pytest.mark.whole
 def test_on_the_command_line_a_late_fault_is_one_line_and_all_files_are_whole(tmp_path: Path) -> None:
     file = scenario_with(tmp_path, LATE)
     command = [str(PDPATROL), "run", str(file), "--out", str(tmp_path / "out")]
@@ -121,6 +122,7 @@ def test_on_the_command_line_a_late_fault_is_one_line_and_all_files_are_whole(tm
     assert (tmp_path / "out" / "mission.rrd").stat().st_size > 1000
 
 
+@pytest.mark.whole
 def test_on_the_command_line_an_early_fault_is_one_line_and_status_two_and_nothing_is_written(tmp_path: Path) -> None:
     file = scenario_with(tmp_path, GOOD.replace("return found._replace", "return found.no_such"))
     command = [str(PDPATROL), "run", str(file), "--out", str(tmp_path / "out")]

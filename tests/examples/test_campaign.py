@@ -10,6 +10,8 @@ import pytest
 
 from envs import load_scenario
 
+pytestmark = pytest.mark.whole
+
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "examples" / "campaign"
 README = (FOLDER / "README.md").read_text(encoding="utf-8")

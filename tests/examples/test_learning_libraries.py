@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.whole
+
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "examples" / "learning_libraries"
 LIBRARIES = ("sb3", "skrl", "torchrl", "tianshou", "rllib")

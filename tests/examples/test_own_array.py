@@ -14,6 +14,8 @@ from envs import Scenario, load_scenario
 from missions.report.make_report import make_report
 from missions.runner import run_mission
 
+pytestmark = pytest.mark.whole
+
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "examples" / "own_array"
 README = (FOLDER / "README.md").read_text(encoding="utf-8")

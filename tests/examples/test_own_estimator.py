@@ -14,6 +14,8 @@ from dirmusic.angles import difference
 from envs import load_scenario
 from envs.core.own_estimator import make_estimator
 
+pytestmark = pytest.mark.whole
+
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "examples" / "own_estimator"
 README = (FOLDER / "README.md").read_text(encoding="utf-8")

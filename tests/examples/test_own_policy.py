@@ -7,9 +7,12 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from envs import load_scenario
 from missions.runner import run_mission
+
+pytestmark = pytest.mark.whole
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "examples" / "own_policy"

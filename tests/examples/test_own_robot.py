@@ -13,6 +13,8 @@ from missions.report.make_report import make_report
 from missions.report.report_file import read_report
 from missions.runner import run_mission
 
+pytestmark = pytest.mark.whole
+
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "examples" / "own_robot"
 README = (FOLDER / "README.md").read_text(encoding="utf-8")

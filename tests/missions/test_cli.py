@@ -16,6 +16,8 @@ from missions.record.mission_log import MissionLog
 from missions.report.report_file import read_report
 from tests.processes import assert_tells_time
 
+pytestmark = pytest.mark.whole
+
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 HEAVY = ("mujoco", "rerun", "scipy.signal", "scipy.optimize", "matplotlib")
 

@@ -249,6 +249,7 @@ def test_fifty_courses_strewn_with_what_the_plan_does_not_show_are_completed_all
         assert driven.visited == (0, 1, 2, 3), seed
 
 
+@pytest.mark.whole
 def test_there_is_a_way_to_every_waypoint_of_five_hundred_random_yards() -> None:
     for seed in range(500):
         scenario = random_yard(seed, seed % 8)

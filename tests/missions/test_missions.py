@@ -43,6 +43,7 @@ def assert_equal(first: MissionLog, second: MissionLog) -> None:
             np.testing.assert_array_equal(second.column(table, name), column, err_msg=f"{table}.{name}")
 
 
+@pytest.mark.whole
 def test_a_mission_finds_the_discharge_visits_every_waypoint_and_docks() -> None:
     log = run_mission(load_scenario("one_source"), seed=4)
     report = make_report(log, 1.0)

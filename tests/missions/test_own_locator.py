@@ -119,6 +119,7 @@ def test_what_is_no_locator_is_refused_before_the_start(tmp_path: Path) -> None:
             Mission(load_scenario(scenario_with(tmp_path, code)), "patrol", 0)
 
 
+@pytest.mark.whole
 def test_on_the_command_line_an_early_fault_is_one_line_and_status_two_and_nothing_is_written(tmp_path: Path) -> None:
     file = scenario_with(tmp_path, GOOD.replace("self.findings, self.n", "self.findings, self.n, self.m"))
     command = [str(PDPATROL), "run", str(file), "--out", str(tmp_path / "out")]

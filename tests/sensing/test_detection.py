@@ -4,6 +4,7 @@ from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
+import pytest
 
 from sensing import (
     Faces,
@@ -56,6 +57,7 @@ def test_no_discharge_is_taken_for_a_burst_though_ground_and_wall_echo_it() -> N
         assert detected.n_rejected < 0.01 * detected.pulses.n_pulses
 
 
+@pytest.mark.whole
 def test_detection_rises_with_the_level() -> None:
     """Within its interval, from 6 dB below the trigger level to 40 dB above it, in fifty random scenes."""
     levels_db = np.arange(-6.0, 41.0, 2.0)

@@ -117,7 +117,9 @@ def ground() -> Faces:
     return Faces(np.zeros((1, 3)), np.eye(3)[2:], np.eye(3)[np.newaxis, :2], np.full((1, 2), np.inf), np.array([-1]))
 
 
-@pytest.mark.parametrize("scene_number", range(20))
+@pytest.mark.parametrize(
+    "scene_number", [*range(4), *(pytest.param(number, marks=pytest.mark.whole) for number in range(4, 20))]
+)
 def test_detections_are_those_of_a_plain_numpy_receiver(scene_number: int) -> None:
     """Share detected, strengths and bearings near the trigger level, in scenes with reflections."""
     rng = np.random.default_rng(scene_number)

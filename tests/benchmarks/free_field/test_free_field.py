@@ -21,7 +21,9 @@ WILD_SHARE = 0.3
 ALL_PULSES = LocatingRules(max_pulses=2000)
 """Where noise alone is left, every pulse counts."""
 
-few_or_many = pytest.mark.parametrize("n_cases", [FEW, pytest.param(MANY, marks=pytest.mark.slow)])
+few_or_many = pytest.mark.parametrize(
+    "n_cases", [pytest.param(FEW, marks=pytest.mark.whole), pytest.param(MANY, marks=pytest.mark.slow)]
+)
 
 
 @lru_cache
@@ -49,7 +51,9 @@ def test_a_source_in_the_free_field_is_located_and_lies_in_its_ellipse(n_cases: 
     assert inside.low <= 0.98
 
 
-@pytest.mark.parametrize("n_cases", [FEW_WILD, pytest.param(MANY, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "n_cases", [pytest.param(FEW_WILD, marks=pytest.mark.whole), pytest.param(MANY, marks=pytest.mark.slow)]
+)
 def test_thirty_per_cent_of_wild_bearings_make_the_median_at_most_half_as_large_again(n_cases: int) -> None:
     cases = (with_wild_bearings(draw_case(seed), WILD_SHARE, seed) for seed in range(n_cases))
     wild, clean = fixes([(case, locate(case)) for case in cases]), shipped(n_cases)

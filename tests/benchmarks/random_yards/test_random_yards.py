@@ -30,7 +30,9 @@ Case = tuple[Scenario, str, int]
 
 def few_or_many(many: int) -> pytest.MarkDecorator:
     """Few are run always."""
-    return pytest.mark.parametrize("n_cases", [3, pytest.param(many, marks=pytest.mark.slow)])
+    return pytest.mark.parametrize(
+        "n_cases", [pytest.param(3, marks=pytest.mark.whole), pytest.param(many, marks=pytest.mark.slow)]
+    )
 
 
 def outcomes(cases: Iterable[Case]) -> list[Outcome]:

@@ -113,6 +113,7 @@ def ratios_of_time_to_fix(numbers: Sequence[int], limit_s: float) -> list[float]
     [((3, 4, 10), 80.0), pytest.param(range(12), 600.0, marks=pytest.mark.slow)],
     ids=["a_few", "twelve"],
 )
+@pytest.mark.whole
 def test_by_the_same_pulses_a_calibrated_mission_has_its_fix_no_later(numbers: Sequence[int], limit_s: float) -> None:
     ratios = ratios_of_time_to_fix(numbers, limit_s)
     assert np.median(ratios) < 1.0

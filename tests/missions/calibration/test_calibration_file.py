@@ -149,6 +149,7 @@ def test_two_faults_are_two_lines(file: Path) -> None:
     assert len(caught.value.faults) == 2
 
 
+@pytest.mark.whole
 def test_the_command_refuses_with_status_two_and_writes_nothing(file: Path, tmp_path: Path) -> None:
     file.write_text(file.read_text(encoding="utf-8")[:300], encoding="utf-8")
     table = str(ROOT / "examples" / "locate" / "strengths.csv")
@@ -161,6 +162,7 @@ def test_the_command_refuses_with_status_two_and_writes_nothing(file: Path, tmp_
     assert [path.name for path in tmp_path.iterdir()] == [file.name]
 
 
+@pytest.mark.whole
 def test_field_data_leave_a_calibration_that_the_next_ones_take_up(tmp_path: Path) -> None:
     shutil.copy(ROOT / "examples" / "locate" / "strengths.csv", tmp_path / "strengths.csv")
     first = pdpatrol("locate", "strengths.csv", "--out", "first", cwd=tmp_path)

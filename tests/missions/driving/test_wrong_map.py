@@ -132,6 +132,7 @@ def log() -> MissionLog:
     return run_mission(RIGHT, seed=4)
 
 
+@pytest.mark.whole
 def test_the_report_names_sites_of_the_map_and_the_scores_go_by_the_yard(log: MissionLog) -> None:
     (finding,) = make_report(log, 0.0).findings
     piece = finding.sites[0].name.partition("/")[0]

@@ -10,6 +10,8 @@ import pytest
 from missions.cli.output.folders import CLAIM
 from missions.whole_file import whole_file, write_whole
 
+pytestmark = pytest.mark.whole
+
 CLAIMS = """
 import sys, time
 from pathlib import Path

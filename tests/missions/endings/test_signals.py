@@ -19,6 +19,8 @@ from missions.recording.viewer import supervisor
 from missions.recording.viewer.supervisor import LEAVE_OPEN
 from missions.runner import run_mission
 
+pytestmark = pytest.mark.whole
+
 EXAMPLE = Path(__file__).parents[3] / "examples" / "locate" / "strengths.csv"
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}

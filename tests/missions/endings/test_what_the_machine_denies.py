@@ -15,6 +15,8 @@ from missions.cli.output.terminal import INCOMPLETE
 from missions.record.mission_log import MissionLog
 from missions.runner import run_mission
 
+pytestmark = pytest.mark.whole
+
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 
 

@@ -9,6 +9,8 @@ import pytest
 from envs import load_scenario
 from missions.runner import run_mission
 
+pytestmark = pytest.mark.whole
+
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 
 

@@ -74,6 +74,7 @@ def orbit(n: int, radius_m: float, centre: tuple[float, float], turn: float = 1.
     return np.column_stack([centre[0] + radius_m * np.cos(angle), centre[1] + radius_m * np.sin(angle), angle + 2.0])
 
 
+@pytest.mark.whole
 def test_waveforms_and_their_strengths_give_the_same_fix_near_the_truth(tmp_path: Path) -> None:
     truth = json.loads((EXAMPLE / "truth.json").read_text())
     fixes = []
@@ -206,6 +207,7 @@ def test_as_many_boresights_as_channels_are_wanted(tmp_path: Path) -> None:
     assert isinstance(turned, ArrayModel)
 
 
+@pytest.mark.whole
 def test_semicolons_and_a_byte_order_mark_are_noted_and_change_nothing(tmp_path: Path) -> None:
     text = (EXAMPLE / "strengths.csv").read_text()
     german = text.replace(",", ";").replace(".", ",")
@@ -219,6 +221,7 @@ def test_semicolons_and_a_byte_order_mark_are_noted_and_change_nothing(tmp_path:
     assert (tmp_path / "runs" / "german" / "log.npz").exists()
 
 
+@pytest.mark.whole
 def test_a_measured_pattern_is_used(tmp_path: Path) -> None:
     write_pattern(GaussianPattern(), tmp_path / "p.csv")
     done = pdpatrol("locate", str(EXAMPLE / "strengths.csv"), "--json", "--pattern", "p.csv", cwd=tmp_path)
@@ -245,6 +248,7 @@ def test_a_measured_pattern_is_used(tmp_path: Path) -> None:
         (["t.csv"], "no --noise-v"),
     ],
 )
+@pytest.mark.whole
 def test_a_refusal_is_one_line_and_leaves_nothing(tmp_path: Path, arguments: list[str], told: str) -> None:
     flat = "\n".join(["angle_deg,gain", *(f"{a},1" for a in range(0, 360, 10))])
     (tmp_path.parent / "flat.csv").write_text(flat)

@@ -100,6 +100,7 @@ def test_a_log_whose_tables_do_not_fit_is_refused(
         MissionLog.load(tmp_path)
 
 
+@pytest.mark.whole
 def test_replay_refuses_a_log_whose_facts_are_junk(mission: Path, tmp_path: Path) -> None:
     with np.load(mission / "log.npz") as archive:
         arrays = {key: archive[key] for key in archive.files}
@@ -133,6 +134,7 @@ def test_a_recording_that_is_none_is_refused(
     assert len(refused.value.faults) == 1
 
 
+@pytest.mark.whole
 def test_replay_serves_no_folder_and_no_junk(tmp_path: Path) -> None:
     (tmp_path / "a" / "mission.rrd").mkdir(parents=True)
     (tmp_path / "b").mkdir()

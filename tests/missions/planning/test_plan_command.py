@@ -12,6 +12,8 @@ from matplotlib.image import imread
 from envs.scenario import SHIPPED, load_scenario
 from tests.missions.planning.one_plan import plan_of
 
+pytestmark = pytest.mark.whole
+
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 
 

@@ -11,6 +11,8 @@ import pytest
 from envs.scenario import SHIPPED
 from missions.record.mission_log import MissionLog
 
+pytestmark = pytest.mark.whole
+
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 
 POLICIES = """\

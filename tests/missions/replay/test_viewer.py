@@ -20,6 +20,8 @@ from matplotlib.image import imread
 from missions.recording.viewer.rerun_process import ViewerError, check_screen
 from tests.missions.replay.short_mission import PDPATROL, pdpatrol, short_mission, without_screen
 
+pytestmark = pytest.mark.whole
+
 NEEDS_SCREEN = pytest.mark.skipif(shutil.which("xvfb-run") is None, reason="xvfb-run is not installed")
 
 

@@ -93,6 +93,7 @@ def test_the_slips_of_table_3_are_found_by_working_it_out_anew() -> None:
     assert np.abs(printed).mean() == pytest.approx(published()["table3"]["mean_abs_error_deg_as_printed"], abs=0.005)
 
 
+@pytest.mark.whole
 def test_every_exhibit_is_there_in_order_and_the_same_for_the_same_seed() -> None:
     first = exhibits(200, 3)
     assert tuple(first) == ORDER
@@ -146,6 +147,7 @@ def test_the_json_holds_paper_ours_and_best_with_intervals(tmp_path: Path) -> No
     assert any("not matched" in note for note in data["exhibits"]["sample_rate"]["notes"])
 
 
+@pytest.mark.whole
 def test_every_picture_is_drawn_and_every_table_printed(tmp_path: Path) -> None:
     write_reproduction(tuple(exhibits(200, 3).values()), 200, 3, tmp_path, lambda share: None)
     paths = list(tmp_path.glob("*.png"))

@@ -107,6 +107,7 @@ def test_a_number_that_no_trials_give_is_a_miss_and_one_that_they_give_is_none()
         assert all(miss.why is None for miss in found.misses)
 
 
+@pytest.mark.whole
 def test_page_and_json_tell_the_verdict_and_hold_all_exhibits(tmp_path: Path) -> None:
     shares: list[float] = []
     data = write_reproduction(exhibits(), TRIALS, 3, tmp_path, shares.append)

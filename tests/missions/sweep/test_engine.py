@@ -13,6 +13,8 @@ from missions.sweep.engines.engine import ATTEMPTS, Loss, run_missions
 from missions.sweep.mission_row import MissionRow
 from missions.sweep.plan import MissionJob, make_plan
 
+pytestmark = pytest.mark.whole
+
 JOBS = make_plan(["one_source"], ["seek"], {}, range(40)).jobs
 
 

@@ -21,7 +21,10 @@ from missions.sweep.mission_row import MEASURED
 from missions.sweep.plan import make_plan
 from tests.processes import below, listening, title
 
-pytestmark = pytest.mark.skipif(find_spec("ray") is None, reason="the extra `ray` is not installed")
+pytestmark = [
+    pytest.mark.whole,
+    pytest.mark.skipif(find_spec("ray") is None, reason="the extra `ray` is not installed"),
+]
 
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 LOOPBACK = {"127.0.0.1", "::ffff:127.0.0.1"}

@@ -21,6 +21,8 @@ from missions.sweep.mission_row import MEASURED, MissionRow
 from missions.sweep.plan import make_plan
 from tests.processes import below, cpu_s
 
+pytestmark = pytest.mark.whole
+
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 
 

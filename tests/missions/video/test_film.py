@@ -13,6 +13,8 @@ from missions.video.moments import MOST_RAYS, Moments, smooth_yaw
 from robot_models.posed_yard import on_picture
 from tests.missions.replay.short_mission import pdpatrol, short_mission
 
+pytestmark = pytest.mark.whole
+
 END_S = 6.0
 
 

@@ -1,0 +1,43 @@
+"""The notebook runs from top to bottom, and what is stored of it is what its cells give."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.docs.site import ROOT
+
+nbformat = pytest.importorskip("nbformat", reason="uv run --group docs")
+nbclient = pytest.importorskip("nbclient", reason="uv run --group docs")
+
+NOTEBOOK = ROOT / "docs" / "notebook" / "strengths_to_position.ipynb"
+
+
+def code_cells(notebook: dict) -> list[dict]:
+    return [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+
+
+def printed(cell: dict) -> str:
+    return "".join(output["text"] for output in cell["outputs"] if output["output_type"] == "stream")
+
+
+def n_pictures(cell: dict) -> int:
+    return sum("image/png" in output.get("data", {}) for output in cell["outputs"])
+
+
+def test_the_stored_notebook_is_valid_has_its_pictures_and_names_no_machine() -> None:
+    stored = nbformat.read(NOTEBOOK, as_version=4)
+    nbformat.validate(stored)
+    assert sum(n_pictures(cell) for cell in code_cells(stored)) >= 5
+    assert not any(output["output_type"] == "error" for cell in code_cells(stored) for output in cell["outputs"])
+    assert str(Path.home()) not in NOTEBOOK.read_text(encoding="utf-8")
+
+
+@pytest.mark.whole
+@pytest.mark.filterwarnings("default")  # the kernel's own sockets
+def test_the_notebook_runs_and_gives_what_is_stored(tmp_path: Path) -> None:
+    stored = nbformat.read(NOTEBOOK, as_version=4)
+    run = nbformat.read(NOTEBOOK, as_version=4)
+    nbclient.NotebookClient(run, timeout=300, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    for before, after in zip(code_cells(stored), code_cells(run), strict=True):
+        assert printed(after) == printed(before)
+        assert n_pictures(after) == n_pictures(before)
