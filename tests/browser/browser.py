@@ -1,5 +1,7 @@
 """A real browser without a window: what a page looks like, and what it complains of."""
 
+from __future__ import annotations
+
 import io
 import os
 import re
@@ -8,13 +10,17 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-from playwright.sync_api import Page, sync_playwright
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="uv sync --group checks")
 
 Theme = Literal["light", "dark"]
 
@@ -44,7 +50,7 @@ class Opened(NamedTuple):
 def opened(url: str, theme: Theme) -> Iterator[Opened]:
     """Open an address in a new browser that prefers a theme."""
     errors: list[str] = []
-    with sync_playwright() as playwright:
+    with sync_api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(
             executable_path=CHROMIUM, args=[*SOFTWARE_GL, *(["--no-sandbox"] if os.geteuid() == 0 else [])]
         )
