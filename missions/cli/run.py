@@ -50,8 +50,11 @@ TOLD = (
 )
 """Kinds of events that are news."""
 
-COMPILED = 350
-"""Functions that a first mission compiles."""
+COMPILED = 200
+"""Functions that a first mission compiles, beside those that the second process does."""
+
+OWN = 5
+"""So many functions may be compiled on any run, such as those of a user's own policy; on a first run there are more."""
 
 
 def run(
@@ -123,13 +126,15 @@ def run(
     with output_folder(out_dir, f"{loaded.name}-{seed}") as folder:
         with stopwatch.on("loading"):
             from dirmusic.compiled import watch_compiler
+            from missions.compile_ahead import second_process
             from missions.runner import Mission
 
             load_what_writes()
         tell_notes(loaded)
         started_s = time.perf_counter()
         with (
-            _progress(loaded.task.time_limit_s) as (follow, compiled),
+            second_process() as compile_ahead,
+            _progress(loaded.task.time_limit_s, compile_ahead) as (follow, compiled),
             watch_compiler(compiled) as compiling,
             ExitStack() as while_driving,
         ):
@@ -207,8 +212,10 @@ def _summary(report: Report) -> list[str]:
 
 
 @contextmanager
-def _progress(time_limit_s: float) -> Iterator[tuple[Callable[[Mission], None], Callable[[Compiling], None]]]:
-    """A progress bar over the route, with the news as it comes; before that, over what is compiled."""
+def _progress(
+    time_limit_s: float, compile_ahead: Callable[[], None]
+) -> Iterator[tuple[Callable[[Mission], None], Callable[[Compiling], None]]]:
+    """A progress bar over the route, with the news as it comes; on a first run before that, over what is compiled."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (
@@ -239,6 +246,8 @@ def _progress(time_limit_s: float) -> Iterator[tuple[Callable[[Mission], None], 
             )
 
         def compiled(compiling: Compiling) -> None:
+            if compiling.n_functions > OWN:
+                compile_ahead()
             progress.update(
                 bar,
                 completed=min(compiling.n_functions / COMPILED, 1.0),

@@ -9,6 +9,7 @@ from pathlib import Path
 from tempfile import gettempdir
 
 from envs import load_scenario
+from missions.compile_ahead import second_process
 from missions.runner import run_mission
 from missions.sweep.code_version import digest_of_code
 from missions.sweep.plan import digest
@@ -29,7 +30,9 @@ def compile_once() -> None:
         fcntl.flock(mark, fcntl.LOCK_EX)
         if is_compiled():
             return
-        run_mission(load_scenario("two_sources", MEETS_ALL))
+        with second_process() as compile_ahead:
+            compile_ahead()
+            run_mission(load_scenario("two_sources", MEETS_ALL))
         mark.write("compiled\n")
 
 
