@@ -70,13 +70,20 @@ def with_interval(interval: Interval, digits: int, factor: float = 1.0) -> str:
     return f"{value:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
 
 
+NARROW_HEADINGS = {"missions": "n", "time to confirm (s)": "time to\nconfirm (s)"}
+
+WIDEST_NAME = 20
+"""Letters of the name of a scenario that stay in one line."""
+
+
 def terminal_table(summaries: Sequence[GroupSummary], title: str) -> Table:
     """For a terminal of eighty columns, what matters most, a section for each scenario; the other forms hold all."""
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=0, show_edge=False)
     shown = ("missions", "found (%)", "median error (m)", "time to confirm (s)", "false", "contacts")
-    table.add_column("", overflow="fold")
+    longest = max((len(summary.group) for summary in summaries), default=0)
+    table.add_column("", overflow="fold", min_width=min(longest, WIDEST_NAME))
     for heading in shown:
-        table.add_column("n" if heading == "missions" else heading.replace(" (", "\n("), justify="right")
+        table.add_column(NARROW_HEADINGS.get(heading, heading.replace(" (", "\n(")), justify="right")
     before = ""
     for summary in summaries:
         if summary.group != before:

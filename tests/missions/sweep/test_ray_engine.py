@@ -70,7 +70,8 @@ def test_a_table_is_that_of_the_pool_whatever_becomes_of_its_missions(folder: Pa
     assert sorted(ray.stderr.split()) == sorted(pool.stderr.split())  # not a word of Ray's
 
 
-@pytest.mark.parametrize("victim", ["node", pytest.param("worker", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("victim", ["node", "worker"])
 def test_missions_of_a_node_or_a_worker_that_is_killed_run_again(
     victim: str, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
