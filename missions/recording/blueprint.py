@@ -39,8 +39,9 @@ def blueprint(meta: Mapping[str, Any], end_s: float | None = None, bin_s: float 
             end=rrb.TimeRangeBoundary.infinite(),
         )
     )
-    behind = _orbit([-4.2, -3.0, 4.2], [0.0, 0.0, 0.5], tracks=paths.ROBOT)
-    yard = _yard("Robot", behind, bin_s, hidden=(paths.TRUTH, paths.MARKER, paths.EQUIPMENT_NAMES))
+    behind = _orbit([-3.6, -2.6, 4.6], [0.0, 0.0, 0.5], tracks=paths.ROBOT)
+    hidden = (paths.TRUTH, paths.MARKER, paths.EQUIPMENT_NAMES)
+    yard = _yard("Robot", behind, bin_s, hidden=hidden, see_through=True)  # the robot may stand behind a transformer
     low, high = (np.array(corner) for corner in meta.get("bounds_m", ((0.0, 0.0), (40.0, 30.0))))
     centre = np.array([*(0.5 * (low + high)), 0.0])
     size_m = float(np.max((high - low) * [1.0, 1.25]))
