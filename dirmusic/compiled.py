@@ -127,9 +127,9 @@ def _hold(value: Any) -> Any:  # noqa: ANN401 - of any type
 
 @compiled
 def _listed(first: Any) -> Any:  # noqa: ANN401 - of any type
-    listed = List()
-    listed.append(first)
-    return listed
+    listed = List()  # pyright: ignore
+    listed.append(first)  # pyright: ignore
+    return listed  # pyright: ignore
 
 
 @compiled
