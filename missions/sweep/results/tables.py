@@ -6,6 +6,7 @@ import csv
 import io
 import json
 from collections.abc import Sequence
+from textwrap import wrap
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
@@ -73,26 +74,40 @@ def with_interval(interval: Interval, digits: int, factor: float = 1.0) -> str:
 NARROW_HEADINGS = {"missions": "n", "time to confirm (s)": "time to\nconfirm (s)"}
 
 WIDEST_NAME = 20
-"""Letters of the name of a scenario that stay in one line."""
+"""Letters of a name or setting that stay in one line."""
+
+
+def _lines(name: str) -> list[str]:
+    """A name or setting in lines that are narrow enough: the value of a long setting stands below its key."""
+    parts = [name] if len(name) <= WIDEST_NAME else name.replace("=", "=\n").splitlines()
+    return [line for part in parts for line in wrap(part, WIDEST_NAME)]
 
 
 def terminal_table(summaries: Sequence[GroupSummary], title: str) -> Table:
-    """For a terminal of eighty columns, what matters most, a section for each scenario; the other forms hold all."""
+    """For a terminal of eighty columns, what matters most, a section for each scenario; the other forms hold all.
+
+    Settings that all rows share stand in the title.
+    """
+    settings = [json.loads(summary.settings) for summary in summaries]
+    shared = (
+        [item for item in settings[0].items() if all(item in each.items() for each in settings)] if settings else []
+    )
+    own = [[f"{key}={value}" for key, value in each.items() if (key, value) not in shared] for each in settings]
+    title = ", ".join([title, *(f"{key}={value}" for key, value in shared)])
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=0, show_edge=False)
     shown = ("missions", "found (%)", "median error (m)", "time to confirm (s)", "false", "contacts")
-    longest = max((len(summary.group) for summary in summaries), default=0)
-    table.add_column("", overflow="fold", min_width=min(longest, WIDEST_NAME))
+    table.add_column("", no_wrap=True)
     for heading in shown:
         table.add_column(NARROW_HEADINGS.get(heading, heading.replace(" (", "\n(")), justify="right")
     before = ""
-    for summary in summaries:
+    for summary, settings_here in zip(summaries, own, strict=True):
         if summary.group != before:
             before = summary.group
             table.add_section()
-            table.add_row(Text(before, style="bold"))
+            table.add_row(Text("\n".join(_lines(before)), style="bold"))
         named = dict(zip(HEADINGS, cells(summary), strict=True))
-        settings = "" if named["set"] == "-" else f", {named['set']}"
-        table.add_row(f"{summary.policy}{settings}", *(named[heading].replace(" to ", "-") for heading in shown))
+        figures = (named[heading].replace(" to ", "-") for heading in shown)
+        table.add_row("\n".join(line for one in (summary.policy, *settings_here) for line in _lines(one)), *figures)
     return table
 
 
