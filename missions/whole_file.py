@@ -21,7 +21,7 @@ def whole_file(path: Path) -> Iterator[Path]:
         path: Of the file that is to be; replaced where it exists.
 
     Raises:
-        OSError: If it cannot be written.
+        OSError: If it cannot be written; it names `path`.
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     _unfinished.add(temporary)
@@ -30,8 +30,13 @@ def whole_file(path: Path) -> Iterator[Path]:
         with temporary.open("rb+") as file:
             os.fsync(file.fileno())
         temporary.replace(path)
+    except OSError as error:
+        if error.filename == str(temporary):
+            error.filename = str(path)  # the name that whoever reads the message knows
+        raise
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
         _unfinished.discard(temporary)
 
 

@@ -114,3 +114,10 @@ def test_a_file_is_there_whole_or_as_it_was(tmp_path: Path) -> None:
         write_half(path)
     assert [each.name for each in tmp_path.iterdir()] == ["file.txt"]
     assert path.read_text() == "before"
+
+
+def test_what_cannot_be_written_is_named_by_the_name_that_it_would_have(tmp_path: Path) -> None:
+    path = tmp_path / "none" / "report.json"
+    with pytest.raises(FileNotFoundError) as raised:
+        write_whole(path, "{}")
+    assert raised.value.filename == str(path)
