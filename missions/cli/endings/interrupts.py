@@ -12,7 +12,6 @@ import select
 import signal
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import NoReturn
@@ -85,10 +84,7 @@ def _report_unraisable(error: sys.UnraisableHookArgs) -> None:
 
 def _end_in_time(reader: int) -> None:
     first = _next_signal(reader, None)
-    until_s = time.monotonic() + GRACE_S
-    import psutil  # noqa: F401 - here, so that signals are taken over sooner; what ends by force has it by then
-
-    _next_signal(reader, max(until_s - time.monotonic(), 0.0))
+    _next_signal(reader, GRACE_S)
     _end(first)
 
 
@@ -113,7 +109,7 @@ def _end(number: int) -> NoReturn:
 
 def kill_children() -> None:
     """Processes that this one has started, and those of theirs: one that is just starting would not notice the end."""
-    import psutil  # as above
+    import psutil  # here, so that signals are taken over sooner
 
     for child in psutil.Process().children(recursive=True):
         with suppress(psutil.Error):
