@@ -46,7 +46,7 @@ def second_process() -> Iterator[Callable[[], None]]:
         if not started:
             started.append(
                 subprocess.Popen(
-                    [sys.executable, "-m", "missions.compile_ahead"],
+                    [sys.executable, "-P", "-m", "missions.compile_ahead"],  # not what lies in the folder
                     stdin=subprocess.PIPE,
                     stdout=subprocess.DEVNULL,
                     stderr=subprocess.DEVNULL,

@@ -50,7 +50,7 @@ TOLD = (
 )
 """Kinds of events that are news."""
 
-COMPILED = 200
+COMPILED = 260
 """Functions that a first mission compiles, beside those that the second process does."""
 
 OWN = 5
