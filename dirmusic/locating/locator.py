@@ -13,7 +13,7 @@ from dirmusic.array.element_errors import ElementErrors
 from dirmusic.array.estimated_errors import EstimatedErrors
 from dirmusic.array.model import ArrayModel
 from dirmusic.locating.association.assignment import Assigner, Assignment
-from dirmusic.locating.association.pulse_record import PulseRecord, Rows, evenly
+from dirmusic.locating.association.pulse_record import Detections, PulseRecord, Rows, evenly
 from dirmusic.locating.association.sight_lines import Sight
 from dirmusic.locating.births import find_birth
 from dirmusic.locating.confirmation import updated_state
@@ -108,6 +108,7 @@ class Locator:
         self._next_fit_s = -np.inf
         self._errors = array.errors.mean if array.errors else ElementErrors.none(array.manifold.n_elements)
         self._record = PulseRecord(array, pose_error, sight, self.rules.assignment)
+        self._not_recorded: list[Detections] = []
         self._fitted: dict[int, _Support] = {}
         self._assigner = Assigner(self._record, self.rules.assignment)
 
@@ -122,7 +123,7 @@ class Locator:
         Returns:
             All findings so far, in the order of their ids.
         """
-        self._record.add(time_s, pose, pulses)
+        self._not_recorded.append(Detections(time_s, pose, pulses))
         if (pulses.n_pulses or self._is_waiting) and time_s >= self._next_fit_s:
             self._next_fit_s = time_s + self.rules.refit_s
             self._renew(time_s, always=False)
@@ -131,6 +132,15 @@ class Locator:
     def refit(self, time_s: float) -> tuple[Finding, ...]:
         """Assign and fit all pulses so far anew, whenever the last fit was; all findings."""
         return self._renew(time_s, always=True)
+
+    def _assigned(self) -> Assignment:
+        """All pulses so far, assigned to the findings as they stand.
+
+        What was detected since goes into the record at once: step by step that takes several times as long.
+        """
+        self._record.extend(self._not_recorded)
+        self._not_recorded = []
+        return self._assigner.assign(self.findings, self._errors)
 
     def _renew(self, time_s: float, *, always: bool) -> tuple[Finding, ...]:
         """Assign all pulses so far, and fit them where that is asked for or worth it; all findings."""
@@ -175,7 +185,7 @@ class Locator:
 
     def association(self) -> Rows:
         """Id of the finding of each pulse so far, or a code of `NoOwner`; shape (n_pulses_so_far,)."""
-        owner = self._assigner.assign(self.findings, self._errors).owner.copy()
+        owner = self._assigned().owner.copy()
         ids = np.array([finding.id for finding in self.findings], dtype=np.intp)
         is_owned = owner >= 0
         owner[is_owned] = ids[owner[is_owned]]
@@ -186,7 +196,7 @@ class Locator:
 
         Candidates do not count: one that is a mirror image would teach errors that are none.
         """
-        assignment = self._assigner.assign(self.findings, self._errors)
+        assignment = self._assigned()
         chosen = {
             k: seen
             for k, finding in enumerate(self.findings)
@@ -199,14 +209,14 @@ class Locator:
 
     def _without_unsupported(self) -> Assignment:
         """Drop findings with too few pulses to make one, and assign all pulses to the others."""
-        assignment = self._assigner.assign(self.findings, self._errors)
+        assignment = self._assigned()
         owner = assignment.owner
         n_pulses = np.bincount(owner[owner >= 0], minlength=len(self.findings))
         kept = [finding for n, finding in zip(n_pulses, self.findings, strict=True) if n >= self.rules.birth_pulses]
         if len(kept) == len(self.findings):
             return assignment
         self.findings = tuple(kept)
-        return self._assigner.assign(self.findings, self._errors)
+        return self._assigned()
 
     def _with_birth(self, assignment: Assignment, time_s: float) -> Assignment:
         """The assignment with recent unassigned pulses given to a new candidate.

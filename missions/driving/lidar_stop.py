@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,6 +31,7 @@ _BEAM_RAD = 2.0 * np.pi * np.arange(LIDAR_BEAMS) / LIDAR_BEAMS
 _BEAMS = np.stack([np.cos(_BEAM_RAD), np.sin(_BEAM_RAD)], axis=-1)
 
 
+@lru_cache(maxsize=8)
 def way_m(robot: RobotDescription) -> FloatArray:
     """Places along the way that are looked at, metres: twice as far as the robot needs to stop from full speed."""
     stops_in_m = robot.max_speed_mps * STEP_S + robot.max_speed_mps**2 / (2.0 * robot.max_acceleration_mps2)
@@ -56,6 +59,8 @@ def free_way(lidar_m: NDArray[np.floating], v_mps: float, yaw_rate_radps: float,
     """
     arc_m, kept_m = way_m(robot), robot.footprint_radius_m + SIDE_M
     near = lidar_m < arc_m[-1] + robot.footprint_radius_m + SIDE_M
+    if not near.any():
+        return float(arc_m[-1])
     points = _BEAMS[near] * lidar_m[near, np.newaxis]
     way = np.copysign(arc_m, v_mps)
     half_turn = 0.5 * way * yaw_rate_radps / np.copysign(max(abs(v_mps), 1e-6), v_mps)

@@ -25,23 +25,27 @@ class LocalLevels:
         self._window_s, self._arc_rad = rules.level_window_s, rules.level_arc_rad
         self._groups = GrowingColumns([np.empty(0), np.empty(0), np.empty(0)])
         self._local_db = np.empty(0)
+        self._is_known = True
         self._last_window = -np.inf
         self._first_of_last_window = 0
         self.n_settled = 0
 
-    def add(self, time_s: float, bearing_rad: FloatArray, level_db: FloatArray) -> None:
-        """Pulses of one time: world bearings (n,), and levels (n,) in dB over any reference."""
-        window = np.full(level_db.size, np.floor(time_s / self._window_s))
+    def extend(self, time_s: FloatArray, bearing_rad: FloatArray, level_db: FloatArray) -> None:
+        """Add pulses: times, world bearings, and levels in dB over any reference, each of shape (n,)."""
+        window = np.floor(time_s / self._window_s)
         sector = np.floor(np.mod(bearing_rad, 2 * np.pi) / self._arc_rad)
-        if window.size and window[0] != self._last_window:
-            is_later = window[0] > self._last_window
-            self._first_of_last_window = self._groups.n_rows if is_later else 0
+        for row in np.flatnonzero(np.diff(window, prepend=self._last_window)).tolist():
+            is_later = window[row] > self._last_window
+            self._first_of_last_window = self._groups.n_rows + row if is_later else 0
             self.n_settled = min(self.n_settled, self._first_of_last_window)
-            self._last_window = max(self._last_window, float(window[0]))
+            self._last_window = max(self._last_window, float(window[row]))
         self._groups.extend([window, sector, level_db])
+        self._is_known = False
 
     def local_db(self) -> FloatArray:
         """Local level of each pulse so far, shape (n_pulses,), dB over the reference of `add`."""
+        if self._is_known:
+            return self._local_db
         first, self.n_settled = self.n_settled, self._first_of_last_window
         window, sector, level_db = (column[first:] for column in self._groups.columns())
         order = np.lexsort((level_db, sector, window))
@@ -50,5 +54,5 @@ class LocalLevels:
         counts = np.diff(np.append(starts, order.size))
         median_db = np.empty(order.size)
         median_db[order] = np.repeat(level_db[order[starts + counts // 2]], counts)
-        self._local_db = np.concatenate([self._local_db[:first], median_db])
+        self._local_db, self._is_known = np.concatenate([self._local_db[:first], median_db]), True
         return self._local_db

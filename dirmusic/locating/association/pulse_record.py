@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -77,6 +79,20 @@ class Measurements(NamedTuple):
     local_level_db: FloatArray
 
 
+class Detections(NamedTuple):
+    """What was detected from one pose.
+
+    Attributes:
+        time_s: When.
+        pose: Believed x m, y m, yaw rad, world frame, shape (3,).
+        pulses: Credible pulses with their directions, none or more.
+    """
+
+    time_s: float
+    pose: FloatArray
+    pulses: PulseBatch
+
+
 class PulseRecord:
     """All credible pulses so far.
 
@@ -119,7 +135,7 @@ class PulseRecord:
         self._levels = LocalLevels(rules)
         self._bearing_errors = BearingErrors(array)
         self._cells: dict[tuple[int, int], int] = {}
-        self._groups: dict[tuple[int, int, int, int], int] = {}
+        self._groups: dict[tuple[int, ...], int] = {}
         self._n_in_group: list[int] = []
         self._elevation_db = _elevation_db(array.manifold)
 
@@ -128,28 +144,34 @@ class PulseRecord:
         """So many of the first pulses are measured as they were when they were last asked for; see `LocalLevels`."""
         return self._levels.n_settled
 
-    def add(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> None:
-        """Add credible pulses that were detected at one pose (3,), none or more; they get the time of the pose."""
-        n, place = pulses.n_pulses, self._place_of(pose)
-        if self.listened_s.size == 0 or time_s >= self.listened_s[-1] + 1.0:
-            self.listened = np.append(self.listened, place)
-            self.listened_s = np.append(self.listened_s, np.floor(time_s))
-        if n == 0:
+    def extend(self, detections: Sequence[Detections]) -> None:
+        """Add what was detected from some poses, in their order; pulses get the time of their pose."""
+        places = [self._place_of(pose) for _, pose, _ in detections]
+        for (time_s, _, _), place in zip(detections, places, strict=True):
+            if self.listened_s.size == 0 or time_s >= self.listened_s[-1] + 1.0:
+                self.listened = np.append(self.listened, place)
+                self.listened_s = np.append(self.listened_s, np.floor(time_s))
+        n_each = [detected.pulses.n_pulses for detected in detections]
+        if not any(n_each):
             return
-        pulses = pulses.without_bands()._replace(time_s=np.full(n, time_s))
+        time_s = np.repeat([detected.time_s for detected in detections], n_each)
+        pose = np.repeat([detected.pose for detected in detections], n_each, axis=0)
+        place = np.repeat(np.array(places, dtype=np.intp), n_each)
+        pulses = PulseBatch.join([detected.pulses.without_bands() for detected in detections])._replace(time_s=time_s)
         variance = pulses.std_rad**2 + self._bearing_errors.std(pulses.azimuth_rad) ** 2
         std_rad = np.sqrt(variance + self.pose_error.heading_rad**2)
-        group, repeat = self._grouped(time_s, place, float(pose[2]), pulses.azimuth_rad)
-        elevation_rad, off_plane = np.zeros(n), np.flatnonzero(pulses.misfit > MOST_IN_PLANE)
+        bearing_rad = pulses.azimuth_rad + pose[:, 2]
+        group, repeat = self._grouped(time_s, place, pose[:, 2], bearing_rad)
+        elevation_rad, off_plane = np.zeros(time_s.size), np.flatnonzero(pulses.misfit > MOST_IN_PLANE)
         if off_plane.size:
             misfits = misfits_in_space(pulses.take(off_plane), self.array.manifold)
             elevation_rad[off_plane] = ELEVATIONS_RAD[misfits.argmin(axis=0)]
-        self._columns.extend([np.tile(pose, (n, 1)), np.full(n, place), elevation_rad, group, repeat, std_rad, *pulses])
+        self._columns.extend([pose, place, elevation_rad, group, repeat, std_rad, *pulses])
         columns = self._columns.columns()
         self.pose, self.place, self.elevation_rad, self._group, self._repeat, self._std_rad = columns[:6]
         self.pulses = PulseBatch(*columns[6:])
         norm_v = np.linalg.norm(pulses.strengths_v * pulses.is_usable, axis=-1)
-        self._levels.add(time_s, pulses.azimuth_rad + pose[2], 20 * np.log10(norm_v))
+        self._levels.extend(time_s, bearing_rad, 20 * np.log10(norm_v))
 
     def _place_of(self, pose: FloatArray) -> int:
         """Row in `places_m` of the cell in which a pose lies; a new one where the array has not been yet."""
@@ -159,16 +181,19 @@ class PulseRecord:
             self.places_m = np.concatenate([self.places_m, [[pose[0], pose[1], self.array.height_m]]])
         return self._cells[cell]
 
-    def _grouped(self, time_s: float, place: int, yaw_rad: float, azimuth_rad: FloatArray) -> tuple[Rows, Rows]:
-        """The group of each pulse of one step, and how many were in it before, both of shape (n,).
+    def _grouped(
+        self, time_s: FloatArray, place: Rows, yaw_rad: FloatArray, bearing_rad: FloatArray
+    ) -> tuple[Rows, Rows]:
+        """The group of each pulse, and how many were in it before; arguments and results of shape (n,).
 
         The pulses of a group came from one place, heading and direction, within the time in which poses err alike.
         """
-        window = int(time_s // max(self.pose_error.correlation_s, LEAST_CORRELATION_S))
-        heading = int(yaw_rad // HEADING_RAD)
-        group, repeat = np.empty((2, azimuth_rad.size), dtype=np.intp)
-        for k, sector in enumerate(((azimuth_rad + yaw_rad) % (2 * np.pi) // DIRECTION_RAD).astype(np.intp).tolist()):
-            number = self._groups.setdefault((window, place, heading, sector), len(self._groups))
+        window = time_s // max(self.pose_error.correlation_s, LEAST_CORRELATION_S)
+        sector = bearing_rad % (2 * np.pi) // DIRECTION_RAD
+        keys = np.stack([window, place, yaw_rad // HEADING_RAD, sector], axis=-1).astype(np.intp)
+        group, repeat = np.empty((2, time_s.size), dtype=np.intp)
+        for k, key in enumerate(map(tuple, keys.tolist())):
+            number = self._groups.setdefault(key, len(self._groups))
             if number == len(self._n_in_group):
                 self._n_in_group.append(0)
             group[k], repeat[k] = number, self._n_in_group[number]
@@ -251,6 +276,14 @@ def evenly(numbers: Rows, most: int) -> Rows:
     """
     if numbers.size <= most:
         return numbers
-    n_bits = int(numbers.max()).bit_length()
-    backwards = sum(((numbers >> bit) & 1) << (n_bits - 1 - bit) for bit in range(n_bits))
+    backwards = _van_der_corput(int(numbers.max()).bit_length())[numbers]
     return numbers[np.sort(np.argpartition(backwards, most)[:most])]
+
+
+@lru_cache(maxsize=2)
+def _van_der_corput(n_bits: int) -> Rows:
+    """Every number of so many bits, read backwards bit by bit, shape (2 ** n_bits,)."""
+    backwards = np.zeros(1, dtype=np.intp)
+    for _ in range(n_bits):
+        backwards = np.concatenate([2 * backwards, 2 * backwards + 1])
+    return backwards

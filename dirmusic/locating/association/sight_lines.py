@@ -39,7 +39,7 @@ class SightLines:
 
     def __init__(self, sight: Sight | None) -> None:
         self._sight = sight
-        self._known: dict[tuple[int, int, int, float], FloatArray] = {}
+        self._known: dict[tuple[float, ...], FloatArray] = {}
 
     @property
     def has_map(self) -> bool:
@@ -48,21 +48,25 @@ class SightLines:
 
     def shares(self, places_m: FloatArray, target_m: FloatArray, within_m: float) -> FloatArray:
         """As `Sight`, of a target (3,) from places (n, 3) that are those of the last call and maybe more."""
+        return self._shares(places_m, np.rint(target_m / TARGET_STEP_M).astype(np.intp).tolist(), within_m)
+
+    def at_heights(self, places_m: FloatArray, finding: Finding, within_m: float) -> FloatArray:
+        """Shares for each height at which a finding may be, shape (n_heights, n)."""
+        targets_m = np.tile(finding.position_m, (len(HEIGHTS_SIGMAS), 1))
+        targets_m[:, 2] = np.maximum(targets_m[:, 2] + finding.height_std_m * np.array(HEIGHTS_SIGMAS), LEAST_HEIGHT_M)
+        steps = np.rint(targets_m / TARGET_STEP_M).astype(np.intp).tolist()
+        return np.array([self._shares(places_m, step, within_m) for step in steps])
+
+    def _shares(self, places_m: FloatArray, steps: list[int], within_m: float) -> FloatArray:
+        """As `shares`, of a target in units of `TARGET_STEP_M`."""
         if self._sight is None:
             return np.ones(len(places_m))
-        steps = np.rint(target_m / TARGET_STEP_M).astype(np.intp)
-        key = (int(steps[0]), int(steps[1]), int(steps[2]), within_m)
+        key = (*steps, within_m)
         known = self._known.get(key, np.empty(0))
         if known.size < len(places_m):
-            target_m = np.asarray(steps * TARGET_STEP_M, dtype=np.float64)
+            target_m = np.array(steps) * TARGET_STEP_M
             more = self._sight(places_m[known.size :], target_m, within_m)
             known = self._known[key] = np.concatenate([known, more])
             if len(self._known) > MOST_TARGETS:
                 del self._known[next(iter(self._known))]
         return known
-
-    def at_heights(self, places_m: FloatArray, finding: Finding, within_m: float) -> FloatArray:
-        """Shares for each height at which a finding may be, shape (n_heights, n)."""
-        x, y, z = finding.position_m
-        heights_m = np.maximum(z + finding.height_std_m * np.array(HEIGHTS_SIGMAS), LEAST_HEIGHT_M)
-        return np.array([self.shares(places_m, np.array([x, y, height]), within_m) for height in heights_m])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dirmusic.array.element_errors import ElementErrors
-from dirmusic.locating.association.pulse_record import PulseRecord
+from dirmusic.locating.association.pulse_record import Detections, PulseRecord
 from dirmusic.locating.fitting.triangulation import triangulate
 from dirmusic.locating.rules import LocatingRules
 from envs.core.simulation import STEP_S
@@ -21,7 +21,7 @@ def sight_lines(case: Case) -> SightLines:
     rows = np.flatnonzero(credible(case, BEARINGS))
     record = PulseRecord(case.array, case.pose_error, None, BEARINGS.assignment)
     for step in np.unique(case.step[rows]):
-        record.add(STEP_S * float(step), case.pose[step], case.pulses.take(rows[case.step[rows] == step]))
+        record.extend([Detections(STEP_S * float(step), case.pose[step], case.pulses.take(rows[case.step[rows] == step]))])
     bearing_rad, std_rad = record.bearings(np.arange(rows.size), ElementErrors.none(case.array.manifold.n_elements))
     return SightLines(record.pulses.time_s, record.pose[:, :2], bearing_rad, std_rad)
 

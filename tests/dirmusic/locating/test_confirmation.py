@@ -8,7 +8,7 @@ import pytest
 from dirmusic import ArrayModel, GainManifold
 from dirmusic.array.element_errors import ElementErrors, ElementSpread
 from dirmusic.locating.association.assignment import Assigner
-from dirmusic.locating.association.pulse_record import PulseRecord
+from dirmusic.locating.association.pulse_record import Detections, PulseRecord
 from dirmusic.locating.association.sight_lines import Sight
 from dirmusic.locating.confirmation import updated_state
 from dirmusic.locating.finding import Finding
@@ -58,7 +58,7 @@ class Listening:
                 np.zeros(1), (gain / np.linalg.norm(gain, axis=0) * norm_v).T, np.full((1, 6), 1e-12)
             )
             pulses = pulses._replace(azimuth_rad=azimuth, std_rad=np.full(1, np.radians(0.3)))
-            self.record.add(self.time_s, np.array([-range_m, 0.0, 0.0]), pulses)
+            self.record.extend([Detections(self.time_s, np.array([-range_m, 0.0, 0.0]), pulses)])
             self.time_s += 1.0
 
     def judged(self, finding: Finding = CANDIDATE) -> Finding:

@@ -10,7 +10,7 @@ from dirmusic.array.element_errors import ElementErrors, ElementSpread
 from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
 from dirmusic.locating.association.assignment import Assigner, NoOwner
 from dirmusic.locating.association.echo_budget import too_many_for_echoes
-from dirmusic.locating.association.pulse_record import PulseRecord
+from dirmusic.locating.association.pulse_record import Detections, PulseRecord
 from dirmusic.locating.association.sight_lines import Sight
 from dirmusic.locating.births import find_birth
 from dirmusic.locating.finding import Finding
@@ -63,7 +63,7 @@ def assigned(
     sight: Sight = the_map
     record = PulseRecord(ARRAY, POSE_ERROR, sight, AssignmentRules())
     azimuth = np.full(5, np.radians(bearing_deg))
-    record.add(0.0, np.zeros(3), pulses_from(azimuth, 10 ** ((LEVEL_DB + excess_db) / 20) / range_m))
+    record.extend([Detections(0.0, np.zeros(3), pulses_from(azimuth, 10 ** ((LEVEL_DB + excess_db) / 20) / range_m))])
     owner = Assigner(record, AssignmentRules()).assign(findings, NO_ERRORS).owner
     assert (owner == owner[0]).all()
     return int(owner[0])
@@ -120,7 +120,7 @@ def test_pulses_past_a_finding_are_biased_as_far_as_its_own_are_missing_and_anot
         for window in range(12):
             past = 40 if window >= 6 else 0
             azimuth = np.repeat([0.0, np.radians(15.0)], [n_own if past else 40, past])
-            record.add(5.0 * window + 1.0, np.zeros(3), pulses_from(azimuth, strength_v))
+            record.extend([Detections(5.0 * window + 1.0, np.zeros(3), pulses_from(azimuth, strength_v))])
         owner = Assigner(record, AssignmentRules()).assign([finding(8.0, 0.0)], NO_ERRORS).owner
         return owner[record.pulses.azimuth_rad > 0.1]
 
@@ -137,7 +137,7 @@ def test_pulses_that_come_bit_by_bit_are_assigned_as_all_at_once_while_the_findi
         pose = np.array([0.02 * step, 0.01 * step, 0.03 * step])
         aim = findings[rng.integers(3)].position_m[:2] - pose[:2]
         azimuth = np.arctan2(aim[1], aim[0]) - pose[2] + rng.normal(0.0, np.radians(4.0), 4)
-        record.add(0.3 * step, pose, pulses_from(azimuth, 10 ** (rng.normal(LEVEL_DB, 6.0, 4) / 20) / np.hypot(*aim)))
+        record.extend([Detections(0.3 * step, pose, pulses_from(azimuth, 10 ** (rng.normal(LEVEL_DB, 6.0, 4) / 20) / np.hypot(*aim)))])
         if rng.random() < 0.5:
             little_by_little = bit_by_bit.assign(findings, NO_ERRORS)
     little_by_little = bit_by_bit.assign(findings, NO_ERRORS)
@@ -151,7 +151,7 @@ def test_pulses_that_come_bit_by_bit_are_assigned_as_all_at_once_while_the_findi
 def test_pulses_are_assigned_anew_by_a_finding_that_has_moved_changed_its_state_or_become_known() -> None:
     pulses = pulses_from(np.full(5, 0.0), 10 ** (LEVEL_DB / 20) / 8.0)
     record = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
-    record.add(0.0, np.zeros(3), pulses)
+    record.extend([Detections(0.0, np.zeros(3), pulses)])
     assigner = Assigner(record, AssignmentRules())
     assert (assigner.assign([finding(8.0, 0.0)], NO_ERRORS).owner == 0).all()
     assert (assigner.assign([finding(0.0, 8.0)], NO_ERRORS).owner == UNASSIGNED).all()
@@ -181,7 +181,7 @@ def test_bearings_that_are_off_for_they_were_taken_in_the_plane_belong_to_the_fi
         place = HIGH_M / np.tan(elevation) * np.array([np.cos(azimuth[0]), np.sin(azimuth[0])])
         above = replace(finding(*place), position_m=np.array([*place, HIGH_M]), level_db=np.nan, state="candidate")
         record = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
-        record.add(0.0, np.zeros(3), bearings_from_above(azimuth, elevation))
+        record.extend([Detections(0.0, np.zeros(3), bearings_from_above(azimuth, elevation))])
         assert Assigner(record, AssignmentRules()).assign([above], NO_ERRORS).owner.tolist() == [0]
 
 
@@ -189,14 +189,14 @@ def test_a_pulse_from_above_belongs_to_no_finding_in_the_plane_and_makes_none_bu
     azimuth = np.zeros(20)
     record = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
     from_above = bearings_from_above(azimuth, np.radians(60.0))._replace(azimuth_rad=azimuth)
-    record.add(0.0, np.zeros(3), from_above)
+    record.extend([Detections(0.0, np.zeros(3), from_above)])
     level_with_it = replace(finding(8.0, 0.0, "candidate"), level_db=np.nan)
     owner = Assigner(record, AssignmentRules()).assign([level_with_it], NO_ERRORS).owner
     assert (owner == UNASSIGNED).all()
     assert find_birth(record, owner, NO_ERRORS, LocatingRules(), 0.0, is_first=False) is None
     assert find_birth(record, owner, NO_ERRORS, LocatingRules(), 0.0, is_first=True) is not None
     level = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
-    level.add(0.0, np.zeros(3), bearings_from_above(azimuth, 0.0))
+    level.extend([Detections(0.0, np.zeros(3), bearings_from_above(azimuth, 0.0))])
     assert find_birth(level, owner, NO_ERRORS, LocatingRules(), 0.0, is_first=False) is not None
 
 
@@ -207,7 +207,7 @@ def detections(
     for second in seconds:
         counts = {bearing: rng.poisson(rate) for bearing, rate in rates_hz.items()}
         azimuth = np.radians(np.repeat(list(counts), list(counts.values())))
-        record.add(float(second), np.zeros(3), pulses_from(azimuth, 10 ** ((LEVEL_DB + loud_db) / 20) / 8.0))
+        record.extend([Detections(float(second), np.zeros(3), pulses_from(azimuth, 10 ** ((LEVEL_DB + loud_db) / 20) / 8.0))])
 
 
 WALL_DB = -6.0

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from dirmusic.locating.association.assignment import Assigner, NoOwner
 from dirmusic.locating.association.mains_phase import may_share_phase
-from dirmusic.locating.association.pulse_record import PulseRecord
+from dirmusic.locating.association.pulse_record import Detections, PulseRecord
 from dirmusic.locating.association.sight_lines import Sight
 from dirmusic.locating.rules import AssignmentRules
 from tests.dirmusic.locating.association.test_assignment import (
@@ -45,9 +45,9 @@ def in_line(kind: str, rng: np.random.Generator) -> NDArray[np.intp]:
         sight_m = findings[k].position_m[:2] - pose[:2]
         azimuth = np.full(N_SURE, np.arctan2(sight_m[1], sight_m[0]))
         strength_v = 10 ** (LEVEL_DB / 20) / np.hypot(*sight_m)
-        record.add(10.0 * k, pose, pulses_from(azimuth, strength_v)._replace(mains_phase_rad=phase_rad))
+        record.extend([Detections(10.0 * k, pose, pulses_from(azimuth, strength_v)._replace(mains_phase_rad=phase_rad))])
     aligned = pulses_from(np.zeros(100), 10 ** (LEVEL_DB / 20) / 9.5)
-    record.add(20.0, np.zeros(3), aligned._replace(mains_phase_rad=phases_of(kind, rng, 100)))
+    record.extend([Detections(20.0, np.zeros(3), aligned._replace(mains_phase_rad=phases_of(kind, rng, 100)))])
     return Assigner(record, AssignmentRules()).assign(findings, NO_ERRORS).owner
 
 
@@ -77,9 +77,9 @@ def test_what_comes_at_another_phase_than_a_hidden_finding_is_no_echo_of_it(at_d
     the_map: Sight = sight
     record = PulseRecord(ARRAY, POSE_ERROR, the_map, AssignmentRules())
     before = pulses_from(np.full(N_SURE, np.pi / 2), 10 ** (LEVEL_DB / 20) / 8.0)
-    record.add(0.0, np.array([8.0, -8.0, 0.0]), before._replace(mains_phase_rad=corona(rng, N_SURE, 270.0)))
+    record.extend([Detections(0.0, np.array([8.0, -8.0, 0.0]), before._replace(mains_phase_rad=corona(rng, N_SURE, 270.0)))])
     later = pulses_from(np.full(20, np.radians(60.0)), 10 ** (LEVEL_DB / 20) / 8.0)
-    record.add(20.0, np.zeros(3), later._replace(mains_phase_rad=corona(rng, 20, at_deg)))
+    record.extend([Detections(20.0, np.zeros(3), later._replace(mains_phase_rad=corona(rng, 20, at_deg)))])
     owner = Assigner(record, AssignmentRules()).assign([finding(8.0, 0.0)], NO_ERRORS).owner
     assert (owner[:N_SURE] == 0).all()
     assert (owner[N_SURE:] == code).all()

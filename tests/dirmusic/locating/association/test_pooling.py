@@ -6,7 +6,7 @@ import pytest
 from dirmusic import ArrayModel, GainManifold
 from dirmusic.array.element_errors import ElementSpread
 from dirmusic.locating.association.pooling import pooled
-from dirmusic.locating.association.pulse_record import PulseRecord, evenly
+from dirmusic.locating.association.pulse_record import Detections, PulseRecord, evenly
 from dirmusic.locating.fitting.joint_fix import PoseError
 from dirmusic.locating.rules import AssignmentRules
 from dirmusic.pulses.batch import PulseBatch
@@ -60,7 +60,7 @@ def record_of(poses: np.ndarray, step_s: float) -> PulseRecord:
     """A pulse from straight ahead at each pose (n, 3), one after the other."""
     record = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
     for number, pose in enumerate(poses):
-        record.add(step_s * number, pose, noisy_pulses(np.zeros(1), 0.01, np.random.default_rng(number)))
+        record.extend([Detections(step_s * number, pose, noisy_pulses(np.zeros(1), 0.01, np.random.default_rng(number)))])
     return record
 
 
