@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 import warnings
@@ -45,6 +46,8 @@ def command_line() -> Iterator[None]:
         interrupts.kill_children()
         _tell("Interrupted")  # foreign code has made an error of its own of it
         sys.exit(status)
+    finally:
+        gc.freeze()  # or the interpreter would look for cycles in all that was loaded and compiled, for half a second
 
 
 def _streams() -> list[TextIO]:
