@@ -8,7 +8,9 @@ import time
 import warnings
 from collections.abc import Callable, Generator, Iterable
 from contextlib import contextmanager
+from functools import update_wrapper
 from pathlib import Path
+from types import FunctionType
 from typing import Any, Generic, Self, TypeVar, cast
 
 import numba
@@ -55,6 +57,33 @@ def _finds_cache() -> bool:
 
 
 _CACHE = _finds_cache()
+_OPTIONS = {"cache": _CACHE, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+
+
+class _Compiled:
+    """A function as machine code: for Python, and for other compiled functions, each from its first call on.
+
+    The way in from Python is a fifth of the compiler's work, and most functions are called by compiled ones alone.
+    """
+
+    def __init__(self, function: Callable[..., object]) -> None:
+        update_wrapper(self, function)
+        self._name = function.__qualname__
+        inner = FunctionType(function.__code__, function.__globals__, function.__name__, function.__defaults__)
+        inner.__module__, inner.__qualname__ = function.__module__, f"{function.__qualname__}.inner"  # kept under this
+        self._for_python: Callable[..., object] = numba.njit(**_OPTIONS)(function)  # pyright: ignore
+        self._for_compiled: Any = numba.njit(**_OPTIONS, no_cpython_wrapper=True)(inner)  # pyright: ignore
+
+    def __call__(self, *values: object) -> object:
+        return self._for_python(*values)
+
+    def __reduce__(self) -> str:
+        """A copy is the same function."""
+        return self._name
+
+    @property
+    def _numba_type_(self) -> types.Type:  # by which the compiler knows what it may call
+        return self._for_compiled._numba_type_  # pyright: ignore
 
 
 def compiled(function: _Function) -> _Function:
@@ -63,7 +92,7 @@ def compiled(function: _Function) -> _Function:
     Rows of arrays are worked on one by one and in one order: the answer for a row does not depend, to the bit, on how
     many there are. Import modules with such functions where they are used: the compiler takes a second to load.
     """
-    return cast("_Function", numba.njit(cache=_CACHE, nogil=True, error_model="numpy")(function))  # pyright: ignore
+    return cast("_Function", _Compiled(function))
 
 
 def elementwise(function: Callable[..., float]) -> Callable[..., NDArray[np.float64]]:

@@ -190,10 +190,10 @@ class PulseRecord:
         """
         window = time_s // max(self.pose_error.correlation_s, LEAST_CORRELATION_S)
         sector = bearing_rad % (2 * np.pi) // DIRECTION_RAD
-        keys = np.stack([window, place, yaw_rad // HEADING_RAD, sector], axis=-1).astype(np.intp)
+        keys: list[list[int]] = np.stack([window, place, yaw_rad // HEADING_RAD, sector], axis=-1).astype(int).tolist()
         group, repeat = np.empty((2, time_s.size), dtype=np.intp)
-        for k, key in enumerate(map(tuple, keys.tolist())):
-            number = self._groups.setdefault(key, len(self._groups))
+        for k, key in enumerate(keys):
+            number = self._groups.setdefault(tuple(key), len(self._groups))
             if number == len(self._n_in_group):
                 self._n_in_group.append(0)
             group[k], repeat[k] = number, self._n_in_group[number]

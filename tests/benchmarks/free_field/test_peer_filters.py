@@ -21,7 +21,8 @@ def sight_lines(case: Case) -> SightLines:
     rows = np.flatnonzero(credible(case, BEARINGS))
     record = PulseRecord(case.array, case.pose_error, None, BEARINGS.assignment)
     for step in np.unique(case.step[rows]):
-        record.extend([Detections(STEP_S * float(step), case.pose[step], case.pulses.take(rows[case.step[rows] == step]))])
+        pulses = case.pulses.take(rows[case.step[rows] == step])
+        record.extend([Detections(STEP_S * float(step), case.pose[step], pulses)])
     bearing_rad, std_rad = record.bearings(np.arange(rows.size), ElementErrors.none(case.array.manifold.n_elements))
     return SightLines(record.pulses.time_s, record.pose[:, :2], bearing_rad, std_rad)
 

@@ -137,7 +137,8 @@ def test_pulses_that_come_bit_by_bit_are_assigned_as_all_at_once_while_the_findi
         pose = np.array([0.02 * step, 0.01 * step, 0.03 * step])
         aim = findings[rng.integers(3)].position_m[:2] - pose[:2]
         azimuth = np.arctan2(aim[1], aim[0]) - pose[2] + rng.normal(0.0, np.radians(4.0), 4)
-        record.extend([Detections(0.3 * step, pose, pulses_from(azimuth, 10 ** (rng.normal(LEVEL_DB, 6.0, 4) / 20) / np.hypot(*aim)))])
+        pulses = pulses_from(azimuth, 10 ** (rng.normal(LEVEL_DB, 6.0, 4) / 20) / np.hypot(*aim))
+        record.extend([Detections(0.3 * step, pose, pulses)])
         if rng.random() < 0.5:
             little_by_little = bit_by_bit.assign(findings, NO_ERRORS)
     little_by_little = bit_by_bit.assign(findings, NO_ERRORS)
@@ -207,7 +208,8 @@ def detections(
     for second in seconds:
         counts = {bearing: rng.poisson(rate) for bearing, rate in rates_hz.items()}
         azimuth = np.radians(np.repeat(list(counts), list(counts.values())))
-        record.extend([Detections(float(second), np.zeros(3), pulses_from(azimuth, 10 ** ((LEVEL_DB + loud_db) / 20) / 8.0))])
+        pulses = pulses_from(azimuth, 10 ** ((LEVEL_DB + loud_db) / 20) / 8.0)
+        record.extend([Detections(float(second), np.zeros(3), pulses)])
 
 
 WALL_DB = -6.0

@@ -45,7 +45,8 @@ def in_line(kind: str, rng: np.random.Generator) -> NDArray[np.intp]:
         sight_m = findings[k].position_m[:2] - pose[:2]
         azimuth = np.full(N_SURE, np.arctan2(sight_m[1], sight_m[0]))
         strength_v = 10 ** (LEVEL_DB / 20) / np.hypot(*sight_m)
-        record.extend([Detections(10.0 * k, pose, pulses_from(azimuth, strength_v)._replace(mains_phase_rad=phase_rad))])
+        pulses = pulses_from(azimuth, strength_v)._replace(mains_phase_rad=phase_rad)
+        record.extend([Detections(10.0 * k, pose, pulses)])
     aligned = pulses_from(np.zeros(100), 10 ** (LEVEL_DB / 20) / 9.5)
     record.extend([Detections(20.0, np.zeros(3), aligned._replace(mains_phase_rad=phases_of(kind, rng, 100)))])
     return Assigner(record, AssignmentRules()).assign(findings, NO_ERRORS).owner
@@ -77,7 +78,8 @@ def test_what_comes_at_another_phase_than_a_hidden_finding_is_no_echo_of_it(at_d
     the_map: Sight = sight
     record = PulseRecord(ARRAY, POSE_ERROR, the_map, AssignmentRules())
     before = pulses_from(np.full(N_SURE, np.pi / 2), 10 ** (LEVEL_DB / 20) / 8.0)
-    record.extend([Detections(0.0, np.array([8.0, -8.0, 0.0]), before._replace(mains_phase_rad=corona(rng, N_SURE, 270.0)))])
+    before = before._replace(mains_phase_rad=corona(rng, N_SURE, 270.0))
+    record.extend([Detections(0.0, np.array([8.0, -8.0, 0.0]), before)])
     later = pulses_from(np.full(20, np.radians(60.0)), 10 ** (LEVEL_DB / 20) / 8.0)
     record.extend([Detections(20.0, np.zeros(3), later._replace(mains_phase_rad=corona(rng, 20, at_deg)))])
     owner = Assigner(record, AssignmentRules()).assign([finding(8.0, 0.0)], NO_ERRORS).owner

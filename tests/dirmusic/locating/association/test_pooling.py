@@ -60,7 +60,8 @@ def record_of(poses: np.ndarray, step_s: float) -> PulseRecord:
     """A pulse from straight ahead at each pose (n, 3), one after the other."""
     record = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
     for number, pose in enumerate(poses):
-        record.extend([Detections(step_s * number, pose, noisy_pulses(np.zeros(1), 0.01, np.random.default_rng(number)))])
+        pulses = noisy_pulses(np.zeros(1), 0.01, np.random.default_rng(number))
+        record.extend([Detections(step_s * number, pose, pulses)])
     return record
 
 
