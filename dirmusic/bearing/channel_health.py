@@ -63,6 +63,7 @@ class HealthRules:
 
     Attributes:
         check_pulses: Pulses between checks.
+        most_checks: Of pulses that come at once: of a long survey there are more pulses between checks.
         at_ease: Nothing is looked into while the upper quartile of the share that no direction explains is below this.
         window: Pulses that a check looks back on.
         fair_share: A pulse tells something of a channel that should hear it at this share of the loudest, at least.
@@ -76,6 +77,7 @@ class HealthRules:
     """
 
     check_pulses: int = 10
+    most_checks: int = 2000
     at_ease: float = 0.008
     window: int = 60
     fair_share: float = 0.35
@@ -154,6 +156,7 @@ class ChannelMonitor:
         """
         found: list[SuspectChannel] = []
         std_rad, misfit = pulses.std_rad[own], pulses.misfit[own]
+        between = max(self.rules.check_pulses, std_rad.size // self.rules.most_checks)
         if not isinstance(self._estimator, MaximumLikelihood):
             likeliest = self._likelihood(pulses.take(own).take_channels(self.good), self.array.take(self.good))
             std_rad, misfit = likeliest.std_rad, likeliest.misfit
@@ -164,7 +167,7 @@ class ChannelMonitor:
                 self._strengths[at], self._misfits[at] = strengths_v[row], unexplained
                 self._n_seen += 1
                 self._n_new += 1
-                if self._n_new >= self.rules.check_pulses:
+                if self._n_new >= between:
                     self._n_new = 0
                     found += self._check()
         return tuple(found)

@@ -84,15 +84,16 @@ def locate_field_data(
             PulseBatch.detected(pulse_time_s, data.strengths_v, data.variance_v2, data.mains_phase_rad)
         )
         first = np.searchsorted(data.step, np.arange(data.time_s.size + 1))
+        no_pose, no_command = np.full(3, np.nan), np.full(2, np.nan)
         for step, (time_s, pose) in enumerate(zip(data.time_s, data.pose, strict=True)):
             log.append(
                 "step",
                 time_s=time_s,
                 pose=pose,
-                true_pose=np.full(3, np.nan),
-                odometry=np.full(3, np.nan),
+                true_pose=no_pose,
+                odometry=no_pose,
                 battery=np.nan,
-                command=np.full(2, np.nan),
+                command=no_command,
                 phase="field",
             )
             if step == 0:

@@ -16,6 +16,10 @@ NEAREST_M = 0.1
 """Ranges are taken as no less (assumed): an array has a size."""
 
 
+AT_ONCE = 10_000
+"""Gains of so many pulses are worked out at a time, for they take half a kilobyte each."""
+
+
 class FindingPulses(NamedTuple):
     """Pulses of one finding in order of time, n rows.
 
@@ -56,7 +60,8 @@ def finding_pulses(log: MissionLog) -> dict[int, FindingPulses]:
         position_m = table["position_m"][np.flatnonzero(table["id"] == number)[-1]]
         pose = step["pose"][pulse["step"][rows]]
         range_m = np.maximum(np.linalg.norm(position_m[:2] - pose[:, :2], axis=-1), NEAREST_M)
-        gain = np.linalg.norm(manifold.gain(bearing["azimuth_rad"][own]), axis=0)
+        pieces = np.array_split(bearing["azimuth_rad"][own], 1 + own.size // AT_ONCE)
+        gain = np.concatenate([np.linalg.norm(manifold.gain(azimuth_rad), axis=0) for azimuth_rad in pieces])
         strength_v = np.linalg.norm(pulse["strengths_v"][rows], axis=-1)
         with np.errstate(divide="ignore", invalid="ignore"):
             level_db = 20 * np.log10(strength_v / gain * range_m)

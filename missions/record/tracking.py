@@ -17,8 +17,9 @@ from envs.scenario.calibration import ArrayCalibration, CalibratedArray
 FloatArray = NDArray[np.float64]
 
 
-LIKELIHOOD_S = 8.0
-"""Time between two looks at the likelihood over the yard (assumed): the robot has got to another place."""
+LIKELIHOOD_S, LIKELIHOOD_SHARE = 8.0, 0.01
+"""Time between two looks at the likelihood over the yard (assumed): the robot has got elsewhere by then. No less than
+this share of the time so far, or a survey of days would be looked at as often as it has places."""
 
 
 class Tracked(NamedTuple):
@@ -62,6 +63,7 @@ class Tracker:
         self._rules = rules
         self._n_tracked = 0
         self._likelihood = likelihood
+        self._began_s: float | None = None
         self._next_look_s = -np.inf
         self._unseen: list[tuple[PulseBatch, FloatArray]] = []
 
@@ -91,9 +93,10 @@ class Tracker:
         self._n_tracked += given.n_pulses
         if given.n_pulses:
             self._unseen.append((given.without_bands(), np.tile(pose, (given.n_pulses, 1))))
+        self._began_s = time_s if self._began_s is None else self._began_s
         is_due = bool(self._unseen) and time_s >= self._next_look_s
         if is_due:
-            self._next_look_s = time_s + LIKELIHOOD_S
+            self._next_look_s = time_s + max(LIKELIHOOD_S, LIKELIHOOD_SHARE * (time_s - self._began_s))
         return Tracked(pulses, credible, findings, self.log_likelihood() if is_due else None)
 
     def log_likelihood(self) -> FloatArray:

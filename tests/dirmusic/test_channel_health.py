@@ -114,6 +114,24 @@ def test_what_is_found_does_not_depend_on_how_many_pulses_come_at_once() -> None
     assert monitor.good.tolist() == [True, False, True, True, True, True]
 
 
+def test_a_long_survey_at_once_is_checked_a_bounded_number_of_times_and_its_fault_found(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    checks = list[int]()
+    check = ChannelMonitor._check
+
+    def counted(self: ChannelMonitor) -> list[SuspectChannel]:
+        checks.append(1)
+        return check(self)
+
+    monkeypatch.setattr(ChannelMonitor, "_check", counted)
+    strengths, _ = hear(5, 40_000, 10, {})
+    strengths[20_000:] = hear(5, 20_000, 10, {2: 0.5})[0]
+    _, found = ChannelMonitor(ARRAY).watch(detected(strengths))
+    assert [(suspect.channel, suspect.kind) for suspect in found] == [(2, "low")]
+    assert len(checks) == 2000
+
+
 def test_bearings_come_from_the_good_channels_from_the_pulses_on_that_show_the_fault() -> None:
     strengths, azimuth = hear(6, 400, 10, {3: 0.0})
     monitor = ChannelMonitor(ARRAY)

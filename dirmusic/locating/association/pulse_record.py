@@ -147,10 +147,7 @@ class PulseRecord:
     def extend(self, detections: Sequence[Detections]) -> None:
         """Add what was detected from some poses, in their order; pulses get the time of their pose."""
         places = [self._place_of(pose) for _, pose, _ in detections]
-        for (time_s, _, _), place in zip(detections, places, strict=True):
-            if self.listened_s.size == 0 or time_s >= self.listened_s[-1] + 1.0:
-                self.listened = np.append(self.listened, place)
-                self.listened_s = np.append(self.listened_s, np.floor(time_s))
+        self._listen([detected.time_s for detected in detections], places)
         n_each = [detected.pulses.n_pulses for detected in detections]
         if not any(n_each):
             return
@@ -172,6 +169,18 @@ class PulseRecord:
         self.pulses = PulseBatch(*columns[6:])
         norm_v = np.linalg.norm(pulses.strengths_v * pulses.is_usable, axis=-1)
         self._levels.extend(time_s, bearing_rad, 20 * np.log10(norm_v))
+
+    def _listen(self, times_s: Sequence[float], places: Sequence[int]) -> None:
+        """Note one place of the array for each second."""
+        last_s = float(self.listened_s[-1]) if self.listened_s.size else -np.inf
+        seconds, listened = list[float](), list[int]()
+        for time_s, place in zip(times_s, places, strict=True):
+            if time_s >= last_s + 1.0:
+                last_s = float(np.floor(time_s))
+                seconds.append(last_s)
+                listened.append(place)
+        self.listened = np.append(self.listened, np.array(listened, dtype=np.intp))
+        self.listened_s = np.append(self.listened_s, seconds)
 
     def _place_of(self, pose: FloatArray) -> int:
         """Row in `places_m` of the cell in which a pose lies; a new one where the array has not been yet."""

@@ -1,6 +1,7 @@
 """Field data in other units, in too many rows, or of no use: said in one line, and what Excel writes is read."""
 
 import time
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -202,6 +203,19 @@ def test_bearings_near_each_other_are_counted_as_pair_by_pair() -> None:
         bearing_rad = rng.uniform(-9.0, 9.0, n)
         by_pairs = (np.abs(difference(bearing_rad[:, np.newaxis], bearing_rad)) < 0.14).sum(axis=0)
         np.testing.assert_array_equal(births._neighbours(bearing_rad, 0.14), by_pairs)
+
+
+def test_a_survey_of_days_is_looked_at_ever_less_often(tmp_path: Path) -> None:
+    header, *rows = TEXT.splitlines()
+    hours = [f"{3600.0 * hour},{row.split(',', 1)[1]}" for hour, row in zip(range(600), cycle(rows), strict=False)]
+    (tmp_path / "t.csv").write_text("\n".join([header, *hours]))
+    data = read_field_data(tmp_path / "t.csv")
+    looks = locate_field_data(data, array_model(data, SPREAD, None, None, 0.12, 0.6), POSE_ERROR).column(
+        "likelihood", "step"
+    )
+    assert (np.diff(looks[:100]) == 1).all()  # hour by hour for four days
+    assert np.diff(looks)[-10:-1].min() >= 5
+    assert looks[-1] == len(hours) - 1
 
 
 @pytest.mark.slow
