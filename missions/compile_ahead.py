@@ -13,10 +13,12 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from dirmusic import ElementSpread, PoseError
+from dirmusic.compiled import compiled
 from missions.field.array_model import array_model
 from missions.field.field_data import FieldData
 from missions.field.locate_field_data import locate_field_data
@@ -75,11 +77,29 @@ def _sample() -> None:
     )
     delay_s = np.full((1, n), 1e-8)
     arrivals = Arrivals(delay_s, np.ones((1, n, 1), dtype=np.complex128), np.ones(1), np.full(1, 1e-8))
-    sample_pulse(Emission(1.0, 0.0, 0, 1), arrivals, chain.sampler, tones, no_limit_v, background_v2, rng, gate_v)
-    sample_noise(chain.sampler, tones, rng, gate_v)
-    gates = Gates.room(1, n, n_samples, config.n_bands)
+    emission, gates = Emission(1.0, 0.0, 0, 1), Gates.room(1, n, n_samples, config.n_bands)
+    _sample_pulse(emission, arrivals, chain.sampler, tones, no_limit_v, background_v2, rng, gate_v)
+    _sample_noise(chain.sampler, tones, rng, gate_v)
     gates.waveforms_v[0] = gate_v.T
-    read_gate(gates.waveforms_v[0], background_v2, 0.0, chain.gate, 0, gates.pulses)
+    _read_gate(gates.waveforms_v[0], background_v2, 0.0, chain.gate, 0, gates.pulses)
+
+
+# Called by compiled functions, as a mission does: what Python calls is compiled apart.
+
+
+@compiled
+def _sample_pulse(*values: Any) -> None:  # noqa: ANN401 - as of `sample_pulse`
+    sample_pulse(*values)
+
+
+@compiled
+def _sample_noise(*values: Any) -> None:  # noqa: ANN401
+    sample_noise(*values)
+
+
+@compiled
+def _read_gate(*values: Any) -> None:  # noqa: ANN401
+    read_gate(*values)
 
 
 def _locate() -> None:
