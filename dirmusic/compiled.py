@@ -15,9 +15,7 @@ from typing import Any, Generic, Self, TypeVar, cast
 
 import numba
 import numpy as np
-from llvmlite import binding as llvm  # pyright: ignore
-from numba.core import config, event, types
-from numba.core.codegen import JITCodeLibrary
+from numba.core import codegen, config, event, types
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, register_pass  # pyright: ignore
 from numba.core.typed_passes import IRLegalization
@@ -65,7 +63,7 @@ _CACHE = _finds_cache()
 _OPTIONS = {"cache": _CACHE, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
 
-class _Intermediate(JITCodeLibrary):  # pyright: ignore[reportUntypedBaseClass]
+class _Intermediate(codegen.JITCodeLibrary):  # pyright: ignore[reportUntypedBaseClass]
     """Code that other compiled functions take into their own, who optimise it and turn it into machine code.
 
     As the compiler has it, each function would be optimised and made machine code with all that it calls, and once more
@@ -82,7 +80,7 @@ class _Intermediate(JITCodeLibrary):  # pyright: ignore[reportUntypedBaseClass]
         kept: list[str] = [place.name for place in code.global_variables if place.name.startswith("_ZN08NumbaEnv")]
         places = "".join(f'\n@"{name}" = common global i8* null' for name in kept)
         empty = str(self._codegen._create_empty_module(self.name))  # pyright: ignore
-        self._final_module: Any = cast("Any", llvm).parse_assembly(empty + places)
+        self._final_module: Any = cast("Any", codegen).ll.parse_assembly(empty + places)
         self._final_module.name = self.name  # pyright: ignore
         super()._finalize_final_module()  # pyright: ignore
 
