@@ -18,6 +18,7 @@ import numpy as np
 from numba.core import codegen, config, event, types
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, register_pass  # pyright: ignore
+from numba.core.datamodel import models
 from numba.core.typed_passes import IRLegalization
 from numba.core.types import StructRef
 from numba.experimental import structref
@@ -110,6 +111,17 @@ class _CompilerForOthers(CompilerBase):  # pyright: ignore[reportUntypedBaseClas
         return [passes]
 
 
+class _Callee(types.Dispatcher):  # pyright: ignore[reportUntypedBaseClass]
+    """Type of what compiled functions call: one function for all numbers of a type, where 0 is a type of its own."""
+
+    def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:  # noqa: ANN401 - the compiler's own
+        plain = {name: types.unliteral(of) for name, of in kws.items()}  # pyright: ignore
+        return super().get_call_type(context, [types.unliteral(of) for of in args], plain)  # pyright: ignore
+
+
+models.register_default(_Callee)(models.OpaqueModel)  # pyright: ignore
+
+
 class _Compiled:
     """A function as machine code: for Python, and for other compiled functions, each from its first call on.
 
@@ -136,7 +148,7 @@ class _Compiled:
 
     @property
     def _numba_type_(self) -> types.Type:  # by which the compiler knows what it may call
-        return self._for_compiled._numba_type_  # pyright: ignore
+        return _Callee(self._for_compiled)
 
 
 def compiled(function: _Function) -> _Function:

@@ -188,17 +188,18 @@ class ChannelMonitor:
         return slice(0, min(self._n_seen, self.rules.window))
 
     def _suspects(self) -> list[SuspectChannel]:
-        from dirmusic.bearing.channel_statistics import glance  # loads the compiler
+        from dirmusic.bearing.channel_statistics import stuck_channels  # loads the compiler
 
         n_good = self.array.manifold.n_elements - self._n_bad
         if n_good <= LEAST_CHANNELS or self._n_seen < self.rules.least_pulses:
             return []
         strengths, misfits = self._strengths[self._window], self._misfits[self._window]
-        is_stuck, upper_quartile = glance(strengths, misfits, self.rules.stuck_spread)
+        is_stuck = stuck_channels(strengths, self.rules.stuck_spread)
         stuck: list[int] = [k for k in np.flatnonzero(is_stuck).tolist() if self.good[k]]
         if stuck and len(stuck) < n_good:
             return [SuspectChannel(k + 1, "stuck", np.nan, len(strengths)) for k in stuck]
-        if upper_quartile < self.rules.at_ease:
+        upper_quartile = 3 * len(misfits) // 4
+        if np.partition(misfits, upper_quartile)[upper_quartile] < self.rules.at_ease:
             return []
         channels = np.flatnonzero(self.good)
         strengths_v = strengths[:, channels]

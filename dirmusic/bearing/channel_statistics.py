@@ -12,16 +12,15 @@ BoolArray = NDArray[np.bool_]
 
 
 @compiled
-def glance(strengths: FloatArray, misfits: FloatArray, stuck_spread: float) -> tuple[BoolArray, float]:
-    """Which channels say the same for every pulse, and how well directions explain the pulses.
+def stuck_channels(strengths: FloatArray, stuck_spread: float) -> BoolArray:
+    """Which channels say the same for every pulse.
 
     Args:
         strengths: Of the pulses, shape (n_pulses, n_elements), volts.
-        misfits: Share of each pulse's energy that no direction explains, shape (n_pulses,).
         stuck_spread: A channel whose strengths spread by less than this share of the largest is stuck.
 
     Returns:
-        Whether each channel is stuck, shape (n_elements,), and the upper quartile of the misfits.
+        Whether each channel is stuck, shape (n_elements,).
     """
     n_pulses, n_elements = strengths.shape
     is_stuck = np.empty(n_elements, np.bool_)
@@ -30,5 +29,4 @@ def glance(strengths: FloatArray, misfits: FloatArray, stuck_spread: float) -> t
         for k in range(1, n_pulses):
             lowest, highest = min(lowest, strengths[k, e]), max(highest, strengths[k, e])
         is_stuck[e] = highest > 0.0 and highest - lowest < stuck_spread * highest
-    at = 3 * n_pulses // 4
-    return is_stuck, float(np.partition(misfits, at)[at])
+    return is_stuck

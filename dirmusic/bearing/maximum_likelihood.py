@@ -32,7 +32,10 @@ class MaximumLikelihood:
 
     def __call__(self, pulses: PulseBatch, array: ArrayModel) -> Bearings:
         """Directions of the pulses, shape (n_pulses,); as of `estimator.BearingEstimator`."""
-        strengths, variance = pulses.strengths_v[:, np.newaxis], pulses.variance_v2[:, np.newaxis]
+        # in one order of memory, for which alone it is compiled
+        strengths, variance = (
+            np.ascontiguousarray(values[:, np.newaxis]) for values in (pulses.strengths_v, pulses.variance_v2)
+        )
         return self._bearings_of_pulses(strengths, variance, array.manifold.held_table, NO_DIRECTION)
 
 

@@ -181,7 +181,8 @@ def move(motion: Motion, sensors: SensorParameters, inputs: StepInputs) -> None:
             motion.pose_error[r] = np.nan
         add_pose_error(true_pose[r], motion.pose_error[r], sensors.pose_kept, sensors.pose_std, normal, motion.pose[r])
         if is_reset:
-            motion.odometry[r] = motion.pose[r]
+            for i in range(3):
+                motion.odometry[r, i] = motion.pose[r, i]
             motion.used_wh[r], motion.n_steps[r] = 0.0, 0
         else:
             both = wheels_rad[r, 0] - motion.wheels_rad[r, 0] + wheels_rad[r, 1] - motion.wheels_rad[r, 1]
@@ -192,4 +193,5 @@ def move(motion: Motion, sensors: SensorParameters, inputs: StepInputs) -> None:
             motion.n_steps[r] += 1
         motion.time_s[r] = motion.n_steps[r] * sensors.step_s
         motion.battery[r] = max(1.0 - motion.used_wh[r] / sensors.capacity_wh, 0.0)
-        motion.wheels_rad[r], motion.yaw_rad[r] = wheels_rad[r], true_pose[r, 2]
+        motion.wheels_rad[r, 0], motion.wheels_rad[r, 1] = wheels_rad[r, 0], wheels_rad[r, 1]
+        motion.yaw_rad[r] = true_pose[r, 2]

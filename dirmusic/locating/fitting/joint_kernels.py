@@ -154,7 +154,8 @@ def linearise(
         gain = factor * gain + array.gain_offsets[e]
         spreading = data.weight[k, e] * max(range_m, 1e-2) / length
         larger = (1.0 + state[errors + e]) * spreading
-        by_term[:, e] *= larger * factor
+        for i in range(n_terms):
+            by_term[i, e] *= larger * factor
         offset = state[errors + 2 * n_elements + e] if n_kinds > 2 else 0.0
         model[e] = larger * gain + offset * spreading
         turn[e], rise[e] = larger * factor * by_azimuth, larger * factor * by_elevation
@@ -185,11 +186,13 @@ def linearise(
     for column, vector in enumerate((by_x, by_y, by_height)):
         _explain(vector, model, energy, amplitude)
         _tolerate(vector, turn, turn_share, rise, rise_share)
-        at.slope[:, column] = vector
+        for e in range(n_elements):
+            at.slope[e, column] = vector[e]
     for i in range(n_terms):
         _explain(by_term[i], model, energy, amplitude)
         _tolerate(by_term[i], turn, turn_share, rise, rise_share)
-        at.slope[:, N_PLACE + n_kinds * n_elements + i] = by_term[i]
+        for e in range(n_elements):
+            at.slope[e, N_PLACE + n_kinds * n_elements + i] = by_term[i, e]
     one = by_x  # is not needed any more
     for i in range(n_elements):
         for e in range(n_elements):

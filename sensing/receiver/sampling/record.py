@@ -40,6 +40,19 @@ class Windows(NamedTuple):
 
 
 @compiled
+def _in_order(values: FloatArray) -> IntArray:
+    """Indices of a few values, ascending."""
+    order = np.empty(values.size, np.intp)
+    for k in range(values.size):
+        i = k
+        while i > 0 and values[order[i - 1]] > values[k]:
+            order[i] = order[i - 1]
+            i -= 1
+        order[i] = k
+    return order
+
+
+@compiled
 def plan_windows(emission: Emission, arrivals: Arrivals, timing: Timing, rate_hz: float, offset: float) -> Windows:
     """A window about each arrival; those whose gates or noise would overlap are one.
 
@@ -54,7 +67,7 @@ def plan_windows(emission: Emission, arrivals: Arrivals, timing: Timing, rate_hz
     start_s, most_v = np.empty(n_paths), np.zeros(n_paths)
     first, search_end, end = np.empty(n_paths, np.intp), np.empty(n_paths, np.intp), np.empty(n_paths, np.intp)
     own = slice(emission.first, emission.first + n_paths)
-    order, loudest = np.argsort(arrivals.loudest_s[own]), arrivals.loudest[own]
+    order, loudest = _in_order(arrivals.loudest_s[own]), arrivals.loudest[own]
     reach, after = timing.aperture + timing.rise, timing.peak + timing.gate
     begins = 0.0
     for p in order:
