@@ -179,20 +179,17 @@ def linearise(
     for e in range(n_elements):
         rise[e] -= along * turn[e]
     rise_share = _to_unit(rise, rise_variance * data.repeats[k])
-
     for e in range(n_elements):
         at.miss[e] = data.strengths[k, e] - amplitude * model[e]
     _tolerate(at.miss, turn, turn_share, rise, rise_share)
-    for column, vector in enumerate((by_x, by_y, by_height)):
-        _explain(vector, model, energy, amplitude)
-        _tolerate(vector, turn, turn_share, rise, rise_share)
-        for e in range(n_elements):
-            at.slope[e, column] = vector[e]
+    for place_column, vector in enumerate((by_x, by_y, by_height)):
+        column = at.slope[:, place_column]
+        _explain(vector, model, energy, amplitude, column)
+        _tolerate(column, turn, turn_share, rise, rise_share)
     for i in range(n_terms):
-        _explain(by_term[i], model, energy, amplitude)
-        _tolerate(by_term[i], turn, turn_share, rise, rise_share)
-        for e in range(n_elements):
-            at.slope[e, N_PLACE + n_kinds * n_elements + i] = by_term[i, e]
+        column = at.slope[:, N_PLACE + n_kinds * n_elements + i]
+        _explain(by_term[i], model, energy, amplitude, column)
+        _tolerate(column, turn, turn_share, rise, rise_share)
     one = by_x  # is not needed any more
     for i in range(n_elements):
         for e in range(n_elements):
@@ -206,11 +203,11 @@ def linearise(
 
 
 @compiled
-def _explain(vector: FloatArray, model: FloatArray, energy: float, amplitude: float) -> None:
-    """Make a change of the model one of the miss, with the amplitude projected out."""
+def _explain(vector: FloatArray, model: FloatArray, energy: float, amplitude: float, by_miss: FloatArray) -> None:
+    """From a change of the model that of the miss, with the amplitude projected out."""
     along = dot(vector, model) / energy
     for e in range(vector.size):
-        vector[e] = -amplitude * (vector[e] - along * model[e])
+        by_miss[e] = -amplitude * (vector[e] - along * model[e])
 
 
 @compiled
