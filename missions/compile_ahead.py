@@ -25,6 +25,13 @@ from missions.field.locate_field_data import locate_field_data
 from sensing.array.config import ArrayConfig
 from sensing.array.helical_array import HelicalArray
 from sensing.radio.arrivals import Arrivals
+from sensing.radio.diffraction.bends import BENT_RAY, SEEN_EDGE, BentRays
+from sensing.radio.materials import Substance
+from sensing.radio.obstruction import SHADOW
+from sensing.radio.polarisation import Emitter
+from sensing.radio.ray_paths import bend_round_all
+from sensing.radio.tables import OBSTACLE
+from sensing.radio.vectors import Vector
 from sensing.receiver.config import ReceiverConfig
 from sensing.receiver.detection import Gates
 from sensing.receiver.gates import read_gate
@@ -34,8 +41,12 @@ from sensing.receiver.sampling.sampler import Emission, Tones
 
 
 def compile_ahead() -> None:
-    """Compile how pulses are sampled, and how they are located: by one made-up pulse, and a few dozen on a way."""
+    """Compile how pulses are sampled, how they bend round edges, and how they are located.
+
+    That is by one made-up pulse, by none, and by a few dozen on a way.
+    """
     _sample()
+    _bend()
     _locate()
 
 
@@ -84,6 +95,13 @@ def _sample() -> None:
     _read_gate(gates.waveforms_v[0], background_v2, 0.0, chain.gate, 0, gates.pulses)
 
 
+def _bend() -> None:
+    """Radio is compiled by the first process from obstacles and mirrors on, and meets the edges here."""
+    nowhere, nothing = Vector(0.0, 0.0, 0.0), np.empty(0, OBSTACLE)
+    rays = BentRays(np.empty(0, BENT_RAY), np.empty(4, SEEN_EDGE), np.empty(0, SHADOW), np.zeros(1))
+    _bend_round_all(Emitter(nowhere, nowhere), nowhere, nothing, Substance(1.0, 0.0, 0.0, 0.0), 0.0, rays)
+
+
 # Called by compiled functions, as a mission does: what Python calls is compiled apart.
 
 
@@ -95,6 +113,11 @@ def _sample_pulse(*values: Any) -> None:  # noqa: ANN401 - as of `sample_pulse`
 @compiled
 def _sample_noise(*values: Any) -> None:  # noqa: ANN401
     sample_noise(*values)
+
+
+@compiled
+def _bend_round_all(*values: Any) -> None:  # noqa: ANN401
+    bend_round_all(*values)
 
 
 @compiled
