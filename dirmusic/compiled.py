@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import tempfile
 import time
@@ -192,19 +193,25 @@ class Compiling:
 
 @contextmanager
 def watch_compiler(tell: Callable[[Compiling], None]) -> Generator[Compiling]:
-    """Follow the compiler in the block; `tell` is called after each function that it has compiled."""
-    compiling, began_s = Compiling(), list[float]()
+    """Follow the compiler in the block; `tell` is called after each function that it has compiled.
+
+    Meanwhile no garbage is collected: the compiler leaves little, and has Python look for it an eighth of the time.
+    """
+    compiling, began_s, collects = Compiling(), list[float](), gc.isenabled()
 
     class Follower(event.Listener):
         """A function may be compiled while another one is, which calls it."""
 
         def on_start(self, event: event.Event) -> None:
+            gc.disable()
             began_s.append(time.perf_counter())
 
         def on_end(self, event: event.Event) -> None:
             spent_s = time.perf_counter() - began_s.pop()
             if not began_s:
                 compiling.spent_s += spent_s
+                if collects:
+                    gc.enable()
             compiling.n_functions += 1
             tell(compiling)
 

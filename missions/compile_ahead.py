@@ -6,6 +6,7 @@ find it. So the two need no word between them: what both begin at the same time 
 
 from __future__ import annotations
 
+import gc
 import os
 import subprocess
 import sys
@@ -155,4 +156,5 @@ def _end_with_parent() -> None:
 
 if __name__ == "__main__":
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    gc.disable()  # it does not live long enough
     compile_ahead()
