@@ -20,6 +20,7 @@ import numpy as np
 
 from dirmusic import ElementSpread, PoseError
 from dirmusic.compiled import compiled
+from missions.deep_calls import call_with_room
 from missions.field.array_model import array_model
 from missions.field.field_data import FieldData
 from missions.field.locate_field_data import locate_field_data
@@ -157,4 +158,4 @@ def _end_with_parent() -> None:
 if __name__ == "__main__":
     threading.Thread(target=_end_with_parent, daemon=True).start()
     gc.disable()  # it does not live long enough
-    compile_ahead()
+    call_with_room(compile_ahead)

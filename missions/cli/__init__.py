@@ -9,5 +9,6 @@ def main() -> None:
 
     with command_line():
         from missions.cli.app import run_verb
+        from missions.deep_calls import call_with_room
 
-        run_verb()
+        call_with_room(run_verb)
