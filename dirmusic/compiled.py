@@ -87,6 +87,10 @@ class _Compiled:
         """A copy is the same function."""
         return self._name
 
+    def compile_as_called(self, *values: object) -> None:
+        """See the function of this name."""
+        self._for_compiled.compile(tuple(numba.typeof(value) for value in values))  # pyright: ignore
+
     @property
     def _numba_type_(self) -> types.Type:  # by which the compiler knows what it may call
         return Callee(self._for_compiled)
@@ -99,6 +103,14 @@ def compiled(function: _Function) -> _Function:
     many there are. Import modules with such functions where they are used: the compiler takes a second to load.
     """
     return cast("_Function", _Compiled(function))
+
+
+def compile_as_called(function: Callable[..., object], *values: object) -> None:
+    """Compile a function that is `compiled` as compiled functions call it, with values of these types.
+
+    It is not called, and there is no way into it from Python: what a caller takes in is kept on disk.
+    """
+    cast("_Compiled", function).compile_as_called(*values)
 
 
 def elementwise(function: Callable[..., float]) -> Callable[..., NDArray[np.float64]]:
@@ -182,18 +194,20 @@ class Compiling:
     """What was compiled so far.
 
     Attributes:
-        n_functions: How many functions.
+        n_functions: How many functions, the one at hand included.
+        n_kept: How many of them are kept on disk, and compiled once on a machine.
         spent_s: How long it took.
     """
 
     def __init__(self) -> None:
         self.n_functions = 0
+        self.n_kept = 0
         self.spent_s = 0.0
 
 
 @contextmanager
 def watch_compiler(tell: Callable[[Compiling], None]) -> Generator[Compiling]:
-    """Follow the compiler in the block; `tell` is called after each function that it has compiled.
+    """Follow the compiler in the block; `tell` is called before each function that it compiles.
 
     Meanwhile no garbage is collected: the compiler leaves little, and has Python look for it an eighth of the time.
     """
@@ -204,6 +218,9 @@ def watch_compiler(tell: Callable[[Compiling], None]) -> Generator[Compiling]:
 
         def on_start(self, event: event.Event) -> None:
             gc.disable()
+            compiling.n_functions += 1
+            compiling.n_kept += event.data["dispatcher"].stats.cache_path is not None
+            tell(compiling)
             began_s.append(time.perf_counter())
 
         def on_end(self, event: event.Event) -> None:
@@ -212,8 +229,6 @@ def watch_compiler(tell: Callable[[Compiling], None]) -> Generator[Compiling]:
                 compiling.spent_s += spent_s
                 if collects:
                     gc.enable()
-            compiling.n_functions += 1
-            tell(compiling)
 
     with event.install_listener("numba:compile", Follower()):  # pyright: ignore[reportUnknownMemberType]
         yield compiling

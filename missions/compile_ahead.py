@@ -14,24 +14,25 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from dirmusic import ElementSpread, PoseError
-from dirmusic.compiled import compiled
+from dirmusic.compiled import compile_as_called
 from missions.deep_calls import call_with_room
 from missions.field.array_model import array_model
 from missions.field.field_data import FieldData
 from missions.field.locate_field_data import locate_field_data
+from sensing.array.array_table import ArrayTable
 from sensing.array.config import ArrayConfig
 from sensing.array.helical_array import HelicalArray
-from sensing.radio.arrivals import Arrivals
+from sensing.radio.arrivals import Arrivals, arrive
 from sensing.radio.diffraction.bends import BENT_RAY, SEEN_EDGE, BentRays
 from sensing.radio.materials import Substance
 from sensing.radio.obstruction import SHADOW
 from sensing.radio.polarisation import Emitter
-from sensing.radio.ray_paths import bend_round_all
+from sensing.radio.ray_paths import RayPaths, bend_round_all
+from sensing.radio.sight import shares_left
 from sensing.radio.tables import OBSTACLE
 from sensing.radio.vectors import Vector
 from sensing.receiver.config import ReceiverConfig
@@ -43,12 +44,12 @@ from sensing.receiver.sampling.sampler import Emission, Tones
 
 
 def compile_ahead() -> None:
-    """Compile how pulses are sampled, how they bend round edges, and how they are located.
+    """Compile how pulses are sampled, how they come round edges and arrive, and how they are located.
 
     That is by one made-up pulse, by none, and by a few dozen on a way.
     """
     _sample()
-    _bend()
+    _hear()
     _locate()
 
 
@@ -91,40 +92,22 @@ def _sample() -> None:
     delay_s = np.full((1, n), 1e-8)
     arrivals = Arrivals(delay_s, np.ones((1, n, 1), dtype=np.complex128), np.ones(1), np.full(1, 1e-8))
     emission, gates = Emission(1.0, 0.0, 0, 1), Gates.room(1, n, n_samples, config.n_bands)
-    _sample_pulse(emission, arrivals, chain.sampler, tones, no_limit_v, background_v2, rng, gate_v)
-    _sample_noise(chain.sampler, tones, rng, gate_v)
-    gates.waveforms_v[0] = gate_v.T
-    _read_gate(gates.waveforms_v[0], background_v2, 0.0, chain.gate, 0, gates.pulses)
+    compile_as_called(sample_pulse, emission, arrivals, chain.sampler, tones, no_limit_v, background_v2, rng, gate_v)
+    compile_as_called(sample_noise, chain.sampler, tones, rng, gate_v)
+    compile_as_called(read_gate, gates.waveforms_v[0], background_v2, 0.0, chain.gate, 0, gates.pulses)
 
 
-def _bend() -> None:
-    """Radio is compiled by the first process from obstacles and mirrors on, and meets the edges here."""
-    nowhere, nothing = Vector(0.0, 0.0, 0.0), np.empty(0, OBSTACLE)
+def _hear() -> None:
+    """What comes last of radio: the first process begins with obstacles and mirrors, and meets the rest here."""
+    nowhere, nothing, no_path, nothing_m = Vector(0.0, 0.0, 0.0), np.empty(0, OBSTACLE), np.empty(0), np.empty((0, 3))
     rays = BentRays(np.empty(0, BENT_RAY), np.empty(4, SEEN_EDGE), np.empty(0, SHADOW), np.zeros(1))
-    _bend_round_all(Emitter(nowhere, nowhere), nowhere, nothing, Substance(1.0, 0.0, 0.0, 0.0), 0.0, rays)
-
-
-# Called by compiled functions, as a mission does: what Python calls is compiled apart.
-
-
-@compiled
-def _sample_pulse(*values: Any) -> None:  # noqa: ANN401 - as of `sample_pulse`
-    sample_pulse(*values)
-
-
-@compiled
-def _sample_noise(*values: Any) -> None:  # noqa: ANN401
-    sample_noise(*values)
-
-
-@compiled
-def _bend_round_all(*values: Any) -> None:  # noqa: ANN401
-    bend_round_all(*values)
-
-
-@compiled
-def _read_gate(*values: Any) -> None:  # noqa: ANN401
-    read_gate(*values)
+    compile_as_called(
+        bend_round_all, Emitter(nowhere, nowhere), nowhere, nothing, Substance(1.0, 0.0, 0.0, 0.0), 0.0, rays
+    )
+    none = np.empty(0, np.intp)
+    paths = RayPaths(none, nothing_m, no_path, no_path.astype(np.complex128), none, none)
+    compile_as_called(arrive, paths, 0, np.zeros((1, 4, 4)), ArrayTable.of([HelicalArray.nominal(ArrayConfig())]))
+    shares_left(nothing_m, np.zeros(3), 0.0, nothing)
 
 
 def _locate() -> None:

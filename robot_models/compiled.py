@@ -12,4 +12,4 @@ _Function = TypeVar("_Function", bound=Callable[..., object])
 
 def compiled(function: _Function) -> _Function:
     """The same function as machine code, kept on disk after its first call."""
-    return cast("_Function", numba.njit(cache=True, error_model="numpy")(function))  # pyright: ignore
+    return cast("_Function", numba.njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)(function))  # pyright: ignore

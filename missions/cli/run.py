@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -52,9 +51,6 @@ TOLD = (
 
 COMPILED = 260
 """Functions that a first mission compiles, beside those that the second process does."""
-
-OWN = 5
-"""So many functions may be compiled on any run, such as those of a user's own policy; on a first run there are more."""
 
 
 def run(
@@ -128,10 +124,7 @@ def run(
             from dirmusic.compiled import watch_compiler
             from missions.compile_ahead import second_process
             from missions.runner import Mission
-
-            load_what_writes()
         tell_notes(loaded)
-        started_s = time.perf_counter()
         with (
             second_process() as compile_ahead,
             _progress(loaded.task.time_limit_s, compile_ahead) as (follow, compiled),
@@ -156,11 +149,13 @@ def run(
                 refuse(str(error))
             except ScenarioError as error:
                 refuse(*error.faults)
+            with stopwatch.on("loading"):
+                load_what_writes()
             with stopwatch.on("the rest of the mission"):
                 log = mission.run(after_step)
             stopwatch.split("the rest of the mission", mission.stopwatch.spent_s)
             with stopwatch.on("log, report and recording"):
-                report = write_mission(log, time.perf_counter() - started_s, folder)
+                report = write_mission(log, stopwatch.total_s - stopwatch.spent_s["loading"], folder)
             if viewer:
                 viewer.leave_open()
     if json_output:
@@ -246,8 +241,9 @@ def _progress(
             )
 
         def compiled(compiling: Compiling) -> None:
-            if compiling.n_functions > OWN:
-                compile_ahead()
+            if compiling.n_kept == 0:  # of the user's own policy, say, which is compiled on any run
+                return
+            compile_ahead()
             progress.update(
                 bar,
                 completed=min(compiling.n_functions / COMPILED, 1.0),
