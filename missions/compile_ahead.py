@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dirmusic import ElementSpread, PoseError
+from dirmusic import ElementSpread, PoseError, estimate_bearings
 from dirmusic.compiled import compile_as_called
 from missions.deep_calls import call_with_room
 from missions.field.array_model import array_model
@@ -44,12 +44,13 @@ from sensing.receiver.sampling.sampler import Emission, Tones
 
 
 def compile_ahead() -> None:
-    """Compile how pulses are sampled, how they come round edges and arrive, and how they are located.
+    """Compile how bearings are found, how pulses come round edges, how they are sampled, and how they are located.
 
-    That is by one made-up pulse, by none, and by a few dozen on a way.
+    In the order in which a mission comes to them.
     """
-    _sample()
+    _find_bearings()
     _hear()
+    _sample()
     _locate()
 
 
@@ -76,6 +77,10 @@ def second_process() -> Iterator[Callable[[], None]]:
         for process in started:
             process.kill()
             process.communicate()
+
+
+def _find_bearings() -> None:
+    estimate_bearings(np.ones((1, 1, 6)), HelicalArray.nominal(ArrayConfig()).manifold())
 
 
 def _sample() -> None:
@@ -107,10 +112,10 @@ def _hear() -> None:
     none = np.empty(0, np.intp)
     paths = RayPaths(none, nothing_m, no_path, no_path.astype(np.complex128), none, none)
     compile_as_called(arrive, paths, 0, np.zeros((1, 4, 4)), ArrayTable.of([HelicalArray.nominal(ArrayConfig())]))
-    shares_left(nothing_m, np.zeros(3), 0.0, nothing)
 
 
 def _locate() -> None:
+    shares_left(np.empty((0, 3)), np.zeros(3), 0.0, np.empty(0, OBSTACLE))
     rng, n_poses, n_pulses = np.random.default_rng(0), 8, 96
     way_m, source_m = np.column_stack([np.linspace(0.0, 7.0, n_poses), np.zeros(n_poses)]), np.array([4.0, 4.0])
     step = np.repeat(np.arange(n_poses), n_pulses // n_poses)

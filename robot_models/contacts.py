@@ -34,7 +34,7 @@ def touching(touches: FloatArray) -> IntArray:
 
 @compiled
 def take_places(touches: FloatArray, row: int) -> FloatArray:
-    """Where contacts are remembered of a robot, x and y to the centimetre, shape (n, 2); they are forgotten."""
+    """Where contacts are remembered of a robot, x and y, shape (n, 2); they are forgotten."""
     _, n_sensors, n_steps, n_contacts = touches.shape[:4]
     places, n = np.empty((n_sensors * n_steps * n_contacts, 2)), 0
     for sensor in range(n_sensors):
@@ -42,7 +42,7 @@ def take_places(touches: FloatArray, row: int) -> FloatArray:
             for k in range(n_contacts):
                 contact = touches[row, sensor, step, k]
                 if contact[0] > 0.0:
-                    places[n, 0], places[n, 1] = np.round(contact[1], 2), np.round(contact[2], 2)
+                    places[n, 0], places[n, 1] = contact[1], contact[2]
                     contact[0] = 0.0
                     n += 1
     return places[:n]

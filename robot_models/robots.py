@@ -225,7 +225,7 @@ class Robots:
 
     def _take_places(self, row: int) -> set[tuple[float, float]]:
         """Where the hull of a robot has touched something, to the centimetre; it is remembered no more."""
-        return set(map(tuple, take_places(self._touches, row).tolist()))
+        return set(map(tuple, np.round(take_places(self._touches, row), 2).tolist()))
 
     def __getstate__(self) -> dict[str, Any]:
         return {

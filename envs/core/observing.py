@@ -123,7 +123,9 @@ def observe(
             observation[at.level, r] = np.log10(loudest.level_v[r] / parameters.noise_v)
         for e in range(loudest.strengths.shape[1]):
             observation[at.strengths + e, r] = loudest.strengths[r, e]
-        highest = max(spectrum[r].max(), 1.0)
+        highest = 1.0
+        for k in range(spectrum.shape[1]):
+            highest = max(highest, spectrum[r, k])
         for k in range(spectrum.shape[1]):
             observation[at.spectrum + k, r] = spectrum[r, k] / highest
         observation[at.bearing, r], observation[at.bearing + 1, r] = progress.bearing[r, 0], progress.bearing[r, 1]

@@ -49,7 +49,7 @@ TOLD = (
 )
 """Kinds of events that are news."""
 
-COMPILED = 260
+COMPILED = 125
 """Functions that a first mission compiles, beside those that the second process does."""
 
 
@@ -121,16 +121,18 @@ def run(
     viewer = _live_view() if live else None
     with output_folder(out_dir, f"{loaded.name}-{seed}") as folder:
         with stopwatch.on("loading"):
-            from dirmusic.compiled import watch_compiler
+            from dirmusic.compiled import try_compiler, watch_compiler
             from missions.compile_ahead import second_process
-            from missions.runner import Mission
-        tell_notes(loaded)
         with (
             second_process() as compile_ahead,
             _progress(loaded.task.time_limit_s, compile_ahead) as (follow, compiled),
             watch_compiler(compiled) as compiling,
             ExitStack() as while_driving,
         ):
+            with stopwatch.on("loading"):
+                try_compiler()  # what is to be compiled ahead is begun while this loads
+                from missions.runner import Mission
+            tell_notes(loaded)
             asked = None
 
             def after_step(mission: Mission) -> None:

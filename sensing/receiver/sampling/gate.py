@@ -160,7 +160,10 @@ def sample_pulse(
     start_rad = np.empty(tones.turn_rad.size)
     for c in range(start_rad.size):
         start_rad[c] = 2.0 * np.pi * rng.random()
-        most_tones_v += tones.amplitude_v[c].max()
+        loudest_v = 0.0
+        for e in range(n_elements):
+            loudest_v = max(loudest_v, tones.amplitude_v[c, e])
+        most_tones_v += loudest_v
     incoming = Incoming(emission, arrivals, tones, start_rad)
     windows = plan_windows(emission, arrivals, timing, sampler.pulse.rate_hz, rng.random())
     n_windows = windows.first.size
