@@ -51,7 +51,7 @@ def _finds_cache() -> bool:
         is_found = _can_write(elsewhere)
     except OSError:  # no place for temporary files either
         elsewhere, is_found = usual[0], False
-    told = f"they are kept in {elsewhere}" if is_found else "each command compiles them anew, for a minute or two"
+    told = f"they are kept in {elsewhere}" if is_found else "each command compiles them anew, for half a minute or so"
     warnings.warn(f"compiled functions cannot be kept in {usual[0]} or {usual[1]}: {told}", CacheWarning, stacklevel=2)
     if is_found:
         os.environ["NUMBA_CACHE_DIR"] = str(elsewhere)
