@@ -22,6 +22,7 @@ from numba.experimental import structref
 from numba.typed import List
 from numpy.typing import NDArray
 
+from dirmusic.compile_cache import KeptByContent
 from dirmusic.compiler import Callee, CompilerForOthers
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
@@ -60,7 +61,7 @@ def _finds_cache() -> bool:
 
 
 _CACHE = _finds_cache()
-_OPTIONS = {"cache": _CACHE, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+_OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
 
 class _Compiled:
@@ -70,15 +71,17 @@ class _Compiled:
     Python, no machine code before it is theirs.
     """
 
-    def __init__(self, function: Callable[..., object]) -> None:
+    def __init__(self, function: FunctionType) -> None:
         update_wrapper(self, function)
         self._name = function.__qualname__
         inner = FunctionType(function.__code__, function.__globals__, function.__name__, function.__defaults__)
         inner.__module__, inner.__qualname__ = function.__module__, f"{function.__qualname__}.inner"  # kept under this
-        self._for_python: Callable[..., object] = numba.njit(**_OPTIONS)(function)  # pyright: ignore
-        self._for_compiled: Any = numba.njit(  # pyright: ignore
-            **_OPTIONS, no_cpython_wrapper=True, pipeline_class=CompilerForOthers
-        )(inner)
+        njit = cast("Any", numba.njit)  # pyright: ignore
+        self._for_python = njit(**_OPTIONS)(function)
+        self._for_compiled = njit(**_OPTIONS, no_cpython_wrapper=True, pipeline_class=CompilerForOthers)(inner)
+        if _CACHE:
+            for dispatcher in (self._for_python, self._for_compiled):
+                dispatcher._cache = KeptByContent(dispatcher.py_func)
 
     def __call__(self, *values: object) -> object:
         return self._for_python(*values)
@@ -102,7 +105,7 @@ def compiled(function: _Function) -> _Function:
     Rows of arrays are worked on one by one and in one order: the answer for a row does not depend, to the bit, on how
     many there are. Import modules with such functions where they are used: the compiler takes a second to load.
     """
-    return cast("_Function", _Compiled(function))
+    return cast("_Function", _Compiled(cast("FunctionType", function)))
 
 
 def compile_as_called(function: Callable[..., object], *values: object) -> None:

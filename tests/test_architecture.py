@@ -26,7 +26,7 @@ ONLY_HOME = {
     "stable_baselines3": LEARNING,
     "torch": LEARNING,
     "ray": "missions/sweep/engines/ray_engine.py",
-    "numba": ("dirmusic/compiled.py", "dirmusic/compiler.py", "robot_models/compiled.py"),
+    "numba": ("dirmusic/compiled.py", "dirmusic/compiler.py", "dirmusic/compile_cache.py", "robot_models/compiled.py"),
 }
 MOST_FILES, MOST_LINES, MOST_ARGUMENTS = 14, 300, 8
 COMPILERS = {"compiled", "elementwise", "numba.njit", "numba.vectorize"}
