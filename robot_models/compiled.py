@@ -11,5 +11,8 @@ _Function = TypeVar("_Function", bound=Callable[..., object])
 
 
 def compiled(function: _Function) -> _Function:
-    """The same function as machine code, kept on disk after its first call."""
+    """The same function as machine code, kept on disk after its first call.
+
+    It is found there again while its file has not changed: use nothing in it that is defined in another one.
+    """
     return cast("_Function", numba.njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)(function))  # pyright: ignore

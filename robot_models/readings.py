@@ -9,9 +9,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_models.compiled import compiled
-from robot_models.steering import Drive
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+
+class Drive(NamedTuple):
+    """The driven wheels; a row is a wheel.
+
+    Attributes:
+        joint: Column of its angle among the joint positions, shape (n_wheels,).
+        actuator: Column of its motor among the actuators, shape (n_wheels,).
+        side: 0 on the left, 1 on the right, shape (n_wheels,).
+        side_share: One over the number of wheels on its side, shape (n_wheels,).
+        resistance_ohm: Of its motor, shape (n_wheels,); 0 where the file gives no such data.
+        constant_nmpa: Torque constant of its motor, shape (n_wheels,).
+    """
+
+    joint: IntArray
+    actuator: IntArray
+    side: IntArray
+    side_share: FloatArray
+    resistance_ohm: FloatArray
+    constant_nmpa: FloatArray
 
 
 class Physics(NamedTuple):

@@ -17,9 +17,9 @@ from robot_models.antenna.elements import AntennaElements
 from robot_models.contacts import take_places, touching
 from robot_models.description.robot_description import RobotDescription
 from robot_models.description.robot_parts import FLOATING_BASE, GYRO, HOME
-from robot_models.readings import Physics, reader
+from robot_models.readings import Drive, Physics, reader
 from robot_models.sensors import LIDAR_BEAMS, LIDAR_PERIOD_S, LIDAR_RANGE_M, contact_names, lidar_names
-from robot_models.steering import Drive, Steering, YawFeedback, command
+from robot_models.steering import Steering, YawFeedback, command
 from robot_models.world import build_spec, physics_only
 from robot_models.yard.yard import Yard
 

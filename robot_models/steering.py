@@ -13,26 +13,6 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 
-class Drive(NamedTuple):
-    """The driven wheels; a row is a wheel.
-
-    Attributes:
-        joint: Column of its angle among the joint positions, shape (n_wheels,).
-        actuator: Column of its motor among the actuators, shape (n_wheels,).
-        side: 0 on the left, 1 on the right, shape (n_wheels,).
-        side_share: One over the number of wheels on its side, shape (n_wheels,).
-        resistance_ohm: Of its motor, shape (n_wheels,); 0 where the file gives no such data.
-        constant_nmpa: Torque constant of its motor, shape (n_wheels,).
-    """
-
-    joint: IntArray
-    actuator: IntArray
-    side: IntArray
-    side_share: FloatArray
-    resistance_ohm: FloatArray
-    constant_nmpa: FloatArray
-
-
 class Steering(NamedTuple):
     """How commands become wheel speeds.
 
@@ -126,7 +106,7 @@ def command(
         rows: Which robots are commanded.
         period_s: Time since the last command.
         steering: A plain `Steering`.
-        wheels: Of each driven wheel the column of its motor and its side, as of `Drive`.
+        wheels: Of each driven wheel the column of its motor and its side, as of `readings.Drive`.
         feedback: A plain `YawFeedback`.
         control_radps: Becomes the speeds, shape (n, n_actuators).
 
