@@ -221,7 +221,7 @@ def _progress(
         TextColumn("{task.fields[clock]}"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal, refresh_per_second=4) as progress:
         bar = progress.add_task("start", total=1.0, clock="")
         told = 0
 
@@ -249,8 +249,8 @@ def _progress(
             progress.update(
                 bar,
                 completed=min(compiling.n_functions / COMPILED, 1.0),
-                description="compiles",
-                clock=f"the first run on a machine: {compiling.n_functions} of some {COMPILED} functions",
+                description="compiles, once",
+                clock=f"{compiling.n_functions:3d} of some {COMPILED} functions",
             )
 
         yield follow, compiled
