@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from dirmusic.array.spatial_pattern import frequency_weights
 from sensing.nature.pulse_shape import DECAY_S, FREQUENCY_HZ, damped_pulse
+from sensing.receiver.band_pass import butterworth_sections, response, run, state_space
 
 FloatArray = NDArray[np.float64]
 
@@ -90,9 +91,7 @@ class FrontEnd:
         """Run forward in time along the last axis, starting from rest; same shape."""
         if self._sections is None:
             return samples
-        from scipy.signal import sosfilt  # here, so that a command line help need not wait for it
-
-        return np.asarray(sosfilt(self._sections, samples, axis=-1), dtype=np.float64)
+        return run(self._sections, samples)
 
     def noise_filter(self, std_v: float) -> NoiseFilter:
         """The filter with white noise of a standard deviation before it."""
@@ -104,14 +103,9 @@ class FrontEnd:
         """As of `NoiseFilter`: a square root of the covariance of the state in white noise."""
         if self._sections is None:
             return np.empty((0, 0))
-        from scipy.linalg import solve_discrete_lyapunov
-        from scipy.signal import sosfilt
+        from scipy.linalg import solve_discrete_lyapunov  # here, so that a command line help need not wait for it
 
-        n = 2 * len(self._sections)
-        unit = np.eye(n).reshape(n, -1, 2).transpose(1, 0, 2)  # as states of n filters side by side
-        _, stepped = sosfilt(self._sections, np.zeros((n, 1)), zi=unit)
-        _, driven = sosfilt(self._sections, np.ones((1, 1)), zi=np.zeros((len(unit), 1, 2)))
-        transition, drive = (x.transpose(1, 0, 2).reshape(-1, n).T for x in (stepped, driven))
+        transition, drive = state_space(self._sections)
         covariance = np.asarray(solve_discrete_lyapunov(transition, drive @ drive.T), dtype=np.float64)
         values, vectors = np.linalg.eigh(covariance)
         return np.ascontiguousarray(vectors * np.sqrt(np.maximum(values, 0.0)))
@@ -120,19 +114,13 @@ class FrontEnd:
         """Gain for a steady tone."""
         if self._sections is None:
             return 1.0
-        from scipy.signal import sosfreqz
-
-        _, response = sosfreqz(self._sections, worN=[frequency_hz], fs=self.sample_rate_hz)
-        return float(np.abs(np.asarray(response, dtype=np.complex128)[0]))
+        return abs(response(self._sections, 2.0 * np.pi * frequency_hz / self.sample_rate_hz))
 
     @cached_property
     def _sections(self) -> FloatArray | None:
         if self.band_hz is None:
             return None
-        from scipy.signal import butter
-
-        sections = butter(FILTER_ORDER, self.band_hz, btype="bandpass", fs=self.sample_rate_hz, output="sos")
-        return np.asarray(sections, dtype=np.float64)
+        return butterworth_sections(FILTER_ORDER, self.band_hz, self.sample_rate_hz)
 
     @cached_property
     def _impulse_response(self) -> FloatArray:
