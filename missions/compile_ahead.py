@@ -13,27 +13,26 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import numpy as np
 
-from dirmusic import ElementSpread, PoseError, estimate_bearings
+from dirmusic import ArrayModel, ElementSpread, Locator, PoseError, PulseBatch, estimate_bearings
+from dirmusic.bearing.channel_health import ChannelMonitor
 from dirmusic.compiled import compile_as_called
+from dirmusic.locating.rules import LocatingRules
 from missions.deep_calls import call_with_room
-from missions.field.array_model import array_model
-from missions.field.field_data import FieldData
-from missions.field.locate_field_data import locate_field_data
 from sensing.array.array_table import ArrayTable
 from sensing.array.config import ArrayConfig
 from sensing.array.helical_array import HelicalArray
 from sensing.radio.arrivals import Arrivals, arrive
 from sensing.radio.diffraction.bends import BENT_RAY, SEEN_EDGE, BentRays
 from sensing.radio.materials import Substance
+from sensing.radio.mirrors import Standing, reflect_flat, reflect_round
 from sensing.radio.obstruction import SHADOW
 from sensing.radio.polarisation import Emitter
 from sensing.radio.ray_paths import RayPaths, bend_round_all
 from sensing.radio.sight import shares_left
-from sensing.radio.tables import OBSTACLE
+from sensing.radio.tables import FACE, OBSTACLE
 from sensing.radio.vectors import Vector
 from sensing.receiver.config import ReceiverConfig
 from sensing.receiver.detection import Gates
@@ -103,38 +102,36 @@ def _sample() -> None:
 
 
 def _hear() -> None:
-    """What comes last of radio: the first process begins with obstacles and mirrors, and meets the rest here."""
-    nowhere, nothing, no_path, nothing_m = Vector(0.0, 0.0, 0.0), np.empty(0, OBSTACLE), np.empty(0), np.empty((0, 3))
-    rays = BentRays(np.empty(0, BENT_RAY), np.empty(4, SEEN_EDGE), np.empty(0, SHADOW), np.zeros(1))
-    compile_as_called(
-        bend_round_all, Emitter(nowhere, nowhere), nowhere, nothing, Substance(1.0, 0.0, 0.0, 0.0), 0.0, rays
-    )
-    none = np.empty(0, np.intp)
-    paths = RayPaths(none, nothing_m, no_path, no_path.astype(np.complex128), none, none)
+    """The first process begins with what lies straight ahead, and meets mirrors and edges here."""
+    nowhere, nothing, ground = Vector(0.0, 0.0, 0.0), np.empty(0, OBSTACLE), Substance(1.0, 0.0, 0.0, 0.0)
+    emitter, shadows = Emitter(nowhere, nowhere), np.empty(0, SHADOW)
+    rays = BentRays(np.empty(0, BENT_RAY), np.empty(4, SEEN_EDGE), shadows, np.zeros(1))
+    compile_as_called(bend_round_all, emitter, nowhere, nothing, ground, 0.0, rays)
+    none, no_path = np.empty(0, np.intp), np.empty(0)
+    paths = RayPaths(none, np.empty((0, 3)), no_path, no_path.astype(np.complex128), none, none)
     compile_as_called(arrive, paths, 0, np.zeros((1, 4, 4)), ArrayTable.of([HelicalArray.nominal(ArrayConfig())]))
+    by = Standing(nothing, shadows, 0, 0.0)
+    compile_as_called(reflect_flat, emitter, nowhere, np.zeros(1, FACE)[0], nowhere, ground, False, by)
+    compile_as_called(reflect_round, emitter, nowhere, by)
 
 
 def _locate() -> None:
     shares_left(np.empty((0, 3)), np.zeros(3), 0.0, np.empty(0, OBSTACLE))
-    rng, n_poses, n_pulses = np.random.default_rng(0), 8, 96
-    way_m, source_m = np.column_stack([np.linspace(0.0, 7.0, n_poses), np.zeros(n_poses)]), np.array([4.0, 4.0])
-    step = np.repeat(np.arange(n_poses), n_pulses // n_poses)
-    data = FieldData(
-        path=Path("made-up"),
-        time_s=np.arange(n_poses, dtype=np.float64),
-        pose=np.column_stack([way_m, np.zeros(n_poses)]),
-        step=step,
-        strengths_v=np.ones((n_pulses, 6)),
-        variance_v2=np.full((n_pulses, 6), 1e-4),
-        mains_phase_rad=np.full(n_pulses, np.nan),
-        channels=np.arange(6),
-        n_recorded=6,
+    known, rng = HelicalArray.nominal(ArrayConfig()), np.random.default_rng(0)
+    array = ArrayModel(
+        manifold=known.manifold(), positions_m=known.positions_m, spread=ElementSpread(gain=0.05, pointing_rad=0.03)
     )
-    array = array_model(data, ElementSpread(gain=0.05, offset=0.0, pointing_rad=0.03), None, None, 0.2, 0.6)
-    along_m = source_m - way_m[step]
-    data.strengths_v[:] = array.manifold.gain(np.arctan2(along_m[:, 1], along_m[:, 0])).T
-    data.strengths_v[:] += 1e-2 * rng.standard_normal(data.strengths_v.shape)
-    locate_field_data(data, array, PoseError(position_m=0.05, heading_rad=0.01, correlation_s=5.0))
+    rules = LocatingRules(birth_s=np.inf, birth_pulses=4, birth_by_crossing=True, refit_s=np.inf)
+    locator = Locator(array, PoseError(position_m=0.05, heading_rad=0.01, correlation_s=5.0), rules=rules)
+    monitor = ChannelMonitor(array)
+    for step in range(8):
+        pose = np.array([step, 0.0, 0.0])
+        strengths_v = array.manifold.gain(np.full(12, np.arctan2(4.0, 4.0 - step))).T
+        strengths_v += 1e-2 * rng.standard_normal(strengths_v.shape)
+        detected = PulseBatch.detected(np.full(12, float(step)), strengths_v, np.full(strengths_v.shape, 1e-4))
+        pulses, _ = monitor.watch(detected)
+        locator.update(float(step), pose, pulses)
+    locator.refit(7.0)
 
 
 def _end_with_parent() -> None:
