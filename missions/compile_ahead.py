@@ -8,11 +8,8 @@ from __future__ import annotations
 
 import gc
 import os
-import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 
 import numpy as np
 
@@ -51,31 +48,6 @@ def compile_ahead() -> None:
     _hear()
     _sample()
     _locate()
-
-
-@contextmanager
-def second_process() -> Iterator[Callable[[], None]]:
-    """What comes back starts the second process, once; it ends with the block, or with this process."""
-    started: list[subprocess.Popen[bytes]] = []
-
-    def start() -> None:
-        if not started:
-            started.append(
-                subprocess.Popen(
-                    [sys.executable, "-P", "-m", "missions.compile_ahead"],  # not what lies in the folder
-                    stdin=subprocess.PIPE,
-                    stdout=subprocess.DEVNULL,
-                    stderr=subprocess.DEVNULL,
-                    start_new_session=True,
-                )
-            )
-
-    try:
-        yield start
-    finally:
-        for process in started:
-            process.kill()
-            process.communicate()
 
 
 def _find_bearings() -> None:

@@ -93,6 +93,10 @@ def run(
         json_output: Print the report as JSON instead of a table.
         timing: Say in a line where the time went.
     """
+    from missions.second_process import SecondProcess
+
+    second = SecondProcess()
+
     from dirmusic import InputFileError
     from envs.foreign_code import ForeignCodeError
     from envs.scenario import ScenarioError, load_scenario
@@ -122,10 +126,9 @@ def run(
     with output_folder(out_dir, f"{loaded.name}-{seed}") as folder:
         with stopwatch.on("loading"):
             from dirmusic.compiled import try_compiler, watch_compiler
-            from missions.compile_ahead import second_process
         with (
-            second_process() as compile_ahead,
-            _progress(loaded.task.time_limit_s, compile_ahead) as (follow, compiled),
+            second,
+            _progress(loaded.task.time_limit_s, second.start) as (follow, compiled),
             watch_compiler(compiled) as compiling,
             ExitStack() as while_driving,
         ):

@@ -9,8 +9,8 @@ from pathlib import Path
 from tempfile import gettempdir
 
 from envs import load_scenario
-from missions.compile_ahead import second_process
 from missions.runner import run_mission
+from missions.second_process import SecondProcess
 from missions.sweep.code_version import digest_of_code
 from missions.sweep.plan import digest
 
@@ -30,8 +30,8 @@ def compile_once() -> None:
         fcntl.flock(mark, fcntl.LOCK_EX)
         if is_compiled():
             return
-        with second_process() as compile_ahead:
-            compile_ahead()
+        with SecondProcess() as second:
+            second.start()
             run_mission(load_scenario("two_sources", MEETS_ALL))
         mark.write("compiled\n")
 
