@@ -34,15 +34,14 @@ class KeptByContent(FunctionCache):  # pyright: ignore[reportUntypedBaseClass]
 @cache
 def content(function: FunctionType) -> tuple[str, ...]:
     """What a compiled function is made of: its code, that of all it calls, and the constants that they name."""
-    seen: dict[str, str] = {}
+    digests: dict[FunctionType, str] = {}
     waiting = [function]
     while waiting:
         at = waiting.pop()
-        name = f"{at.__module__}.{at.__qualname__}"
-        if name not in seen:
-            seen[name], callees = _own(at)
+        if at not in digests:
+            digests[at], callees = _own(at)
             waiting += callees
-    return tuple(f"{name} {digest}" for name, digest in sorted(seen.items()))
+    return tuple(sorted(f"{at.__module__}.{at.__qualname__} {digest}" for at, digest in digests.items()))
 
 
 @cache
