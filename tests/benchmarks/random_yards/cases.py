@@ -1,4 +1,4 @@
-"""Missions in yards not seen before: on planned routes, with several sources, on routes that never see the source."""
+"""Missions in yards not seen before: on planned routes, with several sources, with sources hard to see or never seen."""
 
 from __future__ import annotations
 
@@ -28,6 +28,10 @@ APART_M = 2.0
 
 NEAR_M = 10.0
 """The route comes at least so near to the source that it never sees."""
+
+NARROW_SHARE = 0.2
+NARROW_M = 8.0
+"""A source is seen narrowly if it is in sight from less than this share of the reachable ground that is so near."""
 
 HEARD_PULSES = 30
 """A source is heard on a route if so many pulses are."""
@@ -85,6 +89,21 @@ def several(seed: int) -> Scenario:
         source.model_copy(update={"name": f"discharge_{number + 1}"}) for number, source in enumerate(sources)
     )
     return _with_time(scenario.model_copy(update={"sources": named}))
+
+
+def narrow(seed: int) -> Scenario | None:
+    """A yard of 5 to 12 pieces, a planned route, and a source that is seen narrowly; None if none was drawn."""
+    scenario, rng = random_yard(seed, 5 + seed % 8, has_planned_route=True), np.random.default_rng([seed, 8])
+    site_map = SiteMap(scenario)
+    is_reachable = np.isfinite(site_map.reach(scenario.route.dock_m).length_m)
+    for _ in range(30):
+        source = random_source(scenario.yard, rng)
+        source_m = _place(scenario.yard, source)
+        is_near = np.linalg.norm(site_map.centres_m - source_m[:2], axis=-1) < NARROW_M
+        is_in_sight = site_map.in_sight(site_map.centres_m[is_near & is_reachable], source_m, 0.3)
+        if is_in_sight.any() and is_in_sight.mean() < NARROW_SHARE:
+            return _with_time(scenario.model_copy(update={"sources": (source,)}))
+    return None
 
 
 def hidden(seed: int) -> Scenario | None:

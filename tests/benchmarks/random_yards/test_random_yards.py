@@ -18,6 +18,7 @@ from tests.benchmarks.random_yards.cases import (
     HEARD_PULSES,
     Outcome,
     hidden,
+    narrow,
     planned,
     run_case,
     several,
@@ -88,6 +89,14 @@ def test_one_to_three_sources_of_a_cluttered_yard_are_all_found(n_cases: int) ->
     print(f"\nOSPA {np.median([outcome.ospa_m for outcome in done]):.3f} m (median)")
     assert share("all found", sum(outcome.is_all_found for outcome in done), n_cases).high >= 0.90
     assert np.median([outcome.ospa_m for outcome in done]) <= (0.10 if n_cases > 3 else 0.15)
+
+
+@few_or_many(100)
+def test_a_source_that_little_of_the_ground_sees_is_found(n_cases: int) -> None:
+    drawn = ((seed, narrow(seed)) for seed in count(FIRST))
+    done = outcomes(islice(((scenario, "seek", seed) for seed, scenario in drawn if scenario is not None), n_cases))
+    print(f"\n{sum(outcome.false_findings > 0 for outcome in done)} with a false finding")
+    assert share("found", sum(outcome.is_all_found for outcome in done), n_cases).high >= 0.95
 
 
 @few_or_many(100)
