@@ -108,6 +108,19 @@ def manifold_error(manifold: GainManifold, azimuth_rad: ArrayLike, errors: Eleme
     return (_turn_by_gain(gain, slope) * (e * gain - d * slope + o)).sum(axis=0)
 
 
+def rms_bearing_error(manifold: GainManifold, covariance: FloatArray) -> float:
+    """Bearing error that errors of the elements make, root mean square over azimuths, radians, to first order.
+
+    Args:
+        manifold: The array that is taken for the real one.
+        covariance: Of what it is off by, shape (3 n_elements, 3 n_elements), as of `EstimatedErrors`.
+    """
+    gain, slope = manifold.search_gain, manifold.search_slope
+    turn = _turn_by_gain(gain, slope)
+    by_error = np.concatenate([turn * gain, -turn * slope, turn])
+    return float(np.sqrt(np.einsum("ij,ik,kj->j", by_error, covariance, by_error).mean()))
+
+
 def _turn_by_gain(gain: FloatArray, slope: FloatArray) -> FloatArray:
     r"""Bearing error per addition to the gain of each element, :math:`g'_{\perp i} / \lVert g'_\perp \rVert^2`."""
     perpendicular = perpendicular_slope(gain, slope)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dirmusic.angles import wrap
+from dirmusic.array.bounds import rms_bearing_error
 from dirmusic.array.element_errors import ElementErrors, ElementSpread
 from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, GainManifold
 
@@ -138,7 +139,7 @@ def calibrate(
     return Calibration(
         manifold=corrected,
         errors=errors,
-        remaining_rad=_remaining(corrected, covariance[turns.size + 1 :, turns.size + 1 :]),
+        remaining_rad=rms_bearing_error(corrected, covariance[turns.size + 1 :, turns.size + 1 :]),
         azimuth_rad=float(wrap(solution.x[0])),
         std_rad=float(np.sqrt(covariance[0, 0])),
     )
@@ -165,12 +166,3 @@ def _coarse_azimuth(pooled: FloatArray, heading: FloatArray, manifold: GainManif
 def _across(data: FloatArray, model: FloatArray) -> FloatArray:
     """The data (..., n_elements) without their part along the model."""
     return data - model * ((data * model).sum(axis=-1, keepdims=True) / np.square(model).sum(axis=-1, keepdims=True))
-
-
-def _remaining(manifold: GainManifold, covariance: FloatArray) -> float:
-    """Root mean square over azimuths of the bearing deviation that errors of this covariance (3 n, 3 n) still make."""
-    gain, slope = manifold.search_gain, manifold.search_slope
-    across = slope - gain * ((gain * slope).sum(axis=0) / np.square(gain).sum(axis=0))
-    turn = across / np.square(across).sum(axis=0)
-    by_error = np.concatenate([turn * gain, -turn * slope, turn])
-    return float(np.sqrt(np.einsum("ij,ik,kj->j", by_error, covariance, by_error).mean()))

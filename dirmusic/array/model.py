@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dirmusic.array.bounds import manifold_error_std, rms_bearing_error
 from dirmusic.array.element_errors import ElementSpread
 from dirmusic.array.estimated_errors import EstimatedErrors
-from dirmusic.array.manifold import GainManifold
+from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, GainManifold
 
 FloatArray = NDArray[np.float64]
 
@@ -38,6 +39,14 @@ class ArrayModel:
     def height_m(self) -> float:
         """Mean height of the elements above the ground."""
         return float(self.positions_m[:, 2].mean())
+
+    @property
+    def bearing_std_rad(self) -> float:
+        """Bearing error by what is not known of the array, root mean square over azimuths; averaging lessens it not."""
+        manifold = self.manifold
+        errors = self.errors or EstimatedErrors.of_spread(self.spread, manifold.n_elements)
+        by_pattern = manifold_error_std(manifold, SEARCH_AZIMUTHS_RAD, ElementSpread(pattern=self.spread.pattern))
+        return float(np.hypot(rms_bearing_error(manifold, errors.covariance), np.sqrt(np.square(by_pattern).mean())))
 
     def take(self, elements: Sequence[int] | NDArray[np.intp] | NDArray[np.bool_]) -> ArrayModel:
         """The same array with some of its elements alone, by index or mask."""

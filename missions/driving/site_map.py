@@ -15,6 +15,7 @@ from scipy.spatial import KDTree
 
 from dirmusic.locating.rules import AssignmentRules
 from envs import Scenario
+from envs.known_array import known_array
 from envs.yard_surroundings import surroundings_of
 from robot_models.yard.yard import Yard
 from sensing.radio.sight import Sight
@@ -106,6 +107,8 @@ class SiteMap:
         obstacles_m: Points of what stands in the way though the plan does not show it, shape (n, 2), world frame.
         centres_m: Cell centres, shape (n_cells, 2).
         antenna_height_m: Of the array above the ground.
+        bearing_std_rad: How far off bearings may be, by what is not known of array and heading.
+        position_std_m: How far off the robot's place may be, along x and y.
         knows_pattern_above: Whether the robot takes the pattern of its antennas to hold off the plane as well.
         sight: What the equipment that is shown leaves of waves on straight paths.
     """
@@ -116,6 +119,9 @@ class SiteMap:
         self.route = scenario.route
         self.task = scenario.task
         self.antenna_height_m = scenario.array.height_m
+        pose_error = scenario.pose_sensor.pose_error
+        self.bearing_std_rad = float(np.hypot(known_array(scenario).bearing_std_rad, pose_error.heading_rad))
+        self.position_std_m = pose_error.position_m
         self.knows_pattern_above = scenario.array.pattern_error == 0.0
         self.sight = Sight(surroundings_of(self.yard))
         self.obstacles_m: FloatArray = np.empty((0, 2))

@@ -15,11 +15,8 @@ from missions.policies.viewpoints import LEAST_WAY_M, likely_place
 
 FloatArray = NDArray[np.float64]
 
-BEARING_STD_RAD = np.radians(1.5)
-"""Of the views along a metre of way, with what is not known of array and pose (assumed)."""
-
-POSITION_STD_M = 0.05
-"""Of the robot's place (assumed)."""
+LEAST_BEARING_STD_RAD = np.radians(0.3)
+"""Of the views along a metre of way (assumed): what reflections leave where array and pose are known exactly."""
 
 LEAST_SINE = 0.05
 """Of an elevation (assumed): in the plane of the array strengths tell nothing of it, and more the higher it is."""
@@ -97,13 +94,13 @@ def driving_time(paths: ShortestPaths, pose: FloatArray, site_map: SiteMap) -> F
 def expected_information(places_m: FloatArray, target_m: FloatArray, site_map: SiteMap) -> FloatArray:
     """Information on a candidate's position that a metre of way about each place gives, shape (n, 3, 3), per m^2.
 
-    Bearings tell its place across, and strengths its elevation, the better the higher it is. Nothing comes from where
-    the map hides it.
+    Bearings tell its place across, and strengths its elevation, the better the higher it is, as well as array and pose
+    are known. Nothing comes from where the map hides it.
 
     Args:
         places_m: On the ground, shape (n, 2), world frame.
         target_m: Where it is taken to be, shape (3,).
-        site_map: What hides it, and how high the array is.
+        site_map: What hides it, how high the array is, and how well array and pose are known.
     """
     sight_m = target_m[:2] - places_m
     plan_m = np.maximum(np.linalg.norm(sight_m, axis=-1), NEAREST_M)
@@ -113,9 +110,10 @@ def expected_information(places_m: FloatArray, target_m: FloatArray, site_map: S
     across = np.column_stack([-ahead[:, 1], ahead[:, 0], np.zeros(len(places_m))])
     sine, cosine = rise_m / range_m, plan_m / range_m
     upward = np.column_stack([-sine[:, np.newaxis] * ahead, cosine])
-    elevation_std_rad = BEARING_STD_RAD / np.maximum(np.abs(sine), LEAST_SINE)
-    by_bearing = 1.0 / (np.square(BEARING_STD_RAD * plan_m) + POSITION_STD_M**2)
-    by_strength = 1.0 / (np.square(elevation_std_rad * range_m) + POSITION_STD_M**2)
+    bearing_std_rad, position_m2 = max(site_map.bearing_std_rad, LEAST_BEARING_STD_RAD), site_map.position_std_m**2
+    elevation_std_rad = bearing_std_rad / np.maximum(np.abs(sine), LEAST_SINE)
+    by_bearing = 1.0 / (np.square(bearing_std_rad * plan_m) + position_m2)
+    by_strength = 1.0 / (np.square(elevation_std_rad * range_m) + position_m2)
     counts = plan_m < FARTHEST_M
     counts[counts] = site_map.in_sight(places_m[counts], target_m, WITHIN_M)
     information = np.einsum("n,ni,nj->nij", by_bearing * counts, across, across)

@@ -1,9 +1,12 @@
 """Every estimator against the Cramer-Rao bound, and its own deviation against its own errors."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from dirmusic import (
+    ArrayModel,
     ElementErrors,
     ElementSpread,
     GainManifold,
@@ -20,6 +23,8 @@ from dirmusic import (
     strength_variance,
 )
 from dirmusic.angles import difference
+from dirmusic.array.estimated_errors import EstimatedErrors
+from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD
 from missions.reproduction.protocol import (
     SAMPLE_RATE_HZ,
     draw_covariances,
@@ -178,6 +183,15 @@ def test_a_prior_on_gains_and_pointings_weighs_the_elements_and_beats_plain_maxi
     bearings = estimate_bearings(strengths[:, np.newaxis], RING, prior=spread)
     assert normalised_error_variance(bearings, azimuth) == pytest.approx(1.0, abs=0.2)
     assert rms(difference(bearings.azimuth_rad, azimuth)) < 0.85 * rms(difference(plain.azimuth_rad, azimuth))
+
+
+def test_what_is_not_known_of_an_array_is_that_of_its_spread_and_less_once_errors_are_known() -> None:
+    spread = ElementSpread(gain=0.05, pointing_rad=0.03, offset=0.02, pattern=0.01)
+    array = ArrayModel(manifold=RING, positions_m=np.zeros((6, 3)), spread=spread)
+    assert array.bearing_std_rad == pytest.approx(rms(manifold_error_std(RING, SEARCH_AZIMUTHS_RAD, spread)))
+    known = replace(array, errors=EstimatedErrors.of_spread(ElementSpread(gain=0.01, pointing_rad=0.006), 6))
+    of_pattern = rms(manifold_error_std(RING, SEARCH_AZIMUTHS_RAD, ElementSpread(pattern=0.01)))
+    assert of_pattern < known.bearing_std_rad < 0.5 * array.bearing_std_rad
 
 
 def test_pooling_pulses_averages_noise_but_not_the_manifold_error() -> None:

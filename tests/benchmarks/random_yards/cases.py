@@ -1,4 +1,4 @@
-"""Missions in yards not seen before: on planned routes, with several sources, with sources hard to see or never seen."""
+"""Missions in yards not seen before: planned routes, several sources, sources that are hard to see or never seen."""
 
 from __future__ import annotations
 

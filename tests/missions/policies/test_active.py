@@ -62,6 +62,29 @@ def test_a_view_tells_the_place_across_and_more_of_it_from_near() -> None:
     assert not beyond.any()
 
 
+@pytest.mark.parametrize(
+    ("worse", "at_most"),
+    [
+        ({"array.gain_error": 0.15, "array.pointing_error_deg": 6.0}, 0.13),
+        ({"pose_sensor.heading_std_deg": 5.0}, 0.25),
+        ({"pose_sensor.position_std_m": 0.5}, 0.15),
+    ],
+    ids=["array", "heading", "place"],
+)
+def test_a_view_tells_less_where_array_or_pose_are_known_less(worse: dict[str, float], at_most: float) -> None:
+    place_m, target_m = np.array([[12.0, 5.0]]), np.array([16.0, 5.0, 0.9])
+    known = expected_information(place_m, target_m, SITE_MAP)[0, 1, 1]
+    less = expected_information(place_m, target_m, SiteMap(load_scenario("quiet_yard", worse)))[0, 1, 1]
+    assert 0.0 < less < at_most * known
+
+
+def test_where_all_is_known_exactly_a_view_still_does_not_tell_all() -> None:
+    exact = {"array.gain_error": 0.0, "array.pointing_error_deg": 0.0, "pose_sensor.heading_std_deg": 0.0}
+    site_map = SiteMap(load_scenario("quiet_yard", {**exact, "pose_sensor.position_std_m": 0.0}))
+    across = expected_information(np.array([[12.0, 5.0]]), np.array([16.0, 5.0, 0.9]), site_map)[0, 1, 1]
+    assert across == pytest.approx((4.0 * np.radians(0.3)) ** -2)
+
+
 def test_a_turn_takes_time_and_a_longer_way_more() -> None:
     paths = SITE_MAP.reach(POSE)
     ahead, behind = SITE_MAP.cell((8.0, 5.0)), SITE_MAP.cell((1.0, 5.0))
