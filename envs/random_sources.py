@@ -34,7 +34,8 @@ LEAST_HEIGHT_M = 0.2
 SEEN_FROM_M = (2.0, 8.0)
 LOOK_EVERY_M = 0.5
 """Ground from which such a source is to be in sight under the aperture of a plan, and how closely one looks: as
-in the suite, each source can be found."""
+in the suite, each source can be seen. Opposite sides count as an aperture, though lines of sight through a gap do not
+cross: a few sources can be seen and hardly be located."""
 
 TRIES = 200
 """Places that are tried before the source is on a site after all (assumed)."""
