@@ -126,6 +126,8 @@ def test_what_a_policy_sees_holds_no_truth(monkeypatch: pytest.MonkeyPatch) -> N
             "route",
             "task",
             "robot",
+            "bearing_std_rad",  # of the data sheet or a calibration, and of the pose sensor
+            "position_std_m",
             "antenna_height_m",
             "knows_pattern_above",
             "sight",
