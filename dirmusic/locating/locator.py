@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -33,6 +33,11 @@ as good as the others, that is a twentieth of a deviation."""
 FRESH_RAD = np.radians(10.0)
 """Findings are fitted anew once one is seen from an arc that is wider, or narrower, by this (assumed): a few pulses
 from another side tell more than many from where others came."""
+
+
+TEACHING = ("candidate", "confirmed")
+"""States of findings by which the array's errors are learned. What lies outside the fence may move and have any
+polarisation, and what is a ghost came from no one place: they would teach errors that are none."""
 
 
 class _Support(NamedTuple):
@@ -205,7 +210,7 @@ class Locator:
         }
         if not chosen or self.rules.fix != "joint":
             return None
-        return Learned(self._locate(chosen).errors, sum(rows.size for rows in chosen.values()))
+        return Learned(self._locate(chosen, self.array).errors, sum(rows.size for rows in chosen.values()))
 
     def _without_unsupported(self) -> Assignment:
         """Drop findings with too few pulses to make one, and assign all pulses to the others."""
@@ -238,7 +243,10 @@ class Locator:
         return self._assigner.assign(self.findings, self._errors)._replace(owner=owner)
 
     def _fit(self, assignment: Assignment) -> list[Finding]:
-        """Findings at the positions that their pulses give: fitted together, or by crossing where none is in sight."""
+        """Findings at the positions that their pulses give, or by crossing where none is in sight.
+
+        What may discharge is fitted together with the errors of the array, the others with what was learned of these.
+        """
         moved, chosen = list(self.findings), dict[int, Rows]()
         for k, finding in enumerate(self.findings):
             own = np.flatnonzero(assignment.owner == k)
@@ -249,20 +257,34 @@ class Locator:
                 position, covariance = self._record.crossing(evenly(own, self.rules.max_pulses), self._errors)
                 if np.isfinite(covariance).all():
                     moved[k] = replace(finding, position_m=position, covariance_m2=covariance)
-        if not chosen:
-            return moved
-        fix = self._locate(chosen)
-        if self.array.errors is not None and fix.errors.contradicts(self.array.errors):
-            self.array = replace(self.array, errors=None)
-            fix = self._locate(chosen)
-        self._errors = fix.errors.mean
-        for k, position, covariance in zip(chosen, fix.positions_m, fix.covariances_m2, strict=True):
-            has_jumped = np.linalg.norm((position - moved[k].position_m)[:2]) > self.rules.merge_m
-            state = "candidate" if has_jumped else moved[k].state
-            moved[k] = replace(moved[k], position_m=position, covariance_m2=covariance, state=state)
+        teaching = {k: rows for k, rows in chosen.items() if moved[k].state in TEACHING}
+        array = self.array
+        if teaching:
+            fix = self._learn(teaching)
+            self._move(moved, teaching, fix)
+            array = replace(self.array, errors=fix.errors)
+        others = {k: rows for k, rows in chosen.items() if k not in teaching}
+        if others:
+            self._move(moved, others, self._locate(others, array))
         return moved
 
-    def _locate(self, chosen: dict[int, Rows]) -> JointFix:
+    def _learn(self, teaching: dict[int, Rows]) -> JointFix:
+        """Fit findings together with the errors of the array, and keep these."""
+        fix = self._locate(teaching, self.array)
+        if self.array.errors is not None and fix.errors.contradicts(self.array.errors):
+            self.array = replace(self.array, errors=None)
+            fix = self._locate(teaching, self.array)
+        self._errors = fix.errors.mean
+        return fix
+
+    def _move(self, findings: list[Finding], fitted: Iterable[int], fix: JointFix) -> None:
+        """Put those of the findings that were fitted where the fix has them."""
+        for k, position, covariance in zip(fitted, fix.positions_m, fix.covariances_m2, strict=True):
+            has_jumped = np.linalg.norm((position - findings[k].position_m)[:2]) > self.rules.merge_m
+            state = "candidate" if has_jumped else findings[k].state
+            findings[k] = replace(findings[k], position_m=position, covariance_m2=covariance, state=state)
+
+    def _locate(self, chosen: dict[int, Rows], array: ArrayModel) -> JointFix:
         """Fit some of the findings, each by the chosen rows of its pulses, as the rules say."""
         locate = locate_jointly if self.rules.fix == "joint" else locate_by_bearings
         pulses, poses = zip(*(self._record.pooled(own, self.rules.max_pulses) for own in chosen.values()), strict=True)
@@ -271,7 +293,7 @@ class Locator:
             np.concatenate(poses),
             np.repeat(np.arange(len(chosen)), [len(pose) for pose in poses]),
             np.array([self._start(self.findings[k], own) for k, own in chosen.items()]),
-            self.array,
+            array,
             self.pose_error,
         )
 
