@@ -21,45 +21,15 @@ from dirmusic.locating.finding import Finding
 from dirmusic.locating.fitting.bearing_fix import locate_by_bearings
 from dirmusic.locating.fitting.joint_fix import JointFix, PoseError, locate_jointly
 from dirmusic.locating.rules import LocatingRules
+from dirmusic.locating.support import Support, are_worth_a_fit
 from dirmusic.pulses.batch import PulseBatch
 
 FloatArray = NDArray[np.float64]
 
 
-FRESH_SHARE = 0.1
-"""Findings are fitted anew once the pulses of one have become more, or fewer, by this share (assumed): where these are
-as good as the others, that is a twentieth of a deviation."""
-
-FRESH_RAD = np.radians(10.0)
-"""Findings are fitted anew once one is seen from an arc that is wider, or narrower, by this (assumed): a few pulses
-from another side tell more than many from where others came."""
-
-
 TEACHING = ("candidate", "confirmed")
 """States of findings by which the array's errors are learned. What lies outside the fence may move and have any
 polarisation, and what is a ghost came from no one place: they would teach errors that are none."""
-
-
-class _Support(NamedTuple):
-    """What a fit of a finding rests on.
-
-    Attributes:
-        n_pulses: Of its own.
-        n_in_sight: Those that came in sight of it.
-        aperture_rad: Over which its lines of sight spread.
-    """
-
-    n_pulses: int
-    n_in_sight: int
-    aperture_rad: float
-
-    def is_new_beside(self, fitted: _Support) -> bool:
-        """Whether a fit would rest on something else than this one."""
-        return (
-            abs(self.n_pulses - fitted.n_pulses) > FRESH_SHARE * fitted.n_pulses
-            or abs(self.n_in_sight - fitted.n_in_sight) > FRESH_SHARE * fitted.n_in_sight
-            or abs(self.aperture_rad - fitted.aperture_rad) > FRESH_RAD
-        )
 
 
 class Learned(NamedTuple):
@@ -114,7 +84,7 @@ class Locator:
         self._errors = array.errors.mean if array.errors else ElementErrors.none(array.manifold.n_elements)
         self._record = PulseRecord(array, pose_error, sight, self.rules.assignment)
         self._not_recorded: list[Detections] = []
-        self._fitted: dict[int, _Support] = {}
+        self._fitted: dict[int, Support] = {}
         self._assigner = Assigner(self._record, self.rules.assignment)
 
     def update(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> tuple[Finding, ...]:
@@ -150,13 +120,13 @@ class Locator:
     def _renew(self, time_s: float, *, always: bool) -> tuple[Finding, ...]:
         """Assign all pulses so far, and fit them where that is asked for or worth it; all findings."""
         assignment = self._with_birth(self._without_unsupported(), time_s)
-        supports: dict[int, _Support] = {}
+        supports: dict[int, Support] = {}
         for k, finding in enumerate(self.findings):
             own = assignment.owner == k
             n_in_sight = int(np.count_nonzero(own & assignment.in_sight))
-            supports[finding.id] = _Support(int(np.count_nonzero(own)), n_in_sight, finding.aperture_rad)
+            supports[finding.id] = Support(int(np.count_nonzero(own)), n_in_sight, finding.aperture_rad)
         distinct = self.findings
-        if always or _are_worth_a_fit(supports, self._fitted):
+        if always or are_worth_a_fit(supports, self._fitted):
             self._fitted = supports
             distinct = self._merged(self._fit(assignment))
             assignment = self._assigner.assign(distinct, self._errors)
@@ -311,10 +281,3 @@ class Locator:
             if not apart_m or min(apart_m) > self.rules.merge_m:
                 distinct.append(finding)
         return distinct
-
-
-def _are_worth_a_fit(supports: dict[int, _Support], fitted: dict[int, _Support]) -> bool:
-    """Whether there are other findings than at the last fit, or one rests on something else."""
-    if supports.keys() != fitted.keys():
-        return True
-    return any(support.is_new_beside(fitted[number]) for number, support in supports.items())

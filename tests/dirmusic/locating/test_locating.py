@@ -182,34 +182,6 @@ def test_a_source_beyond_the_fence_is_called_outside_and_not_confirmed() -> None
     assert not any(finding.state == "confirmed" for findings in history for finding in findings)
 
 
-def test_what_lies_outside_the_fence_teaches_nothing_of_the_array() -> None:
-    source_m, transmitter_m, path = np.array([20.0, 15.0]), np.array([20.0, 80.0]), around((20.0, 15.0), 4.0, 0, 80)
-    as_polarised = ElementErrors(
-        gain=np.array([0.3, -0.3, 0.3, -0.3, 0.3, -0.3]),
-        pointing_rad=np.radians([8.0, 8.0, 8.0, -8.0, 8.0, 8.0]),
-        offset=np.zeros(6),
-    ).correct(NOMINAL)
-    found_m = []
-    for is_on_air in (False, True):
-        locator, rng, rng_of_other = make_locator(), np.random.default_rng(8), np.random.default_rng(9)
-        for k, (place_m, angle_rad) in enumerate(zip(path, np.radians(np.linspace(90, 170, len(path))), strict=True)):
-            strengths = []
-            for emitter_m, manifold, level_v, noise in (
-                (source_m, NOMINAL, 0.8, rng),
-                (transmitter_m, as_polarised, 12.0, rng_of_other),
-            )[: 1 + is_on_air]:
-                sight_m = emitter_m - place_m
-                gain = manifold.gain(np.arctan2(sight_m[1], sight_m[0]) - angle_rad)
-                strengths += [np.abs(level_v / np.hypot(*sight_m) * gain + noise.normal(0, NOISE_V, 6)) for _ in "ab"]
-            pulses = pulses_of(np.array(strengths).reshape(-1, 6))
-            locator.update(0.1 * k, np.array([*place_m, angle_rad]), pulses)
-        locator.refit(0.1 * len(path))
-        assert sum(finding.state == "outside" for finding in locator.findings) >= is_on_air
-        found_m += [finding.position_m for finding in locator.findings if finding.state == "confirmed"]
-    assert len(found_m) == 2
-    np.testing.assert_allclose(found_m[1], found_m[0], atol=0.005)
-
-
 def test_noise_alone_makes_no_candidate() -> None:
     rng = np.random.default_rng(5)
     locator = make_locator()
