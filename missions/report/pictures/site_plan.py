@@ -15,7 +15,7 @@ from missions.record.mission_log import MissionLog
 from missions.record.yard_of_log import known_yard
 from missions.report.inspection import Inspected
 from missions.report.page import SVG_STYLE
-from missions.report.pictures.yard_drawing import COLOURS, draw_finding, draw_frame, draw_yard
+from missions.report.pictures.yard_drawing import COLOURS, draw_beyond, draw_finding, draw_frame, draw_yard, is_beyond
 from missions.report.records import Report
 
 FloatArray = NDArray[np.float64]
@@ -58,15 +58,23 @@ def draw_site_plan(log: MissionLog, report: Report, inspected: Inspected | None)
         if yard is not None:
             draw_yard(axes, yard, with_names=True)
         marks = [*_draw_way(axes, log), *_draw_sites(axes, inspected)]
-        for finding in (*report.candidates, *report.findings):
-            draw_finding(axes, finding)
+        located = (*report.candidates, *report.findings)
+        beyond = [finding for finding in located if is_beyond(axes, finding)]
+        draw_beyond(axes, beyond)
+        for finding in located:
+            if finding not in beyond:
+                draw_finding(axes, finding)
         states = {"confirmed": "finding", "candidate": "not confirmed", "outside": "beyond the fence"}
-        shown = {finding.state for finding in (*report.findings, *report.candidates)}
+        shown = {finding.state for finding in located}
         marks += [
             Line2D([], [], color=COLOURS[state], marker="+", markersize=7, label=f"{label} with its id, 95 % ellipse")
             for state, label in states.items()
             if state in shown
         ]
+        if beyond:
+            marks.append(
+                Line2D([], [], color=COLOURS["outside"], marker="D", linestyle="", label="further out, its id")
+            )
         figure.legend(handles=marks, loc="lower center", ncols=3, fontsize=7.5, frameon=False, columnspacing=1.5)
     return figure
 

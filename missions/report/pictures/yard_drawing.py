@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Literal
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
@@ -10,6 +13,7 @@ from matplotlib.patheffects import AbstractPathEffect, withStroke
 from matplotlib.text import OffsetFrom
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
+from scipy.cluster.hierarchy import fclusterdata
 
 from dirmusic.locating.ellipse import outline95
 from missions.report.records import FindingRecord
@@ -40,6 +44,13 @@ PALER = 0.5
 
 FEW_PIECES = 14
 """Up to so many have larger names."""
+
+Side = Literal["left", "center", "right"]
+SIDES: dict[int, Side] = {1: "left", 0: "center", -1: "right"}
+"""Of a label, that which is near its mark, by where inwards is along x."""
+
+LABEL_SHARE = 0.08
+"""Share of the longer side of a picture that the id of a finding takes, about."""
 
 OUTLINE: list[AbstractPathEffect] = [withStroke(linewidth=2.2, foreground="white")]
 
@@ -90,28 +101,54 @@ def draw_frame(axes: Axes, low_m: ArrayLike, high_m: ArrayLike) -> None:
 
 
 def draw_finding(axes: Axes, finding: FindingRecord) -> None:
-    """Place, 95 % ellipse and id of a finding; what lies beyond the picture is marked at its edge."""
+    """Place, 95 % ellipse and id of a finding."""
     colour = COLOURS[finding.state]
-    position_m, covariance_m2 = np.array(finding.position_m[:2]), np.array(finding.covariance_m2)[:2, :2]
-    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    shown_m = np.clip(position_m, (left, bottom), (right, top))
-    axes.plot(*outline95(position_m, covariance_m2, 60).T, color=colour, linewidth=1.3, zorder=7)
-    is_inside = bool((shown_m == position_m).all())
-    axes.plot(*shown_m, "+" if is_inside else "D", color=colour, markersize=7, markeredgewidth=1.4, zorder=7)
-    middle_m = np.array([0.5 * (left + right), 0.5 * (bottom + top)])
-    to_x, to_y = np.where(shown_m < middle_m, 11, -11) if not is_inside else (10, 10)
-    text = str(finding.id) if is_inside else f"{finding.id}: at ({position_m[0]:.0f}, {position_m[1]:.0f}) m"
+    position_m = np.array(finding.position_m[:2])
+    outline_m = outline95(position_m, np.array(finding.covariance_m2)[:2, :2], 60)
+    axes.plot(*outline_m.T, color=colour, linewidth=1.3, zorder=7)
+    axes.plot(*position_m, "+", color=colour, markersize=7, markeredgewidth=1.4, zorder=7)
+    _write_ids(axes, [finding], position_m, np.array([10.0, 10.0]))
+
+
+def draw_beyond(axes: Axes, findings: Sequence[FindingRecord]) -> None:
+    """Mark findings beyond the picture at its edge; those that are nearer to each other than labels share one."""
+    if not findings:
+        return
+    corners_m = np.array([axes.get_xlim(), axes.get_ylim()]).T
+    edge_m = np.clip([finding.position_m[:2] for finding in findings], *corners_m)
+    for finding, place_m in zip(findings, edge_m, strict=True):
+        axes.plot(*place_m, "D", color=COLOURS[finding.state], markersize=7, markeredgewidth=1.4, zorder=7)
+    apart_m = LABEL_SHARE * float((corners_m[1] - corners_m[0]).max())
+    group = fclusterdata(edge_m, apart_m, "distance", method="single") if len(findings) > 1 else np.ones(1)
+    for number in np.unique(group):
+        members = np.flatnonzero(group == number)
+        place_m = edge_m[members].mean(axis=0)
+        inwards = (place_m <= corners_m[0]).astype(float) - (place_m >= corners_m[1])
+        _write_ids(axes, [findings[k] for k in members], place_m, 12.0 * inwards, SIDES[int(inwards[0])])
+
+
+def is_beyond(axes: Axes, finding: FindingRecord) -> bool:
+    """Whether a finding lies outside the picture."""
+    corners_m = np.array([axes.get_xlim(), axes.get_ylim()]).T
+    position_m = np.array(finding.position_m[:2])
+    return bool((position_m < corners_m[0]).any() or (position_m > corners_m[1]).any())
+
+
+def _write_ids(
+    axes: Axes, findings: Sequence[FindingRecord], place_m: FloatArray, off_pt: FloatArray, side: Side = "center"
+) -> None:
+    """Ids of findings on their colour, a side of them so many points off a place."""
     axes.annotate(
-        text,
-        (float(shown_m[0]), float(shown_m[1])),
-        (float(to_x), float(to_y)),
+        ", ".join(str(finding.id) for finding in findings),
+        place_m.tolist(),
+        off_pt.tolist(),
         textcoords="offset points",
-        ha="center" if is_inside else "left" if to_x > 0 else "right",
+        ha=side,
         va="center",
         fontsize=8.5,
         fontweight="bold",
         color="white",
-        bbox={"boxstyle": "round,pad=0.25", "facecolor": colour, "edgecolor": "white"},
+        bbox={"boxstyle": "round,pad=0.25", "facecolor": COLOURS[findings[0].state], "edgecolor": "white"},
         zorder=8,
     )
 
