@@ -12,7 +12,7 @@ import rerun.blueprint as rrb
 from missions.recording import paths
 from missions.recording.drawing import palette
 from missions.recording.drawing.canvas import BIN_S
-from missions.recording.drawing.phase_pattern import SPAN_DB, UNITS_PER_DB
+from missions.recording.drawing.phase_pattern import NAME_HEIGHT, SPAN_DB, UNITS_PER_DB
 from missions.recording.drawing.spectra import HEIGHT, WIDTH
 
 PAST_BINS, REJECTED_BINS = 8, 3
@@ -163,6 +163,6 @@ def _phase_pattern() -> rrb.Spatial2DView:
         origin=paths.PHASE_PATTERN,
         name="Phase-resolved pattern, level over 1 V at 1 m",
         background=palette.SKY,
-        visual_bounds=rrb.VisualBounds2D(x_range=[-45.0, 370.0], y_range=[-reach - 10.0, reach + 28.0]),
+        visual_bounds=rrb.VisualBounds2D(x_range=[-45.0, 370.0], y_range=[-reach - 3.0 * NAME_HEIGHT, reach + 28.0]),
         time_ranges=_last(None),
     )

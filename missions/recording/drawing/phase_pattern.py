@@ -19,6 +19,9 @@ SPAN_DB = 30
 """Up and down from the middle of the level axis."""
 
 MARK_DB = 10
+NAME_COLUMNS, NAME_HALF, NAME_HEIGHT = 2, 84.0, 18.0
+"""Of the names of findings: how many side by side, and half the width and the height of one, in units."""
+
 MOST_DRAWN = 2000
 """Pulses of one finding."""
 
@@ -44,11 +47,17 @@ def draw_phase_patterns(canvas: Canvas, log: MissionLog) -> None:
         points = rr.Points2D.columns(positions=place[in_time].astype(np.float32)).partition(counts)
         canvas.columns(path, steps, points)
         text = f"finding {number}: {resolved.pattern.kind} {percent(resolved.pattern.confidence)}"
-        at, y = np.array([log.n_rows("step") - 1]), UNITS_PER_DB * (-SPAN_DB + 4.0 * order)
+        at, (x, y) = np.array([log.n_rows("step") - 1]), _name_at(order)
         canvas.still(f"{path}/kind", rr.Points2D.from_fields(colors=[palette.NAME], radii=[0.1], show_labels=True))
-        canvas.columns(f"{path}/kind", at, rr.Points2D.columns(positions=[[180.0 * UNITS_PER_DEG, y]], labels=[text]))
-        dot = rr.Points2D.columns(positions=[[80.0 * UNITS_PER_DEG, y + 8.0]], colors=[colour], radii=[4.0])
+        canvas.columns(f"{path}/kind", at, rr.Points2D.columns(positions=[[x, y]], labels=[text]))
+        dot = rr.Points2D.columns(positions=[[x - NAME_HALF, y + 8.0]], colors=[colour], radii=[4.0])
         canvas.columns(f"{path}/dot", at, dot)
+
+
+def _name_at(order: int) -> tuple[float, float]:
+    """Where the name of a finding stands: above the frame, in columns, the first lowest."""
+    row, column = divmod(order, NAME_COLUMNS)
+    return 360.0 * UNITS_PER_DEG * (column + 0.5) / NAME_COLUMNS, -UNITS_PER_DB * SPAN_DB - NAME_HEIGHT * (row + 1.5)
 
 
 def _draw_axes(canvas: Canvas, middle_db: int) -> None:

@@ -13,7 +13,7 @@ from missions.record.array_description import described_manifold
 from missions.record.mission_log import MissionLog
 from missions.record.phase_patterns import phase_patterns
 from missions.recording import paths, write_recording
-from missions.recording.drawing.phase_pattern import UNITS_PER_DB
+from missions.recording.drawing.phase_pattern import SPAN_DB, UNITS_PER_DB
 from missions.recording.drawing.spectra import HEIGHT, WIDTH
 from missions.runner import run_mission
 from tests.missions.replay.read_back import Row, cells, still, values
@@ -141,3 +141,12 @@ def test_the_phase_pattern_grows_with_the_pulses_on_an_axis_in_decibels(
         step = int(steps[0])
         level_db = zero - np.array(points[step])[:, 1] / UNITS_PER_DB
         np.testing.assert_allclose(np.sort(level_db), np.sort(resolved.level_db[steps == step]), atol=1e-4)
+
+
+def test_the_names_of_phase_patterns_cover_no_pulse_and_not_each_other(
+    drawn: dict[str, list[Row]], log: MissionLog
+) -> None:
+    names = [cells(drawn[f"/{paths.PHASE_PATTERN}/{number}/kind"], "positions") for number in phase_patterns(log)]
+    places = np.array([at[max(at)][0] for at in names])
+    assert (places[:, 1] < -UNITS_PER_DB * SPAN_DB).all()
+    assert len(np.unique(places, axis=0)) == len(names)
