@@ -7,6 +7,9 @@ from contextlib import suppress
 import psutil
 import pytest
 
+WRITES_NO_BYTECODE = {"PYTHONDONTWRITEBYTECODE": "1"}
+"""Of a process whose files may not become large: Python would keep compiled modules cut short, and fail ever after."""
+
 
 def below(pid: int) -> set[int]:
     """All processes that one has started, and those that they have; the process itself is not among them."""

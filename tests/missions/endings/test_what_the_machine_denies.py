@@ -14,6 +14,7 @@ from envs import load_scenario
 from missions.cli.output.terminal import INCOMPLETE
 from missions.record.mission_log import MissionLog
 from missions.runner import run_mission
+from tests.processes import WRITES_NO_BYTECODE
 
 pytestmark = pytest.mark.whole
 
@@ -50,7 +51,7 @@ def test_a_full_disk_is_one_line_and_what_is_there_is_whole(most_kb: int, log_fo
     done = subprocess.run(
         [sys.executable, "-c", WRITES, str(most_kb)],
         cwd=log_folder,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), **WRITES_NO_BYTECODE},
         capture_output=True,
         text=True,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (1024 * most_kb, 1024 * most_kb)),

@@ -9,6 +9,7 @@ from pathlib import Path
 from envs import load_scenario
 from missions.record.mission_log import MissionLog
 from missions.runner import Mission
+from tests.processes import WRITES_NO_BYTECODE
 
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 
@@ -39,7 +40,7 @@ def pdpatrol(*arguments: str, cwd: Path, most_bytes: int | None = None) -> subpr
     return subprocess.run(
         [PDPATROL, *arguments],
         cwd=cwd,
-        env=without_screen(),
+        env=without_screen() | WRITES_NO_BYTECODE,
         capture_output=True,
         text=True,
         timeout=120,

@@ -19,7 +19,7 @@ from missions.sweep.dataset import Dataset
 from missions.sweep.engines.worker import run_job
 from missions.sweep.mission_row import MEASURED, MissionRow
 from missions.sweep.plan import make_plan
-from tests.processes import below, cpu_s
+from tests.processes import WRITES_NO_BYTECODE, below, cpu_s
 
 pytestmark = pytest.mark.whole
 
@@ -134,7 +134,7 @@ def test_a_full_disk_is_told_and_loses_no_finished_row(folder: Path) -> None:
     kept = rows(folder / "out")
     command = [PDPATROL, "sweep", "short.toml", "--workers", "1", "--seeds", "0-1", "--out", "out"]
     done = subprocess.run(
-        command, cwd=folder, capture_output=True, text=True, timeout=120,
+        command, cwd=folder, capture_output=True, text=True, timeout=120, env=os.environ | WRITES_NO_BYTECODE,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000)),
     )  # fmt: skip
     assert done.returncode == 1
