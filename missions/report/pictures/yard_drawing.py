@@ -121,7 +121,7 @@ def draw_beyond(axes: Axes, findings: Sequence[FindingRecord]) -> None:
     apart_m = LABEL_SHARE * float((corners_m[1] - corners_m[0]).max())
     group = fclusterdata(edge_m, apart_m, "distance", method="single") if len(findings) > 1 else np.ones(1)
     for number in np.unique(group):
-        members = np.flatnonzero(group == number)
+        members = np.flatnonzero(group == number).tolist()
         place_m = edge_m[members].mean(axis=0)
         inwards = (place_m <= corners_m[0]).astype(float) - (place_m >= corners_m[1])
         _write_ids(axes, [findings[k] for k in members], place_m, 12.0 * inwards, SIDES[int(inwards[0])])
