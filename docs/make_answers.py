@@ -15,10 +15,16 @@ from typing import Any, NamedTuple
 
 import pyarrow as pa
 
-from missions.sweep.dataset import Dataset, read_all
-from missions.sweep.results.figures import draw_errors, draw_found_over_time, draw_over_setting, groups, label_of
-from missions.sweep.results.summary import ALL, GroupSummary, summarise_groups
-from missions.sweep.results.tables import HEADINGS, cells
+from pdpatrol.missions.sweep.dataset import Dataset, read_all
+from pdpatrol.missions.sweep.results.figures import (
+    draw_errors,
+    draw_found_over_time,
+    draw_over_setting,
+    groups,
+    label_of,
+)
+from pdpatrol.missions.sweep.results.summary import ALL, GroupSummary, summarise_groups
+from pdpatrol.missions.sweep.results.tables import HEADINGS, cells
 
 DOCS = Path(__file__).parent
 STORED = DOCS / "results"
@@ -32,7 +38,7 @@ class Answer(NamedTuple):
     Attributes:
         name: Of its dataset, its marks and its picture.
         keys: Settings that are varied; the first is the axis of the picture.
-        headings: Figures that its table shows, of `missions.sweep.results.tables.HEADINGS`.
+        headings: Figures that its table shows, of `pdpatrol.missions.sweep.results.tables.HEADINGS`.
     """
 
     name: str

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dirmusic import ArrayModel
-from envs.scenario.array_section import data_sheet
-from envs.scenario.scenario import Scenario
+from pdpatrol.envs.scenario.array_section import data_sheet
+from pdpatrol.envs.scenario.scenario import Scenario
 
 
 def known_array(scenario: Scenario) -> ArrayModel:

@@ -13,11 +13,11 @@ from gymnasium import error, spaces
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
-from envs.core.arguments import NOTHING_FIXED, Fixed, checked_actions, checked_seed, given_scenario, told_spec
-from envs.core.info import fixed_info
-from envs.core.simulation import STEP_S, Outcome, Simulation
-from envs.scenario import Scenario
-from robot_models.camera import Camera
+from pdpatrol.envs.core.arguments import NOTHING_FIXED, Fixed, checked_actions, checked_seed, given_scenario, told_spec
+from pdpatrol.envs.core.info import fixed_info
+from pdpatrol.envs.core.simulation import STEP_S, Outcome, Simulation
+from pdpatrol.envs.scenario import Scenario
+from pdpatrol.robot_models.camera import Camera
 
 FloatArray = NDArray[np.float64]
 Observation = dict[str, NDArray[np.float32]]
@@ -229,7 +229,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         if self.render_mode is None:
             gymnasium.logger.warn(
                 "render() was called without a render mode: give one to make(), for example "
-                'gymnasium.make("envs:PDPatrol-v0", render_mode="rgb_array").'
+                'gymnasium.make("pdpatrol:PDPatrol-v0", render_mode="rgb_array").'
             )
             return None
         self._check_open("render")

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from dirmusic.array.bounds import perpendicular_slope
 from dirmusic.locating.rules import CredibilityRules
-from envs.scenario.array_section import data_sheet
-from envs.scenario.scenario import Scenario
-from envs.scenario.sources import SourceConfig
-from sensing.receiver.receiver import Receiver
+from pdpatrol.envs.scenario.array_section import data_sheet
+from pdpatrol.envs.scenario.scenario import Scenario
+from pdpatrol.envs.scenario.sources import SourceConfig
+from pdpatrol.sensing.receiver.receiver import Receiver
 
 FloatArray = NDArray[np.float64]
 

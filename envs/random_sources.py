@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from dirmusic.angles import aperture
 from dirmusic.locating.rules import AssignmentRules, LocatingRules
-from envs.scenario.sources import SourceConfig
-from envs.yard_surroundings import surroundings_of
-from robot_models.yard.pieces import SITE_STANDOFF_M
-from robot_models.yard.yard import Yard
-from sensing import ArrayConfig
-from sensing.radio.sight import Sight
+from pdpatrol.envs.scenario.sources import SourceConfig
+from pdpatrol.envs.yard_surroundings import surroundings_of
+from pdpatrol.robot_models.yard.pieces import SITE_STANDOFF_M
+from pdpatrol.robot_models.yard.yard import Yard
+from pdpatrol.sensing import ArrayConfig
+from pdpatrol.sensing.radio.sight import Sight
 
 FloatArray = NDArray[np.float64]
 

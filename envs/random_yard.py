@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.random_sources import ROOM_TO_TURN_M, random_source
-from envs.scenario.scenario import PLANNED, RouteConfig, Scenario, TaskConfig
-from envs.scenario.sources import SourceConfig
-from robot_models.equipment import CATALOGUE
-from robot_models.yard.pieces import CatalogueEquipment, Equipment
-from robot_models.yard.yard import Yard
-from sensing import ArrayConfig
+from pdpatrol.envs.random_sources import ROOM_TO_TURN_M, random_source
+from pdpatrol.envs.scenario.scenario import PLANNED, RouteConfig, Scenario, TaskConfig
+from pdpatrol.envs.scenario.sources import SourceConfig
+from pdpatrol.robot_models.equipment import CATALOGUE
+from pdpatrol.robot_models.yard.pieces import CatalogueEquipment, Equipment
+from pdpatrol.robot_models.yard.yard import Yard
+from pdpatrol.sensing import ArrayConfig
 
 FloatArray = NDArray[np.float64]
 

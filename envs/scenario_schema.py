@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from envs.scenario import Scenario
+from pdpatrol.envs.scenario import Scenario
 
 
 def scenario_schema() -> dict[str, Any]:

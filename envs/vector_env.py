@@ -14,7 +14,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from envs.core.arguments import (
+from pdpatrol.envs.core.arguments import (
     NOTHING_FIXED,
     Fixed,
     checked_actions,
@@ -23,10 +23,10 @@ from envs.core.arguments import (
     given_scenario,
     told_spec,
 )
-from envs.core.info import fixed_info, joined_pulses, mixed, pulse_columns
-from envs.core.simulation import STEP_S, Outcome, Simulation
-from envs.patrol_env import Observation, observation_space
-from envs.scenario import Scenario
+from pdpatrol.envs.core.info import fixed_info, joined_pulses, mixed, pulse_columns
+from pdpatrol.envs.core.simulation import STEP_S, Outcome, Simulation
+from pdpatrol.envs.patrol_env import Observation, observation_space
+from pdpatrol.envs.scenario import Scenario
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -36,7 +36,7 @@ STEPS, RESET_MASK = "max_episode_steps", "reset_mask"
 
 
 class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
-    """PDPatrol, many robots at once: what `gymnasium.make_vec("envs:PDPatrol-v0", num_envs=N)` gives.
+    """PDPatrol, many robots at once: what `gymnasium.make_vec("pdpatrol:PDPatrol-v0", num_envs=N)` gives.
 
     Row i is, to the bit, what a `PatrolEnv` gives that was reset with `seed + i`, whatever N and the number of threads.
     The physics runs on threads; sensing and direction finding of all rows are computed together.

@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from envs.patrol_env import Observation
+from pdpatrol.envs.patrol_env import Observation
 
 Action = NDArray[np.float32]
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from robot_models.yard.yard import Yard
-from sensing import Faces, Solids, Surroundings
+from pdpatrol.robot_models.yard.yard import Yard
+from pdpatrol.sensing import Faces, Solids, Surroundings
 
 
 def surroundings_of(yard: Yard, *, second_order: bool = False) -> Surroundings:

@@ -17,26 +17,26 @@ from dirmusic import ArrayModel, ElementSpread, Locator, PoseError, PulseBatch, 
 from dirmusic.bearing.channel_health import ChannelMonitor
 from dirmusic.compiled import compile_as_called
 from dirmusic.locating.rules import LocatingRules
-from missions.deep_calls import call_with_room
-from sensing.array.array_table import ArrayTable
-from sensing.array.config import ArrayConfig
-from sensing.array.helical_array import HelicalArray
-from sensing.radio.arrivals import Arrivals, arrive
-from sensing.radio.diffraction.bends import BENT_RAY, SEEN_EDGE, BentRays
-from sensing.radio.materials import Substance
-from sensing.radio.mirrors import Standing, reflect_flat, reflect_round
-from sensing.radio.obstruction import SHADOW
-from sensing.radio.polarisation import Emitter
-from sensing.radio.ray_paths import RayPaths, bend_round_all
-from sensing.radio.sight import shares_left
-from sensing.radio.tables import FACE, OBSTACLE
-from sensing.radio.vectors import Vector
-from sensing.receiver.config import ReceiverConfig
-from sensing.receiver.detection import Gates
-from sensing.receiver.gates import read_gate
-from sensing.receiver.receiver import Receiver
-from sensing.receiver.sampling.gate import sample_noise, sample_pulse
-from sensing.receiver.sampling.sampler import Emission, Tones
+from pdpatrol.missions.deep_calls import call_with_room
+from pdpatrol.sensing.array.array_table import ArrayTable
+from pdpatrol.sensing.array.config import ArrayConfig
+from pdpatrol.sensing.array.helical_array import HelicalArray
+from pdpatrol.sensing.radio.arrivals import Arrivals, arrive
+from pdpatrol.sensing.radio.diffraction.bends import BENT_RAY, SEEN_EDGE, BentRays
+from pdpatrol.sensing.radio.materials import Substance
+from pdpatrol.sensing.radio.mirrors import Standing, reflect_flat, reflect_round
+from pdpatrol.sensing.radio.obstruction import SHADOW
+from pdpatrol.sensing.radio.polarisation import Emitter
+from pdpatrol.sensing.radio.ray_paths import RayPaths, bend_round_all
+from pdpatrol.sensing.radio.sight import shares_left
+from pdpatrol.sensing.radio.tables import FACE, OBSTACLE
+from pdpatrol.sensing.radio.vectors import Vector
+from pdpatrol.sensing.receiver.config import ReceiverConfig
+from pdpatrol.sensing.receiver.detection import Gates
+from pdpatrol.sensing.receiver.gates import read_gate
+from pdpatrol.sensing.receiver.receiver import Receiver
+from pdpatrol.sensing.receiver.sampling.gate import sample_noise, sample_pulse
+from pdpatrol.sensing.receiver.sampling.sampler import Emission, Tones
 
 
 def compile_ahead() -> None:

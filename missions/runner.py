@@ -16,22 +16,22 @@ from dirmusic import ArrayModel, Locator
 from dirmusic.locating.protocol import LocatorProtocol, MakesLocator
 from dirmusic.locating.rules import LocatingRules
 from dirmusic.locating.yard_likelihood import Grid, YardLikelihood
-from envs import Scenario
-from envs.foreign_code import ForeignCodeError
-from envs.patrol_env import STEP_S, PatrolEnv
-from missions.driving.site_map import SiteMap
-from missions.planning import with_planned_route
-from missions.policies.make_policy import make_policy
-from missions.policies.protocol import SeesTruth
-from missions.record.array_description import describe_array, describe_grid
-from missions.record.logbook import Logbook
-from missions.record.mission_log import MissionLog
-from missions.record.own_locator import OwnLocator
-from missions.record.tracking import Tracker
-from missions.stopwatch import Stopwatch
-from robot_models.drawn_solids import describe_equipment, describe_solids
-from robot_models.sensors import describe_lidar
-from robot_models.yard.yard import Yard
+from pdpatrol.envs import Scenario
+from pdpatrol.envs.foreign_code import ForeignCodeError
+from pdpatrol.envs.patrol_env import STEP_S, PatrolEnv
+from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.missions.planning import with_planned_route
+from pdpatrol.missions.policies.make_policy import make_policy
+from pdpatrol.missions.policies.protocol import SeesTruth
+from pdpatrol.missions.record.array_description import describe_array, describe_grid
+from pdpatrol.missions.record.logbook import Logbook
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.record.own_locator import OwnLocator
+from pdpatrol.missions.record.tracking import Tracker
+from pdpatrol.missions.stopwatch import Stopwatch
+from pdpatrol.robot_models.drawn_solids import describe_equipment, describe_solids
+from pdpatrol.robot_models.sensors import describe_lidar
+from pdpatrol.robot_models.yard.yard import Yard
 
 FloatArray = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-PACKAGE = Path(__file__).parents[1] / "dirmusic"
+PACKAGE = Path(__file__).parents[2] / "dirmusic"
 
 
 class SecondProcess:
@@ -27,7 +27,7 @@ class SecondProcess:
     def start(self) -> None:
         """Start it, unless it was started before."""
         self._process = self._process or subprocess.Popen(
-            [sys.executable, "-P", "-m", "missions.compile_ahead"],  # not what lies in the folder
+            [sys.executable, "-P", "-m", "pdpatrol.missions.compile_ahead"],  # not what lies in the folder
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,

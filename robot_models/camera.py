@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_models.world import CHASE
+from pdpatrol.robot_models.world import CHASE
 
 WIDTH, HEIGHT = 640, 480
 

@@ -9,8 +9,8 @@ from collections.abc import Iterable
 import mujoco
 import numpy as np
 
-from robot_models.equipment import colour_of
-from robot_models.yard.pieces import Equipment
+from pdpatrol.robot_models.equipment import colour_of
+from pdpatrol.robot_models.yard.pieces import Equipment
 
 VISIBLE_GROUPS = 3
 """MuJoCo's viewer shows geoms of groups below this, unless it is told otherwise."""

@@ -10,8 +10,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_models.camera import NO_SCREEN
-from robot_models.description.robot_parts import BASE, FLOATING_BASE, HOME
+from pdpatrol.robot_models.camera import NO_SCREEN
+from pdpatrol.robot_models.description.robot_parts import BASE, FLOATING_BASE, HOME
 
 FloatArray = NDArray[np.float64]
 Picture = NDArray[np.uint8]

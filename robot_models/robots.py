@@ -13,15 +13,15 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import ArrayLike, NDArray
 
-from robot_models.antenna.elements import AntennaElements
-from robot_models.contacts import take_places, touching
-from robot_models.description.robot_description import RobotDescription
-from robot_models.description.robot_parts import FLOATING_BASE, GYRO, HOME
-from robot_models.readings import Drive, Physics, reader
-from robot_models.sensors import LIDAR_BEAMS, LIDAR_PERIOD_S, LIDAR_RANGE_M, contact_names, lidar_names
-from robot_models.steering import Steering, YawFeedback, command
-from robot_models.world import build_spec, physics_only
-from robot_models.yard.yard import Yard
+from pdpatrol.robot_models.antenna.elements import AntennaElements
+from pdpatrol.robot_models.contacts import take_places, touching
+from pdpatrol.robot_models.description.robot_description import RobotDescription
+from pdpatrol.robot_models.description.robot_parts import FLOATING_BASE, GYRO, HOME
+from pdpatrol.robot_models.readings import Drive, Physics, reader
+from pdpatrol.robot_models.sensors import LIDAR_BEAMS, LIDAR_PERIOD_S, LIDAR_RANGE_M, contact_names, lidar_names
+from pdpatrol.robot_models.steering import Steering, YawFeedback, command
+from pdpatrol.robot_models.world import build_spec, physics_only
+from pdpatrol.robot_models.yard.yard import Yard
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]

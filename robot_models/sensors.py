@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import mujoco
 
-from robot_models.description.robot_description import RobotDescription
-from robot_models.description.robot_parts import BASE, is_hull
+from pdpatrol.robot_models.description.robot_description import RobotDescription
+from pdpatrol.robot_models.description.robot_parts import BASE, is_hull
 
 LIDAR_BEAMS = 36
 """Beams of the planar lidar, evenly all round; the first looks ahead, the next further counter-clockwise."""

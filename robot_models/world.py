@@ -8,12 +8,12 @@ from collections.abc import Sequence
 
 import mujoco
 
-from robot_models.antenna.elements import AntennaElements, attach_elements
-from robot_models.description.robot_description import RobotDescription
-from robot_models.description.robot_parts import BASE, HOME
-from robot_models.sensors import add_contact_sensors, add_lidar
-from robot_models.yard.scenery import add_yard
-from robot_models.yard.yard import Yard
+from pdpatrol.robot_models.antenna.elements import AntennaElements, attach_elements
+from pdpatrol.robot_models.description.robot_description import RobotDescription
+from pdpatrol.robot_models.description.robot_parts import BASE, HOME
+from pdpatrol.robot_models.sensors import add_contact_sensors, add_lidar
+from pdpatrol.robot_models.yard.scenery import add_yard
+from pdpatrol.robot_models.yard.yard import Yard
 
 CHASE = "chase"
 """Camera that stays behind the robot, to its left; a robot's file may have one of its own."""

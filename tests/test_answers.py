@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from envs.scenario.suite import load_suite
-from missions.sweep.dataset import Dataset
-from missions.sweep.results.summary import GroupSummary, summarise_groups
+from pdpatrol.envs.scenario.suite import load_suite
+from pdpatrol.missions.sweep.dataset import Dataset
+from pdpatrol.missions.sweep.results.summary import GroupSummary, summarise_groups
 
 ROOT = Path(__file__).parents[1]
 STORED = ROOT / "docs" / "results"

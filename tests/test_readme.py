@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from envs import load_scenario
+from pdpatrol.envs import load_scenario
 from tests.processes import below, listening
 
 pytestmark = pytest.mark.whole

@@ -13,12 +13,12 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
 from numpy.typing import NDArray
 
-from envs import load_scenario
-from robot_models.yard.yard import Yard
-from sensing import Faces, Solids, Surroundings
-from sensing.radio.materials import WAVELENGTH_M
-from sensing.radio.ray_paths import find_ray_paths
-from sensing.radio.vectors import Vector
+from pdpatrol.envs import load_scenario
+from pdpatrol.robot_models.yard.yard import Yard
+from pdpatrol.sensing import Faces, Solids, Surroundings
+from pdpatrol.sensing.radio.materials import WAVELENGTH_M
+from pdpatrol.sensing.radio.ray_paths import find_ray_paths
+from pdpatrol.sensing.radio.vectors import Vector
 
 FloatArray = NDArray[np.float64]
 

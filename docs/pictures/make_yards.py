@@ -16,11 +16,11 @@ from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 from numpy.typing import ArrayLike, NDArray
 
-from envs import Scenario, load_scenario
-from missions.driving.site_map import SiteMap
-from robot_models.antenna.elements import AntennaElements
-from robot_models.world import build_spec
-from sensing import HelicalArray
+from pdpatrol.envs import Scenario, load_scenario
+from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.robot_models.antenna.elements import AntennaElements
+from pdpatrol.robot_models.world import build_spec
+from pdpatrol.sensing import HelicalArray
 
 FloatArray = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ uv run python docs/schemas/make_schema.py
 
 from pathlib import Path
 
-from envs import scenario_schema
-from missions.report import report_file
+from pdpatrol.envs import scenario_schema
+from pdpatrol.missions.report import report_file
 
 FOLDER = Path(__file__).parent
 TEXTS = {

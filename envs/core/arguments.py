@@ -15,8 +15,8 @@ from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from envs.scenario import Scenario, ScenarioError, load_scenario
-from envs.scenario.loader import restore_scenario
+from pdpatrol.envs.scenario import Scenario, ScenarioError, load_scenario
+from pdpatrol.envs.scenario.loader import restore_scenario
 
 FloatArray = NDArray[np.float64]
 

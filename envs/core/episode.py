@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.core.arguments import Fixed
-from envs.core.generators import Generators
-from envs.scenario.scenario import Scenario
-from envs.scenario.sources import SourceConfig
-from sensing import Carrier, DischargeSource, HelicalArray, PulseTrain, Scene, Surroundings
+from pdpatrol.envs.core.arguments import Fixed
+from pdpatrol.envs.core.generators import Generators
+from pdpatrol.envs.scenario.scenario import Scenario
+from pdpatrol.envs.scenario.sources import SourceConfig
+from pdpatrol.sensing import Carrier, DischargeSource, HelicalArray, PulseTrain, Scene, Surroundings
 
 FloatArray = NDArray[np.float64]
 

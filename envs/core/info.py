@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.core.progress import REWARD_TERMS
-from envs.core.simulation import Outcome, Rows, Simulation
+from pdpatrol.envs.core.progress import REWARD_TERMS
+from pdpatrol.envs.core.simulation import Outcome, Rows, Simulation
 
 BoolArray = NDArray[np.bool_]
 

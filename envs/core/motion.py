@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
 from dirmusic.kernels import wrapped
-from envs.scenario.robot_sensors import BatteryConfig, OdometryConfig, PoseSensorConfig
-from robot_models.readings import MOTOR_POWER, POSE, WHEEL_ANGLES
+from pdpatrol.envs.scenario.robot_sensors import BatteryConfig, OdometryConfig, PoseSensorConfig
+from pdpatrol.robot_models.readings import MOTOR_POWER, POSE, WHEEL_ANGLES
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -151,7 +151,7 @@ class StepInputs(NamedTuple):
     """What a step brought; a row is a robot.
 
     Attributes:
-        readings: The values of `robot_models.readings.Readings`, shape (n_robots, n_values).
+        readings: The values of `pdpatrol.robot_models.readings.Readings`, shape (n_robots, n_values).
         normal: Standard normal draws, shape (n_robots, N_DRAWS).
         sources_m: Where the sources are, world frame, shape (n_robots, n_sources, 2).
         is_touching: Who touched something, shape (n_robots,).

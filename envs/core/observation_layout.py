@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from envs.core.progress import MAX_BEARING_AGE_S
-from robot_models.sensors import LIDAR_BEAMS, LIDAR_RANGE_M
+from pdpatrol.envs.core.progress import MAX_BEARING_AGE_S
+from pdpatrol.robot_models.sensors import LIDAR_BEAMS, LIDAR_RANGE_M
 
 Float32Array = NDArray[np.float32]
 

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from dirmusic.bearing.likelihood_kernels import pulse_spectra
 from dirmusic.bearing.spectrum import LEAST_NULL
 from dirmusic.compiled import Held, compiled
-from envs.core.loudest_pulse import LoudestPulse, loudest_pulse, note_bearings
-from envs.core.observation_layout import Entries
-from envs.core.progress import Progress
-from robot_models.readings import LIDAR, VELOCITY
+from pdpatrol.envs.core.loudest_pulse import LoudestPulse, loudest_pulse, note_bearings
+from pdpatrol.envs.core.observation_layout import Entries
+from pdpatrol.envs.core.progress import Progress
+from pdpatrol.robot_models.readings import LIDAR, VELOCITY
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -82,7 +82,7 @@ def perceive(observing: Held[Observing], readings: FloatArray, pulses: tuple[Any
 
     Args:
         observing: Its `progress` is renewed: the last bearings.
-        readings: Values of `robot_models.readings.Readings`.
+        readings: Values of `pdpatrol.robot_models.readings.Readings`.
         pulses: Of `loudest_pulse`.
 
     Returns:

@@ -8,7 +8,7 @@ import numpy as np
 
 from dirmusic import ESTIMATORS, ArrayModel, BearingEstimator, Bearings, PulseBatch
 from dirmusic.bearing.built_in import method_std
-from envs.foreign_code import ForeignCodeError, calling, load_object, place_of
+from pdpatrol.envs.foreign_code import ForeignCodeError, calling, load_object, place_of
 
 EXPECTED = "an estimator: MyEstimator() makes one, estimator(pulses, array) returns dirmusic.Bearings"
 

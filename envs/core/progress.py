@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import Held, compiled
-from envs.core.motion import Motion, SensorParameters, StepInputs, move
-from robot_models.readings import LEAST_UPRIGHT, POSE, UPRIGHT
+from pdpatrol.envs.core.motion import Motion, SensorParameters, StepInputs, move
+from pdpatrol.robot_models.readings import LEAST_UPRIGHT, POSE, UPRIGHT
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

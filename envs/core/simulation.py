@@ -17,22 +17,22 @@ from numpy.typing import NDArray
 from dirmusic.bearing.channel_health import ChannelMonitor, SuspectChannel
 from dirmusic.compiled import Held
 from dirmusic.pulses.batch import PulseBatch
-from envs.core.arguments import Fixed
-from envs.core.episode import Episode
-from envs.core.generators import Generators
-from envs.core.motion import N_DRAWS, Motion, SensorParameters
-from envs.core.observation_layout import SPECTRUM_AZIMUTHS_RAD, ObservationLayout, observation_bounds
-from envs.core.observing import ObservationParameters, Observing, Sensed, perceive
-from envs.core.own_estimator import make_estimator
-from envs.core.progress import Progress, Stepping, StepResult, Task, advance
-from envs.known_array import known_array
-from envs.scenario import Scenario
-from envs.yard_surroundings import surroundings_of
-from robot_models.antenna.elements import AntennaElements
-from robot_models.robots import Robots
-from robot_models.sensors import LIDAR_BEAMS, LIDAR_RANGE_M
-from sensing import Detections
-from sensing.receiver.receiver import Listener
+from pdpatrol.envs.core.arguments import Fixed
+from pdpatrol.envs.core.episode import Episode
+from pdpatrol.envs.core.generators import Generators
+from pdpatrol.envs.core.motion import N_DRAWS, Motion, SensorParameters
+from pdpatrol.envs.core.observation_layout import SPECTRUM_AZIMUTHS_RAD, ObservationLayout, observation_bounds
+from pdpatrol.envs.core.observing import ObservationParameters, Observing, Sensed, perceive
+from pdpatrol.envs.core.own_estimator import make_estimator
+from pdpatrol.envs.core.progress import Progress, Stepping, StepResult, Task, advance
+from pdpatrol.envs.known_array import known_array
+from pdpatrol.envs.scenario import Scenario
+from pdpatrol.envs.yard_surroundings import surroundings_of
+from pdpatrol.robot_models.antenna.elements import AntennaElements
+from pdpatrol.robot_models.robots import Robots
+from pdpatrol.robot_models.sensors import LIDAR_BEAMS, LIDAR_RANGE_M
+from pdpatrol.sensing import Detections
+from pdpatrol.sensing.receiver.receiver import Listener
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -180,7 +180,7 @@ class Simulation:
 
     def reset(self, rows: Rows, rngs: Sequence[np.random.Generator], fixed: Fixed) -> None:
         """Start new episodes in some rows, each with its generator; the next step is their first look."""
-        from sensing.receiver.bank import ReceiverBank  # loads the compiler
+        from pdpatrol.sensing.receiver.bank import ReceiverBank  # loads the compiler
 
         spawned = [Generators.spawn(rng) for rng in rngs]
         drawn = [Episode.draw(self.scenario, self._surroundings, each, fixed) for each in spawned]

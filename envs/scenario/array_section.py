@@ -10,9 +10,9 @@ from pydantic import BeforeValidator, ValidationInfo
 
 from dirmusic import ArrayModel, ElementSpread
 from dirmusic.array.element_errors import UNEXPLAINED
-from envs.scenario.base import beside_the_scenario
-from sensing import ArrayConfig, HelicalArray
-from sensing.array.config import SHIPPED_PATTERNS
+from pdpatrol.envs.scenario.base import beside_the_scenario
+from pdpatrol.sensing import ArrayConfig, HelicalArray
+from pdpatrol.sensing.array.config import SHIPPED_PATTERNS
 
 PATTERN_KEYS = ("pattern", "true_pattern")
 

@@ -12,7 +12,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, Validati
 
 from dirmusic import InputFileError
 from dirmusic.input_file import read_whole
-from robot_models.yard.quantities import MOST_LETTERS
+from pdpatrol.robot_models.yard.quantities import MOST_LETTERS
 
 MISSION_NAME = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
 MissionName = Annotated[str, Field(pattern=MISSION_NAME, max_length=MOST_LETTERS)]

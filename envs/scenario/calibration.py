@@ -16,9 +16,9 @@ from pydantic import Field, ValidationError, model_validator
 from dirmusic import ArrayModel, InputFileError
 from dirmusic.array.estimated_errors import N_KINDS, EstimatedErrors
 from dirmusic.locating.locator import Learned
-from envs.scenario.base import Config, read_toml
-from envs.scenario.faults import fault_lines, shown
-from sensing.quantities import PLAIN_ZERO
+from pdpatrol.envs.scenario.base import Config, read_toml
+from pdpatrol.envs.scenario.faults import fault_lines, shown
+from pdpatrol.sensing.quantities import PLAIN_ZERO
 
 FloatArray = NDArray[np.float64]
 

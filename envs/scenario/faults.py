@@ -8,9 +8,9 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, Tag, ValidationError
 
-from envs.scenario.base import DAY, MISSION_NAME, SITE_CHOICE
-from robot_models.yard.quantities import NAME_PATTERN
-from sensing.quantities import PATH_PATTERN
+from pdpatrol.envs.scenario.base import DAY, MISSION_NAME, SITE_CHOICE
+from pdpatrol.robot_models.yard.quantities import NAME_PATTERN
+from pdpatrol.sensing.quantities import PATH_PATTERN
 
 MOST_SHOWN = 60
 """Letters of a value, or of a key."""

@@ -7,9 +7,9 @@ from math import log10, sqrt
 
 import numpy as np
 
-from envs.scenario.sources import CarrierConfig, InterfererConfig, SourceConfig
-from robot_models.yard.yard import Yard
-from sensing import ReceiverConfig
+from pdpatrol.envs.scenario.sources import CarrierConfig, InterfererConfig, SourceConfig
+from pdpatrol.robot_models.yard.yard import Yard
+from pdpatrol.sensing import ReceiverConfig
 
 MOST_PULSES = 5_000_000
 """That sources and noise make in one mission: a log keeps 300 bytes of each that is detected."""

@@ -10,11 +10,11 @@ from typing import Any
 from pydantic import ValidationError
 
 from dirmusic import InputFileError
-from envs.scenario.base import FOLDER, MISSION_NAME, ScenarioError, read_toml
-from envs.scenario.faults import FORMS, fault_lines, on_one_line, shown
-from envs.scenario.scenario import Scenario
-from envs.scenario.suite import choose_yards, is_of_suite
-from robot_models.yard.quantities import MOST_LETTERS
+from pdpatrol.envs.scenario.base import FOLDER, MISSION_NAME, ScenarioError, read_toml
+from pdpatrol.envs.scenario.faults import FORMS, fault_lines, on_one_line, shown
+from pdpatrol.envs.scenario.scenario import Scenario
+from pdpatrol.envs.scenario.suite import choose_yards, is_of_suite
+from pdpatrol.robot_models.yard.quantities import MOST_LETTERS
 
 SHIPPED = Path(__file__).parents[1] / "scenarios"
 

@@ -11,9 +11,9 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from dirmusic import ESTIMATORS, InputFileError
 from dirmusic.locating.rules import AssignmentRules, CredibilityRules, LocatingRules
-from envs.scenario.base import Config, beside_the_scenario, code_beside_the_scenario
-from envs.scenario.calibration import ArrayCalibration, read_calibration
-from sensing.quantities import PLAIN_ZERO, FilePath
+from pdpatrol.envs.scenario.base import Config, beside_the_scenario, code_beside_the_scenario
+from pdpatrol.envs.scenario.calibration import ArrayCalibration, read_calibration
+from pdpatrol.sensing.quantities import PLAIN_ZERO, FilePath
 
 Decibel = Annotated[float, Field(ge=0.0, le=100.0), PLAIN_ZERO]
 Metre = Annotated[float, Field(ge=0.001, le=10_000.0)]

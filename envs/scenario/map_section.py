@@ -7,10 +7,10 @@ from typing import Annotated
 
 from pydantic import Field
 
-from envs.scenario.base import Config
-from robot_models.yard.pieces import Equipment
-from robot_models.yard.quantities import MOST_PIECES, Coordinate, Name
-from robot_models.yard.yard import FENCE_TOLERANCE_M, Yard
+from pdpatrol.envs.scenario.base import Config
+from pdpatrol.robot_models.yard.pieces import Equipment
+from pdpatrol.robot_models.yard.quantities import MOST_PIECES, Coordinate, Name
+from pdpatrol.robot_models.yard.yard import FENCE_TOLERANCE_M, Yard
 
 
 class GeoreferenceConfig(Config, frozen=True):

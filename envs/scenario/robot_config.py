@@ -8,10 +8,10 @@ from typing import Annotated, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from envs.scenario.base import Config, beside_the_scenario
-from robot_models.description.library import is_path, load_robot
-from robot_models.description.robot_description import RobotDescription, RobotFileError
-from sensing.quantities import FilePath
+from pdpatrol.envs.scenario.base import Config, beside_the_scenario
+from pdpatrol.robot_models.description.library import is_path, load_robot
+from pdpatrol.robot_models.description.robot_description import RobotDescription, RobotFileError
+from pdpatrol.sensing.quantities import FilePath
 
 
 class RobotConfig(Config, frozen=True):

@@ -8,8 +8,8 @@ from typing import Annotated
 from pydantic import Field
 
 from dirmusic import PoseError
-from envs.scenario.base import Config
-from sensing.quantities import PLAIN_ZERO, Share
+from pdpatrol.envs.scenario.base import Config
+from pdpatrol.sensing.quantities import PLAIN_ZERO, Share
 
 MetreError = Annotated[float, Field(ge=0.0, le=10.0), PLAIN_ZERO]
 DegreeError = Annotated[float, Field(ge=0.0, le=180.0), PLAIN_ZERO]

@@ -13,20 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from envs.scenario.array_section import ArraySection, data_sheet
-from envs.scenario.base import Config, MissionName
-from envs.scenario.calibration import CalibratedArray
-from envs.scenario.limits import growth_faults, level_faults, place_faults, pulse_faults
-from envs.scenario.locating import EstimatorConfig, LocatingConfig
-from envs.scenario.map_section import GeoreferenceConfig, MapConfig
-from envs.scenario.robot_config import RobotConfig
-from envs.scenario.robot_sensors import BatteryConfig, LidarConfig, OdometryConfig, PoseSensorConfig
-from envs.scenario.sources import CampaignConfig, CarrierConfig, InterfererConfig, SourceConfig
-from robot_models.yard.quantities import MOST_YARD_M, Coordinate
-from robot_models.yard.yard import Yard
-from sensing import ReceiverConfig
-from sensing.quantities import PLAIN_ZERO, Degree
-from sensing.radio.materials import KIND_MATERIALS
+from pdpatrol.envs.scenario.array_section import ArraySection, data_sheet
+from pdpatrol.envs.scenario.base import Config, MissionName
+from pdpatrol.envs.scenario.calibration import CalibratedArray
+from pdpatrol.envs.scenario.limits import growth_faults, level_faults, place_faults, pulse_faults
+from pdpatrol.envs.scenario.locating import EstimatorConfig, LocatingConfig
+from pdpatrol.envs.scenario.map_section import GeoreferenceConfig, MapConfig
+from pdpatrol.envs.scenario.robot_config import RobotConfig
+from pdpatrol.envs.scenario.robot_sensors import BatteryConfig, LidarConfig, OdometryConfig, PoseSensorConfig
+from pdpatrol.envs.scenario.sources import CampaignConfig, CarrierConfig, InterfererConfig, SourceConfig
+from pdpatrol.robot_models.yard.quantities import MOST_YARD_M, Coordinate
+from pdpatrol.robot_models.yard.yard import Yard
+from pdpatrol.sensing import ReceiverConfig
+from pdpatrol.sensing.quantities import PLAIN_ZERO, Degree
+from pdpatrol.sensing.radio.materials import KIND_MATERIALS
 
 FloatArray = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ from typing import Annotated, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from dirmusic.pulses.discharge_kinds import KindName
-from envs.scenario.base import Config, Day, SiteChoice, weeks_between
-from robot_models.yard.quantities import MOST_PIECES, MOST_SITES, Coordinate, Height, Name
-from sensing.quantities import PLAIN_ZERO, Degree, Hertz, MissionSecond, PeakVolt, Volt
+from pdpatrol.envs.scenario.base import Config, Day, SiteChoice, weeks_between
+from pdpatrol.robot_models.yard.quantities import MOST_PIECES, MOST_SITES, Coordinate, Height, Name
+from pdpatrol.sensing.quantities import PLAIN_ZERO, Degree, Hertz, MissionSecond, PeakVolt, Volt
 
 LEAST_WAY_M = 1e-3
 """Places nearer to each other than this are the same (assumed)."""

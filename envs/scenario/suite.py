@@ -15,7 +15,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from envs.scenario.base import ScenarioError
+from pdpatrol.envs.scenario.base import ScenarioError
 
 SUITE = Path(__file__).parents[1] / "scenarios" / "suite"
 PREFIX = "suite"

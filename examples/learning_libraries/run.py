@@ -37,7 +37,7 @@ from typing import Annotated, Literal
 import gymnasium
 import tyro
 
-ENV = "envs:PDPatrol-v0"
+ENV = "pdpatrol:PDPatrol-v0"
 N_ENVS, EPISODE = 4, 100
 """Environments at a time, and steps of an episode: so that some end."""
 

@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from dirmusic import cut_windows, pulse_start, pulse_strengths, strength_variance
-from envs.core.motion import SensorParameters, add_pose_error
-from envs.scenario.robot_sensors import BatteryConfig, OdometryConfig, PoseSensorConfig
-from sensing import ArrayConfig, DischargeSource, HelicalArray, ReceiverConfig, Scene, level_transform
-from sensing.receiver.bank import listen_once
+from pdpatrol.envs.core.motion import SensorParameters, add_pose_error
+from pdpatrol.envs.scenario.robot_sensors import BatteryConfig, OdometryConfig, PoseSensorConfig
+from pdpatrol.sensing import ArrayConfig, DischargeSource, HelicalArray, ReceiverConfig, Scene, level_transform
+from pdpatrol.sensing.receiver.bank import listen_once
 
 HERE = Path(__file__).parent
 SEED = 20

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from dirmusic import Finding
-from envs.patrol_env import STEP_S, Observation
-from missions.driving.collision_guard import CollisionGuard
-from missions.driving.path_follower import PathFollower
-from missions.driving.site_map import SiteMap
-from missions.policies.patrol import Patrol
-from missions.policies.protocol import Action, believed_pose, time_of
+from pdpatrol.envs.patrol_env import STEP_S, Observation
+from pdpatrol.missions.driving.collision_guard import CollisionGuard
+from pdpatrol.missions.driving.path_follower import PathFollower
+from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.missions.policies.patrol import Patrol
+from pdpatrol.missions.policies.protocol import Action, believed_pose, time_of
 
 RADIUS_M, AHEAD_RAD, REPLAN_S, PURSUIT_S, SHARP_M = 3.0, np.radians([60.0, -60.0]), 3.0, 120.0, 0.12
 

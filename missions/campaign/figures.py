@@ -13,11 +13,11 @@ from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from envs.scenario.base import DAYS_PER_WEEK
-from missions.campaign.inspection import Inspection
-from missions.campaign.records import Discharge, Interval, Line, Observation, Trend
-from missions.report.page import SVG_STYLE
-from missions.report.pictures.yard_drawing import draw_frame, draw_yard
+from pdpatrol.envs.scenario.base import DAYS_PER_WEEK
+from pdpatrol.missions.campaign.inspection import Inspection
+from pdpatrol.missions.campaign.records import Discharge, Interval, Line, Observation, Trend
+from pdpatrol.missions.report.page import SVG_STYLE
+from pdpatrol.missions.report.pictures.yard_drawing import draw_frame, draw_yard
 
 SIZE_IN = (3.5, 2.7)
 PLAN_WIDTH_IN, PLAN_MOST_IN = 7.1, 6.2

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.campaign.inspection import Located
+from pdpatrol.missions.campaign.inspection import Located
 
 FloatArray = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.locating.rules import AssignmentRules, CredibilityRules
-from envs.yard_surroundings import surroundings_of
-from missions.campaign.inspection import Inspection, Located
-from missions.campaign.product_limit import Distribution, product_limit
-from sensing.radio.sight import Sight
+from pdpatrol.envs.yard_surroundings import surroundings_of
+from pdpatrol.missions.campaign.inspection import Inspection, Located
+from pdpatrol.missions.campaign.product_limit import Distribution, product_limit
+from pdpatrol.sensing.radio.sight import Sight
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

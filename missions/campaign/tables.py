@@ -5,8 +5,8 @@ from __future__ import annotations
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from missions.campaign.records import Discharge, Trend
-from missions.campaign.words import last_known, rate_slope_in_words, slope_in_words, what_became
+from pdpatrol.missions.campaign.records import Discharge, Trend
+from pdpatrol.missions.campaign.words import last_known, rate_slope_in_words, slope_in_words, what_became
 
 
 def trend_table(trend: Trend) -> Table:

@@ -11,13 +11,13 @@ from scipy.stats import norm
 from dirmusic.angles import aperture
 from dirmusic.locating.ellipse import ellipse95
 from dirmusic.locating.rules import LocatingRules
-from envs.scenario.base import weeks_between
-from missions.campaign.inspection import Inspection, Located
-from missions.campaign.joining import Joined, join
-from missions.campaign.records import SCHEMA, Discharge, Interval, Line, Observation, Status, Trend, Verdict
-from missions.campaign.source_level import NEAR_M, SourceLevel, floor_v, looks_at, source_level
-from missions.campaign.trend_line import CONFIDENCE, TrendLine, fit_line
-from missions.record.which_site import in_words, site_probabilities
+from pdpatrol.envs.scenario.base import weeks_between
+from pdpatrol.missions.campaign.inspection import Inspection, Located
+from pdpatrol.missions.campaign.joining import Joined, join
+from pdpatrol.missions.campaign.records import SCHEMA, Discharge, Interval, Line, Observation, Status, Trend, Verdict
+from pdpatrol.missions.campaign.source_level import NEAR_M, SourceLevel, floor_v, looks_at, source_level
+from pdpatrol.missions.campaign.trend_line import CONFIDENCE, TrendLine, fit_line
+from pdpatrol.missions.record.which_site import in_words, site_probabilities
 
 FloatArray = NDArray[np.float64]
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from missions.campaign.inspection import Inspection
-from missions.campaign.records import Trend
-from missions.campaign.trend_page import trend_page
-from missions.report.report_file import laid_out
-from missions.whole_file import write_whole
+from pdpatrol.missions.campaign.inspection import Inspection
+from pdpatrol.missions.campaign.records import Trend
+from pdpatrol.missions.campaign.trend_page import trend_page
+from pdpatrol.missions.report.report_file import laid_out
+from pdpatrol.missions.whole_file import write_whole
 
 
 def trend_text(trend: Trend) -> str:

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 from markupsafe import Markup
 
-from missions.campaign.figures import Mark, draw_levels, draw_plan, draw_rates, mark_of
-from missions.campaign.inspection import Inspection
-from missions.campaign.records import Discharge, Observation, Trend
-from missions.campaign.words import last_known, rate_slope_in_words, slope_in_words, what_became
-from missions.report.page import inline_svg, render
+from pdpatrol.missions.campaign.figures import Mark, draw_levels, draw_plan, draw_rates, mark_of
+from pdpatrol.missions.campaign.inspection import Inspection
+from pdpatrol.missions.campaign.records import Discharge, Observation, Trend
+from pdpatrol.missions.campaign.words import last_known, rate_slope_in_words, slope_in_words, what_became
+from pdpatrol.missions.report.page import inline_svg, render
 
 
 class Section(NamedTuple):

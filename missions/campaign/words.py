@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from missions.campaign.records import Discharge, Line, Observation
+from pdpatrol.missions.campaign.records import Discharge, Line, Observation
 
 LEVEL = "strength 1 m away, dB over 1 V"
 

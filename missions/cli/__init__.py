@@ -5,10 +5,10 @@ __all__ = ["main"]
 
 def main() -> None:
     """Entry point of `pdpatrol`: its signals are taken over before anything else is loaded."""
-    from missions.cli.endings.command_line import command_line
+    from pdpatrol.missions.cli.endings.command_line import command_line
 
     with command_line():
-        from missions.cli.app import run_verb
-        from missions.deep_calls import call_with_room
+        from pdpatrol.missions.cli.app import run_verb
+        from pdpatrol.missions.deep_calls import call_with_room
 
         call_with_room(run_verb)

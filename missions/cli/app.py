@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import tyro
 
-from missions.cli.export import export
-from missions.cli.locate import locate
-from missions.cli.plan import plan
-from missions.cli.replay import replay
-from missions.cli.report import report
-from missions.cli.reproduce import reproduce
-from missions.cli.results import results
-from missions.cli.run import run
-from missions.cli.scenarios import scenarios
-from missions.cli.sweep import sweep
-from missions.cli.trend import trend
+from pdpatrol.missions.cli.export import export
+from pdpatrol.missions.cli.locate import locate
+from pdpatrol.missions.cli.plan import plan
+from pdpatrol.missions.cli.replay import replay
+from pdpatrol.missions.cli.report import report
+from pdpatrol.missions.cli.reproduce import reproduce
+from pdpatrol.missions.cli.results import results
+from pdpatrol.missions.cli.run import run
+from pdpatrol.missions.cli.scenarios import scenarios
+from pdpatrol.missions.cli.sweep import sweep
+from pdpatrol.missions.cli.trend import trend
 
 
 def run_verb() -> None:

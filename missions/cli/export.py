@@ -7,8 +7,8 @@ from typing import Annotated
 
 import tyro
 
-from missions.cli.output.folders import output_folder
-from missions.cli.output.terminal import err, in_one_line, out, refuse
+from pdpatrol.missions.cli.output.folders import output_folder
+from pdpatrol.missions.cli.output.terminal import err, in_one_line, out, refuse
 
 
 def export(
@@ -28,14 +28,14 @@ def export(
     """
     if not folder.is_dir():
         refuse(f"{folder}: no such folder; give the folder of a mission")
-    from missions.record.mission_log import MissionLog
+    from pdpatrol.missions.record.mission_log import MissionLog
 
     try:
         log = MissionLog.load(folder)
     except (FileNotFoundError, ValueError) as error:
         refuse(str(error))
     with output_folder(out_dir, f"export-{folder.resolve().name}") as target:
-        from missions.export.export_mission import export_mission
+        from pdpatrol.missions.export.export_mission import export_mission
 
         with err.status("Writes"):
             written = export_mission(log, target)

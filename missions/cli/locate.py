@@ -10,8 +10,8 @@ from typing import Annotated, NamedTuple
 
 import tyro
 
-from missions.cli.output.folders import output_folder
-from missions.cli.output.terminal import (
+from pdpatrol.missions.cli.output.folders import output_folder
+from pdpatrol.missions.cli.output.terminal import (
     err,
     out,
     refuse,
@@ -135,7 +135,7 @@ def locate(
         if not LIMITS[option].holds(value)
     ]
     day = date or datetime.now().astimezone().date().isoformat()
-    from envs.scenario.base import is_day
+    from pdpatrol.envs.scenario.base import is_day
 
     if not is_day(day):
         faults.append(f"--date: got {day}; allowed is a day of this century as 2026-03-02")
@@ -146,10 +146,10 @@ def locate(
     from dirmusic import ElementSpread, InputFileError, PoseError, read_pattern
     from dirmusic.array.element_errors import UNEXPLAINED
     from dirmusic.compiled import watch_compiler
-    from envs.scenario.calibration import read_calibration
-    from missions.field.array_model import array_model, calibrated
-    from missions.field.field_data import read_field_data
-    from missions.stopwatch import Stopwatch
+    from pdpatrol.envs.scenario.calibration import read_calibration
+    from pdpatrol.missions.field.array_model import array_model, calibrated
+    from pdpatrol.missions.field.field_data import read_field_data
+    from pdpatrol.missions.stopwatch import Stopwatch
 
     stopwatch = Stopwatch()
     with output_folder(out_dir, table.stem) as folder, watch_compiler(lambda _: None) as compiling:
@@ -180,7 +180,7 @@ def locate(
         for note in (*notes, *data.notes):
             err.print(f"note: {note}", soft_wrap=True)
 
-        from missions.field.locate_field_data import locate_field_data, rejections
+        from pdpatrol.missions.field.locate_field_data import locate_field_data, rejections
 
         pose_error = PoseError(
             position_m=position_std_m, heading_rad=math.radians(heading_std_deg), correlation_s=pose_correlation_s

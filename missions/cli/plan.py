@@ -9,9 +9,9 @@ from typing import Annotated
 
 import tyro
 
-from missions.cli.output.folders import output_folder
-from missions.cli.output.terminal import err, in_one_line, out, refuse
-from missions.whole_file import whole_file, write_whole
+from pdpatrol.missions.cli.output.folders import output_folder
+from pdpatrol.missions.cli.output.terminal import err, in_one_line, out, refuse
+from pdpatrol.missions.whole_file import whole_file, write_whole
 
 
 def plan(
@@ -39,8 +39,8 @@ def plan(
         json_output: Print the plan as JSON instead of a table.
     """
     from dirmusic import InputFileError
-    from envs.scenario import load_scenario
-    from missions.sweep.plan import parse_grid
+    from pdpatrol.envs.scenario import load_scenario
+    from pdpatrol.missions.sweep.plan import parse_grid
 
     if not (math.isfinite(amplitude_v) and amplitude_v > 0.0):
         refuse(f"--amplitude-v: got {amplitude_v:g}; allowed is a finite value above 0")
@@ -55,9 +55,9 @@ def plan(
     from rich.progress import Progress
 
     with output_folder(out_dir, f"plan-{loaded.name}") as folder, Progress(console=err, transient=True) as progress:
-        from missions.planning.figure import draw_plan
-        from missions.planning.plan import make_plan
-        from missions.planning.tables import as_json, as_toml, sites_table, summary
+        from pdpatrol.missions.planning.figure import draw_plan
+        from pdpatrol.missions.planning.plan import make_plan
+        from pdpatrol.missions.planning.tables import as_json, as_toml, sites_table, summary
 
         bar = progress.add_task("map", total=1.0)
         made = make_plan(

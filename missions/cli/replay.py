@@ -10,7 +10,7 @@ from typing import Annotated
 
 import tyro
 
-from missions.cli.output.terminal import err, fail, out, refuse, write_mission
+from pdpatrol.missions.cli.output.terminal import err, fail, out, refuse, write_mission
 
 
 def replay(
@@ -61,8 +61,8 @@ def replay(
         if screenshot is None:
             return
     from dirmusic import InputFileError
-    from missions.recording import ViewerError, open_viewer, ready_recording, serve, take_screenshot
-    from missions.whole_file import whole_file
+    from pdpatrol.missions.recording import ViewerError, open_viewer, ready_recording, serve, take_screenshot
+    from pdpatrol.missions.whole_file import whole_file
 
     try:
         recordings = [
@@ -104,8 +104,8 @@ def _film(folder: Path, video: Path, pace: float | None) -> None:
         os.environ.setdefault("MUJOCO_GL", "egl")  # draws with and without a screen; read when MuJoCo is imported
     from rich.progress import Progress
 
-    from missions.record.mission_log import MissionLog
-    from missions.video.encode import FilmError, write_film
+    from pdpatrol.missions.record.mission_log import MissionLog
+    from pdpatrol.missions.video.encode import FilmError, write_film
 
     with Progress(console=err, transient=True, disable=not err.is_terminal) as progress:
         bar = progress.add_task(f"films {folder.name}", total=1.0)
@@ -122,8 +122,8 @@ def _film(folder: Path, video: Path, pace: float | None) -> None:
 def _run_again(folder: Path, row: int) -> Path:
     """The folder of one mission of a sweep, run again if it has not been yet."""
     from dirmusic import InputFileError
-    from missions.sweep.code_version import digest_of_code
-    from missions.sweep.dataset import Dataset
+    from pdpatrol.missions.sweep.code_version import digest_of_code
+    from pdpatrol.missions.sweep.dataset import Dataset
 
     try:
         dataset = Dataset(folder)
@@ -134,7 +134,7 @@ def _run_again(folder: Path, row: int) -> Path:
         err.print("The sweep is of other code: the mission may end otherwise now", style="yellow")
     mission = folder / "missions" / str(row)
     if not (mission / "log.npz").exists():
-        from missions.runner import run_mission
+        from pdpatrol.missions.runner import run_mission
 
         with err.status(f"{job.scenario.name}, {job.policy}, seed {job.seed} runs again"):
             log = run_mission(job.scenario, job.policy, job.seed)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from missions.cli.output.terminal import out, refuse, tell_findings, tell_json, write_report
+from pdpatrol.missions.cli.output.terminal import out, refuse, tell_findings, tell_json, write_report
 
 
 def report(
@@ -27,8 +27,8 @@ def report(
     """
     if not folder.is_dir():
         refuse(f"{folder}: no such folder; give the folder of a mission")
-    from missions.record.mission_log import MissionLog
-    from missions.report.report_file import read_report
+    from pdpatrol.missions.record.mission_log import MissionLog
+    from pdpatrol.missions.report.report_file import read_report
 
     wall_time_s = 0.0
     with suppress(OSError, ValueError):

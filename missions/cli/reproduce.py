@@ -7,8 +7,8 @@ from typing import Annotated
 
 import tyro
 
-from missions.cli.output.folders import output_folder
-from missions.cli.output.terminal import err, in_one_line, out, refuse, tell_time
+from pdpatrol.missions.cli.output.folders import output_folder
+from pdpatrol.missions.cli.output.terminal import err, in_one_line, out, refuse, tell_time
 
 
 def reproduce(
@@ -39,16 +39,16 @@ def reproduce(
         refuse(*faults)
     from rich.progress import Progress
 
-    from missions.stopwatch import Stopwatch
+    from pdpatrol.missions.stopwatch import Stopwatch
 
     stopwatch = Stopwatch()
     with output_folder(out_dir, f"reproduction-{seed}") as folder, Progress(console=err, transient=True) as progress:
         with stopwatch.on("loading"):
             from dirmusic.compiled import watch_compiler
-            from missions.reproduction.output.tables import as_table
-            from missions.reproduction.output.write import write_reproduction
-            from missions.reproduction.reproduce import reproduce as run_trials
-            from missions.reproduction.verdict import verdict
+            from pdpatrol.missions.reproduction.output.tables import as_table
+            from pdpatrol.missions.reproduction.output.write import write_reproduction
+            from pdpatrol.missions.reproduction.reproduce import reproduce as run_trials
+            from pdpatrol.missions.reproduction.verdict import verdict
 
         bar = progress.add_task(f"{trials} trials a cell", total=1.0)
         with stopwatch.on("trials"), watch_compiler(lambda _: None) as compiling:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from missions.cli.output.folders import output_folder
-from missions.cli.output.terminal import err, in_one_line, out, refuse
+from pdpatrol.missions.cli.output.folders import output_folder
+from pdpatrol.missions.cli.output.terminal import err, in_one_line, out, refuse
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -43,9 +43,9 @@ def results(
             "with all but --compare"
         )
     from dirmusic import InputFileError
-    from missions.sweep.dataset import Dataset, read_all
-    from missions.sweep.results import tables
-    from missions.sweep.results.summary import summarise_groups
+    from pdpatrol.missions.sweep.dataset import Dataset, read_all
+    from pdpatrol.missions.sweep.results import tables
+    from pdpatrol.missions.sweep.results.summary import summarise_groups
 
     try:
         datasets = [Dataset(each) for each in folder]
@@ -56,7 +56,7 @@ def results(
         _compare(rows, *compare)
         return
     if figures is not None:
-        from missions.sweep.results.figures import draw_figures
+        from pdpatrol.missions.sweep.results.figures import draw_figures
 
         with output_folder(figures, "", "--figures") as folder_of_figures:
             written = draw_figures(rows, folder_of_figures)
@@ -83,8 +83,8 @@ def results(
 def _compare(rows: pa.Table, first: str, second: str) -> None:
     """Print the differences between two sides, and which missions flipped."""
     from dirmusic import InputFileError
-    from missions.sweep.results.paired import compare, pair_up
-    from missions.sweep.results.tables import differences_table
+    from pdpatrol.missions.sweep.results.paired import compare, pair_up
+    from pdpatrol.missions.sweep.results.tables import differences_table
 
     try:
         pairs = pair_up(rows, first, second)

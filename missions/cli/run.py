@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from missions.cli.endings import interrupts
-from missions.cli.output.folders import output_folder
-from missions.cli.output.terminal import (
+from pdpatrol.missions.cli.endings import interrupts
+from pdpatrol.missions.cli.output.folders import output_folder
+from pdpatrol.missions.cli.output.terminal import (
     FAILED,
     err,
     fail,
@@ -32,9 +32,9 @@ from missions.cli.output.terminal import (
 
 if TYPE_CHECKING:
     from dirmusic.compiled import Compiling
-    from missions.recording import LiveView
-    from missions.report.records import Report
-    from missions.runner import Mission
+    from pdpatrol.missions.recording import LiveView
+    from pdpatrol.missions.report.records import Report
+    from pdpatrol.missions.runner import Mission
 
 OF_FINDINGS = ("candidate", "confirmed", "outside", "ghost", "dropped")
 """Kinds of events whose text says by itself what became of a candidate or a finding."""
@@ -93,16 +93,16 @@ def run(
         json_output: Print the report as JSON instead of a table.
         timing: Say in a line where the time went.
     """
-    from missions.second_process import SecondProcess
+    from pdpatrol.missions.second_process import SecondProcess
 
     second = SecondProcess()
 
     from dirmusic import InputFileError
-    from envs.foreign_code import ForeignCodeError
-    from envs.scenario import ScenarioError, load_scenario
-    from envs.scenario.calibration import read_calibration
-    from missions.policies.names import BUILT_IN, load_maker
-    from missions.stopwatch import Stopwatch
+    from pdpatrol.envs.foreign_code import ForeignCodeError
+    from pdpatrol.envs.scenario import ScenarioError, load_scenario
+    from pdpatrol.envs.scenario.calibration import read_calibration
+    from pdpatrol.missions.policies.names import BUILT_IN, load_maker
+    from pdpatrol.missions.stopwatch import Stopwatch
 
     stopwatch = Stopwatch()
 
@@ -134,7 +134,7 @@ def run(
         ):
             with stopwatch.on("loading"):
                 try_compiler()  # what is to be compiled ahead is begun while this loads
-                from missions.runner import Mission
+                from pdpatrol.missions.runner import Mission
             tell_notes(loaded)
             asked = None
 
@@ -184,7 +184,7 @@ def run(
 def _live_view() -> LiveView:
     """The viewer, which comes up before anything is run."""
     os.environ.setdefault("RUST_LOG", "off")  # Rerun tells of a viewer that is closed before the mission is over
-    from missions.recording import LiveView, ViewerError
+    from pdpatrol.missions.recording import LiveView, ViewerError
 
     try:
         return LiveView()

@@ -8,7 +8,7 @@ from typing import Annotated
 import tyro
 from rich.table import Table
 
-from missions.cli.output.terminal import out, refuse, tell_notes
+from pdpatrol.missions.cli.output.terminal import out, refuse, tell_notes
 
 
 def scenarios(
@@ -22,8 +22,8 @@ def scenarios(
         check: A scenario file to check.
         json_output: Print JSON instead of a table.
     """
-    from envs.scenario import SHIPPED, ScenarioError, load_scenario, shipped_scenarios
-    from envs.scenario.suite import load_suite
+    from pdpatrol.envs.scenario import SHIPPED, ScenarioError, load_scenario, shipped_scenarios
+    from pdpatrol.envs.scenario.suite import load_suite
 
     if check is not None:
         try:

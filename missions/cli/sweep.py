@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from missions.cli.output.terminal import FAILED, err, in_one_line, out, refuse
+from pdpatrol.missions.cli.output.terminal import FAILED, err, in_one_line, out, refuse
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from missions.sweep.dataset import Dataset
-    from missions.sweep.mission_row import MissionRow
-    from missions.sweep.plan import MissionJob
+    from pdpatrol.missions.sweep.dataset import Dataset
+    from pdpatrol.missions.sweep.mission_row import MissionRow
+    from pdpatrol.missions.sweep.plan import MissionJob
 
 SEEDS = re.compile(r"(\d+)(?:-(\d+))?")
 SHARD = re.compile(r"(\d+)/(\d+)")
@@ -81,13 +81,13 @@ def sweep(
     if faults:
         refuse(*faults)
     from dirmusic import InputFileError
-    from envs.foreign_code import ForeignCodeError
-    from missions.policies.names import BUILT_IN, load_maker
-    from missions.sweep.dataset import Dataset
-    from missions.sweep.engines.engine import Limits
-    from missions.sweep.engines.process_pool import run_in_processes
-    from missions.sweep.engines.ray_engine import run_in_ray
-    from missions.sweep.plan import make_plan, parse_grid
+    from pdpatrol.envs.foreign_code import ForeignCodeError
+    from pdpatrol.missions.policies.names import BUILT_IN, load_maker
+    from pdpatrol.missions.sweep.dataset import Dataset
+    from pdpatrol.missions.sweep.engines.engine import Limits
+    from pdpatrol.missions.sweep.engines.process_pool import run_in_processes
+    from pdpatrol.missions.sweep.engines.ray_engine import run_in_ray
+    from pdpatrol.missions.sweep.plan import make_plan, parse_grid
 
     try:
         for own in set(policy) - set(BUILT_IN):
@@ -121,11 +121,11 @@ def _complete(
     """Run the missions of a shard that have no row yet, tell how it goes, and print what all rows came to."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from missions.sweep.engines.compile_once import is_compiled
-    from missions.sweep.engines.engine import EngineError
-    from missions.sweep.results.summary import summarise_groups
-    from missions.sweep.results.tables import terminal_table
-    from missions.sweep.tally import Tally
+    from pdpatrol.missions.sweep.engines.compile_once import is_compiled
+    from pdpatrol.missions.sweep.engines.engine import EngineError
+    from pdpatrol.missions.sweep.results.summary import summarise_groups
+    from pdpatrol.missions.sweep.results.tables import terminal_table
+    from pdpatrol.missions.sweep.tally import Tally
 
     folder, before = dataset.folder, dataset.read().to_pylist()
     done = {row["key"] for row in before}

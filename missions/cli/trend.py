@@ -7,8 +7,8 @@ from typing import Annotated
 
 import tyro
 
-from missions.cli.output.folders import output_folder
-from missions.cli.output.terminal import err, in_one_line, out, refuse
+from pdpatrol.missions.cli.output.folders import output_folder
+from pdpatrol.missions.cli.output.terminal import err, in_one_line, out, refuse
 
 
 def trend(
@@ -31,7 +31,7 @@ def trend(
     if len(run) < 2:
         refuse(f"RUN: got {len(run)}; allowed are two folders or more")
     from dirmusic import InputFileError
-    from missions.campaign.inspection import read_inspections
+    from pdpatrol.missions.campaign.inspection import read_inspections
 
     try:
         with err.status(f"Reads {len(run)} logs"):
@@ -40,9 +40,9 @@ def trend(
         refuse(*error.faults)
     if inspections[0].day == inspections[-1].day:
         refuse(f"RUN: all of {inspections[0].day}; allowed are inspections of two dates at least")
-    from missions.campaign.tables import trend_table
-    from missions.campaign.trend import make_trend
-    from missions.campaign.trend_file import trend_text, write_trend
+    from pdpatrol.missions.campaign.tables import trend_table
+    from pdpatrol.missions.campaign.trend import make_trend
+    from pdpatrol.missions.campaign.trend_file import trend_text, write_trend
 
     written: tuple[str, ...] = ()
     if out_dir is None:

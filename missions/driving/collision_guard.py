@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic import Finding
-from envs.patrol_env import STEP_S, Observation
-from missions.driving.lidar_stop import free_way, safe_command
-from missions.driving.seen_obstacles import SeenObstacles
-from missions.driving.site_map import SiteMap
-from missions.policies.protocol import Action, Policy, believed_pose, checked_action, status_of, time_of
-from robot_models.description.robot_description import RobotDescription
+from pdpatrol.envs.patrol_env import STEP_S, Observation
+from pdpatrol.missions.driving.lidar_stop import free_way, safe_command
+from pdpatrol.missions.driving.seen_obstacles import SeenObstacles
+from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.missions.policies.protocol import Action, Policy, believed_pose, checked_action, status_of, time_of
+from pdpatrol.robot_models.description.robot_description import RobotDescription
 
 FloatArray = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.patrol_env import STEP_S
-from robot_models.description.robot_description import RobotDescription
-from robot_models.sensors import LIDAR_BEAMS
+from pdpatrol.envs.patrol_env import STEP_S
+from pdpatrol.robot_models.description.robot_description import RobotDescription
+from pdpatrol.robot_models.sensors import LIDAR_BEAMS
 
 FloatArray = NDArray[np.float64]
 

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.angles import difference
-from missions.driving.site_map import ShortestPaths, SiteMap
-from missions.policies.protocol import Action
-from robot_models.description.robot_description import RobotDescription
+from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap
+from pdpatrol.missions.policies.protocol import Action
+from pdpatrol.robot_models.description.robot_description import RobotDescription
 
 FloatArray = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.driving.site_map import SiteMap
-from robot_models.sensors import LIDAR_BEAMS
+from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.robot_models.sensors import LIDAR_BEAMS
 
 FloatArray = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from itertools import pairwise, permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.driving.site_map import ShortestPaths, SiteMap
+from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap
 
 FloatArray = NDArray[np.float64]
 

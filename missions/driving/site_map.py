@@ -14,11 +14,11 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 
 from dirmusic.locating.rules import AssignmentRules
-from envs import Scenario
-from envs.known_array import known_array
-from envs.yard_surroundings import surroundings_of
-from robot_models.yard.yard import Yard
-from sensing.radio.sight import Sight
+from pdpatrol.envs import Scenario
+from pdpatrol.envs.known_array import known_array
+from pdpatrol.envs.yard_surroundings import surroundings_of
+from pdpatrol.robot_models.yard.yard import Yard
+from pdpatrol.sensing.radio.sight import Sight
 
 FloatArray = NDArray[np.float64]
 

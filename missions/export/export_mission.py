@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from envs.scenario.map_section import GeoreferenceConfig
-from missions.export.findings import findings_csv, findings_geojson
-from missions.export.parquet_tables import write_pulses, write_steps
-from missions.export.ros2_recording import write_ros2_recording
-from missions.record.mission_log import MissionLog
-from missions.report.make_report import make_report
-from missions.whole_file import whole_file
+from pdpatrol.envs.scenario.map_section import GeoreferenceConfig
+from pdpatrol.missions.export.findings import findings_csv, findings_geojson
+from pdpatrol.missions.export.parquet_tables import write_pulses, write_steps
+from pdpatrol.missions.export.ros2_recording import write_ros2_recording
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.missions.whole_file import whole_file
 
 
 def export_mission(log: MissionLog, folder: Path) -> tuple[str, ...]:

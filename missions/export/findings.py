@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from dirmusic.locating.ellipse import outline95
-from envs.scenario.map_section import GeoreferenceConfig
-from missions.export.georeference import longitude_latitude
-from missions.report.records import FindingRecord, Report
+from pdpatrol.envs.scenario.map_section import GeoreferenceConfig
+from pdpatrol.missions.export.georeference import longitude_latitude
+from pdpatrol.missions.report.records import FindingRecord, Report
 
 OUTLINE_POINTS = 37
 DEGREE_DIGITS = 8

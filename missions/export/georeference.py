@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.scenario.map_section import GeoreferenceConfig
+from pdpatrol.envs.scenario.map_section import GeoreferenceConfig
 
 FloatArray = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from dirmusic.locating.association.assignment import NoOwner
-from missions.record.mission_log import MissionLog
+from pdpatrol.missions.record.mission_log import MissionLog
 
 WORLD = "world frame: x east, y north, origin at the south-west corner of the yard, yaw counter-clockwise from east"
 ARRAY = "frame of the array: counter-clockwise from ahead"

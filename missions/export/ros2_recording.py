@@ -15,8 +15,8 @@ from mcap_ros2.writer import Writer
 from numpy.typing import NDArray
 
 from dirmusic.locating.ellipse import outline95
-from missions.export.ros2_messages import definition
-from missions.record.mission_log import MissionLog
+from pdpatrol.missions.export.ros2_messages import definition
+from pdpatrol.missions.record.mission_log import MissionLog
 
 FloatArray = NDArray[np.float64]
 Content = dict[str, Any]

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from dirmusic import ArrayModel, ElementSpread, GainManifold, GainPattern, GaussianPattern, InputFileError
-from envs.scenario.calibration import ArrayCalibration, CalibratedArray
-from missions.field.field_data import FieldData
+from pdpatrol.envs.scenario.calibration import ArrayCalibration, CalibratedArray
+from pdpatrol.missions.field.field_data import FieldData
 
 
 def array_model(

@@ -11,8 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic import CsvTable, InputFileError, read_csv_table
-from missions.field.plausibility import doubts
-from missions.field.waveform_files import MAX_CHANNELS, MAX_STRENGTH_V, MIN_CHANNELS, TablePulses, read_waveforms
+from pdpatrol.missions.field.plausibility import doubts
+from pdpatrol.missions.field.waveform_files import (
+    MAX_CHANNELS,
+    MAX_STRENGTH_V,
+    MIN_CHANNELS,
+    TablePulses,
+    read_waveforms,
+)
 
 FloatArray = NDArray[np.float64]
 

@@ -16,12 +16,12 @@ from dirmusic.bearing.channel_health import ChannelMonitor
 from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
 from dirmusic.locating.rules import CredibilityRules, LocatingRules
 from dirmusic.locating.yard_likelihood import Grid, YardLikelihood
-from envs.scenario.calibration import ArrayCalibration
-from missions.field.field_data import FieldData
-from missions.record.array_description import describe_array, describe_grid
-from missions.record.logbook import Logbook
-from missions.record.mission_log import MissionLog
-from missions.record.tracking import Tracker
+from pdpatrol.envs.scenario.calibration import ArrayCalibration
+from pdpatrol.missions.field.field_data import FieldData
+from pdpatrol.missions.record.array_description import describe_array, describe_grid
+from pdpatrol.missions.record.logbook import Logbook
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.record.tracking import Tracker
 
 FloatArray = NDArray[np.float64]
 

@@ -1,7 +1,7 @@
 """A learned baseline: PPO finds its way to the source in an open yard, from bearings and lidar.
 
-`uv run --extra rl python -m missions.learning` trains it, and puts it beside the hand-written policies. With seed 0, in
-yards that training never saw:
+`uv run --extra rl python -m pdpatrol.missions.learning` trains it, and puts it beside the
+hand-written policies. With seed 0, in yards that training never saw:
 
 | policy | reached the source | median time |
 |---|---|---|

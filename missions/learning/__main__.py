@@ -1,4 +1,4 @@
-"""`python -m missions.learning`: train, evaluate, and draw the learning curve."""
+"""`python -m pdpatrol.missions.learning`: train, evaluate, and draw the learning curve."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from typing import Annotated, Any
 
 import tyro
 
-from missions.cli.endings.command_line import command_line
-from missions.cli.output.folders import output_folder
-from missions.cli.output.terminal import err, in_one_line, out, refuse
-from missions.whole_file import whole_file, write_whole
+from pdpatrol.missions.cli.endings.command_line import command_line
+from pdpatrol.missions.cli.output.folders import output_folder
+from pdpatrol.missions.cli.output.terminal import err, in_one_line, out, refuse
+from pdpatrol.missions.whole_file import whole_file, write_whole
 
 MAX_SEED = 899_000
 """Beyond it lie the yards of the learning curve and of the evaluation."""
@@ -58,7 +58,10 @@ def learn(
         refuse(*faults)
     with output_folder(out_dir, f"learning-{seed}") as folder:
         if find_spec("stable_baselines3") is None:
-            refuse("stable-baselines3 is not installed; run it with: uv run --extra rl python -m missions.learning")
+            refuse(
+                "stable-baselines3 is not installed; "
+                "run it with: uv run --extra rl python -m pdpatrol.missions.learning"
+            )
         data = _learn(steps, yards, seek_yards, threads, seed, folder)
     if json_output:
         out.print_json(data=data)
@@ -75,10 +78,10 @@ def _learn(steps: int, yards: int, seek_yards: int, threads: int, seed: int, fol
     import numpy as np
     from rich.progress import Progress
 
-    from missions.learning.evaluation import evaluate, evaluate_seek
-    from missions.learning.figure import draw_curve
-    from missions.learning.steering import RandomSteering, towards_last_bearing
-    from missions.learning.training import steering_of, train
+    from pdpatrol.missions.learning.evaluation import evaluate, evaluate_seek
+    from pdpatrol.missions.learning.figure import draw_curve
+    from pdpatrol.missions.learning.steering import RandomSteering, towards_last_bearing
+    from pdpatrol.missions.learning.training import steering_of, train
 
     started_s = time.perf_counter()
     with Progress(console=err, transient=True) as progress:
@@ -127,9 +130,9 @@ def _table(policies: dict[str, Any]) -> Any:  # noqa: ANN401 - a table of rich
 
 
 def main() -> None:
-    """Entry point of `python -m missions.learning`."""
+    """Entry point of `python -m pdpatrol.missions.learning`."""
     with command_line():
-        tyro.cli(learn, prog="python -m missions.learning", config=(tyro.conf.FlagCreatePairsOff,))
+        tyro.cli(learn, prog="python -m pdpatrol.missions.learning", config=(tyro.conf.FlagCreatePairsOff,))
 
 
 if __name__ == "__main__":

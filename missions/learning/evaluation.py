@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.core.simulation import STEP_S
-from envs.random_yard import open_yard
-from envs.vector_env import PatrolVectorEnv
-from envs.wrappers import bearings_only
-from missions.learning.steering import Steering
-from missions.runner import Mission
+from pdpatrol.envs.core.simulation import STEP_S
+from pdpatrol.envs.random_yard import open_yard
+from pdpatrol.envs.vector_env import PatrolVectorEnv
+from pdpatrol.envs.wrappers import bearings_only
+from pdpatrol.missions.learning.steering import Steering
+from pdpatrol.missions.runner import Mission
 
 UNSEEN_FROM = 1_000_000
 """Seeds of the yards of the final evaluation start here; neither training nor its learning curve goes there."""

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv  # pyright: ignore[reportMissingImports]
 
-from envs.patrol_env import Observation
-from envs.vector_env import PatrolVectorEnv
-from envs.wrappers import Flattener, bearings_only, bearings_only_space
+from pdpatrol.envs.patrol_env import Observation
+from pdpatrol.envs.vector_env import PatrolVectorEnv
+from pdpatrol.envs.wrappers import Flattener, bearings_only, bearings_only_space
 
 FloatArray = NDArray[np.float32]
 

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.patrol_env import Observation
+from pdpatrol.envs.patrol_env import Observation
 
 Actions = NDArray[np.float32]
 
@@ -22,7 +22,7 @@ class Steering(Protocol):
     """Decides for all rows; starts with the episodes of all rows."""
 
     def __call__(self, observation: Observation) -> Actions:
-        """Actions, shape (n_robots, 2), in [-1, 1], from what `envs.wrappers.bearings_only` tells."""
+        """Actions, shape (n_robots, 2), in [-1, 1], from what `pdpatrol.envs.wrappers.bearings_only` tells."""
         ...
 
 

@@ -10,13 +10,13 @@ from stable_baselines3 import PPO  # pyright: ignore[reportMissingImports]
 from stable_baselines3.common.callbacks import BaseCallback  # pyright: ignore[reportMissingImports]
 from stable_baselines3.common.vec_env import VecNormalize  # pyright: ignore[reportMissingImports]
 
-from envs.patrol_env import Observation
-from envs.random_yard import open_yard
-from envs.vector_env import PatrolVectorEnv
-from envs.wrappers import Flattener, bearings_only_space
-from missions.learning.evaluation import evaluate
-from missions.learning.learner_envs import LearnerEnvs
-from missions.learning.steering import Actions, Steering
+from pdpatrol.envs.patrol_env import Observation
+from pdpatrol.envs.random_yard import open_yard
+from pdpatrol.envs.vector_env import PatrolVectorEnv
+from pdpatrol.envs.wrappers import Flattener, bearings_only_space
+from pdpatrol.missions.learning.evaluation import evaluate
+from pdpatrol.missions.learning.learner_envs import LearnerEnvs
+from pdpatrol.missions.learning.steering import Actions, Steering
 
 N_ROBOTS = 64
 N_STEPS = 128

@@ -1,5 +1,5 @@
 """Where each site of a yard is heard from, few stops that hear all of them, and a short tour past these."""
 
-from missions.planning.planned_route import with_planned_route
+from pdpatrol.missions.planning.planned_route import with_planned_route
 
 __all__ = ["with_planned_route"]

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.angles import aperture, difference, wrap
-from missions.planning.hearing import Hearing
-from missions.planning.looks import TINY_RAD
+from pdpatrol.missions.planning.hearing import Hearing
+from pdpatrol.missions.planning.looks import TINY_RAD
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

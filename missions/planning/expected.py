@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from dirmusic import ArrayModel, PulseBatch, strength_variance
 from dirmusic.locating.ellipse import ellipse95
 from dirmusic.locating.fitting.joint_fix import expected_covariances
-from envs import Scenario
-from envs.known_array import known_array
-from missions.driving.site_map import LEAST_SIGHT, SiteMap
-from missions.planning.hearing import Hearing, trigger_peak
-from missions.planning.tour import Tour
-from sensing.receiver.receiver import Receiver
+from pdpatrol.envs import Scenario
+from pdpatrol.envs.known_array import known_array
+from pdpatrol.missions.driving.site_map import LEAST_SIGHT, SiteMap
+from pdpatrol.missions.planning.hearing import Hearing, trigger_peak
+from pdpatrol.missions.planning.tour import Tour
+from pdpatrol.sensing.receiver.receiver import Receiver
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]

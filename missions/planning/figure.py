@@ -12,8 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon
 from matplotlib.ticker import MaxNLocator
 
-from missions.driving.site_map import CELL_M
-from missions.planning.plan import Plan
+from pdpatrol.missions.driving.site_map import CELL_M
+from pdpatrol.missions.planning.plan import Plan
 
 INCHES_PER_M = 0.27
 TOUR_COLOUR, DOCK_COLOUR, BLIND_COLOUR = "#c2185b", "#1a237e", "#d50000"

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from dirmusic.angles import aperture
 from dirmusic.locating.fitting.joint_fix import HEIGHT_PRIOR_M
-from envs import Scenario
-from missions.driving.site_map import CELL_M, LEAST_SIGHT, SiteMap
-from sensing import ArrayConfig, HelicalArray, ReceiverConfig
-from sensing.radio.sight import Sight
-from sensing.receiver.receiver import Receiver
+from pdpatrol.envs import Scenario
+from pdpatrol.missions.driving.site_map import CELL_M, LEAST_SIGHT, SiteMap
+from pdpatrol.sensing import ArrayConfig, HelicalArray, ReceiverConfig
+from pdpatrol.sensing.radio.sight import Sight
+from pdpatrol.sensing.receiver.receiver import Receiver
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -194,7 +194,7 @@ def _least_gain(config: ArrayConfig) -> FloatArray:
     """Gain of the loudest element in the robot's worst heading, towards `ELEVATIONS_RAD`.
 
     A linear wave loses nothing else, whatever its direction: half its power is in the measured gain of a circular
-    antenna (`sensing.radio.polarisation.received`).
+    antenna (`pdpatrol.sensing.radio.polarisation.received`).
     """
     array = HelicalArray.nominal(config)
     shape = (HEADINGS_RAD.size, ELEVATIONS_RAD.size, array.n_elements)

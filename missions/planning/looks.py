@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.angles import aperture
-from missions.planning.hearing import Hearing
+from pdpatrol.missions.planning.hearing import Hearing
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -8,15 +8,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from envs import Scenario
-from missions.driving.site_map import CELL_M, COMFORT_M, SiteMap
-from missions.planning.cover import apertures, candidates, cover
-from missions.planning.expected import Deviation, Forecast, driving_time, views_along
-from missions.planning.hearing import AMPLITUDE_V, Hearing, hear
-from missions.planning.looks import Looks, needed_of
-from missions.planning.tighten import Tightening
-from missions.planning.tour import Tour, shortest_tour_of
-from missions.planning.ways import Ways
+from pdpatrol.envs import Scenario
+from pdpatrol.missions.driving.site_map import CELL_M, COMFORT_M, SiteMap
+from pdpatrol.missions.planning.cover import apertures, candidates, cover
+from pdpatrol.missions.planning.expected import Deviation, Forecast, driving_time, views_along
+from pdpatrol.missions.planning.hearing import AMPLITUDE_V, Hearing, hear
+from pdpatrol.missions.planning.looks import Looks, needed_of
+from pdpatrol.missions.planning.tighten import Tightening
+from pdpatrol.missions.planning.tour import Tour, shortest_tour_of
+from pdpatrol.missions.planning.ways import Ways
 
 FloatArray = NDArray[np.float64]
 

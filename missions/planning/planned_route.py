@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from envs.scenario import Scenario, ScenarioError, restore_scenario
-from envs.scenario.scenario import PLANNED
+from pdpatrol.envs.scenario import Scenario, ScenarioError, restore_scenario
+from pdpatrol.envs.scenario.scenario import PLANNED
 
 Point = tuple[float, float]
 
@@ -35,7 +35,7 @@ def _planned(scenario: str) -> tuple[Point, ...]:
     """The waypoints of a scenario, which is given as JSON: missions that differ in their seed share a plan."""
     import json
 
-    from missions.planning.plan import make_plan
+    from pdpatrol.missions.planning.plan import make_plan
 
     plan = make_plan(restore_scenario(json.loads(scenario)))
     return tuple((float(x), float(y)) for x, y in plan.stops_m)

@@ -8,8 +8,8 @@ import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from missions.planning.hearing import MARGIN_DB
-from missions.planning.plan import Plan, PlannedSite
+from pdpatrol.missions.planning.hearing import MARGIN_DB
+from pdpatrol.missions.planning.plan import Plan, PlannedSite
 
 NOT_HEARD = "not heard from any reachable place"
 RIGHT = ("z", "dB", "deg", "nearest", "ellipse", "height")

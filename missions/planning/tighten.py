@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.planning.hearing import Hearing
-from missions.planning.looks import Looks, looks_from
-from missions.planning.tour import Tour, shortest_tour_of, tour_in_order
-from missions.planning.ways import Ways
+from pdpatrol.missions.planning.hearing import Hearing
+from pdpatrol.missions.planning.looks import Looks, looks_from
+from pdpatrol.missions.planning.tour import Tour, shortest_tour_of, tour_in_order
+from pdpatrol.missions.planning.ways import Ways
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.planning.ways import Ways
+from pdpatrol.missions.planning.ways import Ways
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]

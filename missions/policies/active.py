@@ -9,9 +9,9 @@ from scipy.spatial import KDTree
 from dirmusic import Finding
 from dirmusic.angles import difference
 from dirmusic.locating.ellipse import CHI2_95
-from missions.driving.site_map import ShortestPaths, SiteMap
-from missions.policies.seek import Seek
-from missions.policies.viewpoints import LEAST_WAY_M, likely_place
+from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap
+from pdpatrol.missions.policies.seek import Seek
+from pdpatrol.missions.policies.viewpoints import LEAST_WAY_M, likely_place
 
 FloatArray = NDArray[np.float64]
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from missions.driving.collision_guard import CollisionGuard
-from missions.policies.active import Active
-from missions.policies.names import load_maker
-from missions.policies.oracle import Oracle
-from missions.policies.own_policy import OwnPolicy
-from missions.policies.patrol import Patrol
-from missions.policies.protocol import ReportingPolicy
-from missions.policies.random_driving import Random
-from missions.policies.seek import Seek
+from pdpatrol.missions.driving.collision_guard import CollisionGuard
+from pdpatrol.missions.policies.active import Active
+from pdpatrol.missions.policies.names import load_maker
+from pdpatrol.missions.policies.oracle import Oracle
+from pdpatrol.missions.policies.own_policy import OwnPolicy
+from pdpatrol.missions.policies.patrol import Patrol
+from pdpatrol.missions.policies.protocol import ReportingPolicy
+from pdpatrol.missions.policies.random_driving import Random
+from pdpatrol.missions.policies.seek import Seek
 
 
 def make_policy(name: str, rng: np.random.Generator) -> ReportingPolicy:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from envs.foreign_code import ForeignCodeError, load_object
+from pdpatrol.envs.foreign_code import ForeignCodeError, load_object
 
 BUILT_IN = ("seek", "active", "patrol", "random", "oracle")
 

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic import Finding
-from envs.patrol_env import Observation
-from missions.driving.collision_guard import CollisionGuard
-from missions.driving.site_map import SiteMap
-from missions.policies.protocol import Action, time_of
-from missions.policies.seek import Seek
+from pdpatrol.envs.patrol_env import Observation
+from pdpatrol.missions.driving.collision_guard import CollisionGuard
+from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.missions.policies.protocol import Action, time_of
+from pdpatrol.missions.policies.seek import Seek
 
 FloatArray = NDArray[np.float64]
 

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from dirmusic import Finding
-from envs.foreign_code import ForeignCodeError, calling, place_of
-from envs.patrol_env import Observation
-from missions.driving.site_map import SiteMap
-from missions.policies.names import MAKER
-from missions.policies.protocol import ACTION, Action, SeesTruth, checked_action, status_of
+from pdpatrol.envs.foreign_code import ForeignCodeError, calling, place_of
+from pdpatrol.envs.patrol_env import Observation
+from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.missions.policies.names import MAKER
+from pdpatrol.missions.policies.protocol import ACTION, Action, SeesTruth, checked_action, status_of
 
 POLICY = "a policy: policy(observation, findings, site_map) -> action"
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic import Finding
-from envs.patrol_env import Observation
-from missions.driving.path_follower import PathFollower
-from missions.driving.site_map import ShortestPaths, SiteMap
-from missions.policies.protocol import Action, believed_pose, time_of
+from pdpatrol.envs.patrol_env import Observation
+from pdpatrol.missions.driving.path_follower import PathFollower
+from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap
+from pdpatrol.missions.policies.protocol import Action, believed_pose, time_of
 
 FloatArray = NDArray[np.float64]
 

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic import Finding
-from envs.foreign_code import ForeignCodeError, calling, place_of
-from envs.patrol_env import Observation
-from missions.driving.site_map import SiteMap
+from pdpatrol.envs.foreign_code import ForeignCodeError, calling, place_of
+from pdpatrol.envs.patrol_env import Observation
+from pdpatrol.missions.driving.site_map import SiteMap
 
 FloatArray = NDArray[np.float64]
 Action = NDArray[np.float32]
@@ -29,12 +29,14 @@ class Policy(Protocol):
 
     **Call.** `policy(observation, findings, site_map) -> action`, once for each control step of 0.1 s:
 
-    - `observation`: what the robot senses, as the docstring of `envs.patrol_env.PatrolEnv` lists it; `believed_pose`
+    - `observation`: what the robot senses, as the docstring of `pdpatrol.envs.patrol_env.PatrolEnv` lists it;
+      `believed_pose`
       and `time_of` read pose and time.
     - `findings`: what the Locator has located so far, each a `dirmusic.Finding`; only `state == "candidate"` wants
       more bearings.
-    - `site_map`: the operator's plan (`missions.driving.site_map.SiteMap`): yard, route, task, free ground, shortest
-      paths. `missions.driving.path_follower.PathFollower` drives along them.
+    - `site_map`: the operator's plan (`pdpatrol.missions.driving.site_map.SiteMap`): yard, route, task, free ground,
+      shortest
+      paths. `pdpatrol.missions.driving.path_follower.PathFollower` drives along them.
     - `action`: two finite numbers in [-1, 1], shape (2,): forward speed and counter-clockwise yaw rate, as a share of
       the robot's limits; or None to end the mission.
 
@@ -44,7 +46,8 @@ class Policy(Protocol):
     **Truth.** Only a policy that has `reveal(truth)` is given the truth, once before the first call; see `SeesTruth`.
     A collision guard does not pass it on: put the guard inside, as `oracle` does.
 
-    **Collisions.** The runner does not keep the robot from obstacles. `missions.driving.collision_guard.CollisionGuard`
+    **Collisions.** The runner does not keep the robot from obstacles.
+    `pdpatrol.missions.driving.collision_guard.CollisionGuard`
     around a policy stops before what the lidar sees, puts it on the policy's map and backs off when stuck. Name a
     function that puts it there, with `--policy my_file.py:guarded`:
 

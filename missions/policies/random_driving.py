@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from dirmusic import Finding
-from envs.patrol_env import Observation
-from missions.driving.site_map import SiteMap
-from missions.policies.protocol import Action
+from pdpatrol.envs.patrol_env import Observation
+from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.missions.policies.protocol import Action
 
 HOLD_STEPS = 10
 """How many steps an action is kept (assumed): one second."""

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic import Finding
-from envs.patrol_env import STEP_S, Observation
-from missions.driving.path_follower import PathFollower
-from missions.driving.site_map import ShortestPaths, SiteMap
-from missions.policies.patrol import Patrol
-from missions.policies.protocol import Action, believed_pose, time_of
-from missions.policies.viewpoints import best_viewpoint
+from pdpatrol.envs.patrol_env import STEP_S, Observation
+from pdpatrol.missions.driving.path_follower import PathFollower
+from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap
+from pdpatrol.missions.policies.patrol import Patrol
+from pdpatrol.missions.policies.protocol import Action, believed_pose, time_of
+from pdpatrol.missions.policies.viewpoints import best_viewpoint
 
 FloatArray = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dirmusic import Finding
 from dirmusic.angles import difference
-from missions.driving.site_map import ShortestPaths, SiteMap
+from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap
 
 FloatArray = NDArray[np.float64]
 

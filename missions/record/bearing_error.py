@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from dirmusic.angles import difference
-from envs import Scenario
-from missions.driving.site_map import SiteMap
-from missions.record.mission_log import MissionLog
+from pdpatrol.envs import Scenario
+from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.missions.record.mission_log import MissionLog
 
 
 def bearing_rmse(log: MissionLog, scenario: Scenario) -> float:

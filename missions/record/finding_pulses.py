@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.record.array_description import described_manifold
-from missions.record.mission_log import MissionLog
+from pdpatrol.missions.record.array_description import described_manifold
+from pdpatrol.missions.record.mission_log import MissionLog
 
 FloatArray = NDArray[np.float64]
 

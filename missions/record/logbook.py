@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from dirmusic import Finding
 from dirmusic.angles import wrap
 from dirmusic.locating.finding import State
-from missions.record.mission_log import MissionLog
-from missions.record.tracking import Tracked
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.record.tracking import Tracked
 
 FloatArray = NDArray[np.float64]
 

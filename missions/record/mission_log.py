@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.npz_file import read_npz
-from missions.whole_file import whole_file
+from pdpatrol.missions.whole_file import whole_file
 
 SCHEMA = 4
 

@@ -11,7 +11,7 @@ from dirmusic import ArrayModel, Finding, PoseError, PulseBatch
 from dirmusic.locating.association.assignment import NoOwner
 from dirmusic.locating.association.sight_lines import Sight
 from dirmusic.locating.rules import LocatingRules
-from envs.foreign_code import ForeignCodeError, calling, load_object, place_of
+from pdpatrol.envs.foreign_code import ForeignCodeError, calling, load_object, place_of
 
 FloatArray = NDArray[np.float64]
 

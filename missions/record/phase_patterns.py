@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from dirmusic.angles import wrap
 from dirmusic.locating.confirmation import LEVEL_QUANTILE
 from dirmusic.pulses.phase_resolved import PhasePattern, classify
-from missions.record.finding_pulses import finding_pulses
-from missions.record.mission_log import MissionLog
+from pdpatrol.missions.record.finding_pulses import finding_pulses
+from pdpatrol.missions.record.mission_log import MissionLog
 
 FloatArray = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_models.yard.solids import Solids
-from robot_models.yard.yard import Yard
+from pdpatrol.robot_models.yard.solids import Solids
+from pdpatrol.robot_models.yard.yard import Yard
 
 FloatArray = NDArray[np.float64]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 
-from envs.scenario.map_section import MapConfig
-from missions.record.mission_log import MissionLog
-from robot_models.yard.yard import Yard
+from pdpatrol.envs.scenario.map_section import MapConfig
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.robot_models.yard.yard import Yard
 
 
 def known_yard(log: MissionLog) -> Yard | None:

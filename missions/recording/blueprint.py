@@ -9,11 +9,11 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from missions.recording import paths
-from missions.recording.drawing import palette
-from missions.recording.drawing.canvas import BIN_S
-from missions.recording.drawing.phase_pattern import NAME_HEIGHT, SPAN_DB, UNITS_PER_DB
-from missions.recording.drawing.spectra import HEIGHT, WIDTH
+from pdpatrol.missions.recording import paths
+from pdpatrol.missions.recording.drawing import palette
+from pdpatrol.missions.recording.drawing.canvas import BIN_S
+from pdpatrol.missions.recording.drawing.phase_pattern import NAME_HEIGHT, SPAN_DB, UNITS_PER_DB
+from pdpatrol.missions.recording.drawing.spectra import HEIGHT, WIDTH
 
 PAST_BINS, REJECTED_BINS = 8, 3
 """For so many bins rays are shown after their pulse: of credible pulses, darker, and of rejected ones."""

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 import rerun as rr
 
-from missions.record.mission_log import MissionLog
-from missions.report.scoring import Found, evaluate, true_sources
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.report.scoring import Found, evaluate, true_sources
 
 PROPERTY = "mission"
 """Of the recording: what kind of mission it is, how it ended, and what wrote it."""

@@ -6,19 +6,19 @@ from pathlib import Path
 
 import rerun as rr
 
-from missions.record.array_description import described_manifold
-from missions.record.mission_log import MissionLog
-from missions.recording.blueprint import blueprint
-from missions.recording.drawing.canvas import BIN_S, Canvas, Slices, bin_steps
-from missions.recording.drawing.findings import Findings
-from missions.recording.drawing.motion import Motion
-from missions.recording.drawing.phase_pattern import draw_phase_patterns
-from missions.recording.drawing.pulses import Pulses
-from missions.recording.drawing.scene import draw_scene
-from missions.recording.drawing.spectra import SpectraOverTime
-from missions.recording.drawing.status import Status
-from missions.recording.identity import recording_stream
-from missions.whole_file import whole_file
+from pdpatrol.missions.record.array_description import described_manifold
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.recording.blueprint import blueprint
+from pdpatrol.missions.recording.drawing.canvas import BIN_S, Canvas, Slices, bin_steps
+from pdpatrol.missions.recording.drawing.findings import Findings
+from pdpatrol.missions.recording.drawing.motion import Motion
+from pdpatrol.missions.recording.drawing.phase_pattern import draw_phase_patterns
+from pdpatrol.missions.recording.drawing.pulses import Pulses
+from pdpatrol.missions.recording.drawing.scene import draw_scene
+from pdpatrol.missions.recording.drawing.spectra import SpectraOverTime
+from pdpatrol.missions.recording.drawing.status import Status
+from pdpatrol.missions.recording.identity import recording_stream
+from pdpatrol.missions.whole_file import whole_file
 
 LEAST_BIN_S = 0.05
 """Of data from the field whose rows all came at once."""

@@ -12,8 +12,8 @@ from rerun.chunk import RrdReader
 
 from dirmusic import InputFileError
 from dirmusic.input_file import opened
-from missions.record.mission_log import MissionLog
-from missions.recording.recorder import write_recording
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.recording.recorder import write_recording
 
 RECORDING = "mission.rrd"
 """In the folder of a mission."""

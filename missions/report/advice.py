@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from missions.report.records import FindingRecord
+from pdpatrol.missions.report.records import FindingRecord
 
 SURE = 0.8
 """Confidence of a kind from which on its rule applies (assumed)."""

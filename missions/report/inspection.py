@@ -8,15 +8,15 @@ import numpy as np
 
 from dirmusic import InputFileError
 from dirmusic.angles import aperture
-from envs.scenario.locating import LocatingConfig
-from envs.yard_surroundings import surroundings_of
-from missions.driving.site_map import LEAST_SIGHT
-from missions.planning.hearing import AMPLITUDE_V, MARGIN_DB, StraightPaths
-from missions.record.mission_log import MissionLog
-from missions.record.yard_of_log import known_yard
-from missions.report.records import Inspection
-from sensing import ArrayConfig, ReceiverConfig
-from sensing.radio.sight import Sight
+from pdpatrol.envs.scenario.locating import LocatingConfig
+from pdpatrol.envs.yard_surroundings import surroundings_of
+from pdpatrol.missions.driving.site_map import LEAST_SIGHT
+from pdpatrol.missions.planning.hearing import AMPLITUDE_V, MARGIN_DB, StraightPaths
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.record.yard_of_log import known_yard
+from pdpatrol.missions.report.records import Inspection
+from pdpatrol.sensing import ArrayConfig, ReceiverConfig
+from pdpatrol.sensing.radio.sight import Sight
 
 State = Literal["inspected", "heard_narrowly", "not_inspected"]
 

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from dirmusic.locating.confirmation import LEVEL_QUANTILE
 from dirmusic.locating.ellipse import ellipse95
-from missions.record.finding_pulses import FindingPulses, finding_pulses
-from missions.record.mission_log import MissionLog
-from missions.record.phase_patterns import PhaseResolved, phase_patterns
-from missions.record.which_site import site_probabilities
-from missions.record.yard_of_log import known_yard, true_yard
-from missions.report.inspection import Inspected
-from missions.report.pulse_counts import pulse_counts
-from missions.report.records import (
+from pdpatrol.missions.record.finding_pulses import FindingPulses, finding_pulses
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.record.phase_patterns import PhaseResolved, phase_patterns
+from pdpatrol.missions.record.which_site import site_probabilities
+from pdpatrol.missions.record.yard_of_log import known_yard, true_yard
+from pdpatrol.missions.report.inspection import Inspected
+from pdpatrol.missions.report.pulse_counts import pulse_counts
+from pdpatrol.missions.report.records import (
     SCHEMA,
     DetectedFrom,
     Discharge,
@@ -30,8 +30,8 @@ from missions.report.records import (
     Strength,
     Waypoints,
 )
-from missions.report.scoring import evaluate, true_sources
-from robot_models.yard.yard import Yard
+from pdpatrol.missions.report.scoring import evaluate, true_sources
+from pdpatrol.robot_models.yard.yard import Yard
 
 FloatArray = NDArray[np.float64]
 

@@ -80,7 +80,7 @@ def breakable(text: str) -> Markup:
 @cache
 def _environment() -> Environment:
     environment = Environment(
-        loader=PackageLoader("missions.report"),
+        loader=PackageLoader("pdpatrol.missions.report"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

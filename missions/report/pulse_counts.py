@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dirmusic.locating.association.assignment import NoOwner
-from missions.record.mission_log import MissionLog
-from missions.report.records import PulseCounts
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.report.records import PulseCounts
 
 WORDS = {
     "not_credible": "no plane wave, or too weak to tell a direction",

@@ -10,7 +10,7 @@ from typing import Literal
 
 from pydantic import BaseModel, Field
 
-from missions.report.quantities import (
+from pdpatrol.missions.report.quantities import (
     Count,
     Decibel,
     Degree,

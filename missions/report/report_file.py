@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from missions.report.records import Report
+from pdpatrol.missions.report.records import Report
 
 WIDTH = 120
 """Of a line; a longer one holds a single value or a row of numbers."""

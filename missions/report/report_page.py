@@ -8,17 +8,17 @@ from typing import Any, NamedTuple
 
 from markupsafe import Markup
 
-from missions.record.finding_pulses import FindingPulses, finding_pulses
-from missions.record.mission_log import MissionLog
-from missions.record.which_site import percent
-from missions.report.advice import LIMITS, Advice, advice_for
-from missions.report.inspection import Inspected
-from missions.report.page import inline_svg, render
-from missions.report.pictures.finding_figures import draw_detected_from, draw_phase_pattern
-from missions.report.pictures.site_plan import draw_site_plan
-from missions.report.pulse_counts import WORDS
-from missions.report.records import FindingRecord, Report
-from missions.report.words import UNKNOWN, kind_in_words, site_in_words
+from pdpatrol.missions.record.finding_pulses import FindingPulses, finding_pulses
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.record.which_site import percent
+from pdpatrol.missions.report.advice import LIMITS, Advice, advice_for
+from pdpatrol.missions.report.inspection import Inspected
+from pdpatrol.missions.report.page import inline_svg, render
+from pdpatrol.missions.report.pictures.finding_figures import draw_detected_from, draw_phase_pattern
+from pdpatrol.missions.report.pictures.site_plan import draw_site_plan
+from pdpatrol.missions.report.pulse_counts import WORDS
+from pdpatrol.missions.report.records import FindingRecord, Report
+from pdpatrol.missions.report.words import UNKNOWN, kind_in_words, site_in_words
 
 SETTINGS = ("array", "receiver", "estimator", "locating", "pose_sensor", "radio", "robot")
 """Tables of a scenario that say how a mission was measured; yard and route are on the plan, sources are the truth."""

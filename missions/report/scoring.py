@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 
 from dirmusic.locating.ellipse import is_inside95
-from missions.report.records import Evaluation, Match, ScoredSource
+from pdpatrol.missions.report.records import Evaluation, Match, ScoredSource
 
 FloatArray = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from typing import NamedTuple
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from missions.report.records import FindingRecord, Report, ScoredSource
-from missions.report.words import kind_in_words, site_in_words
+from pdpatrol.missions.report.records import FindingRecord, Report, ScoredSource
+from pdpatrol.missions.report.words import kind_in_words, site_in_words
 
 SITE_COLUMNS = 24
 """Of a terminal, for the name of a site: longer names go on in the next line, after a slash or an underscore."""

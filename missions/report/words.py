@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from missions.record.which_site import SiteProbability, in_words, percent
-from missions.report.records import FindingRecord
+from pdpatrol.missions.record.which_site import SiteProbability, in_words, percent
+from pdpatrol.missions.report.records import FindingRecord
 
 BEYOND_THE_FENCE = "beyond the fence"
 UNKNOWN = "unknown"

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binomtest, chi2
 
-from missions.reproduction.methods import SUCCESS_DEG, is_success
-from missions.reproduction.prediction import Prediction
-from missions.reproduction.protocol import GRID_DEG
+from pdpatrol.missions.reproduction.methods import SUCCESS_DEG, is_success
+from pdpatrol.missions.reproduction.prediction import Prediction
+from pdpatrol.missions.reproduction.protocol import GRID_DEG
 
 FloatArray = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from dirmusic import (
 )
 from dirmusic.angles import difference
 from dirmusic.array.element_errors import ManifoldPrior
-from missions.reproduction.protocol import GRID_DEG, ComplexArray
+from pdpatrol.missions.reproduction.protocol import GRID_DEG, ComplexArray
 
 FloatArray = NDArray[np.float64]
 

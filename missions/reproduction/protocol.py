@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dirmusic import GainManifold
-from sensing.nature.pulse_shape import damped_pulse, unit_pulse_energy
-from sensing.radio.surroundings import SPEED_OF_LIGHT_MPS
+from pdpatrol.sensing.nature.pulse_shape import damped_pulse, unit_pulse_energy
+from pdpatrol.sensing.radio.surroundings import SPEED_OF_LIGHT_MPS
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 from threadpoolctl import threadpool_limits
 
-from missions.reproduction.exhibit import Campaign, Exhibit
-from missions.reproduction.exhibits import arrays, comparisons, field, limits, noise, over_frequency
+from pdpatrol.missions.reproduction.exhibit import Campaign, Exhibit
+from pdpatrol.missions.reproduction.exhibits import arrays, comparisons, field, limits, noise, over_frequency
 
 ORDER = (
     "table1",

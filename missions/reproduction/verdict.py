@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from missions.reproduction.exhibit import Exhibit, Row
-from missions.reproduction.prediction import COVERAGE, PAPER_TRIALS, Prediction
+from pdpatrol.missions.reproduction.exhibit import Exhibit, Row
+from pdpatrol.missions.reproduction.prediction import COVERAGE, PAPER_TRIALS, Prediction
 
 OTHER_PROTOCOL = "elements 1 to 4 do better by the printed protocol; so they do in another implementation of it"
 

@@ -7,8 +7,8 @@ import subprocess
 from functools import cache
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
-PACKAGES = ("dirmusic", "sensing", "robot_models", "envs", "missions")
+ROOT = Path(__file__).parents[3]
+PACKAGES = ("dirmusic", "pdpatrol/sensing", "pdpatrol/robot_models", "pdpatrol/envs", "pdpatrol/missions")
 SUFFIXES = (".py", ".toml", ".xml")
 
 

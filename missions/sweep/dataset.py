@@ -13,11 +13,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from dirmusic import InputFileError
-from envs.scenario import restore_scenario
-from missions.sweep.code_version import commit
-from missions.sweep.mission_row import SCHEMA, MissionRow
-from missions.sweep.plan import MissionJob, SweepPlan
-from missions.whole_file import whole_file, write_whole
+from pdpatrol.envs.scenario import restore_scenario
+from pdpatrol.missions.sweep.code_version import commit
+from pdpatrol.missions.sweep.mission_row import SCHEMA, MissionRow
+from pdpatrol.missions.sweep.plan import MissionJob, SweepPlan
+from pdpatrol.missions.whole_file import whole_file, write_whole
 
 VERSION = 1
 MANIFEST, SCENARIOS, ROWS, ALL_ROWS = "sweep.json", "scenarios.parquet", "rows", "rows.parquet"

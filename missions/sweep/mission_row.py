@@ -8,12 +8,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from missions.driving.shortest_tour import shortest_tour
-from missions.driving.site_map import SiteMap
-from missions.record.bearing_error import bearing_rmse
-from missions.record.mission_log import MissionLog
-from missions.report.make_report import driven_m, make_report
-from missions.sweep.plan import MissionJob
+from pdpatrol.missions.driving.shortest_tour import shortest_tour
+from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.missions.record.bearing_error import bearing_rmse
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.report.make_report import driven_m, make_report
+from pdpatrol.missions.sweep.plan import MissionJob
 
 Status = Literal["finished", "failed", "hung", "out of memory", "died"]
 
@@ -73,14 +73,15 @@ class MissionRow(NamedTuple):
             process ended again and again. Whatever is not finished has no figures: None and 0.
         error: What went wrong, with the traceback; empty if nothing did.
         n_sources: Sources in the yard.
-        n_found: Of the sources, those with a confirmed finding within the cut-off of `missions.report.scoring`.
+        n_found: Of the sources, those with a confirmed finding within the cut-off of
+            `pdpatrol.missions.report.scoring`.
         false_findings: Confirmed findings without a source.
         errors_m: Distances of the paired findings from their sources, on plan.
         height_errors_m: How far the paired findings are above their sources.
         confirmed_s: When those were confirmed.
         n_in_ellipse: How many of the sources lie in the 95 % ellipse of their finding.
-        n_right_site: How many of the found sources have the right site, as of `missions.report.scoring`.
-        ospa_m: Distance between findings and sources as sets, as of `missions.report.scoring`.
+        n_right_site: How many of the found sources have the right site, as of `pdpatrol.missions.report.scoring`.
+        ospa_m: Distance between findings and sources as sets, as of `pdpatrol.missions.report.scoring`.
         bearing_rmse_rad: Root mean square error of the bearings in sight of a single source; None if there were none.
         distance_m: Driven.
         found_all_m: Driven by the time when the last source was confirmed; None if one was not, or there are none.

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from dirmusic import InputFileError
-from envs import Scenario, load_scenario
-from envs.scenario.suite import choose_yards, is_of_suite, load_suite
-from missions.sweep.code_version import digest_of_code
+from pdpatrol.envs import Scenario, load_scenario
+from pdpatrol.envs.scenario.suite import choose_yards, is_of_suite, load_suite
+from pdpatrol.missions.sweep.code_version import digest_of_code
 
 Settings = Mapping[str, Any]
 
@@ -31,7 +31,7 @@ class MissionJob(NamedTuple):
         suite: Version and checksum of the suite; empty for any other scenario.
         scenario: What to run, settings included.
         scenario_digest: SHA-256 of the scenario as JSON, in hexadecimal digits.
-        policy: Who drives, as `missions.policies.make_policy` takes it.
+        policy: Who drives, as `pdpatrol.missions.policies.make_policy` takes it.
         settings: Keys of the scenario that the sweep sets, with their values.
         seed: Of the mission.
     """
@@ -69,7 +69,7 @@ class Choice(NamedTuple):
     """A scenario that a sweep runs.
 
     Attributes:
-        name: As `envs.load_scenario` takes it.
+        name: As `pdpatrol.envs.load_scenario` takes it.
         level: As of `MissionJob`.
         suite: As of `MissionJob`.
         seeds: Of its missions.
@@ -91,7 +91,7 @@ def make_plan(
 
     Args:
         scenarios: Names of shipped scenarios, paths of TOML files, or the suite and parts of it, as
-            `envs.scenario.suite.choose_yards` takes them.
+            `pdpatrol.envs.scenario.suite.choose_yards` takes them.
         policies: Names of policies.
         grid: For each key of the scenario that is set, `table.key`, the values that it takes.
         seeds: Of the missions; None for those of the suite, and for 0 to 19 in any other scenario.

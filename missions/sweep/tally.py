@@ -6,8 +6,8 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from missions.sweep.engines.worker import peak_memory_mb
-from missions.sweep.mission_row import MissionRow
+from pdpatrol.missions.sweep.engines.worker import peak_memory_mb
+from pdpatrol.missions.sweep.mission_row import MissionRow
 
 
 class Tally:

@@ -13,11 +13,11 @@ import numpy as np
 from matplotlib import rcParams
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 
-from missions.record.mission_log import MissionLog
-from missions.video.film import Film
-from missions.video.frame import DPI
-from missions.video.moments import STAYS_S
-from missions.whole_file import whole_file
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.video.film import Film
+from pdpatrol.missions.video.frame import DPI
+from pdpatrol.missions.video.moments import STAYS_S
+from pdpatrol.missions.whole_file import whole_file
 
 CLIP_S, END_S = 20.0, 2.0
 """How long a clip lasts unless a pace is given, and how long its last frame stays."""

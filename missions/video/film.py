@@ -8,17 +8,17 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from envs.scenario import restore_scenario
-from missions.planning import with_planned_route
-from missions.record.array_description import described_grid
-from missions.record.mission_log import MissionLog
-from missions.recording.drawing.status import event_words, phase_words
-from missions.recording.identity import recording_name
-from missions.video.frame import CAMERA, PLAN, RAY, STATE_COLOURS, Frame
-from missions.video.moments import Moment, Moments, smooth_yaw
-from robot_models.antenna.elements import AntennaElements
-from robot_models.posed_yard import ABOVE_RAD, Ball, Line, PosedYard
-from robot_models.world import build_spec
+from pdpatrol.envs.scenario import restore_scenario
+from pdpatrol.missions.planning import with_planned_route
+from pdpatrol.missions.record.array_description import described_grid
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.recording.drawing.status import event_words, phase_words
+from pdpatrol.missions.recording.identity import recording_name
+from pdpatrol.missions.video.frame import CAMERA, PLAN, RAY, STATE_COLOURS, Frame
+from pdpatrol.missions.video.moments import Moment, Moments, smooth_yaw
+from pdpatrol.robot_models.antenna.elements import AntennaElements
+from pdpatrol.robot_models.posed_yard import ABOVE_RAD, Ball, Line, PosedYard
+from pdpatrol.robot_models.world import build_spec
 
 FloatArray = NDArray[np.float64]
 

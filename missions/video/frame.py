@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from dirmusic.locating.ellipse import ellipse95, outline95
 from dirmusic.locating.yard_likelihood import Grid
-from missions.video.moments import Moment
-from robot_models.posed_yard import Picture, on_picture
+from pdpatrol.missions.video.moments import Moment
+from pdpatrol.robot_models.posed_yard import Picture, on_picture
 
 FloatArray = NDArray[np.float64]
 

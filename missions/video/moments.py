@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.record.mission_log import MissionLog
+from pdpatrol.missions.record.mission_log import MissionLog
 
 FloatArray = NDArray[np.float64]
 

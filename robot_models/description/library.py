@@ -7,7 +7,7 @@ from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 
-from robot_models.description.robot_description import RobotDescription, RobotFileError, Wheel
+from pdpatrol.robot_models.description.robot_description import RobotDescription, RobotFileError, Wheel
 
 _FOLDER = Path(__file__).parents[1]
 SHIPPED = ("crawler", "inspector")
@@ -24,7 +24,7 @@ def load_robot(model: str | Path) -> RobotDescription:
         RobotFileError: If there is no such robot, or the file does not describe one; all faults are listed.
     """
     if is_path(model):
-        from robot_models.description.robot_file import read_robot  # here, for a shipped robot needs no MuJoCo
+        from pdpatrol.robot_models.description.robot_file import read_robot  # here, for a shipped robot needs no MuJoCo
 
         return read_robot(Path(model))
     if str(model) not in SHIPPED:

@@ -28,12 +28,12 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from robot_models.antenna.elements import MAX_ELEMENTS, AntennaElements
-from robot_models.description import robot_parts as parts
-from robot_models.description.robot_description import RobotDescription, RobotFileError, Wheel
-from robot_models.description.robot_measures import SPIN_RADPS, SPIN_S, Measures, measure
-from robot_models.world import build_spec
-from robot_models.yard.yard import ROBOT_HEIGHT_M, Yard
+from pdpatrol.robot_models.antenna.elements import MAX_ELEMENTS, AntennaElements
+from pdpatrol.robot_models.description import robot_parts as parts
+from pdpatrol.robot_models.description.robot_description import RobotDescription, RobotFileError, Wheel
+from pdpatrol.robot_models.description.robot_measures import SPIN_RADPS, SPIN_S, Measures, measure
+from pdpatrol.robot_models.world import build_spec
+from pdpatrol.robot_models.yard.yard import ROBOT_HEIGHT_M, Yard
 
 TOLERANCE_M = 0.005
 """By how much places may be off (assumed)."""

@@ -11,9 +11,17 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_models.description.outline import DOWN, LEVEL, UP, extents
-from robot_models.description.robot_description import LEFT, Wheel
-from robot_models.description.robot_parts import BASE, FLOATING_BASE, FLOOR_CONTYPE, HOME, IMU, LIDAR, OBSTACLE_CONTYPE
+from pdpatrol.robot_models.description.outline import DOWN, LEVEL, UP, extents
+from pdpatrol.robot_models.description.robot_description import LEFT, Wheel
+from pdpatrol.robot_models.description.robot_parts import (
+    BASE,
+    FLOATING_BASE,
+    FLOOR_CONTYPE,
+    HOME,
+    IMU,
+    LIDAR,
+    OBSTACLE_CONTYPE,
+)
 
 FloatArray = NDArray[np.float64]
 

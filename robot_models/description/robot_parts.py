@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from robot_models.description.robot_description import LEFT, RIGHT, Wheel
+from pdpatrol.robot_models.description.robot_description import LEFT, RIGHT, Wheel
 
 BASE, FLOATING_BASE, IMU, GYRO, LIDAR, HOME = "base", "floating_base", "imu", "gyro", "lidar", "home"
 WHEEL_NAMES = {LEFT: "left_wheel", RIGHT: "right_wheel"}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from robot_models.yard.solids import Solid
+from pdpatrol.robot_models.yard.solids import Solid
 
 Site = tuple[float, float, float]
 
@@ -44,7 +44,7 @@ class Kind(NamedTuple):
     """All that is known of a kind of equipment.
 
     Attributes:
-        material: Name of what it is made of, as a constant of `sensing.radio.materials`.
+        material: Name of what it is made of, as a constant of `pdpatrol.sensing.radio.materials`.
         colour: What it is drawn in.
         shape: How it is built; None if a yard has to say its box or cylinder.
     """

@@ -5,8 +5,8 @@ Sizes are assumed, of the usual order for 110 kV. It discharges at the caps of i
 
 from __future__ import annotations
 
-from robot_models.equipment.assembly import Assembly
-from robot_models.yard.solids import Box, Cylinder, Solid
+from pdpatrol.robot_models.equipment.assembly import Assembly
+from pdpatrol.robot_models.yard.solids import Box, Cylinder, Solid
 
 PHASES_M = (-1.6, 0.0, 1.6)
 

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import re
 
-from robot_models.equipment.assembly import Colour, Kind, Shape
-from robot_models.equipment.busbar import busbar
-from robot_models.equipment.circuit_breaker import circuit_breaker
-from robot_models.equipment.civil import control_building, fence, kerb
-from robot_models.equipment.gis_bay import gis_bay
-from robot_models.equipment.instrument_transformers import current_transformer, voltage_transformer
-from robot_models.equipment.power_transformer import power_transformer
+from pdpatrol.robot_models.equipment.assembly import Colour, Kind, Shape
+from pdpatrol.robot_models.equipment.busbar import busbar
+from pdpatrol.robot_models.equipment.circuit_breaker import circuit_breaker
+from pdpatrol.robot_models.equipment.civil import control_building, fence, kerb
+from pdpatrol.robot_models.equipment.gis_bay import gis_bay
+from pdpatrol.robot_models.equipment.instrument_transformers import current_transformer, voltage_transformer
+from pdpatrol.robot_models.equipment.power_transformer import power_transformer
 
 KINDS: dict[str, Kind] = {
     "building": Kind("concrete", (0.76, 0.70, 0.62, 1.0)),

@@ -5,8 +5,8 @@ Sizes are assumed, of the usual order for this class. It discharges at the flang
 
 from __future__ import annotations
 
-from robot_models.equipment.assembly import Assembly
-from robot_models.yard.solids import Box, Cylinder, Solid
+from pdpatrol.robot_models.equipment.assembly import Assembly
+from pdpatrol.robot_models.yard.solids import Box, Cylinder, Solid
 
 
 def circuit_breaker(length_m: float) -> Assembly:

@@ -5,8 +5,8 @@ Sizes are assumed.
 
 from __future__ import annotations
 
-from robot_models.equipment.assembly import Assembly
-from robot_models.yard.solids import Box
+from pdpatrol.robot_models.equipment.assembly import Assembly
+from pdpatrol.robot_models.yard.solids import Box
 
 
 def control_building(length_m: float) -> Assembly:

@@ -6,8 +6,8 @@ through their seals.
 
 from __future__ import annotations
 
-from robot_models.equipment.assembly import Assembly
-from robot_models.yard.solids import Box, Cylinder, Solid
+from pdpatrol.robot_models.equipment.assembly import Assembly
+from pdpatrol.robot_models.yard.solids import Box, Cylinder, Solid
 
 
 def gis_bay(length_m: float) -> Assembly:

@@ -6,8 +6,8 @@ at the terminal box.
 
 from __future__ import annotations
 
-from robot_models.equipment.assembly import Assembly
-from robot_models.yard.solids import Box, Cylinder
+from pdpatrol.robot_models.equipment.assembly import Assembly
+from pdpatrol.robot_models.yard.solids import Box, Cylinder
 
 
 def current_transformer(length_m: float) -> Assembly:

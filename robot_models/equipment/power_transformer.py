@@ -6,8 +6,8 @@ the tank behind a flange.
 
 from __future__ import annotations
 
-from robot_models.equipment.assembly import Assembly
-from robot_models.yard.solids import Box, Cylinder, Solid
+from pdpatrol.robot_models.equipment.assembly import Assembly
+from pdpatrol.robot_models.yard.solids import Box, Cylinder, Solid
 
 PHASES_M = (-1.4, 0.0, 1.4)
 

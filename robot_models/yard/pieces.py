@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
 
-from robot_models.equipment import CATALOGUE, Assembly
-from robot_models.yard.quantities import MOST_SITES, Coordinate, Height, Length, Name, StretchedLength, Yaw
-from robot_models.yard.solids import Box, Cylinder, Placed, Solids
+from pdpatrol.robot_models.equipment import CATALOGUE, Assembly
+from pdpatrol.robot_models.yard.quantities import MOST_SITES, Coordinate, Height, Length, Name, StretchedLength, Yaw
+from pdpatrol.robot_models.yard.solids import Box, Cylinder, Placed, Solids
 
 FloatArray = NDArray[np.float64]
 

@@ -7,10 +7,10 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from robot_models.description.robot_parts import FLOOR_CONTYPE, OBSTACLE_CONTYPE
-from robot_models.equipment import colour_of
-from robot_models.yard.pieces import Equipment
-from robot_models.yard.yard import Yard
+from pdpatrol.robot_models.description.robot_parts import FLOOR_CONTYPE, OBSTACLE_CONTYPE
+from pdpatrol.robot_models.equipment import colour_of
+from pdpatrol.robot_models.yard.pieces import Equipment
+from pdpatrol.robot_models.yard.yard import Yard
 
 GROUND_GROUP = 0
 """Geom group of floor and fence."""

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_models.yard.solids import Solids
+from pdpatrol.robot_models.yard.solids import Solids
 
 FloatArray = NDArray[np.float64]
 

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, Field, model_validator
 
-from robot_models.yard.pieces import Equipment
-from robot_models.yard.quantities import MOST_PIECES, YardLength
-from robot_models.yard.solids import Solids
-from robot_models.yard.tables import FaceTable, SolidTable, face_table, solid_table
+from pdpatrol.robot_models.yard.pieces import Equipment
+from pdpatrol.robot_models.yard.quantities import MOST_PIECES, YardLength
+from pdpatrol.robot_models.yard.solids import Solids
+from pdpatrol.robot_models.yard.tables import FaceTable, SolidTable, face_table, solid_table
 
 FloatArray = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.array.pattern_table import Boresight, PatternTable, as_boresights, tabulate
-from sensing.array.gain_grid import NO_GRID, GainGrid
-from sensing.array.helical_array import HelicalArray
+from pdpatrol.sensing.array.gain_grid import NO_GRID, GainGrid
+from pdpatrol.sensing.array.helical_array import HelicalArray
 
 FloatArray = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from dirmusic.array.ambiguity import worst_ambiguity
 from dirmusic.array.manifold import ring_boresights_rad
 from dirmusic.array.spatial_pattern import SpatialPattern
 from dirmusic.array.spatial_pattern_file import read_any_pattern
-from sensing.quantities import (
+from pdpatrol.sensing.quantities import (
     AngleError,
     ArrayCoordinate,
     ArrayMetre,

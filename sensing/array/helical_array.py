@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from dirmusic import GainManifold, GainPattern
 from dirmusic.array.elevation import gain_in_space
 from dirmusic.array.spatial_pattern import SpatialPattern, halves
-from sensing.array.config import ArrayConfig
-from sensing.nature.pulse_shape import FREQUENCY_HZ
+from pdpatrol.sensing.array.config import ArrayConfig
+from pdpatrol.sensing.nature.pulse_shape import FREQUENCY_HZ
 
 FloatArray = NDArray[np.float64]
 

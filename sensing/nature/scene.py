@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sensing.nature.discharges import Rhythm
-from sensing.nature.sources import Carrier, DischargeSource
-from sensing.radio.surroundings import Surroundings
+from pdpatrol.sensing.nature.discharges import Rhythm
+from pdpatrol.sensing.nature.sources import Carrier, DischargeSource
+from pdpatrol.sensing.radio.surroundings import Surroundings
 
 FloatArray = NDArray[np.float64]
 

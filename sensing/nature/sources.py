@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from sensing.nature.discharges import PulseTrain, Rhythm
+from pdpatrol.sensing.nature.discharges import PulseTrain, Rhythm
 
 FloatArray = NDArray[np.float64]
 

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from dirmusic.array.pattern_table import Boresight, gain_towards
 from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
 from dirmusic.compiled import compiled
-from sensing.array.array_table import ArrayTable
-from sensing.array.gain_grid import look_up_gains
-from sensing.radio.propagation import Propagation
-from sensing.radio.ray_paths import RayPaths, find_ray_paths
-from sensing.radio.vectors import Vector
+from pdpatrol.sensing.array.array_table import ArrayTable
+from pdpatrol.sensing.array.gain_grid import look_up_gains
+from pdpatrol.sensing.radio.propagation import Propagation
+from pdpatrol.sensing.radio.ray_paths import RayPaths, find_ray_paths
+from pdpatrol.sensing.radio.vectors import Vector
 
 FloatArray = NDArray[np.float64]
 

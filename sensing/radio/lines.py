@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from dirmusic.compiled import compiled
-from sensing.radio.materials import WAVELENGTH_M
-from sensing.radio.tables import Shape
-from sensing.radio.vectors import Vector
+from pdpatrol.sensing.radio.materials import WAVELENGTH_M
+from pdpatrol.sensing.radio.tables import Shape
+from pdpatrol.sensing.radio.vectors import Vector
 
 BARELY = 1e-9
 """Share of a line at its ends within which a surface does not count."""

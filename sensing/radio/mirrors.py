@@ -9,13 +9,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
-from sensing.radio.lines import line
-from sensing.radio.materials import Substance
-from sensing.radio.obstruction import RIM_M, left_of_bent, left_of_line, passes_by_ground
-from sensing.radio.polarisation import Emitter, face_mirror, mirrored, radiated, received
-from sensing.radio.surroundings import OWN_FACE_M
-from sensing.radio.tables import GROUND, Face, Obstacles, Shape, middle_of, normal_of, shape_of, substance_of, to_rim
-from sensing.radio.vectors import (
+from pdpatrol.sensing.radio.lines import line
+from pdpatrol.sensing.radio.materials import Substance
+from pdpatrol.sensing.radio.obstruction import RIM_M, left_of_bent, left_of_line, passes_by_ground
+from pdpatrol.sensing.radio.polarisation import Emitter, face_mirror, mirrored, radiated, received
+from pdpatrol.sensing.radio.surroundings import OWN_FACE_M
+from pdpatrol.sensing.radio.tables import (
+    GROUND,
+    Face,
+    Obstacles,
+    Shape,
+    middle_of,
+    normal_of,
+    shape_of,
+    substance_of,
+    to_rim,
+)
+from pdpatrol.sensing.radio.vectors import (
     TINY,
     Vector,
     above_ground,

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
-from sensing.radio.diffraction.edges import diffraction_parameter
-from sensing.radio.lines import Line, crosses, facing, inside_m, is_near, line, on_plan
-from sensing.radio.materials import WAVELENGTH_M
-from sensing.radio.tables import NOBODY, Obstacle, Obstacles, Shape, shape_of
-from sensing.radio.vectors import Vector
+from pdpatrol.sensing.radio.diffraction.edges import diffraction_parameter
+from pdpatrol.sensing.radio.lines import Line, crosses, facing, inside_m, is_near, line, on_plan
+from pdpatrol.sensing.radio.materials import WAVELENGTH_M
+from pdpatrol.sensing.radio.tables import NOBODY, Obstacle, Obstacles, Shape, shape_of
+from pdpatrol.sensing.radio.vectors import Vector
 
 FloatArray = NDArray[np.float64]
 

@@ -10,9 +10,9 @@ import cmath
 from typing import NamedTuple
 
 from dirmusic.compiled import compiled
-from sensing.radio.diffraction.fresnel import Mirror, WedgeCoefficients
-from sensing.radio.materials import FREQUENCY_GHZ, LOSS_FACTOR, Substance
-from sensing.radio.vectors import Vector, across
+from pdpatrol.sensing.radio.diffraction.fresnel import Mirror, WedgeCoefficients
+from pdpatrol.sensing.radio.materials import FREQUENCY_GHZ, LOSS_FACTOR, Substance
+from pdpatrol.sensing.radio.vectors import Vector, across
 
 CONDUCTS_SPM = 1e6
 """Conductivity from which on a material mirrors all, as Fresnel's coefficients do within 0.001 up to 80 deg."""

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sensing.array.array_table import ArrayTable
-from sensing.radio.surroundings import Surroundings
+from pdpatrol.sensing.array.array_table import ArrayTable
+from pdpatrol.sensing.radio.surroundings import Surroundings
 
 FloatArray = NDArray[np.float64]
 

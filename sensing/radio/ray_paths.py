@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
-from sensing.radio.diffraction.bends import (
+from pdpatrol.sensing.radio.diffraction.bends import (
     BENT_RAY,
     FADES_DB,
     FADES_OVER_DB,
@@ -21,15 +21,15 @@ from sensing.radio.diffraction.bends import (
     bend,
     shade,
 )
-from sensing.radio.lines import line
-from sensing.radio.materials import Substance
-from sensing.radio.mirrors import Standing, by_rim, meet_face, reflect_flat, reflect_round
-from sensing.radio.obstruction import SHADOW, cast_shadows, passes_straight
-from sensing.radio.polarisation import Emitter, radiated, received
-from sensing.radio.surroundings import Surroundings
-from sensing.radio.tables import GROUND, Obstacles, substance_of
-from sensing.radio.two_mirrors import is_upright, meet_two, reflect_by_two
-from sensing.radio.vectors import TINY, Vector, length, minus, towards, upside_down
+from pdpatrol.sensing.radio.lines import line
+from pdpatrol.sensing.radio.materials import Substance
+from pdpatrol.sensing.radio.mirrors import Standing, by_rim, meet_face, reflect_flat, reflect_round
+from pdpatrol.sensing.radio.obstruction import SHADOW, cast_shadows, passes_straight
+from pdpatrol.sensing.radio.polarisation import Emitter, radiated, received
+from pdpatrol.sensing.radio.surroundings import Surroundings
+from pdpatrol.sensing.radio.tables import GROUND, Obstacles, substance_of
+from pdpatrol.sensing.radio.two_mirrors import is_upright, meet_two, reflect_by_two
+from pdpatrol.sensing.radio.vectors import TINY, Vector, length, minus, towards, upside_down
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
-from sensing.radio.lines import line
-from sensing.radio.obstruction import left_straight
-from sensing.radio.surroundings import Surroundings
-from sensing.radio.tables import Obstacle, Obstacles
-from sensing.radio.vectors import Vector
+from pdpatrol.sensing.radio.lines import line
+from pdpatrol.sensing.radio.obstruction import left_straight
+from pdpatrol.sensing.radio.surroundings import Surroundings
+from pdpatrol.sensing.radio.tables import Obstacle, Obstacles
+from pdpatrol.sensing.radio.vectors import Vector
 
 FloatArray = NDArray[np.float64]
 

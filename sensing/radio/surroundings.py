@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
-from sensing.radio.materials import GRAVEL, KIND_MATERIALS, ROUND_MATERIALS, Material, Substance
-from sensing.radio.tables import GROUND, Faces, Obstacles, Solids, face_table, obstacle_table
+from pdpatrol.sensing.radio.materials import GRAVEL, KIND_MATERIALS, ROUND_MATERIALS, Material, Substance
+from pdpatrol.sensing.radio.tables import GROUND, Faces, Obstacles, Solids, face_table, obstacle_table
 
 FloatArray = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
-from sensing.radio.materials import Material, Substance
-from sensing.radio.vectors import Vector
+from pdpatrol.sensing.radio.materials import Material, Substance
+from pdpatrol.sensing.radio.vectors import Vector
 
 FloatArray = NDArray[np.float64]
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from dirmusic.compiled import compiled
-from sensing.radio.lines import line
-from sensing.radio.mirrors import Meeting, by_rim, meet_face
-from sensing.radio.obstruction import left_of_line
-from sensing.radio.polarisation import Emitter, face_mirror, mirrored, radiated, received
-from sensing.radio.tables import GROUND, Face, Obstacles, normal_of, substance_of
-from sensing.radio.vectors import TINY, Vector, dot, just_off, length, minus, towards
+from pdpatrol.sensing.radio.lines import line
+from pdpatrol.sensing.radio.mirrors import Meeting, by_rim, meet_face
+from pdpatrol.sensing.radio.obstruction import left_of_line
+from pdpatrol.sensing.radio.polarisation import Emitter, face_mirror, mirrored, radiated, received
+from pdpatrol.sensing.radio.tables import GROUND, Face, Obstacles, normal_of, substance_of
+from pdpatrol.sensing.radio.vectors import TINY, Vector, dot, just_off, length, minus, towards
 
 
 class Twice(NamedTuple):

@@ -11,17 +11,25 @@ from numpy.typing import NDArray
 
 from dirmusic.compiled import Held, held_list, replace_in
 from dirmusic.pulses.batch import PulseBatch
-from sensing.array.array_table import ArrayTable
-from sensing.array.helical_array import HelicalArray
-from sensing.nature.scene import Scene
-from sensing.nature.sources import in_nanoseconds
-from sensing.radio.propagation import Propagation, SourceTable
-from sensing.receiver.config import ReceiverConfig
-from sensing.receiver.detection import Channels, Condition, Gates, Listening, Progress, ReceiverChain, detect_each
-from sensing.receiver.detections import Detections
-from sensing.receiver.receiver import Listener, Receiver
-from sensing.receiver.sampling.sampler import Tones
-from sensing.receiver.schedule import Schedule
+from pdpatrol.sensing.array.array_table import ArrayTable
+from pdpatrol.sensing.array.helical_array import HelicalArray
+from pdpatrol.sensing.nature.scene import Scene
+from pdpatrol.sensing.nature.sources import in_nanoseconds
+from pdpatrol.sensing.radio.propagation import Propagation, SourceTable
+from pdpatrol.sensing.receiver.config import ReceiverConfig
+from pdpatrol.sensing.receiver.detection import (
+    Channels,
+    Condition,
+    Gates,
+    Listening,
+    Progress,
+    ReceiverChain,
+    detect_each,
+)
+from pdpatrol.sensing.receiver.detections import Detections
+from pdpatrol.sensing.receiver.receiver import Listener, Receiver
+from pdpatrol.sensing.receiver.sampling.sampler import Tones
+from pdpatrol.sensing.receiver.schedule import Schedule
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]

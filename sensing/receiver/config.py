@@ -7,10 +7,10 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
 
-from sensing.array.config import MOST_ELEMENTS
-from sensing.nature.pulse_shape import DECAY_S
-from sensing.quantities import EchoSecond, FalseAlarmRate, Hertz, MainsHertz, SampleRate, Volt
-from sensing.receiver.faults import ChannelFault
+from pdpatrol.sensing.array.config import MOST_ELEMENTS
+from pdpatrol.sensing.nature.pulse_shape import DECAY_S
+from pdpatrol.sensing.quantities import EchoSecond, FalseAlarmRate, Hertz, MainsHertz, SampleRate, Volt
+from pdpatrol.sensing.receiver.faults import ChannelFault
 
 NARROWEST = 1e-3
 """Of the sampling rate: how wide a band is at least, and how far from 0 and from half the rate it ends. What is

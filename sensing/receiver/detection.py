@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from dirmusic.compiled import Held, compiled
 from dirmusic.pulses.batch import PulseBatch
-from sensing.nature.scene import Emissions
-from sensing.radio.arrivals import propagate
-from sensing.radio.diffraction.bends import WEAKEST
-from sensing.radio.propagation import Propagation
-from sensing.receiver.gates import GateParameters, read_gate
-from sensing.receiver.sampling.gate import IS_BURST, IS_PULSE, sample_noise, sample_pulse
-from sensing.receiver.sampling.sampler import Emission, Sampler, Tones
-from sensing.receiver.schedule import NOISE
+from pdpatrol.sensing.nature.scene import Emissions
+from pdpatrol.sensing.radio.arrivals import propagate
+from pdpatrol.sensing.radio.diffraction.bends import WEAKEST
+from pdpatrol.sensing.radio.propagation import Propagation
+from pdpatrol.sensing.receiver.gates import GateParameters, read_gate
+from pdpatrol.sensing.receiver.sampling.gate import IS_BURST, IS_PULSE, sample_noise, sample_pulse
+from pdpatrol.sensing.receiver.sampling.sampler import Emission, Sampler, Tones
+from pdpatrol.sensing.receiver.schedule import NOISE
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, model_validator
 
-from sensing.array.config import MOST_ELEMENTS
-from sensing.quantities import FaultDecibel, MissionSecond, Volt
+from pdpatrol.sensing.array.config import MOST_ELEMENTS
+from pdpatrol.sensing.quantities import FaultDecibel, MissionSecond, Volt
 
 FloatArray = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.array.spatial_pattern import frequency_weights
-from sensing.nature.pulse_shape import DECAY_S, FREQUENCY_HZ, damped_pulse
-from sensing.receiver.band_pass import butterworth_sections, response, run, state_space
+from pdpatrol.sensing.nature.pulse_shape import DECAY_S, FREQUENCY_HZ, damped_pulse
+from pdpatrol.sensing.receiver.band_pass import butterworth_sections, response, run, state_space
 
 FloatArray = NDArray[np.float64]
 

@@ -12,18 +12,18 @@ from numpy.typing import NDArray
 from dirmusic.array.spatial_pattern import SpatialPattern
 from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
 from dirmusic.pulses.sub_bands import SubBands
-from sensing.array.gain_grid import NO_GRID, GainGrid, gain_grid
-from sensing.array.helical_array import HelicalArray
-from sensing.nature.pulse_shape import DECAY_S
-from sensing.nature.scene import Scene
-from sensing.nature.sources import Carrier
-from sensing.receiver.config import ReceiverConfig
-from sensing.receiver.detection import Converter, ReceiverChain
-from sensing.receiver.faults import Faults
-from sensing.receiver.front_end import PulseTable, front_end
-from sensing.receiver.gates import BandReading, GateParameters
-from sensing.receiver.sampling.sampler import BurstTest, Sampler, Timing, Tones, Trigger
-from sensing.receiver.trigger import STEP, probabilities, threshold_over_noise
+from pdpatrol.sensing.array.gain_grid import NO_GRID, GainGrid, gain_grid
+from pdpatrol.sensing.array.helical_array import HelicalArray
+from pdpatrol.sensing.nature.pulse_shape import DECAY_S
+from pdpatrol.sensing.nature.scene import Scene
+from pdpatrol.sensing.nature.sources import Carrier
+from pdpatrol.sensing.receiver.config import ReceiverConfig
+from pdpatrol.sensing.receiver.detection import Converter, ReceiverChain
+from pdpatrol.sensing.receiver.faults import Faults
+from pdpatrol.sensing.receiver.front_end import PulseTable, front_end
+from pdpatrol.sensing.receiver.gates import BandReading, GateParameters
+from pdpatrol.sensing.receiver.sampling.sampler import BurstTest, Sampler, Timing, Tones, Trigger
+from pdpatrol.sensing.receiver.trigger import STEP, probabilities, threshold_over_noise
 
 FloatArray = NDArray[np.float64]
 

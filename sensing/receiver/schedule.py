@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensing.nature.scene import Emissions, Scene
-from sensing.nature.sources import in_nanoseconds
+from pdpatrol.sensing.nature.scene import Emissions, Scene
+from pdpatrol.sensing.nature.sources import in_nanoseconds
 
 AHEAD_S = 10.0
 """How far ahead is drawn at once: a draw costs the same for many."""

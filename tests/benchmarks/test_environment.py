@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
-from envs.core.simulation import STEP_S
-from envs.patrol_env import PatrolEnv
+from pdpatrol.envs.core.simulation import STEP_S
+from pdpatrol.envs.patrol_env import PatrolEnv
 
 pytestmark = pytest.mark.benchmark
 
@@ -109,11 +109,11 @@ def bare_physics(n_steps: int = 300) -> Callable[[], int]:
 
 
 def bench() -> gymnasium.Env[Any, Any]:
-    return gymnasium.make("envs:PDPatrol-v0", scenario="bench", terminate_on_approach=False)
+    return gymnasium.make("pdpatrol:PDPatrol-v0", scenario="bench", terminate_on_approach=False)
 
 
 def shipped(scenario: str) -> gymnasium.Env[Any, Any]:
-    return gymnasium.make("envs:PDPatrol-v0", scenario=scenario)
+    return gymnasium.make("pdpatrol:PDPatrol-v0", scenario=scenario)
 
 
 def test_every_step_of_the_bench_scenario_hears_a_pulse() -> None:
@@ -122,7 +122,7 @@ def test_every_step_of_the_bench_scenario_hears_a_pulse() -> None:
     rng = np.random.default_rng(1)
     heard = [env.step(rng.uniform(-1, 1, 2).astype(np.float32))[0]["heard"][0] for _ in range(600)]
     assert min(heard) == 1.0
-    envs = gymnasium.make_vec("envs:PDPatrol-v0", num_envs=8, scenario="bench", terminate_on_approach=False)
+    envs = gymnasium.make_vec("pdpatrol:PDPatrol-v0", num_envs=8, scenario="bench", terminate_on_approach=False)
     envs.reset(seed=0)
     for _ in range(100):
         observation, *_ = envs.step(rng.uniform(-1, 1, (8, 2)).astype(np.float32))
@@ -167,7 +167,7 @@ def test_the_shipped_scenarios_are_no_slower_than_ant() -> None:
 def test_the_vector_environment_is_at_least_twice_as_fast_as_any_other_way() -> None:
     def made(mode: str | None, **options: Any) -> gymnasium.vector.VectorEnv[Any, Any, Any]:  # noqa: ANN401
         return gymnasium.make_vec(
-            "envs:PDPatrol-v0",
+            "pdpatrol:PDPatrol-v0",
             num_envs=N_ENVS if mode is None else 8,
             vectorization_mode=mode,
             scenario="bench",

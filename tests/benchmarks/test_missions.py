@@ -12,10 +12,10 @@ from threadpoolctl import threadpool_limits
 
 from dirmusic import Finding, PulseBatch
 from dirmusic.locating.protocol import LocatorProtocol
-from envs import Scenario, load_scenario
-from envs.random_yard import random_yard
-from missions.policies.protocol import Action
-from missions.runner import Mission, make_locator
+from pdpatrol.envs import Scenario, load_scenario
+from pdpatrol.envs.random_yard import random_yard
+from pdpatrol.missions.policies.protocol import Action
+from pdpatrol.missions.runner import Mission, make_locator
 
 pytestmark = pytest.mark.benchmark
 

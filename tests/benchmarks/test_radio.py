@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 
-from sensing import (
+from pdpatrol.sensing import (
     ArrayConfig,
     DischargeSource,
     Faces,
@@ -17,8 +17,8 @@ from sensing import (
     Surroundings,
     level_transform,
 )
-from sensing.radio.materials import GRAVEL, METAL
-from sensing.receiver.bank import listen_once
+from pdpatrol.sensing.radio.materials import GRAVEL, METAL
+from pdpatrol.sensing.receiver.bank import listen_once
 
 pytestmark = pytest.mark.benchmark
 

@@ -12,11 +12,11 @@ from dirmusic import (
     spectrum_peaks,
 )
 from dirmusic.angles import difference
-from missions.reproduction.protocol import (
+from pdpatrol.missions.reproduction.protocol import (
     draw_covariances,
     wishart,
 )
-from missions.reproduction.protocol import (
+from pdpatrol.missions.reproduction.protocol import (
     energy_to_noise as rho,
 )
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from envs import load_scenario
-from missions.runner import Mission
+from pdpatrol.envs import load_scenario
+from pdpatrol.missions.runner import Mission
 from tests.docs.site import ROOT
 from tests.test_readme import commands, served_on_loopback
 

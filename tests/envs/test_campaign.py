@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from envs import load_scenario
-from envs.patrol_env import PatrolEnv
-from envs.scenario import ScenarioError, restore_scenario
-from missions.runner import Mission
-from sensing import Scene
-from sensing.nature.scene import Emissions
+from pdpatrol.envs import load_scenario
+from pdpatrol.envs.patrol_env import PatrolEnv
+from pdpatrol.envs.scenario import ScenarioError, restore_scenario
+from pdpatrol.missions.runner import Mission
+from pdpatrol.sensing import Scene
+from pdpatrol.sensing.nature.scene import Emissions
 
 WEST = {"name": "west", "kind": "surface", "sites": ("reactor_west/*", "breaker_west/*", "vt_west/*")}
 EAST = {"name": "east", "kind": "floating", "sites": ("transformer_east/*", "breaker_east/*", "vt_east/*")}

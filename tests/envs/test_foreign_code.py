@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from envs.foreign_code import ForeignCodeError, calling, load_object, place_of
+from pdpatrol.envs.foreign_code import ForeignCodeError, calling, load_object, place_of
 
 
 def write(folder: Path, name: str, *lines: str) -> Path:

@@ -5,12 +5,12 @@ import pickle
 import numpy as np
 import pytest
 
-from envs import load_scenario
-from envs.core.generators import Generators
-from envs.patrol_env import PatrolEnv
-from missions.runner import Mission
-from sensing import Scene
-from sensing.nature.scene import Emissions
+from pdpatrol.envs import load_scenario
+from pdpatrol.envs.core.generators import Generators
+from pdpatrol.envs.patrol_env import PatrolEnv
+from pdpatrol.missions.runner import Mission
+from pdpatrol.sensing import Scene
+from pdpatrol.sensing.nature.scene import Emissions
 
 
 def test_children_are_independent_and_the_same_for_the_same_seed() -> None:

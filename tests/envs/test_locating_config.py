@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from dirmusic.locating.rules import AssignmentRules, CredibilityRules, LocatingRules
-from envs.scenario.loader import SHIPPED, ScenarioError, load_scenario
-from envs.scenario.locating import LocatingConfig
+from pdpatrol.envs.scenario.loader import SHIPPED, ScenarioError, load_scenario
+from pdpatrol.envs.scenario.locating import LocatingConfig
 
 NESTED = {"credibility", "assignment"}
 RULES = {

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from envs import Scenario, ScenarioError, load_scenario
-from envs.foreign_code import ForeignCodeError
-from envs.patrol_env import PatrolEnv
-from envs.scenario import SHIPPED
-from missions.record.mission_log import MissionLog
-from missions.runner import run_mission
+from pdpatrol.envs import Scenario, ScenarioError, load_scenario
+from pdpatrol.envs.foreign_code import ForeignCodeError
+from pdpatrol.envs.patrol_env import PatrolEnv
+from pdpatrol.envs.scenario import SHIPPED
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.runner import run_mission
 
 PDPATROL = Path(sys.executable).parent / "pdpatrol"
 GOOD = """\

@@ -12,11 +12,11 @@ from gymnasium.utils.env_checker import check_env
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from envs import load_scenario, shipped_scenarios
-from envs.core.progress import REWARD_TERMS
-from envs.patrol_env import PatrolEnv
-from envs.random_yard import random_yard
-from envs.scenario import Scenario
+from pdpatrol.envs import load_scenario, shipped_scenarios
+from pdpatrol.envs.core.progress import REWARD_TERMS
+from pdpatrol.envs.patrol_env import PatrolEnv
+from pdpatrol.envs.random_yard import random_yard
+from pdpatrol.envs.scenario import Scenario
 
 
 def silent(scenario: Scenario) -> Scenario:
@@ -27,7 +27,7 @@ def silent(scenario: Scenario) -> Scenario:
 
 @pytest.mark.parametrize("name", shipped_scenarios())
 def test_gymnasiums_own_checker_finds_nothing(name: str) -> None:
-    check_env(gymnasium.make("envs:PDPatrol-v0", scenario=name).unwrapped)
+    check_env(gymnasium.make("pdpatrol:PDPatrol-v0", scenario=name).unwrapped)
 
 
 def test_the_table_of_the_docstring_is_the_observation_space() -> None:
@@ -109,7 +109,7 @@ def test_an_option_that_makes_no_sense_is_refused(options: Any, message: str) ->
 
 
 def test_a_scenario_can_be_drawn_for_each_episode() -> None:
-    env = gymnasium.make("envs:PDPatrol-v0", scenario=random_yard).unwrapped
+    env = gymnasium.make("pdpatrol:PDPatrol-v0", scenario=random_yard).unwrapped
     assert isinstance(env, PatrolEnv)
     check_env(env)
     layouts = set()
@@ -143,8 +143,8 @@ def test_the_same_seed_gives_the_same_rollout_to_the_bit_and_another_seed_anothe
 
 
 def test_gymnasiums_vector_environments_take_it_and_its_rows_are_the_single_ones() -> None:
-    both = gymnasium.make_vec("envs:PDPatrol-v0", num_envs=2, scenario="two_sources")
-    single = gymnasium.make("envs:PDPatrol-v0", scenario="two_sources")
+    both = gymnasium.make_vec("pdpatrol:PDPatrol-v0", num_envs=2, scenario="two_sources")
+    single = gymnasium.make("pdpatrol:PDPatrol-v0", scenario="two_sources")
     rows, _ = both.reset(seed=7)
     one, _ = single.reset(seed=8)
     for _ in range(30):

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from envs.patrol_env import PatrolEnv
+from pdpatrol.envs.patrol_env import PatrolEnv
 
 
 @pytest.mark.parametrize("mode", ["rgb_array", "depth_array"])
 def test_pictures_show_the_robot_from_behind_and_gymnasiums_checker_likes_them(mode: str) -> None:
-    env = gymnasium.make("envs:PDPatrol-v0", render_mode=mode)
+    env = gymnasium.make("pdpatrol:PDPatrol-v0", render_mode=mode)
     check_env(env.unwrapped, skip_render_check=False)
     env.reset(seed=0)
     picture = np.asarray(env.render())

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from gymnasium import spaces
 
-from envs import Scenario, ScenarioError, load_scenario
-from envs.patrol_env import PatrolEnv
-from envs.scenario import SHIPPED
-from envs.vector_env import PatrolVectorEnv
-from missions.driving.site_map import MARGIN_M, SiteMap
-from missions.report.make_report import make_report
-from missions.runner import run_mission
-from robot_models.description.library import load_robot, xml_path
+from pdpatrol.envs import Scenario, ScenarioError, load_scenario
+from pdpatrol.envs.patrol_env import PatrolEnv
+from pdpatrol.envs.scenario import SHIPPED
+from pdpatrol.envs.vector_env import PatrolVectorEnv
+from pdpatrol.missions.driving.site_map import MARGIN_M, SiteMap
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.missions.runner import run_mission
+from pdpatrol.robot_models.description.library import load_robot, xml_path
 
 ONE_SOURCE = (SHIPPED / "one_source.toml").read_text(encoding="utf-8")
 

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from envs import Scenario, ScenarioError, load_scenario, shipped_scenarios
-from envs.scenario import SHIPPED
-from missions.driving.site_map import CELL_M, SiteMap
+from pdpatrol.envs import Scenario, ScenarioError, load_scenario, shipped_scenarios
+from pdpatrol.envs.scenario import SHIPPED
+from pdpatrol.missions.driving.site_map import CELL_M, SiteMap
 from tests.sensing.radio.crossing import cross, solids_of
 
 GOOD = """

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from envs.patrol_env import PatrolEnv
+from pdpatrol.envs.patrol_env import PatrolEnv
 
 
 def test_the_believed_pose_is_near_the_true_one_but_not_it() -> None:

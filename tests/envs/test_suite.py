@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from envs.scenario import Scenario, ScenarioError, load_scenario
-from envs.scenario.suite import SUITE, SuiteYard, choose_yards, load_suite, suite_yards
-from missions.driving.site_map import SiteMap
-from sensing import Faces, HelicalArray, Scene, Surroundings
-from sensing.nature.sources import DischargeSource
-from sensing.radio.surroundings import level_transform
-from sensing.receiver.bank import listen_once
+from pdpatrol.envs.scenario import Scenario, ScenarioError, load_scenario
+from pdpatrol.envs.scenario.suite import SUITE, SuiteYard, choose_yards, load_suite, suite_yards
+from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.sensing import Faces, HelicalArray, Scene, Surroundings
+from pdpatrol.sensing.nature.sources import DischargeSource
+from pdpatrol.sensing.radio.surroundings import level_transform
+from pdpatrol.sensing.receiver.bank import listen_once
 from tests.sensing.radio.crossing import cross, solids_of
 
 FloatArray = NDArray[np.float64]

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
-from envs import Scenario, load_scenario
-from envs.patrol_env import PatrolEnv
-from envs.vector_env import PatrolVectorEnv
+from pdpatrol.envs import Scenario, load_scenario
+from pdpatrol.envs.patrol_env import PatrolEnv
+from pdpatrol.envs.vector_env import PatrolVectorEnv
 
 N_STEPS = 300
 
@@ -54,7 +54,7 @@ def singles() -> list[list[Any]]:
 def test_each_row_is_its_single_environment_to_the_bit(
     num_envs: int, num_threads: int, singles: list[list[Any]]
 ) -> None:
-    envs = gymnasium.make_vec("envs:PDPatrol-v0", num_envs=num_envs, scenario=brisk(), num_threads=num_threads)
+    envs = gymnasium.make_vec("pdpatrol:PDPatrol-v0", num_envs=num_envs, scenario=brisk(), num_threads=num_threads)
     assert isinstance(envs.unwrapped, PatrolVectorEnv)
     observation, _ = envs.reset(seed=40)
     driven = np.stack([actions(40 + row) for row in range(num_envs)], axis=1)

@@ -9,10 +9,10 @@ from gymnasium import spaces
 from gymnasium.utils.env_checker import check_env
 
 from dirmusic.angles import difference
-from envs.patrol_env import PatrolEnv
-from envs.random_yard import open_yard
-from envs.vector_env import PatrolVectorEnv
-from envs.wrappers import BearingsOnly, FlatObservation, Flattener, bearings_only, bearings_only_space
+from pdpatrol.envs.patrol_env import PatrolEnv
+from pdpatrol.envs.random_yard import open_yard
+from pdpatrol.envs.vector_env import PatrolVectorEnv
+from pdpatrol.envs.wrappers import BearingsOnly, FlatObservation, Flattener, bearings_only, bearings_only_space
 
 ACTION = np.array([0.8, 0.4], dtype=np.float32)
 
@@ -24,7 +24,7 @@ def whole() -> PatrolEnv:
 @pytest.mark.filterwarnings("ignore:.*is different from the unwrapped version")  # so it is; that is what is checked
 @pytest.mark.parametrize("wrapped", [BearingsOnly, FlatObservation, lambda env: FlatObservation(BearingsOnly(env))])
 def test_gymnasiums_checker_finds_nothing_and_a_pickled_copy_goes_on_alike(wrapped) -> None:  # noqa: ANN001
-    env = wrapped(gymnasium.make("envs:PDPatrol-v0").unwrapped)
+    env = wrapped(gymnasium.make("pdpatrol:PDPatrol-v0").unwrapped)
     check_env(env, skip_render_check=True)
     env.reset(seed=2)
     copy = pickle.loads(pickle.dumps(env))

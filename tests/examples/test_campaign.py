@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from envs import load_scenario
+from pdpatrol.envs import load_scenario
 
 pytestmark = pytest.mark.whole
 
@@ -34,7 +34,7 @@ def test_the_yard_has_at_most_sixty_lines_and_says_what_the_readme_shows() -> No
 def test_the_commands_of_the_readme_tell_what_grows(tmp_path: Path) -> None:
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     (script,) = re.findall(r"```sh\n(.*?)```", README, flags=re.DOTALL)
-    pdpatrol = f"{sys.executable} -c 'from missions.cli import main; main()'"
+    pdpatrol = f"{sys.executable} -c 'from pdpatrol.missions.cli import main; main()'"
     done = subprocess.run(
         ["sh", "-ec", script.replace("uv run pdpatrol", pdpatrol)],
         cwd=tmp_path,

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from dirmusic import read_pattern
-from envs import Scenario, load_scenario
-from missions.report.make_report import make_report
-from missions.runner import run_mission
+from pdpatrol.envs import Scenario, load_scenario
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.missions.runner import run_mission
 
 pytestmark = pytest.mark.whole
 

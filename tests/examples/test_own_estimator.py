@@ -11,8 +11,8 @@ import pytest
 
 from dirmusic import ArrayModel, ElementSpread, GainManifold, PulseBatch
 from dirmusic.angles import difference
-from envs import load_scenario
-from envs.core.own_estimator import make_estimator
+from pdpatrol.envs import load_scenario
+from pdpatrol.envs.core.own_estimator import make_estimator
 
 pytestmark = pytest.mark.whole
 

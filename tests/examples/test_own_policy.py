@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from envs import load_scenario
-from missions.runner import run_mission
+from pdpatrol.envs import load_scenario
+from pdpatrol.missions.runner import run_mission
 
 pytestmark = pytest.mark.whole
 

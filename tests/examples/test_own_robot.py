@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from envs import load_scenario
-from envs.scenario.robot_config import RobotConfig
-from missions.report.make_report import make_report
-from missions.report.report_file import read_report
-from missions.runner import run_mission
+from pdpatrol.envs import load_scenario
+from pdpatrol.envs.scenario.robot_config import RobotConfig
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.missions.report.report_file import read_report
+from pdpatrol.missions.runner import run_mission
 
 pytestmark = pytest.mark.whole
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from missions.record.mission_log import MissionLog
-from missions.report.report_file import read_report
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.report.report_file import read_report
 from tests.processes import assert_tells_time
 
 pytestmark = pytest.mark.whole
@@ -36,7 +36,7 @@ def refused(done: subprocess.CompletedProcess[str]) -> list[str]:
 @pytest.fixture
 def short(tmp_path: Path) -> Path:
     """A scenario that lasts four seconds."""
-    from envs.scenario import SHIPPED
+    from pdpatrol.envs.scenario import SHIPPED
 
     text = (SHIPPED / "one_source.toml").read_text(encoding="utf-8")
     path = tmp_path / "short.toml"

@@ -9,8 +9,8 @@ from pathlib import Path
 import psutil
 import pytest
 
-from missions import second_process
-from missions.second_process import SecondProcess, nothing_is_kept
+from pdpatrol.missions import second_process
+from pdpatrol.missions.second_process import SecondProcess, nothing_is_kept
 
 COMPILED = """
 from numba.core import event
@@ -24,11 +24,11 @@ with event.install_listener("numba:compile", Listener()):
     {}
 print(*compiled)
 """
-AHEAD = "from missions.compile_ahead import compile_ahead; compile_ahead()"
-MISSION = """from envs import load_scenario
-    from missions.runner import run_mission
+AHEAD = "from pdpatrol.missions.compile_ahead import compile_ahead; compile_ahead()"
+MISSION = """from pdpatrol.envs import load_scenario
+    from pdpatrol.missions.runner import run_mission
     run_mission(load_scenario("one_source", {"task.time_limit_s": 60.0}))"""
-ALL_AHEAD = ("sensing.receiver.sampling", "sensing.radio.diffraction", "dirmusic.locating")
+ALL_AHEAD = ("pdpatrol.sensing.receiver.sampling", "pdpatrol.sensing.radio.diffraction", "dirmusic.locating")
 """Where all that a mission compiles is compiled ahead."""
 
 
@@ -100,7 +100,7 @@ def test_where_nothing_can_be_kept_nothing_is_compiled_ahead(tmp_path: Path, mon
 def test_the_second_process_ends_with_the_first_even_if_that_is_killed() -> None:
     script = """
 import psutil, time
-from missions.second_process import SecondProcess
+from pdpatrol.missions.second_process import SecondProcess
 with SecondProcess() as second:
     second.start()
     print(psutil.Process().children()[0].pid, flush=True)

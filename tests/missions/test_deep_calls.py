@@ -2,7 +2,7 @@
 
 import resource
 
-from missions.deep_calls import call_with_room
+from pdpatrol.missions.deep_calls import call_with_room
 
 N_CALLS, DEEPEST = 500, 300
 

@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 
 from dirmusic import Finding
-from envs import Scenario
-from envs.patrol_env import STEP_S, Observation, PatrolEnv
-from envs.random_yard import random_yard
-from envs.scenario.robot_config import RobotConfig
-from missions.driving.collision_guard import CollisionGuard
-from missions.driving.lidar_stop import STOP_M, free_way, safe_speed, way_m
-from missions.driving.path_follower import PathFollower
-from missions.driving.site_map import SiteMap
-from missions.policies.patrol import Patrol
-from missions.policies.protocol import Action, ReportingPolicy
-from missions.policies.random_driving import Random
-from robot_models.description.library import load_robot
-from robot_models.sensors import LIDAR_BEAMS
+from pdpatrol.envs import Scenario
+from pdpatrol.envs.patrol_env import STEP_S, Observation, PatrolEnv
+from pdpatrol.envs.random_yard import random_yard
+from pdpatrol.envs.scenario.robot_config import RobotConfig
+from pdpatrol.missions.driving.collision_guard import CollisionGuard
+from pdpatrol.missions.driving.lidar_stop import STOP_M, free_way, safe_speed, way_m
+from pdpatrol.missions.driving.path_follower import PathFollower
+from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.missions.policies.patrol import Patrol
+from pdpatrol.missions.policies.protocol import Action, ReportingPolicy
+from pdpatrol.missions.policies.random_driving import Random
+from pdpatrol.robot_models.description.library import load_robot
+from pdpatrol.robot_models.sensors import LIDAR_BEAMS
 
 ROBOT = load_robot("inspector")
 BEAMS_RAD = 2.0 * np.pi * np.arange(LIDAR_BEAMS) / LIDAR_BEAMS

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from envs.random_yard import random_yard
-from missions.report.make_report import make_report
-from missions.runner import run_mission
+from pdpatrol.envs.random_yard import random_yard
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.missions.runner import run_mission
 
 SEED, N_PIECES = 110012, 6
 """A yard with a niche 18 m from the source that its echoes reach: they crossed within 0.1 m of one place there."""

@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from envs import Scenario
-from envs.random_yard import open_yard
-from envs.vector_env import PatrolVectorEnv
-from envs.wrappers import Flattener, bearings_only, bearings_only_space
-from missions.learning.evaluation import evaluate
-from missions.learning.figure import draw_curve
-from missions.learning.steering import RandomSteering, towards_last_bearing
+from pdpatrol.envs import Scenario
+from pdpatrol.envs.random_yard import open_yard
+from pdpatrol.envs.vector_env import PatrolVectorEnv
+from pdpatrol.envs.wrappers import Flattener, bearings_only, bearings_only_space
+from pdpatrol.missions.learning.evaluation import evaluate
+from pdpatrol.missions.learning.figure import draw_curve
+from pdpatrol.missions.learning.steering import RandomSteering, towards_last_bearing
 
 HIDE = "sys.modules['stable_baselines3'] = None; "
 """As if the extra were not installed."""
-COMMAND = "import runpy; runpy.run_module('missions.learning', run_name='__main__', alter_sys=True)"
+COMMAND = "import runpy; runpy.run_module('pdpatrol.missions.learning', run_name='__main__', alter_sys=True)"
 
 
 def learning(*arguments: str, cwd: Path, first: str = "") -> subprocess.CompletedProcess[str]:
@@ -37,7 +37,7 @@ def brief() -> Scenario:
 
 def adapter(num_envs: int) -> Any:  # noqa: ANN401
     pytest.importorskip("stable_baselines3", reason="uv run --extra rl")
-    from missions.learning.learner_envs import LearnerEnvs
+    from pdpatrol.missions.learning.learner_envs import LearnerEnvs
 
     return LearnerEnvs(PatrolVectorEnv(num_envs, brief(), num_threads=1, autoreset_mode="SameStep"))
 
@@ -69,7 +69,7 @@ def test_the_adapter_tells_the_last_of_the_old_episode_and_the_first_of_the_new_
 
 def test_the_adapter_wants_the_reset_in_the_same_step() -> None:
     pytest.importorskip("stable_baselines3", reason="uv run --extra rl")
-    from missions.learning.learner_envs import LearnerEnvs
+    from pdpatrol.missions.learning.learner_envs import LearnerEnvs
 
     with pytest.raises(ValueError, match="autoreset_mode is NextStep; allowed is SameStep"):
         LearnerEnvs(PatrolVectorEnv(1, brief(), num_threads=1))
@@ -77,9 +77,9 @@ def test_the_adapter_wants_the_reset_in_the_same_step() -> None:
 
 def test_no_seed_of_training_meets_a_yard_of_the_learning_curve_or_of_the_evaluation() -> None:
     pytest.importorskip("stable_baselines3", reason="uv run --extra rl")
-    from missions.learning.__main__ import MAX_SEED
-    from missions.learning.evaluation import UNSEEN_FROM
-    from missions.learning.training import CURVE_FROM, CURVE_YARDS, N_ROBOTS
+    from pdpatrol.missions.learning.__main__ import MAX_SEED
+    from pdpatrol.missions.learning.evaluation import UNSEEN_FROM
+    from pdpatrol.missions.learning.training import CURVE_FROM, CURVE_YARDS, N_ROBOTS
 
     assert MAX_SEED + N_ROBOTS <= CURVE_FROM
     assert CURVE_FROM + CURVE_YARDS <= UNSEEN_FROM
@@ -111,12 +111,12 @@ def test_the_picture_is_drawn(tmp_path: Path) -> None:
 def test_the_command_has_help_and_says_how_to_get_what_it_lacks(tmp_path: Path) -> None:
     told = learning("--help", cwd=tmp_path, first=HIDE)
     assert told.returncode == 0, told.stderr
-    assert "usage: python -m missions.learning" in told.stdout
+    assert "usage: python -m pdpatrol.missions.learning" in told.stdout
     refused = learning(cwd=tmp_path, first=HIDE)
     assert refused.returncode == 2
     assert (
         refused.stderr
-        == "stable-baselines3 is not installed; run it with: uv run --extra rl python -m missions.learning\n"
+        == "stable-baselines3 is not installed; run it with: uv run --extra rl python -m pdpatrol.missions.learning\n"
     )
     assert not list(tmp_path.iterdir())
 

@@ -4,20 +4,20 @@ import numpy as np
 import pytest
 
 from dirmusic.bearing.channel_health import CLEAR_STD_RAD
-from envs import Scenario, load_scenario
-from envs.patrol_env import PatrolEnv
-from missions.driving.site_map import SiteMap
-from missions.policies.make_policy import make_policy
-from missions.policies.names import BUILT_IN
-from missions.policies.protocol import SeesTruth
-from missions.record.array_description import described_grid
-from missions.record.mission_log import TABLES, MissionLog
-from missions.report.make_report import make_report
-from missions.report.pulse_counts import WORDS
-from missions.report.records import Report
-from missions.report.report_file import read_report, report_text
-from missions.runner import Mission, run_mission
-from sensing.receiver.faults import ChannelFault
+from pdpatrol.envs import Scenario, load_scenario
+from pdpatrol.envs.patrol_env import PatrolEnv
+from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.missions.policies.make_policy import make_policy
+from pdpatrol.missions.policies.names import BUILT_IN
+from pdpatrol.missions.policies.protocol import SeesTruth
+from pdpatrol.missions.record.array_description import described_grid
+from pdpatrol.missions.record.mission_log import TABLES, MissionLog
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.missions.report.pulse_counts import WORDS
+from pdpatrol.missions.report.records import Report
+from pdpatrol.missions.report.report_file import read_report, report_text
+from pdpatrol.missions.runner import Mission, run_mission
+from pdpatrol.sensing.receiver.faults import ChannelFault
 
 
 def test_without_a_route_the_robot_stands_and_listens_to_the_field_test() -> None:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from envs import load_scenario
-from missions.driving.path_follower import (
+from pdpatrol.envs import load_scenario
+from pdpatrol.missions.driving.path_follower import (
     BRAKING_MPS2,
     TURN_SPEED_MPS,
     PathFollower,
@@ -12,7 +12,7 @@ from missions.driving.path_follower import (
     speed_profile,
     steer,
 )
-from missions.driving.site_map import MARGIN_M, SiteMap
+from pdpatrol.missions.driving.site_map import MARGIN_M, SiteMap
 
 MAP = SiteMap(load_scenario("one_source"))
 

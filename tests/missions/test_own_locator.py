@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from envs import load_scenario
-from envs.foreign_code import ForeignCodeError
-from envs.scenario import SHIPPED
-from missions.record.mission_log import MissionLog
-from missions.report.make_report import make_report
-from missions.runner import Mission, run_mission
+from pdpatrol.envs import load_scenario
+from pdpatrol.envs.foreign_code import ForeignCodeError
+from pdpatrol.envs.scenario import SHIPPED
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.missions.runner import Mission, run_mission
 
 PDPATROL = Path(sys.executable).parent / "pdpatrol"
 GOOD = """\

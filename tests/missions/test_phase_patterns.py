@@ -6,10 +6,10 @@ import pytest
 from dirmusic import GainManifold
 from dirmusic.angles import wrap
 from dirmusic.locating.association.assignment import NoOwner
-from missions.record.mission_log import MissionLog
-from missions.record.phase_patterns import phase_patterns
-from missions.report.make_report import make_report
-from sensing import PulseTrain
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.record.phase_patterns import phase_patterns
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.sensing import PulseTrain
 
 SOURCES = {1: ("corona", (10.0, 10.0)), 2: ("void", (0.0, 12.0))}
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from missions.record.mission_log import TABLES, MissionLog
+from pdpatrol.missions.record.mission_log import TABLES, MissionLog
 
 AT_REST = {"odometry": np.zeros(3), "battery": 1.0, "command": np.zeros(2)}
 

@@ -7,10 +7,10 @@ import pytest
 from rich.console import Console
 
 from dirmusic.locating.ellipse import ellipse95
-from missions.report.make_report import make_report
-from missions.report.records import Discharge, Ellipse, FindingRecord, PhaseHistogram, Report, Site
-from missions.report.scoring import TrueSource, evaluate
-from missions.report.tables import candidates_table, findings_table
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.missions.report.records import Discharge, Ellipse, FindingRecord, PhaseHistogram, Report, Site
+from pdpatrol.missions.report.scoring import TrueSource, evaluate
+from pdpatrol.missions.report.tables import candidates_table, findings_table
 from tests.missions.report.logs import empty_log
 
 

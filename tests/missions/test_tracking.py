@@ -7,11 +7,11 @@ from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
 from dirmusic.locating.association.assignment import NoOwner
 from dirmusic.locating.rules import CredibilityRules
 from dirmusic.locating.yard_likelihood import Grid, YardLikelihood
-from envs import load_scenario
-from missions.record.logbook import Logbook
-from missions.record.mission_log import MissionLog
-from missions.record.tracking import Tracked, Tracker
-from missions.runner import run_mission
+from pdpatrol.envs import load_scenario
+from pdpatrol.missions.record.logbook import Logbook
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.record.tracking import Tracked, Tracker
+from pdpatrol.missions.runner import run_mission
 
 MANIFOLD = GainManifold.ring(6)
 ARRAY = ArrayModel(manifold=MANIFOLD, positions_m=np.zeros((6, 3)), spread=ElementSpread(gain=0.05))

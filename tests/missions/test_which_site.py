@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from envs.random_yard import random_yard
-from missions.record.which_site import ELSEWHERE, SiteProbability, in_words, site_probabilities
+from pdpatrol.envs.random_yard import random_yard
+from pdpatrol.missions.record.which_site import ELSEWHERE, SiteProbability, in_words, site_probabilities
 
 YARD = random_yard(3, 10).yard
 SHARP, BLUNT = np.diag([0.01, 0.01, 0.02]), np.diag([0.5, 0.5, 1.0])

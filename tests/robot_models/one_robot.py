@@ -7,11 +7,11 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from robot_models.antenna.elements import AntennaElements
-from robot_models.description.library import load_robot
-from robot_models.robots import Robots
-from robot_models.yard.pieces import BoxEquipment, CylinderEquipment
-from robot_models.yard.yard import Yard
+from pdpatrol.robot_models.antenna.elements import AntennaElements
+from pdpatrol.robot_models.description.library import load_robot
+from pdpatrol.robot_models.robots import Robots
+from pdpatrol.robot_models.yard.pieces import BoxEquipment, CylinderEquipment
+from pdpatrol.robot_models.yard.yard import Yard
 
 AZIMUTHS_RAD = np.radians([90.0, 30.0, -30.0, -90.0, -150.0, 150.0])
 RING_M = np.column_stack([0.12 * np.cos(AZIMUTHS_RAD), 0.12 * np.sin(AZIMUTHS_RAD), np.full(6, 0.6)])

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from robot_models.antenna.elements import AntennaElements
-from robot_models.description.library import load_robot
-from robot_models.equipment import CATALOGUE, KINDS, colour_of
-from robot_models.robots import Robots
-from robot_models.yard.pieces import BoxEquipment, CatalogueEquipment
-from robot_models.yard.scenery import EQUIPMENT_GROUP
-from robot_models.yard.yard import Yard
-from sensing.radio import materials
+from pdpatrol.robot_models.antenna.elements import AntennaElements
+from pdpatrol.robot_models.description.library import load_robot
+from pdpatrol.robot_models.equipment import CATALOGUE, KINDS, colour_of
+from pdpatrol.robot_models.robots import Robots
+from pdpatrol.robot_models.yard.pieces import BoxEquipment, CatalogueEquipment
+from pdpatrol.robot_models.yard.scenery import EQUIPMENT_GROUP
+from pdpatrol.robot_models.yard.yard import Yard
+from pdpatrol.sensing.radio import materials
 
 ONE_ELEMENT = AntennaElements.checked([[0.0, 0.0, 0.6]], [0.0])
 

@@ -4,9 +4,9 @@
 import numpy as np
 import pytest
 
-from envs import load_scenario
-from envs.patrol_env import STEP_S, PatrolEnv
-from envs.scenario.robot_config import RobotConfig
+from pdpatrol.envs import load_scenario
+from pdpatrol.envs.patrol_env import STEP_S, PatrolEnv
+from pdpatrol.envs.scenario.robot_config import RobotConfig
 
 
 def drive_at_random(minutes: float, seed: int, robot: str = "inspector") -> set[str]:

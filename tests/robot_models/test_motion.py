@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from robot_models.antenna.elements import AntennaElements
-from robot_models.description.library import load_robot
-from robot_models.robots import Robots
-from robot_models.yard.yard import Yard
+from pdpatrol.robot_models.antenna.elements import AntennaElements
+from pdpatrol.robot_models.description.library import load_robot
+from pdpatrol.robot_models.robots import Robots
+from pdpatrol.robot_models.yard.yard import Yard
 from tests.robot_models.one_robot import OneRobot
 
 TRACKING = {"inspector": 0.01, "crawler": 0.03}

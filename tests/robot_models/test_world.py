@@ -7,12 +7,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from robot_models.antenna.elements import MAX_ELEMENTS, AntennaElements
-from robot_models.description.library import SHIPPED, load_robot, xml_path
-from robot_models.world import CHASE, build_spec
-from robot_models.yard.pieces import BoxEquipment, CylinderEquipment
-from robot_models.yard.scenery import EQUIPMENT_GROUP
-from robot_models.yard.yard import Yard
+from pdpatrol.robot_models.antenna.elements import MAX_ELEMENTS, AntennaElements
+from pdpatrol.robot_models.description.library import SHIPPED, load_robot, xml_path
+from pdpatrol.robot_models.world import CHASE, build_spec
+from pdpatrol.robot_models.yard.pieces import BoxEquipment, CylinderEquipment
+from pdpatrol.robot_models.yard.scenery import EQUIPMENT_GROUP
+from pdpatrol.robot_models.yard.yard import Yard
 
 AZIMUTHS_RAD = np.radians([90.0, 30.0, -30.0, -90.0, -150.0, 150.0])
 RING_M = np.column_stack([0.12 * np.cos(AZIMUTHS_RAD), 0.12 * np.sin(AZIMUTHS_RAD), np.full(6, 0.6)])

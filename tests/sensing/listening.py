@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from sensing import ArrayConfig, Detections, DischargeSource, HelicalArray, ReceiverConfig, Scene, Surroundings
-from sensing.receiver.bank import listen_once
+from pdpatrol.sensing import ArrayConfig, Detections, DischargeSource, HelicalArray, ReceiverConfig, Scene, Surroundings
+from pdpatrol.sensing.receiver.bank import listen_once
 
 NOMINAL = HelicalArray.nominal(ArrayConfig())
 AT_ORIGIN = np.eye(4)

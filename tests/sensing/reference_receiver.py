@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt
 
-from sensing import HelicalArray, ReceiverConfig, Scene
-from sensing.array.array_table import ArrayTable
-from sensing.nature.pulse_shape import DECAY_S, FREQUENCY_HZ, damped_pulse
-from sensing.radio.arrivals import Arrivals, propagate
-from sensing.radio.propagation import Propagation, SourceTable
-from sensing.receiver.front_end import FILTER_ORDER
-from sensing.receiver.receiver import BURST_ECHOES, BURST_SHARE, BURST_WINDOWS, Receiver, aperture_m
+from pdpatrol.sensing import HelicalArray, ReceiverConfig, Scene
+from pdpatrol.sensing.array.array_table import ArrayTable
+from pdpatrol.sensing.nature.pulse_shape import DECAY_S, FREQUENCY_HZ, damped_pulse
+from pdpatrol.sensing.radio.arrivals import Arrivals, propagate
+from pdpatrol.sensing.radio.propagation import Propagation, SourceTable
+from pdpatrol.sensing.receiver.front_end import FILTER_ORDER
+from pdpatrol.sensing.receiver.receiver import BURST_ECHOES, BURST_SHARE, BURST_WINDOWS, Receiver, aperture_m
 
 FloatArray = NDArray[np.float64]
 

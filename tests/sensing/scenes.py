@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from sensing import Faces, Solids, Surroundings
-from sensing.radio.materials import Material
+from pdpatrol.sensing import Faces, Solids, Surroundings
+from pdpatrol.sensing.radio.materials import Material
 
 
 def lossy(loss_db: float, flat_share: float = 0.0) -> Material:

@@ -5,8 +5,8 @@ import pytest
 
 from dirmusic.array.elevation import gain_in_space
 from dirmusic.array.pattern_table import Boresight, gain_and_slopes_towards, gain_towards
-from sensing import ArrayConfig, ElementConfig, HelicalArray
-from sensing.array.array_table import ArrayTable
+from pdpatrol.sensing import ArrayConfig, ElementConfig, HelicalArray
+from pdpatrol.sensing.array.array_table import ArrayTable
 
 TILTED = ArrayConfig(
     elements=tuple(ElementConfig(azimuth_deg=60.0 * k, elevation_deg=(-50.0, 20.0, 89.0)[k % 3]) for k in range(6))

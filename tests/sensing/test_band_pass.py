@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt, sosfreqz
 
-from sensing.receiver.band_pass import butterworth_sections, response, run, state_space
+from pdpatrol.sensing.receiver.band_pass import butterworth_sections, response, run, state_space
 
 FILTERS = [
     (6, (1.4e9, 2.2e9), 20e9),

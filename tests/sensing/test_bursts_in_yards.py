@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from envs import load_scenario, shipped_scenarios
-from envs.yard_surroundings import surroundings_of
-from sensing import DischargeSource, HelicalArray, ReceiverConfig, Scene
-from sensing.receiver.bank import listen_once
-from sensing.receiver.receiver import BURST_ECHOES, Receiver
+from pdpatrol.envs import load_scenario, shipped_scenarios
+from pdpatrol.envs.yard_surroundings import surroundings_of
+from pdpatrol.sensing import DischargeSource, HelicalArray, ReceiverConfig, Scene
+from pdpatrol.sensing.receiver.bank import listen_once
+from pdpatrol.sensing.receiver.receiver import BURST_ECHOES, Receiver
 from tests.sensing.reference_receiver import arrivals_of
 
 CONFIG = ReceiverConfig()

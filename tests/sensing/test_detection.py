@@ -6,13 +6,13 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from sensing import (
+from pdpatrol.sensing import (
     Faces,
     ReceiverConfig,
     Scene,
     Surroundings,
 )
-from sensing.receiver.bank import listen_once
+from pdpatrol.sensing.receiver.bank import listen_once
 from tests.sensing.listening import AT_ORIGIN, NOMINAL, listen, source_at
 from tests.sensing.scenes import around, wall_across
 

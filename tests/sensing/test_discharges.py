@@ -9,7 +9,7 @@ import pytest
 from dirmusic.angles import circular_mean, difference
 from dirmusic.pulses.discharge_kinds import KINDS, KindName
 from dirmusic.pulses.phase_resolved import LEAST_PULSES, classify
-from sensing import DischargeSource, PulseTrain, Scene
+from pdpatrol.sensing import DischargeSource, PulseTrain, Scene
 
 NAMES: tuple[KindName, ...] = get_args(KindName)
 MAINS_HZ = 50.0

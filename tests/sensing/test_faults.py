@@ -8,10 +8,10 @@ import pytest
 
 from dirmusic import GainManifold, estimate_bearings
 from dirmusic.angles import difference
-from sensing import ArrayConfig, Carrier, Detections, DischargeSource, HelicalArray, ReceiverConfig, Scene
-from sensing.nature.pulse_shape import unit_pulse_energy
-from sensing.receiver.bank import listen_once
-from sensing.receiver.faults import STUCK_AT, ChannelFault
+from pdpatrol.sensing import ArrayConfig, Carrier, Detections, DischargeSource, HelicalArray, ReceiverConfig, Scene
+from pdpatrol.sensing.nature.pulse_shape import unit_pulse_energy
+from pdpatrol.sensing.receiver.bank import listen_once
+from pdpatrol.sensing.receiver.faults import STUCK_AT, ChannelFault
 
 NOMINAL = HelicalArray.nominal(ArrayConfig())
 RING = GainManifold.ring(6)

@@ -11,7 +11,7 @@ from scipy.stats import ks_2samp
 
 from dirmusic import estimate_bearings, pulse_strengths
 from dirmusic.angles import difference
-from sensing import (
+from pdpatrol.sensing import (
     ArrayConfig,
     DischargeSource,
     Faces,
@@ -21,13 +21,13 @@ from sensing import (
     Solids,
     Surroundings,
 )
-from sensing.nature.pulse_shape import damped_pulse
-from sensing.radio.materials import GRAVEL, METAL
-from sensing.radio.surroundings import rays_between
-from sensing.receiver.bank import listen_once
-from sensing.receiver.front_end import FILTER_ORDER, FrontEnd
-from sensing.receiver.receiver import Receiver
-from sensing.receiver.sampling.noise import add_noise, settle
+from pdpatrol.sensing.nature.pulse_shape import damped_pulse
+from pdpatrol.sensing.radio.materials import GRAVEL, METAL
+from pdpatrol.sensing.radio.surroundings import rays_between
+from pdpatrol.sensing.receiver.bank import listen_once
+from pdpatrol.sensing.receiver.front_end import FILTER_ORDER, FrontEnd
+from pdpatrol.sensing.receiver.receiver import Receiver
+from pdpatrol.sensing.receiver.sampling.noise import add_noise, settle
 from tests.sensing.reference_receiver import arrivals_of, sample
 
 FloatArray = NDArray[np.float64]

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from dirmusic import estimate_bearings
 from dirmusic.angles import difference
-from sensing import ArrayConfig, Detections, DischargeSource, HelicalArray, ReceiverConfig, Scene
-from sensing.receiver.bank import ReceiverBank, listen_once
-from sensing.receiver.receiver import Listener
+from pdpatrol.sensing import ArrayConfig, Detections, DischargeSource, HelicalArray, ReceiverConfig, Scene
+from pdpatrol.sensing.receiver.bank import ReceiverBank, listen_once
+from pdpatrol.sensing.receiver.receiver import Listener
 
 NOMINAL = HelicalArray.nominal(ArrayConfig())
 START_M, END_M, SPEED_MPS = np.array([-30.0, -20.0, 0.6]), np.array([30.0, -20.0, 0.6]), 12.0

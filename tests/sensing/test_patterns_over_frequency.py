@@ -11,7 +11,7 @@ from dirmusic import GainPattern, InputFileError
 from dirmusic.array.spatial_pattern import SpatialPattern, frequency_weights
 from dirmusic.array.spatial_pattern_file import read_any_pattern, read_spatial_pattern
 from dirmusic.pulses.sub_bands import SubBands
-from sensing import (
+from pdpatrol.sensing import (
     ArrayConfig,
     DischargeSource,
     HelicalArray,
@@ -20,15 +20,15 @@ from sensing import (
     Surroundings,
     level_transform,
 )
-from sensing.array.array_table import ArrayTable
-from sensing.array.config import SHIPPED_PATTERNS, ElementConfig
-from sensing.radio.arrivals import arrive
-from sensing.radio.ray_paths import RayPaths
-from sensing.receiver.bank import listen_once
-from sensing.receiver.front_end import MOST_BANDS, PHASES
-from sensing.receiver.receiver import Receiver
-from sensing.receiver.sampling.sampler import Emission
-from sensing.receiver.sampling.signals import set_signal
+from pdpatrol.sensing.array.array_table import ArrayTable
+from pdpatrol.sensing.array.config import SHIPPED_PATTERNS, ElementConfig
+from pdpatrol.sensing.radio.arrivals import arrive
+from pdpatrol.sensing.radio.ray_paths import RayPaths
+from pdpatrol.sensing.receiver.bank import listen_once
+from pdpatrol.sensing.receiver.front_end import MOST_BANDS, PHASES
+from pdpatrol.sensing.receiver.receiver import Receiver
+from pdpatrol.sensing.receiver.sampling.sampler import Emission
+from pdpatrol.sensing.receiver.sampling.signals import set_signal
 
 FloatArray = NDArray[np.float64]
 HELIX = SHIPPED_PATTERNS["helix_in_ring"]

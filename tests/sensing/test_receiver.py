@@ -8,7 +8,7 @@ import pytest
 
 from dirmusic import bearing_bound, estimate_bearings
 from dirmusic.angles import difference
-from sensing import (
+from pdpatrol.sensing import (
     ArrayConfig,
     DischargeSource,
     Faces,
@@ -17,13 +17,13 @@ from sensing import (
     Scene,
     Surroundings,
 )
-from sensing.nature.pulse_shape import damped_pulse, unit_pulse_energy
-from sensing.radio.surroundings import rays_between
-from sensing.receiver.bank import listen_once
-from sensing.receiver.front_end import FrontEnd
-from sensing.receiver.receiver import Receiver
-from sensing.receiver.sampling.noise import add_noise, settle
-from sensing.receiver.schedule import Schedule
+from pdpatrol.sensing.nature.pulse_shape import damped_pulse, unit_pulse_energy
+from pdpatrol.sensing.radio.surroundings import rays_between
+from pdpatrol.sensing.receiver.bank import listen_once
+from pdpatrol.sensing.receiver.front_end import FrontEnd
+from pdpatrol.sensing.receiver.receiver import Receiver
+from pdpatrol.sensing.receiver.sampling.noise import add_noise, settle
+from pdpatrol.sensing.receiver.schedule import Schedule
 from tests.sensing.listening import AT_ORIGIN, NOMINAL, listen, source_at
 from tests.sensing.scenes import around, wall_across
 

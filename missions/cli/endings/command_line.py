@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import NoReturn, TextIO
 
-from missions.cli.endings import interrupts
+from pdpatrol.missions.cli.endings import interrupts
 
 
 @contextmanager
@@ -61,7 +61,7 @@ def _note(message: Warning | str, *_: object) -> None:
 
 def _tell(line: str) -> None:
     with suppress(OSError):
-        from missions.cli.output.terminal import err, in_one_line
+        from pdpatrol.missions.cli.output.terminal import err, in_one_line
 
         err.print(in_one_line(line), soft_wrap=True)
 

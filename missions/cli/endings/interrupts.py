@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import NoReturn
 
-from missions.whole_file import remove_unfinished
+from pdpatrol.missions.whole_file import remove_unfinished
 
 GRACE_S = 1.7
 """From a signal to the end by force: what is left of two seconds to wake up and to clean up (assumed)."""

@@ -11,8 +11,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import NoReturn
 
-from missions.cli.endings.interrupts import clean_up_by
-from missions.cli.output.terminal import refuse
+from pdpatrol.missions.cli.endings.interrupts import clean_up_by
+from pdpatrol.missions.cli.output.terminal import refuse
 
 CLAIM = ".claim"
 """File by which a process claims a folder; locked for as long as it lives."""

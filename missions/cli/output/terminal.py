@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, NoReturn
 
 from rich.console import Console
 
-from missions.whole_file import write_whole
+from pdpatrol.missions.whole_file import write_whole
 
 if TYPE_CHECKING:
     from dirmusic.compiled import Compiling
-    from envs.scenario import Scenario
-    from missions.record.mission_log import MissionLog
-    from missions.report.records import Report
-    from missions.stopwatch import Stopwatch
+    from pdpatrol.envs.scenario import Scenario
+    from pdpatrol.missions.record.mission_log import MissionLog
+    from pdpatrol.missions.report.records import Report
+    from pdpatrol.missions.stopwatch import Stopwatch
 
 FAILED = 1
 USAGE_ERROR = 2
@@ -51,7 +51,7 @@ def fail(fault: str) -> NoReturn:
 
 def tell_notes(scenario: Scenario) -> None:
     """Say what in a scenario is hardly meant, one line each; it is used all the same."""
-    from envs.plausibility import plausibility
+    from pdpatrol.envs.plausibility import plausibility
 
     for note in plausibility(scenario):
         err.print(f"note: {note}", soft_wrap=True)
@@ -80,8 +80,8 @@ def write_mission(log: MissionLog, wall_time_s: float, folder: Path) -> Report:
 
 
 def _write_files(log: MissionLog, wall_time_s: float, folder: Path) -> Report:
-    from envs.scenario.calibration import restore_calibration
-    from missions.recording import write_recording
+    from pdpatrol.envs.scenario.calibration import restore_calibration
+    from pdpatrol.missions.recording import write_recording
 
     log.save(folder)
     if "calibration" in log.meta:
@@ -102,10 +102,10 @@ def write_report(
         folder: Where to.
         between: Done between the two.
     """
-    from missions.report.inspection import inspected_sites
-    from missions.report.make_report import make_report
-    from missions.report.report_file import report_text
-    from missions.report.report_page import report_page
+    from pdpatrol.missions.report.inspection import inspected_sites
+    from pdpatrol.missions.report.make_report import make_report
+    from pdpatrol.missions.report.report_file import report_text
+    from pdpatrol.missions.report.report_page import report_page
 
     inspected = inspected_sites(log)
     report = make_report(log, wall_time_s, inspected)
@@ -117,8 +117,8 @@ def write_report(
 
 def load_what_writes() -> None:
     """Load the libraries that `write_mission` needs, before a mission: one that is interrupted has two seconds."""
-    import missions.recording
-    import missions.report.report_page  # noqa: F401
+    import pdpatrol.missions.recording
+    import pdpatrol.missions.report.report_page  # noqa: F401
 
 
 def tell_time(stopwatch: Stopwatch, compiling: Compiling) -> None:
@@ -144,15 +144,15 @@ def as_typed(words: str) -> str:
 
 def tell_json(report: Report) -> None:
     """Print report.json."""
-    from missions.report.report_file import report_text
+    from pdpatrol.missions.report.report_file import report_text
 
     out.print(report_text(report), end="", soft_wrap=True)
 
 
 def tell_findings(report: Report) -> None:
     """What was found, or why nothing was, and what was detected and not confirmed."""
-    from missions.report.pulse_counts import in_words
-    from missions.report.tables import candidates_table, findings_table
+    from pdpatrol.missions.report.pulse_counts import in_words
+    from pdpatrol.missions.report.tables import candidates_table, findings_table
 
     found = findings_table(report) if report.findings else in_words(report.pulses)
     out.print(found, soft_wrap=not report.findings)

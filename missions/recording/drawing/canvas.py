@@ -9,9 +9,9 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from envs.patrol_env import STEP_S
-from missions.record.mission_log import MissionLog
-from missions.recording import paths
+from pdpatrol.envs.patrol_env import STEP_S
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.recording import paths
 
 Table = dict[str, NDArray[Any]]
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from rerun.encodings import ImageFormat
 
 from dirmusic.locating.ellipse import ellipse95, outline95
-from missions.record.array_description import described_grid
-from missions.recording import paths
-from missions.recording.drawing import palette
-from missions.recording.drawing.canvas import Canvas, Slice, Table
+from pdpatrol.missions.record.array_description import described_grid
+from pdpatrol.missions.recording import paths
+from pdpatrol.missions.recording.drawing import palette
+from pdpatrol.missions.recording.drawing.canvas import Canvas, Slice, Table
 
 FloatArray = NDArray[np.float64]
 

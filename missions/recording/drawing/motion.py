@@ -6,9 +6,9 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from missions.recording import paths
-from missions.recording.drawing import palette
-from missions.recording.drawing.canvas import Canvas, Slice
+from pdpatrol.missions.recording import paths
+from pdpatrol.missions.recording.drawing import palette
+from pdpatrol.missions.recording.drawing.canvas import Canvas, Slice
 
 FloatArray = NDArray[np.float64]
 

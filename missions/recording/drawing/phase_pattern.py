@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
-from missions.record.mission_log import MissionLog
-from missions.record.phase_patterns import phase_patterns
-from missions.record.which_site import percent
-from missions.recording import paths
-from missions.recording.drawing import palette
-from missions.recording.drawing.canvas import Canvas
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.record.phase_patterns import phase_patterns
+from pdpatrol.missions.record.which_site import percent
+from pdpatrol.missions.recording import paths
+from pdpatrol.missions.recording.drawing import palette
+from pdpatrol.missions.recording.drawing.canvas import Canvas
 
 UNITS_PER_DB, UNITS_PER_DEG = 4.0, 1.0
 """Scale of the picture, whose y goes down."""

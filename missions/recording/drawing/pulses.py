@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from dirmusic import GainManifold
 from dirmusic.angles import wrap
-from missions.recording import paths
-from missions.recording.drawing import palette
-from missions.recording.drawing.canvas import Canvas, Slice
+from pdpatrol.missions.recording import paths
+from pdpatrol.missions.recording.drawing import palette
+from pdpatrol.missions.recording.drawing.canvas import Canvas, Slice
 
 FloatArray = NDArray[np.float64]
 

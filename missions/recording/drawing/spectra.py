@@ -7,10 +7,10 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from dirmusic.angles import wrap
-from missions.recording import paths
-from missions.recording.drawing import palette
-from missions.recording.drawing.canvas import Canvas, Slice
-from missions.recording.drawing.pulses import AZIMUTH_STEP_RAD, N_AZIMUTHS, Spectra
+from pdpatrol.missions.recording import paths
+from pdpatrol.missions.recording.drawing import palette
+from pdpatrol.missions.recording.drawing.canvas import Canvas, Slice
+from pdpatrol.missions.recording.drawing.pulses import AZIMUTH_STEP_RAD, N_AZIMUTHS, Spectra
 
 FloatArray = NDArray[np.float64]
 

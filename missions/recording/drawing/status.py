@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from dirmusic.locating.ellipse import ellipse95
 from dirmusic.locating.rules import LocatingRules
-from envs.scenario.locating import LocatingConfig
-from missions.record.mission_log import MissionLog
-from missions.record.which_site import percent
-from missions.recording import paths
-from missions.recording.drawing import palette
-from missions.recording.drawing.canvas import Canvas, Slice, Table
-from missions.report.make_report import make_report
-from missions.report.words import kind_in_words
+from pdpatrol.envs.scenario.locating import LocatingConfig
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.record.which_site import percent
+from pdpatrol.missions.recording import paths
+from pdpatrol.missions.recording.drawing import palette
+from pdpatrol.missions.recording.drawing.canvas import Canvas, Slice, Table
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.missions.report.words import kind_in_words
 
 FloatArray = NDArray[np.float64]
 

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import rerun as rr
 
-from missions.record.mission_log import MissionLog
-from missions.recording.blueprint import blueprint
-from missions.recording.identity import recording_stream, send_identity
-from missions.recording.recorder import Recorder
-from missions.recording.viewer.rerun_process import RerunProcess, address, check_screen, free_port
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.recording.blueprint import blueprint
+from pdpatrol.missions.recording.identity import recording_stream, send_identity
+from pdpatrol.missions.recording.recorder import Recorder
+from pdpatrol.missions.recording.viewer.rerun_process import RerunProcess, address, check_screen, free_port
 
 
 def open_viewer(recordings: Sequence[Path]) -> None:

@@ -16,8 +16,8 @@ from typing import IO
 
 from rerun.experimental import ViewerClient
 
-from missions.recording.viewer import supervisor
-from missions.recording.viewer.supervisor import LEAVE_OPEN
+from pdpatrol.missions.recording.viewer import supervisor
+from pdpatrol.missions.recording.viewer.supervisor import LEAVE_OPEN
 
 LOOPBACK = "127.0.0.1"
 """Rerun listens on all interfaces by default."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from missions.recording.paths import SIM_TIME
-from missions.recording.viewer.rerun_process import RerunProcess, ViewerError, free_port
+from pdpatrol.missions.recording.paths import SIM_TIME
+from pdpatrol.missions.recording.viewer.rerun_process import RerunProcess, ViewerError, free_port
 
 SIZE = (1600, 1000)
 """Of the picture, pixels."""

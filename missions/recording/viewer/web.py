@@ -9,7 +9,7 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from urllib.parse import quote, urlsplit
 
-from missions.recording.viewer.rerun_process import LOOPBACK, RerunProcess, free_port
+from pdpatrol.missions.recording.viewer.rerun_process import LOOPBACK, RerunProcess, free_port
 
 
 def serve(recordings: Sequence[Path], announce: Callable[[str], None]) -> None:

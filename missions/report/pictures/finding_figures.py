@@ -9,13 +9,13 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from missions.record.finding_pulses import FindingPulses
-from missions.record.mission_log import MissionLog
-from missions.record.yard_of_log import known_yard
-from missions.report.page import SVG_STYLE
-from missions.report.pictures.site_plan import way_of
-from missions.report.pictures.yard_drawing import COLOURS, draw_finding, draw_frame, draw_yard
-from missions.report.records import Discharge, FindingRecord
+from pdpatrol.missions.record.finding_pulses import FindingPulses
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.record.yard_of_log import known_yard
+from pdpatrol.missions.report.page import SVG_STYLE
+from pdpatrol.missions.report.pictures.site_plan import way_of
+from pdpatrol.missions.report.pictures.yard_drawing import COLOURS, draw_finding, draw_frame, draw_yard
+from pdpatrol.missions.report.records import Discharge, FindingRecord
 
 FloatArray = NDArray[np.float64]
 

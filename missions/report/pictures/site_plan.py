@@ -11,12 +11,19 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from missions.record.mission_log import MissionLog
-from missions.record.yard_of_log import known_yard
-from missions.report.inspection import Inspected
-from missions.report.page import SVG_STYLE
-from missions.report.pictures.yard_drawing import COLOURS, draw_beyond, draw_finding, draw_frame, draw_yard, is_beyond
-from missions.report.records import Report
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.record.yard_of_log import known_yard
+from pdpatrol.missions.report.inspection import Inspected
+from pdpatrol.missions.report.page import SVG_STYLE
+from pdpatrol.missions.report.pictures.yard_drawing import (
+    COLOURS,
+    draw_beyond,
+    draw_finding,
+    draw_frame,
+    draw_yard,
+    is_beyond,
+)
+from pdpatrol.missions.report.records import Report
 
 FloatArray = NDArray[np.float64]
 

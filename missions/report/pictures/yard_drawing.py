@@ -16,10 +16,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.cluster.hierarchy import fclusterdata
 
 from dirmusic.locating.ellipse import outline95
-from missions.report.records import FindingRecord
-from robot_models.equipment import colour_of
-from robot_models.yard.pieces import Equipment
-from robot_models.yard.yard import Yard
+from pdpatrol.missions.report.records import FindingRecord
+from pdpatrol.robot_models.equipment import colour_of
+from pdpatrol.robot_models.yard.pieces import Equipment
+from pdpatrol.robot_models.yard.yard import Yard
 
 FloatArray = NDArray[np.float64]
 

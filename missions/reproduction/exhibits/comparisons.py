@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic import GainManifold, bearings_from_covariance, bearings_from_delays
-from missions.reproduction import protocol
-from missions.reproduction.exhibit import Campaign, Exhibit, Measured, Row, accuracy_row, directions, published
-from missions.reproduction.methods import (
+from pdpatrol.missions.reproduction import protocol
+from pdpatrol.missions.reproduction.exhibit import Campaign, Exhibit, Measured, Row, accuracy_row, directions, published
+from pdpatrol.missions.reproduction.methods import (
     GATE_SAMPLES,
     SUCCESS_DEG,
     by_paper,
@@ -16,8 +16,8 @@ from missions.reproduction.methods import (
     error_deg,
     is_success,
 )
-from missions.reproduction.prediction import Prediction
-from missions.reproduction.protocol import GRID_DEG, N_RECORD
+from pdpatrol.missions.reproduction.prediction import Prediction
+from pdpatrol.missions.reproduction.protocol import GRID_DEG, N_RECORD
 
 FloatArray = NDArray[np.float64]
 

@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 from dirmusic import GainManifold, UniformOffsets, estimate_bearings, strength_variance
 from dirmusic.angles import difference, wrap
-from envs.scenario import Scenario, load_scenario
-from envs.scenario.sources import SourceConfig
-from missions.reproduction.exhibit import Campaign, Exhibit, Measured, Row, published
-from missions.reproduction.methods import by_paper, error_deg
-from missions.reproduction.prediction import Prediction
-from missions.reproduction.protocol import GRID_DEG
-from sensing.array.helical_array import HelicalArray
-from sensing.nature.pulse_shape import unit_pulse_energy
-from sensing.radio.surroundings import in_array_frame, level_transform, rays_between
+from pdpatrol.envs.scenario import Scenario, load_scenario
+from pdpatrol.envs.scenario.sources import SourceConfig
+from pdpatrol.missions.reproduction.exhibit import Campaign, Exhibit, Measured, Row, published
+from pdpatrol.missions.reproduction.methods import by_paper, error_deg
+from pdpatrol.missions.reproduction.prediction import Prediction
+from pdpatrol.missions.reproduction.protocol import GRID_DEG
+from pdpatrol.sensing.array.helical_array import HelicalArray
+from pdpatrol.sensing.nature.pulse_shape import unit_pulse_energy
+from pdpatrol.sensing.radio.surroundings import in_array_frame, level_transform, rays_between
 
 FloatArray = NDArray[np.float64]
 

@@ -15,10 +15,10 @@ from dirmusic import (
     strength_variance,
 )
 from dirmusic.array.elevation import gain_in_space
-from missions.reproduction import protocol
-from missions.reproduction.exhibit import Campaign, Exhibit, Measured, Row
-from missions.reproduction.methods import GATE_SAMPLES, by_gated_covariance, by_paper, error_deg
-from missions.reproduction.protocol import GRID_DEG, N_RECORD
+from pdpatrol.missions.reproduction import protocol
+from pdpatrol.missions.reproduction.exhibit import Campaign, Exhibit, Measured, Row
+from pdpatrol.missions.reproduction.methods import GATE_SAMPLES, by_gated_covariance, by_paper, error_deg
+from pdpatrol.missions.reproduction.protocol import GRID_DEG, N_RECORD
 
 FloatArray = NDArray[np.float64]
 

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic import GainManifold
-from missions.reproduction import protocol
-from missions.reproduction.exhibit import Campaign, Exhibit, Measured, Row, accuracy_row, directions, published
-from missions.reproduction.methods import FOUND_GATE_SAMPLES, by_gate, by_paper, error_deg
-from missions.reproduction.prediction import Prediction
-from missions.reproduction.protocol import GRID_DEG, N_RECORD
+from pdpatrol.missions.reproduction import protocol
+from pdpatrol.missions.reproduction.exhibit import Campaign, Exhibit, Measured, Row, accuracy_row, directions, published
+from pdpatrol.missions.reproduction.methods import FOUND_GATE_SAMPLES, by_gate, by_paper, error_deg
+from pdpatrol.missions.reproduction.prediction import Prediction
+from pdpatrol.missions.reproduction.protocol import GRID_DEG, N_RECORD
 
 FloatArray = NDArray[np.float64]
 

@@ -19,11 +19,11 @@ from dirmusic.array.manifold import ring_boresights_rad
 from dirmusic.array.spatial_pattern import SpatialPattern, halves
 from dirmusic.array.spatial_pattern_file import read_spatial_pattern
 from dirmusic.pulses.sub_bands import SubBands
-from missions.reproduction import protocol
-from missions.reproduction.exhibit import Campaign, Exhibit, Measured, Row
-from missions.reproduction.methods import error_deg
-from sensing.array.config import SHIPPED_PATTERNS
-from sensing.nature.pulse_shape import damped_pulse
+from pdpatrol.missions.reproduction import protocol
+from pdpatrol.missions.reproduction.exhibit import Campaign, Exhibit, Measured, Row
+from pdpatrol.missions.reproduction.methods import error_deg
+from pdpatrol.sensing.array.config import SHIPPED_PATTERNS
+from pdpatrol.sensing.nature.pulse_shape import damped_pulse
 
 FloatArray = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from missions.reproduction.exhibit import Measured, Row
+from pdpatrol.missions.reproduction.exhibit import Measured, Row
 
 FloatArray = NDArray[np.float64]
 

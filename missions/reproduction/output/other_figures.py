@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from missions.reproduction.exhibit import Exhibit, Measured
-from missions.reproduction.exhibits.limits import ELEVATIONS_DEG, RING_SIZES_M
-from missions.reproduction.exhibits.over_frequency import BIAS_AZIMUTHS_DEG
-from missions.reproduction.output.bars import BEST, LIMIT, OURS, draw_bars, new_figure
+from pdpatrol.missions.reproduction.exhibit import Exhibit, Measured
+from pdpatrol.missions.reproduction.exhibits.limits import ELEVATIONS_DEG, RING_SIZES_M
+from pdpatrol.missions.reproduction.exhibits.over_frequency import BIAS_AZIMUTHS_DEG
+from pdpatrol.missions.reproduction.output.bars import BEST, LIMIT, OURS, draw_bars, new_figure
 
 
 def other_tables(phase: Exhibit, rates: Exhibit) -> Figure:

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 from markupsafe import Markup
 
-from missions.report.page import render
-from missions.reproduction.exhibit import Exhibit, published
-from missions.reproduction.output.tables import Cell, cells, columns, label_of
-from missions.reproduction.prediction import COVERAGE, PAPER_TRIALS
-from missions.reproduction.verdict import verdict
+from pdpatrol.missions.report.page import render
+from pdpatrol.missions.reproduction.exhibit import Exhibit, published
+from pdpatrol.missions.reproduction.output.tables import Cell, cells, columns, label_of
+from pdpatrol.missions.reproduction.prediction import COVERAGE, PAPER_TRIALS
+from pdpatrol.missions.reproduction.verdict import verdict
 
 
 class Section(NamedTuple):

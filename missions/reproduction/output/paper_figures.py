@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from dirmusic import GainManifold, GaussianPattern, pulse_start
-from missions.reproduction import protocol
-from missions.reproduction.exhibit import Exhibit, published
-from missions.reproduction.methods import GATE_SAMPLES
-from missions.reproduction.output.bars import BEST, ELEMENT_COLOURS, LIMIT, OURS, PAPER, draw_bars, new_figure
+from pdpatrol.missions.reproduction import protocol
+from pdpatrol.missions.reproduction.exhibit import Exhibit, published
+from pdpatrol.missions.reproduction.methods import GATE_SAMPLES
+from pdpatrol.missions.reproduction.output.bars import BEST, ELEMENT_COLOURS, LIMIT, OURS, PAPER, draw_bars, new_figure
 
 
 def pattern_and_manifold() -> Figure:

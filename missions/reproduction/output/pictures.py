@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from matplotlib.figure import Figure
 
-from missions.reproduction.exhibit import Exhibit
-from missions.reproduction.output import other_figures, paper_figures
+from pdpatrol.missions.reproduction.exhibit import Exhibit
+from pdpatrol.missions.reproduction.output import other_figures, paper_figures
 
 
 class Picture(NamedTuple):

@@ -13,9 +13,9 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from missions.reproduction.exhibit import Exhibit, Measured, Row, published
-from missions.reproduction.protocol import N_RECORD, SAMPLE_RATE_HZ
-from missions.reproduction.verdict import Verdict, verdict
+from pdpatrol.missions.reproduction.exhibit import Exhibit, Measured, Row, published
+from pdpatrol.missions.reproduction.protocol import N_RECORD, SAMPLE_RATE_HZ
+from pdpatrol.missions.reproduction.verdict import Verdict, verdict
 
 SCHEMA = 2
 

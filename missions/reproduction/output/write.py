@@ -9,12 +9,12 @@ from typing import Any
 
 from markupsafe import Markup
 
-from missions.report.page import inline_svg
-from missions.reproduction.exhibit import Exhibit
-from missions.reproduction.output.page import reproduction_page
-from missions.reproduction.output.pictures import pictures
-from missions.reproduction.output.tables import as_json
-from missions.whole_file import whole_file, write_whole
+from pdpatrol.missions.report.page import inline_svg
+from pdpatrol.missions.reproduction.exhibit import Exhibit
+from pdpatrol.missions.reproduction.output.page import reproduction_page
+from pdpatrol.missions.reproduction.output.pictures import pictures
+from pdpatrol.missions.reproduction.output.tables import as_json
+from pdpatrol.missions.whole_file import whole_file, write_whole
 
 
 def write_reproduction(

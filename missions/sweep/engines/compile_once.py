@@ -8,11 +8,11 @@ import sys
 from pathlib import Path
 from tempfile import gettempdir
 
-from envs import load_scenario
-from missions.runner import run_mission
-from missions.second_process import SecondProcess
-from missions.sweep.code_version import digest_of_code
-from missions.sweep.plan import digest
+from pdpatrol.envs import load_scenario
+from pdpatrol.missions.runner import run_mission
+from pdpatrol.missions.second_process import SecondProcess
+from pdpatrol.missions.sweep.code_version import digest_of_code
+from pdpatrol.missions.sweep.plan import digest
 
 MEETS_ALL = {"task.time_limit_s": 60.0}
 """So long a mission in `two_sources` meets every compiled loop."""

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from typing import NamedTuple
 
-from missions.sweep.mission_row import MissionRow, Status
-from missions.sweep.plan import MissionJob
+from pdpatrol.missions.sweep.mission_row import MissionRow, Status
+from pdpatrol.missions.sweep.plan import MissionJob
 
 ATTEMPTS = 3
 """How often a mission is started whose process dies, before its row says so (assumed)."""

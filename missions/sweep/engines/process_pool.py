@@ -12,10 +12,10 @@ from multiprocessing import resource_tracker
 
 from pebble import ProcessExpired, ProcessPool
 
-from missions.sweep.engines.engine import ATTEMPTS, EngineError, Limits, Loss, run_missions
-from missions.sweep.engines.worker import RETIRED, run_job, set_up_worker
-from missions.sweep.mission_row import MissionRow
-from missions.sweep.plan import MissionJob
+from pdpatrol.missions.sweep.engines.engine import ATTEMPTS, EngineError, Limits, Loss, run_missions
+from pdpatrol.missions.sweep.engines.worker import RETIRED, run_job, set_up_worker
+from pdpatrol.missions.sweep.mission_row import MissionRow
+from pdpatrol.missions.sweep.plan import MissionJob
 
 
 def run_in_processes(
@@ -40,7 +40,9 @@ def run_in_processes(
 def open_pool(n_workers: int, limits: Limits) -> ProcessPool:
     """Processes for missions, forked from a server that has imported everything once."""
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["missions.sweep.engines.worker", "missions.sweep.engines.fork_server"])
+    context.set_forkserver_preload(
+        ["pdpatrol.missions.sweep.engines.worker", "pdpatrol.missions.sweep.engines.fork_server"]
+    )
     with _warnings_of_new_processes("ignore:resource_tracker:UserWarning"):
         resource_tracker.ensure_running()  # it tidies up after an end by force, and need not tell users of it
     return ProcessPool(

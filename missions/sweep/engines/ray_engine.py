@@ -16,11 +16,11 @@ from functools import cache
 
 from pebble import ProcessPool
 
-from missions.sweep.code_version import digest_of_code
-from missions.sweep.engines.engine import ATTEMPTS, EngineError, Limits, Loss, run_missions
-from missions.sweep.engines.process_pool import open_pool, run_in_pool
-from missions.sweep.mission_row import MissionRow
-from missions.sweep.plan import MissionJob
+from pdpatrol.missions.sweep.code_version import digest_of_code
+from pdpatrol.missions.sweep.engines.engine import ATTEMPTS, EngineError, Limits, Loss, run_missions
+from pdpatrol.missions.sweep.engines.process_pool import open_pool, run_in_pool
+from pdpatrol.missions.sweep.mission_row import MissionRow
+from pdpatrol.missions.sweep.plan import MissionJob
 
 OBJECT_STORE_BYTES = 100_000_000
 """Of a Ray that is started here: missions and rows are kilobytes, and pass it by."""

@@ -10,10 +10,10 @@ import threading
 import time
 import traceback
 
-from missions.runner import Mission
-from missions.sweep.engines.compile_once import compile_once
-from missions.sweep.mission_row import MissionRow
-from missions.sweep.plan import MissionJob
+from pdpatrol.missions.runner import Mission
+from pdpatrol.missions.sweep.engines.compile_once import compile_once
+from pdpatrol.missions.sweep.mission_row import MissionRow
+from pdpatrol.missions.sweep.plan import MissionJob
 
 MEGABYTE = 1e6
 

@@ -14,9 +14,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
-from missions.sweep.results.intervals import bootstrap_interval, share_interval
-from missions.sweep.results.summary import group_of
-from missions.whole_file import whole_file
+from pdpatrol.missions.sweep.results.intervals import bootstrap_interval, share_interval
+from pdpatrol.missions.sweep.results.summary import group_of
+from pdpatrol.missions.whole_file import whole_file
 
 Row = Mapping[str, Any]
 SIZE_IN = (7.0, 4.2)

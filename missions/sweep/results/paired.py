@@ -15,8 +15,8 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from dirmusic import InputFileError
-from missions.sweep.dataset import MANIFEST, Dataset
-from missions.sweep.results.intervals import Interval, bootstrap_interval
+from pdpatrol.missions.sweep.dataset import MANIFEST, Dataset
+from pdpatrol.missions.sweep.results.intervals import Interval, bootstrap_interval
 
 FloatArray = NDArray[np.float64]
 Row = Mapping[str, Any]

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from missions.sweep.results.intervals import Interval, bootstrap_interval, root_mean_square, share_interval
+from pdpatrol.missions.sweep.results.intervals import Interval, bootstrap_interval, root_mean_square, share_interval
 
 
 class GroupSummary(NamedTuple):

@@ -13,9 +13,9 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 from rich.text import Text
 
-from missions.sweep.results.intervals import Interval
-from missions.sweep.results.paired import Difference
-from missions.sweep.results.summary import GroupSummary
+from pdpatrol.missions.sweep.results.intervals import Interval
+from pdpatrol.missions.sweep.results.paired import Difference
+from pdpatrol.missions.sweep.results.summary import GroupSummary
 
 HEADINGS = (
     "scenario or level",

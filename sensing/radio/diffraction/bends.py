@@ -9,8 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
-from sensing.radio.diffraction.box_edges import ORDER, UP, Seen, corner_of, frame_of, in_frame, in_world, look_at
-from sensing.radio.diffraction.edges import (
+from pdpatrol.sensing.radio.diffraction.box_edges import (
+    ORDER,
+    UP,
+    Seen,
+    corner_of,
+    frame_of,
+    in_frame,
+    in_world,
+    look_at,
+)
+from pdpatrol.sensing.radio.diffraction.edges import (
     BentRay,
     Corner,
     Point,
@@ -19,14 +28,14 @@ from sensing.radio.diffraction.edges import (
     round_one,
     round_two,
 )
-from sensing.radio.diffraction.fresnel import Mirror, WedgeCoefficients, WedgeFaces
-from sensing.radio.lines import facing, line
-from sensing.radio.materials import WAVELENGTH_M, Substance
-from sensing.radio.obstruction import left_of_bent
-from sensing.radio.polarisation import Emitter, bent, face_mirror, mirrored, radiated, received
-from sensing.radio.surroundings import OWN_FACE_M
-from sensing.radio.tables import Obstacles, shape_of
-from sensing.radio.vectors import Vector, above_ground, hypot, towards, upside_down
+from pdpatrol.sensing.radio.diffraction.fresnel import Mirror, WedgeCoefficients, WedgeFaces
+from pdpatrol.sensing.radio.lines import facing, line
+from pdpatrol.sensing.radio.materials import WAVELENGTH_M, Substance
+from pdpatrol.sensing.radio.obstruction import left_of_bent
+from pdpatrol.sensing.radio.polarisation import Emitter, bent, face_mirror, mirrored, radiated, received
+from pdpatrol.sensing.radio.surroundings import OWN_FACE_M
+from pdpatrol.sensing.radio.tables import Obstacles, shape_of
+from pdpatrol.sensing.radio.vectors import Vector, above_ground, hypot, towards, upside_down
 
 FloatArray = NDArray[np.float64]
 

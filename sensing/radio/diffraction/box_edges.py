@@ -6,9 +6,9 @@ import math
 from typing import NamedTuple
 
 from dirmusic.compiled import compiled
-from sensing.radio.diffraction.edges import Corner, Point, distance, is_hidden
-from sensing.radio.tables import Shape
-from sensing.radio.vectors import Vector
+from pdpatrol.sensing.radio.diffraction.edges import Corner, Point, distance, is_hidden
+from pdpatrol.sensing.radio.tables import Shape
+from pdpatrol.sensing.radio.vectors import Vector
 
 UP = Vector(0.0, 0.0, 1.0)
 

@@ -16,8 +16,8 @@ import math
 from typing import NamedTuple
 
 from dirmusic.compiled import compiled
-from sensing.radio.diffraction.fresnel import WedgeFaces, edge_ray, knife_edge, wedge, wedge_angle
-from sensing.radio.vectors import hypot
+from pdpatrol.sensing.radio.diffraction.fresnel import WedgeFaces, edge_ray, knife_edge, wedge, wedge_angle
+from pdpatrol.sensing.radio.vectors import hypot
 
 OUTER_ANGLE = wedge_angle(1.5)
 """Of an edge of a box."""

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
-from sensing.radio.arrivals import Arrivals
-from sensing.receiver.sampling.noise import add_noise, draw_tail, settle
-from sensing.receiver.sampling.rare_triggers import (
+from pdpatrol.sensing.radio.arrivals import Arrivals
+from pdpatrol.sensing.receiver.sampling.noise import add_noise, draw_tail, settle
+from pdpatrol.sensing.receiver.sampling.rare_triggers import (
     LIKELY,
     Fixed,
     expect,
@@ -18,9 +18,9 @@ from sensing.receiver.sampling.rare_triggers import (
     follow,
     step_probability,
 )
-from sensing.receiver.sampling.record import PIECE, Record, Windows, crossings, fill, plan_windows
-from sensing.receiver.sampling.sampler import Emission, Incoming, Sampler, Tones
-from sensing.receiver.sampling.signals import add_tones, set_signal
+from pdpatrol.sensing.receiver.sampling.record import PIECE, Record, Windows, crossings, fill, plan_windows
+from pdpatrol.sensing.receiver.sampling.sampler import Emission, Incoming, Sampler, Tones
+from pdpatrol.sensing.receiver.sampling.signals import add_tones, set_signal
 
 FloatArray = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
-from sensing.receiver.front_end import NoiseFilter
+from pdpatrol.sensing.receiver.front_end import NoiseFilter
 
 FloatArray = NDArray[np.float64]
 

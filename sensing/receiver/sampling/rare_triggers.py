@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
-from sensing.receiver.sampling.noise import draw_tail, tail_probability
-from sensing.receiver.sampling.record import PIECE, Record, Windows, fill, fill_signal
-from sensing.receiver.sampling.sampler import Incoming, Sampler, Trigger
+from pdpatrol.sensing.receiver.sampling.noise import draw_tail, tail_probability
+from pdpatrol.sensing.receiver.sampling.record import PIECE, Record, Windows, fill, fill_signal
+from pdpatrol.sensing.receiver.sampling.sampler import Incoming, Sampler, Trigger
 
 FloatArray = NDArray[np.float64]
 

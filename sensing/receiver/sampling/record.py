@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
-from sensing.radio.arrivals import Arrivals
-from sensing.receiver.front_end import PulseTable
-from sensing.receiver.sampling.noise import add_noise, settle
-from sensing.receiver.sampling.sampler import Emission, Incoming, Sampler, Timing
-from sensing.receiver.sampling.signals import add_tones, set_signal
+from pdpatrol.sensing.radio.arrivals import Arrivals
+from pdpatrol.sensing.receiver.front_end import PulseTable
+from pdpatrol.sensing.receiver.sampling.noise import add_noise, settle
+from pdpatrol.sensing.receiver.sampling.sampler import Emission, Incoming, Sampler, Timing
+from pdpatrol.sensing.receiver.sampling.signals import add_tones, set_signal
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sensing.radio.arrivals import Arrivals
-from sensing.receiver.front_end import NoiseFilter, PulseTable
+from pdpatrol.sensing.radio.arrivals import Arrivals
+from pdpatrol.sensing.receiver.front_end import NoiseFilter, PulseTable
 
 FloatArray = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
-from sensing.nature.pulse_shape import FREQUENCY_HZ
-from sensing.radio.arrivals import Arrivals
-from sensing.receiver.front_end import PulseTable
-from sensing.receiver.sampling.sampler import Emission, Tones
+from pdpatrol.sensing.nature.pulse_shape import FREQUENCY_HZ
+from pdpatrol.sensing.radio.arrivals import Arrivals
+from pdpatrol.sensing.receiver.front_end import PulseTable
+from pdpatrol.sensing.receiver.sampling.sampler import Emission, Tones
 
 FloatArray = NDArray[np.float64]
 

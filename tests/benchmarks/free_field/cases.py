@@ -13,19 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, ElementSpread, PoseError, PulseBatch
-from envs import Scenario, load_scenario
-from envs.core.arguments import Fixed
-from envs.core.episode import Episode
-from envs.core.generators import Generators
-from envs.core.motion import SensorParameters, add_pose_error
-from envs.core.own_estimator import make_estimator
-from envs.core.simulation import STEP_S
-from envs.known_array import known_array
-from envs.yard_surroundings import surroundings_of
-from robot_models.yard.yard import Yard
-from sensing import HelicalArray, Surroundings, level_transform
-from sensing.receiver.bank import ReceiverBank
-from sensing.receiver.receiver import Listener
+from pdpatrol.envs import Scenario, load_scenario
+from pdpatrol.envs.core.arguments import Fixed
+from pdpatrol.envs.core.episode import Episode
+from pdpatrol.envs.core.generators import Generators
+from pdpatrol.envs.core.motion import SensorParameters, add_pose_error
+from pdpatrol.envs.core.own_estimator import make_estimator
+from pdpatrol.envs.core.simulation import STEP_S
+from pdpatrol.envs.known_array import known_array
+from pdpatrol.envs.yard_surroundings import surroundings_of
+from pdpatrol.robot_models.yard.yard import Yard
+from pdpatrol.sensing import HelicalArray, Surroundings, level_transform
+from pdpatrol.sensing.receiver.bank import ReceiverBank
+from pdpatrol.sensing.receiver.receiver import Listener
 
 FloatArray = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ from dirmusic.locating.credibility import is_credible
 from dirmusic.locating.ellipse import is_inside95
 from dirmusic.locating.fitting.joint_fix import HEIGHT_PRIOR_M
 from dirmusic.locating.rules import LocatingRules
-from envs.core.simulation import STEP_S
-from missions.report.scoring import TrueSource, evaluate
+from pdpatrol.envs.core.simulation import STEP_S
+from pdpatrol.missions.report.scoring import TrueSource, evaluate
 from tests.benchmarks.free_field.cases import FENCE_M, Case
 
 FloatArray = NDArray[np.float64]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dirmusic.locating.rules import LocatingRules
-from missions.sweep.results.intervals import Interval, root_mean_square, share_interval
+from pdpatrol.missions.sweep.results.intervals import Interval, root_mean_square, share_interval
 from tests.benchmarks.free_field.cases import draw_case, with_wild_bearings
 from tests.benchmarks.free_field.figures import Fixes, confirmed, fixes, locate, ospa_m, position_bound
 

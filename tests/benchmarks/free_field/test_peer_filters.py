@@ -7,7 +7,7 @@ from dirmusic.array.element_errors import ElementErrors
 from dirmusic.locating.association.pulse_record import Detections, PulseRecord
 from dirmusic.locating.fitting.triangulation import triangulate
 from dirmusic.locating.rules import LocatingRules
-from envs.core.simulation import STEP_S
+from pdpatrol.envs.core.simulation import STEP_S
 from tests.benchmarks.free_field.cases import FENCE_M, Case, draw_case
 from tests.benchmarks.free_field.figures import credible, fixes, locate
 from tests.benchmarks.free_field.peer_filters import SightLines, crossing, peer_fixes

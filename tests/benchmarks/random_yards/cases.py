@@ -8,15 +8,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from envs import Scenario
-from envs.random_sources import random_source
-from envs.random_yard import random_yard
-from envs.scenario.sources import SourceConfig
-from missions.driving.site_map import SiteMap
-from missions.report.make_report import make_report
-from missions.report.records import ScoredSource
-from missions.runner import Mission
-from robot_models.yard.yard import Yard
+from pdpatrol.envs import Scenario
+from pdpatrol.envs.random_sources import random_source
+from pdpatrol.envs.random_yard import random_yard
+from pdpatrol.envs.scenario.sources import SourceConfig
+from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.missions.report.records import ScoredSource
+from pdpatrol.missions.runner import Mission
+from pdpatrol.robot_models.yard.yard import Yard
 
 FloatArray = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from multiprocessing import get_context
 import numpy as np
 import pytest
 
-from envs import Scenario
-from missions.sweep.results.intervals import Interval, share_interval
+from pdpatrol.envs import Scenario
+from pdpatrol.missions.sweep.results.intervals import Interval, share_interval
 from tests.benchmarks.random_yards.cases import (
     BUSHING_M,
     HEARD_PULSES,

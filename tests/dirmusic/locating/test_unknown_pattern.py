@@ -13,7 +13,7 @@ from dirmusic.array.spatial_pattern import SpatialPattern
 from dirmusic.array.spatial_pattern_file import read_spatial_pattern
 from dirmusic.locating.association.bearing_errors import BearingErrors
 from dirmusic.locating.fitting.joint_fix import JointFix, locate_jointly
-from sensing.array.config import SHIPPED_PATTERNS
+from pdpatrol.sensing.array.config import SHIPPED_PATTERNS
 
 FloatArray = NDArray[np.float64]
 

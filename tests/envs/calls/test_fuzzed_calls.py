@@ -13,9 +13,9 @@ from gymnasium.vector import AutoresetMode
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from envs import Scenario, load_scenario
-from envs.patrol_env import PatrolEnv
-from envs.vector_env import PatrolVectorEnv
+from pdpatrol.envs import Scenario, load_scenario
+from pdpatrol.envs.patrol_env import PatrolEnv
+from pdpatrol.envs.vector_env import PatrolVectorEnv
 from tests.envs.calls.drawn_calls import MASK, N_ROBOTS, Call, listed, sequences
 
 ROOT = Path(__file__).parents[3]

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from gymnasium.wrappers.vector import DictInfoToList, RecordEpisodeStatistics
 
-from envs import Scenario, load_scenario
-from envs.patrol_env import PatrolEnv
-from envs.vector_env import PatrolVectorEnv
+from pdpatrol.envs import Scenario, load_scenario
+from pdpatrol.envs.patrol_env import PatrolEnv
+from pdpatrol.envs.vector_env import PatrolVectorEnv
 
-ID = "envs:PDPatrol-v0"
+ID = "pdpatrol:PDPatrol-v0"
 STAND = np.zeros(2, dtype=np.float32)
 AHEAD = np.array([1.0, 0.2], dtype=np.float32)
 

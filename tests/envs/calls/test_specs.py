@@ -10,13 +10,13 @@ from gymnasium import error
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 
-from envs import ScenarioError, load_scenario, shipped_scenarios
-from envs.patrol_env import PatrolEnv
-from envs.random_yard import random_yard
-from envs.vector_env import PatrolVectorEnv
+from pdpatrol.envs import ScenarioError, load_scenario, shipped_scenarios
+from pdpatrol.envs.patrol_env import PatrolEnv
+from pdpatrol.envs.random_yard import random_yard
+from pdpatrol.envs.vector_env import PatrolVectorEnv
 from tests.envs.calls.drawn_calls import listed
 
-ID = "envs:PDPatrol-v0"
+ID = "pdpatrol:PDPatrol-v0"
 SHIPPED = Path(__file__).parents[3] / "envs" / "scenarios"
 
 

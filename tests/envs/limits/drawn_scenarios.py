@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from hypothesis import strategies as st
 
-from envs.scenario import SHIPPED, Scenario, shipped_scenarios
+from pdpatrol.envs.scenario import SHIPPED, Scenario, shipped_scenarios
 
 Value: TypeAlias = Any
 """As TOML has it."""

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from envs.patrol_env import PatrolEnv
-from envs.scenario import Scenario, ScenarioError, load_scenario
+from pdpatrol.envs.patrol_env import PatrolEnv
+from pdpatrol.envs.scenario import Scenario, ScenarioError, load_scenario
 from tests.envs.limits.drawn_scenarios import SHIPPED_TABLES, SMALL, as_toml, mutated, sensible
 
 N_STEPS = 20

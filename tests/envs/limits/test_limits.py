@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from envs.patrol_env import PatrolEnv
-from envs.plausibility import plausibility
-from envs.scenario import ScenarioError, load_scenario, shipped_scenarios
-from envs.scenario.faults import MOST_FAULTS
-from envs.scenario.suite import suite_yards
+from pdpatrol.envs.patrol_env import PatrolEnv
+from pdpatrol.envs.plausibility import plausibility
+from pdpatrol.envs.scenario import ScenarioError, load_scenario, shipped_scenarios
+from pdpatrol.envs.scenario.faults import MOST_FAULTS
+from pdpatrol.envs.scenario.suite import suite_yards
 from tests.envs.limits.drawn_scenarios import SCHEMA, SMALL, as_toml
 
 GUN = {"name": "gun", "position_m": [16.0, 12.0, 2.0]}
@@ -168,9 +168,9 @@ def test_a_yard_of_two_hundred_transformers_has_the_same_distances_tile_by_tile(
     tables = {**small(yard={"size_m": [150.0, 150.0], "equipment": pieces}, sources=[]), "map": {}, "interferers": []}
     yard = load_scenario(written(tmp_path, tables)).yard
     points_m = np.random.default_rng(0).uniform(-5.0, 155.0, (2000, 2))
-    monkeypatch.setattr("robot_models.yard.yard.FEW_DISTANCES", 10**9)
+    monkeypatch.setattr("pdpatrol.robot_models.yard.yard.FEW_DISTANCES", 10**9)
     at_once_m = yard.clearance(points_m)
-    monkeypatch.setattr("robot_models.yard.yard.FEW_DISTANCES", 0)
+    monkeypatch.setattr("pdpatrol.robot_models.yard.yard.FEW_DISTANCES", 0)
     assert (yard.clearance(points_m) == at_once_m).all()
     assert (yard.clearance(points_m.reshape(20, 100, 2)) == at_once_m.reshape(20, 100)).all()
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from dirmusic.angles import aperture
-from envs.random_sources import AIR_M, OFF_SITE_M, SEEN_FROM_M, place_off_sites, random_source
-from envs.random_yard import random_yard
-from envs.yard_surroundings import surroundings_of
-from robot_models.yard.yard import Yard
-from sensing.radio.sight import Sight
+from pdpatrol.envs.random_sources import AIR_M, OFF_SITE_M, SEEN_FROM_M, place_off_sites, random_source
+from pdpatrol.envs.random_yard import random_yard
+from pdpatrol.envs.yard_surroundings import surroundings_of
+from pdpatrol.robot_models.yard.yard import Yard
+from pdpatrol.sensing.radio.sight import Sight
 
 YARDS = [random_yard(seed, 1 + seed % 12).yard for seed in range(12)]
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from envs.patrol_env import PatrolEnv
-from envs.random_yard import DOCK_M, N_WAYPOINTS, ROOM_M, open_yard, random_yard
+from pdpatrol.envs.patrol_env import PatrolEnv
+from pdpatrol.envs.random_yard import DOCK_M, N_WAYPOINTS, ROOM_M, open_yard, random_yard
 
 
 def check(seed: int) -> None:

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from dirmusic.locating.ellipse import ellipse95
-from envs import Scenario, load_scenario
-from envs.scenario.calibration import ArrayCalibration, restore_calibration
-from missions.record.mission_log import MissionLog
-from missions.report.make_report import make_report
-from missions.runner import run_mission
+from pdpatrol.envs import Scenario, load_scenario
+from pdpatrol.envs.scenario.calibration import ArrayCalibration, restore_calibration
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.missions.runner import run_mission
 
 FIX_M = 0.3
 """Longer half-axis of the 95 % ellipse of what counts as a fix."""

@@ -13,10 +13,10 @@ import pytest
 from dirmusic import InputFileError
 from dirmusic.array.estimated_errors import DRIFT, EstimatedErrors
 from dirmusic.locating.locator import Learned
-from envs import Scenario, load_scenario
-from envs.known_array import known_array
-from envs.scenario import ScenarioError, restore_scenario
-from envs.scenario.calibration import ArrayCalibration, CalibratedArray, read_calibration
+from pdpatrol.envs import Scenario, load_scenario
+from pdpatrol.envs.known_array import known_array
+from pdpatrol.envs.scenario import ScenarioError, restore_scenario
+from pdpatrol.envs.scenario.calibration import ArrayCalibration, CalibratedArray, read_calibration
 
 ROOT = Path(__file__).parents[3]
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from dirmusic import GainManifold
-from missions.campaign.inspection import Inspection, Located
-from missions.record.mission_log import MissionLog
+from pdpatrol.missions.campaign.inspection import Inspection, Located
+from pdpatrol.missions.record.mission_log import MissionLog
 
 HEIGHT_M = 0.6
 STEP_S = 0.1

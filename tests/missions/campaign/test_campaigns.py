@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from envs import load_scenario
-from missions.campaign.inspection import Inspection
-from missions.campaign.records import Trend
-from missions.campaign.trend import make_trend
-from missions.runner import run_mission
+from pdpatrol.envs import load_scenario
+from pdpatrol.missions.campaign.inspection import Inspection
+from pdpatrol.missions.campaign.records import Trend
+from pdpatrol.missions.campaign.trend import make_trend
+from pdpatrol.missions.runner import run_mission
 
 pytestmark = pytest.mark.slow
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from missions.campaign.joining import join
+from pdpatrol.missions.campaign.joining import join
 from tests.missions.campaign.surveys import located
 
 WEST, EAST = (10.0, 10.0, 1.6), (12.0, 10.0, 1.6)

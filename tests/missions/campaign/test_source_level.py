@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from missions.campaign.product_limit import product_limit
-from missions.campaign.source_level import SourceLevel, source_level
+from pdpatrol.missions.campaign.product_limit import product_limit
+from pdpatrol.missions.campaign.source_level import SourceLevel, source_level
 from tests.missions.campaign.surveys import Source, along, inspection, survey
 
 SOURCE = (10.0, 10.0, 1.6)

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from dirmusic import InputFileError
-from missions.campaign.inspection import read_inspections
-from missions.campaign.records import Trend
-from missions.campaign.tables import trend_table
-from missions.campaign.trend import make_trend
-from missions.campaign.trend_file import trend_text
-from missions.campaign.words import what_became
-from missions.record.mission_log import MissionLog
+from pdpatrol.missions.campaign.inspection import read_inspections
+from pdpatrol.missions.campaign.records import Trend
+from pdpatrol.missions.campaign.tables import trend_table
+from pdpatrol.missions.campaign.trend import make_trend
+from pdpatrol.missions.campaign.trend_file import trend_text
+from pdpatrol.missions.campaign.words import what_became
+from pdpatrol.missions.record.mission_log import MissionLog
 from tests.missions.campaign.surveys import Source, along, inspection, survey
 
 PLACE, OTHER = (10.0, 10.0, 1.6), (30.0, 10.0, 1.6)

@@ -12,7 +12,7 @@ from tests.missions.campaign.surveys import Source, along, survey
 
 pytestmark = pytest.mark.whole
 
-COMMAND = "from missions.cli import main; main()"
+COMMAND = "from pdpatrol.missions.cli import main; main()"
 DAYS = ("2026-03-02", "2026-03-09", "2026-03-16", "2026-03-23")
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from missions.campaign.trend_line import fit_line
+from pdpatrol.missions.campaign.trend_line import fit_line
 
 WEEKS = np.arange(6.0)
 

@@ -6,11 +6,11 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from missions.campaign.figures import draw_levels, draw_rates, mark_of
-from missions.campaign.trend import make_trend
-from missions.campaign.trend_page import trend_page
-from missions.campaign.words import what_became
-from missions.record.mission_log import MissionLog
+from pdpatrol.missions.campaign.figures import draw_levels, draw_rates, mark_of
+from pdpatrol.missions.campaign.trend import make_trend
+from pdpatrol.missions.campaign.trend_page import trend_page
+from pdpatrol.missions.campaign.words import what_became
+from pdpatrol.missions.record.mission_log import MissionLog
 from tests.missions.campaign.surveys import Source, along, inspection, survey
 
 DAYS = ("2026-03-02", "2026-03-09", "2026-03-16", "2026-03-23")

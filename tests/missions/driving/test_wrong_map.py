@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from dirmusic import Locator
-from envs import Scenario, load_scenario
-from envs.patrol_env import PatrolEnv
-from missions.driving.site_map import LEAST_SIGHT, SiteMap
-from missions.policies.viewpoints import best_viewpoint
-from missions.record.bearing_error import bearing_rmse
-from missions.record.mission_log import MissionLog
-from missions.report.make_report import make_report
-from missions.runner import Mission, make_locator, run_mission
-from robot_models.drawn_solids import describe_equipment, describe_solids
+from pdpatrol.envs import Scenario, load_scenario
+from pdpatrol.envs.patrol_env import PatrolEnv
+from pdpatrol.missions.driving.site_map import LEAST_SIGHT, SiteMap
+from pdpatrol.missions.policies.viewpoints import best_viewpoint
+from pdpatrol.missions.record.bearing_error import bearing_rmse
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.missions.runner import Mission, make_locator, run_mission
+from pdpatrol.robot_models.drawn_solids import describe_equipment, describe_solids
 
 RIGHT = load_scenario("one_source")
 KIOSK = {

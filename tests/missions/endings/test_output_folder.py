@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from missions.cli.output.folders import CLAIM
-from missions.whole_file import whole_file, write_whole
+from pdpatrol.missions.cli.output.folders import CLAIM
+from pdpatrol.missions.whole_file import whole_file, write_whole
 
 pytestmark = pytest.mark.whole
 
 CLAIMS = """
 import sys, time
 from pathlib import Path
-from missions.cli.output.folders import output_folder
+from pdpatrol.missions.cli.output.folders import output_folder
 with output_folder(Path(sys.argv[1]) if sys.argv[1] else None, "name") as folder:
     print(folder, flush=True)
     sys.stdin.read()

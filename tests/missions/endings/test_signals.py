@@ -12,12 +12,12 @@ import numpy as np
 import psutil
 import pytest
 
-from envs import load_scenario
-from missions.cli.endings.interrupts import SIGNALS
-from missions.record.mission_log import MissionLog
-from missions.recording.viewer import supervisor
-from missions.recording.viewer.supervisor import LEAVE_OPEN
-from missions.runner import run_mission
+from pdpatrol.envs import load_scenario
+from pdpatrol.missions.cli.endings.interrupts import SIGNALS
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.recording.viewer import supervisor
+from pdpatrol.missions.recording.viewer.supervisor import LEAVE_OPEN
+from pdpatrol.missions.runner import run_mission
 
 pytestmark = pytest.mark.whole
 
@@ -28,9 +28,9 @@ ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
 ENDLESS = """
 import sys, time
 from pathlib import Path
-from missions.cli.endings.command_line import command_line
-from missions.cli.output.folders import output_folder
-from missions.whole_file import whole_file
+from pdpatrol.missions.cli.endings.command_line import command_line
+from pdpatrol.missions.cli.output.folders import output_folder
+from pdpatrol.missions.whole_file import whole_file
 import numpy as np
 with command_line(), output_folder(Path("folder"), "") as folder:
     (folder / "whole").touch()

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 import dirmusic
-from envs import load_scenario
-from missions.cli.output.terminal import INCOMPLETE
-from missions.record.mission_log import MissionLog
-from missions.runner import run_mission
+from pdpatrol.envs import load_scenario
+from pdpatrol.missions.cli.output.terminal import INCOMPLETE
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.runner import run_mission
 from tests.processes import WRITES_NO_BYTECODE
 
 pytestmark = pytest.mark.whole
@@ -24,10 +24,10 @@ PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 WRITES = """
 import sys
 from pathlib import Path
-from missions.cli.endings.command_line import command_line
-from missions.cli.output.folders import output_folder
-from missions.cli.output.terminal import write_mission
-from missions.record.mission_log import MissionLog
+from pdpatrol.missions.cli.endings.command_line import command_line
+from pdpatrol.missions.cli.output.folders import output_folder
+from pdpatrol.missions.cli.output.terminal import write_mission
+from pdpatrol.missions.record.mission_log import MissionLog
 log = MissionLog.load(Path("whole"))
 with command_line(), output_folder(Path(sys.argv[1]), "") as folder:
     write_mission(log, 1.0, folder)

@@ -13,13 +13,13 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
 
-from envs import load_scenario
-from envs.scenario.map_section import GeoreferenceConfig
-from missions.export.export_mission import export_mission
-from missions.export.georeference import longitude_latitude
-from missions.record.mission_log import MissionLog
-from missions.report.make_report import make_report
-from missions.runner import run_mission
+from pdpatrol.envs import load_scenario
+from pdpatrol.envs.scenario.map_section import GeoreferenceConfig
+from pdpatrol.missions.export.export_mission import export_mission
+from pdpatrol.missions.export.georeference import longitude_latitude
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.missions.runner import run_mission
 
 PLACE = {"latitude_deg": 51.5, "longitude_deg": 7.4, "heading_deg": 20.0}
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dirmusic import GainManifold, InputFileError
-from missions.field.field_data import read_field_data
+from pdpatrol.missions.field.field_data import read_field_data
 
 
 def npz(path: Path, waveforms: np.ndarray, **more: object) -> None:

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 from dirmusic import ArrayModel, ElementSpread, GaussianPattern, InputFileError, PoseError, write_pattern
-from missions.field.array_model import array_model
-from missions.field.field_data import FieldData, read_field_data
-from missions.field.locate_field_data import locate_field_data
-from missions.record.mission_log import MissionLog
-from missions.report.make_report import make_report
-from missions.report.records import Report
-from sensing import ArrayConfig, ElementConfig, HelicalArray
-from sensing.nature.pulse_shape import unit_pulse_energy
-from sensing.radio.surroundings import in_array_frame, level_transform, rays_between
+from pdpatrol.missions.field.array_model import array_model
+from pdpatrol.missions.field.field_data import FieldData, read_field_data
+from pdpatrol.missions.field.locate_field_data import locate_field_data
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.missions.report.records import Report
+from pdpatrol.sensing import ArrayConfig, ElementConfig, HelicalArray
+from pdpatrol.sensing.nature.pulse_shape import unit_pulse_energy
+from pdpatrol.sensing.radio.surroundings import in_array_frame, level_transform, rays_between
 from tests.processes import assert_tells_time
 
 ROOT = Path(__file__).parents[3]

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from dirmusic import ElementSpread, GainManifold, PoseError
-from missions.field.array_model import array_model
-from missions.field.field_data import FieldData
-from missions.field.locate_field_data import locate_field_data
+from pdpatrol.missions.field.array_model import array_model
+from pdpatrol.missions.field.field_data import FieldData
+from pdpatrol.missions.field.locate_field_data import locate_field_data
 
 N_POSES, N_PULSES, SOURCE_M = 4000, 5, np.array([12.0, 8.0])
 CORNERS_M = np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 15.0], [0.0, 15.0], [0.0, 0.0]])

@@ -10,15 +10,15 @@ import pytest
 from dirmusic import InputFileError, InputFileWarning
 from dirmusic.angles import difference
 from dirmusic.locating import births
-from missions.cli.locate import LIMITS
-from missions.field import field_data
-from missions.field.array_model import array_model
-from missions.field.field_data import read_field_data
-from missions.field.locate_field_data import locate_field_data, rejections
-from missions.field.plausibility import doubts
-from missions.recording import write_recording
-from missions.report.make_report import make_report
-from missions.report.pulse_counts import in_words
+from pdpatrol.missions.cli.locate import LIMITS
+from pdpatrol.missions.field import field_data
+from pdpatrol.missions.field.array_model import array_model
+from pdpatrol.missions.field.field_data import read_field_data
+from pdpatrol.missions.field.locate_field_data import locate_field_data, rejections
+from pdpatrol.missions.field.plausibility import doubts
+from pdpatrol.missions.recording import write_recording
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.missions.report.pulse_counts import in_words
 from tests.missions.files import hostile
 from tests.missions.files.test_hostile_files import EXAMPLE, POSE_ERROR, SPREAD
 from tests.missions.files.test_replayed_files import pdpatrol

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from dirmusic import ElementSpread, InputFileError, InputFileWarning, PoseError
-from missions.field.array_model import array_model
-from missions.field.field_data import read_field_data
-from missions.field.locate_field_data import locate_field_data
-from missions.recording import write_recording
-from missions.report.make_report import make_report
-from missions.report.report_file import read_report, report_text
+from pdpatrol.missions.field.array_model import array_model
+from pdpatrol.missions.field.field_data import read_field_data
+from pdpatrol.missions.field.locate_field_data import locate_field_data
+from pdpatrol.missions.recording import write_recording
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.missions.report.report_file import read_report, report_text
 from tests.missions.files import hostile
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "locate" / "strengths.csv"

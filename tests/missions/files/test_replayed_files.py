@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from dirmusic import InputFileError
-from envs.scenario.calibration import read_calibration
-from missions.field.array_model import array_model
-from missions.field.field_data import read_field_data
-from missions.field.locate_field_data import locate_field_data
-from missions.record.mission_log import MissionLog
-from missions.recording import check_recording, write_recording
-from missions.sweep.dataset import Dataset
+from pdpatrol.envs.scenario.calibration import read_calibration
+from pdpatrol.missions.field.array_model import array_model
+from pdpatrol.missions.field.field_data import read_field_data
+from pdpatrol.missions.field.locate_field_data import locate_field_data
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.recording import check_recording, write_recording
+from pdpatrol.missions.sweep.dataset import Dataset
 from tests.missions.files import hostile
 from tests.missions.files.test_hostile_files import EXAMPLE, POSE_ERROR, SPREAD
 

@@ -5,11 +5,11 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from envs import Scenario, load_scenario
-from envs.random_yard import random_yard
-from missions.planning.plan import Plan, make_plan
-from robot_models.yard.pieces import BoxEquipment
-from robot_models.yard.yard import Yard
+from pdpatrol.envs import Scenario, load_scenario
+from pdpatrol.envs.random_yard import random_yard
+from pdpatrol.missions.planning.plan import Plan, make_plan
+from pdpatrol.robot_models.yard.pieces import BoxEquipment
+from pdpatrol.robot_models.yard.yard import Yard
 
 FloatArray = NDArray[np.float64]
 

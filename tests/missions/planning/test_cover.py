@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dirmusic.angles import aperture
-from missions.planning.cover import GAP, apertures, candidates, cover
-from missions.planning.hearing import Hearing, Target
+from pdpatrol.missions.planning.cover import GAP, apertures, candidates, cover
+from pdpatrol.missions.planning.hearing import Hearing, Target
 from tests.missions.planning.one_plan import plan_of
 
 
@@ -62,7 +62,7 @@ def test_where_nothing_is_heard_no_place_is_needed() -> None:
 def test_candidates_offer_every_site_the_aperture_that_all_cells_offer(monkeypatch: pytest.MonkeyPatch) -> None:
     plan = plan_of("one_source")
     hearing, clearance_m = plan.hearing, plan.site_map.clearance_m[plan.hearing.cells]
-    monkeypatch.setattr("missions.planning.cover.SPACING_M", 12.0)
+    monkeypatch.setattr("pdpatrol.missions.planning.cover.SPACING_M", 12.0)
     for needed_rad in (np.minimum(apertures(hearing), np.radians(needed_deg)) for needed_deg in (60.0, 200.0)):
         columns = candidates(hearing, clearance_m, needed_rad)
         assert (apertures(hearing, columns) >= needed_rad - 1e-9).all()

@@ -6,10 +6,10 @@ import pytest
 from dirmusic import ArrayModel, PulseBatch
 from dirmusic.angles import wrap
 from dirmusic.locating.fitting.joint_fix import expected_covariances, locate_jointly
-from envs import load_scenario
-from envs.known_array import known_array
-from missions.planning.expected import Forecast, received, views_along
-from missions.planning.tour import Tour
+from pdpatrol.envs import load_scenario
+from pdpatrol.envs.known_array import known_array
+from pdpatrol.missions.planning.expected import Forecast, received, views_along
+from pdpatrol.missions.planning.tour import Tour
 from tests.missions.planning.one_plan import FloatArray, plan_of
 
 SCENARIO = load_scenario("one_source")

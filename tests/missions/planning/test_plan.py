@@ -9,16 +9,16 @@ import scipy.optimize
 from numpy.typing import NDArray
 
 from dirmusic.angles import aperture
-from envs import Scenario, load_scenario
-from envs.random_yard import random_yard
-from envs.scenario.map_section import MapConfig
-from missions.driving.site_map import SiteMap
-from missions.planning.hearing import hear
-from missions.planning.plan import Plan, make_plan
-from missions.planning.tables import as_json
-from missions.planning.tour import shortest_tour_of
-from missions.planning.ways import Ways
-from robot_models.yard.yard import Yard
+from pdpatrol.envs import Scenario, load_scenario
+from pdpatrol.envs.random_yard import random_yard
+from pdpatrol.envs.scenario.map_section import MapConfig
+from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.missions.planning.hearing import hear
+from pdpatrol.missions.planning.plan import Plan, make_plan
+from pdpatrol.missions.planning.tables import as_json
+from pdpatrol.missions.planning.tour import shortest_tour_of
+from pdpatrol.missions.planning.ways import Ways
+from pdpatrol.robot_models.yard.yard import Yard
 from tests.missions.planning.one_plan import YARDS, FloatArray, plan_of, scenario_of, walled_in
 
 NEEDED_RAD, WITHIN_M = np.radians(60.0), 8.0
@@ -92,8 +92,8 @@ def test_blind_sites_are_those_that_no_place_within_reach_has_in_sight() -> None
 
 
 def test_the_level_is_that_of_the_receiver_in_the_worst_heading() -> None:
-    from sensing import HelicalArray
-    from sensing.receiver.receiver import Receiver
+    from pdpatrol.sensing import HelicalArray
+    from pdpatrol.sensing.receiver.receiver import Receiver
 
     plan = plan_of("one_source")
     scenario, hearing = plan.scenario, plan.hearing

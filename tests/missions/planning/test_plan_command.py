@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from envs.scenario import SHIPPED, load_scenario
+from pdpatrol.envs.scenario import SHIPPED, load_scenario
 from tests.missions.planning.one_plan import plan_of
 
 pytestmark = pytest.mark.whole

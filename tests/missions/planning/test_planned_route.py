@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from envs import Scenario, load_scenario
-from envs.patrol_env import PatrolEnv
-from envs.random_yard import random_yard
-from envs.scenario import SHIPPED, ScenarioError
-from missions.planning import with_planned_route
-from missions.runner import Mission
+from pdpatrol.envs import Scenario, load_scenario
+from pdpatrol.envs.patrol_env import PatrolEnv
+from pdpatrol.envs.random_yard import random_yard
+from pdpatrol.envs.scenario import SHIPPED, ScenarioError
+from pdpatrol.missions.planning import with_planned_route
+from pdpatrol.missions.runner import Mission
 from tests.missions.planning.one_plan import plan_of, scenario_of
 
 
@@ -48,7 +48,7 @@ def test_a_given_route_stays_as_it_is() -> None:
 def test_missions_of_one_scenario_share_a_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = to_be_planned(scenario_of("5009"))
     first = with_planned_route(scenario)
-    monkeypatch.setattr("missions.planning.plan.make_plan", None)
+    monkeypatch.setattr("pdpatrol.missions.planning.plan.make_plan", None)
     assert with_planned_route(scenario) == first
     assert first.sources == scenario.sources
 

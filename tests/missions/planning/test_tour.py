@@ -5,9 +5,9 @@ from itertools import pairwise, permutations
 import numpy as np
 import pytest
 
-from missions.driving.site_map import SiteMap
-from missions.planning.tour import shortest_order, shortest_tour_of
-from missions.planning.ways import Ways
+from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.missions.planning.tour import shortest_order, shortest_tour_of
+from pdpatrol.missions.planning.ways import Ways
 from tests.missions.planning.one_plan import FloatArray, plan_of
 
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from dirmusic import Finding
-from envs import load_scenario
-from missions.driving.site_map import SiteMap
-from missions.policies.active import KNOWN_M, Active, driving_time, expected_information
-from missions.policies.viewpoints import likely_place
+from pdpatrol.envs import load_scenario
+from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.missions.policies.active import KNOWN_M, Active, driving_time, expected_information
+from pdpatrol.missions.policies.viewpoints import likely_place
 
 SITE_MAP = SiteMap(load_scenario("quiet_yard"))
 POSE = np.array([4.0, 5.0, 0.0])

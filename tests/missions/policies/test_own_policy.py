@@ -5,21 +5,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from envs import Scenario, load_scenario
-from envs.foreign_code import ForeignCodeError
-from missions.driving.collision_guard import CollisionGuard
-from missions.policies.make_policy import make_policy
-from missions.policies.names import BUILT_IN
-from missions.policies.patrol import Patrol
-from missions.report.make_report import make_report
-from missions.report.report_file import read_report, report_text
-from missions.runner import Mission, run_mission
+from pdpatrol.envs import Scenario, load_scenario
+from pdpatrol.envs.foreign_code import ForeignCodeError
+from pdpatrol.missions.driving.collision_guard import CollisionGuard
+from pdpatrol.missions.policies.make_policy import make_policy
+from pdpatrol.missions.policies.names import BUILT_IN
+from pdpatrol.missions.policies.patrol import Patrol
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.missions.report.report_file import read_report, report_text
+from pdpatrol.missions.runner import Mission, run_mission
 
 POLICIES = """
 import sys
 import numpy as np
-from missions.driving.collision_guard import CollisionGuard
-from missions.policies.patrol import Patrol
+from pdpatrol.missions.driving.collision_guard import CollisionGuard
+from pdpatrol.missions.policies.patrol import Patrol
 
 class Still:
     def __init__(self, rng):

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from envs.scenario import SHIPPED
-from missions.record.mission_log import MissionLog
+from pdpatrol.envs.scenario import SHIPPED
+from pdpatrol.missions.record.mission_log import MissionLog
 
 pytestmark = pytest.mark.whole
 
@@ -119,4 +119,4 @@ def test_a_policy_that_cannot_be_loaded_is_one_line_and_exit_status_2_before_any
 def test_the_help_tells_of_own_policies(tmp_path: Path) -> None:
     told = " ".join(pdpatrol("run", "--help", cwd=tmp_path).stdout.replace("│", " ").split())
     assert "my_policy.py:MyPolicy" in told
-    assert "missions.policies.protocol.Policy" in told
+    assert "pdpatrol.missions.policies.protocol.Policy" in told

@@ -4,10 +4,10 @@ import numpy as np
 
 from dirmusic import Finding
 from dirmusic.locating.finding import State
-from envs import load_scenario
-from missions.driving.site_map import SiteMap
-from missions.policies.seek import PATIENCE_S, SILENCE_S, Seek
-from missions.policies.viewpoints import HIGHEST_VIEW_RAD, best_viewpoint
+from pdpatrol.envs import load_scenario
+from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.missions.policies.seek import PATIENCE_S, SILENCE_S, Seek
+from pdpatrol.missions.policies.viewpoints import HIGHEST_VIEW_RAD, best_viewpoint
 
 SITE_MAP = SiteMap(load_scenario("one_source"))
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from rerun.chunk import RrdReader
 
-from missions.recording import paths
+from pdpatrol.missions.recording import paths
 
 Row = dict[str, Any]
 

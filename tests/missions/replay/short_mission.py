@@ -6,9 +6,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-from envs import load_scenario
-from missions.record.mission_log import MissionLog
-from missions.runner import Mission
+from pdpatrol.envs import load_scenario
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.runner import Mission
 from tests.processes import WRITES_NO_BYTECODE
 
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))

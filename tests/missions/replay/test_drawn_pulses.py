@@ -8,14 +8,14 @@ import pytest
 from numpy.typing import NDArray
 
 from dirmusic.angles import wrap
-from envs import load_scenario
-from missions.record.array_description import described_manifold
-from missions.record.mission_log import MissionLog
-from missions.record.phase_patterns import phase_patterns
-from missions.recording import paths, write_recording
-from missions.recording.drawing.phase_pattern import SPAN_DB, UNITS_PER_DB
-from missions.recording.drawing.spectra import HEIGHT, WIDTH
-from missions.runner import run_mission
+from pdpatrol.envs import load_scenario
+from pdpatrol.missions.record.array_description import described_manifold
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.record.phase_patterns import phase_patterns
+from pdpatrol.missions.recording import paths, write_recording
+from pdpatrol.missions.recording.drawing.phase_pattern import SPAN_DB, UNITS_PER_DB
+from pdpatrol.missions.recording.drawing.spectra import HEIGHT, WIDTH
+from pdpatrol.missions.runner import run_mission
 from tests.missions.replay.read_back import Row, cells, still, values
 
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from envs import load_scenario
-from missions.record.mission_log import MissionLog
-from missions.recording.identity import recording_name, recording_stream
-from missions.report.make_report import make_report
-from missions.runner import Mission, run_mission
+from pdpatrol.envs import load_scenario
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.recording.identity import recording_name, recording_stream
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.missions.runner import Mission, run_mission
 
 
 @pytest.fixture(scope="module")

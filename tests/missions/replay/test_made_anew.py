@@ -7,8 +7,8 @@ import pytest
 import rerun as rr
 
 from dirmusic import InputFileError
-from missions.record.mission_log import MissionLog
-from missions.recording import check_recording, ready_recording, write_recording
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.recording import check_recording, ready_recording, write_recording
 from tests.missions.replay.short_mission import pdpatrol, short_mission
 
 

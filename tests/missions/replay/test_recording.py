@@ -11,12 +11,12 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 
-from envs import load_scenario
-from missions.record.mission_log import TABLES, MissionLog
-from missions.recording import Recorder, paths, write_recording
-from missions.report.make_report import make_report
-from missions.runner import run_mission
-from robot_models.drawn_solids import describe_equipment
+from pdpatrol.envs import load_scenario
+from pdpatrol.missions.record.mission_log import TABLES, MissionLog
+from pdpatrol.missions.recording import Recorder, paths, write_recording
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.missions.runner import run_mission
+from pdpatrol.robot_models.drawn_solids import describe_equipment
 from tests.missions.replay.read_back import cells, rows, values
 
 AT_REST = {"odometry": np.zeros(3), "battery": 1.0, "command": np.zeros(2)}

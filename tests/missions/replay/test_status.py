@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from envs import load_scenario
-from missions.record.mission_log import MissionLog
-from missions.recording import paths, write_recording
-from missions.recording.drawing.status import event_words, phase_words
-from missions.runner import Mission
+from pdpatrol.envs import load_scenario
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.recording import paths, write_recording
+from pdpatrol.missions.recording.drawing.status import event_words, phase_words
+from pdpatrol.missions.runner import Mission
 from tests.missions.replay.read_back import cells, still, values
 
 

@@ -17,7 +17,7 @@ import psutil
 import pytest
 from matplotlib.image import imread
 
-from missions.recording.viewer.rerun_process import ViewerError, check_screen
+from pdpatrol.missions.recording.viewer.rerun_process import ViewerError, check_screen
 from tests.missions.replay.short_mission import PDPATROL, pdpatrol, short_mission, without_screen
 
 pytestmark = pytest.mark.whole

@@ -3,7 +3,7 @@
 import numpy as np
 
 from dirmusic import GainManifold
-from missions.record.mission_log import MissionLog
+from pdpatrol.missions.record.mission_log import MissionLog
 
 
 def empty_log() -> MissionLog:

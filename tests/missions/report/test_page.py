@@ -2,7 +2,7 @@
 
 from matplotlib.figure import Figure
 
-from missions.report.page import css_string, inline_svg, render
+from pdpatrol.missions.report.page import css_string, inline_svg, render
 from tests.missions.report.html import Page
 
 

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from envs import load_scenario
-from missions.record.mission_log import MissionLog
-from missions.report.advice import LIMITS
-from missions.report.inspection import inspected_sites
-from missions.report.make_report import make_report
-from missions.report.records import Report
-from missions.report.report_page import report_page
-from missions.runner import Mission, run_mission
+from pdpatrol.envs import load_scenario
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.report.advice import LIMITS
+from pdpatrol.missions.report.inspection import inspected_sites
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.missions.report.records import Report
+from pdpatrol.missions.report.report_page import report_page
+from pdpatrol.missions.runner import Mission, run_mission
 from tests.missions.report.html import Page
 from tests.missions.report.logs import empty_log
 from tests.missions.report.test_schema import field_log, killed

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Annotation
 
-from missions.report.make_report import make_report
-from missions.report.pictures.site_plan import draw_site_plan
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.missions.report.pictures.site_plan import draw_site_plan
 from tests.missions.report.logs import empty_log
 
 BEYOND_M = {3: (-40.0, 5.0), 4: (-60.0, 5.4), 7: (9.0, -30.0), 8: (12.0, -35.0), 9: (10.0, -99.0), 11: (50.0, -50.0)}

@@ -10,13 +10,13 @@ import pytest
 from rich.console import Console
 
 from dirmusic import GainManifold, pseudo_spectrum
-from missions.reproduction import protocol
-from missions.reproduction.exhibit import Exhibit, Measured, Row, published
-from missions.reproduction.exhibits.field import corrected_errors
-from missions.reproduction.methods import by_paper, error_deg, is_success
-from missions.reproduction.output.tables import as_json, as_table
-from missions.reproduction.output.write import write_reproduction
-from missions.reproduction.reproduce import ORDER, reproduce
+from pdpatrol.missions.reproduction import protocol
+from pdpatrol.missions.reproduction.exhibit import Exhibit, Measured, Row, published
+from pdpatrol.missions.reproduction.exhibits.field import corrected_errors
+from pdpatrol.missions.reproduction.methods import by_paper, error_deg, is_success
+from pdpatrol.missions.reproduction.output.tables import as_json, as_table
+from pdpatrol.missions.reproduction.output.write import write_reproduction
+from pdpatrol.missions.reproduction.reproduce import ORDER, reproduce
 
 SIMULATED = {
     # facts.md, column "sim": another implementation of the same protocol, 36 000 trials a cell

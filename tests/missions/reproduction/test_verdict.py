@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from missions.reproduction.exhibit import Exhibit
-from missions.reproduction.output.write import write_reproduction
-from missions.reproduction.prediction import PAPER_TRIALS, Prediction
-from missions.reproduction.reproduce import reproduce
-from missions.reproduction.verdict import verdict
+from pdpatrol.missions.reproduction.exhibit import Exhibit
+from pdpatrol.missions.reproduction.output.write import write_reproduction
+from pdpatrol.missions.reproduction.prediction import PAPER_TRIALS, Prediction
+from pdpatrol.missions.reproduction.reproduce import reproduce
+from pdpatrol.missions.reproduction.verdict import verdict
 
 FloatArray = NDArray[np.float64]
 Draw = Callable[[np.random.Generator, int], FloatArray]

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from missions.sweep.engines import compile_once as module
+from pdpatrol.missions.sweep.engines import compile_once as module
 
-COMPILE = "from missions.sweep.engines.compile_once import compile_once; compile_once()"
+COMPILE = "from pdpatrol.missions.sweep.engines.compile_once import compile_once; compile_once()"
 MISSIONS = """
-from envs import load_scenario
-from missions.runner import run_mission
+from pdpatrol.envs import load_scenario
+from pdpatrol.missions.runner import run_mission
 for name in ("suite/cluttered_05", "suite/faulty_01", "suite/interference_01", "suite/wrong_map_01"):
     run_mission(load_scenario(name, {"task.time_limit_s": 90.0}))
 """
@@ -58,7 +58,7 @@ def test_what_one_process_has_compiled_no_other_one_compiles_again() -> None:
 from dirmusic.compiled import watch_compiler
 with watch_compiler(lambda _: None) as compiling:
     import gymnasium
-    env = gymnasium.make("envs:PDPatrol-v0", scenario="one_source")
+    env = gymnasium.make("pdpatrol:PDPatrol-v0", scenario="one_source")
     env.reset(seed=0)
     for _ in range(30):
         env.step(env.action_space.sample() * 0.0)

@@ -9,9 +9,9 @@ from concurrent.futures import Future, ThreadPoolExecutor
 
 import pytest
 
-from missions.sweep.engines.engine import ATTEMPTS, Loss, run_missions
-from missions.sweep.mission_row import MissionRow
-from missions.sweep.plan import MissionJob, make_plan
+from pdpatrol.missions.sweep.engines.engine import ATTEMPTS, Loss, run_missions
+from pdpatrol.missions.sweep.mission_row import MissionRow
+from pdpatrol.missions.sweep.plan import MissionJob, make_plan
 
 pytestmark = pytest.mark.whole
 
@@ -79,8 +79,8 @@ def test_what_an_engine_cannot_explain_ends_the_sweep() -> None:
 
 FORSAKES = """
 import os, sys, time
-from missions.sweep.engines.engine import Limits
-from missions.sweep.engines.process_pool import open_pool
+from pdpatrol.missions.sweep.engines.engine import Limits
+from pdpatrol.missions.sweep.engines.process_pool import open_pool
 
 pool = open_pool(2, Limits(60.0, 4 * 10**9))
 pool.schedule(time.sleep, args=[60.0])

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from missions.sweep.dataset import Dataset
-from missions.sweep.mission_row import MissionRow
-from missions.sweep.plan import make_plan
-from missions.sweep.results.figures import (
+from pdpatrol.missions.sweep.dataset import Dataset
+from pdpatrol.missions.sweep.mission_row import MissionRow
+from pdpatrol.missions.sweep.plan import make_plan
+from pdpatrol.missions.sweep.results.figures import (
     draw_errors,
     draw_figures,
     draw_found_over_time,

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from dirmusic import InputFileError
-from missions.sweep.dataset import Dataset
-from missions.sweep.mission_row import MissionRow
-from missions.sweep.plan import make_plan
-from missions.sweep.results.paired import MEASURES, compare, difference, pair_up
+from pdpatrol.missions.sweep.dataset import Dataset
+from pdpatrol.missions.sweep.mission_row import MissionRow
+from pdpatrol.missions.sweep.plan import make_plan
+from pdpatrol.missions.sweep.results.paired import MEASURES, compare, difference, pair_up
 
 OSPA = next(measure for measure in MEASURES if measure.name.startswith("OSPA"))
 N_SEEDS = 40

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from dirmusic import InputFileError
-from envs import load_scenario
-from envs.scenario.suite import load_suite
-from missions.sweep.plan import MissionJob, make_plan, parse_grid
+from pdpatrol.envs import load_scenario
+from pdpatrol.envs.scenario.suite import load_suite
+from pdpatrol.missions.sweep.plan import MissionJob, make_plan, parse_grid
 
 
 def test_every_combination_is_one_mission_and_shards_share_them_out() -> None:

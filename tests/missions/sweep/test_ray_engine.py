@@ -14,11 +14,11 @@ import psutil
 import pyarrow as pa
 import pytest
 
-from missions.sweep.dataset import Dataset
-from missions.sweep.engines.engine import EngineError, Limits
-from missions.sweep.engines.ray_engine import run_on_node
-from missions.sweep.mission_row import MEASURED
-from missions.sweep.plan import make_plan
+from pdpatrol.missions.sweep.dataset import Dataset
+from pdpatrol.missions.sweep.engines.engine import EngineError, Limits
+from pdpatrol.missions.sweep.engines.ray_engine import run_on_node
+from pdpatrol.missions.sweep.mission_row import MEASURED
+from pdpatrol.missions.sweep.plan import make_plan
 from tests.processes import below, listening, title
 
 pytestmark = [
@@ -147,7 +147,7 @@ def test_an_address_without_a_cluster_is_one_line(address: str, told: str, folde
 
 
 def test_without_ray_its_engine_is_refused_in_one_line_and_the_pool_runs(folder: Path) -> None:
-    lines = "import sys; sys.modules['ray'] = None; from missions.cli import main; main()"
+    lines = "import sys; sys.modules['ray'] = None; from pdpatrol.missions.cli import main; main()"
     done = [
         subprocess.run([sys.executable, "-c", lines, *command("--seeds", "0", "--out", engine, engine=engine)[1:]],
                        cwd=folder, capture_output=True, text=True, timeout=120)

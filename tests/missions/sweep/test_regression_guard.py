@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from envs.scenario.suite import load_suite
-from missions.sweep.dataset import Dataset
+from pdpatrol.envs.scenario.suite import load_suite
+from pdpatrol.missions.sweep.dataset import Dataset
 
 ROOT = Path(__file__).parents[3]
 STORED = ROOT / "docs" / "results" / "public"

@@ -4,10 +4,10 @@ import re
 
 from rich.console import Console
 
-from envs.scenario import SHIPPED
-from missions.sweep.results.intervals import Interval
-from missions.sweep.results.summary import GroupSummary
-from missions.sweep.results.tables import terminal_table
+from pdpatrol.envs.scenario import SHIPPED
+from pdpatrol.missions.sweep.results.intervals import Interval
+from pdpatrol.missions.sweep.results.summary import GroupSummary
+from pdpatrol.missions.sweep.results.tables import terminal_table
 
 
 def summary(group: str, settings: str = "{}") -> GroupSummary:

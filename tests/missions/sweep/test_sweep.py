@@ -15,10 +15,10 @@ import psutil
 import pyarrow as pa
 import pytest
 
-from missions.sweep.dataset import Dataset
-from missions.sweep.engines.worker import run_job
-from missions.sweep.mission_row import MEASURED, MissionRow
-from missions.sweep.plan import make_plan
+from pdpatrol.missions.sweep.dataset import Dataset
+from pdpatrol.missions.sweep.engines.worker import run_job
+from pdpatrol.missions.sweep.mission_row import MEASURED, MissionRow
+from pdpatrol.missions.sweep.plan import make_plan
 from tests.processes import WRITES_NO_BYTECODE, below, cpu_s
 
 pytestmark = pytest.mark.whole

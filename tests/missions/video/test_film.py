@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from missions.record.mission_log import MissionLog
-from missions.video.moments import MOST_RAYS, Moments, smooth_yaw
-from robot_models.posed_yard import on_picture
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.video.moments import MOST_RAYS, Moments, smooth_yaw
+from pdpatrol.robot_models.posed_yard import on_picture
 from tests.missions.replay.short_mission import pdpatrol, short_mission
 
 pytestmark = pytest.mark.whole

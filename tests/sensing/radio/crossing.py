@@ -4,12 +4,12 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_models.yard.yard import Yard
-from sensing import Solids
-from sensing.radio.materials import METAL
-from sensing.radio.obstruction import crosses, line
-from sensing.radio.tables import Obstacles, obstacle_table, shape_of
-from sensing.radio.vectors import Vector
+from pdpatrol.robot_models.yard.yard import Yard
+from pdpatrol.sensing import Solids
+from pdpatrol.sensing.radio.materials import METAL
+from pdpatrol.sensing.radio.obstruction import crosses, line
+from pdpatrol.sensing.radio.tables import Obstacles, obstacle_table, shape_of
+from pdpatrol.sensing.radio.vectors import Vector
 
 
 @numba.njit

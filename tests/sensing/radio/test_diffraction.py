@@ -8,10 +8,10 @@ import pytest
 from scipy.special import fresnel as fresnel_integrals
 from scipy.special import jv
 
-from sensing.radio.diffraction.edges import BentRay, Corner, Point, is_hidden, round_one, round_two
-from sensing.radio.diffraction.fresnel import Mirror, WedgeFaces, knife_edge, wedge, wedge_angle
-from sensing.radio.materials import WAVELENGTH_M
-from sensing.radio.obstruction import knife_edge_amplitude
+from pdpatrol.sensing.radio.diffraction.edges import BentRay, Corner, Point, is_hidden, round_one, round_two
+from pdpatrol.sensing.radio.diffraction.fresnel import Mirror, WedgeFaces, knife_edge, wedge, wedge_angle
+from pdpatrol.sensing.radio.materials import WAVELENGTH_M
+from pdpatrol.sensing.radio.obstruction import knife_edge_amplitude
 
 METAL = WedgeFaces(Mirror(-1 + 0j, 1 + 0j), Mirror(-1 + 0j, 1 + 0j), 0.0)
 K = 2 * np.pi / WAVELENGTH_M

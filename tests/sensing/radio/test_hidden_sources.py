@@ -6,9 +6,9 @@ from numpy.typing import NDArray
 from dirmusic.array.element_errors import ElementSpread
 from dirmusic.array.model import ArrayModel
 from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
-from robot_models.yard.pieces import BoxEquipment
-from robot_models.yard.yard import Yard
-from sensing import (
+from pdpatrol.robot_models.yard.pieces import BoxEquipment
+from pdpatrol.robot_models.yard.yard import Yard
+from pdpatrol.sensing import (
     ArrayConfig,
     DischargeSource,
     Faces,
@@ -19,10 +19,10 @@ from sensing import (
     Surroundings,
     level_transform,
 )
-from sensing.radio.materials import GRAVEL, METAL, WAVELENGTH_M
-from sensing.radio.ray_paths import RayPaths, find_ray_paths
-from sensing.radio.vectors import Vector
-from sensing.receiver.bank import listen_once
+from pdpatrol.sensing.radio.materials import GRAVEL, METAL, WAVELENGTH_M
+from pdpatrol.sensing.radio.ray_paths import RayPaths, find_ray_paths
+from pdpatrol.sensing.radio.vectors import Vector
+from pdpatrol.sensing.receiver.bank import listen_once
 
 ARRAY = HelicalArray.nominal(ArrayConfig())
 KNOWN = ArrayModel(manifold=ARRAY.manifold(), positions_m=ARRAY.positions_m, spread=ElementSpread())

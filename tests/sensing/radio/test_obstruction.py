@@ -8,14 +8,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from envs.random_yard import random_yard
-from envs.yard_surroundings import surroundings_of
-from robot_models.description.library import load_robot
-from robot_models.world import build_spec
-from robot_models.yard.pieces import BoxEquipment, CylinderEquipment
-from robot_models.yard.yard import Yard
-from sensing.radio.materials import KIND_MATERIALS, PORCELAIN, ROUND_MATERIALS
-from sensing.radio.sight import Sight
+from pdpatrol.envs.random_yard import random_yard
+from pdpatrol.envs.yard_surroundings import surroundings_of
+from pdpatrol.robot_models.description.library import load_robot
+from pdpatrol.robot_models.world import build_spec
+from pdpatrol.robot_models.yard.pieces import BoxEquipment, CylinderEquipment
+from pdpatrol.robot_models.yard.yard import Yard
+from pdpatrol.sensing.radio.materials import KIND_MATERIALS, PORCELAIN, ROUND_MATERIALS
+from pdpatrol.sensing.radio.sight import Sight
 from tests.sensing.radio.crossing import cross, solids_of
 
 

@@ -8,12 +8,12 @@ from numpy.typing import ArrayLike
 
 from dirmusic import GainPattern
 from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
-from sensing import Faces, HelicalArray, Solids, Surroundings, level_transform
-from sensing.array.array_table import ArrayTable
-from sensing.radio.arrivals import propagate
-from sensing.radio.materials import GRAVEL, KIND_MATERIALS, WAVELENGTH_M, Material
-from sensing.radio.propagation import Propagation, SourceTable
-from sensing.radio.surroundings import in_array_frame, rays_between
+from pdpatrol.sensing import Faces, HelicalArray, Solids, Surroundings, level_transform
+from pdpatrol.sensing.array.array_table import ArrayTable
+from pdpatrol.sensing.radio.arrivals import propagate
+from pdpatrol.sensing.radio.materials import GRAVEL, KIND_MATERIALS, WAVELENGTH_M, Material
+from pdpatrol.sensing.radio.propagation import Propagation, SourceTable
+from pdpatrol.sensing.radio.surroundings import in_array_frame, rays_between
 
 AT_ORIGIN = np.eye(4)
 

@@ -5,10 +5,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.special import h2vp, hankel2, jv, jvp
 
-from sensing import Faces, Solids, Surroundings
-from sensing.radio.materials import METAL, WAVELENGTH_M
-from sensing.radio.ray_paths import find_ray_paths
-from sensing.radio.vectors import Vector
+from pdpatrol.sensing import Faces, Solids, Surroundings
+from pdpatrol.sensing.radio.materials import METAL, WAVELENGTH_M
+from pdpatrol.sensing.radio.ray_paths import find_ray_paths
+from pdpatrol.sensing.radio.vectors import Vector
 
 K = 2 * np.pi / WAVELENGTH_M
 TOP_M = 50.0

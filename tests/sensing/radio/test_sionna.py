@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from sensing.radio.ray_paths import find_ray_paths
-from sensing.radio.vectors import Vector
+from pdpatrol.sensing.radio.ray_paths import find_ray_paths
+from pdpatrol.sensing.radio.vectors import Vector
 from tests.sensing.radio.sionna.links import (
     bend_at,
     bends_of_luebbers,

@@ -15,17 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
-from robot_models.yard.pieces import BoxEquipment
-from robot_models.yard.yard import Yard
-from sensing import Faces, Solids, Surroundings
-from sensing.radio.diffraction.box_edges import corner_of, frame_of, in_frame, in_world
-from sensing.radio.diffraction.edges import Corner, Point, is_hidden, round_one
-from sensing.radio.diffraction.fresnel import Mirror, WedgeFaces
-from sensing.radio.lines import crosses, line
-from sensing.radio.materials import CONCRETE, METAL, WAVELENGTH_M, Material, Substance
-from sensing.radio.polarisation import Field, along, face_mirror, mirrored
-from sensing.radio.tables import shape_of
-from sensing.radio.vectors import Vector, across, dot, towards
+from pdpatrol.robot_models.yard.pieces import BoxEquipment
+from pdpatrol.robot_models.yard.yard import Yard
+from pdpatrol.sensing import Faces, Solids, Surroundings
+from pdpatrol.sensing.radio.diffraction.box_edges import corner_of, frame_of, in_frame, in_world
+from pdpatrol.sensing.radio.diffraction.edges import Corner, Point, is_hidden, round_one
+from pdpatrol.sensing.radio.diffraction.fresnel import Mirror, WedgeFaces
+from pdpatrol.sensing.radio.lines import crosses, line
+from pdpatrol.sensing.radio.materials import CONCRETE, METAL, WAVELENGTH_M, Material, Substance
+from pdpatrol.sensing.radio.polarisation import Field, along, face_mirror, mirrored
+from pdpatrol.sensing.radio.tables import shape_of
+from pdpatrol.sensing.radio.vectors import Vector, across, dot, towards
 
 HERE = Path(__file__).parent
 REFERENCE = json.loads((HERE / "reference.json").read_text(encoding="utf-8"))
