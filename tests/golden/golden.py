@@ -1,0 +1,111 @@
+"""Golden missions: what sixty missions found, stored, and how close a later version must come to it.
+
+`uv run python tests/golden/golden.py` runs them anew and rewrites `missions.json`; do so only for a change that is meant
+to move results, and say so in its commit.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+STORED = Path(__file__).with_name("missions.json")
+SHIPPED = (
+    "bench",
+    "gis_hall",
+    "one_source",
+    "paper_field",
+    "quiet_yard",
+    "switchyard",
+    "transformer_bay",
+    "twin_transformers",
+    "two_sources",
+)
+LEVELS = (
+    "open",
+    "cluttered",
+    "weak",
+    "reflective",
+    "several",
+    "high",
+    "faulty",
+    "interference",
+    "wrong_map",
+    "poor_pose",
+    "quiet",
+)
+
+
+class Case(NamedTuple):
+    """One mission: a shipped scenario, `random` or a yard of the suite, with its seed and policy."""
+
+    scenario: str
+    seed: int
+    policy: str
+
+
+def cases() -> Iterator[Case]:
+    """Yield the sixty missions in a fixed order."""
+    for number, name in enumerate(SHIPPED):
+        yield Case(name, 100 + number, "seek")
+        yield Case(name, 200 + number, "seek" if number % 3 else "active")
+    for number, policy in enumerate(("patrol", "oracle", "random", "active")):
+        yield Case("transformer_bay", 300 + number, policy)
+    for seed in range(16):
+        yield Case("random", 500 + seed, "active" if seed % 4 == 3 else "seek")
+    for number, level in enumerate(LEVELS):
+        yield Case(f"suite/{level}_02", 700 + number, "seek")
+        yield Case(f"suite/{level}_05", 800 + number, "seek")
+
+
+def run(case: Case) -> dict[str, Any]:
+    """Run one mission and summarise it: confirmed findings with 95 % ellipses, times, and how it ended."""
+    from dirmusic.locating.ellipse import ellipse95
+    from pdpatrol.envs import load_scenario
+    from pdpatrol.envs.random_yard import random_yard
+    from pdpatrol.missions.runner import run_mission
+
+    scenario = random_yard(case.seed, case.seed % 8) if case.scenario == "random" else load_scenario(case.scenario)
+    log = run_mission(scenario, case.policy, case.seed)
+    table = log.table("finding")
+    last = {int(number): row for row, number in enumerate(table["id"])}
+    findings: list[dict[str, Any]] = []
+    for row in last.values():
+        if table["state"][row] == "confirmed":
+            covariance_m2 = table["covariance_m2"][row]
+            ellipse = ellipse95(covariance_m2[:2, :2])
+            findings.append(
+                {
+                    "position_m": np.round(table["position_m"][row], 4).tolist(),
+                    "semi_axes_m": [round(ellipse.semi_major_m, 4), round(ellipse.semi_minor_m, 4)],
+                    "height_std_m": round(float(covariance_m2[2, 2]) ** 0.5, 4),
+                    "confirmed_s": round(float(table["fixed_s"][row]), 1),
+                }
+            )
+    truth = [source["position_m"] for source in log.meta["truth"]["sources"]]
+    return {
+        **case._asdict(),
+        "n_pulses": log.n_rows("pulse"),
+        "duration_s": round(float(log.column("step", "time_s")[-1]), 1),
+        "end": str(log.column("event", "text")[-1]),
+        "sources_m": truth,
+        "findings": findings,
+    }
+
+
+def main() -> None:
+    """Run all missions on half of the cores and store them."""
+    with ProcessPoolExecutor(max(1, (os.cpu_count() or 1))) as pool:
+        results = list(pool.map(run, cases()))
+    lines = ",\n".join(json.dumps(result) for result in results)
+    STORED.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
