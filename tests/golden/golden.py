@@ -1,6 +1,6 @@
-"""Golden missions: what sixty missions found, stored, and how close a later version must come to it.
+"""Run the sixty golden missions and summarise what each found.
 
-`uv run python tests/golden/golden.py` runs them anew and rewrites `missions.json`; do so only for a change that is meant
+`uv run python -m tests.golden.golden` runs them again and rewrites `missions.json`. Do so only for a change that is meant
 to move results, and say so in its commit.
 """
 
@@ -100,8 +100,8 @@ def run(case: Case) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Run all missions on half of the cores and store them."""
-    with ProcessPoolExecutor(max(1, (os.cpu_count() or 1))) as pool:
+    """Run all missions and store them."""
+    with ProcessPoolExecutor(os.cpu_count()) as pool:
         results = list(pool.map(run, cases()))
     lines = ",\n".join(json.dumps(result) for result in results)
     STORED.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
