@@ -1,7 +1,7 @@
 """Run the sixty golden missions and summarise what each found.
 
-`uv run python -m tests.golden.golden` runs them again and rewrites `missions.json`. Do so only for a change that is meant
-to move results, and say so in its commit.
+`uv run python -m tests.golden.golden` runs them again and rewrites `missions.json`. Do so only for a change that is
+meant to move results, and say so in its commit.
 """
 
 from __future__ import annotations
