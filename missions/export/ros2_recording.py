@@ -43,17 +43,20 @@ BEARING_COLOUR = (1.0, 0.9, 0.43)
 RAY_M, RAY_S = 25.0, 0.5
 """Length of the ray of a bearing, and how long it is shown."""
 
+UNIX_TIME_S = 1e9
+"""Times from here on (September 2001) are taken for Unix times: no survey lasts for decades."""
+
 OUTLINE_POINTS = 37
 SHAPES = {"box": CUBE, "cylinder": CYLINDER, "sphere": SPHERE, "ellipsoid": SPHERE}
 
 
 def write_ros2_recording(log: MissionLog, path: Path) -> None:
-    """Write a mission; its time starts at the date of the inspection, at midnight UTC, or in 1970 where it has none."""
-    date = log.meta.get("date")
-    start_ns = 0 if date is None else round(datetime.fromisoformat(date).replace(tzinfo=UTC).timestamp()) * 10**9
-    time_ns = start_ns + np.round(1e9 * log.column("step", "time_s")).astype(np.int64)
-    if not time_ns.size:
-        time_ns = np.array([start_ns])
+    """Write a mission as MCAP.
+
+    The recording begins at midnight UTC on the date of the inspection, or of 1 January 1970 where the log has no date.
+    Field data whose times are Unix times keep them.
+    """
+    time_ns = _clock_ns(log.column("step", "time_s"), log.meta.get("date"))
     messages = sorted(_messages(log, time_ns), key=lambda message: message.step)
     with path.open("wb") as file, Writer(file) as writer:
         schemas = {
@@ -63,6 +66,16 @@ def write_ros2_recording(log: MissionLog, path: Path) -> None:
         for topic, step, content in messages:
             at_ns = int(time_ns[step])
             writer.write_message(topic, schemas[TOPICS[topic]], content, log_time=at_ns, publish_time=at_ns)
+
+
+def _clock_ns(time_s: FloatArray, date: str | None) -> NDArray[np.int64]:
+    """Convert times of steps to Unix time in nanoseconds, for at least one step."""
+    if not time_s.size:
+        time_s = np.zeros(1)
+    if time_s[0] >= UNIX_TIME_S:
+        return np.round(1e9 * time_s).astype(np.int64)
+    start = datetime.fromisoformat(date or "1970-01-01").replace(tzinfo=UTC)
+    return round(start.timestamp()) * 10**9 + np.round(1e9 * (time_s - time_s[0])).astype(np.int64)
 
 
 class _Message(NamedTuple):

@@ -2,6 +2,7 @@
 
 import csv
 import json
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,6 +18,7 @@ from pdpatrol.envs import load_scenario
 from pdpatrol.envs.scenario.map_section import GeoreferenceConfig
 from pdpatrol.missions.export.export_mission import export_mission
 from pdpatrol.missions.export.georeference import longitude_latitude
+from pdpatrol.missions.export.ros2_recording import write_ros2_recording
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.runner import run_mission
@@ -159,22 +161,41 @@ def test_a_piece_of_the_yard_has_its_size_in_mcap(folder: Path, log: MissionLog)
         assert (marker.scale.x, marker.scale.y, marker.scale.z) == pytest.approx(expected)
 
 
-def test_data_from_the_field_are_exported_without_what_they_do_not_have(tmp_path: Path) -> None:
-    field = MissionLog(
-        {"name": "survey", "seed": None, "policy": None, "n_elements": 2, "array": {"boresights_rad": [0.0, 3.1]}}
-    )
+def field_log(*time_s: float, date: str | None = None) -> MissionLog:
+    """Log of a survey of one pose, without truth and odometry."""
+    array = {"boresights_rad": [0.0, 3.1]}
+    log = MissionLog({"name": "survey", "seed": None, "policy": None, "n_elements": 2, "array": array, "date": date})
     nothing = np.full(3, np.nan)
-    field.append(
-        "step",
-        time_s=1.0,
-        pose=np.array([1.0, 2.0, 0.5]),
-        true_pose=nothing,
-        odometry=nothing,
-        battery=np.nan,
-        command=nothing[:2],
-        phase="",
-    )
-    written = export_mission(field, tmp_path)
+    for at_s in time_s:
+        log.append(
+            "step",
+            time_s=at_s,
+            pose=np.array([1.0, 2.0, 0.5]),
+            true_pose=nothing,
+            odometry=nothing,
+            battery=np.nan,
+            command=nothing[:2],
+            phase="",
+        )
+    return log
+
+
+@pytest.mark.parametrize("start_s", [-1000.0, 0.0, 1.7e7])
+def test_recording_begins_on_the_date(start_s: float, tmp_path: Path) -> None:
+    write_ros2_recording(field_log(start_s, start_s + 90.0, date="2026-03-02"), tmp_path / "mission.mcap")
+    poses = [message for message in read(tmp_path / "mission.mcap") if message.topic == "/pose"]
+    midnight = datetime(2026, 3, 2, tzinfo=UTC).timestamp()
+    assert [pose.time_ns / 1e9 - midnight for pose in poses] == pytest.approx([0.0, 90.0])
+    assert poses[1].content.header.stamp.sec == midnight + 90
+
+
+def test_recording_keeps_unix_times(tmp_path: Path) -> None:
+    write_ros2_recording(field_log(1.75e9, date="2026-03-02"), tmp_path / "mission.mcap")
+    assert {message.time_ns for message in read(tmp_path / "mission.mcap")} == {1_750_000_000 * 10**9}
+
+
+def test_field_data_are_exported_without_truth(tmp_path: Path) -> None:
+    written = export_mission(field_log(1.0), tmp_path)
     assert "findings.geojson" not in written
     assert {topic for topic, _, _ in read(tmp_path / "mission.mcap")} == {"/yard", "/tf", "/pose"}
     assert pq.read_table(tmp_path / "steps.parquet")["true_x_m"].null_count == 1
