@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from pdpatrol.missions.sweep.dataset import Dataset, read_all
 from pdpatrol.missions.sweep.results.figures import (
@@ -30,6 +31,8 @@ DOCS = Path(__file__).parent
 STORED = DOCS / "results"
 POLICIES = ("seek", "active", "patrol", "random", "oracle")
 WIDTH_DPI = 110
+RENAMED = {"locating.fix": "locating.solver"}
+"""Settings whose names have changed since the datasets were stored."""
 
 
 class Answer(NamedTuple):
@@ -49,7 +52,7 @@ class Answer(NamedTuple):
 USUAL = ("found (%)", "median error (m)", "in ellipse (%)", "time to confirm (s)", "false")
 ANSWERS = (
     Answer("elements", ("array.n_elements",), ("bearing RMSE (deg)", *USUAL)),
-    Answer("methods", ("estimator.method", "locating.fix"), ("bearing RMSE (deg)", *USUAL)),
+    Answer("methods", ("estimator.method", "locating.solver"), ("bearing RMSE (deg)", *USUAL)),
     Answer("robots", ("robot.model",), (*USUAL, "way over shortest", "contacts")),
     Answer("pose", ("pose_sensor.heading_std_deg", "pose_sensor.position_std_m"), USUAL),
     Answer("noise", ("receiver.noise_v",), ("bearing RMSE (deg)", *USUAL)),
@@ -59,8 +62,12 @@ ANSWERS = (
 
 
 def rows_of(*names: str) -> pa.Table:
-    """Rows of stored datasets."""
-    return read_all([Dataset(STORED / name) for name in names])
+    """Read the rows of stored datasets, with settings under their present names."""
+    rows = read_all([Dataset(STORED / name) for name in names])
+    column = rows.schema.get_field_index("settings")
+    for old, new in RENAMED.items():
+        rows = rows.set_column(column, "settings", pc.replace_substring(rows["settings"], old, new))
+    return rows
 
 
 def as_one_group(rows: pa.Table) -> pa.Table:

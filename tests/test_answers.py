@@ -61,7 +61,7 @@ def test_more_elements_and_better_methods_are_not_worse_beyond_the_intervals(nam
         rows = rows.set_column(rows.schema.get_field_index(column), column, [[""] * rows.num_rows])
     summaries = summarise_groups(rows)
     for worse, better in combinations(summaries, 2):
-        settings = [json.loads(each.settings) for each in (worse, better)]
+        settings = [json.loads(each.settings) for each in (worse, better)]  # stored before locating.solver got its name
         if settings[0].get("locating.fix") == settings[1].get("locating.fix"):
             assert_not_worse(worse, better)
 

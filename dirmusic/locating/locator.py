@@ -76,8 +76,8 @@ class Locator:
         self.pose_error = pose_error
         self.fence_m = fence_m
         self.rules = rules or LocatingRules()
-        if array.errors is not None and self.rules.fix != "joint":
-            raise ValueError(f"`array.errors` count in the joint fit alone, got them with fix {self.rules.fix!r}")
+        if array.errors is not None and self.rules.solver != "joint":
+            raise ValueError(f"`array.errors` count in the joint fit alone, got them with solver {self.rules.solver!r}")
         self.findings: tuple[Finding, ...] = ()
         self._n_born = 0
         self._next_fit_s = -np.inf
@@ -178,7 +178,7 @@ class Locator:
             if finding.state == "confirmed"
             and (seen := np.flatnonzero((assignment.owner == k) & assignment.in_sight)).size
         }
-        if not chosen or self.rules.fix != "joint":
+        if not chosen or self.rules.solver != "joint":
             return None
         return Learned(self._locate(chosen, self.array).errors, sum(rows.size for rows in chosen.values()))
 
@@ -256,7 +256,7 @@ class Locator:
 
     def _locate(self, chosen: dict[int, Rows], array: ArrayModel) -> JointFix:
         """Fit some of the findings, each by the chosen rows of its pulses, as the rules say."""
-        locate = locate_jointly if self.rules.fix == "joint" else locate_by_bearings
+        locate = locate_jointly if self.rules.solver == "joint" else locate_by_bearings
         pulses, poses = zip(*(self._record.pooled(own, self.rules.max_pulses) for own in chosen.values()), strict=True)
         return locate(
             PulseBatch.join(pulses),

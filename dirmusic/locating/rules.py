@@ -79,7 +79,7 @@ class LocatingRules:
     """When pulses make a candidate, and what confirms it. All values are assumed.
 
     Attributes:
-        fix: What positions are fitted to: `joint`, the strengths, with the errors of the array fitted along; or
+        solver: What positions are fitted to: `joint`, the strengths, with the errors of the array fitted along; or
             `bearings`, the estimator's bearings and deviations alone.
         credibility: When a pulse is credible.
         assignment: When a pulse belongs to a finding.
@@ -116,7 +116,7 @@ class LocatingRules:
         merge_m: Findings nearer to each other than this are one.
     """
 
-    fix: Literal["joint", "bearings"] = "joint"
+    solver: Literal["joint", "bearings"] = "joint"
     credibility: CredibilityRules = field(default_factory=CredibilityRules)
     assignment: AssignmentRules = field(default_factory=AssignmentRules)
     birth_pulses: int = 6

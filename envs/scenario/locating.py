@@ -50,7 +50,7 @@ class LocatingConfig(Config, frozen=True):
     with `_rad` for `_deg`.
     """
 
-    fix: Literal["joint", "bearings"] = "joint"
+    solver: Literal["joint", "bearings"] = "joint"
     """What positions are fitted to: strengths, with the errors of the array fitted along, or bearings alone."""
     locator: FilePath | None = None
     """A Locator of your own, `my_file.py:MyLocator` or `package.module:MyLocator`; its contract is
@@ -114,10 +114,10 @@ class LocatingConfig(Config, frozen=True):
 
     @model_validator(mode="after")
     def _makes_use_of_calibration(self) -> Self:
-        if self.calibration is not None and (self.fix != "joint" or self.locator is not None):
+        if self.calibration is not None and (self.solver != "joint" or self.locator is not None):
             raise ValueError(
-                'calibration: given with fix = "bearings" or a Locator of your own; allowed with fix = "joint", which '
-                "alone learns errors of the array"
+                'calibration: must go with solver = "joint" and the built-in Locator, which alone learn errors of the '
+                "array"
             )
         return self
 

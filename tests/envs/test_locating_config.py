@@ -43,7 +43,7 @@ def test_every_rule_and_nothing_else_can_be_set() -> None:
     assert {key_of(rule) for rule in RULES} | {"locator", "calibration"} == set(LocatingConfig.model_fields)
 
 
-@pytest.mark.parametrize("rule", sorted(set(RULES) - {"fix"}))
+@pytest.mark.parametrize("rule", sorted(set(RULES) - {"solver"}))
 def test_a_rule_that_is_set_is_the_one_that_changes(rule: str) -> None:
     nested, default = RULES[rule]
     value: Any = (not default) if isinstance(default, bool) else default + (1 if isinstance(default, int) else 0.01)
@@ -58,7 +58,7 @@ def test_a_rule_that_is_set_is_the_one_that_changes(rule: str) -> None:
     assert getattr(getattr(rules, nested) if nested else rules, rule) == pytest.approx(value)
 
 
-@pytest.mark.parametrize("rule", sorted(set(RULES) - {"fix", "birth_by_crossing"}))
+@pytest.mark.parametrize("rule", sorted(set(RULES) - {"solver", "birth_by_crossing"}))
 def test_no_rule_takes_less_than_nothing_or_without_end(rule: str, tmp_path: Path) -> None:
     for value in ("-1", "1e300", "nan", '"x"'):
         (fault,) = faults_of(tmp_path, f"{key_of(rule)} = {value}")
@@ -68,9 +68,9 @@ def test_no_rule_takes_less_than_nothing_or_without_end(rule: str, tmp_path: Pat
 @pytest.mark.parametrize(
     ("table", "fault"),
     [
-        ('fix = "strengths"', "locating.fix: got 'strengths'; input should be 'joint' or 'bearings'"),
+        ('solver = "strengths"', "locating.solver: got 'strengths'; input should be 'joint' or 'bearings'"),
         ('locator = "MyLocator"', "locating.locator: no Locator `MyLocator`; allowed is code of your own"),
-        ("max_std_rad = 0.1", "locating.max_std_rad: unknown key; allowed are fix, locator, calibration, max_std_deg"),
+        ("max_std_rad = 0.1", "locating.max_std_rad: unknown key; allowed are solver, locator, calibration"),
     ],
 )
 def test_what_is_no_rule_is_refused_in_one_line(table: str, fault: str, tmp_path: Path) -> None:
@@ -79,5 +79,5 @@ def test_what_is_no_rule_is_refused_in_one_line(table: str, fault: str, tmp_path
 
 
 def test_the_fix_and_a_locator_of_ones_own_can_be_named() -> None:
-    config = LocatingConfig.model_validate({"fix": "bearings", "locator": "my_file.py:MyLocator"})
-    assert config.rules() == LocatingRules(fix="bearings")
+    config = LocatingConfig.model_validate({"solver": "bearings", "locator": "my_file.py:MyLocator"})
+    assert config.rules() == LocatingRules(solver="bearings")

@@ -12,7 +12,7 @@ from tests.benchmarks.free_field.cases import FENCE_M, Case, draw_case
 from tests.benchmarks.free_field.figures import credible, fixes, locate
 from tests.benchmarks.free_field.peer_filters import SightLines, crossing, peer_fixes
 
-BEARINGS = LocatingRules(fix="bearings")
+BEARINGS = LocatingRules(solver="bearings")
 N_CASES = 40
 
 

@@ -159,7 +159,7 @@ def test_errors_of_this_array_are_not_contradicted_and_those_of_another_one_are(
 def test_a_locator_that_fits_bearings_refuses_errors_that_it_would_not_use() -> None:
     known = replace(ARRAY, errors=EstimatedErrors.of_spread(SPREAD, 6))
     with pytest.raises(ValueError, match=r"array\.errors"):
-        Locator(known, POSE_ERROR, rules=LocatingRules(fix="bearings"))
+        Locator(known, POSE_ERROR, rules=LocatingRules(solver="bearings"))
     assert Locator(ARRAY, POSE_ERROR).learned() is None
 
 

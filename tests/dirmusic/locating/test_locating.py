@@ -205,12 +205,12 @@ def test_pulses_are_associated_with_the_finding_at_the_source_that_they_came_fro
 def test_bearings_alone_give_a_worse_fix_than_strengths_and_say_so() -> None:
     source, found = np.array([20.0, 15.0]), dict[str, list[Finding]](joint=[], bearings=[])
     for seed in range(5):
-        for fix, findings in found.items():
-            rules = LocatingRules(fix=fix)  # pyright: ignore[reportArgumentType]
+        for solver, findings in found.items():
+            rules = LocatingRules(solver=solver)  # pyright: ignore[reportArgumentType]
             path = around(source, 3.0, 10 * seed, 10 * seed + 110, 60)
             findings += listen_along(path, [source], seed, make_locator(rules=rules))[0].findings
-    error_m = {fix: np.median([np.linalg.norm(f.position_m[:2] - source) for f in found[fix]]) for fix in found}
-    semi_major_m = {fix: np.median([f.semi_major_m for f in found[fix]]) for fix in found}
+    error_m = {key: np.median([np.linalg.norm(f.position_m[:2] - source) for f in each]) for key, each in found.items()}
+    semi_major_m = {key: np.median([f.semi_major_m for f in each]) for key, each in found.items()}
     assert error_m["bearings"] > error_m["joint"]
     assert semi_major_m["bearings"] > 1.3 * semi_major_m["joint"]
 

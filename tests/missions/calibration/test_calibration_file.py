@@ -92,8 +92,8 @@ def test_it_lies_beside_the_scenario_that_names_it(file: Path) -> None:
         ({"array.ring_radius_m": 0.2}, "positions_m"),
         ({"array.pattern": "helix"}, "pattern_sha256"),
         ({"array.n_elements": 8}, "boresights_deg"),
-        ({"locating.fix": "bearings"}, "allowed with fix"),
-        ({"locating.locator": "mine.py:Mine"}, "a Locator of your own"),
+        ({"locating.solver": "bearings"}, "must go with solver"),
+        ({"locating.locator": "mine.py:Mine"}, "must go with solver"),
     ],
 )
 def test_the_calibration_of_another_array_or_without_a_use_is_refused_in_one_line(

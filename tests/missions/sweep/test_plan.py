@@ -51,10 +51,10 @@ def test_keys_follow_what_is_run_and_nothing_else(tmp_path: Path) -> None:
 def test_a_setting_is_the_same_as_the_key_in_the_file() -> None:
     usual = load_scenario("one_source")
     assert load_scenario("one_source", {}) == usual
-    changed = load_scenario("one_source", {"receiver.noise_v": 2e-3, "locating.fix": "bearings"})
+    changed = load_scenario("one_source", {"receiver.noise_v": 2e-3, "locating.solver": "bearings"})
     tables = usual.model_dump() | {
         "receiver": usual.receiver.model_dump() | {"noise_v": 2e-3},
-        "locating": usual.locating.model_dump() | {"fix": "bearings"},
+        "locating": usual.locating.model_dump() | {"solver": "bearings"},
     }
     assert changed.model_dump() == tables
 
