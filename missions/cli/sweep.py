@@ -66,6 +66,8 @@ def sweep(
     seeds_match, shard_match = SEEDS.fullmatch(seeds or "0"), SHARD.fullmatch(shard)
     first, last = (int(seeds_match[1]), int(seeds_match[2] or seeds_match[1])) if seeds_match else (0, -1)
     part, n_parts = (int(shard_match[1]), int(shard_match[2])) if shard_match else (0, 0)
+    if not policy:
+        faults.append("--policy: at least one policy must be given, got none")
     if first > last:
         faults.append(f"--seeds: got {seeds}; allowed is one seed, or the first and the last as 0-19")
     if not 1 <= part <= n_parts:

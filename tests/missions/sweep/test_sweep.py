@@ -170,6 +170,7 @@ def test_a_crash_within_compaction_doubles_no_row(tmp_path: Path) -> None:
         (["--set", "receiver.noise=1"], "short.toml: receiver.noise: unknown key; allowed are"),
         (["--set", "receiver.noise_v=-1"], "short.toml: receiver.noise_v: got -1"),
         (["--set", "noise"], "--set: got 'noise'; allowed is key=value"),
+        (["--policy"], "--policy: at least one policy must be given"),
         (["--policy", "hide"], "hide: no such policy; expected seek"),
         (["--policy", "own.py:None_"], "own.py: no `None_` in it"),
         (["--out", "own.py"], "--out: own.py is no sweep"),
