@@ -9,7 +9,17 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).parents[2]
-LINKED = ("CHANGELOG.md", "CITATION.cff", "dirmusic", "envs", "examples", "missions", "robot_models", "sensing")
+LINKED = (
+    "CHANGELOG.md",
+    "CITATION.cff",
+    "dirmusic",
+    "envs",
+    "examples",
+    "missions",
+    "pdpatrol",
+    "robot_models",
+    "sensing",
+)
 
 
 def build_site(folder: Path) -> subprocess.CompletedProcess[str]:
