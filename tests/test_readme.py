@@ -1,4 +1,4 @@
-"""Every command and every snippet of the README is run."""
+"""Run every command and every snippet of the README."""
 
 import os
 import re
@@ -30,18 +30,18 @@ def blocks(language: str, text: str = README) -> list[str]:
 
 
 def commands() -> list[str]:
-    """What the README tells to type, in its order, without installation."""
+    """Return the commands of the README in order, without installation."""
     lines = [line.strip() for block in blocks("sh") for line in block.splitlines()]
     return [line.split("  #")[0].removeprefix(INSTALL).strip() for line in lines if "uv run" in line]
 
 
-def test_the_first_two_commands_are_complete_on_a_fresh_machine() -> None:
+def test_first_two_commands_include_installation() -> None:
     lines = [line.split("  #")[0].strip() for line in blocks("sh")[0].splitlines()]
     assert lines == [INSTALL + "uv run pdpatrol run", INSTALL + "uv run pytest"]
 
 
 def sequences() -> list[list[str]]:
-    """The commands that a quick test can run, each alone, but for those that need what another has written."""
+    """Group the commands: each alone, except those that read the output of another."""
     found: list[list[str]] = []
     for command in commands():
         before = next(
@@ -56,7 +56,7 @@ def sequences() -> list[list[str]]:
 
 
 @pytest.mark.parametrize("sequence", sequences(), ids=lambda sequence: sequence[-1])
-def test_every_command_of_the_readme_works(sequence: list[str], tmp_path: Path) -> None:
+def test_readme_command_works(sequence: list[str], tmp_path: Path) -> None:
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     environment = os.environ | {"PATH": f"{BIN}{os.pathsep}{os.environ['PATH']}"}
     for command in sequence:
@@ -73,7 +73,7 @@ def test_every_command_of_the_readme_works(sequence: list[str], tmp_path: Path) 
         assert done.returncode == 0, f"{command}: {done.stderr}"
 
 
-def test_the_settings_that_the_docs_show_are_taken(tmp_path: Path) -> None:
+def test_documented_settings_are_accepted(tmp_path: Path) -> None:
     shipped = (ROOT / "envs" / "scenarios" / "one_source.toml").read_text(encoding="utf-8")
     assert "[receiver]" not in shipped
     (tmp_path / "yard.toml").write_text("\n".join([shipped, *blocks("toml", SCENARIOS)]), encoding="utf-8")
@@ -115,12 +115,12 @@ def served_on_loopback(words: list[str], folder: Path, environment: dict[str, st
 
 
 @pytest.mark.parametrize("snippet", blocks("python"))
-def test_every_snippet_of_the_readme_runs(snippet: str, tmp_path: Path) -> None:
+def test_readme_snippet_runs(snippet: str, tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-c", snippet], cwd=tmp_path, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
 
 
-def test_pictures_and_files_that_the_readme_names_are_there() -> None:
+def test_files_linked_from_readme_exist() -> None:
     named = re.findall(r"\]\((?!http)([^)#]+)\)", README)
     assert named
     assert all((ROOT / name).exists() for name in named)

@@ -1,4 +1,4 @@
-"""The pages of docs/, built apart from the repository, and what their HTML names."""
+"""Build the documentation outside the repository and collect the addresses in its HTML."""
 
 import os
 import shutil
@@ -23,10 +23,10 @@ LINKED = (
 
 
 def build_site(folder: Path) -> subprocess.CompletedProcess[str]:
-    """Build the pages into `site` in a folder that holds `docs`, and is given the rest of what they are made of."""
+    """Build the pages into `site` in a folder that holds `docs`; the other inputs are linked into it."""
     for name in LINKED:
         (folder / name).symlink_to(ROOT / name)
-    shutil.copy(ROOT / "zensical.toml", folder)  # a link would have it built where that points to
+    shutil.copy(ROOT / "zensical.toml", folder)  # a link would make the build write to its target
     return subprocess.run(
         [sys.executable, "-m", "zensical", "build", "--strict"],
         cwd=folder,
@@ -38,7 +38,7 @@ def build_site(folder: Path) -> subprocess.CompletedProcess[str]:
 
 
 class Named(NamedTuple):
-    """Something that a page names: the tag and attribute, and the address."""
+    """An address in a page, with its tag and attribute."""
 
     tag: str
     attribute: str
@@ -46,11 +46,11 @@ class Named(NamedTuple):
 
 
 class Page(HTMLParser):
-    """One built page.
+    """A built page.
 
     Attributes:
         named: Addresses in it: links, pictures, scripts, stylesheets.
-        anchors: What a link can point to within it.
+        anchors: Targets for links within it.
         words: Its text.
     """
 
@@ -62,7 +62,7 @@ class Page(HTMLParser):
         self.feed(file.read_text(encoding="utf-8"))
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Collect what a tag names."""
+        """Collect the addresses and anchors of a tag."""
         for name, value in attrs:
             if value is not None and name in ("href", "src", "srcset", "data", "poster"):
                 self.named.append(Named(tag, name, value))
@@ -70,5 +70,5 @@ class Page(HTMLParser):
                 self.anchors.add(value)
 
     def handle_data(self, data: str) -> None:
-        """Collect words."""
+        """Collect the text."""
         self.words += data

@@ -1,4 +1,4 @@
-"""How to cite: the version is the project's, in every file that names it."""
+"""CITATION.cff and CHANGELOG.md name the version of the project."""
 
 import tomllib
 
@@ -9,7 +9,7 @@ from tests.docs.site import ROOT
 yaml = pytest.importorskip("yaml", reason="uv run --group docs")
 
 
-def test_citation_and_changelog_are_of_the_version_of_the_project() -> None:
+def test_citation_and_changelog_name_project_version() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert citation["version"] == project["version"]

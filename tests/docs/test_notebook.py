@@ -1,4 +1,4 @@
-"""The notebook runs from top to bottom, and what is stored of it is what its cells give."""
+"""The notebook runs from top to bottom and gives its stored output."""
 
 from pathlib import Path
 
@@ -24,7 +24,7 @@ def n_pictures(cell: dict) -> int:
     return sum("image/png" in output.get("data", {}) for output in cell["outputs"])
 
 
-def test_the_stored_notebook_is_valid_has_its_pictures_and_names_no_machine() -> None:
+def test_stored_notebook_has_pictures_and_no_local_paths() -> None:
     stored = nbformat.read(NOTEBOOK, as_version=4)
     nbformat.validate(stored)
     assert sum(n_pictures(cell) for cell in code_cells(stored)) >= 5
@@ -34,7 +34,7 @@ def test_the_stored_notebook_is_valid_has_its_pictures_and_names_no_machine() ->
 
 @pytest.mark.whole
 @pytest.mark.filterwarnings("default")  # the kernel's own sockets
-def test_the_notebook_runs_and_gives_what_is_stored(tmp_path: Path) -> None:
+def test_notebook_gives_its_stored_output(tmp_path: Path) -> None:
     stored = nbformat.read(NOTEBOOK, as_version=4)
     run = nbformat.read(NOTEBOOK, as_version=4)
     nbclient.NotebookClient(run, timeout=300, resources={"metadata": {"path": str(tmp_path)}}).execute()

@@ -1,4 +1,4 @@
-"""The pages build without a warning, and nothing in them is missing or comes from the network."""
+"""The documentation builds without warnings, has no dead links and loads nothing from the network."""
 
 import re
 import shutil
@@ -35,14 +35,14 @@ def pages(site: Path) -> list[Path]:
     return sorted(file for file in site.rglob("*.html") if file.name != "404.html")
 
 
-def test_every_page_of_the_sources_is_built_and_is_in_the_navigation(site: Path) -> None:
+def test_every_page_is_built_and_in_navigation(site: Path) -> None:
     sources = {file.relative_to(ROOT / "docs").with_suffix("") for file in (ROOT / "docs").rglob("*.md")}
     assert {file.relative_to(site).with_suffix("") for file in pages(site)} == sources
     navigation = (ROOT / "zensical.toml").read_text(encoding="utf-8")
     assert [name for name in sources if f'"{name.as_posix()}.md"' not in navigation] == []
 
 
-def test_no_link_is_dead_and_no_picture_is_missing(site: Path) -> None:
+def test_links_and_pictures_exist(site: Path) -> None:
     dead: list[str] = []
     for file in pages(site):
         for tag, _, address in page(file).named:
@@ -57,7 +57,7 @@ def test_no_link_is_dead_and_no_picture_is_missing(site: Path) -> None:
     assert dead == []
 
 
-def test_every_page_has_one_title(site: Path) -> None:
+def test_pages_have_one_title(site: Path) -> None:
     titles = {str(file): file.read_text(encoding="utf-8").count("<h1") for file in pages(site)}
     assert {file: n for file, n in titles.items() if n != 1} == {}
 
@@ -74,7 +74,7 @@ def test_pages_load_nothing_from_the_network(site: Path) -> None:
     assert styles == []
 
 
-def test_formulas_and_files_that_pages_show_are_put_in_and_none_is_left_as_its_source(site: Path) -> None:
+def test_formulas_and_included_files_are_rendered(site: Path) -> None:
     assert "<math" in (site / "explanation" / "algorithm.html").read_text(encoding="utf-8")
     left = [str(file) for file in pages(site) if re.search(r"\.\. math::|:math:|-?8 *< *--", page(file).words)]
     assert left == []
@@ -83,24 +83,24 @@ def test_formulas_and_files_that_pages_show_are_put_in_and_none_is_left_as_its_s
     assert [formula for formula in drawn if "\\" in formula] == []
 
 
-def test_the_public_names_of_dirmusic_are_all_described(site: Path) -> None:
+def test_public_names_of_dirmusic_are_documented(site: Path) -> None:
     import dirmusic
 
     anchors = page(site / "reference" / "dirmusic.html").anchors
     assert [name for name in dirmusic.__all__ if f"dirmusic.{name}" not in anchors] == []
 
 
-def test_what_a_stranger_asks_is_linked_on_the_first_page() -> None:
-    """Where the navigation leads, which is on every page, does not count."""
+def test_first_page_links_main_topics() -> None:
+    """The text itself links them; the navigation, which is on every page, does not count."""
     linked = set(re.findall(r"\]\(([\w/-]+)\.md", (ROOT / "docs" / "index.md").read_text(encoding="utf-8")))
     assert linked >= {"how-to/antenna", "how-to/yard", "how-to/locate", "answers", "reference/cite"}
 
 
-def test_the_pages_are_small(site: Path) -> None:
+def test_site_is_small(site: Path) -> None:
     assert sum(file.stat().st_size for file in site.rglob("*") if file.is_file()) < LARGEST_MB * 1e6
 
 
-def test_a_dead_link_ends_the_build(tmp_path: Path) -> None:
+def test_dead_link_fails_the_build(tmp_path: Path) -> None:
     shutil.copytree(ROOT / "docs", tmp_path / "docs")
     with (tmp_path / "docs" / "index.md").open("a", encoding="utf-8") as first:
         first.write("\n[nowhere](nowhere.md)\n")
