@@ -1,7 +1,7 @@
 """Configure the test processes: no screen, one thread for linear algebra in each, and default signal handling.
 
-Commands started by tests write bytecode, and they react to Ctrl-C even if the caller of the tests ignores it, as a shell
-does for background jobs.
+Commands started by tests write bytecode, and they react to Ctrl-C even if the caller of the tests ignores it, as a
+shell does for background jobs.
 """
 
 import os
