@@ -3,9 +3,11 @@
 import os
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 pytestmark = pytest.mark.whole
 
@@ -18,6 +20,7 @@ env.reset(seed=0)
 env.step(env.action_space.sample())
 print(pdpatrol.__file__)
 """
+LARGEST_CORE_MIB = 440
 FOREIGN = ("envs", "sensing", "robot_models", "missions")
 
 
@@ -97,3 +100,26 @@ def test_wheel_runs_a_mission_in_empty_folder(installed: Path, tmp_path: Path) -
 def test_wheel_holds_two_packages_and_nothing_else(installed: Path) -> None:
     folders = {path.name for path in installed.iterdir() if path.is_dir() and not path.name.endswith(".dist-info")}
     assert folders - {"bin"} == {"dirmusic", "pdpatrol"}
+
+
+def core_distributions() -> set[str]:
+    """Collect the names of the distributions that an installation without extras brings."""
+    found: set[str] = set()
+    waiting = ["pdpatrol"]
+    while waiting:
+        name = waiting.pop()
+        if name not in found:
+            found.add(name)
+            for line in metadata.requires(name) or ():
+                requirement = Requirement(line)
+                if requirement.marker is None or requirement.marker.evaluate({"extra": ""}):
+                    waiting.append(requirement.name.lower())
+    return found
+
+
+def test_core_installation_is_small() -> None:
+    """Files as packed in the wheels of the dependencies; bytecode, which pip adds, is not counted."""
+    names = core_distributions()
+    assert names.isdisjoint({"matplotlib", "pyarrow", "rerun-sdk", "tyro"})
+    files = [file for name in names for file in metadata.files(name) or () if file.suffix != ".pyc"]
+    assert sum(file.size or 0 for file in files) < LARGEST_CORE_MIB * 2**20
