@@ -51,11 +51,26 @@ class JointOptimiser:
         self._scale = np.concatenate([np.ones(n_places), beliefs.spread[n_places:]])
         self._arguments = n_kinds, n_terms, data, nominal, beliefs
         self._known: tuple[FloatArray, Quadratic] | None = None
-        self._before: tuple[float, int] = np.inf, 0
 
     def solve(self, start: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The best state (n_states,), and the Hessian there (n_states, n_states)."""
         from scipy.optimize import minimize  # here, so that a command line help need not wait for it
+
+        last_cost, n_idle = np.inf, 0
+
+        def stop(intermediate_result: OptimizeResult) -> None:
+            """End the iteration where steps gain too little, or several in a row were rejected."""
+            nonlocal last_cost, n_idle
+            cost = float(intermediate_result.fun)
+            if cost == last_cost:
+                n_idle += 1
+            elif last_cost - cost < LEAST_GAIN * cost:
+                raise StopIteration
+            else:
+                n_idle = 0
+            if n_idle >= MOST_IDLE:
+                raise StopIteration
+            last_cost = cost
 
         found = minimize(
             lambda x: self._at(x).cost,
@@ -63,7 +78,7 @@ class JointOptimiser:
             method="trust-exact",
             jac=lambda x: self._scale * self._at(x).gradient,
             hess=lambda x: np.multiply.outer(self._scale, self._scale) * self._at(x).hessian,
-            callback=self._stop,
+            callback=stop,
             options={"maxiter": MOST_STEPS, "initial_trust_radius": 10.0, "max_trust_radius": 1000.0},
         )
         best = np.asarray(found.x, dtype=np.float64)
@@ -84,15 +99,3 @@ class JointOptimiser:
         if self._known is None or not np.array_equal(self._known[0], x):
             self._known = x.copy(), evaluate(self._scale * x, *self._arguments)
         return self._known[1]
-
-    def _stop(self, intermediate_result: OptimizeResult) -> None:
-        """End where steps gain nothing any more, or are not taken."""
-        cost, n_idle = float(intermediate_result.fun), 0
-        last, before = self._before
-        if cost == last:
-            n_idle = before + 1
-        elif last - cost < LEAST_GAIN * cost:
-            raise StopIteration
-        if n_idle >= MOST_IDLE:
-            raise StopIteration
-        self._before = cost, n_idle

@@ -10,6 +10,7 @@ from dirmusic import ArrayModel, ElementSpread, GainManifold, PoseError, PulseBa
 from dirmusic.array.pattern_table import as_boresights
 from dirmusic.locating.fitting.joint_fix import ROBUST_SCALE, locate_jointly
 from dirmusic.locating.fitting.joint_kernels import Beliefs, Explained, Linear, NominalArray, evaluate, linearise
+from dirmusic.locating.fitting.joint_optimiser import JointOptimiser
 from dirmusic.locating.fitting.pattern_deviation import N_HARMONICS, N_TERMS
 
 FloatArray = NDArray[np.float64]
@@ -149,3 +150,22 @@ def test_two_sources_and_the_errors_of_the_array_are_found_together() -> None:
     square = np.einsum("ki,kij,kj->k", miss_m, np.linalg.inv(fix.covariances_m2), miss_m)
     assert square.max() < 6.0
     np.testing.assert_allclose(fix.errors.mean.pointing_rad, truth[12:18], atol=0.01)
+
+
+def test_second_solve_equals_a_fresh_one() -> None:
+    """No state of the optimiser outlives a solve: what it did before does not stop it early."""
+    array = ArrayModel(manifold=TILTED, positions_m=RING_M, spread=SPREAD)
+    weight = np.full((40, 6), 50.0)
+    data = Explained(POSE, SOURCE, weight, modelled(STATE, weight), np.full(40, 3.0))
+    far = STATE.copy()
+    far[:6] += [1.5, -1.0, 0.3, -1.0, 2.0, 0.3]
+
+    def optimiser() -> JointOptimiser:
+        return JointOptimiser(data, array, BELIEFS, n_kinds=3, n_places=6, n_terms=N_TERMS)
+
+    used = optimiser()
+    used.solve(STATE)
+    again, hessian = used.solve(far)
+    fresh, fresh_hessian = optimiser().solve(far)
+    np.testing.assert_array_equal(again, fresh)
+    np.testing.assert_array_equal(hessian, fresh_hessian)
