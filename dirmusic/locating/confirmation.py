@@ -125,8 +125,8 @@ def presence(
     is_clear = is_near & (left >= 10 ** (-rules.sight_loss_db / 20))
     surest_first = (is_clear.all(axis=0), is_clear[LIKELIEST_HEIGHT], is_clear.any(axis=0))
     is_near = next((seen for seen in surest_first if seen.any()), surest_first[-1])
-    time_s = record.pulses.time_s
-    second = np.floor(time_s - np.floor(time_s.min())).astype(np.intp)
+    time_s, elapsed_s = record.pulses.time_s, record.elapsed_s
+    second = np.floor(elapsed_s - np.floor(elapsed_s.min())).astype(np.intp)
     is_present = _marked(second[may_be], second)
     is_hidden = _marked(second[is_too_weak], second) & ~is_present
     is_observed = _marked(second[is_near[record.place]], second) & ~is_hidden

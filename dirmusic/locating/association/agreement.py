@@ -39,7 +39,7 @@ def disagreement(record: PulseRecord, rows: Rows, finding: Finding, errors: Elem
     expected, noise_rad2 = expect_bearings(record, rows, finding), np.square(record.pulses.std_rad[rows])
     offset_rad = difference(bearing_rad, expected.bearing_rad)
     common_rad2 = np.square(std_rad) - noise_rad2 + expected.position_rad2 + expected.elevation_rad2
-    visit = (record.pulses.time_s[rows] // VISIT_S).astype(np.intp) * len(record.places_m) + record.place[rows]
+    visit = (record.elapsed_s[rows] // VISIT_S).astype(np.intp) * len(record.places_m) + record.place[rows]
     _, group = np.unique(visit, return_inverse=True)
     of_group = np.bincount(group, 1.0 / noise_rad2)
     mean_rad = np.bincount(group, offset_rad / noise_rad2) / of_group

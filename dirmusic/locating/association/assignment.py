@@ -238,7 +238,7 @@ class Assigner:
         """Which of the pulses that may be other paths of confirmed findings are too many for that, shape (n,)."""
         number = np.append(np.where(confirmed, np.cumsum(confirmed) - 1, -1), -1)  # of confirmed ones alone
         return too_many_for_echoes(
-            self._record.pulses.time_s,
+            self._record.elapsed_s,
             self._record.pulses.azimuth_rad + self._record.pose[:, 2],
             is_echo & ~self._record.is_from_above,
             number[np.maximum(owner, -1)],

@@ -43,7 +43,7 @@ def too_many_for_echoes(
     """
     if n_sources == 0 or not is_suspect.any():
         return np.zeros(time_s.size, dtype=np.bool_)
-    window = (time_s // WINDOW_S).astype(np.intp)
+    window = np.unique(time_s // WINDOW_S, return_inverse=True)[1]  # empty windows say nothing, and may be many
     n_windows, n_sectors = int(window.max()) + 1, round(2 * np.pi / SECTOR_RAD)
     rows = np.flatnonzero(is_suspect)
     cell = window[rows] * n_sectors

@@ -126,6 +126,7 @@ class PulseRecord:
         self.listened_s = np.empty(0)
         self.aperture_m = float(np.linalg.norm(array.positions_m[:, :2], axis=-1).max())
         self.sight = SightLines(sight)
+        self._origin_s: float | None = None
         self._std_rad: FloatArray = np.empty(0)
         self._group: Rows = np.empty(0, dtype=np.intp)
         self._repeat: Rows = np.empty(0, dtype=np.intp)
@@ -144,10 +145,20 @@ class PulseRecord:
         """So many of the first pulses are measured as they were when they were last asked for; see `LocalLevels`."""
         return self._levels.n_settled
 
+    @property
+    def elapsed_s(self) -> FloatArray:
+        """Time of each pulse since the whole second of the first detection, shape (n,); windows are counted from it."""
+        return self.pulses.time_s - (self._origin_s or 0.0)
+
     def extend(self, detections: Sequence[Detections]) -> None:
         """Add what was detected from some poses, in their order; pulses get the time of their pose."""
+        if not detections:
+            return
+        if self._origin_s is None:
+            self._origin_s = float(np.floor(detections[0].time_s))
+        origin_s = self._origin_s
         places = [self._place_of(pose) for _, pose, _ in detections]
-        self._listen([detected.time_s for detected in detections], places)
+        self._listen([detected.time_s for detected in detections], places, origin_s)
         n_each = [detected.pulses.n_pulses for detected in detections]
         if not any(n_each):
             return
@@ -158,7 +169,7 @@ class PulseRecord:
         variance = pulses.std_rad**2 + self._bearing_errors.std(pulses.azimuth_rad) ** 2
         std_rad = np.sqrt(variance + self.pose_error.heading_rad**2)
         bearing_rad = pulses.azimuth_rad + pose[:, 2]
-        group, repeat = self._grouped(time_s, place, pose[:, 2], bearing_rad)
+        group, repeat = self._grouped(time_s - origin_s, place, pose[:, 2], bearing_rad)
         elevation_rad, off_plane = np.zeros(time_s.size), np.flatnonzero(pulses.misfit > MOST_IN_PLANE)
         if off_plane.size:
             misfits = misfits_in_space(pulses.take(off_plane), self.array.manifold)
@@ -168,15 +179,15 @@ class PulseRecord:
         self.pose, self.place, self.elevation_rad, self._group, self._repeat, self._std_rad = columns[:6]
         self.pulses = PulseBatch(*columns[6:])
         norm_v = np.linalg.norm(pulses.strengths_v * pulses.is_usable, axis=-1)
-        self._levels.extend(time_s, bearing_rad, 20 * np.log10(norm_v))
+        self._levels.extend(time_s - origin_s, bearing_rad, 20 * np.log10(norm_v))
 
-    def _listen(self, times_s: Sequence[float], places: Sequence[int]) -> None:
+    def _listen(self, times_s: Sequence[float], places: Sequence[int], origin_s: float) -> None:
         """Note one place of the array for each second."""
         last_s = float(self.listened_s[-1]) if self.listened_s.size else -np.inf
         seconds, listened = list[float](), list[int]()
         for time_s, place in zip(times_s, places, strict=True):
             if time_s >= last_s + 1.0:
-                last_s = float(np.floor(time_s))
+                last_s = origin_s + float(np.floor(time_s - origin_s))
                 seconds.append(last_s)
                 listened.append(place)
         self.listened = np.append(self.listened, np.array(listened, dtype=np.intp))
@@ -191,16 +202,16 @@ class PulseRecord:
         return self._cells[cell]
 
     def _grouped(
-        self, time_s: FloatArray, place: Rows, yaw_rad: FloatArray, bearing_rad: FloatArray
+        self, elapsed_s: FloatArray, place: Rows, yaw_rad: FloatArray, bearing_rad: FloatArray
     ) -> tuple[Rows, Rows]:
         """The group of each pulse, and how many were in it before; arguments and results of shape (n,).
 
         The pulses of a group came from one place, heading and direction, within the time in which poses err alike.
         """
-        window = time_s // max(self.pose_error.correlation_s, LEAST_CORRELATION_S)
+        window = elapsed_s // max(self.pose_error.correlation_s, LEAST_CORRELATION_S)
         sector = bearing_rad % (2 * np.pi) // DIRECTION_RAD
         keys: list[list[int]] = np.stack([window, place, yaw_rad // HEADING_RAD, sector], axis=-1).astype(int).tolist()
-        group, repeat = np.empty((2, time_s.size), dtype=np.intp)
+        group, repeat = np.empty((2, elapsed_s.size), dtype=np.intp)
         for k, key in enumerate(keys):
             number = self._groups.setdefault(tuple(key), len(self._groups))
             if number == len(self._n_in_group):

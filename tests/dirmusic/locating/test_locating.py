@@ -280,3 +280,68 @@ def test_pulses_much_weaker_than_their_range_says_are_taken_for_ghosts_and_left_
         locator.update(40.0 + 0.1 * k, np.array([25.0, 15.0, 0.0]), pulses_of(a))
     (after,) = locator.refit(50.0)
     assert after.n_bearings <= 500  # those of the arc
+
+
+STEP_S = 0.125  # exact in binary at every origin below
+
+
+def survey(origin_s: float, turn_rad: float = 0.0, shift_m: ArrayLike = (0.0, 0.0)) -> tuple[Finding, ...]:
+    """Drive around a source near a wall, from a start time and in a yard that is rotated and moved."""
+    cos, sin = np.cos(turn_rad), np.sin(turn_rad)
+    rotation = np.array([[cos, -sin], [sin, cos]])
+
+    def wall(points: np.ndarray, target: np.ndarray, ignore_m: float) -> np.ndarray:
+        local = [(np.atleast_2d(place)[:, :2] - shift_m) @ rotation for place in (points, target)]
+        return np.where((local[0][:, 1] - 5.0) * (local[1][0, 1] - 5.0) < 0, 0.3, 1.0)
+
+    rng, locator = np.random.default_rng(12), make_locator(fence_m=None, sight=wall)
+    errors = ElementErrors(
+        gain=rng.normal(0, 0.05, 6), pointing_rad=rng.normal(0, np.radians(2.0), 6), offset=np.zeros(6)
+    )
+    real = errors.correct(NOMINAL)
+    path = np.concatenate([around((0.0, 2.0), 3.0, 180, 360, 200), around((0.0, 8.0), 3.0, -60, 60, 100)])
+    for k, place in enumerate(path):
+        sources = ((0.0, 2.0), (0.0, 8.0), (4.0, 6.0))[: 1 + 2 * (k >= 100)]
+        sight = np.array(sources) - place
+        gain = real.gain(np.arctan2(sight[:, 1], sight[:, 0]) - 0.03 * k)
+        strengths = np.abs(0.8 / np.linalg.norm(sight, axis=-1) * gain + rng.normal(0, NOISE_V, (6, len(sources)))).T
+        pose = np.array([*(rotation @ place + shift_m), 0.03 * k + turn_rad])
+        update(locator, origin_s + STEP_S * k, pose, pulses_of(np.repeat(strengths, 2, axis=0)))
+    return locator.refit(origin_s + STEP_S * len(path))
+
+
+def test_findings_do_not_depend_on_the_time_origin() -> None:
+    at_zero = survey(0.0)
+    assert "confirmed" in {finding.state for finding in at_zero}
+    for origin_s in (-1000.0, 7.0, 1.7e9):
+        shifted = survey(origin_s)
+        assert [(f.id, f.state, f.n_bearings) for f in shifted] == [(f.id, f.state, f.n_bearings) for f in at_zero]
+        for finding, expected in zip(shifted, at_zero, strict=True):
+            np.testing.assert_allclose(finding.position_m, expected.position_m, atol=1e-5)
+            np.testing.assert_allclose(finding.covariance_m2, expected.covariance_m2, rtol=1e-3, atol=1e-9)
+            assert finding.first_detected_s == expected.first_detected_s + origin_s
+            assert finding.last_detected_s == expected.last_detected_s + origin_s
+            assert expected.fixed_s is None or finding.fixed_s == expected.fixed_s + origin_s
+
+
+@pytest.mark.parametrize(
+    ("turn_deg", "shift_m", "tolerance_m"),
+    [(90.0, (-12.25, 40.0), 1e-4), (180.0, (7.0, 5.5), 1e-4), (37.0, (-12.3, 40.1), 0.03)],
+)
+def test_findings_follow_a_rigid_motion_of_the_yard(
+    turn_deg: float, shift_m: tuple[float, float], tolerance_m: float
+) -> None:
+    """Findings move with the yard: exactly where cells and sectors of the world frame map onto themselves."""
+    turn_rad = np.radians(turn_deg)
+    rotation = np.array([[np.cos(turn_rad), -np.sin(turn_rad)], [np.sin(turn_rad), np.cos(turn_rad)]])
+    before, after = survey(0.0), survey(0.0, turn_rad, shift_m)
+    assert len(before) == len(after) == 3
+    for finding in before:
+        expected_m = rotation @ finding.position_m[:2] + shift_m
+        moved = min(after, key=lambda other: float(np.linalg.norm(other.position_m[:2] - expected_m)))
+        np.testing.assert_allclose(moved.position_m[:2], expected_m, atol=tolerance_m)
+        assert moved.state == finding.state
+        if tolerance_m < 1e-3:
+            turned_m2 = rotation @ finding.covariance_m2[:2, :2] @ rotation.T
+            np.testing.assert_allclose(moved.covariance_m2[:2, :2], turned_m2, rtol=0.01, atol=1e-8)
+            assert moved.position_m[2] == pytest.approx(finding.position_m[2], abs=1e-3)

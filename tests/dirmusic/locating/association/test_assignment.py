@@ -1,5 +1,6 @@
 """Which pulse belongs to which finding: direction, strength over range, and what the map obstructs."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -234,3 +235,13 @@ def test_pulses_are_echoes_of_a_finding_only_in_so_far_as_its_own_are_missing(is
 def test_a_source_whose_rate_is_not_known_may_have_any_number_of_echoes() -> None:
     suspects, nobody = np.ones(50, dtype=np.bool_), np.full(50, -1)
     assert not too_many_for_echoes(np.zeros(50), np.zeros(50), suspects, nobody, 1).any()
+
+
+def test_echo_count_does_not_need_memory_for_the_time_origin() -> None:
+    suspects, owner = np.ones(50, dtype=np.bool_), np.full(50, -1)
+    tracemalloc.start()
+    for origin_s in (-1e6, 1e7):
+        too_many_for_echoes(origin_s + np.arange(50.0), np.zeros(50), suspects, owner, 1)
+    peak_bytes = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak_bytes < 1e6
