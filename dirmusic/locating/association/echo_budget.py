@@ -28,8 +28,11 @@ def too_many_for_echoes(
     r"""Which pulses came from one direction in greater number than there can be echoes of known sources.
 
     Source k, of which :math:`\lambda_k` pulses are due in a window and :math:`n_k` came on the straight path, leaves
-    :math:`b = \sum_k \max(\lambda_k - n_k, 0)` echoes at most; :math:`n > b + 3 \sqrt{b}` pulses of one sector are not
-    all echoes, so another source is among them.
+    :math:`b = \sum_k \max(\lambda_k - n_k, 0)` echoes at most; :math:`n > b + 3 \sqrt{b + 1}` pulses of one sector are
+    not all echoes, so another source is among them.
+
+    The number of echoes is a Poisson number of mean b at most. The 1 keeps its tail below 0.4 % where b is small: with
+    :math:`\sqrt{b}`, one stray pulse would be another source at b = 0, and one window in 100 would have one at b = 0.1.
 
     Args:
         time_s: Of each pulse, shape (n,).

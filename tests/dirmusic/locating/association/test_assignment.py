@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import poisson
 
 from dirmusic import ArrayModel, GainManifold
 from dirmusic.array.element_errors import ElementErrors, ElementSpread
@@ -245,3 +246,17 @@ def test_echo_count_does_not_need_memory_for_the_time_origin() -> None:
     peak_bytes = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak_bytes < 1e6
+
+
+@pytest.mark.parametrize(("n_missing", "most"), [(0, 3), (3, 9), (8, 17)])
+def test_echoes_are_too_many_beyond_three_poisson_deviations(n_missing: int, most: int) -> None:
+    """n > b + 3 sqrt(b + 1) with b pulses missing; the tail of the Poisson law stays below 0.4 % for every b."""
+    for n_echoes in (most, most + 1):
+        n_direct = 20 - n_missing
+        time_s = np.concatenate([np.repeat([2.0, 7.0, 12.0], 20), np.full(n_direct + n_echoes, 17.0)])
+        is_suspect = np.arange(time_s.size) >= 60 + n_direct
+        bearing_rad, owner = np.where(is_suspect, 1.2, 0.0), np.where(is_suspect, -1, 0)
+        too_many = too_many_for_echoes(time_s, bearing_rad, is_suspect, owner, 1)
+        np.testing.assert_array_equal(too_many, is_suspect & (n_echoes > most))
+    mean = np.linspace(0.0, 50.0, 2001)
+    assert poisson.sf(np.floor(mean + 3.0 * np.sqrt(mean + 1.0)), mean).max() < 0.004
