@@ -34,8 +34,8 @@ class Finding:
         level_db: Strength that its louder pulses would have 1 m away, dB over 1 V; NaN until it was detected in sight.
 
     Raises:
-        ValueError: If position or covariance are not finite, of another shape, or the covariance is not positive
-            definite.
+        ValueError: If the id is below 1, if position or covariance are not finite or of another shape, or if the
+            covariance is not positive definite.
     """
 
     id: int
@@ -51,7 +51,9 @@ class Finding:
     level_db: float
 
     def __post_init__(self) -> None:
-        """Refuse a position or a covariance that nothing can be done with."""
+        """Refuse an id below 1, which would be read as "no finding", and impossible positions and covariances."""
+        if self.id < 1:
+            raise ValueError(f"finding: `id` must be at least 1, got {self.id}")
         for name, shape in (("position_m", (3,)), ("covariance_m2", (3, 3))):
             value = getattr(self, name)
             if np.shape(value) != shape or not np.isfinite(value).all():

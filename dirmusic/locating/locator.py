@@ -128,7 +128,7 @@ class Locator:
         distinct = self.findings
         if always or are_worth_a_fit(supports, self._fitted):
             self._fitted = supports
-            distinct = self._merged(self._fit(assignment))
+            distinct = merge_findings(self._fit(assignment), self.rules.merge_m)
             assignment = self._assigner.assign(distinct, self._errors)
         self.findings = self._with_states(distinct, assignment, time_s)
         return self.findings
@@ -273,11 +273,15 @@ class Locator:
             return finding.position_m
         return self._record.rough_crossing(evenly(rows, self.rules.max_pulses), self._errors)
 
-    def _merged(self, moved: Sequence[Finding]) -> list[Finding]:
-        """Findings that are not nearer than `merge_m` to one with a lower id."""
-        distinct: list[Finding] = []
-        for finding in moved:
-            apart_m = [np.linalg.norm((finding.position_m - other.position_m)[:2]) for other in distinct]
-            if not apart_m or min(apart_m) > self.rules.merge_m:
-                distinct.append(finding)
-        return distinct
+
+def merge_findings(findings: Iterable[Finding], merge_m: float) -> list[Finding]:
+    """Drop every finding that lies within `merge_m` of a confirmed one, or else of one with a lower id.
+
+    Distances are on plan. The others keep the order of their ids.
+    """
+    distinct: list[Finding] = []
+    for finding in sorted(findings, key=lambda one: (one.state != "confirmed", one.id)):
+        apart_m = [np.linalg.norm((finding.position_m - other.position_m)[:2]) for other in distinct]
+        if not apart_m or min(apart_m) > merge_m:
+            distinct.append(finding)
+    return sorted(distinct, key=lambda one: one.id)

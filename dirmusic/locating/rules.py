@@ -108,7 +108,8 @@ class LocatingRules:
         ghost_detection_rate: A candidate with a smaller share is a ghost.
         ghost_observed_s: The share counts against a candidate once it is of so many seconds at least.
         ghost_silent_s: A candidate from which nothing came in so many seconds near it and in sight of it, one after the
-            other, is a ghost as well, or discharges no more; what comes from there later is another candidate.
+            other, is a ghost as well, or discharges no more; pulses that come from there later bring it back under
+            the same id.
         ghost_semi_major_m: The share counts against a candidate whose 95 % ellipse is no longer than this: else the
             candidate may be elsewhere.
         least_range_m: A finding that is known as well as confirmed ones, and nearer than this to where the middle of

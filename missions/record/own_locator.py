@@ -16,7 +16,7 @@ from pdpatrol.envs.foreign_code import ForeignCodeError, calling, load_object, p
 FloatArray = NDArray[np.float64]
 
 LOCATOR = "a Locator: MyLocator(array, pose_error, fence_m=, rules=, sight=) with update, refit and association"
-FINDINGS = "a tuple of dirmusic.Finding, with ids that differ"
+FINDINGS = "a tuple of dirmusic.Finding, with ids from 1 on that differ"
 
 
 class OwnLocator:

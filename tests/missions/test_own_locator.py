@@ -91,6 +91,8 @@ def test_an_own_locator_gets_the_rules_that_the_scenario_sets(tmp_path: Path) ->
             "position_m=np.append(pose[:2], np.nan)",
             "finding 7: `position_m` must be finite",
         ),
+        ("id=7", "id=0", "`id` must be at least 1, got 0"),
+        ("id=7", "id=-1", "`id` must be at least 1, got -1"),
         ("            )\n        return", "            ) * 2\n        return", "gave the ids [7, 7]"),
         ("np.full(self.n,", "np.full(3,", "association gave int64 of shape (3,); expected an integer for each of"),
         ("np.full(self.n, 7", "np.full(self.n, 9", "association gave 9; expected an integer for each of"),

@@ -1,5 +1,7 @@
 """A finding is a position that something can be done with."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -28,6 +30,12 @@ def test_a_position_or_covariance_that_cannot_be_is_refused(
 ) -> None:
     with pytest.raises(ValueError, match=f"finding 3: `{fault}"):
         finding(np.array(position), covariance)
+
+
+@pytest.mark.parametrize("number", [0, -1])
+def test_an_id_below_one_is_refused(number: int) -> None:
+    with pytest.raises(ValueError, match=f"`id` must be at least 1, got {number}"):
+        replace(finding(np.zeros(3), np.eye(3)), id=number)
 
 
 def test_a_longer_ellipse_has_a_longer_half_axis() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dirmusic import ArrayModel, ElementSpread, Finding, GainManifold, Locator, PoseError, PulseBatch
+from dirmusic import ArrayModel, ElementSpread, GainManifold, Locator, PoseError, PulseBatch
 from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
 from dirmusic.locating.association.sight_lines import Sight
 
@@ -78,12 +78,21 @@ def everything_in_sight(places_m: np.ndarray, target_m: np.ndarray, within_m: fl
 
 
 def test_a_candidate_that_falls_silent_near_by_is_a_ghost_and_one_far_away_is_not() -> None:
-    states = [listen_in_silence(np.array([distance_m, 0.0, 0.0])).state for distance_m in (3.0, 15.0)]
+    states = [listen_in_silence(np.array([distance_m, 0.0, 0.0])).findings[0].state for distance_m in (3.0, 15.0)]
     assert states == ["ghost", "candidate"]
 
 
-def listen_in_silence(from_m: np.ndarray) -> Finding:
-    """A candidate that is heard from one side for a while, and then not from near by or far away."""
+def test_silent_ghost_that_is_detected_again_keeps_its_id() -> None:
+    locator, rng, pose = listen_in_silence(np.array([3.0, 0.0, 0.0])), np.random.default_rng(1), np.array([13.0, 10, 0])
+    (ghost,) = locator.findings
+    for k in range(20):
+        locator.update(30.0 + 0.1 * k, pose, hear(pose, np.array([10.0, 10.0, 1.5]), np.ones(6), rng))
+    (finding,) = locator.findings
+    assert (ghost.state, finding.state, finding.id) == ("ghost", "confirmed", ghost.id)
+
+
+def listen_in_silence(from_m: np.ndarray) -> Locator:
+    """Detect a candidate from one side for a while, and then nothing from near by or far away."""
     rng, source_m = np.random.default_rng(0), np.array([10.0, 10.0, 1.5])
     locator = Locator(ARRAY, PoseError(position_m=0.0, heading_rad=0.0, correlation_s=1.0), sight=everything_in_sight)
     for k in range(60):
@@ -92,4 +101,4 @@ def listen_in_silence(from_m: np.ndarray) -> Finding:
     assert locator.findings[0].state == "candidate"
     for k in range(60, 300):
         locator.update(0.1 * k, np.array([10.0, 10.0, 0.0]) + from_m, PulseBatch.none(6))
-    return locator.findings[0]
+    return locator

@@ -22,6 +22,8 @@ from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
 from dirmusic.locating.association.sight_lines import Sight
 from dirmusic.locating.credibility import is_credible
 from dirmusic.locating.ellipse import is_inside95
+from dirmusic.locating.finding import State
+from dirmusic.locating.locator import merge_findings
 from dirmusic.locating.rules import CredibilityRules, LocatingRules
 
 NOMINAL = GainManifold.ring(6)
@@ -345,3 +347,26 @@ def test_findings_follow_a_rigid_motion_of_the_yard(
             turned_m2 = rotation @ finding.covariance_m2[:2, :2] @ rotation.T
             np.testing.assert_allclose(moved.covariance_m2[:2, :2], turned_m2, rtol=0.01, atol=1e-8)
             assert moved.position_m[2] == pytest.approx(finding.position_m[2], abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("states", "kept"),
+    [
+        (("ghost", "confirmed", "candidate"), [2]),
+        (("candidate", "ghost", "confirmed"), [3]),
+        (("confirmed", "confirmed", "ghost"), [1]),
+        (("ghost", "candidate", "outside"), [1]),
+    ],
+)
+def test_merging_keeps_the_confirmed_finding_or_the_lowest_id(states: tuple[State, ...], kept: list[int]) -> None:
+    findings = [
+        Finding(
+            id=number, state=state, position_m=np.array([0.4 * number, 0.0, 1.5]), covariance_m2=0.01 * np.eye(3),
+            n_bearings=9, first_detected_s=0.0, last_detected_s=1.0, fixed_s=None, aperture_rad=1.0, nearest_m=3.0,
+            level_db=0.0,
+        )
+        for number, state in enumerate(states, start=1)
+    ]  # fmt: skip
+    assert [finding.id for finding in merge_findings(findings, 1.0)] == kept
+    apart = [replace(finding, position_m=2.0 * finding.id * np.ones(3)) for finding in findings]
+    assert merge_findings(apart, 1.0) == apart

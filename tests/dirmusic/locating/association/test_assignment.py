@@ -250,7 +250,7 @@ def test_echo_count_does_not_need_memory_for_the_time_origin() -> None:
 
 @pytest.mark.parametrize(("n_missing", "most"), [(0, 3), (3, 9), (8, 17)])
 def test_echoes_are_too_many_beyond_three_poisson_deviations(n_missing: int, most: int) -> None:
-    """n > b + 3 sqrt(b + 1) with b pulses missing; the tail of the Poisson law stays below 0.4 % for every b."""
+    """N > b + 3 sqrt(b + 1) with b pulses missing; the tail of the Poisson law stays below 0.4 % for every b."""
     for n_echoes in (most, most + 1):
         n_direct = 20 - n_missing
         time_s = np.concatenate([np.repeat([2.0, 7.0, 12.0], 20), np.full(n_direct + n_echoes, 17.0)])
