@@ -18,7 +18,7 @@ PLAIN = {"fc": "white", "ec": "none", "pad": 1.5}
 
 
 def main() -> None:
-    """Write the picture beside this file."""
+    """Write the picture next to this file."""
     plt.rcParams["svg.hashsalt"] = "frames"
     figure, axes = plt.subplots(figsize=(8.0, 6.2), layout="constrained")
     axes.set(xlim=(-1.2, 12.6), ylim=(-1.0, 9.6), aspect="equal")
@@ -47,12 +47,12 @@ def main() -> None:
 
 
 def unit(angle_deg: float) -> np.ndarray:
-    """The direction of an angle, counter-clockwise from x."""
+    """Return the unit vector at an angle, counter-clockwise from x."""
     return np.array([np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))])
 
 
 def arrow(axes: Axes, start: np.ndarray, angle_deg: float, length: float, colour: str, name: str) -> None:
-    """An axis of a frame."""
+    """Draw an axis of a frame."""
     end = start + length * unit(angle_deg)
     axes.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 2, "shrinkA": 0})
     axes.text(
@@ -66,7 +66,7 @@ def arrow(axes: Axes, start: np.ndarray, angle_deg: float, length: float, colour
 
 
 def angle(axes: Axes, start_deg: float, end_deg: float, radius: float, colour: str, name: str, at_deg: float) -> None:
-    """An angle at the robot, counter-clockwise."""
+    """Draw an angle at the robot, counter-clockwise."""
     axes.add_patch(Arc(tuple(ROBOT_M), 2 * radius, 2 * radius, theta1=start_deg, theta2=end_deg, color=colour, lw=1.8))
     tip = ROBOT_M + radius * unit(end_deg)
     axes.annotate("", tip, tip - 0.02 * unit(end_deg + 90.0), arrowprops={"arrowstyle": "-|>", "color": colour})

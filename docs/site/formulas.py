@@ -1,7 +1,7 @@
-"""Formulas of pages and docstrings as MathML, which a browser draws without a script.
+"""Convert formulas in pages and docstrings to MathML, which browsers render without a script.
 
-As in docstrings, a formula begins with `.. math::` and goes on over the lines that are indented deeper; one
-within a line stands between backticks after `:math:`.
+A displayed formula begins with `.. math::` and continues over the lines that are indented deeper; an inline formula
+stands between backticks after `:math:`.
 """
 
 import re
@@ -15,14 +15,14 @@ from markdown.preprocessors import Preprocessor
 FORMULA = re.compile(r"^(?P<indent> *)\.\. math::(?P<latex>.*(?:\n(?:[ \t]*\n)?(?P=indent) +\S.*)*)", re.MULTILINE)
 IN_LINE = re.compile(r":math:`([^`]+)`")
 BEFORE_CODE = 26
-"""Python-Markdown's priority for what comes before fenced code."""
+"""Priority in Python-Markdown; higher than that of fenced code."""
 
 
 class Formulas(Preprocessor):
-    """Draws formulas."""
+    """Converts the formulas of a page."""
 
     def run(self, lines: list[str]) -> list[str]:
-        """The lines of a page, its formulas drawn."""
+        """Return the lines of a page with its formulas converted."""
         drawn = FORMULA.sub(
             lambda found: f"{found['indent']}{self._drawn(found['latex'], 'block')}\n", "\n".join(lines)
         )
@@ -34,13 +34,13 @@ class Formulas(Preprocessor):
 
 
 class FormulaExtension(Extension):
-    """Formulas in Markdown."""
+    """Markdown extension for formulas."""
 
     def extendMarkdown(self, md: Markdown) -> None:
-        """Register what draws formulas."""
+        """Register the preprocessor."""
         md.preprocessors.register(Formulas(md), "formulas", BEFORE_CODE)
 
 
 def makeExtension() -> FormulaExtension:
-    """The extension, for Python-Markdown."""
+    """Return the extension; Python-Markdown calls this."""
     return FormulaExtension()

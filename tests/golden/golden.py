@@ -42,7 +42,7 @@ LEVELS = (
 )
 
 
-class Case(NamedTuple):
+class GoldenCase(NamedTuple):
     """One mission: a shipped scenario, `random` or a yard of the suite, with its seed and policy."""
 
     scenario: str
@@ -50,21 +50,21 @@ class Case(NamedTuple):
     policy: str
 
 
-def cases() -> Iterator[Case]:
+def cases() -> Iterator[GoldenCase]:
     """Yield the sixty missions in a fixed order."""
     for number, name in enumerate(SHIPPED):
-        yield Case(name, 100 + number, "seek")
-        yield Case(name, 200 + number, "seek" if number % 3 else "active")
+        yield GoldenCase(name, 100 + number, "seek")
+        yield GoldenCase(name, 200 + number, "seek" if number % 3 else "active")
     for number, policy in enumerate(("patrol", "oracle", "random", "active")):
-        yield Case("transformer_bay", 300 + number, policy)
+        yield GoldenCase("transformer_bay", 300 + number, policy)
     for seed in range(16):
-        yield Case("random", 500 + seed, "active" if seed % 4 == 3 else "seek")
+        yield GoldenCase("random", 500 + seed, "active" if seed % 4 == 3 else "seek")
     for number, level in enumerate(LEVELS):
-        yield Case(f"suite/{level}_02", 700 + number, "seek")
-        yield Case(f"suite/{level}_05", 800 + number, "seek")
+        yield GoldenCase(f"suite/{level}_02", 700 + number, "seek")
+        yield GoldenCase(f"suite/{level}_05", 800 + number, "seek")
 
 
-def run(case: Case) -> dict[str, Any]:
+def run(case: GoldenCase) -> dict[str, Any]:
     """Run one mission and summarise it: confirmed findings with 95 % ellipses, times, and how it ended."""
     from dirmusic.locating.ellipse import ellipse95
     from pdpatrol.envs import load_scenario

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.golden.golden import STORED, Case, cases, run
+from tests.golden.golden import STORED, GoldenCase, cases, run
 
 POSITION_TOLERANCE_M = 0.03
 ELLIPSE_TOLERANCE = 0.1
@@ -31,7 +31,7 @@ def by_position(findings: list[dict[str, Any]]) -> list[dict[str, Any]]:
     ],
 )
 def test_golden_mission_finds_the_same(stored: dict[str, Any]) -> None:
-    now = run(Case(stored["scenario"], stored["seed"], stored["policy"]))
+    now = run(GoldenCase(stored["scenario"], stored["seed"], stored["policy"]))
     assert now["end"] == stored["end"]
     np.testing.assert_allclose(now["sources_m"], stored["sources_m"], atol=1e-6)
     np.testing.assert_allclose(now["duration_s"], stored["duration_s"], atol=TIME_TOLERANCE_S)
