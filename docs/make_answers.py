@@ -1,7 +1,7 @@
-"""Put what stored sweeps came to into README.md and answers.md: tables between their marks, and pictures.
+"""Insert tables of stored sweeps into README.md and answers.md between their marks, and draw the figures.
 
-uv run python docs/make_answers.py          # tables and pictures
-uv run python docs/make_answers.py --check  # changes nothing; exit status 1 if a table is not what it should be
+uv run python docs/make_answers.py          # tables and figures
+uv run python docs/make_answers.py --check  # changes nothing; exit status 1 if a table is out of date
 """
 
 from __future__ import annotations
@@ -9,182 +9,123 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import pyarrow as pa
-import pyarrow.compute as pc
 
+from pdpatrol.missions.sweep.analysis import ALL, summarise_groups
 from pdpatrol.missions.sweep.dataset import Dataset, read_all
-from pdpatrol.missions.sweep.results.figures import (
-    draw_errors,
-    draw_found_over_time,
-    draw_over_setting,
-    groups,
-    label_of,
-)
-from pdpatrol.missions.sweep.results.summary import ALL, GroupSummary, summarise_groups
-from pdpatrol.missions.sweep.results.tables import HEADINGS, cells
+from pdpatrol.missions.sweep.figures import draw_errors, draw_found_over_time, draw_over_setting, groups, label_of
+from pdpatrol.missions.sweep.tables import cells, markdown
 
 DOCS = Path(__file__).parent
-STORED = DOCS / "results"
 POLICIES = ("seek", "active", "patrol", "random", "oracle")
-WIDTH_DPI = 110
-RENAMED = {"locating.fix": "locating.solver"}
-"""Settings whose names have changed since the datasets were stored."""
+RENAMED_KEYS = {"locating.fix": "locating.solver"}
+"""Keys of the scenario that have another name now than in the stored sweeps."""
+
+BASIC = ("found (%)", "median error (m)", "in ellipse (%)", "time to confirm (s)", "false")
+QUESTIONS = {
+    "elements": (("array.n_elements",), ("bearing RMSE (deg)", *BASIC)),
+    "methods": (("estimator.method", "locating.solver"), ("bearing RMSE (deg)", *BASIC)),
+    "robots": (("robot.model",), (*BASIC, "path length over shortest", "contacts")),
+    "pose": (("pose_sensor.heading_std_deg", "pose_sensor.position_std_m"), BASIC),
+    "noise": (("receiver.noise_v",), ("bearing RMSE (deg)", *BASIC)),
+    "faults": (("receiver.faults",), ("bearing RMSE (deg)", *BASIC)),
+    "speed": (("robot.max_speed_mps",), (*BASIC, "contacts", "missed")),
+}
+"""Settings that a stored sweep varies, the first on the axis of its figure, and columns of its table."""
 
 
-class Answer(NamedTuple):
-    """A question that a sweep answers.
-
-    Attributes:
-        name: Of its dataset, its marks and its picture.
-        keys: Settings that are varied; the first is the axis of the picture.
-        headings: Figures that its table shows, of `pdpatrol.missions.sweep.results.tables.HEADINGS`.
-    """
-
-    name: str
-    keys: tuple[str, ...]
-    headings: tuple[str, ...]
+def rows_of(name: str) -> pa.Table:
+    """Read a stored dataset, with its settings under their present names."""
+    rows = read_all([Dataset(DOCS / "results" / name)])
+    settings = [
+        json.dumps({RENAMED_KEYS.get(key, key): value for key, value in json.loads(text).items()}, sort_keys=True)
+        for text in rows["settings"].to_pylist()
+    ]
+    return rows.set_column(rows.schema.get_field_index("settings"), "settings", pa.array(settings))
 
 
-USUAL = ("found (%)", "median error (m)", "in ellipse (%)", "time to confirm (s)", "false")
-ANSWERS = (
-    Answer("elements", ("array.n_elements",), ("bearing RMSE (deg)", *USUAL)),
-    Answer("methods", ("estimator.method", "locating.solver"), ("bearing RMSE (deg)", *USUAL)),
-    Answer("robots", ("robot.model",), (*USUAL, "way over shortest", "contacts")),
-    Answer("pose", ("pose_sensor.heading_std_deg", "pose_sensor.position_std_m"), USUAL),
-    Answer("noise", ("receiver.noise_v",), ("bearing RMSE (deg)", *USUAL)),
-    Answer("faults", ("receiver.faults",), ("bearing RMSE (deg)", *USUAL)),
-    Answer("speed", ("robot.max_speed_mps",), (*USUAL, "contacts", "missed")),
-)
-
-
-def rows_of(*names: str) -> pa.Table:
-    """Read the rows of stored datasets, with settings under their present names."""
-    rows = read_all([Dataset(STORED / name) for name in names])
-    column = rows.schema.get_field_index("settings")
-    for old, new in RENAMED.items():
-        rows = rows.set_column(column, "settings", pc.replace_substring(rows["settings"], old, new))
-    return rows
-
-
-def as_one_group(rows: pa.Table) -> pa.Table:
-    """The rows as if all yards were one scenario, so that a setting is summed up over all of them."""
-    for column in ("level", "scenario"):
-        rows = rows.set_column(rows.schema.get_field_index(column), column, pa.array([""] * rows.num_rows))
-    return rows
-
-
-def table(headings: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
-    """As Markdown."""
-    return "".join(f"| {' | '.join(line)} |\n" for line in (headings, ["---"] * len(headings), *lines))
-
-
-def answer_table(answer: Answer) -> str:
-    """A line for each combination of settings."""
+def settings_table(name: str) -> str:
+    """Make a table with a line for each combination of settings, over all yards."""
+    keys, headings = QUESTIONS[name]
     lines: list[list[str]] = []
-    for summary in summarise_groups(as_one_group(rows_of(answer.name))):
-        settings: Mapping[str, Any] = json.loads(summary.settings)
-        named = dict(zip(HEADINGS, cells(summary), strict=True))
-        lines.append([*(label_of(settings[key]) for key in answer.keys), *(named[each] for each in answer.headings)])
-    return table([*(f"`{key}`" for key in answer.keys), *answer.headings], lines)
+    for summary in summarise_groups(rows_of(name), pool=True):
+        settings, texts = json.loads(str(summary["settings"])), cells(summary)
+        lines.append([*(label_of(settings[key]) for key in keys), *(texts[heading] for heading in headings)])
+    return markdown([*(f"`{key}`" for key in keys), *headings], lines)
 
 
 def worth_table() -> str:
-    """What each part that can be swapped is worth: the sweeps over them, one below the other."""
+    """Make a table of the parts that can be exchanged: array, estimator and solver, robot."""
     headings = ("bearing RMSE (deg)", "found (%)", "median error (m)", "time to confirm (s)", "false")
     lines: list[list[str]] = []
     for name in ("elements", "methods", "robots"):
-        for summary in summarise_groups(as_one_group(rows_of(name))):
-            settings: Mapping[str, Any] = json.loads(summary.settings)
-            named = dict(zip(HEADINGS, cells(summary), strict=True))
-            value = ", ".join(f"`{key.rpartition('.')[2]}` {label_of(settings[key])}" for key in sorted(settings))
-            lines.append([value, *(named[each] for each in headings)])
-    return table(["", *headings], lines)
+        for summary in summarise_groups(rows_of(name), pool=True):
+            settings, texts = json.loads(str(summary["settings"])), cells(summary)
+            part = ", ".join(f"`{key.rpartition('.')[2]}` {label_of(settings[key])}" for key in sorted(settings))
+            lines.append([part, *(texts[heading] for heading in headings)])
+    return markdown(["", *headings], lines)
 
 
 def policies_table() -> str:
-    """Policies by levels: share found with its interval."""
-    rows = rows_of("policies")
-    by = {(summary.group, summary.policy): summary for summary in summarise_groups(rows)}
-    levels = list(dict.fromkeys(rows["level"].to_pylist()))
-    lines = [
-        [level, *(found(by[level, policy]) for policy in POLICIES)] for level in [*levels, ALL] if level != "quiet"
-    ]
-    more = {
-        "right site (%)": "right site (%)",
-        "median error (m)": "median error (m)",
-        "time to confirm (s)": "time to confirm (s)",
-        "way over shortest": "way over shortest",
-        "false findings": "false",
-        "contacts": "contacts",
-    }
-    for title, heading in more.items():
-        values = [dict(zip(HEADINGS, cells(by[ALL, policy]), strict=True))[heading] for policy in POLICIES]
-        lines.append([f"*all: {title}*", *values])
-    return table(["found (%)", *POLICIES], lines)
-
-
-def found(summary: GroupSummary) -> str:
-    """The share found, with its interval."""
-    return dict(zip(HEADINGS, cells(summary), strict=True))["found (%)"]
+    """Make a table of policies by levels: share found, and below it other figures over all levels."""
+    texts = {(s["group"], s["policy"]): cells(s) for s in summarise_groups(rows_of("policies"))}
+    levels = [level for level in dict.fromkeys(level for level, _ in texts) if level != "quiet"]
+    lines = [[str(level), *(texts[level, policy]["found (%)"] for policy in POLICIES)] for level in levels]
+    for heading in ("right site (%)", "median error (m)", "time to confirm (s)", "path length over shortest", "false",
+                    "contacts"):  # fmt: skip
+        lines.append([f"*all: {heading}*", *(texts[ALL, policy][heading] for policy in POLICIES)])
+    return markdown(["found (%)", *POLICIES], lines)
 
 
 def levels_table() -> str:
-    """All figures of `seek` on the whole public suite."""
-    headings = (*USUAL[:1], "right site (%)", "median error (m)", "95 % below (m)", "in ellipse (%)",
-                "time to confirm (s)", "way over shortest", "OSPA (m)", "false", "contacts", "missed")  # fmt: skip
-    lines: list[list[str]] = []
-    for summary in summarise_groups(rows_of("public")):
-        named = dict(zip(HEADINGS, cells(summary), strict=True))
-        lines.append([summary.group, named["missions"], *(named[each] for each in headings)])
-    return table(["level", "missions", *headings], lines)
+    """Make a table of all figures of `seek` on the public suite."""
+    lines = [list(cells(summary).items()) for summary in summarise_groups(rows_of("public"))]
+    hidden = ("policy", "set", "bearing RMSE (deg)")
+    headings = [heading.replace("scenario or ", "") for heading, _ in lines[0] if heading not in hidden]
+    return markdown(headings, [[text for heading, text in line if heading not in hidden] for line in lines])
 
 
-def texts() -> dict[str, str]:
-    """All that is put between marks, by their names."""
-    made = {"worth": worth_table, "policies": policies_table, "levels": levels_table}
-    return {name: make() for name, make in made.items()} | {each.name: answer_table(each) for each in ANSWERS}
-
-
-def filled(text: str, made: Mapping[str, str]) -> str:
-    """A document with the texts between its marks `<!-- NAME -->` and `<!-- end -->`."""
-    for name, content in made.items():
-        text = re.sub(
-            rf"(<!-- {name} -->\n).*?(<!-- end -->)", lambda m, c=content: f"{m[1]}\n{c}\n{m[2]}", text, flags=re.DOTALL
-        )
-    return text
+def insert(document: str, tables: Mapping[str, str]) -> str:
+    """Replace everything between the marks `<!-- NAME -->` and `<!-- end -->` by the table of that name."""
+    for name, table in tables.items():
+        pattern = rf"(<!-- {name} -->\n).*?(<!-- end -->)"
+        document = re.sub(pattern, lambda m, table=table: f"{m[1]}\n{table}\n{m[2]}", document, flags=re.DOTALL)
+    return document
 
 
 def draw() -> None:
-    """All pictures."""
-    folder = DOCS / "answers"
-    folder.mkdir(exist_ok=True)
-    for answer in ANSWERS:
-        figure = draw_over_setting(rows_of(answer.name).to_pylist(), answer.keys[0])
-        figure.savefig(folder / f"{answer.name}.png", dpi=WIDTH_DPI)
-    public = [row for row in rows_of("public").to_pylist() if row["n_sources"]]
-    draw_errors(groups(public)).savefig(folder / "errors.png", dpi=WIDTH_DPI)
-    draw_found_over_time(groups(public)).savefig(folder / "found_over_time.png", dpi=WIDTH_DPI)
-    policies = [row for row in as_one_group(rows_of("policies")).to_pylist() if row["n_sources"]]
-    draw_found_over_time(groups(policies)).savefig(folder / "policies.png", dpi=WIDTH_DPI)
+    """Draw all figures."""
+    figures = {name: draw_over_setting(rows_of(name).to_pylist(), keys[0]) for name, (keys, _) in QUESTIONS.items()}
+    public, policies = (
+        [row for row in rows_of(name).to_pylist() if row["n_sources"]] for name in ("public", "policies")
+    )
+    figures["errors"] = draw_errors(groups(public))
+    figures["found_over_time"] = draw_found_over_time(groups(public))
+    figures["policies"] = draw_found_over_time(groups(policies))
+    (DOCS / "answers").mkdir(exist_ok=True)
+    for name, figure in figures.items():
+        figure.savefig(DOCS / "answers" / f"{name}.png", dpi=110)
 
 
 def main() -> None:
-    """Make, or check, what is shown."""
-    made, wrong = texts(), list[str]()
+    """Update the tables and figures, or check the tables."""
+    tables = {"worth": worth_table(), "policies": policies_table(), "levels": levels_table()}
+    tables |= {name: settings_table(name) for name in QUESTIONS}
+    outdated: list[str] = []
     for path in (DOCS.parent / "README.md", DOCS / "answers.md"):
         shown = path.read_text(encoding="utf-8")
-        if filled(shown, made) != shown:
-            wrong.append(path.name)
+        updated = insert(shown, tables)
+        if updated != shown:
+            outdated.append(path.name)
             if "--check" not in sys.argv:
-                path.write_text(filled(shown, made), encoding="utf-8")
+                path.write_text(updated, encoding="utf-8")
     if "--check" not in sys.argv:
         draw()
-    elif wrong:
-        sys.exit(f"not as stored: {', '.join(wrong)}; run docs/make_answers.py")
+    elif outdated:
+        sys.exit(f"out of date: {', '.join(outdated)}; run docs/make_answers.py")
 
 
 if __name__ == "__main__":

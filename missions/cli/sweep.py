@@ -123,10 +123,10 @@ def _complete(
     """Run the missions of a shard that have no row yet, tell how it goes, and print what all rows came to."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+    from pdpatrol.missions.sweep.analysis import summarise_groups
     from pdpatrol.missions.sweep.engines.compile_once import is_compiled
     from pdpatrol.missions.sweep.engines.engine import EngineError
-    from pdpatrol.missions.sweep.results.summary import summarise_groups
-    from pdpatrol.missions.sweep.results.tables import terminal_table
+    from pdpatrol.missions.sweep.tables import terminal_table
     from pdpatrol.missions.sweep.tally import Tally
 
     folder, before = dataset.folder, dataset.read().to_pylist()

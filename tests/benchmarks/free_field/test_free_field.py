@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dirmusic.locating.rules import LocatingRules
-from pdpatrol.missions.sweep.results.intervals import Interval, root_mean_square, share_interval
+from pdpatrol.missions.sweep.analysis import Estimate, wilson
 from tests.benchmarks.free_field.cases import draw_case, with_wild_bearings
 from tests.benchmarks.free_field.figures import Fixes, confirmed, fixes, locate, ospa_m, position_bound
 
@@ -32,15 +32,15 @@ def shipped(n_cases: int) -> Fixes:
     return fixes([(case, locate(case)) for case in map(draw_case, range(n_cases))])
 
 
-def told(share: Interval) -> str:
+def told(share: Estimate) -> str:
     return f"{100 * share.value:.1f} % ({100 * share.low:.1f} to {100 * share.high:.1f})"
 
 
 @few_or_many
 def test_a_source_in_the_free_field_is_located_and_lies_in_its_ellipse(n_cases: int) -> None:
     found = shipped(n_cases)
-    near = share_interval(int((found.miss_m <= 0.30).sum()), n_cases)
-    inside = share_interval(int(found.is_inside.sum()), n_cases)
+    near = wilson(int((found.miss_m <= 0.30).sum()), n_cases)
+    inside = wilson(int(found.is_inside.sum()), n_cases)
     print(
         f"\n{n_cases} cases: median {np.median(found.miss_m):.3f} m, "
         f"95 % below {np.quantile(found.miss_m, 0.95):.3f} m; within 0.30 m {told(near)}, in the ellipse {told(inside)}"
@@ -58,8 +58,8 @@ def test_thirty_per_cent_of_wild_bearings_make_the_median_at_most_half_as_large_
     cases = (with_wild_bearings(draw_case(seed), WILD_SHARE, seed) for seed in range(n_cases))
     wild, clean = fixes([(case, locate(case)) for case in cases]), shipped(n_cases)
     ratio = float(np.median(np.nan_to_num(wild.miss_m, nan=np.inf)) / np.median(clean.miss_m))
-    inside = share_interval(int(wild.is_inside.sum()), n_cases)
-    false = share_interval(int((wild.n_false > 0).sum()), n_cases)
+    inside = wilson(int(wild.is_inside.sum()), n_cases)
+    false = wilson(int((wild.n_false > 0).sum()), n_cases)
     print(
         f"\n{n_cases} cases, 30 % wild: median {np.median(wild.miss_m):.3f} m, {ratio:.2f} times that of clean ones; "
         f"in the ellipse {told(inside)}, with a false finding {told(false)}"
@@ -74,7 +74,7 @@ def test_where_noise_alone_is_left_the_error_is_near_the_bound(n_cases: int) -> 
         case = draw_case(seed, is_exact=True)
         square_m2[seed] = fixes([(case, locate(case, ALL_PULSES))]).miss_m[0] ** 2
         bound_m2[seed] = np.trace(position_bound(case))
-    over_bound = root_mean_square(np.sqrt(square_m2 / bound_m2))
+    over_bound = np.sqrt(np.mean(square_m2 / bound_m2))
     print(
         f"\n{n_cases} cases without errors of array and pose: RMSE {1e3 * np.sqrt(square_m2.mean()):.2f} mm, "
         f"{over_bound:.3f} times the root of the bound"
@@ -91,7 +91,7 @@ def test_the_number_of_sources_in_the_free_field_is_right(n_sources: int, least:
         findings = locate(case)
         n_right += len(confirmed(findings)) == n_sources
         apart_m.append(ospa_m(case, findings))
-    right = share_interval(n_right, n_cases)
+    right = wilson(n_right, n_cases)
     print(f"\n{n_sources} sources, {n_cases} cases: number right {told(right)}, median OSPA {np.median(apart_m):.3f} m")
     assert right.high >= least
     assert np.median(apart_m) <= 0.10

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from pdpatrol.envs import Scenario
-from pdpatrol.missions.sweep.results.intervals import Interval, share_interval
+from pdpatrol.missions.sweep.analysis import Estimate, wilson
 from tests.benchmarks.random_yards.cases import (
     BUSHING_M,
     HEARD_PULSES,
@@ -49,9 +49,9 @@ def outcomes(cases: Iterable[Case]) -> list[Outcome]:
         return list(pool.map(run_case, *zip(*cases, strict=True)))
 
 
-def share(what: str, count: int, total: int) -> Interval:
+def share(what: str, count: int, total: int) -> Estimate:
     """Of cases, printed; anything from 0 to 1 where there is none."""
-    interval = share_interval(count, total) if total else Interval(np.nan, 0.0, 1.0)
+    interval = wilson(count, total) if total else Estimate(np.nan, 0.0, 1.0)
     print(
         f"  {what}: {count} of {total}, {100 * interval.value:.1f} % "
         f"({100 * interval.low:.1f} to {100 * interval.high:.1f})"

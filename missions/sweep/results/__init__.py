@@ -1,1 +1,0 @@
-"""What sweeps came to: summaries with intervals, tables, pictures, and paired comparisons."""

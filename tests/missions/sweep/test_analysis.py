@@ -1,0 +1,172 @@
+"""Intervals have their stated coverage for clustered data, and paired comparisons find differences that exist."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dirmusic import InputFileError
+from pdpatrol.missions.sweep.analysis import (
+    Estimate,
+    cluster_bootstrap,
+    clustered_share,
+    compare,
+    difference,
+    mean,
+    median,
+    pair_up,
+    root_mean_square,
+    summarise_groups,
+    wilson,
+)
+from pdpatrol.missions.sweep.dataset import Dataset
+from pdpatrol.missions.sweep.mission_row import MissionRow
+from pdpatrol.missions.sweep.plan import make_plan
+
+N_SEEDS = 40
+
+
+def coverage(estimates: list[Estimate], truth: float) -> float:
+    return float(np.mean([each.low <= truth <= each.high for each in estimates]))
+
+
+@pytest.mark.parametrize(("n_clusters", "share"), [(20, 0.8), (90, 0.95)])
+def test_share_interval_covers_truth_for_correlated_sources(n_clusters: int, share: float) -> None:
+    """Sources of one mission succeed together (beta-binomial, correlation 0.5); Wilson's interval does not hold."""
+    rng, clustered, pooled = np.random.default_rng(1), list[Estimate](), list[Estimate]()
+    for _ in range(1000):
+        totals = rng.integers(1, 7, n_clusters)
+        counts = rng.binomial(totals, rng.beta(share, 1.0 - share, n_clusters))
+        clustered.append(clustered_share(counts, totals))
+        pooled.append(wilson(counts.sum(), totals.sum()))
+    assert 0.93 <= coverage(clustered, share) <= 0.99
+    assert coverage(pooled, share) < 0.88
+
+
+@pytest.mark.parametrize("n_clusters", [9, 40])
+@pytest.mark.parametrize("statistic", [median, mean])
+def test_bootstrap_interval_covers_truth_for_correlated_errors(statistic: object, n_clusters: int) -> None:
+    """Errors in one mission share most of their variance."""
+    rng, clustered, pooled = np.random.default_rng(2), list[Estimate](), list[Estimate]()
+    for _ in range(400):
+        values = rng.normal(0.0, 1.0, (n_clusters, 1)) + rng.normal(0.0, 0.5, (n_clusters, 5))
+        clustered.append(cluster_bootstrap(list(values), statistic, 400))  # pyright: ignore[reportArgumentType]
+        pooled.append(cluster_bootstrap(values.ravel(), statistic, 400))  # pyright: ignore[reportArgumentType]
+    assert 0.915 <= coverage(clustered, 0.0) <= 0.985
+    assert coverage(pooled, 0.0) < 0.75
+
+
+def test_share_of_independent_trials_has_wilson_interval() -> None:
+    found = np.arange(20) < 17
+    assert clustered_share(found, np.ones(20)) == pytest.approx(wilson(17, 20))
+    assert wilson(17, 20) == pytest.approx((0.85, 0.6396, 0.9476), abs=1e-4)
+    assert clustered_share([3, 3], [3, 3]) == pytest.approx(wilson(2, 2))  # a cluster counts once
+    assert np.isnan(clustered_share([0], [0])).all()
+
+
+def test_bootstrap_without_enough_clusters_has_no_interval() -> None:
+    assert np.isnan(cluster_bootstrap([[], [np.nan]], median)).all()
+    value, low, high = cluster_bootstrap([[], [3.0, 4.0]], root_mean_square)
+    assert value == pytest.approx(np.sqrt(12.5))
+    assert np.isnan([low, high]).all()
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 8])
+def test_weighted_median_is_that_of_repeated_values(n: int) -> None:
+    rng = np.random.default_rng(n)
+    values, weights = np.sort(rng.normal(size=n)), rng.integers(0, 4, (50, n)) + (np.arange(n) == 0)
+    expected = [np.median(np.repeat(values, times)) for times in weights]
+    np.testing.assert_allclose(median(values, weights.astype(np.float64)), expected)
+
+
+def make_dataset(folder: Path, penalty_m: float) -> Dataset:
+    """Make missions whose errors depend on the seed, and by `penalty_m` each on noise and policy."""
+    grid = {"receiver.noise_v": [1e-3, 2e-3]}
+    plan = make_plan(["one_source"], ["seek", "patrol"], grid, range(N_SEEDS))
+    dataset = Dataset.open_or_make(folder, plan)
+    errors_m = np.random.default_rng(0).rayleigh(0.05, N_SEEDS)
+    for job in plan.jobs:
+        worse = (job.policy == "patrol") + (job.settings["receiver.noise_v"] > 1e-3)
+        error_m = float(errors_m[job.seed] + worse * penalty_m)
+        found = error_m < 0.2
+        row = MissionRow.of_failure(job, "finished", "")
+        dataset.write(
+            row._replace(
+                n_sources=1, n_found=int(found), errors_m=(error_m,) if found else (), ospa_m=error_m if found else 2.0
+            )
+        )
+    return dataset
+
+
+def test_pooled_summary_resamples_yards_and_others_missions(tmp_path: Path) -> None:
+    plan = make_plan(["one_source", "two_sources"], ["seek"], {}, range(10))
+    dataset = Dataset.open_or_make(tmp_path / "out", plan)
+    for job in plan.jobs:
+        found = job.scenario.name == "one_source"
+        row = MissionRow.of_failure(job, "finished", "")
+        dataset.write(row._replace(n_sources=1, n_found=int(found), ospa_m=0.1))
+    one, two = summarise_groups(dataset.read())
+    assert (one["found (%)"], two["found (%)"]) == (
+        pytest.approx([100 * end for end in wilson(10, 10)]),
+        pytest.approx([100 * end for end in wilson(0, 10)]),
+    )
+    (pooled,) = summarise_groups(dataset.read(), pool=True)
+    assert isinstance(pooled["found (%)"], Estimate)
+    assert pooled["found (%)"].low < 10.0  # two yards say little about other yards
+    assert (pooled["group"], pooled["missions"]) == ("", 20)
+
+
+def test_a_side_does_not_differ_from_itself(tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "out", 0.02)
+    for each in compare(pair_up(dataset.read(), "seek", "seek")):
+        assert each.change == (0.0, 0.0, 0.0)
+        assert (each.permutation_p, each.sign_p) == (1.0, 1.0)
+        assert each.first == each.second
+        assert each.n_first_better == each.n_second_better == 0
+
+
+@pytest.mark.parametrize("sides", [("seek", "patrol"), ("receiver.noise_v=0.001", "receiver.noise_v=2e-3")])
+def test_difference_smaller_than_the_spread_is_found(sides: tuple[str, str], tmp_path: Path) -> None:
+    pairs = pair_up(make_dataset(tmp_path / "out", 0.02).read(), *sides)
+    assert len(pairs) == 2 * N_SEEDS
+    assert all(first["seed"] == second["seed"] for first, second in pairs)
+    error = next(each for each in compare(pairs) if each.name == "error (m)")
+    assert error.n == N_SEEDS  # missions of one seed meet the same emissions
+    assert error.change.value == pytest.approx(0.02, abs=1e-9)
+    assert error.permutation_p < 0.001
+    assert error.sign_p < 0.001
+    assert error.n_second_better == 0
+
+
+def test_two_datasets_are_paired_by_mission(tmp_path: Path) -> None:
+    first, _ = make_dataset(tmp_path / "a", 0.02), make_dataset(tmp_path / "b", 0.05)
+    pairs = pair_up(first.read(), str(tmp_path / "a"), str(tmp_path / "b"))
+    assert len(pairs) == 4 * N_SEEDS
+    changed = [(a, b) for a, b in pairs if a["n_found"] != b["n_found"]]
+    assert changed
+    assert all(a["ospa_m"] < 0.2 <= b["ospa_m"] for a, b in changed)
+    ospa = next(each for each in compare(pairs) if each.name == "OSPA (m)")
+    assert ospa.change.low > 0.0
+
+
+def test_permutation_test_has_its_stated_size() -> None:
+    rng = np.random.default_rng(1)
+    values = np.stack([rng.rayleigh(0.05, 60), rng.rayleigh(0.08, 60)], axis=-1)
+    assert difference("OSPA (m)", values, -1).permutation_p < 0.01
+    swapped = (rng.permuted(values, axis=1) for _ in range(200))
+    hits = sum(difference("OSPA (m)", each, -1).permutation_p < 0.05 for each in swapped)
+    assert 4 <= hits <= 18
+
+
+def test_a_single_pair_proves_nothing() -> None:
+    one = difference("OSPA (m)", np.array([[0.1, 0.3]]), -1)
+    assert one.change.value == pytest.approx(0.2)
+    assert np.isnan(one.change.low)
+    assert (one.permutation_p, one.sign_p) == (1.0, 1.0)
+
+
+@pytest.mark.parametrize(("first", "second"), [("oracle", "seek"), ("seek", "receiver.noise_v=5"), ("a", "b")])
+def test_a_side_without_missions_is_refused(first: str, second: str, tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "out", 0.02)
+    with pytest.raises(InputFileError, match="no mission of it in the dataset"):
+        pair_up(dataset.read(), first, second)

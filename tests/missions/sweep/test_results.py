@@ -1,0 +1,122 @@
+"""Figures and tables of a dataset show its rows."""
+
+import csv
+import io
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from pdpatrol.envs.scenario import SHIPPED
+from pdpatrol.missions.sweep.analysis import Estimate, Summary, summarise_groups
+from pdpatrol.missions.sweep.dataset import Dataset
+from pdpatrol.missions.sweep.figures import (
+    draw_errors,
+    draw_figures,
+    draw_found_over_time,
+    draw_over_setting,
+    groups,
+    label_of,
+)
+from pdpatrol.missions.sweep.mission_row import MissionRow
+from pdpatrol.missions.sweep.plan import make_plan
+from pdpatrol.missions.sweep.tables import as_csv, cells, terminal_table
+
+NOISE_V = [5e-4, 1e-3, 2e-3]
+
+
+@pytest.fixture
+def dataset(tmp_path: Path) -> Dataset:
+    """The source is found from seed 1 on at low noise, from seed 2 on at the next level, and so on."""
+    plan = make_plan(["one_source"], ["seek", "patrol"], {"receiver.noise_v": NOISE_V}, range(5))
+    dataset = Dataset.open_or_make(tmp_path / "out", plan)
+    for job in plan.jobs:
+        found = job.seed > NOISE_V.index(job.settings["receiver.noise_v"])
+        row = MissionRow.of_failure(job, "finished", "")._replace(n_sources=1, sim_time_s=100.0, ospa_m=1.0)
+        if found:
+            row = row._replace(n_found=1, errors_m=(0.01 * job.seed,), confirmed_s=(10.0 * job.seed,))
+        dataset.write(row)
+    return dataset
+
+
+def test_lines_end_at_the_share_found(dataset: Dataset) -> None:
+    lines = groups(dataset.read().to_pylist())
+    assert list(lines)[:2] == ["seek, receiver.noise_v=0.0005", "patrol, receiver.noise_v=0.0005"]
+    for figure in (draw_errors(lines), draw_found_over_time(lines)):
+        drawn = figure.axes[0].get_lines()
+        assert [line.get_label() for line in drawn] == list(lines)
+        assert [line.get_ydata()[-1] for line in drawn] == pytest.approx(np.repeat([0.8, 0.6, 0.4], 2))  # pyright: ignore
+        for line in drawn:
+            assert np.all(np.diff(np.asarray(line.get_ydata(), dtype=np.float64)) >= 0)
+            assert np.all(np.diff(np.asarray(line.get_xdata(), dtype=np.float64)) >= 0)
+
+
+def test_numeric_setting_is_an_axis(dataset: Dataset) -> None:
+    found, error, time = draw_over_setting(dataset.read().to_pylist(), "receiver.noise_v").axes
+    assert found.get_xlabel() == "receiver.noise_v"
+    assert [line.get_label() for line in found.get_lines()] == ["seek", "patrol"]
+    for axes, expected in ((found, [80.0, 60.0, 40.0]), (error, [0.025, 0.03, 0.035]), (time, [25.0, 30.0, 35.0])):
+        for line in axes.get_lines():
+            np.testing.assert_allclose(np.asarray(line.get_xdata(), dtype=np.float64), NOISE_V)
+            np.testing.assert_allclose(np.asarray(line.get_ydata(), dtype=np.float64), expected)
+
+
+def test_setting_without_numbers_has_labels(tmp_path: Path) -> None:
+    dead = [{"channel": 1, "kind": "dead"}]
+    plan = make_plan(["one_source"], ["seek"], {"receiver.faults": [[], dead]}, range(2))
+    dataset = Dataset.open_or_make(tmp_path / "out", plan)
+    for job in plan.jobs:
+        dataset.write(MissionRow.of_failure(job, "finished", "")._replace(n_sources=1, sim_time_s=1.0))
+    axes = draw_over_setting(dataset.read().to_pylist(), "receiver.faults").axes[0]
+    assert {label.get_text() for label in axes.get_xticklabels()} == {"none", "dead"}
+    assert label_of([{"kind": "dead"}, {"channel": 2}]) == 'dead, {"channel": 2}'
+
+
+def test_all_figures_are_written(dataset: Dataset, tmp_path: Path) -> None:
+    written = draw_figures(dataset.read(), tmp_path)
+    assert [path.name for path in written] == ["errors.png", "found_over_time.png", "over_receiver.noise_v.png"]
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in written)
+
+
+def summary(group: str, settings: str = "{}") -> Summary:
+    return {
+        "group": group,
+        "policy": "active",
+        "settings": settings,
+        "missions": 100,
+        "unfinished": 0,
+        "found (%)": Estimate(100.0, 96.0, 100.0),
+        "median error (m)": Estimate(0.056, 0.046, 0.107),
+        "time to confirm (s)": Estimate(142.0, 125.0, 150.0),
+        "false": 10,
+        "contacts": 1000,
+    }
+
+
+def test_terminal_table_breaks_no_word_at_80_columns() -> None:
+    names = [file.stem for file in SHIPPED.glob("*.toml")]
+    varied = [summary("yard", f'{{"estimator.method": "{method}"}}') for method in ("strongest", "maximum_likelihood")]
+    console = Console(width=80, record=True, file=io.StringIO())
+    console.print(terminal_table([*map(summary, names), *varied], "runs/some"))
+    shown = console.export_text()
+    figures = ("contacts", "confirm (s)", "(0.046-0.107)", "(125-150)", "(96-100)", "1000")
+    for word in (*names, "strongest", "maximum_likelihood", *figures):
+        assert re.search(rf"(?<!\S){re.escape(word)}(?!\S)", shown), word
+
+
+def test_terminal_table_states_shared_settings_in_its_title() -> None:
+    rows = [summary(name, '{"array.n_elements": 8}') for name in ("one", "two")]
+    table = terminal_table(rows, "runs/some")
+    assert table.title == "runs/some, array.n_elements=8"
+    assert list(table.columns[0].cells)[1] == "active"
+
+
+def test_markdown_and_csv_hold_all_figures(dataset: Dataset) -> None:
+    summaries = summarise_groups(dataset.read())
+    assert set(cells(summaries[0])) >= {"found (%)", "path length over shortest", "OSPA (m)", "missed"}
+    read = list(csv.DictReader(io.StringIO(as_csv(summaries))))
+    assert [row["policy"] for row in read] == [summary["policy"] for summary in summaries]
+    assert float(read[0]["found (%)"]) == pytest.approx(80.0)
+    assert float(read[0]["found (%) low"]) < 80.0 < float(read[0]["found (%) high"])
