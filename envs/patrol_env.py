@@ -57,7 +57,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     | bearing | 2 | [-1, 1] | 1 | cos and sin of the last bearing, world frame; zeros before the first |
     | bearing_age | 1 | [0, 60] | s | time since that bearing, clipped; 60 before the first |
     | waypoint | 2 | yard | m | first waypoint not yet visited, world frame; the dock after the last |
-    | time_left | 1 | [0, time limit] | s | until truncation |
+    | time | 1 | [0, time limit] | s | time since the start of the episode, clipped |
 
     ## Reward
     Metres of progress towards the nearest source not yet approached, minus 0.05 a second, minus 1 for each step in
@@ -78,7 +78,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     source's name to a site (`equipment/site`) or a position (x, y, z).
 
     ## Info
-    The same entries after `reset` and `step`, NumPy scalars and arrays of fixed shapes:
+    The same entries after `reset` and `step`, Python numbers and NumPy arrays of fixed shapes:
 
     | key | shape | unit | meaning |
     |---|---|---|---|
@@ -92,6 +92,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     | touched | () | bool | whether the robot touched anything but the floor in this step |
     | fell_over | () | bool | whether it leans by more than 45 degrees |
     | success | () | bool | whether every source has been approached; never where there is none |
+    | is_success | () | bool | the same as `success`, under the name that Stable-Baselines3 logs |
     | approached | (n_sources,) | bool | which sources have been, in the scenario's order |
     | waypoints_visited | (n_waypoints,) | bool | which waypoints have been |
     | true_pose | (3,) | m, m, rad | for logs and scores: no policy but `oracle` may see it |
@@ -114,7 +115,9 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     Args:
         scenario: Name of a shipped scenario, path of a TOML file, a `Scenario`, or a function that draws one from a
             generator for each episode (all of one size of yard, limits of the robot, number of elements and time
-            limit), or the plain data of a `Scenario`, as in a spec that went through JSON.
+            limit), such a function by name as `package.module:function`, or the plain data of a `Scenario`. The spec of
+            an environment goes through JSON unless the function is a lambda, a closure or another object without a
+            name to import it by.
         terminate_on_approach: Whether an episode ends once all sources are approached. Missions say no: they go on to
             fix the source and come home.
         full_info: Whether `info` also holds what has no fixed shape, pulses among it.
@@ -143,12 +146,12 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             )
         self.render_mode = render_mode
         self._camera: Camera | None = None
-        self._draw_scenario = scenario if callable(scenario) else None
+        resolved = given_scenario(scenario)
+        self._draw_scenario = resolved if callable(resolved) else None
         self._terminate_on_approach, self._full_info = terminate_on_approach, full_info
         self._spec: EnvSpec | None = None
         self._is_closed = False
-        first = scenario(np.random.default_rng(0)) if callable(scenario) else given_scenario(scenario)
-        self._enter(first)
+        self._enter(resolved(np.random.default_rng(0)) if callable(resolved) else resolved)
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
         self.observation_space = observation_space(self.simulation)  # pyright: ignore[reportAttributeAccessIssue]
 
@@ -218,7 +221,10 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             raise error.ResetNeeded(f"Cannot call env.{call}() before calling env.reset()")
 
     def _info(self, outcome: Outcome) -> dict[str, Any]:
-        info: dict[str, Any] = {key: rows[0] for key, rows in fixed_info(self.simulation, outcome).items()}
+        info: dict[str, Any] = {
+            key: rows[0].item() if rows.ndim == 1 else rows[0]
+            for key, rows in fixed_info(self.simulation, outcome).items()
+        }
         if self._full_info:
             info["pulses"], info["suspects"] = outcome.pulses, outcome.suspects[0]
             info["touched_names"] = self.simulation.robots.touched[0]

@@ -23,7 +23,7 @@ from pdpatrol.envs.core.arguments import (
     given_scenario,
     told_spec,
 )
-from pdpatrol.envs.core.info import fixed_info, joined_pulses, mixed, pulse_columns
+from pdpatrol.envs.core.info import fixed_info, joined_pulses, masked, mixed, pulse_columns
 from pdpatrol.envs.core.simulation import STEP_S, Outcome, Simulation
 from pdpatrol.envs.patrol_env import Observation, observation_space
 from pdpatrol.envs.scenario import Scenario
@@ -51,7 +51,8 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
     how the old one ended. With `DISABLED`, `reset(options={"reset_mask": mask})` starts anew the rows of a mask.
 
     ## Info
-    That of `PatrolEnv`, arrays with a row for each robot. With `full_info` also `pulses`, a dict of arrays with a row
+    That of `PatrolEnv`, arrays with a row for each robot, and a mask `_key` of the rows that have an entry for each
+    `key`, as in `gymnasium.vector.SyncVectorEnv`. With `full_info` also `pulses`, a dict of arrays with a row
     for each pulse of any robot: `robot` (whose it is), and the columns of a `dirmusic.PulseBatch`.
 
     ## Order of calls
@@ -97,14 +98,15 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
             raise ValueError(
                 f"`render_mode`: got {render_mode!r}; allowed is None: make a single environment for pictures"
             )
-        if callable(scenario):
+        shared = given_scenario(scenario)
+        if callable(shared):
             raise ValueError(
                 "`scenario`: got a function; all rows share one yard: allowed is a scenario, or "
                 'vectorization_mode="sync", where each row draws its own'
             )
         self.num_envs = num_envs = checked_count("num_envs", num_envs, 1)
         self.simulation = Simulation(
-            given_scenario(scenario),
+            shared,
             num_envs,
             checked_count("num_threads", num_threads, 0),
             terminate_on_approach=terminate_on_approach,
@@ -150,16 +152,13 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         others: Any = options
         if isinstance(options, Mapping):
             others = {key: value for key, value in options.items() if key != RESET_MASK}
-        rows, fixed, seeds = (
-            np.flatnonzero(self._mask(options)),
-            Fixed.checked(others, self.scenario),
-            self._seeds(seed),
-        )
+        mask = self._mask(options)
+        rows, fixed, seeds = np.flatnonzero(mask), Fixed.checked(others, self.scenario), self._seeds(seed)
         outcome = self._start(rows, fixed, seeds=seeds)
         self._observation = (
             outcome.observation if rows.size == self.num_envs else mixed(self._observation, outcome.observation, rows)
         )
-        return self.simulation.layout.parts(self._observation), self._info(outcome)
+        return self.simulation.layout.parts(self._observation), self._info(outcome, mask)
 
     def _mask(self, options: Any) -> BoolArray:  # noqa: ANN401 - it may be anything
         """Which rows a reset is of."""
@@ -254,20 +253,23 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         over = np.zeros(self.num_envs, dtype=np.bool_)
         over[rows] = True
         told: dict[str, Any] = {
-            key: mixed(info[key], values, rows) for key, values in fixed_info(self.simulation, begun).items()
+            key: mixed(info[key], values, rows) for key, values in self._info(begun).items() if key != "pulses"
         }
+        final_info = masked({key: info[key] for key in fixed_info(self.simulation, ended)}, over)
         if self._full_info:
             told["pulses"] = joined_pulses(info["pulses"], pulse_columns(begun), over)
+            final_info["pulses"] = info["pulses"]
         return mixed(ended.observation, begun.observation, rows), {
             **told,
             "final_obs": final,
             "_final_obs": over,
-            "final_info": info,
+            "final_info": final_info,
             "_final_info": over.copy(),
         }
 
-    def _info(self, outcome: Outcome) -> dict[str, Any]:
-        info: dict[str, Any] = dict(fixed_info(self.simulation, outcome))
+    def _info(self, outcome: Outcome, rows: BoolArray | None = None) -> dict[str, Any]:
+        every = np.ones(self.num_envs, dtype=np.bool_)
+        info = masked(fixed_info(self.simulation, outcome), every if rows is None else rows)
         if self._full_info:
             info["pulses"] = pulse_columns(outcome)
         return info

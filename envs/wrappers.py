@@ -13,7 +13,7 @@ from pdpatrol.envs.patrol_env import Observation
 
 Action = NDArray[np.float32]
 
-BEARINGS_ONLY_KEYS = ("lidar", "velocity", "heard", "level", "bearing", "bearing_age", "time_left")
+BEARINGS_ONLY_KEYS = ("lidar", "velocity", "heard", "level", "bearing", "bearing_age", "time")
 
 
 def bearings_only(observation: Observation) -> Observation:
@@ -24,7 +24,7 @@ def bearings_only(observation: Observation) -> Observation:
             environment.
 
     Returns:
-        `lidar`, `velocity`, `heard`, `level`, `bearing_age` and `time_left` as they are, and `bearing` as cos and sin
+        `lidar`, `velocity`, `heard`, `level`, `bearing_age` and `time` as they are, and `bearing` as cos and sin
         in the robot's frame: (1, 0) is ahead, (0, 1) to the left, zeros before the first.
     """
     kept = {key: observation[key] for key in BEARINGS_ONLY_KEYS}

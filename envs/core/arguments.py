@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import operator
-from collections.abc import Mapping
+import pkgutil
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from enum import Enum
 from pathlib import Path
@@ -23,6 +26,9 @@ FloatArray = NDArray[np.float64]
 OPTIONS = ("start_pose", "sources")
 """What `reset(options=...)` can fix; see `PatrolEnv`."""
 
+
+DRAWING_FUNCTION = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_][\w.]*")
+"""Name of a function that draws scenarios, as `package.module:function`."""
 
 HIGHEST_M = 100.0
 """Up to which height a source can be put (assumed: no equipment of a substation is higher)."""
@@ -84,13 +90,23 @@ def checked_count(name: str, count: Any, least: int) -> int:  # noqa: ANN401 - i
     return whole
 
 
-def given_scenario(scenario: Any) -> Scenario:  # noqa: ANN401 - it may be anything
-    """A scenario by name or path, from its plain data, or as it is.
+def given_scenario(scenario: Any) -> Scenario | Callable[[np.random.Generator], Scenario]:  # noqa: ANN401 - anything
+    """Resolve the `scenario` argument of an environment to a scenario, or to the function that draws one.
+
+    Args:
+        scenario: Name, path, plain data, `Scenario`, function, or the name of a function as `package.module:function`.
 
     Raises:
-        ScenarioError: If there is none, or it has faults.
+        ScenarioError: If the scenario does not exist or has errors.
         ValueError: If it is none of these.
     """
+    if isinstance(scenario, str) and DRAWING_FUNCTION.fullmatch(scenario):
+        try:
+            scenario = pkgutil.resolve_name(scenario)
+        except (ImportError, AttributeError) as error:
+            raise ScenarioError([f"`scenario`: {scenario}: {error}"]) from None
+    if callable(scenario):
+        return scenario
     if isinstance(scenario, Mapping):
         try:
             return restore_scenario(scenario)
@@ -115,6 +131,8 @@ def _plain(value: Any) -> Any:  # noqa: ANN401 - arguments are of many types
         return value.model_dump(mode="json")
     if isinstance(value, Path):
         return str(value)
+    if inspect.isfunction(value) and "<" not in value.__qualname__:
+        return f"{value.__module__}:{value.__qualname__}"
     return value.value if isinstance(value, Enum) else value
 
 

@@ -28,10 +28,25 @@ def fixed_info(simulation: Simulation, outcome: Outcome) -> dict[str, NDArray[An
         "touched": simulation.robots.is_touching.copy(),
         "fell_over": outcome.fell_over,
         "success": progress.success.copy(),
+        "is_success": progress.success.copy(),
         "approached": progress.approached.copy(),
         "waypoints_visited": progress.visited[:, :-1].copy(),
         "true_pose": simulation.true_pose,
     }
+
+
+def masked(info: dict[str, NDArray[Any]], rows: BoolArray) -> dict[str, Any]:
+    """Lay out an info as `SyncVectorEnv` does: zeros in the rows that have no entry, and a mask `_key` for each key.
+
+    Args:
+        info: Entries with a row for each robot.
+        rows: True for the robots that have an entry, shape (n_robots,).
+    """
+    entries = dict[str, Any]()
+    for key, values in info.items():
+        entries[key], entries[f"_{key}"] = np.zeros_like(values), rows.copy()
+        entries[key][rows] = values[rows]
+    return entries
 
 
 def mixed(values: NDArray[Any], begun: NDArray[Any], rows: Rows) -> NDArray[Any]:

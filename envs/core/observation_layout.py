@@ -39,7 +39,7 @@ class Entries(NamedTuple):
     bearing: Any
     bearing_age: Any
     waypoint: Any
-    time_left: Any
+    time: Any
 
 
 def observation_bounds(
@@ -71,7 +71,7 @@ def observation_bounds(
         bearing=box(-1, 1, 2),
         bearing_age=box(0, MAX_BEARING_AGE_S, 1),
         waypoint=box(0, size, 2),
-        time_left=box(0, time_limit_s, 1),
+        time=box(0, time_limit_s, 1),
     )
 
 

@@ -30,7 +30,6 @@ class ObservationParameters(NamedTuple):
         lidar_range_m: Beyond which the lidar sees nothing.
         lidar_std_m: Standard deviation of its ranges.
         noise_v: Standard deviation of one sample of the receiver.
-        time_limit_s: Length of an episode.
     """
 
     stops_m: FloatArray
@@ -40,7 +39,6 @@ class ObservationParameters(NamedTuple):
     lidar_range_m: float
     lidar_std_m: float
     noise_v: float
-    time_limit_s: float
 
 
 class Sensed(NamedTuple):
@@ -137,7 +135,7 @@ def observe(
             parameters.stops_m[stop, 0],
             parameters.stops_m[stop, 1],
         )
-        observation[at.time_left, r] = parameters.time_limit_s - sensed.time_s[r]
+        observation[at.time, r] = sensed.time_s[r]
         for k in range(parameters.low.size):
             observation[k, r] = min(max(observation[k, r], parameters.low[k]), parameters.high[k])
     return observation

@@ -121,7 +121,6 @@ class Simulation:
             lidar_range_m=LIDAR_RANGE_M,
             lidar_std_m=scenario.lidar.range_std_m,
             noise_v=scenario.receiver.noise_v,
-            time_limit_s=scenario.task.time_limit_s,
         )
         self._episodes: list[Episode | None] = [None] * n_robots
         self._generators = [Generators.spawn(np.random.default_rng(0))] * n_robots

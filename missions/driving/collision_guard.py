@@ -62,7 +62,7 @@ class CollisionGuard:
 
     def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
         """What the policy wishes, slowed down; or a way out."""
-        pose, time_s = believed_pose(observation), time_of(observation, site_map)
+        pose, time_s = believed_pose(observation), time_of(observation)
         if time_s - self._looked_s >= LOOK_S:
             self._seen.look(observation["lidar"], pose, time_s, site_map)
             self._looked_s = time_s

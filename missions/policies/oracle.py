@@ -45,7 +45,7 @@ class Oracle:
                 covariance_m2=np.eye(3) * 1e-4,
                 n_bearings=0,
                 first_detected_s=0.0,
-                last_detected_s=time_of(observation, site_map),
+                last_detected_s=time_of(observation),
                 fixed_s=None,
                 aperture_rad=0.0,
                 nearest_m=np.inf,

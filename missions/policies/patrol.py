@@ -34,7 +34,7 @@ class Patrol:
         if not site_map.route.stops_m:
             self.phase = "listen"
             return np.zeros(2, dtype=np.float32)
-        pose, time_s = believed_pose(observation), time_of(observation, site_map)
+        pose, time_s = believed_pose(observation), time_of(observation)
         stops = (*site_map.route.stops_m, site_map.route.dock_m)
         radius = INSIDE_WAYPOINT * site_map.task.waypoint_radius_m
         while self._next_stop < len(stops):

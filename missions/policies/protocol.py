@@ -134,6 +134,6 @@ def believed_pose(observation: Observation) -> FloatArray:
     return np.array([x, y, np.arctan2(sin, cos)])
 
 
-def time_of(observation: Observation, site_map: SiteMap) -> float:
+def time_of(observation: Observation) -> float:
     """Seconds since the mission began."""
-    return site_map.task.time_limit_s - float(observation["time_left"][0])
+    return float(observation["time"][0])

@@ -108,7 +108,7 @@ class Seek:
         if not site_map.route.stops_m:
             self.phase = "listen"
             return np.zeros(2, dtype=np.float32)
-        pose, time_s = believed_pose(observation), time_of(observation, site_map)
+        pose, time_s = believed_pose(observation), time_of(observation)
         if self._patrol.is_homebound(site_map) and not self._has_new_time:
             self._has_new_time = True
             self._pursuits = {}

@@ -54,7 +54,7 @@ def test_a_flat_observation_has_every_entry_once_scaled_by_its_bounds() -> None:
     all_of_it, _ = same.reset(seed=1)
     assert isinstance(same.observation_space, spaces.Dict)
     assert len(env.names) == flat.size == sum(space.shape[0] for space in same.observation_space.values())  # pyright: ignore
-    assert flat[env.names.index("time_left[0]")] == 1.0
+    assert flat[env.names.index("time[0]")] == -1.0
     lidar = flat[[env.names.index(f"lidar[{k}]") for k in range(36)]]
     np.testing.assert_allclose(lidar, all_of_it["lidar"] / 6.0 - 1.0, atol=1e-6)
     assert env.observation_space.contains(flat)

@@ -61,8 +61,8 @@ def test_the_adapter_tells_the_last_of_the_old_episode_and_the_first_of_the_new_
             assert infos[row]["is_success"] == terminated[row]
             assert done[row]
             assert reward[row] == np.float32(bare_reward[row])
-            assert seen[row, flatten.names.index("time_left[0]")] == 1.0
-            assert last[flatten.names.index("time_left[0]")] < 1.0
+            assert seen[row, flatten.names.index("time[0]")] == -1.0
+            assert last[flatten.names.index("time[0]")] > -1.0
     assert over.all()
     assert min(ends.values()) > 0
 

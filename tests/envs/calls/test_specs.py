@@ -43,6 +43,7 @@ def test_fewer_steps_can_be_asked_for_and_single_and_vector_environment_take_it_
     assert (env.spec.max_episode_steps, many.spec.max_episode_steps) == (7, 7)
     (one, _), (rows, _) = env.reset(seed=1), many.reset(seed=1)
     for step in range(1, 8):
+        assert one["time"] == rows["time"][0] == np.float32(0.1 * (step - 1))  # the limit does not show
         one, _, _, late, _ = env.step(np.full(2, 0.5, dtype=np.float32))
         rows, _, _, rows_late, _ = many.step(np.full((2, 2), 0.5, dtype=np.float32))
         assert late == rows_late[0] == (step == 7)
@@ -69,6 +70,19 @@ def test_a_spec_goes_through_json_and_makes_the_same_environment(name: str) -> N
     action = np.array([0.6, -0.3], dtype=np.float32)
     for _ in range(5):
         np.testing.assert_equal(again.step(action), env.step(action))
+
+
+def test_spec_of_drawn_scenarios_goes_through_json() -> None:
+    env = gymnasium.make(ID, scenario=random_yard)
+    assert env.spec is not None
+    again = gymnasium.make(EnvSpec.from_json(env.spec.to_json()))
+    np.testing.assert_equal(again.reset(seed=3), env.reset(seed=3))
+    unnamed = gymnasium.make(ID, scenario=lambda rng: random_yard(rng)).spec
+    assert unnamed is not None
+    with pytest.raises(TypeError, match="function is not JSON serializable"):
+        unnamed.to_json()
+    with pytest.raises(ScenarioError, match="no_such"):
+        PatrolEnv("pdpatrol.envs.random_yard:no_such")
 
 
 def test_the_spec_of_a_vector_environment_goes_through_json_too() -> None:

@@ -21,10 +21,9 @@ def candidate(state: State, detected_s: float) -> Finding:
 
 def phase_at(seek: Seek, time_s: float, state: State, detected_s: float | None = None) -> str:
     """What a robot that stands in the south of the yard does about the one candidate, detected just now or then."""
-    left = SITE_MAP.task.time_limit_s - time_s
     observation = {
         "pose": np.array([16.0, 5.0, 1.0, 0.0], dtype=np.float32),
-        "time_left": np.array([left], dtype=np.float32),
+        "time": np.array([time_s], dtype=np.float32),
     }
     seek(observation, [candidate(state, time_s if detected_s is None else detected_s)], SITE_MAP)
     return seek.phase
