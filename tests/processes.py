@@ -1,18 +1,38 @@
-"""What processes do and say, for tests of commands; of those below one, whatever ends meanwhile is left out."""
+"""Run commands, and look at processes; processes that end meanwhile are left out."""
 
 import re
+import subprocess
+import sys
 from collections.abc import Iterable
 from contextlib import suppress
+from pathlib import Path
 
 import psutil
 import pytest
 
+PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
+
 WRITES_NO_BYTECODE = {"PYTHONDONTWRITEBYTECODE": "1"}
-"""Of a process whose files may not become large: Python would keep compiled modules cut short, and fail ever after."""
+"""Environment of a process whose file sizes are limited: truncated bytecode would break later imports."""
+
+
+def pdpatrol(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run a command to its end."""
+    return subprocess.run(
+        [PDPATROL, *map(str, arguments)], cwd=cwd, capture_output=True, text=True, check=False, timeout=120
+    )
+
+
+def refusal(done: subprocess.CompletedProcess[str]) -> list[str]:
+    """Return the lines by which a command refused its input, after checking its exit status."""
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""
+    return done.stderr.strip().splitlines()
 
 
 def below(pid: int) -> set[int]:
-    """All processes that one has started, and those that they have; the process itself is not among them."""
+    """Return the processes that one has started, directly or not."""
     try:
         return {process.pid for process in psutil.Process(pid).children(recursive=True)}
     except psutil.NoSuchProcess:
@@ -20,7 +40,7 @@ def below(pid: int) -> set[int]:
 
 
 def listening(pids: Iterable[int]) -> set[str]:
-    """Addresses, without their ports, on which processes listen."""
+    """Return the addresses, without ports, on which processes listen."""
     found = set[str]()
     for pid in pids:
         with suppress(psutil.NoSuchProcess):
@@ -30,7 +50,7 @@ def listening(pids: Iterable[int]) -> set[str]:
 
 
 def cpu_s(pid: int) -> float:
-    """Seconds that a process has computed for; 0 where there is none any more."""
+    """Return the CPU time of a process, seconds; 0 if it has ended."""
     try:
         return psutil.Process(pid).cpu_times().user
     except psutil.NoSuchProcess:
@@ -38,15 +58,15 @@ def cpu_s(pid: int) -> float:
 
 
 def title(pid: int) -> str:
-    """The command line as the process shows it; empty where there is none any more."""
+    """Return the command line of a process; empty if it has ended."""
     try:
         return " ".join(psutil.Process(pid).cmdline())
     except psutil.NoSuchProcess:
         return ""
 
 
-def assert_tells_time(stderr: str, *parts: str) -> None:
-    """One line, whose parts add up."""
+def assert_times_add_up(stderr: str, *parts: str) -> None:
+    """Check the line of `--timing`: it has these parts, and all parts add up to the total."""
     (line,) = (line for line in stderr.splitlines() if line.startswith("Time: "))
     total, *others = (float(number) for number in re.findall(r"(-?\d+\.\d) s", line.partition(";")[0]))
     assert sum(others) == pytest.approx(total, abs=0.1 * len(others))

@@ -147,8 +147,8 @@ def locate(
     from dirmusic.array.element_errors import UNEXPLAINED
     from dirmusic.compiled import watch_compiler
     from pdpatrol.envs.scenario.calibration import read_calibration
-    from pdpatrol.missions.field.array_model import array_model, calibrated
     from pdpatrol.missions.field.field_data import read_field_data
+    from pdpatrol.missions.field.locate_field_data import array_model, calibrated, locate_field_data, rejections
     from pdpatrol.missions.stopwatch import Stopwatch
 
     stopwatch = Stopwatch()
@@ -179,8 +179,6 @@ def locate(
         notes = tuple(str(warning.message) for warning in told)
         for note in (*notes, *data.notes):
             err.print(f"note: {note}", soft_wrap=True)
-
-        from pdpatrol.missions.field.locate_field_data import locate_field_data, rejections
 
         pose_error = PoseError(
             position_m=position_std_m, heading_rad=math.radians(heading_std_deg), correlation_s=pose_correlation_s

@@ -1,4 +1,4 @@
-"""Data from the field: a table of poses with strengths, or with the names of recorded waveforms."""
+"""Field data: a table of poses with the strengths of pulses, or with the names of recorded waveforms."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic import CsvTable, InputFileError, read_csv_table
-from pdpatrol.missions.field.plausibility import doubts
+from dirmusic import InputFileError
+from pdpatrol.missions.field.input_table import InputTable, read_table
 from pdpatrol.missions.field.waveform_files import (
     MAX_CHANNELS,
-    MAX_STRENGTH_V,
+    MAX_VOLTS,
     MIN_CHANNELS,
     TablePulses,
     read_waveforms,
@@ -29,18 +29,16 @@ MAX_COORDINATE_M = 1e5
 """Positions are in a frame of the site; map coordinates of millions of metres would lose their centimetres."""
 
 MAX_TIME_S = 5e9
-"""Seconds since 1970 reach this in 2128; milliseconds since then are beyond it."""
+"""Seconds since 1970 reach this in 2128; milliseconds since then exceed it."""
 
-LEAST_STRENGTH_V = 1e-12
-"""A strength below is none, and no deviation is smaller (assumed): no receiver resolves it."""
+MIN_STRENGTH_V = 1e-12
+"""Weaker strengths count as zero, and no standard deviation is smaller. Assumed; no receiver resolves it."""
 
-MOST_STEPS = 20_000
-"""With more times and poses than this, rows are pooled by pose (assumed): hours of a robot that reports its pose twice
-a second keep their own."""
+MAX_STEPS = 20_000
+"""Poses beyond which rows are pooled. Assumed; hours of a robot that reports its pose twice a second are kept apart."""
 
 POOLED_S, POOLED_M, POOLED_RAD = 1.0, 0.1, np.radians(2.0)
-"""So near each other in time, place and heading are rows that are pooled (assumed): less than what the Locator pools
-its pulses by."""
+"""Span of time, place and heading of pooled rows. Assumed; finer than the Locator pools its pulses."""
 
 GATE_S = 4.5e-9
 """Default length of the gate: 90 samples at 20 GS/s, for a pulse of 2.5 ns and a ring of 0.2 m."""
@@ -48,19 +46,19 @@ GATE_S = 4.5e-9
 
 @dataclass(frozen=True, kw_only=True)
 class FieldData:
-    """Strengths of pulses and the poses they were received at; rows of one time and pose are one step.
+    """Strengths of pulses and the poses at which they were received; rows of one time and pose are one step.
 
     Attributes:
         path: The table.
-        time_s: Shape (n_steps,), not falling.
+        time_s: Time of each step, not decreasing, shape (n_steps,).
         pose: x m, y m, yaw rad, shape (n_steps, 3).
-        step: Step that each pulse belongs to, from 0, shape (n_pulses,).
-        strengths_v: Shape (n_pulses, n_channels); live channels alone.
+        step: Step of each pulse, from 0, shape (n_pulses,).
+        strengths_v: Strengths in the live channels, shape (n_pulses, n_channels).
         variance_v2: Noise variance of the strengths, same shape.
-        mains_phase_rad: Phase of the mains at each pulse, in [0, 2 pi), shape (n_pulses,), NaN where it is not known.
-        channels: Numbers, from 0, of the live ones among the recorded channels, shape (n_channels,).
+        mains_phase_rad: Phase of the mains at each pulse, in [0, 2 pi), NaN where unknown, shape (n_pulses,).
+        channels: Numbers, from 0, of the live channels among the recorded ones, shape (n_channels,).
         n_recorded: Number of recorded channels.
-        notes: Whatever was unusual, and how it was dealt with.
+        notes: Anything unusual, and how it was handled.
     """
 
     path: Path
@@ -78,32 +76,33 @@ class FieldData:
 def read_field_data(path: Path, *, noise_v: float | None = None, gate_s: float = GATE_S) -> FieldData:
     """Read a table with the columns time_s, x_m, y_m, yaw_deg and the pulses received there.
 
-    Pulses are either `strength_1` to `strength_n` in volts, one pulse a row, with `std_1` to `std_n` where the
-    deviations are known; or `waveform`, a file in the table's folder: `.npz` with `waveforms` of shape (n_channels,
-    n_samples) or (n_pulses, n_channels, n_samples), `sample_rate_hz` and, for counts, `volts_per_count`; or `.csv` with
-    `time_s` and `channel_1` to `channel_n`. A channel that is zero throughout is left out, with a note. A column
-    `mains_phase_deg` gives the kind of discharge, where each row is one pulse.
+    Pulses are either `strength_1` to `strength_n` in volts, one pulse per row, with standard deviations `std_1` to
+    `std_n` where they are known; or `waveform`, the name of a file in the folder of the table (see `waveform_files`).
+    A channel that is zero throughout is left out with a note. The column `mains_phase_deg`, from which the kind of
+    discharge is classified, needs one pulse per row.
 
     Args:
         path: The table.
-        noise_v: Deviation of a strength, or of a noise sample of a waveform, volts. Not needed where the table has
-            deviations, or where waveforms hold noise outside the gate.
-        gate_s: Length of the gate that is cut out of a waveform where it holds most energy.
+        noise_v: Standard deviation of a strength, or of a noise sample of a waveform, volts. Not needed where the table
+            has deviations, or where waveforms hold noise outside the gate.
+        gate_s: Length of the gate, which is cut out of a waveform where it holds most energy.
 
     Raises:
         InputFileError: If anything is wrong; file and line are named.
     """
-    table = read_csv_table(path)
-    strengths = [name for name in table.header if re.fullmatch(r"strength_\d+", name)]
-    deviations = [name for name in table.header if re.fullmatch(r"std_\d+", name)]
+    table = read_table(path)
+    strengths, deviations = (
+        [name for name in table.columns if re.fullmatch(rf"{kind}_\d+", name)] for kind in ("strength", "std")
+    )
     _check_columns(table, strengths, deviations)
     time_s, pose = _poses(table)
     if strengths:
         pulses = _read_strengths(table, strengths, deviations, noise_v)
     else:
         pulses = read_waveforms(table, noise_v, gate_s)
-    phase = _mains_phase(table, pulses.row.size)
+    phase_rad = _mains_phase(table, pulses.row.size)
     steps = _steps(time_s, pose)
+    n_channels = pulses.strengths_v.shape[1]
     data = FieldData(
         path=path,
         time_s=steps.time_s,
@@ -111,22 +110,22 @@ def read_field_data(path: Path, *, noise_v: float | None = None, gate_s: float =
         step=steps.of_row[pulses.row],
         strengths_v=pulses.strengths_v,
         variance_v2=pulses.variance_v2,
-        mains_phase_rad=phase[pulses.row],
-        channels=np.arange(pulses.strengths_v.shape[1]),
-        n_recorded=pulses.strengths_v.shape[1],
+        mains_phase_rad=phase_rad[pulses.row],
+        channels=np.arange(n_channels),
+        n_recorded=n_channels,
         notes=(*doubts(steps.time_s, steps.pose), *steps.notes),
     )
-    return _without_dead(data)
+    return _without_dead_channels(data)
 
 
 class Steps(NamedTuple):
-    """Times and poses of a table, without repetition.
+    """Distinct times and poses of a table.
 
     Attributes:
-        time_s: Shape (n_steps,), not falling.
+        time_s: Not decreasing, shape (n_steps,).
         pose: x m, y m, yaw rad, shape (n_steps, 3).
         of_row: Step of each row of the table, shape (n_rows,).
-        notes: Whether, and how far, they were pooled.
+        notes: A note if rows were pooled.
     """
 
     time_s: FloatArray
@@ -136,135 +135,145 @@ class Steps(NamedTuple):
 
 
 def _steps(time_s: FloatArray, pose: FloatArray) -> Steps:
-    """Rows of one time and pose as one step; where there are too many, those of nearly one time and pose."""
+    """Make one step of all rows of one time and pose, or of neighbouring ones where there are too many."""
     is_new = np.ones(time_s.size, dtype=np.bool_)
     is_new[1:] = (np.diff(time_s) != 0) | np.any(np.diff(pose, axis=0) != 0, axis=-1)
     single = Steps(time_s[is_new], pose[is_new], np.cumsum(is_new) - 1)
-    if single.time_s.size <= MOST_STEPS:
+    if single.time_s.size <= MAX_STEPS:
         return single
-    starts = _starts_of_pools(single)
+    starts = _pool_starts(single)
     count = np.diff(np.append(starts, single.time_s.size))
     mean_s = np.add.reduceat(single.time_s - single.time_s[0], starts) / count + single.time_s[0]
     mean_pose = np.add.reduceat(single.pose, starts) / count[:, np.newaxis]
     pool = np.repeat(np.arange(starts.size), count)
-    note = f"{single.time_s.size} times and poses, pooled into {starts.size}: within 1 s, 0.1 m and 2 degrees"
+    note = f"{single.time_s.size} times and poses were pooled into {starts.size}: within 1 s, 0.1 m and 2 degrees"
     return Steps(np.maximum.accumulate(mean_s), mean_pose, pool[single.of_row], (note,))
 
 
-def _starts_of_pools(steps: Steps) -> NDArray[np.intp]:
-    """The first step of each pool: one that is further than the rules say from the first step of the pool before."""
+def _pool_starts(steps: Steps) -> NDArray[np.intp]:
+    """Find the first step of each pool: it is too far from the first step of the pool before."""
     starts: list[int] = []
-    first_s = x_m = y_m = yaw_rad = np.inf
-    for k, (time_s, (x, y, yaw)) in enumerate(zip(steps.time_s.tolist(), steps.pose.tolist(), strict=True)):
-        is_near = abs(x - x_m) <= POOLED_M and abs(y - y_m) <= POOLED_M and abs(yaw - yaw_rad) <= POOLED_RAD
-        if not is_near or time_s - first_s > POOLED_S:
+    limits = np.array([POOLED_S, POOLED_M, POOLED_M, POOLED_RAD])
+    first = np.full(4, np.inf)
+    for k, row in enumerate(np.column_stack([steps.time_s, steps.pose])):
+        if (np.abs(row - first) > limits).any():
             starts.append(k)
-            first_s, x_m, y_m, yaw_rad = time_s, x, y, yaw
+            first = row
     return np.array(starts, dtype=np.intp)
 
 
-def _check_columns(table: CsvTable, strengths: list[str], deviations: list[str]) -> None:
-    known = (*POSE_COLUMNS, *strengths, *deviations, "waveform", PHASE_COLUMN)
-    others = [name for name in table.header if name not in known]
-    missing = [name for name in POSE_COLUMNS if name not in table.header]
+def doubts(time_s: FloatArray, pose: FloatArray) -> list[str]:
+    """Note units that the table probably does not have; the data are used all the same.
+
+    Args:
+        time_s: Not decreasing, shape (n,).
+        pose: x m, y m, yaw rad as read, shape (n, 3).
+    """
+    notes: list[str] = []
+    if len(pose) < 4:  # too few to judge their units
+        return notes
+    yaw_deg = np.degrees(pose[:, 2])
+    turns = np.ptp(yaw_deg) > 2.0 and np.unique(yaw_deg).size >= 4
+    if turns and np.abs(yaw_deg).max() <= 2 * np.pi:
+        notes.append(
+            f"yaw_deg: {yaw_deg.min():.3g} to {yaw_deg.max():.3g} in all rows looks like radians; read as degrees"
+        )
+    size_m, step_s = float(np.ptp(pose[:, :2], axis=0).max()), np.diff(time_s)
+    speed_mps = np.linalg.norm(np.diff(pose[:, :2], axis=0), axis=-1)[step_s > 0] / step_s[step_s > 0]
+    usual_mps = float(np.median(speed_mps[speed_mps > 0])) if (speed_mps > 0).any() else 0.0
+    if size_m > 1000.0:  # wider than any site
+        notes.append(f"x_m, y_m: a site of {size_m:.0f} m looks like millimetres; read as metres")
+    elif usual_mps > 30.0:  # faster than any survey
+        notes.append(f"x_m, y_m: {usual_mps:.0f} m/s from row to row looks like millimetres; read as metres")
+    return notes
+
+
+def _check_columns(table: InputTable, strengths: list[str], deviations: list[str]) -> None:
+    known = {*POSE_COLUMNS, *strengths, *deviations, "waveform", PHASE_COLUMN}
+    missing = [name for name in POSE_COLUMNS if name not in table.columns]
+    others = [name for name in table.columns if name not in known]
     if missing:
-        table.faults.append(
-            f"{table.path}: no column {', '.join(missing)}; allowed are {', '.join(POSE_COLUMNS)} and more"
-        )
+        table.add_error(f"column {', '.join(missing)} is missing")
     if others:
-        table.faults.append(
-            f"{table.path}: unknown column {', '.join(others):.200}; allowed are {', '.join(POSE_COLUMNS)} and either "
-            f"waveform or strength_1, strength_2 ... with or without std_1, std_2 ..., and {PHASE_COLUMN}"
+        table.add_error(
+            f"unknown column {', '.join(others):.200}; columns are {', '.join(POSE_COLUMNS)}, {PHASE_COLUMN}, and "
+            "either waveform or strength_1, strength_2 ... and std_1, std_2 ..."
         )
-    if bool(strengths) == ("waveform" in table.header):
-        table.faults.append(
-            f"{table.path}: has {'both' if strengths else 'neither'} of strength_1 ... and waveform; give one"
-        )
+    if bool(strengths) == ("waveform" in table.columns):
+        table.add_error(f"must have strength_1 ... or waveform, got {'both' if strengths else 'neither'}")
+    for kind, names in (("strength", strengths), ("std", deviations)):
+        expected = [f"{kind}_{k + 1}" for k in range(len(strengths))]
+        if strengths and names and sorted(names) != sorted(expected):
+            table.add_error(f"columns must be {expected[0]} to {expected[-1]}, got {', '.join(names):.200}")
+    if strengths and not MIN_CHANNELS <= len(strengths) <= MAX_CHANNELS:
+        table.add_error(f"must have {MIN_CHANNELS} to {MAX_CHANNELS} columns of strengths, got {len(strengths)}")
     table.check()
 
 
-def _mains_phase(table: CsvTable, n_pulses: int) -> FloatArray:
-    """Phase of the mains in each row of the table, in [0, 2 pi); NaN where the table has no such column."""
-    if PHASE_COLUMN not in table.header:
-        return np.full(table.n_rows, np.nan)
-    phase = np.radians(table.numbers(PHASE_COLUMN, lambda v: abs(v) <= 360, "-360 to 360 degrees")) % (2 * np.pi)
-    if n_pulses > table.n_rows:
-        table.faults.append(
-            f"{table.path}: {PHASE_COLUMN}: allowed where each row is one pulse, not with files of several"
-        )
+def _mains_phase(table: InputTable, n_pulses: int) -> FloatArray:
+    """Return the phase of the mains in each row, in [0, 2 pi); NaN if the table has no such column."""
+    n_rows = table.lines.size
+    if PHASE_COLUMN not in table.columns:
+        return np.full(n_rows, np.nan)
+    phase_rad = np.radians(table.numbers(PHASE_COLUMN, -360, 360, " degrees")) % (2 * np.pi)
+    if n_pulses > n_rows:
+        table.add_error(f"{PHASE_COLUMN} needs one pulse per row, and a waveform file holds several")
     table.check()
-    return phase
+    return phase_rad
 
 
-def _poses(table: CsvTable) -> tuple[FloatArray, FloatArray]:
-    near = f"-{MAX_COORDINATE_M:g} to {MAX_COORDINATE_M:g} m, in a frame of the site"
-    time_s = table.numbers("time_s", lambda v: abs(v) <= MAX_TIME_S, f"-{MAX_TIME_S:g} to {MAX_TIME_S:g} s")
-    x, y = (table.numbers(name, lambda v: abs(v) <= MAX_COORDINATE_M, near) for name in ("x_m", "y_m"))
-    yaw_deg = table.numbers("yaw_deg", lambda v: abs(v) <= 720, "-720 to 720 degrees, counter-clockwise from x")
-    for row in np.flatnonzero(np.diff(time_s) < 0) + 1:
-        table.fault(int(row), f"time_s: {time_s[row]:g} after {time_s[row - 1]:g}; allowed is not to fall")
+def _poses(table: InputTable) -> tuple[FloatArray, FloatArray]:
+    time_s = table.numbers("time_s", -MAX_TIME_S, MAX_TIME_S, " s")
+    x, y = (
+        table.numbers(name, -MAX_COORDINATE_M, MAX_COORDINATE_M, " m, in a frame of the site")
+        for name in ("x_m", "y_m")
+    )
+    yaw_deg = table.numbers("yaw_deg", -720, 720, " degrees, counter-clockwise from x")
+    for row in np.flatnonzero(np.diff(time_s) < 0).tolist():
+        table.add_error(f"time_s must not decrease: {time_s[row]:g} is followed by {time_s[row + 1]:g}", row + 1)
     table.check()
     return time_s, np.column_stack([x, y, np.radians(yaw_deg)])
 
 
-def _read_strengths(table: CsvTable, strengths: list[str], deviations: list[str], noise_v: float | None) -> TablePulses:
+def _read_strengths(
+    table: InputTable, strengths: list[str], deviations: list[str], noise_v: float | None
+) -> TablePulses:
     n = len(strengths)
-    for kind, names in (("strength", strengths), ("std", deviations)):
-        expected = [f"{kind}_{k + 1}" for k in range(n)]
-        if names and sorted(names) != sorted(expected):
-            table.faults.append(
-                f"{table.path}: columns {', '.join(names)}; allowed are {expected[0]} to {expected[-1]}, each once"
-            )
-    if not MIN_CHANNELS <= n <= MAX_CHANNELS:
-        table.faults.append(
-            f"{table.path}: {n} strength columns; allowed are {MIN_CHANNELS} or more, up to {MAX_CHANNELS}"
-        )
     if not deviations and noise_v is None:
-        table.faults.append(
-            f"{table.path}: no columns std_1 to std_{n} and no --noise-v; give one: how far a strength can be trusted"
-        )
+        table.add_error(f"needs the columns std_1 to std_{n}, or --noise-v: how far a strength can be trusted")
     table.check()
-    order = [f"strength_{k + 1}" for k in range(n)]
-    most = f"{MAX_STRENGTH_V:g} V"
-    values = [
-        table.numbers(name, lambda v: (v >= 0) & (v <= MAX_STRENGTH_V), f"0 V or more, up to {most}") for name in order
-    ]
+    strengths_v = np.column_stack([table.numbers(f"strength_{k + 1}", 0, MAX_VOLTS, " V") for k in range(n)])
     if deviations:
-        above = f"above 0 V, {LEAST_STRENGTH_V:g} to {most}"
-        std = [
-            table.numbers(f"std_{k + 1}", lambda v: (v >= LEAST_STRENGTH_V) & (v <= MAX_STRENGTH_V), above)
-            for k in range(n)
-        ]
+        std_v = np.column_stack([table.numbers(f"std_{k + 1}", MIN_STRENGTH_V, MAX_VOLTS, " V") for k in range(n)])
     else:
-        std = [np.full(table.n_rows, noise_v)] * n
+        std_v = np.full(strengths_v.shape, noise_v)
     table.check()
-    strengths_v = np.column_stack(values)
-    strengths_v[strengths_v < LEAST_STRENGTH_V] = 0.0
-    return TablePulses(np.arange(table.n_rows), strengths_v, np.square(np.column_stack(std)))
+    strengths_v[strengths_v < MIN_STRENGTH_V] = 0.0
+    return TablePulses(np.arange(table.lines.size), strengths_v, np.square(std_v))
 
 
-def _without_dead(data: FieldData) -> FieldData:
-    """Leave out channels that never gave anything, and pulses in which another channel was dead for once."""
+def _without_dead_channels(data: FieldData) -> FieldData:
+    """Leave out channels that are zero throughout, and pulses in which another channel was dead."""
     notes = list(data.notes)
     strengths = data.strengths_v
     is_alive = np.any(np.nan_to_num(strengths) > 0, axis=0)
     if is_alive.sum() < MIN_CHANNELS:
-        told = "no channel gave anything" if not is_alive.any() else f"only {is_alive.sum()} channels gave anything"
-        raise InputFileError([f"{data.path}: {told}; allowed are {MIN_CHANNELS} live channels or more"])
-    for channel in np.flatnonzero(~is_alive):
-        notes.append(f"channel {channel + 1} is zero throughout: left out")
-    whole = np.isfinite(strengths[:, is_alive]).all(axis=-1)
-    if not whole.all():
-        notes.append(f"{int((~whole).sum())} pulses with a channel of nothing but zeros: left out")
-    silent = whole & ~np.any(strengths[:, is_alive] > 0, axis=-1)
-    if silent.any():
-        notes.append(f"{int(silent.sum())} pulses no stronger than the noise: no bearing")
+        raise InputFileError(
+            [f"{data.path}: must have {MIN_CHANNELS} or more channels with a signal, got {is_alive.sum()}"]
+        )
+    notes += [f"channel {channel + 1} is zero throughout: left out" for channel in np.flatnonzero(~is_alive)]
+    is_complete = np.isfinite(strengths[:, is_alive]).all(axis=-1)
+    if not is_complete.all():
+        notes.append(f"{int((~is_complete).sum())} pulses with a channel of zeros: left out")
+    is_weak = is_complete & ~np.any(strengths[:, is_alive] > 0, axis=-1)
+    if is_weak.any():
+        notes.append(f"{int(is_weak.sum())} pulses no stronger than the noise: no bearing")
     return replace(
         data,
-        step=data.step[whole],
-        strengths_v=strengths[np.ix_(whole, is_alive)],
-        variance_v2=data.variance_v2[np.ix_(whole, is_alive)],
-        mains_phase_rad=data.mains_phase_rad[whole],
+        step=data.step[is_complete],
+        strengths_v=strengths[np.ix_(is_complete, is_alive)],
+        variance_v2=data.variance_v2[np.ix_(is_complete, is_alive)],
+        mains_phase_rad=data.mains_phase_rad[is_complete],
         channels=np.flatnonzero(is_alive),
         notes=tuple(notes),
     )

@@ -1,8 +1,8 @@
-"""Data from the field into a MissionLog: the same bearings, findings, report and recording as a mission has."""
+"""Locate discharges in field data; the result is a log like that of a mission."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -11,12 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from dirmusic import ArrayModel, Locator, PoseError, PulseBatch
+from dirmusic import (
+    ArrayModel,
+    ElementSpread,
+    GainManifold,
+    GainPattern,
+    GaussianPattern,
+    InputFileError,
+    Locator,
+    PoseError,
+    PulseBatch,
+)
 from dirmusic.bearing.channel_health import ChannelMonitor
 from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
 from dirmusic.locating.rules import CredibilityRules, LocatingRules
 from dirmusic.locating.yard_likelihood import Grid, YardLikelihood
-from pdpatrol.envs.scenario.calibration import ArrayCalibration
+from pdpatrol.envs.scenario.calibration import ArrayCalibration, CalibratedArray
 from pdpatrol.missions.field.field_data import FieldData
 from pdpatrol.missions.record.array_description import describe_array, describe_grid
 from pdpatrol.missions.record.logbook import Logbook
@@ -26,14 +36,14 @@ from pdpatrol.missions.record.tracking import Tracker
 FloatArray = NDArray[np.float64]
 
 REJECTED = "rejected"
-"""Kind of the event that tells why no pulse at all was credible."""
+"""Kind of the event that explains why every pulse was rejected."""
 
 MARGIN_M = 10.0
-"""Ground that a recording shows around the poses."""
+"""Margin around the poses that a recording shows."""
 
 REFIT_S, REFIT_SHARE = 1.0, 0.02
-"""All is fitted anew after so long, or so large a share of the time so far: soon enough that what has just come up is
-one finding and not several, and some hundred times in hours (assumed)."""
+"""Period of refits, and the same as a share of the time so far. Assumed; a new source has to be one finding and not
+several, and a survey of hours is refitted some hundred times."""
 
 FIELD_RULES = LocatingRules(
     birth_s=np.inf,
@@ -43,8 +53,58 @@ FIELD_RULES = LocatingRules(
     confirm_pulses=10,
     refit_s=np.inf,
 )
-"""Rules for data that were taken by people (assumed): minutes may pass between poses, few pulses come from each, and
-nobody can be sent nearer. Lines of sight must open and the ellipse must be small all the same."""
+"""Rules for data taken by people. Assumed; minutes may pass between poses, few pulses come from each, and nobody can be
+sent nearer. Lines of sight must still cross at an angle, and the ellipse must be small."""
+
+
+def array_model(
+    data: FieldData,
+    spread: ElementSpread,
+    pattern: GainPattern | None = None,
+    boresights_deg: Sequence[float] | None = None,
+    ring_radius_m: float = 0.12,
+    height_m: float = 0.6,
+) -> ArrayModel:
+    """Return the model of the live channels of the array that took the data.
+
+    Args:
+        data: Pulses, with the numbers of the live channels.
+        spread: Deviations of such arrays from their data sheet.
+        pattern: Pattern of every element; None for eq. (1) of the Dir-MUSIC paper.
+        boresights_deg: Azimuth of each recorded channel's element; None for an even ring, of which four channels are
+            the first four of six elements.
+        ring_radius_m: Radius of the ring.
+        height_m: Height of the ring above the ground.
+
+    Raises:
+        InputFileError: If the numbers of boresights and channels differ, or the pattern is omnidirectional.
+    """
+    n = data.n_recorded
+    if boresights_deg is not None and len(boresights_deg) != n:
+        raise InputFileError([f"--boresights-deg must have one number per channel, {n}, got {len(boresights_deg)}"])
+    if boresights_deg is None:
+        boresights = np.array(GainManifold.ring(6 if n == 4 else n).boresights_rad[:n])
+    else:
+        boresights = np.radians(boresights_deg)
+    try:
+        manifold = GainManifold(pattern or GaussianPattern(), boresights).take(data.channels)
+    except ValueError as error:
+        raise InputFileError([f"--pattern, --boresights-deg: {error}"]) from None
+    ring = ring_radius_m * np.stack([np.cos(boresights), np.sin(boresights)], axis=-1)
+    positions = np.column_stack([ring, np.full(n, height_m)])
+    return ArrayModel(manifold=manifold, positions_m=positions[data.channels], spread=spread)
+
+
+def calibrated(array: ArrayModel, calibration: ArrayCalibration) -> ArrayModel:
+    """Return the array with the errors that earlier data have shown.
+
+    Raises:
+        InputFileError: If the calibration is that of another array.
+    """
+    errors = calibration.faults(CalibratedArray.of(array, None))
+    if errors:
+        raise InputFileError([f"--calibration: {error}" for error in errors])
+    return calibration.taken_up_by(array)
 
 
 def locate_field_data(
@@ -58,17 +118,17 @@ def locate_field_data(
     notes: tuple[str, ...] = (),
     progress: Callable[[float], None] = lambda share: None,
 ) -> MissionLog:
-    """Bearings of all pulses and the findings they make, as the log of a mission without robot, yard and truth.
+    """Estimate bearings and findings, and return them as the log of a mission without robot, yard and truth.
 
     Args:
         data: Pulses with their poses, as read from the table.
-        array: Data sheet and spread of the live channels, with the errors that a calibration knows.
-        pose_error: How wrong the poses may be.
-        fence_m: Length of the yard along x and y, origin at its corner; None where there is no fence.
-        date: When the data were taken, as 2026-03-02; None if nobody says.
-        calibration: The one that the array has its errors from.
-        notes: What was unusual about the files.
-        progress: Told by how much of the whole the work has advanced.
+        array: Data sheet and spread of the live channels, with the errors of a calibration.
+        pose_error: Standard deviations of the poses.
+        fence_m: Length of the yard along x and y from its corner at the origin; None without a fence.
+        date: Date of the survey, such as 2026-03-02; None if unknown.
+        calibration: Calibration that the errors of the array come from.
+        notes: Anything unusual about the files.
+        progress: Called with the share of the work that was done since the last call.
     """
     meta = {**_meta(data, array, fence_m), "date": date, "settings": _settings(array, pose_error)}
     grid = Grid.over(*np.array(meta["bounds_m"]))
@@ -99,7 +159,7 @@ def locate_field_data(
             if step == 0:
                 for note in (*notes, *data.notes):
                     book.event("note", note)
-                for suspect in suspects:  # counted as in the files, of which dead channels were dropped before
+                for suspect in suspects:  # numbered as in the files, including the dead channels
                     recorded = suspect._replace(channel=int(data.channels[suspect.channel - 1]) + 1)
                     book.event("channel fault", f"{recorded}: left out")
             book.log_tracked(pose, tracker.track(float(time_s), pose, pulses.take(slice(first[step], first[step + 1]))))
@@ -122,18 +182,18 @@ def locate_field_data(
 
 
 def rejections(log: MissionLog) -> list[str]:
-    """Why all pulses were rejected, in one line; nothing if they were not."""
+    """Return the line that explains why all pulses were rejected; empty if they were not."""
     events = log.table("event")
     return [str(text) for text in events["text"][events["kind"] == REJECTED]]
 
 
 def _why_rejected(pulses: PulseBatch, rules: CredibilityRules) -> str:
     n_weak = int(np.count_nonzero(pulses.std_rad >= rules.max_std_rad))
-    told = [
-        (pulses.n_pulses - n_weak, "no plane wave from one direction (boresights, pattern, order of channels?)"),
+    reasons = [
+        (pulses.n_pulses - n_weak, "not a plane wave from one direction (boresights, pattern, order of channels?)"),
         (n_weak, "too weak for the noise (deviations, volts?)"),
     ]
-    fates = ", ".join(f"{number} {words}" for number, words in sorted(told, reverse=True) if number)
+    fates = ", ".join(f"{number} {words}" for number, words in sorted(reasons, reverse=True) if number)
     return f"all pulses were rejected: {fates}"
 
 
@@ -154,7 +214,7 @@ def _meta(data: FieldData, array: ArrayModel, fence_m: tuple[float, float] | Non
 
 
 def _settings(array: ArrayModel, pose_error: PoseError) -> dict[str, dict[str, float]]:
-    """What was believed of array and poses, under the names that a scenario has for it."""
+    """Return what was assumed of array and poses, under the keys of a scenario."""
     return {
         "array": {
             "n_elements": array.manifold.n_elements,

@@ -14,7 +14,7 @@ import pytest
 
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.report_file import read_report
-from tests.processes import assert_tells_time
+from tests.processes import assert_times_add_up
 
 pytestmark = pytest.mark.whole
 
@@ -102,7 +102,7 @@ def test_json_prints_the_report_and_nothing_else(short: Path, tmp_path: Path) ->
     done = pdpatrol("run", str(short), "--json", "--timing", "--out", "here", cwd=tmp_path)
     written = json.loads((tmp_path / "here" / "report.json").read_text(encoding="utf-8"))
     assert json.loads(done.stdout) == written
-    assert_tells_time(done.stderr, "policy", "environment", "locating", "log, report and recording")
+    assert_times_add_up(done.stderr, "policy", "environment", "locating", "log, report and recording")
 
 
 def test_two_runs_of_one_seed_differ_in_wall_time_alone(short: Path, tmp_path: Path) -> None:
@@ -226,7 +226,7 @@ def test_a_killed_mission_keeps_its_parts_and_a_folder_without_any_is_refused(tm
 def test_reproduce_writes_numbers_and_pictures_and_refuses_what_is_no_number_of_trials(tmp_path: Path) -> None:
     done = pdpatrol("reproduce", "--trials", "100", "--seed", "4", "--json", "--timing", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert_tells_time(done.stderr, "trials", "pictures and page")
+    assert_times_add_up(done.stderr, "trials", "pictures and page")
     folder = tmp_path / "runs" / "reproduction-4"
     data = json.loads((folder / "reproduction.json").read_text())
     assert json.loads(done.stdout) == data

@@ -1,86 +1,184 @@
-"""Files with data from the field: formats that mean the same, and every way a file can be wrong."""
+"""Files of field data: formats that mean the same, unusual units, and every way a file can be wrong."""
 
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from dirmusic import GainManifold, InputFileError
-from pdpatrol.missions.field.field_data import read_field_data
+from dirmusic import InputFileError, InputFileWarning
+from pdpatrol.missions.field import field_data
+from pdpatrol.missions.field.field_data import doubts, read_field_data
+from pdpatrol.missions.field.locate_field_data import array_model, locate_field_data, rejections
+from pdpatrol.missions.report.make_report import make_report
+from tests.missions.field.surveys import EXAMPLE, POSE_ERROR, SPREAD
+from tests.missions.files import hostile
+
+TEXT = EXAMPLE.read_text(encoding="utf-8")
+HEADER = "time_s,x_m,y_m,yaw_deg,strength_1,strength_2,strength_3"
+WAVEFORMS = "time_s,x_m,y_m,yaw_deg,waveform"
 
 
-def npz(path: Path, waveforms: np.ndarray, **more: object) -> None:
-    np.savez(path, allow_pickle=False, waveforms=waveforms, **{"sample_rate_hz": 20e9, **more})  # pyright: ignore
+def npz(**changed: object) -> bytes:
+    """Return an archive of one pulse in six channels with some arrays changed."""
+    arrays = {**hostile.waveforms(np.random.default_rng(9)), **changed}
+    return hostile.packed({name: np.asarray(array) for name, array in arrays.items()})
 
 
-def one_row(path: Path, name: str) -> Path:
-    path.write_text(f"time_s,x_m,y_m,yaw_deg,waveform\n0,1,2,90,{name}\n")
+def table_of(folder: Path, name: str, n_rows: int = 1) -> Path:
+    """Write a table that names a waveform file in each row."""
+    path = folder / "t.csv"
+    path.write_text("\n".join([WAVEFORMS, *(f"{k},1,2,90,{name}" for k in range(n_rows))]), encoding="utf-8")
     return path
 
 
-def a_pulse(n_samples: int = 400) -> np.ndarray:
-    pulse = np.zeros(n_samples)
-    pulse[200:230] = np.sin(np.arange(30))
-    clean = GainManifold.ring(6).gain(0.5)[:, np.newaxis] * pulse
-    return clean + 0.01 * np.random.default_rng(9).standard_normal((6, n_samples))
+def with_column(path: Path, column: str, change: Callable[[int, float], float]) -> Path:
+    """Write the example with a column changed, row by row."""
+    header, *rows = [line.split(",") for line in TEXT.splitlines()]
+    at = header.index(column)
+    for k, row in enumerate(rows):
+        row[at] = f"{change(k, float(row[at])):.6f}"
+    path.write_text("\n".join(",".join(row) for row in [header, *rows]), encoding="utf-8")
+    return path
 
 
-def test_waveforms_from_csv_and_npz_in_volts_or_counts_are_the_same(tmp_path: Path) -> None:
-    x = np.round(a_pulse(), 3)
-    npz(tmp_path / "volts.npz", x)
-    npz(tmp_path / "counts.npz", np.round(1000 * x).astype(np.int16)[np.newaxis], volts_per_count=1e-3)
+def test_waveforms_in_csv_volts_or_counts_are_the_same(tmp_path: Path) -> None:
+    counts = hostile.waveforms(np.random.default_rng(9))["waveforms"]
+    (tmp_path / "counts.npz").write_bytes(npz(waveforms=counts[np.newaxis]))
+    (tmp_path / "volts.npz").write_bytes(npz(waveforms=1e-3 * counts, volts_per_count=1.0))
     lines = ["time_s,channel_1,channel_2,channel_3,channel_4,channel_5,channel_6"]
-    lines += [",".join([f"{k / 20e9:.6e}", *(f"{v:.3f}" for v in column)]) for k, column in enumerate(x.T)]
+    lines += [",".join([f"{k / 20e9:.6e}", *(f"{1e-3 * c:.3f}" for c in column)]) for k, column in enumerate(counts.T)]
     (tmp_path / "text.csv").write_text("\n".join(lines))
-    read = [read_field_data(one_row(tmp_path / "t.csv", name)) for name in ("volts.npz", "counts.npz", "text.csv")]
-    for data in read[1:]:
-        np.testing.assert_allclose(data.strengths_v, read[0].strengths_v, rtol=1e-9)
-        np.testing.assert_allclose(data.variance_v2, read[0].variance_v2, rtol=1e-9)
-    assert read[0].pose[0, 2] == pytest.approx(np.pi / 2)
+    first, *others = [read_field_data(table_of(tmp_path, name)) for name in ("volts.npz", "counts.npz", "text.csv")]
+    for data in others:
+        np.testing.assert_allclose(data.strengths_v, first.strengths_v, rtol=1e-9)
+        np.testing.assert_allclose(data.variance_v2, first.variance_v2, rtol=1e-9)
+    assert first.pose[0, 2] == pytest.approx(np.pi / 2)
 
 
-def test_the_noise_of_a_waveform_is_measured_outside_its_gate(tmp_path: Path) -> None:
-    npz(tmp_path / "w.npz", a_pulse(4000))
-    data = read_field_data(one_row(tmp_path / "t.csv", "w.npz"))
-    told = read_field_data(tmp_path / "t.csv", noise_v=0.01)
-    np.testing.assert_allclose(data.variance_v2, told.variance_v2, rtol=0.15)
+def test_noise_is_measured_outside_the_gate(tmp_path: Path) -> None:
+    noise = np.round(10.0 * np.random.default_rng(1).standard_normal((6, 4000))).astype(np.int16)
+    noise[:, :400] += hostile.waveforms(np.random.default_rng(9))["waveforms"]
+    (tmp_path / "w.npz").write_bytes(npz(waveforms=noise))
+    table = table_of(tmp_path, "w.npz")
+    known = read_field_data(table, noise_v=0.01)
+    np.testing.assert_allclose(read_field_data(table).variance_v2, known.variance_v2, rtol=0.15)
 
 
-def with_nan(x: np.ndarray) -> np.ndarray:
-    x[3, 7] = np.nan
-    return x
+ENCRYPTED = npz().replace(b"PK\x01\x02\x14\x03\x14\x00\x00\x00", b"PK\x01\x02\x14\x03\x14\x00\x01\x00")
 
 
 @pytest.mark.parametrize(
-    ("make", "told"),
+    ("data", "message"),
     [
-        (lambda p: npz(p, with_nan(a_pulse())), "NaN or infinite samples in channel 4"),
-        (lambda p: npz(p, with_nan(a_pulse()) * np.inf), "NaN or infinite samples"),
-        (lambda p: npz(p, a_pulse()[:2]), "2 channels; allowed are 3 or more"),
-        (lambda p: npz(p, a_pulse()[:, :50]), "50 samples; allowed are as many as the gate has, 90"),
-        (lambda p: npz(p, np.ones(5)), r"shape \(5,\)"),
-        (lambda p: npz(p, a_pulse().astype(np.int16)), "volts_per_count"),
-        (lambda p: npz(p, a_pulse(), sample_rate_hz=0.0), "sample_rate_hz: got"),
-        (lambda p: np.savez(p, x=np.ones(3)), "no array waveforms, sample_rate_hz"),
-        (lambda p: p.write_bytes(b"PK\x03\x04 broken"), "cannot be read"),
-        (lambda p: np.savez(p, waveforms=np.array([{}]), sample_rate_hz=1.0), "cannot be read|pickle"),
-        (lambda p: None, "no such file"),
+        (None, "no such file"),
+        (b"", "must be an .npz archive"),
+        (b"PK\x03\x04 broken", "must be an .npz archive"),
+        (npz()[:-900], "must be an .npz archive"),
+        (ENCRYPTED, "must be an .npz archive"),
+        (hostile.bomb(), "must be an .npz archive"),
+        (hostile.bomb("(1000, 2)"), "must be an .npz archive"),
+        (npz(waveforms=np.array([{}] * 9)), "must be an .npz archive"),
+        (hostile.packed({"waveforms": np.zeros(80_000_000)}), "must have at most 512 MB, got 640 MB"),
+        (hostile.packed({"x": np.ones(3)}, zipfile.ZIP_LZMA), "array waveforms, sample_rate_hz is missing"),
+        (npz(waveforms=np.ones(5)), r"waveforms must be numbers .* got float64 of shape \(5,\)"),
+        (hostile.packed({"waveforms": np.ones((6, 400), int), "sample_rate_hz": np.array(2e10)}), "volts_per_count"),
+        (npz(sample_rate_hz=0.0), r"sample_rate_hz must be one number from 1e\+06 to 1e\+12, got 0.0"),
+        (npz(sample_rate_hz=[20e9, 20e9]), r"sample_rate_hz must be one number .* got an array of shape \(2,\)"),
+        (npz(volts_per_count=1e300), "volts_per_count must be one number"),
+        (npz(waveforms=np.full((6, 400), np.nan)), "samples must be finite, and are not in channel 1, 2"),
+        (npz(waveforms=np.full((6, 400), 1e200)), r"samples must be at most 1e\+06 V, got 1e\+197 V"),
+        (npz(waveforms=np.ones((2, 400))), "must have 3 to 32 channels, got 2"),
+        (npz(waveforms=np.ones((200, 400))), "must have 3 to 32 channels, got 200"),
+        (npz(waveforms=np.ones((6, 50))), "must have as many samples as the gate, 90, or more, got 50"),
+        (npz(sample_rate_hz=1e8), "the gate must have 4 samples or more; --gate-ns 4.5 is 0"),
     ],
+    ids=range(21),
 )
-def test_a_broken_waveform_is_refused_by_line_and_file(
-    tmp_path: Path, make: Callable[[Path], object], told: str
-) -> None:
-    make(tmp_path / "w.npz")
-    with pytest.raises(InputFileError, match=told) as refused:
-        read_field_data(one_row(tmp_path / "t.csv", "w.npz"))
-    assert refused.value.faults[0].startswith(f"{tmp_path / 't.csv'}: line 2: waveform: w.npz: ")
+def test_broken_waveform_file_is_one_error(tmp_path: Path, data: bytes | None, message: str) -> None:
+    if data is not None:
+        (tmp_path / "w.npz").write_bytes(data)
+    table = table_of(tmp_path, "w.npz", n_rows=5)
+    with pytest.raises(InputFileError, match=message) as refused:
+        read_field_data(table)
+    (line,) = refused.value.faults
+    assert line.startswith(f"{table}: line 2: waveform w.npz: ")
+    assert len(line) < 400
 
 
-HEADER = "time_s,x_m,y_m,yaw_deg,strength_1,strength_2,strength_3"
+def test_broken_waveform_table_is_one_error(tmp_path: Path) -> None:
+    rows = [f"{k / 20e9:.4e},nan,nan,nan" for k in range(200)]
+    (tmp_path / "w.csv").write_text("\n".join(["time_s,channel_1,channel_2,channel_3", *rows]))
+    with pytest.raises(InputFileError) as refused:
+        read_field_data(table_of(tmp_path, "w.csv", n_rows=3))
+    error = "waveform w.csv: line 2: channel_1 must be a finite number, got 'nan' (and more)"
+    assert refused.value.faults == (f"{tmp_path / 't.csv'}: line 2: {error}",)
 
 
-def test_a_phase_of_the_mains_is_the_same_a_turn_earlier_or_later(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (f"{HEADER}\n0,0,0,0,1,2\n", "line 2: must have 7 cells, got 6"),
+        (f"{HEADER}\n0,0,0,0,1,2,nan\n", "line 2: strength_3 must be a number from 0 to 1e.06 V, got 'nan'"),
+        (f"{HEADER}\n0,0,0,0,1,2,-1\n", "line 2: strength_3 must be a number .* got '-1'"),
+        (f"{HEADER}\n0,0,0,0,1,2,{'1' * 90_000}\n", "strength_3 must be a number .* got '1{39}"),
+        (f"{HEADER}\n1e300,0,0,0,1,2,3\n", "line 2: time_s must be a number from -5e.09 to 5e.09 s, got '1e300'"),
+        (f"{HEADER}\n0,0,0,0,1,2,3\n\n-1,0,0,0,1,2,3\n", "line 4: time_s must not decrease: 0 is followed by -1"),
+        (f"{HEADER}\n0,0,0,1e4,1,2,3\n", "line 2: yaw_deg must be a number from -720 to 720 degrees"),
+        (f"{HEADER}\n0,4e6,0,0,1,2,3\n", "line 2: x_m must be a number .* in a frame of the site, got '4e6'"),
+        (f"{HEADER}\n0,0,0,0,0,0,0\n", "must have 3 or more channels with a signal, got 0"),
+        (f"{HEADER}\n0,0,0,0,1,0,1\n", "must have 3 or more channels with a signal, got 2"),
+        (f"{HEADER},phase\n0,0,0,0,1,2,3,4\n", "unknown column phase"),
+        (f"{HEADER},mains_phase_deg\n0,0,0,0,1,2,3,400\n", "line 2: mains_phase_deg must be a number from -360 to 360"),
+        (f"{HEADER},std_1\n0,0,0,0,1,2,3,4\n", "columns must be std_1 to std_3, got std_1"),
+        (f"{HEADER},waveform\n0,0,0,0,1,2,3,w.npz\n", "must have strength_1 ... or waveform, got both"),
+        ("time_s,x_m,y_m,yaw_deg\n0,0,0,0\n", "must have strength_1 ... or waveform, got neither"),
+        ("time_s,x_m,yaw_deg,strength_1,strength_2,strength_3\n0,0,0,1,1,1\n", "column y_m is missing"),
+        (
+            "time_s,x_m,y_m,yaw_deg,strength_1,strength_2,strength_4\n0,0,0,0,1,1,1\n",
+            "must be strength_1 to strength_3",
+        ),
+        (
+            "time_s,x_m,y_m,yaw_deg,strength_1,strength_2\n0,0,0,0,1,1\n",
+            "must have 3 to 32 columns of strengths, got 2",
+        ),
+        (f"{HEADER},x_m\n0,0,0,0,1,2,3,4\n", "names of columns must be unique and not empty, got 'x_m'"),
+        (f'{HEADER}\n0,0,0,0,1,2,"3\n4"\n1,0,0,0,1,2,3\n', "cells|quoted"),
+        (",".join(f"strength_{k}" for k in range(2000)) + "\n" + "1," * 1999 + "1", "at most 1000 columns, got 2000"),
+        (TEXT.encode("utf-16"), "must be UTF-8 text"),
+        (b"PK\x03\x04\xff", "must be UTF-8 text"),
+        ("", "must have a header and at least one row"),
+        (HEADER, "must have a header and at least one row"),
+    ],
+    ids=range(25),
+)
+def test_wrong_table_is_refused_by_line(tmp_path: Path, text: str | bytes, message: str) -> None:
+    (tmp_path / "t.csv").write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(InputFileError, match=message) as refused:
+        read_field_data(tmp_path / "t.csv", noise_v=1.0)
+    assert all(len(error) < 400 for error in refused.value.faults)
+
+
+def test_strengths_need_a_deviation(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text(f"{HEADER}\n0,0,0,0,1,2,3\n")
+    with pytest.raises(InputFileError, match="needs the columns std_1 to std_3, or --noise-v"):
+        read_field_data(tmp_path / "t.csv")
+
+
+@pytest.mark.parametrize("separator", [";", "\t", ","])
+def test_separator_line_of_excel_is_skipped(tmp_path: Path, separator: str) -> None:
+    lines = f"\ufeffsep={separator}\n{TEXT.replace(',', separator)}".replace("\n", "\r\n")
+    (tmp_path / "t.csv").write_text(lines, encoding="utf-8", newline="")
+    if separator == ";":
+        with pytest.warns(InputFileWarning, match="separated by semicolons"):
+            data = read_field_data(tmp_path / "t.csv")
+    else:
+        data = read_field_data(tmp_path / "t.csv")
+    np.testing.assert_array_equal(data.strengths_v, read_field_data(EXAMPLE).strengths_v)
+
+
+def test_mains_phase_is_periodic(tmp_path: Path) -> None:
     rows = (f"0,0,0,0,1,2,3,{phase_deg}" for phase_deg in (-90, 270, -360, 360))
     (tmp_path / "t.csv").write_text("\n".join([f"{HEADER},mains_phase_deg", *rows]))
     data = read_field_data(tmp_path / "t.csv", noise_v=0.01)
@@ -88,33 +186,49 @@ def test_a_phase_of_the_mains_is_the_same_a_turn_earlier_or_later(tmp_path: Path
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
-    [
-        (f"{HEADER}\n0,0,0,0,1,2\n", "line 2: got 6 cells; allowed are 7"),
-        (f"{HEADER}\n0,0,0,0,1,2,nan\n", "line 2: strength_3: got 'nan'; allowed is a number"),
-        (f"{HEADER}\n0,0,0,0,1,2,-1\n", "line 2: strength_3: got -1; allowed is 0 V or more"),
-        (f"{HEADER}\n0,0,0,0,1,2,3\n\n-1,0,0,0,1,2,3\n", "line 4: time_s: -1 after 0"),
-        (f"{HEADER}\n0,0,0,1e4,1,2,3\n", "line 2: yaw_deg: got 1e4; allowed is -720 to 720"),
-        (f"{HEADER}\n0,4e6,0,0,1,2,3\n", "line 2: x_m: got 4e6; allowed is .* in a frame of the site"),
-        (f"{HEADER}\n0,0,0,0,0,0,0\n", "no channel gave anything"),
-        (f"{HEADER}\n0,0,0,0,1,0,1\n", "only 2 channels gave anything; allowed are 3"),
-        (f"{HEADER},phase\n0,0,0,0,1,2,3,4\n", "unknown column phase"),
-        (f"{HEADER},mains_phase_deg\n0,0,0,0,1,2,3,400\n", "line 2: mains_phase_deg: got 400"),
-        (f"{HEADER},std_1\n0,0,0,0,1,2,3,4\n", "columns std_1; allowed are std_1 to std_3"),
-        (f"{HEADER},waveform\n0,0,0,0,1,2,3,w.npz\n", "has both of strength_1"),
-        ("time_s,x_m,y_m,yaw_deg\n0,0,0,0\n", "has neither of strength_1"),
-        ("time_s,x_m,yaw_deg,strength_1,strength_2,strength_4\n0,0,0,1,1,1\n", "no column y_m"),
-        ("time_s,x_m,y_m,yaw_deg,strength_1,strength_2,strength_4\n0,0,0,0,1,1,1\n", "allowed are strength_1 to"),
-        ("time_s,x_m,y_m,yaw_deg,strength_1,strength_2\n0,0,0,0,1,1\n", "2 strength columns; allowed are 3"),
-    ],
-)  # fmt: skip
-def test_a_wrong_table_is_refused_by_line(tmp_path: Path, text: str, told: str) -> None:
-    (tmp_path / "t.csv").write_text(text)
-    with pytest.raises(InputFileError, match=told):
-        read_field_data(tmp_path / "t.csv", noise_v=1.0)
+    ("column", "factor", "message"),
+    [("yaw_deg", np.pi / 180, "looks like radians"), ("x_m", 1000.0, "looks like millimetres")],
+)
+def test_other_units_are_noted(tmp_path: Path, column: str, factor: float, message: str) -> None:
+    assert read_field_data(EXAMPLE).notes == ()
+    (note,) = read_field_data(with_column(tmp_path / "t.csv", column, lambda _, value: factor * value)).notes
+    assert message in note
 
 
-def test_strengths_without_any_deviation_are_refused(tmp_path: Path) -> None:
-    (tmp_path / "t.csv").write_text(f"{HEADER}\n0,0,0,0,1,2,3\n")
-    with pytest.raises(InputFileError, match="no columns std_1 to std_3 and no --noise-v"):
-        read_field_data(tmp_path / "t.csv")
+def test_usual_poses_raise_no_doubt() -> None:
+    time_s = np.arange(100.0)
+    for yaw_deg in (np.zeros(100), np.linspace(-1, 1, 100), np.linspace(-180, 180, 100)):
+        for speed_mps in (0.0, 0.5, 2.0):
+            pose = np.column_stack([speed_mps * time_s, np.full(100, 5.0), np.radians(yaw_deg)])
+            assert doubts(time_s, pose) == []
+
+
+@pytest.mark.parametrize(("size_m", "duration_s"), [(20_000.0, 1e6), (500.0, 1.0)])
+def test_millimetres_show_in_size_or_speed(size_m: float, duration_s: float) -> None:
+    pose = np.column_stack([np.linspace(0.0, size_m, 100), np.zeros((100, 2))])
+    (doubt,) = doubts(np.linspace(0.0, duration_s, 100), pose)
+    assert "looks like millimetres" in doubt
+
+
+def test_rejected_pulses_are_explained() -> None:
+    data = read_field_data(EXAMPLE)
+    scrambled = array_model(data, SPREAD, None, (90.0, -150.0, 30.0, -90.0, 150.0, -30.0))
+    (line,) = rejections(locate_field_data(data, scrambled, POSE_ERROR))
+    assert line.startswith(f"all pulses were rejected: {data.strengths_v.shape[0]} not a plane wave")
+    assert rejections(locate_field_data(data, array_model(data, SPREAD), POSE_ERROR)) == []
+
+
+def test_pooled_poses_locate_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    table = with_column(tmp_path / "t.csv", "time_s", lambda k, time_s: time_s + 0.01 * (k % 6))
+    single = read_field_data(table)
+    monkeypatch.setattr(field_data, "MAX_STEPS", 20)
+    pooled = read_field_data(table)
+    assert single.notes == ()
+    assert pooled.notes == ("84 times and poses were pooled into 14: within 1 s, 0.1 m and 2 degrees",)
+    np.testing.assert_array_equal(pooled.strengths_v, single.strengths_v)
+    findings = []
+    for data in (single, pooled):
+        log = locate_field_data(data, array_model(data, SPREAD), POSE_ERROR)
+        findings += make_report(log, 0.0).findings
+    apart_m = np.linalg.norm(np.subtract(*(finding.position_m for finding in findings))[:2])
+    assert apart_m < 0.1 * findings[0].ellipse95.semi_major_m

@@ -12,14 +12,13 @@ import pytest
 
 from dirmusic import InputFileError
 from pdpatrol.envs.scenario.calibration import read_calibration
-from pdpatrol.missions.field.array_model import array_model
 from pdpatrol.missions.field.field_data import read_field_data
-from pdpatrol.missions.field.locate_field_data import locate_field_data
+from pdpatrol.missions.field.locate_field_data import array_model, locate_field_data
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.recording import check_recording, write_recording
 from pdpatrol.missions.sweep.dataset import Dataset
+from tests.missions.field.surveys import EXAMPLE, POSE_ERROR, SPREAD
 from tests.missions.files import hostile
-from tests.missions.files.test_hostile_files import EXAMPLE, POSE_ERROR, SPREAD
 
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 
@@ -32,7 +31,7 @@ def pdpatrol(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 def mission(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("mission")
     data = read_field_data(EXAMPLE)
-    log = locate_field_data(data, array_model(data, SPREAD, None, None, 0.12, 0.6), POSE_ERROR)
+    log = locate_field_data(data, array_model(data, SPREAD), POSE_ERROR)
     log.save(folder)
     write_recording(log, folder / "mission.rrd")
     return folder

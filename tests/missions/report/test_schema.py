@@ -8,14 +8,13 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from pdpatrol.missions.field.array_model import array_model
 from pdpatrol.missions.field.field_data import read_field_data
-from pdpatrol.missions.field.locate_field_data import locate_field_data
+from pdpatrol.missions.field.locate_field_data import array_model, locate_field_data
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.records import Report
 from pdpatrol.missions.report.report_file import WIDTH, read_report, report_schema, report_text, schema_text
-from tests.missions.files.test_hostile_files import EXAMPLE, POSE_ERROR, SPREAD
+from tests.missions.field.surveys import EXAMPLE, POSE_ERROR, SPREAD
 from tests.missions.report.logs import empty_log
 from tests.missions.test_phase_patterns import log_of_two_findings
 
@@ -34,7 +33,7 @@ def killed(log: MissionLog) -> MissionLog:
 
 def field_log() -> MissionLog:
     data = read_field_data(EXAMPLE)
-    return locate_field_data(data, array_model(data, SPREAD, None, None, 0.12, 0.6), POSE_ERROR, date="2026-03-02")
+    return locate_field_data(data, array_model(data, SPREAD), POSE_ERROR, date="2026-03-02")
 
 
 LOGS: dict[str, Callable[[], MissionLog]] = {

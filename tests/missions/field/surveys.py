@@ -1,0 +1,66 @@
+"""Surveys for tests: the shipped example, and simulated tables of strengths."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dirmusic import ElementSpread, PoseError
+from pdpatrol.missions.field.field_data import read_field_data
+from pdpatrol.missions.field.locate_field_data import array_model, locate_field_data
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.missions.report.records import Report
+from pdpatrol.sensing import ArrayConfig, ElementConfig, HelicalArray
+from pdpatrol.sensing.nature.pulse_shape import unit_pulse_energy
+from pdpatrol.sensing.radio.surroundings import in_array_frame, level_transform, rays_between
+
+FloatArray = NDArray[np.float64]
+
+EXAMPLE = Path(__file__).parents[3] / "examples" / "locate" / "strengths.csv"
+NOISE_V = 1e-3
+FOUR_OF_SIX = tuple(ElementConfig(azimuth_deg=azimuth) for azimuth in (90.0, 30.0, -30.0, -90.0))
+SPREAD = ElementSpread(gain=0.05, pointing_rad=np.radians(2.0))
+POSE_ERROR = PoseError(position_m=0.05, heading_rad=np.radians(0.5), correlation_s=5.0)
+
+
+def orbit(n: int, radius_m: float, centre: tuple[float, float], turns: float = 1.0) -> FloatArray:
+    """Return poses on a circle, shape (n, 3)."""
+    angle = np.linspace(0, 2 * np.pi * turns, n, endpoint=False)
+    return np.column_stack([centre[0] + radius_m * np.cos(angle), centre[1] + radius_m * np.sin(angle), angle + 2.0])
+
+
+def survey(
+    poses: FloatArray, *sources_m: tuple[float, float, float], seed: int, n_elements: int = 6
+) -> list[list[float]]:
+    """Simulate one pulse per pose and source, with an imperfect array and imperfectly known poses.
+
+    Returns:
+        Rows of time, pose and strengths.
+    """
+    rng = np.random.default_rng(seed)
+    array = HelicalArray.draw(ArrayConfig(elements=FOUR_OF_SIX) if n_elements == 4 else ArrayConfig(), rng)
+    energy_to_noise = unit_pulse_energy(20e9) / NOISE_V**2
+    rows: list[list[float]] = []
+    for k, (x, y, yaw) in enumerate(poses):
+        for source_m in sources_m:
+            rays = rays_between(
+                array.positions_m, in_array_frame(np.array(source_m), level_transform(np.array([x, y, yaw])))
+            )
+            amplitude = 0.27 * rays.spreading * array.gain(rays.azimuth_rad, rays.elevation_rad)
+            energy = rng.noncentral_chisquare(90, np.square(amplitude) * energy_to_noise)
+            estimated = [*(np.array([x, y]) + rng.normal(0, 0.05, 2)), np.degrees(yaw) + rng.normal(0, 0.5)]
+            rows.append([30.0 * k, *estimated, *(NOISE_V * np.sqrt(np.maximum(energy - 90, 0)))])
+    return rows
+
+
+def write(path: Path, rows: list[list[float]]) -> Path:
+    """Write rows of `survey` as a table."""
+    header = ",".join(["time_s", "x_m", "y_m", "yaw_deg", *(f"strength_{k + 1}" for k in range(len(rows[0]) - 4))])
+    path.write_text("\n".join([header, *(",".join(f"{v:.6f}" for v in row) for row in rows), ""]))
+    return path
+
+
+def locate(table: Path, *, noise_v: float | None = NOISE_V, fence_m: tuple[float, float] | None = None) -> Report:
+    """Return the report of a table."""
+    data = read_field_data(table, noise_v=noise_v)
+    return make_report(locate_field_data(data, array_model(data, SPREAD), POSE_ERROR, fence_m=fence_m), 0.0)
