@@ -54,7 +54,7 @@ class Birth(NamedTuple):
             n_bearings=self.rows.size,
             first_detected_s=self.first_detected_s,
             last_detected_s=self.last_detected_s,
-            fixed_s=None,
+            confirmed_s=None,
             aperture_rad=0.0,
             nearest_m=np.inf,
             level_db=np.nan,

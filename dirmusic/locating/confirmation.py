@@ -67,8 +67,8 @@ def updated_state(
     is_found = _stays_confirmed(finding, n_own, present.rate, rules) or _meets(finding, n_own, present, rules)
     if not is_found or disagreement(record, rows, finding, errors) > rules.confirm_disagreement:
         return _in_state(finding, "candidate")
-    if finding.fixed_s is None:
-        finding = replace(finding, fixed_s=time_s)
+    if finding.confirmed_s is None:
+        finding = replace(finding, confirmed_s=time_s)
     return _in_state(finding, "confirmed")
 
 

@@ -28,7 +28,7 @@ class Finding:
         n_bearings: Pulses that belong to it; where there is a map, those detected in sight of it.
         first_detected_s: When its first pulse came.
         last_detected_s: When its latest pulse came, in sight of it or not.
-        fixed_s: When it was first confirmed, or None.
+        confirmed_s: When it was first confirmed, or None.
         aperture_rad: Angle on plan over which its lines of sight spread, seen from the finding.
         nearest_m: Least distance on plan from which it was detected.
         level_db: Strength that its louder pulses would have 1 m away, dB over 1 V; NaN until it was detected in sight.
@@ -45,7 +45,7 @@ class Finding:
     n_bearings: int
     first_detected_s: float
     last_detected_s: float
-    fixed_s: float | None
+    confirmed_s: float | None
     aperture_rad: float
     nearest_m: float
     level_db: float

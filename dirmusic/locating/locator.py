@@ -141,7 +141,7 @@ class Locator:
             return now
         then = self._states(now, self._assigner.assign(now, self._errors), time_s)
         return tuple(
-            replace(finding, state="candidate", fixed_s=before.fixed_s)
+            replace(finding, state="candidate", confirmed_s=before.confirmed_s)
             if new and after.state != "confirmed"
             else finding
             for finding, before, after, new in zip(now, findings, then, is_new, strict=True)

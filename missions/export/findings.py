@@ -73,7 +73,7 @@ FIELDS: tuple[str, ...] = (
     "rate_per_s",
     "n_bearings",
     "first_detected_s",
-    "fixed_s",
+    "confirmed_s",
 )
 
 
@@ -96,6 +96,6 @@ def _facts(finding: FindingRecord) -> dict[str, Any]:
         strength.get("rate_per_s"),
         told["n_bearings"],
         told["first_detected_s"],
-        told["fixed_s"],
+        told["confirmed_s"],
     )
     return dict(zip(FIELDS, values, strict=True))

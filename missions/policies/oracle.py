@@ -46,7 +46,7 @@ class Oracle:
                 n_bearings=0,
                 first_detected_s=0.0,
                 last_detected_s=time_of(observation),
-                fixed_s=None,
+                confirmed_s=None,
                 aperture_rad=0.0,
                 nearest_m=np.inf,
                 level_db=np.nan,

@@ -111,7 +111,7 @@ class Logbook:
             state=state,
             n_bearings=finding.n_bearings,
             first_detected_s=finding.first_detected_s,
-            fixed_s=np.nan if finding.fixed_s is None else finding.fixed_s,
+            confirmed_s=np.nan if finding.confirmed_s is None else finding.confirmed_s,
             aperture_rad=finding.aperture_rad,
         )
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from dirmusic.npz_file import read_npz
 from pdpatrol.missions.whole_file import whole_file
 
-SCHEMA = 4
+SCHEMA = 5
 
 TABLES: dict[str, dict[str, np.dtype[Any]]] = {
     "step": {
@@ -57,7 +57,7 @@ TABLES: dict[str, dict[str, np.dtype[Any]]] = {
         "state": np.dtype("U16"),  # candidate, confirmed, outside, ghost; dropped, once, when it is no more
         "n_bearings": np.dtype("i8"),
         "first_detected_s": np.dtype("f8"),
-        "fixed_s": np.dtype("f8"),  # when it was first confirmed; NaN until then
+        "confirmed_s": np.dtype("f8"),  # when it was first confirmed; NaN until then
         "aperture_rad": np.dtype("f8"),  # angle over which the lines of sight spread, seen from the finding
     },
     "likelihood": {  # over the yard, by all credible pulses so far

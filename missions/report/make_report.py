@@ -150,7 +150,7 @@ def _finding(
         detected_from=None if own is None or not own.time_s.size else _detected_from(own, float(row["aperture_rad"])),
         n_bearings=int(row["n_bearings"]),
         first_detected_s=float(row["first_detected_s"]),
-        fixed_s=_if_known(row["fixed_s"]),
+        confirmed_s=_if_known(row["confirmed_s"]),
     )
 
 

@@ -25,7 +25,7 @@ from pdpatrol.missions.report.quantities import (
     Time,
 )
 
-SCHEMA = 4
+SCHEMA = 5
 
 Kind = Literal["corona", "void", "surface", "floating", "unknown"]
 
@@ -134,7 +134,7 @@ class FindingRecord(Record, frozen=True):
     detected_from: DetectedFrom | None = Field(description="null if the mission was cut off without warning")
     n_bearings: Count = Field(description="pulses that its position rests on")
     first_detected_s: Time = Field(description="when its first pulse came, seconds of the mission")
-    fixed_s: Time | None = Field(description="when it was first confirmed, seconds of the mission; null if never")
+    confirmed_s: Time | None = Field(description="when it was first confirmed, seconds of the mission; null if never")
 
 
 class Inspection(Record, frozen=True):
@@ -182,7 +182,7 @@ class Evaluation(Record, frozen=True):
 class Report(Record, frozen=True):
     """What a mission found, how sure that is, and what it did not look at."""
 
-    schema_number: Literal[4] = Field(alias="schema", description="number of this schema")
+    schema_number: Literal[5] = Field(alias="schema", description="number of this schema")
     scenario: str = Field(description="name of the scenario, or of the table of field data")
     seed: int | None = Field(description="of the mission; null for field data")
     policy: str | None = Field(description="who drove; null for field data")

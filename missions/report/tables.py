@@ -32,7 +32,7 @@ class Column(NamedTuple):
 def findings_table(report: Report) -> Table:
     """The findings, for a terminal."""
     seed = "" if report.seed is None else f", seed {report.seed}"
-    more = [Column("fixed\nat (s)", lambda finding: "-" if finding.fixed_s is None else f"{finding.fixed_s:.1f}")]
+    more = [Column("time\n(s)", lambda finding: "-" if finding.confirmed_s is None else f"{finding.confirmed_s:.1f}")]
     if report.evaluation is not None:
         sources = report.evaluation.sources
         more.append(Column("error\n(m)", lambda finding: _error_of(finding, sources)))

@@ -135,8 +135,8 @@ class MissionRow(NamedTuple):
         report = make_report(log, wall_time_s)
         evaluation, step = report.scores, log.table("step")
         sources, matches = evaluation.sources, evaluation.matches
-        fixed_s = {finding.id: finding.fixed_s for finding in report.findings if finding.fixed_s is not None}
-        confirmed_s = tuple(fixed_s[match.finding_id] for match in matches)
+        findings = {finding.id: finding for finding in report.findings}
+        confirmed_s = tuple(at_s for match in matches if (at_s := findings[match.finding_id].confirmed_s) is not None)
         has_found_all = bool(sources) and len(matches) == len(sources)
         sources_m = [np.array(source.true_position_m[:2]) for source in sources]
         shortest_m = shortest_tour(SiteMap(job.scenario, job.scenario.yard), sources_m, job.scenario.task.standoff_m)

@@ -85,7 +85,7 @@ def run(case: GoldenCase) -> dict[str, Any]:
                     "position_m": np.round(table["position_m"][row], 4).tolist(),
                     "semi_axes_m": [round(ellipse.semi_major_m, 4), round(ellipse.semi_minor_m, 4)],
                     "height_std_m": round(float(covariance_m2[2, 2]) ** 0.5, 4),
-                    "confirmed_s": round(float(table["fixed_s"][row]), 1),
+                    "confirmed_s": round(float(table["confirmed_s"][row]), 1),
                 }
             )
     truth = [source["position_m"] for source in log.meta["truth"]["sources"]]

@@ -62,8 +62,8 @@ def test_a_mission_finds_the_discharge_visits_every_waypoint_and_docks() -> None
     assert counts.detected - counts.not_credible == report.n_bearings
     assert counts.of_findings is not None
     assert counts.of_findings > 0.5 * report.n_bearings
-    assert finding.fixed_s is not None
-    assert finding.first_detected_s < finding.fixed_s < report.sim_time_s
+    assert finding.confirmed_s is not None
+    assert finding.first_detected_s < finding.confirmed_s < report.sim_time_s
     assert finding.sites[0].name in load_scenario("one_source").yard.site_names()
     assert read_report(report_text(report)).findings[0].id == finding.id
     likelihood, grid = log.table("likelihood"), described_grid(log.meta["grid"])

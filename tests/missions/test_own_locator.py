@@ -29,7 +29,7 @@ class Mine:
             self.findings = (
                 Finding(
                     id=7, state="confirmed", position_m=np.append(pose[:2] + 1.0, 1.5), covariance_m2=np.eye(3),
-                    n_bearings=self.n, first_detected_s=0.0, last_detected_s=0.0, fixed_s=time_s, aperture_rad=1.0,
+                    n_bearings=self.n, first_detected_s=0.0, last_detected_s=0.0, confirmed_s=time_s, aperture_rad=1.0,
                     nearest_m=1.0, level_db=0.0,
                 ),
             )

@@ -56,7 +56,7 @@ def log_of_two_findings(seed: int, mains: bool = True, ghosts_every: int = 0) ->
     for number, (_, place) in SOURCES.items():
         log.append(
             "finding", step=59, id=number, position_m=np.array([*place, 0.6]), covariance_m2=0.01 * np.eye(3),
-            state="confirmed", n_bearings=100, first_detected_s=0.0, fixed_s=1.0, aperture_rad=1.0,
+            state="confirmed", n_bearings=100, first_detected_s=0.0, confirmed_s=1.0, aperture_rad=1.0,
         )  # fmt: skip
     return log
 

@@ -20,7 +20,7 @@ def finding(x: float, y: float, spread_m: float = 0.1, number: int = 1, **shown:
         "id": number, "state": "confirmed", "position_m": (x, y, 1.5), "position_std_m": (spread_m,) * 3,
         "covariance_m2": tuple(map(tuple, covariance.tolist())),
         "ellipse95": Ellipse(**ellipse95(covariance[:2, :2])._asdict()), "sites": (), "discharge": None,
-        "strength": None, "detected_from": None, "n_bearings": 30, "first_detected_s": 0.0, "fixed_s": 12.0,
+        "strength": None, "detected_from": None, "n_bearings": 30, "first_detected_s": 0.0, "confirmed_s": 12.0,
     }  # fmt: skip
     return FindingRecord.model_validate({**known, **shown})
 
@@ -105,7 +105,7 @@ def test_at_eighty_columns_no_word_is_broken_and_no_figure_lacks_its_unit() -> N
 
 def test_what_lies_beyond_the_fence_is_on_no_site_and_an_unknown_kind_has_no_confidence() -> None:
     unknown = Discharge(kind="unknown", confidence=1.0, shift_deg=0.0, pattern=PATTERN)
-    report = report_of([], [finding(-30.0, 5.0, state="outside", discharge=unknown, fixed_s=None)], [])
+    report = report_of([], [finding(-30.0, 5.0, state="outside", discharge=unknown, confirmed_s=None)], [])
     told = " ".join(lines(candidates_table(report), width=80))
     assert "beyond the fence" in told.partition("#")[2]
     assert "unknown" in told

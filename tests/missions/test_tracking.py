@@ -18,7 +18,7 @@ ARRAY = ArrayModel(manifold=MANIFOLD, positions_m=np.zeros((6, 3)), spread=Eleme
 POSE = np.zeros(3)
 FINDING = Finding(
     id=3, state="candidate", position_m=np.array([1.0, 2.0, 1.5]), covariance_m2=np.eye(3), n_bearings=1,
-    first_detected_s=0.0, last_detected_s=0.0, fixed_s=None, aperture_rad=0.0, nearest_m=1.0, level_db=0.0,
+    first_detected_s=0.0, last_detected_s=0.0, confirmed_s=None, aperture_rad=0.0, nearest_m=1.0, level_db=0.0,
 )  # fmt: skip
 
 
@@ -79,7 +79,7 @@ def test_findings_are_logged_when_they_change_and_until_they_are_confirmed_not_f
     for findings in (once, once, (FINDING,), ()):
         book.log_tracked(POSE, Tracked(PulseBatch.none(6), np.empty(0, dtype=np.bool_), findings))
     assert log.column("finding", "state").tolist() == ["candidate", "candidate", "dropped"]
-    assert np.isnan(log.column("finding", "fixed_s")).all()
+    assert np.isnan(log.column("finding", "confirmed_s")).all()
     assert log.column("event", "kind").tolist() == ["candidate", "dropped"]
 
 

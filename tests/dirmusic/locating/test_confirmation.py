@@ -27,7 +27,7 @@ WEAK_DB = -RULES.assignment.obstruction_db - 5.0
 FAR_M, NEAR_M = 10.0, 4.0
 CANDIDATE = Finding(
     id=1, state="candidate", position_m=np.zeros(3), covariance_m2=0.05 * np.eye(3), n_bearings=20,
-    first_detected_s=0.0, last_detected_s=0.0, fixed_s=None, aperture_rad=1.0, nearest_m=FAR_M, level_db=LEVEL_DB,
+    first_detected_s=0.0, last_detected_s=0.0, confirmed_s=None, aperture_rad=1.0, nearest_m=FAR_M, level_db=LEVEL_DB,
 )  # fmt: skip
 
 

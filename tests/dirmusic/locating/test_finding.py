@@ -11,7 +11,7 @@ from dirmusic import Finding
 def finding(position_m: np.ndarray, covariance_m2: np.ndarray) -> Finding:
     return Finding(
         id=3, state="candidate", position_m=position_m, covariance_m2=covariance_m2, n_bearings=1,
-        first_detected_s=0.0, last_detected_s=0.0, fixed_s=None, aperture_rad=0.0, nearest_m=1.0, level_db=0.0,
+        first_detected_s=0.0, last_detected_s=0.0, confirmed_s=None, aperture_rad=0.0, nearest_m=1.0, level_db=0.0,
     )  # fmt: skip
 
 

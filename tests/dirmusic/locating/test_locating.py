@@ -323,7 +323,7 @@ def test_findings_do_not_depend_on_the_time_origin() -> None:
             np.testing.assert_allclose(finding.covariance_m2, expected.covariance_m2, rtol=1e-3, atol=1e-9)
             assert finding.first_detected_s == expected.first_detected_s + origin_s
             assert finding.last_detected_s == expected.last_detected_s + origin_s
-            assert expected.fixed_s is None or finding.fixed_s == expected.fixed_s + origin_s
+            assert expected.confirmed_s is None or finding.confirmed_s == expected.confirmed_s + origin_s
 
 
 @pytest.mark.parametrize(
@@ -362,7 +362,7 @@ def test_merging_keeps_the_confirmed_finding_or_the_lowest_id(states: tuple[Stat
     findings = [
         Finding(
             id=number, state=state, position_m=np.array([0.4 * number, 0.0, 1.5]), covariance_m2=0.01 * np.eye(3),
-            n_bearings=9, first_detected_s=0.0, last_detected_s=1.0, fixed_s=None, aperture_rad=1.0, nearest_m=3.0,
+            n_bearings=9, first_detected_s=0.0, last_detected_s=1.0, confirmed_s=None, aperture_rad=1.0, nearest_m=3.0,
             level_db=0.0,
         )
         for number, state in enumerate(states, start=1)

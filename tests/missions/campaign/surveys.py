@@ -90,7 +90,7 @@ def survey(
         log.append(
             "finding", step=len(poses) - 1, id=number, position_m=np.array(source.position_m),
             covariance_m2=0.05**2 * np.eye(3), state="confirmed" if source.is_confirmed else "candidate",
-            n_bearings=100, first_detected_s=0.0, fixed_s=1.0, aperture_rad=1.0,
+            n_bearings=100, first_detected_s=0.0, confirmed_s=1.0, aperture_rad=1.0,
         )  # fmt: skip
     return log
 

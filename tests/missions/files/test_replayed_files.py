@@ -66,10 +66,10 @@ def test_a_log_with_any_bit_turned_or_cut_short_is_refused_or_reads_as_it_was(mi
     [
         ({"meta": np.array("{}")}, "is not the log of a mission .its facts are none"),
         ({"meta": np.array("[" * 9000)}, "is not the log of a mission"),
-        ({"meta": np.array({"schema": 4})}, "meta: holds a pickle"),
+        ({"meta": np.array({"schema": 5})}, "meta: holds a pickle"),
         ({"meta": np.array(3.0)}, "is not the log of a mission"),
-        ({"meta": np.array('{"schema": 4}')}, "no array step.time_s"),
-        ({"meta": np.array('{"schema": 3}')}, "log schema 3, this version reads schema 4"),
+        ({"meta": np.array('{"schema": 5}')}, "no array step.time_s"),
+        ({"meta": np.array('{"schema": 3}')}, "log schema 3, this version reads schema 5"),
         ({"x": np.array(1)}, "no array meta; it holds x"),
     ],
 )
@@ -103,7 +103,7 @@ def test_a_log_whose_tables_do_not_fit_is_refused(
 def test_replay_refuses_a_log_whose_facts_are_junk(mission: Path, tmp_path: Path) -> None:
     with np.load(mission / "log.npz") as archive:
         arrays = {key: archive[key] for key in archive.files}
-    arrays["meta"] = np.array(json.dumps({"schema": 4, "array": 7}))
+    arrays["meta"] = np.array(json.dumps({"schema": 5, "array": 7}))
     (tmp_path / "log.npz").write_bytes(hostile.packed(arrays))
     done = pdpatrol("replay", ".", cwd=tmp_path)
     assert done.returncode == 2

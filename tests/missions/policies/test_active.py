@@ -22,7 +22,7 @@ def candidate(position_m: tuple[float, float], along_m: float, across_m: float) 
     covariance_m2[:2, :2] = along_m**2 * np.outer(ahead, ahead) + across_m**2 * np.outer(across, across)
     return Finding(
         id=1, state="candidate", position_m=np.array([*position_m, 1.5]), covariance_m2=covariance_m2, n_bearings=50,
-        first_detected_s=0.0, last_detected_s=0.0, fixed_s=None, aperture_rad=0.1, nearest_m=6.0, level_db=-10.0,
+        first_detected_s=0.0, last_detected_s=0.0, confirmed_s=None, aperture_rad=0.1, nearest_m=6.0, level_db=-10.0,
     )  # fmt: skip
 
 

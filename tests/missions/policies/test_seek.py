@@ -15,7 +15,8 @@ SITE_MAP = SiteMap(load_scenario("one_source"))
 def candidate(state: State, detected_s: float) -> Finding:
     return Finding(
         id=1, state=state, position_m=np.array([9.5, 8.0, 1.5]), covariance_m2=0.1 * np.eye(3), n_bearings=50,
-        first_detected_s=0.0, last_detected_s=detected_s, fixed_s=None, aperture_rad=0.3, nearest_m=6.0, level_db=-10.0,
+        first_detected_s=0.0, last_detected_s=detected_s, confirmed_s=None, aperture_rad=0.3, nearest_m=6.0,
+        level_db=-10.0,
     )  # fmt: skip
 
 

@@ -39,7 +39,7 @@ def add_finding(log: MissionLog, step: int, **given: object) -> None:
         "state": "candidate",
         "n_bearings": 40,
         "first_detected_s": 0.1,
-        "fixed_s": np.nan,
+        "confirmed_s": np.nan,
         "aperture_rad": np.radians(20.0),
     }
     log.append("finding", step=step, **row | given)
@@ -77,7 +77,7 @@ def test_ghosts_and_what_was_dropped_are_not_listed(tmp_path: Path) -> None:
 def test_at_the_end_it_says_what_was_found_on_which_site_and_of_which_kind(tmp_path: Path) -> None:
     log = log_of("return to dock")
     site, place = next(iter(log.meta["sites"].items()))
-    add_finding(log, 8, state="confirmed", position_m=np.array(place), covariance_m2=1e-4 * np.eye(3), fixed_s=0.5)
+    add_finding(log, 8, state="confirmed", position_m=np.array(place), covariance_m2=1e-4 * np.eye(3), confirmed_s=0.5)
     log.append("event", step=9, kind="end", text="docked")
     write_recording(log, tmp_path / "mission.rrd")
     found = values(tmp_path / "mission.rrd")

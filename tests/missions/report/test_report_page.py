@@ -151,7 +151,7 @@ def test_what_lies_beyond_the_fence_is_told_to_be_no_asset_of_the_yard() -> None
     log = bounded(log_of_two_findings(1))
     log.append(
         "finding", step=59, id=9, position_m=np.array([-40.0, 5.0, 2.0]), covariance_m2=np.eye(3), state="outside",
-        n_bearings=30, first_detected_s=0.0, fixed_s=np.nan, aperture_rad=0.3,
+        n_bearings=30, first_detected_s=0.0, confirmed_s=np.nan, aperture_rad=0.3,
     )  # fmt: skip
     _, page = of_both(log)
     assert "One lies beyond the fence." in page.text

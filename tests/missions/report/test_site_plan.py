@@ -19,7 +19,7 @@ def test_findings_beyond_the_plan_are_all_named_and_no_name_covers_another() -> 
     for number, place_m in {**BEYOND_M, 5: (10.0, 10.0)}.items():
         log.append(
             "finding", step=0, id=number, position_m=np.array([*place_m, 1.0]), covariance_m2=0.01 * np.eye(3),
-            state="outside", n_bearings=30, first_detected_s=0.0, fixed_s=np.nan, aperture_rad=0.3,
+            state="outside", n_bearings=30, first_detected_s=0.0, confirmed_s=np.nan, aperture_rad=0.3,
         )  # fmt: skip
     figure = draw_site_plan(log, make_report(log, 0.0), None)
     FigureCanvasAgg(figure).draw()

@@ -39,7 +39,7 @@ def finding(x: float, y: float, state: str = "confirmed", number: int = 1) -> Fi
         n_bearings=100,
         first_detected_s=0.0,
         last_detected_s=0.0,
-        fixed_s=0.0,
+        confirmed_s=0.0,
         aperture_rad=1.0,
         nearest_m=3.0,
         level_db=LEVEL_DB,
