@@ -148,7 +148,8 @@ class Mission:
             odometry=info["odometry"],
             battery=info["battery"],
             command=self.site_map.robot.command_from_action(action),
-            phase=self.policy.phase,
+            phase=self.policy.phase.name,
+            phase_target=self.policy.phase.target,
         )
         self.log.append("scan", step=step, range_m=np.round(self._observation["lidar"], 3))
         for suspect in info["suspects"]:
@@ -178,7 +179,7 @@ class Mission:
                 self._fail(error)
                 reason = "error"
         self._keep_calibration()
-        self._book.event("end", reason)
+        self._book.event("end", f"mission over: {reason}", subject=reason)
 
     def _keep_calibration(self) -> None:
         """Put what the mission has learned of its array into the log."""
@@ -195,14 +196,14 @@ class Mission:
     def _log_events(self, info: dict[str, Any]) -> None:
         touched = frozenset(info["touched_names"])
         for name in sorted(touched - self._touched):
-            self._book.event("contact", name)
+            self._book.event("contact", f"touched {name}", subject=name)
         self._touched = touched
         visited = tuple(np.flatnonzero(info["waypoints_visited"]).tolist())
         for index in sorted(set(visited) - set(self._visited)):
-            self._book.event("waypoint", str(index + 1))
+            self._book.event("waypoint", f"reached waypoint {index + 1}", index + 1)
         self._visited = visited
         for number in sorted(set(self.policy.unreachable) - self._unreachable):
-            self._book.event("unreachable", f"waypoint {number}")
+            self._book.event("unreachable", f"gave up waypoint {number}", number)
         self._unreachable = frozenset(self.policy.unreachable)
 
 

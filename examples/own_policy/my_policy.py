@@ -11,6 +11,7 @@ from pdpatrol.missions.driving.path_follower import PathFollower
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.policies.patrol import Patrol
 from pdpatrol.missions.policies.protocol import Action, believed_pose, time_of
+from pdpatrol.missions.record.events import Phase
 
 RADIUS_M, AHEAD_RAD, REPLAN_S, PURSUIT_S, SHARP_M = 3.0, np.radians([60.0, -60.0]), 3.0, 120.0, 0.12
 
@@ -23,7 +24,7 @@ class MyPolicy:
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
-        self.phase = "patrol"  # shown by the log, the recording and the progress bar
+        self.phase = Phase("patrol")  # shown by the log, the recording and the progress bar
         self._patrol, self._drive, self._planned_s = Patrol(), None, -np.inf
         self._spent_s: dict[int, float] = {}
 
@@ -46,7 +47,7 @@ class MyPolicy:
             cells = [paths.nearest(place) for place in places]  # on free ground
             goal = site_map.centres_m[min(cells, key=lambda cell: paths.length_m[cell])]
             self._drive, self._planned_s = PathFollower(site_map, pose, goal, time_s, 0.5, paths), time_s
-        self.phase = f"circle {target.id}"
+        self.phase = Phase("circle", target.id)
         return self._drive.action(pose)
 
 

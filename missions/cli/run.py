@@ -36,11 +36,12 @@ if TYPE_CHECKING:
     from pdpatrol.missions.report.records import Report
     from pdpatrol.missions.runner import Mission
 
-OF_FINDINGS = ("candidate", "confirmed", "outside", "ghost", "dropped")
-"""Kinds of events whose text says by itself what became of a candidate or a finding."""
-
 TOLD = (
-    *OF_FINDINGS,
+    "candidate",
+    "confirmed",
+    "outside",
+    "ghost",
+    "dropped",
     "contact",
     "unreachable",
     "clipped",
@@ -233,15 +234,14 @@ def _progress(
             events = mission.log.table("event", told)
             for kind, text in zip(events["kind"], events["text"], strict=True):
                 if kind in TOLD:
-                    told_as = text if kind in OF_FINDINGS else f"{kind}: {text}"
-                    progress.console.print(f"{mission.time_s:6.1f} s  {told_as}")
+                    progress.console.print(f"{mission.time_s:6.1f} s  {text}")
             told += events["kind"].size
             stops = len(mission.site_map.route.stops_m) + 1
             visited = mission.n_visited / stops
             progress.update(
                 bar,
                 completed=max(visited, mission.time_s / time_limit_s),
-                description=mission.policy.phase,
+                description=str(mission.policy.phase),
                 clock=f"{mission.time_s:5.0f} s simulated, {visited * stops:.0f} of {stops - 1} waypoints",
             )
 

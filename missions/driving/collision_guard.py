@@ -13,6 +13,7 @@ from pdpatrol.missions.driving.lidar_stop import free_way, safe_command
 from pdpatrol.missions.driving.seen_obstacles import SeenObstacles
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.policies.protocol import Action, Policy, believed_pose, checked_action, status_of, time_of
+from pdpatrol.missions.record.events import Phase
 from pdpatrol.robot_models.description.robot_description import RobotDescription
 
 FloatArray = NDArray[np.float64]
@@ -100,7 +101,7 @@ class CollisionGuard:
         self._back_off = BACK_OFFS[int(np.argmax(rooms))]
         self._back_off_until_s = time_s + BACK_OFF_S
         self._last_place_m = None
-        self.phase = "back off"
+        self.phase = Phase("back off")
         return _slowed(observation, self._back_off, robot)
 
 

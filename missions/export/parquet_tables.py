@@ -21,14 +21,19 @@ def write_steps(log: MissionLog, path: Path) -> None:
     """One row for each control step."""
     step = log.table("step")
     columns: dict[str, tuple[NDArray[Any], str]] = {"time_s": (step["time_s"], "since the start of the mission")}
-    for name, what in (("pose", "as the robot believes"), ("true_pose", "truth"), ("odometry", "wheels and gyro")):
-        prefix = name.removesuffix("pose")
+    poses = (
+        ("pose", "", "as the robot believes"),
+        ("true_pose", "true_", "truth"),
+        ("odometry", "odometry_", "wheels and gyro"),
+    )
+    for name, prefix, what in poses:
         for k, unit in enumerate(("x_m", "y_m", "yaw_rad")):
-            columns[f"{prefix}{'_' if prefix == 'odometry' else ''}{unit}"] = (step[name][:, k], f"{what}; {WORLD}")
+            columns[f"{prefix}{unit}"] = (step[name][:, k], f"{what}; {WORLD}")
     columns["battery"] = (step["battery"], "share that is left")
     for k, name in enumerate(("speed_mps", "yaw_rate_radps")):
         columns[f"commanded_{name}"] = (step["command"][:, k], "asked for during the step")
     columns["phase"] = (step["phase"], "what the policy did")
+    columns["phase_target"] = (step["phase_target"], "waypoint or finding that it drove to; 0 for neither")
     _write(columns, path)
 
 

@@ -155,6 +155,7 @@ def locate_field_data(
                 battery=np.nan,
                 command=no_command,
                 phase="field",
+                phase_target=0,
             )
             if step == 0:
                 for note in (*notes, *data.notes):
@@ -177,7 +178,7 @@ def locate_field_data(
     learned = tracker.calibration(data.path.name, None, calibration)
     if learned is not None:
         log.meta["calibration"] = learned.model_dump(mode="json")
-    book.event("end", "all rows read")
+    book.event("end", "survey over: all rows read", subject="all rows read")
     return log
 
 

@@ -14,6 +14,7 @@ from pdpatrol.missions.driving.collision_guard import CollisionGuard
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.policies.protocol import Action, time_of
 from pdpatrol.missions.policies.seek import Seek
+from pdpatrol.missions.record.events import Phase
 
 FloatArray = NDArray[np.float64]
 
@@ -25,7 +26,7 @@ class Oracle:
     """Given the true positions of the sources: views each from several sides and goes home."""
 
     def __init__(self) -> None:
-        self.phase = "oracle"
+        self.phase = Phase("oracle")
         self.unreachable: tuple[int, ...] = ()
         self._seek = CollisionGuard(Seek(route_first=False))
         self._sources_m: list[FloatArray] = []

@@ -12,6 +12,7 @@ from pdpatrol.envs.patrol_env import Observation
 from pdpatrol.missions.driving.path_follower import PathFollower
 from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap
 from pdpatrol.missions.policies.protocol import Action, believed_pose, time_of
+from pdpatrol.missions.record.events import Phase
 
 FloatArray = NDArray[np.float64]
 
@@ -23,7 +24,7 @@ class Patrol:
     """Drive the route and go home, whatever is detected; without a route, stand still."""
 
     def __init__(self) -> None:
-        self.phase = "patrol"
+        self.phase = Phase("patrol")
         self.unreachable: tuple[int, ...] = ()
         self._next_stop = 0
         self._drive: PathFollower | None = None
@@ -32,7 +33,7 @@ class Patrol:
     def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
         """Towards the next stop; None once the dock is reached, or given up."""
         if not site_map.route.stops_m:
-            self.phase = "listen"
+            self.phase = Phase("listen")
             return np.zeros(2, dtype=np.float32)
         pose, time_s = believed_pose(observation), time_of(observation)
         stops = (*site_map.route.stops_m, site_map.route.dock_m)
@@ -43,7 +44,8 @@ class Patrol:
                 self._drive = PathFollower(site_map, pose, goal, time_s, radius)
             self._drive.follow(site_map, pose)
             if not self._drive.is_over(pose, time_s):
-                self.phase = "return to dock" if self._next_stop == len(stops) - 1 else f"patrol {self._next_stop + 1}"
+                is_last = self._next_stop == len(stops) - 1
+                self.phase = Phase("return to dock") if is_last else Phase("patrol", self._next_stop + 1)
                 return self._drive.action(pose)
             if not self._drive.has_arrived(pose) and self._next_stop < len(stops) - 1:
                 self.unreachable = (*self.unreachable, self._next_stop + 1)

@@ -14,6 +14,7 @@ from dirmusic import Finding
 from pdpatrol.envs.foreign_code import ForeignCodeError, calling, place_of
 from pdpatrol.envs.patrol_env import Observation
 from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.missions.record.events import Phase
 
 FloatArray = NDArray[np.float64]
 Action = NDArray[np.float32]
@@ -40,8 +41,9 @@ class Policy(Protocol):
     - `action`: two finite numbers in [-1, 1], shape (2,): forward speed and counter-clockwise yaw rate, as a share of
       the robot's limits; or None to end the mission.
 
-    **Optional attributes.** `phase`, a word or two on what it is doing (default: the name of its class), and
-    `unreachable`, numbers of the waypoints that it has given up, from 1 (default: none). Both are logged.
+    **Optional attributes.** `phase`, a word or two on what it is doing or a `pdpatrol.missions.record.events.Phase`
+    (default: the name of its class), and `unreachable`, numbers of the waypoints that it has given up, from 1 (default:
+    none). Both are logged.
 
     **Truth.** Only a policy that has `reveal(truth)` is given the truth, once before the first call; see `SeesTruth`.
     A collision guard does not pass it on: put the guard inside, as `oracle` does.
@@ -66,7 +68,7 @@ class Policy(Protocol):
 class ReportingPolicy(Policy, Protocol):
     """A policy that says what it is doing, as all built-in ones do."""
 
-    phase: str
+    phase: Phase
     unreachable: tuple[int, ...]
 
 
@@ -83,11 +85,11 @@ class PolicyStatus(NamedTuple):
     """What a policy reports besides its action.
 
     Attributes:
-        phase: What it is doing, in a word or two.
+        phase: What it is doing.
         unreachable: Waypoints that it has given up, numbered from 1: without a way to them, or too slow to reach.
     """
 
-    phase: str
+    phase: Phase
     unreachable: tuple[int, ...]
 
 
@@ -99,14 +101,15 @@ def status_of(policy: object) -> PolicyStatus:
     """
     name = getattr(policy, "__name__", type(policy).__name__)
     phase, unreachable = getattr(policy, "phase", name), getattr(policy, "unreachable", ())
-    if not isinstance(phase, str):
+    if not isinstance(phase, (str, Phase)):
         raise ForeignCodeError(f"{place_of(policy)}: its `phase` is {_short(phase)}; expected a word or two")
     try:
-        return PolicyStatus(phase, tuple(operator.index(number) for number in unreachable))
+        numbers = tuple(operator.index(number) for number in unreachable)
     except TypeError:
         raise ForeignCodeError(
             f"{place_of(policy)}: its `unreachable` is {_short(unreachable)}; expected numbers of waypoints"
         ) from None
+    return PolicyStatus(phase if isinstance(phase, Phase) else Phase(phase), numbers)
 
 
 def checked_action(action: object, policy: object) -> Action | None:

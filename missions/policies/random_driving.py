@@ -10,6 +10,7 @@ from dirmusic import Finding
 from pdpatrol.envs.patrol_env import Observation
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.policies.protocol import Action
+from pdpatrol.missions.record.events import Phase
 
 HOLD_STEPS = 10
 """How many steps an action is kept (assumed): one second."""
@@ -19,7 +20,7 @@ class Random:
     """Drive at random, without any care for what stands in the way."""
 
     def __init__(self, rng: np.random.Generator) -> None:
-        self.phase = "random"
+        self.phase = Phase("random")
         self.unreachable: tuple[int, ...] = ()
         self._rng = rng
         self._action = np.zeros(2, dtype=np.float32)

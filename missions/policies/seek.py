@@ -15,6 +15,7 @@ from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap
 from pdpatrol.missions.policies.patrol import Patrol
 from pdpatrol.missions.policies.protocol import Action, believed_pose, time_of
 from pdpatrol.missions.policies.viewpoints import best_viewpoint
+from pdpatrol.missions.record.events import Phase
 
 FloatArray = NDArray[np.float64]
 
@@ -92,7 +93,7 @@ class Seek:
 
     def __init__(self, *, route_first: bool = True) -> None:
         self._route_first = route_first
-        self.phase = "patrol"
+        self.phase = Phase("patrol")
         self.unreachable: tuple[int, ...] = ()
         self._patrol = Patrol()
         self._target: int | None = None
@@ -106,7 +107,7 @@ class Seek:
     def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
         """Towards the best viewpoint of the candidate in hand, or the next stop of the route."""
         if not site_map.route.stops_m:
-            self.phase = "listen"
+            self.phase = Phase("listen")
             return np.zeros(2, dtype=np.float32)
         pose, time_s = believed_pose(observation), time_of(observation)
         if self._patrol.is_homebound(site_map) and not self._has_new_time:
@@ -116,7 +117,7 @@ class Seek:
         if target is not None:
             action = self._pursue(target, pose, time_s, site_map)
             if action is not None:
-                self.phase = f"seek {target.id}"
+                self.phase = Phase("seek", target.id)
                 self._pursuits[target.id].spend(target, STEP_S)
                 return action
             self._pursuits[target.id].spend(target, IN_VAIN_S)

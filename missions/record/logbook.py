@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from dirmusic import Finding
 from dirmusic.angles import wrap
 from dirmusic.locating.finding import State
+from pdpatrol.missions.record.events import Event, EventKind
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.tracking import Tracked
 
@@ -28,9 +29,10 @@ class Logbook:
         self._logged: tuple[Finding, ...] = ()
         self._has_clipped = self._has_contradicted = False
 
-    def event(self, kind: str, text: str) -> None:
-        """Log something that happened in the last step."""
-        self.log.append("event", step=max(self.log.n_rows("step") - 1, 0), kind=kind, text=text)
+    def event(self, kind: EventKind, text: str, number: int = 0, subject: str = "") -> None:
+        """Log something that happened in the last step; the arguments are the fields of `Event`."""
+        event = Event(kind, text, number, subject)
+        self.log.append("event", step=max(self.log.n_rows("step") - 1, 0), **event._asdict())
 
     def log_tracked(self, pose: FloatArray, tracked: Tracked) -> None:
         """Log pulses with the bearings of the credible ones, and findings where they changed.
@@ -79,16 +81,17 @@ class Logbook:
             self._log_finding(finding, finding.state)
             was = before.pop(finding.id, None)
             if was != finding.state:
-                self.event(finding.state, _news(finding, was))
+                self.event(finding.state, _news(finding, was), finding.id)
         for gone in (finding for finding in self._logged if finding.id in before):
             self._log_finding(gone, "dropped")
-            self.event("dropped", f"{_called(gone.state)} {gone.id} was no source of its own")
+            self.event("dropped", f"{_called(gone.state)} {gone.id} was not a separate source", gone.id)
         self._logged = tuple(findings)
 
     def log_contradiction(self, contradicts_calibration: bool) -> None:
         """Log, once, that the pulses contradict the calibration that was taken up."""
         if contradicts_calibration and not self._has_contradicted:
-            self.event("calibration", "the pulses contradict it: of another array, or this one has changed; left out")
+            text = "the pulses contradict the calibration: it is not used, for the array has changed or is another one"
+            self.event("calibration", text)
         self._has_contradicted = contradicts_calibration
 
     def log_association(self, finding: NDArray[np.intp]) -> None:

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.npz_file import read_npz
 from pdpatrol.missions.whole_file import whole_file
 
 SCHEMA = 5
@@ -30,7 +29,8 @@ TABLES: dict[str, dict[str, np.dtype[Any]]] = {
         "odometry": np.dtype(("f8", 3)),  # by wheels and gyro alone, from the first believed pose on; NaN in field data
         "battery": np.dtype("f8"),  # share that is left; NaN in field data
         "command": np.dtype(("f8", 2)),  # speed m/s and yaw rate rad/s asked for during the step
-        "phase": np.dtype("U24"),  # what the policy was doing
+        "phase": np.dtype("U"),  # `record.events.Phase`: what the policy was doing
+        "phase_target": np.dtype("i8"),  # waypoint that it drove to, or finding that it viewed; 0 for neither
     },
     "pulse": {
         "step": np.dtype("i8"),
@@ -54,7 +54,7 @@ TABLES: dict[str, dict[str, np.dtype[Any]]] = {
         "id": np.dtype("i8"),
         "position_m": np.dtype(("f8", 3)),
         "covariance_m2": np.dtype(("f8", (3, 3))),
-        "state": np.dtype("U16"),  # candidate, confirmed, outside, ghost; dropped, once, when it is no more
+        "state": np.dtype("U"),  # candidate, confirmed, outside, ghost; dropped, once, when it is no more
         "n_bearings": np.dtype("i8"),
         "first_detected_s": np.dtype("f8"),
         "confirmed_s": np.dtype("f8"),  # when it was first confirmed; NaN until then
@@ -68,13 +68,18 @@ TABLES: dict[str, dict[str, np.dtype[Any]]] = {
         "pulse": np.dtype("i8"),  # row in the pulse table
         "finding": np.dtype("i8"),  # id, or a code of `dirmusic.locating.association.assignment.NoOwner`
     },
-    "event": {
+    "event": {  # `record.events.Event`
         "step": np.dtype("i8"),
-        "kind": np.dtype("U24"),
-        "text": np.dtype("U160"),
+        "kind": np.dtype("U"),
+        "number": np.dtype("i8"),
+        "subject": np.dtype("U"),
+        "text": np.dtype("U"),
     },
 }
-"""Every table and its columns. Step i covers the time up to `step.time_s[i]`; other tables point to a step."""
+"""Every table and its columns. Step i covers the time up to `step.time_s[i]`; other tables refer to a step by its row.
+
+Text columns have no width: NumPy chooses the width of the longest text, so nothing is cut.
+"""
 
 
 class MissionLog:
@@ -208,45 +213,51 @@ POINTERS = (
 )
 """Columns that hold numbers of rows, and the tables that these are of."""
 
-MOST_BYTES = 4 * 10**9
-"""Of a log (assumed): that of ten million pulses."""
+MAX_BYTES = 4 * 10**9
+"""Size limit of a log after decompression. Assumed; ten million pulses fit."""
 
 
 def _read(path: Path) -> tuple[dict[str, Any], dict[str, dict[str, NDArray[Any]]]]:
-    """The facts and the tables of one file; raises ValueError without its name if they are not what a log has."""
-    meta_text = read_npz(path, ("meta",), most_bytes=MOST_BYTES)["meta"]
-    meta = _parsed(str(meta_text)) if meta_text.shape == () and meta_text.dtype.kind == "U" else None
+    """Read metadata and tables of one file.
+
+    Raises:
+        ValueError: If they are not those of a log; the message does not name the file.
+    """
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            n_bytes = sum(member.file_size for member in archive.zip.infolist())
+            arrays = dict(archive) if n_bytes <= MAX_BYTES else {}
+        meta = json.loads(str(arrays["meta"])) if arrays else None
+    except Exception as error:  # each part of the archive and each array header fails in its own way
+        reason = " ".join(str(error).split())
+        raise ValueError(f"damaged or incomplete archive: {reason:.200}") from None
+    if n_bytes > MAX_BYTES:
+        raise ValueError(f"{n_bytes / 1e9:.1f} GB, the limit is {MAX_BYTES / 1e9:g} GB")
     if not isinstance(meta, dict) or "schema" not in meta:
-        raise ValueError("its facts are none")
+        raise ValueError("missing metadata")
     if meta["schema"] != SCHEMA:
         raise ValueError(f"log schema {meta['schema']!s:.20}, this version reads schema {SCHEMA}")
-    names = [f"{table}.{column}" for table, columns in TABLES.items() for column in columns]
-    arrays = read_npz(path, names, most_bytes=MOST_BYTES)
-    tables: dict[str, dict[str, NDArray[Any]]] = {}
+    missing = [
+        name for table, columns in TABLES.items() for column in columns if (name := f"{table}.{column}") not in arrays
+    ]
+    if missing:
+        raise ValueError(f"missing arrays {', '.join(missing):.200}")
+    tables = {table: {column: arrays[f"{table}.{column}"] for column in columns} for table, columns in TABLES.items()}
     for table, columns in TABLES.items():
-        tables[table] = {column: arrays[f"{table}.{column}"] for column in columns}
         lengths = {len(values) if values.ndim else -1 for values in tables[table].values()}
         kinds = all(tables[table][column].dtype.kind == dtype.base.kind for column, dtype in columns.items())
         if len(lengths) != 1 or -1 in lengths or not kinds:
-            raise ValueError(f"the table {table} is damaged: its columns do not fit each other")
+            raise ValueError(f"the columns of table {table} do not match")
         for column, dtype in columns.items():
             shape = tables[table][column].shape[1:]
             is_right = len(shape) == 1 if column in WIDE else shape == dtype.shape
             if not is_right and lengths != {0}:
-                raise ValueError(f"{table}.{column}: damaged, of rows of shape {shape}")
+                raise ValueError(f"{table}.{column} has rows of shape {shape}")
     return meta, tables
 
 
 WIDE = ("strengths_v", "log_likelihood", "range_m")
 """Columns with a row for each element, cell or beam."""
-
-
-def _parsed(text: str) -> object:
-    """JSON as plain data; None where it is none."""
-    try:
-        return json.loads(text)
-    except (ValueError, RecursionError):
-        return None
 
 
 def _save(path: Path, meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:

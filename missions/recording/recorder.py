@@ -87,7 +87,7 @@ class Recorder:
             self._spectra.draw(part, spectra)
             self._findings.draw(part)
             self._status.draw(part)
-            for kind, reason in zip(part.event["kind"], part.event["text"], strict=True):
+            for kind, reason in zip(part.event["kind"], part.event["subject"], strict=True):
                 if kind == "end":
                     draw_phase_patterns(self._canvas, self._log)
                     self._status.draw_end(self._log, str(reason))

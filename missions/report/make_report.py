@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from dirmusic.locating.confirmation import LEVEL_QUANTILE
 from dirmusic.locating.ellipse import ellipse95
+from pdpatrol.missions.record.events import EventKind
 from pdpatrol.missions.record.finding_pulses import FindingPulses, finding_pulses
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.phase_patterns import PhaseResolved, phase_patterns
@@ -59,18 +60,18 @@ def make_report(log: MissionLog, wall_time_s: float, inspected: Inspected | None
         policy=log.meta["policy"],
         date=log.meta.get("date"),
         versions=log.meta.get("versions", {}),
-        ending=next(iter(_texts(events, "end")[-1:]), None),
+        ending=next(iter(_events(events, "end", "subject")[-1:]), None),
         sim_time_s=float(step["time_s"][-1]) if step["time_s"].size else 0.0,
         wall_time_s=wall_time_s,
         distance_m=float(driven_m(step)[-1]) if step["pose"].size else 0.0,
         battery_left=_if_known(step["battery"][-1]) if step["battery"].size else None,
-        collisions=len(_texts(events, "contact")),
+        collisions=len(_events(events, "contact")),
         waypoints=_waypoints(log),
         n_bearings=log.n_rows("bearing"),
         pulses=pulse_counts(log),
-        channel_faults=_texts(events, "channel fault"),
-        calibration=_texts(events, "calibration"),
-        notes=(*_texts(events, "note"), *_texts(events, "rejected"), *_texts(events, "error")),
+        channel_faults=_events(events, "channel fault"),
+        calibration=_events(events, "calibration"),
+        notes=(*_events(events, "note"), *_events(events, "rejected"), *_events(events, "error")),
         findings=findings,
         candidates=_findings(log, "candidate", "outside"),
         inspection=None if inspected is None else inspected.record(),
@@ -78,17 +79,18 @@ def make_report(log: MissionLog, wall_time_s: float, inspected: Inspected | None
     )
 
 
-def _texts(events: dict[str, NDArray[Any]], kind: str) -> tuple[str, ...]:
-    return tuple(events["text"][events["kind"] == kind].tolist())
+def _events(events: dict[str, NDArray[Any]], kind: EventKind, column: str = "text") -> tuple[Any, ...]:
+    """Return one column of the events of a kind."""
+    return tuple(events[column][events["kind"] == kind].tolist())
 
 
 def _waypoints(log: MissionLog) -> Waypoints:
     events = log.table("event")
-    visited = sorted(int(text) for text in _texts(events, "waypoint"))
+    visited = sorted(_events(events, "waypoint", "number"))
     n_waypoints = len(log.meta.get("route", {}).get("waypoints_m", ()))
     missed = [number for number in range(1, n_waypoints + 1) if number not in visited]
-    given_up = _texts(events, "unreachable")
-    unreachable = [number for number in missed if f"waypoint {number}" in given_up]
+    given_up = _events(events, "unreachable", "number")
+    unreachable = [number for number in missed if number in given_up]
     return Waypoints(visited=tuple(visited), missed=tuple(missed), unreachable=tuple(unreachable))
 
 

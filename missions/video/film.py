@@ -12,7 +12,7 @@ from pdpatrol.envs.scenario import restore_scenario
 from pdpatrol.missions.planning import with_planned_route
 from pdpatrol.missions.record.array_description import described_grid
 from pdpatrol.missions.record.mission_log import MissionLog
-from pdpatrol.missions.recording.drawing.status import event_words, phase_words
+from pdpatrol.missions.recording.drawing.status import phase_words
 from pdpatrol.missions.recording.identity import recording_name
 from pdpatrol.missions.video.frame import CAMERA, PLAN, RAY, STATE_COLOURS, Frame
 from pdpatrol.missions.video.moments import Moment, Moments, smooth_yaw
@@ -73,8 +73,7 @@ class Film:
         picture = self._yard.from_behind(float(self._look_rad[frame]), _lines(moment), _balls(moment))
         is_last = frame == self._steps.size - 1
         doing = f"{self._ending}" if is_last else phase_words(moment.phase)
-        news = event_words(*moment.news) if moment.news else ""
-        self._frame.draw(moment, picture, doing, news)
+        self._frame.draw(moment, picture, doing, moment.news)
 
     def close(self) -> None:
         """Give figure and renderer back."""

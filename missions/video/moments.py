@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdpatrol.missions.record.events import Phase
 from pdpatrol.missions.record.mission_log import MissionLog
 
 FloatArray = NDArray[np.float64]
@@ -42,11 +43,11 @@ class Moment(NamedTuple):
     pose: FloatArray
     true_pose: FloatArray
     way_m: FloatArray
-    phase: str
+    phase: Phase
     rays: Rays
     findings: list[Shown]
     log_likelihood: FloatArray | None
-    news: tuple[str, str] | None
+    news: str
 
 
 class Moments:
@@ -82,11 +83,11 @@ class Moments:
             pose=pose[step],
             true_pose=self._step["true_pose"][step],
             way_m=pose[: step + 1 : 3, :2],
-            phase=str(self._step["phase"][step]),
+            phase=Phase(str(self._step["phase"][step]), int(self._step["phase_target"][step])),
             rays=rays,
             findings=self._findings(step),
             log_likelihood=self._likelihood["log_likelihood"][drawn - 1] if drawn else None,
-            news=self._news(int(told)),
+            news=str(self._event["text"][told - 1]) if told else "",
         )
 
     def _findings(self, step: int) -> list[Shown]:
@@ -99,10 +100,6 @@ class Moments:
             for number, row in latest.items()
             if table["state"][row] not in ("dropped", "ghost")
         ]
-
-    def _news(self, told: int) -> tuple[str, str] | None:
-        """Kind and text of the latest event."""
-        return (str(self._event["kind"][told - 1]), str(self._event["text"][told - 1])) if told else None
 
 
 def smooth_yaw(yaw_rad: FloatArray, frame_s: float) -> FloatArray:

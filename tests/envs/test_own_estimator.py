@@ -117,7 +117,7 @@ def test_on_the_command_line_a_late_fault_is_one_line_and_all_files_are_whole(tm
     assert len([line for line in done.stderr.splitlines() if "tired" in line and "mine.py" in line]) >= 1
     assert "Traceback" not in done.stderr
     log = MissionLog.load(tmp_path / "out")
-    assert log.column("event", "text")[-1] == "error"
+    assert log.column("event", "subject")[-1] == "error"
     assert json.loads((tmp_path / "out" / "report.json").read_text())["sim_time_s"] > 0
     assert (tmp_path / "out" / "mission.rrd").stat().st_size > 1000
 

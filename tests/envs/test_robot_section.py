@@ -154,7 +154,7 @@ def test_a_robot_that_falls_over_ends_its_episode_and_no_other(tmp_path: Path) -
 def test_a_mission_whose_robot_falls_over_ends_with_its_log_whole(tmp_path: Path) -> None:
     log = run_mission(load_scenario(top_heavy(tmp_path)), "patrol", seed=0)
     assert log.column("event", "kind").tolist()[-1] == "end"
-    assert log.column("event", "text").tolist()[-1] == "fell over"
+    assert log.column("event", "subject").tolist()[-1] == "fell over"
     assert log.n_rows("step") > 2
     assert np.isfinite(log.column("step", "true_pose")).all()
     assert make_report(log, 1.0).sim_time_s == log.column("step", "time_s")[-1]

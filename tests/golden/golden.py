@@ -93,7 +93,7 @@ def run(case: GoldenCase) -> dict[str, Any]:
         **case._asdict(),
         "n_pulses": log.n_rows("pulse"),
         "duration_s": round(float(log.column("step", "time_s")[-1]), 1),
-        "end": str(log.column("event", "text")[-1]),
+        "end": str(log.column("event", "subject")[-1]),
         "sources_m": truth,
         "findings": findings,
     }

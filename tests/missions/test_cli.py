@@ -191,7 +191,7 @@ def test_ctrl_c_leaves_a_valid_partial_log_report_and_recording(number: signal.S
     assert process.returncode == 128 + number, errors
     assert b"Traceback" not in errors
     log = MissionLog.load(tmp_path / "cut")
-    assert log.column("event", "text")[-1] == "interrupted"
+    assert log.column("event", "subject")[-1] == "interrupted"
     assert {path.name for path in (tmp_path / "cut").iterdir()} == {
         "log.npz",
         "report.json",

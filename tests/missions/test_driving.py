@@ -61,7 +61,7 @@ def drive(scenario: Scenario, site_map: SiteMap, seed: int = 0, policy: Reportin
             break
         observation, _, terminated, truncated, info = env.step(action)
         touched.update(info["touched_names"])
-        phases.add(policy.phase)
+        phases.add(policy.phase.name)
         path.append(info["true_pose"])
     visited, path_m = tuple(np.flatnonzero(info["waypoints_visited"]).tolist()), np.array(path)[:, :2]
     return Driven(info["time_s"], touched, visited, policy.unreachable, terminated, phases, path_m)
@@ -288,7 +288,7 @@ def test_what_stops_the_robot_as_no_brake_does_goes_onto_the_map_and_the_robot_b
 
     guard(at(0.8), [], site_map)
     guard(at(left_mps), [], site_map)
-    assert (guard.phase == "back off") == is_bump
+    assert (guard.phase.name == "back off") == is_bump
     guard._back_off_until_s = -np.inf
     guard(at(0.0), [], site_map)
     ahead_m = inner.obstacles_m - observation["pose"][:2]

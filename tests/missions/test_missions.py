@@ -11,6 +11,7 @@ from pdpatrol.missions.policies.make_policy import make_policy
 from pdpatrol.missions.policies.names import BUILT_IN
 from pdpatrol.missions.policies.protocol import SeesTruth
 from pdpatrol.missions.record.array_description import described_grid
+from pdpatrol.missions.record.events import Phase
 from pdpatrol.missions.record.mission_log import TABLES, MissionLog
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.pulse_counts import WORDS
@@ -29,7 +30,7 @@ def test_without_a_route_the_robot_stands_and_listens_to_the_field_test() -> Non
     assert 190 <= report.n_bearings <= 200  # ten positions, twenty shots; the weakest may be too wide
     assert report.findings == ()  # one place gives bearings, no fix
     assert set(log.column("step", "phase")) == {"listen"}
-    assert log.column("event", "text")[-1] == "time limit"
+    assert log.column("event", "subject")[-1] == "time limit"
 
 
 def limited(scenario: Scenario, time_limit_s: float) -> Scenario:
@@ -54,7 +55,7 @@ def test_a_mission_finds_the_discharge_visits_every_waypoint_and_docks() -> None
     assert report.scores.false_findings == 0
     assert report.collisions == 0
     assert report.waypoints.missed == ()
-    assert log.column("event", "text")[-1] == "docked"
+    assert log.column("event", "subject")[-1] == "docked"
     (finding,) = report.findings
     assert finding.n_bearings <= report.n_bearings
     counts = report.pulses
@@ -113,7 +114,7 @@ def test_what_a_policy_sees_holds_no_truth(monkeypatch: pytest.MonkeyPatch) -> N
         seen.append((observation, findings, site_map))
         return inner(observation, findings, site_map)  # pyright: ignore[reportArgumentType]
 
-    watching.phase, watching.unreachable = "watched", ()  # pyright: ignore[reportFunctionMemberAccess]
+    watching.phase, watching.unreachable = Phase("watched"), ()  # pyright: ignore[reportFunctionMemberAccess]
     monkeypatch.setattr(mission, "policy", watching)
     for _ in range(20):
         mission.step()
@@ -145,13 +146,13 @@ def test_what_a_policy_sees_holds_no_truth(monkeypatch: pytest.MonkeyPatch) -> N
 def test_every_policy_stops_at_the_time_limit() -> None:
     for policy in BUILT_IN:
         log = run_mission(limited(load_scenario("one_source"), 3.0), policy, seed=0)
-        assert log.column("event", "text")[-1] == "time limit"
+        assert log.column("event", "subject")[-1] == "time limit"
         assert log.n_rows("step") == 30
 
 
 def test_patrol_drives_the_route_and_ends_at_the_dock_though_it_hears() -> None:
     log = run_mission(load_scenario("quiet_yard"), "patrol", seed=1)
-    assert log.column("event", "text")[-1] == "docked"
+    assert log.column("event", "subject")[-1] == "docked"
     assert log.n_rows("bearing") > 100
 
 
@@ -168,7 +169,7 @@ def test_a_waypoint_that_cannot_be_reached_is_reported_and_skipped() -> None:
     log = run_mission(Scenario.model_validate(data), "seek", seed=0)
     report = make_report(log, 1.0)
     assert report.waypoints.missed == report.waypoints.unreachable == (2,)
-    assert log.column("event", "text")[log.column("event", "kind") == "unreachable"].tolist() == ["waypoint 2"]
+    assert log.column("event", "number")[log.column("event", "kind") == "unreachable"].tolist() == [2]
     assert report.sim_time_s < scenario.task.time_limit_s
     assert report.collisions == 0
 

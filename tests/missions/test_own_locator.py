@@ -105,7 +105,7 @@ def test_a_locator_that_fails_under_way_ends_a_mission_whose_log_is_whole(
     assert there in GOOD
     log = mission_log(tmp_path, GOOD.replace(there, instead))
     kinds, texts = log.column("event", "kind").tolist(), log.column("event", "text").tolist()
-    assert (kinds[-2:], texts[-1]) == (["error", "end"], "error")
+    assert (kinds[-2:], texts[-1]) == (["error", "end"], "mission over: error")
     assert told in texts[-2]
     assert kinds.count("error") == 1
     assert make_report(log, 0.0).sim_time_s > 0

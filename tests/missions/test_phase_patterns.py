@@ -36,6 +36,7 @@ def log_of_two_findings(seed: int, mains: bool = True, ghosts_every: int = 0) ->
             true_pose=pose,
             **AT_REST,
             phase="patrol",
+            phase_target=0,
         )
         for number, (_, place) in SOURCES.items():
             sight = np.array(place) - pose[:2]

@@ -1,10 +1,14 @@
 """The log of a mission: written, cut short, read back."""
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from pdpatrol.missions.record.events import Event
 from pdpatrol.missions.record.mission_log import TABLES, MissionLog
 
 AT_REST = {"odometry": np.zeros(3), "battery": 1.0, "command": np.zeros(2)}
@@ -20,6 +24,7 @@ def log_of(n_steps: int) -> MissionLog:
             true_pose=np.full(3, k),
             **AT_REST,
             phase="patrol",
+            phase_target=0,
         )
         log.append("pulse", step=k, strengths_v=np.arange(6.0), mains_phase_rad=0.1, is_clipped=False, is_credible=True)
     return log
@@ -37,6 +42,29 @@ def test_a_log_reads_back_as_it_was_written(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["log.npz"]
 
 
+@given(st.text(max_size=300), st.text(max_size=3000), st.text(max_size=100), st.integers(0, 9))
+def test_logged_texts_are_read_back_complete(phase: str, text: str, subject: str, number: int) -> None:
+    """No text is cut, in the log file as in its parts; NumPy drops NUL characters at the end of a text."""
+    log = MissionLog({"n_elements": 6})
+    rows = {
+        "step": {"time_s": 0.1, "pose": np.zeros(3), "true_pose": np.zeros(3), **AT_REST, "phase": phase,
+                 "phase_target": number},
+        "event": {"step": 0, "kind": "error", "number": number, "subject": subject, "text": text},
+    }  # fmt: skip
+    with TemporaryDirectory() as name:
+        for part in range(2):
+            for table, row in rows.items():
+                log.append(table, **row)
+            log.write_part(Path(name))
+            back = MissionLog.load(Path(name))
+            assert back.n_rows("event") == part + 1
+            assert back.column("step", "phase")[-1] == phase.rstrip("\0")
+            event = {column: values[-1] for column, values in back.table("event").items()}
+            assert Event(event["kind"], event["text"], event["number"], event["subject"]) == Event(
+                "error", text.rstrip("\0"), number, subject.rstrip("\0")
+            )
+
+
 def test_a_killed_mission_keeps_its_parts_and_a_finished_one_has_none(tmp_path: Path) -> None:
     log = log_of(10)
     log.write_part(tmp_path)
@@ -48,6 +76,7 @@ def test_a_killed_mission_keeps_its_parts_and_a_finished_one_has_none(tmp_path: 
             true_pose=np.zeros(3),
             **AT_REST,
             phase="dock",
+            phase_target=0,
         )
     log.write_part(tmp_path)
     assert MissionLog.load(tmp_path).n_rows("step") == 14

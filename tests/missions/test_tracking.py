@@ -64,7 +64,17 @@ def test_the_locator_is_given_the_credible_pulses_alone() -> None:
 
 def test_the_log_keeps_all_pulses_and_a_bearing_for_each_credible_one() -> None:
     log = MissionLog({"n_elements": 6})
-    log.append("step", time_s=0.1, pose=POSE, true_pose=POSE, odometry=POSE, battery=1.0, command=POSE[:2], phase="")
+    log.append(
+        "step",
+        time_s=0.1,
+        pose=POSE,
+        true_pose=POSE,
+        odometry=POSE,
+        battery=1.0,
+        command=POSE[:2],
+        phase="",
+        phase_target=0,
+    )
     book, tracker = Logbook(log), tracker_of(Noted(association=np.array([3, NoOwner.ECHO])))
     book.log_tracked(POSE, tracker.track(0.1, POSE, pulses_of(0.3, 2.0)))
     book.log_association(tracker.association())

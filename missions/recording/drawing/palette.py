@@ -46,10 +46,10 @@ PHASES: dict[str, Colour] = {
     "patrol": (70, 110, 160),
     "listen": (170, 150, 60),
     "seek": (200, 110, 30),
-    "back": (190, 60, 60),
-    "return": (80, 90, 100),
+    "back off": (190, 60, 60),
+    "return to dock": (80, 90, 100),
 }
-"""Of what the policy does, by the first word of it."""
+"""Colours of what the policy does, by the name of its phase."""
 
 OTHER_PHASE: Colour = (110, 80, 150)
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from dirmusic.locating.ellipse import ellipse95
 from dirmusic.locating.rules import LocatingRules
 from pdpatrol.envs.scenario.locating import LocatingConfig
+from pdpatrol.missions.record.events import Phase
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.which_site import percent
 from pdpatrol.missions.recording import paths
@@ -25,16 +26,6 @@ FloatArray = NDArray[np.float64]
 MOST_LISTED = 8
 """Findings in the table of the status."""
 
-EVENT_WORDS = {
-    "waypoint": "reached waypoint {}",
-    "unreachable": "gave up {}",
-    "contact": "touched {}",
-    "end": "mission over: {}",
-    "channel fault": "channel fault: {}",
-    "calibration": "calibration: {}",
-}
-"""How an event is told whose text does not say it all; by its kind."""
-
 PHASE_WORDS = {
     "patrol": "drives the route",
     "listen": "stands and listens",
@@ -45,19 +36,13 @@ PHASE_WORDS = {
 }
 
 
-def event_words(kind: str, text: str) -> str:
-    """An event as a sentence that can be understood by itself."""
-    return EVENT_WORDS.get(kind, "{}").format(text)
-
-
-def phase_words(phase: str) -> str:
-    """What a policy calls what it does, in words."""
-    first, _, rest = phase.partition(" ")
-    if first == "patrol" and rest:
-        return f"drives to waypoint {rest}"
-    if first == "seek" and rest:
-        return f"goes for candidate {rest}"
-    return PHASE_WORDS.get(phase, phase)
+def phase_words(phase: Phase) -> str:
+    """Describe what a policy is doing."""
+    if phase.name == "patrol" and phase.target:
+        return f"drives to waypoint {phase.target}"
+    if phase.name == "seek" and phase.target:
+        return f"goes for candidate {phase.target}"
+    return PHASE_WORDS.get(phase.name, str(phase))
 
 
 class Status:
@@ -72,8 +57,8 @@ class Status:
         self._canvas = canvas
         self._waypoints = np.array(meta.get("route", {}).get("waypoints_m", ())).reshape(-1, 2)
         self._rules = _rules(meta)
-        self._phase: str | None = None
-        self._phases: dict[str, palette.Colour] = {}
+        self._phase: Phase | None = None
+        self._phases: dict[Phase, palette.Colour] = {}
         self._findings: dict[int, dict[str, Any]] = {}
         self._text = ""
 
@@ -82,17 +67,17 @@ class Status:
         self._draw_phases(part)
         event = part.event
         if event["step"].size:
-            words = [event_words(str(kind), str(text)) for kind, text in zip(event["kind"], event["text"], strict=True)]
-            levels = [str(kind) for kind in event["kind"]]
-            self._canvas.columns(paths.EVENTS, event["step"], rr.TextLog.columns(text=words, level=levels))
+            texts, levels = event["text"].tolist(), event["kind"].tolist()
+            self._canvas.columns(paths.EVENTS, event["step"], rr.TextLog.columns(text=texts, level=levels))
         steps, texts = list[int](), list[str]()
         finding, row = part.finding, 0
         for end in part.bin_ends.tolist():
             while row < finding["step"].size and finding["step"][row] <= end:
                 self._take_up(finding, row)
                 row += 1
-            phase, pose = str(part.step["phase"][end - part.first_step]), part.step["pose"][end - part.first_step]
-            text = self._words(phase, pose)
+            row_of_step = end - part.first_step
+            phase = Phase(str(part.step["phase"][row_of_step]), int(part.step["phase_target"][row_of_step]))
+            text = self._words(phase, part.step["pose"][row_of_step])
             if text != self._text:
                 self._text = text
                 steps.append(end)
@@ -131,13 +116,12 @@ class Status:
         if finding["state"][row] not in ("dropped", "ghost"):
             self._findings[number] = {name: column[row] for name, column in finding.items()}
 
-    def _words(self, phase: str, pose: FloatArray) -> str:
+    def _words(self, phase: Phase, pose: FloatArray) -> str:
         lines = [f"### {phase_words(phase)[:1].upper()}{_escaped(phase_words(phase)[1:])}", ""]
-        first, _, rest = phase.partition(" ")
-        number = int(rest) if rest.isdecimal() else 0
-        if first == "patrol" and 0 < number <= len(self._waypoints):
+        number = phase.target
+        if phase.name == "patrol" and 0 < number <= len(self._waypoints):
             lines.append(f"{np.linalg.norm(self._waypoints[number - 1] - pose[:2]):.0f} m away.")
-        if first == "seek" and number in self._findings:
+        if phase.name == "seek" and number in self._findings:
             lines.append(self._why(self._findings[number], pose))
         if self._findings:
             lines += ["", "| | place (m) | height | 95 % ellipse | aperture |", "|---|---|---|---|---|"]
@@ -166,19 +150,22 @@ class Status:
         return f"{away}, and known well enough; it must be detected near by, in sight, most of the time."
 
     def _draw_phases(self, part: Slice) -> None:
-        steps, states = list[int](), list[str]()
-        for step, phase in zip(part.steps.tolist(), part.step["phase"].tolist(), strict=True):
+        steps, states = list[int](), list[Phase]()
+        phases = map(Phase, part.step["phase"].tolist(), part.step["phase_target"].tolist())
+        for step, phase in zip(part.steps.tolist(), phases, strict=True):
             if phase != self._phase:
                 self._phase = phase
                 steps.append(step)
                 states.append(phase)
         if new := [phase for phase in dict.fromkeys(states) if phase not in self._phases]:
-            self._phases |= {phase: palette.PHASES.get(phase.split(" ")[0], palette.OTHER_PHASE) for phase in new}
+            self._phases |= {phase: palette.PHASES.get(phase.name, palette.OTHER_PHASE) for phase in new}
             words = [phase_words(phase) for phase in self._phases]
             colours = list(self._phases.values())
-            style = rr.StateConfiguration(values=list(self._phases), labels=words, colors=colours)
+            style = rr.StateConfiguration(values=[str(phase) for phase in self._phases], labels=words, colors=colours)
             self._canvas.still(paths.PHASE, style)
-        self._canvas.columns(paths.PHASE, np.array(steps), rr.StateChange.columns(state=states))
+        self._canvas.columns(
+            paths.PHASE, np.array(steps), rr.StateChange.columns(state=[str(phase) for phase in states])
+        )
 
 
 def _rules(meta: Mapping[str, Any]) -> LocatingRules | None:

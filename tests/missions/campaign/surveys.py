@@ -65,7 +65,7 @@ def survey(
     for k, pose in enumerate(poses):
         log.append(
             "step", time_s=STEP_S * (k + 1), pose=pose, true_pose=nothing, odometry=nothing, battery=np.nan,
-            command=nothing[:2], phase="",
+            command=nothing[:2], phase="", phase_target=0,
         )  # fmt: skip
         for number, source in enumerate(sources, start=1):
             way_m = np.array(source.position_m) - [pose[0], pose[1], HEIGHT_M]

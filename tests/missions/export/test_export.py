@@ -176,6 +176,7 @@ def field_log(*time_s: float, date: str | None = None) -> MissionLog:
             battery=np.nan,
             command=nothing[:2],
             phase="",
+            phase_target=0,
         )
     return log
 

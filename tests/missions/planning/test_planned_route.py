@@ -94,5 +94,5 @@ def test_a_patrol_visits_every_stop_in_about_the_time_that_is_told(name: str) ->
     mission = Mission(plan.scenario.model_copy(update={"route": route}), "patrol", 0)
     log = mission.run()
     assert mission.n_visited == len(waypoints_m)
-    assert log.column("event", "text")[-1] == "docked"
+    assert log.column("event", "subject")[-1] == "docked"
     assert mission.time_s == pytest.approx(plan.driving_s, rel=0.15)

@@ -11,6 +11,7 @@ from pdpatrol.missions.driving.collision_guard import CollisionGuard
 from pdpatrol.missions.policies.make_policy import make_policy
 from pdpatrol.missions.policies.names import BUILT_IN
 from pdpatrol.missions.policies.patrol import Patrol
+from pdpatrol.missions.record.events import Phase
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.report_file import read_report, report_text
 from pdpatrol.missions.runner import Mission, run_mission
@@ -156,7 +157,7 @@ def test_a_policy_that_fails_under_way_ends_the_mission_with_a_whole_log(
     assert says(mission.error, told, name.replace("guarded_three", "Three"), file), mission.error
     assert log.n_rows("step") == n_steps
     assert log.column("event", "kind")[-2:].tolist() == ["error", "end"]
-    assert log.column("event", "text")[-2:].tolist() == [str(mission.error)[:160], "error"]
+    assert log.column("event", "text")[-2:].tolist() == [str(mission.error), "mission over: error"]
     read_report(report_text(make_report(log, 0.0)))
 
 
@@ -190,7 +191,7 @@ def test_every_built_in_name_makes_a_policy_and_no_other_name_does() -> None:
 
 def test_a_policy_that_never_moves_goes_on_to_the_time_limit(file: Path) -> None:
     log = run_mission(short(), f"{file}:Still")
-    assert log.column("event", "text")[-1] == "time limit"
+    assert log.column("event", "subject")[-1] == "time limit"
     assert log.n_rows("step") == 30
     assert set(log.column("step", "phase")) == {"Still"}
     assert make_report(log, 0.0).distance_m < 0.01
@@ -208,7 +209,7 @@ def test_a_policy_may_end_the_mission_and_say_what_it_gave_up(file: Path) -> Non
     log = run_mission(short(), f"{file}:Ends")
     assert log.n_rows("step") == 5
     assert set(log.column("step", "phase")) == {"give up"}
-    assert log.column("event", "text").tolist() == ["waypoint 2", "policy done"]
+    assert log.column("event", "text").tolist() == ["gave up waypoint 2", "mission over: policy done"]
 
 
 def test_the_collision_guard_goes_round_a_policy_as_it_goes_round_the_built_in_ones(file: Path) -> None:
@@ -223,8 +224,8 @@ def test_a_policy_without_a_phase_is_guarded_too() -> None:
             return None
 
     guard = CollisionGuard(Bare())
-    assert (guard.phase, guard.unreachable) == ("Bare", ())
-    assert CollisionGuard(Patrol()).phase == "patrol"
+    assert (guard.phase, guard.unreachable) == (Phase("Bare"), ())
+    assert CollisionGuard(Patrol()).phase == Phase("patrol")
 
 
 def test_a_policy_that_asks_for_the_truth_gets_a_copy_of_it(file: Path) -> None:
@@ -244,4 +245,4 @@ def test_an_error_of_other_foreign_code_in_a_step_ends_the_mission_as_well(monke
     monkeypatch.setattr(mission.env, "step", failing)
     log = mission.run()
     assert log.n_rows("step") == 5
-    assert log.column("event", "text")[-2:].tolist() == ["estimator.py:3: returned NaN", "error"]
+    assert log.column("event", "text")[-2:].tolist() == ["estimator.py:3: returned NaN", "mission over: error"]

@@ -27,7 +27,7 @@ def phase_at(seek: Seek, time_s: float, state: State, detected_s: float | None =
         "time": np.array([time_s], dtype=np.float32),
     }
     seek(observation, [candidate(state, time_s if detected_s is None else detected_s)], SITE_MAP)
-    return seek.phase
+    return str(seek.phase)
 
 
 def test_a_candidate_that_seems_outside_for_a_moment_again_and_again_is_still_pursued() -> None:

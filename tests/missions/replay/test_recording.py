@@ -143,6 +143,7 @@ def test_field_data_without_robot_truth_or_pulses_is_recorded_too(tmp_path: Path
             true_pose=np.full(3, np.nan),
             **AT_REST,
             phase="field",
+            phase_target=0,
         )
     write_recording(field, tmp_path / "field.rrd")
     write_recording(MissionLog(field.meta), tmp_path / "empty.rrd")

@@ -3,17 +3,17 @@
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from pdpatrol.envs import load_scenario
+from pdpatrol.missions.record.events import Phase
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.recording import paths, write_recording
-from pdpatrol.missions.recording.drawing.status import event_words, phase_words
+from pdpatrol.missions.recording.drawing.status import phase_words
 from pdpatrol.missions.runner import Mission
 from tests.missions.replay.read_back import cells, still, values
 
 
-def log_of(*phases: str) -> MissionLog:
+def log_of(*phases: Phase) -> MissionLog:
     """A log of one second in each phase, in the yard of a shipped scenario."""
     log = MissionLog(Mission(load_scenario("one_source"), "seek", 0).log.meta)
     for number, phase in enumerate(phases):
@@ -26,7 +26,8 @@ def log_of(*phases: str) -> MissionLog:
                 odometry=np.zeros(3),
                 battery=1.0,
                 command=np.zeros(2),
-                phase=phase,
+                phase=phase.name,
+                phase_target=phase.target,
             )
     return log
 
@@ -52,7 +53,7 @@ def texts(log: MissionLog, folder: Path) -> dict[int, str]:
 
 
 def test_it_says_what_a_candidate_needs_to_be_confirmed_and_how_far_it_is(tmp_path: Path) -> None:
-    log = log_of("seek 3")
+    log = log_of(Phase("seek", 3))
     add_finding(log, 4)
     rules = load_scenario("one_source").locating.rules()
     told = texts(log, tmp_path)[4]
@@ -64,7 +65,7 @@ def test_it_says_what_a_candidate_needs_to_be_confirmed_and_how_far_it_is(tmp_pa
 
 
 def test_ghosts_and_what_was_dropped_are_not_listed(tmp_path: Path) -> None:
-    log = log_of("patrol 1")
+    log = log_of(Phase("patrol", 1))
     add_finding(log, 1)
     add_finding(log, 1, id=4, state="confirmed")
     add_finding(log, 5, state="ghost")
@@ -75,10 +76,10 @@ def test_ghosts_and_what_was_dropped_are_not_listed(tmp_path: Path) -> None:
 
 
 def test_at_the_end_it_says_what_was_found_on_which_site_and_of_which_kind(tmp_path: Path) -> None:
-    log = log_of("return to dock")
+    log = log_of(Phase("return to dock"))
     site, place = next(iter(log.meta["sites"].items()))
     add_finding(log, 8, state="confirmed", position_m=np.array(place), covariance_m2=1e-4 * np.eye(3), confirmed_s=0.5)
-    log.append("event", step=9, kind="end", text="docked")
+    log.append("event", step=9, kind="end", number=0, subject="docked", text="mission over: docked")
     write_recording(log, tmp_path / "mission.rrd")
     found = values(tmp_path / "mission.rrd")
     (told,) = cells(found[f"/{paths.STATUS}"], "text")[9]
@@ -89,7 +90,9 @@ def test_at_the_end_it_says_what_was_found_on_which_site_and_of_which_kind(tmp_p
 
 
 def test_each_phase_has_its_words_and_its_colour_whenever_it_comes(tmp_path: Path) -> None:
-    write_recording(log_of("patrol 1", "seek 3", "patrol 1", "my own"), tmp_path / "mission.rrd")
+    write_recording(
+        log_of(Phase("patrol", 1), Phase("seek", 3), Phase("patrol", 1), Phase("my own")), tmp_path / "mission.rrd"
+    )
     entity = values(tmp_path / "mission.rrd")[f"/{paths.PHASE}"]
     states = cells(entity, "state")
     assert {step: state for step, (state,) in states.items()} == {
@@ -102,20 +105,6 @@ def test_each_phase_has_its_words_and_its_colour_whenever_it_comes(tmp_path: Pat
     assert len(set(still(entity, "colors"))) == 3
 
 
-@pytest.mark.parametrize(
-    ("kind", "text", "words"),
-    [
-        ("waypoint", "2", "reached waypoint 2"),
-        ("unreachable", "waypoint 2", "gave up waypoint 2"),
-        ("contact", "ct_1", "touched ct_1"),
-        ("end", "docked", "mission over: docked"),
-        ("confirmed", "finding 1 at (1.00, 2.00, 3.00) m", "finding 1 at (1.00, 2.00, 3.00) m"),
-    ],
-)
-def test_every_event_can_be_understood_by_itself(kind: str, text: str, words: str) -> None:
-    assert event_words(kind, text) == words
-
-
 def test_foreign_words_are_shown_as_they_are() -> None:
-    assert phase_words("patrol") == "drives the route"
-    assert phase_words("my_policy | <b>") == "my_policy | <b>"
+    assert phase_words(Phase("patrol")) == "drives the route"
+    assert phase_words(Phase("my_policy | <b>")) == "my_policy | <b>"

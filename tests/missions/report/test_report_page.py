@@ -48,8 +48,8 @@ def of_both(log: MissionLog) -> tuple[Report, Page]:
 def named_badly() -> MissionLog:
     log = bounded(log_of_two_findings(1))
     log.meta |= {"name": HOSTILE, "policy": HOSTILE, "versions": {HOSTILE: HOSTILE}}
-    log.append("event", step=0, kind="channel fault", text=HOSTILE)
-    log.append("event", step=0, kind="end", text=HOSTILE)
+    log.append("event", step=0, kind="channel fault", number=0, subject="", text=HOSTILE)
+    log.append("event", step=0, kind="end", number=0, subject=HOSTILE, text=HOSTILE)
     return log
 
 

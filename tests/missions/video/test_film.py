@@ -45,7 +45,7 @@ def test_a_moment_shows_what_was_known_by_then_and_nothing_later(log: MissionLog
         told = log.column("bearing", "bearing_rad")[fresh][-MOST_RAYS:]
         np.testing.assert_array_equal(moment.rays.bearing_rad, told)
         assert ((moment.rays.freshness >= 0.0) & (moment.rays.freshness <= 1.0)).all()
-    assert moments.at(log.n_rows("step") - 1).news == ("end", "interrupted")
+    assert moments.at(log.n_rows("step") - 1).news == "mission over: interrupted"
 
 
 def test_a_dropped_candidate_is_no_longer_shown(log: MissionLog) -> None:

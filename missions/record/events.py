@@ -1,0 +1,57 @@
+"""Typed records of a log: what happened in a mission, and what its policy was doing."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+EventKind = Literal[
+    "waypoint",
+    "unreachable",
+    "contact",
+    "clipped",
+    "channel fault",
+    "calibration",
+    "candidate",
+    "confirmed",
+    "outside",
+    "ghost",
+    "dropped",
+    "note",
+    "rejected",
+    "error",
+    "end",
+]
+"""Kinds of events. Those from `candidate` to `dropped` are new states of a finding."""
+
+
+class Event(NamedTuple):
+    """Something that happened in one step of a mission.
+
+    Attributes:
+        kind: Kind of the event.
+        text: One sentence for people, which can be understood without the other fields.
+        number: Number of the waypoint, from 1, or id of the finding; 0 for other events.
+        subject: Name of what was touched, or the reason why the mission ended; empty for other events.
+    """
+
+    kind: EventKind
+    text: str
+    number: int = 0
+    subject: str = ""
+
+
+class Phase(NamedTuple):
+    """Current activity of a policy.
+
+    Attributes:
+        name: One or two words; built-in policies use `patrol`, `seek`, `return to dock`, `listen`, `back off` and
+            `random`.
+        target: Number of the waypoint, from 1, that it drives to, or id of the candidate that it views; 0 if neither.
+    """
+
+    name: str
+    target: int = 0
+
+    def __str__(self) -> str:
+        """Return name and target, such as `patrol 2`."""
+        return f"{self.name} {self.target}" if self.target else self.name
