@@ -1,1 +1,1 @@
-"""A mission in the formats of other tools: CSV and GeoJSON of findings, Parquet of steps and pulses, MCAP for ROS 2."""
+"""Write missions in the formats of other tools: CSV, GeoJSON, Parquet and MCAP (ROS 2)."""

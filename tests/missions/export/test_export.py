@@ -1,4 +1,4 @@
-"""Exports, read back by the readers of their formats."""
+"""Exports, read back with the readers of their formats."""
 
 import csv
 import json
@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from pdpatrol.envs import load_scenario
 from pdpatrol.envs.scenario.map_section import GeoreferenceConfig
-from pdpatrol.missions.export.export_mission import export_mission
-from pdpatrol.missions.export.georeference import longitude_latitude
+from pdpatrol.missions.export.export_mission import export_mission, longitude_latitude
 from pdpatrol.missions.export.ros2_recording import write_ros2_recording
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
@@ -42,7 +41,7 @@ def folder(log: MissionLog, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class Read(NamedTuple):
-    """A message."""
+    """Decoded message."""
 
     topic: str
     time_ns: int
@@ -50,14 +49,14 @@ class Read(NamedTuple):
 
 
 def read(path: Path) -> list[Read]:
-    """All messages of an MCAP file."""
+    """Return all messages of an MCAP file."""
     with path.open("rb") as file:
         decoded = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
         return [Read(channel.topic, message.log_time, content) for _, channel, message, content in decoded]
 
 
 def on_earth(longitude_deg: float, latitude_deg: float) -> NDArray[np.float64]:
-    """A place on the WGS 84 ellipsoid in its own cartesian frame, metres."""
+    """Return a place on the WGS 84 ellipsoid in the earth-centred cartesian frame, metres."""
     longitude, latitude = np.radians(longitude_deg), np.radians(latitude_deg)
     square = 0.00669437999014
     normal_m = 6378137.0 / np.sqrt(1.0 - square * np.sin(latitude) ** 2)
@@ -68,7 +67,7 @@ def on_earth(longitude_deg: float, latitude_deg: float) -> NDArray[np.float64]:
 
 
 @pytest.mark.parametrize("latitude_deg", [-60.0, 0.0, 51.5])
-def test_distances_and_headings_on_earth_are_those_in_the_yard(latitude_deg: float) -> None:
+def test_longitude_latitude_keep_distance_and_heading(latitude_deg: float) -> None:
     reference = GeoreferenceConfig(latitude_deg=latitude_deg, longitude_deg=7.4, heading_deg=20.0)
     ahead, right = np.array([0.0, 150.0]), np.array([150.0, 0.0])
     origin = on_earth(7.4, latitude_deg)
@@ -81,7 +80,7 @@ def test_distances_and_headings_on_earth_are_those_in_the_yard(latitude_deg: flo
     assert east_m == pytest.approx(150.0 * np.sin(np.radians(20.0)), abs=0.01)
 
 
-def test_geojson_is_valid_and_its_ellipses_lie_about_the_findings(folder: Path, log: MissionLog) -> None:
+def test_geojson_is_valid(folder: Path, log: MissionLog) -> None:
     text = (folder / "findings.geojson").read_text(encoding="utf-8")
     collection = FeatureCollection.model_validate_json(text)
     report = make_report(log, 0.0)
@@ -94,19 +93,17 @@ def test_geojson_is_valid_and_its_ellipses_lie_about_the_findings(folder: Path, 
     assert 0.5 * (x[:-1] * y[1:] - x[1:] * y[:-1]).sum() > 0.0  # counter-clockwise, as RFC 7946 asks
 
 
-def test_the_table_of_findings_says_what_the_report_does(folder: Path, log: MissionLog) -> None:
+def test_findings_csv_agrees_with_the_report(folder: Path, log: MissionLog) -> None:
     with (folder / "findings.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     report = make_report(log, 0.0).model_dump(mode="json")
-    told = [*report["findings"], *report["candidates"]]
-    assert [row["id"] for row in rows] == [str(finding["id"]) for finding in told]
-    assert [float(rows[0][name]) for name in ("x_m", "y_m", "z_m")] == list(told[0]["position_m"])
-    assert rows[0]["site"] == told[0]["sites"][0]["name"]
+    expected = [*report["findings"], *report["candidates"]]
+    assert [row["id"] for row in rows] == [str(finding["id"]) for finding in expected]
+    assert [float(rows[0][name]) for name in ("x_m", "y_m", "z_m")] == list(expected[0]["position_m"])
+    assert rows[0]["site"] == expected[0]["sites"][0]["name"]
 
 
-def test_parquet_has_a_row_for_each_step_and_pulse_and_null_for_what_is_not_there(
-    folder: Path, log: MissionLog
-) -> None:
+def test_parquet_has_all_steps_and_pulses(folder: Path, log: MissionLog) -> None:
     steps, pulses = pq.read_table(folder / "steps.parquet"), pq.read_table(folder / "pulses.parquet")
     assert steps.num_rows == log.n_rows("step")
     np.testing.assert_array_equal(steps["yaw_rad"].to_numpy(), log.column("step", "pose")[:, 2])
@@ -119,7 +116,7 @@ def test_parquet_has_a_row_for_each_step_and_pulse_and_null_for_what_is_not_ther
         assert field.metadata[b"description"]
 
 
-def test_mcap_holds_poses_scans_and_markers_in_order_of_time(folder: Path, log: MissionLog) -> None:
+def test_mcap_messages_are_complete_and_in_order(folder: Path, log: MissionLog) -> None:
     messages: dict[str, list[Any]] = {}
     times: list[int] = []
     for topic, time_ns, content in read(folder / "mission.mcap"):
@@ -147,7 +144,7 @@ def test_mcap_holds_poses_scans_and_markers_in_order_of_time(folder: Path, log: 
     assert rays == 2 * log.n_rows("bearing")
 
 
-def test_a_piece_of_the_yard_has_its_size_in_mcap(folder: Path, log: MissionLog) -> None:
+def test_mcap_markers_have_the_size_of_the_yard(folder: Path, log: MissionLog) -> None:
     (yard,) = [content for topic, _, content in read(folder / "mission.mcap") if topic == "/yard"]
     solids = log.meta["solids"]["yard"]
     shapes = {solid["shape"] for solid in solids}
