@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from pdpatrol.missions.atomic_file import write_text
 from pdpatrol.missions.campaign.inspection import Inspection
 from pdpatrol.missions.campaign.records import Trend
 from pdpatrol.missions.campaign.trend_page import trend_page
 from pdpatrol.missions.report.report_file import laid_out
-from pdpatrol.missions.whole_file import write_whole
 
 
 def trend_text(trend: Trend) -> str:
@@ -23,6 +23,6 @@ def write_trend(trend: Trend, inspections: Sequence[Inspection], folder: Path) -
     Raises:
         OSError: If one cannot be written.
     """
-    write_whole(folder / "trend.json", trend_text(trend))
-    write_whole(folder / "trend.html", trend_page(trend, inspections))
+    write_text(folder / "trend.json", trend_text(trend))
+    write_text(folder / "trend.html", trend_page(trend, inspections))
     return ("trend.json", "trend.html")

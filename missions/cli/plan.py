@@ -9,9 +9,9 @@ from typing import Annotated
 
 import tyro
 
+from pdpatrol.missions.atomic_file import atomic_file, write_text
 from pdpatrol.missions.cli.output.folders import output_folder
 from pdpatrol.missions.cli.output.terminal import err, in_one_line, out, refuse
-from pdpatrol.missions.whole_file import whole_file, write_whole
 
 
 def plan(
@@ -64,11 +64,11 @@ def plan(
             loaded, amplitude_v, lambda doing, share: progress.update(bar, description=doing, completed=share)
         )
         progress.update(bar, description="picture", completed=0.95)
-        with whole_file(folder / "plan.png") as picture:
+        with atomic_file(folder / "plan.png") as picture:
             draw_plan(made, picture)
         data = as_json(made)
-        write_whole(folder / "plan.json", json.dumps(data, indent=2) + "\n")
-        write_whole(folder / "route.toml", as_toml(made))
+        write_text(folder / "plan.json", json.dumps(data, indent=2) + "\n")
+        write_text(folder / "route.toml", as_toml(made))
     if json_output:
         out.print_json(data=data)
         return

@@ -61,8 +61,8 @@ def replay(
         if screenshot is None:
             return
     from dirmusic import InputFileError
+    from pdpatrol.missions.atomic_file import atomic_file
     from pdpatrol.missions.recording import ViewerError, open_viewer, ready_recording, serve, take_screenshot
-    from pdpatrol.missions.whole_file import whole_file
 
     try:
         recordings = [
@@ -73,7 +73,7 @@ def replay(
     except FileNotFoundError as error:
         refuse(str(error))
     if screenshot is not None:
-        with err.status("The viewer draws"), whole_file(screenshot) as temporary:
+        with err.status("The viewer draws"), atomic_file(screenshot) as temporary:
             temporary.write_bytes(take_screenshot(recordings[0], at))
         out.print(f"Written: {screenshot}", soft_wrap=True)
     elif web:

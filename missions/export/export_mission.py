@@ -16,11 +16,11 @@ from pyproj import Transformer
 from dirmusic.locating.association.assignment import NoOwner
 from dirmusic.locating.ellipse import outline95
 from pdpatrol.envs.scenario.map_section import GeoreferenceConfig
+from pdpatrol.missions.atomic_file import atomic_file
 from pdpatrol.missions.export.ros2_recording import OUTLINE_POINTS, write_ros2_recording
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.records import FindingRecord, Report
-from pdpatrol.missions.whole_file import whole_file
 
 FloatArray = NDArray[np.float64]
 Columns = dict[str, tuple[Any, str]]
@@ -49,7 +49,7 @@ def export_mission(log: MissionLog, folder: Path) -> tuple[str, ...]:
     writers["pulses.parquet"] = lambda path: write_pulses(log, path)
     writers["mission.mcap"] = lambda path: write_ros2_recording(log, path)
     for name, write in writers.items():
-        with whole_file(folder / name) as temporary:
+        with atomic_file(folder / name) as temporary:
             write(temporary)
     return tuple(writers)
 

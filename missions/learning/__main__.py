@@ -10,10 +10,10 @@ from typing import Annotated, Any
 
 import tyro
 
+from pdpatrol.missions.atomic_file import atomic_file, write_text
 from pdpatrol.missions.cli.endings.command_line import command_line
 from pdpatrol.missions.cli.output.folders import output_folder
 from pdpatrol.missions.cli.output.terminal import err, in_one_line, out, refuse
-from pdpatrol.missions.whole_file import whole_file, write_whole
 
 MAX_SEED = 899_000
 """Beyond it lie the yards of the learning curve and of the evaluation."""
@@ -88,7 +88,7 @@ def _learn(steps: int, yards: int, seek_yards: int, threads: int, seed: int, fol
         bar = progress.add_task("training", total=steps)
         model, curve = train(steps, seed, num_threads=threads, advance=lambda n: progress.advance(bar, n))
         training_s = time.perf_counter() - started_s
-        with whole_file(folder / "model.zip") as file:
+        with atomic_file(folder / "model.zip") as file:
             model.save(file)
         progress.update(bar, description="evaluation", total=None)
         tried = {
@@ -106,8 +106,8 @@ def _learn(steps: int, yards: int, seek_yards: int, threads: int, seed: int, fol
         "curve": curve,
         "policies": policies,
     }
-    write_whole(folder / "learning_curve.json", json.dumps(data, indent=2) + "\n")
-    with whole_file(folder / "learning.png") as picture:
+    write_text(folder / "learning_curve.json", json.dumps(data, indent=2) + "\n")
+    with atomic_file(folder / "learning.png") as picture:
         draw_curve(curve, policies, picture)
     return data
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdpatrol.missions.whole_file import whole_file
+from pdpatrol.missions.atomic_file import atomic_file
 
 SCHEMA = 5
 
@@ -261,5 +261,5 @@ WIDE = ("strengths_v", "log_likelihood", "range_m")
 
 
 def _save(path: Path, meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
-    with whole_file(path) as temporary, temporary.open("wb") as file:
+    with atomic_file(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, meta=np.array(json.dumps(meta)), **arrays)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import rerun as rr
 
+from pdpatrol.missions.atomic_file import atomic_file
 from pdpatrol.missions.record.array_description import described_manifold
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.recording.blueprint import blueprint
@@ -18,7 +19,6 @@ from pdpatrol.missions.recording.drawing.scene import draw_scene
 from pdpatrol.missions.recording.drawing.spectra import SpectraOverTime
 from pdpatrol.missions.recording.drawing.status import Status
 from pdpatrol.missions.recording.identity import recording_stream
-from pdpatrol.missions.whole_file import whole_file
 
 LEAST_BIN_S = 0.05
 """Of data from the field whose rows all came at once."""
@@ -41,7 +41,7 @@ def write_recording(log: MissionLog, path: Path) -> None:
     finally:
         recording = content.read(flush=True) or b""  # after an error too: Rerun warns of what nobody has read
         stream.disconnect()
-    with whole_file(path) as temporary:
+    with atomic_file(path) as temporary:
         temporary.write_bytes(recording)
 
 

@@ -14,10 +14,10 @@ import pyarrow.parquet as pq
 
 from dirmusic import InputFileError
 from pdpatrol.envs.scenario import restore_scenario
+from pdpatrol.missions.atomic_file import atomic_file, write_text
 from pdpatrol.missions.sweep.code_version import commit
 from pdpatrol.missions.sweep.mission_row import SCHEMA, MissionRow
 from pdpatrol.missions.sweep.plan import MissionJob, SweepPlan
-from pdpatrol.missions.whole_file import whole_file, write_whole
 
 VERSION = 1
 MANIFEST, SCENARIOS, ROWS, ALL_ROWS = "sweep.json", "scenarios.parquet", "rows", "rows.parquet"
@@ -83,7 +83,7 @@ class Dataset:
                 "suite": max(job.suite for job in plan.jobs),
                 "versions": {name: version(name) for name in ("pdpatrol", "mujoco", "numpy", "scipy", "numba")},
             }
-            write_whole(folder / MANIFEST, json.dumps(manifest, indent=2) + "\n")
+            write_text(folder / MANIFEST, json.dumps(manifest, indent=2) + "\n")
         dataset, faults = cls(folder), list[str]()
         if dataset.manifest["plan"] != plan.digest:
             faults.append(
@@ -197,5 +197,5 @@ def _as_table(rows: Sequence[MissionRow]) -> pa.Table:
 
 
 def _write_table(path: Path, table: pa.Table) -> None:
-    with whole_file(path) as temporary:
+    with atomic_file(path) as temporary:
         pq.write_table(table, temporary, compression="zstd")

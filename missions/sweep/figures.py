@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
+from pdpatrol.missions.atomic_file import atomic_file
 from pdpatrol.missions.sweep.analysis import (
     Row,
     cluster_bootstrap,
@@ -23,7 +24,6 @@ from pdpatrol.missions.sweep.analysis import (
     percentage_of,
     values_of,
 )
-from pdpatrol.missions.whole_file import whole_file
 
 COLOURS = [colormaps["tab20"](number) for number in (*range(0, 20, 2), *range(1, 20, 2))]
 """Ten dark colours, then ten pale ones; figures show no more lines than these."""
@@ -53,7 +53,7 @@ def draw_figures(rows: pa.Table, folder: Path) -> list[Path]:
             figures[f"over_{key}"] = draw_over_setting(finished, key)
     paths = [folder / f"{name}.png" for name in figures]
     for path, figure in zip(paths, figures.values(), strict=True):
-        with whole_file(path) as file:
+        with atomic_file(path) as file:
             figure.savefig(file, dpi=120, format="png")
     return paths
 

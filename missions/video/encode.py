@@ -13,11 +13,11 @@ import numpy as np
 from matplotlib import rcParams
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 
+from pdpatrol.missions.atomic_file import atomic_file
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.video.film import Film
 from pdpatrol.missions.video.frame import DPI
 from pdpatrol.missions.video.moments import STAYS_S
-from pdpatrol.missions.whole_file import whole_file
 
 CLIP_S, END_S = 20.0, 2.0
 """How long a clip lasts unless a pace is given, and how long its last frame stays."""
@@ -79,7 +79,7 @@ def write_film(
             raise FilmError(str(error)) from None
         except subprocess.CalledProcessError:
             raise FilmError("ffmpeg could not write the film: no space left, or built without H.264") from None
-        with whole_file(path) as temporary:
+        with atomic_file(path) as temporary:
             shutil.copyfile(file, temporary)
 
 

@@ -5,7 +5,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pdpatrol.missions.record.events import Event
@@ -42,6 +42,7 @@ def test_a_log_reads_back_as_it_was_written(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["log.npz"]
 
 
+@settings(deadline=None, max_examples=40)
 @given(st.text(max_size=300), st.text(max_size=3000), st.text(max_size=100), st.integers(0, 9))
 def test_logged_texts_are_read_back_complete(phase: str, text: str, subject: str, number: int) -> None:
     """No text is cut, in the log file as in its parts; NumPy drops NUL characters at the end of a text."""

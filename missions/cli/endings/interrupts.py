@@ -16,8 +16,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import NoReturn
 
-from pdpatrol.missions.whole_file import remove_unfinished
-
 GRACE_S = 1.7
 """From a signal to the end by force: what is left of two seconds to wake up and to clean up (assumed)."""
 
@@ -99,7 +97,7 @@ def _next_signal(reader: int, timeout_s: float | None) -> int:
 
 def _end(number: int) -> NoReturn:
     kill_children()
-    for cleanup in (remove_unfinished, *_cleanups):
+    for cleanup in _cleanups:
         with suppress(Exception):
             cleanup()
     with suppress(OSError):

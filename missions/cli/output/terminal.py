@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from rich.console import Console
 
-from pdpatrol.missions.whole_file import write_whole
+from pdpatrol.missions.atomic_file import write_text
 
 if TYPE_CHECKING:
     from dirmusic.compiled import Compiling
@@ -75,7 +75,7 @@ def write_mission(log: MissionLog, wall_time_s: float, folder: Path) -> Report:
         return _write_files(log, wall_time_s, folder)
     except OSError as error:
         with suppress(OSError):
-            write_whole(folder / INCOMPLETE, f"Log, report and recording are not all here: {error}\n")
+            write_text(folder / INCOMPLETE, f"Log, report and recording are not all here: {error}\n")
         raise
 
 
@@ -87,7 +87,7 @@ def _write_files(log: MissionLog, wall_time_s: float, folder: Path) -> Report:
     if "calibration" in log.meta:
         when = datetime.now().astimezone().isoformat(timespec="seconds")
         text = restore_calibration(log.meta["calibration"]).as_toml()
-        write_whole(folder / CALIBRATION, f"# Written {when}\n{text}")
+        write_text(folder / CALIBRATION, f"# Written {when}\n{text}")
     return write_report(log, wall_time_s, folder, lambda: write_recording(log, folder / "mission.rrd"))
 
 
@@ -109,9 +109,9 @@ def write_report(
 
     inspected = inspected_sites(log)
     report = make_report(log, wall_time_s, inspected)
-    write_whole(folder / "report.json", report_text(report))
+    write_text(folder / "report.json", report_text(report))
     between()
-    write_whole(folder / "report.html", report_page(log, report, inspected))
+    write_text(folder / "report.html", report_page(log, report, inspected))
     return report
 
 

@@ -9,12 +9,12 @@ from typing import Any
 
 from markupsafe import Markup
 
+from pdpatrol.missions.atomic_file import atomic_file, write_text
 from pdpatrol.missions.report.page import inline_svg
 from pdpatrol.missions.reproduction.exhibit import Exhibit
 from pdpatrol.missions.reproduction.output.page import reproduction_page
 from pdpatrol.missions.reproduction.output.pictures import pictures
 from pdpatrol.missions.reproduction.output.tables import as_json
-from pdpatrol.missions.whole_file import whole_file, write_whole
 
 
 def write_reproduction(
@@ -36,7 +36,7 @@ def write_reproduction(
     every = pictures(seed)
     for picture in every:
         figure = picture.of(by_name)
-        with whole_file(folder / f"{picture.name}.png") as file:
+        with atomic_file(folder / f"{picture.name}.png") as file:
             figure.savefig(file, format="png")
         svg = inline_svg(figure, picture.name, "; ".join(by_name[name].title for name in picture.exhibits))
         if picture.exhibits:
@@ -45,6 +45,6 @@ def write_reproduction(
             method.append(svg)
         progress(1.0 / len(every))
     data = as_json(exhibits, trials, seed)
-    write_whole(folder / "reproduction.json", json.dumps(data, indent=2) + "\n")
-    write_whole(folder / "reproduction.html", reproduction_page(exhibits, inline, method, trials, seed))
+    write_text(folder / "reproduction.json", json.dumps(data, indent=2) + "\n")
+    write_text(folder / "reproduction.html", reproduction_page(exhibits, inline, method, trials, seed))
     return data

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from pdpatrol.missions.atomic_file import atomic_file, write_text
 from pdpatrol.missions.cli.output.folders import CLAIM
-from pdpatrol.missions.whole_file import whole_file, write_whole
 
 pytestmark = pytest.mark.whole
 
@@ -101,7 +101,7 @@ def test_without_a_folder_given_each_takes_the_next_free_one(tmp_path: Path) -> 
 
 
 def write_half(path: Path) -> None:
-    with whole_file(path) as temporary:
+    with atomic_file(path) as temporary:
         temporary.write_text("half")
         assert path.read_text() == "before"
         raise ZeroDivisionError
@@ -109,7 +109,7 @@ def write_half(path: Path) -> None:
 
 def test_a_file_is_there_whole_or_as_it_was(tmp_path: Path) -> None:
     path = tmp_path / "file.txt"
-    write_whole(path, "before")
+    write_text(path, "before")
     with pytest.raises(ZeroDivisionError):
         write_half(path)
     assert [each.name for each in tmp_path.iterdir()] == ["file.txt"]
@@ -119,5 +119,5 @@ def test_a_file_is_there_whole_or_as_it_was(tmp_path: Path) -> None:
 def test_what_cannot_be_written_is_named_by_the_name_that_it_would_have(tmp_path: Path) -> None:
     path = tmp_path / "none" / "report.json"
     with pytest.raises(FileNotFoundError) as raised:
-        write_whole(path, "{}")
+        write_text(path, "{}")
     assert raised.value.filename == str(path)

@@ -30,11 +30,11 @@ import sys, time
 from pathlib import Path
 from pdpatrol.missions.cli.endings.command_line import command_line
 from pdpatrol.missions.cli.output.folders import output_folder
-from pdpatrol.missions.whole_file import whole_file
+from pdpatrol.missions.atomic_file import atomic_file
 import numpy as np
 with command_line(), output_folder(Path("folder"), "") as folder:
     (folder / "whole").touch()
-    with whole_file(folder / "half") as half:
+    with atomic_file(folder / "half") as half:
         half.touch()
         print("ready", flush=True)
         if sys.argv[1] == "compiled":
@@ -73,7 +73,7 @@ def test_signals_end_a_command_wherever_it_is_and_leave_whole_files(
     _, errors = process.communicate(timeout=30)
     assert process.returncode == 128 + number
     assert errors.strip() == "Interrupted"
-    assert [path.name for path in (tmp_path / "folder").iterdir()] == ["whole"]
+    assert [path.name for path in (tmp_path / "folder").glob("[!.]*")] == ["whole"]
 
 
 def test_a_second_signal_ends_a_command_at_once(tmp_path: Path) -> None:
@@ -100,7 +100,7 @@ with command_line()""",
     process.send_signal(signal.SIGINT)
     process.communicate(timeout=30)
     assert process.returncode == 128 + signal.SIGTERM
-    assert [path.name for path in (tmp_path / "folder").iterdir()] == ["whole"]
+    assert [path.name for path in (tmp_path / "folder").glob("[!.]*")] == ["whole"]
 
 
 TIDIES = """
