@@ -1,161 +1,180 @@
-"""Inner loops that are compiled: over elements, paths and samples, where numpy would need a call for each line."""
+"""Compilation of inner loops with Numba, and the folder in which the machine code is kept.
+
+Kernels loop over elements, paths and samples one by one and in one order, so that the result of a row does not depend,
+to the bit, on the number of rows.
+"""
 
 from __future__ import annotations
 
-import gc
+import hashlib
 import os
+import shutil
+import sys
 import tempfile
-import time
 import warnings
 from collections.abc import Callable, Generator, Iterable
-from contextlib import contextmanager
-from functools import update_wrapper
+from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
-from types import FunctionType
 from typing import Any, Generic, Self, TypeVar, cast
 
 import numba
 import numpy as np
-from numba.core import config, event, types
-from numba.core.types import StructRef
+from numba import types
 from numba.experimental import structref
 from numba.typed import List
 from numpy.typing import NDArray
 
-from dirmusic.compile_cache import KeptByContent
-from dirmusic.compiler import Callee, CompilerForOthers
-
 _Function = TypeVar("_Function", bound=Callable[..., object])
 _Value = TypeVar("_Value")
 
+KERNEL_PACKAGES = ("dirmusic", "pdpatrol/sensing", "pdpatrol/envs", "pdpatrol/robot_models")
+"""Packages with compiled functions, relative to the folder that holds this one."""
+
+KEPT_VERSIONS = 4
+"""Versions of the source whose machine code is kept, 20 MB each; assumed, more only spare compiling old ones again."""
+
+
+COMPLETE = "complete"
+"""Name of the file that marks a cache folder in which all functions of a mission are kept."""
+
 
 class CacheWarning(UserWarning):
-    """Compiled functions are not kept where they should be."""
+    """Warning that machine code cannot be kept, so that every process compiles anew."""
 
 
-def _can_write(folder: Path) -> bool:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return True
-    except OSError:
-        return False
+def source_digest() -> str:
+    """Return 16 hexadecimal digits that change with any source file of the packages that have compiled functions.
 
-
-def _finds_cache() -> bool:
-    """Whether compiled functions can be kept: where the compiler does, or else in the folder for temporary files."""
-    usual = Path(__file__).parent / "__pycache__", Path("~/.cache/numba").expanduser()
-    if os.environ.get("NUMBA_CACHE_DIR") or any(_can_write(folder) for folder in usual):
-        return True
-    try:
-        elsewhere = Path(tempfile.gettempdir()) / f"pdpatrol-compiled-{os.getuid()}"
-        is_found = _can_write(elsewhere)
-    except OSError:  # no place for temporary files either
-        elsewhere, is_found = usual[0], False
-    told = f"they are kept in {elsewhere}" if is_found else "each command compiles them anew, for half a minute or so"
-    warnings.warn(f"compiled functions cannot be kept in {usual[0]} or {usual[1]}: {told}", CacheWarning, stacklevel=2)
-    if is_found:
-        os.environ["NUMBA_CACHE_DIR"] = str(elsewhere)
-        config.reload_config()  # pyright: ignore
-    return is_found
-
-
-_CACHE = _finds_cache()
-_OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-
-
-class _Compiled:
-    """A function as machine code: for Python, and for other compiled functions, each from its first call on.
-
-    Most functions are called by compiled ones alone, for whom much of the compiler's work is not needed: no way in from
-    Python, no machine code before it is theirs.
+    Code with bounds checks (`NUMBA_BOUNDSCHECK=1`) has another digest.
     """
+    root = Path(__file__).parents[1]
+    digest = hashlib.sha256(f"{numba.config.BOUNDSCHECK}".encode())  # pyright: ignore
+    for package in KERNEL_PACKAGES:
+        for file in sorted((root / package).rglob("*.py")):
+            digest.update(f"{file.relative_to(root).as_posix()}\0{file.stat().st_size}\0".encode())
+            digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]
 
-    def __init__(self, function: FunctionType) -> None:
-        update_wrapper(self, function)
-        self._name = function.__qualname__
-        inner = FunctionType(function.__code__, function.__globals__, function.__name__, function.__defaults__)
-        inner.__module__, inner.__qualname__ = function.__module__, f"{function.__qualname__}.inner"  # kept under this
-        njit = cast("Any", numba.njit)  # pyright: ignore
-        self._for_python = njit(**_OPTIONS)(function)
-        self._for_compiled = njit(**_OPTIONS, no_cpython_wrapper=True, pipeline_class=CompilerForOthers)(inner)
-        if _CACHE:
-            for dispatcher in (self._for_python, self._for_compiled):
-                dispatcher._cache = KeptByContent(dispatcher.py_func)
 
-    def __call__(self, *values: object) -> object:
-        return self._for_python(*values)
+@cache
+def cache_folder() -> Path | None:
+    """Return the folder for machine code, or None with a warning where none can be written.
 
-    def __reduce__(self) -> str:
-        """A copy is the same function."""
-        return self._name
+    If the user has set `NUMBA_CACHE_DIR`, that folder is used. Otherwise the folder lies in the user's cache directory,
+    or else in a private folder of the directory for temporary files, and is named by the digest of the source: Numba
+    notices a change in the file of a function, but not in the functions and constants of other files that it uses.
+    """
+    if numba.config.CACHE_DIR:  # pyright: ignore
+        return Path(numba.config.CACHE_DIR)  # pyright: ignore
+    home, digest = Path.home() / ("Library/Caches" if sys.platform == "darwin" else ".cache"), source_digest()
+    usual = Path(os.environ.get("XDG_CACHE_HOME") or home) / "pdpatrol"
+    for base in (usual, Path(tempfile.gettempdir()) / f"pdpatrol-{os.getuid()}"):
+        with suppress(OSError):
+            base.mkdir(mode=0o700, parents=True, exist_ok=True)
+            if base.lstat().st_uid != os.getuid():  # in the directory for temporary files, anybody may have made it
+                continue
+            folder = base / digest
+            folder.mkdir(exist_ok=True)
+            with tempfile.TemporaryFile(dir=folder):
+                os.utime(folder)
+            _remove_old(base)
+            return folder
+    warnings.warn(
+        f"compiled functions cannot be kept in {usual}: each process compiles them anew, for about a minute",
+        CacheWarning,
+        stacklevel=2,
+    )
+    return None
 
-    def compile_as_called(self, *values: object) -> None:
-        """See the function of this name."""
-        self._for_compiled.compile(tuple(numba.typeof(value) for value in values))  # pyright: ignore
 
-    @property
-    def _numba_type_(self) -> types.Type:  # by which the compiler knows what it may call
-        return Callee(self._for_compiled)
+def _remove_old(base: Path) -> None:
+    """Remove the machine code of all but the most recently used versions of the source."""
+    with suppress(OSError):  # another process may remove the same
+        folders = sorted(base.iterdir(), key=lambda folder: folder.stat().st_mtime)
+        for folder in folders[:-KEPT_VERSIONS]:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def is_cache_complete() -> bool:
+    """Return whether `mark_cache_complete` has been called for the present source, by any process."""
+    folder = cache_folder()
+    return folder is not None and (folder / COMPLETE).exists()
+
+
+def mark_cache_complete() -> None:
+    """Note in the cache folder that all functions of a mission have been compiled and kept."""
+    if folder := cache_folder():
+        (folder / COMPLETE).touch()
+
+
+@contextmanager
+def _own_cache() -> Generator[bool]:
+    """Let Numba keep what is decorated in the block in `cache_folder`; the user's own functions are not affected."""
+    folder, before = cache_folder(), numba.config.CACHE_DIR  # pyright: ignore
+    numba.config.CACHE_DIR = str(folder or "")
+    try:
+        yield folder is not None
+    finally:
+        numba.config.CACHE_DIR = before
 
 
 def compiled(function: _Function) -> _Function:
-    """The same function as machine code, kept on disk after its first call.
-
-    Rows of arrays are worked on one by one and in one order: the answer for a row does not depend, to the bit, on how
-    many there are. Import modules with such functions where they are used: the compiler takes a second to load.
-    """
-    return cast("_Function", _Compiled(cast("FunctionType", function)))
-
-
-def compile_as_called(function: Callable[..., object], *values: object) -> None:
-    """Compile a function that is `compiled` as compiled functions call it, with values of these types.
-
-    It is not called, and there is no way into it from Python: what a caller takes in is kept on disk.
-    """
-    cast("_Compiled", function).compile_as_called(*values)
+    """Compile a function at its first call and keep the machine code on disk."""
+    with _own_cache() as keep:
+        return cast("_Function", numba.njit(cache=keep, nogil=True, error_model="numpy")(function))  # pyright: ignore
 
 
 def elementwise(function: Callable[..., float]) -> Callable[..., NDArray[np.float64]]:
-    """A function of numbers as a numpy ufunc, for arrays of any shapes that broadcast and for other compiled loops."""
-    return cast("Callable[..., NDArray[np.float64]]", numba.vectorize(cache=_CACHE)(function))  # pyright: ignore
+    """Compile a function of numbers to a NumPy ufunc, which other compiled functions may call as well."""
+    if numba.config.DISABLE_JIT:  # pyright: ignore
+        return np.vectorize(function, otypes=[np.float64])
+    with _own_cache() as keep:
+        return cast("Callable[..., NDArray[np.float64]]", numba.vectorize(cache=keep)(function))  # pyright: ignore
 
 
 @structref.register  # pyright: ignore[reportUnknownMemberType]
-class HeldType(StructRef):
-    """Type of what is `Held`, for the compiler."""
+class _HeldType(types.StructRef):
+    """Numba type of `Held`."""
 
-    def preprocess_fields(self, fields: Any) -> Any:  # noqa: ANN401, D102 - the compiler's own
+    def preprocess_fields(self, fields: Any) -> Any:  # noqa: ANN401
+        """Drop literal types, so that one specialisation serves all values."""
         return tuple((name, types.unliteral(of)) for name, of in fields)  # pyright: ignore
 
 
 class Held(structref.StructRefProxy, Generic[_Value]):
-    """Holds a record for compiled functions, which see the same arrays, and what becomes of them.
+    """A record that compiled functions take by reference.
 
-    A bare one costs them at each call: the compiler unpacks it anew, a tenth of a microsecond for every array, and
-    seven for a random generator, of which it asks where its functions and its state are.
+    Numba unpacks a plain named tuple at each call: 0.1 us for each array, 7 us for a random generator.
 
-    Args:
-        value: A named tuple, nested ones included, or a generator.
+    Attributes:
+        value: The named tuple or generator, in Python and in compiled functions.
     """
 
     value: _Value
-    """As compiled functions take it."""
-    given: _Value
-    """As others take it."""
 
-    def __new__(cls, value: _Value) -> Self:  # noqa: D102 - as the compiler wants it
-        held = _hold(value)
-        held.given = value
+    def __new__(cls, value: _Value) -> Self:
+        """Hold a value; without compilation in a plain object."""
+        held = object.__new__(cls) if numba.config.DISABLE_JIT else _hold(value)  # pyright: ignore
+        held.value = value
         return held
 
     def __reduce__(self) -> tuple[type[Held[_Value]], tuple[_Value]]:
-        """A copy holds a copy."""
-        return Held, (self.given,)
+        return Held, (self.value,)
 
 
-def held_list(records: Iterable[Held[_Value]]) -> Any:  # noqa: ANN401 - the compiler's own list
-    """Records of one type as compiled functions take many at once; `replace_in` puts another one in."""
+structref.define_boxing(_HeldType, Held)  # pyright: ignore[reportUnknownMemberType]
+structref.define_constructor(Held, _HeldType, ["value"])  # pyright: ignore[reportUnknownMemberType]
+
+
+@compiled
+def _hold(value: Any) -> Any:  # noqa: ANN401
+    """Construct a `Held` value in compiled code, where the constructor is kept on disk."""
+    return Held(value)
+
+
+def held_list(records: Iterable[Held[_Value]]) -> Any:  # noqa: ANN401
+    """Return a Numba list of records of one type; `replace_in` replaces one of them."""
     first, *others = records
     listed = _listed(first)
     for record in others:
@@ -163,20 +182,12 @@ def held_list(records: Iterable[Held[_Value]]) -> Any:  # noqa: ANN401 - the com
     return listed
 
 
-structref.define_boxing(HeldType, Held)  # pyright: ignore[reportUnknownMemberType]
-structref.define_constructor(Held, HeldType, ["value"])  # pyright: ignore[reportUnknownMemberType]
+# Numba compiles the methods of its lists anew in each process, which takes a second; these are kept on disk.
 
 
 @compiled
-def _hold(value: Any) -> Any:  # noqa: ANN401 - of any type
-    return Held(value)
-
-
-# What the compiler's own lists do for Python is compiled anew in each process, a second long; these are kept on disk.
-
-
-@compiled
-def _listed(first: Any) -> Any:  # noqa: ANN401 - of any type
+def _listed(first: Any) -> Any:  # noqa: ANN401
+    """Return a list with one record."""
     listed = List()  # pyright: ignore
     listed.append(first)  # pyright: ignore
     return listed  # pyright: ignore
@@ -184,64 +195,11 @@ def _listed(first: Any) -> Any:  # noqa: ANN401 - of any type
 
 @compiled
 def _append(listed: Any, record: Any) -> None:  # noqa: ANN401
+    """Append a record."""
     listed.append(record)
 
 
 @compiled
 def replace_in(listed: Any, index: int, record: Any) -> None:  # noqa: ANN401
-    """Put another record of the same type into a `held_list`."""
+    """Replace a record of a `held_list` by another one of the same type."""
     listed[index] = record
-
-
-@compiled
-def _smallest() -> None:
-    """Of all functions."""
-
-
-def try_compiler() -> None:
-    """Have a function compiled, or read from disk: those who watch learn at once if nothing has been compiled yet."""
-    _smallest()
-
-
-class Compiling:
-    """What was compiled so far.
-
-    Attributes:
-        n_functions: How many functions, the one at hand included.
-        n_kept: How many of them are kept on disk, and compiled once on a machine.
-        spent_s: How long it took.
-    """
-
-    def __init__(self) -> None:
-        self.n_functions = 0
-        self.n_kept = 0
-        self.spent_s = 0.0
-
-
-@contextmanager
-def watch_compiler(tell: Callable[[Compiling], None]) -> Generator[Compiling]:
-    """Follow the compiler in the block; `tell` is called before each function that it compiles.
-
-    Meanwhile no garbage is collected: the compiler leaves little, and has Python look for it an eighth of the time.
-    """
-    compiling, began_s, collects = Compiling(), list[float](), gc.isenabled()
-
-    class Follower(event.Listener):
-        """A function may be compiled while another one is, which calls it."""
-
-        def on_start(self, event: event.Event) -> None:
-            gc.disable()
-            compiling.n_functions += 1
-            compiling.n_kept += event.data["dispatcher"].stats.cache_path is not None  # pyright: ignore
-            tell(compiling)
-            began_s.append(time.perf_counter())
-
-        def on_end(self, event: event.Event) -> None:
-            spent_s = time.perf_counter() - began_s.pop()
-            if not began_s:
-                compiling.spent_s += spent_s
-                if collects:
-                    gc.enable()
-
-    with event.install_listener("numba:compile", Follower()):  # pyright: ignore[reportUnknownMemberType]
-        yield compiling

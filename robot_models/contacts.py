@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdpatrol.robot_models.compiled import compiled
+from dirmusic.compiled import compiled
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]

@@ -9,6 +9,5 @@ def main() -> None:
 
     with command_line():
         from pdpatrol.missions.cli.app import run_verb
-        from pdpatrol.missions.deep_calls import call_with_room
 
-        call_with_room(run_verb)
+        run_verb()

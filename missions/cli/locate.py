@@ -145,14 +145,13 @@ def locate(
 
     from dirmusic import ElementSpread, InputFileError, PoseError, read_pattern
     from dirmusic.array.element_errors import UNEXPLAINED
-    from dirmusic.compiled import watch_compiler
     from pdpatrol.envs.scenario.calibration import read_calibration
     from pdpatrol.missions.field.field_data import read_field_data
     from pdpatrol.missions.field.locate_field_data import array_model, calibrated, locate_field_data, rejections
     from pdpatrol.missions.stopwatch import Stopwatch
 
     stopwatch = Stopwatch()
-    with output_folder(out_dir, table.stem) as folder, watch_compiler(lambda _: None) as compiling:
+    with output_folder(out_dir, table.stem) as folder:
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("always")
             try:
@@ -198,7 +197,7 @@ def locate(
         with err.status("Writes log, report and recording"), stopwatch.on("log, report and recording"):
             report = write_mission(log, stopwatch.total_s, folder)
     if timing:
-        tell_time(stopwatch, compiling)
+        tell_time(stopwatch)
     if json_output:
         tell_json(report)
         return

@@ -44,14 +44,13 @@ def reproduce(
     stopwatch = Stopwatch()
     with output_folder(out_dir, f"reproduction-{seed}") as folder, Progress(console=err, transient=True) as progress:
         with stopwatch.on("loading"):
-            from dirmusic.compiled import watch_compiler
             from pdpatrol.missions.reproduction.output.tables import as_table
             from pdpatrol.missions.reproduction.output.write import write_reproduction
             from pdpatrol.missions.reproduction.reproduce import reproduce as run_trials
             from pdpatrol.missions.reproduction.verdict import verdict
 
         bar = progress.add_task(f"{trials} trials a cell", total=1.0)
-        with stopwatch.on("trials"), watch_compiler(lambda _: None) as compiling:
+        with stopwatch.on("trials"):
             exhibits = run_trials(trials, seed, lambda share: progress.advance(bar, share))
         bar = progress.add_task("pictures", total=1.0)
         with stopwatch.on("pictures and page"):
@@ -72,4 +71,4 @@ def reproduce(
             soft_wrap=True,
         )
     if timing:
-        tell_time(stopwatch, compiling)
+        tell_time(stopwatch)

@@ -31,7 +31,6 @@ from pdpatrol.missions.cli.output.terminal import (
 )
 
 if TYPE_CHECKING:
-    from dirmusic.compiled import Compiling
     from pdpatrol.missions.recording import LiveView
     from pdpatrol.missions.report.records import Report
     from pdpatrol.missions.runner import Mission
@@ -49,9 +48,6 @@ TOLD = (
     "calibration",
 )
 """Kinds of events that are news."""
-
-COMPILED = 125
-"""Functions that a first mission compiles, beside those that the second process does."""
 
 
 def run(
@@ -94,10 +90,6 @@ def run(
         json_output: Print the report as JSON instead of a table.
         timing: Say in a line where the time went.
     """
-    from pdpatrol.missions.second_process import SecondProcess
-
-    second = SecondProcess()
-
     from dirmusic import InputFileError
     from pdpatrol.envs.foreign_code import ForeignCodeError
     from pdpatrol.envs.scenario import ScenarioError, load_scenario
@@ -123,47 +115,45 @@ def run(
             load_maker(policy)
     except ForeignCodeError as error:
         refuse(str(error))
+    with stopwatch.on("loading"):
+        from pdpatrol.missions.first_run import compile_at_first_run
+        from pdpatrol.missions.runner import Mission
+    with stopwatch.on("compiling"):
+        compile_at_first_run(err)
     viewer = _live_view() if live else None
-    with output_folder(out_dir, f"{loaded.name}-{seed}") as folder:
+    with (
+        output_folder(out_dir, f"{loaded.name}-{seed}") as folder,
+        _progress(loaded.task.time_limit_s) as follow,
+        ExitStack() as while_driving,
+    ):
+        tell_notes(loaded)
+        asked = None
+
+        def after_step(mission: Mission) -> None:
+            nonlocal asked
+            asked = asked or while_driving.enter_context(interrupts.put_off())
+            follow(mission)
+            if viewer and (mission.log.n_rows("step") % 5 == 0 or mission.is_over):
+                viewer.update(mission.log)
+            if asked() and not mission.is_over:
+                mission.end("interrupted")
+
+        try:
+            with stopwatch.on("starting"):
+                mission = Mission(loaded, policy, seed, folder)
+        except ForeignCodeError as error:
+            refuse(str(error))
+        except ScenarioError as error:
+            refuse(*error.faults)
         with stopwatch.on("loading"):
-            from dirmusic.compiled import try_compiler, watch_compiler
-        with (
-            second,
-            _progress(loaded.task.time_limit_s, second.start) as (follow, compiled),
-            watch_compiler(compiled) as compiling,
-            ExitStack() as while_driving,
-        ):
-            with stopwatch.on("loading"):
-                try_compiler()  # what is to be compiled ahead is begun while this loads
-                from pdpatrol.missions.runner import Mission
-            tell_notes(loaded)
-            asked = None
-
-            def after_step(mission: Mission) -> None:
-                nonlocal asked
-                asked = asked or while_driving.enter_context(interrupts.put_off())
-                follow(mission)
-                if viewer and (mission.log.n_rows("step") % 5 == 0 or mission.is_over):
-                    viewer.update(mission.log)
-                if asked() and not mission.is_over:
-                    mission.end("interrupted")
-
-            try:
-                with stopwatch.on("starting"):
-                    mission = Mission(loaded, policy, seed, folder)
-            except ForeignCodeError as error:
-                refuse(str(error))
-            except ScenarioError as error:
-                refuse(*error.faults)
-            with stopwatch.on("loading"):
-                load_what_writes()
-            with stopwatch.on("the rest of the mission"):
-                log = mission.run(after_step)
-            stopwatch.split("the rest of the mission", mission.stopwatch.spent_s)
-            with stopwatch.on("log, report and recording"):
-                report = write_mission(log, stopwatch.total_s - stopwatch.spent_s["loading"], folder)
-            if viewer:
-                viewer.leave_open()
+            load_what_writes()
+        with stopwatch.on("the rest of the mission"):
+            log = mission.run(after_step)
+        stopwatch.split("the rest of the mission", mission.stopwatch.spent_s)
+        with stopwatch.on("log, report and recording"):
+            report = write_mission(log, stopwatch.total_s - stopwatch.spent_s["loading"], folder)
+        if viewer:
+            viewer.leave_open()
     if json_output:
         tell_json(report)
     else:
@@ -174,7 +164,7 @@ def run(
             out.print(line, soft_wrap=True)
         tell_where(folder)
     if timing:
-        tell_time(stopwatch, compiling)
+        tell_time(stopwatch)
     if mission.error is not None:
         err.print(str(mission.error), soft_wrap=True)
         sys.exit(FAILED)
@@ -213,10 +203,8 @@ def _summary(report: Report) -> list[str]:
 
 
 @contextmanager
-def _progress(
-    time_limit_s: float, compile_ahead: Callable[[], None]
-) -> Iterator[tuple[Callable[[Mission], None], Callable[[Compiling], None]]]:
-    """A progress bar over the route, with the news as it comes; on a first run before that, over what is compiled."""
+def _progress(time_limit_s: float) -> Iterator[Callable[[Mission], None]]:
+    """Show a progress bar over the route, and print events as they come."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (
@@ -245,15 +233,4 @@ def _progress(
                 clock=f"{mission.time_s:5.0f} s simulated, {visited * stops:.0f} of {stops - 1} waypoints",
             )
 
-        def compiled(compiling: Compiling) -> None:
-            if compiling.n_kept == 0:  # of the user's own policy, say, which is compiled on any run
-                return
-            compile_ahead()
-            progress.update(
-                bar,
-                completed=min(compiling.n_functions / COMPILED, 1.0),
-                description="compiles, once",
-                clock=f"{compiling.n_functions:3d} of some {COMPILED} functions",
-            )
-
-        yield follow, compiled
+        yield follow

@@ -123,8 +123,8 @@ def _complete(
     """Run the missions of a shard that have no row yet, tell how it goes, and print what all rows came to."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+    from pdpatrol.missions.first_run import compile_at_first_run
     from pdpatrol.missions.sweep.analysis import summarise_groups
-    from pdpatrol.missions.sweep.engines.compile_once import is_compiled
     from pdpatrol.missions.sweep.engines.engine import EngineError
     from pdpatrol.missions.sweep.tables import terminal_table
     from pdpatrol.missions.sweep.tally import Tally
@@ -132,11 +132,12 @@ def _complete(
     folder, before = dataset.folder, dataset.read().to_pylist()
     done = {row["key"] for row in before}
     jobs, tally = [job for job in shard if job.key not in done], Tally(before)
+    if jobs:
+        compile_at_first_run(err)  # or every worker would compile the same
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
     try:
         with Progress(*columns, console=err, transient=True) as progress:
-            doing = tally.found() if is_compiled() else "compiling, once on a machine"
-            bar = progress.add_task(doing, total=len(shard), completed=len(shard) - len(jobs))
+            bar = progress.add_task(tally.found(), total=len(shard), completed=len(shard) - len(jobs))
 
             def finish(row: MissionRow) -> None:
                 dataset.write(row)

@@ -40,7 +40,7 @@ class Shadow(NamedTuple):
     cut: float
 
 
-SHADOW = np.dtype([(name, np.float64) for name in Shadow._fields])
+SHADOW = np.dtype((np.record, [(name, np.float64) for name in Shadow._fields]))
 
 
 @compiled

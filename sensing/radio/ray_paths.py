@@ -110,7 +110,9 @@ def fading(amplitude: float, loudest: float, from_db: float) -> float:
     return 1.0 - fades * fades * (3.0 - 2.0 * fades)
 
 
-PATH = np.dtype([*((name, np.float64) for name in ("x", "y", "z", "extra_m", "level")), ("coefficient", np.complex128)])
+PATH = np.dtype(
+    (np.record, [*((name, np.float64) for name in ("x", "y", "z", "extra_m", "level")), ("coefficient", np.complex128)])
+)
 """A path as of `RayPaths`, and its amplitude at the array, over that 1 m from the source."""
 
 

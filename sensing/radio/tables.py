@@ -105,12 +105,15 @@ class Shape(NamedTuple):
 
 
 OBSTACLE = np.dtype(
-    [
-        *((name, np.float64) for name in (*Shape._fields, *Substance._fields)),
-        ("mirrors", np.float64),
-        ("owner", np.intp),
-        ("bends", np.bool_),
-    ]
+    (
+        np.record,
+        [
+            *((name, np.float64) for name in (*Shape._fields, *Substance._fields)),
+            ("mirrors", np.float64),
+            ("owner", np.intp),
+            ("bends", np.bool_),
+        ],
+    )
 )
 """A solid with its `Shape` and its `Substance`, about the largest share of an amplitude that it mirrors if it is round,
 the piece of equipment that it is a part of, and whether waves bend round its edges. Rows of one array: compiled
@@ -151,13 +154,16 @@ def substance_of(row: Obstacle | Face) -> Substance:
 
 
 FACE = np.dtype(
-    [
-        *((name, np.float64) for name in ("x", "y", "z", "normal_x", "normal_y", "normal_z")),
-        *((f"{axis}_{name}", np.float64) for axis in ("first", "second") for name in ("x", "y", "z", "half_m")),
-        *((name, np.float64) for name in Substance._fields),
-        *((name, np.intp) for name in ("owner", "behind")),
-        ("bends", np.bool_),
-    ]
+    (
+        np.record,
+        [
+            *((name, np.float64) for name in ("x", "y", "z", "normal_x", "normal_y", "normal_z")),
+            *((f"{axis}_{name}", np.float64) for axis in ("first", "second") for name in ("x", "y", "z", "half_m")),
+            *((name, np.float64) for name in Substance._fields),
+            *((name, np.intp) for name in ("owner", "behind")),
+            ("bends", np.bool_),
+        ],
+    )
 )
 """A face as of `Faces`, with its `Substance`, the obstacle whose face it is, or `NOBODY`, and whether waves bend round
 the edges of that."""

@@ -166,10 +166,10 @@ class ReceiverBank:
             done = detect_each(robots, done, *shared, self._gates[thread], self._n_found)
             if done.n_wanted:
                 n_gates = 2 * (done.n_gates + done.n_wanted)
-                self._gates[thread] = self._more_room(self._gates[thread].given, done.n_gates, n_gates)
+                self._gates[thread] = self._more_room(self._gates[thread].value, done.n_gates, n_gates)
         if done.n_gates == 0:
             return self._nothing._replace(n_rejected=done.n_rejected)
-        found = self._gates[thread].given
+        found = self._gates[thread].value
         n, n_rejected = done.n_gates, done.n_rejected
         whose = np.full(n, numbers[0]) if len(numbers) == 1 else np.repeat(robots, self._n_found[robots])
         return Detections(whose, found.pulses.first(n), found.waveforms_v[:n].copy(), n_rejected)

@@ -16,7 +16,6 @@ from rich.console import Console
 from pdpatrol.missions.atomic_file import write_text
 
 if TYPE_CHECKING:
-    from dirmusic.compiled import Compiling
     from pdpatrol.envs.scenario import Scenario
     from pdpatrol.missions.record.mission_log import MissionLog
     from pdpatrol.missions.report.records import Report
@@ -121,13 +120,12 @@ def load_what_writes() -> None:
     import pdpatrol.missions.report.report_page  # noqa: F401
 
 
-def tell_time(stopwatch: Stopwatch, compiling: Compiling) -> None:
+def tell_time(stopwatch: Stopwatch) -> None:
     """Say where the time went, in a line."""
     total_s = stopwatch.total_s
     parts = {**stopwatch.spent_s, "the rest": total_s - sum(stopwatch.spent_s.values())}
     told = ", ".join(f"{what} {spent_s:.1f} s" for what, spent_s in parts.items())
-    compiled = f"; {compiling.spent_s:.1f} s of it compiling {compiling.n_functions} functions, once on a machine"
-    err.print(f"Time: {total_s:.1f} s: {told}{compiled if compiling.n_functions else ''}", soft_wrap=True)
+    err.print(f"Time: {total_s:.1f} s: {told}", soft_wrap=True)
 
 
 def tell_where(folder: Path) -> None:

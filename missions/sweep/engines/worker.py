@@ -11,7 +11,6 @@ import time
 import traceback
 
 from pdpatrol.missions.runner import Mission
-from pdpatrol.missions.sweep.engines.compile_once import compile_once
 from pdpatrol.missions.sweep.mission_row import MissionRow
 from pdpatrol.missions.sweep.plan import MissionJob
 
@@ -27,7 +26,7 @@ _has_run_out = False
 
 
 def set_up_worker(most_bytes: int) -> None:
-    """Make this process end with its parent, however that ends, compile, and take no more memory of its own than given.
+    """Make this process end with its parent, however that ends, and take no more memory of its own than given.
 
     What asks for more raises `MemoryError`.
 
@@ -36,7 +35,6 @@ def set_up_worker(most_bytes: int) -> None:
     """
     sys.excepthook = sys.__excepthook__  # the server's own is silent
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    compile_once()
     resource.setrlimit(resource.RLIMIT_DATA, (most_bytes, most_bytes))
 
 

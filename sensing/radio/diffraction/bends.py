@@ -51,12 +51,15 @@ MOST_RAYS = 24
 
 
 BENT_RAY = np.dtype(
-    [
-        *((name, np.float64) for name in ("x", "y", "z", "first_x", "first_y", "first_z", "extra_m", "way_m")),
-        ("coefficient", np.complex128),
-        ("box", np.intp),
-        ("is_shaded", np.bool_),
-    ]
+    (
+        np.record,
+        [
+            *((name, np.float64) for name in ("x", "y", "z", "first_x", "first_y", "first_z", "extra_m", "way_m")),
+            ("coefficient", np.complex128),
+            ("box", np.intp),
+            ("is_shaded", np.bool_),
+        ],
+    )
 )
 """A ray: where it bends last, or the mirror image of that place if the ground mirrors it afterwards; where it bends
 first; its length up to the last bend, and in all; what a circular antenna receives of it, over a straight ray as long;
@@ -64,7 +67,7 @@ the box that bends it; and whether what other solids take away is taken off alre
 
 
 SEEN_EDGE = np.dtype(
-    [(name, np.float64) for name in ("before_m", "behind_m", "mirrored_p_m", "mirrored_q_m", "passed_m")]
+    (np.record, [(name, np.float64) for name in ("before_m", "behind_m", "mirrored_p_m", "mirrored_q_m", "passed_m")])
 )
 """An edge as of `Seen`, and the distance of the target from it even if it is hidden."""
 

@@ -1,15 +1,13 @@
-"""What the machine denies: a full disk, a closed pipe, nowhere to keep compiled functions. One line, and status 1."""
+"""What the machine denies: a full disk, a closed pipe. One line, and status 1."""
 
 import os
 import resource
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-import dirmusic
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.cli.output.terminal import INCOMPLETE
 from pdpatrol.missions.record.mission_log import MissionLog
@@ -84,45 +82,3 @@ def test_a_closed_output_and_a_pipe_that_nobody_reads_are_no_traceback() -> None
     for tail in (">&-", ">&- 2>&-", "| true"):
         done = subprocess.run(["sh", "-c", f"{PDPATROL} scenarios {tail}"], capture_output=True, text=True)
         assert done.stderr == ""
-
-
-KEEPS = """
-import warnings
-with warnings.catch_warnings(record=True) as told:
-    warnings.simplefilter("always")
-    from dirmusic.compiled import compiled
-from dirmusic.kernels import dot
-import numpy as np
-assert dot(np.ones(2), np.ones(2)) == 2.0
-print(*(warning.message for warning in told), sep="\\n")
-"""
-
-
-def test_without_a_place_for_compiled_functions_they_are_kept_elsewhere_and_that_is_told_once(
-    tmp_path: Path,
-) -> None:
-    package = tmp_path / "code" / "dirmusic"
-    shutil.copytree(Path(dirmusic.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
-    (package / "__pycache__").touch()
-    (tmp_path / "file").touch()
-    elsewhere = tmp_path / "temporary"
-    elsewhere.mkdir()
-
-    def told(temporary: Path) -> str:
-        environment = {
-            "PYTHONPATH": str(package.parent),
-            "HOME": str(tmp_path / "file"),
-            "TMPDIR": str(temporary),
-            "PYTHONDONTWRITEBYTECODE": "1",
-            "PATH": os.environ["PATH"],
-        }
-        done = subprocess.run(
-            [sys.executable, "-c", KEEPS], cwd=tmp_path, env=environment, capture_output=True, text=True
-        )
-        assert done.returncode == 0, done.stderr
-        (line,) = done.stdout.splitlines()
-        return line
-
-    kept = elsewhere / f"pdpatrol-compiled-{os.getuid()}"
-    assert told(elsewhere).endswith(f"they are kept in {kept}")
-    assert list(kept.rglob("*.nbi"))

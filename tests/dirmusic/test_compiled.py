@@ -1,0 +1,87 @@
+"""Where compiled functions are kept, and that stale ones are never used."""
+
+import os
+import shutil
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import dirmusic
+
+SMALL = """
+import numba
+from dirmusic.kernels import dot
+import numpy as np
+print(dot(np.ones(2), np.ones(2)), numba.config.CACHE_DIR or "unset")
+"""
+
+
+@pytest.fixture
+def run(tmp_path: Path):
+    """Return a function that runs code with a copy of the package, the given environment, and warnings as errors."""
+    copy = tmp_path / "code" / "dirmusic"
+    shutil.copytree(Path(dirmusic.__file__).parent, copy, ignore=shutil.ignore_patterns("__pycache__"))
+
+    def run(code: str, *options: str, **environment: str) -> subprocess.CompletedProcess[str]:
+        inherited = {name: value for name, value in os.environ.items() if not name.startswith(("NUMBA_", "XDG_"))}
+        places = {"PYTHONPATH": str(copy.parent), "HOME": str(tmp_path), "TMPDIR": str(tmp_path)}
+        return subprocess.run(
+            [sys.executable, "-P", *options, "-c", code],
+            env={**inherited, **places, **environment}, capture_output=True, text=True, check=True,
+        )  # fmt: skip
+
+    return run
+
+
+def test_cache_is_private_and_leaves_the_setting_of_the_user(tmp_path: Path, run) -> None:  # noqa: ANN001
+    assert run(SMALL, "-W", "error", XDG_CACHE_HOME=str(tmp_path / "cache")).stdout == "2.0 unset\n"
+    (folder,) = (tmp_path / "cache" / "pdpatrol").iterdir()
+    assert list(folder.rglob("*.nbi"))
+    assert stat.S_IMODE(folder.parent.stat().st_mode) == 0o700
+    chosen = str(tmp_path / "chosen")
+    assert run(SMALL, NUMBA_CACHE_DIR=chosen).stdout == f"2.0 {chosen}\n"
+    assert list(Path(chosen).rglob("*.nbi"))
+
+
+def test_change_in_another_file_is_compiled_anew(tmp_path: Path, run) -> None:  # noqa: ANN001
+    """Numba itself compares the file of the called function alone."""
+    assert run(SMALL).stdout.startswith("2.0")
+    kernels = tmp_path / "code" / "dirmusic" / "kernels.py"
+    caller = kernels.with_name("caller.py")
+    caller.write_text(
+        "from dirmusic.compiled import compiled\nfrom dirmusic.kernels import dot\n"
+        "@compiled\ndef square(row):\n    return dot(row, row)\n",
+        encoding="utf-8",
+    )
+    code = "import numpy as np\nfrom dirmusic.caller import square\nprint(square(np.ones(2)))"
+    assert run(code).stdout == "2.0\n"
+    kernels.write_text(kernels.read_text(encoding="utf-8").replace("total = 0.0", "total = 1.0"), encoding="utf-8")
+    assert run(code).stdout == "3.0\n"
+
+
+def test_versions_beyond_the_newest_are_removed(tmp_path: Path, run) -> None:  # noqa: ANN001
+    base = tmp_path / ".cache" / "pdpatrol"
+    for number in range(9):
+        (base / f"old-{number}").mkdir(parents=True)
+        os.utime(base / f"old-{number}", (number, number))
+    run(SMALL)
+    kept = {folder.name for folder in base.iterdir()}
+    assert {"old-6", "old-7", "old-8"} < kept
+    assert len(kept) == 4
+
+
+def test_cache_falls_back_to_a_private_temporary_folder_or_one_warning(tmp_path: Path, run) -> None:  # noqa: ANN001
+    (tmp_path / "file").touch()
+    denied = str(tmp_path / "file")
+    assert run(SMALL, "-W", "error", XDG_CACHE_HOME=denied).stdout == "2.0 unset\n"
+    private = tmp_path / f"pdpatrol-{os.getuid()}"
+    assert list(private.rglob("*.nbi"))
+    assert stat.S_IMODE(private.stat().st_mode) == 0o700
+    shutil.rmtree(private)
+    private.touch()
+    done = run(SMALL, XDG_CACHE_HOME=denied)
+    assert done.stdout == "2.0 unset\n"
+    assert done.stderr.count("CacheWarning") == 1
