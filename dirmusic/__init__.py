@@ -7,10 +7,7 @@ from dirmusic.array.manifold import GainManifold
 from dirmusic.array.model import ArrayModel
 from dirmusic.array.pattern import GainPattern, GaussianPattern, TabulatedPattern
 from dirmusic.array.pattern_file import read_pattern, write_pattern
-from dirmusic.bearing.bearings import Bearings
-from dirmusic.bearing.built_in import ESTIMATORS
-from dirmusic.bearing.coarse_estimators import bearings_towards
-from dirmusic.bearing.estimator import BearingEstimator
+from dirmusic.bearing.estimators import ESTIMATORS, BearingEstimator, bearings_towards
 from dirmusic.bearing.gain_delay import bearings_from_delays
 from dirmusic.bearing.maximum_likelihood import bearings_from_covariance, estimate_bearings
 from dirmusic.bearing.spectrum import noise_subspace, pseudo_spectrum, pulse_spectrum, source_count, spectrum_peaks
@@ -21,7 +18,7 @@ from dirmusic.locating.fitting.joint_fix import PoseError
 from dirmusic.locating.fitting.triangulation import Fix, triangulate
 from dirmusic.locating.locator import Locator
 from dirmusic.locating.yard_likelihood import Grid, YardLikelihood
-from dirmusic.pulses.batch import PulseBatch
+from dirmusic.pulses.batch import Bearings, PulseBatch
 from dirmusic.pulses.preprocessing import Windows, band_pass, cut_windows, prepare_records, pulse_start
 from dirmusic.pulses.strengths import pulse_strengths, sample_covariance, strength_variance
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # its submodules are loaded when they are first used
 from numpy.typing import ArrayLike, NDArray
 
 from dirmusic.angles import wrap
@@ -71,8 +72,6 @@ def calibrate(
     Raises:
         ValueError: If shapes disagree, a value is not finite, or nothing was detected at some heading.
     """
-    from scipy.optimize import least_squares  # here, so that a command line help need not wait for it
-
     a, turns = np.asarray(strengths, dtype=np.float64), np.asarray(turns_rad, dtype=np.float64)
     n = manifold.n_elements
     if a.ndim != 3 or a.shape[0] < 2 or a.shape[-1] != n or turns.shape != (a.shape[0] - 1,):
@@ -130,7 +129,7 @@ def calibrate(
         return np.concatenate([change.reshape(-1, state.size), np.diag(1.0 / prior)])
 
     scale = np.where(np.isfinite(prior), prior, 0.01)
-    solution = least_squares(residual, start, jacobian, x_scale=scale, xtol=1e-10, ftol=1e-10)
+    solution = scipy.optimize.least_squares(residual, start, jacobian, x_scale=scale, xtol=1e-10, ftol=1e-10)
     slopes = jacobian(solution.x)
     covariance = np.linalg.inv(slopes.T @ slopes).astype(np.float64)
     gain, pointing, offset = solution.x[turns.size + 1 :].reshape(3, n)

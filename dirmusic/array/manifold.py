@@ -4,17 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dirmusic.array.elevation import SpatialGain, gain_in_space
-from dirmusic.array.pattern import GainPattern, GaussianPattern
-
-if TYPE_CHECKING:
-    from dirmusic.array.pattern_table import PatternTable
-    from dirmusic.compiled import Held
+from dirmusic.angles import difference
+from dirmusic.array.pattern import (
+    TABLE_SIZE,
+    GainPattern,
+    GaussianPattern,
+    PatternTable,
+    SpatialGain,
+    gain_in_space,
+    tabulate,
+)
+from dirmusic.compiled import Held
 
 FloatArray = NDArray[np.float64]
 
@@ -30,11 +35,6 @@ def nearest_search_azimuth(azimuth_rad: FloatArray) -> NDArray[np.intp]:
 
 BLIND_SLOPE = 0.01
 """A manifold that turns by less than this per radian everywhere is blind: 1 % of gain would be a radian."""
-
-
-TABLE_SIZE = 3600
-"""Steps of the table that refinement reads: 0.1 degrees, between which a cubic is exact to 1e-10 where the pattern is
-smooth."""
 
 
 class ManifoldTable(NamedTuple):
@@ -183,15 +183,11 @@ class GainManifold:
     @cached_property
     def held_table(self) -> Held[ManifoldTable]:
         """The same for compiled functions that are called often."""
-        from dirmusic.compiled import Held  # loads the compiler
-
         return Held(self.table)
 
     @cached_property
     def pattern_table(self) -> PatternTable:
         """The pattern as compiled loops look it up."""
-        from dirmusic.array.pattern_table import tabulate  # loads the compiler
-
         return tabulate(self.pattern)
 
     def gain(self, azimuth_rad: ArrayLike) -> FloatArray:
@@ -239,3 +235,45 @@ class GainManifold:
         )
         factors = self.gain_factors
         return SpatialGain(factors * gain + self.gain_offsets, factors * by_azimuth, factors * by_elevation)
+
+
+FAR_APART_RAD = np.radians(20.0)
+"""Directions nearer to each other than this may well be alike: what noise makes of them is the bound's matter."""
+
+LEAST_CONTRAST_RAD = np.radians(1.0)
+"""Unit gains that differ by less are taken for the same (assumed): 1 degree is 2 % of the strengths, less than the
+elements of one array differ by. Rings have 5 degrees and more, two elements hundredths of one."""
+
+
+class Ambiguity(NamedTuple):
+    """The two directions far apart that an array can tell apart least.
+
+    Attributes:
+        contrast_rad: Angle between their gains as vectors.
+        first_rad: The one azimuth, array frame, in [0, 2 pi).
+        second_rad: The other azimuth.
+    """
+
+    contrast_rad: float
+    first_rad: float
+    second_rad: float
+
+    @property
+    def is_harmless(self) -> bool:
+        """Whether the array tells all directions apart."""
+        return self.contrast_rad >= LEAST_CONTRAST_RAD
+
+
+def worst_ambiguity(manifold: GainManifold) -> Ambiguity:
+    """The pair of azimuths, at least `FAR_APART_RAD` from each other, whose gains have the most alike ratios."""
+    unit_gain = manifold.search_unit_gain
+    likeness: FloatArray = unit_gain.T @ unit_gain
+    apart_rad = np.abs(difference(SEARCH_AZIMUTHS_RAD[:, np.newaxis], SEARCH_AZIMUTHS_RAD))
+    likeness[apart_rad < FAR_APART_RAD - 1e-9] = -1.0
+    first, second = divmod(int(likeness.argmax()), SEARCH_AZIMUTHS_RAD.size)
+    contrast = float(np.linalg.norm(unit_gain[:, first] - unit_gain[:, second]))
+    return Ambiguity(
+        contrast_rad=float(2 * np.arcsin(0.5 * contrast)),
+        first_rad=float(SEARCH_AZIMUTHS_RAD[first]),
+        second_rad=float(SEARCH_AZIMUTHS_RAD[second]),
+    )

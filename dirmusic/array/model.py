@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.array.bounds import manifold_error_std, rms_bearing_error
-from dirmusic.array.element_errors import ElementSpread
-from dirmusic.array.estimated_errors import EstimatedErrors
+from dirmusic.array.element_errors import ElementSpread, EstimatedErrors
 from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, GainManifold
 
 FloatArray = NDArray[np.float64]

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+import math
+from typing import NamedTuple, Protocol
 
 import numpy as np
+import scipy  # its submodules are loaded when they are first used
 from numpy.typing import ArrayLike, NDArray
+
+from dirmusic.compiled import compiled
+from dirmusic.kernels import cubic, cubic_slope
 
 FloatArray = NDArray[np.float64]
 
@@ -84,8 +89,6 @@ class TabulatedPattern(GainPattern):
     """
 
     def __init__(self, off_boresight_rad: ArrayLike, gain: ArrayLike) -> None:
-        from scipy.interpolate import CubicSpline  # here, so that a command line help need not wait for it
-
         angle = np.array(off_boresight_rad, dtype=np.float64)
         value = np.array(gain, dtype=np.float64)
         if angle.ndim != 1 or angle.shape != value.shape or angle.size < 4:
@@ -106,7 +109,7 @@ class TabulatedPattern(GainPattern):
             )
         self._start = angle[0]
         closed_angle = np.append(angle, angle[0] + 2 * np.pi)
-        self._spline = CubicSpline(closed_angle, np.append(value, value[0]), bc_type="periodic")
+        self._spline = scipy.interpolate.CubicSpline(closed_angle, np.append(value, value[0]), bc_type="periodic")
         self._slope = self._spline.derivative()
         for array in (angle, value):
             array.setflags(write=False)
@@ -117,3 +120,190 @@ class TabulatedPattern(GainPattern):
         angle = np.asarray(off_boresight_rad, dtype=np.float64)
         within = self._start + np.mod(angle - self._start, 2 * np.pi)
         return np.asarray(self._spline(within)), np.asarray(self._slope(within))
+
+
+NEAR_AXIS = 1e-9
+"""Sine of the angle from the boresight below which the roll around it has no meaning."""
+
+
+class SpatialGain(NamedTuple):
+    """Gain towards directions in space, and its slopes per radian; all of one shape."""
+
+    gain: FloatArray
+    by_azimuth: FloatArray
+    by_elevation: FloatArray
+
+
+def gain_in_space(
+    pattern: GainPattern,
+    off_boresight_rad: ArrayLike,
+    elevation_rad: ArrayLike,
+    boresight_elevation_rad: ArrayLike = 0.0,
+) -> SpatialGain:
+    r"""Gain of an element towards a direction in space.
+
+    With :math:`\psi` the angle from the boresight and :math:`\phi` the roll around it, zero where the direction lies
+    level to the left,
+
+    .. math:: g(\psi, \phi) = \cos^2(\phi / 2) \, g(+\psi) + \sin^2(\phi / 2) \, g(-\psi)
+
+    At zero elevation the gain of a level element is the pattern itself. That a helix has nearly the same pattern in all
+    planes through its axis is assumed; the pattern is measured in one.
+
+    Args:
+        pattern: In the plane.
+        off_boresight_rad: Azimuth of the direction less that of the boresight.
+        elevation_rad: Elevation of the direction, in [-pi/2, pi/2]; broadcasts with `off_boresight_rad`.
+        boresight_elevation_rad: Elevation of the boresight, in [-pi/2, pi/2]; broadcasts with the others.
+
+    Returns:
+        Gain and slopes of the broadcast shape.
+    """
+    off, elevation = (np.asarray(a, dtype=np.float64) for a in (off_boresight_rad, elevation_rad))
+    tilt = np.asarray(boresight_elevation_rad, dtype=np.float64)
+    cos_off, sin_off, cos_up, sin_up = np.cos(off), np.sin(off), np.cos(elevation), np.sin(elevation)
+    level, left = cos_up * cos_off, cos_up * sin_off  # of the direction, seen from the boresight's azimuth
+    ahead, up, ahead_by_elevation = level, sin_up, sin_up * cos_off  # seen from the boresight, the last one negative
+    is_tilted = bool(tilt.any())
+    cos_tilt, sin_tilt = np.cos(tilt), np.sin(tilt)
+    if is_tilted:  # level elements need not pay for it
+        ahead, up = cos_tilt * level + sin_tilt * sin_up, cos_tilt * sin_up - sin_tilt * level
+        ahead_by_elevation = cos_tilt * ahead_by_elevation - sin_tilt * cos_up
+    sin_psi = np.sqrt(np.maximum(1.0 - np.square(ahead), 0.0))
+    psi = np.arctan2(np.hypot(left, up), ahead)
+    on_axis = sin_psi < NEAR_AXIS
+    across = np.where(on_axis, 1.0, sin_psi)
+    cos_roll = np.where(on_axis, 1.0, left / across)
+    (to_left, to_right), (slope_left, slope_right) = pattern.gain_and_slope(np.stack([psi, -psi]))
+    gain = 0.5 * ((1 + cos_roll) * to_left + (1 - cos_roll) * to_right)
+    by_psi = 0.5 * ((1 + cos_roll) * slope_left - (1 - cos_roll) * slope_right)
+    by_roll = 0.5 * (to_left - to_right)  # per change of cos_roll
+    psi_by_azimuth, left_by_azimuth = cos_roll, ahead * (1.0 - np.square(cos_roll))
+    if is_tilted:
+        psi_by_azimuth, left_by_azimuth = cos_tilt * cos_roll, level - cos_tilt * ahead * np.square(cos_roll)
+    roll_by_azimuth = np.where(on_axis, 0.0, left_by_azimuth / across)
+    psi_by_elevation = np.where(on_axis, 0.0, ahead_by_elevation / across)
+    roll_by_elevation = np.where(on_axis, 0.0, -(sin_up * sin_off + cos_roll * ahead * psi_by_elevation) / across)
+    by_azimuth = by_psi * psi_by_azimuth + by_roll * roll_by_azimuth
+    return SpatialGain(gain, by_azimuth, by_psi * psi_by_elevation + by_roll * roll_by_elevation)
+
+
+TABLE_SIZE = 3600
+"""Steps of 0.1 degrees, between which a cubic is exact to 1e-10 wherever the pattern is smooth."""
+
+STEP_RAD = 2 * np.pi / TABLE_SIZE
+
+
+class PatternTable(NamedTuple):
+    """Gain in the plane over the angle off boresight, even steps once round from 0, each of shape (TABLE_SIZE,).
+
+    Attributes:
+        gain: The gain.
+        slope: Slope of the gain per step.
+    """
+
+    gain: FloatArray
+    slope: FloatArray
+
+
+def tabulate(pattern: GainPattern) -> PatternTable:
+    """The table of a pattern."""
+    gain, slope = pattern.gain_and_slope(STEP_RAD * np.arange(TABLE_SIZE))
+    return PatternTable(np.ascontiguousarray(gain), STEP_RAD * slope)
+
+
+@compiled
+def pattern_gain(pattern: PatternTable, off_boresight_rad: float) -> float:
+    """Gain in the plane between the steps of the table."""
+    at = off_boresight_rad / STEP_RAD
+    low = np.floor(at)
+    i = int(low) % TABLE_SIZE
+    j = (i + 1) % TABLE_SIZE
+    return cubic(at - low, pattern.gain[i], pattern.gain[j], pattern.slope[i], pattern.slope[j])
+
+
+@compiled
+def pattern_gain_and_slope(pattern: PatternTable, off_boresight_rad: float) -> tuple[float, float]:
+    """Gain in the plane and its slope per radian, between the steps of the table."""
+    at = off_boresight_rad / STEP_RAD
+    low = np.floor(at)
+    i = int(low) % TABLE_SIZE
+    j = (i + 1) % TABLE_SIZE
+    share, start, end = at - low, pattern.gain[i], pattern.gain[j]
+    slope = cubic_slope(share, start, end, pattern.slope[i], pattern.slope[j])
+    return cubic(share, start, end, pattern.slope[i], pattern.slope[j]), slope / STEP_RAD
+
+
+class GainInDirection(NamedTuple):
+    """Gain towards a direction in space, and its slopes per radian."""
+
+    gain: float
+    by_azimuth: float
+    by_elevation: float
+
+
+class Boresight(NamedTuple):
+    """Direction of a boresight."""
+
+    cos_azimuth: float
+    sin_azimuth: float
+    cos_elevation: float
+    sin_elevation: float
+
+
+def as_boresights(azimuth_rad: FloatArray, elevation_rad: FloatArray) -> FloatArray:
+    """Fields of `Boresight`, shape (n_elements, 4), of boresights with azimuths and elevations (n_elements,)."""
+    return np.stack([f(angle) for angle in (azimuth_rad, elevation_rad) for f in (np.cos, np.sin)], axis=-1)
+
+
+@compiled
+def gain_towards(pattern: PatternTable, boresight: Boresight, x: float, y: float, z: float) -> float:
+    """Gain of an element along a vector of any length: `elevation.gain_in_space`.
+
+    Args:
+        pattern: Of the element, in the plane.
+        boresight: Of the element.
+        x: Component of the vector in the frame of the boresight, as y and z; z is up.
+        y: As said.
+        z: As said.
+    """
+    level = boresight.cos_azimuth * x + boresight.sin_azimuth * y
+    left = boresight.cos_azimuth * y - boresight.sin_azimuth * x
+    ahead = boresight.cos_elevation * level + boresight.sin_elevation * z
+    up = boresight.cos_elevation * z - boresight.sin_elevation * level
+    sin_psi = np.sqrt(left * left + up * up)
+    psi = np.arctan2(sin_psi, ahead)
+    half_roll = 0.5 * left / max(sin_psi, NEAR_AXIS)
+    return (0.5 + half_roll) * pattern_gain(pattern, psi) + (0.5 - half_roll) * pattern_gain(pattern, -psi)
+
+
+@compiled
+def gain_and_slopes_towards(
+    pattern: PatternTable, boresight: Boresight, x: float, y: float, z: float
+) -> GainInDirection:
+    """Gain along a vector of length 1 and its slopes by azimuth and elevation; arguments as of `gain_towards`."""
+    sideways = max(math.hypot(x, y), NEAR_AXIS)
+    level = boresight.cos_azimuth * x + boresight.sin_azimuth * y
+    left = boresight.cos_azimuth * y - boresight.sin_azimuth * x
+    ahead = boresight.cos_elevation * level + boresight.sin_elevation * z
+    up = boresight.cos_elevation * z - boresight.sin_elevation * level
+    sin_psi = math.sqrt(left * left + up * up)
+    psi = math.atan2(sin_psi, ahead)
+    to_left, slope_left = pattern_gain_and_slope(pattern, psi)
+    to_right, slope_right = pattern_gain_and_slope(pattern, -psi)
+    if sin_psi < NEAR_AXIS:
+        cos_roll, psi_by_elevation, roll_by_azimuth, roll_by_elevation = 1.0, 0.0, 0.0, 0.0
+    else:
+        cos_roll = left / sin_psi
+        psi_by_elevation = (
+            boresight.cos_elevation * z * level / sideways - boresight.sin_elevation * sideways
+        ) / sin_psi
+        roll_by_azimuth = (level - boresight.cos_elevation * ahead * cos_roll * cos_roll) / sin_psi
+        roll_by_elevation = -(z * left / sideways + cos_roll * ahead * psi_by_elevation) / sin_psi
+    by_psi = 0.5 * ((1.0 + cos_roll) * slope_left - (1.0 - cos_roll) * slope_right)
+    by_roll = 0.5 * (to_left - to_right)  # per change of cos_roll
+    return GainInDirection(
+        0.5 * ((1.0 + cos_roll) * to_left + (1.0 - cos_roll) * to_right),
+        by_psi * boresight.cos_elevation * cos_roll + by_roll * roll_by_azimuth,
+        by_psi * psi_by_elevation + by_roll * roll_by_elevation,
+    )

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
+import scipy  # its submodules are loaded when they are first used
 from numpy.typing import ArrayLike, NDArray
 
 from dirmusic.array.pattern import MAX_GAP_RAD, TabulatedPattern
@@ -44,8 +45,6 @@ class SpatialPattern:
     def __init__(
         self, frequency_hz: ArrayLike, azimuth_rad: ArrayLike, elevation_rad: ArrayLike, gain: ArrayLike
     ) -> None:
-        from scipy.interpolate import RectBivariateSpline  # here, so that a command line help need not wait for it
-
         frequency, azimuth, elevation, table = (
             np.array(x, dtype=np.float64) for x in (frequency_hz, azimuth_rad, elevation_rad, gain)
         )
@@ -79,7 +78,9 @@ class SpatialPattern:
         self.frequency_hz, self.azimuth_rad, self.elevation_rad, self.table_gain = frequency, azimuth, elevation, table
         around = np.concatenate([azimuth[-AROUND:] - 2 * np.pi, azimuth, azimuth[:AROUND] + 2 * np.pi])
         wrapped = np.concatenate([table[:, -AROUND:], table, table[:, :AROUND]], axis=1)
-        self._splines = [RectBivariateSpline(around, elevation, each, kx=3, ky=3, s=0) for each in wrapped]
+        self._splines = [
+            scipy.interpolate.RectBivariateSpline(around, elevation, each, kx=3, ky=3, s=0) for each in wrapped
+        ]
 
     def gain(self, azimuth_rad: ArrayLike, elevation_rad: ArrayLike, frequency_hz: ArrayLike) -> FloatArray:
         """Gain towards directions, at each of some frequencies.

@@ -16,12 +16,36 @@ from numpy.typing import NDArray
 
 from dirmusic.angles import aperture
 from dirmusic.array.model import ArrayModel
-from dirmusic.bearing.bearings import Bearings
-from dirmusic.bearing.estimator import BearingEstimator
+from dirmusic.bearing.estimators import BearingEstimator
 from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
-from dirmusic.pulses.batch import PulseBatch
+from dirmusic.compiled import compiled
+from dirmusic.pulses.batch import Bearings, PulseBatch
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+
+@compiled
+def stuck_channels(strengths: FloatArray, stuck_spread: float) -> BoolArray:
+    """Which channels say the same for every pulse.
+
+    Args:
+        strengths: Of the pulses, shape (n_pulses, n_elements), volts.
+        stuck_spread: A channel whose strengths spread by less than this share of the largest is stuck.
+
+    Returns:
+        Whether each channel is stuck, shape (n_elements,).
+    """
+    n_pulses, n_elements = strengths.shape
+    is_stuck = np.empty(n_elements, np.bool_)
+    for e in range(n_elements):
+        lowest = highest = strengths[0, e]
+        for k in range(1, n_pulses):
+            lowest, highest = min(lowest, strengths[k, e]), max(highest, strengths[k, e])
+        is_stuck[e] = highest > 0.0 and highest - lowest < stuck_spread * highest
+    return is_stuck
+
+
 FaultName = Literal["dead", "low", "high", "swapped", "stuck"]
 
 LEAST_CHANNELS = 3
@@ -188,7 +212,6 @@ class ChannelMonitor:
         return slice(0, min(self._n_seen, self.rules.window))
 
     def _suspects(self) -> list[SuspectChannel]:
-        from dirmusic.bearing.channel_statistics import stuck_channels  # loads the compiler
 
         n_good = self.array.manifold.n_elements - self._n_bad
         if n_good <= LEAST_CHANNELS or self._n_seen < self.rules.least_pulses:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dirmusic.angles import wrap
 from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, SEARCH_STEP_RAD, GainManifold
-from dirmusic.bearing.bearings import LEAST_SHARE, UNKNOWN_STD_RAD, Bearings
+from dirmusic.pulses.batch import LEAST_SHARE, UNKNOWN_STD_RAD, Bearings
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -3,30 +3,289 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dirmusic.angles import wrap
 from dirmusic.array.element_errors import ManifoldPrior
-from dirmusic.array.manifold import GainManifold
+from dirmusic.array.manifold import SEARCH_STEP_RAD, GainManifold, ManifoldTable
 from dirmusic.array.model import ArrayModel
-from dirmusic.bearing.bearings import LEAST_SHARE, Bearings
-from dirmusic.bearing.posterior import bearing_posterior
-from dirmusic.pulses.batch import NO_DIRECTION, PulseBatch
-
-if TYPE_CHECKING:
-    from dirmusic.bearing.likelihood_kernels import Fit, NoiseOfFit
+from dirmusic.compiled import Held, compiled
+from dirmusic.kernels import cubic, cubic_slope, dot, wrapped
+from dirmusic.pulses.batch import LEAST_SHARE, NO_DIRECTION, UNKNOWN_STD_RAD, Bearings, PulseBatch
 
 FloatArray = NDArray[np.float64]
+
+REFINEMENTS = 2
+"""How often the manifold is linearised anew on the way from the best search azimuth; without noise, two end within
+1e-9 rad."""
+
+TINY = 1e-12
+"""Keeps a slope that vanishes from being divided by, unitless per radian squared."""
+
+NO_ANSWER = (np.nan, np.nan, np.nan)
+"""Azimuth, deviation and misfit of a row without any strength."""
+
+
+class Fit(NamedTuple):
+    """A direction for each row, and what the manifold and the data are there.
+
+    Attributes:
+        azimuth_rad: The direction, not wrapped, shape (n_rows,).
+        gain: g, shape (n_rows, n_elements).
+        perpendicular: p, the part of the slope across the gain, shape (n_rows, n_elements).
+        data: R g / (g^T g): the strengths, weighted by amplitude and summed, shape (n_rows, n_elements).
+        amplitude_energy: g^T R g / (g^T g)^2: the sum of the squared amplitudes, shape (n_rows,).
+    """
+
+    azimuth_rad: FloatArray
+    gain: FloatArray
+    perpendicular: FloatArray
+    data: FloatArray
+    amplitude_energy: FloatArray
+
+
+@compiled
+def look_up(azimuth_rad: float, table: ManifoldTable, gain: FloatArray, slope: FloatArray) -> None:
+    """Gain and slope per radian of each element: the cubic through the table's values and slopes."""
+    n, step_rad = table.gain.shape[0], 2.0 * np.pi / table.gain.shape[0]
+    at = azimuth_rad / step_rad
+    low = np.floor(at)
+    t, i = at - low, int(low) % n
+    j = (i + 1) % n
+    for e in range(gain.size):
+        from_slope, to_slope = step_rad * table.slope[i, e], step_rad * table.slope[j, e]
+        gain[e] = cubic(t, table.gain[i, e], table.gain[j, e], from_slope, to_slope)
+        slope[e] = cubic_slope(t, table.gain[i, e], table.gain[j, e], from_slope, to_slope) / step_rad
+
+
+@compiled
+def _best_search_azimuth(covariance: FloatArray, unit_pairs: FloatArray, match: FloatArray) -> int:
+    """Number of the search azimuth whose unit gain u has the largest u^T R u."""
+    match[:] = 0.0
+    pair = 0
+    for e in range(covariance.shape[0]):
+        for f in range(e + 1):
+            weight = covariance[e, f] if e == f else covariance[e, f] + covariance[f, e]
+            for j in range(match.size):
+                match[j] += weight * unit_pairs[pair, j]
+            pair += 1
+    return int(np.argmax(match))
+
+
+@compiled
+def fit_covariances(covariance: FloatArray, table: ManifoldTable) -> Fit:
+    """The best search azimuth of each pooled covariance R, refined by Gauss-Newton within one step of the search.
+
+    The amplitude is projected out: only the part of the slope across the gain counts,
+    :math:`p = (I - g g^T / g^T g) g'`. Where the pattern has a kink (eq. (1) has one where its angle passes 0/360) the
+    steps may end to the other side of it than the very peak; the errors there are as large either way.
+
+    Args:
+        covariance: Sum over the pulses of a row of the outer products of their strengths, shape (n_rows, n_elements,
+            n_elements), V^2.
+        table: Of the manifold.
+    """
+    n_rows, n = covariance.shape[:2]
+    fit = Fit(np.empty(n_rows), np.empty((n_rows, n)), np.empty((n_rows, n)), np.empty((n_rows, n)), np.empty(n_rows))
+    match, slope = np.empty(table.unit_pairs.shape[1]), np.empty(n)
+    for row in range(n_rows):
+        gain, across, data = fit.gain[row], fit.perpendicular[row], fit.data[row]
+        start_rad = SEARCH_STEP_RAD * _best_search_azimuth(covariance[row], table.unit_pairs, match)
+        azimuth_rad = start_rad
+        for _ in range(REFINEMENTS + 1):
+            look_up(azimuth_rad, table, gain, slope)
+            energy = dot(gain, gain)
+            along = dot(gain, slope) / energy
+            for e in range(n):
+                across[e] = slope[e] - along * gain[e]
+                data[e] = dot(covariance[row, e], gain) / energy
+            fit.amplitude_energy[row] = dot(data, gain) / energy
+            weight = (dot(across, across) + TINY) * fit.amplitude_energy[row]
+            if weight > 0.0:
+                azimuth_rad += dot(across, data) / weight
+            azimuth_rad = min(max(azimuth_rad, start_rad - SEARCH_STEP_RAD), start_rad + SEARCH_STEP_RAD)
+        fit.azimuth_rad[row] = azimuth_rad
+    return fit
+
+
+@compiled
+def pool(strengths: FloatArray) -> FloatArray:
+    """Sum of the outer products of the pulses of each row, (n_rows, n_pulses, n_elements) to one matrix a row."""
+    n_rows, n_pulses, n = strengths.shape
+    pooled = np.zeros((n_rows, n, n))
+    for row in range(n_rows):
+        for k in range(n_pulses):
+            for e in range(n):
+                for f in range(n):
+                    pooled[row, e, f] += strengths[row, k, e] * strengths[row, k, f]
+    return pooled
+
+
+class NoiseOfFit(NamedTuple):
+    """What noise does to a fit.
+
+    Attributes:
+        data: Variance of the data, shape (n_rows, n_elements).
+        bias: What noise adds to the sum of squared amplitudes, shape (n_rows,).
+    """
+
+    data: FloatArray
+    bias: FloatArray
+
+
+@compiled
+def noise_of_pulses(fit: Fit, strengths: FloatArray, variance: FloatArray) -> NoiseOfFit:
+    """From strengths and their variances, each of shape (n_rows, n_pulses, n_elements)."""
+    n_rows, n_pulses, n = strengths.shape
+    noise = NoiseOfFit(np.zeros((n_rows, n)), np.zeros(n_rows))
+    for row in range(n_rows):
+        gain = fit.gain[row]
+        energy = dot(gain, gain)
+        for k in range(n_pulses):
+            amplitude = dot(strengths[row, k], gain) / energy
+            for e in range(n):
+                noise.data[row, e] += amplitude * amplitude * variance[row, k, e]
+                noise.bias[row] += variance[row, k, e] * gain[e] * gain[e] / (energy * energy)
+    return noise
+
+
+@compiled
+def deviations(fit: Fit, noise: NoiseOfFit) -> FloatArray:
+    """Standard deviation of the azimuths from noise alone, shape (n_rows,)."""
+    std_rad = np.empty(fit.azimuth_rad.size)
+    for row in range(std_rad.size):
+        across, energy = fit.perpendicular[row], fit.amplitude_energy[row]
+        signal = max(energy - noise.bias[row], LEAST_SHARE * energy)
+        variance = 0.0
+        for e in range(across.size):
+            variance += across[e] * across[e] * noise.data[row, e]
+        std_rad[row] = min(np.sqrt(variance) / ((dot(across, across) + TINY) * signal), UNKNOWN_STD_RAD)
+    return std_rad
+
+
+@compiled
+def misfits(fit: Fit, covariance: FloatArray) -> FloatArray:
+    """Share of the energy of each row that its direction does not explain, in [0, 1], shape (n_rows,)."""
+    misfit = np.empty(fit.azimuth_rad.size)
+    for row in range(misfit.size):
+        energy = 0.0
+        for e in range(covariance.shape[1]):
+            energy += covariance[row, e, e]
+        explained = fit.amplitude_energy[row] * dot(fit.gain[row], fit.gain[row])
+        misfit[row] = min(max(1.0 - explained / energy, 0.0), 1.0) if energy > 0.0 else np.nan
+    return misfit
+
+
+@compiled
+def bearings_of_pulses(
+    strengths: FloatArray,
+    variance: FloatArray,
+    table: Held[ManifoldTable],
+    silence: tuple[float, float, float],
+) -> Bearings:
+    """Maximum-likelihood directions of pooled pulses, with their deviations and misfits.
+
+    Args:
+        strengths: Shape (n_rows, n_pulses, n_elements).
+        variance: Variance of the strengths, same shape; empty where it is not known, and deviations are NaN.
+        table: Of the manifold.
+        silence: Azimuth, deviation and misfit of rows without any strength.
+
+    Returns:
+        Columns of shape (n_rows,), azimuths in (-pi, pi].
+    """
+    pooled = pool(strengths)
+    fit = fit_covariances(pooled, table.value)
+    std_rad = np.full(strengths.shape[0], np.nan)
+    if variance.size == strengths.size:
+        std_rad = deviations(fit, noise_of_pulses(fit, strengths, variance))
+    misfit = misfits(fit, pooled)
+    for row in range(misfit.size):
+        silent = np.isnan(misfit[row])
+        if silent:
+            fit.azimuth_rad[row], std_rad[row], misfit[row] = silence
+        else:
+            fit.azimuth_rad[row] = wrapped(fit.azimuth_rad[row])
+    return Bearings(fit.azimuth_rad, std_rad, misfit)
+
+
+N_AZIMUTHS, N_SCALES = 61, 25
+SPAN_SIGMAS = 5.0
+"""The grid on which the posterior is summed: how many azimuths and amplitudes, over how many standard deviations."""
+
+ROWS_AT_ONCE = 128
+"""Bounds the memory: about 10 MB."""
+
+
+def bearing_posterior(
+    relative_strengths: FloatArray,
+    relative_variance: FloatArray,
+    start_rad: FloatArray,
+    manifold: GainManifold,
+    prior: ManifoldPrior,
+) -> tuple[FloatArray, FloatArray]:
+    r"""Mean and deviation of the azimuth, given strengths and what is known of the array's errors.
+
+    With strengths :math:`x_i = \alpha (g_i(\theta) + \Delta_i) + n_i`, azimuth and scale :math:`\beta = 1 / \alpha`
+    unknown,
+
+    .. math:: p(\theta \mid x) \propto \int \beta^{n - 1} \prod_i p_\Delta(\beta x_i - g_i(\theta)) \, d\beta
+
+    where :math:`p_\Delta` is the density of an element's error and noise. Pulses from one direction share the error:
+    pool them first, the error does not average.
+
+    Args:
+        relative_strengths: Strengths over their estimated amplitude, so that they are near the gains; shape
+            (n_rows, n_elements).
+        relative_variance: Variance of the noise in those, same shape.
+        start_rad: The maximum-likelihood azimuths, shape (n_rows,).
+        manifold: The nominal array.
+        prior: What is known of its errors.
+
+    Returns:
+        Azimuths, not wrapped, and standard deviations, radians, each of shape (n_rows,).
+    """
+    mean, std = np.empty_like(start_rad), np.empty_like(start_rad)
+    for first in range(0, start_rad.size, ROWS_AT_ONCE):
+        rows = slice(first, first + ROWS_AT_ONCE)
+        mean[rows], std[rows] = _sum_over_grid(
+            relative_strengths[rows].T, relative_variance[rows].T, start_rad[rows], manifold, prior
+        )
+    return mean, std
+
+
+def _sum_over_grid(
+    strengths: FloatArray, noise: FloatArray, start_rad: FloatArray, manifold: GainManifold, prior: ManifoldPrior
+) -> tuple[FloatArray, FloatArray]:
+    """The same for a few rows, element axis first."""
+    gain, slope = manifold.gain_and_slope(start_rad)
+    variance = prior.variance(gain, slope) + noise
+    energy = np.square(gain).sum(axis=0)
+    perpendicular = slope - gain * ((gain * slope).sum(axis=0) / energy)
+    turn = np.sqrt((np.square(perpendicular) * variance).sum(axis=0)) / np.square(perpendicular).sum(axis=0)
+    half_rad = np.minimum(SPAN_SIGMAS * turn, np.pi)
+    half_scale = np.minimum(SPAN_SIGMAS * np.sqrt((np.square(gain) * variance).sum(axis=0)) / energy, 0.9)
+
+    off_rad = half_rad[:, np.newaxis] * np.linspace(-1, 1, N_AZIMUTHS)
+    scale = 1 + half_scale[:, np.newaxis, np.newaxis] * np.linspace(-1, 1, N_SCALES)
+    gain, slope = (x[..., np.newaxis] for x in manifold.gain_and_slope(start_rad[:, np.newaxis] + off_rad))
+    mismatch = scale * strengths[:, :, np.newaxis, np.newaxis] - gain
+    density = prior.log_density(mismatch, gain, slope, np.square(scale) * noise[:, :, np.newaxis, np.newaxis])
+    log_weight = density.sum(axis=0) + (manifold.n_elements - 1) * np.log(scale)
+    weight = np.exp(log_weight - log_weight.max(axis=(-1, -2), keepdims=True)).sum(axis=-1)
+    weight /= weight.sum(axis=-1, keepdims=True)
+    mean = (weight * off_rad).sum(axis=-1)
+    spread = (weight * np.square(off_rad - mean[:, np.newaxis])).sum(axis=-1)
+    return start_rad + mean, np.sqrt(spread)
 
 
 class MaximumLikelihood:
     """The default estimator: each pulse on its own, off the grid, with its deviation; see `estimate_bearings`."""
 
     def __init__(self) -> None:
-        from dirmusic.bearing.likelihood_kernels import bearings_of_pulses  # loads the compiler
 
         self._bearings_of_pulses = bearings_of_pulses
 
@@ -83,13 +342,6 @@ def estimate_bearings(
             f"`strengths` must be finite and >= 0 V, got others in channels {', '.join(map(str, broken))}; drop broken "
             "channels from the strengths, and from the manifold with `manifold.take`"
         )
-    from dirmusic.bearing.likelihood_kernels import (  # loads the compiler
-        NO_ANSWER,
-        bearings_of_pulses,
-        fit_covariances,
-        noise_of_pulses,
-        pool,
-    )
 
     shape = a.shape[:-2]
     pulses = _in_rows(a)
@@ -146,10 +398,6 @@ def bearings_from_covariance(
         raise ValueError("`covariance` must be finite; drop the broken record or channel first")
     if n_snapshots < 1:
         raise ValueError(f"`n_snapshots` must be 1 or more, got {n_snapshots}")
-    from dirmusic.bearing.likelihood_kernels import (  # here, for the compiler takes time to load
-        NoiseOfFit,
-        fit_covariances,
-    )
 
     shape = r.shape[:-2]
     total = np.array(n_snapshots * r.reshape(-1, n, n), order="C")
@@ -172,8 +420,6 @@ def _bearings_of_fit(
     shape: tuple[int, ...],
 ) -> Bearings:
     """Bearings from a fit to pooled covariances; no deviation where neither noise nor prior is known."""
-    from dirmusic.bearing.likelihood_kernels import deviations, misfits
-
     azimuth_rad, misfit = fit.azimuth_rad, misfits(fit, pooled)
     std_rad = np.full(azimuth_rad.shape, np.nan) if noise is None else deviations(fit, noise)
     if prior is not None:

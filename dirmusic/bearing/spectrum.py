@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.angles import wrap
+from dirmusic.compiled import compiled
+from dirmusic.kernels import dot
 
 FloatArray = NDArray[np.float64]
 
@@ -72,6 +74,24 @@ LEAST_NULL = 1e-12
 """An exact fit counts as this close to one, so that spectra of single pulses stay finite."""
 
 
+@compiled
+def pulse_spectra(strengths: FloatArray, unit_gain: FloatArray, least_null: float) -> FloatArray:
+    """See `spectrum.pulse_spectrum`; a row of zeros has a spectrum of zeros."""
+    n_pulses, n, n_angles = unit_gain.shape
+    spectrum, match = np.zeros((n_pulses, n_angles)), np.empty(n_angles)
+    for k in range(n_pulses):
+        energy = dot(strengths[k], strengths[k])
+        if energy == 0.0:
+            continue
+        match[:] = 0.0
+        for e in range(n):
+            for j in range(n_angles):
+                match[j] += strengths[k, e] * unit_gain[k, e, j]
+        for j in range(n_angles):
+            spectrum[k, j] = 1.0 / max(1.0 - match[j] * match[j] / energy, least_null)
+    return spectrum
+
+
 def pulse_spectrum(strengths: FloatArray, unit_gain: FloatArray) -> FloatArray:
     r"""The pseudo-spectrum of single pulses in closed form: one pulse leaves all of space but itself to the noise.
 
@@ -87,8 +107,6 @@ def pulse_spectrum(strengths: FloatArray, unit_gain: FloatArray) -> FloatArray:
     References:
         Dir-MUSIC, eq. (15), for a gain of unit norm.
     """
-    from dirmusic.bearing.likelihood_kernels import pulse_spectra  # here, for the compiler takes time to load
-
     return pulse_spectra(strengths, unit_gain, LEAST_NULL)
 
 

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from dirmusic.array.bounds import perpendicular_slope
 from dirmusic.array.manifold import GainManifold, nearest_search_azimuth
 from dirmusic.array.model import ArrayModel
-from dirmusic.bearing.built_in import method_std
-from dirmusic.bearing.estimator import BearingEstimator
+from dirmusic.bearing.estimators import BearingEstimator, method_std
 from dirmusic.locating.elevation import misfits_in_space
 from dirmusic.locating.rules import CredibilityRules
 from dirmusic.pulses.batch import PulseBatch

@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.array.element_errors import ElementErrors
-from dirmusic.array.estimated_errors import EstimatedErrors
+from dirmusic.array.element_errors import ElementErrors, EstimatedErrors
 from dirmusic.array.model import ArrayModel
 from dirmusic.locating.association.assignment import Assigner, Assignment
 from dirmusic.locating.association.pulse_record import Detections, PulseRecord, Rows, evenly

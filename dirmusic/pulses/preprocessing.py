@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple, TypeVar
 
 import numpy as np
+import scipy  # its submodules are loaded when they are first used
 from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
@@ -86,17 +87,15 @@ def band_pass(records: ArrayLike, sample_rate_hz: float, band_hz: tuple[float, f
     Raises:
         ValueError: If the band does not lie between zero and half the sample rate.
     """
-    from scipy.signal import butter, sosfiltfilt  # here, so that a command line help need not wait for it
-
     low, high = band_hz
     if not 0 < low < high < 0.5 * sample_rate_hz:
         raise ValueError(
             f"`band_hz` must rise within 0 and half the sample rate, {0.5 * sample_rate_hz:.4g} Hz, got {band_hz}"
         )
     x = np.asarray(records, dtype=np.float64)
-    sections = butter(FILTER_ORDER, band_hz, btype="bandpass", fs=sample_rate_hz, output="sos")
+    sections = scipy.signal.butter(FILTER_ORDER, band_hz, btype="bandpass", fs=sample_rate_hz, output="sos")
     padding = min(3 * (2 * FILTER_ORDER + 1), x.shape[-1] - 1)
-    return np.asarray(sosfiltfilt(sections, x, axis=-1, padlen=padding), dtype=np.float64)
+    return np.asarray(scipy.signal.sosfiltfilt(sections, x, axis=-1, padlen=padding), dtype=np.float64)
 
 
 def pulse_start(records: ArrayLike, n_samples: int) -> NDArray[np.intp]:

@@ -5,7 +5,24 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dirmusic.compiled import elementwise
+
 FloatArray = NDArray[np.float64]
+
+SMALLEST = float(np.finfo(np.float64).tiny)
+
+
+@elementwise
+def strength_of(energy_v2: float, noise_energy_v2: float) -> float:
+    """Strength of a pulse in a gate with that energy, of which noise makes so much on average."""
+    return np.sqrt(max(energy_v2 - noise_energy_v2, 0.0))
+
+
+@elementwise
+def variance_of_strength(strength_v: float, noise_v2: float, energy_spread: float, noise_on_pulse: float) -> float:
+    """Variance of a strength; formula and arguments as of `strengths.strength_variance`."""
+    energy = max(strength_v * strength_v, np.sqrt(0.5 * energy_spread) * noise_v2, SMALLEST)
+    return noise_on_pulse * noise_v2 + 0.5 * energy_spread * noise_v2 * noise_v2 / energy
 
 
 def sample_covariance(snapshots: ArrayLike) -> FloatArray:
@@ -72,8 +89,6 @@ def strengths_of_energies(energy: FloatArray, n_samples: int, noise_variance: Fl
 
     The energies are sums of squares, V^2, finite; noise is still in them.
     """
-    from dirmusic.pulses.strength_kernels import strength_of  # here, for the compiler takes time to load
-
     strengths = np.asarray(strength_of(energy, n_samples * noise_variance))
     silent = energy == 0.0
     if (
@@ -110,8 +125,6 @@ def strength_variance(
     Returns:
         Variance, shape (..., n_elements), V^2.
     """
-    from dirmusic.pulses.strength_kernels import variance_of_strength  # here, for the compiler takes time to load
-
     spread = float(n_samples if energy_spread is None else energy_spread)
     strength, noise = (np.asarray(x, dtype=np.float64) for x in (strengths, noise_variance))
     return np.asarray(variance_of_strength(strength, noise, spread, noise_on_pulse))

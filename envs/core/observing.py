@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.bearing.likelihood_kernels import pulse_spectra
-from dirmusic.bearing.spectrum import LEAST_NULL
+from dirmusic.bearing.spectrum import LEAST_NULL, pulse_spectra
 from dirmusic.compiled import Held, compiled
 from pdpatrol.envs.core.loudest_pulse import LoudestPulse, loudest_pulse, note_bearings
 from pdpatrol.envs.core.observation_layout import Entries

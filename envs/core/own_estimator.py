@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from dirmusic import ESTIMATORS, ArrayModel, BearingEstimator, Bearings, PulseBatch
-from dirmusic.bearing.built_in import method_std
+from dirmusic.bearing.estimators import method_std
 from pdpatrol.envs.foreign_code import ForeignCodeError, calling, load_object, place_of
 
 EXPECTED = "an estimator: MyEstimator() makes one, estimator(pulses, array) returns dirmusic.Bearings"

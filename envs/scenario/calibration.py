@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
 
 from dirmusic import ArrayModel, InputFileError
-from dirmusic.array.estimated_errors import N_KINDS, EstimatedErrors
+from dirmusic.array.element_errors import N_KINDS, EstimatedErrors
 from dirmusic.locating.locator import Learned
 from pdpatrol.envs.scenario.base import Config, read_toml
 from pdpatrol.envs.scenario.faults import fault_lines, shown

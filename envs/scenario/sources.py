@@ -7,7 +7,7 @@ from typing import Annotated, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from dirmusic.pulses.discharge_kinds import KindName
+from dirmusic.pulses.phase_resolved import KindName
 from pdpatrol.envs.scenario.base import Config, Day, SiteChoice, weeks_between
 from pdpatrol.robot_models.yard.quantities import MOST_PIECES, MOST_SITES, Coordinate, Height, Name
 from pdpatrol.sensing.quantities import PLAIN_ZERO, Degree, Hertz, MissionSecond, PeakVolt, Volt

@@ -52,7 +52,7 @@ RULES = {
         2,
     ),
 }
-"""Assumed; of the kinds of `dirmusic.pulses.discharge_kinds`."""
+"""Assumed; of the kinds of `dirmusic.pulses.phase_resolved`."""
 
 UNSURE = Rule(
     "The kind of discharge is not certain enough to judge by.",

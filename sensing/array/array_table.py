@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.array.pattern_table import Boresight, PatternTable, as_boresights, tabulate
+from dirmusic.array.pattern import Boresight, PatternTable, as_boresights, tabulate
 from pdpatrol.sensing.array.gain_grid import NO_GRID, GainGrid
 from pdpatrol.sensing.array.helical_array import HelicalArray
 

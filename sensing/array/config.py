@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field, model_validator
 
 from dirmusic import GainManifold, GainPattern, GaussianPattern, InputFileError, TabulatedPattern
-from dirmusic.array.ambiguity import worst_ambiguity
-from dirmusic.array.manifold import ring_boresights_rad
+from dirmusic.array.manifold import ring_boresights_rad, worst_ambiguity
+from dirmusic.array.pattern_file import read_any_pattern
 from dirmusic.array.spatial_pattern import SpatialPattern
-from dirmusic.array.spatial_pattern_file import read_any_pattern
 from pdpatrol.sensing.quantities import (
     AngleError,
     ArrayCoordinate,

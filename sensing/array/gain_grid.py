@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.array.pattern_table import Boresight
+from dirmusic.array.pattern import Boresight
 from dirmusic.array.spatial_pattern import SpatialPattern
 from dirmusic.compiled import compiled
 

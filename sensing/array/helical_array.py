@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic import GainManifold, GainPattern
-from dirmusic.array.elevation import gain_in_space
+from dirmusic.array.pattern import gain_in_space
 from dirmusic.array.spatial_pattern import SpatialPattern, halves
 from pdpatrol.sensing.array.config import ArrayConfig
 from pdpatrol.sensing.nature.pulse_shape import FREQUENCY_HZ

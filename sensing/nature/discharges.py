@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.pulses.discharge_kinds import KINDS, Cluster, KindName
+from dirmusic.pulses.phase_resolved import KINDS, Cluster, KindName
 
 FloatArray = NDArray[np.float64]
 

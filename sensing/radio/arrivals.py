@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.array.pattern_table import Boresight, gain_towards
+from dirmusic.array.pattern import Boresight, gain_towards
 from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
 from dirmusic.compiled import compiled
 from pdpatrol.sensing.array.array_table import ArrayTable

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from dirmusic.compiled import compiled
 from dirmusic.kernels import dot
 from dirmusic.pulses.batch import NO_DIRECTION, PulseBatch
-from dirmusic.pulses.strength_kernels import strength_of, variance_of_strength
+from dirmusic.pulses.strengths import strength_of, variance_of_strength
 
 FloatArray = NDArray[np.float64]
 
 
 class BandReading(NamedTuple):
-    """How strengths in sub-bands are read; as of `dirmusic.pulses.sub_bands.SubBands`.
+    """How strengths in sub-bands are read; as of `dirmusic.bearing.sub_bands.SubBands`.
 
     Attributes:
         lines: Shape (n_bands, n_lines, n_samples); no bands if none are read.

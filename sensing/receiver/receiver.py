@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dirmusic.array.spatial_pattern import SpatialPattern
 from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
-from dirmusic.pulses.sub_bands import SubBands
+from dirmusic.bearing.sub_bands import SubBands
 from pdpatrol.sensing.array.gain_grid import NO_GRID, GainGrid, gain_grid
 from pdpatrol.sensing.array.helical_array import HelicalArray
 from pdpatrol.sensing.nature.pulse_shape import DECAY_S

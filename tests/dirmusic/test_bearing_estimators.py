@@ -5,8 +5,7 @@ import pytest
 
 from dirmusic import ESTIMATORS, ArrayModel, ElementSpread, GainManifold, PulseBatch, bearings_towards, pseudo_spectrum
 from dirmusic.angles import difference
-from dirmusic.bearing.built_in import method_std
-from dirmusic.bearing.coarse_estimators import GRID_RAD, Music, Strongest
+from dirmusic.bearing.estimators import GRID_RAD, Music, Strongest, method_std
 from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
 
 NOISE_V = 0.03

@@ -23,7 +23,7 @@ from dirmusic import (
     strength_variance,
 )
 from dirmusic.angles import difference
-from dirmusic.array.estimated_errors import EstimatedErrors
+from dirmusic.array.element_errors import EstimatedErrors
 from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD
 from pdpatrol.missions.reproduction.protocol import (
     SAMPLE_RATE_HZ,

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from dirmusic import GainManifold, GaussianPattern, estimate_bearings
 from dirmusic.angles import difference
-from dirmusic.array.elevation import gain_in_space
+from dirmusic.array.pattern import gain_in_space
 
 PATTERN = GaussianPattern()
 OFF = np.radians(np.arange(-179.5, 180.0, 1.0))

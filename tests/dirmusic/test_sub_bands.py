@@ -10,7 +10,7 @@ from dirmusic.angles import difference
 from dirmusic.array.bounds import bearing_bound, bearing_bound_in_bands
 from dirmusic.array.pattern import GainPattern, TabulatedPattern
 from dirmusic.array.spatial_pattern import halves
-from dirmusic.pulses.sub_bands import SubBands
+from dirmusic.bearing.sub_bands import SubBands
 
 FloatArray = NDArray[np.float64]
 RATE_HZ, N = 20e9, 120

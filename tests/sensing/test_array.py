@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from dirmusic.array.elevation import gain_in_space
-from dirmusic.array.pattern_table import Boresight, gain_and_slopes_towards, gain_towards
+from dirmusic.array.pattern import Boresight, gain_and_slopes_towards, gain_in_space, gain_towards
 from pdpatrol.sensing import ArrayConfig, ElementConfig, HelicalArray
 from pdpatrol.sensing.array.array_table import ArrayTable
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from dirmusic.angles import circular_mean, difference
-from dirmusic.pulses.discharge_kinds import KINDS, KindName
-from dirmusic.pulses.phase_resolved import LEAST_PULSES, classify
+from dirmusic.pulses.phase_resolved import KINDS, LEAST_PULSES, KindName, classify
 from pdpatrol.sensing import DischargeSource, PulseTrain, Scene
 
 NAMES: tuple[KindName, ...] = get_args(KindName)

@@ -8,9 +8,9 @@ import pytest
 from numpy.typing import NDArray
 
 from dirmusic import GainPattern, InputFileError
+from dirmusic.array.pattern_file import read_any_pattern, read_spatial_pattern
 from dirmusic.array.spatial_pattern import SpatialPattern, frequency_weights
-from dirmusic.array.spatial_pattern_file import read_any_pattern, read_spatial_pattern
-from dirmusic.pulses.sub_bands import SubBands
+from dirmusic.bearing.sub_bands import SubBands
 from pdpatrol.sensing import (
     ArrayConfig,
     DischargeSource,

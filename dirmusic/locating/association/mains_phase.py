@@ -9,7 +9,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 N_BINS = 24
-"""Of a period (assumed): 15 degrees, half the width of most clusters of `dirmusic.pulses.discharge_kinds`."""
+"""Of a period (assumed): 15 degrees, half the width of most clusters of `dirmusic.pulses.phase_resolved`."""
 
 STRAY_PULSES = 1.0
 """Each bin is taken to hold so many pulses more than were counted (assumed): kinds have strays, and few pulses tell

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dirmusic.angles import difference
 from dirmusic.array.bounds import manifold_error_covariance, perpendicular_slope
-from dirmusic.array.estimated_errors import EstimatedErrors
+from dirmusic.array.element_errors import EstimatedErrors
 from dirmusic.array.model import ArrayModel
 from dirmusic.locating.fitting.joint_fix import (
     POSITION_PRIOR_M,

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dirmusic.angles import difference
-from dirmusic.array.element_errors import PATTERN_APART_RAD, off_by_pattern
-from dirmusic.array.estimated_errors import EstimatedErrors
+from dirmusic.array.element_errors import PATTERN_APART_RAD, EstimatedErrors, off_by_pattern
 from dirmusic.array.model import ArrayModel
 from dirmusic.locating.elevation import ELEVATIONS_RAD, gains_in_space
 from dirmusic.locating.fitting.joint_optimiser import JointOptimiser

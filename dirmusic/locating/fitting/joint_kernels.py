@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.array.pattern_table import Boresight, PatternTable, gain_and_slopes_towards
+from dirmusic.array.pattern import Boresight, PatternTable, gain_and_slopes_towards
 from dirmusic.compiled import compiled
 from dirmusic.kernels import dot
 from dirmusic.locating.fitting.pattern_deviation import deviation_towards

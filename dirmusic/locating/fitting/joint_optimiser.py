@@ -36,7 +36,7 @@ class JointOptimiser:
     def __init__(
         self, data: Explained, array: ArrayModel, beliefs: Beliefs, n_kinds: int, n_places: int, n_terms: int
     ) -> None:
-        from dirmusic.array.pattern_table import as_boresights
+        from dirmusic.array.pattern import as_boresights
         from dirmusic.locating.fitting.joint_kernels import NominalArray
 
         manifold = array.manifold

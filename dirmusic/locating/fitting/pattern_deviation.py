@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dirmusic.array.element_errors import OFF_PLANE
 from dirmusic.array.model import ArrayModel
-from dirmusic.array.pattern_table import Boresight, GainInDirection
+from dirmusic.array.pattern import Boresight, GainInDirection
 from dirmusic.compiled import compiled
 
 FloatArray = NDArray[np.float64]

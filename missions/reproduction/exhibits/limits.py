@@ -14,7 +14,7 @@ from dirmusic import (
     sample_covariance,
     strength_variance,
 )
-from dirmusic.array.elevation import gain_in_space
+from dirmusic.array.pattern import gain_in_space
 from pdpatrol.missions.reproduction import protocol
 from pdpatrol.missions.reproduction.exhibit import Campaign, Exhibit, Measured, Row
 from pdpatrol.missions.reproduction.methods import GATE_SAMPLES, by_gated_covariance, by_paper, error_deg

@@ -16,9 +16,9 @@ from dirmusic import (
 )
 from dirmusic.array.bounds import bearing_bound_in_bands
 from dirmusic.array.manifold import ring_boresights_rad
+from dirmusic.array.pattern_file import read_spatial_pattern
 from dirmusic.array.spatial_pattern import SpatialPattern, halves
-from dirmusic.array.spatial_pattern_file import read_spatial_pattern
-from dirmusic.pulses.sub_bands import SubBands
+from dirmusic.bearing.sub_bands import SubBands
 from pdpatrol.missions.reproduction import protocol
 from pdpatrol.missions.reproduction.exhibit import Campaign, Exhibit, Measured, Row
 from pdpatrol.missions.reproduction.methods import error_deg

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, ElementSpread, GainManifold, PoseError, PulseBatch
-from dirmusic.array.pattern_table import as_boresights
+from dirmusic.array.pattern import as_boresights
 from dirmusic.locating.fitting.joint_fix import ROBUST_SCALE, locate_jointly
 from dirmusic.locating.fitting.joint_kernels import Beliefs, Explained, Linear, NominalArray, evaluate, linearise
 from dirmusic.locating.fitting.joint_optimiser import JointOptimiser

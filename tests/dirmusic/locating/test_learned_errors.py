@@ -16,8 +16,7 @@ from dirmusic import (
     PulseBatch,
     strength_variance,
 )
-from dirmusic.array.element_errors import UNEXPLAINED
-from dirmusic.array.estimated_errors import DRIFT, EstimatedErrors
+from dirmusic.array.element_errors import DRIFT, UNEXPLAINED, EstimatedErrors
 from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
 from dirmusic.locating.fitting.joint_fix import JointFix, locate_jointly
 from dirmusic.locating.rules import LocatingRules

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from dirmusic import ArrayModel, ElementSpread, GainManifold, PoseError, PulseBatch
 from dirmusic.angles import difference
 from dirmusic.array.manifold import ring_boresights_rad
+from dirmusic.array.pattern_file import read_spatial_pattern
 from dirmusic.array.spatial_pattern import SpatialPattern
-from dirmusic.array.spatial_pattern_file import read_spatial_pattern
 from dirmusic.locating.association.bearing_errors import BearingErrors
 from dirmusic.locating.fitting.joint_fix import JointFix, locate_jointly
 from pdpatrol.sensing.array.config import SHIPPED_PATTERNS

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from dirmusic import InputFileError
-from dirmusic.array.estimated_errors import DRIFT, EstimatedErrors
+from dirmusic.array.element_errors import DRIFT, EstimatedErrors
 from dirmusic.locating.locator import Learned
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.known_array import known_array
