@@ -11,7 +11,6 @@ from dirmusic.bearing.estimators import ESTIMATORS, BearingEstimator, bearings_t
 from dirmusic.bearing.gain_delay import bearings_from_delays
 from dirmusic.bearing.maximum_likelihood import bearings_from_covariance, estimate_bearings
 from dirmusic.bearing.spectrum import noise_subspace, pseudo_spectrum, pulse_spectrum, source_count, spectrum_peaks
-from dirmusic.csv_table import CsvTable, read_csv_table
 from dirmusic.input_file import InputFileError, InputFileWarning
 from dirmusic.locating.finding import Finding
 from dirmusic.locating.fitting.joint_fix import PoseError
@@ -28,7 +27,6 @@ __all__ = [
     "BearingEstimator",
     "Bearings",
     "Calibration",
-    "CsvTable",
     "ElementErrors",
     "ElementSpread",
     "Finding",
@@ -62,7 +60,6 @@ __all__ = [
     "pulse_spectrum",
     "pulse_start",
     "pulse_strengths",
-    "read_csv_table",
     "read_pattern",
     "sample_covariance",
     "source_count",
