@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from dirmusic.angles import aperture
 from dirmusic.locating.rules import AssignmentRules, LocatingRules
+from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.envs.scenario.sources import SourceConfig
-from pdpatrol.envs.yard_surroundings import surroundings_of
 from pdpatrol.robot_models.yard.pieces import SITE_STANDOFF_M
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import ArrayConfig

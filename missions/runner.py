@@ -17,8 +17,8 @@ from dirmusic.locating.protocol import LocatorProtocol, MakesLocator
 from dirmusic.locating.rules import LocatingRules
 from dirmusic.locating.yard_likelihood import Grid, YardLikelihood
 from pdpatrol.envs import Scenario
-from pdpatrol.envs.foreign_code import ForeignCodeError
 from pdpatrol.envs.patrol_env import STEP_S, PatrolEnv
+from pdpatrol.envs.user_code import UserCodeError
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.planning import with_planned_route
 from pdpatrol.missions.policies.make_policy import make_policy
@@ -53,7 +53,7 @@ class Mission:
         error: What ended the mission, if code that the user named raised or gave a wrong result.
 
     Raises:
-        ForeignCodeError: If code that the user named cannot be loaded or made.
+        UserCodeError: If code that the user named cannot be loaded or made.
         ScenarioError: If the route is to be planned, and no place hears anything.
     """
 
@@ -70,7 +70,7 @@ class Mission:
         self.folder = folder
         self.stopwatch = Stopwatch()
         self.is_over = False
-        self.error: ForeignCodeError | None = None
+        self.error: UserCodeError | None = None
         self._observation, info = self.env.reset(seed=seed)
         self.policy = make_policy(policy, self.env.simulation.generators(0).policy)
         self._touched: frozenset[str] = frozenset()
@@ -123,7 +123,7 @@ class Mission:
         while not self.is_over:
             try:
                 self.step()
-            except ForeignCodeError as error:
+            except UserCodeError as error:
                 self._fail(error)
                 self.end("error")
             if after_step is not None:
@@ -174,7 +174,7 @@ class Mission:
         try:
             self._book.log_association(self._tracker.association())
             self._book.log_likelihood(self._tracker.log_likelihood())
-        except ForeignCodeError as error:  # of a Locator that failed before, or just now
+        except UserCodeError as error:  # of a Locator that failed before, or just now
             if self.error is None:
                 self._fail(error)
                 reason = "error"
@@ -189,7 +189,7 @@ class Mission:
         if calibration is not None:
             meta["calibration"] = calibration.model_dump(mode="json")
 
-    def _fail(self, error: ForeignCodeError) -> None:
+    def _fail(self, error: UserCodeError) -> None:
         self.error = error
         self._book.event("error", str(error))
 
@@ -218,7 +218,7 @@ def make_locator(scenario: Scenario, site_map: SiteMap, array: ArrayModel, rules
     """The Locator that the scenario names: it knows array, fence and map as the plan has them, never the truth.
 
     Raises:
-        ForeignCodeError: If it is the user's own and cannot be loaded or made.
+        UserCodeError: If it is the user's own and cannot be loaded or made.
     """
     own = scenario.locating.locator
     make: MakesLocator = Locator if own is None else partial(OwnLocator, own)

@@ -11,12 +11,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from enum import Enum
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
-from pydantic import ValidationError
 
 from pdpatrol.envs.scenario import Scenario, ScenarioError, load_scenario
 from pdpatrol.envs.scenario.loader import restore_scenario
@@ -102,17 +101,13 @@ def given_scenario(scenario: Any) -> Scenario | Callable[[np.random.Generator], 
     """
     if isinstance(scenario, str) and DRAWING_FUNCTION.fullmatch(scenario):
         try:
-            scenario = pkgutil.resolve_name(scenario)
+            return cast("Callable[[np.random.Generator], Scenario]", pkgutil.resolve_name(scenario))
         except (ImportError, AttributeError) as error:
             raise ScenarioError([f"`scenario`: {scenario}: {error}"]) from None
     if callable(scenario):
-        return scenario
+        return cast("Callable[[np.random.Generator], Scenario]", scenario)
     if isinstance(scenario, Mapping):
-        try:
-            return restore_scenario(scenario)
-        except ValidationError as error:
-            faults = [(".".join(map(str, each["loc"])), each["msg"]) for each in error.errors(include_url=False)]
-            raise ScenarioError([f"`scenario`: {key}: {message}" for key, message in faults]) from None
+        return restore_scenario(scenario)
     if not isinstance(scenario, (str, Path, Scenario)):
         raise ValueError(f"`scenario`: got {scenario!r}; allowed is a name, a path, a Scenario, or its plain data")
     return load_scenario(scenario)

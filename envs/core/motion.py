@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
 from dirmusic.kernels import wrapped
-from pdpatrol.envs.scenario.robot_sensors import BatteryConfig, OdometryConfig, PoseSensorConfig
+from pdpatrol.envs.scenario.robot import BatteryConfig, OdometryConfig, PoseSensorConfig
 from pdpatrol.robot_models.readings import MOTOR_POWER, POSE, WHEEL_ANGLES
 
 FloatArray = NDArray[np.float64]

@@ -23,11 +23,10 @@ from pdpatrol.envs.core.generators import Generators
 from pdpatrol.envs.core.motion import N_DRAWS, Motion, SensorParameters
 from pdpatrol.envs.core.observation_layout import SPECTRUM_AZIMUTHS_RAD, ObservationLayout, observation_bounds
 from pdpatrol.envs.core.observing import ObservationParameters, Observing, Sensed, perceive
-from pdpatrol.envs.core.own_estimator import make_estimator
 from pdpatrol.envs.core.progress import Progress, Stepping, StepResult, Task, advance
-from pdpatrol.envs.known_array import known_array
 from pdpatrol.envs.scenario import Scenario
-from pdpatrol.envs.yard_surroundings import surroundings_of
+from pdpatrol.envs.scenario.radio import surroundings_of
+from pdpatrol.envs.user_code import make_estimator
 from pdpatrol.robot_models.antenna.elements import AntennaElements
 from pdpatrol.robot_models.robots import Robots
 from pdpatrol.robot_models.sensors import LIDAR_BEAMS, LIDAR_RANGE_M
@@ -99,7 +98,7 @@ class Simulation:
         max_episode_steps: int | None = None,
     ) -> None:
         self.scenario = scenario
-        yard, self.array = scenario.yard, known_array(scenario)
+        yard, self.array = scenario.yard, scenario.known_array
         self.estimator = make_estimator(scenario.estimator.method, self.array)
         self.robot = scenario.robot.description
         nominal = scenario.array.nominal_elements()

@@ -1,4 +1,4 @@
-"""What a mission is told: one TOML file, its model, its checks and its loader."""
+"""Scenario files: their tables, their checks and their loader."""
 
 from pdpatrol.envs.scenario.base import ScenarioError
 from pdpatrol.envs.scenario.loader import SHIPPED, load_scenario, restore_scenario, shipped_scenarios

@@ -1,110 +1,173 @@
-"""What all parts of a scenario file share."""
+"""Base classes, types and error messages that all tables of a scenario file share."""
 
 from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Iterator, Mapping
 from datetime import date
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, ValidationInfo
+from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, ValidationError, ValidationInfo
 
 from dirmusic import InputFileError
 from dirmusic.input_file import read_whole
 from pdpatrol.robot_models.yard.quantities import MOST_LETTERS
 
-MISSION_NAME = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
-MissionName = Annotated[str, Field(pattern=MISSION_NAME, max_length=MOST_LETTERS)]
-"""Of a scenario. A folder is called by it: it is no path, and is printed as it is."""
+MissionName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=MOST_LETTERS)]
+"""Name of a scenario, safe as the name of a folder and on a terminal."""
 
-SITE_CHOICE = r"^[a-z][a-z0-9_]*/([a-z][a-z0-9_]*|\*)$"
-SiteChoice = Annotated[str, Field(pattern=SITE_CHOICE, max_length=2 * MOST_LETTERS + 1)]
-"""`equipment/site`, or `equipment/*`."""
+SiteChoice = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*/([a-z][a-z0-9_]*|\*)$", max_length=2 * MOST_LETTERS + 1)]
+"""`equipment/site`, or `equipment/*` for all sites of a piece of equipment."""
 
-DAY = r"^20[0-9]{2}-[0-9]{2}-[0-9]{2}$"
+DAY_PATTERN = r"^20[0-9]{2}-[0-9]{2}-[0-9]{2}$"
 DAYS_PER_WEEK = 7
 
+MAX_FILE_BYTES = 4_000_000
+"""Largest scenario file. Assumed; the largest yard that is allowed takes less."""
 
-def _as_text(value: object) -> object:
-    """A date of TOML as text; of a date with a time the day counts, and all else is as it was."""
-    return value.isoformat()[:10] if isinstance(value, date) else value
+MAX_ERRORS_SHOWN = 50
+
+FOLDER = "folder"
+"""Key of the validation context under which the folder of the scenario file is passed to validators."""
 
 
 def is_day(text: str) -> bool:
-    """Whether a text is a day of this century as 2026-03-02."""
+    """Return whether a text is a calendar day of this century in the form 2026-03-02."""
     try:
-        return re.fullmatch(DAY, text) is not None and bool(date.fromisoformat(text))
+        return re.fullmatch(DAY_PATTERN, text) is not None and bool(date.fromisoformat(text))
     except ValueError:
         return False
 
 
-def _is_of_the_calendar(day: str) -> str:
-    if not is_day(day):
-        raise ValueError(f"got {day}; allowed is a day of the calendar")
-    return day
+def _check_day(text: str) -> str:
+    if not is_day(text):
+        raise ValueError(f"must be a day of the calendar, got {text}")
+    return text
 
 
-Day = Annotated[str, Field(pattern=DAY, max_length=10), BeforeValidator(_as_text), AfterValidator(_is_of_the_calendar)]
-"""As 2026-03-02, a date of TOML or text in quotes; kept as text, which is what logs and reports hold."""
+Day = Annotated[
+    str,
+    Field(pattern=DAY_PATTERN, max_length=10),
+    BeforeValidator(lambda value: value.isoformat()[:10] if isinstance(value, date) else value),
+    AfterValidator(_check_day),
+]
+"""A day such as 2026-03-02. TOML dates are accepted; the day is kept as text, which logs and reports hold."""
 
 
 def weeks_between(first: str, last: str) -> float:
-    """Weeks from one day to another, both as `Day`; negative if the second comes before the first."""
+    """Return the weeks from one `Day` to another, negative if `last` is earlier."""
     return (date.fromisoformat(last) - date.fromisoformat(first)).days / DAYS_PER_WEEK
 
 
-MOST_BYTES = 4_000_000
-"""Of a file: the largest yard that is allowed, written out, has less."""
-
-FOLDER = "folder"
-"""Key of the folder of the scenario file in the context that a scenario is validated with."""
-
-
 class ScenarioError(InputFileError):
-    """A scenario that cannot be used; one line per fault, each with file, key, what came and what is allowed."""
+    """A scenario that cannot be used, with one line per error."""
 
 
 class Config(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
-    """Frozen, strict, closed to unknown keys and to NaN."""
+    """Base of all tables of a scenario: frozen, strict, closed to unknown keys, infinity and NaN."""
 
 
-def beside_the_scenario(path: str, info: ValidationInfo) -> str:
-    """A path that a scenario gives; a relative one starts at the scenario's file, or without one where the program is.
+def resolve_path(path: str, info: ValidationInfo) -> str:
+    """Resolve a relative path in a scenario against the folder of the scenario file.
 
     Args:
-        path: As it is written.
-        info: What pydantic hands to a validator.
+        path: Path as written in the file.
+        info: Validation info with the folder in its context; without one the path stays as it is.
     """
     return str(Path((info.context or {}).get(FOLDER, "")) / path)
 
 
-def code_beside_the_scenario(name: str, info: ValidationInfo) -> str:
-    """The name of user's code: of `my_file.py:Name` the path as of `beside_the_scenario`, others as they are."""
+def resolve_user_code(name: str, info: ValidationInfo) -> str:
+    """Resolve the path in `my_file.py:Name`; names of installed code stay as they are."""
     file, _, attribute = name.rpartition(":")
-    return f"{beside_the_scenario(file, info)}:{attribute}" if file.endswith(".py") else name
+    return f"{resolve_path(file, info)}:{attribute}" if file.endswith(".py") else name
+
+
+def as_tuples(value: Any) -> Any:  # noqa: ANN401 - TOML and JSON hold values of many types
+    """Convert arrays of TOML or JSON to tuples, which the strict models require."""
+    if isinstance(value, list | tuple):
+        return tuple(as_tuples(item) for item in value)
+    if isinstance(value, Mapping):
+        return {key: as_tuples(item) for key, item in value.items()}
+    return value
 
 
 def read_toml(path: Path, wanted: str) -> dict[str, Any]:
-    """The table in a TOML file, with or without a byte order mark.
+    """Read a TOML file, with or without a byte order mark.
 
     Args:
-        path: Of the file.
-        wanted: What kind of file it should be, as a fault says it.
+        path: The file.
+        wanted: Kind of file that the caller expects, for error messages.
 
     Raises:
-        InputFileError: If it cannot be read, is too large, no text or no TOML.
+        InputFileError: If the file cannot be read, is too large, is not text or not TOML.
     """
     try:
-        data = read_whole(path, MOST_BYTES)
+        return tomllib.loads(read_whole(path, MAX_FILE_BYTES).decode("utf-8-sig"))
     except InputFileError as error:
         raise InputFileError([f"{fault}; give {wanted}" for fault in error.faults]) from None
-    try:
-        return tomllib.loads(data.decode("utf-8").removeprefix("\ufeff"))
     except UnicodeDecodeError as error:
         raise InputFileError([f"{path}: byte {error.start} is not UTF-8 text; give {wanted}"]) from None
-    except RecursionError:
-        raise InputFileError([f"{path}: not TOML: tables or arrays are nested too deeply"]) from None
-    except ValueError as error:  # TOMLDecodeError is one; a whole number of 5000 digits raises another
-        why = str(error) if isinstance(error, tomllib.TOMLDecodeError) else "a whole number has thousands of digits"
-        raise InputFileError([f"{path}: not TOML: {why}"]) from None
+    except (ValueError, RecursionError) as error:  # also integers of thousands of digits and deep nesting
+        raise InputFileError([f"{path}: is not valid TOML: {error}"]) from None
+
+
+def error_lines(error: ValidationError, model: type[BaseModel]) -> list[str]:
+    """Format the errors of a validation as `key: what is wrong`, one line each.
+
+    Args:
+        error: Errors that pydantic found.
+        model: Validated model, whose keys are suggested for unknown ones.
+    """
+    lines = [line for item in error.errors(include_url=False) for line in _lines_of(item, model)]
+    n_more = len(lines) - MAX_ERRORS_SHOWN
+    return [*lines[:MAX_ERRORS_SHOWN], f"{n_more} more errors"] if n_more > 0 else lines
+
+
+def _lines_of(item: Any, model: type[BaseModel]) -> Iterator[str]:  # noqa: ANN401 - a dictionary of pydantic
+    keys = [str(part) for part in item["loc"]]
+    key = ".".join(_short(part) for part in keys if not part.startswith("["))  # tags of unions stand in brackets
+    if item["type"] == "value_error":
+        is_table = isinstance(item["input"], Mapping)  # checks of a table name the key within it
+        for line in str(item["ctx"]["error"]).splitlines():
+            yield on_one_line(f"{key}{'.' if is_table else ': '}{line}" if key else line)
+    elif item["type"] == "missing":
+        yield f"{key}: is required"
+    elif item["type"] == "extra_forbidden":
+        near = get_close_matches(str(item["loc"][-1]), _all_keys(model), n=1)
+        yield f"{key}: unknown key" + (f"; did you mean `{near[0]}`?" if near else "")
+    elif item["type"] == "union_tag_invalid":
+        shapes = str(item["ctx"]["expected_tags"]).replace("[", "").replace("]", "")
+        yield f"{key}: must have the shape {shapes}, got {shown(item['ctx']['tag'].strip('[]'))}"
+    else:
+        must = re.sub("^(Input|String|Tuple|Dictionary) should", "must", item["msg"]).partition(" after validation")[0]
+        must = must.replace("a valid tuple", "an array")
+        must = "must be a table" if item["type"].startswith(("model", "dict")) else must
+        yield f"{key}: {must}, got {shown(item['input'])}"
+
+
+def _all_keys(model: type[BaseModel]) -> list[str]:
+    schema = model.model_json_schema()
+    tables = [schema, *schema.get("$defs", {}).values()]
+    return sorted({key for table in tables for key in table.get("properties", {})})
+
+
+def shown(value: object) -> str:
+    """Format a value for an error message, on one line and at most 60 characters."""
+    try:
+        return _short(repr(value))
+    except ValueError:  # Python does not write integers of more than 4300 digits
+        return "an integer of thousands of digits"
+
+
+def _short(text: str) -> str:
+    text = on_one_line(text)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def on_one_line(text: str) -> str:
+    """Escape line breaks and whatever else cannot be printed."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

@@ -1,8 +1,8 @@
-"""The strict loader of scenario files: every fault at once, each with file, key, what came and what is allowed."""
+"""Loading of scenario files, with one line for each error, and their JSON Schema."""
 
 from __future__ import annotations
 
-import re
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,105 +10,93 @@ from typing import Any
 from pydantic import ValidationError
 
 from dirmusic import InputFileError
-from pdpatrol.envs.scenario.base import FOLDER, MISSION_NAME, ScenarioError, read_toml
-from pdpatrol.envs.scenario.faults import FORMS, fault_lines, on_one_line, shown
+from pdpatrol.envs.scenario.base import FOLDER, ScenarioError, as_tuples, error_lines, on_one_line, read_toml
 from pdpatrol.envs.scenario.scenario import Scenario
 from pdpatrol.envs.scenario.suite import choose_yards, is_of_suite
-from pdpatrol.robot_models.yard.quantities import MOST_LETTERS
 
 SHIPPED = Path(__file__).parents[1] / "scenarios"
-
-UNNAMED = "unnamed"
-"""Stands in for a name while the rest of a file is checked."""
+"""Folder of the scenarios that come with the package."""
 
 
 def shipped_scenarios() -> tuple[str, ...]:
-    """Names of the scenarios that come with the package."""
+    """List the names of the scenarios that come with the package."""
     return tuple(sorted(path.stem for path in SHIPPED.glob("*.toml")))
 
 
 def load_scenario(scenario: str | Path | Scenario, settings: Mapping[str, Any] | None = None) -> Scenario:
-    """A scenario by the name of a shipped one, from a TOML file, or as it is.
+    """Load a scenario by name or from a TOML file; return a `Scenario` unchanged.
 
     Args:
-        scenario: Name, `suite/LEVEL_NUMBER` for a yard of the suite, path, or the scenario itself.
-        settings: Keys that are set before the file is checked, as `receiver.noise_v`, with their values.
+        scenario: Name of a shipped scenario, `suite/LEVEL_NUMBER` for a yard of the suite, path of a file ending in
+            .toml, or a `Scenario`.
+        settings: Values to set before the file is checked, by keys such as `receiver.noise_v`.
 
     Raises:
-        ScenarioError: If there is no such scenario or file, or the file has faults; all of them are listed.
+        ScenarioError: If the scenario does not exist or has errors; all of them are listed.
     """
     if isinstance(scenario, Scenario):
         return scenario
-    path = Path(scenario)
-    if isinstance(scenario, str) and is_of_suite(scenario):
-        path = _only_yard(scenario)
-    elif path.suffix != ".toml" and path.name == str(scenario):
-        if path.name not in shipped_scenarios():
-            raise ScenarioError(
-                [
-                    f"{scenario}: no such scenario; known are {', '.join(shipped_scenarios())}, "
-                    "or give a path ending in .toml"
-                ]
-            )
-        path = SHIPPED / f"{scenario}.toml"
-    data = _read(path)
-    for key, value in (settings or {}).items():
-        data = _with(data, key.split("."), _as_tuples(value))
-    faults = [] if "name" in data else _stem_faults(path.stem)
-    name = UNNAMED if faults else path.stem
+    path = _path_of(scenario)
     try:
-        loaded = Scenario.model_validate({"name": name, **data}, context={FOLDER: path.absolute().parent})
-    except ValidationError as error:
-        faults += fault_lines(error, Scenario)
-    else:
-        if not faults:
-            return loaded
-    raise ScenarioError([on_one_line(f"{path}: {fault}") for fault in faults])
-
-
-def _stem_faults(stem: str) -> list[str]:
-    """What keeps the name of a file from being that of its scenario."""
-    if len(stem) <= MOST_LETTERS and re.fullmatch(MISSION_NAME, stem):
-        return []
-    return [
-        f"name: none given, and the name of the file, {shown(stem)}, is none for a folder of results; allowed is "
-        f"{FORMS[MISSION_NAME]}, at most {MOST_LETTERS}"
-    ]
-
-
-def _only_yard(name: str) -> Path:
-    yard, *others = choose_yards(name)
-    if others:
-        raise ScenarioError([f"{name}: {1 + len(others)} yards; allowed is one of them, as {yard.name}"])
-    return yard.path
-
-
-def restore_scenario(data: Mapping[str, Any]) -> Scenario:
-    """A scenario from the plain data that `model_dump(mode="json")` made of it."""
-    return Scenario.model_validate(_as_tuples(data))
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        table = read_toml(path, "a scenario, which is a TOML text file")
+        data = as_tuples(read_toml(path, "a scenario, which is a TOML text file"))
     except InputFileError as error:
         raise ScenarioError([on_one_line(fault) for fault in error.faults]) from None
-    return {key: _as_tuples(value) for key, value in table.items()}
+    for key, value in (settings or {}).items():
+        data = _with_setting(data, key.split("."), as_tuples(value))
+    try:
+        return Scenario.model_validate({"name": path.stem, **data}, context={FOLDER: path.absolute().parent})
+    except ValidationError as error:
+        raise ScenarioError([on_one_line(f"{path}: {line}") for line in error_lines(error, Scenario)]) from None
 
 
-def _with(table: Mapping[str, Any], keys: list[str], value: Any) -> dict[str, Any]:  # noqa: ANN401 - as TOML
-    """A table with one value set, in tables within it that are made where there are none."""
+def _path_of(scenario: str | Path) -> Path:
+    path = Path(scenario)
+    if isinstance(scenario, str) and is_of_suite(scenario):
+        yards = choose_yards(scenario)
+        if len(yards) != 1:
+            raise ScenarioError([f"{scenario}: must be one yard, such as {yards[0].name}, got {len(yards)}"])
+        return yards[0].path
+    if path.suffix == ".toml" or path.name != str(scenario):
+        return path
+    known = shipped_scenarios()
+    if scenario not in known:
+        raise ScenarioError(
+            [f"{scenario}: no such scenario; known are {', '.join(known)}, or give a path ending in .toml"]
+        )
+    return SHIPPED / f"{scenario}.toml"
+
+
+def _with_setting(table: Mapping[str, Any], keys: list[str], value: Any) -> dict[str, Any]:  # noqa: ANN401 - as TOML
+    """Return a table with one value set, in inner tables that are made where they are missing."""
     first, *deeper = keys
     if not deeper:
         return {**table, first: value}
     inner = table.get(first, {})
-    return {**table, first: _with(inner if isinstance(inner, Mapping) else {}, deeper, value)}
+    return {**table, first: _with_setting(inner if isinstance(inner, Mapping) else {}, deeper, value)}
 
 
-def _as_tuples(value: Any) -> Any:  # noqa: ANN401 - TOML holds values of many types
-    """TOML arrays as tuples, which the strict models want."""
-    if isinstance(value, list):
-        return tuple(_as_tuples(item) for item in value)
-    if isinstance(value, dict):
-        return {key: _as_tuples(item) for key, item in value.items()}
-    return value
+def restore_scenario(data: Mapping[str, Any]) -> Scenario:
+    """Make a scenario from the plain data that `model_dump(mode="json")` made of it.
+
+    Raises:
+        ScenarioError: If the data has errors; all of them are listed.
+    """
+    try:
+        return Scenario.model_validate(as_tuples(data))
+    except ValidationError as error:
+        raise ScenarioError(error_lines(error, Scenario)) from None
+
+
+def scenario_schema() -> dict[str, Any]:
+    """Return the JSON Schema of scenario files, draft 2020-12.
+
+    It holds every table, key, type and bound. Combinations of keys and other files are checked by the loader alone.
+    """
+    schema = Scenario.model_json_schema()
+    schema["required"].remove("name")  # defaults to the name of the file
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def schema_text() -> str:
+    """Return the text of docs/schemas/scenario.schema.json."""
+    return json.dumps(scenario_schema(), indent=2) + "\n"

@@ -1,4 +1,4 @@
-"""Who takes the bearings, and how discharges are located, as a scenario file says it."""
+"""Tables of the bearing estimator and of the Locator."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ from math import radians
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, cast
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, ValidationInfo, WithJsonSchema, field_validator, model_validator
 
 from dirmusic import ESTIMATORS, InputFileError
 from dirmusic.locating.rules import AssignmentRules, CredibilityRules, LocatingRules
-from pdpatrol.envs.scenario.base import Config, beside_the_scenario, code_beside_the_scenario
-from pdpatrol.envs.scenario.calibration import ArrayCalibration, read_calibration
-from pdpatrol.sensing.quantities import PLAIN_ZERO, FilePath
+from pdpatrol.envs.scenario.array import ArrayCalibration, read_calibration
+from pdpatrol.envs.scenario.base import Config, resolve_path, resolve_user_code
+from pdpatrol.sensing.quantities import PATH_PATTERN, PLAIN_ZERO, FilePath
 
+PATH_SCHEMA = {"type": "string", "maxLength": 1024, "pattern": PATH_PATTERN}
 Decibel = Annotated[float, Field(ge=0.0, le=100.0), PLAIN_ZERO]
 Metre = Annotated[float, Field(ge=0.001, le=10_000.0)]
 Second = Annotated[float, Field(ge=0.01, le=86_400.0)]
@@ -24,39 +25,34 @@ Count = Annotated[int, Field(ge=1, le=1_000_000)]
 
 
 class EstimatorConfig(Config, frozen=True):
-    """The bearing estimator: a built-in one by name, or `my_file.py:MyEstimator`, `package.module:MyEstimator`."""
+    """Bearing estimator: a built-in one by name, or `my_file.py:MyEstimator` or `package.module:MyEstimator`."""
 
     method: FilePath = "maximum_likelihood"
 
     @field_validator("method")
     @classmethod
-    def _starts_at_the_scenario(cls, method: str, info: ValidationInfo) -> str:
-        return code_beside_the_scenario(method, info)
-
-    @model_validator(mode="after")
-    def _is_known_or_names_code(self) -> Self:
-        if self.method not in ESTIMATORS and ":" not in self.method:
+    def _check_method(cls, method: str, info: ValidationInfo) -> str:
+        if method not in ESTIMATORS and ":" not in method:
             raise ValueError(
-                f"method: no estimator `{self.method}`; allowed are {', '.join(ESTIMATORS)}, or code of your own as "
+                f"no estimator `{method}`; known are {', '.join(ESTIMATORS)}, or name your own as "
                 "my_file.py:MyEstimator or package.module:MyEstimator"
             )
-        return self
+        return resolve_user_code(method, info)
 
 
 class LocatingConfig(Config, frozen=True):
     """The Locator and its rules.
 
-    A rule that is left out keeps its default, which `dirmusic.locating.rules` holds and explains, under the same name
-    with `_rad` for `_deg`.
+    `dirmusic.locating.rules` documents the rules and their defaults, under the same names with `_rad` for `_deg`.
     """
 
     solver: Literal["joint", "bearings"] = "joint"
-    """What positions are fitted to: strengths, with the errors of the array fitted along, or bearings alone."""
+    """Fit positions to the strengths, jointly with the errors of the array, or to bearings alone."""
     locator: FilePath | None = None
-    """A Locator of your own, `my_file.py:MyLocator` or `package.module:MyLocator`; its contract is
+    """Your own Locator, `my_file.py:MyLocator` or `package.module:MyLocator`, with the interface of
     `dirmusic.locating.protocol.LocatorProtocol`."""
-    calibration: ArrayCalibration | None = None
-    """What earlier missions have learned of this very array: a file that a mission has written."""
+    calibration: Annotated[ArrayCalibration | None, WithJsonSchema(PATH_SCHEMA)] = None
+    """Path of a calibration that an earlier mission with this array has written."""
 
     max_std_deg: Arc | None = None
     misfit_factor: Annotated[float, Field(ge=0.001, le=1000.0)] | None = None
@@ -97,54 +93,48 @@ class LocatingConfig(Config, frozen=True):
 
     @field_validator("locator")
     @classmethod
-    def _starts_at_the_scenario(cls, locator: str | None, info: ValidationInfo) -> str | None:
-        return None if locator is None else code_beside_the_scenario(locator, info)
+    def _check_locator(cls, locator: str | None, info: ValidationInfo) -> str | None:
+        if locator is None:
+            return None
+        if ":" not in locator:
+            raise ValueError(
+                f"no Locator `{locator}`; name your own as my_file.py:MyLocator or package.module:MyLocator"
+            )
+        return resolve_user_code(locator, info)
 
     @model_validator(mode="before")
     @classmethod
-    def _reads_calibration(cls, given: object, info: ValidationInfo) -> object:
+    def _read_calibration(cls, given: object, info: ValidationInfo) -> object:
         table = cast("dict[str, Any]", given) if isinstance(given, dict) else {}
         path = table.get("calibration")
         if not isinstance(path, str):
             return given
         try:
-            return {**table, "calibration": read_calibration(Path(beside_the_scenario(path, info)))}
+            return {**table, "calibration": read_calibration(Path(resolve_path(path, info)))}
         except InputFileError as error:
             raise ValueError("\n".join(f"calibration: {fault}" for fault in error.faults)) from None
 
     @model_validator(mode="after")
-    def _makes_use_of_calibration(self) -> Self:
+    def _check_use_of_calibration(self) -> Self:
         if self.calibration is not None and (self.solver != "joint" or self.locator is not None):
             raise ValueError(
-                'calibration: must go with solver = "joint" and the built-in Locator, which alone learn errors of the '
-                "array"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _names_code(self) -> Self:
-        if self.locator is not None and ":" not in self.locator:
-            raise ValueError(
-                f"locator: no Locator `{self.locator}`; allowed is code of your own as my_file.py:MyLocator or "
-                "package.module:MyLocator"
+                'calibration: must go with solver = "joint" and the built-in Locator, which alone estimate errors of '
+                "the array"
             )
         return self
 
     def rules(self) -> LocatingRules:
-        """The rules of the Locator, angles in radians; those that are not set are the defaults."""
+        """Return the rules of the Locator, angles in radians; rules that are not set have their defaults."""
         given: dict[str, Any] = {}
         for key, value in self.model_dump(exclude={"locator", "calibration"}, exclude_none=True).items():
             in_degrees = key.endswith("_deg")
             given[f"{key[:-4]}_rad" if in_degrees else key] = radians(value) if in_degrees else value
+
+        def chosen(rules: type[CredibilityRules | AssignmentRules | LocatingRules]) -> dict[str, Any]:
+            return {field.name: given[field.name] for field in fields(rules) if field.name in given}
+
         return LocatingRules(
-            credibility=CredibilityRules(**_fields_of(CredibilityRules, given)),
-            assignment=AssignmentRules(**_fields_of(AssignmentRules, given)),
-            **_fields_of(LocatingRules, given),
+            credibility=CredibilityRules(**chosen(CredibilityRules)),
+            assignment=AssignmentRules(**chosen(AssignmentRules)),
+            **chosen(LocatingRules),
         )
-
-
-def _fields_of(
-    rules: type[CredibilityRules | AssignmentRules | LocatingRules], given: dict[str, Any]
-) -> dict[str, Any]:
-    """Those of the given values that are fields of some rules."""
-    return {field.name: given[field.name] for field in fields(rules) if field.name in given}

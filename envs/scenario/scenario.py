@@ -1,8 +1,4 @@
-"""A scenario: everything that a mission needs to be told.
-
-Composes the configurations that each package owns. Of MuJoCo it needs no more than the robot's file, and Rerun not at
-all, so that a wrong file is refused at once.
-"""
+"""The scenario: all settings of a mission."""
 
 from __future__ import annotations
 
@@ -10,17 +6,17 @@ from difflib import get_close_matches
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from pdpatrol.envs.scenario.array_section import ArraySection, data_sheet
+from dirmusic import ArrayModel
+from pdpatrol.envs.scenario.array import ArraySection, CalibratedArray, data_sheet
 from pdpatrol.envs.scenario.base import Config, MissionName
-from pdpatrol.envs.scenario.calibration import CalibratedArray
-from pdpatrol.envs.scenario.limits import growth_faults, level_faults, place_faults, pulse_faults
+from pdpatrol.envs.scenario.limits import growth_errors, level_errors, place_errors, pulse_errors
 from pdpatrol.envs.scenario.locating import EstimatorConfig, LocatingConfig
-from pdpatrol.envs.scenario.map_section import GeoreferenceConfig, MapConfig
-from pdpatrol.envs.scenario.robot_config import RobotConfig
-from pdpatrol.envs.scenario.robot_sensors import BatteryConfig, LidarConfig, OdometryConfig, PoseSensorConfig
+from pdpatrol.envs.scenario.map import GeoreferenceConfig, MapConfig
+from pdpatrol.envs.scenario.radio import RadioConfig
+from pdpatrol.envs.scenario.robot import BatteryConfig, LidarConfig, OdometryConfig, PoseSensorConfig, RobotConfig
 from pdpatrol.envs.scenario.sources import CampaignConfig, CarrierConfig, InterfererConfig, SourceConfig
 from pdpatrol.robot_models.yard.quantities import MOST_YARD_M, Coordinate
 from pdpatrol.robot_models.yard.yard import Yard
@@ -28,85 +24,61 @@ from pdpatrol.sensing import ReceiverConfig
 from pdpatrol.sensing.quantities import PLAIN_ZERO, Degree
 from pdpatrol.sensing.radio.materials import KIND_MATERIALS
 
-FloatArray = NDArray[np.float64]
-
-
 PLANNED = "planned"
-"""In the place of waypoints: they are to be planned."""
-
-
-def _is_word(value: object) -> str:
-    return "[planned]" if isinstance(value, str) else "[given]"
-
-
-MOST_WAYPOINTS = 1000
-MOST_SOURCES = 64
-"""Sources of a scenario, and interferers beyond its fence."""
-MOST_CARRIERS = 16
+"""Value of `waypoints_m` with which a mission plans its own waypoints."""
 
 Place = tuple[Coordinate, Coordinate]
 Waypoints = Annotated[
-    Annotated[tuple[Place, ...], Field(max_length=MOST_WAYPOINTS), Tag("[given]")]
+    Annotated[tuple[Place, ...], Field(max_length=1000), Tag("[given]")]
     | Annotated[Literal["planned"], Tag("[planned]")],
-    Discriminator(_is_word),
+    Discriminator(lambda value: "[planned]" if isinstance(value, str) else "[given]"),
 ]
-"""x, y of each, or `PLANNED`."""
-
-
 Distance = Annotated[float, Field(ge=0.01, le=MOST_YARD_M), PLAIN_ZERO]
 Reward = Annotated[float, Field(ge=-1e6, le=1e6), PLAIN_ZERO]
 
 
 class RouteConfig(Config, frozen=True):
-    """Where the robot lives and what it patrols. Without waypoints it stands at its dock and listens."""
+    """Dock and patrol route of the robot. Without waypoints it stands at its dock and listens."""
 
     dock_m: Place
     dock_yaw_deg: Degree | None = None
-    """Heading at the start, counter-clockwise from x; left out, it is drawn per mission."""
+    """Heading at the start, counter-clockwise from x; by default drawn per mission."""
     waypoints_m: Waypoints = ()
-    """In order; or `"planned"`: a mission plans them on the map when it starts, as `pdpatrol plan` does."""
+    """Waypoints in order, or `"planned"`: the mission plans them on the map when it starts, as `pdpatrol plan` does."""
 
     @property
     def stops_m(self) -> tuple[tuple[float, float], ...]:
-        """The waypoints.
+        """Waypoints in order.
 
         Raises:
             ValueError: If they are still to be planned.
         """
         if self.waypoints_m == PLANNED:
             raise ValueError(
-                f'route.waypoints_m: got "{PLANNED}", and nothing is planned here; allowed are points, as '
-                "`pdpatrol plan` writes them or missions.planning.with_planned_route puts them in"
+                f'route.waypoints_m: must be points, got "{PLANNED}"; write them with `pdpatrol plan` or '
+                "missions.planning.with_planned_route"
             )
         return self.waypoints_m
 
 
 class TaskConfig(Config, frozen=True):
-    """What counts as done, and how long it may take; the defaults are assumed."""
+    """Conditions of success, time limit and reward; all defaults are assumed."""
 
     time_limit_s: Annotated[float, Field(ge=0.1, le=86_400.0)] = 600.0
     standoff_m: Distance = 2.5
-    """A source is approached when the robot is within this horizontal distance."""
+    """Horizontal distance within which a source counts as approached."""
     waypoint_radius_m: Distance = 0.6
-    """A waypoint, or the dock, is reached within this distance."""
+    """Distance within which a waypoint or the dock counts as reached."""
     reward_per_metre: Reward = 1.0
-    """For every metre by which the robot came nearer to the nearest source not yet approached."""
+    """Reward for each metre of progress towards the nearest source not yet approached."""
     reward_per_second: Reward = -0.05
-    """The default makes a second cost 5 cm of progress."""
+    """Reward per second; the default makes a second cost 5 cm of progress."""
     reward_per_contact_step: Reward = -1.0
-    """For each control step in contact with anything but the floor; the default makes it cost a metre."""
-
-
-class RadioConfig(Config, frozen=True):
-    """What is told of how waves travel."""
-
-    second_order: bool = False
-    """Whether waves count that two walls mirror, one after the other; by a wall and the ground they always do. They are
-    late and weak, and cost time."""
+    """Reward per control step in contact with anything but the floor; the default makes it cost a metre."""
 
 
 class Scenario(Config, frozen=True):
-    """A yard, a route, what discharges in it, and how good robot and array are."""
+    """A yard, a route, the sources in it, and the properties of robot, array and receiver."""
 
     name: MissionName
     yard: Yard
@@ -115,9 +87,9 @@ class Scenario(Config, frozen=True):
     array: ArraySection
     estimator: EstimatorConfig = EstimatorConfig()
     robot: RobotConfig = Field(default_factory=RobotConfig)
-    sources: tuple[SourceConfig, ...] = Field(default=(), max_length=MOST_SOURCES)
-    interferers: tuple[InterfererConfig, ...] = Field(default=(), max_length=MOST_SOURCES)
-    carriers: tuple[CarrierConfig, ...] = Field(default=(), max_length=MOST_CARRIERS)
+    sources: tuple[SourceConfig, ...] = Field(default=(), max_length=64)
+    interferers: tuple[InterfererConfig, ...] = Field(default=(), max_length=64)
+    carriers: tuple[CarrierConfig, ...] = Field(default=(), max_length=16)
     receiver: ReceiverConfig = ReceiverConfig()
     radio: RadioConfig = RadioConfig()
     pose_sensor: PoseSensorConfig = PoseSensorConfig()
@@ -131,164 +103,167 @@ class Scenario(Config, frozen=True):
 
     @property
     def known_yard(self) -> Yard:
-        """The yard as the map has it, which is what robot and operator know: `yard` itself where they do not differ.
-
-        Made anew on each call, so that a copy of the scenario with another yard has the map of that one: keep it.
-        """
+        """Yard as the map shows it, which is what robot and operator know. It is made anew on each access."""
         return self.map.of(self.yard)
 
     @property
+    def self.known_array -> ArrayModel:
+        """Array as the robot knows it: its data sheet, or that with the errors of a calibration."""
+        array, calibration = data_sheet(self.array, self.receiver.band_edges_hz), self.locating.calibration
+        return array if calibration is None else calibration.applied_to(array)
+
+    @property
     def grown_sources(self) -> tuple[SourceConfig, ...]:
-        """The sources as they are on the day of the inspection."""
+        """Sources as they are on the day of the inspection."""
         return tuple(source.after(self.campaign.weeks) for source in self.sources)
 
     def candidate_sites(self, source: SourceConfig) -> tuple[str, ...]:
-        """The sites from which one is drawn for `source`, as `equipment/site`; empty for a source at a position."""
-        known = self.yard.site_names()
-        expanded = [
-            [site for site in known if site.partition("/")[0] == entry[:-2]] if entry.endswith("/*") else [entry]
-            for entry in source.sites
-        ]
-        return tuple(dict.fromkeys(site for group in expanded for site in group))
+        """Return the sites, `equipment/site`, from which the place of a source is drawn; empty if it has a position."""
+        return tuple(dict.fromkeys(site for entry in source.sites for site in self._expand(entry)))
+
+    def _expand(self, entry: str) -> list[str]:
+        """Return the sites that `equipment/*` stands for; any other entry stands for itself."""
+        if not entry.endswith("/*"):
+            return [entry]
+        return [site for site in self.yard.site_names() if site.partition("/")[0] == entry[:-2]]
 
     @model_validator(mode="after")
-    def _fits_together(self) -> Self:
-        faults = [
-            *self._equipment_faults(),
-            *self.map.faults(self.yard),
-            *self._route_faults(),
-            *self._task_faults(),
-            *self._source_faults(),
-            *self._interferer_faults(),
-            *self._receiver_faults(),
-            *self._calibration_faults(),
-            *(self.campaign.faults() or growth_faults(self.sources, self.campaign.weeks)),
+    def _check_combinations(self) -> Self:
+        errors = [
+            *self._equipment_errors(),
+            *self.map.errors(self.yard),
+            *self._route_errors(),
+            *self._task_errors(),
+            *self._source_errors(),
+            *self._interferer_errors(),
+            *self._receiver_errors(),
+            *self._calibration_errors(),
+            *growth_errors(self.sources, self.campaign.weeks),
         ]
-        faults = faults or self._limit_faults()
-        if faults:
-            raise ValueError("\n".join(faults))
+        errors = errors or self._limit_errors()
+        if errors:
+            raise ValueError("\n".join(errors))
         return self
 
-    def _equipment_faults(self) -> list[str]:
+    @property
+    def _size(self) -> str:
+        return "{:g} x {:g} m".format(*self.yard.size_m)
+
+    def _equipment_errors(self) -> list[str]:
         return [
-            f"{key}.{i}.kind: no kind `{item.kind}`; allowed are {', '.join(KIND_MATERIALS)}"
+            f"{key}.{i}.kind: no kind `{item.kind}`; known are {', '.join(KIND_MATERIALS)}"
             for key, pieces in (("yard.equipment", self.yard.equipment), ("map.extra", self.map.extra))
             for i, item in enumerate(pieces)
             if item.kind not in KIND_MATERIALS
         ]
 
-    def _task_faults(self) -> list[str]:
+    def _task_errors(self) -> list[str]:
         side_m = min(self.yard.size_m)
-        distances_m = {key: getattr(self.task, key) for key in ("standoff_m", "waypoint_radius_m")}
         return [
-            f"task.{key}: got {distance_m:g}; allowed is less than the shorter side of the yard, {side_m:g}"
-            for key, distance_m in distances_m.items()
-            if distance_m >= side_m
+            f"task.{key}: must be less than the shorter side of the yard, {side_m:g}, got {distance_m:g}"
+            for key in ("standoff_m", "waypoint_radius_m")
+            if (distance_m := getattr(self.task, key)) >= side_m
         ]
 
-    def _limit_faults(self) -> list[str]:
-        """What only shows in all of it together, once each part is in order."""
+    def _limit_errors(self) -> list[str]:
+        """Check limits that need every table to be valid."""
         limit_s, sites = self.task.time_limit_s, [self.candidate_sites(source) for source in self.sources]
         sources = self.grown_sources
         return [
-            *pulse_faults(sources, self.interferers, self.receiver, self.array.n_channels, limit_s),
-            *level_faults(sources, self.interferers, self.carriers, self.receiver, limit_s),
-            *place_faults(self.sources, sites, self.yard, self.robot.description.room_m),
+            *pulse_errors(sources, self.interferers, self.receiver, self.array.n_channels, limit_s),
+            *level_errors(sources, self.interferers, self.carriers, self.receiver, limit_s),
+            *place_errors(self.sources, sites, self.yard, self.robot.description.room_m),
         ]
 
-    def _receiver_faults(self) -> list[str]:
-        n, faults = self.array.n_channels, list[str]()
+    def _receiver_errors(self) -> list[str]:
+        n, errors = self.array.n_channels, list[str]()
         channels = [fault.channel for fault in self.receiver.faults]
         for i, fault in enumerate(self.receiver.faults):
             for key, channel in (("channel", fault.channel), ("other", fault.other or 1)):
                 if channel > n:
-                    faults.append(f"receiver.faults.{i}.{key}: got {channel}; allowed is 1 to {n}")
+                    errors.append(f"receiver.faults.{i}.{key}: must be a channel from 1 to {n}, got {channel}")
             if channels.index(fault.channel) != i:
-                faults.append(f"receiver.faults.{i}.channel: {fault.channel} has a fault already; allowed is one each")
+                errors.append(f"receiver.faults.{i}.channel: must have one fault only, got {fault.channel} again")
         if self.estimator.method == "sub_bands" and self.receiver.n_bands == 0:
-            faults.append("estimator.method: got sub_bands with receiver.n_bands 0; allowed are 1 to 8")
-        return faults
+            errors.append("estimator.method: sub_bands needs receiver.n_bands from 1 to 8, got 0")
+        return errors
 
-    def _calibration_faults(self) -> list[str]:
+    def _calibration_errors(self) -> list[str]:
         calibration, number = self.locating.calibration, self.array.serial_number
         if calibration is None:
             return []
         if number is None:
-            return [
-                "array.serial_number: none with a calibration, so that each mission has another array; allowed is that "
-                "of the calibrated one"
-            ]
-        faults = calibration.faults(CalibratedArray.of(data_sheet(self.array), number))
-        return [f"locating.calibration: {fault}" for fault in faults]
+            return ["array.serial_number: is required with a calibration; without it each mission draws another array"]
+        mismatch = calibration.mismatch(CalibratedArray.of(data_sheet(self.array), number))
+        return [f"locating.calibration: {mismatch}"] if mismatch else []
 
-    def _route_faults(self) -> list[str]:
+    def _route_errors(self) -> list[str]:
         stops = {"route.dock_m": self.route.dock_m}
         if self.route.waypoints_m != PLANNED:
             stops |= {f"route.waypoints_m.{i}": point for i, point in enumerate(self.route.stops_m)}
-        known = self.yard if self.map.faults(self.yard) else self.known_yard
-        return [
-            f"{key}: {fault}"
+        known = self.yard if self.map.errors(self.yard) else self.known_yard
+        found = {
+            key: self._stop_error(point, self.yard) or self._stop_error(point, known, " on the map")
             for key, point in stops.items()
-            for fault in self._stop_faults(point, self.yard) or self._stop_faults(point, known, " on the map")
-        ]
+        }
+        return [f"{key}: {error}" for key, error in found.items() if error]
 
-    def _stop_faults(self, point: tuple[float, float], yard: Yard, where: str = "") -> list[str]:
-        inside, room_m = yard.covering_equipment(point), self.robot.description.room_m
+    def _stop_error(self, point: tuple[float, float], yard: Yard, where: str = "") -> str | None:
+        room_m, covering = self.robot.description.room_m, yard.covering_equipment(point)
         if not yard.contains(point):
-            return [f"{point} is outside the yard; allowed is (0, 0) to {yard.size_m}"]
-        if inside is not None:
-            return [f"{point} is inside equipment `{inside}`{where}; allowed is free ground"]
-        if yard.clearance(point) < room_m:
-            return [
-                f"{point} is {yard.clearance(point):.2f} m from equipment or fence{where}; "
-                f"allowed is {room_m:.3g} m or more, or the robot does not fit"
-            ]
-        return []
+            return f"must lie inside the yard ({self._size}), got {point}"
+        if covering is not None:
+            return f"must lie on free ground, got {point} inside equipment `{covering}`{where}"
+        clearance_m = float(yard.clearance(point))
+        if clearance_m < room_m:
+            return (
+                f"must be {room_m:.3g} m or more from equipment and fence, so that the robot fits, got {point}, which "
+                f"is {clearance_m:.2f} m away{where}"
+            )
+        return None
 
-    def _source_faults(self) -> list[str]:
-        faults: list[str] = []
-        known = self.yard.site_names()
+    def _source_errors(self) -> list[str]:
+        errors, known = list[str](), self.yard.site_names()
         names = [source.name for source in (*self.sources, *self.interferers)]
-        for index, source in enumerate(self.sources):
-            key = f"sources.{index}"
-            if names.count(source.name) > 1:
-                faults.append(f"{key}.name: `{source.name}` is used {names.count(source.name)} times; allowed is once")
-            if source.position_m is not None:
-                faults += self._position_faults(f"{key}.position_m", np.array(source.position_m))
+        for i, source in enumerate(self.sources):
+            if names.count(source.name) > 1 and names.index(source.name) == i:
+                errors.append(f"sources.{i}.name: must be used once, got `{source.name}` more than once")
+            places = {f"sources.{i}.position_m": source.position_m} if source.position_m is not None else {}
             for entry in source.sites:
-                sites = [s for s in known if s.partition("/")[0] == entry[:-2]] if entry.endswith("/*") else [entry]
-                if not sites or any(site not in known for site in sites):
+                sites = self._expand(entry)
+                if sites and all(site in known for site in sites):
+                    places |= {f"sources.{i}.sites ({site})": self.yard.site_position(site) for site in sites}
+                else:
                     near = get_close_matches(entry, known, n=3) or known[:12]
-                    faults.append(
-                        f"{key}.sites: no site `{entry}`; allowed are {', '.join(near) or 'none: no equipment has any'}"
-                    )
-                    continue
-                for site in sites:
-                    faults += self._position_faults(f"{key}.sites ({site})", self.yard.site_position(site))
-        return faults
+                    errors.append(f"sources.{i}.sites: no site `{entry}`; known are {', '.join(near) or 'none'}")
+            found = {key: self.position_error(place) for key, place in places.items()}
+            errors += [f"{key}: {error}" for key, error in found.items() if error]
+        return errors
 
-    def _position_faults(self, key: str, position_m: FloatArray) -> list[str]:
-        shown = tuple(round(float(x), 3) for x in position_m)
+    def position_error(self, position_m: ArrayLike) -> str | None:
+        """Describe why a source cannot be at a position (x, y, z); None if it can."""
+        x, y, z = (float(value) for value in np.asarray(position_m))
+        shown = round(x, 3), round(y, 3), round(z, 3)
         enclosing = self.yard.enclosing_equipment(position_m)
         if not self.yard.contains(position_m):
-            return [f"{key}: {shown} is outside the yard; allowed is (0, 0) to {self.yard.size_m}"]
-        if position_m[2] <= 0:
-            return [f"{key}: {shown} is below ground; allowed is a height above 0 m"]
+            return f"must lie inside the yard ({self._size}), got {shown}"
+        if z <= 0.0:
+            return f"must lie above the ground, got {shown}"
         if enclosing is not None:
-            return [f"{key}: {shown} is enclosed by equipment `{enclosing}`; allowed is a surface or free air"]
-        return []
+            return f"must not lie inside equipment `{enclosing}`, got {shown}"
+        return None
 
-    def _interferer_faults(self) -> list[str]:
-        faults = list[str]()
+    def _interferer_errors(self) -> list[str]:
+        errors = list[str]()
         for i, item in enumerate(self.interferers):
             if self.yard.contains(item.position_m):
-                faults.append(
-                    f"interferers.{i}.position_m: {item.position_m} is inside the yard; allowed is beyond the fence of "
-                    f"{self.yard.size_m} (inside, make it one of [[sources]])"
+                errors.append(
+                    f"interferers.{i}.position_m: must lie outside the yard ({self._size}), got {item.position_m}; "
+                    "inside it, use [[sources]]"
                 )
             elif item.moves_to_m is not None and self.yard.is_crossed(item.position_m, item.moves_to_m):
-                faults.append(
-                    f"interferers.{i}.moves_to_m: the line from {item.position_m} to {item.moves_to_m} crosses the "
-                    f"yard; allowed is a line beyond the fence of {self.yard.size_m}"
+                errors.append(
+                    f"interferers.{i}.moves_to_m: the path must not cross the yard ({self._size}), got "
+                    f"{item.position_m} to {item.moves_to_m}"
                 )
-        return faults
+        return errors

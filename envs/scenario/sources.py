@@ -1,4 +1,4 @@
-"""What radiates, as a scenario file says it: discharges and how they age, impulsive interferers, carriers."""
+"""Tables of what radiates: discharges and their growth over a campaign, impulsive interferers, carriers."""
 
 from __future__ import annotations
 
@@ -12,168 +12,146 @@ from pdpatrol.envs.scenario.base import Config, Day, SiteChoice, weeks_between
 from pdpatrol.robot_models.yard.quantities import MOST_PIECES, MOST_SITES, Coordinate, Height, Name
 from pdpatrol.sensing.quantities import PLAIN_ZERO, Degree, Hertz, MissionSecond, PeakVolt, Volt
 
-LEAST_WAY_M = 1e-3
-"""Places nearer to each other than this are the same (assumed)."""
 
-LEAST_LENGTH = 1e-3
-"""Of a vector that is a direction (assumed)."""
-
-SLOWEST_GUN_HZ = 1e-4
-"""A gun that fires more seldom fires once in the longest mission (assumed)."""
-
-
-def _points_somewhere(direction: tuple[float, float, float]) -> tuple[float, float, float]:
-    if hypot(*direction) < LEAST_LENGTH:
-        raise ValueError(f"got {direction}; allowed is a vector that is not 0")
+def _check_direction(direction: tuple[float, float, float]) -> tuple[float, float, float]:
+    if hypot(*direction) < 1e-3:
+        raise ValueError(f"must be a vector other than zero, got {direction}")
     return direction
 
 
 Component = Annotated[float, Field(ge=-1000.0, le=1000.0), PLAIN_ZERO]
-Direction = Annotated[tuple[Component, Component, Component], AfterValidator(_points_somewhere)]
-"""x, y, z of any length but 0, world frame."""
+Direction = Annotated[tuple[Component, Component, Component], AfterValidator(_check_direction)]
+"""Direction x, y, z in the world frame, of any length but zero."""
 
 FarCoordinate = Annotated[float, Field(ge=-10_000.0, le=10_000.0), PLAIN_ZERO]
-"""Of what is heard from beyond the fence: from 10 km a pulse has 80 dB less than from 1 m."""
+"""Coordinate of an interferer, metres. A pulse loses 80 dB over 10 km compared with 1 m."""
 
 FarHeight = Annotated[float, Field(ge=0.01, le=1000.0), PLAIN_ZERO]
-
+FarPosition = tuple[FarCoordinate, FarCoordinate, FarHeight]
 PulseRate = Annotated[float, Field(ge=0.0, le=1e4), PLAIN_ZERO]
 RangeDecibel = Annotated[float, Field(ge=0.0, le=60.0), PLAIN_ZERO]
 DriftDecibel = Annotated[float, Field(ge=-60.0, le=60.0), PLAIN_ZERO]
-"""A minute, or a week, in which a discharge changes by more than a factor of 1000 is none that one could follow."""
+"""Change of level per minute or per week, at most a factor of 1000."""
 
 RateGrowth = Annotated[float, Field(ge=-0.9, le=9.0), PLAIN_ZERO]
-"""A week, as a share of the rate: from a tenth to ten times as many pulses."""
+"""Relative change of the pulse rate per week: from a tenth to ten times as many pulses."""
 
 
 class CampaignConfig(Config, frozen=True):
-    """When an inspection takes place, and whether others met the same discharges.
+    """Date of the inspection, and whether other inspections meet the same discharges.
 
-    A mission has its date from here and never from the clock, so that the same seed gives the same mission.
+    The date of a mission comes from here and never from the clock, so that the same seed gives the same mission.
     """
 
     number: int | None = Field(default=None, ge=0, le=2**63 - 1)
-    """Which discharges the yard has: one number is the same sites, amplitudes, polarisations and phase patterns,
-    whatever else a mission draws. Left out, each mission has others."""
+    """Seed of the discharges of the yard. Missions of one number meet the same sites, amplitudes, polarisations and
+    phase patterns whatever their own seed; by default each mission draws others."""
     begins: Day = "2026-01-05"
-    """When sources are as loud and as frequent as they are stated; from here on they grow. The default is assumed."""
+    """Day on which sources have their stated amplitude and rate; growth counts from here."""
     date: Day | None = None
-    """Of this inspection; left out, it takes place when the campaign begins."""
+    """Day of this inspection; by default the day on which the campaign begins."""
 
     @property
     def day(self) -> str:
-        """Of this inspection."""
+        """Day of this inspection."""
         return self.date or self.begins
 
     @property
     def weeks(self) -> float:
-        """Since the campaign began."""
+        """Weeks from the beginning of the campaign to this inspection."""
         return weeks_between(self.begins, self.day)
 
-    def faults(self) -> list[str]:
-        """Whether the inspection comes before all of it."""
+    @model_validator(mode="after")
+    def _check_order(self) -> Self:
         if self.weeks < 0.0:
-            return [f"campaign.date: got {self.day}, before campaign.begins; allowed is {self.begins} or later"]
-        return []
+            raise ValueError(f"date: must not be before begins, {self.begins}, got {self.day}")
+        return self
 
 
 class SourceConfig(Config, frozen=True):
-    """A discharge on a site drawn from `sites` (`equipment/site`, or `equipment/*` for all of it), or at a position."""
+    """A discharge, on a site drawn from `sites`, at a position, or above free ground."""
 
     name: Name
     sites: tuple[SiteChoice, ...] = Field(default=(), max_length=MOST_PIECES * MOST_SITES)
     position_m: tuple[Coordinate, Coordinate, Coordinate] | None = None
     anywhere_at_m: Height | None = None
-    """It hangs at this height over some free ground, which is drawn per mission."""
+    """Height above a place on free ground that is drawn per mission."""
     amplitude_v: PeakVolt = 0.27
-    """Peak of a pulse in a unit-gain channel 1 m away. The default puts the bearing bound of one pulse at 0.44 degrees
-    from 5 m and 1.3 degrees from 15 m, with the default receiver."""
+    """Peak of a pulse in a unit-gain channel 1 m away. With the default receiver, the default gives a Cramer-Rao bound
+    of 0.44 degrees for the bearing of one pulse from 5 m and 1.3 degrees from 15 m."""
     amplitude_range_db: RangeDecibel = 6.0
-    """Width of the range, centred on `amplitude_v`, from which the amplitude is drawn per mission."""
+    """Width of the range around `amplitude_v` from which the amplitude is drawn per mission."""
     pulse_rate_hz: PulseRate = 20.0
     polarisation: Direction | None = None
-    """Direction of its linear polarisation; left out, any is drawn per mission."""
+    """Direction of the linear polarisation; by default drawn per mission."""
     kind: KindName | None = None
-    """How its pulses lie over the phase of the mains; left out, they come at any phase."""
+    """Pattern of the pulses over the phase of the mains; by default they come at any phase."""
     conductor_deg: Degree | None = None
-    """Phase of its conductor against the receiver's mains; left out, 0, 120 or 240 is drawn per mission."""
+    """Phase of the conductor relative to the receiver's mains; by default 0, 120 or 240 is drawn per mission."""
     active_s: tuple[MissionSecond, MissionSecond] | None = None
-    """From when to when it discharges; left out, always."""
+    """Start and end of the activity; by default the whole mission."""
     drift_db_per_min: DriftDecibel = 0.0
     growth_db_per_week: DriftDecibel = 0.0
-    """By how much its pulses grow from week to week of the campaign."""
+    """Growth of the amplitude over the weeks of the campaign."""
     rate_growth_per_week: RateGrowth = 0.0
-    """By what share of them its pulses become more from week to week: 0.2 is a fifth, and 44 % in two weeks."""
+    """Relative growth of the pulse rate: 0.2 is a fifth per week, and 44 % in two weeks."""
     n_shots: int | None = Field(default=None, ge=1, le=1_000_000)
-    """A discharge gun: this many pulses, evenly at the pulse rate from `first_shot_s` on, and then no more."""
+    """Makes the source a discharge gun, with this many pulses at the pulse rate from `first_shot_s` on."""
     first_shot_s: MissionSecond = 0.0
 
     def after(self, weeks: float) -> Self:
-        """The source as it is so many weeks after the campaign began, >= 0; within the limits of `growth_faults`."""
-        louder, more = 10 ** (self.growth_db_per_week * weeks / 20), (1.0 + self.rate_growth_per_week) ** weeks
+        """Return the source as it is some weeks after the campaign began."""
+        gain, more = 10 ** (self.growth_db_per_week * weeks / 20), (1.0 + self.rate_growth_per_week) ** weeks
         return self.model_copy(
-            update={"amplitude_v": self.amplitude_v * louder, "pulse_rate_hz": self.pulse_rate_hz * more}
+            update={"amplitude_v": self.amplitude_v * gain, "pulse_rate_hz": self.pulse_rate_hz * more}
         )
 
     @model_validator(mode="after")
-    def _stops_after_it_starts(self) -> Self:
+    def _check_keys(self) -> Self:
+        places = [key for key in ("sites", "position_m", "anywhere_at_m") if getattr(self, key) not in (None, ())]
+        if len(places) != 1:
+            given = " and ".join(places) or "none"
+            raise ValueError(f"sites, position_m, anywhere_at_m: one of them must be given, got {given}")
         if self.active_s is not None and self.active_s[0] >= self.active_s[1]:
-            raise ValueError(f"active_s: got {self.active_s}; allowed is a start before the end")
-        if self.kind is not None and self.n_shots is not None:
-            raise ValueError("kind, n_shots: both given; allowed is one: a gun fires at no phase of the mains")
-        return self
-
-    @model_validator(mode="after")
-    def _fires_at_some_rate(self) -> Self:
-        if self.n_shots is not None and self.pulse_rate_hz < SLOWEST_GUN_HZ:
-            raise ValueError(
-                f"pulse_rate_hz: got {self.pulse_rate_hz:g}; allowed is above 0, {SLOWEST_GUN_HZ:g} or more, or the "
-                "shots never come"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _is_somewhere(self) -> Self:
-        given = [key for key in ("sites", "position_m", "anywhere_at_m") if getattr(self, key) not in (None, ())]
-        if len(given) != 1:
-            came = " and ".join(given) or "none of them"
-            raise ValueError(f"sites, position_m, anywhere_at_m: {came} given; allowed is one of them")
+            raise ValueError(f"active_s: must start before it ends, got {self.active_s}")
+        if self.n_shots is not None and self.kind is not None:
+            raise ValueError("kind, n_shots: must not be given together; a gun ignores the phase of the mains")
+        if self.n_shots is not None and self.pulse_rate_hz < 1e-4:
+            raise ValueError(f"pulse_rate_hz: must be at least 0.0001 for a gun, got {self.pulse_rate_hz:g}")
         return self
 
 
 class InterfererConfig(Config, frozen=True):
-    """Something impulsive beyond the fence that is heard like a discharge and must not become a finding."""
+    """Source of impulses beyond the fence, which must not become a finding."""
 
     name: Name
-    position_m: tuple[FarCoordinate, FarCoordinate, FarHeight]
+    position_m: FarPosition
     amplitude_v: PeakVolt
     amplitude_range_db: RangeDecibel = 6.0
     pulse_rate_hz: PulseRate = 20.0
     polarisation: Direction | None = None
-    """Direction of its linear polarisation; left out, any is drawn per mission."""
+    """Direction of the linear polarisation; by default drawn per mission."""
     burst_s: Annotated[float, Field(ge=0.0, le=1e-3), PLAIN_ZERO] = 0.0
-    """Length of each burst of a carrier in the band, as from a switch or a radar; 0 for impulses like discharges."""
-    moves_to_m: tuple[FarCoordinate, FarCoordinate, FarHeight] | None = None
-    """Where it turns back, if it moves, as traffic outside: it travels to and fro between `position_m`, where it is
-    when the mission begins, and this point, on the straight line."""
+    """Length of each burst of an in-band carrier, as from a switch or a radar; 0 for impulses as of discharges."""
+    moves_to_m: FarPosition | None = None
+    """Far end of the path of a moving interferer, such as traffic. It starts at `position_m` and travels to and fro."""
     speed_mps: Annotated[float, Field(ge=1e-3, le=1000.0)] | None = None
 
     @model_validator(mode="after")
-    def _moves_or_stands(self) -> Self:
+    def _check_path(self) -> Self:
         if (self.moves_to_m is None) != (self.speed_mps is None):
-            given = "speed_mps" if self.moves_to_m is None else "moves_to_m"
-            raise ValueError(f"moves_to_m, speed_mps: only {given} given; allowed is both or neither")
-        if self.moves_to_m is not None and dist(self.position_m, self.moves_to_m) < LEAST_WAY_M:
-            raise ValueError(f"moves_to_m: got {self.moves_to_m}, which is position_m; allowed is another place")
+            raise ValueError("moves_to_m, speed_mps: must be given together")
+        if self.moves_to_m is not None and dist(self.position_m, self.moves_to_m) < 1e-3:
+            raise ValueError(f"moves_to_m: must differ from position_m, got {self.moves_to_m}")
         return self
 
 
 class CarrierConfig(Config, frozen=True):
-    """A narrowband transmitter far away, such as the 948 MHz that the Dir-MUSIC paper met; on all the time."""
+    """A distant narrowband transmitter that is always on, such as the one at 948 MHz in the Dir-MUSIC paper."""
 
     name: Name
     frequency_hz: Hertz = 948e6
     amplitude_v: Volt
     """Peak in a unit-gain channel at the array, before the band-pass."""
     bearing_deg: Degree
-    """Direction it comes from, counter-clockwise from x (east)."""
+    """Direction towards the transmitter, counter-clockwise from x (east)."""

@@ -1,9 +1,8 @@
-"""The suite: yards that are frozen, so that what two versions of the code make of them can be compared.
+"""The suite: frozen yards on which versions of the code are compared.
 
-`envs/scenarios/suite` holds a public part, for development, and a test part, to be looked at seldom, each with a folder
-for every level and in it a file for every yard. A file holds all that a mission meets: yard, map, sources, errors,
-receiver, robot and task. What is tested is not in them: estimator and locating are as the code has them, or as a sweep
-sets them.
+`envs/scenarios/suite` holds a public part for development and a test part that should be used rarely. Each part has a
+folder per level with one file per yard. A file fixes yard, map, sources, errors, receiver, robot and task. Estimator
+and Locator are what is tested: they have the defaults of the code or the settings of a sweep.
 """
 
 from __future__ import annotations
@@ -18,18 +17,16 @@ from typing import Any, NamedTuple
 from pdpatrol.envs.scenario.base import ScenarioError
 
 SUITE = Path(__file__).parents[1] / "scenarios" / "suite"
-PREFIX = "suite"
-PARTS = ("public", "test")
 
 
 class Suite(NamedTuple):
-    """What the suite consists of.
+    """Index of the suite.
 
     Attributes:
-        version: Changes when yards, sources, errors or seeds do.
-        checksum: SHA-256 of the names and contents of all its files, in hexadecimal digits.
-        levels: What each level is about, by name, in order.
-        seeds: Of the missions in each yard of a part, by the name of the part.
+        version: Number that changes with the yards, sources, errors or seeds.
+        checksum: SHA-256 of the names and contents of all files, in hexadecimal digits.
+        levels: Description of each level by name, in order.
+        seeds: Seeds of the missions in each yard, by part.
     """
 
     version: int
@@ -39,7 +36,7 @@ class Suite(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Version and the beginning of the checksum: what a result says that it was measured on."""
+        """Version and beginning of the checksum, which results record."""
         return f"{self.version}:{self.checksum[:12]}"
 
 
@@ -47,9 +44,9 @@ class SuiteYard(NamedTuple):
     """A yard of the suite.
 
     Attributes:
-        level: The level that it belongs to.
+        level: Level of the yard.
         part: `public` or `test`.
-        path: Its file.
+        path: Scenario file.
     """
 
     level: str
@@ -58,60 +55,60 @@ class SuiteYard(NamedTuple):
 
     @property
     def name(self) -> str:
-        """As a command takes it: `suite/weak_03`."""
-        return f"{PREFIX}/{self.path.stem}"
+        """Name on the command line, such as `suite/weak_03`."""
+        return f"suite/{self.path.stem}"
 
 
 @cache
 def load_suite() -> Suite:
-    """The suite as it is shipped."""
+    """Load the index of the suite."""
     index: dict[str, Any] = tomllib.loads((SUITE / "suite.toml").read_text(encoding="utf-8"))
     seeds = {part: range(first, last + 1) for part, (first, last) in index["seeds"].items()}
     return Suite(index["version"], checksum(), index["levels"], seeds)
 
 
 def checksum() -> str:
-    """SHA-256 of the names and contents of all yards, in hexadecimal digits."""
-    whole = hashlib.sha256()
+    """Return the SHA-256 of the names and contents of all yards, in hexadecimal digits."""
+    digest = hashlib.sha256()
     for yard in suite_yards():
-        whole.update(f"{yard.part}/{yard.path.name}\n".encode() + yard.path.read_bytes())
-    return whole.hexdigest()
+        digest.update(f"{yard.part}/{yard.path.name}\n".encode() + yard.path.read_bytes())
+    return digest.hexdigest()
 
 
 @cache
 def suite_yards() -> tuple[SuiteYard, ...]:
-    """All yards, level by level in the order of the index, the public part of each first."""
+    """List all yards, level by level in the order of the index, the public part of each first."""
     levels = tomllib.loads((SUITE / "suite.toml").read_text(encoding="utf-8"))["levels"]
     return tuple(
         SuiteYard(level, part, path)
         for level in levels
-        for part in PARTS
+        for part in ("public", "test")
         for path in sorted((SUITE / part / level).glob("*.toml"))
     )
 
 
 def choose_yards(name: str) -> tuple[SuiteYard, ...]:
-    """The yards that a name stands for.
+    """List the yards that a name on the command line stands for.
 
     Args:
-        name: `suite` for the public part, `suite/LEVEL` for a level of it, `suite/test` and `suite/test/LEVEL` for the
-            test part, `suite/LEVEL_NUMBER` for one yard of either.
+        name: `suite` for the public part, `suite/LEVEL` for one of its levels, `suite/test` and `suite/test/LEVEL` for
+            the test part, `suite/LEVEL_NUMBER` for one yard of either.
 
     Raises:
-        ScenarioError: If there are none.
+        ScenarioError: If there is no such yard.
     """
-    of_name = [yard for yard in suite_yards() if yard.name == name]
+    single = tuple(yard for yard in suite_yards() if yard.name == name)
     _, *rest = name.split("/")
     part, levels = ("test", rest[1:]) if rest[:1] == ["test"] else ("public", rest)
-    of_part = [yard for yard in suite_yards() if yard.part == part and (not levels or levels == [yard.level])]
-    if not (of_name or of_part):
-        known = ", ".join(f"{PREFIX}/{level}" for level in load_suite().levels)
+    several = tuple(yard for yard in suite_yards() if yard.part == part and levels in ([], [yard.level]))
+    if not (single or several):
+        known = ", ".join(f"suite/{level}" for level in load_suite().levels)
         raise ScenarioError(
-            [f"{name}: no such part of it; known are {PREFIX}, {PREFIX}/test, {known}, or a yard as {PREFIX}/open_01"]
+            [f"{name}: no such part of the suite; known are suite, suite/test, {known}, suite/open_01 and so on"]
         )
-    return tuple(of_name or of_part)
+    return single or several
 
 
 def is_of_suite(name: str) -> bool:
-    """Whether a name, as a command takes it, stands for the suite or a part of it."""
-    return name.split("/")[0] == PREFIX and not name.endswith(".toml")
+    """Return whether a name on the command line stands for the suite or a part of it."""
+    return name.split("/")[0] == "suite" and not name.endswith(".toml")

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.locating.rules import AssignmentRules, CredibilityRules
-from pdpatrol.envs.yard_surroundings import surroundings_of
+from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.missions.campaign.inspection import Inspection, Located
 from pdpatrol.missions.campaign.product_limit import Distribution, product_limit
 from pdpatrol.sensing.radio.sight import Sight

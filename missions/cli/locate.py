@@ -145,7 +145,7 @@ def locate(
 
     from dirmusic import ElementSpread, InputFileError, PoseError, read_pattern
     from dirmusic.array.element_errors import UNEXPLAINED
-    from pdpatrol.envs.scenario.calibration import read_calibration
+    from pdpatrol.envs.scenario.array import read_calibration
     from pdpatrol.missions.field.field_data import read_field_data
     from pdpatrol.missions.field.locate_field_data import array_model, calibrated, locate_field_data, rejections
     from pdpatrol.missions.stopwatch import Stopwatch

@@ -91,9 +91,9 @@ def run(
         timing: Say in a line where the time went.
     """
     from dirmusic import InputFileError
-    from pdpatrol.envs.foreign_code import ForeignCodeError
     from pdpatrol.envs.scenario import ScenarioError, load_scenario
-    from pdpatrol.envs.scenario.calibration import read_calibration
+    from pdpatrol.envs.scenario.array import read_calibration
+    from pdpatrol.envs.user_code import UserCodeError
     from pdpatrol.missions.policies.names import BUILT_IN, load_maker
     from pdpatrol.missions.stopwatch import Stopwatch
 
@@ -113,7 +113,7 @@ def run(
     try:
         if policy not in BUILT_IN:
             load_maker(policy)
-    except ForeignCodeError as error:
+    except UserCodeError as error:
         refuse(str(error))
     with stopwatch.on("loading"):
         from pdpatrol.missions.first_run import compile_at_first_run
@@ -141,7 +141,7 @@ def run(
         try:
             with stopwatch.on("starting"):
                 mission = Mission(loaded, policy, seed, folder)
-        except ForeignCodeError as error:
+        except UserCodeError as error:
             refuse(str(error))
         except ScenarioError as error:
             refuse(*error.faults)

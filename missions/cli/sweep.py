@@ -83,7 +83,7 @@ def sweep(
     if faults:
         refuse(*faults)
     from dirmusic import InputFileError
-    from pdpatrol.envs.foreign_code import ForeignCodeError
+    from pdpatrol.envs.user_code import UserCodeError
     from pdpatrol.missions.policies.names import BUILT_IN, load_maker
     from pdpatrol.missions.sweep.dataset import Dataset
     from pdpatrol.missions.sweep.engines.engine import Limits
@@ -100,7 +100,7 @@ def sweep(
         dataset = Dataset.open_or_make(folder, plan, sys.argv[1:])
     except InputFileError as error:
         refuse(*error.faults)
-    except ForeignCodeError as error:
+    except UserCodeError as error:
         refuse(str(error))
     except OSError as error:
         refuse(f"--out: {error.filename} cannot be written ({error.strerror}); allowed is a folder that can be")

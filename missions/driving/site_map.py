@@ -15,8 +15,7 @@ from scipy.spatial import KDTree
 
 from dirmusic.locating.rules import AssignmentRules
 from pdpatrol.envs import Scenario
-from pdpatrol.envs.known_array import known_array
-from pdpatrol.envs.yard_surroundings import surroundings_of
+from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing.radio.sight import Sight
 
@@ -120,7 +119,7 @@ class SiteMap:
         self.task = scenario.task
         self.antenna_height_m = scenario.array.height_m
         pose_error = scenario.pose_sensor.pose_error
-        self.bearing_std_rad = float(np.hypot(known_array(scenario).bearing_std_rad, pose_error.heading_rad))
+        self.bearing_std_rad = float(np.hypot(scenario.known_array.bearing_std_rad, pose_error.heading_rad))
         self.position_std_m = pose_error.position_m
         self.knows_pattern_above = scenario.array.pattern_error == 0.0
         self.sight = Sight(surroundings_of(self.yard))

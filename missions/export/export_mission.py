@@ -15,7 +15,7 @@ from pyproj import Transformer
 
 from dirmusic.locating.association.assignment import NoOwner
 from dirmusic.locating.ellipse import outline95
-from pdpatrol.envs.scenario.map_section import GeoreferenceConfig
+from pdpatrol.envs.scenario.map import GeoreferenceConfig
 from pdpatrol.missions.atomic_file import atomic_file
 from pdpatrol.missions.export.ros2_recording import OUTLINE_POINTS, write_ros2_recording
 from pdpatrol.missions.record.mission_log import MissionLog

@@ -26,7 +26,7 @@ from dirmusic.bearing.channel_health import ChannelMonitor
 from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
 from dirmusic.locating.rules import CredibilityRules, LocatingRules
 from dirmusic.locating.yard_likelihood import Grid, YardLikelihood
-from pdpatrol.envs.scenario.calibration import ArrayCalibration, CalibratedArray
+from pdpatrol.envs.scenario.array import ArrayCalibration, CalibratedArray
 from pdpatrol.missions.field.field_data import FieldData
 from pdpatrol.missions.record.array_description import describe_array, describe_grid
 from pdpatrol.missions.record.logbook import Logbook
@@ -101,10 +101,10 @@ def calibrated(array: ArrayModel, calibration: ArrayCalibration) -> ArrayModel:
     Raises:
         InputFileError: If the calibration is that of another array.
     """
-    errors = calibration.faults(CalibratedArray.of(array, None))
-    if errors:
-        raise InputFileError([f"--calibration: {error}" for error in errors])
-    return calibration.taken_up_by(array)
+    mismatch = calibration.mismatch(CalibratedArray.of(array, None))
+    if mismatch is not None:
+        raise InputFileError([f"--calibration: {mismatch}"])
+    return calibration.applied_to(array)
 
 
 def locate_field_data(

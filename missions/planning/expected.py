@@ -11,7 +11,6 @@ from dirmusic import ArrayModel, PulseBatch, strength_variance
 from dirmusic.locating.ellipse import ellipse95
 from dirmusic.locating.fitting.joint_fix import expected_covariances
 from pdpatrol.envs import Scenario
-from pdpatrol.envs.known_array import known_array
 from pdpatrol.missions.driving.site_map import LEAST_SIGHT, SiteMap
 from pdpatrol.missions.planning.hearing import Hearing, trigger_peak
 from pdpatrol.missions.planning.tour import Tour
@@ -89,7 +88,7 @@ class Forecast:
     """
 
     def __init__(self, scenario: Scenario, site_map: SiteMap, amplitude_v: float) -> None:
-        self._array = known_array(scenario)
+        self._array = scenario.known_array
         self._receiver = Receiver(scenario.receiver, scenario.array.n_channels)
         self._pose_error = scenario.pose_sensor.pose_error
         self._map = site_map

@@ -23,7 +23,7 @@ def make_policy(name: str, rng: np.random.Generator) -> ReportingPolicy:
         rng: For those that draw.
 
     Raises:
-        ForeignCodeError: If it is not built in and cannot be loaded or made.
+        UserCodeError: If it is not built in and cannot be loaded or made.
     """
     match name:
         case "seek":

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pdpatrol.envs.foreign_code import ForeignCodeError, load_object
+from pdpatrol.envs.user_code import UserCodeError, load_object
 
 BUILT_IN = ("seek", "active", "patrol", "random", "oracle")
 
@@ -22,12 +22,12 @@ def load_maker(name: str) -> Callable[[np.random.Generator], Any]:
         name: `my_file.py:MyPolicy`, relative to the current folder, or `package.module:MyPolicy`.
 
     Raises:
-        ForeignCodeError: If there is none of that name, or loading it raises an exception.
+        UserCodeError: If there is none of that name, or loading it raises an exception.
     """
     if ":" not in name:
         known = ", ".join(BUILT_IN)
-        raise ForeignCodeError(f"{name}: no such policy; expected {known}, or my_file.py:MyPolicy for your own")
+        raise UserCodeError(f"{name}: no such policy; expected {known}, or my_file.py:MyPolicy for your own")
     maker = load_object(name, Path(), MAKER)
     if not callable(maker):
-        raise ForeignCodeError(f"{name}: is of type {type(maker).__name__}; expected {MAKER}")
+        raise UserCodeError(f"{name}: is of type {type(maker).__name__}; expected {MAKER}")
     return maker

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from dirmusic import Finding
-from pdpatrol.envs.foreign_code import ForeignCodeError, calling, place_of
 from pdpatrol.envs.patrol_env import Observation
+from pdpatrol.envs.user_code import UserCodeError, calling, place_of
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.policies.names import MAKER
 from pdpatrol.missions.policies.protocol import ACTION, Action, SeesTruth, checked_action, status_of
@@ -26,7 +26,7 @@ class OwnPolicy:
         rng: The policy's own.
 
     Raises:
-        ForeignCodeError: If the policy cannot be made; by a call, if it raises an exception or returns no action.
+        UserCodeError: If the policy cannot be made; by a call, if it raises an exception or returns no action.
     """
 
     def __init__(self, maker: Callable[[np.random.Generator], Any], rng: np.random.Generator) -> None:
@@ -35,7 +35,7 @@ class OwnPolicy:
             self._policy = maker(rng)
             if not callable(self._policy):
                 made = type(self._policy).__name__
-                raise ForeignCodeError(f"{place_of(maker)}: makes an object of type {made}; expected {POLICY}")
+                raise UserCodeError(f"{place_of(maker)}: makes an object of type {made}; expected {POLICY}")
             self.phase, self.unreachable = status_of(self._policy)
 
     def reveal(self, truth: dict[str, Any]) -> None:

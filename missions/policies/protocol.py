@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic import Finding
-from pdpatrol.envs.foreign_code import ForeignCodeError, calling, place_of
 from pdpatrol.envs.patrol_env import Observation
+from pdpatrol.envs.user_code import UserCodeError, calling, place_of
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.record.events import Phase
 
@@ -97,16 +97,16 @@ def status_of(policy: object) -> PolicyStatus:
     """The status of any policy, with defaults for what it does not report.
 
     Raises:
-        ForeignCodeError: If an attribute is of a wrong type.
+        UserCodeError: If an attribute is of a wrong type.
     """
     name = getattr(policy, "__name__", type(policy).__name__)
     phase, unreachable = getattr(policy, "phase", name), getattr(policy, "unreachable", ())
     if not isinstance(phase, (str, Phase)):
-        raise ForeignCodeError(f"{place_of(policy)}: its `phase` is {_short(phase)}; expected a word or two")
+        raise UserCodeError(f"{place_of(policy)}: its `phase` is {_short(phase)}; expected a word or two")
     try:
         numbers = tuple(operator.index(number) for number in unreachable)
     except TypeError:
-        raise ForeignCodeError(
+        raise UserCodeError(
             f"{place_of(policy)}: its `unreachable` is {_short(unreachable)}; expected numbers of waypoints"
         ) from None
     return PolicyStatus(phase if isinstance(phase, Phase) else Phase(phase), numbers)
@@ -116,14 +116,14 @@ def checked_action(action: object, policy: object) -> Action | None:
     """What a policy returned, as an action of its own memory, shape (2,), or None.
 
     Raises:
-        ForeignCodeError: If it is neither two finite numbers in [-1, 1] nor None.
+        UserCodeError: If it is neither two finite numbers in [-1, 1] nor None.
     """
     if action is None:
         return None
     with calling(policy, ACTION):
         values = np.array(action)
     if values.shape != (2,) or values.dtype.kind not in "iuf" or not (np.abs(values) <= 1.0).all():
-        raise ForeignCodeError(f"{place_of(policy)}: returned {_short(action)}; expected {ACTION}")
+        raise UserCodeError(f"{place_of(policy)}: returned {_short(action)}; expected {ACTION}")
     return values.astype(np.float32)
 
 

@@ -11,7 +11,7 @@ from dirmusic import ArrayModel, Finding, PoseError, PulseBatch
 from dirmusic.locating.association.assignment import NoOwner
 from dirmusic.locating.association.sight_lines import Sight
 from dirmusic.locating.rules import LocatingRules
-from pdpatrol.envs.foreign_code import ForeignCodeError, calling, load_object, place_of
+from pdpatrol.envs.user_code import UserCodeError, calling, load_object, place_of
 
 FloatArray = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ class OwnLocator:
         sight: What the map of the yard obstructs; None where there is no map.
 
     Raises:
-        ForeignCodeError: If it cannot be loaded or made; by any call, if it raises or breaks the contract.
+        UserCodeError: If it cannot be loaded or made; by any call, if it raises or breaks the contract.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class OwnLocator:
             self._locator: Any = definition(array, pose_error, fence_m=fence_m, rules=rules, sight=sight)
         missing = [method for method in ("update", "refit", "association") if not hasattr(self._locator, method)]
         if missing:
-            raise ForeignCodeError(f"{place_of(definition)}: has no {', '.join(missing)}; expected {LOCATOR}")
+            raise UserCodeError(f"{place_of(definition)}: has no {', '.join(missing)}; expected {LOCATOR}")
         self._findings: tuple[Finding, ...] = ()
         self._n_given = 0
 
@@ -77,18 +77,18 @@ class OwnLocator:
             association = np.asarray(self._locator.association())
         if association.shape != (self._n_given,) or not np.issubdtype(association.dtype, np.integer):
             came = f"{association.dtype} of shape {association.shape}"
-            raise ForeignCodeError(f"{place_of(self._locator)}: association gave {came}; expected {expected}")
+            raise UserCodeError(f"{place_of(self._locator)}: association gave {came}; expected {expected}")
         strange = association[~np.isin(association, known)]
         if strange.size:
-            raise ForeignCodeError(f"{place_of(self._locator)}: association gave {strange[0]}; expected {expected}")
+            raise UserCodeError(f"{place_of(self._locator)}: association gave {strange[0]}; expected {expected}")
         return association
 
     def _accept(self, findings: Any) -> tuple[Finding, ...]:  # noqa: ANN401 - whatever foreign code returns
         if findings is not self._findings:
             if not isinstance(findings, tuple) or not all(isinstance(finding, Finding) for finding in findings):
-                raise ForeignCodeError(f"{place_of(self._locator)}: gave {findings!r:.80}; expected {FINDINGS}")
+                raise UserCodeError(f"{place_of(self._locator)}: gave {findings!r:.80}; expected {FINDINGS}")
             ids = [finding.id for finding in findings]
             if len(set(ids)) < len(ids):
-                raise ForeignCodeError(f"{place_of(self._locator)}: gave the ids {ids}; expected {FINDINGS}")
+                raise UserCodeError(f"{place_of(self._locator)}: gave the ids {ids}; expected {FINDINGS}")
             self._findings = findings
         return self._findings

@@ -12,7 +12,7 @@ from dirmusic.locating.credibility import MethodDeviation, is_credible
 from dirmusic.locating.protocol import LocatorProtocol
 from dirmusic.locating.rules import CredibilityRules
 from dirmusic.locating.yard_likelihood import YardLikelihood
-from pdpatrol.envs.scenario.calibration import ArrayCalibration, CalibratedArray
+from pdpatrol.envs.scenario.array import ArrayCalibration, CalibratedArray
 
 FloatArray = NDArray[np.float64]
 

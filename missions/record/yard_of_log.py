@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from pdpatrol.envs.scenario.map_section import MapConfig
+from pdpatrol.envs.scenario.map import MapConfig
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.robot_models.yard.yard import Yard
 

@@ -9,7 +9,7 @@ import numpy as np
 from dirmusic import InputFileError
 from dirmusic.angles import aperture
 from pdpatrol.envs.scenario.locating import LocatingConfig
-from pdpatrol.envs.yard_surroundings import surroundings_of
+from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.missions.driving.site_map import LEAST_SIGHT
 from pdpatrol.missions.planning.hearing import AMPLITUDE_V, MARGIN_DB, StraightPaths
 from pdpatrol.missions.record.mission_log import MissionLog

@@ -9,7 +9,7 @@ import jsonschema
 import pytest
 
 from pdpatrol.envs.scenario import ScenarioError, load_scenario
-from pdpatrol.envs.scenario_schema import scenario_schema, schema_text
+from pdpatrol.envs.scenario.loader import scenario_schema, schema_text
 from tests.docs.site import ROOT
 
 PUBLISHED = ROOT / "docs" / "schemas" / "scenario.schema.json"

@@ -7,7 +7,7 @@ from dirmusic.angles import difference, wrap
 from dirmusic.kernels import wrapped
 from pdpatrol.envs.core.motion import N_DRAWS, Motion, SensorParameters, StepInputs, move
 from pdpatrol.envs.patrol_env import PatrolEnv
-from pdpatrol.envs.scenario.robot_sensors import BatteryConfig, OdometryConfig, PoseSensorConfig
+from pdpatrol.envs.scenario.robot import BatteryConfig, OdometryConfig, PoseSensorConfig
 from pdpatrol.robot_models.readings import MOTOR_POWER, POSE, WHEEL_ANGLES
 
 PERFECT = OdometryConfig(wheel_radius_error=0.0, gyro_bias_deg_per_min=0.0, gyro_noise_deg_per_sqrt_min=0.0)

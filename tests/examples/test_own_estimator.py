@@ -12,7 +12,7 @@ import pytest
 from dirmusic import ArrayModel, ElementSpread, GainManifold, PulseBatch
 from dirmusic.angles import difference
 from pdpatrol.envs import load_scenario
-from pdpatrol.envs.core.own_estimator import make_estimator
+from pdpatrol.envs.user_code import make_estimator
 
 pytestmark = pytest.mark.whole
 

@@ -12,7 +12,7 @@ from dirmusic import Finding
 from pdpatrol.envs import Scenario
 from pdpatrol.envs.patrol_env import STEP_S, Observation, PatrolEnv
 from pdpatrol.envs.random_yard import random_yard
-from pdpatrol.envs.scenario.robot_config import RobotConfig
+from pdpatrol.envs.scenario.robot import RobotConfig
 from pdpatrol.missions.driving.collision_guard import CollisionGuard
 from pdpatrol.missions.driving.lidar_stop import STOP_M, free_way, safe_speed, way_m
 from pdpatrol.missions.driving.path_follower import PathFollower

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from pdpatrol.envs import load_scenario
-from pdpatrol.envs.foreign_code import ForeignCodeError
 from pdpatrol.envs.scenario import SHIPPED
+from pdpatrol.envs.user_code import UserCodeError
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.runner import Mission, run_mission
@@ -77,7 +77,7 @@ def test_a_locator_derived_from_the_built_in_one_finds_what_that_finds(tmp_path:
 def test_an_own_locator_gets_the_rules_that_the_scenario_sets(tmp_path: Path) -> None:
     code = GOOD.replace("self.findings, self.n = (), 0", "raise ValueError(f'merge {rules.merge_m}, fence {fence_m}')")
     table = 'locator = "mine.py:Mine"\nmerge_m = 3.5'
-    with pytest.raises(ForeignCodeError, match=r"mine\.py:7: ValueError: merge 3\.5, fence \(40\.0, 30\.0\)"):
+    with pytest.raises(UserCodeError, match=r"mine\.py:7: ValueError: merge 3\.5, fence \(40\.0, 30\.0\)"):
         Mission(load_scenario(scenario_with(tmp_path, code, table)), "patrol", 0)
 
 
@@ -117,7 +117,7 @@ def test_what_is_no_locator_is_refused_before_the_start(tmp_path: Path) -> None:
         (GOOD.replace("class Mine", "class Yours"), r"no `Mine` in it; it has Yours"),
         (GOOD.replace("fence_m, rules", "rules"), r"mine\.py:5: TypeError.*fence_m"),
     ):
-        with pytest.raises(ForeignCodeError, match=told):
+        with pytest.raises(UserCodeError, match=told):
             Mission(load_scenario(scenario_with(tmp_path, code)), "patrol", 0)
 
 

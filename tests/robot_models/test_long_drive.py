@@ -6,7 +6,7 @@ import pytest
 
 from pdpatrol.envs import load_scenario
 from pdpatrol.envs.patrol_env import STEP_S, PatrolEnv
-from pdpatrol.envs.scenario.robot_config import RobotConfig
+from pdpatrol.envs.scenario.robot import RobotConfig
 
 
 def drive_at_random(minutes: float, seed: int, robot: str = "inspector") -> set[str]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pdpatrol.envs import load_scenario, shipped_scenarios
-from pdpatrol.envs.yard_surroundings import surroundings_of
+from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.sensing import DischargeSource, HelicalArray, ReceiverConfig, Scene
 from pdpatrol.sensing.receiver.bank import listen_once
 from pdpatrol.sensing.receiver.receiver import BURST_ECHOES, Receiver

@@ -79,7 +79,7 @@ def write_mission(log: MissionLog, wall_time_s: float, folder: Path) -> Report:
 
 
 def _write_files(log: MissionLog, wall_time_s: float, folder: Path) -> Report:
-    from pdpatrol.envs.scenario.calibration import restore_calibration
+    from pdpatrol.envs.scenario.array import restore_calibration
     from pdpatrol.missions.recording import write_recording
 
     log.save(folder)

@@ -18,10 +18,9 @@ from pdpatrol.envs.core.arguments import Fixed
 from pdpatrol.envs.core.episode import Episode
 from pdpatrol.envs.core.generators import Generators
 from pdpatrol.envs.core.motion import SensorParameters, add_pose_error
-from pdpatrol.envs.core.own_estimator import make_estimator
 from pdpatrol.envs.core.simulation import STEP_S
-from pdpatrol.envs.known_array import known_array
-from pdpatrol.envs.yard_surroundings import surroundings_of
+from pdpatrol.envs.scenario.radio import surroundings_of
+from pdpatrol.envs.user_code import make_estimator
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import HelicalArray, Surroundings, level_transform
 from pdpatrol.sensing.receiver.bank import ReceiverBank
@@ -77,7 +76,7 @@ def draw_case(seed: int, n_sources: int = 1, *, is_exact: bool = False) -> Case:
     names = [source.name for source in scenario.sources]
     fixed = Fixed(None, dict(zip(names, sources_m, strict=True)))
     episode = Episode.draw(scenario, surroundings, generators, fixed)
-    array = known_array(scenario)
+    array = scenario.known_array
     if is_exact:
         array = replace(array, spread=ElementSpread())
     bank = ReceiverBank(

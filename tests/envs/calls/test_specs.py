@@ -159,4 +159,4 @@ def test_faults_of_plain_data_are_all_named() -> None:
     data["task"]["standoff_m"], data["battery"]["idle_w"] = -1.0, "much"
     with pytest.raises(ScenarioError) as raised:
         PatrolEnv(data)
-    assert [fault.split(": ")[1] for fault in str(raised.value).splitlines()] == ["battery.idle_w", "task.standoff_m"]
+    assert [fault.split(": ")[0] for fault in str(raised.value).splitlines()] == ["battery.idle_w", "task.standoff_m"]

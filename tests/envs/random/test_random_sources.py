@@ -6,7 +6,7 @@ import pytest
 from dirmusic.angles import aperture
 from pdpatrol.envs.random_sources import AIR_M, OFF_SITE_M, SEEN_FROM_M, place_off_sites, random_source
 from pdpatrol.envs.random_yard import random_yard
-from pdpatrol.envs.yard_surroundings import surroundings_of
+from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing.radio.sight import Sight
 

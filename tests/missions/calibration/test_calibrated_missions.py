@@ -8,7 +8,7 @@ import pytest
 
 from dirmusic.locating.ellipse import ellipse95
 from pdpatrol.envs import Scenario, load_scenario
-from pdpatrol.envs.scenario.calibration import ArrayCalibration, restore_calibration
+from pdpatrol.envs.scenario.array import ArrayCalibration, restore_calibration
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.runner import run_mission

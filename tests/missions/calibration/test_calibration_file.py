@@ -14,9 +14,8 @@ from dirmusic import InputFileError
 from dirmusic.array.element_errors import DRIFT, EstimatedErrors
 from dirmusic.locating.locator import Learned
 from pdpatrol.envs import Scenario, load_scenario
-from pdpatrol.envs.known_array import known_array
 from pdpatrol.envs.scenario import ScenarioError, restore_scenario
-from pdpatrol.envs.scenario.calibration import ArrayCalibration, CalibratedArray, read_calibration
+from pdpatrol.envs.scenario.array import ArrayCalibration, CalibratedArray, read_calibration
 
 ROOT = Path(__file__).parents[3]
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
@@ -32,7 +31,7 @@ def calibration_of(scenario: Scenario, before: ArrayCalibration | None = None) -
     rng, n = np.random.default_rng(1), scenario.array.n_channels
     root = rng.normal(0.0, 0.01, (2 * n, 2 * n))
     errors = EstimatedErrors.of_states(rng.normal(0.0, 0.03, 2 * n), root @ root.T, n)
-    array = CalibratedArray.of(known_array(scenario), scenario.array.serial_number)
+    array = CalibratedArray.of(scenario.known_array, scenario.array.serial_number)
     return ArrayCalibration.after('yard "north", seed 1', Learned(errors, 160), array, before)
 
 
@@ -61,7 +60,7 @@ def test_each_mission_adds_itself_and_its_pulses_to_those_before(file: Path) -> 
 
 def test_a_scenario_takes_it_up_with_what_may_have_drifted(file: Path) -> None:
     scenario = load_scenario("one_source", {**NUMBER, "locating.calibration": str(file)})
-    array, learned = known_array(scenario), read_calibration(file).errors.estimated()
+    array, learned = scenario.known_array, read_calibration(file).errors.estimated()
     assert array.errors is not None
     np.testing.assert_array_equal(array.errors.state, learned.state)
     drift = np.square(DRIFT * np.repeat([0.05, np.radians(2.0), 0.0], 6))
@@ -110,21 +109,27 @@ def test_a_scenario_that_has_another_array_for_each_mission_takes_none(file: Pat
     with pytest.raises(ScenarioError) as caught:
         load_scenario("one_source", {"locating.calibration": str(file)})
     (line,) = caught.value.faults
-    assert "array.serial_number: none with a calibration" in line
+    assert "array.serial_number: is required with a calibration" in line
 
 
 DAMAGES = {
-    "cut off": (lambda text: text[: len(text) // 2], "not TOML"),
-    "another format": (lambda text: text.replace("calibration 1", "calibration 2"), "format: got"),
-    "no format": (lambda text: text.replace("format = ", "form = "), "format: got"),
+    "cut off": (lambda text: text[: len(text) // 2], "not valid TOML"),
+    "another format": (lambda text: text.replace("calibration 1", "calibration 2"), "format: must be"),
+    "no format": (lambda text: text.replace("format = ", "form = "), "format: is required"),
     "a key more": (lambda text: text.replace("n_missions", "colour = 1\nn_missions"), "colour: unknown key"),
-    "a key less": (lambda text: text.replace("n_missions = 1\n", ""), "n_missions: missing"),
-    "no number": (lambda text: text.replace("n_pulses = 160", "n_pulses = 0"), "n_pulses: got 0"),
-    "not a number": (lambda text: text.replace("\noffset = [0.0,", "\noffset = [nan,"), "errors.offset.0: got nan"),
-    "an element less": (lambda text: text.replace("\noffset = [0.0, ", "\noffset = ["), "errors.offset: got 5 numbers"),
-    "a row less": (lambda text: text.replace("  [", "  # [", 1), "errors.covariance: allowed are 18 rows"),
-    "no covariance": (lambda text: text.replace("  [", "  [-", 1), "errors.covariance: has the eigenvalue"),
-    "no text": (lambda text: "\ufffe" + text, "not TOML"),
+    "a key less": (lambda text: text.replace("n_missions = 1\n", ""), "n_missions: is required"),
+    "no number": (lambda text: text.replace("n_pulses = 160", "n_pulses = 0"), "n_pulses: must be"),
+    "not a number": (
+        lambda text: text.replace("\noffset = [0.0,", "\noffset = [nan,"),
+        "errors.offset.0: must be a finite number, got nan",
+    ),
+    "an element less": (
+        lambda text: text.replace("\noffset = [0.0, ", "\noffset = ["),
+        "errors.offset: must have 6 numbers",
+    ),
+    "a row less": (lambda text: text.replace("  [", "  # [", 1), "errors.covariance: must have 18 rows"),
+    "no covariance": (lambda text: text.replace("  [", "  [-", 1), "errors.covariance: must be positive semi-definite"),
+    "no text": (lambda text: "\ufffe" + text, "not valid TOML"),
 }
 
 
@@ -180,5 +185,5 @@ def test_field_data_leave_a_calibration_that_the_next_ones_take_up(tmp_path: Pat
 
 
 def test_an_array_without_an_element_is_another_array(file: Path) -> None:
-    array = known_array(load_scenario("one_source", NUMBER)).take(range(5))
-    assert read_calibration(file).faults(CalibratedArray.of(replace(array, errors=None), 7))
+    array = load_scenario("one_source", NUMBER).known_array.take(range(5))
+    assert read_calibration(file).mismatch(CalibratedArray.of(replace(array, errors=None), 7))

@@ -15,7 +15,7 @@ from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
 
 from pdpatrol.envs import load_scenario
-from pdpatrol.envs.scenario.map_section import GeoreferenceConfig
+from pdpatrol.envs.scenario.map import GeoreferenceConfig
 from pdpatrol.missions.export.export_mission import export_mission, longitude_latitude
 from pdpatrol.missions.export.ros2_recording import write_ros2_recording
 from pdpatrol.missions.record.mission_log import MissionLog

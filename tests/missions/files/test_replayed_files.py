@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from dirmusic import InputFileError
-from pdpatrol.envs.scenario.calibration import read_calibration
+from pdpatrol.envs.scenario.array import read_calibration
 from pdpatrol.missions.field.field_data import read_field_data
 from pdpatrol.missions.field.locate_field_data import array_model, locate_field_data
 from pdpatrol.missions.record.mission_log import MissionLog

@@ -7,13 +7,12 @@ from dirmusic import ArrayModel, PulseBatch
 from dirmusic.angles import wrap
 from dirmusic.locating.fitting.joint_fix import expected_covariances, locate_jointly
 from pdpatrol.envs import load_scenario
-from pdpatrol.envs.known_array import known_array
 from pdpatrol.missions.planning.expected import Forecast, received, views_along
 from pdpatrol.missions.planning.tour import Tour
 from tests.missions.planning.one_plan import FloatArray, plan_of
 
 SCENARIO = load_scenario("one_source")
-ARRAY, POSE_ERROR = known_array(SCENARIO), SCENARIO.pose_sensor.pose_error
+ARRAY, POSE_ERROR = SCENARIO.known_array, SCENARIO.pose_sensor.pose_error
 TARGET_M = np.array([14.0, 12.0, 1.8])
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dirmusic.angles import aperture
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.random_yard import random_yard
-from pdpatrol.envs.scenario.map_section import MapConfig
+from pdpatrol.envs.scenario.map import MapConfig
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.planning.hearing import hear
 from pdpatrol.missions.planning.plan import Plan, make_plan

@@ -60,7 +60,9 @@ def test_random_yards_take_a_planned_route() -> None:
 
 
 def test_the_environment_alone_refuses_a_route_that_is_still_to_be_planned() -> None:
-    with pytest.raises(ValueError, match=r'^route.waypoints_m: got "planned"[^\n]*pdpatrol plan[^\n]*$'):
+    with pytest.raises(
+        ValueError, match=r'^route.waypoints_m: must be points, got "planned"[^\n]*pdpatrol plan[^\n]*$'
+    ):
         PatrolEnv(to_be_planned(load_scenario("one_source")))
 
 
@@ -73,7 +75,7 @@ def test_where_nothing_is_heard_a_route_cannot_be_planned() -> None:
 @pytest.mark.parametrize(
     ("waypoints", "fault"),
     [
-        ('"by luck"', "route.waypoints_m: got 'by luck'; input should be 'planned'"),
+        ('"by luck"', "route.waypoints_m: must be 'planned', got 'by luck'"),
         ("[[1.0]]", "route.waypoints_m.0.1"),
     ],
 )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pdpatrol.envs import Scenario, load_scenario
-from pdpatrol.envs.foreign_code import ForeignCodeError
+from pdpatrol.envs.user_code import UserCodeError
 from pdpatrol.missions.driving.collision_guard import CollisionGuard
 from pdpatrol.missions.policies.make_policy import make_policy
 from pdpatrol.missions.policies.names import BUILT_IN
@@ -125,7 +125,7 @@ def short(time_limit_s: float = 3.0) -> Scenario:
     return scenario.model_copy(update={"task": scenario.task.model_copy(update={"time_limit_s": time_limit_s})})
 
 
-def says(error: ForeignCodeError | None, told: str, name: str, path: Path) -> bool:
+def says(error: UserCodeError | None, told: str, name: str, path: Path) -> bool:
     """Whether an error is one line that begins so, with the line of the file that is marked with the policy's name."""
     (line,) = str(error).splitlines()
     marked = [n for n, text in enumerate(path.read_text().splitlines(), start=1) if text.endswith(f"# at {name}")]
@@ -175,7 +175,7 @@ def test_a_policy_that_fails_under_way_ends_the_mission_with_a_whole_log(
     ],
 )
 def test_a_policy_that_cannot_be_made_starts_no_mission(name: str, told: str, file: Path) -> None:
-    with pytest.raises(ForeignCodeError) as refused:
+    with pytest.raises(UserCodeError) as refused:
         Mission(short(), f"{file}:{name}", 0)
     assert says(refused.value, told, name, file), refused.value
 
@@ -183,9 +183,7 @@ def test_a_policy_that_cannot_be_made_starts_no_mission(name: str, told: str, fi
 def test_every_built_in_name_makes_a_policy_and_no_other_name_does() -> None:
     for name in BUILT_IN:
         assert callable(make_policy(name, np.random.default_rng(0)))
-    with pytest.raises(
-        ForeignCodeError, match="magic: no such policy; expected seek, active, patrol, random, oracle, or"
-    ):
+    with pytest.raises(UserCodeError, match="magic: no such policy; expected seek, active, patrol, random, oracle, or"):
         make_policy("magic", np.random.default_rng(0))
 
 
@@ -238,7 +236,7 @@ def test_an_error_of_other_foreign_code_in_a_step_ends_the_mission_as_well(monke
     mission = Mission(short(), "patrol", 0)
 
     def failing(action: object) -> None:
-        raise ForeignCodeError("estimator.py:3: returned NaN")
+        raise UserCodeError("estimator.py:3: returned NaN")
 
     for _ in range(5):
         mission.step()

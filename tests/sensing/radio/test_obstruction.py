@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pdpatrol.envs.random_yard import random_yard
-from pdpatrol.envs.yard_surroundings import surroundings_of
+from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.robot_models.description.library import load_robot
 from pdpatrol.robot_models.world import build_spec
 from pdpatrol.robot_models.yard.pieces import BoxEquipment, CylinderEquipment

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from pdpatrol.envs import Scenario, ScenarioError, load_scenario
-from pdpatrol.envs.foreign_code import ForeignCodeError
 from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.envs.scenario import SHIPPED
+from pdpatrol.envs.user_code import UserCodeError
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.runner import run_mission
 
@@ -77,7 +77,7 @@ def test_an_estimator_that_cannot_work_is_refused_before_the_start(
     broken: str, line: int, named: str, tmp_path: Path
 ) -> None:
     code = GOOD.replace("return found._replace(std_rad=np.hypot(found.std_rad, 0.3))", broken)
-    with pytest.raises(ForeignCodeError) as error:
+    with pytest.raises(UserCodeError) as error:
         PatrolEnv(bench_with(tmp_path, code))
     told = str(error.value)
     assert f"mine.py:{line}" in told or "mine.py:5" in told
@@ -86,11 +86,11 @@ def test_an_estimator_that_cannot_work_is_refused_before_the_start(
 
 
 def test_no_such_name_and_no_such_estimator_are_refused_with_what_there_is(tmp_path: Path) -> None:
-    with pytest.raises(ForeignCodeError, match="it has Mine"):
+    with pytest.raises(UserCodeError, match="it has Mine"):
         PatrolEnv(load_scenario(scenario_with(tmp_path, GOOD, "Yours")))
     file = scenario_with(tmp_path, GOOD)
     file.write_text(file.read_text(encoding="utf-8").replace("mine.py:Mine", "mine"), encoding="utf-8")
-    with pytest.raises(ScenarioError, match=r"estimator\.method: no estimator `mine`; allowed are maximum_likelihood"):
+    with pytest.raises(ScenarioError, match=r"estimator\.method: no estimator `mine`; known are maximum_likelihood"):
         load_scenario(file)
 
 

@@ -1,0 +1,29 @@
+"""Radio propagation: its settings, and the reflecting and obstructing surfaces of a yard."""
+
+from __future__ import annotations
+
+from pdpatrol.envs.scenario.base import Config
+from pdpatrol.robot_models.yard.yard import Yard
+from pdpatrol.sensing import Faces, Solids, Surroundings
+
+
+class RadioConfig(Config, frozen=True):
+    """Settings of the propagation model."""
+
+    second_order: bool = False
+    """Also trace waves that two walls reflect in turn. They are late and weak, and take time to compute. Waves that the
+    ground and one wall reflect are always traced."""
+
+
+def surroundings_of(yard: Yard, *, second_order: bool = False) -> Surroundings:
+    """Return the faces and solids of all equipment with the material of each kind.
+
+    Args:
+        yard: The yard, or what a map shows of it.
+        second_order: Whether to trace reflections from two walls in turn.
+    """
+    return Surroundings.of_kinds(
+        [item.kind for item in yard.equipment],
+        Faces(**yard.faces()._asdict()),
+        Solids(**yard.obstacles()._asdict()),
+    )._replace(by_two_walls=second_order)

@@ -1,0 +1,94 @@
+"""Tables of the robot: its model, and its pose sensor, odometry, lidar and battery."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+from math import radians
+from typing import Annotated, Self
+
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from dirmusic import PoseError
+from pdpatrol.envs.scenario.base import Config, resolve_path
+from pdpatrol.robot_models.description.library import is_path, load_robot
+from pdpatrol.robot_models.description.robot_description import RobotDescription, RobotFileError
+from pdpatrol.sensing.quantities import PLAIN_ZERO, FilePath, Share
+
+MetreError = Annotated[float, Field(ge=0.0, le=10.0), PLAIN_ZERO]
+DegreeError = Annotated[float, Field(ge=0.0, le=180.0), PLAIN_ZERO]
+GyroError = Annotated[float, Field(ge=0.0, le=3600.0), PLAIN_ZERO]
+"""Degrees per minute, or per square root of a minute."""
+
+
+class RobotConfig(Config, frozen=True):
+    """Robot by the name of a shipped one or the path of an MJCF file."""
+
+    model: FilePath = "inspector"
+    """Relative paths start at the scenario file."""
+    max_speed_mps: Annotated[float, Field(ge=0.01, le=10.0)] | None = None
+    """Greatest commanded speed; by default the limit of the robot."""
+
+    @field_validator("model")
+    @classmethod
+    def _resolve_model(cls, model: str, info: ValidationInfo) -> str:
+        return resolve_path(model, info) if is_path(model) else model
+
+    @model_validator(mode="after")
+    def _check_robot(self) -> Self:
+        try:
+            limit_mps = load_robot(self.model).max_speed_mps
+        except RobotFileError as error:
+            raise ValueError("\n".join(f"model: {fault}" for fault in error.faults)) from None
+        if self.max_speed_mps is not None and self.max_speed_mps > limit_mps:
+            raise ValueError(
+                f"max_speed_mps: must be at most the limit of the robot, {limit_mps:g}, got {self.max_speed_mps:g}"
+            )
+        return self
+
+    @cached_property
+    def description(self) -> RobotDescription:
+        """Dimensions and limits of the robot."""
+        robot = load_robot(self.model)
+        return robot if self.max_speed_mps is None else replace(robot, max_speed_mps=self.max_speed_mps)
+
+
+class PoseSensorConfig(Config, frozen=True):
+    """Standard deviations and correlation time of the pose error. Assumed; typical of lidar localisation in a map."""
+
+    position_std_m: MetreError = 0.05
+    heading_std_deg: DegreeError = 0.5
+    correlation_s: Annotated[float, Field(ge=0.01, le=86_400.0)] = 5.0
+
+    @property
+    def pose_error(self) -> PoseError:
+        """Pose error in the form that the Locator takes."""
+        return PoseError(
+            position_m=self.position_std_m,
+            heading_rad=radians(self.heading_std_deg),
+            correlation_s=self.correlation_s,
+        )
+
+
+class OdometryConfig(Config, frozen=True):
+    """Standard deviations of the odometry errors. Assumed; typical of magnetic encoders and a MEMS gyro."""
+
+    wheel_radius_error: Share = 0.001
+    """Relative error of the wheel radius, drawn once per mission."""
+    gyro_bias_deg_per_min: GyroError = 0.05
+    """Bias after zeroing at the dock, drawn once per mission."""
+    gyro_noise_deg_per_sqrt_min: GyroError = 0.1
+    """Angle random walk."""
+
+
+class LidarConfig(Config, frozen=True):
+    """Standard deviation of a lidar range. Assumed; typical of a small time-of-flight scanner."""
+
+    range_std_m: MetreError = 0.02
+
+
+class BatteryConfig(Config, frozen=True):
+    """Capacity and constant load. Assumed; a 24 V, 20 Ah pack, and a fast digitiser with its computer."""
+
+    capacity_wh: Annotated[float, Field(ge=0.01, le=1e6)] = 480.0
+    idle_w: Annotated[float, Field(ge=0.001, le=1e6)] = 80.0

@@ -1,0 +1,185 @@
+"""Loading and calling of code that users name in a scenario or on the command line."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import inspect
+import os
+import sys
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from dirmusic import ESTIMATORS, ArrayModel, BearingEstimator, Bearings, PulseBatch
+from dirmusic.bearing.estimators import method_std
+
+
+class UserCodeError(Exception):
+    """User code that cannot be loaded, raised an exception, or returned a wrong result.
+
+    The message is one line with file and line number. An exception of the user's code is chained to it as its cause.
+    """
+
+
+def load_object(name: str, folder: str | Path, expected: str) -> Any:  # noqa: ANN401 - whatever has that name
+    """Import a class or function by name.
+
+    Args:
+        name: `my_file.py:Name`, relative to `folder`, or `package.module:Name`, installed or on PYTHONPATH. A file may
+            import others of its folder by `from . import other`.
+        folder: Folder at which relative paths start.
+        expected: What the name should stand for, for error messages.
+
+    Raises:
+        UserCodeError: If the file, module or name does not exist, or its import raises an exception.
+    """
+    place, _, attribute = name.rpartition(":")
+    if not (place and attribute.isidentifier()):
+        raise UserCodeError(f"{name}: must be my_file.py:Name or package.module:Name; expected {expected}")
+    is_file = place.endswith(".py")
+    if is_file:
+        file = (Path(folder) / place).resolve()
+    else:
+        with calling(place, expected):
+            file = Path(getattr(importlib.util.find_spec(place), "origin", None) or place)
+    if is_file and not file.is_file():
+        raise UserCodeError(f"{_relative(file)}: no such file; expected {expected}")
+    with calling(file, expected):
+        module = _import_file(file) if is_file else importlib.import_module(place)
+    if not hasattr(module, attribute):
+        own = [key for key, value in vars(module).items() if getattr(value, "__module__", "") == module.__name__]
+        own = [key for key in own if not key.startswith("_")]
+        raise UserCodeError(
+            f"{_relative(file)}: no `{attribute}` in it; it has "
+            f"{', '.join(own[:20]) or 'no class and no function'}; expected {expected}"
+        )
+    return getattr(module, attribute)
+
+
+def _import_file(file: Path) -> ModuleType:
+    """Import a file as a module of a package that stands for its folder, so that equal names in two folders differ.
+
+    The modules of the package are imported anew when a Python file of the folder has changed.
+    """
+    package = f"user_code_{hashlib.sha256(os.fsencode(file.parent)).hexdigest()[:16]}"
+    stamp = {path.name: (path.stat().st_mtime_ns, path.stat().st_size) for path in file.parent.glob("*.py")}
+    if getattr(sys.modules.get(package), "stamp", None) != stamp:
+        for name in [name for name in sys.modules if name.partition(".")[0] == package]:
+            del sys.modules[name]
+        sys.modules[package] = ModuleType(package)
+        vars(sys.modules[package]).update(__path__=[str(file.parent)], stamp=stamp)
+        importlib.invalidate_caches()
+    before, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # byte code is dated to the second only
+    try:
+        return importlib.import_module(f"{package}.{file.stem}")
+    finally:
+        sys.dont_write_bytecode = before
+
+
+@contextmanager
+def calling(thing: object, expected: str) -> Iterator[None]:
+    """Turn an exception of user code, including SystemExit, into a `UserCodeError` that names the line.
+
+    Args:
+        thing: What is called: a class, a function, or an object that user code made; or the file that is imported.
+        expected: What the call should do, for the error message.
+    """
+    try:
+        yield
+    except UserCodeError:
+        raise
+    except (Exception, SystemExit) as error:
+        place, folder = place_of(thing), _source_of(thing)[0].parent
+        for frame in traceback.extract_tb(error.__traceback__)[2:]:
+            if folder.is_absolute() and Path(frame.filename).parent == folder:
+                place = f"{_relative(Path(frame.filename))}:{frame.lineno}"
+        text = " ".join(traceback.format_exception_only(error)[-1].split())
+        if isinstance(error, SyntaxError):
+            text, place = f"SyntaxError: {error.msg}", f"{_relative(Path(error.filename or place))}:{error.lineno}"
+        if isinstance(error, ModuleNotFoundError) and (folder / f"{error.name}.py").is_file():
+            text += f"; for a file of the same folder write `from . import {error.name}`"
+        raise UserCodeError(f"{place}: {text[:240]}; expected {expected}") from error
+
+
+def place_of(thing: object) -> str:
+    """Return `file:line` of the definition of a class or function, or of the class of any other object."""
+    file, line = _source_of(thing)
+    return f"{_relative(file)}:{line}" if line else _relative(file)
+
+
+def _source_of(thing: object) -> tuple[Path, int | None]:
+    if isinstance(thing, str | Path):
+        return Path(thing), None
+    definition: Any = thing if inspect.isclass(thing) or inspect.isroutine(thing) else type(thing)
+    definition = inspect.unwrap(definition)
+    try:
+        return Path(inspect.getfile(definition)), inspect.getsourcelines(definition)[1] or 1
+    except (TypeError, OSError):
+        return Path(definition.__qualname__), None
+
+
+def _relative(file: Path) -> str:
+    return str(file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file)
+
+
+EXPECTED_ESTIMATOR = "an estimator: MyEstimator() makes one, estimator(pulses, array) returns dirmusic.Bearings"
+
+
+class UserEstimator:
+    """Bearing estimator of the user, whose results are checked.
+
+    It is tried once on pulses without noise, so that it fails before a mission starts. Copies and pickles load it anew,
+    as an estimator has no memory.
+
+    Args:
+        name: `my_file.py:MyEstimator` or `package.module:MyEstimator`; see `load_object`.
+        array: Array on whose pulses it is tried.
+
+    Raises:
+        UserCodeError: If it cannot be loaded, made or called, or does not return bearings.
+    """
+
+    def __init__(self, name: str, array: ArrayModel) -> None:
+        self._arguments = name, array
+        definition: Any = load_object(name, ".", EXPECTED_ESTIMATOR)
+        with calling(definition, EXPECTED_ESTIMATOR):
+            self._estimator: BearingEstimator = definition()
+        method_std(self, array)
+
+    def __call__(self, pulses: PulseBatch, array: ArrayModel) -> Bearings:
+        """Return the bearings of pulses; see `dirmusic.BearingEstimator`."""
+        n = pulses.n_pulses
+        expected = f"three columns of shape ({n},), finite: azimuths, deviations above 0, misfits in [0, 1]"
+        with calling(self._estimator, expected):
+            found = Bearings(*(np.asarray(column, dtype=np.float64) for column in self._estimator(pulses, array)))
+        wrong = [f"{name} of shape {column.shape}" for name, column in found._asdict().items() if column.shape != (n,)]
+        if not wrong:
+            is_noisy = pulses.variance_v2.any(axis=-1)  # without noise a deviation of 0 is right
+            is_valid = {
+                "azimuth_rad": np.isfinite(found.azimuth_rad),
+                "std_rad": (found.std_rad > 0.0) | ((found.std_rad == 0.0) & ~is_noisy),
+                "misfit": (found.misfit >= 0.0) & (found.misfit <= 1.0),
+            }
+            is_valid["std_rad"] &= np.isfinite(found.std_rad)
+            wrong = [f"{name} {getattr(found, name)[~valid][0]}" for name, valid in is_valid.items() if not valid.all()]
+        if wrong:
+            raise UserCodeError(f"{place_of(self._estimator)}: returned {', '.join(wrong)}; expected {expected}")
+        return found
+
+    def __reduce__(self) -> tuple[type[UserEstimator], tuple[str, ArrayModel]]:
+        return UserEstimator, self._arguments
+
+
+def make_estimator(name: str, array: ArrayModel) -> BearingEstimator:
+    """Make the estimator that a scenario names.
+
+    Raises:
+        UserCodeError: If it is not built in and does not work.
+    """
+    return ESTIMATORS[name]() if name in ESTIMATORS else UserEstimator(name, array)

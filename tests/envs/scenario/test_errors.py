@@ -1,0 +1,345 @@
+"""Errors in scenario files: one line each, with file, key, what must hold and what was given; and notes."""
+
+from copy import deepcopy
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pdpatrol.envs.patrol_env import PatrolEnv
+from pdpatrol.envs.plausibility import plausibility
+from pdpatrol.envs.scenario import ScenarioError, load_scenario, shipped_scenarios
+from pdpatrol.envs.scenario.base import MAX_ERRORS_SHOWN
+from pdpatrol.envs.scenario.suite import suite_yards
+from tests.envs.scenario.drawn_scenarios import SMALL, as_toml
+
+GUN = {"name": "gun", "position_m": [16.0, 12.0, 2.0]}
+ONE = {"name": "one", "sites": ["tank/south"]}
+WALL = {"name": "wall", "kind": "wall", "shape": "box", "footprint_m": [6.0, 0.3], "height_m": 3.0}
+HUT = {**WALL, "name": "hut", "footprint_m": [1.0, 1.0], "position_m": [15.0, 3.0]}
+CARRIER = {"name": "c", "amplitude_v": 0.05, "bearing_deg": 10.0}
+TRAM = {"name": "tram", "position_m": [-5.0, 5.0, 1.0], "amplitude_v": 1.0}
+
+
+def small(settings: dict[str, Any]) -> dict[str, Any]:
+    """Return the small scenario with values set by dotted keys."""
+    scenario: dict[str, Any] = deepcopy(SMALL)
+    for key, value in settings.items():
+        *tables, last = key.split(".")
+        table = scenario
+        for name in tables:
+            table = table.setdefault(name, {})
+        table[last] = value
+    return scenario
+
+
+def written(folder: Path, table: dict[str, Any] | str | bytes, name: str = "yard") -> Path:
+    file = folder / f"{name}.toml"
+    text = as_toml(table) if isinstance(table, dict) else table
+    file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return file
+
+
+def errors_of(file: Path) -> list[str]:
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(file)
+    assert all(line.startswith(f"{file}: ") and line.isprintable() for line in caught.value.faults)
+    return [line.removeprefix(f"{file}: ") for line in caught.value.faults]
+
+
+CASES: list[tuple[dict[str, Any], str]] = [
+    # single values
+    ({"receiver.noise_v": -1e-3}, "receiver.noise_v: must be greater than or equal to 0.000000001, got -0.001"),
+    ({"receiver.noise_v": "much"}, "receiver.noise_v: must be a valid number, got 'much'"),
+    ({"receiver.noise_v": True}, "receiver.noise_v: must be a valid number, got True"),
+    ({"receiver.noise_v": np.nan}, "receiver.noise_v: must be a finite number, got nan"),
+    ({"receiver.noise_v": 1e308}, "receiver.noise_v: must be less than or equal to 1000, got 1e+308"),
+    ({"receiver.bits": 12.5}, "receiver.bits: must be a valid integer, got 12.5"),
+    ({"receiver.band_hz": 3}, "receiver.band_hz: must be an array, got 3"),
+    ({"receiver.band_hz": "some"}, "receiver.band_hz: must be 'all', got 'some'"),
+    ({"array.pattern": "a\x00b"}, "array.pattern: must match pattern"),
+    ({"robot.model": "a\nb.xml"}, "robot.model: must match pattern '^[^\\x00-\\x1f\\x7f]*$', got 'a\\nb.xml'"),
+    ({"yard.size_m": [20.0]}, "yard.size_m.1: is required"),
+    ({"yard.size_m": [np.inf, 15.0]}, "yard.size_m.0: must be a finite number, got inf"),
+    (
+        {"battery.idle_w": -(10**400)},
+        "battery.idle_w: must be a valid number, got -10000000000000000000000000000000000000000000000000",
+    ),
+    (
+        {"sources": [{**GUN, "position_m": [[1] * 900, 2.0, 2.0]}]},
+        "sources.0.position_m.0: must be a valid number, got (1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, ",
+    ),
+    ({"sources": [{"position_m": [16.0, 12.0, 2.0]}]}, "sources.0.name: is required"),
+    (
+        {"sources": [{**GUN, "kind": "sparks"}]},
+        "sources.0.kind: must be 'corona', 'void', 'surface' or 'floating', got 'sparks'",
+    ),
+    (
+        {"sources": [GUN] * 65},
+        "sources: must have at most 64 items, got ({'name': 'gun', 'position_m': (16.0, 12.0, 2.0)}, {'n",
+    ),
+    ({"yard.equipment": [3]}, "yard.equipment.0: must be a table, got 3"),
+    (
+        {"yard.equipment": [{**WALL, "shape": "cone"}]},
+        "yard.equipment.0: must have the shape 'box', 'cylinder', 'catalogue', got 'cone'",
+    ),
+    ({"receiver.nois_v": 1e-3}, "receiver.nois_v: unknown key; did you mean `noise_v`?"),
+    ({"reciever": {"noise_v": 1e-3}}, "reciever: unknown key; did you mean `receiver`?"),
+    ({"a\nb": 1}, "a\\nb: unknown key"),
+    ({"name": "../../../evil"}, "name: must match pattern '^[A-Za-z0-9][A-Za-z0-9_.-]*$', got '../../../evil'"),
+    ({"name": "[bold]x[/nope]"}, "name: must match pattern '^[A-Za-z0-9][A-Za-z0-9_.-]*$', got '[bold]x[/nope]'"),
+    (
+        {"name": "x" * 300},
+        "name: must have at most 64 characters, got 'xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx",
+    ),
+    ({"sources": [{**GUN, "name": "../gun"}]}, "sources.0.name: must match pattern '^[a-z][a-z0-9_]*$', got '../gun'"),
+    ({"locating.solver": "strengths"}, "locating.solver: must be 'joint' or 'bearings', got 'strengths'"),
+    (
+        {"locating.locator": "MyLocator"},
+        "locating.locator: no Locator `MyLocator`; name your own as my_file.py:MyLocator or package.modu",
+    ),
+    (
+        {"estimator.method": "mine"},
+        "estimator.method: no estimator `mine`; known are maximum_likelihood, sub_bands, music, stronges",
+    ),
+    ({"campaign.date": "2026-02-30"}, "campaign.date: must be a day of the calendar, got 2026-02-30"),
+    ({"campaign.date": "soon"}, "campaign.date: must match pattern '^20[0-9]{2}-[0-9]{2}-[0-9]{2}$', got 'soon'"),
+    ({"campaign.number": -1}, "campaign.number: must be greater than or equal to 0, got -1"),
+    # tables
+    ({"campaign.date": "2026-01-04"}, "campaign.date: must not be before begins, 2026-01-05, got 2026-01-04"),
+    ({"sources": [{"name": "pd"}]}, "sources.0.sites, position_m, anywhere_at_m: one of them must be given, got none"),
+    ({"sources": [{**GUN, "active_s": [9.0, 3.0]}]}, "sources.0.active_s: must start before it ends, got (9.0, 3.0)"),
+    (
+        {"sources": [{**GUN, "kind": "void", "n_shots": 5}]},
+        "sources.0.kind, n_shots: must not be given together; a gun ignores the phase of the mains",
+    ),
+    (
+        {"sources": [{**GUN, "n_shots": 5, "pulse_rate_hz": 0.0}]},
+        "sources.0.pulse_rate_hz: must be at least 0.0001 for a gun, got 0",
+    ),
+    (
+        {"sources": [{**GUN, "polarisation": [0.0, 0.0, 0.0]}]},
+        "sources.0.polarisation: must be a vector other than zero, got (0.0, 0.0, 0.0)",
+    ),
+    (
+        {"receiver.band_hz": [1.5e9, 1.5000001e9]},
+        "receiver.band_hz: got (1.5e+09, 1.5e+09); allowed is a band at least 2e+07 wide and as far from",
+    ),
+    (
+        {"receiver.gate_samples": 10},
+        "receiver.pretrigger_samples: got 20; allowed is less than gate_samples, 10, or the gate ends be",
+    ),
+    (
+        {"receiver.faults": [{"channel": 1, "kind": "gain_drift"}]},
+        "receiver.faults.0.gain_db: missing; gain_drift needs it",
+    ),
+    (
+        {"interferers": [{**TRAM, "moves_to_m": [-5.0, 25.0, 1.0]}]},
+        "interferers.0.moves_to_m, speed_mps: must be given together",
+    ),
+    (
+        {"interferers": [{**TRAM, "moves_to_m": [-5.0, 5.0, 1.0], "speed_mps": 9.0}]},
+        "interferers.0.moves_to_m: must differ from position_m, got (-5.0, 5.0, 1.0)",
+    ),
+    # places
+    ({"route.dock_m": [4.9, 11.0]}, "route.dock_m: must lie on free ground, got (4.9, 11.0) inside equipment `ct`"),
+    (
+        {"route.waypoints_m": [[25.0, 8.5]]},
+        "route.waypoints_m.0: must lie inside the yard (20 x 16 m), got (25.0, 8.5)",
+    ),
+    (
+        {"route.waypoints_m": [[0.2, 8.0]]},
+        "route.waypoints_m.0: must be 0.25 m or more from equipment and fence, so that the robot fits, g",
+    ),
+    (
+        {"map.moved": [{"name": "tank", "by_m": [-6.0, -6.0]}]},
+        "route.dock_m: must lie on free ground, got (3.0, 3.0) inside equipment `tank` on the map",
+    ),
+    (
+        {"map.extra": [{**HUT, "position_m": [15.9, 8.0]}]},
+        "route.waypoints_m.1: must lie on free ground, got (16.0, 8.0) inside equipment `hut` on the map",
+    ),
+    ({"map.missing": ["tnk"]}, "map.missing.0: no equipment `tnk` in this yard; known are tank"),
+    ({"map.mising": ["tank"]}, "map.mising: unknown key; did you mean `missing`?"),
+    (
+        {"map.moved": [{"name": "pump", "by_m": [1.0, 0.0]}]},
+        "map.moved.0.name: no equipment `pump` in this yard; known are tank, ct, bb",
+    ),
+    ({"map.moved": [{"name": "ct", "by_m": [1.0, 0.0]}]}, "map.moved.0.name: must not be missing too, got `ct`"),
+    (
+        {"map.moved": [{"name": "tank", "by_m": [9.0, 0.0]}]},
+        "map.moved.0.by_m: must leave the piece inside the yard (20 x 16 m), got (9.0, 0.0)",
+    ),
+    ({"map.extra": [{**HUT, "name": "tank"}]}, "map.extra.0.name: must be used once, got `tank` again"),
+    (
+        {"map.extra": [{**HUT, "position_m": [28.0, 3.0]}]},
+        "map.extra.0.position_m: must lie inside the yard (20 x 16 m), got (28.0, 3.0)",
+    ),
+    (
+        {"map.extra": [{**HUT, "kind": "kiosk"}]},
+        "map.extra.0.kind: no kind `kiosk`; known are building, busbar, bushing, cabinet, capacitor_bank",
+    ),
+    ({"sources": [{**ONE, "sites": ["tank/sout"]}]}, "sources.0.sites: no site `tank/sout`; known are tank/south"),
+    (
+        {"sources": [{**ONE, "sites": ["pump/*"]}]},
+        "sources.0.sites: no site `pump/*`; known are tank/south, ct/head, bb/post_1_1, bb/post_1_2, bb/",
+    ),
+    (
+        {"sources": [{**GUN, "position_m": [10.0, 9.0, 1.0]}]},
+        "sources.0.position_m: must not lie inside equipment `tank`, got (10.0, 9.0, 1.0)",
+    ),
+    (
+        {"sources": [{**GUN, "position_m": [30.0, 9.0, 1.0]}]},
+        "sources.0.position_m: must lie inside the yard (20 x 16 m), got (30.0, 9.0, 1.0)",
+    ),
+    (
+        {"sources": [{**GUN, "position_m": [3.0, 9.0, -1.0]}]},
+        "sources.0.position_m: must lie above the ground, got (3.0, 9.0, -1.0)",
+    ),
+    ({"sources": [GUN, GUN]}, "sources.0.name: must be used once, got `gun` more than once"),
+    (
+        {"interferers": [{**TRAM, "position_m": [5.0, 5.0, 1.0]}]},
+        "interferers.0.position_m: must lie outside the yard (20 x 16 m), got (5.0, 5.0, 1.0); inside it",
+    ),
+    (
+        {"interferers": [{**TRAM, "moves_to_m": [5.0, 20.0, 1.0], "speed_mps": 9.0}]},
+        "interferers.0.moves_to_m: the path must not cross the yard (20 x 16 m), got (-5.0, 5.0, 1.0) to",
+    ),
+    # combinations
+    (
+        {"receiver.faults": [{"channel": 7, "kind": "dead"}]},
+        "receiver.faults.0.channel: must be a channel from 1 to 6, got 7",
+    ),
+    (
+        {"receiver.faults": [{"channel": 2, "kind": "dead"}] * 2},
+        "receiver.faults.1.channel: must have one fault only, got 2 again",
+    ),
+    ({"estimator.method": "sub_bands"}, "estimator.method: sub_bands needs receiver.n_bands from 1 to 8, got 0"),
+    (
+        {"task.waypoint_radius_m": 16.0},
+        "task.waypoint_radius_m: must be less than the shorter side of the yard, 16, got 16",
+    ),
+    ({"robot.max_speed_mps": 3.0}, "robot.max_speed_mps: must be at most the limit of the robot, 0.8, got 3"),
+    (
+        {"carriers": [{**CARRIER, "frequency_hz": 1e10}]},
+        "carriers.0.frequency_hz: must be below half of receiver.sample_rate_hz, 1e+10, got 1e+10",
+    ),
+    (
+        {"carriers": [{**CARRIER, "amplitude_v": 5.0}]},
+        "carriers: must be at most 2.83 V together, 10000 times the noise behind the band-pass, got 5 V",
+    ),
+    (
+        {"sources": [{**GUN, "drift_db_per_min": 60.0}], "task.time_limit_s": 600.0},
+        "sources.0.drift_db_per_min: must be at most 120 dB within task.time_limit_s, got 600 dB",
+    ),
+    (
+        {"sources": [{**GUN, "amplitude_v": 1e4}], "receiver.noise_v": 1e-9, "interferers": [], "carriers": []},
+        "sources.0.amplitude_v: must be at most 1 with its range, 1e+09 times receiver.noise_v, got 1.41e+04",
+    ),
+    (
+        {"sources": [ONE, {**ONE, "name": "two"}]},
+        "sources.1.sites: must be more than earlier sources can take, got 1 that may all be taken",
+    ),
+    (
+        {"sources": [{**GUN, "pulse_rate_hz": 1e4}], "task.time_limit_s": 86400.0},
+        "sources, interferers, receiver.false_alarm_rate_hz: must give at most 5e+06 pulses within task.",
+    ),
+    (
+        {"sources": [{**GUN, "pulse_rate_hz": 1e4}], "receiver.gate_samples": 10_000},
+        "sources, interferers, receiver.false_alarm_rate_hz: must take at most 256 MB per control step, ",
+    ),
+    (
+        {"sources": [{**GUN, "pulse_rate_hz": 1e4}], "receiver.longest_echo_s": 2e-6},
+        "sources, interferers, receiver.false_alarm_rate_hz: must take at most 1e+09 computed samples pe",
+    ),
+    (
+        {"sources": [{**GUN, "growth_db_per_week": 3.0}], "campaign.date": "2027-01-04"},
+        "sources.0.growth_db_per_week: must be at most 120 dB in the 52 weeks of the campaign, got 156 dB",
+    ),
+    (
+        {"sources": [{**GUN, "rate_growth_per_week": 9.0}], "campaign.date": "2026-01-26"},
+        "sources.0.rate_growth_per_week: must be at most a factor of 10^6 and lead to at most 10000 puls",
+    ),
+]
+
+
+@pytest.mark.parametrize(("settings", "line"), CASES, ids=lambda value: value[:40] if isinstance(value, str) else "")
+def test_error_is_one_clear_line(settings: dict[str, Any], line: str, tmp_path: Path) -> None:
+    (error,) = errors_of(written(tmp_path, small(settings)))
+    assert error.replace(str(tmp_path), "").startswith(line)
+    assert len(error) < 500
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("yard = [", "is not valid TOML: Invalid value"),
+        (f"x = {'7' * 5000}", "is not valid TOML: Exceeds the limit"),
+        ("x = " + "[" * 100_000, "is not valid TOML: "),
+        ('x = "a\x01"', "is not valid TOML: Illegal character"),
+        ("# " + "x" * 4_100_000, "has 4.1 MB; allowed are up to 4 MB; give a scenario"),
+        (b"\xff\xfe\x00yard", "byte 0 is not UTF-8 text; give a scenario, which is a TOML text file"),
+    ],
+)
+def test_invalid_toml_is_one_clear_line(text: str | bytes, line: str, tmp_path: Path) -> None:
+    (error,) = errors_of(written(tmp_path, text))
+    assert error.startswith(line)
+
+
+def test_all_errors_are_listed_up_to_a_limit(tmp_path: Path) -> None:
+    assert {"yard: is required", "route: is required", "array: is required"} == set(errors_of(written(tmp_path, "")))
+    *errors, last = errors_of(written(tmp_path, small({"route.waypoints_m": [["x", "y"]] * 500})))
+    assert len(errors) == MAX_ERRORS_SHOWN
+    assert last == "950 more errors"
+
+
+def test_missing_file_folder_and_unknown_name_are_refused(tmp_path: Path) -> None:
+    for path in (tmp_path / "none.toml", tmp_path):
+        with pytest.raises(ScenarioError, match="cannot be read"):
+            load_scenario(path)
+    with pytest.raises(ScenarioError, match=r"known are .*one_source"):
+        load_scenario("one_sorce")
+
+
+@pytest.mark.parametrize("stem", ["my yard", "-yard", "[red]yard", "y" * 65, "Anlage_Süd"])
+def test_file_name_unfit_for_a_scenario_needs_a_name(stem: str, tmp_path: Path) -> None:
+    (error,) = errors_of(written(tmp_path, SMALL, stem))
+    assert error.startswith("name: must ")
+    assert load_scenario(written(tmp_path, small({"name": "other"}), stem)).name == "other"
+
+
+def test_byte_order_mark_is_skipped(tmp_path: Path) -> None:
+    assert load_scenario(written(tmp_path, "\ufeff" + as_toml(SMALL))).sources
+
+
+def test_minus_zero_is_zero(tmp_path: Path) -> None:
+    scenario = load_scenario(written(tmp_path, small({"array.gain_error": -0.0, "pose_sensor.position_std_m": -0.0})))
+    for value in (scenario.array.gain_error, scenario.pose_sensor.position_std_m):
+        assert np.copysign(1.0, value) == 1.0
+    PatrolEnv(scenario).reset(seed=0)
+
+
+@pytest.mark.parametrize(
+    ("settings", "line"),
+    [
+        ({"route.dock_yaw_deg": 1.5708}, "route.dock_yaw_deg: 1.5708 degrees looks like radians"),
+        ({"array.gain_error": 0.8}, "array: gain_error 0.8, pointing_error_deg 2 and gain_offset 0 turn bearings by"),
+        ({"array.pointing_error_deg": 40.0}, "array: gain_error 0.05, pointing_error_deg 40 and gain_offset 0 turn"),
+        ({"sources": [{**GUN, "amplitude_v": 1e-4}]}, "sources.0: `gun` cannot be detected: at "),
+        ({"sources": [{**GUN, "pulse_rate_hz": 0.0}]}, "sources.0: `gun` does not discharge within the mission"),
+        ({"sources": [{**GUN, "active_s": [30.0, 60.0]}]}, "sources.0: `gun` does not discharge within the mission"),
+        ({"sources": [{**GUN, "n_shots": 3, "first_shot_s": 30.0}]}, "sources.0: `gun` does not discharge within"),
+        ({"receiver.full_scale_v": 1e-3}, "receiver.full_scale_v: 0.001 V is below the trigger level"),
+    ],
+)
+def test_implausible_setting_is_one_note(settings: dict[str, Any], line: str, tmp_path: Path) -> None:
+    (note,) = plausibility(load_scenario(written(tmp_path, small(settings))))
+    assert note.startswith(line)
+    assert note.isprintable()
+
+
+def test_shipped_scenarios_are_plausible() -> None:
+    """Every ninth yard of the suite, to save time."""
+    names = [*shipped_scenarios(), *(each.name for each in suite_yards()[::9])]
+    assert {name: notes for name in names if (notes := plausibility(load_scenario(name)))} == {}
