@@ -107,7 +107,7 @@ class Scenario(Config, frozen=True):
         return self.map.of(self.yard)
 
     @property
-    def self.known_array -> ArrayModel:
+    def known_array(self) -> ArrayModel:
         """Array as the robot knows it: its data sheet, or that with the errors of a calibration."""
         array, calibration = data_sheet(self.array, self.receiver.band_edges_hz), self.locating.calibration
         return array if calibration is None else calibration.applied_to(array)
