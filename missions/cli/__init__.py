@@ -1,13 +1,60 @@
-"""`pdpatrol`: one file a verb."""
+"""The command `pdpatrol`: one module per verb, which is imported only when it is asked for."""
+
+from __future__ import annotations
+
+import sys
+from difflib import get_close_matches
+from importlib import import_module
+from importlib.metadata import version
+
+from pdpatrol.missions.cli.process import USAGE_ERROR, command_process
 
 __all__ = ["main"]
 
+VERBS = {
+    "run": "run one mission and write its log, report and recording",
+    "plan": "plan a patrol that covers every site of a yard",
+    "replay": "open recordings in the Rerun viewer, or make a film",
+    "report": "write the report of a mission again from its log",
+    "scenarios": "list the shipped scenarios, or check a file",
+    "reproduce": "compare every exhibit of the Dir-MUSIC paper with ours",
+    "locate": "locate discharges in field data",
+    "trend": "compare repeated inspections of one yard",
+    "export": "write a mission as CSV, GeoJSON, Parquet and MCAP",
+    "sweep": "run many missions in parallel",
+    "results": "summarise the results of sweeps",
+}
+"""Verbs and what they do; each is a function of the same name in a module of the same name."""
+
 
 def main() -> None:
-    """Entry point of `pdpatrol`: its signals are taken over before anything else is loaded."""
-    from pdpatrol.missions.cli.endings.command_line import command_line
+    """Run the command line."""
+    with command_process():
+        verb, *arguments = sys.argv[1:] or ["--help"]
+        if verb in ("-h", "--help"):
+            sys.stdout.write(_help())
+        elif verb == "--version":
+            sys.stdout.write(f"pdpatrol {version('pdpatrol')}\n")
+        elif verb not in VERBS:
+            matches = get_close_matches(verb, VERBS, n=1)
+            meant = f"; did you mean {matches[0]}?" if matches else ""
+            sys.stderr.write(f"verb must be one of {', '.join(VERBS)}, got {verb!r}{meant}\n")
+            sys.exit(USAGE_ERROR)
+        else:
+            import tyro  # takes 0.3 s, which the help of all verbs does not need
 
-    with command_line():
-        from pdpatrol.missions.cli.app import run_verb
+            function = getattr(import_module(f"{__name__}.{verb}"), verb)
+            tyro.cli(function, prog=f"pdpatrol {verb}", args=arguments, config=(tyro.conf.FlagCreatePairsOff,))
 
-        run_verb()
+
+def _help() -> str:
+    verbs = "\n".join(f"  {verb:<11}{text}" for verb, text in VERBS.items())
+    return f"""usage: pdpatrol VERB [OPTIONS]
+
+A simulated inspection robot that finds partial discharges in a substation.
+
+{verbs}
+
+  --help     show this text; pdpatrol VERB --help lists the options of a verb
+  --version  show the version
+"""

@@ -1,4 +1,4 @@
-"""`pdpatrol plan`: which sites of a yard can be heard, and the tour that hears them."""
+"""`pdpatrol plan`: a tour from which every site of a yard is covered."""
 
 from __future__ import annotations
 
@@ -8,10 +8,16 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
+from rich.progress import Progress
 
+from dirmusic import InputFileError
+from pdpatrol.envs.scenario import load_scenario
+from pdpatrol.missions.cli.terminal import err, out, output_folder, print_written, refuse
+from pdpatrol.missions.planning.figure import draw_plan
+from pdpatrol.missions.planning.plan import make_plan
+from pdpatrol.missions.planning.tables import as_json, as_toml, sites_table, summary
+from pdpatrol.missions.sweep.plan import parse_grid
 from pdpatrol.missions.atomic_file import atomic_file, write_text
-from pdpatrol.missions.cli.output.folders import output_folder
-from pdpatrol.missions.cli.output.terminal import err, in_one_line, out, refuse
 
 
 def plan(
@@ -24,44 +30,34 @@ def plan(
     out_dir: Annotated[Path | None, tyro.conf.arg(name="out", metavar="DIR")] = None,
     json_output: Annotated[bool, tyro.conf.arg(name="json")] = False,
 ) -> None:
-    """Plan a patrol on the map of a yard: a short tour that hears every site, how well, and what cannot be heard.
+    """Plan a patrol on the map of a yard: a short tour that covers every site, and which sites cannot be covered.
 
-    Each site is to be heard in sight, from near enough and under enough aperture to be confirmed. Writes plan.png,
-    plan.json, and route.toml, which takes the place of [route] in a scenario file. `waypoints_m = "planned"` there
-    makes the same plan, for the default amplitude, when a mission starts.
+    A site is covered where its discharges are in sight, near enough and over enough aperture to be confirmed. Writes
+    plan.png, plan.json, and route.toml, which replaces [route] in a scenario file. With `waypoints_m = "planned"`
+    there, a mission makes the same plan for the default amplitude when it starts.
 
     Args:
-        scenario: Name of a shipped scenario (see `pdpatrol scenarios`), or path of a TOML file. Neither its route nor
-            its sources count.
-        settings: Value that a key of the scenario takes, as receiver.noise_v=2e-3; may be given several times.
-        amplitude_v: Peak, 1 m away, of the quietest discharge that is to be heard.
+        scenario: Name of a shipped scenario (see `pdpatrol scenarios`), or path of a TOML file. Its route and its
+            sources are ignored.
+        settings: Value of a key of the scenario, such as receiver.noise_v=2e-3; may be given several times.
+        amplitude_v: Peak, 1 m away, of the weakest discharge that has to be detected.
         out_dir: Folder to write to; new or empty. Default: runs/plan-SCENARIO, then -2, -3 and so on.
         json_output: Print the plan as JSON instead of a table.
     """
-    from dirmusic import InputFileError
-    from pdpatrol.envs.scenario import load_scenario
-    from pdpatrol.missions.sweep.plan import parse_grid
-
     if not (math.isfinite(amplitude_v) and amplitude_v > 0.0):
-        refuse(f"--amplitude-v: got {amplitude_v:g}; allowed is a finite value above 0")
+        refuse(f"--amplitude-v must be finite and above 0, got {amplitude_v:g}")
     try:
         grid = parse_grid(settings)
         several = [key for key, values in grid.items() if len(values) != 1]
         if several:
-            refuse(*(f"--set: {key} has {len(grid[key])} values; allowed is one" for key in several))
+            refuse(*(f"--set: {key} must have one value, got {len(grid[key])}" for key in several))
         loaded = load_scenario(scenario, {key: value for key, (value,) in grid.items()})
     except InputFileError as error:
         refuse(*error.faults)
-    from rich.progress import Progress
-
     with output_folder(out_dir, f"plan-{loaded.name}") as folder, Progress(console=err, transient=True) as progress:
-        from pdpatrol.missions.planning.figure import draw_plan
-        from pdpatrol.missions.planning.plan import make_plan
-        from pdpatrol.missions.planning.tables import as_json, as_toml, sites_table, summary
-
         bar = progress.add_task("map", total=1.0)
         made = make_plan(
-            loaded, amplitude_v, lambda doing, share: progress.update(bar, description=doing, completed=share)
+            loaded, amplitude_v, lambda part, share: progress.update(bar, description=part, completed=share)
         )
         progress.update(bar, description="picture", completed=0.95)
         with atomic_file(folder / "plan.png") as picture:
@@ -75,5 +71,5 @@ def plan(
     out.print(sites_table(made))
     out.print(summary(made), soft_wrap=True)
     if made.blind:
-        out.print(f"Not heard from any reachable place: {', '.join(made.blind)}", style="yellow")
-    out.print(f"Written to {in_one_line(str(folder))}: plan.png, plan.json, route.toml", soft_wrap=True)
+        out.print(f"Not detectable from any reachable place: {', '.join(made.blind)}", style="yellow")
+    print_written(folder, "plan.png", "plan.json", "route.toml")

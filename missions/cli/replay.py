@@ -1,4 +1,4 @@
-"""`pdpatrol replay`: look at recordings."""
+"""`pdpatrol replay`: show recordings."""
 
 from __future__ import annotations
 
@@ -9,8 +9,11 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
+from rich.progress import Progress
 
-from pdpatrol.missions.cli.output.terminal import err, fail, out, refuse, write_mission
+from dirmusic import InputFileError
+from pdpatrol.missions.cli.terminal import err, fail, note, out, refuse
+from pdpatrol.missions.atomic_file import atomic_file
 
 
 def replay(
@@ -23,58 +26,59 @@ def replay(
     video: Annotated[Path | None, tyro.conf.arg(metavar="FILE.mp4|FILE.gif")] = None,
     pace: Annotated[float | None, tyro.conf.arg(metavar="FACTOR")] = None,
 ) -> None:
-    """Open recordings of missions in the Rerun viewer, side by side where they are several.
+    """Open recordings of missions in the Rerun viewer, several of them together.
 
-    A recording is made from the log of its mission where there is none, a damaged one, or one of another version of
-    Rerun.
+    A recording is made from the log of its mission if it is missing, damaged, or of another version of Rerun.
 
     Args:
         folders: Folders of missions.
-        row: Number of a mission in the dataset of a sweep, whose folder is given: it is run again, and kept there.
-            Give it several times for several missions.
-        web: Serve them to a browser on this machine (127.0.0.1) instead.
-        screenshot: Write a picture of the viewer instead, without opening one; no screen is needed.
+        row: Number of a mission in the dataset of a sweep, whose folder is given: it is run again, and kept there. May
+            be given several times.
+        web: Serve the recordings to a browser on this machine (127.0.0.1) instead.
+        screenshot: Write a picture of the viewer instead, without opening it; no screen is needed.
         at: Simulated time that the picture shows. Default: the end.
-        video: Write a film instead: the robot as it drives, beside the plan as it stood. MP4 needs ffmpeg, or the
+        video: Write a film instead: the robot as it drives, next to the plan at that time. MP4 needs ffmpeg, or the
             extra `video`.
-        pace: Simulated seconds in one of the film. Default: as many as make a film of 20 s.
+        pace: Simulated seconds per second of the film. Default: the film lasts 20 s.
     """
     if not folders:
-        refuse("DIR: missing; give the folder of a mission")
+        refuse("DIR is missing; give the folder of a mission")
     for folder in folders:
         if not folder.is_dir():
             refuse(f"{folder}: no such folder; give the folder of a mission")
-    sweep, *others = folders
-    if row and others:
-        refuse(f"--row: got {len(folders)} folders; allowed is one, that of a sweep")
+    if row and len(folders) > 1:
+        refuse(f"--row needs one folder, that of a sweep, got {len(folders)}")
     n_missions = len(row) or len(folders)
     _check_new_file("--screenshot", screenshot, (".png",), n_missions)
     _check_new_file("--video", video, (".mp4", ".gif"), n_missions)
     if at is not None and (screenshot is None or not 0 <= at < math.inf):
-        refuse(f"--at: got {at}; allowed is 0 or more, with --screenshot")
+        refuse(f"--at must be 0 or more, with --screenshot, got {at}")
     if pace is not None and (video is None or not 0.1 <= pace <= 1000.0):
-        refuse(f"--pace: got {pace}; allowed is 0.1 to 1000, with --video")
+        refuse(f"--pace must be from 0.1 to 1000, with --video, got {pace}")
+    if video is not None and sys.platform == "linux":
+        os.environ.setdefault("MUJOCO_GL", "egl")  # renders without a screen; read when MuJoCo is imported
     if row:
-        folders = tuple(_run_again(sweep, number) for number in row)
+        folders = tuple(_run_again(folders[0], number) for number in row)
     if video is not None:
         _film(folders[-1], video, pace)
         if screenshot is None:
             return
-    from dirmusic import InputFileError
-    from pdpatrol.missions.atomic_file import atomic_file
+    _show(folders, web, screenshot, at)
+
+
+def _show(folders: tuple[Path, ...], web: bool, screenshot: Path | None, at_s: float | None) -> None:
+    # here, because MuJoCo must not be imported before _film sets its renderer
     from pdpatrol.missions.recording import ViewerError, open_viewer, ready_recording, serve, take_screenshot
 
     try:
-        recordings = [
-            ready_recording(folder, lambda fault: err.print(f"note: {fault}", soft_wrap=True)) for folder in folders
-        ]
+        recordings = [ready_recording(folder, note) for folder in folders]
     except InputFileError as error:
         refuse(*error.faults)
     except FileNotFoundError as error:
         refuse(str(error))
     if screenshot is not None:
         with err.status("The viewer draws"), atomic_file(screenshot) as temporary:
-            temporary.write_bytes(take_screenshot(recordings[0], at))
+            temporary.write_bytes(take_screenshot(recordings[0], at_s))
         out.print(f"Written: {screenshot}", soft_wrap=True)
     elif web:
         serve(recordings, lambda url: out.print(f"Serving at {url}  (Ctrl-C ends it)", soft_wrap=True))
@@ -86,29 +90,25 @@ def replay(
 
 
 def _check_new_file(option: str, file: Path | None, endings: tuple[str, ...], n_missions: int) -> None:
-    """Refuse what cannot be drawn or written, before anything slow."""
+    """Refuse a file that cannot be written."""
     if file is None:
         return
     if n_missions > 1:
-        refuse(f"{option}: got {n_missions} missions; allowed is one")
+        refuse(f"{option} needs one mission, got {n_missions}")
     if file.suffix.lower() not in endings:
-        refuse(f"{option}: got {file}; allowed is a name that ends in {' or '.join(endings)}")
+        refuse(f"{option} must end in {' or '.join(endings)}, got {file}")
     if file.exists():
-        refuse(f"{option}: {file} exists; allowed is a new file")
+        refuse(f"{option} must be a new file, and {file} exists")
     if not file.parent.is_dir():
-        refuse(f"{option}: {file.parent} is no folder; allowed is a file in one that exists")
+        refuse(f"{option} must be in an existing folder, and {file.parent} is not one")
 
 
 def _film(folder: Path, video: Path, pace: float | None) -> None:
-    if sys.platform == "linux":
-        os.environ.setdefault("MUJOCO_GL", "egl")  # draws with and without a screen; read when MuJoCo is imported
-    from rich.progress import Progress
-
     from pdpatrol.missions.record.mission_log import MissionLog
-    from pdpatrol.missions.video.encode import FilmError, write_film
+    from pdpatrol.missions.video.encode import FilmError, write_film  # imports MuJoCo
 
     with Progress(console=err, transient=True, disable=not err.is_terminal) as progress:
-        bar = progress.add_task(f"films {folder.name}", total=1.0)
+        bar = progress.add_task(f"film of {folder.name}", total=1.0)
         try:
             log = MissionLog.load(folder)
             write_film(log, video, pace, lambda share: progress.update(bar, completed=share))
@@ -120,8 +120,9 @@ def _film(folder: Path, video: Path, pace: float | None) -> None:
 
 
 def _run_again(folder: Path, row: int) -> Path:
-    """The folder of one mission of a sweep, run again if it has not been yet."""
-    from dirmusic import InputFileError
+    """Return the folder of one mission of a sweep, after running it if it has not been kept."""
+    from pdpatrol.missions.cli.mission_files import write_mission  # imports MuJoCo, as the next three do
+    from pdpatrol.missions.runner import run_mission
     from pdpatrol.missions.sweep.code_version import digest_of_code
     from pdpatrol.missions.sweep.dataset import Dataset
 
@@ -131,11 +132,9 @@ def _run_again(folder: Path, row: int) -> Path:
     except InputFileError as error:
         refuse(*error.faults)
     if dataset.manifest["code"] != digest_of_code():
-        err.print("The sweep is of other code: the mission may end otherwise now", style="yellow")
+        note("the sweep was made with a different version; results may differ")
     mission = folder / "missions" / str(row)
     if not (mission / "log.npz").exists():
-        from pdpatrol.missions.runner import run_mission
-
         with err.status(f"{job.scenario.name}, {job.policy}, seed {job.seed} runs again"):
             log = run_mission(job.scenario, job.policy, job.seed)
             mission.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""`pdpatrol report`: the report of a mission, made anew from its log."""
+"""`pdpatrol report`: the report of a mission, written again from its log."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from typing import Annotated
 
 import tyro
 
-from pdpatrol.missions.cli.output.terminal import out, refuse, tell_findings, tell_json, write_report
+from pdpatrol.missions.cli.mission_files import load_log, print_findings, print_json, write_report
+from pdpatrol.missions.cli.terminal import print_written, refuse
+from pdpatrol.missions.report.report_file import read_report
 
 
 def report(
@@ -16,33 +18,25 @@ def report(
     *,
     json_output: Annotated[bool, tyro.conf.arg(name="json")] = False,
 ) -> None:
-    """Make report.json and report.html of a mission anew from its log.
+    """Write report.json and report.html of a mission again from its log; existing ones are replaced.
 
-    What a mission that was killed left in its folder will do; it has no phases of pulses, for want of the association
-    that is made at the end. Reports that are there are replaced.
+    This also works with the log of a mission that was killed. Its report has no phase-resolved patterns, because pulses
+    are associated with findings at the end of a mission.
 
     Args:
         folder: Folder of a mission.
         json_output: Print the report as JSON instead of a table.
     """
-    if not folder.is_dir():
-        refuse(f"{folder}: no such folder; give the folder of a mission")
-    from pdpatrol.missions.record.mission_log import MissionLog
-    from pdpatrol.missions.report.report_file import read_report
-
+    log = load_log(folder)
     wall_time_s = 0.0
     with suppress(OSError, ValueError):
         wall_time_s = read_report((folder / "report.json").read_text(encoding="utf-8")).wall_time_s
     try:
-        log = MissionLog.load(folder)
-    except (FileNotFoundError, ValueError) as error:
-        refuse(str(error))
-    try:
         made = write_report(log, wall_time_s, folder)
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError):
-        refuse(f"{folder}: the facts in its log are damaged; give the folder that `pdpatrol run` wrote")
+        refuse(f"{folder}: the metadata in its log are damaged; give the folder that `pdpatrol run` wrote")
     if json_output:
-        tell_json(made)
+        print_json(made)
         return
-    tell_findings(made)
-    out.print(f"Written to {folder}: report.json, report.html", soft_wrap=True)
+    print_findings(made)
+    print_written(folder, "report.json", "report.html")

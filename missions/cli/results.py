@@ -8,8 +8,8 @@ from typing import Annotated
 
 import tyro
 
-from pdpatrol.missions.cli.output.folders import output_folder
-from pdpatrol.missions.cli.output.terminal import err, in_one_line, out, refuse
+from pdpatrol.missions.cli.process import one_line
+from pdpatrol.missions.cli.terminal import err, out, output_folder, refuse
 
 
 def results(
@@ -62,7 +62,7 @@ def results(
     if figures is not None:
         with output_folder(figures, "", "--figures") as figure_folder:
             written = draw_figures(rows, figure_folder)
-        err.print(f"Written to {in_one_line(str(figures))}: {', '.join(path.name for path in written)}", soft_wrap=True)
+        err.print(f"Written to {one_line(str(figures))}: {', '.join(path.name for path in written)}", soft_wrap=True)
     summaries = analysis.summarise_groups(rows)
     if markdown:
         lines = [list(tables.cells(summary).values()) for summary in summaries]

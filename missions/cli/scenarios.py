@@ -1,4 +1,4 @@
-"""`pdpatrol scenarios`: what is shipped, and what is wrong with a file."""
+"""`pdpatrol scenarios`: the shipped scenarios, and the errors in a file."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ from typing import Annotated
 import tyro
 from rich.table import Table
 
-from pdpatrol.missions.cli.output.terminal import out, refuse, tell_notes
+from pdpatrol.envs.scenario import SHIPPED, ScenarioError, load_scenario, shipped_scenarios
+from pdpatrol.envs.scenario.suite import load_suite
+from pdpatrol.missions.cli.mission_files import print_plausibility
+from pdpatrol.missions.cli.terminal import out, refuse
 
 
 def scenarios(
@@ -16,41 +19,41 @@ def scenarios(
     *,
     json_output: Annotated[bool, tyro.conf.arg(name="json")] = False,
 ) -> None:
-    """List the shipped scenarios and the levels of the suite, or check a file and name every fault in it.
+    """List the shipped scenarios and the levels of the suite, or check a file and print every error in it.
 
     Args:
-        check: A scenario file to check.
+        check: Scenario file to check.
         json_output: Print JSON instead of a table.
     """
-    from pdpatrol.envs.scenario import SHIPPED, ScenarioError, load_scenario, shipped_scenarios
-    from pdpatrol.envs.scenario.suite import load_suite
-
     if check is not None:
-        try:
-            scenario = load_scenario(check if check.suffix == ".toml" else check / "")
-        except ScenarioError as error:
-            refuse(*error.faults)
-        tell_notes(scenario)
-        n_sites = len(scenario.yard.site_names())
-        facts = {"scenario": scenario.name, "sources": len(scenario.sources), "candidate_sites": n_sites}
-        if json_output:
-            out.print_json(data=facts)
-        else:
-            out.print(f"{check}: no fault; {len(scenario.sources)} sources, {n_sites} candidate sites")
+        _check(check, json_output)
         return
-    stories = {name: _first_line(SHIPPED / f"{name}.toml") for name in shipped_scenarios()}
-    levels = {f"suite/{level}": story for level, story in load_suite().levels.items()}
+    shipped = {name: _first_line(SHIPPED / f"{name}.toml") for name in shipped_scenarios()}
+    levels = {f"suite/{level}": text for level, text in load_suite().levels.items()}
     if json_output:
-        out.print_json(data=stories | levels)
+        out.print_json(data=shipped | levels)
         return
     table = Table("scenario", "what it shows")
-    for name, story in stories.items():
-        table.add_row(name, story)
-    table.add_section()
-    for name, story in levels.items():
-        table.add_row(name, story)
+    for names in (shipped, levels):
+        for name, text in names.items():
+            table.add_row(name, text)
+        table.add_section()
     out.print(table)
-    out.print("A level of the suite is many yards: pdpatrol sweep suite/open, or run suite/open_01.")
+    out.print("A level of the suite has many yards: pdpatrol sweep suite/open, or run suite/open_01.")
+
+
+def _check(path: Path, json_output: bool) -> None:
+    try:
+        scenario = load_scenario(path if path.suffix == ".toml" else path / "")
+    except ScenarioError as error:
+        refuse(*error.faults)
+    print_plausibility(scenario)
+    n_sites = len(scenario.yard.site_names())
+    facts = {"scenario": scenario.name, "sources": len(scenario.sources), "candidate_sites": n_sites}
+    if json_output:
+        out.print_json(data=facts)
+    else:
+        out.print(f"{path}: no errors; {len(scenario.sources)} sources, {n_sites} candidate sites", soft_wrap=True)
 
 
 def _first_line(path: Path) -> str:

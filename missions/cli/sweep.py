@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from pdpatrol.missions.cli.output.terminal import FAILED, err, in_one_line, out, refuse
+from pdpatrol.missions.cli.process import FAILED, one_line
+from pdpatrol.missions.cli.terminal import err, out, refuse
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -152,7 +153,7 @@ def _complete(
         if dataset.is_complete:
             dataset.compact()
     except KeyboardInterrupt:
-        err.print(f"The same command goes on from {in_one_line(str(folder))}", soft_wrap=True)
+        err.print(f"The same command goes on from {one_line(str(folder))}", soft_wrap=True)
         raise
     except EngineError as error:
         err.print(str(error), soft_wrap=True)

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import tyro
 
-from pdpatrol.missions.cli.output.folders import output_folder
-from pdpatrol.missions.cli.output.terminal import err, in_one_line, out, refuse
+from pdpatrol.missions.cli.process import one_line
+from pdpatrol.missions.cli.terminal import err, out, output_folder, refuse
 
 
 def trend(
@@ -59,4 +59,4 @@ def trend(
     else:
         out.print(f"No discharge found in {len(run)} inspections, {found.dates[0]} to {found.dates[-1]}.")
     if written:
-        out.print(f"Written to {in_one_line(str(out_dir))}: {', '.join(written)}", soft_wrap=True)
+        out.print(f"Written to {one_line(str(out_dir))}: {', '.join(written)}", soft_wrap=True)

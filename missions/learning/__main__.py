@@ -11,9 +11,8 @@ from typing import Annotated, Any
 import tyro
 
 from pdpatrol.missions.atomic_file import atomic_file, write_text
-from pdpatrol.missions.cli.endings.command_line import command_line
-from pdpatrol.missions.cli.output.folders import output_folder
-from pdpatrol.missions.cli.output.terminal import err, in_one_line, out, refuse
+from pdpatrol.missions.cli.process import command_process, one_line
+from pdpatrol.missions.cli.terminal import err, out, output_folder, refuse
 
 MAX_SEED = 899_000
 """Beyond it lie the yards of the learning curve and of the evaluation."""
@@ -69,7 +68,7 @@ def learn(
     out.print(_table(data["policies"]))
     out.print(
         f"{data['steps']} steps in {data['training_wall_s']:.0f} s. "
-        f"Written to {in_one_line(str(folder))}: model.zip, learning_curve.json, learning.png",
+        f"Written to {one_line(str(folder))}: model.zip, learning_curve.json, learning.png",
         soft_wrap=True,
     )
 
@@ -131,7 +130,7 @@ def _table(policies: dict[str, Any]) -> Any:  # noqa: ANN401 - a table of rich
 
 def main() -> None:
     """Entry point of `python -m pdpatrol.missions.learning`."""
-    with command_line():
+    with command_process():
         tyro.cli(learn, prog="python -m pdpatrol.missions.learning", config=(tyro.conf.FlagCreatePairsOff,))
 
 

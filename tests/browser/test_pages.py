@@ -8,7 +8,7 @@ import psutil
 import pytest
 from numpy.typing import NDArray
 
-from pdpatrol.missions.cli.output.terminal import write_mission
+from pdpatrol.missions.cli.mission_files import write_mission
 from tests.browser.browser import NEEDS_CHROMIUM, Theme, n_colours, opened, picture, picture_when
 from tests.missions.replay.short_mission import pdpatrol, short_mission
 from tests.missions.replay.test_viewer import started

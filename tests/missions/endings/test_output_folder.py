@@ -1,4 +1,4 @@
-"""Folders for output: one process each, and never written twice."""
+"""Output folders: never shared by two processes, and never overwritten. Files: complete or not there."""
 
 import os
 import subprocess
@@ -8,14 +8,13 @@ from pathlib import Path
 import pytest
 
 from pdpatrol.missions.atomic_file import atomic_file, write_text
-from pdpatrol.missions.cli.output.folders import CLAIM
 
 pytestmark = pytest.mark.whole
 
-CLAIMS = """
-import sys, time
+RESERVES = """
+import sys
 from pathlib import Path
-from pdpatrol.missions.cli.output.folders import output_folder
+from pdpatrol.missions.cli.terminal import output_folder
 with output_folder(Path(sys.argv[1]) if sys.argv[1] else None, "name") as folder:
     print(folder, flush=True)
     sys.stdin.read()
@@ -24,10 +23,10 @@ with output_folder(Path(sys.argv[1]) if sys.argv[1] else None, "name") as folder
 """
 
 
-def claim(folder: str, *arguments: str, cwd: Path) -> subprocess.Popen[str]:
-    """A process that has claimed a folder, or not; it goes on until its standard input is closed."""
+def reserve(folder: str, *arguments: str, cwd: Path) -> subprocess.Popen[str]:
+    """Start a process that reserves a folder until its standard input is closed."""
     return subprocess.Popen(
-        [sys.executable, "-c", CLAIMS, folder, *arguments],
+        [sys.executable, "-c", RESERVES, folder, *arguments],
         cwd=cwd,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
         stdin=subprocess.PIPE,
@@ -37,8 +36,8 @@ def claim(folder: str, *arguments: str, cwd: Path) -> subprocess.Popen[str]:
     )
 
 
-def told(process: subprocess.Popen[str]) -> str:
-    """The one line of a refusal."""
+def refusal(process: subprocess.Popen[str]) -> str:
+    """Return the one line of a refusal."""
     _, errors = process.communicate()
     assert process.returncode == 2, errors
     (line,) = errors.splitlines()
@@ -46,77 +45,70 @@ def told(process: subprocess.Popen[str]) -> str:
 
 
 @pytest.mark.parametrize("n_pairs", [3, pytest.param(50, marks=pytest.mark.slow)])
-def test_of_two_that_want_one_folder_at_once_one_has_it(n_pairs: int, tmp_path: Path) -> None:
+def test_one_of_two_processes_gets_the_folder(n_pairs: int, tmp_path: Path) -> None:
     for k in range(n_pairs):
-        pair = [claim(f"folder_{k}", "keep", cwd=tmp_path) for _ in range(2)]
+        pair = [reserve(f"folder_{k}", "keep", cwd=tmp_path) for _ in range(2)]
         results = [process.communicate() for process in pair]
-        statuses = sorted(process.returncode for process in pair)
-        assert statuses == [0, 2], results
+        assert sorted(process.returncode for process in pair) == [0, 2], results
         assert [path.name for path in (tmp_path / f"folder_{k}").iterdir()] == ["kept"]
 
 
-def test_a_folder_that_is_claimed_is_refused_with_the_name_of_who_has_it(tmp_path: Path) -> None:
-    first = claim("folder", cwd=tmp_path)
+def test_reserved_folder_is_refused_and_removed_if_empty(tmp_path: Path) -> None:
+    first = reserve("folder", cwd=tmp_path)
     assert first.stdout is not None
     assert first.stdout.readline() == "folder\n"
-    line = told(claim("folder", cwd=tmp_path))
-    assert f"folder is being written to (process {first.pid}, since " in line
+    assert "folder must be a new or empty folder, which no other command writes to" in refusal(
+        reserve("folder", cwd=tmp_path)
+    )
     first.communicate()
-    assert not (tmp_path / "folder").exists(), "nothing was written to it, and it was not there before"
+    assert not (tmp_path / "folder").exists()
 
 
-def test_what_a_killed_process_has_left_is_told_and_stays(tmp_path: Path) -> None:
-    first = claim("folder", cwd=tmp_path)
+def test_folder_of_a_killed_process_is_refused(tmp_path: Path) -> None:
+    first = reserve("folder", cwd=tmp_path)
     assert first.stdout is not None
     first.stdout.readline()
     (tmp_path / "folder" / "log").touch()
     first.kill()
     first.communicate()
-    line = told(claim("folder", cwd=tmp_path))
-    assert f"folder was left by a command that was cut off (process {first.pid}, " in line
-    assert {path.name for path in (tmp_path / "folder").iterdir()} == {CLAIM, "log"}
+    assert "must be a new or empty folder" in refusal(reserve("folder", cwd=tmp_path))
+    assert (tmp_path / "folder" / "log").exists()
 
 
-def test_a_folder_that_was_there_stays_and_one_that_is_not_empty_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "mine").mkdir()
-    claim("mine", cwd=tmp_path).communicate()
-    assert list((tmp_path / "mine").iterdir()) == []
-    (tmp_path / "mine" / "file").touch()
-    assert "mine is not empty" in told(claim("mine", cwd=tmp_path))
-    assert [path.name for path in (tmp_path / "mine").iterdir()] == ["file"]
-
-
-def test_names_are_printed_as_they_are_but_for_what_a_terminal_would_obey(tmp_path: Path) -> None:
+def test_empty_folder_is_kept_and_a_full_one_refused(tmp_path: Path) -> None:
     folder = tmp_path / "o[1]x[old] :smile: \n\x1b[31m"
     folder.mkdir()
+    reserve(folder.name, cwd=tmp_path).communicate()
+    assert list(folder.iterdir()) == []
     (folder / "file").touch()
-    line = told(claim(folder.name, cwd=tmp_path))
-    assert line.startswith("--out: o[1]x[old] :smile: \\n\\x1b[31m is not empty")
+    line = refusal(reserve(folder.name, cwd=tmp_path))
+    assert line == "--out: o[1]x[old] :smile: \\n\\x1b[31m must be a new or empty folder"
+    assert [path.name for path in folder.iterdir()] == ["file"]
 
 
-def test_without_a_folder_given_each_takes_the_next_free_one(tmp_path: Path) -> None:
-    some = [claim("", "keep", cwd=tmp_path) for _ in range(3)]
+def test_default_folders_are_numbered(tmp_path: Path) -> None:
+    some = [reserve("", "keep", cwd=tmp_path) for _ in range(3)]
     assert [process.communicate()[1] for process in some] == ["", "", ""]
     assert {path.name for path in (tmp_path / "runs").iterdir()} == {"name", "name-2", "name-3"}
 
 
-def write_half(path: Path) -> None:
+def fail_while_writing(path: Path) -> None:
     with atomic_file(path) as temporary:
         temporary.write_text("half")
         assert path.read_text() == "before"
         raise ZeroDivisionError
 
 
-def test_a_file_is_there_whole_or_as_it_was(tmp_path: Path) -> None:
+def test_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
     path = tmp_path / "file.txt"
     write_text(path, "before")
     with pytest.raises(ZeroDivisionError):
-        write_half(path)
+        fail_while_writing(path)
     assert [each.name for each in tmp_path.iterdir()] == ["file.txt"]
     assert path.read_text() == "before"
 
 
-def test_what_cannot_be_written_is_named_by_the_name_that_it_would_have(tmp_path: Path) -> None:
+def test_error_names_the_file_and_not_its_temporary(tmp_path: Path) -> None:
     path = tmp_path / "none" / "report.json"
     with pytest.raises(FileNotFoundError) as raised:
         write_text(path, "{}")

@@ -1,0 +1,137 @@
+"""Write the files of a mission, and print what they say."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable
+from contextlib import suppress
+from datetime import datetime
+from importlib.util import find_spec
+from pathlib import Path
+
+from pdpatrol.envs.plausibility import plausibility
+from pdpatrol.envs.scenario import Scenario
+from pdpatrol.envs.scenario.array import restore_calibration
+from pdpatrol.missions.cli.terminal import as_typed, err, note, out, print_written, refuse
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.report.inspection import inspected_sites
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.missions.report.pulse_counts import in_words
+from pdpatrol.missions.report.records import Report
+from pdpatrol.missions.report.report_file import report_text
+from pdpatrol.missions.report.report_page import report_page
+from pdpatrol.missions.report.tables import candidates_table, findings_table
+from pdpatrol.missions.stopwatch import Stopwatch
+from pdpatrol.missions.atomic_file import write_text
+
+INCOMPLETE = "INCOMPLETE.txt"
+"""File that says why others are missing."""
+
+FILES = ("log.npz", "report.json", "report.html", "mission.rrd", "calibration.toml")
+
+
+def load_log(folder: Path) -> MissionLog:
+    """Load the log of a mission, or refuse the folder."""
+    if not folder.is_dir():
+        refuse(f"{folder}: no such folder; give the folder of a mission")
+    try:
+        return MissionLog.load(folder)
+    except (FileNotFoundError, ValueError) as error:
+        refuse(str(error))
+
+
+def write_mission(log: MissionLog, wall_time_s: float, folder: Path) -> Report:
+    """Write log, calibration, report, recording and page of a mission, complete or cut short.
+
+    The calibration is written if the mission has learned errors of the array; the recording if Rerun is installed.
+
+    Args:
+        log: The mission.
+        wall_time_s: Time that the mission took.
+        folder: Existing folder.
+
+    Returns:
+        The report.
+
+    Raises:
+        OSError: If a file cannot be written. Those that exist are complete, and `INCOMPLETE` says what went wrong.
+    """
+    try:
+        log.save(folder)
+        if "calibration" in log.meta:
+            when = datetime.now().astimezone().isoformat(timespec="seconds")
+            text = restore_calibration(log.meta["calibration"]).as_toml()
+            write_text(folder / "calibration.toml", f"# Written {when}\n{text}")
+        return write_report(log, wall_time_s, folder, before_page=lambda: _write_recording(log, folder))
+    except OSError as error:
+        with suppress(OSError):
+            write_text(folder / INCOMPLETE, f"Log, report and recording are not complete: {error}\n")
+        raise
+
+
+def _write_recording(log: MissionLog, folder: Path) -> None:
+    if find_spec("rerun") is None:
+        note('no recording, as rerun is not installed; run: pip install "pdpatrol[viewer]"')
+        return
+    from pdpatrol.missions.recording import write_recording  # Rerun is optional
+
+    write_recording(log, folder / "mission.rrd")
+
+
+def write_report(
+    log: MissionLog, wall_time_s: float, folder: Path, before_page: Callable[[], None] = lambda: None
+) -> Report:
+    """Write report.json and then report.html, which takes longer; see `write_mission`.
+
+    Args:
+        log: The mission.
+        wall_time_s: Time that the mission took.
+        folder: Existing folder.
+        before_page: Called between the two files.
+    """
+    inspected = inspected_sites(log)
+    report = make_report(log, wall_time_s, inspected)
+    write_text(folder / "report.json", report_text(report))
+    before_page()
+    write_text(folder / "report.html", report_page(log, report, inspected))
+    return report
+
+
+def print_json(report: Report) -> None:
+    """Print report.json."""
+    out.print(report_text(report), end="", soft_wrap=True)
+
+
+def print_findings(report: Report) -> None:
+    """Print findings, or why there are none, and candidates."""
+    found = findings_table(report) if report.findings else in_words(report.pulses)
+    out.print(found, soft_wrap=not report.findings)
+    if report.candidates:
+        out.print(candidates_table(report))
+
+
+def print_doubts(report: Report) -> None:
+    """Print which channels were found faulty, and whether the pulses contradict the calibration."""
+    for heading, lines in (("Receiver", report.channel_faults), ("Calibration", report.calibration)):
+        for line in lines:
+            out.print(f"{heading}: {line}", style="yellow")
+
+
+def print_plausibility(scenario: Scenario) -> None:
+    """Note what in a scenario is probably not intended; it is used all the same."""
+    for text in plausibility(scenario):
+        note(text)
+
+
+def print_times(stopwatch: Stopwatch) -> None:
+    """Print how long each part of the work took."""
+    total_s = stopwatch.total_s
+    parts = {**stopwatch.spent_s, "the rest": total_s - sum(stopwatch.spent_s.values())}
+    text = ", ".join(f"{part} {spent_s:.1f} s" for part, spent_s in parts.items())
+    err.print(f"Time: {total_s:.1f} s: {text}", soft_wrap=True)
+
+
+def print_files(folder: Path) -> None:
+    """Print which files of a mission were written, and how to open them."""
+    print_written(folder, *(name for name in FILES if (folder / name).exists()))
+    out.print(f"Look at it with: {as_typed(f'replay {shlex.quote(str(folder))}')}", soft_wrap=True)

@@ -1,1 +1,0 @@
-"""What a command writes: lines on a terminal, folders on disk."""

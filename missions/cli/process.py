@@ -1,0 +1,138 @@
+"""How a command ends: by signals, errors of the operating system, and missing libraries.
+
+This module loads nothing heavy, so that signals are handled from the start.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import NoReturn
+
+FAILED, USAGE_ERROR = 1, 2
+"""Exit statuses; after a signal it is 128 and the number of the signal."""
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+EXTRAS = {
+    "rerun": "viewer",
+    "mcap": "ros",
+    "mcap_ros2": "ros",
+    "imageio": "video",
+    "ray": "ray",
+    "stable_baselines3": "rl",
+    **dict.fromkeys(
+        (
+            *("filelock", "jinja2", "markupsafe", "matplotlib", "pebble", "psutil", "pyarrow", "pyproj", "rich"),
+            *("statsmodels", "threadpoolctl", "tomlkit", "tyro"),
+        ),
+        "missions",
+    ),
+}
+"""Extra of the package that installs each optional library."""
+
+
+@contextmanager
+def command_process() -> Iterator[None]:
+    """Run a command in the block and end the process in the usual way.
+
+    SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt; those that the parent ignores, as under nohup, stay ignored.
+    Errors of the operating system and missing libraries print one line and exit with status 1. Warnings print one line.
+    """
+    received: list[int] = []
+
+    def interrupt(number: int, _frame: object) -> NoReturn:
+        received.append(number)
+        raise KeyboardInterrupt
+
+    for number in SIGNALS:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, interrupt)
+    warnings.showwarning = lambda message, *_, **__: print_error(f"note: {message}")
+    try:
+        yield
+        for stream in _streams():
+            stream.flush()
+    except ModuleNotFoundError as error:
+        library = (error.name or "").partition(".")[0]
+        if library not in EXTRAS:
+            raise
+        print_error(f'pdpatrol: {library} is not installed; run: pip install "pdpatrol[{EXTRAS[library]}]"')
+        sys.exit(FAILED)
+    except BrokenPipeError:
+        _exit_without_output()
+    except OSError as error:
+        print_error(f"{error.filename}: {error.strerror}" if error.filename else str(error.strerror or error))
+        _exit_without_output()
+    except MemoryError as error:
+        print_error(f"out of memory: {error}" if str(error) else "out of memory")
+        sys.exit(FAILED)
+    except (KeyboardInterrupt, Exception) as error:
+        if not received and not isinstance(error, KeyboardInterrupt):
+            raise  # otherwise other code turned the interrupt into an error of its own
+        for number in SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
+        kill_children()
+        print_error("Interrupted")
+        sys.exit(128 + (received[0] if received else signal.SIGINT))
+
+
+@contextmanager
+def deferred_signals() -> Iterator[list[int]]:
+    """Collect the signals received in the block; only the second one interrupts it."""
+    received: list[int] = []
+
+    def defer(number: int, frame: object) -> None:
+        received.append(number)
+        if len(received) > 1:
+            handlers[received[0]](received[0], frame)
+
+    handlers: dict[int, object] = {number: signal.getsignal(number) for number in SIGNALS}
+    for number, handler in handlers.items():
+        if handler is not signal.SIG_IGN:
+            signal.signal(number, defer)
+    try:
+        yield received
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+
+def kill_children() -> None:
+    """Kill the processes that this one has started, and theirs."""
+    import psutil  # only needed when a command is interrupted
+
+    for child in psutil.Process().children(recursive=True):
+        with suppress(psutil.Error):
+            if not any("resource_tracker" in word for word in child.cmdline()):  # it cleans up and ends by itself
+                child.kill()
+
+
+def print_error(line: str) -> None:
+    """Print a line to the standard error output, with control characters escaped."""
+    with suppress(OSError, AttributeError):  # it may be closed
+        sys.stderr.write(one_line(line) + "\n")
+
+
+def one_line(text: str) -> str:
+    """Escape line breaks and other control characters, which a terminal would interpret."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def _streams() -> list[object]:
+    return [stream for stream in (sys.stdout, sys.stderr) if stream]
+
+
+def _exit_without_output() -> NoReturn:
+    """Exit with status 1 when what is still to be printed would fail as well."""
+    devnull = os.open(os.devnull, os.O_WRONLY)
+    for stream in _streams():
+        try:
+            stream.flush()
+        except OSError:
+            os.dup2(devnull, stream.fileno())
+    sys.exit(FAILED)

@@ -1,0 +1,90 @@
+"""Terminal output, refusals and output folders, as all verbs need them."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from itertools import count
+from pathlib import Path
+from typing import NoReturn
+
+from rich.console import Console
+
+from pdpatrol.missions.cli.process import FAILED, USAGE_ERROR, one_line, print_error
+
+CLAIM = ".claim"
+"""File that reserves an output folder for one process."""
+
+out, err = (Console(stderr=to_stderr, markup=False, highlight=False, emoji=False) for to_stderr in (False, True))
+"""Consoles without markup: text from a user's file is printed as it is."""
+
+
+def refuse(*errors: str) -> NoReturn:
+    """Print one line per error of the input and exit with status 2."""
+    for error in errors:
+        print_error(error)
+    sys.exit(USAGE_ERROR)
+
+
+def fail(error: str) -> NoReturn:
+    """Print one line on what this machine cannot do and exit with status 1."""
+    print_error(error)
+    sys.exit(FAILED)
+
+
+def note(text: str) -> None:
+    """Print a note on something unusual, on the standard error output."""
+    err.print(f"note: {one_line(text)}", soft_wrap=True)
+
+
+def print_written(folder: Path, *names: str) -> None:
+    """Print which files were written."""
+    out.print(f"Written to {one_line(str(folder))}: {', '.join(names)}", soft_wrap=True)
+
+
+def as_typed(words: str) -> str:
+    """Return a pdpatrol command line as the user has to type it: through uv if this command was."""
+    return f"uv run pdpatrol {words}" if "UV_RUN_RECURSION_DEPTH" in os.environ else f"pdpatrol {words}"
+
+
+@contextmanager
+def output_folder(given: Path | None, name: str, option: str = "--out") -> Iterator[Path]:
+    """Reserve a new or empty folder for this process; remove it again if nothing is written to it.
+
+    Args:
+        given: Folder given by the user, if any.
+        name: Name of the folder under runs/ otherwise; -2, -3 and so on are appended until it is new.
+        option: Option by which it is given, for refusals.
+    """
+    try:
+        folder, is_new = (given, not given.exists()) if given is not None else (_new_folder(name), True)
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / CLAIM).touch(exist_ok=False)
+    except FileExistsError as error:
+        refuse(f"{option}: {error.filename} must be a new or empty folder, which no other command writes to")
+    except (OSError, ValueError) as error:
+        refuse(f"{option}: {given or 'runs'} cannot be written to ({getattr(error, 'strerror', error)})")
+    try:
+        if any(entry.name != CLAIM for entry in folder.iterdir()):
+            refuse(f"{option}: {folder} must be a new or empty folder")
+        yield folder
+    finally:
+        (folder / CLAIM).unlink(missing_ok=True)
+        with suppress(OSError):
+            if is_new:
+                folder.rmdir()
+            if given is None:
+                folder.parent.rmdir()
+
+
+def _new_folder(name: str) -> Path:
+    """Make the next free folder under runs/."""
+    Path("runs").mkdir(exist_ok=True)
+    for number in count(1):
+        folder = Path("runs") / (name if number == 1 else f"{name}-{number}")
+        with suppress(FileExistsError):
+            folder.mkdir()
+            return folder
+    raise AssertionError

@@ -1,0 +1,205 @@
+"""How commands end: signals, a full disk, closed output, missing libraries."""
+
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+from pdpatrol.envs import load_scenario
+from pdpatrol.missions.cli.mission_files import INCOMPLETE
+from pdpatrol.missions.cli.process import SIGNALS
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.runner import run_mission
+from tests.missions.field.surveys import EXAMPLE
+from tests.processes import PDPATROL, WRITES_NO_BYTECODE
+
+pytestmark = pytest.mark.whole
+
+ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+
+WAITS = """
+import subprocess, sys, time
+from pathlib import Path
+from pdpatrol.missions.atomic_file import atomic_file
+from pdpatrol.missions.cli.process import command_process, deferred_signals
+from pdpatrol.missions.cli.terminal import output_folder
+child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600.0)"])
+with command_process(), output_folder(Path("folder"), "") as folder:
+    (folder / "complete").touch()
+    with atomic_file(folder / "half") as half:
+        half.touch()
+        if sys.argv[1] == "deferred":
+            with deferred_signals() as received:
+                print("ready", flush=True)
+                while not received:
+                    time.sleep(0.01)
+                print("deferred", flush=True)
+                time.sleep(600.0)
+        print("ready", flush=True)
+        time.sleep(float(sys.argv[1]))
+"""
+
+
+def wait(seconds: str, tmp_path: Path, prefix: str = "") -> subprocess.Popen[str]:
+    """Start a process that waits with a file half written, and wait until it is ready."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", prefix + WAITS, seconds],
+        cwd=tmp_path,
+        env=ENVIRONMENT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n"
+    return process
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signal_ends_a_command_and_its_children(number: signal.Signals, tmp_path: Path) -> None:
+    process = wait("600", tmp_path)
+    children = psutil.Process(process.pid).children()
+    assert len(children) == 1
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=30)
+    assert (process.returncode, errors) == (128 + number, "Interrupted\n")
+    assert [path.name for path in (tmp_path / "folder").iterdir()] == ["complete"]
+    assert not psutil.wait_procs(children, timeout=5.0)[1]
+
+
+def test_second_signal_interrupts_what_the_first_did_not(tmp_path: Path) -> None:
+    process = wait("deferred", tmp_path)
+    process.send_signal(signal.SIGTERM)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "deferred\n"
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=30)
+    assert (process.returncode, errors) == (128 + signal.SIGTERM, "Interrupted\n")
+
+
+def test_ignored_signal_stays_ignored(tmp_path: Path) -> None:
+    process = wait("0.5", tmp_path, "import signal\nsignal.signal(signal.SIGHUP, signal.SIG_IGN)\n")
+    process.send_signal(signal.SIGHUP)
+    (child,) = psutil.Process(process.pid).children()
+    process.wait(timeout=30)
+    child.kill()
+    process.communicate()
+    assert process.returncode == 0
+    assert {path.name for path in (tmp_path / "folder").iterdir()} == {"complete", "half"}
+
+
+FOLDER = "the folder of the test"
+VERBS = {
+    "run": ("run", "one_source", "--out", FOLDER),
+    "plan": ("plan", "transformer_bay", "--out", FOLDER),
+    "reproduce": ("reproduce", "--trials", "3600", "--out", FOLDER),
+    "locate": ("locate", str(EXAMPLE), "--out", FOLDER),
+    "sweep": ("sweep", "suite/open", "--seeds", "0", "--workers", "1", "--out", FOLDER),
+    "replay": ("replay", FOLDER, "--web"),
+}
+
+
+@pytest.fixture(scope="module")
+def mission(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with the log of a mission and no recording."""
+    folder = tmp_path_factory.mktemp("mission")
+    run_mission(load_scenario("one_source", {"task.time_limit_s": 4.0}), "seek").save(folder)
+    return folder
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("verb", VERBS)
+def test_signals_at_random_moments_end_every_verb(verb: str, mission: Path, tmp_path: Path) -> None:
+    rng = np.random.default_rng(list(verb.encode()))
+    for k in range(20):
+        number, folder = signal.Signals(rng.choice(SIGNALS)), tmp_path / str(k)
+        if verb == "replay":
+            shutil.copytree(mission, folder)
+        process = subprocess.Popen(
+            [PDPATROL, *(str(folder) if part == FOLDER else part for part in VERBS[verb])],
+            cwd=tmp_path,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        time.sleep(0.3 + rng.exponential(6.0))
+        children = psutil.Process(process.pid).children(recursive=True) if process.poll() is None else []
+        process.send_signal(number)
+        _, errors = process.communicate(timeout=60)
+        assert process.returncode in (0, 128 + number, -number), errors  # the last while Python itself starts or ends
+        assert "Traceback" not in errors
+        assert not [path for path in tmp_path.rglob("*") if ".tmp" in path.name]
+        if (folder / "log.npz").exists() or (folder / "log.parts").exists():
+            assert MissionLog.load(folder).n_rows("step") > 0
+        assert not psutil.wait_procs(children, timeout=3.0)[1]
+
+
+WRITES = """
+import sys
+from pathlib import Path
+from pdpatrol.missions.cli.mission_files import write_mission
+from pdpatrol.missions.cli.process import command_process
+from pdpatrol.missions.cli.terminal import output_folder
+from pdpatrol.missions.record.mission_log import MissionLog
+log = MissionLog.load(Path(sys.argv[1]))
+with command_process(), output_folder(Path(sys.argv[2]), "") as folder:
+    write_mission(log, 1.0, folder)
+"""
+
+
+@pytest.mark.parametrize(
+    "limit_kb", [40, *(pytest.param(kb, marks=pytest.mark.slow) for kb in (0, 1, 8, 16, 80, 160, 320, 640))]
+)
+def test_full_disk_is_one_line_and_files_are_complete(limit_kb: int, mission: Path, tmp_path: Path) -> None:
+    """A limit on the size of files fails as a full disk does."""
+    folder = tmp_path / "out"
+    done = subprocess.run(
+        [sys.executable, "-c", WRITES, str(mission), str(folder)],
+        cwd=tmp_path,
+        env={**ENVIRONMENT, **WRITES_NO_BYTECODE},
+        capture_output=True,
+        text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (1024 * limit_kb, 1024 * limit_kb)),
+    )
+    files = {path.name for path in folder.iterdir()} if folder.exists() else set[str]()
+    if "log.npz" in files:
+        assert MissionLog.load(folder).n_rows("step") == 40
+    if done.returncode == 0:
+        assert files == {"log.npz", "report.json", "report.html", "mission.rrd"}
+        return
+    (line,) = done.stderr.splitlines()
+    assert "File too large" in line
+    assert done.returncode == 1
+    assert "mission.rrd" not in files
+    assert INCOMPLETE in files or limit_kb == 0
+
+
+@pytest.mark.parametrize("arguments", ["scenarios", "scenarios --json", "--help"])
+def test_full_device_for_the_output_is_one_line(arguments: str) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run([PDPATROL, *arguments.split()], stdout=full, stderr=subprocess.PIPE, text=True)
+    assert (done.returncode, done.stderr) == (1, "No space left on device\n")
+
+
+@pytest.mark.parametrize("tail", [">&-", ">&- 2>&-", "| true"])
+def test_closed_output_prints_nothing(tail: str) -> None:
+    done = subprocess.run(["sh", "-c", f"{PDPATROL} scenarios {tail}"], capture_output=True, text=True)
+    assert done.stderr == ""
+
+
+@pytest.mark.parametrize(("library", "extra"), [("rerun", "viewer"), ("tyro", "missions")])
+def test_missing_library_names_its_extra(library: str, extra: str, mission: Path) -> None:
+    code = f"import sys; sys.modules[{library!r}] = None; from pdpatrol.missions.cli import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", code, "replay", str(mission)], env=ENVIRONMENT, capture_output=True, text=True
+    )
+    expected = f'pdpatrol: {library} is not installed; run: pip install "pdpatrol[{extra}]"\n'
+    assert (done.returncode, done.stderr) == (1, expected)
