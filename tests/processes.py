@@ -19,7 +19,7 @@ WRITES_NO_BYTECODE = {"PYTHONDONTWRITEBYTECODE": "1"}
 def pdpatrol(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
     """Run a command to its end."""
     return subprocess.run(
-        [PDPATROL, *map(str, arguments)], cwd=cwd, capture_output=True, text=True, check=False, timeout=120
+        [PDPATROL, *map(str, arguments)], cwd=cwd, capture_output=True, text=True, check=False, timeout=300
     )
 
 

@@ -14,8 +14,8 @@ from rich.progress import Progress
 
 from dirmusic import ElementSpread, InputFileError, PoseError, read_pattern
 from dirmusic.array.element_errors import UNEXPLAINED
-from pdpatrol.envs.scenario.base import is_day
 from pdpatrol.envs.scenario.array import read_calibration
+from pdpatrol.envs.scenario.base import is_day
 from pdpatrol.missions.cli.mission_files import (
     print_doubts,
     print_files,

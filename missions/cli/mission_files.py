@@ -12,6 +12,7 @@ from pathlib import Path
 from pdpatrol.envs.plausibility import plausibility
 from pdpatrol.envs.scenario import Scenario
 from pdpatrol.envs.scenario.array import restore_calibration
+from pdpatrol.missions.atomic_file import write_text
 from pdpatrol.missions.cli.terminal import as_typed, err, note, out, print_written, refuse
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.inspection import inspected_sites
@@ -22,7 +23,6 @@ from pdpatrol.missions.report.report_file import report_text
 from pdpatrol.missions.report.report_page import report_page
 from pdpatrol.missions.report.tables import candidates_table, findings_table
 from pdpatrol.missions.stopwatch import Stopwatch
-from pdpatrol.missions.atomic_file import write_text
 
 INCOMPLETE = "INCOMPLETE.txt"
 """File that says why others are missing."""

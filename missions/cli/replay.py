@@ -12,8 +12,8 @@ import tyro
 from rich.progress import Progress
 
 from dirmusic import InputFileError
-from pdpatrol.missions.cli.terminal import err, fail, note, out, refuse
 from pdpatrol.missions.atomic_file import atomic_file
+from pdpatrol.missions.cli.terminal import err, fail, note, out, refuse
 
 
 def replay(

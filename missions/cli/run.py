@@ -13,9 +13,9 @@ import tyro
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from dirmusic import InputFileError
-from pdpatrol.envs.user_code import UserCodeError
 from pdpatrol.envs.scenario import ScenarioError, load_scenario
 from pdpatrol.envs.scenario.array import read_calibration
+from pdpatrol.envs.user_code import UserCodeError
 from pdpatrol.missions.cli.mission_files import (
     print_doubts,
     print_files,

@@ -62,8 +62,8 @@ def output_folder(given: Path | None, name: str, option: str = "--out") -> Itera
         folder, is_new = (given, not given.exists()) if given is not None else (_new_folder(name), True)
         folder.mkdir(parents=True, exist_ok=True)
         (folder / CLAIM).touch(exist_ok=False)
-    except FileExistsError as error:
-        refuse(f"{option}: {error.filename} must be a new or empty folder, which no other command writes to")
+    except FileExistsError:
+        refuse(f"{option}: {given or 'runs'} must be a new or empty folder, which no other command writes to")
     except (OSError, ValueError) as error:
         refuse(f"{option}: {given or 'runs'} cannot be written to ({getattr(error, 'strerror', error)})")
     try:

@@ -1,17 +1,14 @@
 """`pdpatrol export`."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.runner import run_mission
+from tests.processes import pdpatrol, refusal
 
 pytestmark = pytest.mark.whole
-
-PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 
 
 @pytest.fixture(scope="module")
@@ -21,25 +18,18 @@ def mission(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def export(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([PDPATROL, "export", *arguments], cwd=cwd, capture_output=True, text=True, timeout=120)
-
-
-def test_all_is_written_and_a_map_asked_for_where_it_can_be(mission: Path, tmp_path: Path) -> None:
-    done = export(str(mission), "--out", "out", cwd=tmp_path)
+def test_export_writes_all_files_and_notes_the_missing_map(mission: Path, tmp_path: Path) -> None:
+    done = pdpatrol("export", mission, "--out", "out", cwd=tmp_path)
     assert done.returncode == 0
     names = {"findings.csv", "steps.parquet", "pulses.parquet", "mission.mcap"}
     assert {path.name for path in (tmp_path / "out").iterdir()} == names
     assert all(name in done.stdout for name in names)
-    (line,) = done.stderr.strip().splitlines()
-    assert line == "note: no findings.geojson, for the scenario has no table [georeference]"
+    assert done.stderr == "note: no findings.geojson, as the scenario has no table [georeference]\n"
 
 
-def test_nothing_is_overwritten_and_what_is_no_mission_is_refused(mission: Path, tmp_path: Path) -> None:
+def test_export_overwrites_nothing(mission: Path, tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "mine").touch()
-    for arguments in ((str(mission), "--out", "out"), ("out",), ("nowhere",)):
-        done = export(*arguments, cwd=tmp_path)
-        assert done.returncode == 2
-        assert len(done.stderr.strip().splitlines()) == 1
+    for arguments in ((mission, "--out", "out"), ("out",), ("nowhere",)):
+        assert len(refusal(pdpatrol("export", *arguments, cwd=tmp_path))) == 1
     assert [path.name for path in tmp_path.rglob("*")] == ["out", "mine"]
