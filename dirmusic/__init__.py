@@ -12,10 +12,10 @@ from dirmusic.bearing.gain_delay import bearings_from_delays
 from dirmusic.bearing.maximum_likelihood import bearings_from_covariance, estimate_bearings
 from dirmusic.bearing.spectrum import noise_subspace, pseudo_spectrum, pulse_spectrum, source_count, spectrum_peaks
 from dirmusic.input_file import InputFileError, InputFileWarning
+from dirmusic.locating.bearing_fit import PositionEstimate, triangulate
 from dirmusic.locating.finding import Finding
-from dirmusic.locating.fitting.joint_fix import PoseError
-from dirmusic.locating.fitting.triangulation import Fix, triangulate
 from dirmusic.locating.locator import Locator
+from dirmusic.locating.protocol import PoseError
 from dirmusic.locating.yard_likelihood import Grid, YardLikelihood
 from dirmusic.pulses.batch import Bearings, PulseBatch
 from dirmusic.pulses.preprocessing import Windows, band_pass, cut_windows, prepare_records, pulse_start
@@ -30,7 +30,6 @@ __all__ = [
     "ElementErrors",
     "ElementSpread",
     "Finding",
-    "Fix",
     "GainManifold",
     "GainPattern",
     "GaussianPattern",
@@ -40,6 +39,7 @@ __all__ = [
     "Locator",
     "ManifoldPrior",
     "PoseError",
+    "PositionEstimate",
     "PulseBatch",
     "TabulatedPattern",
     "UniformOffsets",

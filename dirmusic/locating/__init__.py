@@ -1,1 +1,1 @@
-"""From bearings to findings: association, births, triangulation, the fix of sources and array, confirmation."""
+"""Locating: from pulses with bearings to findings with positions, ellipses and states."""

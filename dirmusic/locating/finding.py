@@ -1,37 +1,93 @@
-"""A located discharge."""
+"""A located discharge, and the 95 % ellipse of its position."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.locating.ellipse import ellipse95
-
 FloatArray = NDArray[np.float64]
 State = Literal["candidate", "confirmed", "outside", "ghost"]
 
+CHI2_95 = float(-2.0 * np.log(0.05))
+"""95 % quantile of chi-square with two degrees of freedom, whose distribution function is 1 - exp(-x / 2)."""
 
-@dataclass(frozen=True, kw_only=True)
-class Finding:
-    """A discharge as located so far.
+
+class Ellipse(NamedTuple):
+    """Half-axes of an ellipse, and the direction of the longer one.
 
     Attributes:
-        id: Stays with it through the mission; counts from 1.
-        state: `candidate` until the rules confirm it; `outside` where its 95 % ellipse lies beyond the fence; `ghost`
-            where nothing comes from it though the robot was near and in sight of it.
+        semi_major_m: Longer half-axis.
+        semi_minor_m: Shorter half-axis.
+        angle_rad: Direction of the longer half-axis, world frame, in (-pi, pi], ambiguous by half a turn.
+    """
+
+    semi_major_m: float
+    semi_minor_m: float
+    angle_rad: float
+
+
+def ellipse95(covariance_m2: FloatArray) -> Ellipse:
+    """Compute the 95 % ellipse of a position covariance, shape (2, 2)."""
+    values, vectors = np.linalg.eigh(covariance_m2)
+    return Ellipse(
+        semi_major_m=float(np.sqrt(CHI2_95 * values[1])),
+        semi_minor_m=float(np.sqrt(CHI2_95 * values[0])),
+        angle_rad=float(np.arctan2(vectors[1, 1], vectors[0, 1])),
+    )
+
+
+def outline95(position_m: FloatArray, covariance_m2: FloatArray, n_points: int) -> FloatArray:
+    """Draw the 95 % ellipse of a position (2,) as a closed line, shape (n_points, 2)."""
+    angle = np.linspace(0, 2 * np.pi, n_points)
+    root = np.linalg.cholesky(CHI2_95 * covariance_m2)
+    return position_m + np.stack([np.cos(angle), np.sin(angle)], axis=-1) @ root.T
+
+
+def is_inside95(miss_m: FloatArray, covariance_m2: FloatArray) -> bool:
+    """Return whether an offset from the position, shape (2,), lies in the 95 % ellipse of its covariance (2, 2)."""
+    return bool(miss_m @ np.linalg.solve(covariance_m2, miss_m) <= CHI2_95)
+
+
+def reaches95(position_m: FloatArray, covariance_m2: FloatArray, corner_m: FloatArray) -> bool:
+    """Return whether the 95 % ellipse of a position overlaps a rectangle.
+
+    Args:
+        position_m: Centre of the ellipse, shape (2,).
+        covariance_m2: Covariance of the position, shape (2, 2).
+        corner_m: Corner of the rectangle opposite to the origin, shape (2,).
+    """
+    if np.all((position_m >= 0.0) & (position_m <= corner_m)):
+        return True
+    corners = corner_m * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    root = np.linalg.inv(np.linalg.cholesky(covariance_m2))  # makes the ellipse a circle
+    starts = (corners - position_m) @ root.T
+    edges = np.roll(starts, -1, axis=0) - starts
+    along = np.clip(-(starts * edges).sum(axis=-1) / np.square(edges).sum(axis=-1), 0.0, 1.0)
+    nearest = starts + along[:, np.newaxis] * edges
+    return bool(np.square(nearest).sum(axis=-1).min() <= CHI2_95)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Finding:
+    """A discharge as located so far; findings are equal if all their values are.
+
+    Attributes:
+        id: Number that stays with the finding through the mission, from 1 on.
+        state: `candidate` until the rules confirm it; `outside` if its 95 % ellipse lies beyond the fence; `ghost` if
+            it is a multipath ghost: nothing is detected from it although the robot was near and in sight of it.
         position_m: Shape (3,), world frame.
-        covariance_m2: Shape (3, 3), the array's common error included.
-        n_bearings: Pulses that belong to it; where there is a map, those detected in sight of it.
-        first_detected_s: When its first pulse came.
-        last_detected_s: When its latest pulse came, in sight of it or not.
-        confirmed_s: When it was first confirmed, or None.
+        covariance_m2: Shape (3, 3), including the error that the array adds to all bearings.
+        n_bearings: Number of its pulses; with a map, of those detected in sight of it.
+        first_detected_s: Time of its first pulse.
+        last_detected_s: Time of its latest pulse, in sight of it or not.
+        confirmed_s: Time when it was first confirmed, or None.
         aperture_rad: Angle on plan over which its lines of sight spread, seen from the finding.
-        nearest_m: Least distance on plan from which it was detected.
-        level_db: Strength that its louder pulses would have 1 m away, dB over 1 V; NaN until it was detected in sight.
+        nearest_m: Smallest distance on plan from which it was detected.
+        level_db: Strength that its stronger pulses would have at 1 m, dB over 1 V; NaN until it was detected in sight.
 
     Raises:
         ValueError: If the id is below 1, if position or covariance are not finite or of another shape, or if the
@@ -63,6 +119,25 @@ class Finding:
                 f"finding {self.id}: `covariance_m2` must be positive definite, got {self.covariance_m2!r}"
             )
 
+    def __eq__(self, other: object) -> bool:
+        """Compare all values; NaN equals NaN."""
+        return isinstance(other, Finding) and self._values == other._values
+
+    def __hash__(self) -> int:
+        """Hash all values."""
+        return hash(self._values)
+
+    @cached_property
+    def _values(self) -> tuple[int, State, int, bytes]:
+        times_s = (
+            self.first_detected_s,
+            self.last_detected_s,
+            np.nan if self.confirmed_s is None else self.confirmed_s,
+        )
+        others = (*times_s, self.aperture_rad, self.nearest_m, self.level_db)
+        numbers = np.concatenate([self.position_m, np.ravel(self.covariance_m2), others], dtype=np.float64)
+        return self.id, self.state, self.n_bearings, numbers.tobytes()
+
     @cached_property
     def semi_major_m(self) -> float:
         """Longer half-axis of the 95 % ellipse, on plan."""
@@ -70,5 +145,5 @@ class Finding:
 
     @property
     def height_std_m(self) -> float:
-        """Standard deviation of its height."""
+        """Standard deviation of the height."""
         return float(np.sqrt(self.covariance_m2[2, 2]))

@@ -1,4 +1,4 @@
-"""Locator: the one place that turns pulses with bearings into findings."""
+"""Locator: turns pulses with bearings into findings."""
 
 from __future__ import annotations
 
@@ -9,57 +9,96 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dirmusic.angles import difference
 from dirmusic.array.element_errors import ElementErrors, EstimatedErrors
 from dirmusic.array.model import ArrayModel
-from dirmusic.locating.association.assignment import Assigner, Assignment
-from dirmusic.locating.association.pulse_record import Detections, PulseRecord, Rows, evenly
-from dirmusic.locating.association.sight_lines import Sight
-from dirmusic.locating.births import find_birth
+from dirmusic.locating.association import Assigner, Assignment, Unassociated
+from dirmusic.locating.bearing_fit import locate_by_bearings, triangulate
 from dirmusic.locating.confirmation import updated_state
 from dirmusic.locating.finding import Finding
-from dirmusic.locating.fitting.bearing_fix import locate_by_bearings
-from dirmusic.locating.fitting.joint_fix import JointFix, PoseError, locate_jointly
+from dirmusic.locating.joint_fit import JointEstimate, locate_jointly, with_height_covariance
+from dirmusic.locating.protocol import LineOfSight, PoseError
+from dirmusic.locating.pulse_record import PulseRecord, PulsesAtPose, Rows, choose_evenly
 from dirmusic.locating.rules import LocatingRules
-from dirmusic.locating.support import Support, are_worth_a_fit
 from dirmusic.pulses.batch import PulseBatch
 
 FloatArray = NDArray[np.float64]
 
+LEARNING_STATES = ("candidate", "confirmed")
+"""States of findings from which the array's errors are learned. What lies outside the fence may move and have any
+polarisation, and a ghost came from no one place: they would bias the estimated errors."""
 
-TEACHING = ("candidate", "confirmed")
-"""States of findings by which the array's errors are learned. What lies outside the fence may move and have any
-polarisation, and what is a ghost came from no one place: they would teach errors that are none."""
+REFIT_SHARE = 0.1
+"""Relative change of the number of a finding's pulses from which on findings are fitted again (assumed): pulses as good
+as the others move a position by a twentieth of a deviation then."""
+
+REFIT_RAD = np.radians(10.0)
+"""Change of a finding's aperture from which on findings are fitted again (assumed): a few pulses from another side
+contribute more than many from where others came."""
+
+INITIAL_RANGE_M = 10.0
+"""Range, and its standard deviation, of a new candidate of which only the bearing is known (assumed)."""
 
 
 class Learned(NamedTuple):
-    """What a mission has learned of its array.
+    """Errors of the array as learned in a mission.
 
     Attributes:
-        errors: Of its elements, with all that was known of them before in it.
-        n_pulses: Pulses of this mission behind it.
+        errors: Errors of the elements, including earlier knowledge of them.
+        n_pulses: Number of pulses of this mission that were used.
     """
 
     errors: EstimatedErrors
     n_pulses: int
 
 
-class Locator:
-    """Keeps every credible pulse, assigns pulses to findings, and fits all findings and the array together.
-
-    Args:
-        array: The array's data sheet and spread, and what earlier missions have learned of its errors, which counts
-            until the pulses contradict it; never the array that made the data.
-        pose_error: How wrong the poses given to `update` may be.
-        fence_m: Length of the yard along x and y, origin at the corner; None where there is no fence.
-        rules: When pulses make and confirm a finding.
-        sight: What the map of the yard obstructs; None where there is no map.
+class FitBasis(NamedTuple):
+    """Pulses of a finding on which a fit is based.
 
     Attributes:
-        findings: All findings so far, in the order of their ids.
-        array: As given; without errors from the fit on that has contradicted them.
+        n_pulses: Number of its pulses.
+        n_in_sight: Number of those in sight of it.
+        aperture_rad: Angle over which its lines of sight spread.
+    """
+
+    n_pulses: int
+    n_in_sight: int
+    aperture_rad: float
+
+    def differs_from(self, fitted: FitBasis) -> bool:
+        """Return whether a fit would be based on considerably different pulses."""
+        return (
+            abs(self.n_pulses - fitted.n_pulses) > REFIT_SHARE * fitted.n_pulses
+            or abs(self.n_in_sight - fitted.n_in_sight) > REFIT_SHARE * fitted.n_in_sight
+            or abs(self.aperture_rad - fitted.aperture_rad) > REFIT_RAD
+        )
+
+
+def needs_refit(basis: dict[int, FitBasis], fitted: dict[int, FitBasis]) -> bool:
+    """Return whether there are other findings than at the last fit, or one has considerably different pulses."""
+    if basis.keys() != fitted.keys():
+        return True
+    return any(of_finding.differs_from(fitted[number]) for number, of_finding in basis.items())
+
+
+class Locator:
+    """Keeps every credible pulse, associates pulses with findings, and fits all findings and the array together.
+
+    Args:
+        array: The array's data sheet and spread, and its errors as learned by earlier missions, which are used until
+            the pulses contradict them; never the array that made the data.
+        pose_error: Error of the poses given to `update`.
+        fence_m: Length of the yard along x and y, origin at the corner; None without a fence.
+        rules: Conditions under which pulses initiate and confirm a finding.
+        sight: Transmission along lines of sight by the map of the yard; None without a map.
+
+    Attributes:
+        findings: All current findings, in the order of their ids.
+        array: The array as given, without errors once the pulses have contradicted them.
+        contradicts_errors: True once the pulses have contradicted the errors that were known of the array.
 
     Raises:
-        ValueError: If errors are known and bearings are to be fitted, which makes no use of them.
+        ValueError: If errors of the array are known and the solver is not `joint`, which alone uses them.
     """
 
     def __init__(
@@ -69,76 +108,134 @@ class Locator:
         *,
         fence_m: tuple[float, float] | None = None,
         rules: LocatingRules | None = None,
-        sight: Sight | None = None,
+        sight: LineOfSight | None = None,
     ) -> None:
         self.array = array
+        self.contradicts_errors = False
         self.pose_error = pose_error
         self.fence_m = fence_m
         self.rules = rules or LocatingRules()
         if array.errors is not None and self.rules.solver != "joint":
-            raise ValueError(f"`array.errors` count in the joint fit alone, got them with solver {self.rules.solver!r}")
+            raise ValueError(f"`array.errors` needs the solver 'joint', got {self.rules.solver!r}")
         self.findings: tuple[Finding, ...] = ()
-        self._n_born = 0
+        self._n_initiated = 0
         self._next_fit_s = -np.inf
-        self._errors = array.errors.mean if array.errors else ElementErrors.none(array.manifold.n_elements)
         self._record = PulseRecord(array, pose_error, sight, self.rules.assignment)
-        self._not_recorded: list[Detections] = []
-        self._fitted: dict[int, Support] = {}
+        errors = array.errors.mean if array.errors else ElementErrors.none(array.manifold.n_elements)
+        self._error_rad = self._record.error_table(errors)
+        self._not_recorded: list[PulsesAtPose] = []
+        self._fitted: dict[int, FitBasis] = {}
         self._assigner = Assigner(self._record, self.rules.assignment)
 
     def update(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> tuple[Finding, ...]:
-        """Take in what was detected from one pose; refit everything once every `refit_s`.
+        """Add the pulses that were detected at one pose, and refit all findings every `refit_s`.
 
         Args:
-            time_s: When.
-            pose: Believed x m, y m, yaw rad, world frame, shape (3,).
-            pulses: Credible pulses, with their directions; see `credibility.is_credible`.
+            time_s: Time of the pose.
+            pose: Estimated x m, y m, yaw rad, world frame, shape (3,).
+            pulses: Credible pulses with their directions; see `plane_wave.is_credible`.
 
         Returns:
-            All findings so far, in the order of their ids.
+            All current findings, in the order of their ids.
         """
-        self._not_recorded.append(Detections(time_s, pose, pulses))
-        if (pulses.n_pulses or self._is_waiting) and time_s >= self._next_fit_s:
+        self._not_recorded.append(PulsesAtPose(time_s, pose, pulses))
+        has_candidate = any(finding.state == "candidate" for finding in self.findings)  # no signal may make it a ghost
+        if (pulses.n_pulses or has_candidate) and time_s >= self._next_fit_s:
             self._next_fit_s = time_s + self.rules.refit_s
             self._renew(time_s, always=False)
         return self.findings
 
     def refit(self, time_s: float) -> tuple[Finding, ...]:
-        """Assign and fit all pulses so far anew, whenever the last fit was; all findings."""
+        """Associate and fit all pulses so far again, whenever the last fit was, and return all findings."""
         return self._renew(time_s, always=True)
 
-    def _assigned(self) -> Assignment:
-        """All pulses so far, assigned to the findings as they stand.
+    def association(self) -> Rows:
+        """Return the id of the finding of each pulse so far, or a code of `Unassociated`; shape (n_pulses_so_far,)."""
+        finding = self._assigned().finding.copy()
+        ids = np.array([finding.id for finding in self.findings], dtype=np.intp)
+        has_finding = finding >= 0
+        finding[has_finding] = ids[finding[has_finding]]
+        return finding
 
-        What was detected since goes into the record at once: step by step that takes several times as long.
+    def learned(self) -> Learned | None:
+        """Return the errors of the array as learned from confirmed findings.
+
+        None before there is one, and with the solver `bearings`. Candidates do not count, because a mirror image would
+        bias the errors.
         """
+        assignment = self._assigned()
+        chosen = {
+            k: seen
+            for k, finding in enumerate(self.findings)
+            if finding.state == "confirmed"
+            and (seen := np.flatnonzero((assignment.finding == k) & assignment.in_sight)).size
+        }
+        if not chosen or self.rules.solver != "joint":
+            return None
+        return Learned(self._locate(chosen, self.array).errors, sum(rows.size for rows in chosen.values()))
+
+    def _assigned(self) -> Assignment:
+        """Assign all pulses so far to the current findings; pulses are recorded here because that is faster in bulk."""
         self._record.extend(self._not_recorded)
         self._not_recorded = []
-        return self._assigner.assign(self.findings, self._errors)
+        return self._assigner.assign(self.findings, self._error_rad)
 
     def _renew(self, time_s: float, *, always: bool) -> tuple[Finding, ...]:
-        """Assign all pulses so far, and fit them where that is asked for or worth it; all findings."""
-        assignment = self._with_birth(self._without_unsupported(), time_s)
-        supports: dict[int, Support] = {}
+        """Assign all pulses so far, fit them if their basis has changed or `always`, and return all findings."""
+        assignment = self._with_initiation(self._without_unsupported(), time_s)
+        basis: dict[int, FitBasis] = {}
         for k, finding in enumerate(self.findings):
-            own = assignment.owner == k
+            own = assignment.finding == k
             n_in_sight = int(np.count_nonzero(own & assignment.in_sight))
-            supports[finding.id] = Support(int(np.count_nonzero(own)), n_in_sight, finding.aperture_rad)
-        distinct = self.findings
-        if always or are_worth_a_fit(supports, self._fitted):
-            self._fitted = supports
+            basis[finding.id] = FitBasis(int(np.count_nonzero(own)), n_in_sight, finding.aperture_rad)
+        distinct: Sequence[Finding] = self.findings
+        if always or needs_refit(basis, self._fitted):
+            self._fitted = basis
             distinct = merge_findings(self._fit(assignment), self.rules.merge_m)
-            assignment = self._assigner.assign(distinct, self._errors)
+            assignment = self._assigner.assign(distinct, self._error_rad)
         self.findings = self._with_states(distinct, assignment, time_s)
         return self.findings
 
+    def _without_unsupported(self) -> Assignment:
+        """Drop findings with too few pulses to initiate one, and assign all pulses to the others."""
+        assignment = self._assigned()
+        finding = assignment.finding
+        n_pulses = np.bincount(finding[finding >= 0], minlength=len(self.findings))
+        least = self.rules.initiation_pulses
+        kept = [finding for n, finding in zip(n_pulses, self.findings, strict=True) if n >= least]
+        if len(kept) == len(self.findings):
+            return assignment
+        self.findings = tuple(kept)
+        return self._assigned()
+
+    def _with_initiation(self, assignment: Assignment, time_s: float) -> Assignment:
+        """Give recent unassigned pulses to a new candidate.
+
+        If they cross where a finding already is, its position is wrong, and they become its own.
+        """
+        is_first = all(finding.state not in ("candidate", "confirmed") for finding in self.findings)
+        unassigned = assignment.finding == Unassociated.UNASSIGNED
+        rows = rows_of_candidate(self._record, unassigned, self._error_rad, self.rules, time_s, is_first=is_first)
+        if not rows.size:
+            return assignment
+        candidate = new_candidate(self._record, rows, self._error_rad, self._n_initiated + 1)
+        apart_m = [float(np.linalg.norm((candidate.position_m - other.position_m)[:2])) for other in self.findings]
+        finding = assignment.finding.copy()
+        if apart_m and min(apart_m) < self.rules.merge_m:
+            finding[rows] = int(np.argmin(apart_m))
+            return assignment._replace(finding=finding)
+        self._n_initiated += 1
+        finding[rows] = len(self.findings)
+        self.findings += (candidate,)
+        return self._assigner.assign(self.findings, self._error_rad)._replace(finding=finding)
+
     def _with_states(self, findings: Sequence[Finding], assignment: Assignment, time_s: float) -> tuple[Finding, ...]:
-        """Findings with their states; confirmed anew are those that stay so with the pulses of confirmed findings."""
+        """Update the states of findings; a new confirmation must hold with the pulses assigned again."""
         now = self._states(findings, assignment, time_s)
         is_new = [a.state == "confirmed" != b.state for a, b in zip(now, findings, strict=True)]
         if not any(is_new):
             return now
-        then = self._states(now, self._assigner.assign(now, self._errors), time_s)
+        then = self._states(now, self._assigner.assign(now, self._error_rad), time_s)
         return tuple(
             replace(finding, state="candidate", confirmed_s=before.confirmed_s)
             if new and after.state != "confirmed"
@@ -148,113 +245,56 @@ class Locator:
 
     def _states(self, findings: Sequence[Finding], assignment: Assignment, time_s: float) -> tuple[Finding, ...]:
         return tuple(
-            updated_state(finding, k, assignment, self._record, self._errors, self.rules, self.fence_m, time_s)
+            updated_state(finding, k, assignment, self._record, self._error_rad, self.rules, self.fence_m, time_s)
             for k, finding in enumerate(findings)
         )
 
-    @property
-    def _is_waiting(self) -> bool:
-        """Whether silence tells something: there is a candidate."""
-        return any(finding.state == "candidate" for finding in self.findings)
-
-    def association(self) -> Rows:
-        """Id of the finding of each pulse so far, or a code of `NoOwner`; shape (n_pulses_so_far,)."""
-        owner = self._assigned().owner.copy()
-        ids = np.array([finding.id for finding in self.findings], dtype=np.intp)
-        is_owned = owner >= 0
-        owner[is_owned] = ids[owner[is_owned]]
-        return owner
-
-    def learned(self) -> Learned | None:
-        """What the confirmed findings have taught of the array; None before there is one, and of bearings.
-
-        Candidates do not count: one that is a mirror image would teach errors that are none.
-        """
-        assignment = self._assigned()
-        chosen = {
-            k: seen
-            for k, finding in enumerate(self.findings)
-            if finding.state == "confirmed"
-            and (seen := np.flatnonzero((assignment.owner == k) & assignment.in_sight)).size
-        }
-        if not chosen or self.rules.solver != "joint":
-            return None
-        return Learned(self._locate(chosen, self.array).errors, sum(rows.size for rows in chosen.values()))
-
-    def _without_unsupported(self) -> Assignment:
-        """Drop findings with too few pulses to make one, and assign all pulses to the others."""
-        assignment = self._assigned()
-        owner = assignment.owner
-        n_pulses = np.bincount(owner[owner >= 0], minlength=len(self.findings))
-        kept = [finding for n, finding in zip(n_pulses, self.findings, strict=True) if n >= self.rules.birth_pulses]
-        if len(kept) == len(self.findings):
-            return assignment
-        self.findings = tuple(kept)
-        return self._assigned()
-
-    def _with_birth(self, assignment: Assignment, time_s: float) -> Assignment:
-        """The assignment with recent unassigned pulses given to a new candidate.
-
-        If they cross where a finding is already, that one is off, not doubled: they become its own.
-        """
-        is_first = all(finding.state not in ("candidate", "confirmed") for finding in self.findings)
-        birth = find_birth(self._record, assignment.owner, self._errors, self.rules, time_s, is_first=is_first)
-        if birth is None:
-            return assignment
-        apart_m = [float(np.linalg.norm((birth.position_m - finding.position_m)[:2])) for finding in self.findings]
-        owner = assignment.owner.copy()
-        if apart_m and min(apart_m) < self.rules.merge_m:
-            owner[birth.rows] = int(np.argmin(apart_m))
-            return assignment._replace(owner=owner)
-        self._n_born += 1
-        owner[birth.rows] = len(self.findings)
-        self.findings += (birth.candidate(self._n_born),)
-        return self._assigner.assign(self.findings, self._errors)._replace(owner=owner)
-
     def _fit(self, assignment: Assignment) -> list[Finding]:
-        """Findings at the positions that their pulses give, or by crossing where none is in sight.
+        """Fit the positions of findings to their pulses, or triangulate those of which no pulse is in sight.
 
-        What may discharge is fitted together with the errors of the array, the others with what was learned of these.
+        Possible discharges are fitted together with the errors of the array, other findings with the resulting errors.
         """
         moved, chosen = list(self.findings), dict[int, Rows]()
         for k, finding in enumerate(self.findings):
-            own = np.flatnonzero(assignment.owner == k)
+            own = np.flatnonzero(assignment.finding == k)
             seen = own[assignment.in_sight[own]]
-            if seen.size >= self.rules.birth_pulses:
+            if seen.size >= self.rules.initiation_pulses:
                 chosen[k] = seen
-            elif own.size >= self.rules.birth_pulses and finding.state != "confirmed":
-                position, covariance = self._record.crossing(evenly(own, self.rules.max_pulses), self._errors)
+            elif own.size >= self.rules.initiation_pulses and finding.state != "confirmed":
+                rows = choose_evenly(own, self.rules.max_pulses)
+                position, covariance = self._record.crossing(rows, self._error_rad)
                 if np.isfinite(covariance).all():
                     moved[k] = replace(finding, position_m=position, covariance_m2=covariance)
-        teaching = {k: rows for k, rows in chosen.items() if moved[k].state in TEACHING}
+        learning = {k: rows for k, rows in chosen.items() if moved[k].state in LEARNING_STATES}
         array = self.array
-        if teaching:
-            fix = self._learn(teaching)
-            self._move(moved, teaching, fix)
-            array = replace(self.array, errors=fix.errors)
-        others = {k: rows for k, rows in chosen.items() if k not in teaching}
+        if learning:
+            estimate = self._learn(learning)
+            self._move(moved, learning, estimate)
+            array = replace(self.array, errors=estimate.errors)
+        others = {k: rows for k, rows in chosen.items() if k not in learning}
         if others:
             self._move(moved, others, self._locate(others, array))
         return moved
 
-    def _learn(self, teaching: dict[int, Rows]) -> JointFix:
+    def _learn(self, learning: dict[int, Rows]) -> JointEstimate:
         """Fit findings together with the errors of the array, and keep these."""
-        fix = self._locate(teaching, self.array)
-        if self.array.errors is not None and fix.errors.contradicts(self.array.errors):
+        estimate = self._locate(learning, self.array)
+        if self.array.errors is not None and estimate.errors.contradicts(self.array.errors):
             self.array = replace(self.array, errors=None)
-            fix = self._locate(teaching, self.array)
-        self._errors = fix.errors.mean
-        return fix
+            self.contradicts_errors = True
+            estimate = self._locate(learning, self.array)
+        self._error_rad = self._record.error_table(estimate.errors.mean)
+        return estimate
 
-    def _move(self, findings: list[Finding], fitted: Iterable[int], fix: JointFix) -> None:
-        """Put those of the findings that were fitted where the fix has them."""
-        for k, position, covariance in zip(fitted, fix.positions_m, fix.covariances_m2, strict=True):
+    def _move(self, findings: list[Finding], fitted: Iterable[int], estimate: JointEstimate) -> None:
+        """Move the fitted findings to their estimated positions."""
+        for k, position, covariance in zip(fitted, estimate.positions_m, estimate.covariances_m2, strict=True):
             has_jumped = np.linalg.norm((position - findings[k].position_m)[:2]) > self.rules.merge_m
             state = "candidate" if has_jumped else findings[k].state
             findings[k] = replace(findings[k], position_m=position, covariance_m2=covariance, state=state)
 
-    def _locate(self, chosen: dict[int, Rows], array: ArrayModel) -> JointFix:
-        """Fit some of the findings, each by the chosen rows of its pulses, as the rules say."""
+    def _locate(self, chosen: dict[int, Rows], array: ArrayModel) -> JointEstimate:
+        """Fit some of the findings, each to the chosen rows of its pulses, by the solver of the rules."""
         locate = locate_jointly if self.rules.solver == "joint" else locate_by_bearings
         pulses, poses = zip(*(self._record.pooled(own, self.rules.max_pulses) for own in chosen.values()), strict=True)
         return locate(
@@ -267,10 +307,81 @@ class Locator:
         )
 
     def _start(self, finding: Finding, rows: Rows) -> FloatArray:
-        """Where the joint fit starts: the last position, or a fresh one while that is not worth much."""
+        """Return the start of the joint fit: the last position if it is known well, or a rough crossing."""
         if finding.semi_major_m < 2 * self.rules.merge_m:
             return finding.position_m
-        return self._record.rough_crossing(evenly(rows, self.rules.max_pulses), self._errors)
+        return self._record.rough_crossing(choose_evenly(rows, self.rules.max_pulses), self._error_rad)
+
+
+def rows_of_candidate(
+    record: PulseRecord,
+    unassigned: NDArray[np.bool_],
+    error_rad: FloatArray,
+    rules: LocatingRules,
+    time_s: float,
+    *,
+    is_first: bool,
+) -> Rows:
+    """Return the rows of the largest group of recent unassigned pulses from one direction; empty if it is too small.
+
+    Pulses from above initiate the first candidate only, because two waves at a time look like one from above.
+
+    Args:
+        record: All pulses.
+        unassigned: True for pulses that point to no finding, shape (n,).
+        error_rad: Table of known bearing errors, see `PulseRecord.error_table`.
+        rules: Number of pulses, arc and age.
+        time_s: Current time.
+        is_first: True if there is neither a candidate nor a confirmed finding.
+    """
+    rows = np.flatnonzero(unassigned & (is_first | ~record.is_from_above))
+    recent = rows[record.pulses.time_s[rows] > time_s - rules.initiation_s]
+    none = np.empty(0, dtype=np.intp)
+    if recent.size < rules.initiation_pulses:
+        return none
+    bearing, std = record.bearings(recent, error_rad)
+    n_near = _count_neighbours(bearing, rules.initiation_arc_rad)
+    rows = recent[np.abs(difference(bearing[n_near.argmax()], bearing)) < rules.initiation_arc_rad]
+    if rows.size < rules.initiation_pulses and rules.initiation_by_crossing:
+        rows = choose_evenly(recent, rules.max_pulses)
+        bearing, std = record.bearings(rows, error_rad)
+        rows = rows[triangulate(record.pose[rows, :2], bearing, std).is_inlier]
+    return rows if rows.size >= rules.initiation_pulses else none
+
+
+def new_candidate(record: PulseRecord, rows: Rows, error_rad: FloatArray, number: int) -> Finding:
+    """Make a candidate where the lines of sight of some pulses cross, or at a typical range if they do not.
+
+    At most 4096 lines of sight are used, evenly chosen.
+    """
+    position_m, covariance_m2 = record.crossing(choose_evenly(rows, 4096), error_rad)
+    if not np.isfinite(covariance_m2).all():
+        sight_m = position_m[:2] - record.pose[rows[-1], :2]
+        position_m[:2] -= sight_m * (1.0 - INITIAL_RANGE_M / max(float(np.linalg.norm(sight_m)), INITIAL_RANGE_M))
+        covariance_m2 = with_height_covariance(np.eye(2) * INITIAL_RANGE_M**2)
+    first_s, last_s = record.pulses.time_s[rows[[0, -1]]].tolist()
+    return Finding(
+        id=number,
+        state="candidate",
+        position_m=position_m,
+        covariance_m2=covariance_m2,
+        n_bearings=rows.size,
+        first_detected_s=first_s,
+        last_detected_s=last_s,
+        confirmed_s=None,
+        aperture_rad=0.0,
+        nearest_m=np.inf,
+        level_db=np.nan,
+    )
+
+
+def _count_neighbours(bearing_rad: FloatArray, arc_rad: float) -> NDArray[np.intp]:
+    """Count the bearings (n,) within an arc to either side of each, shape (n,)."""
+    turned_rad = np.mod(bearing_rad, 2 * np.pi)
+    sorted_rad = np.sort(turned_rad)
+    around_rad = np.concatenate([sorted_rad - 2 * np.pi, sorted_rad, sorted_rad + 2 * np.pi])
+    above = np.searchsorted(around_rad, turned_rad + arc_rad, side="left")
+    return above - np.searchsorted(around_rad, turned_rad - arc_rad, side="right")
 
 
 def merge_findings(findings: Iterable[Finding], merge_m: float) -> list[Finding]:

@@ -1,45 +1,59 @@
-"""The seam for locating: what every Locator promises."""
+"""The interface of a Locator: its inputs and its contract."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.array.model import ArrayModel
-from dirmusic.locating.association.sight_lines import Sight
 from dirmusic.locating.finding import Finding
-from dirmusic.locating.fitting.joint_fix import PoseError
 from dirmusic.locating.rules import LocatingRules
 from dirmusic.pulses.batch import PulseBatch
 
 FloatArray = NDArray[np.float64]
 
+LineOfSight = Callable[[FloatArray, FloatArray, float], FloatArray]
+"""Maps places (n, 3), a target (3,) and a depth in metres to the transmission factor of the direct path from each place
+to the target, (n,), in [0, 1]: the share of a wave's amplitude that known equipment transmits. Equipment within the
+depth before the target is ignored."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoseError:
+    """Error of the robot's pose: standard deviations of position and heading, and its correlation time."""
+
+    position_m: float
+    heading_rad: float
+    correlation_s: float
+
 
 class LocatorProtocol(Protocol):
     """Turns pulses with bearings into findings, from pose to pose.
 
-    A Locator knows the array's data sheet, how wrong the poses may be, and the map; never the truth. It is called by
-    one tracker: `update` at every control step, `refit` when no pulse is left to come, `association` at the end. The
-    policy drives by the findings, and by those in the state `candidate` above all.
+    A Locator knows the array's data sheet, the pose error and the map, never the truth. It is called by one tracker:
+    `update` at every control step, `refit` after the last pulse, `association` at the end. The policy drives by the
+    findings, mainly by those in the state `candidate`.
     """
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """All findings so far, in the order of their ids; empty before the first pulse.
+        """All current findings, in the order of their ids; empty before the first pulse.
 
-        A finding keeps its id as long as it lives, and no id is given twice. The log takes the same tuple, by identity,
-        for no change, so that a new one is due only after a refit.
+        Ids are at least 1. A finding keeps its id, and no id is used twice. Findings are compared by value, and logged
+        when they change.
         """
         ...
 
     def update(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> tuple[Finding, ...]:
-        """Take in what was detected from one pose.
+        """Add the pulses that were detected at one pose.
 
         Args:
-            time_s: Time since the start; never falls from call to call.
-            pose: Believed x m, y m, yaw rad, world frame, shape (3,).
+            time_s: Time of the pose, from any origin; must not decrease from call to call.
+            pose: Estimated x m, y m, yaw rad, world frame, shape (3,).
             pulses: Credible pulses with their directions, n_pulses rows, n_pulses >= 0.
 
         Returns:
@@ -48,21 +62,21 @@ class LocatorProtocol(Protocol):
         ...
 
     def refit(self, time_s: float) -> tuple[Finding, ...]:
-        """Bring the findings up to date with all pulses so far; returns them."""
+        """Update the findings with all pulses so far and return them."""
         ...
 
     def association(self) -> NDArray[np.intp]:
-        """Which finding each pulse belongs to, by the findings as they stand.
+        """Associate each pulse with one of the current findings.
 
         Returns:
-            Id of a finding, or a code of `NoOwner`, for each pulse that `update` was given, in that order; shape
-            (n_pulses_so_far,). The phases of a finding's pulses tell what kind of discharge it is.
+            Id of a finding, or a code of `Unassociated`, for each pulse that `update` was given, in that order; shape
+            (n_pulses_so_far,). The mains phases of a finding's pulses show the kind of discharge.
         """
         ...
 
 
 class MakesLocator(Protocol):
-    """The class of a Locator, or a function that makes one."""
+    """The class of a Locator, or a function that returns one."""
 
     def __call__(
         self,
@@ -71,15 +85,15 @@ class MakesLocator(Protocol):
         *,
         fence_m: tuple[float, float] | None,
         rules: LocatingRules,
-        sight: Sight | None,
+        sight: LineOfSight | None,
     ) -> LocatorProtocol:
-        """A Locator for one mission.
+        """Make a Locator for one mission.
 
         Args:
             array: The array's data sheet and spread.
-            pose_error: How wrong the poses given to `update` may be.
-            fence_m: Length of the yard along x and y, origin at the corner; None where there is no fence.
-            rules: What the scenario sets, and defaults for the rest; a Locator uses what it has a use for.
-            sight: What the map of the yard obstructs; None where there is no map.
+            pose_error: Error of the poses given to `update`.
+            fence_m: Length of the yard along x and y, origin at the corner; None without a fence.
+            rules: Rules of the scenario, with defaults for the rest; a Locator may use any of them.
+            sight: Transmission along lines of sight by the map of the yard; None without a map.
         """
         ...

@@ -1,4 +1,4 @@
-"""Likelihood over the yard: every pulse heard so far, on one grid of places (direct position determination)."""
+"""Likelihood over the yard: all pulses so far, on one grid of places (direct position determination)."""
 
 from __future__ import annotations
 
@@ -10,38 +10,28 @@ from numpy.typing import NDArray
 from dirmusic.array.bounds import manifold_error_std, perpendicular_slope
 from dirmusic.array.manifold import TABLE_SIZE
 from dirmusic.array.model import ArrayModel
-from dirmusic.locating.association.pooling import pooled
-from dirmusic.locating.fitting.joint_fix import PoseError
+from dirmusic.locating.protocol import PoseError
+from dirmusic.locating.pulse_record import pool_pulses
 from dirmusic.pulses.batch import PulseBatch
 
 FloatArray = NDArray[np.float64]
 
 CELL_M = 0.75
-"""Side of the cells of a grid that is not too large (assumed)."""
-
-MOST_CELLS = 10_000
-"""Larger yards get larger cells (assumed)."""
-
-PLACE_M, HEADING_RAD, DIRECTION_RAD = 0.5, np.radians(10.0), np.radians(10.0)
-"""Pulses are pooled that differ by no more (assumed): less than a cell, and gains are nearly straight lines."""
-
-BLUR_RANGE_M = 4.0
-"""From here on a line of bearing is at least as wide as a cell (assumed): so that none falls between the cells."""
+"""Side of the cells of a grid (assumed); larger in a yard that would have more than 10 000 of them."""
 
 N_FINE = 720
-FINE_STEP_RAD = 2 * np.pi / N_FINE
-"""Azimuths between which nothing changes: half a degree."""
+"""Number of azimuths at which the likelihood of a pulse is tabulated: every half degree."""
 
 OUTLIER_SIGMAS = 3.0
-"""A place that a pulse points past by more is as good as any other (assumed): with several sources, and reflections,
-each place is told of by a part of the pulses only."""
+"""Offset of a pulse from a place, in standard deviations, beyond which all places are alike (assumed): with several
+sources, and reflections, only a part of the pulses comes from each place."""
 
 
 class Grid(NamedTuple):
-    """Places on the ground, cell by cell.
+    """Square cells on the ground.
 
     Attributes:
-        corner_m: Of the first cell, world frame, shape (2,).
+        corner_m: Corner of the first cell, world frame, shape (2,).
         cell_m: Side of a cell.
         shape: Number of cells along x and y.
     """
@@ -52,45 +42,45 @@ class Grid(NamedTuple):
 
     @classmethod
     def over(cls, low_m: FloatArray, high_m: FloatArray) -> Grid:
-        """Over a rectangle between two corners (2,), world frame."""
+        """Cover a rectangle between two corners (2,), world frame."""
         size_m = high_m - low_m
-        cell_m = max(CELL_M, float(np.sqrt(np.prod(size_m) / MOST_CELLS)))
+        cell_m = max(CELL_M, float(np.sqrt(np.prod(size_m) / 10_000)))
         nx, ny = np.maximum(np.ceil(size_m / cell_m), 1).astype(np.intp).tolist()
         return cls(np.asarray(low_m, dtype=np.float64), cell_m, (nx, ny))
 
     @property
     def centres_m(self) -> FloatArray:
-        """Of all cells, along y first, shape (n_cells, 2)."""
+        """Centres of all cells, along y first, shape (n_cells, 2)."""
         cells: FloatArray = np.indices(self.shape, dtype=np.float64).reshape(2, -1).T + 0.5
         return self.corner_m + self.cell_m * cells
 
 
 class YardLikelihood:
-    r"""How likely a source is at each place, by all pulses so far and by no decision about any of them.
+    r"""Likelihood of a source at each place, by all pulses so far, without any association.
 
-    A pulse of strengths s, scaled to unit norm as the gains :math:`u(\theta)` are, misses a direction by
-    :math:`m(\theta) = 1 - (s^T u(\theta))^2`. Scaled to what its bearing is worth, a variance :math:`\sigma^2` by
-    noise, array, heading and grid, that is :math:`\chi^2 = (m - \min m) / (\sigma^2 |u_\perp'|^2)`, and a place p that
-    is seen in direction :math:`\theta_p` gains
+    A pulse of strengths s, scaled to unit norm like the gains :math:`u(\theta)`, misses a direction by
+    :math:`m(\theta) = 1 - (s^T u(\theta))^2`. Divided by the variance :math:`\sigma^2` of its bearing by noise, array,
+    heading and grid, that is :math:`\chi^2 = (m - \min m) / (\sigma^2 |u_\perp'|^2)`, and a place p seen in direction
+    :math:`\theta_p` gains
 
     .. math:: \ln \frac{e^{-\chi^2(\theta_p) / 2} + e^{-c^2 / 2}}{e^{-c^2 / 2}}
 
     with c = `OUTLIER_SIGMAS`: nothing where the pulse points elsewhere, 4.5 at most. Pulses of one place, heading and
-    direction are pooled. Errors of the array are the same for many of them and are taken as independent: peaks are
-    where a fix is, and sharper than its ellipse. Everything is in the plane of the array.
+    direction are pooled. Errors of the array, the same for many pulses, are taken as independent: peaks are at the
+    positions of findings, and sharper than their ellipses. Everything is in the plane of the array.
 
     Args:
         array: The array's data sheet and spread.
-        pose_error: How wrong the poses are.
+        pose_error: Error of the poses.
         grid: The places.
 
     Attributes:
-        grid: As given.
-        log_likelihood: Sum over all pulses so far, above that of a place that none points to, shape (n_cells,).
+        grid: The places.
+        log_likelihood: Sum over all pulses so far, relative to a place that none points to, shape (n_cells,).
 
     References:
         Weiss, Direct position determination of narrowband radio frequency transmitters, IEEE Signal Processing Letters
-        11 (5), 2004: of received signals, here of their strengths.
+        11 (5), 2004: of received signals; here of their strengths.
     """
 
     def __init__(self, array: ArrayModel, pose_error: PoseError, grid: Grid) -> None:
@@ -99,24 +89,33 @@ class YardLikelihood:
         self._array = array
         self._heading_rad2 = pose_error.heading_rad**2
         self._centres_m = grid.centres_m
-        self._blur_rad2 = (grid.cell_m / BLUR_RANGE_M) ** 2 / 12.0
+        # From 4 m on (assumed), a line of bearing is at least as wide as a cell, so that none falls between cells.
+        self._blur_rad2 = (grid.cell_m / 4.0) ** 2 / 12.0
 
     def add(self, pulses: PulseBatch, pose: FloatArray) -> None:
-        """Add pulses, with their directions, and the poses (n, 3) at which they were detected, world frame."""
+        """Add pulses with their directions.
+
+        Pulses that differ by less than 0.5 m, 10 degrees of heading and 10 degrees of bearing are pooled (assumed):
+        less than a cell, and gains are nearly linear.
+
+        Args:
+            pulses: The pulses, n rows.
+            pose: Poses at which they were detected, x m, y m, yaw rad, world frame, shape (n, 3).
+        """
         if pulses.n_pulses == 0:
             return
         bearing_rad = np.mod(pulses.azimuth_rad + pose[:, 2], 2 * np.pi)
-        steps = np.column_stack([pose[:, :2] / PLACE_M, pose[:, 2] / HEADING_RAD, bearing_rad / DIRECTION_RAD])
+        steps = np.column_stack([pose[:, :2] / 0.5, pose[:, 2] / np.radians(10.0), bearing_rad / np.radians(10.0)])
         _, group = np.unique(np.floor(steps), axis=0, return_inverse=True)
-        pulses, pose = pooled(pulses, pose, group.ravel())
+        pulses, pose = pool_pulses(pulses, pose, group.ravel())
         off_m = self._centres_m - pose[:, np.newaxis, :2]
         towards_rad = np.arctan2(off_m[..., 1], off_m[..., 0]) - pose[:, 2:]
-        steps = np.rint(towards_rad / FINE_STEP_RAD).astype(np.intp) % N_FINE
-        told = np.take_along_axis(self._gains(pulses), steps, axis=1)
-        self.log_likelihood = self.log_likelihood + told.sum(axis=0)
+        steps = np.rint(towards_rad / (2 * np.pi / N_FINE)).astype(np.intp) % N_FINE
+        contribution = np.take_along_axis(self._gains(pulses), steps, axis=1)
+        self.log_likelihood = self.log_likelihood + contribution.sum(axis=0)
 
     def _gains(self, pulses: PulseBatch) -> FloatArray:
-        """What each pulse gives to places towards azimuths in even steps once round, shape (n_pulses, N_FINE)."""
+        """Tabulate the contribution of each pulse to places over azimuth, shape (n_pulses, N_FINE)."""
         manifold = self._array.manifold
         usable = pulses.is_usable.astype(np.float64)
         strengths = pulses.strengths_v * usable

@@ -72,10 +72,10 @@ class LocatingConfig(Config, frozen=True):
     edge_margin_m: Annotated[float, Field(ge=0.0, le=100.0), PLAIN_ZERO] | None = None
     detection_range_m: Metre | None = None
 
-    birth_pulses: Annotated[int, Field(ge=2, le=10_000)] | None = None
-    birth_s: Second | None = None
-    birth_arc_deg: Arc | None = None
-    birth_by_crossing: bool | None = None
+    initiation_pulses: Annotated[int, Field(ge=2, le=10_000)] | None = None
+    initiation_s: Second | None = None
+    initiation_arc_deg: Arc | None = None
+    initiation_by_crossing: bool | None = None
     refit_s: Second | None = None
     max_pulses: Annotated[int, Field(ge=2, le=2000)] | None = None
     confirm_aperture_deg: Annotated[float, Field(ge=0.0, le=359.0), PLAIN_ZERO] | None = None

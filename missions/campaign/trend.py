@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from dirmusic.angles import aperture
-from dirmusic.locating.ellipse import ellipse95
+from dirmusic.locating.finding import ellipse95
 from dirmusic.locating.rules import LocatingRules
 from pdpatrol.envs.scenario.base import weeks_between
 from pdpatrol.missions.campaign.inspection import Inspection, Located

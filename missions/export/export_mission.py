@@ -13,8 +13,8 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 from pyproj import Transformer
 
-from dirmusic.locating.association.assignment import NoOwner
-from dirmusic.locating.ellipse import outline95
+from dirmusic.locating.association import Unassociated
+from dirmusic.locating.finding import outline95
 from pdpatrol.envs.scenario.map import GeoreferenceConfig
 from pdpatrol.missions.atomic_file import atomic_file
 from pdpatrol.missions.export.ros2_recording import OUTLINE_POINTS, write_ros2_recording
@@ -166,7 +166,7 @@ def write_pulses(log: MissionLog, path: Path) -> None:
         columns[name] = (values, what)
     owner = np.full(n, np.nan)
     owner[association["pulse"]] = association["finding"]
-    codes = {float(code): code.name.lower() for code in NoOwner}
+    codes = {float(code): code.name.lower() for code in Unassociated}
     finding = pa.array(np.where(owner > 0, owner, np.nan), from_pandas=True).cast(pa.int64())
     columns["finding"] = (finding, "id of its finding")
     columns["fate"] = ([codes.get(value) for value in owner.tolist()], "why it has no finding")

@@ -15,7 +15,7 @@ import numpy as np
 from mcap_ros2.writer import Writer
 from numpy.typing import NDArray
 
-from dirmusic.locating.ellipse import outline95
+from dirmusic.locating.finding import outline95
 from pdpatrol.missions.record.mission_log import MissionLog
 
 FloatArray = NDArray[np.float64]

@@ -46,9 +46,9 @@ REFIT_S, REFIT_SHARE = 1.0, 0.02
 several, and a survey of hours is refitted some hundred times."""
 
 FIELD_RULES = LocatingRules(
-    birth_s=np.inf,
-    birth_pulses=4,
-    birth_by_crossing=True,
+    initiation_s=np.inf,
+    initiation_pulses=4,
+    initiation_by_crossing=True,
     confirm_range_m=np.inf,
     confirm_pulses=10,
     refit_s=np.inf,

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, PulseBatch, strength_variance
-from dirmusic.locating.ellipse import ellipse95
-from dirmusic.locating.fitting.joint_fix import expected_covariances
+from dirmusic.locating.finding import ellipse95
+from dirmusic.locating.joint_fit import expected_covariances
 from pdpatrol.envs import Scenario
 from pdpatrol.missions.driving.site_map import LEAST_SIGHT, SiteMap
 from pdpatrol.missions.planning.hearing import Hearing, trigger_peak

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.angles import aperture
-from dirmusic.locating.fitting.joint_fix import HEIGHT_PRIOR_M
+from dirmusic.locating.joint_fit import HEIGHT_PRIOR_M
 from pdpatrol.envs import Scenario
 from pdpatrol.missions.driving.site_map import CELL_M, LEAST_SIGHT, SiteMap
 from pdpatrol.sensing import ArrayConfig, HelicalArray, ReceiverConfig

@@ -8,7 +8,7 @@ from scipy.spatial import KDTree
 
 from dirmusic import Finding
 from dirmusic.angles import difference
-from dirmusic.locating.ellipse import CHI2_95
+from dirmusic.locating.finding import CHI2_95
 from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap
 from pdpatrol.missions.policies.seek import Seek
 from pdpatrol.missions.policies.viewpoints import LEAST_WAY_M, likely_place

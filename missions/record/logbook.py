@@ -74,7 +74,7 @@ class Logbook:
 
     def log_findings(self, findings: Sequence[Finding]) -> None:
         """Log all findings if they changed, and what became of each as an event."""
-        if findings is self._logged:
+        if tuple(findings) == self._logged:
             return
         before: dict[int, State] = {finding.id: finding.state for finding in self._logged}
         for finding in findings:
@@ -98,8 +98,7 @@ class Logbook:
         """Log, once, at the end, which finding each credible pulse belongs to.
 
         Args:
-            finding: Id or code of `dirmusic.locating.association.NoOwner` for each row of the table `bearing`, shape
-                (n_bearings,).
+            finding: Id or code of `Unassociated` for each row of the table `bearing`, shape (n_bearings,).
         """
         for pulse, number in zip(self.log.column("bearing", "pulse"), finding, strict=True):
             self.log.append("association", pulse=pulse, finding=number)

@@ -66,7 +66,7 @@ TABLES: dict[str, dict[str, np.dtype[Any]]] = {
     },
     "association": {  # written at the end; empty where a mission was killed
         "pulse": np.dtype("i8"),  # row in the pulse table
-        "finding": np.dtype("i8"),  # id, or a code of `dirmusic.locating.association.assignment.NoOwner`
+        "finding": np.dtype("i8"),  # id, or a code of `dirmusic.locating.association.Unassociated`
     },
     "event": {  # `record.events.Event`
         "step": np.dtype("i8"),

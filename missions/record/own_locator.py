@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, Finding, PoseError, PulseBatch
-from dirmusic.locating.association.assignment import NoOwner
-from dirmusic.locating.association.sight_lines import Sight
+from dirmusic.locating.association import Unassociated
+from dirmusic.locating.protocol import LineOfSight
 from dirmusic.locating.rules import LocatingRules
 from pdpatrol.envs.user_code import UserCodeError, calling, load_object, place_of
 
@@ -42,7 +42,7 @@ class OwnLocator:
         *,
         fence_m: tuple[float, float] | None,
         rules: LocatingRules,
-        sight: Sight | None,
+        sight: LineOfSight | None,
     ) -> None:
         definition: Any = load_object(name, ".", LOCATOR)
         with calling(definition, LOCATOR):
@@ -71,7 +71,7 @@ class OwnLocator:
 
     def association(self) -> NDArray[np.intp]:
         """As of `LocatorProtocol`."""
-        known = [*(finding.id for finding in self._findings), *NoOwner]
+        known = [*(finding.id for finding in self._findings), *Unassociated]
         expected = f"an integer for each of {self._n_given} pulses, of {', '.join(map(str, known))}"
         with calling(self._locator, expected):
             association = np.asarray(self._locator.association())
@@ -84,11 +84,10 @@ class OwnLocator:
         return association
 
     def _accept(self, findings: Any) -> tuple[Finding, ...]:  # noqa: ANN401 - whatever foreign code returns
-        if findings is not self._findings:
-            if not isinstance(findings, tuple) or not all(isinstance(finding, Finding) for finding in findings):
-                raise UserCodeError(f"{place_of(self._locator)}: gave {findings!r:.80}; expected {FINDINGS}")
-            ids = [finding.id for finding in findings]
-            if len(set(ids)) < len(ids):
-                raise UserCodeError(f"{place_of(self._locator)}: gave the ids {ids}; expected {FINDINGS}")
-            self._findings = findings
-        return self._findings
+        if not isinstance(findings, tuple) or not all(isinstance(finding, Finding) for finding in findings):
+            raise UserCodeError(f"{place_of(self._locator)}: gave {findings!r:.80}; expected {FINDINGS}")
+        ids = [finding.id for finding in findings]
+        if len(set(ids)) < len(ids):
+            raise UserCodeError(f"{place_of(self._locator)}: gave the ids {ids}; expected {FINDINGS}")
+        self._findings = findings
+        return findings

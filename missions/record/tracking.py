@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, BearingEstimator, Finding, Locator, PulseBatch
-from dirmusic.locating.credibility import MethodDeviation, is_credible
+from dirmusic.locating.plane_wave import MethodDeviation, is_credible
 from dirmusic.locating.protocol import LocatorProtocol
 from dirmusic.locating.rules import CredibilityRules
 from dirmusic.locating.yard_likelihood import YardLikelihood
@@ -70,7 +70,7 @@ class Tracker:
     @property
     def contradicts_calibration(self) -> bool:
         """Whether the pulses have shown that the errors known of the array before are those of another one."""
-        return isinstance(self._locator, Locator) and self._array.errors is not self._locator.array.errors
+        return isinstance(self._locator, Locator) and self._locator.contradicts_errors
 
     @property
     def findings(self) -> tuple[Finding, ...]:

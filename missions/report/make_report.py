@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.locating.confirmation import LEVEL_QUANTILE
-from dirmusic.locating.ellipse import ellipse95
+from dirmusic.locating.finding import ellipse95
 from pdpatrol.missions.record.events import EventKind
 from pdpatrol.missions.record.finding_pulses import FindingPulses, finding_pulses
 from pdpatrol.missions.record.mission_log import MissionLog

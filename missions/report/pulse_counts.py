@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dirmusic.locating.association.assignment import NoOwner
+from dirmusic.locating.association import Unassociated
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.records import PulseCounts
 
@@ -24,7 +24,7 @@ def pulse_counts(log: MissionLog) -> PulseCounts:
     n_detected = log.n_rows("pulse")
     n_rejected = n_detected - int(log.column("pulse", "is_credible").sum())
     is_known = owner.size > 0 or n_rejected == n_detected
-    of = {code.name.lower(): int((owner == code).sum()) if is_known else None for code in NoOwner}
+    of = {code.name.lower(): int((owner == code).sum()) if is_known else None for code in Unassociated}
     of_findings = int((owner > 0).sum()) if is_known else None
     return PulseCounts(detected=n_detected, not_credible=n_rejected, of_findings=of_findings, **of)
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 
-from dirmusic.locating.ellipse import is_inside95
+from dirmusic.locating.finding import is_inside95
 from pdpatrol.missions.report.records import Evaluation, Match, ScoredSource
 
 FloatArray = NDArray[np.float64]

@@ -10,7 +10,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from dirmusic.locating.ellipse import ellipse95, outline95
+from dirmusic.locating.finding import ellipse95, outline95
 from dirmusic.locating.yard_likelihood import Grid
 from pdpatrol.missions.video.moments import Moment
 from pdpatrol.robot_models.posed_yard import Picture, on_picture

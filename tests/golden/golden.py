@@ -66,7 +66,7 @@ def cases() -> Iterator[GoldenCase]:
 
 def run(case: GoldenCase) -> dict[str, Any]:
     """Run one mission and summarise it: confirmed findings with 95 % ellipses, times, and how it ended."""
-    from dirmusic.locating.ellipse import ellipse95
+    from dirmusic.locating.finding import ellipse95
     from pdpatrol.envs import load_scenario
     from pdpatrol.envs.random_yard import random_yard
     from pdpatrol.missions.runner import run_mission

@@ -5,7 +5,7 @@ import pytest
 
 from dirmusic import GainManifold
 from dirmusic.angles import wrap
-from dirmusic.locating.association.assignment import NoOwner
+from dirmusic.locating.association import Unassociated
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.phase_patterns import phase_patterns
 from pdpatrol.missions.report.make_report import make_report
@@ -53,7 +53,7 @@ def log_of_two_findings(seed: int, mains: bool = True, ghosts_every: int = 0) ->
                     bearing_rad=wrap(azimuth + pose[2]), std_rad=0.02,
                 )  # fmt: skip
                 is_ghost = ghosts_every > 0 and pulse % ghosts_every == 0
-                log.append("association", pulse=pulse, finding=NoOwner.ECHO if is_ghost else number)
+                log.append("association", pulse=pulse, finding=Unassociated.ECHO if is_ghost else number)
     for number, (_, place) in SOURCES.items():
         log.append(
             "finding", step=59, id=number, position_m=np.array([*place, 0.6]), covariance_m2=0.01 * np.eye(3),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from dirmusic.locating.ellipse import ellipse95
+from dirmusic.locating.finding import ellipse95
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.records import Discharge, Ellipse, FindingRecord, PhaseHistogram, Report, Site
 from pdpatrol.missions.report.scoring import TrueSource, evaluate

@@ -1,10 +1,12 @@
 """Pulses to the Locator and into the log."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from dirmusic import ArrayModel, ElementSpread, Finding, GainManifold, PoseError, PulseBatch
 from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
-from dirmusic.locating.association.assignment import NoOwner
+from dirmusic.locating.association import Unassociated
 from dirmusic.locating.rules import CredibilityRules
 from dirmusic.locating.yard_likelihood import Grid, YardLikelihood
 from pdpatrol.envs import load_scenario
@@ -75,18 +77,18 @@ def test_the_log_keeps_all_pulses_and_a_bearing_for_each_credible_one() -> None:
         phase="",
         phase_target=0,
     )
-    book, tracker = Logbook(log), tracker_of(Noted(association=np.array([3, NoOwner.ECHO])))
+    book, tracker = Logbook(log), tracker_of(Noted(association=np.array([3, Unassociated.ECHO])))
     book.log_tracked(POSE, tracker.track(0.1, POSE, pulses_of(0.3, 2.0)))
     book.log_association(tracker.association())
     assert log.column("pulse", "is_credible").tolist() == [True, True, False]
     assert log.column("bearing", "pulse").tolist() == log.column("association", "pulse").tolist() == [0, 1]
-    assert log.column("association", "finding").tolist() == [3, NoOwner.ECHO]
+    assert log.column("association", "finding").tolist() == [3, Unassociated.ECHO]
 
 
-def test_findings_are_logged_when_they_change_and_until_they_are_confirmed_not_fixed() -> None:
+def test_findings_are_logged_when_their_values_change() -> None:
     log = MissionLog({"n_elements": 6})
     book, once = Logbook(log), (FINDING,)
-    for findings in (once, once, (FINDING,), ()):
+    for findings in (once, once, (replace(FINDING),), (replace(FINDING, n_bearings=9),), ()):
         book.log_tracked(POSE, Tracked(PulseBatch.none(6), np.empty(0, dtype=np.bool_), findings))
     assert log.column("finding", "state").tolist() == ["candidate", "candidate", "dropped"]
     assert np.isnan(log.column("finding", "confirmed_s")).all()
@@ -100,6 +102,6 @@ def test_a_mission_ends_with_one_association_for_each_credible_pulse() -> None:
     np.testing.assert_array_equal(log.column("association", "pulse"), log.column("bearing", "pulse"))
     alive = log.column("finding", "id")[log.column("finding", "step") == log.column("finding", "step")[-1]]
     assert alive.size > 0
-    assert set(log.column("association", "finding").tolist()) <= {*alive.tolist(), *NoOwner}
+    assert set(log.column("association", "finding").tolist()) <= {*alive.tolist(), *Unassociated}
     owned = (log.column("association", "finding") > 0).mean()
     assert owned > 0.3

@@ -10,7 +10,7 @@ import rerun as rr
 from numpy.typing import NDArray
 from rerun.encodings import ImageFormat
 
-from dirmusic.locating.ellipse import ellipse95, outline95
+from dirmusic.locating.finding import ellipse95, outline95
 from pdpatrol.missions.record.array_description import described_grid
 from pdpatrol.missions.recording import paths
 from pdpatrol.missions.recording.drawing import palette

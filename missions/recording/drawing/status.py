@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from dirmusic.locating.ellipse import ellipse95
+from dirmusic.locating.finding import ellipse95
 from dirmusic.locating.rules import LocatingRules
 from pdpatrol.envs.scenario.locating import LocatingConfig
 from pdpatrol.missions.record.events import Phase

@@ -15,7 +15,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 from scipy.cluster.hierarchy import fclusterdata
 
-from dirmusic.locating.ellipse import outline95
+from dirmusic.locating.finding import outline95
 from pdpatrol.missions.report.records import FindingRecord
 from pdpatrol.robot_models.equipment import colour_of
 from pdpatrol.robot_models.yard.pieces import Equipment

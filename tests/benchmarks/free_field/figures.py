@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic import Finding, Locator
-from dirmusic.locating.credibility import is_credible
-from dirmusic.locating.ellipse import is_inside95
-from dirmusic.locating.fitting.joint_fix import HEIGHT_PRIOR_M
+from dirmusic.locating.finding import is_inside95
+from dirmusic.locating.joint_fit import HEIGHT_PRIOR_M
+from dirmusic.locating.plane_wave import is_credible
 from dirmusic.locating.rules import LocatingRules
 from pdpatrol.envs.core.simulation import STEP_S
 from pdpatrol.missions.report.scoring import TrueSource, evaluate

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from dirmusic.array.element_errors import ElementErrors
-from dirmusic.locating.association.pulse_record import Detections, PulseRecord
-from dirmusic.locating.fitting.triangulation import triangulate
+from dirmusic.locating.bearing_fit import triangulate
+from dirmusic.locating.pulse_record import PulseRecord, PulsesAtPose
 from dirmusic.locating.rules import LocatingRules
 from pdpatrol.envs.core.simulation import STEP_S
 from tests.benchmarks.free_field.cases import FENCE_M, Case, draw_case
@@ -22,8 +22,9 @@ def sight_lines(case: Case) -> SightLines:
     record = PulseRecord(case.array, case.pose_error, None, BEARINGS.assignment)
     for step in np.unique(case.step[rows]):
         pulses = case.pulses.take(rows[case.step[rows] == step])
-        record.extend([Detections(STEP_S * float(step), case.pose[step], pulses)])
-    bearing_rad, std_rad = record.bearings(np.arange(rows.size), ElementErrors.none(case.array.manifold.n_elements))
+        record.extend([PulsesAtPose(STEP_S * float(step), case.pose[step], pulses)])
+    no_errors = record.error_table(ElementErrors.none(case.array.manifold.n_elements))
+    bearing_rad, std_rad = record.bearings(np.arange(rows.size), no_errors)
     return SightLines(record.pulses.time_s, record.pose[:, :2], bearing_rad, std_rad)
 
 

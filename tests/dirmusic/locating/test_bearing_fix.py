@@ -6,8 +6,8 @@ import pytest
 from dirmusic import ESTIMATORS, ArrayModel, ElementErrors, ElementSpread, GainManifold, PoseError, PulseBatch
 from dirmusic.angles import wrap
 from dirmusic.array.bounds import manifold_error, manifold_error_covariance, manifold_error_std
-from dirmusic.locating.ellipse import ellipse95, is_inside95
-from dirmusic.locating.fitting.bearing_fix import locate_by_bearings
+from dirmusic.locating.bearing_fit import locate_by_bearings
+from dirmusic.locating.finding import ellipse95, is_inside95
 
 NOMINAL = GainManifold.ring(6)
 RING_M = np.column_stack(

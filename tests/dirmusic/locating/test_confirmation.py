@@ -7,12 +7,12 @@ import pytest
 
 from dirmusic import ArrayModel, GainManifold
 from dirmusic.array.element_errors import ElementErrors, ElementSpread
-from dirmusic.locating.association.assignment import Assigner
-from dirmusic.locating.association.pulse_record import Detections, PulseRecord
-from dirmusic.locating.association.sight_lines import Sight
+from dirmusic.locating.association import Assigner
 from dirmusic.locating.confirmation import updated_state
 from dirmusic.locating.finding import Finding
-from dirmusic.locating.fitting.joint_fix import PoseError
+from dirmusic.locating.plane_wave import bearing_error_table
+from dirmusic.locating.protocol import LineOfSight, PoseError
+from dirmusic.locating.pulse_record import PulseRecord, PulsesAtPose
 from dirmusic.locating.rules import LocatingRules
 from dirmusic.pulses.batch import PulseBatch
 
@@ -44,7 +44,7 @@ def nothing_in_sight(points: np.ndarray, target: np.ndarray, ignore_m: float) ->
 class Listening:
     """Pulses, one a second, detected from the west of a finding at the origin."""
 
-    def __init__(self, the_map: Sight = everything_in_sight) -> None:
+    def __init__(self, the_map: LineOfSight = everything_in_sight) -> None:
         self.record = PulseRecord(ARRAY, POSE_ERROR, the_map, RULES.assignment)
         self.time_s = 0.0
 
@@ -58,12 +58,12 @@ class Listening:
                 np.zeros(1), (gain / np.linalg.norm(gain, axis=0) * norm_v).T, np.full((1, 6), 1e-12)
             )
             pulses = pulses._replace(azimuth_rad=azimuth, std_rad=np.full(1, np.radians(0.3)))
-            self.record.extend([Detections(self.time_s, np.array([-range_m, 0.0, 0.0]), pulses)])
+            self.record.extend([PulsesAtPose(self.time_s, np.array([-range_m, 0.0, 0.0]), pulses)])
             self.time_s += 1.0
 
     def judged(self, finding: Finding = CANDIDATE) -> Finding:
         """The finding in the light of all that was heard."""
-        errors = ElementErrors.none(6)
+        errors = bearing_error_table(NOMINAL, ElementErrors.none(6))
         assignment = Assigner(self.record, RULES.assignment).assign([finding], errors)
         return updated_state(finding, 0, assignment, self.record, errors, RULES, None, self.time_s)
 

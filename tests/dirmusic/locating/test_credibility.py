@@ -5,7 +5,7 @@ import pytest
 
 from dirmusic import ESTIMATORS, ArrayModel, BearingEstimator, ElementSpread, GainManifold, PulseBatch
 from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
-from dirmusic.locating.credibility import MethodDeviation, is_credible
+from dirmusic.locating.plane_wave import MethodDeviation, is_credible
 from dirmusic.locating.rules import CredibilityRules
 
 LIKELIHOOD = MaximumLikelihood()

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from dirmusic.locating.ellipse import CHI2_95, ellipse95, is_inside95, outline95, reaches95
+from dirmusic.locating.finding import CHI2_95, ellipse95, is_inside95, outline95, reaches95
 
 
 @given(st.floats(0.1, 3.0), st.floats(0.01, 0.09), st.floats(-1.5, 1.5))

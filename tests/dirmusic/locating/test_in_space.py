@@ -5,7 +5,7 @@ import pytest
 
 from dirmusic import ArrayModel, ElementSpread, GainManifold, Locator, PoseError, PulseBatch
 from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
-from dirmusic.locating.association.sight_lines import Sight
+from dirmusic.locating.protocol import LineOfSight
 
 NOMINAL = GainManifold.ring(6)
 ARRAY_HEIGHT_M = 0.6
@@ -31,7 +31,7 @@ def hear(pose: np.ndarray, source_m: np.ndarray, gains: np.ndarray, rng: np.rand
     return pulses._replace(azimuth_rad=found.azimuth_rad, std_rad=found.std_rad, misfit=found.misfit)
 
 
-def drive_round(source_m: np.ndarray, seed: int, sight: Sight | None = None, radius_m: float = 3.0) -> Locator:
+def drive_round(source_m: np.ndarray, seed: int, sight: LineOfSight | None = None, radius_m: float = 3.0) -> Locator:
     """A third of the way round a source."""
     rng = np.random.default_rng(seed)
     gains, start = np.exp(rng.normal(0.0, 0.05, 6)), rng.uniform(0.0, 2 * np.pi)

@@ -8,10 +8,8 @@ from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, ElementSpread, GainManifold, PoseError, PulseBatch
 from dirmusic.array.pattern import as_boresights
-from dirmusic.locating.fitting.joint_fix import ROBUST_SCALE, locate_jointly
-from dirmusic.locating.fitting.joint_kernels import Beliefs, Explained, Linear, NominalArray, evaluate, linearise
-from dirmusic.locating.fitting.joint_optimiser import JointOptimiser
-from dirmusic.locating.fitting.pattern_deviation import N_HARMONICS, N_TERMS
+from dirmusic.locating.joint_fit import ROBUST_SCALE, JointProblem, locate_jointly
+from dirmusic.locating.joint_kernels import N_HARMONICS, N_TERMS, FitData, NominalArray, Priors, evaluate, linearise
 
 FloatArray = NDArray[np.float64]
 
@@ -67,7 +65,7 @@ STATE = np.concatenate(
     ]
 )
 N_STATES = STATE.size
-BELIEFS = Beliefs(np.zeros(STATE.size), np.full(STATE.size, 2.0), np.eye(STATE.size), 0.1, 0.02, ROBUST_SCALE)
+PRIORS = Priors(np.zeros(STATE.size), np.full(STATE.size, 2.0), np.eye(STATE.size), 0.1, 0.02, ROBUST_SCALE)
 
 
 def nominal(manifold: GainManifold) -> NominalArray:
@@ -93,28 +91,28 @@ def modelled(state: FloatArray, weight: FloatArray) -> FloatArray:
     return weight * ((1 + errors[0]) * gain + errors[2]) * range_m / np.sqrt(dx**2 + dy**2 + dz**2)
 
 
-def linear(state: FloatArray, strengths: FloatArray, weight: FloatArray, beliefs: Beliefs) -> tuple[FloatArray, ...]:
+def linear(state: FloatArray, strengths: FloatArray, weight: FloatArray, priors: Priors) -> tuple[FloatArray, ...]:
     """Misses (40, 6) and slopes (40, 6, N_STATES - 3) of all pulses; the boresights are turned as `evaluate` does."""
-    data = Explained(POSE, SOURCE, weight, strengths, np.full(40, 3.0))
+    data = FitData(POSE, SOURCE, weight, strengths, np.full(40, 3.0))
     errors, at = state[6:24].reshape(3, 6), (np.empty((40, 6)), np.empty((40, 6, N_STATES - 3)))
     turned = nominal(TILTED)._replace(
         boresights=as_boresights(TILTED.boresights_rad + errors[1], TILTED.boresight_elevations_rad)
     )
     for k in range(40):
-        linearise(k, state, data, turned, beliefs, Linear(at[0][k], at[1][k]), np.empty((9 + N_TERMS, 6)))
+        linearise(k, state, data, turned, priors, at[0][k], at[1][k], np.empty((9 + N_TERMS, 6)))
     return at
 
 
 def test_the_slopes_are_those_of_the_misses_where_the_model_explains_the_strengths() -> None:
     weight = RNG.uniform(5.0, 50.0, (40, 6))
     strengths = RNG.uniform(0.5, 2.0, (40, 1)) * modelled(STATE, weight)
-    for beliefs in (BELIEFS, BELIEFS._replace(position_m=0.0, heading_rad=0.0)):
-        miss, slope = linear(STATE, strengths, weight, beliefs)
+    for priors in (PRIORS, PRIORS._replace(position_m=0.0, heading_rad=0.0)):
+        miss, slope = linear(STATE, strengths, weight, priors)
         np.testing.assert_allclose(miss, 0.0, atol=1e-6)
         for i, own in [*((i, i // 3 == SOURCE) for i in range(6)), *((i, SOURCE >= 0) for i in range(6, N_STATES))]:
             step = np.zeros(N_STATES)
             step[i] = 1e-5
-            after, before = (linear(STATE + s, strengths, weight, beliefs)[0] for s in (step, -step))
+            after, before = (linear(STATE + s, strengths, weight, priors)[0] for s in (step, -step))
             column = i % 3 if i < 6 else i - 3
             expected = np.where(own[:, np.newaxis], slope[:, :, column], 0.0)
             np.testing.assert_allclose((after - before) / 2e-5, expected, atol=2e-4 * np.abs(slope[:, :, column]).max())
@@ -123,15 +121,15 @@ def test_the_slopes_are_those_of_the_misses_where_the_model_explains_the_strengt
 def test_cost_gradient_and_hessian_are_those_of_a_soft_l1_loss_over_all_misses() -> None:
     weight = RNG.uniform(5.0, 50.0, (40, 6))
     strengths = modelled(STATE, weight) + RNG.normal(0.0, 3.0, (40, 6))
-    miss, slope = linear(STATE, strengths, weight, BELIEFS)
+    miss, slope = linear(STATE, strengths, weight, PRIORS)
     full = np.zeros((40, 6, N_STATES))
     for k in range(40):
         full[k][:, 3 * SOURCE[k] : 3 * SOURCE[k] + 3], full[k][:, 6:] = slope[k][:, :3], slope[k][:, 3:]
     residual = np.concatenate([miss.ravel(), STATE / 2.0])
     jacobian = np.concatenate([full.reshape(-1, N_STATES), np.eye(N_STATES) / 2.0])
     root = np.sqrt(1 + np.square(residual / ROBUST_SCALE))
-    data = Explained(POSE, SOURCE, weight, strengths, np.full(40, 3.0))
-    cost, gradient, hessian = evaluate(STATE, 3, N_TERMS, data, nominal(TILTED), BELIEFS)
+    data = FitData(POSE, SOURCE, weight, strengths, np.full(40, 3.0))
+    cost, gradient, hessian = evaluate(STATE, 3, N_TERMS, data, nominal(TILTED), PRIORS)
     assert cost == pytest.approx(ROBUST_SCALE**2 * (root - 1).sum())
     np.testing.assert_allclose(gradient, jacobian.T @ (residual / root), rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(hessian, jacobian.T @ (jacobian / root[:, np.newaxis] ** 3), rtol=1e-9, atol=1e-9)
@@ -153,19 +151,15 @@ def test_two_sources_and_the_errors_of_the_array_are_found_together() -> None:
 
 
 def test_second_solve_equals_a_fresh_one() -> None:
-    """No state of the optimiser outlives a solve: what it did before does not stop it early."""
-    array = ArrayModel(manifold=TILTED, positions_m=RING_M, spread=SPREAD)
-    weight = np.full((40, 6), 50.0)
-    data = Explained(POSE, SOURCE, weight, modelled(STATE, weight), np.full(40, 3.0))
-    far = STATE.copy()
+    """No state of a solve outlives it: an earlier one does not stop a later one early."""
+    array = ArrayModel(manifold=TILTED, positions_m=RING_M, spread=replace(SPREAD, offset=0.02, pattern=0.1))
+    pulses = PulseBatch.detected(10.0 * np.arange(40.0), modelled(STATE, np.ones((40, 6))), np.full((40, 6), 1e-4))
+
+    def problem() -> JointProblem:
+        return JointProblem(pulses, POSE, SOURCE, STATE[:6].reshape(2, 3), array, NO_POSE_ERROR)
+
+    far, used = STATE.copy(), problem()
     far[:6] += [1.5, -1.0, 0.3, -1.0, 2.0, 0.3]
-
-    def optimiser() -> JointOptimiser:
-        return JointOptimiser(data, array, BELIEFS, n_kinds=3, n_places=6, n_terms=N_TERMS)
-
-    used = optimiser()
     used.solve(STATE)
-    again, hessian = used.solve(far)
-    fresh, fresh_hessian = optimiser().solve(far)
-    np.testing.assert_array_equal(again, fresh)
-    np.testing.assert_array_equal(hessian, fresh_hessian)
+    for again, fresh in zip(used.solve(far), problem().solve(far), strict=True):
+        np.testing.assert_array_equal(again, fresh)

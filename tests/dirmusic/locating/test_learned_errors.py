@@ -18,7 +18,7 @@ from dirmusic import (
 )
 from dirmusic.array.element_errors import DRIFT, UNEXPLAINED, EstimatedErrors
 from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
-from dirmusic.locating.fitting.joint_fix import JointFix, locate_jointly
+from dirmusic.locating.joint_fit import JointEstimate, locate_jointly
 from dirmusic.locating.rules import LocatingRules
 
 FloatArray = NDArray[np.float64]
@@ -54,12 +54,12 @@ def pulses_of(errors: ElementErrors, n: int, rng: np.random.Generator) -> tuple[
     return pulses, np.column_stack([place_m, yaw])
 
 
-def fitted(pulses: PulseBatch, pose: FloatArray, array: ArrayModel = ARRAY) -> JointFix:
+def fitted(pulses: PulseBatch, pose: FloatArray, array: ArrayModel = ARRAY) -> JointEstimate:
     start_m = SOURCE_M[np.newaxis] + np.array([0.2, -0.1, 0.0])
     return locate_jointly(pulses, pose, np.zeros(pulses.n_pulses, dtype=np.intp), start_m, array, POSE_ERROR)
 
 
-def square_deviation(fix: JointFix, errors: ElementErrors) -> float:
+def square_deviation(fix: JointEstimate, errors: ElementErrors) -> float:
     """Of the errors of gain and pointing from the learned ones, over their covariance: chi-square, 12 degrees."""
     miss = fix.errors.state[:12] - np.concatenate([errors.gain, errors.pointing_rad])
     return float(miss @ np.linalg.solve(fix.errors.covariance[:12, :12], miss))

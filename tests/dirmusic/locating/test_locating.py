@@ -19,11 +19,10 @@ from dirmusic import (
     strength_variance,
 )
 from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
-from dirmusic.locating.association.sight_lines import Sight
-from dirmusic.locating.credibility import is_credible
-from dirmusic.locating.ellipse import is_inside95
-from dirmusic.locating.finding import State
+from dirmusic.locating.finding import State, is_inside95
 from dirmusic.locating.locator import merge_findings
+from dirmusic.locating.plane_wave import is_credible
+from dirmusic.locating.protocol import LineOfSight
 from dirmusic.locating.rules import CredibilityRules, LocatingRules
 
 NOMINAL = GainManifold.ring(6)
@@ -42,7 +41,7 @@ def make_locator(
     spread: ElementSpread = SPREAD,
     rules: LocatingRules | None = None,
     positions_m: np.ndarray = RING_M,
-    sight: Sight | None = None,
+    sight: LineOfSight | None = None,
 ) -> Locator:
     array = ArrayModel(manifold=NOMINAL, positions_m=positions_m, spread=spread)
     return Locator(array, NO_POSE_ERROR, fence_m=fence_m, rules=rules, sight=sight)
@@ -145,7 +144,7 @@ def test_single_pulses_from_all_round_make_a_finding_only_by_crossing() -> None:
     source = np.array([20.0, 15.0])
     path = around(source, 5.0, 0, 300, 20)
     assert listen_along(path[::2], [source], seed=8)[0].findings == ()
-    rules = LocatingRules(birth_by_crossing=True, birth_s=np.inf)
+    rules = LocatingRules(initiation_by_crossing=True, initiation_s=np.inf)
     locator, _ = listen_along(path[::2], [source], 8, make_locator(rules=rules))
     (finding,) = locator.refit(10.0)
     np.testing.assert_allclose(finding.position_m[:2], source, atol=0.3)
@@ -238,7 +237,7 @@ def across_the_wall(points: np.ndarray, target: np.ndarray, ignore_m: float) -> 
     return ~beyond | (np.abs(target[1] - WALL_Y_M) < ignore_m)
 
 
-def detect_image_and_source(map_sight: Sight | None, locator: Locator | None = None) -> Locator:
+def detect_image_and_source(map_sight: LineOfSight | None, locator: Locator | None = None) -> Locator:
     """Past a wall: at first a mirror image behind it is detected, then, from beyond its end, the source itself.
 
     The mirror image is 4 dB weaker than the source.

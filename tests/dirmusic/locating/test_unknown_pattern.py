@@ -11,8 +11,8 @@ from dirmusic.angles import difference
 from dirmusic.array.manifold import ring_boresights_rad
 from dirmusic.array.pattern_file import read_spatial_pattern
 from dirmusic.array.spatial_pattern import SpatialPattern
-from dirmusic.locating.association.bearing_errors import BearingErrors
-from dirmusic.locating.fitting.joint_fix import JointFix, locate_jointly
+from dirmusic.locating.joint_fit import JointEstimate, locate_jointly
+from dirmusic.locating.plane_wave import BearingErrors
 from pdpatrol.sensing.array.config import SHIPPED_PATTERNS
 
 FloatArray = NDArray[np.float64]
@@ -50,7 +50,7 @@ def locate(
     truth_m: FloatArray,
     pattern_error: float,
     start_m: FloatArray | None = None,
-) -> JointFix:
+) -> JointEstimate:
     """The fix where of the helices no more is known than their cut; it starts beside the truth, or where it is told."""
     array = ArrayModel(
         manifold=GainManifold(helix().cut(), BORESIGHTS_RAD),

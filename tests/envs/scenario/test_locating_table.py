@@ -39,7 +39,7 @@ def test_setting_a_rule_changes_that_rule_alone(rule: str) -> None:
     assert values[rule] == pytest.approx(value)
 
 
-@pytest.mark.parametrize("rule", sorted(set(RULES) - {"solver", "birth_by_crossing"}))
+@pytest.mark.parametrize("rule", sorted(set(RULES) - {"solver", "initiation_by_crossing"}))
 def test_rule_has_bounds(rule: str) -> None:
     for value in (-1, 1e300, float("nan"), "x"):
         with pytest.raises(ScenarioError, match=rf"locating\.{key_of(rule)}: must .*, got "):

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dirmusic.locating.ellipse import ellipse95
+from dirmusic.locating.finding import ellipse95
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.scenario.array import ArrayCalibration, restore_calibration
 from pdpatrol.missions.record.mission_log import MissionLog

@@ -5,7 +5,7 @@ import pytest
 
 from dirmusic import ArrayModel, PulseBatch
 from dirmusic.angles import wrap
-from dirmusic.locating.fitting.joint_fix import expected_covariances, locate_jointly
+from dirmusic.locating.joint_fit import expected_covariances, locate_jointly
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.planning.expected import Forecast, received, views_along
 from pdpatrol.missions.planning.tour import Tour

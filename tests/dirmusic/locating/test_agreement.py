@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from dirmusic import ArrayModel, ElementErrors, ElementSpread, Finding, GainManifold, PoseError, PulseBatch
-from dirmusic.locating.association.agreement import disagreement
-from dirmusic.locating.association.pulse_record import Detections, PulseRecord
+from dirmusic.locating.confirmation import disagreement
+from dirmusic.locating.plane_wave import bearing_error_table
+from dirmusic.locating.pulse_record import PulseRecord, PulsesAtPose
 from dirmusic.locating.rules import AssignmentRules
 
 RING = GainManifold.ring(6)
@@ -39,8 +40,10 @@ def disagreement_of(wandering_rad: float, seed: int, n_pulses: int = 15) -> floa
         azimuth = np.mod(angle + np.pi - yaw + off + np.pi, 2 * np.pi) - np.pi
         pulses = PulseBatch.detected(np.zeros(n_pulses), RING.gain(azimuth).T, np.full((n_pulses, 6), 1e-6))
         pulses = pulses._replace(azimuth_rad=azimuth, std_rad=np.full(n_pulses, NOISE_RAD))
-        record.extend([Detections(float(k), np.array([*place, yaw]), pulses)])
-    return disagreement(record, np.arange(record.pulses.n_pulses), FINDING, ElementErrors.none(6))
+        record.extend([PulsesAtPose(float(k), np.array([*place, yaw]), pulses)])
+    return disagreement(
+        record, np.arange(record.pulses.n_pulses), FINDING, bearing_error_table(RING, ElementErrors.none(6))
+    )
 
 
 def test_bearings_of_a_source_disagree_by_what_they_should_and_pulses_of_one_place_average() -> None:

@@ -10,13 +10,12 @@ from scipy.stats import poisson
 from dirmusic import ArrayModel, GainManifold
 from dirmusic.array.element_errors import ElementErrors, ElementSpread
 from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
-from dirmusic.locating.association.assignment import Assigner, NoOwner
-from dirmusic.locating.association.echo_budget import too_many_for_echoes
-from dirmusic.locating.association.pulse_record import Detections, PulseRecord
-from dirmusic.locating.association.sight_lines import Sight
-from dirmusic.locating.births import find_birth
+from dirmusic.locating.association import Assigner, Unassociated, too_many_for_multipath
 from dirmusic.locating.finding import Finding
-from dirmusic.locating.fitting.joint_fix import PoseError
+from dirmusic.locating.locator import rows_of_candidate
+from dirmusic.locating.plane_wave import bearing_error_table
+from dirmusic.locating.protocol import LineOfSight, PoseError
+from dirmusic.locating.pulse_record import PulseRecord, PulsesAtPose
 from dirmusic.locating.rules import AssignmentRules, LocatingRules
 from dirmusic.pulses.batch import PulseBatch
 
@@ -24,10 +23,10 @@ NOMINAL = GainManifold.ring(6)
 ARRAY = ArrayModel(
     manifold=NOMINAL, positions_m=np.zeros((6, 3)), spread=ElementSpread(gain=0.01, pointing_rad=np.radians(0.5))
 )
-NO_ERRORS = ElementErrors.none(6)
+NO_ERRORS = bearing_error_table(NOMINAL, ElementErrors.none(6))
 POSE_ERROR = PoseError(position_m=0.05, heading_rad=np.radians(0.5), correlation_s=5.0)
 LEVEL_DB = -10.0
-UNASSIGNED, AMBIGUOUS, BIASED, DIFFRACTED, ECHO = NoOwner
+UNASSIGNED, AMBIGUOUS, BIASED, DIFFRACTED, ECHO = Unassociated
 
 
 def finding(x: float, y: float, state: str = "confirmed", number: int = 1) -> Finding:
@@ -62,11 +61,11 @@ def assigned(
     def the_map(points: np.ndarray, target: np.ndarray, ignore_m: float) -> np.ndarray:
         return np.full(len(points), float(in_sight))
 
-    sight: Sight = the_map
+    sight: LineOfSight = the_map
     record = PulseRecord(ARRAY, POSE_ERROR, sight, AssignmentRules())
     azimuth = np.full(5, np.radians(bearing_deg))
-    record.extend([Detections(0.0, np.zeros(3), pulses_from(azimuth, 10 ** ((LEVEL_DB + excess_db) / 20) / range_m))])
-    owner = Assigner(record, AssignmentRules()).assign(findings, NO_ERRORS).owner
+    record.extend([PulsesAtPose(0.0, np.zeros(3), pulses_from(azimuth, 10 ** ((LEVEL_DB + excess_db) / 20) / range_m))])
+    owner = Assigner(record, AssignmentRules()).assign(findings, NO_ERRORS).finding
     assert (owner == owner[0]).all()
     return int(owner[0])
 
@@ -122,8 +121,8 @@ def test_pulses_past_a_finding_are_biased_as_far_as_its_own_are_missing_and_anot
         for window in range(12):
             past = 40 if window >= 6 else 0
             azimuth = np.repeat([0.0, np.radians(15.0)], [n_own if past else 40, past])
-            record.extend([Detections(5.0 * window + 1.0, np.zeros(3), pulses_from(azimuth, strength_v))])
-        owner = Assigner(record, AssignmentRules()).assign([finding(8.0, 0.0)], NO_ERRORS).owner
+            record.extend([PulsesAtPose(5.0 * window + 1.0, np.zeros(3), pulses_from(azimuth, strength_v))])
+        owner = Assigner(record, AssignmentRules()).assign([finding(8.0, 0.0)], NO_ERRORS).finding
         return owner[record.pulses.azimuth_rad > 0.1]
 
     assert (owners_past_it(0) == BIASED).all()
@@ -140,13 +139,13 @@ def test_pulses_that_come_bit_by_bit_are_assigned_as_all_at_once_while_the_findi
         aim = findings[rng.integers(3)].position_m[:2] - pose[:2]
         azimuth = np.arctan2(aim[1], aim[0]) - pose[2] + rng.normal(0.0, np.radians(4.0), 4)
         pulses = pulses_from(azimuth, 10 ** (rng.normal(LEVEL_DB, 6.0, 4) / 20) / np.hypot(*aim))
-        record.extend([Detections(0.3 * step, pose, pulses)])
+        record.extend([PulsesAtPose(0.3 * step, pose, pulses)])
         if rng.random() < 0.5:
             little_by_little = bit_by_bit.assign(findings, NO_ERRORS)
     little_by_little = bit_by_bit.assign(findings, NO_ERRORS)
     at_once = Assigner(record, AssignmentRules()).assign(findings, NO_ERRORS)
-    assert np.unique(at_once.owner).size > 4
-    np.testing.assert_array_equal(little_by_little.owner, at_once.owner)
+    assert np.unique(at_once.finding).size > 4
+    np.testing.assert_array_equal(little_by_little.finding, at_once.finding)
     np.testing.assert_array_equal(little_by_little.in_sight, at_once.in_sight)
     np.testing.assert_array_equal(little_by_little.level_db, at_once.level_db)
 
@@ -154,13 +153,13 @@ def test_pulses_that_come_bit_by_bit_are_assigned_as_all_at_once_while_the_findi
 def test_pulses_are_assigned_anew_by_a_finding_that_has_moved_changed_its_state_or_become_known() -> None:
     pulses = pulses_from(np.full(5, 0.0), 10 ** (LEVEL_DB / 20) / 8.0)
     record = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
-    record.extend([Detections(0.0, np.zeros(3), pulses)])
+    record.extend([PulsesAtPose(0.0, np.zeros(3), pulses)])
     assigner = Assigner(record, AssignmentRules())
-    assert (assigner.assign([finding(8.0, 0.0)], NO_ERRORS).owner == 0).all()
-    assert (assigner.assign([finding(0.0, 8.0)], NO_ERRORS).owner == UNASSIGNED).all()
-    assert (assigner.assign([finding(8.0, 0.0)], NO_ERRORS).owner == 0).all()
+    assert (assigner.assign([finding(8.0, 0.0)], NO_ERRORS).finding == 0).all()
+    assert (assigner.assign([finding(0.0, 8.0)], NO_ERRORS).finding == UNASSIGNED).all()
+    assert (assigner.assign([finding(8.0, 0.0)], NO_ERRORS).finding == 0).all()
     turned = ElementErrors(gain=np.zeros(6), pointing_rad=np.full(6, np.radians(30.0)), offset=np.zeros(6))
-    assert (assigner.assign([finding(8.0, 0.0)], turned).owner == UNASSIGNED).all()
+    assert (assigner.assign([finding(8.0, 0.0)], bearing_error_table(NOMINAL, turned)).finding == UNASSIGNED).all()
 
 
 HIGH_M = 4.0
@@ -184,23 +183,25 @@ def test_bearings_that_are_off_for_they_were_taken_in_the_plane_belong_to_the_fi
         place = HIGH_M / np.tan(elevation) * np.array([np.cos(azimuth[0]), np.sin(azimuth[0])])
         above = replace(finding(*place), position_m=np.array([*place, HIGH_M]), level_db=np.nan, state="candidate")
         record = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
-        record.extend([Detections(0.0, np.zeros(3), bearings_from_above(azimuth, elevation))])
-        assert Assigner(record, AssignmentRules()).assign([above], NO_ERRORS).owner.tolist() == [0]
+        record.extend([PulsesAtPose(0.0, np.zeros(3), bearings_from_above(azimuth, elevation))])
+        assert Assigner(record, AssignmentRules()).assign([above], NO_ERRORS).finding.tolist() == [0]
 
 
 def test_a_pulse_from_above_belongs_to_no_finding_in_the_plane_and_makes_none_but_the_first() -> None:
     azimuth = np.zeros(20)
     record = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
     from_above = bearings_from_above(azimuth, np.radians(60.0))._replace(azimuth_rad=azimuth)
-    record.extend([Detections(0.0, np.zeros(3), from_above)])
+    record.extend([PulsesAtPose(0.0, np.zeros(3), from_above)])
     level_with_it = replace(finding(8.0, 0.0, "candidate"), level_db=np.nan)
-    owner = Assigner(record, AssignmentRules()).assign([level_with_it], NO_ERRORS).owner
+    owner = Assigner(record, AssignmentRules()).assign([level_with_it], NO_ERRORS).finding
     assert (owner == UNASSIGNED).all()
-    assert find_birth(record, owner, NO_ERRORS, LocatingRules(), 0.0, is_first=False) is None
-    assert find_birth(record, owner, NO_ERRORS, LocatingRules(), 0.0, is_first=True) is not None
+    unassigned = owner == UNASSIGNED
+    for is_first in (False, True):
+        rows = rows_of_candidate(record, unassigned, NO_ERRORS, LocatingRules(), 0.0, is_first=is_first)
+        assert rows.size == (20 if is_first else 0)
     level = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
-    level.extend([Detections(0.0, np.zeros(3), bearings_from_above(azimuth, 0.0))])
-    assert find_birth(level, owner, NO_ERRORS, LocatingRules(), 0.0, is_first=False) is not None
+    level.extend([PulsesAtPose(0.0, np.zeros(3), bearings_from_above(azimuth, 0.0))])
+    assert rows_of_candidate(level, unassigned, NO_ERRORS, LocatingRules(), 0.0, is_first=False).size == 20
 
 
 def detections(
@@ -211,7 +212,7 @@ def detections(
         counts = {bearing: rng.poisson(rate) for bearing, rate in rates_hz.items()}
         azimuth = np.radians(np.repeat(list(counts), list(counts.values())))
         pulses = pulses_from(azimuth, 10 ** ((LEVEL_DB + loud_db) / 20) / 8.0)
-        record.extend([Detections(float(second), np.zeros(3), pulses)])
+        record.extend([PulsesAtPose(float(second), np.zeros(3), pulses)])
 
 
 WALL_DB = -6.0
@@ -228,21 +229,21 @@ def test_pulses_are_echoes_of_a_finding_only_in_so_far_as_its_own_are_missing(is
     record = PulseRecord(ARRAY, POSE_ERROR, behind_a_wall, rules)
     detections(record, rng, {0.0: 20.0}, range(0, 20), WALL_DB)
     detections(record, rng, {0.0: 20.0, 90.0: 20.0} if is_heard else {90.0: 20.0}, range(20, 40), WALL_DB)
-    owner = Assigner(record, rules).assign([finding(8.0, 0.0)], NO_ERRORS).owner
+    owner = Assigner(record, rules).assign([finding(8.0, 0.0)], NO_ERRORS).finding
     from_north = owner[np.abs(record.pulses.azimuth_rad - 0.5 * np.pi) < 0.1]
     assert np.mean(from_north == (UNASSIGNED if is_heard else ECHO)) > 0.95
 
 
 def test_a_source_whose_rate_is_not_known_may_have_any_number_of_echoes() -> None:
     suspects, nobody = np.ones(50, dtype=np.bool_), np.full(50, -1)
-    assert not too_many_for_echoes(np.zeros(50), np.zeros(50), suspects, nobody, 1).any()
+    assert not too_many_for_multipath(np.zeros(50), np.zeros(50), suspects, nobody, 1).any()
 
 
 def test_echo_count_does_not_need_memory_for_the_time_origin() -> None:
     suspects, owner = np.ones(50, dtype=np.bool_), np.full(50, -1)
     tracemalloc.start()
     for origin_s in (-1e6, 1e7):
-        too_many_for_echoes(origin_s + np.arange(50.0), np.zeros(50), suspects, owner, 1)
+        too_many_for_multipath(origin_s + np.arange(50.0), np.zeros(50), suspects, owner, 1)
     peak_bytes = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak_bytes < 1e6
@@ -256,7 +257,7 @@ def test_echoes_are_too_many_beyond_three_poisson_deviations(n_missing: int, mos
         time_s = np.concatenate([np.repeat([2.0, 7.0, 12.0], 20), np.full(n_direct + n_echoes, 17.0)])
         is_suspect = np.arange(time_s.size) >= 60 + n_direct
         bearing_rad, owner = np.where(is_suspect, 1.2, 0.0), np.where(is_suspect, -1, 0)
-        too_many = too_many_for_echoes(time_s, bearing_rad, is_suspect, owner, 1)
+        too_many = too_many_for_multipath(time_s, bearing_rad, is_suspect, owner, 1)
         np.testing.assert_array_equal(too_many, is_suspect & (n_echoes > most))
     mean = np.linspace(0.0, 50.0, 2001)
     assert poisson.sf(np.floor(mean + 3.0 * np.sqrt(mean + 1.0)), mean).max() < 0.004

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dirmusic.locating.association.assignment import Assigner, NoOwner
-from dirmusic.locating.association.mains_phase import may_share_phase
-from dirmusic.locating.association.pulse_record import Detections, PulseRecord
-from dirmusic.locating.association.sight_lines import Sight
+from dirmusic.locating.association import Assigner, Unassociated, may_share_phase
+from dirmusic.locating.protocol import LineOfSight
+from dirmusic.locating.pulse_record import PulseRecord, PulsesAtPose
 from dirmusic.locating.rules import AssignmentRules
-from tests.dirmusic.locating.association.test_assignment import (
+from tests.dirmusic.locating.test_assignment import (
     ARRAY,
     LEVEL_DB,
     NO_ERRORS,
@@ -46,10 +45,10 @@ def in_line(kind: str, rng: np.random.Generator) -> NDArray[np.intp]:
         azimuth = np.full(N_SURE, np.arctan2(sight_m[1], sight_m[0]))
         strength_v = 10 ** (LEVEL_DB / 20) / np.hypot(*sight_m)
         pulses = pulses_from(azimuth, strength_v)._replace(mains_phase_rad=phase_rad)
-        record.extend([Detections(10.0 * k, pose, pulses)])
+        record.extend([PulsesAtPose(10.0 * k, pose, pulses)])
     aligned = pulses_from(np.zeros(100), 10 ** (LEVEL_DB / 20) / 9.5)
-    record.extend([Detections(20.0, np.zeros(3), aligned._replace(mains_phase_rad=phases_of(kind, rng, 100)))])
-    return Assigner(record, AssignmentRules()).assign(findings, NO_ERRORS).owner
+    record.extend([PulsesAtPose(20.0, np.zeros(3), aligned._replace(mains_phase_rad=phases_of(kind, rng, 100)))])
+    return Assigner(record, AssignmentRules()).assign(findings, NO_ERRORS).finding
 
 
 def test_of_two_findings_in_one_line_the_phase_tells_whose_a_pulse_is() -> None:
@@ -66,23 +65,23 @@ def test_findings_that_discharge_at_any_phase_are_told_apart_by_none(kind: str) 
     owner = in_line(kind, np.random.default_rng(1))
     assert (owner[:N_SURE] == 0).all()
     assert (owner[N_SURE:-100] == 1).all()
-    assert (owner[-100:] == NoOwner.AMBIGUOUS).all()
+    assert (owner[-100:] == Unassociated.AMBIGUOUS).all()
 
 
-@pytest.mark.parametrize(("at_deg", "code"), [(270.0, NoOwner.ECHO), (90.0, NoOwner.UNASSIGNED)])
-def test_what_comes_at_another_phase_than_a_hidden_finding_is_no_echo_of_it(at_deg: float, code: NoOwner) -> None:
+@pytest.mark.parametrize(("at_deg", "code"), [(270.0, Unassociated.ECHO), (90.0, Unassociated.UNASSIGNED)])
+def test_what_comes_at_another_phase_than_a_hidden_finding_is_no_echo_of_it(at_deg: float, code: Unassociated) -> None:
     def only_from_the_south(points_m: FloatArray, target_m: FloatArray, within_m: float) -> FloatArray:
         return (points_m[:, 1] < -2.0).astype(np.float64)
 
     rng, sight = np.random.default_rng(2), only_from_the_south
-    the_map: Sight = sight
+    the_map: LineOfSight = sight
     record = PulseRecord(ARRAY, POSE_ERROR, the_map, AssignmentRules())
     before = pulses_from(np.full(N_SURE, np.pi / 2), 10 ** (LEVEL_DB / 20) / 8.0)
     before = before._replace(mains_phase_rad=corona(rng, N_SURE, 270.0))
-    record.extend([Detections(0.0, np.array([8.0, -8.0, 0.0]), before)])
+    record.extend([PulsesAtPose(0.0, np.array([8.0, -8.0, 0.0]), before)])
     later = pulses_from(np.full(20, np.radians(60.0)), 10 ** (LEVEL_DB / 20) / 8.0)
-    record.extend([Detections(20.0, np.zeros(3), later._replace(mains_phase_rad=corona(rng, 20, at_deg)))])
-    owner = Assigner(record, AssignmentRules()).assign([finding(8.0, 0.0)], NO_ERRORS).owner
+    record.extend([PulsesAtPose(20.0, np.zeros(3), later._replace(mains_phase_rad=corona(rng, 20, at_deg)))])
+    owner = Assigner(record, AssignmentRules()).assign([finding(8.0, 0.0)], NO_ERRORS).finding
     assert (owner[:N_SURE] == 0).all()
     assert (owner[N_SURE:] == code).all()
 

@@ -5,9 +5,8 @@ import pytest
 
 from dirmusic import ArrayModel, GainManifold
 from dirmusic.array.element_errors import ElementSpread
-from dirmusic.locating.association.pooling import pooled
-from dirmusic.locating.association.pulse_record import Detections, PulseRecord, evenly
-from dirmusic.locating.fitting.joint_fix import PoseError
+from dirmusic.locating.protocol import PoseError
+from dirmusic.locating.pulse_record import PulseRecord, PulsesAtPose, choose_evenly, pool_pulses
 from dirmusic.locating.rules import AssignmentRules
 from dirmusic.pulses.batch import PulseBatch
 
@@ -29,7 +28,7 @@ def test_a_pooled_pulse_has_the_shares_of_its_pulses_and_the_noise_that_is_told(
     rng = np.random.default_rng(3)
     azimuth_rad, n_groups = np.full(20 * 2000, 0.7), 2000
     group = np.repeat(np.arange(n_groups), 20)
-    one_each, pose = pooled(noisy_pulses(azimuth_rad, 0.02, rng), np.zeros((group.size, 3)), group)
+    one_each, pose = pool_pulses(noisy_pulses(azimuth_rad, 0.02, rng), np.zeros((group.size, 3)), group)
     assert one_each.n_pulses == len(pose) == n_groups
     shares = RING.gain(np.array([0.7]))[:, 0]
     shares = shares / np.linalg.norm(shares)
@@ -47,7 +46,7 @@ def test_what_is_loud_and_usable_counts_and_groups_may_come_in_any_order() -> No
     is_usable = np.ones((5, 6), dtype=np.bool_)
     is_usable[0, 2] = is_usable[1, 4] = is_usable[3, 4] = False
     pose = np.array([[0.0, 1.0, 3.1], [5.0, 5.0, 0.0], [0.2, 1.0, -3.1], [5.0, 5.0, 0.0], [0.1, 1.0, np.pi]])
-    one_each, poses = pooled(pulses._replace(is_usable=is_usable), pose, np.array([9, 4, 9, 4, 9]))
+    one_each, poses = pool_pulses(pulses._replace(is_usable=is_usable), pose, np.array([9, 4, 9, 4, 9]))
     np.testing.assert_array_equal(one_each.is_usable, [[True, True, True, True, False, True], [True] * 6])
     assert abs(one_each.azimuth_rad[0]) == pytest.approx(np.pi, abs=0.15)  # the mean of 3.0 and -3.0
     assert one_each.azimuth_rad[1] == pytest.approx(0.2)
@@ -61,7 +60,7 @@ def record_of(poses: np.ndarray, step_s: float) -> PulseRecord:
     record = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
     for number, pose in enumerate(poses):
         pulses = noisy_pulses(np.zeros(1), 0.01, np.random.default_rng(number))
-        record.extend([Detections(step_s * number, pose, pulses)])
+        record.extend([PulsesAtPose(step_s * number, pose, pulses)])
     return record
 
 
@@ -78,10 +77,10 @@ def test_a_place_a_heading_and_a_time_in_which_poses_err_alike_make_one_pulse() 
 
 
 @pytest.mark.parametrize("n", [10, 160, 161, 2000])
-def test_numbers_are_chosen_evenly_and_stay_chosen_when_a_few_are_added(n: int) -> None:
+def test_numbers_are_chosen_choose_evenly_and_stay_chosen_when_a_few_are_added(n: int) -> None:
     numbers = 3 * np.arange(n)
-    chosen = evenly(numbers, 160)
+    chosen = choose_evenly(numbers, 160)
     assert chosen.size == min(n, 160)
     assert (np.diff(chosen) > 0).all()
     assert np.diff(chosen, prepend=-1, append=3 * n).max() <= 4 * 3 * n / chosen.size
-    assert np.isin(evenly(3 * np.arange(n + 5), 160), chosen).sum() >= chosen.size - 5
+    assert np.isin(choose_evenly(3 * np.arange(n + 5), 160), chosen).sum() >= chosen.size - 5

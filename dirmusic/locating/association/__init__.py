@@ -1,1 +1,0 @@
-"""Which pulse belongs to which finding: record of pulses, gating, ghost test, decision."""

@@ -1,0 +1,351 @@
+"""What `locate_jointly` minimises, as compiled loops over the pulses: cost, gradient and Hessian.
+
+The deviation of the elements' pattern from the data sheet is part of the state. All elements are of one make and share
+it: a function of the angle off the boresight, with one part in the plane, one that grows with the sine of the elevation
+and one that grows with its square. A robot that drives around a source, or keeps it in one direction while it drives,
+determines it; as noise it would be taken for new information in every pulse.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dirmusic.array.element_errors import OFF_PLANE
+from dirmusic.array.model import ArrayModel
+from dirmusic.array.pattern import Boresight, GainInDirection, PatternTable, gain_and_slopes_towards
+from dirmusic.compiled import compiled
+from dirmusic.kernels import dot
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+N_PLACE = 3
+"""States of a source: x, y, and height above the ground."""
+
+N_HARMONICS = 7
+"""Harmonics of the angle off the boresight, from the first on; a constant hardly turns a bearing."""
+
+N_TERMS = 6 * N_HARMONICS
+"""States of the pattern: cosine and sine of each harmonic in the plane, then the same per sine of the elevation, then
+per its square."""
+
+
+class FitData(NamedTuple):
+    """Pulses to be fitted, one a row.
+
+    Attributes:
+        pose: Shape (n, 3).
+        source: Shape (n,).
+        weight: One over the deviation of each strength; 0 for channels that are not usable, shape (n, n_elements).
+        strengths: Strengths of unit norm, times the weight, shape (n, n_elements).
+        repeats: Number of pulses that share the pose error, shape (n,).
+    """
+
+    pose: FloatArray
+    source: IntArray
+    weight: FloatArray
+    strengths: FloatArray
+    repeats: FloatArray
+
+
+class NominalArray(NamedTuple):
+    """The array of the data sheet.
+
+    Attributes:
+        positions_m: Shape (n_elements, 3).
+        boresights: Fields of `Boresight`, shape (n_elements, 4); `evaluate` turns them by the errors of the state.
+        gain_factors: Shape (n_elements,).
+        gain_offsets: Shape (n_elements,).
+        pattern: Pattern in the plane.
+    """
+
+    positions_m: FloatArray
+    boresights: FloatArray
+    gain_factors: FloatArray
+    gain_offsets: FloatArray
+    pattern: PatternTable
+
+
+class Priors(NamedTuple):
+    """Prior of the states, deviations of the pose, and scale of the loss.
+
+    Attributes:
+        mean: Mean of each state, shape (n_states,).
+        spread: Standard deviation of each state, shape (n_states,).
+        decorrelation: Matrix that makes states over their spread independent and of unit variance: the inverse of the
+            lower Cholesky factor of their correlation, shape (n_states, n_states).
+        position_m: Standard deviation of the robot's position.
+        heading_rad: Standard deviation of its heading.
+        robust_scale: Residual in standard deviations beyond which the loss is linear (soft L1).
+    """
+
+    mean: FloatArray
+    spread: FloatArray
+    decorrelation: FloatArray
+    position_m: float
+    heading_rad: float
+    robust_scale: float
+
+
+def deviation_spread(array: ArrayModel) -> FloatArray:
+    """Return the standard deviation of each state of the pattern, in units of gain, shape (N_TERMS,).
+
+    It is empty if the spread has no error of the pattern.
+    """
+    if array.spread.pattern == 0.0:
+        return np.empty(0)
+    level = array.spread.pattern * array.manifold.table.gain.max() / math.sqrt(N_HARMONICS)
+    return level * np.repeat([1.0, OFF_PLANE, OFF_PLANE], 2 * N_HARMONICS)
+
+
+def deviation_upside_down(states: FloatArray) -> FloatArray:
+    """Mirror states (n_terms,) of the pattern, none or all, in the plane of the array."""
+    in_plane, by_sine, by_square = np.split(states, 3)
+    return np.concatenate([in_plane, -by_sine, by_square])
+
+
+@compiled
+def deviation_towards(
+    states: FloatArray, boresight: Boresight, x: float, y: float, z: float, terms: FloatArray
+) -> GainInDirection:
+    """Return the deviation of the gain along a unit vector, and its slopes per radian of azimuth and elevation.
+
+    Args:
+        states: States of the pattern, see `N_TERMS`.
+        boresight: Boresight of the element.
+        x: Forward component of the vector, array frame.
+        y: Left component.
+        z: Upward component.
+        terms: Filled with the slope of the gain by each state, shape (N_TERMS,).
+    """
+    gain, by_azimuth, by_elevation = 0.0, 0.0, 0.0
+    n, level = states.size // 3, max(math.hypot(x, y), 1e-9)
+    cos_off = (boresight.cos_azimuth * x + boresight.sin_azimuth * y) / level
+    sin_off = (boresight.cos_azimuth * y - boresight.sin_azimuth * x) / level
+    cos, sin = 1.0, 0.0
+    for m in range(n // 2):
+        cos, sin = cos * cos_off - sin * sin_off, sin * cos_off + cos * sin_off
+        by_cos, by_sin = 0.0, 0.0
+        for part, share, by_sine in ((0, 1.0, 0.0), (1, z, 1.0), (2, z * z, 2.0 * z)):
+            of_cos, of_sin = part * n + 2 * m, part * n + 2 * m + 1
+            terms[of_cos], terms[of_sin] = share * cos, share * sin
+            by_cos += share * states[of_cos]
+            by_sin += share * states[of_sin]
+            by_elevation += level * by_sine * (states[of_cos] * cos + states[of_sin] * sin)
+        gain += by_cos * cos + by_sin * sin
+        by_azimuth += (m + 1) * (by_sin * cos - by_cos * sin)
+    return GainInDirection(gain, by_azimuth, by_elevation)
+
+
+@compiled
+def linearise(
+    k: int,
+    state: FloatArray,
+    data: FitData,
+    array: NominalArray,
+    priors: Priors,
+    residual: FloatArray,
+    slope: FloatArray,
+    scratch: FloatArray,
+) -> None:
+    """Compute the residuals of pulse k and their slopes; see `locate_jointly` for the model.
+
+    The slopes take the projection of the amplitude, and that of the pose errors, as constant.
+
+    Args:
+        k: Row of the pulse.
+        state: Places of all sources, x, y and height of each, then errors by kind: gain, pointing, and offset if the
+            array has any; then the states of the pattern, see `N_TERMS`, or none.
+        data: The pulses.
+        array: The array of the data sheet, its boresights turned by their errors.
+        priors: Deviations of the pose.
+        residual: Filled with the strengths less those of the model, in standard deviations, shape (n_elements,).
+        slope: Filled with its derivative by the place of the source, the errors of all elements, one kind after the
+            other, and the states of the pattern; shape (n_elements, N_PLACE + n_kinds n_elements + n_terms).
+        scratch: Memory for intermediate results, shape (9 + n_terms, n_elements).
+    """
+    n_elements, n_terms = data.weight.shape[1], scratch.shape[0] - 9
+    n_sources = (state.size - (slope.shape[1] - N_PLACE)) // N_PLACE
+    n_kinds = (slope.shape[1] - N_PLACE - n_terms) // n_elements
+    place, errors, deviation = N_PLACE * data.source[k], N_PLACE * n_sources, state[state.size - n_terms :]
+    x, y = state[place] - data.pose[k, 0], state[place + 1] - data.pose[k, 1]
+    cos_yaw, sin_yaw = math.cos(data.pose[k, 2]), math.sin(data.pose[k, 2])
+    range_m = math.hypot(x, y)
+    model, turn, rise, by_x, by_y, by_height, by_gain, by_pointing, by_offset = scratch[:9]
+    by_term = scratch[9:]
+    for e in range(n_elements):
+        forward = cos_yaw * x + sin_yaw * y - array.positions_m[e, 0]
+        left = cos_yaw * y - sin_yaw * x - array.positions_m[e, 1]
+        height = state[place + 2] - array.positions_m[e, 2]
+        horizontal = max(forward * forward + left * left, 1e-4)
+        square, sideways = horizontal + height * height, math.sqrt(horizontal)
+        length = math.sqrt(square)
+        of = array.boresights[e]
+        boresight = Boresight(of[0], of[1], of[2], of[3])
+        gain, by_azimuth, by_elevation = gain_and_slopes_towards(
+            array.pattern, boresight, forward / length, left / length, height / length
+        )
+        if n_terms > 0:
+            off_by = deviation_towards(
+                deviation, boresight, forward / length, left / length, height / length, by_term[:, e]
+            )
+            gain += off_by.gain
+            by_azimuth += off_by.by_azimuth
+            by_elevation += off_by.by_elevation
+        factor = array.gain_factors[e]
+        gain = factor * gain + array.gain_offsets[e]
+        spreading = data.weight[k, e] * max(range_m, 1e-2) / length
+        larger = (1.0 + state[errors + e]) * spreading
+        for i in range(n_terms):
+            by_term[i, e] *= larger * factor
+        offset = state[errors + 2 * n_elements + e] if n_kinds > 2 else 0.0
+        model[e] = larger * gain + offset * spreading
+        turn[e], rise[e] = larger * factor * by_azimuth, larger * factor * by_elevation
+        away = (model[e] + rise[e] * height / sideways) / square
+        ahead, aside = -turn[e] * left / horizontal - away * forward, turn[e] * forward / horizontal - away * left
+        by_x[e], by_y[e] = cos_yaw * ahead - sin_yaw * aside, sin_yaw * ahead + cos_yaw * aside
+        by_height[e] = (rise[e] * sideways - model[e] * height) / square
+        by_gain[e], by_pointing[e], by_offset[e] = gain * spreading, -turn[e], spreading
+    energy = dot(model, model)
+    amplitude = dot(data.strengths[k], model) / energy
+    # change of the strengths by errors of the pose: sideways or in heading, and towards the source
+    near_m, height = max(range_m, 0.3), state[place + 2] - array.positions_m[0, 2]
+    turn_variance = priors.heading_rad**2 + (priors.position_m / near_m) ** 2
+    rise_variance = (priors.position_m * height / (near_m * near_m + height * height)) ** 2
+    for vector in (turn, rise):
+        along = dot(vector, model) / energy
+        for e in range(n_elements):
+            vector[e] = amplitude * (vector[e] - along * model[e])
+    turn_share = _to_unit(turn, turn_variance * data.repeats[k])
+    along = dot(rise, turn)
+    for e in range(n_elements):
+        rise[e] -= along * turn[e]
+    rise_share = _to_unit(rise, rise_variance * data.repeats[k])
+    for e in range(n_elements):
+        residual[e] = data.strengths[k, e] - amplitude * model[e]
+    _remove_pose_error(residual, turn, turn_share, rise, rise_share)
+    for place_column, vector in enumerate((by_x, by_y, by_height)):
+        column = slope[:, place_column]
+        _differentiate(vector, model, energy, amplitude, column)
+        _remove_pose_error(column, turn, turn_share, rise, rise_share)
+    for i in range(n_terms):
+        column = slope[:, N_PLACE + n_kinds * n_elements + i]
+        _differentiate(by_term[i], model, energy, amplitude, column)
+        _remove_pose_error(column, turn, turn_share, rise, rise_share)
+    column_of_one = by_x  # reuses the memory, which is not needed any more
+    for i in range(n_elements):
+        for e in range(n_elements):
+            column_of_one[e] = -amplitude * ((1.0 if e == i else 0.0) - model[i] * model[e] / energy)
+        _remove_pose_error(column_of_one, turn, turn_share, rise, rise_share)
+        for e in range(n_elements):
+            slope[e, N_PLACE + i] = by_gain[i] * column_of_one[e]
+            slope[e, N_PLACE + n_elements + i] = by_pointing[i] * column_of_one[e]
+            if n_kinds > 2:
+                slope[e, N_PLACE + 2 * n_elements + i] = by_offset[i] * column_of_one[e]
+
+
+@compiled
+def _differentiate(
+    vector: FloatArray, model: FloatArray, energy: float, amplitude: float, of_residual: FloatArray
+) -> None:
+    """Convert a change of the model to that of the residuals, with the amplitude projected out."""
+    along = dot(vector, model) / energy
+    for e in range(vector.size):
+        of_residual[e] = -amplitude * (vector[e] - along * model[e])
+
+
+@compiled
+def _to_unit(vector: FloatArray, variance: float) -> float:
+    """Scale a change of the strengths to unit norm, and return the share of a residual along it that is removed.
+
+    Args:
+        vector: Change by unit error, whitened by the noise, shape (n_elements,).
+        variance: Variance of that error.
+    """
+    energy = max(dot(vector, vector), 1e-12)
+    for e in range(vector.size):
+        vector[e] /= math.sqrt(energy)
+    return 1.0 - 1.0 / math.sqrt(1.0 + variance * energy)
+
+
+@compiled
+def _remove_pose_error(
+    vector: FloatArray, turn: FloatArray, turn_share: float, rise: FloatArray, rise_share: float
+) -> None:
+    """Remove the part of a vector that pose errors explain."""
+    by_turn, by_rise = turn_share * dot(vector, turn), rise_share * dot(vector, rise)
+    for e in range(vector.size):
+        vector[e] -= by_turn * turn[e] + by_rise * rise[e]
+
+
+@compiled
+def evaluate(
+    state: FloatArray, n_kinds: int, n_terms: int, data: FitData, array: NominalArray, priors: Priors
+) -> tuple[float, FloatArray, FloatArray]:
+    r"""Compute the cost of the robust fit at a state, its gradient, and its Hessian after Gauss and Newton.
+
+    .. math:: C = \sum_i s^2 (\sqrt{1 + (f_i / s)^2} - 1)
+
+    over the residuals f of all pulses in all channels, and those of the states from their priors.
+    """
+    n, n_elements = data.weight.shape
+    n_errors = n_kinds * n_elements + n_terms
+    n_own, errors = N_PLACE + n_errors, state.size - n_errors
+    n_sources, scale = errors // N_PLACE, priors.robust_scale
+    own_gradient, own_hessian = np.zeros((n_sources, n_own)), np.zeros((n_sources, n_own, n_own))
+    gradient, hessian, cost = np.zeros(state.size), np.zeros((state.size, state.size)), 0.0
+    residual, slope = np.empty(n_elements), np.empty((n_elements, n_own))
+    scratch = np.empty((9 + n_terms, n_elements))
+    turned = array.boresights.copy()
+    for e in range(n_elements):
+        cos, sin = math.cos(state[errors + n_elements + e]), math.sin(state[errors + n_elements + e])
+        turned[e, 0], turned[e, 1] = (
+            cos * array.boresights[e, 0] - sin * array.boresights[e, 1],
+            sin * array.boresights[e, 0] + cos * array.boresights[e, 1],
+        )
+    real = NominalArray(array.positions_m, turned, array.gain_factors, array.gain_offsets, array.pattern)
+    for k in range(n):
+        linearise(k, state, data, real, priors, residual, slope, scratch)
+        sums, squares = own_gradient[data.source[k]], own_hessian[data.source[k]]
+        for e in range(n_elements):
+            root = math.sqrt(1.0 + (residual[e] / scale) ** 2)
+            cost += scale * scale * (root - 1.0)
+            first, second, row_slope = residual[e] / root, 1.0 / (root * root * root), slope[e]
+            for i in range(n_own):
+                sums[i] += first * row_slope[i]
+                weighted = second * row_slope[i]
+                for j in range(i + 1):
+                    squares[i, j] += weighted * row_slope[j]
+    for s in range(n_sources):
+        for i in range(n_own):
+            row = N_PLACE * s + i if i < N_PLACE else errors + i - N_PLACE
+            gradient[row] += own_gradient[s, i]
+            for j in range(i + 1):
+                column = N_PLACE * s + j if j < N_PLACE else errors + j - N_PLACE
+                hessian[row, column] += own_hessian[s, i, j]
+    cost += _add_prior(state, priors, gradient, hessian)
+    for i in range(state.size):
+        for j in range(i):
+            hessian[j, i] = hessian[i, j]
+    return cost, gradient, hessian
+
+
+@compiled
+def _add_prior(state: FloatArray, priors: Priors, gradient: FloatArray, hessian: FloatArray) -> float:
+    """Return the cost of a state by its prior, and add its part to the gradient and the lower half of the Hessian."""
+    scale, cost = priors.robust_scale, 0.0
+    for i in range(state.size):
+        row, residual = priors.decorrelation[i], 0.0
+        for j in range(i + 1):
+            residual += row[j] * ((state[j] - priors.mean[j]) / priors.spread[j])
+        root = math.sqrt(1.0 + (residual / scale) ** 2)
+        cost += scale * scale * (root - 1.0)
+        for j in range(i + 1):
+            gradient[j] += residual / root * row[j] / priors.spread[j]
+            for k in range(j + 1):
+                hessian[j, k] += row[j] * row[k] / (root * root * root) / (priors.spread[j] * priors.spread[k])
+    return cost

@@ -1,0 +1,212 @@
+"""The plane-wave model of a level array: credibility of pulses, and errors of bearings that assume the plane."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
+
+from dirmusic.angles import difference
+from dirmusic.array.bounds import manifold_error, manifold_error_std, perpendicular_slope
+from dirmusic.array.element_errors import ElementErrors, ElementSpread, off_by_pattern
+from dirmusic.array.manifold import (
+    SEARCH_AZIMUTHS_RAD,
+    SEARCH_STEP_RAD,
+    TABLE_SIZE,
+    GainManifold,
+    nearest_search_azimuth,
+)
+from dirmusic.array.model import ArrayModel
+from dirmusic.bearing.estimators import BearingEstimator, method_std
+from dirmusic.locating.rules import CredibilityRules
+from dirmusic.pulses.batch import PulseBatch
+
+FloatArray = NDArray[np.float64]
+
+ELEVATIONS_RAD = np.radians([0.0, 15.0, 30.0, 45.0, 60.0, 75.0])
+"""Elevations at which waves are compared with the model, evenly spaced from zero (assumed): half a step changes gains
+by 2 % at most, less than the errors of elements. Nearly overhead there is no direction in the plane."""
+
+
+@lru_cache(maxsize=8)
+def gains_in_space(manifold: GainManifold) -> FloatArray:
+    """Tabulate the gains at `ELEVATIONS_RAD` and the search azimuths, shape (n_elevations, n_azimuths, n_elements)."""
+    off_rad = SEARCH_AZIMUTHS_RAD[:, np.newaxis] - manifold.boresights_rad
+    return manifold.response_in_space(off_rad, ELEVATIONS_RAD[:, np.newaxis, np.newaxis]).gain
+
+
+def misfits_in_space(pulses: PulseBatch, manifold: GainManifold) -> FloatArray:
+    """Compute the share of energy that a plane wave from each of `ELEVATIONS_RAD` leaves unexplained.
+
+    The gains of a level ring are more alike for waves from above, which are therefore not plane waves in the plane. The
+    nearest search azimuth, at most a degree off, stands for that of the pulse and leaves 4e-4 unexplained.
+
+    Args:
+        pulses: Pulses with their directions.
+        manifold: Manifold of the array.
+
+    Returns:
+        Shape (n_elevations, n_pulses); 1 for pulses without any strength.
+    """
+    nearest = nearest_search_azimuth(pulses.azimuth_rad)
+    gain = gains_in_space(manifold)[:, nearest] * pulses.is_usable
+    strengths_v = pulses.strengths_v * pulses.is_usable
+    explained = np.square(np.einsum("epc,pc->ep", gain, strengths_v)) / np.einsum("epc,epc->ep", gain, gain)
+    energy = np.maximum(np.einsum("pc,pc->p", strengths_v, strengths_v), np.finfo(np.float64).tiny)
+    return 1.0 - explained / energy
+
+
+class MethodDeviation:
+    """Standard deviation that an estimator states for its own method, by azimuth and set of usable channels.
+
+    Args:
+        estimator: Estimator of the bearings; called once for each set of usable channels.
+        array: Data sheet of all channels.
+    """
+
+    def __init__(self, estimator: BearingEstimator, array: ArrayModel) -> None:
+        self._estimator = estimator
+        self._array = array
+        self._by_channels: dict[tuple[bool, ...], FloatArray] = {}
+
+    def of(self, pulses: PulseBatch) -> FloatArray:
+        """Return the deviation at the nearest search azimuth of each pulse, shape (n_pulses,), radians.
+
+        It is 0 for maximum likelihood.
+        """
+        std_rad = np.empty(pulses.n_pulses)
+        nearest = nearest_search_azimuth(pulses.azimuth_rad)
+        usable = [tuple(channels) for channels in pulses.is_usable.tolist()]
+        for channels in dict.fromkeys(usable):
+            if channels not in self._by_channels:
+                self._by_channels[channels] = method_std(self._estimator, self._array.take(np.array(channels)))
+            rows = [k for k, of_pulse in enumerate(usable) if of_pulse == channels]
+            std_rad[rows] = self._by_channels[channels][nearest[rows]]
+        return std_rad
+
+
+@lru_cache(maxsize=8)
+def _energy_and_turning(manifold: GainManifold) -> tuple[FloatArray, FloatArray]:
+    """Compute the squared norms of gains and of perpendicular slopes at the search azimuths, both (n_azimuths,)."""
+    turning = perpendicular_slope(manifold.search_gain, manifold.search_slope)
+    return np.square(manifold.search_gain).sum(axis=0), np.square(turning).sum(axis=0)
+
+
+def is_credible(
+    pulses: PulseBatch, array: ArrayModel, method_std_rad: FloatArray, rules: CredibilityRules
+) -> NDArray[np.bool_]:
+    r"""Test whether each pulse is consistent with one plane wave in space and has a known direction.
+
+    The deviation is limited by what noise adds to that of the estimator's own method,
+    :math:`\sigma^2 < \sigma_{method}^2 + \sigma_{max}^2`, so that coarse estimators that state their deviation pass.
+    Pulses that reached the full scale of the ADC in a usable channel fail, because their strengths are wrong.
+
+    Args:
+        pulses: Pulses with their directions.
+        array: The array's data sheet and spread.
+        method_std_rad: Deviation that the estimator states for its own method for each pulse, shape (n_pulses,); see
+            `MethodDeviation`.
+        rules: Limits of deviation and misfit.
+
+    Returns:
+        Shape (n_pulses,).
+    """
+    manifold, spread = array.manifold, array.spread
+    nearest = nearest_search_azimuth(pulses.azimuth_rad)
+    energy, turning = _energy_and_turning(manifold)
+    by_noise = np.square(pulses.std_rad) * turning[nearest] / energy[nearest]
+    by_offset = manifold.n_elements * spread.offset**2 / energy[nearest]
+    by_array = spread.gain**2 + spread.pointing_rad**2 + by_offset
+    expected = by_noise + by_array + rules.misfit_floor
+    limit = rules.misfit_factor * expected
+    is_plane_wave = pulses.misfit < limit
+    (others,) = np.nonzero(~is_plane_wave)
+    if others.size:
+        is_plane_wave[others] = misfits_in_space(pulses.take(others), manifold).min(axis=0) < limit[others]
+    is_narrow = np.square(pulses.std_rad) < np.square(method_std_rad) + rules.max_std_rad**2
+    return is_narrow & is_plane_wave & ~pulses.is_overdriven
+
+
+def bearing_error_table(manifold: GainManifold, errors: ElementErrors) -> FloatArray:
+    """Tabulate the bearing error by known errors of the elements, for `BearingErrors`, shape (n_azimuths + 1,)."""
+    return _closed(manifold_error(manifold, SEARCH_AZIMUTHS_RAD, errors))
+
+
+class BearingErrors:
+    """Errors of bearings by array and elevation, interpolated between the search azimuths.
+
+    Args:
+        array: The array's data sheet and spread.
+    """
+
+    def __init__(self, array: ArrayModel) -> None:
+        self._std_rad = _closed(manifold_error_std(array.manifold, SEARCH_AZIMUTHS_RAD, array.spread))
+        self._by_elevation_rad = _errors_by_elevation(array.manifold)
+        self._by_pattern_rad = _deviation_by_pattern(array.manifold, array.spread)
+
+    def std(self, azimuth_rad: FloatArray) -> FloatArray:
+        """Return the standard deviation of bearings by unknown errors of the array, shape (n,), radians."""
+        return interpolate(azimuth_rad, self._std_rad)
+
+    def by_elevation(self, azimuth_rad: FloatArray, elevation_rad: FloatArray) -> FloatArray:
+        """Return the error of bearings that assume a wave in the plane, for waves from azimuths and elevations (n,).
+
+        In a ring of helices it is 1.6 degrees rms at an elevation of 30 degrees and 8 at 60. Interpolation is exact to
+        half a degree; beyond the last of `ELEVATIONS_RAD` the error is taken as there.
+        """
+        error_rad: FloatArray = map_coordinates(
+            self._by_elevation_rad, _coordinates(azimuth_rad, elevation_rad), order=1, mode="nearest"
+        )
+        return error_rad
+
+    def variance_off_plane(self, azimuth_rad: FloatArray, elevation_rad: FloatArray) -> FloatArray:
+        """Return the variance that an unknown pattern adds to bearings off the plane, shape (n,), rad^2.
+
+        It comes on top of `std`. For the computed helices it holds within a factor of two up to 75 degrees of
+        elevation: without the error `by_elevation` their bearings are off by 7 degrees at 30, by 49 at 45.
+        """
+        row, column = _coordinates(azimuth_rad, elevation_rad)
+        above, level = (
+            map_coordinates(self._by_pattern_rad, (of_row, column), order=1, mode="nearest")
+            for of_row in (row, np.zeros_like(row))
+        )
+        return np.square(above) - np.square(level)
+
+
+def interpolate(azimuth_rad: FloatArray, table: FloatArray) -> FloatArray:
+    """Interpolate a closed table over the search azimuths, shape (n_azimuths + 1,), at azimuths (n,)."""
+    return np.interp(np.mod(azimuth_rad, 2 * np.pi), np.append(SEARCH_AZIMUTHS_RAD, 2 * np.pi), table)
+
+
+def _closed(at_search_azimuths: FloatArray) -> FloatArray:
+    """Append the first value, so that a table covers the whole circle."""
+    return np.append(at_search_azimuths, at_search_azimuths[0])
+
+
+def _errors_by_elevation(manifold: GainManifold) -> FloatArray:
+    """Tabulate the best direction in the plane less the true one, shape (n_elevations, n_azimuths + 1)."""
+    in_plane = manifold.table.gain / np.linalg.norm(manifold.table.gain, axis=-1, keepdims=True)
+    best_rad = 2 * np.pi / TABLE_SIZE * (gains_in_space(manifold) @ in_plane.T).argmax(axis=-1)
+    error_rad = difference(best_rad, SEARCH_AZIMUTHS_RAD)
+    return np.column_stack([error_rad, error_rad[:, 0]])
+
+
+def _deviation_by_pattern(manifold: GainManifold, spread: ElementSpread) -> FloatArray:
+    r"""Tabulate the deviation of bearings by errors of the pattern, shape (n_elevations, n_azimuths + 1).
+
+    To first order it is :math:`\sigma / \lVert g'_\perp \rVert`, with :math:`\sigma^2` of `off_by_pattern` and the
+    slope of the gains over azimuth at that elevation; at most that of a uniform distribution of directions.
+    """
+    gain = gains_in_space(manifold)
+    slope = (np.roll(gain, -1, axis=1) - np.roll(gain, 1, axis=1)) / (2 * SEARCH_STEP_RAD)
+    turning = np.linalg.norm(perpendicular_slope(gain.T, slope.T), axis=0).T
+    off_by = spread.pattern * np.sqrt(off_by_pattern(np.square(np.sin(ELEVATIONS_RAD))))
+    std_rad = np.minimum(off_by[:, np.newaxis] / turning, np.pi / np.sqrt(3.0))
+    return np.column_stack([std_rad, std_rad[:, 0]])
+
+
+def _coordinates(azimuth_rad: FloatArray, elevation_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Convert directions to rows and columns of a table over elevation and azimuth."""
+    return np.abs(elevation_rad) / ELEVATIONS_RAD[1], np.mod(azimuth_rad, 2 * np.pi) / SEARCH_STEP_RAD
