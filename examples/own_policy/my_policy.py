@@ -1,4 +1,4 @@
-"""A policy of one's own: circle each discharge until its position is sharp."""
+"""Example of your own policy: circle each discharge until its position is accurate."""
 
 from collections.abc import Sequence
 
@@ -6,9 +6,9 @@ import numpy as np
 
 from dirmusic import Finding
 from pdpatrol.envs.patrol_env import STEP_S, Observation
-from pdpatrol.missions.driving.collision_guard import CollisionGuard
 from pdpatrol.missions.driving.path_follower import PathFollower
 from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.missions.policies.collision_guard import CollisionGuard
 from pdpatrol.missions.policies.patrol import Patrol
 from pdpatrol.missions.policies.protocol import Action, believed_pose, time_of
 from pdpatrol.missions.record.events import Phase
@@ -17,10 +17,9 @@ RADIUS_M, AHEAD_RAD, REPLAN_S, PURSUIT_S, SHARP_M = 3.0, np.radians([60.0, -60.0
 
 
 class MyPolicy:
-    """Patrol; where there is a finding, drive to the place 60 degrees further round it, again and again.
+    """Patrol, and circle each finding in steps of 60 degrees until its 95 % ellipse is shorter than 12 cm.
 
-    A bearing says little about distance: a position gets sharp as the lines of sight turn around it. `seek` stops at
-    the first fix; this policy goes on until the 95 % ellipse is shorter than 12 cm, for two minutes at most.
+    Bearings from different sides determine a position; `seek` stops when the finding is confirmed.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:

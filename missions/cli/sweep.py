@@ -85,7 +85,7 @@ def sweep(
         refuse(*faults)
     from dirmusic import InputFileError
     from pdpatrol.envs.user_code import UserCodeError
-    from pdpatrol.missions.policies.names import BUILT_IN, load_maker
+    from pdpatrol.missions.policies.own_policy import BUILT_IN, load_maker
     from pdpatrol.missions.sweep.dataset import Dataset
     from pdpatrol.missions.sweep.engines.engine import Limits
     from pdpatrol.missions.sweep.engines.process_pool import run_in_processes

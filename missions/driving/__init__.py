@@ -1,1 +1,1 @@
-"""From a wish to a wheel command: map, shortest paths, path following, and the collision guard."""
+"""Driving: map with shortest paths, path following, and a speed limit from the lidar."""

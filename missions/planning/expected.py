@@ -11,7 +11,7 @@ from dirmusic import ArrayModel, PulseBatch, strength_variance
 from dirmusic.locating.finding import ellipse95
 from dirmusic.locating.joint_fit import expected_covariances
 from pdpatrol.envs import Scenario
-from pdpatrol.missions.driving.site_map import LEAST_SIGHT, SiteMap
+from pdpatrol.missions.driving.site_map import MIN_TRANSMISSION, SiteMap
 from pdpatrol.missions.planning.hearing import Hearing, trigger_peak
 from pdpatrol.missions.planning.tour import Tour
 from pdpatrol.sensing.receiver.receiver import Receiver
@@ -101,7 +101,7 @@ class Forecast:
         """
         share = self._sight(target_m, views.pose)
         peak_v = self._amplitude_v * share * received(self._array, views.pose, target_m).max(axis=-1)
-        return (share >= LEAST_SIGHT) & (peak_v >= trigger_peak(self._receiver))
+        return (share >= MIN_TRANSMISSION) & (peak_v >= trigger_peak(self._receiver))
 
     def deviation(self, target_m: FloatArray, views: Views, is_heard: NDArray[np.bool_]) -> Deviation:
         """What a discharge at a place (3,) would be known to from the views that hear it, marked of all (n_views,)."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dirmusic.angles import aperture
 from dirmusic.locating.joint_fit import HEIGHT_PRIOR_M
 from pdpatrol.envs import Scenario
-from pdpatrol.missions.driving.site_map import CELL_M, LEAST_SIGHT, SiteMap
+from pdpatrol.missions.driving.site_map import CELL_M, MIN_TRANSMISSION, SiteMap
 from pdpatrol.sensing import ArrayConfig, HelicalArray, ReceiverConfig
 from pdpatrol.sensing.radio.sight import Sight
 from pdpatrol.sensing.receiver.receiver import Receiver
@@ -125,7 +125,7 @@ def hear(scenario: Scenario, site_map: SiteMap, amplitude_v: float = AMPLITUDE_V
     for k, target_m in enumerate(targets_m):
         for near in (range_m[k] <= within_m, range_m[k] > within_m):
             share, level_db[k, near] = straight.heard(places_m[near], target_m, amplitude_v)
-            is_heard[k, near] = (share >= LEAST_SIGHT) & (level_db[k, near] >= MARGIN_DB)
+            is_heard[k, near] = (share >= MIN_TRANSMISSION) & (level_db[k, near] >= MARGIN_DB)
             if is_heard[k].any():
                 break
         nearest_m = range_m[k, is_heard[k]].min(initial=np.inf)

@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdpatrol.missions.driving.shortest_tour import path_length
-from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap
+from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap, path_length
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]

@@ -1,1 +1,1 @@
-"""Policies: what decides where the robot drives."""
+"""Policies: code that decides where the robot drives."""

@@ -4,23 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from pdpatrol.missions.driving.collision_guard import CollisionGuard
-from pdpatrol.missions.policies.active import Active
-from pdpatrol.missions.policies.names import load_maker
-from pdpatrol.missions.policies.oracle import Oracle
-from pdpatrol.missions.policies.own_policy import OwnPolicy
+from pdpatrol.missions.policies.collision_guard import CollisionGuard
+from pdpatrol.missions.policies.own_policy import OwnPolicy, load_maker
 from pdpatrol.missions.policies.patrol import Patrol
 from pdpatrol.missions.policies.protocol import ReportingPolicy
-from pdpatrol.missions.policies.random_driving import Random
-from pdpatrol.missions.policies.seek import Seek
+from pdpatrol.missions.policies.references import Oracle, Random
+from pdpatrol.missions.policies.seek import Active, Seek
 
 
 def make_policy(name: str, rng: np.random.Generator) -> ReportingPolicy:
-    """A fresh policy.
+    """Make a new policy.
 
     Args:
-        name: A built-in one's, or `my_file.py:MyPolicy`, relative to the current folder, or `package.module:MyPolicy`.
-        rng: For those that draw.
+        name: Name of a built-in policy, or `my_file.py:MyPolicy`, relative to the current folder, or
+            `package.module:MyPolicy`.
+        rng: Generator for policies that draw.
 
     Raises:
         UserCodeError: If it is not built in and cannot be loaded or made.

@@ -1,72 +1,65 @@
-"""Policy: the contract of what decides where the robot drives, and how a policy reads an observation."""
+"""The contract of a policy, and helpers to read an observation."""
 
 from __future__ import annotations
 
-import operator
-import textwrap
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic import Finding
-from pdpatrol.envs.patrol_env import Observation
-from pdpatrol.envs.user_code import UserCodeError, calling, place_of
-from pdpatrol.missions.driving.site_map import SiteMap
-from pdpatrol.missions.record.events import Phase
+if TYPE_CHECKING:  # the command line checks names of policies without loading the simulator
+    from dirmusic import Finding
+    from pdpatrol.envs.patrol_env import Observation
+    from pdpatrol.missions.driving.site_map import SiteMap
+    from pdpatrol.missions.record.events import Phase
 
-FloatArray = NDArray[np.float64]
 Action = NDArray[np.float32]
-
-ACTION = "an action of 2 finite numbers in [-1, 1], or None to end the mission"
 
 
 class Policy(Protocol):
-    """What drives the robot through one mission; `pdpatrol run --policy my_file.py:MyPolicy` runs your own.
+    """A policy drives the robot through one mission; `pdpatrol run --policy my_file.py:MyPolicy` runs your own.
 
-    **Construction.** `MyPolicy(rng)`, once for each mission. `rng` is the policy's own `numpy.random.Generator`: draw
-    from nothing else, and the same seed gives the same mission. A function of `rng` that returns a policy does as well.
+    **Construction.** `MyPolicy(rng)`, once per mission. `rng` is the policy's own `numpy.random.Generator`: draw from
+    nothing else, and the same seed gives the same mission. A function of `rng` that returns a policy works as well.
 
-    **Call.** `policy(observation, findings, site_map) -> action`, once for each control step of 0.1 s:
+    **Call.** `policy(observation, findings, site_map) -> action`, once per control step of 0.1 s:
 
-    - `observation`: what the robot senses, as the docstring of `pdpatrol.envs.patrol_env.PatrolEnv` lists it;
-      `believed_pose`
-      and `time_of` read pose and time.
-    - `findings`: what the Locator has located so far, each a `dirmusic.Finding`; only `state == "candidate"` wants
-      more bearings.
+    - `observation`: what the robot senses, see `pdpatrol.envs.patrol_env.PatrolEnv`; `believed_pose` and `time_of` read
+      pose and time.
+    - `findings`: what the Locator has located so far, each a `dirmusic.Finding`; findings with `state == "candidate"`
+      need more bearings.
     - `site_map`: the operator's plan (`pdpatrol.missions.driving.site_map.SiteMap`): yard, route, task, free ground,
-      shortest
-      paths. `pdpatrol.missions.driving.path_follower.PathFollower` drives along them.
-    - `action`: two finite numbers in [-1, 1], shape (2,): forward speed and counter-clockwise yaw rate, as a share of
+      shortest paths. `pdpatrol.missions.driving.path_follower.PathFollower` drives along them.
+    - `action`: two finite numbers in [-1, 1], shape (2,): forward speed and counter-clockwise yaw rate, as fractions of
       the robot's limits; or None to end the mission.
 
-    **Optional attributes.** `phase`, a word or two on what it is doing or a `pdpatrol.missions.record.events.Phase`
-    (default: the name of its class), and `unreachable`, numbers of the waypoints that it has given up, from 1 (default:
-    none). Both are logged.
+    **Optional attributes.** `phase`, one or two words on what the policy is doing, or a
+    `pdpatrol.missions.record.events.Phase` (default: the name of its class), and `unreachable`, the numbers of the
+    waypoints that it has given up, from 1 (default: none). Both are logged.
 
     **Truth.** Only a policy that has `reveal(truth)` is given the truth, once before the first call; see `SeesTruth`.
     A collision guard does not pass it on: put the guard inside, as `oracle` does.
 
-    **Collisions.** The runner does not keep the robot from obstacles.
-    `pdpatrol.missions.driving.collision_guard.CollisionGuard`
-    around a policy stops before what the lidar sees, puts it on the policy's map and backs off when stuck. Name a
-    function that puts it there, with `--policy my_file.py:guarded`:
+    **Collisions.** The runner does not keep the robot away from obstacles.
+    `pdpatrol.missions.policies.collision_guard.CollisionGuard` around a policy stops before anything that the lidar
+    measures, adds it to the policy's map, and backs off when the robot is stuck. Name a function that wraps your
+    policy, with `--policy my_file.py:guarded`:
 
         def guarded(rng):
             return CollisionGuard(MyPolicy(rng))
 
-    **Errors.** An exception, or a result that is no action, ends the mission with log, report and recording whole. A
-    module of the same folder is imported as `from . import my_module`.
+    **Errors.** An exception or an invalid action ends the mission; log, report and recording are complete. A module of
+    the same folder is imported as `from . import my_module`.
     """
 
     def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
-        """The next action, or None to end the mission."""
+        """Return the next action, or None to end the mission."""
         ...
 
 
 class ReportingPolicy(Policy, Protocol):
-    """A policy that says what it is doing, as all built-in ones do."""
+    """A policy that reports its phase and the waypoints that it has given up, as all built-in ones do."""
 
     phase: Phase
     unreachable: tuple[int, ...]
@@ -74,69 +67,24 @@ class ReportingPolicy(Policy, Protocol):
 
 @runtime_checkable
 class SeesTruth(Protocol):
-    """Mark of a policy that is given the truth: a yardstick for others, no result of its own."""
+    """A policy that is given the truth: a reference for others, whose own results do not count."""
 
     def reveal(self, truth: dict[str, Any]) -> None:
-        """Take in the truth of the mission: `info["truth"]` of the environment's reset, with `full_info`."""
+        """Store the truth of the mission: `info["truth"]` of the environment's reset, with `full_info`."""
         ...
 
 
-class PolicyStatus(NamedTuple):
-    """What a policy reports besides its action.
-
-    Attributes:
-        phase: What it is doing.
-        unreachable: Waypoints that it has given up, numbered from 1: without a way to them, or too slow to reach.
-    """
-
-    phase: Phase
-    unreachable: tuple[int, ...]
-
-
-def status_of(policy: object) -> PolicyStatus:
-    """The status of any policy, with defaults for what it does not report.
-
-    Raises:
-        UserCodeError: If an attribute is of a wrong type.
-    """
-    name = getattr(policy, "__name__", type(policy).__name__)
-    phase, unreachable = getattr(policy, "phase", name), getattr(policy, "unreachable", ())
-    if not isinstance(phase, (str, Phase)):
-        raise UserCodeError(f"{place_of(policy)}: its `phase` is {_short(phase)}; expected a word or two")
-    try:
-        numbers = tuple(operator.index(number) for number in unreachable)
-    except TypeError:
-        raise UserCodeError(
-            f"{place_of(policy)}: its `unreachable` is {_short(unreachable)}; expected numbers of waypoints"
-        ) from None
-    return PolicyStatus(phase if isinstance(phase, Phase) else Phase(phase), numbers)
-
-
-def checked_action(action: object, policy: object) -> Action | None:
-    """What a policy returned, as an action of its own memory, shape (2,), or None.
-
-    Raises:
-        UserCodeError: If it is neither two finite numbers in [-1, 1] nor None.
-    """
-    if action is None:
-        return None
-    with calling(policy, ACTION):
-        values = np.array(action)
-    if values.shape != (2,) or values.dtype.kind not in "iuf" or not (np.abs(values) <= 1.0).all():
-        raise UserCodeError(f"{place_of(policy)}: returned {_short(action)}; expected {ACTION}")
-    return values.astype(np.float32)
-
-
-def _short(value: object) -> str:
-    return textwrap.shorten(repr(value), 80)
-
-
-def believed_pose(observation: Observation) -> FloatArray:
-    """X and y in metres and yaw in radians, world frame, shape (3,)."""
+def believed_pose(observation: Observation) -> NDArray[np.float64]:
+    """Return x and y in metres and yaw in radians, world frame, shape (3,)."""
     x, y, cos, sin = observation["pose"].astype(np.float64)
     return np.array([x, y, np.arctan2(sin, cos)])
 
 
-def time_of(observation: Observation) -> float:
-    """Seconds since the mission began."""
-    return float(observation["time"][0])
+def time_of(observation: Observation, site_map: SiteMap) -> float:
+    """Return the seconds since the mission began, at the precision of a remaining time in single precision.
+
+    Policies act on differences of times such as 0.5 s, so another rounding shifts their schedule by a step and changes
+    the mission: this one keeps missions comparable with stored ones.
+    """
+    limit_s = site_map.task.time_limit_s
+    return limit_s - float(np.float32(limit_s - round(float(observation["time"][0]), 3)))

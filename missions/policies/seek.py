@@ -1,4 +1,4 @@
-"""Seek: leave the route for a candidate while that gets anywhere and the route can still be finished in time."""
+"""Seek and Active: leave the route for a candidate as long as that helps and the route can still be finished."""
 
 from __future__ import annotations
 
@@ -7,88 +7,108 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from dirmusic import Finding
+from dirmusic.locating.ellipse import CHI2_95
 from pdpatrol.envs.patrol_env import STEP_S, Observation
 from pdpatrol.missions.driving.path_follower import PathFollower
 from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap
 from pdpatrol.missions.policies.patrol import Patrol
 from pdpatrol.missions.policies.protocol import Action, believed_pose, time_of
-from pdpatrol.missions.policies.viewpoints import best_viewpoint
+from pdpatrol.missions.policies.viewpoints import (
+    MIN_PATH_M,
+    best_viewpoint,
+    driving_time,
+    expected_information,
+    likely_place,
+)
 from pdpatrol.missions.record.events import Phase
 
 FloatArray = NDArray[np.float64]
 
 PATIENCE_S = 50.0
-"""A candidate that has got no better for so long is set aside (assumed): time for the way to another side of it."""
+"""Time without improvement after which a candidate is set aside. Assumed; enough to drive to another side of it."""
 
-BETTER = 0.8
-"""A candidate has got better once its ellipse is this much shorter (assumed)."""
+IMPROVEMENT_RATIO = 0.8
+"""A candidate has improved when its ellipse shrinks to this fraction. Assumed."""
 
 PURSUIT_LIMIT_S = 150.0
-"""Time given to one candidate in all before the robot keeps to its route (assumed); as much again after the route."""
+"""Total time for one candidate before the robot keeps to its route, and again after the route. Assumed."""
 
-IN_VAIN_S = 25.0
-"""A candidate that nothing can be done about just now has used up so much of that time (assumed)."""
+DEAD_END_PENALTY_S = 25.0
+"""Time charged to a candidate without a reachable viewpoint. Assumed."""
 
 REPLAN_S = 3.0
-"""Time between searches for a better viewpoint (assumed)."""
+"""Time between searches for a better viewpoint. Assumed."""
 
 MEAN_SPEED_SHARE = 0.6
-"""Share of its top speed that the robot makes on its route, stops and turns included (assumed)."""
+"""Mean speed on the route over the top speed, with stops and turns. Assumed."""
 
 SILENCE_S = 20.0
-"""A candidate that has not been detected for so long a time of its pursuit is set aside until it is (assumed)."""
+"""Time of pursuit without a detection after which a candidate is set aside until it is detected again. Assumed."""
 
 VIEW_RADIUS_M = 0.4
-"""How near to a viewpoint is near enough (assumed)."""
+"""Distance at which a viewpoint counts as reached. Assumed."""
 
 VIEW_SPACING_M = 0.5
-"""Length after which the robot's place counts as another view (assumed)."""
+"""Distance after which the robot's place counts as another view. Assumed."""
+
+KNOWN_M = 0.5
+"""Half-axis of the 95 % ellipse below which a candidate needs a new side instead of more information. Assumed."""
+
+EXPECTED_M = 0.4
+"""Expected half-axis at the end of a chosen path. Assumed; less than `KNOWN_M`, for drives differ from plans."""
+
+NEW_VIEW_M = 0.6
+"""Distance from earlier places below which a view adds no information. Assumed; its errors are the same."""
+
+STICK_S = 2.0
+"""Time by which a chosen path may exceed the best one before it is changed. Assumed; each change costs a turn."""
 
 
 @dataclass
 class Pursuit:
-    """What was spent on a candidate.
+    """Time spent on a candidate.
 
     Attributes:
-        spent_s: In all.
-        in_vain_s: Since it last got better.
-        silent_s: Since it was last detected.
-        best_m: Shortest half-axis of its ellipse, the longer one.
-        detected_s: When it was last detected.
+        spent_s: Total time.
+        stagnant_s: Time since it last improved.
+        silent_s: Time since it was last detected.
+        best_m: Smallest semi-major axis of its ellipse so far.
+        detected_s: Time of the last detection.
     """
 
     spent_s: float = 0.0
-    in_vain_s: float = 0.0
+    stagnant_s: float = 0.0
     silent_s: float = 0.0
     best_m: float = np.inf
     detected_s: float = -np.inf
 
     @property
     def is_over(self) -> bool:
-        """Whether more of it would be in vain."""
-        return self.spent_s >= PURSUIT_LIMIT_S or self.in_vain_s >= PATIENCE_S or self.silent_s >= SILENCE_S
+        """True if more time would be wasted."""
+        return self.spent_s >= PURSUIT_LIMIT_S or self.stagnant_s >= PATIENCE_S or self.silent_s >= SILENCE_S
 
     def spend(self, target: Finding, time_s: float) -> None:
-        """Count time, and see whether the candidate has got better."""
+        """Add time, and check whether the candidate has improved."""
         self.spent_s += time_s
-        self.in_vain_s += time_s
+        self.stagnant_s += time_s
         self.silent_s += time_s
-        if target.semi_major_m < BETTER * self.best_m:
-            self.best_m, self.in_vain_s = target.semi_major_m, 0.0
+        if target.semi_major_m < IMPROVEMENT_RATIO * self.best_m:
+            self.best_m, self.stagnant_s = target.semi_major_m, 0.0
 
-    def hear(self, target: Finding) -> None:
-        """See whether the candidate has been detected again."""
+    def note_detection(self, target: Finding) -> None:
+        """Check whether the candidate has been detected again."""
         if target.last_detected_s > self.detected_s:
             self.detected_s, self.silent_s = target.last_detected_s, 0.0
 
 
 class Seek:
-    """Patrol; view each candidate from several sides until it is confirmed, then return to the route.
+    """Patrols, views each candidate from several sides until it is confirmed, then returns to the route.
 
     Args:
-        route_first: Whether candidates are left where the route could not be finished in time any more.
+        route_first: Leave a candidate when the route could not be finished in time otherwise.
     """
 
     def __init__(self, *, route_first: bool = True) -> None:
@@ -105,11 +125,11 @@ class Seek:
         self._has_new_time = False
 
     def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
-        """Towards the best viewpoint of the candidate in hand, or the next stop of the route."""
+        """Drive to the best viewpoint of the current candidate, or to the next stop of the route."""
         if not site_map.route.stops_m:
             self.phase = Phase("listen")
             return np.zeros(2, dtype=np.float32)
-        pose, time_s = believed_pose(observation), time_of(observation)
+        pose, time_s = believed_pose(observation), time_of(observation, site_map)
         if self._patrol.is_homebound(site_map) and not self._has_new_time:
             self._has_new_time = True
             self._pursuits = {}
@@ -120,7 +140,7 @@ class Seek:
                 self.phase = Phase("seek", target.id)
                 self._pursuits[target.id].spend(target, STEP_S)
                 return action
-            self._pursuits[target.id].spend(target, IN_VAIN_S)
+            self._pursuits[target.id].spend(target, DEAD_END_PENALTY_S)
             self._drop()
         action = self._patrol(observation, findings, site_map)
         self.phase, self.unreachable = self._patrol.phase, self._patrol.unreachable
@@ -129,46 +149,47 @@ class Seek:
     def viewpoint(
         self, target: Finding, pose: FloatArray, paths: ShortestPaths, site_map: SiteMap
     ) -> FloatArray | None:
-        """Where to view a candidate from next, shape (2,); None if no place is of use.
+        """Return the place from which to view a candidate next, shape (2,); None if no place helps.
 
         Args:
             target: The candidate.
-            pose: Believed, shape (3,).
-            paths: All from there.
-            site_map: Where the robot fits, and what hides the candidate.
+            pose: Estimated pose, shape (3,).
+            paths: Shortest paths from there.
+            site_map: Map of free ground and lines of sight.
         """
         return best_viewpoint(target.position_m, np.asarray(self._views_m), paths, site_map)
 
     def _choose(self, findings: Sequence[Finding], pose: FloatArray) -> Finding | None:
-        """The candidate in hand while it is one and time is left, else the nearest that deserves a try."""
+        """Return the current candidate while it has time left, else the nearest one that has."""
         if self._is_late:
             return None
-        open_ones = {f.id: f for f in findings if f.state == "candidate"}
-        for number in open_ones.keys() & self._pursuits.keys():
-            self._pursuits[number].hear(open_ones[number])
+        candidates = {f.id: f for f in findings if f.state == "candidate"}
+        for number in candidates.keys() & self._pursuits.keys():
+            self._pursuits[number].note_detection(candidates[number])
         if self._target is not None:
-            if self._target in open_ones and not self._pursuits[self._target].is_over:
-                return open_ones[self._target]
+            if self._target in candidates and not self._pursuits[self._target].is_over:
+                return candidates[self._target]
             self._drop()
-        worth = [f for f in open_ones.values() if f.id not in self._pursuits or not self._pursuits[f.id].is_over]
-        if not worth:
+        eligible = [f for f in candidates.values() if f.id not in self._pursuits or not self._pursuits[f.id].is_over]
+        if not eligible:
             return None
-        target = min(worth, key=lambda f: float(np.hypot(*(f.position_m[:2] - pose[:2]))))
+        target = min(eligible, key=lambda f: float(np.hypot(*(f.position_m[:2] - pose[:2]))))
         self._target = target.id
         self._pursuits.setdefault(target.id, Pursuit())
         self._views_m, self._drive = [], None
         return target
 
     def _drop(self) -> None:
-        """Go back to the route."""
+        """Return to the route."""
         self._target, self._drive = None, None
         self._patrol.resume()
 
     def _pursue(self, target: Finding, pose: FloatArray, time_s: float, site_map: SiteMap) -> Action | None:
-        """Along the path to the current viewpoint; plans another when it is reached, old, or too slow."""
+        """Drive to the current viewpoint; choose another when it is reached, outdated or too slow to reach."""
         if not self._views_m or np.hypot(*(self._views_m[-1] - pose[:2])) > VIEW_SPACING_M:
             self._views_m.append(pose[:2].copy())
-        needs_another = self._drive is None or self._drive.is_over(pose, time_s) or self._drive.site_map is not site_map
+        drive = self._drive
+        needs_another = drive is None or drive.is_over(pose, time_s) or not drive.is_planned_on(site_map)
         if needs_another or time_s - self._planned_s >= REPLAN_S:
             paths = site_map.reach(pose)
             route_s = self._patrol.remaining_m(paths, site_map) / (MEAN_SPEED_SHARE * site_map.robot.max_speed_mps)
@@ -176,6 +197,44 @@ class Seek:
             goal = None if self._is_late else self.viewpoint(target, pose, paths, site_map)
             if goal is None:
                 return None
-            self._drive, self._planned_s = PathFollower(site_map, pose, goal, time_s, VIEW_RADIUS_M, paths), time_s
-        assert self._drive is not None
-        return self._drive.action(pose) if self._drive.is_reachable else None
+            drive = PathFollower(site_map, pose, goal, time_s, VIEW_RADIUS_M, paths)
+            self._drive, self._planned_s = drive, time_s
+        assert drive is not None
+        return drive.action(pose) if drive.is_reachable else None
+
+
+class Active(Seek):
+    """Seek with the views along the path on which the ellipse is expected to become short enough soonest."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._chosen: tuple[int, int] | None = None
+
+    def viewpoint(
+        self, target: Finding, pose: FloatArray, paths: ShortestPaths, site_map: SiteMap
+    ) -> FloatArray | None:
+        """Return the end of the fastest path on which the candidate is expected to become known well enough.
+
+        Information is summed along the whole path; places where the robot has been do not count. The path chosen before
+        is kept while it is nearly as good. A candidate that is known well but not confirmed, and one for which no path
+        is sufficient, is viewed from a new side.
+        """
+        if target.semi_major_m <= KNOWN_M:
+            return super().viewpoint(target, pose, paths, site_map)
+        target_m = likely_place(target, pose, site_map)
+        information = expected_information(site_map.centres_m, target_m, site_map)
+        is_new = np.asarray(KDTree(self._views_m).query(site_map.centres_m)[0]) > NEW_VIEW_M
+        gained = paths.integrate(information * is_new[:, np.newaxis, np.newaxis])
+        after_m2 = np.asarray(np.linalg.inv(np.linalg.inv(target.covariance_m2) + gained), dtype=np.float64)
+        semi_major_m = np.sqrt(CHI2_95 * np.linalg.eigvalsh(after_m2[:, :2, :2])[:, 1])
+        time_s = np.where(paths.length_m > MIN_PATH_M, driving_time(paths, pose, site_map), np.inf)
+        sufficient_s = np.where(semi_major_m <= EXPECTED_M, time_s, np.inf)
+        best = int(sufficient_s.argmin())
+        if not np.isfinite(sufficient_s[best]):
+            return super().viewpoint(target, pose, paths, site_map)
+        if self._chosen is not None and self._chosen[0] == target.id:
+            kept = self._chosen[1]
+            if semi_major_m[kept] <= KNOWN_M and time_s[kept] <= sufficient_s[best] + STICK_S:
+                best = kept
+        self._chosen = target.id, best
+        return site_map.centres_m[best]

@@ -1,7 +1,8 @@
-"""Viewpoints: where to go to see a candidate from another side.
+"""Viewpoints: where to go to view a candidate from another side, and what a view is worth.
 
-A bearing says little of the distance; bearings from sides 60 degrees apart give a small ellipse. So a place is worth
-the new angle that it adds to the views already had, and costs the way there; both are counted in metres.
+A single bearing says little about distance; bearings that differ by 60 degrees give a small ellipse. `best_viewpoint`
+trades the new angle that a place adds for the path to it, both in metres; `expected_information` is the information on
+the candidate's position per metre of path.
 """
 
 from __future__ import annotations
@@ -17,74 +18,73 @@ FloatArray = NDArray[np.float64]
 
 VIEW_RADII_M = np.array([1.8, 2.3, 2.9, 3.5])
 VIEW_ASPECTS_RAD = np.radians(np.arange(0.0, 360.0, 15.0))
-"""Viewpoints that are considered around a candidate (assumed): near enough to confirm, clear of its equipment."""
+"""Viewpoints around a candidate. Assumed; near enough to confirm it, clear of its equipment."""
 
-HIGHEST_VIEW_RAD = np.radians(35.0)
-"""Where the pattern is known in the plane alone, viewpoints are no nearer to a candidate than where it is seen at this
-elevation (assumed): of the computed helices, bearings are off by 4 degrees at 30 degrees of elevation, by 40 at 45."""
+MAX_ELEVATION_RAD = np.radians(35.0)
+"""Elevation of a candidate above which it is not viewed if the pattern is known in the horizontal plane only. Assumed;
+bearings with the computed helices are off by 4 degrees at 30 degrees of elevation, by 40 at 45."""
 
-VIEW_ROOM_M = 0.2
-"""Room about the robot at a viewpoint, to equipment, fence and obstacles (assumed): it can stop and turn there."""
+VIEW_CLEARANCE_M = 0.2
+"""Clearance of a viewpoint beyond the robot's footprint. Assumed; the robot can stop and turn there."""
 
-ON_SURFACE_M = 0.5
-"""Equipment this near to a candidate does not hide it (assumed): an estimate may lie a little inside its surface."""
+ON_SURFACE_M, SIDESTEP_ON_SURFACE_M = 0.5, 1.5
+"""Depth of equipment around a candidate that does not hide it, at a viewpoint and at a sidestep. Assumed; an estimate
+may lie inside the surface, and a candidate that cannot be approached is located less well."""
 
 NOVELTY_RAD = np.radians(60.0)
 NOVELTY_WORTH_M = 8.0
-"""A view that widens the aperture angle by 60 degrees is worth a detour of this length (assumed)."""
+"""A view that adds this angle, or more, is worth a detour of this length. Assumed."""
 
-LEAST_NOVELTY_RAD = np.radians(15.0)
-LEAST_WAY_M = 0.5
-"""A viewpoint that is nearer than this, or adds less angle, is no other view (assumed)."""
+MIN_NOVELTY_RAD = np.radians(15.0)
+MIN_PATH_M = 0.5
+"""New angle and path length below which a place is not another view. Assumed."""
 
-LEAST_RANGE_M = 0.01
-"""A candidate is taken to be no nearer (assumed): one that lies where the robot stands is in no direction."""
+SIDESTEP_PATH_M = (2.0, 12.0)
+"""Shortest and longest path to a sidestep. Assumed; shorter ones change no angle, longer ones leave the candidate."""
 
-MOST_SIGMAS, N_PLACES = 3.0, 121
-"""How far off a candidate may be, and how many places stand for that (assumed)."""
+MIN_BEARING_STD_RAD = np.radians(0.3)
+"""Standard deviation of the views along a metre of path if array and pose are exact. Assumed; due to reflections."""
 
-SIDESTEP_M = (2.0, 12.0)
-"""Lengths of the way to a sidestep (assumed): shorter ones change no angle, longer ones leave the candidate."""
+MIN_ELEVATION_SINE = 0.05
+"""Assumed; strengths do not depend on the elevation in the plane of the array, and depend more on it farther off."""
 
-SIDESTEP_COST = 0.2
-"""What a metre of way to a sidestep costs (assumed): a fifth of a metre to a viewpoint, for every sidestep is far."""
+VIEW_RANGES_M = (1.0, 10.0)
+"""Shortest and longest horizontal distance of views that count. Assumed."""
 
-SIDESTEP_SIGHT_WORTH_M = 2.0
-"""What sight of the candidate adds to a sidestep (assumed): as much as 10 m of way or 15 degrees of new angle."""
-
-SIDESTEP_ON_SURFACE_M = 1.5
-"""As `ON_SURFACE_M`, for a sidestep (assumed): more, because what cannot be approached is located worse."""
+WITHIN_M = 0.6
+"""Depth of equipment around a candidate that does not hide it from views along a path. Assumed."""
 
 
 def likely_place(target: Finding, pose: FloatArray, site_map: SiteMap) -> FloatArray:
-    """Where a candidate is, on average over its distance from a pose (3,) inside the fence; shape (3,).
+    """Return the mean position of a candidate over its distance from a pose (3,), inside the fence; shape (3,).
 
-    Bearings tell of a distance r as of its inverse: with a deviation s, 1 / r is normal with s / r^2, and what seems
-    near may be far. Each metre of the line of sight is as likely before them.
+    Bearings determine the inverse of a distance r: with a standard deviation s, 1 / r is normal with s / r^2, so a
+    candidate that seems near may be far. The prior is uniform along the line of sight. The distance is at least 1 cm,
+    so that a candidate at the robot's own place has a direction.
     """
     sight_m = target.position_m[:2] - pose[:2]
-    range_m = max(float(np.linalg.norm(sight_m)), LEAST_RANGE_M)
+    range_m = max(float(np.linalg.norm(sight_m)), 0.01)
     std_m = float(np.sqrt(sight_m @ target.covariance_m2[:2, :2] @ sight_m)) / range_m
-    off = np.linspace(-MOST_SIGMAS, MOST_SIGMAS, N_PLACES)
-    share = 1.0 + off * std_m / range_m  # of the inverse
-    off, longer = off[share > 0.0], 1.0 / share[share > 0.0]
+    sigmas = np.linspace(-3.0, 3.0, 121)
+    share = 1.0 + sigmas * std_m / range_m  # of the inverse distance
+    sigmas, longer = sigmas[share > 0.0], 1.0 / share[share > 0.0]
     is_inside = site_map.yard.contains(pose[:2] + np.multiply.outer(longer, sight_m))
     if not is_inside.any():
         return target.position_m
-    mean = np.average(longer[is_inside], weights=(np.exp(-0.5 * np.square(off)) * np.square(longer))[is_inside])
+    mean = np.average(longer[is_inside], weights=(np.exp(-0.5 * np.square(sigmas)) * np.square(longer))[is_inside])
     return np.append(pose[:2] + mean * sight_m, target.position_m[2])
 
 
 def best_viewpoint(
     target_m: FloatArray, views_m: FloatArray, paths: ShortestPaths, site_map: SiteMap
 ) -> FloatArray | None:
-    """A place near a candidate that sees it from a new side and is not far to go, else a sidestep.
+    """Return a place near a candidate that views it from a new side over a short path, else a sidestep.
 
     Args:
         target_m: The candidate, shape (3,), world frame.
-        views_m: Where it was viewed from so far, shape (n, 2), n at least 1.
-        paths: Shortest paths from where the robot is.
-        site_map: Where the robot fits.
+        views_m: Places from which it has been viewed, shape (n, 2), n at least 1.
+        paths: Shortest paths from the robot.
+        site_map: Map of free ground.
 
     Returns:
         Shape (2,), world frame; None if no place adds an angle.
@@ -92,45 +92,88 @@ def best_viewpoint(
     spokes = np.stack([np.cos(VIEW_ASPECTS_RAD), np.sin(VIEW_ASPECTS_RAD)], axis=-1)
     ring = target_m[:2] + np.multiply.outer(_view_radii(target_m, site_map), spokes).reshape(-1, 2)
     ring = ring[site_map.yard.contains(ring)]
-    clearance_m = site_map.robot.footprint_radius_m + VIEW_ROOM_M
+    clearance_m = site_map.robot.footprint_radius_m + VIEW_CLEARANCE_M
     ring = ring[site_map.clearance(ring) > clearance_m] if ring.size else ring
     ring = ring[site_map.in_sight(ring, target_m, ON_SURFACE_M)] if ring.size else ring
     length_m = paths.length_m[site_map.nearest_free(ring)]
     new_rad = novelty(ring, target_m, views_m)
-    cost_m = np.where((length_m > LEAST_WAY_M) & (new_rad > LEAST_NOVELTY_RAD), length_m - worth(new_rad), np.inf)
+    cost_m = np.where((length_m > MIN_PATH_M) & (new_rad > MIN_NOVELTY_RAD), length_m - worth(new_rad), np.inf)
     if cost_m.size and np.isfinite(cost_m.min()):
         return ring[cost_m.argmin()]
     return _sidestep(target_m, views_m, paths, site_map)
 
 
 def _view_radii(target_m: FloatArray, site_map: SiteMap) -> FloatArray:
-    """Distances on plan at which a candidate (3,) is to be viewed, metres."""
+    """Return the horizontal distances at which a candidate (3,) is viewed, metres."""
     if site_map.knows_pattern_above:
         return VIEW_RADII_M
-    least_m = abs(target_m[2] - site_map.antenna_height_m) / np.tan(HIGHEST_VIEW_RAD)
+    least_m = abs(target_m[2] - site_map.antenna_height_m) / np.tan(MAX_ELEVATION_RAD)
     return VIEW_RADII_M + max(least_m - VIEW_RADII_M[0], 0.0)
 
 
 def _sidestep(target_m: FloatArray, views_m: FloatArray, paths: ShortestPaths, site_map: SiteMap) -> FloatArray | None:
-    """Where no viewpoint near the candidate can be had: the place nearby that adds most angle, at best in sight."""
-    near = np.flatnonzero((paths.length_m > SIDESTEP_M[0]) & (paths.length_m < SIDESTEP_M[1]))
+    """Return the place nearby that adds most angle, preferably with line of sight, if there is no viewpoint.
+
+    Sidesteps are far, so a metre of path costs 0.2 m; line of sight is worth 2 m (both assumed).
+    """
+    near = np.flatnonzero((paths.length_m > SIDESTEP_PATH_M[0]) & (paths.length_m < SIDESTEP_PATH_M[1]))
     if near.size == 0:
         return None
     points = site_map.centres_m[near]
     is_visible = site_map.in_sight(points, target_m, SIDESTEP_ON_SURFACE_M)
-    gain_m = worth(novelty(points, target_m, views_m))
-    score_m = gain_m - SIDESTEP_COST * paths.length_m[near] + SIDESTEP_SIGHT_WORTH_M * is_visible
+    score_m = worth(novelty(points, target_m, views_m)) - 0.2 * paths.length_m[near] + 2.0 * is_visible
     return points[score_m.argmax()]
 
 
 def novelty(points_m: FloatArray, target_m: FloatArray, views_m: FloatArray) -> FloatArray:
-    """Angle, seen from the target, between each point (n, 2) and the nearest view already had; shape (n,)."""
+    """Return the angle at the target between each point (n, 2) and the nearest earlier view, shape (n,)."""
     views = views_m - target_m[:2]
-    had = np.arctan2(views[:, 1], views[:, 0])
+    earlier = np.arctan2(views[:, 1], views[:, 0])
     aspect = np.arctan2(points_m[:, 1] - target_m[1], points_m[:, 0] - target_m[0])
-    return np.abs(difference(aspect[:, np.newaxis], had)).min(axis=-1)
+    return np.abs(difference(aspect[:, np.newaxis], earlier)).min(axis=-1)
 
 
 def worth(new_rad: FloatArray) -> FloatArray:
-    """Length of way that a new angle is worth, metres; no more is gained beyond `NOVELTY_RAD`."""
+    """Return the path length that a new angle is worth, metres; it is constant beyond `NOVELTY_RAD`."""
     return NOVELTY_WORTH_M * np.minimum(new_rad, NOVELTY_RAD) / NOVELTY_RAD
+
+
+def driving_time(paths: ShortestPaths, pose: FloatArray, site_map: SiteMap) -> FloatArray:
+    """Return the seconds to each cell from a pose (3,), with the first turn; shape (n_cells,), infinite if unreachable.
+
+    Assumed: 75 % of the top speed, 60 % of the top yaw rate, and the first turn is to the path after 0.7 m.
+    """
+    away_m = site_map.centres_m[paths.cell_after(0.7)] - pose[:2]
+    turn_rad = np.abs(difference(np.arctan2(away_m[:, 1], away_m[:, 0]), pose[2])) * (paths.length_m >= 0.7)
+    robot = site_map.robot
+    return paths.length_m / (0.75 * robot.max_speed_mps) + turn_rad / (0.6 * robot.max_yaw_rate_radps)
+
+
+def expected_information(places_m: FloatArray, target_m: FloatArray, site_map: SiteMap) -> FloatArray:
+    """Return the information on a candidate's position per metre of path at each place, shape (n, 3, 3), 1/m^2/m.
+
+    Bearings determine the position across the line of sight; strengths determine the elevation, better at larger
+    elevations. Both are as accurate as array and pose. Hidden places contribute nothing.
+
+    Args:
+        places_m: Places on the ground, shape (n, 2), world frame.
+        target_m: Assumed position of the candidate, shape (3,).
+        site_map: Map with lines of sight, height of the array, and accuracy of array and pose.
+    """
+    nearest_m, farthest_m = VIEW_RANGES_M
+    sight_m = target_m[:2] - places_m
+    plan_m = np.maximum(np.linalg.norm(sight_m, axis=-1), nearest_m)
+    rise_m = target_m[2] - site_map.antenna_height_m
+    range_m = np.hypot(plan_m, rise_m)
+    ahead = sight_m / plan_m[:, np.newaxis]
+    across = np.column_stack([-ahead[:, 1], ahead[:, 0], np.zeros(len(places_m))])
+    sine, cosine = rise_m / range_m, plan_m / range_m
+    upward = np.column_stack([-sine[:, np.newaxis] * ahead, cosine])
+    bearing_std_rad, position_m2 = max(site_map.bearing_std_rad, MIN_BEARING_STD_RAD), site_map.position_std_m**2
+    elevation_std_rad = bearing_std_rad / np.maximum(np.abs(sine), MIN_ELEVATION_SINE)
+    by_bearing = 1.0 / (np.square(bearing_std_rad * plan_m) + position_m2)
+    by_strength = 1.0 / (np.square(elevation_std_rad * range_m) + position_m2)
+    is_visible = plan_m < farthest_m
+    is_visible[is_visible] = site_map.in_sight(places_m[is_visible], target_m, WITHIN_M)
+    information = np.einsum("n,ni,nj->nij", by_bearing * is_visible, across, across)
+    return information + np.einsum("n,ni,nj->nij", by_strength * is_visible, upward, upward)

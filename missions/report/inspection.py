@@ -10,7 +10,7 @@ from dirmusic import InputFileError
 from dirmusic.angles import aperture
 from pdpatrol.envs.scenario.locating import LocatingConfig
 from pdpatrol.envs.scenario.radio import surroundings_of
-from pdpatrol.missions.driving.site_map import LEAST_SIGHT
+from pdpatrol.missions.driving.site_map import MIN_TRANSMISSION
 from pdpatrol.missions.planning.hearing import AMPLITUDE_V, MARGIN_DB, StraightPaths
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.yard_of_log import known_yard
@@ -104,7 +104,7 @@ def inspected_sites(log: MissionLog) -> Inspected | None:
         range_m = np.linalg.norm(away_m, axis=-1)
         near = range_m <= rules.confirm_range_m
         share, level_db = straight.heard(places_m[near], site_m)
-        in_sight = share >= LEAST_SIGHT
+        in_sight = share >= MIN_TRANSMISSION
         heard = in_sight & (level_db >= MARGIN_DB)
         aspect_rad = np.arctan2(away_m[near, 1], away_m[near, 0])
         seen_rad = aperture(aspect_rad[heard])

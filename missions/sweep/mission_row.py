@@ -8,7 +8,6 @@ from typing import Literal, NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pdpatrol.missions.driving.shortest_tour import shortest_tour
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.record.bearing_error import bearing_rmse
 from pdpatrol.missions.record.mission_log import MissionLog
@@ -139,7 +138,7 @@ class MissionRow(NamedTuple):
         confirmed_s = tuple(at_s for match in matches if (at_s := findings[match.finding_id].confirmed_s) is not None)
         has_found_all = bool(sources) and len(matches) == len(sources)
         sources_m = [np.array(source.true_position_m[:2]) for source in sources]
-        shortest_m = shortest_tour(SiteMap(job.scenario, job.scenario.yard), sources_m, job.scenario.task.standoff_m)
+        shortest_m = SiteMap(job.scenario, job.scenario.yard).shortest_tour(sources_m, job.scenario.task.standoff_m)
         bearing_rmse_rad = bearing_rmse(log, job.scenario)
         return cls(
             *_identity(job),

@@ -13,13 +13,14 @@ from pdpatrol.envs import Scenario
 from pdpatrol.envs.patrol_env import STEP_S, Observation, PatrolEnv
 from pdpatrol.envs.random_yard import random_yard
 from pdpatrol.envs.scenario.robot import RobotConfig
-from pdpatrol.missions.driving.collision_guard import CollisionGuard
-from pdpatrol.missions.driving.lidar_stop import STOP_M, free_way, safe_speed, way_m
+from pdpatrol.missions.driving.lidar_stop import STOP_M, free_distance, lookahead_m, safe_speed
 from pdpatrol.missions.driving.path_follower import PathFollower
 from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.missions.policies.collision_guard import CollisionGuard
 from pdpatrol.missions.policies.patrol import Patrol
 from pdpatrol.missions.policies.protocol import Action, ReportingPolicy
-from pdpatrol.missions.policies.random_driving import Random
+from pdpatrol.missions.policies.references import Random
+from pdpatrol.missions.record.events import Phase
 from pdpatrol.robot_models.description.library import load_robot
 from pdpatrol.robot_models.sensors import LIDAR_BEAMS
 
@@ -82,22 +83,24 @@ def wall_at(x_m: float) -> np.ndarray:
 
 def test_the_way_is_free_as_far_as_the_wall_ahead_and_behind() -> None:
     for x_m in (0.3, 0.4, 0.55):
-        assert free_way(wall_at(x_m), 0.8, 0.0, ROBOT) == pytest.approx(x_m - ROBOT.footprint_radius_m - 0.04, abs=0.03)
-        assert free_way(np.roll(wall_at(x_m), LIDAR_BEAMS // 2), -0.8, 0.0, ROBOT) == free_way(
+        assert free_distance(wall_at(x_m), 0.8, 0.0, ROBOT) == pytest.approx(
+            x_m - ROBOT.footprint_radius_m - 0.04, abs=0.03
+        )
+        assert free_distance(np.roll(wall_at(x_m), LIDAR_BEAMS // 2), -0.8, 0.0, ROBOT) == free_distance(
             wall_at(x_m), 0.8, 0.0, ROBOT
         )
     for v in (0.8, -0.8):
-        assert free_way(NOTHING, v, 0.3, ROBOT) == pytest.approx(0.6)
+        assert free_distance(NOTHING, v, 0.3, ROBOT) == pytest.approx(0.6)
 
 
 def test_a_turn_away_is_freer_and_a_turn_towards_less_free_than_straight_on() -> None:
     wall_on_the_left = np.roll(wall_at(0.3), LIDAR_BEAMS // 4)
     assert (
-        free_way(wall_on_the_left, 0.5, 0.0, ROBOT)
-        == free_way(wall_on_the_left, 0.5, -1.0, ROBOT)
+        free_distance(wall_on_the_left, 0.5, 0.0, ROBOT)
+        == free_distance(wall_on_the_left, 0.5, -1.0, ROBOT)
         == pytest.approx(0.6)
     )
-    assert free_way(wall_on_the_left, 0.5, 1.0, ROBOT) < 0.4
+    assert free_distance(wall_on_the_left, 0.5, 1.0, ROBOT) < 0.4
 
 
 def test_the_robot_may_leave_what_it_stands_against() -> None:
@@ -122,8 +125,8 @@ def test_a_robot_at_the_safe_speed_can_stop_in_time(x_m: float) -> None:
 
 def test_a_robot_that_brakes_poorly_looks_twice_as_far_ahead_as_it_needs_to_stop() -> None:
     poor = replace(ROBOT, max_acceleration_mps2=0.5)
-    assert way_m(ROBOT)[-1] == pytest.approx(0.6)
-    assert way_m(poor)[-1] == pytest.approx(2.0 * (0.8 * STEP_S + 0.8**2 / (2 * 0.5)), abs=0.02)
+    assert lookahead_m(ROBOT)[-1] == pytest.approx(0.6)
+    assert lookahead_m(poor)[-1] == pytest.approx(2.0 * (0.8 * STEP_S + 0.8**2 / (2 * 0.5)), abs=0.02)
     assert safe_speed(wall_at(1.0), 0.8, 0.0, poor) < 0.8 == safe_speed(wall_at(1.0), 0.8, 0.0, ROBOT)
 
 
@@ -263,7 +266,7 @@ def test_there_is_a_way_to_every_waypoint_of_five_hundred_random_yards() -> None
 class Ahead:
     """Full speed ahead, on whatever map."""
 
-    phase, unreachable = "ahead", ()
+    phase, unreachable = Phase("ahead"), ()
 
     def __init__(self) -> None:
         self.obstacles_m = np.empty((0, 2))

@@ -8,7 +8,7 @@ from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.policies.make_policy import make_policy
-from pdpatrol.missions.policies.names import BUILT_IN
+from pdpatrol.missions.policies.own_policy import BUILT_IN
 from pdpatrol.missions.policies.protocol import SeesTruth
 from pdpatrol.missions.record.array_description import described_grid
 from pdpatrol.missions.record.events import Phase
@@ -139,6 +139,7 @@ def test_what_a_policy_sees_holds_no_truth(monkeypatch: pytest.MonkeyPatch) -> N
             "_planned_clearance_m",
             "is_free",
             "_free_cells",
+            "_free_tree",
             "_graph",
         }
 

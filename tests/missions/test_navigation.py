@@ -107,9 +107,9 @@ def test_a_leg_plans_anew_on_another_map_and_keeps_its_deadline() -> None:
     pose = np.array([3.0, 3.0, 0.0])
     leg = PathFollower(MAP, pose, np.array([9.0, 3.0]), 0.0, 0.4)
     before, deadline_s = leg.path_m, leg.deadline_s
-    leg.follow(MAP, pose)
+    leg.update_map(MAP, pose)
     assert leg.path_m is before
-    leg.follow(MAP.with_obstacles(np.array([[6.0, 3.0]])), pose)
+    leg.update_map(MAP.with_obstacles(np.array([[6.0, 3.0]])), pose)
     assert np.abs(leg.path_m[:, 1] - 3.0).max() > np.abs(before[:, 1] - 3.0).max()
     assert leg.deadline_s == deadline_s
 

@@ -54,7 +54,7 @@ def draw_scene(canvas: Canvas, meta: Mapping[str, Any]) -> None:
 def _draw_route(canvas: Canvas, meta: Mapping[str, Any]) -> None:
     stops = {str(i + 1): [*p, 0.02] for i, p in enumerate(meta["route"]["waypoints_m"])}
     _draw_points(canvas, paths.ROUTE, {"dock": [*meta["route"]["dock_m"], 0.02], **stops}, palette.STOP, 0.1)
-    if way_m := meta.get("route_way_m"):
+    if way_m := meta.get("route_path_m"):
         line = np.column_stack([way_m, np.full(len(way_m), 0.02)])
         canvas.still(paths.ROUTE_WAY, rr.LineStrips3D([line], colors=[palette.ROUTE], radii=rr.Radius.ui_points([0.6])))
 

@@ -9,7 +9,7 @@ import pytest
 from dirmusic import Locator
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.patrol_env import PatrolEnv
-from pdpatrol.missions.driving.site_map import LEAST_SIGHT, SiteMap
+from pdpatrol.missions.driving.site_map import MIN_TRANSMISSION, SiteMap
 from pdpatrol.missions.policies.viewpoints import best_viewpoint
 from pdpatrol.missions.record.bearing_error import bearing_rmse
 from pdpatrol.missions.record.mission_log import MissionLog
@@ -46,7 +46,7 @@ def locators_sight(scenario: Scenario, point_m: np.ndarray, target_m: np.ndarray
     locator = make_locator(scenario, site_map, PatrolEnv(scenario).simulation.array, scenario.locating.rules())
     assert isinstance(locator, Locator)
     from_m, to_m = np.append(point_m, 0.6)[np.newaxis], np.append(target_m, 0.9)
-    return bool(locator._record.sight.shares(from_m, to_m, 0.0)[0] > LEAST_SIGHT)
+    return bool(locator._record.sight.shares(from_m, to_m, 0.0)[0] > MIN_TRANSMISSION)
 
 
 def drive_into_transformer_1(scenario: Scenario) -> list[dict[str, Any]]:

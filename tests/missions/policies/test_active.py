@@ -6,8 +6,8 @@ import pytest
 from dirmusic import Finding
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.driving.site_map import SiteMap
-from pdpatrol.missions.policies.active import KNOWN_M, Active, driving_time, expected_information
-from pdpatrol.missions.policies.viewpoints import likely_place
+from pdpatrol.missions.policies.seek import KNOWN_M, Active
+from pdpatrol.missions.policies.viewpoints import driving_time, expected_information, likely_place
 
 SITE_MAP = SiteMap(load_scenario("quiet_yard"))
 POSE = np.array([4.0, 5.0, 0.0])
@@ -43,12 +43,12 @@ def test_what_seems_near_may_be_far_and_what_lies_outside_is_taken_to_be_inside(
 
 def test_information_is_gathered_along_the_way_and_not_at_its_end_alone() -> None:
     paths = SITE_MAP.reach(POSE)
-    length_m = paths.gather(np.ones(len(SITE_MAP.centres_m)))
+    length_m = paths.integrate(np.ones(len(SITE_MAP.centres_m)))
     reached = np.isfinite(paths.length_m)
     for cell in np.random.default_rng(0).choice(np.flatnonzero(reached), 40):
         path_m = paths.path(cell)
         assert length_m[cell] == pytest.approx(np.linalg.norm(np.diff(path_m, axis=0), axis=-1).sum())
-        along = paths.along(2.0)[cell]
+        along = paths.cell_after(2.0)[cell]
         assert along in paths.cells(cell)
         assert along == cell or 2.0 <= paths.length_m[along] < 3.2
     assert not length_m[~reached].any()

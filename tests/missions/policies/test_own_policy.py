@@ -7,9 +7,9 @@ import pytest
 
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.user_code import UserCodeError
-from pdpatrol.missions.driving.collision_guard import CollisionGuard
+from pdpatrol.missions.policies.collision_guard import CollisionGuard
 from pdpatrol.missions.policies.make_policy import make_policy
-from pdpatrol.missions.policies.names import BUILT_IN
+from pdpatrol.missions.policies.own_policy import BUILT_IN
 from pdpatrol.missions.policies.patrol import Patrol
 from pdpatrol.missions.record.events import Phase
 from pdpatrol.missions.report.make_report import make_report
@@ -19,7 +19,7 @@ from pdpatrol.missions.runner import Mission, run_mission
 POLICIES = """
 import sys
 import numpy as np
-from pdpatrol.missions.driving.collision_guard import CollisionGuard
+from pdpatrol.missions.policies.collision_guard import CollisionGuard
 from pdpatrol.missions.policies.patrol import Patrol
 
 class Still:

@@ -7,7 +7,7 @@ from dirmusic.locating.finding import State
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.policies.seek import PATIENCE_S, SILENCE_S, Seek
-from pdpatrol.missions.policies.viewpoints import HIGHEST_VIEW_RAD, best_viewpoint
+from pdpatrol.missions.policies.viewpoints import MAX_ELEVATION_RAD, best_viewpoint
 
 SITE_MAP = SiteMap(load_scenario("one_source"))
 
@@ -66,5 +66,5 @@ def test_what_is_above_is_viewed_from_afar_where_the_pattern_is_known_in_the_pla
         for site_map, view in views.items()
         if view is not None
     }
-    assert elevation_rad[unsure] <= HIGHEST_VIEW_RAD + 1e-9
-    assert elevation_rad[SITE_MAP] > HIGHEST_VIEW_RAD
+    assert elevation_rad[unsure] <= MAX_ELEVATION_RAD + 1e-9
+    assert elevation_rad[SITE_MAP] > MAX_ELEVATION_RAD

@@ -1,0 +1,155 @@
+"""Collision guard: stops before obstacles that the lidar measures, adds them to the map, and backs off when stuck."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dirmusic import Finding
+from pdpatrol.envs.patrol_env import STEP_S, Observation
+from pdpatrol.missions.driving.lidar_stop import BEAM_RAD, free_distance, safe_command
+from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.missions.policies.own_policy import checked_action, status_of
+from pdpatrol.missions.policies.protocol import Action, Policy, believed_pose, time_of
+from pdpatrol.missions.record.events import Phase
+from pdpatrol.robot_models.description.robot_description import RobotDescription
+
+FloatArray = NDArray[np.float64]
+
+SCAN_PERIOD_S = 0.5
+"""Time between searches for obstacles that the plan does not show. Assumed; each result is a new map."""
+
+MAX_SPEED_UP_MPS2 = 1.0
+"""Acceleration. Assumed; well below what the motors can do, so one wrong lidar reading moves nothing."""
+
+STUCK_M, STUCK_S = 0.2, 4.0
+"""A robot that moves less than this in this time is stuck. Assumed; more than the pose error, longer than a turn."""
+
+BACK_OFF_S = 1.5
+BACK_OFF_COMMANDS = np.array([(-0.3, 0.0), (-0.3, 0.6), (-0.3, -0.6), (0.3, 0.9), (0.3, -0.9)])
+"""Ways out when stuck, m/s and rad/s, preferred ones first, and the time to drive one. Assumed; about half a metre."""
+
+COLLISION_BRAKING_RATIO = 1.5
+"""A deceleration above this multiple of the braking limit is a collision. Assumed."""
+
+SCAN_RANGE_M = 2.5
+"""Range within which obstacles are remembered. Assumed; farther out, the heading error displaces them too much."""
+
+EXPLAINED_M = 0.2
+"""Distance to mapped equipment or fence at which a point belongs to it. Assumed; three deviations of pose and range."""
+
+PLACE_M = 0.1
+"""Resolution of remembered obstacles. Assumed; half the radius of a small robot."""
+
+MEMORY_S = 60.0
+"""Time for which a place counts as occupied after it was last seen. Assumed; long enough to drive around it."""
+
+
+class SeenObstacles:
+    """Places that are occupied although the plan shows them free, with the time when each was last seen."""
+
+    def __init__(self) -> None:
+        self._last_seen_s: dict[tuple[int, int], float] = {}
+        self._shown: frozenset[tuple[int, int]] = frozenset()
+        self._map: SiteMap | None = None
+
+    def scan(self, lidar_m: NDArray[np.floating], pose: FloatArray, time_s: float, plan: SiteMap) -> None:
+        """Add the points that beams (LIDAR_BEAMS,), metres, measured around a pose (3,) and `plan` does not show."""
+        near = lidar_m < SCAN_RANGE_M
+        bearing = pose[2] + BEAM_RAD[near]
+        points = pose[:2] + lidar_m[near, np.newaxis] * np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
+        self.add(points[plan.yard.clearance(points) > EXPLAINED_M], time_s)
+
+    def add(self, points_m: FloatArray, time_s: float) -> None:
+        """Remember points (n, 2), world frame, and forget places that were last seen long ago."""
+        for x, y in np.round(points_m / PLACE_M).astype(int).tolist():
+            self._last_seen_s[x, y] = time_s
+        kept = {place: seen_s for place, seen_s in self._last_seen_s.items() if time_s - seen_s < MEMORY_S}
+        self._last_seen_s = kept
+
+    def on(self, plan: SiteMap) -> SiteMap:
+        """Return the plan with the remembered obstacles."""
+        places = frozenset(self._last_seen_s)
+        if self._map is None or places != self._shown:
+            occupied_m = PLACE_M * np.array(sorted(places), dtype=np.float64).reshape(-1, 2)
+            self._map = plan.with_obstacles(occupied_m) if places else plan
+            self._shown = places
+        return self._map
+
+
+class CollisionGuard:
+    """A policy that does what another one wants, as far as the lidar allows.
+
+    Args:
+        policy: Policy that decides where to go. Its map shows the obstacles that the lidar has measured.
+    """
+
+    def __init__(self, policy: Policy) -> None:
+        self.phase, self.unreachable = status_of(policy)
+        self._policy = policy
+        self._seen = SeenObstacles()
+        self._scanned_s = -np.inf
+        self._speed_mps = 0.0
+        self._last_place_m: FloatArray | None = None
+        self._moved_s = 0.0
+        self._stuck_at_m: list[FloatArray] = []
+        self._back_off = BACK_OFF_COMMANDS[0]
+        self._back_off_until_s = -np.inf
+
+    def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
+        """Return the policy's action, slowed down where needed, or a way out."""
+        pose, time_s = believed_pose(observation), time_of(observation, site_map)
+        if time_s - self._scanned_s >= SCAN_PERIOD_S:
+            self._seen.scan(observation["lidar"], pose, time_s, site_map)
+            self._scanned_s = time_s
+        has_collided = self._has_collided(float(observation["velocity"][0]), site_map.robot)
+        if time_s < self._back_off_until_s:
+            return _limited(observation, self._back_off, site_map.robot)
+        action = checked_action(self._policy(observation, findings, self._seen.on(site_map)), self._policy)
+        self.phase, self.unreachable = status_of(self._policy)
+        if action is None:
+            return None
+        if self._is_stuck(pose, time_s, bool(action.any())) or has_collided:
+            return self._start_back_off(observation, pose, time_s, site_map.robot, has_collided=has_collided)
+        return _limited(observation, site_map.robot.command_from_action(action), site_map.robot)
+
+    def _is_stuck(self, pose: FloatArray, time_s: float, would_move: bool) -> bool:
+        has_moved = self._last_place_m is None or np.hypot(*(pose[:2] - self._last_place_m)) > STUCK_M
+        if has_moved or not would_move:
+            self._last_place_m, self._moved_s = pose[:2], time_s
+        return time_s - self._moved_s > STUCK_S
+
+    def _has_collided(self, speed_mps: float, robot: RobotDescription) -> bool:
+        """Return True if the robot lost speed faster than brakes can: an obstacle above or below the lidar's plane."""
+        lost_mps, self._speed_mps = abs(self._speed_mps) - abs(speed_mps), speed_mps
+        return lost_mps > COLLISION_BRAKING_RATIO * robot.max_acceleration_mps2 * STEP_S
+
+    def _start_back_off(
+        self, observation: Observation, pose: FloatArray, time_s: float, robot: RobotDescription, *, has_collided: bool
+    ) -> Action:
+        """Start to back off towards the most free space.
+
+        What the robot collided with, or what it got stuck at twice within half a metre, is added to the map, 5 cm ahead
+        of its outline (both assumed).
+        """
+        if has_collided or any(np.hypot(*(place - pose[:2])) < 0.5 for place in self._stuck_at_m):
+            ahead = np.array([np.cos(pose[2]), np.sin(pose[2])])
+            self._seen.add((pose[:2] + (robot.footprint_radius_m + 0.05) * ahead)[np.newaxis], time_s)
+        self._stuck_at_m.append(pose[:2])
+        free_m = [free_distance(observation["lidar"], v, yaw_rate, robot) for v, yaw_rate in BACK_OFF_COMMANDS.tolist()]
+        self._back_off = BACK_OFF_COMMANDS[int(np.argmax(free_m))]
+        self._back_off_until_s = time_s + BACK_OFF_S
+        self._last_place_m = None
+        self.phase = Phase("back off")
+        return _limited(observation, self._back_off, robot)
+
+
+def _limited(observation: Observation, command: FloatArray, robot: RobotDescription) -> Action:
+    """Return the action for a command, m/s and rad/s, with limited acceleration and a safe speed."""
+    v, yaw_rate = command.tolist()
+    fastest = max(float(observation["velocity"][0]) * np.sign(v), 0.0) + MAX_SPEED_UP_MPS2 * STEP_S
+    return robot.action_from_command(
+        safe_command(observation["lidar"], float(np.clip(v, -fastest, fastest)), yaw_rate, robot)
+    )
