@@ -10,10 +10,9 @@ from rich.progress import Progress
 
 from pdpatrol.missions.cli.mission_files import print_times
 from pdpatrol.missions.cli.terminal import err, out, output_folder, print_written, refuse
-from pdpatrol.missions.reproduction.output.tables import as_table
-from pdpatrol.missions.reproduction.output.write import write_reproduction
+from pdpatrol.missions.reproduction.exhibit import verdict
+from pdpatrol.missions.reproduction.output import as_table, write_reproduction
 from pdpatrol.missions.reproduction.reproduce import reproduce as run_trials
-from pdpatrol.missions.reproduction.verdict import verdict
 from pdpatrol.missions.stopwatch import Stopwatch
 
 

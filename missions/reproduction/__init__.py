@@ -1,1 +1,1 @@
-"""The paper's exhibits beside ours: `reproduce` runs them all, `tables` and `figures` show them."""
+"""Comparison of every exhibit of the Dir-MUSIC paper with the methods of this project."""

@@ -25,12 +25,12 @@ from dirmusic import (
 from dirmusic.angles import difference
 from dirmusic.array.element_errors import EstimatedErrors
 from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD
-from pdpatrol.missions.reproduction.protocol import (
+from pdpatrol.missions.reproduction.simulation import (
     SAMPLE_RATE_HZ,
     draw_covariances,
     draw_gates,
 )
-from pdpatrol.missions.reproduction.protocol import (
+from pdpatrol.missions.reproduction.simulation import (
     energy_to_noise as rho,
 )
 

@@ -5,7 +5,7 @@ import pytest
 
 from dirmusic import ElementErrors, ElementSpread, GainManifold, calibrate, estimate_bearings
 from dirmusic.angles import difference
-from pdpatrol.missions.reproduction.protocol import energy_to_noise
+from pdpatrol.missions.reproduction.simulation import energy_to_noise
 
 RING = GainManifold.ring(6)
 QUARTERS = np.radians([90.0, 90.0, 90.0])

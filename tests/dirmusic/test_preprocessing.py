@@ -5,7 +5,7 @@ import pytest
 
 from dirmusic import GainManifold, band_pass, bearings_from_covariance, prepare_records, pulse_start, sample_covariance
 from dirmusic.angles import difference
-from pdpatrol.missions.reproduction.protocol import SAMPLE_RATE_HZ, draw_records, energy_to_noise
+from pdpatrol.missions.reproduction.simulation import SAMPLE_RATE_HZ, draw_records, energy_to_noise
 
 RING = GainManifold.ring(6)
 

@@ -12,11 +12,11 @@ from dirmusic import (
     spectrum_peaks,
 )
 from dirmusic.angles import difference
-from pdpatrol.missions.reproduction.protocol import (
+from pdpatrol.missions.reproduction.simulation import (
     draw_covariances,
     wishart,
 )
-from pdpatrol.missions.reproduction.protocol import (
+from pdpatrol.missions.reproduction.simulation import (
     energy_to_noise as rho,
 )
 
