@@ -6,11 +6,11 @@ uv run python docs/schemas/make_schema.py
 from pathlib import Path
 
 from pdpatrol.envs.scenario import loader
-from pdpatrol.missions.report import report_file
+from pdpatrol.missions.report import records
 
 FOLDER = Path(__file__).parent
 TEXTS = {
-    "report.schema.json": report_file.schema_text,
+    "report.schema.json": records.schema_text,
     "scenario.schema.json": loader.schema_text,
 }
 

@@ -16,8 +16,7 @@ from matplotlib.lines import Line2D
 from pdpatrol.envs.scenario.base import DAYS_PER_WEEK
 from pdpatrol.missions.campaign.inspection import Inspection
 from pdpatrol.missions.campaign.records import Discharge, Interval, Line, Observation, Trend
-from pdpatrol.missions.report.page import SVG_STYLE
-from pdpatrol.missions.report.pictures.yard_drawing import draw_frame, draw_yard
+from pdpatrol.missions.report.figures import STYLE, draw_ground, draw_yard
 
 SIZE_IN = (3.5, 2.7)
 PLAN_WIDTH_IN, PLAN_MOST_IN = 7.1, 6.2
@@ -63,13 +62,13 @@ def draw_plan(trend: Trend, inspections: Sequence[Inspection]) -> Figure:
     low_m, high_m = bounds_m[:, 0].min(axis=0) - AROUND_M, bounds_m[:, 1].max(axis=0) + AROUND_M
     across_m, up_m = high_m - low_m
     height_in = min(PLAN_WIDTH_IN * up_m / across_m + 0.7, PLAN_MOST_IN)
-    with rc_context(SVG_STYLE):
+    with rc_context(STYLE):
         figure = Figure(figsize=(PLAN_WIDTH_IN, height_in), layout="constrained")
         axes = figure.subplots()
-        draw_frame(axes, low_m, high_m)
+        draw_ground(axes, low_m, high_m)
         yard = inspections[0].yard
         if yard is not None:
-            draw_yard(axes, yard, with_names=True)
+            draw_yard(axes, yard)
         for discharge in trend.discharges:
             _draw_place(axes, discharge)
         shown = {mark_of(discharge) for discharge in trend.discharges}
@@ -127,7 +126,7 @@ def _draw(
     """What each inspection tells of it and the line, which runs through logarithms where it is a ratio that counts."""
     colour, observations = mark_of(discharge).colour, discharge.observations
     days = [_day(each) for each in observations]
-    with rc_context(SVG_STYLE):
+    with rc_context(STYLE):
         figure = Figure(figsize=SIZE_IN, layout="constrained")
         axes = figure.subplots()
         axes.grid(color="#e3e8ec", linewidth=0.5)

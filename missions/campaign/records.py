@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, Field, PlainSerializer
 
-from pdpatrol.missions.report.quantities import Count, Length, Point, significant
+from pdpatrol.missions.report.records import Count, Length, Point, significant
 
 SCHEMA = 1
 

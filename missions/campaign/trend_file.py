@@ -9,12 +9,11 @@ from pdpatrol.missions.atomic_file import write_text
 from pdpatrol.missions.campaign.inspection import Inspection
 from pdpatrol.missions.campaign.records import Trend
 from pdpatrol.missions.campaign.trend_page import trend_page
-from pdpatrol.missions.report.report_file import laid_out
 
 
 def trend_text(trend: Trend) -> str:
     """The text of trend.json."""
-    return laid_out(trend.model_dump(mode="json", by_alias=True)) + "\n"
+    return trend.model_dump_json(indent=1, by_alias=True) + "\n"
 
 
 def write_trend(trend: Trend, inspections: Sequence[Inspection], folder: Path) -> tuple[str, ...]:

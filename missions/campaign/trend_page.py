@@ -12,7 +12,7 @@ from pdpatrol.missions.campaign.figures import Mark, draw_levels, draw_plan, dra
 from pdpatrol.missions.campaign.inspection import Inspection
 from pdpatrol.missions.campaign.records import Discharge, Observation, Trend
 from pdpatrol.missions.campaign.words import last_known, rate_slope_in_words, slope_in_words, what_became
-from pdpatrol.missions.report.page import inline_svg, render
+from pdpatrol.missions.report.page import embed, render
 
 
 class Section(NamedTuple):
@@ -53,12 +53,12 @@ def trend_page(trend: Trend, inspections: Sequence[Inspection]) -> str:
         trend=trend,
         summary=_summary(trend),
         sections=[_section(discharge) for discharge in trend.discharges],
-        plan=inline_svg(draw_plan(trend, inspections), "plan", "Plan of the yard with what became of each discharge"),
+        plan=embed(draw_plan(trend, inspections), "Plan of the yard with what became of each discharge"),
     )
 
 
 def _section(discharge: Discharge) -> Section:
-    known, name = last_known(discharge), f"discharge-{discharge.number}"
+    known = last_known(discharge)
     title = f"of discharge {discharge.number} against date, with 99 % intervals"
     return Section(
         discharge=discharge,
@@ -67,8 +67,8 @@ def _section(discharge: Discharge) -> Section:
         known=known,
         level_slope=slope_in_words(discharge.level),
         rate_slope=rate_slope_in_words(discharge.rate),
-        levels=inline_svg(draw_levels(discharge), f"{name}-level", f"Level {title}") if known else None,
-        rates=inline_svg(draw_rates(discharge), f"{name}-rate", f"Rate {title}") if known and known.rate_hz else None,
+        levels=embed(draw_levels(discharge), f"Level {title}") if known else None,
+        rates=embed(draw_rates(discharge), f"Rate {title}") if known and known.rate_hz else None,
     )
 
 

@@ -15,13 +15,12 @@ from pdpatrol.envs.scenario.array import restore_calibration
 from pdpatrol.missions.atomic_file import write_text
 from pdpatrol.missions.cli.terminal import as_typed, err, note, out, print_written, refuse
 from pdpatrol.missions.record.mission_log import MissionLog
-from pdpatrol.missions.report.inspection import inspected_sites
+from pdpatrol.missions.report.inspection import inspect_sites
 from pdpatrol.missions.report.make_report import make_report
-from pdpatrol.missions.report.pulse_counts import in_words
-from pdpatrol.missions.report.records import Report
-from pdpatrol.missions.report.report_file import report_text
-from pdpatrol.missions.report.report_page import report_page
+from pdpatrol.missions.report.page import report_page
+from pdpatrol.missions.report.records import Report, report_text
 from pdpatrol.missions.report.tables import candidates_table, findings_table
+from pdpatrol.missions.report.wording import no_finding_text
 from pdpatrol.missions.stopwatch import Stopwatch
 
 INCOMPLETE = "INCOMPLETE.txt"
@@ -89,11 +88,10 @@ def write_report(
         folder: Existing folder.
         before_page: Called between the two files.
     """
-    inspected = inspected_sites(log)
-    report = make_report(log, wall_time_s, inspected)
+    report = make_report(log, wall_time_s, inspect_sites(log))
     write_text(folder / "report.json", report_text(report))
     before_page()
-    write_text(folder / "report.html", report_page(log, report, inspected))
+    write_text(folder / "report.html", report_page(log, report))
     return report
 
 
@@ -104,7 +102,7 @@ def print_json(report: Report) -> None:
 
 def print_findings(report: Report) -> None:
     """Print findings, or why there are none, and candidates."""
-    found = findings_table(report) if report.findings else in_words(report.pulses)
+    found = findings_table(report) if report.findings else no_finding_text(report.pulses)
     out.print(found, soft_wrap=not report.findings)
     if report.candidates:
         out.print(candidates_table(report))

@@ -28,7 +28,7 @@ def replay(
 ) -> None:
     """Open recordings of missions in the Rerun viewer, several of them together.
 
-    A recording is made from the log of its mission if it is missing, damaged, or of another version of Rerun.
+    The recording of each mission is drawn from its log; without a log, it is shown as it is.
 
     Args:
         folders: Folders of missions.
@@ -68,13 +68,11 @@ def replay(
 
 def _show(folders: tuple[Path, ...], web: bool, screenshot: Path | None, at_s: float | None) -> None:
     # here, because MuJoCo must not be imported before _film sets its renderer
-    from pdpatrol.missions.recording import ViewerError, open_viewer, ready_recording, serve, take_screenshot
+    from pdpatrol.missions.recording import ViewerError, open_viewer, serve, take_screenshot, update_recording
 
     try:
-        recordings = [ready_recording(folder, note) for folder in folders]
-    except InputFileError as error:
-        refuse(*error.faults)
-    except FileNotFoundError as error:
+        recordings = [update_recording(folder, lists_recordings=len(folders) > 1) for folder in folders]
+    except (FileNotFoundError, ValueError) as error:
         refuse(str(error))
     if screenshot is not None:
         with err.status("The viewer draws"), atomic_file(screenshot) as temporary:
@@ -105,7 +103,7 @@ def _check_new_file(option: str, file: Path | None, endings: tuple[str, ...], n_
 
 def _film(folder: Path, video: Path, pace: float | None) -> None:
     from pdpatrol.missions.record.mission_log import MissionLog
-    from pdpatrol.missions.video.encode import FilmError, write_film  # imports MuJoCo
+    from pdpatrol.missions.video import FilmError, write_film  # imports MuJoCo
 
     with Progress(console=err, transient=True, disable=not err.is_terminal) as progress:
         bar = progress.add_task(f"film of {folder.name}", total=1.0)

@@ -10,7 +10,7 @@ import tyro
 
 from pdpatrol.missions.cli.mission_files import load_log, print_findings, print_json, write_report
 from pdpatrol.missions.cli.terminal import print_written, refuse
-from pdpatrol.missions.report.report_file import read_report
+from pdpatrol.missions.report.records import read_report
 
 
 def report(

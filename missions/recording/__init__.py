@@ -1,21 +1,23 @@
-"""MissionLog to Rerun: the only package that imports it."""
+"""Rerun recordings of mission logs, and viewers for them. No other package imports Rerun."""
 
-from pdpatrol.missions.recording.recorder import Recorder, write_recording
-from pdpatrol.missions.recording.recording_file import check_recording, ready_recording
-from pdpatrol.missions.recording.viewer.native import LiveView, open_viewer
-from pdpatrol.missions.recording.viewer.rerun_process import ViewerError, check_screen
-from pdpatrol.missions.recording.viewer.screenshot import take_screenshot
-from pdpatrol.missions.recording.viewer.web import serve
+from pdpatrol.missions.recording.recorder import Recorder, update_recording, write_recording
+from pdpatrol.missions.recording.viewer import (
+    LiveView,
+    ViewerError,
+    check_screen,
+    open_viewer,
+    serve,
+    take_screenshot,
+)
 
 __all__ = [
     "LiveView",
     "Recorder",
     "ViewerError",
-    "check_recording",
     "check_screen",
     "open_viewer",
-    "ready_recording",
     "serve",
     "take_screenshot",
+    "update_recording",
     "write_recording",
 ]

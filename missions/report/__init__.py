@@ -1,1 +1,1 @@
-"""What a mission is reported as: typed records, report.json, and report.html for the operator's files."""
+"""Reports of missions: records, report.json, report.html and tables for the terminal."""

@@ -1,12 +1,13 @@
-"""MissionLog to the report."""
+"""Conversion of a mission log to its report."""
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dirmusic.locating.association import Unassociated
 from dirmusic.locating.confirmation import LEVEL_QUANTILE
 from dirmusic.locating.finding import ellipse95
 from pdpatrol.missions.record.events import EventKind
@@ -15,19 +16,18 @@ from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.phase_patterns import PhaseResolved, phase_patterns
 from pdpatrol.missions.record.which_site import site_probabilities
 from pdpatrol.missions.record.yard_of_log import known_yard, true_yard
-from pdpatrol.missions.report.inspection import Inspected
-from pdpatrol.missions.report.pulse_counts import pulse_counts
 from pdpatrol.missions.report.records import (
     SCHEMA,
     DetectedFrom,
-    Discharge,
-    Ellipse,
-    Evaluation,
+    DischargeKind,
+    Ellipse95,
     FindingRecord,
-    Kind,
     PhaseHistogram,
+    PulseCounts,
     Report,
+    Scores,
     Site,
+    SiteInspections,
     Strength,
     Waypoints,
 )
@@ -36,23 +36,25 @@ from pdpatrol.robot_models.yard.yard import Yard
 
 FloatArray = NDArray[np.float64]
 
-LEAST_TOLD = 0.01
-"""Places where a finding is with a lesser probability are not in the report."""
+MIN_SITE_PROBABILITY = 0.01
+PHASE_STEP_DEG, LEVEL_STEP_DB = 10.0, 2.0
+"""Bins of the phase-resolved pattern."""
 
-PHASE_STEP_DEG, LEVEL_STEP_DB, MOST_LEVELS = 10.0, 2.0, 16
-"""Bins of the phase-resolved pattern; what lies beyond so many levels is counted in the outer ones."""
+MAX_LEVELS = 16
+"""Rows of the phase-resolved pattern; levels beyond them are counted in the outer rows."""
 
 
-def make_report(log: MissionLog, wall_time_s: float, inspected: Inspected | None = None) -> Report:
-    """What an operator gets, and the evaluation beside it where the log holds the truth.
+def make_report(log: MissionLog, wall_time_s: float, inspection: SiteInspections | None = None) -> Report:
+    """Make the report of a mission; its evaluation alone uses the truth.
 
     Args:
-        log: The mission, whole or cut short.
-        wall_time_s: How long it took to run; the only figure that differs between two runs of one seed.
-        inspected: What `inspected_sites` says of the log; None where nobody will read it.
+        log: Log of a finished or killed mission.
+        wall_time_s: Computing time; the only figure that differs between two runs of one seed.
+        inspection: Result of `inspect_sites`; None to omit the section.
     """
     step, events = log.table("step"), log.table("event")
     findings = _findings(log, "confirmed")
+    has_steps, battery = step["time_s"].size > 0, step["battery"][-1:]
     return Report(
         schema=SCHEMA,
         scenario=log.meta["name"],
@@ -61,22 +63,50 @@ def make_report(log: MissionLog, wall_time_s: float, inspected: Inspected | None
         date=log.meta.get("date"),
         versions=log.meta.get("versions", {}),
         ending=next(iter(_events(events, "end", "subject")[-1:]), None),
-        sim_time_s=float(step["time_s"][-1]) if step["time_s"].size else 0.0,
+        sim_time_s=float(step["time_s"][-1]) if has_steps else 0.0,
         wall_time_s=wall_time_s,
-        distance_m=float(driven_m(step)[-1]) if step["pose"].size else 0.0,
-        battery_left=_if_known(step["battery"][-1]) if step["battery"].size else None,
+        distance_m=float(path_length_m(step["pose"])[-1]) if has_steps else 0.0,
+        battery_left=float(battery[0]) if np.isfinite(battery).any() else None,
         collisions=len(_events(events, "contact")),
         waypoints=_waypoints(log),
         n_bearings=log.n_rows("bearing"),
-        pulses=pulse_counts(log),
+        pulses=count_pulses(log),
         channel_faults=_events(events, "channel fault"),
         calibration=_events(events, "calibration"),
         notes=(*_events(events, "note"), *_events(events, "rejected"), *_events(events, "error")),
         findings=findings,
         candidates=_findings(log, "candidate", "outside"),
-        inspection=None if inspected is None else inspected.record(),
-        evaluation=_evaluation(log, findings),
+        inspection=inspection,
+        evaluation=_scores(log, findings),
     )
+
+
+def path_length_m(pose: FloatArray) -> FloatArray:
+    """Return the length of a path of poses (n, 2 or more) up to each pose, shape (n,), metres."""
+    return np.append(0.0, np.linalg.norm(np.diff(pose[:, :2], axis=0), axis=-1).cumsum())
+
+
+def count_pulses(log: MissionLog) -> PulseCounts:
+    """Count the pulses of a mission by what they were associated with; a killed mission has no associations."""
+    owner, n_detected = log.column("association", "finding"), log.n_rows("pulse")
+    n_rejected = n_detected - int(log.column("pulse", "is_credible").sum())
+    is_known = owner.size > 0 or n_rejected == n_detected
+    counts = {code.name.lower(): int((owner == code).sum()) if is_known else None for code in Unassociated}
+    of_findings = int((owner > 0).sum()) if is_known else None
+    return PulseCounts(detected=n_detected, not_credible=n_rejected, of_findings=of_findings, **counts)
+
+
+def findings_at(log: MissionLog, end: int, *states: str) -> dict[str, NDArray[Any]]:
+    """Return the rows of the findings in one of the states as they stood before step `end`.
+
+    The log has a row for every finding at each step at which any of them changed.
+    """
+    stop = log.n_rows("finding") if end >= log.n_rows("step") else log.rows_before("finding", end)
+    last_step = log.column("finding", "step", max(stop - 1, 0), stop)
+    start = log.rows_before("finding", int(last_step[0])) if last_step.size else stop
+    table = log.table("finding", start, stop)
+    own = np.isin(table["state"], states)
+    return {column: values[own] for column, values in table.items()}
 
 
 def _events(events: dict[str, NDArray[Any]], kind: EventKind, column: str = "text") -> tuple[Any, ...]:
@@ -85,16 +115,15 @@ def _events(events: dict[str, NDArray[Any]], kind: EventKind, column: str = "tex
 
 
 def _waypoints(log: MissionLog) -> Waypoints:
-    events = log.table("event")
-    visited = sorted(_events(events, "waypoint", "number"))
-    n_waypoints = len(log.meta.get("route", {}).get("waypoints_m", ()))
-    missed = [number for number in range(1, n_waypoints + 1) if number not in visited]
-    given_up = _events(events, "unreachable", "number")
-    unreachable = [number for number in missed if number in given_up]
-    return Waypoints(visited=tuple(visited), missed=tuple(missed), unreachable=tuple(unreachable))
+    events, n_waypoints = log.table("event"), len(log.meta.get("route", {}).get("waypoints_m", ()))
+    visited, unreachable = (set(_events(events, kind, "number")) for kind in ("waypoint", "unreachable"))
+    missed = set(range(1, n_waypoints + 1)) - visited
+    return Waypoints(
+        visited=tuple(sorted(visited)), missed=tuple(sorted(missed)), unreachable=tuple(sorted(missed & unreachable))
+    )
 
 
-def _evaluation(log: MissionLog, findings: tuple[FindingRecord, ...]) -> Evaluation | None:
+def _scores(log: MissionLog, findings: tuple[FindingRecord, ...]) -> Scores | None:
     if "truth" not in log.meta:
         return None
     yard = true_yard(log)
@@ -102,115 +131,95 @@ def _evaluation(log: MissionLog, findings: tuple[FindingRecord, ...]) -> Evaluat
     return evaluate(findings, true_sources(log.meta["truth"]), None if sites_m is None else sites_m.reshape(-1, 3))
 
 
-def _if_known(value: float) -> float | None:
-    """A number, or None for NaN, which JSON does not have."""
-    return float(value) if np.isfinite(value) else None
-
-
-def driven_m(step: dict[str, NDArray[Any]]) -> FloatArray:
-    """Length of the way up to each row of the table `step`, shape (n_steps,), metres; the true one if it is known."""
-    path = step["true_pose"] if np.isfinite(step["true_pose"]).all() else step["pose"]
-    return np.append(0.0, np.linalg.norm(np.diff(path[:, :2], axis=0), axis=-1).cumsum())
-
-
 def _findings(log: MissionLog, *states: str) -> tuple[FindingRecord, ...]:
-    """Findings in one of some states as they stood at the end, by id."""
-    table = log.table("finding")
-    if table["step"].size == 0:
-        return ()
-    last = np.flatnonzero((table["step"] == table["step"][-1]) & np.isin(table["state"], states))
-    if last.size == 0:
+    """Return the findings that were in one of the states at the end, by id."""
+    table = findings_at(log, log.n_rows("step"), *states)
+    if not table["id"].size:
         return ()
     yard, pulses, patterns = known_yard(log), finding_pulses(log), phase_patterns(log)
-    rows = [{column: values[row] for column, values in table.items()} for row in last]
-    found = [_finding(row, yard, pulses.get(int(row["id"])), patterns.get(int(row["id"]))) for row in rows]
-    if "field_data" in log.meta:  # taken here and there: pulses of a place have one time
-        found = [_without_rate(finding) for finding in found]
+    has_rate = "field_data" not in log.meta  # all pulses of a place in field data have one time
+    found: list[FindingRecord] = []
+    for row in range(table["id"].size):
+        finding = {column: values[row] for column, values in table.items()}
+        number = int(finding["id"])
+        found.append(_finding(finding, yard, pulses.get(number), patterns.get(number), has_rate=has_rate))
     return tuple(found)
 
 
-def _without_rate(finding: FindingRecord) -> FindingRecord:
-    if finding.strength is None:
-        return finding
-    return finding.model_copy(update={"strength": finding.strength.model_copy(update={"rate_per_s": None})})
-
-
 def _finding(
-    row: dict[str, Any], yard: Yard | None, own: FindingPulses | None, resolved: PhaseResolved | None
+    row: dict[str, Any],
+    yard: Yard | None,
+    pulses: FindingPulses | None,
+    resolved: PhaseResolved | None,
+    *,
+    has_rate: bool,
 ) -> FindingRecord:
-    number, position_m, covariance_m2 = int(row["id"]), row["position_m"], row["covariance_m2"]
+    position_m, covariance_m2 = row["position_m"], row["covariance_m2"]
+    strength = detected_from = None
+    if pulses is not None and pulses.time_s.size:
+        duration_s = np.unique(np.floor(pulses.time_s)).size
+        low, high, level = np.quantile(pulses.level_db, [0.1, 0.9, LEVEL_QUANTILE]).tolist()
+        strength = Strength(
+            level_db=level,
+            low_db=low,
+            high_db=high,
+            n_pulses=pulses.time_s.size,
+            rate_per_s=pulses.time_s.size / duration_s if has_rate else None,
+        )
+        detected_from = DetectedFrom(
+            nearest_m=float(pulses.range_m.min()),
+            farthest_m=float(pulses.range_m.max()),
+            aperture_deg=float(np.degrees(row["aperture_rad"])),
+            duration_s=duration_s,
+        )
     return FindingRecord(
-        id=number,
+        id=int(row["id"]),
         state=row["state"],
         position_m=tuple(position_m.tolist()),
         position_std_m=tuple(np.sqrt(np.diag(covariance_m2)).tolist()),
-        covariance_m2=tuple(tuple(line) for line in covariance_m2.tolist()),
-        ellipse95=Ellipse(**ellipse95(covariance_m2[:2, :2])._asdict()),
+        covariance_m2=tuple(map(tuple, covariance_m2.tolist())),
+        ellipse95=Ellipse95(**ellipse95(covariance_m2[:2, :2])._asdict()),
         sites=() if row["state"] == "outside" else _sites(yard, position_m, covariance_m2),
-        discharge=_discharge(resolved),
-        strength=None if own is None or not own.time_s.size else _strength(own),
-        detected_from=None if own is None or not own.time_s.size else _detected_from(own, float(row["aperture_rad"])),
+        discharge=None if resolved is None else _discharge(resolved),
+        strength=strength,
+        detected_from=detected_from,
         n_bearings=int(row["n_bearings"]),
         first_detected_s=float(row["first_detected_s"]),
-        confirmed_s=_if_known(row["confirmed_s"]),
+        confirmed_s=float(row["confirmed_s"]) if np.isfinite(row["confirmed_s"]) else None,
     )
 
 
 def _sites(yard: Yard | None, position_m: FloatArray, covariance_m2: FloatArray) -> tuple[Site, ...]:
-    """Where a finding may be, the likeliest place first; nothing without a map."""
-    if yard is None:
-        return ()
-    places = site_probabilities(yard, position_m, covariance_m2)
-    return tuple(Site(**place._asdict()) for place in places if place.probability >= LEAST_TOLD)
+    """Return the possible places of a finding, the most probable first; none without a map."""
+    places = () if yard is None else site_probabilities(yard, position_m, covariance_m2)
+    return tuple(Site(**place._asdict()) for place in places if place.probability >= MIN_SITE_PROBABILITY)
 
 
-def _strength(pulses: FindingPulses) -> Strength:
-    low, high, level = np.quantile(pulses.level_db, [0.1, 0.9, LEVEL_QUANTILE]).tolist()
-    n_pulses = pulses.time_s.size
-    return Strength(
-        level_db=level, low_db=low, high_db=high, n_pulses=n_pulses, rate_per_s=n_pulses / _seconds_of(pulses)
-    )
-
-
-def _detected_from(pulses: FindingPulses, aperture_rad: float) -> DetectedFrom:
-    return DetectedFrom(
-        nearest_m=float(pulses.range_m.min()),
-        farthest_m=float(pulses.range_m.max()),
-        aperture_deg=float(np.degrees(aperture_rad)),
-        duration_s=float(_seconds_of(pulses)),
-    )
-
-
-def _seconds_of(pulses: FindingPulses) -> int:
-    """Whole seconds in which there were any."""
-    return np.unique(np.floor(pulses.time_s)).size
-
-
-def _discharge(resolved: PhaseResolved | None) -> Discharge | None:
-    """The kind of discharge and the pattern that tells it; None without mains phase."""
-    if resolved is None:
-        return None
-    found = resolved.pattern
-    return Discharge(
-        kind=cast("Kind", found.kind),
-        confidence=found.confidence,
-        shift_deg=float(np.degrees(found.shift_rad)),
-        pattern=_histogram(resolved),
+def _discharge(resolved: PhaseResolved) -> DischargeKind:
+    return DischargeKind.model_validate(
+        {
+            "kind": resolved.pattern.kind,
+            "confidence": resolved.pattern.confidence,
+            "shift_deg": float(np.degrees(resolved.pattern.shift_rad)),
+            "pattern": _histogram(resolved),
+        }
     )
 
 
 def _histogram(resolved: PhaseResolved) -> PhaseHistogram:
-    column = np.floor(np.mod(np.degrees(resolved.phase_rad), 360.0) / PHASE_STEP_DEG).astype(np.intp)
-    level = np.floor(resolved.level_db / LEVEL_STEP_DB).astype(np.intp)
-    middle = int(np.median(level))
-    lowest, highest = max(level.min(), middle - MOST_LEVELS // 2), min(level.max(), middle + MOST_LEVELS // 2 - 1)
-    row = np.clip(level, lowest, highest) - lowest
-    n_columns = round(360.0 / PHASE_STEP_DEG)
-    counts = np.zeros((row.max() + 1, n_columns), dtype=np.intp)
-    np.add.at(counts, (row, np.minimum(column, n_columns - 1)), 1)
+    level = np.floor(resolved.level_db / LEVEL_STEP_DB)
+    middle = np.floor(np.median(level))
+    lowest = max(level.min(), middle - MAX_LEVELS // 2)
+    highest = min(level.max(), middle + MAX_LEVELS // 2 - 1)
+    phase_deg = np.mod(np.degrees(resolved.phase_rad), 360.0)
+    counts, _, _ = np.histogram2d(
+        np.clip(level, lowest, highest),
+        phase_deg,
+        bins=(np.arange(lowest, highest + 2) - 0.5, np.arange(0.0, 360.0 + PHASE_STEP_DEG, PHASE_STEP_DEG)),
+    )
     return PhaseHistogram(
         phase_step_deg=PHASE_STEP_DEG,
         lowest_db=float(lowest * LEVEL_STEP_DB),
         level_step_db=LEVEL_STEP_DB,
-        counts=tuple(map(tuple, counts.tolist())),
+        counts=tuple(map(tuple, counts.astype(int).tolist())),
     )

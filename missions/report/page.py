@@ -1,80 +1,139 @@
-"""HTML pages that are one file each: the frame of all, filled by jinja2, with matplotlib's pictures inline as SVG."""
+"""Self-contained HTML pages from Jinja templates, and report.html."""
 
 from __future__ import annotations
 
-import re
+import base64
+from collections.abc import Mapping
 from datetime import datetime
 from functools import cache
-from io import StringIO
+from io import BytesIO
+from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from pdpatrol.missions.record.finding_pulses import finding_pulses
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.record.which_site import percent
+from pdpatrol.missions.report.figures import STYLE, draw_detected_from, draw_phase_pattern, draw_site_plan
+from pdpatrol.missions.report.records import Report, SiteInspections
+from pdpatrol.missions.report.wording import (
+    ADVICE_LIMITS,
+    PULSE_CLASSES,
+    advice_of,
+    kind_text,
+    site_text,
+    summary_text,
+)
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-NO_METADATA = {"Creator": None, "Date": None, "Format": None, "Type": None}
-"""Of an SVG: without these, matplotlib writes the same bytes each time, and names no address."""
-
-SVG_STYLE: Any = {
-    "svg.fonttype": "none",  # text stays text: it can be searched, and takes the fonts of the page
-    "font.family": "sans-serif",
-    "font.size": 9.0,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.edgecolor": "#5f6b76",
-    "axes.labelcolor": "#1c2833",
-    "xtick.color": "#45525e",
-    "ytick.color": "#45525e",
-}
-"""Settings of matplotlib under which pictures of a page are made and written."""
+SETTINGS = ("array", "receiver", "estimator", "locating", "pose_sensor", "radio", "robot")
+"""Tables of a scenario that describe the measurement; yard and route are on the plan, sources are the truth."""
 
 
 def render(template: str, **content: object) -> str:
-    """A page from a template that extends `base.html`; what it says when was issued is now, local time.
+    """Fill a template that extends `base.html`; the date of issue is the current local time.
 
     Args:
         template: Name of a file in `missions/report/templates`.
-        content: What the template names; text is escaped, `Markup` such as of `inline_svg` is not.
+        content: Variables of the template; text is escaped, `Markup` is not.
     """
     issued = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %z")
     return _environment().get_template(template).render(issued=issued, **content)
 
 
-def inline_svg(figure: Figure, name: str, description: str) -> Markup:
-    """A figure as an SVG element to stand in a page, as wide as the page allows and no wider than it was made.
+def embed(figure: Figure, description: str) -> Markup:
+    """Return a figure as an image element that contains its SVG; the description is for screen readers."""
+    from matplotlib import rc_context  # here: 0.4 s that a page without figures does not need
+
+    buffer = BytesIO()
+    with rc_context(STYLE):
+        figure.savefig(buffer, format="svg", metadata={"Date": None})
+    data = base64.b64encode(buffer.getvalue()).decode()
+    return Markup('<img alt="{}" src="data:image/svg+xml;base64,{}">').format(description, data)
+
+
+def report_page(log: MissionLog, report: Report) -> str:
+    """Return the text of report.html.
 
     Args:
-        figure: Of matplotlib.
-        name: Once in the page, of letters, digits and dashes: ids within the picture begin with it.
-        description: What it shows, for those who cannot see it.
+        log: Log of a finished or killed mission.
+        report: Report of that log.
     """
-    from matplotlib import rc_context
+    pulses = finding_pulses(log)
+    figures = {
+        finding.id: {
+            "phase_pattern": finding.discharge
+            and embed(draw_phase_pattern(finding.discharge), f"Phase-resolved pattern of finding {finding.id}"),
+            "detected_from": embed(
+                draw_detected_from(log, finding, pulses.get(finding.id)),
+                f"Poses and bearings from which finding {finding.id} was detected",
+            ),
+        }
+        for finding in report.findings
+    }
+    return render(
+        "report.html",
+        title="Partial discharge survey",
+        subject=report.scenario if report.seed is None else f"{report.scenario}, mission {report.seed}",
+        report=report,
+        is_field="field_data" in log.meta,
+        field=log.meta.get("field_data", {}),
+        summary=summary_text(report),
+        plan=embed(draw_site_plan(log, report), "Site plan with the path driven, sites, and findings by their ids"),
+        figures=figures,
+        inspected=_by_equipment(report.inspection) if report.inspection else [],
+        pulse_classes=[(getattr(report.pulses, name), text) for name, text in PULSE_CLASSES.items()],
+        settings=_settings(log.meta),
+        advice_limits=ADVICE_LIMITS,
+        advice_of=advice_of,
+    )
 
-    buffer = StringIO()
-    with rc_context({**SVG_STYLE, "svg.hashsalt": name}):
-        figure.savefig(buffer, format="svg", metadata=NO_METADATA)
-    svg = buffer.getvalue()
-    svg = svg[svg.index("<svg") :]
-    svg = re.sub(r'\bid="', f'id="{name}-', svg)
-    svg = re.sub(r"url\(#", f"url(#{name}-", svg)
-    svg = re.sub(r'\bxlink:href="#', f'href="#{name}-', svg)
-    svg = re.sub(r"<!--.*?-->\s*", "", svg, flags=re.DOTALL)
-    svg = re.sub(r' d="[^"]*"', lambda path: re.sub(r"(\.\d\d)\d+", r"\1", path[0]), svg)  # 0.01 pt is enough
-    label = Markup.escape(description)
-    return Markup(svg.replace("<svg ", f'<svg role="img" aria-label="{label}" ', 1))
+
+def _by_equipment(inspection: SiteInspections) -> list[tuple[str, str]]:
+    """Return each piece of equipment with its inspected sites."""
+    names = inspection.names("inspected")
+    groups = {
+        piece: list(sites) for piece, sites in groupby(inspection.sites, lambda site: site.name.partition("/")[0])
+    }
+    pieces: list[tuple[str, str]] = []
+    for piece, sites in groups.items():
+        own = [site.name.partition("/")[2] for site in sites if site.name in names]
+        if own:
+            pieces.append((piece, f"all {len(own)}" if len(own) == len(sites) > 1 else ", ".join(own)))
+    return pieces
 
 
-def css_string(text: str) -> Markup:
-    """A text between quotes in CSS, with all but plain letters, digits and spaces as escapes."""
+def _settings(meta: Mapping[str, Any]) -> dict[str, str]:
+    """Return the settings of the measurement, one line for each table, without empty values."""
+    known = meta.get("scenario") or meta.get("settings", {})
+    lines = {name: _settings_line(known.get(name, {})) for name in SETTINGS}
+    return {name: line for name, line in lines.items() if line}
+
+
+def _settings_line(table: Mapping[str, Any]) -> str:
+    values = {key: value for key, value in table.items() if value not in (None, [], {}) and key != "faults"}
+    return ", ".join(f"{key} {_value_text(value)}" for key, value in values.items() if not isinstance(value, dict))
+
+
+def _value_text(value: object) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(map(_value_text, value))}]"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _breakable(text: str) -> Markup:
+    """Allow line breaks after slashes and underscores, and forbid them before percent signs."""
+    escaped = str(Markup.escape(text)).replace("/", "/<wbr>").replace("_", "_<wbr>")
+    return Markup(escaped.replace(" %", "\N{NO-BREAK SPACE}%").replace("&gt; ", "&gt;\N{NO-BREAK SPACE}"))
+
+
+def _css_string(text: str) -> Markup:
+    """Escape a text for use between quotes in CSS."""
     return Markup("".join(c if c.isascii() and (c.isalnum() or c in " .,_-") else f"\\{ord(c):x} " for c in text))
-
-
-def breakable(text: str) -> Markup:
-    """Names that may go on in the next line after a slash or an underscore, and percentages that may not."""
-    text = re.sub(r"(> |< )?(\d+) %", lambda found: found[0].replace(" ", "\N{NO-BREAK SPACE}"), text)
-    return Markup(re.sub(r"([/_])", r"\1<wbr>", str(Markup.escape(text))))
 
 
 @cache
@@ -86,5 +145,11 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"css_string": css_string, "breakable": breakable}
+    environment.filters |= {
+        "css_string": _css_string,
+        "breakable": _breakable,
+        "percent": percent,
+        "site": site_text,
+        "kind": kind_text,
+    }
     return environment

@@ -1,110 +1,71 @@
-"""Findings against the truth: pairing, errors, OSPA."""
+"""Comparison of findings with the truth: pairing, errors, OSPA."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 
+from dirmusic import Finding
 from dirmusic.locating.finding import is_inside95
-from pdpatrol.missions.report.records import Evaluation, Match, ScoredSource
+from pdpatrol.missions.report.records import FindingRecord, ScoredSource, Scores, SourceMatch
 
 FloatArray = NDArray[np.float64]
 
 CUT_OFF_M = 2.0
-"""A finding further than this from every source is a false one; also the cut-off of OSPA."""
-
-SAME_PLACE_M = 1e-6
-"""A site and the source on it are apart by rounding."""
+"""Findings farther than this from every source are false; also the cut-off of OSPA."""
 
 
-class Located(Protocol):
-    """What is scored: a finding, of the Locator or of a report."""
-
-    @property
-    def id(self) -> int:
-        """Its number."""
-        ...
-
-    @property
-    def position_m(self) -> ArrayLike:
-        """Shape (3,), world frame."""
-        ...
-
-    @property
-    def covariance_m2(self) -> ArrayLike:
-        """Shape (3, 3)."""
-        ...
-
-
-class Found(NamedTuple):
-    """A finding as far as it is scored; see `Located`."""
-
-    id: int
-    position_m: ArrayLike
-    covariance_m2: ArrayLike
-
-
-class TrueSource(NamedTuple):
-    """A source as it is.
-
-    Attributes:
-        name: As of the scenario.
-        position_m: x, y, z, world frame.
-    """
-
-    name: str
-    position_m: tuple[float, float, float]
-
-
-def true_sources(truth: Mapping[str, Any]) -> list[TrueSource]:
-    """The sources of the truth of a log."""
-    return [TrueSource(source["name"], tuple(source["position_m"])) for source in truth["sources"]]
+def true_sources(truth: Mapping[str, Any]) -> dict[str, tuple[float, float, float]]:
+    """Return the position of each source by name, from the truth of a log."""
+    return {source["name"]: tuple(source["position_m"]) for source in truth["sources"]}
 
 
 def evaluate(
-    findings: Sequence[Located], sources: Sequence[TrueSource], sites_m: FloatArray | None = None
-) -> Evaluation:
+    findings: Sequence[Finding | FindingRecord],
+    sources: Mapping[str, ArrayLike],
+    sites_m: FloatArray | None = None,
+) -> Scores:
     """Score findings against the truth.
 
-    Each source gets the id of the finding that it is paired with. It has the right site if none of the known sites is
-    nearer to the finding than the source itself: so an operator who looks at the nearest site looks there.
-    Findings and sources are paired one to one by least total distance on plan, with a cut-off of 2 m. OSPA has c = 2 m,
-    p = 1: the mean over the larger set of the paired distances, each unpaired member counting 2 m.
+    Findings and sources are paired one to one by smallest total distance on plan, with a cut-off of 2 m. A source has
+    the right site if no known site is nearer to the finding than the source itself. OSPA has c = 2 m, p = 1: the mean
+    over the larger set of the paired distances, where each unpaired member counts 2 m.
 
     Args:
-        findings: Those confirmed.
-        sources: All that are inside the fence.
-        sites_m: Where discharges may sit in the yard, shape (n_sites, 3); None if that is not known.
+        findings: Confirmed findings.
+        sources: Positions of all sources inside the fence by name, each of shape (3,).
+        sites_m: Possible sites of discharges in the yard, shape (n_sites, 3); None if they are not known.
 
     References:
         Schuhmacher, Vo and Vo, "A consistent metric for performance evaluation of multi-object filters", 2008.
     """
-    found_m = np.array([f.position_m for f in findings]).reshape(-1, 3)
-    true_m = np.array([s.position_m for s in sources]).reshape(-1, 3)
-    distance = np.linalg.norm((true_m[:, np.newaxis] - found_m)[..., :2], axis=-1)
-    pairs = zip(*linear_sum_assignment(np.minimum(distance, CUT_OFF_M)), strict=True)
-    partner = {int(i): int(j) for i, j in pairs if distance[i, j] < CUT_OFF_M}
+    found_m = np.array([finding.position_m for finding in findings], dtype=float).reshape(-1, 3)
+    true_m = np.array(list(sources.values()), dtype=float).reshape(-1, 3)
+    distance_m = np.linalg.norm((true_m[:, np.newaxis] - found_m)[..., :2], axis=-1)
+    pairs = np.transpose(linear_sum_assignment(np.minimum(distance_m, CUT_OFF_M))).tolist()
+    partner = {i: j for i, j in pairs if distance_m[i, j] < CUT_OFF_M}
     known_m = np.empty((0, 3)) if sites_m is None else sites_m
     scored: list[ScoredSource] = []
-    for i, source in enumerate(sources):
-        j, match = partner.get(i), None
-        if j is not None:
-            other_m = np.linalg.norm(known_m - found_m[j], axis=-1)
-            off_m, covariance_m2 = found_m[j] - true_m[i], np.asarray(findings[j].covariance_m2)
-            match = Match(
-                finding_id=findings[j].id,
-                error_m=float(distance[i, j]),
-                height_error_m=float(off_m[2]),
-                inside_ellipse95=is_inside95(off_m[:2], covariance_m2[:2, :2]),
-                right_site=bool((other_m > np.linalg.norm(off_m) - SAME_PLACE_M).all()),
+    for i, name in enumerate(sources):
+        match = None
+        if i in partner:
+            finding, offset_m = findings[partner[i]], found_m[partner[i]] - true_m[i]
+            to_sites_m = np.linalg.norm(known_m - found_m[partner[i]], axis=-1)
+            match = SourceMatch(
+                finding_id=finding.id,
+                error_m=float(distance_m[i, partner[i]]),
+                height_error_m=float(offset_m[2]),
+                inside_ellipse95=is_inside95(offset_m[:2], np.asarray(finding.covariance_m2)[:2, :2]),
+                right_site=bool((to_sites_m > np.linalg.norm(offset_m) - 1e-6).all()),  # the source may be on a site
             )
-        position_m = source.position_m
-        scored.append(ScoredSource(name=source.name, true_position_m=position_m, found=match is not None, match=match))
-    most = max(len(findings), len(sources))
-    missed = most - len(partner)
-    ospa = (sum(float(distance[i, j]) for i, j in partner.items()) + CUT_OFF_M * missed) / most if most else 0.0
-    return Evaluation(sources=tuple(scored), false_findings=len(findings) - len(partner), ospa_m=ospa)
+        position_m = tuple(true_m[i].tolist())
+        scored.append(ScoredSource(name=name, true_position_m=position_m, found=match is not None, match=match))
+    n = max(len(findings), len(sources))
+    total_m = sum(distance_m[i, j] for i, j in partner.items()) + CUT_OFF_M * (n - len(partner))
+    return Scores(
+        sources=tuple(scored), false_findings=len(findings) - len(partner), ospa_m=float(total_m / n) if n else 0.0
+    )

@@ -11,7 +11,7 @@ import pyarrow as pa
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.record.bearing_error import bearing_rmse
 from pdpatrol.missions.record.mission_log import MissionLog
-from pdpatrol.missions.report.make_report import driven_m, make_report
+from pdpatrol.missions.report.make_report import make_report, path_length_m
 from pdpatrol.missions.sweep.plan import MissionJob
 
 Status = Literal["finished", "failed", "hung", "out of memory", "died"]
@@ -138,6 +138,7 @@ class MissionRow(NamedTuple):
         confirmed_s = tuple(at_s for match in matches if (at_s := findings[match.finding_id].confirmed_s) is not None)
         has_found_all = bool(sources) and len(matches) == len(sources)
         sources_m = [np.array(source.true_position_m[:2]) for source in sources]
+        driven_m = path_length_m(step["true_pose"])
         shortest_m = SiteMap(job.scenario, job.scenario.yard).shortest_tour(sources_m, job.scenario.task.standoff_m)
         bearing_rmse_rad = bearing_rmse(log, job.scenario)
         return cls(
@@ -154,8 +155,8 @@ class MissionRow(NamedTuple):
             n_right_site=sum(match.right_site for match in matches),
             ospa_m=evaluation.ospa_m,
             bearing_rmse_rad=bearing_rmse_rad if np.isfinite(bearing_rmse_rad) else None,
-            distance_m=report.distance_m,
-            found_all_m=float(np.interp(max(confirmed_s), step["time_s"], driven_m(step))) if has_found_all else None,
+            distance_m=float(driven_m[-1]),
+            found_all_m=float(np.interp(max(confirmed_s), step["time_s"], driven_m)) if has_found_all else None,
             shortest_m=shortest_m if sources and np.isfinite(shortest_m) else None,
             sim_time_s=report.sim_time_s,
             contacts=report.collisions,

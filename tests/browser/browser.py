@@ -1,4 +1,4 @@
-"""A real browser without a window: what a page looks like, and what it complains of."""
+"""Headless browser: pictures and errors of a page."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ sync_api = pytest.importorskip("playwright.sync_api", reason="uv sync --group ch
 Theme = Literal["light", "dark"]
 
 KEPT = Path(__file__).parents[2] / ".ci" / "screenshots"
-"""Where pictures are left to be looked at; git ignores it."""
+"""Folder where pictures are kept; git ignores it."""
 
 CHROMIUM = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
@@ -36,11 +36,11 @@ SOFTWARE_GL = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swi
 
 
 ELSEWHERE = re.compile(r"^https?://(?!127\.0\.0\.1[:/])")
-"""What Rerun's page asks of the internet, fonts, its newest version, statistics: it gets an empty answer here."""
+"""Requests of Rerun's page to the internet (fonts, latest version, statistics), which get an empty answer here."""
 
 
 class Opened(NamedTuple):
-    """A page, and the errors that it has reported so far: those of its console, of its scripts, of what it loads."""
+    """Page and its errors so far: of console, scripts and requests."""
 
     page: Page
     errors: list[str]
@@ -48,7 +48,7 @@ class Opened(NamedTuple):
 
 @contextmanager
 def opened(url: str, theme: Theme) -> Iterator[Opened]:
-    """Open an address in a new browser that prefers a theme."""
+    """Open an address in a new browser with a theme."""
     errors: list[str] = []
     with sync_api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(
@@ -67,7 +67,7 @@ def opened(url: str, theme: Theme) -> Iterator[Opened]:
 
 
 def picture(page: Page, name: str) -> NDArray[np.uint8]:
-    """What is to be seen, shape (height, width, 3); it is kept as `name`.png."""
+    """Return a screenshot, shape (height, width, 3), and keep it as `name`.png."""
     KEPT.mkdir(parents=True, exist_ok=True)
     data = page.screenshot(path=KEPT / f"{name}.png", timeout=60_000)
     return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
@@ -76,7 +76,7 @@ def picture(page: Page, name: str) -> NDArray[np.uint8]:
 def picture_when(
     page: Page, name: str, is_ready: Callable[[NDArray[np.uint8]], bool], limit_s: float = 100.0
 ) -> NDArray[np.uint8]:
-    """The first picture for which `is_ready` holds; the last one where none does in time."""
+    """Return the first screenshot for which `is_ready` holds, or the last one within the time limit."""
     deadline = time.monotonic() + limit_s
     while not is_ready(seen := picture(page, name)) and time.monotonic() < deadline:
         page.wait_for_timeout(1000)
@@ -84,5 +84,5 @@ def picture_when(
 
 
 def n_colours(seen: NDArray[np.uint8]) -> int:
-    """How many different colours a picture has."""
+    """Return the number of different colours of a picture."""
     return np.unique(seen.reshape(-1, 3), axis=0).shape[0]

@@ -1,4 +1,4 @@
-"""The site of the docs, opened from disk in a browser."""
+"""Site of the documentation, opened from disk in a browser."""
 
 import shutil
 from pathlib import Path
@@ -12,10 +12,10 @@ pytest.importorskip("zensical", reason="uv run --group docs")
 pytestmark = [pytest.mark.whole, NEEDS_CHROMIUM]
 
 SHOWN = ("index", "explanation/algorithm", "reference/glossary")
-"""Pages of which pictures are kept."""
+"""Pages whose pictures are kept."""
 
 LEFT = "favicon.png"
-"""Chromium gives it up when the next page is opened before it has come; that it is there, `tests/docs` tells."""
+"""Chromium cancels it if the next page is opened first; `tests/docs` checks that it exists."""
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
-def test_every_page_opens_from_disk_with_its_pictures_and_without_an_error(site: Path, theme: Theme) -> None:
+def test_every_page_opens_from_disk_without_errors(site: Path, theme: Theme) -> None:
     files = [file for file in sorted(site.rglob("*.html")) if file.name != "404.html"]
     assert len(files) > 20
     with opened((site / "index.html").as_uri(), theme) as (page, errors):
@@ -46,7 +46,7 @@ def test_every_page_opens_from_disk_with_its_pictures_and_without_an_error(site:
         assert [error for error in errors if LEFT not in error] == []
 
 
-def test_the_search_finds_a_page_from_disk(site: Path) -> None:
+def test_search_works_from_disk(site: Path) -> None:
     with opened((site / "index.html").as_uri(), "light") as (page, errors):
         page.keyboard.press("Control+k")
         page.wait_for_timeout(500)

@@ -1,4 +1,4 @@
-"""What the commands leave for a browser, opened in one: the viewer, the report, both themes."""
+"""Viewer, report and trend in a browser, in both themes."""
 
 import re
 from pathlib import Path
@@ -16,11 +16,11 @@ from tests.missions.replay.test_viewer import started
 pytestmark = [
     pytest.mark.whole,
     NEEDS_CHROMIUM,
-    pytest.mark.filterwarnings("default"),  # psutil leaves files open where a process ends while it is looked at
+    pytest.mark.filterwarnings("default"),  # psutil leaves files open if a process ends while it is inspected
 ]
 
 MIDDLE, DRAWN_COLOURS = (slice(150, 450), slice(150, 800)), 400
-"""Where the yard is drawn, and how many colours that has at least; before it is drawn, it is all of one."""
+"""Where the yard is drawn, and its smallest number of colours; before it is drawn, it has one colour."""
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def has_drawn(seen: NDArray[np.uint8]) -> bool:
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
-def test_replay_in_a_browser_draws_the_mission_in_both_themes_without_an_error(mission: Path, theme: Theme) -> None:
+def test_replay_in_a_browser_draws_the_mission(mission: Path, theme: Theme) -> None:
     with started("replay", mission.name, "--web", cwd=mission.parent, on_screen=False) as process:
         with opened(f"{address(process)}&renderer=webgl", theme) as (page, errors):
             seen = picture_when(page, f"replay-{theme}", has_drawn)
@@ -67,12 +67,12 @@ def write_trend_page(folder: Path) -> Path:
 
 
 PAGES = {"report": write_report, "trend": write_trend_page}
-"""Pages that are one file each, and what writes them into a folder."""
+"""Functions that write a page into a folder."""
 
 
 @pytest.mark.parametrize("name", PAGES)
 @pytest.mark.parametrize("theme", ["light", "dark"])
-def test_a_page_shows_words_and_pictures_and_loads_nothing(name: str, theme: Theme, tmp_path: Path) -> None:
+def test_page_shows_text_and_pictures_and_loads_nothing(name: str, theme: Theme, tmp_path: Path) -> None:
     folder = tmp_path / "Prüfung 1"
     folder.mkdir()
     file = PAGES[name](folder)
@@ -82,7 +82,7 @@ def test_a_page_shows_words_and_pictures_and_loads_nothing(name: str, theme: The
         page.reload()
         seen = picture(page, f"{name}-{theme}")
         words, height = page.inner_text("body"), page.evaluate("document.body.scrollHeight")
-        drawn = page.evaluate("[...document.querySelectorAll('svg, img')].filter(x => x.clientHeight > 50).length")
+        drawn = page.evaluate("[...document.querySelectorAll('img')].filter(x => x.clientHeight > 50).length")
     assert "one_source" in words
     assert drawn >= 1
     assert height > 500
@@ -91,7 +91,7 @@ def test_a_page_shows_words_and_pictures_and_loads_nothing(name: str, theme: The
     assert errors == []
 
 
-def test_a_script_that_fails_and_a_file_that_is_missing_are_noticed(tmp_path: Path) -> None:
+def test_browser_reports_failed_scripts_and_missing_files(tmp_path: Path) -> None:
     bad = tmp_path / "bad.html"
     bad.write_text("<img src='nowhere.png'><script>console.error('one'); undefined_name</script>", encoding="utf-8")
     with opened(bad.as_uri(), "light") as (page, errors):

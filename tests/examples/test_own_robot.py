@@ -10,7 +10,7 @@ import pytest
 from pdpatrol.envs import load_scenario
 from pdpatrol.envs.scenario.robot import RobotConfig
 from pdpatrol.missions.report.make_report import make_report
-from pdpatrol.missions.report.report_file import read_report
+from pdpatrol.missions.report.records import read_report
 from pdpatrol.missions.runner import run_mission
 
 pytestmark = pytest.mark.whole

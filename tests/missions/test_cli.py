@@ -15,7 +15,7 @@ import pytest
 
 from pdpatrol.missions.cli import VERBS
 from pdpatrol.missions.record.mission_log import MissionLog
-from pdpatrol.missions.report.report_file import read_report
+from pdpatrol.missions.report.records import read_report
 from tests.processes import PDPATROL, assert_times_add_up, pdpatrol, refusal
 
 pytestmark = pytest.mark.whole

@@ -14,9 +14,8 @@ from pdpatrol.missions.record.array_description import described_grid
 from pdpatrol.missions.record.events import Phase
 from pdpatrol.missions.record.mission_log import TABLES, MissionLog
 from pdpatrol.missions.report.make_report import make_report
-from pdpatrol.missions.report.pulse_counts import WORDS
-from pdpatrol.missions.report.records import Report
-from pdpatrol.missions.report.report_file import read_report, report_text
+from pdpatrol.missions.report.records import Report, read_report, report_text
+from pdpatrol.missions.report.wording import PULSE_CLASSES
 from pdpatrol.missions.runner import Mission, run_mission
 from pdpatrol.sensing.receiver.faults import ChannelFault
 
@@ -59,7 +58,7 @@ def test_a_mission_finds_the_discharge_visits_every_waypoint_and_docks() -> None
     (finding,) = report.findings
     assert finding.n_bearings <= report.n_bearings
     counts = report.pulses
-    assert counts.detected == log.n_rows("pulse") == sum(getattr(counts, fate) for fate in WORDS)
+    assert counts.detected == log.n_rows("pulse") == sum(getattr(counts, fate) for fate in PULSE_CLASSES)
     assert counts.detected - counts.not_credible == report.n_bearings
     assert counts.of_findings is not None
     assert counts.of_findings > 0.5 * report.n_bearings

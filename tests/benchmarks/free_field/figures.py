@@ -13,7 +13,7 @@ from dirmusic.locating.joint_fit import HEIGHT_PRIOR_M
 from dirmusic.locating.plane_wave import is_credible
 from dirmusic.locating.rules import LocatingRules
 from pdpatrol.envs.core.simulation import STEP_S
-from pdpatrol.missions.report.scoring import TrueSource, evaluate
+from pdpatrol.missions.report.scoring import evaluate
 from tests.benchmarks.free_field.cases import FENCE_M, Case
 
 FloatArray = NDArray[np.float64]
@@ -72,7 +72,7 @@ def confirmed(findings: tuple[Finding, ...]) -> list[Finding]:
 
 def ospa_m(case: Case, findings: tuple[Finding, ...]) -> float:
     """Distance between confirmed findings and sources as sets, with a cut-off of 2 m."""
-    sources = [TrueSource("", tuple(place.tolist())) for place in case.sources_m]
+    sources = {str(number): place_m for number, place_m in enumerate(case.sources_m)}
     return evaluate(confirmed(findings), sources).ospa_m
 
 

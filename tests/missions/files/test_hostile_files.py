@@ -12,7 +12,7 @@ from pdpatrol.missions.field.field_data import read_field_data
 from pdpatrol.missions.field.locate_field_data import array_model, locate_field_data
 from pdpatrol.missions.recording import write_recording
 from pdpatrol.missions.report.make_report import make_report
-from pdpatrol.missions.report.report_file import read_report, report_text
+from pdpatrol.missions.report.records import read_report, report_text
 from tests.missions.field.surveys import EXAMPLE, POSE_ERROR, SPREAD
 from tests.missions.files import hostile
 

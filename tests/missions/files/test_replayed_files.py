@@ -15,7 +15,7 @@ from pdpatrol.envs.scenario.array import read_calibration
 from pdpatrol.missions.field.field_data import read_field_data
 from pdpatrol.missions.field.locate_field_data import array_model, locate_field_data
 from pdpatrol.missions.record.mission_log import MissionLog
-from pdpatrol.missions.recording import check_recording, write_recording
+from pdpatrol.missions.recording import write_recording
 from pdpatrol.missions.sweep.dataset import Dataset
 from tests.missions.field.surveys import EXAMPLE, POSE_ERROR, SPREAD
 from tests.missions.files import hostile
@@ -108,29 +108,8 @@ def test_replay_refuses_a_log_whose_facts_are_junk(mission: Path, tmp_path: Path
     done = pdpatrol("replay", ".", cwd=tmp_path)
     assert done.returncode == 2
     (line,) = done.stderr.strip().splitlines()
-    assert "the facts in its log are damaged" in line
+    assert "damaged metadata" in line
     assert [path.name for path in tmp_path.iterdir()] == ["log.npz"]
-
-
-@pytest.mark.parametrize(
-    ("change", "told"),
-    [
-        (lambda data: b"", "is empty"),
-        (lambda data: np.random.default_rng(2).bytes(5000), "is no recording"),
-        (lambda data: data[: len(data) // 2], "is cut short"),
-        (lambda data: data[:-1], "is cut short"),
-        (lambda data: data[:64] + bytes(2000) + data[2064:], "is damaged"),
-    ],
-)
-def test_a_recording_that_is_none_is_refused(
-    mission: Path, tmp_path: Path, change: Callable[[bytes], bytes], told: str
-) -> None:
-    whole = (mission / "mission.rrd").read_bytes()
-    check_recording(mission / "mission.rrd")
-    (tmp_path / "mission.rrd").write_bytes(change(whole))
-    with pytest.raises(InputFileError, match=told) as refused:
-        check_recording(tmp_path / "mission.rrd")
-    assert len(refused.value.faults) == 1
 
 
 @pytest.mark.whole
@@ -138,11 +117,11 @@ def test_replay_serves_no_folder_and_no_junk(tmp_path: Path) -> None:
     (tmp_path / "a" / "mission.rrd").mkdir(parents=True)
     (tmp_path / "b").mkdir()
     (tmp_path / "b" / "mission.rrd").write_bytes(b"junk")
-    for folder, told in (("a", "is a folder"), ("b", "is no recording")):
+    for folder in ("a", "b"):
         done = pdpatrol("replay", "--web", folder, cwd=tmp_path)
         assert done.returncode == 2
         (line,) = done.stderr.strip().splitlines()
-        assert told in line
+        assert "mission.rrd: not a readable recording" in line
 
 
 MANIFEST = {"version": 1, "plan": "p", "code": "c", "n_missions": 1, "suite": ""}

@@ -13,7 +13,7 @@ from pdpatrol.missions.policies.own_policy import BUILT_IN
 from pdpatrol.missions.policies.patrol import Patrol
 from pdpatrol.missions.record.events import Phase
 from pdpatrol.missions.report.make_report import make_report
-from pdpatrol.missions.report.report_file import read_report, report_text
+from pdpatrol.missions.report.records import read_report, report_text
 from pdpatrol.missions.runner import Mission, run_mission
 
 POLICIES = """

@@ -1,42 +1,29 @@
-"""Recordings read back: what lies where, as plain values."""
+"""Recordings read back as plain values."""
 
 from pathlib import Path
 from typing import Any
 
 from rerun.chunk import RrdReader
 
-from pdpatrol.missions.recording import paths
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.recording import write_recording
 
-Row = dict[str, Any]
+Entities = dict[str, dict[str, dict[int | None, Any]]]
 
 
-def rows(path: Path) -> dict[str, int]:
-    """Rows of every entity on a timeline or, for static data, in all."""
-    counts: dict[str, int] = {}
+def read_recording(path: Path) -> Entities:
+    """Return the values of each component of each entity by step; static values have the step None."""
+    found: Entities = {}
     for chunk in RrdReader(path).stream().to_chunks():
-        counts[str(chunk.entity_path)] = counts.get(str(chunk.entity_path), 0) + chunk.num_rows
-    return counts
-
-
-def values(path: Path) -> dict[str, list[Row]]:
-    """Every row of every entity as plain values; what identifies rows and chunks left out."""
-    found: dict[str, list[Row]] = {}
-    for chunk in RrdReader(path).stream().to_chunks():
-        entity = found.setdefault(str(chunk.entity_path), [])
-        if chunk.entity_path == "/__properties":  # holds times of this machine
-            continue
+        entity = found.setdefault(str(chunk.entity_path).lstrip("/"), {})
         for row in chunk.to_record_batch().to_pylist():
-            entity.append({name: cell for name, cell in row.items() if "rowid" not in name.lower()})
+            for name, cell in row.items():
+                if ":" in name and cell is not None and "rowid" not in name.lower():
+                    entity.setdefault(name.rpartition(":")[2], {})[row.get("step")] = cell
     return found
 
 
-def cells(rows_of_entity: list[Row], component: str) -> dict[int, list[Any]]:
-    """One component by step."""
-    key = next(name for row in rows_of_entity for name in row if name.endswith(f":{component}"))
-    return {row[paths.STEP]: row[key] for row in rows_of_entity if row.get(paths.STEP) is not None and key in row}
-
-
-def still(rows_of_entity: list[Row], component: str) -> list[Any]:
-    """One component of what does not move."""
-    (found,) = [row[key] for row in rows_of_entity for key in row if key.endswith(f":{component}")]
-    return found
+def recorded(log: MissionLog, folder: Path) -> Entities:
+    """Write the recording of a log and read it back."""
+    write_recording(log, folder / "mission.rrd")
+    return read_recording(folder / "mission.rrd")

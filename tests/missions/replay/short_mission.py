@@ -1,4 +1,4 @@
-"""Missions that end after some seconds, and the command that shows them."""
+"""Missions that end after some seconds, and the command line."""
 
 import os
 import resource
@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from pdpatrol.envs import load_scenario
-from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.record.mission_log import TABLES, MissionLog
 from pdpatrol.missions.runner import Mission
 from tests.processes import WRITES_NO_BYTECODE
 
@@ -15,7 +15,7 @@ PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 
 
 def short_mission(end_s: float = 8.0, seed: int = 0, date: str | None = None) -> MissionLog:
-    """A mission that is ended early."""
+    """Run a mission that is ended early."""
     settings = {} if date is None else {"campaign.date": date}
 
     def end_early(mission: Mission) -> None:
@@ -25,13 +25,23 @@ def short_mission(end_s: float = 8.0, seed: int = 0, date: str | None = None) ->
     return Mission(load_scenario("one_source", settings), "seek", seed).run(end_early)
 
 
+def copy_of(log: MissionLog, *tables: str, n_steps: int | None = None, **meta: object) -> MissionLog:
+    """Return a copy of the tables of a log up to a step, with some metadata replaced."""
+    copy = MissionLog({**log.meta, **meta})
+    for table in tables or TABLES:
+        columns = log.table(table, 0, None if n_steps is None else log.rows_before(table, n_steps))
+        for row in zip(*columns.values(), strict=True):
+            copy.append(table, **dict(zip(columns, row, strict=True)))
+    return copy
+
+
 def without_screen() -> dict[str, str]:
-    """The environment of a machine that has none."""
+    """Return the environment of a machine without a screen."""
     return {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
 
 
 def pdpatrol(*arguments: str, cwd: Path, most_bytes: int | None = None) -> subprocess.CompletedProcess[str]:
-    """The command without a screen; no file that it writes may become larger than `most_bytes`, as on a full disk."""
+    """Run the command without a screen; `most_bytes` limits the size of its files, as on a full disk."""
 
     def limit() -> None:
         if most_bytes is not None:

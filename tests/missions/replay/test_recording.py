@@ -1,4 +1,4 @@
-"""Recordings are written for real and read back."""
+"""Recordings written and read back."""
 
 import re
 import subprocess
@@ -9,22 +9,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rerun as rr
+from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
+from dirmusic.angles import wrap
 from pdpatrol.envs import load_scenario
+from pdpatrol.missions.record.array_description import described_manifold
 from pdpatrol.missions.record.mission_log import TABLES, MissionLog
-from pdpatrol.missions.recording import Recorder, paths, write_recording
+from pdpatrol.missions.record.phase_patterns import phase_patterns
+from pdpatrol.missions.recording import Recorder, write_recording
+from pdpatrol.missions.recording.phase_pattern import SPAN_DB, UNITS_PER_DB
+from pdpatrol.missions.recording.spectra import HEIGHT, WIDTH
 from pdpatrol.missions.report.make_report import make_report
-from pdpatrol.missions.runner import run_mission
 from pdpatrol.robot_models.drawn_solids import describe_equipment
-from tests.missions.replay.read_back import cells, rows, values
-
-AT_REST = {"odometry": np.zeros(3), "battery": 1.0, "command": np.zeros(2)}
+from tests.missions.replay.read_back import Entities, read_recording, recorded
+from tests.missions.replay.short_mission import copy_of, pdpatrol, short_mission
 
 
 @pytest.fixture(autouse=True)
 def _strict() -> Iterator[None]:
-    """Rerun drops what it cannot read with a warning; here that is an error."""
+    """Turn Rerun's warnings about dropped data into errors."""
     before = rr.strict_mode()
     rr.set_strict_mode(True)
     yield
@@ -33,9 +37,7 @@ def _strict() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def log() -> MissionLog:
-    scenario = load_scenario("one_source")
-    task = scenario.task.model_copy(update={"time_limit_s": 25.0})
-    return run_mission(scenario.model_copy(update={"task": task}), seed=1)
+    return short_mission(43.0, seed=1)
 
 
 @pytest.fixture(scope="module")
@@ -45,189 +47,277 @@ def recording(log: MissionLog, tmp_path_factory: pytest.TempPathFactory) -> Path
     return path
 
 
-def test_reruns_own_checker_accepts_the_file(recording: Path) -> None:
+@pytest.fixture(scope="module")
+def drawn(recording: Path) -> Entities:
+    return read_recording(recording)
+
+
+def direction(rays: object) -> NDArray[np.float64]:
+    """Return the directions of rays (n, 2, 3), shape (n,), radians."""
+    ahead = np.diff(np.array(rays), axis=1)[:, 0]
+    return np.arctan2(ahead[:, 1], ahead[:, 0])
+
+
+def test_rerun_verifies_the_file(recording: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "rerun", "rrd", "verify", str(recording)], capture_output=True, text=True, timeout=60
     )
     assert done.returncode == 0, done.stderr
 
 
-def test_counts_are_those_of_the_log(recording: Path, log: MissionLog) -> None:
-    counted, found = rows(recording), values(recording)
-    n_steps, n_bins = log.n_rows("step"), -(-log.n_rows("step") // 5)
-    assert counted[f"/{paths.ROBOT}"] == n_steps + 1  # and what it is marked by
-    for path in (paths.TRAJECTORY, paths.TRUE_TRAJECTORY, paths.ODOMETRY, paths.SPECTRA_HEADING):
-        assert counted[f"/{path}"] == n_bins + 1  # and its style
-    assert counted[f"/{paths.BATTERY}"] == n_bins
-    drawn = {
-        path: sum(len(strips) for strips in cells(found[f"/{path}"], "strips").values())
-        for path in (paths.NEW_BEARINGS, paths.REJECTED)
+def test_recording_has_every_row_of_the_log(drawn: Entities, log: MissionLog) -> None:
+    assert set(drawn["world/robot"]["translation"]) == set(range(log.n_rows("step")))
+    for path in ("world/trajectory", "world/truth/trajectory", "world/odometry", "plots/battery"):
+        (component,) = {"strips", "scalars"} & drawn[path].keys()
+        assert len(drawn[path][component]) == -(-log.n_rows("step") // 5)
+    n_rays = {
+        name: sum(len(rays) for rays in drawn[f"world/bearings/{name}"]["strips"].values())
+        for name in ("new", "rejected")
     }
-    assert drawn[paths.NEW_BEARINGS] == log.n_rows("bearing") > 100
-    assert drawn[paths.REJECTED] == log.n_rows("pulse") - log.n_rows("bearing") > 5
-    assert counted[f"/{paths.EVENTS}"] == log.n_rows("event")
-    finding = log.table("finding")
-    for number in np.unique(finding["id"]).tolist():
-        positions = cells(found[f"/{paths.finding_path(number)}"], "positions")
-        assert set(positions) == set(finding["step"][finding["id"] == number].tolist())
-    assert counted[f"/{paths.LIKELIHOOD}"] == log.n_rows("likelihood") * 2  # the picture, and where it lies
-    for path in (f"{paths.EQUIPMENT}/box", f"{paths.BODY}/cylinder", paths.SITES, paths.ROUTE, paths.PHASE):
-        assert counted[f"/{path}"] >= 1
+    assert n_rays["new"] == log.n_rows("bearing") > 100
+    assert n_rays["rejected"] == log.n_rows("pulse") - log.n_rows("bearing") > 5
+    assert {text for (text,) in drawn["mission/events"]["text"].values()} <= set(log.column("event", "text").tolist())
+    for number in set(log.column("finding", "id").tolist()):
+        assert f"world/findings/{number}/label" in drawn
+    for path in ("yard/equipment/box", "robot/body/cylinder", "yard/sites", "route", "likelihood"):
+        assert f"world/{path}" in drawn
 
 
-def test_times_increase_along_every_entity(recording: Path, log: MissionLog) -> None:
+def test_times_match_the_steps(recording: Path, log: MissionLog) -> None:
     time_s = log.column("step", "time_s")
     for chunk in RrdReader(recording).stream().to_chunks():
         batch = chunk.to_record_batch()
-        if paths.SIM_TIME not in batch.schema.names:
-            continue
-        at = batch.column(paths.SIM_TIME).cast("int64").to_numpy() / 1e9
-        assert (np.diff(at) >= 0.0).all(), chunk.entity_path
-        np.testing.assert_allclose(at, time_s[batch.column(paths.STEP).to_numpy()], atol=1e-6)
+        if "sim_time" in batch.schema.names:
+            at_s = batch.column("sim_time").cast("int64").to_numpy() / 1e9
+            np.testing.assert_allclose(at_s, time_s[batch.column("step").to_numpy()], atol=1e-6)
 
 
-def test_every_view_shows_something_that_is_there(recording: Path) -> None:
-    reader, there = RrdReader(recording), rows(recording)
+def test_views_and_overrides_refer_to_entities(recording: Path, drawn: Entities) -> None:
+    reader = RrdReader(recording)
     (entry,) = reader.blueprints()
-    origins, overridden = set[str](), set[str]()
+    paths = set[str]()
     for chunk in reader.stream(store=entry).to_chunks():
-        overridden |= set(re.findall(r"overrides?(/.+?)(?:/visualizers.*)?$", str(chunk.entity_path)))
+        paths |= set(re.findall(r"overrides?/(.+?)(?:/visualizers.*)?$", str(chunk.entity_path)))
         batch = chunk.to_record_batch()
         for name in batch.schema.names:
             if name.endswith(":space_origin"):
-                origins |= {origin for cell in batch.column(name).to_pylist() for origin in cell or ()}
-    assert len(origins) >= 9
-    assert len(overridden) >= 9
-    for path in (*(f"/{origin.strip('/')}" for origin in origins), *overridden):
-        assert [one for one in there if one == path or one.startswith(f"{path}/")], path
+                paths |= {origin.strip("/") for cell in batch.column(name).to_pylist() for origin in cell or ()}
+    assert len(paths) >= 18
+    for path in paths:
+        assert [entity for entity in drawn if f"{entity}/".startswith(f"{path}/")], path
 
 
-def test_a_recording_made_slice_by_slice_as_the_log_grows_holds_the_same(log: MissionLog, tmp_path: Path) -> None:
+def test_growing_log_gives_the_same_recording(log: MissionLog, tmp_path: Path, drawn: Entities) -> None:
     growing = MissionLog(log.meta)
     stream = rr.RecordingStream("pdpatrol")
-    stream.save(tmp_path / "slices.rrd")
+    stream.save(tmp_path / "live.rrd")
     recorder = Recorder(stream, growing, float(log.column("step", "time_s")[-1]))
     tables = {name: log.table(name) for name in TABLES}
-    pulse_step = tables["pulse"]["step"]
-    owner = {name: table["step"] for name, table in tables.items() if "step" in table}
-    owner |= {"step": np.arange(log.n_rows("step")), "bearing": pulse_step[tables["bearing"]["pulse"]]}
-    owner["association"] = np.full(log.n_rows("association"), log.n_rows("step") - 1)  # written at the end
     for start in range(0, log.n_rows("step"), 7):
+        is_last = start + 7 >= log.n_rows("step")
         for name, table in tables.items():
-            for row in np.flatnonzero((owner[name] >= start) & (owner[name] < start + 7)):
-                growing.append(name, **{column: entries[row] for column, entries in table.items()})
+            stop = 0 if name == "association" else log.rows_before(name, start + 7)
+            for row in range(growing.n_rows(name), log.n_rows(name) if is_last else stop):
+                growing.append(name, **{column: values[row] for column, values in table.items()})
         recorder.update()
     stream.flush()
     stream.disconnect()
-    write_recording(log, tmp_path / "whole.rrd")
-    whole, slices = values(tmp_path / "whole.rrd"), values(tmp_path / "slices.rrd")
-    drawn = [path for path in whole if not path.startswith("/__properties") and path != f"/{paths.PHASE}"]
-    assert len(drawn) > 40
-    for path in drawn:
-        assert sorted(map(repr, whole[path])) == sorted(map(repr, slices[path])), path
-    assert cells(whole[f"/{paths.PHASE}"], "state") == cells(slices[f"/{paths.PHASE}"], "state")
+    live = read_recording(tmp_path / "live.rrd")
+    same = [path for path in drawn if not path.startswith("__properties")]
+    assert len(same) > 40
+    for path in same:
+        if path == "mission/phase":
+            assert live[path]["state"] == drawn[path]["state"]
+        else:
+            assert live[path] == drawn[path], path
 
 
-def test_no_value_in_the_file_is_nan(recording: Path) -> None:
-    for path, entity in values(recording).items():
-        assert not [row for row in entity if re.search(r"\bnan\b", repr(row))], path
+def test_recording_has_no_nan(drawn: Entities) -> None:
+    assert not [path for path, entity in drawn.items() if re.search(r"\bnan\b", repr(entity))]
 
 
-def test_field_data_without_robot_truth_or_pulses_is_recorded_too(tmp_path: Path) -> None:
-    field = MissionLog({"n_elements": 4, "array": {"boresights_rad": [1.57, 0.52, -0.52, -1.57]}})
+def test_field_data_and_empty_logs_can_be_recorded(tmp_path: Path) -> None:
+    field = MissionLog(
+        {"name": "survey", "seed": None, "policy": None, "n_elements": 4,
+         "array": {"boresights_rad": [1.57, 0.52, -0.52, -1.57]}}
+    )  # fmt: skip
+    assert "world/truth/sources" not in recorded(field, tmp_path)
     for k in range(20):
         field.append(
-            "step",
-            time_s=0.1 * k,
-            pose=np.zeros(3),
-            true_pose=np.full(3, np.nan),
-            **AT_REST,
-            phase="field",
-            phase_target=0,
-        )
-    write_recording(field, tmp_path / "field.rrd")
-    write_recording(MissionLog(field.meta), tmp_path / "empty.rrd")
-    counted = rows(tmp_path / "field.rrd")
-    assert counted[f"/{paths.ROBOT}"] >= 20
-    assert f"/{paths.TRUE_SOURCES}" not in counted
+            "step", time_s=0.1 * k, pose=np.zeros(3), true_pose=np.full(3, np.nan), odometry=np.full(3, np.nan),
+            battery=np.nan, command=np.full(2, np.nan), phase="field", phase_target=0,
+        )  # fmt: skip
+    drawn = recorded(field, tmp_path)
+    assert len(drawn["world/robot"]["translation"]) == 20
+    assert "world/odometry" not in drawn
 
 
-def test_a_capsule_is_drawn_about_its_middle(tmp_path: Path, log: MissionLog) -> None:
-    # Rerun's capsule starts at its translation and runs along its own z; MuJoCo's is centred
-    lying = {
-        "name": "bar",
-        "group": "robot",
-        "shape": "capsule",
-        "size_m": [0.01, 0.3, 0.0],
-        "position_m": [1.0, 2.0, 3.0],
-        "quaternion_wxyz": [np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0],
-        "rgba": [1.0, 1.0, 1.0, 1.0],
-    }
-    write_recording(MissionLog({**log.meta, "solids": {"yard": [], "robot": [lying]}}), tmp_path / "bar.rrd")
-    (row,) = values(tmp_path / "bar.rrd")[f"/{paths.BODY}/capsule"]
-    start = next(cell for name, cell in row.items() if name.endswith(":translations"))[0]
-    np.testing.assert_allclose(start, [0.7, 2.0, 3.0], atol=1e-6)  # turned by 90 degrees about y: z became x
+def test_recording_of_a_killed_mission(tmp_path: Path, log: MissionLog) -> None:
+    copy_of(log, "step", "pulse", "bearing", "finding").write_part(tmp_path)
+    drawn = recorded(MissionLog.load(tmp_path), tmp_path)
+    assert len(drawn["world/robot"]["translation"]) == log.n_rows("step")
+    assert not [path for path in drawn if path.startswith("phase_pattern")]
+    assert "over after 43 s: killed" in drawn["mission/status"]["text"][log.n_rows("step") - 1][0]
 
 
-def test_what_the_map_shows_and_does_not_stand_there_is_an_outline(tmp_path: Path, log: MissionLog) -> None:
-    wrong = describe_equipment(load_scenario("one_source").yard.equipment[:1])
-    solids = {**log.meta["solids"], "map": wrong}
-    write_recording(MissionLog({**log.meta, "solids": solids}), tmp_path / "map.rrd")
-    (row,) = values(tmp_path / "map.rrd")[f"/{paths.MAP}/box"]
-    drawn = {name.rpartition(":")[2]: cell for name, cell in row.items()}
-    np.testing.assert_allclose(drawn["centers"], np.array([wrong[0]["position_m"]]), atol=1e-6)
-    assert drawn["fill_mode"] == [rr.components.FillMode.MajorWireframe.value]
+@pytest.mark.parametrize("has_log", [True, False])
+def test_replay_draws_from_the_log_alone(has_log: bool, log: MissionLog, recording: Path, tmp_path: Path) -> None:
+    """A damaged recording is drawn again; without a log it is refused and stays as it is."""
+    folder = tmp_path / "Prüffeld 1, [süd] €"
+    folder.mkdir()
+    (folder / "mission.rrd").write_bytes(damaged := recording.read_bytes()[:5000])
+    if has_log:
+        log.save(folder)
+    done = pdpatrol("replay", folder.name, cwd=tmp_path)
+    assert done.returncode == (1 if has_log else 2)  # 1: no screen
+    assert len(done.stderr.splitlines()) == 1
+    assert ((folder / "mission.rrd").read_bytes() == damaged) is not has_log
 
 
-def test_an_interferer_that_moves_is_drawn_with_its_line(tmp_path: Path, log: MissionLog) -> None:
+def test_full_disk_is_one_line_and_keeps_the_log(log: MissionLog, tmp_path: Path) -> None:
+    log.save(tmp_path)
+    before = (tmp_path / "log.npz").read_bytes()
+    done = pdpatrol("replay", ".", "--web", cwd=tmp_path, most_bytes=2000)
+    assert done.returncode == 1
+    assert "File too large" in done.stderr.strip().splitlines()[-1]
+    assert "Traceback" not in done.stderr
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"log.npz": before}
+
+
+def test_recording_is_named_by_mission_and_outcome(drawn: Entities, recording: Path, log: MissionLog) -> None:
+    report = make_report(log, 0.0)
+    names = [cell for values in drawn["__properties"].values() for cell in values.values()]
+    assert [f"one_source, seed 1, seek: found {len(report.scores.matches)} of 1"] in names
+    (entry,) = RrdReader(recording).recordings()
+    assert entry.application_id == "pdpatrol one_source"
+    assert entry.recording_id.startswith("one_source, seed 1, seek (")
+
+
+def test_capsule_is_drawn_around_its_centre(tmp_path: Path, log: MissionLog) -> None:
+    """Rerun's capsules start at their translation and extend along z; MuJoCo's are centred."""
+    bar = {
+        "name": "bar", "group": "robot", "shape": "capsule", "size_m": [0.01, 0.3, 0.0],
+        "position_m": [1.0, 2.0, 3.0], "quaternion_wxyz": [0.5**0.5, 0.0, 0.5**0.5, 0.0], "rgba": [1.0, 1.0, 1.0, 1.0],
+    }  # fmt: skip
+    drawn = recorded(copy_of(log, "step", n_steps=5, solids={"yard": [], "robot": [bar]}), tmp_path)
+    (start,) = drawn["world/robot/body/capsule"]["translations"][None]
+    np.testing.assert_allclose(start, [0.7, 2.0, 3.0], atol=1e-6)  # turned by 90 degrees about y: z becomes x
+
+
+def test_map_errors_and_moving_interferers_are_drawn(tmp_path: Path, log: MissionLog) -> None:
+    missing = describe_equipment(load_scenario("one_source").yard.equipment[:1])
     bus = {"name": "bus", "position_m": [-9.0, 0.0, 3.0], "moves_to_m": [-9.0, 30.0, 3.0], "speed_mps": 8.0}
-    truth = {**log.meta["truth"], "interferers": [bus]}
-    write_recording(MissionLog({**log.meta, "truth": truth}), tmp_path / "bus.rrd")
-    (row,) = values(tmp_path / "bus.rrd")[f"/{paths.TRUE_WAYS}"]
-    strips = next(cell for name, cell in row.items() if name.endswith(":strips"))
-    np.testing.assert_allclose(strips, [[bus["position_m"], bus["moves_to_m"]]], atol=1e-6)
+    meta = {"solids": {**log.meta["solids"], "map": missing}, "truth": {**log.meta["truth"], "interferers": [bus]}}
+    drawn = recorded(copy_of(log, "step", n_steps=5, **meta), tmp_path)
+    outline = drawn["world/yard/map/box"]
+    np.testing.assert_allclose(outline["centers"][None], [missing[0]["position_m"]], atol=1e-6)
+    assert outline["fill_mode"][None] == [rr.components.FillMode.MajorWireframe.value]
+    line = drawn["world/truth/moves"]["strips"][None]
+    np.testing.assert_allclose(line, [[bus["position_m"], bus["moves_to_m"]]], atol=1e-6)
 
 
-def test_a_finding_that_is_dropped_disappears(tmp_path: Path, log: MissionLog) -> None:
-    dropped = MissionLog(log.meta)
-    step, finding = log.table("step"), log.table("finding")
-    for k in range(20):
-        dropped.append("step", **{name: column[k] for name, column in step.items()})
-    for at, state in ((3, "candidate"), (9, "dropped")):
-        row = {name: column[-1] for name, column in finding.items()}
-        dropped.append("finding", **row | {"step": at, "state": state, "id": 1})
-    write_recording(dropped, tmp_path / "dropped.rrd")
-    found = values(tmp_path / "dropped.rrd")
-    path = paths.finding_path(1)
-    for part, component in (
-        (path, "positions"),
-        (f"{path}/label", "positions"),
-        (f"{path}/ellipse", "strips"),
-        (f"{path}/height", "strips"),
-    ):
-        drawn = cells(found[f"/{part}"], component)
-        assert {at: len(shapes) for at, shapes in drawn.items()} == {3: 1, 9: 0}
+def test_dropped_finding_is_cleared(tmp_path: Path, log: MissionLog) -> None:
+    dropped = copy_of(log, "step", n_steps=20)
+    row = {name: column[-1] for name, column in log.table("finding").items()}
+    for step, state in ((3, "candidate"), (9, "dropped")):
+        dropped.append("finding", **row | {"step": step, "state": state, "id": 1})
+    drawn = recorded(dropped, tmp_path)
+    for part in ("", "/label"):
+        assert list(drawn[f"world/findings/1{part}"]["positions"]) == [3]
+    assert drawn["world/findings/1"]["is_recursive"] == {9: [True]}
 
 
-def test_the_parts_that_a_killed_mission_left_make_a_recording(tmp_path: Path, log: MissionLog) -> None:
-    killed = MissionLog(log.meta)
-    for table in ("step", "pulse", "bearing", "finding"):
-        for row in range(log.n_rows(table)):
-            killed.append(table, **{name: column[row] for name, column in log.table(table).items()})
-    killed.write_part(tmp_path)
-    write_recording(MissionLog.load(tmp_path), tmp_path / "killed.rrd")
-    counted = rows(tmp_path / "killed.rrd")
-    assert counted[f"/{paths.ROBOT}"] >= log.n_rows("step")
-    assert not [path for path in counted if path.startswith(f"/{paths.PHASE_PATTERN}/")]
-
-
-def test_a_finding_has_one_number_in_log_events_recording_and_report(recording: Path, log: MissionLog) -> None:
+def test_findings_have_the_same_number_everywhere(drawn: Entities, log: MissionLog) -> None:
     report = make_report(log, 0.0)
     ids = {finding.id for finding in (*report.findings, *report.candidates)}
-    last = log.column("finding", "step") == log.column("finding", "step")[-1]
-    assert ids == set(log.column("finding", "id")[last].tolist())
-    told = " ".join(log.column("event", "text"))
+    assert ids
+    events = " ".join(log.column("event", "text"))
     for number in ids:
-        assert re.search(rf"(finding|candidate) {number} ", told)
-        labels = cells(values(recording)[f"/{paths.finding_path(number)}/label"], "labels")
-        assert {label.split()[1].rstrip(":") for (label,) in labels.values()} == {str(number)}
+        assert re.search(rf"(finding|candidate) {number} ", events)
+        labels = drawn[f"world/findings/{number}/label"]["labels"].values()
+        assert {label.split()[1].rstrip(":") for (label,) in labels} == {str(number)}
+
+
+def test_rays_start_at_the_robot_and_follow_the_bearings(drawn: Entities, log: MissionLog) -> None:
+    rays = drawn["world/bearings/new"]["strips"]
+    pulse_step = log.column("pulse", "step")[log.column("bearing", "pulse")]
+    assert set(rays) == set(pulse_step.tolist())
+    for step, own in rays.items():
+        assert step is not None
+        start = np.array(own)[:, 0, :2]
+        np.testing.assert_allclose(start, np.broadcast_to(log.column("step", "pose")[step, :2], start.shape), atol=1e-5)
+        bearing_rad = np.sort(log.column("bearing", "bearing_rad")[pulse_step == step])
+        np.testing.assert_allclose(np.sort(direction(own)), bearing_rad, atol=1e-5)
+
+
+def test_ring_peaks_on_the_ray_of_its_pulse(drawn: Entities, log: MissionLog) -> None:
+    rings, rays = drawn["world/spectrum"]["strips"], drawn["world/bearings/past"]["strips"]
+    assert len(rings) > 50
+    for step, (ring,) in rings.items():
+        out = np.array(ring)[:, :2] - np.array(rays[step])[0, 0, :2]
+        radius = np.linalg.norm(out, axis=-1)
+        assert 0.8 - 1e-5 <= radius.min() <= radius.max() <= 3.0 + 1e-5
+        peak = np.arctan2(*out[radius.argmax()][::-1])
+        assert np.degrees(np.abs(wrap(peak - direction(rays[step])))).max() < 2.0  # azimuths are 2 degrees apart
+
+
+def test_rejected_pulses_point_to_the_peak_of_their_spectrum(drawn: Entities, log: MissionLog) -> None:
+    rays, pulse = drawn["world/bearings/rejected"]["strips"], log.table("pulse")
+    rejected = ~pulse["is_credible"]
+    azimuth = np.radians(np.arange(-180.0, 180.0, 0.5))
+    gain = described_manifold(log.meta["array"]).gain(azimuth)
+    best = azimuth[(pulse["strengths_v"] @ (gain / np.linalg.norm(gain, axis=0))).argmax(axis=-1)]
+    towards = wrap(best + log.column("step", "pose")[pulse["step"], 2])
+    assert set(rays) == set(pulse["step"][rejected].tolist())
+    for step, own in rays.items():
+        offset = wrap(direction(own)[:, np.newaxis] - towards[rejected & (pulse["step"] == step)])
+        assert np.degrees(np.abs(offset)).min(axis=0).max() < 2.0
+
+
+def test_left_turn_goes_up_in_the_spectra_and_turns_the_robot(log: MissionLog, tmp_path: Path) -> None:
+    turning, step = MissionLog(log.meta), log.table("step")
+    yaw_rad = -0.5 + 0.03 * np.arange(40)
+    for k in range(40):
+        row = {name: column[k] for name, column in step.items()}
+        turning.append("step", **row | {"pose": np.array([5.0, 5.0, yaw_rad[k]])})
+    drawn = recorded(turning, tmp_path)
+    heading = np.array([strips[-1][-1] for strips in drawn["spectra/heading"]["strips"].values()])
+    assert (np.diff(heading[:, 0]) > 0.0).all()
+    assert (np.diff(heading[:, 1]) < 0.0).all()  # y points down
+    assert heading[-1] == pytest.approx([WIDTH, HEIGHT * (0.5 - yaw_rad[-1] / (2 * np.pi))], abs=1e-3)
+    angles = drawn["world/robot"]["rotation_axis_angle"]
+    np.testing.assert_allclose([turn[0]["angle"] for turn in angles.values()], yaw_rad, atol=1e-6)
+
+
+def test_spectra_are_brightest_at_the_bearings(drawn: Entities, log: MissionLog) -> None:
+    bearing_rad, step = (
+        log.column("bearing", "bearing_rad"),
+        log.column("pulse", "step")[log.column("bearing", "pulse")],
+    )
+    tiles = [int(path.rpartition("/")[2]) for path in drawn if re.fullmatch("spectra/[0-9]+", path)]
+    assert sorted(tiles) == list(range(-(-log.n_rows("step") // 50)))
+    ((buffer,),) = drawn["spectra/1"]["buffer"].values()
+    picture = np.frombuffer(bytes(buffer), dtype=np.uint8).reshape(180, 10, 3).sum(axis=-1)
+    for column in range(10):
+        own = bearing_rad[(step - 50) // 5 == column]
+        brightest = np.pi - 2 * np.pi * (picture[:, column].argmax() + 1) / 180
+        assert np.degrees(np.abs(wrap(own - brightest))).min() < 5.0
+
+
+def test_phase_pattern_has_levels_in_decibels_and_separate_names(drawn: Entities, log: MissionLog) -> None:
+    patterns = phase_patterns(log)
+    assert patterns
+    marks = drawn["phase_pattern/axes/marks"]
+    (middle_db,) = [
+        int(label.removesuffix(" dBV"))
+        for label, (x, y) in zip(marks["labels"][None], marks["positions"][None], strict=True)
+        if x < 0.0 and y == 0.0
+    ]
+    names = [next(iter(drawn[f"phase_pattern/{number}/kind"]["positions"].values()))[0] for number in patterns]
+    assert all(y < -UNITS_PER_DB * SPAN_DB for _, y in names)
+    assert len({tuple(name) for name in names}) == len(names)
+    for number, resolved in patterns.items():
+        points, steps = drawn[f"phase_pattern/{number}"]["positions"], log.column("pulse", "step")[resolved.pulse]
+        assert set(points) == set(steps.tolist())
+        level_db = middle_db - np.array(points[steps[0]])[:, 1] / UNITS_PER_DB
+        np.testing.assert_allclose(np.sort(level_db), np.sort(resolved.level_db[steps == steps[0]]), atol=1e-4)

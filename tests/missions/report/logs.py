@@ -1,15 +1,64 @@
-"""Logs of missions, made in a moment."""
+"""Logs of missions made without running one."""
+
+from collections.abc import Callable
 
 import numpy as np
 
 from dirmusic import GainManifold
+from pdpatrol.missions.field.field_data import read_field_data
+from pdpatrol.missions.field.locate_field_data import array_model, locate_field_data
 from pdpatrol.missions.record.mission_log import MissionLog
+from tests.missions.field.surveys import EXAMPLE, POSE_ERROR, SPREAD
+from tests.missions.test_phase_patterns import log_of_two_findings
 
 
 def empty_log() -> MissionLog:
-    """Of a mission without scenario, in which nothing has happened."""
+    """Return the log of a mission without scenario in which nothing has happened."""
     ring = GainManifold.ring(6)
     array = {"boresights_rad": ring.boresights_rad.tolist(), "positions_m": np.zeros((6, 3)).tolist()}
     return MissionLog(
         {"name": "yard", "seed": 1, "policy": "seek", "n_elements": 6, "array": array, "bounds_m": [[0, 0], [20, 20]]}
     )
+
+
+def two_findings(*, mains: bool = True) -> MissionLog:
+    """Return the log of a mission with two findings."""
+    log = log_of_two_findings(1, mains=mains)
+    log.meta["bounds_m"] = [[-5.0, -5.0], [20.0, 20.0]]
+    return log
+
+
+def killed_log() -> MissionLog:
+    """Return the log of a mission that was killed before it could write its associations."""
+    log = two_findings()
+    part = MissionLog(log.meta)
+    for table in ("step", "pulse", "bearing", "finding"):
+        for row in range(log.n_rows(table)):
+            part.append(table, **{name: column[row] for name, column in log.table(table).items()})
+    return part
+
+
+def field_log() -> MissionLog:
+    """Return the log of the example of field data."""
+    data = read_field_data(EXAMPLE)
+    return locate_field_data(data, array_model(data, SPREAD), POSE_ERROR, date="2026-03-02")
+
+
+def add_finding(
+    log: MissionLog, step: int, number: int, state: str, position_m: tuple[float, ...], **row: object
+) -> None:
+    """Append a finding to a log."""
+    known: dict[str, object] = {
+        "covariance_m2": 0.01 * np.eye(3), "n_bearings": 30, "first_detected_s": 0.0, "confirmed_s": np.nan,
+        "aperture_rad": 0.3,
+    }  # fmt: skip
+    log.append("finding", step=step, id=number, state=state, position_m=np.array(position_m), **{**known, **row})
+
+
+LOGS: dict[str, Callable[[], MissionLog]] = {
+    "two_findings": two_findings,
+    "no_mains": lambda: two_findings(mains=False),
+    "killed": killed_log,
+    "empty": empty_log,
+    "field": field_log,
+}

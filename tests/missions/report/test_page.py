@@ -1,46 +1,136 @@
-"""The frame of all pages: one file, nothing to load, foreign text escaped."""
+"""report.html."""
 
-from matplotlib.figure import Figure
+from collections.abc import Callable
 
-from pdpatrol.missions.report.page import css_string, inline_svg, render
-from tests.missions.report.html import Page
+import numpy as np
+import pytest
 
+from pdpatrol.envs import load_scenario
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.report.inspection import inspect_sites
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.missions.report.page import report_page
+from pdpatrol.missions.report.records import Report
+from pdpatrol.missions.report.wording import ADVICE_LIMITS
+from pdpatrol.missions.runner import Mission, run_mission
+from tests.missions.report.logs import LOGS, add_finding, two_findings
+from tests.missions.report.page_reader import PageReader
 
-def picture(name: str, title: str = "") -> str:
-    figure = Figure(figsize=(3, 2))
-    axes = figure.subplots()
-    axes.plot([0, 1], [0, 1])
-    axes.set_title(title)
-    return inline_svg(figure, name, "a line")
-
-
-def test_foreign_text_cannot_leave_the_place_where_it_is_shown() -> None:
-    name = '</title><script>alert(1)</script>"; } @import url(http://a.b/c);'
-    page = Page(render("base.html", title="Survey", subject=name))
-    assert "script" not in page.tags
-    assert page.text.count(name) == 2  # head and header; in the style it is escaped
-    style = render("base.html", title="Survey", subject=name).split("<style>")[1].split("</style>")[0]
-    assert "@import url" not in style
+HOSTILE = '<script>alert(1)</script>"; } @import url(http://a.b/c); <img src=http://a.b/d>'
 
 
-def test_a_css_string_holds_neither_quotes_nor_line_breaks_nor_the_end_of_a_style() -> None:
-    assert not set(css_string("a\"b'\n</style>\\é")) & set("\"'\n<>/")
+@pytest.fixture(scope="module")
+def mission() -> MissionLog:
+    """Run thirty seconds of a mission, which find one of its sources."""
+
+    def end_early(mission: Mission) -> None:
+        if mission.time_s >= 30.0 and not mission.is_over:
+            mission.end("interrupted")
+
+    return run_mission(load_scenario("two_sources"), "seek", seed=1, after_step=end_early)
 
 
-def test_two_pictures_of_a_page_share_no_id_and_each_points_to_its_own() -> None:
-    first, second = Page(picture("one")), Page(picture("two"))
-    ids = [{a["id"] or "" for _, a in page.elements if a.get("id")} for page in (first, second)]
-    assert ids[0]
-    assert not ids[0] & ids[1]
-    for page, own in zip((first, second), ids, strict=True):
-        used = {(a.get("href") or "")[1:] for _, a in page.elements if "href" in a}
-        used |= {(a.get("clip-path") or "")[5:-1] for _, a in page.elements if "clip-path" in a}
-        assert used <= own
+def report_and_page(log: MissionLog) -> tuple[Report, PageReader]:
+    report = make_report(log, 1.0, inspect_sites(log))
+    return report, PageReader(report_page(log, report))
 
 
-def test_a_picture_is_the_same_each_time_names_no_address_to_load_and_escapes_its_text() -> None:
-    assert picture("one", "<b>&") == picture("one", "<b>&")
-    assert "b" not in {tag for tag, _ in Page(picture("one", "<b>&")).elements}
-    for _, attributes in Page(picture("one")).elements:
-        links = [value or "" for key, value in attributes.items() if key in ("src", "href", "xlink:href")]
-        assert all(link.startswith("#") for link in links)
+def hostile_log() -> MissionLog:
+    log = two_findings()
+    log.meta |= {"name": HOSTILE, "policy": HOSTILE, "versions": {HOSTILE: HOSTILE}}
+    for kind in ("channel fault", "end"):
+        log.append("event", step=0, kind=kind, number=0, subject=HOSTILE, text=HOSTILE)
+    return log
+
+
+PAGES: dict[str, Callable[[], MissionLog]] = {**LOGS, "hostile": hostile_log}
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_page_is_well_formed_and_loads_nothing(name: str) -> None:
+    _, page = report_and_page(PAGES[name]())
+    assert page.errors == []
+    assert not {"script", "iframe", "link", "object", "embed"} & {tag for tag, _ in page.elements}
+    assert len(page.ids) == len(set(page.ids))
+    assert "url(" not in page.styles
+    assert "@import" not in page.styles
+    for tag, attributes in page.elements:
+        assert not [key for key in attributes if key.startswith("on")]
+        for key in {"src", "srcset", "data", "href"} & attributes.keys():
+            link = attributes[key] or ""
+            assert link.startswith("data:image/svg+xml;base64,") if tag == "img" else link[1:] in page.ids
+
+
+def test_page_shows_foreign_names_as_text() -> None:
+    _, page = report_and_page(hostile_log())
+    assert page.text.count("<script>alert(1)</script>") >= 5
+
+
+def test_page_has_a_section_for_each_finding(mission: MissionLog) -> None:
+    report, page = report_and_page(mission)
+    table = mission.table("finding")
+    ids = table["id"][(table["step"] == table["step"][-1]) & (table["state"] == "confirmed")].tolist()
+    assert ids == [finding.id for finding in report.findings]
+    assert ids
+    assert [name for name in page.ids if name.startswith("finding-")] == [f"finding-{number}" for number in ids]
+    pictures = [attributes["alt"] or "" for tag, attributes in page.elements if tag == "img"]
+    for number in ids:
+        assert f"finding {number} at " in page.text
+        assert sum(picture.split()[3:5] == ["finding", str(number)] for picture in pictures) == 1
+    assert len(pictures) == 1 + 2 * len(ids)
+
+
+def test_page_states_what_an_operator_needs(mission: MissionLog) -> None:
+    report, page = report_and_page(mission)
+    (finding,) = report.findings
+    assert finding.discharge is not None
+    assert finding.strength is not None
+    for text in (
+        report.scenario, f"{finding.position_m[2]:.2f} ± {finding.position_std_m[2]:.2f}", finding.sites[0].name,
+        f"{finding.discharge.kind}, confidence", f"{finding.strength.level_db:.1f} dBV", "Recommended action",
+        ADVICE_LIMITS, "Truth and errors", "No channel fault was detected.", "maximum_likelihood",
+    ):  # fmt: skip
+        assert text in page.text, text
+    assert page.text.count("Time frame:") == 1
+
+
+def test_inspection_follows_from_the_path(mission: MissionLog) -> None:
+    report, page = report_and_page(mission)
+    assert report.inspection is not None
+    assert report.inspection.names("not_inspected")  # half a minute is not enough for the yard
+    texts = {"not_inspected": "not inspected", "partly_inspected": "from too few directions"}
+    for site in report.inspection.sites:
+        assert site.state == "inspected" or f"{site.name} {texts[site.state]}" in page.text
+    still = MissionLog(mission.meta)
+    still.append("step", **{column: values[0] for column, values in mission.table("step").items()})
+    at_dock = inspect_sites(still)
+    assert at_dock is not None
+    assert at_dock.names("inspected") == []  # one pose has no aperture
+    assert not set(at_dock.names("partly_inspected")) & set(report.inspection.names("not_inspected"))
+
+
+def test_page_without_findings_states_what_that_means() -> None:
+    log = run_mission(load_scenario("quiet_yard", {"task.time_limit_s": 20.0, "interferers": ()}), "patrol", seed=1)
+    report, page = report_and_page(log)
+    assert report.findings == ()
+    for text in ("No discharge was located.", "for the other sites the result means nothing", "waypoints were missed"):
+        assert text in page.text
+
+
+@pytest.mark.parametrize("name", ["two_findings", "field"])
+def test_page_has_no_truth_if_it_is_unknown(name: str) -> None:
+    assert "truth" not in report_and_page(LOGS[name]())[1].ids
+
+
+def test_page_of_a_killed_mission_says_so() -> None:
+    report, page = report_and_page(LOGS["killed"]())
+    assert len(report.findings) == 2
+    assert "killed: this report covers what was written until then" in page.text
+
+
+def test_sources_beyond_the_fence_are_not_in_the_yard() -> None:
+    log = two_findings()
+    add_finding(log, 59, 9, "outside", (-40.0, 5.0, 2.0), covariance_m2=np.eye(3))
+    _, page = report_and_page(log)
+    assert "Sources beyond the fence: 1." in page.text
+    assert "not in this yard" in page.text

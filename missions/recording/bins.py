@@ -1,0 +1,49 @@
+"""Part of a log that is drawn at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from pdpatrol.missions.record.mission_log import MissionLog
+
+Table = dict[str, NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class LogBin:
+    """Rows of a log that belong to a few consecutive steps; events may come without steps.
+
+    Attributes:
+        log: Log of the mission.
+        first_step: Row of the first step.
+        first_pulse: Row of the first pulse.
+        tables: Rows of the bin, by the name of the table.
+        is_complete: False for the last bin if it has fewer steps than the others.
+    """
+
+    log: MissionLog
+    first_step: int
+    first_pulse: int
+    tables: dict[str, Table]
+    is_complete: bool
+
+    @property
+    def end(self) -> int:
+        """Row after the last step."""
+        return self.first_step + self.tables["step"]["time_s"].size
+
+    def pose(self, steps: Any) -> NDArray[np.float64]:  # noqa: ANN401 - a step, or an array of steps
+        """Return the estimated poses at steps of the bin, shape (..., 3)."""
+        return self.tables["step"]["pose"][steps - self.first_step]
+
+
+def set_step(stream: rr.RecordingStream, log: MissionLog, step: int) -> None:
+    """Set the time of what is logged next to a step of a mission; before the first step, to zero."""
+    time_s = log.column("step", "time_s", step, step + 1)
+    stream.set_time("sim_time", duration=float(time_s[0]) if time_s.size else 0.0)
+    stream.set_time("step", sequence=step)

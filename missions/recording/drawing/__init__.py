@@ -1,1 +1,0 @@
-"""What a recording shows, one file for each part of the picture; each draws a log slice by slice."""

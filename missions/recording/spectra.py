@@ -1,0 +1,104 @@
+"""Pseudo-spectra over time: an image with time to the right, bearing upwards, and the heading of the robot."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from dirmusic.angles import wrap
+from pdpatrol.missions.recording.bins import LogBin, set_step
+
+FloatArray = NDArray[np.float64]
+
+N_AZIMUTHS = 180
+AZIMUTHS_RAD = 2.0 * np.pi / N_AZIMUTHS * np.arange(N_AZIMUTHS)
+"""Azimuths at which pseudo-spectra are computed."""
+
+WIDTH, HEIGHT = 480.0, 180.0
+"""Size of the image, which spans the mission and all bearings."""
+
+TILE_BINS = 10
+"""Bins of each tile by which the image grows."""
+
+HEAT = np.array([(24, 28, 34), (88, 38, 92), (200, 70, 60), (250, 170, 60), (255, 250, 190)])
+"""Colour map from zero to the peak, in even steps."""
+
+
+def pseudo_spectra(strengths_v: FloatArray, unit_gain: FloatArray) -> FloatArray:
+    """Return the pseudo-spectrum of each pulse by eq. (13) to (15) of the Dir-MUSIC paper, largest value 1.
+
+    Args:
+        strengths_v: Strengths at the elements, shape (n, n_elements).
+        unit_gain: Gains at `AZIMUTHS_RAD`, normalised at each azimuth, shape (n_elements, N_AZIMUTHS).
+    """
+    norm = np.maximum(np.linalg.norm(strengths_v, axis=-1, keepdims=True), np.finfo(float).tiny)
+    value = 1.0 / (1.001 - np.square(strengths_v / norm @ unit_gain))
+    return value / value.max(axis=-1, keepdims=True)
+
+
+def draw_spectra(
+    stream: rr.RecordingStream,
+    part: LogBin,
+    unit_gain: FloatArray,
+    bin_steps: int,
+    end_s: float,
+    *,
+    is_last: bool,
+) -> None:
+    """Draw the heading of a bin and, when a tile is complete, the mean spectra of its bins in the world frame."""
+    log, tile_steps = part.log, TILE_BINS * bin_steps
+    if part.end > part.first_step:
+        set_step(stream, log, part.end - 1)
+        row = max(part.first_step - 1, 0)
+        time_s, yaw_rad = log.column("step", "time_s", row, part.end), log.column("step", "pose", row, part.end)[:, 2]
+        line = np.column_stack([WIDTH * time_s / end_s, _height(wrap(yaw_rad))])
+        pieces = np.split(line, np.flatnonzero(np.abs(np.diff(line[:, 1])) > 0.5 * HEIGHT) + 1)  # at +-180 degrees
+        stream.log("spectra/heading", rr.LineStrips2D(pieces, colors=[0x2896FFFF], radii=[0.7]))
+    tile = (part.end - 1) // tile_steps
+    first = tile * tile_steps
+    if part.end == 0 or (part.end % tile_steps and not is_last):
+        return
+    start, stop = (log.rows_before("pulse", step) for step in (first, part.end))
+    pulse = log.table("pulse", start, stop)
+    credible = pulse["is_credible"]
+    step = pulse["step"][credible]
+    spectrum = pseudo_spectra(pulse["strengths_v"][credible], unit_gain)
+    pose = log.column("step", "pose", first, part.end)
+    shift = np.round(pose[step - first, 2] / (2.0 * np.pi) * N_AZIMUTHS).astype(np.intp)
+    spectrum = np.take_along_axis(spectrum, (np.arange(N_AZIMUTHS) - shift[:, np.newaxis]) % N_AZIMUTHS, axis=-1)
+    columns = np.zeros((-(-(part.end - first) // bin_steps), N_AZIMUTHS))
+    for k in range(len(columns)):
+        own = (step - first) // bin_steps == k
+        columns[k] = spectrum[own].mean(axis=0) if own.any() else 0.0
+    image = np.roll(columns, N_AZIMUTHS // 2, axis=1)[:, ::-1].T  # from 180 degrees at the top to -180
+    colours = np.stack([np.interp(image, np.linspace(0.0, 1.0, len(HEAT)), channel) for channel in HEAT.T], axis=-1)
+    set_step(stream, log, part.end - 1)
+    start_s = float(log.column("step", "time_s", first - 1, first)[0]) if first else 0.0
+    width = WIDTH * max(float(log.column("step", "time_s", part.end - 1, part.end)[0]) - start_s, 1e-6) / end_s
+    place = rr.Transform3D(
+        translation=[WIDTH * start_s / end_s, 0.0, 0.0],
+        scale=[width / len(columns), HEIGHT / N_AZIMUTHS, 1.0],
+    )
+    stream.log(f"spectra/{tile}", place, static=True)
+    stream.log(f"spectra/{tile}", rr.Image(np.round(colours).astype(np.uint8)))
+
+
+def draw_spectra_axes(stream: rr.RecordingStream, end_s: float) -> None:
+    """Draw the frame, with bearings on the left and times below."""
+    steps_s = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600)
+    step_s = next((step for step in steps_s if step >= end_s / 6), end_s / 6)
+    bearings = {180: "180°", 90: "north 90°", 0: "east 0°", -90: "south -90°", -180: "-180°"}
+    heights = {degrees: float(_height(np.radians(degrees))) for degrees in bearings}
+    times_s = np.arange(0.0, end_s + 1e-6, step_s)
+    places = [[-4.0, y] for y in heights.values()] + [[WIDTH * t / end_s, HEIGHT + 10.0] for t in times_s]
+    labels = [*bearings.values(), *(f"{t:g} s" for t in times_s)]
+    marks = rr.Points2D(places, labels=labels, radii=[0.1], colors=[0xFFFFFFFF], show_labels=True)
+    stream.log("spectra/axes/marks", marks, static=True)
+    lines = [[[0.0, y], [WIDTH, y]] for y in heights.values()] + [[[x, 0.0], [x, HEIGHT]] for x in (0.0, WIDTH)]
+    stream.log("spectra/axes/lines", rr.LineStrips2D(lines, colors=[0x404648FF], radii=[0.4]), static=True)
+
+
+def _height(bearing_rad: FloatArray | float) -> FloatArray:
+    """Return the y coordinate of a bearing in [-pi, pi]; y points down in the image."""
+    return np.asarray(HEIGHT * (0.5 - np.asarray(bearing_rad) / (2.0 * np.pi)))

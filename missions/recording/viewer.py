@@ -1,0 +1,195 @@
+"""Rerun viewers: native, in a browser on this machine, live, and as a screenshot. They end with the command."""
+
+from __future__ import annotations
+
+import atexit
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from rerun.experimental import ViewerClient
+
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.recording.blueprint import blueprint
+from pdpatrol.missions.recording.recorder import Recorder, recording_stream
+
+LOOPBACK = "127.0.0.1"
+"""Rerun listens on all interfaces by default."""
+
+START_LIMIT_S = 60.0
+"""Time after which a viewer is considered unable to start. Assumed; two seconds are usual."""
+
+
+class ViewerError(OSError):
+    """Reason why this machine cannot show a recording."""
+
+
+def check_screen() -> None:
+    """Check that there is a screen to open a window on.
+
+    Raises:
+        ViewerError: If there is none.
+    """
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise ViewerError("no screen to open a viewer on (neither DISPLAY nor WAYLAND_DISPLAY is set)")
+
+
+def open_viewer(recordings: Sequence[Path]) -> None:
+    """Show recordings in the native viewer and wait until it is closed.
+
+    Raises:
+        ViewerError: If it cannot be opened.
+    """
+    check_screen()
+    with _rerun("--port", str(_free_port()), *_absolute(recordings)) as viewer:
+        _wait(viewer)
+
+
+def serve(recordings: Sequence[Path], announce: Callable[[str], None]) -> None:
+    """Serve recordings to browsers on this machine until interrupted.
+
+    Args:
+        recordings: Recordings to serve.
+        announce: Function called with the address when it can be opened.
+
+    Raises:
+        ViewerError: If they cannot be served.
+    """
+    port, web_port = _free_port(), _free_port()
+    options = ("--serve-web", "--port", str(port), "--web-viewer-port", str(web_port))
+    with _rerun(*options, *_absolute(recordings)) as server:
+        deadline_s = time.monotonic() + START_LIMIT_S
+        while _is_starting(server, deadline_s):
+            with suppress(OSError), socket.create_connection((LOOPBACK, web_port), timeout=1.0):
+                announce(f"http://{LOOPBACK}:{web_port}/?url=rerun%2Bhttp://{LOOPBACK}:{port}/proxy")
+                break
+        _wait(server)
+
+
+def take_screenshot(recording: Path, at_s: float | None = None) -> bytes:
+    """Return a PNG of the viewer; no screen is needed.
+
+    Args:
+        recording: Recording to show.
+        at_s: Simulated time to show; None for the end.
+
+    Raises:
+        ViewerError: If the viewer cannot draw on this machine.
+    """
+    port = _free_port()
+    with _rerun("--headless", "--window-size", "1600x1000", "--hide-welcome-screen", "--port", str(port)) as viewer:
+        client = _connect(viewer, port)
+        started_s = time.monotonic()
+        try:
+            client.open(str(recording.resolve()))
+            timelines = [timeline for shown in client.get_state().recordings for timeline in shown.timelines]
+            end_s = max((timeline.end or 0) * 1e-9 for timeline in timelines if timeline.name == "sim_time")
+            client.set_time("sim_time", duration=end_s if at_s is None else at_s, play_state="paused")
+            before, picture = b"", client.take_screenshot()
+            # notifications cover the views for 7 s; after that, wait until nothing moves
+            while (waited_s := time.monotonic() - started_s) < 7.0 or (picture != before and waited_s < START_LIMIT_S):
+                time.sleep(0.5)
+                before, picture = picture, client.take_screenshot()
+        except (ConnectionError, RuntimeError) as error:
+            raise ViewerError(f"the viewer cannot take a screenshot: {str(error).splitlines()[0]}") from None
+    return picture
+
+
+class LiveView:
+    """Viewer of a running mission; if the user closes it, the mission continues.
+
+    Raises:
+        ViewerError: If it cannot be opened.
+    """
+
+    def __init__(self) -> None:
+        check_screen()
+        self._port = _free_port()
+        self._context = _rerun("--port", str(self._port), "--expect-data-soon", "--hide-welcome-screen")
+        self._viewer = self._context.__enter__()
+        self._close = atexit.register(self._context.__exit__, None, None, None)
+        _connect(self._viewer, self._port)
+        self._recorder: Recorder | None = None
+
+    def update(self, log: MissionLog) -> None:
+        """Draw the rows added to the log since the last call."""
+        if self._viewer.poll() is not None:
+            return
+        if self._recorder is None:
+            stream = recording_stream(log)
+            stream.connect_grpc(_address(self._port), default_blueprint=blueprint(log.meta, 0.5, is_live=True))
+            self._recorder = Recorder(stream, log)
+        self._recorder.update()
+
+    def leave_open(self) -> None:
+        """Keep the viewer open when this process ends."""
+        atexit.unregister(self._close)
+
+
+@contextmanager
+def _rerun(*arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """Run Rerun until the end of the block. It has its own process group, because it starts the viewer as a child."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "rerun", "--bind", LOOPBACK, *arguments],
+        start_new_session=True,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        env={**os.environ, "RUST_LOG": "error"},
+        text=True,
+    )
+    try:
+        yield process
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+
+
+def _wait(process: subprocess.Popen[str]) -> None:
+    """Wait for the end of a process.
+
+    Raises:
+        ViewerError: If it failed; the message is its last error.
+    """
+    _, errors = process.communicate()
+    if process.returncode:
+        lines = [line.removeprefix("Error: ") for line in errors.splitlines() if line and not line.startswith("note:")]
+        raise ViewerError(f"the viewer does not start: {lines[-1] if lines else 'no error message'}")
+
+
+def _connect(viewer: subprocess.Popen[str], port: int) -> ViewerClient:
+    deadline_s = time.monotonic() + START_LIMIT_S
+    while _is_starting(viewer, deadline_s):
+        with suppress(ConnectionError, RuntimeError):
+            client = ViewerClient.connect(_address(port))
+            client.get_state()
+            return client
+    _wait(viewer)
+    raise ViewerError("the viewer does not start")
+
+
+def _is_starting(process: subprocess.Popen[str], deadline_s: float) -> bool:
+    time.sleep(0.1)
+    return process.poll() is None and time.monotonic() < deadline_s
+
+
+def _address(port: int) -> str:
+    return f"rerun+http://{LOOPBACK}:{port}/proxy"
+
+
+def _absolute(paths: Sequence[Path]) -> list[str]:
+    return [str(path.resolve()) for path in paths]
+
+
+def _free_port() -> int:
+    """Return a port of this machine that is not in use."""
+    with socket.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        return probe.getsockname()[1]

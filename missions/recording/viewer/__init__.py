@@ -1,1 +1,0 @@
-"""Showing recordings: in the native viewer, in a browser on this machine, while a mission runs, as a picture."""

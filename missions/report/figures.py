@@ -1,0 +1,274 @@
+"""Figures of a report: site plan, phase-resolved pattern, and the places from which a finding was detected."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Rectangle
+from matplotlib.patheffects import withStroke
+from matplotlib.text import Annotation
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import ArrayLike, NDArray
+from scipy.cluster.hierarchy import fclusterdata
+
+from dirmusic.locating.finding import outline95
+from pdpatrol.missions.record.finding_pulses import FindingPulses
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.record.yard_of_log import known_yard
+from pdpatrol.missions.report.records import DischargeKind, FindingRecord, Report
+from pdpatrol.robot_models.equipment import colour_of
+from pdpatrol.robot_models.yard.yard import Yard
+
+FloatArray = NDArray[np.float64]
+
+STYLE: Any = {
+    "svg.hashsalt": "pdpatrol",  # the same figure gives the same bytes
+    "font.size": 9.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#5f6b76",
+    "axes.labelcolor": "#1c2833",
+    "xtick.color": "#45525e",
+    "ytick.color": "#45525e",
+}
+"""Matplotlib settings for all figures of a page."""
+
+ROUTE, BEARING, NAME, EDGE = "#2471a3", "#5dade2", "#333d47", "#5f6b76"
+STATES = {
+    "confirmed": ("#b3261e", "finding"),
+    "candidate": ("#b9770e", "not confirmed"),
+    "outside": ("#7d6608", "beyond the fence"),
+}
+"""Colour and legend of findings by state."""
+
+SITE_MARKS = {
+    "inspected": ("o", "#1e8449", "site, inspected"),
+    "partly_inspected": ("^", "#d68910", "site, from too few directions"),
+    "not_inspected": ("X", "#6c3483", "site, not inspected"),
+}
+"""Marker, colour and legend of sites by state of inspection."""
+
+MARGIN_M = 1.0
+"""Ground shown around the bounds of a mission and around the poses of a finding."""
+
+MAX_BEARINGS = 60
+"""Bearings drawn for a finding; more could not be distinguished."""
+
+
+def draw_site_plan(log: MissionLog, report: Report) -> Figure:
+    """Draw yard, path, sites and findings; field data have no yard."""
+    low_m, high_m = np.array(log.meta["bounds_m"]) + np.array([[-MARGIN_M], [MARGIN_M]])
+    width_m, height_m = high_m - low_m
+    with rc_context(STYLE):
+        figure = Figure(figsize=(7.1, min(6.4 * height_m / width_m + 1.0, 7.4)), layout="constrained")
+        axes = figure.subplots()
+        draw_ground(axes, low_m, high_m)
+        if (yard := known_yard(log)) is not None:
+            draw_yard(axes, yard)
+            for site in report.inspection.sites if report.inspection else ():
+                marker, colour, label = SITE_MARKS[site.state]
+                x, y, _ = yard.site_position(site.name)
+                axes.plot(
+                    x,
+                    y,
+                    marker,
+                    color=colour,
+                    markersize=5.5,
+                    markeredgecolor="white",
+                    label=label,
+                    linestyle="",
+                    zorder=6,
+                )
+        _draw_path(axes, log)
+        located = (*report.candidates, *report.findings)
+        beyond = [finding for finding in located if _is_beyond(axes, finding)]
+        _mark_beyond(axes, beyond)
+        for finding in located:
+            if finding not in beyond:
+                draw_finding(axes, finding)
+        handles = dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
+        figure.legend(handles.values(), handles, loc="outside lower center", ncols=3, fontsize=7.5, frameon=False)
+    return figure
+
+
+def draw_phase_pattern(discharge: DischargeKind) -> Figure:
+    """Draw the number of pulses by phase and level, with a sine of the mains."""
+    pattern = discharge.pattern
+    counts = np.array(pattern.counts, dtype=np.float64)
+    phase_deg = pattern.phase_step_deg * np.arange(counts.shape[1] + 1)
+    level_db = pattern.lowest_db + pattern.level_step_db * np.arange(counts.shape[0] + 1)
+    with rc_context(STYLE):
+        figure = Figure(figsize=(3.5, 3.2), layout="constrained")
+        axes = figure.subplots()
+        shown = np.ma.masked_equal(counts, 0.0)
+        mesh = axes.pcolormesh(phase_deg, level_db, shown, cmap="viridis_r", vmin=0, edgecolors="white", linewidth=0.2)
+        figure.colorbar(mesh, label="pulses per cell", aspect=30)
+        middle_db, half_db = 0.5 * (level_db[0] + level_db[-1]), 0.45 * (level_db[-1] - level_db[0])
+        sine_deg = np.linspace(0.0, 360.0, 91)
+        axes.axhline(middle_db, color="#aab4bd", linewidth=0.6)
+        axes.plot(sine_deg, middle_db + half_db * np.sin(np.radians(sine_deg)), color="#7b8a97", linewidth=1.0)
+        axes.set(xlim=(0, 360), ylim=(level_db[0], level_db[-1]), xticks=range(0, 361, 90))
+        axes.yaxis.set_major_locator(MaxNLocator(8, integer=True, steps=[1, 2, 5, 10]))
+        axes.set(xlabel="phase of the receiver's mains (degrees)", ylabel="level at 1 m (dBV)")
+    return figure
+
+
+def draw_detected_from(log: MissionLog, finding: FindingRecord, pulses: FindingPulses | None) -> Figure:
+    """Draw the poses from which a finding was detected and the bearings taken there, 8 to 26 m across."""
+    place_m = np.array(finding.position_m[:2])
+    rows = np.zeros(0, dtype=np.intp)
+    if pulses is not None and pulses.time_s.size:
+        rows = np.unique(np.linspace(0, pulses.time_s.size - 1, MAX_BEARINGS).astype(np.intp))
+    pose_m = pulses.pose[rows, :2] if pulses is not None else np.empty((0, 2))
+    half_m = float(np.clip(np.abs(pose_m - place_m).max(initial=0.0) + MARGIN_M, 4.0, 13.0))
+    with rc_context(STYLE):
+        figure = Figure(figsize=(3.5, 3.2), layout="constrained")
+        axes = figure.subplots()
+        draw_ground(axes, place_m - half_m, place_m + half_m)
+        if (yard := known_yard(log)) is not None:
+            draw_yard(axes, yard)
+        axes.plot(*log.column("step", "pose")[:, :2].T, color="#b8c4cf", linewidth=0.9, zorder=2)
+        if pulses is not None:
+            bearing_rad = pulses.bearing_rad[rows]
+            ahead_m = pulses.range_m[rows] * np.array([np.cos(bearing_rad), np.sin(bearing_rad)])
+            lines = np.stack([pose_m, pose_m + ahead_m.T], axis=1)
+            axes.add_collection(LineCollection(lines, colors=BEARING, linewidths=0.5, alpha=0.7, zorder=3))
+            axes.plot(*pose_m.T, "o", color=ROUTE, markersize=2.4, zorder=4)
+        draw_finding(axes, finding)
+        marks = [
+            Line2D([], [], color=ROUTE, marker="o", markersize=3, linestyle="", label="pose"),
+            Line2D([], [], color=BEARING, label="bearing"),
+        ]
+        axes.legend(handles=marks, fontsize=7, loc="lower left", framealpha=0.9, handlelength=1.2)
+    return figure
+
+
+def draw_ground(axes: Axes, low_m: ArrayLike, high_m: ArrayLike) -> None:
+    """Draw axes in metres with equal scales, a light grid and a north arrow."""
+    (left, bottom), (right, top) = np.asarray(low_m), np.asarray(high_m)
+    axes.set(xlim=(left, right), ylim=(bottom, top), xlabel="x, east (m)", ylabel="y, north (m)", aspect="equal")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(8, integer=True, steps=[1, 2, 5, 10]))
+    axes.grid(color="#e3e8ec", linewidth=0.5)
+    axes.set_axisbelow(True)
+    axes.annotate(
+        "N",
+        xy=(0.95, 0.99),
+        xytext=(0.95, 0.9),
+        xycoords="axes fraction",
+        ha="center",
+        va="top",
+        fontsize=8,
+        fontweight="bold",
+        color=NAME,
+        arrowprops={"arrowstyle": "-|>", "color": NAME, "shrinkA": 0, "shrinkB": 0},
+        zorder=9,
+    )
+
+
+def draw_yard(axes: Axes, yard: Yard) -> None:
+    """Draw fence and equipment with its names from above, lower parts first."""
+    parts = [(item, k, part) for item in yard.equipment for k, part in enumerate(item.assembly.parts)]
+    for item, k, part in sorted(parts, key=lambda entry: float(entry[0].solids.top_m[entry[1]])):
+        solids, rgba = item.solids, np.array(colour_of(item.kind, part))
+        style: Any = {"facecolor": 0.5 + 0.5 * rgba[:3], "edgecolor": EDGE, "linewidth": 0.4, "zorder": 1}
+        centre_m, half_m, radius_m = solids.centre_m[k], solids.half_size_m[k], float(solids.radius_m[k])
+        if radius_m > 0.0:
+            axes.add_patch(Circle(tuple(centre_m), radius_m, **style))
+        else:
+            yaw_deg = float(np.degrees(solids.yaw_rad[k]))
+            corner_m, size_m = centre_m - half_m, 2.0 * half_m
+            axes.add_patch(Rectangle(tuple(corner_m), *size_m, angle=yaw_deg, rotation_point="center", **style))
+    axes.add_patch(Rectangle((0, 0), *yard.size_m, fill=False, edgecolor="#7b8a97", linewidth=1.4, zorder=2))
+    for item in yard.equipment:
+        low_m, high_m = item.solids.extent_m
+        is_large = (high_m - low_m).min() > 2.5  # the name fits inside
+        x, y = 0.5 * (low_m[0] + high_m[0]), 0.5 * (low_m[1] + high_m[1]) if is_large else low_m[1]
+        axes.text(
+            x,
+            y,
+            item.name,
+            ha="center",
+            va="center" if is_large else "top",
+            fontsize=7.0 if len(yard.equipment) <= 14 else 5.5,
+            color=NAME,
+            clip_on=True,
+            path_effects=[withStroke(linewidth=2.2, foreground="white")],
+            zorder=6,
+        )
+
+
+def draw_finding(axes: Axes, finding: FindingRecord) -> None:
+    """Draw position, 95 % ellipse and id of a finding."""
+    colour, label = STATES[finding.state]
+    outline_m = outline95(np.array(finding.position_m[:2]), np.array(finding.covariance_m2)[:2, :2], 60)
+    axes.plot(*outline_m.T, color=colour, linewidth=1.3, zorder=7)
+    x, y, _ = finding.position_m
+    axes.plot(x, y, "+", color=colour, markersize=7, label=f"{label} with its id, 95 % ellipse", zorder=7)
+    draw_label(axes, str(finding.id), (x, y), (10.0, 10.0), finding.state)
+
+
+def draw_label(
+    axes: Axes, text: str, place_m: ArrayLike, offset_pt: ArrayLike, state: str, side: str = "center"
+) -> Annotation:
+    """Draw the id of a finding on the colour of its state, at an offset from its place."""
+    return axes.annotate(
+        text,
+        np.asarray(place_m).tolist(),
+        np.asarray(offset_pt).tolist(),
+        textcoords="offset points",
+        ha=side,
+        va="center",
+        fontsize=8.5,
+        fontweight="bold",
+        color="white",
+        bbox={"boxstyle": "round,pad=0.25", "facecolor": STATES[state][0], "edgecolor": "white"},
+        zorder=8,
+    )
+
+
+def _draw_path(axes: Axes, log: MissionLog) -> None:
+    """Draw the path of the estimated poses with dock and waypoints; for field data, the poses alone."""
+    pose_m = log.column("step", "pose")[:, :2]
+    if "field_data" in log.meta:
+        axes.plot(*pose_m.T, "o", color=ROUTE, markersize=4, label="pose of the array", zorder=4)
+        return
+    axes.plot(*pose_m.T, color=ROUTE, linewidth=1.1, label="path driven", zorder=4)
+    if "route" in log.meta:
+        draw_waypoints(axes, log.meta["route"])
+
+
+def draw_waypoints(axes: Axes, route: Mapping[str, Any]) -> None:
+    """Draw dock and numbered waypoints."""
+    axes.plot(*route["dock_m"], "s", color=ROUTE, markersize=7, label="dock", zorder=5)
+    for number, (x, y) in enumerate(route["waypoints_m"], start=1):
+        axes.plot(x, y, "o", color="white", markeredgecolor=ROUTE, markersize=9.5, label="waypoint, in order", zorder=5)
+        axes.text(x, y, str(number), fontsize=6, ha="center", va="center_baseline", color=ROUTE, zorder=5.5)
+
+
+def _is_beyond(axes: Axes, finding: FindingRecord) -> bool:
+    """Return True if a finding lies outside the figure."""
+    (x, y, _), (left, right), (bottom, top) = finding.position_m, axes.get_xlim(), axes.get_ylim()
+    return not (left <= x <= right and bottom <= y <= top)
+
+
+def _mark_beyond(axes: Axes, findings: Sequence[FindingRecord]) -> None:
+    """Mark findings outside the figure at its edge; neighbours share one label."""
+    low_m, high_m = np.array([axes.get_xlim(), axes.get_ylim()]).T
+    edge_m = np.clip(np.array([finding.position_m[:2] for finding in findings]).reshape(-1, 2), low_m, high_m)
+    label_m = 0.08 * float((high_m - low_m).max())
+    groups = fclusterdata(edge_m, label_m, "distance", method="single") if len(findings) > 1 else np.ones(len(findings))
+    for group in np.unique(groups):
+        members = [finding for finding, own in zip(findings, groups, strict=True) if own == group]
+        place_m, state = edge_m[groups == group].mean(axis=0), members[0].state
+        axes.plot(*edge_m[groups == group].T, "D", color=STATES[state][0], label="farther out, its id", zorder=7)
+        inward = (place_m <= low_m).astype(int) - (place_m >= high_m)
+        side = {1: "left", 0: "center", -1: "right"}[int(inward[0])]
+        draw_label(axes, ", ".join(str(finding.id) for finding in members), place_m, 12.0 * inward, state, side)

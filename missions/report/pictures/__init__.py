@@ -1,1 +1,0 @@
-"""Pictures of a report: the site plan, and of each finding its phase-resolved pattern and whence it was detected."""

@@ -1,0 +1,184 @@
+"""Sentences of a report: sites, kinds, pulses, summary, and recommended actions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from pdpatrol.missions.record.events import Phase
+from pdpatrol.missions.record.which_site import SiteProbability, in_words, percent
+from pdpatrol.missions.report.records import FindingRecord, PulseCounts, Report
+
+BEYOND_FENCE = "beyond the fence"
+
+PULSE_CLASSES = {
+    "of_findings": "associated with findings and candidates",
+    "unassigned": "consistent with no finding",
+    "ambiguous": "consistent with several findings",
+    "biased": "biased by reflections",
+    "diffracted": "diffracted around an edge",
+    "echo": "multipath of a finding",
+    "not_credible": "rejected: not a single plane wave, or too weak for a bearing",
+}
+"""Description of each field of `PulseCounts` but the total."""
+
+MIN_CONFIDENCE = 0.8
+"""Confidence above which the rule of a kind applies. Assumed; below it the operator is asked to measure again."""
+
+STRONG_DB = 0.0
+"""Level above which a finding is strong: one volt at 1 m in a unit-gain channel. Assumed; moves the time frame by a
+step."""
+
+TIME_FRAMES = ("at the next planned inspection", "within three months", "within one month", "within one week")
+"""Time frames of actions, by urgency. Assumed."""
+
+
+class Advice(NamedTuple):
+    """Recommended action for a kind of discharge.
+
+    Attributes:
+        meaning: Usual cause of such a discharge.
+        action: Action on site.
+        urgency: Index into `TIME_FRAMES` for a discharge that is not strong.
+    """
+
+    meaning: str
+    action: str
+    urgency: int
+
+    def time_frame(self, *, is_strong: bool) -> str:
+        """Return the time frame; a strong discharge is one step more urgent."""
+        return TIME_FRAMES[min(self.urgency + is_strong, len(TIME_FRAMES) - 1)]
+
+
+ADVICE = {
+    "corona": Advice(
+        "Corona in air starts at sharp edges and unshielded fittings; outdoors it is mostly harmless by itself.",
+        "Inspect the place with an ultraviolet camera and look for loose or missing shielding.",
+        0,
+    ),
+    "surface": Advice(
+        "Surface discharges come with pollution, moisture or cracks on an insulator, and grow in wet weather.",
+        "Inspect the insulator surface, clean it if it is polluted, and repeat the measurement in dry and wet weather.",
+        1,
+    ),
+    "void": Advice(
+        "Discharges in voids lie inside solid or liquid insulation and can erode it without visible signs.",
+        "Confirm by a second method on the asset itself: IEC 60270, or dissolved gas analysis where there is oil.",
+        2,
+    ),
+    "floating": Advice(
+        "Metal at floating potential is usually a loose or broken contact; its discharges are strong and regular.",
+        "Check fasteners, shields and bonds at this place as soon as an outage allows, and measure again until then.",
+        2,
+    ),
+    "unknown": Advice(
+        "The kind of discharge is too uncertain to assess.",
+        "Repeat the measurement near this place for longer, and inspect it with an ultraviolet camera.",
+        1,
+    ),
+}
+"""Actions by kind of discharge. Assumed; they follow common practice."""
+
+ADVICE_LIMITS = (
+    "Levels are received field strengths, not apparent charge: no standard sets limits for them. The rules are "
+    "assumptions and replace neither the manufacturer's advice nor the judgement of an insulation engineer."
+)
+
+
+def advice_of(finding: FindingRecord) -> tuple[Advice, str, str]:
+    """Return the recommended action for a finding, its time frame, and the rule that led to them."""
+    discharge, strength = finding.discharge, finding.strength
+    kind = discharge.kind if discharge is not None and discharge.confidence >= MIN_CONFIDENCE else "unknown"
+    is_strong = strength is not None and strength.level_db >= STRONG_DB
+    known = "uncertain" if kind == "unknown" else f"{kind} with a confidence of at least {100 * MIN_CONFIDENCE:.0f} %"
+    rule = f"Rule: kind {known}; level {'at or above' if is_strong else 'below'} {STRONG_DB:g} dBV at 1 m."
+    return ADVICE[kind], ADVICE[kind].time_frame(is_strong=is_strong), rule
+
+
+def site_text(finding: FindingRecord) -> str:
+    """Return the most probable sites of a finding with their probabilities."""
+    if finding.state == "outside":
+        return BEYOND_FENCE
+    if not finding.sites:
+        return "not known"
+    return in_words([SiteProbability(site.name, site.probability) for site in finding.sites])
+
+
+def kind_text(finding: FindingRecord) -> str:
+    """Return the kind of discharge with its confidence; an unknown kind has none."""
+    discharge = finding.discharge
+    if discharge is None:
+        return "not known"
+    return discharge.kind if discharge.kind == "unknown" else f"{discharge.kind} {percent(discharge.confidence)}"
+
+
+def title_text(meta: Mapping[str, Any]) -> str:
+    """Return scenario, seed and policy of a mission, as far as they are known."""
+    seed = None if meta.get("seed") is None else f"seed {meta['seed']}"
+    return ", ".join(str(part) for part in (meta.get("name", "mission"), seed, meta.get("policy")) if part)
+
+
+def outcome_text(report: Report) -> str:
+    """Return how many sources were found, or how many findings there are if the truth is not known."""
+    if report.evaluation is None:
+        return f"{len(report.findings)} finding{'' if len(report.findings) == 1 else 's'}"
+    return f"found {len(report.evaluation.matches)} of {len(report.evaluation.sources)}"
+
+
+def phase_text(phase: Phase) -> str:
+    """Describe what a policy is doing."""
+    if phase.target and phase.name in ("patrol", "seek"):
+        return f"{'drives to waypoint' if phase.name == 'patrol' else 'approaches candidate'} {phase.target}"
+    texts = {
+        "patrol": "drives the route",
+        "listen": "stands and listens",
+        "return to dock": "returns to the dock",
+        "back off": "backs off from an obstacle",
+        "random": "drives at random",
+        "field": "field data",
+    }
+    return texts.get(phase.name, str(phase))
+
+
+def no_finding_text(pulses: PulseCounts) -> str:
+    """Describe the pulses of a mission without findings in one line, the most frequent class first."""
+    if not pulses.detected:
+        return "No discharge found: no pulse was detected."
+    counts = sorted(((getattr(pulses, name) or 0, text) for name, text in PULSE_CLASSES.items()), reverse=True)
+    classes = ", ".join(f"{count} {text.partition(':')[0]}" for count, text in counts if count)
+    return f"No discharge found. {pulses.detected} pulses: {classes}."
+
+
+def summary_text(report: Report) -> str:
+    """Summarise findings and inspected sites in a few sentences."""
+    found = [_finding_phrase(finding) for finding in report.findings]
+    n_outside = sum(candidate.state == "outside" for candidate in report.candidates)
+    n_open, n_missed = len(report.candidates) - n_outside, len(report.waypoints.missed)
+    located = f"{len(found)} discharge{' was' if len(found) == 1 else 's were'} located: {'; '.join(found)}."
+    sentences = [located if found else "No discharge was located."]
+    if n_outside:
+        sentences.append(f"Sources beyond the fence: {n_outside}.")
+    if n_open:
+        sentences.append(f"Sources that could not be confirmed: {n_open}.")
+    if n_missed:
+        n_waypoints = n_missed + len(report.waypoints.visited)
+        sentences.append(f"The tour is incomplete: {n_missed} of {n_waypoints} waypoints were missed.")
+    if report.inspection is None:
+        sentences.append("Without a map of the sites, the report cannot state what was not inspected.")
+    else:
+        sentences.append(
+            f"{len(report.inspection.names('inspected'))} of {len(report.inspection.sites)} sites were inspected: a "
+            f"discharge of {report.inspection.level_db:.0f} dBV at 1 m or more would have been detected and located."
+        )
+    return " ".join(sentences)
+
+
+def _finding_phrase(finding: FindingRecord) -> str:
+    place = "({:.2f}, {:.2f}, {:.2f}) m".format(*finding.position_m)
+    if finding.sites:
+        place = f"{finding.sites[0].name} ({percent(finding.sites[0].probability)})"
+    kind = "kind unknown"
+    if finding.discharge is not None and finding.discharge.kind != "unknown":
+        kind = f"{finding.discharge.kind} ({percent(finding.discharge.confidence)})"
+    return f"finding {finding.id} at {place}, {kind}"
