@@ -89,7 +89,7 @@ def write_film(
                 for frame in range(steps.size):
                     image = film.draw(frame)
                     for _ in range(round(END_S * rate) if frame == steps.size - 1 else 1):
-                        writer.append_data(image)
+                        writer.append_data(image)  # type: ignore[attr-defined]
                     progress((frame + 1) / steps.size)
         except RuntimeError as error:
             raise FilmError(str(error)) from None

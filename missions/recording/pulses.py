@@ -60,7 +60,7 @@ def _rays(pose: FloatArray, towards_rad: FloatArray, length_m: float, colour: in
     start = np.array([*pose[:2], ARRAY_HEIGHT_M])
     ahead = np.column_stack([np.cos(towards_rad), np.sin(towards_rad), np.zeros(towards_rad.size)])
     rays = np.stack([np.broadcast_to(start, ahead.shape), start + length_m * ahead], axis=1)
-    return rr.LineStrips3D(rays, colors=[colour], radii=rr.Radius.ui_points([width]))
+    return rr.LineStrips3D(rays.astype(np.float32), colors=[colour], radii=rr.Radius.ui_points([width]))
 
 
 def _ring(pose: FloatArray, spectrum: FloatArray) -> FloatArray:

@@ -139,7 +139,7 @@ def draw_detected_from(log: MissionLog, finding: FindingRecord, pulses: FindingP
             bearing_rad = pulses.bearing_rad[rows]
             ahead_m = pulses.range_m[rows] * np.array([np.cos(bearing_rad), np.sin(bearing_rad)])
             lines = np.stack([pose_m, pose_m + ahead_m.T], axis=1)
-            axes.add_collection(LineCollection(lines, colors=BEARING, linewidths=0.5, alpha=0.7, zorder=3))
+            axes.add_collection(LineCollection(list(lines), colors=BEARING, linewidths=0.5, alpha=0.7, zorder=3))
             axes.plot(*pose_m.T, "o", color=ROUTE, markersize=2.4, zorder=4)
         draw_finding(axes, finding)
         marks = [
