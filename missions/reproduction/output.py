@@ -16,7 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from pdpatrol.missions.atomic_file import atomic_file, write_text
-from pdpatrol.missions.report.page import inline_svg, render
+from pdpatrol.missions.report.page import embed, render
 from pdpatrol.missions.reproduction.exhibit import (
     COVERAGE,
     PAPER_TRIALS,
@@ -54,7 +54,7 @@ def write_reproduction(
         figure = draw(*(by_name[key] for key in shown))
         with atomic_file(folder / f"{name}.png") as file:
             figure.savefig(file, format="png")
-        element = inline_svg(figure, name, "; ".join(by_name[key].title for key in shown) or name)
+        element = embed(figure, "; ".join(by_name[key].title for key in shown) or name)
         if shown:
             elements[shown[0]] = element
         else:
