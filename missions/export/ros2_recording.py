@@ -70,14 +70,8 @@ MESSAGE_FIELDS: dict[str, str] = {
 CUBE, SPHERE, CYLINDER, LINE_STRIP, LINE_LIST, TEXT = 1, 2, 3, 4, 5, 9
 """Types of a visualization_msgs/Marker."""
 
-DELETE = 2
-"""Action of a Marker that is removed; 0 adds it."""
-
 SHAPES = {"box": CUBE, "cylinder": CYLINDER, "sphere": SPHERE, "ellipsoid": SPHERE}
 COLOURS = {"candidate": (1.0, 0.7, 0.16), "confirmed": (0.24, 0.86, 0.43), "outside": (0.6, 0.6, 0.63)}
-
-RAY_M, RAY_S = 25.0, 0.5
-"""Length of the ray of a bearing, and how long it is shown."""
 
 OUTLINE_POINTS = 37
 
@@ -169,7 +163,7 @@ def _messages(log: MissionLog, time_ns: NDArray[np.int64]) -> Iterator[Message]:
     for at in np.unique(bearing_step).tolist():
         rays = _marker(header(at), LINE_LIST, "bearings", 0, (1.0, 0.9, 0.43), (0.05, 0.0, 0.0))
         rays["points"] = _ray_points(step["pose"][at], bearing["bearing_rad"][bearing_step == at])
-        rays["lifetime"] = {"nanosec": round(1e9 * RAY_S)}
+        rays["lifetime"] = {"nanosec": 500_000_000}
         yield Message("/bearings", at, {"markers": [rays]})
     finding = log.table("finding")
     for at in np.unique(finding["step"]).tolist():
@@ -211,7 +205,7 @@ def _yard_markers(meta: Mapping[str, Any], header: Content) -> list[Content]:
 
 
 def _finding_markers(row: Mapping[str, Any], header: Content) -> list[Content]:
-    """Return point, name and 95 % ellipse of a finding; ghosts and dropped findings are deleted."""
+    """Return point, name and 95 % ellipse of a finding; those of ghosts and dropped findings are deleted (action 2)."""
     number, state, (x, y, z) = int(row["id"]), str(row["state"]), row["position_m"]
     kinds = {
         "findings": (SPHERE, 0.4, 0.4, 0.4),
@@ -221,7 +215,7 @@ def _finding_markers(row: Mapping[str, Any], header: Content) -> list[Content]:
     colour = COLOURS.get(state, (0.0, 0.0, 0.0))
     markers = [_marker(header, kind, space, number, colour, scale) for space, (kind, *scale) in kinds.items()]
     if state not in COLOURS:
-        return [{**marker, "action": DELETE} for marker in markers]
+        return [{**marker, "action": 2} for marker in markers]
     point, name, ellipse = markers
     point["pose"]["position"] = _xyz(x, y, z)
     name["pose"]["position"] = _xyz(x, y, z + 0.5)
@@ -232,9 +226,9 @@ def _finding_markers(row: Mapping[str, Any], header: Content) -> list[Content]:
 
 
 def _ray_points(pose: FloatArray, bearing_rad: FloatArray) -> list[Content]:
-    """Return two points for each bearing."""
+    """Return the ends of a ray of 25 m for each bearing."""
     start = _xyz(pose[0], pose[1], 0.6)
-    ends = pose[:2] + RAY_M * np.column_stack([np.cos(bearing_rad), np.sin(bearing_rad)])
+    ends = pose[:2] + 25.0 * np.column_stack([np.cos(bearing_rad), np.sin(bearing_rad)])
     return [point for x, y in ends for point in (start, _xyz(x, y, 0.6))]
 
 

@@ -37,11 +37,8 @@ MIN_STRENGTH_V = 1e-12
 MAX_STEPS = 20_000
 """Poses beyond which rows are pooled. Assumed; hours of a robot that reports its pose twice a second are kept apart."""
 
-POOLED_S, POOLED_M, POOLED_RAD = 1.0, 0.1, np.radians(2.0)
-"""Span of time, place and heading of pooled rows. Assumed; finer than the Locator pools its pulses."""
-
-GATE_S = 4.5e-9
-"""Default length of the gate: 90 samples at 20 GS/s, for a pulse of 2.5 ns and a ring of 0.2 m."""
+POOLED = np.array([1.0, 0.1, 0.1, np.radians(2.0)])
+"""Span of time (s), x, y (m) and heading (rad) of pooled rows. Assumed; finer than the Locator pools its pulses."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +70,7 @@ class FieldData:
     notes: tuple[str, ...] = ()
 
 
-def read_field_data(path: Path, *, noise_v: float | None = None, gate_s: float = GATE_S) -> FieldData:
+def read_field_data(path: Path, *, noise_v: float | None = None, gate_s: float = 4.5e-9) -> FieldData:
     """Read a table with the columns time_s, x_m, y_m, yaw_deg and the pulses received there.
 
     Pulses are either `strength_1` to `strength_n` in volts, one pulse per row, with standard deviations `std_1` to
@@ -85,7 +82,8 @@ def read_field_data(path: Path, *, noise_v: float | None = None, gate_s: float =
         path: The table.
         noise_v: Standard deviation of a strength, or of a noise sample of a waveform, volts. Not needed where the table
             has deviations, or where waveforms hold noise outside the gate.
-        gate_s: Length of the gate, which is cut out of a waveform where it holds most energy.
+        gate_s: Length of the gate, which is cut out of a waveform where it holds most energy; the default is for a
+            pulse of 2.5 ns and a ring of 0.2 m.
 
     Raises:
         InputFileError: If anything is wrong; file and line are named.
@@ -153,10 +151,9 @@ def _steps(time_s: FloatArray, pose: FloatArray) -> Steps:
 def _pool_starts(steps: Steps) -> NDArray[np.intp]:
     """Find the first step of each pool: it is too far from the first step of the pool before."""
     starts: list[int] = []
-    limits = np.array([POOLED_S, POOLED_M, POOLED_M, POOLED_RAD])
     first = np.full(4, np.inf)
     for k, row in enumerate(np.column_stack([steps.time_s, steps.pose])):
-        if (np.abs(row - first) > limits).any():
+        if (np.abs(row - first) > POOLED).any():
             starts.append(k)
             first = row
     return np.array(starts, dtype=np.intp)

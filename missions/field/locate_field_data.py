@@ -38,9 +38,6 @@ FloatArray = NDArray[np.float64]
 REJECTED = "rejected"
 """Kind of the event that explains why every pulse was rejected."""
 
-MARGIN_M = 10.0
-"""Margin around the poses that a recording shows."""
-
 REFIT_S, REFIT_SHARE = 1.0, 0.02
 """Period of refits, and the same as a share of the time so far. Assumed; a new source has to be one finding and not
 several, and a survey of hours is refitted some hundred times."""
@@ -199,7 +196,7 @@ def _why_rejected(pulses: PulseBatch, rules: CredibilityRules) -> str:
 
 
 def _meta(data: FieldData, array: ArrayModel, fence_m: tuple[float, float] | None) -> dict[str, Any]:
-    low, high = data.pose[:, :2].min(axis=0) - MARGIN_M, data.pose[:, :2].max(axis=0) + MARGIN_M
+    low, high = data.pose[:, :2].min(axis=0) - 10.0, data.pose[:, :2].max(axis=0) + 10.0  # shown around the poses
     if fence_m is not None:
         low, high = np.zeros(2), np.asarray(fence_m)
     return {

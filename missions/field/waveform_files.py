@@ -36,15 +36,6 @@ MAX_BYTES = 512 * 10**6
 MAX_SAMPLES = 10**7
 """Samples of a pulse in all channels together: 32 channels of 15 us at 20 GS/s."""
 
-SAMPLES_AT_ONCE = 2 * 10**6
-"""Samples of a file that are processed together, to bound the memory."""
-
-NOISE_SAMPLES = 16
-"""Samples outside the gate that a record needs for an estimate of its noise."""
-
-NOISE_GUARD_SAMPLES = 10
-"""Samples before the gate that are left out of the noise; after the gate, as many as it has itself."""
-
 STEP_TOLERANCE = 0.01
 """Relative difference allowed between the time steps of a waveform, and between the sample rates of files."""
 
@@ -165,7 +156,7 @@ def _gate(record: WaveformRecord, gate_s: float, first: GatedPulses | None) -> G
         raise ValueError(f"must have as many samples as the gate, {n_gate}, or more, got {n_samples}")
     energies: list[FloatArray] = []
     powers: list[FloatArray] = []
-    at_once = max(SAMPLES_AT_ONCE // (n_channels * n_samples), 1)
+    at_once = max(2_000_000 // (n_channels * n_samples), 1)  # bounds the memory
     for k in range(0, n_pulses, at_once):
         volts = _volts(record.samples[k : k + at_once], record.volts_per_sample)
         start = pulse_start(volts, n_gate)
@@ -189,12 +180,12 @@ def _volts(samples: NDArray[Any], volts_per_sample: float) -> FloatArray:
 
 
 def _noise_power(waveforms_v: FloatArray, start: NDArray[np.intp], n_gate: int) -> FloatArray:
-    """Return the mean square well outside the gate, shape (n, n_channels), of the n pulses with enough samples."""
+    """Return the mean square well outside the gate, shape (n, n_channels), of the n pulses with 16 samples there."""
     sample = np.arange(waveforms_v.shape[-1]) - start[:, np.newaxis]
-    is_noise = (sample < -NOISE_GUARD_SAMPLES) | (sample >= 2 * n_gate)
+    is_noise = (sample < -10) | (sample >= 2 * n_gate)  # a pulse may begin before its gate and end after it
     count = np.maximum(is_noise.sum(axis=-1), 1)[:, np.newaxis]
     power = np.einsum("pik,pk->pi", np.square(waveforms_v), is_noise.astype(np.float64)) / count
-    return power[is_noise.sum(axis=-1) >= NOISE_SAMPLES]
+    return power[is_noise.sum(axis=-1) >= 16]
 
 
 def _read_record(path: Path) -> WaveformRecord:
@@ -223,7 +214,7 @@ def _read_npz(path: Path) -> WaveformRecord:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             n_bytes = sum(member.file_size for member in archive.zip.infolist())
             names = ("waveforms", "sample_rate_hz", "volts_per_count") if n_bytes <= MAX_BYTES else ()
-            arrays = {name: archive[name] for name in names if name in archive}
+            arrays = {name: np.asarray(archive[name]) for name in names if name in archive}  # bytes if not an array
     except Exception:  # damaged bytes raise errors of many types in zipfile, zlib and the reader of headers
         raise ValueError("must be an .npz archive of plain numbers, and cannot be read as one") from None
     if n_bytes > MAX_BYTES:

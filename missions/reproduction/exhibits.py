@@ -51,9 +51,6 @@ NOISE_DRAWS, ARRAY_DRAWS = 40, 10
 PHASE_APERTURE = 0.345
 """Wavenumber times ring radius of the phase method, radians: not printed, fitted to the paper's cell at -10 dB."""
 
-RING_M = 0.20
-"""Radius of the largest ring that a robot of this kind can carry, as the paper says."""
-
 GRID_RAD = np.radians(GRID_DEG)
 
 
@@ -230,7 +227,8 @@ def _covariances(gain: FloatArray, rho: float | FloatArray, n_record: int, rng: 
 def phase_method(campaign: Campaign) -> Exhibit:
     """Compare MUSIC on phases as the paper's successor does."""
     printed, six = published()["phase_method"], GainManifold.ring(6)
-    positions_m = RING_M * np.stack([np.cos(six.boresights_rad), np.sin(six.boresights_rad)], axis=-1)
+    ring_m = 0.20  # the largest that a robot of this kind can carry, as the paper says
+    positions_m = ring_m * np.stack([np.cos(six.boresights_rad), np.sin(six.boresights_rad)], axis=-1)
 
     def draw(snr_db: float, n: int, rng: np.random.Generator) -> tuple[FloatArray, ...]:
         true_deg = draw_directions(n, rng)

@@ -19,8 +19,6 @@ from pdpatrol.sensing.radio.surroundings import in_array_frame, level_transform,
 
 FloatArray = NDArray[np.float64]
 
-MAX_DRAWS = 1000
-
 
 def field_test(campaign: Campaign) -> Exhibit:
     """Make Table 3: where the printed means lie among those that a fixed error U(-0.06, 0.06) gives.
@@ -29,7 +27,7 @@ def field_test(campaign: Campaign) -> Exhibit:
     errors at the positions are independent; and with one array at all ten.
     """
     scenario = load_scenario("paper_field")
-    n_draws, config = min(MAX_DRAWS, campaign.trials), scenario.array
+    n_draws, config = min(1000, campaign.trials), scenario.array
     manifold = HelicalArray.nominal(config).manifold()
     rng = campaign.rng(3, len(scenario.sources))
     same = [HelicalArray.draw(config, rng) for _ in range(n_draws)]

@@ -15,7 +15,6 @@ from pdpatrol.missions.reproduction.exhibit import Exhibit, Row, published
 from pdpatrol.missions.reproduction.simulation import GATE_SAMPLES, SAMPLE_RATE_HZ, draw_records, energy_to_noise_of
 
 PAPER, OURS, BEST, LIMIT = "#8a8f98", "#2f6db3", "#e0762b", "#222222"
-ELEMENT_COLOURS = ("#c8443a", "#d99a2b", "#8fa832", "#2f9e6b", "#2f6db3", "#8a53b5")
 
 
 def figures(seed: int) -> dict[str, tuple[tuple[str, ...], Callable[..., Figure]]]:
@@ -142,7 +141,7 @@ def draw_manifold() -> Figure:
     axes = figure.add_subplot(1, 3, (2, 3))
     gain = GainManifold.ring(6).gain(np.radians(azimuth_deg))
     for element, values in enumerate(gain / np.linalg.norm(gain, axis=0)):
-        axes.plot(azimuth_deg, values, color=ELEMENT_COLOURS[element], label=f"element {element + 1}")
+        axes.plot(azimuth_deg, values, label=f"element {element + 1}")
     axes.set(xlabel="azimuth (deg)", ylabel="normalised gain", xlim=(-180, 180), title="Fig. 1: manifold, six elements")
     axes.legend(ncols=6, fontsize=7, loc="upper center", frameon=False)
     axes.set_ylim(0, 0.95)
@@ -159,7 +158,7 @@ def draw_noisy_pulse(seed: int) -> Figure:
     for element, row in enumerate(figure.subplots(6, 2, sharex="col", sharey=True, width_ratios=[3, 2])):
         row[0].set_title(f"element {element + 1}", loc="left", fontsize=8, pad=2)
         for axes, limits_ns in zip(row, ((0, time_ns[-1]), (at_ns - 3, at_ns + 7)), strict=True):
-            axes.plot(time_ns, record[element], color=ELEMENT_COLOURS[element], linewidth=0.5, rasterized=True)
+            axes.plot(time_ns, record[element], color=f"C{element}", linewidth=0.5, rasterized=True)
             axes.set_xlim(*limits_ns)
     figure.suptitle("Fig. 3: a pulse from 40 degrees at -10 dB, six channels; right: 10 ns of it", fontsize=10)
     figure.supylabel("amplitude (standard deviations of the noise)", fontsize=10)

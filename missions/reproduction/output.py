@@ -29,8 +29,6 @@ from pdpatrol.missions.reproduction.exhibit import (
 from pdpatrol.missions.reproduction.figures import figures
 from pdpatrol.missions.reproduction.simulation import N_RECORD, SAMPLE_RATE_HZ
 
-SCHEMA = 2
-
 
 def write_reproduction(
     exhibits: Sequence[Exhibit], trials: int, seed: int, folder: Path, progress: Callable[[float], None]
@@ -86,7 +84,7 @@ def as_json(exhibits: Sequence[Exhibit], trials: int, seed: int) -> dict[str, An
     result = verdict(exhibits)
     misses = [{**miss._asdict(), "predicted": miss.predicted._asdict()} for miss in result.misses]
     return {
-        "schema": SCHEMA,
+        "schema": 2,
         "versions": {name: version(name) for name in ("pdpatrol", "numpy", "scipy")},
         "source": published()["source"],
         "trials": trials,

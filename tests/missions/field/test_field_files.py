@@ -1,5 +1,6 @@
 """Files of field data: formats that mean the same, unusual units, and every way a file can be wrong."""
 
+import io
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -24,6 +25,15 @@ def npz(**changed: object) -> bytes:
     """Return an archive of one pulse in six channels with some arrays changed."""
     arrays = {**hostile.waveforms(np.random.default_rng(9)), **changed}
     return hostile.packed({name: np.asarray(array) for name, array in arrays.items()})
+
+
+def text_members(*names: str) -> bytes:
+    """Return an archive whose members are text instead of arrays."""
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        for name in names:
+            archive.writestr(name, "text")
+    return file.getvalue()
 
 
 def table_of(folder: Path, name: str, n_rows: int = 1) -> Path:
@@ -81,6 +91,7 @@ ENCRYPTED = npz().replace(b"PK\x01\x02\x14\x03\x14\x00\x00\x00", b"PK\x01\x02\x1
         (hostile.bomb("(1000, 2)"), "must be an .npz archive"),
         (npz(waveforms=np.array([{}] * 9)), "must be an .npz archive"),
         (hostile.packed({"waveforms": np.zeros(80_000_000)}), "must have at most 512 MB, got 640 MB"),
+        (text_members("waveforms", "sample_rate_hz"), "waveforms must be numbers"),
         (hostile.packed({"x": np.ones(3)}, zipfile.ZIP_LZMA), "array waveforms, sample_rate_hz is missing"),
         (npz(waveforms=np.ones(5)), r"waveforms must be numbers .* got float64 of shape \(5,\)"),
         (hostile.packed({"waveforms": np.ones((6, 400), int), "sample_rate_hz": np.array(2e10)}), "volts_per_count"),
@@ -94,7 +105,7 @@ ENCRYPTED = npz().replace(b"PK\x01\x02\x14\x03\x14\x00\x00\x00", b"PK\x01\x02\x1
         (npz(waveforms=np.ones((6, 50))), "must have as many samples as the gate, 90, or more, got 50"),
         (npz(sample_rate_hz=1e8), "the gate must have 4 samples or more; --gate-ns 4.5 is 0"),
     ],
-    ids=range(21),
+    ids=range(22),
 )
 def test_broken_waveform_file_is_one_error(tmp_path: Path, data: bytes | None, message: str) -> None:
     if data is not None:
