@@ -1,4 +1,4 @@
-"""Angles on the circle, for arrays; `kernels.wrapped` is the twin of `wrap` for compiled loops, tied by a test."""
+"""Angles on the circle; `kernels.wrapped` is `wrap` for compiled loops."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ def wrap(angle_rad: ArrayLike) -> FloatArray:
 
 
 def difference(first_rad: ArrayLike, second_rad: ArrayLike) -> FloatArray:
-    """Signed shortest turn from `second_rad` to `first_rad`, in (-pi, pi]; shapes broadcast."""
+    """Compute the signed shortest turn from `second_rad` to `first_rad`, in (-pi, pi]; shapes broadcast."""
     return wrap(np.asarray(first_rad, dtype=np.float64) - np.asarray(second_rad, dtype=np.float64))
 
 
 def circular_mean(angle_rad: ArrayLike) -> FloatArray:
-    """Direction of the resultant over the last axis, in (-pi, pi]; undefined where it vanishes."""
+    """Compute the direction of the resultant over the last axis, in (-pi, pi]; undefined where it vanishes."""
     angle = np.asarray(angle_rad, dtype=np.float64)
     return np.arctan2(np.sin(angle).sum(axis=-1), np.cos(angle).sum(axis=-1))
 
 
 def aperture(angle_rad: ArrayLike) -> float:
-    """Width of the narrowest arc that holds all angles (n,): the aperture of lines of sight, in [0, 2 pi)."""
+    """Compute the width of the narrowest arc that holds all angles (n,), in [0, 2 pi)."""
     angle = np.sort(wrap(angle_rad))
     if angle.size < 2:
         return 0.0

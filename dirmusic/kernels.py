@@ -1,4 +1,4 @@
-"""Small compiled functions that loops of several packages share."""
+"""Small compiled functions that kernels of several packages share."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ FloatArray = NDArray[np.float64]
 
 @compiled
 def wrapped(angle_rad: float) -> float:
-    """`angles.wrap` of a single angle: into (-pi, pi]."""
+    """Bring one angle into (-pi, pi]."""
     return -((np.pi - angle_rad) % (2.0 * np.pi)) + np.pi
 
 
 @compiled
 def dot(first: FloatArray, second: FloatArray) -> float:
-    """Scalar product of two rows, (n,), added up one by one."""
+    """Compute the scalar product of two rows (n,), term by term."""
     total = 0.0
     for e in range(first.size):
         total += first[e] * second[e]
@@ -27,7 +27,7 @@ def dot(first: FloatArray, second: FloatArray) -> float:
 
 @compiled
 def cubic(share: float, start: float, end: float, start_slope: float, end_slope: float) -> float:
-    """Value between two points of a table by the cubic that has their values and slopes; `share` in [0, 1]."""
+    """Interpolate between two points by the cubic with their values and slopes; `share` in [0, 1]."""
     rise = end - start
     square, cube = 3.0 * rise - 2.0 * start_slope - end_slope, start_slope + end_slope - 2.0 * rise
     return start + share * (start_slope + share * (square + share * cube))
@@ -35,7 +35,7 @@ def cubic(share: float, start: float, end: float, start_slope: float, end_slope:
 
 @compiled
 def cubic_slope(share: float, start: float, end: float, start_slope: float, end_slope: float) -> float:
-    """Slope of `cubic` per unit of `share`."""
+    """Compute the slope of `cubic` per unit of `share`."""
     rise = end - start
     square, cube = 3.0 * rise - 2.0 * start_slope - end_slope, start_slope + end_slope - 2.0 * rise
     return start_slope + share * (2.0 * square + 3.0 * share * cube)

@@ -1,4 +1,4 @@
-"""What no unbiased estimator can beat, and what no averaging can remove."""
+"""Bounds of the bearing error: Cramer-Rao bounds, and errors of the array, which averaging does not reduce."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FloatArray = NDArray[np.float64]
 
 
 def perpendicular_slope(gain: FloatArray, slope: FloatArray) -> FloatArray:
-    r"""The part of the manifold's slope that a change of amplitude cannot imitate, element axis first.
+    r"""Compute the part of the slope that is orthogonal to the gain, elements on the first axis.
 
     .. math:: g'_\perp = (I - g g^T / g^T g) g'
     """
@@ -24,14 +24,14 @@ def perpendicular_slope(gain: FloatArray, slope: FloatArray) -> FloatArray:
 
 
 def bearing_bound(manifold: GainManifold, azimuth_rad: ArrayLike, energy_to_noise: ArrayLike) -> FloatArray:
-    r"""Cramer-Rao bound of the bearing of one pulse of unknown waveform in white noise.
+    r"""Compute the Cramer-Rao bound of the bearing of one pulse of unknown waveform in white noise.
 
     .. math:: \sigma_\theta \ge 1 / (\sqrt{\rho}\, \lVert g'_\perp(\theta) \rVert), \quad \rho = \sum_k s_k^2 / \sigma^2
 
     Args:
-        manifold: The array.
+        manifold: Manifold of the array.
         azimuth_rad: Array-frame azimuth, any shape.
-        energy_to_noise: rho, the pulse's energy in a unit-gain channel over the variance of one noise sample, > 0;
+        energy_to_noise: rho, energy of the pulse in a unit-gain channel over the variance of one noise sample, > 0;
             broadcasts with `azimuth_rad`. The paper's SNR is rho = 28 070 x 10^(SNR/10) for six elements.
 
     Returns:
@@ -47,12 +47,12 @@ def bearing_bound(manifold: GainManifold, azimuth_rad: ArrayLike, energy_to_nois
 def bearing_bound_in_bands(
     manifolds: Sequence[GainManifold], azimuth_rad: ArrayLike, energy_to_noise: ArrayLike
 ) -> FloatArray:
-    r"""The same where the gain depends on frequency and the spectrum is unknown: an amplitude of its own in each band.
+    r"""Compute the bound for a gain that depends on frequency and an unknown spectrum: one amplitude for each band.
 
     .. math:: \sigma_\theta \ge \left(\sum_b \rho_b \lVert g'_{b\perp}(\theta) \rVert^2\right)^{-1/2}
 
     Args:
-        manifolds: The array in each band; bands so narrow that its gain is constant in them.
+        manifolds: Manifold in each band; bands must be narrow enough for a constant gain.
         azimuth_rad: Array-frame azimuth, any shape.
         energy_to_noise: rho of `bearing_bound` in each band, shape (n_bands, ...); broadcasts with `azimuth_rad`.
 
@@ -66,15 +66,15 @@ def bearing_bound_in_bands(
 
 
 def manifold_error_std(manifold: GainManifold, azimuth_rad: ArrayLike, prior: ManifoldPrior) -> FloatArray:
-    """Bearing error that all pulses from one azimuth share, because the array is not what the data sheet says.
+    """Compute the bearing error by errors of the array, which all pulses from one azimuth share.
 
     Args:
         manifold: The nominal array.
         azimuth_rad: Array-frame azimuth, any shape.
-        prior: How far the elements of real arrays spread about the data sheet.
+        prior: Prior of the errors of the elements.
 
     Returns:
-        Standard deviation in radians, shape of `azimuth_rad`, to first order. Averaging pulses does not lessen it.
+        Standard deviation in radians, shape of `azimuth_rad`, to first order.
     """
     gain, slope = manifold.gain_and_slope(azimuth_rad)
     variance = np.square(_turn_by_gain(gain, slope)) * prior.variance(gain, slope)
@@ -82,12 +82,12 @@ def manifold_error_std(manifold: GainManifold, azimuth_rad: ArrayLike, prior: Ma
 
 
 def manifold_error_covariance(manifold: GainManifold, azimuth_rad: FloatArray, spread: ElementSpread) -> FloatArray:
-    """Covariance of the bearing errors that an array unlike its data sheet makes at several azimuths.
+    """Compute the covariance of the bearing errors by errors of the array at several azimuths.
 
     Args:
         manifold: The nominal array.
         azimuth_rad: Array-frame azimuths, shape (n,).
-        spread: How far the elements of real arrays spread about the data sheet.
+        spread: Spread of the errors of the elements.
 
     Returns:
         Shape (n, n), rad^2, to first order; its diagonal is the square of `manifold_error_std`.
@@ -101,7 +101,7 @@ def manifold_error_covariance(manifold: GainManifold, azimuth_rad: FloatArray, s
 
 
 def manifold_error(manifold: GainManifold, azimuth_rad: ArrayLike, errors: ElementErrors) -> FloatArray:
-    """First-order bearing error, radians and shape of `azimuth_rad`, made by known errors of the elements."""
+    """Compute the first-order bearing error by known errors of the elements, radians, shape of `azimuth_rad`."""
     gain, slope = manifold.gain_and_slope(azimuth_rad)
     per_element = (-1, *(1,) * (gain.ndim - 1))
     e, d, o = (x.reshape(per_element) for x in (errors.gain, errors.pointing_rad, errors.offset))
@@ -109,11 +109,11 @@ def manifold_error(manifold: GainManifold, azimuth_rad: ArrayLike, errors: Eleme
 
 
 def rms_bearing_error(manifold: GainManifold, covariance: FloatArray) -> float:
-    """Bearing error that errors of the elements make, root mean square over azimuths, radians, to first order.
+    """Compute the rms bearing error over azimuths by errors of the elements, radians, to first order.
 
     Args:
-        manifold: The array that is taken for the real one.
-        covariance: Of what it is off by, shape (3 n_elements, 3 n_elements), as of `EstimatedErrors`.
+        manifold: Assumed manifold.
+        covariance: Covariance of its errors, shape (3 n_elements, 3 n_elements), as in `EstimatedErrors`.
     """
     gain, slope = manifold.search_gain, manifold.search_slope
     turn = _turn_by_gain(gain, slope)
@@ -122,6 +122,6 @@ def rms_bearing_error(manifold: GainManifold, covariance: FloatArray) -> float:
 
 
 def _turn_by_gain(gain: FloatArray, slope: FloatArray) -> FloatArray:
-    r"""Bearing error per addition to the gain of each element, :math:`g'_{\perp i} / \lVert g'_\perp \rVert^2`."""
+    r"""Compute the bearing error per addition to each gain, :math:`g'_{\perp i} / \lVert g'_\perp \rVert^2`."""
     perpendicular = perpendicular_slope(gain, slope)
     return perpendicular / np.square(perpendicular).sum(axis=0)

@@ -1,4 +1,4 @@
-"""The errors of the elements, learned from turns on the spot: one source, detected under several known headings."""
+"""Calibration: errors of the elements from one source received at several headings, by turning on the spot."""
 
 from __future__ import annotations
 
@@ -15,20 +15,17 @@ from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, GainManifold
 
 FloatArray = NDArray[np.float64]
 
-NOT_FREE = 1e-9
-"""Spread of a parameter that is not to be estimated."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """What turning on the spot has shown.
+    """Result of a calibration.
 
     Attributes:
-        manifold: The nominal manifold with the errors corrected: give this one to the estimators.
-        errors: The errors themselves.
-        remaining_rad: Root mean square over azimuths of the bearing deviation that the errors still make.
-        azimuth_rad: Where the source is, array frame at the first heading, in (-pi, pi].
-        std_rad: Standard deviation of that, given the spread of the errors.
+        manifold: Nominal manifold with the errors applied, for the estimators.
+        errors: Estimated errors.
+        remaining_rad: Bearing error by the remaining uncertainty of the errors, rms over azimuths.
+        azimuth_rad: Azimuth of the source, array frame at the first heading, in (-pi, pi].
+        std_rad: Standard deviation of the azimuth.
     """
 
     manifold: GainManifold
@@ -47,22 +44,21 @@ def calibrate(
     strength_variance: ArrayLike,
     turn_std_rad: float = 0.0,
 ) -> Calibration:
-    r"""Maximum a posteriori errors of the elements from one source of unknown direction and amplitude.
+    r"""Estimate the errors of the elements from one source of unknown direction and amplitude (maximum a posteriori).
 
-    Under heading :math:`\psi_k` element i gives :math:`\alpha_k ((1 + e_i) g(\theta - \psi_k - b_i - d_i) + o_i)`. The
-    amplitude is projected out of each heading, so the source may fluctuate. Four quarter turns are enough. What all
-    pointings have in common is a turn of the whole array: no turning on the spot shows it, and its deviation, that of
-    one element over the root of their number, stays in `std_rad` and in `remaining_rad`.
+    At heading :math:`\psi_k` element i gives :math:`\alpha_k ((1 + e_i) g(\theta - \psi_k - b_i - d_i) + o_i)`. The
+    amplitude is projected out of each heading, so the source may fluctuate. Four quarter turns are enough. The mean of
+    all pointing errors is a rotation of the array, which turning on the spot does not show; its deviation, that of one
+    element over the root of their number, remains in `std_rad` and `remaining_rad`.
 
-    The source must be in plain sight and far against the ring, and reflections out of the gate: what else arrives is
-    learned as an error of the array.
+    The source must be in line of sight and far compared with the ring, and reflections must fall outside the gate:
+    whatever else arrives is taken for an error of the array.
 
     Args:
         strengths: Shape (n_headings, n_pulses, n_elements), volts, >= 0; n_headings >= 2.
-        turns_rad: By how much the robot has turned, counter-clockwise, from each heading to the next, shape
-            (n_headings - 1,).
-        manifold: The nominal array.
-        spread: How far such arrays spread about their data sheet. What has no spread is not estimated.
+        turns_rad: Turn from each heading to the next, counter-clockwise, shape (n_headings - 1,).
+        manifold: Nominal array.
+        spread: Spread of the errors; errors without spread are not estimated.
         strength_variance: Variance of the strengths, V^2, > 0; broadcasts to the shape of `strengths`.
         turn_std_rad: Standard deviation of the error of each turn, independent from turn to turn.
 
@@ -82,7 +78,7 @@ def calibrate(
     if not (np.isfinite(a).all() and np.all(a >= 0) and np.isfinite(turns).all()):
         raise ValueError("`strengths` must be finite and >= 0 V and `turns_rad` finite; drop broken channels or pulses")
     if not np.all(a.any(axis=(-1, -2))):
-        raise ValueError("`strengths` are all zero at some heading: nothing was detected there; leave that heading out")
+        raise ValueError("`strengths` must not all be zero at a heading; leave a heading without a detection out")
     pooled, variance = _pool(a, np.broadcast_to(np.asarray(strength_variance, dtype=np.float64), a.shape))
     weight = 1.0 / np.sqrt(variance)
     heading = np.concatenate([[0.0], np.cumsum(turns)])
@@ -94,7 +90,7 @@ def calibrate(
                 np.repeat([spread.gain, spread.pointing_rad, spread.offset], n),
             ]
         ),
-        NOT_FREE,
+        1e-9,  # keeps a parameter without spread at zero
     )
     start = np.zeros(prior.size)
     start[0] = _coarse_azimuth(pooled, heading, manifold)
@@ -145,7 +141,7 @@ def calibrate(
 
 
 def _pool(strengths: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The pulses of each heading as one, weighted by amplitude, with its variance; each (n_headings, n_elements)."""
+    """Pool the pulses of each heading, weighted by amplitude, to strengths and variance (n_headings, n_elements)."""
     values, vectors = np.linalg.eigh(np.swapaxes(strengths, -1, -2) @ strengths)
     direction = np.abs(vectors[..., -1])
     amplitude = np.einsum("kpi,ki->kp", strengths, direction)
@@ -156,12 +152,12 @@ def _pool(strengths: FloatArray, variance: FloatArray) -> tuple[FloatArray, Floa
 
 
 def _coarse_azimuth(pooled: FloatArray, heading: FloatArray, manifold: GainManifold) -> float:
-    """The search azimuth that explains most energy in all headings together."""
+    """Find the search azimuth that explains most energy over all headings."""
     gain = manifold.gain(SEARCH_AZIMUTHS_RAD[:, np.newaxis] - heading)
     unit = gain / np.linalg.norm(gain, axis=0)
     return float(SEARCH_AZIMUTHS_RAD[np.square(np.einsum("ki,ijk->jk", pooled, unit)).sum(axis=-1).argmax()])
 
 
 def _across(data: FloatArray, model: FloatArray) -> FloatArray:
-    """The data (..., n_elements) without their part along the model."""
+    """Remove from data (..., n_elements) their component along the model."""
     return data - model * ((data * model).sum(axis=-1, keepdims=True) / np.square(model).sum(axis=-1, keepdims=True))

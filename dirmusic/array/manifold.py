@@ -1,4 +1,4 @@
-"""Gain of every element towards any azimuth: what steering vectors are to phase arrays."""
+"""Gain manifold: gain of every element towards any azimuth, as steering vectors are for phased arrays."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ FloatArray = NDArray[np.float64]
 
 SEARCH_STEP_RAD = np.radians(2.0)
 SEARCH_AZIMUTHS_RAD = np.arange(180) * SEARCH_STEP_RAD
-"""Where peaks are looked for before they are refined: fine against any lobe wide enough to be used in a ring."""
+"""Grid on which peaks are searched before refinement; fine compared with any lobe of an element of a ring."""
 
 
 def nearest_search_azimuth(azimuth_rad: FloatArray) -> NDArray[np.intp]:
-    """Number of the one of `SEARCH_AZIMUTHS_RAD` that is nearest to each azimuth, of its shape."""
+    """Return the index of the nearest of `SEARCH_AZIMUTHS_RAD` for each azimuth."""
     return np.rint(azimuth_rad / SEARCH_STEP_RAD).astype(np.intp) % SEARCH_AZIMUTHS_RAD.size
 
 
 BLIND_SLOPE = 0.01
-"""A manifold that turns by less than this per radian everywhere is blind: 1 % of gain would be a radian."""
+"""Slope of the unit gain per radian below which a manifold holds no direction: 1 % of gain would be a radian."""
 
 
 class ManifoldTable(NamedTuple):
-    """A manifold as compiled loops read it; azimuths are even steps once round from 0.
+    """Manifold as a kernel reads it, in even steps of azimuth from 0.
 
     Attributes:
-        gain: Shape (TABLE_SIZE, n_elements).
-        slope: Per radian, shape (TABLE_SIZE, n_elements).
+        gain: Gains, shape (TABLE_SIZE, n_elements).
+        slope: Slopes of the gains per radian, shape (TABLE_SIZE, n_elements).
         unit_pairs: Products of the unit gains of elements (0, 0), (1, 0), (1, 1), (2, 0) ... towards
             `SEARCH_AZIMUTHS_RAD`, shape (n_elements (n_elements + 1) / 2, n_azimuths).
     """
@@ -53,30 +53,30 @@ class ManifoldTable(NamedTuple):
 
 
 def ring_boresights_rad(n_elements: int) -> FloatArray:
-    """Boresights of a uniform ring, +90 - 360 k / n degrees: element 1 points left, the next further clockwise."""
+    """Return the boresights of a uniform ring, 90 - 360 k / n degrees: element 1 points left, the next clockwise."""
     return np.pi / 2 - 2 * np.pi * np.arange(n_elements) / n_elements
 
 
 class GainManifold:
-    """The gain array manifold that the estimator believes in.
+    """Gain manifold of an array, as the estimator knows it.
 
     Args:
-        pattern: Gain of each element over the angle off its boresight.
+        pattern: Pattern of each element.
         boresights_rad: Azimuth of each element's boresight, array frame, shape (n_elements,), n_elements >= 2.
-        boresight_elevations_rad: Elevation of each element's boresight, in [-pi/2, pi/2], shape (n_elements,); zero for
-            a level element.
-        gain_factors: Known factor on each element's gain, shape (n_elements,), positive; one where nothing is known.
-        gain_offsets: Known addition to each element's gain, in units of gain, shape (n_elements,); zero where nothing
-            is known. Both come from a calibration, and `ElementErrors.correct` sets them.
-        elevation_rad: Elevation at which sources are taken to be, in [-pi/2, pi/2].
+        boresight_elevations_rad: Elevation of each element's boresight, in [-pi/2, pi/2], shape (n_elements,). Default:
+            level.
+        gain_factors: Known factor of each element's gain, shape (n_elements,), positive; see `ElementErrors.correct`.
+        gain_offsets: Known addition to each element's gain, in units of gain, shape (n_elements,).
+        elevation_rad: Elevation of the sources, in [-pi/2, pi/2].
 
     Attributes:
-        search_gain: Gains towards `SEARCH_AZIMUTHS_RAD`, shape (n_elements, n_azimuths), kept because every estimate
-            starts there; `search_slope` their slopes per radian, `search_unit_gain` the gains scaled to unit norm.
+        search_gain: Gains towards `SEARCH_AZIMUTHS_RAD`, shape (n_elements, n_azimuths).
+        search_slope: Slopes of these gains per radian.
+        search_unit_gain: These gains scaled to unit norm.
 
     Raises:
-        ValueError: If a vector is not finite or not of shape (n_elements,), or the array cannot tell directions apart
-            because its gains hardly change with azimuth.
+        ValueError: If a vector is not finite or not of shape (n_elements,), or the ratios of the gains hardly change
+            with azimuth, so that the array cannot distinguish directions.
 
     References:
         Dir-MUSIC, eq. (6).
@@ -96,7 +96,7 @@ class GainManifold:
         if boresights.ndim != 1 or boresights.size < 2 or not np.isfinite(boresights).all():
             raise ValueError(
                 f"`boresights_rad` must be finite with shape (n_elements,), n_elements >= 2, got {boresights_rad!r}. "
-                "One element alone leaves no noise subspace, so it has no bearing."
+                "One element alone gives no direction."
             )
         vectors = boresight_elevations_rad, gain_factors, gain_offsets
         tilts, factors, offsets = (np.array(x, dtype=np.float64) for x in vectors)
@@ -105,7 +105,7 @@ class GainManifold:
             if values.shape not in ((), boresights.shape) or not np.isfinite(values).all():
                 raise ValueError(f"`{name}` must be finite with shape {boresights.shape}, got {values!r}")
         if not np.all(factors > 0):
-            raise ValueError(f"`gain_factors` must be positive, got {factors!r}; a dead element is left out by `take`")
+            raise ValueError(f"`gain_factors` must be positive, got {factors!r}; leave a dead element out with `take`")
         if not np.all(np.abs(tilts) <= np.pi / 2):
             raise ValueError(f"`boresight_elevations_rad` must be in [-pi/2, pi/2], got {tilts!r}")
         if not abs(elevation_rad) <= np.pi / 2:
@@ -126,20 +126,18 @@ class GainManifold:
         for array in (gain, slope, unit):
             array.setflags(write=False)
         if not np.linalg.norm(np.roll(unit, -1, axis=1) - unit, axis=0).max() > BLIND_SLOPE * SEARCH_STEP_RAD:
-            raise ValueError(
-                "`pattern` is flat: the ratios of the gains do not change with azimuth, so strengths hold no direction"
-            )
+            raise ValueError("`pattern` must not be flat: the ratios of the gains must change with azimuth")
 
     @classmethod
     def ring(cls, n_elements: int = 6, pattern: GainPattern | None = None) -> Self:
-        """A uniform ring with the boresights of `ring_boresights_rad`."""
+        """Make the manifold of a uniform ring; see `ring_boresights_rad`."""
         return cls(pattern or GaussianPattern(), ring_boresights_rad(n_elements))
 
     def take(self, elements: Sequence[int] | NDArray[np.intp] | NDArray[np.bool_]) -> GainManifold:
-        """The manifold of some elements alone, by index or mask: a four-channel receiver, or dead channels left out."""
+        """Select elements by index or mask, for a receiver with fewer channels or to leave faulty ones out."""
         chosen = np.arange(self.n_elements)[np.asarray(elements)]
         key = tuple(chosen.tolist())
-        if key not in self._taken:  # channels are left out again and again to see which is at fault
+        if key not in self._taken:  # the channel monitor asks for the same subsets again and again
             self._taken[key] = GainManifold(
                 self.pattern,
                 self.boresights_rad[chosen],
@@ -151,9 +149,10 @@ class GainManifold:
         return self._taken[key]
 
     def at_elevation(self, elevation_rad: float) -> GainManifold:
-        """The manifold of sources that are known to be seen at one elevation; by default they are level.
+        """Return the manifold for sources at a known elevation.
 
-        In the plane, a source at 20 / 30 / 45 degrees of elevation is off by 0.7 / 1.6 / 3.6 degrees of azimuth, rms.
+        With a level manifold, the azimuth of a source at 20 / 30 / 45 degrees of elevation has an rms error of 0.7 /
+        1.6 / 3.6 degrees.
         """
         return GainManifold(
             self.pattern,
@@ -171,7 +170,7 @@ class GainManifold:
 
     @cached_property
     def table(self) -> ManifoldTable:
-        """What estimates look up."""
+        """Table for kernels."""
         gain, slope = self.gain_and_slope(2 * np.pi / TABLE_SIZE * np.arange(TABLE_SIZE))
         first, second = np.tril_indices(self.n_elements)
         pairs = self.search_unit_gain[first] * self.search_unit_gain[second]
@@ -182,24 +181,24 @@ class GainManifold:
 
     @cached_property
     def held_table(self) -> Held[ManifoldTable]:
-        """The same for compiled functions that are called often."""
+        """Table for kernels that are called often."""
         return Held(self.table)
 
     @cached_property
     def pattern_table(self) -> PatternTable:
-        """The pattern as compiled loops look it up."""
+        """Pattern of the elements for kernels."""
         return tabulate(self.pattern)
 
     def gain(self, azimuth_rad: ArrayLike) -> FloatArray:
-        """Gains towards array-frame azimuths of any shape; shape (n_elements, *azimuth.shape), unitless."""
+        """Compute the gains towards array-frame azimuths of any shape; shape (n_elements, *azimuth.shape)."""
         return self.gain_and_slope(azimuth_rad)[0]
 
     def derivative(self, azimuth_rad: ArrayLike) -> FloatArray:
-        """Slopes of the gains per radian of azimuth; shape (n_elements, *azimuth.shape)."""
+        """Compute the slopes of the gains per radian of azimuth; shape (n_elements, *azimuth.shape)."""
         return self.gain_and_slope(azimuth_rad)[1]
 
     def gain_and_slope(self, azimuth_rad: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Gains and their slopes per radian, each of shape (n_elements, *azimuth.shape)."""
+        """Compute the gains and their slopes per radian, each of shape (n_elements, *azimuth.shape)."""
         azimuth = np.asarray(azimuth_rad, dtype=np.float64)
         per_element = (-1, *(1,) * azimuth.ndim)
         return self.element_response(azimuth - self.boresights_rad.reshape(per_element), per_element)
@@ -207,12 +206,11 @@ class GainManifold:
     def element_response(
         self, off_boresight_rad: FloatArray, per_element: tuple[int, ...] = (-1,)
     ) -> tuple[FloatArray, FloatArray]:
-        """Gain and slope of each element towards an azimuth of its own, as for a source close by.
+        """Compute gain and slope of each element towards an azimuth of its own, as for a source close by.
 
         Args:
-            off_boresight_rad: Azimuth off each boresight, a shape that broadcasts with (n_elements,) reshaped to
-                `per_element`.
-            per_element: Where the element axis is; (-1,) is the last.
+            off_boresight_rad: Azimuth off each boresight; broadcasts with (n_elements,) reshaped to `per_element`.
+            per_element: Shape that puts the elements on their axis. Default: the last.
         """
         if self._is_in_plane:
             gain, slope = self.pattern.gain_and_slope(off_boresight_rad)
@@ -223,12 +221,12 @@ class GainManifold:
         return factors * gain + offsets, factors * slope
 
     def response_in_space(self, off_boresight_rad: FloatArray, elevation_rad: FloatArray) -> SpatialGain:
-        """Gain of each element and its slopes towards directions of their own; the element axis is the last.
+        """Compute the gain of each element and its slopes towards directions of their own; elements on the last axis.
 
         Args:
             off_boresight_rad: Azimuth off each boresight, shape (..., n_elements).
-            elevation_rad: Elevation of each direction; broadcasts with `off_boresight_rad`. `self.elevation_rad` does
-                not count here.
+            elevation_rad: Elevation of each direction, instead of `self.elevation_rad`; broadcasts with
+                `off_boresight_rad`.
         """
         gain, by_azimuth, by_elevation = gain_in_space(
             self.pattern, off_boresight_rad, elevation_rad, self.boresight_elevations_rad
@@ -238,20 +236,20 @@ class GainManifold:
 
 
 FAR_APART_RAD = np.radians(20.0)
-"""Directions nearer to each other than this may well be alike: what noise makes of them is the bound's matter."""
+"""Smallest distance of two directions that can be ambiguous; between nearer ones the error is that of the bound."""
 
 LEAST_CONTRAST_RAD = np.radians(1.0)
-"""Unit gains that differ by less are taken for the same (assumed): 1 degree is 2 % of the strengths, less than the
-elements of one array differ by. Rings have 5 degrees and more, two elements hundredths of one."""
+"""Angle between unit gains below which two directions are ambiguous. Assumed: 1 degree is 2 % of the strengths, less
+than the spread of the elements. Rings have 5 degrees and more, two elements hundredths of one."""
 
 
 class Ambiguity(NamedTuple):
-    """The two directions far apart that an array can tell apart least.
+    """Pair of directions far apart that an array distinguishes least.
 
     Attributes:
-        contrast_rad: Angle between their gains as vectors.
-        first_rad: The one azimuth, array frame, in [0, 2 pi).
-        second_rad: The other azimuth.
+        contrast_rad: Angle between their vectors of gains.
+        first_rad: First azimuth, array frame, in [0, 2 pi).
+        second_rad: Second azimuth, array frame, in [0, 2 pi).
     """
 
     contrast_rad: float
@@ -260,17 +258,17 @@ class Ambiguity(NamedTuple):
 
     @property
     def is_harmless(self) -> bool:
-        """Whether the array tells all directions apart."""
+        """True if the array distinguishes all directions."""
         return self.contrast_rad >= LEAST_CONTRAST_RAD
 
 
 def worst_ambiguity(manifold: GainManifold) -> Ambiguity:
-    """The pair of azimuths, at least `FAR_APART_RAD` from each other, whose gains have the most alike ratios."""
+    """Find the pair of azimuths, at least `FAR_APART_RAD` apart, whose gains have the most similar ratios."""
     unit_gain = manifold.search_unit_gain
-    likeness: FloatArray = unit_gain.T @ unit_gain
+    similarity: FloatArray = unit_gain.T @ unit_gain
     apart_rad = np.abs(difference(SEARCH_AZIMUTHS_RAD[:, np.newaxis], SEARCH_AZIMUTHS_RAD))
-    likeness[apart_rad < FAR_APART_RAD - 1e-9] = -1.0
-    first, second = divmod(int(likeness.argmax()), SEARCH_AZIMUTHS_RAD.size)
+    similarity[apart_rad < FAR_APART_RAD - 1e-9] = -1.0
+    first, second = divmod(int(similarity.argmax()), SEARCH_AZIMUTHS_RAD.size)
     contrast = float(np.linalg.norm(unit_gain[:, first] - unit_gain[:, second]))
     return Ambiguity(
         contrast_rad=float(2 * np.arcsin(0.5 * contrast)),

@@ -1,4 +1,4 @@
-"""What a robot knows of its array."""
+"""The array as the robot knows it."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class ArrayModel:
-    """What the robot knows of its array: the data sheet, and how far real arrays, or this very one, are off it.
+    """The array as the robot knows it: data sheet, spread of real arrays, and estimated errors of this one.
 
     Attributes:
         manifold: Nominal gains.
-        positions_m: Nominal element positions, array frame, heights above the ground, shape (n_elements, 3).
-        spread: How far real arrays spread about the data sheet.
-        band_manifolds: Nominal gains in the lower and the upper half of each sub-band that the receiver reads, lowest
-            first; none where it reads none.
-        errors: What earlier missions have shown of this very array; None where no more than the spread is known.
+        positions_m: Nominal positions of the elements, array frame, heights above the ground, shape (n_elements, 3).
+        spread: Spread of real arrays about the data sheet.
+        band_manifolds: Nominal gains in the lower and the upper half of each sub-band of the receiver, lowest first;
+            empty if it measures none.
+        errors: Errors of this array estimated in earlier missions; None if unknown.
     """
 
     manifold: GainManifold
@@ -41,14 +41,14 @@ class ArrayModel:
 
     @property
     def bearing_std_rad(self) -> float:
-        """Bearing error by what is not known of the array, root mean square over azimuths; averaging lessens it not."""
+        """Bearing error by unknown errors of the array, rms over azimuths; averaging over pulses does not reduce it."""
         manifold = self.manifold
         errors = self.errors or EstimatedErrors.of_spread(self.spread, manifold.n_elements)
         by_pattern = manifold_error_std(manifold, SEARCH_AZIMUTHS_RAD, ElementSpread(pattern=self.spread.pattern))
         return float(np.hypot(rms_bearing_error(manifold, errors.covariance), np.sqrt(np.square(by_pattern).mean())))
 
     def take(self, elements: Sequence[int] | NDArray[np.intp] | NDArray[np.bool_]) -> ArrayModel:
-        """The same array with some of its elements alone, by index or mask."""
+        """Select elements by index or mask."""
         chosen = np.arange(self.manifold.n_elements)[np.asarray(elements)]
         return ArrayModel(
             manifold=self.manifold.take(chosen),

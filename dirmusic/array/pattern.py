@@ -1,4 +1,4 @@
-"""Gain of one directional element over the angle off its boresight."""
+"""Gain of one directional element over the angle off its boresight, in the plane and in space."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ FloatArray = NDArray[np.float64]
 
 
 class GainPattern(Protocol):
-    """Amplitude gain of one element in the plane of the array, and its slope: a subclass writes `gain_and_slope`."""
+    """Amplitude gain of one element in the plane of the array; a subclass implements `gain_and_slope`."""
 
     def __call__(self, off_boresight_rad: ArrayLike) -> FloatArray:
-        """Gain, unitless and positive, at `off_boresight = azimuth - boresight` of any shape."""
+        """Compute the gain, unitless and positive, at `off_boresight = azimuth - boresight` of any shape."""
         return self.gain_and_slope(off_boresight_rad)[0]
 
     def derivative(self, off_boresight_rad: ArrayLike) -> FloatArray:
-        """Slope of the gain per radian, same shape."""
+        """Compute the slope of the gain per radian, same shape."""
         return self.gain_and_slope(off_boresight_rad)[1]
 
     def gain_and_slope(self, off_boresight_rad: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Both at once, for they share their work."""
+        """Compute gain and slope together."""
         ...
 
 
 class GaussianPattern(GainPattern):
-    r"""The helical antenna of the Dir-MUSIC paper: three Gaussians fitted to a measured pattern.
+    r"""Pattern of the helical antenna of the Dir-MUSIC paper: three Gaussians fitted to a measurement.
 
     .. math:: g(\theta) = \sum_{i=1}^{3} a_i \exp(-(\theta - b_i)^2 / c_i^2), \quad
               \theta = (207^\circ + \text{off\_boresight}) \bmod 360^\circ
 
-    Its peak, 1.0058, is at 207 degrees of the printed formula: that is the boresight. Gains lie in [0.07, 1.01]; -3 dB
-    width 101 degrees, front to back 16.3 dB. The pattern is not symmetric, and has a step of 0.006 where the printed
-    angle passes 0/360 (off boresight by 153 degrees), left as printed.
+    Its peak, 1.0058, is at 207 degrees of the printed formula, which is taken as the boresight. Gains lie in [0.07,
+    1.01]; the -3 dB width is 101 degrees, the front-to-back ratio 16.3 dB. The pattern is not symmetric, and has a step
+    of 0.006 where the printed angle passes 0/360 (153 degrees off boresight), as printed.
 
     References:
         Dir-MUSIC, eq. (1).
@@ -52,17 +52,17 @@ class GaussianPattern(GainPattern):
     _SLOPE_FACTOR = -2.0 * np.degrees(1.0) / WIDTH_DEG
 
     def __call__(self, off_boresight_rad: ArrayLike) -> FloatArray:
-        """Gain alone, of the shape of `off_boresight_rad`."""
+        """Compute the gain alone, of the shape of `off_boresight_rad`."""
         return self._terms(off_boresight_rad)[0].sum(axis=0)
 
     def gain_and_slope(self, off_boresight_rad: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Gain, unitless, and its slope per radian; each of the shape of `off_boresight_rad`."""
+        """Compute the gain and its slope per radian; each of the shape of `off_boresight_rad`."""
         terms, widths_off = self._terms(off_boresight_rad)
         widths_off *= self._SLOPE_FACTOR.reshape(3, *(1,) * (widths_off.ndim - 1))
         return terms.sum(axis=0), (widths_off * terms).sum(axis=0)
 
     def _terms(self, off_boresight_rad: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """The three Gaussians, and by how many of their widths the angle is off their centres."""
+        """Compute the three Gaussians, and the angle off their centres in units of their widths."""
         angle_deg = self.BORESIGHT_DEG + np.degrees(np.asarray(off_boresight_rad, dtype=np.float64))
         angle_deg = angle_deg - 360.0 * np.floor(angle_deg / 360.0)
         per_term = (3, *(1,) * angle_deg.ndim)
@@ -72,15 +72,15 @@ class GaussianPattern(GainPattern):
 
 MAX_GAP_RAD = np.radians(30.0)
 MAX_GAP_STEPS = 4.0
-"""A table with a wider hole than this, in radians or in its own median steps, has a gap: a spline would invent gain."""
+"""Widest step of a table, in radians and in median steps; a spline would invent the gain in a wider one. Assumed."""
 
 
 class TabulatedPattern(GainPattern):
-    """A measured pattern: a periodic cubic spline through gains at given angles.
+    """Measured pattern: a periodic cubic spline through gains at given angles.
 
     Args:
-        off_boresight_rad: Strictly increasing angles, less than one turn from first to last, shape (n,), n >= 4. They
-            go all round: no gap wider than 30 degrees or than four of the median steps.
+        off_boresight_rad: Strictly increasing angles that span less than one turn, shape (n,), n >= 4, without a gap
+            wider than 30 degrees or four median steps, also between last and first.
         gain: Amplitude gain at those angles, shape (n,), positive.
 
     Raises:
@@ -103,9 +103,9 @@ class TabulatedPattern(GainPattern):
         widest = int(steps.argmax())
         if steps[widest] > min(MAX_GAP_RAD, MAX_GAP_STEPS * float(np.median(steps))) * (1 + 1e-9):
             raise ValueError(
-                f"`off_boresight_rad` leaves a gap of {np.degrees(steps[widest]):.1f} degrees after "
-                f"{np.degrees(angle[widest]):.1f} degrees; allowed are {np.degrees(MAX_GAP_RAD):.0f} degrees and "
-                f"{MAX_GAP_STEPS:.0f} times the median step ({np.degrees(np.median(steps)):.1f} degrees), all round"
+                f"`off_boresight_rad` must have steps of at most {np.degrees(MAX_GAP_RAD):.0f} degrees and "
+                f"{MAX_GAP_STEPS:.0f} times the median step ({np.degrees(np.median(steps)):.1f} degrees), leaves a gap "
+                f"of {np.degrees(steps[widest]):.1f} degrees after {np.degrees(angle[widest]):.1f} degrees"
             )
         self._start = angle[0]
         closed_angle = np.append(angle, angle[0] + 2 * np.pi)
@@ -116,18 +116,18 @@ class TabulatedPattern(GainPattern):
         self.off_boresight_rad, self.table_gain = angle, value
 
     def gain_and_slope(self, off_boresight_rad: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Gain, unitless, and its slope per radian; each of the shape of `off_boresight_rad`."""
+        """Compute the gain and its slope per radian; each of the shape of `off_boresight_rad`."""
         angle = np.asarray(off_boresight_rad, dtype=np.float64)
         within = self._start + np.mod(angle - self._start, 2 * np.pi)
         return np.asarray(self._spline(within)), np.asarray(self._slope(within))
 
 
 NEAR_AXIS = 1e-9
-"""Sine of the angle from the boresight below which the roll around it has no meaning."""
+"""Sine of the angle from the boresight below which the roll around it is undefined; rounding decides beyond."""
 
 
 class SpatialGain(NamedTuple):
-    """Gain towards directions in space, and its slopes per radian; all of one shape."""
+    """Gains towards directions in space and their slopes per radian, all of one shape."""
 
     gain: FloatArray
     by_azimuth: FloatArray
@@ -140,19 +140,19 @@ def gain_in_space(
     elevation_rad: ArrayLike,
     boresight_elevation_rad: ArrayLike = 0.0,
 ) -> SpatialGain:
-    r"""Gain of an element towards a direction in space.
+    r"""Compute the gain of an element towards a direction in space.
 
-    With :math:`\psi` the angle from the boresight and :math:`\phi` the roll around it, zero where the direction lies
-    level to the left,
+    With :math:`\psi` the angle from the boresight and :math:`\phi` the roll around it, zero for a level direction
+    to the left,
 
     .. math:: g(\psi, \phi) = \cos^2(\phi / 2) \, g(+\psi) + \sin^2(\phi / 2) \, g(-\psi)
 
-    At zero elevation the gain of a level element is the pattern itself. That a helix has nearly the same pattern in all
-    planes through its axis is assumed; the pattern is measured in one.
+    At zero elevation the gain of a level element is the pattern itself. The pattern is measured in one plane; assumed:
+    a helix has nearly the same pattern in all planes through its axis (`OFF_PLANE` says how nearly).
 
     Args:
-        pattern: In the plane.
-        off_boresight_rad: Azimuth of the direction less that of the boresight.
+        pattern: Pattern in the plane.
+        off_boresight_rad: Azimuth of the direction minus that of the boresight.
         elevation_rad: Elevation of the direction, in [-pi/2, pi/2]; broadcasts with `off_boresight_rad`.
         boresight_elevation_rad: Elevation of the boresight, in [-pi/2, pi/2]; broadcasts with the others.
 
@@ -162,11 +162,11 @@ def gain_in_space(
     off, elevation = (np.asarray(a, dtype=np.float64) for a in (off_boresight_rad, elevation_rad))
     tilt = np.asarray(boresight_elevation_rad, dtype=np.float64)
     cos_off, sin_off, cos_up, sin_up = np.cos(off), np.sin(off), np.cos(elevation), np.sin(elevation)
-    level, left = cos_up * cos_off, cos_up * sin_off  # of the direction, seen from the boresight's azimuth
-    ahead, up, ahead_by_elevation = level, sin_up, sin_up * cos_off  # seen from the boresight, the last one negative
+    level, left = cos_up * cos_off, cos_up * sin_off  # components in the frame of the boresight's azimuth
+    ahead, up, ahead_by_elevation = level, sin_up, sin_up * cos_off  # in the frame of the boresight; the last negated
     is_tilted = bool(tilt.any())
     cos_tilt, sin_tilt = np.cos(tilt), np.sin(tilt)
-    if is_tilted:  # level elements need not pay for it
+    if is_tilted:
         ahead, up = cos_tilt * level + sin_tilt * sin_up, cos_tilt * sin_up - sin_tilt * level
         ahead_by_elevation = cos_tilt * ahead_by_elevation - sin_tilt * cos_up
     sin_psi = np.sqrt(np.maximum(1.0 - np.square(ahead), 0.0))
@@ -189,17 +189,17 @@ def gain_in_space(
 
 
 TABLE_SIZE = 3600
-"""Steps of 0.1 degrees, between which a cubic is exact to 1e-10 wherever the pattern is smooth."""
+"""Steps of a table, of 0.1 degrees; a cubic between them is exact to 1e-10 where the pattern is smooth."""
 
 STEP_RAD = 2 * np.pi / TABLE_SIZE
 
 
 class PatternTable(NamedTuple):
-    """Gain in the plane over the angle off boresight, even steps once round from 0, each of shape (TABLE_SIZE,).
+    """Pattern in the plane as a kernel reads it, in even steps from 0 off boresight.
 
     Attributes:
-        gain: The gain.
-        slope: Slope of the gain per step.
+        gain: Gains, shape (TABLE_SIZE,).
+        slope: Slopes of the gain per step, shape (TABLE_SIZE,).
     """
 
     gain: FloatArray
@@ -207,14 +207,14 @@ class PatternTable(NamedTuple):
 
 
 def tabulate(pattern: GainPattern) -> PatternTable:
-    """The table of a pattern."""
+    """Tabulate a pattern."""
     gain, slope = pattern.gain_and_slope(STEP_RAD * np.arange(TABLE_SIZE))
     return PatternTable(np.ascontiguousarray(gain), STEP_RAD * slope)
 
 
 @compiled
 def pattern_gain(pattern: PatternTable, off_boresight_rad: float) -> float:
-    """Gain in the plane between the steps of the table."""
+    """Interpolate the gain in the plane."""
     at = off_boresight_rad / STEP_RAD
     low = np.floor(at)
     i = int(low) % TABLE_SIZE
@@ -224,7 +224,7 @@ def pattern_gain(pattern: PatternTable, off_boresight_rad: float) -> float:
 
 @compiled
 def pattern_gain_and_slope(pattern: PatternTable, off_boresight_rad: float) -> tuple[float, float]:
-    """Gain in the plane and its slope per radian, between the steps of the table."""
+    """Interpolate the gain in the plane and its slope per radian."""
     at = off_boresight_rad / STEP_RAD
     low = np.floor(at)
     i = int(low) % TABLE_SIZE
@@ -235,7 +235,7 @@ def pattern_gain_and_slope(pattern: PatternTable, off_boresight_rad: float) -> t
 
 
 class GainInDirection(NamedTuple):
-    """Gain towards a direction in space, and its slopes per radian."""
+    """Gain towards one direction in space and its slopes per radian."""
 
     gain: float
     by_azimuth: float
@@ -243,7 +243,7 @@ class GainInDirection(NamedTuple):
 
 
 class Boresight(NamedTuple):
-    """Direction of a boresight."""
+    """Direction of one boresight."""
 
     cos_azimuth: float
     sin_azimuth: float
@@ -252,21 +252,13 @@ class Boresight(NamedTuple):
 
 
 def as_boresights(azimuth_rad: FloatArray, elevation_rad: FloatArray) -> FloatArray:
-    """Fields of `Boresight`, shape (n_elements, 4), of boresights with azimuths and elevations (n_elements,)."""
+    """Stack the fields of `Boresight`, shape (n_elements, 4), for azimuths and elevations (n_elements,)."""
     return np.stack([f(angle) for angle in (azimuth_rad, elevation_rad) for f in (np.cos, np.sin)], axis=-1)
 
 
 @compiled
 def gain_towards(pattern: PatternTable, boresight: Boresight, x: float, y: float, z: float) -> float:
-    """Gain of an element along a vector of any length: `elevation.gain_in_space`.
-
-    Args:
-        pattern: Of the element, in the plane.
-        boresight: Of the element.
-        x: Component of the vector in the frame of the boresight, as y and z; z is up.
-        y: As said.
-        z: As said.
-    """
+    """Compute the gain of an element along the vector (x, y, z), z up, of any length, as `gain_in_space`."""
     level = boresight.cos_azimuth * x + boresight.sin_azimuth * y
     left = boresight.cos_azimuth * y - boresight.sin_azimuth * x
     ahead = boresight.cos_elevation * level + boresight.sin_elevation * z
@@ -281,7 +273,7 @@ def gain_towards(pattern: PatternTable, boresight: Boresight, x: float, y: float
 def gain_and_slopes_towards(
     pattern: PatternTable, boresight: Boresight, x: float, y: float, z: float
 ) -> GainInDirection:
-    """Gain along a vector of length 1 and its slopes by azimuth and elevation; arguments as of `gain_towards`."""
+    """Compute the gain along the unit vector (x, y, z) and its slopes by azimuth and elevation."""
     sideways = max(math.hypot(x, y), NEAR_AXIS)
     level = boresight.cos_azimuth * x + boresight.sin_azimuth * y
     left = boresight.cos_azimuth * y - boresight.sin_azimuth * x

@@ -14,32 +14,32 @@ from dirmusic.array.pattern import MAX_GAP_RAD, TabulatedPattern
 FloatArray = NDArray[np.float64]
 
 LEAST_GAIN = 1e-6
-"""What a spline that swings below zero between the angles of a table is raised to: 120 dB below the reference."""
+"""Smallest gain, 120 dB below the reference: a spline may swing below zero between the angles of a table."""
 
 CUT_STEP_RAD = np.radians(1.0)
-"""Of a cut's own table: so fine that it does not matter what is interpolated first."""
+"""Step of the table of a cut; fine enough for interpolation to commute with the mean over frequency."""
 
 AROUND = 4
-"""Azimuths that are repeated on either side, so that the spline goes on once round."""
+"""Azimuths repeated on either side to make the spline periodic."""
 
 
 class SpatialPattern:
-    """A pattern as a table: cubic between its angles, linear between its frequencies.
+    """Pattern as a table: cubic between its angles, linear between its frequencies.
 
-    Angles are those of the element: azimuth off the boresight, counter-clockwise seen from above, and elevation from
-    the plane of boresight and left side. Above the highest frequency of the table the gain is that of the highest, and
-    so on below the lowest and beyond the outermost elevations.
+    Angles refer to the element: azimuth off boresight, counter-clockwise seen from above, and elevation from the plane
+    of boresight and left side. Beyond the lowest and highest frequency and elevation of the table, the gain is that at
+    the nearest one.
 
     Args:
-        frequency_hz: Rising, shape (n_frequencies,).
-        azimuth_rad: Rising, less than one turn from first to last, and all round: no gap wider than 30 degrees; shape
-            (n_azimuths,), n >= 12.
-        elevation_rad: Rising, in [-pi/2, pi/2], on both sides of 0; shape (n_elevations,), n >= 4.
-        gain: Amplitude gain, positive, shape (n_frequencies, n_azimuths, n_elevations). Straight up and down, where all
-            azimuths are one direction, their mean counts.
+        frequency_hz: Increasing frequencies, shape (n_frequencies,).
+        azimuth_rad: Increasing azimuths that span less than one turn, without a gap wider than 30 degrees, also between
+            last and first; shape (n_azimuths,), n >= 12.
+        elevation_rad: Increasing elevations in [-pi/2, pi/2], on both sides of 0; shape (n_elevations,), n >= 4.
+        gain: Amplitude gain, positive, shape (n_frequencies, n_azimuths, n_elevations). Straight up and down, the mean
+            over the azimuths is used.
 
     Raises:
-        ValueError: If shapes disagree, an axis is not as said, or a gain is not positive and finite.
+        ValueError: If shapes disagree, an axis is invalid, or a gain is not positive and finite.
     """
 
     def __init__(
@@ -51,24 +51,24 @@ class SpatialPattern:
         shape = frequency.size, azimuth.size, elevation.size
         for name, axis in (("frequency_hz", frequency), ("azimuth_rad", azimuth), ("elevation_rad", elevation)):
             if axis.ndim != 1 or not np.isfinite(axis).all() or not np.all(np.diff(axis) > 0):
-                raise ValueError(f"`{name}` must be finite and strictly increasing, of one axis")
+                raise ValueError(f"`{name}` must be finite, strictly increasing and one-dimensional")
         if table.shape != shape or not (np.isfinite(table).all() and np.all(table > 0)):
             raise ValueError(f"`gain` must be finite, positive and of shape {shape}, got {table.shape}")
         if frequency.size == 0 or frequency[0] <= 0:
-            raise ValueError("`frequency_hz` must have one frequency at least, all above 0")
+            raise ValueError("`frequency_hz` must have at least one frequency, all above 0")
         widest = np.diff(azimuth, append=azimuth[:1] + 2 * np.pi).max(initial=2 * np.pi if azimuth.size < 2 else 0.0)
         if widest > MAX_GAP_RAD * (1 + 1e-9) or azimuth[-1] - azimuth[0] >= 2 * np.pi:
             raise ValueError(
-                f"`azimuth_rad` leaves a gap of {np.degrees(widest):.1f} degrees, or goes past one turn; allowed is "
-                f"once round in steps of {np.degrees(MAX_GAP_RAD):.0f} degrees at most"
+                f"`azimuth_rad` must cover one turn in steps of at most {np.degrees(MAX_GAP_RAD):.0f} degrees, has a "
+                f"gap of {np.degrees(widest):.1f} degrees or goes beyond"
             )
         is_wide = (
             elevation.size >= 4 and np.abs(elevation).max() <= np.pi / 2 + 1e-9 and elevation[0] < 0 < elevation[-1]
         )
         if not is_wide or np.diff(elevation).max() > MAX_GAP_RAD * (1 + 1e-9):
             raise ValueError(
-                "`elevation_rad` must have four elevations at least, on both sides of 0, from -90 to 90 degrees, in "
-                f"steps of {np.degrees(MAX_GAP_RAD):.0f} degrees at most"
+                "`elevation_rad` must have at least four elevations from -90 to 90 degrees, on both sides of 0, in "
+                f"steps of at most {np.degrees(MAX_GAP_RAD):.0f} degrees"
             )
         for end in (0, -1):
             if np.isclose(abs(elevation[end]), np.pi / 2):
@@ -83,12 +83,12 @@ class SpatialPattern:
         ]
 
     def gain(self, azimuth_rad: ArrayLike, elevation_rad: ArrayLike, frequency_hz: ArrayLike) -> FloatArray:
-        """Gain towards directions, at each of some frequencies.
+        """Compute the gain towards directions at several frequencies.
 
         Args:
-            azimuth_rad: Off the boresight, any shape.
-            elevation_rad: Broadcasts with `azimuth_rad`.
-            frequency_hz: Shape (n_frequencies,).
+            azimuth_rad: Azimuths off boresight, any shape.
+            elevation_rad: Elevations; broadcast with `azimuth_rad`.
+            frequency_hz: Frequencies, shape (n_frequencies,).
 
         Returns:
             Amplitude gain, shape (n_frequencies, *directions).
@@ -101,10 +101,10 @@ class SpatialPattern:
         return np.tensordot(weight, tabulated, axes=1)
 
     def cut(self, band_hz: tuple[float, float] | None = None) -> TabulatedPattern:
-        """The pattern in the plane: root mean square of the gain over a band, as a flat spectrum makes of it.
+        """Compute the pattern in the plane for a flat spectrum: the root mean square of the gain over a band.
 
         Args:
-            band_hz: Lowest and highest frequency; None for those of the table.
+            band_hz: Lowest and highest frequency. Default: those of the table.
         """
         low_hz, high_hz = band_hz or (self.frequency_hz[0], self.frequency_hz[-1])
         frequency_hz = np.linspace(low_hz, high_hz, 33)
@@ -114,20 +114,20 @@ class SpatialPattern:
 
 
 def frequency_weights(frequency_hz: FloatArray, known_hz: FloatArray) -> FloatArray:
-    """Shares of what is known at some frequencies in what is linear between them and goes on level outside.
+    """Compute the weights of linear interpolation between known frequencies, constant outside.
 
     Args:
-        frequency_hz: Shape (n,).
-        known_hz: Rising, shape (n_known,).
+        frequency_hz: Frequencies to interpolate at, shape (n,).
+        known_hz: Known frequencies, increasing, shape (n_known,).
 
     Returns:
-        Shape (n, n_known); rows sum to 1.
+        Weights, shape (n, n_known); each row sums to 1.
     """
     return np.array([np.interp(frequency_hz, known_hz, row) for row in np.eye(known_hz.size)]).T
 
 
 def halves(edges_hz: Sequence[float]) -> list[tuple[float, float]]:
-    """Lower and upper half of each sub-band, lowest first; edges as of `SubBands`."""
+    """Return lower and upper half of each sub-band, lowest first; edges as of `SubBands`."""
     middles = [(low + high) / 2 for low, high in pairwise(edges_hz)]
     ends = sorted([*edges_hz, *middles])
     return list(pairwise(ends))

@@ -1,4 +1,4 @@
-"""The seam for direction finding: what every bearing estimator promises."""
+"""Bearing estimators: their protocol, the built-in ones by name, and the coarse ones used for comparison."""
 
 from __future__ import annotations
 
@@ -22,43 +22,41 @@ FloatArray = NDArray[np.float64]
 
 
 class BearingEstimator(Protocol):
-    """Turns the strengths of detected pulses into directions of arrival.
+    """Estimator of directions of arrival from the strengths of pulses.
 
-    An estimator knows the array's data sheet, never the truth. It is called once for all pulses of a control step, of
-    one robot or of many: row i of the answer must depend on row i of the pulses alone, so that a mission does not
-    depend on how many robots run beside it. Channels that are at fault are left out before the call, from the pulses
-    and from the array alike, so that the number of elements may shrink in the course of a mission.
+    It is called once for all pulses of a control step, of one robot or of many. Row i of the result must depend on row
+    i of the pulses alone, so that a mission does not depend on the number of robots. Faulty channels are removed from
+    the pulses and the array before the call, so that the number of elements may decrease during a mission.
     """
 
     def __call__(self, pulses: PulseBatch, array: ArrayModel) -> Bearings:
-        """Directions of the pulses.
+        """Estimate the directions of pulses.
 
         Args:
-            pulses: What the receiver detected, n_pulses rows, n_pulses >= 0; its own direction columns are not set yet.
-            array: Data sheet of the channels in use; `array.manifold` has an element for each strength of a pulse.
+            pulses: Detected pulses, n_pulses >= 0; their direction columns are not set.
+            array: Nominal array of the channels in use, with an element for each strength of a pulse.
 
         Returns:
-            Columns of shape (n_pulses,), all finite: azimuths in the array frame, radians; their standard deviations
-            by noise and by the method itself, radians, > 0, pi where a pulse tells nothing; and the share of its energy
-            that the direction does not explain, in [0, 1] (`bearings_towards` gives deviation by noise
-            and misfit of any direction).
+            Directions in the array frame, shape (n_pulses,), all finite. The standard deviation includes noise and the
+            error of the method, > 0, and is pi for a pulse without strength. `bearings_towards` computes deviation by
+            noise and misfit of any direction.
         """
         ...
 
 
 @compiled
 def spectrum_peaks_on_grid(strengths: FloatArray, gain: FloatArray) -> NDArray[np.intp]:
-    r"""Grid direction at which eq. (15), as printed, peaks for each pulse.
+    r"""Find the grid direction at which eq. (15), as printed, peaks for each pulse.
 
-    One pulse a leaves all of space but itself to the noise, so
+    The noise subspace of a single pulse a is everything orthogonal to it, so
     :math:`P(\theta) = 1 / (\lVert g \rVert^2 - (g^T a)^2 / \lVert a \rVert^2)`.
 
     Args:
-        strengths: Shape (n_pulses, n_elements).
-        gain: Towards the directions of the grid, not normalised, shape (n_elements, n_directions).
+        strengths: Strengths, shape (n_pulses, n_elements).
+        gain: Gains towards the directions of the grid, not normalised, shape (n_elements, n_directions).
 
     Returns:
-        Number of the direction, shape (n_pulses,); 0 for a pulse without any strength.
+        Index of the direction, shape (n_pulses,); 0 for a pulse without strength.
 
     References:
         Dir-MUSIC, eq. (13)-(15).
@@ -84,19 +82,19 @@ def spectrum_peaks_on_grid(strengths: FloatArray, gain: FloatArray) -> NDArray[n
 def judge_directions(
     azimuth_rad: FloatArray, strengths: FloatArray, variance: FloatArray, table: Held[ManifoldTable]
 ) -> Bearings:
-    r"""Given directions with their deviations by noise and their misfits.
+    r"""Compute deviation by noise and misfit of given directions.
 
     .. math:: \sigma^2 = \frac{\sum_i p_i^2 v_i}{\lVert p \rVert^4 \alpha^2}, \quad p = (I - g g^T / g^T g) g',
               \quad \alpha = g^T a / g^T g
 
     Args:
-        azimuth_rad: Array frame, shape (n_pulses,).
-        strengths: Shape (n_pulses, n_elements), volts.
+        azimuth_rad: Directions, array frame, shape (n_pulses,).
+        strengths: Strengths, shape (n_pulses, n_elements), volts.
         variance: Variance of the strengths, same shape.
-        table: Of the manifold.
+        table: Table of the manifold.
 
     Returns:
-        Columns of shape (n_pulses,); `NO_DIRECTION` for a pulse without any strength.
+        Columns of shape (n_pulses,); `NO_DIRECTION` for a pulse without strength.
     """
     n_pulses, n = strengths.shape
     found = Bearings(np.empty(n_pulses), np.empty(n_pulses), np.empty(n_pulses))
@@ -124,58 +122,56 @@ def judge_directions(
 
 
 GRID_RAD = np.radians(np.arange(1.0, 361.0))
-"""Directions that the paper tries: every degree."""
+"""Grid of the paper: every degree."""
 
 GRID_STD_RAD = np.radians(1.0) / np.sqrt(12.0)
-"""Deviation of a direction that is rounded to that grid."""
+"""Standard deviation of rounding to this grid."""
 
 
 def bearings_towards(azimuth_rad: FloatArray, pulses: PulseBatch, array: ArrayModel) -> Bearings:
-    """Directions that were found in some way, with what noise and manifold say of them.
+    """Compute deviation by noise and misfit of directions found by any method.
 
     Args:
-        azimuth_rad: Of each pulse, array frame, shape (n_pulses,).
-        pulses: The pulses.
-        array: Data sheet of their channels.
+        azimuth_rad: Direction of each pulse, array frame, shape (n_pulses,).
+        pulses: Pulses.
+        array: Nominal array of their channels.
 
     Returns:
-        The same directions, their deviations by noise alone, and the shares of energy that they do not explain. An
-        estimator adds the deviation of its own method to the former.
+        The directions with their deviations by noise alone, to which an estimator adds the error of its method.
     """
     return judge_directions(azimuth_rad, pulses.strengths_v, pulses.variance_v2, array.manifold.held_table)
 
 
 class Music:
-    """The paper's estimator: the peak of eq. (15), as printed, among the whole degrees.
+    """Estimator of the paper: the peak of eq. (15), as printed, on a grid of 1 degree.
 
-    Its deviation is that of noise, and of rounding to the grid.
+    The deviation includes noise and rounding to the grid.
 
     References:
         Dir-MUSIC, eq. (15) and section 3.1.
     """
 
     def __call__(self, pulses: PulseBatch, array: ArrayModel) -> Bearings:
-        """Directions of the pulses, as of `estimator.BearingEstimator`."""
+        """Estimate the directions of pulses; see `BearingEstimator`."""
         peak = spectrum_peaks_on_grid(pulses.strengths_v, _grid_gain(array.manifold))
         return _with_deviation(bearings_towards(GRID_RAD[peak], pulses, array), np.full(peak.size, GRID_STD_RAD))
 
 
 class Strongest:
-    """The boresight of the loudest element: what a person with one hand-held antenna finds; the floor under the others.
+    """Estimator that returns the boresight of the strongest element, as with a hand-held antenna.
 
-    Its deviation is that of noise, and the root mean square error over all directions from which this element is the
-    loudest.
+    The deviation includes noise and the rms error over all directions in which this element is the strongest.
     """
 
     def __call__(self, pulses: PulseBatch, array: ArrayModel) -> Bearings:
-        """Directions of the pulses, as of `estimator.BearingEstimator`."""
-        loudest = pulses.strengths_v.argmax(axis=-1)
-        boresight_rad = array.manifold.boresights_rad[loudest]
-        return _with_deviation(bearings_towards(boresight_rad, pulses, array), _sector_std(array.manifold)[loudest])
+        """Estimate the directions of pulses; see `BearingEstimator`."""
+        strongest = pulses.strengths_v.argmax(axis=-1)
+        boresight_rad = array.manifold.boresights_rad[strongest]
+        return _with_deviation(bearings_towards(boresight_rad, pulses, array), _sector_std(array.manifold)[strongest])
 
 
 def _with_deviation(found: Bearings, method_std_rad: FloatArray) -> Bearings:
-    """The directions with the method's own deviation added; pulses without a direction stay so."""
+    """Add the deviation of the method, except for pulses without a direction."""
     std_rad = np.minimum(np.hypot(found.std_rad, method_std_rad), UNKNOWN_STD_RAD)
     return found._replace(std_rad=np.where(found.std_rad > UNKNOWN_STD_RAD, found.std_rad, std_rad))
 
@@ -187,11 +183,11 @@ def _grid_gain(manifold: GainManifold) -> FloatArray:
 
 @lru_cache(maxsize=64)
 def _sector_std(manifold: GainManifold) -> FloatArray:
-    """Root mean square error of each boresight over the directions in which its element is the loudest."""
-    loudest = manifold.search_gain.argmax(axis=0)
-    off_rad = difference(wrap(SEARCH_AZIMUTHS_RAD), manifold.boresights_rad[loudest])
-    square = np.bincount(loudest, np.square(off_rad), minlength=manifold.n_elements)
-    count = np.bincount(loudest, minlength=manifold.n_elements)
+    """Compute the rms error of each boresight over the directions in which its element is the strongest."""
+    strongest = manifold.search_gain.argmax(axis=0)
+    off_rad = difference(wrap(SEARCH_AZIMUTHS_RAD), manifold.boresights_rad[strongest])
+    square = np.bincount(strongest, np.square(off_rad), minlength=manifold.n_elements)
+    count = np.bincount(strongest, minlength=manifold.n_elements)
     return np.where(count > 0, np.sqrt(square / np.maximum(count, 1)), UNKNOWN_STD_RAD)
 
 
@@ -201,13 +197,13 @@ ESTIMATORS: dict[str, Callable[[], BearingEstimator]] = {
     "music": Music,
     "strongest": Strongest,
 }
-"""By name, the best first."""
+"""Built-in estimators by name, the best first."""
 
 
 def method_std(estimator: BearingEstimator, array: ArrayModel) -> NDArray[np.float64]:
-    """Deviation that an estimator states of itself where there is no noise, for each of `SEARCH_AZIMUTHS_RAD`, radians.
+    """Compute the deviation that an estimator states without noise, for each of `SEARCH_AZIMUTHS_RAD`, radians.
 
-    Zero for maximum likelihood, about 17 degrees for the loudest of six elements.
+    It is zero for maximum likelihood and about 17 degrees for the strongest of six elements.
     """
     strengths = array.manifold.gain(SEARCH_AZIMUTHS_RAD).T.copy()
     return estimator(PulseBatch.detected(np.zeros(len(strengths)), strengths, np.zeros_like(strengths)), array).std_rad

@@ -1,4 +1,4 @@
-"""Gain and delay together: for those who have the sample rate, the ring's size becomes a help."""
+"""Bearings from gains and delays together, for receivers with synchronous channels and a high sample rate."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ ComplexArray = NDArray[np.complex128]
 SPEED_OF_LIGHT_MPS = 299_792_458.0
 
 MAX_RADIUS_M = 0.5
-"""A wider array would turn the phase of 3 GHz by more than a sixth of a turn from one search azimuth to the next."""
+"""Largest radius: in a wider array, the phase at 3 GHz changes by more than 60 degrees per search step."""
 
 REFINEMENTS = 5
-"""Gauss-Newton steps from the best search azimuth."""
+"""Number of Gauss-Newton steps from the best search azimuth."""
 
 TINY = np.finfo(np.float64).tiny
 
 PULSES_AT_ONCE = 64
-"""Bounds the memory: about 20 MB for 100 samples."""
+"""Pulses computed together, in about 20 MB for 100 samples."""
 
 
 def bearings_from_delays(
@@ -36,30 +36,30 @@ def bearings_from_delays(
     *,
     noise_variance: ArrayLike | None = None,
 ) -> Bearings:
-    r"""Direction of each pulse from how strong it is in each element and when it comes there: maximum likelihood.
+    r"""Estimate the direction of each pulse from its strengths and delays, by maximum likelihood.
 
     A plane wave of unknown waveform s gives element i the spectrum
     :math:`x_i(f) = g_i(\theta) e^{-2 \pi j f \tau_i(\theta)} s(f)` with
-    :math:`\tau_i = -u(\theta)^T p_i / c`. The best azimuth explains most energy:
+    :math:`\tau_i = -u(\theta)^T p_i / c`. The estimate explains most energy:
 
     .. math:: \hat\theta = \arg\max_\theta \sum_f
               \frac{|\sum_i g_i e^{2 \pi j f \tau_i} x_i(f)|^2}{\lVert g(\theta) \rVert^2}
 
-    It needs channels sampled on one clock, fast enough for the pulse (above twice its highest frequency), cables of
-    equal delay and element positions known to a few millimetres; strengths alone need none of that. Sources close by
-    are not on a plane wave: from less than about ten radii, expect a bias.
+    It needs channels sampled on one clock at more than twice the highest frequency, cables of equal delay, and
+    positions of the elements known to a few millimetres; strengths alone need none of these. The wave must be plane:
+    sources nearer than about ten radii cause a bias.
 
     Args:
-        waveforms: The gate of each pulse, shape (..., n_elements, n_samples), volts; it holds the pulse in every
-            element.
-        manifold: The nominal array.
-        positions_m: Where the elements are, array frame, shape (n_elements, 2) or more columns, of which two count;
+        waveforms: Samples of the gate of each pulse, shape (..., n_elements, n_samples), volts; the gate must hold the
+            pulse in every element.
+        manifold: Nominal array.
+        positions_m: Positions of the elements, array frame, shape (n_elements, >= 2), of which x and y are used;
             within `MAX_RADIUS_M` of the origin.
-        sample_rate_hz: Of the waveforms.
+        sample_rate_hz: Sample rate of the waveforms.
         noise_variance: Variance of one noise sample, the same in all channels, V^2; broadcasts to (...).
 
     Returns:
-        Bearings of the leading shape (...). The misfit holds the noise of the whole gate.
+        Bearings of the leading shape (...). The misfit includes the noise of the gate.
 
     Raises:
         ValueError: If shapes disagree, a sample is not finite, or the array is too wide.
@@ -89,20 +89,20 @@ def bearings_from_delays(
     for first in range(0, rows.shape[0], PULSES_AT_ONCE):
         some = slice(first, first + PULSES_AT_ONCE)
         answer[:, some] = _locate_on_circle(rows[some], array, n_padded, variance[some])
-    heard = rows.any(axis=(-1, -2))
-    azimuth, std, misfit = np.where(heard, answer, np.nan).reshape(3, *shape)
+    has_signal = rows.any(axis=(-1, -2))
+    azimuth, std, misfit = np.where(has_signal, answer, np.nan).reshape(3, *shape)
     return Bearings(azimuth_rad=wrap(azimuth), std_rad=std, misfit=misfit)
 
 
 class _Array(NamedTuple):
-    """What turns azimuths into gains and delays."""
+    """Array with gains and delays."""
 
     manifold: GainManifold
     positions_m: FloatArray
     sample_rate_hz: float
 
     def steering(self, azimuth_rad: FloatArray, angular_frequency: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-        """Response (n_elements, n_azimuths, n_frequencies) to a unit wave, and its slope per radian."""
+        """Compute the response (n_elements, n_azimuths, n_frequencies) to a unit wave and its slope per radian."""
         gain, slope = self.manifold.gain_and_slope(azimuth_rad)
         forward = np.stack([np.cos(azimuth_rad), np.sin(azimuth_rad)])
         left = np.stack([-forward[1], forward[0]])
@@ -114,8 +114,8 @@ class _Array(NamedTuple):
 
 
 def _locate_on_circle(rows: FloatArray, array: _Array, n_padded: int, variance: FloatArray) -> FloatArray:
-    """Azimuth, deviation and misfit, shape (3, n_rows)."""
-    spectra = np.fft.rfft(rows, n_padded)[..., 1:]  # no antenna hears the mean
+    """Estimate azimuth, deviation and misfit, shape (3, n_rows)."""
+    spectra = np.fft.rfft(rows, n_padded)[..., 1:]  # no antenna receives the mean
     angular = np.arange(1, n_padded // 2 + 1, dtype=np.float64) * (2 * np.pi * array.sample_rate_hz / n_padded)
     response, _ = array.steering(SEARCH_AZIMUTHS_RAD, angular)
     norm = np.linalg.norm(array.manifold.search_gain, axis=0)
@@ -128,19 +128,19 @@ def _locate_on_circle(rows: FloatArray, array: _Array, n_padded: int, variance: 
         azimuth_rad = np.clip(azimuth_rad, start_rad - SEARCH_STEP_RAD, start_rad + SEARCH_STEP_RAD)
     _, signal, turning = _linearise(azimuth_rad, data, array, angular)
     gain_energy = np.square(array.manifold.gain(azimuth_rad)).sum(axis=0)
-    heard = np.maximum(np.square(np.abs(data)).sum(axis=(0, -1)), TINY)
-    # the waveform is known up to noise, which turns as well and tells nothing of the direction
+    received = np.maximum(np.square(np.abs(data)).sum(axis=(0, -1)), TINY)
+    # the estimated waveform contains noise, whose change with azimuth carries no information
     by_noise = rows.shape[-1] * variance * _turning_of_noise(azimuth_rad, array, angular)
-    told = np.maximum(turning - by_noise, LEAST_SHARE * turning)
+    informative = np.maximum(turning - by_noise, LEAST_SHARE * turning)
     per_sample = 2.0 / n_padded  # from a sum over half the frequencies to one over samples, by Parseval
-    std = np.sqrt(variance * turning / per_sample) / np.maximum(told, TINY)
-    return np.stack([azimuth_rad, np.minimum(std, UNKNOWN_STD_RAD), np.clip(1 - signal * gain_energy / heard, 0, 1)])
+    std = np.sqrt(variance * turning / per_sample) / np.maximum(informative, TINY)
+    return np.stack([azimuth_rad, np.minimum(std, UNKNOWN_STD_RAD), np.clip(1 - signal * gain_energy / received, 0, 1)])
 
 
 def _linearise(
     azimuth_rad: FloatArray, data: ComplexArray, array: _Array, angular: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Gauss-Newton step, energy of the waveform, and that of its change per radian; each of shape (n_rows,)."""
+    """Compute Gauss-Newton step, energy of the waveform, and energy of its change per radian; shapes (n_rows,)."""
     response, slope = array.steering(azimuth_rad, angular)
     energy = np.square(np.abs(response)).sum(axis=0)
     waveform = (response.conj() * data).sum(axis=0) / energy
@@ -153,7 +153,7 @@ def _linearise(
 
 
 def _turning_of_noise(azimuth_rad: FloatArray, array: _Array, angular: FloatArray) -> FloatArray:
-    """Turning energy of white noise of unit variance per frequency and element, shape (n_rows,)."""
+    """Compute the energy of the change per radian of white noise of unit variance, shape (n_rows,)."""
     response, slope = array.steering(azimuth_rad, angular)
     energy = np.square(np.abs(response)).sum(axis=0)
     across = np.square(np.abs(slope)).sum(axis=0) - np.square(np.abs((response.conj() * slope).sum(axis=0))) / energy

@@ -1,4 +1,4 @@
-"""Strengths to bearings: maximum likelihood over the gain manifold, refined off the grid, with an honest deviation."""
+"""Maximum-likelihood bearings from strengths over the gain manifold, off the grid, with their deviation."""
 
 from __future__ import annotations
 
@@ -19,25 +19,24 @@ from dirmusic.pulses.batch import LEAST_SHARE, NO_DIRECTION, UNKNOWN_STD_RAD, Be
 FloatArray = NDArray[np.float64]
 
 REFINEMENTS = 2
-"""How often the manifold is linearised anew on the way from the best search azimuth; without noise, two end within
-1e-9 rad."""
+"""Gauss-Newton steps after the first; without noise, two converge to 1e-9 rad."""
 
 TINY = 1e-12
-"""Keeps a slope that vanishes from being divided by, unitless per radian squared."""
+"""Prevents division by a vanishing squared slope, per radian squared."""
 
 NO_ANSWER = (np.nan, np.nan, np.nan)
-"""Azimuth, deviation and misfit of a row without any strength."""
+"""Azimuth, deviation and misfit of a row without strength."""
 
 
 class Fit(NamedTuple):
-    """A direction for each row, and what the manifold and the data are there.
+    """Direction of each row, with manifold and data there.
 
     Attributes:
-        azimuth_rad: The direction, not wrapped, shape (n_rows,).
+        azimuth_rad: Direction, not wrapped, shape (n_rows,).
         gain: g, shape (n_rows, n_elements).
-        perpendicular: p, the part of the slope across the gain, shape (n_rows, n_elements).
-        data: R g / (g^T g): the strengths, weighted by amplitude and summed, shape (n_rows, n_elements).
-        amplitude_energy: g^T R g / (g^T g)^2: the sum of the squared amplitudes, shape (n_rows,).
+        perpendicular: p, part of the slope orthogonal to the gain, shape (n_rows, n_elements).
+        data: R g / (g^T g), sum of the strengths weighted by amplitude, shape (n_rows, n_elements).
+        amplitude_energy: g^T R g / (g^T g)^2, sum of the squared amplitudes, shape (n_rows,).
     """
 
     azimuth_rad: FloatArray
@@ -49,7 +48,7 @@ class Fit(NamedTuple):
 
 @compiled
 def look_up(azimuth_rad: float, table: ManifoldTable, gain: FloatArray, slope: FloatArray) -> None:
-    """Gain and slope per radian of each element: the cubic through the table's values and slopes."""
+    """Interpolate gain and slope per radian of each element, by the cubic with the values and slopes of the table."""
     n, step_rad = table.gain.shape[0], 2.0 * np.pi / table.gain.shape[0]
     at = azimuth_rad / step_rad
     low = np.floor(at)
@@ -63,7 +62,7 @@ def look_up(azimuth_rad: float, table: ManifoldTable, gain: FloatArray, slope: F
 
 @compiled
 def _best_search_azimuth(covariance: FloatArray, unit_pairs: FloatArray, match: FloatArray) -> int:
-    """Number of the search azimuth whose unit gain u has the largest u^T R u."""
+    """Return the index of the search azimuth whose unit gain u has the largest u^T R u."""
     match[:] = 0.0
     pair = 0
     for e in range(covariance.shape[0]):
@@ -77,16 +76,16 @@ def _best_search_azimuth(covariance: FloatArray, unit_pairs: FloatArray, match: 
 
 @compiled
 def fit_covariances(covariance: FloatArray, table: ManifoldTable) -> Fit:
-    """The best search azimuth of each pooled covariance R, refined by Gauss-Newton within one step of the search.
+    """Find the best search azimuth of each pooled covariance R and refine it by Gauss-Newton within one search step.
 
-    The amplitude is projected out: only the part of the slope across the gain counts,
-    :math:`p = (I - g g^T / g^T g) g'`. Where the pattern has a kink (eq. (1) has one where its angle passes 0/360) the
-    steps may end to the other side of it than the very peak; the errors there are as large either way.
+    The amplitude is projected out: only the part of the slope orthogonal to the gain counts,
+    :math:`p = (I - g g^T / g^T g) g'`. At a kink of the pattern (eq. (1) has one where its angle passes 0/360) the
+    steps may end on the other side of it; the error is as large on either side.
 
     Args:
-        covariance: Sum over the pulses of a row of the outer products of their strengths, shape (n_rows, n_elements,
+        covariance: Sum of the outer products of the strengths of the pulses of a row, shape (n_rows, n_elements,
             n_elements), V^2.
-        table: Of the manifold.
+        table: Table of the manifold.
     """
     n_rows, n = covariance.shape[:2]
     fit = Fit(np.empty(n_rows), np.empty((n_rows, n)), np.empty((n_rows, n)), np.empty((n_rows, n)), np.empty(n_rows))
@@ -113,7 +112,7 @@ def fit_covariances(covariance: FloatArray, table: ManifoldTable) -> Fit:
 
 @compiled
 def pool(strengths: FloatArray) -> FloatArray:
-    """Sum of the outer products of the pulses of each row, (n_rows, n_pulses, n_elements) to one matrix a row."""
+    """Sum the outer products of the pulses of each row, (n_rows, n_pulses, n_elements), to one matrix per row."""
     n_rows, n_pulses, n = strengths.shape
     pooled = np.zeros((n_rows, n, n))
     for row in range(n_rows):
@@ -125,11 +124,11 @@ def pool(strengths: FloatArray) -> FloatArray:
 
 
 class NoiseOfFit(NamedTuple):
-    """What noise does to a fit.
+    """Effect of noise on a fit.
 
     Attributes:
         data: Variance of the data, shape (n_rows, n_elements).
-        bias: What noise adds to the sum of squared amplitudes, shape (n_rows,).
+        bias: Expected contribution of noise to the sum of squared amplitudes, shape (n_rows,).
     """
 
     data: FloatArray
@@ -138,7 +137,7 @@ class NoiseOfFit(NamedTuple):
 
 @compiled
 def noise_of_pulses(fit: Fit, strengths: FloatArray, variance: FloatArray) -> NoiseOfFit:
-    """From strengths and their variances, each of shape (n_rows, n_pulses, n_elements)."""
+    """Compute the effect of noise from strengths and their variances, each of shape (n_rows, n_pulses, n_elements)."""
     n_rows, n_pulses, n = strengths.shape
     noise = NoiseOfFit(np.zeros((n_rows, n)), np.zeros(n_rows))
     for row in range(n_rows):
@@ -154,7 +153,7 @@ def noise_of_pulses(fit: Fit, strengths: FloatArray, variance: FloatArray) -> No
 
 @compiled
 def deviations(fit: Fit, noise: NoiseOfFit) -> FloatArray:
-    """Standard deviation of the azimuths from noise alone, shape (n_rows,)."""
+    """Compute the standard deviation of the azimuths by noise, shape (n_rows,)."""
     std_rad = np.empty(fit.azimuth_rad.size)
     for row in range(std_rad.size):
         across, energy = fit.perpendicular[row], fit.amplitude_energy[row]
@@ -168,7 +167,7 @@ def deviations(fit: Fit, noise: NoiseOfFit) -> FloatArray:
 
 @compiled
 def misfits(fit: Fit, covariance: FloatArray) -> FloatArray:
-    """Share of the energy of each row that its direction does not explain, in [0, 1], shape (n_rows,)."""
+    """Compute the share of the energy of each row that its direction does not explain, in [0, 1], shape (n_rows,)."""
     misfit = np.empty(fit.azimuth_rad.size)
     for row in range(misfit.size):
         energy = 0.0
@@ -186,13 +185,13 @@ def bearings_of_pulses(
     table: Held[ManifoldTable],
     silence: tuple[float, float, float],
 ) -> Bearings:
-    """Maximum-likelihood directions of pooled pulses, with their deviations and misfits.
+    """Compute maximum-likelihood directions of pooled pulses, with their deviations and misfits.
 
     Args:
-        strengths: Shape (n_rows, n_pulses, n_elements).
-        variance: Variance of the strengths, same shape; empty where it is not known, and deviations are NaN.
-        table: Of the manifold.
-        silence: Azimuth, deviation and misfit of rows without any strength.
+        strengths: Strengths, shape (n_rows, n_pulses, n_elements).
+        variance: Variance of the strengths, same shape; empty if unknown, and deviations are NaN.
+        table: Table of the manifold.
+        silence: Azimuth, deviation and misfit of rows without strength.
 
     Returns:
         Columns of shape (n_rows,), azimuths in (-pi, pi].
@@ -212,12 +211,11 @@ def bearings_of_pulses(
     return Bearings(fit.azimuth_rad, std_rad, misfit)
 
 
-N_AZIMUTHS, N_SCALES = 61, 25
-SPAN_SIGMAS = 5.0
-"""The grid on which the posterior is summed: how many azimuths and amplitudes, over how many standard deviations."""
+N_AZIMUTHS, N_SCALES, SPAN_SIGMAS = 61, 25, 5.0
+"""Grid of the posterior: numbers of azimuths and amplitudes, and half width in standard deviations."""
 
 ROWS_AT_ONCE = 128
-"""Bounds the memory: about 10 MB."""
+"""Rows whose posteriors are computed together, in about 10 MB."""
 
 
 def bearing_posterior(
@@ -227,23 +225,22 @@ def bearing_posterior(
     manifold: GainManifold,
     prior: ManifoldPrior,
 ) -> tuple[FloatArray, FloatArray]:
-    r"""Mean and deviation of the azimuth, given strengths and what is known of the array's errors.
+    r"""Compute mean and deviation of the azimuth, given strengths and a prior of the errors of the array.
 
     With strengths :math:`x_i = \alpha (g_i(\theta) + \Delta_i) + n_i`, azimuth and scale :math:`\beta = 1 / \alpha`
     unknown,
 
     .. math:: p(\theta \mid x) \propto \int \beta^{n - 1} \prod_i p_\Delta(\beta x_i - g_i(\theta)) \, d\beta
 
-    where :math:`p_\Delta` is the density of an element's error and noise. Pulses from one direction share the error:
-    pool them first, the error does not average.
+    where :math:`p_\Delta` is the density of error and noise of an element. Pulses from one direction share the error,
+    so pool them first.
 
     Args:
-        relative_strengths: Strengths over their estimated amplitude, so that they are near the gains; shape
-            (n_rows, n_elements).
-        relative_variance: Variance of the noise in those, same shape.
-        start_rad: The maximum-likelihood azimuths, shape (n_rows,).
-        manifold: The nominal array.
-        prior: What is known of its errors.
+        relative_strengths: Strengths over their estimated amplitude, near the gains; shape (n_rows, n_elements).
+        relative_variance: Variance of these by noise, same shape.
+        start_rad: Maximum-likelihood azimuths, shape (n_rows,).
+        manifold: Nominal array.
+        prior: Prior of its errors.
 
     Returns:
         Azimuths, not wrapped, and standard deviations, radians, each of shape (n_rows,).
@@ -260,7 +257,7 @@ def bearing_posterior(
 def _sum_over_grid(
     strengths: FloatArray, noise: FloatArray, start_rad: FloatArray, manifold: GainManifold, prior: ManifoldPrior
 ) -> tuple[FloatArray, FloatArray]:
-    """The same for a few rows, element axis first."""
+    """Compute the posterior of a few rows, elements on the first axis."""
     gain, slope = manifold.gain_and_slope(start_rad)
     variance = prior.variance(gain, slope) + noise
     energy = np.square(gain).sum(axis=0)
@@ -283,15 +280,14 @@ def _sum_over_grid(
 
 
 class MaximumLikelihood:
-    """The default estimator: each pulse on its own, off the grid, with its deviation; see `estimate_bearings`."""
+    """Default estimator: maximum likelihood for each pulse; see `estimate_bearings`."""
 
     def __init__(self) -> None:
 
         self._bearings_of_pulses = bearings_of_pulses
 
     def __call__(self, pulses: PulseBatch, array: ArrayModel) -> Bearings:
-        """Directions of the pulses, shape (n_pulses,); as of `estimator.BearingEstimator`."""
-        # in one order of memory, for which alone it is compiled
+        """Estimate the directions of pulses; see `BearingEstimator`."""
         strengths, variance = (
             np.ascontiguousarray(values[:, np.newaxis]) for values in (pulses.strengths_v, pulses.variance_v2)
         )
@@ -305,28 +301,27 @@ def estimate_bearings(
     strength_variance: ArrayLike | None = None,
     prior: ManifoldPrior | None = None,
 ) -> Bearings:
-    r"""Direction from which the pooled pulses came: maximum likelihood in white noise, amplitudes unknown.
+    r"""Estimate the direction of pooled pulses of unknown amplitude, by maximum likelihood in white noise.
 
     .. math:: \hat\theta = \arg\max_\theta \frac{g(\theta)^T R \, g(\theta)}{\lVert g(\theta) \rVert^2},
               \quad R = \sum_k a_k a_k^T
 
-    For one pulse this is the peak of eq. (15) with the gain normalised. The normalisation matters where the norm of
-    the gain varies, as with four of six elements.
+    For one pulse this is the peak of eq. (15) with the gain normalised, which matters where the norm of the gain
+    varies, as with four of six elements.
 
     Args:
-        strengths: Shape (..., n_pulses, n_elements), volts, >= 0. The pulses of one row of the leading axes come from
-            one source and are pooled; to keep them apart, give each its own row.
-        manifold: The nominal array, n_elements elements.
+        strengths: Strengths, shape (..., n_pulses, n_elements), volts, >= 0. The pulses of one row are pooled, as from
+            one source.
+        manifold: Nominal array.
         strength_variance: Variance of the strengths, V^2, >= 0; broadcasts to the shape of `strengths`.
-        prior: What is known of the errors of the array. With it, azimuth and deviation are the mean and the deviation
-            of the posterior over those errors, several hundred times the work.
+        prior: Prior of the errors of the array. With it, azimuth and deviation are those of the posterior over these
+            errors, at several hundred times the cost.
 
     Returns:
         Bearings of the leading shape (...).
 
     Raises:
-        ValueError: If the element axis does not fit the manifold, there is no pulse axis, or a strength is negative or
-            not finite.
+        ValueError: If the shape does not match the manifold, or a strength is negative or not finite.
 
     References:
         Dir-MUSIC, eq. (15).
@@ -359,7 +354,7 @@ def estimate_bearings(
 
 
 def _in_rows(values: FloatArray) -> FloatArray:
-    """A copy of shape (n_rows, n_pulses, n_elements), of the one layout that compiled loops know."""
+    """Copy to the shape (n_rows, n_pulses, n_elements) and the memory layout for which the kernels are compiled."""
     return np.array(values).reshape(math.prod(values.shape[:-2]), *values.shape[-2:])
 
 
@@ -371,24 +366,24 @@ def bearings_from_covariance(
     noise_variance: ArrayLike | None = None,
     prior: ManifoldPrior | None = None,
 ) -> Bearings:
-    r"""The same from a covariance of samples, for elements that sit so close that all hear the pulse at one time.
+    r"""Estimate the direction from a covariance of samples, for elements so close that the pulse has no delay.
 
-    With more than about a centimetre between the elements, samples no longer line up, and gated strengths are the data
-    to use. Take samples from a gate around the pulse: those without it only add noise, by which the variance grows from
-    the Cramer-Rao bound to :math:`(1 + n \sigma^2 / (E \lVert g \rVert^2))` times that, E the pulse's energy.
+    With more than about a centimetre between the elements, use gated strengths instead. Take samples from a gate around
+    the pulse: those without it only add noise, by which the variance grows from the Cramer-Rao bound to
+    :math:`(1 + n \sigma^2 / (E \lVert g \rVert^2))` times that, with E the energy of the pulse.
 
     Args:
-        covariance: From `sample_covariance`, shape (..., n_elements, n_elements), V^2.
-        manifold: The nominal array, n_elements elements.
-        n_snapshots: Samples that the covariance is the mean of, >= 1.
+        covariance: Result of `sample_covariance`, shape (..., n_elements, n_elements), V^2.
+        manifold: Nominal array.
+        n_snapshots: Number of samples in the covariance, >= 1.
         noise_variance: Variance of one noise sample, the same in all channels, V^2; broadcasts to (...).
-        prior: What is known of the errors of the array; see `estimate_bearings`.
+        prior: Prior of the errors of the array; see `estimate_bearings`.
 
     Returns:
-        Bearings of the leading shape (...). The misfit holds the noise of all samples.
+        Bearings of the leading shape (...). The misfit includes the noise of all samples.
 
     Raises:
-        ValueError: If the shape does not fit the manifold, or a value is not finite.
+        ValueError: If the shape does not match the manifold, or a value is not finite.
     """
     r = np.asarray(covariance, dtype=np.float64)
     n = manifold.n_elements
@@ -419,7 +414,7 @@ def _bearings_of_fit(
     prior: ManifoldPrior | None,
     shape: tuple[int, ...],
 ) -> Bearings:
-    """Bearings from a fit to pooled covariances; no deviation where neither noise nor prior is known."""
+    """Compute bearings from a fit to pooled covariances; the deviation is NaN without noise and prior."""
     azimuth_rad, misfit = fit.azimuth_rad, misfits(fit, pooled)
     std_rad = np.full(azimuth_rad.shape, np.nan) if noise is None else deviations(fit, noise)
     if prior is not None:

@@ -1,4 +1,4 @@
-"""Noise subspace, pseudo-spectrum and its peaks, and how many sources there are."""
+"""Noise subspace, pseudo-spectrum and its peaks, and the number of sources."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FloatArray = NDArray[np.float64]
 
 
 def noise_subspace(covariance: FloatArray, n_sources: int = 1) -> FloatArray:
-    """Eigenvectors of the n_elements - n_sources smallest eigenvalues, as columns.
+    """Return the eigenvectors of the n_elements - n_sources smallest eigenvalues, as columns.
 
     Args:
         covariance: Strength covariance, shape (..., n_elements, n_elements), V^2.
@@ -39,9 +39,9 @@ def noise_subspace(covariance: FloatArray, n_sources: int = 1) -> FloatArray:
 
 
 def pseudo_spectrum(covariance: FloatArray, gain: FloatArray, n_sources: int = 1) -> FloatArray:
-    r"""Score every candidate azimuth by how little of its gain lies in the noise subspace.
+    r"""Compute the pseudo-spectrum: how little of the gain towards each azimuth lies in the noise subspace.
 
-    MUSIC steers with phase; Dir-MUSIC steers with gain, so it needs neither coherent sampling nor half-wave spacing.
+    MUSIC uses phases; Dir-MUSIC uses gains, and needs neither coherent sampling nor half-wave spacing.
 
     .. math:: P(\theta) = 1 / \lVert E_n^T g(\theta) \rVert^2
 
@@ -51,7 +51,7 @@ def pseudo_spectrum(covariance: FloatArray, gain: FloatArray, n_sources: int = 1
         n_sources: Sources assumed present, in [1, n_elements - 1].
 
     Returns:
-        Pseudo-spectrum, shape (..., n_angles), unitless. It ranks azimuths; its height is no power. Infinite where
+        Pseudo-spectrum, shape (..., n_angles), unitless. It ranks azimuths; its height is not a power. Infinite where
         the fit is exact.
 
     Raises:
@@ -71,12 +71,12 @@ def pseudo_spectrum(covariance: FloatArray, gain: FloatArray, n_sources: int = 1
 
 
 LEAST_NULL = 1e-12
-"""An exact fit counts as this close to one, so that spectra of single pulses stay finite."""
+"""Smallest null of a single pulse, so that its spectrum is finite."""
 
 
 @compiled
 def pulse_spectra(strengths: FloatArray, unit_gain: FloatArray, least_null: float) -> FloatArray:
-    """See `spectrum.pulse_spectrum`; a row of zeros has a spectrum of zeros."""
+    """Compute the spectra of `pulse_spectrum`; that of a row of zeros is zero."""
     n_pulses, n, n_angles = unit_gain.shape
     spectrum, match = np.zeros((n_pulses, n_angles)), np.empty(n_angles)
     for k in range(n_pulses):
@@ -93,16 +93,16 @@ def pulse_spectra(strengths: FloatArray, unit_gain: FloatArray, least_null: floa
 
 
 def pulse_spectrum(strengths: FloatArray, unit_gain: FloatArray) -> FloatArray:
-    r"""The pseudo-spectrum of single pulses in closed form: one pulse leaves all of space but itself to the noise.
+    r"""Compute the pseudo-spectrum of single pulses in closed form.
 
     .. math:: P(\theta) = 1 / (1 - (g(\theta)^T a)^2 / \lVert a \rVert^2), \quad \lVert g(\theta) \rVert = 1
 
     Args:
-        strengths: One pulse a row, shape (n_pulses, n_elements).
-        unit_gain: Element gains per candidate azimuth scaled to unit norm, shape (n_pulses, n_elements, n_angles).
+        strengths: Strengths, shape (n_pulses, n_elements).
+        unit_gain: Gains towards each candidate azimuth scaled to unit norm, shape (n_pulses, n_elements, n_angles).
 
     Returns:
-        Shape (n_pulses, n_angles), in [1, 1e12]; zeros for a pulse without any strength.
+        Spectra, shape (n_pulses, n_angles), in [1, 1e12]; zeros for a pulse without strength.
 
     References:
         Dir-MUSIC, eq. (15), for a gain of unit norm.
@@ -111,27 +111,27 @@ def pulse_spectrum(strengths: FloatArray, unit_gain: FloatArray) -> FloatArray:
 
 
 def spectrum_peaks(spectrum: FloatArray, azimuths_rad: FloatArray, n_sources: int) -> FloatArray:
-    """Azimuths of the highest peaks of a pseudo-spectrum, refined by a parabola through its inverse.
+    """Find the azimuths of the highest peaks of a pseudo-spectrum, refined by a parabola through its inverse.
 
-    Two pulses that overlap are told apart from about 10 / 15 / 30 degrees on at 20 / 10 / 0 dB. Pulses that come at
-    different times have no such limit: gate them one by one and give each its own bearing.
+    Two pulses that overlap are resolved from about 10 / 15 / 30 degrees on at 20 / 10 / 0 dB. Pulses at different times
+    have no such limit: gate them one by one and estimate a bearing for each.
 
     Args:
-        spectrum: From `pseudo_spectrum` with as many sources assumed, shape (..., n_angles).
-        azimuths_rad: Even steps once round the circle, shape (n_angles,).
-        n_sources: How many peaks are wanted, >= 1.
+        spectrum: Result of `pseudo_spectrum` for the same number of sources, shape (..., n_angles).
+        azimuths_rad: Even steps over one turn, shape (n_angles,).
+        n_sources: Number of peaks, >= 1.
 
     Returns:
         Azimuths, shape (..., n_sources), highest peak first; NaN where there are fewer peaks.
 
     Raises:
-        ValueError: If the azimuths are not even steps once round, or do not fit the spectrum.
+        ValueError: If the azimuths are not even steps over one turn, or do not match the spectrum.
     """
     n_angles = azimuths_rad.size
     step_rad = 2 * np.pi / n_angles
     if azimuths_rad.shape != spectrum.shape[-1:] or not np.allclose(np.diff(azimuths_rad), step_rad, atol=1e-9):
         raise ValueError(
-            f"`azimuths_rad` must be {spectrum.shape[-1]} even steps once round the circle to match `spectrum`, got "
+            f"`azimuths_rad` must be {spectrum.shape[-1]} even steps over one turn to match `spectrum`, got "
             f"shape {azimuths_rad.shape} from {azimuths_rad[:1]} to {azimuths_rad[-1:]}"
         )
     null = 1.0 / spectrum
@@ -147,17 +147,17 @@ def spectrum_peaks(spectrum: FloatArray, azimuths_rad: FloatArray, n_sources: in
 
 
 def source_count(covariance: FloatArray, n_snapshots: int) -> NDArray[np.intp]:
-    r"""How many sources a record holds, by minimum description length.
+    r"""Estimate the number of sources in a record by minimum description length.
 
     .. math:: \hat k = \arg\min_k \; \frac{n (N - k)}{2} \ln \frac{\bar\lambda_k}{\tilde\lambda_k}
               + \frac{k (2 N - k + 1)}{4} \ln n
 
     with the arithmetic and the geometric mean of the N - k smallest eigenvalues. Akaike's criterion, with 2 for
-    :math:`\ln n`, counts one too many in about one record of six.
+    :math:`\ln n`, gives one too many in about one of six records.
 
     Args:
-        covariance: From `sample_covariance` of samples in white noise of one variance, shape (..., N, N).
-        n_snapshots: Samples it is the mean of, >= N.
+        covariance: Result of `sample_covariance` in white noise of one variance, shape (..., N, N).
+        n_snapshots: Number of samples in it, >= N.
 
     Returns:
         Count, shape (...), in [0, N - 1].
@@ -184,6 +184,7 @@ def source_count(covariance: FloatArray, n_snapshots: int) -> NDArray[np.intp]:
 
 
 def _check_covariance(covariance: FloatArray) -> int:
+    """Check a covariance and return its number of elements."""
     n_elements = covariance.shape[-1]
     if covariance.ndim < 2 or covariance.shape[-2] != n_elements:
         raise ValueError(f"`covariance` must have shape (..., n_elements, n_elements), got {covariance.shape}")

@@ -1,4 +1,4 @@
-"""Strengths of a pulse in sub-bands: what its gate holds of each part of the receiver's band."""
+"""Strengths in sub-bands, and bearings from them for a pattern that depends on frequency."""
 
 from __future__ import annotations
 
@@ -19,26 +19,27 @@ from dirmusic.pulses.strengths import strength_variance
 FloatArray = NDArray[np.float64]
 
 FEWEST_LINES = 4
-"""Frequencies at which the spectrum of a gate is taken in each sub-band at least."""
+"""Fewest frequencies at which the spectrum of a gate is computed in each sub-band."""
 
 
 class SubBands:
-    r"""Energies of gates in parts of a band.
+    r"""Sub-bands in which the energies of gates are measured.
 
     .. math:: E_b = x^T K_b x = \frac{2}{f_s} \int_{f_b}^{f_{b+1}} \lvert X(f) \rvert^2 df
 
-    with X(f) the spectrum of the gate's samples. Over all frequencies up to half the sampling rate they add up to the
-    energy of the gate. Sub-bands narrower than the sampling rate over the gate's length share their noise.
+    with X(f) the spectrum of the samples of the gate. Over all frequencies up to half the sample rate the energies sum
+    to that of the gate. The noise of sub-bands narrower than the sample rate over the gate length is correlated.
 
     Args:
-        edges_hz: Rising, shape (n_bands + 1,).
-        sample_rate_hz: Samples per second.
+        edges_hz: Edges of the sub-bands, increasing, shape (n_bands + 1,).
+        sample_rate_hz: Sample rate.
         n_samples: Length of a gate.
-        correlation: Of the noise over the lags from 0 on, shape (n_lags,), 1 at lag 0 and 0 beyond; None for white.
+        correlation: Correlation of the noise at lags from 0, shape (n_lags,), 1 at lag 0 and 0 beyond the last; None
+            for white noise.
 
     Attributes:
-        lines: Cosines and sines whose products with a gate, squared and added up, are the energies; shape (n_bands,
-            n_lines, n_samples).
+        lines: Cosines and sines whose squared products with a gate sum to the energies, shape (n_bands, n_lines,
+            n_samples).
     """
 
     def __init__(
@@ -60,7 +61,7 @@ class SubBands:
 
     @property
     def n_bands(self) -> int:
-        """How many there are."""
+        """Number of sub-bands."""
         return self.edges_hz.size - 1
 
     @cached_property
@@ -69,37 +70,37 @@ class SubBands:
 
     @cached_property
     def noise_samples(self) -> FloatArray:
-        """Energy of noise in each band, over the variance of one sample, shape (n_bands,)."""
+        """Energy of noise in each sub-band over the variance of one sample, shape (n_bands,)."""
         return np.einsum("bij,ji->b", self._form, self._noise)
 
     @cached_property
     def energy_spread(self) -> FloatArray:
-        """As of `strength_variance`, of each band, shape (n_bands,)."""
+        """Argument of `strength_variance` for each sub-band, shape (n_bands,)."""
         product = self._form @ self._noise
         return np.einsum("bij,bji->b", product, product)
 
     def noise_on(self, pulse: ArrayLike) -> FloatArray:
-        """As of `strength_variance`, of each band, for a pulse (n_samples,) of the usual shape; shape (n_bands,)."""
+        """Compute this argument of `strength_variance` for each sub-band and a typical pulse (n_samples,)."""
         in_band = self._form @ np.asarray(pulse, dtype=np.float64)
         energy = in_band @ np.asarray(pulse, dtype=np.float64)
         return np.einsum("bi,ij,bj->b", in_band, self._noise, in_band) / energy
 
     def strengths(self, waveforms: ArrayLike, noise_variance: ArrayLike) -> FloatArray:
-        """Roots of the energies above those of the noise.
+        """Compute the strengths in sub-bands: the roots of the energies above those of the noise.
 
         Args:
-            waveforms: The gates, shape (..., n_elements, n_samples), volts.
+            waveforms: Samples of the gates, shape (..., n_elements, n_samples), volts.
             noise_variance: Variance of one noise sample, V^2; broadcasts to (..., n_elements).
 
         Returns:
-            Shape (..., n_bands, n_elements), volts.
+            Strengths, shape (..., n_bands, n_elements), volts.
         """
         spectrum = np.einsum("blk,...ek->...ble", self.lines, np.asarray(waveforms, dtype=np.float64))
         noise = self.noise_samples[:, np.newaxis] * np.asarray(noise_variance, dtype=np.float64)[..., np.newaxis, :]
         return np.sqrt(np.maximum(np.square(spectrum).sum(axis=-2) - noise, 0.0))
 
     def variance(self, strengths: FloatArray, noise_variance: ArrayLike, noise_on_pulse: ArrayLike = 1.0) -> FloatArray:
-        """Variance of strengths (..., n_bands, n_elements), V^2; see `strength_variance`."""
+        """Compute the variance of strengths (..., n_bands, n_elements), V^2; see `strength_variance`."""
         noise, spread = np.asarray(noise_variance, dtype=np.float64), self.energy_spread.tolist()
         on_pulse = np.broadcast_to(np.asarray(noise_on_pulse, dtype=np.float64), (self.n_bands,)).tolist()
         of_bands = [
@@ -110,17 +111,17 @@ class SubBands:
 
 
 MOST_TILT = 2.0
-"""By how many nepers of power the spectrum is taken to change from the middle of a sub-band to that of the next, at
-most: what noise makes of weak ones is no spectrum (assumed)."""
+"""Largest change of the spectrum from one sub-band to the next, nepers of power. Assumed; limits the effect of noise in
+weak sub-bands."""
 
 
 class BandTables(NamedTuple):
-    """The manifolds of all sub-bands as compiled loops read them.
+    """Manifolds of all sub-bands as a kernel reads them.
 
     Attributes:
-        gain: As of `ManifoldTable`, of the lower and the upper half of each sub-band, shape (n_bands, 2, TABLE_SIZE,
-            n_elements).
-        slope: As of `ManifoldTable`, same shape.
+        gain: Gains of the lower and the upper half of each sub-band, as in `ManifoldTable`, shape (n_bands, 2,
+            TABLE_SIZE, n_elements).
+        slope: Slopes of these gains per radian, same shape.
         unit: Unit gains of each sub-band towards the search azimuths, shape (n_bands, n_elements, n_azimuths).
     """
 
@@ -131,7 +132,7 @@ class BandTables(NamedTuple):
 
 @lru_cache(maxsize=64)
 def band_tables(manifolds: tuple[GainManifold, ...]) -> Held[BandTables]:
-    """Those of the manifolds of half sub-bands."""
+    """Tabulate the manifolds of half sub-bands."""
     gain, slope = (
         np.stack(each).reshape(-1, 2, *each[0].shape) for each in zip(*(m.table[:2] for m in manifolds), strict=True)
     )
@@ -141,38 +142,38 @@ def band_tables(manifolds: tuple[GainManifold, ...]) -> Held[BandTables]:
 
 
 class SubBandLikelihood:
-    r"""Each pulse on its own, off the grid, from its strengths in sub-bands, with an amplitude of its own in each.
+    r"""Maximum-likelihood estimator for each pulse from its strengths in sub-bands, with one amplitude for each.
 
     .. math:: \hat\theta = \arg\max_\theta \sum_b \frac{1}{\sigma_b^2}
               \frac{(a_b^T g_b(\theta))^2}{\lVert g_b(\theta) \rVert^2}
 
-    What a source radiates in each sub-band is free; what the pattern is in each is taken from the data sheet. Where the
-    pattern changes over the band, one manifold for all of it is wrong for any spectrum but one, and its bearings are
-    biased. How the spectrum leans within a sub-band follows from the amplitudes found in its neighbours: the squared
-    gain is the mean of those of its halves, weighted so.
+    The spectrum of the source is free, and the pattern in each sub-band is known. If the pattern changes over the band,
+    a single manifold is right for one spectrum only, and bearings from it are biased. The slope of the spectrum within
+    a sub-band follows from the amplitudes of its neighbours: the squared gain is the mean of those of its two halves,
+    weighted accordingly.
 
-    Pulses whose sub-bands were not read, and arrays without manifolds for them, are taken as `MaximumLikelihood` does.
+    Without strengths in sub-bands or manifolds for them, it is the same as `MaximumLikelihood`.
     """
 
     def __init__(self) -> None:
-        self._whole = MaximumLikelihood()
+        self._full_band = MaximumLikelihood()
 
     def __call__(self, pulses: PulseBatch, array: ArrayModel) -> Bearings:
-        """Directions of the pulses, shape (n_pulses,); as of `estimator.BearingEstimator`."""
+        """Estimate the directions of pulses; see `BearingEstimator`."""
         if not array.band_manifolds or 2 * pulses.band_strengths_v.shape[1] != len(array.band_manifolds):
-            return self._whole(pulses, array)
+            return self._full_band(pulses, array)
         tables = band_tables(array.band_manifolds)
         return bearings_of_bands(pulses.band_strengths_v, pulses.band_variance_v2, tables, NO_DIRECTION)
 
 
 class BandFit(NamedTuple):
-    """What all sub-bands together say at one azimuth.
+    """Fit of all sub-bands at one azimuth.
 
     Attributes:
-        turn: By how much a better azimuth lies ahead, times `weight`.
+        turn: Gauss-Newton step times `weight`.
         weight: Curvature of the likelihood.
-        variance: Of `turn`, by noise.
-        signal: Curvature without what noise adds to the amplitudes.
+        variance: Variance of `turn` by noise.
+        signal: Curvature without the contribution of noise to the amplitudes.
         explained: Weighted energy that the azimuth explains.
     """
 
@@ -187,7 +188,7 @@ class BandFit(NamedTuple):
 def look_up_band(
     azimuth_rad: float, tables: BandTables, b: int, upper: float, gain: FloatArray, slope: FloatArray
 ) -> None:
-    """Gain and slope of each element, (n_elements,), in a sub-band of whose power `upper` comes in its upper half."""
+    """Compute gain and slope of each element in sub-band b with the share `upper` of its power in the upper half."""
     n = gain.size
     half_gain, half_slope = np.empty(n), np.empty(n)
     gain[:], slope[:] = 0.0, 0.0
@@ -209,7 +210,7 @@ def look_up_band(
 
 @compiled
 def upper_shares(power_v2: FloatArray, upper: FloatArray) -> None:
-    """Share of the power of each sub-band in its upper half, by powers of the neighbours; each of shape (n_bands,)."""
+    """Compute the share of the power of each sub-band in its upper half from its neighbours; shapes (n_bands,)."""
     n_bands = power_v2.size
     for b in range(n_bands):
         low, high = max(b - 1, 0), min(b + 1, n_bands - 1)
@@ -221,12 +222,12 @@ def upper_shares(power_v2: FloatArray, upper: FloatArray) -> None:
 
 
 class Weights(NamedTuple):
-    """How sub-bands count in a fit; each of shape (n_bands,).
+    """Weights of the sub-bands in a fit, each of shape (n_bands,).
 
     Attributes:
-        trust: One over the mean noise variance of the strengths.
-        upper: Share of the power that comes in the upper half.
-        power_v2: Becomes the squared amplitude, without what noise adds to it.
+        trust: Inverse of the mean noise variance of the strengths.
+        upper: Share of the power in the upper half.
+        power_v2: Output: squared amplitude without the contribution of noise.
     """
 
     trust: FloatArray
@@ -238,7 +239,7 @@ class Weights(NamedTuple):
 def fit_bands(
     azimuth_rad: float, strengths: FloatArray, variance: FloatArray, weights: Weights, tables: BandTables
 ) -> BandFit:
-    """The fit to one pulse at an azimuth; strengths and variance (n_bands, n_elements)."""
+    """Fit one pulse at an azimuth; strengths and variance (n_bands, n_elements)."""
     n_bands, n = strengths.shape
     trust = weights.trust
     gain, slope, across = np.empty(n), np.empty(n), np.empty(n)
@@ -265,13 +266,13 @@ def fit_bands(
 def bearings_of_bands(
     strengths: FloatArray, variance: FloatArray, tables: Held[BandTables], silence: tuple[float, float, float]
 ) -> Bearings:
-    """Maximum-likelihood directions of pulses, with their deviations and misfits.
+    """Compute maximum-likelihood directions of pulses, with their deviations and misfits.
 
     Args:
-        strengths: Shape (n_pulses, n_bands, n_elements).
+        strengths: Strengths, shape (n_pulses, n_bands, n_elements).
         variance: Variance of the strengths, same shape.
-        tables: Of the manifolds.
-        silence: Azimuth, deviation and misfit of pulses without any strength.
+        tables: Tables of the manifolds.
+        silence: Azimuth, deviation and misfit of pulses without strength.
 
     Returns:
         Columns of shape (n_pulses,), azimuths in (-pi, pi].

@@ -1,4 +1,4 @@
-"""Pulses, from the receiver to the Locator and the log: one record all the way."""
+"""Records of detected pulses and of their directions of arrival."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 NO_DIRECTION = (0.0, np.pi, 1.0)
-"""Azimuth, deviation and misfit of a pulse of whose direction nothing is known: tables of pulses hold no NaN."""
+"""Azimuth, deviation and misfit of a pulse without any strength; tables of pulses hold no NaN."""
 
 
 class PulseBatch(NamedTuple):
-    """Pulses that a receiver has detected, one a row, by time.
+    """Pulses that a receiver has detected, one per row, in order of time.
 
-    The receiver fills in all but the direction; a bearing estimator adds azimuth, deviation and misfit, and a channel
-    monitor which channels are usable.
+    The receiver fills all columns but the direction. The bearing estimator adds azimuth, deviation and misfit, and the
+    channel monitor the usable channels.
 
     Attributes:
-        time_s: When the trigger fell, shape (n_pulses,).
+        time_s: Time of the trigger, shape (n_pulses,).
         strengths_v: Root of the energy above the noise, shape (n_pulses, n_elements), volts, >= 0.
         variance_v2: Noise variance of the strengths, shape (n_pulses, n_elements), V^2.
         azimuth_rad: Direction of arrival, array frame, in (-pi, pi], shape (n_pulses,).
-        std_rad: Its standard deviation from noise alone, shape (n_pulses,); pi where nothing is known.
-        misfit: Share of the energy that the direction does not explain, in [0, 1], shape (n_pulses,).
-        is_usable: Which channels can be trusted, shape (n_pulses, n_elements).
-        mains_phase_rad: Of the receiver's own supply at the trigger, in [0, 2 pi), shape (n_pulses,); NaN where it was
-            not recorded.
-        is_clipped: Which channels met the end of the converter's scale, shape (n_pulses, n_elements).
-        band_strengths_v: Strengths in sub-bands, shape (n_pulses, n_bands, n_elements), volts; no bands where the
-            receiver does not read them.
-        band_variance_v2: Noise variance of these, same shape, V^2.
+        std_rad: Standard deviation of the direction by noise, shape (n_pulses,); pi for a pulse without strength.
+        misfit: Share of the energy that a single direction does not explain, in [0, 1], shape (n_pulses,).
+        is_usable: True for each channel that is not faulty, shape (n_pulses, n_elements).
+        mains_phase_rad: Phase of the mains at the receiver at the trigger, in [0, 2 pi), shape (n_pulses,); NaN where
+            it was not recorded.
+        is_clipped: True for each channel that reached full scale of the ADC, shape (n_pulses, n_elements).
+        band_strengths_v: Strengths in sub-bands, shape (n_pulses, n_bands, n_elements), volts; n_bands is 0 where the
+            receiver does not measure them.
+        band_variance_v2: Noise variance of the strengths in sub-bands, same shape, V^2.
     """
 
     time_s: FloatArray
@@ -60,7 +60,7 @@ class PulseBatch(NamedTuple):
         band_strengths_v: FloatArray | None = None,
         band_variance_v2: FloatArray | None = None,
     ) -> Self:
-        """Pulses as a receiver gives them: no direction yet, and all channels usable; attributes as of the class."""
+        """Make pulses without a direction, with all channels usable; arguments as the attributes of the class."""
         n, shape = time_s.size, strengths_v.shape
         azimuth_rad, std_rad, misfit = NO_DIRECTION
         no_bands = np.empty((n, 0, strengths_v.shape[1]))
@@ -80,7 +80,7 @@ class PulseBatch(NamedTuple):
 
     @classmethod
     def room(cls, n_pulses: int, n_elements: int, n_bands: int = 0) -> Self:
-        """Room for pulses, for a compiled loop to fill in."""
+        """Allocate pulses, to be filled by a kernel."""
         shape = n_pulses, n_elements
         return cls(
             np.empty(n_pulses),
@@ -98,42 +98,42 @@ class PulseBatch(NamedTuple):
 
     @classmethod
     def none(cls, n_elements: int, n_bands: int = 0) -> Self:
-        """No pulse at all."""
+        """Return an empty batch."""
         return cls.room(0, n_elements, n_bands)
 
     @classmethod
     def join(cls, batches: Sequence[PulseBatch]) -> Self:
-        """All pulses of some batches, one batch after the other."""
+        """Concatenate batches."""
         columns: list[Any] = [np.concatenate(column) for column in zip(*batches, strict=True)]
         return cls(*columns)
 
     @property
     def n_pulses(self) -> int:
-        """How many there are."""
+        """Number of pulses."""
         return self.time_s.size
 
     @property
     def is_overdriven(self) -> BoolArray:
-        """Whether a usable channel met the end of the converter's scale, shape (n_pulses,)."""
+        """True where a usable channel reached full scale of the ADC, shape (n_pulses,)."""
         return np.asarray((self.is_clipped & self.is_usable).any(axis=-1))
 
     def take(self, rows: slice | NDArray[np.intp] | BoolArray) -> Self:
-        """Some of the pulses, by slice, index or mask."""
+        """Select pulses by slice, index or mask."""
         columns: list[Any] = [column[rows] for column in self]
         return type(self)(*columns)
 
     def first(self, n_pulses: int) -> Self:
-        """The first pulses, in memory of their own."""
+        """Copy the first pulses."""
         columns: list[Any] = [column[:n_pulses].copy() for column in self]
         return type(self)(*columns)
 
     def without_bands(self) -> Self:
-        """The same pulses without their sub-bands, which no more than their bearings need."""
+        """Drop the sub-bands, which only the bearing estimator uses."""
         none = np.empty((self.n_pulses, 0, self.strengths_v.shape[1]))
         return self._replace(band_strengths_v=none, band_variance_v2=none)
 
     def take_channels(self, channels: NDArray[np.intp] | BoolArray) -> Self:
-        """The same pulses as some of the channels alone give them, by index or mask."""
+        """Select channels by index or mask."""
         return self._replace(
             strengths_v=self.strengths_v[:, channels],
             variance_v2=self.variance_v2[:, channels],
@@ -145,21 +145,21 @@ class PulseBatch(NamedTuple):
 
 
 LEAST_SHARE = 0.01
-"""Share of the pooled energy that is taken as signal at least, where it cannot be told from noise (assumed)."""
+"""Smallest share of the pooled energy that counts as signal where noise hides it. Assumed; bounds the deviation."""
 
 UNKNOWN_STD_RAD = np.pi / np.sqrt(3)
-"""Deviation of a direction of which nothing is known: uniform on the circle. No estimate from strengths says a wider
-one; tables that hold no NaN say pi where there was no strength at all."""
+"""Deviation of a direction that is uniform on the circle: the largest that an estimator states for a pulse with any
+strength."""
 
 
 class Bearings(NamedTuple):
     """Directions of arrival in the array frame.
 
     Attributes:
-        azimuth_rad: Shape (...), in (-pi, pi]; NaN where all strengths were zero.
-        std_rad: Shape (...). From noise alone, unless a prior on the manifold was given: an error of the manifold is
-            common to all pulses from one direction. NaN without a variance of the noise and without a prior.
-        misfit: Shape (...), share of the energy that no single direction explains, in [0, 1]. Large where two sources
+        azimuth_rad: Directions in (-pi, pi], shape (...); NaN where all strengths are zero.
+        std_rad: Standard deviations, shape (...). They include noise alone, unless a prior on the manifold was given:
+            an error of the manifold is common to all pulses from one direction. NaN if neither was given.
+        misfit: Shares of the energy that no single direction explains, in [0, 1], shape (...). Large where two sources
             overlap, a channel is dead, or there is only noise.
     """
 
@@ -168,9 +168,9 @@ class Bearings(NamedTuple):
     misfit: FloatArray
 
     def attached_to(self, pulses: PulseBatch) -> PulseBatch:
-        """Those pulses with these directions, one for each."""
+        """Return the pulses with these directions, one for each."""
         return pulses._replace(azimuth_rad=self.azimuth_rad, std_rad=self.std_rad, misfit=self.misfit)
 
     def take(self, rows: slice | NDArray[np.bool_]) -> Bearings:
-        """Some of the directions, by slice or mask."""
+        """Select directions by slice or mask."""
         return Bearings(self.azimuth_rad[rows], self.std_rad[rows], self.misfit[rows])

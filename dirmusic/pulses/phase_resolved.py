@@ -1,4 +1,7 @@
-"""Pulse phase against level: which kind of discharge a pattern is most like, and how sure that is."""
+"""Typical phase-resolved patterns of kinds of discharges, and classification of a pattern.
+
+Simulated discharges differ from the typical ones; `sensing` draws how.
+"""
 
 from __future__ import annotations
 
@@ -18,13 +21,13 @@ KindName = Literal["corona", "void", "surface", "floating"]
 
 @dataclass(frozen=True, kw_only=True)
 class Cluster:
-    """Pulses that come around one phase.
+    """Cluster of pulses around one phase of the mains.
 
     Attributes:
-        share: Of all pulses.
-        centre_deg: Phase of the voltage across the defect, sine, in [0, 360).
+        share: Share of all pulses.
+        centre_deg: Phase of the sine of the voltage across the defect, in [0, 360).
         width_deg: Standard deviation of the phase.
-        level_db: Level of the pulses against the kind's typical one.
+        level_db: Level of the pulses relative to the typical one of the kind.
         spread_db: Standard deviation of the level.
         polarity: Sign of the pulses.
     """
@@ -52,9 +55,9 @@ KINDS: dict[KindName, tuple[Cluster, ...]] = {
         Cluster(share=0.5, centre_deg=240, width_deg=7, level_db=0.0, spread_db=0.7, polarity=-1),
     ),
 }
-"""Corona at a point: one half cycle, about the crest, all pulses alike. Voids: both half cycles alike, where the
-voltage rises, levels spread. Surface: both, unlike in level and number, wide. Floating metal: both, few degrees, all
-pulses alike.
+"""Corona at a point: one half cycle, around the crest, equal levels. Void: both half cycles alike, on the rising
+voltage, spread levels. Surface: both half cycles, different in level and number, wide. Floating metal: both half
+cycles, a few degrees wide, equal levels.
 
 References:
     CIGRE TB 226, "Knowledge rules for partial discharge diagnosis in service", 2003, for the shapes; the figures are
@@ -63,50 +66,45 @@ References:
 
 
 SHIFTS_RAD = np.radians(np.arange(0.0, 360.0, 5.0))
-"""Shifts of the mains phase that are tried: a free-field antenna does not know which conductor it hears."""
+"""Shifts of the mains phase to search: the phase of the conductor with the discharge is unknown."""
 
 OFFSETS_DB = np.arange(-12.0, 12.5, 1.5)
-"""Levels of the kind against the median of the pattern that are tried."""
+"""Levels of the kind relative to the median of the pattern to search."""
 
 CENTRE_STD_DEG, WIDTH_FACTOR, LEVEL_STD_DB = 7.0, 1.2, 1.2
-"""How defects of one kind differ (assumed): a cluster is that much wider than its typical one."""
+"""Variation of defects of one kind, by which a cluster is wider than the typical one. Assumed; sets the confidence."""
 
 STRAY_SHARE = 0.03
-"""Pulses that belong to no cluster: noise, and others' (assumed)."""
+"""Share of pulses outside all clusters, from noise and other sources; assumed."""
 
 LEVEL_RANGE_DB = 40.0
-"""Over which stray pulses are taken as even."""
+"""Range of the uniform level of stray pulses; assumed."""
 
 LEAST_PULSES = 20
-"""Fewer show no pattern."""
+"""Fewest pulses that are classified."""
 
 MOST_PULSES = 100
-"""More are thinned out evenly: the kinds, not the noise, limit."""
+"""Most pulses that are used; more are thinned out evenly, for the variation of the kinds limits, not noise."""
 
 LEAST_EXPLAINED = 0.88
-"""Share of pulses that the clusters of a kind must explain, or the pattern is of another kind, or of several."""
+"""Smallest share of pulses that the clusters of a kind must explain; otherwise the kind is unknown. Assumed."""
 
-SECOND_KIND = 0.17
-"""Log likelihood per pulse that a second kind may gain before the pattern is a mixture (assumed)."""
-
-SECOND_KIND_BLUR = 0.04
-"""How sharply (assumed)."""
-
-ALTERNATIONS = 2
-"""How often the two kinds of a pair are fitted in turn."""
+SECOND_KIND, SECOND_KIND_WIDTH = 0.17, 0.04
+"""Gain in log likelihood per pulse by a second kind at which a pattern is as likely a mixture of two, and the width of
+that transition; assumed."""
 
 INDEPENDENT_PULSES = 12
-"""How many pulses count as evidence at most, since a pattern is never quite the typical one (assumed)."""
+"""Most pulses that count as independent evidence, since no pattern is quite the typical one; assumed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PhasePattern:
-    """What a pattern is like.
+    """Result of a classification.
 
     Attributes:
-        kind: Most likely one, or "unknown".
-        confidence: Probability of `kind` among all kinds and none of them, in [0, 1].
-        shift_rad: Phase by which the pattern leads that of `KINDS`, in [0, 2 pi); of the likeliest kind.
+        kind: Most likely kind, or "unknown".
+        confidence: Probability of `kind` among all kinds and "unknown", in [0, 1].
+        shift_rad: Phase by which the pattern leads that of the likeliest kind in `KINDS`, in [0, 2 pi).
         explained: Share of the pulses that the likeliest kind explains.
     """
 
@@ -117,19 +115,19 @@ class PhasePattern:
 
 
 def classify(phase_rad: ArrayLike, level_db: ArrayLike) -> PhasePattern:
-    r"""Compare a phase-resolved pattern with those of known kinds, its phase shift and level being unknown.
+    r"""Classify a phase-resolved pattern of unknown phase shift and level.
 
-    Each kind is a mixture of normal clusters in phase and level with a few stray pulses; the alternative is pulses at
-    any phase with levels of their own spread. The likelihoods are those of the best shift and level, tempered, because
-    no defect is quite the typical one.
+    Each kind is a mixture of normal clusters in phase and level with a few stray pulses; the alternative is a uniform
+    phase and a normal level. The likelihoods at the best shift and level are tempered, because no defect is quite the
+    typical one.
 
     Args:
-        phase_rad: Of the mains at each pulse, shape (n,).
-        level_db: Level of each pulse with range and gain taken out, shape (n,); its zero does not matter.
+        phase_rad: Phase of the mains at each pulse, shape (n,).
+        level_db: Level of each pulse corrected for range and gain, shape (n,); its zero is arbitrary.
 
     Returns:
-        The kind; "unknown" with fewer than `LEAST_PULSES` pulses, where none explains enough of them, or where pulses
-        come at any phase.
+        The classification; "unknown" with fewer than `LEAST_PULSES` pulses, where no kind explains enough of them, or
+        where the phase is uniform.
 
     Raises:
         ValueError: If shapes disagree or a value is not finite.
@@ -156,7 +154,7 @@ def classify(phase_rad: ArrayLike, level_db: ArrayLike) -> PhasePattern:
     fit, probability = fits[kind], float(weight[:-1].max())
     explained = float((fit.density / (fit.density + _STRAY)).mean())
     gain = _gain_of_a_second_kind(kind, densities, fits) / phase.size
-    mixed = 1.0 / (1.0 + np.exp(-(gain - SECOND_KIND) / SECOND_KIND_BLUR))
+    mixed = 1.0 / (1.0 + np.exp(-(gain - SECOND_KIND) / SECOND_KIND_WIDTH))
     confidence = probability * (1.0 - mixed) * min(1.0, explained / LEAST_EXPLAINED)
     name = kind if mixed < 0.5 and explained >= LEAST_EXPLAINED and probability > weight[-1] else "unknown"
     return PhasePattern(
@@ -173,7 +171,7 @@ _STRAY = STRAY_SHARE / (2 * np.pi * LEVEL_RANGE_DB)
 
 
 class _Fit(NamedTuple):
-    """A kind at its best shift and level; the density of each pulse, shape (n,), without stray ones."""
+    """Fit of a kind at its best shift and level, with the density of each pulse, shape (n,), without stray pulses."""
 
     log_likelihood: float
     shift_rad: float
@@ -181,7 +179,7 @@ class _Fit(NamedTuple):
 
 
 def _densities(phase: FloatArray, level: FloatArray, clusters: tuple[Cluster, ...]) -> FloatArray:
-    """Density of each pulse for every shift and level of a kind, shape (n_shifts, n_offsets, n)."""
+    """Compute the density of each pulse for every shift and level of a kind, shape (n_shifts, n_offsets, n)."""
     off = difference(phase, SHIFTS_RAD[:, np.newaxis])  # (n_shifts, n)
     above = level - OFFSETS_DB[:, np.newaxis]  # (n_offsets, n)
     density = np.zeros((SHIFTS_RAD.size, OFFSETS_DB.size, phase.size))
@@ -194,20 +192,20 @@ def _densities(phase: FloatArray, level: FloatArray, clusters: tuple[Cluster, ..
     return (1 - STRAY_SHARE) * density
 
 
-def _best(density: FloatArray, beside: FloatArray | float = 0.0) -> _Fit:
-    """The best shift and level, alone or with another density of the pulses beside."""
-    likelihood = np.log(density + beside + _STRAY).sum(axis=-1)
+def _best(density: FloatArray, other: FloatArray | float = 0.0) -> _Fit:
+    """Find the best shift and level, alone or in a mixture with another density."""
+    likelihood = np.log(density + other + _STRAY).sum(axis=-1)
     shift, offset = np.unravel_index(int(likelihood.argmax()), likelihood.shape)
     return _Fit(float(likelihood[shift, offset]), float(SHIFTS_RAD[shift]), density[shift, offset])
 
 
 def _gain_of_a_second_kind(kind: KindName, densities: dict[KindName, FloatArray], fits: dict[KindName, _Fit]) -> float:
-    """By how much the log likelihood rises when half of the pulses may be of another kind, the best of all pairs."""
+    """Compute the gain in log likelihood when half of the pulses are of another kind, for the best pair of kinds."""
     best = -np.inf
     for pair in combinations(_NAMES, 2):
         one, two = sorted(pair, key=lambda name: -fits[name].log_likelihood)
         held = fits[one]
-        for _ in range(ALTERNATIONS):
+        for _ in range(2):  # fit the two kinds in turn, twice
             second = _best(0.5 * densities[two], 0.5 * held.density)
             held = _best(0.5 * densities[one], second.density)
             held = held._replace(density=2 * held.density)

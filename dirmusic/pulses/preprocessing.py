@@ -1,4 +1,4 @@
-"""From a raw record to what the estimator reads: band-pass, pulse window, one common scale."""
+"""Preprocessing of raw records: band-pass, window around the pulse, common scale."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ FloatArray = NDArray[np.float64]
 _Sample = TypeVar("_Sample", np.float32, np.float64)
 
 PAPER_BAND_HZ = (1.2e9, 2.3e9)
-"""Assumed: holds the 1.5 to 2 GHz in which the paper's pulses have their energy, and not its interferer at 948 MHz."""
+"""Assumed; contains the 1.5 to 2 GHz of the paper's pulses and excludes its interferer at 948 MHz."""
 
 FILTER_ORDER = 4
 
 
 class Windows(NamedTuple):
-    """Pulse windows cut out of records.
+    """Windows cut out of records around the pulses.
 
     Attributes:
-        waveforms: Shape (..., n_elements, n_samples), scaled to [-1, 1] by one number for all channels of a record.
-        start: Sample of the record at which each window starts, shape (...).
-        scale_v: What 1 stands for, volts, shape (...).
+        waveforms: Shape (..., n_elements, n_samples), scaled to [-1, 1] by one factor for all channels of a record.
+        start: First sample of each window in its record, shape (...).
+        scale_v: Voltage of the value 1, shape (...).
     """
 
     waveforms: FloatArray
@@ -38,19 +38,17 @@ def prepare_records(
     n_samples: int = 90,
     band_hz: tuple[float, float] | None = PAPER_BAND_HZ,
 ) -> Windows:
-    """The flow chart before the estimator: filter, cut the pulse out, map it to [-1, 1].
+    """Filter records, cut the pulse out, and scale it to [-1, 1].
 
-    The scale is common to all channels: it changes no bearing, and the amplitude does not depend on the range any more.
-    A scale of its own for each channel would throw away the ratios of the strengths, which is all there is.
+    The scale is common to all channels, so that the ratios of the strengths, which carry the direction, are kept.
 
     Args:
         records: Shape (..., n_elements, n_record), volts.
-        sample_rate_hz: Of the records.
-        n_samples: Length of the window; it holds the pulse and its travel across the array: 60 samples of 20 GS/s for
-            the pulse, and 13 more for every 0.1 m of ring radius.
-        band_hz: Corner frequencies of a Butterworth filter run forward and backward; None leaves the band as it is.
-            Filtered noise is not white: its energy in a window spreads more than that of white noise of the same
-            variance.
+        sample_rate_hz: Sample rate of the records.
+        n_samples: Length of the window. It must hold the pulse and its travel across the array: at 20 GS/s, 60 samples
+            for the pulse and 13 for every 0.1 m of ring radius.
+        band_hz: Corner frequencies of a Butterworth filter run forward and backward; None for no filter. The energy of
+            filtered noise in a window varies more than that of white noise of the same variance.
 
     Returns:
         The windows.
@@ -76,13 +74,13 @@ def prepare_records(
 
 
 def cut_windows(records: NDArray[_Sample], start: NDArray[np.intp], n_samples: int) -> NDArray[_Sample]:
-    """Windows of `n_samples` from `start` (...) on out of records (..., n_elements, n_record), all channels alike."""
+    """Cut windows of `n_samples` from `start` (...) out of records (..., n_elements, n_record)."""
     index = start[..., np.newaxis, np.newaxis] + np.arange(n_samples)
     return np.take_along_axis(records, np.broadcast_to(index, (*records.shape[:-1], n_samples)), axis=-1)
 
 
 def band_pass(records: ArrayLike, sample_rate_hz: float, band_hz: tuple[float, float]) -> FloatArray:
-    """Butterworth band-pass run forward and backward, so that it delays nothing; same shape as `records`.
+    """Apply a Butterworth band-pass forward and backward, without delay; same shape as `records`.
 
     Raises:
         ValueError: If the band does not lie between zero and half the sample rate.
@@ -99,10 +97,9 @@ def band_pass(records: ArrayLike, sample_rate_hz: float, band_hz: tuple[float, f
 
 
 def pulse_start(records: ArrayLike, n_samples: int) -> NDArray[np.intp]:
-    """Where the window of `n_samples` starts that holds most energy of all channels together; shape (...).
+    """Find the start of the window of `n_samples` with most energy of all channels together; shape (...).
 
-    It is found from the data alone, and is the same for all channels: a window of its own for each would gather more
-    noise in the channels that hear little.
+    All channels share the window: one for each channel would collect more noise where the pulse is weak.
     """
     x = np.asarray(records)
     power = np.einsum("...ik,...ik->...k", x, x)

@@ -1,4 +1,4 @@
-"""From what the channels recorded to what the estimator reads: covariances and strengths."""
+"""Strengths and covariances of recorded pulses."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ from dirmusic.compiled import elementwise
 
 FloatArray = NDArray[np.float64]
 
-SMALLEST = float(np.finfo(np.float64).tiny)
+TINY = float(np.finfo(np.float64).tiny)
 
 
 @elementwise
 def strength_of(energy_v2: float, noise_energy_v2: float) -> float:
-    """Strength of a pulse in a gate with that energy, of which noise makes so much on average."""
+    """Compute the strength of a pulse from the energy of its gate and the expected energy of the noise."""
     return np.sqrt(max(energy_v2 - noise_energy_v2, 0.0))
 
 
 @elementwise
 def variance_of_strength(strength_v: float, noise_v2: float, energy_spread: float, noise_on_pulse: float) -> float:
-    """Variance of a strength; formula and arguments as of `strengths.strength_variance`."""
-    energy = max(strength_v * strength_v, np.sqrt(0.5 * energy_spread) * noise_v2, SMALLEST)
+    """Compute the variance of a strength; see `strength_variance`."""
+    energy = max(strength_v * strength_v, np.sqrt(0.5 * energy_spread) * noise_v2, TINY)
     return noise_on_pulse * noise_v2 + 0.5 * energy_spread * noise_v2 * noise_v2 / energy
 
 
 def sample_covariance(snapshots: ArrayLike) -> FloatArray:
-    r"""Average outer product of the snapshots.
+    r"""Compute the average outer product of the snapshots.
 
     .. math:: R = X X^T / n
 
     Args:
-        snapshots: Array output, shape (..., n_elements, n_snapshots), volts.
+        snapshots: Samples of the array, shape (..., n_elements, n_snapshots), volts.
 
     Returns:
         Strength covariance, shape (..., n_elements, n_elements), V^2.
@@ -51,14 +51,14 @@ def sample_covariance(snapshots: ArrayLike) -> FloatArray:
 
 
 def pulse_strengths(waveforms: ArrayLike, noise_variance: ArrayLike) -> FloatArray:
-    r"""Strength of each gated pulse in each channel: the root of its energy above that of the noise.
+    r"""Compute the strength of each gated pulse in each channel: the root of its energy above that of the noise.
 
-    Energies do not care by how much a pulse is delayed from element to element, as long as the gate holds it.
+    The strength does not depend on the delay of the pulse from element to element, as long as the gate holds it.
 
     .. math:: a_i = \sqrt{\max(\sum_k x_{ik}^2 - n \sigma_i^2, 0)}
 
     Args:
-        waveforms: The gate, all of it: shape (..., n_elements, n_samples), volts.
+        waveforms: Samples of the gate, shape (..., n_elements, n_samples), volts.
         noise_variance: Variance of one noise sample, V^2, >= 0; broadcasts to (..., n_elements).
 
     Returns:
@@ -85,15 +85,10 @@ def pulse_strengths(waveforms: ArrayLike, noise_variance: ArrayLike) -> FloatArr
 
 
 def strengths_of_energies(energy: FloatArray, n_samples: int, noise_variance: FloatArray) -> FloatArray:
-    """The strengths of `pulse_strengths` from the energies of gates of so many samples; all of shape (..., n_elements).
-
-    The energies are sums of squares, V^2, finite; noise is still in them.
-    """
+    """Compute the strengths of `pulse_strengths` from the energies of the gates, sums of squares with noise, V^2."""
     strengths = np.asarray(strength_of(energy, n_samples * noise_variance))
     silent = energy == 0.0
-    if (
-        silent.any()
-    ):  # with noise about, not one sample that differs from zero: no pulse was too weak, a channel is dead
+    if silent.any():  # a channel with noise has samples other than zero, however weak the pulse
         dead = silent & (noise_variance > 0) & ~silent.all(axis=-1, keepdims=True)
         strengths = np.where(dead, np.nan, strengths)
     return strengths
@@ -107,7 +102,7 @@ def strength_variance(
     energy_spread: float | None = None,
     noise_on_pulse: float = 1.0,
 ) -> FloatArray:
-    r"""Variance of the strengths of `pulse_strengths`.
+    r"""Compute the variance of the strengths of `pulse_strengths`.
 
     Noise with the correlation matrix :math:`C` over the gate, eigenvalues :math:`\mu_k`, gives a gate's energy the
     variance :math:`2 \sigma^4 \sum_k \mu_k^2 + 4 \sigma^2 \kappa a^2`, where :math:`\kappa = d^T C d / d^T d` for the

@@ -113,7 +113,7 @@ def silent_heading() -> np.ndarray:
         (np.ones((4, 1, 6)), QUARTERS[:2], "n_headings - 1"),
         (np.full((4, 1, 6), np.nan), QUARTERS, "finite"),
         (-np.ones((4, 1, 6)), QUARTERS, ">= 0 V"),
-        (silent_heading(), QUARTERS, "all zero"),
+        (silent_heading(), QUARTERS, "not all be zero"),
         (np.ones((4, 1, 6)), np.array([0.1, np.inf, 0.1]), "finite"),
     ],
 )

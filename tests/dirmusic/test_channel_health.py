@@ -145,7 +145,7 @@ def test_bearings_come_from_the_good_channels_from_the_pulses_on_that_show_the_f
 
 
 def test_a_suspect_is_told_in_words() -> None:
-    assert str(SuspectChannel(3, "low", -6.2, 21)) == "channel 3 hears 6 dB too little (21 pulses)"
+    assert str(SuspectChannel(3, "low", -6.2, 21)) == "channel 3 is 6 dB too low (21 pulses)"
     assert str(SuspectChannel(1, "dead", -40.0, 12)) == "channel 1 is dead (12 pulses)"
     assert str(SuspectChannel(2, "swapped", np.nan, 10)).startswith("channel 2 is swapped")
 

@@ -69,7 +69,7 @@ def test_fewer_peaks_than_wanted_are_filled_up_with_nan() -> None:
 
 
 def test_a_spectrum_over_half_a_circle_has_no_peaks_to_give() -> None:
-    with pytest.raises(ValueError, match="once round"):
+    with pytest.raises(ValueError, match="over one turn"):
         spectrum_peaks(np.ones(180), GRID[:180], 1)
 
 
