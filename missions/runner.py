@@ -1,4 +1,4 @@
-"""The mission loop: environment, policy and Locator into a MissionLog; every policy is scored on the same locating."""
+"""The mission loop: runs environment, policy and Locator, and logs what happens."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from pdpatrol.envs import Scenario
 from pdpatrol.envs.patrol_env import STEP_S, PatrolEnv
 from pdpatrol.envs.user_code import UserCodeError
 from pdpatrol.missions.driving.site_map import SiteMap
-from pdpatrol.missions.planning import with_planned_route
+from pdpatrol.missions.planning.plan import with_planned_route
 from pdpatrol.missions.policies.make_policy import make_policy
 from pdpatrol.missions.policies.protocol import SeesTruth
-from pdpatrol.missions.record.array_description import describe_array, describe_grid
+from pdpatrol.missions.record.log_contents import describe_array, describe_grid
 from pdpatrol.missions.record.logbook import Logbook
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.own_locator import OwnLocator
@@ -36,25 +36,30 @@ from pdpatrol.robot_models.yard.yard import Yard
 FloatArray = NDArray[np.float64]
 
 PART_S = 30.0
-"""Simulated time between parts of the log on disk: what a killed mission loses at most."""
+"""Simulated time between parts of the log on disk: the most that a killed mission loses."""
 
 
 class Mission:
-    """One mission, a control step at a time.
+    """One mission, which runs one control step at a time.
 
     Args:
-        scenario: What to run.
-        policy: Who drives: the name of a policy, as `make_policy` takes it.
-        seed: Fixes all that is drawn: the same seed gives the same mission, bit for bit.
-        folder: Where to keep parts of the log while it grows; None keeps it in memory.
+        scenario: Scenario to run.
+        policy: Name of the policy, see `make_policy`.
+        seed: Seed of all random draws: the same seed gives the same mission, bit for bit.
+        folder: Folder for parts of the growing log; None keeps the log in memory.
 
     Attributes:
-        stopwatch: Where the wall time of its steps went: policy, environment, locating.
-        error: What ended the mission, if code that the user named raised or gave a wrong result.
+        env: The environment.
+        site_map: The map that the policy gets.
+        policy: The policy.
+        log: The log so far.
+        stopwatch: Wall time of policy, environment and locating.
+        is_over: True when the mission has ended.
+        error: Error in user code that ended the mission.
 
     Raises:
-        UserCodeError: If code that the user named cannot be loaded or made.
-        ScenarioError: If the route is to be planned, and no place hears anything.
+        UserCodeError: If user code cannot be loaded or made.
+        ScenarioError: If the route must be planned and no site is detectable.
     """
 
     @threadpool_limits.wrap(limits=1)
@@ -84,12 +89,12 @@ class Mission:
 
     @property
     def time_s(self) -> float:
-        """Simulated time."""
+        """Simulated time, seconds."""
         return STEP_S * self.log.n_rows("step")
 
     @property
     def n_visited(self) -> int:
-        """Waypoints visited so far."""
+        """Number of waypoints visited so far."""
         return len(self._visited)
 
     def _meta(self, scenario: Scenario, policy: str, seed: int, truth: dict[str, Any]) -> dict[str, Any]:
@@ -115,10 +120,10 @@ class Mission:
 
     @threadpool_limits.wrap(limits=1)
     def run(self, after_step: Callable[[Mission], None] | None = None) -> MissionLog:
-        """Go on to the end; `after_step` sees the mission after each control step, and may end it.
+        """Run the mission to its end; `after_step` is called after each control step and may end it.
 
-        An error in code that the user named ends the mission with events of kind `error` and `end`. Linear algebra runs
-        in one thread: the matrices are small, and the result must not depend on the number of cores.
+        An error in user code ends the mission with events of kind `error` and `end`. Linear algebra runs in one thread:
+        the matrices are small, and the result must not depend on the number of cores.
         """
         while not self.is_over:
             try:
@@ -131,7 +136,7 @@ class Mission:
         return self.log
 
     def step(self) -> None:
-        """Decide, drive and listen for one control step, locate, and log all of it."""
+        """Run one control step: decide, drive, detect, locate, and log all of it."""
         on = self.stopwatch.on
         with on("policy"):
             action = self.policy(self._observation, self._tracker.findings, self.site_map)
@@ -153,7 +158,7 @@ class Mission:
         )
         self.log.append("scan", step=step, range_m=np.round(self._observation["lidar"], 3))
         for suspect in info["suspects"]:
-            self._book.event("channel fault", f"{suspect}: left out from here on")
+            self._book.event("channel fault", f"{suspect}: not used from here on")
         with on("locating"):
             tracked = self._tracker.track(info["time_s"], info["believed_pose"], info["pulses"])
         self._book.log_tracked(info["believed_pose"], tracked)
@@ -169,12 +174,12 @@ class Mission:
             self.end("time limit")
 
     def end(self, reason: str) -> None:
-        """Close the mission; what was logged stays as it is."""
+        """End the mission and log association, likelihood, calibration and the reason."""
         self.is_over = True
         try:
             self._book.log_association(self._tracker.association())
             self._book.log_likelihood(self._tracker.log_likelihood())
-        except UserCodeError as error:  # of a Locator that failed before, or just now
+        except UserCodeError as error:  # from a user's Locator
             if self.error is None:
                 self._fail(error)
                 reason = "error"
@@ -182,7 +187,7 @@ class Mission:
         self._book.event("end", f"mission over: {reason}", subject=reason)
 
     def _keep_calibration(self) -> None:
-        """Put what the mission has learned of its array into the log."""
+        """Log what the mission has learned about its array."""
         scenario, meta = self.env.scenario, self.log.meta
         name = f"{meta['name']}, seed {meta['seed']}, {meta['policy']}, {self.time_s:.1f} s"
         calibration = self._tracker.calibration(name, scenario.array.serial_number, scenario.locating.calibration)
@@ -208,17 +213,17 @@ class Mission:
 
 
 def _solids(env: PatrolEnv, known_yard: Yard) -> dict[str, Any]:
-    """What is drawn of yard and robot, and under `map` what the map shows and does not stand there."""
+    """Describe the solids of yard and robot, and under `map` equipment that only the map shows."""
     solids = describe_solids(env.simulation.robots.model)
     wrong = [item for item in known_yard.equipment if item not in env.scenario.yard.equipment]
     return solids | ({"map": describe_equipment(wrong)} if wrong else {})
 
 
 def make_locator(scenario: Scenario, site_map: SiteMap, array: ArrayModel, rules: LocatingRules) -> LocatorProtocol:
-    """The Locator that the scenario names: it knows array, fence and map as the plan has them, never the truth.
+    """Make the Locator of the scenario. It knows array, fence and map as planned, never the truth.
 
     Raises:
-        UserCodeError: If it is the user's own and cannot be loaded or made.
+        UserCodeError: If it is a user's Locator and cannot be loaded or made.
     """
     own = scenario.locating.locator
     make: MakesLocator = Locator if own is None else partial(OwnLocator, own)
@@ -238,5 +243,5 @@ def run_mission(
     folder: Path | None = None,
     after_step: Callable[[Mission], None] | None = None,
 ) -> MissionLog:
-    """Run a whole mission; the arguments are those of `Mission` and `Mission.run`."""
+    """Run a mission to its end; see `Mission` and `Mission.run` for the arguments."""
     return Mission(scenario, policy, seed, folder).run(after_step)

@@ -1,4 +1,4 @@
-"""Where the time goes: wall time by what it was spent on. No result depends on it."""
+"""Wall time by activity; no result depends on it."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from contextlib import contextmanager
 
 
 class Stopwatch:
-    """Wall time by what it was spent on, from when it is made.
+    """Measures wall time by activity, from its construction on.
 
     Attributes:
-        spent_s: By what, in the order in which each began.
+        spent_s: Seconds by activity, in the order in which each began.
     """
 
     def __init__(self) -> None:
@@ -20,20 +20,20 @@ class Stopwatch:
 
     @property
     def total_s(self) -> float:
-        """Since it was made."""
+        """Seconds since construction."""
         return time.perf_counter() - self._started_s
 
     @contextmanager
-    def on(self, what: str) -> Iterator[None]:
-        """Count the time within as spent on `what`, in addition to any before."""
+    def on(self, activity: str) -> Iterator[None]:
+        """Add the time within the block to an activity."""
         began_s = time.perf_counter()
-        self.spent_s.setdefault(what, 0.0)
+        self.spent_s.setdefault(activity, 0.0)
         try:
             yield
         finally:
-            self.spent_s[what] += time.perf_counter() - began_s
+            self.spent_s[activity] += time.perf_counter() - began_s
 
-    def split(self, what: str, parts_s: Mapping[str, float]) -> None:
-        """Put parts of it, that were measured apart, in the place of `what`; what is left of it stays."""
-        left_s = self.spent_s.pop(what) - sum(parts_s.values())
-        self.spent_s |= {**parts_s, what: left_s}
+    def split(self, activity: str, parts_s: Mapping[str, float]) -> None:
+        """Replace part of an activity's time by parts that were measured separately."""
+        rest_s = self.spent_s.pop(activity) - sum(parts_s.values())
+        self.spent_s |= {**parts_s, activity: rest_s}

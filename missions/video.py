@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from dirmusic.locating.finding import ellipse95, outline95
 from pdpatrol.envs.scenario import restore_scenario
 from pdpatrol.missions.atomic_file import atomic_file
-from pdpatrol.missions.planning import with_planned_route
-from pdpatrol.missions.record.array_description import described_grid
+from pdpatrol.missions.planning.plan import with_planned_route
 from pdpatrol.missions.record.events import Phase
+from pdpatrol.missions.record.log_contents import described_grid
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.figures import ROUTE, STATES, draw_ground, draw_label, draw_waypoints, draw_yard
 from pdpatrol.missions.report.make_report import findings_at, make_report

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from dirmusic import InputFileError
 from dirmusic.array.manifold import GainManifold
 from pdpatrol.envs.scenario.base import is_day
-from pdpatrol.missions.record.array_description import described_manifold
+from pdpatrol.missions.record.log_contents import described_manifold, known_yard
 from pdpatrol.missions.record.mission_log import MissionLog
-from pdpatrol.missions.record.yard_of_log import known_yard
 from pdpatrol.robot_models.yard.yard import Yard
 
 FloatArray = NDArray[np.float64]

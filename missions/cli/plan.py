@@ -14,9 +14,8 @@ from dirmusic import InputFileError
 from pdpatrol.envs.scenario import load_scenario
 from pdpatrol.missions.atomic_file import atomic_file, write_text
 from pdpatrol.missions.cli.terminal import err, out, output_folder, print_written, refuse
-from pdpatrol.missions.planning.figure import draw_plan
+from pdpatrol.missions.planning.output import as_json, as_toml, draw_plan, sites_table, summary
 from pdpatrol.missions.planning.plan import make_plan
-from pdpatrol.missions.planning.tables import as_json, as_toml, sites_table, summary
 from pdpatrol.missions.sweep.plan import parse_grid
 
 

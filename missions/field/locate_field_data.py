@@ -28,7 +28,7 @@ from dirmusic.locating.rules import CredibilityRules, LocatingRules
 from dirmusic.locating.yard_likelihood import Grid, YardLikelihood
 from pdpatrol.envs.scenario.array import ArrayCalibration, CalibratedArray
 from pdpatrol.missions.field.field_data import FieldData
-from pdpatrol.missions.record.array_description import describe_array, describe_grid
+from pdpatrol.missions.record.log_contents import describe_array, describe_grid
 from pdpatrol.missions.record.logbook import Logbook
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.tracking import Tracker

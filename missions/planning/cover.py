@@ -1,55 +1,127 @@
-"""Cover: few stops from which every target is heard under enough aperture, as an integer programme."""
+"""Cover: few stops from which every target is detectable over enough aperture, as an integer programme."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import Bounds, LinearConstraint, milp
+from scipy.sparse import csr_array
 
 from dirmusic.angles import aperture, difference, wrap
-from pdpatrol.missions.planning.hearing import Hearing
-from pdpatrol.missions.planning.looks import TINY_RAD
+from pdpatrol.missions.planning.detectability import Detectability
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.intp]
 
 SPACING_M = 2.0
-"""Side of the squares of the ground of which each gives one candidate for a stop (assumed): stops are moved to any cell
-afterwards, and a yard of 44 by 33 m has some four hundred."""
+"""Side of the squares of ground with one candidate stop each. Assumed; stops move to other cells afterwards, and a yard
+of 44 m by 33 m has some four hundred squares."""
 
 GAP, NODE_LIMIT = 0.25, 500
-"""A cover ends within this share of the fewest stops, or after so many nodes of its search (assumed): what the way
-makes needless is left out afterwards, so that a stop more costs little."""
+"""Relative gap to the fewest stops, or number of nodes, at which the search for a cover ends. Assumed; stops that the
+path makes unnecessary are removed afterwards, so one stop more costs little."""
+
+TINY_RAD = 1e-9
+"""Tolerance in comparisons of angles."""
+
+CROSSING_RAD = np.radians(45.0)
+"""Angle at which lines of sight should cross. Assumed; from two opposite sides they are parallel, whatever the
+aperture, and leave the position open along them."""
+
+MIN_CELLS = 12
+"""Cells of the path that should detect a target. Assumed; 3 m, and at 20 pulses a second nearly four times the pulses
+that confirm."""
 
 
-def apertures(hearing: Hearing, columns: IntArray | slice = slice(None)) -> FloatArray:
-    """Aperture under which each target is heard from some columns, shape (n_targets,)."""
-    pairs = zip(hearing.aspect_rad[:, columns], hearing.is_heard[:, columns], strict=True)
-    return np.array([aperture(aspect_rad[heard]) for aspect_rad, heard in pairs])
+class Coverage(NamedTuple):
+    """How well some cells cover targets, or how well they must; each of shape (n_targets,).
+
+    Attributes:
+        aperture_rad: Narrowest arc of aspects that holds all cells that detect a target.
+        crossing_rad: The same for lines of sight, whose two directions are equivalent: at most 90 degrees.
+        n_cells: Number of cells that detect it.
+    """
+
+    aperture_rad: FloatArray
+    crossing_rad: FloatArray
+    n_cells: IntArray
+
+    def satisfies(self, required: Coverage) -> BoolArray:
+        """Return True for targets that are covered as required, shape (n_targets,)."""
+        is_wide = self.aperture_rad >= required.aperture_rad - TINY_RAD
+        crosses = self.crossing_rad >= required.crossing_rad - TINY_RAD
+        return is_wide & crosses & (self.n_cells >= required.n_cells)
+
+    def take(self, targets: BoolArray) -> Coverage:
+        """Return the coverage of some targets, by mask (n_targets,)."""
+        return Coverage(self.aperture_rad[targets], self.crossing_rad[targets], self.n_cells[targets])
 
 
-def candidates(hearing: Hearing, clearance_m: FloatArray, needed_rad: FloatArray) -> IntArray:
-    """Columns among which stops are chosen: the clearest of each square of the ground, and what targets need besides.
+def coverage_from(detectability: Detectability, columns: IntArray, targets: BoolArray) -> Coverage:
+    """Return how well some columns cover some targets.
 
     Args:
-        hearing: Where targets are heard from.
-        clearance_m: Of the cells, shape (n_cells,).
-        needed_rad: Aperture of each target that has to be within reach, shape (n_targets,).
+        detectability: Where targets are detectable from.
+        columns: Columns of `detectability`, each once.
+        targets: Mask of the targets, shape (n_targets,).
+    """
+    rows = np.flatnonzero(targets)[:, np.newaxis]
+    is_detectable, aspect_rad = detectability.is_detectable[rows, columns], detectability.aspect_rad[rows, columns]
+    seen_rad = [aspects[mask] for aspects, mask in zip(aspect_rad, is_detectable, strict=True)]
+    return Coverage(
+        aperture_rad=np.array([aperture(each) for each in seen_rad]),
+        crossing_rad=np.array([min(0.5 * aperture(2.0 * each), 0.5 * np.pi) for each in seen_rad]),
+        n_cells=is_detectable.sum(axis=1),
+    )
+
+
+def required_coverage(detectability: Detectability, columns: IntArray, aperture_rad: FloatArray) -> Coverage:
+    """Return what a tour must offer: crossing and cells as wanted, or as a longer tour offers if that is less.
+
+    Args:
+        detectability: Where targets are detectable from.
+        columns: Columns on the path of the longer tour, each once.
+        aperture_rad: Required apertures, shape (n_targets,).
+    """
+    longer = coverage_from(detectability, columns, np.ones(len(detectability.names), dtype=np.bool_))
+    return Coverage(
+        aperture_rad,
+        np.minimum(longer.crossing_rad, CROSSING_RAD),
+        np.minimum(longer.n_cells, MIN_CELLS).astype(np.intp),
+    )
+
+
+def apertures(detectability: Detectability, columns: IntArray | slice = slice(None)) -> FloatArray:
+    """Return the aperture over which some columns detect each target, shape (n_targets,)."""
+    pairs = zip(detectability.aspect_rad[:, columns], detectability.is_detectable[:, columns], strict=True)
+    return np.array([aperture(aspect_rad[mask]) for aspect_rad, mask in pairs])
+
+
+def candidates(detectability: Detectability, clearance_m: FloatArray, required_rad: FloatArray) -> IntArray:
+    """Return columns to choose stops from: the clearest one of each square of ground, and more where targets need it.
+
+    Args:
+        detectability: Where targets are detectable from.
+        clearance_m: Clearance of the cells, shape (n_cells,).
+        required_rad: Aperture of each target that the candidates must offer, shape (n_targets,).
 
     Returns:
         Ascending.
     """
-    square = np.floor(hearing.places_m / SPACING_M).astype(np.intp) @ np.array([1_000_000, 1])
-    hears = np.flatnonzero(hearing.is_heard.any(axis=0))
-    hears = hears[np.lexsort((-clearance_m[hears], square[hears]))]
+    square = np.floor(detectability.places_m / SPACING_M).astype(np.intp) @ np.array([1_000_000, 1])
+    useful = np.flatnonzero(detectability.is_detectable.any(axis=0))
+    useful = useful[np.lexsort((-clearance_m[useful], square[useful]))]
     chosen = np.zeros(square.size, dtype=np.bool_)
-    chosen[hears[np.unique(square[hears], return_index=True)[1]]] = True
-    for k, needed in enumerate(needed_rad - TINY_RAD):
-        own = np.flatnonzero(hearing.is_heard[k])
-        aspect_rad = hearing.aspect_rad[k, own]
-        if own.size and aperture(aspect_rad[chosen[own]]) < needed:
+    chosen[useful[np.unique(square[useful], return_index=True)[1]]] = True
+    for k, required in enumerate(required_rad - TINY_RAD):
+        own = np.flatnonzero(detectability.is_detectable[k])
+        aspect_rad = detectability.aspect_rad[k, own]
+        if own.size and aperture(aspect_rad[chosen[own]]) < required:
             chosen[own[_ends(aspect_rad)]] = True
-        while own.size and aperture(aspect_rad[chosen[own]]) < needed:
+        while own.size and aperture(aspect_rad[chosen[own]]) < required:
             off_rad = np.abs(difference(aspect_rad[:, np.newaxis], aspect_rad[chosen[own]])).min(axis=1)
             chosen[own[off_rad.argmax()]] = True
         if own.size and not chosen[own].any():
@@ -58,7 +130,7 @@ def candidates(hearing: Hearing, clearance_m: FloatArray, needed_rad: FloatArray
 
 
 def _ends(aspect_rad: FloatArray) -> IntArray:
-    """The two angles, by number, between which the narrowest arc lies that holds all of them (n,)."""
+    """Return the indices of the two angles that bound the narrowest arc with all angles (n,)."""
     angle = wrap(aspect_rad)
     order = np.argsort(angle, kind="stable")
     gaps = np.diff(angle[order], append=angle[order[0]] + 2 * np.pi)
@@ -66,51 +138,48 @@ def _ends(aspect_rad: FloatArray) -> IntArray:
     return order[[widest, (widest + 1) % order.size]]
 
 
-def cover(hearing: Hearing, columns: IntArray, needed_rad: FloatArray) -> IntArray:
-    r"""Few columns over which each target that is heard at all has the aperture that it needs.
+def cover(detectability: Detectability, columns: IntArray, required_rad: FloatArray) -> IntArray:
+    r"""Choose few columns that offer each detectable target the aperture that it requires.
 
-    The aspects of the chosen columns have an aperture of at least :math:`w` if and only if no arc narrower than that
-    holds them all; it is enough to ask this of arcs that start at the aspect :math:`\theta_j` of a column that hears:
+    The aspects of the chosen columns have an aperture of at least :math:`w` if and only if no narrower arc holds them
+    all; it is enough to require this of arcs that start at the aspect :math:`\theta_j` of a column that detects:
 
     .. math:: \min \sum_k x_k, \quad \sum_{k: \, (\theta_k - \theta_j) \bmod 2 \pi \, \geq w} x_k \geq 1
 
     for all targets and all their columns j.
 
     Args:
-        hearing: Where targets are heard from.
-        columns: Among which to choose.
-        needed_rad: Aperture that each target needs, no more than that of all these columns, shape (n_targets,).
+        detectability: Where targets are detectable from.
+        columns: Columns to choose from.
+        required_rad: Aperture that each target requires, at most that of all these columns, shape (n_targets,).
 
     Returns:
         Some of the columns, ascending.
     """
-    from scipy.optimize import Bounds, LinearConstraint, milp  # here, so that a command line help need not wait for it
-    from scipy.sparse import csr_array
-
     conditions: list[BoolArray] = []
-    for k in np.flatnonzero(~hearing.is_blind):
-        heard = hearing.is_heard[k, columns]
-        aspect_rad = hearing.aspect_rad[k, columns]
-        along = np.mod(aspect_rad - aspect_rad[heard][:, np.newaxis] + 0.5 * TINY_RAD, 2 * np.pi)
-        outside = heard & (along >= needed_rad[k] - 0.5 * TINY_RAD)
-        conditions.append(_strictest(outside) if needed_rad[k] > 0.0 else heard[np.newaxis])
+    for k in np.flatnonzero(~detectability.is_blind):
+        detects = detectability.is_detectable[k, columns]
+        aspect_rad = detectability.aspect_rad[k, columns]
+        along = np.mod(aspect_rad - aspect_rad[detects][:, np.newaxis] + 0.5 * TINY_RAD, 2 * np.pi)
+        outside = detects & (along >= required_rad[k] - 0.5 * TINY_RAD)
+        conditions.append(_strictest(outside) if required_rad[k] > 0.0 else detects[np.newaxis])
     if not conditions:
         return np.empty(0, dtype=np.intp)
     rows = csr_array(np.concatenate(conditions).astype(np.float64))
-    found = milp(
+    solution = milp(
         np.ones(columns.size),
         integrality=np.ones(columns.size, dtype=np.intp),
         bounds=Bounds(0.0, 1.0),
         constraints=LinearConstraint(rows, 1.0, np.inf),
         options={"mip_rel_gap": GAP, "node_limit": NODE_LIMIT},
     )
-    if found.x is None:
-        raise RuntimeError(f"no cover of the yard was found: {found.message}")
-    return columns[np.asarray(found.x) > 0.5]
+    if solution.x is None:
+        raise RuntimeError(f"no cover of the yard was found: {solution.message}")
+    return columns[np.asarray(solution.x) > 0.5]
 
 
 def _strictest(conditions: BoolArray) -> BoolArray:
-    """Those of the conditions (n, n_columns), one column at least of each, that no other one implies."""
+    """Return the conditions (n, n_columns), each met by at least one of its columns, that no other one implies."""
     conditions = np.unique(conditions, axis=0)
     columns = conditions.astype(np.float64)
     implies = columns @ (1.0 - columns).T == 0.0  # all columns of one are columns of the other

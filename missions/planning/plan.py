@@ -1,55 +1,59 @@
-"""The plan of a yard: what can be heard, the tour that hears it, and how well."""
+"""The plan of a yard: what can be detected, the tour that detects it, and how accurately it is located."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dirmusic.locating.finding import ellipse95
 from pdpatrol.envs import Scenario
+from pdpatrol.envs.scenario import ScenarioError, restore_scenario
+from pdpatrol.envs.scenario.scenario import PLANNED
 from pdpatrol.missions.driving.site_map import CELL_M, COMFORT_M, SiteMap
-from pdpatrol.missions.planning.cover import apertures, candidates, cover
-from pdpatrol.missions.planning.expected import Deviation, Forecast, driving_time, views_along
-from pdpatrol.missions.planning.hearing import AMPLITUDE_V, Hearing, hear
-from pdpatrol.missions.planning.looks import Looks, needed_of
-from pdpatrol.missions.planning.tighten import Tightening
-from pdpatrol.missions.planning.tour import Tour, shortest_tour_of
-from pdpatrol.missions.planning.ways import Ways
+from pdpatrol.missions.planning.cover import Coverage, apertures, candidates, cover, required_coverage
+from pdpatrol.missions.planning.detectability import AMPLITUDE_V, Detectability, compute_detectability
+from pdpatrol.missions.planning.forecast import Forecast, driving_time, views_along
+from pdpatrol.missions.planning.tour import CellPaths, Tour, TourShortener, shortest_tour_of
 
 FloatArray = NDArray[np.float64]
 
-EVERY = 4
-"""Stops are moved to every fourth cell along x and y (assumed): 1 m."""
+LATTICE_CELLS = 4
+"""Stops are moved to every fourth cell along x and y. Assumed; 1 m."""
 
 
-class HeardSite(NamedTuple):
-    """What the tour hears of one site.
+class SiteDetection(NamedTuple):
+    """How a tour detects one site.
 
     Attributes:
-        level_db: Of the straight path over the trigger, the highest along the tour.
-        aperture_rad: Over which the places along the tour spread that hear it, seen from the site.
-        nearest_m: The nearest of them, on plan.
-        expected: What a discharge there would be known to.
+        level_db: Highest level of the direct path over the trigger along the tour.
+        aperture_rad: Angle over which the places that detect it spread, seen from the site.
+        nearest_m: Smallest horizontal distance of these places.
+        ellipse95_semi_major_m: Expected semi-major axis of the 95 % ellipse of a discharge there.
+        height_std_m: Expected standard deviation of its height.
     """
 
     level_db: float
     aperture_rad: float
     nearest_m: float
-    expected: Deviation
+    ellipse95_semi_major_m: float
+    height_std_m: float
 
 
 class PlannedSite(NamedTuple):
     """A site of the map.
 
     Attributes:
-        name: As `equipment/site`; `air/NUMBER` on a map without any.
-        position_m: Shape (3,), world frame.
-        needed_rad: The aperture that it is to be heard under: that of confirmation, or the widest there is if less.
-        crossing_rad: The angle under which lines of sight are to cross, as of `Looks`.
-        n_cells: Cells of the way that are to hear it.
-        heard: What the tour hears of it; None if no place that the robot can reach hears it.
+        name: As in `Detectability`.
+        position_m: Position, shape (3,), world frame.
+        needed_rad: Required aperture: that of confirmation, or the widest possible if less.
+        crossing_rad: Required crossing angle of the lines of sight, see `Coverage`.
+        n_cells: Required number of cells of the path that detect it.
+        detection: How the tour detects it; None if no reachable place does.
     """
 
     name: str
@@ -57,102 +61,132 @@ class PlannedSite(NamedTuple):
     needed_rad: float
     crossing_rad: float
     n_cells: int
-    heard: HeardSite | None
+    detection: SiteDetection | None
 
 
 class Plan(NamedTuple):
     """The plan of a yard.
 
     Attributes:
-        scenario: What was planned for.
-        site_map: Of it.
-        amplitude_v: Peak 1 m away of the discharge that is to be heard.
-        stops_m: Of the tour, in order, shape (n_stops, 2), world frame.
-        way_m: All of the tour, from the dock and back, shape (n, 2); the dock's cell alone where nothing is heard.
-        length_m: Of the tour.
-        driving_s: What the tour takes, about.
-        sites: In the order of the map.
-        hearing: Where each is heard from, rows as of `sites`.
+        scenario: Scenario for which the plan was made.
+        site_map: Its map.
+        amplitude_v: Peak, 1 m away, of the weakest discharge to detect.
+        stops_m: Stops of the tour in order, shape (n_stops, 2), world frame.
+        path_m: Path of the tour from the dock and back, shape (n, 2); only the dock's cell if nothing is detectable.
+        length_m: Length of the tour.
+        driving_s: Approximate duration of the tour.
+        sites: Sites in the order of the map.
+        detectability: Where each site is detectable from, rows as in `sites`.
     """
 
     scenario: Scenario
     site_map: SiteMap
     amplitude_v: float
     stops_m: FloatArray
-    way_m: FloatArray
+    path_m: FloatArray
     length_m: float
     driving_s: float
     sites: tuple[PlannedSite, ...]
-    hearing: Hearing
+    detectability: Detectability
 
     @property
     def blind(self) -> tuple[str, ...]:
-        """Names of the sites that no reachable place hears."""
-        return tuple(site.name for site in self.sites if site.heard is None)
+        """Names of the sites that no reachable place detects."""
+        return tuple(site.name for site in self.sites if site.detection is None)
 
 
 def make_plan(
-    scenario: Scenario, amplitude_v: float = AMPLITUDE_V, follow: Callable[[str, float], None] = lambda *_: None
+    scenario: Scenario, amplitude_v: float = AMPLITUDE_V, progress: Callable[[str, float], None] = lambda *_: None
 ) -> Plan:
-    """Plan the patrol of a yard, on the map that the robot has: neither sources nor the true yard count.
+    """Plan the patrol of a yard on the robot's map; sources, true yard and present route are ignored.
 
     Args:
-        scenario: Map, dock, robot, array, receiver, pose sensor and rules of locating. What route it has does not
-            matter.
-        amplitude_v: Peak of the quietest discharge that is to be heard, in a unit-gain channel 1 m away, > 0.
-        follow: Is told what is done next, and what share of all is done.
+        scenario: Map, dock, robot, array, receiver, pose sensor and rules of locating.
+        amplitude_v: Peak of the weakest discharge to detect, in a unit-gain channel 1 m away, > 0.
+        progress: Called with the next step and the fraction that is done.
     """
-    follow("audibility", 0.0)
+    progress("detectability", 0.0)
     site_map = SiteMap(scenario)
-    hearing = hear(scenario, site_map, amplitude_v)
-    follow("cover", 0.1)
-    tour, needed = _find_tour(scenario, site_map, hearing, follow)
-    follow("expected deviations", 0.9)
+    detectability = compute_detectability(scenario, site_map, amplitude_v)
+    progress("cover", 0.1)
+    tour, required = _find_tour(scenario, site_map, detectability, progress)
+    progress("expected accuracy", 0.9)
     forecast = Forecast(scenario, site_map, amplitude_v)
     top_speed_mps = scenario.robot.description.max_speed_mps
-    views = views_along(tour, hearing, top_speed_mps)
-    way = hearing.columns(tour.cells)
-    wide_rad = apertures(hearing, way)
+    views = views_along(tour, detectability, top_speed_mps)
+    path = detectability.columns(tour.cells)
+    aperture_rad = apertures(detectability, path)
     sites: list[PlannedSite] = []
-    for k, target in enumerate(hearing.targets):
-        heard, by_view = way[hearing.is_heard[k, way]], forecast.hears(target.position_m, views)
-        if heard.size and not by_view.any():  # between two views
-            by_view[np.abs(views.column - heard[0]).argmin()] = True
-        of_tour = HeardSite(
-            float(hearing.level_db[k, heard].max()),
-            float(wide_rad[k]),
-            float(hearing.range_m[k, heard].min()),
-            forecast.deviation(target.position_m, views, by_view),
-        ) if heard.size else None  # fmt: skip
-        of_need = float(needed.aperture_rad[k]), float(needed.crossing_rad[k]), int(needed.n_cells[k])
-        sites.append(PlannedSite(target.name, target.position_m, *of_need, of_tour))
+    for k, (name, position_m) in enumerate(zip(detectability.names, detectability.positions_m, strict=True)):
+        columns, detection = path[detectability.is_detectable[k, path]], None
+        if columns.size:
+            is_used = forecast.detects(position_m, views)
+            if not is_used.any():  # detected between two views
+                is_used[np.abs(views.column - columns[0]).argmin()] = True
+            covariance_m2 = forecast.covariance(position_m, views, is_used)
+            detection = SiteDetection(
+                level_db=float(detectability.level_db[k, columns].max()),
+                aperture_rad=float(aperture_rad[k]),
+                nearest_m=float(detectability.range_m[k, columns].min()),
+                ellipse95_semi_major_m=ellipse95(covariance_m2[:2, :2]).semi_major_m,
+                height_std_m=float(np.sqrt(covariance_m2[2, 2])),
+            )
+        needs = float(required.aperture_rad[k]), float(required.crossing_rad[k]), int(required.n_cells[k])
+        sites.append(PlannedSite(name, position_m, *needs, detection))
     return Plan(
         scenario=scenario,
         site_map=site_map,
         amplitude_v=amplitude_v,
         stops_m=site_map.centres_m[tour.stops],
-        way_m=site_map.centres_m[tour.cells],
+        path_m=site_map.centres_m[tour.cells],
         length_m=tour.length_m,
         driving_s=driving_time(tour.length_m, tour.stops.size, top_speed_mps),
         sites=tuple(sites),
-        hearing=hearing,
+        detectability=detectability,
     )
 
 
 def _find_tour(
-    scenario: Scenario, site_map: SiteMap, hearing: Hearing, follow: Callable[[str, float], None]
-) -> tuple[Tour, Looks]:
-    """The tour, and what it has to show of each site."""
-    clearance_m = site_map.clearance_m[hearing.cells]
-    needed_rad = np.minimum(apertures(hearing), scenario.locating.rules().planned_aperture_rad)
-    chosen = hearing.cells[cover(hearing, candidates(hearing, clearance_m, needed_rad), needed_rad)].tolist()
-    ways, dock = Ways(site_map), site_map.cell(scenario.route.dock_m)
-    longer = shortest_tour_of(ways, dock, chosen)
-    needed = needed_of(hearing, hearing.columns(np.unique(longer.cells)), needed_rad)
-    on_lattice = (np.floor(hearing.places_m / CELL_M).astype(np.intp) % EVERY == EVERY // 2).all(axis=1)
-    is_stop = on_lattice & (clearance_m >= COMFORT_M)
+    scenario: Scenario, site_map: SiteMap, detectability: Detectability, progress: Callable[[str, float], None]
+) -> tuple[Tour, Coverage]:
+    """Return the tour, and the coverage that it must offer."""
+    clearance_m = site_map.clearance_m[detectability.cells]
+    required_rad = np.minimum(apertures(detectability), scenario.locating.rules().planned_aperture_rad)
+    columns = cover(detectability, candidates(detectability, clearance_m, required_rad), required_rad)
+    chosen = detectability.cells[columns].tolist()
+    paths, dock = CellPaths(site_map), site_map.cell(scenario.route.dock_m)
+    longer = shortest_tour_of(paths, dock, chosen)
+    required = required_coverage(detectability, detectability.columns(np.unique(longer.cells)), required_rad)
+    lattice = np.floor(detectability.places_m / CELL_M).astype(np.intp) % LATTICE_CELLS
+    is_stop = (lattice == LATTICE_CELLS // 2).all(axis=1) & (clearance_m >= COMFORT_M)
 
-    def tell(n_left: int) -> None:
-        follow(f"tour of {n_left} stops", 0.9 - 0.6 * n_left / max(len(chosen), 1))
+    def report(n_left: int) -> None:
+        progress(f"tour of {n_left} stops", 0.9 - 0.6 * n_left / max(len(chosen), 1))
 
-    return Tightening(hearing, ways, dock, needed, is_stop, tell).tighten(longer), needed
+    return TourShortener(detectability, paths, dock, required, is_stop, report).shorten(longer), required
+
+
+def with_planned_route(scenario: Scenario) -> Scenario:
+    """Return the scenario with a planned route if it has `waypoints_m = "planned"`, else unchanged.
+
+    The environment cannot plan, because the map belongs to missions: whoever starts a mission calls this.
+
+    Raises:
+        ScenarioError: If no site is detectable from any reachable place.
+    """
+    if scenario.route.waypoints_m != PLANNED:
+        return scenario
+    waypoints_m = _planned_waypoints(scenario.model_dump_json())
+    if not waypoints_m:
+        raise ScenarioError(
+            [f'{scenario.name}: route.waypoints_m: no site is detectable from reachable ground, got "{PLANNED}"; give '
+             "points instead"]
+        )  # fmt: skip
+    return scenario.model_copy(update={"route": scenario.route.model_copy(update={"waypoints_m": waypoints_m})})
+
+
+@lru_cache(maxsize=16)
+def _planned_waypoints(scenario: str) -> tuple[tuple[float, float], ...]:
+    """Return the waypoints for a scenario given as JSON: missions with different seeds share a plan."""
+    plan = make_plan(restore_scenario(json.loads(scenario)))
+    return tuple((float(x), float(y)) for x, y in plan.stops_m)

@@ -1,1 +1,1 @@
-"""What is left of a mission: log, tracking, pulses of findings, phase-resolved patterns, sites."""
+"""The record of a mission: log, tracking, pulses of findings, and places where findings may be."""

@@ -1,4 +1,4 @@
-"""Logbook: pulses, bearings, findings and events, as rows of a MissionLog."""
+"""Logbook: writes pulses, bearings, findings and events as rows of a MissionLog."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ FloatArray = NDArray[np.float64]
 
 
 class Logbook:
-    """Writes what happened in the last step of a log; the step itself is there already.
+    """Writes what happened in the last step of a log, which contains the step itself already.
 
     Args:
-        log: Where to write.
+        log: Log to write to.
     """
 
     def __init__(self, log: MissionLog) -> None:
@@ -35,16 +35,16 @@ class Logbook:
         self.log.append("event", step=max(self.log.n_rows("step") - 1, 0), **event._asdict())
 
     def log_tracked(self, pose: FloatArray, tracked: Tracked) -> None:
-        """Log pulses with the bearings of the credible ones, and findings where they changed.
+        """Log pulses, the bearings of the credible ones, and findings if they have changed.
 
         Args:
-            pose: Believed x m, y m, yaw rad, world frame, shape (3,).
+            pose: Estimated x m, y m, yaw rad, world frame, shape (3,).
             tracked: Pulses and findings of the last step.
         """
         pulses, is_overdriven = tracked.pulses, tracked.pulses.is_overdriven
         if is_overdriven.any() and not self._has_clipped:
             self._has_clipped = True
-            self.event("clipped", "a pulse beyond full scale: such pulses are left out of locating")
+            self.event("clipped", "a pulse exceeded full scale: clipped pulses are not used for locating")
         step, bearing_rad = self.log.n_rows("step") - 1, wrap(pulses.azimuth_rad + pose[2])
         for i in range(pulses.n_pulses):
             pulse = self.log.append(
@@ -68,12 +68,12 @@ class Logbook:
             self.log_likelihood(tracked.log_likelihood)
 
     def log_likelihood(self, log_likelihood: FloatArray) -> None:
-        """Log the likelihood over the yard (n_cells,) as of the last step, if there is any."""
+        """Log the likelihood over the yard (n_cells,) at the last step, if there is a step."""
         if self.log.n_rows("step"):
             self.log.append("likelihood", step=self.log.n_rows("step") - 1, log_likelihood=log_likelihood)
 
     def log_findings(self, findings: Sequence[Finding]) -> None:
-        """Log all findings if they changed, and what became of each as an event."""
+        """Log all findings if they have changed, and each new state as an event."""
         if tuple(findings) == self._logged:
             return
         before: dict[int, State] = {finding.id: finding.state for finding in self._logged}
@@ -81,21 +81,21 @@ class Logbook:
             self._log_finding(finding, finding.state)
             was = before.pop(finding.id, None)
             if was != finding.state:
-                self.event(finding.state, _news(finding, was), finding.id)
+                self.event(finding.state, _state_text(finding, was), finding.id)
         for gone in (finding for finding in self._logged if finding.id in before):
             self._log_finding(gone, "dropped")
-            self.event("dropped", f"{_called(gone.state)} {gone.id} was not a separate source", gone.id)
+            self.event("dropped", f"{_noun(gone.state)} {gone.id} was not a separate source", gone.id)
         self._logged = tuple(findings)
 
     def log_contradiction(self, contradicts_calibration: bool) -> None:
-        """Log, once, that the pulses contradict the calibration that was taken up."""
+        """Log once that the pulses contradict the calibration in use."""
         if contradicts_calibration and not self._has_contradicted:
             text = "the pulses contradict the calibration: it is not used, for the array has changed or is another one"
             self.event("calibration", text)
         self._has_contradicted = contradicts_calibration
 
     def log_association(self, finding: NDArray[np.intp]) -> None:
-        """Log, once, at the end, which finding each credible pulse belongs to.
+        """Log, at the end, which finding each credible pulse belongs to.
 
         Args:
             finding: Id or code of `Unassociated` for each row of the table `bearing`, shape (n_bearings,).
@@ -118,23 +118,23 @@ class Logbook:
         )
 
 
-def _called(state: State | None) -> str:
-    """What something in a state is called, with its number after it."""
+def _noun(state: State | None) -> str:
+    """Return the noun for a finding in a state."""
     return "finding" if state == "confirmed" else "candidate"
 
 
-def _news(finding: Finding, was: State | None) -> str:
-    """What the new state of a finding means, which was in another one or none."""
+def _state_text(finding: Finding, was: State | None) -> str:
+    """Describe the new state of a finding; `was` is its state before, None if it is new."""
     x, y, z = finding.position_m
-    again = {
+    prefix = {
         None: "towards",
         "confirmed": "is in doubt: a candidate again, near",
         "outside": "may lie inside the fence after all, near",
-        "ghost": "is no ghost after all, near",
+        "ghost": "is not a ghost after all, near",
     }
     return {
-        "candidate": f"{_called(was)} {finding.id} {again.get(was)} ({x:.1f}, {y:.1f}) m",
+        "candidate": f"{_noun(was)} {finding.id} {prefix.get(was)} ({x:.1f}, {y:.1f}) m",
         "confirmed": f"finding {finding.id} at ({x:.2f}, {y:.2f}, {z:.2f}) m, 95 % in {finding.semi_major_m:.2f} m",
-        "ghost": f"candidate {finding.id} is a ghost: nothing comes from near ({x:.1f}, {y:.1f}) m",
+        "ghost": f"candidate {finding.id} is a multipath ghost near ({x:.1f}, {y:.1f}) m",
         "outside": f"candidate {finding.id} seems to lie beyond the fence, near ({x:.0f}, {y:.0f}) m",
     }[finding.state]

@@ -1,8 +1,7 @@
-"""MissionLog: the neutral record of a mission, from which report, recording and plots are made.
+"""MissionLog: the record of a mission from which report, recording and plots are made.
 
-Flat tables of equal-length columns, and `meta`, one JSON text. A log can be rendered again years later; a
-recording cannot. Nothing in it needs the simulator: data from the field fits as well, without the columns that
-only a simulator knows.
+It consists of flat tables with columns of equal length and `meta`, a JSON text. It does not need the simulator: field
+data have the same tables, with NaN in the columns that only a simulator knows.
 """
 
 from __future__ import annotations
@@ -24,47 +23,47 @@ SCHEMA = 5
 TABLES: dict[str, dict[str, np.dtype[Any]]] = {
     "step": {
         "time_s": np.dtype("f8"),
-        "pose": np.dtype(("f8", 3)),  # believed x m, y m, yaw rad, world frame, at the end of the step
+        "pose": np.dtype(("f8", 3)),  # estimated x m, y m, yaw rad, world frame, at the end of the step
         "true_pose": np.dtype(("f8", 3)),  # NaN in field data
-        "odometry": np.dtype(("f8", 3)),  # by wheels and gyro alone, from the first believed pose on; NaN in field data
-        "battery": np.dtype("f8"),  # share that is left; NaN in field data
-        "command": np.dtype(("f8", 2)),  # speed m/s and yaw rate rad/s asked for during the step
+        "odometry": np.dtype(("f8", 3)),  # wheels and gyro, from the first estimated pose on; NaN in field data
+        "battery": np.dtype("f8"),  # remaining fraction; NaN in field data
+        "command": np.dtype(("f8", 2)),  # commanded speed m/s and yaw rate rad/s
         "phase": np.dtype("U"),  # `record.events.Phase`: what the policy was doing
-        "phase_target": np.dtype("i8"),  # waypoint that it drove to, or finding that it viewed; 0 for neither
+        "phase_target": np.dtype("i8"),  # waypoint that it drove to, or finding that it viewed; 0 if neither
     },
     "pulse": {
         "step": np.dtype("i8"),
         "strengths_v": np.dtype("f8"),  # one value per element: (n, n_elements)
         "mains_phase_rad": np.dtype("f8"),
-        "is_clipped": np.dtype("?"),  # met the end of the converter's scale; not used for locating
-        "is_credible": np.dtype("?"),  # looks like one plane wave from one direction
+        "is_clipped": np.dtype("?"),  # exceeded the ADC's full scale; not used for locating
+        "is_credible": np.dtype("?"),  # consistent with a single plane wave
     },
     "bearing": {
         "pulse": np.dtype("i8"),  # row in the pulse table
         "azimuth_rad": np.dtype("f8"),  # array frame
-        "bearing_rad": np.dtype("f8"),  # world frame, with the believed heading
-        "std_rad": np.dtype("f8"),  # from noise alone; the manifold's common error comes on top
+        "bearing_rad": np.dtype("f8"),  # world frame, with the estimated heading
+        "std_rad": np.dtype("f8"),  # from noise only, without the error of the manifold
     },
-    "scan": {  # of the lidar; none in field data
+    "scan": {  # lidar; empty for field data
         "step": np.dtype("i8"),
-        "range_m": np.dtype("f4"),  # one value per beam: (n, n_beams), the first ahead, counter-clockwise; see `meta`
+        "range_m": np.dtype("f4"),  # one value per beam: (n, n_beams), first ahead, then counter-clockwise; see `meta`
     },
     "finding": {
         "step": np.dtype("i8"),
         "id": np.dtype("i8"),
         "position_m": np.dtype(("f8", 3)),
         "covariance_m2": np.dtype(("f8", (3, 3))),
-        "state": np.dtype("U"),  # candidate, confirmed, outside, ghost; dropped, once, when it is no more
+        "state": np.dtype("U"),  # candidate, confirmed, outside, ghost; dropped once when it is removed
         "n_bearings": np.dtype("i8"),
         "first_detected_s": np.dtype("f8"),
-        "confirmed_s": np.dtype("f8"),  # when it was first confirmed; NaN until then
-        "aperture_rad": np.dtype("f8"),  # angle over which the lines of sight spread, seen from the finding
+        "confirmed_s": np.dtype("f8"),  # time of the first confirmation; NaN before
+        "aperture_rad": np.dtype("f8"),  # angle between the outermost lines of sight, seen from the finding
     },
-    "likelihood": {  # over the yard, by all credible pulses so far
+    "likelihood": {  # likelihood over the yard by all credible pulses so far
         "step": np.dtype("i8"),
         "log_likelihood": np.dtype("f4"),  # one value per cell of the grid in `meta`: (n, n_cells)
     },
-    "association": {  # written at the end; empty where a mission was killed
+    "association": {  # written at the end; empty for a killed mission
         "pulse": np.dtype("i8"),  # row in the pulse table
         "finding": np.dtype("i8"),  # id, or a code of `dirmusic.locating.association.Unassociated`
     },
@@ -83,11 +82,11 @@ Text columns have no width: NumPy chooses the width of the longest text, so noth
 
 
 class MissionLog:
-    """Tables that grow row by row, and the facts about the mission that do not change.
+    """Tables that grow row by row, and metadata.
 
     Args:
-        meta: JSON-serialisable facts: seed, policy, scenario as read, solids, nominal array, and `truth` where the
-            data come from a simulator; at the end `calibration`, what was learned of the array, if anything was.
+        meta: JSON-serialisable metadata: seed, policy, scenario as read, solids, nominal array, and `truth` for
+            simulated data; at the end `calibration` if the array's errors were estimated.
     """
 
     def __init__(self, meta: Mapping[str, Any]) -> None:
@@ -98,7 +97,7 @@ class MissionLog:
         self._written: dict[str, int] = dict.fromkeys(TABLES, 0)
 
     def append(self, table: str, **row: Any) -> int:  # noqa: ANN401 - a row's values are of many types
-        """Add one row to a table and return its number. Every column of the table must be given."""
+        """Add one row, with all columns of the table, and return its number."""
         columns = self._rows[table]
         if row.keys() != columns.keys():
             raise ValueError(f"a row of `{table}` has the columns {', '.join(columns)}; got {', '.join(row)}")
@@ -107,11 +106,11 @@ class MissionLog:
         return self.n_rows(table) - 1
 
     def n_rows(self, table: str) -> int:
-        """Rows in a table so far."""
+        """Return the number of rows in a table."""
         return len(next(iter(self._rows[table].values())))
 
     def rows_before(self, table: str, step: int) -> int:
-        """How many rows of a table belong to steps before one; rows are in order of time."""
+        """Return the number of rows of a table that belong to steps before `step`."""
         if table == "step":
             return min(step, self.n_rows("step"))
         if table == "bearing":
@@ -119,7 +118,7 @@ class MissionLog:
         return bisect_left(self._rows[table]["step"], step)
 
     def column(self, table: str, column: str, start: int = 0, stop: int | None = None) -> NDArray[Any]:
-        """One column from row `start` up to `stop`, as an array of its declared type; row number first."""
+        """Return the rows from `start` up to `stop` of one column as an array, rows on the first axis."""
         dtype = TABLES[table][column]
         values = self._rows[table][column][start:stop]
         if not values:
@@ -134,11 +133,11 @@ class MissionLog:
 
     @property
     def n_cells(self) -> int:
-        """Of the grid of the likelihood over the yard; none where the log has no grid."""
+        """Number of cells of the likelihood over the yard; 0 if the log has no grid."""
         return math.prod(self.meta["grid"]["shape"]) if "grid" in self.meta else 0
 
     def table(self, table: str, start: int = 0, stop: int | None = None) -> dict[str, NDArray[Any]]:
-        """All columns of a table from row `start` up to `stop`."""
+        """Return the rows from `start` up to `stop` of all columns of a table."""
         return {column: self.column(table, column, start, stop) for column in TABLES[table]}
 
     def _arrays(self, start: Mapping[str, int]) -> dict[str, NDArray[Any]]:
@@ -149,14 +148,14 @@ class MissionLog:
         }
 
     def write_part(self, folder: Path) -> None:
-        """Write the rows since the last part, so that a killed mission keeps what it had."""
+        """Write the rows since the last part, so that a killed mission keeps them."""
         parts = folder / "log.parts"
         parts.mkdir(exist_ok=True)
         _save(parts / f"part-{len(list(parts.glob('part-*.npz'))):05d}.npz", self.meta, self._arrays(self._written))
         self._written = {table: self.n_rows(table) for table in TABLES}
 
     def save(self, folder: Path) -> Path:
-        """Write `log.npz` whole (under a temporary name, then renamed) and remove the parts."""
+        """Write `log.npz` and remove the parts."""
         path = folder / "log.npz"
         _save(path, self.meta, self._arrays(dict.fromkeys(TABLES, 0)))
         for part in (folder / "log.parts").glob("part-*.npz"):
@@ -167,11 +166,11 @@ class MissionLog:
 
     @classmethod
     def load(cls, folder: Path) -> MissionLog:
-        """Read `log.npz` of a mission's folder, or the parts that a killed mission left.
+        """Read `log.npz` in a mission's folder, or the parts of a killed mission.
 
         Raises:
             FileNotFoundError: If the folder holds neither.
-            ValueError: If a file is damaged or no log, or was written under another schema.
+            ValueError: If a file is damaged, is not a log, or has another schema.
         """
         files = [folder / "log.npz"]
         if not files[0].exists():
@@ -183,24 +182,28 @@ class MissionLog:
             try:
                 meta, tables = _read(file)
                 log = log or cls(meta)
-                log._take_up(tables)
+                log._extend(tables)
             except ValueError as error:
                 fault = str(error).removeprefix(f"{file}: ")
                 raise ValueError(
-                    f"{file}: is not the log of a mission ({fault}); give the folder that `pdpatrol run` wrote"
+                    f"{file}: is not the log of a mission ({fault}); give a folder that `pdpatrol run` wrote"
                 ) from None
         assert log is not None
         return log
 
-    def _take_up(self, tables: Mapping[str, Mapping[str, NDArray[Any]]]) -> None:
-        """Add the rows of a file; raises ValueError where a table points beyond another."""
+    def _extend(self, tables: Mapping[str, Mapping[str, NDArray[Any]]]) -> None:
+        """Add the rows of a file.
+
+        Raises:
+            ValueError: If a row refers to a missing row of another table.
+        """
         for table, columns in tables.items():
             for column, values in columns.items():
                 self._rows[table][column].extend(values)
         for table, column, other in POINTERS:
             numbers = self.column(table, column)
             if numbers.size and not (numbers.min() >= 0 and numbers.max() < self.n_rows(other)):
-                raise ValueError(f"{table}.{column}: damaged, for it points beyond the table {other}")
+                raise ValueError(f"{table}.{column}: refers to missing rows of table {other}")
 
 
 POINTERS = (
@@ -211,7 +214,7 @@ POINTERS = (
     ("likelihood", "step", "step"),
     ("association", "pulse", "pulse"),
 )
-"""Columns that hold numbers of rows, and the tables that these are of."""
+"""Columns that hold row numbers, and the tables that they refer to."""
 
 MAX_BYTES = 4 * 10**9
 """Size limit of a log after decompression. Assumed; ten million pulses fit."""
@@ -257,7 +260,7 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, dict[str, NDArray[Any]]
 
 
 WIDE = ("strengths_v", "log_likelihood", "range_m")
-"""Columns with a row for each element, cell or beam."""
+"""Columns with one value per element, cell or beam in each row."""
 
 
 def _save(path: Path, meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:

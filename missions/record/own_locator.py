@@ -1,4 +1,4 @@
-"""OwnLocator: a Locator from foreign code, each call and each result of which is checked."""
+"""A Locator from user code, whose calls and results are checked."""
 
 from __future__ import annotations
 
@@ -13,25 +13,23 @@ from dirmusic.locating.protocol import LineOfSight
 from dirmusic.locating.rules import LocatingRules
 from pdpatrol.envs.user_code import UserCodeError, calling, load_object, place_of
 
-FloatArray = NDArray[np.float64]
-
 LOCATOR = "a Locator: MyLocator(array, pose_error, fence_m=, rules=, sight=) with update, refit and association"
 FINDINGS = "a tuple of dirmusic.Finding, with ids from 1 on that differ"
 
 
 class OwnLocator:
-    """A Locator by `my_file.py:MyLocator` or `package.module:MyLocator`; see `LocatorProtocol`.
+    """A user's Locator, `my_file.py:MyLocator` or `package.module:MyLocator`; see `LocatorProtocol`.
 
     Args:
-        name: Of the class, or of a function that returns a Locator.
-        array: The array's data sheet and spread.
-        pose_error: How wrong the poses given to `update` may be.
-        fence_m: Length of the yard along x and y, origin at the corner; None where there is no fence.
-        rules: What the scenario sets, and defaults for the rest.
-        sight: What the map of the yard obstructs; None where there is no map.
+        name: Name of the class, or of a function that returns a Locator.
+        array: Data sheet and spread of the array.
+        pose_error: Error of the poses given to `update`.
+        fence_m: Length of the yard along x and y, origin at the corner; None without a fence.
+        rules: Rules of locating.
+        sight: Line of sight according to the map; None without a map.
 
     Raises:
-        UserCodeError: If it cannot be loaded or made; by any call, if it raises or breaks the contract.
+        UserCodeError: If it cannot be loaded or made; by any call, if it raises an exception or breaks the contract.
     """
 
     def __init__(
@@ -50,44 +48,40 @@ class OwnLocator:
         missing = [method for method in ("update", "refit", "association") if not hasattr(self._locator, method)]
         if missing:
             raise UserCodeError(f"{place_of(definition)}: has no {', '.join(missing)}; expected {LOCATOR}")
-        self._findings: tuple[Finding, ...] = ()
-        self._n_given = 0
+        self.findings: tuple[Finding, ...] = ()
+        self._n_pulses = 0
 
-    @property
-    def findings(self) -> tuple[Finding, ...]:
-        """What `update` or `refit` returned last."""
-        return self._findings
-
-    def update(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> tuple[Finding, ...]:
-        """As of `LocatorProtocol`."""
-        self._n_given += pulses.n_pulses
+    def update(self, time_s: float, pose: NDArray[np.float64], pulses: PulseBatch) -> tuple[Finding, ...]:
+        """Add pulses; see `LocatorProtocol.update`."""
+        self._n_pulses += pulses.n_pulses
         with calling(self._locator, FINDINGS):
-            return self._accept(self._locator.update(time_s, pose.copy(), pulses))
+            return self._checked(self._locator.update(time_s, pose.copy(), pulses))
 
     def refit(self, time_s: float) -> tuple[Finding, ...]:
-        """As of `LocatorProtocol`."""
+        """Fit all pulses again; see `LocatorProtocol.refit`."""
         with calling(self._locator, FINDINGS):
-            return self._accept(self._locator.refit(time_s))
+            return self._checked(self._locator.refit(time_s))
 
     def association(self) -> NDArray[np.intp]:
-        """As of `LocatorProtocol`."""
-        known = [*(finding.id for finding in self._findings), *Unassociated]
-        expected = f"an integer for each of {self._n_given} pulses, of {', '.join(map(str, known))}"
+        """Return the finding of each pulse; see `LocatorProtocol.association`."""
+        known = [*(finding.id for finding in self.findings), *Unassociated]
+        expected = f"an integer for each of {self._n_pulses} pulses, of {', '.join(map(str, known))}"
         with calling(self._locator, expected):
             association = np.asarray(self._locator.association())
-        if association.shape != (self._n_given,) or not np.issubdtype(association.dtype, np.integer):
-            came = f"{association.dtype} of shape {association.shape}"
-            raise UserCodeError(f"{place_of(self._locator)}: association gave {came}; expected {expected}")
-        strange = association[~np.isin(association, known)]
-        if strange.size:
-            raise UserCodeError(f"{place_of(self._locator)}: association gave {strange[0]}; expected {expected}")
+        got = None
+        if association.shape != (self._n_pulses,) or association.dtype.kind not in "iu":
+            got = f"{association.dtype} of shape {association.shape}"
+        elif (unknown := association[~np.isin(association, known)]).size:
+            got = str(unknown[0])
+        if got is not None:
+            raise UserCodeError(f"{place_of(self._locator)}: association gave {got}; expected {expected}")
         return association
 
-    def _accept(self, findings: Any) -> tuple[Finding, ...]:  # noqa: ANN401 - whatever foreign code returns
+    def _checked(self, findings: Any) -> tuple[Finding, ...]:  # noqa: ANN401 - any result of user code
         if not isinstance(findings, tuple) or not all(isinstance(finding, Finding) for finding in findings):
             raise UserCodeError(f"{place_of(self._locator)}: gave {findings!r:.80}; expected {FINDINGS}")
         ids = [finding.id for finding in findings]
         if len(set(ids)) < len(ids):
             raise UserCodeError(f"{place_of(self._locator)}: gave the ids {ids}; expected {FINDINGS}")
-        self._findings = findings
+        self.findings = findings
         return findings

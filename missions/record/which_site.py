@@ -1,4 +1,4 @@
-"""Which site a finding is on: probabilities of the known sites, of other places on each piece, and of elsewhere."""
+"""Probabilities that a finding is on each known site, elsewhere on each piece of equipment, or anywhere else."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from pdpatrol.robot_models.yard.yard import Yard
 FloatArray = NDArray[np.float64]
 
 ON_SITES, ON_EQUIPMENT = 0.8, 0.15
-"""Probability, before anything is detected, that a discharge is on one of the known sites, all alike, or elsewhere on
-the surface of equipment, all of it alike; the rest is for anywhere in the yard (assumed)."""
+"""Prior probabilities of the known sites, all equal, and of the surface of equipment, uniform; the rest is for anywhere
+in the yard. Assumed."""
 
 SITE_STD_M = 0.05
-"""How well the map knows where its sites are, standard deviation (assumed)."""
+"""Standard deviation of the mapped positions of sites. Assumed."""
 
 SURFACE_STEP_M = 0.25
-"""Between the points that stand for surfaces."""
+"""Distance between the points that represent surfaces."""
 
 HIGHEST_M = 5.0
-"""Up to where a discharge may be anywhere in the yard (assumed)."""
+"""Greatest height of a discharge anywhere in the yard. Assumed."""
 
-WORTH_TELLING = 0.1
-"""A second place that is less likely is not told beside the first."""
+MIN_SECOND = 0.1
+"""Probability above which a second place is mentioned."""
 
 ELSEWHERE = "elsewhere"
 
@@ -36,8 +36,8 @@ class SiteProbability(NamedTuple):
     """A place where a finding may be.
 
     Attributes:
-        name: `equipment/site`; `equipment` alone for another place on that piece; `ELSEWHERE`.
-        probability: That it is there.
+        name: `equipment/site`; `equipment` for another place on that piece; `ELSEWHERE`.
+        probability: Probability of the place.
     """
 
     name: str
@@ -45,12 +45,12 @@ class SiteProbability(NamedTuple):
 
 
 def site_probabilities(yard: Yard, position_m: FloatArray, covariance_m2: FloatArray) -> tuple[SiteProbability, ...]:
-    """All places that a finding may be on, the likeliest first; their probabilities add up to 1.
+    """Return the probabilities of all places, which add up to 1, the most likely first.
 
     Args:
-        yard: As the map has it.
-        position_m: Of the finding, shape (3,).
-        covariance_m2: Of that, shape (3, 3).
+        yard: Yard as the map shows it.
+        position_m: Position of the finding, shape (3,).
+        covariance_m2: Covariance of the position, shape (3, 3).
     """
     sites = yard.site_names()
     volume_m3 = yard.size_m[0] * yard.size_m[1] * HIGHEST_M
@@ -70,18 +70,18 @@ def site_probabilities(yard: Yard, position_m: FloatArray, covariance_m2: FloatA
 
 
 def percent(probability: float) -> str:
-    """A probability in per cent; what is nearly certain is not told to be certain."""
+    """Return a probability as text, such as `82 %`, at most `> 99 %`."""
     if probability > 0.99:
         return "> 99 %"
     return "< 1 %" if probability < 0.01 else f"{100 * probability:.0f} %"
 
 
 def in_words(probabilities: Sequence[SiteProbability]) -> str:
-    """The likeliest place, and another that may well be; such as `transformer_1/bushing_b 82 %, bushing_a 15 %`."""
+    """Return the most likely place, and the second if probable: `transformer_1/bushing_b 82 %, bushing_a 15 %`."""
     first = probabilities[0]
     words = [f"{first.name} {percent(first.probability)}"]
     for other in probabilities[1:2]:
-        if other.probability >= WORTH_TELLING:
+        if other.probability >= MIN_SECOND:
             piece, _, site = other.name.partition("/")
             short = site if site and piece == first.name.partition("/")[0] else other.name
             words.append(f"{short} {percent(other.probability)}")
@@ -89,7 +89,7 @@ def in_words(probabilities: Sequence[SiteProbability]) -> str:
 
 
 def _density(points_m: FloatArray, mean_m: FloatArray, covariance_m2: FloatArray) -> FloatArray:
-    """Of a normal distribution at points (n, 3), shape (n,), per cubic metre."""
+    """Return the density of a normal distribution at points (n, 3), shape (n,), per cubic metre."""
     off = points_m - mean_m
     square = np.einsum("ni,ij,nj->n", off, np.linalg.inv(covariance_m2), off)
     norm = np.sqrt(np.linalg.det(2 * np.pi * covariance_m2))
@@ -97,7 +97,7 @@ def _density(points_m: FloatArray, mean_m: FloatArray, covariance_m2: FloatArray
 
 
 def _surface(solids: Solids, owner: NDArray[np.intp]) -> tuple[FloatArray, NDArray[np.intp]]:
-    """Points spread evenly over the sides and tops of solids (n, 3), and the piece that each is of (n,)."""
+    """Return points spread evenly over the sides and tops of solids (n, 3), and the piece of each point (n,)."""
     points, of = list[FloatArray](), list[int]()
     for k in range(len(owner)):
         heights = _steps(float(solids.bottom_m[k]), float(solids.top_m[k]))
@@ -123,6 +123,6 @@ def _surface(solids: Solids, owner: NDArray[np.intp]) -> tuple[FloatArray, NDArr
 
 
 def _steps(low: float, high: float) -> FloatArray:
-    """Points in the middle of even steps between two bounds."""
+    """Return the midpoints of equal steps between two bounds."""
     n = max(round((high - low) / SURFACE_STEP_M), 1)
     return low + (high - low) / n * (np.arange(n, dtype=np.float64) + 0.5)

@@ -6,7 +6,7 @@ import numpy as np
 import rerun as rr
 
 from dirmusic.locating.finding import ellipse95, outline95
-from pdpatrol.missions.record.array_description import described_grid
+from pdpatrol.missions.record.log_contents import described_grid
 from pdpatrol.missions.recording.bins import LogBin, set_step
 
 COLOURS = {

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
+from pdpatrol.missions.record.finding_pulses import phase_patterns
 from pdpatrol.missions.record.mission_log import MissionLog
-from pdpatrol.missions.record.phase_patterns import phase_patterns
 from pdpatrol.missions.record.which_site import percent
 from pdpatrol.missions.recording.bins import set_step
 

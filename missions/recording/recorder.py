@@ -12,7 +12,7 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from pdpatrol.missions.atomic_file import atomic_file
-from pdpatrol.missions.record.array_description import described_manifold
+from pdpatrol.missions.record.log_contents import described_manifold
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.recording.bins import LogBin
 from pdpatrol.missions.recording.blueprint import blueprint

@@ -20,8 +20,8 @@ from scipy.cluster.hierarchy import fclusterdata
 
 from dirmusic.locating.finding import outline95
 from pdpatrol.missions.record.finding_pulses import FindingPulses
+from pdpatrol.missions.record.log_contents import known_yard
 from pdpatrol.missions.record.mission_log import MissionLog
-from pdpatrol.missions.record.yard_of_log import known_yard
 from pdpatrol.missions.report.records import DischargeKind, FindingRecord, Report
 from pdpatrol.robot_models.equipment import colour_of
 from pdpatrol.robot_models.yard.yard import Yard

@@ -9,9 +9,9 @@ from dirmusic.angles import aperture
 from pdpatrol.envs.scenario.locating import LocatingConfig
 from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.missions.driving.site_map import MIN_TRANSMISSION
-from pdpatrol.missions.planning.hearing import AMPLITUDE_V, MARGIN_DB, StraightPaths
+from pdpatrol.missions.planning.detectability import AMPLITUDE_V, MARGIN_DB, DirectPaths
+from pdpatrol.missions.record.log_contents import known_yard
 from pdpatrol.missions.record.mission_log import MissionLog
-from pdpatrol.missions.record.yard_of_log import known_yard
 from pdpatrol.missions.report.records import SiteInspection, SiteInspections
 from pdpatrol.sensing import ArrayConfig, ReceiverConfig
 from pdpatrol.sensing.radio.sight import Sight
@@ -37,7 +37,7 @@ def inspect_sites(log: MissionLog) -> SiteInspections | None:
     array = ArrayConfig.model_validate(scenario["array"], strict=False)
     receiver = ReceiverConfig.model_validate(scenario["receiver"], strict=False)
     try:
-        paths = StraightPaths(array, receiver, Sight(surroundings_of(yard)))
+        paths = DirectPaths(array, receiver, Sight(surroundings_of(yard)))
     except (InputFileError, OSError):
         return None
     assumed_db = float(20 * np.log10(AMPLITUDE_V))
@@ -48,7 +48,7 @@ def inspect_sites(log: MissionLog) -> SiteInspections | None:
         offset_m = places_m - site_m[:2]
         range_m = np.linalg.norm(offset_m, axis=-1)
         near = range_m <= rules.confirm_range_m
-        transmitted, level_db = paths.heard(places_m[near], site_m)
+        transmitted, level_db = paths.levels(places_m[near], site_m)
         in_sight = transmitted >= MIN_TRANSMISSION
         detects = in_sight & (level_db >= MARGIN_DB)
         aperture_rad = aperture(np.arctan2(offset_m[near, 1], offset_m[near, 0])[detects])

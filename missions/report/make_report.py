@@ -11,11 +11,10 @@ from dirmusic.locating.association import Unassociated
 from dirmusic.locating.confirmation import LEVEL_QUANTILE
 from dirmusic.locating.finding import ellipse95
 from pdpatrol.missions.record.events import EventKind
-from pdpatrol.missions.record.finding_pulses import FindingPulses, finding_pulses
+from pdpatrol.missions.record.finding_pulses import FindingPulses, PhaseResolved, finding_pulses, phase_patterns
+from pdpatrol.missions.record.log_contents import known_yard, true_yard
 from pdpatrol.missions.record.mission_log import MissionLog
-from pdpatrol.missions.record.phase_patterns import PhaseResolved, phase_patterns
 from pdpatrol.missions.record.which_site import site_probabilities
-from pdpatrol.missions.record.yard_of_log import known_yard, true_yard
 from pdpatrol.missions.report.records import (
     SCHEMA,
     DetectedFrom,

@@ -10,8 +10,8 @@ from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.policies.make_policy import make_policy
 from pdpatrol.missions.policies.own_policy import BUILT_IN
 from pdpatrol.missions.policies.protocol import SeesTruth
-from pdpatrol.missions.record.array_description import described_grid
 from pdpatrol.missions.record.events import Phase
+from pdpatrol.missions.record.log_contents import described_grid
 from pdpatrol.missions.record.mission_log import TABLES, MissionLog
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.records import Report, read_report, report_text

@@ -6,8 +6,8 @@ import pytest
 from dirmusic import GainManifold
 from dirmusic.angles import wrap
 from dirmusic.locating.association import Unassociated
+from pdpatrol.missions.record.finding_pulses import phase_patterns
 from pdpatrol.missions.record.mission_log import MissionLog
-from pdpatrol.missions.record.phase_patterns import phase_patterns
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.sensing import PulseTrain
 

@@ -11,7 +11,7 @@ from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.missions.driving.site_map import MIN_TRANSMISSION, SiteMap
 from pdpatrol.missions.policies.viewpoints import best_viewpoint
-from pdpatrol.missions.record.bearing_error import bearing_rmse
+from pdpatrol.missions.record.log_contents import bearing_rmse
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.runner import Mission, make_locator, run_mission

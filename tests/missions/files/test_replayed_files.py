@@ -82,8 +82,8 @@ def test_an_archive_that_is_no_log_says_why(tmp_path: Path, arrays: dict[str, np
 @pytest.mark.parametrize(
     ("name", "change", "told"),
     [
-        ("pulse.step", lambda x: x + 1000, "points beyond the table step"),
-        ("bearing.pulse", lambda x: -1 - x, "points beyond the table pulse"),
+        ("pulse.step", lambda x: x + 1000, "refers to missing rows of table step"),
+        ("bearing.pulse", lambda x: -1 - x, "refers to missing rows of table pulse"),
         ("pulse.step", lambda x: x[1:], "the columns of table pulse do not match"),
         ("step.pose", lambda x: x[:, :2], "step.pose has rows of shape"),
         ("step.time_s", lambda x: x.astype(str), "the columns of table step do not match"),

@@ -28,11 +28,11 @@ def test_a_plan_is_a_table_a_picture_json_and_a_route_to_paste(tmp_path: Path) -
     assert {path.name for path in folder.iterdir()} == {"plan.png", "plan.json", "route.toml"}
     for site in plan.sites:
         assert site.name in done.stdout
-    assert f"13 of 13 sites heard, 3 dB above the trigger and in sight; {len(plan.stops_m)} stops" in done.stdout
+    assert f"13 of 13 sites detectable in sight, 3 dB above the trigger; {len(plan.stops_m)} stops" in done.stdout
     data = json.loads((folder / "plan.json").read_text(encoding="utf-8"))
     assert data["tour"]["waypoints_m"] == plan.stops_m.tolist()
-    assert [site["heard"]["aperture_rad"] for site in data["sites"]] == [
-        site.heard.aperture_rad for site in plan.sites if site.heard
+    assert [site["detection"]["aperture_rad"] for site in data["sites"]] == [
+        site.detection.aperture_rad for site in plan.sites if site.detection
     ]
     picture = imread(folder / "plan.png")
     assert min(picture.shape[:2]) > 600
@@ -59,16 +59,16 @@ def test_settings_and_amplitude_count_and_json_is_all_that_is_printed(tmp_path: 
     data = json.loads(done.stdout)
     assert data == json.loads((tmp_path / "here" / "plan.json").read_text(encoding="utf-8"))
     assert data["amplitude_v"] == 0.06
-    levels = [site["heard"]["level_db"] for site in data["sites"] if site["heard"]]
-    loudest = max(site.heard.level_db for site in plan_of("one_source").sites if site.heard)
+    levels = [site["detection"]["level_db"] for site in data["sites"] if site["detection"]]
+    loudest = max(site.detection.level_db for site in plan_of("one_source").sites if site.detection)
     assert max(levels, default=0.0) < loudest - 6.0
 
 
-def test_where_nothing_is_heard_the_sites_are_listed_and_there_is_no_tour(tmp_path: Path) -> None:
+def test_plan_without_detectable_sites_lists_them(tmp_path: Path) -> None:
     done = pdpatrol("plan", "one_source", "--amplitude-v", "1e-5", "--out", "here", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert "0 of 13 sites heard" in done.stdout
-    assert "Not heard from any reachable place: transformer_1/tank_south" in done.stdout
+    assert "0 of 13 sites detectable" in done.stdout
+    assert "Not detectable from any reachable place: transformer_1/tank_south" in done.stdout
     assert (tmp_path / "here" / "plan.png").exists()
 
 

@@ -8,7 +8,7 @@ from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.envs.random_yard import random_yard
 from pdpatrol.envs.scenario import SHIPPED, ScenarioError
-from pdpatrol.missions.planning import with_planned_route
+from pdpatrol.missions.planning.plan import with_planned_route
 from pdpatrol.missions.runner import Mission
 from tests.missions.planning.one_plan import plan_of, scenario_of
 
@@ -66,9 +66,9 @@ def test_the_environment_alone_refuses_a_route_that_is_still_to_be_planned() -> 
         PatrolEnv(to_be_planned(load_scenario("one_source")))
 
 
-def test_where_nothing_is_heard_a_route_cannot_be_planned() -> None:
+def test_planned_route_needs_a_detectable_site() -> None:
     deaf = load_scenario("one_source", {"receiver.noise_v": 0.5})
-    with pytest.raises(ScenarioError, match="no site is heard"):
+    with pytest.raises(ScenarioError, match="no site is detectable"):
         Mission(to_be_planned(deaf), "patrol", 0)
 
 

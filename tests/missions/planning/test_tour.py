@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from pdpatrol.missions.driving.site_map import SiteMap
-from pdpatrol.missions.planning.tour import shortest_order, shortest_tour_of
-from pdpatrol.missions.planning.ways import Ways
+from pdpatrol.missions.planning.tour import CellPaths, shortest_order, shortest_tour_of
 from tests.missions.planning.one_plan import FloatArray, plan_of
 
 
@@ -38,15 +37,15 @@ def test_the_planned_tour_is_the_shortest_closed_way_past_its_stops(name: str) -
     site_map = SiteMap(plan.scenario)
     cells = [site_map.cell(stop_m) for stop_m in (plan.scenario.route.dock_m, *plan.stops_m)]
     assert 2 <= len(cells) <= 9
-    lengths_m = Ways(site_map).lengths_m(cells)
+    lengths_m = CellPaths(site_map).lengths_m(cells)
     assert plan.length_m == pytest.approx(brute_force(lengths_m), abs=1e-6)
-    assert plan.length_m == pytest.approx(np.linalg.norm(np.diff(plan.way_m, axis=0), axis=-1).sum())
+    assert plan.length_m == pytest.approx(np.linalg.norm(np.diff(plan.path_m, axis=0), axis=-1).sum())
 
 
 def test_ways_are_as_long_back_as_there_and_the_tour_has_no_start_but_the_dock() -> None:
     plan = plan_of("one_source")
     site_map = plan.site_map
-    ways, dock = Ways(site_map), site_map.cell(plan.scenario.route.dock_m)
+    ways, dock = CellPaths(site_map), site_map.cell(plan.scenario.route.dock_m)
     stops = [site_map.cell(stop_m) for stop_m in plan.stops_m]
     np.testing.assert_array_equal(ways.lengths_m(stops), ways.lengths_m(stops).T)
     tours = [shortest_tour_of(ways, dock, order) for order in (stops, stops[::-1], sorted(stops))]

@@ -14,9 +14,9 @@ from rerun.chunk import RrdReader
 
 from dirmusic.angles import wrap
 from pdpatrol.envs import load_scenario
-from pdpatrol.missions.record.array_description import described_manifold
+from pdpatrol.missions.record.finding_pulses import phase_patterns
+from pdpatrol.missions.record.log_contents import described_manifold
 from pdpatrol.missions.record.mission_log import TABLES, MissionLog
-from pdpatrol.missions.record.phase_patterns import phase_patterns
 from pdpatrol.missions.recording import Recorder, write_recording
 from pdpatrol.missions.recording.phase_pattern import SPAN_DB, UNITS_PER_DB
 from pdpatrol.missions.recording.spectra import HEIGHT, WIDTH

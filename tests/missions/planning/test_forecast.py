@@ -1,13 +1,15 @@
-"""What a plan promises of positions is what fits reach."""
+"""Expected accuracy of located discharges."""
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, PulseBatch
 from dirmusic.angles import wrap
+from dirmusic.locating.finding import ellipse95
 from dirmusic.locating.joint_fit import expected_covariances, locate_jointly
 from pdpatrol.envs import load_scenario
-from pdpatrol.missions.planning.expected import Forecast, received, views_along
+from pdpatrol.missions.planning.forecast import Forecast, received, views_along
 from pdpatrol.missions.planning.tour import Tour
 from tests.missions.planning.one_plan import FloatArray, plan_of
 
@@ -17,7 +19,7 @@ TARGET_M = np.array([14.0, 12.0, 1.8])
 
 
 def half_round(n_views: int) -> FloatArray:
-    """Poses on half a circle 4 m round the target, heading along it."""
+    """Return poses on half a circle of 4 m around the target, heading along it."""
     angle = np.linspace(-0.5, 0.5, n_views) * np.pi
     return np.column_stack([TARGET_M[:2] + 4.0 * np.stack([np.cos(angle), np.sin(angle)], axis=-1), angle + np.pi / 2])
 
@@ -32,7 +34,7 @@ def as_built(rng: np.random.Generator) -> ArrayModel:
     return ArrayModel(manifold=manifold, positions_m=ARRAY.positions_m, spread=spread)
 
 
-def test_the_strengths_of_a_far_target_are_the_gains_of_the_manifold() -> None:
+def test_received_equals_manifold_gain_for_far_targets() -> None:
     far_m = np.array([500.0, 300.0, ARRAY.height_m])
     pose = np.array([[1.0, 2.0, 0.4], [3.0, -2.0, -2.0]])
     azimuth_rad = wrap(np.arctan2(far_m[1] - pose[:, 1], far_m[0] - pose[:, 0]) - pose[:, 2])
@@ -40,7 +42,7 @@ def test_the_strengths_of_a_far_target_are_the_gains_of_the_manifold() -> None:
     np.testing.assert_allclose(gain, ARRAY.manifold.gain(azimuth_rad).T, rtol=2e-3)
 
 
-def test_fits_of_arrays_and_poses_that_are_off_scatter_as_is_promised() -> None:
+def test_expected_covariance_matches_scatter_of_fits() -> None:
     rng, pose, n = np.random.default_rng(3), half_round(24), 24
     time_s, of_one = 0.7 * np.arange(n, dtype=np.float64), np.zeros(n, dtype=np.intp)
     strengths = received(ARRAY, pose, TARGET_M)
@@ -54,36 +56,40 @@ def test_fits_of_arrays_and_poses_that_are_off_scatter_as_is_promised() -> None:
     std = np.array([POSE_ERROR.position_m, POSE_ERROR.position_m, POSE_ERROR.heading_rad])
     misses: list[FloatArray] = []
     for _ in range(120):
-        heard = received(as_built(rng), pose, TARGET_M) + rng.normal(0.0, noise, strengths.shape)
-        believed = pose + std * (root @ rng.standard_normal((n, 3)))
-        pulses = PulseBatch.detected(time_s, heard, np.full(heard.shape, noise**2))
+        strengths_v = received(as_built(rng), pose, TARGET_M) + rng.normal(0.0, noise, strengths.shape)
+        estimated = pose + std * (root @ rng.standard_normal((n, 3)))
+        pulses = PulseBatch.detected(time_s, strengths_v, np.full(strengths_v.shape, noise**2))
         start_m = TARGET_M[np.newaxis] + 0.2
-        fix = locate_jointly(pulses, believed, of_one, start_m, ARRAY, POSE_ERROR)
-        misses.append(fix.positions_m[0] - TARGET_M)
+        fit = locate_jointly(pulses, estimated, of_one, start_m, ARRAY, POSE_ERROR)
+        misses.append(fit.positions_m[0] - TARGET_M)
     scatter = np.sqrt(np.square(misses).mean(axis=0))
-    promised = np.sqrt(np.diag(expected))
-    assert (0.5 * promised < scatter).all(), (scatter, promised)  # the model's floor is promised, and not drawn here
-    assert (scatter < 1.3 * promised).all(), (scatter, promised)
+    expected_std_m = np.sqrt(np.diag(expected))
+    assert (0.5 * expected_std_m < scatter).all(), (scatter, expected_std_m)  # the model's floor is not drawn here
+    assert (scatter < 1.3 * expected_std_m).all(), (scatter, expected_std_m)
 
 
-def test_more_views_and_louder_pulses_never_make_it_worse_and_a_wider_aperture_makes_it_better() -> None:
+def test_accuracy_improves_with_views_strength_and_aperture() -> None:
     plan = plan_of("one_source")
-    quiet, loud = (Forecast(SCENARIO, plan.site_map, volts) for volts in (0.05, 0.5))
+    weak, strong = (Forecast(SCENARIO, plan.site_map, volts) for volts in (0.05, 0.5))
     cells = np.array([plan.site_map.cell(place) for place in half_round(60)[:, :2]], dtype=np.intp)
-    views = views_along(Tour(cells[:0], cells, 0.0), plan.hearing, 0.8)
+    views = views_along(Tour(cells[:0], cells, 0.0), plan.detectability, 0.8)
     n = views.time_s.size
     some, half, all_views = np.arange(n) % 2 == 0, np.arange(n) < n // 2, np.ones(n, dtype=np.bool_)
-    whole = quiet.deviation(TARGET_M, views, all_views)
-    assert loud.deviation(TARGET_M, views, all_views).semi_major_m < whole.semi_major_m
-    assert quiet.deviation(TARGET_M, views, some).semi_major_m > 0.95 * whole.semi_major_m
-    assert quiet.deviation(TARGET_M, views, half).semi_major_m > 1.15 * whole.semi_major_m
+
+    def semi_major(forecast: Forecast, is_used: NDArray[np.bool_]) -> float:
+        return ellipse95(forecast.covariance(TARGET_M, views, is_used)[:2, :2]).semi_major_m
+
+    reference_m = semi_major(weak, all_views)
+    assert semi_major(strong, all_views) < reference_m
+    assert semi_major(weak, some) > 0.95 * reference_m
+    assert semi_major(weak, half) > 1.15 * reference_m
 
 
-def test_views_follow_the_way_half_a_metre_apart_and_head_along_it() -> None:
+def test_views_are_half_a_metre_apart_along_the_tour() -> None:
     plan = plan_of("one_source")
-    cells = np.array([plan.site_map.cell(place_m) for place_m in plan.way_m], dtype=np.intp)
+    cells = np.array([plan.site_map.cell(place_m) for place_m in plan.path_m], dtype=np.intp)
     stops = np.array([plan.site_map.cell(stop_m) for stop_m in plan.stops_m], dtype=np.intp)
-    views = views_along(Tour(stops, cells, plan.length_m), plan.hearing, 0.8)
+    views = views_along(Tour(stops, cells, plan.length_m), plan.detectability, 0.8)
     apart_m = np.linalg.norm(np.diff(views.pose[:, :2], axis=0), axis=-1)
     assert np.median(apart_m) == pytest.approx(0.5, abs=0.15)
     assert (np.diff(views.time_s) > 0.0).all()

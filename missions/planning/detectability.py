@@ -1,0 +1,188 @@
+"""Detectability: from which reachable ground each site of the map is in sight, near enough and above the trigger."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter
+
+from dirmusic.angles import aperture
+from dirmusic.locating.joint_fit import HEIGHT_PRIOR_M
+from pdpatrol.envs import Scenario
+from pdpatrol.missions.driving.site_map import CELL_M, MIN_TRANSMISSION, SiteMap
+from pdpatrol.sensing import ArrayConfig, HelicalArray, ReceiverConfig
+from pdpatrol.sensing.radio.sight import Sight
+from pdpatrol.sensing.receiver.receiver import Receiver
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.intp]
+
+AMPLITUDE_V = 0.05
+"""Peak, 1 m away, of the weakest discharge to detect. Assumed; the weakest of the suite's level `weak`."""
+
+MARGIN_DB = 3.0
+"""Margin of the direct path over the trigger. Assumed; amplitudes vary, and the ground reflects."""
+
+BEYOND_RANGE_M = 1.0
+"""Extra distance for targets that are detectable only beyond the confirmation range. Assumed; a band of a few cells."""
+
+TRACKING_CELLS = 2
+"""Deviation of the robot from its path, in cells: a cell counts if all reachable cells around it do. Assumed; 0.5 m."""
+
+_HEADINGS_RAD = np.radians(np.arange(0.0, 360.0, 2.0))
+_ELEVATIONS_RAD = np.radians(np.arange(-90.0, 91.0))
+
+
+class Detectability(NamedTuple):
+    """Where targets are detectable from; rows are targets, columns are reachable cells of the map.
+
+    Attributes:
+        names: Names of the targets; `equipment/site`, or `air/NUMBER` on a map without sites.
+        positions_m: Their positions, shape (n_targets, 3), world frame.
+        cells: Numbers of the cells in the map, ascending, shape (n_cells,).
+        places_m: Centres of the cells, shape (n_cells, 2).
+        level_db: Level of the direct path over the trigger, shape (n_targets, n_cells); minus infinity behind metal and
+            where it was not computed.
+        range_m: Horizontal distance, shape (n_targets, n_cells).
+        aspect_rad: Horizontal direction from the target to the cell, world frame, shape (n_targets, n_cells).
+        is_detectable: True where the target is in sight, `MARGIN_DB` above the trigger and near enough, also from the
+            cells around (`TRACKING_CELLS`) if the target has such cells; shape (n_targets, n_cells).
+    """
+
+    names: tuple[str, ...]
+    positions_m: FloatArray
+    cells: IntArray
+    places_m: FloatArray
+    level_db: FloatArray
+    range_m: FloatArray
+    aspect_rad: FloatArray
+    is_detectable: BoolArray
+
+    @property
+    def is_blind(self) -> BoolArray:
+        """True for targets that no reachable cell detects, shape (n_targets,)."""
+        return np.asarray(~self.is_detectable.any(axis=1), dtype=np.bool_)
+
+    def columns(self, cells: IntArray) -> IntArray:
+        """Return the columns of reachable cells of the map, same shape."""
+        return np.searchsorted(self.cells, cells)
+
+
+def targets_of(site_map: SiteMap, spacing_m: float) -> tuple[tuple[str, ...], FloatArray]:
+    """Return names and positions (n, 3) of the sites of the map, or of a lattice in free air if it has no sites.
+
+    Args:
+        site_map: The map.
+        spacing_m: Largest distance between rows and between columns of the lattice.
+    """
+    yard = site_map.yard
+    if names := tuple(yard.site_names()):
+        return names, np.array([yard.site_position(name) for name in names])
+    lattice = [size * (np.arange(n) + 0.5) / n for size, n in ((s, int(np.ceil(s / spacing_m))) for s in yard.size_m)]
+    places_m = [np.array([x, y, HEIGHT_PRIOR_M[0]]) for x in lattice[0] for y in lattice[1]]
+    free_m = [place_m for place_m in places_m if yard.enclosing_equipment(place_m) is None]
+    return tuple(f"air/{number}" for number in range(1, len(free_m) + 1)), np.array(free_m).reshape(-1, 3)
+
+
+def compute_detectability(scenario: Scenario, site_map: SiteMap, amplitude_v: float = AMPLITUDE_V) -> Detectability:
+    """Compute from where all targets are detectable; the sources of the scenario are ignored.
+
+    A target that is not detectable within the confirmation range is searched at any range, and then counts up to
+    `BEYOND_RANGE_M` beyond the nearest cell that detects it. A target keeps isolated cells if it would otherwise have
+    less aperture than confirmation requires.
+
+    Args:
+        scenario: Array, receiver, route and rules of locating.
+        site_map: Map of that scenario.
+        amplitude_v: Peak of the discharge in a unit-gain channel 1 m away, > 0.
+    """
+    rules = scenario.locating.rules()
+    within_m = rules.confirm_range_m
+    names, positions_m = targets_of(site_map, within_m)
+    cells = np.flatnonzero(np.isfinite(site_map.reach(scenario.route.dock_m).length_m)).astype(np.intp)
+    places_m = site_map.centres_m[cells]
+    away_m = places_m - positions_m[:, np.newaxis, :2]
+    range_m = np.linalg.norm(away_m, axis=-1)
+    level_db, is_detectable = np.full(range_m.shape, -np.inf), np.zeros(range_m.shape, dtype=np.bool_)
+    direct = DirectPaths(scenario.array, scenario.receiver, site_map.sight)
+    for k, target_m in enumerate(positions_m):
+        for near in (range_m[k] <= within_m, range_m[k] > within_m):
+            transmission, level_db[k, near] = direct.levels(places_m[near], target_m, amplitude_v)
+            is_detectable[k, near] = (transmission >= MIN_TRANSMISSION) & (level_db[k, near] >= MARGIN_DB)
+            if is_detectable[k].any():
+                break
+        nearest_m = range_m[k, is_detectable[k]].min(initial=np.inf)
+        is_detectable[k] &= range_m[k] <= max(within_m, nearest_m + BEYOND_RANGE_M)
+    aspect_rad = np.arctan2(away_m[..., 1], away_m[..., 0])
+    is_robust = _robust(is_detectable, cells, site_map)
+    for k, aspects in enumerate(aspect_rad):
+        required_rad = min(aperture(aspects[is_detectable[k]]), rules.planned_aperture_rad)
+        if is_robust[k].any() and aperture(aspects[is_robust[k]]) >= required_rad:
+            is_detectable[k] = is_robust[k]
+    return Detectability(names, positions_m, cells, places_m, level_db, range_m, aspect_rad, is_detectable)
+
+
+def _robust(is_detectable: BoolArray, cells: IntArray, site_map: SiteMap) -> BoolArray:
+    """Return the cells around which all reachable cells detect as well, shape (n_targets, n_cells)."""
+    shape = tuple(round(size / CELL_M) for size in site_map.yard.size_m)
+    is_robust = np.empty_like(is_detectable)
+    for k, row in enumerate(is_detectable):
+        ground = np.ones(shape[0] * shape[1], dtype=np.uint8)  # unreachable cells do not count
+        ground[cells] = row
+        around = minimum_filter(ground.reshape(shape), size=2 * TRACKING_CELLS + 1, mode="constant", cval=1)
+        is_robust[k] = around.ravel()[cells] > 0
+    return is_robust
+
+
+def trigger_peak(receiver: Receiver) -> float:
+    """Return the peak of a pulse before the band-pass that just triggers, volts."""
+    return receiver.threshold_v / receiver.front_end.pulse_peak
+
+
+class DirectPaths:
+    """Levels of discharges along the direct path, for the worst heading of the robot.
+
+    Args:
+        array: The array.
+        receiver: The receiver, whose trigger is the reference of levels.
+        sight: Transmission of the mapped equipment.
+    """
+
+    def __init__(self, array: ArrayConfig, receiver: ReceiverConfig, sight: Sight) -> None:
+        self._height_m = array.height_m
+        self._worst_gain = _worst_gain(array)
+        self._trigger_v = trigger_peak(Receiver(receiver, array.n_channels))
+        self._sight = sight
+
+    def levels(
+        self, places_m: FloatArray, target_m: FloatArray, amplitude_v: float = AMPLITUDE_V
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the transmission of equipment and the level over the trigger in decibels, each of shape (n,).
+
+        Args:
+            places_m: Places on the ground below the array, shape (n, 2), world frame.
+            target_m: The discharge, shape (3,), world frame.
+            amplitude_v: Its peak in a unit-gain channel 1 m away, > 0.
+        """
+        transmission = self._sight(np.column_stack([places_m, np.full(len(places_m), self._height_m)]), target_m)
+        range_m, rise_m = np.linalg.norm(places_m - target_m[:2], axis=-1), target_m[2] - self._height_m
+        gain = np.interp(np.arctan2(rise_m, range_m), _ELEVATIONS_RAD, self._worst_gain)
+        peak_v = amplitude_v * transmission * gain
+        with np.errstate(divide="ignore"):
+            return transmission, 20 * np.log10(peak_v / (np.hypot(range_m, rise_m) * self._trigger_v))
+
+
+def _worst_gain(config: ArrayConfig) -> FloatArray:
+    """Return the gain of the strongest element in the robot's worst heading, at `_ELEVATIONS_RAD`.
+
+    A linearly polarised wave loses nothing more, whatever its direction: half its power is in the measured gain of a
+    circularly polarised antenna (`pdpatrol.sensing.radio.polarisation.received`).
+    """
+    array = HelicalArray.nominal(config)
+    shape = (_HEADINGS_RAD.size, _ELEVATIONS_RAD.size, array.n_elements)
+    azimuth_rad = np.broadcast_to(_HEADINGS_RAD[:, np.newaxis, np.newaxis], shape)
+    gain = array.gain(azimuth_rad, np.broadcast_to(_ELEVATIONS_RAD[:, np.newaxis], shape))
+    return gain.max(axis=-1).min(axis=0)

@@ -1,0 +1,92 @@
+"""Array, grid, yards and bearing errors of a log: written as plain data, and rebuilt from them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from dirmusic import ArrayModel, GainManifold, GaussianPattern, TabulatedPattern
+from dirmusic.angles import difference
+from dirmusic.locating.yard_likelihood import Grid
+from pdpatrol.envs import Scenario
+from pdpatrol.envs.scenario.map import MapConfig
+from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.robot_models.yard.yard import Yard
+
+
+def describe_array(array: ArrayModel) -> dict[str, Any]:
+    """Return boresights, positions and pattern of the elements; no pattern for eq. (1) of the Dir-MUSIC paper."""
+    manifold, table = array.manifold, None
+    if isinstance(manifold.pattern, TabulatedPattern):
+        pattern = manifold.pattern
+        table = {"off_boresight_rad": pattern.off_boresight_rad.tolist(), "gain": pattern.table_gain.tolist()}
+    return {
+        "boresights_rad": manifold.boresights_rad.tolist(),
+        "boresight_elevations_rad": manifold.boresight_elevations_rad.tolist(),
+        "positions_m": array.positions_m.tolist(),
+        "pattern": table,
+    }
+
+
+def described_manifold(description: Mapping[str, Any]) -> GainManifold:
+    """Rebuild the manifold of an array; elements are level if the description has no elevations."""
+    table = description.get("pattern")
+    return GainManifold(
+        TabulatedPattern(**table) if table else GaussianPattern(),
+        description["boresights_rad"],
+        boresight_elevations_rad=description.get("boresight_elevations_rad", 0.0),
+    )
+
+
+def describe_grid(grid: Grid) -> dict[str, Any]:
+    """Return corner, cell size and number of cells."""
+    return {"corner_m": grid.corner_m.tolist(), "cell_m": grid.cell_m, "shape": list(grid.shape)}
+
+
+def described_grid(description: Mapping[str, Any]) -> Grid:
+    """Rebuild a grid."""
+    nx, ny = description["shape"]
+    return Grid(np.array(description["corner_m"]), description["cell_m"], (nx, ny))
+
+
+def known_yard(log: MissionLog) -> Yard | None:
+    """Return the yard as the map of the mission shows it; None for field data, which have no scenario."""
+    yard = true_yard(log)
+    if yard is None:
+        return None
+    site_map = MapConfig.model_validate_json(json.dumps(log.meta["scenario"].get("map", {})))
+    return site_map.of(yard)
+
+
+def true_yard(log: MissionLog) -> Yard | None:
+    """Return the true yard; None for field data."""
+    if "scenario" not in log.meta:
+        return None
+    return Yard.model_validate_json(json.dumps(log.meta["scenario"]["yard"]))
+
+
+def bearing_rmse(log: MissionLog, scenario: Scenario) -> float:
+    """Return the root mean square error of the bearings about the true direction from the true pose.
+
+    Args:
+        log: Log of a mission, with the truth.
+        scenario: Scenario of the mission.
+
+    Returns:
+        Radians, over bearings with line of sight to the source; NaN if there are none, or if there are several sources,
+        because the source of a bearing is then unknown.
+    """
+    sources = log.meta["truth"]["sources"]
+    bearing, pulse_step = log.table("bearing"), log.column("pulse", "step")
+    if len(sources) != 1 or bearing["pulse"].size == 0:
+        return float("nan")
+    pose = log.column("step", "true_pose")[pulse_step[bearing["pulse"]]]
+    source_m = np.asarray(sources[0]["position_m"])
+    in_sight = SiteMap(scenario, scenario.yard).in_sight(pose[:, :2], source_m, 0.1)
+    sight = source_m[:2] - pose[:, :2]
+    error = difference(bearing["azimuth_rad"], np.arctan2(sight[:, 1], sight[:, 0]) - pose[:, 2])[in_sight]
+    return float(np.sqrt(np.mean(np.square(error)))) if error.size else float("nan")
