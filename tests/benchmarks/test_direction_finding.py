@@ -63,21 +63,21 @@ def peer_music() -> Callable[[], object]:
     return lambda: music.locate_sources(spectra, freq_bins=[6])
 
 
-def test_a_batch_of_gates_has_at_least_sixty_times_the_rate_of_a_peer() -> None:
+def test_batch_of_gates_is_60_times_faster_than_peer() -> None:
     waveforms, manifold = gates(), GainManifold.ring(N_ELEMENTS)
     rate = N_PULSES / cost_ratio(lambda: bearings(waveforms, manifold), peer_music())
     print(f"\nbatch of {N_PULSES}: {rate:.0f} times the rate of pyroomacoustics' MUSIC")
     assert rate >= 60
 
 
-def test_one_pulse_at_a_time_is_no_slower_than_a_peer() -> None:
+def test_single_pulses_are_not_slower_than_peer() -> None:
     waveforms, manifold = gates()[:1], GainManifold.ring(N_ELEMENTS)
     cost = cost_ratio(lambda: bearings(waveforms, manifold), peer_music())
     print(f"\none pulse: {cost:.2f} of the cost of pyroomacoustics' MUSIC")
     assert cost <= 1.0
 
 
-def test_a_batch_costs_at_most_four_products_of_the_gates_with_themselves() -> None:
+def test_batch_costs_at_most_four_matrix_products() -> None:
     waveforms, manifold = gates(), GainManifold.ring(N_ELEMENTS)
     cost = cost_ratio(lambda: bearings(waveforms, manifold), lambda: waveforms @ np.swapaxes(waveforms, -1, -2))
     print(f"\nbatch of {N_PULSES}: {cost:.2f} times the cost of x @ x.T")

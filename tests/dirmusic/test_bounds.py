@@ -1,4 +1,4 @@
-"""Every estimator against the Cramer-Rao bound, and its own deviation against its own errors."""
+"""Errors of the estimators compared with the Cramer-Rao bound and with the deviations that they state."""
 
 from dataclasses import replace
 
@@ -45,7 +45,7 @@ def ring_positions(radius_m: float) -> np.ndarray:
 def plane_waves(
     n: int, snr_db: float, rng: np.random.Generator, *, radius_m: float = 0.0, n_samples: int = 60, lead: int = 2
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Azimuths (n,) and gates (n, 6, n_samples) in unit noise."""
+    """Draw azimuths (n,) and gates (n, 6, n_samples) in unit noise."""
     azimuth = rng.uniform(-np.pi, np.pi, n)
     return azimuth, draw_gates(RING, ring_positions(radius_m), azimuth, rho(snr_db), n_samples, rng, lead=lead)
 
@@ -60,7 +60,7 @@ def normalised_error_variance(bearings: object, azimuth: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize(("snr_db", "most"), [(10, 1.05), (0, 1.05), (-5, 1.05), (-10, 1.05), (-15, 1.05), (-20, 1.10)])
-def test_samples_in_a_common_gate_reach_the_bound(snr_db: int, most: float) -> None:
+def test_covariance_of_gate_reaches_bound(snr_db: int, most: float) -> None:
     azimuth, gates = plane_waves(20_000, snr_db, np.random.default_rng(snr_db + 40))
     bearings = bearings_from_covariance(sample_covariance(gates), RING, n_snapshots=60, noise_variance=1.0)
     bound = bearing_bound(RING, azimuth, rho(snr_db))
@@ -68,7 +68,7 @@ def test_samples_in_a_common_gate_reach_the_bound(snr_db: int, most: float) -> N
     assert normalised_error_variance(bearings, azimuth) == pytest.approx(1.0, abs=0.1)
 
 
-def test_twenty_pulses_pooled_reach_a_degree_where_one_alone_has_four() -> None:
+def test_pooling_twenty_pulses_reaches_one_degree() -> None:
     rng = np.random.default_rng(7)
     azimuth = rng.uniform(-np.pi, np.pi, 1500)
     pooled = np.zeros((1500, 6, 6))
@@ -81,7 +81,7 @@ def test_twenty_pulses_pooled_reach_a_degree_where_one_alone_has_four() -> None:
 
 
 @pytest.mark.parametrize("snr_db", [10, -10])
-def test_the_deviation_is_honest_for_full_records_too(snr_db: int) -> None:
+def test_deviation_matches_error_for_full_records(snr_db: int) -> None:
     # facts.md: variance of the full record is CRB (1 + T / (rho |g|^2)), T = 10 000 samples
     rng = np.random.default_rng(snr_db + 50)
     n, n_record = 1500, 10_000
@@ -93,7 +93,7 @@ def test_the_deviation_is_honest_for_full_records_too(snr_db: int) -> None:
 
 
 @pytest.mark.parametrize("snr_db", [10, 0, -10])
-def test_energies_reach_the_bound_whatever_the_size_of_the_ring(snr_db: int) -> None:
+def test_strengths_reach_bound_for_any_ring_radius(snr_db: int) -> None:
     alone = None
     for radius_m in (0.0, 0.05, 0.12, 0.20):
         rng = np.random.default_rng(snr_db + 60)
@@ -108,7 +108,7 @@ def test_energies_reach_the_bound_whatever_the_size_of_the_ring(snr_db: int) -> 
         assert normalised_error_variance(bearings, azimuth) == pytest.approx(1.0, abs=0.2)
 
 
-def test_samples_collapse_on_a_real_ring_and_gain_with_delay_does_not() -> None:
+def test_delays_succeed_on_ring_where_samples_fail() -> None:
     # facts.md: X X^T is off by 58 deg at 0.20 m; gain and delay together .03 deg at 10 dB and .16 at -10 dB
     for snr_db, most_deg in ((10, 0.05), (-10, 0.25)):
         rng = np.random.default_rng(3)
@@ -120,7 +120,7 @@ def test_samples_collapse_on_a_real_ring_and_gain_with_delay_does_not() -> None:
     assert np.degrees(rms(difference(samples.azimuth_rad, azimuth))) > 20.0
 
 
-def test_gain_and_delay_agree_with_gain_alone_where_the_ring_is_a_point() -> None:
+def test_delays_agree_with_gains_for_zero_radius() -> None:
     azimuth, gates = plane_waves(300, 10, np.random.default_rng(4))
     both = bearings_from_delays(gates, RING, ring_positions(0.0), SAMPLE_RATE_HZ, noise_variance=1.0)
     alone = bearings_from_covariance(sample_covariance(gates), RING, n_snapshots=60, noise_variance=1.0)
@@ -129,7 +129,7 @@ def test_gain_and_delay_agree_with_gain_alone_where_the_ring_is_a_point() -> Non
     assert rms(difference(both.azimuth_rad, azimuth)) > 0
 
 
-def test_any_subset_of_the_elements_has_bearings_within_a_tenth_of_its_own_bound() -> None:
+def test_subset_of_elements_reaches_its_bound() -> None:
     rng = np.random.default_rng(5)
     for elements in ([0, 1, 2, 3], [1, 3, 5], [0, 2, 3, 4, 5]):
         manifold = RING.take(elements)
@@ -142,13 +142,8 @@ def test_any_subset_of_the_elements_has_bearings_within_a_tenth_of_its_own_bound
         assert normalised_error_variance(bearings, azimuth) == pytest.approx(1.0, abs=0.2)
 
 
-def test_a_subset_by_mask_is_the_subset_by_index() -> None:
-    mask = np.array([True, False, True, True, False, True])
-    np.testing.assert_array_equal(RING.take(mask).boresights_rad, RING.take([0, 2, 3, 5]).boresights_rad)
-
-
 def with_offsets(n: int, snr_db: float, half_width: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Azimuths and strengths of arrays with additive errors, a fresh array for each pulse."""
+    """Draw azimuths and strengths of arrays with additive errors, one array for each pulse."""
     rng = np.random.default_rng(seed)
     azimuth = rng.uniform(-np.pi, np.pi, n)
     gain = RING.gain(azimuth).T + rng.uniform(-half_width, half_width, (n, 6))
@@ -156,20 +151,20 @@ def with_offsets(n: int, snr_db: float, half_width: float, seed: int) -> tuple[n
 
 
 @pytest.mark.parametrize("snr_db", [10, -10])
-def test_a_known_manifold_error_widens_the_deviation_and_betters_the_bearing(snr_db: int) -> None:
+def test_prior_on_offsets_corrects_deviation_and_bearing(snr_db: int) -> None:
     azimuth, strengths = with_offsets(3000, snr_db, 0.1, seed=6)
     pulses = strengths[:, np.newaxis]
     plain = estimate_bearings(pulses, RING, strength_variance=1.0)
-    assert normalised_error_variance(plain, azimuth) > 5.0  # 4 deg off, told as 0.1 to 1.4
+    assert normalised_error_variance(plain, azimuth) > 5.0  # 4 deg of error, stated as 0.1 to 1.4
     for prior in (UniformOffsets(half_width=0.1), ElementSpread(offset=0.1 / np.sqrt(3))):
         bayes = estimate_bearings(pulses, RING, strength_variance=1.0, prior=prior)
         assert normalised_error_variance(bayes, azimuth) == pytest.approx(1.0, abs=0.2)
         error, plain_error = (rms(difference(b.azimuth_rad, azimuth)) for b in (bayes, plain))
-        # a normal prior of equal spread is nearly least squares again; knowing the box is what betters the bearing
+        # a normal prior of equal spread is nearly least squares; the box prior improves the bearing
         assert error < (0.975 if isinstance(prior, UniformOffsets) else 1.01) * plain_error
 
 
-def test_a_prior_on_gains_and_pointings_weighs_the_elements_and_beats_plain_maximum_likelihood() -> None:
+def test_prior_on_gains_and_pointings_reduces_error() -> None:
     rng = np.random.default_rng(8)
     spread = ElementSpread(gain=0.05, pointing_rad=np.radians(2.0))
     n = 2000
@@ -185,7 +180,7 @@ def test_a_prior_on_gains_and_pointings_weighs_the_elements_and_beats_plain_maxi
     assert rms(difference(bearings.azimuth_rad, azimuth)) < 0.85 * rms(difference(plain.azimuth_rad, azimuth))
 
 
-def test_what_is_not_known_of_an_array_is_that_of_its_spread_and_less_once_errors_are_known() -> None:
+def test_array_bearing_std_decreases_with_known_errors() -> None:
     spread = ElementSpread(gain=0.05, pointing_rad=0.03, offset=0.02, pattern=0.01)
     array = ArrayModel(manifold=RING, positions_m=np.zeros((6, 3)), spread=spread)
     assert array.bearing_std_rad == pytest.approx(rms(manifold_error_std(RING, SEARCH_AZIMUTHS_RAD, spread)))
@@ -194,7 +189,7 @@ def test_what_is_not_known_of_an_array_is_that_of_its_spread_and_less_once_error
     assert of_pattern < known.bearing_std_rad < 0.5 * array.bearing_std_rad
 
 
-def test_pooling_pulses_averages_noise_but_not_the_manifold_error() -> None:
+def test_pooling_averages_noise_but_not_manifold_error() -> None:
     prior = ElementSpread(offset=0.05)
     gain = RING.gain(0.4)
     strengths = np.abs(np.sqrt(rho(-20)) * gain + np.random.default_rng(9).standard_normal((400, 6)))
@@ -206,7 +201,7 @@ def test_pooling_pulses_averages_noise_but_not_the_manifold_error() -> None:
 
 
 @pytest.mark.parametrize("elements", [2, 3, 4, 6])  # numpy sums eight and more in another order for one row
-def test_a_batch_gives_each_row_what_it_would_have_alone_to_the_bit(elements: int) -> None:
+def test_batch_equals_single_rows_to_the_bit(elements: int) -> None:
     manifold = GainManifold.ring(elements)
     strengths = np.random.default_rng(13).uniform(0.1, 1.0, (257, 1, elements))
     together = estimate_bearings(strengths, manifold, strength_variance=0.01)
@@ -216,7 +211,7 @@ def test_a_batch_gives_each_row_what_it_would_have_alone_to_the_bit(elements: in
         assert together.std_rad[row] == alone.std_rad[0]
 
 
-def test_a_dead_channel_shows_in_the_misfit_and_leaving_it_out_mends_the_bearing() -> None:
+def test_dead_channel_raises_misfit_and_can_be_left_out() -> None:
     strengths = 40 * RING.gain(0.7)
     strengths[1] = 0.0
     wrong = estimate_bearings(strengths[np.newaxis], RING)
@@ -226,7 +221,7 @@ def test_a_dead_channel_shows_in_the_misfit_and_leaving_it_out_mends_the_bearing
     assert difference(mended.azimuth_rad, 0.7) == pytest.approx(0.0, abs=1e-8)
 
 
-def test_a_channel_of_zeros_becomes_nan_and_is_refused_by_name_not_averaged_in() -> None:
+def test_channel_of_zeros_is_nan_and_refused_by_name() -> None:
     _, gates = plane_waves(5, 10, np.random.default_rng(14))
     gates[:, 3] = 0.0
     strengths = pulse_strengths(gates, 1.0)
@@ -234,7 +229,7 @@ def test_a_channel_of_zeros_becomes_nan_and_is_refused_by_name_not_averaged_in()
     assert np.isfinite(np.delete(strengths, 3, axis=1)).all()
     with pytest.raises(ValueError, match="channels 4"):
         estimate_bearings(strengths[:, np.newaxis], RING)
-    assert not pulse_strengths(np.zeros((6, 60)), 1.0).any()  # nothing at all is silence, not a fault
+    assert not pulse_strengths(np.zeros((6, 60)), 1.0).any()  # no signal in any channel is not a fault
 
 
 @pytest.mark.parametrize(
@@ -254,17 +249,12 @@ def test_a_channel_of_zeros_becomes_nan_and_is_refused_by_name_not_averaged_in()
         (lambda: UniformOffsets(half_width=0.0), "half_width"),
     ],
 )
-def test_what_no_estimator_can_use_is_refused(call, told: str) -> None:  # noqa: ANN001
+def test_invalid_arguments_are_refused(call, told: str) -> None:  # noqa: ANN001
     with pytest.raises(ValueError, match=told):
         call()
 
 
-def test_a_waveform_of_nothing_has_no_bearing() -> None:
-    bearings = bearings_from_delays(np.zeros((2, 6, 60)), RING, ring_positions(0.1), SAMPLE_RATE_HZ)
-    assert np.isnan(bearings.azimuth_rad).all()
-
-
-def test_the_posterior_is_what_quadrature_over_the_amplitude_gives() -> None:
+def test_posterior_equals_quadrature_over_amplitude() -> None:
     # x_i ~ N(alpha g_i, (alpha s)^2) with a scale-free prior d alpha / alpha, summed on a fine grid of its own
     spread, true = 0.12, 0.35
     manifold = RING.take([0, 1, 2, 3])
@@ -277,18 +267,20 @@ def test_the_posterior_is_what_quadrature_over_the_amplitude_gives() -> None:
     weight /= weight.sum()
     mean = (weight * azimuth).sum()
     std = np.sqrt((weight * np.square(azimuth - mean)).sum())
-    told = estimate_bearings(x[np.newaxis], manifold, prior=ElementSpread(offset=spread))
-    assert difference(told.azimuth_rad, mean) == pytest.approx(0.0, abs=0.005 * std)
-    assert told.std_rad == pytest.approx(std, rel=0.005)
+    posterior = estimate_bearings(x[np.newaxis], manifold, prior=ElementSpread(offset=spread))
+    assert difference(posterior.azimuth_rad, mean) == pytest.approx(0.0, abs=0.005 * std)
+    assert posterior.std_rad == pytest.approx(std, rel=0.005)
 
 
-def test_some_elements_of_a_corrected_manifold_keep_their_corrections() -> None:
+def test_subset_of_corrected_manifold_keeps_corrections() -> None:
     rng = np.random.default_rng(16)
     errors = ElementErrors(
         gain=rng.normal(0, 0.1, 6), pointing_rad=rng.normal(0, 0.05, 6), offset=rng.uniform(-0.05, 0.05, 6)
     )
-    whole = errors.correct(RING)
-    np.testing.assert_array_equal(whole.take([4, 1, 2]).gain(GRID), whole.gain(GRID)[[4, 1, 2]])
+    mask = np.array([False, True, True, False, True, False])
+    corrected = errors.correct(RING)
+    np.testing.assert_array_equal(corrected.take(mask).gain(GRID), corrected.gain(GRID)[[1, 2, 4]])
+    np.testing.assert_array_equal(corrected.take([4, 1, 2]).gain(GRID), corrected.gain(GRID)[[4, 1, 2]])
     np.testing.assert_allclose(
-        whole.gain(GRID)[3], (1 + errors.gain[3]) * RING.gain(GRID - errors.pointing_rad[3])[3] + errors.offset[3]
+        corrected.gain(GRID)[3], (1 + errors.gain[3]) * RING.gain(GRID - errors.pointing_rad[3])[3] + errors.offset[3]
     )

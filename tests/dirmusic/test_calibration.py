@@ -1,4 +1,4 @@
-"""Turns on the spot: what they take out of the manifold error, and what they say is left."""
+"""Calibration by turning on the spot removes the manifold error and states what remains."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ BOTH = ElementSpread(gain=STD, offset=STD)
 
 
 def draw_array(kind: str, rng: np.random.Generator) -> GainManifold:
-    """An array with uniform errors: not the normal ones that the calibration assumes."""
+    """Draw an array with uniform errors, where the calibration assumes normal ones."""
     error, none = rng.uniform(-HALF_WIDTH, HALF_WIDTH, 6), np.zeros(6)
     given = (error, none) if kind == "factor" else (none, error)
     return ElementErrors(gain=given[0], pointing_rad=none, offset=given[1]).correct(RING)
@@ -25,7 +25,7 @@ def draw_array(kind: str, rng: np.random.Generator) -> GainManifold:
 def turn_on_the_spot(
     true: GainManifold, azimuth_rad: float, n_pulses: int, rng: np.random.Generator, turn_std_rad: float = 0.0
 ) -> np.ndarray:
-    """Strengths (4, n_pulses, 6) of one source at 0 dB that fluctuates, in unit noise."""
+    """Draw strengths (4, n_pulses, 6) of one source at 0 dB in unit noise."""
     heading = np.concatenate([[0.0], np.cumsum(QUARTERS + rng.normal(0.0, turn_std_rad, 3))])
     amplitude = np.sqrt(energy_to_noise(0.0))
     clean = amplitude * true.gain(azimuth_rad - heading).T[:, np.newaxis, :]
@@ -38,12 +38,10 @@ def rms_deg(errors: list[float]) -> float:
 
 @pytest.mark.parametrize("kind", ["factor", "offset"])
 @pytest.mark.parametrize(("turn_std_deg", "most_deg"), [(0.0, 0.35), (0.2, 0.5)])
-@pytest.mark.parametrize("told", ["which kind", "only that there are errors"])
-def test_four_quarter_turns_take_the_manifold_error_away(
-    kind: str, turn_std_deg: float, most_deg: float, told: str
-) -> None:
+@pytest.mark.parametrize("prior", ["of the kind", "of both kinds"])
+def test_four_quarter_turns_remove_manifold_error(kind: str, turn_std_deg: float, most_deg: float, prior: str) -> None:
     rng = np.random.default_rng(1)
-    spread = SPREADS[kind] if told == "which kind" else BOTH
+    spread = SPREADS[kind] if prior == "of the kind" else BOTH
     turn_std = np.radians(turn_std_deg)
     source, fresh, before, normalised, remaining = [], [], [], [], []
     for _ in range(120):
@@ -64,7 +62,7 @@ def test_four_quarter_turns_take_the_manifold_error_away(
     assert rms_deg(remaining) == pytest.approx(rms_deg(fresh), rel=0.3)
 
 
-def test_without_noise_and_without_errors_nothing_is_corrected() -> None:
+def test_calibration_of_nominal_array_is_zero() -> None:
     strengths = 100 * RING.gain(0.5 - np.concatenate([[0.0], np.cumsum(QUARTERS)])).T[:, np.newaxis]
     result = calibrate(strengths, QUARTERS, RING, BOTH, strength_variance=1e-4)
     assert result.azimuth_rad == pytest.approx(0.5, abs=1e-9)
@@ -72,7 +70,7 @@ def test_without_noise_and_without_errors_nothing_is_corrected() -> None:
         np.testing.assert_allclose(errors, 0.0, atol=1e-9)
 
 
-def test_pointing_errors_are_found_but_for_their_common_turn() -> None:
+def test_pointing_errors_are_found_up_to_a_rotation() -> None:
     rng = np.random.default_rng(2)
     spread = ElementSpread(pointing_rad=np.radians(2.0))
     pointing = rng.normal(0.0, spread.pointing_rad, 6)
@@ -83,12 +81,12 @@ def test_pointing_errors_are_found_but_for_their_common_turn() -> None:
     result = calibrate(strengths, turns, RING, spread, strength_variance=1.0)
     found = result.errors.pointing_rad
     np.testing.assert_allclose(found - found.mean(), pointing - pointing.mean(), atol=np.radians(0.1))
-    left = np.degrees(spread.pointing_rad / np.sqrt(6))  # no turning on the spot shows what all elements share
+    left = np.degrees(spread.pointing_rad / np.sqrt(6))  # a rotation of the whole array cannot be observed
     assert np.degrees(result.std_rad) == pytest.approx(left, rel=0.05)
     assert np.degrees(result.remaining_rad) == pytest.approx(left, rel=0.05)
 
 
-def test_many_pulses_are_worth_more_than_one_and_their_order_does_not_matter() -> None:
+def test_more_pulses_reduce_deviation_in_any_order() -> None:
     rng = np.random.default_rng(3)
     true = draw_array("factor", rng)
     strengths = turn_on_the_spot(true, 1.0, 50, rng)
@@ -117,6 +115,6 @@ def silent_heading() -> np.ndarray:
         (np.ones((4, 1, 6)), np.array([0.1, np.inf, 0.1]), "finite"),
     ],
 )
-def test_turns_that_calibrate_nothing_are_refused(strengths: np.ndarray, turns: np.ndarray, told: str) -> None:
+def test_invalid_turns_are_refused(strengths: np.ndarray, turns: np.ndarray, told: str) -> None:
     with pytest.raises(ValueError, match=told):
         calibrate(strengths, turns, RING, BOTH, strength_variance=1.0)

@@ -36,7 +36,7 @@ def run(tmp_path: Path):
     return run
 
 
-def test_cache_is_private_and_leaves_the_setting_of_the_user(tmp_path: Path, run) -> None:  # noqa: ANN001
+def test_cache_is_private_and_keeps_numba_settings(tmp_path: Path, run) -> None:  # noqa: ANN001
     assert run(SMALL, "-W", "error", XDG_CACHE_HOME=str(tmp_path / "cache")).stdout == "2.0 unset\n"
     (folder,) = (tmp_path / "cache" / "pdpatrol").iterdir()
     assert list(folder.rglob("*.nbi"))
@@ -62,7 +62,7 @@ def test_change_in_another_file_is_compiled_anew(tmp_path: Path, run) -> None:  
     assert run(code).stdout == "3.0\n"
 
 
-def test_versions_beyond_the_newest_are_removed(tmp_path: Path, run) -> None:  # noqa: ANN001
+def test_old_versions_are_removed(tmp_path: Path, run) -> None:  # noqa: ANN001
     base = tmp_path / ".cache" / "pdpatrol"
     for number in range(9):
         (base / f"old-{number}").mkdir(parents=True)
@@ -73,7 +73,7 @@ def test_versions_beyond_the_newest_are_removed(tmp_path: Path, run) -> None:  #
     assert len(kept) == 4
 
 
-def test_cache_falls_back_to_a_private_temporary_folder_or_one_warning(tmp_path: Path, run) -> None:  # noqa: ANN001
+def test_cache_falls_back_to_temporary_folder_or_warning(tmp_path: Path, run) -> None:  # noqa: ANN001
     (tmp_path / "file").touch()
     denied = str(tmp_path / "file")
     assert run(SMALL, "-W", "error", XDG_CACHE_HOME=denied).stdout == "2.0 unset\n"

@@ -1,4 +1,4 @@
-"""Gain in space: the pattern itself in the plane, smooth above it, and what ignoring elevation costs."""
+"""Gain in space, and bearings of sources above the plane of the array."""
 
 import numpy as np
 import pytest
@@ -13,61 +13,25 @@ PATTERN = GaussianPattern()
 OFF = np.radians(np.arange(-179.5, 180.0, 1.0))
 
 
-def test_at_zero_elevation_it_is_the_pattern_and_its_slope() -> None:
+def test_gain_in_space_at_zero_elevation_is_pattern() -> None:
     level = gain_in_space(PATTERN, OFF, 0.0)
     np.testing.assert_allclose(level.gain, PATTERN(OFF), rtol=1e-12)
     np.testing.assert_allclose(level.by_azimuth, PATTERN.derivative(OFF), atol=1e-12)
 
 
-def test_straight_up_every_azimuth_hears_the_same() -> None:
-    # psi is a right angle and the roll a quarter turn: the mean of left and right
-    up = gain_in_space(PATTERN, OFF, np.pi / 2).gain
-    np.testing.assert_allclose(up, 0.5 * (PATTERN(np.pi / 2) + PATTERN(-np.pi / 2)), rtol=1e-12)
-
-
-def test_on_the_boresight_it_is_the_peak_and_above_and_below_are_alike() -> None:
-    assert gain_in_space(PATTERN, 0.0, 0.0).gain == pytest.approx(float(PATTERN(0.0)))
-    np.testing.assert_allclose(gain_in_space(PATTERN, OFF, 0.4).gain, gain_in_space(PATTERN, OFF, -0.4).gain)
-
-
 @given(st.floats(-3.0, 3.0), st.floats(-1.4, 1.4), st.one_of(st.just(0.0), st.floats(-1.5, 1.5)))
-def test_it_is_the_law_in_angles_from_and_around_the_boresight(off: float, elevation: float, tilt: float) -> None:
+def test_gain_in_space_follows_law_of_angle_and_roll(off: float, elevation: float, tilt: float) -> None:
     direction = np.array([np.cos(elevation) * np.cos(off), np.cos(elevation) * np.sin(off), np.sin(elevation)])
     from_level = np.array([[np.cos(tilt), 0, np.sin(tilt)], [0, 1, 0], [-np.sin(tilt), 0, np.cos(tilt)]])
-    ahead, left, up = from_level @ direction  # an element that is tilted is a level one that was turned about its left
+    ahead, left, up = from_level @ direction  # rotate about the axis to the left
     psi = np.arccos(np.clip(ahead, -1, 1))
     roll = np.arctan2(up, left)
     law = np.cos(roll / 2) ** 2 * PATTERN(psi) + np.sin(roll / 2) ** 2 * PATTERN(-psi)
     assert gain_in_space(PATTERN, off, elevation, tilt).gain == pytest.approx(float(law), abs=1e-6)
 
 
-@pytest.mark.parametrize("tilt", [-1.2, 0.3, 0.8])
-def test_above_and_below_change_places_when_the_array_is_tilted_the_other_way(tilt: float) -> None:
-    for elevation in (0.0, 0.4, -1.1):
-        up, down = gain_in_space(PATTERN, OFF, elevation, tilt), gain_in_space(PATTERN, OFF, -elevation, -tilt)
-        np.testing.assert_allclose(up.gain, down.gain, rtol=1e-13)
-        np.testing.assert_allclose(up.by_azimuth, down.by_azimuth, atol=1e-12)
-        np.testing.assert_allclose(up.by_elevation, -down.by_elevation, atol=1e-12)
-
-
-def test_straight_ahead_a_tilt_is_an_elevation_less() -> None:
-    elevation = np.linspace(-1.2, 1.2, 25)
-    for tilt in (-0.3, 0.25):
-        tilted, level = gain_in_space(PATTERN, 0.0, elevation + tilt, tilt), gain_in_space(PATTERN, 0.0, elevation)
-        np.testing.assert_allclose(tilted.gain, level.gain, rtol=1e-12)
-        np.testing.assert_allclose(tilted.by_elevation, level.by_elevation, atol=1e-12)
-
-
-def test_an_element_that_points_straight_up_receives_alike_from_all_azimuths_but_for_its_roll() -> None:
-    """Seen from above it, azimuth is roll: the gain is that of one angle, mixed as the roll says."""
-    elevation = 0.6
-    psi, roll = np.pi / 2 - elevation, np.arctan2(-np.cos(OFF), np.sin(OFF))
-    law = np.cos(roll / 2) ** 2 * PATTERN(psi) + np.sin(roll / 2) ** 2 * PATTERN(-psi)
-    np.testing.assert_allclose(gain_in_space(PATTERN, OFF, elevation, np.pi / 2).gain, law, rtol=1e-12)
-
-
 @pytest.mark.parametrize("elevation_deg", [0.0, 20.0])
-def test_the_manifold_of_a_tilted_ring_is_the_gain_in_space_and_rolls_with_its_elements(elevation_deg: float) -> None:
+def test_manifold_of_tilted_ring_is_gain_in_space(elevation_deg: float) -> None:
     ring, tilt, elevation = GainManifold.ring(6), np.radians(25.0), float(np.radians(elevation_deg))
     tilted = GainManifold(PATTERN, ring.boresights_rad, boresight_elevations_rad=np.full(6, tilt))
     at = tilted.at_elevation(elevation)
@@ -82,7 +46,7 @@ def test_the_manifold_of_a_tilted_ring_is_the_gain_in_space_and_rolls_with_its_e
     np.testing.assert_array_equal(in_space.gain, by_formula.gain.T)
 
 
-def test_without_noise_a_tilted_array_finds_every_azimuth_of_sources_at_the_elevation_it_was_told() -> None:
+def test_tilted_array_is_exact_at_known_elevation() -> None:
     tilts = np.radians([30.0, -20.0, 10.0, 45.0, 0.0, 30.0])
     array = GainManifold(PATTERN, GainManifold.ring(6).boresights_rad, boresight_elevations_rad=tilts)
     for elevation in (0.0, 0.4):
@@ -93,17 +57,9 @@ def test_without_noise_a_tilted_array_finds_every_azimuth_of_sources_at_the_elev
         assert error.max() < 0.5
 
 
-def test_an_array_that_takes_its_tilt_for_level_is_wrong_by_degrees() -> None:
-    tilts = np.radians([40.0, 0.0, 40.0, 0.0, 40.0, 0.0])
-    ring = GainManifold.ring(6)
-    tilted = GainManifold(PATTERN, ring.boresights_rad, boresight_elevations_rad=tilts)
-    found = estimate_bearings(tilted.gain(OFF).T[:, np.newaxis], ring).azimuth_rad
-    assert np.degrees(np.sqrt(np.mean(np.square(difference(found, OFF))))) > 2.0
-
-
 @pytest.mark.parametrize("tilt", [0.0, -1.5, -0.3, 0.2, 0.7, np.pi / 2])
 @pytest.mark.parametrize("elevation", [-0.9, -0.2, 0.05, 0.5, 1.2])
-def test_slopes_are_differences(elevation: float, tilt: float) -> None:
+def test_slopes_in_space_match_differences(elevation: float, tilt: float) -> None:
     off = OFF[np.abs(np.abs(np.degrees(OFF)) - 153.0) > 12.0]  # eq. (1) has a kink where its angle passes 0/360
     ahead = np.cos(tilt) * np.cos(elevation) * np.cos(off) + np.sin(tilt) * np.sin(elevation)
     off = off[np.abs(np.degrees(np.arccos(ahead)) - 153.0) > 0.5]
@@ -116,7 +72,7 @@ def test_slopes_are_differences(elevation: float, tilt: float) -> None:
 
 
 @pytest.mark.parametrize(("elevation_deg", "bias_deg"), [(5, 0.04), (10, 0.16), (20, 0.69), (30, 1.6), (45, 3.6)])
-def test_ignoring_elevation_biases_the_azimuth_as_published(elevation_deg: float, bias_deg: float) -> None:
+def test_ignored_elevation_biases_azimuth_as_published(elevation_deg: float, bias_deg: float) -> None:
     # locating-notes.md: .04 / .16 / .69 / 1.6 / 3.6 deg rms at 5 / 10 / 20 / 30 / 45 deg of elevation
     ring = GainManifold.ring(6)
     azimuth = OFF
@@ -124,5 +80,5 @@ def test_ignoring_elevation_biases_the_azimuth_as_published(elevation_deg: float
     in_plane = estimate_bearings(gain[:, np.newaxis], ring).azimuth_rad
     bias = np.degrees(np.sqrt(np.mean(np.square(difference(in_plane, azimuth)))))
     assert bias == pytest.approx(bias_deg, rel=0.15)
-    told = estimate_bearings(gain[:, np.newaxis], ring.at_elevation(np.radians(elevation_deg))).azimuth_rad
-    assert np.degrees(np.abs(difference(told, azimuth))).max() < 0.01
+    known = estimate_bearings(gain[:, np.newaxis], ring.at_elevation(np.radians(elevation_deg))).azimuth_rad
+    assert np.degrees(np.abs(difference(known, azimuth))).max() < 0.01

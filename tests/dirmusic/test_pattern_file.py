@@ -1,4 +1,4 @@
-"""Patterns from files: round trips, dialects, and every way in which a file can be wrong."""
+"""Pattern files: round trips, formats and errors."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ SMOOTH = np.abs(np.abs(np.degrees(OFF) - 153.0)) > 4.0  # eq. (1) has a step the
 
 
 @pytest.mark.parametrize(("name", "most"), [("p.csv", 1e-9), ("p.msi", 2e-5), ("p.PLN", 2e-5)])
-def test_a_pattern_written_and_read_again_is_the_same_on_its_nodes(tmp_path: Path, name: str, most: float) -> None:
+def test_written_pattern_reads_back_equal(tmp_path: Path, name: str, most: float) -> None:
     pattern = TabulatedPattern(np.radians(np.arange(360)), GaussianPattern()(np.radians(np.arange(360))))
     write_pattern(pattern, tmp_path / name)
     again = read_pattern(tmp_path / name)
@@ -30,7 +30,7 @@ def test_a_pattern_written_and_read_again_is_the_same_on_its_nodes(tmp_path: Pat
 
 
 @pytest.mark.parametrize("name", ["p.csv", "p.msi"])
-def test_a_pattern_from_a_file_points_to_the_same_side_and_gives_the_same_bearings(tmp_path: Path, name: str) -> None:
+def test_pattern_from_file_is_not_mirrored(tmp_path: Path, name: str) -> None:
     # eq. (1) is not symmetric: a file read mirrored would be off by degrees
     write_pattern(GaussianPattern(), tmp_path / name)
     pattern = read_pattern(tmp_path / name)
@@ -44,7 +44,7 @@ def test_a_pattern_from_a_file_points_to_the_same_side_and_gives_the_same_bearin
 
 
 @pytest.mark.parametrize("name", ["p.csv", "p.msi", None])
-def test_slopes_of_all_patterns_are_their_differences(tmp_path: Path, name: str | None) -> None:
+def test_pattern_slopes_match_differences(tmp_path: Path, name: str | None) -> None:
     pattern = GaussianPattern()
     if name:
         write_pattern(pattern, tmp_path / name)
@@ -64,7 +64,7 @@ def write(path: Path, rows: list[tuple[float, float]], header: str = "angle_deg,
     return path
 
 
-def test_decibels_comments_and_a_closing_row_are_understood(tmp_path: Path) -> None:
+def test_decibels_comments_and_closing_row_are_read(tmp_path: Path) -> None:
     rows = table()
     plain = read_pattern(write(tmp_path / "plain.csv", rows))
     closed = [*rows, (180.0, rows[0][1])]
@@ -100,7 +100,7 @@ def broken(rows: list[tuple[float, float]], at: int, row: tuple[float, float]) -
         (table()[:3], "n >= 4"),
     ],
 )
-def test_a_wrong_row_is_named_by_file_and_line(tmp_path: Path, rows: list[tuple[float, float]], told: str) -> None:
+def test_invalid_row_is_named_by_file_and_line(tmp_path: Path, rows: list[tuple[float, float]], told: str) -> None:
     with pytest.raises(InputFileError, match=told) as refused:
         read_pattern(write(tmp_path / "wrong.csv", rows))
     assert all("wrong.csv: " in fault for fault in refused.value.faults)
@@ -139,14 +139,14 @@ def test_a_wrong_row_is_named_by_file_and_line(tmp_path: Path, rows: list[tuple[
         ),
     ],
 )
-def test_a_file_that_is_no_pattern_says_why(tmp_path: Path, name: str, data: bytes | None, told: str) -> None:
+def test_invalid_pattern_file_is_refused_with_reason(tmp_path: Path, name: str, data: bytes | None, told: str) -> None:
     if data is not None:
         (tmp_path / name).write_bytes(data)
     with pytest.raises(InputFileError, match=told):
         read_pattern(tmp_path / name)
 
 
-def test_a_flat_pattern_tells_no_direction(tmp_path: Path) -> None:
+def test_flat_pattern_is_refused(tmp_path: Path) -> None:
     flat = read_pattern(write(tmp_path / "flat.csv", [(a, 1.0) for a, _ in table()]))
     with pytest.raises(ValueError, match="flat"):
         GainManifold.ring(6, flat)

@@ -1,4 +1,4 @@
-"""Pseudo-spectra: their peaks, and how many sources they hold."""
+"""Pseudo-spectra, their peaks, and the number of sources."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ GRID = np.radians(np.arange(360.0))
 
 
 def two_sources(n: int, apart_rad: float, snr_db: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """True azimuths (n, 2) and covariances of full records with one pulse from each, at different times."""
+    """Draw true azimuths (n, 2) and covariances of full records with one pulse from each at different times."""
     rng = np.random.default_rng(seed)
     first = rng.uniform(-np.pi, np.pi, n)
     azimuth = np.stack([first, first + apart_rad], axis=-1)
@@ -33,7 +33,7 @@ def two_sources(n: int, apart_rad: float, snr_db: float, seed: int) -> tuple[np.
     return azimuth, draw_covariances(signal, 10_000, rng)
 
 
-def test_two_sources_forty_degrees_apart_are_counted_and_told_apart() -> None:
+def test_two_sources_40_degrees_apart_are_resolved() -> None:
     azimuth, covariance = two_sources(3600, np.radians(40.0), 0.0, seed=10)
     assert np.mean(source_count(covariance, 10_000) == 2) >= 0.99
     peaks = spectrum_peaks(pseudo_spectrum(covariance, RING.gain(GRID), n_sources=2), GRID, 2)
@@ -43,7 +43,7 @@ def test_two_sources_forty_degrees_apart_are_counted_and_told_apart() -> None:
 
 
 @pytest.mark.parametrize("snr_db", [10, 0, -10, -15])
-def test_one_source_is_counted_as_one_and_none_as_none(snr_db: int) -> None:
+def test_source_count_of_one_and_of_none(snr_db: int) -> None:
     rng = np.random.default_rng(snr_db + 70)
     n = 3600
     signal = np.sqrt(rho(snr_db)) * RING.gain(rng.uniform(-np.pi, np.pi, n)).T
@@ -52,7 +52,7 @@ def test_one_source_is_counted_as_one_and_none_as_none(snr_db: int) -> None:
     assert np.mean(source_count(wishart(n, 6, 10_000, rng) / 10_000, 10_000) == 0) >= 0.99
 
 
-def test_pulse_by_pulse_bearings_have_no_limit_of_resolution() -> None:
+def test_separate_pulses_have_no_limit_of_resolution() -> None:
     rng = np.random.default_rng(11)
     azimuth = np.tile(np.radians([20.0, 24.0]), 200)
     strengths = np.abs(np.sqrt(rho(10)) * RING.gain(azimuth).T + rng.standard_normal((400, 6)))
@@ -61,19 +61,19 @@ def test_pulse_by_pulse_bearings_have_no_limit_of_resolution() -> None:
         assert np.degrees(bearings[k::2].mean()) == pytest.approx(true, abs=0.05)
 
 
-def test_fewer_peaks_than_wanted_are_filled_up_with_nan() -> None:
+def test_missing_peaks_are_nan() -> None:
     covariance = sample_covariance(RING.gain(GRID[[40]]))
     peaks = spectrum_peaks(pseudo_spectrum(covariance, RING.gain(GRID)), GRID, 4)
     assert np.degrees(peaks[0]) == pytest.approx(40.0, abs=0.01)
     assert np.isnan(peaks[-1])
 
 
-def test_a_spectrum_over_half_a_circle_has_no_peaks_to_give() -> None:
+def test_spectrum_over_half_a_turn_is_refused() -> None:
     with pytest.raises(ValueError, match="over one turn"):
         spectrum_peaks(np.ones(180), GRID[:180], 1)
 
 
-def test_the_peak_of_the_printed_spectrum_and_the_estimate_agree_for_six_elements() -> None:
+def test_printed_peak_agrees_with_estimate_for_six_elements() -> None:
     # facts.md: the norm of the gain is flat to 0.03 dB for six elements, so normalising moves no peak by a step
     strengths = np.abs(30 * RING.gain(GRID[::7]).T + np.random.default_rng(12).standard_normal((52, 6)))
     printed = pseudo_spectrum(strengths[:, :, np.newaxis] * strengths[:, np.newaxis], RING.gain(GRID)).argmax(axis=-1)
@@ -81,7 +81,7 @@ def test_the_peak_of_the_printed_spectrum_and_the_estimate_agree_for_six_element
     assert np.degrees(np.abs(difference(GRID[printed], refined))).max() < 0.9
 
 
-def test_a_peak_between_grid_angles_is_refined_by_a_parabola() -> None:
+def test_peak_between_grid_angles_is_refined() -> None:
     true_deg = np.array([10.3, 77.8, 200.45])
     gain = RING.gain(np.radians(true_deg)).T
     covariance = gain[:, :, np.newaxis] * gain[:, np.newaxis, :]

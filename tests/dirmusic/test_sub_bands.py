@@ -23,22 +23,22 @@ def beam(sharpness: float) -> GainPattern:
 
 
 def ring(sharpness: list[float]) -> ArrayModel:
-    """A ring whose beams are the sharper the higher the half sub-band; one manifold for all in the middle."""
+    """Make a ring with one sharpness of the beams for each half sub-band, and the mean sharpness for the full band."""
     manifolds = tuple(GainManifold.ring(6, beam(each)) for each in sharpness)
     middle = GainManifold.ring(6, beam(float(np.mean(sharpness))))
     return ArrayModel(manifold=middle, positions_m=np.zeros((6, 3)), spread=ElementSpread(), band_manifolds=manifolds)
 
 
-def test_energies_of_all_bands_up_to_half_the_rate_add_up_to_that_of_the_gate() -> None:
+def test_band_energies_sum_to_gate_energy() -> None:
     bands = SubBands(np.linspace(0.0, 0.5 * RATE_HZ, 9), RATE_HZ, N)
     gate = np.random.default_rng(0).normal(size=(5, 3, N))
     energy = np.square(bands.strengths(gate, np.zeros(3)))
     np.testing.assert_allclose(energy.sum(axis=-2), np.square(gate).sum(axis=-1), rtol=0.02)
 
 
-@pytest.mark.parametrize("of_noise", [None, 0.6])
-def test_mean_and_variance_of_the_energies_of_noise_are_as_said(of_noise: float | None) -> None:
-    correlation = None if of_noise is None else np.power(of_noise, np.arange(N), dtype=np.float64)
+@pytest.mark.parametrize("noise_correlation", [None, 0.6])
+def test_noise_energies_have_stated_mean_and_variance(noise_correlation: float | None) -> None:
+    correlation = None if noise_correlation is None else np.power(noise_correlation, np.arange(N), dtype=np.float64)
     bands = SubBands(EDGES_HZ, RATE_HZ, N, correlation)
     covariance = np.eye(N) if correlation is None else toeplitz(correlation)
     drawn = np.linalg.cholesky(covariance) @ np.random.default_rng(1).normal(size=(N, 20_000))
@@ -48,17 +48,17 @@ def test_mean_and_variance_of_the_energies_of_noise_are_as_said(of_noise: float 
     np.testing.assert_allclose(energy.var(axis=1), 2 * bands.energy_spread, rtol=0.08)
 
 
-def test_the_variance_of_the_strengths_of_a_pulse_is_as_said() -> None:
+def test_band_strengths_have_stated_variance() -> None:
     bands, rng = SubBands(EDGES_HZ, RATE_HZ, N), np.random.default_rng(2)
     time_s = np.arange(N) / RATE_HZ
     pulse = 30.0 * np.exp(-(((time_s - 3e-9) / 0.5e-9) ** 2)) * np.sin(2 * np.pi * 1.75e9 * time_s)
     strengths = bands.strengths(pulse + rng.normal(size=(20_000, 1, N)), np.ones(1))[..., 0]
-    said = bands.variance(strengths.mean(axis=0)[:, np.newaxis], np.ones(1), bands.noise_on(pulse))[:, 0]
-    np.testing.assert_allclose(strengths.var(axis=0), said, rtol=0.06)
+    stated = bands.variance(strengths.mean(axis=0)[:, np.newaxis], np.ones(1), bands.noise_on(pulse))[:, 0]
+    np.testing.assert_allclose(strengths.var(axis=0), stated, rtol=0.06)
 
 
 def strengths_of(array: ArrayModel, azimuth_rad: FloatArray, spectrum: list[float]) -> FloatArray:
-    """What sources with powers (2 n_bands,) in the half sub-bands make, shape (n, n_bands, n_elements)."""
+    """Compute strengths (n, n_bands, n_elements) for powers (2 n_bands,) in the half sub-bands."""
     gains = [manifold.gain(azimuth_rad).T for manifold in array.band_manifolds]
     power = [of_half * np.square(gain) for of_half, gain in zip(spectrum, gains, strict=True)]
     return np.sqrt(np.stack([low + high for low, high in zip(power[::2], power[1::2], strict=True)], axis=1))
@@ -69,7 +69,7 @@ def strengths_of(array: ArrayModel, azimuth_rad: FloatArray, spectrum: list[floa
     [[1.0] * 6, [1.0, 1.2, 1.5, 1.8, 2.2, 2.7], [4.0, 3.3, 2.6, 2.0, 1.6, 1.3]],
     ids=["flat", "rises", "falls"],
 )
-def test_without_noise_bearings_hold_for_any_smooth_spectrum_and_those_of_one_manifold_do_not(
+def test_sub_bands_are_exact_for_any_smooth_spectrum(
     spectrum: list[float],
 ) -> None:
     array = ring([0.6, 0.8, 1.0, 1.2, 1.4, 1.6])
@@ -87,7 +87,7 @@ def test_without_noise_bearings_hold_for_any_smooth_spectrum_and_those_of_one_ma
     assert errors["maximum_likelihood"] > 4 * errors["sub_bands"]
 
 
-def test_deviations_hold_and_meet_the_bound() -> None:
+def test_sub_bands_reach_bound_with_stated_deviation() -> None:
     array, rng = ring([0.6, 0.8, 1.0, 1.2, 1.4, 1.6]), np.random.default_rng(4)
     azimuth = rng.uniform(-np.pi, np.pi, 4000)
     bands = 40.0 * strengths_of(array, azimuth, [1.0] * 6)
@@ -112,7 +112,7 @@ def _mean(pair: tuple[GainManifold, ...]) -> GainPattern:
     return TabulatedPattern(OFF, np.sqrt(np.mean([np.square(each.pattern(OFF)) for each in pair], axis=0)))
 
 
-def test_the_bound_of_one_band_is_the_usual_one() -> None:
+def test_bound_of_one_band_is_bearing_bound() -> None:
     manifold, azimuth = GainManifold.ring(6), np.linspace(-3.0, 3.0, 7)
     of_one = bearing_bound_in_bands([manifold], azimuth, np.array([[50.0]]))
     np.testing.assert_allclose(of_one, bearing_bound(manifold, azimuth, 50.0))
@@ -124,11 +124,11 @@ def test_halves_divide_each_sub_band() -> None:
     assert halves([1.0, 2.0, 4.0]) == [(1.0, 1.5), (1.5, 2.0), (2.0, 3.0), (3.0, 4.0)]
 
 
-def test_channels_left_out_are_left_out_of_all_sub_bands() -> None:
+def test_faulty_channel_is_left_out_of_all_sub_bands() -> None:
     array = ring([0.6, 0.8, 1.0, 1.2])
     azimuth = np.random.default_rng(5).uniform(-np.pi, np.pi, 50)
     bands = strengths_of(array, azimuth, [1.0] * 4)
-    bands[:, :, 2] = 7.0  # a channel at fault
+    bands[:, :, 2] = 7.0  # a faulty channel
     pulses = PulseBatch.detected(
         np.zeros(50), bands[:, 0], bands[:, 0] * 0 + 1e-12, band_strengths_v=bands, band_variance_v2=bands * 0 + 1e-12
     )
@@ -137,7 +137,7 @@ def test_channels_left_out_are_left_out_of_all_sub_bands() -> None:
     assert np.degrees(np.abs(difference(found.azimuth_rad, azimuth))).max() < 0.05
 
 
-def test_a_pulse_without_any_strength_has_no_direction() -> None:
+def test_sub_bands_without_strength_have_no_direction() -> None:
     array = ring([0.6, 0.8])
     nothing = np.zeros((1, 1, 6))
     pulses = PulseBatch.detected(

@@ -22,11 +22,11 @@ README = (FOLDER / "README.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("file", ["yard.toml", "helix.csv", "helix_measured.csv"])
-def test_each_file_has_at_most_sixty_lines(file: str) -> None:
+def test_files_have_at_most_60_lines(file: str) -> None:
     assert len((FOLDER / file).read_text(encoding="utf-8").splitlines()) <= 60
 
 
-def test_the_commands_of_the_readme_work_and_the_discharge_is_found(tmp_path: Path) -> None:
+def test_commands_of_readme_find_the_discharge(tmp_path: Path) -> None:
     commands = re.findall(r"^uv run pdpatrol (.*)$", README, flags=re.MULTILINE)
     assert len(commands) == 2
     (tmp_path / "examples").symlink_to(ROOT / "examples")
@@ -39,7 +39,7 @@ def test_the_commands_of_the_readme_work_and_the_discharge_is_found(tmp_path: Pa
     assert report["collisions"] == 0
 
 
-def test_the_measured_beam_is_wider_than_that_of_the_data_sheet_by_a_twelfth() -> None:
+def test_measured_beam_is_wider_than_data_sheet() -> None:
     widths_deg = [np.degrees(half_power_width(FOLDER / name)) for name in ("helix.csv", "helix_measured.csv")]
     assert widths_deg[1] / widths_deg[0] == pytest.approx(13 / 12, abs=0.02)
 
@@ -53,7 +53,7 @@ def half_power_width(path: Path) -> float:
 
 
 @pytest.mark.slow
-def test_positions_are_off_by_more_where_the_data_sheet_is_wrong() -> None:
+def test_wrong_data_sheet_increases_position_error() -> None:
     scenario = load_scenario(FOLDER / "yard.toml")
     array = scenario.model_dump() | {"array": scenario.array.model_dump() | {"true_pattern": None}}
     as_in_data_sheet = Scenario.model_validate(array)

@@ -22,11 +22,11 @@ README = (FOLDER / "README.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("file", ["vector_sum.py", "yard.toml"])
-def test_each_file_has_at_most_sixty_lines(file: str) -> None:
+def test_files_have_at_most_60_lines(file: str) -> None:
     assert len((FOLDER / file).read_text(encoding="utf-8").splitlines()) <= 60
 
 
-def test_the_command_of_the_readme_finds_the_discharge(tmp_path: Path) -> None:
+def test_command_of_readme_finds_the_discharge(tmp_path: Path) -> None:
     (command,) = re.findall(r"^uv run pdpatrol (.*)$", README, flags=re.MULTILINE)
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     pdpatrol = str(Path(sys.executable).with_name("pdpatrol"))
@@ -37,7 +37,7 @@ def test_the_command_of_the_readme_finds_the_discharge(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("noise_v", [0.002, 0.01, 0.05])
-def test_its_deviation_is_honest(noise_v: float) -> None:
+def test_own_estimator_states_its_deviation(noise_v: float) -> None:
     method = load_scenario(FOLDER / "yard.toml").estimator.method
     array = ArrayModel(manifold=GainManifold.ring(6), positions_m=np.zeros((6, 3)), spread=ElementSpread())
     azimuth_rad = np.radians(np.arange(-179.5, 180.0, 0.5))
