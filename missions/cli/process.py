@@ -11,12 +11,13 @@ import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import NoReturn
+from types import FrameType
+from typing import NoReturn, TextIO
 
 FAILED, USAGE_ERROR = 1, 2
 """Exit statuses; after a signal it is 128 and the number of the signal."""
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+SIGNALS: tuple[int, ...] = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 EXTRAS = {
     "rerun": "viewer",
@@ -86,12 +87,13 @@ def deferred_signals() -> Iterator[list[int]]:
     """Collect the signals received in the block; only the second one interrupts it."""
     received: list[int] = []
 
-    def defer(number: int, frame: object) -> None:
+    def defer(number: int, frame: FrameType | None) -> None:
         received.append(number)
-        if len(received) > 1:
-            handlers[received[0]](received[0], frame)
+        handler = handlers[received[0]]
+        if len(received) > 1 and callable(handler):
+            handler(received[0], frame)
 
-    handlers: dict[int, object] = {number: signal.getsignal(number) for number in SIGNALS}
+    handlers = {number: signal.getsignal(number) for number in SIGNALS}
     for number, handler in handlers.items():
         if handler is not signal.SIG_IGN:
             signal.signal(number, defer)
@@ -123,7 +125,8 @@ def one_line(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
-def _streams() -> list[object]:
+def _streams() -> list[TextIO]:
+    """Return the output streams that are not closed."""
     return [stream for stream in (sys.stdout, sys.stderr) if stream]
 
 

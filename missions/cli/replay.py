@@ -58,9 +58,10 @@ def replay(
     if video is not None and sys.platform == "linux":
         os.environ.setdefault("MUJOCO_GL", "egl")  # renders without a screen; read when MuJoCo is imported
     if row:
-        folders = tuple(_run_again(folders[0], number) for number in row)
+        folders = tuple(_run_again(sweep, number) for number in row for sweep in folders)
     if video is not None:
-        _film(folders[-1], video, pace)
+        for folder in folders:
+            _film(folder, video, pace)
         if screenshot is None:
             return
     _show(folders, web, screenshot, at)

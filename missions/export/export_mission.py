@@ -86,7 +86,8 @@ def longitude_latitude(places_m: FloatArray, reference: GeoreferenceConfig) -> F
     east_m, north_m = np.cos(heading) * x + np.sin(heading) * y, np.cos(heading) * y - np.sin(heading) * x
     origin = f"+lat_0={reference.latitude_deg} +lon_0={reference.longitude_deg}"
     to_degrees = Transformer.from_crs(f"+proj=aeqd {origin} +ellps=WGS84", "EPSG:4326", always_xy=True)
-    return np.round(np.stack(to_degrees.transform(east_m, north_m), axis=-1), 8)  # 8 digits are a millimetre
+    degrees = np.stack(to_degrees.transform(east_m, north_m), axis=-1, dtype=np.float64)
+    return np.round(degrees, 8)  # to the millimetre
 
 
 FINDING_COLUMNS = (

@@ -221,7 +221,7 @@ def _finding_markers(row: Mapping[str, Any], header: Content) -> list[Content]:
     name["pose"]["position"] = _xyz(x, y, z + 0.5)
     name["text"] = f"{'finding' if state == 'confirmed' else 'candidate'} {number}"
     outline_m = outline95(row["position_m"][:2], row["covariance_m2"][:2, :2], OUTLINE_POINTS)
-    ellipse["points"] = [_xyz(*place_m, 0.05) for place_m in outline_m]
+    ellipse["points"] = [_xyz(x, y, 0.05) for x, y in outline_m]
     return markers
 
 

@@ -1,4 +1,4 @@
-"""CSV tables from outside: pyarrow splits them, and what is wrong is collected with file and line."""
+"""CSV tables of field data: pyarrow splits them into cells, and errors are collected with file and line."""
 
 from __future__ import annotations
 
@@ -67,8 +67,8 @@ class InputTable:
         """Return a column of numbers from `low` to `high`, with NaN and an error for every other cell."""
         cells = self.columns[name]
         if self.decimal_comma:
-            cells = pc.replace_substring(cells, ",", ".", max_replacements=1)
-        is_number = pc.match_substring_regex(cells, NUMBER).to_numpy(zero_copy_only=False)
+            cells = pc.replace_substring(cells, ",", ".", max_replacements=1)  # pyright: ignore
+        is_number = pc.match_substring_regex(cells, NUMBER).to_numpy(zero_copy_only=False)  # pyright: ignore
         values = np.where(is_number, cells.to_numpy(zero_copy_only=False), "nan").astype(np.float64)
         is_allowed = np.isfinite(values) & (values >= low) & (values <= high)
         expected = "a finite number" if math.isinf(high) else f"a number from {low:g} to {high:g}{unit}"
@@ -134,7 +134,7 @@ def _split(path: Path, lines: list[tuple[int, str]], delimiter: str) -> tuple[li
         errors.append(f"{path}: a quoted cell must end on the line on which it begins")
     if errors:
         raise InputFileError(errors[:MAX_ERRORS])
-    columns = [pc.utf8_trim_whitespace(column.combine_chunks()) for column in table.columns]
+    columns = [pc.utf8_trim_whitespace(column.combine_chunks()) for column in table.columns]  # pyright: ignore
     return [column[0].as_py() for column in columns], [column[1:] for column in columns]
 
 
