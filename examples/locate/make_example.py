@@ -2,8 +2,8 @@
 
     uv run python examples/locate/make_example.py
 
-The array is off its data sheet by 5 % in gain and 2 degrees in pointing, and the poses by 5 cm and half a degree, as in
-the shipped scenarios. Nothing stands in the way and nothing reflects.
+The array deviates from its data sheet by 5 % in gain and 2 degrees in pointing, and the poses by 5 cm and half a degree,
+as in the shipped scenarios. Nothing obstructs or reflects the pulses.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SEED = 20
 SOURCE = DischargeSource(
     name="bushing", position_m=np.array([14.0, 9.0, 1.9]), amplitude_v=0.27, pulse_rate_hz=6.0, n_shots=6
 )
-POSES = [  # x m, y m, yaw deg: past the source, then round it
+POSES = [  # x m, y m, yaw deg: past the source, then around it
     (4.0, 4.5, 0), (8.0, 4.5, 5), (10.0, 4.8, 10), (12.0, 5.2, 10), (14.0, 5.6, 20), (16.0, 6.4, 35),
     (17.4, 7.8, 60), (17.8, 9.6, 95), (17.0, 11.2, 130), (15.4, 12.2, 165), (11.6, 11.4, 215),
     (10.6, 9.8, 250), (10.6, 8.0, 280), (11.6, 6.6, 320),
@@ -41,7 +41,7 @@ def main() -> None:
     array = HelicalArray.draw(ArrayConfig(), rng)
     config = ReceiverConfig(band_hz="all", gate_samples=240, pretrigger_samples=110, false_alarm_rate_hz=1e-3)
     senses = SensorParameters.of(PoseSensorConfig(), OdometryConfig(), BatteryConfig(), DWELL_S)
-    error, believed = np.full(3, np.nan), np.empty(3)
+    error, estimated = np.full(3, np.nan), np.empty(3)
     (HERE / "waveforms").mkdir(exist_ok=True)
     strength_rows: list[list[str]] = []
     waveform_rows: list[list[str]] = []
@@ -49,8 +49,8 @@ def main() -> None:
         pose = np.array([x, y, np.radians(yaw_deg)])
         world_from_array = level_transform(pose)
         detected = listen_once(config, array, Scene([SOURCE]), rng, world_from_array=world_from_array, duration_s=1.0)
-        add_pose_error(pose, error, senses.pose_kept, senses.pose_std, rng.standard_normal(3), believed)
-        place = [f"{DWELL_S * number:.1f}", *(f"{v:.3f}" for v in believed[:2]), f"{np.degrees(believed[2]):.2f}"]
+        add_pose_error(pose, error, senses.pose_kept, senses.pose_std, rng.standard_normal(3), estimated)
+        place = [f"{DWELL_S * number:.1f}", *(f"{v:.3f}" for v in estimated[:2]), f"{np.degrees(estimated[2]):.2f}"]
         counts = np.round(detected.waveforms_v / VOLTS_PER_COUNT).astype(np.int16)
         name = f"waveforms/stop_{number:02d}.npz"
         np.savez_compressed(
@@ -70,7 +70,7 @@ def main() -> None:
 
 
 def strengths_and_deviations(waveforms_v: np.ndarray, noise_v: float) -> list[list[str]]:
-    """Strengths of each pulse and their deviations, as text, in microvolts' precision."""
+    """Return strengths and standard deviations of each pulse as text, to the microvolt."""
     gate = cut_windows(waveforms_v, pulse_start(waveforms_v, GATE_SAMPLES), GATE_SAMPLES)
     strengths = pulse_strengths(gate, noise_v**2)
     deviations = np.sqrt(strength_variance(strengths, noise_v**2, GATE_SAMPLES))
@@ -78,7 +78,7 @@ def strengths_and_deviations(waveforms_v: np.ndarray, noise_v: float) -> list[li
 
 
 def write(path: Path, header: list[str], rows: list[list[str]]) -> None:
-    """A table with a header."""
+    """Write a table with a header."""
     with path.open("w", newline="", encoding="utf-8") as file:
         csv.writer(file, lineterminator="\n").writerows([header, *rows])
 
