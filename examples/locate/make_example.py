@@ -2,8 +2,8 @@
 
     uv run python examples/locate/make_example.py
 
-The array deviates from its data sheet by 5 % in gain and 2 degrees in pointing, and the poses by 5 cm and half a degree,
-as in the shipped scenarios. Nothing obstructs or reflects the pulses.
+The array deviates from its data sheet by 5 % in gain and 2 degrees in pointing, and the poses by 5 cm and half a
+degree, as in the shipped scenarios. Nothing obstructs or reflects the pulses.
 """
 
 from __future__ import annotations
