@@ -7,10 +7,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import BoundaryNorm
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Circle, Patch, Polygon
+from matplotlib.patches import Circle, Rectangle
 from matplotlib.ticker import MaxNLocator
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
@@ -19,8 +17,7 @@ from pdpatrol.missions.driving.site_map import CELL_M
 from pdpatrol.missions.planning.detectability import MARGIN_DB
 from pdpatrol.missions.planning.plan import Plan, PlannedSite
 
-TOUR_COLOUR, DOCK_COLOUR, BLIND_COLOUR = "#c2185b", "#1a237e", "#d50000"
-GROUND_COLOUR, EQUIPMENT_COLOUR = "#f2f2f2", "#37474f"
+TOUR_COLOUR, BLIND_COLOUR = "#c2185b", "#d50000"
 
 
 def sites_table(plan: Plan) -> Table:
@@ -120,19 +117,15 @@ def draw_plan(plan: Plan, path: Path) -> None:
     size_x, size_y = plan.site_map.yard.size_m
     figure = Figure(figsize=(0.27 * size_x + 2.2, 0.27 * size_y + 1.6), layout="constrained")  # inches
     axes = figure.subplots()
-    axes.set_facecolor(GROUND_COLOUR)
+    axes.set_facecolor("#f2f2f2")
     _draw_detectability(figure, axes, plan)
     _draw_equipment(axes, plan)
     _draw_tour(axes, plan)
-    _draw_sites(figure, axes, plan)
+    _draw_sites(axes, plan)
     axes.set(xlim=(-0.3, size_x + 0.3), ylim=(-0.3, size_y + 0.3), xlabel="east (m)", ylabel="north (m)")
     axes.set_aspect("equal")
-    n_detectable = len(plan.sites) - len(plan.blind)
-    axes.set_title(
-        f"{plan.scenario.name}: {n_detectable} of {len(plan.sites)} sites detectable at {plan.amplitude_v:g} V; "
-        f"{len(plan.stops_m)} stops, {plan.length_m:.0f} m, about {plan.driving_s:.0f} s",
-        fontsize=11,
-    )
+    axes.set_title(f"{plan.scenario.name}, {plan.amplitude_v:g} V: {summary(plan)}", fontsize=11, wrap=True)
+    figure.legend(loc="outside lower center", ncols=4, fontsize=8)
     figure.savefig(path, dpi=110, format="png")
 
 
@@ -141,60 +134,41 @@ def _draw_detectability(figure: Figure, axes: Axes, plan: Plan) -> None:
     shape = tuple(round(size / CELL_M) for size in plan.site_map.yard.size_m)
     n_sites = np.full(shape[0] * shape[1], np.nan)
     n_sites[plan.detectability.cells] = plan.detectability.is_detectable.sum(axis=0)
-    most = int(np.nanmax(n_sites, initial=1.0))
-    edges = np.unique(np.round(np.linspace(0, most + 1, min(most + 2, 13)))) - 0.5
-    image = axes.imshow(
-        n_sites.reshape(shape).T,
-        origin="lower",
-        extent=(0.0, CELL_M * shape[0], 0.0, CELL_M * shape[1]),
-        cmap="YlGnBu",
-        norm=BoundaryNorm(edges.tolist(), 256),
-        alpha=0.85,
-        zorder=0,
-    )
+    extent = (0.0, CELL_M * shape[0], 0.0, CELL_M * shape[1])
+    image = axes.imshow(n_sites.reshape(shape).T, origin="lower", extent=extent, cmap="YlGnBu", alpha=0.85, zorder=0)
     bar = figure.colorbar(image, ax=axes, shrink=0.8, pad=0.015, ticks=MaxNLocator(8, integer=True))
-    bar.set_label(f"sites in sight within {plan.scenario.locating.rules().confirm_range_m:g} m")
+    bar.set_label(f"sites in sight within {plan.scenario.locating.rules().confirm_range_m:g} m; grey: out of reach")
 
 
 def _draw_equipment(axes: Axes, plan: Plan) -> None:
     solids = plan.site_map.yard.solids
-    style = {"facecolor": (*[0.55] * 3, 0.35), "edgecolor": EQUIPMENT_COLOUR, "linewidth": 0.8, "zorder": 1}
+    style = {"facecolor": (*[0.55] * 3, 0.35), "edgecolor": "#37474f", "linewidth": 0.8, "zorder": 1}
     for centre_m, yaw_rad, half_m, radius_m in zip(
         solids.centre_m, solids.yaw_rad, solids.half_size_m, solids.radius_m, strict=True
     ):
         if radius_m > 0.0:
             axes.add_patch(Circle((centre_m[0], centre_m[1]), radius_m, **style))
             continue
-        cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
-        corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * half_m
-        axes.add_patch(Polygon(centre_m + corners @ np.array([[cos, sin], [-sin, cos]]), closed=True, **style))
+        corner_m, yaw_deg = centre_m - half_m, float(np.degrees(yaw_rad))
+        width_m, height_m = 2.0 * half_m
+        axes.add_patch(Rectangle(corner_m, width_m, height_m, angle=yaw_deg, rotation_point="center", **style))
 
 
 def _draw_tour(axes: Axes, plan: Plan) -> None:
-    axes.plot(*plan.path_m.T, color=TOUR_COLOUR, linewidth=2.0, zorder=3)
+    axes.plot(*plan.path_m.T, color=TOUR_COLOUR, linewidth=2.0, zorder=3, label="tour, stops in order")
     for number, (x, y) in enumerate(plan.stops_m, start=1):
-        axes.plot(x, y, "o", color="white", markeredgecolor=TOUR_COLOUR, markeredgewidth=1.6, markersize=14, zorder=4)
-        axes.text(x, y, str(number), fontsize=8, ha="center", va="center_baseline", color=TOUR_COLOUR, zorder=5)
-    x, y = plan.scenario.route.dock_m
-    axes.plot(x, y, "s", color=DOCK_COLOUR, markeredgecolor="white", markersize=11, zorder=5)
+        circle = {"boxstyle": "circle", "facecolor": "white", "edgecolor": TOUR_COLOUR}
+        axes.text(x, y, str(number), fontsize=8, ha="center", va="center", color=TOUR_COLOUR, zorder=5, bbox=circle)
+    axes.plot(*plan.scenario.route.dock_m, "s", color="#1a237e", markersize=11, zorder=5, label="dock")
 
 
-def _draw_sites(figure: Figure, axes: Axes, plan: Plan) -> None:
-    """Draw all sites, with the names of those that are not detectable, and a legend below the picture."""
-    for site in plan.sites:
-        x, y = site.position_m[:2]
-        if site.detection is not None:
-            axes.plot(x, y, ".", color="black", markersize=4, zorder=6)
-            continue
-        axes.plot(x, y, "X", color=BLIND_COLOUR, markeredgecolor="white", markersize=12, zorder=7)
-        axes.annotate(site.name, (x, y), (6, 6), textcoords="offset points", fontsize=8, color=BLIND_COLOUR, zorder=7)
-    marks: list[Patch | Line2D] = [
-        Line2D([], [], color=TOUR_COLOUR, marker="o", markerfacecolor="white", label="tour, stops in order"),
-        Line2D([], [], color=DOCK_COLOUR, marker="s", linestyle="", label="dock"),
-        Line2D([], [], color="black", marker=".", linestyle="", label="site"),
-        Patch(facecolor=GROUND_COLOUR, edgecolor="grey", label="out of reach"),
-    ]
-    if plan.blind:
+def _draw_sites(axes: Axes, plan: Plan) -> None:
+    """Draw all sites, with the names of those that are not detectable."""
+    sites_m = np.array([site.position_m for site in plan.sites]).reshape(-1, 3)
+    is_blind = plan.detectability.is_blind
+    axes.plot(*sites_m[~is_blind, :2].T, ".", color="black", markersize=4, zorder=6, label="site")
+    if is_blind.any():
         label = "site that no reachable place detects"
-        marks.append(Line2D([], [], color=BLIND_COLOUR, marker="X", linestyle="", label=label))
-    figure.legend(handles=marks, loc="outside lower center", ncols=len(marks), fontsize=8)
+        axes.plot(*sites_m[is_blind, :2].T, "X", color=BLIND_COLOUR, markersize=12, zorder=7, label=label)
+    for name, position_m in zip(plan.blind, sites_m[is_blind], strict=True):
+        axes.annotate(name, position_m[:2], (6, 6), textcoords="offset points", fontsize=8, color=BLIND_COLOUR)

@@ -1,4 +1,4 @@
-"""What a mission costs beside its environment's own steps, and how the Locator's updates grow with what it holds."""
+"""Cost of a mission relative to its environment, and of Locator updates as pulses accumulate."""
 
 import statistics
 import time
@@ -22,14 +22,14 @@ pytestmark = pytest.mark.benchmark
 
 @contextmanager
 def timed(seconds: list[float]) -> Iterator[None]:
-    """Note the processor time that something takes."""
+    """Append the processor time of the block."""
     start = time.process_time()
     yield
     seconds.append(time.process_time() - start)
 
 
 def mission_over_steps(scenario: Scenario, seed: int) -> float:
-    """Processor time of a mission under `seek`, recording apart, over that of its environment's steps."""
+    """Return the processor time of a mission with `seek` over that of its environment's steps."""
     mission, in_env, whole = Mission(scenario, "seek", seed), list[float](), list[float]()
     take_step = mission.env.step
 
@@ -46,8 +46,8 @@ def mission_over_steps(scenario: Scenario, seed: int) -> float:
 @pytest.mark.parametrize(
     ("name", "most"), [("one_source", 3.5), ("two_sources", 3.5), ("random_yard", 3.5), ("switchyard", 6.0)]
 )
-def test_a_mission_costs_a_few_times_its_steps(name: str, most: float) -> None:
-    mission_over_steps(load_scenario("one_source"), 1)  # what is compiled is compiled
+def test_mission_costs_a_few_environment_steps(name: str, most: float) -> None:
+    mission_over_steps(load_scenario("one_source"), 1)  # compile
     ratios = []
     for seed in range(3):
         scenario = random_yard(seed, 5) if name == "random_yard" else load_scenario(name)
@@ -57,7 +57,7 @@ def test_a_mission_costs_a_few_times_its_steps(name: str, most: float) -> None:
 
 
 class Kept(LocatorProtocol):
-    """A Locator that keeps what it is given."""
+    """A Locator that records its input."""
 
     def __init__(self, locator: LocatorProtocol) -> None:
         self._locator = locator
@@ -79,8 +79,8 @@ class Kept(LocatorProtocol):
 
 
 @pytest.mark.parametrize("name", ["two_sources", "switchyard"])
-def test_an_update_with_ten_thousand_pulses_behind_it_takes_little_longer_than_with_one_thousand(name: str) -> None:
-    """The pulses of a mission, round after round."""
+def test_locator_update_time_grows_little_with_pulses(name: str) -> None:
+    """Repeat the pulses of a mission."""
     scenario = load_scenario(name)
     mission = Mission(scenario, "patrol", 5)
     array, rules = mission.env.simulation.array, scenario.locating.rules()

@@ -123,7 +123,7 @@ def test_on_the_command_line_a_late_fault_is_one_line_and_all_files_are_whole(tm
 
 
 @pytest.mark.whole
-def test_on_the_command_line_an_early_fault_is_one_line_and_status_two_and_nothing_is_written(tmp_path: Path) -> None:
+def test_run_with_invalid_locator_writes_nothing(tmp_path: Path) -> None:
     file = scenario_with(tmp_path, GOOD.replace("return found._replace", "return found.no_such"))
     command = [str(PDPATROL), "run", str(file), "--out", str(tmp_path / "out")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)

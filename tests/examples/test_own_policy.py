@@ -1,4 +1,4 @@
-"""The example of a policy of one's own: its command runs, and it is short."""
+"""The example of a user's policy."""
 
 import json
 import re
@@ -20,7 +20,7 @@ README = (FOLDER / "README.md").read_text(encoding="utf-8")
 PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 
 
-def test_the_command_of_the_readme_finds_the_discharge_and_brings_the_robot_home(tmp_path: Path) -> None:
+def test_readme_command_finds_the_discharge(tmp_path: Path) -> None:
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     command = re.findall(r"^uv run pdpatrol (.*)$", README, flags=re.MULTILINE)[0]
     done = subprocess.run([PDPATROL, *command.split()], cwd=tmp_path, capture_output=True, text=True, timeout=300)
@@ -33,7 +33,7 @@ def test_the_command_of_the_readme_finds_the_discharge_and_brings_the_robot_home
     assert report["waypoints"]["missed"] == []
 
 
-def test_the_policy_goes_round_what_it_found_after_the_fix_and_then_back_to_its_route() -> None:
+def test_policy_circles_finding_and_returns_to_route() -> None:
     log = run_mission(load_scenario("one_source"), f"{FOLDER}/my_policy.py:guarded", seed=1)
     phases, steps, states = log.column("step", "phase"), log.column("finding", "step"), log.column("finding", "state")
     fixed = steps[states == "confirmed"][0]
@@ -46,6 +46,6 @@ def test_the_policy_goes_round_what_it_found_after_the_fix_and_then_back_to_its_
     assert turned > np.pi
 
 
-def test_each_file_of_the_example_is_short() -> None:
+def test_example_is_short() -> None:
     for path in FOLDER.glob("*.py"):
         assert len(path.read_text(encoding="utf-8").splitlines()) <= 60, path.name

@@ -1,4 +1,4 @@
-"""What no plan shows is not touched and driven round; the robot gets away when stuck; courses are completed."""
+"""Driving among obstacles: safe speed, unmapped obstacles, backing off, and complete courses."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -39,7 +39,7 @@ OPEN_YARD = Scenario.model_validate(
 
 
 class Driven(NamedTuple):
-    """How a drive went: seconds, names touched, waypoints visited (from 0) and given up (from 1), phases, path."""
+    """Result of a drive; visited waypoints count from 0, unreachable ones from 1."""
 
     time_s: float
     touched: set[str]
@@ -51,7 +51,7 @@ class Driven(NamedTuple):
 
 
 def drive(scenario: Scenario, site_map: SiteMap, seed: int = 0, policy: ReportingPolicy | None = None) -> Driven:
-    """Drive until the policy is done, the robot docked, or the time over, without any locating."""
+    """Drive, without locating, until the policy is done, the robot has docked or the time is over."""
     env = PatrolEnv(scenario, terminate_on_approach=False, full_info=True)
     policy = policy or CollisionGuard(Patrol())
     observation, info = env.reset(seed=seed)
@@ -76,12 +76,12 @@ def with_equipment(scenario: Scenario, *pieces: dict[str, Any]) -> Scenario:
 
 
 def wall_at(x_m: float) -> np.ndarray:
-    """Ranges to a wall across the way ahead."""
+    """Return the lidar ranges to a wall across the path ahead."""
     with np.errstate(divide="ignore"):
         return np.where(np.cos(BEAMS_RAD) > 1e-9, np.minimum(x_m / np.cos(BEAMS_RAD), 12.0), 12.0)
 
 
-def test_the_way_is_free_as_far_as_the_wall_ahead_and_behind() -> None:
+def test_free_distance_ends_at_walls_ahead_and_behind() -> None:
     for x_m in (0.3, 0.4, 0.55):
         assert free_distance(wall_at(x_m), 0.8, 0.0, ROBOT) == pytest.approx(
             x_m - ROBOT.footprint_radius_m - 0.04, abs=0.03
@@ -93,7 +93,7 @@ def test_the_way_is_free_as_far_as_the_wall_ahead_and_behind() -> None:
         assert free_distance(NOTHING, v, 0.3, ROBOT) == pytest.approx(0.6)
 
 
-def test_a_turn_away_is_freer_and_a_turn_towards_less_free_than_straight_on() -> None:
+def test_free_distance_depends_on_turn() -> None:
     wall_on_the_left = np.roll(wall_at(0.3), LIDAR_BEAMS // 4)
     assert (
         free_distance(wall_on_the_left, 0.5, 0.0, ROBOT)
@@ -103,12 +103,12 @@ def test_a_turn_away_is_freer_and_a_turn_towards_less_free_than_straight_on() ->
     assert free_distance(wall_on_the_left, 0.5, 1.0, ROBOT) < 0.4
 
 
-def test_the_robot_may_leave_what_it_stands_against() -> None:
+def test_safe_speed_allows_driving_away_from_contact() -> None:
     assert safe_speed(wall_at(0.21), 0.8, 0.0, ROBOT) == 0.0
     assert safe_speed(wall_at(0.21), -0.8, 0.0, ROBOT) == -0.8
 
 
-def test_what_is_narrower_than_the_robot_stops_it_when_a_beam_meets_it() -> None:
+def test_safe_speed_stops_for_narrow_obstacles() -> None:
     for beam, blocks in ((0, True), (1, True), (2, True), (9, False), (18, False)):
         pole = NOTHING.copy()
         pole[beam] = 0.35
@@ -116,14 +116,14 @@ def test_what_is_narrower_than_the_robot_stops_it_when_a_beam_meets_it() -> None
 
 
 @pytest.mark.parametrize("x_m", [0.27, 0.3, 0.4, 0.5, 3.0])
-def test_a_robot_at_the_safe_speed_can_stop_in_time(x_m: float) -> None:
+def test_safe_speed_allows_stopping_in_time(x_m: float) -> None:
     v = safe_speed(wall_at(x_m), ROBOT.max_speed_mps, 0.0, ROBOT)
     stops_in_m = v * STEP_S + v**2 / (2 * ROBOT.max_acceleration_mps2)
     assert stops_in_m <= x_m - ROBOT.footprint_radius_m - STOP_M
     assert v == ROBOT.max_speed_mps or stops_in_m > x_m - ROBOT.footprint_radius_m - STOP_M - 0.07
 
 
-def test_a_robot_that_brakes_poorly_looks_twice_as_far_ahead_as_it_needs_to_stop() -> None:
+def test_lookahead_is_twice_the_stopping_distance() -> None:
     poor = replace(ROBOT, max_acceleration_mps2=0.5)
     assert lookahead_m(ROBOT)[-1] == pytest.approx(0.6)
     assert lookahead_m(poor)[-1] == pytest.approx(2.0 * (0.8 * STEP_S + 0.8**2 / (2 * 0.5)), abs=0.02)
@@ -131,7 +131,7 @@ def test_a_robot_that_brakes_poorly_looks_twice_as_far_ahead_as_it_needs_to_stop
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_whatever_a_policy_wishes_nothing_is_touched(seed: int) -> None:
+def test_guard_prevents_contacts_of_random_driving(seed: int) -> None:
     things = [
         {"shape": "box", "position_m": (4.0, 2.0), "footprint_m": (0.6, 1.2), "yaw_deg": 30.0},
         {"shape": "box", "position_m": (5.0, 7.5), "footprint_m": (2.0, 0.3)},
@@ -147,9 +147,9 @@ def test_whatever_a_policy_wishes_nothing_is_touched(seed: int) -> None:
     )
     scenario = with_equipment(small, *things)
     driven = drive(scenario, SiteMap(scenario), seed, CollisionGuard(Random(np.random.default_rng(seed))))
-    unheeding = drive(scenario, SiteMap(scenario), seed, Random(np.random.default_rng(seed)))
+    unguarded = drive(scenario, SiteMap(scenario), seed, Random(np.random.default_rng(seed)))
     assert driven.touched == set()
-    assert unheeding.touched
+    assert unguarded.touched
     assert np.ptp(driven.path_m, axis=0).max() > 2.0
 
 
@@ -161,7 +161,7 @@ def test_whatever_a_policy_wishes_nothing_is_touched(seed: int) -> None:
         pytest.param({"shape": "cylinder", "radius_m": 0.05}, id="pole"),
     ],
 )
-def test_an_obstacle_that_the_plan_does_not_show_is_driven_round_untouched(piece: dict[str, Any]) -> None:
+def test_unmapped_obstacle_is_driven_around(piece: dict[str, Any]) -> None:
     driven = drive(with_equipment(OPEN_YARD, {"position_m": (7.0, 5.0), **piece}), SiteMap(OPEN_YARD))
     assert driven.touched == set()
     assert driven.visited == (0,)
@@ -169,7 +169,7 @@ def test_an_obstacle_that_the_plan_does_not_show_is_driven_round_untouched(piece
     assert driven.time_s < 60.0
 
 
-def test_the_robot_comes_out_of_a_pocket_that_the_plan_does_not_show() -> None:
+def test_robot_leaves_unmapped_pocket() -> None:
     pocket = [
         {"shape": "box", "position_m": (9.0, 5.0), "footprint_m": (0.3, 3.3)},
         {"shape": "box", "position_m": (7.6, 6.5), "footprint_m": (2.8, 0.3)},
@@ -181,7 +181,7 @@ def test_the_robot_comes_out_of_a_pocket_that_the_plan_does_not_show() -> None:
     assert driven.is_docked
 
 
-def test_the_robot_gets_away_from_what_its_lidar_cannot_see_and_drives_round_it() -> None:
+def test_robot_backs_off_from_obstacle_below_lidar() -> None:
     sill = {"shape": "box", "position_m": (7.0, 5.0), "footprint_m": (0.3, 0.8), "height_m": 0.1}  # below the beams
     driven = drive(with_equipment(OPEN_YARD, sill), SiteMap(OPEN_YARD))
     assert "equipment/piece_0" in driven.touched
@@ -190,12 +190,12 @@ def test_the_robot_gets_away_from_what_its_lidar_cannot_see_and_drives_round_it(
     assert driven.is_docked
 
 
-def test_a_waypoint_under_an_obstacle_is_given_up_after_a_while_and_told_once() -> None:
+def test_blocked_waypoint_is_given_up() -> None:
     yard = OPEN_YARD.model_copy(
         update={"route": OPEN_YARD.route.model_copy(update={"waypoints_m": ((9.0, 5.0), (5.0, 8.0))})}
     )
     box = {"shape": "box", "position_m": (9.0, 5.0), "footprint_m": (2.0, 2.0)}
-    data = with_equipment(OPEN_YARD, box).model_copy(update={"route": yard.route})  # no scenario may be written so
+    data = with_equipment(OPEN_YARD, box).model_copy(update={"route": yard.route})  # not a valid scenario
     driven = drive(data, SiteMap(yard))
     assert driven.touched == set()
     assert driven.visited == (1,)
@@ -216,20 +216,20 @@ def complete(seed: int, robot: str = "inspector") -> None:
 
 
 @pytest.mark.parametrize(("seed", "robot"), [(15, "inspector"), (21, "inspector"), (47, "inspector"), (23, "crawler")])
-def test_an_obstacle_course_is_completed_without_touching_anything(seed: int, robot: str) -> None:
+def test_obstacle_course_is_completed_without_contact(seed: int, robot: str) -> None:
     complete(seed, robot)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("robot", ["inspector", "crawler"])
 @pytest.mark.parametrize("first", range(0, 50, 10))
-def test_fifty_obstacle_courses_are_completed_without_touching_anything(first: int, robot: str) -> None:
+def test_fifty_obstacle_courses_are_completed(first: int, robot: str) -> None:
     for seed in range(first, first + 10):
         complete(seed, robot)
 
 
 def strewn(scenario: Scenario, seed: int) -> Scenario:
-    """With four things on the way that the plan does not show, wide enough apart that there is a way round."""
+    """Add four unmapped pieces on the path, far enough apart to drive around them."""
     rng, site_map, n_mapped = np.random.default_rng([seed, 1]), SiteMap(scenario), len(scenario.yard.equipment)
     stops = np.array([scenario.route.dock_m, *scenario.route.waypoints_m, scenario.route.dock_m])
     way = np.concatenate([site_map.reach(a).path(site_map.cell(b)) for a, b in pairwise(stops)])
@@ -244,7 +244,7 @@ def strewn(scenario: Scenario, seed: int) -> Scenario:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("first", range(0, 50, 10))
-def test_fifty_courses_strewn_with_what_the_plan_does_not_show_are_completed_all_the_same(first: int) -> None:
+def test_fifty_courses_with_unmapped_obstacles_are_completed(first: int) -> None:
     for seed in range(first, first + 10):
         scenario = random_yard(seed, seed % 8)
         driven = drive(strewn(scenario, seed), SiteMap(scenario), seed)
@@ -253,7 +253,7 @@ def test_fifty_courses_strewn_with_what_the_plan_does_not_show_are_completed_all
 
 
 @pytest.mark.whole
-def test_there_is_a_way_to_every_waypoint_of_five_hundred_random_yards() -> None:
+def test_waypoints_of_500_random_yards_are_reachable() -> None:
     for seed in range(500):
         scenario = random_yard(seed, seed % 8)
         pose, site_map = np.array([*scenario.route.dock_m, 0.0]), SiteMap(scenario)
@@ -264,7 +264,7 @@ def test_there_is_a_way_to_every_waypoint_of_five_hundred_random_yards() -> None
 
 
 class Ahead:
-    """Full speed ahead, on whatever map."""
+    """Drives at full speed ahead."""
 
     phase, unreachable = Phase("ahead"), ()
 
@@ -277,10 +277,8 @@ class Ahead:
 
 
 @pytest.mark.parametrize(("left_mps", "is_bump"), [(0.05, True), (0.55, False)])
-def test_what_stops_the_robot_as_no_brake_does_goes_onto_the_map_and_the_robot_backs_off(
-    left_mps: float, is_bump: bool
-) -> None:
-    """An overhang is above what the lidar sees: speed tells. The motors brake by 0.3 m/s in a step at most."""
+def test_collision_is_mapped_and_backed_off_from(left_mps: float, is_bump: bool) -> None:
+    """An overhang is above the lidar's plane. The motors brake by at most 0.3 m/s in a step."""
     env, inner = PatrolEnv(OPEN_YARD, terminate_on_approach=False), Ahead()
     observation, site_map = env.reset(seed=0)[0], SiteMap(OPEN_YARD)
     guard = CollisionGuard(inner)

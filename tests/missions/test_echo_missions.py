@@ -1,4 +1,4 @@
-"""Missions among echoes: what is loud in some niche, far from the source, does not become a finding."""
+"""A mission with strong multipath."""
 
 import numpy as np
 
@@ -7,10 +7,10 @@ from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.runner import run_mission
 
 SEED, N_PIECES = 110012, 6
-"""A yard with a niche 18 m from the source that its echoes reach: they crossed within 0.1 m of one place there."""
+"""A yard in which echoes cross within 0.1 m of one place, 18 m from the source."""
 
 
-def test_echoes_that_cross_in_a_niche_are_not_confirmed_and_given_up_again_and_again() -> None:
+def test_crossing_echoes_are_not_confirmed_repeatedly() -> None:
     log = run_mission(random_yard(SEED, N_PIECES, has_planned_route=True), "active", seed=SEED)
     evaluation = make_report(log, 0.0).scores
     assert evaluation.false_findings == 0

@@ -1,4 +1,4 @@
-"""Paths keep clear of equipment, and following them keeps to them."""
+"""Paths on the site map and following them."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ from pdpatrol.missions.driving.site_map import MARGIN_M, SiteMap
 MAP = SiteMap(load_scenario("one_source"))
 
 
-def test_paths_go_round_equipment_with_room_for_the_robot() -> None:
+def test_paths_keep_clear_of_equipment() -> None:
     reach = MAP.reach(np.array([3.0, 3.0]))
     rng = np.random.default_rng(0)
     for cell in rng.choice(np.flatnonzero(MAP.is_free), 60):
@@ -27,23 +27,23 @@ def test_paths_go_round_equipment_with_room_for_the_robot() -> None:
         assert MAP.yard.clearance(between).min() >= MAP.robot.footprint_radius_m + 0.5 * MARGIN_M
 
 
-def test_no_way_is_shorter_than_the_straight_line() -> None:
+def test_no_path_is_shorter_than_the_straight_line() -> None:
     start = MAP.centres_m[MAP.cell((3.0, 3.0))]
     reach = MAP.reach(start)
     free = MAP.is_free & np.isfinite(reach.length_m)
     assert (reach.length_m[free] >= np.linalg.norm(MAP.centres_m[free] - start, axis=-1) - 1e-9).all()
 
 
-def test_equipment_hides_what_is_behind_it_and_not_what_stands_on_it() -> None:
+def test_equipment_hides_places_behind_it() -> None:
     tank = next(item for item in MAP.yard.equipment if item.name == "transformer_1")
     south, north = np.array([[12.0, 13.0]]), np.array([[12.0, 21.0]])
     assert not MAP.in_sight(north, np.array([12.0, 13.0, 0.9]), 0.0)[0]
-    surface = np.array([12.0, tank.position_m[1] - 1.4, 0.9])  # an estimate a little inside its surface
+    surface = np.array([12.0, tank.position_m[1] - 1.4, 0.9])  # an estimate slightly inside the surface
     assert MAP.in_sight(south, surface, 0.5)[0]
     assert not MAP.in_sight(north, surface, 0.5)[0]
 
 
-def test_a_robot_that_steers_along_a_path_arrives_and_strays_little() -> None:
+def test_steering_stays_on_the_path() -> None:
     pose = np.array([3.0, 3.0, 2.0])
     leg = PathFollower(MAP, pose, np.array([36.0, 21.0]), 0.0, 0.3)
     worst, step_s = 0.0, 0.1
@@ -60,7 +60,7 @@ def test_a_robot_that_steers_along_a_path_arrives_and_strays_little() -> None:
     assert worst < 0.3
 
 
-def test_a_goal_walled_in_is_given_up_at_once() -> None:
+def test_unreachable_goal_is_given_up_at_once() -> None:
     scenario = load_scenario("quiet_yard")
     wall = {"kind": "wall", "shape": "box", "height_m": 2.0}
     walls = [
@@ -79,7 +79,7 @@ def test_a_goal_walled_in_is_given_up_at_once() -> None:
     assert leg.is_over(pose, 0.0)
 
 
-def test_a_leg_that_takes_too_long_is_over() -> None:
+def test_drive_is_over_after_its_deadline() -> None:
     pose = np.array([3.0, 3.0, 0.0])
     leg = PathFollower(MAP, pose, np.array([13.0, 6.0]), 5.0, 0.4)
     assert not leg.is_over(pose, 6.0)
@@ -91,7 +91,7 @@ def leg_length(leg: PathFollower) -> float:
     return float(np.linalg.norm(np.diff(leg.path_m, axis=0), axis=-1).sum())
 
 
-def test_an_obstacle_that_was_seen_is_driven_round_with_the_same_room_and_forgotten_with_the_next_map() -> None:
+def test_paths_avoid_obstacles_until_they_are_removed() -> None:
     start, goal = np.array([3.0, 3.0]), np.array([9.0, 3.0])
     wall_m = np.stack([np.full(30, 6.0), np.linspace(0.0, 5.0, 30)], axis=-1)
     seen = MAP.with_obstacles(wall_m)
@@ -103,7 +103,7 @@ def test_an_obstacle_that_was_seen_is_driven_round_with_the_same_room_and_forgot
     np.testing.assert_array_equal(again.reach(start).length_m, MAP.reach(start).length_m)
 
 
-def test_a_leg_plans_anew_on_another_map_and_keeps_its_deadline() -> None:
+def test_drive_replans_on_changed_map_and_keeps_deadline() -> None:
     pose = np.array([3.0, 3.0, 0.0])
     leg = PathFollower(MAP, pose, np.array([9.0, 3.0]), 0.0, 0.4)
     before, deadline_s = leg.path_m, leg.deadline_s
@@ -114,7 +114,7 @@ def test_a_leg_plans_anew_on_another_map_and_keeps_its_deadline() -> None:
     assert leg.deadline_s == deadline_s
 
 
-def test_a_goal_on_which_something_was_seen_is_approached_until_the_deadline() -> None:
+def test_obstructed_goal_is_approached_until_the_deadline() -> None:
     pose, goal = np.array([3.0, 3.0, 0.0]), np.array([9.0, 3.0])
     around = goal + 0.4 * np.stack([np.cos(np.arange(0, 6.3, 0.3)), np.sin(np.arange(0, 6.3, 0.3))], axis=-1)
     leg = PathFollower(MAP.with_obstacles(around), pose, goal, 0.0, 0.3)
@@ -125,7 +125,7 @@ def test_a_goal_on_which_something_was_seen_is_approached_until_the_deadline() -
 
 
 @pytest.mark.parametrize(("corner_deg", "speed_mps"), [(0.0, 0.8), (45.0, 0.5), (90.0, TURN_SPEED_MPS)])
-def test_the_speed_falls_gently_before_turns_and_to_nothing_at_the_end(corner_deg: float, speed_mps: float) -> None:
+def test_speed_profile_brakes_before_turns_and_end(corner_deg: float, speed_mps: float) -> None:
     along_m = np.arange(0.0, 5.0, 0.25)[:, np.newaxis]
     out = np.array([np.cos(np.radians(corner_deg)), np.sin(np.radians(corner_deg))])
     path = np.concatenate([along_m * [1.0, 0.0], [5.0, 0.0] + along_m * out])
@@ -137,12 +137,12 @@ def test_the_speed_falls_gently_before_turns_and_to_nothing_at_the_end(corner_de
     assert fall.max() <= 2.0 * BRAKING_MPS2 + 1e-9
 
 
-def test_the_steps_of_the_grid_are_no_turns() -> None:
+def test_speed_profile_ignores_grid_steps() -> None:
     steps = np.cumsum([[0.25, 0.0], [0.25, 0.25]] * 20, axis=0)
     assert speed_profile(steps, MAP.robot)[3:20].min() > 0.7 * MAP.robot.max_speed_mps
 
 
-def test_a_robot_that_steers_to_the_end_of_a_path_stops_there() -> None:
+def test_steering_stops_at_the_end() -> None:
     path = np.stack([np.arange(0.0, 4.1, 0.25), np.zeros(17)], axis=-1)
     pose, speeds = np.array([0.0, 0.1, 0.0]), []
     while pose[0] < 3.9:

@@ -1,4 +1,4 @@
-"""A Locator of one's own makes the findings; what is wrong with it is one line that names file and line."""
+"""Locators from user code."""
 
 import subprocess
 import sys
@@ -44,7 +44,7 @@ class Mine:
 
 
 def scenario_with(folder: Path, code: str, table: str = 'locator = "mine.py:Mine"') -> Path:
-    """A scenario file, 15 s long, that names a Locator beside it."""
+    """Write a scenario that names a Locator in the same folder."""
     (folder / "mine.py").write_text(code, encoding="utf-8")
     text = (SHIPPED / "one_source.toml").read_text(encoding="utf-8")
     file = folder / "yard.toml"
@@ -58,7 +58,7 @@ def mission_log(folder: Path, code: str, table: str = 'locator = "mine.py:Mine"'
     return run_mission(scenario.model_copy(update={"task": task}), "patrol", seed=1)
 
 
-def test_an_own_locator_named_beside_the_scenario_makes_findings_and_association(tmp_path: Path) -> None:
+def test_own_locator_makes_findings_and_association(tmp_path: Path) -> None:
     log = mission_log(tmp_path, GOOD)
     (finding,) = make_report(log, 0.0).findings
     assert finding.id == 7
@@ -67,14 +67,14 @@ def test_an_own_locator_named_beside_the_scenario_makes_findings_and_association
     assert log.n_rows("association") == log.n_rows("bearing") > 20
 
 
-def test_a_locator_derived_from_the_built_in_one_finds_what_that_finds(tmp_path: Path) -> None:
+def test_subclass_of_locator_finds_the_same(tmp_path: Path) -> None:
     derived = "from dirmusic import Locator\n\n\nclass Mine(Locator):\n    pass\n"
     own, usual = (mission_log(tmp_path, derived, table) for table in ('locator = "mine.py:Mine"', ""))
     assert own.n_rows("finding") == usual.n_rows("finding") > 0
     assert make_report(own, 0.0).candidates == make_report(usual, 0.0).candidates
 
 
-def test_an_own_locator_gets_the_rules_that_the_scenario_sets(tmp_path: Path) -> None:
+def test_own_locator_gets_rules_of_the_scenario(tmp_path: Path) -> None:
     code = GOOD.replace("self.findings, self.n = (), 0", "raise ValueError(f'merge {rules.merge_m}, fence {fence_m}')")
     table = 'locator = "mine.py:Mine"\nmerge_m = 3.5'
     with pytest.raises(UserCodeError, match=r"mine\.py:7: ValueError: merge 3\.5, fence \(40\.0, 30\.0\)"):
@@ -99,9 +99,7 @@ def test_an_own_locator_gets_the_rules_that_the_scenario_sets(tmp_path: Path) ->
         ("np.full(self.n,", "1.0 * np.full(self.n,", "association gave float64"),
     ],
 )
-def test_a_locator_that_fails_under_way_ends_a_mission_whose_log_is_whole(
-    there: str, instead: str, told: str, tmp_path: Path
-) -> None:
+def test_failing_locator_ends_mission_with_complete_log(there: str, instead: str, told: str, tmp_path: Path) -> None:
     assert there in GOOD
     log = mission_log(tmp_path, GOOD.replace(there, instead))
     kinds, texts = log.column("event", "kind").tolist(), log.column("event", "text").tolist()
@@ -111,7 +109,7 @@ def test_a_locator_that_fails_under_way_ends_a_mission_whose_log_is_whole(
     assert make_report(log, 0.0).sim_time_s > 0
 
 
-def test_what_is_no_locator_is_refused_before_the_start(tmp_path: Path) -> None:
+def test_invalid_locator_is_refused_before_the_start(tmp_path: Path) -> None:
     for code, told in (
         (GOOD.replace("def association", "def associate"), r"mine\.py:5: has no association"),
         (GOOD.replace("class Mine", "class Yours"), r"no `Mine` in it; it has Yours"),
@@ -122,7 +120,7 @@ def test_what_is_no_locator_is_refused_before_the_start(tmp_path: Path) -> None:
 
 
 @pytest.mark.whole
-def test_on_the_command_line_an_early_fault_is_one_line_and_status_two_and_nothing_is_written(tmp_path: Path) -> None:
+def test_run_with_invalid_locator_writes_nothing(tmp_path: Path) -> None:
     file = scenario_with(tmp_path, GOOD.replace("self.findings, self.n", "self.findings, self.n, self.m"))
     command = [str(PDPATROL), "run", str(file), "--out", str(tmp_path / "out")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)

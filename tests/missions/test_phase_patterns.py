@@ -1,4 +1,4 @@
-"""What the phases of a finding's pulses say."""
+"""Phase-resolved patterns of findings."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ AT_REST = {"odometry": np.zeros(3), "battery": 1.0, "command": np.zeros(2)}
 
 
 def log_of_two_findings(seed: int, mains: bool = True, ghosts_every: int = 0) -> MissionLog:
-    """A drive between a corona and a void, every pulse with its bearing and the finding that it belongs to."""
+    """Return the log of a drive past a corona and a void, with all pulses associated."""
     rng = np.random.default_rng(seed)
     ring = GainManifold.ring(6)
     log = MissionLog(
@@ -62,23 +62,23 @@ def log_of_two_findings(seed: int, mains: bool = True, ghosts_every: int = 0) ->
     return log
 
 
-def test_each_finding_gets_its_own_pulses_at_their_own_level() -> None:
+def test_patterns_hold_pulses_and_levels_of_their_finding() -> None:
     patterns = phase_patterns(log_of_two_findings(1))
     assert set(patterns) == {1, 2}
     for number, resolved in patterns.items():
         assert resolved.pattern.kind == SOURCES[number][0]
         assert 70 < resolved.phase_rad.size < 180
-        assert np.median(resolved.level_db) == pytest.approx(20 * np.log10(number), abs=2.0)  # range and gain are out
-    assert np.std(patterns[1].level_db) < 1.5  # corona: all pulses alike, from near and far
+        assert np.median(resolved.level_db) == pytest.approx(20 * np.log10(number), abs=2.0)
+    assert np.std(patterns[1].level_db) < 1.5  # corona: equal pulses from near and far
 
 
-def test_pulses_that_the_locator_gives_to_no_finding_are_in_no_pattern() -> None:
+def test_patterns_exclude_unassociated_pulses() -> None:
     whole, half = (phase_patterns(log_of_two_findings(2, ghosts_every=every)) for every in (0, 2))
     for number in SOURCES:
         assert half[number].phase_rad.size == pytest.approx(whole[number].phase_rad.size / 2, abs=20)
 
 
-def test_without_an_association_as_in_a_killed_mission_there_is_no_pattern() -> None:
+def test_killed_mission_has_no_patterns() -> None:
     log = log_of_two_findings(2)
     killed = MissionLog(log.meta)
     for table in ("step", "pulse", "bearing", "finding"):
@@ -87,7 +87,7 @@ def test_without_an_association_as_in_a_killed_mission_there_is_no_pattern() -> 
     assert phase_patterns(killed) == {}
 
 
-def test_the_report_tells_kind_confidence_and_picture_and_nothing_without_mains() -> None:
+def test_report_states_kind_of_discharge() -> None:
     report = make_report(log_of_two_findings(3), 1.0)
     for finding, (kind, _) in zip(report.findings, SOURCES.values(), strict=True):
         discharge, strength = finding.discharge, finding.strength
@@ -98,5 +98,5 @@ def test_the_report_tells_kind_confidence_and_picture_and_nothing_without_mains(
         counts = np.array(discharge.pattern.counts)
         assert counts.shape[1] * discharge.pattern.phase_step_deg == 360.0
         assert counts.sum() == strength.n_pulses
-    silent = make_report(log_of_two_findings(3, mains=False), 1.0)
-    assert [finding.discharge for finding in silent.findings] == [None, None]
+    without = make_report(log_of_two_findings(3, mains=False), 1.0)
+    assert [finding.discharge for finding in without.findings] == [None, None]

@@ -1,4 +1,4 @@
-"""The log of a mission: written, cut short, read back."""
+"""The log of a mission is written and read back."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -30,7 +30,7 @@ def log_of(n_steps: int) -> MissionLog:
     return log
 
 
-def test_a_log_reads_back_as_it_was_written(tmp_path: Path) -> None:
+def test_log_is_read_back_as_written(tmp_path: Path) -> None:
     log = log_of(30)
     log.save(tmp_path)
     back = MissionLog.load(tmp_path)
@@ -66,7 +66,7 @@ def test_logged_texts_are_read_back_complete(phase: str, text: str, subject: str
             )
 
 
-def test_a_killed_mission_keeps_its_parts_and_a_finished_one_has_none(tmp_path: Path) -> None:
+def test_parts_of_a_killed_mission_are_read_back(tmp_path: Path) -> None:
     log = log_of(10)
     log.write_part(tmp_path)
     for k in range(10, 14):
@@ -86,14 +86,14 @@ def test_a_killed_mission_keeps_its_parts_and_a_finished_one_has_none(tmp_path: 
     assert not (tmp_path / "log.parts").exists()
 
 
-def test_a_row_with_a_column_missing_is_refused_and_leaves_the_table_even() -> None:
+def test_incomplete_row_is_refused() -> None:
     log = log_of(3)
     with pytest.raises(ValueError, match="has the columns"):
         log.append("event", step=0, kind="end")
     assert log.n_rows("event") == 0
 
 
-def test_a_log_of_another_schema_or_none_is_refused(tmp_path: Path) -> None:
+def test_log_of_another_schema_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match="no log"):
         MissionLog.load(tmp_path)
     log = log_of(1)

@@ -1,4 +1,4 @@
-"""Pulses to the Locator and into the log."""
+"""Tracker and logbook."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ FINDING = Finding(
 
 
 class Noted:
-    """A Locator that keeps what it was given and says what it was made to say."""
+    """A Locator that records its input and returns fixed results."""
 
     def __init__(self, findings: tuple = (), association: object = None) -> None:
         self.findings, self.given = findings, []
@@ -50,21 +50,21 @@ def tracker_of(locator: Noted) -> Tracker:
 
 
 def pulses_of(*azimuth_rad: float) -> PulseBatch:
-    """A strong pulse from each azimuth, and one more that no direction explains."""
+    """Return a strong pulse from each azimuth, and one that is not a plane wave."""
     strengths = np.concatenate([0.5 * MANIFOLD.gain(np.array(azimuth_rad)).T, [[1.0, 0.1, 1.0, 0.1, 1.0, 0.1]]])
     pulses = PulseBatch.detected(np.zeros(len(strengths)), strengths, np.full(strengths.shape, 1e-6))
     found = MaximumLikelihood()(pulses, ARRAY)
     return pulses._replace(azimuth_rad=found.azimuth_rad, std_rad=found.std_rad, misfit=found.misfit)
 
 
-def test_the_locator_is_given_the_credible_pulses_alone() -> None:
+def test_tracker_passes_on_credible_pulses_only() -> None:
     locator = Noted()
     tracked = tracker_of(locator).track(0.0, POSE, pulses_of(0.3, 2.0))
     assert tracked.is_credible.tolist() == [True, True, False]
     np.testing.assert_allclose(locator.given[0].azimuth_rad, [0.3, 2.0], atol=1e-6)
 
 
-def test_the_log_keeps_all_pulses_and_a_bearing_for_each_credible_one() -> None:
+def test_log_keeps_all_pulses_and_credible_bearings() -> None:
     log = MissionLog({"n_elements": 6})
     log.append(
         "step",
@@ -95,7 +95,7 @@ def test_findings_are_logged_when_their_values_change() -> None:
     assert log.column("event", "kind").tolist() == ["candidate", "dropped"]
 
 
-def test_a_mission_ends_with_one_association_for_each_credible_pulse() -> None:
+def test_each_credible_pulse_has_an_association() -> None:
     scenario = load_scenario("two_sources")
     task = scenario.task.model_copy(update={"time_limit_s": 40.0})
     log = run_mission(scenario.model_copy(update={"task": task}), seed=5)

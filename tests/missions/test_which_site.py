@@ -1,4 +1,4 @@
-"""Which site a finding is on."""
+"""Probabilities of the sites of a finding."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ YARD = random_yard(3, 10).yard
 SHARP, BLUNT = np.diag([0.01, 0.01, 0.02]), np.diag([0.5, 0.5, 1.0])
 
 
-def test_a_finding_on_a_site_is_told_to_be_there_and_one_in_the_open_to_be_nowhere() -> None:
+def test_most_likely_place_of_a_finding() -> None:
     for name in YARD.site_names():
         best = site_probabilities(YARD, YARD.site_position(name), SHARP)[0]
         assert best.name == name
@@ -19,7 +19,7 @@ def test_a_finding_on_a_site_is_told_to_be_there_and_one_in_the_open_to_be_nowhe
     assert site_probabilities(YARD, np.array([*places, 1.0]), SHARP)[0].name == ELSEWHERE
 
 
-def test_another_place_on_a_piece_is_told_as_the_piece() -> None:
+def test_place_off_sites_is_named_by_its_piece() -> None:
     item = max(YARD.equipment, key=lambda one: one.solids.half_size_m.min(axis=-1).max())
     solids, k = item.solids, int(item.solids.half_size_m.min(axis=-1).argmax())
     cos, sin = np.cos(solids.yaw_rad[k]), np.sin(solids.yaw_rad[k])
@@ -35,7 +35,7 @@ def test_another_place_on_a_piece_is_told_as_the_piece() -> None:
     assert site_probabilities(YARD, corner, SHARP)[0].name == item.name
 
 
-def test_probabilities_add_up_and_less_is_known_of_what_is_located_worse() -> None:
+def test_probabilities_add_up_to_one() -> None:
     at_m = YARD.site_position(YARD.site_names()[0])
     sharp, blunt = (site_probabilities(YARD, at_m, covariance) for covariance in (SHARP, BLUNT))
     for places in (sharp, blunt):
@@ -44,22 +44,22 @@ def test_probabilities_add_up_and_less_is_known_of_what_is_located_worse() -> No
     assert blunt[0].probability < sharp[0].probability
 
 
-def test_the_share_of_the_likeliest_site_that_is_right_is_as_stated() -> None:
-    """Over findings that miss a site by what their covariance says: told probabilities are frequencies."""
+def test_probabilities_are_calibrated() -> None:
+    """Stated probabilities are frequencies for findings that scatter by their covariance."""
     rng, sites = np.random.default_rng(1), YARD.site_names()
     covariance = np.diag([0.09, 0.09, 0.16])
-    told, right = 0.0, 0
+    stated, right = 0.0, 0
     for k in range(400):
         name = sites[k % len(sites)]
         best = site_probabilities(YARD, rng.multivariate_normal(YARD.site_position(name), covariance), covariance)
-        told += next(place.probability for place in best if place.name == name)
+        stated += next(place.probability for place in best if place.name == name)
         right += best[0].name == name
     share = np.mean(right / 400)
     assert share > 0.6
-    assert told / 400 == pytest.approx(share, abs=0.2)
+    assert stated / 400 == pytest.approx(share, abs=0.2)
 
 
-def test_words_tell_the_second_place_where_it_may_well_be() -> None:
+def test_in_words_names_probable_second_place() -> None:
     two = (SiteProbability("tank_1/bushing_b", 0.82), SiteProbability("tank_1/bushing_a", 0.15))
     assert in_words(two) == "tank_1/bushing_b 82 %, bushing_a 15 %"
     assert in_words((two[0], SiteProbability("breaker/pole", 0.12))) == "tank_1/bushing_b 82 %, breaker/pole 12 %"

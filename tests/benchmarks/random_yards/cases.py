@@ -1,4 +1,4 @@
-"""Missions in yards not seen before: planned routes, several sources, sources that are hard to see or never seen."""
+"""Missions in random yards: planned routes, several sources, and sources with little or no line of sight."""
 
 from __future__ import annotations
 
@@ -21,34 +21,34 @@ from pdpatrol.robot_models.yard.yard import Yard
 FloatArray = NDArray[np.float64]
 
 TIME_LIMIT_S = 420.0
-"""Time for the tour and for what it finds."""
+"""Time for the tour and the candidates."""
 
 APART_M = 2.0
-"""Sources of one yard are no nearer to each other, on plan: OSPA takes what is further off for another one."""
+"""Smallest horizontal distance between sources of one yard, as the cut-off of OSPA."""
 
 NEAR_M = 10.0
-"""The route comes at least so near to the source that it never sees."""
+"""Distance within which the route passes the hidden source."""
 
 NARROW_SHARE = 0.2
 NARROW_M = 8.0
-"""A source is seen narrowly if it is in sight from less than this share of the reachable ground that is so near."""
+"""A source is narrow if less than this share of the reachable ground within this distance has line of sight."""
 
-HEARD_PULSES = 30
-"""A source is heard on a route if so many pulses are."""
+DETECTED_PULSES = 30
+"""Number of pulses above which a source counts as detected on a route."""
 
 BUSHING_M = 3.0
-"""Sources above count as those on a bushing."""
+"""Height above which a source counts as one on a bushing."""
 
 
 class Outcome(NamedTuple):
-    """What a mission came to.
+    """Result of a mission.
 
     Attributes:
-        sources: Of the evaluation in its report, each with the finding that it is paired with.
+        sources: Sources of the evaluation, each with its matched finding.
         false_findings: Confirmed findings without a source.
         ospa_m: Distance between findings and sources as sets.
-        contacts: How often the robot touched something.
-        n_pulses: Detected.
+        contacts: Number of contacts.
+        n_pulses: Number of detected pulses.
     """
 
     sources: tuple[ScoredSource, ...]
@@ -59,25 +59,25 @@ class Outcome(NamedTuple):
 
     @property
     def is_all_found(self) -> bool:
-        """Whether each source has a confirmed finding within a metre."""
+        """True if each source has a confirmed finding within a metre."""
         return all(source.match is not None and source.match.error_m < 1.0 for source in self.sources)
 
 
 def run_case(scenario: Scenario, policy: str, seed: int) -> Outcome:
-    """Run a mission, and judge it."""
+    """Run a mission and evaluate it."""
     log = Mission(scenario, policy, seed).run()
     report = make_report(log, 0.0)
-    told = report.scores
-    return Outcome(told.sources, told.false_findings, told.ospa_m, report.collisions, log.n_rows("pulse"))
+    scores = report.scores
+    return Outcome(scores.sources, scores.false_findings, scores.ospa_m, report.collisions, log.n_rows("pulse"))
 
 
 def planned(seed: int) -> Scenario:
-    """A yard of 0 to 12 pieces with one source and a planned route."""
+    """Return a yard of 0 to 12 pieces with one source and a planned route."""
     return _with_time(random_yard(seed, seed % 13, has_planned_route=True))
 
 
 def several(seed: int) -> Scenario:
-    """A yard of 5 to 12 pieces with one to three sources and a planned route."""
+    """Return a yard of 5 to 12 pieces with one to three sources and a planned route."""
     scenario, rng = random_yard(seed, 5 + seed % 8, has_planned_route=True), np.random.default_rng([seed, 5])
     sources = [*scenario.sources]
     while len(sources) < 1 + seed % 3:
@@ -92,7 +92,7 @@ def several(seed: int) -> Scenario:
 
 
 def narrow(seed: int) -> Scenario | None:
-    """A yard of 5 to 12 pieces, a planned route, and a source that is seen narrowly; None if none was drawn."""
+    """Return a yard of 5 to 12 pieces with a planned route and a narrow source; None if none was drawn."""
     scenario, rng = random_yard(seed, 5 + seed % 8, has_planned_route=True), np.random.default_rng([seed, 8])
     site_map = SiteMap(scenario)
     is_reachable = np.isfinite(site_map.reach(scenario.route.dock_m).length_m)
@@ -107,7 +107,7 @@ def narrow(seed: int) -> Scenario | None:
 
 
 def hidden(seed: int) -> Scenario | None:
-    """A yard of 5 to 12 pieces and a given route from which its source is never in sight; None if none was drawn."""
+    """Return a yard of 5 to 12 pieces with a route without line of sight to its source; None if none was drawn."""
     scenario, rng = random_yard(seed, 5 + seed % 8), np.random.default_rng([seed, 77])
     site_map, source_m = SiteMap(scenario), _place(scenario.yard, scenario.sources[0])
     is_in_sight = site_map.in_sight(site_map.centres_m, source_m, 0.3)
@@ -123,7 +123,7 @@ def hidden(seed: int) -> Scenario | None:
 
 
 def _cells_of(stops_m: list[tuple[float, float]], site_map: SiteMap) -> NDArray[np.intp] | None:
-    """The cells of the shortest ways from stop to stop; None where there is no way."""
+    """Return the cells of the shortest paths from stop to stop; None if a path is missing."""
     cells = list[NDArray[np.intp]]()
     for start_m, end_m in itertools.pairwise(stops_m):
         paths, end = site_map.reach(start_m), site_map.cell(end_m)

@@ -1,6 +1,6 @@
-"""What missions find in random yards; `uv run pytest -m slow -n 0 -s tests/benchmarks/random_yards` prints it.
+"""Results of missions in random yards; `uv run pytest -m slow -n 0 -s tests/benchmarks/random_yards` prints them.
 
-Shares pass when their 95 % intervals, after Wilson, reach what is asked. Seeds are those of no other test.
+Shares pass when their 95 % Wilson intervals reach the required value. No other test uses these seeds.
 """
 
 from collections.abc import Iterable
@@ -15,7 +15,7 @@ from pdpatrol.envs import Scenario
 from pdpatrol.missions.sweep.analysis import Estimate, wilson
 from tests.benchmarks.random_yards.cases import (
     BUSHING_M,
-    HEARD_PULSES,
+    DETECTED_PULSES,
     Outcome,
     hidden,
     narrow,
@@ -30,18 +30,18 @@ Case = tuple[Scenario, str, int]
 
 
 FEW = 12
-"""Of so few, two may be missed where 95 % are to be found: of three, one would tell nothing."""
+"""Cases in CI; two of twelve may be missed if 95 % must be found, and three cases would decide nothing."""
 
 
 def few_or_many(many: int, few: int = 3) -> pytest.MarkDecorator:
-    """Few are run always."""
+    """Parametrize with a few cases for CI and many slow ones."""
     return pytest.mark.parametrize(
         "n_cases", [pytest.param(few, marks=pytest.mark.whole), pytest.param(many, marks=pytest.mark.slow)]
     )
 
 
 def outcomes(cases: Iterable[Case]) -> list[Outcome]:
-    """Of all cases, in order, by two processes where there are many."""
+    """Return the results of all cases in order, computed by two processes if there are many."""
     cases = list(cases)
     if len(cases) <= 3:
         return [run_case(*case) for case in cases]
@@ -50,7 +50,7 @@ def outcomes(cases: Iterable[Case]) -> list[Outcome]:
 
 
 def share(what: str, count: int, total: int) -> Estimate:
-    """Of cases, printed; anything from 0 to 1 where there is none."""
+    """Print and return a share with its interval; 0 to 1 without cases."""
     interval = wilson(count, total) if total else Estimate(np.nan, 0.0, 1.0)
     print(
         f"  {what}: {count} of {total}, {100 * interval.value:.1f} % "
@@ -61,7 +61,7 @@ def share(what: str, count: int, total: int) -> Estimate:
 
 @few_or_many(300)
 @pytest.mark.parametrize("policy", ["seek", "active"])
-def test_planned_routes_find_what_discharges_in_a_random_yard(policy: str, n_cases: int) -> None:
+def test_planned_routes_find_sources_of_random_yards(policy: str, n_cases: int) -> None:
     done = outcomes((planned(seed), policy, seed) for seed in range(FIRST, FIRST + n_cases))
     sources = [outcome.sources[0] for outcome in done]
     found = [source.match for source in sources if source.match is not None]
@@ -88,7 +88,7 @@ def test_planned_routes_find_what_discharges_in_a_random_yard(policy: str, n_cas
 
 
 @few_or_many(100)
-def test_one_to_three_sources_of_a_cluttered_yard_are_all_found(n_cases: int) -> None:
+def test_several_sources_are_all_found(n_cases: int) -> None:
     done = outcomes((several(seed), "seek", seed) for seed in range(FIRST, FIRST + n_cases))
     print(f"\nOSPA {np.median([outcome.ospa_m for outcome in done]):.3f} m (median)")
     assert share("all found", sum(outcome.is_all_found for outcome in done), n_cases).high >= 0.90
@@ -96,7 +96,7 @@ def test_one_to_three_sources_of_a_cluttered_yard_are_all_found(n_cases: int) ->
 
 
 @few_or_many(100, few=FEW)
-def test_a_source_that_little_of_the_ground_sees_is_found(n_cases: int) -> None:
+def test_source_with_narrow_line_of_sight_is_found(n_cases: int) -> None:
     drawn = ((seed, narrow(seed)) for seed in count(FIRST))
     done = outcomes(islice(((scenario, "seek", seed) for seed, scenario in drawn if scenario is not None), n_cases))
     print(f"\n{sum(outcome.false_findings > 0 for outcome in done)} with a false finding")
@@ -104,9 +104,9 @@ def test_a_source_that_little_of_the_ground_sees_is_found(n_cases: int) -> None:
 
 
 @few_or_many(100)
-def test_a_source_that_is_heard_round_corners_alone_is_pursued_and_found(n_cases: int) -> None:
+def test_source_out_of_sight_of_route_is_found(n_cases: int) -> None:
     drawn = ((seed, hidden(seed)) for seed in count(FIRST))
     cases = islice(((scenario, "seek", seed) for seed, scenario in drawn if scenario is not None), n_cases)
-    done = [outcome for outcome in outcomes(cases) if outcome.n_pulses >= HEARD_PULSES]
-    print(f"\n{len(done)} of {n_cases} routes hear the source")
+    done = [outcome for outcome in outcomes(cases) if outcome.n_pulses >= DETECTED_PULSES]
+    print(f"\n{len(done)} of {n_cases} routes detect the source")
     assert share("found", sum(outcome.is_all_found for outcome in done), len(done)).high >= 0.80

@@ -1,4 +1,4 @@
-"""Missions that hand on what they have learned of their array."""
+"""Missions that pass on a calibration of their array."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -13,11 +13,11 @@ from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.runner import run_mission
 
-FIX_M = 0.3
-"""Longer half-axis of the 95 % ellipse of what counts as a fix."""
+LOCATED_M = 0.3
+"""Semi-major axis of the 95 % ellipse at which a source counts as located."""
 
 NEAR_M = 2.0
-"""A finding further from the source is another one."""
+"""Distance from the source within which a finding belongs to it."""
 
 
 def scenario(number: int, calibration: ArrayCalibration | None = None, limit_s: float = 600.0) -> Scenario:
@@ -32,11 +32,11 @@ def calibration_of(log: MissionLog) -> ArrayCalibration:
 
 
 def relabelled(calibration: ArrayCalibration, number: int) -> ArrayCalibration:
-    """The same with the number of another array of the same data sheet."""
+    """Return the calibration with another serial number."""
     return calibration.model_copy(update={"array": calibration.array.model_copy(update={"serial_number": number})})
 
 
-def test_one_number_is_one_array_whatever_the_seed() -> None:
+def test_serial_number_fixes_the_array() -> None:
     truths = [run_mission(scenario(number, limit_s=0.2), seed=seed).meta["truth"] for number, seed in NUMBERED]
     assert truths[0]["array"] == truths[1]["array"] != truths[2]["array"]
     assert truths[0]["sources"] != truths[1]["sources"]
@@ -48,11 +48,11 @@ NUMBERED = ((7, 0), (7, 1), (8, 0))
 
 @pytest.fixture(scope="module")
 def first() -> MissionLog:
-    """A mission that confirms its source within 25 s."""
+    """Return the log of a mission that confirms its source within 25 s."""
     return run_mission(scenario(10, limit_s=25.0), seed=1010)
 
 
-def test_a_mission_learns_its_array_and_knows_how_well(first: MissionLog) -> None:
+def test_estimated_array_errors_match_the_truth(first: MissionLog) -> None:
     errors, truth = calibration_of(first).errors.estimated(), first.meta["truth"]["array"]
     pointing = np.array(truth["boresights_rad"]) - np.array(first.meta["array"]["boresights_rad"])
     miss = errors.state[:12] - np.concatenate([np.array(truth["gain_factors"]) - 1.0, pointing])
@@ -60,11 +60,11 @@ def test_a_mission_learns_its_array_and_knows_how_well(first: MissionLog) -> Non
     assert np.sqrt(np.diag(errors.covariance)[6:12].mean()) < np.radians(1.5)
 
 
-def test_a_mission_that_confirms_nothing_leaves_no_calibration() -> None:
+def test_mission_without_findings_has_no_calibration() -> None:
     assert "calibration" not in run_mission(scenario(10, limit_s=2.0), seed=1010).meta
 
 
-def test_the_second_mission_is_the_same_to_the_bit_each_time_and_hands_on_both(first: MissionLog) -> None:
+def test_calibrated_missions_are_deterministic(first: MissionLog) -> None:
     calibrated = scenario(10, calibration_of(first), limit_s=25.0)
     logs = [run_mission(calibrated, seed=1010) for _ in range(2)]
     assert logs[0].meta["calibration"] == logs[1].meta["calibration"]
@@ -74,7 +74,7 @@ def test_the_second_mission_is_the_same_to_the_bit_each_time_and_hands_on_both(f
     assert make_report(logs[0], 0.0).calibration == ()
 
 
-def test_the_calibration_of_another_array_is_found_out_told_and_left_out(first: MissionLog) -> None:
+def test_calibration_of_another_array_is_detected(first: MissionLog) -> None:
     wrong = scenario(5010, relabelled(calibration_of(first), 5010), limit_s=40.0)
     log = run_mission(wrong, seed=1010)
     (told,) = make_report(log, 0.0).calibration
@@ -84,24 +84,24 @@ def test_the_calibration_of_another_array_is_found_out_told_and_left_out(first: 
     assert match.inside_ellipse95
 
 
-def fix_s(log: MissionLog) -> float:
-    """When the 95 % ellipse of the source was first as small as a fix; the end of the mission if never."""
+def located_s(log: MissionLog) -> float:
+    """Return when the source was located; the end of the mission if never."""
     table, time_s = log.table("finding"), log.column("step", "time_s")
     source_m = np.array(log.meta["truth"]["sources"][0]["position_m"])
     for row in range(table["id"].size):
         is_near = np.linalg.norm((table["position_m"][row] - source_m)[:2]) < NEAR_M
-        if is_near and ellipse95(table["covariance_m2"][row, :2, :2]).semi_major_m <= FIX_M:
+        if is_near and ellipse95(table["covariance_m2"][row, :2, :2]).semi_major_m <= LOCATED_M:
             return float(time_s[table["step"][row]])
     return float(time_s[-1])
 
 
-def ratios_of_time_to_fix(numbers: Sequence[int], limit_s: float) -> list[float]:
-    """With the calibration of a mission before, over without it, on one route and so by the same pulses."""
+def location_time_ratios(numbers: Sequence[int], limit_s: float) -> list[float]:
+    """Return the times with a calibration over those without, for the same pulses."""
     ratios: list[float] = []
     for number in numbers:
         learned = calibration_of(run_mission(scenario(number), "seek", seed=number))
         without, with_it = (
-            fix_s(run_mission(scenario(number, calibration, limit_s), "patrol", seed=1000 + number))
+            located_s(run_mission(scenario(number, calibration, limit_s), "patrol", seed=1000 + number))
             for calibration in (None, learned)
         )
         ratios.append(with_it / without)
@@ -114,7 +114,7 @@ def ratios_of_time_to_fix(numbers: Sequence[int], limit_s: float) -> list[float]
     ids=["a_few", "twelve"],
 )
 @pytest.mark.whole
-def test_by_the_same_pulses_a_calibrated_mission_has_its_fix_no_later(numbers: Sequence[int], limit_s: float) -> None:
-    ratios = ratios_of_time_to_fix(numbers, limit_s)
+def test_calibrated_mission_locates_no_later(numbers: Sequence[int], limit_s: float) -> None:
+    ratios = location_time_ratios(numbers, limit_s)
     assert np.median(ratios) < 1.0
     assert max(ratios) < 1.1

@@ -1,4 +1,4 @@
-"""The file of a calibration: what is written is read again, and what is wrong with it is a line for each fault."""
+"""The file of a calibration is read back; errors in it are one line each."""
 
 import json
 import shutil
@@ -27,7 +27,7 @@ def pdpatrol(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 
 
 def calibration_of(scenario: Scenario, before: ArrayCalibration | None = None) -> ArrayCalibration:
-    """A calibration with errors and covariance that are anything, correlated."""
+    """Return a calibration with random errors and a random covariance."""
     rng, n = np.random.default_rng(1), scenario.array.n_channels
     root = rng.normal(0.0, 0.01, (2 * n, 2 * n))
     errors = EstimatedErrors.of_states(rng.normal(0.0, 0.03, 2 * n), root @ root.T, n)
@@ -42,7 +42,7 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
-def test_what_is_written_is_read_again_to_the_bit(file: Path) -> None:
+def test_calibration_is_read_back_exactly(file: Path) -> None:
     written = calibration_of(load_scenario("one_source", NUMBER))
     read = read_calibration(file)
     assert read == written
@@ -51,14 +51,14 @@ def test_what_is_written_is_read_again_to_the_bit(file: Path) -> None:
     assert errors.covariance.tobytes() == errors.covariance.T.tobytes()
 
 
-def test_each_mission_adds_itself_and_its_pulses_to_those_before(file: Path) -> None:
+def test_calibration_counts_missions_and_pulses(file: Path) -> None:
     before = read_calibration(file)
     after = calibration_of(load_scenario("one_source", NUMBER), before)
     assert (before.n_missions, before.n_pulses) == (1, 160)
     assert (after.n_missions, after.n_pulses) == (2, 320)
 
 
-def test_a_scenario_takes_it_up_with_what_may_have_drifted(file: Path) -> None:
+def test_scenario_adds_drift_to_calibration(file: Path) -> None:
     scenario = load_scenario("one_source", {**NUMBER, "locating.calibration": str(file)})
     array, learned = scenario.known_array, read_calibration(file).errors.estimated()
     assert array.errors is not None
@@ -67,13 +67,13 @@ def test_a_scenario_takes_it_up_with_what_may_have_drifted(file: Path) -> None:
     np.testing.assert_allclose(array.errors.covariance, learned.covariance + np.diag(drift))
 
 
-def test_a_scenario_holds_its_calibration_and_is_restored_without_the_file(file: Path) -> None:
+def test_scenario_is_restored_without_calibration_file(file: Path) -> None:
     scenario = load_scenario("one_source", {**NUMBER, "locating.calibration": str(file)})
     file.unlink()
     assert restore_scenario(json.loads(scenario.model_dump_json())) == scenario
 
 
-def test_it_lies_beside_the_scenario_that_names_it(file: Path) -> None:
+def test_calibration_path_is_relative_to_scenario(file: Path) -> None:
     shipped = (ROOT / "envs" / "scenarios" / "one_source.toml").read_text(encoding="utf-8")
     named = (
         shipped.replace("[array]", "[array]\nserial_number = 7") + '\n[locating]\ncalibration = "calibration.toml"\n'
@@ -95,9 +95,7 @@ def test_it_lies_beside_the_scenario_that_names_it(file: Path) -> None:
         ({"locating.locator": "mine.py:Mine"}, "must go with solver"),
     ],
 )
-def test_the_calibration_of_another_array_or_without_a_use_is_refused_in_one_line(
-    settings: dict[str, object], told: str, file: Path
-) -> None:
+def test_calibration_of_another_array_is_refused(settings: dict[str, object], told: str, file: Path) -> None:
     with pytest.raises(ScenarioError) as caught:
         load_scenario("one_source", {**NUMBER, **settings, "locating.calibration": str(file)})
     (line,) = caught.value.faults
@@ -105,7 +103,7 @@ def test_the_calibration_of_another_array_or_without_a_use_is_refused_in_one_lin
     assert told in line
 
 
-def test_a_scenario_that_has_another_array_for_each_mission_takes_none(file: Path) -> None:
+def test_calibration_needs_a_serial_number(file: Path) -> None:
     with pytest.raises(ScenarioError) as caught:
         load_scenario("one_source", {"locating.calibration": str(file)})
     (line,) = caught.value.faults
@@ -134,7 +132,7 @@ DAMAGES = {
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_a_damaged_file_is_refused_in_one_line(damage: str, file: Path) -> None:
+def test_damaged_calibration_is_refused(damage: str, file: Path) -> None:
     change, told = DAMAGES[damage]
     text = file.read_text(encoding="utf-8")
     assert change(text) != text
@@ -146,7 +144,7 @@ def test_a_damaged_file_is_refused_in_one_line(damage: str, file: Path) -> None:
     assert told in line
 
 
-def test_two_faults_are_two_lines(file: Path) -> None:
+def test_two_errors_are_two_lines(file: Path) -> None:
     text = file.read_text(encoding="utf-8").replace("n_missions = 1", "n_missions = 0").replace("= 160", "= -1")
     file.write_text(text, encoding="utf-8")
     with pytest.raises(InputFileError) as caught:
@@ -155,7 +153,7 @@ def test_two_faults_are_two_lines(file: Path) -> None:
 
 
 @pytest.mark.whole
-def test_the_command_refuses_with_status_two_and_writes_nothing(file: Path, tmp_path: Path) -> None:
+def test_run_with_damaged_calibration_writes_nothing(file: Path, tmp_path: Path) -> None:
     file.write_text(file.read_text(encoding="utf-8")[:300], encoding="utf-8")
     table = str(ROOT / "examples" / "locate" / "strengths.csv")
     for command in (["run", "--serial-number", "7"], ["locate", table]):
@@ -168,7 +166,7 @@ def test_the_command_refuses_with_status_two_and_writes_nothing(file: Path, tmp_
 
 
 @pytest.mark.whole
-def test_field_data_leave_a_calibration_that_the_next_ones_take_up(tmp_path: Path) -> None:
+def test_field_data_write_and_use_calibrations(tmp_path: Path) -> None:
     shutil.copy(ROOT / "examples" / "locate" / "strengths.csv", tmp_path / "strengths.csv")
     first = pdpatrol("locate", "strengths.csv", "--out", "first", cwd=tmp_path)
     assert first.returncode == 0, first.stderr
@@ -184,6 +182,6 @@ def test_field_data_leave_a_calibration_that_the_next_ones_take_up(tmp_path: Pat
     assert not (tmp_path / "third").exists()
 
 
-def test_an_array_without_an_element_is_another_array(file: Path) -> None:
+def test_array_with_fewer_elements_does_not_match(file: Path) -> None:
     array = load_scenario("one_source", NUMBER).known_array.take(range(5))
     assert read_calibration(file).mismatch(CalibratedArray.of(replace(array, errors=None), 7))

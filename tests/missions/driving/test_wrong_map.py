@@ -1,4 +1,4 @@
-"""A map that is wrong: planner, Locator and report go by it; physics, lidar, radio and scores go by the yard."""
+"""Wrong maps: planner, Locator and report use the map; physics, lidar, radio and scores use the true yard."""
 
 from copy import copy
 from typing import Any
@@ -33,7 +33,7 @@ WRONG: dict[str, dict[str, Any]] = {
     "moved": {"moved": ({"name": "transformer_1", "by_m": (-3.0, 1.0)},)},
 }
 SOUTH, NORTH = np.array([12.0, 12.5]), np.array([12.0, 21.5])
-"""Places on both sides of transformer_1."""
+"""Points on both sides of transformer_1."""
 
 
 def mapped(**wrong: Any) -> Scenario:  # noqa: ANN401 - tables of many types
@@ -41,7 +41,7 @@ def mapped(**wrong: Any) -> Scenario:  # noqa: ANN401 - tables of many types
 
 
 def locators_sight(scenario: Scenario, point_m: np.ndarray, target_m: np.ndarray) -> bool:
-    """Whether the Locator of a mission takes a target to be in sight."""
+    """Return True if the Locator of a mission has line of sight to a target."""
     site_map = SiteMap(scenario)
     locator = make_locator(scenario, site_map, PatrolEnv(scenario).simulation.array, scenario.locating.rules())
     assert isinstance(locator, Locator)
@@ -50,7 +50,7 @@ def locators_sight(scenario: Scenario, point_m: np.ndarray, target_m: np.ndarray
 
 
 def drive_into_transformer_1(scenario: Scenario) -> list[dict[str, Any]]:
-    """What robot and world come to on the way from the dock side into transformer_1, the source round its corner."""
+    """Return all observations on a drive into transformer_1."""
     env = PatrolEnv(scenario, terminate_on_approach=False, full_info=True)
     fixed = {"start_pose": (12.0, 13.0, np.pi / 2), "sources": {"discharge": "transformer_1/tap_changer"}}
     observation, info = env.reset(seed=3, options=fixed)
@@ -67,9 +67,7 @@ def right_drive() -> list[dict[str, Any]]:
 
 
 @pytest.mark.parametrize("wrong", WRONG)
-def test_lidar_radio_and_robot_meet_the_yard_whatever_the_map_shows(
-    wrong: str, right_drive: list[dict[str, Any]]
-) -> None:
+def test_simulation_uses_the_true_yard(wrong: str, right_drive: list[dict[str, Any]]) -> None:
     assert any("equipment/transformer_1" in step.get("touched", ()) for step in right_drive)
     assert sum(float(step["heard"][0]) for step in right_drive) > 3
     for step, expected in zip(drive_into_transformer_1(mapped(**WRONG[wrong])), right_drive, strict=True):
@@ -77,13 +75,13 @@ def test_lidar_radio_and_robot_meet_the_yard_whatever_the_map_shows(
             np.testing.assert_array_equal(step[key], value, err_msg=key)
 
 
-def test_a_map_that_differs_in_nothing_is_the_yard_itself() -> None:
+def test_map_without_differences_is_the_yard() -> None:
     assert RIGHT.known_yard is RIGHT.yard
     other = RIGHT.yard.model_copy(update={"size_m": (41.0, 30.0)})
     assert RIGHT.model_copy(update={"yard": other}).known_yard is other
 
 
-def test_a_missing_piece_hides_nothing_and_is_planned_through() -> None:
+def test_missing_piece_is_transparent_and_drivable() -> None:
     scenario = mapped(missing=("transformer_1",))
     assert not locators_sight(RIGHT, SOUTH, NORTH)
     assert locators_sight(scenario, SOUTH, NORTH)
@@ -94,7 +92,7 @@ def test_a_missing_piece_hides_nothing_and_is_planned_through() -> None:
     assert lengths[1] < lengths[0] - 1.0
 
 
-def test_an_extra_piece_is_planned_round_and_hides_what_is_behind_it() -> None:
+def test_extra_piece_is_avoided_and_hides() -> None:
     scenario, south, north = mapped(extra=(KIOSK,)), np.array([5.0, 5.5]), np.array([5.0, 9.5])
     assert locators_sight(RIGHT, south, north)
     assert not locators_sight(scenario, south, north)
@@ -107,7 +105,7 @@ def test_an_extra_piece_is_planned_round_and_hides_what_is_behind_it() -> None:
     assert scenario.known_yard.clearance(view) > wrong.robot.footprint_radius_m
 
 
-def test_a_moved_piece_is_where_the_map_shows_it_with_its_sites_and_solids() -> None:
+def test_moved_piece_has_moved_sites_and_solids() -> None:
     scenario = mapped(moved=({"name": "transformer_1", "by_m": (-3.0, 1.0)},))
     for site in ("transformer_1/tank_south", "transformer_1/tap_changer"):
         off = scenario.known_yard.site_position(site) - scenario.yard.site_position(site)
@@ -120,7 +118,7 @@ def test_a_moved_piece_is_where_the_map_shows_it_with_its_sites_and_solids() -> 
     assert SiteMap(scenario).clearance(np.array([[14.0, 17.0]])) > 0
 
 
-def test_discharges_sit_on_the_sites_of_the_yard_whatever_the_map_shows() -> None:
+def test_sources_are_on_sites_of_the_true_yard() -> None:
     for wrong in WRONG.values():
         scenario = mapped(**wrong)
         assert scenario.candidate_sites(scenario.sources[0]) == RIGHT.candidate_sites(RIGHT.sources[0])
@@ -128,12 +126,12 @@ def test_discharges_sit_on_the_sites_of_the_yard_whatever_the_map_shows() -> Non
 
 @pytest.fixture(scope="module")
 def log() -> MissionLog:
-    """A mission on a right map, with a finding."""
+    """Return the log of a mission on a correct map, with a finding."""
     return run_mission(RIGHT, seed=4)
 
 
 @pytest.mark.whole
-def test_the_report_names_sites_of_the_map_and_the_scores_go_by_the_yard(log: MissionLog) -> None:
+def test_report_uses_map_and_scores_use_yard(log: MissionLog) -> None:
     (finding,) = make_report(log, 0.0).findings
     piece = finding.sites[0].name.partition("/")[0]
     assert finding.sites[0].probability > 0.5
@@ -153,7 +151,7 @@ def test_the_report_names_sites_of_the_map_and_the_scores_go_by_the_yard(log: Mi
         assert (report.evaluation, bearing_rmse(on_map, scenario)) == right
 
 
-def test_what_the_log_draws_of_a_wrong_map_is_what_does_not_stand_there() -> None:
+def test_log_describes_equipment_only_on_the_map() -> None:
     scenario = mapped(missing=("transformer_2",), extra=(KIOSK,), moved=({"name": "ct_2", "by_m": (1.0, 0.0)},))
     meta = Mission(scenario, "patrol", 0).log.meta
     assert [solid["name"] for solid in meta["solids"]["map"]] == ["equipment/ct_2", "equipment/kiosk"]
@@ -164,7 +162,7 @@ def test_what_the_log_draws_of_a_wrong_map_is_what_does_not_stand_there() -> Non
 
 
 @pytest.mark.parametrize("name", ["one_source", "transformer_bay"])
-def test_equipment_of_a_map_is_described_as_that_which_stands_there(name: str) -> None:
+def test_mapped_equipment_is_described_like_real_equipment(name: str) -> None:
     env = PatrolEnv(load_scenario(name))
     solids = describe_solids(env.simulation.robots.model)["yard"]
     standing = [solid for solid in solids if solid["group"] == "equipment"]
@@ -174,7 +172,7 @@ def test_equipment_of_a_map_is_described_as_that_which_stands_there(name: str) -
             np.testing.assert_allclose(np.array(solid[key]), np.array(other[key]), atol=1e-6, err_msg=key)
 
 
-def test_a_mission_on_a_wrong_map_finds_the_discharge_and_comes_home() -> None:
+def test_mission_on_wrong_map_finds_the_discharge() -> None:
     scenario = mapped(missing=("ct_1",), extra=(KIOSK,), moved=({"name": "transformer_2", "by_m": (0.6, -0.4)},))
     report = make_report(run_mission(scenario, seed=4), 0.0)
     assert report.scores.sources[0].found

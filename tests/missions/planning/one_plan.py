@@ -1,4 +1,4 @@
-"""Plans that several tests look at, made once in each process."""
+"""Plans shared by several tests, made once per process."""
 
 from functools import cache
 
@@ -14,7 +14,7 @@ from pdpatrol.robot_models.yard.yard import Yard
 FloatArray = NDArray[np.float64]
 
 YARDS = ("one_source", "5004", "5009")
-"""A shipped one, and random ones by their seed: with twelve and with four pieces."""
+"""A shipped scenario, and seeds of random yards with twelve and four pieces."""
 
 
 def scenario_of(name: str) -> Scenario:
@@ -27,7 +27,7 @@ def plan_of(name: str) -> Plan:
 
 
 def walled_in() -> Scenario:
-    """One source's yard with a cabinet more, its site within a courtyard of walls that the robot cannot enter."""
+    """Return the yard of `one_source` with one more cabinet, inside walls that the robot cannot enter."""
     scenario = load_scenario("one_source")
     wall = {"kind": "wall", "shape": "box", "height_m": 5.0}
     sides = (

@@ -1,4 +1,4 @@
-"""`waypoints_m = "planned"`: a mission drives what `pdpatrol plan` plans."""
+"""Missions with `waypoints_m = "planned"`."""
 
 from pathlib import Path
 
@@ -19,7 +19,7 @@ def to_be_planned(scenario: Scenario) -> Scenario:
 
 @pytest.fixture
 def one_source(tmp_path: Path) -> Path:
-    """The file with the word in the place of its waypoints."""
+    """Write the scenario with `waypoints_m = "planned"`."""
     lines = (SHIPPED / "one_source.toml").read_text(encoding="utf-8").splitlines()
     first = next(k for k, line in enumerate(lines) if line.startswith("waypoints_m"))
     last = next(k for k in range(first, len(lines)) if lines[k].rstrip().endswith("]]") or lines[k] == "]")
@@ -28,7 +28,7 @@ def one_source(tmp_path: Path) -> Path:
     return tmp_path / "one_source.toml"
 
 
-def test_a_mission_drives_the_stops_of_the_plan_and_logs_them(one_source: Path) -> None:
+def test_mission_drives_planned_stops(one_source: Path) -> None:
     scenario = load_scenario(one_source)
     assert scenario.route.waypoints_m == "planned"
     mission = Mission(scenario, "patrol", 0)
@@ -40,12 +40,12 @@ def test_a_mission_drives_the_stops_of_the_plan_and_logs_them(one_source: Path) 
     assert mission.log.n_rows("step") == 3
 
 
-def test_a_given_route_stays_as_it_is() -> None:
+def test_given_route_is_unchanged() -> None:
     scenario = load_scenario("one_source")
     assert with_planned_route(scenario) is scenario
 
 
-def test_missions_of_one_scenario_share_a_plan(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missions_of_a_scenario_share_a_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = to_be_planned(scenario_of("5009"))
     first = with_planned_route(scenario)
     monkeypatch.setattr("pdpatrol.missions.planning.plan.make_plan", None)
@@ -53,13 +53,13 @@ def test_missions_of_one_scenario_share_a_plan(monkeypatch: pytest.MonkeyPatch) 
     assert first.sources == scenario.sources
 
 
-def test_random_yards_take_a_planned_route() -> None:
+def test_random_yard_can_have_a_planned_route() -> None:
     yard, planned = scenario_of("5009"), random_yard(5009, 5009 % 13, has_planned_route=True)
     assert planned == to_be_planned(yard)
     assert len(with_planned_route(planned).route.stops_m) == len(plan_of("5009").stops_m)
 
 
-def test_the_environment_alone_refuses_a_route_that_is_still_to_be_planned() -> None:
+def test_environment_refuses_unplanned_route() -> None:
     with pytest.raises(
         ValueError, match=r'^route.waypoints_m: must be points, got "planned"[^\n]*pdpatrol plan[^\n]*$'
     ):
@@ -67,9 +67,9 @@ def test_the_environment_alone_refuses_a_route_that_is_still_to_be_planned() -> 
 
 
 def test_planned_route_needs_a_detectable_site() -> None:
-    deaf = load_scenario("one_source", {"receiver.noise_v": 0.5})
+    noisy = load_scenario("one_source", {"receiver.noise_v": 0.5})
     with pytest.raises(ScenarioError, match="no site is detectable"):
-        Mission(to_be_planned(deaf), "patrol", 0)
+        Mission(to_be_planned(noisy), "patrol", 0)
 
 
 @pytest.mark.parametrize(
@@ -79,7 +79,7 @@ def test_planned_route_needs_a_detectable_site() -> None:
         ("[[1.0]]", "route.waypoints_m.0.1"),
     ],
 )
-def test_another_word_is_refused_by_file_and_key(one_source: Path, waypoints: str, fault: str) -> None:
+def test_invalid_waypoints_are_refused(one_source: Path, waypoints: str, fault: str) -> None:
     text = one_source.read_text(encoding="utf-8").replace('"planned"', waypoints)
     one_source.write_text(text, encoding="utf-8")
     with pytest.raises(ScenarioError) as raised:
@@ -89,7 +89,7 @@ def test_another_word_is_refused_by_file_and_key(one_source: Path, waypoints: st
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["one_source", "5004", "5009"])
-def test_a_patrol_visits_every_stop_in_about_the_time_that_is_told(name: str) -> None:
+def test_patrol_takes_the_planned_time(name: str) -> None:
     plan = plan_of(name)
     waypoints_m = tuple((float(x), float(y)) for x, y in plan.stops_m)
     route = plan.scenario.route.model_copy(update={"waypoints_m": waypoints_m})

@@ -1,4 +1,4 @@
-"""The tour is the shortest of its stops."""
+"""Shortest tours."""
 
 from itertools import pairwise, permutations
 
@@ -19,9 +19,9 @@ def brute_force(lengths_m: FloatArray) -> float:
 
 
 @pytest.mark.parametrize("n_stops", range(1, 9))
-def test_no_order_of_up_to_eight_stops_is_shorter(n_stops: int) -> None:
+def test_shortest_order_equals_brute_force(n_stops: int) -> None:
     rng = np.random.default_rng(n_stops)
-    for clusters in (1, 3):  # far apart, clusters make tours of their own the first answer
+    for clusters in (1, 3):  # distant clusters first give separate tours
         middle_m = rng.uniform(0.0, 100.0 * (clusters - 1), (clusters, 2))
         places_m = middle_m[rng.integers(clusters, size=n_stops + 1)] + rng.uniform(0.0, 10.0, (n_stops + 1, 2))
         lengths_m = np.linalg.norm(places_m[:, np.newaxis] - places_m, axis=-1)
@@ -32,7 +32,7 @@ def test_no_order_of_up_to_eight_stops_is_shorter(n_stops: int) -> None:
 
 
 @pytest.mark.parametrize("name", ["one_source", "5007", "5009"])
-def test_the_planned_tour_is_the_shortest_closed_way_past_its_stops(name: str) -> None:
+def test_planned_tour_is_the_shortest(name: str) -> None:
     plan = plan_of(name)
     site_map = SiteMap(plan.scenario)
     cells = [site_map.cell(stop_m) for stop_m in (plan.scenario.route.dock_m, *plan.stops_m)]
@@ -42,12 +42,12 @@ def test_the_planned_tour_is_the_shortest_closed_way_past_its_stops(name: str) -
     assert plan.length_m == pytest.approx(np.linalg.norm(np.diff(plan.path_m, axis=0), axis=-1).sum())
 
 
-def test_ways_are_as_long_back_as_there_and_the_tour_has_no_start_but_the_dock() -> None:
+def test_paths_are_symmetric_and_tour_order_is_unique() -> None:
     plan = plan_of("one_source")
     site_map = plan.site_map
-    ways, dock = CellPaths(site_map), site_map.cell(plan.scenario.route.dock_m)
+    paths, dock = CellPaths(site_map), site_map.cell(plan.scenario.route.dock_m)
     stops = [site_map.cell(stop_m) for stop_m in plan.stops_m]
-    np.testing.assert_array_equal(ways.lengths_m(stops), ways.lengths_m(stops).T)
-    tours = [shortest_tour_of(ways, dock, order) for order in (stops, stops[::-1], sorted(stops))]
+    np.testing.assert_array_equal(paths.lengths_m(stops), paths.lengths_m(stops).T)
+    tours = [shortest_tour_of(paths, dock, order) for order in (stops, stops[::-1], sorted(stops))]
     assert all(np.array_equal(tour.cells, tours[0].cells) for tour in tours)
     assert tours[0].cells[0] == tours[0].cells[-1] == dock

@@ -1,4 +1,4 @@
-"""The next view: where a candidate may be, what a way is expected to tell, and how long it takes."""
+"""Viewpoints of the policy `active`."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ POSE = np.array([4.0, 5.0, 0.0])
 
 
 def candidate(position_m: tuple[float, float], along_m: float, across_m: float) -> Finding:
-    """One that was seen from `POSE`, with deviations along that line of sight and across."""
+    """Return a candidate with standard deviations along and across the line of sight from `POSE`."""
     sight_m = np.asarray(position_m) - POSE[:2]
     ahead = sight_m / np.linalg.norm(sight_m)
     across = np.array([-ahead[1], ahead[0]])
@@ -26,22 +26,22 @@ def candidate(position_m: tuple[float, float], along_m: float, across_m: float) 
     )  # fmt: skip
 
 
-def test_what_is_known_well_is_taken_to_be_where_it_is() -> None:
+def test_likely_place_of_accurate_candidate_is_its_position() -> None:
     target = candidate((16.0, 9.0), 0.3, 0.1)
     np.testing.assert_allclose(likely_place(target, POSE, SITE_MAP), target.position_m, atol=0.1)
 
 
-def test_what_seems_near_may_be_far_and_what_lies_outside_is_taken_to_be_inside() -> None:
+def test_likely_place_is_farther_and_inside_the_fence() -> None:
     near = likely_place(candidate((9.0, 5.0), 3.0, 0.3), POSE, SITE_MAP)
     assert near[0] > 11.0
     assert near[1] == pytest.approx(5.0)
     outside = likely_place(candidate((90.0, 5.0), 60.0, 2.0), POSE, SITE_MAP)
     assert POSE[0] < outside[0] < SITE_MAP.yard.size_m[0]
-    away = candidate((-60.0, 5.0), 0.1, 0.1)  # known well, and not in the yard
+    away = candidate((-60.0, 5.0), 0.1, 0.1)  # accurate and outside the yard
     np.testing.assert_array_equal(likely_place(away, POSE, SITE_MAP), away.position_m)
 
 
-def test_information_is_gathered_along_the_way_and_not_at_its_end_alone() -> None:
+def test_integrate_sums_along_the_path() -> None:
     paths = SITE_MAP.reach(POSE)
     length_m = paths.integrate(np.ones(len(SITE_MAP.centres_m)))
     reached = np.isfinite(paths.length_m)
@@ -54,7 +54,7 @@ def test_information_is_gathered_along_the_way_and_not_at_its_end_alone() -> Non
     assert not length_m[~reached].any()
 
 
-def test_a_view_tells_the_place_across_and_more_of_it_from_near() -> None:
+def test_information_is_across_and_larger_from_near() -> None:
     target_m = np.array([16.0, 5.0, 0.9])
     near, far, beyond = expected_information(np.array([[13.0, 5.0], [8.0, 5.0], [4.0, 5.0]]), target_m, SITE_MAP)
     assert near[1, 1] > 4.0 * far[1, 1] > 0.0
@@ -71,21 +71,21 @@ def test_a_view_tells_the_place_across_and_more_of_it_from_near() -> None:
     ],
     ids=["array", "heading", "place"],
 )
-def test_a_view_tells_less_where_array_or_pose_are_known_less(worse: dict[str, float], at_most: float) -> None:
+def test_information_falls_with_uncertain_array_or_pose(worse: dict[str, float], at_most: float) -> None:
     place_m, target_m = np.array([[12.0, 5.0]]), np.array([16.0, 5.0, 0.9])
     known = expected_information(place_m, target_m, SITE_MAP)[0, 1, 1]
     less = expected_information(place_m, target_m, SiteMap(load_scenario("quiet_yard", worse)))[0, 1, 1]
     assert 0.0 < less < at_most * known
 
 
-def test_where_all_is_known_exactly_a_view_still_does_not_tell_all() -> None:
+def test_information_is_limited_for_exact_array_and_pose() -> None:
     exact = {"array.gain_error": 0.0, "array.pointing_error_deg": 0.0, "pose_sensor.heading_std_deg": 0.0}
     site_map = SiteMap(load_scenario("quiet_yard", {**exact, "pose_sensor.position_std_m": 0.0}))
     across = expected_information(np.array([[12.0, 5.0]]), np.array([16.0, 5.0, 0.9]), site_map)[0, 1, 1]
     assert across == pytest.approx((4.0 * np.radians(0.3)) ** -2)
 
 
-def test_a_turn_takes_time_and_a_longer_way_more() -> None:
+def test_driving_time_counts_turns_and_lengths() -> None:
     paths = SITE_MAP.reach(POSE)
     ahead, behind = SITE_MAP.cell((8.0, 5.0)), SITE_MAP.cell((1.0, 5.0))
     time_s = driving_time(paths, POSE, SITE_MAP)
@@ -95,7 +95,7 @@ def test_a_turn_takes_time_and_a_longer_way_more() -> None:
     assert time_s[SITE_MAP.cell((12.0, 5.0))] > time_s[ahead]
 
 
-def test_the_next_view_is_from_near_and_aside_and_is_kept_while_it_is_nearly_the_best() -> None:
+def test_active_keeps_a_nearly_best_viewpoint() -> None:
     policy, target = Active(), candidate((16.0, 5.0), 2.0, 0.2)
     policy._views_m = [POSE[:2]]
     view = policy.viewpoint(target, POSE, SITE_MAP.reach(POSE), SITE_MAP)
@@ -112,7 +112,7 @@ def test_the_next_view_is_from_near_and_aside_and_is_kept_while_it_is_nearly_the
     assert (other[1] - POSE[1]) * (view[1] - POSE[1]) < 0.0
 
 
-def test_what_is_known_well_enough_is_seen_from_another_side() -> None:
+def test_active_views_accurate_candidate_from_another_side() -> None:
     policy, target = Active(), candidate((16.0, 5.0), 0.1, 0.1)
     assert target.semi_major_m <= KNOWN_M
     policy._views_m = [np.array([13.0, 5.0])]
@@ -121,7 +121,7 @@ def test_what_is_known_well_enough_is_seen_from_another_side() -> None:
     assert np.linalg.norm(view - [13.0, 5.0]) > 1.0
 
 
-def test_a_candidate_where_the_robot_stands_is_left_there() -> None:
+def test_likely_place_of_candidate_at_the_robot() -> None:
     here = candidate((16.0, 5.0), 1.0, 1.0)
     place_m = likely_place(here, np.array([16.0, 5.0, 0.3]), SITE_MAP)
     np.testing.assert_allclose(place_m, here.position_m)

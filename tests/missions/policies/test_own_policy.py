@@ -1,4 +1,4 @@
-"""Policies that users bring along: what they are given, and every way one can be wrong, in process and as a command."""
+"""Policies from user code: their input, and their errors."""
 
 from pathlib import Path
 
@@ -126,7 +126,7 @@ def short(time_limit_s: float = 3.0) -> Scenario:
 
 
 def says(error: UserCodeError | None, told: str, name: str, path: Path) -> bool:
-    """Whether an error is one line that begins so, with the line of the file that is marked with the policy's name."""
+    """Return True if an error is one line that starts with `told`, with the line number of the policy's mark."""
     (line,) = str(error).splitlines()
     marked = [n for n, text in enumerate(path.read_text().splitlines(), start=1) if text.endswith(f"# at {name}")]
     return line.startswith(told.replace("my.py", str(path)).replace(":LINE:", f":{(marked or [0])[0]}:"))
@@ -149,9 +149,7 @@ ACTION = "expected an action of 2 finite numbers in [-1, 1], or None to end the 
         ("guarded_three", f"my.py:LINE: returned [0.1, 0.2, 0.3]; {ACTION}", 0),
     ],
 )  # fmt: skip
-def test_a_policy_that_fails_under_way_ends_the_mission_with_a_whole_log(
-    name: str, told: str, n_steps: int, file: Path
-) -> None:
+def test_failing_policy_ends_mission_with_complete_log(name: str, told: str, n_steps: int, file: Path) -> None:
     mission = Mission(short(), f"{file}:{name}", 0)
     log = mission.run()
     assert says(mission.error, told, name.replace("guarded_three", "Three"), file), mission.error
@@ -174,20 +172,20 @@ def test_a_policy_that_fails_under_way_ends_the_mission_with_a_whole_log(
         ("Nobody", "my.py: no `Nobody` in it; it has Still, Draws, Fails"),
     ],
 )
-def test_a_policy_that_cannot_be_made_starts_no_mission(name: str, told: str, file: Path) -> None:
+def test_invalid_policy_is_refused_before_the_start(name: str, told: str, file: Path) -> None:
     with pytest.raises(UserCodeError) as refused:
         Mission(short(), f"{file}:{name}", 0)
     assert says(refused.value, told, name, file), refused.value
 
 
-def test_every_built_in_name_makes_a_policy_and_no_other_name_does() -> None:
+def test_built_in_names_make_policies() -> None:
     for name in BUILT_IN:
         assert callable(make_policy(name, np.random.default_rng(0)))
     with pytest.raises(UserCodeError, match="magic: no such policy; expected seek, active, patrol, random, oracle, or"):
         make_policy("magic", np.random.default_rng(0))
 
 
-def test_a_policy_that_never_moves_goes_on_to_the_time_limit(file: Path) -> None:
+def test_motionless_policy_runs_to_the_time_limit(file: Path) -> None:
     log = run_mission(short(), f"{file}:Still")
     assert log.column("event", "subject")[-1] == "time limit"
     assert log.n_rows("step") == 30
@@ -195,7 +193,7 @@ def test_a_policy_that_never_moves_goes_on_to_the_time_limit(file: Path) -> None
     assert make_report(log, 0.0).distance_m < 0.01
 
 
-def test_a_policy_draws_from_a_generator_that_the_seed_fixes(file: Path) -> None:
+def test_policy_generator_depends_on_the_seed(file: Path) -> None:
     first, again, other = (
         run_mission(short(1.0), f"{file}:Draws", seed).column("step", "command") for seed in (1, 1, 2)
     )
@@ -203,20 +201,20 @@ def test_a_policy_draws_from_a_generator_that_the_seed_fixes(file: Path) -> None
     assert not np.array_equal(first, other)
 
 
-def test_a_policy_may_end_the_mission_and_say_what_it_gave_up(file: Path) -> None:
+def test_policy_can_end_the_mission(file: Path) -> None:
     log = run_mission(short(), f"{file}:Ends")
     assert log.n_rows("step") == 5
     assert set(log.column("step", "phase")) == {"give up"}
     assert log.column("event", "text").tolist() == ["gave up waypoint 2", "mission over: policy done"]
 
 
-def test_the_collision_guard_goes_round_a_policy_as_it_goes_round_the_built_in_ones(file: Path) -> None:
+def test_guarded_own_policy_equals_built_in_one(file: Path) -> None:
     own, built_in = (run_mission(short(20.0), name) for name in (f"{file}:guarded", "patrol"))
     for column in ("true_pose", "phase"):
         np.testing.assert_array_equal(own.column("step", column), built_in.column("step", column))
 
 
-def test_a_policy_without_a_phase_is_guarded_too() -> None:
+def test_guard_accepts_policy_without_phase() -> None:
     class Bare:
         def __call__(self, observation: object, findings: object, site_map: object) -> None:
             return None
@@ -226,13 +224,13 @@ def test_a_policy_without_a_phase_is_guarded_too() -> None:
     assert CollisionGuard(Patrol()).phase == Phase("patrol")
 
 
-def test_a_policy_that_asks_for_the_truth_gets_a_copy_of_it(file: Path) -> None:
+def test_policy_with_reveal_gets_a_copy_of_the_truth(file: Path) -> None:
     mission = Mission(short(), f"{file}:Spies", 0)
     (source,) = mission.log.meta["truth"]["sources"]
     assert mission.policy._policy.truth["sources"][0] == source  # pyright: ignore[reportAttributeAccessIssue]
 
 
-def test_an_error_of_other_foreign_code_in_a_step_ends_the_mission_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_user_code_error_in_a_step_ends_the_mission(monkeypatch: pytest.MonkeyPatch) -> None:
     mission = Mission(short(), "patrol", 0)
 
     def failing(action: object) -> None:

@@ -1,4 +1,4 @@
-"""Policies of one's own on the command line: exit status, one line, whole files."""
+"""User policies on the command line: exit status, messages and files."""
 
 import json
 import re
@@ -58,9 +58,7 @@ def pdpatrol(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
         ("NotANumber", "my.py:11: returned [0.1, nan]; ", 0),
     ],
 )
-def test_a_run_whose_policy_fails_writes_all_files_prints_one_line_and_has_exit_status_1(
-    name: str, told: str, n_steps: int, file: Path
-) -> None:
+def test_run_with_failing_policy_writes_all_files(name: str, told: str, n_steps: int, file: Path) -> None:
     done = pdpatrol("run", "--policy", f"my.py:{name}", "--out", "here", "--json", cwd=file.parent)
     assert done.returncode == 1
     told += "expected an action of 2 finite numbers in [-1, 1], or None to end the mission"
@@ -71,7 +69,7 @@ def test_a_run_whose_policy_fails_writes_all_files_prints_one_line_and_has_exit_
 
 
 def whole_report(folder: Path, n_steps: int) -> dict:
-    """The report of a mission, whose other files are whole as well."""
+    """Check the files of a mission and return its report."""
     assert {path.name for path in folder.iterdir()} == {"log.npz", "report.json", "report.html", "mission.rrd"}
     assert MissionLog.load(folder).n_rows("step") == n_steps
     verify = [sys.executable, "-m", "rerun", "rrd", "verify", str(folder / "mission.rrd")]
@@ -80,11 +78,11 @@ def whole_report(folder: Path, n_steps: int) -> dict:
 
 
 def without_news(stderr: str) -> list[str]:
-    """The lines that tell of something else than of candidates on the way."""
+    """Return the lines that are not news of candidates."""
     return [line for line in stderr.splitlines() if not re.match(r" *\d+\.\d s  (candidate|outside|ghost)", line)]
 
 
-def test_a_run_whose_policy_never_moves_ends_at_the_time_limit_with_a_whole_report(file: Path) -> None:
+def test_run_with_motionless_policy_ends_at_time_limit(file: Path) -> None:
     shipped = (SHIPPED / "one_source.toml").read_text(encoding="utf-8")
     (file.parent / "short.toml").write_text(f"{shipped}\n[task]\ntime_limit_s = 4.0\n", encoding="utf-8")
     done = pdpatrol("run", "short.toml", "--policy", "my.py:Still", "--out", "here", cwd=file.parent)
@@ -104,9 +102,7 @@ def test_a_run_whose_policy_never_moves_ends_at_the_time_limit_with_a_whole_repo
         ("magic", "magic: no such policy; expected seek, active, patrol, random, oracle, or my_file.py:MyPolicy"),
     ],
 )
-def test_a_policy_that_cannot_be_loaded_is_one_line_and_exit_status_2_before_any_folder(
-    policy: str, told: str, file: Path
-) -> None:
+def test_run_with_invalid_policy_writes_nothing(policy: str, told: str, file: Path) -> None:
     (file.parent / "broken.py").write_text("x = 1\ny = (\n", encoding="utf-8")
     done = pdpatrol("run", "--policy", policy, cwd=file.parent)
     assert done.returncode == 2
@@ -116,7 +112,7 @@ def test_a_policy_that_cannot_be_loaded_is_one_line_and_exit_status_2_before_any
     assert {path.name for path in file.parent.iterdir()} == {"my.py", "broken.py"}
 
 
-def test_the_help_tells_of_own_policies(tmp_path: Path) -> None:
+def test_help_mentions_own_policies(tmp_path: Path) -> None:
     told = " ".join(pdpatrol("run", "--help", cwd=tmp_path).stdout.replace("│", " ").split())
     assert "my_policy.py:MyPolicy" in told
     assert "pdpatrol.missions.policies.protocol.Policy" in told

@@ -30,14 +30,14 @@ def phase_at(seek: Seek, time_s: float, state: State, detected_s: float | None =
     return str(seek.phase)
 
 
-def test_a_candidate_that_seems_outside_for_a_moment_again_and_again_is_still_pursued() -> None:
+def test_candidate_that_is_outside_at_times_is_pursued() -> None:
     seek = Seek()
     for k in range(100):
         assert phase_at(seek, 0.2 * k, "outside").startswith("patrol")
         assert phase_at(seek, 0.2 * k + 0.1, "candidate") == "seek 1"
 
 
-def test_a_candidate_that_gets_no_better_is_set_aside_after_a_while() -> None:
+def test_candidate_without_improvement_is_set_aside() -> None:
     seek = Seek()
     n_steps = round(PATIENCE_S / 0.1)
     phases = [phase_at(seek, 0.1 * k, "candidate") for k in range(n_steps + 5)]
@@ -45,7 +45,7 @@ def test_a_candidate_that_gets_no_better_is_set_aside_after_a_while() -> None:
     assert phases[-1].startswith("patrol")
 
 
-def test_a_candidate_that_falls_silent_is_left_until_it_is_detected_again() -> None:
+def test_silent_candidate_is_left_until_detected_again() -> None:
     seek = Seek()
     n_steps = round(SILENCE_S / 0.1)
     phases = [phase_at(seek, 0.1 * k, "candidate", detected_s=0.0) for k in range(n_steps + 5)]
@@ -56,7 +56,7 @@ def test_a_candidate_that_falls_silent_is_left_until_it_is_detected_again() -> N
     assert phase_at(seek, later_s + 0.1, "candidate", detected_s=later_s) == "seek 1"
 
 
-def test_what_is_above_is_viewed_from_afar_where_the_pattern_is_known_in_the_plane_alone() -> None:
+def test_high_candidate_is_viewed_from_afar_with_planar_pattern() -> None:
     unsure = SiteMap(load_scenario("one_source", {"array.pattern_error": 0.02}))
     start, head_m = np.array([16.0, 5.0]), np.array([13.0, 9.1, 3.2])
     views = {site_map: best_viewpoint(head_m, start[np.newaxis], site_map.reach(start), site_map)
