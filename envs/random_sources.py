@@ -12,7 +12,7 @@ from pdpatrol.envs.scenario.sources import SourceConfig
 from pdpatrol.robot_models.yard.pieces import SITE_STANDOFF_M
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import ArrayConfig
-from pdpatrol.sensing.radio.sight import Sight
+from pdpatrol.sensing.radio.transmission import Sight
 
 FloatArray = NDArray[np.float64]
 

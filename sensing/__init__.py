@@ -1,28 +1,25 @@
-"""What nature and the receiver do: sources and a pose become strengths. It alone knows the truth of radio."""
+"""Sources, radio waves and receivers: from the true state of the world to detected pulses."""
 
 from pdpatrol.sensing.array.config import ArrayConfig, ElementConfig
 from pdpatrol.sensing.array.helical_array import HelicalArray
-from pdpatrol.sensing.nature.discharges import PulseTrain
-from pdpatrol.sensing.nature.scene import Scene
-from pdpatrol.sensing.nature.sources import Carrier, DischargeSource
-from pdpatrol.sensing.radio.surroundings import Surroundings, level_transform
-from pdpatrol.sensing.radio.tables import Faces, Obstacles, Solids
+from pdpatrol.sensing.nature.pulses import PulseTrain
+from pdpatrol.sensing.nature.sources import Carrier, DischargeSource, Scene
+from pdpatrol.sensing.radio.surroundings import Faces, Surroundings, UprightSolids, level_transform
+from pdpatrol.sensing.receiver.bank import DetectedPulses
 from pdpatrol.sensing.receiver.config import ReceiverConfig
-from pdpatrol.sensing.receiver.detections import Detections
 
 __all__ = [
     "ArrayConfig",
     "Carrier",
-    "Detections",
+    "DetectedPulses",
     "DischargeSource",
     "ElementConfig",
     "Faces",
     "HelicalArray",
-    "Obstacles",
     "PulseTrain",
     "ReceiverConfig",
     "Scene",
-    "Solids",
     "Surroundings",
+    "UprightSolids",
     "level_transform",
 ]

@@ -1,4 +1,4 @@
-"""Make radio.png: what is left of a discharge behind a transformer all over a yard, coherent and as power.
+"""Make radio.png: level of a discharge behind a transformer all over a yard, coherent and as power.
 
 uv run python docs/pictures/make_radio.py
 """
@@ -14,11 +14,11 @@ from matplotlib.patches import Circle, Polygon
 from numpy.typing import NDArray
 
 from pdpatrol.envs import load_scenario
+from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.robot_models.yard.yard import Yard
-from pdpatrol.sensing import Faces, Solids, Surroundings
+from pdpatrol.sensing.radio.geometry import Vector
 from pdpatrol.sensing.radio.materials import WAVELENGTH_M
 from pdpatrol.sensing.radio.ray_paths import find_ray_paths
-from pdpatrol.sensing.radio.vectors import Vector
 
 FloatArray = NDArray[np.float64]
 
@@ -28,15 +28,15 @@ GRID_M = 0.05
 
 
 def main() -> None:
-    """Write the picture beside this file."""
+    """Write the picture next to this file."""
     yard = load_scenario(SCENARIO).yard
     width_m, depth_m = yard.size_m
     x, y = np.arange(0.0, width_m, GRID_M), np.arange(0.0, depth_m, GRID_M)
     coherent_db, power_db = levels(yard, x, y)
     figure, panels = plt.subplots(1, 2, figsize=(15.0, 6.2), layout="constrained")
     for panel, level_db, title in (
-        (panels[0], coherent_db, "all rays as one antenna hears them at 1.75 GHz"),
-        (panels[1], power_db, "their powers added"),
+        (panels[0], coherent_db, "coherent sum of all rays at 1.75 GHz"),
+        (panels[1], power_db, "sum of their powers"),
     ):
         extent = (0.0, width_m, 0.0, depth_m)
         image = panel.imshow(level_db, origin="lower", extent=extent, vmin=-65.0, vmax=-5.0, cmap="turbo")
@@ -48,24 +48,21 @@ def main() -> None:
 
 
 def levels(yard: Yard, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Level of the sum of all rays and of the sum of their powers, dB, each (y.size, x.size)."""
-    around = Surroundings.of_kinds(
-        [item.kind for item in yard.equipment], Faces(**yard.faces()._asdict()), Solids(**yard.obstacles()._asdict())
-    )
-    source_m, axis, faintest = np.array([SOURCE_M]), np.array([AXIS]), np.zeros(1)
+    """Return the levels of the sum of all rays and of the sum of their powers, dB, each (y.size, x.size)."""
+    around, source_m, axis, least = surroundings_of(yard), np.array([SOURCE_M]), np.array([AXIS]), np.zeros(1)
     field, power = np.zeros((y.size, x.size), np.complex128), np.zeros((y.size, x.size))
     for row, column in np.ndindex(y.size, x.size):
         at = Vector(float(x[column]), float(y[row]), ARRAY_M)
-        rays = find_ray_paths(source_m, axis, faintest, at, around)
-        way_m = rays.extra_m + np.linalg.norm(rays.from_m - at, axis=-1)
-        field[row, column] = np.sum(rays.coefficient / way_m * np.exp(-2j * np.pi / WAVELENGTH_M * way_m))
-        power[row, column] = np.sum(np.square(np.abs(rays.coefficient) / way_m))
+        rays = find_ray_paths(source_m, axis, least, at, around)
+        length_m = rays.extra_m + np.linalg.norm(rays.from_m - at, axis=-1)
+        field[row, column] = np.sum(rays.coefficient / length_m * np.exp(-2j * np.pi / WAVELENGTH_M * length_m))
+        power[row, column] = np.sum(np.square(np.abs(rays.coefficient) / length_m))
     return 20 * np.log10(np.abs(field) + 1e-6), 10 * np.log10(power + 1e-12)
 
 
 def draw_equipment(panel: Axes, yard: Yard) -> None:
-    """Outlines of all that stands about."""
-    solids = Solids(**yard.obstacles()._asdict())
+    """Draw the outlines of all equipment."""
+    solids = yard.obstacles()
     for centre_m, yaw_rad, half_m, radius_m in zip(
         solids.centre_m, solids.yaw_rad, solids.half_size_m, solids.radius_m, strict=True
     ):

@@ -30,8 +30,7 @@ from pdpatrol.envs.user_code import make_estimator
 from pdpatrol.robot_models.antenna.elements import AntennaElements
 from pdpatrol.robot_models.robots import Robots
 from pdpatrol.robot_models.sensors import LIDAR_BEAMS, LIDAR_RANGE_M
-from pdpatrol.sensing import Detections
-from pdpatrol.sensing.receiver.receiver import Listener
+from pdpatrol.sensing.receiver.bank import DetectedPulses, Listener, ReceiverBank
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -178,8 +177,6 @@ class Simulation:
 
     def reset(self, rows: Rows, rngs: Sequence[np.random.Generator], fixed: Fixed) -> None:
         """Start new episodes in some rows, each with its generator; the next step is their first look."""
-        from pdpatrol.sensing.receiver.bank import ReceiverBank  # loads the compiler
-
         spawned = [Generators.spawn(rng) for rng in rngs]
         drawn = [Episode.draw(self.scenario, self._surroundings, each, fixed) for each in spawned]
         for row, generators, episode in zip(rows.tolist(), spawned, drawn, strict=True):
@@ -244,7 +241,7 @@ class Simulation:
             suspects=suspects,
         )
 
-    def _find_directions(self, detections: Detections) -> tuple[PulseBatch, list[tuple[SuspectChannel, ...]]]:
+    def _find_directions(self, detections: DetectedPulses) -> tuple[PulseBatch, list[tuple[SuspectChannel, ...]]]:
         """All pulses with directions from the channels that are in order, and channels newly at fault by robot."""
         suspects: list[tuple[SuspectChannel, ...]] = [()] * len(self._monitors)
         pulses = self.estimator(detections.pulses, self.array).attached_to(detections.pulses)

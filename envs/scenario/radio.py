@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pdpatrol.envs.scenario.base import Config
 from pdpatrol.robot_models.yard.yard import Yard
-from pdpatrol.sensing import Faces, Solids, Surroundings
+from pdpatrol.sensing import Faces, Surroundings, UprightSolids
 
 
 class RadioConfig(Config, frozen=True):
@@ -25,5 +25,5 @@ def surroundings_of(yard: Yard, *, second_order: bool = False) -> Surroundings:
     return Surroundings.of_kinds(
         [item.kind for item in yard.equipment],
         Faces(**yard.faces()._asdict()),
-        Solids(**yard.obstacles()._asdict()),
-    )._replace(by_two_walls=second_order)
+        UprightSolids(**yard.obstacles()._asdict()),
+    )._replace(second_order=second_order)

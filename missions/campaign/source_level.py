@@ -11,7 +11,7 @@ from dirmusic.locating.rules import AssignmentRules, CredibilityRules
 from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.missions.campaign.inspection import Inspection, Located
 from pdpatrol.missions.campaign.product_limit import Distribution, product_limit
-from pdpatrol.sensing.radio.sight import Sight
+from pdpatrol.sensing.radio.transmission import Sight
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -18,7 +18,7 @@ from dirmusic.locating.rules import AssignmentRules
 from pdpatrol.envs import Scenario
 from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.robot_models.yard.yard import Yard
-from pdpatrol.sensing.radio.sight import Sight
+from pdpatrol.sensing.radio.transmission import Sight
 
 FloatArray = NDArray[np.float64]
 

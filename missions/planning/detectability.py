@@ -13,7 +13,7 @@ from dirmusic.locating.joint_fit import HEIGHT_PRIOR_M
 from pdpatrol.envs import Scenario
 from pdpatrol.missions.driving.site_map import CELL_M, MIN_TRANSMISSION, SiteMap
 from pdpatrol.sensing import ArrayConfig, HelicalArray, ReceiverConfig
-from pdpatrol.sensing.radio.sight import Sight
+from pdpatrol.sensing.radio.transmission import Sight
 from pdpatrol.sensing.receiver.receiver import Receiver
 
 FloatArray = NDArray[np.float64]

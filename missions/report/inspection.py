@@ -14,7 +14,7 @@ from pdpatrol.missions.record.log_contents import known_yard
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.records import SiteInspection, SiteInspections
 from pdpatrol.sensing import ArrayConfig, ReceiverConfig
-from pdpatrol.sensing.radio.sight import Sight
+from pdpatrol.sensing.radio.transmission import Sight
 
 PLACE_M = 0.25
 """Grid to which poses are rounded. Assumed; apertures change by about a degree at 10 m."""

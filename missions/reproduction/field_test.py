@@ -14,7 +14,7 @@ from pdpatrol.envs.scenario.sources import SourceConfig
 from pdpatrol.missions.reproduction.exhibit import Campaign, Exhibit, Measured, Prediction, Row, published
 from pdpatrol.missions.reproduction.simulation import GRID_DEG, by_paper, error_deg
 from pdpatrol.sensing.array.helical_array import HelicalArray
-from pdpatrol.sensing.nature.pulse_shape import unit_pulse_energy
+from pdpatrol.sensing.nature.pulses import unit_pulse_energy
 from pdpatrol.sensing.radio.surroundings import in_array_frame, level_transform, rays_between
 
 FloatArray = NDArray[np.float64]

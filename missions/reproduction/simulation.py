@@ -20,7 +20,7 @@ from dirmusic import (
 )
 from dirmusic.angles import difference
 from dirmusic.array.element_errors import ManifoldPrior
-from pdpatrol.sensing.nature.pulse_shape import damped_pulse, unit_pulse_energy
+from pdpatrol.sensing.nature.pulses import damped_pulse, unit_pulse_energy
 from pdpatrol.sensing.radio.surroundings import SPEED_OF_LIGHT_MPS
 
 FloatArray = NDArray[np.float64]

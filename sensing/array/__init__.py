@@ -1,1 +1,1 @@
-"""The array of antennas as nature has it: its settings, one array as built, and many as compiled loops read them."""
+"""Array of antennas: configuration, the array as built, and tables for compiled functions."""

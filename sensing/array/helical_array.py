@@ -1,4 +1,4 @@
-"""An array of helical antennas: the data sheet's, or one as it was really built."""
+"""Array of helical antennas: that of the data sheet, or one as it was built."""
 
 from __future__ import annotations
 
@@ -12,23 +12,24 @@ from numpy.typing import NDArray
 from dirmusic import GainManifold, GainPattern
 from dirmusic.array.pattern import gain_in_space
 from dirmusic.array.spatial_pattern import SpatialPattern, halves
+from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
 from pdpatrol.sensing.array.config import ArrayConfig
-from pdpatrol.sensing.nature.pulse_shape import FREQUENCY_HZ
+from pdpatrol.sensing.nature.pulses import FREQUENCY_HZ
 
 FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
 class HelicalArray:
-    """One array, in the array frame: x forward, y left, z up from the ground under the ring's centre.
+    """One array, in the array frame: x forward, y left, z up from the ground under the centre of the ring.
 
     Attributes:
         pattern: Gain of every element, over the angle off its boresight or over all directions and frequencies.
         boresights_rad: Azimuth of each boresight, shape (n_elements,).
         boresight_elevations_rad: Elevation of each boresight, shape (n_elements,).
-        positions_m: Where the elements sit, shape (n_elements, 3).
-        gain_factors: Shape (n_elements,), unitless, one for the data sheet.
-        gain_offsets: Additions to the gains, shape (n_elements,), unitless, zero for the data sheet.
+        positions_m: Positions of the elements, shape (n_elements, 3).
+        gain_factors: Factors of the gains, shape (n_elements,); 1 for the data sheet.
+        gain_offsets: Additions to the gains, shape (n_elements,); 0 for the data sheet.
     """
 
     pattern: GainPattern | SpatialPattern
@@ -43,31 +44,33 @@ class HelicalArray:
         """Number of elements."""
         return self.boresights_rad.size
 
+    @property
+    def aperture_m(self) -> float:
+        """Extent of the elements, the larger of width and height: the largest difference of path lengths, about."""
+        width_m = 2 * float(np.linalg.norm(self.positions_m[:, :2], axis=-1).max())
+        return max(width_m, float(np.ptp(self.positions_m[:, 2])))
+
     @classmethod
     def nominal(cls, config: ArrayConfig) -> Self:
-        """The array of the data sheet: the only one that the estimator knows."""
-        n = config.n_channels
-        return cls(
-            pattern=config.nominal_pattern(),
-            **config.nominal_elements()._asdict(),
-            gain_factors=np.ones(n),
-            gain_offsets=np.zeros(n),
-        )
+        """Make the array of the data sheet, the only one that the estimator knows."""
+        ones = np.ones(config.n_channels)
+        elements = config.nominal_elements()._asdict()
+        return cls(pattern=config.nominal_pattern(), **elements, gain_factors=ones, gain_offsets=0 * ones)
 
     @classmethod
     def draw(cls, config: ArrayConfig, rng: np.random.Generator) -> Self:
-        """An array as it was really built: the data sheet with its errors, and the pattern that is true.
+        """Draw an array as it was built: the data sheet with errors, and the true pattern.
 
         Args:
-            config: Its data sheet.
-            rng: Draws the errors of an array without serial number; one with a number always has the same.
+            config: Configuration with the data sheet.
+            rng: Generator of the errors of an array without serial number; with one they depend on that alone.
         """
         rng = rng if config.serial_number is None else np.random.default_rng(config.serial_number)
         nominal, n = config.nominal_elements(), config.n_channels
-        pointing = rng.normal(0.0, np.radians(config.pointing_error_deg), n)
+        pointing_rad = rng.normal(0.0, np.radians(config.pointing_error_deg), n)
         return cls(
             pattern=config.real_pattern(),
-            boresights_rad=nominal.boresights_rad + pointing,
+            boresights_rad=nominal.boresights_rad + pointing_rad,
             boresight_elevations_rad=nominal.boresight_elevations_rad,
             positions_m=nominal.positions_m + rng.normal(0.0, config.position_error_m, (n, 3)),
             gain_factors=np.exp(rng.normal(0.0, config.gain_error, n)),
@@ -76,58 +79,62 @@ class HelicalArray:
 
     @property
     def cut(self) -> GainPattern:
-        """The pattern in the plane; of one over frequency, the root mean square over all its frequencies."""
+        """Pattern in the plane; of one over frequency, the root mean square over all frequencies."""
         return self.pattern.cut() if isinstance(self.pattern, SpatialPattern) else self.pattern
 
     def manifold(self) -> GainManifold:
-        """The far-field manifold of the elements' pattern and boresights; of the nominal array, what estimators use."""
-        return GainManifold(self.cut, self.boresights_rad, boresight_elevations_rad=self.boresight_elevations_rad)
+        """Return the far-field manifold of pattern and boresights; estimators use that of the nominal array."""
+        return self._manifold_of(self.cut)
 
     def band_manifolds(self, edges_hz: Sequence[float]) -> tuple[GainManifold, ...]:
-        """The manifolds of both halves of each sub-band; all the same where the pattern is one in the plane.
+        """Return the manifolds of both halves of each sub-band; all are the same for a pattern in the plane.
 
         Args:
-            edges_hz: Of the sub-bands, rising, n_bands + 1 of them, or none.
+            edges_hz: Edges of the sub-bands, ascending, n_bands + 1 of them, or none.
         """
         if not isinstance(self.pattern, SpatialPattern):
             return (self.manifold(),) * (2 * (len(edges_hz) - 1))
-        cuts = [self.pattern.cut(half) for half in halves(edges_hz)]
-        tilts = self.boresight_elevations_rad
-        return tuple(GainManifold(cut, self.boresights_rad, boresight_elevations_rad=tilts) for cut in cuts)
+        return tuple(self._manifold_of(self.pattern.cut(half)) for half in halves(edges_hz))
+
+    def _manifold_of(self, cut: GainPattern) -> GainManifold:
+        return GainManifold(cut, self.boresights_rad, boresight_elevations_rad=self.boresight_elevations_rad)
 
     def gain(
         self, azimuth_rad: FloatArray, elevation_rad: FloatArray, frequency_hz: float = FREQUENCY_HZ
     ) -> FloatArray:
-        """Gain of element i towards its own direction i, array frame; all of shape (..., n_elements).
+        """Return the gain of element i in direction i, array frame.
 
         Args:
-            azimuth_rad: Of the directions.
-            elevation_rad: Of the directions.
-            frequency_hz: At which, by default that of the pulses; counts for patterns over frequency alone.
+            azimuth_rad: Azimuths of the directions, shape (..., n_elements).
+            elevation_rad: Elevations of the directions, same shape.
+            frequency_hz: Frequency; only patterns over frequency depend on it.
+
+        Returns:
+            Same shape.
         """
-        off_rad = azimuth_rad - self.boresights_rad
+        off_rad, tilt_rad = azimuth_rad - self.boresights_rad, self.boresight_elevations_rad
         if isinstance(self.pattern, SpatialPattern):
-            own = off_boresight(off_rad, elevation_rad, self.boresight_elevations_rad)
-            towards = self.pattern.gain(*own, frequency_hz)[0]
+            forward, left = (np.cos(elevation_rad) * turn for turn in (np.cos(off_rad), np.sin(off_rad)))
+            ahead = np.cos(tilt_rad) * forward + np.sin(tilt_rad) * np.sin(elevation_rad)
+            up = np.cos(tilt_rad) * np.sin(elevation_rad) - np.sin(tilt_rad) * forward
+            above_rad = np.arctan2(up, np.hypot(left, ahead))
+            gain = self.pattern.gain(np.arctan2(left, ahead), above_rad, frequency_hz)[0]
         else:
-            towards = gain_in_space(self.pattern, off_rad, elevation_rad, self.boresight_elevations_rad).gain
-        return self.gain_factors * towards + self.gain_offsets
+            gain = gain_in_space(self.pattern, off_rad, elevation_rad, tilt_rad).gain
+        return self.gain_factors * gain + self.gain_offsets
 
+    def free_space_response(self, source_m: FloatArray, world_from_array: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return amplitudes over those 1 m from a unit-gain antenna, and travel times, of direct waves in free space.
 
-def off_boresight(
-    off_rad: FloatArray, elevation_rad: FloatArray, tilt_rad: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Azimuth and elevation in the frame of boresights that are raised by `tilt_rad`.
+        Args:
+            source_m: Positions of sources, shape (..., 3), world frame.
+            world_from_array: Pose of the array, shape (4, 4).
 
-    Args:
-        off_rad: Azimuth off the boresight's, shape (..., n_elements).
-        elevation_rad: Same shape.
-        tilt_rad: Elevation of each boresight, shape (n_elements,).
-    """
-    level, left, z = (
-        np.cos(elevation_rad) * np.cos(off_rad),
-        np.cos(elevation_rad) * np.sin(off_rad),
-        np.sin(elevation_rad),
-    )
-    ahead, up = np.cos(tilt_rad) * level + np.sin(tilt_rad) * z, np.cos(tilt_rad) * z - np.sin(tilt_rad) * level
-    return np.arctan2(left, ahead), np.arctan2(up, np.hypot(left, ahead))
+        Returns:
+            Two arrays of shape (..., n_elements).
+        """
+        in_array_m = (source_m - world_from_array[:3, 3]) @ world_from_array[:3, :3]
+        sight = in_array_m[..., np.newaxis, :] - self.positions_m
+        range_m = np.linalg.norm(sight, axis=-1)
+        azimuth_rad, elevation_rad = np.arctan2(sight[..., 1], sight[..., 0]), np.arcsin(sight[..., 2] / range_m)
+        return self.gain(azimuth_rad, elevation_rad) / range_m, range_m / SPEED_OF_LIGHT_MPS

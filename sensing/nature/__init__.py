@@ -1,1 +1,1 @@
-"""What discharges: sources, pulse trains, pulse shape."""
+"""Sources of pulses and interference, and their waveforms."""

@@ -1,30 +1,33 @@
-"""What radiates: discharges, and impulsive interferers from elsewhere."""
+"""Sources of discharges and interference, and the scene that they make with their surroundings."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pdpatrol.sensing.nature.discharges import PulseTrain, Rhythm
+from pdpatrol.sensing.nature.pulses import ClusterTable, PulseTrain
+from pdpatrol.sensing.radio.surroundings import Surroundings
 
 FloatArray = NDArray[np.float64]
 
 
-def in_nanoseconds(time_s: float) -> float:
-    """A time >= 0 to the nanosecond: a shot on the edge of two intervals is fired once, however their ends round."""
+def round_to_nanoseconds(time_s: float) -> float:
+    """Round a time >= 0, so that a shot on the border of two intervals is fired once however their ends round."""
     return int(time_s * 1e9 + 0.5) / 1e9
 
 
 @dataclass(frozen=True, kw_only=True)
 class Carrier:
-    """A narrowband transmitter far away, that radiates all the time.
+    """Distant narrowband transmitter that radiates all the time.
 
     Attributes:
         frequency_hz: Frequency of the tone.
         amplitude_v: Peak in a unit-gain channel at the array, before the band-pass.
-        bearing_rad: Direction it comes from, world frame, level.
+        bearing_rad: Azimuth that it comes from, world frame.
     """
 
     frequency_hz: float
@@ -34,25 +37,25 @@ class Carrier:
 
 @dataclass(frozen=True, kw_only=True)
 class DischargeSource:
-    """A point that radiates pulses equally in all directions.
+    """Point source that radiates pulses equally in all directions.
 
-    It fires at random times (a Poisson process), over the phase of the mains as its kind does, or a few shots.
+    It fires at random times, as a Poisson process over the phase of the mains, or a number of regular shots.
 
     Attributes:
         name: Name in reports.
-        position_m: Shape (3,), world frame.
-        amplitude_v: Peak that a typical pulse would have in a unit-gain channel 1 m away, > 0.
+        position_m: Position, shape (3,), world frame.
+        amplitude_v: Peak of a typical pulse in a unit-gain channel 1 m away, > 0.
         pulse_rate_hz: Mean number of pulses per second, >= 0.
-        axis: Of its linear polarisation, a unit vector, shape (3,), world frame.
-        train: How its pulses lie in the cycle of the mains, and how their amplitudes spread; None for any phase.
-        active_s: From when to when it discharges, seconds.
-        drift_db_per_min: By how much it grows louder.
-        n_shots: How many pulses a discharge gun fires, evenly at the pulse rate; None for a source that goes on.
-        first_shot_s: When it fires the first.
-        burst_s: How long each emission lasts, where it is a burst of a carrier and no pulse; 0 for a pulse.
-        moves_to_m: Where it turns back if it moves, shape (3,), world frame, other than `position_m`: it travels to
-            and fro between the two on the straight line, from `position_m` at time 0. None for one that stands.
-        speed_mps: How fast it moves, > 0 where it does.
+        axis: Direction of the linear polarisation, a unit vector, shape (3,), world frame.
+        train: Phases and amplitudes of the pulses; None for equal pulses at any phase.
+        active_s: Start and end of the activity.
+        drift_db_per_min: Rate at which the amplitude grows.
+        n_shots: Number of shots of a discharge gun, regular at the pulse rate; None for a source without end.
+        first_shot_s: Time of the first shot.
+        burst_s: Duration of each emission of a source of bursts of a carrier; 0 for pulses.
+        moves_to_m: Far end of the line on which the source moves back and forth, shape (3,), world frame; it starts
+            from `position_m` at time 0. None for a fixed source.
+        speed_mps: Speed of a moving source, > 0.
     """
 
     name: str
@@ -70,24 +73,110 @@ class DischargeSource:
     speed_mps: float = 0.0
 
     @property
-    def rhythm(self) -> Rhythm | None:
-        """When it fires, if at random; None for a few shots."""
+    def clusters(self) -> ClusterTable | None:
+        """Clusters of random pulses; None for a discharge gun."""
         if self.n_shots is not None:
             return None
-        return self.train.rhythm(self.pulse_rate_hz) if self.train else Rhythm.at_any_phase(self.pulse_rate_hz)
+        return self.train.table(self.pulse_rate_hz) if self.train else ClusterTable.at_any_phase(self.pulse_rate_hz)
 
     def position_at(self, time_s: float) -> FloatArray:
-        """Where it is at a time, shape (3,), world frame."""
+        """Return the position at a time, shape (3,), world frame."""
         if self.moves_to_m is None:
             return self.position_m
-        way_m = self.moves_to_m - self.position_m
-        length_m = float(np.linalg.norm(way_m))
-        gone_m = self.speed_mps * time_s % (2 * length_m)
-        return self.position_m + min(gone_m, 2 * length_m - gone_m) / length_m * way_m
+        line_m = self.moves_to_m - self.position_m
+        length_m = float(np.linalg.norm(line_m))
+        moved_m = self.speed_mps * time_s % (2 * length_m)
+        return self.position_m + min(moved_m, 2 * length_m - moved_m) / length_m * line_m
 
     def shots_s(self, start_s: float, duration_s: float) -> FloatArray:
-        """Times of the shots within an interval, seconds, shape (n,)."""
+        """Return the times of the shots within an interval, shape (n,)."""
         first, end = ((at_s - self.first_shot_s) * self.pulse_rate_hz for at_s in (start_s, start_s + duration_s))
         number = np.arange(max(int(first) - 1, 0), min(int(end) + 2, self.n_shots or 0))
         shot_s = np.round(self.first_shot_s + number / self.pulse_rate_hz, 9)
-        return shot_s[(shot_s >= in_nanoseconds(start_s)) & (shot_s < in_nanoseconds(start_s + duration_s))]
+        first_s, end_s = round_to_nanoseconds(start_s), round_to_nanoseconds(start_s + duration_s)
+        return shot_s[(shot_s >= first_s) & (shot_s < end_s)]
+
+
+class Emissions(NamedTuple):
+    """Emissions of the sources of a scene, ordered by time.
+
+    Attributes:
+        source: Index of the source, shape (n,).
+        time_s: Time, shape (n,), ascending.
+        peak_v: Peak 1 m away in a unit-gain channel before the band-pass, with its sign, shape (n,).
+    """
+
+    source: NDArray[np.intp]
+    time_s: FloatArray
+    peak_v: FloatArray
+
+    @classmethod
+    def join(cls, parts: Sequence[Emissions]) -> Self:
+        """Join emissions and order them by time."""
+        source, time_s, peak_v = (np.concatenate(column) for column in zip(*parts, strict=True))
+        order = np.argsort(time_s, kind="stable")
+        return cls(source[order], time_s[order], peak_v[order])
+
+    def take(self, chosen: NDArray[np.intp] | NDArray[np.bool_] | slice) -> Emissions:
+        """Return some of the emissions."""
+        return Emissions(self.source[chosen], self.time_s[chosen], self.peak_v[chosen])
+
+
+class Scene:
+    """Sources at their places, for one mission.
+
+    Args:
+        sources: Sources of pulses or bursts.
+        surroundings: Surroundings; free space if None.
+        carriers: Transmitters that radiate all the time.
+
+    Attributes:
+        sources: Sources of pulses or bursts.
+        carriers: Transmitters that radiate all the time.
+        surroundings: Surroundings.
+        positions_m: Positions of the sources at time 0, shape (n_sources, 3), world frame.
+        axes: Linear polarisations, unit vectors, shape (n_sources, 3).
+        burst_s: Durations of bursts, 0 for sources of pulses, shape (n_sources,).
+        has_movers: True if any source moves.
+    """
+
+    def __init__(
+        self,
+        sources: Sequence[DischargeSource],
+        surroundings: Surroundings | None = None,
+        carriers: Sequence[Carrier] = (),
+    ) -> None:
+        self.sources, self.carriers = tuple(sources), tuple(carriers)
+        self.surroundings = surroundings or Surroundings.free_space()
+        self.positions_m = np.array([source.position_m for source in sources]).reshape(-1, 3)
+        self.axes = np.array([source.axis for source in sources]).reshape(-1, 3)
+        self.burst_s = np.array([source.burst_s for source in sources])
+        self.has_movers = any(source.moves_to_m is not None for source in sources)
+        self._amplitude_v = np.array([source.amplitude_v for source in sources])
+        self._active_s = np.array([source.active_s for source in sources]).reshape(-1, 2)
+        self._drift_db_per_s = np.array([source.drift_db_per_min for source in sources]) / 60.0
+        tables = [(k, source.clusters) for k, source in enumerate(sources)]
+        self._guns = [k for k, table in tables if table is None]
+        random = [(k, table) for k, table in tables if table is not None]
+        self._source_of_cluster = np.repeat([k for k, _ in random], [t.rate_hz.size for _, t in random]).astype(np.intp)
+        columns = zip(*(table for _, table in random), strict=True)
+        self._clusters = ClusterTable(*(np.concatenate(column) for column in columns)) if random else None
+
+    def positions_at(self, time_s: float) -> FloatArray:
+        """Return the positions of the sources at a time, shape (n_sources, 3), world frame."""
+        return np.array([source.position_at(time_s) for source in self.sources]).reshape(-1, 3)
+
+    def draw(self, start_s: float, duration_s: float, rng: np.random.Generator) -> Emissions:
+        """Draw all emissions in [start_s, start_s + duration_s); adjoining intervals share none and miss none."""
+        source, time_s, relative = np.empty(0, dtype=np.intp), np.empty(0), np.empty(0)
+        if self._clusters is not None:
+            cluster, time_s, relative = self._clusters.draw(start_s, duration_s, rng)
+            source = self._source_of_cluster[cluster]
+        for k in self._guns:
+            shot_s = self.sources[k].shots_s(start_s, duration_s)
+            source = np.concatenate([source, np.full(shot_s.size, k)])
+            time_s, relative = np.concatenate([time_s, shot_s]), np.concatenate([relative, np.ones(shot_s.size)])
+        gain = 10 ** (self._drift_db_per_s[source] * time_s / 20)
+        is_active = (time_s >= self._active_s[source, 0]) & (time_s < self._active_s[source, 1])
+        drawn = Emissions(source, time_s, self._amplitude_v[source] * relative * gain)
+        return Emissions.join([drawn.take(is_active)])

@@ -1,1 +1,1 @@
-"""From source to element: what stands about, ray paths, what arrives."""
+"""Radio waves from sources to antennas: geometry, materials, ray paths and arrivals."""

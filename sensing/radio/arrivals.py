@@ -1,4 +1,4 @@
-"""What arrives at the elements by each path, in compiled loops: gain, spreading, obstruction, delay."""
+"""Arrivals of pulses at the elements of an array by every ray path, in compiled functions."""
 
 from __future__ import annotations
 
@@ -10,113 +10,111 @@ from numpy.typing import NDArray
 from dirmusic.array.pattern import Boresight, gain_towards
 from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
 from dirmusic.compiled import compiled
-from pdpatrol.sensing.array.array_table import ArrayTable
-from pdpatrol.sensing.array.gain_grid import look_up_gains
-from pdpatrol.sensing.radio.propagation import Propagation
+from pdpatrol.sensing.array.array_table import ArrayTable, look_up_gains
+from pdpatrol.sensing.radio.geometry import Vector
 from pdpatrol.sensing.radio.ray_paths import RayPaths, find_ray_paths
-from pdpatrol.sensing.radio.vectors import Vector
+from pdpatrol.sensing.radio.surroundings import Surroundings
 
 FloatArray = NDArray[np.float64]
 
 
-class Arrivals(NamedTuple):
-    """What arrives at the elements; a row is a ray path.
+class Propagation(NamedTuple):
+    """Sources, array and surroundings of one robot.
 
     Attributes:
-        delay_s: Travel time, shape (n_paths, n_elements).
-        amplitude: For a peak of 1 V at 1 m, complex, in each band, shape (n_paths, n_elements, n_bands):
-            exp(-j omega delay) times it is what comes of a steady wave exp(j omega t). One band where the pattern is
-            the same at all frequencies.
-        loudest: What the largest magnitude at any element does not exceed, shape (n_paths,).
-        loudest_s: Travel time to the element with that, shape (n_paths,).
+        positions_m: Positions of the sources, shape (n_sources, 3), world frame.
+        axes: Linear polarisations of the sources, unit vectors, shape (n_sources, 3).
+        burst_s: Durations of bursts, 0 for sources of pulses, shape (n_sources,).
+        array: Array of the robot.
+        surroundings: Faces and solids.
+    """
+
+    positions_m: FloatArray
+    axes: FloatArray
+    burst_s: FloatArray
+    array: ArrayTable
+    surroundings: Surroundings
+
+
+class Arrivals(NamedTuple):
+    """Signals at the elements for a pulse of 1 V at 1 m; a row is a ray path.
+
+    Attributes:
+        delay_s: Travel times, shape (n_paths, n_elements).
+        amplitude: Complex amplitudes in each band, shape (n_paths, n_elements, n_bands): times exp(-j omega delay), the
+            response to a steady wave exp(j omega t). There is one band where the pattern does not depend on frequency.
+        peak: Upper bound of the signal at any element, shape (n_paths,).
+        peak_s: Travel time to the element with that bound, shape (n_paths,).
     """
 
     delay_s: FloatArray
     amplitude: NDArray[np.complex128]
-    loudest: FloatArray
-    loudest_s: FloatArray
+    peak: FloatArray
+    peak_s: FloatArray
 
 
 @compiled
-def arrive(ray_paths: RayPaths, robot: int, world_from_array: FloatArray, arrays: ArrayTable) -> Arrivals:
-    """Delay and amplitude of each ray path at each element of a robot's array.
+def arrive(ray_paths: RayPaths, world_from_array: FloatArray, array: ArrayTable) -> Arrivals:
+    """Return delay and amplitude of each ray path at each element of an array.
 
     Args:
-        ray_paths: The paths.
-        robot: Row of the robot.
-        world_from_array: Poses of the arrays, shape (n_robots, 4, 4).
-        arrays: One for each robot.
+        ray_paths: Paths to the middle of the array.
+        world_from_array: Pose of the array, shape (4, 4).
+        array: The array.
     """
-    n_paths, n_elements, n_bands = ray_paths.source.size, arrays.elements_m.shape[1], arrays.grid.band_peak.size
+    rows, elements_m, w = ray_paths.rows, array.elements_m, world_from_array
+    n_paths, n_elements, n_bands = rows.size, len(elements_m), array.grid.band_peak.size
+    has_grid, gain = array.grid.gain.size > 0, np.empty(n_bands)
     delay_s, amplitude = np.empty((n_paths, n_elements)), np.empty((n_paths, n_elements, n_bands), np.complex128)
-    has_grid, gain = arrays.grid.gain.size > 0, np.empty(n_bands)
-    loudest, loudest_s = np.empty(n_paths), np.empty(n_paths)
-    r, w = robot, world_from_array[robot]
+    peak, peak_s = np.empty(n_paths), np.empty(n_paths)
     for p in range(n_paths):
-        extra_m = ray_paths.extra_m[p]
-        dx, dy, dz = (
-            ray_paths.from_m[p, 0] - w[0, 3],
-            ray_paths.from_m[p, 1] - w[1, 3],
-            ray_paths.from_m[p, 2] - w[2, 3],
-        )
+        path = rows[p]
+        dx, dy, dz = path.x - w[0, 3], path.y - w[1, 3], path.z - w[2, 3]
         x = dx * w[0, 0] + dy * w[1, 0] + dz * w[2, 0]
         y = dx * w[0, 1] + dy * w[1, 1] + dz * w[2, 1]
         z = dx * w[0, 2] + dy * w[1, 2] + dz * w[2, 2]
-        loudest[p] = -1.0
+        peak[p] = -1.0
         for e in range(n_elements):
-            ex, ey, ez = x - arrays.elements_m[r, e, 0], y - arrays.elements_m[r, e, 1], z - arrays.elements_m[r, e, 2]
-            range_m = np.sqrt(ex * ex + ey * ey + ez * ez)
-            of = arrays.boresights[r, e]
-            boresight = Boresight(of[0], of[1], of[2], of[3])
+            ex, ey, ez = x - elements_m[e, 0], y - elements_m[e, 1], z - elements_m[e, 2]
+            b = array.boresights[e]
+            boresight = Boresight(b[0], b[1], b[2], b[3])
             if has_grid:
-                look_up_gains(arrays.grid, boresight, ex, ey, ez, gain)
+                look_up_gains(array.grid, boresight, ex, ey, ez, gain)
             else:
-                gain[0] = gain_towards(arrays.pattern, boresight, ex, ey, ez)
-            length_m = extra_m + range_m
+                gain[0] = gain_towards(array.pattern, boresight, ex, ey, ez)
+            length_m = path.extra_m + np.sqrt(ex * ex + ey * ey + ez * ez)
             delay_s[p, e] = length_m / SPEED_OF_LIGHT_MPS
             level = 0.0
-            for b in range(n_bands):
-                with_errors = arrays.gain_factors[r, e] * gain[b] + arrays.gain_offsets[r, e]
-                amplitude[p, e, b] = ray_paths.coefficient[p] * (with_errors / length_m)
-                level += arrays.grid.band_peak[b] * abs(amplitude[p, e, b])
-            if level > loudest[p]:
-                loudest[p], loudest_s[p] = level, delay_s[p, e]
-    return Arrivals(delay_s, amplitude, loudest, loudest_s)
-
-
-class Propagated(NamedTuple):
-    """The ray paths from sources to arrays, and what arrives by each."""
-
-    ray_paths: RayPaths
-    arrivals: Arrivals
+            for band in range(n_bands):
+                with_errors = array.gain_factors[e] * gain[band] + array.gain_offsets[e]
+                amplitude[p, e, band] = path.coefficient * (with_errors / length_m)
+                level += array.grid.band_peak[band] * abs(amplitude[p, e, band])
+            if level > peak[p]:
+                peak[p], peak_s[p] = level, delay_s[p, e]
+    return Arrivals(delay_s, amplitude, peak, peak_s)
 
 
 @compiled
-def propagate(robot: int, faintest: FloatArray, world_from_array: FloatArray, propagation: Propagation) -> Propagated:
-    """All paths from a robot's sources to the elements of its array.
+def propagate(least: FloatArray, world_from_array: FloatArray, propagation: Propagation) -> tuple[RayPaths, Arrivals]:
+    """Find all paths from the sources to the array, and the arrivals by each.
 
-    Which faces mirror a source to an array, and what stands in between, is asked for the centre of its elements: an
-    array is small against equipment.
+    The paths are those to the middle of the elements: an array is small compared with equipment.
 
     Args:
-        robot: Row of the robot.
-        faintest: As of `find_ray_paths`, for its sources.
-        world_from_array: Poses of the arrays, shape (n_robots, 4, 4).
-        propagation: Sources and arrays, and what surrounds them.
+        least: Weakest level of each source, as of `find_ray_paths`.
+        world_from_array: Pose of the array, shape (4, 4).
+        propagation: Sources, array and surroundings.
     """
-    arrays, sources, w = propagation.arrays, propagation.sources, world_from_array[robot]
-    x = y = z = 0.0
-    n_elements = arrays.elements_m.shape[1]
-    for e in range(n_elements):
-        x += arrays.elements_m[robot, e, 0] / n_elements
-        y += arrays.elements_m[robot, e, 1] / n_elements
-        z += arrays.elements_m[robot, e, 2] / n_elements
-    centre = Vector(
+    positions_m, axes, _, array, surroundings = propagation
+    elements_m, w, x, y, z = array.elements_m, world_from_array, 0.0, 0.0, 0.0
+    for e in range(len(elements_m)):
+        x += elements_m[e, 0] / len(elements_m)
+        y += elements_m[e, 1] / len(elements_m)
+        z += elements_m[e, 2] / len(elements_m)
+    middle = Vector(
         w[0, 0] * x + w[0, 1] * y + w[0, 2] * z + w[0, 3],
         w[1, 0] * x + w[1, 1] * y + w[1, 2] * z + w[1, 3],
         w[2, 0] * x + w[2, 1] * y + w[2, 2] * z + w[2, 3],
     )
-    ray_paths = find_ray_paths(
-        sources.positions_m[robot], sources.axes[robot], faintest, centre, propagation.surroundings
-    )
-    return Propagated(ray_paths, arrive(ray_paths, robot, world_from_array, arrays))
+    ray_paths = find_ray_paths(positions_m, axes, least, middle, surroundings)
+    return ray_paths, arrive(ray_paths, world_from_array, array)

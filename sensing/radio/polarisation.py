@@ -1,7 +1,7 @@
-"""The electric field along a ray, in compiled functions: as it is radiated, mirrored, bent, and received.
+"""Electric field along a ray in compiled functions: radiated, reflected, diffracted and received.
 
-Fields are relative to what an isotropic source of linear polarisation radiates: a direct ray has length 1. Waves go as
-exp(j (omega t - k r)).
+Fields are relative to that of an isotropic, linearly polarised source: the field of a direct ray has length 1. Waves
+vary as exp(j (omega t - k r)).
 """
 
 from __future__ import annotations
@@ -10,20 +10,20 @@ import cmath
 from typing import NamedTuple
 
 from dirmusic.compiled import compiled
-from pdpatrol.sensing.radio.diffraction.fresnel import Mirror, WedgeCoefficients
-from pdpatrol.sensing.radio.materials import FREQUENCY_GHZ, LOSS_FACTOR, Substance
-from pdpatrol.sensing.radio.vectors import Vector, across
+from pdpatrol.sensing.radio.geometry import UP, Vector, normal_to
+from pdpatrol.sensing.radio.materials import FREQUENCY_GHZ, LOSS_FACTOR, Material
 
-CONDUCTS_SPM = 1e6
-"""Conductivity from which on a material mirrors all, as Fresnel's coefficients do within 0.001 up to 80 deg."""
+CONDUCTOR_SPM = 1e6
+"""Conductivity from which on a material counts as a perfect conductor; Fresnel's coefficients then differ from that by
+less than 0.001 up to 80 degrees."""
 
 
 class Emitter(NamedTuple):
-    """A source that radiates.
+    """Source that radiates.
 
     Attributes:
-        at: Its place.
-        axis: Its linear polarisation, a unit vector.
+        at: Position.
+        axis: Direction of its linear polarisation, a unit vector.
     """
 
     at: Vector
@@ -38,91 +38,108 @@ class Field(NamedTuple):
     z: complex
 
 
+class Reflection(NamedTuple):
+    """Reflection coefficients of the electric field.
+
+    Attributes:
+        perpendicular: Coefficient of the component perpendicular to the plane of incidence.
+        parallel: Coefficient of the component in that plane.
+    """
+
+    perpendicular: complex
+    parallel: complex
+
+
 @compiled
-def along(field: Field, direction: Vector) -> complex:
-    """Component of a field along a direction."""
+def component(field: Field, direction: Vector) -> complex:
+    """Return the component of a field along a direction."""
     return field.x * direction.x + field.y * direction.y + field.z * direction.z
 
 
 @compiled
-def radiated(axis: Vector, ray: Vector) -> Field:
-    """Field of length 1 that a source polarised along an axis sends along a ray.
+def superpose(first: complex, first_axis: Vector, second: complex, second_axis: Vector) -> Field:
+    """Return the field with two components along two axes."""
+    return Field(
+        first * first_axis.x + second * second_axis.x,
+        first * first_axis.y + second * second_axis.y,
+        first * first_axis.z + second * second_axis.z,
+    )
 
-    Along the axis itself a dipole would send nothing; here what is sent in all directions is alike, by assumption.
+
+@compiled
+def radiated(axis: Vector, ray: Vector) -> Field:
+    """Return the field, of length 1, that a source polarised along an axis radiates along a ray.
+
+    Assumed: radiation is equal in all directions; a dipole would not radiate along its axis.
     """
-    sideways = across(axis, ray)  # at right angles to both
-    lengthways = across(ray, sideways)
-    return Field(complex(lengthways.x), complex(lengthways.y), complex(lengthways.z))
+    transverse = normal_to(ray, normal_to(axis, ray))
+    return Field(complex(transverse.x), complex(transverse.y), complex(transverse.z))
 
 
 @compiled
 def received(field: Field, ray: Vector) -> complex:
-    """What an antenna of right-handed circular polarisation makes of a field that comes along a ray.
+    """Return the signal of an antenna with right-handed circular polarisation in a field that arrives along a ray.
 
-    Of linear polarisation of length 1 it has the magnitude 1, whatever the direction of the field: half its power,
-    which the measured gain of the antenna has in it.
+    For linear polarisation of length 1 its magnitude is 1 in every direction of the field: half of the power, which the
+    measured gain of the antenna includes.
     """
-    level = across(ray, Vector(0.0, 0.0, 1.0))
-    upright = across(level, ray)
-    return along(field, level) + 1j * along(field, upright)
+    horizontal = normal_to(ray, UP)
+    return component(field, horizontal) + 1j * component(field, normal_to(horizontal, ray))
 
 
 @compiled
-def fresnel(cosine: float, permittivity: float, conductivity_spm: float) -> Mirror:
-    """Reflection coefficients of a smooth half-space (ITU-R P.2040-3, eq. (37)).
+def fresnel(cosine: float, permittivity: float, conductivity_spm: float) -> Reflection:
+    """Return the reflection coefficients of a smooth half-space: ITU-R P.2040-3, eq. (37).
 
     Args:
-        cosine: Of the angle between ray and normal, in [0, 1].
+        cosine: Cosine of the angle between ray and normal, in [0, 1].
         permittivity: Real part, relative to vacuum.
         conductivity_spm: Conductivity, S/m.
     """
     inside = permittivity - 1j * LOSS_FACTOR * conductivity_spm / FREQUENCY_GHZ
     root = cmath.sqrt(inside - (1.0 - cosine * cosine))
-    return Mirror((cosine - root) / (cosine + root), (inside * cosine - root) / (inside * cosine + root))
+    return Reflection((cosine - root) / (cosine + root), (inside * cosine - root) / (inside * cosine + root))
 
 
 @compiled
-def face_mirror(cosine: float, of: Substance) -> Mirror:
-    """Reflection coefficients of a face that is made of a substance; of a ray at an angle as above."""
-    if of.conductivity_spm >= CONDUCTS_SPM:
-        return Mirror(complex(-of.flat_share), complex(of.flat_share))
-    smooth = fresnel(cosine, of.permittivity, of.conductivity_spm)
-    return Mirror(of.flat_share * smooth.across, of.flat_share * smooth.within)
+def face_reflection(cosine: float, material: Material) -> Reflection:
+    """Return the reflection coefficients of a face; its roughness scatters a share of the wave."""
+    share = material.flat_share
+    if material.conductivity_spm >= CONDUCTOR_SPM:
+        return Reflection(complex(-share), complex(share))
+    smooth = fresnel(cosine, material.permittivity, material.conductivity_spm)
+    return Reflection(share * smooth.perpendicular, share * smooth.parallel)
 
 
 @compiled
-def mirrored(field: Field, ray: Vector, leaving: Vector, normal: Vector, mirror: Mirror) -> Field:
-    """Field behind a mirror.
+def reflected(field: Field, arriving: Vector, leaving: Vector, normal: Vector, reflection: Reflection) -> Field:
+    """Return the field behind a mirror.
 
     Args:
-        field: That arrives.
-        ray: Along which it arrives.
-        leaving: Along which it leaves.
-        normal: Of the mirror, towards the side where both are.
-        mirror: Its coefficients.
+        field: Field that arrives.
+        arriving: Unit vector of the arriving ray.
+        leaving: Unit vector of the leaving ray.
+        normal: Normal of the mirror, towards the rays.
+        reflection: Coefficients of the mirror.
     """
-    sideways = across(ray, normal)
-    before, behind = across(ray, sideways), across(leaving, sideways)
-    s, p = mirror.across * along(field, sideways), mirror.within * along(field, before)
-    return Field(
-        s * sideways.x + p * behind.x,
-        s * sideways.y + p * behind.y,
-        s * sideways.z + p * behind.z,
-    )
+    across = normal_to(arriving, normal)
+    perpendicular = reflection.perpendicular * component(field, across)
+    parallel = reflection.parallel * component(field, normal_to(arriving, across))
+    return superpose(perpendicular, across, parallel, normal_to(leaving, across))
 
 
 @compiled
-def bent(field: Field, ray: Vector, leaving: Vector, edge: Vector, wedge: WedgeCoefficients) -> Field:
-    """Field behind an edge, before it spreads; arguments as of `mirrored`, with the direction of the edge.
+def diffracted(field: Field, arriving: Vector, leaving: Vector, edge: Vector, soft: complex, hard: complex) -> Field:
+    """Return the field behind an edge, before it spreads: Kouyoumjian and Pathak 1974, eq. (23).
 
-    References:
-        Kouyoumjian and Pathak 1974, eq. (23), in coordinates fixed to the edge.
+    Args:
+        field: Field that arrives.
+        arriving: Unit vector of the arriving ray.
+        leaving: Unit vector of the leaving ray.
+        edge: Unit vector along the edge.
+        soft: Diffraction coefficient of the field along the edge.
+        hard: Diffraction coefficient of the field across the edge.
     """
-    sideways, leaves_sideways = across(ray, edge), across(edge, leaving)
-    before, behind = across(sideways, ray), across(leaves_sideways, leaving)
-    soft, hard = -wedge.soft * along(field, before), -wedge.hard * along(field, sideways)
-    return Field(
-        soft * behind.x + hard * leaves_sideways.x,
-        soft * behind.y + hard * leaves_sideways.y,
-        soft * behind.z + hard * leaves_sideways.z,
-    )
+    across, across_behind = normal_to(arriving, edge), normal_to(edge, leaving)
+    along = -soft * component(field, normal_to(across, arriving))
+    return superpose(along, normal_to(across_behind, leaving), -hard * component(field, across), across_behind)

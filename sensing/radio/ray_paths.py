@@ -1,4 +1,4 @@
-"""Ray paths from sources to arrays, straight, by one mirror or round the edges of a box, found in a compiled loop."""
+"""Ray paths from sources to an array, found in one compiled call: direct, reflected and diffracted."""
 
 from __future__ import annotations
 
@@ -9,247 +9,367 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
-from pdpatrol.sensing.radio.diffraction.bends import (
-    BENT_RAY,
-    FADES_DB,
-    FADES_OVER_DB,
-    MOST_RAYS,
-    SEEN_EDGE,
-    WEAKEST,
-    Bending,
-    BentRays,
-    bend,
-    shade,
+from pdpatrol.sensing.radio.diffraction import (
+    box_edge,
+    edge_axes,
+    edge_faces,
+    is_hidden,
+    largest_level,
+    received_from_edge,
+    round_one,
+    round_two,
+    to_edge,
+    to_world,
 )
-from pdpatrol.sensing.radio.lines import line
-from pdpatrol.sensing.radio.materials import Substance
-from pdpatrol.sensing.radio.mirrors import Standing, by_rim, meet_face, reflect_flat, reflect_round
-from pdpatrol.sensing.radio.obstruction import SHADOW, cast_shadows, passes_straight
+from pdpatrol.sensing.radio.geometry import (
+    TINY,
+    Vector,
+    above_ground,
+    distance,
+    facing_box,
+    mirror_in_ground,
+    segment,
+    towards,
+)
+from pdpatrol.sensing.radio.materials import Material
 from pdpatrol.sensing.radio.polarisation import Emitter, radiated, received
-from pdpatrol.sensing.radio.surroundings import Surroundings
-from pdpatrol.sensing.radio.tables import GROUND, Obstacles, substance_of
-from pdpatrol.sensing.radio.two_mirrors import is_upright, meet_two, reflect_by_two
-from pdpatrol.sensing.radio.vectors import TINY, Vector, length, minus, towards, upside_down
+from pdpatrol.sensing.radio.reflection import (
+    Mirror,
+    Obstruction,
+    face_point,
+    reflect_by_cylinder,
+    reflect_by_two_faces,
+    reflect_once,
+    reflect_with_ground,
+    rim_factor,
+)
+from pdpatrol.sensing.radio.surroundings import (
+    GROUND,
+    NO_SOLID,
+    Row,
+    Rows,
+    Surroundings,
+    material_of,
+    normal_of,
+    solid_of,
+)
+from pdpatrol.sensing.radio.transmission import (
+    SHADOW,
+    bent_transmission,
+    cast_shadows,
+    direct_transmission,
+    smooth_step,
+)
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
-FADES_BY_GROUND_DB = 40.0
-"""How far below the loudest path that by the ground alone fades (assumed): it changes levels by 0.1 dB."""
+FADE_DB, GROUND_FADE_DB, FADE_OVER_DB = 20.0, 40.0, 6.0
+"""Level below the strongest path at which a path begins to fade, and that for the path by the ground alone; levels over
+which it fades to nothing. Assumed; they change strengths by less than a tenth, and levels by 0.1 dB."""
 
-WEAKEST_BY_GROUND = 10.0 ** (-(FADES_BY_GROUND_DB + FADES_OVER_DB) / 20.0)
+WEAKEST = 10.0 ** (-(FADE_DB + FADE_OVER_DB) / 20.0)
+"""Amplitude over that of the strongest path below which no path counts."""
+
+RAYS_PER_BOX = 48
+"""Most diffracted rays around one box: 12 around upright edges, 8 over the top, and by way of the ground 12 and 16."""
+
+PATH = np.dtype(
+    (
+        np.record,
+        [
+            *((name, np.float64) for name in ("x", "y", "z", "extra_m", "level")),
+            ("coefficient", np.complex128),
+        ],
+    )
+)
+"""Row of a path: the point that it comes from, which is the source, its image or the last point of diffraction; its
+length up to there; its amplitude at the array over that 1 m from the source; and the signal of a circular antenna over
+that of a direct path of the same length."""
 
 
 class RayPaths(NamedTuple):
-    """Paths to one array; a row is a path, those of one source follow one another.
+    """Paths to one array; those of one source follow one another.
 
     Attributes:
-        source: Number of the source, shape (n_paths,).
-        from_m: Whence it comes: source, its mirror image, or where it bends last, shape (n_paths, 3).
-        extra_m: Its length up to there, shape (n_paths,).
-        coefficient: What an antenna of circular polarisation receives of it, over a straight path as long in free
-            space, complex, shape (n_paths,).
-        first: The first path of each source, shape (n_sources,).
+        rows: Rows of `PATH`.
+        first: First path of each source, shape (n_sources,).
         n_paths: Number of paths of each source, shape (n_sources,).
     """
 
-    source: IntArray
-    from_m: FloatArray
-    extra_m: FloatArray
-    coefficient: NDArray[np.complex128]
-    first: IntArray
-    n_paths: IntArray
+    rows: Rows
+    first: NDArray[np.intp]
+    n_paths: NDArray[np.intp]
+
+    @property
+    def from_m(self) -> FloatArray:
+        """Points that the paths come from, shape (n_paths, 3)."""
+        return np.column_stack([self.rows["x"], self.rows["y"], self.rows["z"]])
+
+    @property
+    def extra_m(self) -> FloatArray:
+        """Lengths of the paths up to these points, shape (n_paths,); 0 where nothing diffracts."""
+        return self.rows["extra_m"]
+
+    @property
+    def coefficient(self) -> NDArray[np.complex128]:
+        """Signal of a circular antenna over that of a direct path of the same length, shape (n_paths,)."""
+        return self.rows["coefficient"]
 
 
 @compiled
-def bend_round_all(
-    emitter: Emitter,
-    target: Vector,
-    obstacles: Obstacles,
-    ground: Substance,
-    faintest: float,
-    rays: BentRays,
-) -> int:
-    """Rays round the edges of all boxes, with what all others leave of them; returns how many there are.
-
-    By the ground as well, those are longer, and weaker by its coefficient: where none is loud enough without it, none
-    is looked for (assumed).
-    """
-    first, n, shadows = 0, 0, rays.shadows
-    for k in range(shadows.size):
-        if shadows[k].nu > shadows[first].nu:
-            first = k
-    for i in range(shadows.size):
-        k = (first + i) % shadows.size  # what comes round the deepest shadow is loud: more can be left out after it
-        if not obstacles[k].bends:
-            continue
-        material = substance_of(obstacles[k])
-        if obstacles[k].radius_m > 0.0:  # as P.526 has it: what is round mirrors on its own
-            material = Substance(material.permittivity, material.conductivity_spm, material.passes, 0.0)
-        n_before = n
-        n = bend(Bending(emitter, target, False, material, ground, faintest), obstacles, k, rays, n)
-        if n > n_before and ground.flat_share > 0.0:
-            n = bend(Bending(emitter, target, True, material, ground, faintest), obstacles, k, rays, n)
-    return n
-
-
-@compiled
-def count_bends(obstacles: Obstacles) -> int:
-    """How many solids waves bend round."""
-    n = 0
-    for k in range(obstacles.size):
-        n += obstacles[k].bends
-    return n
-
-
-@compiled
-def fading(amplitude: float, loudest: float, from_db: float) -> float:
-    """Share that is left of a path so far weaker than the loudest: all up to `from_db`, none `FADES_OVER_DB` on."""
-    below_db = 20.0 * math.log10(max(loudest / max(amplitude, TINY * loudest), 1.0))
-    fades = min(max((below_db - from_db) / FADES_OVER_DB, 0.0), 1.0)
-    return 1.0 - fades * fades * (3.0 - 2.0 * fades)
-
-
-PATH = np.dtype(
-    (np.record, [*((name, np.float64) for name in ("x", "y", "z", "extra_m", "level")), ("coefficient", np.complex128)])
-)
-"""A path as of `RayPaths`, and its amplitude at the array, over that 1 m from the source."""
-
-
-@compiled
-def add(paths: NDArray[np.void], n: int, at: Vector, extra_m: float, coefficient: complex, target: Vector) -> int:
-    """Add a path unless nothing comes by it; returns how many there are."""
-    if coefficient == 0.0:
-        return n
+def add_path(paths: Rows, n: int, at: Vector, extra_m: float, coefficient: complex, target: Vector) -> int:
+    """Write a path into row n; return the number of paths."""
     path = paths[n]
     path.x, path.y, path.z = at
     path.extra_m, path.coefficient = extra_m, coefficient
-    path.level = abs(coefficient) / (extra_m + length(minus(target, at)))
+    path.level = abs(coefficient) / (extra_m + distance(at, target))
     return n + 1
 
 
 @compiled
-def loudest_of(paths: NDArray[np.void], n: int) -> float:
-    """Level of the loudest of the first n paths; 0 without any."""
-    loudest = 0.0
+def strongest_level(paths: Rows, n: int) -> float:
+    """Return the largest level of the first n paths, or 0."""
+    strongest = 0.0
     for i in range(n):
-        loudest = max(loudest, paths[i].level)
-    return loudest
+        strongest = max(strongest, paths[i].level)
+    return strongest
 
 
 @compiled
-def mirror_twice(
-    emitter: Emitter, target: Vector, surroundings: Surroundings, weakest: float, paths: NDArray[np.void], n: int
+def add_face(
+    emitter: Emitter,
+    target: Vector,
+    face: Row,
+    ground: Material,
+    with_ground: bool,
+    around: Obstruction,
+    paths: Rows,
+    n: int,
 ) -> int:
-    """Add the paths by two upright faces, one after the other; returns how many paths there are."""
-    faces = surroundings.faces
+    """Add the path by a face, or by an upright face and the ground; return the number of paths."""
+    source = mirror_in_ground(emitter.at) if with_ground else emitter.at
+    image, at, rim_m = face_point(face, source, target)
+    if rim_m < 0.0:
+        return n
+    around = Obstruction(around.obstacles, around.shadows, face.solid, around.least)
+    if with_ground:
+        coefficient = reflect_with_ground(emitter, target, at, face, ground, around)
+    else:
+        mirror = Mirror(at, normal_of(face), material_of(face))
+        coefficient = reflect_once(emitter, target, mirror, face.owner == GROUND, around)
+    return add_path(paths, n, image, 0.0, coefficient if face.diffracts else coefficient * rim_factor(rim_m), target)
+
+
+@compiled
+def is_wall(face: Row) -> bool:
+    """Return True for an upright face that reflects."""
+    return face.owner != GROUND and face.normal_z == 0.0 and face.flat_share > 0.0
+
+
+@compiled
+def add_second_order(
+    emitter: Emitter, target: Vector, faces: Rows, obstacles: Rows, least: float, paths: Rows, n: int
+) -> int:
+    """Add the paths by two upright faces in turn; return the number of paths."""
     for f in range(faces.size):
-        first = faces[f]
-        if not is_upright(first):
-            continue
         for g in range(faces.size):
-            second = faces[g]
-            if f == g or not is_upright(second):
-                continue
-            met = meet_two(first, second, emitter.at, target)
-            if met.first.rim_m >= 0.0 and met.second.rim_m >= 0.0:
-                coefficient = reflect_by_two(emitter, target, first, second, met, surroundings.obstacles, weakest)
-                n = add(paths, n, met.second.image, 0.0, coefficient, target)
+            if f != g and is_wall(faces[f]) and is_wall(faces[g]):
+                coefficient, image = reflect_by_two_faces(emitter, target, faces[f], faces[g], obstacles, least)
+                n = add_path(paths, n, image, 0.0, coefficient, target)
     return n
+
+
+@compiled
+def add_box(
+    emitter: Emitter,
+    target: Vector,
+    by_ground: bool,
+    ground: Material,
+    around: Obstruction,
+    strongest: float,
+    paths: Rows,
+    n: int,
+) -> tuple[int, float]:
+    """Add the paths around the edges of a box, past all other obstacles.
+
+    Args:
+        emitter: Source.
+        target: Middle of the array.
+        by_ground: True for the paths that the ground reflects as well.
+        ground: Material of the ground.
+        around: Obstacles; their own one is the box, or a cylinder in place of which the box within it diffracts.
+        strongest: Largest level of any path so far; a diffracted one counts twice, because an edge halves what it
+            blocks.
+        paths: Filled in from row n on.
+        n: Number of paths so far.
+
+    Returns:
+        Number of paths, and the largest level with these.
+    """
+    obstacle = around.obstacles[around.own]
+    material = material_of(obstacle)
+    if obstacle.radius_m > 0.0:  # a cylinder reflects on its own
+        material = Material(material.permittivity, material.conductivity_spm, material.transmission, 0.0)
+    start = mirror_in_ground(emitter.at) if by_ground else emitter.at
+    box = facing_box(segment(start, target), solid_of(obstacle))
+    for family in range(3):
+        axes = edge_axes(box, family)
+        source, goal = to_edge(axes, start), to_edge(axes, target)
+        n_edges = 4 if family == 0 or by_ground else 2
+        for i in range(n_edges):
+            first = box_edge(box, family, i)
+            if is_hidden(first, source):
+                continue
+            for step in (0, 1, 3):  # this edge alone, and on to its neighbours
+                j = (i + step) % 4
+                if j >= n_edges or (family > 0 and (i < 2) != (j < 2)):  # only the upper and the lower face
+                    continue
+                last, least = box_edge(box, family, j), max(WEAKEST * strongest, around.least)
+                if is_hidden(last, goal) or largest_level(first, last, source, goal) < least:
+                    continue
+                faces = edge_faces(first, source, goal, material)
+                if step == 0:
+                    ray = round_one(first, source, goal, faces)
+                else:
+                    ray = round_two(first, last, box_edge(box, family, (j + step) % 4), source, goal, faces)
+                length_m = ray.before_m + ray.between_m + ray.behind_m
+                if math.sqrt(2.0) * max(abs(ray.soft), abs(ray.hard)) < least * length_m:
+                    continue
+                bends_first = to_world(axes, first.p, first.q, ray.first)
+                bends_last = to_world(axes, last.p, last.q, ray.last)
+                coefficient = received_from_edge(
+                    emitter.axis, start, bends_first, bends_last, target, axes.edge, ray, ground
+                )
+                least *= length_m / max(abs(coefficient), TINY)
+                if least > 1.0:
+                    continue
+                to_first = segment(emitter.at, above_ground(bends_first))
+                from_last = segment(above_ground(bends_last), target)
+                coefficient *= bent_transmission(
+                    to_first, from_last, around.obstacles, around.own, around.shadows, least
+                )
+                n = add_path(paths, n, bends_last, ray.before_m + ray.between_m, coefficient, target)
+                strongest = max(strongest, 2.0 * abs(coefficient) / length_m)
+    return n, strongest
+
+
+@compiled
+def add_edges(
+    emitter: Emitter, target: Vector, ground: Material, around: Obstruction, strongest: float, paths: Rows, n: int
+) -> tuple[int, float]:
+    """Add the paths around the edges of all boxes; arguments and results as those of `add_box`.
+
+    Paths by the ground are longer and weaker than those without. Assumed: where no path without the ground would count
+    in the absence of other obstacles, none with it does. The obstacle with the deepest shadow comes first, because
+    paths around it are strong and allow more of the others to be left out.
+    """
+    obstacles, shadows, deepest = around.obstacles, around.shadows, 0
+    for k in range(obstacles.size):
+        if shadows[k].parameter > shadows[deepest].parameter:
+            deepest = k
+    for i in range(obstacles.size):
+        k = (deepest + i) % obstacles.size
+        if not obstacles[k].diffracts:
+            continue
+        own, n_before = Obstruction(obstacles, shadows, k, around.least), n
+        n, strongest = add_box(emitter, target, False, ground, own, strongest, paths, n)
+        if n > n_before and ground.flat_share > 0.0:
+            n, strongest = add_box(emitter, target, True, ground, own, strongest, paths, n)
+    return n, strongest
+
+
+@compiled
+def fade(level: float, strongest: float, from_db: float) -> float:
+    """Return the factor of a path: 1 down to `from_db` below the strongest one, 0 from `FADE_OVER_DB` further on."""
+    below_db = 20.0 * math.log10(max(strongest / level, 1.0))
+    return 1.0 - smooth_step((below_db - from_db) / FADE_OVER_DB)
 
 
 @compiled
 def trace(
-    emitter: Emitter,
-    target: Vector,
-    faintest: float,
-    surroundings: Surroundings,
-    rays: BentRays,
-    paths: NDArray[np.void],
+    emitter: Emitter, target: Vector, least: float, surroundings: Surroundings, shadows: Rows, paths: Rows
 ) -> int:
-    """All paths of one source, into rows of `PATH`; returns how many there are."""
-    faces, ground, obstacles, by_two_walls = surroundings
-    shadows = rays.shadows
-    cast_shadows(line(emitter.at, target), obstacles, shadows)
-    straight = towards(emitter.at, target)
-    left = passes_straight(emitter.at, target, obstacles)
-    n = add(paths, 0, emitter.at, 0.0, left * received(radiated(emitter.axis, straight), straight), target)
-    n_strong = 0
-    for is_wall in (False, True):
-        rays.loudest[0] = loudest_of(paths, n)
-        weakest = max((WEAKEST if is_wall else WEAKEST_BY_GROUND) * rays.loudest[0], faintest)
-        for f in range(faces.size):
-            face = faces[f]
-            if (face.owner == GROUND) == is_wall or face.flat_share == 0.0:
-                continue
-            for by_ground in (False, True):
-                if by_ground and (not is_wall or face.normal_z != 0.0 or ground.flat_share == 0.0):
-                    continue
-                image, at, rim_m = meet_face(face, upside_down(emitter.at) if by_ground else emitter.at, target)
-                if rim_m >= 0.0:
-                    by = Standing(obstacles, shadows, face.behind, weakest)
-                    coefficient = reflect_flat(emitter, target, face, at, ground, by_ground, by)
-                    coefficient *= 1.0 if face.bends else by_rim(rim_m)
-                    n = add(paths, n, image, 0.0, coefficient, target)
-        if not is_wall:
-            n_strong = n
-    rays.loudest[0] = loudest_of(paths, n)
-    if by_two_walls:
-        n = mirror_twice(emitter, target, surroundings, max(WEAKEST * rays.loudest[0], faintest), paths, n)
+    """Find all paths of one source.
+
+    Args:
+        emitter: Source.
+        target: Middle of the array.
+        least: Amplitude at the array, over that 1 m from the source, below which no path counts.
+        surroundings: Faces and solids.
+        shadows: Scratch space, a row of `SHADOW` for each obstacle.
+        paths: Filled in, rows of `PATH`.
+
+    Returns:
+        Number of paths.
+    """
+    faces, ground, obstacles, second_order = surroundings
+    cast_shadows(segment(emitter.at, target), obstacles, shadows)
+    ray = towards(emitter.at, target)
+    direct = direct_transmission(emitter.at, target, 0.0, obstacles) * received(radiated(emitter.axis, ray), ray)
+    n = add_path(paths, 0, emitter.at, 0.0, direct, target)
+
+    weakest = 10.0 ** (-(GROUND_FADE_DB + FADE_OVER_DB) / 20.0) * strongest_level(paths, n)
+    around = Obstruction(obstacles, shadows, NO_SOLID, max(weakest, least))
+    for f in range(faces.size):
+        if faces[f].owner == GROUND and faces[f].flat_share > 0.0:
+            n = add_face(emitter, target, faces[f], ground, False, around, paths, n)
+    n_direct_and_ground = n
+
+    around = Obstruction(obstacles, shadows, NO_SOLID, max(WEAKEST * strongest_level(paths, n), least))
+    for f in range(faces.size):
+        if faces[f].owner != GROUND and faces[f].flat_share > 0.0:
+            n = add_face(emitter, target, faces[f], ground, False, around, paths, n)
+            if is_wall(faces[f]) and ground.flat_share > 0.0:
+                n = add_face(emitter, target, faces[f], ground, True, around, paths, n)
+
+    strongest = strongest_level(paths, n)
+    weakest = max(WEAKEST * strongest, least)
+    if second_order:
+        n = add_second_order(emitter, target, faces, obstacles, weakest, paths, n)
     for k in range(obstacles.size):
         if obstacles[k].radius_m > 0.0:
-            by = Standing(obstacles, shadows, k, max(WEAKEST * rays.loudest[0], faintest))
-            echo = reflect_round(emitter, target, by)
-            n = add(paths, n, echo.image, 0.0, echo.coefficient, target)
-    n_bent = bend_round_all(emitter, target, obstacles, ground, faintest, rays) if rays.rows.size > 0 else 0
-    weakest = max(WEAKEST * rays.loudest[0], faintest)
-    for i in range(n_bent):
-        bent = rays.rows[i]
-        if abs(bent.coefficient) >= weakest * bent.way_m:
-            if not bent.is_shaded:
-                shade(rays, i, emitter.at, target, obstacles, weakest)
-            n = add(paths, n, Vector(bent.x, bent.y, bent.z), bent.extra_m, bent.coefficient, target)
+            coefficient, image = reflect_by_cylinder(emitter, target, Obstruction(obstacles, shadows, k, weakest))
+            n = add_path(paths, n, image, 0.0, coefficient, target)
+    n, strongest = add_edges(emitter, target, ground, around, strongest, paths, n)
+
+    n_kept = 0
     for i in range(n):
-        fades_db = FADES_BY_GROUND_DB if i < n_strong else FADES_DB
-        paths[i].coefficient *= fading(paths[i].level, rays.loudest[0], fades_db) if paths[i].level >= faintest else 0.0
-    return n
+        if paths[i].coefficient != 0.0 and paths[i].level >= least:
+            from_db = GROUND_FADE_DB if i < n_direct_and_ground else FADE_DB
+            paths[i].coefficient *= fade(paths[i].level, strongest, from_db)
+            if paths[i].coefficient != 0.0:
+                paths[n_kept] = paths[i]
+                n_kept += 1
+    return n_kept
 
 
 @compiled
 def find_ray_paths(
-    sources_m: FloatArray, axes: FloatArray, faintest: FloatArray, target: Vector, surroundings: Surroundings
+    sources_m: FloatArray, axes: FloatArray, least: FloatArray, target: Vector, surroundings: Surroundings
 ) -> RayPaths:
-    """All paths from the sources that emit to the centre of an array.
+    """Find all paths from the sources that emit to the middle of an array.
 
     Args:
-        sources_m: Shape (n_sources, 3), world frame.
-        axes: Linear polarisations of the sources, unit vectors of the same shape.
-        faintest: Amplitude at the array, over that 1 m from the source, below which no path of a source counts, shape
+        sources_m: Positions of the sources, shape (n_sources, 3), world frame.
+        axes: Linear polarisations of the sources, unit vectors, shape (n_sources, 3).
+        least: Amplitude at the array, over that 1 m from the source, below which no path of a source counts, shape
             (n_sources,); infinite for sources that do not emit.
         target: Middle of the array.
-        surroundings: What stands about.
+        surroundings: Faces and solids.
     """
-    obstacles, n_sources, n_faces = surroundings.obstacles, faintest.size, surroundings.faces.size
-    n_rays = 2 * MOST_RAYS * count_bends(obstacles)
-    rays = BentRays(np.empty(n_rays, BENT_RAY), np.empty(4, SEEN_EDGE), np.empty(obstacles.size, SHADOW), np.zeros(1))
-    n_by_two = n_faces * (n_faces - 1) if surroundings.by_two_walls else 0
-    paths = np.empty(1 + 2 * n_faces + n_by_two + obstacles.size + n_rays, PATH)
-    n_most = (faintest < np.inf).sum() * paths.size
-    source, from_m, extra_m = np.empty(n_most, np.intp), np.empty((n_most, 3)), np.empty(n_most)
-    coefficient = np.empty(n_most, np.complex128)
+    faces, obstacles, n_sources = surroundings.faces, surroundings.obstacles, least.size
+    n_most, shadows = 1 + 2 * faces.size, np.empty(obstacles.size, SHADOW)
+    for k in range(obstacles.size):
+        n_most += 1 + RAYS_PER_BOX * obstacles[k].diffracts
+    if surroundings.second_order:
+        n_most += faces.size * (faces.size - 1)
+    paths = np.empty(n_most * (least < np.inf).sum(), PATH)
     first, n_paths = np.zeros(n_sources, np.intp), np.zeros(n_sources, np.intp)
     n = 0
     for s in range(n_sources):
-        if faintest[s] == np.inf:
-            continue
-        emitter = Emitter(
-            Vector(sources_m[s, 0], sources_m[s, 1], sources_m[s, 2]), Vector(axes[s, 0], axes[s, 1], axes[s, 2])
-        )
-        first[s] = n
-        for i in range(trace(emitter, target, faintest[s], surroundings, rays, paths)):
-            if paths[i].coefficient != 0.0:
-                from_m[n, 0], from_m[n, 1], from_m[n, 2] = paths[i].x, paths[i].y, paths[i].z
-                source[n], extra_m[n], coefficient[n] = s, paths[i].extra_m, paths[i].coefficient
-                n += 1
-        n_paths[s] = n - first[s]
-    return RayPaths(source[:n], from_m[:n], extra_m[:n], coefficient[:n], first, n_paths)
+        if least[s] < np.inf:
+            source = Vector(sources_m[s, 0], sources_m[s, 1], sources_m[s, 2])
+            emitter = Emitter(source, Vector(axes[s, 0], axes[s, 1], axes[s, 2]))
+            first[s], n_paths[s] = n, trace(emitter, target, least[s], surroundings, shadows, paths[n:])
+            n += n_paths[s]
+    return RayPaths(paths[:n], first, n_paths)

@@ -1,127 +1,249 @@
-"""What stands about: flat faces that mirror, solids in the way, what both are made of; and straight lines between."""
+"""Surroundings of sources and robots: reflecting faces, solids in the way, and their materials."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
-from pdpatrol.sensing.radio.materials import GRAVEL, KIND_MATERIALS, ROUND_MATERIALS, Material, Substance
-from pdpatrol.sensing.radio.tables import GROUND, Faces, Obstacles, Solids, face_table, obstacle_table
+from dirmusic.compiled import compiled
+from pdpatrol.sensing.radio.geometry import UprightSolid, Vector, shift
+from pdpatrol.sensing.radio.materials import GRAVEL, KIND_MATERIALS, ROUND_MATERIALS, Material
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
 
-OWN_FACE_M = 0.05
-"""A face this close to the source is a part of it (assumed): its mirror image lies within a third of a wavelength, and
-the source's amplitude is what both radiate together."""
+GROUND, NO_SOLID = -1, -1
+"""Owner of the face of the ground; index in place of a solid where there is none."""
+
+_MATERIAL_COLUMNS = [(name, np.float64) for name in Material._fields]
+
+FACE = np.dtype(
+    (
+        np.record,
+        [
+            *((name, np.float64) for name in ("x", "y", "z", "normal_x", "normal_y", "normal_z")),
+            *((f"{axis}_{name}", np.float64) for axis in ("first", "second") for name in ("x", "y", "z", "half_m")),
+            *_MATERIAL_COLUMNS,
+            ("owner", np.intp),
+            ("solid", np.intp),
+            ("diffracts", np.bool_),
+        ],
+    )
+)
+"""Row of a face as of `Faces`, with its `Material`, the index of the solid that it bounds, or `NO_SOLID`, and whether
+the edges of that solid diffract."""
+
+OBSTACLE = np.dtype(
+    (
+        np.record,
+        [
+            *((name, np.float64) for name in UprightSolid._fields),
+            *_MATERIAL_COLUMNS,
+            ("largest_reflection", np.float64),
+            ("owner", np.intp),
+            ("diffracts", np.bool_),
+        ],
+    )
+)
+"""Row of an `UprightSolid` with its `Material`, the `largest_reflection` and `diffracts` of that, and the index of the
+piece of equipment that it belongs to. One array of rows costs a compiled function less than many arrays."""
+
+Rows = NDArray[Any]
+Row = Any
 
 
-class Rays(NamedTuple):
-    """Straight lines in free space from elements to points, frame as the points given.
+class Faces(NamedTuple):
+    """Flat rectangles that reflect, world frame; a row is a face.
 
     Attributes:
-        sight_m: From element to point, shape (..., n_elements, 3).
-        range_m: Length, shape (..., n_elements).
+        centre_m: Centres, shape (n_faces, 3).
+        normal: Unit vectors out of the equipment, shape (n_faces, 3).
+        axes: Unit vectors along the two sides, shape (n_faces, 2, 3).
+        half_size_m: Half the length of the two sides, shape (n_faces, 2); may be infinite.
+        owner: Index of the piece of equipment, shape (n_faces,); `GROUND` for the ground.
     """
 
-    sight_m: FloatArray
-    range_m: FloatArray
+    centre_m: FloatArray
+    normal: FloatArray
+    axes: FloatArray
+    half_size_m: FloatArray
+    owner: IntArray
 
-    @property
-    def spreading(self) -> FloatArray:
-        """Amplitude over that at 1 m: one over the range in metres, in three dimensions."""
-        return 1.0 / self.range_m
-
-    @property
-    def delay_s(self) -> FloatArray:
-        """Travel time."""
-        return self.range_m / SPEED_OF_LIGHT_MPS
-
-    @property
-    def azimuth_rad(self) -> FloatArray:
-        """Horizontal direction in which an element sees the point."""
-        return np.arctan2(self.sight_m[..., 1], self.sight_m[..., 0])
-
-    @property
-    def elevation_rad(self) -> FloatArray:
-        """Elevation at which an element sees the point."""
-        return np.arctan2(self.sight_m[..., 2], np.hypot(self.sight_m[..., 0], self.sight_m[..., 1]))
+    @classmethod
+    def none(cls) -> Self:
+        """Return an empty table."""
+        return cls(np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 2, 3)), np.empty((0, 2)), np.empty(0, np.intp))
 
 
-def rays_between(elements_m: FloatArray, points_m: FloatArray) -> Rays:
-    """Lines from elements (n_elements, 3) to points (..., 3) of the same frame, metres."""
-    sight = points_m[..., np.newaxis, :] - elements_m
-    return Rays(sight, _length(sight))
+class UprightSolids(NamedTuple):
+    """Upright boxes and cylinders, world frame; a row is a solid, and those of one piece of equipment are adjacent.
 
+    Attributes:
+        centre_m: Middles of the footprints, shape (n_solids, 2).
+        yaw_rad: Yaws, shape (n_solids,).
+        half_size_m: Half the sides of boxes, shape (n_solids, 2); 0 for cylinders.
+        radius_m: Radii of cylinders, shape (n_solids,); 0 for boxes.
+        bottom_m: Heights of the bottoms above ground, shape (n_solids,).
+        top_m: Heights of the tops above ground, shape (n_solids,).
+        owner: Index of the piece of equipment, shape (n_solids,).
+    """
 
-def in_array_frame(points_m: FloatArray, world_from_array: FloatArray) -> FloatArray:
-    """World points (..., 3) in the frame of an array at `world_from_array` (4, 4)."""
-    return (points_m - world_from_array[:3, 3]) @ world_from_array[:3, :3]
+    centre_m: FloatArray
+    yaw_rad: FloatArray
+    half_size_m: FloatArray
+    radius_m: FloatArray
+    bottom_m: FloatArray
+    top_m: FloatArray
+    owner: IntArray
 
-
-def level_transform(pose: FloatArray) -> FloatArray:
-    """`world_from_array`, shape (4, 4), of an array that stands level on the ground at (x m, y m, yaw rad)."""
-    x, y, yaw = pose
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    return np.array([[cos, -sin, 0.0, x], [sin, cos, 0.0, y], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    @classmethod
+    def none(cls) -> Self:
+        """Return an empty table."""
+        none, flat = np.empty(0), np.empty((0, 2))
+        return cls(flat, none, flat, none, none, none, np.empty(0, np.intp))
 
 
 class Surroundings(NamedTuple):
-    """What stands about, and what it is made of.
+    """Faces and solids with their materials.
 
     Attributes:
-        faces: Flat faces that mirror, the ground among them, rows of `FACE`.
-        ground: What the ground is made of; it mirrors nothing where there is none.
-        obstacles: Solids that the pieces are made of, with their own materials.
-        by_two_walls: Whether rays count that two upright faces mirror, one after the other.
+        faces: Flat reflecting faces including the ground, rows of `FACE`.
+        ground: Material of the ground; it does not reflect where there is no ground.
+        obstacles: Solids of the equipment, rows of `OBSTACLE`.
+        second_order: True where rays reflected by two upright faces count.
     """
 
-    faces: NDArray[np.void]
-    ground: Substance
-    obstacles: Obstacles
-    by_two_walls: bool
+    faces: Rows
+    ground: Material
+    obstacles: Rows
+    second_order: bool
 
     @classmethod
-    def of_kinds(cls, kinds: Sequence[str], faces: Faces, solids: Solids, ground: Material = GRAVEL) -> Self:
-        """Equipment of known kinds, one for each piece; what is round may be of another material than what is flat.
+    def of_kinds(cls, kinds: Sequence[str], faces: Faces, solids: UprightSolids, ground: Material = GRAVEL) -> Self:
+        """Make surroundings of equipment of known kinds, one kind for each piece.
 
         Raises:
             KeyError: If a kind is not in `KIND_MATERIALS`.
         """
         flat = [KIND_MATERIALS[kind] for kind in kinds]
-        round_ones = [ROUND_MATERIALS.get(kind, KIND_MATERIALS[kind]) for kind in kinds]
-        pairs = zip(solids.owner, solids.radius_m, strict=True)
-        return cls._of(
-            flat, [(round_ones if r > 0.0 else flat)[int(piece)] for piece, r in pairs], faces, solids, ground
-        )
+        curved = [ROUND_MATERIALS.get(kind, KIND_MATERIALS[kind]) for kind in kinds]
+        return cls.of_materials(flat, faces, solids, ground, curved)
 
     @classmethod
-    def of_materials(cls, pieces: Sequence[Material], faces: Faces, solids: Solids, ground: Material = GRAVEL) -> Self:
-        """Equipment of known materials, one for each piece."""
-        return cls._of(pieces, [pieces[int(piece)] for piece in solids.owner], faces, solids, ground)
-
-    @classmethod
-    def _of(
+    def of_materials(
         cls,
-        of_pieces: Sequence[Material],
-        of_solids: Sequence[Material],
+        materials: Sequence[Material],
         faces: Faces,
-        solids: Solids,
-        ground: Material,
+        solids: UprightSolids,
+        ground: Material = GRAVEL,
+        curved: Sequence[Material] | None = None,
     ) -> Self:
-        is_there = bool((faces.owner == GROUND).any())
-        table = face_table([*of_pieces, ground], faces, solids)
-        below = ground if is_there else ground._replace(flat_share=0.0)
-        return cls(table, below.substance, obstacle_table(solids, of_solids), False)
+        """Make surroundings of equipment of known materials.
+
+        Args:
+            materials: Material of each piece of equipment.
+            faces: Reflecting faces.
+            solids: Solids of the equipment.
+            ground: Material of the ground.
+            curved: Material of the cylinders of each piece; None if it is that of the piece.
+        """
+        is_round = solids.radius_m > 0.0
+        of_solids = [
+            (curved or materials if is_curved else materials)[int(piece)]
+            for piece, is_curved in zip(solids.owner, is_round, strict=True)
+        ]
+        if GROUND not in faces.owner:
+            ground = ground._replace(flat_share=0.0)
+        face_rows = _face_rows([*materials, ground], faces, solids)
+        return cls(face_rows, ground, _obstacle_rows(of_solids, solids), second_order=False)
 
     @classmethod
     def free_space(cls) -> Self:
-        """Nothing about, not even the ground."""
-        return cls.of_materials([], Faces.none(), Solids.none())
+        """Make empty surroundings, without a ground."""
+        return cls.of_materials([], Faces.none(), UprightSolids.none())
 
 
-def _length(vectors: FloatArray) -> FloatArray:
-    return np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
+def _obstacle_rows(materials: Sequence[Material], solids: UprightSolids) -> Rows:
+    rows = np.empty(solids.owner.size, OBSTACLE)
+    rows["x"], rows["y"] = solids.centre_m.T
+    rows["cos"], rows["sin"] = np.cos(solids.yaw_rad), np.sin(solids.yaw_rad)
+    rows["half_x"], rows["half_y"] = solids.half_size_m.T
+    rows["reach_m"] = np.maximum(np.hypot(rows["half_x"], rows["half_y"]), solids.radius_m)
+    for name in ("radius_m", "bottom_m", "top_m", "owner"):
+        rows[name] = getattr(solids, name)
+    for name in (*Material._fields, "largest_reflection", "diffracts"):
+        rows[name] = [getattr(material, name) for material in materials]
+    return rows
+
+
+def _face_rows(materials: Sequence[Material], faces: Faces, solids: UprightSolids) -> Rows:
+    """Make the rows of all faces; the ground's material is the last one, since its owner is -1."""
+    rows, own = np.empty(faces.owner.size, FACE), [materials[int(piece)] for piece in faces.owner]
+    for i, name in enumerate(("x", "y", "z")):
+        rows[name], rows[f"normal_{name}"] = faces.centre_m[:, i], faces.normal[:, i]
+        rows[f"first_{name}"], rows[f"second_{name}"] = faces.axes[:, :, i].T
+    rows["first_half_m"], rows["second_half_m"] = faces.half_size_m.T
+    for name in Material._fields:
+        rows[name] = [getattr(material, name) for material in own]
+    rows["owner"], rows["solid"] = faces.owner, _bounded_solids(faces, solids)
+    rows["diffracts"] = [material.diffracts for material in own] & (rows["solid"] != NO_SOLID)
+    return rows
+
+
+def _bounded_solids(faces: Faces, solids: UprightSolids) -> IntArray:
+    """Find for each face the box of the same equipment that lies 1 um behind its middle, or `NO_SOLID`."""
+    inside_m = (faces.centre_m - 1e-6 * faces.normal)[:, np.newaxis]
+    off_x, off_y = np.moveaxis(inside_m[..., :2] - solids.centre_m, -1, 0)
+    cos, sin = np.cos(solids.yaw_rad), np.sin(solids.yaw_rad)
+    is_behind = (
+        (np.abs(cos * off_x + sin * off_y) < solids.half_size_m[:, 0])
+        & (np.abs(cos * off_y - sin * off_x) < solids.half_size_m[:, 1])
+        & (solids.bottom_m < inside_m[..., 2])
+        & (inside_m[..., 2] < solids.top_m)
+        & (solids.owner == faces.owner[:, np.newaxis])
+    )
+    return np.where(is_behind.any(axis=1), np.argmax(np.pad(is_behind, ((0, 0), (0, 1))), axis=1), NO_SOLID)
+
+
+@compiled
+def solid_of(obstacle: Row) -> UprightSolid:
+    """Return the shape of an obstacle."""
+    o = obstacle
+    return UprightSolid(o.x, o.y, o.cos, o.sin, o.half_x, o.half_y, o.radius_m, o.reach_m, o.bottom_m, o.top_m)
+
+
+@compiled
+def material_of(row: Row) -> Material:
+    """Return the material of an obstacle or a face."""
+    return Material(row.permittivity, row.conductivity_spm, row.transmission, row.flat_share)
+
+
+@compiled
+def centre_of(face: Row) -> Vector:
+    """Return the centre of a face."""
+    return Vector(face.x, face.y, face.z)
+
+
+@compiled
+def normal_of(face: Row) -> Vector:
+    """Return the unit vector out of the equipment."""
+    return Vector(face.normal_x, face.normal_y, face.normal_z)
+
+
+@compiled
+def rim_distance(face: Row, point: Vector) -> float:
+    """Return the distance of a point in the plane of a face from its rim, metres; negative outside."""
+    off = shift(point, centre_of(face), -1.0)
+    first_m = abs(off.x * face.first_x + off.y * face.first_y + off.z * face.first_z)
+    second_m = abs(off.x * face.second_x + off.y * face.second_y + off.z * face.second_z)
+    return min(face.first_half_m - first_m, face.second_half_m - second_m)
+
+
+def level_transform(pose: FloatArray) -> FloatArray:
+    """Return `world_from_array`, shape (4, 4), of an array that stands level on the ground at (x m, y m, yaw rad)."""
+    x, y, yaw = pose
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    return np.array([[cos, -sin, 0.0, x], [sin, cos, 0.0, y], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])

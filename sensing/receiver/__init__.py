@@ -1,1 +1,1 @@
-"""From what arrives to detections: front end, trigger, gates, converter, faults."""
+"""Receiver: configuration, band-pass, sampling, detection and banks of receivers."""

@@ -1,228 +1,250 @@
-"""A bank of receivers: robots with the same receiver that listen at one time; from what radiates to detections."""
+"""Receivers of several robots that detect pulses at the same time."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.compiled import Held, held_list, replace_in
+from dirmusic.array.pattern import tabulate
+from dirmusic.compiled import Held
 from dirmusic.pulses.batch import PulseBatch
 from pdpatrol.sensing.array.array_table import ArrayTable
 from pdpatrol.sensing.array.helical_array import HelicalArray
-from pdpatrol.sensing.nature.scene import Scene
-from pdpatrol.sensing.nature.sources import in_nanoseconds
-from pdpatrol.sensing.radio.propagation import Propagation, SourceTable
+from pdpatrol.sensing.nature.sources import Emissions, Scene, round_to_nanoseconds
+from pdpatrol.sensing.radio.arrivals import Propagation
 from pdpatrol.sensing.receiver.config import ReceiverConfig
-from pdpatrol.sensing.receiver.detection import (
-    Channels,
-    Condition,
-    Gates,
-    Listening,
-    Progress,
-    ReceiverChain,
-    detect_each,
-)
-from pdpatrol.sensing.receiver.detections import Detections
-from pdpatrol.sensing.receiver.receiver import Listener, Receiver
-from pdpatrol.sensing.receiver.sampling.sampler import Tones
-from pdpatrol.sensing.receiver.schedule import Schedule
+from pdpatrol.sensing.receiver.detection import FALSE_ALARM, Gates, ReceiverState, detect
+from pdpatrol.sensing.receiver.receiver import Receiver
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
+AHEAD_S = 10.0
+"""Time for which emissions are drawn at once; a draw costs the same for many."""
+
 LEAST_ROBOTS = 4
-"""On one thread: fewer do not pay for it."""
+"""Fewest robots per thread; fewer do not pay for one."""
 
-LEAST_ROOM = 64
-"""Gates that there is room for at first."""
-
-
-NOT_BEGUN = Progress(0, 0, 0, 0)
+LEAST_GATES = 64
+"""Fewest gates for which space is made."""
 
 
-class Interval(NamedTuple):
-    """What all robots share while they listen.
+class DetectedPulses(NamedTuple):
+    """Pulses that were detected in one interval, ordered by robot and then by time.
 
     Attributes:
-        world_from_array: Poses of the arrays, shape (n_robots, 4, 4).
-        start_s: Simulated time of each robot.
-        duration_s: Of the interval.
-        propagation: Sources and arrays, and what surrounds them.
+        robot: Robot that detected each pulse, shape (n_pulses,).
+        pulses: The pulses, without directions.
+        waveforms_v: Gates, shape (n_pulses, n_elements, gate_samples), volts.
+        n_rejected: Number of emissions that triggered and were rejected as bursts.
     """
 
-    world_from_array: FloatArray
-    start_s: list[float]
-    duration_s: float
-    propagation: Held[Propagation]
+    robot: IntArray
+    pulses: PulseBatch
+    waveforms_v: FloatArray
+    n_rejected: int
+
+    @classmethod
+    def join(cls, parts: Sequence[DetectedPulses]) -> Self:
+        """Join the pulses of parts that are ordered by robot."""
+        return cls(
+            robot=np.concatenate([part.robot for part in parts]),
+            pulses=PulseBatch.join([part.pulses for part in parts]),
+            waveforms_v=np.concatenate([part.waveforms_v for part in parts]),
+            n_rejected=sum(part.n_rejected for part in parts),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Listener:
+    """What belongs to one robot of a bank.
+
+    Attributes:
+        array: Array as it was built.
+        scene: Sources and surroundings.
+        nature_rng: Generator of the emissions.
+        receiver_rng: Generator of noise and triggers.
+    """
+
+    array: HelicalArray
+    scene: Scene
+    nature_rng: np.random.Generator
+    receiver_rng: np.random.Generator
+
+
+class Schedule:
+    """Emissions and false alarms of one robot, drawn ahead for intervals that follow one another.
+
+    After a gap or a step back in time, drawing starts anew.
+
+    Args:
+        listener: The robot.
+        false_alarm_rate_hz: Mean rate at which noise alone triggers, as a Poisson process.
+
+    Attributes:
+        emissions: What has been drawn, by time.
+    """
+
+    def __init__(self, listener: Listener, false_alarm_rate_hz: float) -> None:
+        self._listener, self._false_alarm_rate_hz = listener, false_alarm_rate_hz
+        self._first_s = self._last_s = 0.0
+        self.emissions = Emissions(np.empty(0, dtype=np.intp), np.empty(0), np.empty(0))
+
+    def covers(self, start_s: float, end_s: float) -> bool:
+        """Return True where an interval lies within what has been drawn."""
+        return self._first_s <= start_s and end_s <= self._last_s
+
+    def draw(self, start_s: float, end_s: float) -> None:
+        """Draw emissions from the start of an interval to its end and beyond."""
+        if not self._first_s <= start_s <= self._last_s:
+            self.emissions, self._last_s = self.emissions.take(slice(0)), start_s
+        rng, duration_s = self._listener.receiver_rng, max(AHEAD_S, end_s - self._last_s)
+        false_s = self._last_s + duration_s * rng.random(rng.poisson(self._false_alarm_rate_hz * duration_s))
+        drawn = self._listener.scene.draw(self._last_s, duration_s, self._listener.nature_rng)
+        false = Emissions(np.full(false_s.size, FALSE_ALARM), false_s, np.zeros(false_s.size))
+        kept = self.emissions.take(self.emissions.time_s >= start_s)
+        self._first_s, self._last_s = start_s, round_to_nanoseconds(self._last_s + duration_s)
+        self.emissions = Emissions.join([kept, drawn, false])
+
+    def between(self, start_s: float, end_s: float) -> tuple[int, int]:
+        """Return the first of the drawn emissions in an interval, and the end of them."""
+        first, end = self.emissions.time_s.searchsorted((start_s, end_s)).tolist()
+        return first, end
 
 
 class ReceiverBank:
-    """Robots with one make of receiver, each with its own array, scene and generators, in the same surroundings.
+    """Robots with receivers of one configuration, each with its own array, scene and generators.
 
-    What one robot detects does not depend, to the bit, on how many others there are.
+    The pulses of one robot do not depend, to the bit, on the other robots.
 
     Args:
-        config: Settings of every receiver.
-        listeners: The robots, with arrays of one size and pattern, and equally many sources in each scene.
-        n_threads: On how many threads they listen.
+        config: Configuration of all receivers.
+        listeners: The robots, with arrays of one size and pattern.
+        n_threads: Number of threads.
     """
 
     def __init__(self, config: ReceiverConfig, listeners: Sequence[Listener], n_threads: int = 1) -> None:
-        self.config = config
-        self._listeners, self._all = list(listeners), np.arange(len(listeners))
-        n_robots, scene, n = len(listeners), listeners[0].scene, listeners[0].array.n_elements
-        self._receiver = Receiver(config, n)
-        shape = n_robots, len(scene.sources)
-        self._propagation = Propagation(
-            SourceTable(np.empty((*shape, 3)), np.empty((*shape, 3)), np.empty(shape)),
-            ArrayTable.of([listener.array for listener in listeners], self._receiver.grid(listeners[0].array)),
-            scene.surroundings,
-        )
-        self._held_propagation = Held(self._propagation)
-        self._nothing = Detections(
-            np.empty(0, dtype=np.intp), PulseBatch.none(n, config.n_bands), np.empty((0, n, config.gate_samples)), 0
-        )
-        self._no_tones = Tones(np.empty((0, n)), np.empty((0, n)), np.empty(0))
-        self._quiet = self._condition(0.0, self._no_tones)
-        self._schedules: dict[int, Schedule] = {}
-        self._changes: dict[int, bool] = {}
-        self._chains: dict[int, ReceiverChain] = {}
-        self._gates = [Held(Gates.room(LEAST_ROOM, n, config.gate_samples, config.n_bands)) for _ in range(n_threads)]
+        self.config, self._n_threads, array = config, n_threads, listeners[0].array
+        self._receiver = Receiver(config, array.n_elements)
+        self._reading, self._grid = self._receiver.reading(), self._receiver.grid(array)
+        self._pattern = tabulate(array.cut)
+        self._listeners = list(listeners)
+        self._schedules: list[Schedule] = []
+        self._states: list[Held[ReceiverState]] = []
+        self._gates = [self._room(LEAST_GATES) for _ in range(n_threads)]
         self._pool: ThreadPoolExecutor | None = None
-        self._interval_s, self._n_found = np.empty((n_robots, 2)), np.empty(n_robots, dtype=np.intp)
-        for robot, listener in enumerate(listeners):
-            self._replace(robot, listener)
-        self._own_of = [self._own(robot, self._quiet) for robot in range(n_robots)]
-        self._listening = held_list(self._own_of)
+        for listener in listeners:
+            self._schedules.append(Schedule(listener, config.false_alarm_rate_hz))
+            self._states.append(self._state(listener))
 
     def replace(self, robot: int, listener: Listener) -> None:
-        """Another array, scene and generators for one robot, whose time starts anew."""
-        self._replace(robot, listener)
-        self._take_in(robot, self._quiet)
-
-    def _replace(self, robot: int, listener: Listener) -> None:
-        scene, sources = listener.scene, self._propagation.sources
-        self._listeners[robot] = listener
-        self._schedules[robot] = Schedule(
-            scene, self.config.false_alarm_rate_hz, listener.nature_rng, listener.receiver_rng
-        )
-        self._changes[robot] = scene.has_movers or bool(scene.carriers) or bool(self.config.faults)
-        self._propagation.arrays.replace(robot, listener.array)
-        self._chains[robot] = self._receiver.chain(listener.array)
-        sources.positions_m[robot], sources.axes[robot] = scene.positions_m, scene.axes
-        sources.burst_s[robot] = scene.burst_s
+        """Replace array, scene and generators of one robot, whose time starts anew."""
+        self._listeners[robot], self._states[robot] = listener, self._state(listener)
+        self._schedules[robot] = Schedule(listener, self.config.false_alarm_rate_hz)
 
     def listen(
         self, world_from_array: FloatArray, start_s: FloatArray, duration_s: float, rows: IntArray | None = None
-    ) -> Detections:
-        """Listen for `duration_s`; the intervals of one robot are to follow one another.
+    ) -> DetectedPulses:
+        """Return the pulses of one interval; the intervals of each robot must follow one another.
 
-        Sources that move, and channels that change, are taken to be as they are at the start (assumed): in 0.1 s,
+        Assumed: sources that move and channels that change stay as they are at the start of the interval; in 0.1 s,
         traffic moves 1 or 2 m.
 
         Args:
-            world_from_array: Where the arrays really are, shape (n_robots, 4, 4).
-            start_s: Simulated time of each robot at the start of the interval, shape (n_robots,).
+            world_from_array: True poses of the arrays, shape (n_robots, 4, 4).
+            start_s: Simulated time of each robot at the start, shape (n_robots,).
             duration_s: Length of the interval.
-            rows: Which robots listen; None for all.
+            rows: Robots that listen, ascending; None for all.
         """
-        robots = self._all if rows is None else rows
-        interval = Interval(world_from_array, start_s.tolist(), duration_s, self._held_propagation)
-        if self.config.faults:
-            interval = interval._replace(propagation=Held(self._propagation._replace(arrays=self._arrays_at(start_s))))
-        n_threads = min(len(self._gates), robots.size // LEAST_ROBOTS)
-        if n_threads <= 1:
-            return self._listen(0, robots, interval)
-        first, *others = np.array_split(robots, n_threads)
+        robots = np.arange(len(self._listeners)) if rows is None else rows
+        shares = np.array_split(robots, max(min(self._n_threads, robots.size // LEAST_ROBOTS), 1))
+        jobs = [(k, share, world_from_array, start_s, duration_s) for k, share in enumerate(shares)]
+        if len(jobs) == 1:
+            return self._listen(*jobs[0])
         if self._pool is None:
-            self._pool = ThreadPoolExecutor(len(self._gates) - 1)
-        waiting = [self._pool.submit(self._listen, k + 1, share, interval) for k, share in enumerate(others)]
-        return Detections.join([self._listen(0, first, interval), *(each.result() for each in waiting)])
+            self._pool = ThreadPoolExecutor(self._n_threads - 1)
+        waiting = [self._pool.submit(self._listen, *job) for job in jobs[1:]]
+        return DetectedPulses.join([self._listen(*jobs[0]), *(each.result() for each in waiting)])
 
     def __getstate__(self) -> dict[str, Any]:
-        """A copy starts threads of its own."""
-        return vars(self) | {"_pool": None, "_listening": None}
+        """Leave out the threads; a copy starts its own."""
+        return vars(self) | {"_pool": None}
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """As it was."""
-        vars(self).update(state | {"_listening": held_list(state["_own_of"])})
+    def _listen(
+        self, thread: int, robots: IntArray, world_from_array: FloatArray, start_s: FloatArray, duration_s: float
+    ) -> DetectedPulses:
+        """Return the pulses of some robots on one thread."""
+        due: list[tuple[int, int, int]] = []
+        n_emissions = 0
+        for robot in robots.tolist():
+            self._update(robot, world_from_array[robot], float(start_s[robot]), duration_s)
+            begin_s, end_s = (round_to_nanoseconds(float(start_s[robot]) + d) for d in (0.0, duration_s))
+            first, end = self._schedules[robot].between(begin_s, end_s)
+            if end > first:
+                due.append((robot, first, end))
+                n_emissions += end - first
+        if n_emissions > len(self._gates[thread].value.waveforms_v):
+            self._gates[thread] = self._room(2 * n_emissions)
+        gates, row, n_rejected, counts = self._gates[thread], 0, 0, list[int]()
+        for robot, first, end in due:
+            before = row
+            row, n = detect(self._states[robot], first, end, world_from_array[robot], gates, row)
+            n_rejected += n
+            counts.append(row - before)
+        waveforms_v, pulses = gates.value
+        of_robot = np.repeat(np.array([robot for robot, *_ in due], np.intp), counts)
+        return DetectedPulses(of_robot, pulses.first(row), waveforms_v[:row].copy(), n_rejected)
 
-    def _listen(self, thread: int, robots: IntArray, interval: Interval) -> Detections:
-        """What some robots detect, one after the other."""
-        numbers: list[int] = robots.tolist()
-        for robot in numbers:
-            start_s = in_nanoseconds(interval.start_s[robot])
-            end_s = in_nanoseconds(interval.start_s[robot] + interval.duration_s)
-            self._interval_s[robot] = start_s, end_s
-            if self._changes[robot] or not self._schedules[robot].reaches(start_s, end_s):
-                self._prepare(robot, start_s, end_s, interval)
-        shared = self._interval_s, interval.world_from_array, interval.propagation, self._listening
-        done = NOT_BEGUN
-        while done.turn < robots.size:
-            done = detect_each(robots, done, *shared, self._gates[thread], self._n_found)
-            if done.n_wanted:
-                n_gates = 2 * (done.n_gates + done.n_wanted)
-                self._gates[thread] = self._more_room(self._gates[thread].value, done.n_gates, n_gates)
-        if done.n_gates == 0:
-            return self._nothing._replace(n_rejected=done.n_rejected)
-        found = self._gates[thread].value
-        n, n_rejected = done.n_gates, done.n_rejected
-        whose = np.full(n, numbers[0]) if len(numbers) == 1 else np.repeat(robots, self._n_found[robots])
-        return Detections(whose, found.pulses.first(n), found.waveforms_v[:n].copy(), n_rejected)
+    def _room(self, n_gates: int) -> Held[Gates]:
+        config = self.config
+        return Held(Gates.room(n_gates, self._receiver.n_elements, config.gate_samples, config.n_bands))
 
-    def _prepare(self, robot: int, start_s: float, end_s: float, interval: Interval) -> None:
-        """Draw what may trigger a receiver, and let what changes with time be as it is now."""
-        schedule, listener = self._schedules[robot], self._listeners[robot]
-        scene, tones = listener.scene, self._no_tones
-        if not schedule.reaches(start_s, end_s):
-            schedule.draw(start_s, end_s)
-        if scene.has_movers:
-            self._propagation.sources.positions_m[robot] = scene.positions_at(start_s)
-        if scene.carriers:
-            tones = self._receiver.tones(scene.carriers, listener.array, interval.world_from_array[robot])
-        changes = scene.carriers or self.config.faults
-        self._take_in(robot, self._condition(start_s, tones) if changes else self._quiet)
-
-    def _take_in(self, robot: int, condition: Condition) -> None:
-        """Let a robot listen with what is its own now."""
-        self._own_of[robot] = self._own(robot, condition)
-        replace_in(self._listening, robot, self._own_of[robot])
-
-    def _own(self, robot: int, condition: Condition) -> Held[Listening]:
-        """All that is one robot's own."""
-        listener, chain, tones_v = self._listeners[robot], self._chains[robot], condition.tones.amplitude_v
-        if len(tones_v):
-            chain = self._receiver.chain(listener.array, above_v=float(tones_v.sum(axis=0).max()))
-        return Held(Listening(chain, condition, self._schedules[robot].ahead, listener.receiver_rng))
-
-    def _more_room(self, gates: Gates, n_filled: int, n_gates: int) -> Held[Gates]:
-        """Room for so many gates, the first of which are as they are."""
-        more = Gates.room(n_gates, self._receiver.n_elements, self.config.gate_samples, self.config.n_bands)
-        more.waveforms_v[:n_filled] = gates.waveforms_v[:n_filled]
-        for column, filled in zip(more.pulses, gates.pulses, strict=True):
-            column[:n_filled] = filled[:n_filled]
-        return Held(more)
-
-    def _condition(self, time_s: float, tones: Tones) -> Condition:
-        """That of one receiver at a time."""
-        receiver = self._receiver
-        limit_v, source, stuck_v = receiver.faults.channels(time_s, self.config.full_scale_v)
-        channels = Channels(
-            limit_v=limit_v,
-            background_v2=receiver.noise_variance_v2 + 0.5 * np.square(tones.amplitude_v).sum(axis=0),
-            source=source,
-            stuck_v=stuck_v,
+    def _state(self, listener: Listener) -> Held[ReceiverState]:
+        """Return the state of a robot at time 0, without emissions or carriers."""
+        receiver, scene, array = self._receiver, listener.scene, listener.array
+        table, tones = ArrayTable.of(array, self._pattern, self._grid), receiver.tones((), array, np.eye(4))
+        positions_m = scene.positions_m.copy()
+        return Held(
+            ReceiverState(
+                sampler=receiver.sampler(array),
+                reading=self._reading,
+                channels=receiver.channels(0.0, tones),
+                tones=tones,
+                propagation=Propagation(positions_m, scene.axes, scene.burst_s, table, scene.surroundings),
+                emissions=Emissions(np.empty(0, np.intp), np.empty(0), np.empty(0)),
+                rng=listener.receiver_rng,
+            )
         )
-        return Condition(tones, channels)
 
-    def _arrays_at(self, time_s: FloatArray) -> ArrayTable:
-        """The arrays with what faults have left of their signals."""
-        left, arrays = self._receiver.faults.signal_factors(time_s), self._propagation.arrays
-        return arrays._replace(gain_factors=arrays.gain_factors * left, gain_offsets=arrays.gain_offsets * left)
+    def _update(self, robot: int, world_from_array: FloatArray, start_s: float, duration_s: float) -> None:
+        """Draw the emissions of an interval, and update what changes with time and pose."""
+        receiver, schedule, listener = self._receiver, self._schedules[robot], self._listeners[robot]
+        scene, array, state = listener.scene, listener.array, self._states[robot].value
+        changed = state
+        begin_s, end_s = round_to_nanoseconds(start_s), round_to_nanoseconds(start_s + duration_s)
+        if not schedule.covers(begin_s, end_s):
+            schedule.draw(begin_s, end_s)
+            changed = changed._replace(emissions=schedule.emissions)
+        if scene.has_movers:
+            state.propagation.positions_m[:] = scene.positions_at(begin_s)
+        if self.config.faults:
+            factors, table = receiver.signal_factors(start_s), state.propagation.array
+            table.gain_factors[:] = array.gain_factors * factors
+            table.gain_offsets[:] = array.gain_offsets * factors
+        if scene.carriers:  # the trigger must be above them
+            tones = receiver.tones(scene.carriers, array, world_from_array)
+            level_v = receiver.threshold_v + float(tones.amplitude_v.sum(axis=0).max())
+            trigger = receiver.front_end.trigger(self.config.noise_v, level_v)
+            changed = changed._replace(tones=tones, sampler=state.sampler._replace(trigger=trigger))
+        if scene.carriers or self.config.faults:
+            changed = changed._replace(channels=receiver.channels(begin_s, changed.tones))
+        if changed is not state:
+            self._states[robot] = Held(changed)
 
 
 def listen_once(
@@ -234,15 +256,15 @@ def listen_once(
     world_from_array: FloatArray,
     duration_s: float,
     start_s: float = 0.0,
-) -> Detections:
-    """What one receiver detects from one pose.
+) -> DetectedPulses:
+    """Return the pulses that one receiver detects with one pose.
 
     Args:
-        config: Settings of the receiver.
-        array: The array as it was really built.
-        scene: All that radiates, and what stands about.
-        rng: All randomness.
-        world_from_array: Where the array really is, shape (4, 4).
+        config: Configuration of the receiver.
+        array: Array as it was built.
+        scene: Sources and surroundings.
+        rng: Generator of everything.
+        world_from_array: True pose of the array, shape (4, 4).
         duration_s: Length of the interval.
         start_s: Simulated time at its start.
     """

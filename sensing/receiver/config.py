@@ -1,4 +1,4 @@
-"""Settings of the receiver."""
+"""Configuration of the receiver."""
 
 from __future__ import annotations
 
@@ -8,112 +8,125 @@ from typing import Annotated, Literal, Self
 from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
 
 from pdpatrol.sensing.array.config import MOST_ELEMENTS
-from pdpatrol.sensing.nature.pulse_shape import DECAY_S
-from pdpatrol.sensing.quantities import EchoSecond, FalseAlarmRate, Hertz, MainsHertz, SampleRate, Volt
-from pdpatrol.sensing.receiver.faults import ChannelFault
+from pdpatrol.sensing.nature.pulses import DECAY_S
+from pdpatrol.sensing.quantities import (
+    EchoSecond,
+    FalseAlarmRate,
+    FaultDecibel,
+    Hertz,
+    MainsHertz,
+    MissionSecond,
+    SampleRate,
+    Volt,
+)
 
 NARROWEST = 1e-3
-"""Of the sampling rate: how wide a band is at least, and how far from 0 and from half the rate it ends. What is
-narrower rings for longer than ten thousand samples."""
+"""Smallest width of the band, and distance of its edges from 0 and half the sampling rate, over the sampling rate. A
+narrower filter rings for more than ten thousand samples."""
 
 LONGEST_DIVIDED_GATE = 1000
-"""Samples of a gate that is read in sub-bands: what they share of the noise takes a decomposition of a matrix of so
-many rows, 2 s for this and a minute for four times as many."""
-
-
-def _is_word(value: object) -> str:
-    return "[word]" if isinstance(value, str) else "[given]"
-
+"""Most samples of a gate that is read in sub-bands: their noise takes the decomposition of a matrix with as many rows,
+2 s for this and a minute for four times as many."""
 
 Band = Annotated[
     Annotated[tuple[Hertz, Hertz], Tag("[given]")] | Annotated[Literal["all"], Tag("[word]")],
-    Discriminator(_is_word),
+    Discriminator(lambda value: "[word]" if isinstance(value, str) else "[given]"),
 ]
-"""From and to, or "all" without a band-pass."""
+"""Lower and upper edge, or "all" for no band-pass."""
+
+
+class ChannelFault(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
+    """Fault of one channel, from `start_s` on.
+
+    `dead`: the signal is lost, the noise remains. `gain_drift`: the gain changes by `gain_db` within `ramp_s`.
+    `saturation`: the amplifier is limited to `level_v`. `swapped`: the plugs of this channel and channel `other` are
+    exchanged. `stuck`: the output of the ADC is constant.
+    """
+
+    channel: int = Field(ge=1, le=MOST_ELEMENTS)
+    kind: Literal["dead", "gain_drift", "saturation", "swapped", "stuck"]
+    start_s: MissionSecond = 0.0
+    gain_db: FaultDecibel | None = None
+    ramp_s: MissionSecond = 0.0
+    level_v: Volt | None = None
+    other: int | None = Field(default=None, ge=1, le=MOST_ELEMENTS)
+
+    @model_validator(mode="after")
+    def _check_keys_of_kind(self) -> Self:
+        for kind, key in (("gain_drift", "gain_db"), ("saturation", "level_v"), ("swapped", "other")):
+            is_given = getattr(self, key) is not None
+            if is_given and self.kind != kind:
+                raise ValueError(f"{key}: must be given for kind {kind} only, got kind {self.kind}")
+            if not is_given and self.kind == kind:
+                raise ValueError(f"{key}: must be given for kind {kind}")
+        if self.other == self.channel:
+            raise ValueError(f"other: must be another channel, got {self.other}")
+        return self
 
 
 class ReceiverConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
-    """A channel for each element and a common trigger. The defaults are assumed, about those of a fast oscilloscope.
+    """Receiver with a channel for each element and a common trigger.
 
-    Once a channel has crossed the threshold, the gate starts `pretrigger_samples` before the loudest one comes to half
-    its peak: the crossing itself comes the earlier the louder the pulse.
-
-    A signal that is still there long after any echo can be is a burst, and is rejected.
+    The defaults are assumed, close to those of a fast oscilloscope. Once a channel has crossed the threshold, the gate
+    starts `pretrigger_samples` before the strongest one reaches half its peak. A signal that lasts longer than any echo
+    is a burst and is rejected.
     """
 
     sample_rate_hz: SampleRate = 20e9
     band_hz: Band = (1.4e9, 2.2e9)
-    """Where the band-pass is 3 dB down. The default holds the energy of the pulses, mainly 1.5 to 2 GHz, and is 54 dB
-    down at the 948 MHz of the Dir-MUSIC paper's interferer; "all" leaves the noise white."""
+    """Edges of the band-pass, where its loss is 3 dB. The default passes the energy of the pulses, mainly 1.5 to 2 GHz,
+    and takes 54 dB from the interferer of the Dir-MUSIC paper at 948 MHz; "all" leaves the noise white."""
     noise_v: Volt = 1e-3
     """Standard deviation of a sample of white noise, before the band-pass."""
     pretrigger_samples: int = Field(default=20, ge=1, le=10_000)
     gate_samples: int = Field(default=90, ge=1, le=10_000)
     longest_echo_s: EchoSecond = 60e-9
-    """How long after a pulse its last echo may come: 18 m of detour. What lasts three times as long is a burst."""
+    """Largest delay of an echo, 18 m of detour. A signal three times as long is a burst."""
     false_alarm_rate_hz: FalseAlarmRate = 0.1
     mains_hz: MainsHertz = 50.0
     bits: int = Field(default=12, ge=2, le=24)
     full_scale_v: Volt = 0.5
-    """Largest voltage that the converter can represent, of either sign; beyond it a pulse is clipped, and flagged. With
-    the defaults one count is 0.86 of the noise behind the band-pass; where it is more than two, rounding is not
-    noise."""
+    """Largest voltage of the ADC, of either sign; larger pulses are clipped and flagged. With the defaults one count is
+    0.86 of the noise behind the band-pass; above two, rounding is no longer like noise."""
     n_bands: int = Field(default=0, ge=0, le=8)
-    """Sub-bands of one width in which strengths are read as well, for the estimator `sub_bands`. They share their noise
-    where they are narrower than the sampling rate over the gate's length, 222 MHz with the defaults."""
+    """Sub-bands of equal width in which strengths are read as well, for the estimator `sub_bands`. They share noise
+    where they are narrower than the sampling rate over the length of the gate, 222 MHz with the defaults."""
     faults: tuple[ChannelFault, ...] = Field(default=(), max_length=MOST_ELEMENTS)
 
     @property
     def band_edges_hz(self) -> tuple[float, ...]:
-        """Of the sub-bands, n_bands + 1 of them; none where none are read."""
+        """Edges of the sub-bands, n_bands + 1 of them; none if no sub-bands are read."""
         if self.n_bands == 0 or self.band_hz == "all":
             return ()
         low_hz, high_hz = self.band_hz
         return tuple(low_hz + (high_hz - low_hz) * k / self.n_bands for k in range(self.n_bands + 1))
 
     @model_validator(mode="after")
-    def _sub_bands_are_parts_of_a_band(self) -> Self:
+    def _check_consistency(self) -> Self:
         if self.n_bands > 0 and self.band_hz == "all":
-            raise ValueError(
-                f'n_bands: got {self.n_bands} with band_hz = "all"; allowed is 0, or a band that they divide'
-            )
+            raise ValueError(f'n_bands: must be 0 with band_hz = "all", got {self.n_bands}')
         if self.n_bands > 0 and self.gate_samples > LONGEST_DIVIDED_GATE:
             raise ValueError(
-                f"gate_samples: got {self.gate_samples} with n_bands {self.n_bands}; allowed are at most "
-                f"{LONGEST_DIVIDED_GATE} where sub-bands are read"
+                f"gate_samples: must be at most {LONGEST_DIVIDED_GATE} if sub-bands are read, got {self.gate_samples} "
+                f"with n_bands {self.n_bands}"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _gate_reaches_beyond_the_trigger(self) -> Self:
         if self.pretrigger_samples >= self.gate_samples:
             raise ValueError(
-                f"pretrigger_samples: got {self.pretrigger_samples}; allowed is less than gate_samples, "
-                f"{self.gate_samples}, or the gate ends before the pulse begins"
+                f"pretrigger_samples: must be less than gate_samples {self.gate_samples}, got {self.pretrigger_samples}"
             )
         after_s = (self.gate_samples - self.pretrigger_samples) / self.sample_rate_hz
         if after_s < DECAY_S:
             least = self.pretrigger_samples + ceil(DECAY_S * self.sample_rate_hz)
             raise ValueError(
-                f"gate_samples: got {self.gate_samples}, which ends {after_s:.2g} s after the trigger; allowed is "
-                f"{least} or more at this sample_rate_hz and pretrigger_samples, for a pulse decays in {DECAY_S:g} s"
+                f"gate_samples: must be {least} or more at this sample_rate_hz and pretrigger_samples, because a pulse "
+                f"decays in {DECAY_S:g} s, got {self.gate_samples}, which ends {after_s:.2g} s after the trigger"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _band_lies_below_nyquist(self) -> Self:
-        nyquist_hz = 0.5 * self.sample_rate_hz
-        if self.band_hz != "all" and not self.band_hz[0] < self.band_hz[1] < nyquist_hz:
-            raise ValueError(
-                f"band_hz: got ({self.band_hz[0]:g}, {self.band_hz[1]:g}); allowed is a band that rises and ends below "
-                f'half of sample_rate_hz, {nyquist_hz:g}, or "all"'
-            )
-        least_hz = NARROWEST * self.sample_rate_hz
         if self.band_hz != "all":
-            low_hz, high_hz = self.band_hz
+            (low_hz, high_hz), nyquist_hz = self.band_hz, 0.5 * self.sample_rate_hz
+            least_hz = NARROWEST * self.sample_rate_hz
             if min(low_hz, high_hz - low_hz, nyquist_hz - high_hz) < least_hz:
                 raise ValueError(
-                    f"band_hz: got ({low_hz:g}, {high_hz:g}); allowed is a band at least {least_hz:g} wide and as far "
-                    f"from 0 and {nyquist_hz:g}, {NARROWEST:g} of sample_rate_hz, or the filter rings for too long"
+                    f"band_hz: must be a rising band between 0 and half of sample_rate_hz ({nyquist_hz:g}), at least "
+                    f'{least_hz:g} wide and as far from both ends, or "all", got ({low_hz:g}, {high_hz:g})'
                 )
         return self

@@ -1,61 +1,103 @@
-"""From what radiates to the readings of what triggers, in one compiled loop over the emissions of a robot's scene."""
+"""Detection of pulses in compiled functions: ADC, readings of gates, and the loop over the emissions of one robot."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import Held, compiled
-from dirmusic.pulses.batch import PulseBatch
-from pdpatrol.sensing.nature.scene import Emissions
-from pdpatrol.sensing.radio.arrivals import propagate
-from pdpatrol.sensing.radio.diffraction.bends import WEAKEST
-from pdpatrol.sensing.radio.propagation import Propagation
-from pdpatrol.sensing.receiver.gates import GateParameters, read_gate
-from pdpatrol.sensing.receiver.sampling.gate import IS_BURST, IS_PULSE, sample_noise, sample_pulse
-from pdpatrol.sensing.receiver.sampling.sampler import Emission, Sampler, Tones
-from pdpatrol.sensing.receiver.schedule import NOISE
+from dirmusic.kernels import dot
+from dirmusic.pulses.batch import NO_DIRECTION, PulseBatch
+from dirmusic.pulses.strengths import strength_of, variance_of_strength
+from pdpatrol.sensing.nature.sources import Emissions
+from pdpatrol.sensing.radio.arrivals import Arrivals, Propagation, propagate
+from pdpatrol.sensing.radio.ray_paths import WEAKEST
+from pdpatrol.sensing.receiver.sampling import (
+    IS_BURST,
+    IS_PULSE,
+    Sampler,
+    Tones,
+    sample_emission,
+    sample_false_alarm,
+)
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
-
-class Converter(NamedTuple):
-    """From volts to whole counts.
-
-    Attributes:
-        step_v: What a count stands for.
-        highest: Largest count, of either sign.
-    """
-
-    step_v: float
-    highest: float
+FALSE_ALARM = -1
+"""Source of what noise alone triggers."""
 
 
 class Channels(NamedTuple):
-    """State of the channels; a row is a reading, each of shape (n_elements,).
+    """State of the channels; each column has shape (n_elements,).
 
     Attributes:
-        limit_v: Where the amplifier of a channel saturates; infinite if it does not.
-        background_v2: Power of a sample without an emission.
-        source: Number of the channel whose samples come as this reading: its own, unless plugs are swapped.
-        stuck_v: What the converter says for ever; NaN if it is not stuck.
+        limit_v: Voltage at which the amplifier saturates; infinite if it does not.
+        background_v2: Power of a sample without emission.
+        source: Channel whose samples this one reports: its own unless plugs are swapped.
+        stuck_v: Constant output of a stuck ADC; NaN if it is not stuck.
     """
 
     limit_v: FloatArray
     background_v2: FloatArray
-    source: IntArray
+    source: NDArray[np.intp]
     stuck_v: FloatArray
 
 
-class Gates(NamedTuple):
-    """Gates behind the converter, and what is read from them; a row is a gate.
+class GateReading(NamedTuple):
+    """Parameters of the ADC and of the readings of a gate; those of sub-bands as of `dirmusic.bearing.sub_bands`.
 
     Attributes:
-        waveforms_v: Shape (n_gates, n_elements, n_samples).
+        step_v: Voltage of one count.
+        highest: Largest count, of either sign.
+        mains_hz: Frequency of the receiver's mains supply.
+        energy_spread: Spread of the noise energy as of `dirmusic.strength_variance`.
+        noise_on_pulse: Noise on a pulse as of `dirmusic.strength_variance`.
+        band_lines: Lines of the sub-bands, shape (n_bands, n_lines, n_samples); no bands if none are read.
+        band_noise_samples: Noise of the sub-bands, shape (n_bands,).
+        band_energy_spread: Spread of the noise energy of the sub-bands, shape (n_bands,).
+        band_noise_on_pulse: Noise on a pulse in the sub-bands, shape (n_bands,).
+    """
+
+    step_v: float
+    highest: float
+    mains_hz: float
+    energy_spread: float
+    noise_on_pulse: float
+    band_lines: FloatArray
+    band_noise_samples: FloatArray
+    band_energy_spread: FloatArray
+    band_noise_on_pulse: FloatArray
+
+
+class ReceiverState(NamedTuple):
+    """Everything that the detection of one robot depends on.
+
+    Attributes:
+        sampler: Receiver up to the gate.
+        reading: ADC and readings.
+        channels: State of the channels.
+        tones: Carriers.
+        propagation: Sources, array and surroundings.
+        emissions: Emissions and false alarms by time; the source of the latter is `FALSE_ALARM`.
+        rng: Generator of noise and triggers.
+    """
+
+    sampler: Sampler
+    reading: GateReading
+    channels: Channels
+    tones: Tones
+    propagation: Propagation
+    emissions: Emissions
+    rng: np.random.Generator
+
+
+class Gates(NamedTuple):
+    """Gates and their readings; a row is a gate.
+
+    Attributes:
+        waveforms_v: Output of the ADC, shape (n_gates, n_elements, n_samples).
         pulses: Readings.
     """
 
@@ -64,173 +106,112 @@ class Gates(NamedTuple):
 
     @classmethod
     def room(cls, n_gates: int, n_elements: int, n_samples: int, n_bands: int) -> Self:
-        """Room for as many, for a compiled loop to fill in."""
+        """Make space for gates."""
         return cls(np.empty((n_gates, n_elements, n_samples)), PulseBatch.room(n_gates, n_elements, n_bands))
 
 
-class ReceiverChain(NamedTuple):
-    """From the feeds of the antennas to readings.
-
-    Attributes:
-        sampler: Up to the gate.
-        converter: Behind it.
-        gate: How it is read.
-    """
-
-    sampler: Sampler
-    converter: Converter
-    gate: GateParameters
-
-
-class Condition(NamedTuple):
-    """What changes with time.
-
-    Attributes:
-        tones: Carriers.
-        channels: State of the channels.
-    """
-
-    tones: Tones
-    channels: Channels
-
-
-class Listening(NamedTuple):
-    """All that is one robot's own while it listens.
-
-    Attributes:
-        chain: Of its receiver.
-        condition: Of its channels.
-        upcoming: What may trigger, by time; source `NOISE` where noise alone does.
-        rng: Draws.
-    """
-
-    chain: ReceiverChain
-    condition: Condition
-    upcoming: Emissions
-    rng: np.random.Generator
-
-
 @compiled
-def convert(gate_v: FloatArray, converter: Converter, channels: Channels, waveform_v: FloatArray) -> None:
-    """Whole counts of a gate (n_samples, n_elements), as readings (n_elements, n_samples)."""
+def convert(gate_v: FloatArray, reading: GateReading, channels: Channels, waveform_v: FloatArray) -> None:
+    """Convert a gate, shape (n_elements, n_samples), as the ADC does."""
     for e in range(waveform_v.shape[0]):
         for t in range(waveform_v.shape[1]):
-            counts = np.rint(gate_v[t, channels.source[e]] / converter.step_v)
-            waveform_v[e, t] = min(max(counts, -converter.highest), converter.highest) * converter.step_v
+            counts = np.rint(gate_v[channels.source[e], t] / reading.step_v)
+            waveform_v[e, t] = min(max(counts, -reading.highest), reading.highest) * reading.step_v
             if not np.isnan(channels.stuck_v[e]):
                 waveform_v[e, t] = channels.stuck_v[e]
 
 
 @compiled
-def detect(
-    robot: int,
-    start_s: float,
-    end_s: float,
-    first_row: int,
-    world_from_array: FloatArray,
-    propagation: Held[Propagation],
-    listening: Held[Listening],
-    gates: Held[Gates],
-) -> tuple[int, int]:
-    """Gates of all that triggers one robot's receiver within an interval.
+def read_gate(
+    waveforms_v: FloatArray, background_v2: FloatArray, time_s: float, reading: GateReading, k: int, pulses: PulseBatch
+) -> None:
+    """Read strengths, variances, clipping and mains phase of a gate.
 
     Args:
-        robot: Row of the robot.
-        start_s: Of the interval.
-        end_s: Of the interval.
-        first_row: First of `gates` that is free; there are to be as many as may trigger.
-        world_from_array: Poses of the arrays, shape (n_robots, 4, 4).
-        propagation: Of all robots.
-        listening: What is the robot's own.
-        gates: Rows are filled in.
-
-    Returns:
-        How many gates there are, and how many emissions triggered and were rejected as bursts; if there is no room for
-        all that may trigger, nothing is done, and the first is the number of rows that are wanted, negative.
+        waveforms_v: Output of the ADC, shape (n_elements, n_samples).
+        background_v2: Power of a sample without emission, shape (n_elements,).
+        time_s: Time of the trigger.
+        reading: Parameters of the reading.
+        k: Row to be filled in.
+        pulses: Batch to be filled in.
     """
-    chain, condition, upcoming, rng = listening.value
-    first, last = int(np.searchsorted(upcoming.time_s, start_s)), int(np.searchsorted(upcoming.time_s, end_s))
-    if first == last:
-        return 0, 0
-    waveforms_v, pulses = gates.value
-    if first_row + last - first > len(waveforms_v):
-        return first - last, 0
-    sampler, converter, gate = chain
-    tones, channels = condition
-    around = propagation.value
-    gate_v = np.empty((sampler.timing.gate, channels.limit_v.size))
-    faintest = np.full(around.sources.burst_s.shape[1], np.inf)
-    for k in range(first, last):
-        s = upcoming.source[k]
-        if s != NOISE:
-            faintest[s] = min(faintest[s], WEAKEST * sampler.trigger.level_v / abs(upcoming.peak_v[k]))
-    ray_paths, arrivals = propagate(robot, faintest, world_from_array, around)
-    row, n_rejected = first_row, 0
-    for k in range(first, last):
-        s = upcoming.source[k]
-        if s == NOISE:
-            sample_noise(sampler, tones, rng, gate_v)
-        else:
-            n_paths = int(ray_paths.n_paths[s])
-            emission = Emission(upcoming.peak_v[k], around.sources.burst_s[robot, s], int(ray_paths.first[s]), n_paths)
-            came_as = sample_pulse(
-                emission, arrivals, sampler, tones, channels.limit_v, channels.background_v2, rng, gate_v
+    n_elements, n_samples = waveforms_v.shape
+    pulses.time_s[k] = time_s
+    pulses.azimuth_rad[k], pulses.std_rad[k], pulses.misfit[k] = NO_DIRECTION
+    pulses.mains_phase_rad[k] = np.mod(2 * np.pi * reading.mains_hz * time_s, 2 * np.pi)
+    for e in range(n_elements):
+        waveform_v, noise_v2 = waveforms_v[e], background_v2[e]
+        strength_v = strength_of(dot(waveform_v, waveform_v), n_samples * noise_v2)
+        pulses.strengths_v[k, e] = strength_v
+        pulses.variance_v2[k, e] = variance_of_strength(
+            strength_v, noise_v2, reading.energy_spread, reading.noise_on_pulse
+        )
+        pulses.is_usable[k, e] = True
+        pulses.is_clipped[k, e] = np.abs(waveform_v).max() >= (reading.highest - 0.5) * reading.step_v
+        for b in range(reading.band_noise_samples.size):
+            energy_v2 = 0.0
+            for line in range(reading.band_lines.shape[1]):
+                energy_v2 += dot(waveform_v, reading.band_lines[b, line]) ** 2
+            strength_v = strength_of(energy_v2, reading.band_noise_samples[b] * noise_v2)
+            pulses.band_strengths_v[k, b, e] = strength_v
+            pulses.band_variance_v2[k, b, e] = variance_of_strength(
+                strength_v, noise_v2, reading.band_energy_spread[b], reading.band_noise_on_pulse[b]
             )
-            if came_as != IS_PULSE:
-                n_rejected += came_as == IS_BURST
-                continue
-        convert(gate_v, converter, channels, waveforms_v[row])
-        read_gate(waveforms_v[row], channels.background_v2, upcoming.time_s[k], gate, row, pulses)
-        row += 1
-    return row - first_row, n_rejected
-
-
-class Progress(NamedTuple):
-    """How far some robots have come that listen one after the other.
-
-    Attributes:
-        turn: Whose turn it is next; their number once all are done, or the first for which there is no room.
-        n_gates: Rows of gates that are filled.
-        n_rejected: Emissions that triggered and were rejected as bursts.
-        n_wanted: Rows that the one for whom there is no room wants.
-    """
-
-    turn: int
-    n_gates: int
-    n_rejected: int
-    n_wanted: int
 
 
 @compiled
-def detect_each(
-    robots: IntArray,
-    before: Progress,
-    interval_s: FloatArray,
+def detect(
+    held_state: Held[ReceiverState],
+    first: int,
+    end: int,
     world_from_array: FloatArray,
-    propagation: Held[Propagation],
-    listening: Sequence[Held[Listening]],
-    gates: Held[Gates],
-    n_found: IntArray,
-) -> Progress:
-    """As `detect`, of some robots, one after the other, in one call: no thread waits for another meanwhile.
+    held_gates: Held[Gates],
+    row: int,
+) -> tuple[int, int]:
+    """Fill the gates of all emissions `first` to `end` that trigger.
 
     Args:
-        robots: Rows of the robots, shape (n,).
-        before: How far they had come.
-        interval_s: Start and end for each robot, shape (n_robots, 2).
-        world_from_array: As of `detect`.
-        propagation: As of `detect`.
-        listening: What is the robots' own.
-        gates: Rows are filled in, those of one robot after those of the other.
-        n_found: Becomes the number of gates of each robot, shape (n_robots,).
+        held_state: State of the receiver.
+        first: First emission.
+        end: End of the emissions.
+        world_from_array: Pose of the array, shape (4, 4).
+        held_gates: Filled in; there must be a row for each emission.
+        row: First row that is free.
+
+    Returns:
+        The row behind the last that was filled, and the number of emissions rejected as bursts.
     """
-    n_gates, n_rejected = before.n_gates, before.n_rejected
-    for i in range(before.turn, robots.size):
-        robot = int(robots[i])
-        start_s, end_s = interval_s[robot]
-        n, n_bursts = detect(robot, start_s, end_s, n_gates, world_from_array, propagation, listening[robot], gates)
-        if n < 0:
-            return Progress(i, n_gates, n_rejected, -n)
-        n_found[robot] = n
-        n_gates, n_rejected = n_gates + n, n_rejected + n_bursts
-    return Progress(robots.size, n_gates, n_rejected, 0)
+    sampler, reading, channels, tones, propagation, emissions, rng = held_state.value
+    waveforms_v, pulses = held_gates.value
+    gate_v, n_rejected = np.empty(waveforms_v.shape[1:]), 0
+    least = np.full(propagation.burst_s.size, np.inf)
+    for k in range(first, end):
+        s = emissions.source[k]
+        if s != FALSE_ALARM:
+            least[s] = min(least[s], WEAKEST * sampler.trigger.level_v / abs(emissions.peak_v[k]))
+    ray_paths, arrivals = propagate(least, world_from_array, propagation)
+    for k in range(first, end):
+        s = emissions.source[k]
+        if s == FALSE_ALARM:
+            sample_false_alarm(sampler, tones, rng, gate_v)
+        else:
+            of_source = slice(ray_paths.first[s], ray_paths.first[s] + ray_paths.n_paths[s])
+            delay_s, amplitude, peak, peak_s = arrivals
+            outcome = sample_emission(
+                emissions.peak_v[k],
+                propagation.burst_s[s],
+                Arrivals(delay_s[of_source], amplitude[of_source], peak[of_source], peak_s[of_source]),
+                sampler,
+                tones,
+                channels.limit_v,
+                channels.background_v2,
+                rng,
+                gate_v,
+            )
+            n_rejected += outcome == IS_BURST
+            if outcome != IS_PULSE:
+                continue
+        convert(gate_v, reading, channels, waveforms_v[row])
+        read_gate(waveforms_v[row], channels.background_v2, emissions.time_s[k], reading, row, pulses)
+        row += 1
+    return row, n_rejected

@@ -13,8 +13,8 @@ from pdpatrol.sensing import (
     HelicalArray,
     ReceiverConfig,
     Scene,
-    Solids,
     Surroundings,
+    UprightSolids,
     level_transform,
 )
 from pdpatrol.sensing.radio.materials import GRAVEL, METAL
@@ -38,7 +38,7 @@ def ground_and_wall() -> Surroundings:
         half_size_m=np.array([[np.inf, np.inf], [5.0, 2.0]]),
         owner=np.array([-1, 0]),
     )
-    return Surroundings.of_materials([METAL], faces, Solids.none(), GRAVEL)
+    return Surroundings.of_materials([METAL], faces, UprightSolids.none(), GRAVEL)
 
 
 def seconds_a_pulse(amplitude_v: float, array: HelicalArray = REAL) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from pdpatrol.envs.core.generators import Generators
 from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.missions.runner import Mission
 from pdpatrol.sensing import Scene
-from pdpatrol.sensing.nature.scene import Emissions
+from pdpatrol.sensing.nature.sources import Emissions
 
 
 def test_children_are_independent_and_the_same_for_the_same_seed() -> None:

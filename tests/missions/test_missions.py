@@ -16,7 +16,7 @@ from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.records import Report, read_report, report_text
 from pdpatrol.missions.report.wording import PULSE_CLASSES
 from pdpatrol.missions.runner import Mission, run_mission
-from pdpatrol.sensing.receiver.faults import ChannelFault
+from pdpatrol.sensing.receiver.config import ChannelFault
 
 
 def test_robot_without_route_stands_still() -> None:

@@ -41,7 +41,7 @@ def log_of_two_findings(seed: int, mains: bool = True, ghosts_every: int = 0) ->
         for number, (_, place) in SOURCES.items():
             sight = np.array(place) - pose[:2]
             azimuth = float(wrap(np.arctan2(sight[1], sight[0]) - pose[2]))
-            times, amplitudes = trains[number].emit(0.1 * step, 0.1, 20.0, rng)
+            _, times, amplitudes = trains[number].table(20.0).draw(0.1 * step, 0.1, rng)
             for time_s, amplitude in zip(times, amplitudes, strict=True):
                 strengths = abs(amplitude) * number / np.hypot(*sight) * ring.gain(azimuth)
                 phase = 2 * np.pi * 50.0 * time_s if mains else np.nan

@@ -1,101 +1,150 @@
-"""A receiver in plain numpy that samples every pulse from long before its first arrival on, and looks at all of it."""
+"""Independent receiver in NumPy and SciPy that samples all of an emission, from long before its first arrival on.
 
+It shares no code with the product: waveform, filter, trigger level, gate and burst test are written out here again.
+"""
+
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import quad
+from scipy.optimize import brentq
 from scipy.signal import butter, sosfilt
-
-from pdpatrol.sensing import HelicalArray, ReceiverConfig, Scene
-from pdpatrol.sensing.array.array_table import ArrayTable
-from pdpatrol.sensing.nature.pulse_shape import DECAY_S, FREQUENCY_HZ, damped_pulse
-from pdpatrol.sensing.radio.arrivals import Arrivals, propagate
-from pdpatrol.sensing.radio.propagation import Propagation, SourceTable
-from pdpatrol.sensing.receiver.front_end import FILTER_ORDER
-from pdpatrol.sensing.receiver.receiver import BURST_ECHOES, BURST_SHARE, BURST_WINDOWS, Receiver, aperture_m
+from scipy.stats import norm
 
 FloatArray = NDArray[np.float64]
 
-LEAD = 400
+RATE_HZ, BAND_HZ, NOISE_V, FULL_SCALE_V, BITS = 20e9, (1.4e9, 2.2e9), 1e-3, 0.5, 12
+BEFORE, GATE, LONGEST_ECHO_S = 20, 90, 60e-9
+"""Default receiver."""
+
+SETTLING = 400
 """Samples in which the filter forgets that it began at rest."""
 
-FINE = 16
-"""Into how many parts a sample is divided where a pulse is made."""
+SECTIONS = butter(6, BAND_HZ, btype="bandpass", fs=RATE_HZ, output="sos")
 
 
 class Sampled(NamedTuple):
-    """What a number of pulses gave: gates behind the converter (n, n_elements, n_gate), and how many were bursts."""
+    """Gates behind the ADC, shape (n, n_elements, n_gate), and number of emissions rejected as bursts."""
 
     gates_v: FloatArray
     n_bursts: int
 
 
-def arrivals_of(scene: Scene, array: HelicalArray, world_from_array: FloatArray) -> Arrivals:
-    """All paths of the first source of a scene."""
-    sources = SourceTable(*(column[np.newaxis, :1] for column in (scene.positions_m, scene.axes, scene.burst_s)))
-    around = Propagation(sources, ArrayTable.of([array]), scene.surroundings)
-    return propagate(0, np.zeros(1), world_from_array[np.newaxis], around).arrivals
+def damped_sine(time_s: FloatArray, phase_rad: float = 0.0) -> FloatArray:
+    """Return the pulse of eq. (2) of the Dir-MUSIC paper with a largest magnitude of 1."""
+
+    def wave(t: FloatArray, phase: float) -> FloatArray:
+        return (np.exp(-t / 1e-9) - np.exp(-t / 0.2e-9)) * np.sin(2 * np.pi * 1.75e9 * t + phase) * (t > 0)
+
+    return wave(np.maximum(time_s, 0.0), phase_rad) / np.abs(wave(np.arange(0, 5e-9, 1e-13), 0.0)).max()
+
+
+@cache
+def filtered_noise() -> tuple[float, float]:
+    """Return standard deviation and lag-one correlation of the noise behind the filter."""
+    h = np.asarray(sosfilt(SECTIONS, np.eye(1, 20_000)[0]))
+    return NOISE_V * float(np.sqrt(h @ h)), float(h[1:] @ h[:-1] / (h @ h))
+
+
+@cache
+def threshold_v(false_alarm_rate_hz: float, n_elements: int = 6) -> float:
+    """Return the level that noise crosses at a rate, by integrating over the sample above the level."""
+    std_v, correlation = filtered_noise()
+
+    def log_excess(level: float) -> float:
+        def crossing(x: float) -> float:
+            return float(norm.pdf(x) * norm.cdf((level - correlation * x) / np.sqrt(1 - correlation**2)))
+
+        per_sample = 2 * quad(crossing, level, level + 8.0, epsabs=0.0)[0]
+        return float(np.log(per_sample * n_elements * RATE_HZ / false_alarm_rate_hz))
+
+    return std_v * float(brentq(log_excess, 2.0, 12.0))  # pyright: ignore[reportArgumentType]
+
+
+def step_v() -> float:
+    """Return the voltage of one count of the ADC."""
+    return FULL_SCALE_V / (2 ** (BITS - 1) - 1)
+
+
+def noise_variance_v2() -> float:
+    """Return the variance of a sample behind the ADC without a pulse."""
+    return filtered_noise()[0] ** 2 + step_v() ** 2 / 12
+
+
+def signal(
+    delay_s: FloatArray, amplitude: NDArray[np.complex128], peak_v: float, burst_s: float, time_s: FloatArray
+) -> FloatArray:
+    """Return what all paths bring to the elements in front of the filter, shape (n_elements, n_samples)."""
+    since_s = time_s - delay_s[:, :, np.newaxis]
+    if burst_s > 0.0:
+        shape = ((since_s >= 0) & (since_s < burst_s)) * -1j * np.exp(2j * np.pi * 1.75e9 * since_s)
+    else:
+        shape = damped_sine(since_s) - 1j * damped_sine(since_s, 0.5 * np.pi)
+    return peak_v * (amplitude[:, :, np.newaxis] * shape).sum(axis=0).real
 
 
 def sample(
-    config: ReceiverConfig,
-    array: HelicalArray,
-    scene: Scene,
-    world_from_array: FloatArray,
+    delay_s: FloatArray,
+    amplitude: NDArray[np.complex128],
+    peak_v: float,
+    aperture_m: float,
+    false_alarm_rate_hz: float,
     n: int,
     rng: np.random.Generator,
+    burst_s: float = 0.0,
 ) -> Sampled:
-    """Gates of n pulses of the first source of a scene, all as loud as its typical one; no carriers, no faults."""
-    receiver, arrivals = Receiver(config, array.n_elements), arrivals_of(scene, array, world_from_array)
-    rate_hz, n_gate, source = config.sample_rate_hz, config.gate_samples, scene.sources[0]
-    aperture, decay = round(aperture_m(array) / 299_792_458.0 * rate_hz), round(2 * DECAY_S * rate_hz)
-    rise, echo = round(receiver.front_end.pulse_lag) + decay, round(config.longest_echo_s * rate_hz)
-    first_s = arrivals.delay_s.min() - (LEAD + aperture + config.pretrigger_samples) / rate_hz
-    n_samples = int(np.ptp(arrivals.delay_s) * rate_hz) + LEAD + 4 * echo + 1000
+    """Sample an emission n times.
+
+    Args:
+        delay_s: Travel times, shape (n_paths, n_elements).
+        amplitude: Complex amplitudes for a pulse of 1 V at 1 m, same shape.
+        peak_v: Peak of the emission at 1 m.
+        aperture_m: Extent of the array.
+        false_alarm_rate_hz: Setting of the trigger.
+        n: Number of emissions.
+        rng: Generator.
+        burst_s: Duration of a burst; 0 for a pulse.
+    """
+    level_v, aperture, decay, echo = (
+        threshold_v(false_alarm_rate_hz),
+        round(aperture_m / 299_792_458 * RATE_HZ),
+        40,
+        1200,
+    )
+    pulse = np.abs(np.asarray(sosfilt(SECTIONS, damped_sine(np.arange(1000) / RATE_HZ))))
+    rise = round(float(np.argmax(pulse >= 0.5 * pulse.max()))) + decay
+    strongest_s = np.take_along_axis(delay_s, np.abs(amplitude).argmax(axis=1)[:, np.newaxis], axis=1)[:, 0]
+    first_s = delay_s.min() - (SETTLING + aperture + BEFORE) / RATE_HZ
+    n_samples = int(np.ptp(delay_s) * RATE_HZ) + SETTLING + 4 * echo + 1000
     gates, n_bursts = list[FloatArray](), 0
     for _ in range(n):
-        start_s = first_s + rng.random() / rate_hz
-        volts = _signal(arrivals, source.amplitude_v, source.burst_s, start_s, n_samples, rate_hz)
-        volts = volts * (source.burst_s == 0.0) + config.noise_v * rng.standard_normal(volts.shape)
-        if config.band_hz != "all":
-            sections = butter(FILTER_ORDER, config.band_hz, btype="bandpass", fs=rate_hz, output="sos")
-            volts = np.asarray(sosfilt(sections, volts, axis=-1))
-        if source.burst_s > 0.0:  # in the band, and not filtered
-            volts = volts + _signal(arrivals, source.amplitude_v, source.burst_s, start_s, n_samples, rate_hz)
+        start_s = first_s + rng.random() / RATE_HZ
+        clean = signal(delay_s, amplitude, peak_v, burst_s, start_s + np.arange(n_samples) / RATE_HZ)
+        noise = NOISE_V * rng.standard_normal(clean.shape)
+        if burst_s > 0.0:  # in the band: not filtered
+            volts = clean + np.asarray(sosfilt(SECTIONS, noise))
+        else:
+            volts = np.asarray(sosfilt(SECTIONS, clean + noise))
         searched = np.zeros(n_samples, dtype=np.bool_)
-        for arrives_s in arrivals.loudest_s:
-            at = round((arrives_s - start_s) * rate_hz)
+        for arrival_s in strongest_s:
+            at = round((arrival_s - start_s) * RATE_HZ)
             searched[at - aperture : at + aperture + rise] = True
-        above = searched & (np.abs(volts) > receiver.threshold_v).any(axis=0)
+        above = searched & (np.abs(volts) > level_v).any(axis=0)
         if not above.any():
             continue
         crossing = int(above.argmax())
         level = np.abs(volts[:, crossing : crossing + aperture + decay])
-        loudest = int(level.max(axis=1).argmax())
-        back = crossing - config.pretrigger_samples
-        half = back + int((np.abs(volts[loudest, back:]) >= 0.5 * level.max()).argmax())
-        start = half - config.pretrigger_samples
-        gate = volts[:, start : start + n_gate]
-        background = receiver.noise_variance_v2
-        least = BURST_SHARE * (np.square(gate[loudest]).mean() - background) + background
-        step = (BURST_ECHOES * echo - echo - 2 * (n_gate // 2)) // (BURST_WINDOWS - 1)
-        windows = [volts[loudest, start + echo + w * step :][: n_gate // 2] for w in range(BURST_WINDOWS)]
-        if min(np.square(window).mean() for window in windows) > least:
+        strongest = int(level.max(axis=1).argmax())
+        back = crossing - BEFORE
+        start = back + int((np.abs(volts[strongest, back:]) >= 0.5 * level.max()).argmax()) - BEFORE
+        gate, background = volts[:, start : start + GATE], noise_variance_v2()
+        least = 0.15 * (np.square(gate[strongest]).mean() - background) + background
+        after = [start + echo + w * ((2 * echo - GATE) // 3) for w in range(4)]
+        if min(np.square(volts[strongest, at : at + GATE // 2]).mean() for at in after) > least:
             n_bursts += 1
             continue
-        highest = 2 ** (config.bits - 1) - 1
-        gates.append(np.clip(np.round(gate / receiver.step_v), -highest, highest) * receiver.step_v)
-    return Sampled(np.array(gates).reshape(-1, array.n_elements, n_gate), n_bursts)
-
-
-def _signal(
-    arrivals: Arrivals, amplitude_v: float, burst_s: float, start_s: float, n_samples: int, rate_hz: float
-) -> FloatArray:
-    """What all paths bring to the elements before the filter, shape (n_elements, n_samples)."""
-    time_s = start_s + np.arange(n_samples) / rate_hz - arrivals.delay_s[:, :, np.newaxis]
-    if burst_s > 0.0:
-        turn = np.exp(2j * np.pi * FREQUENCY_HZ * time_s)
-        shape = ((time_s >= 0) & (time_s < burst_s)) * -1j * turn
-    else:
-        shape = damped_pulse(time_s) - 1j * damped_pulse(time_s, 0.5 * np.pi)
-    return amplitude_v * (arrivals.amplitude[:, :, 0, np.newaxis] * shape).sum(axis=0).real
+        highest = 2 ** (BITS - 1) - 1
+        gates.append(np.clip(np.round(gate / step_v()), -highest, highest) * step_v())
+    return Sampled(np.array(gates).reshape(-1, delay_s.shape[1], GATE), n_bursts)

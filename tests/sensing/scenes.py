@@ -2,25 +2,29 @@
 
 import numpy as np
 
-from pdpatrol.sensing import Faces, Solids, Surroundings
+from pdpatrol.sensing import Faces, Surroundings, UprightSolids
 from pdpatrol.sensing.radio.materials import Material
 
 
 def lossy(loss_db: float, flat_share: float = 0.0) -> Material:
     """So perfect a conductor that a share of every wave comes back, and lets the rest through."""
-    return Material(permittivity=1.0, conductivity_spm=1e12, loss_db=loss_db, flat_share=flat_share)
+    return Material.of_loss(1.0, 1e12, loss_db, flat_share)
 
 
-def wall_across(x: float, half_length: float = 1.0) -> Solids:
+def wall_across(x: float, half_length: float = 1.0) -> UprightSolids:
     """A wall of 0.4 m across the x axis."""
     one, none = np.ones(1), np.zeros(1)
-    return Solids(np.array([[x, 0.0]]), none, np.array([[0.2, half_length]]), none, none, 3 * one, np.zeros(1, np.intp))
+    return UprightSolids(
+        np.array([[x, 0.0]]), none, np.array([[0.2, half_length]]), none, none, 3 * one, np.zeros(1, np.intp)
+    )
 
 
-def around(loss_db: float, faces: Faces | None = None, solids: Solids | None = None, **share: float) -> Surroundings:
+def around(
+    loss_db: float, faces: Faces | None = None, solids: UprightSolids | None = None, **share: float
+) -> Surroundings:
     """One piece of equipment with a loss, and faces; `wall` and `ground` mirror a share each."""
     ground = lossy(0.0, share.get("ground", 0.0))
     pieces = [lossy(loss_db, share.get("wall", 0.0))]
-    made = Surroundings.of_materials(pieces, faces or Faces.none(), solids or Solids.none(), ground)
-    made.obstacles["bends"] = False
+    made = Surroundings.of_materials(pieces, faces or Faces.none(), solids or UprightSolids.none(), ground)
+    made.obstacles["diffracts"] = False
     return made

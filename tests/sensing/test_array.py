@@ -16,11 +16,11 @@ TILTED = ArrayConfig(
 def test_the_gain_towards_anywhere_is_what_the_pattern_says_to_nine_digits(config: ArrayConfig) -> None:
     """The compiled table of the gain against the formula that direction finding uses."""
     rng, array = np.random.default_rng(0), HelicalArray.draw(config, np.random.default_rng(1))
-    table = ArrayTable.of([array])
+    table = ArrayTable.of(array)
     pattern = table.pattern
     for x, y, z in rng.normal(0.0, 5.0, (200, 3)):
         azimuth, elevation = np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))
-        by_table = [gain_towards(pattern, Boresight(*boresight), x, y, z) for boresight in table.boresights[0]]
+        by_table = [gain_towards(pattern, Boresight(*boresight), x, y, z) for boresight in table.boresights]
         off_rad = azimuth - array.boresights_rad
         by_formula = gain_in_space(array.cut, off_rad, elevation, array.boresight_elevations_rad).gain
         off = np.abs(np.array(by_table) - by_formula)
@@ -33,12 +33,12 @@ def test_the_gain_towards_anywhere_is_what_the_pattern_says_to_nine_digits(confi
 @pytest.mark.parametrize("config", [ArrayConfig(), TILTED], ids=["level", "tilted"])
 def test_the_slopes_of_the_gain_are_those_of_the_formula(config: ArrayConfig) -> None:
     rng, array = np.random.default_rng(0), HelicalArray.draw(config, np.random.default_rng(1))
-    table, off = ArrayTable.of([array]), list[float]()
+    table, off = ArrayTable.of(array), list[float]()
     for azimuth, elevation in zip(rng.uniform(-np.pi, np.pi, 200), rng.uniform(-1.5, 1.5, 200), strict=True):
         level = np.cos(elevation)
         x, y, z = level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)
         by_table = [
-            gain_and_slopes_towards(table.pattern, Boresight(*boresight), x, y, z) for boresight in table.boresights[0]
+            gain_and_slopes_towards(table.pattern, Boresight(*boresight), x, y, z) for boresight in table.boresights
         ]
         off_rad = azimuth - array.boresights_rad
         by_formula = gain_in_space(array.cut, off_rad, elevation, array.boresight_elevations_rad)
@@ -78,7 +78,7 @@ def test_four_of_six_elements_are_the_first_four_of_the_ring() -> None:
 def test_a_turned_array_receives_from_turned_directions_what_it_received_before() -> None:
     """Tilt and azimuth of the boresights are those of one rotation of the whole array."""
     array, rng = HelicalArray.nominal(TILTED), np.random.default_rng(0)
-    table, turn = ArrayTable.of([array]), 0.7
+    table, turn = ArrayTable.of(array), 0.7
     turned_boresights = [
         Boresight(np.cos(a + turn), np.sin(a + turn), np.cos(e), np.sin(e))
         for a, e in zip(array.boresights_rad, array.boresight_elevations_rad, strict=True)
@@ -86,6 +86,6 @@ def test_a_turned_array_receives_from_turned_directions_what_it_received_before(
     pattern = table.pattern
     for x, y, z in rng.normal(0.0, 5.0, (50, 3)):
         at = (x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn), z)
-        before = [gain_towards(pattern, Boresight(*boresight), x, y, z) for boresight in table.boresights[0]]
+        before = [gain_towards(pattern, Boresight(*boresight), x, y, z) for boresight in table.boresights]
         after = [gain_towards(pattern, boresight, *at) for boresight in turned_boresights]
         np.testing.assert_allclose(after, before, atol=1e-7)

@@ -8,10 +8,10 @@ import pytest
 
 from dirmusic import GainManifold, estimate_bearings
 from dirmusic.angles import difference
-from pdpatrol.sensing import ArrayConfig, Carrier, Detections, DischargeSource, HelicalArray, ReceiverConfig, Scene
-from pdpatrol.sensing.nature.pulse_shape import unit_pulse_energy
+from pdpatrol.sensing import ArrayConfig, Carrier, DetectedPulses, DischargeSource, HelicalArray, ReceiverConfig, Scene
+from pdpatrol.sensing.nature.pulses import unit_pulse_energy
 from pdpatrol.sensing.receiver.bank import listen_once
-from pdpatrol.sensing.receiver.faults import STUCK_AT, ChannelFault
+from pdpatrol.sensing.receiver.config import ChannelFault
 
 NOMINAL = HelicalArray.nominal(ArrayConfig())
 RING = GainManifold.ring(6)
@@ -23,7 +23,7 @@ def detect(
     source: DischargeSource = SOURCE,
     carriers: tuple[Carrier, ...] = (),
     **config: Any,  # noqa: ANN401 - settings are of many types
-) -> Detections:
+) -> DetectedPulses:
     settings = ReceiverConfig(faults=faults, false_alarm_rate_hz=1e-9, **config)
     scene, rng = Scene([source], carriers=carriers), np.random.default_rng(0)
     return listen_once(settings, NOMINAL, scene, rng, world_from_array=np.eye(4), duration_s=1.0)
@@ -42,7 +42,7 @@ def test_faults_do_to_a_channel_what_they_say() -> None:
     np.testing.assert_allclose(swapped[[1, 4]], healthy[[4, 1]], rtol=0.03)
     stuck = detect((ChannelFault(channel=3, kind="stuck"),)).pulses.strengths_v[:, 2]
     assert np.ptp(stuck) == 0.0
-    assert stuck[0] == pytest.approx(np.sqrt(90) * STUCK_AT * 0.5, rel=0.01)
+    assert stuck[0] == pytest.approx(np.sqrt(90) * 0.25 * 0.5, rel=0.01)
 
 
 def test_a_saturated_channel_gives_no_more_than_its_level() -> None:

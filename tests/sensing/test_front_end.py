@@ -18,17 +18,17 @@ from pdpatrol.sensing import (
     HelicalArray,
     ReceiverConfig,
     Scene,
-    Solids,
     Surroundings,
+    UprightSolids,
 )
-from pdpatrol.sensing.nature.pulse_shape import damped_pulse
+from pdpatrol.sensing.nature.pulses import damped_pulse
 from pdpatrol.sensing.radio.materials import GRAVEL, METAL
-from pdpatrol.sensing.radio.surroundings import rays_between
 from pdpatrol.sensing.receiver.bank import listen_once
 from pdpatrol.sensing.receiver.front_end import FILTER_ORDER, FrontEnd
 from pdpatrol.sensing.receiver.receiver import Receiver
-from pdpatrol.sensing.receiver.sampling.noise import add_noise, settle
-from tests.sensing.reference_receiver import arrivals_of, sample
+from tests.sensing import reference_receiver
+from tests.sensing.listening import arrivals_of
+from tests.sensing.noise import noise_of
 
 FloatArray = NDArray[np.float64]
 N_SHOTS, N_PLAIN = 20_000, 600
@@ -36,15 +36,6 @@ RATE_HZ, BAND_HZ = 20e9, (1.4e9, 2.2e9)
 FILTERED = FrontEnd(RATE_HZ, BAND_HZ, 90)
 WHITE = FrontEnd(RATE_HZ, None, 90)
 REAL = HelicalArray.draw(ArrayConfig(), np.random.default_rng(3))
-
-
-def noise_of(front_end: FrontEnd, n: int, n_samples: int) -> FloatArray:
-    """Filtered noise of unit variance before the filter, shape (n, n_samples); rows are independent."""
-    noise, rng, drawn = front_end.noise_filter(1.0), np.random.default_rng(0), np.zeros((n_samples, n))
-    state = np.empty((len(noise.sections), 2, n))
-    settle(noise, rng, state)
-    add_noise(noise, rng, state, drawn)
-    return drawn.T
 
 
 def test_noise_power_behind_the_filter_is_that_of_its_frequency_response() -> None:
@@ -97,17 +88,16 @@ def test_two_paths_interfere_as_their_sum_says(distance_m: float) -> None:
     source = DischargeSource(name="s", position_m=at_m, amplitude_v=1.0, pulse_rate_hz=1e3, n_shots=n, axis=level)
     config = ReceiverConfig(noise_v=1e-9, false_alarm_rate_hz=1e-9, band_hz="all", bits=24, full_scale_v=10.0)
     mirror = METAL._replace(flat_share=0.5)
-    scene = Scene([source], Surroundings.of_materials([], ground(), Solids.none(), mirror))
+    scene = Scene([source], Surroundings.of_materials([], ground(), UprightSolids.none(), mirror))
     rng = np.random.default_rng(0)
     detected = listen_once(config, array, scene, rng, world_from_array=np.eye(4), duration_s=n / 1e3)
 
-    direct, mirrored = (rays_between(array.positions_m, at_m * [1.0, 1.0, side]) for side in (1.0, -1.0))
+    direct, reflected = (array.free_space_response(at_m * [1.0, 1.0, side], np.eye(4)) for side in (1.0, -1.0))
     since = np.arange(90) - 20 + WHITE.pulse_lag + np.arange(64)[:, np.newaxis] / 64  # samples, from the first arrival
-    since_s = direct.delay_s.min() + since[:, np.newaxis] / RATE_HZ
+    since_s = direct[1].min() + since[:, np.newaxis] / RATE_HZ
     signal = [
-        (array.gain(ray.azimuth_rad, ray.elevation_rad) / ray.range_m)[:, np.newaxis]
-        * damped_pulse(since_s - ray.delay_s[:, np.newaxis])
-        for ray in (direct, mirrored)
+        amplitude[:, np.newaxis] * damped_pulse(since_s - delay_s[:, np.newaxis])
+        for amplitude, delay_s in (direct, reflected)
     ]
     energy = np.square(signal[0] - 0.5 * signal[1]).sum(axis=-1).mean(axis=0)
     np.testing.assert_allclose(np.square(detected.pulses.strengths_v).mean(axis=0), energy, rtol=2e-3)
@@ -135,24 +125,25 @@ def test_detections_are_those_of_a_plain_numpy_receiver(scene_number: int) -> No
         np.array([0]),
     )
     faces = Faces(*(np.concatenate(cast("Any", pair)) for pair in zip(ground(), wall, strict=True)))
-    around = Surroundings.of_materials([METAL], faces, Solids.none(), GRAVEL)
+    around = Surroundings.of_materials([METAL], faces, UprightSolids.none(), GRAVEL)
     at_m = turn @ [rng.uniform(3.0, 12.0), rng.uniform(-3.0, 3.0), rng.uniform(0.3, 3.0)]
     config = ReceiverConfig(false_alarm_rate_hz=1e-3)
     source = DischargeSource(name="s", position_m=at_m, amplitude_v=1.0, pulse_rate_hz=1e4, n_shots=1)
     arrivals = arrivals_of(Scene([source], around), REAL, np.eye(4))
     receiver = Receiver(config, 6)
     level_db = rng.uniform(-6.0, 6.0)
-    loudest = float(arrivals.loudest.max()) * receiver.front_end.pulse_peak
-    source = replace(source, amplitude_v=receiver.threshold_v * 10 ** (level_db / 20) / loudest, n_shots=N_SHOTS)
+    strongest = float(arrivals.peak.max()) * receiver.front_end.pulse_peak
+    source = replace(source, amplitude_v=receiver.threshold_v * 10 ** (level_db / 20) / strongest, n_shots=N_SHOTS)
     scene = Scene([source], around)
-    plain = sample(config, REAL, scene, np.eye(4), N_PLAIN, rng)
+    delay_s, amplitude = arrivals.delay_s, arrivals.amplitude[:, :, 0]
+    plain = reference_receiver.sample(delay_s, amplitude, source.amplitude_v, REAL.aperture_m, 1e-3, N_PLAIN, rng)
     detected = listen_once(config, REAL, scene, rng, world_from_array=np.eye(4), duration_s=N_SHOTS / 1e4)
     share, expected = detected.pulses.n_pulses / N_SHOTS, len(plain.gates_v) / N_PLAIN
     assert detected.n_rejected == plain.n_bursts == 0
     assert share == pytest.approx(expected, abs=0.02 + 3 * np.sqrt(0.25 / N_PLAIN))
     if len(plain.gates_v) < 100:
         return
-    strengths = pulse_strengths(plain.gates_v, noise_variance=receiver.noise_variance_v2)
+    strengths = pulse_strengths(plain.gates_v, noise_variance=reference_receiver.noise_variance_v2())
     for k in range(6):
         assert ks_2samp(strengths[:, k], detected.pulses.strengths_v[:, k]).pvalue > 1e-4
     spreads = [

@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 
 from dirmusic import estimate_bearings
 from dirmusic.angles import difference
-from pdpatrol.sensing import ArrayConfig, Detections, DischargeSource, HelicalArray, ReceiverConfig, Scene
-from pdpatrol.sensing.receiver.bank import ReceiverBank, listen_once
-from pdpatrol.sensing.receiver.receiver import Listener
+from pdpatrol.sensing import ArrayConfig, DetectedPulses, DischargeSource, HelicalArray, ReceiverConfig, Scene
+from pdpatrol.sensing.receiver.bank import Listener, ReceiverBank, listen_once
 
 NOMINAL = HelicalArray.nominal(ArrayConfig())
 START_M, END_M, SPEED_MPS = np.array([-30.0, -20.0, 0.6]), np.array([30.0, -20.0, 0.6]), 12.0
@@ -25,7 +24,7 @@ def tram(*, moves: bool = True, at_m: np.ndarray = START_M) -> DischargeSource:
 POST = DischargeSource(name="post", position_m=np.array([10.0, 20.0, 1.0]), amplitude_v=0.5, pulse_rate_hz=50.0)
 
 
-def listen(scene: Scene, start_s: float, seed: int = 0) -> Detections:
+def listen(scene: Scene, start_s: float, seed: int = 0) -> DetectedPulses:
     return listen_once(
         ReceiverConfig(),
         NOMINAL,
@@ -71,12 +70,6 @@ def test_a_mover_is_received_to_the_bit_like_one_that_stands_where_it_is(start_s
     detected, expected = listen(moving, start_s), listen(standing, start_s)
     np.testing.assert_array_equal(detected.pulses.strengths_v, expected.pulses.strengths_v)
     np.testing.assert_array_equal(detected.pulses.time_s, expected.pulses.time_s)
-
-
-def test_without_movers_places_are_the_same_array_at_all_times() -> None:
-    scene = Scene([POST, tram(moves=False)])
-    assert not scene.has_movers
-    assert scene.positions_at(3.0) is scene.positions_m
 
 
 def test_each_robot_of_a_bank_has_movers_where_they_are_at_its_own_time() -> None:

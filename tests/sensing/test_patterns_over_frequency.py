@@ -23,12 +23,11 @@ from pdpatrol.sensing import (
 from pdpatrol.sensing.array.array_table import ArrayTable
 from pdpatrol.sensing.array.config import SHIPPED_PATTERNS, ElementConfig
 from pdpatrol.sensing.radio.arrivals import arrive
-from pdpatrol.sensing.radio.ray_paths import RayPaths
+from pdpatrol.sensing.radio.ray_paths import PATH, RayPaths
 from pdpatrol.sensing.receiver.bank import listen_once
 from pdpatrol.sensing.receiver.front_end import MOST_BANDS, PHASES
 from pdpatrol.sensing.receiver.receiver import Receiver
-from pdpatrol.sensing.receiver.sampling.sampler import Emission
-from pdpatrol.sensing.receiver.sampling.signals import set_signal
+from pdpatrol.sensing.receiver.sampling import Signal, set_signal
 
 FloatArray = NDArray[np.float64]
 HELIX = SHIPPED_PATTERNS["helix_in_ring"]
@@ -42,27 +41,23 @@ def array_with(pattern: GainPattern | SpatialPattern, config: ArrayConfig) -> He
 
 
 def recorded(array: HelicalArray, from_m: FloatArray, n_samples: int, start_s: float) -> FloatArray:
-    """What a pulse of 1 V at 1 m makes of the channels behind the filter, shape (n_samples, n_elements)."""
-    one = np.ones(1)
-    whole = np.zeros(1, dtype=np.intp)
-    paths = RayPaths(
-        source=whole,
-        from_m=from_m[np.newaxis],
-        extra_m=0.0 * one,
-        coefficient=one.astype(np.complex128),
-        first=whole,
-        n_paths=whole + 1,
-    )
-    arrivals = arrive(paths, 0, np.eye(4)[np.newaxis], ArrayTable.of([array], RECEIVER.grid(array)))
-    volts = np.empty((n_samples, array.n_elements))
-    set_signal(volts, start_s, Emission(1.0, 0.0, 0, 1), arrivals, RECEIVER.pulse_table(array))
+    """Return the channels behind the filter for a pulse of 1 V at 1 m, shape (n_elements, n_samples)."""
+    row = np.zeros(1, PATH)
+    row["x"], row["y"], row["z"] = from_m
+    row["coefficient"] = 1.0
+    paths = RayPaths(row, np.zeros(1, np.intp), np.ones(1, np.intp))
+    arrivals = arrive(paths, np.eye(4), ArrayTable.of(array, grid=RECEIVER.grid(array)))
+    volts, pulse = np.empty((array.n_elements, n_samples)), RECEIVER.sampler(array).pulse
+    signal = Signal(1.0, 0.0, arrivals, RECEIVER.tones((), array, np.eye(4)), np.empty(0))
+    for e in range(array.n_elements):
+        set_signal(volts[e], e, start_s, 0, signal, pulse)
     return volts
 
 
 def test_the_bands_of_a_pulse_add_up_to_it() -> None:
     front_end = RECEIVER.front_end
     bands_hz = np.linspace(1.4e9, 2.2e9, 8)
-    divided, whole = front_end.pulse_in_bands(bands_hz), front_end.pulse_table
+    divided, whole = front_end.pulse_in_bands(*bands_hz.tolist()), front_end.pulse_table
     n, lead = whole.sine_v.shape[2], divided.lead
     for parts, one in ((divided.sine_v, whole.sine_v), (divided.cosine_v, whole.cosine_v)):
         summed = parts.sum(axis=0)
@@ -120,14 +115,14 @@ def test_a_pulse_is_received_as_its_spectrum_times_the_gain() -> None:
             shift = (range_m / 299_792_458.0 - start_s) * RATE_HZ * fine
             at = np.arange(700) * fine - shift + begin
             expected = np.interp(at, np.arange(n * fine), wave)
-            worst.append(float(np.linalg.norm(volts[:, e] - expected) / np.linalg.norm(expected)))
+            worst.append(float(np.linalg.norm(volts[e] - expected) / np.linalg.norm(expected)))
     assert np.median(worst) < 0.02
     assert max(worst) < 0.06
 
 
 def test_a_burst_of_the_pulses_frequency_is_received_with_the_gain_there() -> None:
     bands_hz = RECEIVER.front_end.bands_hz(read_spatial_pattern(HELIX).frequency_hz)
-    table = RECEIVER.front_end.pulse_in_bands(bands_hz)
+    table = RECEIVER.front_end.pulse_in_bands(*bands_hz.tolist())
     gain = 0.2 + 0.3 * (bands_hz - 1.4e9) / 1e9
     assert table.steady_share @ gain == pytest.approx(0.2 + 0.3 * 0.35)
 

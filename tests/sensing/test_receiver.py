@@ -17,14 +17,14 @@ from pdpatrol.sensing import (
     Scene,
     Surroundings,
 )
-from pdpatrol.sensing.nature.pulse_shape import damped_pulse, unit_pulse_energy
-from pdpatrol.sensing.radio.surroundings import rays_between
-from pdpatrol.sensing.receiver.bank import listen_once
+from pdpatrol.sensing.nature.pulses import damped_pulse, unit_pulse_energy
+from pdpatrol.sensing.nature.sources import Emissions, round_to_nanoseconds
+from pdpatrol.sensing.receiver.bank import Listener, Schedule, listen_once
 from pdpatrol.sensing.receiver.front_end import FrontEnd
 from pdpatrol.sensing.receiver.receiver import Receiver
-from pdpatrol.sensing.receiver.sampling.noise import add_noise, settle
-from pdpatrol.sensing.receiver.schedule import Schedule
+from tests.sensing import reference_receiver
 from tests.sensing.listening import AT_ORIGIN, NOMINAL, listen, source_at
+from tests.sensing.noise import noise_of
 from tests.sensing.scenes import around, wall_across
 
 
@@ -106,12 +106,9 @@ def test_the_threshold_keeps_the_false_alarm_rate_of_white_noise() -> None:
 def test_the_threshold_keeps_the_false_alarm_rate_of_filtered_noise() -> None:
     receiver = Receiver(ReceiverConfig(false_alarm_rate_hz=1e4), 6)
     often = Receiver(receiver.config.model_copy(update={"false_alarm_rate_hz": 6e6}), 6)
-    noise, rng, drawn = receiver.front_end.noise_filter(1e-3), np.random.default_rng(0), np.zeros((4_000_000, 6))
-    state = np.empty((len(noise.sections), 2, 6))
-    settle(noise, rng, state)
-    add_noise(noise, rng, state, drawn)
-    above = np.abs(drawn) > often.threshold_v
-    crossings = (above[1:] & ~above[:-1]).sum()
+    assert receiver.threshold_v == pytest.approx(reference_receiver.threshold_v(1e4), rel=1e-4)
+    above = np.abs(noise_of(receiver.front_end, 6, 4_000_000, 1e-3)) > often.threshold_v
+    crossings = (above[:, 1:] & ~above[:, :-1]).sum()
     assert crossings / (4e6 / 20e9) == pytest.approx(6e6, rel=0.15)  # 1200 of them
 
 
@@ -171,30 +168,37 @@ def test_the_element_nearest_to_the_source_receives_the_pulse_first_by_its_own_d
     source = source_at(8.0, 0.0, rate_hz=50.0)
     detected = listen(source, noise_v=1e-7, bits=24, band_hz="all", false_alarm_rate_hz=1e-9)
     arrival = (np.abs(detected.waveforms_v) > 1e-4).argmax(axis=-1).mean(axis=0)
-    delay_s = rays_between(NOMINAL.positions_m, source.position_m).delay_s
+    delay_s = np.linalg.norm(NOMINAL.positions_m - source.position_m, axis=1) / 299_792_458.0
     np.testing.assert_allclose(arrival - arrival[1], (delay_s - delay_s[1]) * 20e9, atol=2.0)
 
 
 def schedule(sources: list[DischargeSource]) -> Schedule:
     """Of a receiver that noise alone hardly ever triggers."""
     rng = np.random.default_rng(0)
-    return Schedule(Scene(sources), 1e-9, rng, rng)
+    return Schedule(Listener(array=NOMINAL, scene=Scene(sources), nature_rng=rng, receiver_rng=rng), 1e-9)
+
+
+def drawn_between(ahead: Schedule, start_s: float, duration_s: float) -> Emissions:
+    start_s, end_s = round_to_nanoseconds(start_s), round_to_nanoseconds(start_s + duration_s)
+    if not ahead.covers(start_s, end_s):
+        ahead.draw(start_s, end_s)
+    return ahead.emissions.take(slice(*ahead.between(start_s, end_s)))
 
 
 def test_a_shot_on_the_edge_of_two_intervals_is_fired_once() -> None:
     gun = DischargeSource(
         name="gun", position_m=np.ones(3), amplitude_v=1.0, pulse_rate_hz=10.0, n_shots=90, first_shot_s=0.3
     )
-    anew = np.concatenate([schedule([gun]).between(k * 0.1, 0.1).time_s for k in range(200)])
+    anew = np.concatenate([drawn_between(schedule([gun]), k * 0.1, 0.1).time_s for k in range(200)])
     ahead = schedule([gun])
-    in_turn = np.concatenate([ahead.between(k * 0.1, 0.1).time_s for k in range(200)])
+    in_turn = np.concatenate([drawn_between(ahead, k * 0.1, 0.1).time_s for k in range(200)])
     for fired in (anew, in_turn):
         np.testing.assert_allclose(fired, 0.3 + np.arange(90) / 10, atol=1e-9)
 
 
 def test_pulses_drawn_ahead_lie_in_their_intervals_as_often_as_they_should_and_start_anew_when_time_goes_back() -> None:
     ahead = schedule([source_at(5.0, 0.0, rate_hz=50.0), source_at(9.0, 0.0, rate_hz=20.0)])
-    pulses = [ahead.between(k * 0.1, 0.1) for k in range(3000)]
+    pulses = [drawn_between(ahead, k * 0.1, 0.1) for k in range(3000)]
     for k, part in enumerate(pulses):
         assert ((part.time_s >= k * 0.1 - 1e-9) & (part.time_s < (k + 1) * 0.1 + 1e-9)).all()
         assert (np.diff(part.time_s) >= 0).all()
@@ -202,7 +206,7 @@ def test_pulses_drawn_ahead_lie_in_their_intervals_as_often_as_they_should_and_s
     assert np.unique(times).size == times.size == pytest.approx(300 * 70, abs=4 * np.sqrt(300 * 70))
     sources = np.concatenate([part.source for part in pulses])
     assert (sources == 1).mean() == pytest.approx(20 / 70, abs=0.015)
-    again = ahead.between(0.0, 300.0).time_s
+    again = drawn_between(ahead, 0.0, 300.0).time_s
     assert again.size == pytest.approx(300 * 70, abs=4 * np.sqrt(300 * 70))
 
 
@@ -229,7 +233,7 @@ def test_a_pulse_that_just_reaches_the_threshold_is_detected_about_half_the_time
     """No sample falls on the very peak; those beside it make up for that."""
     config, n = ReceiverConfig(false_alarm_rate_hz=1e-6), 5000
     receiver = Receiver(config, 6)
-    range_m = float(rays_between(NOMINAL.positions_m, np.array([0.0, 10.0, 0.6])).range_m[0])  # element 1 looks there
+    range_m = float(np.linalg.norm(NOMINAL.positions_m[0] - [0.0, 10.0, 0.6]))  # element 1 points there
     loudest_gain = float(NOMINAL.gain(np.full(6, np.pi / 2), np.zeros(6)).max())
     amplitude_v = receiver.threshold_v * range_m / (loudest_gain * receiver.front_end.pulse_peak)
     gun = replace(source_at(0.0, 10.0, amplitude_v=amplitude_v), n_shots=n)

@@ -23,8 +23,7 @@ from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.envs.user_code import make_estimator
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import HelicalArray, Surroundings, level_transform
-from pdpatrol.sensing.receiver.bank import ReceiverBank
-from pdpatrol.sensing.receiver.receiver import Listener
+from pdpatrol.sensing.receiver.bank import Listener, ReceiverBank
 
 FloatArray = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from pdpatrol.envs.random_sources import AIR_M, OFF_SITE_M, SEEN_FROM_M, place_o
 from pdpatrol.envs.random_yard import random_yard
 from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.robot_models.yard.yard import Yard
-from pdpatrol.sensing.radio.sight import Sight
+from pdpatrol.sensing.radio.transmission import Sight
 
 YARDS = [random_yard(seed, 1 + seed % 12).yard for seed in range(12)]
 

@@ -12,7 +12,7 @@ from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.envs.scenario import restore_scenario
 from pdpatrol.missions.runner import Mission
 from pdpatrol.sensing import Scene
-from pdpatrol.sensing.nature.scene import Emissions
+from pdpatrol.sensing.nature.sources import Emissions
 
 WEST = {"name": "west", "kind": "surface", "sites": ("reactor_west/*", "breaker_west/*", "vt_west/*")}
 EAST = {"name": "east", "kind": "floating", "sites": ("transformer_east/*", "breaker_east/*", "vt_east/*")}

@@ -11,8 +11,8 @@ from pdpatrol.missions.field.locate_field_data import array_model, locate_field_
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.records import Report
 from pdpatrol.sensing import ArrayConfig, ElementConfig, HelicalArray
-from pdpatrol.sensing.nature.pulse_shape import unit_pulse_energy
-from pdpatrol.sensing.radio.surroundings import in_array_frame, level_transform, rays_between
+from pdpatrol.sensing.nature.pulses import unit_pulse_energy
+from pdpatrol.sensing.radio.surroundings import level_transform
 
 FloatArray = NDArray[np.float64]
 
@@ -43,10 +43,8 @@ def survey(
     rows: list[list[float]] = []
     for k, (x, y, yaw) in enumerate(poses):
         for source_m in sources_m:
-            rays = rays_between(
-                array.positions_m, in_array_frame(np.array(source_m), level_transform(np.array([x, y, yaw])))
-            )
-            amplitude = 0.27 * rays.spreading * array.gain(rays.azimuth_rad, rays.elevation_rad)
+            pose = level_transform(np.array([x, y, yaw]))
+            amplitude = 0.27 * array.free_space_response(np.array(source_m), pose)[0]
             energy = rng.noncentral_chisquare(90, np.square(amplitude) * energy_to_noise)
             estimated = [*(np.array([x, y]) + rng.normal(0, 0.05, 2)), np.degrees(yaw) + rng.normal(0, 0.5)]
             rows.append([30.0 * k, *estimated, *(NOISE_V * np.sqrt(np.maximum(energy - 90, 0)))])

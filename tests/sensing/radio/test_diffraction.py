@@ -8,12 +8,13 @@ import pytest
 from scipy.special import fresnel as fresnel_integrals
 from scipy.special import jv
 
-from pdpatrol.sensing.radio.diffraction.edges import BentRay, Corner, Point, is_hidden, round_one, round_two
-from pdpatrol.sensing.radio.diffraction.fresnel import Mirror, WedgeFaces, knife_edge, wedge, wedge_angle
+from pdpatrol.sensing.radio.diffraction import BoxEdge, EdgePoint, EdgeRay, is_hidden, round_one, round_two
 from pdpatrol.sensing.radio.materials import WAVELENGTH_M
-from pdpatrol.sensing.radio.obstruction import knife_edge_amplitude
+from pdpatrol.sensing.radio.polarisation import Reflection
+from pdpatrol.sensing.radio.transmission import knife_edge_amplitude
+from pdpatrol.sensing.radio.wedge import WedgeFaces, knife_edge, wedge_coefficients
 
-METAL = WedgeFaces(Mirror(-1 + 0j, 1 + 0j), Mirror(-1 + 0j, 1 + 0j), 0.0)
+METAL = WedgeFaces(Reflection(-1 + 0j, 1 + 0j), Reflection(-1 + 0j, 1 + 0j), 0.0)
 K = 2 * np.pi / WAVELENGTH_M
 
 
@@ -42,8 +43,8 @@ def test_a_half_plane_is_sommerfelds(leaving_deg: float, is_soft: bool) -> None:
         return complex(cmath.exp(0.25j * np.pi) / math.sqrt(np.pi) * cmath.exp(1j * K * rho_m * math.cos(angle)) * tail)
 
     exact = half(leaving - incident) + (-1 if is_soft else 1) * half(leaving + incident)
-    both = wedge(incident, leaving, wedge_angle(2.0), K * rho_m, METAL)
-    bent = (both.soft if is_soft else both.hard) / math.sqrt(K * rho_m) * cmath.exp(-1j * K * rho_m)
+    soft, hard = wedge_coefficients(incident, leaving, 2.0, K * rho_m, METAL)
+    bent = (soft if is_soft else hard) / math.sqrt(K * rho_m) * cmath.exp(-1j * K * rho_m)
     direct = cmath.exp(1j * K * rho_m * math.cos(leaving - incident)) * (leaving < np.pi + incident)
     mirrored = cmath.exp(1j * K * rho_m * math.cos(leaving + incident)) * (leaving < np.pi - incident)
     assert abs(direct + (-1 if is_soft else 1) * mirrored + bent - exact) < 2e-4
@@ -66,31 +67,31 @@ def test_the_edge_of_a_metal_box_is_that_of_the_exact_series(incident_deg: float
         direct = cmath.exp(1j * k_rho * math.cos(leaving - incident)) * (abs(leaving - incident) < math.pi)
         of_mirrors = incident + leaving, 2.0 * n * math.pi - incident - leaving
         images = sum(cmath.exp(1j * k_rho * math.cos(angle)) * (angle < math.pi) for angle in of_mirrors)
-        both = wedge(incident, leaving, wedge_angle(n), k_rho, METAL)
-        bent = (both.soft if is_soft else both.hard) / math.sqrt(k_rho) * cmath.exp(-1j * k_rho)
+        soft, hard = wedge_coefficients(incident, leaving, n, k_rho, METAL)
+        bent = (soft if is_soft else hard) / math.sqrt(k_rho) * cmath.exp(-1j * k_rho)
         assert abs(direct + sign * images + bent - exact) < 3e-4
 
 
 HALF_P, HALF_Q, TOP = 1.5, 1.0, 50.0
-CORNERS = [Corner(p * HALF_P, q * HALF_Q, p, q, -TOP, TOP) for p, q in ((1.0, 1.0), (-1, 1), (-1, -1), (1, -1))]
+CORNERS = [BoxEdge(p * HALF_P, q * HALF_Q, p, q, -TOP, TOP) for p, q in ((1.0, 1.0), (-1, 1), (-1, -1), (1, -1))]
 
 
-def rays_round(source: Point, target: Point) -> list[BentRay]:
+def rays_round(source: EdgePoint, target: EdgePoint) -> list[EdgeRay]:
     """All rays round the upright edges of a box."""
-    rays: list[BentRay] = []
+    rays: list[EdgeRay] = []
     for i, first in enumerate(CORNERS):
         for step in (0, 1, 3):
             last, beyond = CORNERS[(i + step) % 4], CORNERS[(i + 2 * step) % 4]
             if is_hidden(first, source) or is_hidden(last, target):
                 continue
             if step == 0:
-                rays.append(round_one(first, source, target, METAL, WAVELENGTH_M))
+                rays.append(round_one(first, source, target, METAL))
             else:
-                rays.append(round_two(first, last, beyond, source, target, METAL, WAVELENGTH_M))
+                rays.append(round_two(first, last, beyond, source, target, METAL))
     return rays
 
 
-def field(source: Point, target: Point, is_soft: bool) -> complex:
+def field(source: EdgePoint, target: EdgePoint, is_soft: bool) -> complex:
     """Direct, mirrored by the sides of the box, and round its edges."""
     total = 0j
     inside = np.array([-np.inf, np.inf])
@@ -119,12 +120,14 @@ def spherical(range_m: float) -> complex:
 
 
 @pytest.mark.parametrize("is_soft", [True, False])
-@pytest.mark.parametrize("source", [Point(-6.0, 0.3, 1.4), Point(-6.0, 2.0, 1.4), Point(-1.6, 3.0, 1.0)])
-def test_the_field_round_a_box_is_smooth(source: Point, is_soft: bool) -> None:
+@pytest.mark.parametrize("source", [EdgePoint(-6.0, 0.3, 1.4), EdgePoint(-6.0, 2.0, 1.4), EdgePoint(-1.6, 3.0, 1.0)])
+def test_the_field_round_a_box_is_smooth(source: EdgePoint, is_soft: bool) -> None:
     """Into the shadow and out of it, past the planes of all faces and the ends of all mirrors: no jump above 0.2 dB."""
     for radius_m in (4.0, 8.0):
         turn = np.linspace(0.0, 2 * np.pi, 20_000) + 1e-7
-        along = np.array([field(source, Point(radius_m * np.cos(t), radius_m * np.sin(t), 0.6), is_soft) for t in turn])
+        along = np.array(
+            [field(source, EdgePoint(radius_m * np.cos(t), radius_m * np.sin(t), 0.6), is_soft) for t in turn]
+        )
         kinks = np.abs(np.diff(along, 2))
         assert kinks.max() < 0.02 * np.median(np.abs(along))
 
@@ -132,11 +135,11 @@ def test_the_field_round_a_box_is_smooth(source: Point, is_soft: bool) -> None:
 def test_round_two_edges_a_box_leaves_what_itu_r_p526_says() -> None:
     """Two isolated edges, section 4.4.2: the product of both, and its correction, 3 dB; waves across the edges."""
     for source_q, target_q in ((-1.0, -1.0), (-3.0, -2.0), (0.0, -2.5)):
-        source, target = Point(-8.0, source_q, 1.0), Point(7.0, target_q, 1.0)
-        ray = round_two(CORNERS[1], CORNERS[0], CORNERS[3], source, target, METAL, WAVELENGTH_M)
+        source, target = EdgePoint(-8.0, source_q, 1.0), EdgePoint(7.0, target_q, 1.0)
+        ray = round_two(CORNERS[1], CORNERS[0], CORNERS[3], source, target, METAL)
         a, b, c = math.dist(source[:2], (-HALF_P, HALF_Q)), 2 * HALF_P, math.dist(target[:2], (HALF_P, HALF_Q))
 
-        def nu(before: Point, at: tuple[float, float], behind: tuple[float, float]) -> float:
+        def nu(before: EdgePoint, at: tuple[float, float], behind: tuple[float, float]) -> float:
             detour_m = math.dist(before[:2], at) + math.dist(at, behind) - math.dist(before[:2], behind)
             return 2 * math.sqrt(detour_m / WAVELENGTH_M)
 

@@ -15,13 +15,13 @@ from pdpatrol.sensing import (
     HelicalArray,
     ReceiverConfig,
     Scene,
-    Solids,
     Surroundings,
+    UprightSolids,
     level_transform,
 )
+from pdpatrol.sensing.radio.geometry import Vector
 from pdpatrol.sensing.radio.materials import GRAVEL, METAL, WAVELENGTH_M
 from pdpatrol.sensing.radio.ray_paths import RayPaths, find_ray_paths
-from pdpatrol.sensing.radio.vectors import Vector
 from pdpatrol.sensing.receiver.bank import listen_once
 
 ARRAY = HelicalArray.nominal(ArrayConfig())
@@ -41,7 +41,7 @@ def beside_a_tank(length_m: float, width_m: float, height_m: float, yaw_rad: flo
         yaw_deg=float(np.degrees(yaw_rad)),
     )
     yard = Yard(size_m=(24.0, 24.0), equipment=(tank,))
-    faces, solids = Faces(**yard.faces()._asdict()), Solids(**yard.obstacles()._asdict())
+    faces, solids = Faces(**yard.faces()._asdict()), UprightSolids(**yard.obstacles()._asdict())
     return Surroundings.of_materials([METAL], faces, solids, GRAVEL)
 
 

@@ -15,7 +15,7 @@ from pdpatrol.robot_models.world import build_spec
 from pdpatrol.robot_models.yard.pieces import BoxEquipment, CylinderEquipment
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing.radio.materials import KIND_MATERIALS, PORCELAIN, ROUND_MATERIALS
-from pdpatrol.sensing.radio.sight import Sight
+from pdpatrol.sensing.radio.transmission import Sight
 from tests.sensing.radio.crossing import cross, solids_of
 
 
@@ -113,7 +113,7 @@ def test_sight_is_what_lines_cross_with_the_loss_of_each_piece_and_its_rim(seed:
 
 def sight_through(kind: str) -> bool:
     """Whether any of a kind of equipment lets anything through."""
-    return {KIND_MATERIALS[kind].loss_db, ROUND_MATERIALS.get(kind, KIND_MATERIALS[kind]).loss_db} != {np.inf}
+    return {KIND_MATERIALS[kind].transmission, ROUND_MATERIALS.get(kind, KIND_MATERIALS[kind]).transmission} != {0.0}
 
 
 def test_a_target_just_inside_a_surface_is_in_sight_from_outside_alone() -> None:
@@ -133,4 +133,4 @@ def test_a_target_just_inside_a_surface_is_in_sight_from_outside_alone() -> None
 def test_porcelain_lets_through_what_its_loss_leaves() -> None:
     sight = Sight(surroundings_of(Yard(size_m=(30.0, 30.0), equipment=(TANK, BUSHING))))
     left = sight(line(5.0, 20.0, 0.6), np.array([15.0, 20.0, 1.0])).item()
-    assert 20 * np.log10(left) == pytest.approx(-PORCELAIN.loss_db, abs=0.01)
+    assert left == pytest.approx(PORCELAIN.transmission, rel=0.001)

@@ -5,10 +5,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.special import h2vp, hankel2, jv, jvp
 
-from pdpatrol.sensing import Faces, Solids, Surroundings
+from pdpatrol.sensing import Faces, Surroundings, UprightSolids
+from pdpatrol.sensing.radio.geometry import Vector
 from pdpatrol.sensing.radio.materials import METAL, WAVELENGTH_M
 from pdpatrol.sensing.radio.ray_paths import find_ray_paths
-from pdpatrol.sensing.radio.vectors import Vector
 
 K = 2 * np.pi / WAVELENGTH_M
 TOP_M = 50.0
@@ -28,7 +28,9 @@ def exact(radius_m: float, source: Place, target: Place, is_soft: bool) -> compl
 
 def around(radius_m: float) -> Surroundings:
     one, none = np.ones(1), np.zeros(1)
-    high = Solids(np.zeros((1, 2)), none, np.zeros((1, 2)), radius_m * one, none, TOP_M * one, np.zeros(1, np.intp))
+    high = UprightSolids(
+        np.zeros((1, 2)), none, np.zeros((1, 2)), radius_m * one, none, TOP_M * one, np.zeros(1, np.intp)
+    )
     return Surroundings.of_materials([PERFECT], Faces.none(), high)
 
 

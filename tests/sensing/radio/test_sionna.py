@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from pdpatrol.sensing.radio.geometry import Vector
 from pdpatrol.sensing.radio.ray_paths import find_ray_paths
-from pdpatrol.sensing.radio.vectors import Vector
 from tests.sensing.radio.sionna.links import (
     bend_at,
     bends_of_luebbers,
@@ -78,7 +78,7 @@ def test_what_two_walls_mirror_is_what_sionna_rt_finds_if_it_is_asked_for() -> N
     for link in links():
         upright, source = np.array([[0.0, 0.0, 1.0]]), np.array([link.source])
         without = find_ray_paths(source, upright, np.zeros(1), link.receiver, link.around)
-        ours = find_ray_paths(source, upright, np.zeros(1), link.receiver, link.around._replace(by_two_walls=True))
+        ours = find_ray_paths(source, upright, np.zeros(1), link.receiver, link.around._replace(second_order=True))
         assert ours.extra_m.size >= without.extra_m.size
         image = ours.extra_m == 0.0
         way_m = np.linalg.norm(ours.from_m[image] - np.array(link.receiver), axis=1)

@@ -17,21 +17,28 @@ from numpy.typing import NDArray
 from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
 from pdpatrol.robot_models.yard.pieces import BoxEquipment
 from pdpatrol.robot_models.yard.yard import Yard
-from pdpatrol.sensing import Faces, Solids, Surroundings
-from pdpatrol.sensing.radio.diffraction.box_edges import corner_of, frame_of, in_frame, in_world
-from pdpatrol.sensing.radio.diffraction.edges import Corner, Point, is_hidden, round_one
-from pdpatrol.sensing.radio.diffraction.fresnel import Mirror, WedgeFaces
-from pdpatrol.sensing.radio.lines import crosses, line
-from pdpatrol.sensing.radio.materials import CONCRETE, METAL, WAVELENGTH_M, Material, Substance
-from pdpatrol.sensing.radio.polarisation import Field, along, face_mirror, mirrored
-from pdpatrol.sensing.radio.tables import shape_of
-from pdpatrol.sensing.radio.vectors import Vector, across, dot, towards
+from pdpatrol.sensing import Faces, Surroundings, UprightSolids
+from pdpatrol.sensing.radio.diffraction import (
+    BoxEdge,
+    EdgePoint,
+    box_edge,
+    edge_axes,
+    is_hidden,
+    round_one,
+    to_edge,
+    to_world,
+)
+from pdpatrol.sensing.radio.geometry import Vector, crosses, dot, normal_to, segment, towards
+from pdpatrol.sensing.radio.materials import CONCRETE, METAL
+from pdpatrol.sensing.radio.polarisation import Field, Reflection, component, face_reflection, reflected
+from pdpatrol.sensing.radio.surroundings import solid_of
+from pdpatrol.sensing.radio.wedge import WedgeFaces
 
 HERE = Path(__file__).parent
 REFERENCE = json.loads((HERE / "reference.json").read_text(encoding="utf-8"))
 EDGES = json.loads((HERE / "edges.json").read_text(encoding="utf-8"))["links"]
 SMOOTH_METAL = METAL._replace(flat_share=1.0)
-CONDUCTS = WedgeFaces(Mirror(-1.0 + 0.0j, 1.0 + 0.0j), Mirror(-1.0 + 0.0j, 1.0 + 0.0j), 0.0)
+CONDUCTS = WedgeFaces(Reflection(-1.0 + 0.0j, 1.0 + 0.0j), Reflection(-1.0 + 0.0j, 1.0 + 0.0j), 0.0)
 ENDLESS = {"low": -1e6, "high": 1e6}
 
 Matrix = NDArray[np.complex128]
@@ -69,7 +76,7 @@ def links() -> list[Link]:
             for name, (x, y, length, width, height, yaw_deg) in yard["boxes"].items()
         ]
         plan = Yard(size_m=(25.0, 20.0), equipment=tuple(boxes))
-        faces, solids = Faces(**plan.faces()._asdict()), Solids(**plan.obstacles()._asdict())
+        faces, solids = Faces(**plan.faces()._asdict()), UprightSolids(**plan.obstacles()._asdict())
         around = Surroundings.of_materials([SMOOTH_METAL] * len(boxes), faces, solids, CONCRETE)
         for link in yard["links"]:
             ends = Vector(*link["source_m"]), Vector(*link["receiver_m"])
@@ -106,10 +113,6 @@ def delay_ns(way_m: float) -> float:
     return 1e9 * way_m / SPEED_OF_LIGHT_MPS
 
 
-def substance(of: Material) -> Substance:
-    return of.substance._replace(passes=0.0)
-
-
 def face_at(link: Link, owner: str, point: list[float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Normal and middle of the face of a box, or of the ground, that a point is on."""
     if owner == "ground":
@@ -141,9 +144,9 @@ def by_mirrors(link: Link, owners: list[str], points: list[list[float]]) -> tupl
     for column, sent in enumerate(spherical(rays[0])):
         field = field_along(sent)
         for owner, plane, arrives, leaves in zip(owners, planes, rays, rays[1:], strict=False):
-            normal, of = Vector(*plane[0]), substance(CONCRETE if owner == "ground" else SMOOTH_METAL)
-            field = mirrored(field, arrives, leaves, normal, face_mirror(abs(dot(leaves, normal)), of))
-        matrix[:, column] = [along(field, axis) for axis in received_as]
+            normal, material = Vector(*plane[0]), CONCRETE if owner == "ground" else SMOOTH_METAL
+            field = reflected(field, arrives, leaves, normal, face_reflection(abs(dot(leaves, normal)), material))
+        matrix[:, column] = [component(field, axis) for axis in received_as]
     way_m = float(np.linalg.norm(np.array(link.receiver) - images[-1]))
     matrix /= way_m
     return matrix, delay_ns(way_m)
@@ -152,9 +155,9 @@ def by_mirrors(link: Link, owners: list[str], points: list[list[float]]) -> tupl
 class Bend(NamedTuple):
     """A ray round an edge: edge, ends as seen along it, directions, and length."""
 
-    corner: Corner
-    source: Point
-    target: Point
+    corner: BoxEdge
+    source: EdgePoint
+    target: EdgePoint
     edge: Vector
     arrives: Vector
     leaves: Vector
@@ -165,10 +168,10 @@ class Bend(NamedTuple):
         """A matrix in spherical coordinates turned so that its first row and column lie in the planes of the edge."""
         turned: list[Matrix] = []
         for ray, seen, sideways in (
-            (self.arrives, self.arrives, across(self.arrives, self.edge)),
-            (self.leaves, back(self.leaves), across(self.edge, self.leaves)),
+            (self.arrives, self.arrives, normal_to(self.arrives, self.edge)),
+            (self.leaves, back(self.leaves), normal_to(self.edge, self.leaves)),
         ):
-            axes = across(sideways, ray), sideways
+            axes = normal_to(sideways, ray), sideways
             turned.append(np.array([[dot(axis, other) for other in spherical(seen)] for axis in axes], complex))
         return turned[1] @ matrix @ turned[0].T
 
@@ -180,24 +183,24 @@ class Bend(NamedTuple):
     @property
     def ours(self) -> tuple[complex, complex]:
         """What an endless edge leaves of the components along it and across it, over the amplitude at 1 m."""
-        ray = round_one(self.corner._replace(**ENDLESS), self.source, self.target, CONDUCTS, WAVELENGTH_M)
+        ray = round_one(self.corner._replace(**ENDLESS), self.source, self.target, CONDUCTS)
         way_m = self.before_m + self.behind_m
         return -ray.soft / way_m, -ray.hard / way_m
 
 
 def bend_at(link: Link, point: list[float]) -> Bend:
     """The ray round the edge that a point is on, which both ends see."""
-    for box in (shape_of(link.around.obstacles[k]) for k in range(len(link.names))):
+    for box in (solid_of(link.around.obstacles[k]) for k in range(len(link.names))):
         for family, number in ((f, n) for f in range(3) for n in range(4 if f == 0 else 2)):
-            frame, corner = frame_of(box, family), corner_of(box, family, number)
-            at = in_frame(frame, Vector(*point))
+            frame, corner = edge_axes(box, family), box_edge(box, family, number)
+            at = to_edge(frame, Vector(*point))
             if math.hypot(at.p - corner.p, at.q - corner.q) > 2e-3 or not corner.low < at.along < corner.high:
                 continue
-            source, target = in_frame(frame, link.source), in_frame(frame, link.receiver)
+            source, target = to_edge(frame, link.source), to_edge(frame, link.receiver)
             if is_hidden(corner, source) or is_hidden(corner, target):  # another edge ends close by
                 continue
-            ray = round_one(corner, source, target, CONDUCTS, WAVELENGTH_M)
-            place = in_world(frame, corner.p, corner.q, ray.first)
+            ray = round_one(corner, source, target, CONDUCTS)
+            place = to_world(frame, corner.p, corner.q, ray.first)
             np.testing.assert_allclose(place, point, atol=2e-3)
             arrives, leaves = towards(link.source, place), towards(place, link.receiver)
             return Bend(corner, source, target, frame.edge, arrives, leaves, ray.before_m, ray.behind_m)
@@ -213,4 +216,4 @@ def bends_of_luebbers() -> Iterator[tuple[Bend, list[Any]]]:
 
 def is_clear(link: Link, start: Vector, end: Vector) -> bool:
     obstacles = link.around.obstacles
-    return not any(crosses(line(start, end), shape_of(obstacles[k])) for k in range(obstacles.size))
+    return not any(crosses(segment(start, end), solid_of(obstacles[k])) for k in range(obstacles.size))

@@ -1,0 +1,168 @@
+"""Pulses of discharges: the waveform, and pulse trains over the phase of the mains."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dirmusic.pulses.phase_resolved import KINDS, Cluster, KindName
+
+FloatArray = NDArray[np.float64]
+
+DECAY_S, RISE_S, FREQUENCY_HZ = 1.0e-9, 0.2e-9, 1.75e9
+"""Time constants and frequency of the waveform. Assumed after the measurements of the Dir-MUSIC paper: a pulse is about
+2.5 ns long and has 76 % of its energy between 1.5 and 2 GHz."""
+
+COMMON_STD_DEG, CENTRE_STD_DEG, LEVEL_STD_DB = 5.0, 3.0, 1.0
+WIDTH_LOG_STD, SHARE_LOG_STD = 0.15, 0.2
+"""Differences of defects of one kind from the typical one, standard deviations. Assumed: the phase of all clusters
+together, because the inception voltage differs, then phase, level, width and share of each."""
+
+
+def damped_pulse(time_s: ArrayLike, phase_rad: float = 0.0) -> FloatArray:
+    r"""Return a damped oscillation, zero before time zero and with the largest magnitude 1 if the phase is 0.
+
+    .. math:: s(t) = (e^{-t/\tau_d} - e^{-t/\tau_r}) \sin(2 \pi f t + \varphi) / \max_t |\cdot|_{\varphi = 0}
+
+    Args:
+        time_s: Time since the arrival of the pulse, any shape.
+        phase_rad: Phase of the oscillation, which polarisation, reflection and diffraction change.
+
+    Returns:
+        Waveform for a peak of 1 V, same shape.
+
+    References:
+        Dir-MUSIC, section 3.1 (form) and 4.2 (duration and band).
+    """
+    return _unscaled_pulse(np.asarray(time_s, dtype=np.float64), phase_rad) / _peak()
+
+
+def _unscaled_pulse(time_s: FloatArray, phase_rad: float) -> FloatArray:
+    t = np.maximum(time_s, 0.0)
+    return (np.exp(-t / DECAY_S) - np.exp(-t / RISE_S)) * np.sin(2 * np.pi * FREQUENCY_HZ * t + phase_rad)
+
+
+@cache
+def _peak() -> float:
+    return float(np.abs(_unscaled_pulse(np.arange(0.0, 5 * DECAY_S, 1e-13), 0.0)).max())
+
+
+@cache
+def unit_pulse_energy(sample_rate_hz: float) -> float:
+    """Return the sum of squared samples of a pulse of 1 V peak, V^2.
+
+    The energy-to-noise ratio of a unit-gain channel is A^2 times this over sigma^2.
+    """
+    return float(np.square(damped_pulse(np.arange(0.0, 20 * DECAY_S, 1 / sample_rate_hz))).sum())
+
+
+class ClusterTable(NamedTuple):
+    """Clusters of pulses over the phase of the mains; all columns have shape (n_clusters,).
+
+    Attributes:
+        rate_hz: Mean number of pulses per second.
+        mains_hz: Frequency of the mains.
+        lag: Cycles by which the voltage at the defect lags the mains of the receiver.
+        centre: Mean phase, in cycles.
+        width: Standard deviation of the phase, in cycles.
+        level_db: Typical level.
+        spread_db: Standard deviation of the level.
+        polarity: Sign of the pulses.
+        is_even: True for pulses spread evenly over all phases; centre and width are then not used.
+    """
+
+    rate_hz: FloatArray
+    mains_hz: FloatArray
+    lag: FloatArray
+    centre: FloatArray
+    width: FloatArray
+    level_db: FloatArray
+    spread_db: FloatArray
+    polarity: FloatArray
+    is_even: NDArray[np.bool_]
+
+    @classmethod
+    def at_any_phase(cls, rate_hz: float) -> Self:
+        """Make one cluster of equal pulses that are independent of the mains."""
+        zero, one = np.zeros(1), np.ones(1)
+        return cls(np.array([rate_hz]), one, zero, zero, zero, zero, zero, one, np.ones(1, np.bool_))
+
+    def draw(
+        self, start_s: float, duration_s: float, rng: np.random.Generator
+    ) -> tuple[NDArray[np.intp], FloatArray, FloatArray]:
+        """Draw the pulses of an interval as Poisson processes whose rate follows the phase.
+
+        Assumed: one discharge does not influence the next.
+
+        Returns:
+            Cluster, time in seconds and relative amplitude of each pulse, shapes (n_pulses,), cluster by cluster.
+        """
+        first = self.mains_hz * start_s - self.lag  # in cycles at the defect
+        last = first + self.mains_hz * duration_s
+        low = np.where(self.is_even, first, np.floor(first) - 1)  # a cluster may extend into the next cycle
+        n_cycles = np.where(self.is_even, last, np.ceil(last) + 1) - low
+        counts = rng.poisson(self.rate_hz / self.mains_hz * n_cycles)
+        row = np.repeat(np.arange(counts.size), counts)
+        along = rng.random(row.size) * n_cycles[row]
+        off_centre, off_level = rng.standard_normal((2, row.size))
+        since_low = np.where(self.is_even[row], along, np.floor(along))
+        cycle = low[row] + since_low + self.centre[row] + self.width[row] * off_centre
+        inside = (cycle >= first[row]) & (cycle < last[row])
+        row, cycle, off_level = row[inside], cycle[inside], off_level[inside]
+        amplitude = self.polarity[row] * 10 ** ((self.level_db[row] + self.spread_db[row] * off_level) / 20)
+        return row, (cycle + self.lag[row]) / self.mains_hz[row], amplitude
+
+
+@dataclass(frozen=True, kw_only=True)
+class PulseTrain:
+    """Timing and strength of the discharges of one defect within the cycle of the mains.
+
+    Attributes:
+        clusters: Clusters of this defect.
+        mains_hz: Frequency of the mains.
+        conductor_rad: Phase by which the voltage at the defect, that of its conductor, lags the mains of the receiver.
+    """
+
+    clusters: tuple[Cluster, ...]
+    mains_hz: float
+    conductor_rad: float
+
+    @classmethod
+    def draw(cls, kind: KindName, mains_hz: float, conductor_rad: float, rng: np.random.Generator) -> Self:
+        """Draw a defect of a kind."""
+        common_deg = float(rng.normal(0.0, COMMON_STD_DEG))
+        clusters = [
+            replace(
+                cluster,
+                share=cluster.share * float(np.exp(rng.normal(0.0, SHARE_LOG_STD))),
+                centre_deg=cluster.centre_deg + common_deg + float(rng.normal(0.0, CENTRE_STD_DEG)),
+                width_deg=cluster.width_deg * float(np.exp(rng.normal(0.0, WIDTH_LOG_STD))),
+                level_db=cluster.level_db + float(rng.normal(0.0, LEVEL_STD_DB)),
+            )
+            for cluster in KINDS[kind]
+        ]
+        total = sum(cluster.share for cluster in clusters)
+        scaled = tuple(replace(cluster, share=cluster.share / total) for cluster in clusters)
+        return cls(clusters=scaled, mains_hz=mains_hz, conductor_rad=conductor_rad)
+
+    def table(self, rate_hz: float) -> ClusterTable:
+        """Return the clusters for a mean number of pulses per second."""
+        share, centre, width, level, spread, polarity = np.array(
+            [(c.share, c.centre_deg, c.width_deg, c.level_db, c.spread_db, c.polarity) for c in self.clusters]
+        ).T
+        n = share.size
+        return ClusterTable(
+            rate_hz=rate_hz * share,
+            mains_hz=np.full(n, self.mains_hz),
+            lag=np.full(n, self.conductor_rad / (2 * np.pi)),
+            centre=centre / 360.0,
+            width=width / 360.0,
+            level_db=level,
+            spread_db=spread,
+            polarity=polarity,
+            is_even=np.zeros(n, dtype=np.bool_),
+        )

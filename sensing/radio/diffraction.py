@@ -1,0 +1,327 @@
+"""Rays around the edges of upright boxes in compiled functions.
+
+A box has twelve edges, of which the four upright ones and the four on top diffract waves towards a robot. Rays go
+around one edge, or along the face between two edges. Seen along its direction, an edge is a corner of a rectangle; p
+and q are coordinates across it and `along` is the one along it.
+
+One edge diffracts by the uniform theory of diffraction, which distinguishes polarisations and faces and joins smoothly
+to the rays that the edge blocks. At a second edge Fresnel's integral follows, as in ITU-R P.526 for two edges, because
+the theory of a wedge does not cover a wave that arrives along its own face. Waves polarised along an edge of metal
+vanish along its face.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from dirmusic.compiled import compiled
+from pdpatrol.sensing.radio.geometry import (
+    UP,
+    UprightSolid,
+    Vector,
+    hypot,
+    mirror_in_ground,
+    towards,
+)
+from pdpatrol.sensing.radio.materials import WAVELENGTH_M, Material
+from pdpatrol.sensing.radio.polarisation import (
+    Reflection,
+    diffracted,
+    face_reflection,
+    radiated,
+    received,
+    reflected,
+)
+from pdpatrol.sensing.radio.reflection import OWN_FACE_M
+from pdpatrol.sensing.radio.transmission import diffraction_parameter, smooth_step
+from pdpatrol.sensing.radio.wedge import WedgeFaces, edge_wave, knife_edge, wedge_coefficients
+
+OUTER_ANGLE = 1.5
+"""Outer angle at the edge of a box, over pi."""
+
+ON_FACE_M = 1e-6
+"""Depth within a box down to which a point is on its surface."""
+
+
+class BoxEdge(NamedTuple):
+    """Edge of a box, seen along it.
+
+    Attributes:
+        p: Coordinate of the edge across it.
+        q: The other coordinate across it.
+        out_p: 1 or -1, the side of the face across p.
+        out_q: 1 or -1, the side of the face across q.
+        low: Coordinate along it where it begins.
+        high: Coordinate along it where it ends.
+    """
+
+    p: float
+    q: float
+    out_p: float
+    out_q: float
+    low: float
+    high: float
+
+
+class EdgePoint(NamedTuple):
+    """Point in the coordinates of an edge."""
+
+    p: float
+    q: float
+    along: float
+
+
+class EdgeAxes(NamedTuple):
+    """Axes of the coordinates of an edge as world vectors, and their origin on the ground."""
+
+    p: Vector
+    q: Vector
+    edge: Vector
+    x: float
+    y: float
+
+
+class EdgeRay(NamedTuple):
+    """Ray around one or two edges.
+
+    Attributes:
+        first: Coordinate of the first diffraction along its edge.
+        last: Coordinate of the last diffraction along its edge.
+        before_m: Length up to the first edge.
+        between_m: Length from the first edge to the last; 0 with one edge.
+        behind_m: Length from the last edge on.
+        soft: Amplitude of a field along the first edge, over that of a direct ray of the same length.
+        hard: Amplitude of a field across it.
+    """
+
+    first: float
+    last: float
+    before_m: float
+    between_m: float
+    behind_m: float
+    soft: complex
+    hard: complex
+
+
+@compiled
+def edge_axes(box: UprightSolid, family: int) -> EdgeAxes:
+    """Return the axes of the upright edges (family 0), of those on top along the second side (1) or the first (2)."""
+    first, second = Vector(box.cos, box.sin, 0.0), Vector(-box.sin, box.cos, 0.0)
+    if family == 0:
+        return EdgeAxes(first, second, UP, box.x, box.y)
+    if family == 1:
+        return EdgeAxes(first, UP, second, box.x, box.y)
+    return EdgeAxes(second, UP, first, box.x, box.y)
+
+
+@compiled
+def to_edge(axes: EdgeAxes, at: Vector) -> EdgePoint:
+    """Return the coordinates of a world point."""
+    dx, dy = at.x - axes.x, at.y - axes.y
+    return EdgePoint(
+        dx * axes.p.x + dy * axes.p.y + at.z * axes.p.z,
+        dx * axes.q.x + dy * axes.q.y + at.z * axes.q.z,
+        dx * axes.edge.x + dy * axes.edge.y + at.z * axes.edge.z,
+    )
+
+
+@compiled
+def to_world(axes: EdgeAxes, p: float, q: float, along: float) -> Vector:
+    """Return the world point with some coordinates of an edge."""
+    return Vector(
+        axes.x + p * axes.p.x + q * axes.q.x + along * axes.edge.x,
+        axes.y + p * axes.p.y + q * axes.q.y + along * axes.edge.y,
+        p * axes.p.z + q * axes.q.z + along * axes.edge.z,
+    )
+
+
+@compiled
+def box_edge(box: UprightSolid, family: int, number: int) -> BoxEdge:
+    """Return an edge of a family; numbers 0 to 3 go around the rectangle, and of horizontal edges 0 and 1 are on top.
+
+    A box that stands on the ground is one with its mirror image, where 2 and 3 are.
+    """
+    bottom_m = box.bottom_m if box.bottom_m > 0.0 else -box.top_m
+    out_p, out_q = 1.0 if number == 0 or number == 3 else -1.0, 1.0 if number < 2 else -1.0
+    if family == 0:
+        return BoxEdge(out_p * box.half_x, out_q * box.half_y, out_p, out_q, bottom_m, box.top_m)
+    half_p, half_m = (box.half_x, box.half_y) if family == 1 else (box.half_y, box.half_x)
+    return BoxEdge(out_p * half_p, box.top_m if number < 2 else bottom_m, out_p, out_q, -half_m, half_m)
+
+
+@compiled
+def outer_angle(edge: BoxEdge, point: EdgePoint) -> float:
+    """Return the angle of a point around an edge from the face across p on, in [0, 3/2 pi]."""
+    angle = math.atan2((point.p - edge.p) * edge.out_p, -(point.q - edge.q) * edge.out_q)
+    if angle > -0.25 * math.pi:
+        return max(angle, 0.0)
+    return min(angle + 2.0 * math.pi, OUTER_ANGLE * math.pi)
+
+
+@compiled
+def is_hidden(edge: BoxEdge, point: EdgePoint) -> bool:
+    """Return True where the box itself hides an edge from a point."""
+    return (point.p - edge.p) * edge.out_p < -ON_FACE_M and (point.q - edge.q) * edge.out_q < -ON_FACE_M
+
+
+@compiled
+def distance_across(edge: BoxEdge, point: EdgePoint) -> float:
+    """Return the distance of a point from the line of an edge, at least a millimetre."""
+    return max(hypot(point.p - edge.p, point.q - edge.q), 1e-3)
+
+
+@compiled
+def bend_point(edge: BoxEdge, at: float, before_m: float, behind_m: float, rise_m: float) -> tuple[float, complex]:
+    """Return where along an edge a ray bends that would bend at `at` on an endless one, and the factor of the ends.
+
+    Where an edge ends another one begins. Behind such a corner the field is the product of both knife edges; of the
+    term that both diffract, each ray has half.
+
+    Args:
+        edge: The edge.
+        at: Coordinate along it.
+        before_m: Length up to it, across.
+        behind_m: Length behind it, across.
+        rise_m: Rise of the target over the source, along the edge.
+    """
+    across_m, along, factor = before_m + behind_m, at, 1.0 + 0.0j
+    rise_before_m, length_m = rise_m * before_m / across_m, hypot(across_m, rise_m)
+    for end, side in ((edge.low, -1.0), (edge.high, 1.0)):
+        shift_m = end - at
+        before_end_m, behind_end_m = rise_before_m + shift_m, rise_m - rise_before_m - shift_m
+        parameter = diffraction_parameter(hypot(before_m, before_end_m) + hypot(behind_m, behind_end_m) - length_m)
+        if (at - end) * side > 0.0:
+            along = end
+            factor *= 0.5 * edge_wave(parameter)
+        else:
+            factor *= 0.5 * (1.0 + knife_edge(-parameter))
+    return along, factor
+
+
+@compiled
+def round_one(edge: BoxEdge, source: EdgePoint, target: EdgePoint, faces: WedgeFaces) -> EdgeRay:
+    """Return the ray around one edge that neither source nor target is hidden from."""
+    before, behind = distance_across(edge, source), distance_across(edge, target)
+    across, rise = before + behind, target.along - source.along
+    at, factor = bend_point(edge, source.along + rise * before / across, before, behind, rise)
+    before_m, behind_m = hypot(before, at - source.along), hypot(behind, target.along - at)
+    k_length = 2.0 * math.pi / WAVELENGTH_M * before * behind / hypot(across, rise)
+    soft, hard = wedge_coefficients(outer_angle(edge, source), outer_angle(edge, target), OUTER_ANGLE, k_length, faces)
+    factor /= math.sqrt(k_length)
+    return EdgeRay(at, at, before_m, 0.0, behind_m, factor * soft, factor * hard)
+
+
+@compiled
+def round_two(
+    first: BoxEdge, last: BoxEdge, beyond: BoxEdge, source: EdgePoint, target: EdgePoint, faces: WedgeFaces
+) -> EdgeRay:
+    """Return the ray along the face between two edges; the source must see the first and the target the last.
+
+    It fades where it would have to pass the edge `beyond` the last one: rays around three edges are left out.
+    """
+    before, behind = distance_across(first, source), distance_across(last, target)
+    face, rise = hypot(last.p - first.p, last.q - first.q), target.along - source.along
+    across = before + face + behind
+    slope = rise / across
+    at_first, factor = bend_point(first, source.along + slope * before, before, face + behind, rise)
+    at_last, factor_last = bend_point(last, target.along - slope * behind, before + face, behind, rise)
+    before_m, between_m = hypot(before, at_first - source.along), hypot(face, at_last - at_first)
+    behind_m, stretch = hypot(behind, target.along - at_last), math.sqrt(1.0 + slope * slope)
+    k_length = 2.0 * math.pi / WAVELENGTH_M * before * (face + behind) / (across * stretch)
+    leaving_rad = 0.0 if last.p == first.p else OUTER_ANGLE * math.pi
+    soft, hard = wedge_coefficients(outer_angle(first, source), leaving_rad, OUTER_ANGLE, k_length, faces)
+    direct_m = hypot(distance_across(first, target), slope * (face + behind))
+    parameter = diffraction_parameter((face + behind) * stretch - direct_m)
+    factor *= factor_last * edge_wave(parameter if is_hidden(first, target) else -parameter) / math.sqrt(k_length)
+    detour_m = hypot(beyond.p - last.p, beyond.q - last.q) + distance_across(beyond, target) - behind
+    factor *= smooth_step(diffraction_parameter(detour_m))
+    return EdgeRay(at_first, at_last, before_m, between_m, behind_m, factor * soft, factor * hard)
+
+
+@compiled
+def largest_edge_wave(detour_m: float) -> float:
+    """Return the largest magnitude of `edge_wave` for a detour: its value, or in the far shadow its asymptote."""
+    parameter = diffraction_parameter(detour_m)
+    return 0.5 if parameter < 0.45 else 0.225 / parameter
+
+
+@compiled
+def largest_level(first: BoxEdge, last: BoxEdge, source: EdgePoint, target: EdgePoint) -> float:
+    """Estimate the largest amplitude of a ray around two edges, or one given twice, over that 1 m from the source.
+
+    That is the sum of Fresnel's integrals at the shadow boundaries of the direct and both reflected rays, and that
+    behind the end of an edge where the ray would bend beyond it. It saves the computation of rays too weak to count.
+    """
+    before_m, passed_m = distance_across(first, source), distance_across(first, target)
+    face_m = hypot(last.p - first.p, last.q - first.q)
+    behind_m = face_m + distance_across(last, target)
+    rise, dp, dq = target.along - source.along, target.p - source.p, target.q - source.q
+    in_p, in_q = target.p + source.p - 2.0 * first.p, target.q + source.q - 2.0 * first.q
+    length_m = hypot(before_m + behind_m, rise)
+    by_first_m = length_m - (behind_m - passed_m)
+    level = largest_edge_wave(by_first_m - math.sqrt(dp * dp + dq * dq + rise * rise))
+    level += largest_edge_wave(by_first_m - math.sqrt(in_p * in_p + dq * dq + rise * rise))
+    level += largest_edge_wave(by_first_m - math.sqrt(dp * dp + in_q * in_q + rise * rise))
+    if face_m > 0.0:
+        level *= largest_edge_wave(behind_m - passed_m)
+    rise_before_m = rise * before_m / (before_m + behind_m)
+    at = source.along + rise_before_m
+    shift_m = min(max(at, first.low), first.high) - at
+    if shift_m != 0.0:
+        by_end_m = hypot(before_m, rise_before_m + shift_m) + hypot(behind_m, rise - rise_before_m - shift_m)
+        level *= largest_edge_wave(by_end_m - length_m)
+    return level / length_m
+
+
+@compiled
+def edge_faces(edge: BoxEdge, source: EdgePoint, target: EdgePoint, material: Material) -> WedgeFaces:
+    """Return the faces at an edge, with the angles of incidence of Luebbers.
+
+    A face that the source is on does not reflect, because its image is a part of the source. The extent of the face is
+    not known here: the source counts as on it anywhere in its plane, on its side of the edge.
+    """
+    first = face_reflection(min(abs(source.p - edge.p) / distance_across(edge, source), 1.0), material)
+    last = face_reflection(min(abs(target.q - edge.q) / distance_across(edge, target), 1.0), material)
+    if abs(source.p - edge.p) <= OWN_FACE_M and (source.q - edge.q) * edge.out_q <= 0.0:
+        first = Reflection(0j, 0j)
+    if abs(source.q - edge.q) <= OWN_FACE_M and (source.p - edge.p) * edge.out_p <= 0.0:
+        last = Reflection(0j, 0j)
+    return WedgeFaces(first, last, material.transmission)
+
+
+@compiled
+def received_from_edge(
+    axis: Vector,
+    start: Vector,
+    first: Vector,
+    last: Vector,
+    target: Vector,
+    edge: Vector,
+    ray: EdgeRay,
+    ground: Material,
+) -> complex:
+    """Return the signal of a circular antenna for a diffracted ray over that for a direct one of the same length.
+
+    Args:
+        axis: Polarisation of the source.
+        start: Source, or its image in the ground if the ground reflects the ray. Then the ground reflects before the
+            edges where they are above ground, and behind them where they belong to the image of the box.
+        first: First point of diffraction.
+        last: Last point of diffraction.
+        target: Middle of the array.
+        edge: Unit vector along the edges.
+        ray: The ray.
+        ground: Material of the ground.
+    """
+    arriving, leaving = towards(start, first), towards(last, target)
+    if start.z >= 0.0:
+        field = diffracted(radiated(axis, arriving), arriving, leaving, edge, ray.soft, ray.hard)
+        return received(field, leaving)
+    arriving_down, leaving_down = mirror_in_ground(arriving), mirror_in_ground(leaving)
+    field = radiated(axis, arriving_down)
+    if last.z >= 0.0:
+        field = reflected(field, arriving_down, arriving, UP, face_reflection(max(arriving.z, 0.0), ground))
+        return received(diffracted(field, arriving, leaving, edge, ray.soft, ray.hard), leaving)
+    field = diffracted(field, arriving_down, leaving_down, mirror_in_ground(edge), ray.soft, ray.hard)
+    return received(reflected(field, leaving_down, leaving, UP, face_reflection(max(leaving.z, 0.0), ground)), leaving)

@@ -1,0 +1,307 @@
+"""Transmission past and through obstacles: the amplitude behind them over that in free space.
+
+Two rules hold everywhere. Of the solids of one piece of equipment, the one that takes most away counts; the factors of
+different pieces multiply. And a solid that diffracts blocks the direct path but for its own transmission, because rays
+around its edges are traced on their own (`diffraction`); on every other segment it counts as a knife edge.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dirmusic.compiled import compiled
+from pdpatrol.sensing.radio.geometry import (
+    Segment,
+    UprightSolid,
+    Vector,
+    crosses,
+    facing_box,
+    footprint_interval,
+    is_near,
+    length_inside,
+    point_between,
+    segment,
+)
+from pdpatrol.sensing.radio.materials import WAVELENGTH_M
+from pdpatrol.sensing.radio.surroundings import NO_SOLID, Row, Rows, Surroundings, solid_of
+
+FloatArray = NDArray[np.float64]
+
+CLEAR = -0.78
+"""Diffraction parameter below which an edge takes nothing away (ITU-R P.526)."""
+
+WIDE_CLEARANCE = 2.4
+"""Distance, over `Segment.clearance_m`, from which on the diffraction parameter is below `CLEAR` - 1."""
+
+RIM_M = 0.1
+"""Length over which the loss of a lossy solid, or the reflection of a face without diffracting edges, sets in.
+Assumed."""
+
+RIM_PARAMETER = 0.1
+"""Diffraction parameter over which the loss of a lossy solid sets in. Assumed."""
+
+SHADOW = np.dtype((np.record, [("parameter", np.float64), ("transmission", np.float64)]))
+"""What a diffracting solid does to the direct path: its `shadow_parameter`, and its transmission where it blocks it."""
+
+
+@compiled
+def smooth_step(share: float) -> float:
+    """Rise smoothly from 0 at 0 and below to 1 at 1 and above."""
+    share = min(max(share, 0.0), 1.0)
+    return share * share * (3.0 - 2.0 * share)
+
+
+@compiled
+def diffraction_parameter(detour_m: float) -> float:
+    """Return the diffraction parameter of an edge around which a ray is longer by a detour: ITU-R P.526, eq. (26)."""
+    return 2.0 * math.sqrt(max(detour_m, 0.0) / WAVELENGTH_M)
+
+
+@compiled
+def knife_edge_amplitude(parameter: float) -> float:
+    """Return the amplitude behind a knife edge, without ripples in the light: ITU-R P.526, eq. (31)."""
+    if parameter <= CLEAR:
+        return 1.0
+    off = parameter - 0.1
+    return min(1.0, 10.0 ** (-6.9 / 20.0) / (math.sqrt(off**2 + 1.0) + off))
+
+
+@compiled
+def parameter_at(path: Segment, x: float, y: float, z: float) -> float:
+    """Return the diffraction parameter, without sign, of the detour from a segment by a point."""
+    start, end = path.start, path.end
+    before_m = math.sqrt((x - start.x) ** 2 + (y - start.y) ** 2 + (z - start.z) ** 2)
+    behind_m = math.sqrt((x - end.x) ** 2 + (y - end.y) ** 2 + (z - end.z) ** 2)
+    return diffraction_parameter(before_m + behind_m - path.length_m)
+
+
+@compiled
+def shadow_parameter(path: Segment, solid: UprightSolid, near_m: float) -> float:
+    """Return the diffraction parameter of the strongest way around a solid: left, right or over the top.
+
+    It is positive where the solid is in the way of a segment and negative where the segment passes it, down to minus
+    infinity farther away than `near_m` and below a solid that stands on legs.
+    """
+    if not is_near(path, solid, near_m):
+        return -np.inf
+    start, radius_m = path.start, solid.radius_m
+    left = right = 0.0
+    nearest, rise = np.inf, path.end.z - start.z
+    for i in range(2 if radius_m > 0.0 else 4):
+        if radius_m > 0.0:
+            side = radius_m if i == 0 else -radius_m
+            x, y = solid.x - side * path.ahead_y, solid.y + side * path.ahead_x
+        else:
+            p, q = solid.half_x if i % 2 == 0 else -solid.half_x, solid.half_y if i < 2 else -solid.half_y
+            x, y = solid.x + solid.cos * p - solid.sin * q, solid.y + solid.sin * p + solid.cos * q
+        dx, dy = x - start.x, y - start.y
+        share = min(max((dx * path.ahead_x + dy * path.ahead_y) / path.horizontal_m, 0.0), 1.0)
+        parameter = parameter_at(path, x, y, min(max(start.z + share * rise, solid.bottom_m), solid.top_m))
+        nearest = min(nearest, parameter)
+        if dy * path.ahead_x - dx * path.ahead_y > 0.0:
+            left = max(left, parameter)
+        else:
+            right = max(right, parameter)
+    enters, leaves = footprint_interval(path, solid)
+    enters, leaves = max(enters, 0.0), min(leaves, 1.0)
+    if enters >= leaves:
+        return -nearest
+    if max(start.z + enters * rise, start.z + leaves * rise) < solid.bottom_m:
+        return -np.inf
+    over, clear = 0.0, np.inf
+    for share in (enters, leaves):
+        along_m = share * path.horizontal_m
+        x, y = start.x + along_m * path.ahead_x, start.y + along_m * path.ahead_y
+        parameter = parameter_at(path, x, y, solid.top_m)
+        if start.z + share * rise < solid.top_m:
+            over, clear = max(over, parameter), 0.0
+        else:
+            clear = min(clear, parameter)
+    return -clear if over == 0.0 else min(left, right, over)
+
+
+@compiled
+def transmission_past(path: Segment, obstacle: Row) -> float:
+    """Return the amplitude past an obstacle on a segment that is not the direct path.
+
+    A solid that diffracts transmits its share and counts as a knife edge for the rest. The loss of any other solid sets
+    in over its rim.
+    """
+    solid = solid_of(obstacle)
+    if not is_near(path, solid, path.clearance_m):
+        return 1.0
+    loss = 1.0 - obstacle.transmission
+    parameter = shadow_parameter(path, facing_box(path, solid) if obstacle.diffracts else solid, path.clearance_m)
+    if parameter <= CLEAR:
+        return 1.0
+    if obstacle.diffracts:
+        return obstacle.transmission + loss * knife_edge_amplitude(parameter)
+    return 1.0 - loss * smooth_step(min(parameter / RIM_PARAMETER, length_inside(path, solid) / RIM_M))
+
+
+@compiled
+def transmission_through(path: Segment, obstacle: Row) -> float:
+    """Return the amplitude behind an obstacle on the direct path, without what comes around a diffracting one."""
+    if not obstacle.diffracts:
+        return transmission_past(path, obstacle)
+    return obstacle.transmission if crosses(path, facing_box(path, solid_of(obstacle))) else 1.0
+
+
+@compiled
+def begins_piece(obstacles: Rows, k: int) -> bool:
+    """Return True where obstacle k is the first of another piece of equipment than obstacle k - 1."""
+    return k > 0 and obstacles[k].owner != obstacles[k - 1].owner
+
+
+@compiled
+def direct_transmission(start: Vector, end: Vector, within_m: float, obstacles: Rows) -> float:
+    """Return the transmission of the direct path; see `Sight` for `within_m`."""
+    total, of_piece, whole = 1.0, 1.0, segment(start, end)
+    for k in range(obstacles.size):
+        if begins_piece(obstacles, k):
+            total, of_piece = total * of_piece, 1.0
+        path, obstacle = whole, obstacles[k]
+        if within_m > 0.0 and whole.length_m > 0.0:
+            depth_m = obstacle.radius_m if obstacle.radius_m > 0.0 else min(obstacle.half_x, obstacle.half_y)
+            skipped = min(min(within_m, depth_m) / whole.length_m, 1.0)
+            path = segment(start, point_between(start, end, 1.0 - skipped))
+        of_piece = min(of_piece, transmission_through(path, obstacle))
+        if of_piece == 0.0:
+            return 0.0
+    return total * of_piece
+
+
+@compiled
+def ground_transmission(down: Segment, up: Segment, obstacles: Rows) -> float:
+    """Return the transmission of a path reflected by the ground, which crosses what stands on the ground only once."""
+    total, of_piece = 1.0, 1.0
+    for k in range(obstacles.size):
+        if begins_piece(obstacles, k):
+            total, of_piece = total * of_piece, 1.0
+        before, behind = transmission_through(down, obstacles[k]), transmission_through(up, obstacles[k])
+        of_piece = min(of_piece, before * behind if obstacles[k].bottom_m > 0.0 else min(before, behind))
+        if of_piece == 0.0:
+            return 0.0
+    return total * of_piece
+
+
+@compiled
+def segment_transmission(path: Segment, obstacles: Rows, skipped: int, least: float) -> float:
+    """Return the transmission of one segment between two reflections.
+
+    Args:
+        path: The segment.
+        obstacles: All obstacles.
+        skipped: Index of an obstacle that does not count, or `NO_SOLID`.
+        least: Results below are returned as 0.
+    """
+    total, of_piece = 1.0, 1.0
+    for k in range(obstacles.size):
+        if begins_piece(obstacles, k):
+            total, of_piece = total * of_piece, 1.0
+        if k != skipped:
+            of_piece = min(of_piece, transmission_past(path, obstacles[k]))
+            if total * of_piece < least:
+                return 0.0
+    return total * of_piece
+
+
+@compiled
+def cast_shadows(direct: Segment, obstacles: Rows, shadows: Rows) -> None:
+    """Fill in what every obstacle does to the direct path, rows of `SHADOW`."""
+    for k in range(obstacles.size):
+        shadows[k].parameter, shadows[k].transmission = -np.inf, 1.0
+        if obstacles[k].diffracts:
+            box = facing_box(direct, solid_of(obstacles[k]))
+            shadows[k].parameter = shadow_parameter(direct, box, WIDE_CLEARANCE * direct.clearance_m)
+            shadows[k].transmission = transmission_through(direct, obstacles[k])
+
+
+@compiled
+def blocking_weight(of_ray: float, of_other: float) -> float:
+    """Return how far an obstacle blocks a ray that another one diffracts, as it does the direct path.
+
+    Behind two obstacles the field is the product of both knife edges, and one term of the product is diffracted by
+    both. It must count once: rays around the obstacle with the deeper shadow pass the other as a knife edge, and rays
+    around the other are blocked by the first where it blocks the direct path. The weight changes smoothly between the
+    two, so that the field has no step where either obstacle begins to block the direct path.
+
+    Args:
+        of_ray: `shadow_parameter` on the direct path of the obstacle that diffracts the ray.
+        of_other: That of the other obstacle.
+    """
+    if of_ray <= CLEAR - 1.0 or of_other <= CLEAR - 1.0:
+        return 0.0
+    both = min(of_ray - CLEAR + 1.0, 1.0) * min(of_other - CLEAR + 1.0, 1.0)
+    return both * min(max(0.5 - 0.5 * (of_ray - of_other), 0.0), 1.0)
+
+
+@compiled
+def bent_transmission(first: Segment, last: Segment, obstacles: Rows, own: int, shadows: Rows, least: float) -> float:
+    """Return the transmission of a diffracted or reflected ray past all obstacles but its own.
+
+    Args:
+        first: Segment from the source to the obstacle that diffracts or reflects.
+        last: Segment from there to the target.
+        obstacles: All obstacles.
+        own: Index of the obstacle that diffracts or reflects, or `NO_SOLID`.
+        shadows: What the obstacles do to the direct path, rows of `SHADOW`.
+        least: Results below are returned as 0.
+    """
+    total, of_piece = 1.0, 1.0
+    for k in range(obstacles.size):
+        if begins_piece(obstacles, k):
+            total, of_piece = total * of_piece, 1.0
+        if k == own:
+            continue
+        past = transmission_past(first, obstacles[k]) * transmission_past(last, obstacles[k])
+        blocked = 0.0 if own == NO_SOLID else blocking_weight(shadows[own].parameter, shadows[k].parameter)
+        if blocked > 0.0:
+            past += blocked * (shadows[k].transmission - past)
+        of_piece = min(of_piece, past)
+        if total * of_piece < least:
+            return 0.0
+    return total * of_piece
+
+
+class Sight:
+    """Transmission of the direct path in known surroundings: the same law for waves and for a robot with a map.
+
+    Args:
+        surroundings: Faces and solids.
+    """
+
+    def __init__(self, surroundings: Surroundings) -> None:
+        self._obstacles = surroundings.obstacles
+
+    def __call__(self, places_m: FloatArray, target_m: FloatArray, within_m: float = 0.0) -> FloatArray:
+        """Return the amplitude of direct waves over that in free space, in [0, 1]; 0 behind metal.
+
+        Args:
+            places_m: Places of the antenna, shape (n, 3), world frame.
+            target_m: Place of the source, shape (3,).
+            within_m: Length at the target's end of the path in which equipment takes nothing away, at most half the
+                thickness of each piece: a target on a surface or slightly inside is seen from outside.
+
+        Returns:
+            Shape (n,).
+        """
+        return direct_transmissions(
+            np.ascontiguousarray(places_m, np.float64),
+            np.ascontiguousarray(target_m, np.float64),
+            float(within_m),
+            self._obstacles,
+        )
+
+
+@compiled
+def direct_transmissions(places_m: FloatArray, target_m: FloatArray, within_m: float, obstacles: Rows) -> FloatArray:
+    """Return the `direct_transmission` from each place."""
+    result, target = np.empty(len(places_m)), Vector(target_m[0], target_m[1], target_m[2])
+    for i in range(len(places_m)):
+        place = Vector(places_m[i, 0], places_m[i, 1], places_m[i, 2])
+        result[i] = direct_transmission(place, target, within_m, obstacles)
+    return result
