@@ -1,9 +1,9 @@
-"""Settings of the array: where its elements sit and point, their pattern, and how real arrays spread about that."""
+"""Configuration of the array: positions and boresights of its elements, their pattern, and errors of real arrays."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import lru_cache
-from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple, Self, cast
 
@@ -30,36 +30,31 @@ from pdpatrol.sensing.quantities import (
 FloatArray = NDArray[np.float64]
 
 FEWEST_ELEMENTS, MOST_ELEMENTS = 3, 16
-"""Elements of an array: two receive most directions in pairs; a robot carries no more than sixteen."""
-
-USUAL_ELEMENTS = 6
+"""Numbers of elements: two receive most directions in pairs alike, and a robot carries at most sixteen."""
 
 SHIPPED_PATTERNS = {name: Path(__file__).with_name("patterns") / f"{name}.csv" for name in ("helix", "helix_in_ring")}
-"""Patterns over all directions and frequencies that a name stands for: a helix of four turns by the method of moments,
-alone and among its five neighbours; `examples/antenna` computes them."""
-
-SAME_PLACE_M = 1e-3
-"""Elements nearer to each other than this are in one place."""
+"""Patterns over all directions and frequencies by name: a helix of four turns by the method of moments, alone and among
+its five neighbours; `examples/antenna` computes them."""
 
 
 class ElementConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
-    """One element: where it points, and where it sits."""
+    """Boresight and position of one element."""
 
     azimuth_deg: Degree
-    """Of the boresight, array frame, counter-clockwise from straight ahead."""
+    """Azimuth of the boresight, array frame, counter-clockwise from straight ahead."""
     elevation_deg: Elevation = 0.0
-    """Of the boresight, up from the horizontal."""
+    """Elevation of the boresight."""
     position_m: tuple[ArrayCoordinate, ArrayCoordinate, MountingHeight] | None = None
-    """Array frame: x forward, y left, z up from the ground. Left out, it is on the ring, towards the azimuth."""
+    """Position, array frame: x forward, y left, z up from the ground. By default on the ring, at the azimuth."""
 
 
 class Elements(NamedTuple):
-    """The elements of a data sheet, array frame.
+    """Elements of a data sheet, array frame.
 
     Attributes:
         boresights_rad: Azimuth of each boresight, shape (n_elements,).
         boresight_elevations_rad: Elevation of each boresight, shape (n_elements,).
-        positions_m: Shape (n_elements, 3).
+        positions_m: Positions, shape (n_elements, 3).
     """
 
     boresights_rad: FloatArray
@@ -68,57 +63,57 @@ class Elements(NamedTuple):
 
 
 class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
-    """Data sheet of the array, and the spread of real arrays about it.
+    """Data sheet of the array, and errors of real arrays.
 
-    The elements are an even ring of `n_elements`, of which the first points to the left and the next further clockwise,
-    or those of a list.
+    The elements are an even ring of `n_elements`, of which the first points to the left and the others follow
+    clockwise, or those of a list.
 
-    The errors are standard deviations, drawn once per array and element; their defaults are assumed: 5 % of gain from
-    connectors and amplifiers, 2 degrees of azimuth from how a helix sits on its plate, 2 mm from how it is mounted.
-    `gain_offset` is another kind, that of the Dir-MUSIC paper: the half width of uniform additions to the gains.
+    The errors are standard deviations, drawn once per array and element. Their defaults are assumed: 5 % of gain from
+    connectors and amplifiers, 2 degrees of azimuth and 2 mm from the mounting of a helix. `gain_offset` is that of the
+    Dir-MUSIC paper: the half width of uniform additions to the gains.
     """
 
     n_elements: int | None = Field(default=None, ge=0, le=MOST_ELEMENTS)
-    """Elements of the ring: 6, unless given otherwise; None where there is a list."""
+    """Elements of the ring, 6 by default; None with a list of elements."""
     elements: tuple[ElementConfig, ...] = Field(default=(), max_length=MOST_ELEMENTS)
-    """All elements, instead of a ring."""
+    """List of all elements, instead of a ring."""
     ring_radius_m: ArrayMetre = 0.12
     height_m: ArrayMetre = 0.6
     pattern: FilePath | None = None
-    """File with the pattern of every element as the data sheet has it, which direction finding uses, or the name of a
-    shipped one; eq. (1) of the Dir-MUSIC paper, if left out. Of a pattern over all directions and frequencies it uses
-    the cut at elevation 0."""
+    """Pattern of every element in the data sheet, which direction finding uses: a file, or the name of a shipped one.
+    By default eq. (1) of the Dir-MUSIC paper. Of a pattern over all directions and frequencies it uses the cut at
+    elevation 0."""
     true_pattern: FilePath | None = None
-    """The pattern that every element really has, in the plane or over all directions and frequencies; that of the data
-    sheet, if left out."""
+    """True pattern of every element, in the plane or over all directions and frequencies; by default that of the data
+    sheet."""
     gain_error: Share = 0.05
     pointing_error_deg: AngleError = 2.0
     position_error_m: PlacementError = 0.002
     gain_offset: Share = 0.0
     serial_number: int | None = Field(default=None, ge=0, le=2**63 - 1)
-    """Which of the arrays that were built by this data sheet the robot carries: one number is one array, with the same
-    errors whatever else a mission draws. Left out, each mission has another one."""
+    """Number of one array that was built by this data sheet, with the same errors in every mission. By default each
+    mission has another array."""
     pattern_error: Share = 0.0
-    """By how much the gain in any one direction may differ from the data sheet's pattern, over its largest gain, as the
-    robot believes: a standard deviation in the plane, and more off it (`dirmusic.ElementSpread`). Nothing is drawn by
-    it: `true_pattern` says how it differs. The computed helices need 0.02."""
+    """Deviation of the true gain in any direction from the pattern of the data sheet, over the largest gain, as the
+    robot assumes it: a standard deviation in the plane, and more off it (`dirmusic.ElementSpread`). Nothing is drawn by
+    it; the deviation itself is that of `true_pattern`. The computed helices need 0.02."""
 
     @model_validator(mode="before")
     @classmethod
-    def _is_a_ring_without_a_list(cls, given: object) -> object:
+    def _default_to_ring(cls, given: object) -> object:
         if isinstance(given, dict):
             table = cast("dict[str, Any]", given)
             if not table.get("elements") and table.get("n_elements") is None:
-                return {**table, "n_elements": USUAL_ELEMENTS}
+                return {**table, "n_elements": 6}
         return cast("object", given)
 
     @property
     def n_channels(self) -> int:
-        """How many elements there are."""
+        """Number of elements."""
         return len(self.elements) or self.n_elements or 0
 
     def nominal_elements(self) -> Elements:
-        """The elements of the data sheet."""
+        """Return the elements of the data sheet."""
         boresights, tilts = ring_boresights_rad(self.n_channels), np.zeros(self.n_channels)
         if self.elements:
             boresights = np.radians([element.azimuth_deg for element in self.elements])
@@ -131,59 +126,53 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
         return Elements(boresights, tilts, positions_m)
 
     def nominal_pattern(self) -> GainPattern | SpatialPattern:
-        """Pattern of the data sheet.
+        """Return the pattern of the data sheet.
 
         Raises:
-            InputFileError: If its file is no longer what it was.
+            InputFileError: If its file has become invalid.
         """
-        return GaussianPattern() if self.pattern is None else _pattern(self.pattern)
+        return GaussianPattern() if self.pattern is None else _read_pattern(self.pattern)
 
     def real_pattern(self) -> GainPattern | SpatialPattern:
-        """Pattern that the elements really have.
+        """Return the true pattern of the elements.
 
         Raises:
-            InputFileError: If its file is no longer what it was.
+            InputFileError: If its file has become invalid.
         """
-        return self.nominal_pattern() if self.true_pattern is None else _pattern(self.true_pattern)
+        return self.nominal_pattern() if self.true_pattern is None else _read_pattern(self.true_pattern)
 
     @model_validator(mode="after")
-    def _tells_directions_apart(self) -> Self:
-        faults = [*self._number_faults(), *self._pattern_faults()] or self._place_faults() or self._manifold_faults()
-        if faults:
-            raise ValueError("\n".join(faults))
+    def _check_consistency(self) -> Self:
+        errors = [*self._pattern_errors()]
+        key, n = "elements" if self.elements else "n_elements", self.n_channels
+        if self.elements and self.n_elements is not None:
+            errors.insert(0, f"n_elements: must not be given with a list of elements, got {self.n_elements}")
+        elif not FEWEST_ELEMENTS <= n <= MOST_ELEMENTS:
+            errors.insert(0, f"{key}: must be {FEWEST_ELEMENTS} to {MOST_ELEMENTS}, got {n}")
+        errors = errors or [*self._position_errors()] or [*self._manifold_errors()]
+        if errors:
+            raise ValueError("\n".join(errors))
         return self
 
-    def _number_faults(self) -> list[str]:
-        if self.elements and self.n_elements is not None:
-            return [f"n_elements: got {self.n_elements} with a list of elements; allowed is one of the two"]
-        n, key = self.n_channels, "elements" if self.elements else "n_elements"
-        if FEWEST_ELEMENTS <= n <= MOST_ELEMENTS:
-            return []
-        why = ": two elements receive most directions in pairs" if n == 2 else ""
-        return [f"{key}: got {n}; allowed are {FEWEST_ELEMENTS} to {MOST_ELEMENTS}{why}"]
-
-    def _pattern_faults(self) -> list[str]:
-        faults: list[str] = []
+    def _pattern_errors(self) -> Iterator[str]:
         for key, path in (("pattern", self.pattern), ("true_pattern", self.true_pattern)):
             try:
                 if path is not None:
-                    _pattern(path)
+                    _read_pattern(path)
             except InputFileError as error:
-                faults += [f"{key}: {fault}" for fault in error.faults]
-        return faults
+                yield from (f"{key}: {each}" for each in error.faults)
 
-    def _place_faults(self) -> list[str]:
-        places, faults = self.nominal_elements().positions_m, list[str]()
-        for i in range(len(self.elements)):
-            if places[i, 2] <= 0.0:
-                faults.append(f"elements.{i}.position_m: got {_shown(places[i])}; allowed is a height above 0 m")
-        for i, j in combinations(range(len(self.elements)), 2):
-            if np.linalg.norm(places[j] - places[i]) < SAME_PLACE_M:
-                taken = f"elements.{j}.position_m: {_shown(places[j])} is that of elements.{i}"
-                faults.append(f"{taken}; allowed is a place of its own")
-        return faults
+    def _position_errors(self) -> Iterator[str]:
+        positions_m = self.nominal_elements().positions_m
+        shown = [f"({', '.join(f'{x:g}' for x in position)})" for position in positions_m]
+        for j in range(len(self.elements)):
+            if positions_m[j, 2] <= 0.0:
+                yield f"elements.{j}.position_m: must be above the ground, got {shown[j]}"
+            for i in range(j):
+                if np.linalg.norm(positions_m[j] - positions_m[i]) < 1e-3:
+                    yield f"elements.{j}.position_m: must differ from that of elements.{i}, got {shown[j]}"
 
-    def _manifold_faults(self) -> list[str]:
+    def _manifold_errors(self) -> Iterator[str]:
         key, elements = "elements" if self.elements else "pattern", self.nominal_elements()
         try:
             pattern = self.nominal_pattern()
@@ -193,28 +182,24 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
                 boresight_elevations_rad=elements.boresight_elevations_rad,
             )
         except ValueError as error:
-            return [f"{key}: {error}"]
+            yield f"{key}: {error}"
+            return
         worst = worst_ambiguity(manifold)
-        if worst.is_harmless:
-            return []
-        azimuths = f"{np.degrees(worst.first_rad):.0f} and {np.degrees(worst.second_rad):.0f} degrees"
-        return [f"{key}: azimuths of {azimuths} are received alike; allowed is an array that tells them apart"]
+        if not worst.is_harmless:
+            first, second = np.degrees([worst.first_rad, worst.second_rad])
+            yield f"{key}: must distinguish all azimuths, but receives {first:.0f} and {second:.0f} degrees alike"
 
 
-def _shown(place_m: FloatArray) -> str:
-    return f"({', '.join(f'{x:g}' for x in place_m)})"
-
-
-def _pattern(path: str) -> TabulatedPattern | SpatialPattern:
-    """The pattern in a file, or that of a name; read again only if the file has changed."""
+def _read_pattern(path: str) -> TabulatedPattern | SpatialPattern:
+    """Read the pattern of a file or a shipped name; a file is read again only if it has changed."""
     path = str(SHIPPED_PATTERNS.get(path, path))
     try:
         version = Path(path).stat()
     except OSError:
-        return read_any_pattern(path)  # says what is wrong
-    return _pattern_version(path, version.st_mtime_ns, version.st_size)
+        return read_any_pattern(path)  # raises a clear error
+    return _read_version(path, version.st_mtime_ns, version.st_size)
 
 
 @lru_cache(maxsize=16)
-def _pattern_version(path: str, modified_ns: int, size: int) -> TabulatedPattern | SpatialPattern:
+def _read_version(path: str, modified_ns: int, size: int) -> TabulatedPattern | SpatialPattern:
     return read_any_pattern(path)

@@ -189,7 +189,7 @@ def _face_rows(materials: Sequence[Material], faces: Faces, solids: UprightSolid
     for name in Material._fields:
         rows[name] = [getattr(material, name) for material in own]
     rows["owner"], rows["solid"] = faces.owner, _bounded_solids(faces, solids)
-    rows["diffracts"] = [material.diffracts for material in own] & (rows["solid"] != NO_SOLID)
+    rows["diffracts"] = np.array([material.diffracts for material in own], np.bool_) & (rows["solid"] != NO_SOLID)
     return rows
 
 
