@@ -15,7 +15,7 @@ from pdpatrol.missions.reproduction.exhibit import Campaign, Exhibit, Measured, 
 from pdpatrol.missions.reproduction.simulation import GRID_DEG, by_paper, error_deg
 from pdpatrol.sensing.array.helical_array import HelicalArray
 from pdpatrol.sensing.nature.pulses import unit_pulse_energy
-from pdpatrol.sensing.radio.surroundings import in_array_frame, level_transform, rays_between
+from pdpatrol.sensing.radio.surroundings import level_transform
 
 FloatArray = NDArray[np.float64]
 
@@ -79,11 +79,10 @@ def _draw_strengths(
     """
     receiver = scenario.receiver
     pose = np.array([*scenario.route.dock_m, np.radians(scenario.route.dock_yaw_deg or 0.0)])
-    source_m = in_array_frame(np.array(source.position_m), level_transform(pose))
+    source_m, world_from_array = np.array(source.position_m), level_transform(pose)
     amplitude = np.empty((len(arrays), scenario.array.n_channels))
     for draw, array in enumerate(arrays):
-        rays = rays_between(array.positions_m, source_m)
-        amplitude[draw] = source.amplitude_v * rays.spreading * array.gain(rays.azimuth_rad, rays.elevation_rad)
+        amplitude[draw] = source.amplitude_v * array.free_space_response(source_m, world_from_array)[0]
     energy_to_noise = np.square(amplitude / receiver.noise_v) * unit_pulse_energy(receiver.sample_rate_hz)
     shape = (len(arrays), source.n_shots or 1, scenario.array.n_channels)
     energy = rng.noncentral_chisquare(receiver.gate_samples, energy_to_noise[:, np.newaxis], shape)

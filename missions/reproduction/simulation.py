@@ -20,8 +20,8 @@ from dirmusic import (
 )
 from dirmusic.angles import difference
 from dirmusic.array.element_errors import ManifoldPrior
+from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
 from pdpatrol.sensing.nature.pulses import damped_pulse, unit_pulse_energy
-from pdpatrol.sensing.radio.surroundings import SPEED_OF_LIGHT_MPS
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
