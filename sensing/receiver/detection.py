@@ -17,6 +17,7 @@ from pdpatrol.sensing.radio.ray_paths import WEAKEST
 from pdpatrol.sensing.receiver.sampling import (
     IS_BURST,
     IS_PULSE,
+    Channels,
     Sampler,
     Tones,
     sample_emission,
@@ -27,22 +28,6 @@ FloatArray = NDArray[np.float64]
 
 FALSE_ALARM = -1
 """Source of what noise alone triggers."""
-
-
-class Channels(NamedTuple):
-    """State of the channels; each column has shape (n_elements,).
-
-    Attributes:
-        limit_v: Voltage at which the amplifier saturates; infinite if it does not.
-        background_v2: Power of a sample without emission.
-        source: Channel whose samples this one reports: its own unless plugs are swapped.
-        stuck_v: Constant output of a stuck ADC; NaN if it is not stuck.
-    """
-
-    limit_v: FloatArray
-    background_v2: FloatArray
-    source: NDArray[np.intp]
-    stuck_v: FloatArray
 
 
 class GateReading(NamedTuple):
@@ -203,8 +188,7 @@ def detect(
                 Arrivals(delay_s[of_source], amplitude[of_source], peak[of_source], peak_s[of_source]),
                 sampler,
                 tones,
-                channels.limit_v,
-                channels.background_v2,
+                channels,
                 rng,
                 gate_v,
             )

@@ -17,8 +17,8 @@ from pdpatrol.sensing.array.helical_array import HelicalArray
 from pdpatrol.sensing.nature.pulses import DECAY_S
 from pdpatrol.sensing.nature.sources import Carrier
 from pdpatrol.sensing.receiver.config import ReceiverConfig
-from pdpatrol.sensing.receiver.detection import Channels, GateReading
-from pdpatrol.sensing.receiver.sampling import BURST_LENGTH, BURST_WINDOWS, Sampler, Timing, Tones
+from pdpatrol.sensing.receiver.detection import GateReading
+from pdpatrol.sensing.receiver.sampling import BURST_LENGTH, BURST_WINDOWS, Channels, Sampler, Timing, Tones
 
 if TYPE_CHECKING:
     from pdpatrol.sensing.receiver.front_end import FrontEnd

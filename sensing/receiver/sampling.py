@@ -47,9 +47,6 @@ burst that cancel leave a quarter of its power now and then."""
 
 NOT_TRIGGERED, IS_PULSE, IS_BURST = 0, 1, 2
 
-NOT_PINNED = (-1, 0, 0.0)
-"""Row, channel and added voltage of a pinned sample where there is none."""
-
 
 class PulseTable(NamedTuple):
     """Pulse of 1 V behind the band-pass, divided into bands that add up to it.
@@ -156,6 +153,39 @@ class Tones(NamedTuple):
     amplitude_v: FloatArray
     phase_rad: FloatArray
     turn_rad: FloatArray
+
+
+class Channels(NamedTuple):
+    """State of the channels; each column has shape (n_elements,).
+
+    Attributes:
+        limit_v: Voltage at which the amplifier saturates; infinite if it does not.
+        background_v2: Power of a sample without emission.
+        source: Channel whose samples this one reports: its own unless plugs are swapped.
+        stuck_v: Constant output of a stuck ADC; NaN if it is not stuck.
+    """
+
+    limit_v: FloatArray
+    background_v2: FloatArray
+    source: NDArray[np.intp]
+    stuck_v: FloatArray
+
+
+class PinnedSample(NamedTuple):
+    """Noise sample that was drawn from the tail beyond the trigger level.
+
+    Attributes:
+        at: Number of the sample; -1 if no sample is pinned.
+        channel: Its channel.
+        added_v: Voltage added to the noise that was drawn for it before.
+    """
+
+    at: int
+    channel: int
+    added_v: float
+
+
+NOT_PINNED = PinnedSample(-1, 0, 0.0)
 
 
 class Signal(NamedTuple):
@@ -319,9 +349,7 @@ def draw_tail(sigmas: float, rng: np.random.Generator) -> float:
 
 
 @compiled
-def add_pinned(
-    volts: FloatArray, first: int, end: int, pinned: tuple[int, int, float], correlation: FloatArray
-) -> None:
+def add_pinned(volts: FloatArray, first: int, end: int, pinned: PinnedSample, correlation: FloatArray) -> None:
     """Add the change of noise sample `pinned`, and the change of the mean around it, to samples `first` to `end`."""
     at, channel, added_v = pinned
     if at >= 0:
@@ -346,7 +374,7 @@ def fill(
     end: int,
     signal: Signal,
     sampler: Sampler,
-    pinned: tuple[int, int, float],
+    pinned: PinnedSample,
     rng: np.random.Generator,
 ) -> None:
     """Compute signal and noise of a window up to a sample, given a pinned one."""
@@ -398,11 +426,11 @@ def expected_crossings(window: Window, signal: Signal, sampler: Sampler, limit_v
 @compiled
 def pin_sample(
     window: Window, remaining: float, signal: Signal, sampler: Sampler, limit_v: FloatArray, rng: np.random.Generator
-) -> tuple[int, int, float]:
+) -> PinnedSample:
     """Pin the sample at which the sum of the probabilities passes `remaining`, and fill the window around it.
 
     Returns:
-        Number of the sample, channel, and voltage added to its noise; `NOT_PINNED` if the sample is rejected.
+        The sample; `NOT_PINNED` if it is rejected.
     """
     trigger, at, channel, tabulated = sampler.trigger, -1, 0, 0.0
     for t in range(sampler.timing.before, window.search_end):
@@ -426,7 +454,7 @@ def pin_sample(
     else:
         noise_v = -side * trigger.noise_v * draw_tail(against, rng)
     fill(window, window.search_end, signal, sampler, NOT_PINNED, rng)
-    pinned = (at, channel, signal_v + noise_v - window.volts[channel, at])
+    pinned = PinnedSample(at, channel, signal_v + noise_v - window.volts[channel, at])
     add_pinned(window.volts, 0, window.search_end, pinned, trigger.correlation)
     return pinned
 
@@ -434,7 +462,7 @@ def pin_sample(
 @compiled
 def find_trigger(
     window: Window, chance: float, signal: Signal, sampler: Sampler, limit_v: FloatArray, rng: np.random.Generator
-) -> tuple[int, tuple[int, int, float]]:
+) -> tuple[int, PinnedSample]:
     """Search the first sample of a window beyond the level, by the law at the head of this module.
 
     Args:
@@ -459,7 +487,7 @@ def find_trigger(
                 return crossing, NOT_PINNED
     elif chance < expected:
         pinned = pin_sample(window, chance, signal, sampler, limit_v, rng)
-        if pinned[0] >= 0:
+        if pinned.at >= 0:
             crossing, n = count_crossings(window.volts, before, end, limit_v, level_v)
             if rng.random() * n < 1.0:
                 return crossing, pinned
@@ -507,11 +535,10 @@ def lasts_like_a_burst(
 def read_out(
     window: Window,
     crossing: int,
-    pinned: tuple[int, int, float],
+    pinned: PinnedSample,
     signal: Signal,
     sampler: Sampler,
-    limit_v: FloatArray,
-    background_v2: FloatArray,
+    channels: Channels,
     rng: np.random.Generator,
     gate_v: FloatArray,
 ) -> int:
@@ -520,7 +547,8 @@ def read_out(
     The gate starts `before` samples ahead of where the strongest channel reaches half its peak, because a crossing is
     the earlier the stronger the pulse.
     """
-    timing, volts, strongest, peak_v, n_elements = sampler.timing, window.volts, 0, 0.0, limit_v.size
+    timing, volts, limit_v, background_v2 = sampler.timing, window.volts, channels.limit_v, channels.background_v2
+    strongest, peak_v, n_elements = 0, 0.0, limit_v.size
     fill(window, crossing + timing.peak, signal, sampler, pinned, rng)
     for t in range(crossing, crossing + timing.peak):
         for e in range(n_elements):
@@ -560,8 +588,7 @@ def sample_emission(
     arrivals: Arrivals,
     sampler: Sampler,
     tones: Tones,
-    limit_v: FloatArray,
-    background_v2: FloatArray,
+    channels: Channels,
     rng: np.random.Generator,
     gate_v: FloatArray,
 ) -> int:
@@ -575,15 +602,14 @@ def sample_emission(
         arrivals: Arrivals of the emission.
         sampler: Receiver up to the gate.
         tones: Carriers.
-        limit_v: Voltage at which each channel saturates, shape (n_elements,); infinite if it does not.
-        background_v2: Power of a sample without emission, shape (n_elements,).
+        channels: State of the channels.
         rng: Generator.
         gate_v: Filled in, shape (n_elements, n_gate), as the ADC gets it.
 
     Returns:
         `NOT_TRIGGERED`, `IS_PULSE` or `IS_BURST`.
     """
-    timing, rate_hz, n_elements = sampler.timing, sampler.pulse.rate_hz, limit_v.size
+    timing, rate_hz, n_elements = sampler.timing, sampler.pulse.rate_hz, channels.limit_v.size
     signal = Signal(peak_v, burst_s, arrivals, tones, draw_phases(tones, rng))
     clock = rng.random()  # fraction of a sample by which the sampling clock is late
     order, is_new = np.argsort(arrivals.peak_s, kind="mergesort"), True
@@ -614,9 +640,9 @@ def sample_emission(
                 np.zeros(2, np.intp),
                 np.empty((len(sampler.noise.sections), 2, n_elements)),
             )
-            crossing, pinned = find_trigger(window, chance, signal, sampler, limit_v, rng)
+            crossing, pinned = find_trigger(window, chance, signal, sampler, channels.limit_v, rng)
             if crossing >= 0:
-                return read_out(window, crossing, pinned, signal, sampler, limit_v, background_v2, rng, gate_v)
+                return read_out(window, crossing, pinned, signal, sampler, channels, rng, gate_v)
     return NOT_TRIGGERED
 
 
@@ -632,7 +658,8 @@ def sample_false_alarm(sampler: Sampler, tones: Tones, rng: np.random.Generator,
     at, channel = sampler.timing.before, int(rng.random() * n_elements)
     side = 1.0 if rng.random() < 0.5 else -1.0
     crossing_v = side * trigger.noise_v * draw_tail(trigger.level_v / trigger.noise_v, rng)
-    add_pinned(gate_v, 0, n_gate, (at, channel, crossing_v - gate_v[channel, at]), trigger.correlation)
+    pinned = PinnedSample(at, channel, crossing_v - gate_v[channel, at])
+    add_pinned(gate_v, 0, n_gate, pinned, trigger.correlation)
     start_rad = draw_phases(tones, rng)
     for e in range(n_elements):
         add_tones(gate_v[e], e, 0, tones, start_rad)
