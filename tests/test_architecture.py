@@ -17,13 +17,10 @@ MAY_IMPORT = {
     "envs": {"sensing", "dirmusic", "robot_models"},
     "missions": {"envs", "sensing", "dirmusic", "robot_models"},
 }
-LEARNING = ("missions/learning/learner_envs.py", "missions/learning/training.py")
 ONLY_HOME = {
     "mujoco": "robot_models/",
     "rerun": "missions/recording/",
-    "stable_baselines3": LEARNING,
-    "torch": LEARNING,
-    "ray": "missions/sweep/engines/ray_engine.py",
+    "ray": "missions/sweep/ray_engine.py",
     "numba": "dirmusic/compiled.py",
 }
 MOST_ARGUMENTS = 8

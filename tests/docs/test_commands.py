@@ -27,7 +27,7 @@ ELSEWHERE = {
     "answers.md": "tests/test_answers.py",
     "suite.md": "tests/envs/test_suite.py",
     "sweeps.md": "tests/missions/sweep",
-    "how-to/training.md": "tests/missions/test_learning.py",
+    "how-to/training.md": "tests/examples/test_learning.py",
     "how-to/equipment.md": "tests/robot_models/test_equipment.py",
 }
 """Pages whose commands are run by other tests, most of them with fewer missions."""
