@@ -122,8 +122,8 @@ def _run_again(folder: Path, row: int) -> Path:
     """Return the folder of one mission of a sweep, after running it if it has not been kept."""
     from pdpatrol.missions.cli.mission_files import write_mission  # imports MuJoCo, as the next three do
     from pdpatrol.missions.runner import run_mission
-    from pdpatrol.missions.sweep.code_version import digest_of_code
     from pdpatrol.missions.sweep.dataset import Dataset
+    from pdpatrol.missions.sweep.plan import digest_of_code
 
     try:
         dataset = Dataset(folder)

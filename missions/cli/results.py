@@ -8,8 +8,11 @@ from typing import Annotated
 
 import tyro
 
+from dirmusic import InputFileError
 from pdpatrol.missions.cli.process import one_line
 from pdpatrol.missions.cli.terminal import err, out, output_folder, refuse
+from pdpatrol.missions.sweep import analysis, dataset, tables
+from pdpatrol.missions.sweep.figures import draw_figures
 
 
 def results(
@@ -38,11 +41,6 @@ def results(
         refuse("FOLDER: at least one dataset must be given, got none")
     if len(given) > 1 or (compare is not None and figures is not None):
         refuse(f"{', '.join(chosen)}: give at most one of them, and --figures not with --compare")
-    # These load SciPy and Matplotlib, half a second that help and refusals do not need.
-    from dirmusic import InputFileError
-    from pdpatrol.missions.sweep import analysis, dataset, tables
-    from pdpatrol.missions.sweep.figures import draw_figures
-
     try:
         datasets = [dataset.Dataset(each) for each in folder]
         rows = dataset.read_all(datasets)

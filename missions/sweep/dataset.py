@@ -1,4 +1,4 @@
-"""Rows of a sweep on disk: each mission is written at once and whole, so that no crash loses a finished one."""
+"""Dataset of a sweep: a folder with one row for each mission, written as soon as the mission ends."""
 
 from __future__ import annotations
 
@@ -7,68 +7,192 @@ from collections.abc import Sequence
 from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, get_type_hints
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from dirmusic import InputFileError
 from pdpatrol.envs.scenario import restore_scenario
 from pdpatrol.missions.atomic_file import atomic_file, write_text
-from pdpatrol.missions.sweep.code_version import commit
-from pdpatrol.missions.sweep.mission_row import SCHEMA, MissionRow
-from pdpatrol.missions.sweep.plan import MissionJob, SweepPlan
+from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.missions.record.bearing_error import bearing_rmse
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.report.make_report import make_report, path_length_m
+from pdpatrol.missions.sweep.plan import MissionJob, SweepPlan, commit
 
 VERSION = 1
 MANIFEST, SCENARIOS, ROWS, ALL_ROWS = "sweep.json", "scenarios.parquet", "rows", "rows.parquet"
 
+MEASURED = ("wall_time_s", "peak_memory_mb")
+"""Columns that differ between two runs of the same mission."""
+
+
+class MissionRow(NamedTuple):
+    """One mission of a sweep; a row of the dataset.
+
+    Attributes:
+        order: Number of the mission in the sweep.
+        key: As of `MissionJob`.
+        suite: As of `MissionJob`.
+        level: As of `MissionJob`.
+        scenario: Name of the scenario.
+        scenario_digest: SHA-256 of the scenario with its settings; `scenarios.parquet` holds it in full.
+        policy: Name of the policy.
+        settings: Values that the sweep set in the scenario, as JSON.
+        seed: Seed of the mission.
+        status: `finished`; `failed` if it raised; `hung` if it took too long; `out of memory`; or `died` if its process
+            ended repeatedly. All figures below are null or 0 unless it is finished.
+        error: Traceback or reason; empty if finished.
+        n_sources: Number of sources in the yard.
+        n_found: Number of sources with a confirmed finding within the cut-off of `pdpatrol.missions.report.scoring`.
+        false_findings: Number of confirmed findings without a source.
+        errors_m: Horizontal distances between found sources and their findings.
+        height_errors_m: Heights of these findings above their sources.
+        confirmed_s: Times at which these findings were confirmed.
+        n_in_ellipse: Number of sources inside the 95 % ellipse of their finding.
+        n_right_site: Number of found sources with the right site, as of `pdpatrol.missions.report.scoring`.
+        ospa_m: OSPA distance between findings and sources, as of `pdpatrol.missions.report.scoring`.
+        bearing_rmse_rad: Root mean square error of bearings in line of sight of a single source; null without any.
+        distance_m: Path length.
+        found_all_m: Path length until the last source was confirmed; null if one was not, or there are no sources.
+        shortest_m: Shortest path from the dock to within the scenario's `standoff_m` of each source; null if there are
+            no sources or one cannot be approached.
+        sim_time_s: Simulated time.
+        contacts: Number of collisions.
+        waypoints_missed: Number of waypoints that were not visited.
+        wall_time_s: Computing time.
+        peak_memory_mb: Largest resident memory of the process up to the end of the mission.
+    """
+
+    order: int
+    key: str
+    suite: str
+    level: str
+    scenario: str
+    scenario_digest: str
+    policy: str
+    settings: str
+    seed: int
+    status: str
+    error: str
+    n_sources: int = 0
+    n_found: int = 0
+    false_findings: int = 0
+    errors_m: tuple[float, ...] = ()
+    height_errors_m: tuple[float, ...] = ()
+    confirmed_s: tuple[float, ...] = ()
+    n_in_ellipse: int = 0
+    n_right_site: int = 0
+    ospa_m: float | None = None
+    bearing_rmse_rad: float | None = None
+    distance_m: float | None = None
+    found_all_m: float | None = None
+    shortest_m: float | None = None
+    sim_time_s: float | None = None
+    contacts: int = 0
+    waypoints_missed: int = 0
+    wall_time_s: float | None = None
+    peak_memory_mb: float | None = None
+
+    @classmethod
+    def of_failure(cls, job: MissionJob, status: str, error: str) -> MissionRow:
+        """Make the row of a mission without results."""
+        columns = {name: getattr(job, name) for name in MissionJob._fields if name not in ("scenario", "settings")}
+        settings = json.dumps(dict(job.settings), sort_keys=True)
+        return cls(**columns, scenario=job.scenario.name, settings=settings, status=status, error=error)
+
+    @classmethod
+    def of_log(cls, job: MissionJob, log: MissionLog, wall_time_s: float, peak_memory_mb: float) -> MissionRow:
+        """Make the row of a finished mission."""
+        report = make_report(log, wall_time_s)
+        scores, step = report.scores, log.table("step")
+        sources, matches = scores.sources, scores.matches
+        time_of = {finding.id: finding.confirmed_s for finding in report.findings}
+        confirmed_s = tuple(time_s for match in matches if (time_s := time_of[match.finding_id]) is not None)
+        driven_m, found_all_m = path_length_m(step["true_pose"]), None
+        if sources and len(matches) == len(sources):
+            found_all_m = float(np.interp(max(confirmed_s), step["time_s"], driven_m))
+        sources_m = [np.array(source.true_position_m[:2]) for source in sources]
+        shortest_m = SiteMap(job.scenario, job.scenario.yard).shortest_tour(sources_m, job.scenario.task.standoff_m)
+        bearing_rmse_rad = bearing_rmse(log, job.scenario)
+        return cls.of_failure(job, "finished", "")._replace(
+            n_sources=len(sources),
+            n_found=len(matches),
+            false_findings=scores.false_findings,
+            errors_m=tuple(match.error_m for match in matches),
+            height_errors_m=tuple(match.height_error_m for match in matches),
+            confirmed_s=confirmed_s,
+            n_in_ellipse=sum(match.inside_ellipse95 for match in matches),
+            n_right_site=sum(match.right_site for match in matches),
+            ospa_m=scores.ospa_m,
+            bearing_rmse_rad=bearing_rmse_rad if np.isfinite(bearing_rmse_rad) else None,
+            distance_m=float(driven_m[-1]),
+            found_all_m=found_all_m,
+            shortest_m=shortest_m if sources and np.isfinite(shortest_m) else None,
+            sim_time_s=report.sim_time_s,
+            contacts=report.collisions,
+            waypoints_missed=len(report.waypoints.missed),
+            wall_time_s=wall_time_s,
+            peak_memory_mb=peak_memory_mb,
+        )
+
+
+def _arrow_type(annotation: object) -> pa.DataType:
+    types = {str: pa.string(), int: pa.int64(), tuple[float, ...]: pa.list_(pa.float64())}
+    return types.get(annotation, pa.float64())  # pyright: ignore[reportArgumentType, reportCallIssue]
+
+
+SCHEMA = pa.schema({name: _arrow_type(kind) for name, kind in get_type_hints(MissionRow).items()})
+"""Columns of a dataset: the fields of `MissionRow`."""
+
 
 class Dataset:
-    """A folder with a manifest, the scenarios, a file for each new row, and one for all rows once they are complete.
+    """Folder with a manifest, the scenarios, a file for each new row, and one for all rows once they are complete.
 
     Args:
-        folder: Where it is.
+        folder: Folder of an existing dataset.
 
     Attributes:
         folder: As given.
-        manifest: What the sweep consists of, and which code it is of.
+        manifest: Command, digests of missions and code, and versions.
 
     Raises:
-        InputFileError: If the folder holds no dataset.
+        InputFileError: If the folder does not hold a dataset.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        try:
-            manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-        except (OSError, ValueError, RecursionError) as error:
-            why = error.strerror if isinstance(error, OSError) else f"{MANIFEST}: no JSON"
-            raise InputFileError([f"{folder}: not the dataset of a sweep ({why}); give its folder"]) from None
+        self.manifest: dict[str, Any] = {}
+        with suppress(OSError, ValueError, RecursionError):
+            self.manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
         kinds = {"version": int, "plan": str, "code": str, "n_missions": int, "suite": str}
-        if not isinstance(manifest, dict) or any(not isinstance(manifest.get(k), kind) for k, kind in kinds.items()):
-            raise InputFileError([f"{folder}: not the dataset of a sweep ({MANIFEST} is damaged); give its folder"])
-        if manifest["version"] != VERSION:
-            raise InputFileError(
-                [f"{folder}: a dataset of version {manifest['version']!s:.20}; this program reads version {VERSION}"]
-            )
-        self.manifest: dict[str, Any] = manifest
+        if not isinstance(self.manifest, dict) or any(
+            not isinstance(self.manifest.get(name), kind) for name, kind in kinds.items()
+        ):
+            raise InputFileError([f"{folder}: must be the folder of a sweep, but has no valid {MANIFEST}"])
+        if self.manifest["version"] != VERSION:
+            found = f"{self.manifest['version']!s:.20}"
+            raise InputFileError([f"{folder}: dataset must be of version {VERSION}, got {found}"])
 
     @classmethod
     def open_or_make(cls, folder: Path, plan: SweepPlan, command: Sequence[str] = ()) -> Dataset:
-        """The dataset of a plan: a new one, or one that was begun and is to be completed.
+        """Make the dataset of a plan, or open one that the same sweep has begun.
 
         Args:
-            folder: Where it is, or is to be.
+            folder: Folder of the dataset.
             plan: All missions.
-            command: Words of the command that runs them; a new dataset notes it.
+            command: Words of the command line, stored in a new dataset.
 
         Raises:
             InputFileError: If the folder holds anything else, or a dataset of other missions or other code.
             OSError: If it cannot be written.
         """
-        if folder.is_file() or (folder.is_dir() and not (folder / MANIFEST).exists() and any(folder.iterdir())):
-            raise InputFileError([f"--out: {folder} is no sweep; allowed is a new or empty folder, or that of a sweep"])
-        if not (folder / MANIFEST).exists():
+        is_new = not (folder / MANIFEST).exists()
+        if folder.is_file() or (folder.is_dir() and is_new and any(folder.iterdir())):
+            raise InputFileError([f"--out: must be a new or empty folder, or that of a sweep, got {folder}"])
+        if is_new:
             (folder / ROWS).mkdir(parents=True, exist_ok=True)
             scenarios = {job.scenario_digest: job.scenario.model_dump_json() for job in plan.jobs}
             columns = {"scenario_digest": list(scenarios), "scenario": list(scenarios.values())}
@@ -84,15 +208,11 @@ class Dataset:
                 "versions": {name: version(name) for name in ("pdpatrol", "mujoco", "numpy", "scipy", "numba")},
             }
             write_text(folder / MANIFEST, json.dumps(manifest, indent=2) + "\n")
-        dataset, faults = cls(folder), list[str]()
+        dataset = cls(folder)
         if dataset.manifest["plan"] != plan.digest:
-            faults.append(
-                f"--out: {folder} holds other missions; allowed is a new folder, or the command of that sweep"
-            )
+            raise InputFileError([f"--out: {folder} has other missions; use a new folder or the command of that sweep"])
         if dataset.manifest["code"] != plan.code:
-            faults.append(f"--out: {folder} was begun by other code; allowed is a new folder: then compare the two")
-        if faults:
-            raise InputFileError(faults)
+            raise InputFileError([f"--out: {folder} was begun by another version of the code; use a new folder"])
         return dataset
 
     @property
@@ -101,72 +221,59 @@ class Dataset:
         return len(self.keys()) == self.manifest["n_missions"]
 
     def keys(self) -> set[str]:
-        """Keys of the missions that have a row."""
-        single = {path.stem for path in (self.folder / ROWS).glob("*.parquet")}
+        """Return the keys of the missions that have a row."""
+        keys = {path.stem for path in (self.folder / ROWS).glob("*.parquet")}
         if (self.folder / ALL_ROWS).exists():
-            single |= set(_rows(self.folder / ALL_ROWS, columns=["key"])["key"].to_pylist())
-        return single
+            keys.update(_read_table(self.folder / ALL_ROWS, columns=["key"])["key"].to_pylist())
+        return keys
 
     def write(self, row: MissionRow) -> None:
-        """Keep one row, whole or not at all.
+        """Write one row atomically.
 
         Raises:
-            OSError: If it cannot be written; the rows before it stay.
+            OSError: If it cannot be written; earlier rows stay.
         """
-        _write_table(self.folder / ROWS / f"{row.key}.parquet", _as_table([row]))
+        _write_table(self.folder / ROWS / f"{row.key}.parquet", pa.Table.from_pylist([row._asdict()], schema=SCHEMA))
 
     def read(self) -> pa.Table:
-        """All rows, in the order of the plan; no mission comes twice."""
+        """Return all rows in the order of the plan, each mission once."""
         rows: dict[str, dict[str, Any]] = {}
-        # the common file last: what another shard takes from the single ones meanwhile is in it by then
+        # The common file is read last: it holds the rows that another shard removes from the single files meanwhile.
         for path in [*(self.folder / ROWS).glob("*.parquet"), self.folder / ALL_ROWS]:
             with suppress(FileNotFoundError):
-                rows |= {row["key"]: row for row in _rows(path, schema=SCHEMA).to_pylist()}
+                rows |= {row["key"]: row for row in _read_table(path, schema=SCHEMA).to_pylist()}
         return pa.Table.from_pylist(sorted(rows.values(), key=lambda row: row["order"]), schema=SCHEMA)
 
     def job(self, number: int) -> MissionJob:
-        """The mission of a row, to be run again.
+        """Return the job of a row, to run the mission again.
 
         Raises:
-            InputFileError: If there is no such row.
+            InputFileError: If there is no such row, or its scenario is damaged.
         """
         rows = {row["order"]: row for row in self.read().to_pylist()}
         if number not in rows:
-            raise InputFileError([f"--row: got {number}; allowed is the number of a row, 0 to {max(rows, default=0)}"])
+            raise InputFileError([f"--row: must be the number of a row, 0 to {max(rows, default=0)}, got {number}"])
         row = rows[number]
+        stored = _read_table(self.folder / SCENARIOS, columns=["scenario_digest", "scenario"]).to_pylist()
         try:
-            scenario = restore_scenario(json.loads(self._scenarios()[row["scenario_digest"]]))
-            settings = json.loads(row["settings"])
-        except (LookupError, ValueError, TypeError, RecursionError) as error:
-            if isinstance(error, InputFileError):
-                raise
-            raise InputFileError([f"{self.folder / SCENARIOS}: is damaged: no scenario of row {number}"]) from None
-        return MissionJob(
-            order=number,
-            key=row["key"],
-            level=row["level"],
-            suite=row["suite"],
-            scenario=scenario,
-            scenario_digest=row["scenario_digest"],
-            policy=row["policy"],
-            settings=settings,
-            seed=row["seed"],
-        )
-
-    def _scenarios(self) -> dict[str, str]:
-        """Each scenario whole, as JSON, by its digest."""
-        table = _rows(self.folder / SCENARIOS, columns=["scenario_digest", "scenario"]).to_pydict()
-        return dict(zip(table["scenario_digest"], table["scenario"], strict=True))
+            (text,) = (each["scenario"] for each in stored if each["scenario_digest"] == row["scenario_digest"])
+            scenario, settings = restore_scenario(json.loads(text)), json.loads(row["settings"])
+        except InputFileError:
+            raise
+        except (ValueError, TypeError, RecursionError):
+            raise InputFileError([f"{self.folder / SCENARIOS}: must hold the scenario of row {number}"]) from None
+        columns = {name: row[name] for name in MissionJob._fields if name not in ("scenario", "settings")}
+        return MissionJob(**columns, scenario=scenario, settings=settings)
 
     def compact(self) -> None:
-        """Put all rows into one file; at any moment each is in that file or in its own."""
+        """Move all rows into one file; at any moment each row is in that file or in its own."""
         _write_table(self.folder / ALL_ROWS, self.read())
         for path in (self.folder / ROWS).glob("*.parquet"):
             path.unlink(missing_ok=True)
 
 
 def read_all(datasets: Sequence[Dataset]) -> pa.Table:
-    """The rows of several datasets, one after the other; no mission comes twice."""
+    """Return the rows of several datasets, each mission once."""
     rows: dict[str, dict[str, Any]] = {}
     for dataset in datasets:
         for row in dataset.read().to_pylist():
@@ -174,15 +281,9 @@ def read_all(datasets: Sequence[Dataset]) -> pa.Table:
     return pa.Table.from_pylist(list(rows.values()), schema=SCHEMA)
 
 
-def _rows(path: Path, **wanted: Any) -> pa.Table:  # noqa: ANN401 - options of pyarrow
-    """A file of rows, or some of its columns.
-
-    Raises:
-        FileNotFoundError: If it is not there.
-        InputFileError: If it is damaged, or of other rows.
-    """
+def _read_table(path: Path, **options: Any) -> pa.Table:  # noqa: ANN401 - options of pyarrow
     try:
-        table = pq.read_table(path, **wanted)
+        table = pq.read_table(path, **options)
         table.validate(full=True)
     except FileNotFoundError:
         raise
@@ -190,10 +291,6 @@ def _rows(path: Path, **wanted: Any) -> pa.Table:  # noqa: ANN401 - options of p
         why = error.strerror if isinstance(error, OSError) and error.strerror else "damaged, or of another sweep"
         raise InputFileError([f"{path}: cannot be read ({why})"]) from None
     return table
-
-
-def _as_table(rows: Sequence[MissionRow]) -> pa.Table:
-    return pa.Table.from_pylist([row._asdict() for row in rows], schema=SCHEMA)
 
 
 def _write_table(path: Path, table: pa.Table) -> None:

@@ -1,11 +1,13 @@
-"""What a sweep consists of: scenarios times settings times policies times seeds, each mission with a key of its own."""
+"""Plan of a sweep: scenarios times settings times policies times seeds, one job for each mission."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import subprocess
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,27 +15,27 @@ from typing import Any, NamedTuple
 from dirmusic import InputFileError
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.scenario.suite import choose_yards, is_of_suite, load_suite
-from pdpatrol.missions.sweep.code_version import digest_of_code
+from pdpatrol.envs.user_code import UserCodeError
+from pdpatrol.missions.policies.names import BUILT_IN, load_maker
 
 Settings = Mapping[str, Any]
 
-USUAL_SEEDS = range(20)
-"""Of a scenario that is not of the suite."""
+ROOT = Path(__file__).parents[3]
 
 
 class MissionJob(NamedTuple):
     """One mission of a sweep.
 
     Attributes:
-        order: Its number in the sweep, from 0.
-        key: Tells it apart from every other mission of the sweep; the same in each run of it.
-        level: Of the suite; empty for any other scenario.
+        order: Number of the mission in the sweep, from 0.
+        key: Identifier of the mission, the same in each run of the sweep.
+        level: Level of the suite; empty for any other scenario.
         suite: Version and checksum of the suite; empty for any other scenario.
-        scenario: What to run, settings included.
+        scenario: Scenario with its settings.
         scenario_digest: SHA-256 of the scenario as JSON, in hexadecimal digits.
-        policy: Who drives, as `pdpatrol.missions.policies.make_policy` takes it.
+        policy: Name of the policy, as `pdpatrol.missions.policies.make_policy` takes it.
         settings: Keys of the scenario that the sweep sets, with their values.
-        seed: Of the mission.
+        seed: Seed of the mission.
     """
 
     order: int
@@ -52,8 +54,8 @@ class SweepPlan(NamedTuple):
 
     Attributes:
         jobs: The missions.
-        digest: Changes with any of them, and with any file of the user's that they name.
-        code: Changes with any file of this project.
+        digest: Digest of all missions and of the user's files that they name.
+        code: Digest of the code of this project.
     """
 
     jobs: tuple[MissionJob, ...]
@@ -61,24 +63,8 @@ class SweepPlan(NamedTuple):
     code: str
 
     def shard(self, number: int, n_shards: int) -> tuple[MissionJob, ...]:
-        """Part `number`, from 1, of `n_shards` parts; each mission is in exactly one."""
+        """Return shard `number`, from 1, of `n_shards`; each mission is in exactly one."""
         return self.jobs[number - 1 :: n_shards]
-
-
-class Choice(NamedTuple):
-    """A scenario that a sweep runs.
-
-    Attributes:
-        name: As `pdpatrol.envs.load_scenario` takes it.
-        level: As of `MissionJob`.
-        suite: As of `MissionJob`.
-        seeds: Of its missions.
-    """
-
-    name: str
-    level: str
-    suite: str
-    seeds: Sequence[int]
 
 
 def make_plan(
@@ -87,119 +73,133 @@ def make_plan(
     grid: Mapping[str, Sequence[Any]],
     seeds: Sequence[int] | None = None,
 ) -> SweepPlan:
-    """The missions of a sweep: for each scenario and each combination of settings, each policy on each seed.
+    """Plan a sweep: for each scenario and each combination of settings, each policy with each seed.
 
     Args:
         scenarios: Names of shipped scenarios, paths of TOML files, or the suite and parts of it, as
             `pdpatrol.envs.scenario.suite.choose_yards` takes them.
-        policies: Names of policies.
-        grid: For each key of the scenario that is set, `table.key`, the values that it takes.
-        seeds: Of the missions; None for those of the suite, and for 0 to 19 in any other scenario.
+        policies: Names of policies, or the user's own as my_file.py:MyPolicy.
+        grid: Values of each key of the scenario, `table.key`, that the sweep sets.
+        seeds: Seeds of the missions; None for those of the suite, and for 0 to 19 in any other scenario.
 
     Raises:
-        InputFileError: With all faults, if a scenario cannot be loaded or does not take a setting.
+        InputFileError: With all errors, if a scenario or policy cannot be loaded, or a setting is invalid.
     """
-    faults: list[str] = []
-    refused: dict[str, list[str]] = {}
-    variants: list[tuple[Choice, Scenario, Settings]] = []
-    for choice, values in product(_choose(scenarios, seeds, faults), list(product(*grid.values()))):
+    errors: list[str] = []
+    for policy in set(policies) - set(BUILT_IN):
+        try:
+            load_maker(policy)
+        except UserCodeError as error:
+            errors.append(str(error))
+    files_of_error: dict[str, list[str]] = {}
+    jobs: list[MissionJob] = []
+    for (name, level, suite, usual_seeds), values in product(_choose(scenarios, errors), list(product(*grid.values()))):
         settings = dict(zip(grid, values, strict=True))
         try:
-            variants.append((choice, load_scenario(choice.name, settings), settings))
+            scenario = load_scenario(name, settings)
         except InputFileError as error:
-            for file, _, fault in (line.partition(": ") for line in error.faults):
-                refused.setdefault(fault, []).append(file)
-    faults += [f"{_files(files)}: {fault}" for fault, files in refused.items()]
-    if faults:
-        raise InputFileError(faults)
-    jobs: list[MissionJob] = []
-    for choice, scenario, settings in variants:
-        of_scenario = hashlib.sha256(scenario.model_dump_json().encode()).hexdigest()
+            for line in error.faults:
+                file, _, text = line.partition(": ")
+                files_of_error.setdefault(text, []).append(file)
+            continue
+        scenario_digest = hashlib.sha256(scenario.model_dump_json().encode()).hexdigest()
         for policy in policies:
-            named = digest([of_scenario, policy, *digests_of_files(scenario, policy)])
-            for seed in choice.seeds:
-                key = digest([named, str(seed)])[:16]
+            named = digest([scenario_digest, policy, *digests_of_files(scenario, policy)])
+            for seed in usual_seeds if seeds is None else seeds:
                 job = MissionJob(
                     order=len(jobs),
-                    key=key,
-                    level=choice.level,
-                    suite=choice.suite,
+                    key=digest([named, str(seed)])[:16],
+                    level=level,
+                    suite=suite,
                     scenario=scenario,
-                    scenario_digest=of_scenario,
+                    scenario_digest=scenario_digest,
                     policy=policy,
                     settings=settings,
                     seed=seed,
                 )
                 jobs.append(job)
+    for text, files in files_of_error.items():
+        n_others = len(set(files)) - 1
+        errors.append(f"{files[0]}{f', and {n_others} more' if n_others else ''}: {text}")
+    if errors:
+        raise InputFileError(errors)
     return SweepPlan(tuple(jobs), digest([job.key for job in jobs]), digest_of_code())
 
 
-def _files(files: Sequence[str]) -> str:
-    """The first of some files, and how many there are besides."""
-    others = len(set(files)) - 1
-    return f"{files[0]}, and {others} more" if others else files[0]
-
-
-def _choose(scenarios: Sequence[str], seeds: Sequence[int] | None, faults: list[str]) -> Iterator[Choice]:
-    """The scenarios that some names stand for; what is wrong with a name joins the faults."""
+def _choose(scenarios: Sequence[str], errors: list[str]) -> list[tuple[str, str, str, Sequence[int]]]:
+    """Return name, level, suite and usual seeds of each scenario; append errors of names."""
+    chosen: list[tuple[str, str, str, Sequence[int]]] = []
+    suite = load_suite()
     for name in scenarios:
         if not is_of_suite(name):
-            yield Choice(name, "", "", USUAL_SEEDS if seeds is None else seeds)
+            chosen.append((name, "", "", range(20)))
             continue
         try:
-            yards = choose_yards(name)
+            chosen += [(yard.name, yard.level, suite.label, suite.seeds[yard.part]) for yard in choose_yards(name)]
         except InputFileError as error:
-            faults += error.faults
-            continue
-        suite = load_suite()
-        for yard in yards:
-            yield Choice(yard.name, yard.level, suite.label, suite.seeds[yard.part] if seeds is None else seeds)
+            errors += error.faults
+    return chosen
 
 
 def parse_grid(texts: Iterable[str]) -> dict[str, list[Any]]:
-    """A grid from texts like `receiver.noise_v=5e-4,1e-3`; values are TOML, and what is none is taken as a text.
+    """Parse settings such as `receiver.noise_v=5e-4,1e-3`; values that are not TOML are strings.
 
     Raises:
-        InputFileError: If a text is of another form, or a key comes twice.
+        InputFileError: If a text has another form, or a key is given twice.
     """
     grid: dict[str, list[Any]] = {}
-    faults: list[str] = []
+    errors: list[str] = []
     for text in texts:
-        key, equals, values = text.partition("=")
-        if not equals or not values or not all(key.split(".")):
-            faults.append(f"--set: got {text!r}; allowed is key=value,value,... like receiver.noise_v=5e-4,1e-3")
+        key, _, values = text.partition("=")
+        if not values or not all(key.split(".")):
+            errors.append(f"--set: must be key=value,value,... such as receiver.noise_v=5e-4,1e-3, got {text!r}")
         elif key in grid:
-            faults.append(f"--set: {key} comes twice; allowed is once, with all its values")
+            errors.append(f"--set: {key} must be given once with all its values, got it twice")
         else:
-            grid[key] = _values(values)
-    if faults:
-        raise InputFileError(faults)
+            # Commas within brackets, braces and quotes belong to a value.
+            listed = parse_toml(f"[{values}]", None)
+            grid[key] = [parse_toml(part, part.strip()) for part in values.split(",")] if listed is None else listed
+    if errors:
+        raise InputFileError(errors)
     return grid
 
 
-def _values(text: str) -> list[Any]:
-    """Values between commas; commas within brackets, braces or quotes are part of a value."""
-    try:
-        return list(tomllib.loads(f"values = [{text}]")["values"])
-    except tomllib.TOMLDecodeError:
-        return [_value(part.strip()) for part in text.split(",")]
-
-
-def _value(text: str) -> Any:  # noqa: ANN401 - TOML holds values of many types
+def parse_toml(text: str, default: object) -> Any:  # noqa: ANN401 - TOML has values of many types
+    """Parse one value of TOML, or return the default if it is not valid TOML."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
-        return text
+        return default
 
 
 def digest(texts: Iterable[str]) -> str:
-    """SHA-256 of some texts, in hexadecimal digits."""
+    """Return the SHA-256 of some texts, in hexadecimal digits."""
     return hashlib.sha256(json.dumps(list(texts)).encode()).hexdigest()
 
 
 def digests_of_files(scenario: Scenario, policy: str) -> list[str]:
-    """SHA-256 of the contents of all files of the user's that a scenario and a policy name."""
-    own = scenario.array.pattern, scenario.array.true_pattern, scenario.robot.model
+    """Return the SHA-256 of each of the user's files that a scenario or a policy names."""
+    data = scenario.array.pattern, scenario.array.true_pattern, scenario.robot.model
     code = policy, scenario.estimator.method, scenario.locating.locator
-    names = [name for name in own if name] + [name.rpartition(":")[0] for name in code if name and ":" in name]
+    names = [*filter(None, data), *(name.rpartition(":")[0] for name in code if name and ":" in name)]
     return [hashlib.sha256(Path(name).read_bytes()).hexdigest() for name in names if Path(name).is_file()]
+
+
+@cache
+def digest_of_code() -> str:
+    """Return the SHA-256 of names and contents of all files of this project that a mission may depend on."""
+    total = hashlib.sha256()
+    for package in ("dirmusic", *(f"pdpatrol/{room}" for room in ("sensing", "robot_models", "envs", "missions"))):
+        for path in sorted(path for path in (ROOT / package).rglob("*") if path.suffix in (".py", ".toml", ".xml")):
+            total.update(f"{path.relative_to(ROOT).as_posix()}\0{path.stat().st_size}\0".encode())
+            total.update(path.read_bytes())
+    return total.hexdigest()
+
+
+def commit() -> str:
+    """Return the commit that is checked out, with `+` if files differ from it; empty outside a repository."""
+    command = ["git", "describe", "--always", "--abbrev=12", "--exclude=*", "--dirty=+"]
+    try:
+        return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return ""

@@ -1,4 +1,4 @@
-"""What tests of sweeps share: short missions, and policies that fail each in its own way."""
+"""Fixtures of sweeps: a short mission, and policies that fail in different ways."""
 
 from pathlib import Path
 
@@ -34,7 +34,7 @@ class Dies(Stands):
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """With a scenario of eight seconds, and policies that fail each in its own way."""
+    """Return a folder with a scenario of eight seconds and policies that fail in different ways."""
     text = SHIPPED.read_text(encoding="utf-8")
     (tmp_path / "short.toml").write_text(f"{text}\n[task]\ntime_limit_s = 8.0\n", encoding="utf-8")
     (tmp_path / "own.py").write_text(POLICIES, encoding="utf-8")

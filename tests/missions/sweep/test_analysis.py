@@ -19,8 +19,7 @@ from pdpatrol.missions.sweep.analysis import (
     summarise_groups,
     wilson,
 )
-from pdpatrol.missions.sweep.dataset import Dataset
-from pdpatrol.missions.sweep.mission_row import MissionRow
+from pdpatrol.missions.sweep.dataset import Dataset, MissionRow
 from pdpatrol.missions.sweep.plan import make_plan
 
 N_SEEDS = 40

@@ -1,4 +1,4 @@
-"""What a sweep consists of."""
+"""Plans of sweeps."""
 
 from collections import Counter
 from itertools import combinations
@@ -12,7 +12,7 @@ from pdpatrol.envs.scenario.suite import load_suite
 from pdpatrol.missions.sweep.plan import MissionJob, make_plan, parse_grid
 
 
-def test_every_combination_is_one_mission_and_shards_share_them_out() -> None:
+def test_every_combination_is_one_mission_in_one_shard() -> None:
     grid = {"receiver.noise_v": [1e-3, 2e-3], "array.n_elements": [6, 8]}
     plan = make_plan(["one_source", "two_sources"], ["seek", "patrol"], grid, range(3))
     assert len(plan.jobs) == 2 * 4 * 2 * 3
@@ -26,7 +26,7 @@ def test_every_combination_is_one_mission_and_shards_share_them_out() -> None:
     assert max(map(len, shards)) - min(map(len, shards)) <= 1
 
 
-def test_keys_follow_what_is_run_and_nothing_else(tmp_path: Path) -> None:
+def test_keys_depend_only_on_the_mission(tmp_path: Path) -> None:
     policy = tmp_path / "own.py"
     policy.write_text("class Own: pass\n", encoding="utf-8")
 
@@ -48,7 +48,7 @@ def test_keys_follow_what_is_run_and_nothing_else(tmp_path: Path) -> None:
     assert all(one.key != other.key for one, other in combinations(others, 2))
 
 
-def test_a_setting_is_the_same_as_the_key_in_the_file() -> None:
+def test_setting_equals_the_key_in_the_file() -> None:
     usual = load_scenario("one_source")
     assert load_scenario("one_source", {}) == usual
     changed = load_scenario("one_source", {"receiver.noise_v": 2e-3, "locating.solver": "bearings"})
@@ -59,7 +59,7 @@ def test_a_setting_is_the_same_as_the_key_in_the_file() -> None:
     assert changed.model_dump() == tables
 
 
-def test_values_are_toml_or_texts() -> None:
+def test_values_are_toml_or_strings() -> None:
     assert parse_grid(["a.b=5e-4,1e-3,2"]) == {"a.b": [5e-4, 1e-3, 2]}
     assert parse_grid(["a=true,false", "b=joint,bearings"]) == {"a": [True, False], "b": ["joint", "bearings"]}
     assert parse_grid(["yard.size_m=[30.0, 24.0],[40.0, 30.0]"]) == {"yard.size_m": [[30.0, 24.0], [40.0, 30.0]]}
@@ -67,12 +67,12 @@ def test_values_are_toml_or_texts() -> None:
 
 
 @pytest.mark.parametrize("text", ["noise", "=3", "a..b=1", "a="])
-def test_what_is_no_setting_is_refused(text: str) -> None:
-    with pytest.raises(InputFileError, match="--set: got"):
+def test_invalid_setting_is_refused(text: str) -> None:
+    with pytest.raises(InputFileError, match="--set: must be"):
         parse_grid([text])
 
 
-def test_all_faults_of_all_settings_are_listed() -> None:
+def test_errors_of_all_settings_are_listed() -> None:
     grid = {"receiver.noise_v": [1e-3, -1.0], "reciever.bits": [8]}
     with pytest.raises(InputFileError) as caught:
         make_plan(["one_source"], ["seek"], grid, [0])
@@ -80,14 +80,14 @@ def test_all_faults_of_all_settings_are_listed() -> None:
     assert sum("reciever: unknown key" in fault for fault in caught.value.faults) == 1
 
 
-def test_what_many_yards_refuse_alike_is_one_line() -> None:
+def test_same_error_in_many_yards_is_one_line() -> None:
     with pytest.raises(InputFileError) as error:
         make_plan(["suite/open"], ["seek"], {"receiver.noise_v": [-1.0, 1e-3], "robot.model": ["inspector"]})
     (fault,) = error.value.faults
     assert fault.endswith("open_01.toml, and 8 more: receiver.noise_v: got -1.0; input should be greater than 0")
 
 
-def test_yards_of_the_suite_come_with_their_seeds_level_and_checksum() -> None:
+def test_suite_yards_have_their_seeds_level_and_checksum() -> None:
     plan = make_plan(["suite/weak", "suite/test/quiet", "one_source"], ["seek"], {})
     by_level = Counter((job.level, job.suite) for job in plan.jobs)
     suite = load_suite()

@@ -1,4 +1,4 @@
-"""Sweeps on Ray: the same rows as from processes of this machine, whatever is killed meanwhile."""
+"""A sweep on Ray gives the same rows as on local processes, also if nodes or workers are killed."""
 
 import os
 import re
@@ -14,11 +14,10 @@ import psutil
 import pyarrow as pa
 import pytest
 
-from pdpatrol.missions.sweep.dataset import Dataset
-from pdpatrol.missions.sweep.engines.engine import EngineError, Limits
-from pdpatrol.missions.sweep.engines.ray_engine import run_on_node
-from pdpatrol.missions.sweep.mission_row import MEASURED
+from pdpatrol.missions.sweep.dataset import MEASURED, Dataset
 from pdpatrol.missions.sweep.plan import make_plan
+from pdpatrol.missions.sweep.pool import EngineError, MissionLimits
+from pdpatrol.missions.sweep.ray_engine import run_on_node
 from tests.processes import below, listening, title
 
 pytestmark = [
@@ -41,7 +40,7 @@ def sweep(folder: Path, *words: str, engine: str = "ray") -> subprocess.Complete
 
 
 def rows(folder: Path) -> pa.Table:
-    """Without what differs between two runs."""
+    """Return the columns that do not differ between two runs."""
     return Dataset(folder).read().drop_columns(list(MEASURED))
 
 
@@ -57,7 +56,7 @@ def n_rows(folder: Path) -> int:
 
 
 @pytest.mark.slow
-def test_a_table_is_that_of_the_pool_whatever_becomes_of_its_missions(folder: Path) -> None:
+def test_ray_gives_the_rows_of_the_pool(folder: Path) -> None:
     policies = "seek", *(f"own.py:{name}" for name in ("Raises", "Hangs", "Eats", "Dies"))
     words = ["--seeds", "0", "--policy", *policies, "--wall-limit-s", "30", "--memory-gb", "1", "--out"]
     pool, ray = (sweep(folder, *words, name, engine=engine) for name, engine in (("one", "pool"), ("two", "ray")))
@@ -65,17 +64,17 @@ def test_a_table_is_that_of_the_pool_whatever_becomes_of_its_missions(folder: Pa
     statuses = ["finished", "failed", "hung", "out of memory", "died"]
     assert rows(folder / "two")["status"].to_pylist() == statuses
     assert rows(folder / "two").equals(rows(folder / "one"))
-    printed = [re.sub(r"missions in .*", "", done.stdout) for done in (pool, ray)]  # but for what it took
+    printed = [re.sub(r"missions in .*", "", done.stdout) for done in (pool, ray)]  # without the computing time
     assert printed[1].replace("two", "one") == printed[0]
-    assert sorted(ray.stderr.split()) == sorted(pool.stderr.split())  # not a word of Ray's
+    assert sorted(ray.stderr.split()) == sorted(pool.stderr.split())  # Ray prints nothing
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("victim", ["node", "worker"])
-def test_missions_of_a_node_or_a_worker_that_is_killed_run_again(
+def test_missions_of_killed_node_or_worker_run_again(
     victim: str, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")  # the nodes listen on 127.0.0.1 alone
+    monkeypatch.setenv("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
     from ray.cluster_utils import Cluster
 
     cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
@@ -96,10 +95,10 @@ def test_missions_of_a_node_or_a_worker_that_is_killed_run_again(
         n_left = N_MISSIONS - n_rows(folder / "robbed")
         for pid in [raylet, *sorted(below(raylet))] if victim == "node" else busy():
             os.kill(pid, signal.SIGKILL)
-        told, warned = sweeping.communicate(timeout=300)
+        printed, warned = sweeping.communicate(timeout=300)
         assert sweeping.returncode == 0, warned
         assert n_left > 2
-        assert "raylet" not in told + warned
+        assert "raylet" not in printed + warned
     finally:
         cluster.shutdown()
     assert sweep(folder, *words, "whole", engine="pool").returncode == 0
@@ -108,9 +107,7 @@ def test_missions_of_a_node_or_a_worker_that_is_killed_run_again(
 
 
 @pytest.mark.parametrize("engine", ["pool", pytest.param("ray", marks=pytest.mark.slow)])  # Ray takes a minute to end
-def test_a_command_that_is_killed_leaves_no_process_and_listens_on_this_machine_alone(
-    engine: str, folder: Path
-) -> None:
+def test_killed_command_leaves_no_process_and_listens_locally(engine: str, folder: Path) -> None:
     words = command("--seeds", "0-1", "--policy", "own.py:Hangs", "--out", "out", engine=engine)
     sweeping = subprocess.Popen(words, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
@@ -126,27 +123,27 @@ def test_a_command_that_is_killed_leaves_no_process_and_listens_on_this_machine_
     wait_for(lambda: not any(psutil.pid_exists(pid) for pid in started))
 
 
-def test_a_node_with_other_code_runs_no_mission(folder: Path) -> None:
+def test_node_with_another_version_is_refused(folder: Path) -> None:
     job = make_plan([str(folder / "short.toml")], ["seek"], {}, [0]).jobs[0]
-    with pytest.raises(EngineError, match="has other code"):
-        run_on_node(job, Limits(900.0, 2_000_000_000), "other", str(folder))
+    with pytest.raises(EngineError, match="another version of pdpatrol"):
+        run_on_node(job, MissionLimits(900.0, 2_000_000_000), "other", str(folder))
 
 
 @pytest.mark.parametrize(
-    ("address", "told"),
+    ("address", "message"),
     [
-        ("127.0.0.1:1", "--ray-address: got 127.0.0.1:1, where nothing answers; allowed is HOST:PORT or auto"),
+        ("127.0.0.1:1", "--ray-address: must be HOST:PORT or auto, got 127.0.0.1:1, where nothing answers"),
         ("nowhere", "--ray-address: nowhere cannot be joined: Invalid address format: nowhere"),
     ],
 )
-def test_an_address_without_a_cluster_is_one_line(address: str, told: str, folder: Path) -> None:
+def test_address_without_cluster_is_one_line(address: str, message: str, folder: Path) -> None:
     done = sweep(folder, "--seeds", "0", "--ray-address", address, "--out", "out")
     assert (done.returncode, done.stdout) == (1, "")
     (line,) = done.stderr.strip().splitlines()
-    assert line.startswith(told)
+    assert line.startswith(message)
 
 
-def test_without_ray_its_engine_is_refused_in_one_line_and_the_pool_runs(folder: Path) -> None:
+def test_without_ray_its_engine_is_refused_and_the_pool_runs(folder: Path) -> None:
     lines = "import sys; sys.modules['ray'] = None; from pdpatrol.missions.cli import main; main()"
     done = [
         subprocess.run([sys.executable, "-c", lines, *command("--seeds", "0", "--out", engine, engine=engine)[1:]],

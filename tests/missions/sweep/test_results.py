@@ -11,7 +11,7 @@ from rich.console import Console
 
 from pdpatrol.envs.scenario import SHIPPED
 from pdpatrol.missions.sweep.analysis import Estimate, Summary, summarise_groups
-from pdpatrol.missions.sweep.dataset import Dataset
+from pdpatrol.missions.sweep.dataset import Dataset, MissionRow
 from pdpatrol.missions.sweep.figures import (
     draw_errors,
     draw_figures,
@@ -20,7 +20,6 @@ from pdpatrol.missions.sweep.figures import (
     groups,
     label_of,
 )
-from pdpatrol.missions.sweep.mission_row import MissionRow
 from pdpatrol.missions.sweep.plan import make_plan
 from pdpatrol.missions.sweep.tables import as_csv, cells, terminal_table
 

@@ -1,4 +1,4 @@
-"""Sweeps: nothing is lost, and nothing depends on how they are run."""
+"""A sweep loses no row, and its rows do not depend on how it is run."""
 
 import json
 import os
@@ -15,10 +15,9 @@ import psutil
 import pyarrow as pa
 import pytest
 
-from pdpatrol.missions.sweep.dataset import Dataset
-from pdpatrol.missions.sweep.engines.worker import run_job
-from pdpatrol.missions.sweep.mission_row import MEASURED, MissionRow
+from pdpatrol.missions.sweep.dataset import MEASURED, Dataset, MissionRow
 from pdpatrol.missions.sweep.plan import make_plan
+from pdpatrol.missions.sweep.pool import run_job
 from tests.processes import WRITES_NO_BYTECODE, below, cpu_s
 
 pytestmark = pytest.mark.whole
@@ -32,11 +31,11 @@ def sweep(folder: Path, *words: str, workers: int = 2) -> subprocess.CompletedPr
 
 
 def rows(folder: Path) -> pa.Table:
-    """Without what differs between two runs."""
+    """Return the columns that do not differ between two runs."""
     return Dataset(folder).read().drop_columns(list(MEASURED))
 
 
-def test_rows_are_the_same_with_any_number_of_workers_and_from_shards(folder: Path) -> None:
+def test_rows_do_not_depend_on_workers_or_shards(folder: Path) -> None:
     words = "--seeds", "0-2", "--policy", "seek", "patrol"
     done = sweep(folder, *words, "--out", "two", workers=2)
     assert done.returncode == 0, done.stderr
@@ -65,9 +64,7 @@ needs_ray = pytest.mark.skipif(find_spec("ray") is None, reason="the extra `ray`
         pytest.param("ray", 100, 20, marks=[pytest.mark.slow, needs_ray]),
     ],
 )
-def test_a_sweep_that_is_killed_at_any_moment_ends_with_the_same_table(
-    engine: str, n_missions: int, n_kills: int, folder: Path
-) -> None:
+def test_killed_sweep_continues_to_the_same_rows(engine: str, n_missions: int, n_kills: int, folder: Path) -> None:
     words = ["--seeds", f"0-{n_missions - 1}", "--engine", engine, "--out"]
     rng = random.Random(0)
     for kill in range(n_kills):
@@ -75,7 +72,7 @@ def test_a_sweep_that_is_killed_at_any_moment_ends_with_the_same_table(
             [PDPATROL, "sweep", "short.toml", "--workers", "2", *words, "killed"],
             cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
         )  # fmt: skip
-        wanted = n_missions * (kill + 1) // (n_kills + 4)  # so that some are left when it is killed last
+        wanted = n_missions * (kill + 1) // (n_kills + 4)  # so that some remain at the last kill
         while len(list((folder / "killed" / "rows").glob("*.parquet"))) < wanted and process.poll() is None:
             time.sleep(0.01)
         time.sleep(rng.uniform(0.0, 0.5))
@@ -90,7 +87,7 @@ def test_a_sweep_that_is_killed_at_any_moment_ends_with_the_same_table(
 
 
 @pytest.mark.slow
-def test_a_worker_that_is_killed_is_replaced_and_its_mission_runs_again(folder: Path) -> None:
+def test_killed_worker_is_replaced_and_its_mission_runs_again(folder: Path) -> None:
     words = ["--seeds", "0-11"]
     command = [PDPATROL, "sweep", "short.toml", "--workers", "2", *words, "--out", "robbed"]
     process = subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
@@ -103,14 +100,14 @@ def test_a_worker_that_is_killed_is_replaced_and_its_mission_runs_again(folder: 
             killed.add(worker)
             os.kill(worker, signal.SIGKILL)
         time.sleep(0.05)
-    _, told = process.communicate(timeout=300)
-    assert process.returncode == 0, told
+    _, printed = process.communicate(timeout=300)
+    assert process.returncode == 0, printed
     assert len(killed) == 2
     assert sweep(folder, *words, "--out", "whole").returncode == 0
     assert rows(folder / "robbed").equals(rows(folder / "whole"))
 
 
-def test_what_raises_hangs_eats_or_dies_is_a_row_and_stops_nothing(folder: Path) -> None:
+def test_mission_that_fails_hangs_or_dies_is_a_row(folder: Path) -> None:
     names = ["Stands", "Raises", "Hangs", "Eats", "Dies"]
     policies = [f"own.py:{name}" for name in names]
     limits = "--wall-limit-s", "10", "--memory-gb", "1"
@@ -123,11 +120,12 @@ def test_what_raises_hangs_eats_or_dies_is_a_row_and_stops_nothing(folder: Path)
     assert "own.py:9: RuntimeError: out of ideas" in table[2]["error"]
     assert table[0]["error"] == ""
     assert "exit code 7" in table[8]["error"]
-    told = subprocess.run([PDPATROL, "results", "out"], cwd=folder, capture_output=True, text=True, timeout=60).stdout
-    assert "own.py:Hangs, seed 1: hung: took longer than the 10 s that are allowed" in told
+    done = subprocess.run([PDPATROL, "results", "out"], cwd=folder, capture_output=True, text=True, timeout=60)
+    shown = done.stdout
+    assert "own.py:Hangs, seed 1: hung: took longer than the limit of 10 s" in shown
 
 
-def test_a_full_disk_is_told_and_loses_no_finished_row(folder: Path) -> None:
+def test_full_disk_is_reported_and_loses_no_row(folder: Path) -> None:
     plan = make_plan([str(folder / "short.toml")], ["seek"], {}, range(2))
     dataset = Dataset.open_or_make(folder / "out", plan)
     dataset.write(MissionRow.of_failure(plan.jobs[0], "failed", "for a test"))
@@ -144,7 +142,7 @@ def test_a_full_disk_is_told_and_loses_no_finished_row(folder: Path) -> None:
     assert [path.name for path in (folder / "out").rglob("*.tmp")] == []
 
 
-def test_a_crash_within_compaction_doubles_no_row(tmp_path: Path) -> None:
+def test_crash_during_compaction_duplicates_no_row(tmp_path: Path) -> None:
     plan = make_plan(["one_source"], ["seek"], {}, range(3))
     dataset = Dataset.open_or_make(tmp_path / "out", plan)
     for job in plan.jobs:
@@ -152,7 +150,7 @@ def test_a_crash_within_compaction_doubles_no_row(tmp_path: Path) -> None:
     before = dataset.read()
     single = {path: path.read_bytes() for path in (tmp_path / "out" / "rows").iterdir()}
     dataset.compact()
-    for path, content in list(single.items())[:2]:  # as if it had not come to remove them
+    for path, content in list(single.items())[:2]:  # as if they had not been removed yet
         path.write_bytes(content)
     (tmp_path / "out" / "rows" / ".x.parquet.tmp").write_bytes(b"half a row")
     assert dataset.read().equals(before)
@@ -160,55 +158,55 @@ def test_a_crash_within_compaction_doubles_no_row(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
-        (["--seeds", "3-1"], "--seeds: got 3-1; allowed is one seed"),
-        (["--seeds", "a"], "--seeds: got a; allowed is one seed"),
-        (["--shard", "3/2"], "--shard: got 3/2; allowed are 1/N to N/N"),
-        (["--workers", "0"], "--workers: got 0; allowed is 1 or more"),
-        (["--wall-limit-s", "0"], "--wall-limit-s: got 0; allowed is more than 0"),
+        (["--seeds", "3-1"], "--seeds: must be one seed, or the first and the last such as 0-19, got 3-1"),
+        (["--seeds", "a"], "--seeds: must be one seed"),
+        (["--shard", "3/2"], "--shard: must be 1/N to N/N, got 3/2"),
+        (["--workers", "0"], "--workers: must be at least 1, got 0"),
+        (["--wall-limit-s", "0"], "--wall-limit-s: must be above 0, got 0"),
         (["--set", "receiver.noise=1"], "short.toml: receiver.noise: unknown key; allowed are"),
         (["--set", "receiver.noise_v=-1"], "short.toml: receiver.noise_v: got -1"),
-        (["--set", "noise"], "--set: got 'noise'; allowed is key=value"),
+        (["--set", "noise"], "--set: must be key=value"),
         (["--policy"], "--policy: at least one policy must be given"),
         (["--policy", "hide"], "hide: no such policy; expected seek"),
         (["--policy", "own.py:None_"], "own.py: no `None_` in it"),
-        (["--out", "own.py"], "--out: own.py is no sweep"),
-        (["--out", "."], "--out: . is no sweep"),
-        (["--out", "/proc/none"], "--out: /proc/none cannot be written"),
+        (["--out", "own.py"], "--out: must be a new or empty folder"),
+        (["--out", "."], "--out: must be a new or empty folder"),
+        (["--out", "/proc/none"], "--out: must be a folder that can be written, got /proc/none"),
     ],
 )
-def test_bad_input_is_one_line_and_nothing_is_written(words: list[str], told: str, folder: Path) -> None:
+def test_invalid_input_is_one_line_and_writes_nothing(words: list[str], message: str, folder: Path) -> None:
     before = sorted(folder.rglob("*"))
     done = sweep(folder, *words)
     assert done.returncode == 2
     assert done.stdout == ""
     (line,) = done.stderr.strip().splitlines()
-    assert line.startswith(told)
+    assert line.startswith(message)
     assert [path for path in sorted(folder.rglob("*")) if "__pycache__" not in str(path)] == before
 
 
-def test_a_dataset_of_other_missions_or_other_code_is_refused(folder: Path) -> None:
+def test_dataset_of_another_plan_or_version_is_refused(folder: Path) -> None:
     plan = make_plan([str(folder / "short.toml")], ["seek"], {}, [0])
     Dataset.open_or_make(folder / "out", plan).write(MissionRow.of_failure(plan.jobs[0], "failed", "for a test"))
     before = rows(folder / "out")
     done = sweep(folder, "--seeds", "1", "--out", "out")
     assert done.returncode == 2
-    assert "out holds other missions" in done.stderr
+    assert "out has other missions" in done.stderr
     manifest = folder / "out" / "sweep.json"
     manifest.write_text(
         json.dumps(json.loads(manifest.read_text(encoding="utf-8")) | {"code": "another"}), encoding="utf-8"
     )
     done = sweep(folder, "--seeds", "0", "--out", "out")
     assert done.returncode == 2
-    assert "out was begun by other code" in done.stderr
+    assert "out was begun by another version of the code" in done.stderr
     assert rows(folder / "out").equals(before)
     done = subprocess.run([PDPATROL, "results", "own.py"], cwd=folder, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2
-    assert "own.py: not the dataset of a sweep" in done.stderr
+    assert "own.py: must be the folder of a sweep" in done.stderr
 
 
-def test_a_mission_of_a_sweep_can_be_run_again_and_comes_to_the_same(folder: Path) -> None:
+def test_mission_run_again_gives_the_same_row(folder: Path) -> None:
     plan = make_plan([str(folder / "short.toml")], ["seek"], {"receiver.noise_v": [1e-3, 2e-3]}, range(2))
     dataset = Dataset.open_or_make(folder / "out", plan)
     for job in plan.jobs[:3]:
@@ -221,4 +219,4 @@ def test_a_mission_of_a_sweep_can_be_run_again_and_comes_to_the_same(folder: Pat
     assert {column: again[column] for column in row} == row
     done = subprocess.run([PDPATROL, "replay", "out", "--row", "9"], cwd=folder, capture_output=True, text=True)
     assert done.returncode == 2
-    assert done.stderr.strip() == "--row: got 9; allowed is the number of a row, 0 to 3"
+    assert done.stderr.strip() == "--row: must be the number of a row, 0 to 3, got 9"

@@ -1,1 +1,0 @@
-"""What runs the missions of a sweep: processes of this machine, or a Ray cluster."""

@@ -1,0 +1,191 @@
+"""Missions on local processes: one that hangs, dies or runs out of memory becomes a row and stops nothing."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import resource
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures.process import BrokenProcessPool
+from typing import NamedTuple
+
+from pebble import ProcessExpired, ProcessPool
+
+from pdpatrol.missions.runner import Mission
+from pdpatrol.missions.sweep.dataset import MissionRow
+from pdpatrol.missions.sweep.plan import MissionJob
+
+ATTEMPTS = 3
+"""Number of times a mission is started before a process that dies is recorded as its result. Assumed; it only has to
+outlast processes that are killed for other reasons."""
+
+
+OUT_OF_MEMORY = 75
+"""Exit code of a worker whose mission ran out of memory."""
+
+
+class EngineError(Exception):
+    """Raised if no mission can be run at all; the message is one line for the user."""
+
+
+class MissionLimits(NamedTuple):
+    """Resources that one mission may use.
+
+    Attributes:
+        wall_time_s: Longest computing time.
+        memory_bytes: Largest private memory of its process.
+    """
+
+    wall_time_s: float
+    memory_bytes: int
+
+
+class LostMission(NamedTuple):
+    """Reason why a mission that was started has no row.
+
+    Attributes:
+        status: Status of its row if it is not started again.
+        error: Error of its row.
+        n_attempts: Number of its `ATTEMPTS` that this uses up: 0 if the mission cannot be the cause, all of them if
+            another attempt is useless.
+    """
+
+    status: str
+    error: str
+    n_attempts: int = 1
+
+
+def run_missions(
+    jobs: Sequence[MissionJob],
+    n_scheduled: int,
+    schedule: Callable[[MissionJob], Future[MissionRow]],
+    explain: Callable[[Exception], LostMission],
+    finish: Callable[[MissionRow], None],
+) -> None:
+    """Run missions on an engine, and pass on each row when it is complete.
+
+    Args:
+        jobs: The missions.
+        n_scheduled: Largest number of missions that the engine has at any time, running or waiting.
+        schedule: Starts a mission on the engine.
+        explain: Returns what becomes of a mission that ended with an exception, or raises.
+        finish: Called with each row, in the order in which missions end.
+
+    Raises:
+        Exception: Whatever `explain` or `finish` raises.
+    """
+    waiting: Iterator[tuple[MissionJob, int]] = ((job, 0) for job in jobs)
+    again: list[tuple[MissionJob, int]] = []
+    running: dict[Future[MissionRow], tuple[MissionJob, int]] = {}
+    while True:
+        while len(running) < n_scheduled and (started := again.pop() if again else next(waiting, None)):
+            running[schedule(started[0])] = started
+        if not running:
+            break
+        for future in wait(running, return_when=FIRST_COMPLETED).done:
+            job, n_attempts = running.pop(future)
+            error = future.exception()
+            if not isinstance(error, Exception):
+                finish(future.result())
+                continue
+            lost = explain(error)
+            n_attempts += lost.n_attempts
+            if n_attempts < ATTEMPTS:
+                again.append((job, n_attempts))
+            else:
+                finish(MissionRow.of_failure(job, lost.status, lost.error))
+
+
+def run_in_processes(
+    jobs: Sequence[MissionJob], n_workers: int, limits: MissionLimits, finish: Callable[[MissionRow], None]
+) -> None:
+    """Run missions on this machine, and pass on each row when it is complete.
+
+    Args:
+        jobs: The missions.
+        n_workers: Number of processes.
+        limits: Limits of each mission.
+        finish: Called with each row, in the order in which missions end.
+    """
+    pool = open_pool(n_workers, limits)
+    try:
+        run_in_pool(pool, jobs, 2 * n_workers, limits, finish)  # two each, so that no worker waits for its next mission
+    finally:
+        pool.stop()
+        pool.join()
+
+
+def open_pool(n_workers: int, limits: MissionLimits) -> ProcessPool:
+    """Open a pool whose workers are forked from a server that has imported this module once."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([__name__])
+    return ProcessPool(n_workers, initializer=set_up_worker, initargs=[limits.memory_bytes], context=context)
+
+
+def run_in_pool(
+    pool: ProcessPool,
+    jobs: Sequence[MissionJob],
+    n_scheduled: int,
+    limits: MissionLimits,
+    finish: Callable[[MissionRow], None],
+) -> None:
+    """Run missions in an open pool, which stays open; see `run_missions`."""
+
+    def schedule(job: MissionJob) -> Future[MissionRow]:
+        return pool.schedule(run_job, args=[job], timeout=limits.wall_time_s)
+
+    def explain(error: Exception) -> LostMission:
+        if isinstance(error, TimeoutError):
+            return LostMission("hung", f"took longer than the limit of {limits.wall_time_s:g} s", ATTEMPTS)
+        if isinstance(error, ProcessExpired) and error.exitcode == OUT_OF_MEMORY:
+            return LostMission("out of memory", f"needed more than {limits.memory_bytes / 1e9:g} GB", ATTEMPTS)
+        if isinstance(error, ProcessExpired):
+            return LostMission("died", f"its process ended {ATTEMPTS} times, last with exit code {error.exitcode}")
+        if isinstance(error, BrokenProcessPool):
+            raise EngineError("workers end before they run a mission; try one with `pdpatrol run`") from None
+        raise error
+
+    run_missions(jobs, n_scheduled, schedule, explain, finish)
+
+
+def set_up_worker(memory_bytes: int) -> None:
+    """Make this process end when its parent ends, and raise `MemoryError` beyond a limit of private memory."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    resource.setrlimit(resource.RLIMIT_DATA, (memory_bytes, memory_bytes))
+
+
+def _end_with_parent() -> None:
+    if parent := multiprocessing.parent_process():
+        parent.join()
+        os._exit(1)
+
+
+def run_job(job: MissionJob) -> MissionRow:
+    """Run one mission in a worker and return its row, also if it raises; end the worker if memory runs out."""
+    start_s = time.perf_counter()
+    try:
+        mission = Mission(job.scenario, job.policy, job.seed)
+        log = mission.run()
+        if mission.error is not None:
+            raise mission.error
+        peak_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1024 if sys.platform == "darwin" else 1)
+        return MissionRow.of_log(job, log, time.perf_counter() - start_s, peak_kib * 1024 / 1e6)
+    except Exception as error:
+        if is_out_of_memory(error):
+            os._exit(OUT_OF_MEMORY)  # the memory is not reliably free for the next mission
+        return MissionRow.of_failure(job, "failed", traceback.format_exc())
+
+
+def is_out_of_memory(error: BaseException) -> bool:
+    """Return whether an exception, or one that caused it, reports that memory ran out."""
+    cause = error.__cause__
+    return (
+        isinstance(error, MemoryError)
+        or "Could not allocate memory" in str(error)  # MuJoCo
+        or (cause is not None and is_out_of_memory(cause))
+    )
