@@ -20,6 +20,8 @@ MAY_IMPORT = {
 ONLY_HOME = {
     "mujoco": "robot_models/",
     "rerun": "missions/recording/",
+    "stable_baselines3": (),  # examples only
+    "torch": (),
     "ray": "missions/sweep/ray_engine.py",
     "numba": "dirmusic/compiled.py",
 }
