@@ -16,7 +16,7 @@ from dirmusic import InputFileError
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.scenario.suite import choose_yards, is_of_suite, load_suite
 from pdpatrol.envs.user_code import UserCodeError
-from pdpatrol.missions.policies.names import BUILT_IN, load_maker
+from pdpatrol.missions.policies.own_policy import BUILT_IN, load_maker
 
 Settings = Mapping[str, Any]
 
