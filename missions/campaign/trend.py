@@ -1,50 +1,58 @@
-"""Inspections to a trend: what is new, grown, gone."""
+"""Trend of the discharges of a yard over repeated inspections: which are new, grown, or gone."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.optimize import brentq
+from scipy.stats import norm, t
+from statsmodels.regression.linear_model import WLS
 
 from dirmusic.angles import aperture
 from dirmusic.locating.finding import ellipse95
 from dirmusic.locating.rules import LocatingRules
 from pdpatrol.envs.scenario.base import weeks_between
-from pdpatrol.missions.campaign.inspection import Inspection, Located
-from pdpatrol.missions.campaign.joining import Joined, join
-from pdpatrol.missions.campaign.records import SCHEMA, Discharge, Interval, Line, Observation, Status, Trend, Verdict
-from pdpatrol.missions.campaign.source_level import NEAR_M, SourceLevel, floor_v, looks_at, source_level
-from pdpatrol.missions.campaign.trend_line import CONFIDENCE, TrendLine, fit_line
+from pdpatrol.missions.campaign.inspection import InspectionLog, LocatedFinding, join_findings, mean_position
+from pdpatrol.missions.campaign.records import (
+    LinearTrend,
+    Observation,
+    TrackedDischarge,
+    Trend,
+    TrendInterval,
+    Verdict,
+)
+from pdpatrol.missions.campaign.source_level import NEAR_M, SourceLevel, floor_v, source_level, steps_near
 from pdpatrol.missions.record.which_site import in_words, site_probabilities
 
 FloatArray = NDArray[np.float64]
 
-LEAST_EXPECTED = 50.0
-"""Pulses that a discharge would have sent to where they are detected, were it as before: with fewer, its site was not
-inspected (assumed; 20 confirm a finding, and not all of them tell a direction)."""
+CONFIDENCE = 0.99
+"""Confidence of intervals: with many sites and campaigns, one false alarm in twenty would be too many."""
 
-WIDEST_DB_PER_WEEK = 3.0
-"""An interval that reaches farther from zero, to either side, tells nothing of a discharge (assumed): 3 dB a week are
-12 in a month."""
+MIN_DATES = 3
+"""Smallest number of dates for a line with an interval."""
 
-SIGMAS = float(norm.ppf(0.5 + 0.5 * CONFIDENCE))
+MIN_EXPECTED_PULSES = 50.0
+"""Number of pulses that a discharge must have sent to places where they are detected for its site to count as
+inspected. Assumed; 20 pulses confirm a finding, but not every pulse gives a bearing."""
+
+MAX_CHANGE_DB_PER_WEEK = 3.0
+"""Largest change per week that the interval of a constant discharge may include. Assumed; it is 12 dB in a month."""
 
 
-def make_trend(inspections: Sequence[Inspection]) -> Trend:
-    """The trend of a campaign.
+def make_trend(inspections: Sequence[InspectionLog]) -> Trend:
+    """Make the trend of a campaign.
 
     Args:
-        inspections: At least one, by date, all of one yard.
+        inspections: At least one inspection, by date, all of one yard.
     """
     weeks = np.array([weeks_between(inspections[0].day, each.day) for each in inspections])
     floor = min(floor_v(each) for each in inspections)
-    joined = join([each.findings for each in inspections])
-    discharges = [_discharge(each, inspections, weeks, floor) for each in joined]
-    discharges.sort(key=_most_urgent_first)
+    joined = join_findings([each.findings for each in inspections])
+    discharges = sorted((_discharge(found, inspections, weeks, floor) for found in joined), key=_urgency)
     return Trend(
-        schema=SCHEMA,
         scenario=str(inspections[0].log.meta["name"]),
         dates=tuple(each.day for each in inspections),
         runs=tuple(str(each.folder) for each in inspections),
@@ -52,70 +60,72 @@ def make_trend(inspections: Sequence[Inspection]) -> Trend:
     )
 
 
-def _most_urgent_first(discharge: Discharge) -> tuple[bool, float]:
-    """What is gone last, and else what grows most first; what is new and has no line yet stands before the rest."""
+def _urgency(discharge: TrackedDischarge) -> tuple[bool, float]:
+    """Return the sort key: discharges that are gone last, otherwise by growth, where a new one counts as growing."""
     growth = discharge.level.per_week.value if discharge.level else np.inf if discharge.status == "new" else 0.0
     return discharge.status == "gone", -growth
 
 
-def _discharge(joined: Joined, inspections: Sequence[Inspection], weeks: FloatArray, floor: float) -> Discharge:
-    levels = {number: source_level(inspections[number], finding) for number, finding in joined.found.items()}
-    known = {number: level for number, level in levels.items() if level is not None}
-    observations = tuple(
-        _observation(
-            inspection,
-            float(weeks[k]),
-            joined.found.get(k),
-            levels.get(k),
-            _is_absent(k, joined, known, inspection, floor),
-        )
-        for k, inspection in enumerate(inspections)
-    )
-    rows, has_rate = sorted(known), not inspections[0].is_of_the_field
-    at = weeks[rows]
-    level = fit_line(at, np.array([known[k].level_db for k in rows]), np.array([known[k].level_std_db for k in rows]))
-    log_rate = np.log([known[k].rate_hz for k in rows])
-    rate = fit_line(at, log_rate, np.array([known[k].log_rate_std for k in rows])) if has_rate else None
+def _discharge(
+    found: Mapping[int, LocatedFinding], inspections: Sequence[InspectionLog], weeks: FloatArray, floor: float
+) -> TrackedDischarge:
+    position_m, covariance_m2 = mean_position(found)
+    levels = {k: source_level(inspections[k], found[k]) for k in sorted(found)}
+    known = {k: level for k, level in levels.items() if level is not None}
+    observations: list[Observation] = []
+    for k, inspection in enumerate(inspections):
+        is_absent = False
+        if k not in found and known and np.isfinite(floor):
+            nearest = known[min(known, key=lambda other: abs(other - k))]
+            is_absent = _would_be_found(nearest, inspection, position_m, floor)
+        observations.append(_observation(inspection, float(weeks[k]), found.get(k), levels.get(k), is_absent))
+    level_db, level_std_db, rate_hz, log_rate_std = np.array([level[:4] for level in known.values()]).reshape(-1, 4).T
+    at = weeks[list(known)]
+    level = fit_line(at, level_db, level_std_db)
+    presences = [each.presence for each in observations if each.presence != "not inspected"]
     yard = inspections[0].yard
-    place_m, covariance_m2 = joined.position_m, joined.covariance_m2
-    x, y, z = place_m.tolist()
-    return Discharge(
+    x, y, z = position_m.tolist()
+    return TrackedDischarge(
         number=1,
-        site="" if yard is None else in_words(site_probabilities(yard, place_m, covariance_m2)),
+        site="" if yard is None else in_words(site_probabilities(yard, position_m, covariance_m2)),
         position_m=(x, y, z),
         semi_major_m=ellipse95(covariance_m2[:2, :2]).semi_major_m,
-        status=_status(observations),
+        status="gone" if presences[-1] == "absent" else "new" if presences[0] == "absent" else "standing",
         verdict=_verdict(level),
-        level=_line(level),
-        rate=_line(rate),
-        observations=observations,
+        level=level,
+        rate=None if inspections[0].is_field_data else fit_line(at, np.log(rate_hz), log_rate_std),
+        observations=tuple(observations),
     )
 
 
-def _is_absent(
-    number: int, joined: Joined, known: dict[int, SourceLevel], inspection: Inspection, floor: float
-) -> bool:
-    """Whether an inspection would have found a discharge as it was in the nearest one that tells its level.
+def _would_be_found(level: SourceLevel, inspection: InspectionLog, position_m: FloatArray, floor: float) -> bool:
+    """Return whether an inspection would have found a discharge of a given level and rate.
 
-    That takes enough pulses from near by, and lines of sight that open as wide as confirmation wants. Data from the
-    field never tell: they hold what triggered, and not where nothing did.
+    This takes enough detected pulses from nearby, with lines of sight that spread as wide as confirmation requires.
+    Field data cannot show it, because they contain only what triggered.
     """
-    if number in joined.found or not known or not np.isfinite(floor) or inspection.is_of_the_field:
+    if inspection.is_field_data:
         return False
-    as_it_was = known[min(known, key=lambda k: abs(k - number))]
-    looks = looks_at(inspection, joined.position_m)
-    away_m = inspection.log.column("step", "pose")[looks.step, :2] - joined.position_m[:2]
+    near = steps_near(inspection, position_m)
+    away_m = inspection.log.column("step", "pose")[near.step, :2] - position_m[:2]
     is_near = np.linalg.norm(away_m, axis=-1) <= NEAR_M
-    is_detected = is_near & (as_it_was.level_db - looks.loss_db >= 20 * np.log10(floor))
-    if as_it_was.rate_hz * looks.duration_s[is_detected].sum() < LEAST_EXPECTED:
+    is_detected = is_near & (level.level_db - near.loss_db >= 20 * np.log10(floor))
+    if level.rate_hz * near.duration_s[is_detected].sum() < MIN_EXPECTED_PULSES:
         return False
     aspect_rad = np.arctan2(away_m[is_detected, 1], away_m[is_detected, 0])
     return bool(aperture(aspect_rad) >= LocatingRules().confirm_aperture_rad)
 
 
 def _observation(
-    inspection: Inspection, week: float, finding: Located | None, level: SourceLevel | None, is_absent: bool
+    inspection: InspectionLog, week: float, finding: LocatedFinding | None, level: SourceLevel | None, is_absent: bool
 ) -> Observation:
+    z = float(norm.ppf(0.5 + 0.5 * CONFIDENCE))
+    level_db = rate_hz = None
+    if level:
+        level_db = _interval(level.level_db, z * level.level_std_db)
+        if not inspection.is_field_data:
+            ratio = float(np.exp(min(z * level.log_rate_std, 20.0)))
+            rate_hz = TrendInterval(value=level.rate_hz, lower=level.rate_hz / ratio, upper=level.rate_hz * ratio)
     return Observation(
         run=str(inspection.folder),
         date=inspection.day,
@@ -123,43 +133,59 @@ def _observation(
         presence="found" if finding else "absent" if is_absent else "not inspected",
         finding_id=finding.id if finding else None,
         is_confirmed=finding is not None and finding.is_confirmed,
-        level_db=_interval(level.level_db, SIGMAS * level.level_std_db) if level else None,
-        rate_hz=_ratio_interval(level.rate_hz, SIGMAS * level.log_rate_std)
-        if level and not inspection.is_of_the_field
-        else None,
+        level_db=level_db,
+        rate_hz=rate_hz,
         n_pulses=level.n_pulses if level else 0,
         n_looks=level.n_looks if level else 0,
     )
 
 
-def _interval(value: float, half_width: float) -> Interval:
-    return Interval(value=value, lower=value - half_width, upper=value + half_width)
+def _interval(value: float, half_width: float) -> TrendInterval:
+    return TrendInterval(value=value, lower=value - half_width, upper=value + half_width)
 
 
-def _ratio_interval(value: float, log_half_width: float) -> Interval:
-    ratio = float(np.exp(min(log_half_width, 20.0)))
-    return Interval(value=value, lower=value / ratio, upper=value * ratio)
-
-
-def _line(line: TrendLine | None) -> Line | None:
-    if line is None:
-        return None
-    return Line(per_week=_interval(line.slope, line.half_width), at_start=line.at_start, scatter=line.scatter)
-
-
-def _verdict(line: TrendLine | None) -> Verdict:
-    if line is None:
+def _verdict(level: LinearTrend | None) -> Verdict:
+    if level is None:
         return "too few dates"
-    if line.lower > 0.0:
+    slope = level.per_week
+    if slope.lower > 0.0:
         return "grown"
-    if line.upper < 0.0:
+    if slope.upper < 0.0:
         return "declined"
-    return "constant" if max(-line.lower, line.upper) <= WIDEST_DB_PER_WEEK else "not clear"
+    return "constant" if max(-slope.lower, slope.upper) <= MAX_CHANGE_DB_PER_WEEK else "not clear"
 
 
-def _status(observations: Sequence[Observation]) -> Status:
-    """By the first and the last inspection that tell whether it was there."""
-    telling = [each.presence for each in observations if each.presence != "not inspected"]
-    if telling[-1] == "absent":
-        return "gone"
-    return "new" if telling[0] == "absent" else "standing"
+def fit_line(week: FloatArray, value: FloatArray, std: FloatArray) -> LinearTrend | None:
+    r"""Fit a line through values that have individual standard deviations and a common scatter.
+
+    Inspections differ by more than the standard deviation :math:`s_i` of each. The scatter :math:`\tau` between them is
+    the one for which the residuals have their expected size (Paule and Mandel 1982, J. Res. NBS 87),
+
+    .. math:: \sum_i \frac{(y_i - a - b t_i)^2}{s_i^2 + \tau^2} = n - 2,
+
+    or 0 if they are smaller. Because few residuals determine :math:`\tau` poorly, the interval of the slope takes the
+    quantile of Student's t with n - 2 degrees of freedom.
+
+    Args:
+        week: Times, shape (n,).
+        value: Values, shape (n,).
+        std: Standard deviations of the values, > 0, shape (n,).
+
+    Returns:
+        The line with the interval of its slope; None for fewer than `MIN_DATES` different times.
+    """
+    if np.unique(week).size < MIN_DATES:
+        return None
+    design, n_free = np.column_stack([np.ones(week.size), week]), week.size - 2
+
+    def excess(scatter2: float) -> float:
+        fit = WLS(value, design, weights=1.0 / (std**2 + scatter2)).fit()
+        return float(np.square(fit.wresid).sum()) - n_free
+
+    largest = max(float(np.ptp(value)) ** 2, 1e-12) * week.size
+    scatter2 = float(brentq(excess, 0.0, largest)) if excess(0.0) > 0.0 else 0.0  # pyright: ignore[reportArgumentType]
+    fit = WLS(value, design, weights=1.0 / (std**2 + scatter2)).fit()
+    slope_std = float(np.sqrt(fit.normalized_cov_params[1, 1]))
+    half_width = float(t.ppf(0.5 + 0.5 * CONFIDENCE, n_free)) * slope_std
+    at_start, slope = fit.params.tolist()
+    return LinearTrend(per_week=_interval(slope, half_width), at_start=at_start, scatter=float(np.sqrt(scatter2)))

@@ -1,4 +1,4 @@
-"""`pdpatrol trend`: what became of discharges over repeated inspections."""
+"""`pdpatrol trend`: change of discharges over repeated inspections."""
 
 from __future__ import annotations
 
@@ -7,8 +7,13 @@ from typing import Annotated
 
 import tyro
 
-from pdpatrol.missions.cli.process import one_line
-from pdpatrol.missions.cli.terminal import err, out, output_folder, refuse
+from dirmusic import InputFileError
+from pdpatrol.missions.atomic_file import write_text
+from pdpatrol.missions.campaign.inspection import read_inspections
+from pdpatrol.missions.campaign.page import trend_page, trend_table
+from pdpatrol.missions.campaign.records import trend_text
+from pdpatrol.missions.campaign.trend import make_trend
+from pdpatrol.missions.cli.terminal import err, out, output_folder, print_written, refuse
 
 
 def trend(
@@ -19,38 +24,31 @@ def trend(
 ) -> None:
     """Join the findings of repeated inspections of one yard: which discharges are new, grown or gone.
 
-    A line for each discharge, those that grow most first: its level and its rate when they were last known, and how
-    both change from week to week, with 99 % intervals. `grown` is one whose interval lies above zero; `gone` is one
-    that the last inspection would have found if it were as before, and did not.
+    Print a line for each discharge, those that grow most first: its last level and rate, and the change of both per
+    week, with 99 % intervals. A discharge has grown if the interval of its level slope lies above zero; it is gone if
+    the last inspection would have found it with its former level and rate, but did not.
 
     Args:
-        run: Folders that `pdpatrol run` or `locate` has written, of two dates at least, in any order.
-        out_dir: Folder for trend.json and trend.html, new or empty.
+        run: Folders that `pdpatrol run` or `locate` has written, of at least two dates, in any order.
+        out_dir: New or empty folder for trend.json and trend.html.
         json_output: Print trend.json instead of a table.
     """
     if len(run) < 2:
-        refuse(f"RUN: got {len(run)}; allowed are two folders or more")
-    from dirmusic import InputFileError
-    from pdpatrol.missions.campaign.inspection import read_inspections
-
+        refuse(f"RUN: at least two folders must be given, got {len(run)}")
     try:
-        with err.status(f"Reads {len(run)} logs"):
+        with err.status(f"Reading {len(run)} logs"):
             inspections = read_inspections(run)
     except InputFileError as error:
         refuse(*error.faults)
     if inspections[0].day == inspections[-1].day:
-        refuse(f"RUN: all of {inspections[0].day}; allowed are inspections of two dates at least")
-    from pdpatrol.missions.campaign.tables import trend_table
-    from pdpatrol.missions.campaign.trend import make_trend
-    from pdpatrol.missions.campaign.trend_file import trend_text, write_trend
-
-    written: tuple[str, ...] = ()
+        refuse(f"RUN: inspections of at least two dates must be given, got all of {inspections[0].day}")
     if out_dir is None:
         found = make_trend(inspections)
     else:
         with output_folder(out_dir, "") as folder:
             found = make_trend(inspections)
-            written = write_trend(found, inspections, folder)
+            write_text(folder / "trend.json", trend_text(found))
+            write_text(folder / "trend.html", trend_page(found, inspections))
     if json_output:
         out.print(trend_text(found), end="", soft_wrap=True)
         return
@@ -58,5 +56,5 @@ def trend(
         out.print(trend_table(found))
     else:
         out.print(f"No discharge found in {len(run)} inspections, {found.dates[0]} to {found.dates[-1]}.")
-    if written:
-        out.print(f"Written to {one_line(str(out_dir))}: {', '.join(written)}", soft_wrap=True)
+    if out_dir is not None:
+        print_written(out_dir, "trend.json", "trend.html")

@@ -1,4 +1,4 @@
-"""Logs of inspections in free space, with discharges of known level and rate, and without any error but noise."""
+"""Synthetic inspection logs in free space, with discharges of known level and rate and no errors but noise."""
 
 from __future__ import annotations
 
@@ -8,20 +8,21 @@ from typing import NamedTuple
 import numpy as np
 
 from dirmusic import GainManifold
-from pdpatrol.missions.campaign.inspection import Inspection, Located
+from pdpatrol.missions.campaign.inspection import InspectionLog, LocatedFinding
 from pdpatrol.missions.record.mission_log import MissionLog
 
 HEIGHT_M = 0.6
 STEP_S = 0.1
 MANIFOLD = GainManifold.ring(6)
 NOISE_V = 1e-3
-"""Of the strengths; the weakest credible pulse has five times as much, see `STD_RAD`."""
+"""Noise of the strengths; the weakest valid pulse has five times as much, see `STD_RAD`."""
+
 STD_RAD = np.radians(12.0) * 5.0
-"""Deviation of a bearing, times the strength over the noise."""
+"""Standard deviation of a bearing, times the strength over the noise."""
 
 
-class Source(NamedTuple):
-    """What discharges: its place, the level of its typical pulse, how that spreads, and its rate."""
+class SurveyedSource(NamedTuple):
+    """Position, median level of the pulses, its spread, and rate of a discharge."""
 
     position_m: tuple[float, float, float]
     level_db: float = 0.0
@@ -31,22 +32,22 @@ class Source(NamedTuple):
 
 
 def along(start_m: tuple[float, float], end_m: tuple[float, float], speed_mps: float = 0.5) -> np.ndarray:
-    """Poses on a straight way, a step apart, shape (n, 3)."""
+    """Return poses on a straight line, one step apart, shape (n, 3)."""
     n = round(float(np.hypot(*np.subtract(end_m, start_m))) / (speed_mps * STEP_S))
-    way_m = np.linspace(start_m, end_m, n)
+    path_m = np.linspace(start_m, end_m, n)
     heading = np.arctan2(*np.subtract(end_m, start_m)[::-1])
-    return np.column_stack([way_m, np.full(n, heading)])
+    return np.column_stack([path_m, np.full(n, heading)])
 
 
 def survey(
     poses: np.ndarray,
-    *sources: Source,
+    *sources: SurveyedSource,
     day: str | None = "2026-03-02",
     trigger_v: float = 5.0 * NOISE_V,
     seed: int = 0,
     name: str = "survey",
 ) -> MissionLog:
-    """The log of a way, with the findings as they are: id 1 and so on in the order of the sources."""
+    """Return the log of a drive whose findings are the sources, with ids from 1 in their order."""
     meta = {
         "name": name,
         "seed": None,
@@ -68,13 +69,13 @@ def survey(
             command=nothing[:2], phase="", phase_target=0,
         )  # fmt: skip
         for number, source in enumerate(sources, start=1):
-            way_m = np.array(source.position_m) - [pose[0], pose[1], HEIGHT_M]
-            azimuth = float(np.arctan2(way_m[1], way_m[0]) - pose[2])
-            elevation = np.full(1, np.arctan2(way_m[2], np.hypot(way_m[0], way_m[1])))
+            path_m = np.array(source.position_m) - [pose[0], pose[1], HEIGHT_M]
+            azimuth = float(np.arctan2(path_m[1], path_m[0]) - pose[2])
+            elevation = np.full(1, np.arctan2(path_m[2], np.hypot(path_m[0], path_m[1])))
             gain = MANIFOLD.response_in_space(azimuth - MANIFOLD.boresights_rad, elevation).gain
             for _ in range(rng.poisson(source.rate_hz * STEP_S)):
                 level_db = source.level_db + source.spread_db * rng.standard_normal()
-                strengths_v = 10 ** (level_db / 20) * gain / np.linalg.norm(way_m)
+                strengths_v = 10 ** (level_db / 20) * gain / np.linalg.norm(path_m)
                 strength_v = float(np.linalg.norm(strengths_v))
                 if strength_v < trigger_v:
                     continue
@@ -95,11 +96,11 @@ def survey(
     return log
 
 
-def inspection(log: MissionLog) -> Inspection:
-    """An inspection that was never on disk."""
-    return Inspection(Path(f"runs/{log.meta['date']}"), str(log.meta["date"]), log)
+def inspection(log: MissionLog) -> InspectionLog:
+    """Return an inspection without a file."""
+    return InspectionLog(Path(f"runs/{log.meta['date']}"), str(log.meta["date"]), log)
 
 
-def located(place_m: tuple[float, float, float], std_m: float = 0.1, *, is_confirmed: bool = True) -> Located:
-    """A finding at a place."""
-    return Located(1, is_confirmed, np.array(place_m), std_m**2 * np.eye(3))
+def located(place_m: tuple[float, float, float], std_m: float = 0.1, *, is_confirmed: bool = True) -> LocatedFinding:
+    """Return a finding at a place."""
+    return LocatedFinding(1, is_confirmed, np.array(place_m), std_m**2 * np.eye(3))

@@ -1,4 +1,4 @@
-"""Whole campaigns of simulated missions, with all errors that the shipped scenarios have."""
+"""Campaigns of simulated missions with all errors of the shipped scenarios."""
 
 from datetime import date, timedelta
 from pathlib import Path
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pdpatrol.envs import load_scenario
-from pdpatrol.missions.campaign.inspection import Inspection
+from pdpatrol.missions.campaign.inspection import InspectionLog
 from pdpatrol.missions.campaign.records import Trend
 from pdpatrol.missions.campaign.trend import make_trend
 from pdpatrol.missions.runner import run_mission
@@ -19,8 +19,8 @@ FIRST = date(2026, 3, 2)
 
 
 def campaign(number: int, *changes: dict[str, Any]) -> Trend:
-    """A mission a week in `two_sources`, each with what it changes of both sources; seeds and arrays differ."""
-    inspections = list[Inspection]()
+    """Run a mission a week in `two_sources` with changes of its sources; seeds and arrays differ."""
+    inspections = list[InspectionLog]()
     for week, changed in enumerate(changes):
         sources = [source.model_dump(exclude_unset=True) for source in load_scenario("two_sources").sources]
         settings = {
@@ -30,12 +30,12 @@ def campaign(number: int, *changes: dict[str, Any]) -> Trend:
             "campaign.date": (FIRST + timedelta(weeks=week)).isoformat(),
         }
         log = run_mission(load_scenario("two_sources", settings), "seek", 1000 * number + week)
-        inspections.append(Inspection(Path(f"week_{week}"), log.meta["date"], log))
+        inspections.append(InspectionLog(Path(f"week_{week}"), log.meta["date"], log))
     return make_trend(inspections)
 
 
 @pytest.mark.parametrize(("number", "growing"), [(1, "discharge_east"), (2, "discharge_west")])
-def test_six_weeks_tell_a_discharge_that_grows_by_3_db_a_week_from_a_constant_one(number: int, growing: str) -> None:
+def test_six_weeks_separate_growth_of_3_db_a_week_from_none(number: int, growing: str) -> None:
     trend = campaign(number, *([{growing: {"growth_db_per_week": 3.0}}] * 6))
     grown, constant = trend.discharges
     assert (grown.verdict, constant.verdict) == ("grown", "constant")
@@ -47,7 +47,7 @@ def test_six_weeks_tell_a_discharge_that_grows_by_3_db_a_week_from_a_constant_on
     assert (grown.position_m[0] > 22.0) == (growing == "discharge_east")
 
 
-def test_a_discharge_that_falls_silent_is_gone_and_one_that_begins_is_new() -> None:
+def test_ended_discharge_is_gone_and_started_one_is_new() -> None:
     silent = {"active_s": (0.0, 0.1)}
     trend = campaign(301, {"discharge_east": silent}, {}, {"discharge_west": silent})
     status = {each.position_m[0] > 22.0: each.status for each in trend.discharges}

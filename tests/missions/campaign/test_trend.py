@@ -1,4 +1,4 @@
-"""What became of discharges: grown, constant, new, gone, and what nobody looked at."""
+"""Discharges are grown, constant, new or gone, and sites that were not inspected are neither."""
 
 from pathlib import Path
 
@@ -7,13 +7,11 @@ import pytest
 
 from dirmusic import InputFileError
 from pdpatrol.missions.campaign.inspection import read_inspections
-from pdpatrol.missions.campaign.records import Trend
-from pdpatrol.missions.campaign.tables import trend_table
-from pdpatrol.missions.campaign.trend import make_trend
-from pdpatrol.missions.campaign.trend_file import trend_text
-from pdpatrol.missions.campaign.words import what_became
+from pdpatrol.missions.campaign.page import describe_change, trend_table
+from pdpatrol.missions.campaign.records import Trend, trend_text
+from pdpatrol.missions.campaign.trend import fit_line, make_trend
 from pdpatrol.missions.record.mission_log import MissionLog
-from tests.missions.campaign.surveys import Source, along, inspection, survey
+from tests.missions.campaign.surveys import SurveyedSource, along, inspection, survey
 
 PLACE, OTHER = (10.0, 10.0, 1.6), (30.0, 10.0, 1.6)
 PAST, PAST_BOTH, ELSEWHERE = (
@@ -28,15 +26,17 @@ def trend_of(*logs: MissionLog) -> Trend:
     return make_trend([inspection(log) for log in logs])
 
 
-def quiet(day: str, poses: np.ndarray = PAST) -> MissionLog:
-    """Another discharge far from the place, so that the receiver is known to work."""
-    return survey(np.concatenate([poses, along((27.0, 7.0), (33.0, 7.0))]), Source(OTHER, spread_db=2.0), day=day)
+def without_place(day: str, poses: np.ndarray = PAST) -> MissionLog:
+    """Return a survey with only a distant discharge, which shows that the receiver works."""
+    return survey(
+        np.concatenate([poses, along((27.0, 7.0), (33.0, 7.0))]), SurveyedSource(OTHER, spread_db=2.0), day=day
+    )
 
 
-def test_one_grows_and_the_other_does_not() -> None:
+def test_growing_and_constant_discharge_are_separated() -> None:
     logs = [
         survey(
-            PAST_BOTH, Source(PLACE, -20.0 + 3.0 * k, 3.0), Source(OTHER, -10.0, 3.0), day=day, seed=k
+            PAST_BOTH, SurveyedSource(PLACE, -20.0 + 3.0 * k, 3.0), SurveyedSource(OTHER, -10.0, 3.0), day=day, seed=k
         )
         for k, day in enumerate(DAYS)
     ]  # fmt: skip
@@ -48,53 +48,55 @@ def test_one_grows_and_the_other_does_not() -> None:
     assert grown.level.per_week.value == pytest.approx(3.0, abs=0.3)
     assert constant.level.per_week.lower < 0.0 < constant.level.per_week.upper
     assert grown.position_m[0] == pytest.approx(10.0, abs=0.1)
-    assert what_became(grown) == "grown"
-    assert what_became(constant).startswith("constant within ")
+    assert describe_change(grown) == "grown"
+    assert describe_change(constant).startswith("constant within ")
 
 
-def test_what_was_looked_at_and_not_found_is_gone_and_what_was_not_looked_at_is_not() -> None:
+def test_discharge_is_gone_only_if_its_site_was_inspected() -> None:
     """The last inspection passes the place, or stays away from it."""
-    source = Source(PLACE, spread_db=2.0)
-    both = [survey(PAST_BOTH, source, Source(OTHER, spread_db=2.0), day=day) for day in DAYS[:2]]
-    for way, presence, status in ((PAST, "absent", "gone"), (ELSEWHERE, "not inspected", "standing")):
-        trend = trend_of(*both, quiet(DAYS[2], way))
+    source = SurveyedSource(PLACE, spread_db=2.0)
+    both = [survey(PAST_BOTH, source, SurveyedSource(OTHER, spread_db=2.0), day=day) for day in DAYS[:2]]
+    for drive, presence, status in ((PAST, "absent", "gone"), (ELSEWHERE, "not inspected", "standing")):
+        trend = trend_of(*both, without_place(DAYS[2], drive))
         (place,) = (each for each in trend.discharges if each.position_m[0] < 20.0)
         assert [each.presence for each in place.observations] == ["found", "found", presence]
         assert place.status == status
-        assert ("gone since 2026-03-16" in what_became(place)) == (status == "gone")
-        assert ("not inspected on 2026-03-16" in what_became(place)) == (status == "standing")
+        assert ("gone since 2026-03-16" in describe_change(place)) == (status == "gone")
+        assert ("not inspected on 2026-03-16" in describe_change(place)) == (status == "standing")
 
 
-def test_what_was_looked_at_and_not_there_before_is_new() -> None:
-    found = survey(PAST_BOTH, Source(PLACE, spread_db=2.0), Source(OTHER, spread_db=2.0), day=DAYS[1])
-    for way, status in ((PAST, "new"), (ELSEWHERE, "standing")):
-        (place,) = (each for each in trend_of(quiet(DAYS[0], way), found).discharges if each.position_m[0] < 20.0)
+def test_discharge_is_new_only_if_its_site_was_inspected_before() -> None:
+    found = survey(PAST_BOTH, SurveyedSource(PLACE, spread_db=2.0), SurveyedSource(OTHER, spread_db=2.0), day=DAYS[1])
+    for drive, status in ((PAST, "new"), (ELSEWHERE, "standing")):
+        (place,) = (
+            each for each in trend_of(without_place(DAYS[0], drive), found).discharges if each.position_m[0] < 20.0
+        )
         assert place.status == status
         assert place.verdict == "too few dates"
 
 
-def test_a_discharge_that_would_be_too_weak_to_be_detected_from_there_is_not_gone() -> None:
-    """From 7 m over 59 degrees: the loud one would have been found, the weak one not."""
+def test_discharge_too_weak_to_be_detected_is_not_gone() -> None:
+    """From 7 m over 59 degrees: the strong one would have been found, the weak one not."""
     for level_db, presence in ((0.0, "absent"), (-28.0, "not inspected")):
-        before = survey(PAST_BOTH, Source(PLACE, level_db), Source(OTHER), day=DAYS[0])
-        after = quiet(DAYS[1], along((6.0, 3.0), (14.0, 3.0)))
+        before = survey(PAST_BOTH, SurveyedSource(PLACE, level_db), SurveyedSource(OTHER), day=DAYS[0])
+        after = without_place(DAYS[1], along((6.0, 3.0), (14.0, 3.0)))
         (place,) = (each for each in trend_of(before, after).discharges if each.position_m[0] < 20.0)
         assert place.observations[0].level_db is not None
         assert place.observations[1].presence == presence
 
 
-def test_what_was_passed_on_one_side_of_it_in_a_hurry_is_not_gone() -> None:
-    """Lines of sight open by less than what confirms a finding."""
-    both = [survey(PAST, Source(PLACE, spread_db=2.0), day=day) for day in DAYS[:2]]
-    for way, presence in ((along((9.0, 6.0), (11.0, 6.0), 0.1), "not inspected"), (PAST, "absent")):
-        (place,) = (d for d in trend_of(*both, quiet(DAYS[2], way)).discharges if d.position_m[0] < 20.0)
+def test_discharge_passed_over_a_small_angle_is_not_gone() -> None:
+    """The lines of sight spread less than confirmation requires."""
+    both = [survey(PAST, SurveyedSource(PLACE, spread_db=2.0), day=day) for day in DAYS[:2]]
+    for drive, presence in ((along((9.0, 6.0), (11.0, 6.0), 0.1), "not inspected"), (PAST, "absent")):
+        (place,) = (d for d in trend_of(*both, without_place(DAYS[2], drive)).discharges if d.position_m[0] < 20.0)
         assert place.observations[2].presence == presence
 
 
-def test_data_from_the_field_tell_levels_and_neither_rates_nor_absence() -> None:
-    """A table holds what triggered: nobody knows how long the receiver waited, and where nothing did."""
-    logs = [survey(PAST_BOTH, Source(PLACE, -10.0, 2.0), Source(OTHER), day=day) for day in DAYS[:3]]
-    logs.append(quiet(DAYS[3]))
+def test_field_data_give_levels_but_neither_rates_nor_absence() -> None:
+    """A table contains only what triggered; how long the receiver waited is unknown."""
+    logs = [survey(PAST_BOTH, SurveyedSource(PLACE, -10.0, 2.0), SurveyedSource(OTHER), day=day) for day in DAYS[:3]]
+    logs.append(without_place(DAYS[3]))
     for log in logs:
         log.meta["field_data"] = {"file": "survey.csv"}
     (place,) = (d for d in trend_of(*logs).discharges if d.position_m[0] < 20.0)
@@ -105,12 +107,44 @@ def test_data_from_the_field_tell_levels_and_neither_rates_nor_absence() -> None
     assert [each.presence for each in place.observations] == ["found"] * 3 + ["not inspected"]
 
 
-def test_a_trend_is_read_back_from_its_text() -> None:
-    trend = trend_of(*(survey(PAST, Source(PLACE, spread_db=2.0), day=day) for day in DAYS[:3]))
+def test_trend_is_read_back_from_its_text() -> None:
+    trend = trend_of(*(survey(PAST, SurveyedSource(PLACE, spread_db=2.0), day=day) for day in DAYS[:3]))
     again = Trend.model_validate_json(trend_text(trend))
     assert again.model_dump(mode="json") == trend.model_dump(mode="json")
     assert again.dates == DAYS[:3]
     assert trend_table(trend).row_count == 1
+
+
+@pytest.mark.parametrize(("scatter", "n_weeks"), [(0.0, 6), (1.0, 6), (1.0, 4), (3.0, 12)])
+def test_slope_interval_covers_the_truth_in_99_of_100_campaigns(scatter: float, n_weeks: int) -> None:
+    rng, weeks, n = np.random.default_rng(3), np.arange(float(n_weeks)), 1000
+    held = 0
+    for _ in range(n):
+        std = rng.uniform(0.3, 1.2, n_weeks)
+        line = fit_line(weeks, 0.7 * weeks + rng.normal(0.0, np.hypot(std, scatter)), std)
+        assert line is not None
+        held += line.per_week.lower <= 0.7 <= line.per_week.upper
+    assert held / n >= 0.98
+
+
+def test_line_through_exact_values_is_that_line() -> None:
+    weeks = np.arange(6.0)
+    line = fit_line(weeks, 2.0 + 3.0 * weeks, np.full(6, 0.5))
+    assert line is not None
+    assert (line.per_week.value, line.at_start, line.scatter) == pytest.approx((3.0, 2.0, 0.0))
+    assert line.per_week.lower < 3.0 < line.per_week.upper
+
+
+def test_less_certain_inspection_has_less_weight() -> None:
+    value = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 9.0])
+    lines = [fit_line(np.arange(6.0), value, np.array([0.5] * 5 + [last])) for last in (0.5, 9.0)]
+    certain, uncertain = (line.per_week.value for line in lines if line is not None)
+    assert uncertain < 0.1 < 1.0 < certain
+
+
+def test_line_needs_three_dates() -> None:
+    assert fit_line(np.array([0.0, 0.0, 1.0]), np.zeros(3), np.ones(3)) is None
+    assert fit_line(np.array([0.0, 1.0, 2.0]), np.zeros(3), np.ones(3)) is not None
 
 
 def saved(folder: Path, log: MissionLog) -> Path:
@@ -119,34 +153,32 @@ def saved(folder: Path, log: MissionLog) -> Path:
     return folder
 
 
-def test_inspections_come_by_date_and_two_may_be_of_one_day(tmp_path: Path) -> None:
+def test_inspections_are_sorted_by_date(tmp_path: Path) -> None:
     days = ("2026-03-09", "2026-03-02", "2026-03-09")
     folders = [saved(tmp_path / str(k), survey(PAST, day=day)) for k, day in enumerate(days)]
     assert [each.day for each in read_inspections(folders)] == sorted(days)
 
 
-def test_what_cannot_be_used_is_a_line_for_each_folder(tmp_path: Path) -> None:
+def test_unusable_folders_are_one_line_each(tmp_path: Path) -> None:
     good, undated = saved(tmp_path / "good", survey(PAST)), saved(tmp_path / "old", survey(PAST, day=None))
     of_yard = survey(PAST)
     of_yard.meta["scenario"] = {"yard": {"size_m": [40.0, 30.0]}}
-    other, cut = saved(tmp_path / "other", of_yard), survey(PAST, Source(PLACE))
-    cut._rows["association"] = {"pulse": [], "finding": []}
-    damaged = survey(PAST, Source(PLACE))
+    damaged = survey(PAST, SurveyedSource(PLACE))
     damaged.meta["array"] = {"boresights_rad": "none"}
-    no_array = saved(tmp_path / "no_array", damaged)
-    cut_off, broken = saved(tmp_path / "cut", cut), tmp_path / "broken"
+    other, no_array = saved(tmp_path / "other", of_yard), saved(tmp_path / "no_array", damaged)
+    incomplete, broken = saved(tmp_path / "incomplete", survey(PAST[:0])), tmp_path / "broken"
     broken.mkdir()
     (broken / "log.npz").write_bytes(b"none")
     with pytest.raises(InputFileError) as caught:
-        read_inspections([good, undated, good, other, cut_off, broken, no_array, tmp_path / "none"])
-    for folder, told in (
-        (undated, "has no date of inspection"),
-        (good, "given twice"),
-        (other, "is of another yard than"),
-        (cut_off, "the mission was cut short"),
+        read_inspections([good, undated, good, other, incomplete, broken, no_array, tmp_path / "none"])
+    for folder, message in (
+        (undated, "must have a date"),
+        (good, "must be given once"),
+        (other, "must be of the yard of"),
+        (incomplete, "the mission is incomplete"),
         (broken, "is not the log of a mission"),
-        (no_array, "is not the log of a mission (its facts are damaged)"),
-        (tmp_path / "none", "holds no log.npz"),
+        (no_array, "is not the log of a mission (its metadata are damaged)"),
+        (tmp_path / "none", "log.npz"),
     ):
-        assert sum(fault.startswith(str(folder)) and told in fault for fault in caught.value.faults) == 1
+        assert sum(line.startswith(str(folder)) and message in line for line in caught.value.faults) == 1
     assert len(caught.value.faults) == 7

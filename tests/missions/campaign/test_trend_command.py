@@ -1,4 +1,4 @@
-"""`pdpatrol trend` in a process of its own."""
+"""`pdpatrol trend` in its own process."""
 
 import json
 import os
@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.missions.campaign.surveys import Source, along, survey
+from tests.missions.campaign.surveys import SurveyedSource, along, survey
 
 pytestmark = pytest.mark.whole
 
@@ -24,18 +24,18 @@ def pdpatrol(*words: str | Path) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """Four weeks of a discharge that grows, under names that a terminal must not obey."""
+    """Return four weeks of a growing discharge, in folders with markup in their names."""
     folders = list[Path]()
     for k, day in enumerate(DAYS):
         folder = tmp_path_factory.mktemp("runs") / f"Prüfung {k} [bold]"
         folder.mkdir()
-        growing = Source((10.0, 10.0, 1.6), -20.0 + 3.0 * k, 2.0)
+        growing = SurveyedSource((10.0, 10.0, 1.6), -20.0 + 3.0 * k, 2.0)
         survey(along((6.0, 7.0), (14.0, 7.0)), growing, day=day, seed=k).save(folder)
         folders.append(folder)
     return folders
 
 
-def test_a_table_fits_80_columns_and_both_files_are_written_once(runs: list[Path], tmp_path: Path) -> None:
+def test_table_fits_80_columns_and_files_are_written_once(runs: list[Path], tmp_path: Path) -> None:
     done = pdpatrol(*runs, "--out", tmp_path / "out")
     assert (done.returncode, done.stderr) == (0, "")
     assert "grown" in done.stdout
@@ -50,35 +50,35 @@ def test_a_table_fits_80_columns_and_both_files_are_written_once(runs: list[Path
     assert "is not empty" in again.stderr
 
 
-def test_json_is_printed_as_it_is_written(runs: list[Path]) -> None:
+def test_json_has_the_runs_by_date(runs: list[Path]) -> None:
     done = pdpatrol(*reversed(runs), "--json")
     assert done.returncode == 0
     assert json.loads(done.stdout)["runs"] == [str(run) for run in runs]
 
 
-def test_what_makes_no_campaign_is_refused_in_a_line_each(runs: list[Path], tmp_path: Path) -> None:
-    for words, told in (
-        (runs[:1], "RUN: got 1; allowed are two folders or more"),
-        ([runs[0], runs[0]], "given twice"),
-        ([runs[0], tmp_path], "holds no log.npz"),
+def test_unusable_folders_are_refused_in_one_line(runs: list[Path], tmp_path: Path) -> None:
+    for words, message in (
+        (runs[:1], "RUN: at least two folders must be given, got 1"),
+        ([runs[0], runs[0]], "must be given once"),
+        ([runs[0], tmp_path], "log.npz"),
     ):
         done = pdpatrol(*words, "--out", tmp_path / "never")
         assert done.returncode == 2
         assert len(done.stderr.splitlines()) == 1
-        assert told in done.stderr
+        assert message in done.stderr
     assert not (tmp_path / "never").exists()
 
 
-def test_inspections_of_one_day_are_no_trend(runs: list[Path], tmp_path: Path) -> None:
+def test_inspections_of_one_date_are_refused(runs: list[Path], tmp_path: Path) -> None:
     folder = tmp_path / "same day"
     folder.mkdir()
     survey(along((6.0, 7.0), (14.0, 7.0)), day=DAYS[0]).save(folder)
     done = pdpatrol(runs[0], folder)
     assert done.returncode == 2
-    assert "allowed are inspections of two dates at least" in done.stderr
+    assert "inspections of at least two dates must be given" in done.stderr
 
 
-def test_two_surveys_of_the_field_on_two_dates_are_a_trend(tmp_path: Path) -> None:
+def test_field_data_of_two_dates_are_a_trend(tmp_path: Path) -> None:
     table = Path(__file__).parents[3] / "examples" / "locate" / "strengths.csv"
     for day in DAYS[:2]:
         located = subprocess.run(
@@ -99,7 +99,7 @@ def test_two_surveys_of_the_field_on_two_dates_are_a_trend(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("words", [["run", "two_sources"], ["locate", "examples/locate/strengths.csv"]])
-def test_a_date_that_is_none_is_refused_in_a_line(words: list[str], tmp_path: Path) -> None:
+def test_invalid_date_is_refused_in_one_line(words: list[str], tmp_path: Path) -> None:
     command = [sys.executable, "-c", COMMAND, *words, "--date", "2026-02-30", "--out", str(tmp_path / "never")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 2

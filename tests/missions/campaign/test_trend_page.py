@@ -1,4 +1,4 @@
-"""trend.html: one file that shows each discharge over its dates, and obeys no name."""
+"""trend.html is self-contained, shows each discharge over its dates, and escapes names."""
 
 import json
 from html.parser import HTMLParser
@@ -6,12 +6,10 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from pdpatrol.missions.campaign.figures import draw_levels, draw_rates, mark_of
+from pdpatrol.missions.campaign.page import describe_change, draw_levels, draw_rates, mark_of, trend_page
 from pdpatrol.missions.campaign.trend import make_trend
-from pdpatrol.missions.campaign.trend_page import trend_page
-from pdpatrol.missions.campaign.words import what_became
 from pdpatrol.missions.record.mission_log import MissionLog
-from tests.missions.campaign.surveys import Source, along, inspection, survey
+from tests.missions.campaign.surveys import SurveyedSource, along, inspection, survey
 
 DAYS = ("2026-03-02", "2026-03-09", "2026-03-16", "2026-03-23")
 PAST = along((6.0, 7.0), (14.0, 7.0))
@@ -19,7 +17,7 @@ HOSTILE = '</p><script>alert("1")</script>'
 
 
 class Elements(HTMLParser):
-    """Elements of a page with their attributes, and its text."""
+    """Elements of a page with their attributes, and the text of the page."""
 
     def __init__(self, page: str) -> None:
         super().__init__()
@@ -36,7 +34,7 @@ class Elements(HTMLParser):
 
 def logs(name: str = "survey") -> list[MissionLog]:
     return [
-        survey(PAST, Source((10.0, 10.0, 1.6), -20.0 + 3.0 * k, 2.0), day=day, seed=k, name=name)
+        survey(PAST, SurveyedSource((10.0, 10.0, 1.6), -20.0 + 3.0 * k, 2.0), day=day, seed=k, name=name)
         for k, day in enumerate(DAYS)
     ]
 
@@ -47,23 +45,23 @@ def page_of(some: list[MissionLog]) -> tuple[str, Elements]:
     return page, Elements(page)
 
 
-def test_a_page_has_a_plan_two_pictures_of_each_discharge_and_every_date() -> None:
+def test_page_has_plan_two_figures_for_each_discharge_and_dates() -> None:
     _, elements = page_of(logs())
-    assert [tag for tag, _ in elements.found].count("svg") == 3
-    for told in (*DAYS, "grown", "1 discharge in 4 inspections: 1 grown."):
-        assert told in elements.text
+    assert [tag for tag, _ in elements.found].count("img") == 3
+    for text in (*DAYS, "grown", "1 discharge in 4 inspections: 1 grown."):
+        assert text in elements.text
 
 
-def test_a_page_loads_nothing_and_obeys_no_name() -> None:
+def test_page_loads_nothing_and_escapes_names() -> None:
     page, elements = page_of(logs(HOSTILE))
     assert "script" not in {tag for tag, _ in elements.found}
     assert HOSTILE in elements.text
     links = [value or "" for _, each in elements.found for key, value in each.items() if key in ("src", "href")]
-    assert all(link.startswith("#") for link in links)
+    assert all(link.startswith(("#", "data:image/svg+xml;base64,")) for link in links)
     assert "@import" not in page
 
 
-def test_a_page_of_a_yard_shows_its_equipment_and_names_the_site() -> None:
+def test_page_of_a_yard_names_the_site() -> None:
     some = logs()
     piece = {
         "name": "tank", "kind": "power_transformer", "shape": "box", "position_m": [10.0, 11.0], "yaw_deg": 0.0,
@@ -75,16 +73,16 @@ def test_a_page_of_a_yard_shows_its_equipment_and_names_the_site() -> None:
     assert "tank/south" in elements.text
 
 
-def test_nothing_found_is_a_page_that_says_so() -> None:
+def test_page_without_discharges_says_so() -> None:
     _, elements = page_of([survey(PAST, day=day) for day in DAYS])
     assert "No discharge was found in 4 inspections." in elements.text
 
 
-def test_the_line_in_a_picture_runs_through_its_values_and_a_rate_starts_at_zero() -> None:
+def test_line_runs_through_values_and_rate_axis_starts_at_zero() -> None:
     (discharge,) = make_trend([inspection(log) for log in logs()]).discharges
     (levels,), (rates,) = draw_levels(discharge).axes, draw_rates(discharge).axes
     line = max(levels.lines, key=lambda each: np.size(each.get_xdata()))
     assert np.asarray(line.get_ydata())[[0, -1]] == pytest.approx([-20.0, -11.0], abs=1.0)
     assert rates.get_ylim()[0] == 0.0
     assert levels.get_ylim()[1] - levels.get_ylim()[0] >= 10.0
-    assert (mark_of(discharge).label, what_became(discharge)) == ("grown", "grown")
+    assert (mark_of(discharge).label, describe_change(discharge)) == ("grown", "grown")
