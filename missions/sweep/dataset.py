@@ -17,7 +17,7 @@ from dirmusic import InputFileError
 from pdpatrol.envs.scenario import restore_scenario
 from pdpatrol.missions.atomic_file import atomic_file, write_text
 from pdpatrol.missions.driving.site_map import SiteMap
-from pdpatrol.missions.record.bearing_error import bearing_rmse
+from pdpatrol.missions.record.log_contents import bearing_rmse
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report, path_length_m
 from pdpatrol.missions.sweep.plan import MissionJob, SweepPlan, commit
