@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,18 +12,18 @@ from typing import Any
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
-from matplotlib.colors import LinearSegmentedColormap, to_rgb, to_rgba
+from matplotlib.colors import LinearSegmentedColormap, to_rgba
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
-from dirmusic.locating.finding import ellipse95, outline95
 from pdpatrol.envs.scenario import restore_scenario
 from pdpatrol.missions.atomic_file import atomic_file
 from pdpatrol.missions.planning.plan import with_planned_route
 from pdpatrol.missions.record.events import Phase
 from pdpatrol.missions.record.log_contents import described_grid
 from pdpatrol.missions.record.mission_log import MissionLog
-from pdpatrol.missions.report.figures import ROUTE, STATES, draw_ground, draw_label, draw_waypoints, draw_yard
+from pdpatrol.missions.report.figures import ROUTE, STATES, draw_finding, draw_ground, draw_waypoints, draw_yard
 from pdpatrol.missions.report.make_report import findings_at, make_report
 from pdpatrol.missions.report.wording import outcome_text, phase_text, title_text
 from pdpatrol.robot_models.antenna.elements import AntennaElements
@@ -46,8 +46,8 @@ CAMERA_DELAY_S = 1.2
 
 BEARING = "#f39c12"
 HEAT = LinearSegmentedColormap.from_list("heat", [(1.0, 0.6, 0.2, 0.0), (1.0, 0.5, 0.1, 0.4), (0.9, 0.3, 0.1, 0.6)])
-ARROW_M = np.array([[0.95, 0.0], [-0.65, 0.6], [-0.3, 0.0], [-0.65, -0.6]])
-"""Outline of the robot on the plan, larger than the robot."""
+ARROW_M = np.array([0.95, -0.65 + 0.6j, -0.3, -0.65 - 0.6j])
+"""Outline of the robot on the plan as x + iy, ahead along x; larger than the robot."""
 
 
 class FilmError(OSError):
@@ -83,22 +83,25 @@ def write_film(
     steps = np.append(np.searchsorted(time_s, np.arange(time_s[0], time_s[-1], pace / rate)), time_s.size - 1)
     options: dict[str, Any] = {"duration": 1000.0 / rate, "loop": 0} if kind == ".gif" else {"fps": rate}
     with TemporaryDirectory() as folder:  # the encoder takes the format from the name of the file
+        file = Path(folder) / f"film{kind}"
+        writer: Any
         try:
-            film = Film(log, steps, 1.0 / rate, max(MIN_PULSE_S, pace / rate), DPI[kind])
-            with closing(film.yard), get_writer(Path(folder) / f"film{kind}", **options) as writer:
-                for frame in range(steps.size):
-                    image = film.draw(frame)
-                    for _ in range(round(END_S * rate) if frame == steps.size - 1 else 1):
-                        writer.append_data(image)  # type: ignore[attr-defined]
-                    progress((frame + 1) / steps.size)
+            with get_writer(file, **options) as writer:
+                frames = film_frames(log, steps, 1.0 / rate, max(MIN_PULSE_S, pace / rate), DPI[kind])
+                for number, image in enumerate(frames, start=1):
+                    for _ in range(1 if number < steps.size else round(END_S * rate)):
+                        writer.append_data(image)
+                    progress(number / steps.size)
         except RuntimeError as error:
             raise FilmError(str(error)) from None
         with atomic_file(path) as temporary:
-            shutil.copyfile(Path(folder) / f"film{kind}", temporary)
+            shutil.copyfile(file, temporary)
 
 
-class Film:
-    """Frames of a film.
+def film_frames(
+    log: MissionLog, steps: NDArray[np.intp], frame_s: float, pulse_s: float, dpi: int
+) -> Iterator[NDArray[np.uint8]]:
+    """Yield the pixels of each frame, shape (height, width, 3).
 
     Args:
         log: Log of a simulated mission with at least one step.
@@ -108,97 +111,76 @@ class Film:
         dpi: Pixels per inch of 12.8 by 6.4 inches.
 
     Raises:
-        RuntimeError: If there is no OpenGL to draw with.
+        RuntimeError: If OpenGL is not available.
     """
-
-    def __init__(self, log: MissionLog, steps: NDArray[np.intp], frame_s: float, pulse_s: float, dpi: int) -> None:
-        scenario = with_planned_route(restore_scenario(log.meta["scenario"]))
-        array = scenario.array.nominal_elements()
-        elements = AntennaElements.checked(array.positions_m, array.boresights_rad, array.boresight_elevations_rad)
-        self.yard = PosedYard(build_spec(scenario.robot.description, scenario.yard, elements), 620, 500)
-        self._log, self._steps, self._pulse_s = log, steps, pulse_s
-        self._array_height_m = float(np.mean(np.asarray(array.positions_m)[:, 2]))
-        self._look_rad = smooth_yaw(log.column("step", "true_pose")[steps, 2], frame_s)
-        self._outcome = outcome_text(make_report(log, 0.0))
-        self._figure = Figure(figsize=(12.8, 6.4), dpi=dpi, facecolor="white")
-        self._canvas = FigureCanvasAgg(self._figure)
-        self._camera = self._figure.add_axes((0.01, 0.11, 0.484, 0.78))
-        self._camera.set_axis_off()
-        self._plan = self._figure.add_axes((0.54, 0.14, 0.45, 0.75))
-        draw_ground(self._plan, np.full(2, -1.0), np.asarray(scenario.yard.size_m) + 1.0)
-        draw_yard(self._plan, scenario.yard)
-        draw_waypoints(self._plan, log.meta["route"])
-        self._figure.text(0.016, 0.945, title_text(log.meta), fontsize=15, weight="bold", va="center", parse_math=False)
-        style: dict[str, Any] = {"fontsize": 13, "va": "center", "parse_math": False}
-        self._clock = self._figure.text(0.984, 0.945, "", ha="right", family="monospace", **style)
-        self._phase = self._figure.text(0.016, 0.055, "", **style)
-        self._event = self._figure.text(0.984, 0.055, "", ha="right", **style)
-        self._moving: list[Any] = []
-
-    def draw(self, frame: int) -> NDArray[np.uint8]:
-        """Draw a frame and return its pixels, shape (height, width, 3)."""
-        log, step = self._log, int(self._steps[frame])
-        row = {name: column[0] for name, column in log.table("step", step, step + 1).items()}
-        for artist in self._moving:
-            artist.remove()
-        pose, age_s, bearing_rad = latest_bearings(log, step, self._pulse_s)
-        ahead = np.column_stack([np.cos(bearing_rad), np.sin(bearing_rad)])
-        opacity = 0.15 + 0.75 * (1.0 - age_s / self._pulse_s)
-        findings = findings_at(log, step + 1, *STATES)
-        colours = [STATES[str(state)][0] for state in findings["state"]]
-        lines: list[Line] = []
-        for (x, y, _), (across, up), share in zip(pose, ahead, opacity, strict=True):
-            start, direction = np.array([x, y, self._array_height_m]), np.array([across, up, 0.0])
-            rgba = (*to_rgb(BEARING), float(share))
-            lines.append(Line(start + 0.3 * direction, start + 40.0 * direction, rgba, 0.008))
-        balls = [
-            Ball(position_m, 0.22, to_rgba(colour, 0.9))
-            for position_m, colour in zip(findings["position_m"], colours, strict=True)
-        ]
-        self.yard.put(row["true_pose"])
-        image = self.yard.from_behind(float(self._look_rad[frame]), lines, balls)
-        rays = np.stack([pose[:, :2], pose[:, :2] + 60.0 * ahead], axis=1)
-        colour = [to_rgba(BEARING, float(share)) for share in opacity]
-        turn = np.array(
-            [[np.cos(row["pose"][2]), -np.sin(row["pose"][2])], [np.sin(row["pose"][2]), np.cos(row["pose"][2])]]
-        )
-        self._moving = [
-            self._camera.imshow(image, aspect="auto"),
-            *self._plan.plot(*log.column("step", "pose", 0, step + 1)[:, :2].T, color=ROUTE, linewidth=2.0, zorder=4),
-            *self._plan.fill(*(ARROW_M @ turn.T + row["pose"][:2]).T, color="#1c2833", zorder=8),
-            self._plan.add_collection(LineCollection(list(rays), colors=colour, linewidths=1.6, zorder=5)),
-            *self._draw_likelihood(step),
-        ]
-        for k, colour in enumerate(colours):
-            position_m, covariance_m2 = findings["position_m"][k][:2], findings["covariance_m2"][k][:2, :2]
-            self._moving += self._plan.plot(*position_m, "+", color=colour, zorder=7)
-            self._moving.append(
-                draw_label(self._plan, str(findings["id"][k]), position_m, (10, 10), str(findings["state"][k]))
+    scenario = with_planned_route(restore_scenario(log.meta["scenario"]))
+    array = scenario.array.nominal_elements()
+    elements = AntennaElements.checked(array.positions_m, array.boresights_rad, array.boresight_elevations_rad)
+    array_height_m = float(np.mean(np.asarray(array.positions_m)[:, 2]))
+    look_rad = smooth_yaw(log.column("step", "true_pose")[steps, 2], frame_s)
+    figure = Figure(figsize=(12.8, 6.4), dpi=dpi, layout="constrained")
+    canvas = FigureCanvasAgg(figure)
+    camera, plan = figure.subplots(1, 2)
+    camera.set_axis_off()
+    draw_ground(plan, np.full(2, -1.0), np.asarray(scenario.yard.size_m) + 1.0)
+    draw_yard(plan, scenario.yard)
+    draw_waypoints(plan, log.meta["route"])
+    moving: list[Any] = []
+    with closing(PosedYard(build_spec(scenario.robot.description, scenario.yard, elements), 620, 500)) as yard:
+        for step, yaw_rad in zip(steps.tolist(), look_rad.tolist(), strict=True):
+            for artist in moving:
+                artist.remove()
+            row = {name: column[0] for name, column in log.table("step", step, step + 1).items()}
+            pose, age_s, bearing_rad = latest_bearings(log, step, pulse_s)
+            start_m = np.column_stack([pose[:, :2], np.full(len(pose), array_height_m)])
+            ahead = np.column_stack([np.cos(bearing_rad), np.sin(bearing_rad), np.zeros(len(pose))])
+            colours = [to_rgba(BEARING, 0.9 - 0.75 * age / pulse_s) for age in age_s.tolist()]
+            findings = findings_at(log, step + 1, *STATES)
+            yard.put(row["true_pose"])
+            image = yard.from_behind(
+                yaw_rad,
+                [Line(a + 0.3 * d, a + 40.0 * d, c, 0.008) for a, d, c in zip(start_m, ahead, colours, strict=True)],
+                [
+                    Ball(place_m, 0.22, to_rgba(STATES[state][0], 0.9))
+                    for place_m, state in zip(findings["position_m"], findings["state"].tolist(), strict=True)
+                ],
             )
-            if ellipse95(covariance_m2).semi_major_m <= 12.0:  # a larger one would hide the yard
-                self._moving += self._plan.plot(*outline95(position_m, covariance_m2, 60).T, color=colour, zorder=7)
-        is_last = frame == self._steps.size - 1
-        n_events = log.n_rows("event") if is_last else log.rows_before("event", step + 1)
-        event = log.column("event", "text", max(n_events - 1, 0), n_events)
-        self._clock.set_text(f"{row['time_s']:.1f} s")
-        phase = phase_text(Phase(str(row["phase"]), int(row["phase_target"])))
-        self._phase.set_text(self._outcome if is_last else phase)
-        self._event.set_text(str(event[0]) if event.size else "")
-        self._canvas.draw()
-        return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
+            rays = np.stack([start_m, start_m + 60.0 * ahead], axis=1)[..., :2]
+            x, y, heading_rad = row["pose"]
+            outline = complex(x, y) + ARROW_M * np.exp(1j * heading_rad)
+            path_m = log.column("step", "pose", 0, step + 1)[:, :2]
+            moving = [
+                camera.imshow(image),
+                *_draw_likelihood(plan, log, step),
+                *plan.plot(*path_m.T, color=ROUTE, linewidth=2.0, zorder=4),
+                plan.add_collection(LineCollection(list(rays), colors=colours, linewidths=1.6, zorder=5)),
+                *plan.fill(outline.real, outline.imag, color="#1c2833", zorder=8),
+            ]
+            for finding in zip(
+                *(findings[name] for name in ("id", "state", "position_m", "covariance_m2")), strict=True
+            ):
+                moving += draw_finding(plan, *finding)
+            is_last = step == log.n_rows("step") - 1
+            doing = (
+                outcome_text(make_report(log, 0.0)) if is_last else phase_text(Phase(row["phase"], row["phase_target"]))
+            )
+            figure.suptitle(f"{title_text(log.meta)}, {row['time_s']:.1f} s: {doing}", parse_math=False)
+            n_events = log.n_rows("event") if is_last else log.rows_before("event", step + 1)
+            event = log.column("event", "text", 0, n_events)[-1:].tolist()
+            figure.supxlabel(*event or [" "], parse_math=False)
+            canvas.draw()
+            yield np.asarray(canvas.buffer_rgba())[..., :3].copy()
 
-    def _draw_likelihood(self, step: int) -> list[Any]:
-        """Draw the latest likelihood of a source on the ground."""
-        row = self._log.rows_before("likelihood", step + 1) - 1
-        if row < 0:
-            return []
-        grid = described_grid(self._log.meta["grid"])
-        value = self._log.column("likelihood", "log_likelihood", row, row + 1)[0].reshape(grid.shape)
+
+def _draw_likelihood(plan: Any, log: MissionLog, step: int) -> Iterator[Any]:  # noqa: ANN401 - Matplotlib axes
+    """Draw the latest likelihood of a source on the ground."""
+    row = log.rows_before("likelihood", step + 1) - 1
+    if row >= 0:
+        grid = described_grid(log.meta["grid"])
+        value = log.column("likelihood", "log_likelihood", row, row + 1)[0].reshape(grid.shape)
         share = np.square(np.clip(value / max(value.max(), 50.0), 0.0, 1.0)).T  # 50: ten pulses from ten places
         (left, bottom), (right, top) = grid.corner_m, grid.corner_m + grid.cell_m * np.array(grid.shape)
-        extent = (left, right, bottom, top)
-        style: dict[str, Any] = {"cmap": HEAT, "vmin": 0, "vmax": 1, "origin": "lower", "aspect": "equal"}
-        return [self._plan.imshow(share, extent=extent, interpolation="bilinear", zorder=3, **style)]
+        yield plan.imshow(share, cmap=HEAT, vmin=0, vmax=1, origin="lower", extent=(left, right, bottom, top), zorder=3)
 
 
 def latest_bearings(log: MissionLog, step: int, max_age_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -214,8 +196,6 @@ def latest_bearings(log: MissionLog, step: int, max_age_s: float) -> tuple[Float
 
 def smooth_yaw(yaw_rad: FloatArray, frame_s: float) -> FloatArray:
     """Return the heading of the camera at each frame, shape (n,): that of the robot without its quick turns."""
-    unwrapped = np.unwrap(yaw_rad)
-    share, smooth = 1.0 - np.exp(-frame_s / CAMERA_DELAY_S), unwrapped.copy()
-    for k in range(1, smooth.size):
-        smooth[k] = smooth[k - 1] + share * (unwrapped[k] - smooth[k - 1])
-    return smooth
+    unwrapped, decay = np.unwrap(yaw_rad), np.exp(-frame_s / CAMERA_DELAY_S)
+    offset_rad = unwrapped - unwrapped[0]
+    return unwrapped[0] + np.asarray(lfilter([1.0 - decay], [1.0, -decay], offset_rad))

@@ -1,4 +1,4 @@
-"""Make frames.svg: azimuth and bearing of one source, in array and world frame.
+"""Draw frames.svg: azimuth and bearing of a source in array and world frame.
 
 uv run python docs/pictures/make_frames.py
 """

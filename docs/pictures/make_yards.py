@@ -1,4 +1,4 @@
-"""Make yards.png and suite.png: yards from above, with the robot at its dock and the route that it drives.
+"""Draw yards.png and suite.png: yards from above, with the robot at its dock and its route.
 
 MUJOCO_GL=egl uv run python docs/pictures/make_yards.py
 """
@@ -42,14 +42,14 @@ HERE = Path(__file__).parent
 PIXELS_PER_M = 28.0
 ELEVATION_RAD = np.radians(-62.0)
 MARGIN_M = 1.5
-"""Beyond the fence, on all sides."""
+"""Ground shown beyond the fence."""
 
 ROUTE_COLOUR, DOCK_COLOUR = "#0b5cad", "#d81b60"
 OUTLINE = [withStroke(linewidth=2.5, foreground="white")]
 
 
 def main() -> None:
-    """Write suite.png and yards.png beside this file."""
+    """Write suite.png and yards.png next to this file."""
     for name, yards, shape, size_in in (("yards", YARDS, (2, 2), (12.0, 10.3)), ("suite", SUITE, (2, 3), (15.0, 8.6))):
         figure, panels = plt.subplots(*shape, figsize=size_in, layout="constrained")
         for panel, (yard, shown) in zip(panels.flat, yards.items(), strict=True):
@@ -63,7 +63,7 @@ def main() -> None:
 
 
 def draw_yard(panel: Axes, scenario: Scenario) -> None:
-    """As an orthographic camera sees it from the south, the robot at its dock."""
+    """Draw a yard as seen by an orthographic camera from the south, with the robot at its dock."""
     array = HelicalArray.nominal(scenario.array)
     elements = AntennaElements.checked(array.positions_m, array.boresights_rad, array.boresight_elevations_rad)
     spec = build_spec(scenario.robot.description, scenario.yard, elements)
@@ -73,7 +73,7 @@ def draw_yard(panel: Axes, scenario: Scenario) -> None:
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
     spec.visual.global_.fovy = 2.0 * half_y  # of an orthographic camera, in metres
     spec.visual.quality.shadowsize = 8192
-    spec.light("sun").pos[2] = 22.0  # lower, the near corner of the yard would lie behind it, without shadows
+    spec.light("sun").pos[2] = 22.0  # if lower, the near corner of the yard lies behind it and has no shadows
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)
@@ -89,7 +89,7 @@ def draw_yard(panel: Axes, scenario: Scenario) -> None:
 
 
 def draw_route(panel: Axes, scenario: Scenario) -> None:
-    """The robot's own way from stop to stop, over the picture."""
+    """Draw the path that the robot plans from stop to stop."""
     site_map = SiteMap(scenario)
     dock = scenario.route.dock_m
     for start, stop in pairwise((dock, *scenario.route.stops_m, dock)):
@@ -104,12 +104,12 @@ def draw_route(panel: Axes, scenario: Scenario) -> None:
 
 
 def on_picture(points_m: ArrayLike, scenario: Scenario) -> FloatArray:
-    """Where points (..., 2) of the ground are on the picture, metres from its middle."""
+    """Return the places of points (..., 2) of the ground on the picture, metres from its centre."""
     return (np.asarray(points_m) - middle(scenario)) * (1.0, -np.sin(ELEVATION_RAD))
 
 
 def middle(scenario: Scenario) -> FloatArray:
-    """Of the yard, (2,)."""
+    """Return the centre of a yard, shape (2,)."""
     return 0.5 * np.asarray(scenario.yard.size_m)
 
 

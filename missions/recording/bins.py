@@ -43,7 +43,7 @@ class LogBin:
 
 
 def set_step(stream: rr.RecordingStream, log: MissionLog, step: int) -> None:
-    """Set the time of what is logged next to a step of a mission; before the first step, to zero."""
+    """Set the time for the following calls of `stream.log` to a step of a mission; zero before the first step."""
     time_s = log.column("step", "time_s", step, step + 1)
     stream.set_time("sim_time", duration=float(time_s[0]) if time_s.size else 0.0)
     stream.set_time("step", sequence=step)

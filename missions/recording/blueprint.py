@@ -63,24 +63,12 @@ def _world_views(meta: Mapping[str, Any], bin_s: float) -> list[rrb.Spatial3DVie
     centre, diagonal_m = np.array([*(0.5 * (low + high)), 0.0]), float(np.hypot(*(high - low)))
     above_m = 0.88 * float(np.max((high - low) * [1.0, 1.25]))
     behind = rrb.EyeControls3D(
-        kind=rrb.Eye3DKind.Orbital,
-        position=[-3.6, -2.6, 4.6],
-        look_target=[0.0, 0.0, 0.5],
-        eye_up=[0.0, 0.0, 1.0],
-        tracking_entity="world/robot",
+        position=[-3.6, -2.6, 4.6], look_target=[0, 0, 0.5], eye_up=[0, 0, 1], tracking_entity="world/robot"
     )
     side = rrb.EyeControls3D(
-        kind=rrb.Eye3DKind.Orbital,
-        position=centre + diagonal_m * np.array([-0.1, -0.66, 0.5]),
-        look_target=centre - np.array([0.0, 0.04 * diagonal_m, 0.0]),
-        eye_up=[0.0, 0.0, 1.0],
+        position=centre + diagonal_m * np.array([-0.1, -0.7, 0.5]), look_target=centre, eye_up=[0, 0, 1]
     )
-    plan = rrb.EyeControls3D(
-        kind=rrb.Eye3DKind.Orbital,
-        position=centre + np.array([0.0, -0.01, above_m]),
-        look_target=centre,
-        eye_up=[0.0, 1.0, 0.0],
-    )
+    plan = rrb.EyeControls3D(position=centre + np.array([0.0, -0.01, above_m]), look_target=centre, eye_up=[0, 1, 0])
     truth, labels = "world/truth", ("world/robot/marker", "world/yard/names")
     return [
         _world_view("Robot", behind, bin_s, hidden=(truth, *labels), see_through=True),  # it may be behind equipment
@@ -119,7 +107,7 @@ def _world_view(
 
 
 def _last(seconds: float | None) -> rrb.VisibleTimeRanges:
-    """Show what was logged in the last seconds; everything since the start with None."""
+    """Show the data of the last seconds; all data since the start with None."""
     start = rrb.TimeRangeBoundary.infinite()
     if seconds is not None:
         start = rrb.TimeRangeBoundary.cursor_relative(seconds=-seconds)

@@ -24,40 +24,47 @@ TRAJECTORIES = {
 
 def draw_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
     """Draw everything that does not move, from the metadata of a log."""
-    stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    solids, sites, truth = meta.get("solids", {}), meta.get("sites", {}), meta.get("truth", {})
+    sources = [*truth.get("sources", ()), *truth.get("interferers", ())]
+    places = {f"true: {source['name']}": source["position_m"] for source in sources}
+    groups = {
+        group: [solid for solid in solids.get("yard", ()) if solid["group"] == group]
+        for group in ("equipment", "fence")
+    }
+    shapes: dict[str, Any] = {
+        "world": rr.ViewCoordinates.RIGHT_HAND_Z_UP,
+        **_solids("world/yard/equipment", groups["equipment"]),
+        **_solids("world/yard/fence", groups["fence"]),
+        **_solids("world/yard/map", solids.get("map", ()), fill_mode="majorwireframe"),
+        **_solids("world/robot/body", solids.get("robot", ())),
+        "world/yard/names": _labels(_name_places(groups["equipment"], sites)),
+        "world/yard/sites": rr.Points3D(list(sites.values()), labels=list(sites), colors=[0xC8965AFF], radii=[0.07]),
+        # the camera of a view follows an entity only if it has a shape of its own; field data have no solids
+        "world/robot": rr.Points3D([[0.0, 0.0, 0.3]], radii=[0.05 if solids else 0.3], colors=[0xEBEBF0FF]),
+        "world/robot/marker": rr.Arrows3D(
+            origins=[[0.7, 0.0, 1.5]], vectors=[[2.0, 0.0, 0.0]], radii=[0.22], colors=[0x2896FFFF]
+        ),
+        "world/truth/sources": rr.Points3D(list(places.values()), colors=[TRUTH], radii=[0.22]),
+        "world/truth/names": _labels({name: [x, y, z + 1.5] for name, (x, y, z) in places.items()}),
+        "world/truth/moves": _lines(
+            [[each["position_m"], each["moves_to_m"]] for each in sources if "moves_to_m" in each], TRUTH
+        ),
+        "plots/command": rr.SeriesLines(names=["speed (m/s)", "yaw rate (rad/s)"]),
+    }
     if "bounds_m" in meta:
         low, high = (np.array(corner) for corner in meta["bounds_m"])
         centre, half = [*(0.5 * (low + high)), -0.03], [*(0.5 * (high - low)), 0.02]
-        ground = rr.Boxes3D(centers=[centre], half_sizes=[half], colors=[0x404648FF], fill_mode="solid")
-        stream.log("world/yard/ground", ground, static=True)
-    solids = meta.get("solids", {})
-    equipment, fence = (
-        [solid for solid in solids.get("yard", []) if solid["group"] == group] for group in ("equipment", "fence")
-    )
-    _draw_solids(stream, "world/yard/equipment", equipment)
-    _draw_solids(stream, "world/yard/fence", fence)
-    _draw_solids(stream, "world/yard/map", solids.get("map", []), fill_mode="majorwireframe")
-    _draw_solids(stream, "world/robot/body", solids.get("robot", []))
-    sites = meta.get("sites", {})
-    names = _name_places(equipment, {site.partition("/")[0] for site in sites})
-    _draw_points(stream, "world/yard/names", names, WHITE, 0.01)
-    _draw_points(stream, "world/yard/sites", sites, 0xC8965AFF, 0.07, labelled=False)
-    if not solids:  # field data: only the poses of the array are known
-        _draw_points(stream, "world/robot/body", {"array": [0.0, 0.0, 0.3]}, 0xEBEBF0FF, 0.3, labelled=False)
-    # the camera of a view follows an entity only if it has a shape of its own
-    stream.log("world/robot", rr.Points3D([[0, 0, 0]], radii=[0.05], colors=[0xEBEBF0FF]), static=True)
-    arrow = rr.Arrows3D(origins=[[0.7, 0.0, 1.5]], vectors=[[2.0, 0.0, 0.0]], radii=[0.22], colors=[0x2896FFFF])
-    stream.log("world/robot/marker", arrow, static=True)
-    stream.log("plots/command", rr.SeriesLines(names=["speed (m/s)", "yaw rate (rad/s)"]), static=True)
+        shapes["world/yard/ground"] = rr.Boxes3D(
+            centers=[centre], half_sizes=[half], colors=[0x404648FF], fill_mode="solid"
+        )
     if "route" in meta:
-        route = {"dock": meta["route"]["dock_m"]}
-        route |= {str(number): place_m for number, place_m in enumerate(meta["route"]["waypoints_m"], start=1)}
-        _draw_points(stream, "world/route", {name: [x, y, 0.02] for name, (x, y) in route.items()}, WHITE, 0.1)
-    if meta.get("route_path_m"):
-        line = [[x, y, 0.02] for x, y in meta["route_path_m"]]
-        path = rr.LineStrips3D([line], colors=[0x969EA8FF], radii=rr.Radius.ui_points([0.6]))
-        stream.log("world/route/path", path, static=True)
-    _draw_truth(stream, meta.get("truth", {}))
+        stops = {"dock": meta["route"]["dock_m"]}
+        stops |= {str(number): place_m for number, place_m in enumerate(meta["route"]["waypoints_m"], start=1)}
+        shapes["world/route"] = _labels({name: [x, y, 0.02] for name, (x, y) in stops.items()}, 0.1)
+        path_m = [[x, y, 0.02] for x, y in meta.get("route_path_m") or ()]
+        shapes["world/route/path"] = _lines([path_m] if path_m else [], 0x969EA8FF)
+    for path, shape in shapes.items():
+        stream.log(path, shape, static=True)
 
 
 def draw_motion(stream: rr.RecordingStream, part: LogBin) -> None:
@@ -80,47 +87,27 @@ def draw_motion(stream: rr.RecordingStream, part: LogBin) -> None:
             stream.log("plots/battery", rr.Scalars(100.0 * battery))
 
 
-def _draw_truth(stream: rr.RecordingStream, truth: Mapping[str, Any]) -> None:
-    sources = [*truth.get("sources", []), *truth.get("interferers", [])]
-    places = {f"true: {source['name']}": source["position_m"] for source in sources}
-    _draw_points(stream, "world/truth/sources", places, TRUTH, 0.22, labelled=False)
-    above = {name: [x, y, z + 1.5] for name, (x, y, z) in places.items()}
-    _draw_points(stream, "world/truth/names", above, WHITE, 0.01)
-    lines = [[source["position_m"], source["moves_to_m"]] for source in sources if "moves_to_m" in source]
-    if lines:
-        stream.log("world/truth/moves", rr.LineStrips3D(lines, colors=[TRUTH], radii=[0.05]), static=True)
+def _labels(places: Mapping[str, Sequence[float]], radius_m: float = 0.01) -> rr.Points3D:
+    return rr.Points3D(list(places.values()), labels=list(places), colors=[WHITE], radii=[radius_m], show_labels=True)
 
 
-def _name_places(equipment: Sequence[Mapping[str, Any]], with_sites: set[str]) -> dict[str, list[float]]:
-    """Return a place for the name of each piece with sites: above it, 1.8 m north, where no finding has its label."""
-    parts_m: dict[str, list[Any]] = {}
+def _lines(lines: Any, colour: int) -> rr.LineStrips3D:  # noqa: ANN401 - nested sequences
+    return rr.LineStrips3D(lines, colors=[colour], radii=rr.Radius.ui_points([0.8]))
+
+
+def _name_places(equipment: Sequence[Mapping[str, Any]], sites: Mapping[str, Any]) -> dict[str, list[float]]:
+    """Return a place for the name of each piece with sites: 1.8 m north of its highest part, away from findings."""
+    with_sites, places = {site.partition("/")[0] for site in sites}, dict[str, list[float]]()
     for solid in equipment:
-        name = solid["name"].split("/")[1]
-        if name in with_sites:
-            parts_m.setdefault(name, []).append(solid["position_m"])
-    means_m = {name: np.mean(centres, axis=0) for name, centres in parts_m.items()}
-    return {name: [x, y + 1.8, max(part[2] for part in parts_m[name])] for name, (x, y, _) in means_m.items()}
+        name, (x, y, z) = solid["name"].split("/")[1], solid["position_m"]
+        if name in with_sites and (name not in places or z > places[name][2]):
+            places[name] = [x, y + 1.8, z]
+    return places
 
 
-def _draw_points(
-    stream: rr.RecordingStream,
-    path: str,
-    points: Mapping[str, Sequence[float]],
-    colour: int,
-    radius_m: float,
-    *,
-    labelled: bool = True,
-) -> None:
-    if points:
-        places, names = list(points.values()), list(points)
-        drawn = rr.Points3D(places, labels=names, colors=[colour], radii=[radius_m], show_labels=labelled)
-        stream.log(path, drawn, static=True)
-
-
-def _draw_solids(
-    stream: rr.RecordingStream, path: str, solids: Sequence[Mapping[str, Any]], fill_mode: str = "solid"
-) -> None:
-    """Draw solids, one entity for each kind of shape."""
+def _solids(path: str, solids: Sequence[Mapping[str, Any]], fill_mode: str = "solid") -> dict[str, Any]:
+    """Return an archetype for each kind of shape, by its path."""
+    shapes: dict[str, Any] = {}
     for shape in sorted({solid["shape"] for solid in solids}):
         own = [solid for solid in solids if solid["shape"] == shape]
         size, centre = (np.array([solid[key] for solid in own]) for key in ("size_m", "position_m"))
@@ -132,15 +119,16 @@ def _draw_solids(
             "show_labels": False,
             "fill_mode": fill_mode,
         }
-        drawn: Any
+        length, radius = 2 * size[:, 1], size[:, 0]
         if shape == "box":
             drawn = rr.Boxes3D(half_sizes=size, centers=centre, **style)
         elif shape == "cylinder":
-            drawn = rr.Cylinders3D(lengths=2 * size[:, 1], radii=size[:, 0], centers=centre, **style)
+            drawn = rr.Cylinders3D(lengths=length, radii=radius, centers=centre, **style)
         elif shape == "capsule":  # Rerun's capsules start at their translation and extend along z
             start = centre - size[:, 1, np.newaxis] * Rotation.from_quat(xyzw).apply([0.0, 0.0, 1.0])
-            drawn = rr.Capsules3D(lengths=2 * size[:, 1], radii=size[:, 0], translations=start, **style)
+            drawn = rr.Capsules3D(lengths=length, radii=radius, translations=start, **style)
         else:
             half = size if shape == "ellipsoid" else np.repeat(size[:, :1], 3, axis=1)
             drawn = rr.Ellipsoids3D(half_sizes=half, centers=centre, **style)
-        stream.log(f"{path}/{shape}", drawn, static=True)
+        shapes[f"{path}/{shape}"] = drawn
+    return shapes

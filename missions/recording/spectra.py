@@ -7,6 +7,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from dirmusic.angles import wrap
+from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.recording.bins import LogBin, set_step
 
 FloatArray = NDArray[np.float64]
@@ -55,33 +56,39 @@ def draw_spectra(
         line = np.column_stack([WIDTH * time_s / end_s, _height(wrap(yaw_rad))])
         pieces = np.split(line, np.flatnonzero(np.abs(np.diff(line[:, 1])) > 0.5 * HEIGHT) + 1)  # at +-180 degrees
         stream.log("spectra/heading", rr.LineStrips2D(pieces, colors=[0x2896FFFF], radii=[0.7]))
-    tile = (part.end - 1) // tile_steps
-    first = tile * tile_steps
-    if part.end == 0 or (part.end % tile_steps and not is_last):
-        return
-    start, stop = (log.rows_before("pulse", step) for step in (first, part.end))
-    pulse = log.table("pulse", start, stop)
+    if part.end and (is_last or part.end % tile_steps == 0):
+        _draw_tile(stream, log, (part.end - 1) // tile_steps * tile_steps, part.end, unit_gain, bin_steps, end_s)
+
+
+def _draw_tile(
+    stream: rr.RecordingStream,
+    log: MissionLog,
+    first: int,
+    end: int,
+    unit_gain: FloatArray,
+    bin_steps: int,
+    end_s: float,
+) -> None:
+    """Draw the spectra of the steps from `first` up to `end`."""
+    pulse = log.table("pulse", log.rows_before("pulse", first), log.rows_before("pulse", end))
     credible = pulse["is_credible"]
-    step = pulse["step"][credible]
-    spectrum = pseudo_spectra(pulse["strengths_v"][credible], unit_gain)
-    pose = log.column("step", "pose", first, part.end)
-    shift = np.round(pose[step - first, 2] / (2.0 * np.pi) * N_AZIMUTHS).astype(np.intp)
-    spectrum = np.take_along_axis(spectrum, (np.arange(N_AZIMUTHS) - shift[:, np.newaxis]) % N_AZIMUTHS, axis=-1)
-    columns = np.zeros((-(-(part.end - first) // bin_steps), N_AZIMUTHS))
-    for k in range(len(columns)):
-        own = (step - first) // bin_steps == k
-        columns[k] = spectrum[own].mean(axis=0) if own.any() else 0.0
+    row = pulse["step"][credible] - first
+    yaw_rad = log.column("step", "pose", first, end)[row, 2]
+    azimuth_rad = AZIMUTHS_RAD - yaw_rad[:, np.newaxis]  # in the frame of the array
+    nearest = np.round(azimuth_rad / AZIMUTHS_RAD[1]).astype(np.intp) % N_AZIMUTHS
+    spectrum = np.take_along_axis(pseudo_spectra(pulse["strengths_v"][credible], unit_gain), nearest, axis=-1)
+    columns = np.zeros((-(-(end - first) // bin_steps), N_AZIMUTHS))
+    np.add.at(columns, row // bin_steps, spectrum)
+    columns /= np.maximum(np.bincount(row // bin_steps, minlength=len(columns)), 1)[:, np.newaxis]
     image = np.roll(columns, N_AZIMUTHS // 2, axis=1)[:, ::-1].T  # from 180 degrees at the top to -180
     colours = np.stack([np.interp(image, np.linspace(0.0, 1.0, len(HEAT)), channel) for channel in HEAT.T], axis=-1)
-    set_step(stream, log, part.end - 1)
-    start_s = float(log.column("step", "time_s", first - 1, first)[0]) if first else 0.0
-    width = WIDTH * max(float(log.column("step", "time_s", part.end - 1, part.end)[0]) - start_s, 1e-6) / end_s
-    place = rr.Transform3D(
-        translation=[WIDTH * start_s / end_s, 0.0, 0.0],
-        scale=[width / len(columns), HEIGHT / N_AZIMUTHS, 1.0],
-    )
-    stream.log(f"spectra/{tile}", place, static=True)
-    stream.log(f"spectra/{tile}", rr.Image(np.round(colours).astype(np.uint8)))
+    time_s = np.append(0.0, log.column("step", "time_s", 0, end))
+    left, right = WIDTH * time_s[[first, end]] / end_s
+    scale = [max(right - left, 1e-6) / len(columns), HEIGHT / N_AZIMUTHS, 1.0]
+    path = f"spectra/{first // (TILE_BINS * bin_steps)}"
+    stream.log(path, rr.Transform3D(translation=[left, 0.0, 0.0], scale=scale), static=True)
+    set_step(stream, log, end - 1)
+    stream.log(path, rr.Image(np.round(colours).astype(np.uint8)))
 
 
 def draw_spectra_axes(stream: rr.RecordingStream, end_s: float) -> None:

@@ -39,26 +39,23 @@ def draw_status(stream: rr.RecordingStream, part: LogBin) -> None:
     for step, kind, text in zip(event["step"].tolist(), event["kind"].tolist(), event["text"].tolist(), strict=True):
         set_step(stream, part.log, step)
         stream.log("mission/events", rr.TextLog(text, level=kind))
-    phases = _phases(part.log, max(part.first_step - 1, 0), part.end)
     for step in range(part.first_step, part.end):
-        phase, before = phases[step - part.end], phases[max(step - part.end - 1, -len(phases))]
-        if step == 0 or phase != before:
+        phases = _phases(part.log, max(step - 1, 0), step + 1)
+        if step == 0 or phases[0] != phases[-1]:
             set_step(stream, part.log, step)
-            stream.log("mission/phase", rr.StateChange(state=str(phase)))
-            known = list(dict.fromkeys(_phases(part.log, 0, part.end)))
-            style = rr.StateConfiguration(
-                values=[str(each) for each in known],
-                labels=[phase_text(each) for each in known],
-                colors=[PHASE_COLOURS.get(each.name, (110, 80, 150)) for each in known],
-            )
+            stream.log("mission/phase", rr.StateChange(state=str(phases[-1])))
+            known = dict.fromkeys(_phases(part.log, 0, part.end))
+            values, labels = [str(phase) for phase in known], [phase_text(phase) for phase in known]
+            colours = [PHASE_COLOURS.get(phase.name, (110, 80, 150)) for phase in known]
+            style = rr.StateConfiguration(values=values, labels=labels, colors=colours)
             stream.log("mission/phase", style, static=True)
     if part.end > part.first_step:
         set_step(stream, part.log, part.end - 1)
-        _draw_text(stream, _status_text(part.log, phases[-1], part.end))
+        _draw_text(stream, _status_text(part.log, part.end))
 
 
 def draw_outcome(stream: rr.RecordingStream, log: MissionLog, report: Report) -> None:
-    """Draw what a mission has found, and the sites of its findings."""
+    """Draw the outcome of a mission and the sites of its findings."""
     set_step(stream, log, max(log.n_rows("step") - 1, 0))
     subject = "Mission" if "scenario" in log.meta else "Survey"
     lines = [f"### {subject} over after {report.sim_time_s:.0f} s: {report.ending or 'killed'}", ""]
@@ -80,9 +77,9 @@ def _phases(log: MissionLog, start: int, end: int) -> list[Phase]:
     return [Phase(*phase) for phase in zip(names, targets, strict=True)]
 
 
-def _status_text(log: MissionLog, phase: Phase, end: int) -> str:
+def _status_text(log: MissionLog, end: int) -> str:
     """Describe the phase of a mission before step `end` and its findings, as Markdown."""
-    pose = log.column("step", "pose", end - 1, end)[0]
+    (phase,), (pose,) = _phases(log, end - 1, end), log.column("step", "pose", end - 1, end)
     table = findings_at(log, end, "candidate", "confirmed", "outside")
     rows = {int(number): {name: column[k] for name, column in table.items()} for k, number in enumerate(table["id"])}
     waypoints_m = log.meta.get("route", {}).get("waypoints_m", ())
@@ -104,7 +101,7 @@ def _status_text(log: MissionLog, phase: Phase, end: int) -> str:
 
 
 def _needs_text(meta: Mapping[str, Any], row: Mapping[str, Any], pose: NDArray[np.float64]) -> str:
-    """Describe what a candidate lacks to be confirmed; with a locator of the user, only its distance is known."""
+    """Describe the conditions that a candidate does not meet yet; with a locator of the user, only its distance."""
     distance = f"It is {np.linalg.norm(row['position_m'][:2] - pose[:2]):.0f} m away"
     locating = meta.get("scenario", {}).get("locating")
     if locating is None or locating.get("locator") is not None:

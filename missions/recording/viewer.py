@@ -12,12 +12,15 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TypeVar
 
 from rerun.experimental import ViewerClient
 
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.recording.blueprint import blueprint
 from pdpatrol.missions.recording.recorder import Recorder, recording_stream
+
+T = TypeVar("T")
 
 LOOPBACK = "127.0.0.1"
 """Rerun listens on all interfaces by default."""
@@ -34,7 +37,7 @@ def check_screen() -> None:
     """Check that there is a screen to open a window on.
 
     Raises:
-        ViewerError: If there is none.
+        ViewerError: If no screen is available.
     """
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise ViewerError("no screen to open a viewer on (neither DISPLAY nor WAYLAND_DISPLAY is set)")
@@ -64,11 +67,8 @@ def serve(recordings: Sequence[Path], announce: Callable[[str], None]) -> None:
     port, web_port = _free_port(), _free_port()
     options = ("--serve-web", "--port", str(port), "--web-viewer-port", str(web_port))
     with _rerun(*options, *_absolute(recordings)) as server:
-        deadline_s = time.monotonic() + START_LIMIT_S
-        while _is_starting(server, deadline_s):
-            with suppress(OSError), socket.create_connection((LOOPBACK, web_port), timeout=1.0):
-                announce(f"http://{LOOPBACK}:{web_port}/?url=rerun%2Bhttp://{LOOPBACK}:{port}/proxy")
-                break
+        _retry(server, lambda: socket.create_connection((LOOPBACK, web_port), timeout=1.0).close())
+        announce(f"http://{LOOPBACK}:{web_port}/?url=rerun%2Bhttp://{LOOPBACK}:{port}/proxy")
         _wait(server)
 
 
@@ -165,19 +165,25 @@ def _wait(process: subprocess.Popen[str]) -> None:
 
 
 def _connect(viewer: subprocess.Popen[str], port: int) -> ViewerClient:
+    client = _retry(viewer, lambda: ViewerClient.connect(_address(port)))
+    _retry(viewer, client.get_state)
+    return client
+
+
+def _retry(process: subprocess.Popen[str], attempt: Callable[[], T]) -> T:
+    """Repeat an attempt until it succeeds.
+
+    Raises:
+        ViewerError: If the process has ended, or the attempt does not succeed in time.
+    """
     deadline_s = time.monotonic() + START_LIMIT_S
-    while _is_starting(viewer, deadline_s):
-        with suppress(ConnectionError, RuntimeError):
-            client = ViewerClient.connect(_address(port))
-            client.get_state()
-            return client
-    _wait(viewer)
+    while process.poll() is None and time.monotonic() < deadline_s:
+        with suppress(OSError, RuntimeError):
+            return attempt()
+        time.sleep(0.1)
+    if process.poll() is not None:
+        _wait(process)
     raise ViewerError("the viewer does not start")
-
-
-def _is_starting(process: subprocess.Popen[str], deadline_s: float) -> bool:
-    time.sleep(0.1)
-    return process.poll() is None and time.monotonic() < deadline_s
 
 
 def _address(port: int) -> str:

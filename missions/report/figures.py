@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Rectangle
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Annotation
@@ -75,24 +75,17 @@ def draw_site_plan(log: MissionLog, report: Report) -> Figure:
             for site in report.inspection.sites if report.inspection else ():
                 marker, colour, label = SITE_MARKS[site.state]
                 x, y, _ = yard.site_position(site.name)
-                axes.plot(
-                    x,
-                    y,
-                    marker,
-                    color=colour,
-                    markersize=5.5,
-                    markeredgecolor="white",
-                    label=label,
-                    linestyle="",
-                    zorder=6,
-                )
+                axes.plot(x, y, marker, color=colour, markersize=5.5, markeredgecolor="white", label=label, zorder=6)
         _draw_path(axes, log)
-        located = (*report.candidates, *report.findings)
-        beyond = [finding for finding in located if _is_beyond(axes, finding)]
-        _mark_beyond(axes, beyond)
-        for finding in located:
-            if finding not in beyond:
-                draw_finding(axes, finding)
+        beyond: list[FindingRecord] = []
+        for finding in (*report.candidates, *report.findings):
+            place_m = np.array(finding.position_m[:2])
+            if ((place_m < low_m) | (place_m > high_m)).any():
+                beyond.append(finding)
+            else:
+                draw_finding(axes, finding.id, finding.state, finding.position_m, finding.covariance_m2)
+        if beyond:
+            _mark_beyond(axes, beyond, low_m, high_m)
         handles = dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
         figure.legend(handles.values(), handles, loc="outside lower center", ncols=3, fontsize=7.5, frameon=False)
     return figure
@@ -122,11 +115,12 @@ def draw_phase_pattern(discharge: DischargeKind) -> Figure:
 
 def draw_detected_from(log: MissionLog, finding: FindingRecord, pulses: FindingPulses | None) -> Figure:
     """Draw the poses from which a finding was detected and the bearings taken there, 8 to 26 m across."""
-    place_m = np.array(finding.position_m[:2])
-    rows = np.zeros(0, dtype=np.intp)
+    place_m, pose_m, lines_m = np.array(finding.position_m[:2]), np.empty((0, 2)), np.empty((0, 2, 2))
     if pulses is not None and pulses.time_s.size:
         rows = np.unique(np.linspace(0, pulses.time_s.size - 1, MAX_BEARINGS).astype(np.intp))
-    pose_m = pulses.pose[rows, :2] if pulses is not None else np.empty((0, 2))
+        pose_m, bearing_rad = pulses.pose[rows, :2], pulses.bearing_rad[rows]
+        ahead_m = pulses.range_m[rows] * np.array([np.cos(bearing_rad), np.sin(bearing_rad)])
+        lines_m = np.stack([pose_m, pose_m + ahead_m.T], axis=1)
     half_m = float(np.clip(np.abs(pose_m - place_m).max(initial=0.0) + MARGIN_M, 4.0, 13.0))
     with rc_context(STYLE):
         figure = Figure(figsize=(3.5, 3.2), layout="constrained")
@@ -135,18 +129,11 @@ def draw_detected_from(log: MissionLog, finding: FindingRecord, pulses: FindingP
         if (yard := known_yard(log)) is not None:
             draw_yard(axes, yard)
         axes.plot(*log.column("step", "pose")[:, :2].T, color="#b8c4cf", linewidth=0.9, zorder=2)
-        if pulses is not None:
-            bearing_rad = pulses.bearing_rad[rows]
-            ahead_m = pulses.range_m[rows] * np.array([np.cos(bearing_rad), np.sin(bearing_rad)])
-            lines = np.stack([pose_m, pose_m + ahead_m.T], axis=1)
-            axes.add_collection(LineCollection(list(lines), colors=BEARING, linewidths=0.5, alpha=0.7, zorder=3))
-            axes.plot(*pose_m.T, "o", color=ROUTE, markersize=2.4, zorder=4)
-        draw_finding(axes, finding)
-        marks = [
-            Line2D([], [], color=ROUTE, marker="o", markersize=3, linestyle="", label="pose"),
-            Line2D([], [], color=BEARING, label="bearing"),
-        ]
-        axes.legend(handles=marks, fontsize=7, loc="lower left", framealpha=0.9, handlelength=1.2)
+        lines = LineCollection(list(lines_m), colors=BEARING, linewidths=0.5, alpha=0.7, label="bearing", zorder=3)
+        axes.add_collection(lines)
+        poses = axes.plot(*pose_m.T, "o", color=ROUTE, markersize=2.4, label="pose", zorder=4)
+        draw_finding(axes, finding.id, finding.state, finding.position_m, finding.covariance_m2)
+        axes.legend(handles=[*poses, lines], fontsize=7, loc="lower left", framealpha=0.9, handlelength=1.2)
     return figure
 
 
@@ -205,17 +192,20 @@ def draw_yard(axes: Axes, yard: Yard) -> None:
         )
 
 
-def draw_finding(axes: Axes, finding: FindingRecord) -> None:
-    """Draw position, 95 % ellipse and id of a finding."""
-    colour, label = STATES[finding.state]
-    outline_m = outline95(np.array(finding.position_m[:2]), np.array(finding.covariance_m2)[:2, :2], 60)
-    axes.plot(*outline_m.T, color=colour, linewidth=1.3, zorder=7)
-    x, y, _ = finding.position_m
-    axes.plot(x, y, "+", color=colour, markersize=7, label=f"{label} with its id, 95 % ellipse", zorder=7)
-    draw_label(axes, str(finding.id), (x, y), (10.0, 10.0), finding.state)
+def draw_finding(axes: Axes, number: int, state: str, position_m: ArrayLike, covariance_m2: ArrayLike) -> list[Artist]:
+    """Draw position, 95 % ellipse and id of a finding; an ellipse larger than the figure is omitted."""
+    colour, label = STATES[state]
+    style: dict[str, Any] = {"color": colour, "zorder": 7}
+    place_m = np.asarray(position_m)[:2]
+    artists: list[Artist] = [_draw_label(axes, str(number), place_m, (10.0, 10.0), state)]
+    artists += axes.plot(*place_m, "+", markersize=7, label=f"{label} with its id, 95 % ellipse", **style)
+    outline_m = outline95(place_m, np.asarray(covariance_m2)[:2, :2], 60)
+    if np.ptp(outline_m, axis=0).max() < np.ptp(axes.get_xlim()):
+        artists += axes.plot(*outline_m.T, linewidth=1.3, **style)
+    return artists
 
 
-def draw_label(
+def _draw_label(
     axes: Axes, text: str, place_m: ArrayLike, offset_pt: ArrayLike, state: str, side: str = "center"
 ) -> Annotation:
     """Draw the id of a finding on the colour of its state, at an offset from its place."""
@@ -253,22 +243,15 @@ def draw_waypoints(axes: Axes, route: Mapping[str, Any]) -> None:
         axes.text(x, y, str(number), fontsize=6, ha="center", va="center_baseline", color=ROUTE, zorder=5.5)
 
 
-def _is_beyond(axes: Axes, finding: FindingRecord) -> bool:
-    """Return True if a finding lies outside the figure."""
-    (x, y, _), (left, right), (bottom, top) = finding.position_m, axes.get_xlim(), axes.get_ylim()
-    return not (left <= x <= right and bottom <= y <= top)
-
-
-def _mark_beyond(axes: Axes, findings: Sequence[FindingRecord]) -> None:
+def _mark_beyond(axes: Axes, findings: Sequence[FindingRecord], low_m: FloatArray, high_m: FloatArray) -> None:
     """Mark findings outside the figure at its edge; neighbours share one label."""
-    low_m, high_m = np.array([axes.get_xlim(), axes.get_ylim()]).T
-    edge_m = np.clip(np.array([finding.position_m[:2] for finding in findings]).reshape(-1, 2), low_m, high_m)
+    edge_m = np.clip([finding.position_m[:2] for finding in findings], low_m, high_m)
     label_m = 0.08 * float((high_m - low_m).max())
-    groups = fclusterdata(edge_m, label_m, "distance", method="single") if len(findings) > 1 else np.ones(len(findings))
+    groups = fclusterdata(edge_m, label_m, "distance", method="single") if len(findings) > 1 else np.ones(1)
     for group in np.unique(groups):
         members = [finding for finding, own in zip(findings, groups, strict=True) if own == group]
         place_m, state = edge_m[groups == group].mean(axis=0), members[0].state
         axes.plot(*edge_m[groups == group].T, "D", color=STATES[state][0], label="farther out, its id", zorder=7)
         inward = (place_m <= low_m).astype(int) - (place_m >= high_m)
         side = {1: "left", 0: "center", -1: "right"}[int(inward[0])]
-        draw_label(axes, ", ".join(str(finding.id) for finding in members), place_m, 12.0 * inward, state, side)
+        _draw_label(axes, ", ".join(str(finding.id) for finding in members), place_m, 12.0 * inward, state, side)

@@ -213,7 +213,7 @@ class Scores(ReportPart, frozen=True):
 
 
 class Report(ReportPart, frozen=True):
-    """Findings of a mission, their uncertainty, and what was not inspected."""
+    """Findings of a mission, their uncertainty, and the inspection of the sites."""
 
     schema_number: Literal[5] = Field(alias="schema", description="number of this schema")
     scenario: str = Field(description="name of the scenario, or of the table of field data")

@@ -127,7 +127,7 @@ def outcome_text(report: Report) -> str:
 
 
 def phase_text(phase: Phase) -> str:
-    """Describe what a policy is doing."""
+    """Describe the activity of a policy."""
     if phase.target and phase.name in ("patrol", "seek"):
         return f"{'drives to waypoint' if phase.name == 'patrol' else 'approaches candidate'} {phase.target}"
     texts = {
