@@ -152,6 +152,7 @@ def update_recording(folder: Path, *, lists_recordings: bool = False) -> Path:
         return path
     try:
         write_recording(log, path, lists_recordings=lists_recordings)
-    except (LookupError, TypeError, AttributeError, ArithmeticError) as error:
-        raise ValueError(f"{folder}: damaged metadata in its log ({error!r})") from None
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+        reason = " ".join(str(error).splitlines()[:3])
+        raise ValueError(f"{folder}: log with metadata that are damaged or of another version ({reason})") from None
     return path

@@ -26,7 +26,6 @@ def draw_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
     """Draw everything that does not move, from the metadata of a log."""
     solids, sites, truth = meta.get("solids", {}), meta.get("sites", {}), meta.get("truth", {})
     sources = [*truth.get("sources", ()), *truth.get("interferers", ())]
-    places = {f"true: {source['name']}": source["position_m"] for source in sources}
     groups = {
         group: [solid for solid in solids.get("yard", ()) if solid["group"] == group]
         for group in ("equipment", "fence")
@@ -38,19 +37,22 @@ def draw_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
         **_solids("world/yard/map", solids.get("map", ()), fill_mode="majorwireframe"),
         **_solids("world/robot/body", solids.get("robot", ())),
         "world/yard/names": _labels(_name_places(groups["equipment"], sites)),
-        "world/yard/sites": rr.Points3D(list(sites.values()), labels=list(sites), colors=[0xC8965AFF], radii=[0.07]),
+        "world/yard/sites": rr.Points3D(
+            list(sites.values()), labels=list(sites), colors=[0xC8965AFF], radii=[0.07], show_labels=False
+        ),
         # the camera of a view follows an entity only if it has a shape of its own; field data have no solids
         "world/robot": rr.Points3D([[0.0, 0.0, 0.3]], radii=[0.05 if solids else 0.3], colors=[0xEBEBF0FF]),
         "world/robot/marker": rr.Arrows3D(
             origins=[[0.7, 0.0, 1.5]], vectors=[[2.0, 0.0, 0.0]], radii=[0.22], colors=[0x2896FFFF]
         ),
-        "world/truth/sources": rr.Points3D(list(places.values()), colors=[TRUTH], radii=[0.22]),
-        "world/truth/names": _labels({name: [x, y, z + 1.5] for name, (x, y, z) in places.items()}),
-        "world/truth/moves": _lines(
-            [[each["position_m"], each["moves_to_m"]] for each in sources if "moves_to_m" in each], TRUTH
-        ),
         "plots/command": rr.SeriesLines(names=["speed (m/s)", "yaw rate (rad/s)"]),
     }
+    if sources:
+        places = {f"true: {source['name']}": source["position_m"] for source in sources}
+        moves = [[source["position_m"], source["moves_to_m"]] for source in sources if "moves_to_m" in source]
+        shapes["world/truth/sources"] = rr.Points3D(list(places.values()), colors=[TRUTH], radii=[0.22])
+        shapes["world/truth/names"] = _labels({name: [x, y, z + 1.5] for name, (x, y, z) in places.items()})
+        shapes["world/truth/moves"] = _lines(moves, TRUTH)
     if "bounds_m" in meta:
         low, high = (np.array(corner) for corner in meta["bounds_m"])
         centre, half = [*(0.5 * (low + high)), -0.03], [*(0.5 * (high - low)), 0.02]

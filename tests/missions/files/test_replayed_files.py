@@ -108,7 +108,7 @@ def test_replay_refuses_a_log_whose_facts_are_junk(mission: Path, tmp_path: Path
     done = pdpatrol("replay", ".", cwd=tmp_path)
     assert done.returncode == 2
     (line,) = done.stderr.strip().splitlines()
-    assert "damaged metadata" in line
+    assert "log with metadata that are damaged" in line
     assert [path.name for path in tmp_path.iterdir()] == ["log.npz"]
 
 
