@@ -17,7 +17,7 @@ from pdpatrol.envs.core.arguments import NOTHING_FIXED, Fixed, checked_actions, 
 from pdpatrol.envs.core.info import fixed_info
 from pdpatrol.envs.core.simulation import STEP_S, Outcome, Simulation
 from pdpatrol.envs.scenario import Scenario
-from pdpatrol.robot_models.camera import Camera
+from pdpatrol.robot_models.rendering import Camera
 
 FloatArray = NDArray[np.float64]
 Observation = dict[str, NDArray[np.float32]]

@@ -26,8 +26,8 @@ from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.figures import ROUTE, STATES, draw_finding, draw_ground, draw_waypoints, draw_yard
 from pdpatrol.missions.report.make_report import findings_at, make_report
 from pdpatrol.missions.report.wording import outcome_text, phase_text, title_text
-from pdpatrol.robot_models.antenna.elements import AntennaElements
-from pdpatrol.robot_models.posed_yard import Ball, Line, PosedYard
+from pdpatrol.robot_models.antenna_elements import AntennaElements
+from pdpatrol.robot_models.rendering import DrawnBall, DrawnLine, PosedYard
 from pdpatrol.robot_models.world import build_spec
 
 FloatArray = NDArray[np.float64]
@@ -139,9 +139,9 @@ def film_frames(
             yard.put(row["true_pose"])
             image = yard.from_behind(
                 yaw_rad,
-                [Line(a + 0.3 * d, a + 40.0 * d, c, 0.008) for a, d, c in zip(start_m, ahead, colours, strict=True)],
+                [DrawnLine(a + 0.3 * d, a + 40.0 * d, c, 0.008) for a, d, c in zip(start_m, ahead, colours, strict=True)],
                 [
-                    Ball(place_m, 0.22, to_rgba(STATES[state][0], 0.9))
+                    DrawnBall(place_m, 0.22, to_rgba(STATES[state][0], 0.9))
                     for place_m, state in zip(findings["position_m"], findings["state"].tolist(), strict=True)
                 ],
             )

@@ -1,3 +1,3 @@
-"""Body and yard: what exists physically. Imports none of the other packages; import its modules by name."""
+"""Robots and yards: the physical world in MuJoCo. Import its modules by name."""
 
 __all__: list[str] = []

@@ -1,10 +1,11 @@
-"""What is to be seen of a world, as plain data."""
+"""Description of the visible solids of a world as plain data, to draw them without MuJoCo."""
 # pyright: reportAttributeAccessIssue=false
 # The compiled bindings of MuJoCo carry no types for their enums.
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -12,14 +13,11 @@ import numpy as np
 from pdpatrol.robot_models.equipment import colour_of
 from pdpatrol.robot_models.yard.pieces import Equipment
 
-VISIBLE_GROUPS = 3
-"""MuJoCo's viewer shows geoms of groups below this, unless it is told otherwise."""
 
+def describe_solids(model: mujoco.MjModel) -> dict[str, list[dict[str, Any]]]:
+    """Describe the shapes of yard and robot.
 
-def describe_solids(model: mujoco.MjModel) -> dict[str, list[dict[str, object]]]:
-    """Shapes of yard and robot as plain data, to draw them without the model.
-
-    A robot is drawn by the geoms that MuJoCo's viewer shows, those of the first groups.
+    A robot is drawn by the geoms of the first three groups, which MuJoCo's viewer shows by default.
 
     Returns:
         Lists `yard` (world frame) and `robot` (frame of the robot's base, origin on the floor under the axle). Each
@@ -27,7 +25,7 @@ def describe_solids(model: mujoco.MjModel) -> dict[str, list[dict[str, object]]]
         `quaternion_wxyz` and `rgba`.
     """
     data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)  # the base stands at the world's origin in the model's own pose
+    mujoco.mj_kinematics(model, data)  # in the pose of the model, the base is at the world's origin
     base = model.body("base").id
     shapes = {
         int(mujoco.mjtGeom.mjGEOM_BOX): "box",
@@ -36,11 +34,11 @@ def describe_solids(model: mujoco.MjModel) -> dict[str, list[dict[str, object]]]
         int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): "ellipsoid",
         int(mujoco.mjtGeom.mjGEOM_CAPSULE): "capsule",
     }
-    solids: dict[str, list[dict[str, object]]] = {"yard": [], "robot": []}
+    solids: dict[str, list[dict[str, Any]]] = {"yard": [], "robot": []}
     for geom in range(model.ngeom):
         name = model.geom(geom).name
         is_robot = model.body_rootid[model.geom_bodyid[geom]] == base
-        if int(model.geom_type[geom]) not in shapes or (is_robot and model.geom_group[geom] >= VISIBLE_GROUPS):
+        if int(model.geom_type[geom]) not in shapes or (is_robot and model.geom_group[geom] >= 3):
             continue
         quaternion = np.empty(4)
         mujoco.mju_mat2Quat(quaternion, data.geom_xmat[geom])
@@ -60,9 +58,9 @@ def describe_solids(model: mujoco.MjModel) -> dict[str, list[dict[str, object]]]
     return solids
 
 
-def describe_equipment(pieces: Iterable[Equipment]) -> list[dict[str, object]]:
-    """Shapes of equipment that stands in no world, such as what a map shows wrongly; as of `describe_solids`."""
-    described: list[dict[str, object]] = []
+def describe_equipment(pieces: Iterable[Equipment]) -> list[dict[str, Any]]:
+    """Describe the shapes of equipment that is in no world, such as errors of a map, like `describe_solids`."""
+    described: list[dict[str, Any]] = []
     for item in pieces:
         solids, half_yaw = item.solids, 0.5 * np.radians(item.yaw_deg)
         for k, part in enumerate(item.assembly.parts):

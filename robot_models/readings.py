@@ -1,4 +1,4 @@
-"""What can be read of robots in their physics, in one compiled loop over the robots."""
+"""Readings of the simulated robots: poses, wheels, motors, lidar and contacts, in compiled loops over the robots."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Drive(NamedTuple):
         actuator: Column of its motor among the actuators, shape (n_wheels,).
         side: 0 on the left, 1 on the right, shape (n_wheels,).
         side_share: One over the number of wheels on its side, shape (n_wheels,).
-        resistance_ohm: Of its motor, shape (n_wheels,); 0 where the file gives no such data.
+        resistance_ohm: Resistance of its motor, shape (n_wheels,); 0 if the file has no such data.
         constant_nmpa: Torque constant of its motor, shape (n_wheels,).
     """
 
@@ -39,11 +39,11 @@ class Physics(NamedTuple):
 
     Attributes:
         base: Position and wxyz quaternion of the base, shape (n, 7).
-        base_velocity: Linear in the world frame, angular in the base's own, shape (n, 6).
+        base_velocity: Linear velocity in the world frame, angular in that of the base, shape (n, 6).
         joints: All joint positions, shape (n, n_positions).
-        torque_nm: Of all actuators, shape (n, n_actuators).
-        actuator_radps: Speeds of what the actuators turn, shape (n, n_actuators).
-        beams_m: Ranges of the beams from where they start, negative where nothing is hit, shape (n, n_beams).
+        torque_nm: Torques of all actuators, shape (n, n_actuators).
+        actuator_radps: Speeds of all actuators, shape (n, n_actuators).
+        beams_m: Ranges of the lidar's beams from their start, negative without a hit, shape (n, n_beams).
     """
 
     base: FloatArray
@@ -55,17 +55,17 @@ class Physics(NamedTuple):
 
 
 POSE, VELOCITY, WHEEL_ANGLES, MOTOR_POWER, UPRIGHT, LIDAR = slice(0, 3), slice(3, 5), slice(5, 7), 7, 8, slice(9, None)
-"""Columns of `Readings.values`; `UPRIGHT` is the cosine of the base's lean."""
+"""Columns of `Readings.values`; `UPRIGHT` is the cosine of the base's tilt."""
 
 LEAST_UPRIGHT = np.cos(np.radians(45.0))
-"""A robot that is less upright has fallen over (assumed: no wheeled robot gets up from there)."""
+"""Value of `UPRIGHT` below which a robot has fallen over (assumed): no wheeled robot recovers from there."""
 
 
 class Readings(NamedTuple):
-    """What is read; a row is a robot.
+    """Readings of all robots; a row is a robot.
 
     Attributes:
-        values: All that follows but the frame, side by side: so it passes quickly into compiled loops.
+        values: All readings but the frame, as columns of one array, which compiled loops take quickly.
         world_from_base: Frame of the base, on the floor under the middle of the axle, with tilt, shape (n, 4, 4).
     """
 
@@ -74,27 +74,27 @@ class Readings(NamedTuple):
 
     @property
     def pose(self) -> FloatArray:
-        """X m, y m and yaw in (-pi, pi], world frame, shape (n, 3)."""
+        """Position x m, y m and yaw in (-pi, pi], world frame, shape (n, 3)."""
         return self.values[:, POSE]
 
     @property
     def velocity(self) -> FloatArray:
-        """Speed along the robot's own forward direction, m/s, and yaw rate, rad/s, shape (n, 2)."""
+        """Forward speed, m/s, and yaw rate, rad/s, shape (n, 2)."""
         return self.values[:, VELOCITY]
 
     @property
     def wheel_angles(self) -> FloatArray:
-        """By how much left and right wheels have turned since the reset, radians, shape (n, 2)."""
+        """Angles of left and right wheels since the reset, radians, shape (n, 2)."""
         return self.values[:, WHEEL_ANGLES]
 
     @property
     def motor_power_w(self) -> FloatArray:
-        """What the motors take, never fed back, shape (n,): mechanical power, and what heats their copper if known."""
+        """Electrical power of the motors without recuperation, shape (n,): mechanical power and known copper losses."""
         return self.values[:, MOTOR_POWER]
 
     @property
     def lidar_m(self) -> FloatArray:
-        """Ranges from the robot's middle, at most the lidar's reach, shape (n, n_beams)."""
+        """Ranges from the robot's middle, at most that of the lidar, shape (n, n_beams)."""
         return self.values[:, LIDAR]
 
 
@@ -136,13 +136,50 @@ def _read(
 
 
 def reader(physics: Physics, drive: Drive, beams_start_m: float, reach_m: float) -> Callable[[], Readings]:
-    """A function that reads all robots anew.
+    """Return a function that reads all robots.
 
     Args:
-        physics: Of the robots.
+        physics: Live views of the robots.
         drive: Their wheels.
-        beams_start_m: Distance from a robot's middle to where the beams of its lidar start.
+        beams_start_m: Distance from a robot's middle to the start of the beams of its lidar.
         reach_m: Greatest range of the lidar.
     """
-    live, wheels = tuple(physics), tuple(drive)  # the types of plain tuples are known faster than those of named
+    live, wheels = tuple(physics), tuple(drive)  # compiled functions look up plain tuples faster than named ones
     return lambda: Readings(*_read(live, wheels, beams_start_m, reach_m))
+
+
+@compiled
+def touching(touches: FloatArray) -> IntArray:
+    """Return the rows of the robots with any stored contact.
+
+    Args:
+        touches: Contacts stored by the sensors of the hull, shape (n_robots, n_sensors, n_steps, n_contacts, 4): found
+            or not, and x, y, z of each contact. Those found come first.
+    """
+    n_robots, n_sensors, n_steps = touches.shape[:3]
+    rows, n = np.empty(n_robots, np.intp), 0
+    for r in range(n_robots):
+        n_found = 0
+        for sensor in range(n_sensors):
+            for step in range(n_steps):
+                n_found += touches[r, sensor, step, 0, 0] > 0.0
+        if n_found > 0:
+            rows[n] = r
+            n += 1
+    return rows[:n]
+
+
+@compiled
+def take_places(touches: FloatArray, row: int) -> FloatArray:
+    """Return the places of the stored contacts of a robot, x and y, shape (n, 2), and clear them."""
+    _, n_sensors, n_steps, n_contacts = touches.shape[:4]
+    places, n = np.empty((n_sensors * n_steps * n_contacts, 2)), 0
+    for sensor in range(n_sensors):
+        for step in range(n_steps):
+            for k in range(n_contacts):
+                contact = touches[row, sensor, step, k]
+                if contact[0] > 0.0:
+                    places[n, 0], places[n, 1] = contact[1], contact[2]
+                    contact[0] = 0.0
+                    n += 1
+    return places[:n]

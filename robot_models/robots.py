@@ -1,4 +1,4 @@
-"""Robots in their worlds: drive them, and ask where they are, what they touched and what the lidar sees."""
+"""Robots in their worlds: drive them, and read their poses, contacts and lidar."""
 # pyright: reportAttributeAccessIssue=false
 # The compiled bindings of MuJoCo carry no types for their enums.
 
@@ -13,46 +13,40 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import ArrayLike, NDArray
 
-from pdpatrol.robot_models.antenna.elements import AntennaElements
-from pdpatrol.robot_models.contacts import take_places, touching
+from pdpatrol.robot_models.antenna_elements import AntennaElements
 from pdpatrol.robot_models.description.robot_description import RobotDescription
 from pdpatrol.robot_models.description.robot_parts import FLOATING_BASE, GYRO, HOME
-from pdpatrol.robot_models.readings import Drive, Physics, reader
+from pdpatrol.robot_models.readings import Drive, Physics, reader, take_places, touching
 from pdpatrol.robot_models.sensors import LIDAR_BEAMS, LIDAR_PERIOD_S, LIDAR_RANGE_M, contact_names, lidar_names
-from pdpatrol.robot_models.steering import Steering, YawFeedback, command
+from pdpatrol.robot_models.steering import SteeringLimits, YawFeedback, command
 from pdpatrol.robot_models.world import build_spec, physics_only
 from pdpatrol.robot_models.yard.yard import Yard
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
-_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-"""All that physics goes on from."""
-
-_CONTACT_SIZE = 4
-"""Numbers that the sensors of the hull remember of each contact: found, x, y, z."""
-
 
 class Robots:
-    """Robots of one kind, each alone in its own copy of a yard: named physical queries; knows no reward and no radio.
+    """Robots of one kind, each alone in its own copy of a yard; without reward and radio.
 
-    They stand at the world's origin until `reset` puts them elsewhere. What one does is the same to
-    the bit whatever the others do, and however many threads there are. Every answer has a row for each robot.
+    They stand at the world's origin until `reset` puts them elsewhere. The motion of a robot does not depend on the
+    others, nor on the number of threads, to the bit. Every result has a row for each robot.
 
     Args:
-        robot: What each of them is.
+        robot: Description of all robots.
         yard: Fence and equipment.
-        elements: The antenna elements that each carries.
-        n_robots: How many.
-        n_threads: On how many threads the physics runs.
+        elements: Antenna elements of each robot.
+        n_robots: Number of robots.
+        n_threads: Number of threads of the physics.
 
     Attributes:
-        robot: As given.
-        physics: The world that each is in, without what is only looked at.
+        robot: Description of all robots.
+        physics: World of each robot, without elements that are only seen.
         step_s: Length of a physics step.
-        is_touching: Who touched anything since its last `drive` or `reset` began, shape (n_robots,).
-        readings: Where they are, how they move and what the lidar sees, since the last `drive` or `reset`. The lidar
-            scanned in the last physics step: at full speed the robot has since moved by a few millimetres.
+        is_touching: True for robots that touched anything since the start of their last `drive` or `reset`, shape
+            (n_robots,).
+        readings: Poses, motion and lidar since the last `drive` or `reset`. The lidar scanned in the last physics step:
+            at full speed the robot has moved by a few millimetres since.
     """
 
     def __init__(
@@ -84,7 +78,7 @@ class Robots:
         self._read = reader(live, drive, robot.lidar_start_m, LIDAR_RANGE_M)
         self._wheels, self._all_rows = (drive.actuator, drive.side), np.arange(n_robots)
         self._steering = tuple(
-            Steering(
+            SteeringLimits(
                 robot.max_speed_mps,
                 robot.max_yaw_rate_radps,
                 0.5 * robot.turning_track_m,
@@ -100,17 +94,20 @@ class Robots:
             added_radps=np.zeros(n_robots),
         )
         self._plain_feedback = tuple(self._feedback)
-        self._touches = self._remembered_contacts([model.sensor(name).id for name in hull])
-        self._n_remembered = self._touches.shape[2]
+        self._touches = self._stored_contacts([model.sensor(name).id for name in hull])
+        self._n_stored = self._touches.shape[2]
         self._places: list[set[tuple[float, float]]] = [set() for _ in range(n_robots)]
         self.is_touching = np.zeros(n_robots, dtype=np.bool_)
         self.reset(self._all_rows, np.zeros((n_robots, 3)))
 
-    def _remembered_contacts(self, sensors: Sequence[int]) -> FloatArray:
-        """What the sensors of the hull remember: a live view, shape (n_robots, n_sensors, n_steps, n_contacts, 4).
+    def _stored_contacts(self, sensors: Sequence[int]) -> FloatArray:
+        """Return a live view of the contacts stored by the hull's sensors.
 
-        Their histories follow one another. In each, MuJoCo puts a number of the user's, one of its own, and the times
-        before the contacts.
+        The histories of the sensors are consecutive. In each, MuJoCo stores a number of the user, one of its own, and
+        the times before the contacts. The numbers of a contact are: found, x, y, z.
+
+        Returns:
+            Shape (n_robots, n_sensors, n_steps, n_contacts, 4).
         """
         model, history = self.physics, self._batch.bind("history")
         n_steps, size = int(model.sensor_history[sensors[0], 0]), int(model.sensor_dim[sensors[0]])
@@ -118,36 +115,36 @@ class Robots:
         each = head + n_steps * size
         assert model.sensor_historyadr[sensors].tolist() == [first + each * k for k in range(len(sensors))]
         rows = history[:, first : first + each * len(sensors)].reshape(len(history), len(sensors), each)
-        return rows[:, :, head:].reshape(len(history), len(sensors), n_steps, -1, _CONTACT_SIZE)
+        return rows[:, :, head:].reshape(len(history), len(sensors), n_steps, -1, 4)
 
     @cached_property
     def model(self) -> mujoco.MjModel:
-        """The world that each is in, complete: with looks and all sensors."""
+        """World of each robot, complete with its looks and all sensors."""
         return build_spec(self.robot, self._yard, self._elements).compile()
 
     @property
     def n_robots(self) -> int:
-        """How many there are."""
+        """Number of robots."""
         return len(self._places)
 
     @property
     def touched(self) -> list[tuple[str, ...]]:
-        """What each robot touched since its last `drive` or `reset` began: `equipment/NAME`, `fence/SIDE`."""
+        """Names of what each robot touched since its last `drive` or `reset` began: `equipment/NAME`, `fence/SIDE`."""
         return [tuple(sorted(self._yard.obstacles_at(list(places)))) if places else () for places in self._places]
 
     def reset(self, rows: Sequence[int] | NDArray[np.intp], poses: ArrayLike) -> None:
-        """Stand some robots at rest on their wheels; their time and all state start from zero.
+        """Put some robots at rest on their wheels, with time and state reset.
 
         Args:
-            rows: Which robots, shape (n,).
-            poses: x m, y m, yaw rad of each, shape (n, 3), world frame.
+            rows: Rows of the robots, shape (n,).
+            poses: Pose x m, y m, yaw rad of each, shape (n, 3), world frame.
 
         Raises:
             ValueError: If a pose is not finite.
         """
         ids, at = np.asarray(rows, dtype=np.int32), np.asarray(poses, dtype=np.float64).reshape(-1, 3)
         if not np.isfinite(at).all():
-            raise ValueError(f"`poses` must be finite, got {at.tolist()}.")
+            raise ValueError(f"`poses` must be finite, got {at.tolist()}")
         batch = self._batch
         batch.reset(ids, keyframe=self._home, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         for row, (x, y, yaw) in zip(ids.tolist(), at.tolist(), strict=True):
@@ -163,22 +160,22 @@ class Robots:
         batch.state[ids] = start
         self._feedback.set_point[ids] = 0.0
         self._feedback.added_radps[ids] = 0.0
-        self._look()
+        self._update_readings()
 
     def drive(
         self, v_mps: ArrayLike, yaw_rate_radps: ArrayLike, duration_s: float, rows: NDArray[np.intp] | None = None
     ) -> None:
-        """Drive for a while under one command each, noting whatever is touched on the way.
+        """Drive for a time with one command each, and record all contacts.
 
         Commands are clipped to the robot's limits. The motors approach them no faster than its `max_acceleration`
-        allows, from where the previous `drive` left them. Where wheels skid in turns, the gyro corrects the yaw rate
-        from one `drive` to the next.
+        allows, from the speeds of the previous `drive`. If wheels skid in turns, the gyro corrects the yaw rate from
+        one `drive` to the next.
 
         Args:
             v_mps: Forward speeds, shape (n_robots,), m/s; negative is backward.
             yaw_rate_radps: Yaw rates, shape (n_robots,), rad/s, counter-clockwise.
-            duration_s: How long, seconds; a whole number of physics steps.
-            rows: Which robots drive, and wait for none of the others; None for all.
+            duration_s: Duration, seconds; a whole number of physics steps.
+            rows: Rows of the robots that drive, independently of the others; None for all.
 
         Raises:
             ValueError: If a command is not finite, or the duration is not a whole number of physics steps.
@@ -187,36 +184,37 @@ class Robots:
         n_substeps = round(duration_s / self.step_s)
         if n_substeps < 1 or abs(n_substeps * self.step_s - duration_s) > 1e-9:
             raise ValueError(
-                f"`duration_s` must be a positive multiple of the physics step, {self.step_s:g} s, got {duration_s:g}."
+                f"`duration_s` must be a positive multiple of the physics step, {self.step_s:g} s, got {duration_s:g}"
             )
         driven = self._all_rows if rows is None else rows
         if not command(v, turn, driven, duration_s, self._steering, self._wheels, self._plain_feedback, self._ctrl):
-            raise ValueError(f"`v_mps` and `yaw_rate_radps` must be finite, got {v} and {turn}.")
+            raise ValueError(f"`v_mps` and `yaw_rate_radps` must be finite, got {v} and {turn}")
         if any(self._places):
             for row in driven.tolist():
                 self._places[row] = set()
                 self.is_touching[row] = False
         while n_substeps > 0:
-            n = min(n_substeps, self._n_remembered)
+            n = min(n_substeps, self._n_stored)
             self._batch.step(rows, n)
             n_substeps -= n
             for row in touching(self._touches).tolist():
                 self._places[row] |= self._take_places(row)
                 self.is_touching[row] = True
-        self._look()
+        self._update_readings()
 
-    def _look(self) -> None:
-        """Read what the sensors say; the gyro's word is kept for the next command, for the state does not hold it."""
+    def _update_readings(self) -> None:
+        """Read the sensors, and keep the value of the gyro, which is not part of the state, for the next command."""
         self._feedback.gyro_radps[:] = self._gyro_radps
         self.readings = self._read()
 
     def n_warnings(self) -> NDArray[np.intp]:
-        """How often MuJoCo warned of each robot's physics, shape (n_robots,)."""
+        """Return the number of MuJoCo's warnings for each robot, shape (n_robots,)."""
         return np.asarray(self._batch.warning).reshape(self.n_robots, -1).sum(axis=-1)
 
     def data(self, row: int = 0) -> mujoco.MjData:
-        """A copy of one robot's world as it is now, complete, to draw it or to ask MuJoCo anything."""
-        state, kind = np.empty(mujoco.mj_stateSize(self.model, _STATE)), _STATE
+        """Copy the complete world of one robot in its current state, for pictures and queries."""
+        kind = mujoco.mjtState.mjSTATE_INTEGRATION
+        state = np.empty(mujoco.mj_stateSize(self.model, kind))
         mujoco.mj_getState(self.physics, self._batch.get_data(row), state, kind)
         data = mujoco.MjData(self.model)
         mujoco.mj_setState(self.model, data, state, kind)
@@ -224,7 +222,7 @@ class Robots:
         return data
 
     def _take_places(self, row: int) -> set[tuple[float, float]]:
-        """Where the hull of a robot has touched something, to the centimetre; it is remembered no more."""
+        """Return the places of a robot's stored contacts, rounded to a centimetre, and clear them."""
         return set(map(tuple, np.round(take_places(self._touches, row), 2).tolist()))
 
     def __getstate__(self) -> dict[str, Any]:
@@ -246,7 +244,7 @@ class Robots:
 
 
 def _drive(model: mujoco.MjModel, robot: RobotDescription) -> Drive:
-    """Where the driven wheels are in the model, and the data of their motors."""
+    """Look up the driven wheels in the model, and the data of their motors."""
     sides = np.array([wheel.side for wheel in robot.wheels], dtype=np.intp)
     actuators = np.array([model.actuator(wheel.actuator).id for wheel in robot.wheels], dtype=np.intp)
     is_dc = model.actuator_gaintype[actuators] == mujoco.mjtGain.mjGAIN_DCMOTOR

@@ -1,4 +1,4 @@
-"""The sensors that every robot gets when a world is built: lidar beams, and what its hull touches."""
+"""Sensors that are added to every robot when a world is built: lidar beams and contact sensors of the hull."""
 # pyright: reportAttributeAccessIssue=false
 # The compiled bindings of MuJoCo carry no types for their enums and spec elements.
 
@@ -10,30 +10,25 @@ from pdpatrol.robot_models.description.robot_description import RobotDescription
 from pdpatrol.robot_models.description.robot_parts import BASE, is_hull
 
 LIDAR_BEAMS = 36
-"""Beams of the planar lidar, evenly all round; the first looks ahead, the next further counter-clockwise."""
+"""Number of beams of the planar lidar, evenly spaced; the first points ahead, the next counter-clockwise of it."""
 
 LIDAR_RANGE_M = 12.0
-"""Greatest range of the lidar (assumed, of a small time-of-flight scanner)."""
+"""Greatest range of the lidar (assumed): that of a small time-of-flight scanner."""
 
 LIDAR_PERIOD_S = 0.1
-"""Time between its scans, and time for which contacts are remembered."""
+"""Time between scans, and time for which contacts are stored."""
 
-N_CONTACTS = 6
-"""How many contacts of each geom of the hull are remembered of one physics step."""
-
-_FIELDS = (mujoco.mjtConDataField.mjCONDATA_FOUND, mujoco.mjtConDataField.mjCONDATA_POS)
-_FOUND_AND_PLACE = sum(1 << field.value for field in _FIELDS)
-
-_HULL = "hull/"
+HULL_PREFIX = "hull/"
+"""Prefix of the names of contact sensors."""
 
 
 def lidar_names() -> list[str]:
-    """Names of the beams' sensors."""
+    """Return the names of the sensors of the beams."""
     return [f"lidar_{beam:02d}" for beam in range(LIDAR_BEAMS)]
 
 
 def describe_lidar(robot: RobotDescription) -> dict[str, float]:
-    """Beams as plain data: their number, where they start, how far from the floor, how far they reach, how often."""
+    """Describe the lidar as plain data: number, start, height and range of the beams, and time between scans."""
     return {
         "n_beams": LIDAR_BEAMS,
         "start_m": robot.lidar_start_m,
@@ -44,7 +39,7 @@ def describe_lidar(robot: RobotDescription) -> dict[str, float]:
 
 
 def add_lidar(spec: mujoco.MjSpec, robot: RobotDescription) -> None:
-    """Give a robot its beams: around its base, read at 10 Hz in the last physics step of every tenth of a second."""
+    """Add the beams around the base of a robot, read in the last physics step of every `LIDAR_PERIOD_S`."""
     ring = mujoco.MjSpec.from_string(
         f"""<mujoco>
           <compiler angle="degree"/>
@@ -70,19 +65,21 @@ def add_lidar(spec: mujoco.MjSpec, robot: RobotDescription) -> None:
 
 
 def add_contact_sensors(spec: mujoco.MjSpec) -> None:
-    """Give a sensor to each geom of a robot's hull, with what was touched in each physics step of a lidar's period."""
+    """Add a sensor to each geom of a robot's hull that stores up to 6 contacts of each step of `LIDAR_PERIOD_S`."""
+    fields = (mujoco.mjtConDataField.mjCONDATA_FOUND, mujoco.mjtConDataField.mjCONDATA_POS)
+    found_and_position = sum(1 << field.value for field in fields)
     for number, geom in enumerate([geom for geom in spec.geoms if is_hull(geom)]):
         geom.name = geom.name or f"part_{number}"
         spec.add_sensor(
-            name=f"{_HULL}{geom.name}",
+            name=f"{HULL_PREFIX}{geom.name}",
             type=mujoco.mjtSensor.mjSENS_CONTACT,
             objtype=mujoco.mjtObj.mjOBJ_GEOM,
             objname=geom.name,
-            intprm=[_FOUND_AND_PLACE, 0, N_CONTACTS],
+            intprm=[found_and_position, 0, 6],
             nsample=round(LIDAR_PERIOD_S / spec.option.timestep),
         )
 
 
 def contact_names(spec: mujoco.MjSpec) -> list[str]:
-    """Names of the sensors of the hull."""
-    return [sensor.name for sensor in spec.sensors if sensor.name.startswith(_HULL)]
+    """Return the names of the contact sensors of the hull."""
+    return [sensor.name for sensor in spec.sensors if sensor.name.startswith(HULL_PREFIX)]

@@ -1,4 +1,4 @@
-"""From commands to wheel speeds, in a compiled loop over the robots."""
+"""Conversion of commands to wheel speeds, in a compiled loop over the robots."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 
-class Steering(NamedTuple):
-    """How commands become wheel speeds.
+class SteeringLimits(NamedTuple):
+    """Measures and limits of a robot by which commands are converted to wheel speeds.
 
     Attributes:
-        max_speed_mps: Greatest speed either way.
-        max_yaw_rate_radps: Greatest yaw rate either way.
+        max_speed_mps: Greatest speed in either direction.
+        max_yaw_rate_radps: Greatest yaw rate in either direction.
         half_track_m: Half the track by which wheel speeds turn the robot.
         wheel_radius_m: Rolling radius.
-        max_acceleration_mps2: With which the motors let the rims of the wheels follow.
-        yaw_rate_gain: Of the integrating feedback of the gyro, 1/s; 0 for none.
+        max_acceleration_mps2: Greatest acceleration of the rims of the wheels.
+        yaw_rate_gain: Gain of the integrating feedback of the gyro, 1/s; 0 without feedback.
     """
 
     max_speed_mps: float
@@ -37,9 +37,9 @@ class YawFeedback(NamedTuple):
     """State of the feedback of the gyro; a row is a robot. `close_yaw_rate` changes it in place.
 
     Attributes:
-        gyro_radps: Live view of the yaw rate by the gyro, shape (n,).
-        set_point: Speed, m/s, and yaw rate, rad/s, that the robot should have come to by now, shape (n, 2).
-        added_radps: What is added to the yaw rate for what the wheels lose by skidding, shape (n,).
+        gyro_radps: Yaw rate by the gyro, shape (n,).
+        set_point: Current set point of speed, m/s, and yaw rate, rad/s, shape (n, 2).
+        added_radps: Correction of the yaw rate for the skidding of the wheels, shape (n,).
     """
 
     gyro_radps: FloatArray
@@ -49,23 +49,20 @@ class YawFeedback(NamedTuple):
 
 @compiled
 def close_yaw_rate(
-    r: int, v_mps: float, yaw_rate_radps: float, period_s: float, steering: Steering, feedback: YawFeedback
+    r: int, v_mps: float, yaw_rate_radps: float, period_s: float, steering: SteeringLimits, feedback: YawFeedback
 ) -> tuple[float, float]:
-    """What to set the wheels to, so that a robot moves as commanded though its wheels skid.
+    """Return the speed and yaw rate for the wheels that make a robot with skidding wheels move as commanded.
 
-    The set point approaches the command no faster than the rims of the wheels can follow: when the robot slows down,
-    its speed comes first, so that it stops in as short a way as when it drives straight; otherwise its yaw rate.
+    The set point approaches the command no faster than the rims of the wheels can follow: the speed first when the
+    robot slows down, so that it stops within the same distance as on a straight path; otherwise the yaw rate first.
 
     Args:
         r: Row of the robot.
-        v_mps: Commanded.
-        yaw_rate_radps: Commanded.
+        v_mps: Commanded speed.
+        yaw_rate_radps: Commanded yaw rate.
         period_s: Time since the last command.
-        steering: Of all robots.
-        feedback: Of all robots.
-
-    Returns:
-        Speed and yaw rate.
+        steering: Limits of all robots.
+        feedback: State of all robots.
     """
     gyro_radps, set_point, added_radps = feedback
     half_track_m, most = steering.half_track_m, steering.max_yaw_rate_radps
@@ -82,8 +79,8 @@ def close_yaw_rate(
         v_change = min(max(v_change, -change_mps), change_mps)
     set_point[r, 0] += v_change
     set_point[r, 1] += turn_change / half_track_m
-    stands = set_point[r, 0] == 0.0 and set_point[r, 1] == 0.0
-    added_radps[r] = 0.0 if stands else min(max(added, -most), most)
+    is_at_rest = set_point[r, 0] == 0.0 and set_point[r, 1] == 0.0
+    added_radps[r] = 0.0 if is_at_rest else min(max(added, -most), most)
     return set_point[r, 0], set_point[r, 1] + added_radps[r]
 
 
@@ -98,24 +95,24 @@ def command(
     feedback: tuple[FloatArray, ...],
     control_radps: FloatArray,
 ) -> bool:
-    """Set the wheels' speeds for commands, within limits.
+    """Set the speeds of the wheels for commands, clipped to the limits.
 
     Args:
         v_mps: Forward speeds, shape (n,).
-        yaw_rate_radps: Shape (n,).
-        rows: Which robots are commanded.
+        yaw_rate_radps: Yaw rates, shape (n,).
+        rows: Rows of the robots to be commanded.
         period_s: Time since the last command.
-        steering: A plain `Steering`.
-        wheels: Of each driven wheel the column of its motor and its side, as of `readings.Drive`.
-        feedback: A plain `YawFeedback`.
-        control_radps: Becomes the speeds, shape (n, n_actuators).
+        steering: `SteeringLimits` as a plain tuple.
+        wheels: Column of its motor and side of each driven wheel, see `readings.Drive`.
+        feedback: `YawFeedback` as a plain tuple.
+        control_radps: Filled with the speeds, shape (n, n_actuators).
 
     Returns:
-        False, and nothing is set, if any command of any robot is not finite.
+        False, with nothing set, if any command of any robot is not finite.
     """
     if not (np.isfinite(v_mps).all() and np.isfinite(yaw_rate_radps).all()):
         return False
-    limits, (actuator, side) = Steering(*steering), wheels
+    limits, (actuator, side) = SteeringLimits(*steering), wheels
     most_v_mps, most_yaw_rate_radps = limits.max_speed_mps, limits.max_yaw_rate_radps
     for r in rows:
         v = float(min(max(v_mps[r], -most_v_mps), most_v_mps))

@@ -1,4 +1,4 @@
-"""Yard and robot as one MuJoCo model: a robot, its sensors and antenna elements, and what is around it."""
+"""Yard and robot as one MuJoCo model: floor, fence and equipment, the robot, its sensors and antenna elements."""
 # pyright: reportAttributeAccessIssue=false
 # The compiled bindings of MuJoCo carry no types for their enums and spec elements.
 
@@ -7,55 +7,66 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import mujoco
+import numpy as np
 
-from pdpatrol.robot_models.antenna.elements import AntennaElements, attach_elements
+from pdpatrol.robot_models.antenna_elements import AntennaElements, attach_elements
 from pdpatrol.robot_models.description.robot_description import RobotDescription
-from pdpatrol.robot_models.description.robot_parts import BASE, HOME
+from pdpatrol.robot_models.description.robot_parts import BASE, FLOOR_CONTYPE, HOME, OBSTACLE_CONTYPE
+from pdpatrol.robot_models.drawn_solids import describe_equipment
 from pdpatrol.robot_models.sensors import add_contact_sensors, add_lidar
-from pdpatrol.robot_models.yard.scenery import add_yard
+from pdpatrol.robot_models.yard.pieces import Equipment
 from pdpatrol.robot_models.yard.yard import Yard
 
 CHASE = "chase"
-"""Camera that stays behind the robot, to its left; a robot's file may have one of its own."""
+"""Camera that stays behind the robot, to its left; a robot's file may define its own."""
 
-CHASE_FROM_M = (-1.7, -1.4, 1.35)
-CHASE_AXES = (0.63, -0.777, 0.0, 0.38, 0.31, 0.87)
-"""Where it is, and its x and y axes, if the file has none; frame of the base."""
+FENCE_HEIGHT_M = 1.8
+"""Height of the fence (assumed): usual around substations."""
+
+FENCE_THICKNESS_M = 0.1
+"""Thickness of the fence (assumed): many times the movement of a robot in one physics step."""
+
+YARD_PREFIX = "yard/"
+"""Prefix of the names of textures and materials of a yard."""
 
 
 def build_spec(robot: RobotDescription, yard: Yard, elements: AntennaElements | None = None) -> mujoco.MjSpec:
-    """Describe the yard with one robot in it, still editable.
+    """Build an editable spec of the yard with one robot in it.
 
     Args:
-        robot: Whose file is read anew.
+        robot: The robot, whose file is read again.
         yard: Fence and equipment.
-        elements: The antenna elements that the robot carries; they change nothing about how it moves.
+        elements: Antenna elements of the robot; they do not change how it moves.
 
     Returns:
         The spec. Equipment is named `equipment/NAME`, its further parts `equipment/NAME/PART`, the fence `fence/SIDE`,
-        the beams of the lidar `lidar_00` and so on, the sensors of what the hull touches `hull/GEOM`, the sites of
-        the antenna elements `element_1` and so on, each with its x axis along the look.
+        the beams of the lidar `lidar_00` and so on, the contact sensors of the hull `hull/GEOM`, the sites of the
+        antenna elements `element_1` and so on, each with its x axis along the boresight.
     """
     spec = mujoco.MjSpec.from_file(str(robot.xml_path))
     spec.modelname = "yard"
     if not any(key.name == HOME for key in spec.keys):
         spec.add_key(name=HOME, qpos=robot.home_qpos)
     if spec.camera(CHASE) is None:
-        follows = mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM
-        spec.body(BASE).add_camera(name=CHASE, mode=follows, pos=CHASE_FROM_M, xyaxes=CHASE_AXES)
+        spec.body(BASE).add_camera(
+            name=CHASE,
+            mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM,
+            pos=(-1.7, -1.4, 1.35),
+            xyaxes=(0.63, -0.777, 0.0, 0.38, 0.31, 0.87),
+        )
     add_lidar(spec, robot)
     add_contact_sensors(spec)
     if elements is not None:
         attach_elements(spec, elements)
-    add_yard(spec, yard)
+    _add_yard(spec, yard)
     return spec
 
 
 def physics_only(spec: mujoco.MjSpec, sensors: Sequence[str]) -> mujoco.MjSpec:
-    """The same world for physics alone: no geoms that nothing can touch, only the sensors named, no cameras nor lights.
+    """Copy a world without geoms that nothing can touch, other sensors than those named, cameras and lights.
 
-    It moves as the whole one does, in the same state, and steps by a fifth faster (measured). Its lidar sees through
-    the robot's own parts, as the filter of a scanner does. Sensors with a history stay: the state holds it.
+    It has the same state and motion, and steps faster by a fifth (measured). Its lidar sees through the robot's parts,
+    like the filter of a real scanner. Sensors with a history stay, because they are part of the state.
     """
     lean = spec.copy()
     is_kept = {sensor.name: sensor.name in sensors or sensor.nsample > 0 for sensor in lean.sensors}
@@ -72,5 +83,112 @@ def physics_only(spec: mujoco.MjSpec, sensors: Sequence[str]) -> mujoco.MjSpec:
     for element in idle:
         lean.delete(element)
     for geom in lean.body(BASE).find_all(mujoco.mjtObj.mjOBJ_GEOM):
-        geom.material, geom.rgba = "", [0.0, 0.0, 0.0, 0.0]  # beams pass what is not to be seen
+        geom.material, geom.rgba = "", [0.0, 0.0, 0.0, 0.0]  # beams pass through invisible geoms
     return lean
+
+
+def _add_yard(spec: mujoco.MjSpec, yard: Yard) -> None:
+    """Add floor `floor`, light `sun`, fence `fence/SIDE` and equipment `equipment/NAME` around a robot.
+
+    They are attached as a spec of their own, so that defaults of the robot's file do not apply to them.
+    """
+    own = mujoco.MjSpec()
+    _add_ground(own, yard)
+    _add_fence(own, yard)
+    for item in yard.equipment:
+        _add_equipment(own, item)
+    names = [element.name for element in (*own.geoms, *own.lights)]
+    spec.attach(own, frame=spec.worldbody.add_frame(), prefix=YARD_PREFIX)
+    for name in names:
+        (spec.geom(YARD_PREFIX + name) or spec.light(YARD_PREFIX + name)).name = name
+    size_x, size_y = yard.size_m
+    spec.stat.center = [0.5 * size_x, 0.5 * size_y, 0.5]
+    spec.stat.extent = 0.5 * float(np.hypot(size_x, size_y))
+    spec.visual.headlight.ambient = [0.35, 0.35, 0.35]
+    spec.visual.headlight.diffuse = [0.45, 0.45, 0.45]
+    spec.visual.map.shadowclip = 2.0  # at 1 the far floor is outside the sun's shadow map and speckled
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = 640, 480
+
+
+def _add_ground(spec: mujoco.MjSpec, yard: Yard) -> None:
+    """Add floor, sky and light."""
+    size_x, size_y = yard.size_m
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=[0.45, 0.65, 0.85],
+        rgb2=[0.90, 0.94, 0.97],
+        width=256,
+        height=1536,
+    )
+    spec.add_texture(
+        name="paving",
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
+        mark=mujoco.mjtMark.mjMARK_EDGE,
+        rgb1=[0.56, 0.57, 0.56],
+        rgb2=[0.52, 0.53, 0.52],
+        markrgb=[0.45, 0.46, 0.45],
+        width=256,
+        height=256,
+    )
+    paving = spec.add_material(name="paving", texuniform=True, texrepeat=[1.0, 1.0])
+    paving.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "paving"
+    spec.worldbody.add_geom(
+        name="floor",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        pos=[0.5 * size_x, 0.5 * size_y, 0.0],
+        size=[0.5 * size_x + 3.0, 0.5 * size_y + 3.0, 0.05],
+        material="paving",
+        group=0,
+        contype=FLOOR_CONTYPE,
+        conaffinity=0,
+    )
+    spec.worldbody.add_light(
+        name="sun",
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        pos=[0.5 * size_x, 0.5 * size_y, 12.0],
+        dir=[0.4, 0.5, -1.0],
+        diffuse=[0.6, 0.6, 0.6],
+    )
+
+
+def _add_fence(spec: mujoco.MjSpec, yard: Yard) -> None:
+    """Add four thin boxes around the yard, with their inner faces on its boundary."""
+    (size_x, size_y), half = yard.size_m, 0.5 * FENCE_THICKNESS_M
+    along_x, along_y = (0.5 * size_x + 2 * half, half), (half, 0.5 * size_y)
+    sides = {
+        "south": ((0.5 * size_x, -half), along_x),
+        "north": ((0.5 * size_x, size_y + half), along_x),
+        "west": ((-half, 0.5 * size_y), along_y),
+        "east": ((size_x + half, 0.5 * size_y), along_y),
+    }
+    for side, (centre, half_size) in sides.items():
+        spec.worldbody.add_geom(
+            name=f"fence/{side}",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=[*centre, 0.5 * FENCE_HEIGHT_M],
+            size=[*half_size, 0.5 * FENCE_HEIGHT_M],
+            rgba=(0.50, 0.56, 0.54, 0.35),
+            group=0,
+            contype=OBSTACLE_CONTYPE,
+            conaffinity=0,
+        )
+
+
+def _add_equipment(spec: mujoco.MjSpec, item: Equipment) -> None:
+    """Add a geom for each part of a piece of equipment."""
+    for part in describe_equipment([item]):
+        is_round = part["shape"] == "cylinder"
+        spec.worldbody.add_geom(
+            name=part["name"],
+            type=mujoco.mjtGeom.mjGEOM_CYLINDER if is_round else mujoco.mjtGeom.mjGEOM_BOX,
+            pos=part["position_m"],
+            quat=part["quaternion_wxyz"],
+            size=part["size_m"],
+            rgba=part["rgba"],
+            group=1,
+            contype=OBSTACLE_CONTYPE,
+            conaffinity=0,
+        )

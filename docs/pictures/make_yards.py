@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.missions.driving.site_map import SiteMap
-from pdpatrol.robot_models.antenna.elements import AntennaElements
+from pdpatrol.robot_models.antenna_elements import AntennaElements
 from pdpatrol.robot_models.world import build_spec
 from pdpatrol.sensing import HelicalArray
 

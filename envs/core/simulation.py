@@ -27,7 +27,7 @@ from pdpatrol.envs.core.progress import Progress, Stepping, StepResult, Task, ad
 from pdpatrol.envs.scenario import Scenario
 from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.envs.user_code import make_estimator
-from pdpatrol.robot_models.antenna.elements import AntennaElements
+from pdpatrol.robot_models.antenna_elements import AntennaElements
 from pdpatrol.robot_models.robots import Robots
 from pdpatrol.robot_models.sensors import LIDAR_BEAMS, LIDAR_RANGE_M
 from pdpatrol.sensing.receiver.bank import DetectedPulses, Listener, ReceiverBank

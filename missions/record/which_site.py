@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdpatrol.robot_models.yard.solids import Solids
+from pdpatrol.robot_models.yard.solids import YardSolids
 from pdpatrol.robot_models.yard.yard import Yard
 
 FloatArray = NDArray[np.float64]
@@ -96,7 +96,7 @@ def _density(points_m: FloatArray, mean_m: FloatArray, covariance_m2: FloatArray
     return np.asarray(np.exp(-0.5 * square), dtype=np.float64) / float(norm)
 
 
-def _surface(solids: Solids, owner: NDArray[np.intp]) -> tuple[FloatArray, NDArray[np.intp]]:
+def _surface(solids: YardSolids, owner: NDArray[np.intp]) -> tuple[FloatArray, NDArray[np.intp]]:
     """Return points spread evenly over the sides and tops of solids (n, 3), and the piece of each point (n,)."""
     points, of = list[FloatArray](), list[int]()
     for k in range(len(owner)):

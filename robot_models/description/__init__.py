@@ -1,1 +1,1 @@
-"""What a robot is: read from its MJCF file, checked and measured."""
+"""Robots described by MJCF files: reading, checks and measures."""

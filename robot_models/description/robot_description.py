@@ -1,10 +1,14 @@
-"""What a robot is, as its MJCF file tells it: measures, limits, and its driven wheels. See `robot_models/README.md`."""
+"""Descriptions of robots: measures, limits and driven wheels, by name or from an MJCF file.
+
+The measures of a shipped robot are stored next to its file, so that they are available without MuJoCo.
+"""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import asdict, dataclass
+from functools import cache, cached_property
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,17 +17,18 @@ from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 
-SPARE_M = 0.05
-
 LEFT, RIGHT = 0, 1
 """Sides of a robot, as indices."""
+
+SHIPPED = ("crawler", "inspector")
+"""Names of the robots that come with the package."""
 
 
 class RobotFileError(ValueError):
     """A robot that cannot be used.
 
     Attributes:
-        faults: One line each: file, element, what came, what is allowed.
+        faults: One line for each error: file, element, what must hold, and what was given.
     """
 
     def __init__(self, faults: Sequence[str]) -> None:
@@ -35,7 +40,7 @@ class Wheel(NamedTuple):
     """A driven wheel.
 
     Attributes:
-        joint: Name of the joint that it turns about.
+        joint: Name of its joint.
         actuator: Name of the servo that sets its speed.
         side: `LEFT` or `RIGHT`.
     """
@@ -50,22 +55,22 @@ class RobotDescription:
     """Measures and limits of a robot.
 
     Attributes:
-        name: That of its file, without the ending.
+        name: Name of its file, without the suffix.
         xml_path: Its MJCF file.
         wheels: All driven wheels.
         home_qpos: Joint positions in which it stands at rest at the world's origin, shape (n_positions,).
         wheel_radius_m: Rolling radius of the driven wheels.
-        track_m: Between the points that left and right wheels stand on.
-        turning_track_m: The track by which wheel speeds turn the robot: larger where wheels have to skid.
-        footprint_radius_m: Of the circle about the origin of the base that everything lies in that can touch.
-        inner_radius_m: Of the largest such circle that lies within the robot's outline.
-        height_m: Of everything that can touch, from the floor.
+        track_m: Distance between the contact points of left and right wheels.
+        turning_track_m: Track by which wheel speeds turn the robot: larger if wheels have to skid.
+        footprint_radius_m: Radius of the circle about the origin of the base that holds everything that can touch.
+        inner_radius_m: Radius of the largest such circle within the robot's outline.
+        height_m: Height of everything that can touch.
         max_speed_mps: Greatest forward or backward speed that can be commanded.
         max_yaw_rate_radps: Greatest yaw rate that can be commanded.
-        max_acceleration_mps2: With which it speeds up and brakes.
-        yaw_rate_gain: Of the feedback of the gyro on the yaw rate, 1/s; 0 for none.
-        lidar_start_m: Distance from the origin of the base to where the beams of the lidar start.
-        lidar_height_m: Of the beams, from the floor.
+        max_acceleration_mps2: Acceleration with which it speeds up and brakes.
+        yaw_rate_gain: Gain of the feedback of the gyro on the yaw rate, 1/s; 0 without feedback.
+        lidar_start_m: Distance from the origin of the base to the start of the lidar's beams.
+        lidar_height_m: Height of the beams above the floor.
     """
 
     name: str
@@ -87,8 +92,8 @@ class RobotDescription:
 
     @property
     def room_m(self) -> float:
-        """Free ground that it needs around its middle to turn on the spot, metres: with 5 cm to spare (assumed)."""
-        return self.footprint_radius_m + SPARE_M
+        """Radius of free ground that it needs to turn on the spot, metres, with a margin of 5 cm (assumed)."""
+        return self.footprint_radius_m + 0.05
 
     @property
     def limits(self) -> tuple[float, float]:
@@ -100,7 +105,7 @@ class RobotDescription:
         return np.array(self.limits)
 
     def command_from_action(self, action: ArrayLike) -> FloatArray:
-        """Speeds, m/s, and yaw rates, rad/s, shape (..., 2), of actions of that shape: shares of the limits.
+        """Convert actions, shares of the limits, to speeds, m/s, and yaw rates, rad/s, both of shape (..., 2).
 
         Raises:
             ValueError: If the last axis of `action` is not of length 2.
@@ -111,5 +116,51 @@ class RobotDescription:
         return shares * self._limits
 
     def action_from_command(self, command: ArrayLike) -> NDArray[np.float32]:
-        """Actions in [-1, 1], shape (..., 2), of speeds, m/s, and yaw rates, rad/s, clipped to the limits."""
+        """Convert speeds, m/s, and yaw rates, rad/s, to actions in [-1, 1], clipped to the limits, shape (..., 2)."""
         return np.clip(np.asarray(command, dtype=np.float64) / self._limits, -1.0, 1.0).astype(np.float32)
+
+
+def load_robot(model: str | Path) -> RobotDescription:
+    """Load the description of a robot.
+
+    Args:
+        model: Name of a shipped robot, or path of an MJCF file, which is then read and measured.
+
+    Raises:
+        RobotFileError: If there is no such robot, or the file does not describe one; all errors are listed.
+    """
+    if is_path(model):
+        # MuJoCo takes 0.2 s to import, and a shipped robot does not need it.
+        from pdpatrol.robot_models.description.robot_file import read_robot
+
+        return read_robot(Path(model))
+    if str(model) not in SHIPPED:
+        raise RobotFileError([f"{model}: must be one of {', '.join(SHIPPED)}, or the path of an MJCF file, in .xml"])
+    return _shipped(str(model))
+
+
+def is_path(model: str | Path) -> bool:
+    """Return whether a robot is given by its file rather than its name."""
+    return Path(model).suffix == ".xml" or len(Path(model).parts) > 1
+
+
+def xml_path(name: str) -> Path:
+    """Return the MJCF file of a shipped robot."""
+    return Path(__file__).parents[1] / name / f"{name}.xml"
+
+
+def write_record(robot: RobotDescription) -> None:
+    """Store the measures of a robot next to its file."""
+    record = {key: value for key, value in asdict(robot).items() if key not in ("name", "xml_path")}
+    record["wheels"] = [wheel._asdict() for wheel in robot.wheels]
+    text = json.dumps(record, indent=2) + "\n"
+    robot.xml_path.with_suffix(".json").write_text(text, encoding="utf-8")
+
+
+@cache
+def _shipped(name: str) -> RobotDescription:
+    path = xml_path(name)
+    record = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+    record["wheels"] = tuple(Wheel(**wheel) for wheel in record["wheels"])
+    record["home_qpos"] = tuple(record["home_qpos"])
+    return RobotDescription(name=name, xml_path=path, **record)

@@ -1,4 +1,4 @@
-"""What is measured of a robot rather than written in its file: wheels, outline, and how it comes to rest."""
+"""Measures of a robot that its file does not state: wheels, outline, and its pose at rest."""
 # pyright: reportAttributeAccessIssue=false
 # The compiled bindings of MuJoCo carry no types for their enums and spec elements.
 
@@ -11,7 +11,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from pdpatrol.robot_models.description.outline import DOWN, LEVEL, UP, extents
 from pdpatrol.robot_models.description.robot_description import LEFT, Wheel
 from pdpatrol.robot_models.description.robot_parts import (
     BASE,
@@ -26,29 +25,29 @@ from pdpatrol.robot_models.description.robot_parts import (
 FloatArray = NDArray[np.float64]
 
 SPIN_RADPS, SPIN_S = 1.0, 1.0
-"""Speed that is commanded to the wheels in the air, and for how long, before theirs is measured (assumed)."""
+"""Speed commanded to the wheels in the air, and time until theirs is measured (assumed)."""
 
-SETTLE_S = 3.0
-"""For how long a robot without a keyframe is let come to rest (assumed)."""
+LEVEL = np.stack([f(np.radians(np.arange(0.0, 360.0, 1.0))) for f in (np.cos, np.sin, np.zeros_like)], axis=-1)
+"""Level unit vectors, a degree apart, shape (360, 3), for outlines; they are exact to 4e-5."""
 
 
 class Measures(NamedTuple):
-    """Measured of a robot, frame of its base.
+    """Measures of a robot, frame of its base.
 
     Attributes:
         place_m: Middle of each driven wheel, shape (n_wheels, 3).
-        axis: Of each driven wheel, shape (n_wheels, 3).
-        radius_m: Of each driven wheel, shape (n_wheels,).
-        spin_radps: Of each driven wheel in the air, after `SPIN_S` of the command `SPIN_RADPS`, shape (n_wheels,).
-        is_left: Which driven wheels are on the left, shape (n_wheels,).
-        outline_m: Support of all that can touch in the directions of `LEVEL`, shape (n_directions,).
+        axis: Axis of each driven wheel, shape (n_wheels, 3).
+        radius_m: Radius of each driven wheel, shape (n_wheels,).
+        spin_radps: Speed of each driven wheel in the air, `SPIN_S` after the command `SPIN_RADPS`, shape (n_wheels,).
+        is_left: True for driven wheels on the left, shape (n_wheels,).
+        outline_m: Support of all geoms that can touch in the directions of `LEVEL`, shape (n_directions,).
         hull_m: Support of the hull alone, same shape.
-        top_m: Height of all that can touch.
-        lidar_m: Place of the site of the lidar, shape (3,).
+        top_m: Height of all geoms that can touch.
+        lidar_m: Position of the site of the lidar, shape (3,).
         imu_quat: Orientation of the site of the gyro, shape (4,).
         home: Joint positions of the keyframe, or at rest, shape (n_positions,).
-        home_base: Of them, position and wxyz quaternion of the base, shape (7,).
-        home_radps: Greatest joint velocity that is left then, m/s or rad/s; 0 for a keyframe, NaN after a warning.
+        home_base: Position and wxyz quaternion of the base in `home`, shape (7,).
+        home_radps: Greatest joint velocity at rest, m/s or rad/s; 0 for a keyframe, NaN after a warning.
         timestep_s: Length of a physics step.
     """
 
@@ -69,38 +68,39 @@ class Measures(NamedTuple):
 
     @property
     def home_tilt_rad(self) -> float:
-        """Of the base in `home`, from upright."""
+        """Tilt of the base in `home`."""
         x, y = self.home_base[4:6].tolist()
         return float(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)))
 
     @property
     def track_m(self) -> float:
-        """Between left and right wheels, metres."""
+        """Distance between left and right wheels, metres."""
         return float(self.place_m[self.is_left, 1].mean() - self.place_m[~self.is_left, 1].mean())
 
     @property
     def turning_track_m(self) -> float:
-        r"""The track by which wheel speeds turn the robot, metres.
+        r"""Track by which wheel speeds turn the robot, metres.
 
-        A wheel a length x before the middle slips sideways by x times the yaw rate. Friction is along the slip, and all
-        wheels carry alike, so that the moments of the wheels' lengthwise and sideways friction cancel where
+        A wheel a length x ahead of the middle slips sideways by x times the yaw rate. Friction is along the slip, and
+        all wheels carry the same load, so that the moments of lengthwise and sideways friction cancel for
 
         .. math:: b' = b + 4 \overline{x^2} / b
 
-        with the track b between the wheels. Without wheels before or behind each other the two are the same.
+        with the track b between the wheels. It equals b if all wheels are on one axle.
         """
         offset_m = self.place_m[:, 0] - self.place_m[:, 0].mean()
         return self.track_m + 4.0 * float(np.square(offset_m).mean()) / self.track_m
 
 
 def measure(spec: mujoco.MjSpec, model: mujoco.MjModel, wheels: Sequence[Wheel]) -> Measures:
-    """Measure a robot whose named parts are all there.
+    """Measure a robot that has all named parts.
 
     Args:
-        spec: Of the robot alone.
+        spec: Spec of the robot alone.
         model: The same, compiled.
         wheels: Its driven wheels.
     """
+    up = np.array([[0.0, 0.0, 1.0]])
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     base = model.body(BASE).id
@@ -115,12 +115,12 @@ def measure(spec: mujoco.MjSpec, model: mujoco.MjModel, wheels: Sequence[Wheel])
     return Measures(
         place_m=place_m,
         axis=data.xaxis[joints] @ base_from_world.T,
-        radius_m=extents(model, data, rolling, DOWN)[:, 0] + place_m[:, 2],
+        radius_m=extents(model, data, rolling, -up)[:, 0] + place_m[:, 2],
         spin_radps=_spin(model, wheels),
         is_left=np.array([wheel.side == LEFT for wheel in wheels]),
         outline_m=extents(model, data, touching, LEVEL).max(axis=0),
         hull_m=extents(model, data, hull, LEVEL).max(axis=0),
-        top_m=float(extents(model, data, touching, UP).max()),
+        top_m=float(extents(model, data, touching, up).max()),
         lidar_m=model.site(LIDAR).pos.copy(),
         imu_quat=model.site(IMU).quat.copy(),
         home=home,
@@ -131,13 +131,13 @@ def measure(spec: mujoco.MjSpec, model: mujoco.MjModel, wheels: Sequence[Wheel])
 
 
 def _rolling_geom(model: mujoco.MjModel, joint: int) -> int:
-    """The first geom of the body of a joint that stands on the floor."""
+    """Return the first geom of the body of a joint that stands on the floor."""
     of_body = model.geom_bodyid == model.jnt_bodyid[joint]
     return int(np.flatnonzero(of_body & (model.geom_conaffinity & FLOOR_CONTYPE > 0))[0])
 
 
 def _spin(model: mujoco.MjModel, wheels: Sequence[Wheel]) -> FloatArray:
-    """Speeds of the wheels in the air without weight, shape (n_wheels,)."""
+    """Return the speeds of the wheels in the air without gravity, shape (n_wheels,)."""
     data, gravity = mujoco.MjData(model), model.opt.gravity.copy()
     model.opt.gravity[:] = 0.0
     for wheel in wheels:
@@ -148,23 +148,70 @@ def _spin(model: mujoco.MjModel, wheels: Sequence[Wheel]) -> FloatArray:
 
 
 def _home(spec: mujoco.MjSpec, model: mujoco.MjModel) -> tuple[FloatArray, float]:
-    """Joint positions of the keyframe, or at rest on the floor at the world's origin, and the velocity left then."""
+    """Return the joint positions of the keyframe, or after 3 s on the floor (assumed), and the velocity then."""
     if any(key.name == HOME for key in spec.keys):
         return model.key(HOME).qpos.copy(), 0.0
     on_floor = spec.copy()
     on_floor.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1.0, 1.0, 0.1], contype=FLOOR_CONTYPE)
     standing = on_floor.compile()
     data = mujoco.MjData(standing)
-    mujoco.mj_step(standing, data, nstep=round(SETTLE_S / standing.opt.timestep))
-    left_radps = np.nan if any(warning.number for warning in data.warning) else float(np.abs(data.qvel).max())
-    return _unturned(data.qpos.copy(), int(standing.joint(FLOATING_BASE).qposadr[0])), left_radps
+    mujoco.mj_step(standing, data, nstep=round(3.0 / standing.opt.timestep))
+    rest_radps = np.nan if any(warning.number for warning in data.warning) else float(np.abs(data.qvel).max())
+    return _unturned(data.qpos.copy(), int(standing.joint(FLOATING_BASE).qposadr[0])), rest_radps
 
 
 def _unturned(qpos: FloatArray, first: int) -> FloatArray:
-    """Joint positions moved to the world's origin and turned to heading 0; the base begins at `first`."""
+    """Move joint positions to the world's origin and heading 0; the base begins at `first`."""
     w, x, y, z = qpos[first + 3 : first + 7]
     half_yaw = 0.5 * np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     turned = np.empty(4)
     mujoco.mju_mulQuat(turned, [np.cos(half_yaw), 0.0, 0.0, -np.sin(half_yaw)], qpos[first + 3 : first + 7].copy())
     qpos[first : first + 2], qpos[first + 3 : first + 7] = 0.0, turned
     return qpos
+
+
+def extents(model: mujoco.MjModel, data: mujoco.MjData, geoms: Sequence[int], directions: FloatArray) -> FloatArray:
+    r"""Compute the support of each geom about the origin of the body `base`: its extent in each direction.
+
+    .. math:: h(d) = \max_{p} d \cdot p
+
+    over the points p of the geom. A shape that is not a primitive or mesh of MuJoCo counts as its bounding sphere.
+
+    Args:
+        model: Model with a body `base`.
+        data: Its data after `mj_kinematics`.
+        geoms: Numbers of the geoms.
+        directions: Unit vectors, frame of the base, shape (n_directions, 3).
+
+    Returns:
+        Shape (n_geoms, n_directions), metres.
+    """
+    base = model.body(BASE).id
+    world_from_base = data.xmat[base].reshape(3, 3)
+    found = np.empty((len(geoms), len(directions)))
+    for row, geom in enumerate(geoms):
+        centre = world_from_base.T @ (data.geom_xpos[geom] - data.xpos[base])
+        base_from_geom = world_from_base.T @ data.geom_xmat[geom].reshape(3, 3)
+        found[row] = directions @ centre + _support(model, geom, directions @ base_from_geom)
+    return found
+
+
+def _support(model: mujoco.MjModel, geom: int, directions: FloatArray) -> FloatArray:
+    """Compute the support of a geom about its centre, in directions (n, 3) of its frame; shape (n,)."""
+    kind, (a, b, _) = mujoco.mjtGeom(int(model.geom_type[geom])), model.geom_size[geom]
+    along = np.abs(directions[:, 2])
+    if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
+        return np.full(len(directions), a)
+    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
+        return a + b * along
+    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+        return a * np.sqrt(np.maximum(1.0 - along**2, 0.0)) + b * along
+    if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+        return np.sqrt(np.square(directions * model.geom_size[geom]).sum(axis=-1))
+    if kind == mujoco.mjtGeom.mjGEOM_BOX:
+        return np.abs(directions) @ model.geom_size[geom]
+    if kind == mujoco.mjtGeom.mjGEOM_MESH:
+        mesh = int(model.geom_dataid[geom])
+        first, n = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+        return (directions @ model.mesh_vert[first : first + n].T.astype(np.float64)).max(axis=-1)
+    return np.full(len(directions), model.geom_rbound[geom])

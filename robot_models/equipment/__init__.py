@@ -1,6 +1,6 @@
-"""What stands in a substation, one file a kind."""
+"""Equipment of substations: shapes, materials and colours by kind."""
 
-from pdpatrol.robot_models.equipment.assembly import Assembly, Kind, Shape
-from pdpatrol.robot_models.equipment.catalogue import CATALOGUE, KINDS, colour_of
+from pdpatrol.robot_models.equipment.catalogue import CATALOGUE, KINDS, CatalogueShape, EquipmentKind, colour_of
+from pdpatrol.robot_models.equipment.kinds import Assembly
 
-__all__ = ["CATALOGUE", "KINDS", "Assembly", "Kind", "Shape", "colour_of"]
+__all__ = ["CATALOGUE", "KINDS", "Assembly", "CatalogueShape", "EquipmentKind", "colour_of"]

@@ -1,46 +1,80 @@
-"""Every kind of equipment that a yard may hold, in one table: material, colour, and shape where it is known.
+"""Catalogue of the kinds of equipment that a yard may hold: material, colour, and shape if it is known.
 
-A new kind is a row here, a row in `sensing/radio/materials.py` (a test holds the two together) and, if it can be placed
-by its name alone, a function that builds it.
+A new kind is a row here, a row in `sensing/radio/materials.py` (a test checks that both have the same kinds) and, if it
+can be placed by its name alone, a function in `kinds.py` that builds it.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
+from typing import NamedTuple
 
-from pdpatrol.robot_models.equipment.assembly import Colour, Kind, Shape
-from pdpatrol.robot_models.equipment.busbar import busbar
-from pdpatrol.robot_models.equipment.circuit_breaker import circuit_breaker
-from pdpatrol.robot_models.equipment.civil import control_building, fence, kerb
-from pdpatrol.robot_models.equipment.gis_bay import gis_bay
-from pdpatrol.robot_models.equipment.instrument_transformers import current_transformer, voltage_transformer
-from pdpatrol.robot_models.equipment.power_transformer import power_transformer
+from pdpatrol.robot_models.equipment import kinds
+from pdpatrol.robot_models.equipment.kinds import Assembly
 
-KINDS: dict[str, Kind] = {
-    "building": Kind("concrete", (0.76, 0.70, 0.62, 1.0)),
-    "busbar": Kind("porcelain", (0.55, 0.58, 0.60, 1.0), Shape(busbar, 12.0, stretches=True)),
-    "bushing": Kind("porcelain", (0.50, 0.28, 0.20, 1.0)),
-    "cabinet": Kind("metal", (0.36, 0.46, 0.44, 1.0)),
-    "capacitor_bank": Kind("rack", (0.58, 0.60, 0.44, 1.0)),
-    "circuit_breaker": Kind("metal", (0.62, 0.66, 0.70, 1.0), Shape(circuit_breaker, 3.6)),
-    "control_building": Kind("concrete", (0.76, 0.70, 0.62, 1.0), Shape(control_building, 6.0, stretches=True)),
-    "current_transformer": Kind("porcelain", (0.52, 0.30, 0.22, 1.0), Shape(current_transformer, 0.5)),
-    "disconnector": Kind("porcelain", (0.70, 0.66, 0.58, 1.0)),
-    "fence": Kind("mesh", (0.50, 0.56, 0.54, 0.35), Shape(fence, 6.0, stretches=True)),
-    "fire_wall": Kind("concrete", (0.58, 0.60, 0.62, 1.0)),
-    "gis": Kind("metal", (0.74, 0.77, 0.80, 1.0)),
-    "gis_bay": Kind("metal", (0.74, 0.77, 0.80, 1.0), Shape(gis_bay, 6.0, stretches=True)),
-    "kerb": Kind("kerb", (0.66, 0.65, 0.62, 1.0), Shape(kerb, 6.0, stretches=True)),
-    "power_transformer": Kind("metal", (0.45, 0.55, 0.50, 1.0), Shape(power_transformer, 5.0)),
-    "reactor": Kind("metal", (0.72, 0.74, 0.70, 1.0)),
-    "surge_arrester": Kind("porcelain", (0.40, 0.42, 0.52, 1.0)),
-    "voltage_transformer": Kind("porcelain", (0.60, 0.36, 0.24, 1.0), Shape(voltage_transformer, 0.5)),
-    "wall": Kind("concrete", (0.58, 0.60, 0.62, 1.0)),
+Colour = tuple[float, float, float, float]
+"""Red, green, blue and opacity, each in [0, 1]."""
+
+
+class CatalogueShape(NamedTuple):
+    """Shape of a kind that can be placed by its name alone.
+
+    Attributes:
+        build: Function that builds it from a length along x, metres.
+        length_m: Usual length.
+        stretches: True if it may have other lengths.
+    """
+
+    build: Callable[[float], Assembly]
+    length_m: float
+    stretches: bool = False
+
+
+class EquipmentKind(NamedTuple):
+    """A kind of equipment.
+
+    Attributes:
+        material: Name of its material, as a constant of `pdpatrol.sensing.radio.materials`.
+        colour: Colour in which it is drawn.
+        shape: Its shape; None if a yard must give its box or cylinder.
+    """
+
+    material: str
+    colour: Colour
+    shape: CatalogueShape | None = None
+
+
+KINDS: dict[str, EquipmentKind] = {
+    "building": EquipmentKind("concrete", (0.76, 0.70, 0.62, 1.0)),
+    "busbar": EquipmentKind("porcelain", (0.55, 0.58, 0.60, 1.0), CatalogueShape(kinds.busbar, 12.0, stretches=True)),
+    "bushing": EquipmentKind("porcelain", (0.50, 0.28, 0.20, 1.0)),
+    "cabinet": EquipmentKind("metal", (0.36, 0.46, 0.44, 1.0)),
+    "capacitor_bank": EquipmentKind("rack", (0.58, 0.60, 0.44, 1.0)),
+    "circuit_breaker": EquipmentKind("metal", (0.62, 0.66, 0.70, 1.0), CatalogueShape(kinds.circuit_breaker, 3.6)),
+    "control_building": EquipmentKind(
+        "concrete", (0.76, 0.70, 0.62, 1.0), CatalogueShape(kinds.control_building, 6.0, stretches=True)
+    ),
+    "current_transformer": EquipmentKind(
+        "porcelain", (0.52, 0.30, 0.22, 1.0), CatalogueShape(kinds.current_transformer, 0.5)
+    ),
+    "disconnector": EquipmentKind("porcelain", (0.70, 0.66, 0.58, 1.0)),
+    "fence": EquipmentKind("mesh", (0.50, 0.56, 0.54, 0.35), CatalogueShape(kinds.fence, 6.0, stretches=True)),
+    "fire_wall": EquipmentKind("concrete", (0.58, 0.60, 0.62, 1.0)),
+    "gis": EquipmentKind("metal", (0.74, 0.77, 0.80, 1.0)),
+    "gis_bay": EquipmentKind("metal", (0.74, 0.77, 0.80, 1.0), CatalogueShape(kinds.gis_bay, 6.0, stretches=True)),
+    "kerb": EquipmentKind("kerb", (0.66, 0.65, 0.62, 1.0), CatalogueShape(kinds.kerb, 6.0, stretches=True)),
+    "power_transformer": EquipmentKind("metal", (0.45, 0.55, 0.50, 1.0), CatalogueShape(kinds.power_transformer, 5.0)),
+    "reactor": EquipmentKind("metal", (0.72, 0.74, 0.70, 1.0)),
+    "surge_arrester": EquipmentKind("porcelain", (0.40, 0.42, 0.52, 1.0)),
+    "voltage_transformer": EquipmentKind(
+        "porcelain", (0.60, 0.36, 0.24, 1.0), CatalogueShape(kinds.voltage_transformer, 0.5)
+    ),
+    "wall": EquipmentKind("concrete", (0.58, 0.60, 0.62, 1.0)),
 }
-"""By name."""
 
-CATALOGUE: dict[str, Shape] = {name: kind.shape for name, kind in KINDS.items() if kind.shape is not None}
-"""The kinds that a yard can place by their name alone."""
+CATALOGUE: dict[str, CatalogueShape] = {name: kind.shape for name, kind in KINDS.items() if kind.shape is not None}
+"""Kinds that a yard can place by their name alone."""
 
 PART_COLOURS: dict[str, Colour] = {
     "hv_bushing": (0.55, 0.27, 0.18, 1.0),
@@ -54,17 +88,15 @@ PART_COLOURS: dict[str, Colour] = {
     "cubicle": (0.40, 0.48, 0.46, 1.0),
     "base": (0.62, 0.61, 0.58, 1.0),
 }
-"""Where a part is not of the colour of its kind: porcelain is brown, steel grey."""
-
-DEFAULT_COLOUR: Colour = (0.58, 0.60, 0.62, 1.0)
+"""Colours of parts that differ from that of their kind: porcelain is brown, steel grey."""
 
 
 def colour_of(kind: str, part: str) -> Colour:
-    """What a part of a piece of equipment is drawn in.
+    """Return the colour of a part of a piece of equipment.
 
     Args:
-        kind: Of the piece; one that `KINDS` does not have is drawn in a plain grey.
-        part: Its name in the assembly; numbers at its end do not count: `post_1_2` is a post.
+        kind: Kind of the piece; plain grey if it is not in `KINDS`.
+        part: Name of the part; numbers at its end do not count: `post_1_2` is a post.
     """
-    of_kind = KINDS[kind].colour if kind in KINDS else DEFAULT_COLOUR
+    of_kind = KINDS[kind].colour if kind in KINDS else (0.58, 0.60, 0.62, 1.0)
     return PART_COLOURS.get(re.sub(r"(_\d+)+$", "", part), of_kind)

@@ -1,1 +1,1 @@
-"""What stands in a yard, as data."""
+"""Yards as data: fence, equipment and their geometry."""

@@ -1,4 +1,4 @@
-"""Pieces of equipment as a yard places them: a plain box or cylinder, or a kind of the catalogue."""
+"""Pieces of equipment of a yard: a plain box or cylinder, or a kind of the catalogue."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
 
 from pdpatrol.robot_models.equipment import CATALOGUE, Assembly
 from pdpatrol.robot_models.yard.quantities import MOST_SITES, Coordinate, Height, Length, Name, StretchedLength, Yaw
-from pdpatrol.robot_models.yard.solids import Box, Cylinder, Placed, Solids
+from pdpatrol.robot_models.yard.solids import Box, Cylinder, PlacedSolid, YardSolids
 
 FloatArray = NDArray[np.float64]
 
 Sites = Annotated[Mapping[Name, tuple[Coordinate, Coordinate, Coordinate]], Field(max_length=MOST_SITES)]
 
 SURFACE_TOLERANCE_M = 0.01
-"""How far from the surface a site may be written (assumed; the width of a pencil line on a yard plan)."""
+"""Largest distance of a site from the surface (assumed): the width of a pencil line on a yard plan."""
 
 SITE_STANDOFF_M = 0.02
-"""How far outside the surface a discharge on a site radiates (assumed), so that its own face does not hide it."""
+"""Distance outside the surface at which a discharge on a site radiates (assumed), so that its face does not hide it."""
 
 
 class _Equipment(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
-    """What all pieces share: a name, a kind, and a place on the ground."""
+    """A piece of equipment with a name, a kind, and a place on the ground."""
 
     name: Name
     position_m: tuple[Coordinate, Coordinate] = Field(description="centre of the footprint, world frame")
@@ -34,21 +34,22 @@ class _Equipment(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_
 
     @property
     def assembly(self) -> Assembly:
-        """Parts and sites, in the equipment's own frame."""
+        """Parts and sites, in the frame of the equipment."""
         raise NotImplementedError
 
     @property
-    def placed(self) -> tuple[Placed, ...]:
-        """Its parts where they stand."""
-        return tuple(Placed(part, self.position_m, np.radians(self.yaw_deg)) for part in self.assembly.parts.values())
+    def placed(self) -> tuple[PlacedSolid, ...]:
+        """Its parts with their place in the yard."""
+        yaw_rad = np.radians(self.yaw_deg)
+        return tuple(PlacedSolid(part, self.position_m, yaw_rad) for part in self.assembly.parts.values())
 
     @cached_property
-    def solids(self) -> Solids:
+    def solids(self) -> YardSolids:
         """Its parts, world frame."""
-        return Solids(self.placed)
+        return YardSolids(self.placed)
 
     def site_position(self, site: str) -> FloatArray:
-        """Where a discharge on `site` radiates: the site moved `SITE_STANDOFF_M` out of the surface; (3,), world."""
+        """Return where a discharge on `site` radiates, `SITE_STANDOFF_M` off the surface; (3,), world frame."""
         x, y, z = self.assembly.sites[site]
         cos, sin = np.cos(np.radians(self.yaw_deg)), np.sin(np.radians(self.yaw_deg))
         on_surface = np.array([self.position_m[0] + cos * x - sin * y, self.position_m[1] + sin * x + cos * y, z])
@@ -61,7 +62,7 @@ class _Equipment(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_
 
 
 class _PlainEquipment(_Equipment, frozen=True):
-    """One solid that stands on the ground."""
+    """A single solid on the ground."""
 
     kind: Name = Field(description="kind of equipment, for example power_transformer")
     height_m: Height
@@ -71,8 +72,8 @@ class _PlainEquipment(_Equipment, frozen=True):
 
     @model_validator(mode="after")
     def _sites_lie_on_the_surface(self) -> Self:
-        faults: list[str] = []
-        at_origin = Solids([Placed(part, (0.0, 0.0), 0.0) for part in self.assembly.parts.values()])
+        errors: list[str] = []
+        at_origin = YardSolids([PlacedSolid(part, (0.0, 0.0), 0.0) for part in self.assembly.parts.values()])
         for site, (x, y, z) in self.sites.items():
             sideways = float(at_origin.horizontal_distance(np.array([x, y])).min())
             upward = z - self.height_m if z > 0 else -z
@@ -82,46 +83,46 @@ class _PlainEquipment(_Equipment, frozen=True):
                 off = f"{abs(sideways):.2f} m {'inside' if sideways < 0 else 'outside'} the outline"
                 if upward > SURFACE_TOLERANCE_M:
                     off = f"{upward:.2f} m {'above the top' if z > 0 else 'below the ground'}"
-                faults.append(
-                    f"sites.{site}: ({x:g}, {y:g}, {z:g}) is {off} at height {z:g} m of {self.height_m:g} m; "
-                    f"allowed is the surface, to {SURFACE_TOLERANCE_M} m: a side, or the top"
+                errors.append(
+                    f"sites.{site}: must lie on a side or on the top, to {SURFACE_TOLERANCE_M} m; "
+                    f"({x:g}, {y:g}, {z:g}) is {off} at height {z:g} m of {self.height_m:g} m"
                 )
-        if faults:
-            raise ValueError("\n".join(faults))
+        if errors:
+            raise ValueError("\n".join(errors))
         return self
 
 
 class BoxEquipment(_PlainEquipment, frozen=True):
-    """A single box: a tank, a cabinet, a building."""
+    """A single box, such as a tank, a cabinet or a building."""
 
     shape: Literal["box"]
     footprint_m: tuple[Length, Length] = Field(description="length along x and y of the equipment frame")
 
     @property
     def assembly(self) -> Assembly:
-        """Parts and sites, in the equipment's own frame."""
+        """Parts and sites, in the frame of the equipment."""
         return Assembly({"body": Box(footprint_m=self.footprint_m, top_m=self.height_m)}, self.sites)
 
 
 class CylinderEquipment(_PlainEquipment, frozen=True):
-    """A single upright cylinder: a bushing, a current transformer, a tank."""
+    """A single upright cylinder, such as a bushing, a current transformer or a tank."""
 
     shape: Literal["cylinder"]
     radius_m: Length
 
     @property
     def assembly(self) -> Assembly:
-        """Parts and sites, in the equipment's own frame."""
+        """Parts and sites, in the frame of the equipment."""
         return Assembly({"body": Cylinder(radius_m=self.radius_m, top_m=self.height_m)}, self.sites)
 
 
 class CatalogueEquipment(_Equipment, frozen=True):
-    """Equipment of a kind whose shape and sites are known: see `robot_models/equipment`."""
+    """Equipment of a kind of known shape and sites; see `robot_models/equipment`."""
 
     shape: Literal["catalogue"] = "catalogue"
     kind: Name
     length_m: StretchedLength | None = Field(
-        default=None, description="along x of its own frame, where a kind stretches"
+        default=None, description="length along x of its own frame, if the kind can be stretched"
     )
 
     @model_validator(mode="after")
@@ -129,16 +130,16 @@ class CatalogueEquipment(_Equipment, frozen=True):
         shape = CATALOGUE.get(self.kind)
         if shape is None:
             raise ValueError(
-                f"kind: no shape is known for `{self.kind}`; allowed are {', '.join(CATALOGUE)}, or any kind with "
-                'shape = "box" or "cylinder"'
+                f'kind: must be one of {", ".join(CATALOGUE)}, or any kind with shape = "box" or "cylinder"; '
+                f"got `{self.kind}`"
             )
         if self.length_m is not None and not shape.stretches:
-            raise ValueError(f"length_m: got {self.length_m:g}; allowed is none, for a {self.kind} has one size")
+            raise ValueError(f"length_m: must be left out for a {self.kind}, which has one size; got {self.length_m:g}")
         return self
 
     @property
     def assembly(self) -> Assembly:
-        """Parts and sites, in the equipment's own frame."""
+        """Parts and sites, in the frame of the equipment."""
         shape = CATALOGUE[self.kind]
         return shape.build(shape.length_m if self.length_m is None else self.length_m)
 

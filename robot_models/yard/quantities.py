@@ -1,6 +1,6 @@
-"""Quantities of a yard: metres and degrees, and what they may sensibly be. -0.0 is 0, and nothing is infinite.
+"""Bounded quantities of a yard: metres, degrees and names. -0.0 becomes 0.
 
-All bounds are assumed: wide of any outdoor substation that a robot patrols, and short of where millimetres begin.
+All bounds are assumed: wider than any outdoor substation that a robot patrols, and above millimetres.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ MOST_YARD_M = 200.0
 """Longest side of a yard."""
 
 MOST_PIECES = 200
-"""Of equipment in a yard: a large one of 110 kV has half as many."""
+"""Most pieces of equipment in a yard: a large one of 110 kV has half as many."""
 
 MOST_SITES = 100
-"""Of one piece of equipment."""
+"""Most sites of one piece of equipment."""
 
 MOST_LETTERS = 64
-"""Of a name."""
+"""Longest name."""
 
 
 def _without_sign_of_zero(value: float) -> float:
@@ -27,26 +27,25 @@ def _without_sign_of_zero(value: float) -> float:
 
 
 PLAIN_ZERO = AfterValidator(_without_sign_of_zero)
-"""-0.0 is 0."""
+"""Validator that turns -0.0 into 0."""
 
 NAME_PATTERN = r"^[a-z][a-z0-9_]*$"
 Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=MOST_LETTERS)]
 
 YardLength = Annotated[float, Field(ge=1.0, le=MOST_YARD_M), PLAIN_ZERO]
-"""Of a side of the yard: a robot does not fit into less than a metre."""
+"""Side of a yard: a robot does not fit into less than a metre."""
 
 Coordinate = Annotated[float, Field(ge=-MOST_YARD_M, le=MOST_YARD_M), PLAIN_ZERO]
-"""Of the yard, or of a piece of equipment in its own frame."""
+"""Coordinate in a yard, or in the frame of a piece of equipment."""
 
 Length = Annotated[float, Field(ge=0.05, le=MOST_YARD_M), PLAIN_ZERO]
-"""Of a piece of equipment: thinner than 5 cm is a wire, which nothing here stands for, and has no sides for a site to
-lie on."""
+"""Length of a piece of equipment: below 5 cm it is a wire, which is not modelled and has no sides for a site."""
 
 StretchedLength = Annotated[float, Field(ge=0.5, le=MOST_YARD_M), PLAIN_ZERO]
-"""Of a kind of the catalogue: what is shorter has no room for its parts."""
+"""Length of a kind of the catalogue: shorter, there is no room for its parts."""
 
 Height = Annotated[float, Field(ge=0.05, le=50.0), PLAIN_ZERO]
-"""Above the ground: what is lower is no obstacle, and gantries of 400 kV are some 30 m high."""
+"""Height above the ground: lower is no obstacle, and gantries of 400 kV are some 30 m high."""
 
 Yaw = Annotated[float, Field(ge=-360.0, le=360.0), PLAIN_ZERO]
 """Degrees, counter-clockwise."""

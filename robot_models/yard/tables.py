@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdpatrol.robot_models.yard.solids import Solids
+from pdpatrol.robot_models.yard.solids import YardSolids
 
 FloatArray = NDArray[np.float64]
 
@@ -55,7 +55,7 @@ class FaceTable(NamedTuple):
     owner: NDArray[np.intp]
 
 
-def solid_table(solids: Solids, owner: NDArray[np.intp]) -> SolidTable:
+def solid_table(solids: YardSolids, owner: NDArray[np.intp]) -> SolidTable:
     """All solids of a yard, and the piece of equipment that each is a part of."""
     return SolidTable(
         centre_m=solids.centre_m,
@@ -68,8 +68,8 @@ def solid_table(solids: Solids, owner: NDArray[np.intp]) -> SolidTable:
     )
 
 
-def face_table(solids: Solids, owner: NDArray[np.intp]) -> FaceTable:
-    """The ground, and the four sides and the top of every box; round solids have no flat face."""
+def face_table(solids: YardSolids, owner: NDArray[np.intp]) -> FaceTable:
+    """Return the ground, and the four sides and the top of every box; cylinders have no flat face."""
     faces = [(np.zeros(3), np.eye(3)[2], np.eye(3)[:2], np.full(2, np.inf), GROUND)]
     up = np.array([0.0, 0.0, 1.0])
     for k in np.flatnonzero(solids.radius_m == 0).tolist():

@@ -1,7 +1,7 @@
-"""The yard as data: its fence, its equipment, and where on the equipment a discharge may sit.
+"""The yard as data: fence, equipment, and candidate sites of discharges on the equipment.
 
-World frame: x east, y north, z up, origin on the ground at the south-west corner of the fence. Nothing here
-needs MuJoCo, so a scenario can be checked, and a path planned, without building a model.
+World frame: x east, y north, z up, origin on the ground at the south-west corner of the fence. Nothing here needs
+MuJoCo, so that scenarios are checked and paths planned without a model.
 """
 
 from __future__ import annotations
@@ -15,107 +15,103 @@ from pydantic import BaseModel, Field, model_validator
 
 from pdpatrol.robot_models.yard.pieces import Equipment
 from pdpatrol.robot_models.yard.quantities import MOST_PIECES, YardLength
-from pdpatrol.robot_models.yard.solids import Solids
+from pdpatrol.robot_models.yard.solids import YardSolids
 from pdpatrol.robot_models.yard.tables import FaceTable, SolidTable, face_table, solid_table
 
 FloatArray = NDArray[np.float64]
 
 FENCE_TOLERANCE_M = 0.01
-"""How far equipment may be written across the fence (assumed; the width of a pencil line on a yard plan)."""
-
-TINY_M = 1e-9
-"""How far a line is taken to go along an axis along which it does not go at all."""
+"""Largest length by which equipment may extend beyond the fence (assumed): the width of a pencil line on a yard
+plan."""
 
 TILE_M = 5.0
 """Side of the tiles in which many distances are computed."""
 
-FEW_DISTANCES = 2_000_000
-"""Up to which they are computed at once."""
-
 ROBOT_HEIGHT_M = 0.75
-"""A robot passes below what begins higher than this (assumed): no robot may be higher."""
+"""Greatest height of a robot (assumed): it passes below equipment that begins higher."""
 
 
 class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
-    """A fenced rectangle of ground with equipment on it."""
+    """A fenced rectangle of ground with equipment."""
 
     size_m: tuple[YardLength, YardLength] = Field(description="length along x (east) and y (north), at most 200 m")
     equipment: tuple[Equipment, ...] = Field(default=(), max_length=MOST_PIECES)
 
     @model_validator(mode="after")
     def _names_are_unique_and_inside(self) -> Self:
-        faults: list[str] = []
+        errors: list[str] = []
         names = [item.name for item in self.equipment]
         for index, item in enumerate(self.equipment):
             if item.name in names[:index]:
-                faults.append(f"equipment.{index}.name: `{item.name}` is taken; allowed is a name used once")
+                errors.append(f"equipment.{index}.name: must be unique, got `{item.name}` again")
             if not self.contains(item.position_m):
-                faults.append(
-                    f"equipment.{index}.position_m: {item.position_m} is outside the yard; "
-                    f"allowed is (0, 0) to {self.size_m}"
+                errors.append(
+                    f"equipment.{index}.position_m: must lie inside the yard, (0, 0) to {self.size_m}, "
+                    f"got {item.position_m}"
                 )
             elif (across_m := self.across_fence(item)) > FENCE_TOLERANCE_M:
-                faults.append(
-                    f"equipment.{index}.position_m: `{item.name}` at {item.position_m} reaches {across_m:.2f} m beyond "
-                    f"the fence; allowed is all of it in (0, 0) to {self.size_m}"
+                errors.append(
+                    f"equipment.{index}.position_m: all of `{item.name}` must lie in (0, 0) to {self.size_m}; at "
+                    f"{item.position_m} it extends {across_m:.2f} m beyond the fence"
                 )
-        if faults:
-            raise ValueError("\n".join(faults))
+        if errors:
+            raise ValueError("\n".join(errors))
         return self
 
     @cached_property
-    def solids(self) -> Solids:
+    def solids(self) -> YardSolids:
         """All parts of all equipment, world frame, in file order."""
-        return Solids([placed for item in self.equipment for placed in item.placed])
+        return YardSolids([placed for item in self.equipment for placed in item.placed])
 
     @cached_property
     def owner(self) -> NDArray[np.intp]:
-        """Number of the piece of equipment that each of the solids belongs to, shape (n_solids,)."""
+        """Number of the piece of equipment of each solid, shape (n_solids,)."""
         return np.repeat(np.arange(len(self.equipment)), [len(item.placed) for item in self.equipment]).astype(np.intp)
 
     @cached_property
-    def _in_the_robots_way(self) -> Solids:
+    def _obstacles(self) -> YardSolids:
+        """Solids that a robot cannot pass below."""
         return self.solids.take(self.solids.bottom_m < ROBOT_HEIGHT_M)
 
     def faces(self) -> FaceTable:
-        """What radio waves are mirrored by: the ground, and the four sides and the top of every box."""
+        """Return the faces that reflect radio waves: the ground, and the four sides and the top of every box."""
         return face_table(self.solids, self.owner)
 
     def obstacles(self) -> SolidTable:
-        """What radio waves are cut by: all solids, and the piece of equipment that each is a part of."""
+        """Return the solids that obstruct radio waves, with their pieces of equipment."""
         return solid_table(self.solids, self.owner)
 
     def across_fence(self, item: Equipment) -> float:
-        """By how many metres a piece of equipment reaches beyond the fence, on plan; negative inside."""
+        """Return by how many metres a piece of equipment extends beyond the fence, on plan; negative inside."""
         low_m, high_m = item.solids.extent_m
         return float(np.maximum(-low_m, high_m - np.asarray(self.size_m)).max())
 
     def contains(self, points_m: ArrayLike) -> NDArray[np.bool_]:
-        """Whether world points (..., 2 or 3) lie inside the fence; shape (...)."""
+        """Return whether world points (..., 2 or 3) lie inside the fence; shape (...)."""
         points = np.asarray(points_m, dtype=np.float64)[..., :2]
         return np.all((points >= 0.0) & (points <= np.asarray(self.size_m)), axis=-1)
 
     def is_crossed(self, start_m: ArrayLike, end_m: ArrayLike) -> bool:
-        """Whether the straight line between two world points (3,) touches the ground inside the fence, on plan."""
+        """Return whether the straight line between two world points (3,) crosses the yard on plan."""
         start, end = np.asarray(start_m, dtype=np.float64)[:2], np.asarray(end_m, dtype=np.float64)[:2]
-        along = np.where(start == end, TINY_M, end - start)
+        along = np.where(start == end, 1e-9, end - start)  # a component of zero cannot be divided by
         sides = np.stack([-start, np.asarray(self.size_m) - start]) / along
         return bool(max(sides.min(axis=0).max(), 0.0) <= min(sides.max(axis=0).min(), 1.0))
 
     def clearance(self, points_m: ArrayLike) -> FloatArray:
-        """Horizontal distance of world points (..., 2) to fence or equipment in a robot's way, negative inside."""
+        """Return the horizontal distance of world points (..., 2) to fence or obstacles of a robot, negative inside."""
         points = np.asarray(points_m, dtype=np.float64)[..., :2]
         to_fence = np.minimum(points, np.asarray(self.size_m) - points).min(axis=-1)
         return np.minimum(to_fence, self._to_equipment(points))
 
     def _to_equipment(self, points_m: FloatArray) -> FloatArray:
-        """Horizontal distance of points (..., 2) to the nearest solid in a robot's way, tile by tile if they are many.
+        """Return the horizontal distance of points (..., 2) to the nearest obstacle, tile by tile for many distances.
 
         A solid that is farther from the middle of a tile than another by more than the tile's diagonal is nearest to
         none of its points: time and memory grow with the points, and hardly with the equipment.
         """
-        solids = self._in_the_robots_way
-        if points_m.size * solids.yaw_rad.size <= FEW_DISTANCES:
+        solids = self._obstacles
+        if points_m.size * solids.yaw_rad.size <= 2_000_000:
             return solids.horizontal_distance(points_m).min(axis=-1, initial=np.inf)
         flat_m = points_m.reshape(-1, 2)
         tiles, tile = np.unique(np.floor(flat_m / TILE_M), axis=0, return_inverse=True)
@@ -128,18 +124,18 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         return least_m.reshape(points_m.shape[:-1])
 
     def free_place(self, rng: np.random.Generator, clearance_m: float) -> FloatArray:
-        """Somewhere on the ground with so much room around it, shape (2,), evenly drawn."""
+        """Draw a uniformly distributed place on the ground with a given clearance, shape (2,)."""
         while True:
             place_m = rng.uniform([0.0, 0.0], self.size_m)
             if self.clearance(place_m) >= clearance_m:
                 return place_m
 
     def site_names(self) -> tuple[str, ...]:
-        """Every candidate discharge site as `equipment/site`, in file order."""
+        """List every candidate discharge site as `equipment/site`, in file order."""
         return tuple(f"{item.name}/{site}" for item in self.equipment for site in item.assembly.sites)
 
     def site_position(self, name: str) -> FloatArray:
-        """World position (3,) at which a discharge on the site `equipment/site` radiates, metres."""
+        """Return the world position (3,) at which a discharge on the site `equipment/site` radiates, metres."""
         equipment, _, site = name.partition("/")
         for item in self.equipment:
             if item.name == equipment and site in item.assembly.sites:
@@ -147,18 +143,18 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         raise ValueError(f"no site `{name}` in this yard; known are {', '.join(self.site_names()) or 'none'}")
 
     def enclosing_equipment(self, position_m: ArrayLike) -> str | None:
-        """Name of the equipment that encloses a world position (3,), or None."""
+        """Return the name of the equipment that encloses a world position (3,), or None."""
         inside = np.flatnonzero(self.solids.distance(np.asarray(position_m, dtype=np.float64)) < 0)
         return self.equipment[int(self.owner[inside[0]])].name if inside.size else None
 
     def covering_equipment(self, position_m: ArrayLike) -> str | None:
-        """Name of the equipment whose outline covers a world position (2,) in a robot's way, or None."""
+        """Return the name of the equipment whose outline a robot at a world position (2,) would overlap, or None."""
         over = self.solids.horizontal_distance(np.asarray(position_m, dtype=np.float64)) < 0
         inside = np.flatnonzero(over & (self.solids.bottom_m < ROBOT_HEIGHT_M))
         return self.equipment[int(self.owner[inside[0]])].name if inside.size else None
 
     def obstacles_at(self, points_m: ArrayLike) -> set[str]:
-        """What a robot touches at world points (n, 2): `equipment/NAME` or `fence/SIDE`, whichever is nearest."""
+        """Return the nearest of `equipment/NAME` and `fence/SIDE` for each world point (n, 2), as a set."""
         points = np.asarray(points_m, dtype=np.float64).reshape(-1, 2)
         names = ["fence/west", "fence/south", "fence/east", "fence/north"]
         names += [f"equipment/{self.equipment[owner].name}" for owner in self.owner.tolist()]

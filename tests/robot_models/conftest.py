@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pdpatrol.robot_models.description.library import SHIPPED, xml_path
+from pdpatrol.robot_models.description.robot_description import SHIPPED, xml_path
 from tests.robot_models.one_robot import Edited, OneRobot
 
 

@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from pdpatrol.robot_models.antenna.elements import AntennaElements
-from pdpatrol.robot_models.description.library import load_robot
+from pdpatrol.robot_models.antenna_elements import AntennaElements
+from pdpatrol.robot_models.description.robot_description import load_robot
 from pdpatrol.robot_models.robots import Robots
 from pdpatrol.robot_models.yard.yard import Yard
 from tests.robot_models.one_robot import OneRobot

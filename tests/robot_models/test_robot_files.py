@@ -1,12 +1,11 @@
-"""Robots from files: what is read of them, and that a faulty one is refused line by line."""
+"""Robots from files: their measures, and the errors of invalid files."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from pdpatrol.robot_models.description.library import SHIPPED, load_robot, xml_path
-from pdpatrol.robot_models.description.robot_description import RobotFileError
+from pdpatrol.robot_models.description.robot_description import SHIPPED, RobotFileError, load_robot, xml_path
 from pdpatrol.robot_models.description.robot_file import read_robot
 from tests.robot_models.one_robot import Edited, OneRobot
 
@@ -21,7 +20,7 @@ SHORT = (
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_the_record_of_a_shipped_robot_is_what_is_measured_of_its_file(name: str) -> None:
+def test_record_of_shipped_robot_equals_its_measures(name: str) -> None:
     kept, measured = load_robot(name), read_robot(xml_path(name))
     assert kept.wheels == measured.wheels
     numbers = [field for field in vars(kept) if field not in ("name", "xml_path", "wheels")]
@@ -29,7 +28,7 @@ def test_the_record_of_a_shipped_robot_is_what_is_measured_of_its_file(name: str
         np.testing.assert_allclose(getattr(kept, field), getattr(measured, field), rtol=1e-9, atol=1e-12, err_msg=field)
 
 
-def test_a_users_robot_is_measured_from_its_file_and_drives_as_fast_as_that_says(edited: Edited) -> None:
+def test_users_robot_drives_as_its_file_states(edited: Edited) -> None:
     own = OneRobot(edited(*SHORT))
     assert own.robot.name == "robot"
     assert own.robot.max_speed_mps == 0.5
@@ -41,7 +40,7 @@ def test_a_users_robot_is_measured_from_its_file_and_drives_as_fast_as_that_says
     np.testing.assert_allclose(own.velocity(), [0.2, 0.7], rtol=0.03)
 
 
-def test_a_robot_without_a_keyframe_is_let_come_to_rest(edited: Edited) -> None:
+def test_robot_without_keyframe_is_simulated_to_rest(edited: Edited) -> None:
     own = OneRobot(edited((HOME, "")))
     np.testing.assert_allclose(own.robot.home_qpos, load_robot("crawler").home_qpos, atol=1e-6)
     own.reset(7.0, 6.0, 1.0)
@@ -49,7 +48,7 @@ def test_a_robot_without_a_keyframe_is_let_come_to_rest(edited: Edited) -> None:
     np.testing.assert_allclose(own.pose(), [7.0, 6.0, 1.0], atol=1e-5)
 
 
-def test_actions_and_commands_are_each_others_inverse_and_actions_end_at_the_limits() -> None:
+def test_actions_and_commands_are_inverse_and_clipped() -> None:
     robot = load_robot("crawler")
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, (20, 3, 2)).astype(np.float32)
     np.testing.assert_allclose(robot.action_from_command(robot.command_from_action(actions)), actions, atol=1e-7)
@@ -62,105 +61,74 @@ def test_actions_and_commands_are_each_others_inverse_and_actions_end_at_the_lim
 @pytest.mark.parametrize(
     ("changes", "lines"),
     [
-        pytest.param(
-            [('"left_wheel', '"wheel')],
-            ["left_wheel: no such joint; allowed are one or more whose names are or begin with `left_wheel`"],
-            id="no left wheel",
-        ),
-        pytest.param(
-            [('size="0.11 0.03 0.11"', 'size="-0.11 0.03 0.11"')],
-            ["refused by MuJoCo: size 0 must be positive in geom"],
-            id="negative wheel radius",
-        ),
-        pytest.param(
-            [('"max_speed" data="0.8"', '"max_speed" data="-0.8"')],
-            ["max_speed: got -0.8; allowed is one number above 0"],
-            id="negative speed",
-        ),
-        pytest.param(
+        ([('"left_wheel', '"wheel')], ["left_wheel: no such joint"]),
+        ([('size="0.11 0.03 0.11"', 'size="-0.11 0.03 0.11"')], ["refused by MuJoCo: size 0 must be positive in geom"]),
+        ([('"max_speed" data="0.8"', '"max_speed" data="-0.8"')], ["max_speed: must be one number above 0, got -0.8"]),
+        (
             [('"max_yaw_rate" data="1.2"', '"max_yaw_rate" data="nan"')],
-            ["max_yaw_rate: got nan; allowed is one number above 0"],
-            id="speed that is no number",
+            ["max_yaw_rate: must be one number above 0, got nan"],
         ),
-        pytest.param(
-            [('<gyro name="gyro" site="imu"/>', "")],
-            ["gyro: no such sensor; allowed is a gyro at the site `imu`"],
-            id="no gyro",
-        ),
-        pytest.param(
+        ([('<gyro name="gyro" site="imu"/>', "")], ["gyro: must be a gyro at the site `imu`, got no sensor"]),
+        (
             [('name="base"', 'name="trunk"')],
-            ["base: no such body", "trunk: lies below the world", "imu: a site of `trunk`", "lidar: a site of `trunk`"],
-            id="no base",
+            ["base: no such body", "trunk: only `base` may be", "imu: must be a site of", "lidar: must be a site of"],
         ),
-        pytest.param(
+        (
             [("<worldbody>", '<worldbody><geom name="ground" type="plane" size="1 1 1"/>')],
-            ["ground: lies in the world; allowed is the robot alone"],
-            id="a floor of its own",
+            ["ground: must not be a child of the world"],
         ),
-        pytest.param(
+        (
             [
                 ('<numeric name="max_acceleration" data="2"/>', ""),
                 ('"yaw_rate_gain" data="3"', '"yaw_rate_gain" data="-1"'),
             ],
-            ["max_acceleration: missing", "yaw_rate_gain: got -1; allowed is one number of 0 or more"],
-            id="two faults",
+            ["max_acceleration: missing", "yaw_rate_gain: must be one number of 0 or more, got -1"],
         ),
-        pytest.param(
-            [('conaffinity="2"', 'conaffinity="3"')],
-            ["chassis, mast, head: conaffinity for floor and obstacles"],
-            id="a hull that meets the floor",
-        ),
-        pytest.param(
+        ([('conaffinity="2"', 'conaffinity="3"')], ["chassis, mast, head: conaffinity must be 1"]),
+        (
             [('axis="0 1 0"', 'axis="0 -1 0"')],
-            [f"{side}_wheel_{end}: axis 0 -1 0" for side in ("left", "right") for end in ("front", "rear")],
-            id="wheels that drive backward",
+            [f"{side}_wheel_{end}: axis must be 0 1 0" for side in ("left", "right") for end in ("front", "rear")],
         ),
-        pytest.param(
+        (
             [('<geom name="left_wheel_rear"/>', '<geom name="left_wheel_rear" size="0.09 0.03 0.09"/>')],
-            ["left_wheel_rear: radius 0.090 m beside 0.110 m", "left_wheel_rear: stands 0.020 m above the origin"],
-            id="a small wheel",
+            ["left_wheel_rear: radius must be that of", "left_wheel_rear: must stand at the height"],
         ),
-        pytest.param(
+        (
             [('input="vel"', 'input="pos"'), ('ctrlrange="-20 20"', 'ctrlrange="-5 5"')],
             [
-                f"{wheel}_{end}: {fault}"
-                for wheel in ("left_wheel", "right_wheel")
+                f"{side}_wheel_{end}: {error}"
+                for side in ("left", "right")
                 for end in ("front", "rear")
-                for fault in ("turns its wheel at", "ctrlrange -5 5; allowed is at least -11.4 11.4")
+                for error in ("must be a servo", "ctrlrange must hold -11.4 to 11.4")
             ],
-            id="servos of positions, and too narrow",
         ),
-        pytest.param(
+        (
             [('size="0.325 0.225 0.09"', 'size="0.325 0.15 0.09"')],
-            ["hull: wheels or casters stick out of it by 0.06", "lidar: at 0.2 0 0.13; allowed is x from 0 to 0.150"],
-            id="a hull that is too narrow",
+            ["hull: must cover wheels and casters", "lidar: must have x from 0 to 0.150"],
         ),
-        pytest.param(
+        (
             [('pos="0 0 0.6" mass="1.6"', 'pos="0 0 0.8" mass="1.6"'), ('timestep="0.01"', 'timestep="0.003"')],
-            ["hull: 0.86 m high; allowed is up to 0.75 m", "option: timestep 0.003 s; allowed is a whole fraction"],
-            id="too high, and out of step",
+            ["hull: must be at most 0.75 m high", "option: timestep must be a whole fraction of 0.1 s"],
         ),
-        pytest.param(
+        (
             [(HOME, ""), ('pos="0 0 0.6" mass="1.6"', 'pos="0.5 0 0.6" mass="30"')],
-            ["home: not upright and at rest at the origin"],
-            id="falls over by itself",
+            ["home: the robot must stand by itself"],
         ),
-        pytest.param(
+        (
             [('<site name="imu"', '<site name="element_3"/><site name="imu"')],
-            ["world: none can be built around the robot: repeated name 'element_3' in site"],
-            id="a name that is taken",
+            ["world: cannot be built around the robot: repeated name 'element_3' in site"],
         ),
     ],
 )
-def test_a_faulty_robot_is_refused_with_a_line_for_each_fault(
+def test_invalid_robot_is_refused_with_one_line_per_error(
     changes: list[tuple[str, str]], lines: list[str], edited: Edited, capfd: pytest.CaptureFixture[str]
 ) -> None:
     path = edited(*changes)
     with pytest.raises(RobotFileError) as refused:
         load_robot(path)
-    told = [line.removeprefix(f"{path}: ") for line in refused.value.faults]
-    assert len(told) == len(lines), told
-    for line, expected in zip(sorted(told), sorted(lines), strict=True):
+    errors = [line.removeprefix(f"{path}: ") for line in refused.value.faults]
+    assert len(errors) == len(lines), errors
+    for line, expected in zip(sorted(errors), sorted(lines), strict=True):
         assert line.startswith(expected)
         assert "\n" not in line
     assert capfd.readouterr().err == ""
@@ -174,7 +142,7 @@ def test_a_faulty_robot_is_refused_with_a_line_for_each_fault(
         ("<mujoco><worldbody><geom siz='1'/></worldbody></mujoco>", "not MJCF: XML Error: Schema violation"),
     ],
 )
-def test_a_file_that_is_no_mjcf_is_refused_in_one_line(text: str, expected: str, tmp_path: Path) -> None:
+def test_file_without_mjcf_is_refused_in_one_line(text: str, expected: str, tmp_path: Path) -> None:
     path = tmp_path / "robot.xml"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(RobotFileError) as refused:
@@ -186,12 +154,12 @@ def test_a_file_that_is_no_mjcf_is_refused_in_one_line(text: str, expected: str,
 @pytest.mark.parametrize(
     ("model", "expected"),
     [
-        ("walker", "walker: no such robot; known are crawler, inspector, or give a path of an MJCF file, in .xml"),
-        ("nowhere.xml", "nowhere.xml: no such file; give an MJCF file"),
-        ("robots/walker", "robots/walker: no such file; give an MJCF file"),
+        ("walker", "walker: must be one of crawler, inspector, or the path of an MJCF file, in .xml"),
+        ("nowhere.xml", "nowhere.xml: no such file; it must be an MJCF file"),
+        ("robots/walker", "robots/walker: no such file; it must be an MJCF file"),
     ],
 )
-def test_a_robot_that_is_not_there_is_refused(model: str, expected: str) -> None:
+def test_missing_robot_is_refused(model: str, expected: str) -> None:
     with pytest.raises(RobotFileError) as refused:
         load_robot(model)
     assert refused.value.faults == (expected,)

@@ -94,7 +94,7 @@ def test_motors_without_data_take_their_mechanical_power_alone(edited: Edited) -
 
 @pytest.mark.parametrize("file", ["inspector/inspector.xml", "inspector/scene.xml", "crawler/crawler.xml"])
 def test_each_file_compiles_and_runs_for_a_second_without_a_warning(file: str) -> None:
-    from pdpatrol.robot_models.description.library import xml_path
+    from pdpatrol.robot_models.description.robot_description import xml_path
 
     model = mujoco.MjModel.from_xml_path(str(xml_path("inspector").parents[1] / file))
     data = mujoco.MjData(model)

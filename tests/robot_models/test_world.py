@@ -7,11 +7,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from pdpatrol.robot_models.antenna.elements import MAX_ELEMENTS, AntennaElements
-from pdpatrol.robot_models.description.library import SHIPPED, load_robot, xml_path
+from pdpatrol.robot_models.antenna_elements import MAX_ELEMENTS, AntennaElements
+from pdpatrol.robot_models.description.robot_description import SHIPPED, load_robot, xml_path
 from pdpatrol.robot_models.world import CHASE, build_spec
 from pdpatrol.robot_models.yard.pieces import BoxEquipment, CylinderEquipment
-from pdpatrol.robot_models.yard.scenery import EQUIPMENT_GROUP
 from pdpatrol.robot_models.yard.yard import Yard
 
 AZIMUTHS_RAD = np.radians([90.0, 30.0, -30.0, -90.0, -150.0, 150.0])
@@ -103,7 +102,7 @@ def test_every_solid_of_the_yard_has_the_same_surface_in_the_model():
     model = build_model(YARD, RING_M, AZIMUTHS_RAD)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    groups = (np.arange(6) == EQUIPMENT_GROUP).astype(np.uint8)
+    groups = (np.arange(6) == 1).astype(np.uint8)
     rng, n_hits = np.random.default_rng(2), 0
     for _ in range(300):
         start = rng.uniform([0.0, 0.0, 0.1], [20.0, 12.0, 5.0])
@@ -142,7 +141,7 @@ def test_a_robot_without_a_camera_is_followed_by_one(tmp_path: Path) -> None:
 
 def test_equipment_is_named_and_alone_in_its_group():
     model = build_model(YARD, RING_M, AZIMUTHS_RAD)
-    in_group = [model.geom(index).name for index in np.flatnonzero(model.geom_group == EQUIPMENT_GROUP)]
+    in_group = [model.geom(index).name for index in np.flatnonzero(model.geom_group == 1)]
     assert sorted(in_group) == ["equipment/bushing", "equipment/tank"]
 
 
@@ -188,7 +187,7 @@ def test_pictures_of_640_by_480_can_be_taken():
 
 def test_a_spec_can_still_be_extended_before_it_is_compiled():
     spec = build_spec(load_robot("inspector"), Yard(size_m=(5.0, 5.0)))
-    spec.worldbody.add_geom(name="equipment/late", size=[0.1, 0.0, 0.0], group=EQUIPMENT_GROUP)
+    spec.worldbody.add_geom(name="equipment/late", size=[0.1, 0.0, 0.0], group=1)
     assert spec.compile().geom("equipment/late").size[0] == 0.1
 
 

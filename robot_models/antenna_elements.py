@@ -1,4 +1,4 @@
-"""The antenna elements that a robot carries: where each sits, where it looks to, and what one sees of it."""
+"""Antenna elements of a robot: positions, directions, and their geoms in MuJoCo."""
 # pyright: reportAttributeAccessIssue=false
 # The compiled bindings of MuJoCo carry no types for their enums and spec elements.
 
@@ -14,9 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 FloatArray = NDArray[np.float64]
 
 MAX_ELEMENTS = 16
-"""How many antenna elements a robot carries at most."""
-
-HELIX_XML = Path(__file__).parent / "helix.xml"
+"""Largest number of antenna elements of a robot."""
 
 
 class AntennaElements(NamedTuple):
@@ -24,8 +22,8 @@ class AntennaElements(NamedTuple):
 
     Attributes:
         positions_m: Shape (n_elements, 3).
-        azimuth_rad: Direction each looks to, counter-clockwise from x, shape (n_elements,).
-        elevation_rad: Direction each looks to, up from the horizontal, shape (n_elements,).
+        azimuth_rad: Azimuth of each boresight, counter-clockwise from x, shape (n_elements,).
+        elevation_rad: Elevation of each boresight, shape (n_elements,).
     """
 
     positions_m: FloatArray
@@ -34,7 +32,7 @@ class AntennaElements(NamedTuple):
 
     @classmethod
     def checked(cls, positions_m: ArrayLike, azimuth_rad: ArrayLike, elevation_rad: ArrayLike = 0.0) -> Self:
-        """Elements of which there are 1 to `MAX_ELEMENTS`; one elevation may stand for all.
+        """Check and convert 1 to `MAX_ELEMENTS` elements; the elevation may be common to all.
 
         Raises:
             ValueError: If shapes disagree, a value is not finite, or there are too many elements.
@@ -42,23 +40,23 @@ class AntennaElements(NamedTuple):
         positions = np.array(positions_m, dtype=np.float64)
         if positions.ndim != 2 or positions.shape[1] != 3 or not 1 <= len(positions) <= MAX_ELEMENTS:
             raise ValueError(
-                f"`positions_m` must have shape (n, 3) with n from 1 to {MAX_ELEMENTS}, got {positions.shape}. "
-                "Rows are antenna elements in the array frame."
+                f"`positions_m` must have shape (n, 3) with n from 1 to {MAX_ELEMENTS}, got {positions.shape}"
             )
         azimuth, elevation = np.array(azimuth_rad, dtype=np.float64), np.array(elevation_rad, dtype=np.float64)
         if azimuth.shape != (len(positions),) or elevation.shape not in ((), azimuth.shape):
             raise ValueError(
                 f"`azimuth_rad` and `elevation_rad` must have shape ({len(positions)},) to match `positions_m`, "
-                f"got {azimuth.shape} and {elevation.shape}. Give one of each for each element."
+                f"got {azimuth.shape} and {elevation.shape}"
             )
         if not (np.isfinite(positions).all() and np.isfinite(azimuth).all() and np.isfinite(elevation).all()):
-            raise ValueError("positions, azimuths and elevations of elements must be finite, got NaN or infinity.")
+            raise ValueError("positions, azimuths and elevations of elements must be finite, got NaN or infinity")
         return cls(positions, azimuth, np.broadcast_to(elevation, azimuth.shape))
 
 
 def attach_elements(spec: mujoco.MjSpec, elements: AntennaElements) -> None:
-    """Put a helix for each element on the robot's base, with sites `element_1` to `element_n`, x along the look."""
-    base, helix = spec.body("base"), mujoco.MjSpec.from_file(str(HELIX_XML))
+    """Attach a helix for each element to the robot's base, with sites `element_1` to `element_n`, x along boresight."""
+    base = spec.body("base")
+    helix = mujoco.MjSpec.from_file(str(Path(__file__).parent / "antenna" / "helix.xml"))
     for k, (position_m, azimuth, elevation) in enumerate(zip(*elements, strict=True), start=1):
         (cos_yaw, sin_yaw), (cos_pitch, sin_pitch) = _half_angle(azimuth), _half_angle(-elevation)
         frame = base.add_frame(

@@ -1,1 +1,0 @@
-"""The antenna elements on a robot."""

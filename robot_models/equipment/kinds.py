@@ -1,0 +1,153 @@
+"""Shapes of the equipment of a 110 kV substation, each built from a length along x of its own frame.
+
+Sizes are assumed, of the usual order for this class.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from pdpatrol.robot_models.yard.solids import Box, Cylinder, Solid
+
+Site = tuple[float, float, float]
+
+
+class Assembly(NamedTuple):
+    """A piece of equipment, in its own frame.
+
+    Attributes:
+        parts: Solids by name; the first is named like the whole piece.
+        sites: Candidate discharge sites on its surface, by name.
+    """
+
+    parts: Mapping[str, Solid]
+    sites: Mapping[str, Site]
+
+
+def busbar(length_m: float) -> Assembly:
+    """Build a busbar: tubes along x, supported near both ends and in the middle."""
+    phases_m = (-1.6, 0.0, 1.6)
+    parts: dict[str, Solid] = {}
+    sites: dict[str, Site] = {}
+    for frame, x in enumerate((-0.45 * length_m, 0.0, 0.45 * length_m), start=1):
+        for side, y in zip(("right", "left"), (-1.6, 1.6), strict=True):
+            parts[f"leg_{frame}_{side}"] = Cylinder(centre_m=(x, y), radius_m=0.12, top_m=2.6)
+        parts[f"beam_{frame}"] = Box(centre_m=(x, 0.0), footprint_m=(0.2, 3.6), bottom_m=2.6, top_m=2.8)
+        for phase, y in enumerate(phases_m, start=1):
+            parts[f"post_{frame}_{phase}"] = Cylinder(centre_m=(x, y), radius_m=0.1, bottom_m=2.8, top_m=4.0)
+            sites[f"post_{frame}_{phase}"] = (x, y + 0.1, 3.7)
+    for phase, y in enumerate(phases_m, start=1):
+        parts[f"tube_{phase}"] = Box(centre_m=(0.0, y), footprint_m=(length_m, 0.12), bottom_m=4.0, top_m=4.12)
+    return Assembly(parts, sites)
+
+
+def circuit_breaker(length_m: float) -> Assembly:
+    """Build a live-tank circuit breaker: three poles along x, and its drive in front of the middle one (y < 0).
+
+    It discharges at the flanges of its poles.
+    """
+    poles_m = (-0.42 * length_m, 0.0, 0.42 * length_m)
+    parts: dict[str, Solid] = {
+        "frame": Box(footprint_m=(length_m, 0.4), top_m=1.6),
+        "drive": Box(centre_m=(0.0, -0.45), footprint_m=(0.9, 0.5), bottom_m=0.3, top_m=1.7),
+    }
+    for number, x in enumerate(poles_m, start=1):
+        parts[f"pole_{number}"] = Cylinder(centre_m=(x, 0.0), radius_m=0.17, bottom_m=1.6, top_m=4.2)
+    sites = {f"pole_{number}": (x, 0.17, 1.8) for number, x in enumerate(poles_m, start=1)}
+    return Assembly(parts, sites | {"drive": (0.2, -0.7, 1.2)})
+
+
+def control_building(length_m: float) -> Assembly:
+    """Build a control building of one storey with a door step."""
+    return Assembly(
+        parts={
+            "walls": Box(footprint_m=(length_m, 4.0), top_m=3.2),
+            "step": Box(centre_m=(0.0, -2.3), footprint_m=(1.6, 0.6), top_m=0.15),
+        },
+        sites={},
+    )
+
+
+def current_transformer(length_m: float) -> Assembly:
+    """Build a top-core current transformer: the head on top of the insulator.
+
+    It discharges at the head, at the foot of the insulator, and at the terminal box.
+    """
+    return Assembly(
+        parts={
+            "column": Box(footprint_m=(length_m, length_m), top_m=1.6),
+            "insulator": Cylinder(radius_m=0.18, bottom_m=1.6, top_m=3.0),
+            "head": Cylinder(radius_m=0.38, bottom_m=3.0, top_m=3.7),
+        },
+        sites={"head": (0.0, 0.38, 3.2), "foot": (0.0, -0.18, 1.75), "terminal_box": (0.5 * length_m, 0.0, 1.2)},
+    )
+
+
+def fence(length_m: float) -> Assembly:
+    """Build a fence of wire mesh inside the yard, around a live bay during work on others."""
+    return Assembly(parts={"mesh": Box(footprint_m=(length_m, 0.06), top_m=1.8)}, sites={})
+
+
+def gis_bay(length_m: float) -> Assembly:
+    """Build a bay of outdoor gas-insulated switchgear along x, its control cubicle at the near end (x < 0).
+
+    It discharges at spacers between gas compartments, and radiates through their seals.
+    """
+    half = 0.5 * length_m
+    parts: dict[str, Solid] = {
+        "enclosure": Box(footprint_m=(length_m, 1.4), bottom_m=0.3, top_m=2.0),
+        "base": Box(footprint_m=(length_m, 1.2), top_m=0.3),
+        "cubicle": Box(centre_m=(-half - 0.4, 0.0), footprint_m=(0.8, 1.4), top_m=2.3),
+    }
+    for number, x in enumerate((-0.3 * length_m, 0.0, 0.3 * length_m), start=1):
+        parts[f"breaker_{number}"] = Cylinder(centre_m=(x, 0.0), radius_m=0.42, bottom_m=2.0, top_m=3.1)
+    sites = {
+        "spacer_1": (-0.15 * length_m, 0.7, 1.2),
+        "spacer_2": (0.15 * length_m, 0.7, 1.2),
+        "cable_end": (half, 0.2, 0.9),
+        "breaker_2": (0.0, -0.42, 2.5),
+    }
+    return Assembly(parts, sites)
+
+
+def kerb(length_m: float) -> Assembly:
+    """Build the kerb of a path: too high for the robot, as high as its lidar."""
+    return Assembly(parts={"stone": Box(footprint_m=(length_m, 0.15), top_m=0.16)}, sites={})
+
+
+def power_transformer(length_m: float) -> Assembly:
+    """Build a transformer of about 40 MVA: tank along x, high voltage to the left (y > 0), low voltage to the right.
+
+    It discharges in its bushings, at the tap changer, and inside the tank behind a flange.
+    """
+    half, phases_m = 0.5 * length_m, (-1.4, 0.0, 1.4)
+    parts: dict[str, Solid] = {
+        "tank": Box(footprint_m=(length_m, 2.2), top_m=2.8),
+        "radiators_left": Box(centre_m=(0.0, 1.55), footprint_m=(0.8 * length_m, 0.7), bottom_m=0.5, top_m=2.4),
+        "radiators_right": Box(centre_m=(0.0, -1.55), footprint_m=(0.8 * length_m, 0.7), bottom_m=0.5, top_m=2.4),
+        "conservator": Box(centre_m=(-half + 0.4, 0.0), footprint_m=(0.8, 2.2), bottom_m=3.2, top_m=4.0),
+        "conservator_legs": Box(centre_m=(-half + 0.4, 0.0), footprint_m=(0.2, 1.4), bottom_m=2.8, top_m=3.2),
+        "tap_changer": Box(centre_m=(half + 0.3, 0.0), footprint_m=(0.6, 1.0), bottom_m=0.6, top_m=2.2),
+    }
+    for number, x in enumerate(phases_m, start=1):
+        parts[f"hv_bushing_{number}"] = Cylinder(centre_m=(x, 0.6), radius_m=0.18, bottom_m=2.8, top_m=4.4)
+        parts[f"lv_bushing_{number}"] = Cylinder(centre_m=(x, -0.7), radius_m=0.1, bottom_m=2.8, top_m=3.4)
+    sites = {f"hv_bushing_{n}": (x, 0.6 + 0.18, 3.8) for n, x in enumerate(phases_m, start=1)}
+    sites |= {"tap_changer": (half + 0.6, 0.2, 1.4), "tank_end": (-half, 0.5, 1.2)}
+    return Assembly(parts, sites)
+
+
+def voltage_transformer(length_m: float) -> Assembly:
+    """Build a voltage transformer: the tank below the insulator.
+
+    It discharges at the tank, at the foot of the insulator, and at the terminal box.
+    """
+    return Assembly(
+        parts={
+            "column": Box(footprint_m=(length_m, length_m), top_m=1.4),
+            "tank": Cylinder(radius_m=0.36, bottom_m=1.4, top_m=2.1),
+            "insulator": Cylinder(radius_m=0.16, bottom_m=2.1, top_m=3.6),
+        },
+        sites={"tank": (0.36, 0.0, 1.7), "foot": (0.0, 0.16, 2.25), "terminal_box": (-0.5 * length_m, 0.0, 1.0)},
+    )
