@@ -58,6 +58,6 @@ def test_a_fault_in_the_file_is_told_before_the_start(tmp_path: Path) -> None:
     assert done.stdout == ""
     told = done.stderr.replace("\n", " ")
     assert "Traceback" not in told
-    for fault in ("left_wheel: no such joint", "max_speed: got -1; allowed is one number above 0"):
+    for fault in ("left_wheel: no such joint", "max_speed: must be one number above 0, got -1"):
         assert f"yard.toml: robot.model: {tmp_path / 'runner.xml'}: {fault}" in told
     assert sorted(path.name for path in tmp_path.iterdir()) == ["runner.xml", "yard.toml"]

@@ -71,15 +71,15 @@ def test_errors_of_the_robot_are_errors_of_the_scenario(tmp_path: Path) -> None:
         load_scenario(path)
     file = tmp_path / "robots" / "own.xml"
     assert {line for line in refused.value.faults if "robot.model" in line} == {
-        f"{path}: robot.model: {file}: max_speed: got -1; allowed is one number above 0",
-        f"{path}: robot.model: {file}: gyro: no such sensor; allowed is a gyro at the site `imu`",
+        f"{path}: robot.model: {file}: max_speed: must be one number above 0, got -1",
+        f"{path}: robot.model: {file}: gyro: must be a gyro at the site `imu`, got no sensor",
     }
     assert any("array.gain_error" in line for line in refused.value.faults)
 
 
 @pytest.mark.parametrize(
     ("model", "told"),
-    [("walker", "known are crawler, inspector"), ("none.xml", "no such file"), ("", "known are crawler, inspector")],
+    [("walker", "must be one of crawler, inspector"), ("none.xml", "no such file"), ("", "must be one of crawler, inspector")],
 )
 def test_unknown_robot_is_named(model: str, told: str, tmp_path: Path) -> None:
     with pytest.raises(ScenarioError) as refused:
