@@ -139,7 +139,10 @@ def film_frames(
             yard.put(row["true_pose"])
             image = yard.from_behind(
                 yaw_rad,
-                [DrawnLine(a + 0.3 * d, a + 40.0 * d, c, 0.008) for a, d, c in zip(start_m, ahead, colours, strict=True)],
+                [
+                    DrawnLine(a + 0.3 * d, a + 40.0 * d, c, 0.008)
+                    for a, d, c in zip(start_m, ahead, colours, strict=True)
+                ],
                 [
                     DrawnBall(place_m, 0.22, to_rgba(STATES[state][0], 0.9))
                     for place_m, state in zip(findings["position_m"], findings["state"].tolist(), strict=True)

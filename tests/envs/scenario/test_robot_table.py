@@ -79,7 +79,7 @@ def test_errors_of_the_robot_are_errors_of_the_scenario(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("model", "told"),
-    [("walker", "must be one of crawler, inspector"), ("none.xml", "no such file"), ("", "must be one of crawler, inspector")],
+    [("walker", "must be one of crawler"), ("none.xml", "no such file"), ("", "must be one of crawler")],
 )
 def test_unknown_robot_is_named(model: str, told: str, tmp_path: Path) -> None:
     with pytest.raises(ScenarioError) as refused:
