@@ -1,4 +1,4 @@
-"""Direction finding on signal strength: what would run unchanged on a real robot. It never sees truth."""
+"""Direction finding on signal strength and locating, without access to the simulated truth."""
 
 from dirmusic.array.bounds import bearing_bound, manifold_error_std
 from dirmusic.array.calibration import Calibration, calibrate

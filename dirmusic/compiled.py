@@ -32,15 +32,10 @@ KERNEL_PACKAGES = ("dirmusic", "pdpatrol/sensing", "pdpatrol/envs", "pdpatrol/ro
 """Packages with compiled functions, relative to the folder that holds this one."""
 
 KEPT_VERSIONS = 4
-"""Versions of the source whose machine code is kept, 20 MB each; assumed, more only spare compiling old ones again."""
-
+"""Versions of the source whose machine code is kept, 20 MB each. Assumed; more only avoid compiling old ones again."""
 
 COMPLETE = "complete"
 """Name of the file that marks a cache folder in which all functions of a mission are kept."""
-
-
-class CacheWarning(UserWarning):
-    """Warning that machine code cannot be kept, so that every process compiles anew."""
 
 
 def source_digest() -> str:
@@ -82,7 +77,7 @@ def cache_folder() -> Path | None:
             return folder
     warnings.warn(
         f"compiled functions cannot be kept in {usual}: each process compiles them anew, for about a minute",
-        CacheWarning,
+        RuntimeWarning,
         stacklevel=2,
     )
     return None
@@ -97,7 +92,9 @@ def _remove_old(base: Path) -> None:
 
 
 def is_cache_complete() -> bool:
-    """Return whether `mark_cache_complete` has been called for the present source, by any process."""
+    """Return True if nothing remains to be compiled: after `mark_cache_complete`, or with `NUMBA_DISABLE_JIT=1`."""
+    if numba.config.DISABLE_JIT:  # pyright: ignore
+        return True
     folder = cache_folder()
     return folder is not None and (folder / COMPLETE).exists()
 
@@ -110,13 +107,13 @@ def mark_cache_complete() -> None:
 
 @contextmanager
 def _own_cache() -> Generator[bool]:
-    """Let Numba keep what is decorated in the block in `cache_folder`; the user's own functions are not affected."""
+    """Let Numba use `cache_folder` for functions decorated in the block; other functions are not affected."""
     folder, before = cache_folder(), numba.config.CACHE_DIR  # pyright: ignore
-    numba.config.CACHE_DIR = str(folder or "")
+    numba.config.CACHE_DIR = str(folder or "")  # pyright: ignore
     try:
         yield folder is not None
     finally:
-        numba.config.CACHE_DIR = before
+        numba.config.CACHE_DIR = before  # pyright: ignore
 
 
 def compiled(function: _Function) -> _Function:
@@ -145,7 +142,8 @@ class _HeldType(types.StructRef):
 class Held(structref.StructRefProxy, Generic[_Value]):
     """A record that compiled functions take by reference.
 
-    Numba unpacks a plain named tuple at each call: 0.1 us for each array, 7 us for a random generator.
+    Numba unpacks a plain named tuple at each call: 0.1 us for each array, 7 us for a random generator. Without this
+    class, an environment step of one robot in `one_source` takes 2.7 times as long (median of five runs in turns).
 
     Attributes:
         value: The named tuple or generator, in Python and in compiled functions.

@@ -13,7 +13,7 @@ class InputFileError(ValueError):
     """Error for a file that cannot be used.
 
     Attributes:
-        faults: One line for each error in the file: file, place, what must hold, and what was found.
+        faults: One line for each error in the file: file, place, requirement and value found.
     """
 
     def __init__(self, faults: Sequence[str]) -> None:

@@ -1,1 +1,1 @@
-"""The array: gain patterns, the manifold, errors of the elements and how to learn them, and the bounds."""
+"""The array: patterns, manifold, errors of the elements, calibration and bounds."""

@@ -33,10 +33,6 @@ def nearest_search_azimuth(azimuth_rad: FloatArray) -> NDArray[np.intp]:
     return np.rint(azimuth_rad / SEARCH_STEP_RAD).astype(np.intp) % SEARCH_AZIMUTHS_RAD.size
 
 
-BLIND_SLOPE = 0.01
-"""Slope of the unit gain per radian below which a manifold holds no direction: 1 % of gain would be a radian."""
-
-
 class ManifoldTable(NamedTuple):
     """Manifold as a kernel reads it, in even steps of azimuth from 0.
 
@@ -125,7 +121,9 @@ class GainManifold:
         self.search_gain, self.search_slope, self.search_unit_gain = gain, slope, unit
         for array in (gain, slope, unit):
             array.setflags(write=False)
-        if not np.linalg.norm(np.roll(unit, -1, axis=1) - unit, axis=0).max() > BLIND_SLOPE * SEARCH_STEP_RAD:
+        if (
+            not np.linalg.norm(np.roll(unit, -1, axis=1) - unit, axis=0).max() > 0.01 * SEARCH_STEP_RAD
+        ):  # 1 % of gain per radian
             raise ValueError("`pattern` must not be flat: the ratios of the gains must change with azimuth")
 
     @classmethod
@@ -206,7 +204,7 @@ class GainManifold:
     def element_response(
         self, off_boresight_rad: FloatArray, per_element: tuple[int, ...] = (-1,)
     ) -> tuple[FloatArray, FloatArray]:
-        """Compute gain and slope of each element towards an azimuth of its own, as for a source close by.
+        """Compute gain and slope of each element at a separate azimuth each, as for a near source.
 
         Args:
             off_boresight_rad: Azimuth off each boresight; broadcasts with (n_elements,) reshaped to `per_element`.
@@ -221,7 +219,7 @@ class GainManifold:
         return factors * gain + offsets, factors * slope
 
     def response_in_space(self, off_boresight_rad: FloatArray, elevation_rad: FloatArray) -> SpatialGain:
-        """Compute the gain of each element and its slopes towards directions of their own; elements on the last axis.
+        """Compute the gain of each element and its slopes at a separate direction each; elements on the last axis.
 
         Args:
             off_boresight_rad: Azimuth off each boresight, shape (..., n_elements).

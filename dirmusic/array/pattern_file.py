@@ -20,10 +20,6 @@ AXES = ("frequency_ghz", "azimuth_deg", "elevation_deg")
 MAX_DB = 200.0
 """Largest gain and attenuation, dB; assumed, no antenna comes near."""
 
-CLOSING_GAIN_TOLERANCE = 1e-3
-"""Relative difference allowed between the gain at the first angle and the gain one turn later."""
-
-MAX_BYTES = 100_000_000
 MAX_ERRORS = 20
 """Errors listed for one file; the others are counted."""
 
@@ -103,7 +99,7 @@ def read_pattern(path: str | Path) -> TabulatedPattern:
         elif angle_deg[row] - angle_deg[0] > 360.0:
             table.add_error(row, f"angle_deg: must lie within one turn from {angle_deg[0]:g}, got {angle_deg[row]:g}")
     if angle_deg[-1] - angle_deg[0] == 360.0:
-        if not np.isclose(gain[-1], gain[0], rtol=CLOSING_GAIN_TOLERANCE):
+        if not np.isclose(gain[-1], gain[0], rtol=1e-3):
             table.add_error(-1, f"gain: must be {gain[0]:.4g} as one turn before, got {gain[-1]:.4g}")
         angle_deg, gain = angle_deg[:-1], gain[:-1]
     table.check()
@@ -208,7 +204,7 @@ def write_pattern(pattern: GainPattern, path: str | Path, *, off_boresight_rad: 
 def _read_lines(path: Path) -> list[tuple[int, str]]:
     """Return the lines of a UTF-8 file that are neither empty nor comments, with their numbers from 1."""
     try:
-        text = read_whole(path, MAX_BYTES).decode("utf-8-sig")
+        text = read_whole(path, 100_000_000).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputFileError([f"{path}: must be UTF-8 text, byte {error.start} is not"]) from None
     lines = enumerate(text.splitlines(), start=1)

@@ -16,12 +16,6 @@ FloatArray = NDArray[np.float64]
 LEAST_GAIN = 1e-6
 """Smallest gain, 120 dB below the reference: a spline may swing below zero between the angles of a table."""
 
-CUT_STEP_RAD = np.radians(1.0)
-"""Step of the table of a cut; fine enough for interpolation to commute with the mean over frequency."""
-
-AROUND = 4
-"""Azimuths repeated on either side to make the spline periodic."""
-
 
 class SpatialPattern:
     """Pattern as a table: cubic between its angles, linear between its frequencies.
@@ -76,8 +70,8 @@ class SpatialPattern:
         for array in (frequency, azimuth, elevation, table):
             array.setflags(write=False)
         self.frequency_hz, self.azimuth_rad, self.elevation_rad, self.table_gain = frequency, azimuth, elevation, table
-        around = np.concatenate([azimuth[-AROUND:] - 2 * np.pi, azimuth, azimuth[:AROUND] + 2 * np.pi])
-        wrapped = np.concatenate([table[:, -AROUND:], table, table[:, :AROUND]], axis=1)
+        around = np.concatenate([azimuth[-4:] - 2 * np.pi, azimuth, azimuth[:4] + 2 * np.pi])  # for a periodic spline
+        wrapped = np.concatenate([table[:, -4:], table, table[:, :4]], axis=1)
         self._splines = [
             scipy.interpolate.RectBivariateSpline(around, elevation, each, kx=3, ky=3, s=0) for each in wrapped
         ]
@@ -108,7 +102,7 @@ class SpatialPattern:
         """
         low_hz, high_hz = band_hz or (self.frequency_hz[0], self.frequency_hz[-1])
         frequency_hz = np.linspace(low_hz, high_hz, 33)
-        azimuth_rad = CUT_STEP_RAD * np.arange(round(2 * np.pi / CUT_STEP_RAD))
+        azimuth_rad = np.radians(1.0) * np.arange(360)
         gain = self.gain(azimuth_rad, np.zeros(azimuth_rad.size), frequency_hz)
         return TabulatedPattern(azimuth_rad, np.sqrt(np.square(gain).mean(axis=0)))
 

@@ -1,1 +1,1 @@
-"""From strengths to bearings: estimators, pseudo-spectrum, posterior, and channels that are at fault."""
+"""Bearings from strengths: estimators, pseudo-spectrum, and detection of faulty channels."""

@@ -99,8 +99,8 @@ class ChannelMonitor:
     """Estimator of bearings that watches for faulty channels and leaves them out.
 
     Faults are judged by how well one direction explains the pulses, so by maximum likelihood, whichever estimator takes
-    the bearings. A faulty channel is wrong in all directions; what a pattern error or a source high above the array
-    does in one direction is not a fault.
+    the bearings. A faulty channel is wrong in all directions; a deviation in one direction, by a pattern error or
+    a source high above the array, is not a fault.
 
     Args:
         array: The nominal array.

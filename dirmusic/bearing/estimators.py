@@ -124,9 +124,6 @@ def judge_directions(
 GRID_RAD = np.radians(np.arange(1.0, 361.0))
 """Grid of the paper: every degree."""
 
-GRID_STD_RAD = np.radians(1.0) / np.sqrt(12.0)
-"""Standard deviation of rounding to this grid."""
-
 
 def bearings_towards(azimuth_rad: FloatArray, pulses: PulseBatch, array: ArrayModel) -> Bearings:
     """Compute deviation by noise and misfit of directions found by any method.
@@ -154,7 +151,8 @@ class Music:
     def __call__(self, pulses: PulseBatch, array: ArrayModel) -> Bearings:
         """Estimate the directions of pulses; see `BearingEstimator`."""
         peak = spectrum_peaks_on_grid(pulses.strengths_v, _grid_gain(array.manifold))
-        return _with_deviation(bearings_towards(GRID_RAD[peak], pulses, array), np.full(peak.size, GRID_STD_RAD))
+        rounding_std_rad = np.radians(1.0) / np.sqrt(12.0)
+        return _with_deviation(bearings_towards(GRID_RAD[peak], pulses, array), np.full(peak.size, rounding_std_rad))
 
 
 class Strongest:

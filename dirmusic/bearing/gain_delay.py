@@ -19,9 +19,6 @@ SPEED_OF_LIGHT_MPS = 299_792_458.0
 MAX_RADIUS_M = 0.5
 """Largest radius: in a wider array, the phase at 3 GHz changes by more than 60 degrees per search step."""
 
-REFINEMENTS = 5
-"""Number of Gauss-Newton steps from the best search azimuth."""
-
 TINY = np.finfo(np.float64).tiny
 
 PULSES_AT_ONCE = 64
@@ -123,7 +120,7 @@ def _locate_on_circle(rows: FloatArray, array: _Array, n_padded: int, variance: 
     match = np.square(np.abs(beam)).sum(axis=0)  # (n_azimuths, n_rows)
     azimuth_rad = start_rad = SEARCH_AZIMUTHS_RAD[match.argmax(axis=0)]
     data = spectra.transpose(1, 0, 2)
-    for _ in range(REFINEMENTS):
+    for _ in range(5):  # Gauss-Newton steps
         azimuth_rad = azimuth_rad + np.nan_to_num(_linearise(azimuth_rad, data, array, angular)[0])
         azimuth_rad = np.clip(azimuth_rad, start_rad - SEARCH_STEP_RAD, start_rad + SEARCH_STEP_RAD)
     _, signal, turning = _linearise(azimuth_rad, data, array, angular)

@@ -314,8 +314,8 @@ def estimate_bearings(
             one source.
         manifold: Nominal array.
         strength_variance: Variance of the strengths, V^2, >= 0; broadcasts to the shape of `strengths`.
-        prior: Prior of the errors of the array. With it, azimuth and deviation are those of the posterior over these
-            errors, at several hundred times the cost.
+        prior: Prior of the errors of the array. With it, azimuth and deviation are taken from the posterior over
+            these errors, at several hundred times the cost.
 
     Returns:
         Bearings of the leading shape (...).

@@ -18,9 +18,6 @@ from dirmusic.pulses.strengths import strength_variance
 
 FloatArray = NDArray[np.float64]
 
-FEWEST_LINES = 4
-"""Fewest frequencies at which the spectrum of a gate is computed in each sub-band."""
-
 
 class SubBands:
     r"""Sub-bands in which the energies of gates are measured.
@@ -47,7 +44,7 @@ class SubBands:
     ) -> None:
         self.edges_hz, self.sample_rate_hz = np.array(edges_hz, dtype=np.float64), sample_rate_hz
         width_hz = np.diff(self.edges_hz)
-        n_lines = max(FEWEST_LINES, int(np.ceil(4 * n_samples * width_hz.max() / sample_rate_hz)))
+        n_lines = max(4, int(np.ceil(4 * n_samples * width_hz.max() / sample_rate_hz)))
         at = (np.arange(n_lines) + 0.5) / n_lines
         frequency_hz = self.edges_hz[:-1, np.newaxis] + width_hz[:, np.newaxis] * at
         turn = 2 * np.pi * frequency_hz[..., np.newaxis] / sample_rate_hz * np.arange(n_samples)
@@ -221,31 +218,32 @@ def upper_shares(power_v2: FloatArray, upper: FloatArray) -> None:
         upper[b] = 1.0 / (1.0 + np.exp(-0.5 * tilt))  # the halves lie half a sub-band apart
 
 
-class Weights(NamedTuple):
-    """Weights of the sub-bands in a fit, each of shape (n_bands,).
-
-    Attributes:
-        trust: Inverse of the mean noise variance of the strengths.
-        upper: Share of the power in the upper half.
-        power_v2: Output: squared amplitude without the contribution of noise.
-    """
-
-    trust: FloatArray
-    upper: FloatArray
-    power_v2: FloatArray
-
-
 @compiled
 def fit_bands(
-    azimuth_rad: float, strengths: FloatArray, variance: FloatArray, weights: Weights, tables: BandTables
+    azimuth_rad: float,
+    strengths: FloatArray,
+    variance: FloatArray,
+    trust: FloatArray,
+    upper: FloatArray,
+    power_v2: FloatArray,
+    tables: BandTables,
 ) -> BandFit:
-    """Fit one pulse at an azimuth; strengths and variance (n_bands, n_elements)."""
+    """Fit one pulse at an azimuth.
+
+    Args:
+        azimuth_rad: Azimuth.
+        strengths: Strengths, shape (n_bands, n_elements).
+        variance: Variance of the strengths, same shape.
+        trust: Inverse of the mean variance in each sub-band, shape (n_bands,).
+        upper: Share of the power in the upper half of each sub-band, shape (n_bands,).
+        power_v2: Output: squared amplitude without the contribution of noise, shape (n_bands,).
+        tables: Tables of the manifolds.
+    """
     n_bands, n = strengths.shape
-    trust = weights.trust
     gain, slope, across = np.empty(n), np.empty(n), np.empty(n)
     turn = weight = spread = signal = explained = 0.0
     for b in range(n_bands):
-        look_up_band(azimuth_rad, tables, b, weights.upper[b], gain, slope)
+        look_up_band(azimuth_rad, tables, b, upper[b], gain, slope)
         energy = dot(gain, gain)
         along, amplitude = dot(gain, slope) / energy, dot(strengths[b], gain) / energy
         bias = 0.0
@@ -256,8 +254,8 @@ def fit_bands(
         squared = amplitude * amplitude
         turn += trust[b] * amplitude * dot(across, strengths[b])
         weight += trust[b] * squared * (dot(across, across) + TINY)
-        weights.power_v2[b] = max(squared - bias, LEAST_SHARE * squared)
-        signal += trust[b] * weights.power_v2[b] * (dot(across, across) + TINY)
+        power_v2[b] = max(squared - bias, LEAST_SHARE * squared)
+        signal += trust[b] * power_v2[b] * (dot(across, across) + TINY)
         explained += trust[b] * squared * energy
     return BandFit(turn, weight, spread, signal, explained)
 
@@ -280,8 +278,8 @@ def bearings_of_bands(
     of = tables.value
     n_pulses, n_bands, n = strengths.shape
     found = Bearings(np.empty(n_pulses), np.empty(n_pulses), np.empty(n_pulses))
-    weights, match = Weights(np.empty(n_bands), np.empty(n_bands), np.empty(n_bands)), np.empty(of.unit.shape[2])
-    trust = weights.trust
+    trust, upper, power_v2 = np.empty(n_bands), np.empty(n_bands), np.empty(n_bands)
+    match = np.empty(of.unit.shape[2])
     for k in range(n_pulses):
         energy = 0.0
         match[:] = 0.0
@@ -299,14 +297,14 @@ def bearings_of_bands(
             continue
         start_rad = SEARCH_STEP_RAD * int(np.argmax(match))
         azimuth_rad = start_rad
-        weights.upper[:] = 0.5
-        fit = fit_bands(azimuth_rad, strengths[k], variance[k], weights, of)
+        upper[:] = 0.5
+        fit = fit_bands(azimuth_rad, strengths[k], variance[k], trust, upper, power_v2, of)
         for _ in range(REFINEMENTS + 1):
             if fit.weight > 0.0:
                 azimuth_rad += fit.turn / fit.weight
             azimuth_rad = min(max(azimuth_rad, start_rad - SEARCH_STEP_RAD), start_rad + SEARCH_STEP_RAD)
-            upper_shares(weights.power_v2, weights.upper)
-            fit = fit_bands(azimuth_rad, strengths[k], variance[k], weights, of)
+            upper_shares(power_v2, upper)
+            fit = fit_bands(azimuth_rad, strengths[k], variance[k], trust, upper, power_v2, of)
         found.azimuth_rad[k] = wrapped(azimuth_rad)
         found.std_rad[k] = min(np.sqrt(fit.variance) / max(fit.signal, TINY), UNKNOWN_STD_RAD)
         found.misfit[k] = min(max(1.0 - fit.explained / energy, 0.0), 1.0)

@@ -1,1 +1,1 @@
-"""From what the channels recorded to pulses: preprocessing, strengths, and kinds of discharge."""
+"""Detected pulses: preprocessing, strengths, records, and kinds of discharges."""

@@ -71,20 +71,15 @@ SHIFTS_RAD = np.radians(np.arange(0.0, 360.0, 5.0))
 OFFSETS_DB = np.arange(-12.0, 12.5, 1.5)
 """Levels of the kind relative to the median of the pattern to search."""
 
-CENTRE_STD_DEG, WIDTH_FACTOR, LEVEL_STD_DB = 7.0, 1.2, 1.2
-"""Variation of defects of one kind, by which a cluster is wider than the typical one. Assumed; sets the confidence."""
-
 STRAY_SHARE = 0.03
 """Share of pulses outside all clusters, from noise and other sources; assumed."""
 
-LEVEL_RANGE_DB = 40.0
-"""Range of the uniform level of stray pulses; assumed."""
+STRAY_DENSITY = STRAY_SHARE / (2 * np.pi * 40.0)
+"""Density of these pulses, uniform in phase and over 40 dB of level; assumed."""
 
-LEAST_PULSES = 20
-"""Fewest pulses that are classified."""
-
-MOST_PULSES = 100
-"""Most pulses that are used; more are thinned out evenly, for the variation of the kinds limits, not noise."""
+LEAST_PULSES, MOST_PULSES = 20, 100
+"""Fewest pulses that are classified, and most that are used: more are thinned out evenly, because the variation of the
+kinds limits, not noise."""
 
 LEAST_EXPLAINED = 0.88
 """Smallest share of pulses that the clusters of a kind must explain; otherwise the kind is unknown. Assumed."""
@@ -144,15 +139,19 @@ def classify(phase_rad: ArrayLike, level_db: ArrayLike) -> PhasePattern:
         phase, level = phase[some], level[some]
     level = level - np.median(level)
     spread_db = max(float(level.std()), 0.5)
-    uniform = -np.log(2 * np.pi) - 0.5 * np.square((level - level.mean()) / spread_db) - np.log(spread_db * _ROOT)
-    densities: dict[KindName, FloatArray] = {kind: _densities(phase, level, KINDS[kind]) for kind in _NAMES}
-    fits: dict[KindName, _Fit] = {kind: _best(densities[kind]) for kind in _NAMES}
+    uniform = (
+        -np.log(2 * np.pi)
+        - 0.5 * np.square((level - level.mean()) / spread_db)
+        - np.log(spread_db * np.sqrt(2 * np.pi))
+    )
+    densities: dict[KindName, FloatArray] = {kind: _densities(phase, level, KINDS[kind]) for kind in KINDS}
+    fits: dict[KindName, _Fit] = {kind: _best(densities[kind]) for kind in KINDS}
     evidence = np.array([*(fit.log_likelihood for fit in fits.values()), uniform.sum()])
     weight = np.exp((evidence - evidence.max()) * min(1.0, INDEPENDENT_PULSES / phase.size))
     weight /= weight.sum()
-    kind = _NAMES[int(weight[:-1].argmax())]
+    kind = list(KINDS)[int(weight[:-1].argmax())]
     fit, probability = fits[kind], float(weight[:-1].max())
-    explained = float((fit.density / (fit.density + _STRAY)).mean())
+    explained = float((fit.density / (fit.density + STRAY_DENSITY)).mean())
     gain = _gain_of_a_second_kind(kind, densities, fits) / phase.size
     mixed = 1.0 / (1.0 + np.exp(-(gain - SECOND_KIND) / SECOND_KIND_WIDTH))
     confidence = probability * (1.0 - mixed) * min(1.0, explained / LEAST_EXPLAINED)
@@ -163,11 +162,6 @@ def classify(phase_rad: ArrayLike, level_db: ArrayLike) -> PhasePattern:
         shift_rad=fit.shift_rad,
         explained=explained,
     )
-
-
-_NAMES: tuple[KindName, ...] = tuple(KINDS)
-_ROOT = np.sqrt(2 * np.pi)
-_STRAY = STRAY_SHARE / (2 * np.pi * LEVEL_RANGE_DB)
 
 
 class _Fit(NamedTuple):
@@ -184,17 +178,17 @@ def _densities(phase: FloatArray, level: FloatArray, clusters: tuple[Cluster, ..
     above = level - OFFSETS_DB[:, np.newaxis]  # (n_offsets, n)
     density = np.zeros((SHIFTS_RAD.size, OFFSETS_DB.size, phase.size))
     for cluster in clusters:
-        width = np.radians(np.hypot(WIDTH_FACTOR * cluster.width_deg, CENTRE_STD_DEG))
-        spread = np.hypot(cluster.spread_db, LEVEL_STD_DB)
-        in_phase = np.exp(-0.5 * np.square(difference(off, np.radians(cluster.centre_deg)) / width)) / (width * _ROOT)
-        in_level = np.exp(-0.5 * np.square((above - cluster.level_db) / spread)) / (spread * _ROOT)
-        density += cluster.share * in_phase[:, np.newaxis] * in_level
+        # clusters are wider than typical ones by the variation of defects of one kind; assumed, sets the confidence
+        width, spread = np.radians(np.hypot(1.2 * cluster.width_deg, 7.0)), np.hypot(cluster.spread_db, 1.2)
+        in_phase = np.exp(-0.5 * np.square(difference(off, np.radians(cluster.centre_deg)) / width)) / width
+        in_level = np.exp(-0.5 * np.square((above - cluster.level_db) / spread)) / spread
+        density += cluster.share / (2 * np.pi) * in_phase[:, np.newaxis] * in_level
     return (1 - STRAY_SHARE) * density
 
 
 def _best(density: FloatArray, other: FloatArray | float = 0.0) -> _Fit:
     """Find the best shift and level, alone or in a mixture with another density."""
-    likelihood = np.log(density + other + _STRAY).sum(axis=-1)
+    likelihood = np.log(density + other + STRAY_DENSITY).sum(axis=-1)
     shift, offset = np.unravel_index(int(likelihood.argmax()), likelihood.shape)
     return _Fit(float(likelihood[shift, offset]), float(SHIFTS_RAD[shift]), density[shift, offset])
 
@@ -202,7 +196,7 @@ def _best(density: FloatArray, other: FloatArray | float = 0.0) -> _Fit:
 def _gain_of_a_second_kind(kind: KindName, densities: dict[KindName, FloatArray], fits: dict[KindName, _Fit]) -> float:
     """Compute the gain in log likelihood when half of the pulses are of another kind, for the best pair of kinds."""
     best = -np.inf
-    for pair in combinations(_NAMES, 2):
+    for pair in combinations(KINDS, 2):
         one, two = sorted(pair, key=lambda name: -fits[name].log_likelihood)
         held = fits[one]
         for _ in range(2):  # fit the two kinds in turn, twice

@@ -14,8 +14,6 @@ _Sample = TypeVar("_Sample", np.float32, np.float64)
 PAPER_BAND_HZ = (1.2e9, 2.3e9)
 """Assumed; contains the 1.5 to 2 GHz of the paper's pulses and excludes its interferer at 948 MHz."""
 
-FILTER_ORDER = 4
-
 
 class Windows(NamedTuple):
     """Windows cut out of records around the pulses.
@@ -91,8 +89,9 @@ def band_pass(records: ArrayLike, sample_rate_hz: float, band_hz: tuple[float, f
             f"`band_hz` must rise within 0 and half the sample rate, {0.5 * sample_rate_hz:.4g} Hz, got {band_hz}"
         )
     x = np.asarray(records, dtype=np.float64)
-    sections = scipy.signal.butter(FILTER_ORDER, band_hz, btype="bandpass", fs=sample_rate_hz, output="sos")
-    padding = min(3 * (2 * FILTER_ORDER + 1), x.shape[-1] - 1)
+    order = 4
+    sections = scipy.signal.butter(order, band_hz, btype="bandpass", fs=sample_rate_hz, output="sos")
+    padding = min(3 * (2 * order + 1), x.shape[-1] - 1)
     return np.asarray(scipy.signal.sosfiltfilt(sections, x, axis=-1, padlen=padding), dtype=np.float64)
 
 

@@ -37,7 +37,7 @@ def sample_covariance(snapshots: ArrayLike) -> FloatArray:
         Strength covariance, shape (..., n_elements, n_elements), V^2.
 
     Raises:
-        ValueError: If there is no snapshot, or a value is not finite.
+        ValueError: If snapshots are missing or not finite.
 
     References:
         Dir-MUSIC, eq. (5).
@@ -107,7 +107,7 @@ def strength_variance(
     Noise with the correlation matrix :math:`C` over the gate, eigenvalues :math:`\mu_k`, gives a gate's energy the
     variance :math:`2 \sigma^4 \sum_k \mu_k^2 + 4 \sigma^2 \kappa a^2`, where :math:`\kappa = d^T C d / d^T d` for the
     pulse d; the root divides it by :math:`4 a^2`. In white noise the sum is n and :math:`\kappa` is 1. Where the noise
-    energy hides the pulse, the root is no longer linear and the variance levels off at that of
+    energy hides the pulse, the root is not linear, and the variance approaches that of
     :math:`a^2 = \sigma^2 \sqrt{\sum_k \mu_k^2 / 2}`.
 
     Args:

@@ -84,4 +84,4 @@ def test_cache_falls_back_to_temporary_folder_or_warning(tmp_path: Path, run) ->
     private.touch()
     done = run(SMALL, XDG_CACHE_HOME=denied)
     assert done.stdout == "2.0 unset\n"
-    assert done.stderr.count("CacheWarning") == 1
+    assert done.stderr.count("RuntimeWarning") == 1
