@@ -282,16 +282,12 @@ def _sum_over_grid(
 class MaximumLikelihood:
     """Default estimator: maximum likelihood for each pulse; see `estimate_bearings`."""
 
-    def __init__(self) -> None:
-
-        self._bearings_of_pulses = bearings_of_pulses
-
     def __call__(self, pulses: PulseBatch, array: ArrayModel) -> Bearings:
         """Estimate the directions of pulses; see `BearingEstimator`."""
         strengths, variance = (
             np.ascontiguousarray(values[:, np.newaxis]) for values in (pulses.strengths_v, pulses.variance_v2)
         )
-        return self._bearings_of_pulses(strengths, variance, array.manifold.held_table, NO_DIRECTION)
+        return bearings_of_pulses(strengths, variance, array.manifold.held_table, NO_DIRECTION)
 
 
 def estimate_bearings(
