@@ -22,9 +22,6 @@ from pdpatrol.missions.planning.tour import CellPaths, Tour, TourShortener, shor
 
 FloatArray = NDArray[np.float64]
 
-LATTICE_CELLS = 4
-"""Stops are moved to every fourth cell along x and y. Assumed; 1 m."""
-
 
 class SiteDetection(NamedTuple):
     """How a tour detects one site.
@@ -157,8 +154,8 @@ def _find_tour(
     paths, dock = CellPaths(site_map), site_map.cell(scenario.route.dock_m)
     longer = shortest_tour_of(paths, dock, chosen)
     required = required_coverage(detectability, detectability.columns(np.unique(longer.cells)), required_rad)
-    lattice = np.floor(detectability.places_m / CELL_M).astype(np.intp) % LATTICE_CELLS
-    is_stop = (lattice == LATTICE_CELLS // 2).all(axis=1) & (clearance_m >= COMFORT_M)
+    every_fourth = np.floor(detectability.places_m / CELL_M).astype(np.intp) % 4 == 2  # 1 m apart (assumed)
+    is_stop = every_fourth.all(axis=1) & (clearance_m >= COMFORT_M)
 
     def report(n_left: int) -> None:
         progress(f"tour of {n_left} stops", 0.9 - 0.6 * n_left / max(len(chosen), 1))

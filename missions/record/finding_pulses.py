@@ -17,12 +17,6 @@ from pdpatrol.missions.record.mission_log import MissionLog
 
 FloatArray = NDArray[np.float64]
 
-MIN_RANGE_M = 0.1
-"""Lower limit of ranges. Assumed; about the size of the array."""
-
-CHUNK_PULSES = 10_000
-"""Pulses whose gains are computed at once; each takes half a kilobyte."""
-
 LEVEL_WINDOW_PULSES = 41
 """Pulses of the moving median that removes the effect of the place from levels. Assumed; two seconds of a mission."""
 
@@ -66,8 +60,8 @@ def finding_pulses(log: MissionLog) -> dict[int, FindingPulses]:
         rows = association["pulse"][own]
         position_m = table["position_m"][np.flatnonzero(table["id"] == number)[-1]]
         pose = step["pose"][pulse["step"][rows]]
-        range_m = np.maximum(np.linalg.norm(position_m[:2] - pose[:, :2], axis=-1), MIN_RANGE_M)
-        chunks = np.array_split(bearing["azimuth_rad"][own], 1 + own.size // CHUNK_PULSES)
+        range_m = np.maximum(np.linalg.norm(position_m[:2] - pose[:, :2], axis=-1), 0.1)  # about the array's size
+        chunks = np.array_split(bearing["azimuth_rad"][own], 1 + own.size // 10_000)  # half a kilobyte per pulse
         gain = np.concatenate([np.linalg.norm(manifold.gain(azimuth_rad), axis=0) for azimuth_rad in chunks])
         strength_v = np.linalg.norm(pulse["strengths_v"][rows], axis=-1)
         with np.errstate(divide="ignore", invalid="ignore"):

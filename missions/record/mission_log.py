@@ -20,61 +20,63 @@ from pdpatrol.missions.atomic_file import atomic_file
 
 SCHEMA = 5
 
-TABLES: dict[str, dict[str, np.dtype[Any]]] = {
+_COLUMNS: dict[str, dict[str, str]] = {
     "step": {
-        "time_s": np.dtype("f8"),
-        "pose": np.dtype(("f8", 3)),  # estimated x m, y m, yaw rad, world frame, at the end of the step
-        "true_pose": np.dtype(("f8", 3)),  # NaN in field data
-        "odometry": np.dtype(("f8", 3)),  # wheels and gyro, from the first estimated pose on; NaN in field data
-        "battery": np.dtype("f8"),  # remaining fraction; NaN in field data
-        "command": np.dtype(("f8", 2)),  # commanded speed m/s and yaw rate rad/s
-        "phase": np.dtype("U"),  # `record.events.Phase`: what the policy was doing
-        "phase_target": np.dtype("i8"),  # waypoint that it drove to, or finding that it viewed; 0 if neither
+        "time_s": "f8",
+        "pose": "3f8",  # estimated x m, y m, yaw rad, world frame, at the end of the step
+        "true_pose": "3f8",  # NaN in field data
+        "odometry": "3f8",  # wheels and gyro, from the first estimated pose on; NaN in field data
+        "battery": "f8",  # remaining fraction; NaN in field data
+        "command": "2f8",  # commanded speed m/s and yaw rate rad/s
+        "phase": "U",  # `record.events.Phase`: what the policy was doing
+        "phase_target": "i8",  # waypoint that it drove to, or finding that it viewed; 0 if neither
     },
     "pulse": {
-        "step": np.dtype("i8"),
-        "strengths_v": np.dtype("f8"),  # one value per element: (n, n_elements)
-        "mains_phase_rad": np.dtype("f8"),
-        "is_clipped": np.dtype("?"),  # exceeded the ADC's full scale; not used for locating
-        "is_credible": np.dtype("?"),  # consistent with a single plane wave
+        "step": "i8",
+        "strengths_v": "f8",  # one value per element: (n, n_elements)
+        "mains_phase_rad": "f8",
+        "is_clipped": "?",  # exceeded the ADC's full scale; not used for locating
+        "is_credible": "?",  # consistent with a single plane wave
     },
     "bearing": {
-        "pulse": np.dtype("i8"),  # row in the pulse table
-        "azimuth_rad": np.dtype("f8"),  # array frame
-        "bearing_rad": np.dtype("f8"),  # world frame, with the estimated heading
-        "std_rad": np.dtype("f8"),  # from noise only, without the error of the manifold
+        "pulse": "i8",  # row in the pulse table
+        "azimuth_rad": "f8",  # array frame
+        "bearing_rad": "f8",  # world frame, with the estimated heading
+        "std_rad": "f8",  # from noise only, without the error of the manifold
     },
     "scan": {  # lidar; empty for field data
-        "step": np.dtype("i8"),
-        "range_m": np.dtype("f4"),  # one value per beam: (n, n_beams), first ahead, then counter-clockwise; see `meta`
+        "step": "i8",
+        "range_m": "f4",  # one value per beam: (n, n_beams), first ahead, then counter-clockwise; see `meta`
     },
     "finding": {
-        "step": np.dtype("i8"),
-        "id": np.dtype("i8"),
-        "position_m": np.dtype(("f8", 3)),
-        "covariance_m2": np.dtype(("f8", (3, 3))),
-        "state": np.dtype("U"),  # candidate, confirmed, outside, ghost; dropped once when it is removed
-        "n_bearings": np.dtype("i8"),
-        "first_detected_s": np.dtype("f8"),
-        "confirmed_s": np.dtype("f8"),  # time of the first confirmation; NaN before
-        "aperture_rad": np.dtype("f8"),  # angle between the outermost lines of sight, seen from the finding
+        "step": "i8",
+        "id": "i8",
+        "position_m": "3f8",
+        "covariance_m2": "(3,3)f8",
+        "state": "U",  # candidate, confirmed, outside, ghost; dropped once when it is removed
+        "n_bearings": "i8",
+        "first_detected_s": "f8",
+        "confirmed_s": "f8",  # time of the first confirmation; NaN before
+        "aperture_rad": "f8",  # angle between the outermost lines of sight, seen from the finding
     },
     "likelihood": {  # likelihood over the yard by all credible pulses so far
-        "step": np.dtype("i8"),
-        "log_likelihood": np.dtype("f4"),  # one value per cell of the grid in `meta`: (n, n_cells)
+        "step": "i8",
+        "log_likelihood": "f4",  # one value per cell of the grid in `meta`: (n, n_cells)
     },
     "association": {  # written at the end; empty for a killed mission
-        "pulse": np.dtype("i8"),  # row in the pulse table
-        "finding": np.dtype("i8"),  # id, or a code of `dirmusic.locating.association.Unassociated`
+        "pulse": "i8",  # row in the pulse table
+        "finding": "i8",  # id, or a code of `dirmusic.locating.association.Unassociated`
     },
     "event": {  # `record.events.Event`
-        "step": np.dtype("i8"),
-        "kind": np.dtype("U"),
-        "number": np.dtype("i8"),
-        "subject": np.dtype("U"),
-        "text": np.dtype("U"),
+        "step": "i8",
+        "kind": "U",
+        "number": "i8",
+        "subject": "U",
+        "text": "U",
     },
 }
+
+TABLES = {table: {column: np.dtype(spec) for column, spec in columns.items()} for table, columns in _COLUMNS.items()}
 """Every table and its columns. Step i covers the time up to `step.time_s[i]`; other tables refer to a step by its row.
 
 Text columns have no width: NumPy chooses the width of the longest text, so nothing is cut.

@@ -23,12 +23,6 @@ SITE_STD_M = 0.05
 SURFACE_STEP_M = 0.25
 """Distance between the points that represent surfaces."""
 
-HIGHEST_M = 5.0
-"""Greatest height of a discharge anywhere in the yard. Assumed."""
-
-MIN_SECOND = 0.1
-"""Probability above which a second place is mentioned."""
-
 ELSEWHERE = "elsewhere"
 
 
@@ -53,7 +47,7 @@ def site_probabilities(yard: Yard, position_m: FloatArray, covariance_m2: FloatA
         covariance_m2: Covariance of the position, shape (3, 3).
     """
     sites = yard.site_names()
-    volume_m3 = yard.size_m[0] * yard.size_m[1] * HIGHEST_M
+    volume_m3 = yard.size_m[0] * yard.size_m[1] * 5.0  # discharges are below 5 m (assumed)
     weights = {ELSEWHERE: (1.0 - ON_SITES - ON_EQUIPMENT) / volume_m3}
     if sites:
         sites_m = np.array([yard.site_position(name) for name in sites])
@@ -77,11 +71,11 @@ def percent(probability: float) -> str:
 
 
 def in_words(probabilities: Sequence[SiteProbability]) -> str:
-    """Return the most likely place, and the second if probable: `transformer_1/bushing_b 82 %, bushing_a 15 %`."""
+    """Return the most likely place, and the second from 10 % on: `transformer_1/bushing_b 82 %, bushing_a 15 %`."""
     first = probabilities[0]
     words = [f"{first.name} {percent(first.probability)}"]
     for other in probabilities[1:2]:
-        if other.probability >= MIN_SECOND:
+        if other.probability >= 0.1:
             piece, _, site = other.name.partition("/")
             short = site if site and piece == first.name.partition("/")[0] else other.name
             words.append(f"{short} {percent(other.probability)}")

@@ -17,9 +17,9 @@ from pdpatrol.missions.driving.lidar_stop import STOP_M, free_distance, lookahea
 from pdpatrol.missions.driving.path_follower import PathFollower
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.policies.collision_guard import CollisionGuard
+from pdpatrol.missions.policies.make_policy import Random
 from pdpatrol.missions.policies.patrol import Patrol
 from pdpatrol.missions.policies.protocol import Action, ReportingPolicy
-from pdpatrol.missions.policies.references import Random
 from pdpatrol.missions.record.events import Phase
 from pdpatrol.robot_models.description.robot_description import load_robot
 from pdpatrol.robot_models.sensors import LIDAR_BEAMS
