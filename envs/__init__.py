@@ -1,4 +1,4 @@
-"""Gymnasium environments of the testbed, and the scenarios they run."""
+"""Gymnasium environments of the testbed and their scenarios."""
 
 from pdpatrol.envs.scenario import Scenario, ScenarioError, load_scenario, shipped_scenarios
 

@@ -1,15 +1,18 @@
-"""Yards without end: equipment of the catalogue where chance puts it, and a discharge somewhere on it."""
+"""Random yards: equipment of the catalogue at random places with one discharge, and an open yard for learners."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from pdpatrol.sensing.radio.sight import Sight
 
-from pdpatrol.envs.random_sources import ROOM_TO_TURN_M, random_source
+from dirmusic.angles import aperture
+from dirmusic.locating.rules import AssignmentRules, LocatingRules
+from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.envs.scenario.scenario import PLANNED, RouteConfig, Scenario, TaskConfig
 from pdpatrol.envs.scenario.sources import SourceConfig
 from pdpatrol.robot_models.equipment import CATALOGUE
-from pdpatrol.robot_models.yard.pieces import CatalogueEquipment, Equipment
+from pdpatrol.robot_models.yard.pieces import SITE_STANDOFF_M, CatalogueEquipment, Equipment
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import ArrayConfig
 
@@ -19,49 +22,51 @@ SIZE_M = (32.0, 26.0)
 DOCK_M = (2.5, 2.5)
 N_WAYPOINTS = 4
 
-ROOM_M = 2.0
-"""Between two pieces of equipment, and round the dock: what a service car needs (assumed)."""
+GAP_M = 2.0
+"""Gap between pieces of equipment, and around the dock. Assumed; the width of a service car."""
 
-OPEN_ROUND_M = ((27.0, 4.0), (27.0, 22.0), (5.0, 22.0))
-OPEN_TIME_LIMIT_S = 90.0
-"""In the open yard (assumed): time enough to reach its far corner twice over, and too little for the whole round."""
+TURNING_RADIUS_M = 0.55
+"""Clearance of every stop. Assumed; more than any of the shipped robots needs."""
 
-TRIES = 60
-"""Places that are tried for a piece before there is no room for it."""
+OFF_SITE_SHARE = 0.2
+"""Share of sources away from the sites of the catalogue, as in the suite, so that sites alone are not the answer."""
 
-DISCHARGING = tuple(kind for kind, entry in CATALOGUE.items() if entry.build(entry.length_m).sites)
+OFF_SITE_M = 0.3
+"""Least distance of these from every site. Assumed; several times the error of a good position estimate."""
+
+AIR_M = (0.1, 0.6)
+"""Range of distances from equipment for the half of these that do not sit on a surface. Assumed; as of conductors."""
+
+SEEN_FROM_M = (2.0, 8.0)
+"""Range of distances from which a source off the sites must be in sight, over the aperture of a planned route."""
 
 
 def random_yard(
     seed: int | np.random.Generator, n_obstructions: int = 5, *, has_planned_route: bool = False
 ) -> Scenario:
-    """A scenario with one discharge in a yard of `n_obstructions` pieces of equipment, all of the same size and route.
+    """Draw a scenario with one discharge in a yard with random equipment; size and dock are always the same.
 
-    The first piece is one that can discharge; without any, the source hangs in the open. The source sits on a site of
-    the catalogue, or in one of five yards at a place on or near equipment that is none. Waypoints lie where the robot
-    fits; whether there is a way to each is not promised, as in a real yard: a mission reports what it could not reach.
+    The first piece is of a kind that can discharge. In four of five yards the source is on a site of the catalogue, in
+    the others on or near equipment off its sites; without equipment it is in the open. Waypoints lie where the robot
+    fits, but a path to each is not guaranteed: a mission reports what it could not reach.
 
     Args:
-        seed: The same seed gives the same yard.
-        n_obstructions: Pieces of equipment asked for, in [0, 12]; where no room is left, there are fewer.
-        has_planned_route: Whether the route is the planned one instead, for missions; the environment alone does not
-            plan and refuses it.
-
-    Returns:
-        The scenario.
+        seed: Seed or generator.
+        n_obstructions: Number of pieces of equipment, in [0, 12]; there are fewer where no room is left.
+        has_planned_route: Whether missions plan the route; the environment alone refuses such a scenario.
 
     Raises:
         ValueError: If `n_obstructions` is out of range.
     """
     if not 0 <= n_obstructions <= 12:
         raise ValueError(f"`n_obstructions` must be in [0, 12], got {n_obstructions}")
-    rng = np.random.default_rng(seed)
-    kinds = list(CATALOGUE)
+    rng, kinds = np.random.default_rng(seed), list(CATALOGUE)
+    with_sites = [kind for kind, entry in CATALOGUE.items() if entry.build(entry.length_m).sites]
     yard = Yard(size_m=SIZE_M)
     for number in range(n_obstructions):
-        kind = str(rng.choice(DISCHARGING if number == 0 else kinds))
-        yard = _with_one_more(yard, f"{kind}_{number + 1}", kind, rng)
-    stops_m = [yard.free_place(rng, ROOM_TO_TURN_M) for _ in range(N_WAYPOINTS)]
+        kind = str(rng.choice(with_sites if number == 0 else kinds))
+        yard = _with_piece(yard, f"{kind}_{number + 1}", kind, rng)
+    stops_m = [yard.free_place(rng, TURNING_RADIUS_M) for _ in range(N_WAYPOINTS)]
     drawn_m = tuple((float(x), float(y)) for x, y in stops_m)
     return Scenario(
         name="random_yard",
@@ -74,25 +79,25 @@ def random_yard(
 
 
 def open_yard() -> Scenario:
-    """A yard with nothing in it but a discharge in mid-air: the first thing for a learner.
+    """Make a yard with nothing but a discharge in mid-air, as a first task for a learner.
 
-    Each episode draws the place of the discharge, 1.5 m above the ground, its amplitude, the robot's heading at the
-    dock in the south-west corner and the errors of its array: another seed of `reset` is another yard. The round is
-    84 m long and the robot drives 72 m in the time limit, so an episode that terminates has reached the source.
+    Each episode draws the position of the discharge, 1.5 m above the ground, its amplitude, the heading at the dock in
+    the south-west corner, and the errors of the array. The round is 84 m long and the robot drives at most 72 m in the
+    time limit, so that an episode terminates only at the source.
     """
     return Scenario(
         name="open_yard",
         yard=Yard(size_m=SIZE_M),
-        route=RouteConfig(dock_m=DOCK_M, waypoints_m=OPEN_ROUND_M),
+        route=RouteConfig(dock_m=DOCK_M, waypoints_m=((27.0, 4.0), (27.0, 22.0), (5.0, 22.0))),
         array=ArrayConfig(),
         sources=(SourceConfig(name="discharge", anywhere_at_m=1.5),),
-        task=TaskConfig(time_limit_s=OPEN_TIME_LIMIT_S),
+        task=TaskConfig(time_limit_s=90.0),
     )
 
 
-def _with_one_more(yard: Yard, name: str, kind: str, rng: np.random.Generator) -> Yard:
-    """The yard with a piece where there is room, or as it was where there is none."""
-    for _ in range(TRIES):
+def _with_piece(yard: Yard, name: str, kind: str, rng: np.random.Generator) -> Yard:
+    """Return the yard with one more piece, or unchanged if 60 random positions leave no room."""
+    for _ in range(60):
         position = rng.uniform([0.0, 0.0], yard.size_m)
         item = CatalogueEquipment(
             name=name,
@@ -103,15 +108,88 @@ def _with_one_more(yard: Yard, name: str, kind: str, rng: np.random.Generator) -
         low, high = _bounds(item)
         taken = [_bounds(other) for other in yard.equipment] + [(np.array(DOCK_M), np.array(DOCK_M))]
         apart = [np.maximum(low - other_high, other_low - high).max() for other_low, other_high in taken]
-        if min(*low, *(yard.size_m - high), *apart) >= ROOM_M:
+        if min(*low, *(yard.size_m - high), *apart) >= GAP_M:
             return Yard(size_m=yard.size_m, equipment=(*yard.equipment, item))
     return yard
 
 
 def _bounds(item: Equipment) -> tuple[FloatArray, FloatArray]:
-    """South-west and north-east corner of what a piece covers, each (2,), for a yaw of whole quarter turns."""
+    """Return the south-west and north-east corners of a piece, each (2,), for a yaw of a multiple of 90 degrees."""
     solids = item.solids
     turned = np.abs(np.sin(solids.yaw_rad)) > 0.5
     half_m = np.where(turned[:, np.newaxis], solids.half_size_m[:, ::-1], solids.half_size_m)
     half_m = half_m + solids.radius_m[:, np.newaxis]
     return (solids.centre_m - half_m).min(axis=0), (solids.centre_m + half_m).max(axis=0)
+
+
+def random_source(yard: Yard, rng: np.random.Generator) -> SourceConfig:
+    """Draw a discharge on a site, off the sites in `OFF_SITE_SHARE` of cases, or in the open if there are no sites."""
+    sites = yard.site_names()
+    if not sites:
+        return SourceConfig(name="discharge", position_m=(*yard.free_place(rng, TURNING_RADIUS_M).tolist(), 1.5))
+    site = str(rng.choice(sites))
+    place_m = place_off_sites(yard, rng) if rng.uniform() < OFF_SITE_SHARE else None
+    if place_m is None:
+        return SourceConfig(name="discharge", sites=(site,))
+    x, y, z = place_m.tolist()
+    return SourceConfig(name="discharge", position_m=(x, y, z))
+
+
+def place_off_sites(yard: Yard, rng: np.random.Generator) -> FloatArray | None:
+    """Draw a visible place on or near equipment with discharge sites, but off the sites.
+
+    Args:
+        yard: A yard with discharge sites.
+        rng: Generator.
+
+    Returns:
+        Position, shape (3,), world frame; None if none of 200 places is suitable.
+    """
+    sites_m = np.array([yard.site_position(name) for name in yard.site_names()])
+    discharging = [k for k, item in enumerate(yard.equipment) if item.assembly.sites]
+    parts = np.flatnonzero(np.isin(yard.owner, discharging))
+    sight, solids = Sight(surroundings_of(yard)), yard.solids
+    for _ in range(200):
+        part = int(rng.choice(parts))
+        off_m = SITE_STANDOFF_M if rng.uniform() < 0.5 else float(rng.uniform(*AIR_M))
+        half_m = np.append(solids.half_size_m[part], 0.5 * (solids.top_m[part] - solids.bottom_m[part]))
+        half_m[:2] += solids.radius_m[part]
+        centre_m = np.append(solids.centre_m[part], 0.5 * (solids.top_m[part] + solids.bottom_m[part]))
+        place_m = _pushed_out(yard, centre_m + _turned(rng.uniform(-half_m, half_m), solids.yaw_rad[part]), off_m)
+        is_place = yard.contains(place_m) and place_m[2] >= 0.2
+        is_place = is_place and abs(_distance(yard, place_m) - off_m) < 0.5 * SITE_STANDOFF_M
+        is_place = is_place and np.linalg.norm(sites_m - place_m, axis=-1).min() >= OFF_SITE_M
+        if is_place and _can_be_seen(yard, sight, place_m):
+            return np.round(place_m, 3)
+    return None
+
+
+def _turned(point_m: FloatArray, yaw_rad: float) -> FloatArray:
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    return np.array([cos * point_m[0] - sin * point_m[1], sin * point_m[0] + cos * point_m[1], point_m[2]])
+
+
+def _distance(yard: Yard, place_m: FloatArray) -> float:
+    """Return the distance to the nearest surface, negative inside."""
+    return float(yard.solids.distance(place_m).min())
+
+
+def _pushed_out(yard: Yard, place_m: FloatArray, off_m: float) -> FloatArray:
+    """Move a place (3,) along the gradient of the distance to equipment until the distance is `off_m`."""
+    step = 1e-4 * np.eye(3)
+    for _ in range(4):
+        slope = np.array([_distance(yard, place_m + d) - _distance(yard, place_m - d) for d in step]) / 2e-4
+        place_m = place_m + (off_m - _distance(yard, place_m)) * slope / max(float(slope @ slope), 1e-3)
+    return place_m
+
+
+def _can_be_seen(yard: Yard, sight: Sight, place_m: FloatArray) -> bool:
+    """Return whether a place is in sight from free ground nearby over the aperture of a planned route."""
+    ahead = np.arange(-SEEN_FROM_M[1], SEEN_FROM_M[1] + 0.5, 0.5)
+    off_m = np.stack(np.meshgrid(ahead, ahead), axis=-1).reshape(-1, 2)
+    range_m = np.linalg.norm(off_m, axis=-1)
+    ground_m = place_m[:2] + off_m[(range_m >= SEEN_FROM_M[0]) & (range_m <= SEEN_FROM_M[1])]
+    ground_m = ground_m[yard.clearance(ground_m) >= TURNING_RADIUS_M]
+    share = sight(np.column_stack([ground_m, np.full(len(ground_m), ArrayConfig().height_m)]), place_m)
+    seen_m = ground_m[share >= 10 ** (-AssignmentRules().sight_loss_db / 20)] - place_m[:2]
+    return aperture(np.arctan2(seen_m[:, 1], seen_m[:, 0])) >= LocatingRules().planned_aperture_rad

@@ -14,66 +14,53 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from pdpatrol.envs.core.arguments import (
-    NOTHING_FIXED,
-    Fixed,
-    checked_actions,
-    checked_count,
-    checked_seed,
-    given_scenario,
-    told_spec,
-)
-from pdpatrol.envs.core.info import fixed_info, joined_pulses, masked, mixed, pulse_columns
-from pdpatrol.envs.core.simulation import STEP_S, Outcome, Simulation
-from pdpatrol.envs.patrol_env import Observation, observation_space
+from pdpatrol.envs.episode import ResetOptions
+from pdpatrol.envs.observation import Observation
+from pdpatrol.envs.patrol_env import check_actions, check_seed, resolve_scenario, serializable_spec
 from pdpatrol.envs.scenario import Scenario
+from pdpatrol.envs.scenario.base import STEP_S
+from pdpatrol.envs.simulation import Outcome, Simulation
 
-FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 Rows = NDArray[np.intp]
 
-STEPS, RESET_MASK = "max_episode_steps", "reset_mask"
-
 
 class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
-    """PDPatrol, many robots at once: what `gymnasium.make_vec("pdpatrol:PDPatrol-v0", num_envs=N)` gives.
+    """Many robots at once, as `gymnasium.make_vec("pdpatrol:PDPatrol-v0", num_envs=N)` makes them.
 
-    Row i is, to the bit, what a `PatrolEnv` gives that was reset with `seed + i`, whatever N and the number of threads.
-    The physics runs on threads; sensing and direction finding of all rows are computed together.
+    Row i equals, to the bit, a `PatrolEnv` that was reset with `seed + i`, for any N and number of threads. The physics
+    runs on threads; sensing and direction finding of all rows are computed together.
 
     ## Spaces
     Those of `PatrolEnv`, with a row for each robot.
 
     ## Episodes
-    With `AutoresetMode.NEXT_STEP`, the default, the step after the end of an episode starts the next one: its action
-    does not count, its reward is 0 and its observation the first of the new episode. With `SAME_STEP` the step that
-    ends an episode tells the first observation of the next one, and `info["final_obs"]` and `info["final_info"]` hold
-    how the old one ended. With `DISABLED`, `reset(options={"reset_mask": mask})` starts anew the rows of a mask.
+    With `AutoresetMode.NEXT_STEP`, the default, the step after the end of an episode starts the next one: its action is
+    ignored, its reward is 0 and its observation the first of the new episode. With `SAME_STEP` the step that ends an
+    episode returns the first observation of the next one, and `info["final_obs"]` and `info["final_info"]` hold the end
+    of the old one. With `DISABLED`, `reset(options={"reset_mask": mask})` resets the rows of a mask.
 
     ## Info
     That of `PatrolEnv`, arrays with a row for each robot, and a mask `_key` of the rows that have an entry for each
-    `key`, as in `gymnasium.vector.SyncVectorEnv`. With `full_info` also `pulses`, a dict of arrays with a row
-    for each pulse of any robot: `robot` (whose it is), and the columns of a `dirmusic.PulseBatch`.
+    `key`, as in `gymnasium.vector.SyncVectorEnv`. With `full_info` also `pulses`, a dict of arrays with a row for each
+    pulse of any robot: `robot`, and the columns of a `dirmusic.PulseBatch`.
 
     ## Order of calls
-    `step` before `reset`, and of a row that is over with `DISABLED`, raises `gymnasium.error.ResetNeeded`, as does a
-    first `reset` of some rows only; after `close` both raise `gymnasium.error.ClosedEnvironmentError`.
+    `step` before `reset`, `step` of a row that is over with `DISABLED`, and a first `reset` of some rows only raise
+    `gymnasium.error.ResetNeeded`; after `close` both raise `gymnasium.error.ClosedEnvironmentError`.
 
     Args:
-        num_envs: How many robots.
-        scenario: Name of a shipped scenario, path of a TOML file, a `Scenario` or its plain data; one yard for all
-            rows.
+        num_envs: Number of robots.
+        scenario: Name of a shipped scenario, path of a TOML file, a `Scenario` or its plain data, for all rows.
         terminate_on_approach: Whether an episode ends once all sources are approached.
         full_info: Whether `info` also holds the pulses of each step, which have no fixed shape.
-        max_episode_steps: After how many steps an episode is truncated at the latest, as `gymnasium.make` takes it;
-            None for the scenario's time limit alone.
-        num_threads: On how many threads the physics runs and receivers listen; 0 for all cores. The result
-            does not depend on it.
+        max_episode_steps: Limit on the steps of an episode besides the time limit of the scenario.
+        num_threads: Number of threads for physics and receivers, 0 for all cores. The result does not depend on it.
         autoreset_mode: When the next episode of a row starts.
         render_mode: None; make a single environment for pictures.
 
     Raises:
-        ScenarioError: If the scenario has faults; all are listed.
+        ScenarioError: If the scenario has errors; all are listed.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - the base class declares it so
@@ -95,125 +82,121 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         render_mode: None = None,
     ) -> None:
         if render_mode is not None:
+            raise ValueError(f"`render_mode` must be None, got {render_mode!r}; make a single environment for pictures")
+        if num_envs < 1 or num_threads < 0 or (max_episode_steps is not None and max_episode_steps < 1):
             raise ValueError(
-                f"`render_mode`: got {render_mode!r}; allowed is None: make a single environment for pictures"
+                "`num_envs` and `max_episode_steps` must be at least 1 and `num_threads` at least 0, got "
+                f"{num_envs}, {max_episode_steps} and {num_threads}"
             )
-        shared = given_scenario(scenario)
+        shared = resolve_scenario(scenario)
         if callable(shared):
             raise ValueError(
-                "`scenario`: got a function; all rows share one yard: allowed is a scenario, or "
+                "`scenario` must be one scenario for all rows, got a function; use "
                 'vectorization_mode="sync", where each row draws its own'
             )
-        self.num_envs = num_envs = checked_count("num_envs", num_envs, 1)
+        self.num_envs, self._full_info = num_envs, full_info
         self.simulation = Simulation(
             shared,
             num_envs,
-            checked_count("num_threads", num_threads, 0),
+            num_threads,
             terminate_on_approach=terminate_on_approach,
-            max_episode_steps=None if max_episode_steps is None else checked_count(STEPS, max_episode_steps, 1),
+            max_episode_steps=max_episode_steps,
         )
-        self._full_info = full_info
         self._spec: EnvSpec | None = None
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
         self.single_action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
-        self.single_observation_space = observation_space(self.simulation)
+        self.single_observation_space = self.simulation.observation_space
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._rngs: list[tuple[np.random.Generator, int] | None] = [None] * num_envs
         self._is_over = np.zeros(num_envs, dtype=np.bool_)
-        self._observation = np.empty((num_envs, 0), dtype=np.float32)
+        self._all_rows = np.ones(num_envs, dtype=np.bool_)
+        self._last: Outcome | None = None
 
     @property
     def scenario(self) -> Scenario:
-        """Of all episodes."""
+        """Scenario of all rows."""
         return self.simulation.scenario
 
     @property
     def spec(self) -> EnvSpec | None:
-        """How Gymnasium made it, with the length of an episode in steps; it goes through JSON."""
+        """Spec with which Gymnasium made the environment, with the length of an episode in steps."""
         return self._spec
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:  # pyright: ignore[reportIncompatibleVariableOverride]
-        self._spec = told_spec(spec, self.simulation.max_episode_steps)
+        self._spec = serializable_spec(spec, self.simulation.max_episode_steps)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Start an episode in every row, or in those of `options["reset_mask"]`; other options are as of `PatrolEnv`.
+        """Start an episode in every row, or in the rows of `options["reset_mask"]`.
 
         Args:
-            seed: Row i gets `seed + i`; or a list with one for each row. None goes on with the generators there are.
-                Whole numbers from 0 on, of Python or NumPy.
-            options: `reset_mask`, truth values of shape (num_envs,), and what `PatrolEnv.reset` takes.
+            seed: Row i gets `seed + i`; or a list with one seed per row. None continues with the present generators.
+            options: `reset_mask`, boolean, shape (num_envs,), and the options of `PatrolEnv.reset`.
         """
         self._check_open("reset")
-        others: Any = options
-        if isinstance(options, Mapping):
-            others = {key: value for key, value in options.items() if key != RESET_MASK}
-        mask = self._mask(options)
-        rows, fixed, seeds = np.flatnonzero(mask), Fixed.checked(others, self.scenario), self._seeds(seed)
-        outcome = self._start(rows, fixed, seeds=seeds)
-        self._observation = (
-            outcome.observation if rows.size == self.num_envs else mixed(self._observation, outcome.observation, rows)
-        )
-        return self.simulation.layout.parts(self._observation), self._info(outcome, mask)
+        others = {k: v for k, v in options.items() if k != "reset_mask"} if isinstance(options, Mapping) else options
+        mask, values = self._reset_mask(options), ResetOptions.parse(others, self.scenario)
+        started = self._start(np.flatnonzero(mask), values, self._seeds(seed))
+        last = started if self._last is None or mask.all() else self._last.replaced(np.flatnonzero(mask), started)
+        self._last = last
+        return self.simulation.observations.split(last.observation), self._info(started, mask)
 
-    def _mask(self, options: Any) -> BoolArray:  # noqa: ANN401 - it may be anything
-        """Which rows a reset is of."""
-        if not isinstance(options, Mapping) or RESET_MASK not in options:
-            return np.ones(self.num_envs, dtype=np.bool_)
+    def _reset_mask(self, options: Any) -> BoolArray:  # noqa: ANN401 - users may pass anything
+        if not isinstance(options, Mapping) or "reset_mask" not in options:
+            return self._all_rows
         try:
-            mask: NDArray[Any] = np.asarray(options[RESET_MASK])
-        except (TypeError, ValueError):
+            mask: NDArray[Any] = np.asarray(options["reset_mask"])
+        except ValueError:
             mask = np.empty(0)
         if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
-            came = f"{options[RESET_MASK]!r}; allowed are {self.num_envs} truth values with one true"
-            raise ValueError(f"`options`: reset_mask: got {came}")
+            raise ValueError(
+                f"`options`: reset_mask must be {self.num_envs} booleans, at least one of them True, got "
+                f"{options['reset_mask']!r}"
+            )
         if not (mask.all() or self.simulation.has_begun):
             raise error.ResetNeeded("Cannot reset some rows before calling env.reset() for all of them")
         return mask
 
-    def _seeds(self, seed: Any) -> list[int | None]:  # noqa: ANN401 - it may be anything
-        """A seed for each row, or None."""
-        if not isinstance(seed, (list, tuple, np.ndarray)) or (isinstance(seed, np.ndarray) and seed.ndim == 0):
-            first = checked_seed(seed)
+    def _seeds(self, seed: Any) -> list[int | None]:  # noqa: ANN401 - users may pass anything
+        """Return a seed or None for each row."""
+        if not isinstance(seed, (list, tuple, np.ndarray)) or np.ndim(seed) == 0:
+            first = check_seed(seed)
             return [None if first is None else first + row for row in range(self.num_envs)]
         if len(seed) != self.num_envs:
-            raise ValueError(f"`seed`: got {seed!r}; allowed is a whole number, or {self.num_envs} of them")
-        return [checked_seed(each) for each in seed]
+            raise ValueError(f"`seed` must be an integer or {self.num_envs} of them, got {seed!r}")
+        return [check_seed(each) for each in seed]
 
     def _rng(self, row: int) -> tuple[np.random.Generator, int]:
-        """Generator of a row, and the seed that it is of."""
-        self._rngs[row] = drawn = self._rngs[row] or seeding.np_random()
-        return drawn
+        """Return the generator of a row and its seed."""
+        self._rngs[row] = rng = self._rngs[row] or seeding.np_random()
+        return rng
 
     @property
     def np_random(self) -> tuple[np.random.Generator, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """The generators of the rows, as `SyncVectorEnv` tells them."""
+        """Generators of the rows."""
         return tuple(self._rng(row)[0] for row in range(self.num_envs))
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """The seeds of the rows, as `SyncVectorEnv` tells them."""
+        """Seeds of the rows."""
         return tuple(self._rng(row)[1] for row in range(self.num_envs))
 
-    def _start(
-        self,
-        rows: Rows,
-        fixed: Fixed = NOTHING_FIXED,
-        commands: FloatArray | None = None,
-        seeds: Sequence[int | None] | None = None,
-    ) -> Outcome:
-        """New episodes in some rows; the others take a step, if there are commands, or wait."""
-        known = [None] * self.num_envs if seeds is None else seeds
-        rngs = [self._rng(row) if known[row] is None else seeding.np_random(known[row]) for row in rows.tolist()]
-        self.simulation.reset(rows, [rng for rng, _ in rngs], fixed)
+    def _start(self, rows: Rows, options: ResetOptions, seeds: Sequence[int | None]) -> Outcome:
+        """Start new episodes in some rows."""
+        rngs = [self._rng(row) if seeds[row] is None else seeding.np_random(seeds[row]) for row in rows.tolist()]
+        outcome = self.simulation.start(rows, [rng for rng, _ in rngs], options)
         for row, rng in zip(rows.tolist(), rngs, strict=True):
             self._rngs[row] = rng
         self._is_over[rows] = False
-        return self.simulation.step(commands, started=rows)
+        return outcome
+
+    def _restart(self, rows: Rows) -> Outcome:
+        """Start the next episodes of some rows from their present generators."""
+        return self._start(rows, ResetOptions(), [None] * self.num_envs)
 
     def _check_open(self, call: str) -> None:
         if self.closed:
@@ -222,57 +205,51 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
     def step(
         self, actions: NDArray[np.float32]
     ) -> tuple[Observation, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """Drive all robots for 0.1 s, then listen; see the class for what comes back."""
+        """Drive all robots for 0.1 s and listen."""
         self._check_open("step")
         if not self.simulation.has_begun:
             raise error.ResetNeeded("Cannot call env.step() before calling env.reset()")
-        wanted = self.simulation.robot.command_from_action(checked_actions(actions, (self.num_envs, 2)))
+        commands = self.simulation.robot.command_from_action(check_actions(actions, (self.num_envs, 2)))
         over = np.flatnonzero(self._is_over)
-        if over.size and self.autoreset_mode is AutoresetMode.NEXT_STEP:
-            outcome = self._start(over, commands=wanted)
-        elif over.size:
+        if over.size and self.autoreset_mode is AutoresetMode.DISABLED:
             raise error.ResetNeeded(
                 f"rows {over.tolist()} are over; reset them with options={{'reset_mask': mask}} first"
             )
+        if over.size == 0:
+            outcome = self.simulation.step(commands)
+        elif over.size == self.num_envs:
+            outcome = self._restart(over)
         else:
-            outcome = self.simulation.step(wanted)
+            outcome = self.simulation.step(commands, np.flatnonzero(~self._is_over))
+            outcome = outcome.replaced(over, self._restart(over))
         self._is_over = outcome.terminated | outcome.truncated
-        self._observation, info = outcome.observation, self._info(outcome)
+        terminated, truncated, reward = outcome.terminated, outcome.truncated, outcome.reward
+        final = dict[str, Any]()
         if self.autoreset_mode is AutoresetMode.SAME_STEP and self._is_over.any():
-            self._observation, info = self._restarted(outcome, info)
-        observation, reward = self.simulation.layout.parts(self._observation), outcome.reward.sum(axis=0)
-        return observation, reward, outcome.terminated, outcome.truncated, info
+            final = self._final_info(outcome, self._is_over.copy())
+            ended = np.flatnonzero(self._is_over)
+            outcome = outcome.replaced(ended, self._restart(ended))
+        self._last = outcome
+        observation, info = self.simulation.observations.split(outcome.observation), self._info(outcome, self._all_rows)
+        return observation, reward, terminated, truncated, info | final
 
-    def _restarted(self, ended: Outcome, info: dict[str, Any]) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Observations with the first ones of new episodes, and an info with how the old ones ended."""
-        rows = np.flatnonzero(self._is_over)
-        final = np.full(self.num_envs, None, dtype=object)
-        for row in rows.tolist():
-            final[row] = self.simulation.layout.parts(ended.observation[row].copy())
-        begun = self._start(rows)
-        over = np.zeros(self.num_envs, dtype=np.bool_)
-        over[rows] = True
-        told: dict[str, Any] = {
-            key: mixed(info[key], values, rows) for key, values in self._info(begun).items() if key != "pulses"
-        }
-        final_info = masked({key: info[key] for key in fixed_info(self.simulation, ended)}, over)
-        if self._full_info:
-            told["pulses"] = joined_pulses(info["pulses"], pulse_columns(begun), over)
-            final_info["pulses"] = info["pulses"]
-        return mixed(ended.observation, begun.observation, rows), {
-            **told,
-            "final_obs": final,
-            "_final_obs": over,
-            "final_info": final_info,
-            "_final_info": over.copy(),
-        }
+    def _final_info(self, outcome: Outcome, over: BoolArray) -> dict[str, Any]:
+        """Return the last observations and infos of the episodes that are over."""
+        final_obs = np.full(self.num_envs, None, dtype=object)
+        for row in np.flatnonzero(over).tolist():
+            final_obs[row] = self.simulation.observations.split(outcome.observation[row].copy())
+        final_info = self._info(outcome, over)
+        return {"final_obs": final_obs, "_final_obs": over, "final_info": final_info, "_final_info": over.copy()}
 
-    def _info(self, outcome: Outcome, rows: BoolArray | None = None) -> dict[str, Any]:
-        every = np.ones(self.num_envs, dtype=np.bool_)
-        info = masked(fixed_info(self.simulation, outcome), every if rows is None else rows)
+    def _info(self, outcome: Outcome, rows: BoolArray) -> dict[str, Any]:
+        """Lay out the info as `SyncVectorEnv` does, with zeros in rows without an entry and a mask for each key."""
+        info = dict[str, Any]()
+        for key, values in outcome.info.items():
+            info[key], info[f"_{key}"] = np.zeros_like(values), rows.copy()
+            info[key][rows] = values[rows]
         if self._full_info:
-            info["pulses"] = pulse_columns(outcome)
+            info["pulses"] = {"robot": outcome.robot, **outcome.pulses._asdict()}
         return info
 
     def close_extras(self, **kwargs: Any) -> None:  # noqa: ANN401 - as Gymnasium declares it
-        """Nothing is open."""
+        """Close nothing; no resources are held."""

@@ -1,4 +1,4 @@
-"""Other faces of the same observation, for learners; each is a function of rows, and a wrapper of one environment."""
+"""Observations for learners: functions for batches, and wrappers of single environments."""
 
 from __future__ import annotations
 
@@ -9,23 +9,22 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from pdpatrol.envs.patrol_env import Observation
+from pdpatrol.envs.observation import Observation
 
 Action = NDArray[np.float32]
 
-BEARINGS_ONLY_KEYS = ("lidar", "velocity", "heard", "level", "bearing", "bearing_age", "time")
+BEARINGS_ONLY_KEYS = ("lidar", "velocity", "detected", "level", "bearing", "bearing_age", "time")
 
 
 def bearings_only(observation: Observation) -> Observation:
-    """What a robot observes that knows neither map nor place: bearings as it faces them, lidar, and its own motion.
+    """Reduce an observation to what a robot without map and position observes.
 
     Args:
-        observation: PDPatrol's, each entry of shape (..., n); leading axes batch, such as the rows of the vector
-            environment.
+        observation: Observation of PDPatrol, each entry of shape (..., n) with any leading axes.
 
     Returns:
-        `lidar`, `velocity`, `heard`, `level`, `bearing_age` and `time` as they are, and `bearing` as cos and sin
-        in the robot's frame: (1, 0) is ahead, (0, 1) to the left, zeros before the first.
+        `lidar`, `velocity`, `detected`, `level`, `bearing_age` and `time` unchanged, and `bearing` as cos and sin in
+        the robot's frame: (1, 0) is ahead, (0, 1) to the left, zeros before the first.
     """
     kept = {key: observation[key] for key in BEARINGS_ONLY_KEYS}
     pose, bearing = observation["pose"], observation["bearing"]
@@ -36,20 +35,20 @@ def bearings_only(observation: Observation) -> Observation:
 
 
 def bearings_only_space(whole: spaces.Space[Any]) -> spaces.Dict:
-    """The space of what `bearings_only` makes of one observation of the space `whole`."""
+    """Return the space of `bearings_only` for observations of the space `whole`."""
     assert isinstance(whole, spaces.Dict)
     return spaces.Dict({key: whole[key] for key in BEARINGS_ONLY_KEYS})
 
 
 class Flattener:
-    """All entries of an observation in one vector, each scaled to [-1, 1] by the bounds of its space.
+    """Conversion of observations to vectors, with each entry scaled to [-1, 1] by the bounds of its space.
 
     Args:
-        whole: A `Dict` of boxes of one axis: the space of one observation.
+        whole: Space of one observation, a `Dict` of boxes with one axis.
 
     Attributes:
         names: `key[index]` of each entry of the vector, in the order of the space's keys.
-        space: Of the vector.
+        space: Space of the vectors.
     """
 
     def __init__(self, whole: spaces.Space[Any]) -> None:
@@ -62,7 +61,7 @@ class Flattener:
         self.space = spaces.Box(-1.0, 1.0, (len(self.names),), np.float32)
 
     def __call__(self, observation: Observation) -> NDArray[np.float32]:
-        """The vector, shape (..., n_entries), of an observation with entries of shape (..., n); leading axes batch."""
+        """Return the vectors, shape (..., n_entries), of observations with entries of shape (..., n)."""
         flat = (np.concatenate([observation[key] for key in self._keys], axis=-1) - self._middle) / self._half
         return np.clip(flat, -1.0, 1.0, dtype=np.float32)
 
@@ -70,7 +69,7 @@ class Flattener:
 class BearingsOnly(
     gymnasium.ObservationWrapper[Observation, Action, Observation], gymnasium.utils.RecordConstructorArgs
 ):
-    """PDPatrol as `bearings_only` tells it: without `pose`, `waypoint`, `strengths` and `spectrum`.
+    """Wrapper that applies `bearings_only`.
 
     Args:
         env: PDPatrol.
@@ -82,20 +81,20 @@ class BearingsOnly(
         self.observation_space = bearings_only_space(env.observation_space)  # pyright: ignore[reportAttributeAccessIssue]
 
     def observation(self, observation: Observation) -> Observation:
-        """The kept entries, the bearing turned into the robot's frame."""
+        """Reduce an observation."""
         return bearings_only(observation)
 
 
 class FlatObservation(
     gymnasium.ObservationWrapper[NDArray[np.float32], Action, Observation], gymnasium.utils.RecordConstructorArgs
 ):
-    """PDPatrol with one vector in [-1, 1] for an observation; see `Flattener`.
+    """Wrapper that applies `Flattener`.
 
     Args:
         env: PDPatrol, or `BearingsOnly` of it.
 
     Attributes:
-        names: `key[index]` of each entry.
+        names: `key[index]` of each entry of the vector.
     """
 
     def __init__(self, env: gymnasium.Env[Observation, Action]) -> None:
@@ -105,5 +104,5 @@ class FlatObservation(
         self.names, self.observation_space = self._flatten.names, self._flatten.space
 
     def observation(self, observation: Observation) -> NDArray[np.float32]:
-        """All entries in one vector."""
+        """Convert an observation to a vector."""
         return self._flatten(observation)

@@ -1,4 +1,4 @@
-"""Test a PD inspection robot in simulation; importing the package registers the environment `PDPatrol-v0`."""
+"""Simulation of a robot that locates partial discharges; importing it registers the environment `PDPatrol-v0`."""
 
 import gymnasium
 

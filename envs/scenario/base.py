@@ -22,6 +22,9 @@ MissionName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_
 SiteChoice = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*/([a-z][a-z0-9_]*|\*)$", max_length=2 * MOST_LETTERS + 1)]
 """`equipment/site`, or `equipment/*` for all sites of a piece of equipment."""
 
+STEP_S = 0.1
+"""Control step, s."""
+
 DAY_PATTERN = r"^20[0-9]{2}-[0-9]{2}-[0-9]{2}$"
 DAYS_PER_WEEK = 7
 

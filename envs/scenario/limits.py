@@ -9,18 +9,16 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
+from pdpatrol.envs.scenario.base import STEP_S
 from pdpatrol.envs.scenario.sources import CarrierConfig, InterfererConfig, SourceConfig
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import ReceiverConfig
-
-STEP_S = 0.1
-"""Control step, s. The pulses of one step are in memory together."""
 
 MAX_PULSES = 5_000_000
 """Pulses of a mission; a log keeps 300 bytes of each."""
 
 MAX_GATE_BYTES = 256e6
-"""Waveforms of one control step."""
+"""Waveforms of one control step, which are in memory together."""
 
 MAX_SAMPLES_PER_S = 1e9
 """Samples computed per second of simulated time on one path of each pulse, which takes some ten seconds."""

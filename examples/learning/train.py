@@ -23,7 +23,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
-from pdpatrol.envs.patrol_env import Observation
+from pdpatrol.envs.observation import Observation
 from pdpatrol.envs.random_yard import open_yard
 from pdpatrol.envs.vector_env import PatrolVectorEnv
 from pdpatrol.envs.wrappers import Flattener, bearings_only, bearings_only_space

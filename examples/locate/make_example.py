@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from dirmusic import cut_windows, pulse_start, pulse_strengths, strength_variance
-from pdpatrol.envs.core.motion import SensorParameters, add_pose_error
+from pdpatrol.envs.motion import SensorParameters, add_pose_error
 from pdpatrol.envs.scenario.robot import BatteryConfig, OdometryConfig, PoseSensorConfig
 from pdpatrol.sensing import ArrayConfig, DischargeSource, HelicalArray, ReceiverConfig, Scene, level_transform
 from pdpatrol.sensing.receiver.bank import listen_once

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from pdpatrol.envs.patrol_env import STEP_S
+from pdpatrol.envs.scenario.base import STEP_S
 from pdpatrol.robot_models.description.robot_description import RobotDescription
 from pdpatrol.robot_models.sensors import LIDAR_BEAMS
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dirmusic import Finding
-from pdpatrol.envs.patrol_env import Observation
+from pdpatrol.envs.observation import Observation
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.policies.collision_guard import CollisionGuard
 from pdpatrol.missions.policies.own_policy import OwnPolicy, load_maker

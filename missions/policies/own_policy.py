@@ -17,7 +17,7 @@ from pdpatrol.missions.record.events import Phase
 
 if TYPE_CHECKING:  # the command line checks names of policies without loading the simulator
     from dirmusic import Finding
-    from pdpatrol.envs.patrol_env import Observation
+    from pdpatrol.envs.observation import Observation
     from pdpatrol.missions.driving.site_map import SiteMap
 
 BUILT_IN = ("seek", "active", "patrol", "random", "oracle")

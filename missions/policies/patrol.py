@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dirmusic import Finding
-from pdpatrol.envs.patrol_env import Observation
+from pdpatrol.envs.observation import Observation
 from pdpatrol.missions.driving.path_follower import PathFollower
 from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap
 from pdpatrol.missions.policies.protocol import Action, believed_pose, time_of

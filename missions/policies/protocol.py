@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:  # the command line checks names of policies without loading the simulator
     from dirmusic import Finding
-    from pdpatrol.envs.patrol_env import Observation
+    from pdpatrol.envs.observation import Observation
     from pdpatrol.missions.driving.site_map import SiteMap
     from pdpatrol.missions.record.events import Phase
 

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
-from pdpatrol.envs.core.simulation import STEP_S
 from pdpatrol.envs.patrol_env import PatrolEnv
+from pdpatrol.envs.simulation import STEP_S
 
 pytestmark = pytest.mark.benchmark
 
@@ -120,13 +120,13 @@ def test_every_step_of_the_bench_scenario_hears_a_pulse() -> None:
     env = bench()
     env.reset(seed=0)
     rng = np.random.default_rng(1)
-    heard = [env.step(rng.uniform(-1, 1, 2).astype(np.float32))[0]["heard"][0] for _ in range(600)]
+    heard = [env.step(rng.uniform(-1, 1, 2).astype(np.float32))[0]["detected"][0] for _ in range(600)]
     assert min(heard) == 1.0
     envs = gymnasium.make_vec("pdpatrol:PDPatrol-v0", num_envs=8, scenario="bench", terminate_on_approach=False)
     envs.reset(seed=0)
     for _ in range(100):
         observation, *_ = envs.step(rng.uniform(-1, 1, (8, 2)).astype(np.float32))
-        assert observation["heard"].min() == 1.0
+        assert observation["detected"].min() == 1.0
 
 
 def test_a_single_environment_is_faster_than_ant() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pdpatrol.envs import load_scenario
-from pdpatrol.envs.core.generators import Generators
+from pdpatrol.envs.episode import Generators
 from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.missions.runner import Mission
 from pdpatrol.sensing import Scene

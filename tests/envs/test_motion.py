@@ -5,7 +5,7 @@ import pytest
 
 from dirmusic.angles import difference, wrap
 from dirmusic.kernels import wrapped
-from pdpatrol.envs.core.motion import N_DRAWS, Motion, SensorParameters, StepInputs, move
+from pdpatrol.envs.motion import N_DRAWS, Motion, SensorParameters, StepInputs, move
 from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.envs.scenario.robot import BatteryConfig, OdometryConfig, PoseSensorConfig
 from pdpatrol.robot_models.readings import MOTOR_POWER, POSE, WHEEL_ANGLES

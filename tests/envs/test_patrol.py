@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pdpatrol.envs import load_scenario, shipped_scenarios
-from pdpatrol.envs.core.progress import REWARD_TERMS
 from pdpatrol.envs.patrol_env import PatrolEnv
+from pdpatrol.envs.progress import REWARD_TERMS
 from pdpatrol.envs.random_yard import random_yard
 from pdpatrol.envs.scenario import Scenario
 
@@ -159,7 +159,7 @@ def test_nothing_heard_is_zeros_and_never_nan() -> None:
     env = PatrolEnv(silent(load_scenario("one_source")))
     env.reset(seed=0)
     observation, *_ = env.step(np.zeros(2, dtype=np.float32))
-    for key in ("heard", "strengths", "level", "spectrum", "bearing"):
+    for key in ("detected", "strengths", "level", "spectrum", "bearing"):
         assert not observation[key].any()
     assert observation["bearing_age"] == 60.0
 
@@ -167,7 +167,7 @@ def test_nothing_heard_is_zeros_and_never_nan() -> None:
 def test_a_heard_pulse_has_unit_strengths_and_a_spectrum_that_peaks_at_one() -> None:
     env = PatrolEnv()
     env.reset(seed=0)
-    heard = [o for o, *_ in (env.step(np.array([0.3, 0.0], dtype=np.float32)) for _ in range(300)) if o["heard"]]
+    heard = [o for o, *_ in (env.step(np.array([0.3, 0.0], dtype=np.float32)) for _ in range(300)) if o["detected"]]
     assert heard
     for observation in heard:
         assert np.linalg.norm(observation["strengths"]) == pytest.approx(1.0, abs=1e-5)

@@ -41,7 +41,7 @@ def test_the_bearing_is_turned_into_the_robots_frame() -> None:
     for _ in range(300):
         seen, all_of_it = env.step(ACTION)[0], same.step(ACTION)[0]
         assert env.observation_space.contains(seen)
-        if all_of_it["heard"][0]:
+        if all_of_it["detected"][0]:
             heard += 1
             world = np.arctan2(*all_of_it["bearing"][::-1]) - np.arctan2(*all_of_it["pose"][:1:-1])
             assert abs(difference(np.arctan2(*seen["bearing"][::-1]), world)) < 1e-5
@@ -70,7 +70,7 @@ def test_rows_of_the_vector_environment_are_transformed_as_single_observations_a
         np.testing.assert_array_equal(flatten(bearings_only(batch)), np.stack(one_by_one))
         batch = rows.step(np.repeat(ACTION[np.newaxis], 4, axis=0))[0]
         one_by_one = [env.step(ACTION)[0] for env in singles]
-        n_heard += int(batch["heard"].sum())
+        n_heard += int(batch["detected"].sum())
     assert n_heard > 60
     stacked = {key: np.stack([values, values]) for key, values in batch.items()}  # any number of leading axes
     np.testing.assert_array_equal(flatten(bearings_only(stacked))[1], flatten(bearings_only(batch)))

@@ -14,12 +14,10 @@ from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, ElementSpread, PoseError, PulseBatch
 from pdpatrol.envs import Scenario, load_scenario
-from pdpatrol.envs.core.arguments import Fixed
-from pdpatrol.envs.core.episode import Episode
-from pdpatrol.envs.core.generators import Generators
-from pdpatrol.envs.core.motion import SensorParameters, add_pose_error
-from pdpatrol.envs.core.simulation import STEP_S
+from pdpatrol.envs.episode import Episode, Generators, ResetOptions
+from pdpatrol.envs.motion import SensorParameters, add_pose_error
 from pdpatrol.envs.scenario.radio import surroundings_of
+from pdpatrol.envs.simulation import STEP_S
 from pdpatrol.envs.user_code import make_estimator
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import HelicalArray, Surroundings, level_transform
@@ -73,7 +71,7 @@ def draw_case(seed: int, n_sources: int = 1, *, is_exact: bool = False) -> Case:
     generators = Generators.spawn(np.random.default_rng(seed))
     sources_m, loop = _draw_places(scenario.yard.size_m, n_sources, generators.policy)
     names = [source.name for source in scenario.sources]
-    fixed = Fixed(None, dict(zip(names, sources_m, strict=True)))
+    fixed = ResetOptions(None, dict(zip(names, sources_m, strict=True)))
     episode = Episode.draw(scenario, surroundings, generators, fixed)
     array = scenario.known_array
     if is_exact:

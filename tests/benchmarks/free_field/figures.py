@@ -12,7 +12,7 @@ from dirmusic.locating.finding import is_inside95
 from dirmusic.locating.joint_fit import HEIGHT_PRIOR_M
 from dirmusic.locating.plane_wave import is_credible
 from dirmusic.locating.rules import LocatingRules
-from pdpatrol.envs.core.simulation import STEP_S
+from pdpatrol.envs.scenario.base import STEP_S
 from pdpatrol.missions.report.scoring import evaluate
 from tests.benchmarks.free_field.cases import FENCE_M, Case
 

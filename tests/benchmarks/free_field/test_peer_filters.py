@@ -7,7 +7,7 @@ from dirmusic.array.element_errors import ElementErrors
 from dirmusic.locating.bearing_fit import triangulate
 from dirmusic.locating.pulse_record import PulseRecord, PulsesAtPose
 from dirmusic.locating.rules import LocatingRules
-from pdpatrol.envs.core.simulation import STEP_S
+from pdpatrol.envs.simulation import STEP_S
 from tests.benchmarks.free_field.cases import FENCE_M, Case, draw_case
 from tests.benchmarks.free_field.figures import credible, fixes, locate
 from tests.benchmarks.free_field.peer_filters import SightLines, crossing, peer_fixes

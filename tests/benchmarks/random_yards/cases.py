@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdpatrol.envs import Scenario
-from pdpatrol.envs.random_sources import random_source
-from pdpatrol.envs.random_yard import random_yard
+from pdpatrol.envs.random_yard import random_source, random_yard
 from pdpatrol.envs.scenario.sources import SourceConfig
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.report.make_report import make_report

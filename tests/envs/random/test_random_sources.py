@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from dirmusic.angles import aperture
-from pdpatrol.envs.random_sources import AIR_M, OFF_SITE_M, SEEN_FROM_M, place_off_sites, random_source
-from pdpatrol.envs.random_yard import random_yard
+from pdpatrol.envs.random_yard import AIR_M, OFF_SITE_M, SEEN_FROM_M, place_off_sites, random_source, random_yard
 from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing.radio.transmission import Sight

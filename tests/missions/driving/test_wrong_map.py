@@ -69,7 +69,7 @@ def right_drive() -> list[dict[str, Any]]:
 @pytest.mark.parametrize("wrong", WRONG)
 def test_simulation_uses_the_true_yard(wrong: str, right_drive: list[dict[str, Any]]) -> None:
     assert any("equipment/transformer_1" in step.get("touched", ()) for step in right_drive)
-    assert sum(float(step["heard"][0]) for step in right_drive) > 3
+    assert sum(float(step["detected"][0]) for step in right_drive) > 3
     for step, expected in zip(drive_into_transformer_1(mapped(**WRONG[wrong])), right_drive, strict=True):
         for key, value in expected.items():
             np.testing.assert_array_equal(step[key], value, err_msg=key)

@@ -1,1 +1,0 @@
-"""Episodes side by side: what both environments are made of."""

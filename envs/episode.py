@@ -1,0 +1,262 @@
+"""What is drawn for one episode: sources, interferers, and the array with its errors; and what a reset can fix."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdpatrol.envs.scenario.scenario import Scenario
+from pdpatrol.envs.scenario.sources import SourceConfig
+from pdpatrol.sensing import Carrier, DischargeSource, HelicalArray, PulseTrain, Scene, Surroundings
+
+FloatArray = NDArray[np.float64]
+
+MAX_SOURCE_HEIGHT_M = 100.0
+"""Greatest height of a source set by a reset. Assumed; gantries of 400 kV are some 30 m high."""
+
+
+class Generators(NamedTuple):
+    """Random generators of one episode, one per subsystem, so that more draws in one leave the others unchanged.
+
+    Two policies with one seed meet the same sources, array and emissions, whatever they do.
+
+    Attributes:
+        episode: Draws at the start: sources, amplitudes, the array with its errors, the heading at the dock.
+        motion: Errors of pose sensor, odometry and gyro.
+        lidar: Noise of the lidar.
+        nature: Times and strengths of the discharges.
+        receiver: Noise of the channels and the triggers that it causes.
+        policy: For policies that draw.
+        polarisation: Polarisation of the sources.
+    """
+
+    episode: np.random.Generator
+    motion: np.random.Generator
+    lidar: np.random.Generator
+    nature: np.random.Generator
+    receiver: np.random.Generator
+    policy: np.random.Generator
+    polarisation: np.random.Generator
+
+    @classmethod
+    def spawn(cls, parent: np.random.Generator) -> Self:
+        """Spawn independent generators; each call gives others, determined by the seed of the parent."""
+        return cls(*parent.spawn(len(cls._fields)))
+
+
+class ResetOptions(NamedTuple):
+    """Values that a reset sets in place of drawing them.
+
+    Attributes:
+        start_pose: x m, y m, yaw rad, shape (3,); None to start at the dock.
+        sources_m: Positions of sources by name, each of shape (3,).
+    """
+
+    start_pose: FloatArray | None = None
+    sources_m: Mapping[str, FloatArray] = {}
+
+    @classmethod
+    def parse(cls, options: Any, scenario: Scenario) -> Self:  # noqa: ANN401 - users may pass anything
+        """Check the `options` of a reset.
+
+        Raises:
+            ValueError: If an option is unknown or impossible in the scenario.
+        """
+        options = {} if options is None else options
+        if not isinstance(options, Mapping) or not set(options) <= {"start_pose", "sources"}:
+            raise ValueError(f"`options` must be a dict with the keys start_pose and sources, got {options!r}")
+        pose, places = options.get("start_pose"), options.get("sources") or {}
+        if not isinstance(places, Mapping):
+            raise ValueError(f"`options`: sources must be a dict from names to positions, got {places!r}")
+        start = None if pose is None else _start_pose(pose, scenario)
+        return cls(start, {name: _source_position(name, place, scenario) for name, place in places.items()})
+
+
+def _start_pose(pose: Any, scenario: Scenario) -> FloatArray:  # noqa: ANN401 - users may pass anything
+    start = _three_numbers("start_pose", pose)
+    if not scenario.yard.contains(start) or scenario.yard.clearance(start) < 0.0 or abs(start[2]) > 2.0 * np.pi:
+        raise ValueError(
+            f"`options`: start_pose must be x, y on free ground and a yaw in [-2 pi, 2 pi], got {start.tolist()}"
+        )
+    return start
+
+
+def _source_position(name: str, place: Any, scenario: Scenario) -> FloatArray:  # noqa: ANN401 - users may pass anything
+    names = [source.name for source in scenario.sources]
+    if name not in names:
+        raise ValueError(f"`options`: no source `{name}`; known are {', '.join(names) or 'none'}")
+    if isinstance(place, str):
+        return scenario.yard.site_position(place)
+    position_m = _three_numbers(f"source `{name}`", place)
+    error = scenario.position_error(position_m)
+    if error is not None or position_m[2] > MAX_SOURCE_HEIGHT_M:
+        error = error or f"must be at most {MAX_SOURCE_HEIGHT_M:g} m above the ground, got {position_m[2]:g}"
+        raise ValueError(f"`options`: source `{name}` {error}")
+    return position_m
+
+
+def _three_numbers(name: str, value: Any) -> FloatArray:  # noqa: ANN401 - users may pass anything
+    try:
+        numbers = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        numbers = np.empty(0)
+    if numbers.shape != (3,) or not np.isfinite(numbers).all():
+        raise ValueError(f"`options`: {name} must be three finite numbers, got {value!r}")
+    return numbers
+
+
+@dataclass(frozen=True, kw_only=True)
+class Episode:
+    """Ground truth of one episode.
+
+    Attributes:
+        sources: Discharges.
+        interferers: Sources of impulses beyond the fence.
+        array: Array with its errors.
+        scene: Everything that radiates.
+        start_pose: Pose of the robot at the start, x m, y m, yaw rad, shape (3,).
+        truth: The same as plain data, for logs and scores.
+    """
+
+    sources: tuple[DischargeSource, ...]
+    interferers: tuple[DischargeSource, ...]
+    array: HelicalArray
+    scene: Scene
+    start_pose: FloatArray
+    truth: dict[str, Any]
+
+    @classmethod
+    def draw(
+        cls, scenario: Scenario, surroundings: Surroundings, generators: Generators, options: ResetOptions
+    ) -> Self:
+        """Draw what the scenario leaves open and the options do not set."""
+        rng = generators.episode
+        sources = _draw_sources(scenario, generators, options.sources_m)
+        interferers = tuple(
+            DischargeSource(
+                name=item.name,
+                position_m=np.array(item.position_m),
+                amplitude_v=_draw_amplitude(item.amplitude_v, item.amplitude_range_db, rng),
+                pulse_rate_hz=item.pulse_rate_hz,
+                axis=_draw_axis(item.polarisation, generators.polarisation),
+                burst_s=item.burst_s,
+                moves_to_m=None if item.moves_to_m is None else np.array(item.moves_to_m),
+                speed_mps=item.speed_mps or 0.0,
+            )
+            for item in scenario.interferers
+        )
+        carriers = [
+            Carrier(
+                frequency_hz=item.frequency_hz,
+                amplitude_v=item.amplitude_v,
+                bearing_rad=float(np.radians(item.bearing_deg)),
+            )
+            for item in scenario.carriers
+        ]
+        yaw_rad, dock_yaw_deg = float(rng.uniform(-np.pi, np.pi)), scenario.route.dock_yaw_deg
+        yaw_rad = yaw_rad if dock_yaw_deg is None else float(np.radians(dock_yaw_deg))
+        array = HelicalArray.draw(scenario.array, rng)  # last, so that the size of the array changes nothing else
+        start = (*scenario.route.dock_m, yaw_rad) if options.start_pose is None else options.start_pose
+        return cls(
+            sources=sources,
+            interferers=interferers,
+            array=array,
+            scene=Scene([*sources, *interferers], surroundings, carriers),
+            start_pose=np.array(start, dtype=np.float64),
+            truth=_truth(scenario, sources, interferers, array),
+        )
+
+
+def _draw_sources(
+    scenario: Scenario, generators: Generators, given_m: Mapping[str, FloatArray]
+) -> tuple[DischargeSource, ...]:
+    number = scenario.campaign.number
+    if number is not None:
+        generators = Generators.spawn(np.random.default_rng(number))
+    sources, rng = list[DischargeSource](), generators.episode
+    taken: set[str] = set()
+    for config in scenario.grown_sources:
+        position_m = _draw_position(config, scenario, rng, taken)
+        sources.append(
+            DischargeSource(
+                name=config.name,
+                position_m=given_m.get(config.name, position_m),
+                amplitude_v=_draw_amplitude(config.amplitude_v, config.amplitude_range_db, rng),
+                pulse_rate_hz=config.pulse_rate_hz,
+                axis=_draw_axis(config.polarisation, generators.polarisation),
+                train=_draw_train(config, scenario, rng),
+                active_s=config.active_s or (0.0, np.inf),
+                drift_db_per_min=config.drift_db_per_min,
+                n_shots=config.n_shots,
+                first_shot_s=config.first_shot_s,
+            )
+        )
+    return tuple(sources)
+
+
+def _draw_position(config: SourceConfig, scenario: Scenario, rng: np.random.Generator, taken: set[str]) -> FloatArray:
+    if config.position_m is not None:
+        return np.array(config.position_m)
+    if config.anywhere_at_m is not None:
+        return np.append(scenario.yard.free_place(rng, scenario.robot.description.room_m), config.anywhere_at_m)
+    sites = [site for site in scenario.candidate_sites(config) if site not in taken]
+    site = sites[int(rng.integers(len(sites)))]
+    taken.add(site)
+    return scenario.yard.site_position(site)
+
+
+def _draw_train(config: SourceConfig, scenario: Scenario, rng: np.random.Generator) -> PulseTrain | None:
+    if config.kind is None:
+        return None
+    drawn_deg = float(rng.choice((0.0, 120.0, 240.0)))
+    conductor_deg = drawn_deg if config.conductor_deg is None else config.conductor_deg
+    return PulseTrain.draw(config.kind, scenario.receiver.mains_hz, float(np.radians(conductor_deg)), rng)
+
+
+def _draw_axis(stated: tuple[float, float, float] | None, rng: np.random.Generator) -> FloatArray:
+    """Return a stated direction as a unit vector, or draw one uniformly on the sphere."""
+    drawn = rng.standard_normal(3)
+    axis = drawn if stated is None else np.array(stated)
+    return axis / np.linalg.norm(axis)
+
+
+def _draw_amplitude(amplitude_v: float, range_db: float, rng: np.random.Generator) -> float:
+    """Draw an amplitude uniformly in decibels from a range centred on `amplitude_v`."""
+    return amplitude_v * 10 ** (float(rng.uniform(-0.5, 0.5)) * range_db / 20)
+
+
+def _truth(
+    scenario: Scenario,
+    sources: tuple[DischargeSource, ...],
+    interferers: tuple[DischargeSource, ...],
+    array: HelicalArray,
+) -> dict[str, Any]:
+    def describe(source: DischargeSource) -> dict[str, Any]:
+        to_m = source.moves_to_m
+        motion = {} if to_m is None else {"moves_to_m": to_m.tolist(), "speed_mps": source.speed_mps}
+        return {
+            "name": source.name,
+            "position_m": source.position_m.tolist(),
+            "amplitude_v": source.amplitude_v,
+            "polarisation": source.axis.tolist(),
+            "pulse_rate_hz": source.pulse_rate_hz,
+            **motion,
+        }
+
+    return {
+        "sources": [
+            {**describe(source), "kind": config.kind} for source, config in zip(sources, scenario.sources, strict=True)
+        ],
+        "interferers": [describe(source) for source in interferers],
+        "array": {
+            "boresights_rad": array.boresights_rad.tolist(),
+            "boresight_elevations_rad": array.boresight_elevations_rad.tolist(),
+            "gain_factors": array.gain_factors.tolist(),
+            "gain_offsets": array.gain_offsets.tolist(),
+            "positions_m": array.positions_m.tolist(),
+        },
+    }
