@@ -101,7 +101,7 @@ class ObservationModel(NamedTuple):
     @classmethod
     def of(cls, space: spaces.Dict, stops_m: FloatArray, lidar_std_m: float, noise_v: float) -> Self:
         """Make the model for a space of observations."""
-        boxes: list[Any] = list(space.spaces.values())
+        boxes: list[Any] = [space[key] for key in Offsets._fields]  # the space sorts its keys
         ends = np.cumsum([box.shape[0] for box in boxes]).tolist()
         low, high = (np.concatenate([getattr(box, end) for box in boxes]) for end in ("low", "high"))
         return cls(Offsets(0, *ends[:-1]), low, high, stops_m, lidar_std_m, noise_v)

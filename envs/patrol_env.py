@@ -331,12 +331,9 @@ def check_actions(actions: Any, shape: tuple[int, ...]) -> FloatArray:  # noqa: 
     Raises:
         ValueError: If the actions have another shape or are not finite real numbers.
     """
-    try:
-        numbers = np.asarray(actions, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(f"the action must be an array of real numbers of shape {shape}, got {actions!r:.80}") from None
-    if numbers.shape != shape:
-        raise ValueError(f"the action must have shape {shape}, got {numbers.shape}")
-    if not np.isfinite(numbers).all():
-        raise ValueError(f"the action must be finite, got {numbers.tolist()!r:.80}")
-    return np.clip(numbers, -1.0, 1.0)
+    given = np.asarray(actions)
+    if given.shape != shape:
+        raise ValueError(f"the action must have shape {shape}, got {given.shape}")
+    if given.dtype.kind not in "iuf" or not np.isfinite(given).all():
+        raise ValueError(f"the action must hold finite real numbers, got {given.tolist()!r:.80}")
+    return np.clip(given, -1.0, 1.0, dtype=np.float64)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from pdpatrol.sensing.radio.sight import Sight
 
 from dirmusic.angles import aperture
 from dirmusic.locating.rules import AssignmentRules, LocatingRules
@@ -15,6 +14,7 @@ from pdpatrol.robot_models.equipment import CATALOGUE
 from pdpatrol.robot_models.yard.pieces import SITE_STANDOFF_M, CatalogueEquipment, Equipment
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import ArrayConfig
+from pdpatrol.sensing.radio.transmission import Sight
 
 FloatArray = NDArray[np.float64]
 

@@ -35,8 +35,7 @@ from pdpatrol.envs.user_code import make_estimator
 from pdpatrol.robot_models.antenna_elements import AntennaElements
 from pdpatrol.robot_models.robots import Robots
 from pdpatrol.robot_models.sensors import LIDAR_BEAMS
-from pdpatrol.sensing.receiver.bank import ReceiverBank
-from pdpatrol.sensing.receiver.receiver import Listener
+from pdpatrol.sensing.receiver.bank import Listener, ReceiverBank
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

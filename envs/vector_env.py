@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -83,11 +84,13 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
     ) -> None:
         if render_mode is not None:
             raise ValueError(f"`render_mode` must be None, got {render_mode!r}; make a single environment for pictures")
-        if num_envs < 1 or num_threads < 0 or (max_episode_steps is not None and max_episode_steps < 1):
-            raise ValueError(
-                "`num_envs` and `max_episode_steps` must be at least 1 and `num_threads` at least 0, got "
-                f"{num_envs}, {max_episode_steps} and {num_threads}"
-            )
+        for key, count, least in (
+            ("num_envs", num_envs, 1),
+            ("num_threads", num_threads, 0),
+            ("max_episode_steps", max_episode_steps, 1),
+        ):
+            if count is not None and operator.index(count) < least:
+                raise ValueError(f"`{key}` must be at least {least}, got {count}")
         shared = resolve_scenario(scenario)
         if callable(shared):
             raise ValueError(

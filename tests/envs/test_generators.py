@@ -1,4 +1,4 @@
-"""Each subsystem draws from a generator of its own: what one draws more shifts nothing in the others."""
+"""Each subsystem has its own generator, so that more draws in one leave the others unchanged."""
 
 import pickle
 
@@ -13,7 +13,7 @@ from pdpatrol.sensing import Scene
 from pdpatrol.sensing.nature.sources import Emissions
 
 
-def test_children_are_independent_and_the_same_for_the_same_seed() -> None:
+def test_generators_are_independent_and_reproducible() -> None:
     first, again = (Generators.spawn(np.random.default_rng(3)) for _ in range(2))
     draws = [generator.random(4) for generator in first]
     assert len({tuple(draw) for draw in draws}) == len(Generators._fields)
@@ -21,7 +21,7 @@ def test_children_are_independent_and_the_same_for_the_same_seed() -> None:
         np.testing.assert_array_equal(generator.random(4), draw)
 
 
-def test_the_next_episode_has_other_children_also_after_pickling() -> None:
+def test_next_episode_has_other_generators() -> None:
     parent = np.random.default_rng(3)
     before = Generators.spawn(parent).episode.random()
     twin = pickle.loads(pickle.dumps(parent))
@@ -30,7 +30,7 @@ def test_the_next_episode_has_other_children_also_after_pickling() -> None:
 
 
 @pytest.mark.parametrize("scenario", ["two_sources", "transformer_bay", "quiet_yard"])
-def test_two_policies_on_one_seed_meet_the_same_nature(scenario: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_policies_meet_the_same_discharges(scenario: str, monkeypatch: pytest.MonkeyPatch) -> None:
     emit, emitted = Scene.draw, list[Emissions]()
 
     def noted(scene: Scene, start_s: float, duration_s: float, rng: np.random.Generator) -> Emissions:
@@ -53,7 +53,7 @@ def test_two_policies_on_one_seed_meet_the_same_nature(scenario: str, monkeypatc
         np.testing.assert_array_equal(column, same)
 
 
-def test_another_array_meets_the_same_sources_and_starts_in_the_same_pose() -> None:
+def test_size_of_the_array_changes_no_other_draw() -> None:
     truths = []
     for n_elements in (4, 6):
         scenario = load_scenario("two_sources")

@@ -9,7 +9,7 @@ from pdpatrol.envs.patrol_env import PatrolEnv
 
 
 @pytest.mark.parametrize("mode", ["rgb_array", "depth_array"])
-def test_pictures_show_the_robot_from_behind_and_gymnasiums_checker_likes_them(mode: str) -> None:
+def test_picture_shows_the_robot_and_check_env_passes(mode: str) -> None:
     env = gymnasium.make("pdpatrol:PDPatrol-v0", render_mode=mode)
     check_env(env.unwrapped, skip_render_check=False)
     env.reset(seed=0)
@@ -26,6 +26,6 @@ def test_pictures_show_the_robot_from_behind_and_gymnasiums_checker_likes_them(m
     env.close()
 
 
-def test_an_unknown_render_mode_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(ValueError, match="allowed are human, rgb_array, depth_array"):
+def test_unknown_render_mode_is_refused() -> None:
+    with pytest.raises(ValueError, match="one of human, rgb_array, depth_array"):
         PatrolEnv(render_mode="ansi")

@@ -1,11 +1,11 @@
-"""What the robot's own sensors tell in PDPatrol-v0."""
+"""Sensors of the robot in PDPatrol-v0."""
 
 import numpy as np
 
 from pdpatrol.envs.patrol_env import PatrolEnv
 
 
-def test_the_believed_pose_is_near_the_true_one_but_not_it() -> None:
+def test_believed_pose_has_the_configured_error() -> None:
     env = PatrolEnv("quiet_yard")
     errors = []
     for seed in range(150):
@@ -15,7 +15,7 @@ def test_the_believed_pose_is_near_the_true_one_but_not_it() -> None:
     np.testing.assert_allclose(wrapped.std(axis=0), [0.05, 0.05, np.radians(0.5)], rtol=0.25)
 
 
-def test_the_lidar_sees_what_stands_about_with_its_noise_and_no_farther_than_it_reaches() -> None:
+def test_lidar_measures_noisy_ranges_within_reach() -> None:
     env = PatrolEnv("one_source")
     observation, info = env.reset(seed=1)
     x, y, yaw = info["true_pose"]
@@ -33,7 +33,7 @@ def test_the_lidar_sees_what_stands_about_with_its_noise_and_no_farther_than_it_
     assert 0.005 < np.std(errors) < 0.04
 
 
-def test_the_battery_runs_down_with_time_and_faster_when_the_robot_speeds_up() -> None:
+def test_battery_drains_faster_when_accelerating() -> None:
     env = PatrolEnv("one_source")
     env.reset(seed=0)
     still = [env.step(np.zeros(2, dtype=np.float32))[-1]["battery"] for _ in range(10)]

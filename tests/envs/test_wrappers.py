@@ -1,4 +1,4 @@
-"""Flat and bearings-only observations are proper environments, and say what the whole one says."""
+"""Wrappers for flat and bearings-only observations."""
 
 import pickle
 
@@ -17,13 +17,13 @@ from pdpatrol.envs.wrappers import BearingsOnly, FlatObservation, Flattener, bea
 ACTION = np.array([0.8, 0.4], dtype=np.float32)
 
 
-def whole() -> PatrolEnv:
+def make() -> PatrolEnv:
     return PatrolEnv("one_source")
 
 
 @pytest.mark.filterwarnings("ignore:.*is different from the unwrapped version")  # so it is; that is what is checked
 @pytest.mark.parametrize("wrapped", [BearingsOnly, FlatObservation, lambda env: FlatObservation(BearingsOnly(env))])
-def test_gymnasiums_checker_finds_nothing_and_a_pickled_copy_goes_on_alike(wrapped) -> None:  # noqa: ANN001
+def test_wrapped_environment_passes_check_env_and_pickles(wrapped) -> None:  # noqa: ANN001
     env = wrapped(gymnasium.make("pdpatrol:PDPatrol-v0").unwrapped)
     check_env(env, skip_render_check=True)
     env.reset(seed=2)
@@ -32,36 +32,36 @@ def test_gymnasiums_checker_finds_nothing_and_a_pickled_copy_goes_on_alike(wrapp
         np.testing.assert_equal(env.step(ACTION)[0], copy.step(ACTION)[0])
 
 
-def test_the_bearing_is_turned_into_the_robots_frame() -> None:
-    env, same = BearingsOnly(whole()), whole()
+def test_bearing_is_in_the_robot_frame() -> None:
+    env, same = BearingsOnly(make()), make()
     assert isinstance(env.observation_space, spaces.Dict)
-    (seen, _), (all_of_it, _) = env.reset(seed=4), same.reset(seed=4)
-    assert not seen["bearing"].any()  # nothing heard yet
-    heard = 0
+    (seen, _), (full, _) = env.reset(seed=4), same.reset(seed=4)
+    assert not seen["bearing"].any()  # no pulse yet
+    n_detected = 0
     for _ in range(300):
-        seen, all_of_it = env.step(ACTION)[0], same.step(ACTION)[0]
+        seen, full = env.step(ACTION)[0], same.step(ACTION)[0]
         assert env.observation_space.contains(seen)
-        if all_of_it["detected"][0]:
-            heard += 1
-            world = np.arctan2(*all_of_it["bearing"][::-1]) - np.arctan2(*all_of_it["pose"][:1:-1])
+        if full["detected"][0]:
+            n_detected += 1
+            world = np.arctan2(*full["bearing"][::-1]) - np.arctan2(*full["pose"][:1:-1])
             assert abs(difference(np.arctan2(*seen["bearing"][::-1]), world)) < 1e-5
-    assert heard > 3
+    assert n_detected > 3
 
 
-def test_a_flat_observation_has_every_entry_once_scaled_by_its_bounds() -> None:
-    env, same = FlatObservation(whole()), whole()
+def test_flat_observation_has_every_entry_scaled() -> None:
+    env, same = FlatObservation(make()), make()
     flat, _ = env.reset(seed=1)
-    all_of_it, _ = same.reset(seed=1)
+    full, _ = same.reset(seed=1)
     assert isinstance(same.observation_space, spaces.Dict)
     assert len(env.names) == flat.size == sum(space.shape[0] for space in same.observation_space.values())  # pyright: ignore
     assert flat[env.names.index("time[0]")] == -1.0
     lidar = flat[[env.names.index(f"lidar[{k}]") for k in range(36)]]
-    np.testing.assert_allclose(lidar, all_of_it["lidar"] / 6.0 - 1.0, atol=1e-6)
+    np.testing.assert_allclose(lidar, full["lidar"] / 6.0 - 1.0, atol=1e-6)
     assert env.observation_space.contains(flat)
 
 
-def test_rows_of_the_vector_environment_are_transformed_as_single_observations_are() -> None:
-    rows, n_heard = PatrolVectorEnv(4, open_yard(), num_threads=1), 0
+def test_functions_apply_to_batches() -> None:
+    rows, n_detected = PatrolVectorEnv(4, open_yard(), num_threads=1), 0
     flatten = Flattener(bearings_only_space(rows.single_observation_space))
     singles = [FlatObservation(BearingsOnly(PatrolEnv(open_yard()))) for _ in range(4)]
     batch, _ = rows.reset(seed=8)
@@ -70,7 +70,7 @@ def test_rows_of_the_vector_environment_are_transformed_as_single_observations_a
         np.testing.assert_array_equal(flatten(bearings_only(batch)), np.stack(one_by_one))
         batch = rows.step(np.repeat(ACTION[np.newaxis], 4, axis=0))[0]
         one_by_one = [env.step(ACTION)[0] for env in singles]
-        n_heard += int(batch["detected"].sum())
-    assert n_heard > 60
+        n_detected += int(batch["detected"].sum())
+    assert n_detected > 60
     stacked = {key: np.stack([values, values]) for key, values in batch.items()}  # any number of leading axes
     np.testing.assert_array_equal(flatten(bearings_only(stacked))[1], flatten(bearings_only(batch)))
