@@ -13,7 +13,10 @@ from rich.progress import Progress
 
 from dirmusic import InputFileError
 from pdpatrol.missions.atomic_file import atomic_file
+from pdpatrol.missions.cli.mission_files import load_log, write_mission
 from pdpatrol.missions.cli.terminal import err, fail, note, out, refuse
+from pdpatrol.missions.sweep.dataset import Dataset
+from pdpatrol.missions.sweep.plan import digest_of_code
 
 
 def replay(
@@ -68,7 +71,8 @@ def replay(
 
 
 def _show(folders: tuple[Path, ...], web: bool, screenshot: Path | None, at_s: float | None) -> None:
-    # here, because MuJoCo must not be imported before _film sets its renderer
+    """Show recordings in a viewer, or take a screenshot of it."""
+    # here, because a film does not need Rerun
     from pdpatrol.missions.recording import ViewerError, open_viewer, serve, take_screenshot, update_recording
 
     try:
@@ -103,16 +107,16 @@ def _check_new_file(option: str, file: Path | None, endings: tuple[str, ...], n_
 
 
 def _film(folder: Path, video: Path, pace: float | None) -> None:
-    from pdpatrol.missions.record.mission_log import MissionLog
+    """Write a film of a mission."""
     from pdpatrol.missions.video import FilmError, write_film  # imports MuJoCo
 
+    log = load_log(folder)
     with Progress(console=err, transient=True, disable=not err.is_terminal) as progress:
         bar = progress.add_task(f"film of {folder.name}", total=1.0)
         try:
-            log = MissionLog.load(folder)
             write_film(log, video, pace, lambda share: progress.update(bar, completed=share))
-        except (FileNotFoundError, ValueError) as error:
-            refuse(str(error) if str(folder) in str(error) else f"{folder}: {error}")
+        except ValueError as error:
+            refuse(f"{folder}: {error}")
         except FilmError as error:
             fail(f"--video: {error}")
     out.print(f"Written: {video}", soft_wrap=True)
@@ -120,10 +124,7 @@ def _film(folder: Path, video: Path, pace: float | None) -> None:
 
 def _run_again(folder: Path, row: int) -> Path:
     """Return the folder of one mission of a sweep, after running it if it has not been kept."""
-    from pdpatrol.missions.cli.mission_files import write_mission  # imports MuJoCo, as the next three do
-    from pdpatrol.missions.runner import run_mission
-    from pdpatrol.missions.sweep.dataset import Dataset
-    from pdpatrol.missions.sweep.plan import digest_of_code
+    from pdpatrol.missions.runner import run_mission  # imports MuJoCo
 
     try:
         dataset = Dataset(folder)

@@ -1,4 +1,4 @@
-"""Every command and every snippet of the docs is run: here, or by the test that is named here."""
+"""Every command and snippet of the documentation runs, here or in a test that is named here."""
 
 import os
 import re
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.whole
 DOCS = ROOT / "docs"
 BIN = Path(sys.executable).parent
 TOP = ("envs", "examples")
-"""What the commands need of the repository's top folder."""
+"""Entries of the repository's top folder that the commands need."""
 
 LEAVES_MISSION, MISSION = "1. Run a mission", "runs/two_sources-7"
 
@@ -47,26 +47,26 @@ def blocks(language: str, text: str) -> list[str]:
 
 
 def lines(text: str) -> list[str]:
-    """What the shell is told, line by line, without remarks."""
+    """Return the lines of all shell blocks without comments."""
     shown = [line.split("  #")[0].strip() for block in blocks("sh", text) for line in block.splitlines()]
     return [line for line in shown if line and line != INSTALL]
 
 
 def sections(text: str) -> dict[str, str]:
-    """Sections of a page by their headings."""
+    """Return the sections of a page by their headings."""
     parts = re.split(r"^## (.*)$", text, flags=re.MULTILINE)
     return dict(zip(parts[1::2], parts[2::2], strict=True))
 
 
-TUTORIAL = {title: told for title, text in sections(page("tutorial.md")).items() if (told := lines(text))}
-FOLLOWING = [title for title, told in TUTORIAL.items() if MISSION in " ".join(told)]
+TUTORIAL = {title: steps for title, text in sections(page("tutorial.md")).items() if (steps := lines(text))}
+FOLLOWING = [title for title, steps in TUTORIAL.items() if MISSION in " ".join(steps)]
 ALONE = [title for title in TUTORIAL if title not in (LEAVES_MISSION, *FOLLOWING)]
 
 
-def run(told: list[str], folder: Path) -> None:
-    """Give the lines to a shell in a folder that stands for the top of the repository."""
+def run(steps: list[str], folder: Path) -> None:
+    """Run the lines in a shell, in a folder that stands for the top of the repository."""
     environment = os.environ | {"PATH": f"{BIN}{os.pathsep}{os.environ['PATH']}"}
-    for line in told:
+    for line in steps:
         command = line.replace("uv run ", "")
         if "replay" in command and "--web" in command:
             served_on_loopback(command.split(), folder, environment)
@@ -84,13 +84,13 @@ def top(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_the_tutorial_has_all_its_steps() -> None:
-    verbs = {match for told in TUTORIAL.values() for match in re.findall(r"uv run pdpatrol (\w+)", " ".join(told))}
+def test_tutorial_uses_every_verb() -> None:
+    verbs = {match for steps in TUTORIAL.values() for match in re.findall(r"uv run pdpatrol (\w+)", " ".join(steps))}
     assert verbs >= {"run", "replay", "report", "scenarios", "plan", "sweep", "results", "locate", "trend", "export"}
     assert len(FOLLOWING) >= 3
 
 
-def test_the_tutorial_from_run_to_export_and_the_reports_snippet(top: Path) -> None:
+def test_tutorial_runs_from_mission_to_export(top: Path) -> None:
     for title in (LEAVES_MISSION, *FOLLOWING):
         run(TUTORIAL[title], top)
     shown = re.findall(r"^\| `([\w.]+)` \|", sections(page("tutorial.md"))[LEAVES_MISSION], flags=re.MULTILINE)
@@ -100,16 +100,16 @@ def test_the_tutorial_from_run_to_export_and_the_reports_snippet(top: Path) -> N
 
 
 @pytest.mark.parametrize("title", ALONE)
-def test_each_other_step_of_the_tutorial(title: str, top: Path) -> None:
+def test_other_step_of_the_tutorial_runs(title: str, top: Path) -> None:
     run(TUTORIAL[title], top)
 
 
-def test_the_commands_for_a_yard_of_ones_own(top: Path) -> None:
+def test_commands_for_a_yard_run(top: Path) -> None:
     run(lines(page("how-to/yard.md")), top)
 
 
-def test_every_other_command_of_the_docs_is_one_that_a_test_runs() -> None:
-    known = {line for told in TUTORIAL.values() for line in told} | {*commands()} | {*lines(page("how-to/yard.md"))}
+def test_every_command_of_the_docs_is_run_by_a_test() -> None:
+    known = {line for steps in TUTORIAL.values() for line in steps} | {*commands()} | {*lines(page("how-to/yard.md"))}
     known = {" ".join(line.split("  #")[0].split()) for line in known}
     others = [name for name in PAGES if name not in ELSEWHERE]
     assert [(name, line) for name in others for line in lines(page(name)) if line not in known] == []
@@ -121,19 +121,19 @@ def run_snippet(snippet: str, folder: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
-def test_the_snippet_for_yards_by_chance(tmp_path: Path) -> None:
+def test_snippet_for_random_yards_runs(tmp_path: Path) -> None:
     (snippet,) = blocks("python", page("how-to/yard.md"))
     run_snippet(snippet, tmp_path)
 
 
-def test_the_scenario_of_the_page_on_yards_is_whole(tmp_path: Path) -> None:
+def test_scenario_on_the_yard_page_is_complete(tmp_path: Path) -> None:
     (text,) = blocks("toml", page("how-to/yard.md"))
     (tmp_path / "yard.toml").write_text(text, encoding="utf-8")
     scenario = load_scenario(tmp_path / "yard.toml")
     assert len(scenario.yard.equipment) == 2
 
 
-def test_the_locator_of_its_page_drives_a_mission(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_locator_on_its_page_runs_a_mission(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = page("how-to/locator.md")
     (code,), (table,) = blocks("python", text), blocks("toml", text)
     (tmp_path / "watched.py").write_text(code, encoding="utf-8")
@@ -149,7 +149,7 @@ def test_the_locator_of_its_page_drives_a_mission(tmp_path: Path, capsys: pytest
 
 
 @pytest.mark.parametrize("name", ["how-to/plan.md", "radio.md"])
-def test_tables_of_a_page_fit_a_shipped_scenario(name: str) -> None:
+def test_tables_of_a_page_are_valid_settings(name: str) -> None:
     tables = [tomllib.loads(block) for block in blocks("toml", page(name))]
     assert tables
     for each in tables:
@@ -158,7 +158,7 @@ def test_tables_of_a_page_fit_a_shipped_scenario(name: str) -> None:
         )
 
 
-def test_pages_with_snippets_name_them_here() -> None:
+def test_pages_with_snippets_are_listed_here() -> None:
     here = {"how-to/yard.md", "how-to/locator.md", "schemas/report.md"}
     assert {name for name in PAGES if blocks("python", page(name))} == here
     settings = {"how-to/yard.md", "how-to/locator.md", "how-to/plan.md", "radio.md", "scenarios.md"}

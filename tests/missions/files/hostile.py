@@ -1,4 +1,4 @@
-"""Files as nobody should send them: seeded mutations of a good table and of a good archive of waveforms."""
+"""Seeded mutations of a valid table and of a valid archive of waveforms."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CELLS = (
 
 
 def table(good: str, rng: np.random.Generator) -> bytes:
-    """A table with one to three things wrong with it, or none that matters."""
+    """Return the table with up to two errors, or harmless changes."""
     lines = good.splitlines()
     for _ in range(rng.integers(0, 3)):
         lines = TABLES[rng.integers(len(TABLES))](lines, rng)
@@ -27,7 +27,7 @@ def table(good: str, rng: np.random.Generator) -> bytes:
 
 
 def archive(rng: np.random.Generator) -> bytes:
-    """An archive of waveforms with something wrong with it, or with nothing that matters."""
+    """Return an archive of waveforms with up to two errors, or harmless changes."""
     arrays = waveforms(rng)
     for _ in range(rng.integers(0, 3)):
         name = list(arrays)[rng.integers(len(arrays))]
@@ -42,13 +42,13 @@ def archive(rng: np.random.Generator) -> bytes:
         data = BYTES[rng.integers(len(BYTES))](data, rng)
     if rng.random() < 0.1:
         data = data.replace(b"\x14\x00\x00\x00", b"\x14\x00\x01\x00")  # marked as encrypted
-    if rng.random() < 0.2:  # a header of the same length that promises more
+    if rng.random() < 0.2:  # a header of the same length that claims more
         data = data.replace(b"(6, 400)", (b"(6, 4e9)", b"(9**9,6)", b"(-6,400)", b"(6, 999)")[rng.integers(4)])
     return data
 
 
 def waveforms(rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """One pulse in six channels, in counts."""
+    """Return one pulse in six channels, in counts."""
     pulse = np.zeros(400)
     pulse[200:230] = np.sin(np.arange(30))
     counts = 900 * np.array([1.0, 0.9, 0.5, 0.3, 0.2, 0.6])[:, np.newaxis] * pulse + 9 * rng.standard_normal((6, 400))
@@ -60,7 +60,7 @@ def waveforms(rng: np.random.Generator) -> dict[str, np.ndarray]:
 
 
 def packed(arrays: dict[str, np.ndarray], compression: int = zipfile.ZIP_DEFLATED) -> bytes:
-    """An archive as NumPy writes it, compressed in any way."""
+    """Return an archive as NumPy writes it, with any compression."""
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", compression) as target:
         for name, array in arrays.items():
@@ -71,7 +71,7 @@ def packed(arrays: dict[str, np.ndarray], compression: int = zipfile.ZIP_DEFLATE
 
 
 def bomb(shape: str = "(1000000000000,)") -> bytes:
-    """An archive of a few hundred bytes whose header promises 8 TB of samples."""
+    """Return an archive of a few hundred bytes whose header claims 8 TB of samples."""
     header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".ljust(117) + "\n"
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as target:
@@ -176,5 +176,5 @@ ARRAYS: tuple[Callable[[np.ndarray, np.random.Generator], np.ndarray], ...] = (
 
 
 def mutated(data: bytes, rng: np.random.Generator) -> bytes:
-    """The bytes of any file with something wrong with them."""
+    """Return the bytes of a file with an error."""
     return BYTES[rng.integers(len(BYTES))](data, rng)

@@ -1,8 +1,6 @@
-"""Logs, recordings, datasets and calibrations from outside: shown when they are whole, refused in one line when not."""
+"""Damaged logs, recordings, datasets and calibrations are refused in one line each."""
 
 import json
-import subprocess
-import sys
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -19,12 +17,7 @@ from pdpatrol.missions.recording import write_recording
 from pdpatrol.missions.sweep.dataset import Dataset
 from tests.missions.field.surveys import EXAMPLE, POSE_ERROR, SPREAD
 from tests.missions.files import hostile
-
-PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
-
-
-def pdpatrol(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([PDPATROL, *arguments], cwd=cwd, capture_output=True, text=True, timeout=120)
+from tests.processes import pdpatrol
 
 
 @pytest.fixture(scope="module")
@@ -37,8 +30,8 @@ def mission(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def refused_log(folder: Path, data: bytes) -> bool:
-    """Whether a log is refused, in one line that names it; else it can be read."""
+def is_refused(folder: Path, data: bytes) -> bool:
+    """Return True if a log is refused in one line that names it, False if it can be read."""
     (folder / "log.npz").write_bytes(data)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -53,16 +46,16 @@ def refused_log(folder: Path, data: bytes) -> bool:
     return True
 
 
-def test_a_log_with_any_bit_turned_or_cut_short_is_refused_or_reads_as_it_was(mission: Path, tmp_path: Path) -> None:
+def test_damaged_log_is_refused_or_unchanged(mission: Path, tmp_path: Path) -> None:
     whole = (mission / "log.npz").read_bytes()
-    assert not refused_log(tmp_path, whole)
+    assert not is_refused(tmp_path, whole)
     rng = np.random.default_rng(1)
-    refused = sum(refused_log(tmp_path, hostile.mutated(whole, rng)) for _ in range(100))
+    refused = sum(is_refused(tmp_path, hostile.mutated(whole, rng)) for _ in range(100))
     assert refused > 50
 
 
 @pytest.mark.parametrize(
-    ("arrays", "told"),
+    ("arrays", "message"),
     [
         ({"meta": np.array("{}")}, "is not the log of a mission .missing metadata"),
         ({"meta": np.array("[" * 9000)}, "is not the log of a mission"),
@@ -73,14 +66,14 @@ def test_a_log_with_any_bit_turned_or_cut_short_is_refused_or_reads_as_it_was(mi
         ({"x": np.array(1)}, "damaged or incomplete archive: 'meta'"),
     ],
 )
-def test_an_archive_that_is_no_log_says_why(tmp_path: Path, arrays: dict[str, np.ndarray], told: str) -> None:
+def test_archive_that_is_not_a_log_is_refused(tmp_path: Path, arrays: dict[str, np.ndarray], message: str) -> None:
     (tmp_path / "log.npz").write_bytes(hostile.packed(arrays))
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=message):
         MissionLog.load(tmp_path)
 
 
 @pytest.mark.parametrize(
-    ("name", "change", "told"),
+    ("name", "change", "message"),
     [
         ("pulse.step", lambda x: x + 1000, "refers to missing rows of table step"),
         ("bearing.pulse", lambda x: -1 - x, "refers to missing rows of table pulse"),
@@ -89,38 +82,34 @@ def test_an_archive_that_is_no_log_says_why(tmp_path: Path, arrays: dict[str, np
         ("step.time_s", lambda x: x.astype(str), "the columns of table step do not match"),
     ],
 )
-def test_a_log_whose_tables_do_not_fit_is_refused(
-    mission: Path, tmp_path: Path, name: str, change: Callable[[np.ndarray], np.ndarray], told: str
+def test_log_with_inconsistent_tables_is_refused(
+    mission: Path, tmp_path: Path, name: str, change: Callable[[np.ndarray], np.ndarray], message: str
 ) -> None:
     with np.load(mission / "log.npz") as archive:
         arrays = {key: archive[key] for key in archive.files}
     (tmp_path / "log.npz").write_bytes(hostile.packed({**arrays, name: change(arrays[name])}))
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=message):
         MissionLog.load(tmp_path)
 
 
 @pytest.mark.whole
-def test_replay_refuses_a_log_whose_facts_are_junk(mission: Path, tmp_path: Path) -> None:
+def test_replay_refuses_a_log_with_damaged_metadata(mission: Path, tmp_path: Path) -> None:
     with np.load(mission / "log.npz") as archive:
         arrays = {key: archive[key] for key in archive.files}
     arrays["meta"] = np.array(json.dumps({"schema": 5, "array": 7}))
     (tmp_path / "log.npz").write_bytes(hostile.packed(arrays))
-    done = pdpatrol("replay", ".", cwd=tmp_path)
-    assert done.returncode == 2
-    (line,) = done.stderr.strip().splitlines()
+    (line,) = refusal(pdpatrol("replay", ".", cwd=tmp_path))
     assert "log with metadata that are damaged" in line
     assert [path.name for path in tmp_path.iterdir()] == ["log.npz"]
 
 
 @pytest.mark.whole
-def test_replay_serves_no_folder_and_no_junk(tmp_path: Path) -> None:
+def test_replay_refuses_a_damaged_recording_without_log(tmp_path: Path) -> None:
     (tmp_path / "a" / "mission.rrd").mkdir(parents=True)
     (tmp_path / "b").mkdir()
     (tmp_path / "b" / "mission.rrd").write_bytes(b"junk")
     for folder in ("a", "b"):
-        done = pdpatrol("replay", "--web", folder, cwd=tmp_path)
-        assert done.returncode == 2
-        (line,) = done.stderr.strip().splitlines()
+        (line,) = refusal(pdpatrol("replay", "--web", folder, cwd=tmp_path))
         assert "mission.rrd: not a readable recording" in line
 
 
@@ -128,7 +117,7 @@ MANIFEST = {"version": 1, "plan": "p", "code": "c", "n_missions": 1, "suite": ""
 
 
 @pytest.mark.parametrize(
-    ("manifest", "told"),
+    ("manifest", "message"),
     [
         ("", "no JSON"),
         ("[" * 9000, "no JSON"),
@@ -137,9 +126,9 @@ MANIFEST = {"version": 1, "plan": "p", "code": "c", "n_missions": 1, "suite": ""
         (json.dumps({**MANIFEST, "version": 9}), "version 9; this program reads version 1"),
     ],
 )
-def test_a_damaged_manifest_of_a_sweep_is_refused(tmp_path: Path, manifest: str, told: str) -> None:
+def test_damaged_manifest_of_a_sweep_is_refused(tmp_path: Path, manifest: str, message: str) -> None:
     (tmp_path / "sweep.json").write_text(manifest)
-    with pytest.raises(InputFileError, match=told):
+    with pytest.raises(InputFileError, match=message):
         Dataset(tmp_path)
 
 
@@ -154,7 +143,7 @@ def test_damaged_rows_of_a_sweep_are_refused(tmp_path: Path, data: bytes) -> Non
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         (f"format = {'9' * 5000}", "not TOML"),
         (f"format = 0x{'f' * 5000}", "format: got a whole number of thousands of digits"),
@@ -166,9 +155,9 @@ def test_damaged_rows_of_a_sweep_are_refused(tmp_path: Path, data: bytes) -> Non
         ('format = "pdpatrol calibration 1"\nerrors = []', "errors: got []; allowed is a table"),
     ],
 )
-def test_a_calibration_that_is_none_is_refused_in_clear_lines(tmp_path: Path, text: str, told: str) -> None:
+def test_damaged_calibration_is_refused(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "c.toml").write_text(text)
     with pytest.raises(InputFileError) as refused:
         read_calibration(tmp_path / "c.toml")
-    assert any(told in fault for fault in refused.value.faults)
+    assert any(message in fault for fault in refused.value.faults)
     assert all("\n" not in fault and "Input should" not in fault for fault in refused.value.faults)
