@@ -1,1 +1,1 @@
-"""Repeated inspections of one yard: what is new, grown, gone."""
+"""Repeated inspections of one yard: discharges that are new, grown or gone."""

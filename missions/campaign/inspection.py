@@ -74,7 +74,7 @@ class InspectionLog:
         """Read the log of a mission's folder.
 
         Raises:
-            InputFileError: If there is none, it is damaged, it is incomplete, or it has no date.
+            InputFileError: If the log is missing, damaged or incomplete, or has no date.
         """
         try:
             log = MissionLog.load(folder)
@@ -96,7 +96,7 @@ class InspectionLog:
 
     @property
     def is_field_data(self) -> bool:
-        """Whether the log is of field data, which have no map and one step for each pose."""
+        """True for field data, which have no map and one step for each pose."""
         return "field_data" in self.log.meta
 
     @cached_property
@@ -213,4 +213,4 @@ def _match(
             off_m = finding.position_m - place_m
             squares[row, column] = off_m @ np.linalg.solve(finding.repeat_covariance_m2 + covariance_m2, off_m)
     pairs = zip(*linear_sum_assignment(np.where(squares <= GATE, squares, 1e9)), strict=True)
-    return {int(row): joined[column] for row, column in pairs if squares[row, column] <= GATE}
+    return {int(row): joined[int(column)] for row, column in pairs if squares[row, column] <= GATE}

@@ -17,27 +17,34 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.intp]
 
+# The sensitivities below are those of weak sources in synthetic surveys, where half of the pulses from 9 m are missing.
+
 NEAR_M = 10.0
 """Distance from which pulses are used. Measured: reflections bias the level by up to 1 dB within 10 m and by up to 4 dB
-beyond 15 m."""
+beyond 15 m. Without reflections, levels change by less than 0.4 dB between 7 and 20 m."""
 
 NEAR_RATIO = 1.5
-"""Distance from which pulses are used, over the least distance, where that is more than `NEAR_M`. Assumed."""
+"""Distance from which pulses are used, over the least distance, where that is more than `NEAR_M`. Assumed; it only
+matters for sources that the robot never approaches."""
 
 LOOK_M = 1.0
-"""Side of the squares of the ground within which pulses fade together. Assumed."""
+"""Side of the squares of the ground within which pulses fade together. Assumed; levels change by less than 0.8 dB
+between 0.5 and 2 m, and their standard deviation by a factor of 0.6 to 3."""
 
 FLOOR_RATIO = 2.0
-"""Strength from which all pulses are detected, over the weakest strength with a valid bearing. Assumed."""
+"""Strength from which all pulses are detected, over the weakest strength with a valid bearing. Assumed; levels
+change by less than 0.5 dB at 1.5, and by 1 dB at 3, where too few pulses are left."""
 
 CLIPPED_SHARE = 0.05
-"""Share of clipped pulses above which a square is not used, because locating discards clipped pulses. Assumed."""
+"""Share of clipped pulses above which a square is not used, because locating discards clipped pulses. Assumed; a source
+without clipped pulses is not affected."""
 
 MIN_PULSES = 20
 """Smallest number of pulses for a level; 20 pulses also confirm a finding."""
 
 N_GROUPS = 12
-"""Number of groups of squares in the jackknife. Assumed."""
+"""Number of groups of squares in the jackknife. Assumed; with 24 the standard deviation of a level is 0.9 times as
+large, with 6 up to 2.8 times."""
 
 FADING_STD_DB = 2.0
 """Least standard deviation of the level in one square. Measured: 1 to 3 dB."""
@@ -46,7 +53,8 @@ ARRAY_STD_DB = 0.2
 """Standard deviation of the level by gain errors: 5 % in each of six elements."""
 
 MIN_AT_RISK = 0.1
-"""Share of the pulses that must be comparable at a level for the product-limit estimate to start there. Assumed."""
+"""Share of the pulses that must be comparable at a level for the product-limit estimate to start there. Assumed;
+nothing changes at 0.05, and levels of sources near the detection limit rise by 3 dB at 0.2."""
 
 MIDDLE_HALF = (0.25, 0.75)
 """Quantiles between which levels are averaged: unlike the mean, robust to outliers, and unlike the median, continuous
@@ -87,6 +95,10 @@ class NearSteps(NamedTuple):
     look: IntArray
     duration_s: FloatArray
     loss_db: FloatArray
+
+    def take(self, rows: BoolArray) -> NearSteps:
+        """Select some of the steps; squares keep their numbers."""
+        return NearSteps(self.step[rows], self.look[rows], self.duration_s[rows], self.loss_db[rows])
 
 
 def loss_db(inspection: InspectionLog, position_m: FloatArray, pose: FloatArray) -> FloatArray:
@@ -227,7 +239,7 @@ def product_limit(level_db: FloatArray, min_level_db: FloatArray, weight: FloatA
             return level_db[:0], weight[:0]
         survival = _survival(level_db[above], min_level_db[above], weight[above])
     share = -np.diff(survival.surv_prob, prepend=1.0)
-    return survival.surv_times, share / share.sum()
+    return np.asarray(survival.surv_times, dtype=np.float64), share / share.sum()
 
 
 def _survival(level_db: FloatArray, min_level_db: FloatArray, weight: FloatArray) -> SurvfuncRight:
@@ -242,7 +254,7 @@ def _without_clipped(inspection: InspectionLog, near: NearSteps) -> NearSteps:
     n_clipped = np.bincount(pulse["step"], pulse["is_clipped"], minlength=n_steps)[near.step]
     is_clipped = np.bincount(near.look, n_clipped) > CLIPPED_SHARE * np.bincount(near.look, n_pulses)
     kept = ~is_clipped[near.look]
-    return NearSteps(*(column[kept] for column in near)) if kept.any() else near
+    return near.take(kept) if kept.any() else near
 
 
 def _position_std_db(inspection: InspectionLog, finding: LocatedFinding, pose: FloatArray) -> float:

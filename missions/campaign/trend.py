@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -178,13 +179,15 @@ def fit_line(week: FloatArray, value: FloatArray, std: FloatArray) -> LinearTren
         return None
     design, n_free = np.column_stack([np.ones(week.size), week]), week.size - 2
 
+    def fit_with(scatter2: float) -> Any:  # noqa: ANN401 - statsmodels wraps its results dynamically
+        return WLS(value, design, weights=cast("Any", 1.0 / (std**2 + scatter2))).fit()
+
     def excess(scatter2: float) -> float:
-        fit = WLS(value, design, weights=1.0 / (std**2 + scatter2)).fit()
-        return float(np.square(fit.wresid).sum()) - n_free
+        return float(np.square(fit_with(scatter2).wresid).sum()) - n_free
 
     largest = max(float(np.ptp(value)) ** 2, 1e-12) * week.size
     scatter2 = float(brentq(excess, 0.0, largest)) if excess(0.0) > 0.0 else 0.0  # pyright: ignore[reportArgumentType]
-    fit = WLS(value, design, weights=1.0 / (std**2 + scatter2)).fit()
+    fit = fit_with(scatter2)
     slope_std = float(np.sqrt(fit.normalized_cov_params[1, 1]))
     half_width = float(t.ppf(0.5 + 0.5 * CONFIDENCE, n_free)) * slope_std
     at_start, slope = fit.params.tolist()

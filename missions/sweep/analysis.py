@@ -89,14 +89,14 @@ def root_mean_square(values: FloatArray, weights: FloatArray) -> FloatArray:
 
 
 def cluster_bootstrap(
-    clusters: Sequence[ArrayLike],
+    clusters: Sequence[ArrayLike] | FloatArray,
     statistic: Callable[[FloatArray, FloatArray], FloatArray],
     n_resamples: int = 2000,
 ) -> Estimate:
     """Estimate a statistic of clustered values with a bootstrap interval that resamples whole clusters.
 
     The percentiles are widened for few clusters (Hesterberg 2015, section 5.3). The generator is fixed, so that the
-    same data give the same interval. There is no interval below two clusters.
+    same data give the same interval. Fewer than two clusters give no interval.
 
     Args:
         clusters: Values of each cluster; NaN and empty clusters are ignored.

@@ -56,9 +56,9 @@ class MissionRow(NamedTuple):
         ospa_m: OSPA distance between findings and sources, as of `pdpatrol.missions.report.scoring`.
         bearing_rmse_rad: Root mean square error of bearings in line of sight of a single source; null without any.
         distance_m: Path length.
-        found_all_m: Path length until the last source was confirmed; null if one was not, or there are no sources.
-        shortest_m: Shortest path from the dock to within the scenario's `standoff_m` of each source; null if there are
-            no sources or one cannot be approached.
+        found_all_m: Path length until the last source was confirmed; null if one was not, or without sources.
+        shortest_m: Shortest path from the dock to within the scenario's `standoff_m` of each source; null without
+            sources, or if one cannot be approached.
         sim_time_s: Simulated time.
         contacts: Number of collisions.
         waypoints_missed: Number of waypoints that were not visited.
@@ -217,7 +217,7 @@ class Dataset:
 
     @property
     def is_complete(self) -> bool:
-        """Whether all missions have a row."""
+        """True if all missions have a row."""
         return len(self.keys()) == self.manifest["n_missions"]
 
     def keys(self) -> set[str]:
@@ -248,7 +248,7 @@ class Dataset:
         """Return the job of a row, to run the mission again.
 
         Raises:
-            InputFileError: If there is no such row, or its scenario is damaged.
+            InputFileError: If the row does not exist, or its scenario is damaged.
         """
         rows = {row["order"]: row for row in self.read().to_pylist()}
         if number not in rows:

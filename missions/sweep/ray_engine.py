@@ -66,14 +66,15 @@ def run_in_ray(
         started = {"num_cpus": n_workers, "include_dashboard": False, "object_store_memory": 100_000_000}
     os.environ.update(RAY_ENVIRONMENT | os.environ)
     import ray  # an optional dependency, which reads the environment when it is imported
+    from ray import exceptions
 
     def explain(error: Exception) -> LostMission:
-        if isinstance(error, ray.exceptions.NodeDiedError):
+        if isinstance(error, exceptions.NodeDiedError):
             return LostMission("died", str(error), 0)
-        if isinstance(error, (ray.exceptions.WorkerCrashedError, ray.exceptions.OutOfMemoryError)):
+        if isinstance(error, (exceptions.WorkerCrashedError, exceptions.OutOfMemoryError)):
             return LostMission("died", f"its Ray worker ended {ATTEMPTS} times: {error}")
-        cause = error.cause if isinstance(error, ray.exceptions.RayTaskError) else error
-        raise EngineError(f"--engine ray: a node cannot run missions: {str(cause).partition(chr(10))[0]}") from error
+        cause = str(getattr(error, "cause", error)).partition("\n")[0]
+        raise EngineError(f"--engine ray: a node cannot run missions: {cause}") from error
 
     _check_address(address)
     try:

@@ -28,7 +28,7 @@ NOISE_V = [5e-4, 1e-3, 2e-3]
 
 @pytest.fixture
 def dataset(tmp_path: Path) -> Dataset:
-    """The source is found from seed 1 on at low noise, from seed 2 on at the next level, and so on."""
+    """Return missions that find the source from seed 1 on at low noise, from seed 2 on at the next level, and so on."""
     plan = make_plan(["one_source"], ["seek", "patrol"], {"receiver.noise_v": NOISE_V}, range(5))
     dataset = Dataset.open_or_make(tmp_path / "out", plan)
     for job in plan.jobs:
