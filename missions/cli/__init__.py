@@ -1,4 +1,4 @@
-"""The command `pdpatrol`: one module per verb, which is imported only when it is asked for."""
+"""The command `pdpatrol`: one module per verb, imported only when the verb is used."""
 
 from __future__ import annotations
 

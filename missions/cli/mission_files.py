@@ -101,7 +101,7 @@ def print_json(report: Report) -> None:
 
 
 def print_findings(report: Report) -> None:
-    """Print findings, or why there are none, and candidates."""
+    """Print findings, or the reason for their absence, and candidates."""
     found = findings_table(report) if report.findings else no_finding_text(report.pulses)
     out.print(found, soft_wrap=not report.findings)
     if report.candidates:

@@ -131,7 +131,7 @@ def _streams() -> list[TextIO]:
 
 
 def _exit_without_output() -> NoReturn:
-    """Exit with status 1 when what is still to be printed would fail as well."""
+    """Exit with status 1 without the output that is still buffered, if it cannot be written either."""
     devnull = os.open(os.devnull, os.O_WRONLY)
     for stream in _streams():
         try:

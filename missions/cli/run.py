@@ -72,12 +72,12 @@ def run(
 
     Args:
         scenario: Name of a shipped scenario (see `pdpatrol scenarios`), or path of a TOML file.
-        policy: Policy that drives. seek leaves its route for what it detects, active looks from where it learns most,
-            patrol keeps to the route, random is a lower bound. oracle knows the truth: an upper bound. Your own policy
-            is a class in a file, my_policy.py:MyPolicy, or in a module that Python can import, package.module:MyPolicy;
-            MyPolicy(rng) makes one, and policy(observation, findings, site_map) returns two numbers in [-1, 1], for
-            speed and yaw rate. The contract is the docstring of missions.policies.protocol.Policy; examples/own_policy
-            is one to copy.
+        policy: Policy that drives. seek leaves its route for detected sources, active chooses the most informative
+            views, patrol keeps to the route, random is a lower bound. oracle knows the truth: an upper bound. Your own
+            policy is a class in a file, my_policy.py:MyPolicy, or in a module that Python can import,
+            package.module:MyPolicy; MyPolicy(rng) makes one, and policy(observation, findings, site_map) returns two
+            numbers in [-1, 1], for speed and yaw rate. The contract is the docstring of
+            missions.policies.protocol.Policy; examples/own_policy is one to copy.
         seed: Seed of everything random, 0 or more. The same seed gives the same mission.
         serial_number: Array that the robot carries, as `serial_number` in the table [array] of the scenario: missions
             with the same number have the same array. Default: that of the scenario; without one, each mission has an

@@ -212,7 +212,7 @@ def _meta(data: FieldData, array: ArrayModel, fence_m: tuple[float, float] | Non
 
 
 def _settings(array: ArrayModel, pose_error: PoseError) -> dict[str, dict[str, float]]:
-    """Return what was assumed of array and poses, under the keys of a scenario."""
+    """Return the assumed errors of array and poses, under the keys of a scenario."""
     return {
         "array": {
             "n_elements": array.manifold.n_elements,

@@ -141,7 +141,7 @@ class Row:
         unrounded: Share of |error| <= 2 degrees of the best method without rounding to the grid.
         predicted: Where `paper` should lie according to our trials; None if nothing can be predicted.
         unit: Unit of all of them.
-        explanation: What is known of a printed number that does not lie there.
+        explanation: Likely reason why a printed number does not lie there.
     """
 
     label: str
@@ -165,9 +165,9 @@ class Exhibit:
 
     Attributes:
         name: Key in the JSON file.
-        title: Its name in words, a colon, and what it shows.
+        title: Name in words, a colon, and a description.
         rows: The numbers.
-        notes: What was done, errors of the paper, and what cannot be matched and why.
+        notes: Methods, errors of the paper, and numbers that cannot be matched.
         results: Further numbers by name.
         data: Arrays by name that its figure needs besides.
     """
@@ -191,7 +191,7 @@ class Campaign:
 
     Attributes:
         trials: Trials of each cell.
-        seed: Seed; each cell has a random generator of its own, so that no cell depends on another.
+        seed: Seed; each cell has a separate random generator, so that no cell depends on another.
         tick: Called with the number of trials done since the last call.
     """
 

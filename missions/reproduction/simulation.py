@@ -191,7 +191,7 @@ def draw_gates(
 def by_paper(covariance: FloatArray, gain: FloatArray) -> FloatArray:
     r"""Search eq. (15) as printed on the 1 degree grid; degrees, shape (n_trials,).
 
-    With one source, the part of a gain in the noise subspace is what it has not along the eigenvector of the signal:
+    With one source, the part of a gain in the noise subspace is its remainder after the eigenvector of the signal:
     :math:`\lVert E_n^T g \rVert^2 = \lVert g \rVert^2 - (e_s^T g)^2`, several times faster than `pseudo_spectrum`.
 
     Args:

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pdpatrol.envs.scenario import SHIPPED
 from pdpatrol.missions.cli import VERBS
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.records import read_report
@@ -25,9 +26,7 @@ HEAVY = ("mujoco", "numba", "rerun", "rich", "scipy", "tyro")
 
 @pytest.fixture
 def short(tmp_path: Path) -> Path:
-    """A scenario that lasts four seconds."""
-    from pdpatrol.envs.scenario import SHIPPED
-
+    """Write a scenario that lasts four seconds."""
     text = (SHIPPED / "one_source.toml").read_text(encoding="utf-8")
     path = tmp_path / "short.toml"
     path.write_text(text + "\n[task]\ntime_limit_s = 4.0\n", encoding="utf-8")
