@@ -28,7 +28,7 @@ def make_renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Rend
     """Make a renderer.
 
     Raises:
-        RuntimeError: If there is no OpenGL to draw with.
+        RuntimeError: If MuJoCo finds no OpenGL.
     """
     try:
         return mujoco.Renderer(model, height, width)
@@ -54,7 +54,7 @@ class Camera:
         mode: `rgb_array`, `depth_array`, or `human` for a window. Without a screen no window opens, with a warning.
 
     Raises:
-        RuntimeError: If there is no OpenGL to draw with.
+        RuntimeError: If MuJoCo finds no OpenGL.
     """
 
     def __init__(self, model: mujoco.MjModel, mode: str) -> None:
@@ -132,7 +132,7 @@ class PosedYard:
         height: Height of the pictures, pixels.
 
     Raises:
-        RuntimeError: If there is no OpenGL to draw with.
+        RuntimeError: If MuJoCo finds no OpenGL.
     """
 
     def __init__(self, spec: mujoco.MjSpec, width: int, height: int) -> None:

@@ -103,7 +103,7 @@ class Robots:
     def _stored_contacts(self, sensors: Sequence[int]) -> FloatArray:
         """Return a live view of the contacts stored by the hull's sensors.
 
-        The histories of the sensors are consecutive. In each, MuJoCo stores a number of the user, one of its own, and
+        The histories of the sensors are consecutive. In each, MuJoCo stores two numbers and
         the times before the contacts. The numbers of a contact are: found, x, y, z.
 
         Returns:

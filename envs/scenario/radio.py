@@ -22,8 +22,6 @@ def surroundings_of(yard: Yard, *, second_order: bool = False) -> Surroundings:
         yard: The yard, or what a map shows of it.
         second_order: Whether to trace reflections from two walls in turn.
     """
-    return Surroundings.of_kinds(
-        [item.kind for item in yard.equipment],
-        Faces(**yard.faces()._asdict()),
-        UprightSolids(**yard.obstacles()._asdict()),
-    )._replace(second_order=second_order)
+    solids = UprightSolids(**yard.solid_columns())
+    kinds = [item.kind for item in yard.equipment]
+    return Surroundings.of_kinds(kinds, Faces.of(solids), solids)._replace(second_order=second_order)

@@ -28,7 +28,7 @@ class RobotFileError(ValueError):
     """A robot that cannot be used.
 
     Attributes:
-        faults: One line for each error: file, element, what must hold, and what was given.
+        faults: One line for each error: file, element, requirement and value.
     """
 
     def __init__(self, faults: Sequence[str]) -> None:
@@ -127,7 +127,7 @@ def load_robot(model: str | Path) -> RobotDescription:
         model: Name of a shipped robot, or path of an MJCF file, which is then read and measured.
 
     Raises:
-        RobotFileError: If there is no such robot, or the file does not describe one; all errors are listed.
+        RobotFileError: If the name is unknown, or the file does not describe one; all errors are listed.
     """
     if is_path(model):
         # MuJoCo takes 0.2 s to import, and a shipped robot does not need it.

@@ -1,4 +1,4 @@
-"""Shapes of the equipment of a 110 kV substation, each built from a length along x of its own frame.
+"""Shapes of the equipment of a 110 kV substation, each built from a length along its x axis.
 
 Sizes are assumed, of the usual order for this class.
 """

@@ -39,13 +39,13 @@ class _Equipment(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_
 
     @property
     def placed(self) -> tuple[PlacedSolid, ...]:
-        """Its parts with their place in the yard."""
+        """Parts with their place in the yard."""
         yaw_rad = np.radians(self.yaw_deg)
         return tuple(PlacedSolid(part, self.position_m, yaw_rad) for part in self.assembly.parts.values())
 
     @cached_property
     def solids(self) -> YardSolids:
-        """Its parts, world frame."""
+        """Parts, world frame."""
         return YardSolids(self.placed)
 
     def site_position(self, site: str) -> FloatArray:

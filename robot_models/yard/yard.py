@@ -7,7 +7,7 @@ MuJoCo, so that scenarios are checked and paths planned without a model.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +16,6 @@ from pydantic import BaseModel, Field, model_validator
 from pdpatrol.robot_models.yard.pieces import Equipment
 from pdpatrol.robot_models.yard.quantities import MOST_PIECES, YardLength
 from pdpatrol.robot_models.yard.solids import YardSolids
-from pdpatrol.robot_models.yard.tables import FaceTable, SolidTable, face_table, solid_table
 
 FloatArray = NDArray[np.float64]
 
@@ -60,7 +59,7 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
 
     @cached_property
     def solids(self) -> YardSolids:
-        """All parts of all equipment, world frame, in file order."""
+        """Parts of all equipment, world frame, in file order."""
         return YardSolids([placed for item in self.equipment for placed in item.placed])
 
     @cached_property
@@ -73,13 +72,10 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         """Solids that a robot cannot pass below."""
         return self.solids.take(self.solids.bottom_m < ROBOT_HEIGHT_M)
 
-    def faces(self) -> FaceTable:
-        """Return the faces that reflect radio waves: the ground, and the four sides and the top of every box."""
-        return face_table(self.solids, self.owner)
-
-    def obstacles(self) -> SolidTable:
-        """Return the solids that obstruct radio waves, with their pieces of equipment."""
-        return solid_table(self.solids, self.owner)
+    def solid_columns(self) -> dict[str, NDArray[Any]]:
+        """Return the arrays of all solids and the piece of equipment of each, `owner`, by the names of `YardSolids`."""
+        names = ("centre_m", "yaw_rad", "half_size_m", "radius_m", "bottom_m", "top_m")
+        return {name: getattr(self.solids, name) for name in names} | {"owner": self.owner}
 
     def across_fence(self, item: Equipment) -> float:
         """Return by how many metres a piece of equipment extends beyond the fence, on plan; negative inside."""

@@ -77,6 +77,29 @@ class Faces(NamedTuple):
         """Return an empty table."""
         return cls(np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 2, 3)), np.empty((0, 2)), np.empty(0, np.intp))
 
+    @classmethod
+    def of(cls, solids: UprightSolids) -> Self:
+        """Return the ground, and the four sides and the top of every box; cylinders have no flat face."""
+        up = np.array([0.0, 0.0, 1.0])
+        faces = [(np.zeros(3), up, np.eye(3)[:2], np.full(2, np.inf), GROUND)]
+        for k in np.flatnonzero(solids.radius_m == 0).tolist():
+            yaw, (half_x, half_y) = solids.yaw_rad[k], solids.half_size_m[k]
+            x, y = np.array([[np.cos(yaw), np.sin(yaw), 0.0], [-np.sin(yaw), np.cos(yaw), 0.0]])
+            half_z = 0.5 * (solids.top_m[k] - solids.bottom_m[k])
+            middle = np.array([*solids.centre_m[k], solids.bottom_m[k] + half_z])
+            for normal, depth, axes, half_size_m in (
+                (x, half_x, (y, up), (half_y, half_z)),
+                (-x, half_x, (y, up), (half_y, half_z)),
+                (y, half_y, (x, up), (half_x, half_z)),
+                (-y, half_y, (x, up), (half_x, half_z)),
+                (up, half_z, (x, y), (half_x, half_y)),
+            ):
+                faces.append(
+                    (middle + depth * normal, normal, np.array(axes), np.array(half_size_m), int(solids.owner[k]))
+                )
+        centre, normals, all_axes, half_size, owners = (np.array(column) for column in zip(*faces, strict=True))
+        return cls(centre, normals, all_axes, half_size, owners.astype(np.intp))
+
 
 class UprightSolids(NamedTuple):
     """Upright boxes and cylinders, world frame; a row is a solid, and those of one piece of equipment are adjacent.

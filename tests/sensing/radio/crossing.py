@@ -36,4 +36,4 @@ def cross(
 
 def solids_of(yard: Yard) -> UprightSolids:
     """All solids of a yard."""
-    return UprightSolids(**yard.obstacles()._asdict())
+    return UprightSolids(**yard.solid_columns())

@@ -41,7 +41,8 @@ def beside_a_tank(length_m: float, width_m: float, height_m: float, yaw_rad: flo
         yaw_deg=float(np.degrees(yaw_rad)),
     )
     yard = Yard(size_m=(24.0, 24.0), equipment=(tank,))
-    faces, solids = Faces(**yard.faces()._asdict()), UprightSolids(**yard.obstacles()._asdict())
+    solids = UprightSolids(**yard.solid_columns())
+    faces = Faces.of(solids)
     return Surroundings.of_materials([METAL], faces, solids, GRAVEL)
 
 

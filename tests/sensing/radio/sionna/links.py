@@ -76,7 +76,8 @@ def links() -> list[Link]:
             for name, (x, y, length, width, height, yaw_deg) in yard["boxes"].items()
         ]
         plan = Yard(size_m=(25.0, 20.0), equipment=tuple(boxes))
-        faces, solids = Faces(**plan.faces()._asdict()), UprightSolids(**plan.obstacles()._asdict())
+        solids = UprightSolids(**plan.solid_columns())
+        faces = Faces.of(solids)
         around = Surroundings.of_materials([SMOOTH_METAL] * len(boxes), faces, solids, CONCRETE)
         for link in yard["links"]:
             ends = Vector(*link["source_m"]), Vector(*link["receiver_m"])
