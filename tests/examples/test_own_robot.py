@@ -1,4 +1,4 @@
-"""The example of a robot of one's own does what its README says."""
+"""The example of a user's robot does what its README says."""
 
 import re
 import subprocess
@@ -21,13 +21,12 @@ README = (FOLDER / "README.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("file", ["runner.xml", "yard.toml"])
-def test_each_file_has_at_most_sixty_lines(file: str) -> None:
+def test_files_have_at_most_sixty_lines(file: str) -> None:
     assert len((FOLDER / file).read_text(encoding="utf-8").splitlines()) <= 60
 
 
-def test_the_commands_of_the_readme_work_and_the_robot_finds_the_source_untouched_and_is_home_sooner(
-    tmp_path: Path,
-) -> None:
+def test_readme_commands_find_the_source_sooner(tmp_path: Path) -> None:
+    """The robot finds the source without collisions and is home sooner than the inspector."""
     commands = re.findall(r"^uv run pdpatrol (.*)$", README, flags=re.MULTILINE)
     assert len(commands) == 2
     (tmp_path / "examples").symlink_to(ROOT / "examples")
@@ -45,7 +44,7 @@ def test_the_commands_of_the_readme_work_and_the_robot_finds_the_source_untouche
     assert report.sim_time_s < 0.9 * usual.sim_time_s
 
 
-def test_a_fault_in_the_file_is_told_before_the_start(tmp_path: Path) -> None:
+def test_errors_in_the_file_are_reported_before_the_start(tmp_path: Path) -> None:
     text = (FOLDER / "runner.xml").read_text(encoding="utf-8")
     broken = text.replace('name="max_speed" data="1.2"', 'name="max_speed" data="-1"').replace(
         '"left_wheel"', '"wheel"'
@@ -56,8 +55,8 @@ def test_a_fault_in_the_file_is_told_before_the_start(tmp_path: Path) -> None:
     done = subprocess.run([pdpatrol, "run", "yard.toml"], cwd=tmp_path, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2
     assert done.stdout == ""
-    told = done.stderr.replace("\n", " ")
-    assert "Traceback" not in told
-    for fault in ("left_wheel: no such joint", "max_speed: must be one number above 0, got -1"):
-        assert f"yard.toml: robot.model: {tmp_path / 'runner.xml'}: {fault}" in told
+    printed = done.stderr.replace("\n", " ")
+    assert "Traceback" not in printed
+    for error in ("left_wheel: no such joint", "max_speed: must be one number above 0, got -1"):
+        assert f"yard.toml: robot.model: {tmp_path / 'runner.xml'}: {error}" in printed
     assert sorted(path.name for path in tmp_path.iterdir()) == ["runner.xml", "yard.toml"]
