@@ -12,7 +12,7 @@ import shutil
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
@@ -22,7 +22,6 @@ import numba
 import numpy as np
 from numba import types
 from numba.experimental import structref
-from numba.typed import List
 from numpy.typing import NDArray
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
@@ -169,35 +168,3 @@ structref.define_constructor(Held, _HeldType, ["value"])  # pyright: ignore[repo
 def _hold(value: Any) -> Any:  # noqa: ANN401
     """Construct a `Held` value in compiled code, where the constructor is kept on disk."""
     return Held(value)
-
-
-def held_list(records: Iterable[Held[_Value]]) -> Any:  # noqa: ANN401
-    """Return a Numba list of records of one type; `replace_in` replaces one of them."""
-    first, *others = records
-    listed = _listed(first)
-    for record in others:
-        _append(listed, record)
-    return listed
-
-
-# Numba compiles the methods of its lists anew in each process, which takes a second; these are kept on disk.
-
-
-@compiled
-def _listed(first: Any) -> Any:  # noqa: ANN401
-    """Return a list with one record."""
-    listed = List()  # pyright: ignore
-    listed.append(first)  # pyright: ignore
-    return listed  # pyright: ignore
-
-
-@compiled
-def _append(listed: Any, record: Any) -> None:  # noqa: ANN401
-    """Append a record."""
-    listed.append(record)
-
-
-@compiled
-def replace_in(listed: Any, index: int, record: Any) -> None:  # noqa: ANN401
-    """Replace a record of a `held_list` by another one of the same type."""
-    listed[index] = record
