@@ -54,6 +54,7 @@ def make_report(log: MissionLog, wall_time_s: float, inspection: SiteInspections
     step, events = log.table("step"), log.table("event")
     findings = _findings(log, "confirmed")
     has_steps, battery = step["time_s"].size > 0, step["battery"][-1:]
+    start_s = step["time_s"][0] if has_steps and "field_data" in log.meta else 0.0
     return Report(
         schema=SCHEMA,
         scenario=log.meta["name"],
@@ -62,7 +63,7 @@ def make_report(log: MissionLog, wall_time_s: float, inspection: SiteInspections
         date=log.meta.get("date"),
         versions=log.meta.get("versions", {}),
         ending=next(iter(_events(events, "end", "subject")[-1:]), None),
-        sim_time_s=float(step["time_s"][-1]) if has_steps else 0.0,
+        sim_time_s=float(step["time_s"][-1] - start_s) if has_steps else 0.0,
         wall_time_s=wall_time_s,
         distance_m=float(path_length_m(step["pose"])[-1]) if has_steps else 0.0,
         battery_left=float(battery[0]) if np.isfinite(battery).any() else None,

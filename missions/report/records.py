@@ -222,7 +222,9 @@ class Report(ReportPart, frozen=True):
     date: str | None = Field(description="date of the inspection, as 2026-03-02; null if not given")
     versions: dict[str, str] = Field(description="versions of the software that made the log, by name")
     ending: str | None = Field(description="why the mission ended; null if it was killed")
-    sim_time_s: Second = Field(description="duration of the mission, seconds; for field data, time of the last pose")
+    sim_time_s: Second = Field(
+        description="duration of the mission, seconds; for field data, from the first to the last pose"
+    )
     wall_time_s: Second = Field(description="computing time, seconds; differs between runs of the same seed")
     distance_m: Length = Field(description="length of the path of the estimated poses, metres")
     battery_left: Probability | None = Field(description="remaining share of the battery; null for field data")

@@ -80,6 +80,16 @@ def test_log_of_field_data_is_read_back_without_truth(tmp_path: Path) -> None:
     assert make_report(log, 0.0).evaluation is None
 
 
+@pytest.mark.parametrize("start_s", [-1000.0, 1.7e9])
+def test_survey_may_begin_at_any_time(tmp_path: Path, start_s: float) -> None:
+    header, *rows = EXAMPLE.read_text().splitlines()
+    shifted = [f"{float(row.split(',')[0]) + start_s:.1f},{row.split(',', 1)[1]}" for row in rows]
+    (tmp_path / "t.csv").write_text("\n".join([header, *shifted]))
+    expected, report = (locate(table, noise_v=None) for table in (EXAMPLE, tmp_path / "t.csv"))
+    assert report.findings[0].position_m == pytest.approx(expected.findings[0].position_m, abs=1e-3)
+    assert report.sim_time_s == expected.sim_time_s == 260.0
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_one_pulse_per_pose_is_enough(tmp_path: Path, seed: int) -> None:
     report = locate(write(tmp_path / "s.csv", survey(orbit(24, 4.0, (10.0, 10.0), 0.7), SOURCE_M, seed=seed)))
