@@ -1,4 +1,4 @@
-"""What is drawn for one episode: sources, interferers, and the array with its errors; and what a reset can fix."""
+"""Ground truth of one episode: sources, interferers, and the array with its errors, drawn or set by a reset."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ class Episode:
     def draw(
         cls, scenario: Scenario, surroundings: Surroundings, generators: Generators, options: ResetOptions
     ) -> Self:
-        """Draw what the scenario leaves open and the options do not set."""
+        """Draw an episode; options take precedence over draws."""
         rng = generators.episode
         sources = _draw_sources(scenario, generators, options.sources_m)
         interferers = tuple(

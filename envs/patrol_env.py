@@ -85,8 +85,8 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     `reset(seed=...)` takes non-negative integers of Python or NumPy. With None the present generator continues.
 
     ## Options
-    `reset(options=...)` sets what is drawn otherwise: `start_pose` (x m, y m, yaw rad), and `sources`, a dict from the
-    name of a source to a site (`equipment/site`) or a position (x, y, z).
+    `reset(options=...)` sets values that are drawn by default: `start_pose` (x m, y m, yaw rad), and `sources`, a dict
+    from the name of a source to a site (`equipment/site`) or a position (x, y, z).
 
     ## Info
     The same entries after `reset` and `step`, Python numbers and NumPy arrays of fixed shapes:

@@ -22,7 +22,7 @@ REFLECTION_MARGIN_DB = 6.0
 
 
 def plausibility(scenario: Scenario) -> list[str]:
-    """List notes on a valid scenario, each as `key: what is odd`."""
+    """List notes on a valid scenario, each as `key: note`."""
     return [*_angle_notes(scenario), *_array_notes(scenario), *_source_notes(scenario)]
 
 

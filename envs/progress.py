@@ -49,7 +49,7 @@ class TaskProgress(NamedTuple):
         approached: True for sources that the robot has approached, shape (n_robots, n_sources).
         success: True if it has approached every source, False without sources, shape (n_robots,).
         visited: True for stops that it has visited, shape (n_robots, n_stops). The dock counts after all waypoints.
-        distance_m: Distance to the nearest source not yet approached, 0 if there is none, shape (n_robots,).
+        distance_m: Distance to the nearest source not yet approached, 0 if all are approached, shape (n_robots,).
         bearing: Cos and sin of the last bearing, world frame, zeros before the first, shape (n_robots, 2).
         bearing_age_s: Time since that bearing, shape (n_robots,).
     """

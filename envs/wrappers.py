@@ -17,7 +17,7 @@ BEARINGS_ONLY_KEYS = ("lidar", "velocity", "detected", "level", "bearing", "bear
 
 
 def bearings_only(observation: Observation) -> Observation:
-    """Reduce an observation to what a robot without map and position observes.
+    """Reduce an observation to the entries that a robot without map and position has.
 
     Args:
         observation: Observation of PDPatrol, each entry of shape (..., n) with any leading axes.

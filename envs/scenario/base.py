@@ -119,7 +119,7 @@ def read_toml(path: Path, wanted: str) -> dict[str, Any]:
 
 
 def error_lines(error: ValidationError, model: type[BaseModel]) -> list[str]:
-    """Format the errors of a validation as `key: what is wrong`, one line each.
+    """Format the errors of a validation as lines of the form `key: message`.
 
     Args:
         error: Errors that pydantic found.

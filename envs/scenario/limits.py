@@ -1,4 +1,4 @@
-"""Limits on combinations of settings: what a mission may cost in memory and time, and where arithmetic ends."""
+"""Limits on combinations of settings, for the memory and time of a mission and for the range of the arithmetic."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ class MapConfig(Config, frozen=True):
         return Yard(size_m=yard.size_m, equipment=(*shown, *self.extra))
 
     def errors(self, yard: Yard) -> list[str]:
-        """List what makes this an impossible map of a yard, as `key: what is wrong`."""
+        """List the errors of this map of a yard, as `key: message`."""
         pieces = {item.name: item for item in yard.equipment}
         names = list(pieces)
 

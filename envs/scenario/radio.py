@@ -19,7 +19,7 @@ def surroundings_of(yard: Yard, *, second_order: bool = False) -> Surroundings:
     """Return the faces and solids of all equipment with the material of each kind.
 
     Args:
-        yard: The yard, or what a map shows of it.
+        yard: The true yard, or the yard as a map shows it.
         second_order: Whether to trace reflections from two walls in turn.
     """
     solids = UprightSolids(**yard.solid_columns())

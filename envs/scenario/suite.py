@@ -2,7 +2,7 @@
 
 `envs/scenarios/suite` holds a public part for development and a test part that should be used rarely. Each part has a
 folder per level with one file per yard. A file fixes yard, map, sources, errors, receiver, robot and task. Estimator
-and Locator are what is tested: they have the defaults of the code or the settings of a sweep.
+and Locator are under test: they have the defaults of the code or the settings of a sweep.
 """
 
 from __future__ import annotations

@@ -17,12 +17,12 @@
 # [tool.uv.sources]
 # pdpatrol = { path = "../..", editable = true }
 # ///
-"""Run learning libraries on PDPatrol-v0, each for some steps, with nothing of ours between them.
+"""Run learning libraries on PDPatrol-v0 for some steps without adapters.
 
     uv run examples/learning_libraries/run.py --steps 2000
 
-Each takes the environment as `gymnasium.make` or `gymnasium.make_vec` makes it, and wraps it as its own documentation
-says. Whether a policy gets any good in so few steps is not the question.
+Each uses the environment that `gymnasium.make` or `gymnasium.make_vec` returns and wraps it as its documentation says.
+The runs are too short to learn a good policy.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ import tyro
 
 ENV = "pdpatrol:PDPatrol-v0"
 N_ENVS, EPISODE = 4, 100
-"""Environments at a time, and steps of an episode: so that some end."""
+"""Number of environments, and steps of an episode, few enough that episodes end."""
 
 made = functools.partial(gymnasium.make, ENV, max_episode_steps=EPISODE)
 made_at_once = functools.partial(gymnasium.make_vec, ENV, num_envs=N_ENVS, max_episode_steps=EPISODE)
@@ -48,7 +48,7 @@ Library = Literal["sb3", "skrl", "torchrl", "tianshou", "rllib"]
 
 
 def sb3(steps: int) -> int:
-    """PPO on environments made one by one, its observations a dict."""
+    """Run PPO on single environments with dict observations."""
     from stable_baselines3 import PPO
     from stable_baselines3.common.env_util import make_vec_env
 
@@ -59,7 +59,7 @@ def sb3(steps: int) -> int:
 
 
 def skrl(steps: int) -> int:
-    """PPO on the vector environment, its observations flattened by Gymnasium."""
+    """Run PPO on the vector environment with observations flattened by Gymnasium."""
     from gymnasium.wrappers.vector import FlattenObservation
     from skrl.envs.wrappers.torch import wrap_env
     from skrl.utils.runner.torch import Runner
@@ -88,9 +88,9 @@ def skrl(steps: int) -> int:
 
 
 def torchrl(steps: int) -> int:
-    """A collector with random actions, on one environment, on four in processes, and on the vector environment.
+    """Run a collector with random actions on one environment, on four in processes, and on the vector environment.
 
-    All entries of `info` are read too, where TorchRL offers to.
+    All entries of `info` are read where TorchRL supports it.
     """
     from torchrl.collectors import Collector
     from torchrl.envs import GymEnv, GymWrapper
@@ -110,7 +110,7 @@ def torchrl(steps: int) -> int:
 
 
 def tianshou(steps: int) -> int:
-    """A collector with random actions, on environments made one by one; its buffer keeps all of `info`."""
+    """Run a collector with random actions on single environments; its buffer keeps all of `info`."""
     from tianshou.algorithm.random import MARLRandomDiscreteMaskedOffPolicyAlgorithm as Random
     from tianshou.data import Collector, VectorReplayBuffer
     from tianshou.env import DummyVectorEnv
@@ -122,8 +122,8 @@ def tianshou(steps: int) -> int:
 
 
 def rllib(steps: int) -> int:
-    """PPO on the vector environment, and on environments made one by one."""
-    os.environ["RAY_ENABLE_UV_RUN_RUNTIME_ENV"] = "0"  # no workers: nothing needs this environment made anew
+    """Run PPO on the vector environment and on single environments."""
+    os.environ["RAY_ENABLE_UV_RUN_RUNTIME_ENV"] = "0"  # there are no workers that need this environment
     from ray.rllib.algorithms.ppo import PPOConfig
     from ray.rllib.connectors.env_to_module import FlattenObservations
 
@@ -156,8 +156,8 @@ def main(
     """Run learning libraries on PDPatrol-v0.
 
     Args:
-        libraries: Which ones.
-        steps: How many steps of the environment each takes at least.
+        libraries: Names of the libraries.
+        steps: Least number of environment steps for each.
     """
     failed = 0
     for name in libraries:
