@@ -167,10 +167,10 @@ def film_frames(
             doing = (
                 outcome_text(make_report(log, 0.0)) if is_last else phase_text(Phase(row["phase"], row["phase_target"]))
             )
-            figure.suptitle(f"{title_text(log.meta)}, {row['time_s']:.1f} s: {doing}", parse_math=False)
+            figure.suptitle(f"{title_text(log.meta)}, {row['time_s']:.1f} s: {doing}", fontsize=15, parse_math=False)
             n_events = log.n_rows("event") if is_last else log.rows_before("event", step + 1)
             event = log.column("event", "text", 0, n_events)[-1:].tolist()
-            figure.supxlabel(*event or [" "], parse_math=False)
+            figure.supxlabel(*event or [" "], fontsize=13, parse_math=False)
             canvas.draw()
             yield np.asarray(canvas.buffer_rgba())[..., :3].copy()
 
