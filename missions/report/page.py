@@ -64,17 +64,13 @@ def report_page(log: MissionLog, report: Report) -> str:
         report: Report of that log.
     """
     pulses = finding_pulses(log)
-    figures = {
-        finding.id: {
-            "phase_pattern": finding.discharge
-            and embed(draw_phase_pattern(finding.discharge), f"Phase-resolved pattern of finding {finding.id}"),
-            "detected_from": embed(
-                draw_detected_from(log, finding, pulses.get(finding.id)),
-                f"Poses and bearings from which finding {finding.id} was detected",
-            ),
-        }
-        for finding in report.findings
-    }
+    figures: dict[int, tuple[Markup | None, Markup]] = {}
+    for finding in report.findings:
+        number, pattern = finding.id, None
+        if finding.discharge is not None:
+            pattern = embed(draw_phase_pattern(finding.discharge), f"Phase-resolved pattern of finding {number}")
+        detected_from = draw_detected_from(log, finding, pulses.get(number))
+        figures[number] = pattern, embed(detected_from, f"Poses and bearings from which finding {number} was detected")
     return render(
         "report.html",
         title="Partial discharge survey",
@@ -109,14 +105,15 @@ def _by_equipment(inspection: SiteInspections) -> list[tuple[str, str]]:
 
 def _settings(meta: Mapping[str, Any]) -> dict[str, str]:
     """Return the settings of the measurement, one line for each table, without empty values."""
-    known = meta.get("scenario") or meta.get("settings", {})
-    lines = {name: _settings_line(known.get(name, {})) for name in SETTINGS}
-    return {name: line for name, line in lines.items() if line}
-
-
-def _settings_line(table: Mapping[str, Any]) -> str:
-    values = {key: value for key, value in table.items() if value not in (None, [], {}) and key != "faults"}
-    return ", ".join(f"{key} {_value_text(value)}" for key, value in values.items() if not isinstance(value, dict))
+    known, lines = meta.get("scenario") or meta.get("settings", {}), dict[str, str]()
+    for name in SETTINGS:
+        values = {
+            key: value for key, value in known.get(name, {}).items() if value not in (None, []) and key != "faults"
+        }
+        texts = [f"{key} {_value_text(value)}" for key, value in values.items() if not isinstance(value, dict)]
+        if texts:
+            lines[name] = ", ".join(texts)
+    return lines
 
 
 def _value_text(value: object) -> str:
