@@ -187,7 +187,7 @@ class Mission:
         self._book.event("end", f"mission over: {reason}", subject=reason)
 
     def _keep_calibration(self) -> None:
-        """Log what the mission has learned about its array."""
+        """Log the calibration of the array by this mission."""
         scenario, meta = self.env.scenario, self.log.meta
         name = f"{meta['name']}, seed {meta['seed']}, {meta['policy']}, {self.time_s:.1f} s"
         calibration = self._tracker.calibration(name, scenario.array.serial_number, scenario.locating.calibration)

@@ -25,7 +25,7 @@ TURN_SPEED_MPS = 0.2
 
 
 class PathFollower:
-    """Drives to one place, and gives it up when there is no path to it or the drive takes too long.
+    """Drives to one place, and gives it up if it is unreachable or the drive takes too long.
 
     Args:
         site_map: Map of free ground.

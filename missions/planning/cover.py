@@ -79,7 +79,7 @@ def coverage_from(detectability: Detectability, columns: IntArray, targets: Bool
 
 
 def required_coverage(detectability: Detectability, columns: IntArray, aperture_rad: FloatArray) -> Coverage:
-    """Return what a tour must offer: crossing and cells as wanted, or as a longer tour offers if that is less.
+    """Return the coverage required of a tour: crossing and cells as wanted, or as a longer tour offers if less.
 
     Args:
         detectability: Where targets are detectable from.

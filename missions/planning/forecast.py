@@ -82,7 +82,7 @@ class Forecast:
     def detects(self, target_m: FloatArray, views: Views) -> NDArray[np.bool_]:
         """Return the views that detect a discharge at a place (3,) in sight, at any distance; shape (n_views,).
 
-        A tour is chosen by what it detects reliably from near; views from farther away help as well.
+        A tour is chosen by reliable detection from near; views from farther away help as well.
         """
         transmission = self._transmission(target_m, views.pose)
         peak_v = self._amplitude_v * transmission * received(self._array, views.pose, target_m).max(axis=-1)

@@ -31,15 +31,6 @@ BACK_OFF_S = 1.5
 BACK_OFF_COMMANDS = np.array([(-0.3, 0.0), (-0.3, 0.6), (-0.3, -0.6), (0.3, 0.9), (0.3, -0.9)])
 """Ways out when stuck, m/s and rad/s, preferred ones first, and the time to drive one. Assumed; about half a metre."""
 
-COLLISION_BRAKING_RATIO = 1.5
-"""A deceleration above this multiple of the braking limit is a collision. Assumed."""
-
-SCAN_RANGE_M = 2.5
-"""Range within which obstacles are remembered. Assumed; farther out, the heading error displaces them too much."""
-
-EXPLAINED_M = 0.2
-"""Distance to mapped equipment or fence at which a point belongs to it. Assumed; three deviations of pose and range."""
-
 PLACE_M = 0.1
 """Resolution of remembered obstacles. Assumed; half the radius of a small robot."""
 
@@ -56,11 +47,15 @@ class SeenObstacles:
         self._map: SiteMap | None = None
 
     def scan(self, lidar_m: NDArray[np.floating], pose: FloatArray, time_s: float, plan: SiteMap) -> None:
-        """Add the points that beams (LIDAR_BEAMS,), metres, measured around a pose (3,) and `plan` does not show."""
-        near = lidar_m < SCAN_RANGE_M
+        """Add the points that beams (LIDAR_BEAMS,), metres, measured around a pose (3,) and `plan` does not show.
+
+        Points beyond 2.5 m do not count, because the heading error displaces them, and points within 0.2 m of the fence
+        or mapped equipment belong to it: three standard deviations of pose and range (both assumed).
+        """
+        near = lidar_m < 2.5
         bearing = pose[2] + BEAM_RAD[near]
         points = pose[:2] + lidar_m[near, np.newaxis] * np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
-        self.add(points[plan.yard.clearance(points) > EXPLAINED_M], time_s)
+        self.add(points[plan.yard.clearance(points) > 0.2], time_s)
 
     def add(self, points_m: FloatArray, time_s: float) -> None:
         """Remember points (n, 2), world frame, and forget places that were last seen long ago."""
@@ -122,17 +117,20 @@ class CollisionGuard:
         return time_s - self._moved_s > STUCK_S
 
     def _has_collided(self, speed_mps: float, robot: RobotDescription) -> bool:
-        """Return True if the robot lost speed faster than brakes can: an obstacle above or below the lidar's plane."""
+        """Return True if the robot lost speed 1.5 times (assumed) as fast as brakes can.
+
+        It has hit an obstacle above or below the lidar's plane.
+        """
         lost_mps, self._speed_mps = abs(self._speed_mps) - abs(speed_mps), speed_mps
-        return lost_mps > COLLISION_BRAKING_RATIO * robot.max_acceleration_mps2 * STEP_S
+        return lost_mps > 1.5 * robot.max_acceleration_mps2 * STEP_S
 
     def _start_back_off(
         self, observation: Observation, pose: FloatArray, time_s: float, robot: RobotDescription, *, has_collided: bool
     ) -> Action:
         """Start to back off towards the most free space.
 
-        What the robot collided with, or what it got stuck at twice within half a metre, is added to the map, 5 cm ahead
-        of its outline (both assumed).
+        The obstacle of a collision, or of two stops within half a metre, is added to the map 5 cm ahead of the robot's
+        outline (both assumed).
         """
         if has_collided or any(np.hypot(*(place - pose[:2])) < 0.5 for place in self._stuck_at_m):
             ahead = np.array([np.cos(pose[2]), np.sin(pose[2])])

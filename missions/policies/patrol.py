@@ -13,9 +13,6 @@ from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap
 from pdpatrol.missions.policies.protocol import Action, believed_pose, time_of
 from pdpatrol.missions.record.events import Phase
 
-AIM_RADIUS_SHARE = 0.7
-"""Fraction of a waypoint's radius within which the robot aims. Assumed; the rest is for the error of the pose."""
-
 
 class Patrol:
     """Drives the route and returns to the dock, whatever is detected; stands still without a route."""
@@ -34,7 +31,7 @@ class Patrol:
             return np.zeros(2, dtype=np.float32)
         pose, time_s = believed_pose(observation), time_of(observation, site_map)
         stops = (*site_map.route.stops_m, site_map.route.dock_m)
-        radius = AIM_RADIUS_SHARE * site_map.task.waypoint_radius_m
+        radius = 0.7 * site_map.task.waypoint_radius_m  # the rest is for the pose error (assumed)
         while self._next_stop < len(stops):
             goal, is_dock = np.asarray(stops[self._next_stop]), self._next_stop == len(stops) - 1
             if self._drive is None:

@@ -25,16 +25,16 @@ class Policy(Protocol):
 
     **Call.** `policy(observation, findings, site_map) -> action`, once per control step of 0.1 s:
 
-    - `observation`: what the robot senses, see `pdpatrol.envs.patrol_env.PatrolEnv`; `believed_pose` and `time_of` read
+    - `observation`: the sensor readings, see `pdpatrol.envs.patrol_env.PatrolEnv`; `believed_pose` and `time_of` read
       pose and time.
-    - `findings`: what the Locator has located so far, each a `dirmusic.Finding`; findings with `state == "candidate"`
+    - `findings`: the Locator's findings so far, each a `dirmusic.Finding`; findings with `state == "candidate"`
       need more bearings.
     - `site_map`: the operator's plan (`pdpatrol.missions.driving.site_map.SiteMap`): yard, route, task, free ground,
       shortest paths. `pdpatrol.missions.driving.path_follower.PathFollower` drives along them.
     - `action`: two finite numbers in [-1, 1], shape (2,): forward speed and counter-clockwise yaw rate, as fractions of
       the robot's limits; or None to end the mission.
 
-    **Optional attributes.** `phase`, one or two words on what the policy is doing, or a
+    **Optional attributes.** `phase`, one or two words for the current activity, or a
     `pdpatrol.missions.record.events.Phase` (default: the name of its class), and `unreachable`, the numbers of the
     waypoints that it has given up, from 1 (default: none). Both are logged.
 

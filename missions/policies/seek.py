@@ -42,29 +42,14 @@ DEAD_END_PENALTY_S = 25.0
 REPLAN_S = 3.0
 """Time between searches for a better viewpoint. Assumed."""
 
-MEAN_SPEED_SHARE = 0.6
-"""Mean speed on the route over the top speed, with stops and turns. Assumed."""
-
 SILENCE_S = 20.0
 """Time of pursuit without a detection after which a candidate is set aside until it is detected again. Assumed."""
-
-VIEW_RADIUS_M = 0.4
-"""Distance at which a viewpoint counts as reached. Assumed."""
-
-VIEW_SPACING_M = 0.5
-"""Distance after which the robot's place counts as another view. Assumed."""
 
 KNOWN_M = 0.5
 """Half-axis of the 95 % ellipse below which a candidate needs a new side instead of more information. Assumed."""
 
 EXPECTED_M = 0.4
 """Expected half-axis at the end of a chosen path. Assumed; less than `KNOWN_M`, for drives differ from plans."""
-
-NEW_VIEW_M = 0.6
-"""Distance from earlier places below which a view adds no information. Assumed; its errors are the same."""
-
-STICK_S = 2.0
-"""Time by which a chosen path may exceed the best one before it is changed. Assumed; each change costs a turn."""
 
 
 @dataclass
@@ -186,18 +171,19 @@ class Seek:
 
     def _pursue(self, target: Finding, pose: FloatArray, time_s: float, site_map: SiteMap) -> Action | None:
         """Drive to the current viewpoint; choose another when it is reached, outdated or too slow to reach."""
-        if not self._views_m or np.hypot(*(self._views_m[-1] - pose[:2])) > VIEW_SPACING_M:
+        if not self._views_m or np.hypot(*(self._views_m[-1] - pose[:2])) > 0.5:  # another view (assumed)
             self._views_m.append(pose[:2].copy())
         drive = self._drive
         needs_another = drive is None or drive.is_over(pose, time_s) or not drive.is_planned_on(site_map)
         if needs_another or time_s - self._planned_s >= REPLAN_S:
             paths = site_map.reach(pose)
-            route_s = self._patrol.remaining_m(paths, site_map) / (MEAN_SPEED_SHARE * site_map.robot.max_speed_mps)
+            mean_speed_mps = 0.6 * site_map.robot.max_speed_mps  # with stops and turns (assumed)
+            route_s = self._patrol.remaining_m(paths, site_map) / mean_speed_mps
             self._is_late = self._route_first and time_s + route_s > site_map.task.time_limit_s
             goal = None if self._is_late else self.viewpoint(target, pose, paths, site_map)
             if goal is None:
                 return None
-            drive = PathFollower(site_map, pose, goal, time_s, VIEW_RADIUS_M, paths)
+            drive = PathFollower(site_map, pose, goal, time_s, 0.4, paths)
             self._drive, self._planned_s = drive, time_s
         assert drive is not None
         return drive.action(pose) if drive.is_reachable else None
@@ -215,15 +201,16 @@ class Active(Seek):
     ) -> FloatArray | None:
         """Return the end of the fastest path on which the candidate is expected to become known well enough.
 
-        Information is summed along the whole path; places where the robot has been do not count. The path chosen before
-        is kept while it is nearly as good. A candidate that is known well but not confirmed, and one for which no path
-        is sufficient, is viewed from a new side.
+        Information is summed along the whole path, except within 0.6 m of earlier places of the robot, where errors are
+        the same. The path chosen before is kept while it takes at most 2 s longer (both assumed), because each change
+        costs a turn. A candidate that is known well but not confirmed, and one for which no path is sufficient, is
+        viewed from a new side.
         """
         if target.semi_major_m <= KNOWN_M:
             return super().viewpoint(target, pose, paths, site_map)
         target_m = likely_place(target, pose, site_map)
         information = expected_information(site_map.centres_m, target_m, site_map)
-        is_new = np.asarray(KDTree(self._views_m).query(site_map.centres_m)[0]) > NEW_VIEW_M
+        is_new = np.asarray(KDTree(self._views_m).query(site_map.centres_m)[0]) > 0.6
         gained = paths.integrate(information * is_new[:, np.newaxis, np.newaxis])
         after_m2 = np.asarray(np.linalg.inv(np.linalg.inv(target.covariance_m2) + gained), dtype=np.float64)
         semi_major_m = np.sqrt(CHI2_95 * np.linalg.eigvalsh(after_m2[:, :2, :2])[:, 1])
@@ -234,7 +221,7 @@ class Active(Seek):
             return super().viewpoint(target, pose, paths, site_map)
         if self._chosen is not None and self._chosen[0] == target.id:
             kept = self._chosen[1]
-            if semi_major_m[kept] <= KNOWN_M and time_s[kept] <= sufficient_s[best] + STICK_S:
+            if semi_major_m[kept] <= KNOWN_M and time_s[kept] <= sufficient_s[best] + 2.0:
                 best = kept
         self._chosen = target.id, best
         return site_map.centres_m[best]

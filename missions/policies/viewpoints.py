@@ -1,4 +1,4 @@
-"""Viewpoints: where to go to view a candidate from another side, and what a view is worth.
+"""Viewpoints: where to go to view a candidate from another side, and the value of a view.
 
 A single bearing says little about distance; bearings that differ by 60 degrees give a small ellipse. `best_viewpoint`
 trades the new angle that a place adds for the path to it, both in metres; `expected_information` is the information on
@@ -24,9 +24,6 @@ MAX_ELEVATION_RAD = np.radians(35.0)
 """Elevation of a candidate above which it is not viewed if the pattern is known in the horizontal plane only. Assumed;
 bearings with the computed helices are off by 4 degrees at 30 degrees of elevation, by 40 at 45."""
 
-VIEW_CLEARANCE_M = 0.2
-"""Clearance of a viewpoint beyond the robot's footprint. Assumed; the robot can stop and turn there."""
-
 ON_SURFACE_M, SIDESTEP_ON_SURFACE_M = 0.5, 1.5
 """Depth of equipment around a candidate that does not hide it, at a viewpoint and at a sidestep. Assumed; an estimate
 may lie inside the surface, and a candidate that cannot be approached is located less well."""
@@ -38,21 +35,6 @@ NOVELTY_WORTH_M = 8.0
 MIN_NOVELTY_RAD = np.radians(15.0)
 MIN_PATH_M = 0.5
 """New angle and path length below which a place is not another view. Assumed."""
-
-SIDESTEP_PATH_M = (2.0, 12.0)
-"""Shortest and longest path to a sidestep. Assumed; shorter ones change no angle, longer ones leave the candidate."""
-
-MIN_BEARING_STD_RAD = np.radians(0.3)
-"""Standard deviation of the views along a metre of path if array and pose are exact. Assumed; due to reflections."""
-
-MIN_ELEVATION_SINE = 0.05
-"""Assumed; strengths do not depend on the elevation in the plane of the array, and depend more on it farther off."""
-
-VIEW_RANGES_M = (1.0, 10.0)
-"""Shortest and longest horizontal distance of views that count. Assumed."""
-
-WITHIN_M = 0.6
-"""Depth of equipment around a candidate that does not hide it from views along a path. Assumed."""
 
 
 def likely_place(target: Finding, pose: FloatArray, site_map: SiteMap) -> FloatArray:
@@ -92,7 +74,7 @@ def best_viewpoint(
     spokes = np.stack([np.cos(VIEW_ASPECTS_RAD), np.sin(VIEW_ASPECTS_RAD)], axis=-1)
     ring = target_m[:2] + np.multiply.outer(_view_radii(target_m, site_map), spokes).reshape(-1, 2)
     ring = ring[site_map.yard.contains(ring)]
-    clearance_m = site_map.robot.footprint_radius_m + VIEW_CLEARANCE_M
+    clearance_m = site_map.robot.footprint_radius_m + 0.2  # to stop and turn there (assumed)
     ring = ring[site_map.clearance(ring) > clearance_m] if ring.size else ring
     ring = ring[site_map.in_sight(ring, target_m, ON_SURFACE_M)] if ring.size else ring
     length_m = paths.length_m[site_map.nearest_free(ring)]
@@ -112,11 +94,12 @@ def _view_radii(target_m: FloatArray, site_map: SiteMap) -> FloatArray:
 
 
 def _sidestep(target_m: FloatArray, views_m: FloatArray, paths: ShortestPaths, site_map: SiteMap) -> FloatArray | None:
-    """Return the place nearby that adds most angle, preferably with line of sight, if there is no viewpoint.
+    """Return the place nearby that adds most angle, preferably with line of sight; used without a viewpoint.
 
-    Sidesteps are far, so a metre of path costs 0.2 m; line of sight is worth 2 m (both assumed).
+    Paths to sidesteps are 2 to 12 m long: shorter ones change no angle, longer ones leave the candidate. A metre of
+    path costs 0.2 m, because sidesteps are far; line of sight is worth 2 m. All assumed.
     """
-    near = np.flatnonzero((paths.length_m > SIDESTEP_PATH_M[0]) & (paths.length_m < SIDESTEP_PATH_M[1]))
+    near = np.flatnonzero((paths.length_m > 2.0) & (paths.length_m < 12.0))
     if near.size == 0:
         return None
     points = site_map.centres_m[near]
@@ -160,7 +143,11 @@ def expected_information(places_m: FloatArray, target_m: FloatArray, site_map: S
         target_m: Assumed position of the candidate, shape (3,).
         site_map: Map with lines of sight, height of the array, and accuracy of array and pose.
     """
-    nearest_m, farthest_m = VIEW_RANGES_M
+    # Assumed: horizontal distances of views that count; depth of equipment around a candidate that does not hide it;
+    # smallest standard deviation of views along a metre of path, due to reflections; and smallest sine of an elevation,
+    # because strengths do not depend on the elevation in the plane of the array.
+    nearest_m, farthest_m, depth_m = 1.0, 10.0, 0.6
+    min_bearing_std_rad, min_sine = np.radians(0.3), 0.05
     sight_m = target_m[:2] - places_m
     plan_m = np.maximum(np.linalg.norm(sight_m, axis=-1), nearest_m)
     rise_m = target_m[2] - site_map.antenna_height_m
@@ -169,11 +156,11 @@ def expected_information(places_m: FloatArray, target_m: FloatArray, site_map: S
     across = np.column_stack([-ahead[:, 1], ahead[:, 0], np.zeros(len(places_m))])
     sine, cosine = rise_m / range_m, plan_m / range_m
     upward = np.column_stack([-sine[:, np.newaxis] * ahead, cosine])
-    bearing_std_rad, position_m2 = max(site_map.bearing_std_rad, MIN_BEARING_STD_RAD), site_map.position_std_m**2
-    elevation_std_rad = bearing_std_rad / np.maximum(np.abs(sine), MIN_ELEVATION_SINE)
+    bearing_std_rad, position_m2 = max(site_map.bearing_std_rad, min_bearing_std_rad), site_map.position_std_m**2
+    elevation_std_rad = bearing_std_rad / np.maximum(np.abs(sine), min_sine)
     by_bearing = 1.0 / (np.square(bearing_std_rad * plan_m) + position_m2)
     by_strength = 1.0 / (np.square(elevation_std_rad * range_m) + position_m2)
     is_visible = plan_m < farthest_m
-    is_visible[is_visible] = site_map.in_sight(places_m[is_visible], target_m, WITHIN_M)
+    is_visible[is_visible] = site_map.in_sight(places_m[is_visible], target_m, depth_m)
     information = np.einsum("n,ni,nj->nij", by_bearing * is_visible, across, across)
     return information + np.einsum("n,ni,nj->nij", by_strength * is_visible, upward, upward)

@@ -31,7 +31,7 @@ class Event(NamedTuple):
         kind: Kind of the event.
         text: One sentence for people, which can be understood without the other fields.
         number: Number of the waypoint, from 1, or id of the finding; 0 for other events.
-        subject: Name of what was touched, or the reason why the mission ended; empty for other events.
+        subject: Name of the touched object, or the reason for the end of the mission; empty for other events.
     """
 
     kind: EventKind

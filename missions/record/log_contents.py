@@ -77,8 +77,8 @@ def bearing_rmse(log: MissionLog, scenario: Scenario) -> float:
         scenario: Scenario of the mission.
 
     Returns:
-        Radians, over bearings with line of sight to the source; NaN if there are none, or if there are several sources,
-        because the source of a bearing is then unknown.
+        Radians, over bearings with line of sight to the source; NaN without such bearings, or with several
+        sources, because the source of a bearing is then unknown.
     """
     sources = log.meta["truth"]["sources"]
     bearing, pulse_step = log.table("bearing"), log.column("pulse", "step")

@@ -118,7 +118,7 @@ class Tracker:
     def calibration(
         self, mission: str, serial_number: int | None, before: ArrayCalibration | None
     ) -> ArrayCalibration | None:
-        """Return what the Locator has learned about the array; None if nothing, or for a user's Locator.
+        """Return the calibration of the array by the Locator; None without one, and for a user's Locator.
 
         Args:
             mission: Name of the mission.
