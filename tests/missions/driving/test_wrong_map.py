@@ -6,15 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dirmusic import Locator
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.patrol_env import PatrolEnv
-from pdpatrol.missions.driving.site_map import MIN_TRANSMISSION, SiteMap
+from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.policies.viewpoints import best_viewpoint
 from pdpatrol.missions.record.log_contents import bearing_rmse
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
-from pdpatrol.missions.runner import Mission, make_locator, run_mission
+from pdpatrol.missions.runner import Mission, run_mission
 from pdpatrol.robot_models.drawn_solids import describe_equipment, describe_solids
 
 RIGHT = load_scenario("one_source")
@@ -38,15 +37,6 @@ SOUTH, NORTH = np.array([12.0, 12.5]), np.array([12.0, 21.5])
 
 def mapped(**wrong: Any) -> Scenario:  # noqa: ANN401 - tables of many types
     return Scenario.model_validate(RIGHT.model_dump() | {"map": wrong})
-
-
-def locators_sight(scenario: Scenario, point_m: np.ndarray, target_m: np.ndarray) -> bool:
-    """Return True if the Locator of a mission has line of sight to a target."""
-    site_map = SiteMap(scenario)
-    locator = make_locator(scenario, site_map, PatrolEnv(scenario).simulation.array, scenario.locating.rules())
-    assert isinstance(locator, Locator)
-    from_m, to_m = np.append(point_m, 0.6)[np.newaxis], np.append(target_m, 0.9)
-    return bool(locator._record.sight.shares(from_m, to_m, 0.0)[0] > MIN_TRANSMISSION)
 
 
 def drive_into_transformer_1(scenario: Scenario) -> list[dict[str, Any]]:
@@ -75,17 +65,11 @@ def test_simulation_uses_the_true_yard(wrong: str, right_drive: list[dict[str, A
             np.testing.assert_array_equal(step[key], value, err_msg=key)
 
 
-def test_map_without_differences_is_the_yard() -> None:
-    assert RIGHT.known_yard is RIGHT.yard
-    other = RIGHT.yard.model_copy(update={"size_m": (41.0, 30.0)})
-    assert RIGHT.model_copy(update={"yard": other}).known_yard is other
-
-
 def test_missing_piece_is_transparent_and_drivable() -> None:
     scenario = mapped(missing=("transformer_1",))
-    assert not locators_sight(RIGHT, SOUTH, NORTH)
-    assert locators_sight(scenario, SOUTH, NORTH)
     right, wrong = SiteMap(RIGHT), SiteMap(scenario)
+    assert not right.in_sight(SOUTH[np.newaxis], np.append(NORTH, 0.9), 0.0)
+    assert wrong.in_sight(SOUTH[np.newaxis], np.append(NORTH, 0.9), 0.0)
     assert wrong.is_clear(SOUTH, NORTH)
     assert not right.is_clear(SOUTH, NORTH)
     lengths = [site_map.reach(SOUTH).length_m[site_map.cell(NORTH)] for site_map in (right, wrong)]
@@ -94,9 +78,9 @@ def test_missing_piece_is_transparent_and_drivable() -> None:
 
 def test_extra_piece_is_avoided_and_hides() -> None:
     scenario, south, north = mapped(extra=(KIOSK,)), np.array([5.0, 5.5]), np.array([5.0, 9.5])
-    assert locators_sight(RIGHT, south, north)
-    assert not locators_sight(scenario, south, north)
     right, wrong = SiteMap(RIGHT), SiteMap(scenario)
+    assert right.in_sight(south[np.newaxis], np.append(north, 0.9), 0.0)
+    assert not wrong.in_sight(south[np.newaxis], np.append(north, 0.9), 0.0)
     lengths = [site_map.reach(south).length_m[site_map.cell(north)] for site_map in (right, wrong)]
     assert lengths[1] > lengths[0] + 1.0
     target, views = np.array([5.0, 7.0]), np.array([[5.0, 4.0]])
