@@ -8,7 +8,7 @@ import pytest
 from tests.robot_models.one_robot import OneRobot
 
 
-def test_standing_and_driving_on_the_floor_touches_nothing(shipped: OneRobot) -> None:
+def test_driving_on_the_floor_touches_nothing(shipped: OneRobot) -> None:
     assert shipped.touched() == ()
     shipped.drive_on(0.8, 1.0, 2.0)
     assert shipped.touched() == ()
@@ -26,20 +26,20 @@ def test_contact_is_reported_by_name(shipped: OneRobot) -> None:
     assert shipped.pose()[0] == pytest.approx(19.0 - front_m(shipped), abs=0.01)
 
 
-def test_the_flank_of_a_long_robot_touches_where_its_front_does_not(crawler: OneRobot) -> None:
+def test_flank_of_a_long_robot_touches(crawler: OneRobot) -> None:
     crawler.reset(18.75, 10.0, math.pi / 2)
     assert crawler.touched() == ()
     crawler.drive_on(0.0, 1.0, 1.0)
     assert crawler.touched() == ("equipment/tank",)
 
 
-def test_what_is_touched_together_is_reported_sorted(shipped: OneRobot) -> None:
+def test_simultaneous_contacts_are_sorted(shipped: OneRobot) -> None:
     shipped.reset(0.6, 0.6, 1.25 * math.pi)
     shipped.drive_on(0.8, 0.0, 2.0)
     assert shipped.touched() == ("fence/south", "fence/west")
 
 
-def test_contact_is_forgotten_in_the_next_interval_without_it(shipped: OneRobot) -> None:
+def test_contact_is_cleared_in_the_next_interval(shipped: OneRobot) -> None:
     shipped.reset(18.3, 10.0, 0.0)
     shipped.drive_on(0.8, 0.0, 1.5)
     shipped.drive_on(-0.8, 0.0, 1.0)
@@ -47,7 +47,7 @@ def test_contact_is_forgotten_in_the_next_interval_without_it(shipped: OneRobot)
     assert shipped.touched() == ()
 
 
-def test_a_contact_in_the_middle_of_an_interval_is_not_missed(inspector: OneRobot) -> None:
+def test_contact_within_an_interval_is_reported(inspector: OneRobot) -> None:
     inspector.reset(18.72, 10.0, 0.0)
     inspector.drive(0.8, 0.0, 0.2)
     assert inspector.touched() == ()  # on its way, 8 cm before the tank it cannot brake any more
@@ -58,12 +58,12 @@ def test_a_contact_in_the_middle_of_an_interval_is_not_missed(inspector: OneRobo
     assert inspector.touched() == ("equipment/tank",)
 
 
-def test_a_reset_into_equipment_is_reported(shipped: OneRobot) -> None:
+def test_reset_into_equipment_is_a_contact(shipped: OneRobot) -> None:
     shipped.reset(19.0, 10.0, 0.0)
     assert shipped.touched() == ("equipment/tank",)
 
 
-def test_what_is_touched_for_a_moment_between_two_looks_is_told_once(inspector: OneRobot) -> None:
+def test_short_contact_is_reported_once(inspector: OneRobot) -> None:
     inspector.reset(18.8002, 10.0, 0.0)  # touching the tank
     assert inspector.touched() == ("equipment/tank",)
     inspector.drive(-0.8, 0.0, 0.1)
@@ -73,7 +73,7 @@ def test_what_is_touched_for_a_moment_between_two_looks_is_told_once(inspector: 
     assert inspector.touched() == ()
 
 
-def test_no_geom_of_a_robot_can_touch_another(shipped: OneRobot) -> None:
+def test_robot_geoms_do_not_touch_each_other(shipped: OneRobot) -> None:
     model = shipped.robots.physics
     own = np.flatnonzero(model.body_rootid[model.geom_bodyid] == model.body("base").id)
     contype, conaffinity = model.geom_contype[own], model.geom_conaffinity[own]

@@ -22,14 +22,14 @@ def yard_with(kind: str, yaw_deg: float = 30.0, length_m: float | None = None) -
     return Yard(size_m=(40.0, 30.0), equipment=(it,))
 
 
-def test_every_kind_has_one_row_with_the_material_that_radio_reckons_with() -> None:
+def test_kinds_have_the_materials_of_the_radio_model() -> None:
     assert KINDS.keys() == materials.KIND_MATERIALS.keys()
     for name, kind in KINDS.items():
         assert getattr(materials, kind.material.upper()) is materials.KIND_MATERIALS[name], name
         assert all(0.0 <= share <= 1.0 for share in kind.colour), name
 
 
-def test_the_numbers_of_a_part_do_not_change_its_colour() -> None:
+def test_part_numbers_do_not_change_the_colour() -> None:
     post = colour_of("busbar", "post")
     assert colour_of("busbar", "post_1_2") == colour_of("busbar", "post_13") == post != KINDS["busbar"].colour
     assert colour_of("busbar", "leg_1_right") == KINDS["busbar"].colour
@@ -37,7 +37,7 @@ def test_the_numbers_of_a_part_do_not_change_its_colour() -> None:
 
 
 @pytest.mark.parametrize("kind", CATALOGUE)
-def test_a_kind_stands_on_the_ground_and_its_sites_lie_on_its_surface_in_the_open(kind: str) -> None:
+def test_sites_of_a_kind_lie_on_its_surface(kind: str) -> None:
     yard = yard_with(kind)
     assert yard.solids.bottom_m.min() == 0.0
     assert (yard.solids.top_m > yard.solids.bottom_m).all()
@@ -48,7 +48,7 @@ def test_a_kind_stands_on_the_ground_and_its_sites_lie_on_its_surface_in_the_ope
 
 
 @pytest.mark.parametrize("kind", CATALOGUE)
-def test_in_the_model_it_has_the_same_surface_as_on_the_map(kind: str) -> None:
+def test_model_of_a_kind_has_the_surface_of_the_map(kind: str) -> None:
     yard = yard_with(kind)
     inspector = Robots(load_robot("inspector"), yard, ONE_ELEMENT)
     groups = (np.arange(6) == 1).astype(np.uint8)
@@ -67,7 +67,7 @@ def test_in_the_model_it_has_the_same_surface_as_on_the_map(kind: str) -> None:
     assert hits > 5
 
 
-def test_the_robot_touches_the_piece_whatever_part_it_runs_into() -> None:
+def test_contact_with_any_part_names_the_piece() -> None:
     inspector = Robots(load_robot("inspector"), yard_with("power_transformer", yaw_deg=0.0), ONE_ELEMENT)
     inspector.reset([0], [(20.0, 12.4, np.pi / 2)])
     inspector.drive([0.5], [0.0], 2.0)
@@ -77,7 +77,7 @@ def test_the_robot_touches_the_piece_whatever_part_it_runs_into() -> None:
     assert inspector.touched[0] == ()
 
 
-def test_the_robot_passes_below_a_busbar_but_not_over_a_kerb() -> None:
+def test_robot_passes_below_a_busbar_but_not_over_a_kerb() -> None:
     busbar, kerb = yard_with("busbar", yaw_deg=0.0), yard_with("kerb", yaw_deg=0.0)
     assert busbar.clearance(np.array([22.0, 15.0])) > 1.0
     assert kerb.clearance(np.array([20.0, 15.0])) < 0
@@ -89,7 +89,7 @@ def test_the_robot_passes_below_a_busbar_but_not_over_a_kerb() -> None:
     assert inspector.readings.pose[0, 1] < 15.0
 
 
-def test_a_fence_is_as_long_as_it_is_told_and_a_breaker_has_one_size() -> None:
+def test_length_is_used_or_refused() -> None:
     assert yard_with("fence", length_m=9.0).solids.half_size_m[0, 0] == 4.5
     with pytest.raises(ValidationError, match="left out for a circuit_breaker, which has one size"):
         yard_with("circuit_breaker", length_m=9.0)
@@ -97,7 +97,7 @@ def test_a_fence_is_as_long_as_it_is_told_and_a_breaker_has_one_size() -> None:
         yard_with("pump")
 
 
-def test_a_box_of_any_kind_can_stand_in_for_what_the_catalogue_lacks() -> None:
+def test_box_may_have_any_kind() -> None:
     box = BoxEquipment(
         name="r", kind="reactor", position_m=(5.0, 5.0), footprint_m=(2.0, 1.0), height_m=2.0, shape="box", yaw_deg=90.0
     )

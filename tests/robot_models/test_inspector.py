@@ -20,7 +20,7 @@ def wheel_loads_n(inspector: OneRobot) -> np.ndarray:
     return loads
 
 
-def test_the_wheels_stay_on_the_floor_when_accelerating_and_braking_hard(inspector: OneRobot) -> None:
+def test_wheels_stay_on_the_floor_when_braking(inspector: OneRobot) -> None:
     weight_n = inspector.model.body_subtreemass[0] * 9.81
     for command in [(0.8, 0.0), (-0.8, 0.0), (0.8, 1.5), (-0.8, -1.5), (0.0, 0.0)]:
         for _ in range(100):
@@ -28,7 +28,7 @@ def test_the_wheels_stay_on_the_floor_when_accelerating_and_braking_hard(inspect
             assert wheel_loads_n(inspector).min() > 0.2 * weight_n
 
 
-def test_its_rims_are_as_fast_as_the_floor_below_them_however_hard_it_accelerates_and_brakes(
+def test_wheels_do_not_slip_when_braking(
     inspector: OneRobot,
 ) -> None:
     radius_m, step_s = inspector.robot.wheel_radius_m, inspector.robots.step_s
@@ -40,13 +40,13 @@ def test_its_rims_are_as_fast_as_the_floor_below_them_however_hard_it_accelerate
             assert radius_m * turned / step_s == pytest.approx((inspector.pose()[0] - x_m) / step_s, abs=0.005)
 
 
-def test_at_rest_the_casters_carry_little_of_the_weight(inspector: OneRobot) -> None:
+def test_casters_carry_little_weight_at_rest(inspector: OneRobot) -> None:
     inspector.drive(0.0, 0.0, 1.0)
     weight_n = inspector.model.body_subtreemass[0] * 9.81
     assert wheel_loads_n(inspector).sum() > 0.9 * weight_n
 
 
-def test_its_measures_are_those_of_its_readme(inspector: OneRobot) -> None:
+def test_inspector_measures_are_those_of_its_readme(inspector: OneRobot) -> None:
     robot = inspector.robot
     assert robot.footprint_radius_m == robot.inner_radius_m == robot.lidar_start_m == 0.2
     assert (robot.wheel_radius_m, robot.track_m, robot.turning_track_m) == (0.075, 0.32, 0.32)
@@ -54,7 +54,7 @@ def test_its_measures_are_those_of_its_readme(inspector: OneRobot) -> None:
     assert inspector.model.body_subtreemass[0] == pytest.approx(18.0)
 
 
-def test_its_motors_keep_the_acceleration_that_it_states(inspector: OneRobot) -> None:
+def test_inspector_motors_keep_the_stated_acceleration(inspector: OneRobot) -> None:
     for wheel in inspector.robot.wheels:
         slew_radps2 = inspector.model.actuator(wheel.actuator).dynprm[7]
         stated = inspector.robot.max_acceleration_mps2 / inspector.robot.wheel_radius_m

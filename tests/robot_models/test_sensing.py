@@ -14,7 +14,7 @@ def wheel_angle(one_robot: OneRobot, side: str) -> float:
     return float(np.mean([one_robot.data.joint(name).qpos[0] for name in names]))
 
 
-def test_the_frame_of_the_base_is_where_the_robot_stands(shipped: OneRobot) -> None:
+def test_base_frame_is_the_pose(shipped: OneRobot) -> None:
     shipped.reset(5.0, 6.0, 0.4)
     frame = shipped.robots.readings.world_from_base[0]
     np.testing.assert_allclose(frame[:2, 3], [5.0, 6.0], atol=1e-9)
@@ -22,14 +22,14 @@ def test_the_frame_of_the_base_is_where_the_robot_stands(shipped: OneRobot) -> N
     np.testing.assert_allclose(frame[:3, :3] @ frame[:3, :3].T, np.eye(3), atol=1e-12)
 
 
-def test_the_wheel_angles_are_the_means_of_each_side(shipped: OneRobot) -> None:
+def test_wheel_angles_are_means_of_each_side(shipped: OneRobot) -> None:
     shipped.drive_on(0.3, 0.8, 1.0)
     both = [wheel_angle(shipped, side) for side in ("left", "right")]
     np.testing.assert_allclose(shipped.robots.readings.wheel_angles[0], both, rtol=1e-12)
     assert both[1] > both[0] + 1.0
 
 
-def test_the_encoders_agree_with_the_distance_driven(shipped: OneRobot) -> None:
+def test_encoders_agree_with_the_distance_driven(shipped: OneRobot) -> None:
     shipped.drive_on(0.6, 0.0, 5.0)
     shipped.drive_on(0.0, 0.0, 1.0)
     angles = [wheel_angle(shipped, side) for side in ("left", "right")]
@@ -37,7 +37,7 @@ def test_the_encoders_agree_with_the_distance_driven(shipped: OneRobot) -> None:
     np.testing.assert_allclose(rolled_m, shipped.pose()[0] - 10.0, rtol=0.005)
 
 
-def test_wheels_turn_the_robot_by_the_track_that_its_file_gives(shipped: OneRobot) -> None:
+def test_wheels_turn_the_robot_by_its_turning_track(shipped: OneRobot) -> None:
     shipped.drive_on(0.0, 1.0, 2.5)
     shipped.drive_on(0.0, 0.0, 1.0)
     left, right = (wheel_angle(shipped, side) for side in ("left", "right"))
@@ -45,20 +45,20 @@ def test_wheels_turn_the_robot_by_the_track_that_its_file_gives(shipped: OneRobo
     assert turned == pytest.approx(shipped.pose()[2], rel={"inspector": 0.005, "crawler": 0.03}[shipped.robot.name])
 
 
-def test_the_gyro_measures_the_yaw_rate_and_the_accelerometer_gravity(shipped: OneRobot) -> None:
+def test_gyro_and_accelerometer_measure_motion(shipped: OneRobot) -> None:
     shipped.drive_on(0.0, 1.0, 3.0)
     shipped.drive(0.0, 1.0, shipped.robots.step_s)
     assert shipped.data.sensor("gyro").data[2] == pytest.approx(shipped.velocity()[1], rel=1e-4)
     assert shipped.data.sensor("accelerometer").data[2] == pytest.approx(9.81, rel=0.01)
 
 
-def test_sensors_and_element_sites_belong_to_the_pose_that_is_told(shipped: OneRobot) -> None:
+def test_element_sites_belong_to_the_pose(shipped: OneRobot) -> None:
     shipped.drive_on(0.8, 0.0, 1.0)
     sites = [shipped.data.site(f"element_{k}").xpos for k in range(1, 7)]
     np.testing.assert_allclose(np.mean(sites, axis=0)[:2], shipped.pose()[:2], atol=2e-3)
 
 
-def test_the_lidar_counts_from_the_middle_whatever_the_outline_and_sees_through_the_robots_own_parts(
+def test_lidar_measures_from_the_middle(
     shipped: OneRobot,
 ) -> None:
     shipped.reset(15.0, 10.0, 0.7)
@@ -71,7 +71,7 @@ def test_the_lidar_counts_from_the_middle_whatever_the_outline_and_sees_through_
     assert lidar_m[seen].min() > 3.9
 
 
-def test_standing_takes_no_power_driving_some_and_turning_more_where_wheels_skid(shipped: OneRobot) -> None:
+def test_motor_power_grows_with_driving_and_skidding(shipped: OneRobot) -> None:
     power_w = []
     for v, yaw_rate in ((0.0, 0.0), (0.6, 0.0), (0.6, 1.0)):
         shipped.reset(10.0, 10.0, 0.0)
@@ -82,7 +82,7 @@ def test_standing_takes_no_power_driving_some_and_turning_more_where_wheels_skid
         assert power_w[2] > 10.0 * max(power_w[1], 1e-3)
 
 
-def test_motors_without_data_take_their_mechanical_power_alone(edited: Edited) -> None:
+def test_motors_without_data_have_mechanical_power(edited: Edited) -> None:
     plain = [('<dcmotor motorconst="1.2" resistance="0.5" input="vel" controller="0 0 10 18" ', '<velocity kv="10" ')]
     servo = OneRobot(edited(*plain, ("<dcmotor name", "<velocity name")))
     servo.drive_on(0.0, 1.0, 2.0)
@@ -93,7 +93,7 @@ def test_motors_without_data_take_their_mechanical_power_alone(edited: Edited) -
 
 
 @pytest.mark.parametrize("file", ["inspector/inspector.xml", "inspector/scene.xml", "crawler/crawler.xml"])
-def test_each_file_compiles_and_runs_for_a_second_without_a_warning(file: str) -> None:
+def test_shipped_files_run_without_warnings(file: str) -> None:
     from pdpatrol.robot_models.description.robot_description import xml_path
 
     model = mujoco.MjModel.from_xml_path(str(xml_path("inspector").parents[1] / file))

@@ -44,7 +44,7 @@ def site_axes(model: mujoco.MjModel, name: str) -> np.ndarray:
     return matrix.reshape(3, 3)
 
 
-def test_the_sites_lie_and_look_where_the_elements_do() -> None:
+def test_element_sites_have_the_given_poses() -> None:
     rng = np.random.default_rng(1)
     positions, azimuths = rng.uniform(0.0, 0.7, size=(MAX_ELEMENTS, 3)), rng.uniform(-np.pi, np.pi, size=MAX_ELEMENTS)
     elevations = rng.uniform(-0.5, 0.5, size=MAX_ELEMENTS) * np.pi
@@ -60,14 +60,8 @@ def test_the_sites_lie_and_look_where_the_elements_do() -> None:
         np.testing.assert_allclose(axes[2, 1], 0.0, atol=1e-12)  # y stays level: a look is not rolled
 
 
-def test_the_antennas_that_one_sees_move_with_their_sites() -> None:
-    lifted = build_model(YARD, RING_M + np.array([0.0, 0.0, 0.5]), AZIMUTHS_RAD)
-    usual = build_model(YARD, RING_M, AZIMUTHS_RAD)
-    assert np.isclose(lifted.geom_pos[:, 2] - usual.geom_pos[:, 2], 0.5).sum() == 6 * 5
-
-
 @pytest.mark.parametrize("name", SHIPPED)
-def test_every_robot_has_beams_all_round_from_where_its_file_says(name: str) -> None:
+def test_lidar_beams_start_where_the_file_states(name: str) -> None:
     robot = load_robot(name)
     model = build_spec(robot, YARD).compile()
     for beam in range(36):
@@ -80,7 +74,7 @@ def test_every_robot_has_beams_all_round_from_where_its_file_says(name: str) -> 
 
 
 @pytest.mark.parametrize("n_elements", [1, 4, 6])
-def test_a_smaller_array_leaves_no_unused_antenna_behind(n_elements: int):
+def test_smaller_array_has_no_unused_antenna(n_elements: int):
     model = build_model(YARD, RING_M[:n_elements], AZIMUTHS_RAD[:n_elements])
     names = [model.site(index).name for index in range(model.nsite)]
     assert [n for n in names if n.startswith("element_")] == [f"element_{k}" for k in range(1, n_elements + 1)]
@@ -91,14 +85,14 @@ def test_a_smaller_array_leaves_no_unused_antenna_behind(n_elements: int):
     assert sum(warning.number for warning in data.warning) == 0
 
 
-def test_the_array_changes_nothing_about_how_the_robot_moves():
+def test_array_has_no_mass():
     few, many = build_model(YARD, RING_M[:1], AZIMUTHS_RAD[:1]), build_model(YARD, RING_M, AZIMUTHS_RAD)
     assert np.array_equal(few.body_mass, many.body_mass)
     assert np.array_equal(few.body_inertia, many.body_inertia)
     assert many.body_subtreemass[0] == pytest.approx(18.0)
 
 
-def test_every_solid_of_the_yard_has_the_same_surface_in_the_model():
+def test_model_surfaces_equal_yard_solids():
     model = build_model(YARD, RING_M, AZIMUTHS_RAD)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -114,7 +108,7 @@ def test_every_solid_of_the_yard_has_the_same_surface_in_the_model():
     assert n_hits > 20
 
 
-def test_defaults_of_a_users_file_reach_its_own_parts_alone(tmp_path: Path) -> None:
+def test_defaults_of_a_robot_do_not_change_the_yard(tmp_path: Path) -> None:
     text = xml_path("inspector").read_text(encoding="utf-8")
     plain, changed = tmp_path / "plain.xml", tmp_path / "changed.xml"
     plain.write_text(text, encoding="utf-8")
@@ -130,7 +124,7 @@ def test_defaults_of_a_users_file_reach_its_own_parts_alone(tmp_path: Path) -> N
     assert not np.array_equal(one.geom_friction, other.geom_friction)
 
 
-def test_a_robot_without_a_camera_is_followed_by_one(tmp_path: Path) -> None:
+def test_robot_without_camera_gets_one(tmp_path: Path) -> None:
     path = tmp_path / "robot.xml"
     text = xml_path("inspector").read_text(encoding="utf-8")
     path.write_text("\n".join(line for line in text.splitlines() if "<camera" not in line), encoding="utf-8")
@@ -139,13 +133,13 @@ def test_a_robot_without_a_camera_is_followed_by_one(tmp_path: Path) -> None:
     assert camera.mode[0] == mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM
 
 
-def test_equipment_is_named_and_alone_in_its_group():
+def test_equipment_has_names_and_a_group():
     model = build_model(YARD, RING_M, AZIMUTHS_RAD)
     in_group = [model.geom(index).name for index in np.flatnonzero(model.geom_group == 1)]
     assert sorted(in_group) == ["equipment/bushing", "equipment/tank"]
 
 
-def test_the_inner_faces_of_the_fence_are_the_boundary_of_the_yard():
+def test_fence_faces_are_the_boundary_of_the_yard():
     model = build_model(YARD, RING_M, AZIMUTHS_RAD)
     faces = {}
     for side, axis, inward in (("west", 0, 1), ("south", 1, 1), ("east", 0, -1), ("north", 1, -1)):
@@ -156,7 +150,7 @@ def test_the_inner_faces_of_the_fence_are_the_boundary_of_the_yard():
     assert faces == pytest.approx({"west": 0.0, "south": 0.0, "east": 20.0, "north": 12.0})
 
 
-def test_obstacles_meet_the_hull_and_the_floor_meets_the_wheels():
+def test_obstacles_touch_the_hull_and_floor_the_wheels():
     model = build_model(YARD, RING_M, AZIMUTHS_RAD)
 
     def meet(one: str, other: str) -> bool:
@@ -173,24 +167,6 @@ def test_obstacles_meet_the_hull_and_the_floor_meets_the_wheels():
     assert not meet("floor", "chassis")
 
 
-def test_kinds_are_told_apart_by_colour_and_an_unknown_kind_is_visible():
-    model = build_model(YARD, RING_M, AZIMUTHS_RAD)
-    tank, bushing = model.geom("equipment/tank").rgba, model.geom("equipment/bushing").rgba
-    assert not np.array_equal(tank, bushing)
-    assert bushing[3] == 1.0
-
-
-def test_pictures_of_640_by_480_can_be_taken():
-    model = build_model(YARD, RING_M, AZIMUTHS_RAD)
-    assert (model.vis.global_.offwidth, model.vis.global_.offheight) == (640, 480)
-
-
-def test_a_spec_can_still_be_extended_before_it_is_compiled():
-    spec = build_spec(load_robot("inspector"), Yard(size_m=(5.0, 5.0)))
-    spec.worldbody.add_geom(name="equipment/late", size=[0.1, 0.0, 0.0], group=1)
-    assert spec.compile().geom("equipment/late").size[0] == 0.1
-
-
 @pytest.mark.parametrize(
     ("positions", "azimuths", "elevations", "message"),
     [
@@ -203,7 +179,7 @@ def test_a_spec_can_still_be_extended_before_it_is_compiled():
         (np.zeros((6, 3)), np.zeros(6), np.inf, "must be finite"),
     ],
 )
-def test_elements_that_make_no_array_are_refused(
+def test_invalid_elements_are_refused(
     positions: np.ndarray, azimuths: np.ndarray, elevations: np.ndarray | float, message: str
 ) -> None:
     with pytest.raises(ValueError, match=message):

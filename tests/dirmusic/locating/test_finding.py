@@ -1,18 +1,13 @@
-"""A finding is a position that something can be done with."""
-
-from dataclasses import replace
+"""Findings: valid values, equality, and the 95 % ellipse of their position."""
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import chi2
 
-from dirmusic import Finding
-
-
-def finding(position_m: np.ndarray, covariance_m2: np.ndarray) -> Finding:
-    return Finding(
-        id=3, state="candidate", position_m=position_m, covariance_m2=covariance_m2, n_bearings=1,
-        first_detected_s=0.0, last_detected_s=0.0, confirmed_s=None, aperture_rad=0.0, nearest_m=1.0, level_db=0.0,
-    )  # fmt: skip
+from dirmusic.locating.finding import CHI2_95, ellipse95, is_inside95, outline95, reaches95
+from tests.dirmusic.locating.scenes import make_finding
 
 
 @pytest.mark.parametrize(
@@ -25,18 +20,72 @@ def finding(position_m: np.ndarray, covariance_m2: np.ndarray) -> Finding:
         ([0.0, 0.0, 0.0], np.diag([1.0, 1.0, -1.0]), "covariance_m2.*positive"),
     ],
 )
-def test_a_position_or_covariance_that_cannot_be_is_refused(
-    position: list[float], covariance: np.ndarray, fault: str
-) -> None:
+def test_invalid_position_or_covariance_is_refused(position: list[float], covariance: np.ndarray, fault: str) -> None:
     with pytest.raises(ValueError, match=f"finding 3: `{fault}"):
-        finding(np.array(position), covariance)
+        make_finding(id=3, position_m=np.array(position), covariance_m2=covariance)
 
 
 @pytest.mark.parametrize("number", [0, -1])
-def test_an_id_below_one_is_refused(number: int) -> None:
+def test_id_below_one_is_refused(number: int) -> None:
     with pytest.raises(ValueError, match=f"`id` must be at least 1, got {number}"):
-        replace(finding(np.zeros(3), np.eye(3)), id=number)
+        make_finding(id=number)
 
 
-def test_a_longer_ellipse_has_a_longer_half_axis() -> None:
-    assert finding(np.zeros(3), np.diag([4.0, 1.0, 9.0])).semi_major_m == pytest.approx(2 * np.sqrt(5.9915), rel=1e-4)
+def test_findings_are_equal_if_all_values_are() -> None:
+    assert make_finding(level_db=np.nan) == make_finding(level_db=np.nan)
+    for change in ({"n_bearings": 1}, {"confirmed_s": 2.0}, {"position_m": np.ones(3)}, {"state": "ghost"}):
+        assert make_finding(**change) != make_finding()
+
+
+@given(st.floats(0.1, 3.0), st.floats(0.01, 0.09), st.floats(-1.5, 1.5))
+def test_ellipse_axes_are_those_of_the_covariance(major: float, minor: float, turn: float) -> None:
+    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    ellipse = ellipse95(rotation @ np.diag([major**2, minor**2]) @ rotation.T)
+    assert ellipse.semi_major_m == pytest.approx(major * np.sqrt(CHI2_95))
+    assert ellipse.semi_minor_m == pytest.approx(minor * np.sqrt(CHI2_95))
+    assert abs(np.sin(ellipse.angle_rad - turn)) < 1e-6
+
+
+def test_outline_is_closed_and_lies_at_the_quantile() -> None:
+    covariance = np.array([[0.5, 0.2], [0.2, 0.3]])
+    line = outline95(np.array([3.0, 4.0]), covariance, 49)
+    off = line - [3.0, 4.0]
+    np.testing.assert_allclose(np.einsum("ni,ij,nj->n", off, np.linalg.inv(covariance), off), CHI2_95)
+    np.testing.assert_allclose(line[0], line[-1])
+    assert all(is_inside95(0.99 * each, covariance) and not is_inside95(1.01 * each, covariance) for each in off)
+
+
+def test_quantile_is_that_of_chi_square() -> None:
+    assert pytest.approx(chi2.ppf(0.95, 2), rel=1e-12) == CHI2_95
+
+
+def test_ellipse_holds_95_percent_of_normal_draws() -> None:
+    rng = np.random.default_rng(0)
+    covariance = np.array([[0.5, 0.2], [0.2, 0.3]])
+    drawn = rng.multivariate_normal(np.zeros(2), covariance, 4000)
+    assert 0.94 < np.mean([is_inside95(miss, covariance) for miss in drawn]) < 0.96  # three deviations are 0.010
+
+
+def test_ellipse_reaches_a_rectangle_it_overlaps() -> None:
+    rng = np.random.default_rng(0)
+    corner = np.array([30.0, 20.0])
+    grid = np.stack(np.meshgrid(np.linspace(0.0, 30.0, 301), np.linspace(0.0, 20.0, 201)), axis=-1).reshape(-1, 2)
+    n_reaching = 0
+    for _ in range(200):
+        turn, centre = rng.uniform(0.0, np.pi), rng.uniform(-40.0, 70.0, 2)
+        axes = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+        covariance = axes @ np.diag(np.square([rng.uniform(0.5, 20.0), rng.uniform(0.5, 3.0)])) @ axes.T
+        off = grid - centre
+        distance2 = np.einsum("ni,ij,nj->n", off, np.linalg.inv(covariance), off).min()
+        if not 0.9 * CHI2_95 < distance2 < 1.1 * CHI2_95:  # the grid is too coarse to tell
+            assert reaches95(centre, covariance, corner) == (distance2 < CHI2_95)
+            n_reaching += distance2 < CHI2_95
+    assert 30 < n_reaching < 170
+
+
+def test_long_thin_ellipse_reaches_the_yard_it_crosses() -> None:
+    along = np.array([1.0, 3.0]) / np.sqrt(10.0)
+    covariance = 400.0**2 * np.outer(along, along) + 0.1**2 * np.eye(2)
+    yard_m = np.array([30.0, 20.0])
+    assert reaches95(np.array([30.0, 70.0]), covariance, yard_m)  # through (10, 10)
+    assert not reaches95(np.array([60.0, 70.0]), covariance, yard_m)  # through (40, 10)

@@ -3,16 +3,10 @@
 import numpy as np
 import pytest
 
-from dirmusic import ArrayModel, ElementSpread, GainManifold, Locator, PoseError, PulseBatch
-from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
+from dirmusic import Locator, PulseBatch
 from dirmusic.locating.protocol import LineOfSight
+from tests.dirmusic.locating.scenes import ARRAY, NO_POSE_ERROR, RING, RING_M, with_bearings
 
-NOMINAL = GainManifold.ring(6)
-ARRAY_HEIGHT_M = 0.6
-RING_M = np.column_stack(
-    [0.12 * np.cos(NOMINAL.boresights_rad), 0.12 * np.sin(NOMINAL.boresights_rad), np.full(6, ARRAY_HEIGHT_M)]
-)
-ARRAY = ArrayModel(manifold=NOMINAL, positions_m=RING_M, spread=ElementSpread(gain=0.05, pointing_rad=np.radians(2.0)))
 NOISE_V = 1e-3
 TANK_TOP_M = 2.0
 
@@ -23,19 +17,17 @@ def hear(pose: np.ndarray, source_m: np.ndarray, gains: np.ndarray, rng: np.rand
     elements_m = RING_M @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]]) + [*pose[:2], 0.0]
     sight = source_m - elements_m
     plan_m, range_m = np.hypot(sight[:, 0], sight[:, 1]), np.linalg.norm(sight, axis=-1)
-    off = np.arctan2(sight[:, 1], sight[:, 0]) - pose[2] - NOMINAL.boresights_rad
-    gain = gains * NOMINAL.response_in_space(off, np.arctan2(sight[:, 2], plan_m)).gain
+    off = np.arctan2(sight[:, 1], sight[:, 0]) - pose[2] - RING.boresights_rad
+    gain = gains * RING.response_in_space(off, np.arctan2(sight[:, 2], plan_m)).gain
     strengths = np.abs(0.8 / range_m * gain + rng.normal(0.0, NOISE_V, (2, 6)))
-    pulses = PulseBatch.detected(np.zeros(2), strengths, np.full((2, 6), NOISE_V**2))
-    found = MaximumLikelihood()(pulses, ARRAY)
-    return pulses._replace(azimuth_rad=found.azimuth_rad, std_rad=found.std_rad, misfit=found.misfit)
+    return with_bearings(PulseBatch.detected(np.zeros(2), strengths, np.full((2, 6), NOISE_V**2)))
 
 
 def drive_round(source_m: np.ndarray, seed: int, sight: LineOfSight | None = None, radius_m: float = 3.0) -> Locator:
     """A third of the way round a source."""
     rng = np.random.default_rng(seed)
     gains, start = np.exp(rng.normal(0.0, 0.05, 6)), rng.uniform(0.0, 2 * np.pi)
-    locator = Locator(ARRAY, PoseError(position_m=0.0, heading_rad=0.0, correlation_s=1.0), sight=sight)
+    locator = Locator(ARRAY, NO_POSE_ERROR, sight=sight)
     for k, angle in enumerate(start + np.linspace(0.0, np.radians(130.0), 200)):
         place = source_m[:2] + radius_m * np.array([np.cos(angle), np.sin(angle)])
         pose = np.array([*place, angle + 0.5 * np.pi + 0.7 * np.sin(0.1 * k)])
@@ -44,7 +36,7 @@ def drive_round(source_m: np.ndarray, seed: int, sight: LineOfSight | None = Non
 
 
 @pytest.mark.parametrize("height_m", [1.8, 2.5, 3.8])
-def test_the_height_of_a_source_is_found_within_what_is_told_of_it(height_m: float) -> None:
+def test_height_error_agrees_with_its_deviation(height_m: float) -> None:
     source_m, errors, sigmas = np.array([10.0, 10.0, height_m]), list[float](), list[float]()
     for seed in range(8):
         (finding,) = drive_round(source_m, seed).findings
@@ -55,7 +47,7 @@ def test_the_height_of_a_source_is_found_within_what_is_told_of_it(height_m: flo
     assert np.mean(np.abs(sigmas) < 2.0) >= 0.75
 
 
-def test_a_level_array_tells_that_it_cannot_tell_above_from_below() -> None:
+def test_height_deviation_covers_the_mirror_image() -> None:
     """One source as far below the array as another is above it sounds the same: the deviation covers both."""
     (finding,) = drive_round(np.array([10.0, 10.0, 0.15]), 0, radius_m=1.5).findings
     assert abs(finding.position_m[2] - 0.15) < 2.5 * finding.height_std_m  # of two modes, one is two away
@@ -66,7 +58,7 @@ def over_the_tank(places_m: np.ndarray, target_m: np.ndarray, within_m: float) -
     return np.full(len(places_m), float(target_m[2] > TANK_TOP_M))
 
 
-def test_a_source_on_top_of_a_tank_is_confirmed_where_one_inside_it_is_not() -> None:
+def test_source_on_a_tank_is_confirmed_but_not_inside() -> None:
     on_top = drive_round(np.array([10.0, 10.0, 3.8]), 1, over_the_tank).findings
     assert [finding.state for finding in on_top] == ["confirmed"]
     inside = drive_round(np.array([10.0, 10.0, 1.2]), 1, over_the_tank).findings
@@ -77,7 +69,7 @@ def everything_in_sight(places_m: np.ndarray, target_m: np.ndarray, within_m: fl
     return np.ones(len(places_m))
 
 
-def test_a_candidate_that_falls_silent_near_by_is_a_ghost_and_one_far_away_is_not() -> None:
+def test_candidate_without_signal_nearby_is_a_ghost() -> None:
     states = [listen_in_silence(np.array([distance_m, 0.0, 0.0])).findings[0].state for distance_m in (3.0, 15.0)]
     assert states == ["ghost", "candidate"]
 
@@ -94,7 +86,7 @@ def test_silent_ghost_that_is_detected_again_keeps_its_id() -> None:
 def listen_in_silence(from_m: np.ndarray) -> Locator:
     """Detect a candidate from one side for a while, and then nothing from near by or far away."""
     rng, source_m = np.random.default_rng(0), np.array([10.0, 10.0, 1.5])
-    locator = Locator(ARRAY, PoseError(position_m=0.0, heading_rad=0.0, correlation_s=1.0), sight=everything_in_sight)
+    locator = Locator(ARRAY, NO_POSE_ERROR, sight=everything_in_sight)
     for k in range(60):
         pose = np.array([7.0, 9.0 + 0.02 * k, 0.0])
         locator.update(0.1 * k, pose, hear(pose, source_m, np.ones(6), rng))

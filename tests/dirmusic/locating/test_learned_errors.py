@@ -71,7 +71,7 @@ def correlation(errors: EstimatedErrors) -> FloatArray:
     return errors.covariance[:12, :12] / np.multiply.outer(std, std)
 
 
-def test_learned_errors_deviate_from_the_true_ones_by_as_much_as_their_covariance_says() -> None:
+def test_learned_errors_agree_with_their_covariance() -> None:
     rng = np.random.default_rng(3)
     squares = []
     for _ in range(100):
@@ -83,7 +83,7 @@ def test_learned_errors_deviate_from_the_true_ones_by_as_much_as_their_covarianc
     assert np.mean(np.array(squares) < 21.03) >= 0.86
 
 
-def test_pulses_make_the_learned_errors_surer_than_the_spread_and_more_pulses_surer_still() -> None:
+def test_more_pulses_reduce_the_variance_of_errors() -> None:
     rng = np.random.default_rng(4)
     pulses, pose = pulses_of(drawn(rng), 60, rng)
     few, many = fitted(pulses.take(np.arange(12)), pose[:12]), fitted(pulses, pose)
@@ -93,7 +93,7 @@ def test_pulses_make_the_learned_errors_surer_than_the_spread_and_more_pulses_su
     assert not np.any(many.errors.covariance[12:])  # there are no offsets
 
 
-def test_half_of_the_pulses_and_then_the_other_half_teach_what_all_of_them_teach_at_once() -> None:
+def test_learning_in_two_halves_equals_learning_at_once() -> None:
     rng = np.random.default_rng(5)
     pulses, pose = pulses_of(drawn(rng), 48, rng)
     first = fitted(pulses.take(np.arange(24)), pose[:24])
@@ -107,7 +107,7 @@ def test_half_of_the_pulses_and_then_the_other_half_teach_what_all_of_them_teach
     np.testing.assert_allclose(correlation(both), correlation(at_once), atol=0.15)
 
 
-def test_known_errors_make_the_ellipse_smaller_and_still_honest() -> None:
+def test_known_errors_shrink_the_ellipse_with_coverage() -> None:
     rng = np.random.default_rng(6)
     squares, areas = [], []
     for _ in range(60):
@@ -127,7 +127,7 @@ def test_known_errors_make_the_ellipse_smaller_and_still_honest() -> None:
     assert np.mean(np.array(squares) < 5.99) >= 0.88  # 95 % of 60; fewer has a probability of 1 %
 
 
-def test_what_was_learned_drifts_and_never_stays_certain() -> None:
+def test_drift_adds_variance_to_learned_errors() -> None:
     certain = EstimatedErrors.of_states(np.full(12, 0.01), np.zeros((12, 12)), 6)
     drifted = certain.drifted(SPREAD)
     np.testing.assert_array_equal(drifted.state, certain.state)
@@ -135,7 +135,7 @@ def test_what_was_learned_drifts_and_never_stays_certain() -> None:
     np.testing.assert_allclose(np.sqrt(np.diag(drifted.covariance)), expected)
 
 
-def test_some_elements_keep_what_was_learned_of_them() -> None:
+def test_learned_errors_of_some_elements_are_kept() -> None:
     rng = np.random.default_rng(7)
     learned = fitted(*pulses_of(drawn(rng), 24, rng)).errors
     taken = replace(ARRAY, errors=learned).take([4, 1, 2]).errors
@@ -145,7 +145,7 @@ def test_some_elements_keep_what_was_learned_of_them() -> None:
     np.testing.assert_array_equal(taken.covariance, learned.covariance[np.ix_(rows, rows)])
 
 
-def test_errors_of_this_array_are_not_contradicted_and_those_of_another_one_are() -> None:
+def test_errors_of_another_array_are_contradicted() -> None:
     rng = np.random.default_rng(8)
     for _ in range(20):
         mine, other = drawn(rng), drawn(rng)
@@ -155,14 +155,14 @@ def test_errors_of_this_array_are_not_contradicted_and_those_of_another_one_are(
             assert now.contradicts(before) == is_another
 
 
-def test_a_locator_that_fits_bearings_refuses_errors_that_it_would_not_use() -> None:
+def test_bearings_solver_refuses_known_errors() -> None:
     known = replace(ARRAY, errors=EstimatedErrors.of_spread(SPREAD, 6))
     with pytest.raises(ValueError, match=r"array\.errors"):
         Locator(known, POSE_ERROR, rules=LocatingRules(solver="bearings"))
     assert Locator(ARRAY, POSE_ERROR).learned() is None
 
 
-def test_the_spread_as_known_errors_gives_the_same_fix_to_the_bit() -> None:
+def test_spread_as_known_errors_gives_equal_positions() -> None:
     rng = np.random.default_rng(9)
     pulses, pose = pulses_of(drawn(rng), 24, rng)
     fixes = [
@@ -203,7 +203,7 @@ def found(*, is_on_air: bool) -> tuple[Locator, FloatArray]:
     return locator, confirmed.position_m
 
 
-def test_what_lies_outside_the_fence_teaches_nothing_of_the_array() -> None:
+def test_source_outside_the_fence_is_not_learned_from() -> None:
     (_, alone_m), (locator, beside_m) = found(is_on_air=False), found(is_on_air=True)
     assert any(finding.state == "outside" for finding in locator.findings)
     np.testing.assert_allclose(beside_m, alone_m, atol=0.005)

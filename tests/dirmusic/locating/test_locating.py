@@ -12,28 +12,18 @@ from dirmusic import (
     ElementErrors,
     ElementSpread,
     Finding,
-    GainManifold,
     Locator,
-    PoseError,
     PulseBatch,
     strength_variance,
 )
-from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
 from dirmusic.locating.finding import State, is_inside95
 from dirmusic.locating.locator import merge_findings
 from dirmusic.locating.plane_wave import is_credible
 from dirmusic.locating.protocol import LineOfSight
 from dirmusic.locating.rules import CredibilityRules, LocatingRules
+from tests.dirmusic.locating.scenes import ARRAY, NO_POSE_ERROR, RING, RING_M, SPREAD, make_finding, with_bearings
 
-NOMINAL = GainManifold.ring(6)
-RING_M = np.column_stack(
-    [0.12 * np.cos(NOMINAL.boresights_rad), 0.12 * np.sin(NOMINAL.boresights_rad), np.full(6, 0.6)]
-)
-NO_POSE_ERROR = PoseError(position_m=0.0, heading_rad=0.0, correlation_s=1.0)
 NOISE_V = 1e-3
-
-
-SPREAD = ElementSpread(gain=0.05, pointing_rad=np.radians(2.0))
 
 
 def make_locator(
@@ -43,7 +33,7 @@ def make_locator(
     positions_m: np.ndarray = RING_M,
     sight: LineOfSight | None = None,
 ) -> Locator:
-    array = ArrayModel(manifold=NOMINAL, positions_m=positions_m, spread=spread)
+    array = ArrayModel(manifold=RING, positions_m=positions_m, spread=spread)
     return Locator(array, NO_POSE_ERROR, fence_m=fence_m, rules=rules, sight=sight)
 
 
@@ -51,14 +41,11 @@ def pulses_of(strengths: np.ndarray, variance: np.ndarray | None = None) -> Puls
     """Pulses of these strengths (n, 6) with their likeliest directions."""
     if variance is None:
         variance = strength_variance(strengths, NOISE_V**2, 60)
-    pulses = PulseBatch.detected(np.zeros(len(strengths)), strengths, variance)
-    found = MaximumLikelihood()(pulses, ArrayModel(manifold=NOMINAL, positions_m=RING_M, spread=SPREAD))
-    return pulses._replace(azimuth_rad=found.azimuth_rad, std_rad=found.std_rad, misfit=found.misfit)
+    return with_bearings(PulseBatch.detected(np.zeros(len(strengths)), strengths, variance))
 
 
 def credible(pulses: PulseBatch) -> np.ndarray:
-    array = ArrayModel(manifold=NOMINAL, positions_m=RING_M, spread=SPREAD)
-    return is_credible(pulses, array, np.zeros(pulses.n_pulses), CredibilityRules())
+    return is_credible(pulses, ARRAY, np.zeros(pulses.n_pulses), CredibilityRules())
 
 
 def update(locator: Locator, time_s: float, pose: np.ndarray, pulses: PulseBatch) -> tuple[Finding, ...]:
@@ -83,7 +70,7 @@ def listen_along(
     )
     if half_width is not None:
         errors = replace(ElementErrors.none(6), offset=rng.uniform(-half_width, half_width, 6))
-    real = errors.correct(NOMINAL)
+    real = errors.correct(RING)
     locator = locator or make_locator()
     history = []
     heading = np.gradient(path, axis=0)
@@ -104,7 +91,7 @@ def around(centre: ArrayLike, radius_m: float, from_deg: float, to_deg: float, n
     return np.asarray(centre) + radius_m * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
-def test_most_true_positions_lie_in_the_ellipse_though_the_array_is_wrong() -> None:
+def test_ellipse_covers_the_source_despite_array_errors() -> None:
     source = np.array([20.0, 15.0])
     errors, inside = [], 0
     for seed in range(20):
@@ -118,7 +105,7 @@ def test_most_true_positions_lie_in_the_ellipse_though_the_array_is_wrong() -> N
     assert inside >= 17  # of 20, for 95 %; fewer has a probability of 2 %
 
 
-def test_additive_errors_of_the_gains_are_estimated_along_when_the_spread_has_them() -> None:
+def test_offsets_are_estimated_if_the_spread_has_them() -> None:
     source, half_width = np.array([20.0, 15.0]), 0.06
     spreads = {"told": ElementSpread(offset=half_width / np.sqrt(3)), "not told": SPREAD}
     errors: dict[str, list[float]] = {name: [] for name in spreads}
@@ -140,7 +127,7 @@ def test_additive_errors_of_the_gains_are_estimated_along_when_the_spread_has_th
     assert inside >= 4
 
 
-def test_single_pulses_from_all_round_make_a_finding_only_by_crossing() -> None:
+def test_scattered_pulses_initiate_only_by_crossing() -> None:
     source = np.array([20.0, 15.0])
     path = around(source, 5.0, 0, 300, 20)
     assert listen_along(path[::2], [source], seed=8)[0].findings == ()
@@ -150,7 +137,7 @@ def test_single_pulses_from_all_round_make_a_finding_only_by_crossing() -> None:
     np.testing.assert_allclose(finding.position_m[:2], source, atol=0.3)
 
 
-def test_a_single_line_of_bearings_never_confirms() -> None:
+def test_single_line_of_bearings_never_confirms() -> None:
     source = np.array([30.0, 15.0])
     straight = np.column_stack([np.linspace(5.0, 27.5, 300), np.full(300, 15.0)])
     locator, history = listen_along(straight, [source], seed=1)
@@ -158,7 +145,7 @@ def test_a_single_line_of_bearings_never_confirms() -> None:
     assert locator.findings[0].aperture_rad < LocatingRules().confirm_aperture_rad
 
 
-def test_a_finding_is_confirmed_only_after_the_lines_of_sight_have_opened_as_the_rules_ask() -> None:
+def test_confirmation_needs_the_aperture_of_the_rules() -> None:
     source = np.array([20.0, 15.0])
     _, history = listen_along(around(source, 2.5, 0, 120), [source], seed=2)
     confirmed = [finding for findings in history for finding in findings if finding.state == "confirmed"]
@@ -166,7 +153,7 @@ def test_a_finding_is_confirmed_only_after_the_lines_of_sight_have_opened_as_the
     assert min(finding.aperture_rad for finding in confirmed) >= LocatingRules().confirm_aperture_rad
 
 
-def test_two_sources_that_radiate_at_once_become_two_findings() -> None:
+def test_two_simultaneous_sources_are_two_findings() -> None:
     sources = [(14.0, 15.0), (26.0, 15.0)]
     loop = around((20.0, 15.0), 8.5, 0, 350, 600)
     locator, _ = listen_along(loop, sources, seed=3)
@@ -175,7 +162,7 @@ def test_two_sources_that_radiate_at_once_become_two_findings() -> None:
     np.testing.assert_allclose(found, sources, atol=0.25)
 
 
-def test_a_source_beyond_the_fence_is_called_outside_and_not_confirmed() -> None:
+def test_source_beyond_the_fence_is_outside() -> None:
     source = (60.0, 15.0)
     path = np.column_stack([np.full(300, 35.0), np.linspace(3.0, 27.0, 300)])
     locator, history = listen_along(path, [source], seed=4)
@@ -183,7 +170,7 @@ def test_a_source_beyond_the_fence_is_called_outside_and_not_confirmed() -> None
     assert not any(finding.state == "confirmed" for findings in history for finding in findings)
 
 
-def test_noise_alone_makes_no_candidate() -> None:
+def test_noise_initiates_no_candidate() -> None:
     rng = np.random.default_rng(5)
     locator = make_locator()
     for k in range(600):  # ten a second: a hundred times the assumed false-alarm rate
@@ -193,7 +180,7 @@ def test_noise_alone_makes_no_candidate() -> None:
     assert locator.findings == ()
 
 
-def test_pulses_are_associated_with_the_finding_at_the_source_that_they_came_from() -> None:
+def test_association_follows_the_source_of_each_pulse() -> None:
     sources = np.array([(14.0, 15.0), (26.0, 15.0)])
     locator, _ = listen_along(around((20.0, 15.0), 8.5, 0, 350, 150), list(sources), seed=3)
     association = locator.association().reshape(-1, 2, 2)  # (steps, sources, pulses)
@@ -203,7 +190,7 @@ def test_pulses_are_associated_with_the_finding_at_the_source_that_they_came_fro
         assert (association[:, 1 - own] == finding.id).mean() < 0.05  # in line with both
 
 
-def test_bearings_alone_give_a_worse_fix_than_strengths_and_say_so() -> None:
+def test_bearings_solver_is_less_accurate_and_states_it() -> None:
     source, found = np.array([20.0, 15.0]), dict[str, list[Finding]](joint=[], bearings=[])
     for seed in range(5):
         for solver, findings in found.items():
@@ -214,18 +201,6 @@ def test_bearings_alone_give_a_worse_fix_than_strengths_and_say_so() -> None:
     semi_major_m = {key: np.median([f.semi_major_m for f in each]) for key, each in found.items()}
     assert error_m["bearings"] > error_m["joint"]
     assert semi_major_m["bearings"] > 1.3 * semi_major_m["joint"]
-
-
-def test_the_same_pulses_give_the_same_findings_to_the_bit() -> None:
-    source = np.array([20.0, 15.0])
-    runs = [listen_along(around(source, 4.0, 0, 90, 120), [source], seed=6)[0].findings[0] for _ in range(2)]
-    np.testing.assert_array_equal(runs[0].position_m, runs[1].position_m)
-    np.testing.assert_array_equal(runs[0].covariance_m2, runs[1].covariance_m2)
-
-
-def test_no_pulse_gives_no_finding() -> None:
-    locator = make_locator(fence_m=None)
-    assert locator.update(0.0, np.zeros(3), PulseBatch.none(6)) == ()
 
 
 WALL_Y_M = 15.0
@@ -246,7 +221,7 @@ def detect_image_and_source(map_sight: LineOfSight | None, locator: Locator | No
     errors = ElementErrors(
         gain=np.expm1(rng.normal(0, 0.05, 6)), pointing_rad=rng.normal(0, np.radians(2.0), 6), offset=np.zeros(6)
     )
-    real, locator = errors.correct(NOMINAL), locator or make_locator(sight=map_sight)
+    real, locator = errors.correct(RING), locator or make_locator(sight=map_sight)
     image, source = np.array([20.0, 16.5]), np.array([12.0, 8.0])
     first = around(image, 3.6, 210, 330, 200)
     second = around(source, 3.0, 20, 150, 200)
@@ -259,7 +234,7 @@ def detect_image_and_source(map_sight: LineOfSight | None, locator: Locator | No
     return locator
 
 
-def test_a_mirror_image_behind_known_equipment_is_not_confirmed_and_the_source_is() -> None:
+def test_mirror_image_behind_equipment_is_not_confirmed() -> None:
     by_map = [f for f in detect_image_and_source(across_the_wall).findings if f.state == "confirmed"]
     blind = [f for f in detect_image_and_source(None).findings if f.state == "confirmed"]
     assert len(blind) == 2  # without a map both are as good
@@ -268,14 +243,14 @@ def test_a_mirror_image_behind_known_equipment_is_not_confirmed_and_the_source_i
     assert by_map[0].level_db == pytest.approx(20 * np.log10(0.8) + 20 * np.log10(np.sqrt(2.87)), abs=1.5)
 
 
-def test_pulses_much_weaker_than_their_range_says_are_taken_for_ghosts_and_left_out() -> None:
+def test_pulses_too_weak_for_their_range_are_left_out() -> None:
     source = np.array([20.0, 15.0])
     locator, _ = listen_along(around(source, 3.0, 0, 110), [source], seed=4)
     (finding,) = locator.findings
     rng = np.random.default_rng(5)
     assert finding.state == "confirmed"
     for k in range(50):  # 14 dB down, from the very direction
-        gain = NOMINAL.gain(np.array(np.pi))
+        gain = RING.gain(np.array(np.pi))
         a = np.abs(0.8 / 5.0 * 10 ** (-14 / 20) * gain + rng.normal(0, NOISE_V, (2, 6)))
         assert credible(pulses_of(a)).all()
         locator.update(40.0 + 0.1 * k, np.array([25.0, 15.0, 0.0]), pulses_of(a))
@@ -299,7 +274,7 @@ def survey(origin_s: float, turn_rad: float = 0.0, shift_m: ArrayLike = (0.0, 0.
     errors = ElementErrors(
         gain=rng.normal(0, 0.05, 6), pointing_rad=rng.normal(0, np.radians(2.0), 6), offset=np.zeros(6)
     )
-    real = errors.correct(NOMINAL)
+    real = errors.correct(RING)
     path = np.concatenate([around((0.0, 2.0), 3.0, 180, 360, 200), around((0.0, 8.0), 3.0, -60, 60, 100)])
     for k, place in enumerate(path):
         sources = ((0.0, 2.0), (0.0, 8.0), (4.0, 6.0))[: 1 + 2 * (k >= 100)]
@@ -359,13 +334,9 @@ def test_findings_follow_a_rigid_motion_of_the_yard(
 )
 def test_merging_keeps_the_confirmed_finding_or_the_lowest_id(states: tuple[State, ...], kept: list[int]) -> None:
     findings = [
-        Finding(
-            id=number, state=state, position_m=np.array([0.4 * number, 0.0, 1.5]), covariance_m2=0.01 * np.eye(3),
-            n_bearings=9, first_detected_s=0.0, last_detected_s=1.0, confirmed_s=None, aperture_rad=1.0, nearest_m=3.0,
-            level_db=0.0,
-        )
+        make_finding(id=number, state=state, position_m=np.array([0.4 * number, 0.0, 1.5]))
         for number, state in enumerate(states, start=1)
-    ]  # fmt: skip
+    ]
     assert [finding.id for finding in merge_findings(findings, 1.0)] == kept
     apart = [replace(finding, position_m=2.0 * finding.id * np.ones(3)) for finding in findings]
     assert merge_findings(apart, 1.0) == apart

@@ -18,14 +18,14 @@ def on_an_arc(n: int, radius_m: float = 6.0) -> np.ndarray:
     return SOURCE + radius_m * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
-def test_lines_of_sight_that_cross_give_their_crossing() -> None:
+def test_triangulation_of_exact_bearings() -> None:
     positions = on_an_arc(5)
     fix = triangulate(positions, seen_from(positions), np.full(5, 0.01))
     np.testing.assert_allclose(fix.position_m, SOURCE, atol=1e-6)
     assert fix.is_inlier.all()
 
 
-def test_the_covariance_is_what_repeated_noise_gives() -> None:
+def test_triangulation_covariance_equals_repeated_noise() -> None:
     rng = np.random.default_rng(0)
     positions, std = on_an_arc(12), np.full(12, np.radians(1.0))
     fixes = [triangulate(positions, seen_from(positions) + rng.normal(0, std), std) for _ in range(400)]
@@ -33,7 +33,7 @@ def test_the_covariance_is_what_repeated_noise_gives() -> None:
     np.testing.assert_allclose(spread, np.mean([fix.covariance_m2 for fix in fixes], axis=0), rtol=0.25, atol=2e-4)
 
 
-def test_outliers_are_named_and_let_go() -> None:
+def test_triangulation_excludes_outliers() -> None:
     rng = np.random.default_rng(1)
     positions, std = on_an_arc(40), np.full(40, np.radians(1.0))
     bearings = seen_from(positions) + rng.normal(0, std)
@@ -43,13 +43,13 @@ def test_outliers_are_named_and_let_go() -> None:
     assert not fix.is_inlier[::7].any()
 
 
-def test_a_single_line_of_bearings_is_no_fix() -> None:
+def test_triangulation_of_one_line_is_unbounded() -> None:
     positions = np.column_stack([np.linspace(0.0, 5.0, 10), np.full(10, 7.0)])
     fix = triangulate(positions, np.zeros(10), np.full(10, 0.02))
     assert np.isinf(np.diag(fix.covariance_m2)).all()
 
 
-def test_bearings_that_point_away_do_not_cross_behind_the_array() -> None:
+def test_diverging_bearings_do_not_cross_behind() -> None:
     positions = np.array([[0.0, 0.0], [4.0, 0.0]])
     fix = triangulate(positions, np.array([2.0, 1.2]), np.full(2, 0.01))  # they part ahead and cross behind
     assert fix.position_m[1] > 0
@@ -64,6 +64,6 @@ def test_bearings_that_point_away_do_not_cross_behind_the_array() -> None:
         (np.zeros((2, 2)), np.zeros(2), np.array([0.1, 0.0])),
     ],
 )
-def test_bearings_that_cannot_be_are_refused(positions: np.ndarray, bearings: np.ndarray, std: np.ndarray) -> None:
+def test_invalid_bearings_are_refused(positions: np.ndarray, bearings: np.ndarray, std: np.ndarray) -> None:
     with pytest.raises(ValueError, match="bearings"):
         triangulate(positions, bearings, std)

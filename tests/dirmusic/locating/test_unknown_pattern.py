@@ -81,7 +81,7 @@ def semi_major_round_m(pattern_error: float) -> float:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_a_fit_that_starts_below_the_array_does_not_end_below_the_ground(seed: int) -> None:
+def test_fit_from_below_the_array_ends_above_ground(seed: int) -> None:
     """A deviation turned upside down explains the mirror image of a source as well: what is believed decides."""
     rng = np.random.default_rng([5, seed])
     truth_m = np.array([0.0, rng.uniform(2.0, 5.0), rng.uniform(1.4, 3.0)])
@@ -95,12 +95,12 @@ def test_a_fit_that_starts_below_the_array_does_not_end_below_the_ground(seed: i
     assert min(heights_m) > 0.0
 
 
-def test_round_a_source_that_stays_in_one_direction_of_the_array_what_the_pattern_is_off_by_cancels() -> None:
+def test_pattern_error_cancels_around_a_source() -> None:
     assert semi_major_round_m(0.02) < 6.0 * semi_major_round_m(0.0)  # as noise of its direction: 15 times
 
 
 @pytest.mark.parametrize("elevation_deg", [10.0, 20.0, 30.0, 40.0, 45.0])
-def test_off_the_plane_bearings_are_off_by_what_is_told(elevation_deg: float) -> None:
+def test_bearing_errors_off_the_plane_agree_with_deviation(elevation_deg: float) -> None:
     manifold = GainManifold(helix().cut(), BORESIGHTS_RAD)
     array = ArrayModel(manifold=manifold, positions_m=RING_M, spread=ElementSpread(pattern=0.02))
     azimuth_rad = np.radians(np.arange(0.0, 360.0, 3.0))
@@ -122,7 +122,7 @@ def share_in_ellipse(pattern_error: float) -> tuple[float, float]:
     return float(np.median(errors)), float(np.mean(inside))
 
 
-def test_truths_are_in_their_ellipses_where_the_robot_knows_that_its_pattern_may_be_off() -> None:
+def test_ellipse_coverage_with_pattern_error() -> None:
     believed, told = share_in_ellipse(0.0), share_in_ellipse(0.02)
     assert told[1] >= 0.85
     assert believed[1] < told[1]

@@ -3,14 +3,10 @@
 import numpy as np
 import pytest
 
-from dirmusic import ArrayModel, ElementSpread, GainManifold, PoseError, PulseBatch
-from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
+from dirmusic import PoseError, PulseBatch
 from dirmusic.locating.yard_likelihood import OUTLIER_SIGMAS, Grid, YardLikelihood
+from tests.dirmusic.locating.scenes import ARRAY, RING, with_bearings
 
-RING = GainManifold.ring(6)
-ARRAY = ArrayModel(
-    manifold=RING, positions_m=np.zeros((6, 3)), spread=ElementSpread(gain=0.05, pointing_rad=np.radians(2.0))
-)
 POSE_ERROR = PoseError(position_m=0.0, heading_rad=0.0, correlation_s=5.0)
 GRID = Grid.over(np.array([-2.0, 0.0]), np.array([22.0, 15.0]))
 
@@ -26,13 +22,11 @@ def heard(sources_m: np.ndarray, seed: int, n_wild: int = 0) -> YardLikelihood:
         azimuth = np.concatenate([np.arctan2(off[:, 1], off[:, 0]) - pose[2], rng.uniform(-np.pi, np.pi, n_wild)])
         strengths = np.abs(RING.gain(azimuth).T * gains * 0.1 + rng.normal(0.0, 1e-3, (azimuth.size, 6)))
         pulses = PulseBatch.detected(np.zeros(azimuth.size), strengths, np.full(strengths.shape, 1e-6))
-        found = MaximumLikelihood()(pulses, ARRAY)
-        pulses = pulses._replace(azimuth_rad=found.azimuth_rad, std_rad=found.std_rad, misfit=found.misfit)
-        likelihood.add(pulses, np.tile(pose, (azimuth.size, 1)))
+        likelihood.add(with_bearings(pulses), np.tile(pose, (azimuth.size, 1)))
     return likelihood
 
 
-def test_a_grid_covers_the_yard_and_a_larger_yard_has_larger_cells() -> None:
+def test_grid_covers_the_yard() -> None:
     assert GRID.shape == (32, 20)
     np.testing.assert_allclose(GRID.centres_m[[0, 1, -1]], [[-1.625, 0.375], [-1.625, 1.125], [21.625, 14.625]])
     huge = Grid.over(np.zeros(2), np.array([400.0, 300.0]))
@@ -40,14 +34,14 @@ def test_a_grid_covers_the_yard_and_a_larger_yard_has_larger_cells() -> None:
 
 
 @pytest.mark.parametrize("n_wild", [0, 1])
-def test_the_largest_likelihood_is_at_the_source(n_wild: int) -> None:
+def test_likelihood_peaks_at_the_source(n_wild: int) -> None:
     for seed in range(6):
         source_m = np.random.default_rng([seed, 9]).uniform([2.0, 7.0], [18.0, 14.0])
         peak_m = GRID.centres_m[heard(source_m[np.newaxis], seed, n_wild).log_likelihood.argmax()]
         assert np.linalg.norm(peak_m - source_m) < 1.0
 
 
-def test_each_of_two_sources_has_a_peak_of_its_own() -> None:
+def test_two_sources_have_two_peaks() -> None:
     sources_m = np.array([[5.0, 12.0], [16.0, 10.0]])
     likelihood = heard(sources_m, 1)
     value, centres_m = likelihood.log_likelihood, GRID.centres_m
@@ -58,7 +52,7 @@ def test_each_of_two_sources_has_a_peak_of_its_own() -> None:
     assert apart.min(axis=1).max() < 1.2
 
 
-def test_a_pulse_gives_nothing_to_places_elsewhere_and_its_most_to_those_it_points_to() -> None:
+def test_pulse_adds_likelihood_only_where_it_points() -> None:
     likelihood = YardLikelihood(ARRAY, POSE_ERROR, GRID)
     pulses = PulseBatch.detected(np.zeros(1), RING.gain(np.array([0.4])).T, np.full((1, 6), 1e-6))
     pulses = pulses._replace(azimuth_rad=np.array([0.4]), std_rad=np.array([1e-3]), misfit=np.zeros(1))
@@ -70,7 +64,7 @@ def test_a_pulse_gives_nothing_to_places_elsewhere_and_its_most_to_those_it_poin
     assert likelihood.log_likelihood[aside > np.radians(25.0)].max() < 0.01 * most
 
 
-def test_it_does_not_matter_in_how_many_parts_pulses_come() -> None:
+def test_likelihood_is_additive_over_batches() -> None:
     rng = np.random.default_rng(4)
     azimuth = rng.uniform(-np.pi, np.pi, 30)
     pulses = PulseBatch.detected(np.zeros(30), RING.gain(azimuth).T, np.full((30, 6), 1e-6))

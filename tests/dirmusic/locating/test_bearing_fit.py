@@ -1,28 +1,20 @@
 """Positions from bearings alone: what averages away, what does not, and how honest the ellipse is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from dirmusic import ESTIMATORS, ArrayModel, ElementErrors, ElementSpread, GainManifold, PoseError, PulseBatch
+from dirmusic import ESTIMATORS, ElementErrors, ElementSpread, PoseError, PulseBatch
 from dirmusic.angles import wrap
 from dirmusic.array.bounds import manifold_error, manifold_error_covariance, manifold_error_std
 from dirmusic.locating.bearing_fit import locate_by_bearings
 from dirmusic.locating.finding import ellipse95, is_inside95
+from tests.dirmusic.locating.scenes import ARRAY, NO_POSE_ERROR, POSE_ERROR, RING, SPREAD
 
-NOMINAL = GainManifold.ring(6)
-RING_M = np.column_stack(
-    [0.12 * np.cos(NOMINAL.boresights_rad), 0.12 * np.sin(NOMINAL.boresights_rad), np.full(6, 0.6)]
-)
-SPREAD = ElementSpread(gain=0.05, pointing_rad=np.radians(2.0))
-POSE_ERROR = PoseError(position_m=0.05, heading_rad=np.radians(0.5), correlation_s=5.0)
-NO_POSE_ERROR = PoseError(position_m=0.0, heading_rad=0.0, correlation_s=1.0)
 SOURCE_M = np.array([20.0, 15.0])
 STEP_S = 0.25
 SECTOR_STD_RAD = np.radians(60.0) / np.sqrt(12.0)
-
-
-def array(spread: ElementSpread = SPREAD) -> ArrayModel:
-    return ArrayModel(manifold=NOMINAL, positions_m=RING_M, spread=spread)
 
 
 def orbit(rng: np.random.Generator, n: int = 120) -> np.ndarray:
@@ -49,7 +41,7 @@ def wandering(rng: np.random.Generator, n: int) -> np.ndarray:
 
 def pulses_at(pose: np.ndarray, noise_rad: float) -> PulseBatch:
     """Pulses whose strengths are without error and whose noise allows for bearings so good."""
-    gain, slope = NOMINAL.gain_and_slope(azimuths(pose))
+    gain, slope = RING.gain_and_slope(azimuths(pose))
     across = slope - gain * (gain * slope).sum(axis=0) / np.square(gain).sum(axis=0)
     variance = np.square(noise_rad) * np.square(across).sum(axis=0)
     time_s = STEP_S * np.arange(len(pose), dtype=np.float64)
@@ -63,7 +55,7 @@ def locate(pulses: PulseBatch, pose: np.ndarray, spread: ElementSpread, pose_err
         pose,
         np.zeros(len(pose), dtype=np.intp),
         np.append(SOURCE_M + off_m, 1.5)[np.newaxis],
-        array(spread),
+        replace(ARRAY, spread=spread),
         pose_error,
     )
     return fix.positions_m[0, :2], fix.covariances_m2[0, :2, :2]
@@ -83,11 +75,11 @@ def coverage(coarse: bool, n_orbits: int) -> tuple[float, float]:
         pose = orbit(rng)
         pulses = pulses_at(pose, np.radians(0.01 if coarse else 1.0))
         if coarse:  # the boresight next to the direction
-            loudest = NOMINAL.gain(azimuths(pose)).argmax(axis=0)
-            bearing = {"azimuth_rad": NOMINAL.boresights_rad[loudest], "std_rad": np.full(len(pose), SECTOR_STD_RAD)}
+            loudest = RING.gain(azimuths(pose)).argmax(axis=0)
+            bearing = {"azimuth_rad": RING.boresights_rad[loudest], "std_rad": np.full(len(pose), SECTOR_STD_RAD)}
         else:  # 1 degree of noise, and 2.5 degrees in common by an array that is not as its data sheet says
             errors = drawn_errors(rng)
-            common = manifold_error(NOMINAL, azimuths(pose), errors)
+            common = manifold_error(RING, azimuths(pose), errors)
             bearing = {"azimuth_rad": wrap(azimuths(pose) + common + rng.normal(0, np.radians(1.0), len(pose)))}
         believed = pose + wandering(rng, len(pose))
         position, covariance = locate(pulses._replace(**bearing), believed, SPREAD, POSE_ERROR)
@@ -97,19 +89,19 @@ def coverage(coarse: bool, n_orbits: int) -> tuple[float, float]:
     return inside / n_orbits, semi_major_m / n_orbits / np.sqrt(square_m2 / n_orbits)
 
 
-def test_the_truth_lies_in_95_of_100_ellipses_though_array_and_poses_are_wrong() -> None:
+def test_ellipse_coverage_with_array_and_pose_errors() -> None:
     inside, size = coverage(coarse=False, n_orbits=300)
     assert 0.91 < inside < 0.985  # three deviations are 0.038
     assert size < 3.0
 
 
-def test_the_truth_lies_in_the_ellipses_of_an_estimator_that_rounds_to_sectors_of_60_degrees() -> None:
+def test_ellipse_coverage_with_a_coarse_estimator() -> None:
     inside, size = coverage(coarse=True, n_orbits=300)
     assert 0.91 < inside < 0.985
     assert size < 3.0
 
 
-def test_bearings_without_error_cross_at_the_source() -> None:
+def test_exact_bearings_cross_at_the_source() -> None:
     pose = orbit(np.random.default_rng(1))
     position, _ = locate(pulses_at(pose, np.radians(1.0)), pose, SPREAD, POSE_ERROR, off_m=2.0)
     np.testing.assert_allclose(position, SOURCE_M, atol=1e-3)  # the prior on the position is there
@@ -124,7 +116,7 @@ def test_bearings_without_error_cross_at_the_source() -> None:
         (ElementSpread(), NO_POSE_ERROR, np.radians(5.0), 1.0),  # nor what the method is wrong by
     ],
 )
-def test_ten_times_the_pulses_from_the_same_poses_lessen_the_noise_alone(
+def test_more_pulses_reduce_only_the_noise(
     spread: ElementSpread, pose_error: PoseError, method_rad: float, factor: float
 ) -> None:
     pose = orbit(np.random.default_rng(2), 12)
@@ -138,13 +130,13 @@ def test_ten_times_the_pulses_from_the_same_poses_lessen_the_noise_alone(
     assert ratio == pytest.approx(factor, rel=0.02 if factor < 1 else 0.12)
 
 
-def test_the_deviations_of_maximum_likelihood_are_noise_and_nothing_of_the_method() -> None:
+def test_maximum_likelihood_has_no_method_error() -> None:
     rng = np.random.default_rng(3)
     pose = orbit(rng, 40)
     clean = pulses_at(pose, np.radians(1.0))
     noise = rng.normal(0, np.sqrt(clean.variance_v2))
     drawn = clean._replace(strengths_v=np.maximum(clean.strengths_v + noise, 0.0))
-    found = ESTIMATORS["maximum_likelihood"]()(drawn, array())
+    found = ESTIMATORS["maximum_likelihood"]()(drawn, ARRAY)
     pulses = drawn._replace(azimuth_rad=found.azimuth_rad, std_rad=found.std_rad)
     rows = np.repeat(np.arange(40), 4)
     (_, one), (_, four) = (
@@ -154,14 +146,14 @@ def test_the_deviations_of_maximum_likelihood_are_noise_and_nothing_of_the_metho
     np.testing.assert_allclose(four, one / 4, atol=1e-3 * one.max())
 
 
-def test_a_single_line_of_bearings_is_known_across_and_unknown_along() -> None:
+def test_single_line_of_bearings_is_unknown_along() -> None:
     pose = np.column_stack([np.linspace(0.0, 15.0, 60), np.full(60, 15.0), np.zeros(60)])
     _, covariance = locate(pulses_at(pose, np.radians(1.0)), pose, SPREAD, POSE_ERROR)
     assert np.sqrt(covariance[0, 0]) > 5.0
     assert np.sqrt(covariance[1, 1]) < 1.0
 
 
-def test_one_bearing_in_seven_that_is_far_off_moves_the_fix_little() -> None:
+def test_outliers_move_the_position_little() -> None:
     rng = np.random.default_rng(4)
     pose = orbit(rng)
     pulses = pulses_at(pose, np.radians(1.0))
@@ -171,7 +163,7 @@ def test_one_bearing_in_seven_that_is_far_off_moves_the_fix_little() -> None:
     assert np.linalg.norm(position - SOURCE_M) < 0.3
 
 
-def test_several_sources_are_located_as_each_alone_and_no_errors_of_the_array_are_claimed() -> None:
+def test_several_sources_are_located_like_single_ones() -> None:
     rng = np.random.default_rng(5)
     poses = [orbit(rng), orbit(rng) - [3.0, 1.0, 0.0]]
     pulses = [
@@ -179,20 +171,20 @@ def test_several_sources_are_located_as_each_alone_and_no_errors_of_the_array_ar
     ]
     start_m = SOURCE_M - [[0.0, 0.0], [3.0, 1.0]] + 0.2
     both = locate_by_bearings(
-        PulseBatch.join(pulses), np.concatenate(poses), np.repeat([0, 1], 120), start_m, array(), POSE_ERROR
+        PulseBatch.join(pulses), np.concatenate(poses), np.repeat([0, 1], 120), start_m, ARRAY, POSE_ERROR
     )
     for k in range(2):
         alone = locate_by_bearings(
-            pulses[k], poses[k], np.zeros(120, dtype=np.intp), start_m[k : k + 1], array(), POSE_ERROR
+            pulses[k], poses[k], np.zeros(120, dtype=np.intp), start_m[k : k + 1], ARRAY, POSE_ERROR
         )
         np.testing.assert_array_equal(both.positions_m[k], alone.positions_m[0])
         np.testing.assert_array_equal(both.covariances_m2[k], alone.covariances_m2[0])
     assert not np.any(both.errors.state)
 
 
-def test_the_covariance_of_the_manifold_error_is_that_of_drawn_arrays() -> None:
+def test_manifold_error_covariance_equals_drawn_arrays() -> None:
     rng, azimuth_rad = np.random.default_rng(6), np.linspace(0.0, 2.0, 5)
-    covariance = manifold_error_covariance(NOMINAL, azimuth_rad, SPREAD)
-    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), manifold_error_std(NOMINAL, azimuth_rad, SPREAD))
-    drawn = [manifold_error(NOMINAL, azimuth_rad, drawn_errors(rng)) for _ in range(8000)]
+    covariance = manifold_error_covariance(RING, azimuth_rad, SPREAD)
+    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), manifold_error_std(RING, azimuth_rad, SPREAD))
+    drawn = [manifold_error(RING, azimuth_rad, drawn_errors(rng)) for _ in range(8000)]
     np.testing.assert_allclose(np.cov(np.array(drawn).T), covariance, atol=0.05 * covariance.max())

@@ -5,52 +5,35 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.stats import poisson
 
-from dirmusic import ArrayModel, GainManifold
-from dirmusic.array.element_errors import ElementErrors, ElementSpread
-from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
-from dirmusic.locating.association import Assigner, Unassociated, too_many_for_multipath
-from dirmusic.locating.finding import Finding
+from dirmusic.array.element_errors import ElementErrors
+from dirmusic.locating.association import Assigner, Unassociated, may_share_phase, too_many_for_multipath
+from dirmusic.locating.finding import Finding, State
 from dirmusic.locating.locator import rows_of_candidate
 from dirmusic.locating.plane_wave import bearing_error_table
-from dirmusic.locating.protocol import LineOfSight, PoseError
+from dirmusic.locating.protocol import LineOfSight
 from dirmusic.locating.pulse_record import PulseRecord, PulsesAtPose
 from dirmusic.locating.rules import AssignmentRules, LocatingRules
 from dirmusic.pulses.batch import PulseBatch
-
-NOMINAL = GainManifold.ring(6)
-ARRAY = ArrayModel(
-    manifold=NOMINAL, positions_m=np.zeros((6, 3)), spread=ElementSpread(gain=0.01, pointing_rad=np.radians(0.5))
+from tests.dirmusic.locating.scenes import (
+    LEVEL_DB,
+    POSE_ERROR,
+    RING,
+    SMALL_ARRAY,
+    make_finding,
+    pulses_from,
+    with_bearings,
 )
-NO_ERRORS = bearing_error_table(NOMINAL, ElementErrors.none(6))
-POSE_ERROR = PoseError(position_m=0.05, heading_rad=np.radians(0.5), correlation_s=5.0)
-LEVEL_DB = -10.0
+
+FloatArray = NDArray[np.float64]
+NO_ERRORS = bearing_error_table(RING, ElementErrors.none(6))
 UNASSIGNED, AMBIGUOUS, BIASED, DIFFRACTED, ECHO = Unassociated
 
 
-def finding(x: float, y: float, state: str = "confirmed", number: int = 1) -> Finding:
-    return Finding(
-        id=number,
-        state=state,  # pyright: ignore[reportArgumentType]
-        position_m=np.array([x, y, 0.0]),
-        covariance_m2=0.01 * np.eye(3),
-        n_bearings=100,
-        first_detected_s=0.0,
-        last_detected_s=0.0,
-        confirmed_s=0.0,
-        aperture_rad=1.0,
-        nearest_m=3.0,
-        level_db=LEVEL_DB,
-    )
-
-
-def pulses_from(azimuth: np.ndarray, strength_v: np.ndarray | float) -> PulseBatch:
-    """Pulses from known azimuths (n,) with norms of their strengths, and a deviation of 0.3 degrees."""
-    n, gain = azimuth.size, NOMINAL.gain(azimuth)
-    strengths = (gain / np.linalg.norm(gain, axis=0) * strength_v).T
-    pulses = PulseBatch.detected(np.zeros(n), strengths, np.full((n, 6), 1e-12))
-    return pulses._replace(azimuth_rad=azimuth, std_rad=np.full(n, np.radians(0.3)))
+def finding(x: float, y: float, state: State = "confirmed", number: int = 1) -> Finding:
+    return make_finding(id=number, state=state, position_m=np.array([x, y, 0.0]), confirmed_s=0.0)
 
 
 def assigned(
@@ -62,7 +45,7 @@ def assigned(
         return np.full(len(points), float(in_sight))
 
     sight: LineOfSight = the_map
-    record = PulseRecord(ARRAY, POSE_ERROR, sight, AssignmentRules())
+    record = PulseRecord(SMALL_ARRAY, POSE_ERROR, sight, AssignmentRules())
     azimuth = np.full(5, np.radians(bearing_deg))
     record.extend([PulsesAtPose(0.0, np.zeros(3), pulses_from(azimuth, 10 ** ((LEVEL_DB + excess_db) / 20) / range_m))])
     owner = Assigner(record, AssignmentRules()).assign(findings, NO_ERRORS).finding
@@ -70,19 +53,19 @@ def assigned(
     return int(owner[0])
 
 
-def test_a_pulse_belongs_to_the_finding_that_it_points_to_and_to_none_in_another_direction() -> None:
+def test_pulse_belongs_to_the_finding_it_points_to() -> None:
     west_and_north = [finding(-8.0, 0.0), finding(0.0, 8.0, number=2)]
     assert assigned(west_and_north, bearing_deg=180.0, excess_db=0.0, range_m=8.0) == 0
     assert assigned(west_and_north, bearing_deg=90.0, excess_db=0.0, range_m=8.0) == 1
     assert assigned(west_and_north, bearing_deg=-45.0, excess_db=0.0, range_m=8.0) == UNASSIGNED
 
 
-def test_a_pulse_that_two_findings_in_one_direction_explain_belongs_to_neither() -> None:
+def test_pulse_of_two_aligned_findings_is_ambiguous() -> None:
     behind_each_other = [finding(8.0, 0.0), finding(10.0, 0.0, number=2)]
     assert assigned(behind_each_other, bearing_deg=0.0, excess_db=0.0, range_m=9.0) == AMBIGUOUS
 
 
-def test_a_candidate_whose_place_is_hardly_known_leaves_one_that_is_known_well_its_pulses() -> None:
+def test_vague_candidate_takes_no_pulse_of_a_known_one() -> None:
     known = finding(8.0, 0.0, "candidate")
     vague = replace(finding(9.0, 1.0, "candidate", number=2), covariance_m2=np.diag([25.0, 25.0, 1.0]))
     assert assigned([known, vague], bearing_deg=0.0, excess_db=0.0, range_m=8.0) == 0
@@ -91,13 +74,13 @@ def test_a_candidate_whose_place_is_hardly_known_leaves_one_that_is_known_well_i
     assert assigned([confirmed, vague], bearing_deg=0.0, excess_db=0.0, range_m=8.0) == AMBIGUOUS
 
 
-def test_a_pulse_ten_decibels_too_weak_for_its_range_is_a_ghost() -> None:
+def test_pulse_too_weak_for_its_range_is_diffracted() -> None:
     assert assigned([finding(8.0, 0.0)], bearing_deg=0.0, excess_db=-11.0, range_m=8.0) == DIFFRACTED
     assert assigned([finding(8.0, 0.0)], bearing_deg=0.0, excess_db=-6.0, range_m=8.0) == 0
 
 
 @pytest.mark.parametrize("bearing_deg", [60.0, -120.0])
-def test_while_a_confirmed_finding_is_obstructed_pulses_no_louder_than_it_are_its_ghosts_from_any_direction(
+def test_pulses_of_obstructed_finding_are_multipath(
     bearing_deg: float,
 ) -> None:
     obstructed = [finding(8.0, 0.0)]
@@ -108,15 +91,15 @@ def test_while_a_confirmed_finding_is_obstructed_pulses_no_louder_than_it_are_it
     assert assigned(candidate, bearing_deg=bearing_deg, excess_db=0.0, range_m=8.0, in_sight=False) == UNASSIGNED
 
 
-def test_a_loud_pulse_a_little_past_a_finding_in_sight_is_its_own_biased_by_a_reflection() -> None:
+def test_strong_pulse_next_to_a_finding_is_biased() -> None:
     assert assigned([finding(8.0, 0.0)], bearing_deg=15.0, excess_db=0.0, range_m=8.0) == BIASED
     assert assigned([finding(8.0, 0.0)], bearing_deg=15.0, excess_db=-8.0, range_m=8.0) == UNASSIGNED
 
 
-def test_pulses_past_a_finding_are_biased_as_far_as_its_own_are_missing_and_another_source_beyond() -> None:
+def test_biased_pulses_are_no_more_than_those_missing() -> None:
     def owners_past_it(n_own: int) -> np.ndarray:
         """Of the pulses past a finding, 40 a window, while it is itself detected so often instead of 40 times."""
-        record = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
+        record = PulseRecord(SMALL_ARRAY, POSE_ERROR, None, AssignmentRules())
         strength_v = 10 ** (LEVEL_DB / 20) / 8.0
         for window in range(12):
             past = 40 if window >= 6 else 0
@@ -129,10 +112,10 @@ def test_pulses_past_a_finding_are_biased_as_far_as_its_own_are_missing_and_anot
     assert (owners_past_it(40) == UNASSIGNED).all()
 
 
-def test_pulses_that_come_bit_by_bit_are_assigned_as_all_at_once_while_the_findings_stay() -> None:
+def test_assignment_in_steps_equals_assignment_at_once() -> None:
     rng = np.random.default_rng(11)
     findings = [finding(8.0, 0.0), finding(-3.0, 6.0, number=2), finding(4.0, 4.0, "candidate", number=3)]
-    record = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
+    record = PulseRecord(SMALL_ARRAY, POSE_ERROR, None, AssignmentRules())
     bit_by_bit = Assigner(record, AssignmentRules())
     for step in range(200):
         pose = np.array([0.02 * step, 0.01 * step, 0.03 * step])
@@ -150,16 +133,16 @@ def test_pulses_that_come_bit_by_bit_are_assigned_as_all_at_once_while_the_findi
     np.testing.assert_array_equal(little_by_little.level_db, at_once.level_db)
 
 
-def test_pulses_are_assigned_anew_by_a_finding_that_has_moved_changed_its_state_or_become_known() -> None:
+def test_changed_finding_or_array_changes_assignment() -> None:
     pulses = pulses_from(np.full(5, 0.0), 10 ** (LEVEL_DB / 20) / 8.0)
-    record = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
+    record = PulseRecord(SMALL_ARRAY, POSE_ERROR, None, AssignmentRules())
     record.extend([PulsesAtPose(0.0, np.zeros(3), pulses)])
     assigner = Assigner(record, AssignmentRules())
     assert (assigner.assign([finding(8.0, 0.0)], NO_ERRORS).finding == 0).all()
     assert (assigner.assign([finding(0.0, 8.0)], NO_ERRORS).finding == UNASSIGNED).all()
     assert (assigner.assign([finding(8.0, 0.0)], NO_ERRORS).finding == 0).all()
     turned = ElementErrors(gain=np.zeros(6), pointing_rad=np.full(6, np.radians(30.0)), offset=np.zeros(6))
-    assert (assigner.assign([finding(8.0, 0.0)], bearing_error_table(NOMINAL, turned)).finding == UNASSIGNED).all()
+    assert (assigner.assign([finding(8.0, 0.0)], bearing_error_table(RING, turned)).finding == UNASSIGNED).all()
 
 
 HIGH_M = 4.0
@@ -167,29 +150,28 @@ HIGH_M = 4.0
 
 def bearings_from_above(azimuth: np.ndarray, elevation_rad: float) -> PulseBatch:
     """Loud pulses from one elevation, with the bearings that are taken of them in the plane."""
-    off = azimuth[:, np.newaxis] - NOMINAL.boresights_rad
-    strengths = NOMINAL.response_in_space(off, np.full((azimuth.size, 1), elevation_rad)).gain
+    off = azimuth[:, np.newaxis] - RING.boresights_rad
+    strengths = RING.response_in_space(off, np.full((azimuth.size, 1), elevation_rad)).gain
     pulses = PulseBatch.detected(np.zeros(azimuth.size), strengths, np.full(strengths.shape, 1e-8))
-    found = MaximumLikelihood()(pulses, ARRAY)
-    return pulses._replace(azimuth_rad=found.azimuth_rad, std_rad=found.std_rad, misfit=found.misfit)
+    return with_bearings(pulses, SMALL_ARRAY)
 
 
 @pytest.mark.parametrize("elevation_deg", [10.0, 30.0, 45.0, 60.0, 70.0])
-def test_bearings_that_are_off_for_they_were_taken_in_the_plane_belong_to_the_finding_above(
+def test_bearings_off_the_plane_belong_to_the_finding_above(
     elevation_deg: float,
 ) -> None:
     for azimuth_deg in range(3, 360, 17):
         azimuth, elevation = np.radians([float(azimuth_deg)]), np.radians(elevation_deg)
         place = HIGH_M / np.tan(elevation) * np.array([np.cos(azimuth[0]), np.sin(azimuth[0])])
         above = replace(finding(*place), position_m=np.array([*place, HIGH_M]), level_db=np.nan, state="candidate")
-        record = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
+        record = PulseRecord(SMALL_ARRAY, POSE_ERROR, None, AssignmentRules())
         record.extend([PulsesAtPose(0.0, np.zeros(3), bearings_from_above(azimuth, elevation))])
         assert Assigner(record, AssignmentRules()).assign([above], NO_ERRORS).finding.tolist() == [0]
 
 
-def test_a_pulse_from_above_belongs_to_no_finding_in_the_plane_and_makes_none_but_the_first() -> None:
+def test_pulse_from_above_initiates_only_the_first_candidate() -> None:
     azimuth = np.zeros(20)
-    record = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
+    record = PulseRecord(SMALL_ARRAY, POSE_ERROR, None, AssignmentRules())
     from_above = bearings_from_above(azimuth, np.radians(60.0))._replace(azimuth_rad=azimuth)
     record.extend([PulsesAtPose(0.0, np.zeros(3), from_above)])
     level_with_it = replace(finding(8.0, 0.0, "candidate"), level_db=np.nan)
@@ -199,7 +181,7 @@ def test_a_pulse_from_above_belongs_to_no_finding_in_the_plane_and_makes_none_bu
     for is_first in (False, True):
         rows = rows_of_candidate(record, unassigned, NO_ERRORS, LocatingRules(), 0.0, is_first=is_first)
         assert rows.size == (20 if is_first else 0)
-    level = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
+    level = PulseRecord(SMALL_ARRAY, POSE_ERROR, None, AssignmentRules())
     level.extend([PulsesAtPose(0.0, np.zeros(3), bearings_from_above(azimuth, 0.0))])
     assert rows_of_candidate(level, unassigned, NO_ERRORS, LocatingRules(), 0.0, is_first=False).size == 20
 
@@ -224,9 +206,9 @@ def behind_a_wall(points: np.ndarray, target: np.ndarray, ignore_m: float) -> np
 
 
 @pytest.mark.parametrize("is_heard", [True, False])
-def test_pulses_are_echoes_of_a_finding_only_in_so_far_as_its_own_are_missing(is_heard: bool) -> None:
+def test_multipath_is_limited_by_missing_direct_pulses(is_heard: bool) -> None:
     rng, rules = np.random.default_rng(1), AssignmentRules()
-    record = PulseRecord(ARRAY, POSE_ERROR, behind_a_wall, rules)
+    record = PulseRecord(SMALL_ARRAY, POSE_ERROR, behind_a_wall, rules)
     detections(record, rng, {0.0: 20.0}, range(0, 20), WALL_DB)
     detections(record, rng, {0.0: 20.0, 90.0: 20.0} if is_heard else {90.0: 20.0}, range(20, 40), WALL_DB)
     owner = Assigner(record, rules).assign([finding(8.0, 0.0)], NO_ERRORS).finding
@@ -234,12 +216,12 @@ def test_pulses_are_echoes_of_a_finding_only_in_so_far_as_its_own_are_missing(is
     assert np.mean(from_north == (UNASSIGNED if is_heard else ECHO)) > 0.95
 
 
-def test_a_source_whose_rate_is_not_known_may_have_any_number_of_echoes() -> None:
+def test_source_of_unknown_rate_may_have_any_multipath() -> None:
     suspects, nobody = np.ones(50, dtype=np.bool_), np.full(50, -1)
     assert not too_many_for_multipath(np.zeros(50), np.zeros(50), suspects, nobody, 1).any()
 
 
-def test_echo_count_does_not_need_memory_for_the_time_origin() -> None:
+def test_multipath_count_needs_no_memory_for_the_origin() -> None:
     suspects, owner = np.ones(50, dtype=np.bool_), np.full(50, -1)
     tracemalloc.start()
     for origin_s in (-1e6, 1e7):
@@ -250,7 +232,7 @@ def test_echo_count_does_not_need_memory_for_the_time_origin() -> None:
 
 
 @pytest.mark.parametrize(("n_missing", "most"), [(0, 3), (3, 9), (8, 17)])
-def test_echoes_are_too_many_beyond_three_poisson_deviations(n_missing: int, most: int) -> None:
+def test_multipath_is_limited_to_three_poisson_deviations(n_missing: int, most: int) -> None:
     """N > b + 3 sqrt(b + 1) with b pulses missing; the tail of the Poisson law stays below 0.4 % for every b."""
     for n_echoes in (most, most + 1):
         n_direct = 20 - n_missing
@@ -261,3 +243,81 @@ def test_echoes_are_too_many_beyond_three_poisson_deviations(n_missing: int, mos
         np.testing.assert_array_equal(too_many, is_suspect & (n_echoes > most))
     mean = np.linspace(0.0, 50.0, 2001)
     assert poisson.sf(np.floor(mean + 3.0 * np.sqrt(mean + 1.0)), mean).max() < 0.004
+
+
+N_SURE = 600
+
+
+def corona(rng: np.random.Generator, n: int, at_deg: float) -> FloatArray:
+    return np.mod(np.radians(rng.normal(at_deg, 14.0, n)), 2 * np.pi)
+
+
+def phases_of(kind: str, rng: np.random.Generator, n: int) -> FloatArray:
+    """Of pulses of two sources, one after the other."""
+    if kind == "any":
+        return rng.uniform(0.0, 2 * np.pi, n)
+    if kind == "unknown":
+        return np.full(n, np.nan)
+    return np.concatenate([corona(rng, n // 2, 270.0), corona(rng, n - n // 2, 150.0)])
+
+
+def in_line(kind: str, rng: np.random.Generator) -> NDArray[np.intp]:
+    """Owners of pulses of two findings, seen from aside first, and then from where they stand in one line."""
+    findings = [finding(8.0, 0.0), finding(11.0, 0.0, number=2)]
+    record = PulseRecord(SMALL_ARRAY, POSE_ERROR, None, AssignmentRules())
+    for k, at_deg in enumerate((270.0, 150.0)):
+        phase_rad = corona(rng, N_SURE, at_deg) if kind == "corona" else phases_of(kind, rng, N_SURE)
+        pose = np.array([9.5, -4.0, 0.0])
+        sight_m = findings[k].position_m[:2] - pose[:2]
+        azimuth = np.full(N_SURE, np.arctan2(sight_m[1], sight_m[0]))
+        strength_v = 10 ** (LEVEL_DB / 20) / np.hypot(*sight_m)
+        pulses = pulses_from(azimuth, strength_v)._replace(mains_phase_rad=phase_rad)
+        record.extend([PulsesAtPose(10.0 * k, pose, pulses)])
+    aligned = pulses_from(np.zeros(100), 10 ** (LEVEL_DB / 20) / 9.5)
+    record.extend([PulsesAtPose(20.0, np.zeros(3), aligned._replace(mains_phase_rad=phases_of(kind, rng, 100)))])
+    return Assigner(record, AssignmentRules()).assign(findings, NO_ERRORS).finding
+
+
+def test_mains_phase_separates_aligned_findings() -> None:
+    owner = in_line("corona", np.random.default_rng(0))
+    assert (owner[:N_SURE] == 0).all()
+    assert (owner[N_SURE:-100] == 1).all()
+    told = owner[-100:]
+    assert (told == np.repeat([0, 1], 50))[told >= 0].all()
+    assert (told >= 0).mean() > 0.9
+
+
+@pytest.mark.parametrize("kind", ["any", "unknown"])
+def test_uniform_or_unknown_phase_separates_nothing(kind: str) -> None:
+    owner = in_line(kind, np.random.default_rng(1))
+    assert (owner[:N_SURE] == 0).all()
+    assert (owner[N_SURE:-100] == 1).all()
+    assert (owner[-100:] == Unassociated.AMBIGUOUS).all()
+
+
+@pytest.mark.parametrize(("at_deg", "code"), [(270.0, Unassociated.ECHO), (90.0, Unassociated.UNASSIGNED)])
+def test_multipath_has_the_phase_of_its_source(at_deg: float, code: Unassociated) -> None:
+    def only_from_the_south(points_m: FloatArray, target_m: FloatArray, within_m: float) -> FloatArray:
+        return (points_m[:, 1] < -2.0).astype(np.float64)
+
+    rng = np.random.default_rng(2)
+    record = PulseRecord(SMALL_ARRAY, POSE_ERROR, only_from_the_south, AssignmentRules())
+    before = pulses_from(np.full(N_SURE, np.pi / 2), 10 ** (LEVEL_DB / 20) / 8.0)
+    before = before._replace(mains_phase_rad=corona(rng, N_SURE, 270.0))
+    record.extend([PulsesAtPose(0.0, np.array([8.0, -8.0, 0.0]), before)])
+    later = pulses_from(np.full(20, np.radians(60.0)), 10 ** (LEVEL_DB / 20) / 8.0)
+    record.extend([PulsesAtPose(20.0, np.zeros(3), later._replace(mains_phase_rad=corona(rng, 20, at_deg)))])
+    owner = Assigner(record, AssignmentRules()).assign([finding(8.0, 0.0)], NO_ERRORS).finding
+    assert (owner[:N_SURE] == 0).all()
+    assert (owner[N_SURE:] == code).all()
+
+
+def test_few_or_uniform_phases_exclude_nothing() -> None:
+    rng = np.random.default_rng(3)
+    for n in (10, 100, 210, 300, 1000, 5000):
+        phase_rad = rng.uniform(0.0, 2 * np.pi, n)
+        assert may_share_phase(phase_rad, np.zeros(n, dtype=np.intp), 1).all()
+    few = np.append(corona(rng, 200, 270.0), np.radians(90.0))
+    assert may_share_phase(few, np.append(np.zeros(200, dtype=np.intp), -1), 1).all()
+    many = np.append(corona(rng, 400, 270.0), np.radians(90.0))
+    assert not may_share_phase(many, np.append(np.zeros(400, dtype=np.intp), -1), 1)[0, -1]

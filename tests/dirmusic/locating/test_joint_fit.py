@@ -6,29 +6,23 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dirmusic import ArrayModel, ElementSpread, GainManifold, PoseError, PulseBatch
+from dirmusic import ArrayModel, ElementSpread, GainManifold, PulseBatch
 from dirmusic.array.pattern import as_boresights
 from dirmusic.locating.joint_fit import ROBUST_SCALE, JointProblem, locate_jointly
 from dirmusic.locating.joint_kernels import N_HARMONICS, N_TERMS, FitData, NominalArray, Priors, evaluate, linearise
+from tests.dirmusic.locating.scenes import NO_POSE_ERROR, RING, RING_M, SPREAD
 
 FloatArray = NDArray[np.float64]
-
-NOMINAL = GainManifold.ring(6)
-RING_M = np.column_stack(
-    [0.12 * np.cos(NOMINAL.boresights_rad), 0.12 * np.sin(NOMINAL.boresights_rad), np.full(6, 0.6)]
-)
-SPREAD = ElementSpread(gain=0.05, pointing_rad=np.radians(2.0))
-NO_POSE_ERROR = PoseError(position_m=0.0, heading_rad=0.0, correlation_s=1.0)
 
 
 def area_m2(times: int, unexplained: float) -> float:
     """Root of the determinant of the covariance on plan, from some places with so many pulses at each."""
     spread = replace(SPREAD if unexplained else ElementSpread(), unexplained=unexplained)
-    array = ArrayModel(manifold=NOMINAL, positions_m=RING_M, spread=spread)
+    array = ArrayModel(manifold=RING, positions_m=RING_M, spread=spread)
     east = np.linspace(-6.0, 6.0, 13)
     pose = np.column_stack([east, np.zeros(13), np.linspace(0.0, 2.0, 13)])
     bearing = np.arctan2(5.0, -east)
-    strengths = NOMINAL.gain(bearing - pose[:, 2]).T
+    strengths = RING.gain(bearing - pose[:, 2]).T
     strengths /= np.linalg.norm(strengths, axis=-1, keepdims=True)
     rows = np.repeat(np.arange(13), times)
     variance = np.full((rows.size, 6), 1e-10 if unexplained else 1e-6)
@@ -37,13 +31,11 @@ def area_m2(times: int, unexplained: float) -> float:
     return float(np.sqrt(np.linalg.det(fix.covariances_m2[0, :2, :2])))
 
 
-def test_ten_times_the_pulses_from_the_same_places_make_the_ellipse_no_smaller_for_what_no_model_explains_stays() -> (
-    None
-):
+def test_more_pulses_do_not_reduce_unexplained_errors() -> None:
     assert area_m2(10, 0.02) == pytest.approx(area_m2(1, 0.02), rel=0.1)
 
 
-def test_where_noise_alone_is_left_ten_times_the_pulses_make_a_tenth_of_the_ellipse() -> None:
+def test_more_pulses_reduce_noise() -> None:
     assert area_m2(10, 0.0) == pytest.approx(0.1 * area_m2(1, 0.0), rel=0.02)
 
 
@@ -51,8 +43,8 @@ RNG = np.random.default_rng(5)
 POSE = np.column_stack([RNG.uniform(0.0, 20.0, (40, 2)), RNG.uniform(-np.pi, np.pi, 40)])
 SOURCE = np.arange(40, dtype=np.intp) % 2
 TILTED = GainManifold(
-    NOMINAL.pattern,
-    NOMINAL.boresights_rad,
+    RING.pattern,
+    RING.boresights_rad,
     boresight_elevations_rad=np.radians([10.0, 0.0, -10.0, 20.0, 0.0, 0.0]),
     gain_factors=np.linspace(0.9, 1.1, 6),
     gain_offsets=np.linspace(-0.02, 0.02, 6),
@@ -103,7 +95,7 @@ def linear(state: FloatArray, strengths: FloatArray, weight: FloatArray, priors:
     return at
 
 
-def test_the_slopes_are_those_of_the_misses_where_the_model_explains_the_strengths() -> None:
+def test_slopes_equal_differences_of_residuals() -> None:
     weight = RNG.uniform(5.0, 50.0, (40, 6))
     strengths = RNG.uniform(0.5, 2.0, (40, 1)) * modelled(STATE, weight)
     for priors in (PRIORS, PRIORS._replace(position_m=0.0, heading_rad=0.0)):
@@ -118,7 +110,7 @@ def test_the_slopes_are_those_of_the_misses_where_the_model_explains_the_strengt
             np.testing.assert_allclose((after - before) / 2e-5, expected, atol=2e-4 * np.abs(slope[:, :, column]).max())
 
 
-def test_cost_gradient_and_hessian_are_those_of_a_soft_l1_loss_over_all_misses() -> None:
+def test_cost_and_derivatives_are_those_of_soft_l1() -> None:
     weight = RNG.uniform(5.0, 50.0, (40, 6))
     strengths = modelled(STATE, weight) + RNG.normal(0.0, 3.0, (40, 6))
     miss, slope = linear(STATE, strengths, weight, PRIORS)
@@ -135,7 +127,7 @@ def test_cost_gradient_and_hessian_are_those_of_a_soft_l1_loss_over_all_misses()
     np.testing.assert_allclose(hessian, jacobian.T @ (jacobian / root[:, np.newaxis] ** 3), rtol=1e-9, atol=1e-9)
 
 
-def test_two_sources_and_the_errors_of_the_array_are_found_together() -> None:
+def test_two_sources_and_array_errors_are_estimated() -> None:
     array = ArrayModel(manifold=TILTED, positions_m=RING_M, spread=replace(SPREAD, offset=0.02))
     truth = STATE.copy()
     truth[2], truth[5], truth[24:] = 2.1, 1.4, 0.0  # heights as they are believed to be, and the pattern

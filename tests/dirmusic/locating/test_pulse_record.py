@@ -3,16 +3,14 @@
 import numpy as np
 import pytest
 
-from dirmusic import ArrayModel, GainManifold
+from dirmusic import ArrayModel
 from dirmusic.array.element_errors import ElementSpread
-from dirmusic.locating.protocol import PoseError
 from dirmusic.locating.pulse_record import PulseRecord, PulsesAtPose, choose_evenly, pool_pulses
 from dirmusic.locating.rules import AssignmentRules
 from dirmusic.pulses.batch import PulseBatch
+from tests.dirmusic.locating.scenes import POSE_ERROR, RING
 
-RING = GainManifold.ring(6)
 ARRAY = ArrayModel(manifold=RING, positions_m=np.zeros((6, 3)), spread=ElementSpread())
-POSE_ERROR = PoseError(position_m=0.05, heading_rad=np.radians(0.5), correlation_s=5.0)
 
 
 def noisy_pulses(azimuth_rad: np.ndarray, noise_v: float, rng: np.random.Generator) -> PulseBatch:
@@ -24,7 +22,7 @@ def noisy_pulses(azimuth_rad: np.ndarray, noise_v: float, rng: np.random.Generat
     return pulses._replace(azimuth_rad=azimuth_rad, std_rad=noise_v / amplitude_v)
 
 
-def test_a_pooled_pulse_has_the_shares_of_its_pulses_and_the_noise_that_is_told() -> None:
+def test_pooled_pulse_has_the_stated_noise() -> None:
     rng = np.random.default_rng(3)
     azimuth_rad, n_groups = np.full(20 * 2000, 0.7), 2000
     group = np.repeat(np.arange(n_groups), 20)
@@ -39,7 +37,7 @@ def test_a_pooled_pulse_has_the_shares_of_its_pulses_and_the_noise_that_is_told(
     assert np.linalg.norm(across.mean(axis=0)) < 4.0 * np.sqrt(told / n_groups)
 
 
-def test_what_is_loud_and_usable_counts_and_groups_may_come_in_any_order() -> None:
+def test_pooling_weights_by_noise_and_usable_channels() -> None:
     rng = np.random.default_rng(4)
     azimuth_rad = np.array([0.2, 3.0, 0.2, -3.0, 0.2])
     pulses = noisy_pulses(azimuth_rad, 1e-6, rng)
@@ -64,7 +62,7 @@ def record_of(poses: np.ndarray, step_s: float) -> PulseRecord:
     return record
 
 
-def test_a_place_a_heading_and_a_time_in_which_poses_err_alike_make_one_pulse() -> None:
+def test_pulses_pool_by_place_heading_and_time() -> None:
     standing, turning, driving = np.zeros((100, 3)), np.zeros((100, 3)), np.zeros((100, 3))
     turning[:, 2] = np.radians(2.0) * np.arange(100)
     driving[:, 0] = 0.5 * np.arange(100)
@@ -77,7 +75,7 @@ def test_a_place_a_heading_and_a_time_in_which_poses_err_alike_make_one_pulse() 
 
 
 @pytest.mark.parametrize("n", [10, 160, 161, 2000])
-def test_numbers_are_chosen_choose_evenly_and_stay_chosen_when_a_few_are_added(n: int) -> None:
+def test_even_choice_is_stable_under_additions(n: int) -> None:
     numbers = 3 * np.arange(n)
     chosen = choose_evenly(numbers, 160)
     assert chosen.size == min(n, 160)
