@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import date
 from typing import Any, NamedTuple
 
@@ -13,6 +13,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
@@ -21,6 +22,8 @@ from pdpatrol.missions.campaign.inspection import InspectionLog
 from pdpatrol.missions.campaign.records import LinearTrend, TrackedDischarge, Trend, TrendInterval
 from pdpatrol.missions.report.figures import STYLE, draw_ground, draw_yard
 from pdpatrol.missions.report.page import embed, render
+
+FloatArray = NDArray[np.float64]
 
 MIN_AXIS_DB = 10.0
 """Least range of an axis of levels, so that a constant level looks constant."""
@@ -169,19 +172,10 @@ def draw_plan(trend: Trend, inspections: Sequence[InspectionLog]) -> Figure:
                 x, y, _ = zip(*(discharge.position_m for discharge in shown), strict=True)
                 axes.plot(x, y, mark.marker, color=mark.colour, ms=mark.size, mec="white", label=mark.label, zorder=7)
             for discharge in shown:
-                axes.annotate(
-                    str(discharge.number),
-                    discharge.position_m[:2],
-                    (11, 9),
-                    textcoords="offset points",
-                    ha="center",
-                    va="center",
-                    fontsize=8.5,
-                    fontweight="bold",
-                    color="white",
-                    bbox={"boxstyle": "round,pad=0.25", "facecolor": mark.colour, "edgecolor": "white"},
-                    zorder=8,
-                )
+                box = {"boxstyle": "round,pad=0.25", "facecolor": mark.colour, "edgecolor": "white"}
+                place_m = discharge.position_m[:2]
+                axes.annotate(str(discharge.number), place_m, (8, 6), textcoords="offset points", color="white",
+                              fontsize=8.5, fontweight="bold", bbox=box, zorder=8)  # fmt: skip
         if trend.discharges:
             figure.legend(loc="outside lower center", ncols=6, fontsize=7.5, frameon=False)
     return figure
@@ -189,9 +183,8 @@ def draw_plan(trend: Trend, inspections: Sequence[InspectionLog]) -> Figure:
 
 def draw_levels(discharge: TrackedDischarge) -> Figure:
     """Draw levels over dates, with 99 % intervals and their line."""
-    figure, axes = _draw(discharge, "level at 1 m (dBV)", [each.level_db for each in discharge.observations])
-    if discharge.level is not None:
-        _draw_line(axes, discharge, discharge.level, is_log=False)
+    values = [each.level_db for each in discharge.observations]
+    figure, axes = _draw(discharge, "level at 1 m (dBV)", values, discharge.level, lambda value: value)
     low, high = axes.get_ylim()
     margin = 0.5 * max(MIN_AXIS_DB - (high - low), 0.0)
     axes.set_ylim(low - margin, high + margin)
@@ -200,28 +193,38 @@ def draw_levels(discharge: TrackedDischarge) -> Figure:
 
 def draw_rates(discharge: TrackedDischarge) -> Figure:
     """Draw rates over dates, with 99 % intervals and the line through their logarithms."""
-    figure, axes = _draw(discharge, "rate (1/s)", [each.rate_hz for each in discharge.observations])
-    if discharge.rate is not None:
-        _draw_line(axes, discharge, discharge.rate, is_log=True)
+    values = [each.rate_hz for each in discharge.observations]
+    figure, axes = _draw(discharge, "rate (1/s)", values, discharge.rate, np.exp)
     axes.set_ylim(bottom=0.0)
     return figure
 
 
-def _draw(discharge: TrackedDischarge, label: str, values: Sequence[TrendInterval | None]) -> tuple[Figure, Axes]:
+def _draw(
+    discharge: TrackedDischarge,
+    label: str,
+    values: Sequence[TrendInterval | None],
+    line: LinearTrend | None,
+    scale: Callable[[FloatArray], FloatArray],
+) -> tuple[Figure, Axes]:
     """Draw values over dates; candidates are hollow, and inspections without a value have a sign above the axis."""
-    colour, days = mark_of(discharge).colour, _days(discharge)
+    colour, observations = mark_of(discharge).colour, discharge.observations
+    days = [float(date2num(date.fromisoformat(each.date))) for each in observations]
     with rc_context(STYLE):
         figure = Figure(figsize=(3.5, 2.7), layout="constrained")
         axes = figure.subplots()
     axes.grid(color="#e3e8ec", linewidth=0.5)
-    for each, day, value in zip(discharge.observations, days, values, strict=True):
+    for each, day, value in zip(observations, days, values, strict=True):
         if value is not None:
             ends = [[value.value - value.lower], [value.upper - value.value]]
             face = colour if each.is_confirmed else "white"
             axes.errorbar([day], [value.value], ends, fmt="o", color=colour, mfc=face, ms=5, capsize=3, lw=1.1)
-            continue
-        sign = {"absent": "✕", "not inspected": "?", "found": "…"}[each.presence]
-        axes.annotate(sign, (day, 0.06), xycoords=("data", "axes fraction"), ha="center", va="center", color="#45525e")
+        else:
+            sign = {"absent": "✕", "not inspected": "?", "found": "…"}[each.presence]
+            axes.text(day, 0.06, sign, transform=axes.get_xaxis_transform(), ha="center", va="center", color="#45525e")
+    if line is not None:
+        weeks = np.linspace(0.0, observations[-1].week, 50)
+        fitted = scale(line.at_start + line.per_week.value * weeks)
+        axes.plot(days[0] + DAYS_PER_WEEK * weeks, fitted, color=colour, linewidth=1.4, alpha=0.7)
     margin = max(2.0, 0.06 * (days[-1] - days[0]))
     axes.set_xlim(days[0] - margin, days[-1] + margin)
     locator = AutoDateLocator(minticks=3, maxticks=7)
@@ -229,15 +232,3 @@ def _draw(discharge: TrackedDischarge, label: str, values: Sequence[TrendInterva
     axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
     axes.set_ylabel(label)
     return figure, axes
-
-
-def _draw_line(axes: Axes, discharge: TrackedDischarge, line: LinearTrend, *, is_log: bool) -> None:
-    weeks = np.linspace(0.0, discharge.observations[-1].week, 50)
-    fitted = line.at_start + line.per_week.value * weeks
-    days = _days(discharge)[0] + DAYS_PER_WEEK * weeks
-    axes.plot(days, np.exp(fitted) if is_log else fitted, color=mark_of(discharge).colour, linewidth=1.4, alpha=0.7)
-
-
-def _days(discharge: TrackedDischarge) -> list[float]:
-    """Return the dates of all inspections in days as Matplotlib counts them."""
-    return [float(date2num(date.fromisoformat(each.date))) for each in discharge.observations]

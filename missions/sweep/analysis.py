@@ -264,10 +264,9 @@ class Difference(NamedTuple):
         first: Mean of the first side.
         second: Mean of the second side.
         change: Mean of second minus first, with its bootstrap interval.
-        permutation_p: p-value of the paired permutation test of the mean change.
+        p: p-value of the paired permutation test of the mean change.
         n_first_better: Number of pairs in which the first side is better.
         n_second_better: Number of pairs in which the second side is better.
-        sign_p: p-value of the sign test.
     """
 
     name: str
@@ -275,10 +274,9 @@ class Difference(NamedTuple):
     first: float
     second: float
     change: Estimate
-    permutation_p: float
+    p: float
     n_first_better: int
     n_second_better: int
-    sign_p: float
 
 
 def pair_up(rows: pa.Table, first: str, second: str) -> list[tuple[Row, Row]]:
@@ -348,16 +346,13 @@ def difference(name: str, values: FloatArray, better_sign: int) -> Difference:
     change = values[:, 1] - values[:, 0]
     better = np.sign(change) * better_sign
     n_first, n_second = int((better < 0).sum()), int((better > 0).sum())
-    permutation_p, sign_p, interval = 1.0, 1.0, Estimate(0.0, 0.0, 0.0)
+    p, interval = 1.0, Estimate(0.0, 0.0, 0.0)
     if change.any():
-        sign_p = float(stats.binomtest(n_first, n_first + n_second).pvalue)
         interval = cluster_bootstrap(change, mean)
     if change.any() and change.size > 1:  # with a single pair, both signs are equally likely
         test = stats.permutation_test(
             (change,), np.mean, permutation_type="samples", vectorized=True, n_resamples=9999, rng=0
         )
-        permutation_p = float(test.pvalue)
+        p = float(test.pvalue)
     first, second = values.mean(axis=0)
-    return Difference(
-        name, len(values), float(first), float(second), interval, permutation_p, n_first, n_second, sign_p
-    )
+    return Difference(name, len(values), float(first), float(second), interval, p, n_first, n_second)

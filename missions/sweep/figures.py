@@ -59,22 +59,22 @@ def draw_figures(rows: pa.Table, folder: Path) -> list[Path]:
 
 
 def groups(rows: Sequence[Row], without: str = "") -> dict[str, list[Row]]:
-    """Group missions that differ only by their seed, or also by the setting `without`, under a label.
+    """Group missions by policy and settings, except the setting `without`.
 
-    Levels of the suite are merged unless they are the only difference.
+    If all missions are in one group, they are grouped by level or scenario instead, or have an empty label if `without`
+    is given.
     """
-    labels: list[tuple[str, str, str]] = []
+    found: dict[str, list[Row]] = {}
     for row in rows:
         settings = {key: value for key, value in json.loads(row["settings"]).items() if key != without}
-        shown = ", ".join(f"{key}={label_of(value)}" for key, value in settings.items())
-        labels.append((group_of(row), row["policy"], shown))
-    differing = [part for part in range(3) if len({label[part] for label in labels}) > 1]
-    if all(row["level"] for row in rows) and (without or differing != [0]):
-        differing = [part for part in differing if part != 0]
-    found: dict[str, list[Row]] = {}
-    for row, label in zip(rows, labels, strict=True):
-        found.setdefault(", ".join(label[part] for part in differing if label[part]), []).append(row)
-    return found
+        label = ", ".join([row["policy"], *(f"{key}={label_of(value)}" for key, value in settings.items())])
+        found.setdefault(label, []).append(row)
+    if len(found) > 1:
+        return found
+    by_scenario: dict[str, list[Row]] = {}
+    for row in rows:
+        by_scenario.setdefault("" if without else group_of(row), []).append(row)
+    return by_scenario
 
 
 def label_of(value: object) -> str:

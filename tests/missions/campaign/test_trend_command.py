@@ -57,7 +57,11 @@ def test_json_has_the_runs_by_date(runs: list[Path]) -> None:
 
 
 def test_unusable_folders_are_refused_in_one_line(runs: list[Path], tmp_path: Path) -> None:
+    one_date = tmp_path / "one_date"
+    one_date.mkdir()
+    survey(along((6.0, 7.0), (14.0, 7.0)), day=DAYS[0]).save(one_date)
     for words, message in (
+        ([runs[0], one_date], "inspections of at least two dates must be given"),
         (runs[:1], "RUN: at least two folders must be given, got 1"),
         ([runs[0], runs[0]], "must be given once"),
         ([runs[0], tmp_path], "log.npz"),
@@ -67,15 +71,6 @@ def test_unusable_folders_are_refused_in_one_line(runs: list[Path], tmp_path: Pa
         assert len(done.stderr.splitlines()) == 1
         assert message in done.stderr
     assert not (tmp_path / "never").exists()
-
-
-def test_inspections_of_one_date_are_refused(runs: list[Path], tmp_path: Path) -> None:
-    folder = tmp_path / "same day"
-    folder.mkdir()
-    survey(along((6.0, 7.0), (14.0, 7.0)), day=DAYS[0]).save(folder)
-    done = pdpatrol(runs[0], folder)
-    assert done.returncode == 2
-    assert "inspections of at least two dates must be given" in done.stderr
 
 
 def test_field_data_of_two_dates_are_a_trend(tmp_path: Path) -> None:
@@ -96,13 +91,3 @@ def test_field_data_of_two_dates_are_a_trend(tmp_path: Path) -> None:
     first, second = (each["level_db"] for each in discharge["observations"])
     assert first == second
     assert first["lower"] < first["value"] < first["upper"]
-
-
-@pytest.mark.parametrize("words", [["run", "two_sources"], ["locate", "examples/locate/strengths.csv"]])
-def test_invalid_date_is_refused_in_one_line(words: list[str], tmp_path: Path) -> None:
-    command = [sys.executable, "-c", COMMAND, *words, "--date", "2026-02-30", "--out", str(tmp_path / "never")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 2
-    (line,) = done.stderr.splitlines()
-    assert "date: got 2026-02-30; allowed is a day" in line
-    assert not (tmp_path / "never").exists()

@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from dirmusic import InputFileError
-from pdpatrol.envs import load_scenario
 from pdpatrol.envs.scenario.suite import load_suite
 from pdpatrol.missions.sweep.plan import MissionJob, make_plan, parse_grid
 
@@ -46,17 +45,6 @@ def test_keys_depend_only_on_the_mission(tmp_path: Path) -> None:
         only("two_sources", "seek", 1e-3, 0),
     ]
     assert all(one.key != other.key for one, other in combinations(others, 2))
-
-
-def test_setting_equals_the_key_in_the_file() -> None:
-    usual = load_scenario("one_source")
-    assert load_scenario("one_source", {}) == usual
-    changed = load_scenario("one_source", {"receiver.noise_v": 2e-3, "locating.solver": "bearings"})
-    tables = usual.model_dump() | {
-        "receiver": usual.receiver.model_dump() | {"noise_v": 2e-3},
-        "locating": usual.locating.model_dump() | {"solver": "bearings"},
-    }
-    assert changed.model_dump() == tables
 
 
 def test_values_are_toml_or_strings() -> None:
