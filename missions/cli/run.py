@@ -107,32 +107,33 @@ def run(
         refuse(*error.faults)
     except UserCodeError as error:
         refuse(str(error))
-    with stopwatch.on("compiling"):
-        compile_at_first_run(err)
-    viewer = _live_view() if live else None
-    with output_folder(out_dir, f"{loaded.name}-{seed}") as folder, _progress(loaded.task.time_limit_s) as follow:
-        print_plausibility(loaded)
-        try:
-            with stopwatch.on("starting"):
-                mission = Mission(loaded, policy, seed, folder)
-        except UserCodeError as error:
-            refuse(str(error))
-        except ScenarioError as error:
-            refuse(*error.faults)
-        with deferred_signals() as received:
+    with output_folder(out_dir, f"{loaded.name}-{seed}") as folder:
+        with stopwatch.on("compiling"):
+            compile_at_first_run(err)
+        viewer = _live_view() if live else None
+        with _progress(loaded.task.time_limit_s) as follow:
+            print_plausibility(loaded)
+            try:
+                with stopwatch.on("starting"):
+                    mission = Mission(loaded, policy, seed, folder)
+            except UserCodeError as error:
+                refuse(str(error))
+            except ScenarioError as error:
+                refuse(*error.faults)
+            with deferred_signals() as received:
 
-            def after_step(mission: Mission) -> None:
-                follow(mission)
-                if viewer and (mission.log.n_rows("step") % 5 == 0 or mission.is_over):
-                    viewer.update(mission.log)
-                if received and not mission.is_over:
-                    mission.end("interrupted")
+                def after_step(mission: Mission) -> None:
+                    follow(mission)
+                    if viewer and (mission.log.n_rows("step") % 5 == 0 or mission.is_over):
+                        viewer.update(mission.log)
+                    if received and not mission.is_over:
+                        mission.end("interrupted")
 
-            with stopwatch.on("the rest of the mission"):
-                log = mission.run(after_step)
-            stopwatch.split("the rest of the mission", mission.stopwatch.spent_s)
-            with stopwatch.on("log, report and recording"):
-                report = write_mission(log, stopwatch.total_s - stopwatch.spent_s["compiling"], folder)
+                with stopwatch.on("the rest of the mission"):
+                    log = mission.run(after_step)
+                stopwatch.split("the rest of the mission", mission.stopwatch.spent_s)
+                with stopwatch.on("log, report and recording"):
+                    report = write_mission(log, stopwatch.total_s - stopwatch.spent_s["compiling"], folder)
         if viewer:
             viewer.leave_open()
     if json_output:
