@@ -17,15 +17,6 @@ COLOURS = {
 }
 """Colours of findings by state; the ellipse of a film has the same."""
 
-MAX_ELLIPSE_M = 15.0
-"""Longer half-axis of the largest ellipse drawn; a larger one would hide the yard."""
-
-GROUND, LIKELY = np.array([64, 70, 72]), np.array([235, 140, 60])
-"""Colours of ground where a source is unlikely and likely."""
-
-MIN_PEAK = 50.0
-"""Smallest log-likelihood that is drawn brightest: that of some ten pulses from as many places."""
-
 
 def draw_findings(stream: rr.RecordingStream, part: LogBin) -> None:
     """Draw the last row of each finding in a bin, and the last likelihood."""
@@ -50,7 +41,7 @@ def _draw_finding(stream: rr.RecordingStream, part: LogBin, row: int) -> None:
     )
     semi_major_m = ellipse95(covariance_m2[:2, :2]).semi_major_m
     lines = []
-    if semi_major_m <= MAX_ELLIPSE_M:
+    if semi_major_m <= 15.0:  # a larger one would hide the yard
         outline_m = outline95(position_m[:2], covariance_m2[:2, :2], 33)
         half_m = 1.96 * np.sqrt(covariance_m2[2, 2])  # 95 % interval of the height
         x, y, z = position_m
@@ -69,10 +60,12 @@ def _draw_likelihood(stream: rr.RecordingStream, part: LogBin) -> None:
     """Draw the likelihood as a texture of the ground."""
     grid = described_grid(part.log.meta["grid"])
     value = part.tables["likelihood"]["log_likelihood"][-1].reshape(grid.shape)
-    share = np.square(np.clip(value / max(value.max(), MIN_PEAK), 0.0, 1.0)).T[::-1, :, np.newaxis]  # north first
+    peak = max(value.max(), 50.0)  # 50: some ten pulses from as many places
+    share = np.square(np.clip(value / peak, 0.0, 1.0)).T[::-1, :, np.newaxis]  # north first
+    unlikely, likely = np.array([64, 70, 72]), np.array([235, 140, 60])
     corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
     inner = 0.5 + corners * (np.array(grid.shape) - 1)  # between the centres of cells: textures repeat beyond
-    texture = np.round(GROUND + share * (LIKELY - GROUND)).astype(np.uint8)
+    texture = np.round(unlikely + share * (likely - unlikely)).astype(np.uint8)
     set_step(stream, part.log, int(part.tables["likelihood"]["step"][-1]))
     stream.log(
         "world/likelihood",

@@ -14,8 +14,6 @@ FloatArray = NDArray[np.float64]
 ARRAY_HEIGHT_M = 0.6
 """Height above ground at which rays and rings are drawn; roughly that of the array."""
 
-BEARING, PAST_BEARING, REJECTED = 0xFFE86EFF, 0x786E3AFF, 0x7D8087FF
-
 
 def draw_pulses(stream: rr.RecordingStream, part: LogBin, unit_gain: FloatArray) -> None:
     """Draw all pulses of a bin as rays at their steps, and the strongest credible one as ring and darker ray.
@@ -33,8 +31,8 @@ def draw_pulses(stream: rr.RecordingStream, part: LogBin, unit_gain: FloatArray)
     for step in np.unique(pulse["step"]).tolist():
         set_step(stream, part.log, step)
         for path, rows, towards_rad, length_m, colour, width in (
-            ("world/bearings/new", credible, bearing_rad, 25.0, BEARING, 1.0),
-            ("world/bearings/rejected", rejected, peak_rad[rejected], 6.0, REJECTED, 0.8),
+            ("world/bearings/new", credible, bearing_rad, 25.0, 0xFFE86EFF, 1.0),
+            ("world/bearings/rejected", rejected, peak_rad[rejected], 6.0, 0x7D8087FF, 0.8),
         ):
             own = pulse["step"][rows] == step
             if own.any():
@@ -47,7 +45,7 @@ def draw_pulses(stream: rr.RecordingStream, part: LogBin, unit_gain: FloatArray)
     stream.log("plots/strengths", rr.Scalars(level_db))
     strongest = int(np.linalg.norm(strengths_v, axis=-1).argmax())
     pose = part.pose(pulse["step"][credible[strongest]])
-    ray = _rays(pose, bearing_rad[[strongest]], 25.0, PAST_BEARING, 0.6)
+    ray = _rays(pose, bearing_rad[[strongest]], 25.0, 0x786E3AFF, 0.6)
     stream.log("world/bearings/past", ray)
     stream.log("plots/directions/bearing", rr.Scalars(np.degrees(bearing_rad[strongest])))
     if part.is_complete:  # the view shows the rings of the duration of a bin

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from dirmusic.angles import wrap
 from pdpatrol.missions.recording.bins import LogBin, set_step
 
-TRUTH, WHITE = 0xFF46C8FF, 0xFFFFFFFF
+TRUTH = 0xFF46C8FF
 
 TRAJECTORIES = {
     "world/trajectory": ("pose", 0.06, 0x78BEFFFF, 1.5),
@@ -90,7 +90,9 @@ def draw_motion(stream: rr.RecordingStream, part: LogBin) -> None:
 
 
 def _labels(places: Mapping[str, Sequence[float]], radius_m: float = 0.01) -> rr.Points3D:
-    return rr.Points3D(list(places.values()), labels=list(places), colors=[WHITE], radii=[radius_m], show_labels=True)
+    return rr.Points3D(
+        list(places.values()), labels=list(places), colors=[0xFFFFFFFF], radii=[radius_m], show_labels=True
+    )
 
 
 def _lines(lines: Any, colour: int) -> rr.LineStrips3D:  # noqa: ANN401 - nested sequences

@@ -20,9 +20,6 @@ from pdpatrol.missions.report.make_report import findings_at
 from pdpatrol.missions.report.records import Report
 from pdpatrol.missions.report.wording import kind_text, phase_text
 
-MAX_ROWS = 8
-"""Findings listed in the status text."""
-
 PHASE_COLOURS = {
     "patrol": (70, 110, 160),
     "listen": (170, 150, 60),
@@ -91,7 +88,7 @@ def _status_text(log: MissionLog, end: int) -> str:
         lines.append(_needs_text(log.meta, rows[phase.target], pose))
     if rows:
         lines += ["", "| | place (m) | height | 95 % ellipse | aperture |", "|---|---|---|---|---|"]
-    for number, row in sorted(rows.items())[-MAX_ROWS:]:
+    for number, row in sorted(rows.items())[-8:]:
         x, y, z = row["position_m"]
         name = f"**finding {number}**" if row["state"] == "confirmed" else f"candidate {number}"
         name += ", beyond the fence" if row["state"] == "outside" else ""

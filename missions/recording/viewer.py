@@ -12,15 +12,13 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TypeVar
+from typing import Any
 
 from rerun.experimental import ViewerClient
 
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.recording.blueprint import blueprint
 from pdpatrol.missions.recording.recorder import Recorder, recording_stream
-
-T = TypeVar("T")
 
 LOOPBACK = "127.0.0.1"
 """Rerun listens on all interfaces by default."""
@@ -170,8 +168,8 @@ def _connect(viewer: subprocess.Popen[str], port: int) -> ViewerClient:
     return client
 
 
-def _retry(process: subprocess.Popen[str], attempt: Callable[[], T]) -> T:
-    """Repeat an attempt until it succeeds.
+def _retry(process: subprocess.Popen[str], attempt: Callable[[], Any]) -> Any:  # noqa: ANN401 - of any attempt
+    """Repeat an attempt until it succeeds, and return its result.
 
     Raises:
         ViewerError: If the process has ended, or the attempt does not succeed in time.

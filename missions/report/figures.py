@@ -40,7 +40,7 @@ STYLE: Any = {
 }
 """Matplotlib settings for all figures of a page."""
 
-ROUTE, BEARING, NAME, EDGE = "#2471a3", "#5dade2", "#333d47", "#5f6b76"
+ROUTE, BEARING, NAME = "#2471a3", "#5dade2", "#333d47"
 STATES = {
     "confirmed": ("#b3261e", "finding"),
     "candidate": ("#b9770e", "not confirmed"),
@@ -165,7 +165,7 @@ def draw_yard(axes: Axes, yard: Yard) -> None:
     parts = [(item, k, part) for item in yard.equipment for k, part in enumerate(item.assembly.parts)]
     for item, k, part in sorted(parts, key=lambda entry: float(entry[0].solids.top_m[entry[1]])):
         solids, rgba = item.solids, np.array(colour_of(item.kind, part))
-        style: Any = {"facecolor": 0.5 + 0.5 * rgba[:3], "edgecolor": EDGE, "linewidth": 0.4, "zorder": 1}
+        style: Any = {"facecolor": 0.5 + 0.5 * rgba[:3], "edgecolor": "#5f6b76", "linewidth": 0.4, "zorder": 1}
         centre_m, half_m, radius_m = solids.centre_m[k], solids.half_size_m[k], float(solids.radius_m[k])
         if radius_m > 0.0:
             axes.add_patch(Circle(tuple(centre_m), radius_m, **style))

@@ -35,7 +35,6 @@ from pdpatrol.robot_models.yard.yard import Yard
 
 FloatArray = NDArray[np.float64]
 
-MIN_SITE_PROBABILITY = 0.01
 PHASE_STEP_DEG, LEVEL_STEP_DB = 10.0, 2.0
 """Bins of the phase-resolved pattern."""
 
@@ -190,9 +189,9 @@ def _finding(
 
 
 def _sites(yard: Yard | None, position_m: FloatArray, covariance_m2: FloatArray) -> tuple[Site, ...]:
-    """Return the possible places of a finding, the most probable first; none without a map."""
+    """Return the places of a finding down to a probability of 1 %, the most probable first; none without a map."""
     places = () if yard is None else site_probabilities(yard, position_m, covariance_m2)
-    return tuple(Site(**place._asdict()) for place in places if place.probability >= MIN_SITE_PROBABILITY)
+    return tuple(Site(**place._asdict()) for place in places if place.probability >= 0.01)
 
 
 def _discharge(resolved: PhaseResolved) -> DischargeKind:
