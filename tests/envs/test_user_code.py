@@ -44,7 +44,7 @@ def test_object_is_loaded_from_file_and_module(tmp_path: Path, monkeypatch: pyte
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "line"),
     [
         ("none.py:Thing", "none.py: no such file; expected a thing"),
         ("no_such_module.at_all:Thing", "no_such_module.at_all: ModuleNotFoundError: No module named 'no_such_module'"),
@@ -55,8 +55,8 @@ def test_object_is_loaded_from_file_and_module(tmp_path: Path, monkeypatch: pyte
         ("my.py:Thing()", "my.py:Thing(): must be"),
     ],
 )
-def test_missing_file_and_name_are_refused(name: str, told: str, tmp_path: Path) -> None:
-    assert load_error(name, tmp_path).startswith(told)
+def test_missing_file_and_name_are_refused(name: str, line: str, tmp_path: Path) -> None:
+    assert load_error(name, tmp_path).startswith(line)
 
 
 def test_wrong_name_lists_known_names(tmp_path: Path) -> None:
@@ -101,8 +101,8 @@ def test_call_error_names_the_innermost_line_of_the_folder(tmp_path: Path) -> No
 
 def test_wrong_arguments_name_the_definition(tmp_path: Path) -> None:
     write(tmp_path, "my.py", "", "class Thing:", "    def __init__(self, one, two):", "        pass")
-    told = call_error("my.py:Thing", tmp_path, 1)
-    assert told.startswith("my.py:2: TypeError: Thing.__init__() missing 1 required positional argument: 'two'")
+    line = call_error("my.py:Thing", tmp_path, 1)
+    assert line.startswith("my.py:2: TypeError: Thing.__init__() missing 1 required positional argument: 'two'")
 
 
 def takes_two(one: int, two: int) -> None:

@@ -1,4 +1,4 @@
-"""An estimator of one's own takes the bearings; what is wrong with it is one line that names file and line."""
+"""Estimators of users are used for bearings, and their errors are one line with file and line number."""
 
 import json
 import pickle
@@ -34,7 +34,7 @@ class Mine:
 
 
 def scenario_with(folder: Path, code: str, name: str = "Mine", scenario: str = "one_source") -> Path:
-    """A scenario file that names an estimator beside it."""
+    """Write a scenario that names an estimator in the same folder."""
     (folder / "mine.py").write_text(code, encoding="utf-8")
     text = (SHIPPED / f"{scenario}.toml").read_text(encoding="utf-8")
     file = folder / "yard.toml"
@@ -46,7 +46,7 @@ def bench_with(folder: Path, code: str) -> Scenario:
     return load_scenario(scenario_with(folder, code, scenario="bench"))
 
 
-def test_an_own_estimator_named_beside_the_scenario_takes_the_bearings_of_every_environment(tmp_path: Path) -> None:
+def test_user_estimator_gives_the_bearings(tmp_path: Path) -> None:
     env = PatrolEnv(bench_with(tmp_path, GOOD), full_info=True)
     env.reset(seed=0)
     *_, info = env.step(np.zeros(2, dtype=np.float32))
@@ -55,7 +55,7 @@ def test_an_own_estimator_named_beside_the_scenario_takes_the_bearings_of_every_
     assert np.isin(np.round(info["pulses"].azimuth_rad, 9), np.round(boresights, 9)).all()
 
 
-def test_an_environment_with_an_own_estimator_can_be_pickled(tmp_path: Path) -> None:
+def test_environment_with_user_estimator_can_be_pickled(tmp_path: Path) -> None:
     env = PatrolEnv(bench_with(tmp_path, GOOD), full_info=True)
     env.reset(seed=0)
     twin = pickle.loads(pickle.dumps(env))
@@ -73,19 +73,17 @@ def test_an_environment_with_an_own_estimator_can_be_pickled(tmp_path: Path) -> 
         ("raise RuntimeError('no idea')", 12, "RuntimeError: no idea"),
     ],
 )
-def test_an_estimator_that_cannot_work_is_refused_before_the_start(
-    broken: str, line: int, named: str, tmp_path: Path
-) -> None:
+def test_broken_estimator_is_refused_before_the_start(broken: str, line: int, named: str, tmp_path: Path) -> None:
     code = GOOD.replace("return found._replace(std_rad=np.hypot(found.std_rad, 0.3))", broken)
     with pytest.raises(UserCodeError) as error:
         PatrolEnv(bench_with(tmp_path, code))
-    told = str(error.value)
-    assert f"mine.py:{line}" in told or "mine.py:5" in told
-    assert named in told
-    assert "\n" not in told
+    message = str(error.value)
+    assert f"mine.py:{line}" in message or "mine.py:5" in message
+    assert named in message
+    assert "\n" not in message
 
 
-def test_no_such_name_and_no_such_estimator_are_refused_with_what_there_is(tmp_path: Path) -> None:
+def test_unknown_estimator_is_refused_with_known_names(tmp_path: Path) -> None:
     with pytest.raises(UserCodeError, match="it has Mine"):
         PatrolEnv(load_scenario(scenario_with(tmp_path, GOOD, "Yours")))
     file = scenario_with(tmp_path, GOOD)
@@ -99,7 +97,7 @@ LATE = GOOD.replace(
 )
 
 
-def test_an_estimator_that_fails_under_way_ends_a_mission_whose_log_is_whole(tmp_path: Path) -> None:
+def test_late_error_ends_the_mission_with_a_complete_log(tmp_path: Path) -> None:
     log = run_mission(bench_with(tmp_path, LATE), "patrol", seed=0)
     kinds, texts = log.column("event", "kind"), log.column("event", "text")
     assert kinds.tolist()[-2:] == ["error", "end"]
@@ -109,7 +107,7 @@ def test_an_estimator_that_fails_under_way_ends_a_mission_whose_log_is_whole(tmp
 
 
 @pytest.mark.whole
-def test_on_the_command_line_a_late_fault_is_one_line_and_all_files_are_whole(tmp_path: Path) -> None:
+def test_late_error_on_the_command_line_is_one_line(tmp_path: Path) -> None:
     file = scenario_with(tmp_path, LATE)
     command = [str(PDPATROL), "run", str(file), "--out", str(tmp_path / "out")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)

@@ -78,15 +78,15 @@ def test_errors_of_the_robot_are_errors_of_the_scenario(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("model", "told"),
+    ("model", "words"),
     [("walker", "must be one of crawler"), ("none.xml", "no such file"), ("", "must be one of crawler")],
 )
-def test_unknown_robot_is_named(model: str, told: str, tmp_path: Path) -> None:
+def test_unknown_robot_is_named(model: str, words: str, tmp_path: Path) -> None:
     with pytest.raises(ScenarioError) as refused:
         load_scenario(with_robot(tmp_path, model))
     (line,) = refused.value.faults
     assert "robot.model: " in line
-    assert told in line
+    assert words in line
 
 
 def test_stop_needs_room_for_the_robot(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""`info` has fixed shapes and tells how an episode went; what has no fixed shape is there only for those who ask."""
+"""`info` has fixed shapes; entries without one are there only with `full_info`."""
 
 import re
 from typing import Any
@@ -23,25 +23,25 @@ def near(scenario: Scenario, standoff_m: float, time_limit_s: float = 60.0) -> S
 
 
 def table() -> dict[str, str]:
-    """Keys and shapes of the docstring's table."""
+    """Return keys and shapes from the table of the docstring."""
     _, _, below = (PatrolEnv.__doc__ or "").partition("## Info")
     return dict(re.findall(r"^ +\| (\w+) \| (\(.*?\)) \|", below, flags=re.MULTILINE))
 
 
 @pytest.mark.parametrize("name", ["one_source", "two_sources", "quiet_yard"])
-def test_the_table_of_the_docstring_is_what_every_reset_and_step_tells(name: str) -> None:
+def test_info_matches_the_docstring_table(name: str) -> None:
     env, scenario = PatrolEnv(name), load_scenario(name)
     sizes = {"n_sources": len(scenario.sources), "n_waypoints": len(scenario.route.stops_m)}
     expected = {key: eval(shape, {}, sizes) for key, shape in table().items()}
     observation, info = env.reset(seed=0)
-    for told in (info, env.step(AHEAD)[-1], env.step(AHEAD)[-1]):
-        assert all(isinstance(value, (bool, float, np.ndarray)) for value in told.values())
-        assert {key: np.shape(value) for key, value in told.items()} == expected
-        assert told["is_success"] == told["success"]
+    for each in (info, env.step(AHEAD)[-1], env.step(AHEAD)[-1]):
+        assert all(isinstance(value, (bool, float, np.ndarray)) for value in each.values())
+        assert {key: np.shape(value) for key, value in each.items()} == expected
+        assert each["is_success"] == each["success"]
     assert not set(expected) & set(observation)
 
 
-def test_rows_of_the_vector_environment_tell_what_single_ones_tell_in_any_mode_of_autoreset() -> None:
+def test_native_info_equals_sync_info() -> None:
     scenario = near(load_scenario("one_source"), 12.0, 2.0)
     for mode in ("SameStep", "NextStep"):
         rows = gymnasium.make_vec(ID, num_envs=3, scenario=scenario, autoreset_mode=mode, num_threads=1)
@@ -74,7 +74,7 @@ def assert_same_info(native: dict[str, Any], sync: dict[str, Any]) -> None:
             np.testing.assert_equal(list(values), list(sync[key]), err_msg=key)
 
 
-def test_success_is_to_have_approached_every_source_however_the_episode_goes_on() -> None:
+def test_success_is_to_have_approached_every_source() -> None:
     scenario = load_scenario("two_sources")
     first, second = (source.name for source in scenario.sources)
     env = PatrolEnv(near(scenario, 1.0), terminate_on_approach=False)
@@ -91,7 +91,7 @@ def test_success_is_to_have_approached_every_source_however_the_episode_goes_on(
     assert seen == [(False, False), (False, True), (True, True)]
 
 
-def test_a_route_that_is_done_is_no_success_where_nothing_discharges() -> None:
+def test_finished_route_without_sources_is_not_a_success() -> None:
     scenario = load_scenario("quiet_yard")
     here = scenario.route.model_copy(update={"waypoints_m": (scenario.route.dock_m,)})
     env = PatrolEnv(scenario.model_copy(update={"route": here}))
@@ -103,7 +103,7 @@ def test_a_route_that_is_done_is_no_success_where_nothing_discharges() -> None:
     assert info["approached"].shape == (0,)
 
 
-def test_pulses_and_what_else_has_no_fixed_shape_come_only_when_asked_for() -> None:
+def test_full_info_adds_entries_without_fixed_shape() -> None:
     env, many = PatrolEnv("bench", full_info=True), PatrolVectorEnv(2, "bench", full_info=True)
     start, begun = env.reset(seed=1)[1], many.reset(seed=1)[1]
     info, rows = env.step(STAND)[-1], many.step(np.zeros((2, 2), dtype=np.float32))[-1]
@@ -116,7 +116,7 @@ def test_pulses_and_what_else_has_no_fixed_shape_come_only_when_asked_for() -> N
     )
 
 
-def test_with_same_step_the_pulses_of_rows_that_go_on_are_told_beside_those_of_new_episodes() -> None:
+def test_same_step_keeps_pulses_of_continuing_rows() -> None:
     scenario = near(load_scenario("bench"), 2.5, 1.0)
     many = PatrolVectorEnv(3, scenario, full_info=True, autoreset_mode="SameStep", num_threads=1)
     alone = PatrolVectorEnv(3, scenario, full_info=True, autoreset_mode="Disabled", num_threads=1)
@@ -124,19 +124,19 @@ def test_with_same_step_the_pulses_of_rows_that_go_on_are_told_beside_those_of_n
         envs.reset(seed=2)
         envs.step(np.zeros((3, 2), dtype=np.float32))
         envs.reset(options={"reset_mask": np.array([True, False, True])})
-    told, going = dict[str, Any](), dict[str, Any]()
+    mixed, going = dict[str, Any](), dict[str, Any]()
     for _ in range(9):
-        told, going = (
+        mixed, going = (
             many.step(np.zeros((3, 2), dtype=np.float32))[-1]["pulses"],
             alone.step(np.zeros((3, 2), dtype=np.float32))[-1]["pulses"],
         )
-    assert (np.diff(told["robot"]) >= 0).all()
-    assert set(told["robot"].tolist()) >= {0, 2}
+    assert (np.diff(mixed["robot"]) >= 0).all()
+    assert set(mixed["robot"].tolist()) >= {0, 2}
     for column, values in going.items():
-        np.testing.assert_array_equal(told[column][told["robot"] != 1], values[going["robot"] != 1])
+        np.testing.assert_array_equal(mixed[column][mixed["robot"] != 1], values[going["robot"] != 1])
 
 
-def test_gymnasiums_wrappers_of_info_work_on_the_vector_environment() -> None:
+def test_gymnasium_info_wrappers_work() -> None:
     scenario = near(load_scenario("one_source"), 2.5, 0.5)
     for mode in ("SameStep", "NextStep"):
         envs = DictInfoToList(

@@ -1,4 +1,4 @@
-"""What Gymnasium is told of the environments: the length of episodes, specs through JSON, seeds, and errors."""
+"""Specs through JSON, length of episodes, seeds, and errors of calls."""
 
 import json
 from pathlib import Path
@@ -14,14 +14,14 @@ from pdpatrol.envs import ScenarioError, load_scenario, shipped_scenarios
 from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.envs.random_yard import random_yard
 from pdpatrol.envs.vector_env import PatrolVectorEnv
-from tests.envs.calls.drawn_calls import listed
+from tests.envs.test_fuzzed_calls import listed
 
 ID = "pdpatrol:PDPatrol-v0"
-SHIPPED = Path(__file__).parents[3] / "envs" / "scenarios"
+SHIPPED = Path(__file__).parents[2] / "envs" / "scenarios"
 
 
 @pytest.mark.parametrize(("time_limit_s", "n_steps"), [(1.0, 10), (0.96, 10), (0.04, 1)])
-def test_the_spec_tells_after_how_many_steps_time_is_up(time_limit_s: float, n_steps: int) -> None:
+def test_spec_states_the_steps_of_an_episode(time_limit_s: float, n_steps: int) -> None:
     scenario = load_scenario("quiet_yard")
     task = scenario.task.model_copy(update={"time_limit_s": time_limit_s})
     short = scenario.model_copy(update={"task": task})
@@ -36,7 +36,7 @@ def test_the_spec_tells_after_how_many_steps_time_is_up(time_limit_s: float, n_s
     assert rows == late
 
 
-def test_fewer_steps_can_be_asked_for_and_single_and_vector_environment_take_it_alike() -> None:
+def test_max_episode_steps_limits_single_and_vector() -> None:
     env, many = gymnasium.make(ID, max_episode_steps=7), gymnasium.make_vec(ID, num_envs=2, max_episode_steps=7)
     assert env.spec is not None
     assert many.spec is not None
@@ -56,7 +56,7 @@ def test_fewer_steps_can_be_asked_for_and_single_and_vector_environment_take_it_
 
 
 @pytest.mark.parametrize("name", [*shipped_scenarios(), "random", "path"])
-def test_a_spec_goes_through_json_and_makes_the_same_environment(name: str) -> None:
+def test_spec_goes_through_json(name: str) -> None:
     drawn = random_yard(3) if name == "random" else load_scenario("bench" if name == "path" else name)
     scenario = SHIPPED / "bench.toml" if name == "path" else drawn
     env = gymnasium.make(ID, scenario=scenario, terminate_on_approach=False)
@@ -85,7 +85,7 @@ def test_spec_of_drawn_scenarios_goes_through_json() -> None:
         PatrolEnv("pdpatrol.envs.random_yard:no_such")
 
 
-def test_the_spec_of_a_vector_environment_goes_through_json_too() -> None:
+def test_spec_of_vector_environment_goes_through_json() -> None:
     envs = gymnasium.make_vec(
         ID,
         num_envs=3,
@@ -100,18 +100,18 @@ def test_the_spec_of_a_vector_environment_goes_through_json_too() -> None:
     assert json.loads(again.spec.to_json()) == json.loads(envs.spec.to_json())
     np.testing.assert_equal(again.reset(seed=3), envs.reset(seed=3))
     for _ in range(6):
-        told, expected = again.step(np.zeros((3, 2), dtype=np.float32)), envs.step(np.zeros((3, 2), dtype=np.float32))
-        np.testing.assert_equal(listed(told), listed(expected))
+        result, expected = again.step(np.zeros((3, 2), dtype=np.float32)), envs.step(np.zeros((3, 2), dtype=np.float32))
+        np.testing.assert_equal(listed(result), listed(expected))
 
 
 @pytest.mark.filterwarnings("error")
-def test_gymnasiums_checker_finds_nothing_in_an_environment_from_a_spec() -> None:
+def test_environment_from_a_spec_passes_check_env() -> None:
     spec = gymnasium.make(ID, scenario=load_scenario("one_source")).spec
     assert spec is not None
     check_env(gymnasium.make(EnvSpec.from_json(spec.to_json())).unwrapped)
 
 
-def test_the_seeds_of_the_rows_are_told_and_give_the_same_episodes_again() -> None:
+def test_seeds_of_rows_reproduce_their_episodes() -> None:
     envs = PatrolVectorEnv(3)
     envs.reset(seed=3)
     assert envs.np_random_seed == (3, 4, 5)
@@ -124,7 +124,7 @@ def test_the_seeds_of_the_rows_are_told_and_give_the_same_episodes_again() -> No
     assert len(set(unseeded.np_random_seed)) == 3
 
 
-def test_calls_out_of_order_raise_gymnasiums_own_errors() -> None:
+def test_calls_out_of_order_raise_errors_of_gymnasium() -> None:
     env, many = PatrolEnv(render_mode="rgb_array"), PatrolVectorEnv(2)
     for call in (
         lambda: env.step(np.zeros(2, dtype=np.float32)),
@@ -149,12 +149,12 @@ def test_calls_out_of_order_raise_gymnasiums_own_errors() -> None:
 
 
 @pytest.mark.parametrize("scenario", [5, None, ["one_source"], lambda rng: random_yard(0)])
-def test_what_is_no_scenario_for_all_rows_is_refused(scenario: object) -> None:
+def test_other_scenario_arguments_are_refused(scenario: object) -> None:
     with pytest.raises(ValueError, match="`scenario` must be"):
         PatrolVectorEnv(2, scenario)  # pyright: ignore[reportArgumentType]
 
 
-def test_faults_of_plain_data_are_all_named() -> None:
+def test_errors_of_plain_data_are_all_listed() -> None:
     data = load_scenario("one_source").model_dump(mode="json")
     data["task"]["standoff_m"], data["battery"]["idle_w"] = -1.0, "much"
     with pytest.raises(ScenarioError) as raised:
