@@ -121,6 +121,13 @@ def compiled(function: _Function) -> _Function:
         return cast("_Function", numba.njit(cache=keep, nogil=True, error_model="numpy")(function))  # pyright: ignore
 
 
+def compiled_inner(function: _Function) -> _Function:
+    """Compile a function that only compiled functions call: without an entry from Python, in a sixth less time."""
+    with _own_cache() as keep:
+        options: dict[str, Any] = {"cache": keep, "nogil": True, "error_model": "numpy", "no_cpython_wrapper": True}
+        return cast("_Function", numba.njit(**options)(function))  # pyright: ignore
+
+
 def elementwise(function: Callable[..., float]) -> Callable[..., NDArray[np.float64]]:
     """Compile a function of numbers to a NumPy ufunc, which other compiled functions may call as well."""
     if numba.config.DISABLE_JIT:  # pyright: ignore

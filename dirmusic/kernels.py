@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.compiled import compiled
+from dirmusic.compiled import compiled, compiled_inner
 
 FloatArray = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ def dot(first: FloatArray, second: FloatArray) -> float:
     return total
 
 
-@compiled
+@compiled_inner
 def cubic(share: float, start: float, end: float, start_slope: float, end_slope: float) -> float:
     """Interpolate between two points by the cubic with their values and slopes; `share` in [0, 1]."""
     rise = end - start
@@ -33,7 +33,7 @@ def cubic(share: float, start: float, end: float, start_slope: float, end_slope:
     return start + share * (start_slope + share * (square + share * cube))
 
 
-@compiled
+@compiled_inner
 def cubic_slope(share: float, start: float, end: float, start_slope: float, end_slope: float) -> float:
     """Compute the slope of `cubic` per unit of `share`."""
     rise = end - start

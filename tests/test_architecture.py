@@ -26,7 +26,7 @@ ONLY_HOME = {
     "numba": "dirmusic/compiled.py",
 }
 MOST_ARGUMENTS = 8
-COMPILERS = {"compiled", "elementwise", "numba.njit", "numba.vectorize"}
+COMPILERS = {"compiled", "compiled_inner", "elementwise", "numba.njit", "numba.vectorize"}
 DIRMUSIC_MAY_USE = {"numpy", "scipy", "numba"}
 
 

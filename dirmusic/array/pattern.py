@@ -9,7 +9,7 @@ import numpy as np
 import scipy  # its submodules are loaded when they are first used
 from numpy.typing import ArrayLike, NDArray
 
-from dirmusic.compiled import compiled
+from dirmusic.compiled import compiled, compiled_inner
 from dirmusic.kernels import cubic, cubic_slope
 
 FloatArray = NDArray[np.float64]
@@ -212,7 +212,7 @@ def tabulate(pattern: GainPattern) -> PatternTable:
     return PatternTable(np.ascontiguousarray(gain), STEP_RAD * slope)
 
 
-@compiled
+@compiled_inner
 def pattern_gain(pattern: PatternTable, off_boresight_rad: float) -> float:
     """Interpolate the gain in the plane."""
     at = off_boresight_rad / STEP_RAD
@@ -222,7 +222,7 @@ def pattern_gain(pattern: PatternTable, off_boresight_rad: float) -> float:
     return cubic(at - low, pattern.gain[i], pattern.gain[j], pattern.slope[i], pattern.slope[j])
 
 
-@compiled
+@compiled_inner
 def pattern_gain_and_slope(pattern: PatternTable, off_boresight_rad: float) -> tuple[float, float]:
     """Interpolate the gain in the plane and its slope per radian."""
     at = off_boresight_rad / STEP_RAD

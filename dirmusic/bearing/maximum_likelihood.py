@@ -12,7 +12,7 @@ from dirmusic.angles import wrap
 from dirmusic.array.element_errors import ManifoldPrior
 from dirmusic.array.manifold import SEARCH_STEP_RAD, GainManifold, ManifoldTable
 from dirmusic.array.model import ArrayModel
-from dirmusic.compiled import Held, compiled
+from dirmusic.compiled import Held, compiled, compiled_inner
 from dirmusic.kernels import cubic, cubic_slope, dot, wrapped
 from dirmusic.pulses.batch import LEAST_SHARE, NO_DIRECTION, UNKNOWN_STD_RAD, Bearings, PulseBatch
 
@@ -46,7 +46,7 @@ class Fit(NamedTuple):
     amplitude_energy: FloatArray
 
 
-@compiled
+@compiled_inner
 def look_up(azimuth_rad: float, table: ManifoldTable, gain: FloatArray, slope: FloatArray) -> None:
     """Interpolate gain and slope per radian of each element, by the cubic with the values and slopes of the table."""
     n, step_rad = table.gain.shape[0], 2.0 * np.pi / table.gain.shape[0]
@@ -60,7 +60,7 @@ def look_up(azimuth_rad: float, table: ManifoldTable, gain: FloatArray, slope: F
         slope[e] = cubic_slope(t, table.gain[i, e], table.gain[j, e], from_slope, to_slope) / step_rad
 
 
-@compiled
+@compiled_inner
 def _best_search_azimuth(covariance: FloatArray, unit_pairs: FloatArray, match: FloatArray) -> int:
     """Return the index of the search azimuth whose unit gain u has the largest u^T R u."""
     match[:] = 0.0

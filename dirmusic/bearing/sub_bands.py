@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from dirmusic.array.manifold import SEARCH_STEP_RAD, GainManifold, ManifoldTable
 from dirmusic.array.model import ArrayModel
 from dirmusic.bearing.maximum_likelihood import REFINEMENTS, TINY, MaximumLikelihood, look_up
-from dirmusic.compiled import Held, compiled
+from dirmusic.compiled import Held, compiled, compiled_inner
 from dirmusic.kernels import dot, wrapped
 from dirmusic.pulses.batch import LEAST_SHARE, NO_DIRECTION, UNKNOWN_STD_RAD, Bearings, PulseBatch
 from dirmusic.pulses.strengths import strength_variance
@@ -181,7 +181,7 @@ class BandFit(NamedTuple):
     explained: float
 
 
-@compiled
+@compiled_inner
 def look_up_band(
     azimuth_rad: float, tables: BandTables, b: int, upper: float, gain: FloatArray, slope: FloatArray
 ) -> None:
@@ -205,7 +205,7 @@ def look_up_band(
         slope[e] /= gain[e]
 
 
-@compiled
+@compiled_inner
 def upper_shares(power_v2: FloatArray, upper: FloatArray) -> None:
     """Compute the share of the power of each sub-band in its upper half from its neighbours; shapes (n_bands,)."""
     n_bands = power_v2.size
@@ -218,7 +218,7 @@ def upper_shares(power_v2: FloatArray, upper: FloatArray) -> None:
         upper[b] = 1.0 / (1.0 + np.exp(-0.5 * tilt))  # the halves lie half a sub-band apart
 
 
-@compiled
+@compiled_inner
 def fit_bands(
     azimuth_rad: float,
     strengths: FloatArray,
