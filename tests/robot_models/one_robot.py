@@ -1,4 +1,4 @@
-"""One robot alone in a small yard, for laws of how it drives, what it touches and what it senses."""
+"""One robot alone in a small yard, for tests of motion, contacts and sensors."""
 # pyright: reportAttributeAccessIssue=false
 
 from collections.abc import Callable
@@ -51,7 +51,7 @@ class OneRobot:
         self.robots.drive([v_mps], [yaw_rate_radps], duration_s)
 
     def drive_on(self, v_mps: float, yaw_rate_radps: float, duration_s: float) -> None:
-        """As the environment does, by control steps."""
+        """Drive by control steps, like the environment."""
         for _ in range(round(duration_s / 0.1)):
             self.drive(v_mps, yaw_rate_radps, 0.1)
 

@@ -1,4 +1,4 @@
-"""Laws of what robots touch, and of how it is told."""
+"""Contacts of robots, and their report."""
 
 import math
 
@@ -15,7 +15,7 @@ def test_driving_on_the_floor_touches_nothing(shipped: OneRobot) -> None:
 
 
 def front_m(one_robot: OneRobot) -> float:
-    """How far the hull extends ahead."""
+    """Return how far the hull extends ahead."""
     return {"inspector": 0.2, "crawler": 0.325}[one_robot.robot.name]
 
 

@@ -9,7 +9,7 @@ from tests.robot_models.one_robot import OneRobot
 
 
 def wheel_loads_n(inspector: OneRobot) -> np.ndarray:
-    """Normal force of the floor on the left and the right wheel."""
+    """Return the normal force of the floor on the left and the right wheel."""
     model, data, loads, force = inspector.model, inspector.data, np.zeros(2), np.zeros(6)
     mujoco.mj_forward(model, data)  # solves the contacts as they are now
     for index, geoms in enumerate(data.contact.geom.tolist()):

@@ -10,7 +10,7 @@ from pdpatrol.envs.scenario.robot import RobotConfig
 
 
 def drive_at_random(minutes: float, seed: int, robot: str = "inspector") -> set[str]:
-    """Drive a new way every second, check every step, and tell what was touched."""
+    """Drive with a new command every second, check every step, and return what was touched."""
     scenario = load_scenario("transformer_bay").model_copy(update={"robot": RobotConfig(model=robot)})
     inner_m = scenario.robot.description.inner_radius_m
     task = scenario.task.model_copy(update={"time_limit_s": 60.0 * minutes})

@@ -117,7 +117,7 @@ def test_yaw_lies_above_minus_pi_and_up_to_pi(inspector: OneRobot) -> None:
 
 
 def states(robots: Robots, row: int, commands: np.ndarray) -> np.ndarray:
-    """What one robot comes through, whatever the others do."""
+    """Drive one robot by commands while the others drive at random, and return its states."""
     robots.reset([row], [(17.0, 9.0, 0.3)])
     others, found = np.random.default_rng(9).uniform(-0.5, 0.5, size=(len(commands), robots.n_robots, 2)), []
     for command, other in zip(commands, others, strict=True):

@@ -1,4 +1,4 @@
-"""Laws of what is read of robots: frame, encoders, gyro, lidar, motor power."""
+"""Readings of robots: frame, encoders, gyro, lidar, motor power."""
 # pyright: reportAttributeAccessIssue=false
 
 import mujoco
@@ -9,7 +9,7 @@ from tests.robot_models.one_robot import YARD, Edited, OneRobot
 
 
 def wheel_angle(one_robot: OneRobot, side: str) -> float:
-    """Mean angle of the wheels of a side, radians."""
+    """Return the mean angle of the wheels of a side, radians."""
     names = [wheel.joint for wheel in one_robot.robot.wheels if wheel.joint.startswith(side)]
     return float(np.mean([one_robot.data.joint(name).qpos[0] for name in names]))
 

@@ -1,4 +1,4 @@
-"""Cases in the free field: a robot drives once round discharges in a yard with nothing in it, and listens.
+"""Cases in the free field: a robot drives once around discharges in an empty yard.
 
 Pulses are made by the shipped nature, array, receiver and pose sensor; what is drawn is drawn from the seed alone.
 """
@@ -59,7 +59,7 @@ class Case(NamedTuple):
 
 
 def draw_case(seed: int, n_sources: int = 1, *, is_exact: bool = False) -> Case:
-    """A drive of a seed.
+    """Draw a drive by its seed.
 
     Args:
         seed: Fixes all that is drawn.
@@ -106,7 +106,7 @@ def draw_case(seed: int, n_sources: int = 1, *, is_exact: bool = False) -> Case:
 
 @lru_cache
 def empty_yard(n_sources: int, is_exact: bool) -> Scenario:
-    """The shipped scenario of one source without its equipment, with so many such sources."""
+    """Make the shipped scenario of one source without equipment and with several such sources."""
     shipped = load_scenario("one_source")
     source = shipped.sources[0].model_copy(update={"sites": (), "anywhere_at_m": 1.0})
     exact_array = {"gain_error": 0.0, "pointing_error_deg": 0.0, "position_error_m": 0.0}
@@ -122,7 +122,7 @@ def empty_yard(n_sources: int, is_exact: bool) -> Scenario:
 
 
 def with_wild_bearings(case: Case, share: float, seed: int) -> Case:
-    """The case with some of its pulses, of a share, replaced by plane waves as strong from directions drawn anew."""
+    """Replace a share of the pulses of a case by equally strong plane waves from random directions."""
     rng, pulses = np.random.default_rng(seed), case.pulses
     wild = np.flatnonzero(rng.random(pulses.n_pulses) < share)
     gain = case.real.manifold().gain(rng.uniform(-np.pi, np.pi, wild.size)).T
@@ -162,7 +162,7 @@ def _draw_places(
 
 
 def _driven(way_m: FloatArray) -> FloatArray:
-    """Poses (n_steps, 3) at each control step on a closed way (n, 2), heading along it."""
+    """Return poses (n_steps, 3) at each control step on a closed path (n, 2), heading along it."""
     closed_m = np.concatenate([way_m, way_m[:1]])
     along_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(closed_m, axis=0), axis=-1))])
     at_m = np.arange(0.0, along_m[-1], SPEED_MPS * STEP_S)
@@ -173,7 +173,7 @@ def _driven(way_m: FloatArray) -> FloatArray:
 
 
 def _believed(true_pose: FloatArray, scenario: Scenario, rng: np.random.Generator) -> FloatArray:
-    """Poses (n_steps, 3) as the pose sensor has them."""
+    """Simulate the pose sensor; shape (n_steps, 3)."""
     sensors = SensorParameters.of(scenario.pose_sensor, scenario.odometry, scenario.battery, STEP_S)
     pose, error = np.empty_like(true_pose), np.full(3, np.nan)
     for k, normal in enumerate(rng.standard_normal(true_pose.shape)):

@@ -1,4 +1,4 @@
-"""What the Locator makes of cases in the free field, beside the truth and the Cramer-Rao bound."""
+"""Results of the Locator in the free field, compared with the truth and the Cramer-Rao bound."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NUDGE_M = 1e-4
 
 
 class Fixes(NamedTuple):
-    """Of the finding with the most pulses in each case; NaN where there is none.
+    """Return errors of the finding with the most pulses in each case, NaN without a finding.
 
     Attributes:
         miss_m: Distance from the truth on plan, shape (n_cases,).
@@ -37,13 +37,13 @@ class Fixes(NamedTuple):
 
 
 def credible(case: Case, rules: LocatingRules) -> NDArray[np.bool_]:
-    """Which pulses the Locator is given, shape (n_pulses,)."""
+    """Return which pulses are credible, shape (n_pulses,)."""
     pulses = case.pulses
     return is_credible(pulses, case.array, np.zeros(pulses.n_pulses), rules.credibility)
 
 
 def locate(case: Case, rules: LocatingRules | None = None) -> tuple[Finding, ...]:
-    """All findings after the drive: the Locator is given the pulses of a control step at a time."""
+    """Run the Locator over the drive, one control step at a time, and return all findings."""
     rules = rules or LocatingRules()
     locator = Locator(case.array, case.pose_error, fence_m=FENCE_M, rules=rules)
     chosen = np.flatnonzero(credible(case, rules))
@@ -54,7 +54,7 @@ def locate(case: Case, rules: LocatingRules | None = None) -> tuple[Finding, ...
 
 
 def fixes(cases: list[tuple[Case, tuple[Finding, ...]]]) -> Fixes:
-    """How cases of one source ended."""
+    """Results of cases of one source."""
     miss_m, is_inside, n_false = [], [], []
     for case, findings in cases:
         best = max(findings, key=lambda finding: finding.n_bearings, default=None)
@@ -66,7 +66,7 @@ def fixes(cases: list[tuple[Case, tuple[Finding, ...]]]) -> Fixes:
 
 
 def confirmed(findings: tuple[Finding, ...]) -> list[Finding]:
-    """Those that a user is told of."""
+    """Select the confirmed findings."""
     return [finding for finding in findings if finding.state == "confirmed"]
 
 
@@ -77,7 +77,7 @@ def ospa_m(case: Case, findings: tuple[Finding, ...]) -> float:
 
 
 def position_bound(case: Case) -> FloatArray:
-    r"""Cramer-Rao bound of the position from all pulses of a case of one source, for an array that is known.
+    r"""Compute the Cramer-Rao bound of the position of one source from all pulses, for a known array.
 
     The information of pulses k with strengths :math:`\alpha_k h_k(p)`, their amplitudes unknown, in noise of covariance
     :math:`\Sigma_k`, with what is believed of the height:

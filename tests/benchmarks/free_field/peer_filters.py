@@ -40,13 +40,13 @@ class SightLines(NamedTuple):
 
 
 def of_peer(name: str) -> Any:  # noqa: ANN401 - a module of a library that need not be installed
-    """A module of Stone Soup; the test is skipped where it is not installed."""
+    """Import a module of Stone Soup, or skip the test if it is not installed."""
     pytest.importorskip("stonesoup", reason="Stone Soup is not installed: uv run --group peers")
     return import_module(f"stonesoup.{name}")
 
 
 def peer_fixes(lines: SightLines, fence_m: tuple[float, float]) -> dict[str, FloatArray]:
-    """Where each filter of the peer puts the source after all bearings, shape (2,), by filter and start.
+    """Return the position of each of the peer's filters after all bearings, shape (2,), by filter and start.
 
     They start from what the fence tells alone, or from where two lines of sight cross.
     """
@@ -67,7 +67,7 @@ def peer_fixes(lines: SightLines, fence_m: tuple[float, float]) -> dict[str, Flo
 
 
 def crossing(lines: SightLines) -> FloatArray:
-    """Where the first line of sight crosses the one that is the nearest to square to it, shape (2,)."""
+    """Return the crossing of the first line of sight and the one most perpendicular to it, shape (2,)."""
     square = np.abs(np.sin(lines.bearing_rad - lines.bearing_rad[0])).argmax()
     pair = np.array([0, square])
     ahead = np.column_stack([np.cos(lines.bearing_rad[pair]), np.sin(lines.bearing_rad[pair])])

@@ -1,4 +1,4 @@
-"""How well a source is located in an empty yard; `uv run pytest -m slow tests/benchmarks/free_field -s` prints it.
+"""Accuracy in an empty yard; `uv run pytest -m slow tests/benchmarks/free_field -s` prints it.
 
 A share passes when its 95 % interval, after Wilson, reaches what is asked.
 """
@@ -32,18 +32,19 @@ def shipped(n_cases: int) -> Fixes:
     return fixes([(case, locate(case)) for case in map(draw_case, range(n_cases))])
 
 
-def told(share: Estimate) -> str:
+def percent(share: Estimate) -> str:
     return f"{100 * share.value:.1f} % ({100 * share.low:.1f} to {100 * share.high:.1f})"
 
 
 @few_or_many
-def test_a_source_in_the_free_field_is_located_and_lies_in_its_ellipse(n_cases: int) -> None:
+def test_source_in_the_free_field_lies_in_its_ellipse(n_cases: int) -> None:
     found = shipped(n_cases)
     near = wilson(int((found.miss_m <= 0.30).sum()), n_cases)
     inside = wilson(int(found.is_inside.sum()), n_cases)
     print(
         f"\n{n_cases} cases: median {np.median(found.miss_m):.3f} m, "
-        f"95 % below {np.quantile(found.miss_m, 0.95):.3f} m; within 0.30 m {told(near)}, in the ellipse {told(inside)}"
+        f"95 % below {np.quantile(found.miss_m, 0.95):.3f} m; "
+        f"within 0.30 m {percent(near)}, in the ellipse {percent(inside)}"
     )
     assert np.median(found.miss_m) <= 0.10
     assert near.high >= 0.95
@@ -54,7 +55,7 @@ def test_a_source_in_the_free_field_is_located_and_lies_in_its_ellipse(n_cases: 
 @pytest.mark.parametrize(
     "n_cases", [pytest.param(FEW_WILD, marks=pytest.mark.whole), pytest.param(MANY, marks=pytest.mark.slow)]
 )
-def test_thirty_per_cent_of_wild_bearings_make_the_median_at_most_half_as_large_again(n_cases: int) -> None:
+def test_wild_bearings_raise_the_median_by_half_at_most(n_cases: int) -> None:
     cases = (with_wild_bearings(draw_case(seed), WILD_SHARE, seed) for seed in range(n_cases))
     wild, clean = fixes([(case, locate(case)) for case in cases]), shipped(n_cases)
     ratio = float(np.median(np.nan_to_num(wild.miss_m, nan=np.inf)) / np.median(clean.miss_m))
@@ -62,13 +63,13 @@ def test_thirty_per_cent_of_wild_bearings_make_the_median_at_most_half_as_large_
     false = wilson(int((wild.n_false > 0).sum()), n_cases)
     print(
         f"\n{n_cases} cases, 30 % wild: median {np.median(wild.miss_m):.3f} m, {ratio:.2f} times that of clean ones; "
-        f"in the ellipse {told(inside)}, with a false finding {told(false)}"
+        f"in the ellipse {percent(inside)}, with a false finding {percent(false)}"
     )
     assert ratio <= 1.5
 
 
 @few_or_many
-def test_where_noise_alone_is_left_the_error_is_near_the_bound(n_cases: int) -> None:
+def test_error_by_noise_is_near_the_bound(n_cases: int) -> None:
     square_m2, bound_m2 = np.empty(n_cases), np.empty(n_cases)
     for seed in range(n_cases):
         case = draw_case(seed, is_exact=True)
@@ -84,7 +85,7 @@ def test_where_noise_alone_is_left_the_error_is_near_the_bound(n_cases: int) -> 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("n_sources", "least"), [(1, 0.97), (2, 0.97), (3, 0.97), (5, 0.85)])
-def test_the_number_of_sources_in_the_free_field_is_right(n_sources: int, least: float) -> None:
+def test_number_of_sources_is_right(n_sources: int, least: float) -> None:
     n_cases, n_right, apart_m = 400, 0, list[float]()
     for seed in range(n_cases):
         case = draw_case(seed, n_sources)
@@ -92,6 +93,8 @@ def test_the_number_of_sources_in_the_free_field_is_right(n_sources: int, least:
         n_right += len(confirmed(findings)) == n_sources
         apart_m.append(ospa_m(case, findings))
     right = wilson(n_right, n_cases)
-    print(f"\n{n_sources} sources, {n_cases} cases: number right {told(right)}, median OSPA {np.median(apart_m):.3f} m")
+    print(
+        f"\n{n_sources} sources, {n_cases} cases: number right {percent(right)}, median OSPA {np.median(apart_m):.3f} m"
+    )
     assert right.high >= least
     assert np.median(apart_m) <= 0.10

@@ -17,7 +17,7 @@ N_CASES = 40
 
 
 def sight_lines(case: Case) -> SightLines:
-    """The credible bearings of a case, with the deviations that the Locator takes them to have."""
+    """Return the credible bearings of a case, with the deviations of the Locator."""
     rows = np.flatnonzero(credible(case, BEARINGS))
     record = PulseRecord(case.array, case.pose_error, None, BEARINGS.assignment)
     for step in np.unique(case.step[rows]):
@@ -32,7 +32,7 @@ def miss_m(case: Case, place_m: np.ndarray) -> float:
     return float(np.linalg.norm(place_m - case.sources_m[0, :2]))
 
 
-def test_the_first_line_of_sight_crosses_another_at_the_source() -> None:
+def test_first_line_of_sight_crosses_at_the_source() -> None:
     source_m, from_m = np.array([7.0, 5.0]), np.array([[0.0, 0.0], [3.0, 0.0], [9.0, 1.0]])
     sight_m = source_m - from_m
     lines = SightLines(np.arange(3.0), from_m, np.arctan2(sight_m[:, 1], sight_m[:, 0]), np.full(3, 0.1))
@@ -40,7 +40,7 @@ def test_the_first_line_of_sight_crosses_another_at_the_source() -> None:
 
 
 @pytest.mark.benchmark
-def test_positions_from_bearings_are_no_worse_than_those_of_the_best_filter_of_a_peer() -> None:
+def test_positions_are_no_worse_than_the_best_peer_filter() -> None:
     theirs: dict[str, list[float]] = {}
     ours: dict[str, list[float]] = {"Locator, joint fix": [], "Locator, bearings alone": [], "triangulate": []}
     for seed in range(N_CASES):

@@ -1,4 +1,4 @@
-"""Which pulse belongs to which finding: direction, strength over range, and what the map obstructs."""
+"""Association of pulses with findings: direction, strength over range, map, multipath and mains phase."""
 
 import tracemalloc
 from dataclasses import replace
@@ -39,7 +39,7 @@ def finding(x: float, y: float, state: State = "confirmed", number: int = 1) -> 
 def assigned(
     findings: list[Finding], *, bearing_deg: float, excess_db: float, range_m: float, in_sight: bool = True
 ) -> int:
-    """Owner of pulses detected at the origin from one direction, so far above what `LEVEL_DB` at a range would give."""
+    """Return the finding of pulses at the origin, `excess_db` above `LEVEL_DB` at a range."""
 
     def the_map(points: np.ndarray, target: np.ndarray, ignore_m: float) -> np.ndarray:
         return np.full(len(points), float(in_sight))
@@ -98,7 +98,7 @@ def test_strong_pulse_next_to_a_finding_is_biased() -> None:
 
 def test_biased_pulses_are_no_more_than_those_missing() -> None:
     def owners_past_it(n_own: int) -> np.ndarray:
-        """Of the pulses past a finding, 40 a window, while it is itself detected so often instead of 40 times."""
+        """Assign 40 pulses a window past a finding that is detected `n_own` times instead of 40."""
         record = PulseRecord(SMALL_ARRAY, POSE_ERROR, None, AssignmentRules())
         strength_v = 10 ** (LEVEL_DB / 20) / 8.0
         for window in range(12):
@@ -187,13 +187,13 @@ def test_pulse_from_above_initiates_only_the_first_candidate() -> None:
 
 
 def detections(
-    record: PulseRecord, rng: np.random.Generator, rates_hz: dict[float, float], seconds: range, loud_db: float
+    record: PulseRecord, rng: np.random.Generator, rates_hz: dict[float, float], seconds: range, excess_db: float
 ) -> None:
-    """Pulses from directions in degrees at the rates given, so far above what `LEVEL_DB` at 8 m would give."""
+    """Record pulses from directions in degrees at given rates, `excess_db` above `LEVEL_DB` at 8 m."""
     for second in seconds:
         counts = {bearing: rng.poisson(rate) for bearing, rate in rates_hz.items()}
         azimuth = np.radians(np.repeat(list(counts), list(counts.values())))
-        pulses = pulses_from(azimuth, 10 ** ((LEVEL_DB + loud_db) / 20) / 8.0)
+        pulses = pulses_from(azimuth, 10 ** ((LEVEL_DB + excess_db) / 20) / 8.0)
         record.extend([PulsesAtPose(float(second), np.zeros(3), pulses)])
 
 
@@ -201,19 +201,19 @@ WALL_DB = -6.0
 
 
 def behind_a_wall(points: np.ndarray, target: np.ndarray, ignore_m: float) -> np.ndarray:
-    """A map on which all is in sight and nothing clear: echoes are to be expected."""
+    """Return the transmission of a map that attenuates everything, so that multipath is expected."""
     return np.full(len(points), 10 ** (WALL_DB / 20))
 
 
-@pytest.mark.parametrize("is_heard", [True, False])
-def test_multipath_is_limited_by_missing_direct_pulses(is_heard: bool) -> None:
+@pytest.mark.parametrize("is_detected", [True, False])
+def test_multipath_is_limited_by_missing_direct_pulses(is_detected: bool) -> None:
     rng, rules = np.random.default_rng(1), AssignmentRules()
     record = PulseRecord(SMALL_ARRAY, POSE_ERROR, behind_a_wall, rules)
     detections(record, rng, {0.0: 20.0}, range(0, 20), WALL_DB)
-    detections(record, rng, {0.0: 20.0, 90.0: 20.0} if is_heard else {90.0: 20.0}, range(20, 40), WALL_DB)
+    detections(record, rng, {0.0: 20.0, 90.0: 20.0} if is_detected else {90.0: 20.0}, range(20, 40), WALL_DB)
     owner = Assigner(record, rules).assign([finding(8.0, 0.0)], NO_ERRORS).finding
     from_north = owner[np.abs(record.pulses.azimuth_rad - 0.5 * np.pi) < 0.1]
-    assert np.mean(from_north == (UNASSIGNED if is_heard else ECHO)) > 0.95
+    assert np.mean(from_north == (UNASSIGNED if is_detected else ECHO)) > 0.95
 
 
 def test_source_of_unknown_rate_may_have_any_multipath() -> None:
@@ -242,7 +242,7 @@ def test_multipath_is_limited_to_three_poisson_deviations(n_missing: int, most: 
         too_many = too_many_for_multipath(time_s, bearing_rad, is_suspect, owner, 1)
         np.testing.assert_array_equal(too_many, is_suspect & (n_echoes > most))
     mean = np.linspace(0.0, 50.0, 2001)
-    assert poisson.sf(np.floor(mean + 3.0 * np.sqrt(mean + 1.0)), mean).max() < 0.004
+    assert np.max(poisson.sf(np.floor(mean + 3.0 * np.sqrt(mean + 1.0)), mean)) < 0.004
 
 
 N_SURE = 600
@@ -253,7 +253,7 @@ def corona(rng: np.random.Generator, n: int, at_deg: float) -> FloatArray:
 
 
 def phases_of(kind: str, rng: np.random.Generator, n: int) -> FloatArray:
-    """Of pulses of two sources, one after the other."""
+    """Draw phases of pulses of two sources, one after the other."""
     if kind == "any":
         return rng.uniform(0.0, 2 * np.pi, n)
     if kind == "unknown":
@@ -262,7 +262,7 @@ def phases_of(kind: str, rng: np.random.Generator, n: int) -> FloatArray:
 
 
 def in_line(kind: str, rng: np.random.Generator) -> NDArray[np.intp]:
-    """Owners of pulses of two findings, seen from aside first, and then from where they stand in one line."""
+    """Assign pulses of two findings, first seen from the side, and then aligned."""
     findings = [finding(8.0, 0.0), finding(11.0, 0.0, number=2)]
     record = PulseRecord(SMALL_ARRAY, POSE_ERROR, None, AssignmentRules())
     for k, at_deg in enumerate((270.0, 150.0)):
@@ -282,9 +282,9 @@ def test_mains_phase_separates_aligned_findings() -> None:
     owner = in_line("corona", np.random.default_rng(0))
     assert (owner[:N_SURE] == 0).all()
     assert (owner[N_SURE:-100] == 1).all()
-    told = owner[-100:]
-    assert (told == np.repeat([0, 1], 50))[told >= 0].all()
-    assert (told >= 0).mean() > 0.9
+    sure = owner[-100:]
+    assert (sure == np.repeat([0, 1], 50))[sure >= 0].all()
+    assert (sure >= 0).mean() > 0.9
 
 
 @pytest.mark.parametrize("kind", ["any", "unknown"])

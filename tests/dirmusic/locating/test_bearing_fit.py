@@ -18,7 +18,7 @@ SECTOR_STD_RAD = np.radians(60.0) / np.sqrt(12.0)
 
 
 def orbit(rng: np.random.Generator, n: int = 120) -> np.ndarray:
-    """Poses (n, 3) along 120 to 340 degrees around the source, the heading in part at random."""
+    """Draw poses (n, 3) along 120 to 340 degrees around the source, with partly random heading."""
     angle = rng.uniform(0, 2 * np.pi) + np.linspace(0, np.radians(rng.uniform(120, 340)), n)
     yaw = angle + np.pi / 2 + rng.uniform(-0.5, 0.5) + np.cumsum(rng.normal(0, rng.uniform(0, 0.2), n))
     return np.column_stack([SOURCE_M + rng.uniform(2, 5) * np.column_stack([np.cos(angle), np.sin(angle)]), yaw])
@@ -30,7 +30,7 @@ def azimuths(pose: np.ndarray) -> np.ndarray:
 
 
 def wandering(rng: np.random.Generator, n: int) -> np.ndarray:
-    """Pose errors (n, 3) that stay for seconds."""
+    """Draw pose errors (n, 3) that are correlated for seconds."""
     keep, errors = np.exp(-STEP_S / POSE_ERROR.correlation_s), np.empty((n, 3))
     std = np.array([POSE_ERROR.position_m, POSE_ERROR.position_m, POSE_ERROR.heading_rad])
     errors[0] = rng.normal(0, std)
@@ -40,7 +40,7 @@ def wandering(rng: np.random.Generator, n: int) -> np.ndarray:
 
 
 def pulses_at(pose: np.ndarray, noise_rad: float) -> PulseBatch:
-    """Pulses whose strengths are without error and whose noise allows for bearings so good."""
+    """Make pulses of exact strengths with the noise variance of a bearing error."""
     gain, slope = RING.gain_and_slope(azimuths(pose))
     across = slope - gain * (gain * slope).sum(axis=0) / np.square(gain).sum(axis=0)
     variance = np.square(noise_rad) * np.square(across).sum(axis=0)
@@ -68,15 +68,15 @@ def drawn_errors(rng: np.random.Generator) -> ElementErrors:
 
 
 def coverage(coarse: bool, n_orbits: int) -> tuple[float, float]:
-    """Share of orbits with the truth in the ellipse, and mean half-axis over the root mean square error."""
+    """Return the coverage of the ellipse over orbits, and the mean half-axis over the rms error."""
     rng = np.random.default_rng(0)
     inside, square_m2, semi_major_m = 0, 0.0, 0.0
     for _ in range(n_orbits):
         pose = orbit(rng)
         pulses = pulses_at(pose, np.radians(0.01 if coarse else 1.0))
         if coarse:  # the boresight next to the direction
-            loudest = RING.gain(azimuths(pose)).argmax(axis=0)
-            bearing = {"azimuth_rad": RING.boresights_rad[loudest], "std_rad": np.full(len(pose), SECTOR_STD_RAD)}
+            strongest = RING.gain(azimuths(pose)).argmax(axis=0)
+            bearing = {"azimuth_rad": RING.boresights_rad[strongest], "std_rad": np.full(len(pose), SECTOR_STD_RAD)}
         else:  # 1 degree of noise, and 2.5 degrees in common by an array that is not as its data sheet says
             errors = drawn_errors(rng)
             common = manifold_error(RING, azimuths(pose), errors)

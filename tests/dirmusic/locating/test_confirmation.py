@@ -1,4 +1,4 @@
-"""What is heard of a finding, and where, makes its state: what does not come is missed only where it is in sight."""
+"""States of findings by their detections: missing pulses count only where the finding is in sight."""
 
 from dataclasses import replace
 
@@ -22,12 +22,12 @@ CANDIDATE = make_finding(covariance_m2=0.05 * np.eye(3), n_bearings=20, nearest_
 
 
 def everything_in_sight(points: np.ndarray, target: np.ndarray, ignore_m: float) -> np.ndarray:
-    """The map of an empty yard: so it looks from a position that is a little off beside an edge."""
+    """Return the transmission of the map of an empty yard."""
     return np.ones(len(points))
 
 
 def nothing_in_sight(points: np.ndarray, target: np.ndarray, ignore_m: float) -> np.ndarray:
-    """The map of a yard in which equipment hides the place of the finding from everywhere."""
+    """Return the transmission of a map that hides the finding from everywhere."""
     return np.zeros(len(points))
 
 
@@ -39,14 +39,14 @@ class Listening:
         self.time_s = 0.0
 
     def detect(self, n_seconds: int, range_m: float, excess_db: float = 0.0, bearing_deg: float = 0.0) -> None:
-        """One direction, and a strength so far above what `LEVEL_DB` gives at that range."""
+        """Record one pulse a second from one direction, `excess_db` above `LEVEL_DB` at that range."""
         pulses = pulses_from(np.radians([bearing_deg]), 10 ** ((LEVEL_DB + excess_db) / 20) / range_m)
         for _ in range(n_seconds):
             self.record.extend([PulsesAtPose(self.time_s, np.array([-range_m, 0.0, 0.0]), pulses)])
             self.time_s += 1.0
 
     def judged(self, finding: Finding = CANDIDATE) -> Finding:
-        """The finding in the light of all that was heard."""
+        """Return the finding with its state by all pulses."""
         errors = bearing_error_table(RING, ElementErrors.none(6))
         assignment = Assigner(self.record, RULES.assignment).assign([finding], errors)
         return updated_state(finding, 0, assignment, self.record, errors, RULES, None, self.time_s)
@@ -79,7 +79,7 @@ NOISE_RAD = np.radians(7.0)
 
 
 def disagreement_of(wandering_rad: float, seed: int, n_pulses: int = 15) -> float:
-    """Of weak pulses from forty places round a finding, whose bearings are off by another angle at each place."""
+    """Return the disagreement of weak pulses from forty places, with another bearing error at each place."""
     rng = np.random.default_rng(seed)
     record = PulseRecord(replace(ARRAY, positions_m=np.zeros((6, 3))), POSE_ERROR, None, RULES.assignment)
     for k, angle in enumerate(np.linspace(0.0, 5.0, 40)):

@@ -13,7 +13,7 @@ LIKELIHOOD = MaximumLikelihood()
 
 
 def pulses_of(strengths: np.ndarray, estimator: BearingEstimator = LIKELIHOOD) -> PulseBatch:
-    """Pulses of these strengths (n, 6) in noise of 1 mV with their directions."""
+    """Make pulses of strengths (n, 6) in noise of 1 mV with their directions."""
     pulses = PulseBatch.detected(np.zeros(len(strengths)), strengths, np.full(strengths.shape, 1e-6))
     return with_bearings(pulses, ARRAY, estimator)
 

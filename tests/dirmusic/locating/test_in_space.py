@@ -1,4 +1,4 @@
-"""Sources above and below the array: their height, what hides them, and what silence tells."""
+"""Sources above and below the array: height, obstruction, and the absence of pulses."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ TANK_TOP_M = 2.0
 
 
 def hear(pose: np.ndarray, source_m: np.ndarray, gains: np.ndarray, rng: np.random.Generator) -> PulseBatch:
-    """Two pulses from a source in space, in an array whose gains are off by factors."""
+    """Make two pulses of a source in space, in an array with gain errors."""
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     elements_m = RING_M @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]]) + [*pose[:2], 0.0]
     sight = source_m - elements_m
@@ -24,7 +24,7 @@ def hear(pose: np.ndarray, source_m: np.ndarray, gains: np.ndarray, rng: np.rand
 
 
 def drive_round(source_m: np.ndarray, seed: int, sight: LineOfSight | None = None, radius_m: float = 3.0) -> Locator:
-    """A third of the way round a source."""
+    """Drive a third of a circle around a source."""
     rng = np.random.default_rng(seed)
     gains, start = np.exp(rng.normal(0.0, 0.05, 6)), rng.uniform(0.0, 2 * np.pi)
     locator = Locator(ARRAY, NO_POSE_ERROR, sight=sight)
@@ -48,13 +48,13 @@ def test_height_error_agrees_with_its_deviation(height_m: float) -> None:
 
 
 def test_height_deviation_covers_the_mirror_image() -> None:
-    """One source as far below the array as another is above it sounds the same: the deviation covers both."""
+    """Sources equally far above and below the array give the same pulses: the deviation covers both."""
     (finding,) = drive_round(np.array([10.0, 10.0, 0.15]), 0, radius_m=1.5).findings
     assert abs(finding.position_m[2] - 0.15) < 2.5 * finding.height_std_m  # of two modes, one is two away
 
 
 def over_the_tank(places_m: np.ndarray, target_m: np.ndarray, within_m: float) -> np.ndarray:
-    """A map of one thing: everything below `TANK_TOP_M` at the target is hidden in a tank, from everywhere."""
+    """Return the transmission of a map with a tank that hides targets below `TANK_TOP_M` from everywhere."""
     return np.full(len(places_m), float(target_m[2] > TANK_TOP_M))
 
 

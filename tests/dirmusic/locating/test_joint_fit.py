@@ -16,7 +16,7 @@ FloatArray = NDArray[np.float64]
 
 
 def area_m2(times: int, unexplained: float) -> float:
-    """Root of the determinant of the covariance on plan, from some places with so many pulses at each."""
+    """Return the root of the determinant of the covariance on plan, for a number of pulses at each place."""
     spread = replace(SPREAD if unexplained else ElementSpread(), unexplained=unexplained)
     array = ArrayModel(manifold=RING, positions_m=RING_M, spread=spread)
     east = np.linspace(-6.0, 6.0, 13)
@@ -67,7 +67,7 @@ def nominal(manifold: GainManifold) -> NominalArray:
 
 
 def modelled(state: FloatArray, weight: FloatArray) -> FloatArray:
-    """What pulses of amplitude 1 are in the elements, shape (40, 6), by the formula of `locate_jointly`."""
+    """Compute the strengths of pulses of amplitude 1, shape (40, 6), by the formula of `locate_jointly`."""
     places, errors = state[:6].reshape(2, 3)[SOURCE], state[6:24].reshape(3, 6)
     terms = state[24:].reshape(3, N_HARMONICS, 2)
     cos, sin = np.cos(POSE[:, 2:]), np.sin(POSE[:, 2:])

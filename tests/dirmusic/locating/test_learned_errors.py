@@ -1,4 +1,4 @@
-"""What the joint fit learns of the array: as sure as it says, handed on whole, and left out where contradicted."""
+"""Errors of the array learned by the joint fit: coverage, transfer between missions, and contradiction."""
 
 from dataclasses import replace
 
@@ -33,7 +33,7 @@ FLOOR = 0.02
 
 
 def drawn(rng: np.random.Generator) -> ElementErrors:
-    """The errors of an array as the spread has them."""
+    """Draw errors of an array by its spread."""
     return ElementErrors(
         gain=rng.normal(0.0, SPREAD.gain, 6),
         pointing_rad=rng.normal(0.0, SPREAD.pointing_rad, 6),
@@ -42,7 +42,7 @@ def drawn(rng: np.random.Generator) -> ElementErrors:
 
 
 def pulses_of(errors: ElementErrors, n: int, rng: np.random.Generator) -> tuple[PulseBatch, FloatArray]:
-    """Pulses of a source at the origin, 10 s apart, from places all round it under any heading, with their poses.
+    """Make pulses of a source at the origin, 10 s apart, from places around it at any heading, and their poses.
 
     What the model leaves unexplained is as large as it assumes.
     """
@@ -60,13 +60,13 @@ def fitted(pulses: PulseBatch, pose: FloatArray, array: ArrayModel = ARRAY) -> J
 
 
 def square_deviation(fix: JointEstimate, errors: ElementErrors) -> float:
-    """Of the errors of gain and pointing from the learned ones, over their covariance: chi-square, 12 degrees."""
+    """Return the squared normalised deviation of learned gain and pointing errors: chi-square, 12 degrees."""
     miss = fix.errors.state[:12] - np.concatenate([errors.gain, errors.pointing_rad])
     return float(miss @ np.linalg.solve(fix.errors.covariance[:12, :12], miss))
 
 
 def correlation(errors: EstimatedErrors) -> FloatArray:
-    """Of the errors of gain and pointing, shape (12, 12)."""
+    """Return the correlation of gain and pointing errors, shape (12, 12)."""
     std = np.sqrt(np.diag(errors.covariance)[:12])
     return errors.covariance[:12, :12] / np.multiply.outer(std, std)
 
@@ -173,7 +173,7 @@ def test_spread_as_known_errors_gives_equal_positions() -> None:
 
 
 def found(*, is_on_air: bool) -> tuple[Locator, FloatArray]:
-    """A Locator driven over 80 degrees round a source, and where it found it, while a transmitter is on air or not.
+    """Drive over 80 degrees around a source, with or without a transmitter; Locator and confirmed position.
 
     That stands beyond the fence, and is polarised so that the elements receive it as no pattern has it.
     """

@@ -1,4 +1,4 @@
-"""Locator: from pulses to findings, with an array that is not what the data sheet says."""
+"""Locator: from pulses to findings, with an array that differs from its data sheet."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -38,7 +38,7 @@ def make_locator(
 
 
 def pulses_of(strengths: np.ndarray, variance: np.ndarray | None = None) -> PulseBatch:
-    """Pulses of these strengths (n, 6) with their likeliest directions."""
+    """Make pulses of strengths (n, 6) with their likeliest directions."""
     if variance is None:
         variance = strength_variance(strengths, NOISE_V**2, 60)
     return with_bearings(PulseBatch.detected(np.zeros(len(strengths)), strengths, variance))
@@ -60,7 +60,7 @@ def listen_along(
     locator: Locator | None = None,
     half_width: float | None = None,
 ) -> tuple[Locator, list[tuple[Finding, ...]]]:
-    """Two pulses a step from each source; strengths from a far-field model of a real array, energies' noise.
+    """Add two pulses of each source at each step, by a far-field model of a real array, with noise.
 
     The array has errors of gain and pointing; with a half width, uniform additions to the gains instead.
     """
@@ -107,7 +107,7 @@ def test_ellipse_covers_the_source_despite_array_errors() -> None:
 
 def test_offsets_are_estimated_if_the_spread_has_them() -> None:
     source, half_width = np.array([20.0, 15.0]), 0.06
-    spreads = {"told": ElementSpread(offset=half_width / np.sqrt(3)), "not told": SPREAD}
+    spreads = {"known": ElementSpread(offset=half_width / np.sqrt(3)), "unknown": SPREAD}
     errors: dict[str, list[float]] = {name: [] for name in spreads}
     inside = 0
     for seed in range(5):
@@ -120,10 +120,10 @@ def test_offsets_are_estimated_if_the_spread_has_them() -> None:
             finding = min(locator.findings, key=lambda f: float(np.linalg.norm(f.position_m[:2] - source)))
             miss = finding.position_m[:2] - source
             errors[name].append(float(np.linalg.norm(miss)))
-            if name == "told":
+            if name == "known":
                 inside += is_inside95(miss, finding.covariance_m2[:2, :2])
-    assert np.median(errors["told"]) < 0.012
-    assert np.median(errors["not told"]) > 0.02
+    assert np.median(errors["known"]) < 0.012
+    assert np.median(errors["unknown"]) > 0.02
     assert inside >= 4
 
 
@@ -207,13 +207,13 @@ WALL_Y_M = 15.0
 
 
 def across_the_wall(points: np.ndarray, target: np.ndarray, ignore_m: float) -> np.ndarray:
-    """A map of one thing: a wall along y = 15 m that is as long as the yard."""
+    """Return the transmission of a map with one wall along y = 15 m, as long as the yard."""
     beyond = (points[:, 1] - WALL_Y_M) * (target[1] - WALL_Y_M) < 0
     return ~beyond | (np.abs(target[1] - WALL_Y_M) < ignore_m)
 
 
 def detect_image_and_source(map_sight: LineOfSight | None, locator: Locator | None = None) -> Locator:
-    """Past a wall: at first a mirror image behind it is detected, then, from beyond its end, the source itself.
+    """Drive past a wall: first a mirror image behind it is detected, then, beyond its end, the source.
 
     The mirror image is 4 dB weaker than the source.
     """

@@ -14,7 +14,7 @@ ARRAY = ArrayModel(manifold=RING, positions_m=np.zeros((6, 3)), spread=ElementSp
 
 
 def noisy_pulses(azimuth_rad: np.ndarray, noise_v: float, rng: np.random.Generator) -> PulseBatch:
-    """Pulses of amplitudes from 0.5 to 2 V, from azimuths (n,), with the same noise in all channels."""
+    """Make pulses of amplitudes from 0.5 to 2 V, from azimuths (n,), with the same noise in all channels."""
     amplitude_v = rng.uniform(0.5, 2.0, azimuth_rad.size)
     strengths_v = amplitude_v[:, np.newaxis] * RING.gain(azimuth_rad).T
     strengths_v = strengths_v + rng.normal(0.0, noise_v, strengths_v.shape)
@@ -32,9 +32,9 @@ def test_pooled_pulse_has_the_stated_noise() -> None:
     shares = shares / np.linalg.norm(shares)
     off = one_each.strengths_v - shares
     across = off - np.outer(off @ shares, shares)
-    told = one_each.variance_v2.mean() * 5.0
-    assert np.square(across).sum(axis=-1).mean() == pytest.approx(told, rel=0.05)
-    assert np.linalg.norm(across.mean(axis=0)) < 4.0 * np.sqrt(told / n_groups)
+    expected = one_each.variance_v2.mean() * 5.0
+    assert np.square(across).sum(axis=-1).mean() == pytest.approx(expected, rel=0.05)
+    assert np.linalg.norm(across.mean(axis=0)) < 4.0 * np.sqrt(expected / n_groups)
 
 
 def test_pooling_weights_by_noise_and_usable_channels() -> None:
@@ -54,7 +54,7 @@ def test_pooling_weights_by_noise_and_usable_channels() -> None:
 
 
 def record_of(poses: np.ndarray, step_s: float) -> PulseRecord:
-    """A pulse from straight ahead at each pose (n, 3), one after the other."""
+    """Record one pulse from straight ahead at each pose (n, 3)."""
     record = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
     for number, pose in enumerate(poses):
         pulses = noisy_pulses(np.zeros(1), 0.01, np.random.default_rng(number))

@@ -51,7 +51,7 @@ def locate(
     pattern_error: float,
     start_m: FloatArray | None = None,
 ) -> JointEstimate:
-    """The fix where of the helices no more is known than their cut; it starts beside the truth, or where it is told."""
+    """Fit pulses of helices of which only the cut in the plane is known, from a start next to the truth."""
     array = ArrayModel(
         manifold=GainManifold(helix().cut(), BORESIGHTS_RAD),
         positions_m=RING_M,
@@ -63,7 +63,7 @@ def locate(
 
 
 def survey(rng: np.random.Generator, pattern_error: float) -> tuple[float, bool]:
-    """Error of the position, and whether the truth is in the 95 % ellipse, for a walk past a source at some height."""
+    """Return the position error, and whether the truth is in the 95 % ellipse, for a drive past a source."""
     truth_m = np.array([0.0, rng.uniform(2.0, 5.0), 0.6 + rng.uniform(0.2, 2.6)])
     pose = np.column_stack([np.linspace(-6.0, 6.0, N_POSES), np.zeros(N_POSES), rng.uniform(-np.pi, np.pi, N_POSES)])
     fix = locate(rng, pose, truth_m, pattern_error)
@@ -73,7 +73,7 @@ def survey(rng: np.random.Generator, pattern_error: float) -> tuple[float, bool]
 
 
 def semi_major_round_m(pattern_error: float) -> float:
-    """Of the ellipse after a circle that keeps the source in one direction of the array."""
+    """Return the half-axis after a circle that keeps the source in one direction of the array."""
     at_rad = 2 * np.pi * np.arange(N_POSES) / N_POSES
     pose = np.column_stack([3.0 * np.cos(at_rad), 3.0 * np.sin(at_rad), at_rad + np.radians(110.0)])
     fix = locate(np.random.default_rng(11), pose, np.array([0.0, 0.0, 1.6]), pattern_error)
@@ -82,7 +82,7 @@ def semi_major_round_m(pattern_error: float) -> float:
 
 @pytest.mark.parametrize("seed", range(8))
 def test_fit_from_below_the_array_ends_above_ground(seed: int) -> None:
-    """A deviation turned upside down explains the mirror image of a source as well: what is believed decides."""
+    """A mirrored pattern deviation explains the mirror image equally well: the prior decides."""
     rng = np.random.default_rng([5, seed])
     truth_m = np.array([0.0, rng.uniform(2.0, 5.0), rng.uniform(1.4, 3.0)])
     pose = np.column_stack([np.linspace(-6.0, 6.0, N_POSES), np.zeros(N_POSES), rng.uniform(-np.pi, np.pi, N_POSES)])
@@ -112,18 +112,18 @@ def test_bearing_errors_off_the_plane_agree_with_deviation(elevation_deg: float)
     bearing_rad = 2 * np.pi / len(table) * (strengths @ table.T).argmax(axis=-1)
     errors = BearingErrors(array)
     miss_rad = difference(bearing_rad, azimuth_rad + errors.by_elevation(azimuth_rad, elevation_rad))
-    told_rad2 = np.square(errors.std(azimuth_rad)) + errors.variance_off_plane(azimuth_rad, elevation_rad)
-    assert 0.4 < np.sqrt(np.mean(np.square(miss_rad)) / np.mean(told_rad2)) < 2.0
+    expected_rad2 = np.square(errors.std(azimuth_rad)) + errors.variance_off_plane(azimuth_rad, elevation_rad)
+    assert 0.4 < np.sqrt(np.mean(np.square(miss_rad)) / np.mean(expected_rad2)) < 2.0
 
 
 def share_in_ellipse(pattern_error: float) -> tuple[float, float]:
-    """Median error, and share of truths in their ellipse."""
+    """Return the median error and the coverage of the ellipse."""
     errors, inside = zip(*(survey(np.random.default_rng([3, k]), pattern_error) for k in range(N_SURVEYS)), strict=True)
     return float(np.median(errors)), float(np.mean(inside))
 
 
 def test_ellipse_coverage_with_pattern_error() -> None:
-    believed, told = share_in_ellipse(0.0), share_in_ellipse(0.02)
-    assert told[1] >= 0.85
-    assert believed[1] < told[1]
-    assert told[0] < 1.5 * believed[0]
+    trusted, modelled = share_in_ellipse(0.0), share_in_ellipse(0.02)
+    assert modelled[1] >= 0.85
+    assert trusted[1] < modelled[1]
+    assert modelled[0] < 1.5 * trusted[0]

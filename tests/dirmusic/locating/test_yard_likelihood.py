@@ -12,7 +12,7 @@ GRID = Grid.over(np.array([-2.0, 0.0]), np.array([22.0, 15.0]))
 
 
 def heard(sources_m: np.ndarray, seed: int, n_wild: int = 0) -> YardLikelihood:
-    """What a drive along the yard makes of sources, with pulses from anywhere among them."""
+    """Compute the likelihood after a drive past sources, with some pulses from random directions."""
     rng = np.random.default_rng(seed)
     gains = np.exp(rng.normal(0.0, 0.05, 6))
     likelihood = YardLikelihood(ARRAY, POSE_ERROR, GRID)
