@@ -67,7 +67,6 @@ def test_help_and_version_load_nothing_heavy(argument: str, tmp_path: Path) -> N
     [
         ("run nowhere", "nowhere"),
         ("run --seed -1", "--seed must be 0 or more, got -1"),
-        ("run --out .", "--out: . must be a new or empty folder"),
         ("run --policy magic", "magic"),
         ("run --policy none.py:MyPolicy", "none.py"),
         ("plan --amplitude-v -1", "--amplitude-v must be finite and above 0, got -1"),
