@@ -271,10 +271,10 @@ class PulseRecord:
         """
         bearing, std = self.bearings(rows, error_rad)
         from_m = self.pose[rows, :2]
-        fix = triangulate(from_m, bearing, std)
-        sight = fix.position_m - from_m[-1]
+        crossed = triangulate(from_m, bearing, std)
+        sight = crossed.position_m - from_m[-1]
         place_m = from_m[-1] + sight * min(1.0, 60.0 / np.linalg.norm(sight))
-        return with_height(place_m), with_height_covariance(fix.covariance_m2)
+        return with_height(place_m), with_height_covariance(crossed.covariance_m2)
 
     def rough_crossing(self, rows: Rows, error_rad: FloatArray) -> FloatArray:
         """Return a rough crossing of the lines of sight of some pulses, (3,), as the start of a fit."""
