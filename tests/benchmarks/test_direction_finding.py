@@ -1,4 +1,4 @@
-"""Speed beside peers, as ratios inside one run: `uv run --group peers pytest -m benchmark -n 0 -s`."""
+"""Speed compared with peers, as ratios within one run: `uv run --group peers pytest -m benchmark -n 0 -s`."""
 
 import statistics
 import time
@@ -19,13 +19,13 @@ ROUNDS = 60
 
 @pytest.fixture(autouse=True)
 def one_thread() -> Iterator[None]:
-    """Linear algebra in one thread, for all sides."""
+    """Run linear algebra in one thread."""
     with threadpool_limits(limits=1):
         yield
 
 
 def gates() -> np.ndarray:
-    """Gated pulses (1024, 6, 60) from all round."""
+    """Draw gated pulses (1024, 6, 60) from all directions."""
     rng = np.random.default_rng(0)
     pulse = np.exp(-np.arange(N_SAMPLES) / 10) * np.sin(0.55 * np.arange(N_SAMPLES))
     gain = GainManifold.ring(N_ELEMENTS).gain(rng.uniform(-np.pi, np.pi, N_PULSES)).T
@@ -33,7 +33,7 @@ def gates() -> np.ndarray:
 
 
 def bearings(waveforms: np.ndarray, manifold: GainManifold) -> Bearings:
-    """Gates to bearings with their deviations: all that a user would call."""
+    """Compute bearings with their deviations from gates, as a user would."""
     strengths = pulse_strengths(waveforms, NOISE_V**2)
     variance = strength_variance(strengths, NOISE_V**2, N_SAMPLES)
     return estimate_bearings(strengths[:, np.newaxis], manifold, strength_variance=variance[:, np.newaxis])
@@ -46,14 +46,14 @@ def seconds(call: Callable[[], object]) -> float:
 
 
 def cost_ratio(ours: Callable[[], object], theirs: Callable[[], object]) -> float:
-    """Median over rounds of the cost of ours over theirs, the two always one after the other."""
-    for call in (ours, theirs):  # both warm
+    """Compute the median ratio of the costs of two calls that are run in turns."""
+    for call in (ours, theirs):  # warm up
         call()
     return statistics.median(seconds(ours) / seconds(theirs) for _ in range(ROUNDS))
 
 
 def peer_music() -> Callable[[], object]:
-    """MUSIC of pyroomacoustics for one pulse: 6 channels, 360 angles, one bin; its STFT is made beforehand."""
+    """Prepare MUSIC of pyroomacoustics for one pulse: 6 channels, 360 angles, one bin, STFT computed beforehand."""
     pyroomacoustics = pytest.importorskip("pyroomacoustics", reason="uv run --group peers")
     boresights = GainManifold.ring(N_ELEMENTS).boresights_rad
     places = 0.2 * np.stack([np.cos(boresights), np.sin(boresights)])

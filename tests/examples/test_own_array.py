@@ -1,4 +1,4 @@
-"""The example of an array of one's own does what its README says."""
+"""The example of a user-defined array does what its README states."""
 
 import json
 import re
@@ -45,7 +45,7 @@ def test_measured_beam_is_wider_than_data_sheet() -> None:
 
 
 def half_power_width(path: Path) -> float:
-    """Full width at half power, radians."""
+    """Compute the full width at half power, radians."""
     pattern = read_pattern(path)
     off_rad = np.linspace(0.0, np.pi / 2, 2001)
     gain = pattern.gain_and_slope(off_rad)[0]

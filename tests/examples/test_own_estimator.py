@@ -1,4 +1,4 @@
-"""The example of an estimator of one's own does what its README says."""
+"""The example of a user-written estimator does what its README states."""
 
 import json
 import re
