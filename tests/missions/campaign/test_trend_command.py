@@ -47,7 +47,7 @@ def test_table_fits_80_columns_and_files_are_written_once(runs: list[Path], tmp_
     assert written["discharges"][0]["verdict"] == "grown"
     again = pdpatrol(*runs, "--out", tmp_path / "out")
     assert again.returncode == 2
-    assert "is not empty" in again.stderr
+    assert "must be a new or empty folder" in again.stderr
 
 
 def test_json_has_the_runs_by_date(runs: list[Path]) -> None:
