@@ -17,11 +17,6 @@ DECAY_S, RISE_S, FREQUENCY_HZ = 1.0e-9, 0.2e-9, 1.75e9
 """Time constants and frequency of the waveform. Assumed after the measurements of the Dir-MUSIC paper: a pulse is about
 2.5 ns long and has 76 % of its energy between 1.5 and 2 GHz."""
 
-COMMON_STD_DEG, CENTRE_STD_DEG, LEVEL_STD_DB = 5.0, 3.0, 1.0
-WIDTH_LOG_STD, SHARE_LOG_STD = 0.15, 0.2
-"""Differences of defects of one kind from the typical one, standard deviations. Assumed: the phase of all clusters
-together, because the inception voltage differs, then phase, level, width and share of each."""
-
 
 def damped_pulse(time_s: ArrayLike, phase_rad: float = 0.0) -> FloatArray:
     r"""Return a damped oscillation, zero before time zero and with the largest magnitude 1 if the phase is 0.
@@ -133,15 +128,19 @@ class PulseTrain:
 
     @classmethod
     def draw(cls, kind: KindName, mains_hz: float, conductor_rad: float, rng: np.random.Generator) -> Self:
-        """Draw a defect of a kind."""
-        common_deg = float(rng.normal(0.0, COMMON_STD_DEG))
+        """Draw a defect of a kind.
+
+        Defects of one kind differ. Assumed: the phase of all clusters together by 5 degrees, because the inception
+        voltage differs, and then phase, level, width and share of each cluster.
+        """
+        common_deg = float(rng.normal(0.0, 5.0))
         clusters = [
             replace(
                 cluster,
-                share=cluster.share * float(np.exp(rng.normal(0.0, SHARE_LOG_STD))),
-                centre_deg=cluster.centre_deg + common_deg + float(rng.normal(0.0, CENTRE_STD_DEG)),
-                width_deg=cluster.width_deg * float(np.exp(rng.normal(0.0, WIDTH_LOG_STD))),
-                level_db=cluster.level_db + float(rng.normal(0.0, LEVEL_STD_DB)),
+                share=cluster.share * float(np.exp(rng.normal(0.0, 0.2))),
+                centre_deg=cluster.centre_deg + common_deg + float(rng.normal(0.0, 3.0)),
+                width_deg=cluster.width_deg * float(np.exp(rng.normal(0.0, 0.15))),
+                level_db=cluster.level_db + float(rng.normal(0.0, 1.0)),
             )
             for cluster in KINDS[kind]
         ]

@@ -40,9 +40,6 @@ from pdpatrol.sensing.radio.wedge import WedgeFaces, edge_wave, knife_edge, wedg
 OUTER_ANGLE = 1.5
 """Outer angle at the edge of a box, over pi."""
 
-ON_FACE_M = 1e-6
-"""Depth within a box down to which a point is on its surface."""
-
 
 class BoxEdge(NamedTuple):
     """Edge of a box, seen along it.
@@ -161,8 +158,8 @@ def outer_angle(edge: BoxEdge, point: EdgePoint) -> float:
 
 @compiled
 def is_hidden(edge: BoxEdge, point: EdgePoint) -> bool:
-    """Return True where the box itself hides an edge from a point."""
-    return (point.p - edge.p) * edge.out_p < -ON_FACE_M and (point.q - edge.q) * edge.out_q < -ON_FACE_M
+    """Return True where the box itself hides an edge from a point more than 1 um inside the planes of both faces."""
+    return (point.p - edge.p) * edge.out_p < -1e-6 and (point.q - edge.q) * edge.out_q < -1e-6
 
 
 @compiled

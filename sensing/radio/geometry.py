@@ -66,7 +66,7 @@ def distance(first: Vector, second: Vector) -> float:
 
 @compiled
 def shift(point: Vector, direction: Vector, by: float) -> Vector:
-    """Return a point moved along a vector, by so many times its length."""
+    """Return a point moved along a vector, by a multiple of its length."""
     return Vector(point.x + by * direction.x, point.y + by * direction.y, point.z + by * direction.z)
 
 

@@ -70,9 +70,6 @@ which it fades to nothing. Assumed; they change strengths by less than a tenth, 
 WEAKEST = 10.0 ** (-(FADE_DB + FADE_OVER_DB) / 20.0)
 """Amplitude over that of the strongest path below which no path counts."""
 
-RAYS_PER_BOX = 48
-"""Most diffracted rays around one box: 12 around upright edges, 8 over the top, and by way of the ground 12 and 16."""
-
 PATH = np.dtype(
     (
         np.record,
@@ -198,8 +195,8 @@ def add_box(
         by_ground: True for the paths that the ground reflects as well.
         ground: Material of the ground.
         around: Obstacles; their own one is the box, or a cylinder in place of which the box within it diffracts.
-        strongest: Largest level of any path so far; a diffracted one counts twice, because an edge halves what it
-            blocks.
+        strongest: Largest level of any path so far; a diffracted one counts twice, because an edge halves the
+            wave that it blocks.
         paths: Filled in from row n on.
         n: Number of paths so far.
 
@@ -360,7 +357,7 @@ def find_ray_paths(
     faces, obstacles, n_sources = surroundings.faces, surroundings.obstacles, least.size
     n_most, shadows = 1 + 2 * faces.size, np.empty(obstacles.size, SHADOW)
     for k in range(obstacles.size):
-        n_most += 1 + RAYS_PER_BOX * obstacles[k].diffracts
+        n_most += 1 + 48 * obstacles[k].diffracts  # 12 upright, 8 over the top, by the ground 12 and 16
     if surroundings.second_order:
         n_most += faces.size * (faces.size - 1)
     paths = np.empty(n_most * (least < np.inf).sum(), PATH)

@@ -60,7 +60,7 @@ class SpecularPoint(NamedTuple):
     Attributes:
         image: Mirror image of the source.
         at: Point on the mirror.
-        rim_m: Distance to the rim of the mirror; negative if there is no such point.
+        rim_m: Distance to the rim of the mirror; negative without such a point.
     """
 
     image: Vector
@@ -73,7 +73,7 @@ class Obstruction(NamedTuple):
 
     Attributes:
         obstacles: All obstacles.
-        shadows: What they do to the direct path, rows of `SHADOW`.
+        shadows: Their effects on the direct path, rows of `SHADOW`.
         own: Index of the obstacle that reflects or diffracts, or `NO_SOLID`.
         least: Amplitude at the array, over that 1 m from the source, below which no ray counts.
     """

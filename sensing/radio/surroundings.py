@@ -134,7 +134,7 @@ class Surroundings(NamedTuple):
 
     Attributes:
         faces: Flat reflecting faces including the ground, rows of `FACE`.
-        ground: Material of the ground; it does not reflect where there is no ground.
+        ground: Material of the ground; without a ground, one that does not reflect.
         obstacles: Solids of the equipment, rows of `OBSTACLE`.
         second_order: True where rays reflected by two upright faces count.
     """

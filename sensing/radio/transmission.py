@@ -33,18 +33,12 @@ FloatArray = NDArray[np.float64]
 CLEAR = -0.78
 """Diffraction parameter below which an edge takes nothing away (ITU-R P.526)."""
 
-WIDE_CLEARANCE = 2.4
-"""Distance, over `Segment.clearance_m`, from which on the diffraction parameter is below `CLEAR` - 1."""
-
 RIM_M = 0.1
 """Length over which the loss of a lossy solid, or the reflection of a face without diffracting edges, sets in.
 Assumed."""
 
-RIM_PARAMETER = 0.1
-"""Diffraction parameter over which the loss of a lossy solid sets in. Assumed."""
-
 SHADOW = np.dtype((np.record, [("parameter", np.float64), ("transmission", np.float64)]))
-"""What a diffracting solid does to the direct path: its `shadow_parameter`, and its transmission where it blocks it."""
+"""Effect of a diffracting solid on the direct path: its `shadow_parameter`, and its transmission if it blocks it."""
 
 
 @compiled
@@ -128,7 +122,7 @@ def transmission_past(path: Segment, obstacle: Row) -> float:
     """Return the amplitude past an obstacle on a segment that is not the direct path.
 
     A solid that diffracts transmits its share and counts as a knife edge for the rest. The loss of any other solid sets
-    in over its rim.
+    in over its rim, a diffraction parameter of 0.1 (assumed) or `RIM_M` inside.
     """
     solid = solid_of(obstacle)
     if not is_near(path, solid, path.clearance_m):
@@ -139,7 +133,7 @@ def transmission_past(path: Segment, obstacle: Row) -> float:
         return 1.0
     if obstacle.diffracts:
         return obstacle.transmission + loss * knife_edge_amplitude(parameter)
-    return 1.0 - loss * smooth_step(min(parameter / RIM_PARAMETER, length_inside(path, solid) / RIM_M))
+    return 1.0 - loss * smooth_step(min(parameter / 0.1, length_inside(path, solid) / RIM_M))
 
 
 @compiled
@@ -211,12 +205,14 @@ def segment_transmission(path: Segment, obstacles: Rows, skipped: int, least: fl
 
 @compiled
 def cast_shadows(direct: Segment, obstacles: Rows, shadows: Rows) -> None:
-    """Fill in what every obstacle does to the direct path, rows of `SHADOW`."""
+    """Fill in the effect of every obstacle on the direct path, rows of `SHADOW`."""
     for k in range(obstacles.size):
         shadows[k].parameter, shadows[k].transmission = -np.inf, 1.0
         if obstacles[k].diffracts:
             box = facing_box(direct, solid_of(obstacles[k]))
-            shadows[k].parameter = shadow_parameter(direct, box, WIDE_CLEARANCE * direct.clearance_m)
+            shadows[k].parameter = shadow_parameter(
+                direct, box, 2.4 * direct.clearance_m
+            )  # beyond, it is below CLEAR - 1
             shadows[k].transmission = transmission_through(direct, obstacles[k])
 
 
@@ -248,7 +244,7 @@ def bent_transmission(first: Segment, last: Segment, obstacles: Rows, own: int, 
         last: Segment from there to the target.
         obstacles: All obstacles.
         own: Index of the obstacle that diffracts or reflects, or `NO_SOLID`.
-        shadows: What the obstacles do to the direct path, rows of `SHADOW`.
+        shadows: Effects of the obstacles on the direct path, rows of `SHADOW`.
         least: Results below are returned as 0.
     """
     total, of_piece = 1.0, 1.0

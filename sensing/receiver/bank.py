@@ -30,9 +30,6 @@ AHEAD_S = 10.0
 LEAST_ROBOTS = 4
 """Fewest robots per thread; fewer do not pay for one."""
 
-LEAST_GATES = 64
-"""Fewest gates for which space is made."""
-
 
 class DetectedPulses(NamedTuple):
     """Pulses that were detected in one interval, ordered by robot and then by time.
@@ -136,7 +133,7 @@ class ReceiverBank:
         self._listeners = list(listeners)
         self._schedules: list[Schedule] = []
         self._states: list[Held[ReceiverState]] = []
-        self._gates = [self._room(LEAST_GATES) for _ in range(n_threads)]
+        self._gates = [self._room(64) for _ in range(n_threads)]
         self._pool: ThreadPoolExecutor | None = None
         for listener in listeners:
             self._schedules.append(Schedule(listener, config.false_alarm_rate_hz))

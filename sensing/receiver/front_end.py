@@ -27,15 +27,6 @@ PHASES = 128
 MOST_BANDS = 8
 """Most bands of a pulse where the gain depends on frequency; 114 MHz each with the default band."""
 
-LEAD_S = 12e-9
-"""Time before and behind a pulse for which its bands are tabulated: all but 1 % of each, for eight bands in 800 MHz."""
-
-SETTLED = 1e-6
-"""Share of its energy at which the impulse response of the filter is cut off."""
-
-LONGEST_RESPONSE = 2**16
-"""Samples in which the impulse response of the narrowest band settles."""
-
 SIGNAL_STEP = 0.02
 """Step of the table of trigger probabilities, over the standard deviation of the noise."""
 
@@ -93,13 +84,14 @@ class FrontEnd:
 
     @cached_property
     def _impulse_response(self) -> FloatArray:
+        """Impulse response, cut off where a millionth of its energy remains."""
         if not self._sections.size:
             return np.ones(1)
-        impulse = np.zeros(LONGEST_RESPONSE)
+        impulse = np.zeros(2**16)  # even the narrowest band settles
         impulse[0] = 1.0
         response = self.filter(impulse)
         remaining = np.square(response)[::-1].cumsum()[::-1]
-        return response[: int(np.argmax(remaining < SETTLED * remaining[0]))]
+        return response[: int(np.argmax(remaining < 1e-6 * remaining[0]))]
 
     @cached_property
     def correlation(self) -> FloatArray:
@@ -215,7 +207,7 @@ class FrontEnd:
             bands_hz: Frequencies of the bands, ascending.
         """
         tables = self._pulse, self._tabulated(0.5 * np.pi)
-        lead = round(LEAD_S * self.sample_rate_hz)
+        lead = round(12e-9 * self.sample_rate_hz)  # holds all but 1 % of each of eight bands in 800 MHz
         n_pulse = tables[0].size
         n = (-(-n_pulse // PHASES) + 2 * lead) * PHASES
         frequency_hz = np.asarray(np.fft.rfftfreq(n, 1.0 / (PHASES * self.sample_rate_hz)), dtype=np.float64)

@@ -25,9 +25,6 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-STUCK_SHARE = 0.25
-"""Output of a stuck ADC over full scale. Assumed; any constant spoils a channel in the same way."""
-
 
 class Receiver:
     """Receiver with a number of channels.
@@ -138,7 +135,7 @@ class Receiver:
             if fault.kind == "saturation" and fault.level_v is not None:
                 channels.limit_v[channel] = fault.level_v
             elif fault.kind == "stuck":
-                channels.stuck_v[channel] = STUCK_SHARE * self.config.full_scale_v
+                channels.stuck_v[channel] = 0.25 * self.config.full_scale_v  # assumed; any constant does the same
             elif fault.kind == "swapped" and fault.other is not None:
                 pair = [channel, fault.other - 1]
                 channels.source[pair] = channels.source[pair[::-1]]

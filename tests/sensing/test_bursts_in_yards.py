@@ -52,7 +52,7 @@ def share_rejected(name: str, burst_s: float, *, second_order: bool = False) -> 
 
 
 @pytest.mark.parametrize("name", [name for name in shipped_scenarios() if load_scenario(name).yard.equipment])
-def test_discharges_pass_and_bursts_of_three_longest_echoes_are_rejected(name: str) -> None:
+def test_bursts_are_rejected_and_pulses_pass_in_yards(name: str) -> None:
     assert share_rejected(name, 0.0) < 0.01
     assert share_rejected(name, 0.0, second_order=True) < 0.01
     assert share_rejected(name, 3 * CONFIG.longest_echo_s) > 0.95

@@ -43,12 +43,12 @@ def share_detected(amplitude_v: float, surroundings: Surroundings, seed: int, n:
     return detected.pulses.n_pulses / n
 
 
-def test_an_echo_is_detected_where_a_first_path_just_fails_to_trigger() -> None:
+def test_echo_triggers_where_direct_path_just_fails() -> None:
     shares = [share_detected(amplitude_v, tank_and_wall(), 1) for amplitude_v in (0.50, 0.515, 0.53)]
     assert min(shares) == 1.0
 
 
-def test_no_discharge_is_taken_for_a_burst_though_ground_and_wall_echo_it() -> None:
+def test_pulse_with_echoes_is_not_taken_for_burst() -> None:
     both = Faces(*(np.concatenate(cast("Any", pair)) for pair in zip(ground_face(), wall_face(-2.75), strict=True)))
     surroundings = around(0.0, both, ground=0.3, wall=0.8)
     for level_db in (6.0, 13.0, 20.0):
@@ -58,8 +58,8 @@ def test_no_discharge_is_taken_for_a_burst_though_ground_and_wall_echo_it() -> N
 
 
 @pytest.mark.whole
-def test_detection_rises_with_the_level() -> None:
-    """Within its interval, from 6 dB below the trigger level to 40 dB above it, in fifty random scenes."""
+def test_detection_rate_increases_with_level() -> None:
+    """Within its binomial interval, from 6 dB below the trigger level to 40 dB above, in fifty random scenes."""
     levels_db = np.arange(-6.0, 41.0, 2.0)
     for seed in range(50):
         rng = np.random.default_rng(seed)

@@ -24,7 +24,7 @@ def pulses(kind: KindName, rng: np.random.Generator, rate_hz: float = 20.0) -> t
 
 
 @pytest.mark.parametrize("kind", NAMES)
-def test_a_train_has_its_rate_in_intervals_of_any_length(kind: KindName) -> None:
+def test_train_has_its_rate_in_intervals_of_any_length(kind: KindName) -> None:
     rng = np.random.default_rng(1)
     train = PulseTrain.draw(kind, MAINS_HZ, 1.0, rng)
     for duration_s in (0.003, 0.1, 7.0):
@@ -39,7 +39,7 @@ def test_a_train_has_its_rate_in_intervals_of_any_length(kind: KindName) -> None
 
 
 @pytest.mark.parametrize("kind", NAMES)
-def test_pulses_come_at_the_phases_of_their_kind_later_by_the_lag_of_their_conductor(kind: KindName) -> None:
+def test_pulses_have_phases_of_kind_and_lag_of_conductor(kind: KindName) -> None:
     rng = np.random.default_rng(2)
     lag = np.radians(120.0)
     train = PulseTrain(clusters=KINDS[kind], mains_hz=60.0, conductor_rad=lag)
@@ -55,7 +55,7 @@ def test_pulses_come_at_the_phases_of_their_kind_later_by_the_lag_of_their_condu
         assert np.mean(np.sign(amplitude[near]) == cluster.polarity) > 0.97
 
 
-def test_a_source_stops_starts_and_drifts() -> None:
+def test_source_starts_stops_and_drifts() -> None:
     source = DischargeSource(
         name="s",
         position_m=np.ones(3),
@@ -73,7 +73,7 @@ def test_a_source_stops_starts_and_drifts() -> None:
 
 @pytest.mark.parametrize("kind", NAMES)
 @pytest.mark.parametrize("rate_hz", [20.0, 60.0])
-def test_each_kind_is_recognised_in_nine_of_ten_defects(kind: KindName, rate_hz: float) -> None:
+def test_kind_is_recognised_in_nine_of_ten_defects(kind: KindName, rate_hz: float) -> None:
     rng = np.random.default_rng(4)
     told = [classify(*pulses(kind, rng, rate_hz)) for _ in range(60)]
     assert np.mean([pattern.kind == kind for pattern in told]) >= 0.9
@@ -81,7 +81,7 @@ def test_each_kind_is_recognised_in_nine_of_ten_defects(kind: KindName, rate_hz:
     assert np.mean(right) > 0.8
 
 
-def test_two_kinds_at_once_are_called_unknown() -> None:
+def test_two_kinds_together_are_unknown() -> None:
     rng = np.random.default_rng(5)
     told = []
     for first, second in combinations(NAMES, 2):
@@ -92,13 +92,13 @@ def test_two_kinds_at_once_are_called_unknown() -> None:
 
 
 @pytest.mark.parametrize("spread_db", [0.3, 4.0])
-def test_an_interferer_that_knows_no_mains_is_called_unknown(spread_db: float) -> None:
+def test_interferer_without_mains_phase_is_unknown(spread_db: float) -> None:
     rng = np.random.default_rng(6)
     told = [classify(rng.uniform(0, 2 * np.pi, 80), rng.normal(0, spread_db, 80)).kind for _ in range(30)]
     assert np.mean([kind == "unknown" for kind in told]) >= 0.8
 
 
-def test_neither_the_conductor_nor_the_zero_of_the_level_changes_the_answer() -> None:
+def test_kind_is_independent_of_conductor_and_level() -> None:
     phase, level = pulses("surface", np.random.default_rng(7))  # a void is the same turned by half a cycle
     plain = classify(phase, level)
     turned = classify(phase + np.radians(120.0), level - 37.0)
@@ -107,7 +107,7 @@ def test_neither_the_conductor_nor_the_zero_of_the_level_changes_the_answer() ->
     assert np.degrees(difference(turned.shift_rad, plain.shift_rad)) == pytest.approx(120.0)
 
 
-def test_few_pulses_show_no_pattern_and_broken_ones_are_refused() -> None:
+def test_few_pulses_are_unknown_and_invalid_ones_refused() -> None:
     phase, level = pulses("corona", np.random.default_rng(8))
     assert classify(phase[: LEAST_PULSES - 1], level[: LEAST_PULSES - 1]).kind == "unknown"
     with pytest.raises(ValueError, match=r"shape \(n,\)"):

@@ -29,7 +29,7 @@ def detect(
     return listen_once(settings, NOMINAL, scene, rng, world_from_array=np.eye(4), duration_s=1.0)
 
 
-def test_faults_do_to_a_channel_what_they_say() -> None:
+def test_each_fault_changes_its_channel_as_documented() -> None:
     healthy = np.median(detect().pulses.strengths_v, axis=0)
 
     def of(fault: ChannelFault) -> np.ndarray:
@@ -45,13 +45,13 @@ def test_faults_do_to_a_channel_what_they_say() -> None:
     assert stuck[0] == pytest.approx(np.sqrt(90) * 0.25 * 0.5, rel=0.01)
 
 
-def test_a_saturated_channel_gives_no_more_than_its_level() -> None:
+def test_saturated_channel_is_limited_to_its_level() -> None:
     detected = detect((ChannelFault(channel=2, kind="saturation", level_v=0.01),))
     assert np.abs(detected.waveforms_v[:, 1]).max() <= 0.0103
     assert np.abs(detected.waveforms_v[:, 2]).max() > 0.02
 
 
-def test_a_fault_begins_when_it_says_and_a_drift_takes_its_time() -> None:
+def test_fault_starts_and_drifts_at_its_times() -> None:
     fault = ChannelFault(channel=2, kind="gain_drift", gain_db=-12.0, start_s=10.0, ramp_s=20.0)
     config = ReceiverConfig(faults=(fault,), false_alarm_rate_hz=1e-9)
     at = {}
@@ -70,8 +70,8 @@ def test_a_fault_begins_when_it_says_and_a_drift_takes_its_time() -> None:
     assert 20 * np.log10(at[40.0] / at[0.0]) == pytest.approx(-12.0, abs=0.2)
 
 
-def test_a_carrier_ten_decibels_above_the_pulse_hardly_moves_a_bearing_behind_the_filter() -> None:
-    """The 948 MHz of the Dir-MUSIC paper, SNR 0 dB: within a tenth of the same filter without it."""
+def test_filter_removes_carrier_10_db_above_pulse() -> None:
+    """The 948 MHz of the Dir-MUSIC paper at SNR 0 dB: errors within a tenth of those without the carrier."""
     config = ReceiverConfig(bits=16)
     range_m = 8.0
     amplitude_v = range_m * config.noise_v * np.sqrt(28_070 / unit_pulse_energy(config.sample_rate_hz))
@@ -93,7 +93,7 @@ def test_a_carrier_ten_decibels_above_the_pulse_hardly_moves_a_bearing_behind_th
     assert np.degrees(rmse[0.0]) < 0.55
 
 
-def test_without_the_filter_the_carrier_spoils_everything() -> None:
+def test_carrier_spoils_bearings_without_filter() -> None:
     carrier = Carrier(frequency_hz=948e6, amplitude_v=0.17, bearing_rad=2.0)
     assert detect(carriers=(carrier,), band_hz="all").pulses.time_s.size == 0  # the trigger must be raised above it
     weak = Carrier(frequency_hz=948e6, amplitude_v=0.02, bearing_rad=2.0)
@@ -104,7 +104,7 @@ def test_without_the_filter_the_carrier_spoils_everything() -> None:
     assert spoiled > 3 * clean
 
 
-def test_the_power_of_a_steady_carrier_is_taken_out_of_the_strengths_as_noise_is() -> None:
+def test_carrier_power_is_subtracted_from_strengths() -> None:
     ahead_of_2 = np.pi / 6
     carrier = Carrier(frequency_hz=1.8e9, amplitude_v=0.01, bearing_rad=ahead_of_2)  # in the band
     often = replace(SOURCE, pulse_rate_hz=1500.0)
@@ -116,7 +116,7 @@ def test_the_power_of_a_steady_carrier_is_taken_out_of_the_strengths_as_noise_is
     assert 4 * error < 0.5 * power
 
 
-def test_bursts_do_not_look_like_pulses_and_are_rejected() -> None:
+def test_bursts_are_rejected() -> None:
     burst = DischargeSource(
         name="radar", position_m=np.array([5.0, 1.0, 0.6]), amplitude_v=0.27, pulse_rate_hz=300.0, burst_s=2e-7
     )

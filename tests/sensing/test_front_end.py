@@ -38,7 +38,7 @@ WHITE = FrontEnd(RATE_HZ, None, 90)
 REAL = HelicalArray.draw(ArrayConfig(), np.random.default_rng(3))
 
 
-def test_noise_power_behind_the_filter_is_that_of_its_frequency_response() -> None:
+def test_noise_power_matches_frequency_response() -> None:
     sections = butter(FILTER_ORDER, BAND_HZ, btype="bandpass", fs=RATE_HZ, output="sos")
     frequency_hz, response = sosfreqz(sections, worN=1 << 16, fs=RATE_HZ)
     by_theory = np.trapezoid(np.square(np.abs(response)), frequency_hz) / (0.5 * RATE_HZ)
@@ -47,14 +47,14 @@ def test_noise_power_behind_the_filter_is_that_of_its_frequency_response() -> No
     assert drawn == pytest.approx(by_theory, rel=0.01)
 
 
-def test_noise_is_settled_from_its_first_sample_on_and_correlated_as_said() -> None:
+def test_noise_is_stationary_from_first_sample() -> None:
     noise = noise_of(FILTERED, 100_000, 40)
     np.testing.assert_allclose(noise.var(axis=0), FILTERED.noise_power, rtol=0.03)
     by_lag = (noise[:, :1] * noise).mean(axis=0) / FILTERED.noise_power
     np.testing.assert_allclose(by_lag, FILTERED.correlation[:40], atol=0.015)
 
 
-def test_the_tabulated_pulse_is_the_filtered_pulse_at_any_fraction_of_a_sample() -> None:
+def test_tabulated_pulse_matches_filter_between_samples() -> None:
     sections = butter(FILTER_ORDER, BAND_HZ, btype="bandpass", fs=RATE_HZ, output="sos")
     for late in (0.0, 3.37, 7.9):
         at: FloatArray = np.arange(400.0) - late
@@ -63,7 +63,7 @@ def test_the_tabulated_pulse_is_the_filtered_pulse_at_any_fraction_of_a_sample()
     assert not FILTERED.pulse(np.array([-5.0, -1.0, 1e6])).any()
 
 
-def test_the_response_to_a_tone_is_the_filters() -> None:
+def test_tone_response_at_edge_and_interferer() -> None:
     sections = butter(FILTER_ORDER, BAND_HZ, btype="bandpass", fs=RATE_HZ, output="sos")
     frequency_hz, response = sosfreqz(sections, worN=[948e6, 1.4e9, 1.75e9], fs=RATE_HZ)
     for f, h in zip(frequency_hz, np.abs(response), strict=True):
@@ -73,7 +73,7 @@ def test_the_response_to_a_tone_is_the_filters() -> None:
     assert WHITE.response(948e6) == pytest.approx(1.0)
 
 
-def test_the_spread_of_gate_energies_is_that_of_the_noise() -> None:
+def test_energy_spread_matches_drawn_noise() -> None:
     energies = np.square(noise_of(FILTERED, 20_000, 90)).sum(axis=-1) / FILTERED.noise_power
     assert FILTERED.energy_spread == pytest.approx(0.5 * energies.var(), rel=0.05)
     assert WHITE.energy_spread == 90
@@ -81,8 +81,8 @@ def test_the_spread_of_gate_energies_is_that_of_the_noise() -> None:
 
 
 @pytest.mark.parametrize("distance_m", [3.0, 5.0, 8.0, 12.0])
-def test_two_paths_interfere_as_their_sum_says(distance_m: float) -> None:
-    """Strengths against the closed form over all phases of the clock: a direct pulse, and one from the ground."""
+def test_two_paths_interfere(distance_m: float) -> None:
+    """Strengths of a direct pulse and one from the ground, by the closed form over all phases of the clock."""
     array, at_m, n = HelicalArray.nominal(ArrayConfig()), np.array([distance_m, 0.0, 1.5]), 500
     level = np.array([0.0, 1.0, 0.0])  # as it comes back from metal: turned round
     source = DischargeSource(name="s", position_m=at_m, amplitude_v=1.0, pulse_rate_hz=1e3, n_shots=n, axis=level)
@@ -110,8 +110,8 @@ def ground() -> Faces:
 @pytest.mark.parametrize(
     "scene_number", [*range(4), *(pytest.param(number, marks=pytest.mark.whole) for number in range(4, 20))]
 )
-def test_detections_are_those_of_a_plain_numpy_receiver(scene_number: int) -> None:
-    """Share detected, strengths and bearings near the trigger level, in scenes with reflections."""
+def test_detections_match_reference_receiver(scene_number: int) -> None:
+    """Rate, strengths and bearings near the trigger level, in scenes with reflections."""
     rng = np.random.default_rng(scene_number)
     wall_m, azimuth = rng.uniform(1.0, 6.0), rng.uniform(-np.pi, np.pi)
     turn = np.array(

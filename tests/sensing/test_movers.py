@@ -36,7 +36,7 @@ def listen(scene: Scene, start_s: float, seed: int = 0) -> DetectedPulses:
     )
 
 
-def test_a_mover_is_back_after_two_ways_and_at_the_far_end_after_one() -> None:
+def test_mover_goes_to_its_far_end_and_back() -> None:
     scene = Scene([POST, tram()])
     for time_s, x_m in ((0.0, -30.0), (2.5, 0.0), (5.0, 30.0), (7.5, 0.0), (10.0, -30.0), (61.0, -18.0)):
         expected = np.array([POST.position_m, (x_m, -20.0, 0.6)])
@@ -44,7 +44,8 @@ def test_a_mover_is_back_after_two_ways_and_at_the_far_end_after_one() -> None:
 
 
 @given(st.floats(0.0, 1e5), st.floats(0.0, 1.0))
-def test_a_mover_stays_on_its_line_no_faster_than_it_is_and_repeats_itself(time_s: float, later_s: float) -> None:
+def test_mover_stays_on_its_line_at_its_speed(time_s: float, later_s: float) -> None:
+    """Its motion is periodic, and symmetric in time."""
     source = tram()
     at_m, then_m = source.position_at(time_s), source.position_at(time_s + later_s)
     assert START_M[0] - 1e-9 <= at_m[0] <= END_M[0] + 1e-9
@@ -55,7 +56,7 @@ def test_a_mover_stays_on_its_line_no_faster_than_it_is_and_repeats_itself(time_
 
 
 @pytest.mark.parametrize("start_s", [0.0, 1.3, 2.5, 4.9, 6.2, 13.7])
-def test_the_bearing_of_a_mover_follows_it(start_s: float) -> None:
+def test_bearing_follows_mover(start_s: float) -> None:
     scene = Scene([tram()])
     strengths_v = listen(scene, start_s).pulses.strengths_v
     assert len(strengths_v) > 20
@@ -65,14 +66,16 @@ def test_the_bearing_of_a_mover_follows_it(start_s: float) -> None:
 
 
 @pytest.mark.parametrize("start_s", [0.0, 1.25, 8.0])
-def test_a_mover_is_received_to_the_bit_like_one_that_stands_where_it_is(start_s: float) -> None:
+def test_mover_is_received_like_fixed_source_at_its_place(start_s: float) -> None:
     moving, standing = Scene([POST, tram()]), Scene([POST, tram(moves=False, at_m=tram().position_at(start_s))])
     detected, expected = listen(moving, start_s), listen(standing, start_s)
     np.testing.assert_array_equal(detected.pulses.strengths_v, expected.pulses.strengths_v)
     np.testing.assert_array_equal(detected.pulses.time_s, expected.pulses.time_s)
 
 
-def test_each_robot_of_a_bank_has_movers_where_they_are_at_its_own_time() -> None:
+def test_bank_moves_sources_by_time_of_each_robot() -> None:
+    """The pulses of each robot equal, to the bit, those of a bank with that robot alone."""
+
     def listener(seed: int) -> Listener:
         nature, receiver = np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1])
         return Listener(array=NOMINAL, scene=Scene([POST, tram()]), nature_rng=nature, receiver_rng=receiver)

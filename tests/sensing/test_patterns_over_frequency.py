@@ -54,7 +54,7 @@ def recorded(array: HelicalArray, from_m: FloatArray, n_samples: int, start_s: f
     return volts
 
 
-def test_the_bands_of_a_pulse_add_up_to_it() -> None:
+def test_pulse_bands_add_up_to_pulse() -> None:
     front_end = RECEIVER.front_end
     bands_hz = np.linspace(1.4e9, 2.2e9, 8)
     divided, whole = front_end.pulse_in_bands(*bands_hz.tolist()), front_end.pulse_table
@@ -67,7 +67,8 @@ def test_the_bands_of_a_pulse_add_up_to_it() -> None:
 
 
 @pytest.mark.parametrize("tilt_deg", [0.0, 25.0])
-def test_a_table_that_is_flat_in_frequency_is_received_as_the_pattern_that_it_was_made_of(tilt_deg: float) -> None:
+def test_flat_table_is_received_like_its_pattern(tilt_deg: float) -> None:
+    """A table without frequency dependence gives the signals of the plane pattern that it was made from."""
     config = ArrayConfig(
         elements=tuple(ElementConfig(azimuth_deg=90.0 - 60.0 * k, elevation_deg=tilt_deg) for k in range(6))
     )
@@ -86,8 +87,8 @@ def test_a_table_that_is_flat_in_frequency_is_received_as_the_pattern_that_it_wa
         np.testing.assert_allclose(by_table, by_plane, atol=0.01 / float(np.linalg.norm(place)))
 
 
-def test_a_pulse_is_received_as_its_spectrum_times_the_gain() -> None:
-    """Beside the discrete Fourier transform of the pulse, whole, with the gain at each of its frequencies."""
+def test_received_pulse_is_spectrum_times_gain() -> None:
+    """Compared with the discrete Fourier transform of the whole pulse, with the gain at each of its frequencies."""
     config = ArrayConfig()
     array, pattern = array_with(read_spatial_pattern(HELIX), config), read_spatial_pattern(HELIX)
     n, fine = 4096, 8
@@ -120,14 +121,14 @@ def test_a_pulse_is_received_as_its_spectrum_times_the_gain() -> None:
     assert max(worst) < 0.06
 
 
-def test_a_burst_of_the_pulses_frequency_is_received_with_the_gain_there() -> None:
+def test_burst_is_received_with_gain_at_its_frequency() -> None:
     bands_hz = RECEIVER.front_end.bands_hz(read_spatial_pattern(HELIX).frequency_hz)
     table = RECEIVER.front_end.pulse_in_bands(*bands_hz.tolist())
     gain = 0.2 + 0.3 * (bands_hz - 1.4e9) / 1e9
     assert table.steady_share @ gain == pytest.approx(0.2 + 0.3 * 0.35)
 
 
-def test_bands_are_where_the_gain_is_known_or_even_steps() -> None:
+def test_bands_lie_at_known_frequencies_or_equal_steps() -> None:
     bands_hz = RECEIVER.front_end.bands_hz
     np.testing.assert_array_equal(bands_hz(np.array([1.0e9, 1.6e9, 2.5e9])), [1.4e9, 1.6e9, 2.2e9])
     np.testing.assert_array_equal(bands_hz(np.array([1.7e9])), [1.7e9])
@@ -137,7 +138,7 @@ def test_bands_are_where_the_gain_is_known_or_even_steps() -> None:
     np.testing.assert_allclose(np.diff(many), 0.8e9 / 7)
 
 
-def test_gain_is_linear_between_frequencies_and_level_outside() -> None:
+def test_gain_is_linear_between_frequencies_constant_outside() -> None:
     known = np.array([1.0, 2.0, 4.0])
     values = np.array([3.0, 5.0, 4.0])
     weights = frequency_weights(np.array([0.5, 1.0, 1.5, 3.0, 9.0]), known)
@@ -153,7 +154,7 @@ ROWS = [
 HEADER = "frequency_ghz,azimuth_deg,elevation_deg,gain"
 
 
-def test_rows_come_in_any_order_and_a_turn_may_be_closed(tmp_path: Path) -> None:
+def test_table_rows_may_come_in_any_order(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("\n".join([HEADER, *ROWS]), encoding="utf-8")
     closed = [row.replace(",-180,", ",180,", 1) for row in ROWS if ",-180," in row]
     (tmp_path / "b.csv").write_text("\n".join([HEADER, *closed, *ROWS[::-1]]), encoding="utf-8")
@@ -178,7 +179,7 @@ def test_rows_come_in_any_order_and_a_turn_may_be_closed(tmp_path: Path) -> None
         (lambda rows: [row for row in rows if float(row.split(",")[2]) > 0], "on both sides of 0"),
     ],
 )  # fmt: skip
-def test_a_faulty_table_is_refused_with_file_and_line(change: object, told: str, tmp_path: Path) -> None:
+def test_invalid_table_is_refused_with_file_and_line(change: object, told: str, tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("\n".join([HEADER, *change(ROWS)]), encoding="utf-8")  # pyright: ignore[reportCallIssue]
     with pytest.raises(InputFileError, match=told) as refused:
@@ -186,7 +187,7 @@ def test_a_faulty_table_is_refused_with_file_and_line(change: object, told: str,
     assert str(path) in str(refused.value)
 
 
-def test_a_receiver_reads_sub_bands_as_they_are_defined() -> None:
+def test_sub_band_strengths_match_their_definition() -> None:
     config = ReceiverConfig(n_bands=4, gate_samples=160)
     array = HelicalArray.draw(ArrayConfig(true_pattern="helix_in_ring"), np.random.default_rng(2))
     gun = DischargeSource(

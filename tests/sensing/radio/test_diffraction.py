@@ -19,21 +19,21 @@ K = 2 * np.pi / WAVELENGTH_M
 
 
 @pytest.mark.parametrize("nu", [-30.0, -3.0, -0.78, -0.1, 0.0, 0.1, 1.0, 2.4, 10.0, 30.0])
-def test_a_knife_edge_leaves_what_fresnels_integrals_say(nu: float) -> None:
+def test_knife_edge_matches_fresnel_integrals(nu: float) -> None:
     sine, cosine = fresnel_integrals(nu)
     expected = (1 + 1j) / 2 * ((0.5 - cosine) - 1j * (0.5 - sine))
     assert abs(knife_edge(nu) - expected) < 1e-6
 
 
 @pytest.mark.parametrize("nu", np.arange(-0.7, 8.0, 0.3))
-def test_without_its_ripples_a_knife_edge_is_that_of_itu_r_p526(nu: float) -> None:
+def test_smooth_knife_edge_matches_p526(nu: float) -> None:
     assert 20 * np.log10(knife_edge_amplitude(nu)) == pytest.approx(20 * np.log10(abs(knife_edge(nu))), abs=1.3)
 
 
 @pytest.mark.parametrize("leaving_deg", [20.0, 100.0, 149.0, 151.0, 190.0, 209.0, 211.0, 260.0, 340.0])
 @pytest.mark.parametrize("is_soft", [True, False])
-def test_a_half_plane_is_sommerfelds(leaving_deg: float, is_soft: bool) -> None:
-    """A plane wave from 30 degrees on a half-plane of metal, its exact solution 3 m from the edge."""
+def test_half_plane_matches_sommerfeld(leaving_deg: float, is_soft: bool) -> None:
+    """Plane wave from 30 degrees on a half-plane of metal: exact solution 3 m from the edge."""
     rho_m, incident, leaving = 3.0, np.radians(30.0), np.radians(leaving_deg)
 
     def half(angle: float) -> complex:
@@ -52,8 +52,8 @@ def test_a_half_plane_is_sommerfelds(leaving_deg: float, is_soft: bool) -> None:
 
 @pytest.mark.parametrize("incident_deg", [5.0, 40.0, 70.0, 120.0, 150.0, 179.0, 230.0])
 @pytest.mark.parametrize("is_soft", [True, False])
-def test_the_edge_of_a_metal_box_is_that_of_the_exact_series(incident_deg: float, is_soft: bool) -> None:
-    """A plane wave on a wedge, 3 m from its edge.
+def test_metal_edge_matches_exact_series(incident_deg: float, is_soft: bool) -> None:
+    """Plane wave on a wedge, 3 m from its edge.
 
     References:
         Balanis, Advanced Engineering Electromagnetics (1989), section 13.4: series of Bessel functions.
@@ -121,8 +121,8 @@ def spherical(range_m: float) -> complex:
 
 @pytest.mark.parametrize("is_soft", [True, False])
 @pytest.mark.parametrize("source", [EdgePoint(-6.0, 0.3, 1.4), EdgePoint(-6.0, 2.0, 1.4), EdgePoint(-1.6, 3.0, 1.0)])
-def test_the_field_round_a_box_is_smooth(source: EdgePoint, is_soft: bool) -> None:
-    """Into the shadow and out of it, past the planes of all faces and the ends of all mirrors: no jump above 0.2 dB."""
+def test_field_around_box_is_smooth(source: EdgePoint, is_soft: bool) -> None:
+    """Into the shadow and out of it, past the planes of all faces and the ends of all images: no step above 0.2 dB."""
     for radius_m in (4.0, 8.0):
         turn = np.linspace(0.0, 2 * np.pi, 20_000) + 1e-7
         along = np.array(
@@ -132,8 +132,8 @@ def test_the_field_round_a_box_is_smooth(source: EdgePoint, is_soft: bool) -> No
         assert kinks.max() < 0.02 * np.median(np.abs(along))
 
 
-def test_round_two_edges_a_box_leaves_what_itu_r_p526_says() -> None:
-    """Two isolated edges, section 4.4.2: the product of both, and its correction, 3 dB; waves across the edges."""
+def test_two_edges_match_p526() -> None:
+    """Two isolated edges, section 4.4.2: the product of both and its correction, 3 dB; waves across the edges."""
     for source_q, target_q in ((-1.0, -1.0), (-3.0, -2.0), (0.0, -2.5)):
         source, target = EdgePoint(-8.0, source_q, 1.0), EdgePoint(7.0, target_q, 1.0)
         ray = round_two(CORNERS[1], CORNERS[0], CORNERS[3], source, target, METAL)

@@ -55,8 +55,8 @@ def levels(paths: RayPaths, target: Vector) -> NDArray[np.float64]:
     return np.abs(paths.coefficient) / (paths.extra_m + np.linalg.norm(paths.from_m - np.array(target), axis=1))
 
 
-def test_a_hidden_source_is_heard_from_the_edge_that_is_ten_decibels_above_the_others() -> None:
-    """In random places: within 3 degrees of the edge, and so as far off the source as geometry says."""
+def test_bearing_of_hidden_source_points_to_dominant_edge() -> None:
+    """At random places where one edge is 10 dB stronger: within 3 degrees of that edge, not of the source."""
     rng, off_edge_deg, off_source_deg, by_geometry_deg = np.random.default_rng(7), [], [], []
     for seed in range(300):
         length_m, width_m, height_m = rng.uniform((2.0, 1.5, 3.0), (5.0, 3.0, 4.0))
@@ -120,8 +120,8 @@ def field_along(
     return found
 
 
-def test_level_and_bearing_do_not_jump_for_a_robot_that_drives_into_the_shadow_and_out_of_it() -> None:
-    """What is received changes by a quarter as much with steps of a quarter, or by less than 1 % of the loudest."""
+def test_field_is_continuous_into_shadow_and_out() -> None:
+    """The change shrinks to a quarter with steps of a quarter, or is below 1 % of the strongest."""
     source, surroundings = np.array([8.0, 13.0, 1.4]), beside_a_tank(3.0, 2.0, 3.2, 0.4)
     for start, end in (((13.0, 3.0), (18.0, 20.0)), ((19.0, 3.0), (16.5, 21.0)), ((8.0, 6.0), (21.0, 9.0))):
         share = np.arange(0.0, 1.0, 0.004 / np.hypot(end[0] - start[0], end[1] - start[1]))[:, np.newaxis]

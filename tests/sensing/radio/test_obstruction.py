@@ -45,15 +45,13 @@ def line(*points: float) -> np.ndarray:
         ((21.02, 10.0, 1.5), [False, False]),  # at the source itself
     ],
 )
-def test_equipment_in_between_is_crossed_whichever_way_one_looks(
-    start: tuple[float, float, float], expected: list[bool]
-) -> None:
+def test_line_of_sight_crosses_obstacle_both_ways(start: tuple[float, float, float], expected: list[bool]) -> None:
     source = line(21.02, 10.0, 1.5 if start[2] < 5 else 3.02)
     assert TANK_AND_BUSHING(source, line(*start)).tolist() == [expected]
     assert TANK_AND_BUSHING(line(*start), source).tolist() == [expected]
 
 
-def test_all_pieces_along_a_line_are_crossed_not_the_first_alone() -> None:
+def test_line_crosses_all_pieces_along_it() -> None:
     ends = np.array([[25.0, 5.0, 1.0], [15.0, 15.0, 1.0], [8.0, 22.0, 1.0]])  # behind both, behind the bushing, neither
     assert TANK_AND_BUSHING(np.tile([5.0, 25.0, 1.0], (3, 1)), ends).tolist() == [
         [True, True],
@@ -62,20 +60,20 @@ def test_all_pieces_along_a_line_are_crossed_not_the_first_alone() -> None:
     ]
 
 
-def test_a_line_that_ends_on_a_face_does_not_cross_it_and_one_along_it_neither() -> None:
+def test_line_ending_on_face_does_not_cross() -> None:
     assert not TANK_AND_BUSHING(line(5.0, 10.0, 1.0), line(19.0, 10.0, 1.0)).any()
     assert not TANK_AND_BUSHING(line(19.0, 5.0, 1.0), line(19.0, 15.0, 1.0)).any()
     assert TANK_AND_BUSHING(line(5.0, 10.0, 1.0), line(21.0, 10.0, 1.0)).tolist() == [[True, False]]
 
 
-def test_straight_up_through_a_bushing_is_through_it_and_beside_it_is_not() -> None:
+def test_vertical_line_crosses_bushing() -> None:
     assert TANK_AND_BUSHING(line(10.1, 20.0, 0.1), line(10.1, 20.0, 5.0)).tolist() == [[False, True]]
     assert not TANK_AND_BUSHING(line(10.4, 20.0, 0.1), line(10.4, 20.0, 5.0)).any()
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_what_a_line_crosses_is_what_the_rays_of_mujoco_meet(seed: int) -> None:
-    """The same solids, built by another hand: every piece along each line, in yards of the catalogue."""
+def test_crossed_pieces_match_mujoco_rays(seed: int) -> None:
+    """The same solids from an independent model: every piece along each line, in yards of the catalogue."""
     yard, rng = random_yard(seed, 8).yard, np.random.default_rng(seed)
     model = build_spec(load_robot("inspector"), yard).compile()
     data = mujoco.MjData(model)
@@ -99,7 +97,7 @@ def test_what_a_line_crosses_is_what_the_rays_of_mujoco_meet(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_sight_is_what_lines_cross_with_the_loss_of_each_piece_and_its_rim(seed: int) -> None:
+def test_sight_is_zero_behind_metal_and_clear_elsewhere(seed: int) -> None:
     yard, rng = random_yard(seed, 8).yard, np.random.default_rng(seed)
     sight = Sight(surroundings_of(yard))
     places = rng.uniform([0.0, 0.0, 0.6], [40.0, 30.0, 0.6], (500, 3))
@@ -116,7 +114,7 @@ def sight_through(kind: str) -> bool:
     return {KIND_MATERIALS[kind].transmission, ROUND_MATERIALS.get(kind, KIND_MATERIALS[kind]).transmission} != {0.0}
 
 
-def test_a_target_just_inside_a_surface_is_in_sight_from_outside_alone() -> None:
+def test_target_within_surface_is_seen_from_outside_only() -> None:
     sight = Sight(surroundings_of(Yard(size_m=(30.0, 30.0), equipment=(TANK, BUSHING))))
     inside, before, behind = np.array([18.7, 10.0, 1.0]), line(15.0, 10.0, 0.6), line(25.0, 10.0, 0.6)
     inside[0] = 19.2  # 20 cm within
@@ -130,7 +128,7 @@ def test_a_target_just_inside_a_surface_is_in_sight_from_outside_alone() -> None
     assert sight(line(17.0, 10.0, 0.6), past_the_edge).item() == 1.0
 
 
-def test_porcelain_lets_through_what_its_loss_leaves() -> None:
+def test_porcelain_transmits_its_share() -> None:
     sight = Sight(surroundings_of(Yard(size_m=(30.0, 30.0), equipment=(TANK, BUSHING))))
     left = sight(line(5.0, 20.0, 0.6), np.array([15.0, 20.0, 1.0])).item()
     assert left == pytest.approx(PORCELAIN.transmission, rel=0.001)

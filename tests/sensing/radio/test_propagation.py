@@ -80,7 +80,7 @@ def ground_and_wall(wall_x: float = -2.0, half_length: float = 5.0) -> Faces:
     )
 
 
-def test_free_space_response_follows_range_and_direction_in_array_frame() -> None:
+def test_free_space_response_follows_range_and_direction() -> None:
     """Amplitude 1 / r times the gain, delay r / c, for an array that is turned and tilted nose down."""
     yaw, pitch = 0.7, 0.1
     pose = level_transform(np.array([3.0, 4.0, yaw]))
@@ -95,7 +95,7 @@ def test_free_space_response_follows_range_and_direction_in_array_frame() -> Non
         np.testing.assert_allclose(amplitude, array.gain(azimuth, elevation) / range_m, rtol=1e-9)
 
 
-def test_ground_and_wall_mirror_once_each_and_together_with_the_length_of_the_path_by_pythagoras() -> None:
+def test_ground_and_wall_reflect_with_image_lengths() -> None:
     paths = paths_between(mirrors(ground_and_wall()), (6.0, 3.0, 1.5))
     on_plan_m = np.array([np.hypot(6, 3), np.hypot(6, 3), np.hypot(6 + 4, 3), np.hypot(6 + 4, 3)])
     np.testing.assert_allclose(paths.range_m, np.hypot(on_plan_m, [0.9, 2.1, 0.9, 2.1]), rtol=1e-14)
@@ -103,7 +103,7 @@ def test_ground_and_wall_mirror_once_each_and_together_with_the_length_of_the_pa
     np.testing.assert_allclose(paths.from_m, [[6, 3, 1.5], [6, 3, -1.5], [-10, 3, 1.5], [-10, 3, -1.5]])
 
 
-def test_a_face_mirrors_only_what_it_reaches_and_only_to_its_front() -> None:
+def test_face_reflects_within_rim_and_to_front_only() -> None:
     surroundings = mirrors(ground_and_wall(half_length=0.5))
     aside, ahead, behind = (6.0, 8.0, 1.5), (6.0, 0.5, 1.5), (-3.0, 0.0, 1.5)
     assert [paths_between(surroundings, at).factor.size for at in (aside, ahead, behind)] == [2, 4, 2]
@@ -111,13 +111,13 @@ def test_a_face_mirrors_only_what_it_reaches_and_only_to_its_front() -> None:
     assert paths_between(surroundings, ahead, behind_the_wall).factor.size == 2
 
 
-def test_a_face_right_behind_the_source_is_part_of_the_source() -> None:
+def test_face_at_source_does_not_reflect() -> None:
     surroundings = mirrors(ground_and_wall(), ground=0.0)
     on_it, off_it = (paths_between(surroundings, (x, 1.0, 1.5)).factor.size for x in (-1.98, -1.9))
     assert (on_it, off_it) == (1, 2)
 
 
-def test_equipment_weakens_what_crosses_it_on_every_segment() -> None:
+def test_obstacle_counts_on_every_segment() -> None:
     low = box_between(np.array([0.0, 0.0]), 20.0, 0.1, 0.2)  # all over the ground
     grass = mirror(0.8)._replace(transmission=10 ** (-6.0 / 20))
     surroundings = Surroundings.of_materials([grass], ground_and_wall(), low, mirror(0.5))
@@ -141,7 +141,7 @@ def two_in_a_row() -> UprightSolids:
     )
 
 
-def test_losses_of_pieces_in_a_row_add_up_in_decibels() -> None:
+def test_transmissions_of_pieces_multiply() -> None:
     surroundings = Surroundings.of_kinds(["surge_arrester", "capacitor_bank"], ground_and_wall(), two_in_a_row())
     passed = paths_between(surroundings, (6.0, 0.0, 0.6)).factor
     expected = KIND_MATERIALS["surge_arrester"].transmission * KIND_MATERIALS["capacitor_bank"].transmission
@@ -149,8 +149,8 @@ def test_losses_of_pieces_in_a_row_add_up_in_decibels() -> None:
 
 
 @pytest.mark.parametrize("is_upright", [True, False])
-def test_direct_and_ground_wave_add_up_to_the_two_ray_law(is_upright: bool) -> None:
-    """Complex sum over 2 to 60 m, both polarisations, by Fresnel's own formulas: within 0.1 dB."""
+def test_direct_and_ground_wave_follow_two_ray_law(is_upright: bool) -> None:
+    """Complex sum over 2 to 60 m, both polarisations, by Fresnel's formulas: within 0.1 dB."""
     ground = Faces(*(cast("Any", column[:1]) for column in ground_and_wall()))
     surroundings = Surroundings.of_materials([], ground, UprightSolids.none(), GRAVEL)
     k, up_m, down_m = 2 * np.pi / WAVELENGTH_M, 1.4, 0.6
