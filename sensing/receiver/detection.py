@@ -184,7 +184,7 @@ def detect(
             delay_s, amplitude, peak, peak_s = arrivals
             outcome = sample_emission(
                 emissions.peak_v[k],
-                propagation.burst_s[s],
+                float(propagation.burst_s[s]),
                 Arrivals(delay_s[of_source], amplitude[of_source], peak[of_source], peak_s[of_source]),
                 sampler,
                 tones,

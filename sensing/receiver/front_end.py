@@ -115,7 +115,7 @@ class FrontEnd:
     @cached_property
     def noise_on_pulse(self) -> float:
         """Variance of the noise along the filtered pulse, over that of one sample; 1 for white noise."""
-        pulse = self.pulse(np.arange(self.gate_samples))
+        pulse = self.pulse(np.arange(self.gate_samples, dtype=np.float64))
         own = np.correlate(pulse, pulse, mode="full")[pulse.size - 1 :]
         return float((own[0] + 2 * (own[1:] * self.correlation[1:]).sum()) / own[0])
 

@@ -95,7 +95,7 @@ class Receiver:
         band_lines, bands = np.empty((0, 0, n)), (np.empty(0), np.empty(0), np.empty(0))
         if config.band_edges_hz:
             sub_bands = SubBands(config.band_edges_hz, config.sample_rate_hz, n, front_end.correlation)
-            pulse = front_end.pulse(np.arange(n) - config.pretrigger_samples + front_end.pulse_lag)
+            pulse = front_end.pulse(np.arange(n, dtype=np.float64) - config.pretrigger_samples + front_end.pulse_lag)
             band_lines = sub_bands.lines
             bands = sub_bands.noise_samples, sub_bands.energy_spread, sub_bands.noise_on(pulse)
         highest, spread = float(2 ** (config.bits - 1) - 1), front_end.energy_spread

@@ -613,28 +613,28 @@ def sample_emission(
     signal = Signal(peak_v, burst_s, arrivals, tones, draw_phases(tones, rng))
     clock = rng.random()  # fraction of a sample by which the sampling clock is late
     order, is_new = np.argsort(arrivals.peak_s, kind="mergesort"), True
-    begin = first_begin = bound_v = tones_v = 0.0
+    begin, first_begin, bound_v, tones_v = 0, 0, 0.0, 0.0
     for c in range(len(tones.amplitude_v)):
         tones_v += tones.amplitude_v[c].max()
     for k in range(order.size):
-        at = np.floor(arrivals.peak_s[order[k]] * rate_hz - clock)
+        at = math.floor(arrivals.peak_s[order[k]] * rate_hz - clock)
         start = at - timing.aperture - timing.before
         if k == 0:
             first_begin = start
         if is_new:
             begin, bound_v, is_new = start, 0.0, False
-        bound_v += abs(peak_v) * arrivals.peak[order[k]]
-        search_end = int(at - begin) + timing.aperture + timing.rise
+        bound_v += abs(peak_v) * float(arrivals.peak[order[k]])
+        search_end = at - begin + timing.aperture + timing.rise
         end = search_end + timing.peak + timing.gate
         if k + 1 < order.size:
-            following = np.floor(arrivals.peak_s[order[k + 1]] * rate_hz - clock) - timing.aperture - timing.before
+            following = math.floor(arrivals.peak_s[order[k + 1]] * rate_hz - clock) - timing.aperture - timing.before
             if following - begin < end + sampler.trigger.correlation.size:
                 continue
         is_new, chance, n_searched = True, rng.random(), (search_end - timing.before) * n_elements
         if chance < n_searched * trigger_probability(sampler.trigger, bound_v + tones_v):  # S is not larger
             window = Window(
                 (begin + clock) / rate_hz,
-                int(begin - first_begin),
+                begin - first_begin,
                 search_end,
                 np.empty((n_elements, end)),
                 np.zeros(2, np.intp),

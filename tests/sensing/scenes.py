@@ -7,12 +7,12 @@ from pdpatrol.sensing.radio.materials import Material
 
 
 def lossy(loss_db: float, flat_share: float = 0.0) -> Material:
-    """So perfect a conductor that a share of every wave comes back, and lets the rest through."""
+    """Make a material that reflects a fixed share of every wave and transmits the rest with a loss."""
     return Material.of_loss(1.0, 1e12, loss_db, flat_share)
 
 
 def wall_across(x: float, half_length: float = 1.0) -> UprightSolids:
-    """A wall of 0.4 m across the x axis."""
+    """Make a wall, 0.4 m thick, across the x axis."""
     one, none = np.ones(1), np.zeros(1)
     return UprightSolids(
         np.array([[x, 0.0]]), none, np.array([[0.2, half_length]]), none, none, 3 * one, np.zeros(1, np.intp)
@@ -22,7 +22,7 @@ def wall_across(x: float, half_length: float = 1.0) -> UprightSolids:
 def around(
     loss_db: float, faces: Faces | None = None, solids: UprightSolids | None = None, **share: float
 ) -> Surroundings:
-    """One piece of equipment with a loss, and faces; `wall` and `ground` mirror a share each."""
+    """Make one piece of equipment with a loss, and faces; `wall` and `ground` are their reflected shares."""
     ground = lossy(0.0, share.get("ground", 0.0))
     pieces = [lossy(loss_db, share.get("wall", 0.0))]
     made = Surroundings.of_materials(pieces, faces or Faces.none(), solids or UprightSolids.none(), ground)

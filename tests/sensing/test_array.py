@@ -1,4 +1,4 @@
-"""The array as nature has it: its elements, and their gain in compiled loops against the formula."""
+"""Array: positions of its elements, and their tabulated gain against the formula."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""In the shipped yards, with all their echoes, discharges pass and bursts are rejected."""
+"""Burst test in the shipped yards with all their echoes."""
 
 from dataclasses import replace
 
@@ -17,9 +17,9 @@ N_PLACES, N_SHOTS, RATE_HZ = 400, 2, 1000.0
 
 
 def share_rejected(name: str, burst_s: float, *, second_order: bool = False) -> float:
-    """Of the emissions that trigger: from random sites, 6 to 20 dB above the trigger level at random places.
+    """Return the share of bursts among emissions of random sites, 6 to 20 dB above the trigger level.
 
-    They are polarised at random; the places are those that the robot can stand on.
+    Polarisations are random; the robot stands at random free places.
     """
     scenario, rng = load_scenario(name), np.random.default_rng(0)
     yard, array = scenario.yard, HelicalArray.nominal(scenario.array)
@@ -40,9 +40,9 @@ def share_rejected(name: str, burst_s: float, *, second_order: bool = False) -> 
             n_shots=N_SHOTS,
             burst_s=burst_s,
         )
-        loudest = np.abs(arrivals_of(Scene([source], surroundings), array, world_from_array).amplitude).max()
+        strongest = np.abs(arrivals_of(Scene([source], surroundings), array, world_from_array).amplitude).max()
         peak_v = 10 ** (rng.uniform(6.0, 20.0) / 20) * threshold_v
-        scene = Scene([replace(source, amplitude_v=float(peak_v / loudest))], surroundings)
+        scene = Scene([replace(source, amplitude_v=float(peak_v / strongest))], surroundings)
         duration_s = N_SHOTS / RATE_HZ
         detected = listen_once(CONFIG, array, scene, rng, world_from_array=world_from_array, duration_s=duration_s)
         n_rejected += detected.n_rejected

@@ -1,4 +1,4 @@
-"""What is detected: any path may trigger, more of a signal never less often, and no discharge passes for a burst."""
+"""Detection: every path may trigger, stronger signals trigger more often, and a pulse is not taken for a burst."""
 
 from dataclasses import replace
 from typing import Any, cast
@@ -30,7 +30,7 @@ def wall_face(y_m: float) -> Faces:
 
 
 def tank_and_wall() -> Surroundings:
-    """The direct path loses 25 dB in a piece of equipment; the echo of its wall comes 22 dB above it."""
+    """Make a tank on the direct path with 25 dB of loss, and a wall whose echo is 22 dB above the direct path."""
     return around(25.0, wall_face(-3.75), wall_across(5.0, 0.5), wall=0.8)
 
 

@@ -1,4 +1,4 @@
-"""Pulse trains over the phase of the mains, and whether they are recognised."""
+"""Pulse trains over the phase of the mains, and the classification of their kind."""
 
 from itertools import combinations
 from typing import get_args
@@ -16,7 +16,7 @@ CYCLES = 200
 
 
 def pulses(kind: KindName, rng: np.random.Generator, rate_hz: float = 20.0) -> tuple[np.ndarray, np.ndarray]:
-    """Phase at the receiver and level of 200 cycles of a defect on some conductor, a third of a decibel of noise."""
+    """Draw phases and levels of 200 cycles of a defect on a random conductor, with 0.3 dB of noise."""
     train = PulseTrain.draw(kind, MAINS_HZ, float(rng.choice([0.0, 2.0, 4.0])) * np.pi / 3, rng)
     _, time_s, amplitude = train.table(rate_hz).draw(0.0, CYCLES / MAINS_HZ, rng)
     level = 20 * np.log10(np.abs(amplitude)) + rng.normal(0.0, 0.3, time_s.size)
@@ -75,27 +75,27 @@ def test_source_starts_stops_and_drifts() -> None:
 @pytest.mark.parametrize("rate_hz", [20.0, 60.0])
 def test_kind_is_recognised_in_nine_of_ten_defects(kind: KindName, rate_hz: float) -> None:
     rng = np.random.default_rng(4)
-    told = [classify(*pulses(kind, rng, rate_hz)) for _ in range(60)]
-    assert np.mean([pattern.kind == kind for pattern in told]) >= 0.9
-    right = [pattern.confidence for pattern in told if pattern.kind == kind]
+    patterns = [classify(*pulses(kind, rng, rate_hz)) for _ in range(60)]
+    assert np.mean([pattern.kind == kind for pattern in patterns]) >= 0.9
+    right = [pattern.confidence for pattern in patterns if pattern.kind == kind]
     assert np.mean(right) > 0.8
 
 
 def test_two_kinds_together_are_unknown() -> None:
     rng = np.random.default_rng(5)
-    told = []
+    kinds = []
     for first, second in combinations(NAMES, 2):
         for _ in range(12):
             (p, a), (q, b) = pulses(first, rng, 10.0), pulses(second, rng, 10.0)
-            told.append(classify(np.concatenate([p, q]), np.concatenate([a, b + rng.uniform(-6, 6)])).kind)
-    assert np.mean([kind == "unknown" for kind in told]) >= 0.8
+            kinds.append(classify(np.concatenate([p, q]), np.concatenate([a, b + rng.uniform(-6, 6)])).kind)
+    assert np.mean([kind == "unknown" for kind in kinds]) >= 0.8
 
 
 @pytest.mark.parametrize("spread_db", [0.3, 4.0])
 def test_interferer_without_mains_phase_is_unknown(spread_db: float) -> None:
     rng = np.random.default_rng(6)
-    told = [classify(rng.uniform(0, 2 * np.pi, 80), rng.normal(0, spread_db, 80)).kind for _ in range(30)]
-    assert np.mean([kind == "unknown" for kind in told]) >= 0.8
+    kinds = [classify(rng.uniform(0, 2 * np.pi, 80), rng.normal(0, spread_db, 80)).kind for _ in range(30)]
+    assert np.mean([kind == "unknown" for kind in kinds]) >= 0.8
 
 
 def test_kind_is_independent_of_conductor_and_level() -> None:

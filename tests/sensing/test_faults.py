@@ -1,4 +1,4 @@
-"""What disturbs the receiver: channels at fault, carriers, and bursts that are no pulses."""
+"""Disturbances of the receiver: faulty channels, carriers and bursts."""
 
 from dataclasses import replace
 from typing import Any

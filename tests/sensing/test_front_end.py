@@ -1,4 +1,4 @@
-"""The band-pass: what it makes of noise and pulse; and the compiled receiver beside one in plain numpy."""
+"""Band-pass: its response to noise and pulses; and the receiver compared with an independent one."""
 
 from dataclasses import replace
 from typing import Any, cast

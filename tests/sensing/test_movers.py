@@ -1,4 +1,4 @@
-"""Interferers that move to and fro: where they are, and from where their pulses come."""
+"""Moving interferers: their positions, and the bearings of their pulses."""
 
 import numpy as np
 import pytest
@@ -12,8 +12,8 @@ from pdpatrol.sensing.receiver.bank import Listener, ReceiverBank, listen_once
 
 NOMINAL = HelicalArray.nominal(ArrayConfig())
 START_M, END_M, SPEED_MPS = np.array([-30.0, -20.0, 0.6]), np.array([30.0, -20.0, 0.6]), 12.0
-WAY_S = 5.0
-"""How long a tram takes from one end to the other."""
+LINE_S = 5.0
+"""Time that a tram takes from one end to the other."""
 
 
 def tram(*, moves: bool = True, at_m: np.ndarray = START_M) -> DischargeSource:
@@ -51,8 +51,8 @@ def test_mover_stays_on_its_line_at_its_speed(time_s: float, later_s: float) -> 
     assert START_M[0] - 1e-9 <= at_m[0] <= END_M[0] + 1e-9
     np.testing.assert_allclose(at_m[1:], START_M[1:])
     assert np.linalg.norm(then_m - at_m) <= SPEED_MPS * later_s + 1e-6
-    np.testing.assert_allclose(source.position_at(time_s + 2 * WAY_S), at_m, atol=1e-6)
-    np.testing.assert_allclose(source.position_at(2 * WAY_S * 1e4 - min(time_s, 1e5)), at_m, atol=1e-6)
+    np.testing.assert_allclose(source.position_at(time_s + 2 * LINE_S), at_m, atol=1e-6)
+    np.testing.assert_allclose(source.position_at(2 * LINE_S * 1e4 - min(time_s, 1e5)), at_m, atol=1e-6)
 
 
 @pytest.mark.parametrize("start_s", [0.0, 1.3, 2.5, 4.9, 6.2, 13.7])

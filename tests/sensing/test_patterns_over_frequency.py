@@ -1,4 +1,4 @@
-"""Patterns over azimuth, elevation and frequency: from the file to what the channels record."""
+"""Patterns over azimuth, elevation and frequency: from the file to the signals of the channels."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -168,7 +168,7 @@ def test_table_rows_may_come_in_any_order(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         (lambda rows: rows[1:], "1 are missing, the first at 1.5 GHz, azimuth -180, elevation -90"),
         (lambda rows: [*rows, rows[5]], "line 170: frequency_ghz, azimuth_deg, elevation_deg: this combination"),
@@ -179,10 +179,10 @@ def test_table_rows_may_come_in_any_order(tmp_path: Path) -> None:
         (lambda rows: [row for row in rows if float(row.split(",")[2]) > 0], "on both sides of 0"),
     ],
 )  # fmt: skip
-def test_invalid_table_is_refused_with_file_and_line(change: object, told: str, tmp_path: Path) -> None:
+def test_invalid_table_is_refused_with_file_and_line(change: object, message: str, tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("\n".join([HEADER, *change(ROWS)]), encoding="utf-8")  # pyright: ignore[reportCallIssue]
-    with pytest.raises(InputFileError, match=told) as refused:
+    with pytest.raises(InputFileError, match=message) as refused:
         read_any_pattern(path)
     assert str(path) in str(refused.value)
 

@@ -1,6 +1,10 @@
-"""What the receiver detects: spreading, delay, obstruction, trigger, gate."""
+"""Receiver: spreading, delay, obstruction, trigger, gate, ADC and schedule."""
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -71,7 +75,7 @@ def test_bearing_errors_reach_bound_all_around() -> None:
 
 
 def behind(loss_db: float, x: float = 2.0) -> Surroundings:
-    """One piece of equipment across the x axis."""
+    """Make one piece of equipment across the x axis."""
     return around(loss_db, solids=wall_across(x))
 
 
@@ -87,9 +91,9 @@ def test_obstacle_weakens_pulse_by_its_loss() -> None:
 def test_false_alarms_have_set_rate_and_noise_strength() -> None:
     detected = listen(None, duration_s=2000.0, false_alarm_rate_hz=0.1)
     assert detected.pulses.time_s.size == pytest.approx(200, abs=45)  # three sigma
-    loudest = detected.pulses.strengths_v.max(axis=-1)
+    strongest = detected.pulses.strengths_v.max(axis=-1)
     sigma = Receiver(ReceiverConfig(), 6).noise_variance_v2 ** 0.5
-    assert 10 < np.median(loudest) / sigma < 40  # a crossing at 7 sigma, and what belongs to it in filtered noise
+    assert 10 < np.median(strongest) / sigma < 40  # a crossing at 7 sigma, and what belongs to it in filtered noise
     assert (np.diff(detected.pulses.time_s) >= 0).all()
 
 
@@ -160,7 +164,7 @@ def test_elements_receive_pulse_with_their_delays() -> None:
 
 
 def schedule(sources: list[DischargeSource]) -> Schedule:
-    """Of a receiver that noise alone hardly ever triggers."""
+    """Make the schedule of a receiver with hardly any false alarms."""
     rng = np.random.default_rng(0)
     return Schedule(Listener(array=NOMINAL, scene=Scene(sources), nature_rng=rng, receiver_rng=rng), 1e-9)
 
@@ -211,9 +215,9 @@ def test_gate_follows_first_path_not_strongest() -> None:
     ahead, left = (
         detected.pulses.strengths_v[:, 1:3].min(axis=-1),
         detected.pulses.strengths_v[:, 0],
-    )  # element 1 looks to the left
+    )  # element 1 points to the left
     assert ahead.size > 50
-    assert (ahead > 1.3 * left).all()  # from the left, element 1 would hear most of all
+    assert (ahead > 1.3 * left).all()  # from the left, element 1 would receive most
 
 
 def test_pulse_at_threshold_is_detected_half_the_time() -> None:
@@ -221,8 +225,8 @@ def test_pulse_at_threshold_is_detected_half_the_time() -> None:
     config, n = ReceiverConfig(false_alarm_rate_hz=1e-6), 5000
     receiver = Receiver(config, 6)
     range_m = float(np.linalg.norm(NOMINAL.positions_m[0] - [0.0, 10.0, 0.6]))  # element 1 points there
-    loudest_gain = float(NOMINAL.gain(np.full(6, np.pi / 2), np.zeros(6)).max())
-    amplitude_v = receiver.threshold_v * range_m / (loudest_gain * receiver.front_end.pulse_peak)
+    strongest_gain = float(NOMINAL.gain(np.full(6, np.pi / 2), np.zeros(6)).max())
+    amplitude_v = receiver.threshold_v * range_m / (strongest_gain * receiver.front_end.pulse_peak)
     gun = replace(source_at(0.0, 10.0, amplitude_v=amplitude_v), n_shots=n)
     rng = np.random.default_rng(0)
     detected = listen_once(config, NOMINAL, Scene([gun]), rng, world_from_array=AT_ORIGIN, duration_s=n / 1e3)
@@ -245,15 +249,33 @@ def test_adc_rounds_and_rounding_counts_as_noise(bits: int) -> None:
     counts = detected.waveforms_v / receiver.step_v
     np.testing.assert_allclose(counts, np.round(counts), atol=1e-9)
     assert np.abs(counts).max() <= 2 ** (bits - 1) - 1
-    quiet = detected.waveforms_v[:, :, :10]  # before the trigger
-    assert quiet.var() == pytest.approx(receiver.noise_variance_v2, rel=0.05)
+    before = detected.waveforms_v[:, :, :10]  # before the trigger
+    assert before.var() == pytest.approx(receiver.noise_variance_v2, rel=0.05)
     assert not detected.pulses.is_clipped.any()
 
 
 def test_clipped_pulses_are_flagged() -> None:
-    loud, quiet = (
+    clipped, weak = (
         listen(source_at(3.0, 0.0, amplitude_v=v), full_scale_v=0.1, false_alarm_rate_hz=1e-9) for v in (3.0, 0.2)
     )
-    assert loud.pulses.is_clipped.any(axis=-1).all()
-    assert np.abs(loud.waveforms_v).max() == pytest.approx(0.1)
-    assert not quiet.pulses.is_clipped.any()
+    assert clipped.pulses.is_clipped.any(axis=-1).all()
+    assert np.abs(clipped.waveforms_v).max() == pytest.approx(0.1)
+    assert not weak.pulses.is_clipped.any()
+
+
+@pytest.mark.slow
+def test_interpreted_kernels_give_compiled_results(tmp_path: Path) -> None:
+    """With `NUMBA_DISABLE_JIT=1`, behind an obstacle and with echoes of the ground."""
+    code = (
+        "import numpy as np; from tests.sensing.test_receiver import behind, listen, source_at; import sys; "
+        "detected = listen(source_at(5.0, 0.3), duration_s=0.02, surroundings=behind(20.0)); "
+        "np.save(sys.argv[1], detected.pulses.strengths_v)"
+    )
+    strengths_v = []
+    for disabled in ("0", "1"):
+        environment = {**os.environ, "NUMBA_DISABLE_JIT": disabled}
+        path = tmp_path / f"{disabled}.npy"
+        subprocess.run([sys.executable, "-c", code, str(path)], env=environment, check=True, timeout=300)
+        strengths_v.append(np.load(path))
+    assert len(strengths_v[0]) > 10
+    np.testing.assert_allclose(strengths_v[0], strengths_v[1], rtol=1e-9)

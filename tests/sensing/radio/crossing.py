@@ -1,4 +1,4 @@
-"""Which pieces of equipment many lines cross, as the radio's compiled loops say it of one."""
+"""Pieces of equipment that lines cross, by the compiled functions of the radio model."""
 
 import numba
 import numpy as np
@@ -35,5 +35,5 @@ def cross(
 
 
 def solids_of(yard: Yard) -> UprightSolids:
-    """All solids of a yard."""
+    """Return all solids of a yard."""
     return UprightSolids(**yard.solid_columns())

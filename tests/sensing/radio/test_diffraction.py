@@ -1,4 +1,4 @@
-"""Waves round edges: against Fresnel, Sommerfeld and ITU-R P.526, and smooth for a robot that drives past."""
+"""Diffraction by edges: compared with Fresnel, Sommerfeld, an exact series and ITU-R P.526, and smooth around a box."""
 
 import cmath
 import math
@@ -44,10 +44,10 @@ def test_half_plane_matches_sommerfeld(leaving_deg: float, is_soft: bool) -> Non
 
     exact = half(leaving - incident) + (-1 if is_soft else 1) * half(leaving + incident)
     soft, hard = wedge_coefficients(incident, leaving, 2.0, K * rho_m, METAL)
-    bent = (soft if is_soft else hard) / math.sqrt(K * rho_m) * cmath.exp(-1j * K * rho_m)
+    diffracted = (soft if is_soft else hard) / math.sqrt(K * rho_m) * cmath.exp(-1j * K * rho_m)
     direct = cmath.exp(1j * K * rho_m * math.cos(leaving - incident)) * (leaving < np.pi + incident)
-    mirrored = cmath.exp(1j * K * rho_m * math.cos(leaving + incident)) * (leaving < np.pi - incident)
-    assert abs(direct + (-1 if is_soft else 1) * mirrored + bent - exact) < 2e-4
+    reflected = cmath.exp(1j * K * rho_m * math.cos(leaving + incident)) * (leaving < np.pi - incident)
+    assert abs(direct + (-1 if is_soft else 1) * reflected + diffracted - exact) < 2e-4
 
 
 @pytest.mark.parametrize("incident_deg", [5.0, 40.0, 70.0, 120.0, 150.0, 179.0, 230.0])
@@ -68,16 +68,16 @@ def test_metal_edge_matches_exact_series(incident_deg: float, is_soft: bool) -> 
         of_mirrors = incident + leaving, 2.0 * n * math.pi - incident - leaving
         images = sum(cmath.exp(1j * k_rho * math.cos(angle)) * (angle < math.pi) for angle in of_mirrors)
         soft, hard = wedge_coefficients(incident, leaving, n, k_rho, METAL)
-        bent = (soft if is_soft else hard) / math.sqrt(k_rho) * cmath.exp(-1j * k_rho)
-        assert abs(direct + sign * images + bent - exact) < 3e-4
+        diffracted = (soft if is_soft else hard) / math.sqrt(k_rho) * cmath.exp(-1j * k_rho)
+        assert abs(direct + sign * images + diffracted - exact) < 3e-4
 
 
 HALF_P, HALF_Q, TOP = 1.5, 1.0, 50.0
 CORNERS = [BoxEdge(p * HALF_P, q * HALF_Q, p, q, -TOP, TOP) for p, q in ((1.0, 1.0), (-1, 1), (-1, -1), (1, -1))]
 
 
-def rays_round(source: EdgePoint, target: EdgePoint) -> list[EdgeRay]:
-    """All rays round the upright edges of a box."""
+def rays_around(source: EdgePoint, target: EdgePoint) -> list[EdgeRay]:
+    """Return all rays around the upright edges of a box."""
     rays: list[EdgeRay] = []
     for i, first in enumerate(CORNERS):
         for step in (0, 1, 3):
@@ -92,7 +92,7 @@ def rays_round(source: EdgePoint, target: EdgePoint) -> list[EdgeRay]:
 
 
 def field(source: EdgePoint, target: EdgePoint, is_soft: bool) -> complex:
-    """Direct, mirrored by the sides of the box, and round its edges."""
+    """Return the sum of direct, reflected and diffracted waves."""
     total = 0j
     inside = np.array([-np.inf, np.inf])
     for start, end, half in ((source.p, target.p, HALF_P), (source.q, target.q, HALF_Q)):
@@ -109,7 +109,7 @@ def field(source: EdgePoint, target: EdgePoint, is_soft: bool) -> complex:
                 at = image + way * (side * half - image[axis]) / way[axis]
                 if abs(at[1 - axis]) < other:
                     total += (-1 if is_soft else 1) * spherical(float(np.linalg.norm(way)))
-    for ray in rays_round(source, target):
+    for ray in rays_around(source, target):
         left = ray.soft if is_soft else ray.hard
         total += left * spherical(ray.before_m + ray.between_m + ray.behind_m)
     return total

@@ -1,4 +1,4 @@
-"""Sources behind a tank: heard from its edges, and without jumps by a robot that drives into its shadow."""
+"""Sources behind a tank: bearings to its edges, and a continuous field for a robot that drives into its shadow."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,7 @@ MIDDLE = np.array([12.0, 12.0])
 K = 2 * np.pi / WAVELENGTH_M
 
 
-def beside_a_tank(length_m: float, width_m: float, height_m: float, yaw_rad: float) -> Surroundings:
+def next_to_tank(length_m: float, width_m: float, height_m: float, yaw_rad: float) -> Surroundings:
     tank = BoxEquipment(
         name="tank",
         kind="power_transformer",
@@ -51,7 +51,7 @@ def turned(angle_rad: float) -> NDArray[np.float64]:
 
 
 def levels(paths: RayPaths, target: Vector) -> NDArray[np.float64]:
-    """Amplitude of each path at the array."""
+    """Return the amplitude of each path at the array."""
     return np.abs(paths.coefficient) / (paths.extra_m + np.linalg.norm(paths.from_m - np.array(target), axis=1))
 
 
@@ -60,7 +60,7 @@ def test_bearing_of_hidden_source_points_to_dominant_edge() -> None:
     rng, off_edge_deg, off_source_deg, by_geometry_deg = np.random.default_rng(7), [], [], []
     for seed in range(300):
         length_m, width_m, height_m = rng.uniform((2.0, 1.5, 3.0), (5.0, 3.0, 4.0))
-        surroundings = beside_a_tank(length_m, width_m, height_m, rng.uniform(0.0, np.pi))
+        surroundings = next_to_tank(length_m, width_m, height_m, rng.uniform(0.0, np.pi))
         towards_robot = rng.uniform(-np.pi, np.pi)
         robot = MIDDLE + rng.uniform(3.5, 9.0) * turned(towards_robot)
         source = MIDDLE - rng.uniform(2.8, 5.0) * turned(towards_robot + rng.uniform(-0.5, 0.5))
@@ -76,7 +76,7 @@ def test_bearing_of_hidden_source_points_to_dominant_edge() -> None:
         found = find_ray_paths(gun.position_m[np.newaxis], gun.axis[np.newaxis], np.zeros(1), target, surroundings)
         level, bearing = levels(found, target), np.arctan2(*(found.from_m[:, :2] - robot).T[::-1])
         if level.size == 0 or not found.extra_m[level.argmax()] > 0.0:
-            continue  # in sight, or heard by a mirror
+            continue  # direct or reflected
         is_edge = np.abs(np.angle(np.exp(1j * (bearing - bearing[level.argmax()])))) < np.radians(1.0)
         others = level[~is_edge].max(initial=0.0)
         if others > level.max() * 10 ** (-10.0 / 20):
@@ -86,10 +86,12 @@ def test_bearing_of_hidden_source_points_to_dominant_edge() -> None:
             level_transform(np.array([*robot, 0.3])),
         )
         scene = Scene([gun], surroundings)
-        heard = listen_once(receiver, ARRAY, scene, np.random.default_rng(seed), world_from_array=pose, duration_s=0.05)
-        if heard.pulses.n_pulses == 0:
+        detected = listen_once(
+            receiver, ARRAY, scene, np.random.default_rng(seed), world_from_array=pose, duration_s=0.05
+        )
+        if detected.pulses.n_pulses == 0:
             continue
-        azimuth = MaximumLikelihood()(heard.pulses, KNOWN).azimuth_rad[0] + 0.3
+        azimuth = MaximumLikelihood()(detected.pulses, KNOWN).azimuth_rad[0] + 0.3
         to_source = np.arctan2(*(source - robot)[::-1])
         off_edge_deg.append(abs(degrees_between(azimuth, bearing[level.argmax()])))
         off_source_deg.append(degrees_between(azimuth, to_source))
@@ -107,22 +109,22 @@ def degrees_between(first: float, second: float) -> float:
 def field_along(
     surroundings: Surroundings, source: NDArray[np.float64], at: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
-    """Sum of all paths at points (n, 2), over that 1 m from the source, and the fields that six antennas make of it."""
+    """Return the sum of all paths in six antennas at points (n, 2), over that 1 m from the source."""
     axis, found = np.array([[0.3, 0.4, 0.866]]), np.empty((len(at), 6), np.complex128)
     for i, (x, y) in enumerate(at):
         target = Vector(x, y, 0.6)
         paths = find_ray_paths(source[np.newaxis], axis, np.zeros(1), target, surroundings)
         to_image = paths.from_m - np.array(target)
-        way_m = paths.extra_m + np.linalg.norm(to_image, axis=1)
+        length_m = paths.extra_m + np.linalg.norm(to_image, axis=1)
         azimuth = np.arctan2(to_image[:, 1], to_image[:, 0])
         gain = ARRAY.cut(azimuth[:, np.newaxis] - ARRAY.boresights_rad)
-        found[i] = (paths.coefficient / way_m * np.exp(-1j * K * way_m)) @ gain
+        found[i] = (paths.coefficient / length_m * np.exp(-1j * K * length_m)) @ gain
     return found
 
 
 def test_field_is_continuous_into_shadow_and_out() -> None:
     """The change shrinks to a quarter with steps of a quarter, or is below 1 % of the strongest."""
-    source, surroundings = np.array([8.0, 13.0, 1.4]), beside_a_tank(3.0, 2.0, 3.2, 0.4)
+    source, surroundings = np.array([8.0, 13.0, 1.4]), next_to_tank(3.0, 2.0, 3.2, 0.4)
     for start, end in (((13.0, 3.0), (18.0, 20.0)), ((19.0, 3.0), (16.5, 21.0)), ((8.0, 6.0), (21.0, 9.0))):
         share = np.arange(0.0, 1.0, 0.004 / np.hypot(end[0] - start[0], end[1] - start[1]))[:, np.newaxis]
         at = np.array(start) + share * (np.array(end) - np.array(start))

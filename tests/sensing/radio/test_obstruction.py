@@ -1,4 +1,4 @@
-"""What straight lines cross: solids of a yard, against their own formulas and against MuJoCo's rays."""
+"""Obstacles on straight lines: solids of a yard, compared with geometry and with MuJoCo's rays."""
 # pyright: reportAttributeAccessIssue=false
 
 from collections.abc import Callable
@@ -104,13 +104,13 @@ def test_sight_is_zero_behind_metal_and_clear_elsewhere(seed: int) -> None:
     for target in rng.uniform([0.0, 0.0, 0.3], [40.0, 30.0, 4.0], (8, 3)):
         shares = sight(places, target)
         crossed = cross(places, np.tile(target, (500, 1)), solids_of(yard), len(yard.equipment))
-        passes = [1.0 if sight_through(item.kind) else 0.0 for item in yard.equipment]
+        passes = [1.0 if transmits(item.kind) else 0.0 for item in yard.equipment]
         assert (shares[(crossed & (np.array(passes) == 0.0)).any(axis=1)] == 0.0).all()  # behind metal, nothing
         assert (shares[~crossed.any(axis=1)] > 0.3).all()  # beside all, at most the rim of what is lossy
 
 
-def sight_through(kind: str) -> bool:
-    """Whether any of a kind of equipment lets anything through."""
+def transmits(kind: str) -> bool:
+    """Return True where any part of a kind of equipment transmits."""
     return {KIND_MATERIALS[kind].transmission, ROUND_MATERIALS.get(kind, KIND_MATERIALS[kind]).transmission} != {0.0}
 
 

@@ -1,4 +1,4 @@
-"""Paths: spreading and delay, mirrors, and what stands in between."""
+"""Ray paths: spreading, delay, reflection and obstacles."""
 
 from typing import Any, NamedTuple, cast
 
@@ -17,23 +17,23 @@ AT_ORIGIN = np.eye(4)
 
 
 class Isotropic(GainPattern):
-    """An element with the same gain everywhere."""
+    """Element with the same gain in all directions."""
 
     def gain_and_slope(self, off_boresight_rad: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         return np.ones(np.shape(off_boresight_rad)), np.zeros(np.shape(off_boresight_rad))
 
 
 class Paths(NamedTuple):
-    """Of one source to one element: whence, path lengths, how much of them bent, and what is left beside spreading."""
+    """Paths of one source to one element: origins, lengths, whether they are diffracted, and factors."""
 
     from_m: np.ndarray
     range_m: np.ndarray
-    is_bent: np.ndarray
+    is_diffracted: np.ndarray
     factor: np.ndarray
 
     def straight(self) -> "Paths":
-        """Without those that bend."""
-        return Paths(*(column[~self.is_bent] for column in self))
+        """Return the paths without diffraction."""
+        return Paths(*(column[~self.is_diffracted] for column in self))
 
 
 def paths_between(
@@ -60,17 +60,17 @@ def paths_between(
 
 
 def mirror(share: float) -> Material:
-    """So perfect a conductor that a share of every wave comes back; all passes as well."""
+    """Make a material that reflects a fixed share of every wave and transmits all of it."""
     return Material.of_loss(1.0, 1e12, 0.0, share)
 
 
-def mirrors(faces: Faces, wall: float = 0.8, ground: float = 0.3) -> Surroundings:
-    """Faces that mirror, and nothing in the way."""
+def reflecting(faces: Faces, wall: float = 0.8, ground: float = 0.3) -> Surroundings:
+    """Make reflecting faces without obstacles."""
     return Surroundings.of_materials([mirror(wall)], faces, UprightSolids.none(), mirror(ground))
 
 
 def ground_and_wall(wall_x: float = -2.0, half_length: float = 5.0) -> Faces:
-    """The ground, and a wall that faces east."""
+    """Make the ground, and a wall that faces east."""
     return Faces(
         centre_m=np.array([[0.0, 0.0, 0.0], [wall_x, 0.0, 2.0]]),
         normal=np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]),
@@ -96,7 +96,7 @@ def test_free_space_response_follows_range_and_direction() -> None:
 
 
 def test_ground_and_wall_reflect_with_image_lengths() -> None:
-    paths = paths_between(mirrors(ground_and_wall()), (6.0, 3.0, 1.5))
+    paths = paths_between(reflecting(ground_and_wall()), (6.0, 3.0, 1.5))
     on_plan_m = np.array([np.hypot(6, 3), np.hypot(6, 3), np.hypot(6 + 4, 3), np.hypot(6 + 4, 3)])
     np.testing.assert_allclose(paths.range_m, np.hypot(on_plan_m, [0.9, 2.1, 0.9, 2.1]), rtol=1e-14)
     np.testing.assert_allclose(np.abs(paths.factor), [1.0, 0.3, 0.8, 0.3 * 0.8], rtol=1e-4)
@@ -104,7 +104,7 @@ def test_ground_and_wall_reflect_with_image_lengths() -> None:
 
 
 def test_face_reflects_within_rim_and_to_front_only() -> None:
-    surroundings = mirrors(ground_and_wall(half_length=0.5))
+    surroundings = reflecting(ground_and_wall(half_length=0.5))
     aside, ahead, behind = (6.0, 8.0, 1.5), (6.0, 0.5, 1.5), (-3.0, 0.0, 1.5)
     assert [paths_between(surroundings, at).factor.size for at in (aside, ahead, behind)] == [2, 4, 2]
     behind_the_wall = level_transform(np.array([-3.0, 0.0, 0.0]))
@@ -112,7 +112,7 @@ def test_face_reflects_within_rim_and_to_front_only() -> None:
 
 
 def test_face_at_source_does_not_reflect() -> None:
-    surroundings = mirrors(ground_and_wall(), ground=0.0)
+    surroundings = reflecting(ground_and_wall(), ground=0.0)
     on_it, off_it = (paths_between(surroundings, (x, 1.0, 1.5)).factor.size for x in (-1.98, -1.9))
     assert (on_it, off_it) == (1, 2)
 
@@ -134,7 +134,7 @@ def box_between(centre_m: np.ndarray, half_m: float, bottom_m: float, top_m: flo
 
 
 def two_in_a_row() -> UprightSolids:
-    """Two cylinders on the x axis, at 2 and at 4 m."""
+    """Make two cylinders on the x axis, at 2 and 4 m."""
     none = np.zeros(2)
     return UprightSolids(
         np.array([[2.0, 0.0], [4.0, 0.0]]), none, np.zeros((2, 2)), none + 0.3, none, none + 2, np.arange(2)
@@ -163,6 +163,6 @@ def test_direct_and_ground_wave_follow_two_ray_law(is_upright: bool) -> None:
         root = np.sqrt(GRAVEL.permittivity - 1 + sine**2)
         horizontal = (sine - root) / (sine + root)
         vertical = (GRAVEL.permittivity * sine - root) / (GRAVEL.permittivity * sine + root)
-        mirrored = vertical if is_upright else horizontal
-        expected = abs(np.exp(-1j * k * direct_m) / direct_m + mirrored * np.exp(-1j * k * bounced_m) / bounced_m)
+        reflected = vertical if is_upright else horizontal
+        expected = abs(np.exp(-1j * k * direct_m) / direct_m + reflected * np.exp(-1j * k * bounced_m) / bounced_m)
         assert 20 * np.log10(level / expected) == pytest.approx(0.0, abs=0.1)

@@ -1,4 +1,4 @@
-"""Waves round upright cylinders and mirrored by them, beside the exact solution for one that conducts perfectly."""
+"""Diffraction and reflection by upright cylinders, compared with the exact solution for a perfect conductor."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ Place = tuple[float, float]
 
 
 def exact(radius_m: float, source: Place, target: Place, is_soft: bool) -> complex:
-    """Field of a line source beside a cylinder at the origin, over that in free space: a series of Bessel functions."""
+    """Return the field of a line source near a cylinder at the origin over that in free space, by a Bessel series."""
     n = np.arange(int(K * radius_m) + 60)
     turn = np.arctan2(target[1], target[0]) - np.arctan2(source[1], source[0])
     ratio = jv(n, K * radius_m) / hankel2(n, K * radius_m) if is_soft else jvp(n, K * radius_m) / h2vp(n, K * radius_m)
@@ -35,14 +35,14 @@ def around(radius_m: float) -> Surroundings:
 
 
 def rays(radius_m: float, source: Place, target: Place) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
-    """Fields by all paths over that in free space, half way up, and where each comes from (n, 2)."""
+    """Return the fields of all paths over that in free space, half way up, and their origins (n, 2)."""
     source_m, z = np.array([[*source, 0.5 * TOP_M]]), 0.5 * TOP_M
     upright, none = np.array([[0.0, 0.0, 1.0]]), np.zeros(1)
     found = find_ray_paths(source_m, upright, none, Vector(*target, z), around(radius_m))
     straight_m = np.hypot(target[0] - source[0], target[1] - source[1])
-    way_m = found.extra_m + np.linalg.norm(found.from_m - [*target, z], axis=-1)
-    phase = np.exp(-1j * K * (way_m - straight_m))
-    return found.coefficient * phase * straight_m / way_m, found.from_m[:, :2]
+    length_m = found.extra_m + np.linalg.norm(found.from_m - [*target, z], axis=-1)
+    phase = np.exp(-1j * K * (length_m - straight_m))
+    return found.coefficient * phase * straight_m / length_m, found.from_m[:, :2]
 
 
 @pytest.mark.parametrize("radius_m", [0.3, 0.42, 0.8, 1.5])
@@ -74,8 +74,8 @@ def test_cylinder_reflection_matches_exact_solution(radius_m: float, degrees: fl
     source = (-4.0, 0.0)
     target = (-4.0 * np.cos(np.radians(degrees)), -4.0 * np.sin(np.radians(degrees)))
     fields, from_m = rays(radius_m, source, target)
-    straight_m, way_m = (float(np.linalg.norm(place - target)) for place in from_m[:2])
-    echo = fields[1] / fields[0] * np.sqrt(way_m / straight_m)
+    straight_m, length_m = (float(np.linalg.norm(place - target)) for place in from_m[:2])
+    echo = fields[1] / fields[0] * np.sqrt(length_m / straight_m)
     for is_soft, sign in ((True, 1.0), (False, -1.0)):
         expected = exact(radius_m, source, target, is_soft) - 1.0
         assert 20 * np.log10(abs(echo) / abs(expected)) == pytest.approx(0.0, abs=2.0)

@@ -1,4 +1,4 @@
-"""Paths in three yards of metal boxes on concrete, beside those of Sionna RT: see `sionna/make_reference.py`."""
+"""Paths in three yards of metal boxes on concrete, compared with Sionna RT: see `sionna/make_reference.py`."""
 
 import math
 
@@ -10,7 +10,7 @@ from pdpatrol.sensing.radio.ray_paths import find_ray_paths
 from tests.sensing.radio.sionna.links import (
     bend_at,
     bends_of_luebbers,
-    by_mirrors,
+    by_reflections,
     decibels,
     delay_ns,
     is_clear,
@@ -26,21 +26,21 @@ def test_direct_and_reflected_paths_match_sionna_rt() -> None:
         upright, source = np.array([[0.0, 0.0, 1.0]]), np.array([link.source])
         ours = find_ray_paths(source, upright, np.zeros(1), link.receiver, link.around)
         straight = ours.extra_m == 0.0
-        way_m = np.linalg.norm(ours.from_m[straight] - np.array(link.receiver), axis=1)
-        coefficient, left = ours.coefficient[straight], np.ones(way_m.size, bool)
+        length_m = np.linalg.norm(ours.from_m[straight] - np.array(link.receiver), axis=1)
+        coefficient, unmatched = ours.coefficient[straight], np.ones(length_m.size, bool)
         by_both = [path for path in link.of_kind("reflection", 2) if "ground" in path[1]]
-        loudest = max((np.abs(matrix_of(path[4])[:, 0]).max() for path in link.paths), default=0.0)
+        strongest = max((np.abs(matrix_of(path[4])[:, 0]).max() for path in link.paths), default=0.0)
         for path in link.of_kind("direct", 0) + link.of_kind("reflection", 1) + by_both:
-            row = np.abs(delay_ns(way_m) - path[3]).argmin()
+            row = np.abs(delay_ns(length_m) - path[3]).argmin()
             if len(path[1]) == 2:
-                if np.abs(matrix_of(path[4])[:, 0]).max() < 0.2 * loudest:
+                if np.abs(matrix_of(path[4])[:, 0]).max() < 0.2 * strongest:
                     continue
                 n_by_both += 1
-            assert delay_ns(way_m[row]) == pytest.approx(path[3], abs=0.1)
+            assert delay_ns(length_m[row]) == pytest.approx(path[3], abs=0.1)
             theta, phi = -matrix_of(path[4])[:, 0]  # of an upright field, which is up
-            ratios.append(coefficient[row] / way_m[row] / (phi - 1j * theta))  # as `received` has it
-            left[row] = False
-        for row in np.flatnonzero(left):
+            ratios.append(coefficient[row] / length_m[row] / (phi - 1j * theta))  # as `received` has it
+            unmatched[row] = False
+        for row in np.flatnonzero(unmatched):
             if ours.from_m[straight][row][2] < 0.0:
                 continue
             image, normal = ours.from_m[straight][row], ours.from_m[straight][row] - np.array(link.source)
@@ -56,7 +56,7 @@ def test_direct_and_reflected_paths_match_sionna_rt() -> None:
     assert n_past_edges < 50
     assert n_by_both > 15
     assert np.median(np.abs(level)) < 0.01
-    assert np.percentile(np.abs(level), 95) < 3.0  # weaker where an edge is close to a face's way
+    assert np.percentile(np.abs(level), 95) < 3.0  # weaker where an edge is close to a path
     assert level.max() < 0.1
     assert phase.max() < 1.0
 
@@ -69,15 +69,15 @@ def test_second_order_reflections_match_sionna_rt() -> None:
         ours = find_ray_paths(source, upright, np.zeros(1), link.receiver, link.around._replace(second_order=True))
         assert ours.extra_m.size >= without.extra_m.size
         image = ours.extra_m == 0.0
-        way_m = np.linalg.norm(ours.from_m[image] - np.array(link.receiver), axis=1)
-        loudest = max((np.abs(matrix_of(path[4])[:, 0]).max() for path in link.paths), default=0.0)
-        for _, owners, _, their_delay_ns, stored in link.of_kind("reflection", 2):
+        length_m = np.linalg.norm(ours.from_m[image] - np.array(link.receiver), axis=1)
+        strongest = max((np.abs(matrix_of(path[4])[:, 0]).max() for path in link.paths), default=0.0)
+        for _, owners, _, expected_ns, stored in link.of_kind("reflection", 2):
             theta, phi = -matrix_of(stored)[:, 0]
-            if "ground" in owners or max(abs(theta), abs(phi)) < 0.2 * loudest:
+            if "ground" in owners or max(abs(theta), abs(phi)) < 0.2 * strongest:
                 continue
-            row = np.abs(delay_ns(way_m) - their_delay_ns).argmin()
-            assert delay_ns(way_m[row]) == pytest.approx(their_delay_ns, abs=1e-3)
-            ratios.append(complex(ours.coefficient[image][row] / way_m[row] / (phi - 1j * theta)))
+            row = np.abs(delay_ns(length_m) - expected_ns).argmin()
+            assert delay_ns(length_m[row]) == pytest.approx(expected_ns, abs=1e-3)
+            ratios.append(complex(ours.coefficient[image][row] / length_m[row] / (phi - 1j * theta)))
     level, phase = decibels(np.array(ratios)), np.degrees(np.abs(np.angle(ratios)))
     assert len(ratios) > 20
     assert np.median(np.abs(level)) < 0.01
@@ -91,9 +91,9 @@ def test_reflection_matrices_match_sionna_rt(kind: str, order: int) -> None:
     """Metal and concrete, once and twice: to 0.3 % of the larger polarisation, phases included."""
     n = 0
     for link in links():
-        for _, owners, points, their_delay_ns, stored in link.of_kind(kind, order):
-            matrix, our_delay_ns = by_mirrors(link, owners, points)
-            assert our_delay_ns == pytest.approx(their_delay_ns, abs=1e-3)
+        for _, owners, points, expected_ns, stored in link.of_kind(kind, order):
+            matrix, delay = by_reflections(link, owners, points)
+            assert delay == pytest.approx(expected_ns, abs=1e-3)
             theirs = matrix_of(stored)
             assert np.abs(matrix - theirs).max() < 3e-3 * np.abs(theirs).max()
             n += 1
@@ -105,9 +105,9 @@ def test_diffraction_points_match_both_sionna_versions() -> None:
     n = 0
     for link in links():
         stored = [(path[2][0], path[3]) for path in link.of_kind("edge", 1)] + [tuple(edge[:2]) for edge in link.edges]
-        for point, their_delay_ns in stored:
+        for point, expected_ns in stored:
             bend = bend_at(link, point)
-            assert delay_ns(bend.before_m + bend.behind_m) == pytest.approx(their_delay_ns, abs=0.1)
+            assert delay_ns(bend.before_m + bend.behind_m) == pytest.approx(expected_ns, abs=0.1)
             n += 1
     assert n > 800
 

@@ -1,4 +1,4 @@
-"""Links of the reference of Sionna RT, with our own rays for each of its paths: see `make_reference.py`.
+"""Links of the Sionna RT reference, with our own rays for each of its paths: see `make_reference.py`.
 
 Sionna's matrices are in spherical coordinates: theta, which is down for level rays, and phi, counterclockwise on plan.
 """
@@ -45,7 +45,7 @@ Matrix = NDArray[np.complex128]
 
 
 class Link(NamedTuple):
-    """A source and a receiver in a yard, and Sionna's paths."""
+    """Source and receiver in a yard, with Sionna's paths."""
 
     around: Surroundings
     faces: Faces
@@ -86,13 +86,13 @@ def links() -> list[Link]:
 
 
 def matrix_of(stored: list[float]) -> Matrix:
-    """What is received of what is sent, over the amplitude at 1 m."""
+    """Return the polarisation matrix of a path, over the amplitude at 1 m."""
     parts = np.reshape(stored, (2, 2, 2))
     return parts[..., 0] + 1j * parts[..., 1]
 
 
 def spherical(ray: Vector) -> tuple[Vector, Vector]:
-    """Theta and phi of a direction."""
+    """Return theta and phi of a direction."""
     level = math.hypot(ray.x, ray.y)
     theta = Vector(ray.z * ray.x / level, ray.z * ray.y / level, -level)
     return theta, Vector(-ray.y / level, ray.x / level, 0.0)
@@ -110,12 +110,12 @@ def decibels(ratio: NDArray[Any]) -> NDArray[np.float64]:
     return 20.0 * np.log10(np.abs(ratio))
 
 
-def delay_ns(way_m: float) -> float:
-    return 1e9 * way_m / SPEED_OF_LIGHT_MPS
+def delay_ns(length_m: float) -> float:
+    return 1e9 * length_m / SPEED_OF_LIGHT_MPS
 
 
 def face_at(link: Link, owner: str, point: list[float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Normal and middle of the face of a box, or of the ground, that a point is on."""
+    """Return normal and middle of the face of a box, or of the ground, that a point is on."""
     if owner == "ground":
         return np.array([0.0, 0.0, 1.0]), np.zeros(3)
     faces = link.faces
@@ -128,8 +128,8 @@ def face_at(link: Link, owner: str, point: list[float]) -> tuple[NDArray[np.floa
     return faces.normal[face], faces.centre_m[face]
 
 
-def by_mirrors(link: Link, owners: list[str], points: list[list[float]]) -> tuple[Matrix, float]:
-    """Our own matrix and delay of a ray that these mirror one after the other."""
+def by_reflections(link: Link, owners: list[str], points: list[list[float]]) -> tuple[Matrix, float]:
+    """Return our own matrix and delay of a ray reflected by faces in turn."""
     planes = [face_at(link, *each) for each in zip(owners, points, strict=True)]
     images = [np.array(link.source)]
     for normal, middle in planes:
@@ -148,13 +148,13 @@ def by_mirrors(link: Link, owners: list[str], points: list[list[float]]) -> tupl
             normal, material = Vector(*plane[0]), CONCRETE if owner == "ground" else SMOOTH_METAL
             field = reflected(field, arrives, leaves, normal, face_reflection(abs(dot(leaves, normal)), material))
         matrix[:, column] = [component(field, axis) for axis in received_as]
-    way_m = float(np.linalg.norm(np.array(link.receiver) - images[-1]))
-    matrix /= way_m
-    return matrix, delay_ns(way_m)
+    length_m = float(np.linalg.norm(np.array(link.receiver) - images[-1]))
+    matrix /= length_m
+    return matrix, delay_ns(length_m)
 
 
 class Bend(NamedTuple):
-    """A ray round an edge: edge, ends as seen along it, directions, and length."""
+    """Ray around an edge: edge, ends in its coordinates, directions, and lengths."""
 
     corner: BoxEdge
     source: EdgePoint
@@ -166,7 +166,7 @@ class Bend(NamedTuple):
     behind_m: float
 
     def in_edge_coordinates(self, matrix: Matrix) -> Matrix:
-        """A matrix in spherical coordinates turned so that its first row and column lie in the planes of the edge."""
+        """Rotate a matrix in spherical coordinates so that its first row and column lie in the planes of the edge."""
         turned: list[Matrix] = []
         for ray, seen, sideways in (
             (self.arrives, self.arrives, normal_to(self.arrives, self.edge)),
@@ -178,19 +178,19 @@ class Bend(NamedTuple):
 
     @property
     def sine(self) -> float:
-        """Of the angle between ray and edge."""
+        """Sine of the angle between ray and edge."""
         return math.sqrt(1.0 - dot(self.arrives, self.edge) ** 2)
 
     @property
     def ours(self) -> tuple[complex, complex]:
-        """What an endless edge leaves of the components along it and across it, over the amplitude at 1 m."""
+        """Amplitudes behind an endless edge of the components along it and across it, over that at 1 m."""
         ray = round_one(self.corner._replace(**ENDLESS), self.source, self.target, CONDUCTS)
-        way_m = self.before_m + self.behind_m
-        return -ray.soft / way_m, -ray.hard / way_m
+        length_m = self.before_m + self.behind_m
+        return -ray.soft / length_m, -ray.hard / length_m
 
 
 def bend_at(link: Link, point: list[float]) -> Bend:
-    """The ray round the edge that a point is on, which both ends see."""
+    """Return the ray around the edge that a point is on and that both ends see."""
     for box in (solid_of(link.around.obstacles[k]) for k in range(len(link.names))):
         for family, number in ((f, n) for f in range(3) for n in range(4 if f == 0 else 2)):
             frame, corner = edge_axes(box, family), box_edge(box, family, number)
@@ -209,7 +209,7 @@ def bend_at(link: Link, point: list[float]) -> Bend:
 
 
 def bends_of_luebbers() -> Iterator[tuple[Bend, list[Any]]]:
-    """With point, delay and matrix of each edge by the older Sionna."""
+    """Yield each diffraction with point, delay and matrix by the older Sionna."""
     for link in links():
         for stored in link.edges:
             yield bend_at(link, stored[0]), stored

@@ -30,7 +30,7 @@ MATERIAL = '<bsdf type="diffuse" id="mat-itu_{name}"/>'
 
 
 def main() -> None:
-    """Trace and write."""
+    """Trace all links and write the file."""
     lines = []
     for yard in json.loads((HERE / "reference.json").read_text(encoding="utf-8"))["yards"]:
         with TemporaryDirectory() as folder:
@@ -45,7 +45,7 @@ def main() -> None:
 
 
 def edges_between(scene: Scene, source_m: list[float], receiver_m: list[float]) -> list[Any]:
-    """Point, delay and matrix of each ray round an edge, the shortest first."""
+    """Return point, delay and matrix of each ray around an edge, the shortest first."""
     for name in [*scene.transmitters, *scene.receivers]:
         scene.remove(name)
     scene.add(rt.Transmitter("source", position=source_m))

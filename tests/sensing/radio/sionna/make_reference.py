@@ -107,7 +107,7 @@ class Found(NamedTuple):
 
 
 def main() -> None:
-    """Trace and write."""
+    """Trace all links and write the file."""
     rng = np.random.default_rng(7)
     yards = []
     for name, of in YARDS.items():
@@ -129,7 +129,7 @@ def main() -> None:
 
 
 def clear_of(boxes: dict[str, Box], rng: np.random.Generator) -> Position:
-    """A place for a receiver."""
+    """Draw a place for a receiver, clear of all boxes."""
     while True:
         x, y = (round(float(value), 2) for value in rng.uniform((0.0, 0.0), SIZE_M))
         for middle_x, middle_y, length, width, _, yaw_deg in boxes.values():
@@ -141,7 +141,7 @@ def clear_of(boxes: dict[str, Box], rng: np.random.Generator) -> Position:
 
 
 def trace(scene: Scene, source: Position, receivers: list[Position]) -> list[list[Found]]:
-    """All paths from a source, to each receiver the shortest first."""
+    """Return all paths from a source, for each receiver the shortest first."""
     for name in [*scene.transmitters, *scene.receivers]:
         scene.remove(name)
     scene.add(rt.Transmitter("source", position=list(source)))
@@ -153,7 +153,7 @@ def trace(scene: Scene, source: Position, receivers: list[Position]) -> list[lis
 
 
 def solve(scene: Scene, **ways: int) -> list[list[Found]]:
-    """What one run of the solver finds, for each receiver."""
+    """Return the paths that one run of the solver finds, for each receiver."""
     paths = rt.PathSolver(deterministic=True)(
         scene,
         samples_per_src=N_RAYS,
@@ -183,20 +183,20 @@ def solve(scene: Scene, **ways: int) -> list[list[Found]]:
 
 
 def to_mm(point: NDArray[np.float64]) -> Position:
-    """Rounded, and no minus before 0."""
+    """Round to millimetres, without a minus before 0."""
     x, y, z = (round(float(value), 3) + 0.0 for value in point)
     return x, y, z
 
 
 def flat(matrix: NDArray[np.complex128]) -> tuple[float, ...]:
-    """Real and imaginary parts, row by row, to six digits of the largest."""
+    """Return real and imaginary parts row by row, to six digits of the largest."""
     parts = np.stack([matrix.real, matrix.imag], axis=-1).ravel()
     digits = 6 - int(np.ceil(np.log10(np.abs(parts).max())))
     return tuple(round(float(value), digits) + 0.0 for value in parts)
 
 
 def as_text(yards: list[tuple[str, dict[str, Box], list[tuple[Position, Position, list[Found]]]]]) -> str:
-    """JSON with a path to a line."""
+    """Return JSON with one path per line."""
     head = {
         "made_with": f"sionna-rt {version('sionna-rt')}, make_reference.py",
         "frequency_hz": FREQUENCY_HZ,
@@ -223,7 +223,7 @@ SLAB = (
 
 
 def write_scene(folder: Path, boxes: dict[str, Box], material: str) -> str:
-    """A Mitsuba scene of the ground and the boxes, with a material as XML for `name`."""
+    """Write a Mitsuba scene of the ground and the boxes, with a material as XML for `name`."""
     ground = [(x, y, 0.0) for x, y in ((-60.0, -60.0), (90.0, -60.0), (90.0, 80.0), (-60.0, 80.0))]
     meshes: dict[str, Any] = {"ground": (ground, ((0, 1, 2, 3),))}
     for name, (x, y, length, width, height, yaw_deg) in boxes.items():
