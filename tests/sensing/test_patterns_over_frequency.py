@@ -174,8 +174,8 @@ def test_table_rows_may_come_in_any_order(tmp_path: Path) -> None:
         (lambda rows: [*rows, rows[5]], "line 170: frequency_ghz, azimuth_deg, elevation_deg: this combination"),
         (lambda rows: [rows[0].replace("1.5,", "x,", 1), *rows[1:]], "line 2: frequency_ghz: must be a number"),
         (lambda rows: [*rows[:-1], rows[-1].rsplit(",", 1)[0] + ",-0.2"], "line 169: gain: must be an .*, got -0.2"),
-        (lambda rows: [row for row in rows if ",60," not in row or row.split(",")[1] != "60"], "leaves a gap|missing"),
-        (lambda rows: [row for row in rows if row.split(",")[1] not in ("0", "30")], "leaves a gap of 90.0 degrees"),
+        (lambda rows: [row for row in rows if ",60," not in row or row.split(",")[1] != "60"], "gap|missing"),
+        (lambda rows: [row for row in rows if row.split(",")[1] not in ("0", "30")], "has a gap of 90.0 degrees"),
         (lambda rows: [row for row in rows if float(row.split(",")[2]) > 0], "on both sides of 0"),
     ],
 )  # fmt: skip
