@@ -49,7 +49,7 @@ def main() -> None:
         pose = np.array([x, y, np.radians(yaw_deg)])
         world_from_array = level_transform(pose)
         detected = listen_once(config, array, Scene([SOURCE]), rng, world_from_array=world_from_array, duration_s=1.0)
-        add_pose_error(pose, error, senses.pose_kept, senses.pose_std, rng.standard_normal(3), estimated)
+        add_pose_error(pose, error, senses.pose_correlation, senses.pose_std, rng.standard_normal(3), estimated)
         place = [f"{DWELL_S * number:.1f}", *(f"{v:.3f}" for v in estimated[:2]), f"{np.degrees(estimated[2]):.2f}"]
         counts = np.round(detected.waveforms_v / VOLTS_PER_COUNT).astype(np.int16)
         name = f"waveforms/stop_{number:02d}.npz"

@@ -177,5 +177,5 @@ def _believed(true_pose: FloatArray, scenario: Scenario, rng: np.random.Generato
     sensors = SensorParameters.of(scenario.pose_sensor, scenario.odometry, scenario.battery, STEP_S)
     pose, error = np.empty_like(true_pose), np.full(3, np.nan)
     for k, normal in enumerate(rng.standard_normal(true_pose.shape)):
-        add_pose_error(true_pose[k], error, sensors.pose_kept, sensors.pose_std, normal, pose[k])
+        add_pose_error(true_pose[k], error, sensors.pose_correlation, sensors.pose_std, normal, pose[k])
     return pose
