@@ -48,7 +48,7 @@ def random_yard(
 
     The first piece is of a kind that can discharge. In four of five yards the source is on a site of the catalogue, in
     the others on or near equipment off its sites; without equipment it is in the open. Waypoints lie where the robot
-    fits, but a path to each is not guaranteed: a mission reports what it could not reach.
+    fits, but a path to each is not guaranteed: a mission reports the waypoints it could not reach.
 
     Args:
         seed: Seed or generator.
@@ -123,7 +123,7 @@ def _bounds(item: Equipment) -> tuple[FloatArray, FloatArray]:
 
 
 def random_source(yard: Yard, rng: np.random.Generator) -> SourceConfig:
-    """Draw a discharge on a site, off the sites in `OFF_SITE_SHARE` of cases, or in the open if there are no sites."""
+    """Draw a discharge on a site, off the sites in `OFF_SITE_SHARE` of cases, or in the open without sites."""
     sites = yard.site_names()
     if not sites:
         return SourceConfig(name="discharge", position_m=(*yard.free_place(rng, TURNING_RADIUS_M).tolist(), 1.5))

@@ -166,7 +166,7 @@ class Simulation:
 
     @property
     def has_begun(self) -> bool:
-        """Whether every robot has been started."""
+        """True once every robot has been started."""
         return None not in self._episodes
 
     def episode(self, row: int) -> Episode:

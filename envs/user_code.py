@@ -34,7 +34,7 @@ def load_object(name: str, folder: str | Path, expected: str) -> Any:  # noqa: A
         name: `my_file.py:Name`, relative to `folder`, or `package.module:Name`, installed or on PYTHONPATH. A file may
             import others of its folder by `from . import other`.
         folder: Folder at which relative paths start.
-        expected: What the name should stand for, for error messages.
+        expected: Description of the expected object, for error messages.
 
     Raises:
         UserCodeError: If the file, module or name does not exist, or its import raises an exception.
@@ -87,7 +87,7 @@ def calling(thing: object, expected: str) -> Iterator[None]:
     """Turn an exception of user code, including SystemExit, into a `UserCodeError` that names the line.
 
     Args:
-        thing: What is called: a class, a function, or an object that user code made; or the file that is imported.
+        thing: The callee: a class, a function, or an object that user code made; or the file that is imported.
         expected: What the call should do, for the error message.
     """
     try:

@@ -38,7 +38,7 @@ class MovedPiece(Config, frozen=True):
 
 
 class MapConfig(Config, frozen=True):
-    """Differences between the map and the yard; by default there are none.
+    """Differences between the map and the yard; by default the map is right.
 
     Planner, policies, Locator and report use the map. Physics, lidar, radio and scores use the yard.
     """

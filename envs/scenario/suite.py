@@ -95,7 +95,7 @@ def choose_yards(name: str) -> tuple[SuiteYard, ...]:
             the test part, `suite/LEVEL_NUMBER` for one yard of either.
 
     Raises:
-        ScenarioError: If there is no such yard.
+        ScenarioError: If no yard has this name.
     """
     single = tuple(yard for yard in suite_yards() if yard.name == name)
     _, *rest = name.split("/")
