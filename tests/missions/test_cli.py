@@ -159,7 +159,7 @@ def test_implausible_scenario_is_noted_and_used(verb: str, short: Path, tmp_path
     done = pdpatrol(verb, "short.toml", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     (note,) = [line for line in done.stderr.splitlines() if line.startswith("note: ")]
-    assert note.startswith("note: array: with gain_error 0.9")
+    assert note.startswith("note: array: gain_error 0.9")
 
 
 def test_scenarios_are_listed_as_json(tmp_path: Path) -> None:
