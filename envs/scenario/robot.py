@@ -11,7 +11,8 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from dirmusic import PoseError
 from pdpatrol.envs.scenario.base import Config, resolve_path
-from pdpatrol.robot_models.description.robot_description import RobotDescription, RobotFileError, is_path, load_robot
+from pdpatrol.robot_models.description.robot_description import RobotDescription, RobotFileError, is_path
+from pdpatrol.robot_models.description.robot_file import load_robot
 from pdpatrol.sensing.quantities import PLAIN_ZERO, FilePath, Share
 
 MetreError = Annotated[float, Field(ge=0.0, le=10.0), PLAIN_ZERO]

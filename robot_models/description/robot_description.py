@@ -5,10 +5,9 @@ The measures of a shipped robot are stored next to its file, so that they are av
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from functools import cache, cached_property
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
@@ -120,25 +119,6 @@ class RobotDescription:
         return np.clip(np.asarray(command, dtype=np.float64) / self._limits, -1.0, 1.0).astype(np.float32)
 
 
-def load_robot(model: str | Path) -> RobotDescription:
-    """Load the description of a robot.
-
-    Args:
-        model: Name of a shipped robot, or path of an MJCF file, which is then read and measured.
-
-    Raises:
-        RobotFileError: If the name is unknown, or the file does not describe one; all errors are listed.
-    """
-    if is_path(model):
-        # MuJoCo takes 0.2 s to import, and a shipped robot does not need it.
-        from pdpatrol.robot_models.description.robot_file import read_robot
-
-        return read_robot(Path(model))
-    if str(model) not in SHIPPED:
-        raise RobotFileError([f"{model}: must be one of {', '.join(SHIPPED)}, or the path of an MJCF file, in .xml"])
-    return _shipped(str(model))
-
-
 def is_path(model: str | Path) -> bool:
     """Return whether a robot is given by its file rather than its name."""
     return Path(model).suffix == ".xml" or len(Path(model).parts) > 1
@@ -147,20 +127,3 @@ def is_path(model: str | Path) -> bool:
 def xml_path(name: str) -> Path:
     """Return the MJCF file of a shipped robot."""
     return Path(__file__).parents[1] / name / f"{name}.xml"
-
-
-def write_record(robot: RobotDescription) -> None:
-    """Store the measures of a robot next to its file."""
-    record = {key: value for key, value in asdict(robot).items() if key not in ("name", "xml_path")}
-    record["wheels"] = [wheel._asdict() for wheel in robot.wheels]
-    text = json.dumps(record, indent=2) + "\n"
-    robot.xml_path.with_suffix(".json").write_text(text, encoding="utf-8")
-
-
-@cache
-def _shipped(name: str) -> RobotDescription:
-    path = xml_path(name)
-    record = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
-    record["wheels"] = tuple(Wheel(**wheel) for wheel in record["wheels"])
-    record["home_qpos"] = tuple(record["home_qpos"])
-    return RobotDescription(name=name, xml_path=path, **record)

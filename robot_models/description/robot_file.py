@@ -24,8 +24,11 @@ pdpatrol.robot_models.description.robot_file`.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
+from functools import cache
 from pathlib import Path
 
 import mujoco
@@ -38,7 +41,7 @@ from pdpatrol.robot_models.description.robot_description import (
     RobotDescription,
     RobotFileError,
     Wheel,
-    write_record,
+    is_path,
     xml_path,
 )
 from pdpatrol.robot_models.description.robot_measures import SPIN_RADPS, SPIN_S, Measures, measure
@@ -50,6 +53,39 @@ TOLERANCE_M = 0.005
 
 CONTROL_STEP_S = 0.1
 """Time between commands, and between scans of the lidar; a whole number of physics steps."""
+
+
+def load_robot(model: str | Path) -> RobotDescription:
+    """Load the description of a robot.
+
+    Args:
+        model: Name of a shipped robot, or path of an MJCF file, which is then read and measured.
+
+    Raises:
+        RobotFileError: If the name is unknown, or the file does not describe one; all errors are listed.
+    """
+    if is_path(model):
+        return read_robot(Path(model))
+    if str(model) not in SHIPPED:
+        raise RobotFileError([f"{model}: must be one of {', '.join(SHIPPED)}, or the path of an MJCF file, in .xml"])
+    return _shipped(str(model))
+
+
+@cache
+def _shipped(name: str) -> RobotDescription:
+    path = xml_path(name)
+    record = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+    record["wheels"] = tuple(Wheel(**wheel) for wheel in record["wheels"])
+    record["home_qpos"] = tuple(record["home_qpos"])
+    return RobotDescription(name=name, xml_path=path, **record)
+
+
+def write_record(robot: RobotDescription) -> None:
+    """Store the measures of a robot next to its file."""
+    record = {key: value for key, value in asdict(robot).items() if key not in ("name", "xml_path")}
+    record["wheels"] = [wheel._asdict() for wheel in robot.wheels]
+    text = json.dumps(record, indent=2) + "\n"
+    robot.xml_path.with_suffix(".json").write_text(text, encoding="utf-8")
 
 
 def read_robot(path: Path) -> RobotDescription:

@@ -21,7 +21,7 @@ from pdpatrol.missions.policies.make_policy import Random
 from pdpatrol.missions.policies.patrol import Patrol
 from pdpatrol.missions.policies.protocol import Action, ReportingPolicy
 from pdpatrol.missions.record.events import Phase
-from pdpatrol.robot_models.description.robot_description import load_robot
+from pdpatrol.robot_models.description.robot_file import load_robot
 from pdpatrol.robot_models.sensors import LIDAR_BEAMS
 
 ROBOT = load_robot("inspector")

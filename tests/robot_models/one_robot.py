@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from pdpatrol.robot_models.antenna_elements import AntennaElements
-from pdpatrol.robot_models.description.robot_description import load_robot
+from pdpatrol.robot_models.description.robot_file import load_robot
 from pdpatrol.robot_models.robots import Robots
 from pdpatrol.robot_models.yard.pieces import BoxEquipment, CylinderEquipment
 from pdpatrol.robot_models.yard.yard import Yard

@@ -7,7 +7,7 @@ import pytest
 from pydantic import ValidationError
 
 from pdpatrol.robot_models.antenna_elements import AntennaElements
-from pdpatrol.robot_models.description.robot_description import load_robot
+from pdpatrol.robot_models.description.robot_file import load_robot
 from pdpatrol.robot_models.equipment import CATALOGUE, KINDS, colour_of
 from pdpatrol.robot_models.robots import Robots
 from pdpatrol.robot_models.yard.pieces import BoxEquipment, CatalogueEquipment

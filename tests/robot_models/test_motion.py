@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pdpatrol.robot_models.antenna_elements import AntennaElements
-from pdpatrol.robot_models.description.robot_description import load_robot
+from pdpatrol.robot_models.description.robot_file import load_robot
 from pdpatrol.robot_models.robots import Robots
 from pdpatrol.robot_models.yard.yard import Yard
 from tests.robot_models.one_robot import OneRobot

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pdpatrol.robot_models.description.robot_description import SHIPPED, RobotFileError, load_robot, xml_path
-from pdpatrol.robot_models.description.robot_file import read_robot
+from pdpatrol.robot_models.description.robot_description import SHIPPED, RobotFileError, xml_path
+from pdpatrol.robot_models.description.robot_file import load_robot, read_robot
 from tests.robot_models.one_robot import Edited, OneRobot
 
 HOME = '<key name="home" qpos="0 0 -7.5437e-05 1 0 0 0 0 0 0 0"/>'

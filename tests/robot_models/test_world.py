@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from pdpatrol.robot_models.antenna_elements import MAX_ELEMENTS, AntennaElements
-from pdpatrol.robot_models.description.robot_description import SHIPPED, load_robot, xml_path
+from pdpatrol.robot_models.description.robot_description import SHIPPED, xml_path
+from pdpatrol.robot_models.description.robot_file import load_robot
 from pdpatrol.robot_models.world import CHASE, build_spec
 from pdpatrol.robot_models.yard.pieces import BoxEquipment, CylinderEquipment
 from pdpatrol.robot_models.yard.yard import Yard

@@ -13,7 +13,8 @@ from pdpatrol.envs.vector_env import PatrolVectorEnv
 from pdpatrol.missions.driving.site_map import MARGIN_M, SiteMap
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.runner import run_mission
-from pdpatrol.robot_models.description.robot_description import load_robot, xml_path
+from pdpatrol.robot_models.description.robot_description import xml_path
+from pdpatrol.robot_models.description.robot_file import load_robot
 
 ONE_SOURCE = (SHIPPED / "one_source.toml").read_text(encoding="utf-8")
 

@@ -10,7 +10,7 @@ import pytest
 
 from pdpatrol.envs.random_yard import random_yard
 from pdpatrol.envs.scenario.radio import surroundings_of
-from pdpatrol.robot_models.description.robot_description import load_robot
+from pdpatrol.robot_models.description.robot_file import load_robot
 from pdpatrol.robot_models.world import build_spec
 from pdpatrol.robot_models.yard.pieces import BoxEquipment, CylinderEquipment
 from pdpatrol.robot_models.yard.yard import Yard
