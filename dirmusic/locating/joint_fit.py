@@ -19,6 +19,7 @@ from dirmusic.array.element_errors import PATTERN_APART_RAD, EstimatedErrors, of
 from dirmusic.array.model import ArrayModel
 from dirmusic.array.pattern import as_boresights
 from dirmusic.locating.joint_kernels import (
+    CostExpansion,
     FitData,
     NominalArray,
     Priors,
@@ -185,7 +186,7 @@ class JointProblem:
         self._scale = np.concatenate([np.ones(self.n_places), priors.spread[self.n_places :]])
         self._arguments = n_kinds, self.n_terms, data, nominal, priors
         self._known_x: FloatArray = np.empty(0)
-        self._known: tuple[float, FloatArray, FloatArray]
+        self._known: CostExpansion
 
     def solve(self, start: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the best state (n_states,), and the Hessian there (n_states, n_states)."""
@@ -206,26 +207,26 @@ class JointProblem:
             last_cost = cost
 
         found = minimize(
-            lambda x: self._at(x)[0],
+            lambda x: self._at(x).cost,
             start / self._scale,
             method="trust-exact",
-            jac=lambda x: self._scale * self._at(x)[1],
-            hess=lambda x: np.multiply.outer(self._scale, self._scale) * self._at(x)[2],
+            jac=lambda x: self._scale * self._at(x).gradient,
+            hess=lambda x: np.multiply.outer(self._scale, self._scale) * self._at(x).hessian,
             callback=stop,
             options={"maxiter": MAX_STEPS, "initial_trust_radius": 10.0, "max_trust_radius": 1000.0},
         )
         best = np.asarray(found.x, dtype=np.float64)
-        return best * self._scale, self._at(best)[2]
+        return best * self._scale, self._at(best).hessian
 
     def cost(self, state: FloatArray) -> float:
         """Return the negative logarithm of the posterior density of a state (n_states,), but for a constant."""
-        return self._at(state / self._scale)[0]
+        return self._at(state / self._scale).cost
 
     def hessian(self, state: FloatArray) -> FloatArray:
         """Return the Hessian at a state, shape (n_states, n_states)."""
-        return self._at(state / self._scale)[2]
+        return self._at(state / self._scale).hessian
 
-    def _at(self, x: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+    def _at(self, x: FloatArray) -> CostExpansion:
         """Evaluate a scaled state; the last evaluation is kept because the optimiser asks for its parts one by one."""
         if not np.array_equal(self._known_x, x):
             self._known_x, self._known = x.copy(), evaluate(self._scale * x, *self._arguments)

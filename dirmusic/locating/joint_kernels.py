@@ -282,10 +282,18 @@ def _remove_pose_error(
         vector[e] -= by_turn * turn[e] + by_rise * rise[e]
 
 
+class CostExpansion(NamedTuple):
+    """Cost of a state, its gradient (n_states,), and its Hessian (n_states, n_states)."""
+
+    cost: float
+    gradient: FloatArray
+    hessian: FloatArray
+
+
 @compiled
 def evaluate(
     state: FloatArray, n_kinds: int, n_terms: int, data: FitData, array: NominalArray, priors: Priors
-) -> tuple[float, FloatArray, FloatArray]:
+) -> CostExpansion:
     r"""Compute the cost of the robust fit at a state, its gradient, and its Hessian after Gauss and Newton.
 
     .. math:: C = \sum_i s^2 (\sqrt{1 + (f_i / s)^2} - 1)
@@ -331,7 +339,7 @@ def evaluate(
     for i in range(state.size):
         for j in range(i):
             hessian[j, i] = hessian[i, j]
-    return cost, gradient, hessian
+    return CostExpansion(cost, gradient, hessian)
 
 
 @compiled

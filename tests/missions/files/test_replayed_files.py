@@ -119,11 +119,11 @@ MANIFEST = {"version": 1, "plan": "p", "code": "c", "n_missions": 1, "suite": ""
 @pytest.mark.parametrize(
     ("manifest", "message"),
     [
-        ("", "no JSON"),
-        ("[" * 9000, "no JSON"),
-        ("[1]", "is damaged"),
-        (json.dumps({**MANIFEST, "n_missions": "3"}), "is damaged"),
-        (json.dumps({**MANIFEST, "version": 9}), "version 9; this program reads version 1"),
+        ("", "has no valid sweep.json"),
+        ("[" * 9000, "has no valid sweep.json"),
+        ("[1]", "has no valid sweep.json"),
+        (json.dumps({**MANIFEST, "n_missions": "3"}), "has no valid sweep.json"),
+        (json.dumps({**MANIFEST, "version": 9}), "must be of version 1, got 9"),
     ],
 )
 def test_damaged_manifest_of_a_sweep_is_refused(tmp_path: Path, manifest: str, message: str) -> None:
