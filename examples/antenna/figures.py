@@ -1,4 +1,4 @@
-"""Figures of merit and the picture of patterns."""
+"""Compute figures of merit of patterns, and draw them."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from matplotlib.projections.polar import PolarAxes
 from moments import FINE_DEG, FloatArray, Pattern
 
 REFERENCE_GHZ = 1.75
-"""In the middle of the band of the array."""
+"""Middle of the band of the array."""
 SHOWN_GHZ = (1.3, 1.6, 1.8, 2.0, 2.3)
 FLOOR_DB, CEILING_DB = -30.0, 3.0
 WORDS = {"azimuth": ("ahead", "left", "behind", "right"), "elevation": ("ahead", "up", "behind", "down")}
-"""Where each cut comes by, in quarters of its circle."""
+"""Directions that each cut passes, in quarters of its circle."""
 COLOURS = {"alone": "tab:blue", "in the ring": "tab:orange"}
 
 
 def reference(patterns: dict[float, Pattern]) -> float:
-    """Largest gain at the frequency nearest to `REFERENCE_GHZ`; of two, the lower one."""
+    """Return the largest gain at the frequency nearest to `REFERENCE_GHZ`; of two, the lower one."""
     nearest = min(patterns, key=lambda f: (round(abs(f - REFERENCE_GHZ), 9), f))
     return float(patterns[nearest].both.max())
 
 
 def cuts(gains: FloatArray) -> dict[str, FloatArray]:
-    """A pattern round two circles from boresight, `FINE_DEG` each: to the left and on, upwards and on."""
+    """Return the pattern on two circles from boresight in steps of `FINE_DEG`: to the left, and upwards."""
     level, quarter = gains.shape[0] // 2, gains.shape[1] // 4
     front, back = gains[:, 0], gains[:, 2 * quarter]
     return {
@@ -36,7 +36,7 @@ def cuts(gains: FloatArray) -> dict[str, FloatArray]:
 
 
 def half_power_deg(cut: FloatArray) -> tuple[float, float]:
-    """How far from boresight the power is half of that on boresight, to the left (or up) and to the right (or down)."""
+    """Return the angles at which the power is half of that on boresight, to the left (or up) and right (or down)."""
     half, found = cut[0] / np.sqrt(2.0), list[float]()
     for side in (cut, np.roll(cut[::-1], 1)):
         k = int(np.argmax(side < half))
@@ -45,7 +45,7 @@ def half_power_deg(cut: FloatArray) -> tuple[float, float]:
 
 
 def summary(patterns: dict[float, Pattern]) -> str:
-    """Figures of merit by frequency, as a Markdown table; gain is on boresight, of both parts, over isotropic."""
+    """Format figures of merit by frequency as Markdown; the gain is that of both parts on boresight, over isotropic."""
     lines = [
         f"{extent(patterns)}\n",
         "| GHz | gain dBi | axial ratio dB | half-power width deg: azimuth, elevation | its middle deg: left, up "
@@ -71,13 +71,13 @@ def summary(patterns: dict[float, Pattern]) -> str:
 
 
 def extent(patterns: dict[float, Pattern]) -> str:
-    """How many segments, and how nearly the power they radiate is that fed in."""
+    """Describe the number of segments, and the radiated power over the power fed in."""
     n_segments, balance = next(iter(patterns.values())).n_segments, sorted(p.balance for p in patterns.values())
     return f"{n_segments} segments, power balance {balance[0]:.3f} to {balance[-1]:.3f}"
 
 
 def changes(before: dict[float, Pattern], after: dict[float, Pattern]) -> str:
-    """How much the gain relative to the reference changes, where it is above a tenth and anywhere."""
+    """Describe the change of the gain relative to the reference, where it is above a tenth and anywhere."""
     a, b = (np.array([p.both for p in some.values()]) / reference(some) for some in (before, after))
     main_db = np.abs(decibel(b / a))[b > 0.1]
     return (
@@ -87,12 +87,12 @@ def changes(before: dict[float, Pattern], after: dict[float, Pattern]) -> str:
 
 
 def decibel(amplitude: FloatArray | float) -> FloatArray:
-    """Of amplitudes."""
+    """Convert amplitudes to decibels."""
     return 20.0 * np.log10(np.asarray(amplitude))
 
 
 def draw(path: Path, solved: dict[str, dict[float, Pattern]]) -> None:
-    """Azimuth and elevation cuts at some frequencies, alone and in the ring, dB over the reference of the first."""
+    """Draw azimuth and elevation cuts, alone and in the ring, in dB over the reference of the element alone."""
     mpl.use("agg")
     alone = next(iter(solved.values()))
     shown = [f for f in alone if f in SHOWN_GHZ] or list(alone)[: len(SHOWN_GHZ)]
@@ -116,7 +116,7 @@ def draw(path: Path, solved: dict[str, dict[float, Pattern]]) -> None:
 
 
 def dress(panel: PolarAxes, kind: str) -> None:
-    """Angles off boresight and levels; boresight is up in azimuth, to the right in elevation."""
+    """Label angles and levels; boresight points up in azimuth cuts and right in elevation cuts."""
     panel.set_theta_zero_location("N" if kind == "azimuth" else "E")
     labels = [
         WORDS[kind][k // 3] if k % 3 == 0 else ("" if 3 < k < 9 else f"{min(30 * k, 360 - 30 * k)}") for k in range(12)

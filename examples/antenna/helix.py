@@ -6,21 +6,20 @@
 
     uv run examples/antenna/helix.py --figure
 
-The engine is NEC-2 as PyNEC packs it (GPL-3.0). This script alone uses it; pdpatrol does not depend on it.
+The engine is NEC-2 as packaged by PyNEC (GPL-3.0). Only this script uses it; pdpatrol does not depend on it.
 
-Frame of the element: boresight along +x (azimuth 0, elevation 0), y to the left, z up. Wires conduct perfectly, and
-nothing but the antennas is there: no ground, no robot. The column `gain` is an amplitude, that of a linearly polarised
-wave as root mean square over the direction of its polarisation, with both circular parts of the far field per root of
-accepted power,
+Frame of the element: boresight along +x (azimuth 0, elevation 0), y to the left, z up. Wires are perfect conductors,
+and the model holds only the antennas: no ground, no robot. The column `gain` is the amplitude received from a linearly
+polarised wave, as root mean square over the direction of its polarisation, per root of accepted power,
 
     gain = sqrt(G(f, direction) / G_ref),    G = 4 pi (U_right + U_left) / (P_radiated + P_loads),
 
 where G_ref is the largest G of the table at the frequency nearest to 1.75 GHz (of two, the lower one). Waves of
-discharges are linearly polarised, so both parts are received, and from behind the left-handed one is the larger, mostly
-by far: there the right-handed part alone would be 20 to 42 dB down, where a linear wave is only 7 to 19 dB down.
+discharges are linearly polarised, so both circular parts are received. From behind, the left-handed part is the larger
+one: there the right-handed part alone would be 20 to 42 dB down, but a linear wave is only 7 to 19 dB down.
 
-The mismatch at the feed does not count: a receiver matched at each frequency is assumed. By reciprocity the gain holds
-for reception.
+Mismatch at the feed is not included: a receiver matched at each frequency is assumed. By reciprocity the gain holds for
+reception.
 """
 
 from __future__ import annotations
@@ -37,12 +36,12 @@ from moments import FINE_DEG, Helix, Mesh, Pattern, solve
 
 CURRENT = Path()
 TABLES = {"helix": 1, "helix_in_ring": 6}
-"""Each table's elements, of which the first is fed."""
+"""Number of elements of each table; the first element is fed."""
 USUAL = Helix()
 OTHER_LOAD_OHM = 50.0
-"""What `check` ends the others in the ring in."""
+"""Load of the other elements of the ring under `check`."""
 SMALLEST_GAIN = 1e-4
-"""What a table has for less; its gains are above 0."""
+"""Smallest gain in a table; pdpatrol requires gains above 0."""
 
 
 def main(
@@ -55,17 +54,17 @@ def main(
     figure: bool = False,
     check: bool = False,
 ) -> None:
-    """Write helix.csv and helix_in_ring.csv; show figures of merit as Markdown.
+    """Write helix.csv and helix_in_ring.csv, and print figures of merit as Markdown.
 
     Args:
         first_ghz: Lowest frequency.
         last_ghz: Highest frequency.
         step_ghz: Step between frequencies.
         step_deg: Step of azimuth and elevation; a multiple of 2.5 that divides 90.
-        helix: Sizes.
-        folder: Where files go, by default the current one; `sensing/array/patterns` has the shipped tables.
+        helix: Dimensions.
+        folder: Output folder, by default the current one; `sensing/array/patterns` has the shipped tables.
         figure: Draw helix.png as well.
-        check: Solve with segments twice as long, too, and in the ring with other loads; show what that changes.
+        check: Also solve with segments twice as long, and in the ring with other loads, and print the changes.
     """
     if step_deg <= 0.0 or step_deg % FINE_DEG or 90.0 % step_deg:
         raise SystemExit(f"--step-deg must be a multiple of {FINE_DEG} that divides 90, got {step_deg}.")
@@ -92,7 +91,7 @@ def main(
 
 
 def write_table(path: Path, patterns: dict[float, Pattern], every: int) -> None:
-    """Relative gains of every n-th direction, sorted by frequency, azimuth and elevation."""
+    """Write relative gains of every n-th direction, sorted by frequency, azimuth and elevation."""
     here = np.s_[::every, ::every]
     on_grid = {f: p._replace(right=p.right[here], left=p.left[here]) for f, p in patterns.items()}
     largest, step_deg = reference(on_grid), every * FINE_DEG

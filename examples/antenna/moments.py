@@ -1,4 +1,4 @@
-"""Method of moments: wires of a helical antenna and of its plate, and the far field they radiate."""
+"""Solve helical antennas by the method of moments: wires of helix and ground plate, and their far field."""
 
 from __future__ import annotations
 
@@ -16,55 +16,55 @@ ComplexArray = NDArray[np.complex128]
 ETA_OHM = 376.730313
 """Wave impedance of free space."""
 FINE_DEG = 2.5
-"""Step of the directions that are computed; tables have every n-th."""
+"""Step of the computed directions; tables hold every n-th."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Helix:
-    """An axial-mode helix wound right-handed on a square plate, and the ring it may stand in.
+    """Right-handed axial-mode helix on a square plate, and the ring of such elements.
 
     Circumference, pitch and turns are those of the textbook for 1.75 GHz: about one wavelength, 12 to 14 degrees, more
-    than three (Kraus, Antennas, 1988, ch. 7). A pin leads from the plate, straight below the axis, to the
-    winding; it is fed where it meets the winding.
+    than three turns (Kraus, Antennas, 1988, ch. 7). A pin leads from the plate, below the axis, to the winding, and is
+    fed where it meets the winding.
     """
 
     turns: int = 4
     circumference_m: float = 0.171
     pitch_deg: float = 13.0
     wire_radius_m: float = 0.75e-3
-    """Half of the thickness of winding and pin (assumed)."""
+    """Radius of winding and pin (assumed)."""
     pin_m: float = 0.012
     """Length of the pin (assumed)."""
     plate_m: float = 0.13
-    """Side of the plate (assumed); a grid of wires as thick as conducts like a sheet: circumference = spacing."""
+    """Side of the plate (assumed); its wire grid acts like a sheet when the wire circumference equals the spacing."""
     ring_radius_m: float = 0.12
-    """From the middle of the ring to each plate; `ring_radius_m` of pdpatrol's array."""
+    """Distance from the centre of the ring to each plate; `ring_radius_m` of pdpatrol's array."""
     load_ohm: float = 140.0
-    """What the others in the ring end in (assumed): the input resistance of the textbook, 140 ohm * C / wavelength."""
+    """Load of the other elements (assumed): the textbook's input resistance, 140 ohm * circumference / wavelength."""
 
 
 class Mesh(NamedTuple):
-    """How finely wires are cut; `cells` is even, one side of the plate."""
+    """Number of segments per turn, cells per side of the plate (even), and segments of the pin."""
 
     per_turn: int = 52
     cells: int = 20
     pin: int = 6
 
     def coarser(self) -> Mesh:
-        """Every segment twice as long."""
+        """Return the mesh with segments twice as long."""
         return Mesh(self.per_turn // 2, self.cells // 2, self.pin // 2)
 
 
 class Pattern(NamedTuple):
-    """Far field at one frequency, as amplitude gain: root of directivity if nothing ends in loads.
+    """Far field at one frequency, as amplitude gain: the root of the directivity if no power is lost in loads.
 
     Attributes:
         right: Right-handed circular part, shape (73, 144): elevation from 90 down, azimuth from 0 up, `FINE_DEG` each.
-        left: Left-handed circular part, alike.
-        balance: Radiated power and that in the loads, over that fed in; 1 if the solution is exact.
-        impedance_ohm: At the feed.
-        coupled: Share of the accepted power that ends in the other elements' loads.
-        n_segments: Unknowns of the solution.
+        left: Left-handed circular part, same shape.
+        balance: Power radiated and lost in loads, over the power fed in; 1 if the solution is exact.
+        impedance_ohm: Impedance at the feed.
+        coupled: Fraction of the accepted power that is lost in the loads of the other elements.
+        n_segments: Number of unknowns.
     """
 
     right: FloatArray
@@ -76,18 +76,18 @@ class Pattern(NamedTuple):
 
     @property
     def both(self) -> FloatArray:
-        """Both parts: sqrt(2) times what a linear wave makes, as root mean square over its polarisation's direction."""
+        """Both parts: sqrt(2) times the RMS amplitude of a linear wave over the directions of its polarisation."""
         return np.hypot(self.right, self.left)
 
 
 def add_element(geometry: PyNEC.c_geometry, helix: Helix, mesh: Mesh) -> int:
-    """Wires of one element whose plate stands at x = ring radius, fed pin first; how many segments that makes."""
+    """Add the wires of one element, the fed pin first, with its plate at x = ring radius; return how many segments."""
     spacing_m, radius_m = helix.plate_m / mesh.cells, helix.circumference_m / (2 * np.pi)
     turn = np.arange(helix.turns * mesh.per_turn + 1) / mesh.per_turn
     angle, advance_m = 2 * np.pi * turn - np.pi / 2, helix.circumference_m * np.tan(np.radians(helix.pitch_deg))
     x_m = helix.ring_radius_m + helix.pin_m + advance_m * turn
     winding_m = np.column_stack([x_m, radius_m * np.cos(angle), radius_m * np.sin(angle)])
-    foot_m = np.array([helix.ring_radius_m, 0.0, -spacing_m * round(radius_m / spacing_m)])  # a knot of the grid
+    foot_m = np.array([helix.ring_radius_m, 0.0, -spacing_m * round(radius_m / spacing_m)])  # a node of the grid
     pin_m = foot_m + (winding_m[0] - foot_m) * np.linspace(0.0, 1.0, mesh.pin + 1)[:, None]
     lines = [(pin_m, helix.wire_radius_m), (winding_m, helix.wire_radius_m)]
     along_m = spacing_m * (np.arange(mesh.cells + 1) - mesh.cells / 2)
@@ -103,10 +103,11 @@ def add_element(geometry: PyNEC.c_geometry, helix: Helix, mesh: Mesh) -> int:
 
 
 def solve(helix: Helix, mesh: Mesh, frequency_ghz: float, n_elements: int) -> Pattern:
-    """The pattern of one element, alone or the first of a ring.
+    """Compute the pattern of one element, alone or as the first of a ring.
 
-    In the ring each has a load in series, the fed one too: so it stays symmetric and is solved by sixths. The load of
-    the fed one lowers its current and changes no pattern; its power is taken off what is fed in.
+    In the ring every element has a load in series, the fed one included, so that the structure stays symmetric and one
+    sixth of it is solved. The load of the fed element lowers its current but does not change the pattern; its power is
+    subtracted from the power fed in.
     """
     context = PyNEC.nec_context()
     geometry = context.get_geometry()
@@ -130,10 +131,10 @@ def solve(helix: Helix, mesh: Mesh, frequency_ghz: float, n_elements: int) -> Pa
 
 
 def _pattern(theta: ComplexArray, phi: ComplexArray, currents_a: ComplexArray, load_ohm: float, n: int) -> Pattern:
-    """Gains of the far field (V) for 1 V at the first feed: E_right = (E_theta + j E_phi) / sqrt 2, exp(j omega t)."""
+    """Convert the far field (V), 1 V at the feed, to gains: E_right = (E_theta + j E_phi) / sqrt 2, exp(j omega t)."""
     right, left = np.abs(theta + 1j * phi) / np.sqrt(2.0), np.abs(theta - 1j * phi) / np.sqrt(2.0)
     for part in (right, left):
-        part[[0, -1]] = part[[0, -1], :1]  # at a pole, every azimuth is one direction
+        part[[0, -1]] = part[[0, -1], :1]  # at a pole, all azimuths are the same direction
     ring_sr = np.sin(np.radians(FINE_DEG) * np.arange(len(right))) * np.radians(FINE_DEG) ** 2
     radiated_w = float(ring_sr @ (right**2 + left**2).sum(axis=1)) / (2 * ETA_OHM)
     loads_w = 0.5 * load_ohm * np.abs(currents_a) ** 2

@@ -56,5 +56,5 @@ def is_blurred(finding: Finding) -> bool:
 
 
 def guarded(rng: np.random.Generator) -> CollisionGuard:
-    """The policy with the collision guard around it."""
+    """Wrap the policy in the collision guard."""
     return CollisionGuard(MyPolicy(rng))

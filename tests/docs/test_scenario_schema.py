@@ -23,7 +23,7 @@ SHIPPED = sorted(
 
 
 def in_json(file: Path) -> dict:
-    """A TOML file as an editor's validator sees it: dates are strings."""
+    """Read a TOML file the way an editor's validator does, with dates as strings."""
     return json.loads(json.dumps(tomllib.loads(file.read_text(encoding="utf-8")), default=str))
 
 

@@ -138,7 +138,7 @@ def with_wild_bearings(case: Case, share: float, seed: int) -> Case:
 def _draw_places(
     size_m: tuple[float, float], n_sources: int, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
-    """Sources (n_sources, 3), and the poses (n_steps, 3) of a loop round them that begins anywhere on it."""
+    """Draw sources (n_sources, 3) and the poses (n_steps, 3) of a loop around them with a random start."""
     margin_m = MOST_RANGE_M
     centre_m = np.array([rng.uniform(margin_m, length_m - margin_m) for length_m in size_m])
     angle = np.linspace(0.0, 2.0 * np.pi, 3600, endpoint=False)

@@ -21,7 +21,7 @@ def candidate(state: State, detected_s: float) -> Finding:
 
 
 def phase_at(seek: Seek, time_s: float, state: State, detected_s: float | None = None) -> str:
-    """What a robot that stands in the south of the yard does about the one candidate, detected just now or then."""
+    """Return the phase of a robot in the south of the yard with one candidate, detected now or at the given time."""
     observation = {
         "pose": np.array([16.0, 5.0, 1.0, 0.0], dtype=np.float32),
         "time": np.array([time_s], dtype=np.float32),
