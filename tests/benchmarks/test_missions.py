@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
-from dirmusic import Finding, PulseBatch
-from dirmusic.locating.protocol import LocatorProtocol
+from dirmusic import Finding, Locator, PulseBatch
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.random_yard import random_yard
 from pdpatrol.missions.policies.protocol import Action
@@ -56,38 +55,22 @@ def test_mission_costs_a_few_environment_steps(name: str, most: float) -> None:
     assert statistics.median(ratios) <= most
 
 
-class Kept(LocatorProtocol):
-    """A Locator that records its input."""
-
-    def __init__(self, locator: LocatorProtocol) -> None:
-        self._locator = locator
-        self.tracked: list[tuple[float, np.ndarray, PulseBatch]] = []
-
-    @property
-    def findings(self) -> tuple[Finding, ...]:
-        return self._locator.findings
-
-    def update(self, time_s: float, pose: np.ndarray, pulses: PulseBatch) -> tuple[Finding, ...]:
-        self.tracked.append((time_s, pose, pulses))
-        return self._locator.update(time_s, pose, pulses)
-
-    def refit(self, time_s: float) -> tuple[Finding, ...]:
-        return self._locator.refit(time_s)
-
-    def association(self) -> np.ndarray:
-        return self._locator.association()
-
-
 @pytest.mark.parametrize("name", ["two_sources", "switchyard"])
-def test_locator_update_time_grows_little_with_pulses(name: str) -> None:
+def test_locator_update_time_grows_little_with_pulses(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Repeat the pulses of a mission."""
     scenario = load_scenario(name)
     mission = Mission(scenario, "patrol", 5)
     array, rules = mission.env.simulation.array, scenario.locating.rules()
-    locator = Kept(make_locator(scenario, mission.site_map, array, rules))
-    mission._tracker._locator = locator
-    mission.run()
-    locator, tracked = make_locator(scenario, mission.site_map, array, rules), locator.tracked
+    tracked, update = list[tuple[float, np.ndarray, PulseBatch]](), Locator.update
+
+    def recorded(locator: Locator, time_s: float, pose: np.ndarray, pulses: PulseBatch) -> tuple[Finding, ...]:
+        tracked.append((time_s, pose, pulses))
+        return update(locator, time_s, pose, pulses)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Locator, "update", recorded)
+        mission.run()
+    locator = make_locator(scenario, mission.site_map, array, rules)
     seconds, n_pulses, refits, round_s = list[float](), list[int](), list[bool](), 0.0
     with threadpool_limits(limits=1):
         while not n_pulses or n_pulses[-1] < 11_000:

@@ -16,7 +16,7 @@ from pdpatrol.envs.scenario.robot import RobotConfig
 from pdpatrol.missions.driving.lidar_stop import STOP_M, free_distance, lookahead_m, safe_speed
 from pdpatrol.missions.driving.path_follower import PathFollower
 from pdpatrol.missions.driving.site_map import SiteMap
-from pdpatrol.missions.policies.collision_guard import CollisionGuard
+from pdpatrol.missions.policies.collision_guard import BACK_OFF_S, CollisionGuard
 from pdpatrol.missions.policies.make_policy import Random
 from pdpatrol.missions.policies.patrol import Patrol
 from pdpatrol.missions.policies.protocol import Action, ReportingPolicy
@@ -283,15 +283,15 @@ def test_collision_is_mapped_and_backed_off_from(left_mps: float, is_bump: bool)
     observation, site_map = env.reset(seed=0)[0], SiteMap(OPEN_YARD)
     guard = CollisionGuard(inner)
 
-    def at(speed_mps: float) -> Observation:
-        moving = {"lidar": NOTHING.astype(np.float32), "velocity": np.array([speed_mps, 0.0], dtype=np.float32)}
+    def at(speed_mps: float, time_s: float = 0.0) -> Observation:
+        values = {"velocity": [speed_mps, 0.0], "time": [time_s], "lidar": NOTHING}
+        moving = {name: np.array(value, dtype=np.float32) for name, value in values.items()}
         return {**observation, **moving}  # pyright: ignore[reportReturnType]
 
     guard(at(0.8), [], site_map)
     guard(at(left_mps), [], site_map)
     assert (guard.phase.name == "back off") == is_bump
-    guard._back_off_until_s = -np.inf
-    guard(at(0.0), [], site_map)
+    guard(at(0.0, BACK_OFF_S + 0.1), [], site_map)
     ahead_m = inner.obstacles_m - observation["pose"][:2]
     assert len(ahead_m) == is_bump
     assert np.all((ahead_m[:, 0] > ROBOT.footprint_radius_m - 0.1) & (np.abs(ahead_m[:, 1]) < 0.2))

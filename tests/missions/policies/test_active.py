@@ -97,17 +97,15 @@ def test_driving_time_counts_turns_and_lengths() -> None:
 
 def test_active_keeps_a_nearly_best_viewpoint() -> None:
     policy, target = Active(), candidate((16.0, 5.0), 2.0, 0.2)
-    policy._views_m = [POSE[:2]]
-    view = policy.viewpoint(target, POSE, SITE_MAP.reach(POSE), SITE_MAP)
+    views_m = POSE[np.newaxis, :2]
+    view = policy.viewpoint(target, views_m, POSE, SITE_MAP.reach(POSE), SITE_MAP)
     assert view is not None
     sight_m = target.position_m[:2] - view
     assert np.linalg.norm(sight_m) < 5.0
     assert abs(np.arctan2(sight_m[1], sight_m[0])) > np.radians(30.0)
     moved = candidate((16.0, 4.6), 2.0, 0.2)
-    np.testing.assert_array_equal(policy.viewpoint(moved, POSE, SITE_MAP.reach(POSE), SITE_MAP), view)
-    anew = Active()
-    anew._views_m = [POSE[:2]]
-    other = anew.viewpoint(moved, POSE, SITE_MAP.reach(POSE), SITE_MAP)
+    np.testing.assert_array_equal(policy.viewpoint(moved, views_m, POSE, SITE_MAP.reach(POSE), SITE_MAP), view)
+    other = Active().viewpoint(moved, views_m, POSE, SITE_MAP.reach(POSE), SITE_MAP)
     assert other is not None
     assert (other[1] - POSE[1]) * (view[1] - POSE[1]) < 0.0
 
@@ -115,8 +113,8 @@ def test_active_keeps_a_nearly_best_viewpoint() -> None:
 def test_active_views_accurate_candidate_from_another_side() -> None:
     policy, target = Active(), candidate((16.0, 5.0), 0.1, 0.1)
     assert target.semi_major_m <= KNOWN_M
-    policy._views_m = [np.array([13.0, 5.0])]
-    view = policy.viewpoint(target, np.array([13.0, 5.0, 0.0]), SITE_MAP.reach((13.0, 5.0)), SITE_MAP)
+    views_m = np.array([[13.0, 5.0]])
+    view = policy.viewpoint(target, views_m, np.array([13.0, 5.0, 0.0]), SITE_MAP.reach((13.0, 5.0)), SITE_MAP)
     assert view is not None
     assert np.linalg.norm(view - [13.0, 5.0]) > 1.0
 
