@@ -79,10 +79,9 @@ class Mission:
         self._observation, info = self.env.reset(seed=seed)
         self.policy = make_policy(policy, self.env.simulation.generators(0).policy)
         self._touched: frozenset[str] = frozenset()
-        self._visited: tuple[int, ...] = ()
+        self._visited: frozenset[int] = frozenset()
         self._unreachable: frozenset[int] = frozenset()
-        self._true_start = info["true_pose"]
-        self.log = MissionLog({**self._meta(scenario, policy, seed, info["truth"]), "grid": describe_grid(grid)})
+        self.log = MissionLog({**self._meta(scenario, policy, seed, info), "grid": describe_grid(grid)})
         self._book = Logbook(self.log)
         if isinstance(self.policy, SeesTruth):
             self.policy.reveal(info["truth"])
@@ -97,7 +96,7 @@ class Mission:
         """Number of waypoints visited so far."""
         return len(self._visited)
 
-    def _meta(self, scenario: Scenario, policy: str, seed: int, truth: dict[str, Any]) -> dict[str, Any]:
+    def _meta(self, scenario: Scenario, policy: str, seed: int, info: dict[str, Any]) -> dict[str, Any]:
         array, known_yard = self.env.simulation.array, self.site_map.yard
         return {
             "versions": {name: version(name) for name in ("pdpatrol", "mujoco", "numpy", "scipy")},
@@ -114,8 +113,8 @@ class Mission:
             "sites": {name: known_yard.site_position(name).tolist() for name in known_yard.site_names()},
             "solids": _solids(self.env, known_yard),
             "lidar": describe_lidar(self.site_map.robot),
-            "start": {"true_pose": self._true_start.tolist()},
-            "truth": truth,
+            "start": {"true_pose": info["true_pose"].tolist()},
+            "truth": info["truth"],
         }
 
     @threadpool_limits.wrap(limits=1)
@@ -183,16 +182,12 @@ class Mission:
             if self.error is None:
                 self._fail(error)
                 reason = "error"
-        self._keep_calibration()
-        self._book.event("end", f"mission over: {reason}", subject=reason)
-
-    def _keep_calibration(self) -> None:
-        """Log the calibration of the array by this mission."""
         scenario, meta = self.env.scenario, self.log.meta
         name = f"{meta['name']}, seed {meta['seed']}, {meta['policy']}, {self.time_s:.1f} s"
         calibration = self._tracker.calibration(name, scenario.array.serial_number, scenario.locating.calibration)
         if calibration is not None:
             meta["calibration"] = calibration.model_dump(mode="json")
+        self._book.event("end", f"mission over: {reason}", subject=reason)
 
     def _fail(self, error: UserCodeError) -> None:
         self.error = error
@@ -202,14 +197,13 @@ class Mission:
         touched = frozenset(info["touched_names"])
         for name in sorted(touched - self._touched):
             self._book.event("contact", f"touched {name}", subject=name)
-        self._touched = touched
-        visited = tuple(np.flatnonzero(info["waypoints_visited"]).tolist())
-        for index in sorted(set(visited) - set(self._visited)):
-            self._book.event("waypoint", f"reached waypoint {index + 1}", index + 1)
-        self._visited = visited
-        for number in sorted(set(self.policy.unreachable) - self._unreachable):
+        visited = frozenset((np.flatnonzero(info["waypoints_visited"]) + 1).tolist())
+        for number in sorted(visited - self._visited):
+            self._book.event("waypoint", f"reached waypoint {number}", number)
+        unreachable = frozenset(self.policy.unreachable)
+        for number in sorted(unreachable - self._unreachable):
             self._book.event("unreachable", f"gave up waypoint {number}", number)
-        self._unreachable = frozenset(self.policy.unreachable)
+        self._touched, self._visited, self._unreachable = touched, visited, unreachable
 
 
 def _solids(env: PatrolEnv, known_yard: Yard) -> dict[str, Any]:

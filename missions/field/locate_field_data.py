@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -201,7 +200,7 @@ def _meta(data: FieldData, array: ArrayModel, fence_m: tuple[float, float] | Non
         low, high = np.zeros(2), np.asarray(fence_m)
     return {
         "versions": {name: version(name) for name in ("pdpatrol", "numpy", "scipy")},
-        "name": Path(data.path).stem,
+        "name": data.path.stem,
         "seed": None,
         "policy": None,
         "field_data": {"file": data.path.name, "channels": (data.channels + 1).tolist(), "recorded": data.n_recorded},

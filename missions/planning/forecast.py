@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from dirmusic import ArrayModel, PulseBatch, strength_variance
 from dirmusic.locating.joint_fit import expected_covariances
 from pdpatrol.envs import Scenario
+from pdpatrol.missions.driving.path_follower import distances_along
 from pdpatrol.missions.driving.site_map import MIN_TRANSMISSION, SiteMap
 from pdpatrol.missions.planning.detectability import Detectability, trigger_peak
 from pdpatrol.missions.planning.tour import Tour
@@ -54,7 +55,7 @@ def views_along(tour: Tour, detectability: Detectability, top_speed_mps: float) 
     """Return a view every `VIEW_SPACING_M` of the tour, with the robot heading along it."""
     column = detectability.columns(tour.cells)
     path_m = detectability.places_m[column]
-    along_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path_m, axis=0), axis=-1))])
+    along_m = distances_along(path_m)
     at = np.unique(np.searchsorted(along_m, np.arange(0.0, along_m[-1] + 1e-9, VIEW_SPACING_M)))
     ahead_m = path_m[np.minimum(at + 1, len(path_m) - 1)] - path_m[np.maximum(at - 1, 0)]
     pose = np.column_stack([path_m[at], np.arctan2(ahead_m[:, 1], ahead_m[:, 0])])

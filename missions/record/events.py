@@ -1,4 +1,4 @@
-"""Typed records of a log: what happened in a mission, and what its policy was doing."""
+"""Kinds of events of a mission, and what its policy was doing."""
 
 from __future__ import annotations
 
@@ -22,22 +22,6 @@ EventKind = Literal[
     "end",
 ]
 """Kinds of events. Those from `candidate` to `dropped` are new states of a finding."""
-
-
-class Event(NamedTuple):
-    """Something that happened in one step of a mission.
-
-    Attributes:
-        kind: Kind of the event.
-        text: One sentence for people, which can be understood without the other fields.
-        number: Number of the waypoint, from 1, or id of the finding; 0 for other events.
-        subject: Name of the touched object, or the reason for the end of the mission; empty for other events.
-    """
-
-    kind: EventKind
-    text: str
-    number: int = 0
-    subject: str = ""
 
 
 class Phase(NamedTuple):

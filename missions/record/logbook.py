@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dirmusic import Finding
 from dirmusic.angles import wrap
 from dirmusic.locating.finding import State
-from pdpatrol.missions.record.events import Event, EventKind
+from pdpatrol.missions.record.events import EventKind
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.tracking import Tracked
 
@@ -30,9 +30,16 @@ class Logbook:
         self._has_clipped = self._has_contradicted = False
 
     def event(self, kind: EventKind, text: str, number: int = 0, subject: str = "") -> None:
-        """Log something that happened in the last step; the arguments are the fields of `Event`."""
-        event = Event(kind, text, number, subject)
-        self.log.append("event", step=max(self.log.n_rows("step") - 1, 0), **event._asdict())
+        """Log something that happened in the last step.
+
+        Args:
+            kind: Kind of the event.
+            text: One sentence for people, which can be understood without the other arguments.
+            number: Number of the waypoint, from 1, or id of the finding; 0 for other events.
+            subject: Name of the touched object, or the reason for the end of the mission; empty for other events.
+        """
+        step = max(self.log.n_rows("step") - 1, 0)
+        self.log.append("event", step=step, kind=kind, number=number, subject=subject, text=text)
 
     def log_tracked(self, pose: FloatArray, tracked: Tracked) -> None:
         """Log pulses, the bearings of the credible ones, and findings if they have changed.

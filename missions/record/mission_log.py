@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from bisect import bisect_left
 from collections.abc import Mapping
 from pathlib import Path
@@ -67,12 +68,12 @@ _COLUMNS: dict[str, dict[str, str]] = {
         "pulse": "i8",  # row in the pulse table
         "finding": "i8",  # id, or a code of `dirmusic.locating.association.Unassociated`
     },
-    "event": {  # `record.events.Event`
+    "event": {
         "step": "i8",
-        "kind": "U",
-        "number": "i8",
-        "subject": "U",
-        "text": "U",
+        "kind": "U",  # `record.events.EventKind`
+        "number": "i8",  # waypoint, from 1, or id of the finding; 0 for other events
+        "subject": "U",  # touched object, or reason for the end; empty for other events
+        "text": "U",  # one sentence for people
     },
 }
 
@@ -142,29 +143,27 @@ class MissionLog:
         """Return the rows from `start` up to `stop` of all columns of a table."""
         return {column: self.column(table, column, start, stop) for column in TABLES[table]}
 
-    def _arrays(self, start: Mapping[str, int]) -> dict[str, NDArray[Any]]:
-        return {
+    def _write(self, path: Path, start: Mapping[str, int]) -> None:
+        """Write the rows from `start` on, by table."""
+        arrays = {
             f"{table}.{column}": self.column(table, column, start[table])
             for table in TABLES
             for column in TABLES[table]
         }
+        with atomic_file(path) as temporary, temporary.open("wb") as file:
+            np.savez_compressed(file, allow_pickle=False, meta=np.array(json.dumps(self.meta)), **arrays)
 
     def write_part(self, folder: Path) -> None:
         """Write the rows since the last part, so that a killed mission keeps them."""
         parts = folder / "log.parts"
         parts.mkdir(exist_ok=True)
-        _save(parts / f"part-{len(list(parts.glob('part-*.npz'))):05d}.npz", self.meta, self._arrays(self._written))
+        self._write(parts / f"part-{len(list(parts.glob('part-*.npz'))):05d}.npz", self._written)
         self._written = {table: self.n_rows(table) for table in TABLES}
 
-    def save(self, folder: Path) -> Path:
+    def save(self, folder: Path) -> None:
         """Write `log.npz` and remove the parts."""
-        path = folder / "log.npz"
-        _save(path, self.meta, self._arrays(dict.fromkeys(TABLES, 0)))
-        for part in (folder / "log.parts").glob("part-*.npz"):
-            part.unlink()
-        if (folder / "log.parts").exists():
-            (folder / "log.parts").rmdir()
-        return path
+        self._write(folder / "log.npz", dict.fromkeys(TABLES, 0))
+        shutil.rmtree(folder / "log.parts", ignore_errors=True)
 
     @classmethod
     def load(cls, folder: Path) -> MissionLog:
@@ -263,8 +262,3 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, dict[str, NDArray[Any]]
 
 WIDE = ("strengths_v", "log_likelihood", "range_m")
 """Columns with one value per element, cell or beam in each row."""
-
-
-def _save(path: Path, meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
-    with atomic_file(path) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(file, allow_pickle=False, meta=np.array(json.dumps(meta)), **arrays)
