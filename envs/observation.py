@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dirmusic.bearing.spectrum import LEAST_NULL, pulse_spectra
 from dirmusic.compiled import compiled
+from pdpatrol.envs.motion import MotionState
 from pdpatrol.envs.progress import MAX_BEARING_AGE_S, TaskProgress
 from pdpatrol.robot_models.readings import LIDAR, VELOCITY
 from pdpatrol.robot_models.sensors import LIDAR_BEAMS, LIDAR_RANGE_M
@@ -112,23 +113,39 @@ class ObservationModel(NamedTuple):
         return {name: vectors[..., start:end] for name, start, end in parts}
 
 
-@compiled
-def strongest_pulses(
-    robot: NDArray[np.intp], strengths_v: FloatArray, azimuth_rad: FloatArray, is_usable: BoolArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Find the pulse of each robot with most energy in its usable channels.
+class RobotPulses(NamedTuple):
+    """Pulses of one step of all robots.
 
-    Args:
+    Attributes:
         robot: Robot of each pulse, shape (n_pulses,).
         strengths_v: Strengths, shape (n_pulses, n_elements).
         azimuth_rad: Azimuths, array frame, shape (n_pulses,).
-        is_usable: Usable channels of each robot, shape (n_robots, n_elements).
-
-    Returns:
-        Root of the energy (n_robots,), strengths scaled to unit norm (n_robots, n_elements) with 0 in channels that are
-        not usable, and azimuth (n_robots,); zeros for robots without a pulse.
     """
+
+    robot: NDArray[np.intp]
+    strengths_v: FloatArray
+    azimuth_rad: FloatArray
+
+
+class StrongestPulses(NamedTuple):
+    """Pulse of each robot with most energy in its usable channels; zeros for robots without a pulse.
+
+    Attributes:
+        level_v: Root of the energy, shape (n_robots,).
+        strengths: Strengths of unit norm, 0 in channels that are not usable, shape (n_robots, n_elements).
+        azimuth_rad: Azimuth, array frame, shape (n_robots,).
+    """
+
+    level_v: FloatArray
+    strengths: FloatArray
+    azimuth_rad: FloatArray
+
+
+@compiled
+def strongest_pulses(pulses: RobotPulses, is_usable: BoolArray) -> StrongestPulses:
+    """Find the strongest pulse of each robot; the usable channels have shape (n_robots, n_elements)."""
     n_robots, n_elements = is_usable.shape
+    robot, strengths_v, azimuth_rad = pulses
     level_v, strengths, azimuth = np.zeros(n_robots), np.zeros((n_robots, n_elements)), np.zeros(n_robots)
     for k in range(robot.size):
         r, energy = robot[k], 0.0
@@ -139,43 +156,38 @@ def strongest_pulses(
             level_v[r], azimuth[r] = root_v, azimuth_rad[k]
             for e in range(n_elements):
                 strengths[r, e] = is_usable[r, e] * strengths_v[k, e] / root_v
-    return level_v, strengths, azimuth
+    return StrongestPulses(level_v, strengths, azimuth)
 
 
 @compiled
 def observe(
     model: ObservationModel,
     progress: TaskProgress,
+    motion: MotionState,
     readings: FloatArray,
-    pose: FloatArray,
-    time_s: FloatArray,
     lidar_normal: FloatArray,
     is_usable: BoolArray,
     spectrum_gain: FloatArray,
-    robot: NDArray[np.intp],
-    strengths_v: FloatArray,
-    azimuth_rad: FloatArray,
+    pulses: RobotPulses,
 ) -> Float32Array:
     """Compute the observations of all robots, clipped to their bounds.
 
     Args:
         model: Layout and parameters.
         progress: Progress of the robots; the last bearings are updated from the strongest pulses.
+        motion: Sensors of motion.
         readings: Values of `pdpatrol.robot_models.readings.Readings`, shape (n_robots, n_values).
-        pose: Believed poses, shape (n_robots, 3).
-        time_s: Time since the start, shape (n_robots,).
         lidar_normal: Standard normal draws for the lidar, shape (n_robots, n_beams).
         is_usable: Usable channels, shape (n_robots, n_elements).
         spectrum_gain: Unit gains of the usable channels towards `SPECTRUM_AZIMUTHS_RAD`, shape (n_robots, n_elements,
             n_azimuths).
-        robot: Robot of each pulse, shape (n_pulses,).
-        strengths_v: Strengths of the pulses, shape (n_pulses, n_elements).
-        azimuth_rad: Azimuths of the pulses, shape (n_pulses,).
+        pulses: Pulses of this step.
 
     Returns:
         Shape (n_entries, n_robots), so that each entry is contiguous.
     """
-    level_v, strengths, azimuth = strongest_pulses(robot, strengths_v, azimuth_rad, is_usable)
+    level_v, strengths, azimuth = strongest_pulses(pulses, is_usable)
+    pose, time_s = motion.pose, motion.time_s
     spectrum = pulse_spectra(strengths, spectrum_gain, LEAST_NULL)
     velocity, lidar_m = readings[:, VELOCITY], readings[:, LIDAR]
     n_robots, n_beams = lidar_m.shape

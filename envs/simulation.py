@@ -19,7 +19,7 @@ from dirmusic.bearing.channel_health import ChannelMonitor, SuspectChannel
 from dirmusic.pulses.batch import PulseBatch
 from pdpatrol.envs.episode import Episode, Generators, ResetOptions
 from pdpatrol.envs.motion import N_DRAWS, MotionState, SensorParameters, sense_motion, start_motion
-from pdpatrol.envs.observation import SPECTRUM_AZIMUTHS_RAD, ObservationModel, observation_space, observe
+from pdpatrol.envs.observation import SPECTRUM_AZIMUTHS_RAD, ObservationModel, RobotPulses, observation_space, observe
 from pdpatrol.envs.progress import (
     REWARD_TERMS,
     Task,
@@ -273,15 +273,12 @@ class Simulation:
         observation = observe(
             self.observations,
             progress,
+            motion,
             readings,
-            motion.pose,
-            motion.time_s,
             self._lidar_normal,
             self._usable,
             self._spectrum_gain,
-            robot,
-            pulses.strengths_v,
-            pulses.azimuth_rad,
+            RobotPulses(robot, pulses.strengths_v, pulses.azimuth_rad),
         ).T
         fell_over = has_fallen(readings)
         info = {
