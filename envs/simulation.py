@@ -160,11 +160,6 @@ class Simulation:
         return self.robots.readings.pose.copy()
 
     @property
-    def usable_channels(self) -> BoolArray:
-        """Channels that direction finding uses, shape (n_robots, n_elements)."""
-        return self._usable.copy()
-
-    @property
     def has_begun(self) -> bool:
         """True once every robot has been started."""
         return None not in self._episodes

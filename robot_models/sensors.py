@@ -16,7 +16,7 @@ LIDAR_RANGE_M = 12.0
 """Greatest range of the lidar (assumed): that of a small time-of-flight scanner."""
 
 LIDAR_PERIOD_S = 0.1
-"""Time between scans, and time for which contacts are stored."""
+"""Time between scans and between commands, for which contacts are stored; a whole number of physics steps."""
 
 HULL_PREFIX = "hull/"
 """Prefix of the names of contact sensors."""

@@ -26,9 +26,6 @@ FENCE_HEIGHT_M = 1.8
 FENCE_THICKNESS_M = 0.1
 """Thickness of the fence (assumed): many times the movement of a robot in one physics step."""
 
-YARD_PREFIX = "yard/"
-"""Prefix of the names of textures and materials of a yard."""
-
 
 def build_spec(robot: RobotDescription, yard: Yard, elements: AntennaElements | None = None) -> mujoco.MjSpec:
     """Build an editable spec of the yard with one robot in it.
@@ -98,9 +95,9 @@ def _add_yard(spec: mujoco.MjSpec, yard: Yard) -> None:
     for item in yard.equipment:
         _add_equipment(own, item)
     names = [element.name for element in (*own.geoms, *own.lights)]
-    spec.attach(own, frame=spec.worldbody.add_frame(), prefix=YARD_PREFIX)
+    spec.attach(own, frame=spec.worldbody.add_frame(), prefix="yard/")
     for name in names:
-        (spec.geom(YARD_PREFIX + name) or spec.light(YARD_PREFIX + name)).name = name
+        (spec.geom(f"yard/{name}") or spec.light(f"yard/{name}")).name = name
     size_x, size_y = yard.size_m
     spec.stat.center = [0.5 * size_x, 0.5 * size_y, 0.5]
     spec.stat.extent = 0.5 * float(np.hypot(size_x, size_y))

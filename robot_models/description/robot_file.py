@@ -45,14 +45,12 @@ from pdpatrol.robot_models.description.robot_description import (
     xml_path,
 )
 from pdpatrol.robot_models.description.robot_measures import SPIN_RADPS, SPIN_S, Measures, measure
+from pdpatrol.robot_models.sensors import LIDAR_PERIOD_S
 from pdpatrol.robot_models.world import build_spec
 from pdpatrol.robot_models.yard.yard import ROBOT_HEIGHT_M, Yard
 
 TOLERANCE_M = 0.005
 """Tolerance of positions (assumed)."""
-
-CONTROL_STEP_S = 0.1
-"""Time between commands, and between scans of the lidar; a whole number of physics steps."""
 
 
 def load_robot(model: str | Path) -> RobotDescription:
@@ -166,10 +164,10 @@ def _describe(path: Path, spec: mujoco.MjSpec, wheels: tuple[Wheel, ...], measur
         footprint_radius_m=float(measures.outline_m.max()),
         inner_radius_m=float(measures.hull_m.min()),
         height_m=measures.top_m,
-        max_speed_mps=parts.limit_of(spec, parts.MAX_SPEED),
-        max_yaw_rate_radps=parts.limit_of(spec, parts.MAX_YAW_RATE),
-        max_acceleration_mps2=parts.limit_of(spec, parts.MAX_ACCELERATION),
-        yaw_rate_gain=parts.limit_of(spec, parts.YAW_RATE_GAIN),
+        max_speed_mps=parts.limit_of(spec, "max_speed"),
+        max_yaw_rate_radps=parts.limit_of(spec, "max_yaw_rate"),
+        max_acceleration_mps2=parts.limit_of(spec, "max_acceleration"),
+        yaw_rate_gain=parts.limit_of(spec, "yaw_rate_gain"),
         lidar_start_m=float(measures.lidar_m[0]),
         lidar_height_m=float(measures.lidar_m[2]),
     )
@@ -218,7 +216,7 @@ def _speed_errors(robot: RobotDescription, measures: Measures, model: mujoco.MjM
             low, high = actuator.ctrlrange.tolist()
             yield (
                 f"{wheel.actuator}: ctrlrange must hold {-needed_radps:.3g} to {needed_radps:.3g}, which "
-                f"{parts.MAX_SPEED} and {parts.MAX_YAW_RATE} need together, got {low:g} {high:g}"
+                f"max_speed and max_yaw_rate need together, got {low:g} {high:g}"
             )
 
 
@@ -236,10 +234,10 @@ def _body_errors(robot: RobotDescription, measures: Measures) -> Iterator[str]:
         )
     if not np.allclose(np.abs(measures.imu_quat), [1.0, 0.0, 0.0, 0.0], atol=1e-3):
         yield f"{parts.IMU}: must have the orientation of the base"
-    steps = CONTROL_STEP_S / measures.timestep_s
+    steps = LIDAR_PERIOD_S / measures.timestep_s
     if steps < 1 or abs(steps - round(steps)) > 1e-6:
         yield (
-            f"option: timestep must be a whole fraction of {CONTROL_STEP_S} s, the time between two commands, got "
+            f"option: timestep must be a whole fraction of {LIDAR_PERIOD_S} s, the time between two commands, got "
             f"{measures.timestep_s:g} s"
         )
     if not (

@@ -14,13 +14,6 @@ from pdpatrol.robot_models.description.robot_description import LEFT, RIGHT, Whe
 BASE, FLOATING_BASE, IMU, GYRO, LIDAR, HOME = "base", "floating_base", "imu", "gyro", "lidar", "home"
 WHEEL_NAMES = {LEFT: "left_wheel", RIGHT: "right_wheel"}
 
-MAX_SPEED, MAX_YAW_RATE, MAX_ACCELERATION, YAW_RATE_GAIN = (
-    "max_speed",
-    "max_yaw_rate",
-    "max_acceleration",
-    "yaw_rate_gain",
-)
-
 FLOOR_CONTYPE = 1
 """Contact bit of the floor, for wheels and casters."""
 
@@ -35,7 +28,7 @@ def part_errors(spec: mujoco.MjSpec) -> Iterator[str]:
         yield from _wheel_errors(spec, side)
     yield from _sensor_errors(spec)
     yield from _contact_errors(spec)
-    for name in (MAX_SPEED, MAX_YAW_RATE, MAX_ACCELERATION, YAW_RATE_GAIN):
+    for name in ("max_speed", "max_yaw_rate", "max_acceleration", "yaw_rate_gain"):
         yield from _limit_errors(spec, name)
 
 
@@ -136,7 +129,7 @@ def _named(geoms: list[mujoco.MjsGeom]) -> str:
 
 
 def _limit_errors(spec: mujoco.MjSpec, name: str) -> Iterator[str]:
-    numeric, is_optional = spec.numeric(name), name == YAW_RATE_GAIN
+    numeric, is_optional = spec.numeric(name), name == "yaw_rate_gain"
     if numeric is None:
         if not is_optional:
             yield f"{name}: missing; there must be a custom numeric with one number above 0"

@@ -1,7 +1,7 @@
-"""Catalogue of the kinds of equipment that a yard may hold: material, colour, and shape if it is known.
+"""Catalogue of the kinds of equipment that a yard may hold: colour, and shape if it is known.
 
-A new kind is a row here, a row in `sensing/radio/materials.py` (a test checks that both have the same kinds) and, if it
-can be placed by its name alone, a function in `kinds.py` that builds it.
+A new kind is a row in `KIND_COLOURS`, a row in `sensing/radio/materials.py` (a test checks that both have the same
+kinds) and, if it can be placed by its name alone, a row in `CATALOGUE` and a function in `kinds.py` that builds it.
 """
 
 from __future__ import annotations
@@ -31,50 +31,41 @@ class CatalogueShape(NamedTuple):
     stretches: bool = False
 
 
-class EquipmentKind(NamedTuple):
-    """A kind of equipment.
-
-    Attributes:
-        material: Name of its material, as a constant of `pdpatrol.sensing.radio.materials`.
-        colour: Colour in which it is drawn.
-        shape: Its shape; None if a yard must give its box or cylinder.
-    """
-
-    material: str
-    colour: Colour
-    shape: CatalogueShape | None = None
-
-
-KINDS: dict[str, EquipmentKind] = {
-    "building": EquipmentKind("concrete", (0.76, 0.70, 0.62, 1.0)),
-    "busbar": EquipmentKind("porcelain", (0.55, 0.58, 0.60, 1.0), CatalogueShape(kinds.busbar, 12.0, stretches=True)),
-    "bushing": EquipmentKind("porcelain", (0.50, 0.28, 0.20, 1.0)),
-    "cabinet": EquipmentKind("metal", (0.36, 0.46, 0.44, 1.0)),
-    "capacitor_bank": EquipmentKind("rack", (0.58, 0.60, 0.44, 1.0)),
-    "circuit_breaker": EquipmentKind("metal", (0.62, 0.66, 0.70, 1.0), CatalogueShape(kinds.circuit_breaker, 3.6)),
-    "control_building": EquipmentKind(
-        "concrete", (0.76, 0.70, 0.62, 1.0), CatalogueShape(kinds.control_building, 6.0, stretches=True)
-    ),
-    "current_transformer": EquipmentKind(
-        "porcelain", (0.52, 0.30, 0.22, 1.0), CatalogueShape(kinds.current_transformer, 0.5)
-    ),
-    "disconnector": EquipmentKind("porcelain", (0.70, 0.66, 0.58, 1.0)),
-    "fence": EquipmentKind("mesh", (0.50, 0.56, 0.54, 0.35), CatalogueShape(kinds.fence, 6.0, stretches=True)),
-    "fire_wall": EquipmentKind("concrete", (0.58, 0.60, 0.62, 1.0)),
-    "gis": EquipmentKind("metal", (0.74, 0.77, 0.80, 1.0)),
-    "gis_bay": EquipmentKind("metal", (0.74, 0.77, 0.80, 1.0), CatalogueShape(kinds.gis_bay, 6.0, stretches=True)),
-    "kerb": EquipmentKind("kerb", (0.66, 0.65, 0.62, 1.0), CatalogueShape(kinds.kerb, 6.0, stretches=True)),
-    "power_transformer": EquipmentKind("metal", (0.45, 0.55, 0.50, 1.0), CatalogueShape(kinds.power_transformer, 5.0)),
-    "reactor": EquipmentKind("metal", (0.72, 0.74, 0.70, 1.0)),
-    "surge_arrester": EquipmentKind("porcelain", (0.40, 0.42, 0.52, 1.0)),
-    "voltage_transformer": EquipmentKind(
-        "porcelain", (0.60, 0.36, 0.24, 1.0), CatalogueShape(kinds.voltage_transformer, 0.5)
-    ),
-    "wall": EquipmentKind("concrete", (0.58, 0.60, 0.62, 1.0)),
+CATALOGUE: dict[str, CatalogueShape] = {
+    "busbar": CatalogueShape(kinds.busbar, 12.0, stretches=True),
+    "circuit_breaker": CatalogueShape(kinds.circuit_breaker, 3.6),
+    "control_building": CatalogueShape(kinds.control_building, 6.0, stretches=True),
+    "current_transformer": CatalogueShape(kinds.current_transformer, 0.5),
+    "fence": CatalogueShape(kinds.fence, 6.0, stretches=True),
+    "gis_bay": CatalogueShape(kinds.gis_bay, 6.0, stretches=True),
+    "kerb": CatalogueShape(kinds.kerb, 6.0, stretches=True),
+    "power_transformer": CatalogueShape(kinds.power_transformer, 5.0),
+    "voltage_transformer": CatalogueShape(kinds.voltage_transformer, 0.5),
 }
-
-CATALOGUE: dict[str, CatalogueShape] = {name: kind.shape for name, kind in KINDS.items() if kind.shape is not None}
 """Kinds that a yard can place by their name alone."""
+
+KIND_COLOURS: dict[str, Colour] = {
+    "building": (0.76, 0.70, 0.62, 1.0),
+    "busbar": (0.55, 0.58, 0.60, 1.0),
+    "bushing": (0.50, 0.28, 0.20, 1.0),
+    "cabinet": (0.36, 0.46, 0.44, 1.0),
+    "capacitor_bank": (0.58, 0.60, 0.44, 1.0),
+    "circuit_breaker": (0.62, 0.66, 0.70, 1.0),
+    "control_building": (0.76, 0.70, 0.62, 1.0),
+    "current_transformer": (0.52, 0.30, 0.22, 1.0),
+    "disconnector": (0.70, 0.66, 0.58, 1.0),
+    "fence": (0.50, 0.56, 0.54, 0.35),
+    "fire_wall": (0.58, 0.60, 0.62, 1.0),
+    "gis": (0.74, 0.77, 0.80, 1.0),
+    "gis_bay": (0.74, 0.77, 0.80, 1.0),
+    "kerb": (0.66, 0.65, 0.62, 1.0),
+    "power_transformer": (0.45, 0.55, 0.50, 1.0),
+    "reactor": (0.72, 0.74, 0.70, 1.0),
+    "surge_arrester": (0.40, 0.42, 0.52, 1.0),
+    "voltage_transformer": (0.60, 0.36, 0.24, 1.0),
+    "wall": (0.58, 0.60, 0.62, 1.0),
+}
+"""Colours of all kinds."""
 
 PART_COLOURS: dict[str, Colour] = {
     "hv_bushing": (0.55, 0.27, 0.18, 1.0),
@@ -88,15 +79,15 @@ PART_COLOURS: dict[str, Colour] = {
     "cubicle": (0.40, 0.48, 0.46, 1.0),
     "base": (0.62, 0.61, 0.58, 1.0),
 }
-"""Colours of parts that differ from that of their kind: porcelain is brown, steel grey."""
+"""Colours of parts that differ from those of their kind: porcelain is brown, steel grey."""
 
 
 def colour_of(kind: str, part: str) -> Colour:
     """Return the colour of a part of a piece of equipment.
 
     Args:
-        kind: Kind of the piece; plain grey if it is not in `KINDS`.
+        kind: Kind of the piece; plain grey if it is not in `KIND_COLOURS`.
         part: Name of the part; numbers at its end do not count: `post_1_2` is a post.
     """
-    of_kind = KINDS[kind].colour if kind in KINDS else (0.58, 0.60, 0.62, 1.0)
+    of_kind = KIND_COLOURS.get(kind, (0.58, 0.60, 0.62, 1.0))
     return PART_COLOURS.get(re.sub(r"(_\d+)+$", "", part), of_kind)

@@ -29,8 +29,7 @@ def _without_sign_of_zero(value: float) -> float:
 PLAIN_ZERO = AfterValidator(_without_sign_of_zero)
 """Validator that turns -0.0 into 0."""
 
-NAME_PATTERN = r"^[a-z][a-z0-9_]*$"
-Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=MOST_LETTERS)]
+Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=MOST_LETTERS)]
 
 YardLength = Annotated[float, Field(ge=1.0, le=MOST_YARD_M), PLAIN_ZERO]
 """Side of a yard: a robot does not fit into less than a metre."""

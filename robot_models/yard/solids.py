@@ -7,29 +7,43 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, NonNegativeFloat, PositiveFloat
 
 FloatArray = NDArray[np.float64]
 
 
-class Solid(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
-    """A solid in the frame of its equipment: footprint as at yaw 0, z up from the ground."""
+class Box(NamedTuple):
+    """A box, such as a tank, a cabinet or a wall, in the frame of its equipment: x and y as at yaw 0, z up.
 
+    Attributes:
+        footprint_m: Length along x and y.
+        top_m: Height of the top above the ground.
+        bottom_m: Height of the bottom above the ground.
+        centre_m: Middle of the footprint.
+    """
+
+    footprint_m: tuple[float, float]
+    top_m: float
+    bottom_m: float = 0.0
     centre_m: tuple[float, float] = (0.0, 0.0)
-    bottom_m: NonNegativeFloat = 0.0
-    top_m: PositiveFloat
 
 
-class Box(Solid, frozen=True):
-    """A box, such as a tank, a cabinet or a wall."""
+class Cylinder(NamedTuple):
+    """An upright cylinder, such as a bushing, an insulator or a pole, in the same frame.
 
-    footprint_m: tuple[PositiveFloat, PositiveFloat]
+    Attributes:
+        radius_m: Radius.
+        top_m: Height of the top above the ground.
+        bottom_m: Height of the bottom above the ground.
+        centre_m: Middle of the footprint.
+    """
+
+    radius_m: float
+    top_m: float
+    bottom_m: float = 0.0
+    centre_m: tuple[float, float] = (0.0, 0.0)
 
 
-class Cylinder(Solid, frozen=True):
-    """An upright cylinder, such as a bushing, an insulator or a pole."""
-
-    radius_m: PositiveFloat
+Solid = Box | Cylinder
 
 
 class PlacedSolid(NamedTuple):
