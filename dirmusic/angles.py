@@ -1,9 +1,11 @@
-"""Angles on the circle; `kernels.wrapped` is `wrap` for compiled loops."""
+"""Angles on the circle; `wrapped` is `wrap` for compiled loops."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from dirmusic.compiled import compiled
 
 FloatArray = NDArray[np.float64]
 
@@ -31,3 +33,9 @@ def aperture(angle_rad: ArrayLike) -> float:
         return 0.0
     gaps = np.append(np.diff(angle), angle[0] + 2 * np.pi - angle[-1])
     return float(2 * np.pi - gaps.max())
+
+
+@compiled
+def wrapped(angle_rad: float) -> float:
+    """Bring one angle into (-pi, pi]."""
+    return -((np.pi - angle_rad) % (2.0 * np.pi)) + np.pi

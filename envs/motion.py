@@ -8,8 +8,8 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from dirmusic.angles import wrapped
 from dirmusic.compiled import compiled
-from dirmusic.kernels import wrapped
 from pdpatrol.envs.scenario.robot import BatteryConfig, OdometryConfig, PoseSensorConfig
 from pdpatrol.robot_models.readings import MOTOR_POWER, POSE, WHEEL_ANGLES
 

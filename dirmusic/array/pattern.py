@@ -10,9 +10,24 @@ import scipy  # its submodules are loaded when they are first used
 from numpy.typing import ArrayLike, NDArray
 
 from dirmusic.compiled import compiled, compiled_inner
-from dirmusic.kernels import cubic, cubic_slope
 
 FloatArray = NDArray[np.float64]
+
+
+@compiled_inner
+def cubic(share: float, start: float, end: float, start_slope: float, end_slope: float) -> float:
+    """Interpolate between two points by the cubic with their values and slopes; `share` in [0, 1]."""
+    rise = end - start
+    square, cube = 3.0 * rise - 2.0 * start_slope - end_slope, start_slope + end_slope - 2.0 * rise
+    return start + share * (start_slope + share * (square + share * cube))
+
+
+@compiled_inner
+def cubic_slope(share: float, start: float, end: float, start_slope: float, end_slope: float) -> float:
+    """Compute the slope of `cubic` per unit of `share`."""
+    rise = end - start
+    square, cube = 3.0 * rise - 2.0 * start_slope - end_slope, start_slope + end_slope - 2.0 * rise
+    return start_slope + share * (2.0 * square + 3.0 * share * cube)
 
 
 class GainPattern(Protocol):

@@ -9,14 +9,14 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.angles import difference, wrap
+from dirmusic.angles import difference, wrap, wrapped
 from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, GainManifold, ManifoldTable
 from dirmusic.array.model import ArrayModel
 from dirmusic.bearing.maximum_likelihood import TINY, MaximumLikelihood, look_up
 from dirmusic.bearing.sub_bands import SubBandLikelihood
 from dirmusic.compiled import Held, compiled
-from dirmusic.kernels import dot, wrapped
 from dirmusic.pulses.batch import LEAST_SHARE, NO_DIRECTION, UNKNOWN_STD_RAD, Bearings, PulseBatch
+from dirmusic.pulses.strengths import dot
 
 FloatArray = NDArray[np.float64]
 

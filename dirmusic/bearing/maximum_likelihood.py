@@ -8,13 +8,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dirmusic.angles import wrap
+from dirmusic.angles import wrap, wrapped
 from dirmusic.array.element_errors import ManifoldPrior
 from dirmusic.array.manifold import SEARCH_STEP_RAD, GainManifold, ManifoldTable
 from dirmusic.array.model import ArrayModel
+from dirmusic.array.pattern import cubic, cubic_slope
 from dirmusic.compiled import Held, compiled, compiled_inner
-from dirmusic.kernels import cubic, cubic_slope, dot, wrapped
 from dirmusic.pulses.batch import LEAST_SHARE, NO_DIRECTION, UNKNOWN_STD_RAD, Bearings, PulseBatch
+from dirmusic.pulses.strengths import dot
 
 FloatArray = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from dirmusic.angles import wrap
 from dirmusic.compiled import compiled
-from dirmusic.kernels import dot
+from dirmusic.pulses.strengths import dot
 
 FloatArray = NDArray[np.float64]
 

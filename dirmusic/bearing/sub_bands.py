@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dirmusic.angles import wrapped
 from dirmusic.array.manifold import SEARCH_STEP_RAD, GainManifold, ManifoldTable
 from dirmusic.array.model import ArrayModel
 from dirmusic.bearing.maximum_likelihood import REFINEMENTS, TINY, MaximumLikelihood, look_up
 from dirmusic.compiled import Held, compiled, compiled_inner
-from dirmusic.kernels import dot, wrapped
 from dirmusic.pulses.batch import LEAST_SHARE, NO_DIRECTION, UNKNOWN_STD_RAD, Bearings, PulseBatch
-from dirmusic.pulses.strengths import strength_variance
+from dirmusic.pulses.strengths import dot, strength_variance
 
 FloatArray = NDArray[np.float64]
 

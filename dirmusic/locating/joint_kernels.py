@@ -18,7 +18,7 @@ from dirmusic.array.element_errors import OFF_PLANE
 from dirmusic.array.model import ArrayModel
 from dirmusic.array.pattern import Boresight, GainInDirection, PatternTable, gain_and_slopes_towards
 from dirmusic.compiled import compiled
-from dirmusic.kernels import dot
+from dirmusic.pulses.strengths import dot
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]

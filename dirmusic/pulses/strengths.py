@@ -5,11 +5,20 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dirmusic.compiled import elementwise
+from dirmusic.compiled import compiled, elementwise
 
 FloatArray = NDArray[np.float64]
 
 TINY = float(np.finfo(np.float64).tiny)
+
+
+@compiled
+def dot(first: FloatArray, second: FloatArray) -> float:
+    """Compute the scalar product of two rows (n,), term by term."""
+    total = 0.0
+    for e in range(first.size):
+        total += first[e] * second[e]
+    return total
 
 
 @elementwise

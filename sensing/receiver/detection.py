@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import Held, compiled
-from dirmusic.kernels import dot
 from dirmusic.pulses.batch import NO_DIRECTION, PulseBatch
-from dirmusic.pulses.strengths import strength_of, variance_of_strength
+from dirmusic.pulses.strengths import dot, strength_of, variance_of_strength
 from pdpatrol.sensing.nature.sources import Emissions
 from pdpatrol.sensing.radio.arrivals import Arrivals, Propagation, propagate
 from pdpatrol.sensing.radio.ray_paths import WEAKEST

@@ -13,7 +13,7 @@ import dirmusic
 
 SMALL = """
 import numba
-from dirmusic.kernels import dot
+from dirmusic.pulses.strengths import dot
 import numpy as np
 print(dot(np.ones(2), np.ones(2)), numba.config.CACHE_DIR or "unset")
 """
@@ -49,10 +49,10 @@ def test_cache_is_private_and_keeps_numba_settings(tmp_path: Path, run) -> None:
 def test_change_in_another_file_is_compiled_anew(tmp_path: Path, run) -> None:  # noqa: ANN001
     """Numba itself compares the file of the called function alone."""
     assert run(SMALL).stdout.startswith("2.0")
-    kernels = tmp_path / "code" / "dirmusic" / "kernels.py"
-    caller = kernels.with_name("caller.py")
+    kernels = tmp_path / "code" / "dirmusic" / "pulses" / "strengths.py"
+    caller = kernels.parents[1] / "caller.py"
     caller.write_text(
-        "from dirmusic.compiled import compiled\nfrom dirmusic.kernels import dot\n"
+        "from dirmusic.compiled import compiled\nfrom dirmusic.pulses.strengths import dot\n"
         "@compiled\ndef square(row):\n    return dot(row, row)\n",
         encoding="utf-8",
     )

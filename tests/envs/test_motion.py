@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from dirmusic.angles import difference, wrap
-from dirmusic.kernels import wrapped
+from dirmusic.angles import difference, wrap, wrapped
 from pdpatrol.envs.motion import N_DRAWS, MotionState, SensorParameters, sense_motion, start_motion
 from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.envs.scenario.robot import BatteryConfig, OdometryConfig, PoseSensorConfig

@@ -8,11 +8,20 @@ import pytest
 from scipy.special import fresnel as fresnel_integrals
 from scipy.special import jv
 
-from pdpatrol.sensing.radio.diffraction import BoxEdge, EdgePoint, EdgeRay, is_hidden, round_one, round_two
+from pdpatrol.sensing.radio.diffraction import (
+    BoxEdge,
+    EdgePoint,
+    EdgeRay,
+    WedgeFaces,
+    is_hidden,
+    knife_edge,
+    round_one,
+    round_two,
+    wedge_coefficients,
+)
 from pdpatrol.sensing.radio.materials import WAVELENGTH_M
 from pdpatrol.sensing.radio.polarisation import Reflection
 from pdpatrol.sensing.radio.transmission import knife_edge_amplitude
-from pdpatrol.sensing.radio.wedge import WedgeFaces, knife_edge, wedge_coefficients
 
 METAL = WedgeFaces(Reflection(-1 + 0j, 1 + 0j), Reflection(-1 + 0j, 1 + 0j), 0.0)
 K = 2 * np.pi / WAVELENGTH_M

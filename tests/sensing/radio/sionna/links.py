@@ -21,6 +21,7 @@ from pdpatrol.sensing import Faces, Surroundings, UprightSolids
 from pdpatrol.sensing.radio.diffraction import (
     BoxEdge,
     EdgePoint,
+    WedgeFaces,
     box_edge,
     edge_axes,
     is_hidden,
@@ -32,7 +33,6 @@ from pdpatrol.sensing.radio.geometry import Vector, crosses, dot, normal_to, seg
 from pdpatrol.sensing.radio.materials import CONCRETE, METAL
 from pdpatrol.sensing.radio.polarisation import Field, Reflection, component, face_reflection, reflected
 from pdpatrol.sensing.radio.surroundings import solid_of
-from pdpatrol.sensing.radio.wedge import WedgeFaces
 
 HERE = Path(__file__).parent
 REFERENCE = json.loads((HERE / "reference.json").read_text(encoding="utf-8"))
