@@ -120,9 +120,7 @@ class Simulation:
         self.array, self.robot = scenario.known_array, scenario.robot.description
         self.estimator = make_estimator(scenario.estimator.method, self.array)
         nominal = scenario.array.nominal_elements()
-        elements = AntennaElements.checked(
-            nominal.positions_m, nominal.boresights_rad, nominal.boresight_elevations_rad
-        )
+        elements = AntennaElements(nominal.positions_m, nominal.boresights_rad, nominal.boresight_elevations_rad)
         self.robots = Robots(self.robot, yard, elements, n_robots, n_threads)
         self.max_episode_steps = math.ceil(min(task.time_limit_s / STEP_S - 1e-6, max_episode_steps or math.inf))
         n_elements, stops_m = self.array.manifold.n_elements, np.array([*scenario.route.stops_m, scenario.route.dock_m])

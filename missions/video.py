@@ -115,7 +115,7 @@ def film_frames(
     """
     scenario = with_planned_route(restore_scenario(log.meta["scenario"]))
     array = scenario.array.nominal_elements()
-    elements = AntennaElements.checked(array.positions_m, array.boresights_rad, array.boresight_elevations_rad)
+    elements = AntennaElements(array.positions_m, array.boresights_rad, array.boresight_elevations_rad)
     array_height_m = float(np.mean(np.asarray(array.positions_m)[:, 2]))
     look_rad = smooth_yaw(log.column("step", "true_pose")[steps, 2], frame_s)
     figure = Figure(figsize=(12.8, 6.4), dpi=dpi, layout="constrained")

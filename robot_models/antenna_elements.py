@@ -5,11 +5,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
@@ -29,28 +29,6 @@ class AntennaElements(NamedTuple):
     positions_m: FloatArray
     azimuth_rad: FloatArray
     elevation_rad: FloatArray
-
-    @classmethod
-    def checked(cls, positions_m: ArrayLike, azimuth_rad: ArrayLike, elevation_rad: ArrayLike = 0.0) -> Self:
-        """Check and convert 1 to `MAX_ELEMENTS` elements; the elevation may be common to all.
-
-        Raises:
-            ValueError: If shapes disagree, a value is not finite, or there are too many elements.
-        """
-        positions = np.array(positions_m, dtype=np.float64)
-        if positions.ndim != 2 or positions.shape[1] != 3 or not 1 <= len(positions) <= MAX_ELEMENTS:
-            raise ValueError(
-                f"`positions_m` must have shape (n, 3) with n from 1 to {MAX_ELEMENTS}, got {positions.shape}"
-            )
-        azimuth, elevation = np.array(azimuth_rad, dtype=np.float64), np.array(elevation_rad, dtype=np.float64)
-        if azimuth.shape != (len(positions),) or elevation.shape not in ((), azimuth.shape):
-            raise ValueError(
-                f"`azimuth_rad` and `elevation_rad` must have shape ({len(positions)},) to match `positions_m`, "
-                f"got {azimuth.shape} and {elevation.shape}"
-            )
-        if not (np.isfinite(positions).all() and np.isfinite(azimuth).all() and np.isfinite(elevation).all()):
-            raise ValueError("positions, azimuths and elevations of elements must be finite, got NaN or infinity")
-        return cls(positions, azimuth, np.broadcast_to(elevation, azimuth.shape))
 
 
 def attach_elements(spec: mujoco.MjSpec, elements: AntennaElements) -> None:

@@ -55,7 +55,13 @@ class Physics(NamedTuple):
 
 
 POSE, VELOCITY, WHEEL_ANGLES, MOTOR_POWER, UPRIGHT, LIDAR = slice(0, 3), slice(3, 5), slice(5, 7), 7, 8, slice(9, None)
-"""Columns of `Readings.values`; `UPRIGHT` is the cosine of the base's tilt."""
+"""Columns of `Readings.values`.
+
+`POSE`: x m, y m and yaw in (-pi, pi], world frame. `VELOCITY`: forward speed, m/s, and yaw rate, rad/s. `WHEEL_ANGLES`:
+angles of left and right wheels since the reset, radians. `MOTOR_POWER`: electrical power of the motors without
+recuperation, watts: mechanical power and known copper losses. `UPRIGHT`: cosine of the base's tilt. `LIDAR`: ranges
+from the robot's middle, metres, at most that of the lidar.
+"""
 
 LEAST_UPRIGHT = np.cos(np.radians(45.0))
 """Value of `UPRIGHT` below which a robot has fallen over (assumed): no wheeled robot recovers from there."""
@@ -76,26 +82,6 @@ class Readings(NamedTuple):
     def pose(self) -> FloatArray:
         """Position x m, y m and yaw in (-pi, pi], world frame, shape (n, 3)."""
         return self.values[:, POSE]
-
-    @property
-    def velocity(self) -> FloatArray:
-        """Forward speed, m/s, and yaw rate, rad/s, shape (n, 2)."""
-        return self.values[:, VELOCITY]
-
-    @property
-    def wheel_angles(self) -> FloatArray:
-        """Angles of left and right wheels since the reset, radians, shape (n, 2)."""
-        return self.values[:, WHEEL_ANGLES]
-
-    @property
-    def motor_power_w(self) -> FloatArray:
-        """Electrical power of the motors without recuperation, shape (n,): mechanical power and known copper losses."""
-        return self.values[:, MOTOR_POWER]
-
-    @property
-    def lidar_m(self) -> FloatArray:
-        """Ranges from the robot's middle, at most that of the lidar, shape (n, n_beams)."""
-        return self.values[:, LIDAR]
 
 
 @compiled

@@ -123,11 +123,6 @@ class Robots:
         return build_spec(self.robot, self._yard, self._elements).compile()
 
     @property
-    def n_robots(self) -> int:
-        """Number of robots."""
-        return len(self._places)
-
-    @property
     def touched(self) -> list[tuple[str, ...]]:
         """Names of what each robot touched since its last `drive` or `reset` began: `equipment/NAME`, `fence/SIDE`."""
         return [tuple(sorted(self._yard.obstacles_at(list(places)))) if places else () for places in self._places]
@@ -209,7 +204,7 @@ class Robots:
 
     def n_warnings(self) -> NDArray[np.intp]:
         """Return the number of MuJoCo's warnings for each robot, shape (n_robots,)."""
-        return np.asarray(self._batch.warning).reshape(self.n_robots, -1).sum(axis=-1)
+        return np.asarray(self._batch.warning).reshape(len(self._places), -1).sum(axis=-1)
 
     def data(self, row: int = 0) -> mujoco.MjData:
         """Copy the complete world of one robot in its current state, for pictures and queries."""

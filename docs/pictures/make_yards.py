@@ -65,7 +65,7 @@ def main() -> None:
 def draw_yard(panel: Axes, scenario: Scenario) -> None:
     """Draw a yard as seen by an orthographic camera from the south, with the robot at its dock."""
     array = HelicalArray.nominal(scenario.array)
-    elements = AntennaElements.checked(array.positions_m, array.boresights_rad, array.boresight_elevations_rad)
+    elements = AntennaElements(array.positions_m, array.boresights_rad, array.boresight_elevations_rad)
     spec = build_spec(scenario.robot.description, scenario.yard, elements)
     half_x, half_y = 0.5 * np.asarray(scenario.yard.size_m) + MARGIN_M
     half_y *= -np.sin(ELEVATION_RAD)

@@ -15,7 +15,6 @@ from pdpatrol.envs.scenario.array import ArrayCalibration, read_calibration
 from pdpatrol.envs.scenario.base import Config, resolve_path, resolve_user_code
 from pdpatrol.sensing.quantities import PATH_PATTERN, PLAIN_ZERO, FilePath
 
-PATH_SCHEMA = {"type": "string", "maxLength": 1024, "pattern": PATH_PATTERN}
 Decibel = Annotated[float, Field(ge=0.0, le=100.0), PLAIN_ZERO]
 Metre = Annotated[float, Field(ge=0.001, le=10_000.0)]
 Second = Annotated[float, Field(ge=0.01, le=86_400.0)]
@@ -51,7 +50,9 @@ class LocatingConfig(Config, frozen=True):
     locator: FilePath | None = None
     """Your own Locator, `my_file.py:MyLocator` or `package.module:MyLocator`, with the interface of
     `dirmusic.locating.protocol.LocatorProtocol`."""
-    calibration: Annotated[ArrayCalibration | None, WithJsonSchema(PATH_SCHEMA)] = None
+    calibration: Annotated[
+        ArrayCalibration | None, WithJsonSchema({"type": "string", "maxLength": 1024, "pattern": PATH_PATTERN})
+    ] = None
     """Path of a calibration that an earlier mission with this array has written."""
 
     max_std_deg: Arc | None = None

@@ -64,15 +64,10 @@ def load_suite() -> Suite:
     """Load the index of the suite."""
     index: dict[str, Any] = tomllib.loads((SUITE / "suite.toml").read_text(encoding="utf-8"))
     seeds = {part: range(first, last + 1) for part, (first, last) in index["seeds"].items()}
-    return Suite(index["version"], checksum(), index["levels"], seeds)
-
-
-def checksum() -> str:
-    """Return the SHA-256 of the names and contents of all yards, in hexadecimal digits."""
     digest = hashlib.sha256()
     for yard in suite_yards():
         digest.update(f"{yard.part}/{yard.path.name}\n".encode() + yard.path.read_bytes())
-    return digest.hexdigest()
+    return Suite(index["version"], digest.hexdigest(), index["levels"], seeds)
 
 
 @cache

@@ -142,7 +142,7 @@ def _read(path: Path) -> RobotDescription:
 def _world_errors(robot: RobotDescription) -> Iterator[str]:
     """Yield a line if no world can be built around the robot, for example because of a name that the world needs."""
     try:
-        elements = AntennaElements.checked(np.zeros((MAX_ELEMENTS, 3)), np.zeros(MAX_ELEMENTS))
+        elements = AntennaElements(np.zeros((MAX_ELEMENTS, 3)), *np.zeros((2, MAX_ELEMENTS)))
         build_spec(robot, Yard(size_m=(5.0, 5.0)), elements).compile()
     except ValueError as error:
         yield f"world: cannot be built around the robot: {_one_line(error)}"

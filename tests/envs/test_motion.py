@@ -9,7 +9,7 @@ from dirmusic.angles import difference, wrap, wrapped
 from pdpatrol.envs.motion import N_DRAWS, MotionState, SensorParameters, sense_motion, start_motion
 from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.envs.scenario.robot import BatteryConfig, OdometryConfig, PoseSensorConfig
-from pdpatrol.robot_models.readings import MOTOR_POWER, POSE, WHEEL_ANGLES
+from pdpatrol.robot_models.readings import LIDAR, MOTOR_POWER, POSE, WHEEL_ANGLES
 
 PERFECT = OdometryConfig(wheel_radius_error=0.0, gyro_bias_deg_per_min=0.0, gyro_noise_deg_per_sqrt_min=0.0)
 
@@ -101,7 +101,7 @@ def test_odometry_drifts_by_less_than_half_a_percent() -> None:
         wish = rng.uniform([0.4, -0.6], [1.0, 0.6], (60, 2)).astype(np.float32)
         for k in range(1200):
             action = wish[k // 20].copy()
-            if env.simulation.robots.readings.lidar_m[0, [0, 1, 2, 3, -1, -2, -3]].min() < 1.5:
+            if env.simulation.robots.readings.values[0, LIDAR][[0, 1, 2, 3, -1, -2, -3]].min() < 1.5:
                 action[1] = 0.9
             _, _, _, _, info = env.step(action)
             pose = info["true_pose"]

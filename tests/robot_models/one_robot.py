@@ -9,6 +9,7 @@ import numpy as np
 
 from pdpatrol.robot_models.antenna_elements import AntennaElements
 from pdpatrol.robot_models.description.robot_file import load_robot
+from pdpatrol.robot_models.readings import VELOCITY
 from pdpatrol.robot_models.robots import Robots
 from pdpatrol.robot_models.yard.pieces import BoxEquipment, CylinderEquipment
 from pdpatrol.robot_models.yard.yard import Yard
@@ -33,7 +34,7 @@ class OneRobot:
 
     def __init__(self, model: str | Path) -> None:
         self.robot = load_robot(model)
-        self.robots = Robots(self.robot, YARD, AntennaElements.checked(RING_M, AZIMUTHS_RAD))
+        self.robots = Robots(self.robot, YARD, AntennaElements(RING_M, AZIMUTHS_RAD, np.zeros(6)))
         self.reset(10.0, 10.0, 0.0)
 
     @property
@@ -59,7 +60,7 @@ class OneRobot:
         return self.robots.readings.pose[0]
 
     def velocity(self) -> np.ndarray:
-        return self.robots.readings.velocity[0]
+        return self.robots.readings.values[0, VELOCITY]
 
     def touched(self) -> tuple[str, ...]:
         return self.robots.touched[0]

@@ -9,12 +9,13 @@ from pydantic import ValidationError
 from pdpatrol.robot_models.antenna_elements import AntennaElements
 from pdpatrol.robot_models.description.robot_file import load_robot
 from pdpatrol.robot_models.equipment import CATALOGUE, KIND_COLOURS, colour_of
+from pdpatrol.robot_models.readings import LIDAR
 from pdpatrol.robot_models.robots import Robots
 from pdpatrol.robot_models.yard.pieces import BoxEquipment, CatalogueEquipment
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing.radio.materials import KIND_MATERIALS
 
-ONE_ELEMENT = AntennaElements.checked([[0.0, 0.0, 0.6]], [0.0])
+ONE_ELEMENT = AntennaElements(np.array([[0.0, 0.0, 0.6]]), np.zeros(1), np.zeros(1))
 
 
 def yard_with(kind: str, yaw_deg: float = 30.0, length_m: float | None = None) -> Yard:
@@ -81,7 +82,7 @@ def test_robot_passes_below_a_busbar_but_not_over_a_kerb() -> None:
     assert kerb.clearance(np.array([20.0, 15.0])) < 0
     inspector = Robots(load_robot("inspector"), kerb, ONE_ELEMENT)
     inspector.reset([0], [(20.0, 14.0, np.pi / 2)])
-    assert inspector.readings.lidar_m[0, 0] == pytest.approx(1.0 - 0.075, abs=0.01)  # as high as the lidar looks
+    assert inspector.readings.values[0, LIDAR][0] == pytest.approx(1.0 - 0.075, abs=0.01)  # as high as the lidar looks
     inspector.drive([0.5], [0.0], 3.0)
     assert inspector.touched[0] == ("equipment/it",)
     assert inspector.readings.pose[0, 1] < 15.0

@@ -5,6 +5,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from pdpatrol.robot_models.readings import WHEEL_ANGLES
 from tests.robot_models.one_robot import OneRobot
 
 
@@ -34,9 +35,9 @@ def test_wheels_do_not_slip_when_braking(
     radius_m, step_s = inspector.robot.wheel_radius_m, inspector.robots.step_s
     for v_mps in (0.8, -0.8, 0.0):
         for _ in range(60):
-            turned, x_m = inspector.robots.readings.wheel_angles[0].mean(), inspector.pose()[0]
+            turned, x_m = inspector.robots.readings.values[0, WHEEL_ANGLES].mean(), inspector.pose()[0]
             inspector.drive(v_mps, 0.0, step_s)
-            turned = inspector.robots.readings.wheel_angles[0].mean() - turned
+            turned = inspector.robots.readings.values[0, WHEEL_ANGLES].mean() - turned
             assert radius_m * turned / step_s == pytest.approx((inspector.pose()[0] - x_m) / step_s, abs=0.005)
 
 

@@ -17,7 +17,7 @@ from tests.robot_models.one_robot import OneRobot
 TRACKING = {"inspector": 0.01, "crawler": 0.03}
 """To what share of a command the robots come."""
 
-ONE_ELEMENT = AntennaElements.checked([[0.0, 0.0, 0.6]], [0.0])
+ONE_ELEMENT = AntennaElements(np.array([[0.0, 0.0, 0.6]]), np.zeros(1), np.zeros(1))
 
 
 def lean_rad(robots: Robots) -> float:
@@ -119,7 +119,7 @@ def test_yaw_lies_above_minus_pi_and_up_to_pi(inspector: OneRobot) -> None:
 def states(robots: Robots, row: int, commands: np.ndarray) -> np.ndarray:
     """Drive one robot by commands while the others drive at random, and return its states."""
     robots.reset([row], [(17.0, 9.0, 0.3)])
-    others, found = np.random.default_rng(9).uniform(-0.5, 0.5, size=(len(commands), robots.n_robots, 2)), []
+    others, found = np.random.default_rng(9).uniform(-0.5, 0.5, size=(len(commands), len(robots.is_touching), 2)), []
     for command, other in zip(commands, others, strict=True):
         other[row] = command
         robots.drive(other[:, 0], other[:, 1], 0.1)

