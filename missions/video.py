@@ -54,9 +54,7 @@ class FilmError(OSError):
     """Reason why this machine cannot make a film."""
 
 
-def write_film(
-    log: MissionLog, path: Path, pace: float | None = None, progress: Callable[[float], None] = lambda share: None
-) -> None:
+def write_film(log: MissionLog, path: Path, pace: float | None, progress: Callable[[float], None]) -> None:
     """Write a film of a mission.
 
     Args:

@@ -20,7 +20,7 @@ from rich.table import Table
 from pdpatrol.envs.scenario.base import DAYS_PER_WEEK
 from pdpatrol.missions.campaign.inspection import InspectionLog
 from pdpatrol.missions.campaign.records import LinearTrend, TrackedDischarge, Trend, TrendInterval
-from pdpatrol.missions.report.figures import STYLE, draw_ground, draw_yard
+from pdpatrol.missions.report.figures import STYLE, draw_ground, draw_label, draw_yard
 from pdpatrol.missions.report.page import embed, render
 
 FloatArray = NDArray[np.float64]
@@ -130,7 +130,7 @@ def trend_page(trend: Trend, inspections: Sequence[InspectionLog]) -> str:
         listed = ", ".join(f"{count} {label}" for label, count in counts.items())
         summary = f"{n} discharge{'s' if n > 1 else ''} in {len(trend.dates)} inspections: {listed}."
     return render(
-        "trend.html",
+        "campaign/trend.html",
         title="Partial discharge trend",
         subject=f"{trend.scenario}, {trend.dates[0]} to {trend.dates[-1]}",
         trend=trend,
@@ -172,10 +172,7 @@ def draw_plan(trend: Trend, inspections: Sequence[InspectionLog]) -> Figure:
                 x, y, _ = zip(*(discharge.position_m for discharge in shown), strict=True)
                 axes.plot(x, y, mark.marker, color=mark.colour, ms=mark.size, mec="white", label=mark.label, zorder=7)
             for discharge in shown:
-                box = {"boxstyle": "round,pad=0.25", "facecolor": mark.colour, "edgecolor": "white"}
-                place_m = discharge.position_m[:2]
-                axes.annotate(str(discharge.number), place_m, (8, 6), textcoords="offset points", color="white",
-                              fontsize=8.5, fontweight="bold", bbox=box, zorder=8)  # fmt: skip
+                draw_label(axes, str(discharge.number), discharge.position_m[:2], (12.0, 10.0), mark.colour)
         if trend.discharges:
             figure.legend(loc="outside lower center", ncols=6, fontsize=7.5, frameon=False)
     return figure

@@ -96,10 +96,6 @@ class NearSteps(NamedTuple):
     duration_s: FloatArray
     loss_db: FloatArray
 
-    def take(self, rows: BoolArray) -> NearSteps:
-        """Select some of the steps; squares keep their numbers."""
-        return NearSteps(self.step[rows], self.look[rows], self.duration_s[rows], self.loss_db[rows])
-
 
 def loss_db(inspection: InspectionLog, position_m: FloatArray, pose: FloatArray) -> FloatArray:
     """Compute the loss of strength by distance and gain, relative to 1 m.
@@ -254,7 +250,7 @@ def _without_clipped(inspection: InspectionLog, near: NearSteps) -> NearSteps:
     n_clipped = np.bincount(pulse["step"], pulse["is_clipped"], minlength=n_steps)[near.step]
     is_clipped = np.bincount(near.look, n_clipped) > CLIPPED_SHARE * np.bincount(near.look, n_pulses)
     kept = ~is_clipped[near.look]
-    return near.take(kept) if kept.any() else near
+    return NearSteps(*(values[kept] for values in near)) if kept.any() else near
 
 
 def _position_std_db(inspection: InspectionLog, finding: LocatedFinding, pose: FloatArray) -> float:

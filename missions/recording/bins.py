@@ -1,13 +1,14 @@
-"""Part of a log that is drawn at once."""
+"""Part of a log that is drawn at once, and the shapes that several views share."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pdpatrol.missions.record.mission_log import MissionLog
 
@@ -47,3 +48,20 @@ def set_step(stream: rr.RecordingStream, log: MissionLog, step: int) -> None:
     time_s = log.column("step", "time_s", step, step + 1)
     stream.set_time("sim_time", duration=float(time_s[0]) if time_s.size else 0.0)
     stream.set_time("step", sequence=step)
+
+
+def labels_2d(places: Mapping[str, Sequence[float]]) -> rr.Points2D:
+    """Return white labels at places x, y of an image."""
+    return rr.Points2D(list(places.values()), labels=list(places), colors=[0xFFFFFFFF], radii=[0.1], show_labels=True)
+
+
+def labels_3d(places: Mapping[str, ArrayLike], radius_m: float = 0.01) -> rr.Points3D:
+    """Return white labels at places x, y, z."""
+    return rr.Points3D(
+        list(places.values()), labels=list(places), colors=[0xFFFFFFFF], radii=[radius_m], show_labels=True
+    )
+
+
+def lines_3d(lines: Any, colour: int, width: float = 0.8) -> rr.LineStrips3D:  # noqa: ANN401 - nested sequences
+    """Return lines whose width is in points of the screen."""
+    return rr.LineStrips3D(lines, colors=[colour], radii=rr.Radius.ui_points([width]))

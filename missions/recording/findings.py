@@ -7,7 +7,7 @@ import rerun as rr
 
 from dirmusic.locating.finding import ellipse95, outline95
 from pdpatrol.missions.record.log_contents import described_grid
-from pdpatrol.missions.recording.bins import LogBin, set_step
+from pdpatrol.missions.recording.bins import LogBin, labels_3d, set_step
 
 COLOURS = {
     "candidate": (255, 178, 40),
@@ -52,8 +52,7 @@ def _draw_finding(stream: rr.RecordingStream, part: LogBin, row: int) -> None:
 
 def draw_label(stream: rr.RecordingStream, number: int, position_m: np.ndarray, text: str) -> None:
     """Draw the label of a finding."""
-    label = rr.Points3D([position_m], labels=[text], colors=[0xFFFFFFFF], radii=[0.01], show_labels=True)
-    stream.log(f"world/findings/{number}/label", label)
+    stream.log(f"world/findings/{number}/label", labels_3d({text: position_m}))
 
 
 def _draw_likelihood(stream: rr.RecordingStream, part: LogBin) -> None:

@@ -8,7 +8,7 @@ import rerun as rr
 from pdpatrol.missions.record.finding_pulses import phase_patterns
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.which_site import percent
-from pdpatrol.missions.recording.bins import set_step
+from pdpatrol.missions.recording.bins import labels_2d, set_step
 
 UNITS_PER_DB, SPAN_DB = 4.0, 30
 """Scale of the level axis, whose y points down, and its extent on each side of the middle; x is in degrees."""
@@ -43,8 +43,7 @@ def draw_phase_patterns(stream: rr.RecordingStream, log: MissionLog) -> None:
         text = f"finding {number}: {resolved.pattern.kind} {percent(resolved.pattern.confidence)}"
         set_step(stream, log, log.n_rows("step") - 1)
         stream.log(f"{path}/dot", rr.Points2D([[x - 84.0, y + 8.0]], colors=[colour], radii=[4.0]))
-        name = rr.Points2D([[x, y]], labels=[text], colors=[0xFFFFFFFF], radii=[0.1], show_labels=True)
-        stream.log(f"{path}/kind", name)
+        stream.log(f"{path}/kind", labels_2d({text: [x, y]}))
 
 
 def _draw_axes(stream: rr.RecordingStream, middle_db: int) -> None:
@@ -56,5 +55,4 @@ def _draw_axes(stream: rr.RecordingStream, middle_db: int) -> None:
     stream.log("phase_pattern/axes/lines", lines, static=True)
     marks = {f"{x}°": [x, reach + 9.0] for x in range(0, 361, 90)}
     marks |= {f"{middle_db + db} dBV": [-22.0, -UNITS_PER_DB * db] for db in range(10 - SPAN_DB, SPAN_DB, 10)}
-    points = rr.Points2D(list(marks.values()), labels=list(marks), radii=[0.1], colors=[0xFFFFFFFF], show_labels=True)
-    stream.log("phase_pattern/axes/marks", points, static=True)
+    stream.log("phase_pattern/axes/marks", labels_2d(marks), static=True)

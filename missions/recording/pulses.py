@@ -6,7 +6,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from pdpatrol.missions.recording.bins import LogBin, set_step
+from pdpatrol.missions.recording.bins import LogBin, lines_3d, set_step
 from pdpatrol.missions.recording.spectra import AZIMUTHS_RAD, pseudo_spectra
 
 FloatArray = NDArray[np.float64]
@@ -50,7 +50,7 @@ def draw_pulses(stream: rr.RecordingStream, part: LogBin, unit_gain: FloatArray)
     stream.log("plots/directions/bearing", rr.Scalars(np.degrees(bearing_rad[strongest])))
     if part.is_complete:  # the view shows the rings of the duration of a bin
         ring = _ring(pose, spectrum[credible[strongest]])
-        stream.log("world/spectrum", rr.LineStrips3D([ring], colors=[0x5ADCFFFF], radii=rr.Radius.ui_points([1.5])))
+        stream.log("world/spectrum", lines_3d([ring], 0x5ADCFFFF, 1.5))
 
 
 def _rays(pose: FloatArray, towards_rad: FloatArray, length_m: float, colour: int, width: float) -> rr.LineStrips3D:
@@ -58,7 +58,7 @@ def _rays(pose: FloatArray, towards_rad: FloatArray, length_m: float, colour: in
     start = np.array([*pose[:2], ARRAY_HEIGHT_M])
     ahead = np.column_stack([np.cos(towards_rad), np.sin(towards_rad), np.zeros(towards_rad.size)])
     rays = np.stack([np.broadcast_to(start, ahead.shape), start + length_m * ahead], axis=1)
-    return rr.LineStrips3D(rays.astype(np.float32), colors=[colour], radii=rr.Radius.ui_points([width]))
+    return lines_3d(rays.astype(np.float32), colour, width)
 
 
 def _ring(pose: FloatArray, spectrum: FloatArray) -> FloatArray:

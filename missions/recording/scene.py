@@ -10,7 +10,7 @@ import rerun as rr
 from scipy.spatial.transform import Rotation
 
 from dirmusic.angles import wrap
-from pdpatrol.missions.recording.bins import LogBin, set_step
+from pdpatrol.missions.recording.bins import LogBin, labels_3d, lines_3d, set_step
 
 TRUTH = 0xFF46C8FF
 
@@ -36,7 +36,7 @@ def draw_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
         **_solids("world/yard/fence", groups["fence"]),
         **_solids("world/yard/map", solids.get("map", ()), fill_mode="majorwireframe"),
         **_solids("world/robot/body", solids.get("robot", ())),
-        "world/yard/names": _labels(_name_places(groups["equipment"], sites)),
+        "world/yard/names": labels_3d(_name_places(groups["equipment"], sites)),
         "world/yard/sites": rr.Points3D(
             list(sites.values()), labels=list(sites), colors=[0xC8965AFF], radii=[0.07], show_labels=False
         ),
@@ -51,8 +51,8 @@ def draw_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
         places = {f"true: {source['name']}": source["position_m"] for source in sources}
         moves = [[source["position_m"], source["moves_to_m"]] for source in sources if "moves_to_m" in source]
         shapes["world/truth/sources"] = rr.Points3D(list(places.values()), colors=[TRUTH], radii=[0.22])
-        shapes["world/truth/names"] = _labels({name: [x, y, z + 1.5] for name, (x, y, z) in places.items()})
-        shapes["world/truth/moves"] = _lines(moves, TRUTH)
+        shapes["world/truth/names"] = labels_3d({name: [x, y, z + 1.5] for name, (x, y, z) in places.items()})
+        shapes["world/truth/moves"] = lines_3d(moves, TRUTH)
     if "bounds_m" in meta:
         low, high = (np.array(corner) for corner in meta["bounds_m"])
         centre, half = [*(0.5 * (low + high)), -0.03], [*(0.5 * (high - low)), 0.02]
@@ -62,9 +62,9 @@ def draw_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
     if "route" in meta:
         stops = {"dock": meta["route"]["dock_m"]}
         stops |= {str(number): place_m for number, place_m in enumerate(meta["route"]["waypoints_m"], start=1)}
-        shapes["world/route"] = _labels({name: [x, y, 0.02] for name, (x, y) in stops.items()}, 0.1)
+        shapes["world/route"] = labels_3d({name: [x, y, 0.02] for name, (x, y) in stops.items()}, 0.1)
         path_m = [[x, y, 0.02] for x, y in meta.get("route_path_m") or ()]
-        shapes["world/route/path"] = _lines([path_m] if path_m else [], 0x969EA8FF)
+        shapes["world/route/path"] = lines_3d([path_m] if path_m else [], 0x969EA8FF)
     for path, shape in shapes.items():
         stream.log(path, shape, static=True)
 
@@ -80,23 +80,13 @@ def draw_motion(stream: rr.RecordingStream, part: LogBin) -> None:
         pose = part.log.column("step", column, max(part.first_step - 1, 0), part.end)
         if part.end > part.first_step and np.isfinite(pose).all():
             line = np.column_stack([pose[:, :2], np.full(len(pose), height_m)])
-            stream.log(path, rr.LineStrips3D([line], colors=[colour], radii=rr.Radius.ui_points([width])))
+            stream.log(path, lines_3d([line], colour, width))
     for command, battery in zip(part.tables["step"]["command"][-1:], part.tables["step"]["battery"][-1:], strict=True):
         stream.log("plots/directions/heading", rr.Scalars(np.degrees(wrap(part.pose(part.end - 1)[2]))))
         if np.isfinite(command).all():
             stream.log("plots/command", rr.Scalars(command))
         if np.isfinite(battery):
             stream.log("plots/battery", rr.Scalars(100.0 * battery))
-
-
-def _labels(places: Mapping[str, Sequence[float]], radius_m: float = 0.01) -> rr.Points3D:
-    return rr.Points3D(
-        list(places.values()), labels=list(places), colors=[0xFFFFFFFF], radii=[radius_m], show_labels=True
-    )
-
-
-def _lines(lines: Any, colour: int) -> rr.LineStrips3D:  # noqa: ANN401 - nested sequences
-    return rr.LineStrips3D(lines, colors=[colour], radii=rr.Radius.ui_points([0.8]))
 
 
 def _name_places(equipment: Sequence[Mapping[str, Any]], sites: Mapping[str, Any]) -> dict[str, list[float]]:

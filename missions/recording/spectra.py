@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from dirmusic.angles import wrap
 from pdpatrol.missions.record.mission_log import MissionLog
-from pdpatrol.missions.recording.bins import LogBin, set_step
+from pdpatrol.missions.recording.bins import LogBin, labels_2d, set_step
 
 FloatArray = NDArray[np.float64]
 
@@ -95,13 +95,11 @@ def draw_spectra_axes(stream: rr.RecordingStream, end_s: float) -> None:
     """Draw the frame, with bearings on the left and times below."""
     steps_s = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600)
     step_s = next((step for step in steps_s if step >= end_s / 6), end_s / 6)
-    bearings = {180: "180°", 90: "north 90°", 0: "east 0°", -90: "south -90°", -180: "-180°"}
-    heights = {degrees: float(_height(np.radians(degrees))) for degrees in bearings}
-    times_s = np.arange(0.0, end_s + 1e-6, step_s)
-    places = [[-4.0, y] for y in heights.values()] + [[WIDTH * t / end_s, HEIGHT + 10.0] for t in times_s]
-    labels = [*bearings.values(), *(f"{t:g} s" for t in times_s)]
-    marks = rr.Points2D(places, labels=labels, radii=[0.1], colors=[0xFFFFFFFF], show_labels=True)
-    stream.log("spectra/axes/marks", marks, static=True)
+    bearings = {"180°": 180, "north 90°": 90, "east 0°": 0, "south -90°": -90, "-180°": -180}
+    heights = {name: float(_height(np.radians(degrees))) for name, degrees in bearings.items()}
+    marks = {name: [-4.0, y] for name, y in heights.items()}
+    marks |= {f"{t:g} s": [WIDTH * t / end_s, HEIGHT + 10.0] for t in np.arange(0.0, end_s + 1e-6, step_s)}
+    stream.log("spectra/axes/marks", labels_2d(marks), static=True)
     lines = [[[0.0, y], [WIDTH, y]] for y in heights.values()] + [[[x, 0.0], [x, HEIGHT]] for x in (0.0, WIDTH)]
     stream.log("spectra/axes/lines", rr.LineStrips2D(lines, colors=[0x404648FF], radii=[0.4]), static=True)
 

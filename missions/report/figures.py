@@ -197,7 +197,7 @@ def draw_finding(axes: Axes, number: int, state: str, position_m: ArrayLike, cov
     colour, label = STATES[state]
     style: dict[str, Any] = {"color": colour, "zorder": 7}
     place_m = np.asarray(position_m)[:2]
-    artists: list[Artist] = [_draw_label(axes, str(number), place_m, (10.0, 10.0), state)]
+    artists: list[Artist] = [draw_label(axes, str(number), place_m, (10.0, 10.0), colour)]
     artists += axes.plot(*place_m, "+", markersize=7, label=f"{label} with its id, 95 % ellipse", **style)
     outline_m = outline95(place_m, np.asarray(covariance_m2)[:2, :2], 60)
     if np.ptp(outline_m, axis=0).max() < np.ptp(axes.get_xlim()):
@@ -205,10 +205,10 @@ def draw_finding(axes: Axes, number: int, state: str, position_m: ArrayLike, cov
     return artists
 
 
-def _draw_label(
-    axes: Axes, text: str, place_m: ArrayLike, offset_pt: ArrayLike, state: str, side: str = "center"
+def draw_label(
+    axes: Axes, text: str, place_m: ArrayLike, offset_pt: ArrayLike, colour: str, side: str = "center"
 ) -> Annotation:
-    """Draw the id of a finding on the colour of its state, at an offset from its place."""
+    """Draw a number in a box of a colour, at an offset from its place."""
     return axes.annotate(
         text,
         np.asarray(place_m).tolist(),
@@ -219,7 +219,7 @@ def _draw_label(
         fontsize=8.5,
         fontweight="bold",
         color="white",
-        bbox={"boxstyle": "round,pad=0.25", "facecolor": STATES[state][0], "edgecolor": "white"},
+        bbox={"boxstyle": "round,pad=0.25", "facecolor": colour, "edgecolor": "white"},
         zorder=8,
     )
 
@@ -250,8 +250,8 @@ def _mark_beyond(axes: Axes, findings: Sequence[FindingRecord], low_m: FloatArra
     groups = fclusterdata(edge_m, label_m, "distance", method="single") if len(findings) > 1 else np.ones(1)
     for group in np.unique(groups):
         members = [finding for finding, own in zip(findings, groups, strict=True) if own == group]
-        place_m, state = edge_m[groups == group].mean(axis=0), members[0].state
-        axes.plot(*edge_m[groups == group].T, "D", color=STATES[state][0], label="farther out, its id", zorder=7)
+        place_m, (colour, _) = edge_m[groups == group].mean(axis=0), STATES[members[0].state]
+        axes.plot(*edge_m[groups == group].T, "D", color=colour, label="farther out, its id", zorder=7)
         inward = (place_m <= low_m).astype(int) - (place_m >= high_m)
         side = {1: "left", 0: "center", -1: "right"}[int(inward[0])]
-        _draw_label(axes, ", ".join(str(finding.id) for finding in members), place_m, 12.0 * inward, state, side)
+        draw_label(axes, ", ".join(str(finding.id) for finding in members), place_m, 12.0 * inward, colour, side)

@@ -266,12 +266,7 @@ def read_report(text: str) -> Report:
     return Report.model_validate_json(text)
 
 
-def report_schema() -> dict[str, Any]:
-    """Return the JSON Schema of report.json, draft 2020-12."""
-    schema = Report.model_json_schema(by_alias=True)
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
-
-
 def schema_text() -> str:
-    """Return the text of docs/schemas/report.schema.json."""
-    return json.dumps(report_schema(), indent=2) + "\n"
+    """Return the text of docs/schemas/report.schema.json, the JSON Schema of report.json, draft 2020-12."""
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **Report.model_json_schema(by_alias=True)}
+    return json.dumps(schema, indent=2) + "\n"

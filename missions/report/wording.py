@@ -9,8 +9,6 @@ from pdpatrol.missions.record.events import Phase
 from pdpatrol.missions.record.which_site import SiteProbability, in_words, percent
 from pdpatrol.missions.report.records import FindingRecord, PulseCounts, Report
 
-BEYOND_FENCE = "beyond the fence"
-
 PULSE_CLASSES = {
     "of_findings": "associated with findings and candidates",
     "unassigned": "consistent with no finding",
@@ -99,7 +97,7 @@ def advice_of(finding: FindingRecord) -> tuple[Advice, str, str]:
 def site_text(finding: FindingRecord) -> str:
     """Return the most probable sites of a finding with their probabilities."""
     if finding.state == "outside":
-        return BEYOND_FENCE
+        return "beyond the fence"
     if not finding.sites:
         return "not known"
     return in_words([SiteProbability(site.name, site.probability) for site in finding.sites])

@@ -67,7 +67,7 @@ class Measured(NamedTuple):
         return cls._deviation(float(errors.std()), errors.size, errors.size - 1)
 
     @classmethod
-    def rms(cls, errors: FloatArray, scale: float = 1.0) -> Measured:
+    def rms(cls, errors: FloatArray, scale: float) -> Measured:
         """Return the root mean square of errors over `scale`, with the interval of a normal sample."""
         return cls._deviation(float(np.sqrt(np.square(errors).mean())) / scale, errors.size, errors.size)
 

@@ -61,7 +61,7 @@ def write_reproduction(
     data = as_json(exhibits, trials, seed)
     write_text(folder / "reproduction.json", json.dumps(data, indent=2) + "\n")
     page = render(
-        "reproduction.html",
+        "reproduction/reproduction.html",
         title="The Dir-MUSIC paper compared with pdpatrol",
         subject=f"{trials} trials per cell, seed {seed}",
         source=published()["source"],

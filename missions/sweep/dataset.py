@@ -25,9 +25,6 @@ from pdpatrol.missions.sweep.plan import MissionJob, SweepPlan, commit
 VERSION = 1
 MANIFEST, SCENARIOS, ROWS, ALL_ROWS = "sweep.json", "scenarios.parquet", "rows", "rows.parquet"
 
-MEASURED = ("wall_time_s", "peak_memory_mb")
-"""Columns that differ between two runs of the same mission."""
-
 
 class MissionRow(NamedTuple):
     """One mission of a sweep; a row of the dataset.

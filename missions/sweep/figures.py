@@ -88,19 +88,13 @@ def label_of(value: object) -> str:
 
 def draw_errors(lines: Mapping[str, Sequence[Row]]) -> Figure:
     """Draw the share of all sources that were found with at most a given position error."""
-    figure, axes = _axes("position error (m)", "sources found with at most that error")
-    _draw_steps(axes, lines, "errors_m")
-    axes.set_xlim(left=0.0)
-    return figure
+    return _draw_steps(lines, "errors_m", "position error (m)", "sources found with at most that error")
 
 
 def draw_found_over_time(lines: Mapping[str, Sequence[Row]]) -> Figure:
     """Draw the share of all sources that were confirmed by a given time."""
-    figure, axes = _axes("time since the start (s)", "sources confirmed by then")
     end_s = max((row["sim_time_s"] for rows in lines.values() for row in rows), default=1.0)
-    _draw_steps(axes, lines, "confirmed_s", end_s)
-    axes.set_xlim(0.0, end_s)
-    return figure
+    return _draw_steps(lines, "confirmed_s", "time since the start (s)", "sources confirmed by then", end_s)
 
 
 def draw_over_setting(rows: Sequence[Row], key: str) -> Figure:
@@ -147,16 +141,6 @@ def draw_over_setting(rows: Sequence[Row], key: str) -> Figure:
     return figure
 
 
-def _axes(x: str, y: str) -> tuple[Figure, Axes]:
-    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
-    axes = figure.add_subplot()
-    _decorate(axes)
-    axes.set_prop_cycle(color=COLOURS)
-    axes.set(xlabel=x, ylabel=y, ylim=(0.0, 1.02))
-    axes.yaxis.set_major_formatter(PercentFormatter(1.0))
-    return figure, axes
-
-
 def _decorate(axes: Axes) -> None:
     axes.grid(alpha=0.3)
     axes.spines[["top", "right"]].set_visible(False)
@@ -167,12 +151,19 @@ def _add_legend(axes: Axes) -> None:
         axes.legend(frameon=False)
 
 
-def _draw_steps(axes: Axes, lines: Mapping[str, Sequence[Row]], column: str, end: float | None = None) -> None:
-    """Draw for each line the share of all sources whose value is at most x, up to `end`."""
+def _draw_steps(lines: Mapping[str, Sequence[Row]], column: str, x: str, y: str, end: float | None = None) -> Figure:
+    """Draw for each line the share of all sources whose value in a column is at most x, up to `end`."""
+    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+    axes = figure.add_subplot()
+    _decorate(axes)
+    axes.set_prop_cycle(color=COLOURS)
+    axes.yaxis.set_major_formatter(PercentFormatter(1.0))
     for label, rows in list(lines.items())[: len(COLOURS)]:
         values = [0.0, *sorted(value for row in rows for value in row[column])]
         shares = np.arange(len(values)) / sum(row["n_sources"] for row in rows)
         if end is not None:
             values, shares = [*values, end], np.append(shares, shares[-1])
         axes.step(values, shares, where="post", label=label)
+    axes.set(xlabel=x, ylabel=y, ylim=(0.0, 1.02), xlim=(0.0, end))
     _add_legend(axes)
+    return figure
