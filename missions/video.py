@@ -21,10 +21,9 @@ from pdpatrol.envs.scenario import restore_scenario
 from pdpatrol.missions.atomic_file import atomic_file
 from pdpatrol.missions.planning.plan import with_planned_route
 from pdpatrol.missions.record.events import Phase
-from pdpatrol.missions.record.log_contents import described_grid
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.figures import ROUTE, STATES, draw_finding, draw_ground, draw_waypoints, draw_yard
-from pdpatrol.missions.report.make_report import findings_at, make_report
+from pdpatrol.missions.report.make_report import findings_at, likelihood_shares, make_report
 from pdpatrol.missions.report.wording import outcome_text, phase_text, title_text
 from pdpatrol.robot_models.antenna_elements import AntennaElements
 from pdpatrol.robot_models.rendering import DrawnBall, DrawnLine, PosedYard
@@ -177,11 +176,11 @@ def _draw_likelihood(plan: Any, log: MissionLog, step: int) -> Iterator[Any]:  #
     """Draw the latest likelihood of a source on the ground."""
     row = log.rows_before("likelihood", step + 1) - 1
     if row >= 0:
-        grid = described_grid(log.meta["grid"])
-        value = log.column("likelihood", "log_likelihood", row, row + 1)[0].reshape(grid.shape)
-        share = np.square(np.clip(value / max(value.max(), 50.0), 0.0, 1.0)).T  # 50: ten pulses from ten places
+        grid, share = likelihood_shares(log.meta, log.column("likelihood", "log_likelihood", row, row + 1)[0])
         (left, bottom), (right, top) = grid.corner_m, grid.corner_m + grid.cell_m * np.array(grid.shape)
-        yield plan.imshow(share, cmap=HEAT, vmin=0, vmax=1, origin="lower", extent=(left, right, bottom, top), zorder=3)
+        yield plan.imshow(
+            share.T, cmap=HEAT, vmin=0, vmax=1, origin="lower", extent=(left, right, bottom, top), zorder=3
+        )
 
 
 def latest_bearings(log: MissionLog, step: int, max_age_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -6,8 +6,8 @@ import numpy as np
 import rerun as rr
 
 from dirmusic.locating.finding import ellipse95, outline95
-from pdpatrol.missions.record.log_contents import described_grid
 from pdpatrol.missions.recording.bins import LogBin, labels_3d, set_step
+from pdpatrol.missions.report.make_report import likelihood_shares
 
 COLOURS = {
     "candidate": (255, 178, 40),
@@ -57,13 +57,11 @@ def draw_label(stream: rr.RecordingStream, number: int, position_m: np.ndarray, 
 
 def _draw_likelihood(stream: rr.RecordingStream, part: LogBin) -> None:
     """Draw the likelihood as a texture of the ground."""
-    grid = described_grid(part.log.meta["grid"])
-    value = part.tables["likelihood"]["log_likelihood"][-1].reshape(grid.shape)
-    peak = max(value.max(), 50.0)  # 50: some ten pulses from as many places
-    share = np.square(np.clip(value / peak, 0.0, 1.0)).T[::-1, :, np.newaxis]  # north first
+    grid, share = likelihood_shares(part.log.meta, part.tables["likelihood"]["log_likelihood"][-1])
     unlikely, likely = np.array([64, 70, 72]), np.array([235, 140, 60])
     corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
     inner = 0.5 + corners * (np.array(grid.shape) - 1)  # between the centres of cells: textures repeat beyond
+    share = share.T[::-1, :, np.newaxis]  # north first
     texture = np.round(unlikely + share * (likely - unlikely)).astype(np.uint8)
     set_step(stream, part.log, int(part.tables["likelihood"]["step"][-1]))
     stream.log(

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from dirmusic.locating.association import Unassociated
 from dirmusic.locating.confirmation import LEVEL_QUANTILE
 from dirmusic.locating.finding import ellipse95
+from dirmusic.locating.yard_likelihood import Grid
 from pdpatrol.missions.record.events import EventKind
 from pdpatrol.missions.record.finding_pulses import FindingPulses, PhaseResolved, finding_pulses, phase_patterns
-from pdpatrol.missions.record.log_contents import known_yard, true_yard
+from pdpatrol.missions.record.log_contents import described_grid, known_yard, true_yard
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.which_site import site_probabilities
 from pdpatrol.missions.report.records import (
@@ -30,7 +31,7 @@ from pdpatrol.missions.report.records import (
     Strength,
     Waypoints,
 )
-from pdpatrol.missions.report.scoring import evaluate, true_sources
+from pdpatrol.missions.report.scoring import evaluate
 from pdpatrol.robot_models.yard.yard import Yard
 
 FloatArray = NDArray[np.float64]
@@ -108,6 +109,13 @@ def findings_at(log: MissionLog, end: int, *states: str) -> dict[str, NDArray[An
     return {column: values[own] for column, values in table.items()}
 
 
+def likelihood_shares(meta: dict[str, Any], log_likelihood: FloatArray) -> tuple[Grid, FloatArray]:
+    """Return the grid of a log, and a row of its table `likelihood` on it as colours from 0 to 1, shape (nx, ny)."""
+    grid = described_grid(meta["grid"])
+    peak = max(log_likelihood.max(), 50.0)  # 50: some ten pulses from as many places
+    return grid, np.square(np.clip(log_likelihood.reshape(grid.shape) / peak, 0.0, 1.0))
+
+
 def _events(events: dict[str, NDArray[Any]], kind: EventKind, column: str = "text") -> tuple[Any, ...]:
     """Return one column of the events of a kind."""
     return tuple(events[column][events["kind"] == kind].tolist())
@@ -126,8 +134,9 @@ def _scores(log: MissionLog, findings: tuple[FindingRecord, ...]) -> Scores | No
     if "truth" not in log.meta:
         return None
     yard = true_yard(log)
-    sites_m = None if yard is None else np.array([yard.site_position(name) for name in yard.site_names()])
-    return evaluate(findings, true_sources(log.meta["truth"]), None if sites_m is None else sites_m.reshape(-1, 3))
+    sites_m = [] if yard is None else [yard.site_position(name) for name in yard.site_names()]
+    sources_m = {source["name"]: tuple(source["position_m"]) for source in log.meta["truth"]["sources"]}
+    return evaluate(findings, sources_m, sites_m)
 
 
 def _findings(log: MissionLog, *states: str) -> tuple[FindingRecord, ...]:

@@ -3,31 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import linear_sum_assignment
 
 from dirmusic import Finding
 from dirmusic.locating.finding import is_inside95
 from pdpatrol.missions.report.records import FindingRecord, ScoredSource, Scores, SourceMatch
 
-FloatArray = NDArray[np.float64]
-
 CUT_OFF_M = 2.0
 """Findings farther than this from every source are false; also the cut-off of OSPA."""
-
-
-def true_sources(truth: Mapping[str, Any]) -> dict[str, tuple[float, float, float]]:
-    """Return the position of each source by name, from the truth of a log."""
-    return {source["name"]: tuple(source["position_m"]) for source in truth["sources"]}
 
 
 def evaluate(
     findings: Sequence[Finding | FindingRecord],
     sources: Mapping[str, ArrayLike],
-    sites_m: FloatArray | None = None,
+    sites_m: Sequence[ArrayLike] = (),
 ) -> Scores:
     """Score findings against the truth.
 
@@ -38,7 +30,7 @@ def evaluate(
     Args:
         findings: Confirmed findings.
         sources: Positions of all sources inside the fence by name, each of shape (3,).
-        sites_m: Possible sites of discharges in the yard, shape (n_sites, 3); None if they are not known.
+        sites_m: Possible sites of discharges in the yard, each of shape (3,); empty if they are not known.
 
     References:
         Schuhmacher, Vo and Vo, "A consistent metric for performance evaluation of multi-object filters", 2008.
@@ -48,7 +40,7 @@ def evaluate(
     distance_m = np.linalg.norm((true_m[:, np.newaxis] - found_m)[..., :2], axis=-1)
     pairs = np.transpose(linear_sum_assignment(np.minimum(distance_m, CUT_OFF_M))).tolist()
     partner = {i: j for i, j in pairs if distance_m[i, j] < CUT_OFF_M}
-    known_m = np.empty((0, 3)) if sites_m is None else sites_m
+    known_m = np.array(sites_m, dtype=float).reshape(-1, 3)
     scored: list[ScoredSource] = []
     for i, name in enumerate(sources):
         match = None
