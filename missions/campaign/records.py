@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
-from pydantic import Field, PlainSerializer
+from pydantic import Field
 
-from pdpatrol.missions.report.records import Count, Length, Point, ReportPart, significant
+from pdpatrol.missions.report.records import Count, Length, Number, Point, ReportPart
 
 Presence = Literal["found", "absent", "not inspected"]
 Verdict = Literal["grown", "constant", "declined", "not clear", "too few dates"]
-Number = Annotated[float, Field(allow_inf_nan=False), PlainSerializer(significant, return_type=float, when_used="json")]
 
 
 class TrendInterval(ReportPart, frozen=True):
@@ -80,8 +79,3 @@ class Trend(ReportPart, frozen=True):
     dates: tuple[str, ...] = Field(description="dates of the inspections, ascending")
     runs: tuple[str, ...] = Field(description="folders of the inspections, in the same order")
     discharges: tuple[TrackedDischarge, ...] = Field(description="all discharges that were confirmed at least once")
-
-
-def trend_text(trend: Trend) -> str:
-    """Return the text of trend.json."""
-    return trend.model_dump_json(indent=1, by_alias=True) + "\n"

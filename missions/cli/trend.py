@@ -11,9 +11,9 @@ from dirmusic import InputFileError
 from pdpatrol.missions.atomic_file import write_text
 from pdpatrol.missions.campaign.inspection import read_inspections
 from pdpatrol.missions.campaign.page import trend_page, trend_table
-from pdpatrol.missions.campaign.records import trend_text
 from pdpatrol.missions.campaign.trend import make_trend
 from pdpatrol.missions.cli.terminal import err, out, output_folder, print_written, refuse
+from pdpatrol.missions.report.records import report_text
 
 
 def trend(
@@ -47,10 +47,10 @@ def trend(
     else:
         with output_folder(out_dir, "") as folder:
             found = make_trend(inspections)
-            write_text(folder / "trend.json", trend_text(found))
+            write_text(folder / "trend.json", report_text(found))
             write_text(folder / "trend.html", trend_page(found, inspections))
     if json_output:
-        out.print(trend_text(found), end="", soft_wrap=True)
+        out.print(report_text(found), end="", soft_wrap=True)
         return
     if found.discharges:
         out.print(trend_table(found))

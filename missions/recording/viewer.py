@@ -48,7 +48,7 @@ def open_viewer(recordings: Sequence[Path]) -> None:
         ViewerError: If it cannot be opened.
     """
     check_screen()
-    with _rerun("--port", str(_free_port()), *_absolute(recordings)) as viewer:
+    with _rerun("--port", str(_free_port()), *(path.resolve() for path in recordings)) as viewer:
         _wait(viewer)
 
 
@@ -64,7 +64,7 @@ def serve(recordings: Sequence[Path], announce: Callable[[str], None]) -> None:
     """
     port, web_port = _free_port(), _free_port()
     options = ("--serve-web", "--port", str(port), "--web-viewer-port", str(web_port))
-    with _rerun(*options, *_absolute(recordings)) as server:
+    with _rerun(*options, *(path.resolve() for path in recordings)) as server:
         _retry(server, lambda: socket.create_connection((LOOPBACK, web_port), timeout=1.0).close())
         announce(f"http://{LOOPBACK}:{web_port}/?url=rerun%2Bhttp://{LOOPBACK}:{port}/proxy")
         _wait(server)
@@ -131,7 +131,7 @@ class LiveView:
 
 
 @contextmanager
-def _rerun(*arguments: str) -> Iterator[subprocess.Popen[str]]:
+def _rerun(*arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
     """Run Rerun until the end of the block. It has its own process group, because it starts the viewer as a child."""
     process = subprocess.Popen(
         [sys.executable, "-m", "rerun", "--bind", LOOPBACK, *arguments],
@@ -186,10 +186,6 @@ def _retry(process: subprocess.Popen[str], attempt: Callable[[], Any]) -> Any:  
 
 def _address(port: int) -> str:
     return f"rerun+http://{LOOPBACK}:{port}/proxy"
-
-
-def _absolute(paths: Sequence[Path]) -> list[str]:
-    return [str(path.resolve()) for path in paths]
 
 
 def _free_port() -> int:

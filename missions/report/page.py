@@ -88,13 +88,10 @@ def report_page(log: MissionLog, report: Report) -> str:
 
 def _by_equipment(inspection: SiteInspections) -> list[tuple[str, str]]:
     """Return each piece of equipment with its inspected sites."""
-    names = inspection.names("inspected")
-    groups = {
-        piece: list(sites) for piece, sites in groupby(inspection.sites, lambda site: site.name.partition("/")[0])
-    }
     pieces: list[tuple[str, str]] = []
-    for piece, sites in groups.items():
-        own = [site.name.partition("/")[2] for site in sites if site.name in names]
+    for piece, group in groupby(inspection.sites, lambda site: site.name.partition("/")[0]):
+        sites = list(group)
+        own = [site.name.partition("/")[2] for site in sites if site.state == "inspected"]
         if own:
             pieces.append((piece, f"all {len(own)}" if len(own) == len(sites) > 1 else ", ".join(own)))
     return pieces

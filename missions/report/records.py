@@ -29,7 +29,7 @@ _positive: Any = Field(ge=0.0, allow_inf_nan=False)
 
 Metre = Annotated[float, _finite, _decimals(3)]
 Length = Annotated[float, _positive, _decimals(3)]
-SquareMetre = Annotated[float, _finite, PlainSerializer(significant, return_type=float, when_used="json")]
+Number = Annotated[float, _finite, PlainSerializer(significant, return_type=float, when_used="json")]
 Second = Annotated[float, _positive, _decimals(2)]
 Time = Annotated[float, _finite, _decimals(2)]
 Probability = Annotated[float, Field(ge=0.0, le=1.0), _decimals(3)]
@@ -132,7 +132,7 @@ class FindingRecord(ReportPart, frozen=True):
     state: Literal["confirmed", "candidate", "outside"] = Field(description="outside: beyond the fence")
     position_m: Point = Field(description="x, y, z, world frame, metres")
     position_std_m: tuple[Length, Length, Length] = Field(description="standard deviations of x, y, z, metres")
-    covariance_m2: tuple[tuple[SquareMetre, SquareMetre, SquareMetre], ...] = Field(
+    covariance_m2: tuple[tuple[Number, Number, Number], ...] = Field(
         description="of x, y, z, world frame, square metres, including the errors of the array",
         min_length=3,
         max_length=3,
@@ -252,8 +252,8 @@ class Report(ReportPart, frozen=True):
         return self.evaluation
 
 
-def report_text(report: Report) -> str:
-    """Return the text of report.json."""
+def report_text(report: ReportPart) -> str:
+    """Return the text of report.json or trend.json."""
     return report.model_dump_json(indent=1, by_alias=True) + "\n"
 
 

@@ -179,11 +179,6 @@ class Exhibit:
     results: dict[str, float] = field(default_factory=dict[str, float])
     data: dict[str, FloatArray] = field(default_factory=dict[str, FloatArray])
 
-    @property
-    def heading(self) -> str:
-        """Name in words, such as `Table 1`."""
-        return self.title.partition(":")[0]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Campaign:
@@ -279,7 +274,7 @@ def verdict(exhibits: Sequence[Exhibit]) -> Verdict:
     """Compare all printed numbers with their predictions."""
     compared = [(exhibit, row) for exhibit in exhibits for row in exhibit.rows if row.is_met is not None]
     misses = tuple(
-        Miss(exhibit.heading, row.label, row.unit, row.paper, row.predicted, row.explanation)
+        Miss(exhibit.title.partition(":")[0], row.label, row.unit, row.paper, row.predicted, row.explanation)
         for exhibit, row in compared
         if row.paper is not None and row.predicted is not None and not row.is_met
     )

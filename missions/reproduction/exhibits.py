@@ -102,17 +102,11 @@ def _figure4(
     low, high = printed["error_range_deg"]
     spread = printed["error_spread_printed_as_variance"]
 
-    def least(errors: FloatArray) -> Measured:
-        return Measured(float(errors.min()), errors.size)
-
-    def largest(errors: FloatArray) -> Measured:
-        return Measured(float(errors.max()), errors.size)
-
     figures: tuple[tuple[str, float, Callable[[FloatArray], Measured], Callable[[FloatArray], Prediction]], ...] = (
         ("mean", printed["error_mean_deg"], Measured.mean, Prediction.of_mean),
         ("standard deviation", spread, Measured.spread, Prediction.of_spread),
-        ("least", low, least, Prediction.of_least),
-        ("largest", high, largest, Prediction.of_largest),
+        ("least", low, lambda errors: Measured(float(errors.min()), errors.size), Prediction.of_least),
+        ("largest", high, lambda errors: Measured(float(errors.max()), errors.size), Prediction.of_largest),
     )
     rows = tuple(
         Row(

@@ -8,9 +8,10 @@ import pytest
 from dirmusic import InputFileError
 from pdpatrol.missions.campaign.inspection import read_inspections
 from pdpatrol.missions.campaign.page import describe_change, trend_table
-from pdpatrol.missions.campaign.records import Trend, trend_text
+from pdpatrol.missions.campaign.records import Trend
 from pdpatrol.missions.campaign.trend import fit_line, make_trend
 from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.report.records import report_text
 from tests.missions.campaign.surveys import SurveyedSource, along, inspection, survey
 
 PLACE, OTHER = (10.0, 10.0, 1.6), (30.0, 10.0, 1.6)
@@ -109,7 +110,7 @@ def test_field_data_give_levels_but_neither_rates_nor_absence() -> None:
 
 def test_trend_is_read_back_from_its_text() -> None:
     trend = trend_of(*(survey(PAST, SurveyedSource(PLACE, spread_db=2.0), day=day) for day in DAYS[:3]))
-    again = Trend.model_validate_json(trend_text(trend))
+    again = Trend.model_validate_json(report_text(trend))
     assert again.model_dump(mode="json") == trend.model_dump(mode="json")
     assert again.dates == DAYS[:3]
     assert trend_table(trend).row_count == 1
