@@ -250,7 +250,9 @@ def _without_clipped(inspection: InspectionLog, near: NearSteps) -> NearSteps:
     n_clipped = np.bincount(pulse["step"], pulse["is_clipped"], minlength=n_steps)[near.step]
     is_clipped = np.bincount(near.look, n_clipped) > CLIPPED_SHARE * np.bincount(near.look, n_pulses)
     kept = ~is_clipped[near.look]
-    return NearSteps(*(values[kept] for values in near)) if kept.any() else near
+    if not kept.any():
+        return near
+    return NearSteps(near.step[kept], near.look[kept], near.duration_s[kept], near.loss_db[kept])
 
 
 def _position_std_db(inspection: InspectionLog, finding: LocatedFinding, pose: FloatArray) -> float:
