@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from difflib import get_close_matches
 from importlib import import_module
@@ -43,6 +44,8 @@ def main() -> None:
         else:
             import tyro  # takes 0.3 s, which the help of all verbs does not need
 
+            if verb == "replay" and sys.platform == "linux" and any(word.startswith("--video") for word in arguments):
+                os.environ.setdefault("MUJOCO_GL", "egl")  # renders without a screen; read when MuJoCo is imported
             function = getattr(import_module(f"{__name__}.{verb}"), verb)
             tyro.cli(function, prog=f"pdpatrol {verb}", args=arguments, config=(tyro.conf.FlagCreatePairsOff,))
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -15,8 +13,10 @@ from dirmusic import InputFileError
 from pdpatrol.missions.atomic_file import atomic_file
 from pdpatrol.missions.cli.mission_files import load_log, write_mission
 from pdpatrol.missions.cli.terminal import err, fail, note, out, refuse
+from pdpatrol.missions.runner import run_mission
 from pdpatrol.missions.sweep.dataset import Dataset
 from pdpatrol.missions.sweep.plan import digest_of_code
+from pdpatrol.missions.video import FilmError, write_film
 
 
 def replay(
@@ -58,8 +58,6 @@ def replay(
         refuse(f"--at must be 0 or more, with --screenshot, got {at}")
     if pace is not None and (video is None or not 0.1 <= pace <= 1000.0):
         refuse(f"--pace must be from 0.1 to 1000, with --video, got {pace}")
-    if video is not None and sys.platform == "linux":
-        os.environ.setdefault("MUJOCO_GL", "egl")  # renders without a screen; read when MuJoCo is imported
     if row:
         folders = tuple(_run_again(sweep, number) for number in row for sweep in folders)
     if video is not None:
@@ -108,8 +106,6 @@ def _check_new_file(option: str, file: Path | None, endings: tuple[str, ...], n_
 
 def _film(folder: Path, video: Path, pace: float | None) -> None:
     """Write a film of a mission."""
-    from pdpatrol.missions.video import FilmError, write_film  # imports MuJoCo
-
     log = load_log(folder)
     with Progress(console=err, transient=True, disable=not err.is_terminal) as progress:
         bar = progress.add_task(f"film of {folder.name}", total=1.0)
@@ -124,8 +120,6 @@ def _film(folder: Path, video: Path, pace: float | None) -> None:
 
 def _run_again(folder: Path, row: int) -> Path:
     """Return the folder of one mission of a sweep, after running it if it has not been kept."""
-    from pdpatrol.missions.runner import run_mission  # imports MuJoCo
-
     try:
         dataset = Dataset(folder)
         job = dataset.job(row)
