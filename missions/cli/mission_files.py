@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable
 from contextlib import suppress
 from datetime import datetime
 from importlib.util import find_spec
@@ -40,7 +39,7 @@ def load_log(folder: Path) -> MissionLog:
 
 
 def write_mission(log: MissionLog, wall_time_s: float, folder: Path) -> Report:
-    """Write log, calibration, report, recording and page of a mission, complete or cut short.
+    """Write log, calibration, report and recording of a mission, complete or cut short.
 
     The calibration is written if the mission has learned errors of the array; the recording if Rerun is installed.
 
@@ -61,36 +60,24 @@ def write_mission(log: MissionLog, wall_time_s: float, folder: Path) -> Report:
             when = datetime.now().astimezone().isoformat(timespec="seconds")
             text = restore_calibration(log.meta["calibration"]).as_toml()
             write_text(folder / "calibration.toml", f"# Written {when}\n{text}")
-        return write_report(log, wall_time_s, folder, before_page=lambda: _write_recording(log, folder))
+        report = write_report(log, wall_time_s, folder)
+        if find_spec("rerun") is None:
+            note('no recording, as rerun is not installed; run: pip install "pdpatrol[viewer]"')
+        else:
+            from pdpatrol.missions.recording import write_recording  # Rerun is optional
+
+            write_recording(log, folder / "mission.rrd")
+        return report
     except OSError as error:
         with suppress(OSError):
             write_text(folder / INCOMPLETE, f"Log, report and recording are not complete: {error}\n")
         raise
 
 
-def _write_recording(log: MissionLog, folder: Path) -> None:
-    if find_spec("rerun") is None:
-        note('no recording, as rerun is not installed; run: pip install "pdpatrol[viewer]"')
-        return
-    from pdpatrol.missions.recording import write_recording  # Rerun is optional
-
-    write_recording(log, folder / "mission.rrd")
-
-
-def write_report(
-    log: MissionLog, wall_time_s: float, folder: Path, before_page: Callable[[], None] = lambda: None
-) -> Report:
-    """Write report.json and then report.html, which takes longer; see `write_mission`.
-
-    Args:
-        log: The mission.
-        wall_time_s: Time that the mission took.
-        folder: Existing folder.
-        before_page: Called between the two files.
-    """
+def write_report(log: MissionLog, wall_time_s: float, folder: Path) -> Report:
+    """Write report.json and then report.html, which takes longer; see `write_mission` for the arguments."""
     report = make_report(log, wall_time_s, inspect_sites(log))
     write_text(folder / "report.json", report_text(report))
-    before_page()
     write_text(folder / "report.html", report_page(log, report))
     return report
 

@@ -36,20 +36,6 @@ from pdpatrol.missions.stopwatch import Stopwatch
 if TYPE_CHECKING:
     from pdpatrol.missions.recording import LiveView
 
-NEWS = (
-    "candidate",
-    "confirmed",
-    "outside",
-    "ghost",
-    "dropped",
-    "contact",
-    "unreachable",
-    "clipped",
-    "channel fault",
-    "calibration",
-)
-"""Kinds of events that are printed as they happen."""
-
 
 def run(
     scenario: tyro.conf.Positional[str] = "one_source",
@@ -200,7 +186,7 @@ def _progress(time_limit_s: float) -> Iterator[Callable[[Mission], None]]:
             nonlocal n_printed
             events = mission.log.table("event", n_printed)
             for kind, text in zip(events["kind"], events["text"], strict=True):
-                if kind in NEWS:
+                if kind not in ("waypoint", "error", "end"):
                     progress.console.print(f"{mission.time_s:6.1f} s  {text}")
             n_printed += events["kind"].size
             n_stops = len(mission.site_map.route.stops_m) + 1

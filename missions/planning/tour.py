@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse.csgraph import connected_components, depth_first_order
 
 from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap, path_length
 from pdpatrol.missions.planning.cover import Coverage, coverage_from
@@ -125,23 +125,11 @@ def shortest_order(lengths_m: FloatArray) -> tuple[int, ...]:
         joined = csr_array((np.ones(chosen.size), (first[chosen], second[chosen])), shape=(n, n))
         n_tours, tour = connected_components(joined, directed=False)
         if n_tours == 1:
-            return _walk(first[chosen], second[chosen])
+            order = depth_first_order(joined, 0, directed=False, return_predecessors=False)
+            return tuple(order.tolist())
         for k in range(n_tours):
             leaves = (tour[first] == k) != (tour[second] == k)
             constraints.append(LinearConstraint(csr_array(leaves[np.newaxis].astype(np.float64)), 2.0, np.inf))
-
-
-def _walk(first: IntArray, second: IntArray) -> tuple[int, ...]:
-    """Return the places in the order in which the edges of one tour join them, starting at place 0."""
-    neighbours: dict[int, list[int]] = {}
-    for a, b in zip(first.tolist(), second.tolist(), strict=True):
-        neighbours.setdefault(a, []).append(b)
-        neighbours.setdefault(b, []).append(a)
-    order = [0, min(neighbours[0])]
-    while len(order) < len(neighbours):
-        before, here = order[-2:]
-        order.append(next(place for place in neighbours[here] if place != before))
-    return tuple(order)
 
 
 class TourShortener:

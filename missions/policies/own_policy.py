@@ -7,18 +7,16 @@ import operator
 import textwrap
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from dirmusic import Finding
+from pdpatrol.envs.observation import Observation
 from pdpatrol.envs.user_code import UserCodeError, calling, load_object, place_of
+from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.policies.protocol import Action, SeesTruth
 from pdpatrol.missions.record.events import Phase
-
-if TYPE_CHECKING:  # the command line checks names of policies without loading the simulator
-    from dirmusic import Finding
-    from pdpatrol.envs.observation import Observation
-    from pdpatrol.missions.driving.site_map import SiteMap
 
 BUILT_IN = ("seek", "active", "patrol", "random", "oracle")
 

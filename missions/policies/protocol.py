@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:  # the command line checks names of policies without loading the simulator
-    from dirmusic import Finding
-    from pdpatrol.envs.observation import Observation
-    from pdpatrol.missions.driving.site_map import SiteMap
-    from pdpatrol.missions.record.events import Phase
+from dirmusic import Finding
+from pdpatrol.envs.observation import Observation
+from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.missions.record.events import Phase
 
 Action = NDArray[np.float32]
 

@@ -127,17 +127,12 @@ class MissionLog:
         if not values:
             widths = {
                 "strengths_v": self.meta.get("n_elements", 0),
-                "log_likelihood": self.n_cells,
+                "log_likelihood": math.prod(self.meta["grid"]["shape"]) if "grid" in self.meta else 0,
                 "range_m": self.meta.get("lidar", {}).get("n_beams", 0),
             }
             width = widths.get(column)
             return np.empty((0, width) if width else (0, *dtype.shape), dtype=dtype.base)
         return np.array(values, dtype=dtype.base)
-
-    @property
-    def n_cells(self) -> int:
-        """Number of cells of the likelihood over the yard; 0 if the log has no grid."""
-        return math.prod(self.meta["grid"]["shape"]) if "grid" in self.meta else 0
 
     def table(self, table: str, start: int = 0, stop: int | None = None) -> dict[str, NDArray[Any]]:
         """Return the rows from `start` up to `stop` of all columns of a table."""
