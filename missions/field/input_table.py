@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pyarrow import csv
 
 from dirmusic import InputFileError, InputFileWarning
+from dirmusic.input_file import read_whole
 
 FloatArray = NDArray[np.float64]
 
@@ -86,7 +87,11 @@ def read_table(path: Path) -> InputTable:
     Raises:
         InputFileError: If the file cannot be read, is not UTF-8 text, or its rows do not fit its header.
     """
-    text = _read_text(path).replace("\r\n", "\n").replace("\r", "\n")
+    try:
+        text = read_whole(path, MAX_BYTES).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputFileError([f"{path}: must be UTF-8 text, and byte {error.start} is not"]) from None
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
     lines = [
         (number, line)
         for number, line in enumerate(text.split("\n"), start=1)
@@ -136,19 +141,3 @@ def _split(path: Path, lines: list[tuple[int, str]], delimiter: str) -> tuple[li
         raise InputFileError(errors[:MAX_ERRORS])
     columns = [pc.utf8_trim_whitespace(column.combine_chunks()) for column in table.columns]  # pyright: ignore
     return [column[0].as_py() for column in columns], [column[1:] for column in columns]
-
-
-def _read_text(path: Path) -> str:
-    """Read a UTF-8 text file of limited size."""
-    try:
-        if path.exists() and not path.is_file():
-            raise InputFileError([f"{path}: must be a regular file"])
-        if path.stat().st_size > MAX_BYTES:
-            raise InputFileError([f"{path}: must have at most {MAX_BYTES / 1e6:.0f} MB"])
-        return path.read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputFileError([f"{path}: must be UTF-8 text, and byte {error.start} is not"]) from None
-    except (OSError, ValueError) as error:
-        if isinstance(error, InputFileError):
-            raise
-        raise InputFileError([f"{path}: cannot be read ({getattr(error, 'strerror', error)})"]) from None

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic import InputFileError, cut_windows, pulse_start, strength_variance
+from dirmusic.input_file import opened
 from dirmusic.pulses.strengths import strengths_of_energies
 from pdpatrol.missions.field.input_table import InputTable, read_table
 
@@ -206,15 +207,13 @@ def _read_record(path: Path) -> WaveformRecord:
 
 
 def _read_npz(path: Path) -> WaveformRecord:
-    if not path.is_file():
-        raise ValueError("no such file")
-    if path.stat().st_size > MAX_BYTES:
-        raise ValueError(f"must have at most {MAX_BYTES / 1e6:.0f} MB")
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+        with opened(path, MAX_BYTES) as file, np.load(file, allow_pickle=False) as archive:
             n_bytes = sum(member.file_size for member in archive.zip.infolist())
             names = ("waveforms", "sample_rate_hz", "volts_per_count") if n_bytes <= MAX_BYTES else ()
             arrays = {name: np.asarray(archive[name]) for name in names if name in archive}  # bytes if not an array
+    except InputFileError:
+        raise
     except Exception:  # damaged bytes raise errors of many types in zipfile, zlib and the reader of headers
         raise ValueError("must be an .npz archive of plain numbers, and cannot be read as one") from None
     if n_bytes > MAX_BYTES:

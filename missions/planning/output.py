@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Rectangle
 from matplotlib.ticker import MaxNLocator
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
@@ -16,8 +15,9 @@ from rich.table import Table
 from pdpatrol.missions.driving.site_map import CELL_M
 from pdpatrol.missions.planning.detectability import MARGIN_DB
 from pdpatrol.missions.planning.plan import Plan, PlannedSite
+from pdpatrol.missions.report.figures import ROUTE, draw_ground, draw_waypoints, draw_yard
 
-TOUR_COLOUR, BLIND_COLOUR = "#c2185b", "#d50000"
+BLIND_COLOUR = "#d50000"
 
 
 def sites_table(plan: Plan) -> Table:
@@ -114,18 +114,19 @@ def as_toml(plan: Plan) -> str:
 
 def draw_plan(plan: Plan, path: Path) -> None:
     """Draw how many sites each place detects, the tour, and sites that no place detects, to a PNG file."""
-    size_x, size_y = plan.site_map.yard.size_m
-    figure = Figure(figsize=(0.27 * size_x + 2.2, 0.27 * size_y + 1.6), layout="constrained")  # inches
+    size_m, route = np.array(plan.site_map.yard.size_m), plan.scenario.route
+    figure = Figure(figsize=(0.27 * size_m[0] + 2.2, 0.27 * size_m[1] + 1.6), layout="constrained")  # inches
     axes = figure.subplots()
     axes.set_facecolor("#f2f2f2")
     _draw_detectability(figure, axes, plan)
-    _draw_equipment(axes, plan)
-    _draw_tour(axes, plan)
+    draw_ground(axes, (-0.3, -0.3), size_m + 0.3)
+    draw_yard(axes, plan.site_map.yard)
+    axes.plot(*plan.path_m.T, color=ROUTE, linewidth=2.0, zorder=3, label="tour")
+    draw_waypoints(axes, {"dock_m": route.dock_m, "waypoints_m": plan.stops_m})
     _draw_sites(axes, plan)
-    axes.set(xlim=(-0.3, size_x + 0.3), ylim=(-0.3, size_y + 0.3), xlabel="east (m)", ylabel="north (m)")
-    axes.set_aspect("equal")
     axes.set_title(f"{plan.scenario.name}, {plan.amplitude_v:g} V: {summary(plan)}", fontsize=11, wrap=True)
-    figure.legend(loc="outside lower center", ncols=4, fontsize=8)
+    handles = dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
+    figure.legend(handles.values(), handles, loc="outside lower center", ncols=4, fontsize=8)
     figure.savefig(path, dpi=110, format="png")
 
 
@@ -138,28 +139,6 @@ def _draw_detectability(figure: Figure, axes: Axes, plan: Plan) -> None:
     image = axes.imshow(n_sites.reshape(shape).T, origin="lower", extent=extent, cmap="YlGnBu", alpha=0.85, zorder=0)
     bar = figure.colorbar(image, ax=axes, shrink=0.8, pad=0.015, ticks=MaxNLocator(8, integer=True))
     bar.set_label(f"sites in sight within {plan.scenario.locating.rules().confirm_range_m:g} m; grey: out of reach")
-
-
-def _draw_equipment(axes: Axes, plan: Plan) -> None:
-    solids = plan.site_map.yard.solids
-    style = {"facecolor": (*[0.55] * 3, 0.35), "edgecolor": "#37474f", "linewidth": 0.8, "zorder": 1}
-    for centre_m, yaw_rad, half_m, radius_m in zip(
-        solids.centre_m, solids.yaw_rad, solids.half_size_m, solids.radius_m, strict=True
-    ):
-        if radius_m > 0.0:
-            axes.add_patch(Circle((centre_m[0], centre_m[1]), radius_m, **style))
-            continue
-        corner_m, yaw_deg = centre_m - half_m, float(np.degrees(yaw_rad))
-        width_m, height_m = 2.0 * half_m
-        axes.add_patch(Rectangle(corner_m, width_m, height_m, angle=yaw_deg, rotation_point="center", **style))
-
-
-def _draw_tour(axes: Axes, plan: Plan) -> None:
-    axes.plot(*plan.path_m.T, color=TOUR_COLOUR, linewidth=2.0, zorder=3, label="tour, stops in order")
-    for number, (x, y) in enumerate(plan.stops_m, start=1):
-        circle = {"boxstyle": "circle", "facecolor": "white", "edgecolor": TOUR_COLOUR}
-        axes.text(x, y, str(number), fontsize=8, ha="center", va="center", color=TOUR_COLOUR, zorder=5, bbox=circle)
-    axes.plot(*plan.scenario.route.dock_m, "s", color="#1a237e", markersize=11, zorder=5, label="dock")
 
 
 def _draw_sites(axes: Axes, plan: Plan) -> None:

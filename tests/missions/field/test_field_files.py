@@ -82,7 +82,7 @@ ENCRYPTED = npz().replace(b"PK\x01\x02\x14\x03\x14\x00\x00\x00", b"PK\x01\x02\x1
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        (None, "no such file"),
+        (None, "cannot be read: No such file"),
         (b"", "must be an .npz archive"),
         (b"PK\x03\x04 broken", "must be an .npz archive"),
         (npz()[:-900], "must be an .npz archive"),
