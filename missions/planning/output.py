@@ -15,7 +15,7 @@ from rich.table import Table
 from pdpatrol.missions.driving.site_map import CELL_M
 from pdpatrol.missions.planning.detectability import MARGIN_DB
 from pdpatrol.missions.planning.plan import Plan, PlannedSite
-from pdpatrol.missions.report.figures import ROUTE, draw_ground, draw_waypoints, draw_yard
+from pdpatrol.missions.report.figures import draw_ground, draw_waypoints, draw_yard
 
 BLIND_COLOUR = "#d50000"
 
@@ -121,7 +121,7 @@ def draw_plan(plan: Plan, path: Path) -> None:
     _draw_detectability(figure, axes, plan)
     draw_ground(axes, (-0.3, -0.3), size_m + 0.3)
     draw_yard(axes, plan.site_map.yard)
-    axes.plot(*plan.path_m.T, color=ROUTE, linewidth=2.0, zorder=3, label="tour")
+    axes.plot(*plan.path_m.T, color="#c2185b", linewidth=2.0, zorder=3, label="tour")
     draw_waypoints(axes, {"dock_m": route.dock_m, "waypoints_m": plan.stops_m})
     _draw_sites(axes, plan)
     axes.set_title(f"{plan.scenario.name}, {plan.amplitude_v:g} V: {summary(plan)}", fontsize=11, wrap=True)
