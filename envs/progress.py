@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.compiled import compiled
-from pdpatrol.robot_models.readings import LEAST_UPRIGHT, POSE, UPRIGHT
+from pdpatrol.robot_models.readings import POSE
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -152,8 +152,3 @@ def advance_progress(
         progress.bearing_age_s[r] = min(progress.bearing_age_s[r] + step_s, MAX_BEARING_AGE_S)
         is_done[r] = visit(progress, task, sources_m[r], r, x, y)
     return reward, is_done
-
-
-def has_fallen(readings: FloatArray) -> BoolArray:
-    """Return True for robots that lean by more than 45 degrees, shape (n_robots,)."""
-    return readings[:, UPRIGHT] < LEAST_UPRIGHT

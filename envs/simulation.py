@@ -20,19 +20,13 @@ from dirmusic.pulses.batch import PulseBatch
 from pdpatrol.envs.episode import Episode, Generators, ResetOptions
 from pdpatrol.envs.motion import N_DRAWS, MotionState, SensorParameters, sense_motion, start_motion
 from pdpatrol.envs.observation import SPECTRUM_AZIMUTHS_RAD, ObservationModel, RobotPulses, observation_space, observe
-from pdpatrol.envs.progress import (
-    REWARD_TERMS,
-    Task,
-    TaskProgress,
-    advance_progress,
-    has_fallen,
-    start_progress,
-)
+from pdpatrol.envs.progress import REWARD_TERMS, Task, TaskProgress, advance_progress, start_progress
 from pdpatrol.envs.scenario import Scenario
 from pdpatrol.envs.scenario.base import STEP_S
 from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.envs.user_code import make_estimator
 from pdpatrol.robot_models.antenna_elements import AntennaElements
+from pdpatrol.robot_models.readings import LEAST_UPRIGHT, UPRIGHT
 from pdpatrol.robot_models.robots import Robots
 from pdpatrol.robot_models.sensors import LIDAR_BEAMS
 from pdpatrol.sensing.receiver.bank import Listener, ReceiverBank
@@ -153,11 +147,6 @@ class Simulation:
         self._spectrum_gain = np.empty((n_robots, n_elements, SPECTRUM_AZIMUTHS_RAD.size))
 
     @property
-    def true_pose(self) -> FloatArray:
-        """True poses of the robots, x m, y m, yaw rad, shape (n_robots, 3)."""
-        return self.robots.readings.pose.copy()
-
-    @property
     def has_begun(self) -> bool:
         """True once every robot has been started."""
         return None not in self._episodes
@@ -273,7 +262,7 @@ class Simulation:
             self._spectrum_gain,
             RobotPulses(robot, pulses.strengths_v, pulses.azimuth_rad),
         ).T
-        fell_over = has_fallen(readings)
+        fell_over = readings[:, UPRIGHT] < LEAST_UPRIGHT
         info = {
             "time_s": motion.time_s.copy(),
             "believed_pose": motion.pose.copy(),
@@ -286,7 +275,7 @@ class Simulation:
             "is_success": progress.success.copy(),
             "approached": progress.approached.copy(),
             "waypoints_visited": progress.visited[:, :-1].copy(),
-            "true_pose": self.true_pose,
+            "true_pose": self.robots.readings.pose.copy(),
         }
         return Outcome(
             observation=observation,
