@@ -51,18 +51,9 @@ def test_estimators_rank_likelihood_grid_strongest(n_elements: int) -> None:
 
 
 @pytest.mark.parametrize("name", ESTIMATORS)
-def test_error_decreases_with_elements(name: str) -> None:
-    azimuth = anywhere()
-    spread = [
-        float(np.std(difference(ESTIMATORS[name]()(pulses_from(ring(n), azimuth), ring(n)).azimuth_rad, azimuth)))
-        for n in (4, 6, 8, 12)
-    ]
-    assert spread == sorted(spread, reverse=True)
-
-
-@pytest.mark.parametrize("name", ESTIMATORS)
-def test_estimate_is_independent_of_other_pulses(name: str) -> None:
-    array, estimator = ring(6), ESTIMATORS[name]()
+@pytest.mark.parametrize("n_elements", [3, 6])  # numpy sums eight and more in another order for one row
+def test_estimate_is_independent_of_other_pulses(name: str, n_elements: int) -> None:
+    array, estimator = ring(n_elements), ESTIMATORS[name]()
     pulses = pulses_from(array, anywhere(50))
     whole = estimator(pulses, array)
     for row in range(50):
@@ -87,8 +78,11 @@ def test_order_of_channels_does_not_matter(name: str) -> None:
 
 @pytest.mark.parametrize("name", ESTIMATORS)
 def test_pulse_without_strength_has_deviation_pi(name: str) -> None:
-    array, nothing = ring(6), np.zeros((1, 6))
-    found = ESTIMATORS[name]()(PulseBatch.detected(np.zeros(1), nothing, nothing + 1e-6), array)
+    array, nothing = replace(ring(6), band_manifolds=(ring(6).manifold,) * 4), np.zeros((1, 2, 6))
+    pulses = PulseBatch.detected(
+        np.zeros(1), nothing[:, 0], nothing[:, 0] + 1e-6, band_strengths_v=nothing, band_variance_v2=nothing + 1e-6
+    )
+    found = ESTIMATORS[name]()(pulses, array)
     assert found.std_rad[0] == np.pi
     assert found.misfit[0] == 1.0
     assert np.isfinite(found.azimuth_rad).all()

@@ -121,12 +121,11 @@ def test_delays_succeed_on_ring_where_samples_fail() -> None:
 
 
 def test_delays_agree_with_gains_for_zero_radius() -> None:
-    azimuth, gates = plane_waves(300, 10, np.random.default_rng(4))
+    _, gates = plane_waves(300, 10, np.random.default_rng(4))
     both = bearings_from_delays(gates, RING, ring_positions(0.0), SAMPLE_RATE_HZ, noise_variance=1.0)
     alone = bearings_from_covariance(sample_covariance(gates), RING, n_snapshots=60, noise_variance=1.0)
     assert rms(difference(both.azimuth_rad, alone.azimuth_rad)) < 0.1 * rms(alone.std_rad)
     assert rms(both.std_rad / alone.std_rad) == pytest.approx(1.0, abs=0.05)
-    assert rms(difference(both.azimuth_rad, azimuth)) > 0
 
 
 def test_subset_of_elements_reaches_its_bound() -> None:
@@ -200,17 +199,6 @@ def test_pooling_averages_noise_but_not_manifold_error() -> None:
     assert many == pytest.approx(floor, rel=0.05)
 
 
-@pytest.mark.parametrize("elements", [2, 3, 4, 6])  # numpy sums eight and more in another order for one row
-def test_batch_equals_single_rows_to_the_bit(elements: int) -> None:
-    manifold = GainManifold.ring(elements)
-    strengths = np.random.default_rng(13).uniform(0.1, 1.0, (257, 1, elements))
-    together = estimate_bearings(strengths, manifold, strength_variance=0.01)
-    for row in (0, 100, 256):
-        alone = estimate_bearings(strengths[row : row + 1], manifold, strength_variance=0.01)
-        assert together.azimuth_rad[row] == alone.azimuth_rad[0]
-        assert together.std_rad[row] == alone.std_rad[0]
-
-
 def test_dead_channel_raises_misfit_and_can_be_left_out() -> None:
     strengths = 40 * RING.gain(0.7)
     strengths[1] = 0.0
@@ -233,7 +221,7 @@ def test_channel_of_zeros_is_nan_and_refused_by_name() -> None:
 
 
 @pytest.mark.parametrize(
-    ("call", "told"),
+    ("call", "message"),
     [
         (lambda: bearings_from_covariance(np.eye(5), RING), r"\(\.\.\., 6, 6\)"),
         (lambda: bearings_from_covariance(np.full((6, 6), np.nan), RING), "finite"),
@@ -249,8 +237,8 @@ def test_channel_of_zeros_is_nan_and_refused_by_name() -> None:
         (lambda: UniformOffsets(half_width=0.0), "half_width"),
     ],
 )
-def test_invalid_arguments_are_refused(call, told: str) -> None:  # noqa: ANN001
-    with pytest.raises(ValueError, match=told):
+def test_invalid_arguments_are_refused(call, message: str) -> None:  # noqa: ANN001
+    with pytest.raises(ValueError, match=message):
         call()
 
 

@@ -122,25 +122,3 @@ def test_bound_of_one_band_is_bearing_bound() -> None:
 
 def test_halves_divide_each_sub_band() -> None:
     assert halves([1.0, 2.0, 4.0]) == [(1.0, 1.5), (1.5, 2.0), (2.0, 3.0), (3.0, 4.0)]
-
-
-def test_faulty_channel_is_left_out_of_all_sub_bands() -> None:
-    array = ring([0.6, 0.8, 1.0, 1.2])
-    azimuth = np.random.default_rng(5).uniform(-np.pi, np.pi, 50)
-    bands = strengths_of(array, azimuth, [1.0] * 4)
-    bands[:, :, 2] = 7.0  # a faulty channel
-    pulses = PulseBatch.detected(
-        np.zeros(50), bands[:, 0], bands[:, 0] * 0 + 1e-12, band_strengths_v=bands, band_variance_v2=bands * 0 + 1e-12
-    )
-    good = np.array([0, 1, 3, 4, 5])
-    found = ESTIMATORS["sub_bands"]()(pulses.take_channels(good), array.take(good))
-    assert np.degrees(np.abs(difference(found.azimuth_rad, azimuth))).max() < 0.05
-
-
-def test_sub_bands_without_strength_have_no_direction() -> None:
-    array = ring([0.6, 0.8])
-    nothing = np.zeros((1, 1, 6))
-    pulses = PulseBatch.detected(
-        np.zeros(1), nothing[0], nothing[0] + 1e-6, band_strengths_v=nothing, band_variance_v2=nothing + 1e-6
-    )
-    assert tuple(float(column[0]) for column in ESTIMATORS["sub_bands"]()(pulses, array)) == (0.0, np.pi, 1.0)

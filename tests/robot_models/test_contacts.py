@@ -2,7 +2,6 @@
 
 import math
 
-import numpy as np
 import pytest
 
 from tests.robot_models.one_robot import OneRobot
@@ -61,20 +60,3 @@ def test_contact_within_an_interval_is_reported(inspector: OneRobot) -> None:
 def test_reset_into_equipment_is_a_contact(shipped: OneRobot) -> None:
     shipped.reset(19.0, 10.0, 0.0)
     assert shipped.touched() == ("equipment/tank",)
-
-
-def test_short_contact_is_reported_once(inspector: OneRobot) -> None:
-    inspector.reset(18.8002, 10.0, 0.0)  # touching the tank
-    assert inspector.touched() == ("equipment/tank",)
-    inspector.drive(-0.8, 0.0, 0.1)
-    assert inspector.touched() == ("equipment/tank",)
-    assert inspector.pose()[0] < 18.79
-    inspector.drive(-0.8, 0.0, inspector.robots.step_s)
-    assert inspector.touched() == ()
-
-
-def test_robot_geoms_do_not_touch_each_other(shipped: OneRobot) -> None:
-    model = shipped.robots.physics
-    own = np.flatnonzero(model.body_rootid[model.geom_bodyid] == model.body("base").id)
-    contype, conaffinity = model.geom_contype[own], model.geom_conaffinity[own]
-    assert not (contype[:, None] & conaffinity[None, :]).any()

@@ -11,7 +11,7 @@ from pdpatrol.robot_models.description.robot_file import load_robot
 from pdpatrol.robot_models.equipment import CATALOGUE, KIND_COLOURS, colour_of
 from pdpatrol.robot_models.readings import LIDAR
 from pdpatrol.robot_models.robots import Robots
-from pdpatrol.robot_models.yard.pieces import BoxEquipment, CatalogueEquipment
+from pdpatrol.robot_models.yard.pieces import BoxEquipment, CatalogueEquipment, CylinderEquipment
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing.radio.materials import KIND_MATERIALS
 
@@ -46,9 +46,24 @@ def test_sites_of_a_kind_lie_on_its_surface(kind: str) -> None:
         assert 0.3 < site[2] < 4.5
 
 
-@pytest.mark.parametrize("kind", CATALOGUE)
-def test_model_of_a_kind_has_the_surface_of_the_map(kind: str) -> None:
-    yard = yard_with(kind)
+SIMPLE = (
+    BoxEquipment(
+        name="box",
+        kind="reactor",
+        position_m=(18.0, 15.0),
+        footprint_m=(4.0, 2.0),
+        height_m=3.0,
+        shape="box",
+        yaw_deg=30,
+    ),
+    CylinderEquipment(
+        name="post", kind="of_no_known_kind", position_m=(23.0, 15.0), radius_m=0.3, height_m=2.5, shape="cylinder"
+    ),
+)
+
+
+@pytest.mark.parametrize("yard", [*map(yard_with, CATALOGUE), Yard(size_m=(40.0, 30.0), equipment=SIMPLE)])
+def test_model_of_a_kind_has_the_surface_of_the_map(yard: Yard) -> None:
     inspector = Robots(load_robot("inspector"), yard, ONE_ELEMENT)
     groups = (np.arange(6) == 1).astype(np.uint8)
     rng, hits, met = np.random.default_rng(2), 0, np.zeros(1, dtype=np.int32)
@@ -94,10 +109,3 @@ def test_length_is_used_or_refused() -> None:
         yard_with("circuit_breaker", length_m=9.0)
     with pytest.raises(ValidationError, match=r"kind: must be one of busbar, .*got `pump`"):
         yard_with("pump")
-
-
-def test_box_may_have_any_kind() -> None:
-    box = BoxEquipment(
-        name="r", kind="reactor", position_m=(5.0, 5.0), footprint_m=(2.0, 1.0), height_m=2.0, shape="box", yaw_deg=90.0
-    )
-    assert box.solids.distance(np.array([5.0, 5.9, 1.0]))[0] == pytest.approx(-0.1)

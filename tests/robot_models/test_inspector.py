@@ -53,10 +53,3 @@ def test_inspector_measures_are_those_of_its_readme(inspector: OneRobot) -> None
     assert (robot.wheel_radius_m, robot.track_m, robot.turning_track_m) == (0.075, 0.32, 0.32)
     assert (robot.max_speed_mps, robot.max_yaw_rate_radps, robot.max_acceleration_mps2) == (0.8, 1.5, 3.0)
     assert inspector.model.body_subtreemass[0] == pytest.approx(18.0)
-
-
-def test_inspector_motors_keep_the_stated_acceleration(inspector: OneRobot) -> None:
-    for wheel in inspector.robot.wheels:
-        slew_radps2 = inspector.model.actuator(wheel.actuator).dynprm[7]
-        stated = inspector.robot.max_acceleration_mps2 / inspector.robot.wheel_radius_m
-        assert slew_radps2 == pytest.approx(stated)

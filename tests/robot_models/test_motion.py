@@ -94,13 +94,6 @@ def test_robot_stays_at_rest_after_reset(shipped: OneRobot, pose: tuple[float, .
     assert shipped.data.qpos[2] == pytest.approx(0.0, abs=1e-4)
 
 
-def test_home_keyframe_is_a_pose_at_rest(shipped: OneRobot) -> None:
-    home = shipped.data.qpos.copy()
-    np.testing.assert_allclose(home[2:], shipped.robot.home_qpos[2:], atol=1e-9)
-    shipped.drive_on(0.0, 0.0, 2.0)
-    np.testing.assert_allclose(shipped.data.qpos, home, atol=1e-6)
-
-
 def test_zero_command_stops_the_robot(shipped: OneRobot) -> None:
     shipped.drive_on(0.5, 1.0, 2.0)
     shipped.drive_on(0.0, 0.0, 1.0)

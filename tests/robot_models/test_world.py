@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from pdpatrol.robot_models.antenna_elements import MAX_ELEMENTS, AntennaElements
-from pdpatrol.robot_models.description.robot_description import SHIPPED, xml_path
+from pdpatrol.robot_models.description.robot_description import xml_path
 from pdpatrol.robot_models.description.robot_file import load_robot
 from pdpatrol.robot_models.world import CHASE, build_spec
 from pdpatrol.robot_models.yard.pieces import BoxEquipment, CylinderEquipment
 from pdpatrol.robot_models.yard.yard import Yard
+from tests.robot_models.one_robot import AZIMUTHS_RAD, RING_M
 
-AZIMUTHS_RAD = np.radians([90.0, 30.0, -30.0, -90.0, -150.0, 150.0])
-RING_M = np.column_stack([0.12 * np.cos(AZIMUTHS_RAD), 0.12 * np.sin(AZIMUTHS_RAD), np.full(6, 0.6)])
 TANK = BoxEquipment(
     name="tank",
     kind="power_transformer",
@@ -61,19 +60,6 @@ def test_element_sites_have_the_given_poses() -> None:
         np.testing.assert_allclose(axes[2, 1], 0.0, atol=1e-12)  # y stays level: a look is not rolled
 
 
-@pytest.mark.parametrize("name", SHIPPED)
-def test_lidar_beams_start_where_the_file_states(name: str) -> None:
-    robot = load_robot(name)
-    model = build_spec(robot, YARD).compile()
-    for beam in range(36):
-        outward = np.array([np.cos(np.radians(10 * beam)), np.sin(np.radians(10 * beam)), 0.0])
-        site = model.site(f"lidar/beam_{beam:02d}")
-        start = robot.lidar_start_m * outward + [0.0, 0.0, robot.lidar_height_m]
-        np.testing.assert_allclose(site.pos, start, atol=1e-12)
-        np.testing.assert_allclose(site_axes(model, site.name)[:, 2], outward, atol=1e-12)
-        assert model.sensor(f"lidar_{beam:02d}").objid[0] == site.id
-
-
 @pytest.mark.parametrize("n_elements", [1, 4, 6])
 def test_smaller_array_has_no_unused_antenna(n_elements: int):
     model = build_model(YARD, RING_M[:n_elements], AZIMUTHS_RAD[:n_elements])
@@ -91,22 +77,6 @@ def test_array_has_no_mass():
     assert np.array_equal(few.body_mass, many.body_mass)
     assert np.array_equal(few.body_inertia, many.body_inertia)
     assert many.body_subtreemass[0] == pytest.approx(18.0)
-
-
-def test_model_surfaces_equal_yard_solids():
-    model = build_model(YARD, RING_M, AZIMUTHS_RAD)
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    groups = (np.arange(6) == 1).astype(np.uint8)
-    rng, n_hits = np.random.default_rng(2), 0
-    for _ in range(300):
-        start = rng.uniform([0.0, 0.0, 0.1], [20.0, 12.0, 5.0])
-        ray = rng.normal(size=3)
-        range_m = mujoco.mj_ray(model, data, start, ray, groups, True, -1, None)
-        if range_m >= 0:
-            n_hits += 1
-            assert np.abs(YARD.solids.distance(start + range_m * ray)).min() < 1e-6
-    assert n_hits > 20
 
 
 def test_defaults_of_a_robot_do_not_change_the_yard(tmp_path: Path) -> None:
@@ -134,12 +104,6 @@ def test_robot_without_camera_gets_one(tmp_path: Path) -> None:
     assert camera.mode[0] == mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM
 
 
-def test_equipment_has_names_and_a_group():
-    model = build_model(YARD, RING_M, AZIMUTHS_RAD)
-    in_group = [model.geom(index).name for index in np.flatnonzero(model.geom_group == 1)]
-    assert sorted(in_group) == ["equipment/bushing", "equipment/tank"]
-
-
 def test_fence_faces_are_the_boundary_of_the_yard():
     model = build_model(YARD, RING_M, AZIMUTHS_RAD)
     faces = {}
@@ -149,20 +113,3 @@ def test_fence_faces_are_the_boundary_of_the_yard():
         assert geom.pos[2] - geom.size[2] == pytest.approx(0.0)
         assert geom.size[1 - axis] >= 0.5 * YARD.size_m[1 - axis]
     assert faces == pytest.approx({"west": 0.0, "south": 0.0, "east": 20.0, "north": 12.0})
-
-
-def test_obstacles_touch_the_hull_and_floor_the_wheels():
-    model = build_model(YARD, RING_M, AZIMUTHS_RAD)
-
-    def meet(one: str, other: str) -> bool:
-        a, b = model.geom(one), model.geom(other)
-        return bool((a.contype & b.conaffinity) | (b.contype & a.conaffinity))
-
-    for obstacle in ("equipment/tank", "equipment/bushing", "fence/north", "fence/east"):
-        assert meet(obstacle, "chassis")
-        assert meet(obstacle, "mast")
-        assert not meet(obstacle, "left_wheel")
-        assert not meet(obstacle, "floor")
-    assert meet("floor", "left_wheel")
-    assert meet("floor", "rear_caster")
-    assert not meet("floor", "chassis")

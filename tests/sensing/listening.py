@@ -1,11 +1,13 @@
-"""One source and one receiver with the shipped array, as in the data sheet."""
+"""Receivers with the shipped array, as in the data sheet, for the tests of this folder."""
 
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pdpatrol.sensing import (
     ArrayConfig,
+    Carrier,
     DetectedPulses,
     DischargeSource,
     HelicalArray,
@@ -16,6 +18,8 @@ from pdpatrol.sensing import (
 from pdpatrol.sensing.array.array_table import ArrayTable
 from pdpatrol.sensing.radio.arrivals import Arrivals, Propagation, propagate
 from pdpatrol.sensing.receiver.bank import listen_once
+from pdpatrol.sensing.receiver.front_end import FrontEnd
+from pdpatrol.sensing.receiver.sampling import add_noise, settle
 
 NOMINAL = HelicalArray.nominal(ArrayConfig())
 AT_ORIGIN = np.eye(4)
@@ -30,15 +34,27 @@ def source_at(
 
 
 def listen(
-    source: DischargeSource | None,
+    *sources: DischargeSource,
     seed: int = 0,
+    start_s: float = 0.0,
     duration_s: float = 1.0,
     surroundings: Surroundings | None = None,
-    **config: Any,  # noqa: ANN401
+    carriers: tuple[Carrier, ...] = (),
+    array: HelicalArray = NOMINAL,
+    world_from_array: NDArray[np.float64] = AT_ORIGIN,
+    **config: Any,  # noqa: ANN401 - settings are of many types
 ) -> DetectedPulses:
-    """Return the pulses that a receiver at the origin detects of one source."""
-    scene, rng = Scene([] if source is None else [source], surroundings), np.random.default_rng(seed)
-    return listen_once(ReceiverConfig(**config), NOMINAL, scene, rng, world_from_array=AT_ORIGIN, duration_s=duration_s)
+    """Return the pulses that one receiver detects, by default at the origin."""
+    scene, rng = Scene(list(sources), surroundings, carriers=carriers), np.random.default_rng(seed)
+    return listen_once(
+        ReceiverConfig(**config),
+        array,
+        scene,
+        rng,
+        world_from_array=world_from_array,
+        start_s=start_s,
+        duration_s=duration_s,
+    )
 
 
 def arrivals_of(scene: Scene, array: HelicalArray, world_from_array: np.ndarray) -> Arrivals:
@@ -46,3 +62,12 @@ def arrivals_of(scene: Scene, array: HelicalArray, world_from_array: np.ndarray)
     sources = scene.positions_m[:1], scene.axes[:1], scene.burst_s[:1]
     around = Propagation(*sources, ArrayTable.of(array), scene.surroundings)
     return propagate(np.zeros(1), world_from_array, around)[1]
+
+
+def noise_of(front_end: FrontEnd, n: int, n_samples: int, std_v: float = 1.0) -> NDArray[np.float64]:
+    """Draw noise behind the filter, shape (n, n_samples); rows are independent."""
+    noise, rng, drawn = front_end.noise_filter(std_v), np.random.default_rng(0), np.zeros((n, n_samples))
+    state = np.empty((len(noise.sections), 2, n))
+    settle(noise, rng, state)
+    add_noise(noise, rng, state, drawn, 0, n_samples)
+    return drawn

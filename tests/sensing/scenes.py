@@ -1,9 +1,20 @@
 """Scenes of a wall, a piece of equipment and the ground, with stated losses and reflections."""
 
+from typing import Any, cast
+
 import numpy as np
 
 from pdpatrol.sensing import Faces, Surroundings, UprightSolids
 from pdpatrol.sensing.radio.materials import Material
+
+
+def ground_face() -> Faces:
+    return Faces(np.zeros((1, 3)), np.eye(3)[2:], np.eye(3)[np.newaxis, :2], np.full((1, 2), np.inf), np.array([-1]))
+
+
+def on_the_ground(wall: Faces) -> Faces:
+    """Return the faces of the ground and a wall."""
+    return Faces(*(np.concatenate(cast("Any", pair)) for pair in zip(ground_face(), wall, strict=True)))
 
 
 def lossy(loss_db: float, flat_share: float = 0.0) -> Material:

@@ -66,19 +66,3 @@ def test_listed_elements_default_to_the_ring() -> None:
     np.testing.assert_allclose(np.degrees(array.boresight_elevations_rad), [20.0, 0.0, 0.0])
     np.testing.assert_allclose(array.positions_m[0], [0.1, 0.0, 0.9])
     np.testing.assert_allclose(array.positions_m[1], [-0.1, 0.2 * np.sin(np.radians(120)), 0.7])
-
-
-def test_turned_array_has_turned_gain() -> None:
-    """Tilt and azimuth of the boresights form one rotation of the whole array."""
-    array, rng = HelicalArray.nominal(TILTED), np.random.default_rng(0)
-    table, turn = ArrayTable.of(array), 0.7
-    turned_boresights = [
-        Boresight(np.cos(a + turn), np.sin(a + turn), np.cos(e), np.sin(e))
-        for a, e in zip(array.boresights_rad, array.boresight_elevations_rad, strict=True)
-    ]
-    pattern = table.pattern
-    for x, y, z in rng.normal(0.0, 5.0, (50, 3)):
-        at = (x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn), z)
-        before = [gain_towards(pattern, Boresight(*boresight), x, y, z) for boresight in table.boresights]
-        after = [gain_towards(pattern, boresight, *at) for boresight in turned_boresights]
-        np.testing.assert_allclose(after, before, atol=1e-7)

@@ -1,26 +1,18 @@
 """Detection: every path may trigger, stronger signals trigger more often, and a pulse is not taken for a burst."""
 
 from dataclasses import replace
-from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from pdpatrol.sensing import (
     Faces,
-    ReceiverConfig,
-    Scene,
     Surroundings,
 )
-from pdpatrol.sensing.receiver.bank import listen_once
-from tests.sensing.listening import AT_ORIGIN, NOMINAL, listen, source_at
-from tests.sensing.scenes import around, wall_across
+from tests.sensing.listening import listen, source_at
+from tests.sensing.scenes import around, ground_face, on_the_ground, wall_across
 
 AXES = np.eye(3)
-
-
-def ground_face() -> Faces:
-    return Faces(np.zeros((1, 3)), AXES[2:], AXES[np.newaxis, :2], np.full((1, 2), np.inf), np.array([-1]))
 
 
 def wall_face(y_m: float) -> Faces:
@@ -36,11 +28,7 @@ def tank_and_wall() -> Surroundings:
 
 def share_detected(amplitude_v: float, surroundings: Surroundings, seed: int, n: int = 1000) -> float:
     gun = replace(source_at(10.0, 0.0), amplitude_v=amplitude_v, pulse_rate_hz=2e3, n_shots=n)
-    rng = np.random.default_rng(seed)
-    detected = listen_once(
-        ReceiverConfig(), NOMINAL, Scene([gun], surroundings), rng, world_from_array=AT_ORIGIN, duration_s=n / 2e3
-    )
-    return detected.pulses.n_pulses / n
+    return listen(gun, seed=seed, duration_s=n / 2e3, surroundings=surroundings).pulses.n_pulses / n
 
 
 def test_echo_triggers_where_direct_path_just_fails() -> None:
@@ -49,8 +37,7 @@ def test_echo_triggers_where_direct_path_just_fails() -> None:
 
 
 def test_pulse_with_echoes_is_not_taken_for_burst() -> None:
-    both = Faces(*(np.concatenate(cast("Any", pair)) for pair in zip(ground_face(), wall_face(-2.75), strict=True)))
-    surroundings = around(0.0, both, ground=0.3, wall=0.8)
+    surroundings = around(0.0, on_the_ground(wall_face(-2.75)), ground=0.3, wall=0.8)
     for level_db in (6.0, 13.0, 20.0):
         gun = replace(source_at(10.0, 0.0, 1.5), amplitude_v=0.027 * 10 ** (level_db / 20), pulse_rate_hz=2e3)
         detected = listen(gun, duration_s=0.5, surroundings=surroundings)

@@ -8,12 +8,11 @@ import pytest
 
 from dirmusic import GainManifold, estimate_bearings
 from dirmusic.angles import difference
-from pdpatrol.sensing import ArrayConfig, Carrier, DetectedPulses, DischargeSource, HelicalArray, ReceiverConfig, Scene
+from pdpatrol.sensing import Carrier, DetectedPulses, DischargeSource, ReceiverConfig
 from pdpatrol.sensing.nature.pulses import unit_pulse_energy
-from pdpatrol.sensing.receiver.bank import listen_once
 from pdpatrol.sensing.receiver.config import ChannelFault
+from tests.sensing.listening import NOMINAL, listen
 
-NOMINAL = HelicalArray.nominal(ArrayConfig())
 RING = GainManifold.ring(6)
 SOURCE = DischargeSource(name="s", position_m=np.array([5.0, 1.0, 0.6]), amplitude_v=0.27, pulse_rate_hz=300.0)
 
@@ -21,12 +20,9 @@ SOURCE = DischargeSource(name="s", position_m=np.array([5.0, 1.0, 0.6]), amplitu
 def detect(
     faults: tuple[ChannelFault, ...] = (),
     source: DischargeSource = SOURCE,
-    carriers: tuple[Carrier, ...] = (),
-    **config: Any,  # noqa: ANN401 - settings are of many types
+    **settings: Any,  # noqa: ANN401 - settings are of many types
 ) -> DetectedPulses:
-    settings = ReceiverConfig(faults=faults, false_alarm_rate_hz=1e-9, **config)
-    scene, rng = Scene([source], carriers=carriers), np.random.default_rng(0)
-    return listen_once(settings, NOMINAL, scene, rng, world_from_array=np.eye(4), duration_s=1.0)
+    return listen(source, faults=faults, false_alarm_rate_hz=1e-9, **settings)
 
 
 def test_each_fault_changes_its_channel_as_documented() -> None:
@@ -53,21 +49,11 @@ def test_saturated_channel_is_limited_to_its_level() -> None:
 
 def test_fault_starts_and_drifts_at_its_times() -> None:
     fault = ChannelFault(channel=2, kind="gain_drift", gain_db=-12.0, start_s=10.0, ramp_s=20.0)
-    config = ReceiverConfig(faults=(fault,), false_alarm_rate_hz=1e-9)
-    at = {}
-    for start_s in (0.0, 20.0, 40.0):
-        detected = listen_once(
-            config,
-            NOMINAL,
-            Scene([SOURCE]),
-            np.random.default_rng(0),
-            world_from_array=np.eye(4),
-            start_s=start_s,
-            duration_s=1.0,
-        )
-        at[start_s] = np.median(detected.pulses.strengths_v[:, 1])
-    assert 20 * np.log10(at[20.0] / at[0.0]) == pytest.approx(-6.0, abs=0.2)
-    assert 20 * np.log10(at[40.0] / at[0.0]) == pytest.approx(-12.0, abs=0.2)
+    level_db = [
+        20 * np.log10(np.median(detect((fault,), start_s=start_s).pulses.strengths_v[:, 1]))
+        for start_s in (0.0, 20.0, 40.0)
+    ]
+    np.testing.assert_allclose(np.diff(level_db), -6.0, atol=0.2)
 
 
 def test_filter_removes_carrier_10_db_above_pulse() -> None:

@@ -1,7 +1,6 @@
 """Band-pass: its response to noise and pulses; and the receiver compared with an independent one."""
 
 from dataclasses import replace
-from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -27,8 +26,8 @@ from pdpatrol.sensing.receiver.bank import listen_once
 from pdpatrol.sensing.receiver.front_end import FILTER_ORDER, FrontEnd
 from pdpatrol.sensing.receiver.receiver import Receiver
 from tests.sensing import reference_receiver
-from tests.sensing.listening import arrivals_of
-from tests.sensing.noise import noise_of
+from tests.sensing.listening import NOMINAL, arrivals_of, listen, noise_of
+from tests.sensing.scenes import ground_face, on_the_ground
 
 FloatArray = NDArray[np.float64]
 N_SHOTS, N_PLAIN = 20_000, 600
@@ -83,16 +82,23 @@ def test_energy_spread_matches_drawn_noise() -> None:
 @pytest.mark.parametrize("distance_m", [3.0, 5.0, 8.0, 12.0])
 def test_two_paths_interfere(distance_m: float) -> None:
     """Strengths of a direct pulse and one from the ground, by the closed form over all phases of the clock."""
-    array, at_m, n = HelicalArray.nominal(ArrayConfig()), np.array([distance_m, 0.0, 1.5]), 500
+    at_m, n = np.array([distance_m, 0.0, 1.5]), 500
     level = np.array([0.0, 1.0, 0.0])  # as it comes back from metal: turned round
     source = DischargeSource(name="s", position_m=at_m, amplitude_v=1.0, pulse_rate_hz=1e3, n_shots=n, axis=level)
-    config = ReceiverConfig(noise_v=1e-9, false_alarm_rate_hz=1e-9, band_hz="all", bits=24, full_scale_v=10.0)
     mirror = METAL._replace(flat_share=0.5)
-    scene = Scene([source], Surroundings.of_materials([], ground(), UprightSolids.none(), mirror))
-    rng = np.random.default_rng(0)
-    detected = listen_once(config, array, scene, rng, world_from_array=np.eye(4), duration_s=n / 1e3)
+    surroundings = Surroundings.of_materials([], ground_face(), UprightSolids.none(), mirror)
+    detected = listen(
+        source,
+        duration_s=n / 1e3,
+        surroundings=surroundings,
+        noise_v=1e-9,
+        false_alarm_rate_hz=1e-9,
+        band_hz="all",
+        bits=24,
+        full_scale_v=10.0,
+    )
 
-    direct, reflected = (array.free_space_response(at_m * [1.0, 1.0, side], np.eye(4)) for side in (1.0, -1.0))
+    direct, reflected = (NOMINAL.free_space_response(at_m * [1.0, 1.0, side], np.eye(4)) for side in (1.0, -1.0))
     since = np.arange(90) - 20 + WHITE.pulse_lag + np.arange(64)[:, np.newaxis] / 64  # samples, from the first arrival
     since_s = direct[1].min() + since[:, np.newaxis] / RATE_HZ
     signal = [
@@ -101,10 +107,6 @@ def test_two_paths_interfere(distance_m: float) -> None:
     ]
     energy = np.square(signal[0] - 0.5 * signal[1]).sum(axis=-1).mean(axis=0)
     np.testing.assert_allclose(np.square(detected.pulses.strengths_v).mean(axis=0), energy, rtol=2e-3)
-
-
-def ground() -> Faces:
-    return Faces(np.zeros((1, 3)), np.eye(3)[2:], np.eye(3)[np.newaxis, :2], np.full((1, 2), np.inf), np.array([-1]))
 
 
 @pytest.mark.parametrize(
@@ -124,8 +126,7 @@ def test_detections_match_reference_receiver(scene_number: int) -> None:
         np.array([[20.0, 4.0]]),
         np.array([0]),
     )
-    faces = Faces(*(np.concatenate(cast("Any", pair)) for pair in zip(ground(), wall, strict=True)))
-    around = Surroundings.of_materials([METAL], faces, UprightSolids.none(), GRAVEL)
+    around = Surroundings.of_materials([METAL], on_the_ground(wall), UprightSolids.none(), GRAVEL)
     at_m = turn @ [rng.uniform(3.0, 12.0), rng.uniform(-3.0, 3.0), rng.uniform(0.3, 3.0)]
     config = ReceiverConfig(false_alarm_rate_hz=1e-3)
     source = DischargeSource(name="s", position_m=at_m, amplitude_v=1.0, pulse_rate_hz=1e4, n_shots=1)

@@ -4,7 +4,16 @@ from typing import Any
 
 import numpy as np
 
-from dirmusic import ArrayModel, BearingEstimator, ElementSpread, Finding, GainManifold, PoseError, PulseBatch
+from dirmusic import (
+    ArrayModel,
+    BearingEstimator,
+    ElementErrors,
+    ElementSpread,
+    Finding,
+    GainManifold,
+    PoseError,
+    PulseBatch,
+)
 from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
 
 RING = GainManifold.ring(6)
@@ -27,6 +36,13 @@ def with_bearings(
     """Add the directions that an estimator finds, by default maximum likelihood."""
     found = (estimator or MaximumLikelihood())(pulses, array)
     return pulses._replace(azimuth_rad=found.azimuth_rad, std_rad=found.std_rad, misfit=found.misfit)
+
+
+def drawn_errors(rng: np.random.Generator) -> ElementErrors:
+    """Draw errors of an array by `SPREAD`."""
+    return ElementErrors(
+        gain=rng.normal(0.0, SPREAD.gain, 6), pointing_rad=rng.normal(0.0, SPREAD.pointing_rad, 6), offset=np.zeros(6)
+    )
 
 
 def make_finding(**values: Any) -> Finding:  # noqa: ANN401 - any attribute of a finding

@@ -1,12 +1,10 @@
 """Association of pulses with findings: direction, strength over range, map, multipath and mains phase."""
 
-import tracemalloc
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.stats import poisson
 
 from dirmusic.array.element_errors import ElementErrors
 from dirmusic.locating.association import Assigner, Unassociated, may_share_phase, too_many_for_multipath
@@ -186,34 +184,20 @@ def test_pulse_from_above_initiates_only_the_first_candidate() -> None:
     assert rows_of_candidate(level, unassigned, NO_ERRORS, LocatingRules(), 0.0, is_first=False).size == 20
 
 
-def detections(
-    record: PulseRecord, rng: np.random.Generator, rates_hz: dict[float, float], seconds: range, excess_db: float
-) -> None:
-    """Record pulses from directions in degrees at given rates, `excess_db` above `LEVEL_DB` at 8 m."""
-    for second in seconds:
-        counts = {bearing: rng.poisson(rate) for bearing, rate in rates_hz.items()}
-        azimuth = np.radians(np.repeat(list(counts), list(counts.values())))
-        pulses = pulses_from(azimuth, 10 ** ((LEVEL_DB + excess_db) / 20) / 8.0)
-        record.extend([PulsesAtPose(float(second), np.zeros(3), pulses)])
-
-
-WALL_DB = -6.0
-
-
-def behind_a_wall(points: np.ndarray, target: np.ndarray, ignore_m: float) -> np.ndarray:
-    """Return the transmission of a map that attenuates everything, so that multipath is expected."""
-    return np.full(len(points), 10 ** (WALL_DB / 20))
-
-
 @pytest.mark.parametrize("is_detected", [True, False])
 def test_multipath_is_limited_by_missing_direct_pulses(is_detected: bool) -> None:
-    rng, rules = np.random.default_rng(1), AssignmentRules()
-    record = PulseRecord(SMALL_ARRAY, POSE_ERROR, behind_a_wall, rules)
-    detections(record, rng, {0.0: 20.0}, range(0, 20), WALL_DB)
-    detections(record, rng, {0.0: 20.0, 90.0: 20.0} if is_detected else {90.0: 20.0}, range(20, 40), WALL_DB)
-    owner = Assigner(record, rules).assign([finding(8.0, 0.0)], NO_ERRORS).finding
-    from_north = owner[np.abs(record.pulses.azimuth_rad - 0.5 * np.pi) < 0.1]
-    assert np.mean(from_north == (UNASSIGNED if is_detected else ECHO)) > 0.95
+    wall_share = 10 ** (-6.0 / 20)
+
+    def behind_a_wall(points: np.ndarray, target: np.ndarray, ignore_m: float) -> np.ndarray:
+        return np.full(len(points), wall_share)
+
+    record = PulseRecord(SMALL_ARRAY, POSE_ERROR, behind_a_wall, AssignmentRules())
+    for second in range(40):
+        bearings = [0.0] if second < 20 else [0.0, 0.5 * np.pi] if is_detected else [0.5 * np.pi]
+        pulses = pulses_from(np.repeat(bearings, 20), wall_share * 10 ** (LEVEL_DB / 20) / 8.0)
+        record.extend([PulsesAtPose(float(second), np.zeros(3), pulses)])
+    owner = Assigner(record, AssignmentRules()).assign([finding(8.0, 0.0)], NO_ERRORS).finding
+    assert (owner[record.pulses.azimuth_rad > 1.0] == (UNASSIGNED if is_detected else ECHO)).all()
 
 
 def test_source_of_unknown_rate_may_have_any_multipath() -> None:
@@ -221,19 +205,9 @@ def test_source_of_unknown_rate_may_have_any_multipath() -> None:
     assert not too_many_for_multipath(np.zeros(50), np.zeros(50), suspects, nobody, 1).any()
 
 
-def test_multipath_count_needs_no_memory_for_the_origin() -> None:
-    suspects, owner = np.ones(50, dtype=np.bool_), np.full(50, -1)
-    tracemalloc.start()
-    for origin_s in (-1e6, 1e7):
-        too_many_for_multipath(origin_s + np.arange(50.0), np.zeros(50), suspects, owner, 1)
-    peak_bytes = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak_bytes < 1e6
-
-
 @pytest.mark.parametrize(("n_missing", "most"), [(0, 3), (3, 9), (8, 17)])
 def test_multipath_is_limited_to_three_poisson_deviations(n_missing: int, most: int) -> None:
-    """N > b + 3 sqrt(b + 1) with b pulses missing; the tail of the Poisson law stays below 0.4 % for every b."""
+    """N > b + 3 sqrt(b + 1) with b pulses missing."""
     for n_echoes in (most, most + 1):
         n_direct = 20 - n_missing
         time_s = np.concatenate([np.repeat([2.0, 7.0, 12.0], 20), np.full(n_direct + n_echoes, 17.0)])
@@ -241,8 +215,6 @@ def test_multipath_is_limited_to_three_poisson_deviations(n_missing: int, most: 
         bearing_rad, owner = np.where(is_suspect, 1.2, 0.0), np.where(is_suspect, -1, 0)
         too_many = too_many_for_multipath(time_s, bearing_rad, is_suspect, owner, 1)
         np.testing.assert_array_equal(too_many, is_suspect & (n_echoes > most))
-    mean = np.linspace(0.0, 50.0, 2001)
-    assert np.max(poisson.sf(np.floor(mean + 3.0 * np.sqrt(mean + 1.0)), mean)) < 0.004
 
 
 N_SURE = 600

@@ -9,12 +9,8 @@ from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
 from pdpatrol.robot_models.yard.pieces import BoxEquipment
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import (
-    ArrayConfig,
     DischargeSource,
     Faces,
-    HelicalArray,
-    ReceiverConfig,
-    Scene,
     Surroundings,
     UprightSolids,
     level_transform,
@@ -22,10 +18,9 @@ from pdpatrol.sensing import (
 from pdpatrol.sensing.radio.geometry import Vector
 from pdpatrol.sensing.radio.materials import GRAVEL, METAL, WAVELENGTH_M
 from pdpatrol.sensing.radio.ray_paths import RayPaths, find_ray_paths
-from pdpatrol.sensing.receiver.bank import listen_once
+from tests.sensing.listening import NOMINAL, listen
 
-ARRAY = HelicalArray.nominal(ArrayConfig())
-KNOWN = ArrayModel(manifold=ARRAY.manifold(), positions_m=ARRAY.positions_m, spread=ElementSpread())
+KNOWN = ArrayModel(manifold=NOMINAL.manifold(), positions_m=NOMINAL.positions_m, spread=ElementSpread())
 MIDDLE = np.array([12.0, 12.0])
 K = 2 * np.pi / WAVELENGTH_M
 
@@ -81,13 +76,15 @@ def test_bearing_of_hidden_source_points_to_dominant_edge() -> None:
         others = level[~is_edge].max(initial=0.0)
         if others > level.max() * 10 ** (-10.0 / 20):
             continue
-        receiver, pose = (
-            ReceiverConfig(noise_v=1e-6, bits=24, full_scale_v=50.0),
-            level_transform(np.array([*robot, 0.3])),
-        )
-        scene = Scene([gun], surroundings)
-        detected = listen_once(
-            receiver, ARRAY, scene, np.random.default_rng(seed), world_from_array=pose, duration_s=0.05
+        detected = listen(
+            gun,
+            seed=seed,
+            duration_s=0.05,
+            surroundings=surroundings,
+            world_from_array=level_transform(np.array([*robot, 0.3])),
+            noise_v=1e-6,
+            bits=24,
+            full_scale_v=50.0,
         )
         if detected.pulses.n_pulses == 0:
             continue
@@ -117,7 +114,7 @@ def field_along(
         to_image = paths.from_m - np.array(target)
         length_m = paths.extra_m + np.linalg.norm(to_image, axis=1)
         azimuth = np.arctan2(to_image[:, 1], to_image[:, 0])
-        gain = ARRAY.cut(azimuth[:, np.newaxis] - ARRAY.boresights_rad)
+        gain = NOMINAL.cut(azimuth[:, np.newaxis] - NOMINAL.boresights_rad)
         found[i] = (paths.coefficient / length_m * np.exp(-1j * K * length_m)) @ gain
     return found
 
