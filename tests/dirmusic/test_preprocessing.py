@@ -67,7 +67,7 @@ def test_band_pass_has_unit_gain_and_no_delay_inside() -> None:
 
 
 @pytest.mark.parametrize(
-    ("call", "told"),
+    ("call", "message"),
     [
         (lambda: prepare_records(np.ones((6, 50)), SAMPLE_RATE_HZ), "n_record >= 90"),
         (lambda: prepare_records(np.full((6, 500), np.nan), SAMPLE_RATE_HZ), "finite"),
@@ -75,6 +75,6 @@ def test_band_pass_has_unit_gain_and_no_delay_inside() -> None:
         (lambda: prepare_records(np.ones((6, 500)), SAMPLE_RATE_HZ, band_hz=(2e9, 1e9)), "rise"),
     ],
 )
-def test_invalid_records_are_refused(call, told: str) -> None:  # noqa: ANN001
-    with pytest.raises(ValueError, match=told):
+def test_invalid_records_are_refused(call, message: str) -> None:  # noqa: ANN001
+    with pytest.raises(ValueError, match=message):
         call()

@@ -63,7 +63,6 @@ def test_actions_and_commands_are_inverse_and_clipped() -> None:
     [
         ([('"left_wheel', '"wheel')], ["left_wheel: no such joint"]),
         ([('size="0.11 0.03 0.11"', 'size="-0.11 0.03 0.11"')], ["refused by MuJoCo: size 0 must be positive in geom"]),
-        ([('"max_speed" data="0.8"', '"max_speed" data="-0.8"')], ["max_speed: must be one number above 0, got -0.8"]),
         (
             [('"max_yaw_rate" data="1.2"', '"max_yaw_rate" data="nan"')],
             ["max_yaw_rate: must be one number above 0, got nan"],

@@ -73,15 +73,10 @@ def noise_variance_v2() -> float:
     return filtered_noise()[0] ** 2 + step_v() ** 2 / 12
 
 
-def signal(
-    delay_s: FloatArray, amplitude: NDArray[np.complex128], peak_v: float, burst_s: float, time_s: FloatArray
-) -> FloatArray:
+def signal(delay_s: FloatArray, amplitude: NDArray[np.complex128], peak_v: float, time_s: FloatArray) -> FloatArray:
     """Return what all paths bring to the elements in front of the filter, shape (n_elements, n_samples)."""
     since_s = time_s - delay_s[:, :, np.newaxis]
-    if burst_s > 0.0:
-        shape = ((since_s >= 0) & (since_s < burst_s)) * -1j * np.exp(2j * np.pi * 1.75e9 * since_s)
-    else:
-        shape = damped_sine(since_s) - 1j * damped_sine(since_s, 0.5 * np.pi)
+    shape = damped_sine(since_s) - 1j * damped_sine(since_s, 0.5 * np.pi)
     return peak_v * (amplitude[:, :, np.newaxis] * shape).sum(axis=0).real
 
 
@@ -93,7 +88,6 @@ def sample(
     false_alarm_rate_hz: float,
     n: int,
     rng: np.random.Generator,
-    burst_s: float = 0.0,
 ) -> Sampled:
     """Sample an emission n times.
 
@@ -105,14 +99,9 @@ def sample(
         false_alarm_rate_hz: Setting of the trigger.
         n: Number of emissions.
         rng: Generator.
-        burst_s: Duration of a burst; 0 for a pulse.
     """
-    level_v, aperture, decay, echo = (
-        threshold_v(false_alarm_rate_hz),
-        round(aperture_m / 299_792_458 * RATE_HZ),
-        40,
-        1200,
-    )
+    level_v, decay, echo = threshold_v(false_alarm_rate_hz), 40, 1200
+    aperture = round(aperture_m / 299_792_458 * RATE_HZ)
     pulse = np.abs(np.asarray(sosfilt(SECTIONS, damped_sine(np.arange(1000) / RATE_HZ))))
     rise = round(float(np.argmax(pulse >= 0.5 * pulse.max()))) + decay
     strongest_s = np.take_along_axis(delay_s, np.abs(amplitude).argmax(axis=1)[:, np.newaxis], axis=1)[:, 0]
@@ -121,12 +110,8 @@ def sample(
     gates, n_bursts = list[FloatArray](), 0
     for _ in range(n):
         start_s = first_s + rng.random() / RATE_HZ
-        clean = signal(delay_s, amplitude, peak_v, burst_s, start_s + np.arange(n_samples) / RATE_HZ)
-        noise = NOISE_V * rng.standard_normal(clean.shape)
-        if burst_s > 0.0:  # in the band: not filtered
-            volts = clean + np.asarray(sosfilt(SECTIONS, noise))
-        else:
-            volts = np.asarray(sosfilt(SECTIONS, clean + noise))
+        clean = signal(delay_s, amplitude, peak_v, start_s + np.arange(n_samples) / RATE_HZ)
+        volts = np.asarray(sosfilt(SECTIONS, clean + NOISE_V * rng.standard_normal(clean.shape)))
         searched = np.zeros(n_samples, dtype=np.bool_)
         for arrival_s in strongest_s:
             at = round((arrival_s - start_s) * RATE_HZ)

@@ -10,20 +10,16 @@ from pdpatrol.sensing import (
     Surroundings,
 )
 from tests.sensing.listening import listen, source_at
-from tests.sensing.scenes import around, ground_face, on_the_ground, wall_across
-
-AXES = np.eye(3)
+from tests.sensing.scenes import around, ground_face, on_the_ground, wall_across, wall_face
 
 
-def wall_face(y_m: float) -> Faces:
-    return Faces(
-        np.array([[5.0, y_m, 2.0]]), AXES[1:2], AXES[np.newaxis, [0, 2]], np.array([[20.0, 3.0]]), np.array([0])
-    )
+def wall_at(y_m: float) -> Faces:
+    return wall_face((5.0, y_m, 2.0), (0.0, 1.0), (20.0, 3.0))
 
 
 def tank_and_wall() -> Surroundings:
     """Make a tank on the direct path with 25 dB of loss, and a wall whose echo is 22 dB above the direct path."""
-    return around(25.0, wall_face(-3.75), wall_across(5.0, 0.5), wall=0.8)
+    return around(25.0, wall_at(-3.75), wall_across(5.0, 0.5), wall=0.8)
 
 
 def share_detected(amplitude_v: float, surroundings: Surroundings, seed: int, n: int = 1000) -> float:
@@ -37,7 +33,7 @@ def test_echo_triggers_where_direct_path_just_fails() -> None:
 
 
 def test_pulse_with_echoes_is_not_taken_for_burst() -> None:
-    surroundings = around(0.0, on_the_ground(wall_face(-2.75)), ground=0.3, wall=0.8)
+    surroundings = around(0.0, on_the_ground(wall_at(-2.75)), ground=0.3, wall=0.8)
     for level_db in (6.0, 13.0, 20.0):
         gun = replace(source_at(10.0, 0.0, 1.5), amplitude_v=0.027 * 10 ** (level_db / 20), pulse_rate_hz=2e3)
         detected = listen(gun, duration_s=0.5, surroundings=surroundings)
@@ -50,7 +46,7 @@ def test_detection_rate_increases_with_level() -> None:
     levels_db = np.arange(-6.0, 41.0, 2.0)
     for seed in range(50):
         rng = np.random.default_rng(seed)
-        echoing = around(0.0, wall_face(-rng.uniform(0.5, 12.0)), wall=0.8)
+        echoing = around(0.0, wall_at(-rng.uniform(0.5, 12.0)), wall=0.8)
         surroundings = [around(0.0, ground_face(), ground=0.3), echoing, tank_and_wall()][seed % 3]
         random_db = levels_db + rng.uniform(-1.0, 1.0)
         shares = [share_detected(0.02 * 10 ** (x / 20), surroundings, seed, 300) for x in random_db]

@@ -13,7 +13,6 @@ from dirmusic.angles import difference
 from pdpatrol.sensing import (
     ArrayConfig,
     DischargeSource,
-    Faces,
     HelicalArray,
     ReceiverConfig,
     Scene,
@@ -27,7 +26,7 @@ from pdpatrol.sensing.receiver.front_end import FILTER_ORDER, FrontEnd
 from pdpatrol.sensing.receiver.receiver import Receiver
 from tests.sensing import reference_receiver
 from tests.sensing.listening import NOMINAL, arrivals_of, listen, noise_of
-from tests.sensing.scenes import ground_face, on_the_ground
+from tests.sensing.scenes import ground_face, on_the_ground, wall_face
 
 FloatArray = NDArray[np.float64]
 N_SHOTS, N_PLAIN = 20_000, 600
@@ -119,13 +118,8 @@ def test_detections_match_reference_receiver(scene_number: int) -> None:
     turn = np.array(
         [[np.cos(azimuth), -np.sin(azimuth), 0.0], [np.sin(azimuth), np.cos(azimuth), 0.0], [0.0, 0.0, 1.0]]
     )
-    wall = Faces(
-        -wall_m * turn[np.newaxis, :, 0] + [0.0, 0.0, 2.0],
-        turn[np.newaxis, :, 0],
-        turn.T[np.newaxis, 1:],
-        np.array([[20.0, 4.0]]),
-        np.array([0]),
-    )
+    normal = np.cos(azimuth), np.sin(azimuth)
+    wall = wall_face((-wall_m * normal[0], -wall_m * normal[1], 2.0), normal, (20.0, 4.0))
     around = Surroundings.of_materials([METAL], on_the_ground(wall), UprightSolids.none(), GRAVEL)
     at_m = turn @ [rng.uniform(3.0, 12.0), rng.uniform(-3.0, 3.0), rng.uniform(0.3, 3.0)]
     config = ReceiverConfig(false_alarm_rate_hz=1e-3)

@@ -16,7 +16,6 @@ from dirmusic.angles import difference
 from pdpatrol.sensing import (
     ArrayConfig,
     DischargeSource,
-    Faces,
     HelicalArray,
     ReceiverConfig,
     Scene,
@@ -29,7 +28,7 @@ from pdpatrol.sensing.receiver.front_end import FrontEnd
 from pdpatrol.sensing.receiver.receiver import Receiver
 from tests.sensing import reference_receiver
 from tests.sensing.listening import NOMINAL, listen, noise_of, source_at
-from tests.sensing.scenes import around, wall_across
+from tests.sensing.scenes import around, wall_across, wall_face
 
 
 def test_pulse_has_unit_peak_and_lasts_2_5_ns() -> None:
@@ -186,21 +185,12 @@ def test_schedule_keeps_rates_and_restarts_on_step_back() -> None:
 
 def test_gate_follows_first_path_not_strongest() -> None:
     source = source_at(8.0, 0.0, amplitude_v=2.7)
-    to_the_left = Faces(
-        centre_m=np.array([[4.0, 6.0, 2.0]]),
-        normal=np.array([[0.0, -1.0, 0.0]]),
-        axes=np.array([[[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]]),
-        half_size_m=np.array([[5.0, 2.0]]),
-        owner=np.array([0]),
-    )
+    to_the_left = wall_face((4.0, 6.0, 2.0), (0.0, -1.0), (5.0, 2.0))
     surroundings = around(12.0, to_the_left, wall_across(4.0), wall=0.8)
     detected = listen(source, duration_s=0.1, surroundings=surroundings, false_alarm_rate_hz=1e-6)
-    ahead, left = (
-        detected.pulses.strengths_v[:, 1:3].min(axis=-1),
-        detected.pulses.strengths_v[:, 0],
-    )  # element 1 points to the left
+    ahead, left = detected.pulses.strengths_v[:, 1:3].min(axis=-1), detected.pulses.strengths_v[:, 0]
     assert ahead.size > 50
-    assert (ahead > 1.3 * left).all()  # from the left, element 1 would receive most
+    assert (ahead > 1.3 * left).all()  # from the left, element 1, which points there, would receive most
 
 
 def test_pulse_at_threshold_is_detected_half_the_time() -> None:

@@ -35,7 +35,7 @@ def finding(x: float, y: float, state: State = "confirmed", number: int = 1) -> 
 
 
 def assigned(
-    findings: list[Finding], *, bearing_deg: float, excess_db: float, range_m: float, in_sight: bool = True
+    findings: list[Finding], *, bearing_deg: float, excess_db: float = 0.0, range_m: float = 8.0, in_sight: bool = True
 ) -> int:
     """Return the finding of pulses at the origin, `excess_db` above `LEVEL_DB` at a range."""
 
@@ -53,28 +53,28 @@ def assigned(
 
 def test_pulse_belongs_to_the_finding_it_points_to() -> None:
     west_and_north = [finding(-8.0, 0.0), finding(0.0, 8.0, number=2)]
-    assert assigned(west_and_north, bearing_deg=180.0, excess_db=0.0, range_m=8.0) == 0
-    assert assigned(west_and_north, bearing_deg=90.0, excess_db=0.0, range_m=8.0) == 1
-    assert assigned(west_and_north, bearing_deg=-45.0, excess_db=0.0, range_m=8.0) == UNASSIGNED
+    assert assigned(west_and_north, bearing_deg=180.0) == 0
+    assert assigned(west_and_north, bearing_deg=90.0) == 1
+    assert assigned(west_and_north, bearing_deg=-45.0) == UNASSIGNED
 
 
 def test_pulse_of_two_aligned_findings_is_ambiguous() -> None:
     behind_each_other = [finding(8.0, 0.0), finding(10.0, 0.0, number=2)]
-    assert assigned(behind_each_other, bearing_deg=0.0, excess_db=0.0, range_m=9.0) == AMBIGUOUS
+    assert assigned(behind_each_other, bearing_deg=0.0, range_m=9.0) == AMBIGUOUS
 
 
 def test_vague_candidate_takes_no_pulse_of_a_known_one() -> None:
     known = finding(8.0, 0.0, "candidate")
     vague = replace(finding(9.0, 1.0, "candidate", number=2), covariance_m2=np.diag([25.0, 25.0, 1.0]))
-    assert assigned([known, vague], bearing_deg=0.0, excess_db=0.0, range_m=8.0) == 0
-    assert assigned([known, vague], bearing_deg=15.0, excess_db=0.0, range_m=8.0) == 1
+    assert assigned([known, vague], bearing_deg=0.0) == 0
+    assert assigned([known, vague], bearing_deg=15.0) == 1
     confirmed = finding(8.0, 0.0)
-    assert assigned([confirmed, vague], bearing_deg=0.0, excess_db=0.0, range_m=8.0) == AMBIGUOUS
+    assert assigned([confirmed, vague], bearing_deg=0.0) == AMBIGUOUS
 
 
 def test_pulse_too_weak_for_its_range_is_diffracted() -> None:
-    assert assigned([finding(8.0, 0.0)], bearing_deg=0.0, excess_db=-11.0, range_m=8.0) == DIFFRACTED
-    assert assigned([finding(8.0, 0.0)], bearing_deg=0.0, excess_db=-6.0, range_m=8.0) == 0
+    assert assigned([finding(8.0, 0.0)], bearing_deg=0.0, excess_db=-11.0) == DIFFRACTED
+    assert assigned([finding(8.0, 0.0)], bearing_deg=0.0, excess_db=-6.0) == 0
 
 
 @pytest.mark.parametrize("bearing_deg", [60.0, -120.0])
@@ -82,16 +82,16 @@ def test_pulses_of_obstructed_finding_are_multipath(
     bearing_deg: float,
 ) -> None:
     obstructed = [finding(8.0, 0.0)]
-    assert assigned(obstructed, bearing_deg=bearing_deg, excess_db=0.0, range_m=8.0, in_sight=False) == ECHO
-    assert assigned(obstructed, bearing_deg=bearing_deg, excess_db=6.0, range_m=8.0, in_sight=False) == UNASSIGNED
-    assert assigned(obstructed, bearing_deg=bearing_deg, excess_db=0.0, range_m=8.0, in_sight=True) == UNASSIGNED
+    assert assigned(obstructed, bearing_deg=bearing_deg, in_sight=False) == ECHO
+    assert assigned(obstructed, bearing_deg=bearing_deg, excess_db=6.0, in_sight=False) == UNASSIGNED
+    assert assigned(obstructed, bearing_deg=bearing_deg) == UNASSIGNED
     candidate = [finding(8.0, 0.0, state="candidate")]
-    assert assigned(candidate, bearing_deg=bearing_deg, excess_db=0.0, range_m=8.0, in_sight=False) == UNASSIGNED
+    assert assigned(candidate, bearing_deg=bearing_deg, in_sight=False) == UNASSIGNED
 
 
 def test_strong_pulse_next_to_a_finding_is_biased() -> None:
-    assert assigned([finding(8.0, 0.0)], bearing_deg=15.0, excess_db=0.0, range_m=8.0) == BIASED
-    assert assigned([finding(8.0, 0.0)], bearing_deg=15.0, excess_db=-8.0, range_m=8.0) == UNASSIGNED
+    assert assigned([finding(8.0, 0.0)], bearing_deg=15.0) == BIASED
+    assert assigned([finding(8.0, 0.0)], bearing_deg=15.0, excess_db=-8.0) == UNASSIGNED
 
 
 def test_biased_pulses_are_no_more_than_those_missing() -> None:

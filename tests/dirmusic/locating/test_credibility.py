@@ -39,10 +39,6 @@ def test_source_above_is_credible(elevation_deg: float) -> None:
         assert np.median(pulses.misfit) > 3 * 0.02  # three times what an array off by so much leaves in the plane
 
 
-def test_weak_pulse_is_not_credible() -> None:
-    assert credible(pulses_of(np.array([0.5, 0.005])[:, np.newaxis] * RING.gain(0.3))) == [True, False]
-
-
 def test_clipped_pulse_is_not_credible() -> None:
     pulses = pulses_of(np.tile(0.5 * RING.gain(0.3), (3, 1)))
     is_clipped, is_usable = np.zeros((3, 6), dtype=np.bool_), np.ones((3, 6), dtype=np.bool_)

@@ -14,10 +14,9 @@ from dirmusic import (
     strength_variance,
 )
 from dirmusic.array.element_errors import DRIFT, UNEXPLAINED, EstimatedErrors
-from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
 from dirmusic.locating.joint_fit import JointEstimate, locate_jointly
 from dirmusic.locating.rules import LocatingRules
-from tests.dirmusic.locating.scenes import NO_POSE_ERROR, RING, SPREAD, drawn_errors
+from tests.dirmusic.locating.scenes import NO_POSE_ERROR, RING, SPREAD, drawn_errors, with_bearings
 
 FloatArray = NDArray[np.float64]
 
@@ -182,9 +181,7 @@ def found(*, is_on_air: bool) -> tuple[Locator, FloatArray]:
             strengths_v[row] = np.abs(level_v / np.linalg.norm(sight_m) * gain + noise.normal(0.0, noise_v, 6))
         variance_v2 = strength_variance(strengths_v, noise_v**2, 60)
         pulses = PulseBatch.detected(np.full(len(emitters), 0.1 * k), strengths_v, variance_v2)
-        estimate = MaximumLikelihood()(pulses, ARRAY)
-        pulses = pulses._replace(azimuth_rad=estimate.azimuth_rad, std_rad=estimate.std_rad, misfit=estimate.misfit)
-        locator.update(0.1 * k, pose, pulses)
+        locator.update(0.1 * k, pose, with_bearings(pulses, ARRAY))
     (confirmed,) = (finding for finding in locator.refit(25.0) if finding.state == "confirmed")
     return locator, confirmed.position_m
 

@@ -1,6 +1,6 @@
 """Ray paths: spreading, delay, reflection and obstacles."""
 
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -12,6 +12,7 @@ from pdpatrol.sensing import ArrayConfig, Faces, HelicalArray, Surroundings, Upr
 from pdpatrol.sensing.array.array_table import ArrayTable
 from pdpatrol.sensing.radio.arrivals import Propagation, propagate
 from pdpatrol.sensing.radio.materials import GRAVEL, KIND_MATERIALS, WAVELENGTH_M, Material
+from tests.sensing.scenes import ground_face, on_the_ground, solids_at, wall_face
 
 AT_ORIGIN = np.eye(4)
 
@@ -71,13 +72,7 @@ def reflecting(faces: Faces, wall: float = 0.8, ground: float = 0.3) -> Surround
 
 def ground_and_wall(wall_x: float = -2.0, half_length: float = 5.0) -> Faces:
     """Make the ground, and a wall that faces east."""
-    return Faces(
-        centre_m=np.array([[0.0, 0.0, 0.0], [wall_x, 0.0, 2.0]]),
-        normal=np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]),
-        axes=np.array([[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]]),
-        half_size_m=np.array([[np.inf, np.inf], [half_length, 2.0]]),
-        owner=np.array([-1, 0]),
-    )
+    return on_the_ground(wall_face((wall_x, 0.0, 2.0), (1.0, 0.0), (half_length, 2.0)))
 
 
 def test_free_space_response_follows_range_and_direction() -> None:
@@ -118,7 +113,7 @@ def test_face_at_source_does_not_reflect() -> None:
 
 
 def test_obstacle_counts_on_every_segment() -> None:
-    low = box_between(np.array([0.0, 0.0]), 20.0, 0.1, 0.2)  # all over the ground
+    low = solids_at((0.0, 0.0), half_m=(20.0, 20.0), bottom_m=0.1, top_m=0.2)  # all over the ground
     grass = mirror(0.8)._replace(transmission=10 ** (-6.0 / 20))
     surroundings = Surroundings.of_materials([grass], ground_and_wall(), low, mirror(0.5))
     paths = paths_between(surroundings, (6.0, 3.0, 1.5))
@@ -126,23 +121,12 @@ def test_obstacle_counts_on_every_segment() -> None:
     np.testing.assert_allclose(np.abs(paths.factor), [1.0, 0.5 * twice, 0.8], rtol=1e-4)
 
 
-def box_between(centre_m: np.ndarray, half_m: float, bottom_m: float, top_m: float) -> UprightSolids:
-    one, none = np.ones(1), np.zeros(1)
-    return UprightSolids(
-        centre_m[np.newaxis], none, np.full((1, 2), half_m), none, bottom_m * one, top_m * one, np.zeros(1, np.intp)
-    )
-
-
-def two_in_a_row() -> UprightSolids:
-    """Make two cylinders on the x axis, at 2 and 4 m."""
-    none = np.zeros(2)
-    return UprightSolids(
-        np.array([[2.0, 0.0], [4.0, 0.0]]), none, np.zeros((2, 2)), none + 0.3, none, none + 2, np.arange(2)
-    )
-
-
 def test_transmissions_of_pieces_multiply() -> None:
-    surroundings = Surroundings.of_kinds(["surge_arrester", "capacitor_bank"], ground_and_wall(), two_in_a_row())
+    surroundings = Surroundings.of_kinds(
+        ["surge_arrester", "capacitor_bank"],
+        ground_and_wall(),
+        solids_at((2.0, 0.0), (4.0, 0.0), radius_m=0.3, top_m=2.0),
+    )
     passed = paths_between(surroundings, (6.0, 0.0, 0.6)).factor
     expected = KIND_MATERIALS["surge_arrester"].transmission * KIND_MATERIALS["capacitor_bank"].transmission
     assert abs(passed[0]) == pytest.approx(expected)
@@ -151,8 +135,7 @@ def test_transmissions_of_pieces_multiply() -> None:
 @pytest.mark.parametrize("is_upright", [True, False])
 def test_direct_and_ground_wave_follow_two_ray_law(is_upright: bool) -> None:
     """Complex sum over 2 to 60 m, both polarisations, by Fresnel's formulas: within 0.1 dB."""
-    ground = Faces(*(cast("Any", column[:1]) for column in ground_and_wall()))
-    surroundings = Surroundings.of_materials([], ground, UprightSolids.none(), GRAVEL)
+    surroundings = Surroundings.of_materials([], ground_face(), UprightSolids.none(), GRAVEL)
     k, up_m, down_m = 2 * np.pi / WAVELENGTH_M, 1.4, 0.6
     for distance_m in np.linspace(2.0, 60.0, 300):
         axis = (0.0, 0.0, 1.0) if is_upright else (0.0, 1.0, 0.0)

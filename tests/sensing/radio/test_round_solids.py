@@ -5,10 +5,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.special import h2vp, hankel2, jv, jvp
 
-from pdpatrol.sensing import Faces, Surroundings, UprightSolids
+from pdpatrol.sensing import Faces, Surroundings
 from pdpatrol.sensing.radio.geometry import Vector
 from pdpatrol.sensing.radio.materials import METAL, WAVELENGTH_M
 from pdpatrol.sensing.radio.ray_paths import find_ray_paths
+from tests.sensing.scenes import solids_at
 
 K = 2 * np.pi / WAVELENGTH_M
 TOP_M = 50.0
@@ -27,10 +28,7 @@ def exact(radius_m: float, source: Place, target: Place, is_soft: bool) -> compl
 
 
 def around(radius_m: float) -> Surroundings:
-    one, none = np.ones(1), np.zeros(1)
-    high = UprightSolids(
-        np.zeros((1, 2)), none, np.zeros((1, 2)), radius_m * one, none, TOP_M * one, np.zeros(1, np.intp)
-    )
+    high = solids_at((0.0, 0.0), radius_m=radius_m, top_m=TOP_M)
     return Surroundings.of_materials([PERFECT], Faces.none(), high)
 
 
