@@ -62,7 +62,9 @@ SIMPLE = (
 )
 
 
-@pytest.mark.parametrize("yard", [*map(yard_with, CATALOGUE), Yard(size_m=(40.0, 30.0), equipment=SIMPLE)])
+@pytest.mark.parametrize(
+    "yard", [*map(yard_with, CATALOGUE), Yard(size_m=(40.0, 30.0), equipment=SIMPLE)], ids=[*CATALOGUE, "simple"]
+)
 def test_model_of_a_kind_has_the_surface_of_the_map(yard: Yard) -> None:
     inspector = Robots(load_robot("inspector"), yard, ONE_ELEMENT)
     groups = (np.arange(6) == 1).astype(np.uint8)
