@@ -54,13 +54,11 @@ class OwnLocator:
     def update(self, time_s: float, pose: NDArray[np.float64], pulses: PulseBatch) -> tuple[Finding, ...]:
         """Add pulses; see `LocatorProtocol.update`."""
         self._n_pulses += pulses.n_pulses
-        with calling(self._locator, FINDINGS):
-            return self._checked(self._locator.update(time_s, pose.copy(), pulses))
+        return self._findings("update", time_s, pose.copy(), pulses)
 
     def refit(self, time_s: float) -> tuple[Finding, ...]:
         """Fit all pulses again; see `LocatorProtocol.refit`."""
-        with calling(self._locator, FINDINGS):
-            return self._checked(self._locator.refit(time_s))
+        return self._findings("refit", time_s)
 
     def association(self) -> NDArray[np.intp]:
         """Return the finding of each pulse; see `LocatorProtocol.association`."""
@@ -77,7 +75,10 @@ class OwnLocator:
             raise UserCodeError(f"{place_of(self._locator)}: association gave {got}; expected {expected}")
         return association
 
-    def _checked(self, findings: Any) -> tuple[Finding, ...]:  # noqa: ANN401 - any result of user code
+    def _findings(self, method: str, *arguments: object) -> tuple[Finding, ...]:
+        """Call a method and check its result."""
+        with calling(self._locator, FINDINGS):
+            findings = getattr(self._locator, method)(*arguments)
         if not isinstance(findings, tuple) or not all(isinstance(finding, Finding) for finding in findings):
             raise UserCodeError(f"{place_of(self._locator)}: gave {findings!r:.80}; expected {FINDINGS}")
         ids = [finding.id for finding in findings]
