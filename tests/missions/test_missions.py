@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from dirmusic.bearing.channel_health import CLEAR_STD_RAD
 from pdpatrol.envs import Scenario, load_scenario
-from pdpatrol.envs.patrol_env import PatrolEnv
-from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.policies.make_policy import make_policy
 from pdpatrol.missions.policies.own_policy import BUILT_IN
 from pdpatrol.missions.policies.protocol import SeesTruth
@@ -102,13 +99,6 @@ def test_only_oracle_depends_on_the_truth(policy: str) -> None:
     same = paths[0].shape == paths[1].shape and np.array_equal(paths[0], paths[1])
     assert same is (policy != "oracle")
     assert isinstance(make_policy(policy, np.random.default_rng(0)), SeesTruth) is (policy == "oracle")
-
-
-def test_policies_stop_at_the_time_limit() -> None:
-    for policy in BUILT_IN:
-        log = run_mission(limited(load_scenario("one_source"), 3.0), policy, seed=0)
-        assert log.column("event", "subject")[-1] == "time limit"
-        assert log.n_rows("step") == 30
 
 
 def test_patrol_ignores_detections() -> None:
@@ -231,23 +221,6 @@ def test_mission_survives_a_dead_channel() -> None:
     assert len(report.channel_faults) == 1
     assert "channel 2 is dead" in report.channel_faults[0]
     assert all(source.found for source in report.scores.sources)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_dead_channel_is_detected_within_seventy_pulses(seed: int) -> None:
-    scenario = load_scenario("one_source")
-    dead = scenario.receiver.model_copy(update={"faults": (ChannelFault(channel=2, kind="dead", start_s=5.0),)})
-    env = PatrolEnv(scenario.model_copy(update={"receiver": dead}), terminate_on_approach=False, full_info=True)
-    observation, info = env.reset(seed=seed)
-    policy, site_map, n_clear = make_policy("patrol", np.random.default_rng(0)), SiteMap(scenario), 0
-    while not info["suspects"]:
-        action = policy(observation, (), site_map)
-        assert action is not None
-        observation, *_, info = env.step(action)
-        if info["time_s"] > 5.0:
-            n_clear += int((info["pulses"].std_rad < CLEAR_STD_RAD).sum())
-    assert [(suspect.channel, suspect.kind) for suspect in info["suspects"]] == [(2, "dead")]
-    assert n_clear <= 70
 
 
 def test_healthy_mission_reports_no_channel_fault() -> None:

@@ -43,54 +43,6 @@ def test_equipment_hides_places_behind_it() -> None:
     assert not MAP.in_sight(north, surface, 0.5)[0]
 
 
-def test_steering_stays_on_the_path() -> None:
-    pose = np.array([3.0, 3.0, 2.0])
-    leg = PathFollower(MAP, pose, np.array([36.0, 21.0]), 0.0, 0.3)
-    worst, step_s = 0.0, 0.1
-    for _ in range(1500):
-        v, yaw_rate = steer(
-            pose, leg.path_m, distances_along(leg.path_m), speed_profile(leg.path_m, MAP.robot), MAP.robot
-        )
-        assert abs(v) <= MAP.robot.max_speed_mps
-        pose = pose + step_s * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), yaw_rate])
-        worst = max(worst, np.linalg.norm(leg.path_m - pose[:2], axis=-1).min())
-        if leg.has_arrived(pose):
-            break
-    assert leg.has_arrived(pose)
-    assert worst < 0.3
-
-
-def test_unreachable_goal_is_given_up_at_once() -> None:
-    scenario = load_scenario("quiet_yard")
-    wall = {"kind": "wall", "shape": "box", "height_m": 2.0}
-    walls = [
-        {"name": f"wall_{side}", "position_m": position, "footprint_m": footprint, **wall}
-        for side, position, footprint in (
-            ("s", (28.0, 4.0), (4.4, 0.4)), ("n", (28.0, 8.0), (4.4, 0.4)),
-            ("w", (26.0, 6.0), (0.4, 4.4)), ("e", (30.0, 6.0), (0.4, 4.4)),
-        )
-    ]  # fmt: skip
-    data = scenario.model_dump()
-    data["yard"]["equipment"] = (*data["yard"]["equipment"], *walls)
-    walled = SiteMap(type(scenario).model_validate(data))
-    pose = np.array([3.0, 3.0, 0.0])
-    leg = PathFollower(walled, pose, np.array([28.0, 6.0]), 0.0, 0.4)
-    assert not leg.is_reachable
-    assert leg.is_over(pose, 0.0)
-
-
-def test_drive_is_over_after_its_deadline() -> None:
-    pose = np.array([3.0, 3.0, 0.0])
-    leg = PathFollower(MAP, pose, np.array([13.0, 6.0]), 5.0, 0.4)
-    assert not leg.is_over(pose, 6.0)
-    assert leg.is_over(pose, 5.0 + 200.0)
-    assert leg.deadline_s == pytest.approx(5.0 + 30.0 + leg_length(leg) / 0.4, rel=0.2)
-
-
-def leg_length(leg: PathFollower) -> float:
-    return float(np.linalg.norm(np.diff(leg.path_m, axis=0), axis=-1).sum())
-
-
 def test_paths_avoid_obstacles_until_they_are_removed() -> None:
     start, goal = np.array([3.0, 3.0]), np.array([9.0, 3.0])
     wall_m = np.stack([np.full(30, 6.0), np.linspace(0.0, 5.0, 30)], axis=-1)

@@ -1,6 +1,5 @@
 """Locators from user code."""
 
-import subprocess
 import sys
 from pathlib import Path
 
@@ -117,14 +116,3 @@ def test_invalid_locator_is_refused_before_the_start(tmp_path: Path) -> None:
     ):
         with pytest.raises(UserCodeError, match=told):
             Mission(load_scenario(scenario_with(tmp_path, code)), "patrol", 0)
-
-
-@pytest.mark.whole
-def test_run_with_invalid_locator_writes_nothing(tmp_path: Path) -> None:
-    file = scenario_with(tmp_path, GOOD.replace("self.findings, self.n", "self.findings, self.n, self.m"))
-    command = [str(PDPATROL), "run", str(file), "--out", str(tmp_path / "out")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 2
-    assert len(done.stderr.strip().splitlines()) == 1
-    assert "mine.py:7: ValueError" in done.stderr
-    assert not (tmp_path / "out").exists()

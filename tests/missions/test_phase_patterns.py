@@ -10,6 +10,7 @@ from pdpatrol.missions.record.finding_pulses import phase_patterns
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.sensing import PulseTrain
+from tests.missions.replay.short_mission import copy_of
 
 SOURCES = {1: ("corona", (10.0, 10.0)), 2: ("void", (0.0, 12.0))}
 
@@ -79,12 +80,7 @@ def test_patterns_exclude_unassociated_pulses() -> None:
 
 
 def test_killed_mission_has_no_patterns() -> None:
-    log = log_of_two_findings(2)
-    killed = MissionLog(log.meta)
-    for table in ("step", "pulse", "bearing", "finding"):
-        for row in range(log.n_rows(table)):
-            killed.append(table, **{name: column[row] for name, column in log.table(table).items()})
-    assert phase_patterns(killed) == {}
+    assert phase_patterns(copy_of(log_of_two_findings(2), "step", "pulse", "bearing", "finding")) == {}
 
 
 def test_report_states_kind_of_discharge() -> None:

@@ -88,13 +88,3 @@ def test_incomplete_row_is_refused() -> None:
     with pytest.raises(ValueError, match="has the columns"):
         log.append("event", step=0, kind="end")
     assert log.n_rows("event") == 0
-
-
-def test_log_of_another_schema_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError, match="no log"):
-        MissionLog.load(tmp_path)
-    log = log_of(1)
-    log.meta["schema"] = 99
-    log.save(tmp_path)
-    with pytest.raises(ValueError, match="schema 99"):
-        MissionLog.load(tmp_path)

@@ -101,12 +101,3 @@ def test_table_fits_eighty_columns() -> None:
     heading = " ".join(shown[1:3])
     assert heading.count("(m)") == 3
     assert "(s)" in heading
-
-
-def test_table_shows_no_site_beyond_the_fence_and_no_confidence_of_an_unknown_kind() -> None:
-    unknown = DischargeKind(kind="unknown", confidence=1.0, shift_deg=0.0, pattern=PATTERN)
-    report = report_of([], [finding(-30.0, 5.0, state="outside", discharge=unknown, confirmed_s=None)])
-    shown = " ".join(lines(candidates_table(report), width=80))
-    assert "beyond the fence" in shown.partition("#")[2]
-    assert "unknown" in shown
-    assert "%" not in shown.partition("site")[2]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pdpatrol.envs.random_yard import random_yard
-from pdpatrol.missions.record.which_site import ELSEWHERE, SiteProbability, in_words, site_probabilities
+from pdpatrol.missions.record.which_site import ELSEWHERE, site_probabilities
 
 YARD = random_yard(3, 10).yard
 SHARP, BLUNT = np.diag([0.01, 0.01, 0.02]), np.diag([0.5, 0.5, 1.0])
@@ -57,10 +57,3 @@ def test_probabilities_are_calibrated() -> None:
     share = np.mean(right / 400)
     assert share > 0.6
     assert stated / 400 == pytest.approx(share, abs=0.2)
-
-
-def test_in_words_names_probable_second_place() -> None:
-    two = (SiteProbability("tank_1/bushing_b", 0.82), SiteProbability("tank_1/bushing_a", 0.15))
-    assert in_words(two) == "tank_1/bushing_b 82 %, bushing_a 15 %"
-    assert in_words((two[0], SiteProbability("breaker/pole", 0.12))) == "tank_1/bushing_b 82 %, breaker/pole 12 %"
-    assert in_words((two[0], SiteProbability(ELSEWHERE, 0.05))) == "tank_1/bushing_b 82 %"

@@ -41,13 +41,6 @@ def test_rate_does_not_depend_on_the_time_spent() -> None:
         assert abs(np.log(level.rate_hz / 40.0)) < 3 * level.log_rate_std
 
 
-def test_rate_of_the_source_changes_rate_but_not_level() -> None:
-    drive = along((6.0, 7.0), (14.0, 7.0))
-    seldom, often = (level_of(SurveyedSource(SOURCE, spread_db=2.0, rate_hz=rate), drive) for rate in (10.0, 40.0))
-    assert often.rate_hz / seldom.rate_hz == pytest.approx(4.0, rel=0.2)
-    assert often.level_db == pytest.approx(seldom.level_db, abs=0.5)
-
-
 def test_long_stop_has_the_weight_of_one_place() -> None:
     """The finding has an error of a metre, so that the level differs between places."""
     drive = along((8.0, 7.0), (12.0, 7.0))
@@ -93,8 +86,3 @@ def test_product_limit_restores_truncated_levels() -> None:
     assert np.mean(level_db[seen]) > 1.0
     assert share @ levels == pytest.approx(0.0, abs=0.4)
     assert share[levels > 5.0].sum() == pytest.approx((level_db > 5.0).mean(), abs=0.03)
-
-
-def test_product_limit_of_nothing_is_empty() -> None:
-    assert product_limit(np.empty(0), np.empty(0), np.empty(0))[0].size == 0
-    assert product_limit(np.zeros(3), np.ones(3), np.ones(3))[0].size == 0

@@ -8,7 +8,7 @@ import pytest
 from dirmusic import InputFileError
 from pdpatrol.missions.campaign.inspection import read_inspections
 from pdpatrol.missions.campaign.page import describe_change, trend_table
-from pdpatrol.missions.campaign.records import Trend
+from pdpatrol.missions.campaign.records import TrackedDischarge, Trend
 from pdpatrol.missions.campaign.trend import fit_line, make_trend
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.records import report_text
@@ -25,6 +25,11 @@ DAYS = ("2026-03-02", "2026-03-09", "2026-03-16", "2026-03-23", "2026-03-30", "2
 
 def trend_of(*logs: MissionLog) -> Trend:
     return make_trend([inspection(log) for log in logs])
+
+
+def in_the_west(trend: Trend) -> TrackedDischarge:
+    (place,) = (each for each in trend.discharges if each.position_m[0] < 20.0)
+    return place
 
 
 def without_place(day: str, poses: np.ndarray = PAST) -> MissionLog:
@@ -53,45 +58,31 @@ def test_growing_and_constant_discharge_are_separated() -> None:
     assert describe_change(constant).startswith("constant within ")
 
 
-def test_discharge_is_gone_only_if_its_site_was_inspected() -> None:
-    """The last inspection passes the place, or stays away from it."""
-    source = SurveyedSource(PLACE, spread_db=2.0)
-    both = [survey(PAST_BOTH, source, SurveyedSource(OTHER, spread_db=2.0), day=day) for day in DAYS[:2]]
-    for drive, presence, status in ((PAST, "absent", "gone"), (ELSEWHERE, "not inspected", "standing")):
-        trend = trend_of(*both, without_place(DAYS[2], drive))
-        (place,) = (each for each in trend.discharges if each.position_m[0] < 20.0)
-        assert [each.presence for each in place.observations] == ["found", "found", presence]
-        assert place.status == status
-        assert ("gone since 2026-03-16" in describe_change(place)) == (status == "gone")
-        assert ("not inspected on 2026-03-16" in describe_change(place)) == (status == "standing")
+@pytest.mark.parametrize(
+    ("level_db", "drive", "presence"),
+    [
+        pytest.param(0.0, PAST, "absent", id="past"),
+        pytest.param(0.0, ELSEWHERE, "not inspected", id="elsewhere"),
+        pytest.param(0.0, along((6.0, 3.0), (14.0, 3.0)), "absent", id="strong from 7 m"),
+        pytest.param(-28.0, along((6.0, 3.0), (14.0, 3.0)), "not inspected", id="weak from 7 m"),
+        pytest.param(0.0, along((9.0, 6.0), (11.0, 6.0), 0.1), "not inspected", id="small aperture"),
+    ],
+)
+def test_discharge_is_gone_only_if_it_would_have_been_found(level_db: float, drive: np.ndarray, presence: str) -> None:
+    both = [survey(PAST_BOTH, SurveyedSource(PLACE, level_db), SurveyedSource(OTHER), day=day) for day in DAYS[:2]]
+    place = in_the_west(trend_of(*both, without_place(DAYS[2], drive)))
+    assert [each.presence for each in place.observations] == ["found", "found", presence]
+    assert place.status == ("gone" if presence == "absent" else "standing")
+    assert ("gone since 2026-03-16" in describe_change(place)) == (presence == "absent")
+    assert ("not inspected on 2026-03-16" in describe_change(place)) == (presence == "not inspected")
 
 
 def test_discharge_is_new_only_if_its_site_was_inspected_before() -> None:
     found = survey(PAST_BOTH, SurveyedSource(PLACE, spread_db=2.0), SurveyedSource(OTHER, spread_db=2.0), day=DAYS[1])
     for drive, status in ((PAST, "new"), (ELSEWHERE, "standing")):
-        (place,) = (
-            each for each in trend_of(without_place(DAYS[0], drive), found).discharges if each.position_m[0] < 20.0
-        )
+        place = in_the_west(trend_of(without_place(DAYS[0], drive), found))
         assert place.status == status
         assert place.verdict == "too few dates"
-
-
-def test_discharge_too_weak_to_be_detected_is_not_gone() -> None:
-    """From 7 m over 59 degrees: the strong one would have been found, the weak one not."""
-    for level_db, presence in ((0.0, "absent"), (-28.0, "not inspected")):
-        before = survey(PAST_BOTH, SurveyedSource(PLACE, level_db), SurveyedSource(OTHER), day=DAYS[0])
-        after = without_place(DAYS[1], along((6.0, 3.0), (14.0, 3.0)))
-        (place,) = (each for each in trend_of(before, after).discharges if each.position_m[0] < 20.0)
-        assert place.observations[0].level_db is not None
-        assert place.observations[1].presence == presence
-
-
-def test_discharge_passed_over_a_small_angle_is_not_gone() -> None:
-    """The lines of sight spread less than confirmation requires."""
-    both = [survey(PAST, SurveyedSource(PLACE, spread_db=2.0), day=day) for day in DAYS[:2]]
-    for drive, presence in ((along((9.0, 6.0), (11.0, 6.0), 0.1), "not inspected"), (PAST, "absent")):
-        (place,) = (d for d in trend_of(*both, without_place(DAYS[2], drive)).discharges if d.position_m[0] < 20.0)
-        assert place.observations[2].presence == presence
 
 
 def test_field_data_give_levels_but_neither_rates_nor_absence() -> None:
@@ -100,7 +91,7 @@ def test_field_data_give_levels_but_neither_rates_nor_absence() -> None:
     logs.append(without_place(DAYS[3]))
     for log in logs:
         log.meta["field_data"] = {"file": "survey.csv"}
-    (place,) = (d for d in trend_of(*logs).discharges if d.position_m[0] < 20.0)
+    place = in_the_west(trend_of(*logs))
     assert place.level is not None
     assert place.level.at_start == pytest.approx(-10.0, abs=0.5)
     assert place.rate is None

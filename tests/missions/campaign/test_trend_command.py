@@ -1,25 +1,17 @@
 """`pdpatrol trend` in its own process."""
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from tests.missions.campaign.surveys import SurveyedSource, along, survey
+from tests.missions.field.surveys import EXAMPLE
+from tests.processes import pdpatrol, refusal
 
 pytestmark = pytest.mark.whole
 
-COMMAND = "from pdpatrol.missions.cli import main; main()"
 DAYS = ("2026-03-02", "2026-03-09", "2026-03-16", "2026-03-23")
-
-
-def pdpatrol(*words: str | Path) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "COLUMNS": "80"}
-    command = [sys.executable, "-c", COMMAND, "trend", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, env=environment, timeout=120, check=False)
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +28,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 def test_table_fits_80_columns_and_files_are_written_once(runs: list[Path], tmp_path: Path) -> None:
-    done = pdpatrol(*runs, "--out", tmp_path / "out")
+    done = pdpatrol("trend", *runs, "--out", "out", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     assert "grown" in done.stdout
     assert (tmp_path / "out" / "trend.html").stat().st_size > 10_000
@@ -45,13 +37,13 @@ def test_table_fits_80_columns_and_files_are_written_once(runs: list[Path], tmp_
     written = json.loads((tmp_path / "out" / "trend.json").read_text("utf-8"))
     assert written["dates"] == list(DAYS)
     assert written["discharges"][0]["verdict"] == "grown"
-    again = pdpatrol(*runs, "--out", tmp_path / "out")
-    assert again.returncode == 2
-    assert "must be a new or empty folder" in again.stderr
+    again = pdpatrol("trend", *runs, "--out", "out", cwd=tmp_path)
+    (line,) = refusal(again)
+    assert "must be a new or empty folder" in line
 
 
-def test_json_has_the_runs_by_date(runs: list[Path]) -> None:
-    done = pdpatrol(*reversed(runs), "--json")
+def test_json_has_the_runs_by_date(runs: list[Path], tmp_path: Path) -> None:
+    done = pdpatrol("trend", *reversed(runs), "--json", cwd=tmp_path)
     assert done.returncode == 0
     assert json.loads(done.stdout)["runs"] == [str(run) for run in runs]
 
@@ -66,26 +58,17 @@ def test_unusable_folders_are_refused_in_one_line(runs: list[Path], tmp_path: Pa
         ([runs[0], runs[0]], "must be given once"),
         ([runs[0], tmp_path], "log.npz"),
     ):
-        done = pdpatrol(*words, "--out", tmp_path / "never")
-        assert done.returncode == 2
-        assert len(done.stderr.splitlines()) == 1
-        assert message in done.stderr
+        (line,) = refusal(pdpatrol("trend", *words, "--out", "never", cwd=tmp_path))
+        assert message in line
     assert not (tmp_path / "never").exists()
 
 
 def test_field_data_of_two_dates_are_a_trend(tmp_path: Path) -> None:
-    table = Path(__file__).parents[3] / "examples" / "locate" / "strengths.csv"
     for day in DAYS[:2]:
-        located = subprocess.run(
-            [sys.executable, "-c", COMMAND, "locate", str(table), "--date", day, "--out", str(tmp_path / day)],
-            capture_output=True,
-            text=True,
-            timeout=120,
-            check=False,
-        )
+        located = pdpatrol("locate", EXAMPLE, "--date", day, "--out", day, cwd=tmp_path)
         assert located.returncode == 0, located.stderr
         assert json.loads((tmp_path / day / "report.json").read_text("utf-8"))["date"] == day
-    done = pdpatrol(tmp_path / DAYS[0], tmp_path / DAYS[1], "--json", "--out", tmp_path / "trend")
+    done = pdpatrol("trend", *DAYS[:2], "--json", "--out", "trend", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     (discharge,) = json.loads(done.stdout)["discharges"]
     first, second = (each["level_db"] for each in discharge["observations"])

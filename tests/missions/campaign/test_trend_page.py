@@ -1,7 +1,6 @@
 """trend.html is self-contained, shows each discharge over its dates, and escapes names."""
 
 import json
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
@@ -10,26 +9,11 @@ from pdpatrol.missions.campaign.page import describe_change, draw_levels, draw_r
 from pdpatrol.missions.campaign.trend import make_trend
 from pdpatrol.missions.record.mission_log import MissionLog
 from tests.missions.campaign.surveys import SurveyedSource, along, inspection, survey
+from tests.missions.report.page_reader import PageReader
 
 DAYS = ("2026-03-02", "2026-03-09", "2026-03-16", "2026-03-23")
 PAST = along((6.0, 7.0), (14.0, 7.0))
 HOSTILE = '</p><script>alert("1")</script>'
-
-
-class Elements(HTMLParser):
-    """Elements of a page with their attributes, and the text of the page."""
-
-    def __init__(self, page: str) -> None:
-        super().__init__()
-        self.found: list[tuple[str, dict[str, str | None]]] = []
-        self.text = ""
-        self.feed(page)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.found.append((tag, dict(attrs)))
-
-    def handle_data(self, data: str) -> None:
-        self.text += data
 
 
 def logs(name: str = "survey") -> list[MissionLog]:
@@ -39,26 +23,25 @@ def logs(name: str = "survey") -> list[MissionLog]:
     ]
 
 
-def page_of(some: list[MissionLog]) -> tuple[str, Elements]:
+def page_of(some: list[MissionLog]) -> PageReader:
     inspections = [inspection(log) for log in some]
-    page = trend_page(make_trend(inspections), inspections)
-    return page, Elements(page)
+    return PageReader(trend_page(make_trend(inspections), inspections))
 
 
 def test_page_has_plan_two_figures_for_each_discharge_and_dates() -> None:
-    _, elements = page_of(logs())
-    assert [tag for tag, _ in elements.found].count("img") == 3
+    page = page_of(logs())
+    assert [tag for tag, _ in page.elements].count("img") == 3
     for text in (*DAYS, "grown", "1 discharge in 4 inspections: 1 grown."):
-        assert text in elements.text
+        assert text in page.text
 
 
 def test_page_loads_nothing_and_escapes_names() -> None:
-    page, elements = page_of(logs(HOSTILE))
-    assert "script" not in {tag for tag, _ in elements.found}
-    assert HOSTILE in elements.text
-    links = [value or "" for _, each in elements.found for key, value in each.items() if key in ("src", "href")]
+    page = page_of(logs(HOSTILE))
+    assert "script" not in {tag for tag, _ in page.elements}
+    assert HOSTILE in page.text
+    links = [value or "" for _, each in page.elements for key, value in each.items() if key in ("src", "href")]
     assert all(link.startswith(("#", "data:image/svg+xml;base64,")) for link in links)
-    assert "@import" not in page
+    assert "@import" not in page.styles
 
 
 def test_page_of_a_yard_names_the_site() -> None:
@@ -69,13 +52,13 @@ def test_page_of_a_yard_names_the_site() -> None:
     }  # fmt: skip
     for log in some:
         log.meta["scenario"] = json.loads(json.dumps({"yard": {"size_m": [40.0, 30.0], "equipment": [piece]}}))
-    _, elements = page_of(some)
-    assert "tank/south" in elements.text
+    page = page_of(some)
+    assert "tank/south" in page.text
 
 
 def test_page_without_discharges_says_so() -> None:
-    _, elements = page_of([survey(PAST, day=day) for day in DAYS])
-    assert "No discharge was found in 4 inspections." in elements.text
+    page = page_of([survey(PAST, day=day) for day in DAYS])
+    assert "No discharge was found in 4 inspections." in page.text
 
 
 def test_line_runs_through_values_and_rate_axis_starts_at_zero() -> None:

@@ -2,23 +2,18 @@
 
 import os
 import resource
-import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
-import numpy as np
 import psutil
 import pytest
 
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.cli.mission_files import INCOMPLETE
-from pdpatrol.missions.cli.process import SIGNALS
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.runner import run_mission
-from tests.missions.field.surveys import EXAMPLE
 from tests.processes import PDPATROL, WRITES_NO_BYTECODE
 
 pytestmark = pytest.mark.whole
@@ -96,50 +91,12 @@ def test_ignored_signal_stays_ignored(tmp_path: Path) -> None:
     assert {path.name for path in (tmp_path / "folder").iterdir()} == {"complete", "half"}
 
 
-FOLDER = "the folder of the test"
-VERBS = {
-    "run": ("run", "one_source", "--out", FOLDER),
-    "plan": ("plan", "transformer_bay", "--out", FOLDER),
-    "reproduce": ("reproduce", "--trials", "3600", "--out", FOLDER),
-    "locate": ("locate", str(EXAMPLE), "--out", FOLDER),
-    "sweep": ("sweep", "suite/open", "--seeds", "0", "--workers", "1", "--out", FOLDER),
-    "replay": ("replay", FOLDER, "--web"),
-}
-
-
 @pytest.fixture(scope="module")
 def mission(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with the log of a mission and no recording."""
     folder = tmp_path_factory.mktemp("mission")
     run_mission(load_scenario("one_source", {"task.time_limit_s": 4.0}), "seek").save(folder)
     return folder
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("verb", VERBS)
-def test_signals_at_random_moments_end_every_verb(verb: str, mission: Path, tmp_path: Path) -> None:
-    rng = np.random.default_rng(list(verb.encode()))
-    for k in range(20):
-        number, folder = signal.Signals(rng.choice(SIGNALS)), tmp_path / str(k)
-        if verb == "replay":
-            shutil.copytree(mission, folder)
-        process = subprocess.Popen(
-            [PDPATROL, *(str(folder) if part == FOLDER else part for part in VERBS[verb])],
-            cwd=tmp_path,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        time.sleep(0.3 + rng.exponential(6.0))
-        children = psutil.Process(process.pid).children(recursive=True) if process.poll() is None else []
-        process.send_signal(number)
-        _, errors = process.communicate(timeout=60)
-        assert process.returncode in (0, 128 + number, -number), errors  # the last while Python itself starts or ends
-        assert "Traceback" not in errors
-        assert not [path for path in tmp_path.rglob("*") if ".tmp" in path.name]
-        if (folder / "log.npz").exists() or (folder / "log.parts").exists():
-            assert MissionLog.load(folder).n_rows("step") > 0
-        assert not psutil.wait_procs(children, timeout=3.0)[1]
 
 
 WRITES = """

@@ -12,7 +12,7 @@ import pytest
 from geojson_pydantic import FeatureCollection
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from numpy.typing import NDArray
+from pyproj import Geod
 
 from pdpatrol.envs import load_scenario
 from pdpatrol.envs.scenario.map import GeoreferenceConfig
@@ -55,29 +55,14 @@ def read(path: Path) -> list[Read]:
         return [Read(channel.topic, message.log_time, content) for _, channel, message, content in decoded]
 
 
-def on_earth(longitude_deg: float, latitude_deg: float) -> NDArray[np.float64]:
-    """Return a place on the WGS 84 ellipsoid in the earth-centred cartesian frame, metres."""
-    longitude, latitude = np.radians(longitude_deg), np.radians(latitude_deg)
-    square = 0.00669437999014
-    normal_m = 6378137.0 / np.sqrt(1.0 - square * np.sin(latitude) ** 2)
-    on_plane = normal_m * np.cos(latitude)
-    return np.array(
-        [on_plane * np.cos(longitude), on_plane * np.sin(longitude), normal_m * (1.0 - square) * np.sin(latitude)]
-    )
-
-
 @pytest.mark.parametrize("latitude_deg", [-60.0, 0.0, 51.5])
 def test_longitude_latitude_keep_distance_and_heading(latitude_deg: float) -> None:
     reference = GeoreferenceConfig(latitude_deg=latitude_deg, longitude_deg=7.4, heading_deg=20.0)
-    ahead, right = np.array([0.0, 150.0]), np.array([150.0, 0.0])
-    origin = on_earth(7.4, latitude_deg)
-    for place in (ahead, right, ahead + right):
-        moved = on_earth(*longitude_latitude(place, reference))
-        assert np.linalg.norm(moved - origin) == pytest.approx(np.linalg.norm(place), abs=0.01)
-    longitude, _ = longitude_latitude(ahead, reference)
-    assert longitude > 7.4  # 20 degrees from north, clockwise
-    east_m = np.linalg.norm(on_earth(longitude, latitude_deg) - origin)
-    assert east_m == pytest.approx(150.0 * np.sin(np.radians(20.0)), abs=0.01)
+    for place_m, azimuth_deg in (([0.0, 150.0], 20.0), ([150.0, 0.0], 110.0), ([150.0, 150.0], 65.0)):
+        place = longitude_latitude(np.array(place_m), reference)
+        azimuth, _, distance_m = Geod(ellps="WGS84").inv(7.4, latitude_deg, *place)
+        assert distance_m == pytest.approx(np.hypot(*place_m), abs=0.01)
+        assert azimuth == pytest.approx(azimuth_deg, abs=0.01)
 
 
 def test_geojson_is_valid(folder: Path, log: MissionLog) -> None:

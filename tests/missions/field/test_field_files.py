@@ -1,8 +1,8 @@
 """Files of field data: formats that mean the same, unusual units, and every way a file can be wrong."""
 
-import io
 import zipfile
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -25,15 +25,6 @@ def npz(**changed: object) -> bytes:
     """Return an archive of one pulse in six channels with some arrays changed."""
     arrays = {**hostile.waveforms(np.random.default_rng(9)), **changed}
     return hostile.packed({name: np.asarray(array) for name, array in arrays.items()})
-
-
-def text_members(*names: str) -> bytes:
-    """Return an archive whose members are text instead of arrays."""
-    file = io.BytesIO()
-    with zipfile.ZipFile(file, "w") as archive:
-        for name in names:
-            archive.writestr(name, "text")
-    return file.getvalue()
 
 
 def table_of(folder: Path, name: str, n_rows: int = 1) -> Path:
@@ -83,29 +74,24 @@ ENCRYPTED = npz().replace(b"PK\x01\x02\x14\x03\x14\x00\x00\x00", b"PK\x01\x02\x1
     ("data", "message"),
     [
         (None, "cannot be read: No such file"),
-        (b"", "must be an .npz archive"),
         (b"PK\x03\x04 broken", "must be an .npz archive"),
         (npz()[:-900], "must be an .npz archive"),
         (ENCRYPTED, "must be an .npz archive"),
         (hostile.bomb(), "must be an .npz archive"),
-        (hostile.bomb("(1000, 2)"), "must be an .npz archive"),
         (npz(waveforms=np.array([{}] * 9)), "must be an .npz archive"),
         (hostile.packed({"waveforms": np.zeros(80_000_000)}), "must have at most 512 MB, got 640 MB"),
-        (text_members("waveforms", "sample_rate_hz"), "waveforms must be numbers"),
         (hostile.packed({"x": np.ones(3)}, zipfile.ZIP_LZMA), "array waveforms, sample_rate_hz is missing"),
         (npz(waveforms=np.ones(5)), r"waveforms must be numbers .* got float64 of shape \(5,\)"),
         (hostile.packed({"waveforms": np.ones((6, 400), int), "sample_rate_hz": np.array(2e10)}), "volts_per_count"),
         (npz(sample_rate_hz=0.0), r"sample_rate_hz must be one number from 1e\+06 to 1e\+12, got 0.0"),
         (npz(sample_rate_hz=[20e9, 20e9]), r"sample_rate_hz must be one number .* got an array of shape \(2,\)"),
-        (npz(volts_per_count=1e300), "volts_per_count must be one number"),
         (npz(waveforms=np.full((6, 400), np.nan)), "samples must be finite, and are not in channel 1, 2"),
         (npz(waveforms=np.full((6, 400), 1e200)), r"samples must be at most 1e\+06 V, got 1e\+197 V"),
         (npz(waveforms=np.ones((2, 400))), "must have 3 to 32 channels, got 2"),
-        (npz(waveforms=np.ones((200, 400))), "must have 3 to 32 channels, got 200"),
         (npz(waveforms=np.ones((6, 50))), "must have as many samples as the gate, 90, or more, got 50"),
         (npz(sample_rate_hz=1e8), "the gate must have 4 samples or more; --gate-ns 4.5 is 0"),
     ],
-    ids=range(22),
+    ids=range(17),
 )
 def test_broken_waveform_file_is_one_error(tmp_path: Path, data: bytes | None, message: str) -> None:
     if data is not None:
@@ -132,19 +118,15 @@ def test_broken_waveform_table_is_one_error(tmp_path: Path) -> None:
     [
         (f"{HEADER}\n0,0,0,0,1,2\n", "line 2: must have 7 cells, got 6"),
         (f"{HEADER}\n0,0,0,0,1,2,nan\n", "line 2: strength_3 must be a number from 0 to 1e.06 V, got 'nan'"),
-        (f"{HEADER}\n0,0,0,0,1,2,-1\n", "line 2: strength_3 must be a number .* got '-1'"),
         (f"{HEADER}\n0,0,0,0,1,2,{'1' * 90_000}\n", "strength_3 must be a number .* got '1{39}"),
         (f"{HEADER}\n1e300,0,0,0,1,2,3\n", "line 2: time_s must be a number from -5e.09 to 5e.09 s, got '1e300'"),
         (f"{HEADER}\n0,0,0,0,1,2,3\n\n-1,0,0,0,1,2,3\n", "line 4: time_s must not decrease: 0 is followed by -1"),
-        (f"{HEADER}\n0,0,0,1e4,1,2,3\n", "line 2: yaw_deg must be a number from -720 to 720 degrees"),
         (f"{HEADER}\n0,4e6,0,0,1,2,3\n", "line 2: x_m must be a number .* in a frame of the site, got '4e6'"),
         (f"{HEADER}\n0,0,0,0,0,0,0\n", "must have 3 or more channels with a signal, got 0"),
-        (f"{HEADER}\n0,0,0,0,1,0,1\n", "must have 3 or more channels with a signal, got 2"),
         (f"{HEADER},phase\n0,0,0,0,1,2,3,4\n", "unknown column phase"),
         (f"{HEADER},mains_phase_deg\n0,0,0,0,1,2,3,400\n", "line 2: mains_phase_deg must be a number from -360 to 360"),
         (f"{HEADER},std_1\n0,0,0,0,1,2,3,4\n", "columns must be std_1 to std_3, got std_1"),
         (f"{HEADER},waveform\n0,0,0,0,1,2,3,w.npz\n", "must have strength_1 ... or waveform, got both"),
-        ("time_s,x_m,y_m,yaw_deg\n0,0,0,0\n", "must have strength_1 ... or waveform, got neither"),
         ("time_s,x_m,yaw_deg,strength_1,strength_2,strength_3\n0,0,0,1,1,1\n", "column y_m is missing"),
         (
             "time_s,x_m,y_m,yaw_deg,strength_1,strength_2,strength_4\n0,0,0,0,1,1,1\n",
@@ -158,11 +140,9 @@ def test_broken_waveform_table_is_one_error(tmp_path: Path) -> None:
         (f'{HEADER}\n0,0,0,0,1,2,"3\n4"\n1,0,0,0,1,2,3\n', "cells|quoted"),
         (",".join(f"strength_{k}" for k in range(2000)) + "\n" + "1," * 1999 + "1", "at most 1000 columns, got 2000"),
         (TEXT.encode("utf-16"), "must be UTF-8 text"),
-        (b"PK\x03\x04\xff", "must be UTF-8 text"),
         ("", "must have a header and at least one row"),
-        (HEADER, "must have a header and at least one row"),
     ],
-    ids=range(25),
+    ids=range(19),
 )
 def test_wrong_table_is_refused_by_line(tmp_path: Path, text: str | bytes, message: str) -> None:
     (tmp_path / "t.csv").write_bytes(text if isinstance(text, bytes) else text.encode())
@@ -178,13 +158,11 @@ def test_strengths_need_a_deviation(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("separator", [";", "\t", ","])
-def test_separator_line_of_excel_is_skipped(tmp_path: Path, separator: str) -> None:
-    lines = f"\ufeffsep={separator}\n{TEXT.replace(',', separator)}".replace("\n", "\r\n")
-    (tmp_path / "t.csv").write_text(lines, encoding="utf-8", newline="")
-    if separator == ";":
-        with pytest.warns(InputFileWarning, match="separated by semicolons"):
-            data = read_field_data(tmp_path / "t.csv")
-    else:
+def test_separators_and_decimal_commas_of_excel_are_read(tmp_path: Path, separator: str) -> None:
+    text = TEXT.replace(",", ";").replace(".", ",") if separator == ";" else TEXT.replace(",", separator)
+    (tmp_path / "t.csv").write_text(f"\ufeffsep={separator}\n{text}", encoding="utf-8", newline="\r\n")
+    noted = pytest.warns(InputFileWarning, match="separated by semicolons") if separator == ";" else nullcontext()
+    with noted:
         data = read_field_data(tmp_path / "t.csv")
     np.testing.assert_array_equal(data.strengths_v, read_field_data(EXAMPLE).strengths_v)
 

@@ -9,9 +9,8 @@ from collections.abc import Callable
 import numpy as np
 
 CELLS = (
-    "nan", "inf", "-inf", "1e300", "-1e300", "1e-320", "-0.0", "", " ", "1_000", "٣", "0x10", "1e9999", "1" * 5000,
-    "=1+1", "'1", '"', '"1', "1,5", "1;5", "None", "-1", "1e5", "720", "1e-200", "[red]", "\x1b[31m", "\u2028",
-    "9" * 400,
+    "nan", "-inf", "1e300", "1e-320", "", "1_000", "٣", "0x10", "1" * 5000, "=1+1", '"', "1;5", "-1", "720",
+    "\x1b[31m", "\u2028",
 )  # fmt: skip
 
 
@@ -70,9 +69,9 @@ def packed(arrays: dict[str, np.ndarray], compression: int = zipfile.ZIP_DEFLATE
     return file.getvalue()
 
 
-def bomb(shape: str = "(1000000000000,)") -> bytes:
+def bomb() -> bytes:
     """Return an archive of a few hundred bytes whose header claims 8 TB of samples."""
-    header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".ljust(117) + "\n"
+    header = "{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,), }".ljust(117) + "\n"
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as target:
         target.writestr("waveforms.npy", b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode())
@@ -89,27 +88,6 @@ def _cells(lines: list[str], rng: np.random.Generator) -> list[str]:
     return [*lines[:row], ",".join(cells), *lines[row + 1 :]]
 
 
-def _scaled(lines: list[str], rng: np.random.Generator) -> list[str]:
-    column, factor = int(rng.integers(10)), 10.0 ** rng.integers(-30, 30)
-    rows = [line.split(",") for line in lines]
-    for row in rows[1:]:
-        try:
-            row[column] = f"{float(row[column]) * factor:.6g}"
-        except (ValueError, IndexError):
-            continue
-    return [",".join(row) for row in rows]
-
-
-def _without_column(lines: list[str], rng: np.random.Generator) -> list[str]:
-    column = int(rng.integers(10))
-    return [",".join(cell for k, cell in enumerate(line.split(",")) if k != column) for line in lines]
-
-
-def _a_column_twice(lines: list[str], rng: np.random.Generator) -> list[str]:
-    column = int(rng.integers(10))
-    return [f"{line},{line.split(',')[min(column, line.count(','))]}" for line in lines]
-
-
 def _constant(lines: list[str], rng: np.random.Generator) -> list[str]:
     column, value = int(rng.integers(10)), ("0", "1", "1e-13", "1000")[rng.integers(4)]
     rows = [line.split(",") for line in lines]
@@ -118,18 +96,12 @@ def _constant(lines: list[str], rng: np.random.Generator) -> list[str]:
 
 TABLES: tuple[Callable[[list[str], np.random.Generator], list[str]], ...] = (
     _cells,
-    _cells,
-    _scaled,
     _constant,
-    _without_column,
-    _a_column_twice,
     lambda lines, rng: lines[: rng.integers(len(lines) + 1)],
     lambda lines, rng: [lines[0], *np.array(lines[1:])[rng.permutation(len(lines) - 1)]] if lines else lines,
     lambda lines, rng: ["sep=" + ",;\t|"[rng.integers(4)], *lines],
     lambda lines, rng: [line.replace(",", ";\t |"[rng.integers(4)]) for line in lines],
-    lambda lines, rng: [line.replace(".", ",").replace(",", ";", 4) for line in lines],
     lambda lines, rng: [*lines[:3], *["x" * 200_000] * int(rng.integers(2)), *lines[3:]],
-    lambda lines, rng: [*lines[:2], "# a remark", "", *lines[2:]],
     lambda lines, rng: [*lines, *lines[1:]],
 )
 
@@ -143,35 +115,22 @@ def _flipped(data: bytes, rng: np.random.Generator) -> bytes:
 
 BYTES: tuple[Callable[[bytes, np.random.Generator], bytes], ...] = (
     _flipped,
-    _flipped,
     lambda data, rng: data[: rng.integers(len(data) + 1)],
     lambda data, rng: data[rng.integers(len(data) + 1) :],
     lambda data, rng: data + rng.bytes(200),
-    lambda data, rng: b"\xef\xbb\xbf" + data,
-    lambda data, rng: data.replace(b"\n", b"\r\n"),
     lambda data, rng: data.decode("latin-1").encode("utf-16"),
     lambda data, rng: rng.bytes(int(rng.integers(2000))),
-    lambda data, rng: data[:100] + b"\0" * 50 + data[100:],
 )
 
 ARRAYS: tuple[Callable[[np.ndarray, np.random.Generator], np.ndarray], ...] = (
     lambda array, rng: array.astype(object),
     lambda array, rng: array.astype(str),
     lambda array, rng: array.astype(complex),
-    lambda array, rng: array.astype(bool),
-    lambda array, rng: array.astype(np.float16),
-    lambda array, rng: array.astype(np.longdouble),
-    lambda array, rng: array.astype(np.float64) * np.nan,
     lambda array, rng: array.astype(np.float64) * 10.0 ** rng.integers(-320, 290),
-    lambda array, rng: -array,
-    lambda array, rng: np.asfortranarray(array),
-    lambda array, rng: array[np.newaxis],
     lambda array, rng: np.repeat(array.reshape(1, -1), int(rng.integers(50)), axis=0),
     lambda array, rng: array.reshape(-1)[:0],
     lambda array, rng: np.zeros_like(array),
     lambda array, rng: np.array([{"a": 1}], dtype=object),
-    lambda array, rng: np.zeros(3, dtype=[("a", "f8"), ("b", "i4")]),
-    lambda array, rng: np.array(["2026-01-01"], dtype="M8[D]"),
 )
 
 

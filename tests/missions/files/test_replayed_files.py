@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from dirmusic import InputFileError
-from pdpatrol.envs.scenario.array import read_calibration
 from pdpatrol.missions.field.field_data import read_field_data
 from pdpatrol.missions.field.locate_field_data import array_model, locate_field_data
 from pdpatrol.missions.record.mission_log import MissionLog
@@ -140,24 +139,3 @@ def test_damaged_rows_of_a_sweep_are_refused(tmp_path: Path, data: bytes) -> Non
     for read in (dataset.read, dataset.keys, lambda: dataset.job(0)):
         with pytest.raises(InputFileError, match=r"rows.parquet: cannot be read"):
             read()
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (f"format = {'9' * 5000}", "is not valid TOML"),
-        (f"format = 0x{'f' * 5000}", "got an integer of thousands of digits"),
-        ("a = " + "[" * 5000, "is not valid TOML"),
-        ('format = "pdpatrol calibration 1"', "mission: is required"),
-        (f'format = "pdpatrol calibration 1"\nn_pulses = 0x{"f" * 5000}', "n_pulses: must be less than or equal to"),
-        ('format = "pdpatrol calibration 1"\n"a\\nb" = 1', "unknown key"),
-        ('format = "pdpatrol calibration 1"\nn_pulses = nan', "n_pulses: must be a valid integer, got nan"),
-        ('format = "pdpatrol calibration 1"\nerrors = []', "errors: must be a table"),
-    ],
-)
-def test_damaged_calibration_is_refused(tmp_path: Path, text: str, message: str) -> None:
-    (tmp_path / "c.toml").write_text(text)
-    with pytest.raises(InputFileError) as refused:
-        read_calibration(tmp_path / "c.toml")
-    assert any(message in fault for fault in refused.value.faults)
-    assert all("\n" not in fault and "Input should" not in fault for fault in refused.value.faults)

@@ -1,7 +1,6 @@
 """Expected accuracy of located discharges."""
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, PulseBatch
@@ -83,17 +82,3 @@ def test_accuracy_improves_with_views_strength_and_aperture() -> None:
     assert semi_major(strong, all_views) < reference_m
     assert semi_major(weak, some) > 0.95 * reference_m
     assert semi_major(weak, half) > 1.15 * reference_m
-
-
-def test_views_are_half_a_metre_apart_along_the_tour() -> None:
-    plan = plan_of("one_source")
-    cells = np.array([plan.site_map.cell(place_m) for place_m in plan.path_m], dtype=np.intp)
-    stops = np.array([plan.site_map.cell(stop_m) for stop_m in plan.stops_m], dtype=np.intp)
-    views = views_along(Tour(stops, cells, plan.length_m), plan.detectability, 0.8)
-    apart_m = np.linalg.norm(np.diff(views.pose[:, :2], axis=0), axis=-1)
-    assert np.median(apart_m) == pytest.approx(0.5, abs=0.15)
-    assert (np.diff(views.time_s) > 0.0).all()
-    assert plan.driving_s - 5.0 < views.time_s[-1] <= plan.driving_s
-    ahead = np.stack([np.cos(views.pose[:, 2]), np.sin(views.pose[:, 2])], axis=-1)[:-1]
-    along = (ahead * np.diff(views.pose[:, :2], axis=0)).sum(axis=-1) / apart_m
-    assert np.median(along) > 0.95

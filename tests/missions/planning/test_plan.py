@@ -153,10 +153,3 @@ def test_map_without_sites_is_patrolled_everywhere() -> None:
     assert not plan.blind
     away_m = np.linalg.norm(plan.site_map.centres_m[:, np.newaxis] - plan.path_m, axis=-1).min(axis=1)
     assert away_m.max() < 1.5 * WITHIN_M
-
-
-@pytest.mark.slow
-def test_tour_detects_every_site_of_the_largest_yard() -> None:
-    plan = make_plan(load_scenario("switchyard"))
-    assert not plan.blind
-    check(plan)

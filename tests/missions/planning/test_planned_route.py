@@ -40,19 +40,6 @@ def test_mission_drives_planned_stops(one_source: Path) -> None:
     assert mission.log.n_rows("step") == 3
 
 
-def test_given_route_is_unchanged() -> None:
-    scenario = load_scenario("one_source")
-    assert with_planned_route(scenario) is scenario
-
-
-def test_missions_of_a_scenario_share_a_plan(monkeypatch: pytest.MonkeyPatch) -> None:
-    scenario = to_be_planned(scenario_of("5009"))
-    first = with_planned_route(scenario)
-    monkeypatch.setattr("pdpatrol.missions.planning.plan.make_plan", None)
-    assert with_planned_route(scenario) == first
-    assert first.sources == scenario.sources
-
-
 def test_random_yard_can_have_a_planned_route() -> None:
     yard, planned = scenario_of("5009"), random_yard(5009, 5009 % 13, has_planned_route=True)
     assert planned == to_be_planned(yard)

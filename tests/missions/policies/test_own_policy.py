@@ -8,8 +8,6 @@ import pytest
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.user_code import UserCodeError
 from pdpatrol.missions.policies.collision_guard import CollisionGuard
-from pdpatrol.missions.policies.make_policy import make_policy
-from pdpatrol.missions.policies.own_policy import BUILT_IN
 from pdpatrol.missions.policies.patrol import Patrol
 from pdpatrol.missions.record.events import Phase
 from pdpatrol.missions.report.make_report import make_report
@@ -167,13 +165,6 @@ def test_invalid_policy_is_refused_before_the_start(name: str, told: str, file: 
     assert says(refused.value, told, name, file), refused.value
 
 
-def test_built_in_names_make_policies() -> None:
-    for name in BUILT_IN:
-        assert callable(make_policy(name, np.random.default_rng(0)))
-    with pytest.raises(UserCodeError, match="magic: no such policy; expected seek, active, patrol, random, oracle, or"):
-        make_policy("magic", np.random.default_rng(0))
-
-
 def test_motionless_policy_runs_to_the_time_limit(file: Path) -> None:
     log = run_mission(short(), f"{file}:Still")
     assert log.column("event", "subject")[-1] == "time limit"
@@ -218,17 +209,3 @@ def test_policy_with_reveal_gets_a_copy_of_the_truth(file: Path) -> None:
     (source,) = mission.log.meta["truth"]["sources"]
     mission.step()
     assert mission.policy.phase.name == source["name"]
-
-
-def test_user_code_error_in_a_step_ends_the_mission(monkeypatch: pytest.MonkeyPatch) -> None:
-    mission = Mission(short(), "patrol", 0)
-
-    def failing(action: object) -> None:
-        raise UserCodeError("estimator.py:3: returned NaN")
-
-    for _ in range(5):
-        mission.step()
-    monkeypatch.setattr(mission.env, "step", failing)
-    log = mission.run()
-    assert log.n_rows("step") == 5
-    assert log.column("event", "text")[-2:].tolist() == ["estimator.py:3: returned NaN", "mission over: error"]

@@ -1,28 +1,23 @@
 """Missions that end after some seconds, and the command line."""
 
 import os
-import resource
 import subprocess
-import sys
 from pathlib import Path
 
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.record.mission_log import TABLES, MissionLog
 from pdpatrol.missions.runner import Mission
-from tests.processes import WRITES_NO_BYTECODE
-
-PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
+from tests.processes import PDPATROL
 
 
-def short_mission(end_s: float = 8.0, seed: int = 0, date: str | None = None) -> MissionLog:
+def short_mission(end_s: float = 8.0, seed: int = 0) -> MissionLog:
     """Run a mission that is ended early."""
-    settings = {} if date is None else {"campaign.date": date}
 
     def end_early(mission: Mission) -> None:
         if mission.time_s > end_s:
             mission.end("interrupted")
 
-    return Mission(load_scenario("one_source", settings), "seek", seed).run(end_early)
+    return Mission(load_scenario("one_source"), "seek", seed).run(end_early)
 
 
 def copy_of(log: MissionLog, *tables: str, n_steps: int | None = None, **meta: object) -> MissionLog:
@@ -40,19 +35,8 @@ def without_screen() -> dict[str, str]:
     return {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
 
 
-def pdpatrol(*arguments: str, cwd: Path, most_bytes: int | None = None) -> subprocess.CompletedProcess[str]:
-    """Run the command without a screen; `most_bytes` limits the size of its files, as on a full disk."""
-
-    def limit() -> None:
-        if most_bytes is not None:
-            resource.setrlimit(resource.RLIMIT_FSIZE, (most_bytes, most_bytes))
-
+def pdpatrol(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run the command without a screen."""
     return subprocess.run(
-        [PDPATROL, *arguments],
-        cwd=cwd,
-        env=without_screen() | WRITES_NO_BYTECODE,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        preexec_fn=limit,
+        [PDPATROL, *arguments], cwd=cwd, env=without_screen(), capture_output=True, text=True, timeout=120
     )

@@ -20,7 +20,6 @@ from pdpatrol.missions.record.mission_log import TABLES, MissionLog
 from pdpatrol.missions.recording import Recorder, write_recording
 from pdpatrol.missions.recording.phase_pattern import SPAN_DB, UNITS_PER_DB
 from pdpatrol.missions.recording.spectra import HEIGHT, WIDTH
-from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.robot_models.drawn_solids import describe_equipment
 from tests.missions.replay.read_back import Entities, read_recording, recorded
 from tests.missions.replay.short_mission import copy_of, pdpatrol, short_mission
@@ -174,25 +173,6 @@ def test_replay_draws_from_the_log_alone(has_log: bool, log: MissionLog, recordi
     assert ((folder / "mission.rrd").read_bytes() == damaged) is not has_log
 
 
-def test_full_disk_is_one_line_and_keeps_the_log(log: MissionLog, tmp_path: Path) -> None:
-    log.save(tmp_path)
-    before = (tmp_path / "log.npz").read_bytes()
-    done = pdpatrol("replay", ".", "--web", cwd=tmp_path, most_bytes=2000)
-    assert done.returncode == 1
-    assert "File too large" in done.stderr.strip().splitlines()[-1]
-    assert "Traceback" not in done.stderr
-    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"log.npz": before}
-
-
-def test_recording_is_named_by_mission_and_outcome(drawn: Entities, recording: Path, log: MissionLog) -> None:
-    report = make_report(log, 0.0)
-    names = [cell for values in drawn["__properties"].values() for cell in values.values()]
-    assert [f"one_source, seed 1, seek: found {len(report.scores.matches)} of 1"] in names
-    (entry,) = RrdReader(recording).recordings()
-    assert entry.application_id == "pdpatrol one_source"
-    assert entry.recording_id.startswith("one_source, seed 1, seek (")
-
-
 def test_capsule_is_drawn_around_its_centre(tmp_path: Path, log: MissionLog) -> None:
     """Rerun's capsules start at their translation and extend along z; MuJoCo's are centred."""
     bar = {
@@ -225,17 +205,6 @@ def test_dropped_finding_is_cleared(tmp_path: Path, log: MissionLog) -> None:
     for part in ("", "/label"):
         assert list(drawn[f"world/findings/1{part}"]["positions"]) == [3]
     assert drawn["world/findings/1"]["is_recursive"] == {9: [True]}
-
-
-def test_findings_have_the_same_number_everywhere(drawn: Entities, log: MissionLog) -> None:
-    report = make_report(log, 0.0)
-    ids = {finding.id for finding in (*report.findings, *report.candidates)}
-    assert ids
-    events = " ".join(log.column("event", "text"))
-    for number in ids:
-        assert re.search(rf"(finding|candidate) {number} ", events)
-        labels = drawn[f"world/findings/{number}/label"]["labels"].values()
-        assert {label.split()[1].rstrip(":") for (label,) in labels} == {str(number)}
 
 
 def test_rays_start_at_the_robot_and_follow_the_bearings(drawn: Entities, log: MissionLog) -> None:

@@ -7,7 +7,6 @@ import numpy as np
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.record.events import Phase
 from pdpatrol.missions.record.mission_log import MissionLog
-from pdpatrol.missions.report.wording import phase_text
 from pdpatrol.missions.runner import Mission
 from tests.missions.replay.read_back import recorded
 from tests.missions.report.logs import add_finding
@@ -78,8 +77,3 @@ def test_phases_have_texts_and_colours(tmp_path: Path) -> None:
     }
     assert entity["labels"][None] == ["drives to waypoint 1", "approaches candidate 3", "my own"]
     assert len(set(entity["colors"][None])) == 3
-
-
-def test_phase_text_keeps_unknown_names() -> None:
-    assert phase_text(Phase("patrol")) == "drives the route"
-    assert phase_text(Phase("my_policy | <b>")) == "my_policy | <b>"

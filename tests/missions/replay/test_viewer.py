@@ -7,11 +7,10 @@ import re
 import shutil
 import signal
 import subprocess
-import sys
 import time
 import urllib.request
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +18,8 @@ import psutil
 import pytest
 from matplotlib.image import imread
 
-from pdpatrol.missions.recording import ViewerError, check_screen
-from tests.missions.replay.short_mission import PDPATROL, pdpatrol, short_mission, without_screen
+from tests.missions.replay.short_mission import pdpatrol, short_mission, without_screen
+from tests.processes import PDPATROL
 
 pytestmark = pytest.mark.whole
 
@@ -91,15 +90,6 @@ def test_without_a_screen_the_command_offers_the_browser(arguments: tuple[str, .
     assert "pdpatrol replay --web" in line
     assert done.stdout == ""
     assert not (missions / "new").exists()
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="other systems always have a screen")
-@pytest.mark.parametrize("screen", [{}, {"DISPLAY": ""}, {"DISPLAY": ":0"}, {"WAYLAND_DISPLAY": ":0"}])
-def test_check_screen_accepts_both_kinds(screen: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.setenv(name, screen.get(name, ""))
-    with nullcontext() if any(screen.values()) else pytest.raises(ViewerError, match="no screen"):
-        check_screen()
 
 
 def test_web_viewer_listens_on_this_machine_alone(missions: Path) -> None:

@@ -9,6 +9,7 @@ from pdpatrol.missions.field.field_data import read_field_data
 from pdpatrol.missions.field.locate_field_data import array_model, locate_field_data
 from pdpatrol.missions.record.mission_log import MissionLog
 from tests.missions.field.surveys import EXAMPLE, POSE_ERROR, SPREAD
+from tests.missions.replay.short_mission import copy_of
 from tests.missions.test_phase_patterns import log_of_two_findings
 
 
@@ -30,12 +31,7 @@ def two_findings(*, mains: bool = True) -> MissionLog:
 
 def killed_log() -> MissionLog:
     """Return the log of a mission that was killed before it could write its associations."""
-    log = two_findings()
-    part = MissionLog(log.meta)
-    for table in ("step", "pulse", "bearing", "finding"):
-        for row in range(log.n_rows(table)):
-            part.append(table, **{name: column[row] for name, column in log.table(table).items()})
-    return part
+    return copy_of(two_findings(), "step", "pulse", "bearing", "finding")
 
 
 def field_log() -> MissionLog:

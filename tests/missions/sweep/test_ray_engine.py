@@ -11,21 +11,19 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import psutil
-import pyarrow as pa
 import pytest
 
-from pdpatrol.missions.sweep.dataset import Dataset
 from pdpatrol.missions.sweep.plan import make_plan
 from pdpatrol.missions.sweep.pool import EngineError, MissionLimits
 from pdpatrol.missions.sweep.ray_engine import run_on_node
-from tests.processes import below, listening, title
+from tests.missions.sweep.test_sweep import rows, sweep
+from tests.processes import PDPATROL, below, listening, title
 
 pytestmark = [
     pytest.mark.whole,
     pytest.mark.skipif(find_spec("ray") is None, reason="the extra `ray` is not installed"),
 ]
 
-PDPATROL = str(Path(sys.executable).with_name("pdpatrol"))
 LOOPBACK = {"127.0.0.1", "::ffff:127.0.0.1"}
 WAIT_S = 300.0
 N_MISSIONS = 30
@@ -33,15 +31,6 @@ N_MISSIONS = 30
 
 def command(*words: str, engine: str = "ray") -> list[str]:
     return [PDPATROL, "sweep", "short.toml", "--workers", "2", "--engine", engine, *words]
-
-
-def sweep(folder: Path, *words: str, engine: str = "ray") -> subprocess.CompletedProcess[str]:
-    return subprocess.run(command(*words, engine=engine), cwd=folder, capture_output=True, text=True, timeout=300)
-
-
-def rows(folder: Path) -> pa.Table:
-    """Return the columns that do not differ between two runs."""
-    return Dataset(folder).read().drop_columns(["wall_time_s", "peak_memory_mb"])
 
 
 def wait_for(is_so: Callable[[], object]) -> None:
@@ -59,7 +48,7 @@ def n_rows(folder: Path) -> int:
 def test_ray_gives_the_rows_of_the_pool(folder: Path) -> None:
     policies = "seek", *(f"own.py:{name}" for name in ("Raises", "Hangs", "Eats", "Dies"))
     words = ["--seeds", "0", "--policy", *policies, "--wall-limit-s", "30", "--memory-gb", "1", "--out"]
-    pool, ray = (sweep(folder, *words, name, engine=engine) for name, engine in (("one", "pool"), ("two", "ray")))
+    pool, ray = (sweep(folder, *words, name, "--engine", engine) for name, engine in (("one", "pool"), ("two", "ray")))
     assert (pool.returncode, ray.returncode) == (0, 0), ray.stderr
     statuses = ["finished", "failed", "hung", "out of memory", "died"]
     assert rows(folder / "two")["status"].to_pylist() == statuses
@@ -101,7 +90,7 @@ def test_missions_of_killed_node_or_worker_run_again(
         assert "raylet" not in printed + warned
     finally:
         cluster.shutdown()
-    assert sweep(folder, *words, "whole", engine="pool").returncode == 0
+    assert sweep(folder, *words, "whole").returncode == 0
     assert rows(folder / "robbed").equals(rows(folder / "whole"))
     assert rows(folder / "robbed")["status"].to_pylist() == ["finished"] * N_MISSIONS
 
@@ -137,7 +126,7 @@ def test_node_with_another_version_is_refused(folder: Path) -> None:
     ],
 )
 def test_address_without_cluster_is_one_line(address: str, message: str, folder: Path) -> None:
-    done = sweep(folder, "--seeds", "0", "--ray-address", address, "--out", "out")
+    done = sweep(folder, "--engine", "ray", "--seeds", "0", "--ray-address", address, "--out", "out")
     assert (done.returncode, done.stdout) == (1, "")
     (line,) = done.stderr.strip().splitlines()
     assert line.startswith(message)

@@ -105,13 +105,6 @@ def test_terminal_table_breaks_no_word_at_80_columns() -> None:
         assert re.search(rf"(?<!\S){re.escape(word)}(?!\S)", shown), word
 
 
-def test_terminal_table_states_shared_settings_in_its_title() -> None:
-    rows = [summary(name, '{"array.n_elements": 8}') for name in ("one", "two")]
-    table = terminal_table(rows, "runs/some")
-    assert table.title == "runs/some, array.n_elements=8"
-    assert list(table.columns[0].cells)[1] == "active"
-
-
 def test_markdown_and_csv_hold_all_figures(dataset: Dataset) -> None:
     summaries = summarise_groups(dataset.read())
     assert set(cells(summaries[0])) >= {"found (%)", "path length over shortest", "OSPA (m)", "missed"}
