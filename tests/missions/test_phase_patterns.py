@@ -11,10 +11,9 @@ from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.sensing import PulseTrain
 from tests.missions.replay.short_mission import copy_of
+from tests.missions.steps import append_step
 
 SOURCES = {1: ("corona", (10.0, 10.0)), 2: ("void", (0.0, 12.0))}
-
-AT_REST = {"odometry": np.zeros(3), "battery": 1.0, "command": np.zeros(2)}
 
 
 def log_of_two_findings(seed: int, mains: bool = True, ghosts_every: int = 0) -> MissionLog:
@@ -30,15 +29,7 @@ def log_of_two_findings(seed: int, mains: bool = True, ghosts_every: int = 0) ->
     trains = {k: PulseTrain.draw(kind, 50.0, 0.0, rng) for k, (kind, _) in SOURCES.items()}  # pyright: ignore
     for step in range(60):
         pose = np.array([0.1 * step, 2.0, 0.03 * step])
-        log.append(
-            "step",
-            time_s=0.1 * step,
-            pose=pose,
-            true_pose=pose,
-            **AT_REST,
-            phase="patrol",
-            phase_target=0,
-        )
+        append_step(log, 0.1 * step, pose)
         for number, (_, place) in SOURCES.items():
             sight = np.array(place) - pose[:2]
             azimuth = float(wrap(np.arctan2(sight[1], sight[0]) - pose[2]))

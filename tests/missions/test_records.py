@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pdpatrol.missions.record.mission_log import TABLES, MissionLog
+from tests.missions.steps import append_step
 
 AT_REST = {"odometry": np.zeros(3), "battery": 1.0, "command": np.zeros(2)}
 
@@ -16,15 +17,7 @@ AT_REST = {"odometry": np.zeros(3), "battery": 1.0, "command": np.zeros(2)}
 def log_of(n_steps: int) -> MissionLog:
     log = MissionLog({"n_elements": 6})
     for k in range(n_steps):
-        log.append(
-            "step",
-            time_s=0.1 * k,
-            pose=np.full(3, k),
-            true_pose=np.full(3, k),
-            **AT_REST,
-            phase="patrol",
-            phase_target=0,
-        )
+        append_step(log, 0.1 * k, np.full(3, k))
         log.append("pulse", step=k, strengths_v=np.arange(6.0), mains_phase_rad=0.1, is_clipped=False, is_credible=True)
     return log
 
@@ -67,15 +60,7 @@ def test_parts_of_a_killed_mission_are_read_back(tmp_path: Path) -> None:
     log = log_of(10)
     log.write_part(tmp_path)
     for k in range(10, 14):
-        log.append(
-            "step",
-            time_s=0.1 * k,
-            pose=np.full(3, k),
-            true_pose=np.zeros(3),
-            **AT_REST,
-            phase="dock",
-            phase_target=0,
-        )
+        append_step(log, 0.1 * k, np.full(3, k))
     log.write_part(tmp_path)
     assert MissionLog.load(tmp_path).n_rows("step") == 14
     assert MissionLog.load(tmp_path).n_rows("pulse") == 10

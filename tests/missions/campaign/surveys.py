@@ -10,6 +10,7 @@ import numpy as np
 from dirmusic import GainManifold
 from pdpatrol.missions.campaign.inspection import InspectionLog, LocatedFinding
 from pdpatrol.missions.record.mission_log import MissionLog
+from tests.missions.steps import append_step
 
 HEIGHT_M = 0.6
 STEP_S = 0.1
@@ -62,12 +63,8 @@ def survey(
         "bounds_m": [[0.0, 0.0], [40.0, 30.0]],
     }
     log, rng = MissionLog(meta), np.random.default_rng(seed)
-    nothing = np.full(3, np.nan)
     for k, pose in enumerate(poses):
-        log.append(
-            "step", time_s=STEP_S * (k + 1), pose=pose, true_pose=nothing, odometry=nothing, battery=np.nan,
-            command=nothing[:2], phase="", phase_target=0,
-        )  # fmt: skip
+        append_step(log, STEP_S * (k + 1), pose)
         for number, source in enumerate(sources, start=1):
             path_m = np.array(source.position_m) - [pose[0], pose[1], HEIGHT_M]
             azimuth = float(np.arctan2(path_m[1], path_m[0]) - pose[2])

@@ -1,7 +1,5 @@
 """trend.html is self-contained, shows each discharge over its dates, and escapes names."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -51,7 +49,7 @@ def test_page_of_a_yard_names_the_site() -> None:
         "footprint_m": [3.0, 2.0], "height_m": 2.5, "sites": {"south": [0.0, -1.0, 1.6]},
     }  # fmt: skip
     for log in some:
-        log.meta["scenario"] = json.loads(json.dumps({"yard": {"size_m": [40.0, 30.0], "equipment": [piece]}}))
+        log.meta["scenario"] = {"yard": {"size_m": [40.0, 30.0], "equipment": [piece]}}
     page = page_of(some)
     assert "tank/south" in page.text
 

@@ -21,6 +21,7 @@ from pdpatrol.missions.export.ros2_recording import write_ros2_recording
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.runner import run_mission
+from tests.missions.steps import append_step
 
 PLACE = {"latitude_deg": 51.5, "longitude_deg": 7.4, "heading_deg": 20.0}
 
@@ -147,19 +148,8 @@ def field_log(*time_s: float, date: str | None = None) -> MissionLog:
     """Log of a survey of one pose, without truth and odometry."""
     array = {"boresights_rad": [0.0, 3.1]}
     log = MissionLog({"name": "survey", "seed": None, "policy": None, "n_elements": 2, "array": array, "date": date})
-    nothing = np.full(3, np.nan)
     for at_s in time_s:
-        log.append(
-            "step",
-            time_s=at_s,
-            pose=np.array([1.0, 2.0, 0.5]),
-            true_pose=nothing,
-            odometry=nothing,
-            battery=np.nan,
-            command=nothing[:2],
-            phase="",
-            phase_target=0,
-        )
+        append_step(log, at_s, np.array([1.0, 2.0, 0.5]), battery=np.nan)
     return log
 
 

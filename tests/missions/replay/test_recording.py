@@ -23,6 +23,7 @@ from pdpatrol.missions.recording.spectra import HEIGHT, WIDTH
 from pdpatrol.robot_models.drawn_solids import describe_equipment
 from tests.missions.replay.read_back import Entities, read_recording, recorded
 from tests.missions.replay.short_mission import copy_of, pdpatrol, short_mission
+from tests.missions.steps import append_step
 
 
 @pytest.fixture(autouse=True)
@@ -142,10 +143,7 @@ def test_field_data_and_empty_logs_can_be_recorded(tmp_path: Path) -> None:
     )  # fmt: skip
     assert "world/truth/sources" not in recorded(field, tmp_path)
     for k in range(20):
-        field.append(
-            "step", time_s=0.1 * k, pose=np.zeros(3), true_pose=np.full(3, np.nan), odometry=np.full(3, np.nan),
-            battery=np.nan, command=np.full(2, np.nan), phase="field", phase_target=0,
-        )  # fmt: skip
+        append_step(field, 0.1 * k, np.zeros(3), battery=np.nan, phase="field")
     drawn = recorded(field, tmp_path)
     assert len(drawn["world/robot"]["translation"]) == 20
     assert "world/odometry" not in drawn

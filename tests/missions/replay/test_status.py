@@ -10,6 +10,7 @@ from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.runner import Mission
 from tests.missions.replay.read_back import recorded
 from tests.missions.report.logs import add_finding
+from tests.missions.steps import append_step
 
 
 def log_of(*phases: Phase) -> MissionLog:
@@ -17,10 +18,7 @@ def log_of(*phases: Phase) -> MissionLog:
     log, pose = MissionLog(Mission(load_scenario("one_source"), "seek", 0).log.meta), np.array([10.0, 5.0, 0.0])
     for k in range(10 * len(phases)):
         phase = phases[k // 10]
-        log.append(
-            "step", time_s=0.1 * (k + 1), pose=pose, true_pose=pose, odometry=np.zeros(3), battery=1.0,
-            command=np.zeros(2), phase=phase.name, phase_target=phase.target,
-        )  # fmt: skip
+        append_step(log, 0.1 * (k + 1), pose, true_pose=pose, phase=phase.name, phase_target=phase.target)
     return log
 
 

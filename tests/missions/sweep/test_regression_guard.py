@@ -22,10 +22,7 @@ MAX_ERROR_RATIO = 1.55
 @pytest.mark.slow
 def test_missions_are_no_worse_than_the_stored_ones(tmp_path: Path) -> None:
     yards = [f"suite/{level}_01" for level in load_suite().levels]
-    done = subprocess.run(
-        [PDPATROL, "sweep", *yards, "--seeds", "0-2", "--out", "guard"], cwd=tmp_path, stderr=subprocess.PIPE
-    )
-    assert done.returncode == 0, done.stderr
+    subprocess.run([PDPATROL, "sweep", *yards, "--seeds", "0-2", "--out", "guard"], cwd=tmp_path, check=True)
     rows = Dataset(tmp_path / "guard").read()
     pairs = pair_up(rows, str(ROOT / "docs" / "results" / "public"), str(tmp_path / "guard"))
     assert len(pairs) == rows.num_rows == 3 * len(yards)
