@@ -49,14 +49,6 @@ def listening(pids: Iterable[int]) -> set[str]:
     return found
 
 
-def cpu_s(pid: int) -> float:
-    """Return the CPU time of a process, seconds; 0 if it has ended."""
-    try:
-        return psutil.Process(pid).cpu_times().user
-    except psutil.NoSuchProcess:
-        return 0.0
-
-
 def title(pid: int) -> str:
     """Return the command line of a process; empty if it has ended."""
     try:

@@ -1,8 +1,6 @@
 """The command line as a user meets it: real processes, real files."""
 
 import json
-import os
-import shlex
 import signal
 import subprocess
 import sys
@@ -91,15 +89,6 @@ def test_run_writes_all_files_and_prints_the_outcome(short: Path, tmp_path: Path
     assert (report["scenario"], report["seed"], report["policy"]) == ("short", 3, "seek")
     assert f"No discharge found. {report['pulses']['detected']} pulses: " in done.stdout
     assert "time limit after 4 s" in done.stdout
-
-
-@pytest.mark.parametrize(("by_uv", "start"), [({}, "pdpatrol"), ({"UV_RUN_RECURSION_DEPTH": "1"}, "uv run pdpatrol")])
-def test_printed_replay_command_can_be_typed(by_uv: dict[str, str], start: str, short: Path, tmp_path: Path) -> None:
-    environment = {key: value for key, value in os.environ.items() if key != "UV_RUN_RECURSION_DEPTH"} | by_uv
-    arguments = [PDPATROL, "run", str(short), "--out", "a folder"]
-    done = subprocess.run(arguments, cwd=tmp_path, capture_output=True, text=True, env=environment, check=True)
-    (hint,) = [line for line in done.stdout.splitlines() if line.startswith("Look at it with: ")]
-    assert shlex.split(hint.partition(": ")[2]) == [*start.split(), "replay", "a folder"]
 
 
 def test_json_is_the_report_and_nothing_else(short: Path, tmp_path: Path) -> None:

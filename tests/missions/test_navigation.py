@@ -8,9 +8,7 @@ from pdpatrol.missions.driving.path_follower import (
     BRAKING_MPS2,
     TURN_SPEED_MPS,
     PathFollower,
-    distances_along,
     speed_profile,
-    steer,
 )
 from pdpatrol.missions.driving.site_map import MARGIN_M, SiteMap
 
@@ -92,15 +90,3 @@ def test_speed_profile_brakes_before_turns_and_end(corner_deg: float, speed_mps:
 def test_speed_profile_ignores_grid_steps() -> None:
     steps = np.cumsum([[0.25, 0.0], [0.25, 0.25]] * 20, axis=0)
     assert speed_profile(steps, MAP.robot)[3:20].min() > 0.7 * MAP.robot.max_speed_mps
-
-
-def test_steering_stops_at_the_end() -> None:
-    path = np.stack([np.arange(0.0, 4.1, 0.25), np.zeros(17)], axis=-1)
-    pose, speeds = np.array([0.0, 0.1, 0.0]), []
-    while pose[0] < 3.9:
-        v, yaw_rate = steer(pose, path, distances_along(path), speed_profile(path, MAP.robot), MAP.robot)
-        pose = pose + 0.1 * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), yaw_rate])
-        speeds.append(v)
-    assert np.linalg.norm(pose[:2] - path[-1]) < 0.15
-    assert speeds[-1] < 0.45
-    assert -np.diff(speeds).min() / 0.1 < 1.2 * BRAKING_MPS2

@@ -42,12 +42,6 @@ def test_table_fits_80_columns_and_files_are_written_once(runs: list[Path], tmp_
     assert "must be a new or empty folder" in line
 
 
-def test_json_has_the_runs_by_date(runs: list[Path], tmp_path: Path) -> None:
-    done = pdpatrol("trend", *reversed(runs), "--json", cwd=tmp_path)
-    assert done.returncode == 0
-    assert json.loads(done.stdout)["runs"] == [str(run) for run in runs]
-
-
 def test_unusable_folders_are_refused_in_one_line(runs: list[Path], tmp_path: Path) -> None:
     one_date = tmp_path / "one_date"
     one_date.mkdir()

@@ -89,15 +89,11 @@ def test_extra_piece_is_avoided_and_hides() -> None:
     assert scenario.known_yard.clearance(view) > wrong.robot.footprint_radius_m
 
 
-def test_moved_piece_has_moved_sites_and_solids() -> None:
+def test_moved_piece_has_moved_sites_and_obstacles() -> None:
     scenario = mapped(moved=({"name": "transformer_1", "by_m": (-3.0, 1.0)},))
     for site in ("transformer_1/tank_south", "transformer_1/tap_changer"):
         off = scenario.known_yard.site_position(site) - scenario.yard.site_position(site)
         np.testing.assert_allclose(off, [-3.0, 1.0, 0.0], atol=1e-9)
-    points = np.random.default_rng(0).uniform([7.0, 14.0], [17.0, 20.0], (200, 2))
-    piece, shown = scenario.yard.equipment[0], scenario.known_yard.equipment[0]
-    distance_m, moved_by_m = piece.solids.horizontal_distance(points), np.array([-3.0, 1.0])
-    np.testing.assert_allclose(shown.solids.horizontal_distance(points + moved_by_m), distance_m, atol=1e-9)
     assert SiteMap(scenario).clearance(np.array([[9.0, 18.0]])) < 0
     assert SiteMap(scenario).clearance(np.array([[14.0, 17.0]])) > 0
 

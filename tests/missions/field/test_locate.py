@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dirmusic import ElementSpread, GainManifold, GaussianPattern, InputFileError, PoseError, write_pattern
-from pdpatrol.missions.field.field_data import FieldData, read_field_data
+from dirmusic import GaussianPattern, InputFileError, write_pattern
+from pdpatrol.missions.field.field_data import read_field_data
 from pdpatrol.missions.field.locate_field_data import array_model, locate_field_data
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
@@ -159,41 +159,18 @@ def test_boresights_must_match_the_channels() -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_one_source_of_a_long_survey_is_one_finding(seed: int) -> None:
+def test_one_source_of_a_long_survey_is_one_finding(tmp_path: Path, seed: int) -> None:
     """A new source is fitted before its pulses make several findings."""
-    n_poses, n_pulses, source_m = 4000, 5, np.array([12.0, 8.0])
     corners_m = np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 15.0], [0.0, 15.0], [0.0, 0.0]])
-    rng, manifold = np.random.default_rng(seed), GainManifold.ring(6)
-    time_s = 0.5 * np.arange(n_poses, dtype=np.float64)
-    path_m = np.concatenate([[0.0], np.linalg.norm(np.diff(corners_m, axis=0), axis=-1).cumsum()])
-    along_m = (0.4 * time_s) % path_m[-1]
-    place_m = np.column_stack([np.interp(along_m, path_m, corner_m) for corner_m in corners_m.T])
-    yaw_rad = np.array([0.0, 0.5, 1.0, -0.5])[np.searchsorted(path_m, along_m, side="right") - 1] * np.pi
-    pose = np.column_stack([place_m, yaw_rad])
-    true_pose = pose + rng.normal(0.0, [0.03, 0.03, np.radians(0.5)], pose.shape)
-    step = np.repeat(np.arange(n_poses), n_pulses)
-    sight_m = source_m - true_pose[step, :2]
-    azimuth_rad = np.arctan2(sight_m[:, 1], sight_m[:, 0]) - true_pose[step, 2]
-    level_v = 0.27 / np.linalg.norm(sight_m, axis=-1) * 10 ** (rng.normal(0.0, 0.1, step.size))
-    gain = manifold.gain(azimuth_rad).T * np.exp(rng.normal(0.0, 0.03, 6))
-    strengths_v = np.abs(level_v[:, np.newaxis] * gain + rng.normal(0.0, 1e-3, gain.shape))
-    data = FieldData(
-        path=Path("survey.csv"),
-        time_s=time_s,
-        pose=pose,
-        step=step,
-        strengths_v=strengths_v,
-        variance_v2=np.full(gain.shape, 1e-6),
-        mains_phase_rad=np.full(step.size, np.nan),
-        channels=np.arange(6),
-        n_recorded=6,
-    )
-    array = array_model(data, ElementSpread(gain=0.05, pointing_rad=np.radians(2.0), unexplained=0.02))
-    log = locate_field_data(data, array, PoseError(position_m=0.05, heading_rad=np.radians(0.5), correlation_s=5.0))
-    findings = log.table("finding")
-    is_confirmed = (findings["step"] == findings["step"].max()) & (findings["state"] == "confirmed")
-    assert np.count_nonzero(is_confirmed) == 1
-    assert np.linalg.norm(findings["position_m"][is_confirmed][0, :2] - source_m) < 0.3
+    side_m = np.array([0.0, 20.0, 35.0, 55.0, 70.0])
+    along_m = (0.2 * np.arange(4000)) % 70.0
+    yaw_rad = np.array([0.0, 0.5, 1.0, -0.5])[np.searchsorted(side_m, along_m, side="right") - 1] * np.pi
+    poses = np.column_stack([*(np.interp(along_m, side_m, corner_m) for corner_m in corners_m.T), yaw_rad])
+    rows = survey(np.repeat(poses, 5, axis=0), (12.0, 8.0, 1.5), seed=seed)
+    for k, row in enumerate(rows):
+        row[0] = 0.1 * k
+    (finding,) = locate(write(tmp_path / "s.csv", rows)).findings
+    assert np.linalg.norm(np.subtract(finding.position_m[:2], (12.0, 8.0))) < 0.3
 
 
 def test_likelihood_maps_become_rarer_over_days(tmp_path: Path) -> None:

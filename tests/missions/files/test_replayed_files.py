@@ -57,9 +57,7 @@ def test_damaged_log_is_refused_or_unchanged(mission: Path, tmp_path: Path) -> N
     ("arrays", "message"),
     [
         ({"meta": np.array("{}")}, "is not the log of a mission .missing metadata"),
-        ({"meta": np.array("[" * 9000)}, "is not the log of a mission"),
         ({"meta": np.array({"schema": 5})}, "Object arrays cannot be loaded"),
-        ({"meta": np.array(3.0)}, "is not the log of a mission"),
         ({"meta": np.array('{"schema": 5}')}, "missing arrays step.time_s"),
         ({"meta": np.array('{"schema": 3}')}, "log schema 3, this version reads schema 5"),
         ({"x": np.array(1)}, "damaged or incomplete archive: 'meta'"),
@@ -120,7 +118,6 @@ MANIFEST = {"version": 1, "plan": "p", "code": "c", "n_missions": 1, "suite": ""
     [
         ("", "has no valid sweep.json"),
         ("[" * 9000, "has no valid sweep.json"),
-        ("[1]", "has no valid sweep.json"),
         (json.dumps({**MANIFEST, "n_missions": "3"}), "has no valid sweep.json"),
         (json.dumps({**MANIFEST, "version": 9}), "must be of version 1, got 9"),
     ],

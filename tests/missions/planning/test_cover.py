@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from dirmusic.angles import aperture
-from pdpatrol.missions.planning.cover import GAP, apertures, candidates, cover
+from pdpatrol.missions.planning.cover import GAP, apertures, cover
 from pdpatrol.missions.planning.detectability import Detectability
-from tests.missions.planning.one_plan import plan_of
 
 
 def drawn(seed: int, n_targets: int = 4, n_columns: int = 10) -> Detectability:
@@ -58,14 +57,3 @@ def test_cover_is_empty_if_nothing_is_detectable() -> None:
     detectability = drawn(0)
     nothing = detectability._replace(is_detectable=np.zeros_like(detectability.is_detectable))
     assert cover(nothing, np.arange(10), np.zeros(4)).size == 0
-
-
-def test_candidates_keep_the_aperture_of_all_cells(monkeypatch: pytest.MonkeyPatch) -> None:
-    plan = plan_of("one_source")
-    detectability, clearance_m = plan.detectability, plan.site_map.clearance_m[plan.detectability.cells]
-    monkeypatch.setattr("pdpatrol.missions.planning.cover.SPACING_M", 12.0)
-    for needed_rad in (np.minimum(apertures(detectability), np.radians(needed_deg)) for needed_deg in (60.0, 200.0)):
-        columns = candidates(detectability, clearance_m, needed_rad)
-        assert (apertures(detectability, columns) >= needed_rad - 1e-9).all()
-        assert detectability.is_detectable[:, columns].any(axis=0).all()
-        assert 9 < columns.size < 100

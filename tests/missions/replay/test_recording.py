@@ -15,7 +15,6 @@ from rerun.chunk import RrdReader
 from dirmusic.angles import wrap
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.record.finding_pulses import phase_patterns
-from pdpatrol.missions.record.log_contents import described_manifold
 from pdpatrol.missions.record.mission_log import TABLES, MissionLog
 from pdpatrol.missions.recording import Recorder, write_recording
 from pdpatrol.missions.recording.phase_pattern import SPAN_DB, UNITS_PER_DB
@@ -226,19 +225,6 @@ def test_ring_peaks_on_the_ray_of_its_pulse(drawn: Entities, log: MissionLog) ->
         assert 0.8 - 1e-5 <= radius.min() <= radius.max() <= 3.0 + 1e-5
         peak = np.arctan2(*out[radius.argmax()][::-1])
         assert np.degrees(np.abs(wrap(peak - direction(rays[step])))).max() < 2.0  # azimuths are 2 degrees apart
-
-
-def test_rejected_pulses_point_to_the_peak_of_their_spectrum(drawn: Entities, log: MissionLog) -> None:
-    rays, pulse = drawn["world/bearings/rejected"]["strips"], log.table("pulse")
-    rejected = ~pulse["is_credible"]
-    azimuth = np.radians(np.arange(-180.0, 180.0, 0.5))
-    gain = described_manifold(log.meta["array"]).gain(azimuth)
-    best = azimuth[(pulse["strengths_v"] @ (gain / np.linalg.norm(gain, axis=0))).argmax(axis=-1)]
-    towards = wrap(best + log.column("step", "pose")[pulse["step"], 2])
-    assert set(rays) == set(pulse["step"][rejected].tolist())
-    for step, own in rays.items():
-        offset = wrap(direction(own)[:, np.newaxis] - towards[rejected & (pulse["step"] == step)])
-        assert np.degrees(np.abs(offset)).min(axis=0).max() < 2.0
 
 
 def test_left_turn_goes_up_in_the_spectra_and_turns_the_robot(log: MissionLog, tmp_path: Path) -> None:

@@ -65,13 +65,3 @@ def test_outcome_states_site_and_kind(tmp_path: Path) -> None:
     assert "### Mission over after 1 s: docked" in text
     assert site.replace("_", "\\_") in text
     assert drawn["world/findings/3/label"]["labels"][9][0].startswith(f"finding 3: {site}")
-
-
-def test_phases_have_texts_and_colours(tmp_path: Path) -> None:
-    phases = Phase("patrol", 1), Phase("seek", 3), Phase("patrol", 1), Phase("my own")
-    entity = recorded(log_of(*phases), tmp_path)["mission/phase"]
-    assert {step: state for step, (state,) in entity["state"].items()} == {
-        10 * k: str(phase) for k, phase in enumerate(phases)
-    }
-    assert entity["labels"][None] == ["drives to waypoint 1", "approaches candidate 3", "my own"]
-    assert len(set(entity["colors"][None])) == 3

@@ -10,14 +10,13 @@ import time
 from importlib.util import find_spec
 from pathlib import Path
 
-import psutil
 import pyarrow as pa
 import pytest
 
 from pdpatrol.missions.sweep.dataset import Dataset, MissionRow
 from pdpatrol.missions.sweep.plan import make_plan
 from pdpatrol.missions.sweep.pool import run_job
-from tests.processes import PDPATROL, WRITES_NO_BYTECODE, below, cpu_s, pdpatrol, refusal
+from tests.processes import PDPATROL, WRITES_NO_BYTECODE, pdpatrol, refusal
 
 pytestmark = pytest.mark.whole
 
@@ -78,27 +77,6 @@ def test_killed_sweep_continues_to_the_same_rows(engine: str, n_missions: int, n
     assert sweep(folder, "--seeds", f"0-{n_missions - 1}", "--out", "whole").returncode == 0
     assert rows(folder / "killed").equals(rows(folder / "whole"))
     assert rows(folder / "killed").num_rows == n_missions
-
-
-@pytest.mark.slow
-def test_killed_worker_is_replaced_and_its_mission_runs_again(folder: Path) -> None:
-    words = ["--seeds", "0-11"]
-    command = [PDPATROL, "sweep", "short.toml", "--workers", "2", *words, "--out", "robbed"]
-    process = subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-    deadline, killed = time.monotonic() + 120, set[int]()
-    while process.poll() is None and len(killed) < 2 and time.monotonic() < deadline:
-        forking = psutil.Process(process.pid).children()  # the workers are forked by a server
-        busy = [pid for server in forking for pid in below(server.pid) - killed if cpu_s(pid) > 0.3]
-        if len(list((folder / "robbed" / "rows").glob("*.parquet"))) > 2 * len(killed) + 1 and busy:
-            worker = max(busy, key=cpu_s)
-            killed.add(worker)
-            os.kill(worker, signal.SIGKILL)
-        time.sleep(0.05)
-    _, printed = process.communicate(timeout=300)
-    assert process.returncode == 0, printed
-    assert len(killed) == 2
-    assert sweep(folder, *words, "--out", "whole").returncode == 0
-    assert rows(folder / "robbed").equals(rows(folder / "whole"))
 
 
 def test_mission_that_fails_hangs_or_dies_is_a_row(folder: Path) -> None:
