@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -28,7 +30,6 @@ from pdpatrol.missions.record.logbook import Logbook
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.own_locator import OwnLocator
 from pdpatrol.missions.record.tracking import Tracker
-from pdpatrol.missions.stopwatch import Stopwatch
 from pdpatrol.robot_models.drawn_solids import describe_equipment, describe_solids
 from pdpatrol.robot_models.sensors import describe_lidar
 from pdpatrol.robot_models.yard.yard import Yard
@@ -37,6 +38,38 @@ FloatArray = NDArray[np.float64]
 
 PART_S = 30.0
 """Simulated time between parts of the log on disk: the most that a killed mission loses."""
+
+
+class Stopwatch:
+    """Measures wall time by activity, from its construction on.
+
+    Attributes:
+        spent_s: Seconds by activity, in the order in which each began.
+    """
+
+    def __init__(self) -> None:
+        self._started_s = time.perf_counter()
+        self.spent_s: dict[str, float] = {}
+
+    @property
+    def total_s(self) -> float:
+        """Seconds since construction."""
+        return time.perf_counter() - self._started_s
+
+    @contextmanager
+    def on(self, activity: str) -> Iterator[None]:
+        """Add the time within the block to an activity."""
+        began_s = time.perf_counter()
+        self.spent_s.setdefault(activity, 0.0)
+        try:
+            yield
+        finally:
+            self.spent_s[activity] += time.perf_counter() - began_s
+
+    def split(self, activity: str, parts_s: Mapping[str, float]) -> None:
+        """Replace part of an activity's time by parts that were measured separately."""
+        rest_s = self.spent_s.pop(activity) - sum(parts_s.values())
+        self.spent_s |= {**parts_s, activity: rest_s}
 
 
 class Mission:

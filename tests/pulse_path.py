@@ -1,8 +1,8 @@
 """Count the files that a pulse passes through, from its emission to a finding.
 
 `NUMBA_DISABLE_JIT=1 uv run python -m tests.pulse_path` runs a short mission with kernels as Python and prints the
-product files in which functions are executed during its control steps. What the policy and the physics of the robot
-execute does not count, nor do imports.
+product files in which functions are executed during its control steps. What the policy, the physics
+and the motion sensors of the robot execute does not count, nor do imports.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from pdpatrol.missions.runner import Mission
 
 ROOT = Path(__file__).parents[1]
 ROOMS = ("dirmusic", "sensing", "robot_models", "envs", "missions", "pdpatrol")
-NOT_COUNTED = ("missions/policies/", "missions/driving/collision", "robot_models/")
-"""Where a call enters the policy or the physics; nothing below it counts."""
+NOT_COUNTED = ("missions/policies/", "robot_models/", "envs/motion.py")
+"""Files of the policy, and of the physics and motion sensors of the robot; what they call does not count."""
 
 
 class FileTracer:

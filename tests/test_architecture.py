@@ -1,6 +1,8 @@
 """Imports go down only and never in circles, and each heavy library has one home."""
 
 import ast
+import os
+import subprocess
 import sys
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
@@ -151,3 +153,21 @@ def test_top_level_holds_packages_and_tests() -> None:
     links = {path.name for path in (ROOT / "pdpatrol").iterdir() if path.is_symlink()}
     assert links == set(MAY_IMPORT) - {"dirmusic"}
     assert (ROOT / "tests").is_dir()
+
+
+@pytest.mark.whole
+def test_pulse_passes_few_files() -> None:
+    """From emission to finding a pulse executes functions in at most 45 files."""
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.pulse_path"],
+        cwd=ROOT,
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr
+    files = done.stdout.split()[:-2]
+    assert "sensing/nature/sources.py" in files
+    assert "dirmusic/locating/locator.py" in files
+    assert len(files) <= 45

@@ -27,7 +27,7 @@ from pdpatrol.missions.cli.mission_files import (
 from pdpatrol.missions.cli.terminal import err, note, out, output_folder, refuse
 from pdpatrol.missions.field.field_data import read_field_data
 from pdpatrol.missions.field.locate_field_data import array_model, calibrated, locate_field_data, rejections
-from pdpatrol.missions.stopwatch import Stopwatch
+from pdpatrol.missions.runner import Stopwatch
 
 LIMITS = {
     "boresights_deg": (-720, 720, " degrees"),

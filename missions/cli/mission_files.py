@@ -20,7 +20,7 @@ from pdpatrol.missions.report.page import report_page
 from pdpatrol.missions.report.records import Report, report_text
 from pdpatrol.missions.report.tables import candidates_table, findings_table
 from pdpatrol.missions.report.wording import no_finding_text
-from pdpatrol.missions.stopwatch import Stopwatch
+from pdpatrol.missions.runner import Stopwatch
 
 INCOMPLETE = "INCOMPLETE.txt"
 """File that says why others are missing."""

@@ -13,7 +13,7 @@ from pdpatrol.missions.cli.terminal import err, out, output_folder, print_writte
 from pdpatrol.missions.reproduction.exhibit import verdict
 from pdpatrol.missions.reproduction.output import as_table, write_reproduction
 from pdpatrol.missions.reproduction.reproduce import reproduce as run_trials
-from pdpatrol.missions.stopwatch import Stopwatch
+from pdpatrol.missions.runner import Stopwatch
 
 
 def reproduce(

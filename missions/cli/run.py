@@ -30,8 +30,7 @@ from pdpatrol.missions.cli.terminal import err, fail, out, output_folder, refuse
 from pdpatrol.missions.first_run import compile_at_first_run
 from pdpatrol.missions.policies.own_policy import BUILT_IN, load_maker
 from pdpatrol.missions.report.records import Report
-from pdpatrol.missions.runner import Mission
-from pdpatrol.missions.stopwatch import Stopwatch
+from pdpatrol.missions.runner import Mission, Stopwatch
 
 if TYPE_CHECKING:
     from pdpatrol.missions.recording import LiveView
