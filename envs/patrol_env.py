@@ -336,4 +336,4 @@ def check_actions(actions: Any, shape: tuple[int, ...]) -> FloatArray:  # noqa: 
         raise ValueError(f"the action must have shape {shape}, got {given.shape}")
     if given.dtype.kind not in "iuf" or not np.isfinite(given).all():
         raise ValueError(f"the action must hold finite real numbers, got {given.tolist()!r:.80}")
-    return np.clip(given, -1.0, 1.0, dtype=np.float64)
+    return np.minimum(np.maximum(given.astype(np.float64), -1.0), 1.0)

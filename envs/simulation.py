@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.bearing.channel_health import ChannelMonitor, SuspectChannel
+from dirmusic.compiled import Held, compiled
 from dirmusic.pulses.batch import PulseBatch
 from pdpatrol.envs.episode import Episode, Generators, ResetOptions
 from pdpatrol.envs.motion import N_DRAWS, MotionState, SensorParameters, sense_motion, start_motion
@@ -79,6 +80,43 @@ class Outcome(NamedTuple):
             pulses=pulses,
             suspects=suspects,
         )
+
+
+class RobotStates(NamedTuple):
+    """State of all robots and parameters of their sensors, which compiled functions take by reference."""
+
+    motion: MotionState
+    sensors: SensorParameters
+    progress: TaskProgress
+    task: Task
+    observations: ObservationModel
+    sources_m: FloatArray
+    motion_normal: FloatArray
+    lidar_normal: FloatArray
+    is_usable: BoolArray
+    spectrum_gain: FloatArray
+
+
+@compiled
+def advance_robots(
+    held: Held[RobotStates], step_s: float, readings: FloatArray, is_touching: BoolArray, rows: Rows
+) -> tuple[FloatArray, BoolArray]:
+    """Update motion sensors and progress of some robots; see `sense_motion` and `advance_progress`."""
+    state = held.value
+    sense_motion(state.motion, state.sensors, readings, state.motion_normal, rows)
+    return advance_progress(state.progress, state.task, step_s, readings, state.sources_m, is_touching, rows)
+
+
+@compiled
+def observe_robots(
+    held: Held[RobotStates], readings: FloatArray, robot: Rows, strengths_v: FloatArray, azimuth_rad: FloatArray
+) -> NDArray[np.float32]:
+    """Compute the observations of all robots; see `observe`."""
+    state, pulses = held.value, RobotPulses(robot, strengths_v, azimuth_rad)
+    return observe(
+        state.observations, state.progress, state.motion, readings, state.lidar_normal, state.is_usable,
+        state.spectrum_gain, pulses,
+    )  # fmt: skip
 
 
 class Simulation:
@@ -145,6 +183,12 @@ class Simulation:
         self._motion_normal, self._lidar_normal = np.zeros((n_robots, N_DRAWS)), np.zeros((n_robots, LIDAR_BEAMS))
         self._usable = np.ones((n_robots, n_elements), dtype=np.bool_)
         self._spectrum_gain = np.empty((n_robots, n_elements, SPECTRUM_AZIMUTHS_RAD.size))
+        self._held = Held(
+            RobotStates(
+                self._motion, self._sensors, self._progress, self._task, self.observations, self._sources_m,
+                self._motion_normal, self._lidar_normal, self._usable, self._spectrum_gain,
+            )
+        )  # fmt: skip
 
     @property
     def has_begun(self) -> bool:
@@ -204,10 +248,7 @@ class Simulation:
         driven = self._all_rows if rows is None else rows
         self._draw_noise(driven)
         readings, is_touching = self.robots.readings, self.robots.is_touching
-        sense_motion(self._motion, self._sensors, readings.values, self._motion_normal, driven)
-        reward, is_done = advance_progress(
-            self._progress, self._task, STEP_S, readings.values, self._sources_m, is_touching, driven
-        )
+        reward, is_done = advance_robots(self._held, STEP_S, readings.values, is_touching, driven)
         found = self._receivers.listen(readings.world_from_base, start_s, STEP_S, rows)
         pulses, suspects = self._find_directions(found.robot, found.pulses)
         return self._outcome(reward, is_done, found.robot, pulses, suspects)
@@ -252,16 +293,7 @@ class Simulation:
         suspects: list[tuple[SuspectChannel, ...]],
     ) -> Outcome:
         motion, progress, readings = self._motion, self._progress, self.robots.readings.values
-        observation = observe(
-            self.observations,
-            progress,
-            motion,
-            readings,
-            self._lidar_normal,
-            self._usable,
-            self._spectrum_gain,
-            RobotPulses(robot, pulses.strengths_v, pulses.azimuth_rad),
-        ).T
+        observation = observe_robots(self._held, readings, robot, pulses.strengths_v, pulses.azimuth_rad).T
         fell_over = readings[:, UPRIGHT] < LEAST_UPRIGHT
         info = {
             "time_s": motion.time_s.copy(),

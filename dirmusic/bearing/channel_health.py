@@ -153,7 +153,7 @@ class ChannelMonitor:
             likeliest = self._likelihood(pulses.take(own).take_channels(self.good), self.array.take(self.good))
             std_rad, misfit = likeliest.std_rad, likeliest.misfit
         strengths_v = pulses.strengths_v[own]
-        for row in np.flatnonzero(std_rad < CLEAR_STD_RAD).tolist():  # checks do not depend on the size of the batch
+        for row in (std_rad < CLEAR_STD_RAD).nonzero()[0].tolist():  # checks do not depend on the size of the batch
             at = self._n_seen % self.rules.window
             self._strengths[at], self._misfits[at] = strengths_v[row], misfit[row]
             self._n_seen += 1

@@ -159,10 +159,11 @@ class ReceiverBank:
             rows: Robots that listen, ascending; None for all.
         """
         robots = np.arange(len(self._listeners)) if rows is None else rows
-        shares = np.array_split(robots, max(min(self._n_threads, robots.size // LEAST_ROBOTS), 1))
+        n_jobs = min(self._n_threads, robots.size // LEAST_ROBOTS)
+        if n_jobs < 2:
+            return self._listen(0, robots, world_from_array, start_s, duration_s)
+        shares = np.array_split(robots, n_jobs)
         jobs = [(k, share, world_from_array, start_s, duration_s) for k, share in enumerate(shares)]
-        if len(jobs) == 1:
-            return self._listen(*jobs[0])
         if self._pool is None:
             self._pool = ThreadPoolExecutor(self._n_threads - 1)
         waiting = [self._pool.submit(self._listen, *job) for job in jobs[1:]]
@@ -179,9 +180,7 @@ class ReceiverBank:
         due: list[tuple[int, int, int]] = []
         n_emissions = 0
         for robot in robots.tolist():
-            self._update(robot, world_from_array[robot], float(start_s[robot]), duration_s)
-            begin_s, end_s = (round_to_nanoseconds(float(start_s[robot]) + d) for d in (0.0, duration_s))
-            first, end = self._schedules[robot].between(begin_s, end_s)
+            first, end = self._update(robot, world_from_array[robot], float(start_s[robot]), duration_s)
             if end > first:
                 due.append((robot, first, end))
                 n_emissions += end - first
@@ -194,7 +193,7 @@ class ReceiverBank:
             n_rejected += n
             counts.append(row - before)
         waveforms_v, pulses = gates.value
-        of_robot = np.repeat(np.array([robot for robot, *_ in due], np.intp), counts)
+        of_robot = np.array([robot for (robot, *_), n in zip(due, counts, strict=True) for _ in range(n)], np.intp)
         return DetectedPulses(of_robot, pulses.first(row), waveforms_v[:row].copy(), n_rejected)
 
     def _room(self, n_gates: int) -> Held[Gates]:
@@ -218,8 +217,8 @@ class ReceiverBank:
             )
         )
 
-    def _update(self, robot: int, world_from_array: FloatArray, start_s: float, duration_s: float) -> None:
-        """Draw the emissions of an interval, and update what changes with time and pose."""
+    def _update(self, robot: int, world_from_array: FloatArray, start_s: float, duration_s: float) -> tuple[int, int]:
+        """Draw the emissions of an interval, return first and end of them, and update what time and pose change."""
         receiver, schedule, listener = self._receiver, self._schedules[robot], self._listeners[robot]
         scene, array, state = listener.scene, listener.array, self._states[robot].value
         changed = state
@@ -242,6 +241,7 @@ class ReceiverBank:
             changed = changed._replace(channels=receiver.channels(begin_s, changed.tones))
         if changed is not state:
             self._states[robot] = Held(changed)
+        return schedule.between(begin_s, end_s)
 
 
 def listen_once(
