@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import inspect
+import math
 import operator
 import pkgutil
 import re
@@ -334,6 +335,6 @@ def check_actions(actions: Any, shape: tuple[int, ...]) -> FloatArray:  # noqa: 
     given = np.asarray(actions)
     if given.shape != shape:
         raise ValueError(f"the action must have shape {shape}, got {given.shape}")
-    if given.dtype.kind not in "iuf" or not np.isfinite(given).all():
+    if given.dtype.kind not in "iuf" or not all(map(math.isfinite, given.ravel().tolist())):
         raise ValueError(f"the action must hold finite real numbers, got {given.tolist()!r:.80}")
     return np.minimum(np.maximum(given.astype(np.float64), -1.0), 1.0)

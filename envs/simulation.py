@@ -311,7 +311,7 @@ class Simulation:
         }
         return Outcome(
             observation=observation,
-            reward=reward.sum(axis=0),
+            reward=reward[0] + reward[1] + reward[2],
             terminated=is_done | fell_over,
             truncated=motion.n_steps >= self.max_episode_steps,
             info=info,
