@@ -10,14 +10,15 @@ from pdpatrol.missions.runner import Mission
 from tests.processes import PDPATROL
 
 
-def short_mission(end_s: float = 8.0, seed: int = 0) -> MissionLog:
+def short_mission(end_s: float = 8.0, seed: int = 0, date: str | None = None) -> MissionLog:
     """Run a mission that is ended early."""
+    settings = {} if date is None else {"campaign.date": date}
 
     def end_early(mission: Mission) -> None:
         if mission.time_s > end_s:
             mission.end("interrupted")
 
-    return Mission(load_scenario("one_source"), "seek", seed).run(end_early)
+    return Mission(load_scenario("one_source", settings), "seek", seed).run(end_early)
 
 
 def copy_of(log: MissionLog, *tables: str, n_steps: int | None = None, **meta: object) -> MissionLog:
