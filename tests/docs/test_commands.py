@@ -25,7 +25,7 @@ LEAVES_MISSION, MISSION = "1. Run a mission", "runs/two_sources-7"
 
 ELSEWHERE = {
     "answers.md": "tests/test_answers.py",
-    "suite.md": "tests/envs/test_suite.py",
+    "suite.md": "tests/envs/scenario/test_suite.py",
     "sweeps.md": "tests/missions/sweep",
     "how-to/training.md": "tests/examples/test_learning.py",
     "how-to/equipment.md": "tests/robot_models/test_equipment.py",

@@ -62,7 +62,7 @@ def test_longitude_latitude_keep_distance_and_heading(latitude_deg: float) -> No
     for place_m, azimuth_deg in (([0.0, 150.0], 20.0), ([150.0, 0.0], 110.0), ([150.0, 150.0], 65.0)):
         place = longitude_latitude(np.array(place_m), reference)
         azimuth, _, distance_m = Geod(ellps="WGS84").inv(7.4, latitude_deg, *place)
-        assert distance_m == pytest.approx(np.hypot(*place_m), abs=0.01)
+        assert distance_m == pytest.approx(np.hypot(place_m[0], place_m[1]), abs=0.01)
         assert azimuth == pytest.approx(azimuth_deg, abs=0.01)
 
 
