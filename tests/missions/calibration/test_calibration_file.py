@@ -164,7 +164,9 @@ def test_field_data_write_and_use_calibrations(tmp_path: Path) -> None:
     calibrations = [read_calibration(tmp_path / name / "calibration.toml") for name in ("first", "second")]
     assert [calibration.n_missions for calibration in calibrations] == [1, 2]
     other = pdpatrol("locate", "strengths.csv", *learned, "--gain-error", "0.1", "--out", "third", cwd=tmp_path)
-    assert refusal(other) == ["--calibration: is of another array: gain_error 0.05, here 0.1"]
+    assert refusal(other) == [
+        "--calibration: must be a calibration of this array, but differs in gain_error 0.05, here 0.1"
+    ]
     assert not (tmp_path / "third").exists()
 
 
