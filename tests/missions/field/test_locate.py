@@ -203,7 +203,7 @@ def test_measured_pattern_is_used(tmp_path: Path) -> None:
     [
         ("none.csv", "none.csv: cannot be read"),
         ("t.csv --noise-v 1 --pattern t.csv", "t.csv"),
-        ("t.csv --noise-v 1 --pattern ../flat.csv", "--pattern, --boresights-deg: `pattern` is flat"),
+        ("t.csv --noise-v 1 --pattern ../flat.csv", "--pattern, --boresights-deg: `pattern` must not be flat"),
         ("t.csv --noise-v 1 --boresights-deg 0", "--boresights-deg must have one number per channel, 3, got 1"),
         ("t.csv --noise-v 1 --out .", "--out: . must be a new or empty folder"),
         ("t.csv", "or --noise-v"),
