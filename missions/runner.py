@@ -132,7 +132,7 @@ class Mission:
     def _meta(self, scenario: Scenario, policy: str, seed: int, info: dict[str, Any]) -> dict[str, Any]:
         array, known_yard = self.env.simulation.array, self.site_map.yard
         return {
-            "versions": {name: version(name) for name in ("pdpatrol", "mujoco", "numpy", "scipy")},
+            "versions": {name: version(name) for name in ("pdpatrol", "mujoco-core", "numpy", "scipy")},
             "name": scenario.name,
             "seed": seed,
             "policy": policy,

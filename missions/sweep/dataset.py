@@ -202,7 +202,7 @@ class Dataset:
                 "commit": commit(),
                 "n_missions": len(plan.jobs),
                 "suite": max(job.suite for job in plan.jobs),
-                "versions": {name: version(name) for name in ("pdpatrol", "mujoco", "numpy", "scipy", "numba")},
+                "versions": {name: version(name) for name in ("pdpatrol", "mujoco-core", "numpy", "scipy", "numba")},
             }
             write_text(folder / MANIFEST, json.dumps(manifest, indent=2) + "\n")
         dataset = cls(folder)
