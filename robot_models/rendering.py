@@ -14,7 +14,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from pdpatrol.robot_models.description.robot_parts import BASE, FLOATING_BASE, HOME
 from pdpatrol.robot_models.world import CHASE
 
 FloatArray = NDArray[np.float64]
@@ -141,12 +140,12 @@ class PosedYard:
         spec.light("sun").pos[2] = 22.0  # lower, the near corner of a yard would be behind the light, without shadows
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
-        mujoco.mj_resetDataKeyframe(self._model, self._data, self._model.key(HOME).id)
+        mujoco.mj_resetDataKeyframe(self._model, self._data, self._model.key("home").id)
         self._renderer = make_renderer(self._model, width, height)
 
     def put(self, pose: FloatArray) -> None:
         """Put the robot at x m, y m, yaw rad."""
-        place = self._data.joint(FLOATING_BASE).qpos
+        place = self._data.joint("floating_base").qpos
         place[[0, 1]] = pose[:2]
         place[3:7] = np.cos(0.5 * pose[2]), 0.0, 0.0, np.sin(0.5 * pose[2])
         mujoco.mj_forward(self._model, self._data)
@@ -161,7 +160,7 @@ class PosedYard:
         """
         camera = mujoco.MjvCamera()
         ahead = np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0])
-        camera.lookat = self._data.body(BASE).xpos + 0.7 * ahead + [0.0, 0.0, 0.8]
+        camera.lookat = self._data.body("base").xpos + 0.7 * ahead + [0.0, 0.0, 0.8]
         camera.azimuth, camera.elevation, camera.distance = np.degrees(yaw_rad), -20.0, 3.3
         self._renderer.update_scene(self._data, camera, _without_beams())
         for line in lines:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pdpatrol.robot_models.antenna_elements import AntennaElements
 from pdpatrol.robot_models.description.robot_description import RobotDescription
-from pdpatrol.robot_models.description.robot_parts import FLOATING_BASE, GYRO, HOME
+from pdpatrol.robot_models.description.robot_measures import DrivenWheels
 from pdpatrol.robot_models.readings import Drive, Physics, reader, take_places, touching
 from pdpatrol.robot_models.sensors import LIDAR_BEAMS, LIDAR_PERIOD_S, LIDAR_RANGE_M, contact_names, lidar_names
 from pdpatrol.robot_models.steering import SteeringLimits, YawFeedback, command
@@ -56,14 +56,14 @@ class Robots:
         self.robot, self._yard, self._elements = robot, yard, elements
         spec = build_spec(robot, yard)
         hull, has_feedback = contact_names(spec), robot.yaw_rate_gain > 0
-        read = [*lidar_names(), *hull, *([GYRO] if has_feedback else [])]
+        read = [*lidar_names(), *hull, *(["gyro"] if has_feedback else [])]
         self.physics: mujoco.MjModel = physics_only(spec, read).compile()
         self.step_s: float = self.physics.opt.timestep
         self._batch = Batch(self.physics, n_robots, n_threads)
         model, batch = self.physics, self._batch
-        base = int(model.joint(FLOATING_BASE).qposadr[0])
-        turn = int(model.joint(FLOATING_BASE).dofadr[0])
-        self._home = model.key(HOME).id
+        base = int(model.joint("floating_base").qposadr[0])
+        turn = int(model.joint("floating_base").dofadr[0])
+        self._home = model.key("home").id
         qpos, sensordata, lidar = batch.bind("qpos"), batch.bind("sensordata"), int(model.sensor("lidar_00").adr[0])
         self._ctrl = batch.bind("ctrl")
         live = Physics(
@@ -74,7 +74,7 @@ class Robots:
             actuator_radps=batch.bind("actuator_velocity"),
             beams_m=sensordata[:, lidar : lidar + LIDAR_BEAMS],
         )
-        self._base, drive = live.base, _drive(model, robot)
+        self._base, drive = live.base, _drive(model)
         self._read = reader(live, drive, robot.lidar_start_m, LIDAR_RANGE_M)
         self._wheels, self._all_rows = (drive.actuator, drive.side), np.arange(n_robots)
         self._steering = tuple(
@@ -87,7 +87,7 @@ class Robots:
                 robot.yaw_rate_gain,
             )
         )
-        self._gyro_radps = sensordata[:, int(model.sensor(GYRO).adr[0]) + 2] if has_feedback else np.zeros(n_robots)
+        self._gyro_radps = sensordata[:, int(model.sensor("gyro").adr[0]) + 2] if has_feedback else np.zeros(n_robots)
         self._feedback = YawFeedback(
             gyro_radps=np.zeros(n_robots),
             set_point=np.zeros((n_robots, 2)),
@@ -238,17 +238,16 @@ class Robots:
         self._places, self.is_touching, self.readings = kept["places"], kept["is_touching"], kept["readings"]
 
 
-def _drive(model: mujoco.MjModel, robot: RobotDescription) -> Drive:
+def _drive(model: mujoco.MjModel) -> Drive:
     """Look up the driven wheels in the model, and the data of their motors."""
-    sides = np.array([wheel.side for wheel in robot.wheels], dtype=np.intp)
-    actuators = np.array([model.actuator(wheel.actuator).id for wheel in robot.wheels], dtype=np.intp)
-    is_dc = model.actuator_gaintype[actuators] == mujoco.mjtGain.mjGAIN_DCMOTOR
-    resistance, constant = model.actuator_gainprm[actuators, :2].T
+    joint, actuator, side = DrivenWheels.of(model)
+    is_dc = model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_DCMOTOR
+    resistance, constant = model.actuator_gainprm[actuator, :2].T
     return Drive(
-        joint=np.array([model.joint(wheel.joint).qposadr[0] for wheel in robot.wheels], dtype=np.intp),
-        actuator=actuators,
-        side=sides,
-        side_share=1.0 / np.bincount(sides)[sides],
+        joint=model.jnt_qposadr[joint].astype(np.intp),
+        actuator=actuator,
+        side=side,
+        side_share=1.0 / np.bincount(side)[side],
         resistance_ohm=np.where(is_dc, resistance, 0.0),
         constant_nmpa=np.where(is_dc, constant, 1.0),
     )

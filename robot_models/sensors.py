@@ -7,7 +7,12 @@ from __future__ import annotations
 import mujoco
 
 from pdpatrol.robot_models.description.robot_description import RobotDescription
-from pdpatrol.robot_models.description.robot_parts import BASE, is_hull
+
+FLOOR_CONTYPE = 1
+"""Contact bit of the floor, for wheels and casters."""
+
+OBSTACLE_CONTYPE = 2
+"""Contact bit of equipment and fence, for the robot's hull."""
 
 LIDAR_BEAMS = 36
 """Number of beams of the planar lidar, evenly spaced; the first points ahead, the next counter-clockwise of it."""
@@ -51,7 +56,7 @@ def add_lidar(spec: mujoco.MjSpec, robot: RobotDescription) -> None:
           </worldbody>
         </mujoco>"""
     )
-    spec.attach(ring, frame=spec.body(BASE).add_frame(), prefix="lidar/")
+    spec.attach(ring, frame=spec.body("base").add_frame(), prefix="lidar/")
     for beam, name in enumerate(lidar_names()):
         spec.add_sensor(
             name=name,
@@ -68,7 +73,7 @@ def add_contact_sensors(spec: mujoco.MjSpec) -> None:
     """Add a sensor to each geom of a robot's hull that stores up to 6 contacts of each step of `LIDAR_PERIOD_S`."""
     fields = (mujoco.mjtConDataField.mjCONDATA_FOUND, mujoco.mjtConDataField.mjCONDATA_POS)
     found_and_position = sum(1 << field.value for field in fields)
-    for number, geom in enumerate([geom for geom in spec.geoms if is_hull(geom)]):
+    for number, geom in enumerate([geom for geom in spec.geoms if geom.conaffinity & OBSTACLE_CONTYPE]):
         geom.name = geom.name or f"part_{number}"
         spec.add_sensor(
             name=f"{HULL_PREFIX}{geom.name}",

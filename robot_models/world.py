@@ -11,9 +11,8 @@ import numpy as np
 
 from pdpatrol.robot_models.antenna_elements import AntennaElements, attach_elements
 from pdpatrol.robot_models.description.robot_description import RobotDescription
-from pdpatrol.robot_models.description.robot_parts import BASE, FLOOR_CONTYPE, HOME, OBSTACLE_CONTYPE
 from pdpatrol.robot_models.drawn_solids import describe_equipment
-from pdpatrol.robot_models.sensors import add_contact_sensors, add_lidar
+from pdpatrol.robot_models.sensors import FLOOR_CONTYPE, OBSTACLE_CONTYPE, add_contact_sensors, add_lidar
 from pdpatrol.robot_models.yard.pieces import Equipment
 from pdpatrol.robot_models.yard.yard import Yard
 
@@ -42,10 +41,10 @@ def build_spec(robot: RobotDescription, yard: Yard, elements: AntennaElements | 
     """
     spec = mujoco.MjSpec.from_file(str(robot.xml_path))
     spec.modelname = "yard"
-    if not any(key.name == HOME for key in spec.keys):
-        spec.add_key(name=HOME, qpos=robot.home_qpos)
+    if spec.key("home") is None:
+        spec.add_key(name="home", qpos=robot.home_qpos)
     if spec.camera(CHASE) is None:
-        spec.body(BASE).add_camera(
+        spec.body("base").add_camera(
             name=CHASE,
             mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM,
             pos=(-1.7, -1.4, 1.35),
@@ -79,7 +78,7 @@ def physics_only(spec: mujoco.MjSpec, sensors: Sequence[str]) -> mujoco.MjSpec:
     ]
     for element in idle:
         lean.delete(element)
-    for geom in lean.body(BASE).find_all(mujoco.mjtObj.mjOBJ_GEOM):
+    for geom in lean.body("base").find_all(mujoco.mjtObj.mjOBJ_GEOM):
         geom.material, geom.rgba = "", [0.0, 0.0, 0.0, 0.0]  # beams pass through invisible geoms
     return lean
 

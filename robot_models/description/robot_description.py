@@ -1,23 +1,15 @@
-"""Descriptions of robots: measures, limits and driven wheels, by name or from an MJCF file.
-
-The measures of a shipped robot are stored next to its file, so that they are available without MuJoCo.
-"""
+"""Descriptions of robots: measures and limits."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
-
-LEFT, RIGHT = 0, 1
-"""Sides of a robot, as indices."""
 
 SHIPPED = ("crawler", "inspector")
 """Names of the robots that come with the package."""
@@ -35,20 +27,6 @@ class RobotFileError(ValueError):
         super().__init__("\n".join(self.faults))
 
 
-class Wheel(NamedTuple):
-    """A driven wheel.
-
-    Attributes:
-        joint: Name of its joint.
-        actuator: Name of the servo that sets its speed.
-        side: `LEFT` or `RIGHT`.
-    """
-
-    joint: str
-    actuator: str
-    side: int
-
-
 @dataclass(frozen=True, kw_only=True)
 class RobotDescription:
     """Measures and limits of a robot.
@@ -56,7 +34,6 @@ class RobotDescription:
     Attributes:
         name: Name of its file, without the suffix.
         xml_path: Its MJCF file.
-        wheels: All driven wheels.
         home_qpos: Joint positions in which it stands at rest at the world's origin, shape (n_positions,).
         wheel_radius_m: Rolling radius of the driven wheels.
         track_m: Distance between the contact points of left and right wheels.
@@ -74,7 +51,6 @@ class RobotDescription:
 
     name: str
     xml_path: Path
-    wheels: tuple[Wheel, ...]
     home_qpos: tuple[float, ...]
     wheel_radius_m: float
     track_m: float
@@ -99,10 +75,6 @@ class RobotDescription:
         """Greatest speed, m/s, and greatest yaw rate, rad/s."""
         return self.max_speed_mps, self.max_yaw_rate_radps
 
-    @cached_property
-    def _limits(self) -> FloatArray:
-        return np.array(self.limits)
-
     def command_from_action(self, action: ArrayLike) -> FloatArray:
         """Convert actions, shares of the limits, to speeds, m/s, and yaw rates, rad/s, both of shape (..., 2).
 
@@ -112,11 +84,11 @@ class RobotDescription:
         shares = np.asarray(action, dtype=np.float64)
         if shares.shape[-1:] != (2,):
             raise ValueError(f"`action` must have shape (..., 2), speed and yaw rate, got {shares.shape}")
-        return shares * self._limits
+        return shares * np.array(self.limits)
 
     def action_from_command(self, command: ArrayLike) -> NDArray[np.float32]:
         """Convert speeds, m/s, and yaw rates, rad/s, to actions in [-1, 1], clipped to the limits, shape (..., 2)."""
-        return np.clip(np.asarray(command, dtype=np.float64) / self._limits, -1.0, 1.0).astype(np.float32)
+        return np.clip(np.asarray(command, dtype=np.float64) / np.array(self.limits), -1.0, 1.0).astype(np.float32)
 
 
 def is_path(model: str | Path) -> bool:

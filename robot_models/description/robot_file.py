@@ -5,62 +5,62 @@ on the floor under the middle between left and right wheels. It holds
 
 - the body `base`, a child of the world, with the free joint `floating_base`;
 - one or more hinges on each side, about +y, whose names begin with `left_wheel` and `right_wheel`, in bodies with a
-  geom that stands on the floor (conaffinity 1), all of one radius; and for each an actuator whose name begins the same
-  way and which takes the speed of the wheel in rad/s: `<velocity>`, or `<dcmotor input="vel">`;
+  geom that stands on the floor (conaffinity 1), all of one radius; and for each an actuator which takes the speed of
+  the wheel in rad/s: `<velocity>`, or `<dcmotor input="vel">`;
 - the site `imu`, in the orientation of the base, with the sensor `gyro`; the site `lidar` above the x axis of the base,
   at the start of the beam that points ahead: the others start at the same distance from the origin;
 - a hull: geoms that obstacles touch (conaffinity 2), and that cover the wheels as seen from above. All contype are 0;
 - the custom numerics `max_speed`, m/s, `max_yaw_rate`, rad/s, `max_acceleration`, m/s^2, each above 0; and
   `yaw_rate_gain`, 1/s, for a robot with feedback of its gyro on the yaw rate, because its wheels skid when it turns;
-- a keyframe `home` in which it rests at the origin; without one, it is simulated until it rests when it is loaded.
+- a keyframe `home` in which it rests at the origin; without one, it is simulated until it rests.
 
 Lidar beams, contact sensors of the hull and antenna elements are added when a world is built: see `world.py`.
-
-After a change of the file of a shipped robot, measure it again: `uv run python -m
-pdpatrol.robot_models.description.robot_file`.
 """
 # pyright: reportAttributeAccessIssue=false
 # The compiled bindings of MuJoCo carry no types for their enums and spec elements.
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import asdict
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from pdpatrol.robot_models.antenna_elements import MAX_ELEMENTS, AntennaElements
-from pdpatrol.robot_models.description import robot_parts as parts
 from pdpatrol.robot_models.description.robot_description import (
     SHIPPED,
     RobotDescription,
     RobotFileError,
-    Wheel,
     is_path,
     xml_path,
 )
-from pdpatrol.robot_models.description.robot_measures import SPIN_RADPS, SPIN_S, Measures, measure
-from pdpatrol.robot_models.sensors import LIDAR_PERIOD_S
+from pdpatrol.robot_models.description.robot_measures import DrivenWheels, extents
+from pdpatrol.robot_models.sensors import FLOOR_CONTYPE, LIDAR_PERIOD_S, OBSTACLE_CONTYPE
 from pdpatrol.robot_models.world import build_spec
 from pdpatrol.robot_models.yard.yard import ROBOT_HEIGHT_M, Yard
 
 TOLERANCE_M = 0.005
 """Tolerance of positions (assumed)."""
 
+LIMITS = ("max_speed", "max_yaw_rate", "max_acceleration")
+"""Names of the custom numerics that a file must have."""
+
+Requirement = tuple[str, bool, str]
+"""Element of the file, whether it is as required, and what is required."""
+
 
 def load_robot(model: str | Path) -> RobotDescription:
     """Load the description of a robot.
 
     Args:
-        model: Name of a shipped robot, or path of an MJCF file, which is then read and measured.
+        model: Name of a shipped robot, or path of an MJCF file.
 
     Raises:
-        RobotFileError: If the name is unknown, or the file does not describe one; all errors are listed.
+        RobotFileError: If the name is unknown, or the file does not describe a robot.
     """
     if is_path(model):
         return read_robot(Path(model))
@@ -71,183 +71,247 @@ def load_robot(model: str | Path) -> RobotDescription:
 
 @cache
 def _shipped(name: str) -> RobotDescription:
-    path = xml_path(name)
-    record = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
-    record["wheels"] = tuple(Wheel(**wheel) for wheel in record["wheels"])
-    record["home_qpos"] = tuple(record["home_qpos"])
-    return RobotDescription(name=name, xml_path=path, **record)
-
-
-def write_record(robot: RobotDescription) -> None:
-    """Store the measures of a robot next to its file."""
-    record = {key: value for key, value in asdict(robot).items() if key not in ("name", "xml_path")}
-    record["wheels"] = [wheel._asdict() for wheel in robot.wheels]
-    text = json.dumps(record, indent=2) + "\n"
-    robot.xml_path.with_suffix(".json").write_text(text, encoding="utf-8")
+    return read_robot(xml_path(name))
 
 
 def read_robot(path: Path) -> RobotDescription:
     """Read and measure a robot; see this module for the contents of its file.
 
     Raises:
-        RobotFileError: If the file cannot be read, or does not describe a robot; all errors are listed.
+        RobotFileError: If the file cannot be read, or does not describe a robot. Errors of its parts are listed
+            together, and so are those of its measures.
     """
     if not path.is_file():
         raise RobotFileError([f"{path}: no such file; it must be an MJCF file"])
-    with _collected_warnings() as warnings:
-        robot = _read(path)
-    if warnings:
-        raise RobotFileError([f"{path}: MuJoCo warns: {_one_line(warning)}" for warning in warnings])
-    return robot
-
-
-@contextmanager
-def _collected_warnings() -> Iterator[list[str]]:
-    """Collect the warnings of MuJoCo, which it would print and write to a log file otherwise."""
     warnings: list[str] = []
     before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(warnings.append)
-    try:
-        yield warnings
-    finally:
-        mujoco.set_mju_user_warning(before)
-
-
-def _read(path: Path) -> RobotDescription:
+    mujoco.set_mju_user_warning(warnings.append)  # MuJoCo would print them and write them to a log file
     try:
         spec = mujoco.MjSpec.from_file(str(path))
-    except ValueError as error:
-        raise RobotFileError([f"{path}: not MJCF: {_one_line(error)}"]) from None
-    errors, model = list(parts.part_errors(spec)), None
-    try:
+        _refuse(path, _missing_parts(spec))
         model = spec.compile()
+        _refuse(path, _part_requirements(model))
+        robot = _measure(path, spec, model)
+    except RobotFileError:
+        raise
     except ValueError as error:
-        errors.append(f"refused by MuJoCo: {_one_line(error)}")
-    if model is None or errors:
-        raise RobotFileError([f"{path}: {error}" for error in errors])
-    wheels = parts.wheels_of(spec)
-    measures = measure(spec, model, wheels)
-    robot = _describe(path, spec, wheels, measures)
-    errors = [
-        *_wheel_errors(robot, measures),
-        *_speed_errors(robot, measures, model),
-        *_body_errors(robot, measures),
-        *_world_errors(robot),
-    ]
-    if errors:
-        raise RobotFileError([f"{path}: {error}" for error in errors])
+        warnings.append(str(error))
+    finally:
+        mujoco.set_mju_user_warning(before)
+    if warnings:
+        lines = [" ".join(text.removeprefix("Error: ").split()) for text in warnings]
+        raise RobotFileError([f"{path}: refused by MuJoCo: {line}" for line in lines])
     return robot
 
 
-def _world_errors(robot: RobotDescription) -> Iterator[str]:
-    """Yield a line if no world can be built around the robot, for example because of a name that the world needs."""
-    try:
-        elements = AntennaElements(np.zeros((MAX_ELEMENTS, 3)), *np.zeros((2, MAX_ELEMENTS)))
-        build_spec(robot, Yard(size_m=(5.0, 5.0)), elements).compile()
-    except ValueError as error:
-        yield f"world: cannot be built around the robot: {_one_line(error)}"
+def _refuse(path: Path, requirements: Sequence[Requirement]) -> None:
+    """Raise an error with a line for each requirement that does not hold."""
+    if faults := [f"{path}: {element}: {required}" for element, holds, required in requirements if not holds]:
+        raise RobotFileError(faults)
 
 
-def _one_line(error: ValueError | str) -> str:
-    return " ".join(str(error).removeprefix("Error: ").split())
+def _missing_parts(spec: mujoco.MjSpec) -> list[Requirement]:
+    parts = {
+        "body": ("base",),
+        "joint": ("floating_base",),
+        "site": ("imu", "lidar"),
+        "sensor": ("gyro",),
+        "numeric": LIMITS,
+    }
+    joints = [joint.name for joint in spec.joints]
+    return [
+        *((n, getattr(spec, kind)(n) is not None, f"no such {kind}") for kind, names in parts.items() for n in names),
+        *(
+            (side, any(name.startswith(side) for name in joints), "no such joint; names must begin like this")
+            for side in ("left_wheel", "right_wheel")
+        ),
+    ]
 
 
-def _describe(path: Path, spec: mujoco.MjSpec, wheels: tuple[Wheel, ...], measures: Measures) -> RobotDescription:
-    return RobotDescription(
+def _numeric(model: mujoco.MjModel, name: str) -> float:
+    """Return the value of a custom numeric, 0 if it is missing, NaN if it is not one number."""
+    number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, name)
+    values = model.numeric(number).data if number >= 0 else [0.0]
+    return float(values[0]) if len(values) == 1 else np.nan
+
+
+def _part_requirements(model: mujoco.MjModel) -> list[Requirement]:
+    base, free, gyro = model.body("base").id, model.joint("floating_base"), model.sensor("gyro")
+    imu, lidar = model.site("imu"), model.site("lidar")
+    is_on_floor = model.geom_conaffinity & FLOOR_CONTYPE > 0
+    is_hull = model.geom_conaffinity & OBSTACLE_CONTYPE > 0
+    wheels, gain = DrivenWheels.of(model), _numeric(model, "yaw_rate_gain")
+    is_free = free.type[0] == mujoco.mjtJoint.mjJNT_FREE and free.bodyid[0] == base
+    is_alone = model.body_rootid[1:].max() == base and not (model.geom_bodyid == 0).any()
+    is_level = np.allclose(np.abs(imu.quat), [1.0, 0.0, 0.0, 0.0], atol=1e-3)
+    is_gyro = gyro.type[0] == mujoco.mjtSensor.mjSENS_GYRO and gyro.objid[0] == imu.id
+    requirements = [
+        ("base", is_free, "must have the free joint `floating_base`"),
+        ("base", is_alone, "must be the only child of the world; leave out floor and obstacles"),
+        ("imu", imu.bodyid[0] == base and is_level, "must be a site of `base`, in its orientation"),
+        ("lidar", lidar.bodyid[0] == base, "must be a site of `base`"),
+        ("gyro", is_gyro, "must be a gyro at the site `imu`"),
+        (
+            "geoms",
+            not (model.geom_contype.any() or (is_on_floor & is_hull).any()),
+            "contype must be 0, because a robot does not touch itself, and conaffinity 1 to touch the floor or 2 to "
+            "touch obstacles, not both",
+        ),
+        ("hull", is_hull.any(), "a geom must touch obstacles, with conaffinity 2"),
+        ("yaw_rate_gain", 0.0 <= gain < np.inf, f"must be one number of 0 or more, got {gain:g}"),
+    ]
+    for name in LIMITS:
+        value = _numeric(model, name)
+        requirements.append((name, 0.0 < value < np.inf, f"must be one number above 0, got {value:g}"))
+    for joint, actuator in zip(wheels.joint, wheels.actuator, strict=True):
+        is_hinge = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE
+        stands = (is_on_floor & (model.geom_bodyid == model.jnt_bodyid[joint])).any()
+        required = "must be a hinge with an actuator, in a body with a geom that touches the floor, with conaffinity 1"
+        requirements.append((model.joint(joint).name, is_hinge and stands and actuator >= 0, required))
+    return requirements
+
+
+def _measure(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel) -> RobotDescription:
+    r"""Measure a robot that has all parts, and check its measures.
+
+    A wheel a length x ahead of the middle slips sideways by x times the yaw rate. Friction is along the slip, and all
+    wheels carry the same load, so that the moments of lengthwise and sideways friction cancel for
+
+    .. math:: b' = b + 4 \overline{x^2} / b
+
+    with the track b between the wheels. It equals b if all wheels are on one axle.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    base, wheels, up = model.body("base").id, DrivenWheels.of(model), np.array([[0.0, 0.0, 1.0]])
+    base_from_world = data.xmat[base].reshape(3, 3).T
+    is_on_floor = model.geom_conaffinity & FLOOR_CONTYPE > 0
+    rolling = [
+        int(np.flatnonzero(is_on_floor & (model.geom_bodyid == body))[0]) for body in model.jnt_bodyid[wheels.joint]
+    ]
+    place_m = (data.geom_xpos[rolling] - data.xpos[base]) @ base_from_world.T
+    radius_m = extents(model, data, rolling, -up)[:, 0] + place_m[:, 2]
+    left_m, right_m = (place_m[wheels.side == side, :2].mean(axis=0) for side in (0, 1))
+    track_m = float(left_m[1] - right_m[1])
+    offset_m = place_m[:, 0] - place_m[:, 0].mean()
+    angle_rad = np.radians(np.arange(0.0, 360.0, 1.0))  # outlines are exact to 4e-5
+    level = np.stack([np.cos(angle_rad), np.sin(angle_rad), np.zeros_like(angle_rad)], axis=-1)
+    touching = np.flatnonzero(model.geom_conaffinity).tolist()
+    outline_m = extents(model, data, touching, level).max(axis=0)
+    hull = np.flatnonzero(model.geom_conaffinity & OBSTACLE_CONTYPE).tolist()
+    hull_m = extents(model, data, hull, level).max(axis=0)
+    x, y, z = model.site("lidar").pos.tolist()
+    robot = RobotDescription(
         name=path.stem,
         xml_path=path,
-        wheels=wheels,
-        home_qpos=tuple(measures.home.tolist()),
-        wheel_radius_m=float(measures.radius_m[0]),
-        track_m=measures.track_m,
-        turning_track_m=measures.turning_track_m,
-        footprint_radius_m=float(measures.outline_m.max()),
-        inner_radius_m=float(measures.hull_m.min()),
-        height_m=measures.top_m,
-        max_speed_mps=parts.limit_of(spec, "max_speed"),
-        max_yaw_rate_radps=parts.limit_of(spec, "max_yaw_rate"),
-        max_acceleration_mps2=parts.limit_of(spec, "max_acceleration"),
-        yaw_rate_gain=parts.limit_of(spec, "yaw_rate_gain"),
-        lidar_start_m=float(measures.lidar_m[0]),
-        lidar_height_m=float(measures.lidar_m[2]),
+        home_qpos=tuple(model.qpos0.tolist()),
+        wheel_radius_m=float(radius_m[0]),
+        track_m=track_m,
+        turning_track_m=track_m + 4.0 * float(np.square(offset_m).mean()) / track_m if track_m > 0 else np.nan,
+        footprint_radius_m=float(outline_m.max()),
+        inner_radius_m=float(hull_m.min()),
+        height_m=float(extents(model, data, touching, up).max()),
+        max_speed_mps=_numeric(model, "max_speed"),
+        max_yaw_rate_radps=_numeric(model, "max_yaw_rate"),
+        max_acceleration_mps2=_numeric(model, "max_acceleration"),
+        yaw_rate_gain=_numeric(model, "yaw_rate_gain"),
+        lidar_start_m=x,
+        lidar_height_m=z,
     )
+    axes = data.xaxis[wheels.joint] @ base_from_world.T
+    (middle_x, middle_y), above_m = 0.5 * (left_m + right_m), place_m[:, 2] - radius_m
+    excess_m = float((outline_m - hull_m).max())
+    needed_mps = robot.max_speed_mps + 0.5 * robot.turning_track_m * robot.max_yaw_rate_radps
+    needed_radps = needed_mps / robot.wheel_radius_m
+    low, high = model.actuator_ctrlrange[wheels.actuator].T
+    is_wide = (low <= -needed_radps) & (high >= needed_radps) | (model.actuator_ctrllimited[wheels.actuator] == 0)
+    spin_radps, steps = _spin(model, wheels), LIDAR_PERIOD_S / model.opt.timestep
+    is_inside = 0.0 <= x <= robot.inner_radius_m + 1e-6 and abs(y) <= 1e-6 and 0.0 < z <= robot.height_m
+    requirements = [
+        (
+            "wheels",
+            np.allclose(axes, [0.0, 1.0, 0.0], atol=1e-3),
+            "axes must be 0 1 0, so that a positive speed drives forward",
+        ),
+        (
+            "wheels",
+            np.ptp(radius_m) <= TOLERANCE_M and np.abs(above_m).max() <= TOLERANCE_M,
+            "must have one radius, and stand at the height of the base's origin; "
+            f"radii {radius_m.round(3)} m, above it {above_m.round(3)} m",
+        ),
+        (
+            "wheels",
+            track_m > 0 and max(abs(middle_x), abs(middle_y)) <= TOLERANCE_M,
+            "those on the left must have a larger y, and the middle between them must be the base's origin; "
+            f"track {track_m:.3f} m, middle {middle_x:.3f} {middle_y:.3f} m",
+        ),
+        ("hull", excess_m <= TOLERANCE_M, f"must cover wheels and casters, which extend {excess_m:.3f} m beyond it"),
+        (
+            "hull",
+            robot.height_m <= ROBOT_HEIGHT_M,
+            f"must be at most {ROBOT_HEIGHT_M} m high, because paths are planned below equipment that begins higher, "
+            f"got {robot.height_m:.2f} m",
+        ),
+        (
+            "lidar",
+            is_inside,
+            f"must have x from 0 to {robot.inner_radius_m:.3f}, within the hull, y 0, and z from the floor to "
+            f"{robot.height_m:.2f}, got {x:g} {y:g} {z:g}",
+        ),
+        (
+            "actuators",
+            np.allclose(spin_radps, 1.0, atol=0.05),
+            'must take the speed of the wheel, <velocity> or <dcmotor input="vel">; in the air, the wheels turn at '
+            f"{spin_radps.round(3)} rad/s, 1 s after 1 rad/s was commanded",
+        ),
+        (
+            "actuators",
+            is_wide.all(),
+            f"ctrlrange must hold {-needed_radps:.3g} to {needed_radps:.3g}, which max_speed and max_yaw_rate need "
+            f"together, got {low.max():g} to {high.min():g}",
+        ),
+        (
+            "option",
+            steps >= 1 and abs(steps - round(steps)) <= 1e-6,
+            f"timestep must be a whole fraction of {LIDAR_PERIOD_S} s, the time between two commands, got "
+            f"{model.opt.timestep:g} s",
+        ),
+    ]
+    _refuse(path, requirements)
+    return _at_rest(robot, has_home=spec.key("home") is not None)
 
 
-def _wheel_errors(robot: RobotDescription, measures: Measures) -> Iterator[str]:
-    rows = zip(robot.wheels, measures.axis, measures.radius_m, measures.place_m, strict=True)
-    for wheel, axis, radius_m, place_m in rows:
-        if not np.allclose(axis, [0.0, 1.0, 0.0], atol=1e-3):
-            shown = " ".join(f"{value:.3g}" for value in axis.tolist())
-            yield f"{wheel.joint}: axis must be 0 1 0, so that a positive speed drives forward, got {shown}"
-        if abs(radius_m - robot.wheel_radius_m) > TOLERANCE_M:
-            yield (
-                f"{wheel.joint}: radius must be that of {robot.wheels[0].joint}, {robot.wheel_radius_m:.3f} m, "
-                f"got {radius_m:.3f} m"
-            )
-        if abs(place_m[2] - radius_m) > TOLERANCE_M:
-            yield (
-                f"{wheel.joint}: must stand at the height of the origin of the base, which lies on the floor; it is "
-                f"{place_m[2] - radius_m:.3f} m above"
-            )
-    if not robot.track_m > 0:
-        yield f"left_wheel: must be to the left of right_wheel, at a larger y; got {-robot.track_m:.3f} m to the right"
-    else:
-        sides_m = [measures.place_m[mask].mean(axis=0)[:2] for mask in (measures.is_left, ~measures.is_left)]
-        x, y = (0.5 * (sides_m[0] + sides_m[1])).tolist()
-        if max(abs(x), abs(y)) > TOLERANCE_M:
-            yield f"base: the middle between its wheels must be its origin, got x {x:.3f} m, y {y:.3f} m"
-    excess_m = float((measures.outline_m - measures.hull_m).max())
-    if excess_m > TOLERANCE_M:
-        yield f"hull: must cover wheels and casters, which extend beyond it by {excess_m:.3f} m"
+def _spin(model: mujoco.MjModel, wheels: DrivenWheels) -> NDArray[np.float64]:
+    """Return the speeds of the wheels in the air, 1 s after 1 rad/s was commanded, shape (n_wheels,)."""
+    data, gravity = mujoco.MjData(model), model.opt.gravity.copy()
+    model.opt.gravity[:] = 0.0
+    data.ctrl[wheels.actuator] = 1.0
+    mujoco.mj_step(model, data, nstep=round(1.0 / model.opt.timestep))
+    model.opt.gravity[:] = gravity
+    return data.qvel[model.jnt_dofadr[wheels.joint]].copy()
 
 
-def _speed_errors(robot: RobotDescription, measures: Measures, model: mujoco.MjModel) -> Iterator[str]:
-    needed = robot.max_speed_mps + 0.5 * robot.turning_track_m * robot.max_yaw_rate_radps
-    needed_radps = needed / robot.wheel_radius_m
-    for wheel, spin_radps in zip(robot.wheels, measures.spin_radps.tolist(), strict=True):
-        if not abs(spin_radps - SPIN_RADPS) <= 0.05 * SPIN_RADPS:
-            yield (
-                f"{wheel.actuator}: must be a servo that takes the speed of the wheel, <velocity> or "
-                f'<dcmotor input="vel">; {SPIN_S:g} s after {SPIN_RADPS:g} rad/s was commanded in the air, its wheel '
-                f"turns at {spin_radps:.3g} rad/s"
-            )
-        actuator = model.actuator(wheel.actuator)
-        if actuator.ctrllimited[0] and not (-actuator.ctrlrange[0] >= needed_radps <= actuator.ctrlrange[1]):
-            low, high = actuator.ctrlrange.tolist()
-            yield (
-                f"{wheel.actuator}: ctrlrange must hold {-needed_radps:.3g} to {needed_radps:.3g}, which "
-                f"max_speed and max_yaw_rate need together, got {low:g} {high:g}"
-            )
+def _at_rest(robot: RobotDescription, has_home: bool) -> RobotDescription:
+    """Let a robot stand in an empty yard for 3 s (assumed), and return it with its joint positions at rest.
 
+    They are those of the keyframe, if the file has one.
 
-def _body_errors(robot: RobotDescription, measures: Measures) -> Iterator[str]:
-    if robot.height_m > ROBOT_HEIGHT_M:
-        yield (
-            f"hull: must be at most {ROBOT_HEIGHT_M} m high, because paths are planned below equipment that begins "
-            f"higher, got {robot.height_m:.2f} m"
-        )
-    x, y, z = measures.lidar_m.tolist()
-    if abs(y) > 1e-6 or not 0.0 <= x <= robot.inner_radius_m + 1e-6 or not 0.0 < z <= robot.height_m:
-        yield (
-            f"{parts.LIDAR}: must have x from 0 to {robot.inner_radius_m:.3f}, within the hull, y 0, and z from the "
-            f"floor to {robot.height_m:.2f}, got {x:g} {y:g} {z:g}"
-        )
-    if not np.allclose(np.abs(measures.imu_quat), [1.0, 0.0, 0.0, 0.0], atol=1e-3):
-        yield f"{parts.IMU}: must have the orientation of the base"
-    steps = LIDAR_PERIOD_S / measures.timestep_s
-    if steps < 1 or abs(steps - round(steps)) > 1e-6:
-        yield (
-            f"option: timestep must be a whole fraction of {LIDAR_PERIOD_S} s, the time between two commands, got "
-            f"{measures.timestep_s:g} s"
-        )
-    if not (
-        measures.home_tilt_rad <= np.radians(10.0)
-        and measures.home_radps <= 0.05
-        and np.abs(measures.home_base[:2]).max() <= TOLERANCE_M
-    ):
-        yield f"{parts.HOME}: the robot must stand by itself, upright and at rest at the origin"
-
-
-if __name__ == "__main__":
-    for name in SHIPPED:
-        write_record(read_robot(xml_path(name)))
+    Raises:
+        ValueError: If no world can be built around the robot, for example because of a name that the world needs.
+    """
+    elements = AntennaElements(np.zeros((MAX_ELEMENTS, 3)), *np.zeros((2, MAX_ELEMENTS)))
+    world = build_spec(robot, Yard(size_m=(5.0, 5.0)), elements).compile()
+    data = mujoco.MjData(world)
+    mujoco.mj_resetDataKeyframe(world, data, world.key("home").id)
+    home_qpos, base = data.qpos.copy(), data.joint("floating_base")
+    base.qpos[:2] += 2.5
+    mujoco.mj_step(world, data, nstep=round(3.0 / world.opt.timestep))
+    moved_m = np.abs(base.qpos[:2] - 2.5).max()
+    stands = data.body("base").xmat[8] >= np.cos(np.radians(10.0)) and np.abs(data.qvel).max() <= 0.05
+    if not has_home:
+        home_qpos, moved_m = data.qpos, 0.0
+        base.qpos[:2], base.qpos[6] = 0.0, 0.0
+        base.qpos[3:7] /= np.linalg.norm(base.qpos[3:7])
+    is_home = stands and moved_m <= TOLERANCE_M
+    _refuse(robot.xml_path, [("home", is_home, "the robot must stand by itself, upright and at rest at the origin")])
+    return replace(robot, home_qpos=tuple(home_qpos.tolist()))

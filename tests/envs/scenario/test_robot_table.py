@@ -66,14 +66,18 @@ def test_robot_path_is_relative_to_the_scenario(tmp_path: Path, monkeypatch: pyt
 
 
 def test_errors_of_the_robot_are_errors_of_the_scenario(tmp_path: Path) -> None:
-    own_robot(tmp_path, ('"max_speed" data="0.8"', '"max_speed" data="-1"'), ('name="gyro"', 'name="compass"'))
+    own_robot(
+        tmp_path,
+        ('"max_speed" data="0.8"', '"max_speed" data="-1"'),
+        ('<gyro name="gyro" site="imu"/>', '<accelerometer name="gyro" site="imu"/>'),
+    )
     path = with_robot(tmp_path, "robots/own.xml", ("gain_error = 0.05", "gain_error = -0.05"))
     with pytest.raises(ScenarioError) as refused:
         load_scenario(path)
     file = tmp_path / "robots" / "own.xml"
     assert {line for line in refused.value.faults if "robot.model" in line} == {
         f"{path}: robot.model: {file}: max_speed: must be one number above 0, got -1",
-        f"{path}: robot.model: {file}: gyro: must be a gyro at the site `imu`, got no sensor",
+        f"{path}: robot.model: {file}: gyro: must be a gyro at the site `imu`",
     }
     assert any("array.gain_error" in line for line in refused.value.faults)
 
