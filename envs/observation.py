@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
-from dirmusic.bearing.spectrum import LEAST_NULL, pulse_spectra
+from dirmusic.bearing.spectrum import pulse_spectrum
 from dirmusic.compiled import compiled
 from pdpatrol.envs.motion import MotionState
 from pdpatrol.envs.progress import MAX_BEARING_AGE_S, TaskProgress
@@ -188,7 +188,7 @@ def observe(
     """
     level_v, strengths, azimuth = strongest_pulses(pulses, is_usable)
     pose, time_s = motion.pose, motion.time_s
-    spectrum = pulse_spectra(strengths, spectrum_gain, LEAST_NULL)
+    spectrum = pulse_spectrum(strengths, spectrum_gain)
     velocity, lidar_m = readings[:, VELOCITY], readings[:, LIDAR]
     n_robots, n_beams = lidar_m.shape
     observation, at = np.zeros((model.low.size, n_robots), np.float32), model.offsets

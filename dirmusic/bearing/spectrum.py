@@ -70,28 +70,7 @@ def pseudo_spectrum(covariance: FloatArray, gain: FloatArray, n_sources: int = 1
         return 1.0 / np.square(projection).sum(axis=-2)
 
 
-LEAST_NULL = 1e-12
-"""Smallest null of a single pulse, so that its spectrum is finite."""
-
-
 @compiled
-def pulse_spectra(strengths: FloatArray, unit_gain: FloatArray, least_null: float) -> FloatArray:
-    """Compute the spectra of `pulse_spectrum`; that of a row of zeros is zero."""
-    n_pulses, n, n_angles = unit_gain.shape
-    spectrum, match = np.zeros((n_pulses, n_angles)), np.empty(n_angles)
-    for k in range(n_pulses):
-        energy = dot(strengths[k], strengths[k])
-        if energy == 0.0:
-            continue
-        match[:] = 0.0
-        for e in range(n):
-            for j in range(n_angles):
-                match[j] += strengths[k, e] * unit_gain[k, e, j]
-        for j in range(n_angles):
-            spectrum[k, j] = 1.0 / max(1.0 - match[j] * match[j] / energy, least_null)
-    return spectrum
-
-
 def pulse_spectrum(strengths: FloatArray, unit_gain: FloatArray) -> FloatArray:
     r"""Compute the pseudo-spectrum of single pulses in closed form.
 
@@ -107,7 +86,18 @@ def pulse_spectrum(strengths: FloatArray, unit_gain: FloatArray) -> FloatArray:
     References:
         Dir-MUSIC, eq. (15), for a gain of unit norm.
     """
-    return pulse_spectra(strengths, unit_gain, LEAST_NULL)
+    n_pulses, n, n_angles = unit_gain.shape
+    spectrum = np.zeros((n_pulses, n_angles))
+    for k in range(n_pulses):
+        energy = dot(strengths[k], strengths[k])
+        if energy == 0.0:
+            continue
+        for e in range(n):
+            for j in range(n_angles):
+                spectrum[k, j] += strengths[k, e] * unit_gain[k, e, j]
+        for j in range(n_angles):
+            spectrum[k, j] = 1.0 / max(1.0 - spectrum[k, j] * spectrum[k, j] / energy, 1e-12)
+    return spectrum
 
 
 def spectrum_peaks(spectrum: FloatArray, azimuths_rad: FloatArray, n_sources: int) -> FloatArray:

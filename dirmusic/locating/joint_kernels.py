@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from dirmusic.array.element_errors import OFF_PLANE
 from dirmusic.array.model import ArrayModel
 from dirmusic.array.pattern import Boresight, GainInDirection, PatternTable, gain_and_slopes_towards
-from dirmusic.compiled import compiled
+from dirmusic.compiled import compiled, compiled_inner
 from dirmusic.pulses.strengths import dot
 
 FloatArray = NDArray[np.float64]
@@ -108,7 +108,7 @@ def deviation_upside_down(states: FloatArray) -> FloatArray:
     return np.concatenate([in_plane, -by_sine, by_square])
 
 
-@compiled
+@compiled_inner
 def deviation_towards(
     states: FloatArray, boresight: Boresight, x: float, y: float, z: float, terms: FloatArray
 ) -> GainInDirection:
@@ -175,7 +175,8 @@ def linearise(
     x, y = state[place] - data.pose[k, 0], state[place + 1] - data.pose[k, 1]
     cos_yaw, sin_yaw = math.cos(data.pose[k, 2]), math.sin(data.pose[k, 2])
     range_m = math.hypot(x, y)
-    model, turn, rise, by_x, by_y, by_height, by_gain, by_pointing, by_offset = scratch[:9]
+    model, turn, rise, by_x, by_y = scratch[0], scratch[1], scratch[2], scratch[3], scratch[4]
+    by_height, by_gain, by_pointing, by_offset = scratch[5], scratch[6], scratch[7], scratch[8]
     by_term = scratch[9:]
     for e in range(n_elements):
         forward = cos_yaw * x + sin_yaw * y - array.positions_m[e, 0]
@@ -228,14 +229,13 @@ def linearise(
     for e in range(n_elements):
         residual[e] = data.strengths[k, e] - amplitude * model[e]
     _remove_pose_error(residual, turn, turn_share, rise, rise_share)
-    for place_column, vector in enumerate((by_x, by_y, by_height)):
-        column = slope[:, place_column]
-        _differentiate(vector, model, energy, amplitude, column)
-        _remove_pose_error(column, turn, turn_share, rise, rise_share)
-    for i in range(n_terms):
-        column = slope[:, N_PLACE + n_kinds * n_elements + i]
-        _differentiate(by_term[i], model, energy, amplitude, column)
-        _remove_pose_error(column, turn, turn_share, rise, rise_share)
+    n_errors = n_kinds * n_elements
+    for i in range(N_PLACE + n_terms):
+        vector, column = (scratch[3 + i], i) if i < N_PLACE else (by_term[i - N_PLACE], i + n_errors)
+        _differentiate(vector, model, energy, amplitude)
+        _remove_pose_error(vector, turn, turn_share, rise, rise_share)
+        for e in range(n_elements):
+            slope[e, column] = vector[e]
     column_of_one = by_x  # reuses the memory, which is not needed any more
     for i in range(n_elements):
         for e in range(n_elements):
@@ -248,17 +248,15 @@ def linearise(
                 slope[e, N_PLACE + 2 * n_elements + i] = by_offset[i] * column_of_one[e]
 
 
-@compiled
-def _differentiate(
-    vector: FloatArray, model: FloatArray, energy: float, amplitude: float, of_residual: FloatArray
-) -> None:
+@compiled_inner
+def _differentiate(vector: FloatArray, model: FloatArray, energy: float, amplitude: float) -> None:
     """Convert a change of the model to that of the residuals, with the amplitude projected out."""
     along = dot(vector, model) / energy
     for e in range(vector.size):
-        of_residual[e] = -amplitude * (vector[e] - along * model[e])
+        vector[e] = -amplitude * (vector[e] - along * model[e])
 
 
-@compiled
+@compiled_inner
 def _to_unit(vector: FloatArray, variance: float) -> float:
     """Scale a change of the strengths to unit norm, and return the share of a residual along it that is removed.
 
@@ -272,7 +270,7 @@ def _to_unit(vector: FloatArray, variance: float) -> float:
     return 1.0 - 1.0 / math.sqrt(1.0 + variance * energy)
 
 
-@compiled
+@compiled_inner
 def _remove_pose_error(
     vector: FloatArray, turn: FloatArray, turn_share: float, rise: FloatArray, rise_share: float
 ) -> None:
@@ -342,7 +340,7 @@ def evaluate(
     return CostExpansion(cost, gradient, hessian)
 
 
-@compiled
+@compiled_inner
 def _add_prior(state: FloatArray, priors: Priors, gradient: FloatArray, hessian: FloatArray) -> float:
     """Return the cost of a state by its prior, and add its part to the gradient and the lower half of the Hessian."""
     scale, cost = priors.robust_scale, 0.0
