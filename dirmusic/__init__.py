@@ -1,12 +1,11 @@
 """Direction finding on signal strength and locating, without access to the simulated truth."""
 
 from dirmusic.array.bounds import bearing_bound, manifold_error_std
-from dirmusic.array.calibration import Calibration, calibrate
 from dirmusic.array.element_errors import ElementErrors, ElementSpread, ManifoldPrior, UniformOffsets
 from dirmusic.array.manifold import GainManifold
 from dirmusic.array.model import ArrayModel
 from dirmusic.array.pattern import GainPattern, GaussianPattern, TabulatedPattern
-from dirmusic.array.pattern_file import read_pattern, write_pattern
+from dirmusic.array.pattern_file import read_pattern
 from dirmusic.bearing.estimators import ESTIMATORS, BearingEstimator, bearings_towards
 from dirmusic.bearing.gain_delay import bearings_from_delays
 from dirmusic.bearing.maximum_likelihood import bearings_from_covariance, estimate_bearings
@@ -18,15 +17,13 @@ from dirmusic.locating.locator import Locator
 from dirmusic.locating.protocol import PoseError
 from dirmusic.locating.yard_likelihood import Grid, YardLikelihood
 from dirmusic.pulses.batch import Bearings, PulseBatch
-from dirmusic.pulses.preprocessing import Windows, band_pass, cut_windows, prepare_records, pulse_start
-from dirmusic.pulses.strengths import pulse_strengths, sample_covariance, strength_variance
+from dirmusic.pulses.strengths import cut_windows, pulse_start, pulse_strengths, sample_covariance, strength_variance
 
 __all__ = [
     "ESTIMATORS",
     "ArrayModel",
     "BearingEstimator",
     "Bearings",
-    "Calibration",
     "ElementErrors",
     "ElementSpread",
     "Finding",
@@ -43,19 +40,15 @@ __all__ = [
     "PulseBatch",
     "TabulatedPattern",
     "UniformOffsets",
-    "Windows",
     "YardLikelihood",
-    "band_pass",
     "bearing_bound",
     "bearings_from_covariance",
     "bearings_from_delays",
     "bearings_towards",
-    "calibrate",
     "cut_windows",
     "estimate_bearings",
     "manifold_error_std",
     "noise_subspace",
-    "prepare_records",
     "pseudo_spectrum",
     "pulse_spectrum",
     "pulse_start",
@@ -66,5 +59,4 @@ __all__ = [
     "spectrum_peaks",
     "strength_variance",
     "triangulate",
-    "write_pattern",
 ]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -42,27 +40,6 @@ def bearing_bound(manifold: GainManifold, azimuth_rad: ArrayLike, energy_to_nois
     """
     slope = perpendicular_slope(*manifold.gain_and_slope(azimuth_rad))
     return 1.0 / np.sqrt(np.asarray(energy_to_noise) * np.square(slope).sum(axis=0))
-
-
-def bearing_bound_in_bands(
-    manifolds: Sequence[GainManifold], azimuth_rad: ArrayLike, energy_to_noise: ArrayLike
-) -> FloatArray:
-    r"""Compute the bound for a gain that depends on frequency and an unknown spectrum: one amplitude for each band.
-
-    .. math:: \sigma_\theta \ge \left(\sum_b \rho_b \lVert g'_{b\perp}(\theta) \rVert^2\right)^{-1/2}
-
-    Args:
-        manifolds: Manifold in each band; bands must be narrow enough for a constant gain.
-        azimuth_rad: Array-frame azimuth, any shape.
-        energy_to_noise: rho of `bearing_bound` in each band, shape (n_bands, ...); broadcasts with `azimuth_rad`.
-
-    Returns:
-        Standard deviation in radians, of the broadcast shape.
-    """
-    rho = np.asarray(energy_to_noise, dtype=np.float64)
-    slopes = [perpendicular_slope(*manifold.gain_and_slope(azimuth_rad)) for manifold in manifolds]
-    information = [of_band * np.square(slope).sum(axis=0) for of_band, slope in zip(rho, slopes, strict=True)]
-    return 1.0 / np.sqrt(np.sum(information, axis=0))
 
 
 def manifold_error_std(manifold: GainManifold, azimuth_rad: ArrayLike, prior: ManifoldPrior) -> FloatArray:

@@ -1,1 +1,1 @@
-"""Detected pulses: preprocessing, strengths, records, and kinds of discharges."""
+"""Detected pulses: strengths, records, and kinds of discharges."""

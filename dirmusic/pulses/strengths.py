@@ -1,6 +1,8 @@
-"""Strengths and covariances of recorded pulses."""
+"""Gates of recorded pulses, and their strengths and covariances."""
 
 from __future__ import annotations
+
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -8,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from dirmusic.compiled import compiled, elementwise
 
 FloatArray = NDArray[np.float64]
+_Sample = TypeVar("_Sample", np.float32, np.float64)
 
 TINY = float(np.finfo(np.float64).tiny)
 
@@ -32,6 +35,32 @@ def variance_of_strength(strength_v: float, noise_v2: float, energy_spread: floa
     """Compute the variance of a strength; see `strength_variance`."""
     energy = max(strength_v * strength_v, np.sqrt(0.5 * energy_spread) * noise_v2, TINY)
     return noise_on_pulse * noise_v2 + 0.5 * energy_spread * noise_v2 * noise_v2 / energy
+
+
+def pulse_start(records: ArrayLike, n_samples: int) -> NDArray[np.intp]:
+    """Find the start of the gate of `n_samples` with most energy of all channels together.
+
+    All channels share the gate: one for each channel would collect more noise where the pulse is weak.
+
+    Args:
+        records: Shape (..., n_elements, n_record), n_record >= n_samples.
+        n_samples: Length of the gate. It must hold the pulse and its travel across the array.
+
+    Returns:
+        First sample, shape (...).
+    """
+    x = np.asarray(records)
+    power = np.einsum("...ik,...ik->...k", x, x)
+    total = np.cumsum(power, axis=-1, dtype=np.float64)
+    energy = total[..., n_samples - 1 :].copy()
+    energy[..., 1:] -= total[..., :-n_samples]
+    return energy.argmax(axis=-1)
+
+
+def cut_windows(records: NDArray[_Sample], start: NDArray[np.intp], n_samples: int) -> NDArray[_Sample]:
+    """Cut windows of `n_samples` from `start` (...) out of records (..., n_elements, n_record)."""
+    index = start[..., np.newaxis, np.newaxis] + np.arange(n_samples)
+    return np.take_along_axis(records, np.broadcast_to(index, (*records.shape[:-1], n_samples)), axis=-1)
 
 
 def sample_covariance(snapshots: ArrayLike) -> FloatArray:

@@ -18,6 +18,7 @@ from dirmusic import (
     manifold_error_std,
     pseudo_spectrum,
     pulse_spectrum,
+    pulse_start,
     pulse_strengths,
     sample_covariance,
 )
@@ -158,3 +159,14 @@ def test_pulse_spectrum_equals_pseudo_spectrum(n_elements: int) -> None:
     np.testing.assert_allclose(closed_form, by_subspace, rtol=1e-9)
     silent = pulse_spectrum(np.zeros((1, n_elements)), unit[np.newaxis])
     assert not silent.any()
+
+
+def test_gate_holds_the_pulse() -> None:
+    rng = np.random.default_rng(3)
+    x = rng.standard_normal((50, 6, 4000))
+    at = rng.integers(0, 3900, 50)
+    for k in range(50):
+        x[k, :, at[k] : at[k] + 20] += 6.0
+    start = pulse_start(x, 40)
+    assert np.all((start <= at) & (start + 40 >= at + 20))
+    np.testing.assert_array_equal(pulse_start(1000 * x, 40), start)

@@ -7,7 +7,7 @@ from scipy.linalg import toeplitz
 
 from dirmusic import ESTIMATORS, ArrayModel, ElementSpread, GainManifold, PulseBatch
 from dirmusic.angles import difference
-from dirmusic.array.bounds import bearing_bound, bearing_bound_in_bands
+from dirmusic.array.bounds import bearing_bound
 from dirmusic.array.pattern import GainPattern, TabulatedPattern
 from dirmusic.array.spatial_pattern import halves
 from dirmusic.bearing.sub_bands import SubBands
@@ -102,7 +102,8 @@ def test_sub_bands_reach_bound_with_stated_deviation() -> None:
     found = ESTIMATORS["sub_bands"]()(pulses, array)
     error = difference(found.azimuth_rad, azimuth)
     middles = [GainManifold.ring(6, _mean(pair)) for pair in zip(*[iter(array.band_manifolds)] * 2, strict=True)]
-    limit = bearing_bound_in_bands(middles, azimuth, np.full((3, 1), 2 * 40.0**2))
+    of_bands = [bearing_bound(manifold, azimuth, 2 * 40.0**2) for manifold in middles]
+    limit = np.sum(np.power(of_bands, -2.0), axis=0) ** -0.5  # each has an amplitude of its own
     assert np.sqrt(np.mean((error / limit) ** 2)) == pytest.approx(1.0, abs=0.04)
     assert np.sqrt(np.mean((error / found.std_rad) ** 2)) == pytest.approx(1.0, abs=0.04)
     assert found.misfit.min() >= 0.0
@@ -110,14 +111,6 @@ def test_sub_bands_reach_bound_with_stated_deviation() -> None:
 
 def _mean(pair: tuple[GainManifold, ...]) -> GainPattern:
     return TabulatedPattern(OFF, np.sqrt(np.mean([np.square(each.pattern(OFF)) for each in pair], axis=0)))
-
-
-def test_bound_of_one_band_is_bearing_bound() -> None:
-    manifold, azimuth = GainManifold.ring(6), np.linspace(-3.0, 3.0, 7)
-    of_one = bearing_bound_in_bands([manifold], azimuth, np.array([[50.0]]))
-    np.testing.assert_allclose(of_one, bearing_bound(manifold, azimuth, 50.0))
-    of_two = bearing_bound_in_bands([manifold] * 2, azimuth, np.array([[20.0], [30.0]]))
-    np.testing.assert_allclose(of_two, of_one)
 
 
 def test_halves_divide_each_sub_band() -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dirmusic import GaussianPattern, InputFileError, write_pattern
+from dirmusic import GaussianPattern, InputFileError
 from pdpatrol.missions.field.field_data import read_field_data
 from pdpatrol.missions.field.locate_field_data import array_model, locate_field_data
 from pdpatrol.missions.record.mission_log import MissionLog
@@ -187,13 +187,13 @@ def test_likelihood_maps_become_rarer_over_days(tmp_path: Path) -> None:
 
 @pytest.mark.whole
 def test_measured_pattern_is_used(tmp_path: Path) -> None:
-    write_pattern(GaussianPattern(), tmp_path / "p.csv")
+    for name, sign in (("p.csv", 1), ("m.csv", -1)):
+        rows = [f"{a},{float(GaussianPattern()(np.radians(sign * a))):.6f}" for a in range(-179, 180, 2)]
+        (tmp_path / name).write_text("\n".join(["angle_deg,gain", *rows]))
     done = pdpatrol("locate", EXAMPLE, "--json", "--pattern", "p.csv", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     off_m = np.linalg.norm(np.subtract(json.loads(done.stdout)["findings"][0]["position_m"][:2], (14.0, 9.0)))
     assert off_m < 0.3
-    mirrored = [f"{-a},{g:.6f}" for a in range(179, -180, -2) for g in [float(GaussianPattern()(np.radians(a)))]]
-    (tmp_path / "m.csv").write_text("\n".join(["angle_deg,gain", *mirrored]))
     worse = json.loads(pdpatrol("locate", EXAMPLE, "--json", "--pattern", "m.csv", cwd=tmp_path).stdout)["findings"]
     assert not worse or np.linalg.norm(np.subtract(worse[0]["position_m"][:2], (14.0, 9.0))) > 2.0 * off_m
 
