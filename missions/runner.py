@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from importlib.metadata import version
@@ -25,8 +25,8 @@ from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.planning.plan import with_planned_route
 from pdpatrol.missions.policies.make_policy import make_policy
 from pdpatrol.missions.policies.protocol import SeesTruth
+from pdpatrol.missions.record.events import EventKind
 from pdpatrol.missions.record.log_contents import describe_array, describe_grid
-from pdpatrol.missions.record.logbook import Logbook
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.own_locator import OwnLocator
 from pdpatrol.missions.record.tracking import Tracker
@@ -66,11 +66,6 @@ class Stopwatch:
         finally:
             self.spent_s[activity] += time.perf_counter() - began_s
 
-    def split(self, activity: str, parts_s: Mapping[str, float]) -> None:
-        """Replace part of an activity's time by parts that were measured separately."""
-        rest_s = self.spent_s.pop(activity) - sum(parts_s.values())
-        self.spent_s |= {**parts_s, activity: rest_s}
-
 
 class Mission:
     """One mission, which runs one control step at a time.
@@ -80,12 +75,14 @@ class Mission:
         policy: Name of the policy, see `make_policy`.
         seed: Seed of all random draws: the same seed gives the same mission, bit for bit.
         folder: Folder for parts of the growing log; None keeps the log in memory.
+        stopwatch: Measures policy, environment and locating; by default a new one.
 
     Attributes:
         env: The environment.
         site_map: The map that the policy gets.
         policy: The policy.
         log: The log so far.
+        n_visited: Number of waypoints visited so far.
         stopwatch: Wall time of policy, environment and locating.
         is_over: True when the mission has ended.
         error: Error in user code that ended the mission.
@@ -96,26 +93,35 @@ class Mission:
     """
 
     @threadpool_limits.wrap(limits=1)
-    def __init__(self, scenario: Scenario, policy: str, seed: int, folder: Path | None = None) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        policy: str,
+        seed: int,
+        folder: Path | None = None,
+        stopwatch: Stopwatch | None = None,
+    ) -> None:
         scenario = with_planned_route(scenario)
         self.env = PatrolEnv(scenario, terminate_on_approach=False, full_info=True)
         self.site_map = SiteMap(scenario)
-        array, rules = self.env.simulation.array, scenario.locating.rules()
-        locator = make_locator(scenario, self.site_map, array, rules)
-        grid = Grid.over(np.zeros(2), np.array(scenario.yard.size_m))
-        likelihood = YardLikelihood(array, scenario.pose_sensor.pose_error, grid)
-        self._tracker = Tracker(locator, array, self.env.simulation.estimator, rules.credibility, likelihood)
         self.folder = folder
-        self.stopwatch = Stopwatch()
+        self.stopwatch = stopwatch or Stopwatch()
         self.is_over = False
         self.error: UserCodeError | None = None
+        self.n_visited = 0
+        array, rules, grid = (
+            self.env.simulation.array,
+            scenario.locating.rules(),
+            Grid.over(np.zeros(2), np.array(scenario.yard.size_m)),
+        )
+        locator = make_locator(scenario, self.site_map, array, rules)
         self._observation, info = self.env.reset(seed=seed)
         self.policy = make_policy(policy, self.env.simulation.generators(0).policy)
-        self._touched: frozenset[str] = frozenset()
-        self._visited: frozenset[int] = frozenset()
-        self._unreachable: frozenset[int] = frozenset()
+        self._happened: list[tuple[EventKind, str, int, str]] = []
         self.log = MissionLog({**self._meta(scenario, policy, seed, info), "grid": describe_grid(grid)})
-        self._book = Logbook(self.log)
+        likelihood = YardLikelihood(array, scenario.pose_sensor.pose_error, grid)
+        estimator = self.env.simulation.estimator
+        self._tracker = Tracker(self.log, locator, array, estimator, rules.credibility, likelihood)
         if isinstance(self.policy, SeesTruth):
             self.policy.reveal(info["truth"])
 
@@ -123,11 +129,6 @@ class Mission:
     def time_s(self) -> float:
         """Simulated time, seconds."""
         return STEP_S * self.log.n_rows("step")
-
-    @property
-    def n_visited(self) -> int:
-        """Number of waypoints visited so far."""
-        return len(self._visited)
 
     def _meta(self, scenario: Scenario, policy: str, seed: int, info: dict[str, Any]) -> dict[str, Any]:
         array, known_yard = self.env.simulation.array, self.site_map.yard
@@ -190,11 +191,9 @@ class Mission:
         )
         self.log.append("scan", step=step, range_m=np.round(self._observation["lidar"], 3))
         for suspect in info["suspects"]:
-            self._book.event("channel fault", f"{suspect}: not used from here on")
+            self.log.event("channel fault", f"{suspect}: not used from here on")
         with on("locating"):
-            tracked = self._tracker.track(info["time_s"], info["believed_pose"], info["pulses"])
-        self._book.log_tracked(info["believed_pose"], tracked)
-        self._book.log_contradiction(self._tracker.contradicts_calibration)
+            self._tracker.track(info["time_s"], info["believed_pose"], info["pulses"])
         self._log_events(info)
         if self.folder is not None and (step + 1) % round(PART_S / STEP_S) == 0:
             self.log.write_part(self.folder)
@@ -208,35 +207,32 @@ class Mission:
     def end(self, reason: str) -> None:
         """End the mission and log association, likelihood, calibration and the reason."""
         self.is_over = True
+        scenario, meta = self.env.scenario, self.log.meta
+        name = f"{meta['name']}, seed {meta['seed']}, {meta['policy']}, {self.time_s:.1f} s"
         try:
-            self._book.log_association(self._tracker.association())
-            self._book.log_likelihood(self._tracker.log_likelihood())
+            self._tracker.finish(name, scenario.array.serial_number, scenario.locating.calibration)
         except UserCodeError as error:  # from a user's Locator
             if self.error is None:
                 self._fail(error)
                 reason = "error"
-        scenario, meta = self.env.scenario, self.log.meta
-        name = f"{meta['name']}, seed {meta['seed']}, {meta['policy']}, {self.time_s:.1f} s"
-        calibration = self._tracker.calibration(name, scenario.array.serial_number, scenario.locating.calibration)
-        if calibration is not None:
-            meta["calibration"] = calibration.model_dump(mode="json")
-        self._book.event("end", f"mission over: {reason}", subject=reason)
+        self.log.event("end", f"mission over: {reason}", subject=reason)
 
     def _fail(self, error: UserCodeError) -> None:
         self.error = error
-        self._book.event("error", str(error))
+        self.log.event("error", str(error))
 
     def _log_events(self, info: dict[str, Any]) -> None:
-        touched = frozenset(info["touched_names"])
-        for name in sorted(touched - self._touched):
-            self._book.event("contact", f"touched {name}", subject=name)
-        visited = frozenset((np.flatnonzero(info["waypoints_visited"]) + 1).tolist())
-        for number in sorted(visited - self._visited):
-            self._book.event("waypoint", f"reached waypoint {number}", number)
-        unreachable = frozenset(self.policy.unreachable)
-        for number in sorted(unreachable - self._unreachable):
-            self._book.event("unreachable", f"gave up waypoint {number}", number)
-        self._touched, self._visited, self._unreachable = touched, visited, unreachable
+        """Log contacts, visited waypoints and waypoints given up, each when it begins."""
+        visited = (np.flatnonzero(info["waypoints_visited"]) + 1).tolist()
+        happened: list[tuple[EventKind, str, int, str]] = [
+            *(("contact", f"touched {name}", 0, name) for name in sorted(info["touched_names"])),
+            *(("waypoint", f"reached waypoint {number}", number, "") for number in visited),
+            *(("unreachable", f"gave up waypoint {number}", number, "") for number in sorted(self.policy.unreachable)),
+        ]
+        for event in happened:
+            if event not in self._happened:
+                self.log.event(*event)
+        self._happened, self.n_visited = happened, len(visited)
 
 
 def _solids(env: PatrolEnv, known_yard: Yard) -> dict[str, Any]:

@@ -100,7 +100,7 @@ def run(
             print_plausibility(loaded)
             try:
                 with stopwatch.on("starting"):
-                    mission = Mission(loaded, policy, seed, folder)
+                    mission = Mission(loaded, policy, seed, folder, stopwatch)
             except UserCodeError as error:
                 refuse(str(error))
             except ScenarioError as error:
@@ -114,9 +114,7 @@ def run(
                     if received and not mission.is_over:
                         mission.end("interrupted")
 
-                with stopwatch.on("the rest of the mission"):
-                    log = mission.run(after_step)
-                stopwatch.split("the rest of the mission", mission.stopwatch.spent_s)
+                log = mission.run(after_step)
                 with stopwatch.on("log, report and recording"):
                     report = write_mission(log, stopwatch.total_s - stopwatch.spent_s["compiling"], folder)
         if viewer:

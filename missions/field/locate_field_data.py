@@ -28,7 +28,6 @@ from dirmusic.locating.yard_likelihood import Grid, YardLikelihood
 from pdpatrol.envs.scenario.array import ArrayCalibration, CalibratedArray
 from pdpatrol.missions.field.field_data import FieldData
 from pdpatrol.missions.record.log_contents import describe_array, describe_grid
-from pdpatrol.missions.record.logbook import Logbook
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.tracking import Tracker
 
@@ -131,8 +130,8 @@ def locate_field_data(
     log = MissionLog({**meta, "grid": describe_grid(grid)})
     rules, due_s = FIELD_RULES, -np.inf
     locator = Locator(array, pose_error, fence_m=fence_m, rules=rules)
-    estimator, book = MaximumLikelihood(), Logbook(log)
-    tracker = Tracker(locator, array, estimator, rules.credibility, YardLikelihood(array, pose_error, grid))
+    estimator = MaximumLikelihood()
+    tracker = Tracker(log, locator, array, estimator, rules.credibility, YardLikelihood(array, pose_error, grid))
     with threadpool_limits(limits=1):
         monitor = ChannelMonitor(array, estimator)
         pulse_time_s = data.time_s[data.step]
@@ -155,26 +154,21 @@ def locate_field_data(
             )
             if step == 0:
                 for note in (*notes, *data.notes):
-                    book.event("note", note)
+                    log.event("note", note)
                 for suspect in suspects:  # numbered as in the files, including the dead channels
                     recorded = suspect._replace(channel=int(data.channels[suspect.channel - 1]) + 1)
-                    book.event("channel fault", f"{recorded}: left out")
-            book.log_tracked(pose, tracker.track(float(time_s), pose, pulses.take(slice(first[step], first[step + 1]))))
+                    log.event("channel fault", f"{recorded}: left out")
+            tracker.track(float(time_s), pose, pulses.take(slice(first[step], first[step + 1])))
             if time_s >= due_s:
-                book.log_findings(tracker.refit(float(time_s)))
+                tracker.refit(float(time_s))
                 due_s = time_s + max(REFIT_S, REFIT_SHARE * (time_s - data.time_s[0]))
             progress(1.0 / data.time_s.size)
         if log.n_rows("finding") == 0 or log.column("finding", "step")[-1] < data.time_s.size - 1:
-            book.log_findings(tracker.refit(float(data.time_s[-1])))
+            tracker.refit(float(data.time_s[-1]))
     if pulses.n_pulses and not log.n_rows("bearing"):
-        book.event(REJECTED, _why_rejected(pulses, rules.credibility))
-    book.log_contradiction(tracker.contradicts_calibration)
-    book.log_association(tracker.association())
-    book.log_likelihood(tracker.log_likelihood())
-    learned = tracker.calibration(data.path.name, None, calibration)
-    if learned is not None:
-        log.meta["calibration"] = learned.model_dump(mode="json")
-    book.event("end", "survey over: all rows read", subject="all rows read")
+        log.event(REJECTED, _why_rejected(pulses, rules.credibility))
+    tracker.finish(data.path.name, None, calibration)
+    log.event("end", "survey over: all rows read", subject="all rows read")
     return log
 
 

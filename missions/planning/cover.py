@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, LinearConstraint, milp
@@ -16,13 +14,9 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.intp]
 
-SPACING_M = 2.0
-"""Side of the squares of ground with one candidate stop each. Assumed; stops move to other cells afterwards, and a yard
-of 44 m by 33 m has some four hundred squares."""
-
-GAP, NODE_LIMIT = 0.25, 500
-"""Relative gap to the fewest stops, or number of nodes, at which the search for a cover ends. Assumed; stops that the
-path makes unnecessary are removed afterwards, so one stop more costs little."""
+GAP = 0.25
+"""Relative gap to the fewest stops at which the search for a cover ends. Assumed; stops that the path makes unnecessary
+are removed afterwards, so one stop more costs little."""
 
 TINY_RAD = 1e-9
 """Tolerance in comparisons of angles."""
@@ -36,72 +30,33 @@ MIN_CELLS = 12
 that confirm."""
 
 
-class Coverage(NamedTuple):
-    """How well some cells cover targets, or how well they must; each of shape (n_targets,).
-
-    Attributes:
-        aperture_rad: Narrowest arc of aspects that holds all cells that detect a target.
-        crossing_rad: The same for lines of sight, whose two directions are equivalent: at most 90 degrees.
-        n_cells: Number of cells that detect it.
-    """
-
-    aperture_rad: FloatArray
-    crossing_rad: FloatArray
-    n_cells: IntArray
-
-    def satisfies(self, required: Coverage) -> BoolArray:
-        """Return True for targets that are covered as required, shape (n_targets,)."""
-        is_wide = self.aperture_rad >= required.aperture_rad - TINY_RAD
-        crosses = self.crossing_rad >= required.crossing_rad - TINY_RAD
-        return is_wide & crosses & (self.n_cells >= required.n_cells)
-
-    def take(self, targets: BoolArray) -> Coverage:
-        """Return the coverage of some targets, by mask (n_targets,)."""
-        return Coverage(self.aperture_rad[targets], self.crossing_rad[targets], self.n_cells[targets])
-
-
-def coverage_from(detectability: Detectability, columns: IntArray, targets: BoolArray) -> Coverage:
-    """Return how well some columns cover some targets.
+def coverage(detectability: Detectability, columns: IntArray, targets: BoolArray | None = None) -> FloatArray:
+    """Return how well some columns cover targets, shape (n_targets, 3).
 
     Args:
         detectability: Where targets are detectable from.
         columns: Columns of `detectability`, each once.
-        targets: Mask of the targets, shape (n_targets,).
+        targets: Mask of the targets, shape (n_targets,); by default all.
+
+    Returns:
+        Aperture in radians: the narrowest arc that holds the aspects of all columns that detect the target. The same
+        for lines of sight, whose two directions are equivalent: at most 90 degrees. Number of columns that detect it.
     """
-    rows = np.flatnonzero(targets)[:, np.newaxis]
-    is_detectable, aspect_rad = detectability.is_detectable[rows, columns], detectability.aspect_rad[rows, columns]
-    seen_rad = [aspects[mask] for aspects, mask in zip(aspect_rad, is_detectable, strict=True)]
-    return Coverage(
-        aperture_rad=np.array([aperture(each) for each in seen_rad]),
-        crossing_rad=np.array([min(0.5 * aperture(2.0 * each), 0.5 * np.pi) for each in seen_rad]),
-        n_cells=is_detectable.sum(axis=1),
-    )
-
-
-def required_coverage(detectability: Detectability, columns: IntArray, aperture_rad: FloatArray) -> Coverage:
-    """Return the coverage required of a tour: crossing and cells as wanted, or as a longer tour offers if less.
-
-    Args:
-        detectability: Where targets are detectable from.
-        columns: Columns on the path of the longer tour, each once.
-        aperture_rad: Required apertures, shape (n_targets,).
-    """
-    longer = coverage_from(detectability, columns, np.ones(len(detectability.names), dtype=np.bool_))
-    return Coverage(
-        aperture_rad,
-        np.minimum(longer.crossing_rad, CROSSING_RAD),
-        np.minimum(longer.n_cells, MIN_CELLS).astype(np.intp),
-    )
-
-
-def apertures(detectability: Detectability, columns: IntArray | slice = slice(None)) -> FloatArray:
-    """Return the aperture over which some columns detect each target, shape (n_targets,)."""
-    pairs = zip(detectability.aspect_rad[:, columns], detectability.is_detectable[:, columns], strict=True)
-    return np.array([aperture(aspect_rad[mask]) for aspect_rad, mask in pairs])
+    rows = np.arange(len(detectability.names)) if targets is None else np.flatnonzero(targets)
+    pairs = np.ix_(rows, columns)
+    seen_rad = [
+        aspects[mask]
+        for aspects, mask in zip(detectability.aspect_rad[pairs], detectability.is_detectable[pairs], strict=True)
+    ]
+    each = [(aperture(seen), min(0.5 * aperture(2.0 * seen), 0.5 * np.pi), seen.size) for seen in seen_rad]
+    return np.array(each, dtype=np.float64).reshape(-1, 3)
 
 
 def candidates(detectability: Detectability, clearance_m: FloatArray, required_rad: FloatArray) -> IntArray:
     """Return columns to choose stops from: the clearest one of each square of ground, and more where targets need it.
+
+    Squares have sides of 2 m (assumed): stops move to other cells afterwards, and a yard of 44 m by 33 m has some four
+    hundred squares.
 
     Args:
         detectability: Where targets are detectable from.
@@ -111,7 +66,7 @@ def candidates(detectability: Detectability, clearance_m: FloatArray, required_r
     Returns:
         Ascending.
     """
-    square = np.floor(detectability.places_m / SPACING_M).astype(np.intp) @ np.array([1_000_000, 1])
+    square = np.floor(detectability.places_m / 2.0).astype(np.intp) @ np.array([1_000_000, 1])
     useful = np.flatnonzero(detectability.is_detectable.any(axis=0))
     useful = useful[np.lexsort((-clearance_m[useful], square[useful]))]
     chosen = np.zeros(square.size, dtype=np.bool_)
@@ -171,7 +126,7 @@ def cover(detectability: Detectability, columns: IntArray, required_rad: FloatAr
         integrality=np.ones(columns.size, dtype=np.intp),
         bounds=Bounds(0.0, 1.0),
         constraints=LinearConstraint(rows, 1.0, np.inf),
-        options={"mip_rel_gap": GAP, "node_limit": NODE_LIMIT},
+        options={"mip_rel_gap": GAP, "node_limit": 500},
     )
     if solution.x is None:
         raise RuntimeError(f"no cover of the yard was found: {solution.message}")

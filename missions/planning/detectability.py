@@ -26,15 +26,6 @@ AMPLITUDE_V = 0.05
 MARGIN_DB = 3.0
 """Margin of the direct path over the trigger. Assumed; amplitudes vary, and the ground reflects."""
 
-BEYOND_RANGE_M = 1.0
-"""Extra distance for targets that are detectable only beyond the confirmation range. Assumed; a band of a few cells."""
-
-TRACKING_CELLS = 2
-"""Deviation of the robot from its path, in cells: a cell counts if all reachable cells around it do. Assumed; 0.5 m."""
-
-_HEADINGS_RAD = np.radians(np.arange(0.0, 360.0, 2.0))
-_ELEVATIONS_RAD = np.radians(np.arange(-90.0, 91.0))
-
 
 class Detectability(NamedTuple):
     """Where targets are detectable from; rows are targets, columns are reachable cells of the map.
@@ -49,7 +40,7 @@ class Detectability(NamedTuple):
         range_m: Horizontal distance, shape (n_targets, n_cells).
         aspect_rad: Horizontal direction from the target to the cell, world frame, shape (n_targets, n_cells).
         is_detectable: True where the target is in sight, `MARGIN_DB` above the trigger and near enough, also from the
-            cells around (`TRACKING_CELLS`) if the target has such cells; shape (n_targets, n_cells).
+            cells within 0.5 m if the target has such cells; shape (n_targets, n_cells).
     """
 
     names: tuple[str, ...]
@@ -90,8 +81,8 @@ def targets_of(site_map: SiteMap, spacing_m: float) -> tuple[tuple[str, ...], Fl
 def compute_detectability(scenario: Scenario, site_map: SiteMap, amplitude_v: float = AMPLITUDE_V) -> Detectability:
     """Compute from where all targets are detectable; the sources of the scenario are ignored.
 
-    A target that is not detectable within the confirmation range is searched at any range, and then counts up to
-    `BEYOND_RANGE_M` beyond the nearest cell that detects it. A target keeps isolated cells if it would otherwise have
+    A target that is not detectable within the confirmation range is searched at any range, and then counts up to 1 m
+    (assumed) beyond the nearest cell that detects it. A target keeps isolated cells if it would otherwise have
     less aperture than confirmation requires.
 
     Args:
@@ -115,7 +106,7 @@ def compute_detectability(scenario: Scenario, site_map: SiteMap, amplitude_v: fl
             if is_detectable[k].any():
                 break
         nearest_m = range_m[k, is_detectable[k]].min(initial=np.inf)
-        is_detectable[k] &= range_m[k] <= max(within_m, nearest_m + BEYOND_RANGE_M)
+        is_detectable[k] &= range_m[k] <= max(within_m, nearest_m + 1.0)
     aspect_rad = np.arctan2(away_m[..., 1], away_m[..., 0])
     is_robust = _robust(is_detectable, cells, site_map)
     for k, aspects in enumerate(aspect_rad):
@@ -126,20 +117,18 @@ def compute_detectability(scenario: Scenario, site_map: SiteMap, amplitude_v: fl
 
 
 def _robust(is_detectable: BoolArray, cells: IntArray, site_map: SiteMap) -> BoolArray:
-    """Return the cells around which all reachable cells detect as well, shape (n_targets, n_cells)."""
+    """Return the cells around which all reachable cells detect as well, shape (n_targets, n_cells).
+
+    The robot deviates from its path by up to two cells, 0.5 m (assumed).
+    """
     shape = tuple(round(size / CELL_M) for size in site_map.yard.size_m)
     is_robust = np.empty_like(is_detectable)
     for k, row in enumerate(is_detectable):
         ground = np.ones(shape[0] * shape[1], dtype=np.uint8)  # unreachable cells do not count
         ground[cells] = row
-        around = minimum_filter(ground.reshape(shape), size=2 * TRACKING_CELLS + 1, mode="constant", cval=1)
+        around = minimum_filter(ground.reshape(shape), size=5, mode="constant", cval=1)
         is_robust[k] = around.ravel()[cells] > 0
     return is_robust
-
-
-def trigger_peak(receiver: Receiver) -> float:
-    """Return the peak of a pulse before the band-pass that just triggers, volts."""
-    return receiver.threshold_v / receiver.front_end.pulse_peak
 
 
 class DirectPaths:
@@ -153,8 +142,10 @@ class DirectPaths:
 
     def __init__(self, array: ArrayConfig, receiver: ReceiverConfig, sight: Sight) -> None:
         self._height_m = array.height_m
-        self._worst_gain = _worst_gain(array)
-        self._trigger_v = trigger_peak(Receiver(receiver, array.n_channels))
+        self._elevations_rad = np.radians(np.arange(-90.0, 91.0))
+        self._worst_gain = _worst_gain(array, self._elevations_rad)
+        trigger = Receiver(receiver, array.n_channels)
+        self._trigger_v = trigger.threshold_v / trigger.front_end.pulse_peak  # before the band-pass
         self._sight = sight
 
     def levels(
@@ -169,20 +160,20 @@ class DirectPaths:
         """
         transmission = self._sight(np.column_stack([places_m, np.full(len(places_m), self._height_m)]), target_m)
         range_m, rise_m = np.linalg.norm(places_m - target_m[:2], axis=-1), target_m[2] - self._height_m
-        gain = np.interp(np.arctan2(rise_m, range_m), _ELEVATIONS_RAD, self._worst_gain)
+        gain = np.interp(np.arctan2(rise_m, range_m), self._elevations_rad, self._worst_gain)
         peak_v = amplitude_v * transmission * gain
         with np.errstate(divide="ignore"):
             return transmission, 20 * np.log10(peak_v / (np.hypot(range_m, rise_m) * self._trigger_v))
 
 
-def _worst_gain(config: ArrayConfig) -> FloatArray:
-    """Return the gain of the strongest element in the robot's worst heading, at `_ELEVATIONS_RAD`.
+def _worst_gain(config: ArrayConfig, elevations_rad: FloatArray) -> FloatArray:
+    """Return the gain of the strongest element in the robot's worst heading, same shape as the elevations (n,).
 
     A linearly polarised wave loses nothing more, whatever its direction: half its power is in the measured gain of a
     circularly polarised antenna (`pdpatrol.sensing.radio.polarisation.received`).
     """
-    array = HelicalArray.nominal(config)
-    shape = (_HEADINGS_RAD.size, _ELEVATIONS_RAD.size, array.n_elements)
-    azimuth_rad = np.broadcast_to(_HEADINGS_RAD[:, np.newaxis, np.newaxis], shape)
-    gain = array.gain(azimuth_rad, np.broadcast_to(_ELEVATIONS_RAD[:, np.newaxis], shape))
+    array, headings_rad = HelicalArray.nominal(config), np.radians(np.arange(0.0, 360.0, 2.0))
+    shape = (headings_rad.size, elevations_rad.size, array.n_elements)
+    azimuth_rad = np.broadcast_to(headings_rad[:, np.newaxis, np.newaxis], shape)
+    gain = array.gain(azimuth_rad, np.broadcast_to(elevations_rad[:, np.newaxis], shape))
     return gain.max(axis=-1).min(axis=0)

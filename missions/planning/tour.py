@@ -13,31 +13,43 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, depth_first_order
 
 from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap, path_length
-from pdpatrol.missions.planning.cover import Coverage, coverage_from
+from pdpatrol.missions.planning.cover import TINY_RAD, coverage
 from pdpatrol.missions.planning.detectability import Detectability
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.intp]
 
-NODE_LIMIT = 10_000
-"""Nodes of a search after which the best tour so far counts. Assumed; twenty stops take a few nodes."""
-
-MOVE_M = 3.0
-"""Largest distance by which a stop is moved in one step. Assumed."""
-
 MIN_GAIN_M = 0.5
 """Reduction of the tour that justifies moving a stop. Assumed; less than a second of driving."""
 
 
-class CellPaths:
-    """Paths between cells of a map, each found once.
+class Tour(NamedTuple):
+    """A closed path from the dock past stops and back.
+
+    Attributes:
+        stops: Cells of the stops in order, without the dock, shape (n_stops,).
+        cells: All cells on the path, shape (n,); the dock's cell is the first and the last.
+        length_m: Length of the path.
+    """
+
+    stops: IntArray
+    cells: IntArray
+    length_m: float
+
+
+class ShortestTours:
+    """Shortest tours past cells of a map. The paths between cells are found once.
 
     Args:
-        site_map: The map.
+        site_map: The map, with the dock.
+
+    Attributes:
+        dock: Cell where tours start and end.
     """
 
     def __init__(self, site_map: SiteMap) -> None:
+        self.dock = site_map.cell(site_map.route.dock_m)
         self._map = site_map
         self._reached: dict[int, ShortestPaths] = {}
         self._lengths_m: dict[tuple[int, int], float] = {}
@@ -62,34 +74,18 @@ class CellPaths:
             lengths_m[i, j] = lengths_m[j, i] = self.length_m(cells[i], cells[j])
         return lengths_m
 
+    def in_order(self, stops: Sequence[int]) -> Tour:
+        """Return the tour past the stops in the given order."""
+        legs = list(pairwise((self.dock, *stops, self.dock)))
+        cells = [self.reach(start).cells(end)[1:] for start, end in legs]
+        length_m = sum(self.length_m(*leg) for leg in legs)
+        return Tour(np.array(stops, dtype=np.intp), np.concatenate([[self.dock], *cells]).astype(np.intp), length_m)
 
-class Tour(NamedTuple):
-    """A closed path from the dock past stops and back.
-
-    Attributes:
-        stops: Cells of the stops in order, without the dock, shape (n_stops,).
-        cells: All cells on the path, shape (n,); the dock's cell is the first and the last.
-        length_m: Length of the path.
-    """
-
-    stops: IntArray
-    cells: IntArray
-    length_m: float
-
-
-def tour_in_order(paths: CellPaths, dock: int, stops: Sequence[int]) -> Tour:
-    """Return the tour past the stops in the given order."""
-    legs = list(pairwise((dock, *stops, dock)))
-    cells = [paths.reach(start).cells(end)[1:] for start, end in legs]
-    length_m = sum(paths.length_m(*leg) for leg in legs)
-    return Tour(np.array(stops, dtype=np.intp), np.concatenate([[dock], *cells]).astype(np.intp), length_m)
-
-
-def shortest_tour_of(paths: CellPaths, dock: int, stops: Sequence[int]) -> Tour:
-    """Return the shortest tour past all stops, in the direction in which the first stop has the smaller number."""
-    cells = [dock, *stops]
-    order = [cells[k] for k in shortest_order(paths.lengths_m(cells))[1:]]
-    return tour_in_order(paths, dock, order if order[:1] <= order[-1:] else order[::-1])
+    def shortest(self, stops: Sequence[int]) -> Tour:
+        """Return the shortest tour past all stops, in the direction in which the first stop has the smaller number."""
+        cells = [self.dock, *stops]
+        order = [cells[k] for k in shortest_order(self.lengths_m(cells))[1:]]
+        return self.in_order(order if order[:1] <= order[-1:] else order[::-1])
 
 
 def shortest_order(lengths_m: FloatArray) -> tuple[int, ...]:
@@ -98,7 +94,7 @@ def shortest_order(lengths_m: FloatArray) -> tuple[int, ...]:
     .. math:: \min \sum_{i < j} d_{ij} x_{ij}, \quad \sum_j x_{ij} = 2, \quad \sum_{i \in S, j \notin S} x_{ij} \geq 2
 
     for all sets S of places that a solution without that condition has joined to a separate tour: such conditions are
-    added until there is one tour.
+    added until there is one tour. A search ends after 10 000 nodes (assumed; twenty stops take a few).
 
     Args:
         lengths_m: Path lengths between the places, symmetric, shape (n, n).
@@ -119,7 +115,7 @@ def shortest_order(lengths_m: FloatArray) -> tuple[int, ...]:
             integrality=np.ones(first.size, dtype=np.intp),
             bounds=Bounds(0.0, 1.0),
             constraints=constraints,
-            options={"mip_rel_gap": 0.0, "node_limit": NODE_LIMIT},
+            options={"mip_rel_gap": 0.0, "node_limit": 10_000},
         )
         chosen = np.flatnonzero(np.asarray(solution.x) > 0.5)
         joined = csr_array((np.ones(chosen.size), (first[chosen], second[chosen])), shape=(n, n))
@@ -137,9 +133,8 @@ class TourShortener:
 
     Args:
         detectability: Where targets are detectable from.
-        paths: Paths between cells of the map.
-        dock: Cell where tours start and end.
-        required: Coverage that a tour must offer.
+        tours: Tours on the map.
+        required: Coverage that a tour must offer, shape (n_targets, 3), as of `coverage`.
         is_stop: Mask of the columns of `detectability` that stops may be moved to, shape (n_cells,).
         progress: Called with the number of stops whenever it changes.
     """
@@ -147,25 +142,14 @@ class TourShortener:
     def __init__(
         self,
         detectability: Detectability,
-        paths: CellPaths,
-        dock: int,
-        required: Coverage,
+        tours: ShortestTours,
+        required: FloatArray,
         is_stop: BoolArray,
         progress: Callable[[int], None],
     ) -> None:
-        self._detectability, self._paths, self._dock = detectability, paths, dock
-        self._required = required
+        self._detectability, self._tours, self._required = detectability, tours, required
         self._stop_cells, self._stops_m = detectability.cells[is_stop], detectability.places_m[is_stop]
         self._progress = progress
-
-    def covers_all(self, cells: IntArray) -> bool:
-        """Return True if some cells cover all detectable targets as required."""
-        return bool(self._covers(cells, ~self._detectability.is_blind).all())
-
-    def _covers(self, cells: IntArray, targets: BoolArray) -> BoolArray:
-        """Return which of some targets, given by mask, are covered as required."""
-        offered = coverage_from(self._detectability, self._detectability.columns(np.unique(cells)), targets)
-        return offered.satisfies(self._required.take(targets))
 
     def shorten(self, tour: Tour) -> Tour:
         """Return a short tour, in the best order, of which no stop can be removed.
@@ -173,34 +157,35 @@ class TourShortener:
         Args:
             tour: A tour that covers all targets as required.
         """
-        while True:
-            tour = self._without_needless_stops(tour)
+        moved: Tour | None = tour
+        while moved is not None:
+            tour = self._without_needless_stops(moved)
             moved = self._with_moves(tour)
-            if moved is None:
-                return tour
-            tour = moved
+        return tour
+
+    def _covers(self, cells: IntArray, targets: BoolArray) -> BoolArray:
+        """Return which of some targets, given by mask, are covered as required."""
+        offered = coverage(self._detectability, self._detectability.columns(np.unique(cells)), targets)
+        return np.asarray((offered >= self._required[targets] - TINY_RAD).all(axis=1), dtype=np.bool_)
+
+    def _covers_all(self, tour: Tour) -> bool:
+        return bool(self._covers(tour.cells, ~self._detectability.is_blind).all())
 
     def _without_needless_stops(self, tour: Tour) -> Tour:
-        """Remove stops until the shortest tour past all others would not cover every target."""
+        """Remove stops until the shortest tour past all others would not cover every target.
+
+        The most promising stop is tried first: the tour without it covers all and is short as it stands.
+        """
         while True:
-            self._progress(tour.stops.size)
-            shorter = next(filter(None, map(self._if_it_covers, self._with_one_stop_less(tour))), None)
+            stops = tour.stops.tolist()
+            self._progress(len(stops))
+            rests = [self._tours.in_order(stops[:k] + stops[k + 1 :]) for k in range(len(stops))]
+            rests.sort(key=lambda rest: (not self._covers_all(rest), rest.length_m))
+            shortest = (self._tours.shortest(rest.stops.tolist()) for rest in rests)
+            shorter = next(filter(self._covers_all, shortest), None)
             if shorter is None:
                 return tour
             tour = shorter
-
-    def _with_one_stop_less(self, tour: Tour) -> list[list[int]]:
-        """Return the stops without each of them, the most promising first: it covers all and is short as it stands."""
-        stops = tour.stops.tolist()
-        rests = [stops[:k] + stops[k + 1 :] for k in range(len(stops))]
-        in_order = [tour_in_order(self._paths, self._dock, rest) for rest in rests]
-        cost = [(not self.covers_all(each.cells), each.length_m) for each in in_order]
-        return [rests[k] for k in sorted(range(len(rests)), key=cost.__getitem__)]
-
-    def _if_it_covers(self, stops: Sequence[int]) -> Tour | None:
-        """Return the shortest tour of some stops if it covers all targets."""
-        tour = shortest_tour_of(self._paths, self._dock, stops)
-        return tour if self.covers_all(tour.cells) else None
 
     def _with_moves(self, tour: Tour) -> Tour | None:
         """Return a shorter tour with stops moved, each at most once; None if no move helps."""
@@ -211,23 +196,22 @@ class TourShortener:
         return best if best.length_m < tour.length_m else None
 
     def _with_move(self, tour: Tour, k: int) -> Tour | None:
-        """Return a shorter tour with stop k moved nearby; None if no move helps."""
-        around = [self._dock, *tour.stops.tolist(), self._dock]
+        """Return a shorter tour with stop k moved by at most 3 m (assumed) along x and y; None if no move helps."""
+        tours = self._tours
+        around = [tours.dock, *tour.stops.tolist(), tours.dock]
         before, here, after = around[k : k + 3]
-        legs = [self._paths.reach(start).cells(end) for start, end in pairwise(around)]
-        kept = np.concatenate([[self._dock], *legs[:k], *legs[k + 2 :]])
+        legs = [tours.reach(start).cells(end) for start, end in pairwise(around)]
+        kept = np.concatenate([[tours.dock], *legs[:k], *legs[k + 2 :]])
         lacking = ~self._detectability.is_blind
         lacking[lacking] = ~self._covers(kept, lacking)
-        reach_m = self._paths.reach(before).length_m, self._paths.reach(after).length_m
-        off_m = self._stops_m - self._detectability.places_m[self._detectability.columns(np.array(here))]
-        cells = self._stop_cells[np.abs(off_m).max(axis=1) <= MOVE_M]
-        detour_m = reach_m[0][cells] + reach_m[1][cells]
-        order = np.argsort(detour_m, kind="stable")
-        limit_m = reach_m[0][here] + reach_m[1][here] - MIN_GAIN_M
-        for cell in cells[order[detour_m[order] < limit_m]].tolist():
-            detour = [self._paths.reach(end).cells(cell) for end in (before, after)]
+        offset_m = self._stops_m - self._detectability.places_m[self._detectability.columns(np.array(here))]
+        cells = self._stop_cells[np.abs(offset_m).max(axis=1) <= 3.0]
+        detour_m = tours.reach(before).length_m + tours.reach(after).length_m
+        cells = cells[np.argsort(detour_m[cells], kind="stable")]
+        for cell in cells[detour_m[cells] < detour_m[here] - MIN_GAIN_M].tolist():
+            detour = [tours.reach(end).cells(cell) for end in (before, after)]
             if cell not in around and self._covers(np.concatenate([kept, *detour]), lacking).all():
-                moved = self._if_it_covers([*around[1 : k + 1], cell, *around[k + 2 : -1]])
-                if moved is not None and moved.length_m < tour.length_m - MIN_GAIN_M:
+                moved = tours.shortest([*around[1 : k + 1], cell, *around[k + 2 : -1]])
+                if self._covers_all(moved) and moved.length_m < tour.length_m - MIN_GAIN_M:
                     return moved
         return None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -56,17 +55,14 @@ def described_grid(description: Mapping[str, Any]) -> Grid:
 def known_yard(log: MissionLog) -> Yard | None:
     """Return the yard as the map of the mission shows it; None for field data, which have no scenario."""
     yard = true_yard(log)
-    if yard is None:
-        return None
-    site_map = MapConfig.model_validate_json(json.dumps(log.meta["scenario"].get("map", {})))
-    return site_map.of(yard)
+    return yard and MapConfig.model_validate(log.meta["scenario"].get("map", {}), strict=False).of(yard)
 
 
 def true_yard(log: MissionLog) -> Yard | None:
     """Return the true yard; None for field data."""
     if "scenario" not in log.meta:
         return None
-    return Yard.model_validate_json(json.dumps(log.meta["scenario"]["yard"]))
+    return Yard.model_validate(log.meta["scenario"]["yard"], strict=False)
 
 
 def bearing_rmse(log: MissionLog, scenario: Scenario) -> float:

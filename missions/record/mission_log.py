@@ -7,7 +7,6 @@ data have the same tables, with NaN in the columns that only a simulator knows.
 from __future__ import annotations
 
 import json
-import math
 import shutil
 from bisect import bisect_left
 from collections.abc import Mapping
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdpatrol.missions.atomic_file import atomic_file
+from pdpatrol.missions.record.events import EventKind
 
 SCHEMA = 5
 
@@ -99,6 +99,11 @@ class MissionLog:
         }
         self._written: dict[str, int] = dict.fromkeys(TABLES, 0)
 
+    @property
+    def last_step(self) -> int:
+        """Row of the last step; 0 before the first."""
+        return max(self.n_rows("step") - 1, 0)
+
     def append(self, table: str, **row: Any) -> int:  # noqa: ANN401 - a row's values are of many types
         """Add one row, with all columns of the table, and return its number."""
         columns = self._rows[table]
@@ -107,6 +112,17 @@ class MissionLog:
         for column, value in row.items():
             columns[column].append(value)
         return self.n_rows(table) - 1
+
+    def event(self, kind: EventKind, text: str, number: int = 0, subject: str = "") -> None:
+        """Add something that happened in the last step.
+
+        Args:
+            kind: Kind of the event.
+            text: One sentence for people, which can be understood without the other arguments.
+            number: Number of the waypoint, from 1, or id of the finding; 0 for other events.
+            subject: Name of the touched object, or the reason for the end of the mission; empty for other events.
+        """
+        self.append("event", step=self.last_step, kind=kind, number=number, subject=subject, text=text)
 
     def n_rows(self, table: str) -> int:
         """Return the number of rows in a table."""
@@ -125,13 +141,8 @@ class MissionLog:
         dtype = TABLES[table][column]
         values = self._rows[table][column][start:stop]
         if not values:
-            widths = {
-                "strengths_v": self.meta.get("n_elements", 0),
-                "log_likelihood": math.prod(self.meta["grid"]["shape"]) if "grid" in self.meta else 0,
-                "range_m": self.meta.get("lidar", {}).get("n_beams", 0),
-            }
-            width = widths.get(column)
-            return np.empty((0, width) if width else (0, *dtype.shape), dtype=dtype.base)
+            shape = (self.meta.get("n_elements", 0),) if column == "strengths_v" else dtype.shape
+            return np.empty((0, *shape), dtype=dtype.base)
         return np.array(values, dtype=dtype.base)
 
     def table(self, table: str, start: int = 0, stop: int | None = None) -> dict[str, NDArray[Any]]:
@@ -179,10 +190,10 @@ class MissionLog:
                 meta, tables = _read(file)
                 log = log or cls(meta)
                 log._extend(tables)
-            except ValueError as error:
-                fault = str(error).removeprefix(f"{file}: ")
+            except Exception as error:  # each part of the archive and each array header fails in its own way
+                reason = " ".join(str(error).split())
                 raise ValueError(
-                    f"{file}: is not the log of a mission ({fault}); give a folder that `pdpatrol run` wrote"
+                    f"{file}: is not the log of a mission ({reason:.200}); give a folder that `pdpatrol run` wrote"
                 ) from None
         assert log is not None
         return log
@@ -196,62 +207,36 @@ class MissionLog:
         for table, columns in tables.items():
             for column, values in columns.items():
                 self._rows[table][column].extend(values)
-        for table, column, other in POINTERS:
-            numbers = self.column(table, column)
-            if numbers.size and not (numbers.min() >= 0 and numbers.max() < self.n_rows(other)):
-                raise ValueError(f"{table}.{column}: refers to missing rows of table {other}")
-
-
-POINTERS = (
-    ("pulse", "step", "step"),
-    ("bearing", "pulse", "pulse"),
-    ("scan", "step", "step"),
-    ("finding", "step", "step"),
-    ("likelihood", "step", "step"),
-    ("association", "pulse", "pulse"),
-)
-"""Columns that hold row numbers, and the tables that they refer to."""
-
-MAX_BYTES = 4 * 10**9
-"""Size limit of a log after decompression. Assumed; ten million pulses fit."""
+        for table in tables.keys() - {"event"}:  # those before the first step are of step 0
+            for other in tables.keys() & TABLES[table].keys() - {"finding"}:  # `association.finding` is an id
+                rows = self.column(table, other)
+                if rows.size and not (rows.min() >= 0 and rows.max() < self.n_rows(other)):
+                    raise ValueError(f"{table}.{other}: refers to missing rows of table {other}")
 
 
 def _read(path: Path) -> tuple[dict[str, Any], dict[str, dict[str, NDArray[Any]]]]:
     """Read metadata and tables of one file.
 
     Raises:
-        ValueError: If they are not those of a log; the message does not name the file.
+        Exception: If they are not those of a log.
     """
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            n_bytes = sum(member.file_size for member in archive.zip.infolist())
-            arrays = dict(archive) if n_bytes <= MAX_BYTES else {}
-        meta = json.loads(str(arrays["meta"])) if arrays else None
-    except Exception as error:  # each part of the archive and each array header fails in its own way
-        reason = " ".join(str(error).split())
-        raise ValueError(f"damaged or incomplete archive: {reason:.200}") from None
-    if n_bytes > MAX_BYTES:
-        raise ValueError(f"{n_bytes / 1e9:.1f} GB, the limit is {MAX_BYTES / 1e9:g} GB")
-    if not isinstance(meta, dict) or "schema" not in meta:
-        raise ValueError("missing metadata")
-    if meta["schema"] != SCHEMA:
-        raise ValueError(f"log schema {meta['schema']!s:.20}, this version reads schema {SCHEMA}")
-    missing = [
-        name for table, columns in TABLES.items() for column in columns if (name := f"{table}.{column}") not in arrays
-    ]
-    if missing:
-        raise ValueError(f"missing arrays {', '.join(missing):.200}")
-    tables = {table: {column: arrays[f"{table}.{column}"] for column in columns} for table, columns in TABLES.items()}
-    for table, columns in TABLES.items():
-        lengths = {len(values) if values.ndim else -1 for values in tables[table].values()}
-        kinds = all(tables[table][column].dtype.kind == dtype.base.kind for column, dtype in columns.items())
-        if len(lengths) != 1 or -1 in lengths or not kinds:
-            raise ValueError(f"the columns of table {table} do not match")
-        for column, dtype in columns.items():
-            shape = tables[table][column].shape[1:]
-            is_right = len(shape) == 1 if column in WIDE else shape == dtype.shape
-            if not is_right and lengths != {0}:
-                raise ValueError(f"{table}.{column} has rows of shape {shape}")
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+        n_bytes = sum(member.file_size for member in archive.zip.infolist())
+        if n_bytes > 4e9:  # assumed; ten million pulses fit
+            raise ValueError(f"{n_bytes / 1e9:.1f} GB after decompression, the limit is 4 GB")
+        meta = json.loads(str(archive["meta"]))
+        if not isinstance(meta, dict) or meta.get("schema") != SCHEMA:
+            raise ValueError(f"no metadata of schema {SCHEMA}, which this version reads")
+        tables = {table: {column: archive[f"{table}.{column}"] for column in TABLES[table]} for table in TABLES}
+    for table, columns in tables.items():
+        n_rows = {values.shape[:1] for values in columns.values()}
+        if len(n_rows) != 1 or () in n_rows:
+            raise ValueError(f"the columns of table {table} have different lengths")
+        for column, values in columns.items():
+            dtype = TABLES[table][column]
+            is_right = values.ndim == 2 if column in WIDE else values.shape[1:] == dtype.shape
+            if values.dtype.kind != dtype.base.kind or not (is_right or n_rows == {(0,)}):
+                raise ValueError(f"{table}.{column} holds {values.dtype} in rows of shape {values.shape[1:]}")
     return meta, tables
 
 

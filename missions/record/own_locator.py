@@ -66,23 +66,20 @@ class OwnLocator:
         expected = f"an integer for each of {self._n_pulses} pulses, of {', '.join(map(str, known))}"
         with calling(self._locator, expected):
             association = np.asarray(self._locator.association())
-        got = None
-        if association.shape != (self._n_pulses,) or association.dtype.kind not in "iu":
-            got = f"{association.dtype} of shape {association.shape}"
-        elif (unknown := association[~np.isin(association, known)]).size:
-            got = str(unknown[0])
-        if got is not None:
-            raise UserCodeError(f"{place_of(self._locator)}: association gave {got}; expected {expected}")
+        is_integer = association.shape == (self._n_pulses,) and association.dtype.kind in "iu"
+        if not is_integer or not np.isin(association, known).all():
+            raise UserCodeError(
+                f"{place_of(self._locator)}: association gave {association.dtype} of shape {association.shape}, with "
+                f"{np.setdiff1d(association, known)[:3]}; expected {expected}"
+            )
         return association
 
     def _findings(self, method: str, *arguments: object) -> tuple[Finding, ...]:
         """Call a method and check its result."""
         with calling(self._locator, FINDINGS):
             findings = getattr(self._locator, method)(*arguments)
-        if not isinstance(findings, tuple) or not all(isinstance(finding, Finding) for finding in findings):
+        is_tuple = isinstance(findings, tuple) and all(isinstance(finding, Finding) for finding in findings)
+        if not is_tuple or len({finding.id for finding in findings}) < len(findings):
             raise UserCodeError(f"{place_of(self._locator)}: gave {findings!r:.80}; expected {FINDINGS}")
-        ids = [finding.id for finding in findings]
-        if len(set(ids)) < len(ids):
-            raise UserCodeError(f"{place_of(self._locator)}: gave the ids {ids}; expected {FINDINGS}")
         self.findings = findings
         return findings

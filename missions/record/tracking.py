@@ -1,47 +1,36 @@
-"""Tracker: gives credible pulses to the Locator, in missions and for field data."""
+"""Tracker: gives credible pulses to the Locator and logs what it finds, in missions and for field data."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, BearingEstimator, Finding, Locator, PulseBatch
+from dirmusic.angles import wrap
+from dirmusic.locating.finding import State
 from dirmusic.locating.plane_wave import MethodDeviation, is_credible
 from dirmusic.locating.protocol import LocatorProtocol
 from dirmusic.locating.rules import CredibilityRules
 from dirmusic.locating.yard_likelihood import YardLikelihood
 from pdpatrol.envs.scenario.array import ArrayCalibration, CalibratedArray
+from pdpatrol.missions.record.mission_log import MissionLog
 
 FloatArray = NDArray[np.float64]
-
 
 LIKELIHOOD_S, LIKELIHOOD_SHARE = 8.0, 0.01
 """Shortest time between two likelihoods over the yard, in seconds and as a fraction of the time so far. Assumed; the
 robot is elsewhere by then, and a survey of days does not need one for each place."""
 
 
-class Tracked(NamedTuple):
-    """Pulses and findings of one step.
-
-    Attributes:
-        pulses: All pulses of the step, n rows.
-        is_credible: True for pulses that the Locator was given, shape (n,).
-        findings: All findings so far.
-        log_likelihood: Likelihood over the yard, see `YardLikelihood`; None if it was not computed in this step.
-    """
-
-    pulses: PulseBatch
-    is_credible: NDArray[np.bool_]
-    findings: tuple[Finding, ...]
-    log_likelihood: FloatArray | None = None
-
-
 class Tracker:
     """Gives the credible pulses, consistent with a single plane wave, to a Locator; the only caller of its methods.
 
+    Pulses, bearings, findings and their new states are logged in the last step of the log.
+
     Args:
+        log: Log to write to.
         locator: Locator that makes findings of pulses.
         array: Data sheet and spread of the array.
         estimator: Estimator of the bearings.
@@ -51,33 +40,31 @@ class Tracker:
 
     def __init__(
         self,
+        log: MissionLog,
         locator: LocatorProtocol,
         array: ArrayModel,
         estimator: BearingEstimator,
         rules: CredibilityRules,
         likelihood: YardLikelihood,
     ) -> None:
+        self._log = log
         self._locator = locator
         self._array = array
         self._method_deviation = MethodDeviation(estimator, array)
         self._rules = rules
-        self._n_tracked = 0
         self._likelihood = likelihood
         self._began_s: float | None = None
         self._next_likelihood_s = -np.inf
         self._pending: list[tuple[PulseBatch, FloatArray]] = []
-
-    @property
-    def contradicts_calibration(self) -> bool:
-        """True if the pulses contradict the array errors of the calibration."""
-        return isinstance(self._locator, Locator) and self._locator.contradicts_errors
+        self._logged: tuple[Finding, ...] = ()
+        self._has_clipped = self._has_contradicted = False
 
     @property
     def findings(self) -> tuple[Finding, ...]:
         """Findings so far."""
         return self._locator.findings
 
-    def track(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> Tracked:
+    def track(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> None:
         """Locate with the pulses of one step.
 
         Args:
@@ -90,43 +77,127 @@ class Tracker:
             credible = is_credible(pulses, self._array, self._method_deviation.of(pulses), self._rules)
         accepted = pulses.take(credible)
         findings = self._locator.update(time_s, pose, accepted)
-        self._n_tracked += accepted.n_pulses
+        self._log_pulses(pose, pulses, credible)
+        self._log_findings(findings)
         if accepted.n_pulses:
             self._pending.append((accepted.without_bands(), np.tile(pose, (accepted.n_pulses, 1))))
         self._began_s = time_s if self._began_s is None else self._began_s
-        is_due = bool(self._pending) and time_s >= self._next_likelihood_s
-        if is_due:
+        if self._pending and time_s >= self._next_likelihood_s:
             self._next_likelihood_s = time_s + max(LIKELIHOOD_S, LIKELIHOOD_SHARE * (time_s - self._began_s))
-        return Tracked(pulses, credible, findings, self.log_likelihood() if is_due else None)
+            self._log_likelihood()
+        if self._contradicts_calibration and not self._has_contradicted:
+            text = "the pulses contradict the calibration: it is not used, for the array has changed or is another one"
+            self._log.event("calibration", text)
+        self._has_contradicted = self._contradicts_calibration
 
-    def log_likelihood(self) -> FloatArray:
-        """Return the likelihood over the yard by all pulses so far; see `YardLikelihood`."""
-        if self._pending:
-            pulses, poses = zip(*self._pending, strict=True)
-            self._likelihood.add(PulseBatch.join(pulses), np.concatenate(poses))
-            self._pending = []
-        return self._likelihood.log_likelihood
-
-    def refit(self, time_s: float) -> tuple[Finding, ...]:
+    def refit(self, time_s: float) -> None:
         """Fit all pulses again after the last one."""
-        return self._locator.refit(time_s)
+        self._log_findings(self._locator.refit(time_s))
 
-    def association(self) -> NDArray[np.intp]:
-        """Return the finding of every credible pulse; see `LocatorProtocol.association`."""
-        return self._locator.association()[: self._n_tracked]
+    def finish(self, mission: str, serial_number: int | None, before: ArrayCalibration | None) -> None:
+        """Log at the end which finding each credible pulse belongs to, the likelihood, and the array's calibration.
 
-    def calibration(
-        self, mission: str, serial_number: int | None, before: ArrayCalibration | None
-    ) -> ArrayCalibration | None:
-        """Return the calibration of the array by the Locator; None without one, and for a user's Locator.
+        Without new knowledge of the array, and for a user's Locator, there is no calibration.
 
         Args:
             mission: Name of the mission.
             serial_number: Serial number of the array.
             before: Calibration that the mission started with.
         """
+        credible = self._log.column("bearing", "pulse")
+        for pulse, finding in zip(credible, self._locator.association()[: credible.size], strict=True):
+            self._log.append("association", pulse=pulse, finding=finding)
+        if self._log.n_rows("step"):
+            self._log_likelihood()
         learned = self._locator.learned() if isinstance(self._locator, Locator) else None
-        if learned is None:
-            return None
-        used = None if self.contradicts_calibration else before
-        return ArrayCalibration.after(mission, learned, CalibratedArray.of(self._array, serial_number), used)
+        if learned is not None:
+            used = None if self._contradicts_calibration else before
+            calibrated = CalibratedArray.of(self._array, serial_number)
+            calibration = ArrayCalibration.after(mission, learned, calibrated, used)
+            self._log.meta["calibration"] = calibration.model_dump(mode="json")
+
+    @property
+    def _contradicts_calibration(self) -> bool:
+        return isinstance(self._locator, Locator) and self._locator.contradicts_errors
+
+    def _log_pulses(self, pose: FloatArray, pulses: PulseBatch, credible: NDArray[np.bool_]) -> None:
+        """Log pulses, and the bearings of the credible ones."""
+        if pulses.is_overdriven.any() and not self._has_clipped:
+            self._has_clipped = True
+            self._log.event("clipped", "a pulse exceeded full scale: clipped pulses are not used for locating")
+        bearing_rad = wrap(pulses.azimuth_rad + pose[2])
+        for i in range(pulses.n_pulses):
+            pulse = self._log.append(
+                "pulse",
+                step=self._log.last_step,
+                strengths_v=pulses.strengths_v[i],
+                mains_phase_rad=pulses.mains_phase_rad[i],
+                is_clipped=pulses.is_overdriven[i],
+                is_credible=credible[i],
+            )
+            if credible[i]:
+                self._log.append(
+                    "bearing",
+                    pulse=pulse,
+                    azimuth_rad=pulses.azimuth_rad[i],
+                    bearing_rad=bearing_rad[i],
+                    std_rad=pulses.std_rad[i],
+                )
+
+    def _log_likelihood(self) -> None:
+        """Log the likelihood over the yard by all pulses so far; see `YardLikelihood`."""
+        if self._pending:
+            pulses, poses = zip(*self._pending, strict=True)
+            self._likelihood.add(PulseBatch.join(pulses), np.concatenate(poses))
+            self._pending = []
+        self._log.append("likelihood", step=self._log.last_step, log_likelihood=self._likelihood.log_likelihood)
+
+    def _log_findings(self, findings: Sequence[Finding]) -> None:
+        """Log all findings if they have changed, and each new state as an event."""
+        if tuple(findings) == self._logged:
+            return
+        before = {finding.id: finding for finding in self._logged}
+        for finding in findings:
+            self._log_finding(finding, finding.state)
+            was = before.pop(finding.id, None)
+            if was is None or was.state != finding.state:
+                text = _state_text(finding, None if was is None else was.state)
+                self._log.event(finding.state, text, finding.id)
+        for gone in before.values():
+            self._log_finding(gone, "dropped")
+            noun = "finding" if gone.state == "confirmed" else "candidate"
+            self._log.event("dropped", f"{noun} {gone.id} was not a separate source", gone.id)
+        self._logged = tuple(findings)
+
+    def _log_finding(self, finding: Finding, state: str) -> None:
+        self._log.append(
+            "finding",
+            step=self._log.last_step,
+            id=finding.id,
+            position_m=finding.position_m,
+            covariance_m2=finding.covariance_m2,
+            state=state,
+            n_bearings=finding.n_bearings,
+            first_detected_s=finding.first_detected_s,
+            confirmed_s=np.nan if finding.confirmed_s is None else finding.confirmed_s,
+            aperture_rad=finding.aperture_rad,
+        )
+
+
+def _state_text(finding: Finding, was: State | None) -> str:
+    """Describe the new state of a finding; `was` is its state before, None if it is new."""
+    x, y, z = finding.position_m
+    match finding.state, was:
+        case "confirmed", _:
+            return f"finding {finding.id} at ({x:.2f}, {y:.2f}, {z:.2f}) m, 95 % in {finding.semi_major_m:.2f} m"
+        case "candidate", "confirmed":
+            return f"finding {finding.id} is in doubt: a candidate again, near ({x:.1f}, {y:.1f}) m"
+        case "candidate", None:
+            words = "towards"
+        case "candidate", _:
+            words = "may be a source after all, near"
+        case "ghost", _:
+            words = "is a multipath ghost near"
+        case _:
+            words = "seems to lie beyond the fence, near"
+    return f"candidate {finding.id} {words} ({x:.1f}, {y:.1f}) m"

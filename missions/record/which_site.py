@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import multivariate_normal
 
 from pdpatrol.robot_models.yard.solids import YardSolids
 from pdpatrol.robot_models.yard.yard import Yard
@@ -17,29 +17,16 @@ ON_SITES, ON_EQUIPMENT = 0.8, 0.15
 """Prior probabilities of the known sites, all equal, and of the surface of equipment, uniform; the rest is for anywhere
 in the yard. Assumed."""
 
-SITE_STD_M = 0.05
-"""Standard deviation of the mapped positions of sites. Assumed."""
-
 SURFACE_STEP_M = 0.25
 """Distance between the points that represent surfaces."""
 
 ELSEWHERE = "elsewhere"
 
 
-class SiteProbability(NamedTuple):
-    """A place where a finding may be.
-
-    Attributes:
-        name: `equipment/site`; `equipment` for another place on that piece; `ELSEWHERE`.
-        probability: Probability of the place.
-    """
-
-    name: str
-    probability: float
-
-
-def site_probabilities(yard: Yard, position_m: FloatArray, covariance_m2: FloatArray) -> tuple[SiteProbability, ...]:
+def site_probabilities(yard: Yard, position_m: FloatArray, covariance_m2: FloatArray) -> dict[str, float]:
     """Return the probabilities of all places, which add up to 1, the most likely first.
+
+    Places are named `equipment/site`; `equipment` for another place on that piece; `ELSEWHERE`.
 
     Args:
         yard: Yard as the map shows it.
@@ -51,16 +38,18 @@ def site_probabilities(yard: Yard, position_m: FloatArray, covariance_m2: FloatA
     weights = {ELSEWHERE: (1.0 - ON_SITES - ON_EQUIPMENT) / volume_m3}
     if sites:
         sites_m = np.array([yard.site_position(name) for name in sites])
-        density = _density(sites_m, position_m, covariance_m2 + SITE_STD_M**2 * np.eye(3))
+        covariance = covariance_m2 + 0.05**2 * np.eye(3)  # sites are mapped within 5 cm (assumed)
+        density = np.atleast_1d(multivariate_normal.pdf(sites_m, position_m, covariance))
         weights |= dict(zip(sites, (ON_SITES / len(sites) * density).tolist(), strict=True))
     if yard.equipment:
         points_m, owner = _surface(yard.solids, yard.owner)
-        density = _density(points_m, position_m, covariance_m2 + (0.5 * SURFACE_STEP_M) ** 2 * np.eye(3))
+        covariance = covariance_m2 + (0.5 * SURFACE_STEP_M) ** 2 * np.eye(3)
+        density = multivariate_normal.pdf(points_m, position_m, covariance)
         of_piece = np.bincount(owner, ON_EQUIPMENT / len(points_m) * density, len(yard.equipment))
-        weights |= {item.name: float(weight) for item, weight in zip(yard.equipment, of_piece, strict=True)}
+        weights |= dict(zip((item.name for item in yard.equipment), of_piece.tolist(), strict=True))
     total = sum(weights.values())
     ranked = sorted(weights.items(), key=lambda entry: -entry[1])
-    return tuple(SiteProbability(name, float(weight / total)) for name, weight in ranked)
+    return {name: weight / total for name, weight in ranked}
 
 
 def percent(probability: float) -> str:
@@ -70,24 +59,15 @@ def percent(probability: float) -> str:
     return "< 1 %" if probability < 0.01 else f"{100 * probability:.0f} %"
 
 
-def in_words(probabilities: Sequence[SiteProbability]) -> str:
+def in_words(probabilities: Mapping[str, float]) -> str:
     """Return the most likely place, and the second from 10 % on: `transformer_1/bushing_b 82 %, bushing_a 15 %`."""
-    first = probabilities[0]
-    words = [f"{first.name} {percent(first.probability)}"]
-    for other in probabilities[1:2]:
-        if other.probability >= 0.1:
-            piece, _, site = other.name.partition("/")
-            short = site if site and piece == first.name.partition("/")[0] else other.name
-            words.append(f"{short} {percent(other.probability)}")
+    (first, probability), *others = probabilities.items()
+    words = [f"{first} {percent(probability)}"]
+    for other, probability in others[:1]:
+        if probability >= 0.1:
+            piece, _, site = other.partition("/")
+            words.append(f"{site if site and piece == first.partition('/')[0] else other} {percent(probability)}")
     return ", ".join(words)
-
-
-def _density(points_m: FloatArray, mean_m: FloatArray, covariance_m2: FloatArray) -> FloatArray:
-    """Return the density of a normal distribution at points (n, 3), shape (n,), per cubic metre."""
-    off = points_m - mean_m
-    square = np.einsum("ni,ij,nj->n", off, np.linalg.inv(covariance_m2), off)
-    norm = np.sqrt(np.linalg.det(2 * np.pi * covariance_m2))
-    return np.asarray(np.exp(-0.5 * square), dtype=np.float64) / float(norm)
 
 
 def _surface(solids: YardSolids, owner: NDArray[np.intp]) -> tuple[FloatArray, NDArray[np.intp]]:
@@ -95,18 +75,15 @@ def _surface(solids: YardSolids, owner: NDArray[np.intp]) -> tuple[FloatArray, N
     points, of = list[FloatArray](), list[int]()
     for k in range(len(owner)):
         heights = _steps(float(solids.bottom_m[k]), float(solids.top_m[k]))
-        half_x, half_y = np.maximum(solids.half_size_m[k], solids.radius_m[k])
-        x, y = _steps(-half_x, half_x), _steps(-half_y, half_y)
+        half_x, half_y = solids.half_size_m[k] + solids.radius_m[k]
         if solids.radius_m[k] > 0.0:
             n_round = max(round(2 * np.pi * half_x / SURFACE_STEP_M), 4)
             angle = 2 * np.pi / n_round * np.arange(n_round)
-            rim = half_x * np.column_stack([np.cos(angle), np.sin(angle)])
-            top = np.zeros((1, 2))
+            rim, top = half_x * np.column_stack([np.cos(angle), np.sin(angle)]), np.zeros((1, 2))
         else:
-            along_x = [np.column_stack([x, np.full(x.size, side)]) for side in (-half_y, half_y)]
-            along_y = [np.column_stack([np.full(y.size, side), y]) for side in (-half_x, half_x)]
-            rim = np.concatenate([*along_x, *along_y])
-            top = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+            x, y = _steps(-half_x, half_x), _steps(-half_y, half_y)
+            rim = np.concatenate([_pairs(x, [-half_y, half_y]), _pairs([-half_x, half_x], y)])
+            top = _pairs(x, y)
         sides = np.column_stack([np.repeat(rim, heights.size, axis=0), np.tile(heights, len(rim))])
         own = np.concatenate([sides, np.column_stack([top, np.full(len(top), solids.top_m[k])])])
         cos, sin = np.cos(solids.yaw_rad[k]), np.sin(solids.yaw_rad[k])
@@ -114,6 +91,11 @@ def _surface(solids: YardSolids, owner: NDArray[np.intp]) -> tuple[FloatArray, N
         points.append(np.column_stack([turned, own[:, 2]]))
         of += [int(owner[k])] * len(own)
     return np.concatenate(points), np.array(of, dtype=np.intp)
+
+
+def _pairs(x: ArrayLike, y: ArrayLike) -> FloatArray:
+    """Return all pairs of coordinates, shape (n, 2)."""
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
 def _steps(low: float, high: float) -> FloatArray:

@@ -199,8 +199,8 @@ def _finding(
 
 def _sites(yard: Yard | None, position_m: FloatArray, covariance_m2: FloatArray) -> tuple[Site, ...]:
     """Return the places of a finding down to a probability of 1 %, the most probable first; none without a map."""
-    places = () if yard is None else site_probabilities(yard, position_m, covariance_m2)
-    return tuple(Site(**place._asdict()) for place in places if place.probability >= 0.01)
+    places = {} if yard is None else site_probabilities(yard, position_m, covariance_m2)
+    return tuple(Site(name=name, probability=value) for name, value in places.items() if value >= 0.01)
 
 
 def _discharge(resolved: PhaseResolved) -> DischargeKind:

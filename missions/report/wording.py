@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from pdpatrol.missions.record.events import Phase
-from pdpatrol.missions.record.which_site import SiteProbability, in_words, percent
+from pdpatrol.missions.record.which_site import in_words, percent
 from pdpatrol.missions.report.records import FindingRecord, PulseCounts, Report
 
 PULSE_CLASSES = {
@@ -100,7 +100,7 @@ def site_text(finding: FindingRecord) -> str:
         return "beyond the fence"
     if not finding.sites:
         return "not known"
-    return in_words([SiteProbability(site.name, site.probability) for site in finding.sites])
+    return in_words({site.name: site.probability for site in finding.sites})
 
 
 def kind_text(finding: FindingRecord) -> str:

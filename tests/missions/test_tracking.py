@@ -1,31 +1,53 @@
-"""Tracker and logbook."""
+"""Tracker: what it logs of pulses and findings."""
 
 from dataclasses import replace
 
 import numpy as np
 
-from dirmusic import ArrayModel, ElementSpread, Finding, GainManifold, PulseBatch
+from dirmusic import ArrayModel, ElementSpread, Finding, GainManifold, PoseError, PulseBatch
+from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
 from dirmusic.locating.association import Unassociated
+from dirmusic.locating.rules import CredibilityRules
+from dirmusic.locating.yard_likelihood import Grid, YardLikelihood
 from pdpatrol.envs import load_scenario
-from pdpatrol.missions.record.logbook import Logbook
 from pdpatrol.missions.record.mission_log import MissionLog
-from pdpatrol.missions.record.tracking import Tracked
+from pdpatrol.missions.record.tracking import Tracker
 from pdpatrol.missions.runner import run_mission
 
 MANIFOLD = GainManifold.ring(6)
 ARRAY = ArrayModel(manifold=MANIFOLD, positions_m=np.zeros((6, 3)), spread=ElementSpread(gain=0.05))
-POSE = np.zeros(3)
 FINDING = Finding(
     id=3, state="candidate", position_m=np.array([1.0, 2.0, 1.5]), covariance_m2=np.eye(3), n_bearings=1,
     first_detected_s=0.0, last_detected_s=0.0, confirmed_s=None, aperture_rad=0.0, nearest_m=1.0, level_db=0.0,
 )  # fmt: skip
 
 
+class FixedLocator:
+    """A Locator whose findings the test sets."""
+
+    def __init__(self) -> None:
+        self.findings: tuple[Finding, ...] = ()
+
+    def update(self, time_s: float, pose: np.ndarray, pulses: PulseBatch) -> tuple[Finding, ...]:
+        return self.findings
+
+    def refit(self, time_s: float) -> tuple[Finding, ...]:
+        return self.findings
+
+    def association(self) -> np.ndarray:
+        return np.empty(0, dtype=np.intp)
+
+
 def test_findings_are_logged_when_their_values_change() -> None:
-    log = MissionLog({"n_elements": 6})
-    book, once = Logbook(log), (FINDING,)
+    log, locator = MissionLog({"n_elements": 6}), FixedLocator()
+    likelihood = YardLikelihood(
+        ARRAY, PoseError(position_m=0.05, heading_rad=0.01, correlation_s=5.0), Grid.over(np.zeros(2), np.ones(2))
+    )
+    tracker = Tracker(log, locator, ARRAY, MaximumLikelihood(), CredibilityRules(), likelihood)
+    once = (FINDING,)
     for findings in (once, once, (replace(FINDING),), (replace(FINDING, n_bearings=9),), ()):
-        book.log_tracked(POSE, Tracked(PulseBatch.none(6), np.empty(0, dtype=np.bool_), findings))
+        locator.findings = findings
+        tracker.track(0.1, np.zeros(3), PulseBatch.none(6))
     assert log.column("finding", "state").tolist() == ["candidate", "candidate", "dropped"]
     assert np.isnan(log.column("finding", "confirmed_s")).all()
     assert log.column("event", "kind").tolist() == ["candidate", "dropped"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dirmusic.angles import aperture
-from pdpatrol.missions.planning.cover import GAP, apertures, cover
+from pdpatrol.missions.planning.cover import GAP, cover, coverage
 from pdpatrol.missions.planning.detectability import Detectability
 
 
@@ -41,8 +41,8 @@ def covers_all(detectability: Detectability, columns: np.ndarray, needed_rad: np
 def test_cover_is_complete_and_nearly_smallest(needed_deg: float) -> None:
     for seed in range(12):
         detectability = drawn(seed)
-        needed_rad = np.minimum(apertures(detectability), np.radians(needed_deg))
         everywhere = np.arange(detectability.cells.size)
+        needed_rad = np.minimum(coverage(detectability, everywhere)[:, 0], np.radians(needed_deg))
         chosen = cover(detectability, everywhere, needed_rad)
         assert covers_all(detectability, chosen, needed_rad)
         fewer = range(int(chosen.size * (1 - GAP)))  # beyond the gap of the search
@@ -51,9 +51,3 @@ def test_cover_is_complete_and_nearly_smallest(needed_deg: float) -> None:
             for n in fewer
             for some in combinations(everywhere, n)
         )
-
-
-def test_cover_is_empty_if_nothing_is_detectable() -> None:
-    detectability = drawn(0)
-    nothing = detectability._replace(is_detectable=np.zeros_like(detectability.is_detectable))
-    assert cover(nothing, np.arange(10), np.zeros(4)).size == 0

@@ -1,6 +1,5 @@
 """Plans detect every detectable site, without needless stops, from the map alone."""
 
-import json
 from functools import partial
 
 import numpy as np
@@ -15,8 +14,10 @@ from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.planning.detectability import compute_detectability
 from pdpatrol.missions.planning.output import as_json
 from pdpatrol.missions.planning.plan import Plan, make_plan
-from pdpatrol.missions.planning.tour import CellPaths, shortest_tour_of
+from pdpatrol.missions.planning.tour import ShortestTours
 from pdpatrol.robot_models.yard.yard import Yard
+from pdpatrol.sensing import HelicalArray
+from pdpatrol.sensing.receiver.receiver import Receiver
 from tests.missions.planning.one_plan import YARDS, FloatArray, plan_of, scenario_of, walled_in
 
 NEEDED_RAD, WITHIN_M = np.radians(60.0), 8.0
@@ -35,33 +36,31 @@ def aperture_of(views_m: FloatArray, site_m: FloatArray) -> float:
 
 def check(plan: Plan) -> None:
     """Check that the tour detects every site that a reachable place detects, and that no stop can be removed."""
-    detectability, site_map = plan.detectability, plan.site_map
-    for site in plan.sites:
-        site_m = site_map.yard.site_position(site.name)
-        everywhere = views_of(plan, site_m, site_map.centres_m[detectability.cells])
-        assert (site.detection is None) == (everywhere.size == 0), site.name
-        if site.detection is not None:
+    where, site_map = plan.detectability, plan.site_map
+    for name, detection in zip(where.names, plan.detections(), strict=True):
+        site_m = site_map.yard.site_position(name)
+        everywhere = views_of(plan, site_m, where.places_m)
+        assert (detection is None) == (everywhere.size == 0), name
+        if detection is not None:
             widest_rad = min(NEEDED_RAD, aperture_of(everywhere, site_m))
-            assert aperture_of(views_of(plan, site_m, plan.path_m), site_m) >= widest_rad - 1e-6, site.name
-    ways, dock = CellPaths(site_map), site_map.cell(plan.scenario.route.dock_m)
-    stops = [site_map.cell(stop_m) for stop_m in plan.stops_m]
+            assert aperture_of(views_of(plan, site_m, plan.path_m), site_m) >= widest_rad - 1e-6, name
+    tours, stops = ShortestTours(site_map), plan.tour.stops.tolist()
     for k in range(len(stops)):
-        rest = shortest_tour_of(ways, dock, stops[:k] + stops[k + 1 :])
+        rest = tours.shortest(stops[:k] + stops[k + 1 :])
         assert not covers_enough(plan, np.unique(rest.cells)), f"stop {k + 1} is needless"
-    assert covers_enough(plan, np.unique(shortest_tour_of(ways, dock, stops).cells))
+    assert covers_enough(plan, np.unique(tours.shortest(stops).cells))
 
 
 def covers_enough(plan: Plan, cells: NDArray[np.intp]) -> bool:
     """Return True if some cells cover each site as the plan requires."""
-    columns = plan.detectability.columns(cells)
-    for k, site in enumerate(plan.sites):
-        aspect_rad = plan.detectability.aspect_rad[k, columns[plan.detectability.is_detectable[k, columns]]]
+    where = plan.detectability
+    columns = where.columns(cells)
+    for k in range(len(where.names)):
+        aspect_rad = where.aspect_rad[k, columns[where.is_detectable[k, columns]]]
         lines = np.sort(np.mod(aspect_rad, np.pi))
         widest = np.diff(lines, append=lines[:1] + np.pi).max(initial=0.0)
         crossing_rad = min(np.pi - widest, np.pi / 2) if lines.size else 0.0
-        if aperture(aspect_rad) < site.needed_rad - 1e-6 or crossing_rad < site.crossing_rad - 1e-6:
-            return False
-        if aspect_rad.size < max(site.n_cells, site.detection is not None):
+        if (np.array([aperture(aspect_rad), crossing_rad, aspect_rad.size]) < plan.required[k] - 1e-6).any():
             return False
     return True
 
@@ -90,18 +89,12 @@ def test_blind_sites_are_out_of_sight_of_all_reachable_cells() -> None:
 
 
 def test_level_is_that_of_the_worst_heading() -> None:
-    from pdpatrol.sensing import HelicalArray
-    from pdpatrol.sensing.receiver.receiver import Receiver
-
     plan = plan_of("one_source")
     scenario, detectability = plan.scenario, plan.detectability
     array, receiver = HelicalArray.nominal(scenario.array), Receiver(scenario.receiver, 6)
-    for k in range(len(plan.sites)):
+    for k, target_m in enumerate(detectability.positions_m):
         column = int(np.where(detectability.is_detectable[k], detectability.range_m[k], 0.0).argmax())
-        target_m, place_m = (
-            detectability.positions_m[k],
-            np.append(detectability.places_m[column], scenario.array.height_m),
-        )
+        place_m = np.append(detectability.places_m[column], scenario.array.height_m)
         share = plan.site_map.sight(place_m[np.newaxis], target_m).item()
         peaks_v = []
         for yaw in np.radians(np.arange(0.0, 60.0, 0.5)):  # the ring repeats itself every 60 degrees
@@ -124,13 +117,8 @@ def test_weaker_discharges_are_detectable_from_fewer_cells() -> None:
     assert not faint.any()
     plan = make_plan(scenario, 1e-4)
     assert len(plan.stops_m) == 0
-    assert plan.length_m == plan.driving_s == 0.0
-    assert len(plan.blind) == len(plan.sites)
-
-
-def test_plans_are_deterministic() -> None:
-    again = make_plan(scenario_of("5004"))
-    assert json.dumps(as_json(again)) == json.dumps(as_json(plan_of("5004")))
+    assert plan.tour.length_m == plan.driving_s == 0.0
+    assert plan.blind == plan.detectability.names
 
 
 def test_plan_ignores_sources_true_yard_and_route() -> None:

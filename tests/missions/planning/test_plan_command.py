@@ -8,6 +8,7 @@ import pytest
 from matplotlib.image import imread
 
 from pdpatrol.envs.scenario import SHIPPED, load_scenario
+from pdpatrol.missions.planning.output import as_json
 from tests.missions.planning.one_plan import plan_of
 from tests.processes import pdpatrol, refusal
 
@@ -19,14 +20,10 @@ def test_plan_writes_table_picture_json_and_route(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     folder, plan = tmp_path / "runs" / "plan-one_source", plan_of("one_source")
     assert {path.name for path in folder.iterdir()} == {"plan.png", "plan.json", "route.toml"}
-    for site in plan.sites:
-        assert site.name in done.stdout
+    assert all(name in done.stdout for name in plan.detectability.names)
     assert f"13 of 13 sites detectable in sight, 3 dB above the trigger; {len(plan.stops_m)} stops" in done.stdout
     data = json.loads((folder / "plan.json").read_text(encoding="utf-8"))
-    assert data["tour"]["waypoints_m"] == plan.stops_m.tolist()
-    assert [site["detection"]["aperture_rad"] for site in data["sites"]] == [
-        site.detection.aperture_rad for site in plan.sites if site.detection
-    ]
+    assert data == as_json(plan)
     picture = imread(folder / "plan.png")
     assert min(picture.shape[:2]) > 600
     assert len(np.unique(picture.reshape(-1, picture.shape[-1]), axis=0)) > 50
@@ -48,7 +45,7 @@ def test_plan_uses_settings_and_amplitude(tmp_path: Path) -> None:
     assert data == json.loads((tmp_path / "here" / "plan.json").read_text(encoding="utf-8"))
     assert data["amplitude_v"] == 0.06
     levels = [site["detection"]["level_db"] for site in data["sites"] if site["detection"]]
-    strongest = max(site.detection.level_db for site in plan_of("one_source").sites if site.detection)
+    strongest = max(detection.level_db for detection in plan_of("one_source").detections() if detection)
     assert max(levels, default=0.0) < strongest - 6.0
 
 

@@ -10,7 +10,7 @@ from pdpatrol.envs.random_yard import random_yard
 from pdpatrol.envs.scenario import SHIPPED, ScenarioError
 from pdpatrol.missions.planning.plan import with_planned_route
 from pdpatrol.missions.runner import Mission
-from tests.missions.planning.one_plan import plan_of, scenario_of
+from tests.missions.planning.one_plan import YARDS, plan_of, scenario_of
 
 
 def to_be_planned(scenario: Scenario) -> Scenario:
@@ -75,13 +75,11 @@ def test_invalid_waypoints_are_refused(one_source: Path, waypoints: str, fault: 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["one_source", "5004", "5009"])
+@pytest.mark.parametrize("name", YARDS)
 def test_patrol_takes_the_planned_time(name: str) -> None:
     plan = plan_of(name)
-    waypoints_m = tuple((float(x), float(y)) for x, y in plan.stops_m)
-    route = plan.scenario.route.model_copy(update={"waypoints_m": waypoints_m})
-    mission = Mission(plan.scenario.model_copy(update={"route": route}), "patrol", 0)
+    mission = Mission(to_be_planned(plan.scenario), "patrol", 0)
     log = mission.run()
-    assert mission.n_visited == len(waypoints_m)
+    assert mission.n_visited == len(plan.stops_m)
     assert log.column("event", "subject")[-1] == "docked"
     assert mission.time_s == pytest.approx(plan.driving_s, rel=0.15)

@@ -5,8 +5,7 @@ from itertools import pairwise, permutations
 import numpy as np
 import pytest
 
-from pdpatrol.missions.driving.site_map import SiteMap
-from pdpatrol.missions.planning.tour import CellPaths, shortest_order, shortest_tour_of
+from pdpatrol.missions.planning.tour import ShortestTours, shortest_order
 from tests.missions.planning.one_plan import FloatArray, plan_of
 
 
@@ -34,20 +33,16 @@ def test_shortest_order_equals_brute_force(n_stops: int) -> None:
 @pytest.mark.parametrize("name", ["one_source", "5007", "5009"])
 def test_planned_tour_is_the_shortest(name: str) -> None:
     plan = plan_of(name)
-    site_map = SiteMap(plan.scenario)
-    cells = [site_map.cell(stop_m) for stop_m in (plan.scenario.route.dock_m, *plan.stops_m)]
+    tours = ShortestTours(plan.site_map)
+    cells = [tours.dock, *plan.tour.stops.tolist()]
     assert 2 <= len(cells) <= 9
-    lengths_m = CellPaths(site_map).lengths_m(cells)
-    assert plan.length_m == pytest.approx(brute_force(lengths_m), abs=1e-6)
-    assert plan.length_m == pytest.approx(np.linalg.norm(np.diff(plan.path_m, axis=0), axis=-1).sum())
+    assert plan.tour.length_m == pytest.approx(brute_force(tours.lengths_m(cells)), abs=1e-6)
+    assert plan.tour.length_m == pytest.approx(np.linalg.norm(np.diff(plan.path_m, axis=0), axis=-1).sum())
 
 
 def test_paths_are_symmetric_and_tour_order_is_unique() -> None:
-    plan = plan_of("one_source")
-    site_map = plan.site_map
-    paths, dock = CellPaths(site_map), site_map.cell(plan.scenario.route.dock_m)
-    stops = [site_map.cell(stop_m) for stop_m in plan.stops_m]
-    np.testing.assert_array_equal(paths.lengths_m(stops), paths.lengths_m(stops).T)
-    tours = [shortest_tour_of(paths, dock, order) for order in (stops, stops[::-1], sorted(stops))]
-    assert all(np.array_equal(tour.cells, tours[0].cells) for tour in tours)
-    assert tours[0].cells[0] == tours[0].cells[-1] == dock
+    tours, stops = ShortestTours(plan_of("one_source").site_map), plan_of("one_source").tour.stops.tolist()
+    np.testing.assert_array_equal(tours.lengths_m(stops), tours.lengths_m(stops).T)
+    first, *others = [tours.shortest(order) for order in (stops, stops[::-1], sorted(stops))]
+    assert all(np.array_equal(other.cells, first.cells) for other in others)
+    assert first.cells[0] == first.cells[-1] == tours.dock
