@@ -6,12 +6,14 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
+from rich.box import SIMPLE_HEAD
 from rich.progress import Progress
+from rich.table import Table
 
 from pdpatrol.missions.cli.mission_files import print_times
 from pdpatrol.missions.cli.terminal import err, out, output_folder, print_written, refuse
-from pdpatrol.missions.reproduction.exhibit import verdict
-from pdpatrol.missions.reproduction.output import as_table, write_reproduction
+from pdpatrol.missions.reproduction.comparison import verdict
+from pdpatrol.missions.reproduction.reproduce import COLUMNS, PARTS, cells, write_reproduction
 from pdpatrol.missions.reproduction.reproduce import reproduce as run_trials
 from pdpatrol.missions.runner import Stopwatch
 
@@ -27,7 +29,7 @@ def reproduce(
     """Compare every exhibit of the Dir-MUSIC paper with ours, by the paper's method and by the best one.
 
     It ends with a verdict: which of the paper's numbers agree with its method, and which do not. Writes
-    reproduction.html, reproduction.json and the pictures, drawn like the paper's.
+    reproduction.html, reproduction.json and the pictures.
 
     Args:
         trials: Trials of each cell; 100 to 1000000. The paper has 3600.
@@ -44,24 +46,27 @@ def reproduce(
     if errors:
         refuse(*errors)
     stopwatch = Stopwatch()
-    with output_folder(out_dir, f"reproduction-{seed}") as folder, Progress(console=err, transient=True) as progress:
-        bar = progress.add_task(f"{trials} trials per cell", total=1.0)
-        with stopwatch.on("trials"):
-            exhibits = run_trials(trials, seed, lambda share: progress.advance(bar, share))
-        bar = progress.add_task("pictures", total=1.0)
+    with output_folder(out_dir, f"reproduction-{seed}") as folder:
+        with stopwatch.on("trials"), Progress(console=err, transient=True) as progress:
+            bar = progress.add_task(f"{trials} trials per cell", total=len(PARTS))
+            exhibits = run_trials(trials, seed, lambda: progress.advance(bar))
         with stopwatch.on("pictures and page"):
-            data = write_reproduction(exhibits, trials, seed, folder, lambda share: progress.advance(bar, share))
+            data = write_reproduction(exhibits, trials, seed, folder)
     if json_output:
         out.print_json(data=data)
     else:
         for exhibit in exhibits:
-            out.print(as_table(exhibit))
-            out.print()
-        result = verdict(exhibits)
+            if not exhibit.rows:
+                continue
+            table = Table("", title=exhibit.title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
+            for name in COLUMNS:
+                table.add_column(name, justify="right")
+            for row in exhibit.rows:
+                table.add_row(*cells(row))
+            out.print(table, *exhibit.notes, "", sep="\n")
+        summary, misses = verdict(exhibits)
         out.print(f"{trials} or more trials per cell in {stopwatch.total_s:.0f} s; intervals are 95 %.", soft_wrap=True)
-        out.print(str(result), soft_wrap=True)
-        for miss in result.misses:
-            out.print(f"  {miss}; {miss.why or 'it may be chance'}", soft_wrap=True)
+        out.print(summary, *misses, sep="\n", soft_wrap=True)
         print_written(folder, "reproduction.html", "reproduction.json", "pictures")
     if timing:
         print_times(stopwatch)

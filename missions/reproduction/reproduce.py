@@ -1,76 +1,134 @@
-"""Run the trials of all exhibits on all cores; the results depend on the seed alone."""
+"""Run the trials of all exhibits, and write reproduction.json, reproduction.html and the pictures."""
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
 from threading import Event
+from typing import Any
 
 from threadpoolctl import threadpool_limits
 
+from pdpatrol.missions.atomic_file import atomic_file, write_text
+from pdpatrol.missions.report.page import embed, render
 from pdpatrol.missions.reproduction import exhibits
-from pdpatrol.missions.reproduction.exhibit import Campaign, Exhibit
+from pdpatrol.missions.reproduction.comparison import Exhibit, Measured, Row, published, verdict
 from pdpatrol.missions.reproduction.field_test import field_test
+from pdpatrol.missions.reproduction.figures import draw_bars
+from pdpatrol.missions.reproduction.simulation import N_RECORD, SAMPLE_RATE_HZ, Trials
 
-ORDER = (
-    "table1",
-    "fig4",
-    "fig5",
-    "fig7",
-    "table2",
-    "table3",
-    "phase_method",
-    "sample_rate",
-    "bound",
+PARTS: tuple[Callable[[Trials], tuple[Exhibit, ...]], ...] = (
+    exhibits.illustrations,
+    exhibits.noise_tables,
+    exhibits.manifold_errors,
+    exhibits.element_counts,
+    field_test,
+    exhibits.phase_method,
+    exhibits.sample_rates,
 )
-"""As in the paper, then the additions."""
+"""Functions that make the exhibits, in the order in which they are shown."""
 
-PARTS: tuple[tuple[Callable[[Campaign], Exhibit | tuple[Exhibit, ...]], int, float], ...] = (
-    (exhibits.noise_tables, 5, 0.34),
-    (exhibits.element_counts, 6, 0.17),
-    (exhibits.phase_method, 10, 0.16),
-    (field_test, 20, 0.16),
-    (exhibits.manifold_errors, 4, 0.13),
-    (exhibits.sample_rates, 6, 0.03),
-    (exhibits.bound, 7, 0.01),
-)
-"""Functions with their number of cells and measured share of the work; the longest first, to end together."""
+COLUMNS = ("paper", "paper's method", "best method", "unrounded")
+"""Headings of the numbers of a row."""
 
 
-class CancelledError(Exception):
-    """Raised in the worker threads when the caller is interrupted."""
-
-
-def reproduce(trials: int, seed: int, progress: Callable[[float], None]) -> tuple[Exhibit, ...]:
-    """Make every exhibit of the paper.
+def reproduce(trials: int, seed: int, advance: Callable[[], None]) -> list[Exhibit]:
+    """Make every exhibit of the paper on all cores; the results depend on the seed alone.
 
     Args:
         trials: Trials of each cell, >= 1; the paper has 3600.
         seed: Seed of all trials.
-        progress: Called, from any thread, with the share of the work that was done since the last call.
-
-    Returns:
-        The exhibits in the order of `ORDER`.
+        advance: Called when one of `PARTS` is finished.
     """
-    cancelled = Event()
-
-    def work(part: tuple[Callable[[Campaign], Exhibit | tuple[Exhibit, ...]], int, float]) -> tuple[Exhibit, ...]:
-        make, n_cells, share = part
-
-        def tick(n: int) -> None:
-            if cancelled.is_set():
-                raise CancelledError
-            progress(share * n / (n_cells * trials))
-
-        made = make(Campaign(trials=trials, seed=seed, tick=tick))
-        return made if isinstance(made, tuple) else (made,)
-
+    cancelled, made = Event(), list[Exhibit]()
+    settings = Trials(trials, seed, cancelled)
     with threadpool_limits(limits=1), ThreadPoolExecutor(os.cpu_count()) as pool:
         try:
-            done = {exhibit.name: exhibit for some in pool.map(work, PARTS) for exhibit in some}
-        except BaseException:
+            for part in pool.map(lambda make: make(settings), PARTS):
+                made += part
+                advance()
+        finally:
             cancelled.set()
-            pool.shutdown(wait=True, cancel_futures=True)
-            raise
-    return tuple(done[name] for name in ORDER)
+    return made
+
+
+def write_reproduction(made: Sequence[Exhibit], trials: int, seed: int, folder: Path) -> dict[str, Any]:
+    """Write the pictures, reproduction.json and reproduction.html.
+
+    Args:
+        made: All exhibits.
+        trials: Trials of each cell.
+        seed: Seed of the trials.
+        folder: Existing folder.
+
+    Returns:
+        Content of reproduction.json.
+    """
+    figures = dict[str, str]()
+    for exhibit in made:
+        figure = draw_bars(exhibit) if exhibit.draw is None else exhibit.draw()
+        with atomic_file(folder / f"{exhibit.name}.png") as file:
+            figure.savefig(file, format="png", dpi=140)
+        figures[exhibit.name] = embed(figure, exhibit.title)
+    summary, misses = verdict(made)
+    data = {
+        "schema": 3,
+        "versions": {name: version(name) for name in ("pdpatrol", "numpy", "scipy")},
+        "source": published()["source"],
+        "trials": trials,
+        "seed": seed,
+        "protocol": {
+            "record_samples": N_RECORD,
+            "sample_rate_hz": SAMPLE_RATE_HZ,
+            "directions_deg": "integers 1 to 360",
+            "grid_deg": 1,
+            "success": "|error on the grid| <= 2 degrees",
+            "interval": "95 %: exact binomial for shares, chi-square for spreads; table 3: central 90 % of the draws",
+        },
+        "verdict": {"summary": summary, "misses": misses},
+        "exhibits": {
+            exhibit.name: {
+                "title": exhibit.title,
+                "rows": [asdict(row) for row in exhibit.rows],
+                "notes": exhibit.notes,
+            }
+            for exhibit in made
+        },
+    }
+    text = json.dumps(data, indent=2)
+    write_text(folder / "reproduction.json", text + "\n")
+    page = render(
+        "reproduction/reproduction.html",
+        title="The Dir-MUSIC paper compared with pdpatrol",
+        subject=f"{trials} trials per cell, seed {seed}",
+        source=data["source"],
+        version=data["versions"]["pdpatrol"],
+        summary=summary,
+        misses=misses,
+        exhibits=made,
+        columns=COLUMNS,
+        cells=cells,
+        figures=figures,
+    )
+    write_text(folder / "reproduction.html", page)
+    return json.loads(text)
+
+
+def cells(row: Row) -> tuple[str, ...]:
+    """Return a label and a text for each of `COLUMNS`; a star marks a printed number that was not met."""
+    printed = "-" if row.paper is None else f"{row.paper:g}{'*' * (row.is_met is False)}"
+    numbers = [_number(each, row.unit) for each in (row.paper_method, row.best_method, row.unrounded)]
+    return f"{row.label} (deg)" if row.unit == "deg" else row.label, printed, *numbers
+
+
+def _number(measured: Measured | None, unit: str) -> str:
+    if measured is None:
+        return "-"
+    digits = 1 if unit == "%" else 2
+    interval = "" if not measured.interval else " ({:.{d}f}, {:.{d}f})".format(*measured.interval, d=digits)
+    return f"{measured.value:.2f}{interval}"

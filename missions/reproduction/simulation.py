@@ -7,24 +7,19 @@ drawn only where the pulse has to be found first.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from threading import Event
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dirmusic import (
-    Bearings,
-    GainManifold,
-    bearings_from_covariance,
-    cut_windows,
-    pulse_start,
-    sample_covariance,
-)
+from dirmusic import GainManifold, bearings_from_covariance, cut_windows, pulse_start, sample_covariance
 from dirmusic.angles import difference
-from dirmusic.array.element_errors import ManifoldPrior
-from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
-from pdpatrol.sensing.nature.pulses import damped_pulse, unit_pulse_energy
+from pdpatrol.sensing.nature.pulses import damped_pulse
 
 FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 SAMPLE_RATE_HZ = 20e9
 N_RECORD = 10_000
@@ -33,17 +28,46 @@ N_RECORD = 10_000
 UNIT_ENERGY_TO_NOISE = 28_070.0
 """rho at 0 dB: energy of the pulse in a channel of unit gain over the variance of a noise sample, six elements."""
 
-GATE_SAMPLES = 60
-"""3 ns: a pulse of 1 ns decay has 99.7 % of its energy in them."""
-
 FOUND_GATE_SAMPLES = 80
-"""A gate that is found in noisy data is a little longer, because it starts some samples early or late."""
+"""4 ns. A pulse of 1 ns decay has 99.7 % of its energy in 60 samples; a gate that is found in noise starts early or
+late."""
 
 GRID_DEG = np.arange(1, 361)
 """The paper's true directions and its search grid."""
 
-SUCCESS_DEG = 2
-"""Success is an error of at most this, on the grid. The paper writes "less than"; its numbers mean "at most"."""
+
+@dataclass(frozen=True)
+class Trials:
+    """Number and seed of the trials of each cell of an exhibit.
+
+    Attributes:
+        n: Trials of each cell, >= 1.
+        seed: Seed; each cell has a separate random generator, so that no cell depends on another.
+        cancelled: Set by another thread to end the trials.
+    """
+
+    n: int
+    seed: int
+    cancelled: Event
+
+    def rng(self, exhibit: int, cell: int) -> np.random.Generator:
+        """Return the random generator of one cell."""
+        return np.random.default_rng([self.seed, exhibit, cell])
+
+    def collect(
+        self, exhibit: int, cell: int, draw: Callable[[int, np.random.Generator], tuple[FloatArray, ...]]
+    ) -> list[FloatArray]:
+        """Call `draw` with numbers of trials and the generator of a cell, and join each of the arrays it returns.
+
+        Raises:
+            InterruptedError: If the trials are cancelled.
+        """
+        rng, parts, chunk = self.rng(exhibit, cell), list[tuple[FloatArray, ...]](), 200
+        for first in range(0, self.n, chunk):  # chunks bound the memory; results of a seed depend on their size
+            if self.cancelled.is_set():
+                raise InterruptedError
+            parts.append(draw(min(chunk, self.n - first), rng))
+        return [np.concatenate(arrays) for arrays in zip(*parts, strict=True)]
 
 
 def energy_to_noise(snr_db: ArrayLike) -> FloatArray:
@@ -65,68 +89,47 @@ def energy_to_noise_of(gain: FloatArray, snr_db: float, n_record: int = N_RECORD
     return gain.shape[-1] * n_record * 10.0 ** (snr_db / 10) / np.square(gain).sum(axis=-1)
 
 
-def draw_directions(n: int, rng: np.random.Generator) -> FloatArray:
-    """Draw integer directions on the paper's grid, degrees."""
-    return rng.integers(GRID_DEG[0], GRID_DEG[-1] + 1, n).astype(np.float64)
-
-
-def wishart(n_trials: int, n_elements: int, degrees: int, rng: np.random.Generator) -> FloatArray:
-    """Draw X X^T of unit white noise X (n_elements, degrees), shape (n_trials, n_elements, n_elements).
+def wishart(
+    n_trials: int, n_elements: int, degrees: int, rng: np.random.Generator, *, is_complex: bool = False
+) -> NDArray[Any]:
+    """Draw X X^H of unit white noise X (n_elements, degrees), shape (n_trials, n_elements, n_elements).
 
     References:
-        Bartlett's decomposition; Anderson, "An Introduction to Multivariate Statistical Analysis", section 7.2.
+        Bartlett's decomposition; Anderson, "An Introduction to Multivariate Statistical Analysis", section 7.2;
+        Goodman 1963, Annals of Mathematical Statistics 34, for complex noise, whose real and imaginary parts have unit
+        variance here.
     """
-    lower = np.tril(rng.standard_normal((n_trials, n_elements, n_elements)), -1)
+    lower = np.tril(_white((n_trials, n_elements, n_elements), rng, is_complex=is_complex), -1)
     diagonal = np.arange(n_elements)
-    lower[:, diagonal, diagonal] = np.sqrt(rng.chisquare(degrees - diagonal, (n_trials, n_elements)))
-    return lower @ np.swapaxes(lower, -1, -2)
+    degrees_of_each = (1 + is_complex) * (degrees - diagonal)
+    lower[:, diagonal, diagonal] = np.sqrt(rng.chisquare(degrees_of_each, (n_trials, n_elements)))
+    return lower @ np.conj(np.swapaxes(lower, -1, -2))
 
 
-def draw_covariances(signals: FloatArray, n_record: int, rng: np.random.Generator) -> FloatArray:
+def draw_covariances(signals: NDArray[Any], n_record: int, rng: np.random.Generator) -> NDArray[Any]:
     r"""Draw sample covariances of records with some pulses at different times, in unit white noise.
 
-    .. math:: n R = \sum_k y_k y_k^T + W, \quad y_k = s_k + n_k, \quad W \sim \text{Wishart}(n - n_\text{pulses})
+    .. math:: n R = \sum_k y_k y_k^H + W, \quad y_k = s_k + n_k, \quad W \sim \text{Wishart}(n - n_\text{pulses})
 
     Args:
-        signals: Gains times the root of each pulse's energy, shape (n_trials, n_elements, n_pulses).
-        n_record: Samples of the record.
+        signals: Gains times the root of each pulse's energy, shape (n_trials, n_elements, n_pulses); complex for
+            analytic signals.
+        n_record: Independent samples of the record; an analytic signal has half as many as the record.
         rng: Source of randomness.
 
     Returns:
         Shape (n_trials, n_elements, n_elements).
     """
     n_trials, n_elements, n_pulses = signals.shape
-    received = signals + rng.standard_normal(signals.shape)
-    noise = wishart(n_trials, n_elements, n_record - n_pulses, rng)
-    return (received @ np.swapaxes(received, -1, -2) + noise) / n_record
+    is_complex = np.iscomplexobj(signals)
+    received = signals + _white(signals.shape, rng, is_complex=is_complex)
+    noise = wishart(n_trials, n_elements, n_record - n_pulses, rng, is_complex=is_complex)
+    return (received @ np.conj(np.swapaxes(received, -1, -2)) + noise) / n_record
 
 
-def draw_phase_covariances(steering: ComplexArray, rho: float, n_record: int, rng: np.random.Generator) -> ComplexArray:
-    """Draw covariances of the analytic signals of an array whose elements differ in phase, not in gain.
-
-    An analytic signal of n real samples has n / 2 independent complex ones.
-
-    Args:
-        steering: Response of each element, shape (n_trials, n_elements).
-        rho: Energy of the pulse over the noise variance.
-        n_record: Real samples of the record.
-        rng: Source of randomness.
-
-    Returns:
-        Shape (n_trials, n_elements, n_elements), up to a factor.
-    """
-    n_trials, n_elements = steering.shape
-    degrees = n_record // 2 - 1
-
-    def complex_normal(*shape: int) -> ComplexArray:
-        return rng.standard_normal(shape) + 1j * rng.standard_normal(shape)
-
-    received = np.sqrt(rho) * steering + complex_normal(n_trials, n_elements)
-    lower = np.tril(complex_normal(n_trials, n_elements, n_elements), -1)
-    diagonal = np.arange(n_elements)
-    lower[:, diagonal, diagonal] = np.sqrt(rng.chisquare(2 * (degrees - diagonal), (n_trials, n_elements)))
-    both = np.concatenate([received[..., np.newaxis], lower], axis=-1)
-    return both @ np.conj(np.swapaxes(both, -1, -2))
+def _white(shape: tuple[int, ...], rng: np.random.Generator, *, is_complex: bool) -> NDArray[Any]:
+    """Draw white noise of unit variance in each real component."""
+    return rng.standard_normal(shape) + (1j * rng.standard_normal(shape) if is_complex else 0.0)
 
 
 def draw_records(gain: FloatArray, rho: FloatArray, rng: np.random.Generator) -> NDArray[np.float32]:
@@ -148,69 +151,28 @@ def draw_records(gain: FloatArray, rho: FloatArray, rng: np.random.Generator) ->
     pulse = damped_pulse(time_s)
     pulse *= np.sqrt(rho / np.square(pulse).sum(axis=-1))[:, np.newaxis]
     index = start[:, np.newaxis] + np.arange(n_pulse)
-    trial = np.arange(n_trials)[:, np.newaxis]
-    for element in range(n_elements):
-        record[trial, element, index] += (gain[:, element, np.newaxis] * pulse).astype(np.float32)
+    received = pulse[..., np.newaxis] * gain[:, np.newaxis, :]
+    record[np.arange(n_trials)[:, np.newaxis], :, index] += received.astype(np.float32)
     return record
 
 
-def draw_gates(
-    manifold: GainManifold,
-    positions_m: FloatArray,
-    azimuth_rad: FloatArray,
-    rho: ArrayLike,
-    n_samples: int,
-    rng: np.random.Generator,
-    *,
-    lead: int = 2,
-) -> FloatArray:
-    """Draw gates of plane waves on an array of real size, in unit white noise.
-
-    Args:
-        manifold: True gains.
-        positions_m: Positions of the elements, shape (n_elements, 2); all zero for the paper's point.
-        azimuth_rad: Directions of arrival, shape (n_trials,).
-        rho: Energy over noise variance, broadcasts to (n_trials,).
-        n_samples: Length of the gate.
-        rng: Source of randomness.
-        lead: Samples before the pulse reaches the first element.
-
-    Returns:
-        Shape (n_trials, n_elements, n_samples).
-    """
-    ahead_m = positions_m @ np.stack([np.cos(azimuth_rad), np.sin(azimuth_rad)])
-    delay_s = (ahead_m.max(axis=0) - ahead_m).T / SPEED_OF_LIGHT_MPS
-    jitter = rng.random((azimuth_rad.size, 1, 1))
-    time_s = (np.arange(n_samples) - lead - jitter) / SAMPLE_RATE_HZ - delay_s[..., np.newaxis]
-    amplitude = np.sqrt(np.broadcast_to(rho, azimuth_rad.shape) / unit_pulse_energy(SAMPLE_RATE_HZ))
-    clean = manifold.gain(azimuth_rad).T[..., np.newaxis] * damped_pulse(time_s)
-    noise = rng.standard_normal((azimuth_rad.size, manifold.n_elements, n_samples))
-    return amplitude[:, np.newaxis, np.newaxis] * clean + noise
-
-
-def by_paper(covariance: FloatArray, gain: FloatArray) -> FloatArray:
+def by_paper(covariance: NDArray[Any], gain: NDArray[Any]) -> FloatArray:
     r"""Search eq. (15) as printed on the 1 degree grid; degrees, shape (n_trials,).
 
     With one source, the part of a gain in the noise subspace is its remainder after the eigenvector of the signal:
-    :math:`\lVert E_n^T g \rVert^2 = \lVert g \rVert^2 - (e_s^T g)^2`, several times faster than `pseudo_spectrum`.
+    :math:`\lVert E_n^H g \rVert^2 = \lVert g \rVert^2 - |e_s^H g|^2`, several times faster than `pseudo_spectrum`.
 
     Args:
         covariance: Shape (n_trials, n_elements, n_elements).
-        gain: The clean manifold on the grid, shape (n_elements, 360). With one element no noise subspace is left, the
-            spectrum is constant, and the first grid angle wins.
+        gain: The clean manifold on the grid, shape (n_elements, 360); complex for a manifold of phases. With one
+            element no noise subspace is left, the spectrum is constant, and the first grid angle wins.
     """
     if gain.shape[0] == 1:
         return np.full(covariance.shape[0], GRID_DEG[0], dtype=np.float64)
     _, vectors = np.linalg.eigh(covariance)
-    null = np.square(gain).sum(axis=0) - np.square(vectors[..., -1] @ gain)
+    signal = np.square(np.abs(np.conj(vectors[..., -1]) @ gain))
+    null = np.square(np.abs(gain)).sum(axis=0) - signal
     return GRID_DEG[null.argmin(axis=-1)].astype(np.float64)
-
-
-def by_phase(covariance: ComplexArray, steering: ComplexArray) -> FloatArray:
-    """Search MUSIC on the phase manifold `steering` (360, n_elements) on the grid; degrees, shape (n_trials,)."""
-    _, vectors = np.linalg.eigh(covariance)
-    projection = steering.conj() @ vectors[..., :-1]
-    return GRID_DEG[np.square(np.abs(projection)).sum(axis=-1).argmin(axis=-1)].astype(np.float64)
 
 
 def by_gate(records: NDArray[np.float32], manifold: GainManifold) -> FloatArray:
@@ -219,16 +181,6 @@ def by_gate(records: NDArray[np.float32], manifold: GainManifold) -> FloatArray:
     return np.degrees(bearings_from_covariance(sample_covariance(gate), manifold).azimuth_rad)
 
 
-def by_gated_covariance(covariance: FloatArray, manifold: GainManifold, prior: ManifoldPrior | None = None) -> Bearings:
-    """Estimate by maximum likelihood, or by Bayes over the manifold, from covariances of gates in unit noise."""
-    return bearings_from_covariance(covariance, manifold, n_snapshots=GATE_SAMPLES, noise_variance=1.0, prior=prior)
-
-
-def error_deg(estimate_deg: FloatArray, true_deg: FloatArray) -> FloatArray:
+def error_deg(estimate_deg: FloatArray, true_deg: ArrayLike) -> FloatArray:
     """Return the error in the shorter direction, degrees."""
     return np.degrees(difference(np.radians(estimate_deg), np.radians(true_deg)))
-
-
-def is_success(errors_deg: FloatArray) -> NDArray[np.bool_]:
-    """Score as the paper does: errors of estimates rounded to the grid, at most 2 degrees."""
-    return np.abs(np.round(errors_deg)) <= SUCCESS_DEG

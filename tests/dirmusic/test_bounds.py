@@ -25,14 +25,10 @@ from dirmusic import (
 from dirmusic.angles import difference
 from dirmusic.array.element_errors import EstimatedErrors
 from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD
-from pdpatrol.missions.reproduction.simulation import (
-    SAMPLE_RATE_HZ,
-    draw_covariances,
-    draw_gates,
-)
-from pdpatrol.missions.reproduction.simulation import (
-    energy_to_noise as rho,
-)
+from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
+from pdpatrol.missions.reproduction.simulation import SAMPLE_RATE_HZ, draw_covariances
+from pdpatrol.missions.reproduction.simulation import energy_to_noise as rho
+from pdpatrol.sensing.nature.pulses import damped_pulse, unit_pulse_energy
 
 RING = GainManifold.ring(6)
 GRID = np.radians(np.arange(360.0))
@@ -42,12 +38,29 @@ def ring_positions(radius_m: float) -> np.ndarray:
     return radius_m * np.stack([np.cos(RING.boresights_rad), np.sin(RING.boresights_rad)], axis=-1)
 
 
+def draw_gates(
+    azimuth_rad: np.ndarray,
+    snr_db: float,
+    rng: np.random.Generator,
+    *,
+    radius_m: float = 0.0,
+    n_samples: int = 60,
+    lead: int = 2,
+) -> np.ndarray:
+    """Draw gates (n, 6, n_samples) in unit noise; the pulse reaches the array `lead` samples after the start."""
+    ahead_m = ring_positions(radius_m) @ np.stack([np.cos(azimuth_rad), np.sin(azimuth_rad)])
+    delay_s = (ahead_m.max(axis=0) - ahead_m).T / SPEED_OF_LIGHT_MPS
+    since_s = (np.arange(n_samples) - lead - rng.random((azimuth_rad.size, 1, 1))) / SAMPLE_RATE_HZ
+    pulse = np.sqrt(rho(snr_db) / unit_pulse_energy(SAMPLE_RATE_HZ)) * damped_pulse(since_s - delay_s[..., np.newaxis])
+    return RING.gain(azimuth_rad).T[..., np.newaxis] * pulse + rng.standard_normal((azimuth_rad.size, 6, n_samples))
+
+
 def plane_waves(
     n: int, snr_db: float, rng: np.random.Generator, *, radius_m: float = 0.0, n_samples: int = 60, lead: int = 2
 ) -> tuple[np.ndarray, np.ndarray]:
     """Draw azimuths (n,) and gates (n, 6, n_samples) in unit noise."""
     azimuth = rng.uniform(-np.pi, np.pi, n)
-    return azimuth, draw_gates(RING, ring_positions(radius_m), azimuth, rho(snr_db), n_samples, rng, lead=lead)
+    return azimuth, draw_gates(azimuth, snr_db, rng, radius_m=radius_m, n_samples=n_samples, lead=lead)
 
 
 def rms(values: np.ndarray) -> float:
@@ -73,7 +86,7 @@ def test_pooling_twenty_pulses_reaches_one_degree() -> None:
     azimuth = rng.uniform(-np.pi, np.pi, 1500)
     pooled = np.zeros((1500, 6, 6))
     for _ in range(20):
-        gates = draw_gates(RING, np.zeros((6, 2)), azimuth, rho(-20), 60, rng)
+        gates = draw_gates(azimuth, -20, rng)
         pooled += sample_covariance(gates) / 20
     bearings = bearings_from_covariance(pooled, RING, n_snapshots=1200, noise_variance=1.0)
     assert np.degrees(rms(difference(bearings.azimuth_rad, azimuth))) <= 1.1

@@ -176,7 +176,7 @@ def test_reproduce_writes_numbers_and_pictures(tmp_path: Path) -> None:
     data = json.loads((folder / "reproduction.json").read_text())
     assert json.loads(done.stdout) == data
     assert (data["trials"], data["seed"]) == (100, 4)
-    assert len(list(folder.glob("*.png"))) == 9
+    assert len(list(folder.glob("*.png"))) == 10
     assert refusal(pdpatrol("reproduce", "--trials", 99, "--seed", -1, cwd=tmp_path)) == [
         "--trials must be from 100 to 1000000, got 99",
         "--seed must be 0 or more, got -1",

@@ -8,15 +8,27 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pdpatrol.missions.reproduction.exhibit import PAPER_TRIALS, Exhibit, Prediction, accuracy_row, verdict
+from pdpatrol.missions.reproduction.comparison import (
+    PAPER_TRIALS,
+    Exhibit,
+    Statistic,
+    accuracy,
+    compare,
+    largest,
+    least,
+    mean,
+    spread,
+    verdict,
+)
 from tests.missions.reproduction.test_exhibits import exhibits
 
 FloatArray = NDArray[np.float64]
 Draw = Callable[[np.random.Generator, int], FloatArray]
 
 
-def hits(share: float) -> Draw:
-    return lambda rng, n: (rng.random(n) < share).astype(float)
+def successes(share: float) -> Draw:
+    """Return draws of errors of 0 and 10 degrees."""
+    return lambda rng, n: np.where(rng.random(n) < share, 0.0, 10.0)
 
 
 def normal(rng: np.random.Generator, n: int) -> FloatArray:
@@ -33,58 +45,56 @@ def uniform(rng: np.random.Generator, n: int) -> FloatArray:
 
 @pytest.mark.parametrize("n_measured", [3600, 36_000])
 @pytest.mark.parametrize(
-    ("predict", "figure", "draw", "most"),
+    ("statistic", "draw", "most"),
     [
-        (lambda x: Prediction.of_share(x > 0.5), lambda x: 100.0 * x.mean(), hits(0.73), 0.99),
-        (lambda x: Prediction.of_share(x > 0.5), lambda x: 100.0 * x.mean(), hits(0.9987), 1.0),  # counts are coarse
-        (Prediction.of_mean, np.mean, normal, 0.99),
-        (Prediction.of_spread, np.std, normal, 0.99),
-        (Prediction.of_spread, np.std, heavy_tailed, 0.99),
-        (Prediction.of_spread, np.std, uniform, 0.99),
+        (accuracy, successes(0.73), 0.99),
+        (accuracy, successes(0.9987), 1.0),  # counts are coarse
+        (mean, normal, 0.99),
+        (spread, normal, 0.99),
+        (spread, heavy_tailed, 0.99),
+        (spread, uniform, 0.99),
     ],
 )
 def test_prediction_holds_new_trials_in_95_of_100_cases(
-    predict: Callable[[FloatArray], Prediction],
-    figure: Callable[[FloatArray], float],
-    draw: Draw,
-    most: float,
-    n_measured: int,
+    statistic: Statistic, draw: Draw, most: float, n_measured: int
 ) -> None:
     rng, n_cases = np.random.default_rng([5, n_measured]), 600
     held = 0
     for _ in range(n_cases):
-        low, high = predict(draw(rng, n_measured))
-        held += low <= figure(draw(rng, PAPER_TRIALS)) <= high
+        low, high = statistic(draw(rng, n_measured)).predicted
+        held += low <= statistic(draw(rng, PAPER_TRIALS)).value <= high
     assert 0.95 - 4 * np.sqrt(0.95 * 0.05 / n_cases) < held / n_cases <= most
 
 
-@pytest.mark.parametrize(("predict", "figure"), [(Prediction.of_least, np.min), (Prediction.of_largest, np.max)])
-def test_prediction_holds_the_extremes_of_new_trials(
-    predict: Callable[[FloatArray], Prediction], figure: Callable[[FloatArray], float]
-) -> None:
+@pytest.mark.parametrize("statistic", [least, largest])
+def test_prediction_holds_the_extremes_of_new_trials(statistic: Statistic) -> None:
     rng, n_cases = np.random.default_rng(6), 300
-    drawn = [(np.round(normal(rng, 40 * PAPER_TRIALS)), np.round(normal(rng, PAPER_TRIALS))) for _ in range(n_cases)]
-    held = sum(predict(measured).holds(figure(new)) for measured, new in drawn)
+    held = 0
+    for _ in range(n_cases):
+        low, high = statistic(np.round(normal(rng, 40 * PAPER_TRIALS))).predicted
+        held += low <= statistic(np.round(normal(rng, PAPER_TRIALS))).value <= high
     assert held / n_cases > 0.93
 
 
 @pytest.mark.whole
 def test_verdict_counts_every_printed_number() -> None:
     done = exhibits(200, 3)
-    found = verdict(tuple(done.values()))
+    summary, misses = verdict(list(done.values()))
     compared = [row for exhibit in done.values() for row in exhibit.rows if row.is_met is not None]
-    assert found.n_compared == len(compared) == 47
-    assert found.n_met + len(found.misses) == found.n_compared
-    assert found.n_met >= 34
-    (slip,) = [miss for miss in found.misses if (miss.exhibit, miss.label) == ("Sample rate", "0.5 GS/s")]
-    assert "half the samples" in (slip.why or "")
-    assert str(slip).startswith("Sample rate, 0.5 GS/s: 91.64 printed, ")
+    n_met = sum(row.is_met is True for row in compared)
+    assert summary.startswith(f"{n_met} of the {len(compared)} numbers")
+    assert len(compared) == 47
+    assert n_met + len(misses) == 47
+    assert n_met >= 34
+    (slip,) = [miss for miss in misses if miss.startswith("Sample rate, 0.5 GS/s: 91.64 printed, ")]
+    assert "half the samples" in slip
 
 
 @pytest.mark.parametrize(("paper", "is_met"), [(73.0, True), (79.0, False)])
 def test_verdict_names_a_number_that_does_not_agree(paper: float, is_met: bool) -> None:
-    errors_deg = np.where(np.arange(8000) % 100 < 73, 0.0, 5.0)
-    exhibit = Exhibit(name="table", title="Table: accuracy", rows=(accuracy_row("10 dB", paper, errors_deg),))
-    found = verdict([exhibit])
-    assert (found.n_met == 1) is is_met
-    assert [miss.label for miss in found.misses] == ([] if is_met else ["10 dB"])
+    errors_deg = np.where(np.arange(8000) % 100 < 73, 2.0, 3.0)  # success is an error of at most two degrees
+    row = compare({"label": "10 dB", "paper": paper}, errors_deg)
+    assert row.is_met is is_met
+    summary, misses = verdict([Exhibit.of("table1", [row])])
+    assert summary.startswith(f"{is_met:d} of the 1 numbers")
+    assert [miss.partition(":")[0] for miss in misses] == ([] if is_met else ["Table 1, 10 dB"])

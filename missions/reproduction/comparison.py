@@ -1,0 +1,183 @@
+"""Comparison of the paper's numbers with ours: statistics of errors, their predictions, and the verdict."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import betabinom, binomtest, chi2, kurtosis, norm, t
+
+FloatArray = NDArray[np.float64]
+
+SUCCESS_DEG = 2
+"""Success is an error of at most this. The paper writes "less than"; its numbers mean "at most"."""
+
+PAPER_TRIALS = 3600
+"""Trials of each cell of the paper."""
+
+TAILS = np.array([0.025, 0.975])
+"""Quantiles at the ends of all intervals."""
+
+
+@cache
+def published() -> dict[str, Any]:
+    """Load the titles, the numbers and the slips of the paper's exhibits; slips in numbers are corrected."""
+    return json.loads(Path(__file__).with_name("published.json").read_text(encoding="utf-8"))
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Statistic of the errors of many trials.
+
+    Attributes:
+        value: The statistic.
+        interval: Its 95 % interval, or empty.
+        predicted: Interval that holds the statistic of `PAPER_TRIALS` new trials in 95 of 100 cases. It is wider for
+            fewer trials, because the measured value is not taken for the truth.
+    """
+
+    value: float
+    interval: list[float]
+    predicted: list[float]
+
+
+Statistic = Callable[[FloatArray], Measured]
+
+
+def _measured(value: float, interval: ArrayLike, predicted: ArrayLike) -> Measured:
+    """Make a record of Python numbers, which JSON can hold."""
+    return Measured(float(value), np.asarray(interval).tolist(), np.asarray(predicted).tolist())
+
+
+def accuracy(errors_deg: FloatArray) -> Measured:
+    """Return the percentage of successes: exact binomial interval, beta-binomial prediction from Jeffreys' prior."""
+    hits, n = int((np.abs(errors_deg) <= SUCCESS_DEG + 1e-9).sum()), errors_deg.size
+    interval = binomtest(hits, n).proportion_ci(float(np.diff(TAILS)[0]), method="exact")
+    predicted = betabinom.ppf(TAILS, PAPER_TRIALS, hits + 0.5, n - hits + 0.5) / PAPER_TRIALS
+    return _measured(100.0 * hits / n, 100.0 * np.array(interval), 100.0 * predicted)
+
+
+def mean(errors: FloatArray) -> Measured:
+    """Return the mean: normal interval, prediction from Student's t distribution."""
+    value, n = errors.mean(), errors.size
+    interval = value + norm.ppf(TAILS) * errors.std() / np.sqrt(n)
+    predicted = value + errors.std(ddof=1) * np.sqrt(1.0 / PAPER_TRIALS + 1.0 / n) * t.ppf(TAILS, n - 1)
+    return _measured(value, interval, predicted)
+
+
+def spread(errors: FloatArray) -> Measured:
+    """Return the standard deviation: interval of a normal sample, normal-limit prediction for any kurtosis."""
+    n = errors.size
+    interval = errors.std() * np.sqrt((n - 1) / chi2.ppf(TAILS[::-1], n - 1))
+    relative_std = 0.5 * np.sqrt((kurtosis(errors, fisher=False) - 1.0) * (1.0 / PAPER_TRIALS + 1.0 / n))
+    return _measured(errors.std(), interval, errors.std(ddof=1) * (1.0 + relative_std * norm.ppf(TAILS)))
+
+
+def least(errors: FloatArray) -> Measured:
+    """Return the least error and predict that of new trials from the distribution of the errors."""
+    return _measured(errors.min(), [], np.quantile(errors, 1.0 - (1.0 - TAILS) ** (1.0 / PAPER_TRIALS)))
+
+
+def largest(errors: FloatArray) -> Measured:
+    """Return the largest error and predict that of new trials from the distribution of the errors."""
+    return _measured(errors.max(), [], np.quantile(errors, TAILS ** (1.0 / PAPER_TRIALS)))
+
+
+def one_draw(draws: FloatArray) -> Measured:
+    """Return the median of draws with their central 90 %, and predict one more draw."""
+    return _measured(np.median(draws), np.quantile(draws, [0.05, 0.95]), np.quantile(draws, TAILS))
+
+
+@dataclass(frozen=True)
+class Row:
+    """One number of the paper next to ours.
+
+    Attributes:
+        label: Name of the number.
+        unit: Unit of all numbers.
+        paper: Number as printed; None if the paper has none.
+        paper_method: Our number by the paper's method.
+        best_method: Our number by the best method, scored in the same way.
+        unrounded: Our number by the best method without rounding to the grid.
+    """
+
+    label: str
+    unit: str
+    paper: float | None
+    paper_method: Measured
+    best_method: Measured | None = None
+    unrounded: Measured | None = None
+
+    @property
+    def is_met(self) -> bool | None:
+        """True if the number, printed with two decimals, lies where predicted; None if the paper has none."""
+        low, high = self.paper_method.predicted
+        return None if self.paper is None else low - 0.005 <= self.paper <= high + 0.005
+
+
+def compare(printed: Mapping[str, Any], *errors_deg: FloatArray, statistic: Statistic = accuracy) -> Row:
+    """Make a row.
+
+    Args:
+        printed: Label and number of the paper.
+        errors_deg: Errors by the paper's method, by the best method rounded to the grid, and by that unrounded; those
+            of the paper's method are on its grid already.
+        statistic: Statistic of the errors that the paper prints.
+    """
+    unit = "%" if statistic is accuracy else "deg"
+    return Row(printed["label"], unit, printed["paper"], *map(statistic, errors_deg))
+
+
+@dataclass(frozen=True)
+class Exhibit:
+    """Table or figure of the paper.
+
+    Attributes:
+        name: Key in the JSON file and name of its picture.
+        title: Name in words, a colon, and a description.
+        rows: The numbers; empty for a figure without any.
+        notes: Methods, errors of the paper, and numbers that cannot be matched.
+        explanation: Likely reason why printed numbers do not lie where predicted.
+        draw: Function that draws its figure; None for bars of the rows.
+    """
+
+    name: str
+    title: str
+    rows: list[Row]
+    notes: list[str]
+    explanation: str
+    draw: Callable[[], Figure] | None
+
+    @classmethod
+    def of(cls, name: str, rows: list[Row], draw: Callable[[], Figure] | None = None) -> Exhibit:
+        """Make an exhibit with its published title."""
+        text = published()[name]
+        return cls(name, text["title"], rows, text["notes"], text.get("explanation", "it may be chance"), draw)
+
+
+def verdict(exhibits: Sequence[Exhibit]) -> tuple[str, list[str]]:
+    """Compare all printed numbers with their predictions.
+
+    Returns:
+        A summary, and a line for each number that does not lie where predicted.
+    """
+    compared = [(exhibit, row) for exhibit in exhibits for row in exhibit.rows if row.paper is not None]
+    misses = [
+        f"{exhibit.title.partition(':')[0]}, {row.label}: {row.paper:g} printed, "
+        f"{' to '.join(f'{end:.2f}' for end in row.paper_method.predicted)} {row.unit} predicted; {exhibit.explanation}"
+        for exhibit, row in compared
+        if not row.is_met
+    ]
+    n = len(compared)
+    summary = (
+        f"{n - len(misses)} of the {n} numbers that the paper prints lie where {PAPER_TRIALS} trials by its method put "
+        f"them in 95 of 100 cases; by chance alone about {0.05 * n:.0f} of them would not."
+    )
+    return summary, misses
