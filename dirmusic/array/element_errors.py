@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, Self
+from typing import Self
 
 import numpy as np
 import scipy  # its submodules are loaded when they are first used
@@ -36,13 +36,10 @@ class ElementErrors:
 
     def correct(self, nominal: GainManifold) -> GainManifold:
         """Apply the errors to a nominal manifold."""
-        return GainManifold(
-            nominal.pattern,
-            nominal.boresights_rad + self.pointing_rad,
-            boresight_elevations_rad=nominal.boresight_elevations_rad,
+        return nominal.replaced(
+            boresights_rad=nominal.boresights_rad + self.pointing_rad,
             gain_factors=nominal.gain_factors * (1 + self.gain),
             gain_offsets=nominal.gain_offsets * (1 + self.gain) + self.offset,
-            elevation_rad=nominal.elevation_rad,
         )
 
 
@@ -64,33 +61,12 @@ def off_by_pattern(sin2: FloatArray) -> FloatArray:
     return 1.0 + OFF_PLANE**2 * sin2 + FAR_OFF_PLANE**2 * np.square(sin2)
 
 
-class ManifoldPrior(Protocol):
-    """Prior distribution of the errors of an array; elements are independent."""
-
-    def variance(self, gain: FloatArray, slope: FloatArray) -> FloatArray:
-        """Compute the variance of each gain, of the shape of the nominal `gain` and its `slope` per radian."""
-        ...
-
-    def log_density(
-        self, mismatch: FloatArray, gain: FloatArray, slope: FloatArray, noise_variance: FloatArray
-    ) -> FloatArray:
-        """Compute the log density of the difference between an element's gain and the nominal one.
-
-        Args:
-            mismatch: Strength over amplitude, minus the nominal gain.
-            gain: Nominal gain.
-            slope: Slope of the nominal gain per radian.
-            noise_variance: Variance of the strength by noise, over the squared amplitude.
-        """
-        ...
-
-
 UNEXPLAINED = 0.02
 """Share of a channel's strength that no model explains in a yard; assumed, see `ElementSpread`."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class ElementSpread(ManifoldPrior):
+class ElementSpread:
     """Standard deviations of normal errors of the elements, all >= 0.
 
     Attributes:
@@ -118,19 +94,26 @@ class ElementSpread(ManifoldPrior):
                 raise ValueError(f"`{name}` must be a standard deviation, finite and >= 0, got {value!r}")
 
     def variance(self, gain: FloatArray, slope: FloatArray) -> FloatArray:
-        """Compute the variance of each gain."""
+        """Compute the variance of each gain, of the shape of the nominal `gain` and its `slope` per radian."""
         return np.square(self.gain * gain) + np.square(self.pointing_rad * slope) + self.offset**2 + self.pattern**2
 
     def log_density(
         self, mismatch: FloatArray, gain: FloatArray, slope: FloatArray, noise_variance: FloatArray
     ) -> FloatArray:
-        """Compute the normal log density with the sum of the variances of errors and noise."""
+        """Compute the log density of the difference between an element's gain and the nominal one.
+
+        Args:
+            mismatch: Strength over amplitude, minus the nominal gain.
+            gain: Nominal gain.
+            slope: Slope of the nominal gain per radian.
+            noise_variance: Variance of the strength by noise, over the squared amplitude.
+        """
         variance = np.maximum(self.variance(gain, slope) + noise_variance, np.finfo(np.float64).tiny)
         return -0.5 * (np.square(mismatch) / variance + np.log(variance))
 
 
 @dataclass(frozen=True, kw_only=True)
-class UniformOffsets(ManifoldPrior):
+class UniformOffsets:
     """Additions to the gain, uniform in [-half_width, half_width]: the errors of the Dir-MUSIC paper.
 
     References:
@@ -145,17 +128,20 @@ class UniformOffsets(ManifoldPrior):
             raise ValueError(f"`half_width` must be finite and > 0, in units of gain, got {self.half_width!r}")
 
     def variance(self, gain: FloatArray, slope: FloatArray) -> FloatArray:
-        """Compute the variance of a uniform distribution."""
+        """Compute the variance of each gain; see `ElementSpread.variance`."""
         return np.broadcast_to(np.float64(self.half_width**2 / 3), np.broadcast_shapes(gain.shape, slope.shape))
 
     def log_density(
         self, mismatch: FloatArray, gain: FloatArray, slope: FloatArray, noise_variance: FloatArray
     ) -> FloatArray:
-        """Compute the log density of a box with normal edges, no sharper than 1/50 of its width, for a grid."""
+        """Compute the log density as `ElementSpread`: a box with normal edges, no sharper than 1/50 of its width."""
         std = np.sqrt(np.maximum(noise_variance, (self.half_width / 50) ** 2))
         above, below = (scipy.special.ndtr((mismatch + half) / std) for half in (self.half_width, -self.half_width))
         return np.log(np.maximum(above - below, 1e-300))
 
+
+ManifoldPrior = ElementSpread | UniformOffsets
+"""Prior distribution of the errors of an array; elements are independent."""
 
 N_KINDS = 3
 """Number of kinds of errors; states are ordered gains, pointings, offsets."""

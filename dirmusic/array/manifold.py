@@ -63,7 +63,6 @@ class GainManifold:
             level.
         gain_factors: Known factor of each element's gain, shape (n_elements,), positive; see `ElementErrors.correct`.
         gain_offsets: Known addition to each element's gain, in units of gain, shape (n_elements,).
-        elevation_rad: Elevation of the sources, in [-pi/2, pi/2].
 
     Attributes:
         search_gain: Gains towards `SEARCH_AZIMUTHS_RAD`, shape (n_elements, n_azimuths).
@@ -86,7 +85,6 @@ class GainManifold:
         boresight_elevations_rad: ArrayLike = 0.0,
         gain_factors: ArrayLike = 1.0,
         gain_offsets: ArrayLike = 0.0,
-        elevation_rad: float = 0.0,
     ) -> None:
         boresights = np.array(boresights_rad, dtype=np.float64)
         if boresights.ndim != 1 or boresights.size < 2 or not np.isfinite(boresights).all():
@@ -94,28 +92,29 @@ class GainManifold:
                 f"`boresights_rad` must be finite with shape (n_elements,), n_elements >= 2, got {boresights_rad!r}. "
                 "One element alone gives no direction."
             )
-        vectors = boresight_elevations_rad, gain_factors, gain_offsets
-        tilts, factors, offsets = (np.array(x, dtype=np.float64) for x in vectors)
-        names = "boresight_elevations_rad", "gain_factors", "gain_offsets"
-        for name, values in zip(names, (tilts, factors, offsets), strict=True):
-            if values.shape not in ((), boresights.shape) or not np.isfinite(values).all():
-                raise ValueError(f"`{name}` must be finite with shape {boresights.shape}, got {values!r}")
-        if not np.all(factors > 0):
-            raise ValueError(f"`gain_factors` must be positive, got {factors!r}; leave a dead element out with `take`")
-        if not np.all(np.abs(tilts) <= np.pi / 2):
-            raise ValueError(f"`boresight_elevations_rad` must be in [-pi/2, pi/2], got {tilts!r}")
-        if not abs(elevation_rad) <= np.pi / 2:
-            raise ValueError(f"`elevation_rad` must be in [-pi/2, pi/2], got {elevation_rad!r}")
+        self.boresights_rad = boresights
+        self.boresight_elevations_rad, self.gain_factors, self.gain_offsets = (
+            np.array(np.broadcast_to(np.asarray(each, dtype=np.float64), boresights.shape))
+            for each in (boresight_elevations_rad, gain_factors, gain_offsets)
+        )
+        self._of_elements = {
+            "boresights_rad": self.boresights_rad,
+            "boresight_elevations_rad": self.boresight_elevations_rad,
+            "gain_factors": self.gain_factors,
+            "gain_offsets": self.gain_offsets,
+        }
+        for name, values in self._of_elements.items():
+            values.setflags(write=False)
+            if not np.isfinite(values).all():
+                raise ValueError(f"`{name}` must be finite, got {values!r}")
+        if not np.all(self.gain_factors > 0):
+            raise ValueError(
+                f"`gain_factors` must be positive, got {gain_factors!r}; leave a dead element out by `take`"
+            )
+        if not np.all(np.abs(self.boresight_elevations_rad) <= np.pi / 2):
+            raise ValueError(f"`boresight_elevations_rad` must be in [-pi/2, pi/2], got {boresight_elevations_rad!r}")
         self._taken: dict[tuple[int, ...], GainManifold] = {}
         self.pattern = pattern
-        self.elevation_rad = elevation_rad
-        self.boresights_rad = boresights
-        self.boresight_elevations_rad = np.array(np.broadcast_to(tilts, boresights.shape))
-        self.gain_factors = np.array(np.broadcast_to(factors, boresights.shape))
-        self.gain_offsets = np.array(np.broadcast_to(offsets, boresights.shape))
-        for array in (self.boresights_rad, self.boresight_elevations_rad, self.gain_factors, self.gain_offsets):
-            array.setflags(write=False)
-        self._is_in_plane = elevation_rad == 0.0 and not self.boresight_elevations_rad.any()
         gain, slope = self.gain_and_slope(SEARCH_AZIMUTHS_RAD)
         unit = gain / np.linalg.norm(gain, axis=0)
         self.search_gain, self.search_slope, self.search_unit_gain = gain, slope, unit
@@ -131,35 +130,17 @@ class GainManifold:
         """Make the manifold of a uniform ring; see `ring_boresights_rad`."""
         return cls(pattern or GaussianPattern(), ring_boresights_rad(n_elements))
 
+    def replaced(self, **changes: ArrayLike) -> GainManifold:
+        """Return a manifold with other boresights, gain factors or offsets, named as the arguments of the class."""
+        return GainManifold(self.pattern, **{**self._of_elements, **changes})
+
     def take(self, elements: Sequence[int] | NDArray[np.intp] | NDArray[np.bool_]) -> GainManifold:
         """Select elements by index or mask, for a receiver with fewer channels or to leave faulty ones out."""
         chosen = np.arange(self.n_elements)[np.asarray(elements)]
         key = tuple(chosen.tolist())
         if key not in self._taken:  # the channel monitor asks for the same subsets again and again
-            self._taken[key] = GainManifold(
-                self.pattern,
-                self.boresights_rad[chosen],
-                boresight_elevations_rad=self.boresight_elevations_rad[chosen],
-                gain_factors=self.gain_factors[chosen],
-                gain_offsets=self.gain_offsets[chosen],
-                elevation_rad=self.elevation_rad,
-            )
+            self._taken[key] = self.replaced(**{name: each[chosen] for name, each in self._of_elements.items()})
         return self._taken[key]
-
-    def at_elevation(self, elevation_rad: float) -> GainManifold:
-        """Return the manifold for sources at a known elevation.
-
-        With a level manifold, the azimuth of a source at 20 / 30 / 45 degrees of elevation has an rms error of 0.7 /
-        1.6 / 3.6 degrees.
-        """
-        return GainManifold(
-            self.pattern,
-            self.boresights_rad,
-            boresight_elevations_rad=self.boresight_elevations_rad,
-            gain_factors=self.gain_factors,
-            gain_offsets=self.gain_offsets,
-            elevation_rad=elevation_rad,
-        )
 
     @property
     def n_elements(self) -> int:
@@ -191,31 +172,17 @@ class GainManifold:
         """Compute the gains towards array-frame azimuths of any shape; shape (n_elements, *azimuth.shape)."""
         return self.gain_and_slope(azimuth_rad)[0]
 
-    def derivative(self, azimuth_rad: ArrayLike) -> FloatArray:
-        """Compute the slopes of the gains per radian of azimuth; shape (n_elements, *azimuth.shape)."""
-        return self.gain_and_slope(azimuth_rad)[1]
-
     def gain_and_slope(self, azimuth_rad: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Compute the gains and their slopes per radian, each of shape (n_elements, *azimuth.shape)."""
         azimuth = np.asarray(azimuth_rad, dtype=np.float64)
-        per_element = (-1, *(1,) * azimuth.ndim)
-        return self.element_response(azimuth - self.boresights_rad.reshape(per_element), per_element)
-
-    def element_response(
-        self, off_boresight_rad: FloatArray, per_element: tuple[int, ...] = (-1,)
-    ) -> tuple[FloatArray, FloatArray]:
-        """Compute gain and slope of each element at a separate azimuth each, as for a near source.
-
-        Args:
-            off_boresight_rad: Azimuth off each boresight; broadcasts with (n_elements,) reshaped to `per_element`.
-            per_element: Shape that puts the elements on their axis. Default: the last.
-        """
-        if self._is_in_plane:
-            gain, slope = self.pattern.gain_and_slope(off_boresight_rad)
+        boresights, tilts, factors, offsets = (
+            each.reshape(-1, *(1,) * azimuth.ndim) for each in self._of_elements.values()
+        )
+        off_boresight_rad = azimuth - boresights
+        if tilts.any():
+            gain, slope, _ = gain_in_space(self.pattern, off_boresight_rad, 0.0, tilts)
         else:
-            tilt = self.boresight_elevations_rad.reshape(per_element)
-            gain, slope, _ = gain_in_space(self.pattern, off_boresight_rad, self.elevation_rad, tilt)
-        factors, offsets = self.gain_factors.reshape(per_element), self.gain_offsets.reshape(per_element)
+            gain, slope = self.pattern.gain_and_slope(off_boresight_rad)
         return factors * gain + offsets, factors * slope
 
     def response_in_space(self, off_boresight_rad: FloatArray, elevation_rad: FloatArray) -> SpatialGain:
@@ -223,8 +190,7 @@ class GainManifold:
 
         Args:
             off_boresight_rad: Azimuth off each boresight, shape (..., n_elements).
-            elevation_rad: Elevation of each direction, instead of `self.elevation_rad`; broadcasts with
-                `off_boresight_rad`.
+            elevation_rad: Elevation of each direction; broadcasts with `off_boresight_rad`.
         """
         gain, by_azimuth, by_elevation = gain_in_space(
             self.pattern, off_boresight_rad, elevation_rad, self.boresight_elevations_rad
@@ -241,35 +207,19 @@ LEAST_CONTRAST_RAD = np.radians(1.0)
 than the spread of the elements. Rings have 5 degrees and more, two elements hundredths of one."""
 
 
-class Ambiguity(NamedTuple):
-    """Pair of directions far apart that an array distinguishes least.
+def ambiguous_azimuths(manifold: GainManifold) -> tuple[float, float] | None:
+    """Find two azimuths far apart that an array does not distinguish.
 
-    Attributes:
-        contrast_rad: Angle between their vectors of gains.
-        first_rad: First azimuth, array frame, in [0, 2 pi).
-        second_rad: Second azimuth, array frame, in [0, 2 pi).
+    Returns:
+        The pair of azimuths, at least `FAR_APART_RAD` apart, whose gains have the most similar ratios, array frame, in
+        [0, 2 pi); None if the angle between their vectors of gains is at least `LEAST_CONTRAST_RAD`.
     """
-
-    contrast_rad: float
-    first_rad: float
-    second_rad: float
-
-    @property
-    def is_harmless(self) -> bool:
-        """True if the array distinguishes all directions."""
-        return self.contrast_rad >= LEAST_CONTRAST_RAD
-
-
-def worst_ambiguity(manifold: GainManifold) -> Ambiguity:
-    """Find the pair of azimuths, at least `FAR_APART_RAD` apart, whose gains have the most similar ratios."""
     unit_gain = manifold.search_unit_gain
     similarity: FloatArray = unit_gain.T @ unit_gain
     apart_rad = np.abs(difference(SEARCH_AZIMUTHS_RAD[:, np.newaxis], SEARCH_AZIMUTHS_RAD))
     similarity[apart_rad < FAR_APART_RAD - 1e-9] = -1.0
     first, second = divmod(int(similarity.argmax()), SEARCH_AZIMUTHS_RAD.size)
-    contrast = float(np.linalg.norm(unit_gain[:, first] - unit_gain[:, second]))
-    return Ambiguity(
-        contrast_rad=float(2 * np.arcsin(0.5 * contrast)),
-        first_rad=float(SEARCH_AZIMUTHS_RAD[first]),
-        second_rad=float(SEARCH_AZIMUTHS_RAD[second]),
-    )
+    contrast_rad = 2 * np.arcsin(0.5 * np.linalg.norm(unit_gain[:, first] - unit_gain[:, second]))
+    if contrast_rad >= LEAST_CONTRAST_RAD:
+        return None
+    return float(SEARCH_AZIMUTHS_RAD[first]), float(SEARCH_AZIMUTHS_RAD[second])

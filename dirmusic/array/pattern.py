@@ -15,19 +15,16 @@ FloatArray = NDArray[np.float64]
 
 
 @compiled_inner
-def cubic(share: float, start: float, end: float, start_slope: float, end_slope: float) -> float:
-    """Interpolate between two points by the cubic with their values and slopes; `share` in [0, 1]."""
+def cubic(share: float, start: float, end: float, start_slope: float, end_slope: float) -> tuple[float, float]:
+    """Interpolate between two points by the cubic with their values and slopes; `share` in [0, 1].
+
+    Returns:
+        Value, and slope per unit of `share`.
+    """
     rise = end - start
     square, cube = 3.0 * rise - 2.0 * start_slope - end_slope, start_slope + end_slope - 2.0 * rise
-    return start + share * (start_slope + share * (square + share * cube))
-
-
-@compiled_inner
-def cubic_slope(share: float, start: float, end: float, start_slope: float, end_slope: float) -> float:
-    """Compute the slope of `cubic` per unit of `share`."""
-    rise = end - start
-    square, cube = 3.0 * rise - 2.0 * start_slope - end_slope, start_slope + end_slope - 2.0 * rise
-    return start_slope + share * (2.0 * square + 3.0 * share * cube)
+    value = start + share * (start_slope + share * (square + share * cube))
+    return value, start_slope + share * (2.0 * square + 3.0 * share * cube)
 
 
 class GainPattern(Protocol):
@@ -37,12 +34,8 @@ class GainPattern(Protocol):
         """Compute the gain, unitless and positive, at `off_boresight = azimuth - boresight` of any shape."""
         return self.gain_and_slope(off_boresight_rad)[0]
 
-    def derivative(self, off_boresight_rad: ArrayLike) -> FloatArray:
-        """Compute the slope of the gain per radian, same shape."""
-        return self.gain_and_slope(off_boresight_rad)[1]
-
     def gain_and_slope(self, off_boresight_rad: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Compute gain and slope together."""
+        """Compute the gain and its slope per radian, both of the shape of `off_boresight_rad`."""
         ...
 
 
@@ -60,29 +53,17 @@ class GaussianPattern(GainPattern):
         Dir-MUSIC, eq. (1).
     """
 
-    AMPLITUDE = np.array([0.5255, 0.3405, 0.6251])
-    CENTRE_DEG = np.array([218.1, 304.8, 156.1])
-    WIDTH_DEG = np.array([51.73, 41.0, 109.1])
-    BORESIGHT_DEG = 207.0
-    _SLOPE_FACTOR = -2.0 * np.degrees(1.0) / WIDTH_DEG
-
-    def __call__(self, off_boresight_rad: ArrayLike) -> FloatArray:
-        """Compute the gain alone, of the shape of `off_boresight_rad`."""
-        return self._terms(off_boresight_rad)[0].sum(axis=0)
-
     def gain_and_slope(self, off_boresight_rad: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Compute the gain and its slope per radian; each of the shape of `off_boresight_rad`."""
-        terms, widths_off = self._terms(off_boresight_rad)
-        widths_off *= self._SLOPE_FACTOR.reshape(3, *(1,) * (widths_off.ndim - 1))
-        return terms.sum(axis=0), (widths_off * terms).sum(axis=0)
-
-    def _terms(self, off_boresight_rad: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Compute the three Gaussians, and the angle off their centres in units of their widths."""
-        angle_deg = self.BORESIGHT_DEG + np.degrees(np.asarray(off_boresight_rad, dtype=np.float64))
+        """Compute the gain and its slope per radian; see `GainPattern`."""
+        angle_deg = 207.0 + np.degrees(np.asarray(off_boresight_rad, dtype=np.float64))
         angle_deg = angle_deg - 360.0 * np.floor(angle_deg / 360.0)
-        per_term = (3, *(1,) * angle_deg.ndim)
-        widths_off = (angle_deg - self.CENTRE_DEG.reshape(per_term)) / self.WIDTH_DEG.reshape(per_term)
-        return self.AMPLITUDE.reshape(per_term) * np.exp(-(widths_off * widths_off)), widths_off
+        amplitude, centre_deg, width_deg = (
+            np.reshape(each, (3, *(1,) * angle_deg.ndim))
+            for each in ([0.5255, 0.3405, 0.6251], [218.1, 304.8, 156.1], [51.73, 41.0, 109.1])
+        )
+        off = (angle_deg - centre_deg) / width_deg
+        terms = amplitude * np.exp(-(off * off))
+        return terms.sum(axis=0), (-2.0 * np.degrees(1.0) / width_deg * off * terms).sum(axis=0)
 
 
 MAX_GAP_RAD = np.radians(30.0)
@@ -131,7 +112,7 @@ class TabulatedPattern(GainPattern):
         self.off_boresight_rad, self.table_gain = angle, value
 
     def gain_and_slope(self, off_boresight_rad: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Compute the gain and its slope per radian; each of the shape of `off_boresight_rad`."""
+        """Compute the gain and its slope per radian; see `GainPattern`."""
         angle = np.asarray(off_boresight_rad, dtype=np.float64)
         within = self._start + np.mod(angle - self._start, 2 * np.pi)
         return np.asarray(self._spline(within)), np.asarray(self._slope(within))
@@ -228,33 +209,14 @@ def tabulate(pattern: GainPattern) -> PatternTable:
 
 
 @compiled_inner
-def pattern_gain(pattern: PatternTable, off_boresight_rad: float) -> float:
-    """Interpolate the gain in the plane."""
-    at = off_boresight_rad / STEP_RAD
-    low = np.floor(at)
-    i = int(low) % TABLE_SIZE
-    j = (i + 1) % TABLE_SIZE
-    return cubic(at - low, pattern.gain[i], pattern.gain[j], pattern.slope[i], pattern.slope[j])
-
-
-@compiled_inner
 def pattern_gain_and_slope(pattern: PatternTable, off_boresight_rad: float) -> tuple[float, float]:
     """Interpolate the gain in the plane and its slope per radian."""
     at = off_boresight_rad / STEP_RAD
     low = np.floor(at)
     i = int(low) % TABLE_SIZE
     j = (i + 1) % TABLE_SIZE
-    share, start, end = at - low, pattern.gain[i], pattern.gain[j]
-    slope = cubic_slope(share, start, end, pattern.slope[i], pattern.slope[j])
-    return cubic(share, start, end, pattern.slope[i], pattern.slope[j]), slope / STEP_RAD
-
-
-class GainInDirection(NamedTuple):
-    """Gain towards one direction in space and its slopes per radian."""
-
-    gain: float
-    by_azimuth: float
-    by_elevation: float
+    gain, slope = cubic(at - low, pattern.gain[i], pattern.gain[j], pattern.slope[i], pattern.slope[j])
+    return gain, slope / STEP_RAD
 
 
 class Boresight(NamedTuple):
@@ -281,14 +243,16 @@ def gain_towards(pattern: PatternTable, boresight: Boresight, x: float, y: float
     sin_psi = np.sqrt(left * left + up * up)
     psi = np.arctan2(sin_psi, ahead)
     half_roll = 0.5 * left / max(sin_psi, NEAR_AXIS)
-    return (0.5 + half_roll) * pattern_gain(pattern, psi) + (0.5 - half_roll) * pattern_gain(pattern, -psi)
+    to_left, _ = pattern_gain_and_slope(pattern, psi)
+    to_right, _ = pattern_gain_and_slope(pattern, -psi)
+    return (0.5 + half_roll) * to_left + (0.5 - half_roll) * to_right
 
 
 @compiled
 def gain_and_slopes_towards(
     pattern: PatternTable, boresight: Boresight, x: float, y: float, z: float
-) -> GainInDirection:
-    """Compute the gain along the unit vector (x, y, z) and its slopes by azimuth and elevation."""
+) -> tuple[float, float, float]:
+    """Compute the gain along the unit vector (x, y, z) and its slopes per radian of azimuth and elevation."""
     sideways = max(math.hypot(x, y), NEAR_AXIS)
     level = boresight.cos_azimuth * x + boresight.sin_azimuth * y
     left = boresight.cos_azimuth * y - boresight.sin_azimuth * x
@@ -309,7 +273,7 @@ def gain_and_slopes_towards(
         roll_by_elevation = -(z * left / sideways + cos_roll * ahead * psi_by_elevation) / sin_psi
     by_psi = 0.5 * ((1.0 + cos_roll) * slope_left - (1.0 - cos_roll) * slope_right)
     by_roll = 0.5 * (to_left - to_right)  # per change of cos_roll
-    return GainInDirection(
+    return (
         0.5 * ((1.0 + cos_roll) * to_left + (1.0 - cos_roll) * to_right),
         by_psi * boresight.cos_elevation * cos_roll + by_roll * roll_by_azimuth,
         by_psi * psi_by_elevation + by_roll * roll_by_elevation,

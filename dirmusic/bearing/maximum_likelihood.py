@@ -13,7 +13,7 @@ from dirmusic.array.bounds import perpendicular_slope
 from dirmusic.array.element_errors import ManifoldPrior
 from dirmusic.array.manifold import SEARCH_STEP_RAD, GainManifold, ManifoldTable
 from dirmusic.array.model import ArrayModel
-from dirmusic.array.pattern import cubic, cubic_slope
+from dirmusic.array.pattern import cubic
 from dirmusic.compiled import Held, compiled, compiled_inner
 from dirmusic.pulses.batch import LEAST_SHARE, NO_DIRECTION, UNKNOWN_STD_RAD, Bearings, PulseBatch
 from dirmusic.pulses.strengths import dot
@@ -51,8 +51,8 @@ def look_up(azimuth_rad: float, table: ManifoldTable, gain: FloatArray, slope: F
     j = (i + 1) % n
     for e in range(gain.size):
         from_slope, to_slope = step_rad * table.slope[i, e], step_rad * table.slope[j, e]
-        gain[e] = cubic(t, table.gain[i, e], table.gain[j, e], from_slope, to_slope)
-        slope[e] = cubic_slope(t, table.gain[i, e], table.gain[j, e], from_slope, to_slope) / step_rad
+        gain[e], slope_per_step = cubic(t, table.gain[i, e], table.gain[j, e], from_slope, to_slope)
+        slope[e] = slope_per_step / step_rad
 
 
 @compiled_inner

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dirmusic.array.element_errors import OFF_PLANE
 from dirmusic.array.model import ArrayModel
-from dirmusic.array.pattern import Boresight, GainInDirection, PatternTable, gain_and_slopes_towards
+from dirmusic.array.pattern import Boresight, PatternTable, gain_and_slopes_towards
 from dirmusic.compiled import compiled, compiled_inner
 from dirmusic.pulses.strengths import dot
 
@@ -111,7 +111,7 @@ def deviation_upside_down(states: FloatArray) -> FloatArray:
 @compiled_inner
 def deviation_towards(
     states: FloatArray, boresight: Boresight, x: float, y: float, z: float, terms: FloatArray
-) -> GainInDirection:
+) -> tuple[float, float, float]:
     """Return the deviation of the gain along a unit vector, and its slopes per radian of azimuth and elevation.
 
     Args:
@@ -138,7 +138,7 @@ def deviation_towards(
             by_elevation += level * by_sine * (states[of_cos] * cos + states[of_sin] * sin)
         gain += by_cos * cos + by_sin * sin
         by_azimuth += (m + 1) * (by_sin * cos - by_cos * sin)
-    return GainInDirection(gain, by_azimuth, by_elevation)
+    return gain, by_azimuth, by_elevation
 
 
 @compiled
@@ -191,12 +191,12 @@ def linearise(
             array.pattern, boresight, forward / length, left / length, height / length
         )
         if n_terms > 0:
-            off_by = deviation_towards(
+            added, added_by_azimuth, added_by_elevation = deviation_towards(
                 deviation, boresight, forward / length, left / length, height / length, by_term[:, e]
             )
-            gain += off_by.gain
-            by_azimuth += off_by.by_azimuth
-            by_elevation += off_by.by_elevation
+            gain += added
+            by_azimuth += added_by_azimuth
+            by_elevation += added_by_elevation
         factor = array.gain_factors[e]
         gain = factor * gain + array.gain_offsets[e]
         spreading = data.weight[k, e] * max(range_m, 1e-2) / length

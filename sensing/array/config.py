@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field, model_validator
 
 from dirmusic import GainManifold, GainPattern, GaussianPattern, InputFileError, TabulatedPattern
-from dirmusic.array.manifold import ring_boresights_rad, worst_ambiguity
+from dirmusic.array.manifold import ambiguous_azimuths, ring_boresights_rad
 from dirmusic.array.pattern_file import read_any_pattern
 from dirmusic.array.spatial_pattern import SpatialPattern
 from pdpatrol.sensing.quantities import (
@@ -184,9 +184,8 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
         except ValueError as error:
             yield f"{key}: {error}"
             return
-        worst = worst_ambiguity(manifold)
-        if not worst.is_harmless:
-            first, second = np.degrees([worst.first_rad, worst.second_rad])
+        if alike := ambiguous_azimuths(manifold):
+            first, second = np.degrees(alike)
             yield f"{key}: must distinguish all azimuths, but receives {first:.0f} and {second:.0f} degrees alike"
 
 

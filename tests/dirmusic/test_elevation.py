@@ -24,20 +24,18 @@ def test_gain_in_space_follows_law_of_angle_and_roll(off: float, elevation: floa
     assert gain_in_space(PATTERN, off, elevation, tilt).gain == pytest.approx(float(law), abs=1e-6)
 
 
-@pytest.mark.parametrize("elevation_deg", [0.0, 20.0])
-def test_manifold_of_tilted_ring_is_gain_in_space(elevation_deg: float) -> None:
-    ring, tilt, elevation = GainManifold.ring(6), np.radians(25.0), float(np.radians(elevation_deg))
+def test_manifold_of_tilted_ring_is_gain_in_space() -> None:
+    ring, tilt = GainManifold.ring(6), np.radians(25.0)
     tilted = GainManifold(PATTERN, ring.boresights_rad, boresight_elevations_rad=np.full(6, tilt))
-    at = tilted.at_elevation(elevation)
     off = OFF - ring.boresights_rad[:, np.newaxis]
-    by_formula = gain_in_space(PATTERN, off, elevation, tilt)
-    np.testing.assert_array_equal(at.gain(OFF), by_formula.gain)
-    np.testing.assert_array_equal(at.derivative(OFF), by_formula.by_azimuth)
-    np.testing.assert_allclose(np.roll(at.gain(OFF), -1, axis=0), at.gain(OFF + np.radians(60.0)), rtol=1e-9)
-    some = at.take([1, 4])
-    np.testing.assert_array_equal(some.gain(OFF), at.gain(OFF)[[1, 4]])
-    in_space = tilted.response_in_space(off.T, np.full((OFF.size, 1), elevation))
-    np.testing.assert_array_equal(in_space.gain, by_formula.gain.T)
+    gain, slope = tilted.gain_and_slope(OFF)
+    by_formula = gain_in_space(PATTERN, off, 0.0, tilt)
+    np.testing.assert_array_equal(gain, by_formula.gain)
+    np.testing.assert_array_equal(slope, by_formula.by_azimuth)
+    np.testing.assert_allclose(np.roll(gain, -1, axis=0), tilted.gain(OFF + np.radians(60.0)), rtol=1e-9)
+    np.testing.assert_array_equal(tilted.take([1, 4]).gain(OFF), gain[[1, 4]])
+    in_space = tilted.response_in_space(off.T, np.full((OFF.size, 1), 0.3))
+    np.testing.assert_array_equal(in_space.gain, gain_in_space(PATTERN, off, 0.3, tilt).gain.T)
 
 
 @pytest.mark.parametrize("tilt", [0.0, -1.5, -0.3, 0.2, 0.7, np.pi / 2])
@@ -63,5 +61,3 @@ def test_ignored_elevation_biases_azimuth_as_published(elevation_deg: float, bia
     in_plane = estimate_bearings(gain[:, np.newaxis], ring).azimuth_rad
     bias = np.degrees(np.sqrt(np.mean(np.square(difference(in_plane, azimuth)))))
     assert bias == pytest.approx(bias_deg, rel=0.15)
-    known = estimate_bearings(gain[:, np.newaxis], ring.at_elevation(np.radians(elevation_deg))).azimuth_rad
-    assert np.degrees(np.abs(difference(known, azimuth))).max() < 0.01
