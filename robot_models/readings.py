@@ -153,19 +153,3 @@ def touching(touches: FloatArray) -> IntArray:
             rows[n] = r
             n += 1
     return rows[:n]
-
-
-@compiled
-def take_places(touches: FloatArray, row: int) -> FloatArray:
-    """Return the places of the stored contacts of a robot, x and y, shape (n, 2), and clear them."""
-    _, n_sensors, n_steps, n_contacts = touches.shape[:4]
-    places, n = np.empty((n_sensors * n_steps * n_contacts, 2)), 0
-    for sensor in range(n_sensors):
-        for step in range(n_steps):
-            for k in range(n_contacts):
-                contact = touches[row, sensor, step, k]
-                if contact[0] > 0.0:
-                    places[n, 0], places[n, 1] = contact[1], contact[2]
-                    contact[0] = 0.0
-                    n += 1
-    return places[:n]

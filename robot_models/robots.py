@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from pdpatrol.robot_models.antenna_elements import AntennaElements
 from pdpatrol.robot_models.description.robot_description import RobotDescription
-from pdpatrol.robot_models.description.robot_measures import DrivenWheels
-from pdpatrol.robot_models.readings import Drive, Physics, reader, take_places, touching
-from pdpatrol.robot_models.sensors import LIDAR_BEAMS, LIDAR_PERIOD_S, LIDAR_RANGE_M, contact_names, lidar_names
-from pdpatrol.robot_models.steering import SteeringLimits, YawFeedback, command
+from pdpatrol.robot_models.description.robot_measures import driven_wheels
+from pdpatrol.robot_models.readings import Drive, Physics, reader, touching
+from pdpatrol.robot_models.sensors import LIDAR_BEAMS, LIDAR_PERIOD_S, LIDAR_RANGE_M
+from pdpatrol.robot_models.steering import command
 from pdpatrol.robot_models.world import build_spec, physics_only
 from pdpatrol.robot_models.yard.yard import Yard
 
@@ -54,53 +54,41 @@ class Robots:
     ) -> None:
         self._arguments = (robot, yard, elements, n_robots, n_threads)
         self.robot, self._yard, self._elements = robot, yard, elements
-        spec = build_spec(robot, yard)
-        hull, has_feedback = contact_names(spec), robot.yaw_rate_gain > 0
-        read = [*lidar_names(), *hull, *(["gyro"] if has_feedback else [])]
-        self.physics: mujoco.MjModel = physics_only(spec, read).compile()
-        self.step_s: float = self.physics.opt.timestep
-        self._batch = Batch(self.physics, n_robots, n_threads)
-        model, batch = self.physics, self._batch
-        base = int(model.joint("floating_base").qposadr[0])
-        turn = int(model.joint("floating_base").dofadr[0])
-        self._home = model.key("home").id
-        qpos, sensordata, lidar = batch.bind("qpos"), batch.bind("sensordata"), int(model.sensor("lidar_00").adr[0])
-        self._ctrl = batch.bind("ctrl")
+        has_feedback = robot.yaw_rate_gain > 0
+        model: mujoco.MjModel = physics_only(build_spec(robot, yard), has_feedback).compile()
+        self.physics, self.step_s, self._home = model, float(model.opt.timestep), model.key("home").id
+        self._batch = batch = Batch(model, n_robots, n_threads)
+        free = model.joint("floating_base")
+        base, turn, lidar = int(free.qposadr[0]), int(free.dofadr[0]), int(model.sensor("lidar_00").adr[0])
+        qpos, sensordata = batch.bind("qpos"), batch.bind("sensordata")
+        self._ctrl, self._base = batch.bind("ctrl"), qpos[:, base : base + 7]
         live = Physics(
-            base=qpos[:, base : base + 7],
+            base=self._base,
             base_velocity=batch.bind("qvel")[:, turn : turn + 6],
             joints=qpos,
             torque_nm=batch.bind("actuator_force"),
             actuator_radps=batch.bind("actuator_velocity"),
             beams_m=sensordata[:, lidar : lidar + LIDAR_BEAMS],
         )
-        self._base, drive = live.base, _drive(model)
+        drive = _drive(model)
         self._read = reader(live, drive, robot.lidar_start_m, LIDAR_RANGE_M)
         self._wheels, self._all_rows = (drive.actuator, drive.side), np.arange(n_robots)
-        self._steering = tuple(
-            SteeringLimits(
-                robot.max_speed_mps,
-                robot.max_yaw_rate_radps,
-                0.5 * robot.turning_track_m,
-                robot.wheel_radius_m,
-                robot.max_acceleration_mps2,
-                robot.yaw_rate_gain,
-            )
+        self._steering = (
+            robot.max_speed_mps,
+            robot.max_yaw_rate_radps,
+            0.5 * robot.turning_track_m,
+            robot.wheel_radius_m,
+            robot.max_acceleration_mps2,
+            robot.yaw_rate_gain,
         )
         self._gyro_radps = sensordata[:, int(model.sensor("gyro").adr[0]) + 2] if has_feedback else np.zeros(n_robots)
-        self._feedback = YawFeedback(
-            gyro_radps=np.zeros(n_robots),
-            set_point=np.zeros((n_robots, 2)),
-            added_radps=np.zeros(n_robots),
-        )
-        self._plain_feedback = tuple(self._feedback)
-        self._touches = self._stored_contacts([model.sensor(name).id for name in hull])
-        self._n_stored = self._touches.shape[2]
+        self._feedback = np.zeros(n_robots), np.zeros((n_robots, 2)), np.zeros(n_robots)
+        self._touches = self._stored_contacts()
         self._places: list[set[tuple[float, float]]] = [set() for _ in range(n_robots)]
         self.is_touching = np.zeros(n_robots, dtype=np.bool_)
         self.reset(self._all_rows, np.zeros((n_robots, 3)))
 
-    def _stored_contacts(self, sensors: Sequence[int]) -> FloatArray:
+    def _stored_contacts(self) -> FloatArray:
         """Return a live view of the contacts stored by the hull's sensors.
 
         The histories of the sensors are consecutive. In each, MuJoCo stores two numbers and
@@ -110,6 +98,7 @@ class Robots:
             Shape (n_robots, n_sensors, n_steps, n_contacts, 4).
         """
         model, history = self.physics, self._batch.bind("history")
+        sensors = [k for k in range(model.nsensor) if model.sensor(k).name.startswith("hull/")]
         n_steps, size = int(model.sensor_history[sensors[0], 0]), int(model.sensor_dim[sensors[0]])
         first, head = int(model.sensor_historyadr[sensors[0]]), 2 + n_steps
         each = head + n_steps * size
@@ -153,8 +142,8 @@ class Robots:
             self._places[row] = self._take_places(row)
             self.is_touching[row] = bool(self._places[row])
         batch.state[ids] = start
-        self._feedback.set_point[ids] = 0.0
-        self._feedback.added_radps[ids] = 0.0
+        for state in self._feedback[1:]:
+            state[ids] = 0.0
         self._update_readings()
 
     def drive(
@@ -182,14 +171,14 @@ class Robots:
                 f"`duration_s` must be a positive multiple of the physics step, {self.step_s:g} s, got {duration_s:g}"
             )
         driven = self._all_rows if rows is None else rows
-        if not command(v, turn, driven, duration_s, self._steering, self._wheels, self._plain_feedback, self._ctrl):
+        if not command(v, turn, driven, duration_s, self._steering, self._wheels, self._feedback, self._ctrl):
             raise ValueError(f"`v_mps` and `yaw_rate_radps` must be finite, got {v} and {turn}")
         if any(self._places):
             for row in driven.tolist():
                 self._places[row] = set()
                 self.is_touching[row] = False
         while n_substeps > 0:
-            n = min(n_substeps, self._n_stored)
+            n = min(n_substeps, self._touches.shape[2])
             self._batch.step(rows, n)
             n_substeps -= n
             for row in touching(self._touches).tolist():
@@ -199,7 +188,7 @@ class Robots:
 
     def _update_readings(self) -> None:
         """Read the sensors, and keep the value of the gyro, which is not part of the state, for the next command."""
-        self._feedback.gyro_radps[:] = self._gyro_radps
+        self._feedback[0][:] = self._gyro_radps
         self.readings = self._read()
 
     def n_warnings(self) -> NDArray[np.intp]:
@@ -218,13 +207,16 @@ class Robots:
 
     def _take_places(self, row: int) -> set[tuple[float, float]]:
         """Return the places of a robot's stored contacts, rounded to a centimetre, and clear them."""
-        return set(map(tuple, np.round(take_places(self._touches, row), 2).tolist()))
+        contacts = self._touches[row]
+        places_m = contacts[contacts[..., 0] > 0.0][:, 1:3]
+        contacts[..., 0] = 0.0
+        return set(map(tuple, np.round(places_m, 2).tolist()))
 
     def __getstate__(self) -> dict[str, Any]:
         return {
             "arguments": self._arguments,
             "state": self._batch.state.copy(),
-            "feedback": tuple(self._feedback),
+            "feedback": self._feedback,
             "places": self._places,
             "is_touching": self.is_touching,
             "readings": self.readings,
@@ -240,7 +232,7 @@ class Robots:
 
 def _drive(model: mujoco.MjModel) -> Drive:
     """Look up the driven wheels in the model, and the data of their motors."""
-    joint, actuator, side = DrivenWheels.of(model)
+    joint, actuator, side = driven_wheels(model)
     is_dc = model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_DCMOTOR
     resistance, constant = model.actuator_gainprm[actuator, :2].T
     return Drive(

@@ -23,14 +23,6 @@ LIDAR_RANGE_M = 12.0
 LIDAR_PERIOD_S = 0.1
 """Time between scans and between commands, for which contacts are stored; a whole number of physics steps."""
 
-HULL_PREFIX = "hull/"
-"""Prefix of the names of contact sensors."""
-
-
-def lidar_names() -> list[str]:
-    """Return the names of the sensors of the beams."""
-    return [f"lidar_{beam:02d}" for beam in range(LIDAR_BEAMS)]
-
 
 def describe_lidar(robot: RobotDescription) -> dict[str, float]:
     """Describe the lidar as plain data: number, start, height and range of the beams, and time between scans."""
@@ -57,9 +49,9 @@ def add_lidar(spec: mujoco.MjSpec, robot: RobotDescription) -> None:
         </mujoco>"""
     )
     spec.attach(ring, frame=spec.body("base").add_frame(), prefix="lidar/")
-    for beam, name in enumerate(lidar_names()):
+    for beam in range(LIDAR_BEAMS):
         spec.add_sensor(
-            name=name,
+            name=f"lidar_{beam:02d}",
             type=mujoco.mjtSensor.mjSENS_RANGEFINDER,
             objtype=mujoco.mjtObj.mjOBJ_SITE,
             objname=f"lidar/beam_{beam:02d}",
@@ -76,15 +68,10 @@ def add_contact_sensors(spec: mujoco.MjSpec) -> None:
     for number, geom in enumerate([geom for geom in spec.geoms if geom.conaffinity & OBSTACLE_CONTYPE]):
         geom.name = geom.name or f"part_{number}"
         spec.add_sensor(
-            name=f"{HULL_PREFIX}{geom.name}",
+            name=f"hull/{geom.name}",
             type=mujoco.mjtSensor.mjSENS_CONTACT,
             objtype=mujoco.mjtObj.mjOBJ_GEOM,
             objname=geom.name,
             intprm=[found_and_position, 0, 6],
             nsample=round(LIDAR_PERIOD_S / spec.option.timestep),
         )
-
-
-def contact_names(spec: mujoco.MjSpec) -> list[str]:
-    """Return the names of the contact sensors of the hull."""
-    return [sensor.name for sensor in spec.sensors if sensor.name.startswith(HULL_PREFIX)]

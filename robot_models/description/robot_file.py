@@ -38,10 +38,12 @@ from pdpatrol.robot_models.description.robot_description import (
     is_path,
     xml_path,
 )
-from pdpatrol.robot_models.description.robot_measures import DrivenWheels, extents
+from pdpatrol.robot_models.description.robot_measures import driven_wheels, extents
 from pdpatrol.robot_models.sensors import FLOOR_CONTYPE, LIDAR_PERIOD_S, OBSTACLE_CONTYPE
 from pdpatrol.robot_models.world import build_spec
 from pdpatrol.robot_models.yard.yard import ROBOT_HEIGHT_M, Yard
+
+IntArray = NDArray[np.intp]
 
 TOLERANCE_M = 0.005
 """Tolerance of positions (assumed)."""
@@ -140,7 +142,7 @@ def _part_requirements(model: mujoco.MjModel) -> list[Requirement]:
     imu, lidar = model.site("imu"), model.site("lidar")
     is_on_floor = model.geom_conaffinity & FLOOR_CONTYPE > 0
     is_hull = model.geom_conaffinity & OBSTACLE_CONTYPE > 0
-    wheels, gain = DrivenWheels.of(model), _numeric(model, "yaw_rate_gain")
+    (joints, actuators, _), gain = driven_wheels(model), _numeric(model, "yaw_rate_gain")
     is_free = free.type[0] == mujoco.mjtJoint.mjJNT_FREE and free.bodyid[0] == base
     is_alone = model.body_rootid[1:].max() == base and not (model.geom_bodyid == 0).any()
     is_level = np.allclose(np.abs(imu.quat), [1.0, 0.0, 0.0, 0.0], atol=1e-3)
@@ -163,7 +165,7 @@ def _part_requirements(model: mujoco.MjModel) -> list[Requirement]:
     for name in LIMITS:
         value = _numeric(model, name)
         requirements.append((name, 0.0 < value < np.inf, f"must be one number above 0, got {value:g}"))
-    for joint, actuator in zip(wheels.joint, wheels.actuator, strict=True):
+    for joint, actuator in zip(joints, actuators, strict=True):
         is_hinge = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE
         stands = (is_on_floor & (model.geom_bodyid == model.jnt_bodyid[joint])).any()
         required = "must be a hinge with an actuator, in a body with a geom that touches the floor, with conaffinity 1"
@@ -183,15 +185,13 @@ def _measure(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel) -> RobotDes
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    base, wheels, up = model.body("base").id, DrivenWheels.of(model), np.array([[0.0, 0.0, 1.0]])
+    base, (joints, actuators, sides), up = model.body("base").id, driven_wheels(model), np.array([[0.0, 0.0, 1.0]])
     base_from_world = data.xmat[base].reshape(3, 3).T
     is_on_floor = model.geom_conaffinity & FLOOR_CONTYPE > 0
-    rolling = [
-        int(np.flatnonzero(is_on_floor & (model.geom_bodyid == body))[0]) for body in model.jnt_bodyid[wheels.joint]
-    ]
+    rolling = [int(np.flatnonzero(is_on_floor & (model.geom_bodyid == body))[0]) for body in model.jnt_bodyid[joints]]
     place_m = (data.geom_xpos[rolling] - data.xpos[base]) @ base_from_world.T
     radius_m = extents(model, data, rolling, -up)[:, 0] + place_m[:, 2]
-    left_m, right_m = (place_m[wheels.side == side, :2].mean(axis=0) for side in (0, 1))
+    left_m, right_m = (place_m[sides == side, :2].mean(axis=0) for side in (0, 1))
     track_m = float(left_m[1] - right_m[1])
     offset_m = place_m[:, 0] - place_m[:, 0].mean()
     angle_rad = np.radians(np.arange(0.0, 360.0, 1.0))  # outlines are exact to 4e-5
@@ -218,14 +218,14 @@ def _measure(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel) -> RobotDes
         lidar_start_m=x,
         lidar_height_m=z,
     )
-    axes = data.xaxis[wheels.joint] @ base_from_world.T
+    axes = data.xaxis[joints] @ base_from_world.T
     (middle_x, middle_y), above_m = 0.5 * (left_m + right_m), place_m[:, 2] - radius_m
     excess_m = float((outline_m - hull_m).max())
     needed_mps = robot.max_speed_mps + 0.5 * robot.turning_track_m * robot.max_yaw_rate_radps
     needed_radps = needed_mps / robot.wheel_radius_m
-    low, high = model.actuator_ctrlrange[wheels.actuator].T
-    is_wide = (low <= -needed_radps) & (high >= needed_radps) | (model.actuator_ctrllimited[wheels.actuator] == 0)
-    spin_radps, steps = _spin(model, wheels), LIDAR_PERIOD_S / model.opt.timestep
+    low, high = model.actuator_ctrlrange[actuators].T
+    is_wide = (low <= -needed_radps) & (high >= needed_radps) | (model.actuator_ctrllimited[actuators] == 0)
+    spin_radps, steps = _spin(model, joints, actuators), LIDAR_PERIOD_S / model.opt.timestep
     is_inside = 0.0 <= x <= robot.inner_radius_m + 1e-6 and abs(y) <= 1e-6 and 0.0 < z <= robot.height_m
     requirements = [
         (
@@ -281,14 +281,14 @@ def _measure(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel) -> RobotDes
     return _at_rest(robot, has_home=spec.key("home") is not None)
 
 
-def _spin(model: mujoco.MjModel, wheels: DrivenWheels) -> NDArray[np.float64]:
+def _spin(model: mujoco.MjModel, joints: IntArray, actuators: IntArray) -> NDArray[np.float64]:
     """Return the speeds of the wheels in the air, 1 s after 1 rad/s was commanded, shape (n_wheels,)."""
     data, gravity = mujoco.MjData(model), model.opt.gravity.copy()
     model.opt.gravity[:] = 0.0
-    data.ctrl[wheels.actuator] = 1.0
+    data.ctrl[actuators] = 1.0
     mujoco.mj_step(model, data, nstep=round(1.0 / model.opt.timestep))
     model.opt.gravity[:] = gravity
-    return data.qvel[model.jnt_dofadr[wheels.joint]].copy()
+    return data.qvel[model.jnt_dofadr[joints]].copy()
 
 
 def _at_rest(robot: RobotDescription, has_home: bool) -> RobotDescription:

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -15,33 +14,24 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 
-class DrivenWheels(NamedTuple):
-    """The driven wheels of a model: hinges whose names begin with `left_wheel` and `right_wheel`.
+def driven_wheels(model: mujoco.MjModel) -> tuple[IntArray, IntArray, IntArray]:
+    """Find the driven wheels: hinges whose names begin with `left_wheel` and `right_wheel`, those on the left first.
 
-    Attributes:
-        joint: Number of its joint, shape (n_wheels,).
-        actuator: Number of the first actuator of that joint, shape (n_wheels,); -1 without one.
-        side: 0 on the left, 1 on the right, shape (n_wheels,).
+    Returns:
+        Number of the joint of each wheel, of the first actuator of that joint (-1 without one), and its side: 0 on the
+        left, 1 on the right; each of shape (n_wheels,).
     """
-
-    joint: IntArray
-    actuator: IntArray
-    side: IntArray
-
-    @classmethod
-    def of(cls, model: mujoco.MjModel) -> DrivenWheels:
-        """Find the wheels by the names of their joints, those on the left first."""
-        names = [model.joint(joint).name for joint in range(model.njnt)]
-        found = [
-            (joint, side)
-            for side, prefix in enumerate(("left_wheel", "right_wheel"))
-            for joint, name in enumerate(names)
-            if name.startswith(prefix)
-        ]
-        joint, side = np.array(found, dtype=np.intp).reshape(-1, 2).T
-        drives = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & (model.actuator_trnid[:, 0] == joint[:, None])
-        actuator = np.where(drives.any(axis=-1), drives.argmax(axis=-1), -1) if model.nu else np.full(joint.size, -1)
-        return cls(joint, actuator, side)
+    names = [model.joint(joint).name for joint in range(model.njnt)]
+    found = [
+        (joint, side)
+        for side, prefix in enumerate(("left_wheel", "right_wheel"))
+        for joint, name in enumerate(names)
+        if name.startswith(prefix)
+    ]
+    joint, side = np.array(found, dtype=np.intp).T
+    driven = np.where(model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT, model.actuator_trnid[:, 0], -1).tolist()
+    actuator = [driven.index(number) if number in driven else -1 for number in joint.tolist()]
+    return joint, np.array(actuator, dtype=np.intp), side
 
 
 def extents(model: mujoco.MjModel, data: mujoco.MjData, geoms: Sequence[int], directions: FloatArray) -> FloatArray:
