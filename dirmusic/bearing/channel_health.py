@@ -7,7 +7,6 @@ left out, the channel is faulty.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import combinations
 from typing import Literal, NamedTuple
 
@@ -22,9 +21,6 @@ from dirmusic.pulses.batch import Bearings, PulseBatch
 
 FloatArray = NDArray[np.float64]
 FaultName = Literal["dead", "low", "high", "swapped", "stuck"]
-
-CLEAR_STD_RAD = np.radians(4.0)
-"""Largest bearing deviation by noise of the pulses that are watched; assumed."""
 
 
 class SuspectChannel(NamedTuple):
@@ -53,48 +49,6 @@ class SuspectChannel(NamedTuple):
         return f"channel {self.channel} {text} ({self.n_pulses} pulses)"
 
 
-@dataclass(frozen=True, kw_only=True)
-class HealthRules:
-    """Thresholds of the channel monitor; all assumed.
-
-    Attributes:
-        check_pulses: Pulses between checks.
-        most_checks: Most checks of pulses that arrive in one call; a long survey has more pulses between checks.
-        at_ease: Upper quartile of the misfit below which nothing is checked further.
-        window: Latest pulses that a check uses.
-        fair_share: A pulse tests a channel whose predicted strength is at least this share of the strongest one.
-        least_pulses: Fewest pulses that must test a channel.
-        fault_db: Median deviation of a faulty channel; well above the spread of real arrays.
-        each_db: Deviation in the same sense that nine in ten of the pulses must show.
-        dead_db: Deviation below which a channel is dead rather than low.
-        cure: Share of its previous value below which the median misfit must fall without the channel.
-        agreed: Median misfit below which the other channels agree.
-        stuck_spread: Relative spread of the strengths below which a channel is stuck.
-        swap_pulses: Fewest pulses before two channels are suspected of being swapped; a single fault shows earlier.
-        opening_rad: Smallest aperture of the directions: from one direction alone a low channel looks like two swapped
-            ones, and a pattern error like a channel that is too low or too high.
-        certain_db: Deviation beyond which a channel is faulty whatever the aperture; no pattern error is as large.
-        least_channels: Fewest good channels; with fewer, directions are ambiguous.
-    """
-
-    check_pulses: int = 10
-    most_checks: int = 2000
-    at_ease: float = 0.008
-    window: int = 60
-    fair_share: float = 0.35
-    least_pulses: int = 10
-    fault_db: float = 3.5
-    each_db: float = 2.0
-    dead_db: float = -12.0
-    cure: float = 0.25
-    agreed: float = 0.02
-    stuck_spread: float = 1e-6
-    swap_pulses: int = 30
-    opening_rad: float = np.radians(60.0)
-    certain_db: float = 10.0
-    least_channels: int = 3
-
-
 class ChannelMonitor:
     """Estimator of bearings that watches for faulty channels and leaves them out.
 
@@ -105,25 +59,47 @@ class ChannelMonitor:
     Args:
         array: The nominal array.
         estimator: Estimator of the bearings from the good channels. Default: maximum likelihood.
-        rules: Thresholds.
 
     Attributes:
         good: True for each channel that is not faulty, shape (n_elements,).
         n_bad: Number of faulty channels.
+        CLEAR_STD_RAD: Largest bearing deviation by noise of the pulses that are watched. This and the following
+            thresholds are assumed.
+        CHECK_PULSES: Pulses between checks.
+        MOST_CHECKS: Most checks of pulses that arrive in one call; a long survey has more pulses between checks.
+        CHECKED_MISFIT: Upper quartile of the misfit below which nothing is checked further.
+        WINDOW: Latest pulses that a check uses.
+        TESTED_SHARE: A pulse tests a channel whose predicted strength is at least this share of the strongest one.
+        LEAST_PULSES: Fewest pulses that must test a channel.
+        FAULT_DB: Median deviation of a faulty channel; well above the spread of real arrays.
+        EACH_DB: Deviation in the same sense that nine in ten of the pulses must show.
+        DEAD_DB: Deviation below which a channel is dead rather than low.
+        CURED_SHARE: Share of its previous value below which the median misfit must fall without the channel.
+        AGREED_MISFIT: Median misfit below which the other channels agree.
+        STUCK_SPREAD: Relative spread of the strengths below which a channel is stuck.
+        SWAP_PULSES: Fewest pulses before two channels are suspected of being swapped; a single fault shows earlier.
+        LEAST_APERTURE_RAD: Smallest aperture of the directions: from one direction alone a low channel looks like two
+            swapped ones, and a pattern error like a channel that is too low or too high.
+        CERTAIN_DB: Deviation beyond which a channel is faulty whatever the aperture; no pattern error is as large.
+        LEAST_CHANNELS: Fewest good channels; with fewer, directions are ambiguous.
     """
 
-    def __init__(
-        self, array: ArrayModel, estimator: BearingEstimator | None = None, rules: HealthRules | None = None
-    ) -> None:
+    CLEAR_STD_RAD = np.radians(4.0)
+    CHECK_PULSES, MOST_CHECKS, WINDOW = 10, 2000, 60
+    CHECKED_MISFIT, AGREED_MISFIT, CURED_SHARE = 0.008, 0.02, 0.25
+    LEAST_PULSES, SWAP_PULSES, LEAST_CHANNELS = 10, 30, 3
+    FAULT_DB, EACH_DB, DEAD_DB, CERTAIN_DB = 3.5, 2.0, -12.0, 10.0
+    TESTED_SHARE, STUCK_SPREAD, LEAST_APERTURE_RAD = 0.35, 1e-6, np.radians(60.0)
+
+    def __init__(self, array: ArrayModel, estimator: BearingEstimator | None = None) -> None:
         n_elements = array.manifold.n_elements
         self.array = array
-        self.rules = rules or HealthRules()
         self.good = np.ones(n_elements, dtype=np.bool_)
         self.n_bad = 0
         self._likelihood = MaximumLikelihood()
         self._estimator = estimator or self._likelihood
-        self._strengths = np.empty((self.rules.window, n_elements))
-        self._misfits = np.empty(self.rules.window)
+        self._strengths = np.empty((self.WINDOW, n_elements))
+        self._misfits = np.empty(self.WINDOW)
         self._n_seen = self._n_new = 0
 
     def bearings(self, pulses: PulseBatch) -> PulseBatch:
@@ -148,13 +124,14 @@ class ChannelMonitor:
         """
         found: list[SuspectChannel] = []
         std_rad, misfit = pulses.std_rad[own], pulses.misfit[own]
-        between = max(self.rules.check_pulses, std_rad.size // self.rules.most_checks)
+        between = max(self.CHECK_PULSES, std_rad.size // self.MOST_CHECKS)
         if not isinstance(self._estimator, MaximumLikelihood):
             likeliest = self._likelihood(pulses.take(own).take_channels(self.good), self.array.take(self.good))
             std_rad, misfit = likeliest.std_rad, likeliest.misfit
         strengths_v = pulses.strengths_v[own]
-        for row in (std_rad < CLEAR_STD_RAD).nonzero()[0].tolist():  # checks do not depend on the size of the batch
-            at = self._n_seen % self.rules.window
+        clear = np.flatnonzero(std_rad < self.CLEAR_STD_RAD)
+        for row in clear.tolist():  # one by one, so that checks do not depend on the size of the batch
+            at = self._n_seen % self.WINDOW
             self._strengths[at], self._misfits[at] = strengths_v[row], misfit[row]
             self._n_seen += 1
             self._n_new += 1
@@ -165,7 +142,7 @@ class ChannelMonitor:
 
     def _check(self) -> list[SuspectChannel]:
         """Find faulty channels, and leave them out from now on."""
-        n = min(self._n_seen, self.rules.window)
+        n = min(self._n_seen, self.WINDOW)
         suspects = self._suspects(self._strengths[:n], self._misfits[:n])
         if suspects:
             self.good[[suspect.channel - 1 for suspect in suspects]] = False
@@ -176,20 +153,20 @@ class ChannelMonitor:
 
     def _suspects(self, strengths_v: FloatArray, misfits: FloatArray) -> list[SuspectChannel]:
         """Find faulty channels in the pulses of the window: stuck ones, else the worst one, else a swapped pair."""
-        rules, channels = self.rules, np.flatnonzero(self.good)
-        if channels.size <= rules.least_channels or self._n_seen < rules.least_pulses:
+        channels = np.flatnonzero(self.good)
+        if channels.size <= self.LEAST_CHANNELS or self._n_seen < self.LEAST_PULSES:
             return []
         strengths_v, n = strengths_v[:, channels], len(strengths_v)
         highest = strengths_v.max(axis=0)
-        stuck = channels[(highest > 0.0) & (np.ptp(strengths_v, axis=0) < rules.stuck_spread * highest)]
+        stuck = channels[(highest > 0.0) & (np.ptp(strengths_v, axis=0) < self.STUCK_SPREAD * highest)]
         if 0 < stuck.size < channels.size:
             return [SuspectChannel(channel + 1, "stuck", np.nan, n) for channel in stuck.tolist()]
         upper_quartile = 3 * n // 4
-        if np.partition(misfits, upper_quartile)[upper_quartile] < rules.at_ease:
+        if np.partition(misfits, upper_quartile)[upper_quartile] < self.CHECKED_MISFIT:
             return []
         unexplained = float(np.median(self._fit(strengths_v, channels).misfit))
         candidates = [self._without(strengths_v, channels, k) for k in range(channels.size)]
-        cures = [one for one in candidates if one is not None and one[0] < rules.cure * unexplained]
+        cures = [one for one in candidates if one is not None and one[0] < self.CURED_SHARE * unexplained]
         if cures:
             return [min(cures, key=lambda one: one[0])[1]]
         return self._swapped(strengths_v, channels, unexplained)
@@ -203,29 +180,29 @@ class ChannelMonitor:
         self, strengths_v: FloatArray, channels: NDArray[np.intp], k: int
     ) -> tuple[float, SuspectChannel] | None:
         """Return the median misfit without channel k and its fault, or None if it is not faulty."""
-        rules, others = self.rules, np.delete(np.arange(channels.size), k)
+        others = np.delete(np.arange(channels.size), k)
         azimuth, _, misfit = self._fit(strengths_v[:, others], channels[others])
         remaining = float(np.median(misfit))
         gain = self.array.manifold.gain(azimuth)[channels].T
         amplitude = (strengths_v[:, others] * gain[:, others]).sum(axis=-1) / np.square(gain[:, others]).sum(axis=-1)
-        tests = (gain[:, k] >= rules.fair_share * gain.max(axis=-1)) & (misfit < rules.agreed) & (amplitude > 0)
-        if tests.sum() < rules.least_pulses or remaining > rules.agreed:
+        tests = (gain[:, k] >= self.TESTED_SHARE * gain.max(axis=-1)) & (misfit < self.AGREED_MISFIT) & (amplitude > 0)
+        if tests.sum() < self.LEAST_PULSES or remaining > self.AGREED_MISFIT:
             return None
         predicted = amplitude[tests] * gain[tests, k]
         ratio_db: FloatArray = 20 * np.log10(np.maximum(strengths_v[tests, k] / predicted, 1e-3))
         median_db = float(np.median(ratio_db))
-        consistent = float(np.mean((ratio_db if median_db > 0 else -ratio_db) > rules.each_db))
-        if abs(median_db) < rules.fault_db or consistent < 0.9:
+        consistent = float(np.mean((ratio_db if median_db > 0 else -ratio_db) > self.EACH_DB))
+        if abs(median_db) < self.FAULT_DB or consistent < 0.9:
             return None
-        if abs(median_db) < rules.certain_db and aperture(azimuth[tests]) < rules.opening_rad:
+        if abs(median_db) < self.CERTAIN_DB and aperture(azimuth[tests]) < self.LEAST_APERTURE_RAD:
             return None
-        kind = "dead" if median_db < rules.dead_db else "low" if median_db < 0 else "high"
+        kind = "dead" if median_db < self.DEAD_DB else "low" if median_db < 0 else "high"
         return remaining, SuspectChannel(int(channels[k]) + 1, kind, median_db, int(tests.sum()))
 
     def _swapped(self, strengths_v: FloatArray, channels: NDArray[np.intp], unexplained: float) -> list[SuspectChannel]:
         """Find the two channels that explain all pulses once they are exchanged."""
-        rules, n = self.rules, len(strengths_v)
-        if unexplained < rules.agreed or n < rules.swap_pulses:
+        n = len(strengths_v)
+        if unexplained < self.AGREED_MISFIT or n < self.SWAP_PULSES:
             return []
         best, pair, directions = np.inf, (0, 0), np.empty(0)
         for i, j in combinations(range(channels.size), 2):
@@ -235,6 +212,9 @@ class ChannelMonitor:
             remaining = float(np.quantile(fit.misfit, 0.9))
             if remaining < best:
                 best, pair, directions = remaining, (i, j), fit.azimuth_rad
-        if best > min(rules.cure * unexplained, rules.agreed) or aperture(directions) < rules.opening_rad:
+        if (
+            best > min(self.CURED_SHARE * unexplained, self.AGREED_MISFIT)
+            or aperture(directions) < self.LEAST_APERTURE_RAD
+        ):
             return []
         return [SuspectChannel(int(channels[k]) + 1, "swapped", np.nan, n) for k in pair]

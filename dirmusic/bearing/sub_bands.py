@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import toeplitz
 
 from dirmusic.angles import wrapped
 from dirmusic.array.manifold import SEARCH_STEP_RAD, GainManifold, ManifoldTable
@@ -14,7 +15,7 @@ from dirmusic.array.model import ArrayModel
 from dirmusic.bearing.maximum_likelihood import REFINEMENTS, TINY, MaximumLikelihood, look_up
 from dirmusic.compiled import Held, compiled, compiled_inner
 from dirmusic.pulses.batch import LEAST_SHARE, NO_DIRECTION, UNKNOWN_STD_RAD, Bearings, PulseBatch
-from dirmusic.pulses.strengths import dot, strength_variance
+from dirmusic.pulses.strengths import dot
 
 FloatArray = NDArray[np.float64]
 
@@ -37,74 +38,33 @@ class SubBands:
     Attributes:
         lines: Cosines and sines whose squared products with a gate sum to the energies, shape (n_bands, n_lines,
             n_samples).
+        noise_samples: Energy of noise in each sub-band over the variance of one sample, shape (n_bands,).
+        energy_spread: Argument of `strength_variance` for each sub-band, shape (n_bands,).
     """
 
     def __init__(
         self, edges_hz: ArrayLike, sample_rate_hz: float, n_samples: int, correlation: FloatArray | None = None
     ) -> None:
-        self.edges_hz, self.sample_rate_hz = np.array(edges_hz, dtype=np.float64), sample_rate_hz
-        width_hz = np.diff(self.edges_hz)
+        edges = np.asarray(edges_hz, dtype=np.float64)
+        width_hz = np.diff(edges)
         n_lines = max(4, int(np.ceil(4 * n_samples * width_hz.max() / sample_rate_hz)))
         at = (np.arange(n_lines) + 0.5) / n_lines
-        frequency_hz = self.edges_hz[:-1, np.newaxis] + width_hz[:, np.newaxis] * at
+        frequency_hz = edges[:-1, np.newaxis] + width_hz[:, np.newaxis] * at
         turn = 2 * np.pi * frequency_hz[..., np.newaxis] / sample_rate_hz * np.arange(n_samples)
         scale = np.sqrt(2 * width_hz / (n_lines * sample_rate_hz))[:, np.newaxis, np.newaxis]
         self.lines = np.ascontiguousarray(scale * np.concatenate([np.cos(turn), np.sin(turn)], axis=1))
-        lags = np.zeros(n_samples)
-        lags[: 1 if correlation is None else min(correlation.size, n_samples)] = (
-            1.0 if correlation is None else correlation[:n_samples]
-        )
-        self._noise = lags[np.abs(np.arange(n_samples)[:, np.newaxis] - np.arange(n_samples))]
-
-    @property
-    def n_bands(self) -> int:
-        """Number of sub-bands."""
-        return self.edges_hz.size - 1
-
-    @cached_property
-    def _form(self) -> FloatArray:
-        return np.einsum("bli,blj->bij", self.lines, self.lines)
-
-    @cached_property
-    def noise_samples(self) -> FloatArray:
-        """Energy of noise in each sub-band over the variance of one sample, shape (n_bands,)."""
-        return np.einsum("bij,ji->b", self._form, self._noise)
-
-    @cached_property
-    def energy_spread(self) -> FloatArray:
-        """Argument of `strength_variance` for each sub-band, shape (n_bands,)."""
+        lags = np.ones(1) if correlation is None else correlation[:n_samples]
+        self._noise = toeplitz(np.pad(lags, (0, n_samples - lags.size)))
+        self._form = np.einsum("bli,blj->bij", self.lines, self.lines)
         product = self._form @ self._noise
-        return np.einsum("bij,bji->b", product, product)
+        self.noise_samples: FloatArray = np.trace(product, axis1=1, axis2=2)
+        self.energy_spread: FloatArray = np.einsum("bij,bji->b", product, product)
 
-    def noise_on(self, pulse: ArrayLike) -> FloatArray:
-        """Compute this argument of `strength_variance` for each sub-band and a typical pulse (n_samples,)."""
-        in_band = self._form @ np.asarray(pulse, dtype=np.float64)
-        energy = in_band @ np.asarray(pulse, dtype=np.float64)
+    def noise_on(self, pulse: FloatArray) -> FloatArray:
+        """Compute `noise_on_pulse` of `strength_variance` for each sub-band and a typical pulse (n_samples,)."""
+        in_band = self._form @ pulse
+        energy = in_band @ pulse
         return np.einsum("bi,ij,bj->b", in_band, self._noise, in_band) / energy
-
-    def strengths(self, waveforms: ArrayLike, noise_variance: ArrayLike) -> FloatArray:
-        """Compute the strengths in sub-bands: the roots of the energies above those of the noise.
-
-        Args:
-            waveforms: Samples of the gates, shape (..., n_elements, n_samples), volts.
-            noise_variance: Variance of one noise sample, V^2; broadcasts to (..., n_elements).
-
-        Returns:
-            Strengths, shape (..., n_bands, n_elements), volts.
-        """
-        spectrum = np.einsum("blk,...ek->...ble", self.lines, np.asarray(waveforms, dtype=np.float64))
-        noise = self.noise_samples[:, np.newaxis] * np.asarray(noise_variance, dtype=np.float64)[..., np.newaxis, :]
-        return np.sqrt(np.maximum(np.square(spectrum).sum(axis=-2) - noise, 0.0))
-
-    def variance(self, strengths: FloatArray, noise_variance: ArrayLike, noise_on_pulse: ArrayLike = 1.0) -> FloatArray:
-        """Compute the variance of strengths (..., n_bands, n_elements), V^2; see `strength_variance`."""
-        noise, spread = np.asarray(noise_variance, dtype=np.float64), self.energy_spread.tolist()
-        on_pulse = np.broadcast_to(np.asarray(noise_on_pulse, dtype=np.float64), (self.n_bands,)).tolist()
-        of_bands = [
-            strength_variance(strengths[..., b, :], noise, 1, energy_spread=spread[b], noise_on_pulse=on_pulse[b])
-            for b in range(self.n_bands)
-        ]
-        return np.stack(of_bands, axis=-2)
 
 
 MOST_TILT = 2.0
@@ -163,24 +123,6 @@ class SubBandLikelihood:
         return bearings_of_bands(pulses.band_strengths_v, pulses.band_variance_v2, tables, NO_DIRECTION)
 
 
-class BandFit(NamedTuple):
-    """Fit of all sub-bands at one azimuth.
-
-    Attributes:
-        turn: Gauss-Newton step times `weight`.
-        weight: Curvature of the likelihood.
-        variance: Variance of `turn` by noise.
-        signal: Curvature without the contribution of noise to the amplitudes.
-        explained: Weighted energy that the azimuth explains.
-    """
-
-    turn: float
-    weight: float
-    variance: float
-    signal: float
-    explained: float
-
-
 @compiled_inner
 def look_up_band(
     azimuth_rad: float, tables: BandTables, b: int, upper: float, gain: FloatArray, slope: FloatArray
@@ -227,7 +169,7 @@ def fit_bands(
     upper: FloatArray,
     power_v2: FloatArray,
     tables: BandTables,
-) -> BandFit:
+) -> tuple[float, float, float, float, float]:
     """Fit one pulse at an azimuth.
 
     Args:
@@ -238,6 +180,10 @@ def fit_bands(
         upper: Share of the power in the upper half of each sub-band, shape (n_bands,).
         power_v2: Output: squared amplitude without the contribution of noise, shape (n_bands,).
         tables: Tables of the manifolds.
+
+    Returns:
+        Gauss-Newton step times the curvature, curvature of the likelihood, variance of the first by noise, curvature
+        without the contribution of noise to the amplitudes, and weighted energy that the azimuth explains.
     """
     n_bands, n = strengths.shape
     gain, slope, across = np.empty(n), np.empty(n), np.empty(n)
@@ -257,7 +203,7 @@ def fit_bands(
         power_v2[b] = max(squared - bias, LEAST_SHARE * squared)
         signal += trust[b] * power_v2[b] * (dot(across, across) + TINY)
         explained += trust[b] * squared * energy
-    return BandFit(turn, weight, spread, signal, explained)
+    return turn, weight, spread, signal, explained
 
 
 @compiled
@@ -298,14 +244,18 @@ def bearings_of_bands(
         start_rad = SEARCH_STEP_RAD * int(np.argmax(match))
         azimuth_rad = start_rad
         upper[:] = 0.5
-        fit = fit_bands(azimuth_rad, strengths[k], variance[k], trust, upper, power_v2, of)
+        turn, weight, spread, signal, explained = fit_bands(
+            azimuth_rad, strengths[k], variance[k], trust, upper, power_v2, of
+        )
         for _ in range(REFINEMENTS + 1):
-            if fit.weight > 0.0:
-                azimuth_rad += fit.turn / fit.weight
+            if weight > 0.0:
+                azimuth_rad += turn / weight
             azimuth_rad = min(max(azimuth_rad, start_rad - SEARCH_STEP_RAD), start_rad + SEARCH_STEP_RAD)
             upper_shares(power_v2, upper)
-            fit = fit_bands(azimuth_rad, strengths[k], variance[k], trust, upper, power_v2, of)
+            turn, weight, spread, signal, explained = fit_bands(
+                azimuth_rad, strengths[k], variance[k], trust, upper, power_v2, of
+            )
         found.azimuth_rad[k] = wrapped(azimuth_rad)
-        found.std_rad[k] = min(np.sqrt(fit.variance) / max(fit.signal, TINY), UNKNOWN_STD_RAD)
-        found.misfit[k] = min(max(1.0 - fit.explained / energy, 0.0), 1.0)
+        found.std_rad[k] = min(np.sqrt(spread) / max(signal, TINY), UNKNOWN_STD_RAD)
+        found.misfit[k] = min(max(1.0 - explained / energy, 0.0), 1.0)
     return found

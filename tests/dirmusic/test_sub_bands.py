@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 
-from dirmusic import ESTIMATORS, ArrayModel, ElementSpread, GainManifold, PulseBatch
+from dirmusic import ESTIMATORS, ArrayModel, ElementSpread, GainManifold, PulseBatch, strength_variance
 from dirmusic.angles import difference
 from dirmusic.array.bounds import bearing_bound
 from dirmusic.array.pattern import GainPattern, TabulatedPattern
@@ -31,9 +31,9 @@ def ring(sharpness: list[float]) -> ArrayModel:
 
 def test_band_energies_sum_to_gate_energy() -> None:
     bands = SubBands(np.linspace(0.0, 0.5 * RATE_HZ, 9), RATE_HZ, N)
-    gate = np.random.default_rng(0).normal(size=(5, 3, N))
-    energy = np.square(bands.strengths(gate, np.zeros(3)))
-    np.testing.assert_allclose(energy.sum(axis=-2), np.square(gate).sum(axis=-1), rtol=0.02)
+    gate = np.random.default_rng(0).normal(size=(N, 15))
+    energy = np.square(bands.lines @ gate).sum(axis=(0, 1))
+    np.testing.assert_allclose(energy, np.square(gate).sum(axis=0), rtol=0.02)
 
 
 @pytest.mark.parametrize("noise_correlation", [None, 0.6])
@@ -52,9 +52,12 @@ def test_band_strengths_have_stated_variance() -> None:
     bands, rng = SubBands(EDGES_HZ, RATE_HZ, N), np.random.default_rng(2)
     time_s = np.arange(N) / RATE_HZ
     pulse = 30.0 * np.exp(-(((time_s - 3e-9) / 0.5e-9) ** 2)) * np.sin(2 * np.pi * 1.75e9 * time_s)
-    strengths = bands.strengths(pulse + rng.normal(size=(20_000, 1, N)), np.ones(1))[..., 0]
-    stated = bands.variance(strengths.mean(axis=0)[:, np.newaxis], np.ones(1), bands.noise_on(pulse))[:, 0]
-    np.testing.assert_allclose(strengths.var(axis=0), stated, rtol=0.06)
+    energy = np.square(bands.lines @ (pulse + rng.normal(size=(20_000, N))).T).sum(axis=1)
+    strengths = np.sqrt(np.maximum(energy - bands.noise_samples[:, np.newaxis], 0.0))
+    of_bands = zip(strengths, bands.energy_spread, bands.noise_on(pulse), strict=True)
+    for strength, spread, on_pulse in of_bands:
+        stated = strength_variance(strength.mean(), 1.0, 1, energy_spread=spread, noise_on_pulse=on_pulse)
+        assert strength.var() == pytest.approx(float(stated), rel=0.06)
 
 
 def strengths_of(array: ArrayModel, azimuth_rad: FloatArray, spectrum: list[float]) -> FloatArray:
