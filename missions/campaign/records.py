@@ -12,7 +12,7 @@ Presence = Literal["found", "absent", "not inspected"]
 Verdict = Literal["grown", "constant", "declined", "not clear", "too few dates"]
 
 
-class TrendInterval(ReportPart, frozen=True):
+class TrendInterval(ReportPart):
     """Estimate with its 99 % confidence interval."""
 
     value: Number = Field(description="estimate")
@@ -20,7 +20,7 @@ class TrendInterval(ReportPart, frozen=True):
     upper: Number = Field(description="upper end")
 
 
-class Observation(ReportPart, frozen=True):
+class Observation(ReportPart):
     """Discharge in one inspection."""
 
     run: str = Field(description="folder of the mission as given")
@@ -40,7 +40,7 @@ class Observation(ReportPart, frozen=True):
     n_looks: Count = Field(description="number of squares of the ground, 1 m wide, from which they were received")
 
 
-class LinearTrend(ReportPart, frozen=True):
+class LinearTrend(ReportPart):
     """Line through the values of several inspections."""
 
     per_week: TrendInterval = Field(description="slope")
@@ -48,7 +48,7 @@ class LinearTrend(ReportPart, frozen=True):
     scatter: Number = Field(description="standard deviation between inspections in addition to that of each value")
 
 
-class TrackedDischarge(ReportPart, frozen=True):
+class TrackedDischarge(ReportPart):
     """One discharge over all inspections."""
 
     number: int = Field(description="number from 1, in the order of growth")
@@ -71,7 +71,7 @@ class TrackedDischarge(ReportPart, frozen=True):
         return next((each for each in reversed(self.observations) if each.level_db is not None), None)
 
 
-class Trend(ReportPart, frozen=True):
+class Trend(ReportPart):
     """Content of trend.json."""
 
     schema_number: Literal[1] = Field(default=1, alias="schema", description="number of this schema")

@@ -6,18 +6,14 @@ import numpy as np
 
 from dirmusic import InputFileError
 from dirmusic.angles import aperture
-from pdpatrol.envs.scenario.locating import LocatingConfig
+from pdpatrol.envs.scenario import restore_scenario
 from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.missions.driving.site_map import MIN_TRANSMISSION
 from pdpatrol.missions.planning.detectability import AMPLITUDE_V, MARGIN_DB, DirectPaths
 from pdpatrol.missions.record.log_contents import known_yard
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.records import SiteInspection, SiteInspections
-from pdpatrol.sensing import ArrayConfig, ReceiverConfig
 from pdpatrol.sensing.radio.transmission import Sight
-
-PLACE_M = 0.25
-"""Grid to which poses are rounded. Assumed; apertures change by about a degree at 10 m."""
 
 
 def inspect_sites(log: MissionLog) -> SiteInspections | None:
@@ -26,22 +22,20 @@ def inspect_sites(log: MissionLog) -> SiteInspections | None:
     The discharge assumed is the one for which tours are planned.
 
     Returns:
-        None without a map, without sites on it, or if the file of the array's pattern no longer exists.
+        None without a map, without sites on it, or if a file that the scenario names no longer exists.
     """
     yard = known_yard(log)
     if yard is None or not yard.site_names():
         return None
-    scenario = log.meta["scenario"]
-    locating = {key: value for key, value in scenario["locating"].items() if key not in ("locator", "calibration")}
-    rules = LocatingConfig.model_validate(locating, strict=False).rules()
-    array = ArrayConfig.model_validate(scenario["array"], strict=False)
-    receiver = ReceiverConfig.model_validate(scenario["receiver"], strict=False)
     try:
-        paths = DirectPaths(array, receiver, Sight(surroundings_of(yard)))
+        scenario = restore_scenario(log.meta["scenario"])
+        paths = DirectPaths(scenario.array, scenario.receiver, Sight(surroundings_of(yard)))
     except (InputFileError, OSError):
         return None
+    rules = scenario.locating.rules()
     assumed_db = float(20 * np.log10(AMPLITUDE_V))
-    places_m = np.unique(np.round(log.column("step", "pose")[:, :2] / PLACE_M), axis=0) * PLACE_M
+    grid_m = 0.25  # poses are rounded to it; apertures change by about a degree at 10 m
+    places_m = grid_m * np.unique(np.round(log.column("step", "pose")[:, :2] / grid_m), axis=0)
     sites: list[SiteInspection] = []
     for name in yard.site_names():
         site_m = yard.site_position(name)

@@ -17,30 +17,21 @@ from pdpatrol.missions.record.log_contents import described_grid, known_yard, tr
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.which_site import site_probabilities
 from pdpatrol.missions.report.records import (
-    SCHEMA,
-    DetectedFrom,
     DischargeKind,
-    Ellipse95,
     FindingRecord,
-    PhaseHistogram,
     PulseCounts,
     Report,
     Scores,
-    Site,
     SiteInspections,
     Strength,
     Waypoints,
 )
 from pdpatrol.missions.report.scoring import evaluate
-from pdpatrol.robot_models.yard.yard import Yard
 
 FloatArray = NDArray[np.float64]
 
 PHASE_STEP_DEG, LEVEL_STEP_DB = 10.0, 2.0
 """Bins of the phase-resolved pattern."""
-
-MAX_LEVELS = 16
-"""Rows of the phase-resolved pattern; levels beyond them are counted in the outer rows."""
 
 
 def make_report(log: MissionLog, wall_time_s: float, inspection: SiteInspections | None = None) -> Report:
@@ -56,7 +47,7 @@ def make_report(log: MissionLog, wall_time_s: float, inspection: SiteInspections
     has_steps, battery = step["time_s"].size > 0, step["battery"][-1:]
     start_s = step["time_s"][0] if has_steps and "field_data" in log.meta else 0.0
     return Report(
-        schema=SCHEMA,
+        schema=6,
         scenario=log.meta["name"],
         seed=log.meta["seed"],
         policy=log.meta["policy"],
@@ -145,89 +136,69 @@ def _findings(log: MissionLog, *states: str) -> tuple[FindingRecord, ...]:
     if not table["id"].size:
         return ()
     yard, pulses, patterns = known_yard(log), finding_pulses(log), phase_patterns(log)
-    has_rate = "field_data" not in log.meta  # all pulses of a place in field data have one time
     found: list[FindingRecord] = []
     for row in range(table["id"].size):
-        finding = {column: values[row] for column, values in table.items()}
-        number = int(finding["id"])
-        found.append(_finding(finding, yard, pulses.get(number), patterns.get(number), has_rate=has_rate))
+        finding = {column: values[row] for column, values in table.items() if column != "step"}
+        number, position_m, covariance_m2 = int(finding["id"]), finding["position_m"], finding["covariance_m2"]
+        is_mapped = yard is not None and finding["state"] != "outside"
+        places = site_probabilities(yard, position_m, covariance_m2) if is_mapped else {}
+        aperture_deg, confirmed_s = float(np.degrees(finding.pop("aperture_rad"))), float(finding["confirmed_s"])
+        strength = None
+        if number in pulses and pulses[number].time_s.size:
+            # all pulses of a place in field data have one time
+            strength = _strength(pulses[number], aperture_deg, has_rate="field_data" not in log.meta)
+        shown = {
+            "position_m": tuple(position_m),
+            "position_std_m": tuple(np.sqrt(np.diag(covariance_m2))),
+            "covariance_m2": tuple(map(tuple, covariance_m2)),
+            "ellipse95": ellipse95(covariance_m2[:2, :2])._asdict(),
+            "sites": tuple({"name": name, "probability": value} for name, value in places.items() if value >= 0.01),
+            "discharge": _discharge(patterns[number]) if number in patterns else None,
+            "strength": strength,
+            "confirmed_s": confirmed_s if np.isfinite(confirmed_s) else None,
+        }
+        found.append(FindingRecord.model_validate(finding | shown))
     return tuple(found)
 
 
-def _finding(
-    row: dict[str, Any],
-    yard: Yard | None,
-    pulses: FindingPulses | None,
-    resolved: PhaseResolved | None,
-    *,
-    has_rate: bool,
-) -> FindingRecord:
-    position_m, covariance_m2 = row["position_m"], row["covariance_m2"]
-    strength = detected_from = None
-    if pulses is not None and pulses.time_s.size:
-        duration_s = np.unique(np.floor(pulses.time_s)).size
-        low, high, level = np.quantile(pulses.level_db, [0.1, 0.9, LEVEL_QUANTILE]).tolist()
-        strength = Strength(
-            level_db=level,
-            low_db=low,
-            high_db=high,
-            n_pulses=pulses.time_s.size,
-            rate_per_s=pulses.time_s.size / duration_s if has_rate else None,
-        )
-        detected_from = DetectedFrom(
-            nearest_m=float(pulses.range_m.min()),
-            farthest_m=float(pulses.range_m.max()),
-            aperture_deg=float(np.degrees(row["aperture_rad"])),
-            duration_s=duration_s,
-        )
-    return FindingRecord(
-        id=int(row["id"]),
-        state=row["state"],
-        position_m=tuple(position_m.tolist()),
-        position_std_m=tuple(np.sqrt(np.diag(covariance_m2)).tolist()),
-        covariance_m2=tuple(map(tuple, covariance_m2.tolist())),
-        ellipse95=Ellipse95(**ellipse95(covariance_m2[:2, :2])._asdict()),
-        sites=() if row["state"] == "outside" else _sites(yard, position_m, covariance_m2),
-        discharge=None if resolved is None else _discharge(resolved),
-        strength=strength,
-        detected_from=detected_from,
-        n_bearings=int(row["n_bearings"]),
-        first_detected_s=float(row["first_detected_s"]),
-        confirmed_s=float(row["confirmed_s"]) if np.isfinite(row["confirmed_s"]) else None,
+def _strength(pulses: FindingPulses, aperture_deg: float, *, has_rate: bool) -> Strength:
+    """Summarise the pulses of a finding, of which there is at least one."""
+    duration_s = np.unique(np.floor(pulses.time_s)).size
+    low_db, high_db, level_db = np.quantile(pulses.level_db, [0.1, 0.9, LEVEL_QUANTILE]).tolist()
+    return Strength(
+        level_db=level_db,
+        low_db=low_db,
+        high_db=high_db,
+        n_pulses=pulses.time_s.size,
+        duration_s=duration_s,
+        rate_per_s=pulses.time_s.size / duration_s if has_rate else None,
+        nearest_m=float(pulses.range_m.min()),
+        farthest_m=float(pulses.range_m.max()),
+        aperture_deg=aperture_deg,
     )
 
 
-def _sites(yard: Yard | None, position_m: FloatArray, covariance_m2: FloatArray) -> tuple[Site, ...]:
-    """Return the places of a finding down to a probability of 1 %, the most probable first; none without a map."""
-    places = {} if yard is None else site_probabilities(yard, position_m, covariance_m2)
-    return tuple(Site(name=name, probability=value) for name, value in places.items() if value >= 0.01)
-
-
 def _discharge(resolved: PhaseResolved) -> DischargeKind:
+    """Return the kind of a finding and its pattern; levels beyond 16 dB from the median are in the outer rows."""
+    middle_db = LEVEL_STEP_DB * np.floor(np.median(resolved.level_db) / LEVEL_STEP_DB)
+    level_db = np.clip(resolved.level_db, middle_db - 16.0, middle_db + 16.0 - 1e-9)
+    lowest_db = LEVEL_STEP_DB * np.floor(level_db.min() / LEVEL_STEP_DB)
+    counts, _, _ = np.histogram2d(
+        level_db,
+        np.mod(np.degrees(resolved.phase_rad), 360.0),
+        bins=(
+            np.arange(lowest_db, level_db.max() + LEVEL_STEP_DB + 1e-9, LEVEL_STEP_DB),
+            np.arange(0.0, 360.0 + PHASE_STEP_DEG, PHASE_STEP_DEG),
+        ),
+    )
     return DischargeKind.model_validate(
         {
             "kind": resolved.pattern.kind,
             "confidence": resolved.pattern.confidence,
             "shift_deg": float(np.degrees(resolved.pattern.shift_rad)),
-            "pattern": _histogram(resolved),
+            "phase_step_deg": PHASE_STEP_DEG,
+            "lowest_db": lowest_db,
+            "level_step_db": LEVEL_STEP_DB,
+            "counts": tuple(map(tuple, counts.astype(int).tolist())),
         }
-    )
-
-
-def _histogram(resolved: PhaseResolved) -> PhaseHistogram:
-    level = np.floor(resolved.level_db / LEVEL_STEP_DB)
-    middle = np.floor(np.median(level))
-    lowest = max(level.min(), middle - MAX_LEVELS // 2)
-    highest = min(level.max(), middle + MAX_LEVELS // 2 - 1)
-    phase_deg = np.mod(np.degrees(resolved.phase_rad), 360.0)
-    counts, _, _ = np.histogram2d(
-        np.clip(level, lowest, highest),
-        phase_deg,
-        bins=(np.arange(lowest, highest + 2) - 0.5, np.arange(0.0, 360.0 + PHASE_STEP_DEG, PHASE_STEP_DEG)),
-    )
-    return PhaseHistogram(
-        phase_step_deg=PHASE_STEP_DEG,
-        lowest_db=float(lowest * LEVEL_STEP_DB),
-        level_step_db=LEVEL_STEP_DB,
-        counts=tuple(map(tuple, counts.astype(int).tolist())),
     )

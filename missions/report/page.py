@@ -7,19 +7,17 @@ from collections.abc import Mapping
 from datetime import datetime
 from functools import cache
 from io import BytesIO
-from itertools import groupby
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from pdpatrol.missions.record.finding_pulses import finding_pulses
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.which_site import percent
-from pdpatrol.missions.report.figures import STYLE, draw_detected_from, draw_phase_pattern, draw_site_plan
-from pdpatrol.missions.report.records import Report, SiteInspections
+from pdpatrol.missions.report.figures import STYLE, draw_phase_pattern, draw_site_plan
+from pdpatrol.missions.report.records import Report
 from pdpatrol.missions.report.wording import (
     ADVICE_LIMITS,
     PULSE_CLASSES,
@@ -28,9 +26,6 @@ from pdpatrol.missions.report.wording import (
     site_text,
     summary_text,
 )
-
-SETTINGS = ("array", "receiver", "estimator", "locating", "pose_sensor", "radio", "robot")
-"""Tables of a scenario that describe the measurement; yard and route are on the plan, sources are the truth."""
 
 
 def render(template: str, **content: object) -> str:
@@ -60,14 +55,11 @@ def report_page(log: MissionLog, report: Report) -> str:
         log: Log of a finished or killed mission.
         report: Report of that log.
     """
-    pulses = finding_pulses(log)
-    figures: dict[int, tuple[Markup | None, Markup]] = {}
-    for finding in report.findings:
-        number, pattern = finding.id, None
-        if finding.discharge is not None:
-            pattern = embed(draw_phase_pattern(finding.discharge), f"Phase-resolved pattern of finding {number}")
-        detected_from = draw_detected_from(log, finding, pulses.get(number))
-        figures[number] = pattern, embed(detected_from, f"Poses and bearings from which finding {number} was detected")
+    patterns = {
+        finding.id: embed(draw_phase_pattern(finding.discharge), f"Phase-resolved pattern of finding {finding.id}")
+        for finding in report.findings
+        if finding.discharge is not None
+    }
     return render(
         "report/report.html",
         title="Partial discharge survey",
@@ -77,8 +69,7 @@ def report_page(log: MissionLog, report: Report) -> str:
         field=log.meta.get("field_data", {}),
         summary=summary_text(report),
         plan=embed(draw_site_plan(log, report), "Site plan with the path driven, sites, and findings by their ids"),
-        figures=figures,
-        inspected=_by_equipment(report.inspection) if report.inspection else [],
+        patterns=patterns,
         pulse_classes=[(getattr(report.pulses, name), text) for name, text in PULSE_CLASSES.items()],
         settings=_settings(log.meta),
         advice_limits=ADVICE_LIMITS,
@@ -86,45 +77,24 @@ def report_page(log: MissionLog, report: Report) -> str:
     )
 
 
-def _by_equipment(inspection: SiteInspections) -> list[tuple[str, str]]:
-    """Return each piece of equipment with its inspected sites."""
-    pieces: list[tuple[str, str]] = []
-    for piece, group in groupby(inspection.sites, lambda site: site.name.partition("/")[0]):
-        sites = list(group)
-        own = [site.name.partition("/")[2] for site in sites if site.state == "inspected"]
-        if own:
-            pieces.append((piece, f"all {len(own)}" if len(own) == len(sites) > 1 else ", ".join(own)))
-    return pieces
-
-
 def _settings(meta: Mapping[str, Any]) -> dict[str, str]:
-    """Return the settings of the measurement, one line for each table, without empty values."""
+    """Return the settings of the measurement, one line for each table, without empty values.
+
+    Yard and route are on the plan; sources are the truth.
+    """
     known, lines = meta.get("scenario") or meta.get("settings", {}), dict[str, str]()
-    for name in SETTINGS:
+    for name in ("array", "receiver", "estimator", "locating", "pose_sensor", "radio", "robot"):
         values = {
-            key: value for key, value in known.get(name, {}).items() if value not in (None, []) and key != "faults"
+            key: value for key, value in known.get(name, {}).items() if key != "faults" and value not in (None, [])
         }
-        texts = [f"{key} {_value_text(value)}" for key, value in values.items() if not isinstance(value, dict)]
-        if texts:
-            lines[name] = ", ".join(texts)
-    return lines
-
-
-def _value_text(value: object) -> str:
-    if isinstance(value, list):
-        return f"[{', '.join(map(_value_text, value))}]"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+        lines[name] = ", ".join(f"{key} {value}" for key, value in values.items() if not isinstance(value, dict))
+    return {name: line for name, line in lines.items() if line}
 
 
 def _breakable(text: str) -> Markup:
-    """Allow line breaks after slashes and underscores, and forbid them before percent signs."""
-    escaped = str(Markup.escape(text)).replace("/", "/<wbr>").replace("_", "_<wbr>")
-    return Markup(escaped.replace(" %", "\N{NO-BREAK SPACE}%").replace("&gt; ", "&gt;\N{NO-BREAK SPACE}"))
-
-
-def _css_string(text: str) -> Markup:
-    """Escape a text for use between quotes in CSS."""
-    return Markup("".join(c if c.isascii() and (c.isalnum() or c in " .,_-") else f"\\{ord(c):x} " for c in text))
+    """Allow line breaks after slashes and underscores, and forbid them in percentages such as `> 99 %`."""
+    escaped = escape(text.replace("> ", ">\N{NO-BREAK SPACE}").replace(" %", "\N{NO-BREAK SPACE}%"))
+    return escaped.replace("/", Markup("/<wbr>")).replace("_", Markup("_<wbr>"))
 
 
 @cache
@@ -136,11 +106,5 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {
-        "css_string": _css_string,
-        "breakable": _breakable,
-        "percent": percent,
-        "site": site_text,
-        "kind": kind_text,
-    }
+    environment.filters |= {"breakable": _breakable, "percent": percent, "site": site_text, "kind": kind_text}
     return environment

@@ -36,25 +36,14 @@ def _table(findings: Sequence[FindingRecord], title: str, more: dict[str, list[s
         "95 %\n± (m)": [f"{finding.ellipse95.semi_major_m:.2f}" for finding in findings],
     }
     if any(finding.sites or finding.state == "outside" for finding in findings):
-        columns["site"] = [_folded(site_text(finding)) for finding in findings]
+        columns["site"] = [site_text(finding).replace("/", "/\n").replace(", ", "\n") for finding in findings]
     if any(finding.discharge for finding in findings):
         columns["kind"] = [kind_text(finding).replace(" ", "\n", 1) for finding in findings]
     columns |= more
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for heading in columns:
-        table.add_column(heading, justify="left" if heading in ("site", "kind", "state") else "right", no_wrap=True)
+        is_text = heading in ("site", "kind", "state")
+        table.add_column(heading, justify="left" if is_text else "right", overflow="fold", no_wrap=heading != "site")
     for row in zip(*columns.values(), strict=True):
         table.add_row(*row)
     return table
-
-
-def _folded(site: str) -> str:
-    """Break the text of a site after slashes, commas and underscores into lines of at most 24 characters."""
-    lines = [""]
-    for part in site.replace("/", "/\n", 1).replace(", ", "\n").replace("_", "_\t").splitlines():
-        lines.append("")
-        for word in part.split("\t"):
-            if lines[-1] and len(lines[-1]) + len(word) > 24:
-                lines.append("")
-            lines[-1] += word
-    return "\n".join(lines[1:])

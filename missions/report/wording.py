@@ -20,13 +20,6 @@ PULSE_CLASSES = {
 }
 """Description of each field of `PulseCounts` but the total."""
 
-MIN_CONFIDENCE = 0.8
-"""Confidence above which the rule of a kind applies. Assumed; below it the operator is asked to measure again."""
-
-STRONG_DB = 0.0
-"""Level above which a finding is strong: one volt at 1 m in a unit-gain channel. Assumed; moves the time frame by a
-step."""
-
 TIME_FRAMES = ("at the next planned inspection", "within three months", "within one month", "within one week")
 """Time frames of actions, by urgency. Assumed."""
 
@@ -43,10 +36,6 @@ class Advice(NamedTuple):
     meaning: str
     action: str
     urgency: int
-
-    def time_frame(self, *, is_strong: bool) -> str:
-        """Return the time frame; a strong discharge is one step more urgent."""
-        return TIME_FRAMES[min(self.urgency + is_strong, len(TIME_FRAMES) - 1)]
 
 
 ADVICE = {
@@ -85,13 +74,17 @@ ADVICE_LIMITS = (
 
 
 def advice_of(finding: FindingRecord) -> tuple[Advice, str, str]:
-    """Return the recommended action for a finding, its time frame, and the rule that led to them."""
+    """Return the recommended action for a finding, its time frame, and the rule that led to them.
+
+    The rule of a kind applies from a confidence of 80 % on. A level of one volt at 1 m or more is one step more urgent.
+    Both are assumed.
+    """
     discharge, strength = finding.discharge, finding.strength
-    kind = discharge.kind if discharge is not None and discharge.confidence >= MIN_CONFIDENCE else "unknown"
-    is_strong = strength is not None and strength.level_db >= STRONG_DB
-    known = "uncertain" if kind == "unknown" else f"{kind} with a confidence of at least {100 * MIN_CONFIDENCE:.0f} %"
-    rule = f"Rule: kind {known}; level {'at or above' if is_strong else 'below'} {STRONG_DB:g} dBV at 1 m."
-    return ADVICE[kind], ADVICE[kind].time_frame(is_strong=is_strong), rule
+    kind = discharge.kind if discharge is not None and discharge.confidence >= 0.8 else "unknown"
+    is_strong = strength is not None and strength.level_db >= 0.0
+    known = "uncertain" if kind == "unknown" else f"{kind} with a confidence of at least 80 %"
+    rule = f"Rule: kind {known}; level {'at or above' if is_strong else 'below'} 0 dBV at 1 m."
+    return ADVICE[kind], TIME_FRAMES[ADVICE[kind].urgency + is_strong], rule
 
 
 def site_text(finding: FindingRecord) -> str:
@@ -140,21 +133,21 @@ def phase_text(phase: Phase) -> str:
 
 
 def no_finding_text(pulses: PulseCounts) -> str:
-    """Describe the pulses of a mission without findings in one line, the most frequent class first."""
+    """Describe the pulses of a mission without findings in one line."""
     if not pulses.detected:
         return "No discharge found: no pulse was detected."
-    counts = sorted(((getattr(pulses, name) or 0, text) for name, text in PULSE_CLASSES.items()), reverse=True)
-    classes = ", ".join(f"{count} {text.partition(':')[0]}" for count, text in counts if count)
-    return f"No discharge found. {pulses.detected} pulses: {classes}."
+    counts = [
+        f"{count} {text.partition(':')[0]}" for name, text in PULSE_CLASSES.items() if (count := getattr(pulses, name))
+    ]
+    return f"No discharge found. {pulses.detected} pulses: {', '.join(counts)}."
 
 
 def summary_text(report: Report) -> str:
     """Summarise findings and inspected sites in a few sentences."""
-    found = [_finding_phrase(finding) for finding in report.findings]
+    n_found, n_missed = len(report.findings), len(report.waypoints.missed)
     n_outside = sum(candidate.state == "outside" for candidate in report.candidates)
-    n_open, n_missed = len(report.candidates) - n_outside, len(report.waypoints.missed)
-    located = f"{len(found)} discharge{' was' if len(found) == 1 else 's were'} located: {'; '.join(found)}."
-    sentences = [located if found else "No discharge was located."]
+    n_open = len(report.candidates) - n_outside
+    sentences = [f"{n_found or 'No'} discharge{' was' if n_found < 2 else 's were'} located."]
     if n_outside:
         sentences.append(f"Sources beyond the fence: {n_outside}.")
     if n_open:
@@ -170,13 +163,3 @@ def summary_text(report: Report) -> str:
             f"discharge of {report.inspection.level_db:.0f} dBV at 1 m or more would have been detected and located."
         )
     return " ".join(sentences)
-
-
-def _finding_phrase(finding: FindingRecord) -> str:
-    place = "({:.2f}, {:.2f}, {:.2f}) m".format(*finding.position_m)
-    if finding.sites:
-        place = f"{finding.sites[0].name} ({percent(finding.sites[0].probability)})"
-    kind = "kind unknown"
-    if finding.discharge is not None and finding.discharge.kind != "unknown":
-        kind = f"{finding.discharge.kind} ({percent(finding.discharge.confidence)})"
-    return f"finding {finding.id} at {place}, {kind}"

@@ -82,8 +82,8 @@ def test_report_states_kind_of_discharge() -> None:
         assert strength is not None
         assert discharge.kind == kind
         assert 0.5 < discharge.confidence <= 1.0
-        counts = np.array(discharge.pattern.counts)
-        assert counts.shape[1] * discharge.pattern.phase_step_deg == 360.0
+        counts = np.array(discharge.counts)
+        assert counts.shape[1] * discharge.phase_step_deg == 360.0
         assert counts.sum() == strength.n_pulses
     without = make_report(log_of_two_findings(3, mains=False), 1.0)
     assert [finding.discharge for finding in without.findings] == [None, None]

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from dirmusic.locating.finding import ellipse95
 from pdpatrol.missions.report.make_report import make_report
-from pdpatrol.missions.report.records import DischargeKind, Ellipse95, FindingRecord, PhaseHistogram, Report, Site
+from pdpatrol.missions.report.records import FindingRecord, Report
 from pdpatrol.missions.report.scoring import evaluate
 from pdpatrol.missions.report.tables import candidates_table, findings_table
 from tests.missions.report.logs import empty_log
@@ -19,8 +19,8 @@ def finding(x: float, y: float, spread_m: float = 0.1, number: int = 1, **shown:
     known = {
         "id": number, "state": "confirmed", "position_m": (x, y, 1.5), "position_std_m": (spread_m,) * 3,
         "covariance_m2": tuple(map(tuple, covariance.tolist())),
-        "ellipse95": Ellipse95(**ellipse95(covariance[:2, :2])._asdict()), "sites": (), "discharge": None,
-        "strength": None, "detected_from": None, "n_bearings": 30, "first_detected_s": 0.0, "confirmed_s": 12.0,
+        "ellipse95": ellipse95(covariance[:2, :2])._asdict(), "sites": (), "discharge": None,
+        "strength": None, "n_bearings": 30, "first_detected_s": 0.0, "confirmed_s": 12.0,
     }  # fmt: skip
     return FindingRecord.model_validate({**known, **shown})
 
@@ -83,14 +83,16 @@ def test_tables_show_ids_and_mark_false_findings() -> None:
     assert [word for word in first if word in "47"] == ["4", "7"]
 
 
-PATTERN = PhaseHistogram(phase_step_deg=10.0, lowest_db=0.0, level_step_db=2.0, counts=((1,) * 36,))
 LONG = "autotransformer_of_the_eastern_switchgear/medium_voltage_bushing_of_phase_3"
 
 
 def test_table_fits_eighty_columns() -> None:
-    void = DischargeKind(kind="void", confidence=0.97, shift_deg=0.0, pattern=PATTERN)
+    void = {
+        "kind": "void", "confidence": 0.97, "shift_deg": 0.0, "phase_step_deg": 10.0, "lowest_db": 0.0,
+        "level_step_db": 2.0, "counts": ((1,) * 36,),
+    }  # fmt: skip
     report = report_of(
-        [finding(123.45, 167.89, sites=(Site(name=LONG, probability=0.999),), discharge=void, number=12)],
+        [finding(123.45, 167.89, sites=({"name": LONG, "probability": 0.999},), discharge=void, number=12)],
         [],
         (123.0, 167.5),
     )
