@@ -35,7 +35,7 @@ STYLE: Any = {
 }
 """Matplotlib settings for all figures of a page."""
 
-ROUTE = "#2471a3"
+ROUTE, BEARING = "#2471a3", "#5dade2"
 STATES = {
     "confirmed": ("#b3261e", "finding"),
     "candidate": ("#b9770e", "not confirmed"),
