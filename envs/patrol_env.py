@@ -24,10 +24,9 @@ from pdpatrol.envs.episode import ResetOptions
 from pdpatrol.envs.observation import Observation
 from pdpatrol.envs.scenario import Scenario, ScenarioError, load_scenario, restore_scenario
 from pdpatrol.envs.scenario.base import STEP_S
-from pdpatrol.envs.simulation import Outcome, Simulation
+from pdpatrol.envs.simulation import Simulation
 from pdpatrol.robot_models.rendering import Camera
 
-FloatArray = NDArray[np.float64]
 ScenarioFunction = Callable[[np.random.Generator], Scenario]
 ScenarioSource = str | Path | Scenario | Mapping[str, Any] | ScenarioFunction
 
@@ -35,7 +34,54 @@ ROW = np.zeros(1, dtype=np.intp)
 """Row of the only robot."""
 
 
-class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
+class SimulatedEnv:
+    """Properties that the single and the vector environment share.
+
+    Attributes:
+        simulation: The simulation of all robots.
+    """
+
+    simulation: Simulation
+    _spec: EnvSpec | None = None
+
+    @property
+    def scenario(self) -> Scenario:
+        """Scenario of this episode."""
+        return self.simulation.scenario
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """Spec with which Gymnasium made the environment, with the length of an episode in steps."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = spec and replace(
+            spec,
+            kwargs={key: _plain(value) for key, value in spec.kwargs.items()},
+            max_episode_steps=self.simulation.max_episode_steps,
+        )
+
+    def _check_call(self, call: str, *, is_closed: bool, needs_reset: bool = True) -> None:
+        """Raise Gymnasium's error for a call after `close` or before `reset`."""
+        if is_closed:
+            raise error.ClosedEnvironmentError(f"Cannot call env.{call}() after calling env.close()")
+        if needs_reset and not self.simulation.has_begun:
+            raise error.ResetNeeded(f"Cannot call env.{call}() before calling env.reset()")
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401 - arguments are of many types
+    """Convert an argument to what JSON can hold, where possible."""
+    if isinstance(value, Scenario):
+        return value.model_dump(mode="json")
+    if inspect.isfunction(value) and "<" not in value.__qualname__:
+        return f"{value.__module__}:{value.__qualname__}"
+    if isinstance(value, Path):
+        return str(value)
+    return value.value if isinstance(value, Enum) else value
+
+
+class PatrolEnv(SimulatedEnv, gymnasium.Env[Observation, NDArray[np.float32]]):
     """An inspection robot in a substation yard that detects partial discharges with six directional antennas.
 
     ## Action
@@ -158,30 +204,15 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.render_mode = render_mode
         self._camera: Camera | None = None
         self._terminate_on_approach, self._full_info = terminate_on_approach, full_info
-        self._spec: EnvSpec | None = None
         self._is_closed = False
         resolved = resolve_scenario(scenario)
         self._draw_scenario = resolved if callable(resolved) else None
         self._enter(resolved(np.random.default_rng(0)) if callable(resolved) else resolved)
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
-        self.observation_space = self.simulation.observation_space  # pyright: ignore[reportAttributeAccessIssue]
+        self.observation_space = self.simulation.layout.space  # pyright: ignore[reportAttributeAccessIssue]
 
     def _enter(self, scenario: Scenario) -> None:
         self.simulation = Simulation(scenario, terminate_on_approach=self._terminate_on_approach)
-
-    @property
-    def scenario(self) -> Scenario:
-        """Scenario of this episode."""
-        return self.simulation.scenario
-
-    @property
-    def spec(self) -> EnvSpec | None:
-        """Spec with which Gymnasium made the environment, with the length of an episode in steps."""
-        return self._spec
-
-    @spec.setter
-    def spec(self, spec: EnvSpec | None) -> None:  # pyright: ignore[reportIncompatibleVariableOverride]
-        self._spec = serializable_spec(spec, self.simulation.max_episode_steps)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -192,53 +223,47 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             seed: Seed of everything that is drawn; None to continue with the present generator.
             options: Values to set in place of drawing them; see the class.
         """
-        self._check_open("reset")
-        seed, values = check_seed(seed), ResetOptions()
+        self._check_call("reset", is_closed=self._is_closed, needs_reset=False)
+        seed, values = None if seed is None else operator.index(seed), ResetOptions()
         if self._draw_scenario is None:
             values = ResetOptions.parse(options, self.scenario)
         super().reset(seed=seed)
         if self._draw_scenario is not None:
             self._close_camera()
             self._enter(self._draw_scenario(self.np_random))
-            if self.simulation.observation_space != self.observation_space:
+            if self.simulation.layout.space != self.observation_space:
                 raise ValueError(
                     "`scenario`: the function must draw scenarios with one size of yard, limits of the robot, number "
                     f"of elements and time limit, as the first one with {self.observation_space}"
                 )
             values = ResetOptions.parse(options, self.scenario)
-        outcome = self.simulation.start(ROW, [self.np_random], values)
+        self.simulation.start(ROW, [self.np_random], values)
         if self.render_mode == "human":
             self.render()
-        info = self._info(outcome)
+        info = self._info()
         if self._full_info:
             info["truth"] = copy.deepcopy(self.simulation.episode(0).truth)
-        return self.simulation.observations.split(outcome.observation[0]), info
+        return self._observation(), info
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive for 0.1 s and listen."""
-        self._check_open("step")
-        self._check_begun("step")
-        command = self.simulation.robot.command_from_action(check_actions(action, (2,)))
-        outcome = self.simulation.step(command[np.newaxis])
+        self._check_call("step", is_closed=self._is_closed)
+        simulation, states = self.simulation, self.simulation.states
+        simulation.step(simulation.robot.command_from_action(check_actions(action, (2,)))[np.newaxis])
         if self.render_mode == "human":
             self.render()
-        observation = self.simulation.observations.split(outcome.observation[0])
-        terminated, truncated = bool(outcome.terminated[0]), bool(outcome.truncated[0])
-        return observation, float(outcome.reward[0]), terminated, truncated, self._info(outcome)
+        observation, reward = self._observation(), states.reward.item(0)
+        return observation, reward, states.terminated.item(0), states.truncated.item(0), self._info()
 
-    def _check_open(self, call: str) -> None:
-        if self._is_closed:
-            raise error.ClosedEnvironmentError(f"Cannot call env.{call}() after calling env.close()")
+    def _observation(self) -> Observation:
+        return self.simulation.layout.split(self.simulation.observe()[0])
 
-    def _check_begun(self, call: str) -> None:
-        if not self.simulation.has_begun:
-            raise error.ResetNeeded(f"Cannot call env.{call}() before calling env.reset()")
-
-    def _info(self, outcome: Outcome) -> dict[str, Any]:
-        info = {key: rows[0].item() if rows.ndim == 1 else rows[0] for key, rows in outcome.info.items()}
+    def _info(self) -> dict[str, Any]:
+        simulation = self.simulation
+        info = {key: rows.item(0) if rows.ndim == 1 else rows[0].copy() for key, rows in simulation.info.items()}
         if self._full_info:
-            info["pulses"], info["suspects"] = outcome.pulses, outcome.suspects[0]
-            info["touched_names"] = self.simulation.robots.touched[0]
+            info["pulses"], info["suspects"] = simulation.pulses, simulation.suspects[0]
+            info["touched_names"] = simulation.robots.touched[0]
         return info
 
     def render(self) -> NDArray[Any] | None:  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -249,8 +274,7 @@ class PatrolEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
                 'gymnasium.make("pdpatrol:PDPatrol-v0", render_mode="rgb_array").'
             )
             return None
-        self._check_open("render")
-        self._check_begun("render")
+        self._check_call("render", is_closed=self._is_closed)
         if self._camera is None:
             self._camera = Camera(self.simulation.robots.model, self.render_mode)
         return self._camera.take(self.simulation.robots.data())
@@ -291,43 +315,8 @@ def resolve_scenario(scenario: Any) -> Scenario | ScenarioFunction:  # noqa: ANN
     return load_scenario(scenario)
 
 
-def serializable_spec(spec: EnvSpec | None, max_episode_steps: int) -> EnvSpec | None:
-    """Return a spec with the length of an episode and with arguments that can be written as JSON where possible."""
-
-    def plain(value: Any) -> Any:  # noqa: ANN401 - arguments are of many types
-        if isinstance(value, Scenario):
-            return value.model_dump(mode="json")
-        if inspect.isfunction(value) and "<" not in value.__qualname__:
-            return f"{value.__module__}:{value.__qualname__}"
-        if isinstance(value, Path):
-            return str(value)
-        return value.value if isinstance(value, Enum) else value
-
-    if spec is None:
-        return None
-    kwargs = {key: plain(value) for key, value in spec.kwargs.items()}
-    return replace(spec, kwargs=kwargs, max_episode_steps=max_episode_steps)
-
-
-def check_seed(seed: Any) -> int | None:  # noqa: ANN401 - users may pass anything
-    """Convert a seed to a Python integer; None stays None.
-
-    Raises:
-        ValueError: If the seed is not a non-negative integer.
-    """
-    if seed is None:
-        return None
-    try:
-        number = operator.index(seed)
-    except TypeError:
-        number = -1
-    if number < 0:
-        raise ValueError(f"`seed` must be a non-negative integer or None, got {seed!r}")
-    return number
-
-
-def check_actions(actions: Any, shape: tuple[int, ...]) -> FloatArray:  # noqa: ANN401 - users may pass anything
-    """Convert actions to floats and clip them to [-1, 1].
+def check_actions(actions: Any, shape: tuple[int, ...]) -> NDArray[Any]:  # noqa: ANN401 - users may pass anything
+    """Convert actions to an array. The robot clips its commands to its limits, and so actions to [-1, 1].
 
     Raises:
         ValueError: If the actions have another shape or are not finite real numbers.
@@ -337,4 +326,4 @@ def check_actions(actions: Any, shape: tuple[int, ...]) -> FloatArray:  # noqa: 
         raise ValueError(f"the action must have shape {shape}, got {given.shape}")
     if given.dtype.kind not in "iuf" or not all(map(math.isfinite, given.ravel().tolist())):
         raise ValueError(f"the action must hold finite real numbers, got {given.tolist()!r:.80}")
-    return np.minimum(np.maximum(given.astype(np.float64), -1.0), 1.0)
+    return given

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from gymnasium import error, spaces
-from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -17,16 +16,15 @@ from numpy.typing import NDArray
 
 from pdpatrol.envs.episode import ResetOptions
 from pdpatrol.envs.observation import Observation
-from pdpatrol.envs.patrol_env import check_actions, check_seed, resolve_scenario, serializable_spec
+from pdpatrol.envs.patrol_env import SimulatedEnv, check_actions, resolve_scenario
 from pdpatrol.envs.scenario import Scenario
 from pdpatrol.envs.scenario.base import STEP_S
-from pdpatrol.envs.simulation import Outcome, Simulation
+from pdpatrol.envs.simulation import Rows, Simulation
 
 BoolArray = NDArray[np.bool_]
-Rows = NDArray[np.intp]
 
 
-class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
+class PatrolVectorEnv(SimulatedEnv, VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
     """Many robots at once, as `gymnasium.make_vec("pdpatrol:PDPatrol-v0", num_envs=N)` makes them.
 
     Row i equals, to the bit, a `PatrolEnv` that was reset with `seed + i`, for any N and number of threads. The physics
@@ -105,31 +103,15 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
             terminate_on_approach=terminate_on_approach,
             max_episode_steps=max_episode_steps,
         )
-        self._spec: EnvSpec | None = None
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
         self.single_action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
-        self.single_observation_space = self.simulation.observation_space
+        self.single_observation_space = self.simulation.layout.space
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._rngs: list[tuple[np.random.Generator, int] | None] = [None] * num_envs
         self._is_over = np.zeros(num_envs, dtype=np.bool_)
         self._all_rows = np.ones(num_envs, dtype=np.bool_)
-        self._last: Outcome | None = None
-
-    @property
-    def scenario(self) -> Scenario:
-        """Scenario of all rows."""
-        return self.simulation.scenario
-
-    @property
-    def spec(self) -> EnvSpec | None:
-        """Spec with which Gymnasium made the environment, with the length of an episode in steps."""
-        return self._spec
-
-    @spec.setter
-    def spec(self, spec: EnvSpec | None) -> None:  # pyright: ignore[reportIncompatibleVariableOverride]
-        self._spec = serializable_spec(spec, self.simulation.max_episode_steps)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -140,13 +122,11 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
             seed: Row i gets `seed + i`; or a list with one seed per row. None continues with the present generators.
             options: `reset_mask`, boolean, shape (num_envs,), and the options of `PatrolEnv.reset`.
         """
-        self._check_open("reset")
+        self._check_call("reset", is_closed=self.closed, needs_reset=False)
         others = {k: v for k, v in options.items() if k != "reset_mask"} if isinstance(options, Mapping) else options
         mask, values = self._reset_mask(options), ResetOptions.parse(others, self.scenario)
-        started = self._start(np.flatnonzero(mask), values, self._seeds(seed))
-        last = started if self._last is None or mask.all() else self._last.replaced(np.flatnonzero(mask), started)
-        self._last = last
-        return self.simulation.observations.split(last.observation), self._info(started, mask)
+        self._start(np.flatnonzero(mask), values, self._seeds(seed))
+        return self._observation(), self._info(mask)
 
     def _reset_mask(self, options: Any) -> BoolArray:  # noqa: ANN401 - users may pass anything
         if not isinstance(options, Mapping) or "reset_mask" not in options:
@@ -167,11 +147,10 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
     def _seeds(self, seed: Any) -> list[int | None]:  # noqa: ANN401 - users may pass anything
         """Return a seed or None for each row."""
         if not isinstance(seed, (list, tuple, np.ndarray)) or np.ndim(seed) == 0:
-            first = check_seed(seed)
-            return [None if first is None else first + row for row in range(self.num_envs)]
+            seed = [None if seed is None else operator.index(seed) + row for row in range(self.num_envs)]
         if len(seed) != self.num_envs:
             raise ValueError(f"`seed` must be an integer or {self.num_envs} of them, got {seed!r}")
-        return [check_seed(each) for each in seed]
+        return [None if each is None else operator.index(each) for each in seed]
 
     def _rng(self, row: int) -> tuple[np.random.Generator, int]:
         """Return the generator of a row and its seed."""
@@ -188,70 +167,55 @@ class PatrolVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]])
         """Seeds of the rows."""
         return tuple(self._rng(row)[1] for row in range(self.num_envs))
 
-    def _start(self, rows: Rows, options: ResetOptions, seeds: Sequence[int | None]) -> Outcome:
+    def _start(self, rows: Rows, options: ResetOptions, seeds: Sequence[int | None]) -> None:
         """Start new episodes in some rows."""
         rngs = [self._rng(row) if seeds[row] is None else seeding.np_random(seeds[row]) for row in rows.tolist()]
-        outcome = self.simulation.start(rows, [rng for rng, _ in rngs], options)
+        self.simulation.start(rows, [rng for rng, _ in rngs], options)
         for row, rng in zip(rows.tolist(), rngs, strict=True):
             self._rngs[row] = rng
         self._is_over[rows] = False
-        return outcome
 
-    def _restart(self, rows: Rows) -> Outcome:
+    def _restart(self, is_over: BoolArray) -> None:
         """Start the next episodes of some rows from their present generators."""
-        return self._start(rows, ResetOptions(), [None] * self.num_envs)
-
-    def _check_open(self, call: str) -> None:
-        if self.closed:
-            raise error.ClosedEnvironmentError(f"Cannot call env.{call}() after calling env.close()")
+        if is_over.any():
+            self._start(np.flatnonzero(is_over), ResetOptions(), [None] * self.num_envs)
 
     def step(
         self, actions: NDArray[np.float32]
     ) -> tuple[Observation, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
         """Drive all robots for 0.1 s and listen."""
-        self._check_open("step")
-        if not self.simulation.has_begun:
-            raise error.ResetNeeded("Cannot call env.step() before calling env.reset()")
-        commands = self.simulation.robot.command_from_action(check_actions(actions, (self.num_envs, 2)))
-        over = np.flatnonzero(self._is_over)
-        if over.size and self.autoreset_mode is AutoresetMode.DISABLED:
-            raise error.ResetNeeded(
-                f"rows {over.tolist()} are over; reset them with options={{'reset_mask': mask}} first"
-            )
-        if over.size == 0:
-            outcome = self.simulation.step(commands)
-        elif over.size == self.num_envs:
-            outcome = self._restart(over)
-        else:
-            outcome = self.simulation.step(commands, np.flatnonzero(~self._is_over))
-            outcome = outcome.replaced(over, self._restart(over))
-        self._is_over = outcome.terminated | outcome.truncated
-        terminated, truncated, reward = outcome.terminated, outcome.truncated, outcome.reward
+        self._check_call("step", is_closed=self.closed)
+        simulation, states, was_over = self.simulation, self.simulation.states, self._is_over
+        commands = simulation.robot.command_from_action(check_actions(actions, (self.num_envs, 2)))
+        if was_over.any() and self.autoreset_mode is AutoresetMode.DISABLED:
+            over = np.flatnonzero(was_over).tolist()
+            raise error.ResetNeeded(f"rows {over} are over; reset them with options={{'reset_mask': mask}} first")
+        if not was_over.all():
+            simulation.step(commands, np.flatnonzero(~was_over) if was_over.any() else None)
+        self._restart(was_over)
+        reward, terminated, truncated = states.reward.copy(), states.terminated.copy(), states.truncated.copy()
+        self._is_over = is_over = terminated | truncated
         final = dict[str, Any]()
-        if self.autoreset_mode is AutoresetMode.SAME_STEP and self._is_over.any():
-            final = self._final_info(outcome, self._is_over.copy())
-            ended = np.flatnonzero(self._is_over)
-            outcome = outcome.replaced(ended, self._restart(ended))
-        self._last = outcome
-        observation, info = self.simulation.observations.split(outcome.observation), self._info(outcome, self._all_rows)
-        return observation, reward, terminated, truncated, info | final
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and is_over.any():
+            vectors, final_obs = simulation.observe(), np.full(self.num_envs, None, dtype=object)
+            for row in np.flatnonzero(is_over).tolist():
+                final_obs[row] = simulation.layout.split(vectors[row].copy())
+            final = {"final_obs": final_obs, "_final_obs": is_over.copy()}
+            final |= {"final_info": self._info(is_over), "_final_info": is_over.copy()}
+            self._restart(is_over.copy())
+        return self._observation(), reward, terminated, truncated, self._info(self._all_rows) | final
 
-    def _final_info(self, outcome: Outcome, over: BoolArray) -> dict[str, Any]:
-        """Return the last observations and infos of the episodes that are over."""
-        final_obs = np.full(self.num_envs, None, dtype=object)
-        for row in np.flatnonzero(over).tolist():
-            final_obs[row] = self.simulation.observations.split(outcome.observation[row].copy())
-        final_info = self._info(outcome, over)
-        return {"final_obs": final_obs, "_final_obs": over, "final_info": final_info, "_final_info": over.copy()}
+    def _observation(self) -> Observation:
+        return self.simulation.layout.split(self.simulation.observe())
 
-    def _info(self, outcome: Outcome, rows: BoolArray) -> dict[str, Any]:
+    def _info(self, rows: BoolArray) -> dict[str, Any]:
         """Lay out the info as `SyncVectorEnv` does, with zeros in rows without an entry and a mask for each key."""
         info = dict[str, Any]()
-        for key, values in outcome.info.items():
+        for key, values in self.simulation.info.items():
             info[key], info[f"_{key}"] = np.zeros_like(values), rows.copy()
             info[key][rows] = values[rows]
         if self._full_info:
-            info["pulses"] = {"robot": outcome.robot, **outcome.pulses._asdict()}
+            info["pulses"] = {"robot": self.simulation.pulse_rows, **self.simulation.pulses._asdict()}
         return info
 
     def close_extras(self, **kwargs: Any) -> None:  # noqa: ANN401 - as Gymnasium declares it

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
-from math import radians
+from math import exp, radians
 from typing import Annotated, Self
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from dirmusic import PoseError
@@ -59,6 +61,15 @@ class PoseSensorConfig(Config, frozen=True):
     position_std_m: MetreError = 0.05
     heading_std_deg: DegreeError = 0.5
     correlation_s: Annotated[float, Field(ge=0.01, le=86_400.0)] = 5.0
+
+    @property
+    def std(self) -> NDArray[np.float64]:
+        """Standard deviations of the error in x m, y m and yaw rad, shape (3,)."""
+        return np.array([self.position_std_m, self.position_std_m, radians(self.heading_std_deg)])
+
+    def correlation(self, step_s: float) -> float:
+        """Return the correlation of two errors that are `step_s` apart."""
+        return exp(-step_s / self.correlation_s)
 
     @property
     def pose_error(self) -> PoseError:

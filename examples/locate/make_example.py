@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from dirmusic import cut_windows, pulse_start, pulse_strengths, strength_variance
-from pdpatrol.envs.motion import SensorParameters, add_pose_error
-from pdpatrol.envs.scenario.robot import BatteryConfig, OdometryConfig, PoseSensorConfig
+from pdpatrol.envs.motion import add_pose_error
+from pdpatrol.envs.scenario.robot import PoseSensorConfig
 from pdpatrol.sensing import ArrayConfig, DischargeSource, HelicalArray, ReceiverConfig, Scene, level_transform
 from pdpatrol.sensing.receiver.bank import listen_once
 
@@ -40,7 +40,7 @@ def main() -> None:
     rng = np.random.default_rng(SEED)
     array = HelicalArray.draw(ArrayConfig(), rng)
     config = ReceiverConfig(band_hz="all", gate_samples=240, pretrigger_samples=110, false_alarm_rate_hz=1e-3)
-    senses = SensorParameters.of(PoseSensorConfig(), OdometryConfig(), BatteryConfig(), DWELL_S)
+    sensor = PoseSensorConfig()
     error, estimated = np.full(3, np.nan), np.empty(3)
     (HERE / "waveforms").mkdir(exist_ok=True)
     strength_rows: list[list[str]] = []
@@ -49,7 +49,7 @@ def main() -> None:
         pose = np.array([x, y, np.radians(yaw_deg)])
         world_from_array = level_transform(pose)
         detected = listen_once(config, array, Scene([SOURCE]), rng, world_from_array=world_from_array, duration_s=1.0)
-        add_pose_error(pose, error, senses.pose_correlation, senses.pose_std, rng.standard_normal(3), estimated)
+        add_pose_error(pose, error, sensor.correlation(DWELL_S), sensor.std, rng.standard_normal(3), estimated)
         place = [f"{DWELL_S * number:.1f}", *(f"{v:.3f}" for v in estimated[:2]), f"{np.degrees(estimated[2]):.2f}"]
         counts = np.round(detected.waveforms_v / VOLTS_PER_COUNT).astype(np.int16)
         name = f"waveforms/stop_{number:02d}.npz"

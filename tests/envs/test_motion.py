@@ -6,39 +6,41 @@ import numpy as np
 import pytest
 
 from dirmusic.angles import difference, wrap, wrapped
-from pdpatrol.envs.motion import N_DRAWS, MotionState, SensorParameters, sense_motion, start_motion
+from pdpatrol.envs import load_scenario
+from pdpatrol.envs.motion import sense_motion, start_motion
 from pdpatrol.envs.patrol_env import PatrolEnv
+from pdpatrol.envs.robot_states import N_DRAWS, Parameters, RobotStates
+from pdpatrol.envs.scenario.base import Config
 from pdpatrol.envs.scenario.robot import BatteryConfig, OdometryConfig, PoseSensorConfig
 from pdpatrol.robot_models.readings import LIDAR, MOTOR_POWER, POSE, WHEEL_ANGLES
 
 PERFECT = OdometryConfig(wheel_radius_error=0.0, gyro_bias_deg_per_min=0.0, gyro_noise_deg_per_sqrt_min=0.0)
 
 
-def sense(
-    motion: MotionState,
-    sensors: SensorParameters,
-    normal: np.ndarray,
-    *,
-    true_pose: np.ndarray | float = 0.0,
-    wheels_rad: float = 0.0,
-    power_w: np.ndarray | float = 0.0,
-    started: Sequence[int] = (),
-    rows: Sequence[int] | None = None,
-) -> None:
-    """Step some robots, all by default, and start those in `started`."""
-    n = len(motion.n_steps)
-    readings = np.zeros((n, 8))
-    readings[:, POSE], readings[:, WHEEL_ANGLES], readings[:, MOTOR_POWER] = true_pose, wheels_rad, power_w
-    start_motion(motion, sensors, readings, normal, np.array(started, dtype=np.intp))
-    stepped = [row for row in (range(n) if rows is None else rows) if row not in started]
-    sense_motion(motion, sensors, readings, normal, np.array(stepped, dtype=np.intp))
+class Sensors:
+    """Motion sensors of `n` robots at steps of one length, with tables of the scenario replaced."""
 
+    def __init__(self, n: int, step_s: float, **tables: Config) -> None:
+        scenario = load_scenario("bench").model_copy(update=tables)
+        self.n, self.state, self.parameters = n, RobotStates.zeros(n, scenario), Parameters.of(scenario, step_s=step_s)
 
-def at_rest(n: int, sensors: SensorParameters, true_pose: np.ndarray | float = 0.0) -> MotionState:
-    """Make started robots without pose error at the first reading."""
-    motion = MotionState.zeros(n)
-    sense(motion, sensors, np.zeros((n, N_DRAWS)), true_pose=true_pose, started=range(n))
-    return motion
+    def sense(
+        self,
+        normal: np.ndarray | float = 0.0,
+        *,
+        true_pose: np.ndarray | float = 0.0,
+        wheels_rad: float = 0.0,
+        power_w: np.ndarray | float = 0.0,
+        started: Sequence[int] = (),
+        rows: Sequence[int] | None = None,
+    ) -> None:
+        """Step some robots, all by default, and start those in `started`."""
+        readings = np.zeros((self.n, 8))
+        readings[:, POSE], readings[:, WHEEL_ANGLES], readings[:, MOTOR_POWER] = true_pose, wheels_rad, power_w
+        self.state.motion_normal[:] = normal
+        for row in range(self.n) if rows is None else rows:
+            update = start_motion if row in started else sense_motion
+            update(self.state, self.parameters, readings[row], row)
 
 
 def reckoned(
@@ -49,14 +51,14 @@ def reckoned(
     Angles of wheels with a radius of 0.1 m and true headings have shape (n_steps,).
     """
     n, sharp = 400, PoseSensorConfig(position_std_m=0.0, heading_std_deg=0.0)
-    motion, sensors = MotionState.zeros(n), SensorParameters.of(sharp, config, BatteryConfig(), 0.1)
+    sensors = Sensors(n, 0.1, pose_sensor=sharp, odometry=config)
+    scale, bias = rng.standard_normal((2, n))
+    sensors.state.metres_per_radian[:] = 0.1 * (1.0 + config.wheel_radius_error * scale)
+    sensors.state.gyro_bias_radps[:] = np.radians(config.gyro_bias_deg_per_min) / 60.0 * bias
     for k, (wheel, yaw) in enumerate(zip([0.0, *wheels_rad], [start[2], *yaw_rad], strict=True)):
         true_pose, normal = np.array([start[0], start[1], yaw]), rng.standard_normal((n, N_DRAWS))
-        sense(motion, sensors, normal, true_pose=true_pose, wheels_rad=wheel, started=range(n) if k == 0 else ())
-        if k == 0:
-            for row in range(n):
-                motion.draw_odometry(row, config, 0.1, rng)
-    return motion.odometry
+        sensors.sense(normal, true_pose=true_pose, wheels_rad=wheel, started=range(n) if k == 0 else ())
+    return sensors.state.odometry
 
 
 def test_odometry_without_errors_closes_a_circle() -> None:
@@ -77,18 +79,19 @@ def test_odometry_errors_are_those_of_wheels_and_gyro() -> None:
 
 def test_battery_supplies_motors_and_idle_load() -> None:
     config = BatteryConfig(capacity_wh=10.0, idle_w=80.0)
-    sensors = SensorParameters.of(PoseSensorConfig(), PERFECT, config, 36.0)
-    motion, power_w, normal = at_rest(2, sensors), np.array([20.0, 120.0]), np.zeros((2, N_DRAWS))
+    sensors, power_w = Sensors(2, 36.0, odometry=PERFECT, battery=config), np.array([20.0, 120.0])
+    battery = sensors.state.battery
+    sensors.sense(started=[0, 1])
     for expected in ([0.9, 0.8], [0.8, 0.6]):
-        sense(motion, sensors, normal, power_w=power_w)
-        np.testing.assert_allclose(motion.battery, expected)
-    sense(motion, sensors, normal, power_w=power_w, started=[0])
-    np.testing.assert_allclose(motion.battery, [1.0, 0.4])
-    sense(motion, sensors, normal, power_w=power_w, rows=[1])
-    np.testing.assert_allclose(motion.battery, [1.0, 0.2])
-    assert motion.time_s.tolist() == [0.0, 144.0]
-    sense(motion, sensors, normal, power_w=power_w, rows=[1])
-    assert motion.battery[1] == 0.0
+        sensors.sense(power_w=power_w)
+        np.testing.assert_allclose(battery, expected)
+    sensors.sense(power_w=power_w, started=[0])
+    np.testing.assert_allclose(battery, [1.0, 0.4])
+    sensors.sense(power_w=power_w, rows=[1])
+    np.testing.assert_allclose(battery, [1.0, 0.2])
+    assert sensors.state.time_s.tolist() == [0.0, 144.0]
+    sensors.sense(power_w=power_w, rows=[1])
+    assert battery[1] == 0.0
 
 
 def test_odometry_drifts_by_less_than_half_a_percent() -> None:
@@ -120,54 +123,32 @@ def test_compiled_wrap_equals_wrap() -> None:
     assert [wrapped(float(angle)) for angle in angles] == wrap(angles).tolist()
 
 
-def read(
-    motion: MotionState, config: PoseSensorConfig, true_pose: np.ndarray, every_s: float, normal: np.ndarray
-) -> None:
-    """Read the pose sensors of all robots at true poses (3,) or (n_robots, 3)."""
-    sense(
-        motion,
-        SensorParameters.of(config, OdometryConfig(), BatteryConfig(), every_s),
-        normal,
-        true_pose=true_pose,
-    )
-
-
-def errors(n: int, every_s: float) -> np.ndarray:
-    rng, seen = np.random.default_rng(0), []
-    motion = at_rest(1, SensorParameters.of(PoseSensorConfig(), OdometryConfig(), BatteryConfig(), every_s))
-    for _ in range(n):
-        read(motion, PoseSensorConfig(), np.zeros(3), every_s, rng.standard_normal((1, N_DRAWS)))
-        seen.append(motion.pose[0].copy())
-    return np.array(seen)
-
-
-def test_pose_error_keeps_its_standard_deviation() -> None:
-    seen = errors(60_000, 1.0)[30_000:]
-    np.testing.assert_allclose(seen.std(axis=0), [0.05, 0.05, np.radians(0.5)], rtol=0.05)
-
-
-def test_pose_error_correlation_is_one_over_e() -> None:
-    seen = errors(60_000, 1.0)[:, 0]
-    assert np.corrcoef(seen[:-5], seen[5:])[0, 1] == pytest.approx(np.exp(-1.0), abs=0.03)
+def test_pose_error_keeps_deviation_and_correlation() -> None:
+    """The deviation is that of the scenario, and the correlation 1/e after the correlation time of 5 s."""
+    sensors, rng = Sensors(1, 1.0), np.random.default_rng(0)
+    sensors.sense(started=[0])
+    seen = np.empty((60_000, 3))
+    for row in seen:
+        sensors.sense(rng.standard_normal((1, N_DRAWS)))
+        row[:] = sensors.state.believed_pose[0]
+    np.testing.assert_allclose(seen[30_000:].std(axis=0), [0.05, 0.05, np.radians(0.5)], rtol=0.05)
+    assert np.corrcoef(seen[:-5, 0], seen[5:, 0])[0, 1] == pytest.approx(np.exp(-1.0), abs=0.03)
 
 
 def test_believed_heading_is_wrapped() -> None:
-    config = PoseSensorConfig(heading_std_deg=5.0)
-    motion = at_rest(200, SensorParameters.of(config, OdometryConfig(), BatteryConfig(), 5.0), np.array([0, 0, np.pi]))
-    read(motion, config, np.array([0.0, 0.0, np.pi]), 5.0, np.random.default_rng(0).standard_normal((200, N_DRAWS)))
-    headings = motion.pose[:, 2]
+    sensors, true_pose = Sensors(200, 5.0, pose_sensor=PoseSensorConfig(heading_std_deg=5.0)), np.array([0, 0, np.pi])
+    sensors.sense(true_pose=true_pose, started=range(200))
+    sensors.sense(np.random.default_rng(0).standard_normal((200, N_DRAWS)), true_pose=true_pose)
+    headings = sensors.state.believed_pose[:, 2]
     assert ((headings > -np.pi) & (headings <= np.pi)).all()
     assert (headings < 0).any()
 
 
 def test_restarted_robot_draws_a_new_pose_error() -> None:
-    rng, sensors = (
-        np.random.default_rng(1),
-        SensorParameters.of(PoseSensorConfig(), OdometryConfig(), BatteryConfig(), 0.1),
-    )
-    motion = at_rest(2, sensors)
-    sense(motion, sensors, rng.standard_normal((2, N_DRAWS)))
-    before = motion.pose.copy()
-    sense(motion, sensors, rng.standard_normal((2, N_DRAWS)), started=[1])
-    assert np.abs(motion.pose - before)[0, 0] < 0.03
-    assert np.abs(motion.pose - before)[1, 0] > 0.03
+    rng, sensors = np.random.default_rng(1), Sensors(2, 0.1)
+    sensors.sense(started=[0, 1])
+    sensors.sense(rng.standard_normal((2, N_DRAWS)))
+    before = sensors.state.believed_pose.copy()
+    sensors.sense(rng.standard_normal((2, N_DRAWS)), started=[1])
+    moved = np.abs(sensors.state.believed_pose - before)[:, 0]
+    assert moved[0] < 0.03 < moved[1]

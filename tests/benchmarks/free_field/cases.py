@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dirmusic import ArrayModel, ElementSpread, PoseError, PulseBatch
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.episode import Episode, Generators, ResetOptions
-from pdpatrol.envs.motion import SensorParameters, add_pose_error
+from pdpatrol.envs.motion import add_pose_error
 from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.envs.simulation import STEP_S
 from pdpatrol.envs.user_code import make_estimator
@@ -174,8 +174,8 @@ def _driven(way_m: FloatArray) -> FloatArray:
 
 def _believed(true_pose: FloatArray, scenario: Scenario, rng: np.random.Generator) -> FloatArray:
     """Simulate the pose sensor; shape (n_steps, 3)."""
-    sensors = SensorParameters.of(scenario.pose_sensor, scenario.odometry, scenario.battery, STEP_S)
+    sensor = scenario.pose_sensor
     pose, error = np.empty_like(true_pose), np.full(3, np.nan)
     for k, normal in enumerate(rng.standard_normal(true_pose.shape)):
-        add_pose_error(true_pose[k], error, sensors.pose_correlation, sensors.pose_std, normal, pose[k])
+        add_pose_error(true_pose[k], error, sensor.correlation(STEP_S), sensor.std, normal, pose[k])
     return pose

@@ -1,0 +1,198 @@
+"""State and parameters of the simulated robots, on which the compiled functions of the environment work."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdpatrol.envs.scenario.base import STEP_S
+from pdpatrol.envs.scenario.scenario import Scenario
+from pdpatrol.robot_models.sensors import LIDAR_BEAMS
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+N_DRAWS = 4
+"""Standard normal draws per robot and step: x, y and yaw of the pose sensor, and the gyro."""
+
+SPECTRUM_AZIMUTHS_RAD = np.radians(np.arange(0.0, 360.0, 5.0))
+"""Array-frame azimuths of the observed pseudo-spectrum."""
+
+
+class RobotStates(NamedTuple):
+    """State of the robots, with a row for each. The compiled functions change it in place.
+
+    Attributes:
+        n_steps: Steps since the start, shape (n_robots,).
+        time_s: Time since the start, shape (n_robots,).
+        true_pose: x m, y m, yaw in (-pi, pi], shape (n_robots, 3).
+        believed_pose: Reading of the pose sensor, same units and shape.
+        pose_error: Error of that reading, NaN before the first, same units and shape.
+        odometry: Pose by wheels and gyro alone, same units and shape.
+        wheels_rad: Angles of the left and the right wheel, shape (n_robots, 2).
+        metres_per_radian: Believed path per angle of the wheels, shape (n_robots,).
+        gyro_bias_radps: Shape (n_robots,).
+        used_wh: Energy taken from the battery, shape (n_robots,).
+        battery: Remaining share of its capacity, in [0, 1], shape (n_robots,).
+        sources_m: True positions of the sources, world frame, shape (n_robots, n_sources, 2).
+        approached: True for sources that the robot has approached, shape (n_robots, n_sources).
+        waypoints_visited: True for visited waypoints, shape (n_robots, n_waypoints).
+        distance_m: Distance to the nearest source not yet approached, 0 if all are approached, shape (n_robots,).
+        success: True if it has approached every source, False without sources, shape (n_robots,).
+        touched: True if it touched anything but the floor in the last step, shape (n_robots,).
+        fell_over: True if it leans too much to recover, shape (n_robots,).
+        terminated: True if the task is done or the robot has fallen over, shape (n_robots,).
+        truncated: True if the time is up, shape (n_robots,).
+        reward: Reward of the last step, shape (n_robots,).
+        reward_progress: Term of the reward, shape (n_robots,).
+        reward_time: Term of the reward, shape (n_robots,).
+        reward_contact: Term of the reward, shape (n_robots,).
+        bearing: Cos and sin of the last bearing, world frame, zeros before the first, shape (n_robots, 2).
+        bearing_age_s: Time since that bearing, shape (n_robots,).
+        motion_normal: Standard normal draws for the motion sensors, shape (n_robots, N_DRAWS).
+        lidar_normal: Standard normal draws for the lidar, shape (n_robots, n_beams).
+        is_usable: True for channels not found faulty, shape (n_robots, n_elements).
+        spectrum_gain: Unit gains of the usable channels towards `SPECTRUM_AZIMUTHS_RAD`, shape (n_robots, n_elements,
+            n_azimuths).
+    """
+
+    n_steps: FloatArray
+    time_s: FloatArray
+    true_pose: FloatArray
+    believed_pose: FloatArray
+    pose_error: FloatArray
+    odometry: FloatArray
+    wheels_rad: FloatArray
+    metres_per_radian: FloatArray
+    gyro_bias_radps: FloatArray
+    used_wh: FloatArray
+    battery: FloatArray
+    sources_m: FloatArray
+    approached: BoolArray
+    waypoints_visited: BoolArray
+    distance_m: FloatArray
+    success: BoolArray
+    touched: BoolArray
+    fell_over: BoolArray
+    terminated: BoolArray
+    truncated: BoolArray
+    reward: FloatArray
+    reward_progress: FloatArray
+    reward_time: FloatArray
+    reward_contact: FloatArray
+    bearing: FloatArray
+    bearing_age_s: FloatArray
+    motion_normal: FloatArray
+    lidar_normal: FloatArray
+    is_usable: BoolArray
+    spectrum_gain: FloatArray
+
+    @classmethod
+    def zeros(cls, n_robots: int, scenario: Scenario) -> Self:
+        """Make the states of robots that have not been started."""
+        n_sources, n_elements = len(scenario.sources), scenario.array.n_channels
+        shapes = {
+            "true_pose": (3,),
+            "believed_pose": (3,),
+            "pose_error": (3,),
+            "odometry": (3,),
+            "wheels_rad": (2,),
+            "sources_m": (n_sources, 2),
+            "approached": (n_sources,),
+            "waypoints_visited": (len(scenario.route.stops_m),),
+            "bearing": (2,),
+            "motion_normal": (N_DRAWS,),
+            "lidar_normal": (LIDAR_BEAMS,),
+            "is_usable": (n_elements,),
+            "spectrum_gain": (n_elements, SPECTRUM_AZIMUTHS_RAD.size),
+        }
+        flags = (
+            "approached", "waypoints_visited", "success", "touched", "fell_over", "terminated", "truncated",
+            "is_usable",
+        )  # fmt: skip
+        return cls(
+            *(
+                np.zeros((n_robots, *shapes.get(field, ())), np.bool_ if field in flags else np.float64)
+                for field in cls._fields
+            )
+        )
+
+
+class Parameters(NamedTuple):
+    """Parameters that all robots share.
+
+    Attributes:
+        step_s: Length of a step.
+        max_steps: Steps after which an episode is truncated.
+        pose_std: Standard deviations of the pose sensor's error in x, y and yaw, shape (3,).
+        pose_correlation: Correlation of its errors in successive steps.
+        gyro_noise_rad: Standard deviation of the gyro noise per step.
+        idle_w: Constant load of the battery.
+        capacity_wh: Capacity of the battery.
+        stops_m: Waypoints and dock, shape (n_waypoints + 1, 2).
+        standoff_m: Distance within which a source is approached.
+        stop_radius_m: Distance within which a stop is reached.
+        ends_on_approach: Whether an episode ends once all sources are approached.
+        reward_per_metre: Weight of progress towards the nearest source not yet approached.
+        reward_per_second: Weight of time.
+        reward_per_contact_step: Reward of a step in contact with anything but the floor.
+        lidar_std_m: Standard deviation of the lidar ranges.
+        noise_v: Standard deviation of one sample of the receiver.
+    """
+
+    step_s: float
+    max_steps: int
+    pose_std: FloatArray
+    pose_correlation: float
+    gyro_noise_rad: float
+    idle_w: float
+    capacity_wh: float
+    stops_m: FloatArray
+    standoff_m: float
+    stop_radius_m: float
+    ends_on_approach: bool
+    reward_per_metre: float
+    reward_per_second: float
+    reward_per_contact_step: float
+    lidar_std_m: float
+    noise_v: float
+
+    @classmethod
+    def of(
+        cls,
+        scenario: Scenario,
+        *,
+        step_s: float = STEP_S,
+        ends_on_approach: bool = True,
+        max_episode_steps: int | None = None,
+    ) -> Self:
+        """Make the parameters of a scenario.
+
+        Args:
+            scenario: The scenario.
+            step_s: Length of a step.
+            ends_on_approach: Whether an episode ends once all sources are approached.
+            max_episode_steps: Limit on the steps of an episode besides the scenario's time limit.
+        """
+        task, odometry, pose_sensor = scenario.task, scenario.odometry, scenario.pose_sensor
+        return cls(
+            step_s=step_s,
+            max_steps=math.ceil(min(task.time_limit_s / step_s - 1e-6, max_episode_steps or math.inf)),
+            pose_std=pose_sensor.std,
+            pose_correlation=pose_sensor.correlation(step_s),
+            gyro_noise_rad=math.radians(odometry.gyro_noise_deg_per_sqrt_min) / 60.0**0.5 * step_s**0.5,
+            idle_w=scenario.battery.idle_w,
+            capacity_wh=scenario.battery.capacity_wh,
+            stops_m=np.array([*scenario.route.stops_m, scenario.route.dock_m]),
+            standoff_m=task.standoff_m,
+            stop_radius_m=task.waypoint_radius_m,
+            ends_on_approach=ends_on_approach,
+            reward_per_metre=task.reward_per_metre,
+            reward_per_second=task.reward_per_second,
+            reward_per_contact_step=task.reward_per_contact_step,
+            lidar_std_m=scenario.lidar.range_std_m,
+            noise_v=scenario.receiver.noise_v,
+        )
