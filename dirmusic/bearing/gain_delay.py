@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -20,9 +18,6 @@ MAX_RADIUS_M = 0.5
 """Largest radius: in a wider array, the phase at 3 GHz changes by more than 60 degrees per search step."""
 
 TINY = np.finfo(np.float64).tiny
-
-PULSES_AT_ONCE = 64
-"""Pulses computed together, in about 20 MB for 100 samples."""
 
 
 def bearings_from_delays(
@@ -76,82 +71,69 @@ def bearings_from_delays(
         raise ValueError(f"`positions_m` must lie within {MAX_RADIUS_M} m of the array's origin, got {radius_m:.2f} m")
     if not sample_rate_hz > 0:
         raise ValueError(f"`sample_rate_hz` must be positive, got {sample_rate_hz!r}")
-    shape = x.shape[:-2]
-    rows = x.reshape(int(np.prod(shape)), *x.shape[-2:])
-    array = _Array(manifold, place[:, :2], sample_rate_hz)
     n_padded = x.shape[-1] + int(np.ceil(2 * radius_m / SPEED_OF_LIGHT_MPS * sample_rate_hz))
-    variance = np.nan if noise_variance is None else np.asarray(noise_variance, dtype=np.float64)
-    variance = np.broadcast_to(variance, shape).reshape(-1)
-    answer = np.empty((3, rows.shape[0]))
-    for first in range(0, rows.shape[0], PULSES_AT_ONCE):
-        some = slice(first, first + PULSES_AT_ONCE)
-        answer[:, some] = _locate_on_circle(rows[some], array, n_padded, variance[some])
-    has_signal = rows.any(axis=(-1, -2))
-    azimuth, std, misfit = np.where(has_signal, answer, np.nan).reshape(3, *shape)
+    variance = np.broadcast_to(np.nan if noise_variance is None else noise_variance, x.shape[:-2]).ravel()
+    rows = x.reshape(variance.size, *x.shape[-2:])
+    answer = np.empty((3, variance.size))
+    for first in range(0, variance.size, 64):  # in about 20 MB for 100 samples
+        some = slice(first, first + 64)
+        answer[:, some] = _locate_on_circle(
+            rows[some], variance[some], manifold, place[:, :2] / SPEED_OF_LIGHT_MPS, sample_rate_hz, n_padded
+        )
+    azimuth, std, misfit = np.where(rows.any(axis=(-1, -2)), answer, np.nan).reshape(3, *x.shape[:-2])
     return Bearings(azimuth_rad=wrap(azimuth), std_rad=std, misfit=misfit)
 
 
-class _Array(NamedTuple):
-    """Array with gains and delays."""
+def _locate_on_circle(
+    rows: FloatArray,
+    variance: FloatArray,
+    manifold: GainManifold,
+    places_s: FloatArray,
+    sample_rate_hz: float,
+    n_padded: int,
+) -> FloatArray:
+    """Estimate azimuth, deviation and misfit, shape (3, n_rows); the places are in seconds of travel."""
+    angular = np.arange(1, n_padded // 2 + 1) * (2 * np.pi * sample_rate_hz / n_padded)
+    data = np.fft.rfft(rows, n_padded)[..., 1:].transpose(1, 0, 2)  # no antenna receives the mean
 
-    manifold: GainManifold
-    positions_m: FloatArray
-    sample_rate_hz: float
-
-    def steering(self, azimuth_rad: FloatArray, angular_frequency: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+    def steering(azimuth_rad: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Compute the response (n_elements, n_azimuths, n_frequencies) to a unit wave and its slope per radian."""
-        gain, slope = self.manifold.gain_and_slope(azimuth_rad)
-        forward = np.stack([np.cos(azimuth_rad), np.sin(azimuth_rad)])
-        left = np.stack([-forward[1], forward[0]])
-        delay, delay_slope = (-(self.positions_m @ way) / SPEED_OF_LIGHT_MPS for way in (forward, left))
-        turn: ComplexArray = np.exp(-1j * delay[..., np.newaxis] * angular_frequency)
-        by_delay = -1j * angular_frequency * (gain * delay_slope)[..., np.newaxis]
-        by_azimuth: ComplexArray = slope[..., np.newaxis] + by_delay
+        gain, slope = manifold.gain_and_slope(azimuth_rad)
+        cos, sin = np.cos(azimuth_rad), np.sin(azimuth_rad)
+        delay, delay_slope = -(places_s @ np.stack([cos, sin])), -(places_s @ np.stack([-sin, cos]))
+        turn = np.exp(-1j * delay[..., np.newaxis] * angular)
+        by_azimuth = slope[..., np.newaxis] - 1j * angular * (gain * delay_slope)[..., np.newaxis]
         return gain[..., np.newaxis] * turn, by_azimuth * turn
 
+    def linearise(azimuth_rad: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Compute the Gauss-Newton step, and energies: of the waveform, of its change per radian, of that of noise."""
+        response, slope = steering(azimuth_rad)
+        energy = _energy(response)
+        waveform = (response.conj() * data).sum(axis=0) / energy
+        along = (response.conj() * slope).sum(axis=0) / energy
+        turning = (slope - response * along) * waveform
+        turning_energy = _energy(turning).sum(axis=-1)
+        step = (turning.conj() * data).real.sum(axis=(0, -1)) / np.maximum(turning_energy, TINY)
+        turning_of_noise = ((_energy(slope) - energy * np.square(np.abs(along))) / energy).sum(axis=-1)
+        return np.nan_to_num(step), np.square(np.abs(waveform)).sum(axis=-1), turning_energy, turning_of_noise
 
-def _locate_on_circle(rows: FloatArray, array: _Array, n_padded: int, variance: FloatArray) -> FloatArray:
-    """Estimate azimuth, deviation and misfit, shape (3, n_rows)."""
-    spectra = np.fft.rfft(rows, n_padded)[..., 1:]  # no antenna receives the mean
-    angular = np.arange(1, n_padded // 2 + 1, dtype=np.float64) * (2 * np.pi * array.sample_rate_hz / n_padded)
-    response, _ = array.steering(SEARCH_AZIMUTHS_RAD, angular)
-    norm = np.linalg.norm(array.manifold.search_gain, axis=0)
-    beam = np.conj(response / norm[:, np.newaxis]).transpose(2, 1, 0) @ spectra.transpose(2, 1, 0)
-    match = np.square(np.abs(beam)).sum(axis=0)  # (n_azimuths, n_rows)
+    response, _ = steering(SEARCH_AZIMUTHS_RAD)
+    beam = np.conj(response / np.linalg.norm(manifold.search_gain, axis=0)[:, np.newaxis]).transpose(2, 1, 0)
+    match = np.square(np.abs(beam @ data.transpose(2, 0, 1))).sum(axis=0)  # (n_azimuths, n_rows)
     azimuth_rad = start_rad = SEARCH_AZIMUTHS_RAD[match.argmax(axis=0)]
-    data = spectra.transpose(1, 0, 2)
-    for _ in range(5):  # Gauss-Newton steps
-        azimuth_rad = azimuth_rad + np.nan_to_num(_linearise(azimuth_rad, data, array, angular)[0])
-        azimuth_rad = np.clip(azimuth_rad, start_rad - SEARCH_STEP_RAD, start_rad + SEARCH_STEP_RAD)
-    _, signal, turning = _linearise(azimuth_rad, data, array, angular)
-    gain_energy = np.square(array.manifold.gain(azimuth_rad)).sum(axis=0)
-    received = np.maximum(np.square(np.abs(data)).sum(axis=(0, -1)), TINY)
+    for _ in range(5):
+        step_rad, _, _, _ = linearise(azimuth_rad)
+        azimuth_rad = np.clip(azimuth_rad + step_rad, start_rad - SEARCH_STEP_RAD, start_rad + SEARCH_STEP_RAD)
+    _, signal, turning, turning_of_noise = linearise(azimuth_rad)
     # the estimated waveform contains noise, whose change with azimuth carries no information
-    by_noise = rows.shape[-1] * variance * _turning_of_noise(azimuth_rad, array, angular)
-    informative = np.maximum(turning - by_noise, LEAST_SHARE * turning)
+    informative = np.maximum(turning - rows.shape[-1] * variance * turning_of_noise, LEAST_SHARE * turning)
     per_sample = 2.0 / n_padded  # from a sum over half the frequencies to one over samples, by Parseval
     std = np.sqrt(variance * turning / per_sample) / np.maximum(informative, TINY)
-    return np.stack([azimuth_rad, np.minimum(std, UNKNOWN_STD_RAD), np.clip(1 - signal * gain_energy / received, 0, 1)])
+    explained = signal * np.square(manifold.gain(azimuth_rad)).sum(axis=0)
+    received = np.maximum(_energy(data).sum(axis=-1), TINY)
+    return np.stack([azimuth_rad, np.minimum(std, UNKNOWN_STD_RAD), np.clip(1 - explained / received, 0, 1)])
 
 
-def _linearise(
-    azimuth_rad: FloatArray, data: ComplexArray, array: _Array, angular: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Compute Gauss-Newton step, energy of the waveform, and energy of its change per radian; shapes (n_rows,)."""
-    response, slope = array.steering(azimuth_rad, angular)
-    energy = np.square(np.abs(response)).sum(axis=0)
-    waveform = (response.conj() * data).sum(axis=0) / energy
-    across = slope - response * ((response.conj() * slope).sum(axis=0) / energy)
-    turning = across * waveform
-    change = (turning.conj() * data).real.sum(axis=(0, -1))
-    turning_energy = np.square(np.abs(turning)).sum(axis=(0, -1))
-    step = change / np.maximum(turning_energy, TINY)
-    return step, np.square(np.abs(waveform)).sum(axis=-1), turning_energy
-
-
-def _turning_of_noise(azimuth_rad: FloatArray, array: _Array, angular: FloatArray) -> FloatArray:
-    """Compute the energy of the change per radian of white noise of unit variance, shape (n_rows,)."""
-    response, slope = array.steering(azimuth_rad, angular)
-    energy = np.square(np.abs(response)).sum(axis=0)
-    across = np.square(np.abs(slope)).sum(axis=0) - np.square(np.abs((response.conj() * slope).sum(axis=0))) / energy
-    return (across / energy).sum(axis=-1)
+def _energy(of_elements: ComplexArray) -> FloatArray:
+    """Sum the squared magnitudes over the elements, the first axis."""
+    return np.square(np.abs(of_elements)).sum(axis=0)

@@ -10,6 +10,7 @@ from itertools import combinations
 from typing import Literal, NamedTuple
 
 import numpy as np
+import scipy  # its submodules are loaded when they are first used
 from numpy.typing import ArrayLike, NDArray
 
 from dirmusic.angles import difference
@@ -71,25 +72,15 @@ SHIFTS_RAD = np.radians(np.arange(0.0, 360.0, 5.0))
 OFFSETS_DB = np.arange(-12.0, 12.5, 1.5)
 """Levels of the kind relative to the median of the pattern to search."""
 
-STRAY_SHARE = 0.03
-"""Share of pulses outside all clusters, from noise and other sources; assumed."""
+STRAY_DENSITY = 0.03 / (2 * np.pi * 40.0)
+"""Density of the 3 % of pulses outside all clusters, from noise and other sources: uniform in phase and over 40 dB of
+level; assumed."""
 
-STRAY_DENSITY = STRAY_SHARE / (2 * np.pi * 40.0)
-"""Density of these pulses, uniform in phase and over 40 dB of level; assumed."""
-
-LEAST_PULSES, MOST_PULSES = 20, 100
-"""Fewest pulses that are classified, and most that are used: more are thinned out evenly, because the variation of the
-kinds limits, not noise."""
+LEAST_PULSES = 20
+"""Fewest pulses that are classified."""
 
 LEAST_EXPLAINED = 0.88
 """Smallest share of pulses that the clusters of a kind must explain; otherwise the kind is unknown. Assumed."""
-
-SECOND_KIND, SECOND_KIND_WIDTH = 0.17, 0.04
-"""Gain in log likelihood per pulse by a second kind at which a pattern is as likely a mixture of two, and the width of
-that transition; assumed."""
-
-INDEPENDENT_PULSES = 12
-"""Most pulses that count as independent evidence, since no pattern is quite the typical one; assumed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,26 +125,23 @@ def classify(phase_rad: ArrayLike, level_db: ArrayLike) -> PhasePattern:
         raise ValueError("`phase_rad` and `level_db` must be finite")
     if phase.size < LEAST_PULSES:
         return PhasePattern(kind="unknown", confidence=1.0, shift_rad=0.0, explained=0.0)
-    if phase.size > MOST_PULSES:
-        some = np.linspace(0, phase.size - 1, MOST_PULSES).astype(np.intp)
+    if phase.size > 100:  # no noise limits the result then, but the variation of the kinds
+        some = np.linspace(0, phase.size - 1, 100).astype(np.intp)
         phase, level = phase[some], level[some]
     level = level - np.median(level)
     spread_db = max(float(level.std()), 0.5)
-    uniform = (
-        -np.log(2 * np.pi)
-        - 0.5 * np.square((level - level.mean()) / spread_db)
-        - np.log(spread_db * np.sqrt(2 * np.pi))
-    )
+    of_uniform = -0.5 * np.square((level - level.mean()) / spread_db) - np.log(spread_db * (2 * np.pi) ** 1.5)
     densities: dict[KindName, FloatArray] = {kind: _densities(phase, level, KINDS[kind]) for kind in KINDS}
     fits: dict[KindName, _Fit] = {kind: _best(densities[kind]) for kind in KINDS}
-    evidence = np.array([*(fit.log_likelihood for fit in fits.values()), uniform.sum()])
-    weight = np.exp((evidence - evidence.max()) * min(1.0, INDEPENDENT_PULSES / phase.size))
+    evidence = np.array([*(fit.log_likelihood for fit in fits.values()), of_uniform.sum()])
+    independent_pulses = 12  # assumed: more are not independent evidence, since no pattern is quite the typical one
+    weight = np.exp((evidence - evidence.max()) * min(1.0, independent_pulses / phase.size))
     weight /= weight.sum()
     kind = list(KINDS)[int(weight[:-1].argmax())]
     fit, probability = fits[kind], float(weight[:-1].max())
     explained = float((fit.density / (fit.density + STRAY_DENSITY)).mean())
     gain = _gain_of_a_second_kind(kind, densities, fits) / phase.size
-    mixed = 1.0 / (1.0 + np.exp(-(gain - SECOND_KIND) / SECOND_KIND_WIDTH))
+    mixed = scipy.special.expit((gain - 0.17) / 0.04)  # probability of a mixture of two kinds; assumed
     confidence = probability * (1.0 - mixed) * min(1.0, explained / LEAST_EXPLAINED)
     name = kind if mixed < 0.5 and explained >= LEAST_EXPLAINED and probability > weight[-1] else "unknown"
     return PhasePattern(
@@ -183,7 +171,7 @@ def _densities(phase: FloatArray, level: FloatArray, clusters: tuple[Cluster, ..
         in_phase = np.exp(-0.5 * np.square(difference(off, np.radians(cluster.centre_deg)) / width)) / width
         in_level = np.exp(-0.5 * np.square((above - cluster.level_db) / spread)) / spread
         density += cluster.share / (2 * np.pi) * in_phase[:, np.newaxis] * in_level
-    return (1 - STRAY_SHARE) * density
+    return 0.97 * density
 
 
 def _best(density: FloatArray, other: FloatArray | float = 0.0) -> _Fit:
