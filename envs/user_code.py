@@ -182,4 +182,4 @@ def make_estimator(name: str, array: ArrayModel) -> BearingEstimator:
     Raises:
         UserCodeError: If it is not built in and does not work.
     """
-    return ESTIMATORS[name]() if name in ESTIMATORS else UserEstimator(name, array)
+    return ESTIMATORS[name] if name in ESTIMATORS else UserEstimator(name, array)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dirmusic.angles import aperture
 from dirmusic.array.model import ArrayModel
 from dirmusic.bearing.estimators import BearingEstimator
-from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
+from dirmusic.bearing.maximum_likelihood import maximum_likelihood
 from dirmusic.pulses.batch import Bearings, PulseBatch
 
 FloatArray = NDArray[np.float64]
@@ -58,7 +58,7 @@ class ChannelMonitor:
 
     Args:
         array: The nominal array.
-        estimator: Estimator of the bearings from the good channels. Default: maximum likelihood.
+        estimator: Estimator of the bearings from the good channels.
 
     Attributes:
         good: True for each channel that is not faulty, shape (n_elements,).
@@ -91,13 +91,12 @@ class ChannelMonitor:
     FAULT_DB, EACH_DB, DEAD_DB, CERTAIN_DB = 3.5, 2.0, -12.0, 10.0
     TESTED_SHARE, STUCK_SPREAD, LEAST_APERTURE_RAD = 0.35, 1e-6, np.radians(60.0)
 
-    def __init__(self, array: ArrayModel, estimator: BearingEstimator | None = None) -> None:
+    def __init__(self, array: ArrayModel, estimator: BearingEstimator = maximum_likelihood) -> None:
         n_elements = array.manifold.n_elements
         self.array = array
         self.good = np.ones(n_elements, dtype=np.bool_)
         self.n_bad = 0
-        self._likelihood = MaximumLikelihood()
-        self._estimator = estimator or self._likelihood
+        self._estimator = estimator
         self._strengths = np.empty((self.WINDOW, n_elements))
         self._misfits = np.empty(self.WINDOW)
         self._n_seen = self._n_new = 0
@@ -125,8 +124,8 @@ class ChannelMonitor:
         found: list[SuspectChannel] = []
         std_rad, misfit = pulses.std_rad[own], pulses.misfit[own]
         between = max(self.CHECK_PULSES, std_rad.size // self.MOST_CHECKS)
-        if not isinstance(self._estimator, MaximumLikelihood):
-            likeliest = self._likelihood(pulses.take(own).take_channels(self.good), self.array.take(self.good))
+        if self._estimator is not maximum_likelihood:
+            likeliest = maximum_likelihood(pulses.take(own).take_channels(self.good), self.array.take(self.good))
             std_rad, misfit = likeliest.std_rad, likeliest.misfit
         strengths_v = pulses.strengths_v[own]
         clear = np.flatnonzero(std_rad < self.CLEAR_STD_RAD)
@@ -174,7 +173,7 @@ class ChannelMonitor:
     def _fit(self, strengths_v: FloatArray, channels: NDArray[np.intp]) -> Bearings:
         """Estimate directions of pulses (n, n_channels) from some channels."""
         pulses = PulseBatch.detected(np.zeros(len(strengths_v)), strengths_v, np.zeros_like(strengths_v))
-        return self._likelihood(pulses, self.array.take(channels))
+        return maximum_likelihood(pulses, self.array.take(channels))
 
     def _without(
         self, strengths_v: FloatArray, channels: NDArray[np.intp], k: int

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import lru_cache
 from typing import Protocol
 
@@ -12,8 +11,8 @@ from numpy.typing import NDArray
 from dirmusic.angles import difference, wrap, wrapped
 from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD, GainManifold, ManifoldTable
 from dirmusic.array.model import ArrayModel
-from dirmusic.bearing.maximum_likelihood import TINY, MaximumLikelihood, look_up
-from dirmusic.bearing.sub_bands import SubBandLikelihood
+from dirmusic.bearing.maximum_likelihood import TINY, look_up, maximum_likelihood
+from dirmusic.bearing.sub_bands import sub_band_likelihood
 from dirmusic.compiled import Held, compiled
 from dirmusic.pulses.batch import LEAST_SHARE, NO_DIRECTION, UNKNOWN_STD_RAD, Bearings, PulseBatch
 from dirmusic.pulses.strengths import dot
@@ -139,36 +138,30 @@ def bearings_towards(azimuth_rad: FloatArray, pulses: PulseBatch, array: ArrayMo
     return judge_directions(azimuth_rad, pulses.strengths_v, pulses.variance_v2, array.manifold.held_table)
 
 
-class Music:
-    """Estimator of the paper: the peak of eq. (15), as printed, on a grid of 1 degree.
+def music(pulses: PulseBatch, array: ArrayModel) -> Bearings:
+    """Estimate directions as the paper does: the peak of eq. (15), as printed, on a grid of 1 degree.
 
     The deviation includes noise and rounding to the grid.
 
     References:
         Dir-MUSIC, eq. (15) and section 3.1.
     """
-
-    def __call__(self, pulses: PulseBatch, array: ArrayModel) -> Bearings:
-        """Estimate the directions of pulses; see `BearingEstimator`."""
-        peak = spectrum_peaks_on_grid(pulses.strengths_v, _grid_gain(array.manifold))
-        rounding_std_rad = np.radians(1.0) / np.sqrt(12.0)
-        return _with_deviation(bearings_towards(GRID_RAD[peak], pulses, array), np.full(peak.size, rounding_std_rad))
+    peak = spectrum_peaks_on_grid(pulses.strengths_v, _grid_gain(array.manifold))
+    rounding_std_rad = np.radians(1.0) / np.sqrt(12.0)
+    return _with_deviation(bearings_towards(GRID_RAD[peak], pulses, array), rounding_std_rad)
 
 
-class Strongest:
-    """Estimator that returns the boresight of the strongest element, as with a hand-held antenna.
+def strongest(pulses: PulseBatch, array: ArrayModel) -> Bearings:
+    """Take the boresight of the strongest element for the direction, as with a hand-held antenna.
 
     The deviation includes noise and the rms error over all directions in which this element is the strongest.
     """
-
-    def __call__(self, pulses: PulseBatch, array: ArrayModel) -> Bearings:
-        """Estimate the directions of pulses; see `BearingEstimator`."""
-        strongest = pulses.strengths_v.argmax(axis=-1)
-        boresight_rad = array.manifold.boresights_rad[strongest]
-        return _with_deviation(bearings_towards(boresight_rad, pulses, array), _sector_std(array.manifold)[strongest])
+    element = pulses.strengths_v.argmax(axis=-1)
+    boresight_rad = array.manifold.boresights_rad[element]
+    return _with_deviation(bearings_towards(boresight_rad, pulses, array), _sector_std(array.manifold)[element])
 
 
-def _with_deviation(found: Bearings, method_std_rad: FloatArray) -> Bearings:
+def _with_deviation(found: Bearings, method_std_rad: FloatArray | float) -> Bearings:
     """Add the deviation of the method, except for pulses without a direction."""
     std_rad = np.minimum(np.hypot(found.std_rad, method_std_rad), UNKNOWN_STD_RAD)
     return found._replace(std_rad=np.where(found.std_rad > UNKNOWN_STD_RAD, found.std_rad, std_rad))
@@ -182,18 +175,18 @@ def _grid_gain(manifold: GainManifold) -> FloatArray:
 @lru_cache(maxsize=64)
 def _sector_std(manifold: GainManifold) -> FloatArray:
     """Compute the rms error of each boresight over the directions in which its element is the strongest."""
-    strongest = manifold.search_gain.argmax(axis=0)
-    off_rad = difference(wrap(SEARCH_AZIMUTHS_RAD), manifold.boresights_rad[strongest])
-    square = np.bincount(strongest, np.square(off_rad), minlength=manifold.n_elements)
-    count = np.bincount(strongest, minlength=manifold.n_elements)
+    element = manifold.search_gain.argmax(axis=0)
+    off_rad = difference(wrap(SEARCH_AZIMUTHS_RAD), manifold.boresights_rad[element])
+    square = np.bincount(element, np.square(off_rad), minlength=manifold.n_elements)
+    count = np.bincount(element, minlength=manifold.n_elements)
     return np.where(count > 0, np.sqrt(square / np.maximum(count, 1)), UNKNOWN_STD_RAD)
 
 
-ESTIMATORS: dict[str, Callable[[], BearingEstimator]] = {
-    "maximum_likelihood": MaximumLikelihood,
-    "sub_bands": SubBandLikelihood,
-    "music": Music,
-    "strongest": Strongest,
+ESTIMATORS: dict[str, BearingEstimator] = {
+    "maximum_likelihood": maximum_likelihood,
+    "sub_bands": sub_band_likelihood,
+    "music": music,
+    "strongest": strongest,
 }
 """Built-in estimators by name, the best first."""
 

@@ -189,14 +189,11 @@ def bearing_posterior(
     return wrap(start_rad + mean), np.sqrt(spread)
 
 
-class MaximumLikelihood:
-    """Default estimator: maximum likelihood for each pulse; see `estimate_bearings`."""
-
-    def __call__(self, pulses: PulseBatch, array: ArrayModel) -> Bearings:
-        """Estimate the directions of pulses; see `BearingEstimator`."""
-        strengths, variance = (np.ascontiguousarray(values) for values in (pulses.strengths_v, pulses.variance_v2))
-        table = array.manifold.held_table
-        return fit_pulses(strengths[:, np.newaxis], variance[:, np.newaxis], variance, table, NO_DIRECTION).bearings
+def maximum_likelihood(pulses: PulseBatch, array: ArrayModel) -> Bearings:
+    """Estimate the directions of pulses one by one, by maximum likelihood: the default `BearingEstimator`."""
+    strengths, variance = (np.ascontiguousarray(values) for values in (pulses.strengths_v, pulses.variance_v2))
+    table = array.manifold.held_table
+    return fit_pulses(strengths[:, np.newaxis], variance[:, np.newaxis], variance, table, NO_DIRECTION).bearings
 
 
 def estimate_bearings(

@@ -12,7 +12,7 @@ from scipy.linalg import toeplitz
 from dirmusic.angles import wrapped
 from dirmusic.array.manifold import SEARCH_STEP_RAD, GainManifold, ManifoldTable
 from dirmusic.array.model import ArrayModel
-from dirmusic.bearing.maximum_likelihood import REFINEMENTS, TINY, MaximumLikelihood, look_up
+from dirmusic.bearing.maximum_likelihood import REFINEMENTS, TINY, look_up, maximum_likelihood
 from dirmusic.compiled import Held, compiled, compiled_inner
 from dirmusic.pulses.batch import LEAST_SHARE, NO_DIRECTION, UNKNOWN_STD_RAD, Bearings, PulseBatch
 from dirmusic.pulses.strengths import dot
@@ -98,8 +98,8 @@ def band_tables(manifolds: tuple[GainManifold, ...]) -> Held[BandTables]:
     return Held(BandTables(gain, slope, np.ascontiguousarray(unit)))
 
 
-class SubBandLikelihood:
-    r"""Maximum-likelihood estimator for each pulse from its strengths in sub-bands, with one amplitude for each.
+def sub_band_likelihood(pulses: PulseBatch, array: ArrayModel) -> Bearings:
+    r"""Estimate the directions of pulses from their strengths in sub-bands, with one amplitude for each; an estimator.
 
     .. math:: \hat\theta = \arg\max_\theta \sum_b \frac{1}{\sigma_b^2}
               \frac{(a_b^T g_b(\theta))^2}{\lVert g_b(\theta) \rVert^2}
@@ -109,18 +109,12 @@ class SubBandLikelihood:
     a sub-band follows from the amplitudes of its neighbours: the squared gain is the mean of those of its two halves,
     weighted accordingly.
 
-    Without strengths in sub-bands or manifolds for them, it is the same as `MaximumLikelihood`.
+    Without strengths in sub-bands or manifolds for them, it is the same as `maximum_likelihood`.
     """
-
-    def __init__(self) -> None:
-        self._full_band = MaximumLikelihood()
-
-    def __call__(self, pulses: PulseBatch, array: ArrayModel) -> Bearings:
-        """Estimate the directions of pulses; see `BearingEstimator`."""
-        if not array.band_manifolds or 2 * pulses.band_strengths_v.shape[1] != len(array.band_manifolds):
-            return self._full_band(pulses, array)
-        tables = band_tables(array.band_manifolds)
-        return bearings_of_bands(pulses.band_strengths_v, pulses.band_variance_v2, tables, NO_DIRECTION)
+    if not array.band_manifolds or 2 * pulses.band_strengths_v.shape[1] != len(array.band_manifolds):
+        return maximum_likelihood(pulses, array)
+    tables = band_tables(array.band_manifolds)
+    return bearings_of_bands(pulses.band_strengths_v, pulses.band_variance_v2, tables, NO_DIRECTION)
 
 
 @compiled_inner

@@ -22,7 +22,7 @@ from dirmusic import (
     PulseBatch,
 )
 from dirmusic.bearing.channel_health import ChannelMonitor
-from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
+from dirmusic.bearing.maximum_likelihood import maximum_likelihood
 from dirmusic.locating.rules import CredibilityRules, LocatingRules
 from dirmusic.locating.yard_likelihood import Grid, YardLikelihood
 from pdpatrol.envs.scenario.array import ArrayCalibration, CalibratedArray
@@ -130,7 +130,7 @@ def locate_field_data(
     log = MissionLog({**meta, "grid": describe_grid(grid)})
     rules, due_s = FIELD_RULES, -np.inf
     locator = Locator(array, pose_error, fence_m=fence_m, rules=rules)
-    estimator = MaximumLikelihood()
+    estimator = maximum_likelihood
     tracker = Tracker(log, locator, array, estimator, rules.credibility, YardLikelihood(array, pose_error, grid))
     with threadpool_limits(limits=1):
         monitor = ChannelMonitor(array, estimator)

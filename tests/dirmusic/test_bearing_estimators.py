@@ -7,8 +7,8 @@ import pytest
 
 from dirmusic import ESTIMATORS, ArrayModel, ElementSpread, GainManifold, PulseBatch, bearings_towards, pseudo_spectrum
 from dirmusic.angles import difference
-from dirmusic.bearing.estimators import GRID_RAD, Music, Strongest, method_std
-from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
+from dirmusic.bearing.estimators import GRID_RAD, method_std, music, strongest
+from dirmusic.bearing.maximum_likelihood import maximum_likelihood
 
 NOISE_V = 0.03
 
@@ -33,7 +33,7 @@ def anywhere(n: int = 4000) -> np.ndarray:
 @pytest.mark.parametrize("n_elements", [4, 6, 8])
 def test_error_matches_stated_deviation(name: str, n_elements: int) -> None:
     array, azimuth = ring(n_elements), anywhere()
-    found = ESTIMATORS[name]()(pulses_from(array, azimuth), array)
+    found = ESTIMATORS[name](pulses_from(array, azimuth), array)
     error = difference(found.azimuth_rad, azimuth) / found.std_rad
     assert np.mean(np.square(error)) == pytest.approx(1.0, abs=0.25)
 
@@ -42,7 +42,7 @@ def test_error_matches_stated_deviation(name: str, n_elements: int) -> None:
 def test_estimators_rank_likelihood_grid_strongest(n_elements: int) -> None:
     array, azimuth = ring(n_elements), anywhere()
     pulses = pulses_from(array, azimuth)
-    errors = {name: difference(make()(pulses, array).azimuth_rad, azimuth) for name, make in ESTIMATORS.items()}
+    errors = {name: difference(estimate(pulses, array).azimuth_rad, azimuth) for name, estimate in ESTIMATORS.items()}
     rms = {name: float(np.sqrt(np.mean(np.square(error)))) for name, error in errors.items()}
     likeliest, on_grid, strongest = rms["maximum_likelihood"], rms["music"], rms["strongest"]
     assert rms["sub_bands"] == likeliest  # whose sub-bands were not read
@@ -53,7 +53,7 @@ def test_estimators_rank_likelihood_grid_strongest(n_elements: int) -> None:
 @pytest.mark.parametrize("name", ESTIMATORS)
 @pytest.mark.parametrize("n_elements", [3, 6])  # numpy sums eight and more in another order for one row
 def test_estimate_is_independent_of_other_pulses(name: str, n_elements: int) -> None:
-    array, estimator = ring(n_elements), ESTIMATORS[name]()
+    array, estimator = ring(n_elements), ESTIMATORS[name]
     pulses = pulses_from(array, anywhere(50))
     whole = estimator(pulses, array)
     for row in range(50):
@@ -69,7 +69,7 @@ def test_order_of_channels_does_not_matter(name: str) -> None:
     pulses = pulses_from(array, anywhere(500))
     bands = pulses.strengths_v[:, np.newaxis] * np.array([[[0.6], [0.8]]])
     pulses = pulses._replace(band_strengths_v=bands, band_variance_v2=np.full(bands.shape, NOISE_V**2))
-    estimator = ESTIMATORS[name]()
+    estimator = ESTIMATORS[name]
     found, permuted = estimator(pulses, array), estimator(pulses.take_channels(order), array.take(order))
     np.testing.assert_allclose(difference(permuted.azimuth_rad, found.azimuth_rad), 0.0, atol=1e-9)
     np.testing.assert_allclose(permuted.std_rad, found.std_rad, rtol=1e-9)
@@ -82,7 +82,7 @@ def test_pulse_without_strength_has_deviation_pi(name: str) -> None:
     pulses = PulseBatch.detected(
         np.zeros(1), nothing[:, 0], nothing[:, 0] + 1e-6, band_strengths_v=nothing, band_variance_v2=nothing + 1e-6
     )
-    found = ESTIMATORS[name]()(pulses, array)
+    found = ESTIMATORS[name](pulses, array)
     assert found.std_rad[0] == np.pi
     assert found.misfit[0] == 1.0
     assert np.isfinite(found.azimuth_rad).all()
@@ -93,22 +93,22 @@ def test_music_is_grid_peak_of_printed_spectrum() -> None:
     pulses = pulses_from(array, anywhere(200))
     outer = pulses.strengths_v[:, :, np.newaxis] * pulses.strengths_v[:, np.newaxis]
     printed = GRID_RAD[pseudo_spectrum(outer, array.manifold.gain(GRID_RAD)).argmax(axis=-1)]
-    np.testing.assert_allclose(difference(Music()(pulses, array).azimuth_rad, printed), 0.0, atol=1e-12)
+    np.testing.assert_allclose(difference(music(pulses, array).azimuth_rad, printed), 0.0, atol=1e-12)
 
 
 def test_strongest_is_a_boresight_and_turns_with_ring() -> None:
     array, azimuth = ring(6), anywhere(300)
-    found = Strongest()(pulses_from(array, azimuth, 0.0), array)
+    found = strongest(pulses_from(array, azimuth, 0.0), array)
     off = np.abs(difference(found.azimuth_rad[:, np.newaxis], array.manifold.boresights_rad)).min(axis=-1)
     np.testing.assert_allclose(off, 0.0, atol=1e-12)
-    turned = Strongest()(pulses_from(array, azimuth + np.pi / 3, 0.0), array)
+    turned = strongest(pulses_from(array, azimuth + np.pi / 3, 0.0), array)
     np.testing.assert_allclose(difference(turned.azimuth_rad, found.azimuth_rad), np.pi / 3, atol=1e-12)
 
 
 def test_bearings_towards_agrees_with_maximum_likelihood() -> None:
     array = ring(6)
     pulses = pulses_from(array, anywhere(300))
-    likeliest = MaximumLikelihood()(pulses, array)
+    likeliest = maximum_likelihood(pulses, array)
     judged = bearings_towards(likeliest.azimuth_rad, pulses, array)
     is_same = np.isclose(judged.std_rad, likeliest.std_rad, rtol=1e-3)
     assert is_same.mean() > 0.99  # the pattern's step at 153 degrees off boresight has no slope of its own
@@ -116,6 +116,6 @@ def test_bearings_towards_agrees_with_maximum_likelihood() -> None:
 
 
 def test_method_std_is_deviation_without_noise() -> None:
-    assert method_std(MaximumLikelihood(), ring(6)).max() == 0.0
-    assert np.degrees(method_std(Music(), ring(6))).max() == pytest.approx(1 / np.sqrt(12))
-    assert np.degrees(method_std(Strongest(), ring(6))).mean() == pytest.approx(60 / np.sqrt(12), rel=0.03)
+    assert method_std(maximum_likelihood, ring(6)).max() == 0.0
+    assert np.degrees(method_std(music, ring(6))).max() == pytest.approx(1 / np.sqrt(12))
+    assert np.degrees(method_std(strongest, ring(6))).mean() == pytest.approx(60 / np.sqrt(12), rel=0.03)

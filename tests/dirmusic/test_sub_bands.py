@@ -83,7 +83,7 @@ def test_sub_bands_are_exact_for_any_smooth_spectrum(
         np.zeros(300), whole, whole * 0 + 1e-12, band_strengths_v=bands, band_variance_v2=bands * 0 + 1e-12
     )
     errors = {
-        name: np.degrees(np.sqrt(np.mean(difference(ESTIMATORS[name]()(pulses, array).azimuth_rad, azimuth) ** 2)))
+        name: np.degrees(np.sqrt(np.mean(difference(ESTIMATORS[name](pulses, array).azimuth_rad, azimuth) ** 2)))
         for name in ("sub_bands", "maximum_likelihood")
     }
     assert errors["sub_bands"] < 0.05
@@ -102,7 +102,7 @@ def test_sub_bands_reach_bound_with_stated_deviation() -> None:
         band_strengths_v=noisy,
         band_variance_v2=np.ones_like(noisy),
     )
-    found = ESTIMATORS["sub_bands"]()(pulses, array)
+    found = ESTIMATORS["sub_bands"](pulses, array)
     error = difference(found.azimuth_rad, azimuth)
     middles = [GainManifold.ring(6, _mean(pair)) for pair in zip(*[iter(array.band_manifolds)] * 2, strict=True)]
     of_bands = [bearing_bound(manifold, azimuth, 2 * 40.0**2) for manifold in middles]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from dirmusic import ArrayModel, ElementSpread, Finding, GainManifold, PoseError, PulseBatch
-from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
+from dirmusic.bearing.maximum_likelihood import maximum_likelihood
 from dirmusic.locating.association import Unassociated
 from dirmusic.locating.rules import CredibilityRules
 from dirmusic.locating.yard_likelihood import Grid, YardLikelihood
@@ -43,7 +43,7 @@ def test_findings_are_logged_when_their_values_change() -> None:
     likelihood = YardLikelihood(
         ARRAY, PoseError(position_m=0.05, heading_rad=0.01, correlation_s=5.0), Grid.over(np.zeros(2), np.ones(2))
     )
-    tracker = Tracker(log, locator, ARRAY, MaximumLikelihood(), CredibilityRules(), likelihood)
+    tracker = Tracker(log, locator, ARRAY, maximum_likelihood, CredibilityRules(), likelihood)
     once = (FINDING,)
     for findings in (once, once, (replace(FINDING),), (replace(FINDING, n_bearings=9),), ()):
         locator.findings = findings

@@ -14,7 +14,7 @@ from dirmusic import (
     PoseError,
     PulseBatch,
 )
-from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
+from dirmusic.bearing.maximum_likelihood import maximum_likelihood
 
 RING = GainManifold.ring(6)
 RING_M = np.column_stack([0.12 * np.cos(RING.boresights_rad), 0.12 * np.sin(RING.boresights_rad), np.full(6, 0.6)])
@@ -31,11 +31,10 @@ LEVEL_DB = -10.0
 
 
 def with_bearings(
-    pulses: PulseBatch, array: ArrayModel = ARRAY, estimator: BearingEstimator | None = None
+    pulses: PulseBatch, array: ArrayModel = ARRAY, estimator: BearingEstimator = maximum_likelihood
 ) -> PulseBatch:
-    """Add the directions that an estimator finds, by default maximum likelihood."""
-    found = (estimator or MaximumLikelihood())(pulses, array)
-    return pulses._replace(azimuth_rad=found.azimuth_rad, std_rad=found.std_rad, misfit=found.misfit)
+    """Add the directions that an estimator finds."""
+    return estimator(pulses, array).attached_to(pulses)
 
 
 def drawn_errors(rng: np.random.Generator) -> ElementErrors:

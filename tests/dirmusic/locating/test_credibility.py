@@ -4,21 +4,19 @@ import numpy as np
 import pytest
 
 from dirmusic import ESTIMATORS, BearingEstimator, PulseBatch
-from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
+from dirmusic.bearing.maximum_likelihood import maximum_likelihood
 from dirmusic.locating.plane_wave import MethodDeviation, is_credible
 from dirmusic.locating.rules import CredibilityRules
 from tests.dirmusic.locating.scenes import ARRAY, RING, with_bearings
 
-LIKELIHOOD = MaximumLikelihood()
 
-
-def pulses_of(strengths: np.ndarray, estimator: BearingEstimator = LIKELIHOOD) -> PulseBatch:
+def pulses_of(strengths: np.ndarray, estimator: BearingEstimator = maximum_likelihood) -> PulseBatch:
     """Make pulses of strengths (n, 6) in noise of 1 mV with their directions."""
     pulses = PulseBatch.detected(np.zeros(len(strengths)), strengths, np.full(strengths.shape, 1e-6))
     return with_bearings(pulses, ARRAY, estimator)
 
 
-def credible(pulses: PulseBatch, estimator: BearingEstimator = LIKELIHOOD) -> list[bool]:
+def credible(pulses: PulseBatch, estimator: BearingEstimator = maximum_likelihood) -> list[bool]:
     return is_credible(pulses, ARRAY, MethodDeviation(estimator, ARRAY).of(pulses), CredibilityRules()).tolist()
 
 
@@ -49,21 +47,21 @@ def test_clipped_pulse_is_not_credible() -> None:
 
 def test_method_deviation_of_known_estimators() -> None:
     pulses = pulses_of(0.5 * RING.gain(np.linspace(-3.0, 3.0, 25)).T)
-    np.testing.assert_array_equal(MethodDeviation(LIKELIHOOD, ARRAY).of(pulses), 0.0)
-    sector_rad = MethodDeviation(ESTIMATORS["strongest"](), ARRAY).of(pulses)
+    np.testing.assert_array_equal(MethodDeviation(maximum_likelihood, ARRAY).of(pulses), 0.0)
+    sector_rad = MethodDeviation(ESTIMATORS["strongest"], ARRAY).of(pulses)
     np.testing.assert_allclose(sector_rad, np.radians(60.0) / np.sqrt(12.0), rtol=0.02)  # uniform over 60 degrees
 
 
 @pytest.mark.parametrize("method", ESTIMATORS)
 def test_credibility_does_not_depend_on_the_estimator(method: str) -> None:
-    estimator = ESTIMATORS[method]()
+    estimator = ESTIMATORS[method]
     for azimuth_deg in range(0, 360, 10):
         gain = RING.gain(np.radians(azimuth_deg))
         assert credible(pulses_of(np.array([0.5, 0.005])[:, np.newaxis] * gain, estimator), estimator) == [True, False]
 
 
 def test_method_deviation_is_that_of_usable_channels() -> None:
-    strongest = ESTIMATORS["strongest"]()
+    strongest = ESTIMATORS["strongest"]
     pulses = pulses_of(np.tile(0.5 * RING.gain(np.pi / 2), (2, 1)), strongest)  # element 1 looks there
     is_usable = np.ones((2, 6), dtype=np.bool_)
     is_usable[1, 1] = False

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from dirmusic.array.element_errors import ElementSpread
 from dirmusic.array.model import ArrayModel
-from dirmusic.bearing.maximum_likelihood import MaximumLikelihood
+from dirmusic.bearing.maximum_likelihood import maximum_likelihood
 from pdpatrol.robot_models.yard.pieces import BoxEquipment
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import (
@@ -88,7 +88,7 @@ def test_bearing_of_hidden_source_points_to_dominant_edge() -> None:
         )
         if detected.pulses.n_pulses == 0:
             continue
-        azimuth = MaximumLikelihood()(detected.pulses, KNOWN).azimuth_rad[0] + 0.3
+        azimuth = maximum_likelihood(detected.pulses, KNOWN).azimuth_rad[0] + 0.3
         to_source = np.arctan2(*(source - robot)[::-1])
         off_edge_deg.append(abs(degrees_between(azimuth, bearing[level.argmax()])))
         off_source_deg.append(degrees_between(azimuth, to_source))
