@@ -5,8 +5,8 @@ from pdpatrol.sensing.array.helical_array import HelicalArray
 from pdpatrol.sensing.nature.pulses import PulseTrain
 from pdpatrol.sensing.nature.sources import Carrier, DischargeSource, Scene
 from pdpatrol.sensing.radio.surroundings import Faces, Surroundings, UprightSolids, level_transform
-from pdpatrol.sensing.receiver.bank import DetectedPulses
 from pdpatrol.sensing.receiver.config import ReceiverConfig
+from pdpatrol.sensing.receiver.detection import DetectedPulses
 
 __all__ = [
     "ArrayConfig",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dirmusic.array.pattern import Boresight, PatternTable, as_boresights, tabulate
 from dirmusic.array.spatial_pattern import SpatialPattern
-from dirmusic.compiled import compiled
+from dirmusic.compiled import compiled_inner
 from pdpatrol.sensing.array.helical_array import HelicalArray
 
 FloatArray = NDArray[np.float64]
@@ -45,7 +45,7 @@ def gain_grid(pattern: SpatialPattern, band_hz: FloatArray, band_peak: FloatArra
     return GainGrid(np.ascontiguousarray(np.moveaxis(gain, 0, -1)), band_peak)
 
 
-@compiled
+@compiled_inner
 def look_up_gains(grid: GainGrid, boresight: Boresight, x: float, y: float, z: float, gain: FloatArray) -> None:
     """Interpolate the gains of an element along a vector.
 

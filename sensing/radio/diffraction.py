@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import modfresnelm
 
-from dirmusic.compiled import compiled
+from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.sensing.radio.geometry import (
     UP,
     UprightSolid,
@@ -48,7 +48,7 @@ _TAIL = np.exp(1j * np.square(_AT)) * modfresnelm(_AT)[0]
 _SLOPE = STEP * (2j * _AT * _TAIL - 1.0)
 
 
-@compiled
+@compiled_inner
 def fresnel_tail(u: float) -> complex:
     r"""Return :math:`e^{j u^2} \int_u^\infty e^{-j t^2} dt` for u >= 0.
 
@@ -64,7 +64,7 @@ def fresnel_tail(u: float) -> complex:
     return start + share * (_SLOPE[i] + share * (quadratic + share * cubic))
 
 
-@compiled
+@compiled_inner
 def edge_wave(parameter: float) -> complex:
     """Return the wave from a knife edge over the direct one, with the phase of the path by way of the edge.
 
@@ -99,7 +99,7 @@ class WedgeFaces(NamedTuple):
     transmission: float
 
 
-@compiled
+@compiled_inner
 def wedge_term(beta: float, sign: float, n: float, k_length: float) -> complex:
     r"""Return one term of the diffraction coefficient: :math:`\cot((\pi \pm \beta) / 2n) \, F(k L a^\pm(\beta))`.
 
@@ -256,7 +256,7 @@ def box_edge(box: UprightSolid, family: int, number: int) -> BoxEdge:
     return BoxEdge(out_p * half_p, box.top_m if number < 2 else bottom_m, out_p, out_q, -half_m, half_m)
 
 
-@compiled
+@compiled_inner
 def outer_angle(edge: BoxEdge, point: EdgePoint) -> float:
     """Return the angle of a point around an edge from the face across p on, in [0, 3/2 pi]."""
     angle = math.atan2((point.p - edge.p) * edge.out_p, -(point.q - edge.q) * edge.out_q)
@@ -271,13 +271,13 @@ def is_hidden(edge: BoxEdge, point: EdgePoint) -> bool:
     return (point.p - edge.p) * edge.out_p < -1e-6 and (point.q - edge.q) * edge.out_q < -1e-6
 
 
-@compiled
+@compiled_inner
 def distance_across(edge: BoxEdge, point: EdgePoint) -> float:
     """Return the distance of a point from the line of an edge, at least a millimetre."""
     return max(hypot(point.p - edge.p, point.q - edge.q), 1e-3)
 
 
-@compiled
+@compiled_inner
 def bend_point(edge: BoxEdge, at: float, before_m: float, behind_m: float, rise_m: float) -> tuple[float, complex]:
     """Return where along an edge a ray bends that would bend at `at` on an endless one, and the factor of the ends.
 
@@ -345,14 +345,14 @@ def round_two(
     return EdgeRay(at_first, at_last, before_m, between_m, behind_m, factor * soft, factor * hard)
 
 
-@compiled
+@compiled_inner
 def largest_edge_wave(detour_m: float) -> float:
     """Return the largest magnitude of `edge_wave` for a detour: its value, or in the far shadow its asymptote."""
     parameter = diffraction_parameter(detour_m)
     return 0.5 if parameter < 0.45 else 0.225 / parameter
 
 
-@compiled
+@compiled_inner
 def largest_level(first: BoxEdge, last: BoxEdge, source: EdgePoint, target: EdgePoint) -> float:
     """Estimate the largest amplitude of a ray around two edges, or one given twice, over that 1 m from the source.
 
@@ -380,7 +380,7 @@ def largest_level(first: BoxEdge, last: BoxEdge, source: EdgePoint, target: Edge
     return level / length_m
 
 
-@compiled
+@compiled_inner
 def edge_faces(edge: BoxEdge, source: EdgePoint, target: EdgePoint, material: Material) -> WedgeFaces:
     """Return the faces at an edge, with the angles of incidence of Luebbers.
 
@@ -396,7 +396,7 @@ def edge_faces(edge: BoxEdge, source: EdgePoint, target: EdgePoint, material: Ma
     return WedgeFaces(first, last, material.transmission)
 
 
-@compiled
+@compiled_inner
 def received_from_edge(
     axis: Vector,
     start: Vector,

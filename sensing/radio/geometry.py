@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dirmusic.compiled import compiled
+from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.sensing.radio.materials import WAVELENGTH_M
 
 TINY = 1e-9
@@ -52,7 +52,7 @@ def length(vector: Vector) -> float:
     return math.sqrt(dot(vector, vector))
 
 
-@compiled
+@compiled_inner
 def minus(first: Vector, second: Vector) -> Vector:
     """Return the vector from the second point to the first."""
     return Vector(first.x - second.x, first.y - second.y, first.z - second.z)
@@ -70,7 +70,7 @@ def shift(point: Vector, direction: Vector, by: float) -> Vector:
     return Vector(point.x + by * direction.x, point.y + by * direction.y, point.z + by * direction.z)
 
 
-@compiled
+@compiled_inner
 def point_between(start: Vector, end: Vector, share: float) -> Vector:
     """Return the point at a share of the way from one point to another."""
     return shift(start, minus(end, start), share)
@@ -84,13 +84,13 @@ def towards(start: Vector, end: Vector) -> Vector:
     return Vector(step.x / step_m, step.y / step_m, step.z / step_m)
 
 
-@compiled
+@compiled_inner
 def mirror_in_ground(vector: Vector) -> Vector:
     """Return the mirror image in the ground."""
     return Vector(vector.x, vector.y, -vector.z)
 
 
-@compiled
+@compiled_inner
 def above_ground(point: Vector) -> Vector:
     """Return the point itself or, if it lies below ground, its mirror image above."""
     return Vector(point.x, point.y, abs(point.z))
@@ -179,7 +179,7 @@ def is_near(path: Segment, solid: UprightSolid, margin_m: float) -> bool:
     return abs(y * path.ahead_x - x * path.ahead_y) <= reach_m and -reach_m < ahead_m < path.horizontal_m + reach_m
 
 
-@compiled
+@compiled_inner
 def interval_within(low: float, high: float, start: float, change: float) -> tuple[float, float]:
     """Return between which shares of a line a coordinate lies between two bounds; it is `start + share * change`."""
     if change == 0.0:
@@ -188,7 +188,7 @@ def interval_within(low: float, high: float, start: float, change: float) -> tup
     return min(first, second), max(first, second)
 
 
-@compiled
+@compiled_inner
 def footprint_interval(path: Segment, solid: UprightSolid) -> tuple[float, float]:
     """Return between which shares of the line through a segment it lies over the footprint of a solid, or within.
 
@@ -215,7 +215,7 @@ def footprint_interval(path: Segment, solid: UprightSolid) -> tuple[float, float
     return max(first[0], second[0]), min(first[1], second[1])
 
 
-@compiled
+@compiled_inner
 def solid_interval(path: Segment, solid: UprightSolid) -> tuple[float, float]:
     """Return between which shares of the line through a segment it lies inside a solid."""
     enters, leaves = footprint_interval(path, solid)
@@ -223,7 +223,7 @@ def solid_interval(path: Segment, solid: UprightSolid) -> tuple[float, float]:
     return max(enters, above), min(leaves, below)
 
 
-@compiled
+@compiled_inner
 def length_inside(path: Segment, solid: UprightSolid) -> float:
     """Return the length of a segment inside a solid."""
     enters, leaves = solid_interval(path, solid)
@@ -239,7 +239,7 @@ def crosses(path: Segment, solid: UprightSolid) -> bool:
     return max(enters, 0.0) < min(leaves, 1.0) and enters < 1.0 - TINY and leaves > TINY
 
 
-@compiled
+@compiled_inner
 def facing_box(path: Segment, solid: UprightSolid) -> UprightSolid:
     """Return the box whose edges diffract waves along a segment; for a cylinder, the box within that faces it."""
     radius_m = solid.radius_m

@@ -9,7 +9,7 @@ from __future__ import annotations
 import cmath
 from typing import NamedTuple
 
-from dirmusic.compiled import compiled
+from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.sensing.radio.geometry import UP, Vector, normal_to
 from pdpatrol.sensing.radio.materials import FREQUENCY_GHZ, LOSS_FACTOR, Material
 
@@ -56,7 +56,7 @@ def component(field: Field, direction: Vector) -> complex:
     return field.x * direction.x + field.y * direction.y + field.z * direction.z
 
 
-@compiled
+@compiled_inner
 def superpose(first: complex, first_axis: Vector, second: complex, second_axis: Vector) -> Field:
     """Return the field with two components along two axes."""
     return Field(
@@ -66,7 +66,7 @@ def superpose(first: complex, first_axis: Vector, second: complex, second_axis: 
     )
 
 
-@compiled
+@compiled_inner
 def radiated(axis: Vector, ray: Vector) -> Field:
     """Return the field, of length 1, that a source polarised along an axis radiates along a ray.
 
@@ -87,7 +87,7 @@ def received(field: Field, ray: Vector) -> complex:
     return component(field, horizontal) + 1j * component(field, normal_to(horizontal, ray))
 
 
-@compiled
+@compiled_inner
 def fresnel(cosine: float, permittivity: float, conductivity_spm: float) -> Reflection:
     """Return the reflection coefficients of a smooth half-space: ITU-R P.2040-3, eq. (37).
 

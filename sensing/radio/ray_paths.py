@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.compiled import compiled
+from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.sensing.radio.diffraction import (
     box_edge,
     edge_axes,
@@ -113,7 +113,7 @@ class RayPaths(NamedTuple):
         return self.rows["coefficient"]
 
 
-@compiled
+@compiled_inner
 def add_path(paths: Rows, n: int, at: Vector, extra_m: float, coefficient: complex, target: Vector) -> int:
     """Write a path into row n; return the number of paths."""
     path = paths[n]
@@ -123,7 +123,7 @@ def add_path(paths: Rows, n: int, at: Vector, extra_m: float, coefficient: compl
     return n + 1
 
 
-@compiled
+@compiled_inner
 def strongest_level(paths: Rows, n: int) -> float:
     """Return the largest level of the first n paths, or 0."""
     strongest = 0.0
@@ -132,7 +132,7 @@ def strongest_level(paths: Rows, n: int) -> float:
     return strongest
 
 
-@compiled
+@compiled_inner
 def add_face(
     emitter: Emitter,
     target: Vector,
@@ -157,13 +157,13 @@ def add_face(
     return add_path(paths, n, image, 0.0, coefficient if face.diffracts else coefficient * rim_factor(rim_m), target)
 
 
-@compiled
+@compiled_inner
 def is_wall(face: Row) -> bool:
     """Return True for an upright face that reflects."""
     return face.owner != GROUND and face.normal_z == 0.0 and face.flat_share > 0.0
 
 
-@compiled
+@compiled_inner
 def add_second_order(
     emitter: Emitter, target: Vector, faces: Rows, obstacles: Rows, least: float, paths: Rows, n: int
 ) -> int:
@@ -176,7 +176,7 @@ def add_second_order(
     return n
 
 
-@compiled
+@compiled_inner
 def add_box(
     emitter: Emitter,
     target: Vector,
@@ -250,7 +250,7 @@ def add_box(
     return n, strongest
 
 
-@compiled
+@compiled_inner
 def add_edges(
     emitter: Emitter, target: Vector, ground: Material, around: Obstruction, strongest: float, paths: Rows, n: int
 ) -> tuple[int, float]:
@@ -275,7 +275,7 @@ def add_edges(
     return n, strongest
 
 
-@compiled
+@compiled_inner
 def fade(level: float, strongest: float, from_db: float) -> float:
     """Return the factor of a path: 1 down to `from_db` below the strongest one, 0 from `FADE_OVER_DB` further on."""
     below_db = 20.0 * math.log10(max(strongest / level, 1.0))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dirmusic.compiled import compiled
+from dirmusic.compiled import compiled_inner
 from pdpatrol.sensing.radio.geometry import (
     TINY,
     UP,
@@ -100,7 +100,7 @@ class DoubleReflection(NamedTuple):
     behind: Segment
 
 
-@compiled
+@compiled_inner
 def plane_point(at: Vector, normal: Vector, source: Vector, target: Vector) -> SpecularPoint:
     """Find where a plane through a point reflects; its normal points to the side of source and target."""
     depth_m, height_m = dot(minus(source, at), normal), dot(minus(target, at), normal)
@@ -110,7 +110,7 @@ def plane_point(at: Vector, normal: Vector, source: Vector, target: Vector) -> S
     return SpecularPoint(image, point_between(image, target, depth_m / (depth_m + height_m)), np.inf)
 
 
-@compiled
+@compiled_inner
 def face_point(face: Row, source: Vector, target: Vector) -> SpecularPoint:
     """Find where a face reflects; for an image of the source in the ground, the face extends into its own image."""
     point = plane_point(centre_of(face), normal_of(face), source, target)
@@ -120,19 +120,19 @@ def face_point(face: Row, source: Vector, target: Vector) -> SpecularPoint:
     return SpecularPoint(point.image, point.at, rim_distance(face, on_face))
 
 
-@compiled
+@compiled_inner
 def rim_factor(rim_m: float) -> float:
     """Return the share of a reflection so near the rim of a face whose edges do not diffract."""
     return smooth_step(rim_m / RIM_M)
 
 
-@compiled
+@compiled_inner
 def off_mirror(mirror: Mirror) -> Vector:
     """Return the reflection point raised by a nanometre, so that a ray from it does not cross the solid behind."""
     return shift(mirror.at, mirror.normal, TINY)
 
 
-@compiled
+@compiled_inner
 def reflect_once(emitter: Emitter, target: Vector, mirror: Mirror, is_ground: bool, around: Obstruction) -> complex:
     """Return the coefficient of a ray by one mirror: the signal over that of a direct ray of the same length."""
     arriving, leaving = towards(emitter.at, mirror.at), towards(mirror.at, target)
@@ -148,7 +148,7 @@ def reflect_once(emitter: Emitter, target: Vector, mirror: Mirror, is_ground: bo
     return coefficient * bent_transmission(first, last, around.obstacles, around.own, around.shadows, least)
 
 
-@compiled
+@compiled_inner
 def reflect_twice(emitter: Emitter, target: Vector, first: Mirror, second: Mirror) -> DoubleReflection:
     """Return the ray by two mirrors."""
     arriving, between, leaving = (
@@ -169,7 +169,7 @@ def reflect_twice(emitter: Emitter, target: Vector, first: Mirror, second: Mirro
     )
 
 
-@compiled
+@compiled_inner
 def reflect_with_ground(
     emitter: Emitter, target: Vector, at: Vector, face: Row, ground: Material, around: Obstruction
 ) -> complex:
@@ -200,7 +200,7 @@ def reflect_with_ground(
     return coefficient * total
 
 
-@compiled
+@compiled_inner
 def reflect_by_two_faces(
     emitter: Emitter, target: Vector, first: Row, second: Row, obstacles: Rows, least: float
 ) -> tuple[complex, Vector]:
@@ -231,7 +231,7 @@ def reflect_by_two_faces(
     return coefficient * segment_transmission(behind, obstacles, second.solid, least), at_second.image
 
 
-@compiled
+@compiled_inner
 def cylinder_normal(x: float, y: float, radius_m: float, source: Vector, target: Vector) -> Vector:
     """Find the normal at which an upright cylinder at (x, y) reflects a source to a target.
 
@@ -258,7 +258,7 @@ def cylinder_normal(x: float, y: float, radius_m: float, source: Vector, target:
     return Vector(math.cos(azimuth), math.sin(azimuth), 0.0)
 
 
-@compiled
+@compiled_inner
 def reflect_by_cylinder(emitter: Emitter, target: Vector, around: Obstruction) -> tuple[complex, Vector]:
     """Return the coefficient of a ray by an upright cylinder, and the image of the source in the tangent plane.
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.compiled import compiled
+from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.sensing.radio.geometry import UprightSolid, Vector, shift
 from pdpatrol.sensing.radio.materials import GRAVEL, KIND_MATERIALS, ROUND_MATERIALS, Material
 
@@ -238,25 +238,25 @@ def solid_of(obstacle: Row) -> UprightSolid:
     return UprightSolid(o.x, o.y, o.cos, o.sin, o.half_x, o.half_y, o.radius_m, o.reach_m, o.bottom_m, o.top_m)
 
 
-@compiled
+@compiled_inner
 def material_of(row: Row) -> Material:
     """Return the material of an obstacle or a face."""
     return Material(row.permittivity, row.conductivity_spm, row.transmission, row.flat_share)
 
 
-@compiled
+@compiled_inner
 def centre_of(face: Row) -> Vector:
     """Return the centre of a face."""
     return Vector(face.x, face.y, face.z)
 
 
-@compiled
+@compiled_inner
 def normal_of(face: Row) -> Vector:
     """Return the unit vector out of the equipment."""
     return Vector(face.normal_x, face.normal_y, face.normal_z)
 
 
-@compiled
+@compiled_inner
 def rim_distance(face: Row, point: Vector) -> float:
     """Return the distance of a point in the plane of a face from its rim, metres; negative outside."""
     off = shift(point, centre_of(face), -1.0)

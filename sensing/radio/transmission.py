@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.compiled import compiled
+from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.sensing.radio.geometry import (
     Segment,
     UprightSolid,
@@ -41,14 +41,14 @@ SHADOW = np.dtype((np.record, [("parameter", np.float64), ("transmission", np.fl
 """Effect of a diffracting solid on the direct path: its `shadow_parameter`, and its transmission if it blocks it."""
 
 
-@compiled
+@compiled_inner
 def smooth_step(share: float) -> float:
     """Rise smoothly from 0 at 0 and below to 1 at 1 and above."""
     share = min(max(share, 0.0), 1.0)
     return share * share * (3.0 - 2.0 * share)
 
 
-@compiled
+@compiled_inner
 def diffraction_parameter(detour_m: float) -> float:
     """Return the diffraction parameter of an edge around which a ray is longer by a detour: ITU-R P.526, eq. (26)."""
     return 2.0 * math.sqrt(max(detour_m, 0.0) / WAVELENGTH_M)
@@ -63,7 +63,7 @@ def knife_edge_amplitude(parameter: float) -> float:
     return min(1.0, 10.0 ** (-6.9 / 20.0) / (math.sqrt(off**2 + 1.0) + off))
 
 
-@compiled
+@compiled_inner
 def parameter_at(path: Segment, x: float, y: float, z: float) -> float:
     """Return the diffraction parameter, without sign, of the detour from a segment by a point."""
     start, end = path.start, path.end
@@ -72,7 +72,7 @@ def parameter_at(path: Segment, x: float, y: float, z: float) -> float:
     return diffraction_parameter(before_m + behind_m - path.length_m)
 
 
-@compiled
+@compiled_inner
 def shadow_parameter(path: Segment, solid: UprightSolid, near_m: float) -> float:
     """Return the diffraction parameter of the strongest way around a solid: left, right or over the top.
 
@@ -117,7 +117,7 @@ def shadow_parameter(path: Segment, solid: UprightSolid, near_m: float) -> float
     return -clear if over == 0.0 else min(left, right, over)
 
 
-@compiled
+@compiled_inner
 def transmission_past(path: Segment, obstacle: Row) -> float:
     """Return the amplitude past an obstacle on a segment that is not the direct path.
 
@@ -136,7 +136,7 @@ def transmission_past(path: Segment, obstacle: Row) -> float:
     return 1.0 - loss * smooth_step(min(parameter / 0.1, length_inside(path, solid) / RIM_M))
 
 
-@compiled
+@compiled_inner
 def transmission_through(path: Segment, obstacle: Row) -> float:
     """Return the amplitude behind an obstacle on the direct path, without what comes around a diffracting one."""
     if not obstacle.diffracts:
@@ -144,13 +144,13 @@ def transmission_through(path: Segment, obstacle: Row) -> float:
     return obstacle.transmission if crosses(path, facing_box(path, solid_of(obstacle))) else 1.0
 
 
-@compiled
+@compiled_inner
 def begins_piece(obstacles: Rows, k: int) -> bool:
     """Return True where obstacle k is the first of another piece of equipment than obstacle k - 1."""
     return k > 0 and obstacles[k].owner != obstacles[k - 1].owner
 
 
-@compiled
+@compiled_inner
 def direct_transmission(start: Vector, end: Vector, within_m: float, obstacles: Rows) -> float:
     """Return the transmission of the direct path; see `Sight` for `within_m`."""
     total, of_piece, whole = 1.0, 1.0, segment(start, end)
@@ -168,7 +168,7 @@ def direct_transmission(start: Vector, end: Vector, within_m: float, obstacles: 
     return total * of_piece
 
 
-@compiled
+@compiled_inner
 def ground_transmission(down: Segment, up: Segment, obstacles: Rows) -> float:
     """Return the transmission of a path reflected by the ground, which crosses what stands on the ground only once."""
     total, of_piece = 1.0, 1.0
@@ -182,7 +182,7 @@ def ground_transmission(down: Segment, up: Segment, obstacles: Rows) -> float:
     return total * of_piece
 
 
-@compiled
+@compiled_inner
 def segment_transmission(path: Segment, obstacles: Rows, skipped: int, least: float) -> float:
     """Return the transmission of one segment between two reflections.
 
@@ -203,7 +203,7 @@ def segment_transmission(path: Segment, obstacles: Rows, skipped: int, least: fl
     return total * of_piece
 
 
-@compiled
+@compiled_inner
 def cast_shadows(direct: Segment, obstacles: Rows, shadows: Rows) -> None:
     """Fill in the effect of every obstacle on the direct path, rows of `SHADOW`."""
     for k in range(obstacles.size):
@@ -216,7 +216,7 @@ def cast_shadows(direct: Segment, obstacles: Rows, shadows: Rows) -> None:
             shadows[k].transmission = transmission_through(direct, obstacles[k])
 
 
-@compiled
+@compiled_inner
 def blocking_weight(of_ray: float, of_other: float) -> float:
     """Return how far an obstacle blocks a ray that another one diffracts, as it does the direct path.
 
@@ -235,7 +235,7 @@ def blocking_weight(of_ray: float, of_other: float) -> float:
     return both * min(max(0.5 - 0.5 * (of_ray - of_other), 0.0), 1.0)
 
 
-@compiled
+@compiled_inner
 def bent_transmission(first: Segment, last: Segment, obstacles: Rows, own: int, shadows: Rows, least: float) -> float:
     """Return the transmission of a diffracted or reflected ray past all obstacles but its own.
 

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.array.pattern import tabulate
 from dirmusic.compiled import Held
-from dirmusic.pulses.batch import PulseBatch
 from pdpatrol.sensing.array.array_table import ArrayTable
 from pdpatrol.sensing.array.helical_array import HelicalArray
 from pdpatrol.sensing.nature.sources import Emissions, Scene, round_to_nanoseconds
 from pdpatrol.sensing.radio.arrivals import Propagation
 from pdpatrol.sensing.receiver.config import ReceiverConfig
-from pdpatrol.sensing.receiver.detection import FALSE_ALARM, Gates, ReceiverState, detect
+from pdpatrol.sensing.receiver.detection import FALSE_ALARM, DetectedPulses, ReceiverState, detect
 from pdpatrol.sensing.receiver.receiver import Receiver
 
 FloatArray = NDArray[np.float64]
@@ -29,32 +29,6 @@ AHEAD_S = 10.0
 
 LEAST_ROBOTS = 4
 """Fewest robots per thread; fewer do not pay for one."""
-
-
-class DetectedPulses(NamedTuple):
-    """Pulses that were detected in one interval, ordered by robot and then by time.
-
-    Attributes:
-        robot: Robot that detected each pulse, shape (n_pulses,).
-        pulses: The pulses, without directions.
-        waveforms_v: Gates, shape (n_pulses, n_elements, gate_samples), volts.
-        n_rejected: Number of emissions that triggered and were rejected as bursts.
-    """
-
-    robot: IntArray
-    pulses: PulseBatch
-    waveforms_v: FloatArray
-    n_rejected: int
-
-    @classmethod
-    def join(cls, parts: Sequence[DetectedPulses]) -> Self:
-        """Join the pulses of parts that are ordered by robot."""
-        return cls(
-            robot=np.concatenate([part.robot for part in parts]),
-            pulses=PulseBatch.join([part.pulses for part in parts]),
-            waveforms_v=np.concatenate([part.waveforms_v for part in parts]),
-            n_rejected=sum(part.n_rejected for part in parts),
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,8 +84,8 @@ class Schedule:
 
     def between(self, start_s: float, end_s: float) -> tuple[int, int]:
         """Return the first of the drawn emissions in an interval, and the end of them."""
-        first, end = self.emissions.time_s.searchsorted((start_s, end_s)).tolist()
-        return first, end
+        time_s = self.emissions.time_s
+        return bisect_left(time_s, start_s), bisect_left(time_s, end_s)
 
 
 class ReceiverBank:
@@ -133,7 +107,7 @@ class ReceiverBank:
         self._listeners = list(listeners)
         self._schedules: list[Schedule] = []
         self._states: list[Held[ReceiverState]] = []
-        self._gates = [self._room(64) for _ in range(n_threads)]
+        self._found = [self._room(64) for _ in range(n_threads)]
         self._pool: ThreadPoolExecutor | None = None
         for listener in listeners:
             self._schedules.append(Schedule(listener, config.false_alarm_rate_hz))
@@ -184,33 +158,30 @@ class ReceiverBank:
             if end > first:
                 due.append((robot, first, end))
                 n_emissions += end - first
-        if n_emissions > len(self._gates[thread].value.waveforms_v):
-            self._gates[thread] = self._room(2 * n_emissions)
-        gates, row, n_rejected, counts = self._gates[thread], 0, 0, list[int]()
+        if n_emissions > self._found[thread].value.robot.size:
+            self._found[thread] = self._room(2 * n_emissions)
+        held, row, n_rejected = self._found[thread], 0, 0
         for robot, first, end in due:
-            before = row
-            row, n = detect(self._states[robot], first, end, world_from_array[robot], gates, row)
+            row, n = detect(self._states[robot], first, end, world_from_array[robot], held, row, robot)
             n_rejected += n
-            counts.append(row - before)
-        waveforms_v, pulses = gates.value
-        of_robot = np.array([robot for (robot, *_), n in zip(due, counts, strict=True) for _ in range(n)], np.intp)
-        return DetectedPulses(of_robot, pulses.first(row), waveforms_v[:row].copy(), n_rejected)
+        found = held.value
+        return DetectedPulses(
+            found.robot[:row].copy(), found.pulses.first(row), found.waveforms_v[:row].copy(), n_rejected
+        )
 
-    def _room(self, n_gates: int) -> Held[Gates]:
+    def _room(self, n_pulses: int) -> Held[DetectedPulses]:
         config = self.config
-        return Held(Gates.room(n_gates, self._receiver.n_elements, config.gate_samples, config.n_bands))
+        return Held(DetectedPulses.room(n_pulses, self._receiver.n_elements, config.gate_samples, config.n_bands))
 
     def _state(self, listener: Listener) -> Held[ReceiverState]:
         """Return the state of a robot at time 0, without emissions or carriers."""
         receiver, scene, array = self._receiver, listener.scene, listener.array
-        table, tones = ArrayTable.of(array, self._pattern, self._grid), receiver.tones((), array, np.eye(4))
-        positions_m = scene.positions_m.copy()
+        table, positions_m = ArrayTable.of(array, self._pattern, self._grid), scene.positions_m.copy()
         return Held(
             ReceiverState(
                 sampler=receiver.sampler(array),
                 reading=self._reading,
-                channels=receiver.channels(0.0, tones),
-                tones=tones,
+                channels=receiver.channels(0.0, (), array, np.eye(4)),
                 propagation=Propagation(positions_m, scene.axes, scene.burst_s, table, scene.surroundings),
                 emissions=Emissions(np.empty(0, np.intp), np.empty(0), np.empty(0)),
                 rng=listener.receiver_rng,
@@ -232,13 +203,13 @@ class ReceiverBank:
             factors, table = receiver.signal_factors(start_s), state.propagation.array
             table.gain_factors[:] = array.gain_factors * factors
             table.gain_offsets[:] = array.gain_offsets * factors
-        if scene.carriers:  # the trigger must be above them
-            tones = receiver.tones(scene.carriers, array, world_from_array)
-            level_v = receiver.threshold_v + float(tones.amplitude_v.sum(axis=0).max())
-            trigger = receiver.front_end.trigger(self.config.noise_v, level_v)
-            changed = changed._replace(tones=tones, sampler=state.sampler._replace(trigger=trigger))
         if scene.carriers or self.config.faults:
-            changed = changed._replace(channels=receiver.channels(begin_s, changed.tones))
+            channels = receiver.channels(begin_s, scene.carriers, array, world_from_array)
+            changed = changed._replace(channels=channels)
+            if scene.carriers:  # the trigger must be above them
+                level_v = receiver.threshold_v + float(channels.tone_v.sum(axis=0).max())
+                trigger = receiver.front_end.trigger(self.config.noise_v, level_v)
+                changed = changed._replace(sampler=state.sampler._replace(trigger=trigger))
         if changed is not state:
             self._states[robot] = Held(changed)
         return schedule.between(begin_s, end_s)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.compiled import Held, compiled
+from dirmusic.compiled import Held, compiled, compiled_inner
 from dirmusic.pulses.batch import NO_DIRECTION, PulseBatch
 from dirmusic.pulses.strengths import dot, strength_of, variance_of_strength
 from pdpatrol.sensing.nature.sources import Emissions
@@ -18,12 +19,12 @@ from pdpatrol.sensing.receiver.sampling import (
     IS_PULSE,
     Channels,
     Sampler,
-    Tones,
     sample_emission,
     sample_false_alarm,
 )
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
 
 FALSE_ALARM = -1
 """Source of what noise alone triggers."""
@@ -61,8 +62,7 @@ class ReceiverState(NamedTuple):
     Attributes:
         sampler: Receiver up to the gate.
         reading: ADC and readings.
-        channels: State of the channels.
-        tones: Carriers.
+        channels: State of the channels, and carriers.
         propagation: Sources, array and surroundings.
         emissions: Emissions and false alarms by time; the source of the latter is `FALSE_ALARM`.
         rng: Generator of noise and triggers.
@@ -71,67 +71,76 @@ class ReceiverState(NamedTuple):
     sampler: Sampler
     reading: GateReading
     channels: Channels
-    tones: Tones
     propagation: Propagation
     emissions: Emissions
     rng: np.random.Generator
 
 
-class Gates(NamedTuple):
-    """Gates and their readings; a row is a gate.
+class DetectedPulses(NamedTuple):
+    """Pulses that were detected in one interval, ordered by robot and then by time.
 
     Attributes:
-        waveforms_v: Output of the ADC, shape (n_gates, n_elements, n_samples).
-        pulses: Readings.
+        robot: Robot that detected each pulse, shape (n_pulses,).
+        pulses: The pulses, without directions.
+        waveforms_v: Gates behind the ADC, shape (n_pulses, n_elements, gate_samples), volts.
+        n_rejected: Number of emissions that triggered and were rejected as bursts.
     """
 
-    waveforms_v: FloatArray
+    robot: IntArray
     pulses: PulseBatch
+    waveforms_v: FloatArray
+    n_rejected: int
 
     @classmethod
-    def room(cls, n_gates: int, n_elements: int, n_samples: int, n_bands: int) -> Self:
-        """Make space for gates."""
-        return cls(np.empty((n_gates, n_elements, n_samples)), PulseBatch.room(n_gates, n_elements, n_bands))
+    def room(cls, n_pulses: int, n_elements: int, n_samples: int, n_bands: int) -> Self:
+        """Allocate pulses, to be filled by `detect`."""
+        waveforms_v = np.empty((n_pulses, n_elements, n_samples))
+        return cls(np.empty(n_pulses, np.intp), PulseBatch.room(n_pulses, n_elements, n_bands), waveforms_v, 0)
+
+    @classmethod
+    def join(cls, parts: Sequence[DetectedPulses]) -> Self:
+        """Join the pulses of parts that are ordered by robot."""
+        return cls(
+            robot=np.concatenate([part.robot for part in parts]),
+            pulses=PulseBatch.join([part.pulses for part in parts]),
+            waveforms_v=np.concatenate([part.waveforms_v for part in parts]),
+            n_rejected=sum(part.n_rejected for part in parts),
+        )
 
 
-@compiled
-def convert(gate_v: FloatArray, reading: GateReading, channels: Channels, waveform_v: FloatArray) -> None:
-    """Convert a gate, shape (n_elements, n_samples), as the ADC does."""
-    for e in range(waveform_v.shape[0]):
-        for t in range(waveform_v.shape[1]):
-            counts = np.rint(gate_v[channels.source[e], t] / reading.step_v)
-            waveform_v[e, t] = min(max(counts, -reading.highest), reading.highest) * reading.step_v
-            if not np.isnan(channels.stuck_v[e]):
-                waveform_v[e, t] = channels.stuck_v[e]
-
-
-@compiled
+@compiled_inner
 def read_gate(
-    waveforms_v: FloatArray, background_v2: FloatArray, time_s: float, reading: GateReading, k: int, pulses: PulseBatch
+    gate_v: FloatArray, time_s: float, reading: GateReading, channels: Channels, detected: DetectedPulses, k: int
 ) -> None:
-    """Read strengths, variances, clipping and mains phase of a gate.
+    """Convert a gate as the ADC does, and read strengths, variances, clipping and mains phase.
 
     Args:
-        waveforms_v: Output of the ADC, shape (n_elements, n_samples).
-        background_v2: Power of a sample without emission, shape (n_elements,).
+        gate_v: The gate in front of the ADC, shape (n_elements, n_samples).
         time_s: Time of the trigger.
-        reading: Parameters of the reading.
+        reading: Parameters of the ADC and the reading.
+        channels: State of the channels.
+        detected: Filled in.
         k: Row to be filled in.
-        pulses: Batch to be filled in.
     """
-    n_elements, n_samples = waveforms_v.shape
+    pulses, step_v, highest = detected.pulses, reading.step_v, reading.highest
     pulses.time_s[k] = time_s
     pulses.azimuth_rad[k], pulses.std_rad[k], pulses.misfit[k] = NO_DIRECTION
     pulses.mains_phase_rad[k] = np.mod(2 * np.pi * reading.mains_hz * time_s, 2 * np.pi)
-    for e in range(n_elements):
-        waveform_v, noise_v2 = waveforms_v[e], background_v2[e]
-        strength_v = strength_of(dot(waveform_v, waveform_v), n_samples * noise_v2)
+    for e in range(len(gate_v)):
+        waveform_v, source_v = detected.waveforms_v[k, e], gate_v[channels.source[e]]
+        noise_v2, stuck_v, peak_v = channels.background_v2[e], channels.stuck_v[e], 0.0
+        for t in range(waveform_v.size):
+            waveform_v[t] = min(max(np.rint(source_v[t] / step_v), -highest), highest) * step_v
+            if not np.isnan(stuck_v):
+                waveform_v[t] = stuck_v
+            peak_v = max(peak_v, abs(waveform_v[t]))
+        strength_v = strength_of(dot(waveform_v, waveform_v), waveform_v.size * noise_v2)
         pulses.strengths_v[k, e] = strength_v
         pulses.variance_v2[k, e] = variance_of_strength(
             strength_v, noise_v2, reading.energy_spread, reading.noise_on_pulse
         )
         pulses.is_usable[k, e] = True
-        pulses.is_clipped[k, e] = np.abs(waveform_v).max() >= (reading.highest - 0.5) * reading.step_v
+        pulses.is_clipped[k, e] = peak_v >= (highest - 0.5) * step_v
         for b in range(reading.band_noise_samples.size):
             energy_v2 = 0.0
             for line in range(reading.band_lines.shape[1]):
@@ -149,52 +158,47 @@ def detect(
     first: int,
     end: int,
     world_from_array: FloatArray,
-    held_gates: Held[Gates],
+    held_detected: Held[DetectedPulses],
     row: int,
+    robot: int,
 ) -> tuple[int, int]:
-    """Fill the gates of all emissions `first` to `end` that trigger.
+    """Read the gates of all emissions `first` to `end` that trigger.
 
     Args:
         held_state: State of the receiver.
         first: First emission.
         end: End of the emissions.
         world_from_array: Pose of the array, shape (4, 4).
-        held_gates: Filled in; there must be a row for each emission.
+        held_detected: Filled in; there must be a row for each emission.
         row: First row that is free.
+        robot: Number of the robot.
 
     Returns:
         The row behind the last that was filled, and the number of emissions rejected as bursts.
     """
-    sampler, reading, channels, tones, propagation, emissions, rng = held_state.value
-    waveforms_v, pulses = held_gates.value
-    gate_v, n_rejected = np.empty(waveforms_v.shape[1:]), 0
-    least = np.full(propagation.burst_s.size, np.inf)
+    sampler, reading, channels, propagation, emissions, rng = held_state.value
+    detected, n_rejected = held_detected.value, 0
+    source, time_s, peak_v = emissions
+    burst_s, least = propagation.burst_s, np.full(propagation.burst_s.size, np.inf)
+    gate_v = np.empty(detected.waveforms_v.shape[1:])
     for k in range(first, end):
-        s = emissions.source[k]
+        s = source[k]
         if s != FALSE_ALARM:
-            least[s] = min(least[s], WEAKEST * sampler.trigger.level_v / abs(emissions.peak_v[k]))
+            least[s] = min(least[s], WEAKEST * sampler.trigger.level_v / abs(peak_v[k]))
     ray_paths, arrivals = propagate(least, world_from_array, propagation)
     for k in range(first, end):
-        s = emissions.source[k]
+        s = source[k]
         if s == FALSE_ALARM:
-            sample_false_alarm(sampler, tones, rng, gate_v)
+            sample_false_alarm(sampler, channels, rng, gate_v)
         else:
             of_source = slice(ray_paths.first[s], ray_paths.first[s] + ray_paths.n_paths[s])
             delay_s, amplitude, peak, peak_s = arrivals
-            outcome = sample_emission(
-                emissions.peak_v[k],
-                float(propagation.burst_s[s]),
-                Arrivals(delay_s[of_source], amplitude[of_source], peak[of_source], peak_s[of_source]),
-                sampler,
-                tones,
-                channels,
-                rng,
-                gate_v,
-            )
+            own = Arrivals(delay_s[of_source], amplitude[of_source], peak[of_source], peak_s[of_source])
+            outcome = sample_emission(peak_v[k], burst_s[s], own, sampler, channels, rng, gate_v)
             n_rejected += outcome == IS_BURST
             if outcome != IS_PULSE:
                 continue
-        convert(gate_v, reading, channels, waveforms_v[row])
-        read_gate(waveforms_v[row], channels.background_v2, emissions.time_s[k], reading, row, pulses)
+        read_gate(gate_v, time_s[k], reading, channels, detected, row)
+        detected.robot[row] = robot
         row += 1
     return row, n_rejected

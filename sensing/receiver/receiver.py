@@ -18,7 +18,7 @@ from pdpatrol.sensing.nature.pulses import DECAY_S
 from pdpatrol.sensing.nature.sources import Carrier
 from pdpatrol.sensing.receiver.config import ReceiverConfig
 from pdpatrol.sensing.receiver.detection import GateReading
-from pdpatrol.sensing.receiver.sampling import BURST_LENGTH, BURST_WINDOWS, Channels, Sampler, Timing, Tones
+from pdpatrol.sensing.receiver.sampling import BURST_LENGTH, BURST_WINDOWS, Channels, Sampler
 
 if TYPE_CHECKING:
     from pdpatrol.sensing.receiver.front_end import FrontEnd
@@ -73,7 +73,13 @@ class Receiver:
         config, front_end, rate_hz = self.config, self.front_end, self.config.sample_rate_hz
         aperture, decay = round(array.aperture_m / SPEED_OF_LIGHT_MPS * rate_hz), round(2 * DECAY_S * rate_hz)
         n_echo, window = round(config.longest_echo_s * rate_hz), max(config.gate_samples // 2, 1)
-        timing = Timing(
+        pulse, pattern = front_end.pulse_table, array.pattern
+        if isinstance(pattern, SpatialPattern):
+            pulse = front_end.pulse_in_bands(*front_end.bands_hz(pattern.frequency_hz).tolist())
+        return Sampler(
+            pulse=pulse,
+            noise=front_end.noise_filter(config.noise_v),
+            trigger=front_end.trigger(config.noise_v, self.threshold_v),
             before=config.pretrigger_samples,
             aperture=aperture,
             rise=round(front_end.pulse_lag) + decay,
@@ -83,11 +89,6 @@ class Receiver:
             burst_step=max(((BURST_LENGTH - 1) * n_echo - 2 * window) // (BURST_WINDOWS - 1), window),
             burst_window=window,
         )
-        pulse, pattern = front_end.pulse_table, array.pattern
-        if isinstance(pattern, SpatialPattern):
-            pulse = front_end.pulse_in_bands(*front_end.bands_hz(pattern.frequency_hz).tolist())
-        trigger = front_end.trigger(config.noise_v, self.threshold_v)
-        return Sampler(pulse, front_end.noise_filter(config.noise_v), trigger, timing)
 
     def reading(self) -> GateReading:
         """Return the parameters of the ADC and of the readings of a gate."""
@@ -109,25 +110,31 @@ class Receiver:
         peak = np.sqrt(np.square(pulse.sine_v) + np.square(pulse.cosine_v)).max(axis=(1, 2))
         return gain_grid(array.pattern, bands_hz, peak)
 
-    def tones(self, carriers: Sequence[Carrier], array: HelicalArray, world_from_array: FloatArray) -> Tones:
-        """Return carriers behind the band-pass in the channels of an array with a pose, shape (4, 4)."""
+    def channels(
+        self, time_s: float, carriers: Sequence[Carrier], array: HelicalArray, world_from_array: FloatArray
+    ) -> Channels:
+        """Return the state of the channels at a time, with the faults that have begun and the carriers.
+
+        Args:
+            time_s: Simulated time.
+            carriers: Carriers.
+            array: The array.
+            world_from_array: Pose of the array, shape (4, 4), on which the carriers depend.
+        """
         n, shape = self.n_elements, (len(carriers), self.n_elements)
-        tones = Tones(np.empty(shape), np.empty(shape), np.empty(len(carriers)))
+        tone_v, tone_rad, turn_rad = np.empty(shape), np.empty(shape), np.empty(len(carriers))
         heading_rad = np.arctan2(world_from_array[1, 0], world_from_array[0, 0])
         for row, carrier in enumerate(carriers):
             azimuth_rad, turn_hz = carrier.bearing_rad - heading_rad, 2 * np.pi * carrier.frequency_hz
             gain = array.gain(np.full(n, azimuth_rad), np.zeros(n), carrier.frequency_hz)
             towards = np.array([np.cos(azimuth_rad), np.sin(azimuth_rad)])
-            tones.amplitude_v[row] = carrier.amplitude_v * self.front_end.response(carrier.frequency_hz) * gain
-            tones.phase_rad[row] = turn_hz / SPEED_OF_LIGHT_MPS * array.positions_m[:, :2] @ towards
-            tones.turn_rad[row] = turn_hz / self.config.sample_rate_hz
-        return tones
-
-    def channels(self, time_s: float, tones: Tones) -> Channels:
-        """Return the state of the channels at a time, with the faults that have begun."""
-        n = self.n_elements
-        background_v2 = self.noise_variance_v2 + 0.5 * np.square(tones.amplitude_v).sum(axis=0)
-        channels = Channels(np.full(n, np.inf), background_v2, np.arange(n), np.full(n, np.nan))
+            tone_v[row] = carrier.amplitude_v * self.front_end.response(carrier.frequency_hz) * gain
+            tone_rad[row] = turn_hz / SPEED_OF_LIGHT_MPS * array.positions_m[:, :2] @ towards
+            turn_rad[row] = turn_hz / self.config.sample_rate_hz
+        background_v2 = self.noise_variance_v2 + 0.5 * np.square(tone_v).sum(axis=0)
+        channels = Channels(
+            np.full(n, np.inf), background_v2, np.arange(n), np.full(n, np.nan), tone_v, tone_rad, turn_rad
+        )
         for fault in self.config.faults:
             channel = fault.channel - 1
             if time_s < fault.start_s:

@@ -11,11 +11,14 @@ noise (importance sampling):
   `LIKELY`, the window is sampled directly.
 - Otherwise, with probability 1 - S, the window is taken not to trigger.
 - Else one sample is pinned: i with probability p_i / S. Its noise is drawn from the tail beyond the level, and the
-  noise around it has the mean that the autocorrelation gives (`add_pinned`). If K samples of the window now exceed the
+  noise around it has the mean that the autocorrelation gives (`pin_noise`). If K samples of the window now exceed the
   level, the window counts with probability 1 / K.
 
 Every record x that triggers then occurs as often as with direct sampling, because the sum over its K samples beyond the
 level of p_i P(x | i exceeds) / K = P(x). The table of p_i is rounded up; a pinned sample is rejected in proportion.
+
+Members of records are read outside of loops, because Numba counts the references of all arrays in a record that it
+takes apart.
 """
 
 from __future__ import annotations
@@ -26,7 +29,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.compiled import compiled
+from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.sensing.nature.pulses import FREQUENCY_HZ
 from pdpatrol.sensing.radio.arrivals import Arrivals
 
@@ -101,10 +104,13 @@ class Trigger(NamedTuple):
     step_v: float
 
 
-class Timing(NamedTuple):
-    """Lengths in samples.
+class Sampler(NamedTuple):
+    """Receiver from the antennas to the gate; lengths are in samples.
 
     Attributes:
+        pulse: Pulse behind the band-pass.
+        noise: Noise and band-pass.
+        trigger: Trigger.
         before: From the start of a gate to where its strongest channel reaches half its peak.
         aperture: Largest difference of arrivals at two elements.
         rise: From an arrival to behind the peak of the pulse.
@@ -115,6 +121,9 @@ class Timing(NamedTuple):
         burst_window: Length of a window of the burst test.
     """
 
+    pulse: PulseTable
+    noise: NoiseFilter
+    trigger: Trigger
     before: int
     aperture: int
     rise: int
@@ -125,67 +134,26 @@ class Timing(NamedTuple):
     burst_window: int
 
 
-class Sampler(NamedTuple):
-    """Receiver from the antennas to the gate.
-
-    Attributes:
-        pulse: Pulse behind the band-pass.
-        noise: Noise and band-pass.
-        trigger: Trigger.
-        timing: Lengths.
-    """
-
-    pulse: PulseTable
-    noise: NoiseFilter
-    trigger: Trigger
-    timing: Timing
-
-
-class Tones(NamedTuple):
-    """Carriers behind the band-pass as the channels of one array receive them.
-
-    Attributes:
-        amplitude_v: Amplitudes, shape (n_carriers, n_elements).
-        phase_rad: Phases, shape (n_carriers, n_elements).
-        turn_rad: Change of phase from sample to sample, shape (n_carriers,).
-    """
-
-    amplitude_v: FloatArray
-    phase_rad: FloatArray
-    turn_rad: FloatArray
-
-
 class Channels(NamedTuple):
-    """State of the channels; each column has shape (n_elements,).
+    """State of the channels, and the carriers behind the band-pass as they receive them.
 
     Attributes:
-        limit_v: Voltage at which the amplifier saturates; infinite if it does not.
-        background_v2: Power of a sample without emission.
-        source: Channel whose samples this one reports: its own unless plugs are swapped.
-        stuck_v: Constant output of a stuck ADC; NaN if it is not stuck.
+        limit_v: Voltage at which the amplifier saturates, shape (n_elements,); infinite if it does not.
+        background_v2: Power of a sample without emission, shape (n_elements,).
+        source: Channel whose samples this one reports, shape (n_elements,): its own unless plugs are swapped.
+        stuck_v: Constant output of a stuck ADC, shape (n_elements,); NaN if it is not stuck.
+        tone_v: Amplitudes of the carriers, shape (n_carriers, n_elements).
+        tone_rad: Phases of the carriers, shape (n_carriers, n_elements).
+        turn_rad: Change of phase of the carriers from sample to sample, shape (n_carriers,).
     """
 
     limit_v: FloatArray
     background_v2: FloatArray
-    source: NDArray[np.intp]
+    source: IntArray
     stuck_v: FloatArray
-
-
-class PinnedSample(NamedTuple):
-    """Noise sample that was drawn from the tail beyond the trigger level.
-
-    Attributes:
-        at: Number of the sample; -1 if no sample is pinned.
-        channel: Its channel.
-        added_v: Voltage added to the noise that was drawn for it before.
-    """
-
-    at: int
-    channel: int
-    added_v: float
-
-
-NOT_PINNED = PinnedSample(-1, 0, 0.0)
+    tone_v: FloatArray
+    tone_rad: FloatArray
+    turn_rad: FloatArray
 
 
 class Signal(NamedTuple):
@@ -194,16 +162,14 @@ class Signal(NamedTuple):
     Attributes:
         peak_v: Peak of the emission 1 m away in a unit-gain channel before the band-pass, with its sign.
         burst_s: Duration of a burst; 0 for a pulse.
-        arrivals: Arrivals of the emission.
-        tones: Carriers.
-        start_rad: Phases of the carriers at the first sample of the first window, shape (n_carriers,).
+        delay_s: Travel times, shape (n_paths, n_elements).
+        amplitude: Complex amplitudes as of `Arrivals`, shape (n_paths, n_elements, n_bands).
     """
 
     peak_v: float
     burst_s: float
-    arrivals: Arrivals
-    tones: Tones
-    start_rad: FloatArray
+    delay_s: FloatArray
+    amplitude: NDArray[np.complex128]
 
 
 class Window(NamedTuple):
@@ -211,15 +177,16 @@ class Window(NamedTuple):
 
     Attributes:
         start_s: Time of the first sample since the emission.
-        offset: Samples from the start of the first window to that of this one.
-        search_end: End of the samples that may trigger; the first of them is number `Timing.before`.
-        volts: Samples, shape (n_elements, n_samples).
+        start_rad: Phases of the carriers at that sample, shape (n_carriers,).
+        search_end: End of the samples that may trigger; the first of them is number `Sampler.before`.
+        volts: Samples, shape (n_elements, n_samples); 0 where they have not been computed, but for what a pinned
+            sample adds to the noise.
         filled: Numbers of samples that have their signal, and that have their noise too, shape (2,).
         state: State of the noise filter behind the last sample with noise, shape (n_sections, 2, n_elements).
     """
 
     start_s: float
-    offset: int
+    start_rad: FloatArray
     search_end: int
     volts: FloatArray
     filled: IntArray
@@ -227,64 +194,52 @@ class Window(NamedTuple):
 
 
 @compiled
-def add_pulse(channel_v: FloatArray, since_s: float, peak_v: complex, band: int, pulse: PulseTable) -> None:
-    """Add one band of a pulse to a channel whose first sample is `since_s` after its arrival."""
-    _, n_phases, n_known = pulse.sine_v.shape
-    at = int(np.floor(n_phases * (since_s * pulse.rate_hz + pulse.lead) + 0.5))
-    skipped, phase = at // n_phases, at % n_phases  # samples from the first of the table to the first of the channel
-    first, end = max(0, -skipped), min(channel_v.size, n_known - skipped)
-    if first < end:
-        sine_v = pulse.sine_v[band, phase, first + skipped : end + skipped]
-        cosine_v = pulse.cosine_v[band, phase, first + skipped : end + skipped]
-        result_v, sine, cosine = channel_v[first:end], peak_v.real, peak_v.imag
-        for t in range(result_v.size):
-            result_v[t] += sine * sine_v[t] + cosine * cosine_v[t]
+def add_emission(channel_v: FloatArray, e: int, start_s: float, signal: Signal, pulse: PulseTable) -> None:
+    """Add all arrivals of an emission to channel e.
+
+    Args:
+        channel_v: Samples of the channel.
+        e: Number of the channel.
+        start_s: Time of the first sample since the emission.
+        signal: The emission.
+        pulse: Pulse behind the band-pass.
+    """
+    peak_v, burst_s, delay_s, amplitude = signal
+    sine_v, cosine_v, lead, steady_share, rate_hz = pulse
+    _, n_phases, n_known = sine_v.shape
+    for p in range(len(delay_s)):
+        since_s = start_s - delay_s[p, e]
+        if burst_s > 0.0:
+            steady = 0.0j
+            for b in range(amplitude.shape[2]):
+                steady += steady_share[b] * amplitude[p, e, b]
+            wave_v = peak_v * steady
+            for t in range(channel_v.size):
+                now_s = since_s + t / rate_hz
+                if 0.0 <= now_s < burst_s:
+                    turn_rad = 2.0 * np.pi * FREQUENCY_HZ * now_s
+                    channel_v[t] += wave_v.real * math.sin(turn_rad) + wave_v.imag * math.cos(turn_rad)
+        else:
+            at = int(np.floor(n_phases * (since_s * rate_hz + lead) + 0.5))
+            skipped, phase = at // n_phases, at % n_phases  # samples from the first of the table to the first here
+            first = max(0, -skipped)
+            n = np.uint64(max(0, min(channel_v.size, n_known - skipped) - first))
+            here, known = np.uint64(first), np.uint64(first + skipped)  # unsigned: indices are not checked for signs
+            for b in range(amplitude.shape[2]):
+                wave_v = peak_v * amplitude[p, e, b]
+                for t in range(n):
+                    channel_v[here + t] += (
+                        wave_v.real * sine_v[b, phase, known + t] + wave_v.imag * cosine_v[b, phase, known + t]
+                    )
 
 
-@compiled
-def add_burst(channel_v: FloatArray, since_s: float, peak_v: complex, burst_s: float, rate_hz: float) -> None:
-    """Add a sine of a duration to a channel whose first sample is `since_s` after its arrival."""
-    for t in range(channel_v.size):
-        now_s = since_s + t / rate_hz
-        if 0.0 <= now_s < burst_s:
-            turn_rad = 2.0 * np.pi * FREQUENCY_HZ * now_s
-            channel_v[t] += peak_v.real * math.sin(turn_rad) + peak_v.imag * math.cos(turn_rad)
-
-
-@compiled
-def add_tones(channel_v: FloatArray, e: int, offset: int, tones: Tones, start_rad: FloatArray) -> None:
+@compiled_inner
+def add_tones(channel_v: FloatArray, e: int, offset: int, channels: Channels, start_rad: FloatArray) -> None:
     """Add carriers to channel e, whose first sample is `offset` samples after the phases `start_rad`."""
     for c in range(start_rad.size):
         for t in range(channel_v.size):
-            now_rad = start_rad[c] + (offset + t) * tones.turn_rad[c]
-            channel_v[t] += tones.amplitude_v[c, e] * math.cos(now_rad + tones.phase_rad[c, e])
-
-
-@compiled
-def set_signal(channel_v: FloatArray, e: int, start_s: float, offset: int, signal: Signal, pulse: PulseTable) -> None:
-    """Set samples of channel e to emission and carriers, without noise.
-
-    Args:
-        channel_v: Filled in.
-        e: Channel.
-        start_s: Time of the first sample since the emission.
-        offset: Samples from the start of the first window to the first sample.
-        signal: Emission and carriers.
-        pulse: Pulse behind the band-pass.
-    """
-    channel_v[:] = 0.0
-    delay_s, amplitude = signal.arrivals.delay_s, signal.arrivals.amplitude
-    for p in range(len(delay_s)):
-        since_s = start_s - delay_s[p, e]
-        if signal.burst_s > 0.0:
-            steady = 0.0j
-            for b in range(amplitude.shape[2]):
-                steady += pulse.steady_share[b] * amplitude[p, e, b]
-            add_burst(channel_v, since_s, signal.peak_v * steady, signal.burst_s, pulse.rate_hz)
-        else:
-            for b in range(amplitude.shape[2]):
-                add_pulse(channel_v, since_s, signal.peak_v * amplitude[p, e, b], b, pulse)
-    add_tones(channel_v, e, offset, signal.tones, signal.start_rad)
+            now_rad = start_rad[c] + (offset + t) * channels.turn_rad[c]
+            channel_v[t] += channels.tone_v[c, e] * math.cos(now_rad + channels.tone_rad[c, e])
 
 
 @compiled
@@ -323,13 +278,13 @@ def add_noise(
             volts[e, t] += noise.std_v * row[e]
 
 
-@compiled
+@compiled_inner
 def tail_probability(sigmas: float) -> float:
     """Return the probability that a standard normal number is larger."""
     return 0.5 * math.erfc(sigmas * math.sqrt(0.5))
 
 
-@compiled
+@compiled_inner
 def draw_tail(sigmas: float, rng: np.random.Generator) -> float:
     """Draw a standard normal number larger than `sigmas`.
 
@@ -348,194 +303,150 @@ def draw_tail(sigmas: float, rng: np.random.Generator) -> float:
             return drawn
 
 
-@compiled
-def add_pinned(volts: FloatArray, first: int, end: int, pinned: PinnedSample, correlation: FloatArray) -> None:
-    """Add the change of noise sample `pinned`, and the change of the mean around it, to samples `first` to `end`."""
-    at, channel, added_v = pinned
-    if at >= 0:
-        for t in range(max(first, at - correlation.size + 1), min(end, at + correlation.size)):
-            volts[channel, t] += added_v * correlation[abs(t - at)]
+@compiled_inner
+def pin_noise(channel_v: FloatArray, at: int, sample_v: float, correlation: FloatArray) -> None:
+    """Set one sample of a channel, and add the change of the mean of the noise around it to its neighbours."""
+    added_v = sample_v - channel_v[at]
+    for t in range(max(0, at - correlation.size + 1), min(channel_v.size, at + correlation.size)):
+        channel_v[t] += added_v * correlation[abs(t - at)]
 
 
-@compiled
-def fill_signal(window: Window, end: int, signal: Signal, pulse: PulseTable) -> None:
+@compiled_inner
+def fill_signal(window: Window, end: int, signal: Signal, pulse: PulseTable, channels: Channels) -> None:
     """Compute the signal of a window up to a sample."""
-    first = window.filled[0]
+    first, volts = window.filled[0], window.volts
     if end > first:
         start_s = window.start_s + first / pulse.rate_hz
-        for e in range(len(window.volts)):
-            set_signal(window.volts[e, first:end], e, start_s, window.offset + first, signal, pulse)
+        for e in range(len(volts)):
+            add_emission(volts[e, first:end], e, start_s, signal, pulse)
+            add_tones(volts[e, first:end], e, first, channels, window.start_rad)
         window.filled[0] = end
 
 
-@compiled
+@compiled_inner
 def fill(
-    window: Window,
-    end: int,
-    signal: Signal,
-    sampler: Sampler,
-    pinned: PinnedSample,
-    rng: np.random.Generator,
+    window: Window, end: int, signal: Signal, sampler: Sampler, channels: Channels, rng: np.random.Generator
 ) -> None:
-    """Compute signal and noise of a window up to a sample, given a pinned one."""
+    """Compute signal and noise of a window up to a sample."""
     first = window.filled[1]
     if end > first:
-        fill_signal(window, end, signal, sampler.pulse)
+        fill_signal(window, end, signal, sampler.pulse, channels)
         if first == 0:
             settle(sampler.noise, rng, window.state)
         add_noise(sampler.noise, rng, window.state, window.volts, first, end)
-        add_pinned(window.volts, first, end, pinned, sampler.trigger.correlation)
         window.filled[1] = end
 
 
-@compiled
+@compiled_inner
 def trigger_probability(trigger: Trigger, signal_v: float) -> float:
     """Return the probability that a sample with a signal, rounded up to the next step, exceeds the level."""
     step = math.ceil(abs(signal_v) / trigger.step_v)
     return trigger.probability[step] if step < trigger.probability.size else 1.0
 
 
-@compiled
+@compiled_inner
 def count_crossings(volts: FloatArray, first: int, end: int, limit_v: FloatArray, level_v: float) -> tuple[int, int]:
     """Return the first of samples `first` to `end` beyond the level, or -1, and the number of all such samples."""
     crossing, n = -1, 0
-    for t in range(first, end):
-        for e in range(limit_v.size):
-            if abs(volts[e, t]) > level_v and limit_v[e] > level_v:
-                if crossing < 0:
-                    crossing = t
-                n += 1
+    for e in range(limit_v.size):
+        if limit_v[e] > level_v:
+            channel_v = volts[e, first:end]
+            for t in range(channel_v.size):
+                if abs(channel_v[t]) > level_v:
+                    n += 1
+                    if crossing < 0 or first + t < crossing:
+                        crossing = first + t
     return crossing, n
 
 
-@compiled
-def expected_crossings(window: Window, signal: Signal, sampler: Sampler, limit_v: FloatArray) -> float:
+@compiled_inner
+def expected_crossings(window: Window, signal: Signal, sampler: Sampler, channels: Channels, trigger: Trigger) -> float:
     """Return the expected number of samples beyond the level, S; it is not counted further beyond `LIKELY`."""
-    expected, row = 0.0, sampler.timing.before
-    while row < window.search_end and expected <= LIKELY:
-        end = min(row + PIECE, window.search_end)
-        fill_signal(window, end, signal, sampler.pulse)
-        for t in range(row, end):
-            for e in range(limit_v.size):
-                if limit_v[e] > sampler.trigger.level_v:
-                    expected += trigger_probability(sampler.trigger, window.volts[e, t])
-        row = end
+    expected, first, limit_v, volts = 0.0, sampler.before, channels.limit_v, window.volts
+    while first < window.search_end and expected <= LIKELY:
+        end = min(first + PIECE, window.search_end)
+        fill_signal(window, end, signal, sampler.pulse, channels)
+        for e in range(limit_v.size):
+            if limit_v[e] > trigger.level_v:
+                channel_v = volts[e, first:end]
+                for t in range(channel_v.size):
+                    expected += trigger_probability(trigger, channel_v[t])
+        first = end
     return expected
 
 
-@compiled
+@compiled_inner
 def pin_sample(
-    window: Window, remaining: float, signal: Signal, sampler: Sampler, limit_v: FloatArray, rng: np.random.Generator
-) -> PinnedSample:
+    window: Window, remaining: float, signal: Signal, sampler: Sampler, channels: Channels, rng: np.random.Generator
+) -> bool:
     """Pin the sample at which the sum of the probabilities passes `remaining`, and fill the window around it.
 
     Returns:
-        The sample; `NOT_PINNED` if it is rejected.
+        False if the sample is rejected.
     """
-    trigger, at, channel, tabulated = sampler.trigger, -1, 0, 0.0
-    for t in range(sampler.timing.before, window.search_end):
+    trigger, limit_v, volts, at, channel, tabulated = sampler.trigger, channels.limit_v, window.volts, -1, 0, 0.0
+    for t in range(sampler.before, window.search_end):
         for e in range(limit_v.size):
             if at < 0 and limit_v[e] > trigger.level_v:
-                tabulated = trigger_probability(trigger, window.volts[e, t])
+                tabulated = trigger_probability(trigger, volts[e, t])
                 remaining -= tabulated
                 if remaining < 0.0:
                     at, channel = t, e
     if at < 0:
-        return NOT_PINNED
-    signal_v = window.volts[channel, at]
+        return False
+    signal_v = volts[channel, at]
     towards = (trigger.level_v - abs(signal_v)) / trigger.noise_v
     against = (trigger.level_v + abs(signal_v)) / trigger.noise_v
     exact = tail_probability(towards) + tail_probability(against)
     if rng.random() * tabulated >= exact:
-        return NOT_PINNED
+        return False
     side = 1.0 if signal_v >= 0.0 else -1.0
     if rng.random() * exact < tail_probability(towards):
         noise_v = side * trigger.noise_v * draw_tail(towards, rng)
     else:
         noise_v = -side * trigger.noise_v * draw_tail(against, rng)
-    fill(window, window.search_end, signal, sampler, NOT_PINNED, rng)
-    pinned = PinnedSample(at, channel, signal_v + noise_v - window.volts[channel, at])
-    add_pinned(window.volts, 0, window.search_end, pinned, trigger.correlation)
-    return pinned
+    fill(window, window.search_end, signal, sampler, channels, rng)
+    pin_noise(volts[channel], at, signal_v + noise_v, trigger.correlation)
+    return True
 
 
-@compiled
+@compiled_inner
 def find_trigger(
-    window: Window, chance: float, signal: Signal, sampler: Sampler, limit_v: FloatArray, rng: np.random.Generator
-) -> tuple[int, PinnedSample]:
+    window: Window, chance: float, signal: Signal, sampler: Sampler, channels: Channels, rng: np.random.Generator
+) -> int:
     """Search the first sample of a window beyond the level, by the law at the head of this module.
 
     Args:
         window: Filled as far as needed.
         chance: Random number in [0, 1) that decides about a window that hardly ever triggers.
-        signal: Emission and carriers.
+        signal: Emission.
         sampler: Receiver up to the gate.
-        limit_v: Voltage at which each channel saturates, shape (n_elements,).
+        channels: State of the channels, and carriers.
         rng: Generator.
 
     Returns:
-        Number of the sample, or -1, and the pinned sample.
+        Number of the sample, or -1.
     """
-    before, end, level_v = sampler.timing.before, window.search_end, sampler.trigger.level_v
-    expected = expected_crossings(window, signal, sampler, limit_v)
+    trigger, before, end, limit_v = sampler.trigger, sampler.before, window.search_end, channels.limit_v
+    expected = expected_crossings(window, signal, sampler, channels, trigger)
     if expected > LIKELY:
-        for row in range(before, end, PIECE):
-            piece_end = min(row + PIECE, end)
-            fill(window, piece_end, signal, sampler, NOT_PINNED, rng)
-            crossing, _ = count_crossings(window.volts, row, piece_end, limit_v, level_v)
+        for first in range(before, end, PIECE):
+            piece_end = min(first + PIECE, end)
+            fill(window, piece_end, signal, sampler, channels, rng)
+            crossing, _ = count_crossings(window.volts, first, piece_end, limit_v, trigger.level_v)
             if crossing >= 0:
-                return crossing, NOT_PINNED
-    elif chance < expected:
-        pinned = pin_sample(window, chance, signal, sampler, limit_v, rng)
-        if pinned.at >= 0:
-            crossing, n = count_crossings(window.volts, before, end, limit_v, level_v)
-            if rng.random() * n < 1.0:
-                return crossing, pinned
-    return -1, NOT_PINNED
+                return crossing
+    elif chance < expected and pin_sample(window, chance, signal, sampler, channels, rng):
+        crossing, n = count_crossings(window.volts, before, end, limit_v, trigger.level_v)
+        if rng.random() * n < 1.0:
+            return crossing
+    return -1
 
 
-@compiled
-def lasts_like_a_burst(
-    start_s: float,
-    offset: int,
-    least_v2: float,
-    e: int,
-    limit_v: float,
-    signal: Signal,
-    sampler: Sampler,
-    rng: np.random.Generator,
-) -> bool:
-    """Return True where channel e has at least a mean power in all windows of the burst test.
-
-    Args:
-        start_s: Start of the gate since the emission.
-        offset: Samples from the start of the first window to that of the gate.
-        least_v2: The mean power.
-        e: Channel.
-        limit_v: Voltage at which it saturates.
-        signal: Emission and carriers.
-        sampler: Receiver up to the gate.
-        rng: Generator.
-    """
-    timing, noise = sampler.timing, sampler.noise
-    volts, state = np.empty((1, timing.burst_window)), np.empty((len(noise.sections), 2, 1))
-    for w in range(BURST_WINDOWS):
-        at, power_v2 = timing.burst_first + w * timing.burst_step, 0.0
-        set_signal(volts[0], e, start_s + at / sampler.pulse.rate_hz, offset + at, signal, sampler.pulse)
-        settle(noise, rng, state)
-        add_noise(noise, rng, state, volts, 0, timing.burst_window)
-        for t in range(timing.burst_window):
-            power_v2 += min(abs(volts[0, t]), limit_v) ** 2
-        if power_v2 <= least_v2 * timing.burst_window:
-            return False
-    return True
-
-
-@compiled
+@compiled_inner
 def read_out(
     window: Window,
     crossing: int,
-    pinned: PinnedSample,
     signal: Signal,
     sampler: Sampler,
     channels: Channels,
@@ -545,49 +456,58 @@ def read_out(
     """Fill the gate after a trigger and test for a burst; arguments and results as those of `sample_emission`.
 
     The gate starts `before` samples ahead of where the strongest channel reaches half its peak, because a crossing is
-    the earlier the stronger the pulse.
+    the earlier the stronger the pulse. In a burst, the strongest channel has a mean power in all windows of the test.
     """
-    timing, volts, limit_v, background_v2 = sampler.timing, window.volts, channels.limit_v, channels.background_v2
-    strongest, peak_v, n_elements = 0, 0.0, limit_v.size
-    fill(window, crossing + timing.peak, signal, sampler, pinned, rng)
-    for t in range(crossing, crossing + timing.peak):
-        for e in range(n_elements):
+    before, n_gate, n_window, noise = sampler.before, sampler.gate, sampler.burst_window, sampler.noise
+    volts, limit_v, strongest, peak_v = window.volts, channels.limit_v, 0, 0.0
+    fill(window, crossing + sampler.peak, signal, sampler, channels, rng)
+    for t in range(crossing, crossing + sampler.peak):
+        for e in range(limit_v.size):
             clipped_v = min(abs(volts[e, t]), limit_v[e])
             if clipped_v > peak_v:
                 strongest, peak_v = e, clipped_v
-    half = max(timing.before, crossing - timing.before)
-    while min(abs(volts[strongest, half]), limit_v[strongest]) < 0.5 * peak_v:
+    limit, background_v2 = limit_v[strongest], channels.background_v2[strongest]
+    half = max(before, crossing - before)
+    while min(abs(volts[strongest, half]), limit) < 0.5 * peak_v:
         half += 1
-    start, power_v2 = half - timing.before, 0.0
-    fill(window, start + timing.gate, signal, sampler, pinned, rng)
-    for e in range(n_elements):
-        for t in range(timing.gate):
+    start, gate_v2 = half - before, 0.0
+    fill(window, start + n_gate, signal, sampler, channels, rng)
+    for e in range(limit_v.size):
+        for t in range(n_gate):
             gate_v[e, t] = min(max(volts[e, start + t], -limit_v[e]), limit_v[e])
-    for t in range(timing.gate):
-        power_v2 += gate_v[strongest, t] ** 2
-    power_v2 = power_v2 / timing.gate - background_v2[strongest]
-    least_v2 = BURST_SHARE * power_v2 + background_v2[strongest]
-    start_s, offset, limit = window.start_s + start / sampler.pulse.rate_hz, window.offset + start, limit_v[strongest]
-    is_burst = lasts_like_a_burst(start_s, offset, least_v2, strongest, limit, signal, sampler, rng)
-    return IS_BURST if is_burst else IS_PULSE
+    for t in range(n_gate):
+        gate_v2 += gate_v[strongest, t] ** 2
+    least_v2 = BURST_SHARE * (gate_v2 / n_gate - background_v2) + background_v2
+    test_v, state = np.empty((1, n_window)), np.empty((len(noise.sections), 2, 1))
+    for w in range(BURST_WINDOWS):
+        at, power_v2 = start + sampler.burst_first + w * sampler.burst_step, 0.0
+        test_v[:] = 0.0
+        add_emission(test_v[0], strongest, window.start_s + at / sampler.pulse.rate_hz, signal, sampler.pulse)
+        add_tones(test_v[0], strongest, at, channels, window.start_rad)
+        settle(noise, rng, state)
+        add_noise(noise, rng, state, test_v, 0, n_window)
+        for t in range(n_window):
+            power_v2 += min(abs(test_v[0, t]), limit) ** 2
+        if power_v2 <= least_v2 * n_window:
+            return IS_PULSE
+    return IS_BURST
 
 
-@compiled
-def draw_phases(tones: Tones, rng: np.random.Generator) -> FloatArray:
+@compiled_inner
+def draw_phases(n: int, rng: np.random.Generator) -> FloatArray:
     """Draw the phases of carriers."""
-    start_rad = np.empty(tones.turn_rad.size)
-    for c in range(start_rad.size):
+    start_rad = np.empty(n)
+    for c in range(n):
         start_rad[c] = 2.0 * np.pi * rng.random()
     return start_rad
 
 
-@compiled
+@compiled_inner
 def sample_emission(
     peak_v: float,
     burst_s: float,
     arrivals: Arrivals,
     sampler: Sampler,
-    tones: Tones,
     channels: Channels,
     rng: np.random.Generator,
     gate_v: FloatArray,
@@ -601,53 +521,51 @@ def sample_emission(
         burst_s: Duration of a burst, 0 for a pulse.
         arrivals: Arrivals of the emission.
         sampler: Receiver up to the gate.
-        tones: Carriers.
-        channels: State of the channels.
+        channels: State of the channels, and carriers.
         rng: Generator.
         gate_v: Filled in, shape (n_elements, n_gate), as the ADC gets it.
 
     Returns:
         `NOT_TRIGGERED`, `IS_PULSE` or `IS_BURST`.
     """
-    timing, rate_hz, n_elements = sampler.timing, sampler.pulse.rate_hz, channels.limit_v.size
-    signal = Signal(peak_v, burst_s, arrivals, tones, draw_phases(tones, rng))
+    trigger, rate_hz, n_elements, n_tones = sampler.trigger, sampler.pulse.rate_hz, len(gate_v), channels.turn_rad.size
+    before, aperture = sampler.before, sampler.aperture
+    signal = Signal(peak_v, burst_s, arrivals.delay_s, arrivals.amplitude)
+    first_rad = draw_phases(n_tones, rng)
     clock = rng.random()  # fraction of a sample by which the sampling clock is late
-    order, is_new = np.argsort(arrivals.peak_s, kind="mergesort"), True
-    begin, first_begin, bound_v, tones_v = 0, 0, 0.0, 0.0
-    for c in range(len(tones.amplitude_v)):
-        tones_v += tones.amplitude_v[c].max()
-    for k in range(order.size):
-        at = math.floor(arrivals.peak_s[order[k]] * rate_hz - clock)
-        start = at - timing.aperture - timing.before
+    is_new, begin, first_begin, bound_v, tones_v = True, 0, 0, 0.0, 0.0
+    for c in range(n_tones):
+        tones_v += channels.tone_v[c].max()
+    peak_s = arrivals.peak_s.copy()
+    for k in range(peak_s.size):  # in the order of time
+        p = peak_s.argmin()
+        at = math.floor(peak_s[p] * rate_hz - clock)
+        peak_s[p] = np.inf
+        start = at - aperture - before
         if k == 0:
             first_begin = start
         if is_new:
             begin, bound_v, is_new = start, 0.0, False
-        bound_v += abs(peak_v) * float(arrivals.peak[order[k]])
-        search_end = at - begin + timing.aperture + timing.rise
-        end = search_end + timing.peak + timing.gate
-        if k + 1 < order.size:
-            following = math.floor(arrivals.peak_s[order[k + 1]] * rate_hz - clock) - timing.aperture - timing.before
-            if following - begin < end + sampler.trigger.correlation.size:
-                continue
-        is_new, chance, n_searched = True, rng.random(), (search_end - timing.before) * n_elements
-        if chance < n_searched * trigger_probability(sampler.trigger, bound_v + tones_v):  # S is not larger
-            window = Window(
-                (begin + clock) / rate_hz,
-                begin - first_begin,
-                search_end,
-                np.empty((n_elements, end)),
-                np.zeros(2, np.intp),
-                np.empty((len(sampler.noise.sections), 2, n_elements)),
-            )
-            crossing, pinned = find_trigger(window, chance, signal, sampler, channels.limit_v, rng)
+        bound_v += abs(peak_v) * float(arrivals.peak[p])
+        search_end = at - begin + aperture + sampler.rise
+        end = search_end + sampler.peak + sampler.gate
+        next_start = peak_s.min() * rate_hz - clock - aperture - before
+        if next_start < begin + end + trigger.correlation.size:
+            continue
+        is_new, chance, n_searched = True, rng.random(), (search_end - before) * n_elements
+        if chance < n_searched * trigger_probability(trigger, bound_v + tones_v):  # S is not larger
+            start_rad = first_rad + (begin - first_begin) * channels.turn_rad
+            state = np.empty((len(sampler.noise.sections), 2, n_elements))
+            volts, filled = np.zeros((n_elements, end)), np.zeros(2, np.intp)
+            window = Window((begin + clock) / rate_hz, start_rad, search_end, volts, filled, state)
+            crossing = find_trigger(window, chance, signal, sampler, channels, rng)
             if crossing >= 0:
-                return read_out(window, crossing, pinned, signal, sampler, channels, rng, gate_v)
+                return read_out(window, crossing, signal, sampler, channels, rng, gate_v)
     return NOT_TRIGGERED
 
 
-@compiled
-def sample_false_alarm(sampler: Sampler, tones: Tones, rng: np.random.Generator, gate_v: FloatArray) -> None:
+@compiled_inner
+def sample_false_alarm(sampler: Sampler, channels: Channels, rng: np.random.Generator, gate_v: FloatArray) -> None:
     """Fill a gate, shape (n_elements, n_gate), that noise alone has triggered: one noise sample is pinned."""
     trigger, noise = sampler.trigger, sampler.noise
     n_elements, n_gate = gate_v.shape
@@ -655,11 +573,10 @@ def sample_false_alarm(sampler: Sampler, tones: Tones, rng: np.random.Generator,
     gate_v[:] = 0.0
     settle(noise, rng, state)
     add_noise(noise, rng, state, gate_v, 0, n_gate)
-    at, channel = sampler.timing.before, int(rng.random() * n_elements)
+    channel = int(rng.random() * n_elements)
     side = 1.0 if rng.random() < 0.5 else -1.0
     crossing_v = side * trigger.noise_v * draw_tail(trigger.level_v / trigger.noise_v, rng)
-    pinned = PinnedSample(at, channel, crossing_v - gate_v[channel, at])
-    add_pinned(gate_v, 0, n_gate, pinned, trigger.correlation)
-    start_rad = draw_phases(tones, rng)
+    pin_noise(gate_v[channel], sampler.before, crossing_v, trigger.correlation)
+    start_rad = draw_phases(channels.turn_rad.size, rng)
     for e in range(n_elements):
-        add_tones(gate_v[e], e, 0, tones, start_rad)
+        add_tones(gate_v[e], e, 0, channels, start_rad)

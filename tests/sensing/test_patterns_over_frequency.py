@@ -23,7 +23,7 @@ from pdpatrol.sensing.radio.arrivals import arrive
 from pdpatrol.sensing.radio.ray_paths import PATH, RayPaths
 from pdpatrol.sensing.receiver.front_end import MOST_BANDS, PHASES
 from pdpatrol.sensing.receiver.receiver import Receiver
-from pdpatrol.sensing.receiver.sampling import Signal, set_signal
+from pdpatrol.sensing.receiver.sampling import Signal, add_emission
 from tests.sensing.listening import listen
 
 FloatArray = NDArray[np.float64]
@@ -44,10 +44,9 @@ def recorded(array: HelicalArray, from_m: FloatArray, n_samples: int, start_s: f
     row["coefficient"] = 1.0
     paths = RayPaths(row, np.zeros(1, np.intp), np.ones(1, np.intp))
     arrivals = arrive(paths, np.eye(4), ArrayTable.of(array, grid=RECEIVER.grid(array)))
-    volts, pulse = np.empty((array.n_elements, n_samples)), RECEIVER.sampler(array).pulse
-    signal = Signal(1.0, 0.0, arrivals, RECEIVER.tones((), array, np.eye(4)), np.empty(0))
+    volts, pulse = np.zeros((array.n_elements, n_samples)), RECEIVER.sampler(array).pulse
     for e in range(array.n_elements):
-        set_signal(volts[e], e, start_s, 0, signal, pulse)
+        add_emission(volts[e], e, start_s, Signal(1.0, 0.0, arrivals.delay_s, arrivals.amplitude), pulse)
     return volts
 
 
