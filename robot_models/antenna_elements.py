@@ -10,6 +10,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 FloatArray = NDArray[np.float64]
 
@@ -35,14 +36,8 @@ def attach_elements(spec: mujoco.MjSpec, elements: AntennaElements) -> None:
     """Attach a helix for each element to the robot's base, with sites `element_1` to `element_n`, x along boresight."""
     base = spec.body("base")
     helix = mujoco.MjSpec.from_file(str(Path(__file__).parent / "antenna" / "helix.xml"))
-    for k, (position_m, azimuth, elevation) in enumerate(zip(*elements, strict=True), start=1):
-        (cos_yaw, sin_yaw), (cos_pitch, sin_pitch) = _half_angle(azimuth), _half_angle(-elevation)
-        frame = base.add_frame(
-            pos=position_m, quat=[cos_yaw * cos_pitch, -sin_yaw * sin_pitch, cos_yaw * sin_pitch, sin_yaw * cos_pitch]
-        )
-        spec.attach(helix.copy(), frame=frame, prefix=f"helix_{k}/")
+    angles_rad = np.column_stack([elements.azimuth_rad, -elements.elevation_rad])
+    quaternions = Rotation.from_euler("ZY", angles_rad).as_quat(scalar_first=True)
+    for k, (position_m, quaternion) in enumerate(zip(elements.positions_m, quaternions, strict=True), start=1):
+        spec.attach(helix.copy(), frame=base.add_frame(pos=position_m, quat=quaternion), prefix=f"helix_{k}/")
         spec.site(f"helix_{k}/element").name = f"element_{k}"
-
-
-def _half_angle(angle_rad: float) -> tuple[float, float]:
-    return float(np.cos(0.5 * angle_rad)), float(np.sin(0.5 * angle_rad))

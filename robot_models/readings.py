@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -85,9 +84,17 @@ class Readings(NamedTuple):
 
 
 @compiled
-def _read(
+def read(
     live: tuple[FloatArray, ...], drive: tuple[Any, ...], beams_start_m: float, reach_m: float
 ) -> tuple[FloatArray, FloatArray]:
+    """Compute the fields of `Readings` of all robots.
+
+    Args:
+        live: `Physics` as a plain tuple, which compiled functions look up faster.
+        drive: `Drive` as a plain tuple.
+        beams_start_m: Distance from a robot's middle to the start of the beams of its lidar.
+        reach_m: Greatest range of the lidar.
+    """
     physics, wheels = Physics(*live), Drive(*drive)
     n, n_beams = physics.beams_m.shape
     values, world_from_base = np.zeros((n, 9 + n_beams)), np.zeros((n, 4, 4))
@@ -119,19 +126,6 @@ def _read(
             range_m = physics.beams_m[r, beam] + beams_start_m
             lidar_m[r, beam] = range_m if beams_start_m <= range_m <= reach_m else reach_m
     return values, world_from_base
-
-
-def reader(physics: Physics, drive: Drive, beams_start_m: float, reach_m: float) -> Callable[[], Readings]:
-    """Return a function that reads all robots.
-
-    Args:
-        physics: Live views of the robots.
-        drive: Their wheels.
-        beams_start_m: Distance from a robot's middle to the start of the beams of its lidar.
-        reach_m: Greatest range of the lidar.
-    """
-    live, wheels = tuple(physics), tuple(drive)  # compiled functions look up plain tuples faster than named ones
-    return lambda: Readings(*_read(live, wheels, beams_start_m, reach_m))
 
 
 @compiled

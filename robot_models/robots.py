@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from pdpatrol.robot_models.antenna_elements import AntennaElements
 from pdpatrol.robot_models.description.robot_description import RobotDescription
 from pdpatrol.robot_models.description.robot_measures import driven_wheels
-from pdpatrol.robot_models.readings import Drive, Physics, reader, touching
+from pdpatrol.robot_models.readings import Drive, Physics, Readings, read, touching
 from pdpatrol.robot_models.sensors import LIDAR_BEAMS, LIDAR_PERIOD_S, LIDAR_RANGE_M
 from pdpatrol.robot_models.steering import command
 from pdpatrol.robot_models.world import build_spec, physics_only
@@ -62,7 +62,7 @@ class Robots:
         base, turn, lidar = int(free.qposadr[0]), int(free.dofadr[0]), int(model.sensor("lidar_00").adr[0])
         qpos, sensordata = batch.bind("qpos"), batch.bind("sensordata")
         self._ctrl, self._base = batch.bind("ctrl"), qpos[:, base : base + 7]
-        live = Physics(
+        physics = Physics(
             base=self._base,
             base_velocity=batch.bind("qvel")[:, turn : turn + 6],
             joints=qpos,
@@ -71,7 +71,7 @@ class Robots:
             beams_m=sensordata[:, lidar : lidar + LIDAR_BEAMS],
         )
         drive = _drive(model)
-        self._read = reader(live, drive, robot.lidar_start_m, LIDAR_RANGE_M)
+        self._read = (tuple(physics), tuple(drive), robot.lidar_start_m, LIDAR_RANGE_M)
         self._wheels, self._all_rows = (drive.actuator, drive.side), np.arange(n_robots)
         self._steering = (
             robot.max_speed_mps,
@@ -189,7 +189,7 @@ class Robots:
     def _update_readings(self) -> None:
         """Read the sensors, and keep the value of the gyro, which is not part of the state, for the next command."""
         self._feedback[0][:] = self._gyro_radps
-        self.readings = self._read()
+        self.readings = Readings(*read(*self._read))
 
     def n_warnings(self) -> NDArray[np.intp]:
         """Return the number of MuJoCo's warnings for each robot, shape (n_robots,)."""
@@ -212,22 +212,15 @@ class Robots:
         contacts[..., 0] = 0.0
         return set(map(tuple, np.round(places_m, 2).tolist()))
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {
-            "arguments": self._arguments,
-            "state": self._batch.state.copy(),
-            "feedback": self._feedback,
-            "places": self._places,
-            "is_touching": self.is_touching,
-            "readings": self.readings,
-        }
+    def __getstate__(self) -> tuple[Any, ...]:
+        state = self._batch.state.copy(), self._feedback, self._places, self.is_touching, self.readings
+        return self._arguments, *state
 
-    def __setstate__(self, kept: dict[str, Any]) -> None:
-        self.__init__(*kept["arguments"])
-        self._batch.state[:] = kept["state"]
-        for live, was in zip(self._feedback, kept["feedback"], strict=True):
-            live[:] = was
-        self._places, self.is_touching, self.readings = kept["places"], kept["is_touching"], kept["readings"]
+    def __setstate__(self, kept: tuple[Any, ...]) -> None:
+        arguments, state, feedback, places, is_touching, readings = kept
+        self.__init__(*arguments)
+        self._batch.state[:] = state
+        self._feedback, self._places, self.is_touching, self.readings = feedback, places, is_touching, readings
 
 
 def _drive(model: mujoco.MjModel) -> Drive:

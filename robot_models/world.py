@@ -9,7 +9,7 @@ import numpy as np
 
 from pdpatrol.robot_models.antenna_elements import AntennaElements, attach_elements
 from pdpatrol.robot_models.description.robot_description import RobotDescription
-from pdpatrol.robot_models.drawn_solids import describe_equipment
+from pdpatrol.robot_models.equipment import colour_of
 from pdpatrol.robot_models.sensors import FLOOR_CONTYPE, OBSTACLE_CONTYPE, add_contact_sensors, add_lidar
 from pdpatrol.robot_models.yard.pieces import Equipment
 from pdpatrol.robot_models.yard.yard import Yard
@@ -89,7 +89,7 @@ def _add_yard(spec: mujoco.MjSpec, yard: Yard) -> None:
     _add_ground(own, yard)
     _add_fence(own, yard)
     for item in yard.equipment:
-        _add_equipment(own, item)
+        add_equipment(own, item)
     names = [element.name for element in (*own.geoms, *own.lights)]
     spec.attach(own, frame=spec.worldbody.add_frame(), prefix="yard/")
     for name in names:
@@ -100,7 +100,6 @@ def _add_yard(spec: mujoco.MjSpec, yard: Yard) -> None:
     spec.visual.headlight.ambient = [0.35, 0.35, 0.35]
     spec.visual.headlight.diffuse = [0.45, 0.45, 0.45]
     spec.visual.map.shadowclip = 2.0  # at 1 the far floor is outside the sun's shadow map and speckled
-    spec.visual.global_.offwidth, spec.visual.global_.offheight = 640, 480
 
 
 def _add_ground(spec: mujoco.MjSpec, yard: Yard) -> None:
@@ -170,17 +169,19 @@ def _add_fence(spec: mujoco.MjSpec, yard: Yard) -> None:
         )
 
 
-def _add_equipment(spec: mujoco.MjSpec, item: Equipment) -> None:
+def add_equipment(spec: mujoco.MjSpec, item: Equipment) -> None:
     """Add a geom for each part of a piece of equipment."""
-    for part in describe_equipment([item]):
-        is_round = part["shape"] == "cylinder"
+    solids, half_yaw = item.solids, 0.5 * np.radians(item.yaw_deg)
+    for k, part in enumerate(item.assembly.parts):
+        half_height_m = 0.5 * (solids.top_m[k] - solids.bottom_m[k])
+        is_round = solids.radius_m[k] > 0
         spec.worldbody.add_geom(
-            name=part["name"],
+            name=f"equipment/{item.name}" if k == 0 else f"equipment/{item.name}/{part}",
             type=mujoco.mjtGeom.mjGEOM_CYLINDER if is_round else mujoco.mjtGeom.mjGEOM_BOX,
-            pos=part["position_m"],
-            quat=part["quaternion_wxyz"],
-            size=part["size_m"],
-            rgba=part["rgba"],
+            pos=[*solids.centre_m[k], solids.bottom_m[k] + half_height_m],
+            quat=[np.cos(half_yaw), 0.0, 0.0, np.sin(half_yaw)],
+            size=[solids.radius_m[k], half_height_m, 0.0] if is_round else [*solids.half_size_m[k], half_height_m],
+            rgba=colour_of(item.kind, part),
             group=1,
             contype=OBSTACLE_CONTYPE,
             conaffinity=0,

@@ -90,14 +90,13 @@ def read_robot(path: Path) -> RobotDescription:
     mujoco.set_mju_user_warning(warnings.append)  # MuJoCo would print them and write them to a log file
     try:
         spec = mujoco.MjSpec.from_file(str(path))
-        _refuse(path, _missing_parts(spec))
         model = spec.compile()
         _refuse(path, _part_requirements(model))
         robot = _measure(path, spec, model)
     except RobotFileError:
         raise
-    except ValueError as error:
-        warnings.append(str(error))
+    except (ValueError, KeyError) as error:  # KeyError: MuJoCo names the part that is missing, and those there are
+        warnings.append(str(error.args[0]))
     finally:
         mujoco.set_mju_user_warning(before)
     if warnings:
@@ -112,29 +111,16 @@ def _refuse(path: Path, requirements: Sequence[Requirement]) -> None:
         raise RobotFileError(faults)
 
 
-def _missing_parts(spec: mujoco.MjSpec) -> list[Requirement]:
-    parts = {
-        "body": ("base",),
-        "joint": ("floating_base",),
-        "site": ("imu", "lidar"),
-        "sensor": ("gyro",),
-        "numeric": LIMITS,
-    }
-    joints = [joint.name for joint in spec.joints]
-    return [
-        *((n, getattr(spec, kind)(n) is not None, f"no such {kind}") for kind, names in parts.items() for n in names),
-        *(
-            (side, any(name.startswith(side) for name in joints), "no such joint; names must begin like this")
-            for side in ("left_wheel", "right_wheel")
-        ),
-    ]
-
-
 def _numeric(model: mujoco.MjModel, name: str) -> float:
-    """Return the value of a custom numeric, 0 if it is missing, NaN if it is not one number."""
-    number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, name)
-    values = model.numeric(number).data if number >= 0 else [0.0]
-    return float(values[0]) if len(values) == 1 else np.nan
+    """Return the value of a custom numeric, NaN if it is not one number."""
+    values = model.numeric(name).data
+    return float(values[0]) if values.size == 1 else np.nan
+
+
+def _yaw_rate_gain(model: mujoco.MjModel) -> float:
+    """Return the value of the optional numeric `yaw_rate_gain`, 0 if it is missing."""
+    number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, "yaw_rate_gain")
+    return _numeric(model, "yaw_rate_gain") if number >= 0 else 0.0
 
 
 def _part_requirements(model: mujoco.MjModel) -> list[Requirement]:
@@ -142,7 +128,7 @@ def _part_requirements(model: mujoco.MjModel) -> list[Requirement]:
     imu, lidar = model.site("imu"), model.site("lidar")
     is_on_floor = model.geom_conaffinity & FLOOR_CONTYPE > 0
     is_hull = model.geom_conaffinity & OBSTACLE_CONTYPE > 0
-    (joints, actuators, _), gain = driven_wheels(model), _numeric(model, "yaw_rate_gain")
+    (joints, actuators, sides), gain = driven_wheels(model), _yaw_rate_gain(model)
     is_free = free.type[0] == mujoco.mjtJoint.mjJNT_FREE and free.bodyid[0] == base
     is_alone = model.body_rootid[1:].max() == base and not (model.geom_bodyid == 0).any()
     is_level = np.allclose(np.abs(imu.quat), [1.0, 0.0, 0.0, 0.0], atol=1e-3)
@@ -159,6 +145,7 @@ def _part_requirements(model: mujoco.MjModel) -> list[Requirement]:
             "contype must be 0, because a robot does not touch itself, and conaffinity 1 to touch the floor or 2 to "
             "touch obstacles, not both",
         ),
+        ("wheels", np.unique(sides).size == 2, "names of hinges must begin with `left_wheel` and `right_wheel`"),
         ("hull", is_hull.any(), "a geom must touch obstacles, with conaffinity 2"),
         ("yaw_rate_gain", 0.0 <= gain < np.inf, f"must be one number of 0 or more, got {gain:g}"),
     ]
@@ -214,7 +201,7 @@ def _measure(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel) -> RobotDes
         max_speed_mps=_numeric(model, "max_speed"),
         max_yaw_rate_radps=_numeric(model, "max_yaw_rate"),
         max_acceleration_mps2=_numeric(model, "max_acceleration"),
-        yaw_rate_gain=_numeric(model, "yaw_rate_gain"),
+        yaw_rate_gain=_yaw_rate_gain(model),
         lidar_start_m=x,
         lidar_height_m=z,
     )

@@ -28,7 +28,7 @@ def driven_wheels(model: mujoco.MjModel) -> tuple[IntArray, IntArray, IntArray]:
         for joint, name in enumerate(names)
         if name.startswith(prefix)
     ]
-    joint, side = np.array(found, dtype=np.intp).T
+    joint, side = np.array(found, dtype=np.intp).reshape(-1, 2).T
     driven = np.where(model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT, model.actuator_trnid[:, 0], -1).tolist()
     actuator = [driven.index(number) if number in driven else -1 for number in joint.tolist()]
     return joint, np.array(actuator, dtype=np.intp), side

@@ -45,38 +45,30 @@ CATALOGUE: dict[str, CatalogueShape] = {
 """Kinds that a yard can place by their name alone."""
 
 KIND_COLOURS: dict[str, Colour] = {
-    "building": (0.76, 0.70, 0.62, 1.0),
+    **dict.fromkeys(("building", "control_building"), (0.76, 0.70, 0.62, 1.0)),
+    **dict.fromkeys(("fire_wall", "wall"), (0.58, 0.60, 0.62, 1.0)),
+    **dict.fromkeys(("gis", "gis_bay"), (0.74, 0.77, 0.80, 1.0)),
     "busbar": (0.55, 0.58, 0.60, 1.0),
     "bushing": (0.50, 0.28, 0.20, 1.0),
     "cabinet": (0.36, 0.46, 0.44, 1.0),
     "capacitor_bank": (0.58, 0.60, 0.44, 1.0),
     "circuit_breaker": (0.62, 0.66, 0.70, 1.0),
-    "control_building": (0.76, 0.70, 0.62, 1.0),
     "current_transformer": (0.52, 0.30, 0.22, 1.0),
     "disconnector": (0.70, 0.66, 0.58, 1.0),
     "fence": (0.50, 0.56, 0.54, 0.35),
-    "fire_wall": (0.58, 0.60, 0.62, 1.0),
-    "gis": (0.74, 0.77, 0.80, 1.0),
-    "gis_bay": (0.74, 0.77, 0.80, 1.0),
     "kerb": (0.66, 0.65, 0.62, 1.0),
     "power_transformer": (0.45, 0.55, 0.50, 1.0),
     "reactor": (0.72, 0.74, 0.70, 1.0),
     "surge_arrester": (0.40, 0.42, 0.52, 1.0),
     "voltage_transformer": (0.60, 0.36, 0.24, 1.0),
-    "wall": (0.58, 0.60, 0.62, 1.0),
 }
 """Colours of all kinds."""
 
 PART_COLOURS: dict[str, Colour] = {
-    "hv_bushing": (0.55, 0.27, 0.18, 1.0),
-    "lv_bushing": (0.55, 0.27, 0.18, 1.0),
-    "pole": (0.55, 0.27, 0.18, 1.0),
-    "post": (0.55, 0.27, 0.18, 1.0),
-    "insulator": (0.55, 0.27, 0.18, 1.0),
+    **dict.fromkeys(("hv_bushing", "lv_bushing", "pole", "post", "insulator"), (0.55, 0.27, 0.18, 1.0)),
+    **dict.fromkeys(("drive", "cubicle"), (0.40, 0.48, 0.46, 1.0)),
     "column": (0.55, 0.58, 0.60, 1.0),
     "tube": (0.80, 0.82, 0.84, 1.0),
-    "drive": (0.40, 0.48, 0.46, 1.0),
-    "cubicle": (0.40, 0.48, 0.46, 1.0),
     "base": (0.62, 0.61, 0.58, 1.0),
 }
 """Colours of parts that differ from those of their kind: porcelain is brown, steel grey."""
@@ -89,5 +81,5 @@ def colour_of(kind: str, part: str) -> Colour:
         kind: Kind of the piece; plain grey if it is not in `KIND_COLOURS`.
         part: Name of the part; numbers at its end do not count: `post_1_2` is a post.
     """
-    of_kind = KIND_COLOURS.get(kind, (0.58, 0.60, 0.62, 1.0))
+    of_kind = KIND_COLOURS.get(kind, KIND_COLOURS["wall"])
     return PART_COLOURS.get(re.sub(r"(_\d+)+$", "", part), of_kind)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from pdpatrol.robot_models.yard.solids import Box, Cylinder, Solid
+from pdpatrol.robot_models.yard.solids import Solid
 
 Site = tuple[float, float, float]
 
@@ -32,13 +32,13 @@ def busbar(length_m: float) -> Assembly:
     sites: dict[str, Site] = {}
     for frame, x in enumerate((-0.45 * length_m, 0.0, 0.45 * length_m), start=1):
         for side, y in zip(("right", "left"), (-1.6, 1.6), strict=True):
-            parts[f"leg_{frame}_{side}"] = Cylinder(centre_m=(x, y), radius_m=0.12, top_m=2.6)
-        parts[f"beam_{frame}"] = Box(centre_m=(x, 0.0), footprint_m=(0.2, 3.6), bottom_m=2.6, top_m=2.8)
+            parts[f"leg_{frame}_{side}"] = Solid(centre_m=(x, y), radius_m=0.12, top_m=2.6)
+        parts[f"beam_{frame}"] = Solid(centre_m=(x, 0.0), footprint_m=(0.2, 3.6), bottom_m=2.6, top_m=2.8)
         for phase, y in enumerate(phases_m, start=1):
-            parts[f"post_{frame}_{phase}"] = Cylinder(centre_m=(x, y), radius_m=0.1, bottom_m=2.8, top_m=4.0)
+            parts[f"post_{frame}_{phase}"] = Solid(centre_m=(x, y), radius_m=0.1, bottom_m=2.8, top_m=4.0)
             sites[f"post_{frame}_{phase}"] = (x, y + 0.1, 3.7)
     for phase, y in enumerate(phases_m, start=1):
-        parts[f"tube_{phase}"] = Box(centre_m=(0.0, y), footprint_m=(length_m, 0.12), bottom_m=4.0, top_m=4.12)
+        parts[f"tube_{phase}"] = Solid(centre_m=(0.0, y), footprint_m=(length_m, 0.12), bottom_m=4.0, top_m=4.12)
     return Assembly(parts, sites)
 
 
@@ -49,11 +49,11 @@ def circuit_breaker(length_m: float) -> Assembly:
     """
     poles_m = (-0.42 * length_m, 0.0, 0.42 * length_m)
     parts: dict[str, Solid] = {
-        "frame": Box(footprint_m=(length_m, 0.4), top_m=1.6),
-        "drive": Box(centre_m=(0.0, -0.45), footprint_m=(0.9, 0.5), bottom_m=0.3, top_m=1.7),
+        "frame": Solid(footprint_m=(length_m, 0.4), top_m=1.6),
+        "drive": Solid(centre_m=(0.0, -0.45), footprint_m=(0.9, 0.5), bottom_m=0.3, top_m=1.7),
     }
     for number, x in enumerate(poles_m, start=1):
-        parts[f"pole_{number}"] = Cylinder(centre_m=(x, 0.0), radius_m=0.17, bottom_m=1.6, top_m=4.2)
+        parts[f"pole_{number}"] = Solid(centre_m=(x, 0.0), radius_m=0.17, bottom_m=1.6, top_m=4.2)
     sites = {f"pole_{number}": (x, 0.17, 1.8) for number, x in enumerate(poles_m, start=1)}
     return Assembly(parts, sites | {"drive": (0.2, -0.7, 1.2)})
 
@@ -62,8 +62,8 @@ def control_building(length_m: float) -> Assembly:
     """Build a control building of one storey with a door step."""
     return Assembly(
         parts={
-            "walls": Box(footprint_m=(length_m, 4.0), top_m=3.2),
-            "step": Box(centre_m=(0.0, -2.3), footprint_m=(1.6, 0.6), top_m=0.15),
+            "walls": Solid(footprint_m=(length_m, 4.0), top_m=3.2),
+            "step": Solid(centre_m=(0.0, -2.3), footprint_m=(1.6, 0.6), top_m=0.15),
         },
         sites={},
     )
@@ -76,9 +76,9 @@ def current_transformer(length_m: float) -> Assembly:
     """
     return Assembly(
         parts={
-            "column": Box(footprint_m=(length_m, length_m), top_m=1.6),
-            "insulator": Cylinder(radius_m=0.18, bottom_m=1.6, top_m=3.0),
-            "head": Cylinder(radius_m=0.38, bottom_m=3.0, top_m=3.7),
+            "column": Solid(footprint_m=(length_m, length_m), top_m=1.6),
+            "insulator": Solid(radius_m=0.18, bottom_m=1.6, top_m=3.0),
+            "head": Solid(radius_m=0.38, bottom_m=3.0, top_m=3.7),
         },
         sites={"head": (0.0, 0.38, 3.2), "foot": (0.0, -0.18, 1.75), "terminal_box": (0.5 * length_m, 0.0, 1.2)},
     )
@@ -86,7 +86,7 @@ def current_transformer(length_m: float) -> Assembly:
 
 def fence(length_m: float) -> Assembly:
     """Build a fence of wire mesh inside the yard, around a live bay during work on others."""
-    return Assembly(parts={"mesh": Box(footprint_m=(length_m, 0.06), top_m=1.8)}, sites={})
+    return Assembly(parts={"mesh": Solid(footprint_m=(length_m, 0.06), top_m=1.8)}, sites={})
 
 
 def gis_bay(length_m: float) -> Assembly:
@@ -96,12 +96,12 @@ def gis_bay(length_m: float) -> Assembly:
     """
     half = 0.5 * length_m
     parts: dict[str, Solid] = {
-        "enclosure": Box(footprint_m=(length_m, 1.4), bottom_m=0.3, top_m=2.0),
-        "base": Box(footprint_m=(length_m, 1.2), top_m=0.3),
-        "cubicle": Box(centre_m=(-half - 0.4, 0.0), footprint_m=(0.8, 1.4), top_m=2.3),
+        "enclosure": Solid(footprint_m=(length_m, 1.4), bottom_m=0.3, top_m=2.0),
+        "base": Solid(footprint_m=(length_m, 1.2), top_m=0.3),
+        "cubicle": Solid(centre_m=(-half - 0.4, 0.0), footprint_m=(0.8, 1.4), top_m=2.3),
     }
     for number, x in enumerate((-0.3 * length_m, 0.0, 0.3 * length_m), start=1):
-        parts[f"breaker_{number}"] = Cylinder(centre_m=(x, 0.0), radius_m=0.42, bottom_m=2.0, top_m=3.1)
+        parts[f"breaker_{number}"] = Solid(centre_m=(x, 0.0), radius_m=0.42, bottom_m=2.0, top_m=3.1)
     sites = {
         "spacer_1": (-0.15 * length_m, 0.7, 1.2),
         "spacer_2": (0.15 * length_m, 0.7, 1.2),
@@ -113,7 +113,7 @@ def gis_bay(length_m: float) -> Assembly:
 
 def kerb(length_m: float) -> Assembly:
     """Build the kerb of a path: too high for the robot, as high as its lidar."""
-    return Assembly(parts={"stone": Box(footprint_m=(length_m, 0.15), top_m=0.16)}, sites={})
+    return Assembly(parts={"stone": Solid(footprint_m=(length_m, 0.15), top_m=0.16)}, sites={})
 
 
 def power_transformer(length_m: float) -> Assembly:
@@ -123,16 +123,16 @@ def power_transformer(length_m: float) -> Assembly:
     """
     half, phases_m = 0.5 * length_m, (-1.4, 0.0, 1.4)
     parts: dict[str, Solid] = {
-        "tank": Box(footprint_m=(length_m, 2.2), top_m=2.8),
-        "radiators_left": Box(centre_m=(0.0, 1.55), footprint_m=(0.8 * length_m, 0.7), bottom_m=0.5, top_m=2.4),
-        "radiators_right": Box(centre_m=(0.0, -1.55), footprint_m=(0.8 * length_m, 0.7), bottom_m=0.5, top_m=2.4),
-        "conservator": Box(centre_m=(-half + 0.4, 0.0), footprint_m=(0.8, 2.2), bottom_m=3.2, top_m=4.0),
-        "conservator_legs": Box(centre_m=(-half + 0.4, 0.0), footprint_m=(0.2, 1.4), bottom_m=2.8, top_m=3.2),
-        "tap_changer": Box(centre_m=(half + 0.3, 0.0), footprint_m=(0.6, 1.0), bottom_m=0.6, top_m=2.2),
+        "tank": Solid(footprint_m=(length_m, 2.2), top_m=2.8),
+        "radiators_left": Solid(centre_m=(0.0, 1.55), footprint_m=(0.8 * length_m, 0.7), bottom_m=0.5, top_m=2.4),
+        "radiators_right": Solid(centre_m=(0.0, -1.55), footprint_m=(0.8 * length_m, 0.7), bottom_m=0.5, top_m=2.4),
+        "conservator": Solid(centre_m=(-half + 0.4, 0.0), footprint_m=(0.8, 2.2), bottom_m=3.2, top_m=4.0),
+        "conservator_legs": Solid(centre_m=(-half + 0.4, 0.0), footprint_m=(0.2, 1.4), bottom_m=2.8, top_m=3.2),
+        "tap_changer": Solid(centre_m=(half + 0.3, 0.0), footprint_m=(0.6, 1.0), bottom_m=0.6, top_m=2.2),
     }
     for number, x in enumerate(phases_m, start=1):
-        parts[f"hv_bushing_{number}"] = Cylinder(centre_m=(x, 0.6), radius_m=0.18, bottom_m=2.8, top_m=4.4)
-        parts[f"lv_bushing_{number}"] = Cylinder(centre_m=(x, -0.7), radius_m=0.1, bottom_m=2.8, top_m=3.4)
+        parts[f"hv_bushing_{number}"] = Solid(centre_m=(x, 0.6), radius_m=0.18, bottom_m=2.8, top_m=4.4)
+        parts[f"lv_bushing_{number}"] = Solid(centre_m=(x, -0.7), radius_m=0.1, bottom_m=2.8, top_m=3.4)
     sites = {f"hv_bushing_{n}": (x, 0.6 + 0.18, 3.8) for n, x in enumerate(phases_m, start=1)}
     sites |= {"tap_changer": (half + 0.6, 0.2, 1.4), "tank_end": (-half, 0.5, 1.2)}
     return Assembly(parts, sites)
@@ -145,9 +145,9 @@ def voltage_transformer(length_m: float) -> Assembly:
     """
     return Assembly(
         parts={
-            "column": Box(footprint_m=(length_m, length_m), top_m=1.4),
-            "tank": Cylinder(radius_m=0.36, bottom_m=1.4, top_m=2.1),
-            "insulator": Cylinder(radius_m=0.16, bottom_m=2.1, top_m=3.6),
+            "column": Solid(footprint_m=(length_m, length_m), top_m=1.4),
+            "tank": Solid(radius_m=0.36, bottom_m=1.4, top_m=2.1),
+            "insulator": Solid(radius_m=0.16, bottom_m=2.1, top_m=3.6),
         },
         sites={"tank": (0.36, 0.0, 1.7), "foot": (0.0, 0.16, 2.25), "terminal_box": (-0.5 * length_m, 0.0, 1.0)},
     )

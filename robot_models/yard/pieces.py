@@ -12,7 +12,7 @@ from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
 
 from pdpatrol.robot_models.equipment import CATALOGUE, Assembly
 from pdpatrol.robot_models.yard.quantities import MOST_SITES, Coordinate, Height, Length, Name, StretchedLength, Yaw
-from pdpatrol.robot_models.yard.solids import Box, Cylinder, PlacedSolid, YardSolids
+from pdpatrol.robot_models.yard.solids import PlacedPiece, Solid, YardSolids
 
 FloatArray = NDArray[np.float64]
 
@@ -38,27 +38,26 @@ class _Equipment(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_
         raise NotImplementedError
 
     @property
-    def placed(self) -> tuple[PlacedSolid, ...]:
-        """Parts with their place in the yard."""
-        yaw_rad = np.radians(self.yaw_deg)
-        return tuple(PlacedSolid(part, self.position_m, yaw_rad) for part in self.assembly.parts.values())
+    def placed(self) -> PlacedPiece:
+        """Solids of the parts, position and yaw."""
+        return tuple(self.assembly.parts.values()), self.position_m, np.radians(self.yaw_deg)
 
     @cached_property
     def solids(self) -> YardSolids:
         """Parts, world frame."""
-        return YardSolids(self.placed)
+        return YardSolids([self.placed])
+
+    def site_on_surface(self, site: str) -> FloatArray:
+        """Return where a site lies, (3,), world frame."""
+        x, y, z = self.assembly.sites[site]
+        cos, sin = np.cos(np.radians(self.yaw_deg)), np.sin(np.radians(self.yaw_deg))
+        return np.array([self.position_m[0] + cos * x - sin * y, self.position_m[1] + sin * x + cos * y, z])
 
     def site_position(self, site: str) -> FloatArray:
         """Return where a discharge on `site` radiates, `SITE_STANDOFF_M` off the surface; (3,), world frame."""
-        x, y, z = self.assembly.sites[site]
-        cos, sin = np.cos(np.radians(self.yaw_deg)), np.sin(np.radians(self.yaw_deg))
-        on_surface = np.array([self.position_m[0] + cos * x - sin * y, self.position_m[1] + sin * x + cos * y, z])
-        step = 1e-4 * np.eye(3)
-        gradient = self._distance(on_surface + step) - self._distance(on_surface - step)
-        return on_surface + SITE_STANDOFF_M * gradient / np.linalg.norm(gradient)
-
-    def _distance(self, points_m: FloatArray) -> FloatArray:
-        return self.solids.distance(points_m).min(axis=-1)
+        on_surface, step = self.site_on_surface(site), 1e-4 * np.eye(3)
+        after, before = (self.solids.distance(on_surface + way).min(axis=-1) for way in (step, -step))
+        return on_surface + SITE_STANDOFF_M * (after - before) / np.linalg.norm(after - before)
 
 
 class _PlainEquipment(_Equipment, frozen=True):
@@ -73,19 +72,13 @@ class _PlainEquipment(_Equipment, frozen=True):
     @model_validator(mode="after")
     def _sites_lie_on_the_surface(self) -> Self:
         errors: list[str] = []
-        at_origin = YardSolids([PlacedSolid(part, (0.0, 0.0), 0.0) for part in self.assembly.parts.values()])
         for site, (x, y, z) in self.sites.items():
-            sideways = float(at_origin.horizontal_distance(np.array([x, y])).min())
-            upward = z - self.height_m if z > 0 else -z
-            on_side = abs(sideways) <= SURFACE_TOLERANCE_M and 0 < z <= self.height_m
-            on_top = abs(z - self.height_m) <= SURFACE_TOLERANCE_M and sideways <= SURFACE_TOLERANCE_M
-            if not (on_side or on_top):
-                off = f"{abs(sideways):.2f} m {'inside' if sideways < 0 else 'outside'} the outline"
-                if upward > SURFACE_TOLERANCE_M:
-                    off = f"{upward:.2f} m {'above the top' if z > 0 else 'below the ground'}"
+            off_m = float(self.solids.distance(self.site_on_surface(site)).min())
+            if z <= 0 or abs(off_m) > SURFACE_TOLERANCE_M:
+                where = f"{abs(off_m):.2f} m {'inside' if off_m < 0 else 'outside'}" if z > 0 else "below the ground"
                 errors.append(
                     f"sites.{site}: must lie on a side or on the top, to {SURFACE_TOLERANCE_M} m; "
-                    f"({x:g}, {y:g}, {z:g}) is {off} at height {z:g} m of {self.height_m:g} m"
+                    f"({x:g}, {y:g}, {z:g}) is {where}"
                 )
         if errors:
             raise ValueError("\n".join(errors))
@@ -101,7 +94,7 @@ class BoxEquipment(_PlainEquipment, frozen=True):
     @property
     def assembly(self) -> Assembly:
         """Parts and sites, in the frame of the equipment."""
-        return Assembly({"body": Box(footprint_m=self.footprint_m, top_m=self.height_m)}, self.sites)
+        return Assembly({"body": Solid(footprint_m=self.footprint_m, top_m=self.height_m)}, self.sites)
 
 
 class CylinderEquipment(_PlainEquipment, frozen=True):
@@ -113,7 +106,7 @@ class CylinderEquipment(_PlainEquipment, frozen=True):
     @property
     def assembly(self) -> Assembly:
         """Parts and sites, in the frame of the equipment."""
-        return Assembly({"body": Cylinder(radius_m=self.radius_m, top_m=self.height_m)}, self.sites)
+        return Assembly({"body": Solid(radius_m=self.radius_m, top_m=self.height_m)}, self.sites)
 
 
 class CatalogueEquipment(_Equipment, frozen=True):

@@ -11,54 +11,33 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 
-class Box(NamedTuple):
-    """A box, such as a tank, a cabinet or a wall, in the frame of its equipment: x and y as at yaw 0, z up.
+class Solid(NamedTuple):
+    """A box, or an upright cylinder, in the frame of its equipment: x and y as at yaw 0, z up.
 
     Attributes:
-        footprint_m: Length along x and y.
         top_m: Height of the top above the ground.
         bottom_m: Height of the bottom above the ground.
         centre_m: Middle of the footprint.
+        footprint_m: Length of a box along x and y; 0 for a cylinder.
+        radius_m: Radius of a cylinder; 0 for a box.
     """
 
-    footprint_m: tuple[float, float]
     top_m: float
     bottom_m: float = 0.0
     centre_m: tuple[float, float] = (0.0, 0.0)
+    footprint_m: tuple[float, float] = (0.0, 0.0)
+    radius_m: float = 0.0
 
 
-class Cylinder(NamedTuple):
-    """An upright cylinder, such as a bushing, an insulator or a pole, in the same frame.
-
-    Attributes:
-        radius_m: Radius.
-        top_m: Height of the top above the ground.
-        bottom_m: Height of the bottom above the ground.
-        centre_m: Middle of the footprint.
-    """
-
-    radius_m: float
-    top_m: float
-    bottom_m: float = 0.0
-    centre_m: tuple[float, float] = (0.0, 0.0)
-
-
-Solid = Box | Cylinder
-
-
-class PlacedSolid(NamedTuple):
-    """A solid, and position on the ground and yaw of its equipment."""
-
-    solid: Solid
-    position_m: tuple[float, float]
-    yaw_rad: float
+PlacedPiece = tuple[Sequence[Solid], tuple[float, float], float]
+"""Solids of a piece of equipment, its position on the ground, and its yaw, radians."""
 
 
 class YardSolids:
     """Many solids at once, world frame. The last axis of every result runs over the solids.
 
     Args:
-        placed: The solids.
+        pieces: Solids, position on the ground, and yaw of each piece of equipment.
 
     Attributes:
         centre_m: Middle of the footprints, shape (n_solids, 2).
@@ -67,23 +46,21 @@ class YardSolids:
         radius_m: Radius of cylinders, shape (n_solids,); 0 for boxes.
         bottom_m: Height above ground, shape (n_solids,).
         top_m: Height above ground, shape (n_solids,).
+        owner: Number of the piece of equipment, shape (n_solids,).
     """
 
-    def __init__(self, placed: Sequence[PlacedSolid]) -> None:
-        self.yaw_rad = np.array([yaw for _, _, yaw in placed], dtype=np.float64)
+    def __init__(self, pieces: Sequence[PlacedPiece]) -> None:
+        solids = [solid for parts, _, _ in pieces for solid in parts]
+        self.owner = np.repeat(np.arange(len(pieces)), [len(parts) for parts, _, _ in pieces])
+        self.yaw_rad = np.array([yaw_rad for _, _, yaw_rad in pieces], dtype=np.float64)[self.owner]
+        position_m = np.array([position_m for _, position_m, _ in pieces], dtype=np.float64).reshape(-1, 2)
         self._cos, self._sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
-        own = np.array([solid.centre_m for solid, _, _ in placed], dtype=np.float64).reshape(-1, 2)
-        turned = np.stack(
-            [self._cos * own[:, 0] - self._sin * own[:, 1], self._sin * own[:, 0] + self._cos * own[:, 1]], axis=-1
-        )
-        self.centre_m: FloatArray = np.array([at for _, at, _ in placed], dtype=np.float64).reshape(-1, 2) + turned
-        sides = [solid.footprint_m if isinstance(solid, Box) else (0.0, 0.0) for solid, _, _ in placed]
-        self.half_size_m = 0.5 * np.array(sides, dtype=np.float64).reshape(-1, 2)
-        self.radius_m = np.array(
-            [solid.radius_m if isinstance(solid, Cylinder) else 0.0 for solid, _, _ in placed], dtype=np.float64
-        )
-        self.bottom_m = np.array([solid.bottom_m for solid, _, _ in placed], dtype=np.float64)
-        self.top_m = np.array([solid.top_m for solid, _, _ in placed], dtype=np.float64)
+        columns = zip(*solids, strict=True) if solids else ((),) * 5
+        self.top_m, self.bottom_m, own, sides_m, self.radius_m = (np.array(values, float) for values in columns)
+        x, y = own.reshape(-1, 2).T
+        turned = np.stack([self._cos * x - self._sin * y, self._sin * x + self._cos * y], axis=-1)
+        self.centre_m: FloatArray = position_m[self.owner] + turned
+        self.half_size_m: FloatArray = 0.5 * sides_m.reshape(-1, 2)
 
     def take(self, chosen: NDArray[np.bool_]) -> YardSolids:
         """Return the solids that a mask (n_solids,) selects, in the same order."""

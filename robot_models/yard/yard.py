@@ -43,12 +43,7 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         for index, item in enumerate(self.equipment):
             if item.name in names[:index]:
                 errors.append(f"equipment.{index}.name: must be unique, got `{item.name}` again")
-            if not self.contains(item.position_m):
-                errors.append(
-                    f"equipment.{index}.position_m: must lie inside the yard, (0, 0) to {self.size_m}, "
-                    f"got {item.position_m}"
-                )
-            elif (across_m := self.across_fence(item)) > FENCE_TOLERANCE_M:
+            if (across_m := self.across_fence(item)) > FENCE_TOLERANCE_M:
                 errors.append(
                     f"equipment.{index}.position_m: all of `{item.name}` must lie in (0, 0) to {self.size_m}; at "
                     f"{item.position_m} it extends {across_m:.2f} m beyond the fence"
@@ -60,12 +55,12 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
     @cached_property
     def solids(self) -> YardSolids:
         """Parts of all equipment, world frame, in file order."""
-        return YardSolids([placed for item in self.equipment for placed in item.placed])
+        return YardSolids([item.placed for item in self.equipment])
 
-    @cached_property
+    @property
     def owner(self) -> NDArray[np.intp]:
         """Number of the piece of equipment of each solid, shape (n_solids,)."""
-        return np.repeat(np.arange(len(self.equipment)), [len(item.placed) for item in self.equipment]).astype(np.intp)
+        return self.solids.owner
 
     @cached_property
     def _obstacles(self) -> YardSolids:
@@ -74,8 +69,8 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
 
     def solid_columns(self) -> dict[str, NDArray[Any]]:
         """Return the arrays of all solids and the piece of equipment of each, `owner`, by the names of `YardSolids`."""
-        names = ("centre_m", "yaw_rad", "half_size_m", "radius_m", "bottom_m", "top_m")
-        return {name: getattr(self.solids, name) for name in names} | {"owner": self.owner}
+        names = ("centre_m", "yaw_rad", "half_size_m", "radius_m", "bottom_m", "top_m", "owner")
+        return {name: getattr(self.solids, name) for name in names}
 
     def across_fence(self, item: Equipment) -> float:
         """Return by how many metres a piece of equipment extends beyond the fence, on plan; negative inside."""

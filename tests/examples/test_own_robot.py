@@ -46,7 +46,7 @@ def test_readme_commands_find_the_source_sooner(tmp_path: Path) -> None:
 
 def test_errors_in_the_file_are_reported_before_the_start(tmp_path: Path) -> None:
     text = (FOLDER / "runner.xml").read_text(encoding="utf-8")
-    broken = text.replace('"left_wheel"', '"wheel"').replace('name="gyro"', 'name="compass"')
+    broken = text.replace('"left_wheel"', '"wheel"').replace('"max_speed" data="1.2"', '"max_speed" data="-1"')
     (tmp_path / "runner.xml").write_text(broken, encoding="utf-8")
     (tmp_path / "yard.toml").write_text((FOLDER / "yard.toml").read_text(encoding="utf-8"), encoding="utf-8")
     pdpatrol = str(Path(sys.executable).with_name("pdpatrol"))
@@ -55,6 +55,6 @@ def test_errors_in_the_file_are_reported_before_the_start(tmp_path: Path) -> Non
     assert done.stdout == ""
     printed = done.stderr.replace("\n", " ")
     assert "Traceback" not in printed
-    for error in ("left_wheel: no such joint", "gyro: no such sensor"):
+    for error in ("wheels: names of hinges must begin with", "max_speed: must be one number above 0, got -1"):
         assert f"yard.toml: robot.model: {tmp_path / 'runner.xml'}: {error}" in printed
     assert sorted(path.name for path in tmp_path.iterdir()) == ["runner.xml", "yard.toml"]
