@@ -28,7 +28,7 @@ from pdpatrol.missions.cli.mission_files import (
 from pdpatrol.missions.cli.process import FAILED, deferred_signals, print_error
 from pdpatrol.missions.cli.terminal import err, fail, out, output_folder, refuse
 from pdpatrol.missions.first_run import compile_at_first_run
-from pdpatrol.missions.policies.own_policy import BUILT_IN, load_maker
+from pdpatrol.missions.policies.make_policy import load_maker
 from pdpatrol.missions.report.records import Report
 from pdpatrol.missions.runner import Mission, Stopwatch
 
@@ -86,8 +86,7 @@ def run(
         if calibration is not None:
             settings["locating.calibration"] = read_calibration(calibration)
         loaded = load_scenario(scenario, settings)
-        if policy not in BUILT_IN:
-            load_maker(policy)
+        load_maker(policy)
     except InputFileError as error:
         refuse(*error.faults)
     except UserCodeError as error:

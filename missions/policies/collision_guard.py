@@ -11,21 +11,11 @@ from dirmusic import Finding
 from pdpatrol.envs.patrol_env import STEP_S, Observation
 from pdpatrol.missions.driving.lidar_stop import BEAM_RAD, free_distance, safe_command
 from pdpatrol.missions.driving.site_map import SiteMap
-from pdpatrol.missions.policies.own_policy import checked_action, status_of
-from pdpatrol.missions.policies.protocol import Action, Policy, believed_pose, time_of
+from pdpatrol.missions.policies.protocol import Action, Policy, believed_pose, checked_action, status_of, time_of
 from pdpatrol.missions.record.events import Phase
 from pdpatrol.robot_models.description.robot_description import RobotDescription
 
 FloatArray = NDArray[np.float64]
-
-SCAN_PERIOD_S = 0.5
-"""Time between searches for obstacles that the plan does not show. Assumed; each result is a new map."""
-
-MAX_SPEED_UP_MPS2 = 1.0
-"""Acceleration. Assumed; well below what the motors can do, so one wrong lidar reading moves nothing."""
-
-STUCK_M, STUCK_S = 0.2, 4.0
-"""A robot that moves less than this in this time is stuck. Assumed; more than the pose error, longer than a turn."""
 
 BACK_OFF_S = 1.5
 BACK_OFF_COMMANDS = np.array([(-0.3, 0.0), (-0.3, 0.6), (-0.3, -0.6), (0.3, 0.9), (0.3, -0.9)])
@@ -34,16 +24,12 @@ BACK_OFF_COMMANDS = np.array([(-0.3, 0.0), (-0.3, 0.6), (-0.3, -0.6), (0.3, 0.9)
 PLACE_M = 0.1
 """Resolution of remembered obstacles. Assumed; half the radius of a small robot."""
 
-MEMORY_S = 60.0
-"""Time for which a place counts as occupied after it was last seen. Assumed; long enough to drive around it."""
-
 
 class SeenObstacles:
     """Places that are occupied although the plan shows them free, with the time when each was last seen."""
 
     def __init__(self) -> None:
         self._last_seen_s: dict[tuple[int, int], float] = {}
-        self._shown: frozenset[tuple[int, int]] = frozenset()
         self._map: SiteMap | None = None
 
     def scan(self, lidar_m: NDArray[np.floating], pose: FloatArray, time_s: float, plan: SiteMap) -> None:
@@ -58,19 +44,20 @@ class SeenObstacles:
         self.add(points[plan.yard.clearance(points) > 0.2], time_s)
 
     def add(self, points_m: FloatArray, time_s: float) -> None:
-        """Remember points (n, 2), world frame, and forget places that were last seen long ago."""
-        for x, y in np.round(points_m / PLACE_M).astype(int).tolist():
-            self._last_seen_s[x, y] = time_s
-        kept = {place: seen_s for place, seen_s in self._last_seen_s.items() if time_s - seen_s < MEMORY_S}
-        self._last_seen_s = kept
+        """Remember points (n, 2), world frame; forget places that were last seen a minute ago (assumed)."""
+        seen_s = self._last_seen_s | dict.fromkeys(
+            map(tuple, np.round(points_m / PLACE_M).astype(int).tolist()), time_s
+        )
+        seen_s = {place: last_s for place, last_s in seen_s.items() if time_s - last_s < 60.0}
+        if seen_s.keys() != self._last_seen_s.keys():
+            self._map = None
+        self._last_seen_s = seen_s
 
     def on(self, plan: SiteMap) -> SiteMap:
-        """Return the plan with the remembered obstacles."""
-        places = frozenset(self._last_seen_s)
-        if self._map is None or places != self._shown:
-            occupied_m = PLACE_M * np.array(sorted(places), dtype=np.float64).reshape(-1, 2)
-            self._map = plan.with_obstacles(occupied_m) if places else plan
-            self._shown = places
+        """Return the plan with the remembered obstacles; it is the same map until they change."""
+        if self._map is None:
+            occupied_m = PLACE_M * np.array(sorted(self._last_seen_s), dtype=np.float64).reshape(-1, 2)
+            self._map = plan.with_obstacles(occupied_m) if self._last_seen_s else plan
         return self._map
 
 
@@ -96,7 +83,7 @@ class CollisionGuard:
     def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
         """Return the policy's action, slowed down where needed, or a way out."""
         pose, time_s = believed_pose(observation), time_of(observation, site_map)
-        if time_s - self._scanned_s >= SCAN_PERIOD_S:
+        if time_s - self._scanned_s >= 0.5:  # each result is a new map (assumed)
             self._seen.scan(observation["lidar"], pose, time_s, site_map)
             self._scanned_s = time_s
         has_collided = self._has_collided(float(observation["velocity"][0]), site_map.robot)
@@ -111,10 +98,11 @@ class CollisionGuard:
         return _limited(observation, site_map.robot.command_from_action(action), site_map.robot)
 
     def _is_stuck(self, pose: FloatArray, time_s: float, would_move: bool) -> bool:
-        has_moved = self._last_place_m is None or np.hypot(*(pose[:2] - self._last_place_m)) > STUCK_M
+        """Return True if the robot has moved less than the pose error in more time than a turn takes (both assumed)."""
+        has_moved = self._last_place_m is None or np.hypot(*(pose[:2] - self._last_place_m)) > 0.2
         if has_moved or not would_move:
             self._last_place_m, self._moved_s = pose[:2], time_s
-        return time_s - self._moved_s > STUCK_S
+        return time_s - self._moved_s > 4.0
 
     def _has_collided(self, speed_mps: float, robot: RobotDescription) -> bool:
         """Return True if the robot lost speed 1.5 times (assumed) as fast as brakes can.
@@ -145,9 +133,12 @@ class CollisionGuard:
 
 
 def _limited(observation: Observation, command: FloatArray, robot: RobotDescription) -> Action:
-    """Return the action for a command, m/s and rad/s, with limited acceleration and a safe speed."""
+    """Return the action for a command, m/s and rad/s, with a safe speed and an acceleration of at most 1 m/s^2.
+
+    The acceleration is assumed; it is well below what the motors can do, so one wrong lidar reading moves nothing.
+    """
     v, yaw_rate = command.tolist()
-    fastest = max(float(observation["velocity"][0]) * np.sign(v), 0.0) + MAX_SPEED_UP_MPS2 * STEP_S
+    fastest = max(float(observation["velocity"][0]) * np.sign(v), 0.0) + 1.0 * STEP_S
     return robot.action_from_command(
         safe_command(observation["lidar"], float(np.clip(v, -fastest, fastest)), yaw_rate, robot)
     )

@@ -1,25 +1,34 @@
-"""Policies by name, with the two reference policies: `random`, a lower bound, and `oracle`, which knows the truth."""
+"""Policies by name: built-in ones, with the references `random` and `oracle`, and those of users."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import copy
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from dirmusic import Finding
 from pdpatrol.envs.observation import Observation
+from pdpatrol.envs.user_code import calling, load_object
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.policies.collision_guard import CollisionGuard
-from pdpatrol.missions.policies.own_policy import OwnPolicy, load_maker
 from pdpatrol.missions.policies.patrol import Patrol
-from pdpatrol.missions.policies.protocol import Action, ReportingPolicy, time_of
+from pdpatrol.missions.policies.protocol import (
+    ACTION,
+    Action,
+    ReportingPolicy,
+    SeesTruth,
+    checked_action,
+    status_of,
+    time_of,
+)
 from pdpatrol.missions.policies.seek import Active, Seek
 from pdpatrol.missions.record.events import Phase
 
 
 class Random:
-    """Drives at random and ignores obstacles."""
+    """A lower bound: drives at random and ignores obstacles."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self.phase = Phase("random")
@@ -37,7 +46,7 @@ class Random:
 
 
 class Oracle:
-    """Given the true positions of the sources: views each from several sides and returns to the dock."""
+    """An upper bound: views each source, whose true position it is given, from several sides, and docks."""
 
     def __init__(self) -> None:
         self.phase = Phase("oracle")
@@ -74,27 +83,72 @@ class Oracle:
         return action
 
 
-def make_policy(name: str, rng: np.random.Generator) -> ReportingPolicy:
-    """Make a new policy.
+BUILT_IN: dict[str, Callable[[np.random.Generator], ReportingPolicy]] = {
+    "seek": lambda rng: CollisionGuard(Seek()),
+    "active": lambda rng: CollisionGuard(Active()),
+    "patrol": lambda rng: CollisionGuard(Patrol()),
+    "random": Random,
+    "oracle": lambda rng: Oracle(),
+}
+
+MAKER = f"{', '.join(BUILT_IN)}, or a class or function that makes a policy of a random generator: MyPolicy(rng)"
+
+
+class OwnPolicy:
+    """A user's policy that reports on itself like the built-in ones.
+
+    Args:
+        maker: Class or function that makes the policy.
+        rng: The policy's own generator.
+
+    Raises:
+        UserCodeError: If the policy cannot be made; by a call, if it raises an exception or returns no action.
+    """
+
+    def __init__(self, maker: Callable[[np.random.Generator], Any], rng: np.random.Generator) -> None:
+        self._maker = maker
+        with calling(maker, MAKER):
+            self._policy = maker(rng)
+            if not callable(self._policy):
+                raise TypeError(f"makes a {type(self._policy).__name__}, which cannot be called")
+            self.phase, self.unreachable = status_of(self._policy)
+
+    def reveal(self, truth: dict[str, Any]) -> None:
+        """Pass the truth on to a policy that accepts it."""
+        if isinstance(self._policy, SeesTruth):
+            with calling(self._maker, "reveal(truth)"):
+                self._policy.reveal(copy.deepcopy(truth))
+
+    def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
+        """Return the policy's action, checked."""
+        with calling(self._maker, ACTION):
+            action = checked_action(self._policy(observation, findings, site_map), self._policy)
+            self.phase, self.unreachable = status_of(self._policy)
+        return action
+
+
+def load_maker(name: str) -> Callable[[np.random.Generator], Any]:
+    """Return the class or function that makes a policy.
 
     Args:
         name: Name of a built-in policy, or `my_file.py:MyPolicy`, relative to the current folder, or
             `package.module:MyPolicy`.
+
+    Raises:
+        UserCodeError: If it does not exist, or loading it raises an exception.
+    """
+    return BUILT_IN[name] if name in BUILT_IN else load_object(name, ".", MAKER)
+
+
+def make_policy(name: str, rng: np.random.Generator) -> ReportingPolicy:
+    """Make a new policy.
+
+    Args:
+        name: See `load_maker`.
         rng: Generator for policies that draw.
 
     Raises:
         UserCodeError: If it is not built in and cannot be loaded or made.
     """
-    match name:
-        case "seek":
-            return CollisionGuard(Seek())
-        case "active":
-            return CollisionGuard(Active())
-        case "patrol":
-            return CollisionGuard(Patrol())
-        case "random":
-            return Random(rng)
-        case "oracle":
-            return Oracle()
-        case _:
-            return OwnPolicy(load_maker(name), rng)
+    maker = load_maker(name)
+    return maker(rng) if name in BUILT_IN else OwnPolicy(maker, rng)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -22,7 +23,7 @@ class Patrol:
         self.unreachable: tuple[int, ...] = ()
         self._next_stop = 0
         self._drive: PathFollower | None = None
-        self._leg_m: dict[int, float] = {}
+        self._legs_m: list[float] = []
 
     def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
         """Drive to the next stop; return None once the dock is reached or given up."""
@@ -55,20 +56,12 @@ class Patrol:
 
         Stops without a known path do not count.
         """
-        stops = np.array([*site_map.route.waypoints_m, site_map.route.dock_m])[self._next_stop :]
-        if not len(stops):
-            return 0.0
-        for number in range(self._next_stop, self._next_stop + len(stops) - 1):
-            if number not in self._leg_m:
-                start, end = stops[number - self._next_stop : number - self._next_stop + 2]
-                self._leg_m[number] = _finite_or_zero(site_map.reach(start).length_m[site_map.cell(end)])
-        first_m = _finite_or_zero(paths.length_m[site_map.cell(stops[0])])
-        return first_m + sum(length for number, length in self._leg_m.items() if number >= self._next_stop)
+        stops = [*site_map.route.waypoints_m, site_map.route.dock_m]
+        if not self._legs_m:
+            self._legs_m = [site_map.reach(a).length_m[site_map.cell(b)] for a, b in pairwise(stops)]
+        first_m = [paths.length_m[site_map.cell(stop)] for stop in stops[self._next_stop : self._next_stop + 1]]
+        return float(sum(leg_m for leg_m in [*first_m, *self._legs_m[self._next_stop :]] if np.isfinite(leg_m)))
 
     def resume(self) -> None:
         """Plan the path to the next stop again, after a detour."""
         self._drive = None
-
-
-def _finite_or_zero(length_m: float) -> float:
-    return float(length_m) if np.isfinite(length_m) else 0.0

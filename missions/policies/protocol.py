@@ -1,7 +1,9 @@
-"""The contract of a policy, and helpers to read an observation."""
+"""The contract of a policy, checks of what a policy returns, and helpers to read an observation."""
 
 from __future__ import annotations
 
+import operator
+import textwrap
 from collections.abc import Sequence
 from typing import Any, Protocol, runtime_checkable
 
@@ -10,10 +12,13 @@ from numpy.typing import NDArray
 
 from dirmusic import Finding
 from pdpatrol.envs.observation import Observation
+from pdpatrol.envs.user_code import UserCodeError, calling, place_of
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.record.events import Phase
 
 Action = NDArray[np.float32]
+
+ACTION = "an action of 2 finite numbers in [-1, 1], or None to end the mission"
 
 
 class Policy(Protocol):
@@ -71,6 +76,34 @@ class SeesTruth(Protocol):
     def reveal(self, truth: dict[str, Any]) -> None:
         """Store the truth of the mission: `info["truth"]` of the environment's reset, with `full_info`."""
         ...
+
+
+def checked_action(action: object, policy: object) -> Action | None:
+    """Return a copy of the action that a policy returned, shape (2,), or None.
+
+    Raises:
+        UserCodeError: If it is neither two finite numbers in [-1, 1] nor None.
+    """
+    if action is None:
+        return None
+    with calling(policy, ACTION):
+        values = np.array(action)
+    if values.shape != (2,) or values.dtype.kind not in "iuf" or not (np.abs(values) <= 1.0).all():
+        raise UserCodeError(f"{place_of(policy)}: returned {textwrap.shorten(repr(action), 80)}; expected {ACTION}")
+    return values.astype(np.float32)
+
+
+def status_of(policy: object) -> tuple[Phase, tuple[int, ...]]:
+    """Return phase and unreachable waypoints of any policy, with defaults for attributes that it does not have.
+
+    Raises:
+        UserCodeError: If they are of another kind.
+    """
+    phase, unreachable = getattr(policy, "phase", type(policy).__name__), getattr(policy, "unreachable", ())
+    with calling(policy, "a `phase` of a word or two, and numbers of waypoints in `unreachable`"):
+        if not isinstance(phase, str | Phase):
+            raise TypeError(f"its `phase` is {phase!r:.80}")
+        return phase if isinstance(phase, Phase) else Phase(phase), tuple(map(operator.index, unreachable))
 
 
 def believed_pose(observation: Observation) -> NDArray[np.float64]:

@@ -30,26 +30,11 @@ FloatArray = NDArray[np.float64]
 PATIENCE_S = 50.0
 """Time without improvement after which a candidate is set aside. Assumed; enough to drive to another side of it."""
 
-IMPROVEMENT_RATIO = 0.8
-"""A candidate has improved when its ellipse shrinks to this fraction. Assumed."""
-
-PURSUIT_LIMIT_S = 150.0
-"""Total time for one candidate before the robot keeps to its route, and again after the route. Assumed."""
-
-DEAD_END_PENALTY_S = 25.0
-"""Time charged to a candidate without a reachable viewpoint. Assumed."""
-
-REPLAN_S = 3.0
-"""Time between searches for a better viewpoint. Assumed."""
-
 SILENCE_S = 20.0
 """Time of pursuit without a detection after which a candidate is set aside until it is detected again. Assumed."""
 
 KNOWN_M = 0.5
 """Half-axis of the 95 % ellipse below which a candidate needs a new side instead of more information. Assumed."""
-
-EXPECTED_M = 0.4
-"""Expected half-axis at the end of a chosen path. Assumed; less than `KNOWN_M`, for drives differ from plans."""
 
 
 @dataclass
@@ -72,15 +57,15 @@ class Pursuit:
 
     @property
     def is_over(self) -> bool:
-        """True if more time would be wasted."""
-        return self.spent_s >= PURSUIT_LIMIT_S or self.stagnant_s >= PATIENCE_S or self.silent_s >= SILENCE_S
+        """True if more time would be wasted, or after 150 s (assumed) before and again after the route."""
+        return self.spent_s >= 150.0 or self.stagnant_s >= PATIENCE_S or self.silent_s >= SILENCE_S
 
     def spend(self, target: Finding, time_s: float) -> None:
-        """Add time, and check whether the candidate has improved."""
+        """Add time, and check whether the candidate has improved: its ellipse is a fifth smaller (assumed)."""
         self.spent_s += time_s
         self.stagnant_s += time_s
         self.silent_s += time_s
-        if target.semi_major_m < IMPROVEMENT_RATIO * self.best_m:
+        if target.semi_major_m < 0.8 * self.best_m:
             self.best_m, self.stagnant_s = target.semi_major_m, 0.0
 
     def note_detection(self, target: Finding) -> None:
@@ -111,21 +96,18 @@ class Seek:
 
     def __call__(self, observation: Observation, findings: Sequence[Finding], site_map: SiteMap) -> Action | None:
         """Drive to the best viewpoint of the current candidate, or to the next stop of the route."""
-        if not site_map.route.stops_m:
-            self.phase = Phase("listen")
-            return np.zeros(2, dtype=np.float32)
         pose, time_s = believed_pose(observation), time_of(observation, site_map)
         if self._patrol.is_homebound(site_map) and not self._has_new_time:
             self._has_new_time = True
             self._pursuits = {}
-        target = self._choose(findings, pose)
+        target = self._choose(findings, pose) if site_map.route.stops_m else None
         if target is not None:
             action = self._pursue(target, pose, time_s, site_map)
             if action is not None:
                 self.phase = Phase("seek", target.id)
                 self._pursuits[target.id].spend(target, STEP_S)
                 return action
-            self._pursuits[target.id].spend(target, DEAD_END_PENALTY_S)
+            self._pursuits[target.id].spend(target, 25.0)  # charged for a dead end (assumed)
             self._drop()
         action = self._patrol(observation, findings, site_map)
         self.phase, self.unreachable = self._patrol.phase, self._patrol.unreachable
@@ -176,7 +158,7 @@ class Seek:
             self._views_m.append(pose[:2].copy())
         drive = self._drive
         needs_another = drive is None or drive.is_over(pose, time_s) or not drive.is_planned_on(site_map)
-        if needs_another or time_s - self._planned_s >= REPLAN_S:
+        if needs_another or time_s - self._planned_s >= 3.0:  # searches for a better viewpoint (assumed)
             paths = site_map.reach(pose)
             mean_speed_mps = 0.6 * site_map.robot.max_speed_mps  # with stops and turns (assumed)
             route_s = self._patrol.remaining_m(paths, site_map) / mean_speed_mps
@@ -205,7 +187,7 @@ class Active(Seek):
         Information is summed along the whole path, except within 0.6 m of earlier places of the robot, where errors are
         the same. The path chosen before is kept while it takes at most 2 s longer (both assumed), because each change
         costs a turn. A candidate that is known well but not confirmed, and one for which no path is sufficient, is
-        viewed from a new side.
+        viewed from a new side. The expected half-axis must be less than `KNOWN_M`, because drives differ from plans.
         """
         if target.semi_major_m <= KNOWN_M:
             return super().viewpoint(target, views_m, pose, paths, site_map)
@@ -216,7 +198,7 @@ class Active(Seek):
         after_m2 = np.asarray(np.linalg.inv(np.linalg.inv(target.covariance_m2) + gained), dtype=np.float64)
         semi_major_m = np.sqrt(CHI2_95 * np.linalg.eigvalsh(after_m2[:, :2, :2])[:, 1])
         time_s = np.where(paths.length_m > MIN_PATH_M, driving_time(paths, pose, site_map), np.inf)
-        sufficient_s = np.where(semi_major_m <= EXPECTED_M, time_s, np.inf)
+        sufficient_s = np.where(semi_major_m <= 0.8 * KNOWN_M, time_s, np.inf)
         best = int(sufficient_s.argmin())
         if not np.isfinite(sufficient_s[best]):
             return super().viewpoint(target, views_m, pose, paths, site_map)

@@ -16,25 +16,12 @@ from pdpatrol.missions.driving.site_map import ShortestPaths, SiteMap
 
 FloatArray = NDArray[np.float64]
 
-VIEW_RADII_M = np.array([1.8, 2.3, 2.9, 3.5])
-VIEW_ASPECTS_RAD = np.radians(np.arange(0.0, 360.0, 15.0))
-"""Viewpoints around a candidate. Assumed; near enough to confirm it, clear of its equipment."""
-
 MAX_ELEVATION_RAD = np.radians(35.0)
 """Elevation of a candidate above which it is not viewed if the pattern is known in the horizontal plane only. Assumed;
 bearings with the computed helices are off by 4 degrees at 30 degrees of elevation, by 40 at 45."""
 
-ON_SURFACE_M, SIDESTEP_ON_SURFACE_M = 0.5, 1.5
-"""Depth of equipment around a candidate that does not hide it, at a viewpoint and at a sidestep. Assumed; an estimate
-may lie inside the surface, and a candidate that cannot be approached is located less well."""
-
-NOVELTY_RAD = np.radians(60.0)
-NOVELTY_WORTH_M = 8.0
-"""A view that adds this angle, or more, is worth a detour of this length. Assumed."""
-
-MIN_NOVELTY_RAD = np.radians(15.0)
 MIN_PATH_M = 0.5
-"""New angle and path length below which a place is not another view. Assumed."""
+"""Path length below which a place is not another view. Assumed."""
 
 
 def likely_place(target: Finding, pose: FloatArray, site_map: SiteMap) -> FloatArray:
@@ -62,6 +49,11 @@ def best_viewpoint(
 ) -> FloatArray | None:
     """Return a place near a candidate that views it from a new side over a short path, else a sidestep.
 
+    Viewpoints surround the candidate every 15 degrees at horizontal distances from 1.8 to 3.5 m, or farther if the
+    pattern is not known above `MAX_ELEVATION_RAD`: near enough to confirm it, clear of its equipment. They have at
+    least 15 degrees of new angle and line of sight, in which the last half metre does not count, because an estimate
+    may lie inside the surface. All assumed.
+
     Args:
         target_m: The candidate, shape (3,), world frame.
         views_m: Places from which it has been viewed, shape (n, 2), n at least 1.
@@ -71,39 +63,36 @@ def best_viewpoint(
     Returns:
         Shape (2,), world frame; None if no place adds an angle.
     """
-    spokes = np.stack([np.cos(VIEW_ASPECTS_RAD), np.sin(VIEW_ASPECTS_RAD)], axis=-1)
-    ring = target_m[:2] + np.multiply.outer(_view_radii(target_m, site_map), spokes).reshape(-1, 2)
+    radii_m, aspects_rad = np.array([1.8, 2.3, 2.9, 3.5]), np.radians(np.arange(0.0, 360.0, 15.0))
+    if not site_map.knows_pattern_above:
+        least_m = abs(target_m[2] - site_map.antenna_height_m) / np.tan(MAX_ELEVATION_RAD)
+        radii_m = radii_m + max(least_m - radii_m[0], 0.0)
+    spokes = np.stack([np.cos(aspects_rad), np.sin(aspects_rad)], axis=-1)
+    ring = target_m[:2] + np.multiply.outer(radii_m, spokes).reshape(-1, 2)
     ring = ring[site_map.yard.contains(ring)]
     clearance_m = site_map.robot.footprint_radius_m + 0.2  # to stop and turn there (assumed)
     ring = ring[site_map.clearance(ring) > clearance_m] if ring.size else ring
-    ring = ring[site_map.in_sight(ring, target_m, ON_SURFACE_M)] if ring.size else ring
+    ring = ring[site_map.in_sight(ring, target_m, 0.5)] if ring.size else ring
     length_m = paths.length_m[site_map.nearest_free(ring)]
     new_rad = novelty(ring, target_m, views_m)
-    cost_m = np.where((length_m > MIN_PATH_M) & (new_rad > MIN_NOVELTY_RAD), length_m - worth(new_rad), np.inf)
+    cost_m = np.where((length_m > MIN_PATH_M) & (new_rad > np.radians(15.0)), length_m - worth(new_rad), np.inf)
     if cost_m.size and np.isfinite(cost_m.min()):
         return ring[cost_m.argmin()]
     return _sidestep(target_m, views_m, paths, site_map)
-
-
-def _view_radii(target_m: FloatArray, site_map: SiteMap) -> FloatArray:
-    """Return the horizontal distances at which a candidate (3,) is viewed, metres."""
-    if site_map.knows_pattern_above:
-        return VIEW_RADII_M
-    least_m = abs(target_m[2] - site_map.antenna_height_m) / np.tan(MAX_ELEVATION_RAD)
-    return VIEW_RADII_M + max(least_m - VIEW_RADII_M[0], 0.0)
 
 
 def _sidestep(target_m: FloatArray, views_m: FloatArray, paths: ShortestPaths, site_map: SiteMap) -> FloatArray | None:
     """Return the place nearby that adds most angle, preferably with line of sight; used without a viewpoint.
 
     Paths to sidesteps are 2 to 12 m long: shorter ones change no angle, longer ones leave the candidate. A metre of
-    path costs 0.2 m, because sidesteps are far; line of sight is worth 2 m. All assumed.
+    path costs 0.2 m, because sidesteps are far; line of sight is worth 2 m, and its last 1.5 m do not count, because a
+    candidate that cannot be approached is located less well. All assumed.
     """
     near = np.flatnonzero((paths.length_m > 2.0) & (paths.length_m < 12.0))
     if near.size == 0:
         return None
     points = site_map.centres_m[near]
-    is_visible = site_map.in_sight(points, target_m, SIDESTEP_ON_SURFACE_M)
+    is_visible = site_map.in_sight(points, target_m, 1.5)
     score_m = worth(novelty(points, target_m, views_m)) - 0.2 * paths.length_m[near] + 2.0 * is_visible
     return points[score_m.argmax()]
 
@@ -117,8 +106,9 @@ def novelty(points_m: FloatArray, target_m: FloatArray, views_m: FloatArray) -> 
 
 
 def worth(new_rad: FloatArray) -> FloatArray:
-    """Return the path length that a new angle is worth, metres; it is constant beyond `NOVELTY_RAD`."""
-    return NOVELTY_WORTH_M * np.minimum(new_rad, NOVELTY_RAD) / NOVELTY_RAD
+    """Return the path length that a new angle is worth, metres: 8 m from 60 degrees on, less below (assumed)."""
+    most_rad = np.radians(60.0)
+    return 8.0 * np.minimum(new_rad, most_rad) / most_rad
 
 
 def driving_time(paths: ShortestPaths, pose: FloatArray, site_map: SiteMap) -> FloatArray:

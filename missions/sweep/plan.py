@@ -16,7 +16,7 @@ from dirmusic import InputFileError
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.scenario.suite import choose_yards, is_of_suite, load_suite
 from pdpatrol.envs.user_code import UserCodeError
-from pdpatrol.missions.policies.own_policy import BUILT_IN, load_maker
+from pdpatrol.missions.policies.make_policy import load_maker
 
 Settings = Mapping[str, Any]
 
@@ -86,7 +86,7 @@ def make_plan(
         InputFileError: With all errors, if a scenario or policy cannot be loaded, or a setting is invalid.
     """
     errors: list[str] = []
-    for policy in set(policies) - set(BUILT_IN):
+    for policy in set(policies):
         try:
             load_maker(policy)
         except UserCodeError as error:

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from pdpatrol.envs import Scenario, load_scenario
-from pdpatrol.missions.policies.make_policy import make_policy
-from pdpatrol.missions.policies.own_policy import BUILT_IN
+from pdpatrol.missions.policies.make_policy import BUILT_IN, make_policy
 from pdpatrol.missions.policies.protocol import SeesTruth
 from pdpatrol.missions.record.log_contents import described_grid
 from pdpatrol.missions.record.mission_log import TABLES, MissionLog

@@ -149,12 +149,12 @@ def test_failing_policy_ends_mission_with_complete_log(name: str, told: str, n_s
 @pytest.mark.parametrize(
     ("name", "told"),
     [
-        ("FailsAtOnce", "my.py:LINE: KeyError: 'weights'; expected a class or function that makes a policy"),
-        ("Silent", "my.py:LINE: makes an object of type Silent; expected a policy: policy(observation"),
+        ("FailsAtOnce", "my.py:LINE: KeyError: 'weights'; expected seek, active"),
+        ("Silent", "my.py:LINE: TypeError: makes a Silent, which cannot be called; expected"),
         ("TakesNothing", "my.py:LINE: TypeError: TakesNothing() takes no arguments"),
-        ("NoPhase", "my.py:LINE: its `phase` is 3; expected a word or two"),
-        ("NoNumbers", "my.py:LINE: its `unreachable` is ['waypoint 2']; expected numbers of waypoints"),
-        ("number", "my.py:number: is of type int; expected a class or function that makes a policy"),
+        ("NoPhase", "my.py:LINE: TypeError: its `phase` is 3; expected a `phase` of a word or two"),
+        ("NoNumbers", "my.py:LINE: TypeError: 'str' object cannot be interpreted as an integer; expected a `phase`"),
+        ("number", "int: TypeError: 'int' object is not callable; expected"),
         ("SpiesInVain", "my.py:LINE: RuntimeError: no; expected"),
         ("Nobody", "my.py: no `Nobody` in it; it has Still, Draws, Fails"),
     ],

@@ -54,7 +54,10 @@ def test_run_with_failing_policy_writes_all_files(tmp_path: Path) -> None:
         ("my.py:FailsAtOnce", "my.py:13: KeyError: 'weights'; "),
         ("none.py:MyPolicy", "none.py: no such file; "),
         ("broken.py:MyPolicy", "broken.py:2: SyntaxError: '(' was never closed; "),
-        ("magic", "magic: no such policy; expected seek, active, patrol, random, oracle, or my_file.py:MyPolicy"),
+        (
+            "magic",
+            "magic: must be my_file.py:Name or package.module:Name; expected seek, active, patrol, random, oracle, or",
+        ),
     ],
 )
 def test_run_with_invalid_policy_writes_nothing(policy: str, message: str, tmp_path: Path) -> None:
