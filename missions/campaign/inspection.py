@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.stats import chi2
@@ -22,12 +22,10 @@ from pdpatrol.robot_models.yard.yard import Yard
 
 FloatArray = NDArray[np.float64]
 
-GATE = float(chi2.ppf(0.999, 3))
-"""Squared Mahalanobis distance within which findings may be the same discharge: one in a thousand is split."""
-
 REPEAT_STD_M = 0.1
 """Standard deviation of each coordinate from one inspection to the next, in addition to the covariances of the
 findings. Assumed; it stands for errors of the map and for reflections that all pulses of a mission share."""
+
 
 CANDIDATE_STD_M = 1.0
 """Largest standard deviation of a candidate along any axis for it to be joined to a discharge. Assumed; a candidate
@@ -39,13 +37,13 @@ class LocatedFinding(NamedTuple):
 
     Attributes:
         id: Number of the finding in log and report.
-        is_confirmed: Whether it is confirmed; otherwise it is a candidate.
+        state: "confirmed" or "candidate".
         position_m: Position, world frame, shape (3,).
         covariance_m2: Covariance of the position, shape (3, 3).
     """
 
     id: int
-    is_confirmed: bool
+    state: str
     position_m: FloatArray
     covariance_m2: FloatArray
 
@@ -62,73 +60,74 @@ class InspectionLog:
     Attributes:
         folder: Folder of the log.
         day: Date of the inspection, such as 2026-03-02.
-        log: Log of the mission.
+        name: Name of the scenario.
+        bounds_m: South-west and north-east corner of the ground, shape (2, 2).
+        yard: Yard as the map has it; None without a map.
+        is_field_data: True for field data, which have no map and one step for each pose.
+        manifold: Manifold of the array according to its data sheet.
+        array_height_m: Height of the array above the ground.
+        pose: Pose at each step: x m, y m, yaw rad, world frame, shape (n, 3).
+        time_s: End of each step, shape (n,).
+        pulses: All pulses: `step`, `is_clipped`, `strength_v`, and for those with a bearing `std_rad` and the id
+            `finding`.
+        findings: Confirmed findings and candidates at the end.
     """
 
     folder: Path
     day: str
-    log: MissionLog
+    name: str
+    bounds_m: FloatArray
+    yard: Yard | None
+    is_field_data: bool
+    manifold: GainManifold
+    array_height_m: float
+    pose: FloatArray
+    time_s: FloatArray
+    pulses: pd.DataFrame
+    findings: list[LocatedFinding]
 
     @classmethod
-    def read(cls, folder: Path) -> InspectionLog:
-        """Read the log of a mission's folder.
+    def of(cls, folder: Path, log: MissionLog) -> InspectionLog:
+        """Take what a trend needs from a log.
 
         Raises:
-            InputFileError: If the log is missing, damaged or incomplete, or has no date.
+            ValueError: If the log is incomplete, has no date, or has damaged metadata.
         """
-        try:
-            log = MissionLog.load(folder)
-        except (ValueError, FileNotFoundError) as error:
-            raise InputFileError([str(error)]) from None
-        except OSError as error:
-            raise InputFileError([f"{folder}: cannot be read ({error.strerror})"]) from None
-        day = log.meta.get("date")
+        day, finding = log.meta.get("date"), log.table("finding")
         if not isinstance(day, str) or not is_day(day):
-            raise InputFileError([f"{folder}: must have a date; `pdpatrol run` and `locate` take --date"])
+            raise ValueError(f"{folder}: must have a date; `pdpatrol run` and `locate` take --date")
         if log.n_rows("step") == 0 or log.n_rows("bearing") != log.n_rows("association"):
-            raise InputFileError([f"{folder}: the mission is incomplete; give complete ones"])
-        inspection = cls(folder, day, log)
+            raise ValueError(f"{folder}: the mission is incomplete; give complete ones")
+        pulse, bearing = log.table("pulse"), log.table("bearing")
+        pulses = pd.DataFrame({name: pulse[name] for name in ("step", "is_clipped")})
+        pulses["strength_v"] = np.linalg.norm(pulse["strengths_v"], axis=-1)
+        columns = {"std_rad": bearing["std_rad"], "finding": log.column("association", "finding")}
+        pulses = pulses.join(pd.DataFrame(columns, index=bearing["pulse"]))
+        last = finding["step"] == finding["step"].max(initial=-1)
+        rows = np.flatnonzero(last & np.isin(finding["state"], ("confirmed", "candidate")))
         try:
-            _ = inspection.manifold, inspection.array_height_m, inspection.yard, log.meta["name"], log.meta["bounds_m"]
-        except (KeyError, TypeError, ValueError, AttributeError):
-            raise InputFileError([f"{folder}: is not the log of a mission (its metadata are damaged)"]) from None
-        return inspection
-
-    @property
-    def is_field_data(self) -> bool:
-        """True for field data, which have no map and one step for each pose."""
-        return "field_data" in self.log.meta
-
-    @cached_property
-    def yard(self) -> Yard | None:
-        """Yard as the map has it; None without a map."""
-        return known_yard(self.log)
-
-    @cached_property
-    def manifold(self) -> GainManifold:
-        """Manifold of the array according to its data sheet."""
-        return described_manifold(self.log.meta["array"])
-
-    @cached_property
-    def array_height_m(self) -> float:
-        """Height of the array above the ground."""
-        return float(np.mean(np.array(self.log.meta["array"]["positions_m"])[:, 2]))
-
-    @cached_property
-    def findings(self) -> tuple[LocatedFinding, ...]:
-        """Confirmed findings and candidates at the end."""
-        table = self.log.table("finding")
-        if table["step"].size == 0:
-            return ()
-        last = (table["step"] == table["step"][-1]) & np.isin(table["state"], ("confirmed", "candidate"))
-        columns = (table[name][last] for name in ("id", "state", "position_m", "covariance_m2"))
-        return tuple(
-            LocatedFinding(int(number), str(state) == "confirmed", position_m, covariance_m2)
-            for number, state, position_m, covariance_m2 in zip(*columns, strict=True)
-        )
+            return cls(
+                folder=folder,
+                day=day,
+                name=str(log.meta["name"]),
+                bounds_m=np.array(log.meta["bounds_m"]),
+                yard=known_yard(log),
+                is_field_data="field_data" in log.meta,
+                manifold=described_manifold(log.meta["array"]),
+                array_height_m=float(np.mean(log.meta["array"]["positions_m"], axis=0)[2]),
+                pose=log.column("step", "pose"),
+                time_s=log.column("step", "time_s"),
+                pulses=pulses,
+                findings=[
+                    LocatedFinding(*(finding[name][row] for name in ("id", "state", "position_m", "covariance_m2")))
+                    for row in rows
+                ],
+            )
+        except (KeyError, TypeError, ValueError, AttributeError, IndexError):
+            raise ValueError(f"{folder}: is not the log of a mission (its metadata are damaged)") from None
 
 
-def read_inspections(folders: Sequence[Path]) -> tuple[InspectionLog, ...]:
+def read_inspections(folders: Sequence[Path]) -> list[InspectionLog]:
     """Read the inspections of a campaign and sort them by date.
 
     Args:
@@ -137,36 +136,37 @@ def read_inspections(folders: Sequence[Path]) -> tuple[InspectionLog, ...]:
     Raises:
         InputFileError: With a line for each folder that cannot be used, is given twice, or is of another yard.
     """
-    inspections, errors = list[InspectionLog](), list[str]()
-    seen = set[Path]()
+    inspections, errors, yard = dict[Path, InspectionLog](), list[str](), None
     for folder in folders:
-        if folder.resolve() in seen:
+        if folder.resolve() in inspections:
             errors.append(f"{folder}: must be given once, got it twice")
             continue
-        seen.add(folder.resolve())
         try:
-            inspections.append(InspectionLog.read(folder))
-        except InputFileError as error:
-            errors += error.faults
-    yards = [each.log.meta.get("scenario", {}).get("yard") for each in inspections]
-    for each, yard in zip(inspections, yards, strict=True):
-        if yard != yards[0]:
-            errors.append(f"{each.folder}: must be of the yard of {inspections[0].folder}, but is of another")
+            log = MissionLog.load(folder)
+            inspections[folder.resolve()] = InspectionLog.of(folder, log)
+        except (ValueError, OSError) as error:
+            errors.append(str(error))
+            continue
+        settings = log.meta.get("scenario", {}).get("yard")
+        if len(inspections) == 1:
+            yard = settings
+        elif settings != yard:
+            errors.append(f"{folder}: must be of the yard of the first folder, but is of another")
     if errors:
         raise InputFileError(errors)
-    return tuple(sorted(inspections, key=lambda each: each.day))
+    return sorted(inspections.values(), key=lambda each: each.day)
 
 
-def mean_position(findings: Mapping[int, LocatedFinding]) -> tuple[FloatArray, FloatArray]:
+def mean_position(findings: Iterable[LocatedFinding]) -> tuple[FloatArray, FloatArray]:
     """Average positions, weighted by their covariances.
 
     Returns:
         Position, shape (3,), and its covariance, shape (3, 3).
     """
-    weights = [np.linalg.inv(finding.repeat_covariance_m2) for finding in findings.values()]
-    covariance_m2 = np.linalg.inv(np.sum(weights, axis=0))
-    weighted = [weight @ finding.position_m for weight, finding in zip(weights, findings.values(), strict=True)]
-    return covariance_m2 @ np.sum(weighted, axis=0), covariance_m2
+    positions_m, covariances_m2 = zip(*((each.position_m, each.repeat_covariance_m2) for each in findings), strict=True)
+    weights = np.linalg.inv(covariances_m2)
+    covariance_m2 = np.linalg.inv(weights.sum(axis=0))
+    return covariance_m2 @ np.einsum("nij,nj->i", weights, positions_m), covariance_m2
 
 
 def join_findings(inspections: Sequence[Sequence[LocatedFinding]]) -> list[dict[int, LocatedFinding]]:
@@ -183,22 +183,19 @@ def join_findings(inspections: Sequence[Sequence[LocatedFinding]]) -> list[dict[
         For each discharge its findings by the number of the inspection.
     """
     joined = list[dict[int, LocatedFinding]]()
-    for number, findings in enumerate(inspections):
-        confirmed = [finding for finding in findings if finding.is_confirmed]
-        matches = _match(joined, confirmed)
-        for row, finding in enumerate(confirmed):
-            if row in matches:
-                matches[row][number] = finding
-            else:
-                joined.append({number: finding})
-    for number, findings in enumerate(inspections):
-        candidates = [
-            finding
-            for finding in findings
-            if not finding.is_confirmed and np.linalg.eigvalsh(finding.covariance_m2)[-1] <= CANDIDATE_STD_M**2
-        ]
-        for row, found in _match([found for found in joined if number not in found], candidates).items():
-            found[number] = candidates[row]
+    for state, max_std_m in (("confirmed", np.inf), ("candidate", CANDIDATE_STD_M)):
+        for number, findings in enumerate(inspections):
+            chosen = [
+                each
+                for each in findings
+                if each.state == state and np.linalg.eigvalsh(each.covariance_m2)[-1] <= max_std_m**2
+            ]
+            matches = _match([found for found in joined if number not in found], chosen)
+            for row, finding in enumerate(chosen):
+                if row in matches:
+                    matches[row][number] = finding
+                elif state == "confirmed":
+                    joined.append({number: finding})
     return joined
 
 
@@ -208,9 +205,11 @@ def _match(
     """Assign findings to discharges, each at most once, with the least sum of squared distances within the gate."""
     squares = np.empty((len(findings), len(joined)))
     for column, found in enumerate(joined):
-        place_m, covariance_m2 = mean_position(found)
+        place_m, covariance_m2 = mean_position(found.values())
         for row, finding in enumerate(findings):
             off_m = finding.position_m - place_m
             squares[row, column] = off_m @ np.linalg.solve(finding.repeat_covariance_m2 + covariance_m2, off_m)
-    pairs = zip(*linear_sum_assignment(np.where(squares <= GATE, squares, 1e9)), strict=True)
-    return {int(row): joined[int(column)] for row, column in pairs if squares[row, column] <= GATE}
+    gate = chi2.ppf(0.999, 3)  # one finding in a thousand is split from its discharge
+    rows, columns = linear_sum_assignment(np.where(squares <= gate, squares, 1e9))
+    pairs = zip(rows.tolist(), columns.tolist(), strict=True)
+    return {row: joined[column] for row, column in pairs if squares[row, column] <= gate}

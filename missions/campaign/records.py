@@ -8,9 +8,6 @@ from pydantic import Field
 
 from pdpatrol.missions.report.records import Count, Length, Number, Point, ReportPart
 
-Presence = Literal["found", "absent", "not inspected"]
-Verdict = Literal["grown", "constant", "declined", "not clear", "too few dates"]
-
 
 class TrendInterval(ReportPart):
     """Estimate with its 99 % confidence interval."""
@@ -23,10 +20,8 @@ class TrendInterval(ReportPart):
 class Observation(ReportPart):
     """Discharge in one inspection."""
 
-    run: str = Field(description="folder of the mission as given")
     date: str = Field(description="date of the inspection, such as 2026-03-02")
-    week: Number = Field(description="weeks since the first inspection")
-    presence: Presence = Field(
+    presence: Literal["found", "absent", "not inspected"] = Field(
         description="absent: not found, although it would have been with the level and rate of the nearest date"
     )
     finding_id: int | None = Field(description="number of the finding in log and report of the run; null without one")
@@ -37,7 +32,6 @@ class Observation(ReportPart):
     )
     rate_hz: TrendInterval | None = Field(description="pulses per second; null for field data")
     n_pulses: Count = Field(description="number of pulses used for level and rate")
-    n_looks: Count = Field(description="number of squares of the ground, 1 m wide, from which they were received")
 
 
 class LinearTrend(ReportPart):
@@ -52,29 +46,26 @@ class TrackedDischarge(ReportPart):
     """One discharge over all inspections."""
 
     number: int = Field(description="number from 1, in the order of growth")
-    site: str = Field(description="most probable site, in words; empty without a map")
+    site: str = Field(description="most probable site, in words; the position without a map")
     position_m: Point = Field(description="x, y, z, world frame, metres")
     semi_major_m: Length = Field(description="longer half-axis of its 95 % ellipse, metres")
     status: Literal["new", "standing", "gone"] = Field(
         description="new: absent before it was found; gone: absent when it was last inspected"
     )
-    verdict: Verdict = Field(description="change of the level, by the 99 % interval of its slope")
+    verdict: Literal["grown", "constant", "declined", "not clear", "too few dates"] = Field(
+        description="change of the level, by the 99 % interval of its slope"
+    )
     level: LinearTrend | None = Field(description="decibels over one volt at 1 m; null with fewer than three dates")
     rate: LinearTrend | None = Field(
         description="natural logarithm of pulses per second; null with fewer than three dates"
     )
     observations: tuple[Observation, ...] = Field(description="one for each inspection, by date")
 
-    @property
-    def last_known(self) -> Observation | None:
-        """Last inspection with a level."""
-        return next((each for each in reversed(self.observations) if each.level_db is not None), None)
-
 
 class Trend(ReportPart):
     """Content of trend.json."""
 
-    schema_number: Literal[1] = Field(default=1, alias="schema", description="number of this schema")
+    schema_number: Literal[2] = Field(default=2, alias="schema", description="number of this schema")
     scenario: str = Field(description="name of the yard")
     dates: tuple[str, ...] = Field(description="dates of the inspections, ascending")
     runs: tuple[str, ...] = Field(description="folders of the inspections, in the same order")

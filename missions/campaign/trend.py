@@ -2,38 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, cast
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.stats import norm, t
-from statsmodels.regression.linear_model import WLS
 
 from dirmusic.angles import aperture
 from dirmusic.locating.finding import ellipse95
 from dirmusic.locating.rules import LocatingRules
 from pdpatrol.envs.scenario.base import weeks_between
 from pdpatrol.missions.campaign.inspection import InspectionLog, LocatedFinding, join_findings, mean_position
-from pdpatrol.missions.campaign.records import (
-    LinearTrend,
-    Observation,
-    TrackedDischarge,
-    Trend,
-    TrendInterval,
-    Verdict,
-)
-from pdpatrol.missions.campaign.source_level import NEAR_M, SourceLevel, floor_v, source_level, steps_near
+from pdpatrol.missions.campaign.records import LinearTrend, Observation, TrackedDischarge, Trend, TrendInterval
+from pdpatrol.missions.campaign.source_level import SourceLevel, floor_db, source_level, steps_near
 from pdpatrol.missions.record.which_site import in_words, site_probabilities
 
 FloatArray = NDArray[np.float64]
 
-CONFIDENCE = 0.99
-"""Confidence of intervals: with many sites and campaigns, one false alarm in twenty would be too many."""
-
-MIN_DATES = 3
-"""Smallest number of dates for a line with an interval."""
+UPPER_QUANTILE = 0.995
+"""Upper end of 99 % intervals: with many sites and campaigns, one false alarm in twenty would be too many."""
 
 MIN_EXPECTED_PULSES = 50.0
 """Number of pulses that a discharge must have sent to places where they are detected for its site to count as
@@ -49,12 +39,11 @@ def make_trend(inspections: Sequence[InspectionLog]) -> Trend:
     Args:
         inspections: At least one inspection, by date, all of one yard.
     """
-    weeks = np.array([weeks_between(inspections[0].day, each.day) for each in inspections])
-    floor = min(floor_v(each) for each in inspections)
+    weakest_db = min(floor_db(each) for each in inspections)
     joined = join_findings([each.findings for each in inspections])
-    discharges = sorted((_discharge(found, inspections, weeks, floor) for found in joined), key=_urgency)
+    discharges = sorted((_discharge(found, inspections, weakest_db) for found in joined), key=_urgency)
     return Trend(
-        scenario=str(inspections[0].log.meta["name"]),
+        scenario=inspections[0].name,
         dates=tuple(each.day for each in inspections),
         runs=tuple(str(each.folder) for each in inspections),
         discharges=tuple(each.model_copy(update={"number": k}) for k, each in enumerate(discharges, start=1)),
@@ -68,92 +57,80 @@ def _urgency(discharge: TrackedDischarge) -> tuple[bool, float]:
 
 
 def _discharge(
-    found: Mapping[int, LocatedFinding], inspections: Sequence[InspectionLog], weeks: FloatArray, floor: float
+    found: Mapping[int, LocatedFinding], inspections: Sequence[InspectionLog], weakest_db: float
 ) -> TrackedDischarge:
-    position_m, covariance_m2 = mean_position(found)
-    levels = {k: source_level(inspections[k], found[k]) for k in sorted(found)}
-    known = {k: level for k, level in levels.items() if level is not None}
-    observations: list[Observation] = []
+    """Describe a discharge by its findings in some of the inspections.
+
+    Args:
+        found: Findings by the number of the inspection.
+        inspections: All inspections.
+        weakest_db: Strength above which some inspection detected all pulses, dB over 1 V.
+    """
+    position_m, covariance_m2 = mean_position(found.values())
+    levels = {k: level for k in sorted(found) if (level := source_level(inspections[k], found[k])) is not None}
+    z = float(norm.ppf(UPPER_QUANTILE))
+    observations = list[Observation]()
     for k, inspection in enumerate(inspections):
-        is_absent = False
-        if k not in found and known and np.isfinite(floor):
-            nearest = known[min(known, key=lambda other: abs(other - k))]
-            is_absent = _would_be_found(nearest, inspection, position_m, floor)
-        observations.append(_observation(inspection, float(weeks[k]), found.get(k), levels.get(k), is_absent))
-    level_db, level_std_db, rate_hz, log_rate_std = np.array([level[:4] for level in known.values()]).reshape(-1, 4).T
-    at = weeks[list(known)]
-    level = fit_line(at, level_db, level_std_db)
+        finding, level, presence = found.get(k), levels.get(k), "found"
+        if finding is None:
+            nearest = min(levels, key=lambda other, k=k: abs(other - k), default=None)
+            is_absent = nearest is not None and _would_be_found(levels[nearest], inspection, position_m, weakest_db)
+            presence = "absent" if is_absent else "not inspected"
+        observations.append(
+            Observation(
+                date=inspection.day,
+                presence=presence,
+                finding_id=finding.id if finding else None,
+                is_confirmed=finding is not None and finding.state == "confirmed",
+                level_db=level and _interval(level.level_db, z * level.level_std_db),
+                rate_hz=None
+                if level is None or inspection.is_field_data
+                else _interval(level.log_rate, z * level.log_rate_std, math.exp),
+                n_pulses=level.n_pulses if level else 0,
+            )
+        )
+    week = np.array([weeks_between(inspections[0].day, inspections[k].day) for k in levels])
+    level_db, level_std_db, log_rate, log_rate_std, _ = np.array(list(levels.values())).reshape(-1, 5).T
+    level_line, verdict = fit_line(week, level_db, level_std_db), "too few dates"
+    if level_line is not None:
+        lower, upper = level_line.per_week.lower, level_line.per_week.upper
+        is_constant = max(-lower, upper) <= MAX_CHANGE_DB_PER_WEEK
+        verdict = "grown" if lower > 0 else "declined" if upper < 0 else "constant" if is_constant else "not clear"
     presences = [each.presence for each in observations if each.presence != "not inspected"]
-    yard = inspections[0].yard
     x, y, z = position_m.tolist()
+    yard = inspections[0].yard
     return TrackedDischarge(
         number=1,
-        site="" if yard is None else in_words(site_probabilities(yard, position_m, covariance_m2)),
+        site=in_words(site_probabilities(yard, position_m, covariance_m2)) if yard else f"{x:.1f}, {y:.1f}, {z:.1f} m",
         position_m=(x, y, z),
         semi_major_m=ellipse95(covariance_m2[:2, :2]).semi_major_m,
         status="gone" if presences[-1] == "absent" else "new" if presences[0] == "absent" else "standing",
-        verdict=_verdict(level),
-        level=level,
-        rate=None if inspections[0].is_field_data else fit_line(at, np.log(rate_hz), log_rate_std),
+        verdict=verdict,
+        level=level_line,
+        rate=None if inspections[0].is_field_data else fit_line(week, log_rate, log_rate_std),
         observations=tuple(observations),
     )
 
 
-def _would_be_found(level: SourceLevel, inspection: InspectionLog, position_m: FloatArray, floor: float) -> bool:
+def _would_be_found(level: SourceLevel, inspection: InspectionLog, position_m: FloatArray, weakest_db: float) -> bool:
     """Return whether an inspection would have found a discharge of a given level and rate.
 
     This takes enough detected pulses from nearby, with lines of sight that spread as wide as confirmation requires.
     Field data cannot show it, because they contain only what triggered.
     """
-    if inspection.is_field_data:
-        return False
-    near = steps_near(inspection, position_m)
-    away_m = inspection.log.column("step", "pose")[near.step, :2] - position_m[:2]
-    is_near = np.linalg.norm(away_m, axis=-1) <= NEAR_M
-    is_detected = is_near & (level.level_db - near.loss_db >= 20 * np.log10(floor))
-    if level.rate_hz * near.duration_s[is_detected].sum() < MIN_EXPECTED_PULSES:
-        return False
-    aspect_rad = np.arctan2(away_m[is_detected, 1], away_m[is_detected, 0])
-    return bool(aperture(aspect_rad) >= LocatingRules().confirm_aperture_rad)
-
-
-def _observation(
-    inspection: InspectionLog, week: float, finding: LocatedFinding | None, level: SourceLevel | None, is_absent: bool
-) -> Observation:
-    z = float(norm.ppf(0.5 + 0.5 * CONFIDENCE))
-    level_db = rate_hz = None
-    if level:
-        level_db = _interval(level.level_db, z * level.level_std_db)
-        if not inspection.is_field_data:
-            ratio = float(np.exp(min(z * level.log_rate_std, 20.0)))
-            rate_hz = TrendInterval(value=level.rate_hz, lower=level.rate_hz / ratio, upper=level.rate_hz * ratio)
-    return Observation(
-        run=str(inspection.folder),
-        date=inspection.day,
-        week=week,
-        presence="found" if finding else "absent" if is_absent else "not inspected",
-        finding_id=finding.id if finding else None,
-        is_confirmed=finding is not None and finding.is_confirmed,
-        level_db=level_db,
-        rate_hz=rate_hz,
-        n_pulses=level.n_pulses if level else 0,
-        n_looks=level.n_looks if level else 0,
+    near: Any = steps_near(inspection, position_m)
+    detecting = near[level.level_db - near["loss_db"] >= weakest_db]
+    is_enough = math.exp(level.log_rate) * detecting["duration_s"].sum() >= MIN_EXPECTED_PULSES
+    return bool(
+        not inspection.is_field_data
+        and is_enough
+        and aperture(detecting["aspect_rad"]) >= LocatingRules().confirm_aperture_rad
     )
 
 
-def _interval(value: float, half_width: float) -> TrendInterval:
-    return TrendInterval(value=value, lower=value - half_width, upper=value + half_width)
-
-
-def _verdict(level: LinearTrend | None) -> Verdict:
-    if level is None:
-        return "too few dates"
-    slope = level.per_week
-    if slope.lower > 0.0:
-        return "grown"
-    if slope.upper < 0.0:
-        return "declined"
-    return "constant" if max(-slope.lower, slope.upper) <= MAX_CHANGE_DB_PER_WEEK else "not clear"
+def _interval(value: float, half_width: float, scale: Callable[[float], float] = float) -> TrendInterval:
+    """Make a symmetric interval, and convert its value and ends."""
+    return TrendInterval(value=scale(value), lower=scale(value - half_width), upper=scale(value + half_width))
 
 
 def fit_line(week: FloatArray, value: FloatArray, std: FloatArray) -> LinearTrend | None:
@@ -173,22 +150,20 @@ def fit_line(week: FloatArray, value: FloatArray, std: FloatArray) -> LinearTren
         std: Standard deviations of the values, > 0, shape (n,).
 
     Returns:
-        The line with the interval of its slope; None for fewer than `MIN_DATES` different times.
+        The line with the interval of its slope; None for fewer than three different times.
     """
-    if np.unique(week).size < MIN_DATES:
+    if np.unique(week).size < 3:
         return None
-    design, n_free = np.column_stack([np.ones(week.size), week]), week.size - 2
-
-    def fit_with(scatter2: float) -> Any:  # noqa: ANN401 - statsmodels wraps its results dynamically
-        return WLS(value, design, weights=cast("Any", 1.0 / (std**2 + scatter2))).fit()
+    n_free = week.size - 2
 
     def excess(scatter2: float) -> float:
-        return float(np.square(fit_with(scatter2).wresid).sum()) - n_free
+        weight = 1.0 / np.sqrt(std**2 + scatter2)
+        line = np.polyfit(week, value, 1, w=weight)
+        return float(np.square(weight * (value - np.polyval(line, week))).sum()) - n_free
 
     largest = max(float(np.ptp(value)) ** 2, 1e-12) * week.size
     scatter2 = float(brentq(excess, 0.0, largest)) if excess(0.0) > 0.0 else 0.0  # pyright: ignore[reportArgumentType]
-    fit = fit_with(scatter2)
-    slope_std = float(np.sqrt(fit.normalized_cov_params[1, 1]))
-    half_width = float(t.ppf(0.5 + 0.5 * CONFIDENCE, n_free)) * slope_std
-    at_start, slope = fit.params.tolist()
+    line, covariance = np.polyfit(week, value, 1, w=1.0 / np.sqrt(std**2 + scatter2), cov="unscaled")
+    half_width = float(t.ppf(UPPER_QUANTILE, n_free) * np.sqrt(covariance[0, 0]))
+    slope, at_start = line.tolist()
     return LinearTrend(per_week=_interval(slope, half_width), at_start=at_start, scatter=float(np.sqrt(scatter2)))

@@ -58,9 +58,7 @@ def reproduce(
         for exhibit in exhibits:
             if not exhibit.rows:
                 continue
-            table = Table("", title=exhibit.title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
-            for name in COLUMNS:
-                table.add_column(name, justify="right")
+            table = Table("", *COLUMNS, title=exhibit.title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
             for row in exhibit.rows:
                 table.add_row(*cells(row))
             out.print(table, *exhibit.notes, "", sep="\n")

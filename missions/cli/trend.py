@@ -6,11 +6,13 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
 
 from dirmusic import InputFileError
 from pdpatrol.missions.atomic_file import write_text
 from pdpatrol.missions.campaign.inspection import read_inspections
-from pdpatrol.missions.campaign.page import trend_page, trend_table
+from pdpatrol.missions.campaign.page import HEADINGS, summary_row, trend_page
 from pdpatrol.missions.campaign.trend import make_trend
 from pdpatrol.missions.cli.terminal import err, out, output_folder, print_written, refuse
 from pdpatrol.missions.report.records import report_text
@@ -42,19 +44,18 @@ def trend(
         refuse(*error.faults)
     if inspections[0].day == inspections[-1].day:
         refuse(f"RUN: inspections of at least two dates must be given, got all of {inspections[0].day}")
-    if out_dir is None:
-        found = make_trend(inspections)
-    else:
+    found = make_trend(inspections)
+    if out_dir is not None:
         with output_folder(out_dir, "") as folder:
-            found = make_trend(inspections)
             write_text(folder / "trend.json", report_text(found))
             write_text(folder / "trend.html", trend_page(found, inspections))
     if json_output:
         out.print(report_text(found), end="", soft_wrap=True)
         return
-    if found.discharges:
-        out.print(trend_table(found))
-    else:
-        out.print(f"No discharge found in {len(run)} inspections, {found.dates[0]} to {found.dates[-1]}.")
+    title = f"{found.scenario}: {len(run)} inspections, {found.dates[0]} to {found.dates[-1]}, 99 % intervals"
+    table = Table(*HEADINGS, title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for discharge in found.discharges:
+        table.add_row(*(text.replace("/", "/\n") for text in summary_row(discharge)))
+    out.print(table if found.discharges else f"{title}: no discharge found")
     if out_dir is not None:
         print_written(out_dir, "trend.json", "trend.html")

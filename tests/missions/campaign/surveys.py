@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from dirmusic import GainManifold
-from pdpatrol.missions.campaign.inspection import InspectionLog, LocatedFinding
+from pdpatrol.missions.campaign.inspection import InspectionLog
 from pdpatrol.missions.record.mission_log import MissionLog
 from tests.missions.steps import append_step
 
@@ -20,6 +21,10 @@ NOISE_V = 1e-3
 
 STD_RAD = np.radians(12.0) * 5.0
 """Standard deviation of a bearing, times the strength over the noise."""
+
+
+DAYS = ("2026-03-02", "2026-03-09", "2026-03-16", "2026-03-23", "2026-03-30", "2026-04-06")
+PLACE = (10.0, 10.0, 1.6)
 
 
 class SurveyedSource(NamedTuple):
@@ -40,10 +45,14 @@ def along(start_m: tuple[float, float], end_m: tuple[float, float], speed_mps: f
     return np.column_stack([path_m, np.full(n, heading)])
 
 
+PAST = along((6.0, 7.0), (14.0, 7.0))
+"""Drive past `PLACE`."""
+
+
 def survey(
     poses: np.ndarray,
     *sources: SurveyedSource,
-    day: str | None = "2026-03-02",
+    day: str | None = DAYS[0],
     trigger_v: float = 5.0 * NOISE_V,
     seed: int = 0,
     name: str = "survey",
@@ -93,11 +102,14 @@ def survey(
     return log
 
 
-def inspection(log: MissionLog) -> InspectionLog:
-    """Return an inspection without a file."""
-    return InspectionLog(Path(f"runs/{log.meta['date']}"), str(log.meta["date"]), log)
+def inspections(logs: Iterable[MissionLog]) -> list[InspectionLog]:
+    """Return inspections without files."""
+    return [InspectionLog.of(Path(f"runs/{log.meta['date']}"), log) for log in logs]
 
 
-def located(place_m: tuple[float, float, float], std_m: float = 0.1, *, is_confirmed: bool = True) -> LocatedFinding:
-    """Return a finding at a place."""
-    return LocatedFinding(1, is_confirmed, np.array(place_m), std_m**2 * np.eye(3))
+def growing(name: str = "survey") -> list[MissionLog]:
+    """Return surveys of four weeks that pass a discharge, which grows by 3 dB a week."""
+    return [
+        survey(PAST, SurveyedSource(PLACE, -20.0 + 3.0 * k, 2.0), day=day, seed=k, name=name)
+        for k, day in enumerate(DAYS[:4])
+    ]

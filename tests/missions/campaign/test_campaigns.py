@@ -30,7 +30,7 @@ def campaign(number: int, *changes: dict[str, Any]) -> Trend:
             "campaign.date": (FIRST + timedelta(weeks=week)).isoformat(),
         }
         log = run_mission(load_scenario("two_sources", settings), "seek", 1000 * number + week)
-        inspections.append(InspectionLog(Path(f"week_{week}"), log.meta["date"], log))
+        inspections.append(InspectionLog.of(Path(f"week_{week}"), log))
     return make_trend(inspections)
 
 

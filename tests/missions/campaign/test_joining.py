@@ -1,39 +1,39 @@
 """Findings of several dates are joined if they are the same discharge."""
 
 import numpy as np
+import pytest
 
-from pdpatrol.missions.campaign.inspection import join_findings, mean_position
-from tests.missions.campaign.surveys import located
+from pdpatrol.missions.campaign.inspection import LocatedFinding, join_findings, mean_position
 
 WEST, EAST = (10.0, 10.0, 1.6), (12.0, 10.0, 1.6)
+
+
+def located(place_m: tuple[float, ...], std_m: float = 0.1, state: str = "confirmed") -> LocatedFinding:
+    return LocatedFinding(1, state, np.array(place_m), std_m**2 * np.eye(3))
 
 
 def test_discharges_two_metres_apart_stay_separate_over_six_dates() -> None:
     rng, places = np.random.default_rng(0), np.array([WEST, EAST])
     dates = [[located(tuple(place)) for place in rng.permutation(rng.normal(places, 0.1))] for _ in range(6)]
     joined = join_findings(dates)
-    assert len(joined) == 2
-    for found in joined:
-        assert len(found) == 6
-        assert np.ptp([finding.position_m[0] for finding in found.values()]) < 1.0
-        assert min(np.linalg.norm(mean_position(found)[0] - place) for place in places) < 0.15
+    assert [len(found) for found in joined] == [6, 6]
+    means = sorted(mean_position(found.values())[0].tolist() for found in joined)
+    np.testing.assert_allclose(means, places, atol=0.15)
 
 
-def test_discharge_has_one_finding_in_each_inspection() -> None:
-    first, second = join_findings([[located(WEST)], [located(WEST), located((10.2, 10.0, 1.6))]])
-    assert sorted((len(first), len(second))) == [1, 2]
-    np.testing.assert_array_equal(first[1].position_m, WEST)
-
-
-def test_distant_finding_is_another_discharge_unless_it_is_uncertain() -> None:
-    assert len(join_findings([[located(WEST, 0.1)], [located(EAST, 0.1)]])) == 2
-    assert len(join_findings([[located(WEST, 0.1)], [located(EAST, 1.0)]])) == 1
-    assert join_findings([[], []]) == []
-
-
-def test_candidate_joins_a_discharge_and_makes_none() -> None:
-    candidates = located(WEST, is_confirmed=False), located(EAST, 0.2, is_confirmed=False)
-    (joined,) = join_findings([[candidates[0]], [located(WEST)], [candidates[1]]])
-    assert sorted(joined) == [0, 1]
-    (alone,) = join_findings([[located(WEST)], [located(WEST, 5.0, is_confirmed=False)]])
-    assert sorted(alone) == [0]  # compatible with any discharge nearby
+@pytest.mark.parametrize(
+    ("dates", "joined"),
+    [
+        ([[], []], []),
+        ([[located(WEST)], [located((10.2, 10.0, 1.6)), located(WEST)]], [[0, 1], [1]]),
+        ([[located(WEST)], [located(EAST)]], [[0], [1]]),
+        ([[located(WEST)], [located(EAST, 1.0)]], [[0, 1]]),
+        ([[located(WEST, state="candidate")], [located(WEST)], [located(EAST, 0.2, "candidate")]], [[0, 1]]),
+        ([[located(WEST)], [located(WEST, 5.0, "candidate")]], [[0]]),  # compatible with any discharge nearby
+    ],
+    ids=["none", "one of each date", "distant", "uncertain", "candidate", "uncertain candidate"],
+)
+def test_findings_of_one_discharge_are_joined(dates: list[list[LocatedFinding]], joined: list[list[int]]) -> None:
+    found = join_findings(dates)
+    assert [sorted(each) for each in found] == joined
+    assert all(each[1].position_m[0] == 10.0 for each in found[:1] if len(each) == 2 and len(dates[1]) == 2)

@@ -5,25 +5,19 @@ from pathlib import Path
 
 import pytest
 
-from tests.missions.campaign.surveys import SurveyedSource, along, survey
+from tests.missions.campaign.surveys import DAYS, growing
 from tests.missions.field.surveys import EXAMPLE
 from tests.processes import pdpatrol, refusal
 
 pytestmark = pytest.mark.whole
 
-DAYS = ("2026-03-02", "2026-03-09", "2026-03-16", "2026-03-23")
-
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Return four weeks of a growing discharge, in folders with markup in their names."""
-    folders = list[Path]()
-    for k, day in enumerate(DAYS):
-        folder = tmp_path_factory.mktemp("runs") / f"Prüfung {k} [bold]"
-        folder.mkdir()
-        growing = SurveyedSource((10.0, 10.0, 1.6), -20.0 + 3.0 * k, 2.0)
-        survey(along((6.0, 7.0), (14.0, 7.0)), growing, day=day, seed=k).save(folder)
-        folders.append(folder)
+    folders = [tmp_path_factory.mktemp("Prüfung [bold]") for _ in DAYS[:4]]
+    for folder, log in zip(folders, growing(), strict=True):
+        log.save(folder)
     return folders
 
 
@@ -35,17 +29,16 @@ def test_table_fits_80_columns_and_files_are_written_once(runs: list[Path], tmp_
     table, _, _ = done.stdout.partition("Written to")
     assert max(map(len, table.splitlines())) <= 80
     written = json.loads((tmp_path / "out" / "trend.json").read_text("utf-8"))
-    assert written["dates"] == list(DAYS)
+    assert written["dates"] == list(DAYS[:4])
     assert written["discharges"][0]["verdict"] == "grown"
-    again = pdpatrol("trend", *runs, "--out", "out", cwd=tmp_path)
-    (line,) = refusal(again)
+    (line,) = refusal(pdpatrol("trend", *runs, "--out", "out", cwd=tmp_path))
     assert "must be a new or empty folder" in line
 
 
 def test_unusable_folders_are_refused_in_one_line(runs: list[Path], tmp_path: Path) -> None:
     one_date = tmp_path / "one_date"
     one_date.mkdir()
-    survey(along((6.0, 7.0), (14.0, 7.0)), day=DAYS[0]).save(one_date)
+    growing()[0].save(one_date)
     for words, message in (
         ([runs[0], one_date], "inspections of at least two dates must be given"),
         (runs[:1], "RUN: at least two folders must be given, got 1"),
