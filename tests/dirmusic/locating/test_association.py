@@ -11,22 +11,24 @@ from dirmusic.locating.association import Assigner, Unassociated, may_share_phas
 from dirmusic.locating.finding import Finding, State
 from dirmusic.locating.locator import rows_of_candidate
 from dirmusic.locating.plane_wave import bearing_error_table
-from dirmusic.locating.protocol import LineOfSight
-from dirmusic.locating.pulse_record import PulseRecord, PulsesAtPose
+from dirmusic.locating.pulse_record import PulsesAtPose
 from dirmusic.locating.rules import AssignmentRules, LocatingRules
 from dirmusic.pulses.batch import PulseBatch
-from tests.dirmusic.locating.scenes import (
+from tests.dirmusic.scenes import (
     LEVEL_DB,
-    POSE_ERROR,
+    NO_ERRORS,
     RING,
     SMALL_ARRAY,
+    detected,
     make_finding,
+    owners,
     pulses_from,
+    record_of,
+    uniform_sight,
     with_bearings,
 )
 
 FloatArray = NDArray[np.float64]
-NO_ERRORS = bearing_error_table(RING, ElementErrors.none(6))
 UNASSIGNED, AMBIGUOUS, BIASED, DIFFRACTED, ECHO = Unassociated
 
 
@@ -34,19 +36,17 @@ def finding(x: float, y: float, state: State = "confirmed", number: int = 1) -> 
     return make_finding(id=number, state=state, position_m=np.array([x, y, 0.0]), confirmed_s=0.0)
 
 
+def strengths_at(range_m: float, excess_db: float = 0.0) -> float:
+    """Return the strength of a pulse `excess_db` above `LEVEL_DB` at a range."""
+    return 10 ** ((LEVEL_DB + excess_db) / 20) / range_m
+
+
 def assigned(
     findings: list[Finding], *, bearing_deg: float, excess_db: float = 0.0, range_m: float = 8.0, in_sight: bool = True
 ) -> int:
     """Return the finding of pulses at the origin, `excess_db` above `LEVEL_DB` at a range."""
-
-    def the_map(points: np.ndarray, target: np.ndarray, ignore_m: float) -> np.ndarray:
-        return np.full(len(points), float(in_sight))
-
-    sight: LineOfSight = the_map
-    record = PulseRecord(SMALL_ARRAY, POSE_ERROR, sight, AssignmentRules())
-    azimuth = np.full(5, np.radians(bearing_deg))
-    record.extend([PulsesAtPose(0.0, np.zeros(3), pulses_from(azimuth, 10 ** ((LEVEL_DB + excess_db) / 20) / range_m))])
-    owner = Assigner(record, AssignmentRules()).assign(findings, NO_ERRORS).finding
+    pulses = pulses_from(np.full(5, np.radians(bearing_deg)), strengths_at(range_m, excess_db))
+    owner = owners(record_of((0.0, np.zeros(3), pulses), sight=uniform_sight(float(in_sight))), findings)
     assert (owner == owner[0]).all()
     return int(owner[0])
 
@@ -94,26 +94,22 @@ def test_strong_pulse_next_to_a_finding_is_biased() -> None:
     assert assigned([finding(8.0, 0.0)], bearing_deg=15.0, excess_db=-8.0) == UNASSIGNED
 
 
-def test_biased_pulses_are_no_more_than_those_missing() -> None:
-    def owners_past_it(n_own: int) -> np.ndarray:
-        """Assign 40 pulses a window past a finding that is detected `n_own` times instead of 40."""
-        record = PulseRecord(SMALL_ARRAY, POSE_ERROR, None, AssignmentRules())
-        strength_v = 10 ** (LEVEL_DB / 20) / 8.0
-        for window in range(12):
-            past = 40 if window >= 6 else 0
-            azimuth = np.repeat([0.0, np.radians(15.0)], [n_own if past else 40, past])
-            record.extend([PulsesAtPose(5.0 * window + 1.0, np.zeros(3), pulses_from(azimuth, strength_v))])
-        owner = Assigner(record, AssignmentRules()).assign([finding(8.0, 0.0)], NO_ERRORS).finding
-        return owner[record.pulses.azimuth_rad > 0.1]
-
-    assert (owners_past_it(0) == BIASED).all()
-    assert (owners_past_it(40) == UNASSIGNED).all()
+@pytest.mark.parametrize(("n_own", "code"), [(0, BIASED), (40, UNASSIGNED)])
+def test_biased_pulses_are_no_more_than_those_missing(n_own: int, code: Unassociated) -> None:
+    """40 pulses a window point past a finding that is detected `n_own` times instead of 40."""
+    detections = []
+    for window in range(12):
+        past = 40 if window >= 6 else 0
+        azimuth = np.repeat([0.0, np.radians(15.0)], [n_own if past else 40, past])
+        detections.append((5.0 * window + 1.0, np.zeros(3), pulses_from(azimuth, strengths_at(8.0))))
+    record = record_of(*detections)
+    assert (owners(record, [finding(8.0, 0.0)])[record.pulses.azimuth_rad > 0.1] == code).all()
 
 
 def test_assignment_in_steps_equals_assignment_at_once() -> None:
     rng = np.random.default_rng(11)
     findings = [finding(8.0, 0.0), finding(-3.0, 6.0, number=2), finding(4.0, 4.0, "candidate", number=3)]
-    record = PulseRecord(SMALL_ARRAY, POSE_ERROR, None, AssignmentRules())
+    record = record_of()
     bit_by_bit = Assigner(record, AssignmentRules())
     for step in range(200):
         pose = np.array([0.02 * step, 0.01 * step, 0.03 * step])
@@ -132,9 +128,7 @@ def test_assignment_in_steps_equals_assignment_at_once() -> None:
 
 
 def test_changed_finding_or_array_changes_assignment() -> None:
-    pulses = pulses_from(np.full(5, 0.0), 10 ** (LEVEL_DB / 20) / 8.0)
-    record = PulseRecord(SMALL_ARRAY, POSE_ERROR, None, AssignmentRules())
-    record.extend([PulsesAtPose(0.0, np.zeros(3), pulses)])
+    record = record_of((0.0, np.zeros(3), pulses_from(np.zeros(5), strengths_at(8.0))))
     assigner = Assigner(record, AssignmentRules())
     assert (assigner.assign([finding(8.0, 0.0)], NO_ERRORS).finding == 0).all()
     assert (assigner.assign([finding(0.0, 8.0)], NO_ERRORS).finding == UNASSIGNED).all()
@@ -147,11 +141,10 @@ HIGH_M = 4.0
 
 
 def bearings_from_above(azimuth: np.ndarray, elevation_rad: float) -> PulseBatch:
-    """Loud pulses from one elevation, with the bearings that are taken of them in the plane."""
+    """Make strong pulses from one elevation, with the bearings that are taken of them in the plane."""
     off = azimuth[:, np.newaxis] - RING.boresights_rad
     strengths = RING.response_in_space(off, np.full((azimuth.size, 1), elevation_rad)).gain
-    pulses = PulseBatch.detected(np.zeros(azimuth.size), strengths, np.full(strengths.shape, 1e-8))
-    return with_bearings(pulses, SMALL_ARRAY)
+    return with_bearings(detected(strengths, 1e-4), SMALL_ARRAY)
 
 
 @pytest.mark.parametrize("elevation_deg", [10.0, 30.0, 45.0, 60.0, 70.0])
@@ -162,41 +155,33 @@ def test_bearings_off_the_plane_belong_to_the_finding_above(
         azimuth, elevation = np.radians([float(azimuth_deg)]), np.radians(elevation_deg)
         place = HIGH_M / np.tan(elevation) * np.array([np.cos(azimuth[0]), np.sin(azimuth[0])])
         above = replace(finding(*place), position_m=np.array([*place, HIGH_M]), level_db=np.nan, state="candidate")
-        record = PulseRecord(SMALL_ARRAY, POSE_ERROR, None, AssignmentRules())
-        record.extend([PulsesAtPose(0.0, np.zeros(3), bearings_from_above(azimuth, elevation))])
-        assert Assigner(record, AssignmentRules()).assign([above], NO_ERRORS).finding.tolist() == [0]
+        record = record_of((0.0, np.zeros(3), bearings_from_above(azimuth, elevation)))
+        assert owners(record, [above]).tolist() == [0]
 
 
 def test_pulse_from_above_initiates_only_the_first_candidate() -> None:
     azimuth = np.zeros(20)
-    record = PulseRecord(SMALL_ARRAY, POSE_ERROR, None, AssignmentRules())
     from_above = bearings_from_above(azimuth, np.radians(60.0))._replace(azimuth_rad=azimuth)
-    record.extend([PulsesAtPose(0.0, np.zeros(3), from_above)])
-    level_with_it = replace(finding(8.0, 0.0, "candidate"), level_db=np.nan)
-    owner = Assigner(record, AssignmentRules()).assign([level_with_it], NO_ERRORS).finding
+    record = record_of((0.0, np.zeros(3), from_above))
+    owner = owners(record, [replace(finding(8.0, 0.0, "candidate"), level_db=np.nan)])
     assert (owner == UNASSIGNED).all()
     unassigned = owner == UNASSIGNED
     for is_first in (False, True):
         rows = rows_of_candidate(record, unassigned, NO_ERRORS, LocatingRules(), 0.0, is_first=is_first)
         assert rows.size == (20 if is_first else 0)
-    level = PulseRecord(SMALL_ARRAY, POSE_ERROR, None, AssignmentRules())
-    level.extend([PulsesAtPose(0.0, np.zeros(3), bearings_from_above(azimuth, 0.0))])
+    level = record_of((0.0, np.zeros(3), bearings_from_above(azimuth, 0.0)))
     assert rows_of_candidate(level, unassigned, NO_ERRORS, LocatingRules(), 0.0, is_first=False).size == 20
 
 
 @pytest.mark.parametrize("is_detected", [True, False])
 def test_multipath_is_limited_by_missing_direct_pulses(is_detected: bool) -> None:
-    wall_share = 10 ** (-6.0 / 20)
-
-    def behind_a_wall(points: np.ndarray, target: np.ndarray, ignore_m: float) -> np.ndarray:
-        return np.full(len(points), wall_share)
-
-    record = PulseRecord(SMALL_ARRAY, POSE_ERROR, behind_a_wall, AssignmentRules())
+    wall_db, detections = -6.0, []
     for second in range(40):
         bearings = [0.0] if second < 20 else [0.0, 0.5 * np.pi] if is_detected else [0.5 * np.pi]
-        pulses = pulses_from(np.repeat(bearings, 20), wall_share * 10 ** (LEVEL_DB / 20) / 8.0)
-        record.extend([PulsesAtPose(float(second), np.zeros(3), pulses)])
-    owner = Assigner(record, AssignmentRules()).assign([finding(8.0, 0.0)], NO_ERRORS).finding
+        pulses = pulses_from(np.repeat(bearings, 20), strengths_at(8.0, wall_db))
+        detections.append((float(second), np.zeros(3), pulses))
+    record = record_of(*detections, sight=uniform_sight(10 ** (wall_db / 20)))
+    owner = owners(record, [finding(8.0, 0.0)])
     assert (owner[record.pulses.azimuth_rad > 1.0] == (UNASSIGNED if is_detected else ECHO)).all()
 
 
@@ -238,18 +223,15 @@ def test_mains_phase_separates_aligned_findings(kind: str) -> None:
     """Two findings that are first seen from the side, and then aligned; other phases separate nothing."""
     rng = np.random.default_rng(0)
     findings = [finding(8.0, 0.0), finding(11.0, 0.0, number=2)]
-    record = PulseRecord(SMALL_ARRAY, POSE_ERROR, None, AssignmentRules())
+    detections = []
     for k, at_deg in enumerate((270.0, 150.0)):
         phase_rad = corona(rng, N_SURE, at_deg) if kind == "corona" else phases_of(kind, rng, N_SURE)
         pose = np.array([9.5, -4.0, 0.0])
         sight_m = findings[k].position_m[:2] - pose[:2]
-        azimuth = np.full(N_SURE, np.arctan2(sight_m[1], sight_m[0]))
-        strength_v = 10 ** (LEVEL_DB / 20) / np.hypot(*sight_m)
-        pulses = pulses_from(azimuth, strength_v)._replace(mains_phase_rad=phase_rad)
-        record.extend([PulsesAtPose(10.0 * k, pose, pulses)])
-    aligned = pulses_from(np.zeros(100), 10 ** (LEVEL_DB / 20) / 9.5)
-    record.extend([PulsesAtPose(20.0, np.zeros(3), aligned._replace(mains_phase_rad=phases_of(kind, rng, 100)))])
-    owner = Assigner(record, AssignmentRules()).assign(findings, NO_ERRORS).finding
+        pulses = pulses_from(np.full(N_SURE, np.arctan2(sight_m[1], sight_m[0])), strengths_at(np.hypot(*sight_m)))
+        detections.append((10.0 * k, pose, pulses._replace(mains_phase_rad=phase_rad)))
+    aligned = pulses_from(np.zeros(100), strengths_at(9.5))._replace(mains_phase_rad=phases_of(kind, rng, 100))
+    owner = owners(record_of(*detections, (20.0, np.zeros(3), aligned)), findings)
     assert (owner[:N_SURE] == 0).all()
     assert (owner[N_SURE:-100] == 1).all()
     last = owner[-100:]
@@ -266,13 +248,12 @@ def test_multipath_has_the_phase_of_its_source(at_deg: float, code: Unassociated
         return (points_m[:, 1] < -2.0).astype(np.float64)
 
     rng = np.random.default_rng(2)
-    record = PulseRecord(SMALL_ARRAY, POSE_ERROR, only_from_the_south, AssignmentRules())
-    before = pulses_from(np.full(N_SURE, np.pi / 2), 10 ** (LEVEL_DB / 20) / 8.0)
+    before = pulses_from(np.full(N_SURE, np.pi / 2), strengths_at(8.0))
     before = before._replace(mains_phase_rad=corona(rng, N_SURE, 270.0))
-    record.extend([PulsesAtPose(0.0, np.array([8.0, -8.0, 0.0]), before)])
-    later = pulses_from(np.full(20, np.radians(60.0)), 10 ** (LEVEL_DB / 20) / 8.0)
-    record.extend([PulsesAtPose(20.0, np.zeros(3), later._replace(mains_phase_rad=corona(rng, 20, at_deg)))])
-    owner = Assigner(record, AssignmentRules()).assign([finding(8.0, 0.0)], NO_ERRORS).finding
+    later = pulses_from(np.full(20, np.radians(60.0)), strengths_at(8.0))
+    later = later._replace(mains_phase_rad=corona(rng, 20, at_deg))
+    detections = (0.0, [8.0, -8.0, 0.0], before), (20.0, np.zeros(3), later)
+    owner = owners(record_of(*detections, sight=only_from_the_south), [finding(8.0, 0.0)])
     assert (owner[:N_SURE] == 0).all()
     assert (owner[N_SURE:] == code).all()
 

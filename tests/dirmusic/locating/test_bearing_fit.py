@@ -10,7 +10,7 @@ from dirmusic.angles import wrap
 from dirmusic.array.bounds import manifold_error, manifold_error_covariance, manifold_error_std
 from dirmusic.locating.bearing_fit import locate_by_bearings
 from dirmusic.locating.finding import ellipse95, is_inside95
-from tests.dirmusic.locating.scenes import ARRAY, NO_POSE_ERROR, POSE_ERROR, RING, SPREAD, drawn_errors
+from tests.dirmusic.scenes import ARRAY, NO_POSE_ERROR, POSE_ERROR, RING, SPREAD, drawn_errors
 
 SOURCE_M = np.array([20.0, 15.0])
 STEP_S = 0.25

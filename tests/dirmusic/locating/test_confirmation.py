@@ -5,15 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dirmusic.array.element_errors import ElementErrors
 from dirmusic.locating.association import Assigner
 from dirmusic.locating.confirmation import disagreement, updated_state
 from dirmusic.locating.finding import Finding
-from dirmusic.locating.plane_wave import bearing_error_table
-from dirmusic.locating.protocol import LineOfSight
 from dirmusic.locating.pulse_record import PulseRecord, PulsesAtPose
 from dirmusic.locating.rules import LocatingRules
-from tests.dirmusic.locating.scenes import ARRAY, LEVEL_DB, POSE_ERROR, RING, SMALL_ARRAY, make_finding, pulses_from
+from tests.dirmusic.scenes import (
+    ARRAY,
+    LEVEL_DB,
+    NO_ERRORS,
+    POSE_ERROR,
+    SMALL_ARRAY,
+    make_finding,
+    pulses_from,
+    record_of,
+    uniform_sight,
+)
 
 RULES = LocatingRules()
 WEAK_DB = -RULES.assignment.obstruction_db - 5.0
@@ -21,21 +28,11 @@ FAR_M, NEAR_M = 10.0, 4.0
 CANDIDATE = make_finding(covariance_m2=0.05 * np.eye(3), n_bearings=20, nearest_m=FAR_M)
 
 
-def everything_in_sight(points: np.ndarray, target: np.ndarray, ignore_m: float) -> np.ndarray:
-    """Return the transmission of the map of an empty yard."""
-    return np.ones(len(points))
-
-
-def nothing_in_sight(points: np.ndarray, target: np.ndarray, ignore_m: float) -> np.ndarray:
-    """Return the transmission of a map that hides the finding from everywhere."""
-    return np.zeros(len(points))
-
-
 class Listening:
     """Pulses, one a second, detected from the west of a finding at the origin."""
 
-    def __init__(self, the_map: LineOfSight = everything_in_sight) -> None:
-        self.record = PulseRecord(SMALL_ARRAY, POSE_ERROR, the_map, RULES.assignment)
+    def __init__(self, transmission: float = 1.0) -> None:
+        self.record = PulseRecord(SMALL_ARRAY, POSE_ERROR, uniform_sight(transmission), RULES.assignment)
         self.time_s = 0.0
 
     def detect(self, n_seconds: int, range_m: float, excess_db: float = 0.0, bearing_deg: float = 0.0) -> None:
@@ -47,9 +44,8 @@ class Listening:
 
     def judged(self, finding: Finding = CANDIDATE) -> Finding:
         """Return the finding with its state by all pulses."""
-        errors = bearing_error_table(RING, ElementErrors.none(6))
-        assignment = Assigner(self.record, RULES.assignment).assign([finding], errors)
-        return updated_state(finding, 0, assignment, self.record, errors, RULES, None, self.time_s)
+        assignment = Assigner(self.record, RULES.assignment).assign([finding], NO_ERRORS)
+        return updated_state(finding, 0, assignment, self.record, NO_ERRORS, RULES, None, self.time_s)
 
 
 @pytest.mark.parametrize(("excess_db", "bearing_deg", "state"), [(WEAK_DB, 0.0, "candidate"), (0.0, 90.0, "ghost")])
@@ -70,7 +66,7 @@ def test_candidate_level_follows_the_majority_of_pulses(n_weak: int, excess_db: 
 
 
 def test_detected_finding_stays_confirmed_out_of_sight() -> None:
-    listening = Listening(nothing_in_sight)
+    listening = Listening(0.0)
     listening.detect(40, NEAR_M)
     assert listening.judged(replace(CANDIDATE, state="confirmed")).state == "confirmed"
 
@@ -81,16 +77,15 @@ NOISE_RAD = np.radians(7.0)
 def disagreement_of(wandering_rad: float, seed: int, n_pulses: int = 15) -> float:
     """Return the disagreement of weak pulses from forty places, with another bearing error at each place."""
     rng = np.random.default_rng(seed)
-    record = PulseRecord(replace(ARRAY, positions_m=np.zeros((6, 3))), POSE_ERROR, None, RULES.assignment)
+    detections = []
     for k, angle in enumerate(np.linspace(0.0, 5.0, 40)):
         place, yaw = 5.0 * np.array([np.cos(angle), np.sin(angle)]), rng.uniform(-np.pi, np.pi)
         off = rng.normal(0.0, wandering_rad) + rng.normal(0.0, NOISE_RAD, n_pulses)
         azimuth = np.mod(angle + np.pi - yaw + off + np.pi, 2 * np.pi) - np.pi
         pulses = pulses_from(azimuth, 1.0)._replace(std_rad=np.full(n_pulses, NOISE_RAD))
-        record.extend([PulsesAtPose(float(k), np.array([*place, yaw]), pulses)])
-    return disagreement(
-        record, np.arange(record.pulses.n_pulses), CANDIDATE, bearing_error_table(RING, ElementErrors.none(6))
-    )
+        detections.append((float(k), [*place, yaw], pulses))
+    record = record_of(*detections, array=replace(ARRAY, positions_m=np.zeros((6, 3))))
+    return disagreement(record, np.arange(record.pulses.n_pulses), CANDIDATE, NO_ERRORS)
 
 
 def test_disagreement_of_a_source_is_one() -> None:

@@ -7,13 +7,12 @@ from dirmusic import ESTIMATORS, BearingEstimator, PulseBatch
 from dirmusic.bearing.maximum_likelihood import maximum_likelihood
 from dirmusic.locating.plane_wave import MethodDeviation, is_credible
 from dirmusic.locating.rules import CredibilityRules
-from tests.dirmusic.locating.scenes import ARRAY, RING, with_bearings
+from tests.dirmusic.scenes import ARRAY, RING, detected, with_bearings
 
 
 def pulses_of(strengths: np.ndarray, estimator: BearingEstimator = maximum_likelihood) -> PulseBatch:
     """Make pulses of strengths (n, 6) in noise of 1 mV with their directions."""
-    pulses = PulseBatch.detected(np.zeros(len(strengths)), strengths, np.full(strengths.shape, 1e-6))
-    return with_bearings(pulses, ARRAY, estimator)
+    return with_bearings(detected(strengths, 1e-3), ARRAY, estimator)
 
 
 def credible(pulses: PulseBatch, estimator: BearingEstimator = maximum_likelihood) -> list[bool]:

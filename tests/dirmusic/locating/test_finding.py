@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.stats import chi2
 
 from dirmusic.locating.finding import CHI2_95, ellipse95, is_inside95, outline95, reaches95
-from tests.dirmusic.locating.scenes import make_finding
+from tests.dirmusic.scenes import make_finding
 
 
 @pytest.mark.parametrize(

@@ -5,13 +5,13 @@ import pytest
 
 from dirmusic import Locator, PulseBatch
 from dirmusic.locating.protocol import LineOfSight
-from tests.dirmusic.locating.scenes import ARRAY, NO_POSE_ERROR, RING, RING_M, with_bearings
+from tests.dirmusic.scenes import ARRAY, NO_POSE_ERROR, RING, RING_M, detected, uniform_sight, with_bearings
 
 NOISE_V = 1e-3
 TANK_TOP_M = 2.0
 
 
-def hear(pose: np.ndarray, source_m: np.ndarray, gains: np.ndarray, rng: np.random.Generator) -> PulseBatch:
+def pulses_of(pose: np.ndarray, source_m: np.ndarray, gains: np.ndarray, rng: np.random.Generator) -> PulseBatch:
     """Make two pulses of a source in space, in an array with gain errors."""
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     elements_m = RING_M @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]]) + [*pose[:2], 0.0]
@@ -20,7 +20,7 @@ def hear(pose: np.ndarray, source_m: np.ndarray, gains: np.ndarray, rng: np.rand
     off = np.arctan2(sight[:, 1], sight[:, 0]) - pose[2] - RING.boresights_rad
     gain = gains * RING.response_in_space(off, np.arctan2(sight[:, 2], plan_m)).gain
     strengths = np.abs(0.8 / range_m * gain + rng.normal(0.0, NOISE_V, (2, 6)))
-    return with_bearings(PulseBatch.detected(np.zeros(2), strengths, np.full((2, 6), NOISE_V**2)))
+    return with_bearings(detected(strengths, NOISE_V))
 
 
 def drive_round(source_m: np.ndarray, seed: int, sight: LineOfSight | None = None, radius_m: float = 3.0) -> Locator:
@@ -31,7 +31,7 @@ def drive_round(source_m: np.ndarray, seed: int, sight: LineOfSight | None = Non
     for k, angle in enumerate(start + np.linspace(0.0, np.radians(130.0), 200)):
         place = source_m[:2] + radius_m * np.array([np.cos(angle), np.sin(angle)])
         pose = np.array([*place, angle + 0.5 * np.pi + 0.7 * np.sin(0.1 * k)])
-        locator.update(0.1 * k, pose, hear(pose, source_m, gains, rng))
+        locator.update(0.1 * k, pose, pulses_of(pose, source_m, gains, rng))
     return locator
 
 
@@ -65,10 +65,6 @@ def test_source_on_a_tank_is_confirmed_but_not_inside() -> None:
     assert all(finding.state != "confirmed" for finding in inside)
 
 
-def everything_in_sight(places_m: np.ndarray, target_m: np.ndarray, within_m: float) -> np.ndarray:
-    return np.ones(len(places_m))
-
-
 def test_candidate_without_signal_nearby_is_a_ghost() -> None:
     states = [listen_in_silence(np.array([distance_m, 0.0, 0.0])).findings[0].state for distance_m in (3.0, 15.0)]
     assert states == ["ghost", "candidate"]
@@ -78,7 +74,7 @@ def test_silent_ghost_that_is_detected_again_keeps_its_id() -> None:
     locator, rng, pose = listen_in_silence(np.array([3.0, 0.0, 0.0])), np.random.default_rng(1), np.array([13.0, 10, 0])
     (ghost,) = locator.findings
     for k in range(20):
-        locator.update(30.0 + 0.1 * k, pose, hear(pose, np.array([10.0, 10.0, 1.5]), np.ones(6), rng))
+        locator.update(30.0 + 0.1 * k, pose, pulses_of(pose, np.array([10.0, 10.0, 1.5]), np.ones(6), rng))
     (finding,) = locator.findings
     assert (ghost.state, finding.state, finding.id) == ("ghost", "confirmed", ghost.id)
 
@@ -86,10 +82,10 @@ def test_silent_ghost_that_is_detected_again_keeps_its_id() -> None:
 def listen_in_silence(from_m: np.ndarray) -> Locator:
     """Detect a candidate from one side for a while, and then nothing from near by or far away."""
     rng, source_m = np.random.default_rng(0), np.array([10.0, 10.0, 1.5])
-    locator = Locator(ARRAY, NO_POSE_ERROR, sight=everything_in_sight)
+    locator = Locator(ARRAY, NO_POSE_ERROR, sight=uniform_sight(1.0))
     for k in range(60):
         pose = np.array([7.0, 9.0 + 0.02 * k, 0.0])
-        locator.update(0.1 * k, pose, hear(pose, source_m, np.ones(6), rng))
+        locator.update(0.1 * k, pose, pulses_of(pose, source_m, np.ones(6), rng))
     assert locator.findings[0].state == "candidate"
     for k in range(60, 300):
         locator.update(0.1 * k, np.array([10.0, 10.0, 0.0]) + from_m, PulseBatch.none(6))

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dirmusic import ArrayModel, ElementSpread, GainManifold, PulseBatch
+from dirmusic import ArrayModel, ElementSpread, GainManifold
 from dirmusic.array.pattern import as_boresights
 from dirmusic.locating.joint_fit import ROBUST_SCALE, JointProblem, locate_jointly
 from dirmusic.locating.joint_kernels import N_HARMONICS, N_TERMS, FitData, NominalArray, Priors, evaluate, linearise
-from tests.dirmusic.locating.scenes import NO_POSE_ERROR, RING, RING_M, SPREAD
+from tests.dirmusic.scenes import NO_POSE_ERROR, RING, RING_M, SPREAD, detected
 
 FloatArray = NDArray[np.float64]
 
@@ -25,8 +25,7 @@ def area_m2(times: int, unexplained: float) -> float:
     strengths = RING.gain(bearing - pose[:, 2]).T
     strengths /= np.linalg.norm(strengths, axis=-1, keepdims=True)
     rows = np.repeat(np.arange(13), times)
-    variance = np.full((rows.size, 6), 1e-10 if unexplained else 1e-6)
-    pulses = PulseBatch.detected(10.0 * rows.astype(np.float64), strengths[rows], variance)
+    pulses = detected(strengths[rows], 1e-5 if unexplained else 1e-3, 10.0 * rows)
     fix = locate_jointly(pulses, pose[rows], np.zeros_like(rows), np.array([[0.3, 4.8, 1.5]]), array, NO_POSE_ERROR)
     return float(np.sqrt(np.linalg.det(fix.covariances_m2[0, :2, :2])))
 
@@ -128,8 +127,7 @@ def test_two_sources_and_array_errors_are_estimated() -> None:
     array = ArrayModel(manifold=TILTED, positions_m=RING_M, spread=replace(SPREAD, offset=0.02))
     truth = STATE.copy()
     truth[2], truth[5], truth[24:] = 2.1, 1.4, 0.0  # heights as they are believed to be, and the pattern
-    strengths = modelled(truth, np.ones((40, 6)))
-    pulses = PulseBatch.detected(10.0 * np.arange(40.0), strengths, np.full((40, 6), 1e-8))
+    pulses = detected(modelled(truth, np.ones((40, 6))), 1e-4, 10.0 * np.arange(40))
     start_m = truth[:6].reshape(2, 3) + np.array([[1.5, -1.0, 0.3], [-1.0, 2.0, -0.3]])
     fix = locate_jointly(pulses, POSE, SOURCE, start_m, array, NO_POSE_ERROR)
     miss_m = fix.positions_m - truth[:6].reshape(2, 3)
@@ -142,7 +140,7 @@ def test_two_sources_and_array_errors_are_estimated() -> None:
 def test_second_solve_equals_a_fresh_one() -> None:
     """No state of a solve outlives it: an earlier one does not stop a later one early."""
     array = ArrayModel(manifold=TILTED, positions_m=RING_M, spread=replace(SPREAD, offset=0.02, pattern=0.1))
-    pulses = PulseBatch.detected(10.0 * np.arange(40.0), modelled(STATE, np.ones((40, 6))), np.full((40, 6), 1e-4))
+    pulses = detected(modelled(STATE, np.ones((40, 6))), 1e-2, 10.0 * np.arange(40))
 
     def problem() -> JointProblem:
         return JointProblem(pulses, POSE, SOURCE, STATE[:6].reshape(2, 3), array, NO_POSE_ERROR)

@@ -7,28 +7,19 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from dirmusic import (
-    ArrayModel,
-    ElementErrors,
-    ElementSpread,
-    Finding,
-    Locator,
-    PulseBatch,
-    strength_variance,
-)
+from dirmusic import Finding, Locator, PulseBatch, strength_variance
 from dirmusic.locating.finding import State, is_inside95
 from dirmusic.locating.locator import merge_findings
 from dirmusic.locating.plane_wave import is_credible
 from dirmusic.locating.protocol import LineOfSight
 from dirmusic.locating.rules import CredibilityRules, LocatingRules
-from tests.dirmusic.locating.scenes import (
+from tests.dirmusic.scenes import (
     ARRAY,
     NO_POSE_ERROR,
     RING,
-    RING_M,
-    SPREAD,
     drawn_errors,
     make_finding,
+    received,
     with_bearings,
 )
 
@@ -37,59 +28,30 @@ NOISE_V = 1e-3
 
 def make_locator(
     fence_m: tuple[float, float] | None = (40.0, 30.0),
-    spread: ElementSpread = SPREAD,
     rules: LocatingRules | None = None,
-    positions_m: np.ndarray = RING_M,
     sight: LineOfSight | None = None,
 ) -> Locator:
-    array = ArrayModel(manifold=RING, positions_m=positions_m, spread=spread)
-    return Locator(array, NO_POSE_ERROR, fence_m=fence_m, rules=rules, sight=sight)
+    return Locator(ARRAY, NO_POSE_ERROR, fence_m=fence_m, rules=rules, sight=sight)
 
 
-def pulses_of(strengths: np.ndarray) -> PulseBatch:
-    """Make pulses of strengths (n, 6) with their likeliest directions."""
+def update(locator: Locator, time_s: float, pose: np.ndarray, strengths: np.ndarray) -> tuple[Finding, ...]:
+    """Give a Locator the credible ones of pulses of strengths (n, 6), with their likeliest directions."""
     variance = strength_variance(strengths, NOISE_V**2, 60)
-    return with_bearings(PulseBatch.detected(np.zeros(len(strengths)), strengths, variance))
-
-
-def credible(pulses: PulseBatch) -> np.ndarray:
-    return is_credible(pulses, ARRAY, np.zeros(pulses.n_pulses), CredibilityRules())
-
-
-def update(locator: Locator, time_s: float, pose: np.ndarray, pulses: PulseBatch) -> tuple[Finding, ...]:
-    """Give a Locator the credible ones of some pulses."""
-    return locator.update(time_s, pose, pulses.take(credible(pulses)))
+    pulses = with_bearings(PulseBatch.detected(np.zeros(len(strengths)), strengths, variance))
+    credible = is_credible(pulses, ARRAY, np.zeros(pulses.n_pulses), CredibilityRules())
+    return locator.update(time_s, pose, pulses.take(credible))
 
 
 def listen_along(
-    path: np.ndarray,
-    sources: Sequence[ArrayLike],
-    seed: int,
-    locator: Locator | None = None,
-    half_width: float | None = None,
+    path: np.ndarray, sources: Sequence[ArrayLike], seed: int, locator: Locator | None = None
 ) -> tuple[Locator, list[tuple[Finding, ...]]]:
-    """Add two pulses of each source at each step, by a far-field model of a real array, with noise.
-
-    The array has errors of gain and pointing; with a half width, uniform additions to the gains instead.
-    """
+    """Add two pulses of each source at each step, received by an array with errors."""
     rng = np.random.default_rng(seed)
-    errors = drawn_errors(rng)
-    if half_width is not None:
-        errors = replace(ElementErrors.none(6), offset=rng.uniform(-half_width, half_width, 6))
-    real = errors.correct(RING)
+    real = drawn_errors(rng).correct(RING)
     locator = locator or make_locator()
-    history = []
     heading = np.gradient(path, axis=0)
-    yaw = np.arctan2(heading[:, 1], heading[:, 0])
-    for k, (place, turn) in enumerate(zip(path, yaw, strict=True)):
-        strengths = []
-        for source in sources:
-            sight = np.asarray(source) - place
-            gain = real.gain(np.arctan2(sight[1], sight[0]) - turn)
-            strengths += [np.abs(0.8 / np.hypot(*sight) * gain + rng.normal(0, NOISE_V, 6)) for _ in range(2)]
-        a = np.array(strengths).reshape(-1, 6)
-        history.append(update(locator, 0.1 * k, np.array([*place, turn]), pulses_of(a)))
-    return locator, history
+    poses = np.column_stack([path, np.arctan2(heading[:, 1], heading[:, 0])])
+    return locator, [update(locator, 0.1 * k, pose, received(pose, sources, real, rng)) for k, pose in enumerate(poses)]
 
 
 def around(centre: ArrayLike, radius_m: float, from_deg: float, to_deg: float, n: int = 250) -> np.ndarray:
@@ -109,28 +71,6 @@ def test_ellipse_covers_the_source_despite_array_errors() -> None:
         assert finding.state == "confirmed"
     assert np.median(errors) < 0.08
     assert inside >= 17  # of 20, for 95 %; fewer has a probability of 2 %
-
-
-def test_offsets_are_estimated_if_the_spread_has_them() -> None:
-    source, half_width = np.array([20.0, 15.0]), 0.06
-    spreads = {"known": ElementSpread(offset=half_width / np.sqrt(3)), "unknown": SPREAD}
-    errors: dict[str, list[float]] = {name: [] for name in spreads}
-    inside = 0
-    for seed in range(5):
-        beside = source + np.array([5.0, 0.0])  # so that every element receives it from every side
-        path = around(beside, 3.5, 10 * seed, 10 * seed + 350, 120)
-        for name, spread in spreads.items():
-            locator, _ = listen_along(
-                path, [source], seed, make_locator(spread=spread, positions_m=RING_M * [0.0, 0.0, 1.0]), half_width
-            )
-            finding = min(locator.findings, key=lambda f: float(np.linalg.norm(f.position_m[:2] - source)))
-            miss = finding.position_m[:2] - source
-            errors[name].append(float(np.linalg.norm(miss)))
-            if name == "known":
-                inside += is_inside95(miss, finding.covariance_m2[:2, :2])
-    assert np.median(errors["known"]) < 0.012
-    assert np.median(errors["unknown"]) > 0.02
-    assert inside >= 4
 
 
 def test_scattered_pulses_initiate_only_by_crossing() -> None:
@@ -177,7 +117,7 @@ def test_noise_initiates_no_candidate() -> None:
     for k in range(600):  # ten a second: a hundred times the assumed false-alarm rate
         strengths = np.sqrt(np.maximum(rng.normal(0, np.sqrt(120), (1, 6)), 0)) * NOISE_V
         strengths[0, rng.integers(6)] = 7.3 * NOISE_V
-        update(locator, 0.1 * k, np.zeros(3), pulses_of(strengths))
+        update(locator, 0.1 * k, np.zeros(3), strengths)
     assert locator.findings == ()
 
 
@@ -203,22 +143,18 @@ def across_the_wall(points: np.ndarray, target: np.ndarray, ignore_m: float) -> 
     return ~beyond | (np.abs(target[1] - WALL_Y_M) < ignore_m)
 
 
-def detect_image_and_source(map_sight: LineOfSight | None, locator: Locator | None = None) -> Locator:
+def detect_image_and_source(map_sight: LineOfSight | None) -> Locator:
     """Drive past a wall: first a mirror image behind it is detected, then, beyond its end, the source.
 
     The mirror image is 4 dB weaker than the source.
     """
     rng = np.random.default_rng(0)
-    real, locator = drawn_errors(rng).correct(RING), locator or make_locator(sight=map_sight)
+    real, locator = drawn_errors(rng).correct(RING), make_locator(sight=map_sight)
     image, source = np.array([20.0, 16.5]), np.array([12.0, 8.0])
-    first = around(image, 3.6, 210, 330, 200)
-    second = around(source, 3.0, 20, 150, 200)
-    for k, place in enumerate(np.concatenate([first, second])):
-        origin, level = (image, 0.5) if k < 200 else (source, 0.8)
-        sight = origin - place
-        gain = real.gain(np.arctan2(sight[1], sight[0]) - 0.01 * k)
-        a = np.abs(level / np.hypot(*sight) * gain + rng.normal(0, NOISE_V, (2, 6)))
-        update(locator, 0.1 * k, np.array([*place, 0.01 * k]), pulses_of(a))
+    path = np.concatenate([around(image, 3.6, 210, 330, 200), around(source, 3.0, 20, 150, 200)])
+    for k, place in enumerate(path):
+        pose, (origin, level) = np.array([*place, 0.01 * k]), (image, 0.5) if k < 200 else (source, 0.8)
+        update(locator, 0.1 * k, pose, received(pose, origin, real, rng, volt_metres=level))
     return locator
 
 
@@ -229,21 +165,6 @@ def test_mirror_image_behind_equipment_is_not_confirmed() -> None:
     assert len(by_map) == 1
     np.testing.assert_allclose(by_map[0].position_m[:2], [12.0, 8.0], atol=0.3)
     assert by_map[0].level_db == pytest.approx(20 * np.log10(0.8) + 20 * np.log10(np.sqrt(2.87)), abs=1.5)
-
-
-def test_pulses_too_weak_for_their_range_are_left_out() -> None:
-    source = np.array([20.0, 15.0])
-    locator, _ = listen_along(around(source, 3.0, 0, 110), [source], seed=4)
-    (finding,) = locator.findings
-    rng = np.random.default_rng(5)
-    assert finding.state == "confirmed"
-    for k in range(50):  # 14 dB down, from the very direction
-        gain = RING.gain(np.array(np.pi))
-        a = np.abs(0.8 / 5.0 * 10 ** (-14 / 20) * gain + rng.normal(0, NOISE_V, (2, 6)))
-        assert credible(pulses_of(a)).all()
-        locator.update(40.0 + 0.1 * k, np.array([25.0, 15.0, 0.0]), pulses_of(a))
-    (after,) = locator.refit(50.0)
-    assert after.n_bearings <= 500  # those of the arc
 
 
 STEP_S = 0.125  # exact in binary at every origin below
@@ -263,11 +184,10 @@ def survey(origin_s: float, turn_rad: float = 0.0, shift_m: ArrayLike = (0.0, 0.
     path = np.concatenate([around((0.0, 2.0), 3.0, 180, 360, 200), around((0.0, 8.0), 3.0, -60, 60, 100)])
     for k, place in enumerate(path):
         sources = ((0.0, 2.0), (0.0, 8.0), (4.0, 6.0))[: 1 + 2 * (k >= 100)]
-        sight = np.array(sources) - place
-        gain = real.gain(np.arctan2(sight[:, 1], sight[:, 0]) - 0.03 * k)
-        strengths = np.abs(0.8 / np.linalg.norm(sight, axis=-1) * gain + rng.normal(0, NOISE_V, (6, len(sources)))).T
-        pose = np.array([*(rotation @ place + shift_m), 0.03 * k + turn_rad])
-        update(locator, origin_s + STEP_S * k, pose, pulses_of(np.repeat(strengths, 2, axis=0)))
+        strengths = received(np.array([*place, 0.03 * k]), sources, real, rng)
+        update(
+            locator, origin_s + STEP_S * k, np.array([*(rotation @ place + shift_m), 0.03 * k + turn_rad]), strengths
+        )
     return locator.refit(origin_s + STEP_S * len(path))
 
 

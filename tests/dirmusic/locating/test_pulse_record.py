@@ -3,14 +3,9 @@
 import numpy as np
 import pytest
 
-from dirmusic import ArrayModel
-from dirmusic.array.element_errors import ElementSpread
-from dirmusic.locating.pulse_record import PulseRecord, PulsesAtPose, choose_evenly, pool_pulses
-from dirmusic.locating.rules import AssignmentRules
+from dirmusic.locating.pulse_record import PulseRecord, choose_evenly, pool_pulses
 from dirmusic.pulses.batch import PulseBatch
-from tests.dirmusic.locating.scenes import POSE_ERROR, RING
-
-ARRAY = ArrayModel(manifold=RING, positions_m=np.zeros((6, 3)), spread=ElementSpread())
+from tests.dirmusic.scenes import RING, detected, record_of
 
 
 def noisy_pulses(azimuth_rad: np.ndarray, noise_v: float, rng: np.random.Generator) -> PulseBatch:
@@ -18,8 +13,7 @@ def noisy_pulses(azimuth_rad: np.ndarray, noise_v: float, rng: np.random.Generat
     amplitude_v = rng.uniform(0.5, 2.0, azimuth_rad.size)
     strengths_v = amplitude_v[:, np.newaxis] * RING.gain(azimuth_rad).T
     strengths_v = strengths_v + rng.normal(0.0, noise_v, strengths_v.shape)
-    pulses = PulseBatch.detected(np.zeros(azimuth_rad.size), strengths_v, np.full(strengths_v.shape, noise_v**2))
-    return pulses._replace(azimuth_rad=azimuth_rad, std_rad=noise_v / amplitude_v)
+    return detected(strengths_v, noise_v)._replace(azimuth_rad=azimuth_rad, std_rad=noise_v / amplitude_v)
 
 
 def test_pooled_pulse_has_the_stated_noise() -> None:
@@ -53,13 +47,12 @@ def test_pooling_weights_by_noise_and_usable_channels() -> None:
     assert np.cos(poses[1, 2]) < -0.99
 
 
-def record_of(poses: np.ndarray, step_s: float) -> PulseRecord:
+def record_along(poses: np.ndarray, step_s: float) -> PulseRecord:
     """Record one pulse from straight ahead at each pose (n, 3)."""
-    record = PulseRecord(ARRAY, POSE_ERROR, None, AssignmentRules())
-    for number, pose in enumerate(poses):
-        pulses = noisy_pulses(np.zeros(1), 0.01, np.random.default_rng(number))
-        record.extend([PulsesAtPose(step_s * number, pose, pulses)])
-    return record
+    ahead = np.zeros(1)
+    return record_of(
+        *((step_s * k, pose, noisy_pulses(ahead, 0.01, np.random.default_rng(k))) for k, pose in enumerate(poses))
+    )
 
 
 def test_pulses_pool_by_place_heading_and_time() -> None:
@@ -67,11 +60,11 @@ def test_pulses_pool_by_place_heading_and_time() -> None:
     turning[:, 2] = np.radians(2.0) * np.arange(100)
     driving[:, 0] = 0.5 * np.arange(100)
     n_pooled = [
-        record_of(poses, 0.01).pooled(np.arange(100), 120)[0].n_pulses for poses in (standing, turning, driving)
+        record_along(poses, 0.01).pooled(np.arange(100), 120)[0].n_pulses for poses in (standing, turning, driving)
     ]
     assert n_pooled == [1, 40, 100]
-    assert record_of(standing, 1.0).pooled(np.arange(100), 120)[0].n_pulses == 20
-    assert record_of(driving, 0.01).pooled(np.arange(100), 30)[0].n_pulses == 30
+    assert record_along(standing, 1.0).pooled(np.arange(100), 120)[0].n_pulses == 20
+    assert record_along(driving, 0.01).pooled(np.arange(100), 30)[0].n_pulses == 30
 
 
 @pytest.mark.parametrize("n", [10, 160, 161, 2000])

@@ -14,7 +14,7 @@ from dirmusic.locating.finding import ellipse95, is_inside95
 from dirmusic.locating.joint_fit import JointEstimate, locate_jointly
 from dirmusic.locating.plane_wave import BearingErrors
 from pdpatrol.sensing.array.config import SHIPPED_PATTERNS
-from tests.dirmusic.locating.scenes import RING, RING_M
+from tests.dirmusic.scenes import RING, RING_M, detected
 
 FloatArray = NDArray[np.float64]
 
@@ -38,8 +38,7 @@ def pulses_of_helices(
     strengths = np.repeat(gain / np.linalg.norm(gain, axis=-1, keepdims=True), N_PULSES, axis=0)
     strengths = np.maximum(strengths + 0.02 * rng.normal(size=strengths.shape), 0.0)
     rows = np.repeat(np.arange(len(pose)), N_PULSES)
-    pulses = PulseBatch.detected(10.0 * rows.astype(np.float64), strengths, np.full(strengths.shape, 0.02**2))
-    return pulses, pose[rows], np.zeros_like(rows)
+    return detected(strengths, 0.02, 10.0 * rows), pose[rows], np.zeros_like(rows)
 
 
 def locate(

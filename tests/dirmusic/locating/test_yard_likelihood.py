@@ -3,26 +3,23 @@
 import numpy as np
 import pytest
 
-from dirmusic import PoseError, PulseBatch
 from dirmusic.locating.yard_likelihood import OUTLIER_SIGMAS, Grid, YardLikelihood
-from tests.dirmusic.locating.scenes import ARRAY, RING, with_bearings
+from tests.dirmusic.scenes import ARRAY, NO_POSE_ERROR, RING, detected, pulses_from, with_bearings
 
-POSE_ERROR = PoseError(position_m=0.0, heading_rad=0.0, correlation_s=5.0)
 GRID = Grid.over(np.array([-2.0, 0.0]), np.array([22.0, 15.0]))
 
 
-def heard(sources_m: np.ndarray, seed: int, n_wild: int = 0) -> YardLikelihood:
+def likelihood_of(sources_m: np.ndarray, seed: int, n_wild: int = 0) -> YardLikelihood:
     """Compute the likelihood after a drive past sources, with some pulses from random directions."""
     rng = np.random.default_rng(seed)
     gains = np.exp(rng.normal(0.0, 0.05, 6))
-    likelihood = YardLikelihood(ARRAY, POSE_ERROR, GRID)
+    likelihood = YardLikelihood(ARRAY, NO_POSE_ERROR, GRID)
     for x in np.linspace(2.0, 18.0, 33):
         pose = np.array([x, 1.0 + 0.2 * x, rng.uniform(-np.pi, np.pi)])
         off = sources_m - pose[:2]
         azimuth = np.concatenate([np.arctan2(off[:, 1], off[:, 0]) - pose[2], rng.uniform(-np.pi, np.pi, n_wild)])
         strengths = np.abs(RING.gain(azimuth).T * gains * 0.1 + rng.normal(0.0, 1e-3, (azimuth.size, 6)))
-        pulses = PulseBatch.detected(np.zeros(azimuth.size), strengths, np.full(strengths.shape, 1e-6))
-        likelihood.add(with_bearings(pulses), np.tile(pose, (azimuth.size, 1)))
+        likelihood.add(with_bearings(detected(strengths, 1e-3)), np.tile(pose, (azimuth.size, 1)))
     return likelihood
 
 
@@ -37,13 +34,13 @@ def test_grid_covers_the_yard() -> None:
 def test_likelihood_peaks_at_the_source(n_wild: int) -> None:
     for seed in range(6):
         source_m = np.random.default_rng([seed, 9]).uniform([2.0, 7.0], [18.0, 14.0])
-        peak_m = GRID.centres_m[heard(source_m[np.newaxis], seed, n_wild).log_likelihood.argmax()]
+        peak_m = GRID.centres_m[likelihood_of(source_m[np.newaxis], seed, n_wild).log_likelihood.argmax()]
         assert np.linalg.norm(peak_m - source_m) < 1.0
 
 
 def test_two_sources_have_two_peaks() -> None:
     sources_m = np.array([[5.0, 12.0], [16.0, 10.0]])
-    likelihood = heard(sources_m, 1)
+    likelihood = likelihood_of(sources_m, 1)
     value, centres_m = likelihood.log_likelihood, GRID.centres_m
     first_m = centres_m[value.argmax()]
     far = np.linalg.norm(centres_m - first_m, axis=-1) > 3.0
@@ -53,9 +50,8 @@ def test_two_sources_have_two_peaks() -> None:
 
 
 def test_pulse_adds_likelihood_only_where_it_points() -> None:
-    likelihood = YardLikelihood(ARRAY, POSE_ERROR, GRID)
-    pulses = PulseBatch.detected(np.zeros(1), RING.gain(np.array([0.4])).T, np.full((1, 6), 1e-6))
-    pulses = pulses._replace(azimuth_rad=np.array([0.4]), std_rad=np.array([1e-3]), misfit=np.zeros(1))
+    likelihood = YardLikelihood(ARRAY, NO_POSE_ERROR, GRID)
+    pulses = pulses_from(np.array([0.4]), 1.0)._replace(std_rad=np.array([1e-3]))
     likelihood.add(pulses, np.array([[5.0, 3.0, 0.0]]))
     off = GRID.centres_m - [5.0, 3.0]
     aside = np.abs(np.arctan2(off[:, 1], off[:, 0]) - 0.4)
@@ -67,11 +63,10 @@ def test_pulse_adds_likelihood_only_where_it_points() -> None:
 def test_likelihood_is_additive_over_batches() -> None:
     rng = np.random.default_rng(4)
     azimuth = rng.uniform(-np.pi, np.pi, 30)
-    pulses = PulseBatch.detected(np.zeros(30), RING.gain(azimuth).T, np.full((30, 6), 1e-6))
-    pulses = pulses._replace(azimuth_rad=azimuth, std_rad=np.full(30, 0.02), misfit=np.zeros(30))
+    pulses = pulses_from(azimuth, 1.0)._replace(std_rad=np.full(30, 0.02))
     pose = np.zeros((30, 3))
     pose[:, 0], pose[:, 1] = 0.6 * np.arange(30) + 0.1, 3.0  # no two of one place
-    at_once, in_parts = YardLikelihood(ARRAY, POSE_ERROR, GRID), YardLikelihood(ARRAY, POSE_ERROR, GRID)
+    at_once, in_parts = YardLikelihood(ARRAY, NO_POSE_ERROR, GRID), YardLikelihood(ARRAY, NO_POSE_ERROR, GRID)
     at_once.add(pulses, pose)
     for rows in (slice(0, 0), slice(0, 7), slice(7, 30)):
         in_parts.add(pulses.take(rows), pose[rows])

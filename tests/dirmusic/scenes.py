@@ -1,0 +1,120 @@
+"""A ring of six elements, its pulses and findings."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dirmusic import (
+    ArrayModel,
+    BearingEstimator,
+    ElementErrors,
+    ElementSpread,
+    Finding,
+    GainManifold,
+    PoseError,
+    PulseBatch,
+)
+from dirmusic.bearing.maximum_likelihood import maximum_likelihood
+from dirmusic.locating.association import Assigner
+from dirmusic.locating.plane_wave import bearing_error_table
+from dirmusic.locating.protocol import LineOfSight
+from dirmusic.locating.pulse_record import PulseRecord, PulsesAtPose
+from dirmusic.locating.rules import AssignmentRules
+
+RING = GainManifold.ring(6)
+RING_M = np.column_stack([0.12 * np.cos(RING.boresights_rad), 0.12 * np.sin(RING.boresights_rad), np.full(6, 0.6)])
+SPREAD = ElementSpread(gain=0.05, pointing_rad=np.radians(2.0))
+ARRAY = ArrayModel(manifold=RING, positions_m=RING_M, spread=SPREAD)
+SMALL_ARRAY = ArrayModel(
+    manifold=RING, positions_m=np.zeros((6, 3)), spread=ElementSpread(gain=0.01, pointing_rad=np.radians(0.5))
+)
+"""Ring without extent, and with small errors."""
+
+POSE_ERROR = PoseError(position_m=0.05, heading_rad=np.radians(0.5), correlation_s=5.0)
+NO_POSE_ERROR = PoseError(position_m=0.0, heading_rad=0.0, correlation_s=1.0)
+LEVEL_DB = -10.0
+NO_ERRORS = bearing_error_table(RING, ElementErrors.none(6))
+
+
+def rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def detected(strengths: np.ndarray, noise_v: float, time_s: float | np.ndarray = 0.0) -> PulseBatch:
+    """Make pulses of strengths (n, n_elements) in white noise."""
+    times_s = np.broadcast_to(np.asarray(time_s, dtype=np.float64), len(strengths))
+    return PulseBatch.detected(times_s, strengths, np.full(strengths.shape, noise_v**2))
+
+
+def with_bearings(
+    pulses: PulseBatch, array: ArrayModel = ARRAY, estimator: BearingEstimator = maximum_likelihood
+) -> PulseBatch:
+    """Add the directions that an estimator finds."""
+    return estimator(pulses, array).attached_to(pulses)
+
+
+def drawn_errors(rng: np.random.Generator) -> ElementErrors:
+    """Draw errors of an array by `SPREAD`."""
+    return ElementErrors(
+        gain=rng.normal(0.0, SPREAD.gain, 6), pointing_rad=rng.normal(0.0, SPREAD.pointing_rad, 6), offset=np.zeros(6)
+    )
+
+
+def make_finding(**values: Any) -> Finding:  # noqa: ANN401 - any attribute of a finding
+    """Make a candidate at the origin, with other values where they are given."""
+    usual: dict[str, Any] = {
+        "id": 1,
+        "state": "candidate",
+        "position_m": np.zeros(3),
+        "covariance_m2": 0.01 * np.eye(3),
+        "n_bearings": 100,
+        "first_detected_s": 0.0,
+        "last_detected_s": 0.0,
+        "confirmed_s": None,
+        "aperture_rad": 1.0,
+        "nearest_m": 3.0,
+        "level_db": LEVEL_DB,
+    }
+    return Finding(**usual | values)
+
+
+def pulses_from(azimuth: np.ndarray, strength_v: np.ndarray | float) -> PulseBatch:
+    """Make pulses from azimuths (n,) with norms of their strengths, and a deviation of 0.3 degrees."""
+    n, gain = azimuth.size, RING.gain(azimuth)
+    strengths = (gain / np.linalg.norm(gain, axis=0) * strength_v).T
+    return detected(strengths, 1e-6)._replace(azimuth_rad=azimuth, std_rad=np.full(n, np.radians(0.3)))
+
+
+def received(
+    pose: np.ndarray,
+    sources_m: ArrayLike,
+    manifold: GainManifold,
+    rng: np.random.Generator,
+    *,
+    volt_metres: float = 0.8,
+) -> np.ndarray:
+    """Draw strengths of two pulses of each source by a far-field model, shape (2 n_sources, 6), in noise of 1 mV."""
+    sight_m = np.reshape(sources_m, (-1, 2)) - pose[:2]
+    gain = manifold.gain(np.arctan2(sight_m[:, 1], sight_m[:, 0]) - pose[2]).T
+    clean = volt_metres / np.linalg.norm(sight_m, axis=-1, keepdims=True) * gain
+    return np.abs(np.repeat(clean, 2, axis=0) + rng.normal(0.0, 1e-3, (2 * len(clean), 6)))
+
+
+def uniform_sight(transmission: float) -> LineOfSight:
+    """Make a map with the same transmission from everywhere to everywhere."""
+    return lambda places_m, target_m, within_m: np.full(len(places_m), transmission)
+
+
+def record_of(
+    *detections: tuple[float, ArrayLike, PulseBatch], array: ArrayModel = SMALL_ARRAY, sight: LineOfSight | None = None
+) -> PulseRecord:
+    """Record pulses, each batch with the time and the pose of its detection."""
+    record = PulseRecord(array, POSE_ERROR, sight, AssignmentRules())
+    record.extend([PulsesAtPose(time_s, np.asarray(pose, np.float64), pulses) for time_s, pose, pulses in detections])
+    return record
+
+
+def owners(record: PulseRecord, findings: list[Finding], errors: np.ndarray = NO_ERRORS) -> np.ndarray:
+    """Return the index of the finding to which each pulse is assigned, or a code of `Unassociated`."""
+    return Assigner(record, AssignmentRules()).assign(findings, errors).finding
