@@ -113,7 +113,7 @@ def film_frames(log: MissionLog, steps: NDArray[np.intp], bearing_s: float, dpi:
     # The camera follows the heading over some 4 s, without quick turns.
     view_rad = gaussian_filter1d(np.unwrap(true_pose[:, 2]), 2.0 / STEP_S, mode="nearest")
     pictures = pictures_from_behind(
-        build_spec(scenario.robot.description, scenario.yard), true_pose[steps], view_rad[steps]
+        build_spec(scenario.robot.description, scenario.yard).compile(), true_pose[steps], view_rad[steps]
     )
     moving: list[Any] = []
     for step, picture in zip(steps.tolist(), pictures, strict=True):

@@ -33,26 +33,6 @@ class Drive(NamedTuple):
     constant_nmpa: FloatArray
 
 
-class Physics(NamedTuple):
-    """Live views of the physics; a row is a robot.
-
-    Attributes:
-        base: Position and wxyz quaternion of the base, shape (n, 7).
-        base_velocity: Linear velocity in the world frame, angular in that of the base, shape (n, 6).
-        joints: All joint positions, shape (n, n_positions).
-        torque_nm: Torques of all actuators, shape (n, n_actuators).
-        actuator_radps: Speeds of all actuators, shape (n, n_actuators).
-        beams_m: Ranges of the lidar's beams from their start, negative without a hit, shape (n, n_beams).
-    """
-
-    base: FloatArray
-    base_velocity: FloatArray
-    joints: FloatArray
-    torque_nm: FloatArray
-    actuator_radps: FloatArray
-    beams_m: FloatArray
-
-
 POSE, VELOCITY, WHEEL_ANGLES, MOTOR_POWER, UPRIGHT, LIDAR = slice(0, 3), slice(3, 5), slice(5, 7), 7, 8, slice(9, None)
 """Columns of `Readings.values`.
 
@@ -90,18 +70,21 @@ def read(
     """Compute the fields of `Readings` of all robots.
 
     Args:
-        live: `Physics` as a plain tuple, which compiled functions look up faster.
-        drive: `Drive` as a plain tuple.
+        live: Live views of the physics; a row is a robot. Position and wxyz quaternion of the base, shape (n, 7); its
+            linear velocity in the world frame and angular velocity in its own, (n, 6); all joint positions; torques
+            and speeds of all actuators; and ranges of the lidar's beams from their start, negative without a hit.
+        drive: `Drive` as a plain tuple, which compiled functions look up faster.
         beams_start_m: Distance from a robot's middle to the start of the beams of its lidar.
         reach_m: Greatest range of the lidar.
     """
-    physics, wheels = Physics(*live), Drive(*drive)
-    n, n_beams = physics.beams_m.shape
+    base, base_velocity, joints, torque_nm, actuator_radps, beams_m = live
+    wheels = Drive(*drive)
+    n, n_beams = beams_m.shape
     values, world_from_base = np.zeros((n, 9 + n_beams)), np.zeros((n, 4, 4))
     pose, velocity, wheel_angles = values[:, POSE], values[:, VELOCITY], values[:, WHEEL_ANGLES]
     motor_power_w, lidar_m = values[:, MOTOR_POWER], values[:, LIDAR]
     for r in range(n):
-        w, x, y, z = physics.base[r, 3], physics.base[r, 4], physics.base[r, 5], physics.base[r, 6]
+        w, x, y, z = base[r, 3], base[r, 4], base[r, 5], base[r, 6]
         frame = world_from_base[r]
         frame[0, 0], frame[0, 1], frame[0, 2] = w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)
         frame[1, 0], frame[1, 1], frame[1, 2] = 2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)
@@ -111,19 +94,19 @@ def read(
         if yaw == -np.pi:
             yaw = np.pi
         for i in range(3):
-            frame[i, 3] = physics.base[r, i]
+            frame[i, 3] = base[r, i]
         pose[r, 0], pose[r, 1], pose[r, 2] = frame[0, 3], frame[1, 3], yaw
         values[r, UPRIGHT] = frame[2, 2]
-        moving = physics.base_velocity[r]
+        moving = base_velocity[r]
         velocity[r, 0] = np.cos(yaw) * moving[0] + np.sin(yaw) * moving[1]
         velocity[r, 1] = moving[5]
         for k in range(wheels.joint.size):
-            wheel_angles[r, wheels.side[k]] += wheels.side_share[k] * physics.joints[r, wheels.joint[k]]
-            torque = physics.torque_nm[r, wheels.actuator[k]]
+            wheel_angles[r, wheels.side[k]] += wheels.side_share[k] * joints[r, wheels.joint[k]]
+            torque = torque_nm[r, wheels.actuator[k]]
             copper_w = (torque / wheels.constant_nmpa[k]) ** 2 * wheels.resistance_ohm[k]
-            motor_power_w[r] += max(torque * physics.actuator_radps[r, wheels.actuator[k]] + copper_w, 0.0)
+            motor_power_w[r] += max(torque * actuator_radps[r, wheels.actuator[k]] + copper_w, 0.0)
         for beam in range(n_beams):
-            range_m = physics.beams_m[r, beam] + beams_start_m
+            range_m = beams_m[r, beam] + beams_start_m
             lidar_m[r, beam] = range_m if beams_start_m <= range_m <= reach_m else reach_m
     return values, world_from_base
 

@@ -105,20 +105,17 @@ def _has_screen() -> bool:
     return not sys.platform.startswith("linux") or bool({"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys())
 
 
-def pictures_from_behind(spec: mujoco.MjSpec, poses: FloatArray, view_rad: FloatArray) -> Iterator[NDArray[np.uint8]]:
+def pictures_from_behind(model: mujoco.MjModel, poses: FloatArray, view_rad: FloatArray) -> Iterator[NDArray[np.uint8]]:
     """Yield pictures of a robot that is put at poses, without physics.
 
     Args:
-        spec: The world, see `build_spec`.
+        model: The world.
         poses: Poses x m, y m, yaw rad, shape (n, 3).
         view_rad: Directions of view, world frame, shape (n,): the robot's headings, or nearly.
 
     Raises:
         RuntimeError: If MuJoCo finds no OpenGL.
     """
-    spec.visual.quality.shadowsize = 4096
-    spec.light("sun").pos[2] = 22.0  # lower, the near corner of a yard would be behind the light, without shadows
-    model = spec.compile()
     data, camera = mujoco.MjData(model), mujoco.MjvCamera()
     mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)
     base = data.joint("floating_base").qpos

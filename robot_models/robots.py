@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from pdpatrol.robot_models.antenna_elements import AntennaElements
 from pdpatrol.robot_models.description.robot_description import RobotDescription
 from pdpatrol.robot_models.description.robot_measures import driven_wheels
-from pdpatrol.robot_models.readings import Drive, Physics, Readings, read, touching
+from pdpatrol.robot_models.readings import Drive, Readings, read, touching
 from pdpatrol.robot_models.sensors import LIDAR_BEAMS, LIDAR_PERIOD_S, LIDAR_RANGE_M
 from pdpatrol.robot_models.steering import command
 from pdpatrol.robot_models.world import build_spec, physics_only
@@ -62,16 +62,16 @@ class Robots:
         base, turn, lidar = int(free.qposadr[0]), int(free.dofadr[0]), int(model.sensor("lidar_00").adr[0])
         qpos, sensordata = batch.bind("qpos"), batch.bind("sensordata")
         self._ctrl, self._base = batch.bind("ctrl"), qpos[:, base : base + 7]
-        physics = Physics(
-            base=self._base,
-            base_velocity=batch.bind("qvel")[:, turn : turn + 6],
-            joints=qpos,
-            torque_nm=batch.bind("actuator_force"),
-            actuator_radps=batch.bind("actuator_velocity"),
-            beams_m=sensordata[:, lidar : lidar + LIDAR_BEAMS],
+        live = (
+            self._base,
+            batch.bind("qvel")[:, turn : turn + 6],
+            qpos,
+            batch.bind("actuator_force"),
+            batch.bind("actuator_velocity"),
+            sensordata[:, lidar : lidar + LIDAR_BEAMS],
         )
         drive = _drive(model)
-        self._read = (tuple(physics), tuple(drive), robot.lidar_start_m, LIDAR_RANGE_M)
+        self._read = (live, tuple(drive), robot.lidar_start_m, LIDAR_RANGE_M)
         self._wheels, self._all_rows = (drive.actuator, drive.side), np.arange(n_robots)
         self._steering = (
             robot.max_speed_mps,

@@ -125,7 +125,7 @@ def _add_ground(spec: mujoco.MjSpec, yard: Yard) -> None:
         width=256,
         height=256,
     )
-    paving = spec.add_material(name="paving", texuniform=True, texrepeat=[1.0, 1.0])
+    paving = spec.add_material(name="paving", texuniform=True)
     paving.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "paving"
     spec.worldbody.add_geom(
         name="floor",
@@ -133,14 +133,13 @@ def _add_ground(spec: mujoco.MjSpec, yard: Yard) -> None:
         pos=[0.5 * size_x, 0.5 * size_y, 0.0],
         size=[0.5 * size_x + 3.0, 0.5 * size_y + 3.0, 0.05],
         material="paving",
-        group=0,
         contype=FLOOR_CONTYPE,
         conaffinity=0,
     )
     spec.worldbody.add_light(
         name="sun",
         type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        pos=[0.5 * size_x, 0.5 * size_y, 12.0],
+        pos=[0.5 * size_x, 0.5 * size_y, 22.0],  # if lower, the near corner of a yard lies behind it, without shadows
         dir=[0.4, 0.5, -1.0],
         diffuse=[0.6, 0.6, 0.6],
     )
@@ -163,7 +162,6 @@ def _add_fence(spec: mujoco.MjSpec, yard: Yard) -> None:
             pos=[*centre, 0.5 * FENCE_HEIGHT_M],
             size=[*half_size, 0.5 * FENCE_HEIGHT_M],
             rgba=(0.50, 0.56, 0.54, 0.35),
-            group=0,
             contype=OBSTACLE_CONTYPE,
             conaffinity=0,
         )

@@ -73,7 +73,6 @@ def draw_yard(panel: Axes, scenario: Scenario) -> None:
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
     spec.visual.global_.fovy = 2.0 * half_y  # of an orthographic camera, in metres
     spec.visual.quality.shadowsize = 8192
-    spec.light("sun").pos[2] = 22.0  # if lower, the near corner of the yard lies behind it and has no shadows
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)

@@ -89,32 +89,17 @@ class PathFollower:
         return float(np.hypot(*(self.goal_m - pose[:2]))) <= self.radius_m
 
     def action(self, pose: FloatArray) -> NDArray[np.float32]:
-        """Return the next action along the path."""
-        robot = self.site_map.robot
-        return robot.action_from_command(steer(pose, self.path_m, self._along_m, self._speed_mps, robot))
-
-
-def steer(
-    pose: FloatArray, path_m: FloatArray, along_m: FloatArray, speed_mps: FloatArray, robot: RobotDescription
-) -> tuple[float, float]:
-    """Return speed (m/s) and yaw rate (rad/s) that follow a path: turn to a point ahead of it, slow down in turns.
-
-    Args:
-        pose: Estimated pose, shape (3,).
-        path_m: The path, shape (n, 2).
-        along_m: Distances along it, see `distances_along`, shape (n,).
-        speed_mps: Speeds along it, see `speed_profile`, shape (n,).
-        robot: The robot.
-    """
-    nearest = int(np.square(path_m - pose[:2]).sum(axis=-1).argmin())
-    ahead = path_m[min(int(np.searchsorted(along_m, along_m[nearest] + LOOKAHEAD_M)), along_m.size - 1)]
-    off = float(difference(np.arctan2(ahead[1] - pose[1], ahead[0] - pose[0]), pose[2]))
-    yaw_rate = float(np.clip(2.5 * off, -robot.max_yaw_rate_radps, robot.max_yaw_rate_radps))
-    v = robot.max_speed_mps * max(0.0, 1.0 - abs(off) / np.radians(50.0))
-    tangent = path_m[min(nearest + 1, along_m.size - 1)] - path_m[max(nearest - 1, 0)]
-    past_m = float(tangent @ (pose[:2] - path_m[nearest])) / max(float(np.linalg.norm(tangent)), 1e-9)
-    done_m = min(along_m[nearest] + past_m, along_m[-1] - float(np.linalg.norm(path_m[-1] - pose[:2])))
-    return min(v, float(np.sqrt(np.interp(done_m, along_m, np.square(speed_mps))))), yaw_rate
+        """Return the action that follows the path: turn to a point ahead of it, slow down in turns."""
+        robot, path_m, along_m = self.site_map.robot, self.path_m, self._along_m
+        nearest = int(np.square(path_m - pose[:2]).sum(axis=-1).argmin())
+        ahead = path_m[min(int(np.searchsorted(along_m, along_m[nearest] + LOOKAHEAD_M)), along_m.size - 1)]
+        off = float(difference(np.arctan2(ahead[1] - pose[1], ahead[0] - pose[0]), pose[2]))
+        v = robot.max_speed_mps * max(0.0, 1.0 - abs(off) / np.radians(50.0))
+        tangent = path_m[min(nearest + 1, along_m.size - 1)] - path_m[max(nearest - 1, 0)]
+        past_m = float(tangent @ (pose[:2] - path_m[nearest])) / max(float(np.linalg.norm(tangent)), 1e-9)
+        done_m = min(along_m[nearest] + past_m, along_m[-1] - float(np.linalg.norm(path_m[-1] - pose[:2])))
+        fastest = float(np.sqrt(np.interp(done_m, along_m, np.square(self._speed_mps))))
+        return robot.action_from_command((min(v, fastest), 2.5 * off))
 
 
 def speed_profile(path_m: FloatArray, robot: RobotDescription) -> FloatArray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise, permutations
 
 import numpy as np
@@ -198,7 +198,7 @@ class SiteMap:
 
     def cell(self, point_m: ArrayLike) -> int:
         """Return the free cell nearest to a point (2,)."""
-        return int(self.nearest_free(np.asarray(point_m, dtype=np.float64)[:2]))
+        return int(self.nearest_free(np.asarray(point_m)[:2]))
 
     def nearest_free(self, points_m: FloatArray) -> NDArray[np.intp]:
         """Return the free cell nearest to each point (..., 2), shape (...)."""
@@ -210,16 +210,13 @@ class SiteMap:
         return ShortestPaths(length_m=length[0], previous=previous[0], site_map=self)
 
     def path_along_route(self) -> FloatArray:
-        """Return the corners of the path from the dock past the stops and back, shape (n, 2), metres.
+        """Return the path from the dock past the stops and back, shape (n, 2), metres.
 
         Legs without a path are left out.
         """
         stops = (self.route.dock_m, *self.route.stops_m, self.route.dock_m) if self.route.stops_m else ()
         legs = [self.reach(start).path(self.cell(end)) for start, end in pairwise(stops)]
-        path_m = np.concatenate([np.empty((0, 2)), *(leg for leg in legs if len(leg) > 1)])
-        ahead = np.diff(path_m, axis=0)
-        is_straight = np.isclose(ahead[:-1, 0] * ahead[1:, 1], ahead[:-1, 1] * ahead[1:, 0])
-        return path_m[np.flatnonzero(np.concatenate([[True], ~is_straight, [True]]))] if len(path_m) > 2 else path_m
+        return np.concatenate([np.empty((0, 2)), *(leg for leg in legs if len(leg) > 1)])
 
     def shortest_tour(self, places_m: Sequence[FloatArray], within_m: float) -> float:
         """Return the length of the shortest path from the dock to within a distance of each place, in the best order.
@@ -234,32 +231,19 @@ class SiteMap:
             Metres; 0 without any place, infinite if a place cannot be reached.
         """
         is_near = [np.linalg.norm(self.centres_m - place_m, axis=-1) <= within_m for place_m in places_m]
-        reached: dict[int, ShortestPaths] = {}
-        legs: dict[tuple[int, int], tuple[int, float]] = {}
-
-        def leg(start: int, place: int) -> tuple[int, float]:
-            """Return the cell where the path from a cell to a place ends, and its length."""
-            if (start, place) not in legs:
-                if start not in reached:
-                    reached[start] = self.reach(self.centres_m[start])
-                weighted_m = np.where(is_near[place], reached[start].length_m, np.inf)
-                end = int(weighted_m.argmin())
-                length_m = path_length(reached[start].path(end)) if np.isfinite(weighted_m[end]) else np.inf
-                legs[start, place] = end, length_m
-            return legs[start, place]
-
-        shortest_m = np.inf if places_m else 0.0
-        for order in permutations(range(len(places_m))):
+        reach = cache(lambda cell: self.reach(self.centres_m[cell]))
+        shortest_m = np.inf
+        for order in permutations(is_near):
             cell, total_m = self.cell(self.route.dock_m), 0.0
-            for place in order:
-                cell, length_m = leg(cell, place)
-                total_m += length_m
-                if total_m >= shortest_m:
-                    break
+            for near in order:
+                paths = reach(cell)
+                weighted_m = np.where(near, paths.length_m, np.inf)
+                cell = int(weighted_m.argmin())
+                total_m += path_length(paths.path(cell)) if np.isfinite(weighted_m[cell]) else np.inf
             shortest_m = min(shortest_m, total_m)
         return float(shortest_m)
 
 
 def path_length(points_m: FloatArray) -> float:
     """Return the length of the path through points (n, 2), metres."""
-    return float(sum(np.linalg.norm(after - before) for before, after in pairwise(points_m)))
+    return float(np.linalg.norm(np.diff(points_m, axis=0), axis=-1).sum())

@@ -36,8 +36,7 @@ class RobotDescription:
         xml_path: Its MJCF file.
         home_qpos: Joint positions in which it stands at rest at the world's origin, shape (n_positions,).
         wheel_radius_m: Rolling radius of the driven wheels.
-        track_m: Distance between the contact points of left and right wheels.
-        turning_track_m: Track by which wheel speeds turn the robot: larger if wheels have to skid.
+        turning_track_m: Track by which wheel speeds turn the robot: larger than the wheel spacing if wheels skid.
         footprint_radius_m: Radius of the circle about the origin of the base that holds everything that can touch.
         inner_radius_m: Radius of the largest such circle within the robot's outline.
         height_m: Height of everything that can touch.
@@ -53,7 +52,6 @@ class RobotDescription:
     xml_path: Path
     home_qpos: tuple[float, ...]
     wheel_radius_m: float
-    track_m: float
     turning_track_m: float
     footprint_radius_m: float
     inner_radius_m: float

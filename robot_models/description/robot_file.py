@@ -112,15 +112,10 @@ def _refuse(path: Path, requirements: Sequence[Requirement]) -> None:
 
 
 def _numeric(model: mujoco.MjModel, name: str) -> float:
-    """Return the value of a custom numeric, NaN if it is not one number."""
-    values = model.numeric(name).data
+    """Return the value of a custom numeric, NaN if it is not one number; 0 if `yaw_rate_gain` is missing."""
+    is_missing = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, name) < 0
+    values = np.zeros(1) if is_missing and name == "yaw_rate_gain" else model.numeric(name).data
     return float(values[0]) if values.size == 1 else np.nan
-
-
-def _yaw_rate_gain(model: mujoco.MjModel) -> float:
-    """Return the value of the optional numeric `yaw_rate_gain`, 0 if it is missing."""
-    number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, "yaw_rate_gain")
-    return _numeric(model, "yaw_rate_gain") if number >= 0 else 0.0
 
 
 def _part_requirements(model: mujoco.MjModel) -> list[Requirement]:
@@ -128,7 +123,7 @@ def _part_requirements(model: mujoco.MjModel) -> list[Requirement]:
     imu, lidar = model.site("imu"), model.site("lidar")
     is_on_floor = model.geom_conaffinity & FLOOR_CONTYPE > 0
     is_hull = model.geom_conaffinity & OBSTACLE_CONTYPE > 0
-    (joints, actuators, sides), gain = driven_wheels(model), _yaw_rate_gain(model)
+    (joints, actuators, sides), gain = driven_wheels(model), _numeric(model, "yaw_rate_gain")
     is_free = free.type[0] == mujoco.mjtJoint.mjJNT_FREE and free.bodyid[0] == base
     is_alone = model.body_rootid[1:].max() == base and not (model.geom_bodyid == 0).any()
     is_level = np.allclose(np.abs(imu.quat), [1.0, 0.0, 0.0, 0.0], atol=1e-3)
@@ -193,7 +188,6 @@ def _measure(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel) -> RobotDes
         xml_path=path,
         home_qpos=tuple(model.qpos0.tolist()),
         wheel_radius_m=float(radius_m[0]),
-        track_m=track_m,
         turning_track_m=track_m + 4.0 * float(np.square(offset_m).mean()) / track_m if track_m > 0 else np.nan,
         footprint_radius_m=float(outline_m.max()),
         inner_radius_m=float(hull_m.min()),
@@ -201,7 +195,7 @@ def _measure(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel) -> RobotDes
         max_speed_mps=_numeric(model, "max_speed"),
         max_yaw_rate_radps=_numeric(model, "max_yaw_rate"),
         max_acceleration_mps2=_numeric(model, "max_acceleration"),
-        yaw_rate_gain=_yaw_rate_gain(model),
+        yaw_rate_gain=_numeric(model, "yaw_rate_gain"),
         lidar_start_m=x,
         lidar_height_m=z,
     )

@@ -83,11 +83,8 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         return np.all((points >= 0.0) & (points <= np.asarray(self.size_m)), axis=-1)
 
     def is_crossed(self, start_m: ArrayLike, end_m: ArrayLike) -> bool:
-        """Return whether the straight line between two world points (3,) crosses the yard on plan."""
-        start, end = np.asarray(start_m, dtype=np.float64)[:2], np.asarray(end_m, dtype=np.float64)[:2]
-        along = np.where(start == end, 1e-9, end - start)  # a component of zero cannot be divided by
-        sides = np.stack([-start, np.asarray(self.size_m) - start]) / along
-        return bool(max(sides.min(axis=0).max(), 0.0) <= min(sides.max(axis=0).min(), 1.0))
+        """Return whether the straight line between two world points crosses the yard on plan, at one of 1000 points."""
+        return bool(self.contains(np.linspace(start_m, end_m, 1000)).any())
 
     def clearance(self, points_m: ArrayLike) -> FloatArray:
         """Return the horizontal distance of world points (..., 2) to fence or obstacles of a robot, negative inside."""
@@ -135,14 +132,16 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
 
     def enclosing_equipment(self, position_m: ArrayLike) -> str | None:
         """Return the name of the equipment that encloses a world position (3,), or None."""
-        inside = np.flatnonzero(self.solids.distance(np.asarray(position_m, dtype=np.float64)) < 0)
-        return self.equipment[int(self.owner[inside[0]])].name if inside.size else None
+        return self._name_of_first(self.solids.distance(np.asarray(position_m, dtype=np.float64)) < 0)
 
     def covering_equipment(self, position_m: ArrayLike) -> str | None:
         """Return the name of the equipment whose outline a robot at a world position (2,) would overlap, or None."""
-        over = self.solids.horizontal_distance(np.asarray(position_m, dtype=np.float64)) < 0
-        inside = np.flatnonzero(over & (self.solids.bottom_m < ROBOT_HEIGHT_M))
-        return self.equipment[int(self.owner[inside[0]])].name if inside.size else None
+        is_over = self.solids.horizontal_distance(np.asarray(position_m, dtype=np.float64)) < 0
+        return self._name_of_first(is_over & (self.solids.bottom_m < ROBOT_HEIGHT_M))
+
+    def _name_of_first(self, is_chosen: NDArray[np.bool_]) -> str | None:
+        owners = self.owner[is_chosen]
+        return self.equipment[int(owners[0])].name if owners.size else None
 
     def obstacles_at(self, points_m: ArrayLike) -> set[str]:
         """Return the nearest of `equipment/NAME` and `fence/SIDE` for each world point (n, 2), as a set."""

@@ -1,4 +1,4 @@
-"""Laws of the inspector alone: its casters, its wheels on the floor, and the measures that it is known for."""
+"""Laws of the inspector alone: its wheels and casters on the floor, and its measures."""
 # pyright: reportAttributeAccessIssue=false
 
 import mujoco
@@ -22,16 +22,17 @@ def wheel_loads_n(inspector: OneRobot) -> np.ndarray:
 
 
 def test_wheels_stay_on_the_floor_when_braking(inspector: OneRobot) -> None:
+    """The casters carry little weight at rest, and never lift a wheel."""
+    inspector.drive(0.0, 0.0, 1.0)
     weight_n = inspector.model.body_subtreemass[0] * 9.81
+    assert wheel_loads_n(inspector).sum() > 0.9 * weight_n
     for command in [(0.8, 0.0), (-0.8, 0.0), (0.8, 1.5), (-0.8, -1.5), (0.0, 0.0)]:
         for _ in range(100):
             inspector.drive(*command, inspector.robots.step_s)
             assert wheel_loads_n(inspector).min() > 0.2 * weight_n
 
 
-def test_wheels_do_not_slip_when_braking(
-    inspector: OneRobot,
-) -> None:
+def test_wheels_do_not_slip_when_braking(inspector: OneRobot) -> None:
     radius_m, step_s = inspector.robot.wheel_radius_m, inspector.robots.step_s
     for v_mps in (0.8, -0.8, 0.0):
         for _ in range(60):
@@ -41,15 +42,9 @@ def test_wheels_do_not_slip_when_braking(
             assert radius_m * turned / step_s == pytest.approx((inspector.pose()[0] - x_m) / step_s, abs=0.005)
 
 
-def test_casters_carry_little_weight_at_rest(inspector: OneRobot) -> None:
-    inspector.drive(0.0, 0.0, 1.0)
-    weight_n = inspector.model.body_subtreemass[0] * 9.81
-    assert wheel_loads_n(inspector).sum() > 0.9 * weight_n
-
-
 def test_inspector_measures_are_those_of_its_readme(inspector: OneRobot) -> None:
     robot = inspector.robot
     assert robot.footprint_radius_m == robot.inner_radius_m == robot.lidar_start_m == 0.2
-    assert (robot.wheel_radius_m, robot.track_m, robot.turning_track_m) == (0.075, 0.32, 0.32)
+    assert (robot.wheel_radius_m, robot.turning_track_m) == (0.075, 0.32)
     assert (robot.max_speed_mps, robot.max_yaw_rate_radps, robot.max_acceleration_mps2) == (0.8, 1.5, 3.0)
     assert inspector.model.body_subtreemass[0] == pytest.approx(18.0)

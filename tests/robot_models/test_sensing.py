@@ -18,18 +18,18 @@ def test_base_frame_is_the_pose(shipped: OneRobot) -> None:
     np.testing.assert_allclose(frame[:3, :3] @ frame[:3, :3].T, np.eye(3), atol=1e-12)
 
 
-def test_encoders_agree_with_the_distance_driven(shipped: OneRobot) -> None:
+def test_encoders_agree_with_the_pose(shipped: OneRobot) -> None:
+    """Wheels roll by the distance driven, and turn the robot by its turning track."""
+    radius_m = shipped.robot.wheel_radius_m
     shipped.drive_on(0.6, 0.0, 5.0)
     shipped.drive_on(0.0, 0.0, 1.0)
-    rolled_m = shipped.robots.readings.values[0, WHEEL_ANGLES] * shipped.robot.wheel_radius_m
+    rolled_m = shipped.robots.readings.values[0, WHEEL_ANGLES] * radius_m
     np.testing.assert_allclose(rolled_m, shipped.pose()[0] - 10.0, rtol=0.005)
-
-
-def test_wheels_turn_the_robot_by_its_turning_track(shipped: OneRobot) -> None:
+    shipped.reset(10.0, 10.0, 0.0)
     shipped.drive_on(0.0, 1.0, 2.5)
     shipped.drive_on(0.0, 0.0, 1.0)
     left, right = shipped.robots.readings.values[0, WHEEL_ANGLES]
-    turned = (right - left) * shipped.robot.wheel_radius_m / shipped.robot.turning_track_m
+    turned = (right - left) * radius_m / shipped.robot.turning_track_m
     assert turned == pytest.approx(shipped.pose()[2], rel={"inspector": 0.005, "crawler": 0.03}[shipped.robot.name])
 
 
@@ -40,9 +40,7 @@ def test_gyro_and_accelerometer_measure_motion(shipped: OneRobot) -> None:
     assert shipped.data.sensor("accelerometer").data[2] == pytest.approx(9.81, rel=0.01)
 
 
-def test_lidar_measures_from_the_middle(
-    shipped: OneRobot,
-) -> None:
+def test_lidar_measures_from_the_middle(shipped: OneRobot) -> None:
     shipped.reset(15.0, 10.0, 0.7)
     lidar_m = shipped.robots.readings.values[0, LIDAR]
     bearing = 0.7 + np.radians(10.0) * np.arange(lidar_m.size)
@@ -74,12 +72,10 @@ def test_motors_without_data_have_mechanical_power(edited: Edited) -> None:
     assert mechanical_w > 5.0
 
 
-@pytest.mark.parametrize("file", ["inspector/inspector.xml", "inspector/scene.xml", "crawler/crawler.xml"])
-def test_shipped_files_run_without_warnings(file: str) -> None:
-    model = mujoco.MjModel.from_xml_path(str(xml_path("inspector").parents[1] / file))
+def test_scene_of_the_inspector_runs_without_warnings() -> None:
+    model = mujoco.MjModel.from_xml_path(str(xml_path("inspector").with_name("scene.xml")))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)
     mujoco.mj_step(model, data, round(1.0 / model.opt.timestep))
     assert sum(warning.number for warning in data.warning) == 0
-    assert np.isfinite(data.qpos).all()
     assert data.time == pytest.approx(1.0)
