@@ -143,7 +143,6 @@ class Mission:
             "array": describe_array(array),
             "bounds_m": [[0.0, 0.0], list(scenario.yard.size_m)],
             "route": scenario.route.model_dump(mode="json"),
-            "route_path_m": np.round(self.site_map.path_along_route(), 2).tolist(),
             "sites": {name: known_yard.site_position(name).tolist() for name in known_yard.site_names()},
             "solids": _solids(self.env, known_yard),
             "lidar": describe_lidar(self.site_map.robot),

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cache, cached_property
-from itertools import pairwise, permutations
+from itertools import permutations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -178,23 +178,22 @@ class SiteMap:
 
     def _moves(self) -> csr_array:
         """Build the graph of moves over free cells; moves close to equipment cost more."""
-        index = np.arange(self.is_free.size).reshape(self._shape)
+        n_x, n_y = self._shape
+        x, y = np.divmod(np.arange(n_x * n_y), n_y)
         price = 1.0 + np.clip((COMFORT_M - self.clearance_m) / COMFORT_M, 0.0, 1.0)
         rows, columns, costs = [], [], []
         for dx, dy in _MOVES:
-            low, high = max(-dy, 0), self._shape[1] - max(dy, 0)
-            passed = [
-                index[x : self._shape[0] - dx + x, low + y : high + y].ravel()
-                for x, y in ((0, 0), (int(dx / 2), int(dy / 2)), (dx - int(dx / 2), dy - int(dy / 2)), (dx, dy))
-            ]
+            start = np.flatnonzero((x + dx < n_x) & (y + dy >= 0) & (y + dy < n_y))
+            by_x, by_y = (np.array([0, int(by / 2), by - int(by / 2), by]) for by in (dx, dy))
+            passed = start + (n_y * by_x + by_y)[:, np.newaxis]
             is_clear = self.is_free[passed].all(axis=0)
             cost = CELL_M * np.hypot(dx, dy) * price[passed].mean(axis=0)[is_clear]
             a, b = passed[0][is_clear], passed[-1][is_clear]
             rows += [a, b]
             columns += [b, a]
             costs += [cost, cost]
-        shape = (index.size, index.size)
-        return csr_array((np.concatenate(costs), (np.concatenate(rows), np.concatenate(columns))), shape=shape)
+        entries = np.concatenate(costs), (np.concatenate(rows), np.concatenate(columns))
+        return csr_array(entries, shape=(n_x * n_y, n_x * n_y))
 
     def cell(self, point_m: ArrayLike) -> int:
         """Return the free cell nearest to a point (2,)."""
@@ -208,15 +207,6 @@ class SiteMap:
         """Find the shortest paths from a point (2,) to all cells."""
         length, previous = dijkstra(self._graph, indices=[self.cell(point_m)], return_predecessors=True)
         return ShortestPaths(length_m=length[0], previous=previous[0], site_map=self)
-
-    def path_along_route(self) -> FloatArray:
-        """Return the path from the dock past the stops and back, shape (n, 2), metres.
-
-        Legs without a path are left out.
-        """
-        stops = (self.route.dock_m, *self.route.stops_m, self.route.dock_m) if self.route.stops_m else ()
-        legs = [self.reach(start).path(self.cell(end)) for start, end in pairwise(stops)]
-        return np.concatenate([np.empty((0, 2)), *(leg for leg in legs if len(leg) > 1)])
 
     def shortest_tour(self, places_m: Sequence[FloatArray], within_m: float) -> float:
         """Return the length of the shortest path from the dock to within a distance of each place, in the best order.

@@ -63,8 +63,7 @@ def draw_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
         stops = {"dock": meta["route"]["dock_m"]}
         stops |= {str(number): place_m for number, place_m in enumerate(meta["route"]["waypoints_m"], start=1)}
         shapes["world/route"] = labels_3d({name: [x, y, 0.02] for name, (x, y) in stops.items()}, 0.1)
-        path_m = [[x, y, 0.02] for x, y in meta.get("route_path_m") or ()]
-        shapes["world/route/path"] = lines_3d([path_m] if path_m else [], 0x969EA8FF)
+        shapes["world/route/path"] = lines_3d([[[x, y, 0.02] for x, y in stops.values()]], 0x969EA8FF)
     for path, shape in shapes.items():
         stream.log(path, shape, static=True)
 
