@@ -48,9 +48,6 @@ IntArray = NDArray[np.intp]
 TOLERANCE_M = 0.005
 """Tolerance of positions (assumed)."""
 
-LIMITS = ("max_speed", "max_yaw_rate", "max_acceleration")
-"""Names of the custom numerics that a file must have."""
-
 Requirement = tuple[str, bool, str]
 """Element of the file, whether it is as required, and what is required."""
 
@@ -124,11 +121,14 @@ def _part_requirements(model: mujoco.MjModel) -> list[Requirement]:
     is_on_floor = model.geom_conaffinity & FLOOR_CONTYPE > 0
     is_hull = model.geom_conaffinity & OBSTACLE_CONTYPE > 0
     (joints, actuators, sides), gain = driven_wheels(model), _numeric(model, "yaw_rate_gain")
+    limits = [(name, _numeric(model, name)) for name in ("max_speed", "max_yaw_rate", "max_acceleration")]
+    are_hinges = (model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_HINGE).all()
+    are_on_floor = np.isin(model.jnt_bodyid[joints], model.geom_bodyid[is_on_floor]).all()
     is_free = free.type[0] == mujoco.mjtJoint.mjJNT_FREE and free.bodyid[0] == base
-    is_alone = model.body_rootid[1:].max() == base and not (model.geom_bodyid == 0).any()
+    is_alone = (model.body_rootid[1:] == base).all() and not (model.geom_bodyid == 0).any()
     is_level = np.allclose(np.abs(imu.quat), [1.0, 0.0, 0.0, 0.0], atol=1e-3)
     is_gyro = gyro.type[0] == mujoco.mjtSensor.mjSENS_GYRO and gyro.objid[0] == imu.id
-    requirements = [
+    return [
         ("base", is_free, "must have the free joint `floating_base`"),
         ("base", is_alone, "must be the only child of the world; leave out floor and obstacles"),
         ("imu", imu.bodyid[0] == base and is_level, "must be a site of `base`, in its orientation"),
@@ -140,19 +140,16 @@ def _part_requirements(model: mujoco.MjModel) -> list[Requirement]:
             "contype must be 0, because a robot does not touch itself, and conaffinity 1 to touch the floor or 2 to "
             "touch obstacles, not both",
         ),
-        ("wheels", np.unique(sides).size == 2, "names of hinges must begin with `left_wheel` and `right_wheel`"),
+        (
+            "wheels",
+            np.unique(sides).size == 2 and are_hinges and are_on_floor and (actuators >= 0).all(),
+            "must be hinges with names that begin with `left_wheel` and `right_wheel`, each with an actuator, in "
+            "bodies with a geom that touches the floor, with conaffinity 1",
+        ),
         ("hull", is_hull.any(), "a geom must touch obstacles, with conaffinity 2"),
         ("yaw_rate_gain", 0.0 <= gain < np.inf, f"must be one number of 0 or more, got {gain:g}"),
+        *((name, 0.0 < value < np.inf, f"must be one number above 0, got {value:g}") for name, value in limits),
     ]
-    for name in LIMITS:
-        value = _numeric(model, name)
-        requirements.append((name, 0.0 < value < np.inf, f"must be one number above 0, got {value:g}"))
-    for joint, actuator in zip(joints, actuators, strict=True):
-        is_hinge = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE
-        stands = (is_on_floor & (model.geom_bodyid == model.jnt_bodyid[joint])).any()
-        required = "must be a hinge with an actuator, in a body with a geom that touches the floor, with conaffinity 1"
-        requirements.append((model.joint(joint).name, is_hinge and stands and actuator >= 0, required))
-    return requirements
 
 
 def _measure(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel) -> RobotDescription:

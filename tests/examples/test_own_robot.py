@@ -55,6 +55,6 @@ def test_errors_in_the_file_are_reported_before_the_start(tmp_path: Path) -> Non
     assert done.stdout == ""
     printed = done.stderr.replace("\n", " ")
     assert "Traceback" not in printed
-    for error in ("wheels: names of hinges must begin with", "max_speed: must be one number above 0, got -1"):
+    for error in ("wheels: must be hinges with names that begin with", "max_speed: must be one number above 0, got -1"):
         assert f"yard.toml: robot.model: {tmp_path / 'runner.xml'}: {error}" in printed
     assert sorted(path.name for path in tmp_path.iterdir()) == ["runner.xml", "yard.toml"]

@@ -53,7 +53,7 @@ def test_actions_and_commands_are_inverse_and_clipped() -> None:
         ([("<worldbody>", "<worldbody")], ["refused by MuJoCo: XML parse error"]),
         ([("<worldbody>", "<worldbody><geom siz='1'/>")], ["refused by MuJoCo: XML Error: Schema violation"]),
         ([('size="0.11 0.03 0.11"', 'size="-0.11 0.03 0.11"')], ["refused by MuJoCo: size 0 must be positive in geom"]),
-        ([('"left_wheel', '"wheel')], ["wheels: names of hinges must begin with"]),
+        ([('"left_wheel', '"wheel')], ["wheels: must be hinges with names that begin with"]),
         ([('<gyro name="gyro" site="imu"/>', "")], ["refused by MuJoCo: Invalid name 'gyro'. Valid names: ["]),
         (
             [
