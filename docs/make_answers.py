@@ -16,7 +16,13 @@ import pyarrow as pa
 
 from pdpatrol.missions.sweep.analysis import ALL, summarise_groups
 from pdpatrol.missions.sweep.dataset import Dataset, read_all
-from pdpatrol.missions.sweep.figures import draw_errors, draw_found_over_time, draw_over_setting, groups, label_of
+from pdpatrol.missions.sweep.figures import (
+    draw_errors,
+    draw_found_over_time,
+    draw_over_setting,
+    label_of,
+    missions_with_sources,
+)
 from pdpatrol.missions.sweep.tables import cells, markdown
 
 DOCS = Path(__file__).parent
@@ -98,13 +104,12 @@ def insert(document: str, tables: Mapping[str, str]) -> str:
 
 def draw() -> None:
     """Draw all figures."""
-    figures = {name: draw_over_setting(rows_of(name).to_pylist(), keys[0]) for name, (keys, _) in QUESTIONS.items()}
-    public, policies = (
-        [row for row in rows_of(name).to_pylist() if row["n_sources"]] for name in ("public", "policies")
-    )
-    figures["errors"] = draw_errors(groups(public))
-    figures["found_over_time"] = draw_found_over_time(groups(public))
-    figures["policies"] = draw_found_over_time(groups(policies))
+    names = (*QUESTIONS, "public", "policies")
+    missions = {name: missions_with_sources(rows_of(name)) for name in names}
+    figures = {name: draw_over_setting(missions[name], keys[0]) for name, (keys, _) in QUESTIONS.items()}
+    figures["errors"] = draw_errors(missions["public"])
+    figures["found_over_time"] = draw_found_over_time(missions["public"])
+    figures["policies"] = draw_found_over_time(missions["policies"])
     (DOCS / "answers").mkdir(exist_ok=True)
     for name, figure in figures.items():
         figure.savefig(DOCS / "answers" / f"{name}.png", dpi=110)

@@ -42,12 +42,12 @@ def main() -> None:
             sys.stderr.write(f"verb must be one of {', '.join(VERBS)}, got {verb!r}{meant}\n")
             sys.exit(USAGE_ERROR)
         else:
-            import tyro  # takes 0.3 s, which the help of all verbs does not need
+            # Takes a second, which the help of all verbs does not need.
+            from pdpatrol.missions.cli.arguments import call_verb
 
             if verb == "replay" and sys.platform == "linux" and any(word.startswith("--video") for word in arguments):
                 os.environ.setdefault("MUJOCO_GL", "egl")  # renders without a screen; read when MuJoCo is imported
-            function = getattr(import_module(f"{__name__}.{verb}"), verb)
-            tyro.cli(function, prog=f"pdpatrol {verb}", args=arguments, config=(tyro.conf.FlagCreatePairsOff,))
+            call_verb(getattr(import_module(f"{__name__}.{verb}"), verb), arguments)
 
 
 def _help() -> str:

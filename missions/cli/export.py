@@ -7,6 +7,7 @@ from typing import Annotated
 
 import tyro
 
+from pdpatrol.missions.cli.arguments import OutFolder
 from pdpatrol.missions.cli.mission_files import load_log
 from pdpatrol.missions.cli.terminal import err, note, output_folder, print_written
 from pdpatrol.missions.export.export_mission import export_mission
@@ -15,7 +16,7 @@ from pdpatrol.missions.export.export_mission import export_mission
 def export(
     folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")],
     *,
-    out_dir: Annotated[Path | None, tyro.conf.arg(name="out", metavar="DIR")] = None,
+    out_dir: OutFolder = None,
 ) -> None:
     """Write a mission in the formats of other tools.
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import shlex
-from contextlib import suppress
+from collections.abc import Sequence
 from datetime import datetime
 from importlib.util import find_spec
 from pathlib import Path
@@ -12,7 +13,7 @@ from pdpatrol.envs.plausibility import plausibility
 from pdpatrol.envs.scenario import Scenario
 from pdpatrol.envs.scenario.array import restore_calibration
 from pdpatrol.missions.atomic_file import write_text
-from pdpatrol.missions.cli.terminal import as_typed, err, note, out, print_written, refuse
+from pdpatrol.missions.cli.terminal import err, note, out, print_written, refuse
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.inspection import inspect_sites
 from pdpatrol.missions.report.make_report import make_report
@@ -21,11 +22,6 @@ from pdpatrol.missions.report.records import Report, report_text
 from pdpatrol.missions.report.tables import candidates_table, findings_table
 from pdpatrol.missions.report.wording import no_finding_text
 from pdpatrol.missions.runner import Stopwatch
-
-INCOMPLETE = "INCOMPLETE.txt"
-"""File that says why others are missing."""
-
-FILES = ("log.npz", "report.json", "report.html", "mission.rrd", "calibration.toml")
 
 
 def load_log(folder: Path) -> MissionLog:
@@ -52,26 +48,21 @@ def write_mission(log: MissionLog, wall_time_s: float, folder: Path) -> Report:
         The report.
 
     Raises:
-        OSError: If a file cannot be written. Those that exist are complete, and `INCOMPLETE` says what went wrong.
+        OSError: If a file cannot be written. Those that exist are complete.
     """
-    try:
-        log.save(folder)
-        if "calibration" in log.meta:
-            when = datetime.now().astimezone().isoformat(timespec="seconds")
-            text = restore_calibration(log.meta["calibration"]).as_toml()
-            write_text(folder / "calibration.toml", f"# Written {when}\n{text}")
-        report = write_report(log, wall_time_s, folder)
-        if find_spec("rerun") is None:
-            note('no recording, as rerun is not installed; run: pip install "pdpatrol[viewer]"')
-        else:
-            from pdpatrol.missions.recording import write_recording  # Rerun is optional
+    log.save(folder)
+    if "calibration" in log.meta:
+        when = datetime.now().astimezone().isoformat(timespec="seconds")
+        text = restore_calibration(log.meta["calibration"]).as_toml()
+        write_text(folder / "calibration.toml", f"# Written {when}\n{text}")
+    report = write_report(log, wall_time_s, folder)
+    if find_spec("rerun") is None:
+        note('no recording, as rerun is not installed; run: pip install "pdpatrol[viewer]"')
+    else:
+        from pdpatrol.missions.recording import write_recording  # Rerun is optional
 
-            write_recording(log, folder / "mission.rrd")
-        return report
-    except OSError as error:
-        with suppress(OSError):
-            write_text(folder / INCOMPLETE, f"Log, report and recording are not complete: {error}\n")
-        raise
+        write_recording(log, folder / "mission.rrd")
+    return report
 
 
 def write_report(log: MissionLog, wall_time_s: float, folder: Path) -> Report:
@@ -95,13 +86,6 @@ def print_findings(report: Report) -> None:
         out.print(candidates_table(report))
 
 
-def print_doubts(report: Report) -> None:
-    """Print which channels were found faulty, and whether the pulses contradict the calibration."""
-    for heading, lines in (("Receiver", report.channel_faults), ("Calibration", report.calibration)):
-        for line in lines:
-            out.print(f"{heading}: {line}", style="yellow")
-
-
 def print_plausibility(scenario: Scenario) -> None:
     """Note what in a scenario is probably not intended; it is used all the same."""
     for text in plausibility(scenario):
@@ -116,7 +100,17 @@ def print_times(stopwatch: Stopwatch) -> None:
     err.print(f"Time: {total_s:.1f} s: {text}", soft_wrap=True)
 
 
-def print_files(folder: Path) -> None:
-    """Print which files of a mission were written, and how to open them."""
-    print_written(folder, *(name for name in FILES if (folder / name).exists()))
-    out.print(f"Look at it with: {as_typed(f'replay {shlex.quote(str(folder))}')}", soft_wrap=True)
+def print_outcome(report: Report, folder: Path, lines: Sequence[str], json_output: bool) -> None:
+    """Print the report as JSON, or findings, doubts about the array, lines on the course, and the files written."""
+    if json_output:
+        print_json(report)
+        return
+    print_findings(report)
+    for heading, doubts in (("Receiver", report.channel_faults), ("Calibration", report.calibration)):
+        for doubt in doubts:
+            out.print(f"{heading}: {doubt}", style="yellow")
+    for line in lines:
+        out.print(line, soft_wrap=True)
+    print_written(folder, *sorted(path.name for path in folder.iterdir()))
+    command = "uv run pdpatrol" if "UV_RUN_RECURSION_DEPTH" in os.environ else "pdpatrol"
+    out.print(f"Look at it with: {command} replay {shlex.quote(str(folder))}", soft_wrap=True)

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import json
-import math
-from pathlib import Path
 from typing import Annotated
 
 import tyro
+from pydantic import Field, PositiveFloat
 from rich.progress import Progress
 
-from dirmusic import InputFileError
 from pdpatrol.envs.scenario import load_scenario
 from pdpatrol.missions.atomic_file import atomic_file, write_text
+from pdpatrol.missions.cli.arguments import JsonOutput, OutFolder, Settings
 from pdpatrol.missions.cli.terminal import err, out, output_folder, print_written, refuse
 from pdpatrol.missions.planning.output import as_json, as_toml, draw_plan, sites_table, summary
 from pdpatrol.missions.planning.plan import make_plan
@@ -22,12 +21,10 @@ from pdpatrol.missions.sweep.plan import parse_grid
 def plan(
     scenario: tyro.conf.Positional[str] = "one_source",
     *,
-    settings: Annotated[
-        tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(name="set", metavar="KEY=VALUE")
-    ] = (),
-    amplitude_v: float = 0.05,
-    out_dir: Annotated[Path | None, tyro.conf.arg(name="out", metavar="DIR")] = None,
-    json_output: Annotated[bool, tyro.conf.arg(name="json")] = False,
+    settings: Settings = (),
+    amplitude_v: Annotated[PositiveFloat, Field(le=1e6)] = 0.05,
+    out_dir: OutFolder = None,
+    json_output: JsonOutput = False,
 ) -> None:
     """Plan a patrol on the map of a yard: a short tour that covers every site, and which sites cannot be covered.
 
@@ -43,16 +40,10 @@ def plan(
         out_dir: Folder to write to; new or empty. Default: runs/plan-SCENARIO, then -2, -3 and so on.
         json_output: Print the plan as JSON instead of a table.
     """
-    if not (math.isfinite(amplitude_v) and amplitude_v > 0.0):
-        refuse(f"--amplitude-v must be finite and above 0, got {amplitude_v:g}")
-    try:
-        grid = parse_grid(settings)
-        several = [key for key, values in grid.items() if len(values) != 1]
-        if several:
-            refuse(*(f"--set: {key} must have one value, got {len(grid[key])}" for key in several))
-        loaded = load_scenario(scenario, {key: value for key, (value,) in grid.items()})
-    except InputFileError as error:
-        refuse(*error.faults)
+    grid = parse_grid(settings)
+    if several := [f"--set: {key} must have one value, got {len(grid[key])}" for key in grid if len(grid[key]) > 1]:
+        refuse(*several)
+    loaded = load_scenario(scenario, {key: value for key, (value,) in grid.items()})
     with output_folder(out_dir, f"plan-{loaded.name}") as folder, Progress(console=err, transient=True) as progress:
         bar = progress.add_task("map", total=1.0)
         made = make_plan(

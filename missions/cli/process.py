@@ -19,22 +19,8 @@ FAILED, USAGE_ERROR = 1, 2
 
 SIGNALS: tuple[int, ...] = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
-EXTRAS = {
-    "rerun": "viewer",
-    "mcap": "ros",
-    "mcap_ros2": "ros",
-    "imageio": "video",
-    "ray": "ray",
-    "stable_baselines3": "rl",
-    **dict.fromkeys(
-        (
-            *("filelock", "jinja2", "markupsafe", "matplotlib", "pebble", "psutil", "pyarrow", "pyproj", "rich"),
-            *("statsmodels", "threadpoolctl", "tomlkit", "tyro"),
-        ),
-        "missions",
-    ),
-}
-"""Extra of the package that installs each optional library."""
+EXTRAS = {"rerun": "viewer", "mcap": "ros", "mcap_ros2": "ros", "imageio": "video", "ray": "ray"}
+"""Extra of the package that installs each optional library; `missions` installs all others."""
 
 
 @contextmanager
@@ -60,9 +46,10 @@ def command_process() -> Iterator[None]:
             stream.flush()
     except ModuleNotFoundError as error:
         library = (error.name or "").partition(".")[0]
-        if library not in EXTRAS:
+        if library in ("", "dirmusic", "pdpatrol"):
             raise
-        print_error(f'pdpatrol: {library} is not installed; run: pip install "pdpatrol[{EXTRAS[library]}]"')
+        extra = EXTRAS.get(library, "missions")
+        print_error(f'pdpatrol: {library} is not installed; run: pip install "pdpatrol[{extra}]"')
         sys.exit(FAILED)
     except BrokenPipeError:
         _exit_without_output()
@@ -70,7 +57,7 @@ def command_process() -> Iterator[None]:
         print_error(f"{error.filename}: {error.strerror}" if error.filename else str(error.strerror or error))
         _exit_without_output()
     except MemoryError as error:
-        print_error(f"out of memory: {error}" if str(error) else "out of memory")
+        print_error(f"out of memory: {error}")
         sys.exit(FAILED)
     except (KeyboardInterrupt, Exception) as error:
         if not received and not isinstance(error, KeyboardInterrupt):

@@ -125,7 +125,7 @@ def _run_again(folder: Path, row: int) -> Path:
         job = dataset.job(row)
     except InputFileError as error:
         refuse(*error.faults)
-    if dataset.manifest["code"] != digest_of_code():
+    if dataset.manifest.code != digest_of_code():
         note("the sweep was made with a different version; results may differ")
     mission = folder / "missions" / str(row)
     if not (mission / "log.npz").exists():

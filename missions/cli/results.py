@@ -8,9 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from dirmusic import InputFileError
-from pdpatrol.missions.cli.process import one_line
-from pdpatrol.missions.cli.terminal import err, out, output_folder, refuse
+from pdpatrol.missions.cli.terminal import err, out, output_folder, print_written, refuse
 from pdpatrol.missions.sweep import analysis, dataset, tables
 from pdpatrol.missions.sweep.figures import draw_figures
 
@@ -35,36 +33,28 @@ def results(
             folders, mission by mission on the same scenario and seed.
         figures: New or empty folder for figures: errors, sources found over time, and both over each setting.
     """
-    chosen = {"--markdown": markdown, "--csv": csv_output, "--compare": compare is not None}
-    given = [option for option, is_given in chosen.items() if is_given]
     if not folder:
         refuse("FOLDER: at least one dataset must be given, got none")
-    if len(given) > 1 or (compare is not None and figures is not None):
-        refuse(f"{', '.join(chosen)}: give at most one of them, and --figures not with --compare")
-    try:
-        datasets = [dataset.Dataset(each) for each in folder]
-        rows = dataset.read_all(datasets)
-        pairs = [] if compare is None else analysis.pair_up(rows, *compare)
-    except InputFileError as error:
-        refuse(*error.faults)
+    if markdown + csv_output + bool(compare) > 1 or (compare and figures):
+        refuse("--markdown, --csv, --compare: give at most one of them, and --figures not with --compare")
+    datasets = [dataset.Dataset(each) for each in folder]
+    rows = dataset.read_all(datasets)
     if compare is not None:
-        out.print(tables.differences_table(analysis.compare(pairs), *compare))
-        for first, second in pairs:
-            if first["n_found"] != second["n_found"]:
-                name = ", ".join(
-                    filter(None, (first["scenario"], first["settings"].strip("{}"), f"seed {first['seed']}"))
-                )
-                found = f"{first['n_found']} -> {second['n_found']} of {first['n_sources']} found"
-                out.print(f"{name}: {found}", soft_wrap=True)
+        first, second = analysis.pair_up(rows, *compare)
+        out.print(tables.differences_table(analysis.compare(first, second), *compare))
+        for (_, before), (_, after) in zip(first.iterrows(), second.iterrows(), strict=True):
+            if before["n_found"] != after["n_found"]:
+                found = f"{before['n_found']} -> {after['n_found']} of {before['n_sources']} found"
+                parts = (before["scenario"], before["settings"].strip("{}"), f"seed {before['seed']}: {found}")
+                out.print(", ".join(filter(None, parts)), soft_wrap=True)
         return
     if figures is not None:
         with output_folder(figures, "", "--figures") as figure_folder:
             written = draw_figures(rows, figure_folder)
-        err.print(f"Written to {one_line(str(figures))}: {', '.join(path.name for path in written)}", soft_wrap=True)
+        print_written(figures, *(path.name for path in written), console=err)
     summaries = analysis.summarise_groups(rows)
     if markdown:
-        lines = [list(tables.cells(summary).values()) for summary in summaries]
-        sys.stdout.write(tables.markdown(list(tables.cells(summaries[0])) if summaries else [], lines))
+        sys.stdout.write(tables.markdown_table(summaries))
     elif csv_output:
         sys.stdout.write(tables.as_csv(summaries))
     else:
@@ -74,5 +64,5 @@ def results(
                 reason = row["error"].strip().splitlines()[-1]
                 name = f"{row['scenario']}, {row['policy']}, seed {row['seed']}"
                 out.print(f"{name}: {row['status']}: {reason}", soft_wrap=True)
-        if missing := sum(each.manifest["n_missions"] - len(each.keys()) for each in datasets):
+        if missing := sum(each.manifest.n_missions - each.read().num_rows for each in datasets):
             out.print(f"{missing} missions are missing: run the command of the sweep again to continue it")

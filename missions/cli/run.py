@@ -4,49 +4,36 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import tyro
+from pydantic import NonNegativeInt
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from dirmusic import InputFileError
-from pdpatrol.envs.scenario import ScenarioError, load_scenario
+from pdpatrol.envs.scenario import load_scenario
 from pdpatrol.envs.scenario.array import read_calibration
-from pdpatrol.envs.user_code import UserCodeError
-from pdpatrol.missions.cli.mission_files import (
-    print_doubts,
-    print_files,
-    print_findings,
-    print_json,
-    print_plausibility,
-    print_times,
-    write_mission,
-)
+from pdpatrol.missions.cli.arguments import JsonOutput, OutFolder
+from pdpatrol.missions.cli.mission_files import print_outcome, print_plausibility, print_times, write_mission
 from pdpatrol.missions.cli.process import FAILED, deferred_signals, print_error
-from pdpatrol.missions.cli.terminal import err, fail, out, output_folder, refuse
+from pdpatrol.missions.cli.terminal import err, fail, output_folder
 from pdpatrol.missions.first_run import compile_at_first_run
 from pdpatrol.missions.policies.make_policy import load_maker
 from pdpatrol.missions.report.records import Report
 from pdpatrol.missions.runner import Mission, Stopwatch
-
-if TYPE_CHECKING:
-    from pdpatrol.missions.recording import LiveView
 
 
 def run(
     scenario: tyro.conf.Positional[str] = "one_source",
     *,
     policy: Annotated[str, tyro.conf.arg(metavar="{seek,active,patrol,random,oracle,FILE.py:NAME}")] = "seek",
-    seed: int = 0,
+    seed: NonNegativeInt = 0,
     serial_number: Annotated[int | None, tyro.conf.arg(metavar="NUMBER")] = None,
     calibration: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
     date: Annotated[str | None, tyro.conf.arg(metavar="YYYY-MM-DD")] = None,
-    out_dir: Annotated[Path | None, tyro.conf.arg(name="out", metavar="DIR")] = None,
+    out_dir: OutFolder = None,
     live: bool = False,
-    json_output: Annotated[bool, tyro.conf.arg(name="json")] = False,
+    json_output: JsonOutput = False,
     timing: bool = False,
 ) -> None:
     """Run one mission and write its log, report and recording.
@@ -77,55 +64,53 @@ def run(
         timing: Print how long each part took.
     """
     stopwatch = Stopwatch()
-    settings: dict[str, Any] = {} if serial_number is None else {"array.serial_number": serial_number}
-    if date is not None:
-        settings["campaign.date"] = date
-    if seed < 0:
-        refuse(f"--seed must be 0 or more, got {seed}")
-    try:
-        if calibration is not None:
-            settings["locating.calibration"] = read_calibration(calibration)
-        loaded = load_scenario(scenario, settings)
-        load_maker(policy)
-    except InputFileError as error:
-        refuse(*error.faults)
-    except UserCodeError as error:
-        refuse(str(error))
+    settings: dict[str, Any] = {
+        "array.serial_number": serial_number,
+        "campaign.date": date,
+        "locating.calibration": calibration and read_calibration(calibration),
+    }
+    loaded = load_scenario(scenario, {key: value for key, value in settings.items() if value is not None})
+    load_maker(policy)
     with output_folder(out_dir, f"{loaded.name}-{seed}") as folder:
         with stopwatch.on("compiling"):
             compile_at_first_run(err)
-        viewer = _live_view() if live else None
-        with _progress(loaded.task.time_limit_s) as follow:
-            print_plausibility(loaded)
+        viewer = None
+        if live:
+            os.environ.setdefault("RUST_LOG", "off")  # otherwise Rerun complains when the user closes the viewer
+            from pdpatrol.missions.recording import LiveView, ViewerError  # Rerun is optional
+
             try:
-                with stopwatch.on("starting"):
-                    mission = Mission(loaded, policy, seed, folder, stopwatch)
-            except UserCodeError as error:
-                refuse(str(error))
-            except ScenarioError as error:
-                refuse(*error.faults)
-            with deferred_signals() as received:
+                viewer = LiveView()
+            except ViewerError as error:
+                fail(f"--live: {error}; `pdpatrol replay --web` shows the mission in a browser")
+        print_plausibility(loaded)
+        with stopwatch.on("starting"):
+            mission = Mission(loaded, policy, seed, folder, stopwatch)
+        columns = TextColumn("{task.description:<36}"), BarColumn(), TimeRemainingColumn()
+        with Progress(*columns, console=err, transient=True) as progress, deferred_signals() as received:
+            bar = progress.add_task("start", total=loaded.task.time_limit_s)
+            n_printed = 0
 
-                def after_step(mission: Mission) -> None:
-                    follow(mission)
-                    if viewer and (mission.log.n_rows("step") % 5 == 0 or mission.is_over):
-                        viewer.update(mission.log)
-                    if received and not mission.is_over:
-                        mission.end("interrupted")
+            def after_step(mission: Mission) -> None:
+                nonlocal n_printed
+                events = mission.log.table("event", n_printed)
+                n_printed += events["kind"].size
+                for kind, event in zip(events["kind"], events["text"], strict=True):
+                    if kind not in ("waypoint", "error", "end"):
+                        progress.console.print(f"{mission.time_s:6.1f} s  {event}")
+                text = f"{mission.policy.phase}, {mission.n_visited} waypoints"
+                progress.update(bar, completed=mission.time_s, description=text)
+                if viewer and (mission.log.n_rows("step") % 5 == 0 or mission.is_over):
+                    viewer.update(mission.log)
+                if received and not mission.is_over:
+                    mission.end("interrupted")
 
-                log = mission.run(after_step)
-                with stopwatch.on("log, report and recording"):
-                    report = write_mission(log, stopwatch.total_s - stopwatch.spent_s["compiling"], folder)
+            log = mission.run(after_step)
+            with stopwatch.on("log, report and recording"):
+                report = write_mission(log, stopwatch.total_s - stopwatch.spent_s["compiling"], folder)
         if viewer:
             viewer.leave_open()
-    if json_output:
-        print_json(report)
-    else:
-        print_findings(report)
-        print_doubts(report)
-        for line in _summary(report):
-            out.print(line, soft_wrap=True)
-        print_files(folder)
+    print_outcome(report, folder, _summary(report), json_output)
     if timing:
         print_times(stopwatch)
     if mission.error is not None:
@@ -135,63 +120,20 @@ def run(
         sys.exit(128 + received[0])
 
 
-def _live_view() -> LiveView:
-    """Open the viewer before the mission starts."""
-    os.environ.setdefault("RUST_LOG", "off")  # otherwise Rerun complains when the user closes the viewer
-    from pdpatrol.missions.recording import LiveView, ViewerError  # Rerun is optional
-
-    try:
-        return LiveView()
-    except ViewerError as error:
-        fail(f"--live: {error}; run without it, and `pdpatrol replay --web` shows the mission in a browser")
-
-
 def _summary(report: Report) -> list[str]:
     """Describe the course of the mission in lines for a terminal."""
-    missed, unreachable = report.waypoints.missed, report.waypoints.unreachable
     battery = "" if report.battery_left is None else f"; {100 * report.battery_left:.1f} % of the battery left"
     time_s = f"{report.sim_time_s:.0f} s simulated in {report.wall_time_s:.1f} s"
     lines = [
         f"{report.ending} after {time_s}; {report.distance_m:.0f} m driven{battery}",
-        f"{report.n_bearings} bearings; {report.collisions} collisions; "
-        f"waypoints missed: {', '.join(map(str, missed)) or 'none'}",
+        f"{report.n_bearings} bearings; {report.collisions} collisions",
     ]
-    if unreachable:
-        lines.append(f"waypoints that could not be reached: {', '.join(map(str, unreachable))}")
+    for kind, numbers in (("missed", report.waypoints.missed), ("unreachable", report.waypoints.unreachable)):
+        if numbers:
+            lines.append(f"waypoints {kind}: {', '.join(map(str, numbers))}")
     if report.evaluation is not None:
         sources, n_false = report.evaluation.sources, report.evaluation.false_findings
-        found = f"{sum(source.found for source in sources)} of {len(sources)} sources found"
-        lines.append(f"{found if sources else 'no source inside the fence'}, {n_false} false findings")
+        lines.append(
+            f"{sum(source.found for source in sources)} of {len(sources)} sources found, {n_false} false findings"
+        )
     return lines
-
-
-@contextmanager
-def _progress(time_limit_s: float) -> Iterator[Callable[[Mission], None]]:
-    """Show a progress bar over the route, and print events as they happen."""
-    columns = (
-        TextColumn("{task.description:<16}"),
-        BarColumn(),
-        TextColumn("{task.fields[clock]}"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal, refresh_per_second=4) as progress:
-        bar = progress.add_task("start", total=1.0, clock="")
-        n_printed = 0
-
-        def follow(mission: Mission) -> None:
-            nonlocal n_printed
-            events = mission.log.table("event", n_printed)
-            for kind, text in zip(events["kind"], events["text"], strict=True):
-                if kind not in ("waypoint", "error", "end"):
-                    progress.console.print(f"{mission.time_s:6.1f} s  {text}")
-            n_printed += events["kind"].size
-            n_stops = len(mission.site_map.route.stops_m) + 1
-            visited = mission.n_visited / n_stops
-            progress.update(
-                bar,
-                completed=max(visited, mission.time_s / time_limit_s),
-                description=str(mission.policy.phase),
-                clock=f"{mission.time_s:5.0f} s simulated, {mission.n_visited} of {n_stops - 1} waypoints",
-            )
-
-        yield follow

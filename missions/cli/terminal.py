@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -39,14 +38,9 @@ def note(text: str) -> None:
     err.print(f"note: {one_line(text)}", soft_wrap=True)
 
 
-def print_written(folder: Path, *names: str) -> None:
+def print_written(folder: Path, *names: str, console: Console = out) -> None:
     """Print which files were written."""
-    out.print(f"Written to {one_line(str(folder))}: {', '.join(names)}", soft_wrap=True)
-
-
-def as_typed(words: str) -> str:
-    """Return a pdpatrol command line as the user has to type it: through uv if this command was."""
-    return f"uv run pdpatrol {words}" if "UV_RUN_RECURSION_DEPTH" in os.environ else f"pdpatrol {words}"
+    console.print(f"Written to {one_line(str(folder))}: {', '.join(names)}", soft_wrap=True)
 
 
 @contextmanager
@@ -59,11 +53,12 @@ def output_folder(given: Path | None, name: str, option: str = "--out") -> Itera
         option: Option by which it is given, for refusals.
     """
     try:
-        folder, is_new = (given, not given.exists()) if given is not None else (_new_folder(name), True)
+        folder = given or _new_folder(name)
+        is_new = given is None or not given.exists()
         folder.mkdir(parents=True, exist_ok=True)
         (folder / CLAIM).touch(exist_ok=False)
     except FileExistsError:
-        refuse(f"{option}: {given or 'runs'} must be a new or empty folder, which no other command writes to")
+        refuse(f"{option}: {given} must be a new or empty folder, which no other command writes to")
     except (OSError, ValueError) as error:
         refuse(f"{option}: {given or 'runs'} cannot be written to ({getattr(error, 'strerror', error)})")
     try:

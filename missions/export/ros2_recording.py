@@ -5,11 +5,10 @@ Frames: `map` of the yard, `base_link` of the robot at its estimated pose, `lase
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from mcap_ros2.writer import Writer
@@ -67,16 +66,13 @@ MESSAGE_FIELDS: dict[str, str] = {
 }
 """Fields of each type of message, in order, as in common_interfaces 4 (ROS 2 Humble)."""
 
-CUBE, SPHERE, CYLINDER, LINE_STRIP, LINE_LIST, TEXT = 1, 2, 3, 4, 5, 9
+MARKER_TYPES = {"box": 1, "sphere": 2, "ellipsoid": 2, "cylinder": 3, "line_strip": 4, "line_list": 5, "text": 9}
 """Types of a visualization_msgs/Marker."""
 
-SHAPES = {"box": CUBE, "cylinder": CYLINDER, "sphere": SPHERE, "ellipsoid": SPHERE}
+DELETE_ALL = 3
+"""Action of a visualization_msgs/Marker."""
+
 COLOURS = {"candidate": (1.0, 0.7, 0.16), "confirmed": (0.24, 0.86, 0.43), "outside": (0.6, 0.6, 0.63)}
-
-OUTLINE_POINTS = 37
-
-UNIX_TIME_S = 1e9
-"""Times from here on (September 2001) are taken for Unix times: no survey lasts for decades."""
 
 
 def write_ros2_recording(log: MissionLog, path: Path) -> None:
@@ -86,13 +82,13 @@ def write_ros2_recording(log: MissionLog, path: Path) -> None:
     Field data whose times are Unix times keep them.
     """
     time_ns = _clock_ns(log.column("step", "time_s"), log.meta.get("date"))
-    messages = sorted(_messages(log, time_ns), key=lambda message: message.step)
+    messages = sorted(_messages(log, time_ns), key=lambda message: message[0])
     with path.open("wb") as file, Writer(file) as writer:
         schemas = {
             name: writer.register_msgdef(name.replace("/", "/msg/"), definition(name))
             for name in dict.fromkeys(TOPICS.values())
         }
-        for topic, step, content in messages:
+        for step, topic, content in messages:
             at_ns = int(time_ns[step])
             writer.write_message(topic, schemas[TOPICS[topic]], content, log_time=at_ns, publish_time=at_ns)
 
@@ -101,76 +97,57 @@ def _clock_ns(time_s: FloatArray, date: str | None) -> NDArray[np.int64]:
     """Convert times of steps to Unix time in nanoseconds, for at least one step."""
     if not time_s.size:
         time_s = np.zeros(1)
-    if time_s[0] >= UNIX_TIME_S:
+    if time_s[0] >= 1e9:  # September 2001; no survey lasts for decades
         return np.round(1e9 * time_s).astype(np.int64)
     start = datetime.fromisoformat(date or "1970-01-01").replace(tzinfo=UTC)
     return round(start.timestamp()) * 10**9 + np.round(1e9 * (time_s - time_s[0])).astype(np.int64)
 
 
 def definition(name: str) -> str:
-    """Return the definition of a message and of all that it contains, in the MCAP encoding ros2msg.
-
-    Args:
-        name: Type of the message, such as `sensor_msgs/LaserScan`.
-    """
-    needed = [name]
-    for part in needed:
-        contained = re.findall(r"(\w+/\w+)(?:\[\])? \w+", MESSAGE_FIELDS[part])
-        needed += [each for each in dict.fromkeys(contained) if each not in needed]
-    lines = [MESSAGE_FIELDS[name].replace(", ", "\n")]
-    for part in needed[1:]:
-        lines += ["=" * 80, f"MSG: {part}", MESSAGE_FIELDS[part].replace(", ", "\n")]
-    return "\n".join(lines) + "\n"
+    """Return the definition of a type of message, followed by those of all others, in the MCAP encoding ros2msg."""
+    separator = "=" * 80
+    others = [f"{separator}\nMSG: {other}\n{fields}\n" for other, fields in MESSAGE_FIELDS.items() if other != name]
+    return "".join([f"{MESSAGE_FIELDS[name]}\n", *others]).replace(", ", "\n")
 
 
-class Message(NamedTuple):
-    """Message on a topic at a step."""
-
-    topic: str
-    step: int
-    content: Content
-
-
-def _messages(log: MissionLog, time_ns: NDArray[np.int64]) -> Iterator[Message]:
-    """Return the messages of each topic in order of time."""
+def _messages(log: MissionLog, time_ns: NDArray[np.int64]) -> Iterator[tuple[int, str, Content]]:
+    """Yield step, topic and content of each message."""
     step = log.table("step")
 
     def header(at: int, frame: str = "map") -> Content:
         return {"stamp": {"sec": int(time_ns[at] // 10**9), "nanosec": int(time_ns[at] % 10**9)}, "frame_id": frame}
 
-    yield Message("/yard", 0, {"markers": _yard_markers(log.meta, header(0))})
+    yield 0, "/yard", {"markers": _yard_markers(log.meta, header(0))}
     lidar = log.meta.get("lidar")
     for at, pose in enumerate(step["pose"]):
-        transforms = [
-            {
-                "header": header(at),
-                "child_frame_id": "base_link",
-                "transform": {"translation": _xyz(pose[0], pose[1]), "rotation": _rotation(pose[2])},
-            }
-        ]
+        place = {"translation": _xyz(*pose[:2]), "rotation": _rotation(pose[2])}
+        transforms = [{"header": header(at), "child_frame_id": "base_link", "transform": place}]
         if lidar is not None:
-            mount = {"translation": _xyz(z=lidar["height_m"]), "rotation": _rotation(0.0)}
+            mount = {"translation": _xyz(0.0, 0.0, lidar["height_m"]), "rotation": _rotation(0.0)}
             transforms.append({"header": header(at, "base_link"), "child_frame_id": "laser", "transform": mount})
-        yield Message("/tf", at, {"transforms": transforms})
-        yield Message("/pose", at, {"header": header(at), "pose": _pose(*pose)})
-    for at in np.flatnonzero(np.isfinite(step["true_pose"]).all(axis=-1)).tolist():
-        yield Message("/true_pose", at, {"header": header(at), "pose": _pose(*step["true_pose"][at])})
+        yield at, "/tf", {"transforms": transforms}
+        yield at, "/pose", {"header": header(at), "pose": _pose(pose)}
+        if np.isfinite(step["true_pose"][at]).all():
+            yield at, "/true_pose", {"header": header(at), "pose": _pose(step["true_pose"][at])}
     scan = log.table("scan")
     for at, range_m in zip(scan["step"].tolist(), scan["range_m"], strict=True):
-        yield Message("/scan", at, _scan(header(at, "laser"), range_m, log.meta["lidar"]))
+        yield at, "/scan", _scan(header(at, "laser"), range_m, log.meta["lidar"])
     bearing = log.table("bearing")
     bearing_step = log.column("pulse", "step")[bearing["pulse"]]
     for at in np.unique(bearing_step).tolist():
-        rays = _marker(header(at), LINE_LIST, "bearings", 0, (1.0, 0.9, 0.43), (0.05, 0.0, 0.0))
-        rays["points"] = _ray_points(step["pose"][at], bearing["bearing_rad"][bearing_step == at])
+        rays = _marker(header(at), "line_list", "bearings", 0, (1.0, 0.9, 0.43), (0.05, 0.0, 0.0))
+        start_m = step["pose"][at][:2]
+        for azimuth_rad in bearing["bearing_rad"][bearing_step == at]:
+            end_m = start_m + 25.0 * np.array([np.cos(azimuth_rad), np.sin(azimuth_rad)])
+            rays["points"] += [_xyz(*start_m, 0.6), _xyz(*end_m, 0.6)]
         rays["lifetime"] = {"nanosec": 500_000_000}
-        yield Message("/bearings", at, {"markers": [rays]})
+        yield at, "/bearings", {"markers": [rays]}
     finding = log.table("finding")
     for at in np.unique(finding["step"]).tolist():
-        markers: list[Content] = []
+        markers: list[Content] = [{"header": header(at), "action": DELETE_ALL}]
         for row in np.flatnonzero(finding["step"] == at):
             markers += _finding_markers({name: column[row] for name, column in finding.items()}, header(at))
-        yield Message("/findings", at, {"markers": markers})
+        yield at, "/findings", {"markers": markers}
 
 
 def _scan(header: Content, range_m: FloatArray, lidar: Mapping[str, float]) -> Content:
@@ -191,67 +168,61 @@ def _scan(header: Content, range_m: FloatArray, lidar: Mapping[str, float]) -> C
 def _yard_markers(meta: Mapping[str, Any], header: Content) -> list[Content]:
     markers: list[Content] = []
     for number, solid in enumerate(meta.get("solids", {}).get("yard", ())):
-        if solid["shape"] not in SHAPES:
-            continue
-        size_m = np.array(solid["size_m"])
-        scale = 2.0 * (size_m[[0, 0, 1]] if solid["shape"] == "cylinder" else np.resize(size_m[size_m > 0.0], 3))
-        marker = _marker(header, SHAPES[solid["shape"]], solid["group"], number, solid["rgba"], scale)
-        orientation = dict(zip("wxyz", solid["quaternion_wxyz"], strict=True))
-        markers.append({**marker, "pose": {"position": _xyz(*solid["position_m"]), "orientation": orientation}})
+        if solid["shape"] in MARKER_TYPES:
+            size_m = np.array(solid["size_m"])
+            scale = 2.0 * (size_m[[0, 0, 1]] if solid["shape"] == "cylinder" else np.resize(size_m[size_m > 0.0], 3))
+            marker = _marker(header, solid["shape"], solid["group"], number, solid["rgba"], scale, solid["position_m"])
+            marker["pose"]["orientation"] = dict(zip("wxyz", solid["quaternion_wxyz"], strict=True))
+            markers.append(marker)
     for number, (name, place_m) in enumerate(meta.get("sites", {}).items()):
-        marker = _marker(header, TEXT, "sites", number, (0.8, 0.6, 0.35), (0.0, 0.0, 0.3))
-        markers.append({**marker, "text": name, "pose": {"position": _xyz(*place_m), "orientation": _rotation(0.0)}})
+        markers.append(_marker(header, "text", "sites", number, (0.8, 0.6, 0.35), (0.0, 0.0, 0.3), place_m))
+        markers[-1]["text"] = name
     return markers
 
 
 def _finding_markers(row: Mapping[str, Any], header: Content) -> list[Content]:
-    """Return point, name and 95 % ellipse of a finding; those of ghosts and dropped findings are deleted (action 2)."""
-    number, state, (x, y, z) = int(row["id"]), str(row["state"]), row["position_m"]
-    kinds = {
-        "findings": (SPHERE, 0.4, 0.4, 0.4),
-        "names": (TEXT, 0.0, 0.0, 0.5),
-        "ellipses": (LINE_STRIP, 0.06, 0.0, 0.0),
-    }
-    colour = COLOURS.get(state, (0.0, 0.0, 0.0))
-    markers = [_marker(header, kind, space, number, colour, scale) for space, (kind, *scale) in kinds.items()]
+    """Return point, name and 95 % ellipse of a finding; nothing for ghosts and dropped findings."""
+    number, state, place_m = int(row["id"]), str(row["state"]), row["position_m"]
     if state not in COLOURS:
-        return [{**marker, "action": 2} for marker in markers]
-    point, name, ellipse = markers
-    point["pose"]["position"] = _xyz(x, y, z)
-    name["pose"]["position"] = _xyz(x, y, z + 0.5)
+        return []
+    point = _marker(header, "sphere", "findings", number, COLOURS[state], (0.4, 0.4, 0.4), place_m)
+    name = _marker(
+        header, "text", "names", number, COLOURS[state], (0.0, 0.0, 0.5), place_m + np.array([0.0, 0.0, 0.5])
+    )
     name["text"] = f"{'finding' if state == 'confirmed' else 'candidate'} {number}"
-    outline_m = outline95(row["position_m"][:2], row["covariance_m2"][:2, :2], OUTLINE_POINTS)
-    ellipse["points"] = [_xyz(x, y, 0.05) for x, y in outline_m]
-    return markers
-
-
-def _ray_points(pose: FloatArray, bearing_rad: FloatArray) -> list[Content]:
-    """Return the ends of a ray of 25 m for each bearing."""
-    start = _xyz(pose[0], pose[1], 0.6)
-    ends = pose[:2] + 25.0 * np.column_stack([np.cos(bearing_rad), np.sin(bearing_rad)])
-    return [point for x, y in ends for point in (start, _xyz(x, y, 0.6))]
+    ellipse = _marker(header, "line_strip", "ellipses", number, COLOURS[state], (0.06, 0.0, 0.0))
+    ellipse["points"] = [_xyz(x, y, 0.05) for x, y in outline95(place_m[:2], row["covariance_m2"][:2, :2], 37)]
+    return [point, name, ellipse]
 
 
 def _marker(
-    header: Content, kind: int, space: str, number: int, rgb: Sequence[float], scale: Sequence[float] | FloatArray
+    header: Content,
+    kind: str,
+    namespace: str,
+    number: int,
+    rgba: Sequence[float],
+    scale: Sequence[float] | FloatArray,
+    place_m: Sequence[float] | FloatArray = (0.0, 0.0, 0.0),
 ) -> Content:
-    """Return a marker without position; the colour may have an opacity."""
+    """Return a marker; the colour may be without its opacity."""
     return {
         "header": header,
-        "ns": space,
+        "ns": namespace,
         "id": number,
-        "type": kind,
-        "pose": {"orientation": _rotation(0.0)},
+        "type": MARKER_TYPES[kind],
+        "pose": {"position": _xyz(*place_m), "orientation": _rotation(0.0)},
         "scale": _xyz(*scale),
-        "color": {"a": 1.0} | dict(zip("rgba", rgb, strict=False)),
+        "color": {"a": 1.0} | dict(zip("rgba", rgba, strict=False)),
+        "points": [],
     }
 
 
-def _pose(x: float, y: float, yaw_rad: float) -> Content:
-    return {"position": _xyz(x, y), "orientation": _rotation(yaw_rad)}
+def _pose(pose: FloatArray) -> Content:
+    """Return a pose of x, y and yaw."""
+    return {"position": _xyz(*pose[:2]), "orientation": _rotation(pose[2])}
 
 
-def _xyz(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Content:
+def _xyz(x: float, y: float, z: float = 0.0) -> Content:
     return {"x": float(x), "y": float(y), "z": float(z)}
 
 

@@ -1,15 +1,14 @@
-"""CSV tables of field data: pyarrow splits them into cells, and errors are collected with file and line."""
+"""CSV tables of field data, read by pyarrow."""
 
 from __future__ import annotations
 
-import math
 import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from numpy.typing import NDArray
 from pyarrow import csv
 
@@ -18,64 +17,38 @@ from dirmusic.input_file import read_whole
 
 FloatArray = NDArray[np.float64]
 
-MAX_BYTES = 256 * 10**6
-"""Size of the largest table that is read: about three million pulses."""
-
-MAX_COLUMNS = 1000
-
 MAX_ERRORS = 20
 """Errors listed for one file; more of them mean that it is a file of another kind."""
-
-NUMBER = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$"
-"""Decimal numbers; Python and Arrow also accept other forms such as `nan` and `1_000`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class InputTable:
-    """Columns of a CSV table as text, and the errors found in them so far.
+    """Columns of a CSV table, and the errors found in them so far.
 
     Attributes:
         path: The file.
-        columns: Cells by name of the column.
+        columns: Numbers by name of the column, NaN for empty cells; texts in the column `waveform`.
         lines: Line of the file on which each row stands, shape (n_rows,).
-        decimal_comma: True if numbers may have a decimal comma.
         errors: One line each.
     """
 
     path: Path
-    columns: dict[str, pa.StringArray]
+    columns: dict[str, NDArray[Any]]
     lines: NDArray[np.intp]
-    decimal_comma: bool = False
     errors: list[str] = field(default_factory=list[str])
 
-    def add_error(self, text: str, row: int | None = None) -> None:
-        """Add an error of the table, or of one of its rows (from 0)."""
-        where = "" if row is None else f"line {self.lines[row]}: "
-        self.errors.append(f"{self.path}: {where}{text}")
+    def numbers(self, name: str, low: float, high: float, unit: str = "") -> FloatArray:
+        """Return a column, and add an error for each cell that is not a number from `low` to `high`."""
+        values = self.columns[name]
+        for row in np.flatnonzero(~((values >= low) & (values <= high)))[:MAX_ERRORS]:
+            must = f"{name} must be a number from {low:g} to {high:g}{unit}"
+            self.errors.append(f"{self.path}: line {self.lines[row]}: {must}, got {values[row]:g}")
+        return values
 
     def check(self) -> None:
-        """Raise the errors found so far.
-
-        Raises:
-            InputFileError: If there are any.
-        """
-        if len(self.errors) > MAX_ERRORS:
-            raise InputFileError([*self.errors[:MAX_ERRORS], f"{self.path}: more errors are not listed"])
+        """Raise `InputFileError` if errors were found so far."""
         if self.errors:
-            raise InputFileError(self.errors)
-
-    def numbers(self, name: str, low: float = -math.inf, high: float = math.inf, unit: str = "") -> FloatArray:
-        """Return a column of numbers from `low` to `high`, with NaN and an error for every other cell."""
-        cells = self.columns[name]
-        if self.decimal_comma:
-            cells = pc.replace_substring(cells, ",", ".", max_replacements=1)  # pyright: ignore
-        is_number = pc.match_substring_regex(cells, NUMBER).to_numpy(zero_copy_only=False)  # pyright: ignore
-        values = np.where(is_number, cells.to_numpy(zero_copy_only=False), "nan").astype(np.float64)
-        is_allowed = np.isfinite(values) & (values >= low) & (values <= high)
-        expected = "a finite number" if math.isinf(high) else f"a number from {low:g} to {high:g}{unit}"
-        for row in np.flatnonzero(~is_allowed)[: MAX_ERRORS + 1].tolist():
-            self.add_error(f"{name} must be {expected}, got {self.columns[name][row].as_py()!r:.40}", row)
-        return np.where(is_allowed, values, np.nan)
+            raise InputFileError(self.errors[:MAX_ERRORS])
 
 
 def read_table(path: Path) -> InputTable:
@@ -85,16 +58,15 @@ def read_table(path: Path) -> InputTable:
     `sep=;` that Excel writes are skipped.
 
     Raises:
-        InputFileError: If the file cannot be read, is not UTF-8 text, or its rows do not fit its header.
+        InputFileError: If the file cannot be read, is not UTF-8 text, or holds a cell that is not a number.
     """
     try:
-        text = read_whole(path, MAX_BYTES).decode("utf-8-sig")
+        text = read_whole(path, 256 * 10**6).decode("utf-8-sig")  # about three million pulses
     except UnicodeDecodeError as error:
         raise InputFileError([f"{path}: must be UTF-8 text, and byte {error.start} is not"]) from None
-    text = text.replace("\r\n", "\n").replace("\r", "\n")
     lines = [
         (number, line)
-        for number, line in enumerate(text.split("\n"), start=1)
+        for number, line in enumerate(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"), start=1)
         if line.strip(" ,;\t") and not line.lstrip().startswith("#")
     ]
     if lines and lines[0][1].strip('" ').lower().startswith("sep="):
@@ -102,42 +74,24 @@ def read_table(path: Path) -> InputTable:
     if len(lines) < 2:
         raise InputFileError([f"{path}: must have a header and at least one row"])
     delimiter = next((mark for mark in ";\t" if mark in lines[0][1]), ",")
-    if delimiter == ";":
-        note = f"{path}: cells are separated by semicolons; a comma in a number is read as the decimal sign"
-        warnings.warn(InputFileWarning(note), stacklevel=2)
-    header, columns = _split(path, lines, delimiter)
-    if "" in header or len(set(header)) < len(header):
-        name = next((name for name in header if header.count(name) > 1), "")
-        raise InputFileError([f"{path}: names of columns must be unique and not empty, got {name!r:.40}"])
-    numbers = np.array([number for number, _ in lines[1:]], dtype=np.intp)
-    named = dict(zip(header, columns, strict=True))
-    return InputTable(path=path, columns=named, lines=numbers, decimal_comma=delimiter != ",")
-
-
-def _split(path: Path, lines: list[tuple[int, str]], delimiter: str) -> tuple[list[str], list[pa.StringArray]]:
-    """Split numbered lines into a header and columns of text."""
-    errors: list[str] = []
-
-    def refuse_row(row: csv.InvalidRow) -> str:
-        if len(errors) <= MAX_ERRORS:
-            number = lines[row.number - 1][0]
-            errors.append(f"{path}: line {number}: must have {row.expected_columns} cells, got {row.actual_columns}")
-        return "skip"
-
+    names = [name.strip(' "') for name in lines[0][1].split(delimiter)]
+    if "" in names or len(set(names)) < len(names) or len(names) > 1000:
+        raise InputFileError([f"{path}: must have at most 1000 columns, whose names are unique and not empty"])
+    rows = "\n".join(line for _, line in lines[1:])
+    has_decimal_comma = delimiter != "," and "," in rows
+    if has_decimal_comma:
+        warnings.warn(InputFileWarning(f"{path}: a comma in a number is read as the decimal sign"), stacklevel=2)
+    types = {name: pa.string() if name == "waveform" else pa.float64() for name in names}
     try:
         table = csv.read_csv(
-            pa.BufferReader("\n".join(line for _, line in lines).encode()),
-            csv.ReadOptions(autogenerate_column_names=True, use_threads=False),
-            csv.ParseOptions(delimiter=delimiter, invalid_row_handler=refuse_row),
-            csv.ConvertOptions(column_types={f"f{k}": pa.string() for k in range(MAX_COLUMNS)}),
+            pa.BufferReader(rows.encode()),
+            csv.ReadOptions(column_names=names, use_threads=False),
+            csv.ParseOptions(delimiter=delimiter),
+            csv.ConvertOptions(column_types=types, decimal_point="," if has_decimal_comma else "."),
         )
     except pa.ArrowInvalid as error:
-        raise InputFileError([f"{path}: cannot be split into cells ({str(error).splitlines()[0]:.200})"]) from None
-    if table.num_columns > MAX_COLUMNS:
-        raise InputFileError([f"{path}: must have at most {MAX_COLUMNS} columns, got {table.num_columns}"])
-    if not errors and table.num_rows != len(lines):
-        errors.append(f"{path}: a quoted cell must end on the line on which it begins")
-    if errors:
-        raise InputFileError(errors[:MAX_ERRORS])
-    columns = [pc.utf8_trim_whitespace(column.combine_chunks()) for column in table.columns]  # pyright: ignore
-    return [column[0].as_py() for column in columns], [column[1:] for column in columns]
+        raise InputFileError([f"{path}: {' '.join(str(error).split()):.300}"]) from None
+    if table.num_rows != len(lines) - 1:
+        raise InputFileError([f"{path}: a quoted cell must end on the line on which it begins"])
+    columns = {name: table[name].to_numpy() for name in names}
+    return InputTable(path=path, columns=columns, lines=np.array([number for number, _ in lines[1:]]))

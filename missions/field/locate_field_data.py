@@ -23,7 +23,7 @@ from dirmusic import (
 )
 from dirmusic.bearing.channel_health import ChannelMonitor
 from dirmusic.bearing.maximum_likelihood import maximum_likelihood
-from dirmusic.locating.rules import CredibilityRules, LocatingRules
+from dirmusic.locating.rules import LocatingRules
 from dirmusic.locating.yard_likelihood import Grid, YardLikelihood
 from pdpatrol.envs.scenario.array import ArrayCalibration, CalibratedArray
 from pdpatrol.missions.field.field_data import FieldData
@@ -32,13 +32,6 @@ from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.tracking import Tracker
 
 FloatArray = NDArray[np.float64]
-
-REJECTED = "rejected"
-"""Kind of the event that explains why every pulse was rejected."""
-
-REFIT_S, REFIT_SHARE = 1.0, 0.02
-"""Period of refits, and the same as a share of the time so far. Assumed; a new source has to be one finding and not
-several, and a survey of hours is refitted some hundred times."""
 
 FIELD_RULES = LocatingRules(
     initiation_s=np.inf,
@@ -110,7 +103,6 @@ def locate_field_data(
     fence_m: tuple[float, float] | None = None,
     date: str | None = None,
     calibration: ArrayCalibration | None = None,
-    notes: tuple[str, ...] = (),
     progress: Callable[[float], None] = lambda share: None,
 ) -> MissionLog:
     """Estimate bearings and findings, and return them as the log of a mission without robot, yard and truth.
@@ -122,12 +114,11 @@ def locate_field_data(
         fence_m: Length of the yard along x and y from its corner at the origin; None without a fence.
         date: Date of the survey, such as 2026-03-02; None if unknown.
         calibration: Calibration that the errors of the array come from.
-        notes: Anything unusual about the files.
         progress: Called with the share of the work that was done since the last call.
     """
-    meta = {**_meta(data, array, fence_m), "date": date, "settings": _settings(array, pose_error)}
+    meta = _meta(data, array, pose_error, fence_m)
     grid = Grid.over(*np.array(meta["bounds_m"]))
-    log = MissionLog({**meta, "grid": describe_grid(grid)})
+    log = MissionLog({**meta, "date": date, "grid": describe_grid(grid)})
     rules, due_s = FIELD_RULES, -np.inf
     locator = Locator(array, pose_error, fence_m=fence_m, rules=rules)
     estimator = maximum_likelihood
@@ -139,7 +130,7 @@ def locate_field_data(
             PulseBatch.detected(pulse_time_s, data.strengths_v, data.variance_v2, data.mains_phase_rad)
         )
         first = np.searchsorted(data.step, np.arange(data.time_s.size + 1))
-        no_pose, no_command = np.full(3, np.nan), np.full(2, np.nan)
+        no_pose = np.full(3, np.nan)
         for step, (time_s, pose) in enumerate(zip(data.time_s, data.pose, strict=True)):
             log.append(
                 "step",
@@ -148,12 +139,12 @@ def locate_field_data(
                 true_pose=no_pose,
                 odometry=no_pose,
                 battery=np.nan,
-                command=no_command,
+                command=no_pose[:2],
                 phase="field",
                 phase_target=0,
             )
             if step == 0:
-                for note in (*notes, *data.notes):
+                for note in data.notes:
                     log.event("note", note)
                 for suspect in suspects:  # numbered as in the files, including the dead channels
                     recorded = suspect._replace(channel=int(data.channels[suspect.channel - 1]) + 1)
@@ -161,34 +152,28 @@ def locate_field_data(
             tracker.track(float(time_s), pose, pulses.take(slice(first[step], first[step + 1])))
             if time_s >= due_s:
                 tracker.refit(float(time_s))
-                due_s = time_s + max(REFIT_S, REFIT_SHARE * (time_s - data.time_s[0]))
+                # Assumed; a new source has to be one finding and not several, and a survey of hours is refitted some
+                # hundred times.
+                due_s = time_s + max(1.0, 0.02 * (time_s - data.time_s[0]))
             progress(1.0 / data.time_s.size)
         if log.n_rows("finding") == 0 or log.column("finding", "step")[-1] < data.time_s.size - 1:
             tracker.refit(float(data.time_s[-1]))
     if pulses.n_pulses and not log.n_rows("bearing"):
-        log.event(REJECTED, _why_rejected(pulses, rules.credibility))
+        n_weak = int(np.count_nonzero(pulses.std_rad >= rules.credibility.max_std_rad))
+        log.event(
+            "rejected",
+            f"all {pulses.n_pulses} pulses were rejected: {n_weak} too weak for the noise (deviations, volts?), the "
+            "others not a plane wave from one direction (boresights, pattern, order of channels?)",
+        )
     tracker.finish(data.path.name, None, calibration)
     log.event("end", "survey over: all rows read", subject="all rows read")
     return log
 
 
-def rejections(log: MissionLog) -> list[str]:
-    """Return the line that explains why all pulses were rejected; empty if they were not."""
-    events = log.table("event")
-    return [str(text) for text in events["text"][events["kind"] == REJECTED]]
-
-
-def _why_rejected(pulses: PulseBatch, rules: CredibilityRules) -> str:
-    n_weak = int(np.count_nonzero(pulses.std_rad >= rules.max_std_rad))
-    reasons = [
-        (pulses.n_pulses - n_weak, "not a plane wave from one direction (boresights, pattern, order of channels?)"),
-        (n_weak, "too weak for the noise (deviations, volts?)"),
-    ]
-    fates = ", ".join(f"{number} {words}" for number, words in sorted(reasons, reverse=True) if number)
-    return f"all pulses were rejected: {fates}"
-
-
-def _meta(data: FieldData, array: ArrayModel, fence_m: tuple[float, float] | None) -> dict[str, Any]:
+def _meta(
+    data: FieldData, array: ArrayModel, pose_error: PoseError, fence_m: tuple[float, float] | None
+) -> dict[str, Any]:
+    """Return what the log says about the survey; the assumed errors stand under the keys of a scenario."""
     low, high = data.pose[:, :2].min(axis=0) - 10.0, data.pose[:, :2].max(axis=0) + 10.0  # shown around the poses
     if fence_m is not None:
         low, high = np.zeros(2), np.asarray(fence_m)
@@ -201,21 +186,17 @@ def _meta(data: FieldData, array: ArrayModel, fence_m: tuple[float, float] | Non
         "n_elements": array.manifold.n_elements,
         "array": describe_array(array),
         "bounds_m": [low.tolist(), high.tolist()],
-    }
-
-
-def _settings(array: ArrayModel, pose_error: PoseError) -> dict[str, dict[str, float]]:
-    """Return the assumed errors of array and poses, under the keys of a scenario."""
-    return {
-        "array": {
-            "n_elements": array.manifold.n_elements,
-            "height_m": array.height_m,
-            "gain_error": array.spread.gain,
-            "pointing_error_deg": float(np.degrees(array.spread.pointing_rad)),
-        },
-        "pose_sensor": {
-            "position_std_m": pose_error.position_m,
-            "heading_std_deg": float(np.degrees(pose_error.heading_rad)),
-            "correlation_s": pose_error.correlation_s,
+        "settings": {
+            "array": {
+                "n_elements": array.manifold.n_elements,
+                "height_m": array.height_m,
+                "gain_error": array.spread.gain,
+                "pointing_error_deg": float(np.degrees(array.spread.pointing_rad)),
+            },
+            "pose_sensor": {
+                "position_std_m": pose_error.position_m,
+                "heading_std_deg": float(np.degrees(pose_error.heading_rad)),
+                "correlation_s": pose_error.correlation_s,
+            },
         },
     }

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
 from dirmusic import InputFileError
 from pdpatrol.missions.sweep.dataset import MANIFEST, Dataset
+from pdpatrol.missions.sweep.plan import parse_toml
 
 FloatArray = NDArray[np.float64]
-Row = Mapping[str, Any]
 
 CONFIDENCE = 0.95
 ALL = "all"
@@ -27,11 +28,8 @@ class Estimate(NamedTuple):
     """Estimate with its 95 % confidence interval; NaN where there are too few data."""
 
     value: float
-    low: float
-    high: float
-
-
-NO_DATA = Estimate(np.nan, np.nan, np.nan)
+    low: float = np.nan
+    high: float = np.nan
 
 
 def wilson(count: float, total: float) -> Estimate:
@@ -60,7 +58,7 @@ def clustered_share(counts: ArrayLike, totals: ArrayLike) -> Estimate:
     totals = totals[totals > 0]
     k, n = totals.size, totals.sum()
     if k == 0:
-        return NO_DATA
+        return Estimate(np.nan)
     share = counts.sum() / n
     n_effective = float(k)
     if k > 1 and 0.0 < share < 1.0 and totals.max() > 1.0:
@@ -71,27 +69,13 @@ def clustered_share(counts: ArrayLike, totals: ArrayLike) -> Estimate:
     return wilson(share * n_effective, n_effective)
 
 
-def median(values: FloatArray, weights: FloatArray) -> FloatArray:
-    """Compute medians of ascending values, shape (n,), each repeated `weights` times, shape (m, n)."""
-    cumulative = weights.cumsum(axis=1)
-    half = 0.5 * cumulative[:, -1:]
-    return 0.5 * (values[(cumulative >= half).argmax(axis=1)] + values[(cumulative > half).argmax(axis=1)])
-
-
-def mean(values: FloatArray, weights: FloatArray) -> FloatArray:
-    """Compute means of values, shape (n,), each repeated `weights` times, shape (m, n)."""
-    return weights @ values / weights.sum(axis=1)
-
-
-def root_mean_square(values: FloatArray, weights: FloatArray) -> FloatArray:
-    """Compute root mean squares of values, shape (n,), each repeated `weights` times, shape (m, n)."""
-    return np.sqrt(mean(values**2, weights))
+def root_mean_square(values: FloatArray, axis: int | None = None) -> FloatArray:
+    """Compute the root mean square of all values that are not NaN."""
+    return np.sqrt(np.nanmean(np.square(values), axis=axis))
 
 
 def cluster_bootstrap(
-    clusters: Sequence[ArrayLike] | FloatArray,
-    statistic: Callable[[FloatArray, FloatArray], FloatArray],
-    n_resamples: int = 2000,
+    clusters: Sequence[ArrayLike] | FloatArray, statistic: Callable[..., Any], n_resamples: int = 2000
 ) -> Estimate:
     """Estimate a statistic of clustered values with a bootstrap interval that resamples whole clusters.
 
@@ -99,45 +83,40 @@ def cluster_bootstrap(
     same data give the same interval. Fewer than two clusters give no interval.
 
     Args:
-        clusters: Values of each cluster; NaN and empty clusters are ignored.
-        statistic: `median`, `mean` or `root_mean_square`.
+        clusters: Values of each cluster; NaN, infinite values and empty clusters are ignored.
+        statistic: Function of an array and an axis that ignores NaN, such as `np.nanmedian`.
         n_resamples: Number of bootstrap resamples.
     """
     arrays = [np.atleast_1d(np.asarray(each, np.float64)) for each in clusters]
     arrays = [values[np.isfinite(values)] for values in arrays if np.isfinite(values).any()]
     k = len(arrays)
     if k == 0:
-        return NO_DATA
-    values, cluster = np.concatenate(arrays), np.repeat(np.arange(k), [each.size for each in arrays])
-    order = np.argsort(values)
-    values, cluster = values[order], cluster[order]
-    value = float(statistic(values, np.ones((1, values.size)))[0])
+        return Estimate(np.nan)
+    padded = np.full((k, max(values.size for values in arrays)), np.nan)
+    for row, values in zip(padded, arrays, strict=True):
+        row[: values.size] = values
+    value = float(statistic(padded))
     if k == 1:
-        return Estimate(value, np.nan, np.nan)
+        return Estimate(value)
     tail = stats.norm.cdf(-np.sqrt(k / (k - 1)) * stats.t(k - 1).ppf(0.5 + 0.5 * CONFIDENCE))
-    rng, resampled = np.random.default_rng(0), list[FloatArray]()
-    for chosen in np.array_split(rng.integers(k, size=(n_resamples, k)), 1 + n_resamples * values.size // 1_000_000):
-        m = len(chosen)
-        times = np.bincount((chosen + k * np.arange(m)[:, np.newaxis]).ravel(), minlength=m * k).reshape(m, k)
-        resampled.append(statistic(values, times[:, cluster].astype(np.float64)))
-    low, high = np.quantile(np.concatenate(resampled), [tail, 1.0 - tail])
-    return Estimate(value, float(low), float(high))
+
+    def resampled(chosen: NDArray[np.intp], axis: int) -> FloatArray:
+        return statistic(padded[chosen].reshape(*chosen.shape[:-1], -1), axis=axis)
+
+    result = stats.bootstrap(
+        (np.arange(k),),
+        resampled,
+        n_resamples=n_resamples,
+        batch=1 + 1_000_000 // padded.size,  # bounds the memory
+        vectorized=True,
+        confidence_level=1.0 - 2.0 * tail,
+        method="percentile",
+        rng=np.random.default_rng(0),
+    )
+    return Estimate(value, *map(float, result.confidence_interval))
 
 
 Summary = dict[str, "str | int | Estimate"]
-
-DIGITS = {
-    "bearing RMSE (deg)": 2,
-    "found (%)": 0,
-    "median error (m)": 3,
-    "95 % below (m)": 3,
-    "in ellipse (%)": 0,
-    "right site (%)": 0,
-    "time to confirm (s)": 0,
-    "path length over shortest": 1,
-    "OSPA (m)": 2,
-}
-"""Columns of a summary that hold an `Estimate`, and their decimals in tables."""
 
 
 def summarise_groups(rows: pa.Table, *, pool: bool = False) -> list[Summary]:
@@ -166,92 +145,104 @@ def summarise_groups(rows: pa.Table, *, pool: bool = False) -> list[Summary]:
         - `false`, `contacts`, `missed`: numbers of findings without a source, of collisions and of waypoints that were
           not visited
     """
-    groups: dict[tuple[str, str, str], list[Row]] = {}
-    listed: list[Row] = rows.to_pylist()
-    for row in listed:
-        groups.setdefault(("" if pool else group_of(row), row["policy"], row["settings"]), []).append(row)
-    if len({group for group, _, _ in groups}) > 1 and all(row["suite"] for row in listed):
-        for row in listed:
-            groups.setdefault((ALL, row["policy"], row["settings"]), []).append(row)
-    by = "scenario" if pool else "key"
+    frame = rows.to_pandas()
+    frame["group"] = "" if pool else level_or_scenario(frame)
+    if frame["group"].nunique() > 1 and (frame["suite"] != "").all():
+        frame = pd.concat([frame, frame.assign(group=ALL)])
+    names = ["group", "policy", "settings"]
+    groups = frame.groupby(names, sort=False)
     return [
-        {"group": group, "policy": policy, "settings": settings, **_summarise(members, by)}
-        for (group, policy, settings), members in groups.items()
+        {**dict(zip(names, values, strict=True)), **_summarise(members, "scenario" if pool else "key")}
+        for values, members in groups
     ]
 
 
-def group_of(row: Row) -> str:
-    """Return the level of the suite that a row belongs to, or else its scenario."""
-    return row["level"] or row["scenario"]
+def level_or_scenario(frame: pd.DataFrame) -> pd.Series:
+    """Return the level of the suite that each mission belongs to, or else its scenario."""
+    return frame["level"].where(frame["level"] != "", frame["scenario"])
 
 
-def clusters_of(rows: Sequence[Row], by: str) -> list[list[Row]]:
-    """Group finished missions that have the same value in a column."""
-    clusters: dict[Hashable, list[Row]] = {}
-    for row in rows:
-        if row["status"] == "finished":
-            clusters.setdefault(row[by], []).append(row)
-    return list(clusters.values())
+def percentage_of(missions: pd.DataFrame, by: str, count: str, total: str) -> Estimate:
+    """Estimate the sum of one column in percent of that of another, for clusters with equal values in column `by`."""
+    sums = missions.groupby(by, sort=False)[[count, total]].sum()
+    return Estimate(*(100.0 * end for end in clustered_share(sums[count], sums[total])))
 
 
-def percentage_of(clusters: Sequence[Sequence[Row]], count: str, total: str) -> Estimate:
-    """Estimate the sum of one column in percent of that of another."""
-    counts, totals = ([sum(row[name] for row in members) for members in clusters] for name in (count, total))
-    return Estimate(*(100.0 * end for end in clustered_share(counts, totals)))
+def statistic_of(missions: pd.DataFrame, by: str, column: str, statistic: Callable[..., Any]) -> Estimate:
+    """Estimate a statistic of a column of numbers or lists of numbers, as `cluster_bootstrap` does."""
+    clusters = _numbers(missions, column, missions[by]).groupby(level=0, sort=False)
+    return cluster_bootstrap([values.to_numpy() for _, values in clusters], statistic)
 
 
-def values_of(clusters: Sequence[Sequence[Row]], column: str) -> list[FloatArray]:
-    """Return all values of a column of numbers or lists of numbers, one array for each cluster; NaN for null."""
-    return [np.hstack([np.array(row[column], dtype=np.float64) for row in members]) for members in clusters]
+def _numbers(missions: pd.DataFrame, column: str, index: pd.Series | pd.Index) -> pd.Series:
+    """Return each number of a column of numbers or lists; NaN for null and empty lists."""
+    return pd.Series(missions[column].to_numpy(), index).explode().astype(np.float64)
 
 
-def _summarise(rows: Sequence[Row], by: str) -> Summary:
-    clusters = clusters_of(rows, by)
-    finished = [row for members in clusters for row in members]
-    errors_m = values_of(clusters, "errors_m")
-    bearing_rmse_rad = cluster_bootstrap(values_of(clusters, "bearing_rmse_rad"), root_mean_square)
-    path_ratios = [[_ratio(row["found_all_m"], row["shortest_m"]) for row in members] for members in clusters]
+def _summarise(missions: pd.DataFrame, by: str) -> Summary:
+    finished = missions[missions["status"] == "finished"]
+    finished = finished.assign(path_ratio=finished["found_all_m"] / finished["shortest_m"])
+    errors_m = _numbers(finished, "errors_m", finished.index)
     return {
-        "missions": len(rows),
-        "unfinished": len(rows) - len(finished),
-        "bearing RMSE (deg)": Estimate(*np.degrees(bearing_rmse_rad)),
-        "found (%)": percentage_of(clusters, "n_found", "n_sources"),
-        "median error (m)": cluster_bootstrap(errors_m, median),
-        "95 % below (m)": Estimate(_quantile95(errors_m), np.nan, np.nan),
-        "in ellipse (%)": percentage_of(clusters, "n_in_ellipse", "n_found"),
-        "right site (%)": percentage_of(clusters, "n_right_site", "n_found"),
-        "time to confirm (s)": cluster_bootstrap(values_of(clusters, "confirmed_s"), median),
-        "path length over shortest": cluster_bootstrap(path_ratios, median),
-        "OSPA (m)": cluster_bootstrap(values_of(clusters, "ospa_m"), mean),
-        "false": sum(row["false_findings"] for row in finished),
-        "contacts": sum(row["contacts"] for row in finished),
-        "missed": sum(row["waypoints_missed"] for row in finished),
+        "missions": len(missions),
+        "unfinished": len(missions) - len(finished),
+        "bearing RMSE (deg)": Estimate(
+            *np.degrees(statistic_of(finished, by, "bearing_rmse_rad", root_mean_square)).tolist()
+        ),
+        "found (%)": percentage_of(finished, by, "n_found", "n_sources"),
+        "median error (m)": statistic_of(finished, by, "errors_m", np.nanmedian),
+        "95 % below (m)": Estimate(float(errors_m.quantile(0.95))),
+        "in ellipse (%)": percentage_of(finished, by, "n_in_ellipse", "n_found"),
+        "right site (%)": percentage_of(finished, by, "n_right_site", "n_found"),
+        "time to confirm (s)": statistic_of(finished, by, "confirmed_s", np.nanmedian),
+        "path length over shortest": statistic_of(finished, by, "path_ratio", np.nanmedian),
+        "OSPA (m)": statistic_of(finished, by, "ospa_m", np.nanmean),
+        "false": int(finished["false_findings"].sum()),
+        "contacts": int(finished["contacts"].sum()),
+        "missed": int(finished["waypoints_missed"].sum()),
     }
 
 
-def _quantile95(clusters: Sequence[FloatArray]) -> float:
-    values = np.concatenate([[], *clusters])
-    return float(np.quantile(values, 0.95)) if values.size else np.nan
+def pair_up(rows: pa.Table, first: str, second: str) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Select the finished missions of two sides of a sweep that share scenario, seed and everything else.
+
+    Args:
+        rows: Rows of the sweep.
+        first: Policy, setting such as `receiver.noise_v=1e-3`, or folder of another dataset.
+        second: Another policy, another value of the same key, or another folder.
+
+    Returns:
+        Missions of each side, in the same order; the first levels of their index are scenario and seed.
+
+    Raises:
+        InputFileError: If a side has no mission, or the two have none in common.
+    """
+    sides = [_side(rows, name) for name in (first, second)]
+    if empty := [name for name, side in zip((first, second), sides, strict=True) if side.empty]:
+        raise InputFileError([f"--compare: {name}: no mission of it in the dataset" for name in empty])
+    common = sides[0].index.intersection(sides[1].index, sort=False)
+    if common.empty:
+        raise InputFileError([f"--compare: {first} and {second} have no scenario and seed in common"])
+    return sides[0].loc[common], sides[1].loc[common]
 
 
-def _ratio(part: float | None, whole: float | None) -> float:
-    return part / whole if part is not None and whole else np.nan
-
-
-def _mean_of(values: Sequence[float]) -> float:
-    return float(np.mean(values)) if values else np.nan
-
-
-MEASURES: Mapping[str, tuple[Callable[[Row], float | None], int]] = {
-    "found (%)": (lambda row: 100.0 * _ratio(row["n_found"], row["n_sources"]), 1),
-    "right site (%)": (lambda row: 100.0 * _ratio(row["n_right_site"], row["n_found"]), 1),
-    "OSPA (m)": (lambda row: row["ospa_m"], -1),
-    "error (m)": (lambda row: _mean_of(row["errors_m"]), -1),
-    "time to confirm (s)": (lambda row: _mean_of(row["confirmed_s"]), -1),
-    "false findings": (lambda row: row["false_findings"], -1),
-    "distance (m)": (lambda row: row["distance_m"], -1),
-}
-"""Measures of a paired comparison: the value of a mission, NaN or None if it has none; 1 if more is better, else -1."""
+def _side(rows: pa.Table, name: str) -> pd.DataFrame:
+    """Select the finished missions of one side, indexed by everything that both sides have in common."""
+    is_dataset = (Path(name) / MANIFEST).exists()
+    frame = (Dataset(Path(name)).read() if is_dataset else rows).to_pandas()
+    settings: list[dict[str, Any]] = [json.loads(text) for text in frame["settings"]]
+    policy, (key, is_setting, text) = frame["policy"], name.partition("=")
+    if is_dataset:
+        chosen = np.ones(len(frame), dtype=np.bool_)
+    elif is_setting:
+        value = parse_toml(text, text)
+        chosen = np.array([key in each and each.pop(key) == value for each in settings], dtype=np.bool_)
+    else:
+        chosen, policy = (policy == name).to_numpy(), policy.mask(policy == name, "")
+    others = [json.dumps(each, sort_keys=True) for each in settings]
+    frame.index = pd.MultiIndex.from_arrays([frame["scenario"], frame["seed"], policy, others])
+    side = frame[chosen & (frame["status"] == "finished").to_numpy()]
+    return side[~side.index.duplicated(keep="last")]
 
 
 class Difference(NamedTuple):
@@ -265,8 +256,6 @@ class Difference(NamedTuple):
         second: Mean of the second side.
         change: Mean of second minus first, with its bootstrap interval.
         p: p-value of the paired permutation test of the mean change.
-        n_first_better: Number of pairs in which the first side is better.
-        n_second_better: Number of pairs in which the second side is better.
     """
 
     name: str
@@ -275,84 +264,48 @@ class Difference(NamedTuple):
     second: float
     change: Estimate
     p: float
-    n_first_better: int
-    n_second_better: int
 
 
-def pair_up(rows: pa.Table, first: str, second: str) -> list[tuple[Row, Row]]:
-    """Pair the finished missions of two sides of a sweep that share scenario, seed and everything else.
-
-    Args:
-        rows: Rows of the sweep.
-        first: Policy, setting such as `receiver.noise_v=1e-3`, or folder of another dataset.
-        second: Another policy, another value of the same key, or another folder.
-
-    Raises:
-        InputFileError: If a side has no mission, or the two have none in common.
-    """
-    sides = {name: _side(rows, name) for name in (first, second)}
-    if empty := [f"--compare: {name}: no mission of it in the dataset" for name, side in sides.items() if not side]:
-        raise InputFileError(empty)
-    pairs = [(row, sides[second][key]) for key, row in sides[first].items() if key in sides[second]]
-    if not pairs:
-        raise InputFileError([f"--compare: {first} and {second} have no scenario and seed in common"])
-    return pairs
-
-
-def _side(rows: pa.Table, name: str) -> dict[Hashable, Row]:
-    """Select the finished missions of one side, by everything that both sides have in common."""
-    if (Path(name) / MANIFEST).exists():
-        rows = Dataset(Path(name)).read()
-        return {_common(row): row for row in rows.to_pylist() if row["status"] == "finished"}
-    key, is_setting, value = name.partition("=")
-    side: dict[Hashable, Row] = {}
-    for row in rows.to_pylist():
-        settings = json.loads(row["settings"])
-        is_chosen = key in settings and _matches(settings[key], value) if is_setting else row["policy"] == name
-        if is_chosen and row["status"] == "finished":
-            side[_common(row, key) if is_setting else _common({**row, "policy": ""})] = row
-    return side
-
-
-def _matches(value: object, text: str) -> bool:
-    try:
-        return value == json.loads(text)
-    except ValueError:
-        return value == text
-
-
-def _common(row: Row, ignored_setting: str = "") -> Hashable:
-    settings = {key: value for key, value in json.loads(row["settings"]).items() if key != ignored_setting}
-    return row["scenario"], json.dumps(settings, sort_keys=True), row["policy"], row["seed"]
-
-
-def compare(pairs: Sequence[tuple[Row, Row]]) -> list[Difference]:
-    """Compare all measures that at least one pair has."""
+def compare(first: pd.DataFrame, second: pd.DataFrame) -> list[Difference]:
+    """Compare all measures that at least one pair of missions has; the missions are those of `pair_up`."""
+    sides = [_measures(missions) for missions in (first, second)]
     differences: list[Difference] = []
-    for name, (of_mission, better_sign) in MEASURES.items():
-        clusters: dict[Hashable, list[FloatArray]] = {}
-        for pair in pairs:
-            values = np.array([of_mission(side) for side in pair], dtype=np.float64)
-            if np.isfinite(values).all():
-                clusters.setdefault((pair[0]["scenario"], pair[0]["seed"]), []).append(values)
-        if clusters:
-            means = np.array([np.mean(values, axis=0) for values in clusters.values()])
-            differences.append(difference(name, means, better_sign))
+    for name in sides[0]:
+        values = pd.DataFrame({side: measures[name].to_numpy() for side, measures in enumerate(sides)}, first.index)
+        values = values.dropna().groupby(level=[0, 1], sort=False).mean().to_numpy()
+        if values.size:
+            differences.append(difference(name, values))
     return differences
 
 
-def difference(name: str, values: FloatArray, better_sign: int) -> Difference:
-    """Compare one measure; values of shape (n, 2), one row for each scenario and seed."""
+def _measures(missions: pd.DataFrame) -> pd.DataFrame:
+    """Return the measures of a paired comparison for each mission; NaN where it has none."""
+    missions = missions.reset_index(drop=True)
+    error_m, confirmed_s = (
+        _numbers(missions, name, missions.index).groupby(level=0).mean() for name in ("errors_m", "confirmed_s")
+    )
+    return pd.DataFrame(
+        {
+            "found (%)": 100.0 * missions["n_found"] / missions["n_sources"],
+            "right site (%)": 100.0 * missions["n_right_site"] / missions["n_found"],
+            "OSPA (m)": missions["ospa_m"],
+            "error (m)": error_m,
+            "time to confirm (s)": confirmed_s,
+            "false findings": missions["false_findings"],
+            "distance (m)": missions["distance_m"],
+        }
+    )
+
+
+def difference(name: str, values: FloatArray) -> Difference:
+    """Compare one measure; values of both sides have shape (n, 2), one row for each scenario and seed."""
     change = values[:, 1] - values[:, 0]
-    better = np.sign(change) * better_sign
-    n_first, n_second = int((better < 0).sum()), int((better > 0).sum())
     p, interval = 1.0, Estimate(0.0, 0.0, 0.0)
     if change.any():
-        interval = cluster_bootstrap(change, mean)
+        interval = cluster_bootstrap(change, np.nanmean)
     if change.any() and change.size > 1:  # with a single pair, both signs are equally likely
         test = stats.permutation_test(
             (change,), np.mean, permutation_type="samples", vectorized=True, n_resamples=9999, rng=0
         )
         p = float(test.pvalue)
-    first, second = values.mean(axis=0)
-    return Difference(name, len(values), float(first), float(second), interval, p, n_first, n_second)
+    return Difference(name, len(values), *map(float, values.mean(axis=0)), interval, p)

@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple, get_type_hints
+from typing import Any, Literal, NamedTuple, get_type_hints
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from dirmusic import InputFileError
 from pdpatrol.envs.scenario import restore_scenario
@@ -20,9 +21,8 @@ from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.record.log_contents import bearing_rmse
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report, path_length_m
-from pdpatrol.missions.sweep.plan import MissionJob, SweepPlan, commit
+from pdpatrol.missions.sweep.plan import MissionJob, SweepPlan, commit, digest_of_code
 
-VERSION = 1
 MANIFEST, SCENARIOS, ROWS, ALL_ROWS = "sweep.json", "scenarios.parquet", "rows", "rows.parquet"
 
 
@@ -136,13 +136,35 @@ class MissionRow(NamedTuple):
         )
 
 
-def _arrow_type(annotation: object) -> pa.DataType:
-    types = {str: pa.string(), int: pa.int64(), tuple[float, ...]: pa.list_(pa.float64())}
-    return types.get(annotation, pa.float64())  # pyright: ignore[reportArgumentType, reportCallIssue]
-
-
-SCHEMA = pa.schema({name: _arrow_type(kind) for name, kind in get_type_hints(MissionRow).items()})
+_TYPES = {str: pa.string(), int: pa.int64(), tuple[float, ...]: pa.list_(pa.float64())}
+SCHEMA = pa.schema({name: _TYPES.get(kind, pa.float64()) for name, kind in get_type_hints(MissionRow).items()})
 """Columns of a dataset: the fields of `MissionRow`."""
+
+
+class Manifest(BaseModel):
+    """Contents of `sweep.json`.
+
+    Attributes:
+        version: Version of the format.
+        command: Words of the command line.
+        plan: Digest of all missions.
+        code: Digest of the code of this project.
+        commit: Commit of the code, with `+` if files differ from it.
+        n_missions: Number of missions of the plan.
+        suite: Version and checksum of the suite; empty without missions of the suite.
+        versions: Versions of libraries.
+    """
+
+    model_config = ConfigDict(strict=True, frozen=True)
+
+    version: Literal[1] = 1
+    command: list[str] = []
+    plan: str
+    code: str
+    commit: str = ""
+    n_missions: int
+    suite: str
+    versions: dict[str, str] = {}
 
 
 class Dataset:
@@ -161,17 +183,14 @@ class Dataset:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.manifest: dict[str, Any] = {}
-        with suppress(OSError, ValueError, RecursionError):
-            self.manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-        kinds = {"version": int, "plan": str, "code": str, "n_missions": int, "suite": str}
-        if not isinstance(self.manifest, dict) or any(
-            not isinstance(self.manifest.get(name), kind) for name, kind in kinds.items()
-        ):
-            raise InputFileError([f"{folder}: must be the folder of a sweep, but has no valid {MANIFEST}"])
-        if self.manifest["version"] != VERSION:
-            found = f"{self.manifest['version']!s:.20}"
-            raise InputFileError([f"{folder}: dataset must be of version {VERSION}, got {found}"])
+        try:
+            self.manifest = Manifest.model_validate_json((folder / MANIFEST).read_bytes())
+        except ValidationError as error:
+            first = error.errors()[0]
+            key = "".join(f"{part}: " for part in first["loc"])
+            raise InputFileError([f"{folder / MANIFEST}: {key}{first['msg']}"]) from None
+        except OSError:
+            raise InputFileError([f"{folder}: must be the folder of a sweep, but {MANIFEST} cannot be read"]) from None
 
     @classmethod
     def open_or_make(cls, folder: Path, plan: SweepPlan, command: Sequence[str] = ()) -> Dataset:
@@ -186,43 +205,29 @@ class Dataset:
             InputFileError: If the folder holds anything else, or a dataset of other missions or other code.
             OSError: If it cannot be written.
         """
-        is_new = not (folder / MANIFEST).exists()
-        if folder.is_file() or (folder.is_dir() and is_new and any(folder.iterdir())):
-            raise InputFileError([f"--out: must be a new or empty folder, or that of a sweep, got {folder}"])
-        if is_new:
+        if not (folder / MANIFEST).exists():
+            if folder.is_file() or (folder.is_dir() and any(folder.iterdir())):
+                raise InputFileError([f"--out: must be a new or empty folder, or that of a sweep, got {folder}"])
             (folder / ROWS).mkdir(parents=True, exist_ok=True)
             scenarios = {job.scenario_digest: job.scenario.model_dump_json() for job in plan.jobs}
             columns = {"scenario_digest": list(scenarios), "scenario": list(scenarios.values())}
             _write_table(folder / SCENARIOS, pa.table(columns))
-            manifest = {
-                "version": VERSION,
-                "command": list(command),
-                "plan": plan.digest,
-                "code": plan.code,
-                "commit": commit(),
-                "n_missions": len(plan.jobs),
-                "suite": max(job.suite for job in plan.jobs),
-                "versions": {name: version(name) for name in ("pdpatrol", "mujoco-core", "numpy", "scipy", "numba")},
-            }
-            write_text(folder / MANIFEST, json.dumps(manifest, indent=2) + "\n")
+            manifest = Manifest(
+                command=list(command),
+                plan=plan.digest,
+                code=digest_of_code(),
+                commit=commit(),
+                n_missions=len(plan.jobs),
+                suite=max(job.suite for job in plan.jobs),
+                versions={name: version(name) for name in ("pdpatrol", "mujoco-core", "numpy", "scipy", "numba")},
+            )
+            write_text(folder / MANIFEST, manifest.model_dump_json(indent=2) + "\n")
         dataset = cls(folder)
-        if dataset.manifest["plan"] != plan.digest:
+        if dataset.manifest.plan != plan.digest:
             raise InputFileError([f"--out: {folder} has other missions; use a new folder or the command of that sweep"])
-        if dataset.manifest["code"] != plan.code:
+        if dataset.manifest.code != digest_of_code():
             raise InputFileError([f"--out: {folder} was begun by another version of the code; use a new folder"])
         return dataset
-
-    @property
-    def is_complete(self) -> bool:
-        """True if all missions have a row."""
-        return len(self.keys()) == self.manifest["n_missions"]
-
-    def keys(self) -> set[str]:
-        """Return the keys of the missions that have a row."""
-        keys = {path.stem for path in (self.folder / ROWS).glob("*.parquet")}
-        if (self.folder / ALL_ROWS).exists():
-            keys.update(_read_table(self.folder / ALL_ROWS, columns=["key"])["key"].to_pylist())
-        return keys
 
     def write(self, row: MissionRow) -> None:
         """Write one row atomically.
@@ -251,42 +256,43 @@ class Dataset:
         if number not in rows:
             raise InputFileError([f"--row: must be the number of a row, 0 to {max(rows, default=0)}, got {number}"])
         row = rows[number]
-        stored = _read_table(self.folder / SCENARIOS, columns=["scenario_digest", "scenario"]).to_pylist()
+        scenarios = _read_table(self.folder / SCENARIOS)
         try:
-            (text,) = (each["scenario"] for each in stored if each["scenario_digest"] == row["scenario_digest"])
-            scenario, settings = restore_scenario(json.loads(text)), json.loads(row["settings"])
-        except InputFileError:
-            raise
-        except (ValueError, TypeError, RecursionError):
+            texts = dict(zip(*(scenarios[name].to_pylist() for name in ("scenario_digest", "scenario")), strict=True))
+            scenario = restore_scenario(json.loads(texts[row["scenario_digest"]]))
+            settings = json.loads(row["settings"])
+        except (LookupError, ValueError, RecursionError) as error:
+            if isinstance(error, InputFileError):
+                raise
             raise InputFileError([f"{self.folder / SCENARIOS}: must hold the scenario of row {number}"]) from None
-        columns = {name: row[name] for name in MissionJob._fields if name not in ("scenario", "settings")}
-        return MissionJob(**columns, scenario=scenario, settings=settings)
+        columns = {name: row[name] for name in MissionJob._fields}
+        return MissionJob(**columns | {"scenario": scenario, "settings": settings})
 
     def compact(self) -> None:
-        """Move all rows into one file; at any moment each row is in that file or in its own."""
-        _write_table(self.folder / ALL_ROWS, self.read())
-        for path in (self.folder / ROWS).glob("*.parquet"):
-            path.unlink(missing_ok=True)
+        """Move all rows into one file if they are complete; at any moment each row is in that file or in its own."""
+        rows = self.read()
+        if rows.num_rows == self.manifest.n_missions:
+            _write_table(self.folder / ALL_ROWS, rows)
+            for path in (self.folder / ROWS).glob("*.parquet"):
+                path.unlink(missing_ok=True)
 
 
 def read_all(datasets: Sequence[Dataset]) -> pa.Table:
     """Return the rows of several datasets, each mission once."""
     rows: dict[str, dict[str, Any]] = {}
     for dataset in datasets:
-        for row in dataset.read().to_pylist():
-            rows.setdefault(row["key"], row)
+        rows = {row["key"]: row for row in dataset.read().to_pylist()} | rows
     return pa.Table.from_pylist(list(rows.values()), schema=SCHEMA)
 
 
-def _read_table(path: Path, **options: Any) -> pa.Table:  # noqa: ANN401 - options of pyarrow
+def _read_table(path: Path, schema: pa.Schema | None = None) -> pa.Table:
     try:
-        table = pq.read_table(path, **options)
+        table = pq.read_table(path, schema=schema)
         table.validate(full=True)
     except FileNotFoundError:
         raise
-    except (pa.ArrowException, OSError, LookupError) as error:
-        why = error.strerror if isinstance(error, OSError) and error.strerror else "damaged, or of another sweep"
-        raise InputFileError([f"{path}: cannot be read ({why})"]) from None
+    except (pa.ArrowException, OSError, LookupError):
+        raise InputFileError([f"{path}: cannot be read (damaged, or of another sweep)"]) from None
     return table
 
 

@@ -3,33 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 from matplotlib import colormaps
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
 from pdpatrol.missions.atomic_file import atomic_file
-from pdpatrol.missions.sweep.analysis import (
-    Row,
-    cluster_bootstrap,
-    clusters_of,
-    group_of,
-    median,
-    percentage_of,
-    values_of,
-)
-
-COLOURS = [colormaps["tab20"](number) for number in (*range(0, 20, 2), *range(1, 20, 2))]
-"""Ten dark colours, then ten pale ones; figures show no more lines than these."""
-
-LOG_AXIS_RATIO = 4.0
-"""Ratio of the largest to the smallest value of a setting from which its axis is logarithmic."""
+from pdpatrol.missions.sweep.analysis import level_or_scenario, percentage_of, statistic_of
 
 
 def draw_figures(rows: pa.Table, folder: Path) -> list[Path]:
@@ -42,15 +27,11 @@ def draw_figures(rows: pa.Table, folder: Path) -> list[Path]:
     Returns:
         Paths of the figures: errors.png, found_over_time.png, and over_KEY.png for each setting with several values.
     """
-    finished = [row for row in rows.to_pylist() if row["status"] == "finished" and row["n_sources"]]
-    figures = {
-        "errors": draw_errors(groups(finished)),
-        "found_over_time": draw_found_over_time(groups(finished)),
-    }
-    settings = [json.loads(row["settings"]) for row in finished]
-    for key in sorted({key for each in settings for key in each}):
-        if len({json.dumps(each.get(key)) for each in settings}) > 1:
-            figures[f"over_{key}"] = draw_over_setting(finished, key)
+    missions = missions_with_sources(rows)
+    figures = {"errors": draw_errors(missions), "found_over_time": draw_found_over_time(missions)}
+    settings = pd.DataFrame([json.loads(text) for text in missions["settings"]]).astype(str)
+    for key in settings.columns[settings.nunique() > 1]:
+        figures[f"over_{key}"] = draw_over_setting(missions, key)
     paths = [folder / f"{name}.png" for name in figures]
     for path, figure in zip(paths, figures.values(), strict=True):
         with atomic_file(path) as file:
@@ -58,23 +39,25 @@ def draw_figures(rows: pa.Table, folder: Path) -> list[Path]:
     return paths
 
 
-def groups(rows: Sequence[Row], without: str = "") -> dict[str, list[Row]]:
-    """Group missions by policy and settings, except the setting `without`.
+def missions_with_sources(rows: pa.Table) -> pd.DataFrame:
+    """Return the finished missions of a dataset in whose yard there is a source."""
+    missions = rows.to_pandas()
+    return missions[(missions["status"] == "finished") & (missions["n_sources"] > 0)]
 
-    If all missions are in one group, they are grouped by level or scenario instead, or have an empty label if `without`
+
+def _with_lines(missions: pd.DataFrame, without: str = "") -> pd.DataFrame:
+    """Add a column `line` of policy and settings, except the setting `without`.
+
+    If these are the same for all missions, the column holds level or scenario instead, or an empty text if `without`
     is given.
     """
-    found: dict[str, list[Row]] = {}
-    for row in rows:
-        settings = {key: value for key, value in json.loads(row["settings"]).items() if key != without}
-        label = ", ".join([row["policy"], *(f"{key}={label_of(value)}" for key, value in settings.items())])
-        found.setdefault(label, []).append(row)
-    if len(found) > 1:
-        return found
-    by_scenario: dict[str, list[Row]] = {}
-    for row in rows:
-        by_scenario.setdefault("" if without else group_of(row), []).append(row)
-    return by_scenario
+    lines: list[str] = []
+    for policy, text in zip(missions["policy"], missions["settings"], strict=True):
+        settings = [f"{key}={label_of(value)}" for key, value in json.loads(text).items() if key != without]
+        lines.append(", ".join([policy, *settings]))
+    if len(set(lines)) > 1:
+        return missions.assign(line=lines)
+    return missions.assign(line="" if without else level_or_scenario(missions))
 
 
 def label_of(value: object) -> str:
@@ -86,84 +69,68 @@ def label_of(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def draw_errors(lines: Mapping[str, Sequence[Row]]) -> Figure:
-    """Draw the share of all sources that were found with at most a given position error."""
-    return _draw_steps(lines, "errors_m", "position error (m)", "sources found with at most that error")
+def draw_errors(missions: pd.DataFrame) -> Figure:
+    """Draw the share of all sources that were found with at most a given position error, a line for each label."""
+    return _draw_steps(missions, "errors_m", "position error (m)", "sources found with at most that error")
 
 
-def draw_found_over_time(lines: Mapping[str, Sequence[Row]]) -> Figure:
-    """Draw the share of all sources that were confirmed by a given time."""
-    end_s = max((row["sim_time_s"] for rows in lines.values() for row in rows), default=1.0)
-    return _draw_steps(lines, "confirmed_s", "time since the start (s)", "sources confirmed by then", end_s)
+def draw_found_over_time(missions: pd.DataFrame) -> Figure:
+    """Draw the share of all sources that were confirmed by a given time, a line for each label."""
+    end_s = missions["sim_time_s"].max()
+    return _draw_steps(missions, "confirmed_s", "time since the start (s)", "sources confirmed by then", end_s)
 
 
-def draw_over_setting(rows: Sequence[Row], key: str) -> Figure:
+def _draw_steps(missions: pd.DataFrame, column: str, x: str, y: str, end: float | None = None) -> Figure:
+    """Draw the share of all sources whose value in a column is at most x, up to `end`."""
+    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+    axes = figure.add_subplot()
+    axes.set_prop_cycle(color=[colormaps["tab20"](number) for number in (*range(0, 20, 2), *range(1, 20, 2))])
+    for line, members in _with_lines(missions).groupby("line", sort=False):
+        values = np.sort(np.concatenate([[0.0], *members[column]]))
+        shares = np.arange(values.size) / members["n_sources"].sum()
+        if end is not None:
+            values, shares = np.append(values, end), np.append(shares, shares[-1])
+        axes.step(values, shares, where="post", label=str(line))
+    axes.set(xlabel=x, ylabel=y, ylim=(0.0, 1.02), xlim=(0.0, end))
+    axes.yaxis.set_major_formatter(PercentFormatter(1.0))
+    _finish(figure)
+    return figure
+
+
+def draw_over_setting(missions: pd.DataFrame, key: str) -> Figure:
     """Draw share found, error and time over the values of a setting, with 95 % intervals.
 
     The intervals resample scenarios, or missions if there is only one scenario.
     """
+    values: list[Any] = [json.loads(text).get(key) for text in missions["settings"]]
+    try:
+        distinct = sorted(set(values))
+    except TypeError:  # lists, or values of several types
+        distinct = [json.loads(text) for text in dict.fromkeys(map(json.dumps, values))]
+    missions = missions.assign(place=[distinct.index(value) for value in values])
+    by = "scenario" if missions["scenario"].nunique() > 1 else "key"
     figure = Figure(figsize=(11.0, 3.6), layout="constrained")
-    panels = dict(
-        zip(("sources found", "median error (m)", "median time to confirm (s)"), figure.subplots(1, 3), strict=True)
-    )
-    by = "scenario" if len({row["scenario"] for row in rows}) > 1 else "key"
-    chosen = [(json.loads(row["settings"])[key], row) for row in rows]
-    is_numeric = all(isinstance(value, int | float) and not isinstance(value, bool) for value, _ in chosen)
-    texts = dict.fromkeys(
-        json.dumps(value) for value, _ in sorted(chosen, key=lambda pair: pair[0] if is_numeric else 0)
-    )
-    values = [json.loads(text) for text in texts]
-    places = np.array(values if is_numeric else range(len(values)), dtype=np.float64)
-    for label, members in list(groups(rows, key).items())[: len(COLOURS)]:
-        of_value = [[row for row in members if json.loads(row["settings"])[key] == value] for value in values]
-        clusters = [clusters_of(some, by) for some in of_value]
-        estimates = (
-            [percentage_of(each, "n_found", "n_sources") for each in clusters],
-            [cluster_bootstrap(values_of(each, "errors_m"), median) for each in clusters],
-            [cluster_bootstrap(values_of(each, "confirmed_s"), median) for each in clusters],
-        )
-        for axes, panel in zip(panels.values(), estimates, strict=True):
-            value, low, high = np.array(panel).T
-            (line,) = axes.plot(places, value, marker="o", linestyle="-" if is_numeric else "", label=label)
-            axes.vlines(places, low, high, color=line.get_color(), alpha=0.6)
-    for title, axes in panels.items():
-        _decorate(axes)
+    panels = {
+        "sources found (%)": lambda members: percentage_of(members, by, "n_found", "n_sources"),
+        "median error (m)": lambda members: statistic_of(members, by, "errors_m", np.nanmedian),
+        "median time to confirm (s)": lambda members: statistic_of(members, by, "confirmed_s", np.nanmedian),
+    }
+    for axes, (title, estimate) in zip(figure.subplots(1, 3), panels.items(), strict=True):
+        for line, members in _with_lines(missions, key).groupby("line", sort=False):
+            of_place = {place: estimate(some) for place, some in members.groupby("place")}
+            value, low, high = np.array(list(of_place.values())).T
+            axes.errorbar(list(of_place), value, [value - low, high - value], fmt="o", label=str(line))
         axes.set(title=title, xlabel=key)
         axes.set_ylim(bottom=0.0)
-        if is_numeric and places[0] > 0 and places[-1] / places[0] >= LOG_AXIS_RATIO:
-            axes.set_xscale("log")
-        axes.set_xticks(places, [label_of(value) for value in values], rotation=0 if is_numeric else 30)
-        axes.minorticks_off()
-    first = panels["sources found"]
-    first.set_ylim(0.0, 102.0)
-    first.yaxis.set_major_formatter(PercentFormatter())
-    _add_legend(first)
+        axes.set_xticks(range(len(distinct)), [label_of(value) for value in distinct], rotation=30)
+    _finish(figure)
     return figure
 
 
-def _decorate(axes: Axes) -> None:
-    axes.grid(alpha=0.3)
-    axes.spines[["top", "right"]].set_visible(False)
-
-
-def _add_legend(axes: Axes) -> None:
-    if any(axes.get_legend_handles_labels()[1]):
-        axes.legend(frameon=False)
-
-
-def _draw_steps(lines: Mapping[str, Sequence[Row]], column: str, x: str, y: str, end: float | None = None) -> Figure:
-    """Draw for each line the share of all sources whose value in a column is at most x, up to `end`."""
-    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
-    axes = figure.add_subplot()
-    _decorate(axes)
-    axes.set_prop_cycle(color=COLOURS)
-    axes.yaxis.set_major_formatter(PercentFormatter(1.0))
-    for label, rows in list(lines.items())[: len(COLOURS)]:
-        values = [0.0, *sorted(value for row in rows for value in row[column])]
-        shares = np.arange(len(values)) / sum(row["n_sources"] for row in rows)
-        if end is not None:
-            values, shares = [*values, end], np.append(shares, shares[-1])
-        axes.step(values, shares, where="post", label=label)
-    axes.set(xlabel=x, ylabel=y, ylim=(0.0, 1.02), xlim=(0.0, end))
-    _add_legend(axes)
-    return figure
+def _finish(figure: Figure) -> None:
+    """Draw a grid, and a legend in the first panel if its lines have names."""
+    for axes in figure.axes:
+        axes.grid(alpha=0.3)
+        axes.spines[["top", "right"]].set_visible(False)
+    if any(figure.axes[0].get_legend_handles_labels()[1]):
+        figure.axes[0].legend(frameon=False)

@@ -15,10 +15,7 @@ from typing import Any, NamedTuple
 from dirmusic import InputFileError
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.scenario.suite import choose_yards, is_of_suite, load_suite
-from pdpatrol.envs.user_code import UserCodeError
 from pdpatrol.missions.policies.make_policy import load_maker
-
-Settings = Mapping[str, Any]
 
 ROOT = Path(__file__).parents[3]
 
@@ -45,7 +42,7 @@ class MissionJob(NamedTuple):
     scenario: Scenario
     scenario_digest: str
     policy: str
-    settings: Settings
+    settings: Mapping[str, Any]
     seed: int
 
 
@@ -55,16 +52,10 @@ class SweepPlan(NamedTuple):
     Attributes:
         jobs: The missions.
         digest: Digest of all missions and of the user's files that they name.
-        code: Digest of the code of this project.
     """
 
     jobs: tuple[MissionJob, ...]
     digest: str
-    code: str
-
-    def shard(self, number: int, n_shards: int) -> tuple[MissionJob, ...]:
-        """Return shard `number`, from 1, of `n_shards`; each mission is in exactly one."""
-        return self.jobs[number - 1 :: n_shards]
 
 
 def make_plan(
@@ -83,24 +74,27 @@ def make_plan(
         seeds: Seeds of the missions; None for those of the suite, and for 0 to 19 in any other scenario.
 
     Raises:
-        InputFileError: With all errors, if a scenario or policy cannot be loaded, or a setting is invalid.
+        UserCodeError: If a policy cannot be loaded.
+        InputFileError: With all errors, if a scenario cannot be loaded, or a setting is invalid.
     """
-    errors: list[str] = []
+    errors: dict[str, str] = {}  # by their text without the file, so that an error in many yards is one line
     for policy in set(policies):
-        try:
-            load_maker(policy)
-        except UserCodeError as error:
-            errors.append(str(error))
-    files_of_error: dict[str, list[str]] = {}
+        load_maker(policy)
+    suite = load_suite()
+    chosen: list[tuple[str, str, str, Sequence[int]]] = []
+    for name in scenarios:
+        if is_of_suite(name):
+            chosen += [(yard.name, yard.level, suite.label, suite.seeds[yard.part]) for yard in choose_yards(name)]
+        else:
+            chosen.append((name, "", "", range(20)))
     jobs: list[MissionJob] = []
-    for (name, level, suite, usual_seeds), values in product(_choose(scenarios, errors), list(product(*grid.values()))):
+    for (name, level, label, usual_seeds), values in product(chosen, list(product(*grid.values()))):
         settings = dict(zip(grid, values, strict=True))
         try:
             scenario = load_scenario(name, settings)
         except InputFileError as error:
-            for line in error.faults:
-                file, _, text = line.partition(": ")
-                files_of_error.setdefault(text, []).append(file)
+            for fault in error.faults:
+                errors.setdefault(fault.partition(": ")[2], fault)
             continue
         scenario_digest = hashlib.sha256(scenario.model_dump_json().encode()).hexdigest()
         for policy in policies:
@@ -110,7 +104,7 @@ def make_plan(
                     order=len(jobs),
                     key=digest([named, str(seed)])[:16],
                     level=level,
-                    suite=suite,
+                    suite=label,
                     scenario=scenario,
                     scenario_digest=scenario_digest,
                     policy=policy,
@@ -118,27 +112,9 @@ def make_plan(
                     seed=seed,
                 )
                 jobs.append(job)
-    for text, files in files_of_error.items():
-        n_others = len(set(files)) - 1
-        errors.append(f"{files[0]}{f', and {n_others} more' if n_others else ''}: {text}")
     if errors:
-        raise InputFileError(errors)
-    return SweepPlan(tuple(jobs), digest([job.key for job in jobs]), digest_of_code())
-
-
-def _choose(scenarios: Sequence[str], errors: list[str]) -> list[tuple[str, str, str, Sequence[int]]]:
-    """Return name, level, suite and usual seeds of each scenario; append errors of names."""
-    chosen: list[tuple[str, str, str, Sequence[int]]] = []
-    suite = load_suite()
-    for name in scenarios:
-        if not is_of_suite(name):
-            chosen.append((name, "", "", range(20)))
-            continue
-        try:
-            chosen += [(yard.name, yard.level, suite.label, suite.seeds[yard.part]) for yard in choose_yards(name)]
-        except InputFileError as error:
-            errors += error.faults
-    return chosen
+        raise InputFileError(list(errors.values()))
+    return SweepPlan(tuple(jobs), digest([job.key for job in jobs]))
 
 
 def parse_grid(texts: Iterable[str]) -> dict[str, list[Any]]:

@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import NamedTuple
@@ -45,26 +45,11 @@ class MissionLimits(NamedTuple):
     memory_bytes: int
 
 
-class LostMission(NamedTuple):
-    """Reason why a mission that was started has no row.
-
-    Attributes:
-        status: Status of its row if it is not started again.
-        error: Error of its row.
-        n_attempts: Number of its `ATTEMPTS` that this uses up: 0 if the mission cannot be the cause, all of them if
-            another attempt is useless.
-    """
-
-    status: str
-    error: str
-    n_attempts: int = 1
-
-
 def run_missions(
     jobs: Sequence[MissionJob],
     n_scheduled: int,
     schedule: Callable[[MissionJob], Future[MissionRow]],
-    explain: Callable[[Exception], LostMission],
+    explain: Callable[[Exception], tuple[str, str]],
     finish: Callable[[MissionRow], None],
 ) -> None:
     """Run missions on an engine, and pass on each row when it is complete.
@@ -73,32 +58,30 @@ def run_missions(
         jobs: The missions.
         n_scheduled: Largest number of missions that the engine has at any time, running or waiting.
         schedule: Starts a mission on the engine.
-        explain: Returns what becomes of a mission that ended with an exception, or raises.
+        explain: Returns the status and error of a mission that ended with an exception, or raises. A mission that died
+            is started again, up to `ATTEMPTS` times in all.
         finish: Called with each row, in the order in which missions end.
 
     Raises:
         Exception: Whatever `explain` or `finish` raises.
     """
-    waiting: Iterator[tuple[MissionJob, int]] = ((job, 0) for job in jobs)
-    again: list[tuple[MissionJob, int]] = []
+    waiting = [(job, 1) for job in reversed(jobs)]
     running: dict[Future[MissionRow], tuple[MissionJob, int]] = {}
-    while True:
-        while len(running) < n_scheduled and (started := again.pop() if again else next(waiting, None)):
+    while waiting or running:
+        while waiting and len(running) < n_scheduled:
+            started = waiting.pop()
             running[schedule(started[0])] = started
-        if not running:
-            break
         for future in wait(running, return_when=FIRST_COMPLETED).done:
-            job, n_attempts = running.pop(future)
+            job, attempt = running.pop(future)
             error = future.exception()
             if not isinstance(error, Exception):
                 finish(future.result())
                 continue
-            lost = explain(error)
-            n_attempts += lost.n_attempts
-            if n_attempts < ATTEMPTS:
-                again.append((job, n_attempts))
+            status, text = explain(error)
+            if status == "died" and attempt < ATTEMPTS:
+                waiting.append((job, attempt + 1))
             else:
-                finish(MissionRow.of_failure(job, lost.status, lost.error))
+                finish(MissionRow.of_failure(job, status, text))
 
 
 def run_in_processes(
@@ -139,13 +122,13 @@ def run_in_pool(
     def schedule(job: MissionJob) -> Future[MissionRow]:
         return pool.schedule(run_job, args=[job], timeout=limits.wall_time_s)
 
-    def explain(error: Exception) -> LostMission:
+    def explain(error: Exception) -> tuple[str, str]:
         if isinstance(error, TimeoutError):
-            return LostMission("hung", f"took longer than the limit of {limits.wall_time_s:g} s", ATTEMPTS)
+            return "hung", f"took longer than the limit of {limits.wall_time_s:g} s"
         if isinstance(error, ProcessExpired) and error.exitcode == OUT_OF_MEMORY:
-            return LostMission("out of memory", f"needed more than {limits.memory_bytes / 1e9:g} GB", ATTEMPTS)
+            return "out of memory", f"needed more than {limits.memory_bytes / 1e9:g} GB"
         if isinstance(error, ProcessExpired):
-            return LostMission("died", f"its process ended {ATTEMPTS} times, last with exit code {error.exitcode}")
+            return "died", f"its process ended {ATTEMPTS} times, last with exit code {error.exitcode}"
         if isinstance(error, BrokenProcessPool):
             raise EngineError("workers end before they run a mission; try one with `pdpatrol run`") from None
         raise error

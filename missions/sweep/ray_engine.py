@@ -20,21 +20,11 @@ from pdpatrol.missions.sweep.plan import MissionJob, digest_of_code
 from pdpatrol.missions.sweep.pool import (
     ATTEMPTS,
     EngineError,
-    LostMission,
     MissionLimits,
     open_pool,
     run_in_pool,
     run_missions,
 )
-
-LOCAL_ENVIRONMENT = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}
-"""Environment of a Ray that is started here: its servers listen on 127.0.0.1 only."""
-
-RAY_ENVIRONMENT = {
-    "RAY_DEDUP_LOGS_SKIP_REGEX": ".",  # do not print logs: `log_to_driver` lets errors of nodes through
-    "RAY_ENABLE_UV_RUN_RUNTIME_ENV": "0",  # do not copy the working directory to each worker under `uv run`
-}
-"""Variables that Ray reads when it is imported, unless the user has set them."""
 
 
 def run_in_ray(
@@ -61,18 +51,19 @@ def run_in_ray(
     address = address or os.environ.get("RAY_ADDRESS") or "local"
     started = {}
     if address == "local":
-        os.environ.update(LOCAL_ENVIRONMENT)
+        os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"  # servers listen on 127.0.0.1 only
         # Missions and rows are kilobytes and do not use the object store.
         started = {"num_cpus": n_workers, "include_dashboard": False, "object_store_memory": 100_000_000}
-    os.environ.update(RAY_ENVIRONMENT | os.environ)
+    os.environ.setdefault(
+        "RAY_DEDUP_LOGS_SKIP_REGEX", "."
+    )  # prints no logs: `log_to_driver` lets errors of nodes through
+    os.environ.setdefault("RAY_ENABLE_UV_RUN_RUNTIME_ENV", "0")  # no copy of the working directory for each worker
     import ray  # an optional dependency, which reads the environment when it is imported
     from ray import exceptions
 
-    def explain(error: Exception) -> LostMission:
-        if isinstance(error, exceptions.NodeDiedError):
-            return LostMission("died", str(error), 0)
-        if isinstance(error, (exceptions.WorkerCrashedError, exceptions.OutOfMemoryError)):
-            return LostMission("died", f"its Ray worker ended {ATTEMPTS} times: {error}")
+    def explain(error: Exception) -> tuple[str, str]:
+        if isinstance(error, (exceptions.NodeDiedError, exceptions.WorkerCrashedError, exceptions.OutOfMemoryError)):
+            return "died", f"its Ray worker or node ended {ATTEMPTS} times: {error}"
         cause = str(getattr(error, "cause", error)).partition("\n")[0]
         raise EngineError(f"--engine ray: a node cannot run missions: {cause}") from error
 

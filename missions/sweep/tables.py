@@ -2,44 +2,47 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Sequence
-from textwrap import wrap
 
 import numpy as np
+import pandas as pd
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 from rich.text import Text
 
-from pdpatrol.missions.sweep.analysis import DIGITS, Difference, Estimate, Summary
+from pdpatrol.missions.sweep.analysis import Difference, Estimate, Summary
 
-TERMINAL_HEADINGS = {
-    "missions": "n",
-    "found (%)": "found\n(%)",
-    "median error (m)": "median error\n(m)",
-    "time to confirm (s)": "time to\nconfirm (s)",
-    "false": "false",
-    "contacts": "contacts",
+DIGITS = {
+    "bearing RMSE (deg)": 2,
+    "found (%)": 0,
+    "median error (m)": 3,
+    "95 % below (m)": 3,
+    "in ellipse (%)": 0,
+    "right site (%)": 0,
+    "time to confirm (s)": 0,
+    "path length over shortest": 1,
+    "OSPA (m)": 2,
 }
-NAME_WIDTH = 20
-"""Characters of a name or setting in a terminal table before it is broken."""
+"""Decimals of the estimates in a table."""
 
 
 def cells(summary: Summary) -> dict[str, str]:
     """Format a summary as one text for each heading; a dash stands for an estimate without data."""
-    settings = json.loads(str(summary["settings"]))
+    n_unfinished = summary["unfinished"]
     texts = {
         "scenario or level": str(summary["group"]),
         "policy": str(summary["policy"]),
-        "set": ", ".join(f"{key}={value}" for key, value in settings.items()) or "-",
-        "missions": f"{summary['missions']}"
-        + (f" ({summary['unfinished']} unfinished)" if summary["unfinished"] else ""),
+        "set": ", ".join(_settings(summary)) or "-",
+        "missions": f"{summary['missions']}" + (f" ({n_unfinished} unfinished)" if n_unfinished else ""),
     }
-    for heading, value in list(summary.items())[len(texts) + 1 :]:
+    for heading, value in list(summary.items())[5:]:
         texts[heading] = with_interval(value, DIGITS[heading]) if isinstance(value, Estimate) else str(value)
     return texts
+
+
+def _settings(summary: Summary) -> list[str]:
+    return [f"{key} = {value}" for key, value in json.loads(str(summary["settings"])).items()]
 
 
 def with_interval(estimate: Estimate, digits: int) -> str:
@@ -50,35 +53,22 @@ def with_interval(estimate: Estimate, digits: int) -> str:
     return value if np.isnan(estimate.low) else f"{value} ({low} to {high})"
 
 
-def _lines(name: str) -> list[str]:
-    """Break a long name, or a long setting after its key."""
-    parts = [name] if len(name) <= NAME_WIDTH else name.replace("=", "=\n").splitlines()
-    return [line for part in parts for line in wrap(part, NAME_WIDTH)]
-
-
 def terminal_table(summaries: Sequence[Summary], title: str) -> Table:
-    """Make a table of the main figures for a terminal of 80 columns, with a section for each scenario or level.
-
-    Settings that all rows share stand in the title.
-    """
-    settings = [
-        {f"{key}={value}" for key, value in json.loads(str(summary["settings"])).items()} for summary in summaries
-    ]
-    shared = set.intersection(*settings) if settings else set()
-    title = ", ".join([title, *sorted(shared)])
+    """Make a table of the main figures for a terminal of 80 columns, with a section for each scenario or level."""
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=0, show_edge=False)
-    table.add_column("", no_wrap=True)
-    for heading in TERMINAL_HEADINGS.values():
+    table.add_column("", width=20, overflow="fold")
+    columns = ("missions", "found (%)", "median error (m)", "time to confirm (s)", "false", "contacts")
+    for heading in ("n", "found\n(%)", "median error\n(m)", "time to\nconfirm (s)", "false", "contacts"):
         table.add_column(heading, justify="right")
-    group: str | None = None
-    for summary, own in zip(summaries, settings, strict=True):
-        texts = cells(summary)
-        if texts["scenario or level"] != group:
-            group = texts["scenario or level"]
+    group: object = None
+    for summary in summaries:
+        if summary["group"] != group:
+            group = summary["group"]
             table.add_section()
-            table.add_row(Text("\n".join(_lines(group)), style="bold"))
-        name = "\n".join(line for each in (texts["policy"], *sorted(own - shared)) for line in _lines(each))
-        table.add_row(name, *(texts[heading].replace(" to ", "-") for heading in TERMINAL_HEADINGS))
+            table.add_row(Text(str(group), style="bold"))
+        texts = cells(summary)
+        name = "\n".join([texts["policy"], *_settings(summary)])
+        table.add_row(Text(name), *(texts[column].replace(" to ", "-") for column in columns))
     return table
 
 
@@ -87,14 +77,12 @@ def differences_table(differences: Sequence[Difference], first: str, second: str
     title = f"A: {first}, B: {second}; paired by scenario and seed, change from A to B with its 95 % interval"
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("")
-    for heading in ("n", "A", "B", "change", "p", "B better : worse"):
+    for heading in ("n", "A", "B", "change", "p"):
         table.add_column(heading, justify="right")
     for each in differences:
         value, low, high = each.change
         change = f"{value:+.3g}" if np.isnan(low) or not value else f"{value:+.3g} ({low:+.3g} to {high:+.3g})"
-        counts = f"{each.n_second_better} : {each.n_first_better}"
-        means = f"{each.first:.3g}", f"{each.second:.3g}"
-        table.add_row(each.name, str(each.n), *means, change, f"{each.p:.2g}", counts)
+        table.add_row(each.name, str(each.n), f"{each.first:.3g}", f"{each.second:.3g}", change, f"{each.p:.2g}")
     return table
 
 
@@ -103,20 +91,21 @@ def markdown(headings: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
     return "".join(f"| {' | '.join(line)} |\n" for line in (headings, ["---"] * len(headings), *lines))
 
 
+def markdown_table(summaries: Sequence[Summary]) -> str:
+    """Make a Markdown table of all figures."""
+    texts = [cells(summary) for summary in summaries]
+    return markdown(list(texts[0]), [list(each.values()) for each in texts]) if texts else ""
+
+
 def as_csv(summaries: Sequence[Summary]) -> str:
     """Make a CSV table with three columns for each estimate: value, lower and upper end of its interval."""
-    rows = [
-        {
-            f"{name}{suffix}": part
-            for name, value in summary.items()
-            for suffix, part in zip(
-                ("", " low", " high"), value if isinstance(value, Estimate) else (value,), strict=False
-            )
-        }
-        for summary in summaries
-    ]
-    file = io.StringIO()
-    writer = csv.DictWriter(file, rows[0] if rows else (), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return file.getvalue()
+    rows: list[dict[str, object]] = []
+    for summary in summaries:
+        row: dict[str, object] = {}
+        for name, value in summary.items():
+            if isinstance(value, Estimate):
+                row |= {name: value.value, f"{name} low": value.low, f"{name} high": value.high}
+            else:
+                row[name] = value
+        rows.append(row)
+    return pd.DataFrame(rows).to_csv(index=False, na_rep="nan", lineterminator="\n")

@@ -53,26 +53,17 @@ def test_one_of_two_processes_gets_the_folder(n_pairs: int, tmp_path: Path) -> N
         assert [path.name for path in (tmp_path / f"folder_{k}").iterdir()] == ["kept"]
 
 
-def test_reserved_folder_is_refused_and_removed_if_empty(tmp_path: Path) -> None:
+@pytest.mark.parametrize("is_killed", [False, True])
+def test_reserved_folder_is_refused_and_removed_if_empty(is_killed: bool, tmp_path: Path) -> None:
     first = reserve("folder", cwd=tmp_path)
     assert first.stdout is not None
     assert first.stdout.readline() == "folder\n"
-    assert "folder must be a new or empty folder, which no other command writes to" in refusal(
-        reserve("folder", cwd=tmp_path)
-    )
+    if is_killed:
+        first.kill()
+    line = refusal(reserve("folder", cwd=tmp_path))
+    assert "folder must be a new or empty folder, which no other command writes to" in line
     first.communicate()
-    assert not (tmp_path / "folder").exists()
-
-
-def test_folder_of_a_killed_process_is_refused(tmp_path: Path) -> None:
-    first = reserve("folder", cwd=tmp_path)
-    assert first.stdout is not None
-    first.stdout.readline()
-    (tmp_path / "folder" / "log").touch()
-    first.kill()
-    first.communicate()
-    assert "must be a new or empty folder" in refusal(reserve("folder", cwd=tmp_path))
-    assert (tmp_path / "folder" / "log").exists()
+    assert (tmp_path / "folder").exists() == is_killed
 
 
 def test_empty_folder_is_kept_and_a_full_one_refused(tmp_path: Path) -> None:

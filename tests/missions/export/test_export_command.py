@@ -6,7 +6,7 @@ import pytest
 
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.runner import run_mission
-from tests.processes import pdpatrol, refusal
+from tests.processes import pdpatrol
 
 pytestmark = pytest.mark.whole
 
@@ -25,11 +25,3 @@ def test_export_writes_all_files_and_notes_the_missing_map(mission: Path, tmp_pa
     assert {path.name for path in (tmp_path / "out").iterdir()} == names
     assert all(name in done.stdout for name in names)
     assert done.stderr == "note: no findings.geojson, as the scenario has no table [georeference]\n"
-
-
-def test_export_overwrites_nothing(mission: Path, tmp_path: Path) -> None:
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "mine").touch()
-    for arguments in ((mission, "--out", "out"), ("out",), ("nowhere",)):
-        assert len(refusal(pdpatrol("export", *arguments, cwd=tmp_path))) == 1
-    assert [path.name for path in tmp_path.rglob("*")] == ["out", "mine"]

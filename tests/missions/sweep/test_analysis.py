@@ -12,8 +12,6 @@ from pdpatrol.missions.sweep.analysis import (
     clustered_share,
     compare,
     difference,
-    mean,
-    median,
     pair_up,
     root_mean_square,
     summarise_groups,
@@ -43,7 +41,7 @@ def test_share_interval_covers_truth_for_correlated_sources(n_clusters: int, sha
 
 
 @pytest.mark.parametrize("n_clusters", [9, 40])
-@pytest.mark.parametrize("statistic", [median, mean])
+@pytest.mark.parametrize("statistic", [np.nanmedian, np.nanmean])
 def test_bootstrap_interval_covers_truth_for_correlated_errors(statistic: object, n_clusters: int) -> None:
     """Errors in one mission share most of their variance."""
     rng, clustered, pooled = np.random.default_rng(2), list[Estimate](), list[Estimate]()
@@ -56,26 +54,17 @@ def test_bootstrap_interval_covers_truth_for_correlated_errors(statistic: object
 
 
 def test_share_of_independent_trials_has_wilson_interval() -> None:
-    found = np.arange(20) < 17
-    assert clustered_share(found, np.ones(20)) == pytest.approx(wilson(17, 20))
+    assert clustered_share(np.arange(20) < 17, np.ones(20)) == pytest.approx(wilson(17, 20))
     assert wilson(17, 20) == pytest.approx((0.85, 0.6396, 0.9476), abs=1e-4)
     assert clustered_share([3, 3], [3, 3]) == pytest.approx(wilson(2, 2))  # a cluster counts once
+
+
+def test_too_few_clusters_have_no_interval() -> None:
     assert np.isnan(clustered_share([0], [0])).all()
-
-
-def test_bootstrap_without_enough_clusters_has_no_interval() -> None:
-    assert np.isnan(cluster_bootstrap([[], [np.nan]], median)).all()
-    value, low, high = cluster_bootstrap([[], [3.0, 4.0]], root_mean_square)
-    assert value == pytest.approx(np.sqrt(12.5))
-    assert np.isnan([low, high]).all()
-
-
-@pytest.mark.parametrize("n", [1, 2, 5, 8])
-def test_weighted_median_is_that_of_repeated_values(n: int) -> None:
-    rng = np.random.default_rng(n)
-    values, weights = np.sort(rng.normal(size=n)), rng.integers(0, 4, (50, n)) + (np.arange(n) == 0)
-    expected = [np.median(np.repeat(values, times)) for times in weights]
-    np.testing.assert_allclose(median(values, weights.astype(np.float64)), expected)
+    assert np.isnan(cluster_bootstrap([[], [np.nan]], np.nanmedian)).all()
+    assert cluster_bootstrap([[], [3.0, 4.0]], root_mean_square) == pytest.approx(
+        (12.5**0.5, np.nan, np.nan), nan_ok=True
+    )
 
 
 def make_dataset(folder: Path, penalty_m: float) -> Dataset:
@@ -101,14 +90,10 @@ def test_pooled_summary_resamples_yards_and_others_missions(tmp_path: Path) -> N
     plan = make_plan(["one_source", "two_sources"], ["seek"], {}, range(10))
     dataset = Dataset.open_or_make(tmp_path / "out", plan)
     for job in plan.jobs:
-        found = job.scenario.name == "one_source"
         row = MissionRow.of_failure(job, "finished", "")
-        dataset.write(row._replace(n_sources=1, n_found=int(found), ospa_m=0.1))
-    one, two = summarise_groups(dataset.read())
-    assert (one["found (%)"], two["found (%)"]) == (
-        pytest.approx([100 * end for end in wilson(10, 10)]),
-        pytest.approx([100 * end for end in wilson(0, 10)]),
-    )
+        dataset.write(row._replace(n_sources=1, n_found=int(job.scenario.name == "one_source"), ospa_m=0.1))
+    shares = [summary["found (%)"] for summary in summarise_groups(dataset.read())]
+    assert np.ravel(shares) == pytest.approx(100.0 * np.ravel([wilson(10, 10), wilson(0, 10)]))
     (pooled,) = summarise_groups(dataset.read(), pool=True)
     assert isinstance(pooled["found (%)"], Estimate)
     assert pooled["found (%)"].low < 10.0  # two yards say little about other yards
@@ -117,47 +102,43 @@ def test_pooled_summary_resamples_yards_and_others_missions(tmp_path: Path) -> N
 
 def test_a_side_does_not_differ_from_itself(tmp_path: Path) -> None:
     dataset = make_dataset(tmp_path / "out", 0.02)
-    for each in compare(pair_up(dataset.read(), "seek", "seek")):
-        assert each.change == (0.0, 0.0, 0.0)
-        assert each.p == 1.0
-        assert each.first == each.second
-        assert each.n_first_better == each.n_second_better == 0
+    for each in compare(*pair_up(dataset.read(), "seek", "seek")):
+        assert (each.change, each.p, each.first) == ((0.0, 0.0, 0.0), 1.0, each.second)
 
 
 @pytest.mark.parametrize("sides", [("seek", "patrol"), ("receiver.noise_v=0.001", "receiver.noise_v=2e-3")])
 def test_difference_smaller_than_the_spread_is_found(sides: tuple[str, str], tmp_path: Path) -> None:
-    pairs = pair_up(make_dataset(tmp_path / "out", 0.02).read(), *sides)
-    assert len(pairs) == 2 * N_SEEDS
-    assert all(first["seed"] == second["seed"] for first, second in pairs)
-    error = next(each for each in compare(pairs) if each.name == "error (m)")
+    first, second = pair_up(make_dataset(tmp_path / "out", 0.02).read(), *sides)
+    assert len(first) == 2 * N_SEEDS
+    assert first["seed"].tolist() == second["seed"].tolist()
+    error = next(each for each in compare(first, second) if each.name == "error (m)")
     assert error.n == N_SEEDS  # missions of one seed meet the same emissions
     assert error.change.value == pytest.approx(0.02, abs=1e-9)
     assert error.p < 0.001
-    assert error.n_second_better == 0
 
 
 def test_two_datasets_are_paired_by_mission(tmp_path: Path) -> None:
-    first, _ = make_dataset(tmp_path / "a", 0.02), make_dataset(tmp_path / "b", 0.05)
-    pairs = pair_up(first.read(), str(tmp_path / "a"), str(tmp_path / "b"))
-    assert len(pairs) == 4 * N_SEEDS
-    changed = [(a, b) for a, b in pairs if a["n_found"] != b["n_found"]]
-    assert changed
-    assert all(a["ospa_m"] < 0.2 <= b["ospa_m"] for a, b in changed)
-    ospa = next(each for each in compare(pairs) if each.name == "OSPA (m)")
+    rows, _ = make_dataset(tmp_path / "a", 0.02).read(), make_dataset(tmp_path / "b", 0.05)
+    first, second = pair_up(rows, str(tmp_path / "a"), str(tmp_path / "b"))
+    assert len(first) == 4 * N_SEEDS
+    is_changed = first["n_found"] != second["n_found"]
+    assert is_changed.any()
+    assert (first["ospa_m"][is_changed] < 0.2).all()
+    assert (second["ospa_m"][is_changed] >= 0.2).all()
+    ospa = next(each for each in compare(first, second) if each.name == "OSPA (m)")
     assert ospa.change.low > 0.0
 
 
 def test_permutation_test_has_its_stated_size() -> None:
     rng = np.random.default_rng(1)
     values = np.stack([rng.rayleigh(0.05, 60), rng.rayleigh(0.08, 60)], axis=-1)
-    assert difference("OSPA (m)", values, -1).p < 0.01
-    swapped = (rng.permuted(values, axis=1) for _ in range(200))
-    hits = sum(difference("OSPA (m)", each, -1).p < 0.05 for each in swapped)
+    assert difference("OSPA (m)", values).p < 0.01
+    hits = sum(difference("OSPA (m)", rng.permuted(values, axis=1)).p < 0.05 for _ in range(200))
     assert 4 <= hits <= 18
 
 
 def test_a_single_pair_proves_nothing() -> None:
-    one = difference("OSPA (m)", np.array([[0.1, 0.3]]), -1)
+    one = difference("OSPA (m)", np.array([[0.1, 0.3]]))
     assert one.change.value == pytest.approx(0.2)
     assert np.isnan(one.change.low)
     assert one.p == 1.0
@@ -165,6 +146,5 @@ def test_a_single_pair_proves_nothing() -> None:
 
 @pytest.mark.parametrize(("first", "second"), [("oracle", "seek"), ("seek", "receiver.noise_v=5"), ("a", "b")])
 def test_a_side_without_missions_is_refused(first: str, second: str, tmp_path: Path) -> None:
-    dataset = make_dataset(tmp_path / "out", 0.02)
     with pytest.raises(InputFileError, match="no mission of it in the dataset"):
-        pair_up(dataset.read(), first, second)
+        pair_up(make_dataset(tmp_path / "out", 0.02).read(), first, second)

@@ -132,14 +132,9 @@ def test_address_without_cluster_is_one_line(address: str, message: str, folder:
     assert line.startswith(message)
 
 
-def test_without_ray_its_engine_is_refused_and_the_pool_runs(folder: Path) -> None:
+def test_without_ray_its_engine_is_refused(folder: Path) -> None:
     lines = "import sys; sys.modules['ray'] = None; from pdpatrol.missions.cli import main; main()"
-    done = [
-        subprocess.run([sys.executable, "-c", lines, *command("--seeds", "0", "--out", engine, engine=engine)[1:]],
-                       cwd=folder, capture_output=True, text=True, timeout=120)
-        for engine in ("ray", "pool")
-    ]  # fmt: skip
-    assert [each.returncode for each in done] == [2, 0]
-    assert done[0].stderr == '--engine ray: needs Ray; install it with: pip install "pdpatrol[ray]"\n'
-    assert not (folder / "ray").exists()
-    assert re.search(r"short\s+seek", done[1].stdout)
+    words = [sys.executable, "-c", lines, *command("--out", "out")[1:]]
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=120)
+    assert (done.returncode, (folder / "out").exists()) == (2, False)
+    assert done.stderr == '--engine ray: needs Ray; install it with: pip install "pdpatrol[ray]"\n'

@@ -17,8 +17,8 @@ from pdpatrol.missions.sweep.figures import (
     draw_figures,
     draw_found_over_time,
     draw_over_setting,
-    groups,
     label_of,
+    missions_with_sources,
 )
 from pdpatrol.missions.sweep.plan import make_plan
 from pdpatrol.missions.sweep.tables import as_csv, cells, terminal_table
@@ -41,36 +41,28 @@ def dataset(tmp_path: Path) -> Dataset:
 
 
 def test_lines_end_at_the_share_found(dataset: Dataset) -> None:
-    lines = groups(dataset.read().to_pylist())
-    assert list(lines)[:2] == ["seek, receiver.noise_v=0.0005", "patrol, receiver.noise_v=0.0005"]
-    for figure in (draw_errors(lines), draw_found_over_time(lines)):
+    missions = missions_with_sources(dataset.read())
+    for figure in (draw_errors(missions), draw_found_over_time(missions)):
         drawn = figure.axes[0].get_lines()
-        assert [line.get_label() for line in drawn] == list(lines)
+        assert drawn[0].get_label() == "seek, receiver.noise_v=0.0005"
         assert [line.get_ydata()[-1] for line in drawn] == pytest.approx(np.repeat([0.8, 0.6, 0.4], 2))  # pyright: ignore
         for line in drawn:
             assert np.all(np.diff(np.asarray(line.get_ydata(), dtype=np.float64)) >= 0)
             assert np.all(np.diff(np.asarray(line.get_xdata(), dtype=np.float64)) >= 0)
 
 
-def test_numeric_setting_is_an_axis(dataset: Dataset) -> None:
-    found, error, time = draw_over_setting(dataset.read().to_pylist(), "receiver.noise_v").axes
-    assert found.get_xlabel() == "receiver.noise_v"
-    assert [line.get_label() for line in found.get_lines()] == ["seek", "patrol"]
-    for axes, expected in ((found, [80.0, 60.0, 40.0]), (error, [0.025, 0.03, 0.035]), (time, [25.0, 30.0, 35.0])):
-        for line in axes.get_lines():
-            np.testing.assert_allclose(np.asarray(line.get_xdata(), dtype=np.float64), NOISE_V)
-            np.testing.assert_allclose(np.asarray(line.get_ydata(), dtype=np.float64), expected)
+def test_setting_is_an_axis(dataset: Dataset) -> None:
+    panels = draw_over_setting(missions_with_sources(dataset.read()), "receiver.noise_v").axes
+    assert [label.get_text() for label in panels[0].get_xticklabels()] == ["0.0005", "0.001", "0.002"]
+    assert panels[0].get_legend_handles_labels()[1] == ["seek", "patrol"]
+    for axes, expected in zip(panels, ([80.0, 60.0, 40.0], [0.025, 0.03, 0.035], [25.0, 30.0, 35.0]), strict=True):
+        for container in axes.containers:
+            np.testing.assert_allclose(container[0].get_ydata(), expected)  # pyright: ignore
 
 
-def test_setting_without_numbers_has_labels(tmp_path: Path) -> None:
-    dead = [{"channel": 1, "kind": "dead"}]
-    plan = make_plan(["one_source"], ["seek"], {"receiver.faults": [[], dead]}, range(2))
-    dataset = Dataset.open_or_make(tmp_path / "out", plan)
-    for job in plan.jobs:
-        dataset.write(MissionRow.of_failure(job, "finished", "")._replace(n_sources=1, sim_time_s=1.0))
-    axes = draw_over_setting(dataset.read().to_pylist(), "receiver.faults").axes[0]
-    assert {label.get_text() for label in axes.get_xticklabels()} == {"none", "dead"}
-    assert label_of([{"kind": "dead"}, {"channel": 2}]) == 'dead, {"channel": 2}'
+def test_tables_in_settings_are_named_by_their_kind() -> None:
+    assert label_of([]) == "none"
+    assert label_of([{"channel": 1, "kind": "dead"}, {"channel": 2}]) == 'dead, {"channel": 2}'
 
 
 def test_all_figures_are_written(dataset: Dataset, tmp_path: Path) -> None:
