@@ -56,9 +56,11 @@ def read_pattern(path: str | Path) -> TabulatedPattern:
     (angle_deg,), gain = _numbers(path, names, rows, ("angle_deg",))
     falls = np.flatnonzero(np.diff(angle_deg) <= 0.0)
     if falls.size:
-        before, after = angle_deg[falls[0] : falls[0] + 2]
-        line = rows[falls[0] + 1][0]
-        raise InputFileError([f"{path}: line {line}: angle_deg: must increase, {before:g} is followed by {after:g}"])
+        k = int(falls[0])
+        before, after = angle_deg[k : k + 2]
+        raise InputFileError(
+            [f"{path}: line {rows[k + 1][0]}: angle_deg: must increase, {before:g} is followed by {after:g}"]
+        )
     if angle_deg[-1] - angle_deg[0] == 360.0:
         angle_deg, gain = angle_deg[:-1], gain[:-1]
     angle_rad = np.radians(angle_deg)

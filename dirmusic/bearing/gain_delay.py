@@ -101,8 +101,8 @@ def _locate_on_circle(
         gain, slope = manifold.gain_and_slope(azimuth_rad)
         cos, sin = np.cos(azimuth_rad), np.sin(azimuth_rad)
         delay, delay_slope = -(places_s @ np.stack([cos, sin])), -(places_s @ np.stack([-sin, cos]))
-        turn = np.exp(-1j * delay[..., np.newaxis] * angular)
-        by_azimuth = slope[..., np.newaxis] - 1j * angular * (gain * delay_slope)[..., np.newaxis]
+        turn: ComplexArray = np.exp(-1j * delay[..., np.newaxis] * angular)
+        by_azimuth: ComplexArray = slope[..., np.newaxis] - 1j * angular * (gain * delay_slope)[..., np.newaxis]
         return gain[..., np.newaxis] * turn, by_azimuth * turn
 
     def linearise(azimuth_rad: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

@@ -9,6 +9,7 @@ from dirmusic import ESTIMATORS, ArrayModel, ElementSpread, GainManifold, PulseB
 from dirmusic.angles import difference
 from dirmusic.bearing.estimators import GRID_RAD, method_std, music, strongest
 from dirmusic.bearing.maximum_likelihood import maximum_likelihood
+from tests.dirmusic.scenes import detected, rms
 
 NOISE_V = 0.03
 
@@ -21,8 +22,7 @@ def ring(n_elements: int) -> ArrayModel:
 def pulses_from(array: ArrayModel, azimuth_rad: np.ndarray, noise_v: float = NOISE_V) -> PulseBatch:
     """Draw a pulse of 1 V from each direction, with white noise."""
     gain = array.manifold.gain(azimuth_rad).T
-    strengths = np.abs(gain + np.random.default_rng(0).normal(0.0, noise_v, gain.shape))
-    return PulseBatch.detected(np.zeros(azimuth_rad.size), strengths, np.full(gain.shape, noise_v**2))
+    return detected(np.abs(gain + np.random.default_rng(0).normal(0.0, noise_v, gain.shape)), noise_v)
 
 
 def anywhere(n: int = 4000) -> np.ndarray:
@@ -42,12 +42,10 @@ def test_error_matches_stated_deviation(name: str, n_elements: int) -> None:
 def test_estimators_rank_likelihood_grid_strongest(n_elements: int) -> None:
     array, azimuth = ring(n_elements), anywhere()
     pulses = pulses_from(array, azimuth)
-    errors = {name: difference(estimate(pulses, array).azimuth_rad, azimuth) for name, estimate in ESTIMATORS.items()}
-    rms = {name: float(np.sqrt(np.mean(np.square(error)))) for name, error in errors.items()}
-    likeliest, on_grid, strongest = rms["maximum_likelihood"], rms["music"], rms["strongest"]
-    assert rms["sub_bands"] == likeliest  # whose sub-bands were not read
-    assert likeliest <= 1.001 * on_grid
-    assert on_grid < 0.5 * strongest
+    errors = {name: rms(difference(find(pulses, array).azimuth_rad, azimuth)) for name, find in ESTIMATORS.items()}
+    assert errors["sub_bands"] == errors["maximum_likelihood"]  # its sub-bands were not read
+    assert errors["maximum_likelihood"] <= 1.001 * errors["music"]
+    assert errors["music"] < 0.5 * errors["strongest"]
 
 
 @pytest.mark.parametrize("name", ESTIMATORS)

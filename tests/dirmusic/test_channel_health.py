@@ -4,23 +4,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dirmusic import ArrayModel, ElementSpread, GainManifold, PulseBatch, estimate_bearings
+from dirmusic import GainManifold, estimate_bearings
 from dirmusic.angles import difference
 from dirmusic.bearing.channel_health import ChannelMonitor, SuspectChannel
-
-NOMINAL = GainManifold.ring(6)
-ARRAY = ArrayModel(manifold=NOMINAL, positions_m=np.zeros((6, 3)), spread=ElementSpread())
-
-
-def detected(strengths: np.ndarray) -> PulseBatch:
-    """Make pulses of given strengths (n, 6), with noise of 1 V."""
-    return PulseBatch.detected(np.zeros(len(strengths)), strengths, np.ones_like(strengths))
+from tests.dirmusic.scenes import RING, SMALL_ARRAY, detected
 
 
 def real_array(seed: int) -> tuple[GainManifold, NDArray[np.float64]]:
     """Draw an array with pointing errors of 2 degrees and gain errors of 5 %, the shipped defaults."""
     rng = np.random.default_rng(seed)
-    pointed = GainManifold(NOMINAL.pattern, NOMINAL.boresights_rad + rng.normal(0, np.radians(2.0), 6))
+    pointed = GainManifold(RING.pattern, RING.boresights_rad + rng.normal(0, np.radians(2.0), 6))
     return pointed, np.exp(rng.normal(0, 0.05, 6))
 
 
@@ -38,9 +31,9 @@ def draw_pulses(seed: int, n: int, snr_db: float, factors: dict[int, float]) -> 
 
 def watch(strengths: np.ndarray, by: int = 5) -> tuple[SuspectChannel, ...]:
     """Return the first faults that are found in pulses which come in small batches."""
-    monitor = ChannelMonitor(ARRAY)
+    monitor = ChannelMonitor(SMALL_ARRAY)
     for first in range(0, len(strengths), by):
-        _, found = monitor.watch(detected(strengths[first : first + by]))
+        _, found = monitor.watch(detected(strengths[first : first + by], 1.0))
         if found:
             return found
     return ()
@@ -57,8 +50,8 @@ def test_dead_or_drifted_channel_is_found_in_50_pulses(factor: float, kind: str,
         assert [(suspect.channel, suspect.kind) for suspect in found] == [(channel, kind)]
         good = np.delete(np.arange(6), channel - 1)
         healthy, _ = draw_pulses(seed, 2000, snr_db, {})
-        dropped = estimate_bearings(strengths[:, np.newaxis, good], NOMINAL.take(good)).azimuth_rad
-        whole = estimate_bearings(healthy[:, np.newaxis], NOMINAL).azimuth_rad
+        dropped = estimate_bearings(strengths[:, np.newaxis, good], RING.take(good)).azimuth_rad
+        whole = estimate_bearings(healthy[:, np.newaxis], RING).azimuth_rad
         ratios.append(np.median(np.abs(difference(dropped, azimuth))) / np.median(np.abs(difference(whole, azimuth))))
     assert np.median(ratios) <= 1.5
 
@@ -98,9 +91,9 @@ def test_stuck_adc_is_found() -> None:
 
 def test_faults_do_not_depend_on_batch_size() -> None:
     strengths, _ = draw_pulses(5, 60, 0, {2: 0.5})
-    _, whole = ChannelMonitor(ARRAY).watch(detected(strengths))
-    monitor = ChannelMonitor(ARRAY)
-    single = [suspect for row in strengths for suspect in monitor.watch(detected(row[np.newaxis]))[1]]
+    _, whole = ChannelMonitor(SMALL_ARRAY).watch(detected(strengths, 1.0))
+    monitor = ChannelMonitor(SMALL_ARRAY)
+    single = [suspect for row in strengths for suspect in monitor.watch(detected(row[np.newaxis], 1.0))[1]]
     assert list(whole) == single
     assert monitor.good.tolist() == [True, False, True, True, True, True]
 
@@ -108,24 +101,24 @@ def test_faults_do_not_depend_on_batch_size() -> None:
 def test_fault_in_long_survey_is_found() -> None:
     strengths, _ = draw_pulses(5, 40_000, 10, {})
     strengths[20_000:] = draw_pulses(5, 20_000, 10, {2: 0.5})[0]
-    _, found = ChannelMonitor(ARRAY).watch(detected(strengths))
+    _, found = ChannelMonitor(SMALL_ARRAY).watch(detected(strengths, 1.0))
     assert [(suspect.channel, suspect.kind) for suspect in found] == [(2, "low")]
 
 
 def test_bearings_use_good_channels_once_fault_is_found() -> None:
     strengths, azimuth = draw_pulses(6, 400, 10, {3: 0.0})
-    monitor = ChannelMonitor(ARRAY)
-    before, _ = monitor.watch(detected(strengths[:1]))
-    bearings, suspects = monitor.watch(detected(strengths))
+    monitor = ChannelMonitor(SMALL_ARRAY)
+    before, _ = monitor.watch(detected(strengths[:1], 1.0))
+    bearings, suspects = monitor.watch(detected(strengths, 1.0))
     assert [suspect.channel for suspect in suspects] == [3]
     error = np.abs(difference(bearings.azimuth_rad, azimuth))
-    naive = np.abs(difference(estimate_bearings(strengths[:, np.newaxis], NOMINAL).azimuth_rad, azimuth))
+    naive = np.abs(difference(estimate_bearings(strengths[:, np.newaxis], RING).azimuth_rad, azimuth))
     assert np.median(error) < 0.3 * np.median(naive)
     assert before.azimuth_rad.shape == (1,)
 
 
 def test_at_least_three_channels_are_kept() -> None:
     strengths, _ = draw_pulses(7, 500, 10, {1: 0.0, 2: 0.0, 3: 0.0, 4: 0.0})
-    monitor = ChannelMonitor(ARRAY)
-    monitor.watch(detected(strengths))
+    monitor = ChannelMonitor(SMALL_ARRAY)
+    monitor.watch(detected(strengths, 1.0))
     assert monitor.good.sum() >= 3

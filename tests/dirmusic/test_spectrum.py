@@ -4,23 +4,16 @@ import numpy as np
 import pytest
 
 from dirmusic import (
-    GainManifold,
-    estimate_bearings,
     pseudo_spectrum,
     sample_covariance,
     source_count,
     spectrum_peaks,
 )
 from dirmusic.angles import difference
-from pdpatrol.missions.reproduction.simulation import (
-    draw_covariances,
-    wishart,
-)
-from pdpatrol.missions.reproduction.simulation import (
-    energy_to_noise as rho,
-)
+from pdpatrol.missions.reproduction.simulation import draw_covariances, wishart
+from pdpatrol.missions.reproduction.simulation import energy_to_noise as rho
+from tests.dirmusic.scenes import RING
 
-RING = GainManifold.ring(6)
 GRID = np.radians(np.arange(360.0))
 
 
@@ -52,25 +45,11 @@ def test_source_count_of_one_and_of_none(snr_db: int) -> None:
     assert np.mean(source_count(wishart(n, 6, 10_000, rng) / 10_000, 10_000) == 0) >= 0.99
 
 
-def test_separate_pulses_have_no_limit_of_resolution() -> None:
-    rng = np.random.default_rng(11)
-    azimuth = np.tile(np.radians([20.0, 24.0]), 200)
-    strengths = np.abs(np.sqrt(rho(10)) * RING.gain(azimuth).T + rng.standard_normal((400, 6)))
-    bearings = estimate_bearings(strengths[:, np.newaxis], RING).azimuth_rad
-    for k, true in enumerate((20.0, 24.0)):
-        assert np.degrees(bearings[k::2].mean()) == pytest.approx(true, abs=0.05)
-
-
 def test_missing_peaks_are_nan() -> None:
     covariance = sample_covariance(RING.gain(GRID[[40]]))
     peaks = spectrum_peaks(pseudo_spectrum(covariance, RING.gain(GRID)), GRID, 4)
     assert np.degrees(peaks[0]) == pytest.approx(40.0, abs=0.01)
     assert np.isnan(peaks[-1])
-
-
-def test_spectrum_over_half_a_turn_is_refused() -> None:
-    with pytest.raises(ValueError, match="over one turn"):
-        spectrum_peaks(np.ones(180), GRID[:180], 1)
 
 
 def test_peak_between_grid_angles_is_refined() -> None:

@@ -5,12 +5,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 
-from dirmusic import ESTIMATORS, ArrayModel, ElementSpread, GainManifold, PulseBatch, strength_variance
+from dirmusic import ESTIMATORS, ArrayModel, ElementSpread, GainManifold, strength_variance
 from dirmusic.angles import difference
 from dirmusic.array.bounds import bearing_bound
 from dirmusic.array.pattern import GainPattern, TabulatedPattern
 from dirmusic.array.spatial_pattern import halves
 from dirmusic.bearing.sub_bands import SubBands
+from tests.dirmusic.scenes import detected, rms
 
 FloatArray = NDArray[np.float64]
 RATE_HZ, N = 20e9, 120
@@ -79,11 +80,9 @@ def test_sub_bands_are_exact_for_any_smooth_spectrum(
     azimuth = np.random.default_rng(3).uniform(-np.pi, np.pi, 300)
     bands = strengths_of(array, azimuth, spectrum)
     whole = np.sqrt(np.square(bands).sum(axis=1))
-    pulses = PulseBatch.detected(
-        np.zeros(300), whole, whole * 0 + 1e-12, band_strengths_v=bands, band_variance_v2=bands * 0 + 1e-12
-    )
+    pulses = detected(whole, 1e-6)._replace(band_strengths_v=bands, band_variance_v2=np.full_like(bands, 1e-12))
     errors = {
-        name: np.degrees(np.sqrt(np.mean(difference(ESTIMATORS[name](pulses, array).azimuth_rad, azimuth) ** 2)))
+        name: np.degrees(rms(difference(ESTIMATORS[name](pulses, array).azimuth_rad, azimuth)))
         for name in ("sub_bands", "maximum_likelihood")
     }
     assert errors["sub_bands"] < 0.05
@@ -95,20 +94,14 @@ def test_sub_bands_reach_bound_with_stated_deviation() -> None:
     azimuth = rng.uniform(-np.pi, np.pi, 4000)
     bands = 40.0 * strengths_of(array, azimuth, [1.0] * 6)
     noisy = bands + rng.normal(size=bands.shape)
-    pulses = PulseBatch.detected(
-        np.zeros(4000),
-        noisy[:, 0],
-        np.ones((4000, 6)),
-        band_strengths_v=noisy,
-        band_variance_v2=np.ones_like(noisy),
-    )
+    pulses = detected(noisy[:, 0], 1.0)._replace(band_strengths_v=noisy, band_variance_v2=np.ones_like(noisy))
     found = ESTIMATORS["sub_bands"](pulses, array)
     error = difference(found.azimuth_rad, azimuth)
     middles = [GainManifold.ring(6, _mean(pair)) for pair in zip(*[iter(array.band_manifolds)] * 2, strict=True)]
     of_bands = [bearing_bound(manifold, azimuth, 2 * 40.0**2) for manifold in middles]
     limit = np.sum(np.power(of_bands, -2.0), axis=0) ** -0.5  # each has an amplitude of its own
-    assert np.sqrt(np.mean((error / limit) ** 2)) == pytest.approx(1.0, abs=0.04)
-    assert np.sqrt(np.mean((error / found.std_rad) ** 2)) == pytest.approx(1.0, abs=0.04)
+    assert rms(error / limit) == pytest.approx(1.0, abs=0.04)
+    assert rms(error / found.std_rad) == pytest.approx(1.0, abs=0.04)
     assert found.misfit.min() >= 0.0
 
 

@@ -124,18 +124,13 @@ def test_outliers_move_the_position_little() -> None:
 
 
 def test_several_sources_are_located_like_single_ones() -> None:
-    rng = np.random.default_rng(5)
-    poses = [orbit(rng), orbit(rng) - [3.0, 1.0, 0.0]]
-    pulses = [
-        pulses_at(pose + shift, np.radians(1.0)) for pose, shift in zip(poses, ([0, 0, 0], [3, 1, 0]), strict=True)
-    ]
-    start_m = SOURCE_M - [[0.0, 0.0], [3.0, 1.0]] + 0.2
-    both = locate_by_bearings(
-        PulseBatch.join(pulses), np.concatenate(poses), np.repeat([0, 1], 120), start_m, ARRAY, POSE_ERROR
-    )
+    pose, source = orbit(np.random.default_rng(5)), np.arange(120, dtype=np.intp) % 2
+    pulses, start_m = pulses_at(pose, np.radians(1.0)), np.add(SOURCE_M, [[0.2, 0.2], [-0.3, 0.1]])
+    both = locate_by_bearings(pulses, pose, source, start_m, ARRAY, POSE_ERROR)
     for k in range(2):
+        own = source == k
         alone = locate_by_bearings(
-            pulses[k], poses[k], np.zeros(120, dtype=np.intp), start_m[k : k + 1], ARRAY, POSE_ERROR
+            pulses.take(own), pose[own], np.zeros(60, dtype=np.intp), start_m[k : k + 1], ARRAY, POSE_ERROR
         )
         np.testing.assert_array_equal(both.positions_m[k], alone.positions_m[0])
         np.testing.assert_array_equal(both.covariances_m2[k], alone.covariances_m2[0])

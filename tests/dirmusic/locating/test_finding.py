@@ -1,5 +1,7 @@
 """Findings: valid values, equality, and the 95 % ellipse of their position."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,24 +13,20 @@ from tests.dirmusic.scenes import make_finding
 
 
 @pytest.mark.parametrize(
-    ("position", "covariance", "fault"),
+    ("values", "fault"),
     [
-        ([np.nan, 0.0, 0.0], np.eye(3), "position_m"),
-        ([0.0, 0.0], np.eye(3), "position_m"),
-        ([0.0, 0.0, 0.0], np.diag([1.0, 1.0, np.inf]), "covariance_m2"),
-        ([0.0, 0.0, 0.0], np.ones(2), "covariance_m2"),
-        ([0.0, 0.0, 0.0], np.diag([1.0, 1.0, -1.0]), "covariance_m2.*positive"),
+        ({"position_m": np.array([np.nan, 0.0, 0.0])}, "position_m"),
+        ({"position_m": np.zeros(2)}, "position_m"),
+        ({"covariance_m2": np.diag([1.0, 1.0, np.inf])}, "covariance_m2"),
+        ({"covariance_m2": np.ones(2)}, "covariance_m2"),
+        ({"covariance_m2": np.diag([1.0, 1.0, -1.0])}, "covariance_m2.*positive"),
+        ({"id": 0}, "id` must be at least 1, got 0"),
+        ({"id": -1}, "id` must be at least 1, got -1"),
     ],
 )
-def test_invalid_position_or_covariance_is_refused(position: list[float], covariance: np.ndarray, fault: str) -> None:
-    with pytest.raises(ValueError, match=f"finding 3: `{fault}"):
-        make_finding(id=3, position_m=np.array(position), covariance_m2=covariance)
-
-
-@pytest.mark.parametrize("number", [0, -1])
-def test_id_below_one_is_refused(number: int) -> None:
-    with pytest.raises(ValueError, match=f"`id` must be at least 1, got {number}"):
-        make_finding(id=number)
+def test_invalid_finding_is_refused(values: dict[str, Any], fault: str) -> None:
+    with pytest.raises(ValueError, match=f"`{fault}"):
+        make_finding(**values)
 
 
 def test_findings_are_equal_if_all_values_are() -> None:
@@ -52,11 +50,8 @@ def test_outline_is_closed_and_lies_at_the_quantile() -> None:
     off = line - [3.0, 4.0]
     np.testing.assert_allclose(np.einsum("ni,ij,nj->n", off, np.linalg.inv(covariance), off), CHI2_95)
     np.testing.assert_allclose(line[0], line[-1])
-    assert all(is_inside95(0.99 * each, covariance) and not is_inside95(1.01 * each, covariance) for each in off)
-
-
-def test_quantile_is_that_of_chi_square() -> None:
     assert pytest.approx(chi2.ppf(0.95, 2), rel=1e-12) == CHI2_95
+    assert all(is_inside95(0.99 * each, covariance) and not is_inside95(1.01 * each, covariance) for each in off)
 
 
 def test_ellipse_reaches_a_rectangle_it_overlaps() -> None:
