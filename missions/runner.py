@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -17,24 +16,23 @@ from threadpoolctl import threadpool_limits
 from dirmusic import ArrayModel, Locator
 from dirmusic.locating.protocol import LocatorProtocol, MakesLocator
 from dirmusic.locating.rules import LocatingRules
-from dirmusic.locating.yard_likelihood import Grid, YardLikelihood
 from pdpatrol.envs import Scenario
 from pdpatrol.envs.patrol_env import STEP_S, PatrolEnv
-from pdpatrol.envs.user_code import UserCodeError
+from pdpatrol.envs.user_code import UserCodeError, calling, load_object, place_of
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.planning.plan import with_planned_route
 from pdpatrol.missions.policies.make_policy import make_policy
 from pdpatrol.missions.policies.protocol import SeesTruth
 from pdpatrol.missions.record.events import EventKind
-from pdpatrol.missions.record.log_contents import describe_array, describe_grid
+from pdpatrol.missions.record.log_contents import describe_array
 from pdpatrol.missions.record.mission_log import MissionLog
-from pdpatrol.missions.record.own_locator import OwnLocator
 from pdpatrol.missions.record.tracking import Tracker
 from pdpatrol.robot_models.drawn_solids import describe_equipment, describe_solids
 from pdpatrol.robot_models.sensors import describe_lidar
-from pdpatrol.robot_models.yard.yard import Yard
 
 FloatArray = NDArray[np.float64]
+
+LOCATOR = "a Locator: MyLocator(array, pose_error, fence_m=, rules=, sight=) with update, refit and association"
 
 PART_S = 30.0
 """Simulated time between parts of the log on disk: the most that a killed mission loses."""
@@ -109,19 +107,14 @@ class Mission:
         self.is_over = False
         self.error: UserCodeError | None = None
         self.n_visited = 0
-        array, rules, grid = (
-            self.env.simulation.array,
-            scenario.locating.rules(),
-            Grid.over(np.zeros(2), np.array(scenario.yard.size_m)),
-        )
+        simulation, pose_error = self.env.simulation, scenario.pose_sensor.pose_error
+        array, rules = simulation.array, scenario.locating.rules()
         locator = make_locator(scenario, self.site_map, array, rules)
         self._observation, info = self.env.reset(seed=seed)
-        self.policy = make_policy(policy, self.env.simulation.generators(0).policy)
+        self.policy = make_policy(policy, simulation.generators(0).policy)
         self._happened: list[tuple[EventKind, str, int, str]] = []
-        self.log = MissionLog({**self._meta(scenario, policy, seed, info), "grid": describe_grid(grid)})
-        likelihood = YardLikelihood(array, scenario.pose_sensor.pose_error, grid)
-        estimator = self.env.simulation.estimator
-        self._tracker = Tracker(self.log, locator, array, estimator, rules.credibility, likelihood)
+        self.log = MissionLog(self._meta(scenario, policy, seed, info))
+        self._tracker = Tracker(self.log, locator, array, pose_error, simulation.estimator, rules.credibility)
         if isinstance(self.policy, SeesTruth):
             self.policy.reveal(info["truth"])
 
@@ -132,6 +125,9 @@ class Mission:
 
     def _meta(self, scenario: Scenario, policy: str, seed: int, info: dict[str, Any]) -> dict[str, Any]:
         array, known_yard = self.env.simulation.array, self.site_map.yard
+        solids = describe_solids(self.env.simulation.robots.model)
+        if wrong := [item for item in known_yard.equipment if item not in scenario.yard.equipment]:
+            solids["map"] = describe_equipment(wrong)  # shown by the map only
         return {
             "versions": {name: version(name) for name in ("pdpatrol", "mujoco-core", "numpy", "scipy")},
             "name": scenario.name,
@@ -144,7 +140,7 @@ class Mission:
             "bounds_m": [[0.0, 0.0], list(scenario.yard.size_m)],
             "route": scenario.route.model_dump(mode="json"),
             "sites": {name: known_yard.site_position(name).tolist() for name in known_yard.site_names()},
-            "solids": _solids(self.env, known_yard),
+            "solids": solids,
             "lidar": describe_lidar(self.site_map.robot),
             "start": {"true_pose": info["true_pose"].tolist()},
             "truth": info["truth"],
@@ -234,28 +230,22 @@ class Mission:
         self._happened, self.n_visited = happened, len(visited)
 
 
-def _solids(env: PatrolEnv, known_yard: Yard) -> dict[str, Any]:
-    """Describe the solids of yard and robot, and under `map` equipment that only the map shows."""
-    solids = describe_solids(env.simulation.robots.model)
-    wrong = [item for item in known_yard.equipment if item not in env.scenario.yard.equipment]
-    return solids | ({"map": describe_equipment(wrong)} if wrong else {})
-
-
 def make_locator(scenario: Scenario, site_map: SiteMap, array: ArrayModel, rules: LocatingRules) -> LocatorProtocol:
     """Make the Locator of the scenario. It knows array, fence and map as planned, never the truth.
 
     Raises:
         UserCodeError: If it is a user's Locator and cannot be loaded or made.
     """
-    own = scenario.locating.locator
-    make: MakesLocator = Locator if own is None else partial(OwnLocator, own)
-    return make(
-        array,
-        scenario.pose_sensor.pose_error,
-        fence_m=scenario.yard.size_m,
-        rules=rules,
-        sight=site_map.sight,
-    )
+    name, pose_error, fence_m = scenario.locating.locator, scenario.pose_sensor.pose_error, scenario.yard.size_m
+    if name is None:
+        return Locator(array, pose_error, fence_m=fence_m, rules=rules, sight=site_map.sight)
+    make: MakesLocator = load_object(name, ".", LOCATOR)
+    with calling(make, LOCATOR):
+        locator = make(array, pose_error, fence_m=fence_m, rules=rules, sight=site_map.sight)
+    missing = [method for method in ("update", "refit", "association") if not hasattr(locator, method)]
+    if missing:
+        raise UserCodeError(f"{place_of(make)}: has no {', '.join(missing)}; expected {LOCATOR}")
+    return locator
 
 
 def run_mission(

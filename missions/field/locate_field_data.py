@@ -24,10 +24,9 @@ from dirmusic import (
 from dirmusic.bearing.channel_health import ChannelMonitor
 from dirmusic.bearing.maximum_likelihood import maximum_likelihood
 from dirmusic.locating.rules import LocatingRules
-from dirmusic.locating.yard_likelihood import Grid, YardLikelihood
 from pdpatrol.envs.scenario.array import ArrayCalibration, CalibratedArray
 from pdpatrol.missions.field.field_data import FieldData
-from pdpatrol.missions.record.log_contents import describe_array, describe_grid
+from pdpatrol.missions.record.log_contents import describe_array
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.tracking import Tracker
 
@@ -116,13 +115,10 @@ def locate_field_data(
         calibration: Calibration that the errors of the array come from.
         progress: Called with the share of the work that was done since the last call.
     """
-    meta = _meta(data, array, pose_error, fence_m)
-    grid = Grid.over(*np.array(meta["bounds_m"]))
-    log = MissionLog({**meta, "date": date, "grid": describe_grid(grid)})
-    rules, due_s = FIELD_RULES, -np.inf
+    log = MissionLog({**_meta(data, array, pose_error, fence_m), "date": date})
+    rules, due_s, estimator = FIELD_RULES, -np.inf, maximum_likelihood
     locator = Locator(array, pose_error, fence_m=fence_m, rules=rules)
-    estimator = maximum_likelihood
-    tracker = Tracker(log, locator, array, estimator, rules.credibility, YardLikelihood(array, pose_error, grid))
+    tracker = Tracker(log, locator, array, pose_error, estimator, rules.credibility)
     with threadpool_limits(limits=1):
         monitor = ChannelMonitor(array, estimator)
         pulse_time_s = data.time_s[data.step]

@@ -122,13 +122,10 @@ def _robust(is_detectable: BoolArray, cells: IntArray, site_map: SiteMap) -> Boo
     The robot deviates from its path by up to two cells, 0.5 m (assumed).
     """
     shape = tuple(round(size / CELL_M) for size in site_map.yard.size_m)
-    is_robust = np.empty_like(is_detectable)
-    for k, row in enumerate(is_detectable):
-        ground = np.ones(shape[0] * shape[1], dtype=np.uint8)  # unreachable cells do not count
-        ground[cells] = row
-        around = minimum_filter(ground.reshape(shape), size=5, mode="constant", cval=1)
-        is_robust[k] = around.ravel()[cells] > 0
-    return is_robust
+    ground = np.ones((len(is_detectable), shape[0] * shape[1]), dtype=np.bool_)  # unreachable cells do not count
+    ground[:, cells] = is_detectable
+    around = minimum_filter(ground.reshape(-1, *shape), size=(1, 5, 5), mode="constant", cval=True)
+    return around.reshape(ground.shape)[:, cells]
 
 
 class DirectPaths:

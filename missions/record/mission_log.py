@@ -152,9 +152,7 @@ class MissionLog:
     def _write(self, path: Path, start: Mapping[str, int]) -> None:
         """Write the rows from `start` on, by table."""
         arrays = {
-            f"{table}.{column}": self.column(table, column, start[table])
-            for table in TABLES
-            for column in TABLES[table]
+            f"{table}.{name}": column for table in TABLES for name, column in self.table(table, start[table]).items()
         }
         with atomic_file(path) as temporary, temporary.open("wb") as file:
             np.savez_compressed(file, allow_pickle=False, meta=np.array(json.dumps(self.meta)), **arrays)

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic import ArrayModel, BearingEstimator, Finding, Locator, PulseBatch
 from dirmusic.angles import wrap
+from dirmusic.locating.association import Unassociated
 from dirmusic.locating.finding import State
 from dirmusic.locating.plane_wave import MethodDeviation, is_credible
-from dirmusic.locating.protocol import LocatorProtocol
+from dirmusic.locating.protocol import LocatorProtocol, PoseError
 from dirmusic.locating.rules import CredibilityRules
-from dirmusic.locating.yard_likelihood import YardLikelihood
+from dirmusic.locating.yard_likelihood import Grid, YardLikelihood
 from pdpatrol.envs.scenario.array import ArrayCalibration, CalibratedArray
+from pdpatrol.envs.user_code import UserCodeError, calling, place_of
+from pdpatrol.missions.record.log_contents import describe_grid
 from pdpatrol.missions.record.mission_log import MissionLog
 
 FloatArray = NDArray[np.float64]
+
+FINDINGS = "a tuple of dirmusic.Finding, with ids from 1 on that differ"
 
 LIKELIHOOD_S, LIKELIHOOD_SHARE = 8.0, 0.01
 """Shortest time between two likelihoods over the yard, in seconds and as a fraction of the time so far. Assumed; the
@@ -30,12 +35,18 @@ class Tracker:
     Pulses, bearings, findings and their new states are logged in the last step of the log.
 
     Args:
-        log: Log to write to.
+        log: Log to write to, whose `meta` has the bounds of the yard.
         locator: Locator that makes findings of pulses.
         array: Data sheet and spread of the array.
+        pose_error: Error of the poses.
         estimator: Estimator of the bearings.
         rules: Rules for credible pulses.
-        likelihood: Likelihood over the yard of the same pulses.
+
+    Attributes:
+        findings: Findings so far.
+
+    Raises:
+        UserCodeError: By any call, if a user's Locator raises an exception or breaks the contract.
     """
 
     def __init__(
@@ -43,26 +54,24 @@ class Tracker:
         log: MissionLog,
         locator: LocatorProtocol,
         array: ArrayModel,
+        pose_error: PoseError,
         estimator: BearingEstimator,
         rules: CredibilityRules,
-        likelihood: YardLikelihood,
     ) -> None:
+        self.findings: tuple[Finding, ...] = ()
         self._log = log
         self._locator = locator
+        self._is_own = type(locator) is not Locator
         self._array = array
         self._method_deviation = MethodDeviation(estimator, array)
         self._rules = rules
-        self._likelihood = likelihood
+        grid = Grid.over(*np.array(log.meta["bounds_m"], dtype=np.float64))
+        log.meta["grid"] = describe_grid(grid)
+        self._likelihood = YardLikelihood(array, pose_error, grid)
         self._began_s: float | None = None
         self._next_likelihood_s = -np.inf
         self._pending: list[tuple[PulseBatch, FloatArray]] = []
-        self._logged: tuple[Finding, ...] = ()
         self._has_clipped = self._has_contradicted = False
-
-    @property
-    def findings(self) -> tuple[Finding, ...]:
-        """Findings so far."""
-        return self._locator.findings
 
     def track(self, time_s: float, pose: FloatArray, pulses: PulseBatch) -> None:
         """Locate with the pulses of one step.
@@ -76,9 +85,10 @@ class Tracker:
         if pulses.n_pulses:
             credible = is_credible(pulses, self._array, self._method_deviation.of(pulses), self._rules)
         accepted = pulses.take(credible)
-        findings = self._locator.update(time_s, pose, accepted)
+        with self._calling(FINDINGS):
+            findings = self._locator.update(time_s, pose.copy(), accepted)
         self._log_pulses(pose, pulses, credible)
-        self._log_findings(findings)
+        self._update_findings(findings)
         if accepted.n_pulses:
             self._pending.append((accepted.without_bands(), np.tile(pose, (accepted.n_pulses, 1))))
         self._began_s = time_s if self._began_s is None else self._began_s
@@ -92,7 +102,9 @@ class Tracker:
 
     def refit(self, time_s: float) -> None:
         """Fit all pulses again after the last one."""
-        self._log_findings(self._locator.refit(time_s))
+        with self._calling(FINDINGS):
+            findings = self._locator.refit(time_s)
+        self._update_findings(findings)
 
     def finish(self, mission: str, serial_number: int | None, before: ArrayCalibration | None) -> None:
         """Log at the end which finding each credible pulse belongs to, the likelihood, and the array's calibration.
@@ -105,11 +117,11 @@ class Tracker:
             before: Calibration that the mission started with.
         """
         credible = self._log.column("bearing", "pulse")
-        for pulse, finding in zip(credible, self._locator.association()[: credible.size], strict=True):
+        for pulse, finding in zip(credible, self._association(credible.size), strict=True):
             self._log.append("association", pulse=pulse, finding=finding)
         if self._log.n_rows("step"):
             self._log_likelihood()
-        learned = self._locator.learned() if isinstance(self._locator, Locator) else None
+        learned = self._locator.learned() if isinstance(self._locator, Locator) and not self._is_own else None
         if learned is not None:
             used = None if self._contradicts_calibration else before
             calibrated = CalibratedArray.of(self._array, serial_number)
@@ -119,6 +131,24 @@ class Tracker:
     @property
     def _contradicts_calibration(self) -> bool:
         return isinstance(self._locator, Locator) and self._locator.contradicts_errors
+
+    def _calling(self, expected: str) -> AbstractContextManager[None]:
+        """Name the line of a user's Locator that raises an exception, and what was expected."""
+        return calling(self._locator, expected) if self._is_own else nullcontext()
+
+    def _association(self, n_pulses: int) -> NDArray[np.intp]:
+        """Return the finding of each of the first pulses that the Locator was given, shape (n_pulses,)."""
+        known = [*(finding.id for finding in self.findings), *Unassociated]
+        expected = f"an integer for each of {n_pulses} pulses, of {', '.join(map(str, known))}"
+        with self._calling(expected):
+            association = np.asarray(self._locator.association())
+        is_integer = association.ndim == 1 and association.size >= n_pulses and association.dtype.kind in "iu"
+        if not is_integer or not np.isin(association, known).all():
+            raise UserCodeError(
+                f"{place_of(self._locator)}: association gave {association.dtype} of shape {association.shape}, with "
+                f"{np.setdiff1d(association, known)[:3]}; expected {expected}"
+            )
+        return association[:n_pulses]
 
     def _log_pulses(self, pose: FloatArray, pulses: PulseBatch, credible: NDArray[np.bool_]) -> None:
         """Log pulses, and the bearings of the credible ones."""
@@ -152,22 +182,24 @@ class Tracker:
             self._pending = []
         self._log.append("likelihood", step=self._log.last_step, log_likelihood=self._likelihood.log_likelihood)
 
-    def _log_findings(self, findings: Sequence[Finding]) -> None:
-        """Log all findings if they have changed, and each new state as an event."""
-        if tuple(findings) == self._logged:
+    def _update_findings(self, findings: tuple[Finding, ...]) -> None:
+        """Check findings, log all if they have changed, and each new state as an event."""
+        is_tuple = isinstance(findings, tuple) and all(isinstance(finding, Finding) for finding in findings)
+        if not is_tuple or len({finding.id for finding in findings}) < len(findings):
+            raise UserCodeError(f"{place_of(self._locator)}: gave {findings!r:.80}; expected {FINDINGS}")
+        before, has_changed = {finding.id: finding for finding in self.findings}, findings != self.findings
+        self.findings = findings
+        if not has_changed:
             return
-        before = {finding.id: finding for finding in self._logged}
         for finding in findings:
             self._log_finding(finding, finding.state)
             was = before.pop(finding.id, None)
             if was is None or was.state != finding.state:
-                text = _state_text(finding, None if was is None else was.state)
-                self._log.event(finding.state, text, finding.id)
+                self._log.event(finding.state, _state_text(finding, was and was.state), finding.id)
         for gone in before.values():
             self._log_finding(gone, "dropped")
             noun = "finding" if gone.state == "confirmed" else "candidate"
             self._log.event("dropped", f"{noun} {gone.id} was not a separate source", gone.id)
-        self._logged = tuple(findings)
 
     def _log_finding(self, finding: Finding, state: str) -> None:
         self._log.append(

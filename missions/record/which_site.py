@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.stats import multivariate_normal
+from numpy.typing import NDArray
+from scipy.stats import multivariate_normal, qmc
 
 from pdpatrol.robot_models.yard.solids import YardSolids
 from pdpatrol.robot_models.yard.yard import Yard
@@ -16,9 +16,6 @@ FloatArray = NDArray[np.float64]
 ON_SITES, ON_EQUIPMENT = 0.8, 0.15
 """Prior probabilities of the known sites, all equal, and of the surface of equipment, uniform; the rest is for anywhere
 in the yard. Assumed."""
-
-SURFACE_STEP_M = 0.25
-"""Distance between the points that represent surfaces."""
 
 ELSEWHERE = "elsewhere"
 
@@ -41,15 +38,27 @@ def site_probabilities(yard: Yard, position_m: FloatArray, covariance_m2: FloatA
         covariance = covariance_m2 + 0.05**2 * np.eye(3)  # sites are mapped within 5 cm (assumed)
         density = np.atleast_1d(multivariate_normal.pdf(sites_m, position_m, covariance))
         weights |= dict(zip(sites, (ON_SITES / len(sites) * density).tolist(), strict=True))
-    if yard.equipment:
-        points_m, owner = _surface(yard.solids, yard.owner)
-        covariance = covariance_m2 + (0.5 * SURFACE_STEP_M) ** 2 * np.eye(3)
-        density = multivariate_normal.pdf(points_m, position_m, covariance)
-        of_piece = np.bincount(owner, ON_EQUIPMENT / len(points_m) * density, len(yard.equipment))
-        weights |= dict(zip((item.name for item in yard.equipment), of_piece.tolist(), strict=True))
+    if yard.equipment:  # surfaces are mapped within 10 cm (assumed)
+        by_solid = ON_EQUIPMENT * _surface_density(yard.solids, position_m, covariance_m2 + 0.1**2 * np.eye(3))
+        by_piece = np.bincount(yard.owner, by_solid, len(yard.equipment)).tolist()
+        weights |= dict(zip((item.name for item in yard.equipment), by_piece, strict=True))
     total = sum(weights.values())
-    ranked = sorted(weights.items(), key=lambda entry: -entry[1])
-    return {name: weight / total for name, weight in ranked}
+    return {name: weight / total for name, weight in sorted(weights.items(), key=lambda entry: -entry[1])}
+
+
+def _surface_density(solids: YardSolids, mean_m: FloatArray, covariance_m2: FloatArray) -> FloatArray:
+    """Return the mean density of a normal distribution on all surfaces, by solid, shape (n_solids,), per cubic metre.
+
+    It is the probability of the layer within 0.125 m of a surface over the volume of all layers. The error of the
+    quasi-random points is below 1 % of the highest density.
+    """
+    layer_m = 0.125
+    points_m = qmc.MultivariateNormalQMC(mean_m, covariance_m2, engine=qmc.Sobol(3, rng=0)).random(4096)
+    is_near = (np.abs(solids.distance(points_m)) < layer_m) & (points_m[:, 2:] > 0.0)  # above the ground
+    around_m = 4.0 * solids.half_size_m.sum(axis=1) + 2.0 * np.pi * solids.radius_m
+    top_m2 = 4.0 * solids.half_size_m.prod(axis=1) + np.pi * np.square(solids.radius_m)
+    area_m2 = around_m * (solids.top_m - solids.bottom_m) + top_m2
+    return is_near.mean(axis=0) / (2.0 * layer_m * area_m2.sum())
 
 
 def percent(probability: float) -> str:
@@ -68,37 +77,3 @@ def in_words(probabilities: Mapping[str, float]) -> str:
             piece, _, site = other.partition("/")
             words.append(f"{site if site and piece == first.partition('/')[0] else other} {percent(probability)}")
     return ", ".join(words)
-
-
-def _surface(solids: YardSolids, owner: NDArray[np.intp]) -> tuple[FloatArray, NDArray[np.intp]]:
-    """Return points spread evenly over the sides and tops of solids (n, 3), and the piece of each point (n,)."""
-    points, of = list[FloatArray](), list[int]()
-    for k in range(len(owner)):
-        heights = _steps(float(solids.bottom_m[k]), float(solids.top_m[k]))
-        half_x, half_y = solids.half_size_m[k] + solids.radius_m[k]
-        if solids.radius_m[k] > 0.0:
-            n_round = max(round(2 * np.pi * half_x / SURFACE_STEP_M), 4)
-            angle = 2 * np.pi / n_round * np.arange(n_round)
-            rim, top = half_x * np.column_stack([np.cos(angle), np.sin(angle)]), np.zeros((1, 2))
-        else:
-            x, y = _steps(-half_x, half_x), _steps(-half_y, half_y)
-            rim = np.concatenate([_pairs(x, [-half_y, half_y]), _pairs([-half_x, half_x], y)])
-            top = _pairs(x, y)
-        sides = np.column_stack([np.repeat(rim, heights.size, axis=0), np.tile(heights, len(rim))])
-        own = np.concatenate([sides, np.column_stack([top, np.full(len(top), solids.top_m[k])])])
-        cos, sin = np.cos(solids.yaw_rad[k]), np.sin(solids.yaw_rad[k])
-        turned = own[:, :2] @ np.array([[cos, sin], [-sin, cos]]) + solids.centre_m[k]
-        points.append(np.column_stack([turned, own[:, 2]]))
-        of += [int(owner[k])] * len(own)
-    return np.concatenate(points), np.array(of, dtype=np.intp)
-
-
-def _pairs(x: ArrayLike, y: ArrayLike) -> FloatArray:
-    """Return all pairs of coordinates, shape (n, 2)."""
-    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-
-
-def _steps(low: float, high: float) -> FloatArray:
-    """Return the midpoints of equal steps between two bounds."""
-    n = max(round((high - low) / SURFACE_STEP_M), 1)
-    return low + (high - low) / n * (np.arange(n, dtype=np.float64) + 0.5)

@@ -25,22 +25,22 @@ def draw_phase_patterns(stream: rr.RecordingStream, log: MissionLog) -> None:
     patterns = phase_patterns(log)
     if not patterns:
         return
-    level_db = np.concatenate([resolved.level_db for resolved in patterns.values()])
+    level_db = np.concatenate([pulses.level_db for pulses, _ in patterns.values()])
     middle_db = 10 * round(float(np.median(level_db)) / 10)
     _draw_axes(stream, middle_db)
     pulse_step = log.column("pulse", "step")
-    for order, (number, resolved) in enumerate(sorted(patterns.items())):
+    for order, (number, (pulses, pattern)) in enumerate(sorted(patterns.items())):
         path, colour = f"phase_pattern/{number}", COLOURS[order % len(COLOURS)]
-        rows = np.unique(np.linspace(0, resolved.phase_rad.size - 1, MAX_PULSES).astype(np.intp))
-        phase_deg = np.mod(np.degrees(resolved.phase_rad[rows]), 360.0)
-        place = np.column_stack([phase_deg, UNITS_PER_DB * (middle_db - resolved.level_db[rows])])
-        step = pulse_step[resolved.pulse[rows]]
+        rows = np.unique(np.linspace(0, pulses.phase_rad.size - 1, MAX_PULSES).astype(np.intp))
+        phase_deg = np.mod(np.degrees(pulses.phase_rad[rows]), 360.0)
+        place = np.column_stack([phase_deg, UNITS_PER_DB * (middle_db - pulses.level_db[rows])])
+        step = pulse_step[pulses.pulse[rows]]
         for at in np.unique(step).tolist():
             set_step(stream, log, at)
             stream.log(path, rr.Points2D(place[step == at], colors=[colour], radii=[1.2]))
         row, column = divmod(order, 2)  # names stand in two columns above the frame
         x, y = 90.0 + 180.0 * column, -UNITS_PER_DB * SPAN_DB - 18.0 * (row + 1.5)
-        text = f"finding {number}: {resolved.pattern.kind} {percent(resolved.pattern.confidence)}"
+        text = f"finding {number}: {pattern.kind} {percent(pattern.confidence)}"
         set_step(stream, log, log.n_rows("step") - 1)
         stream.log(f"{path}/dot", rr.Points2D([[x - 84.0, y + 8.0]], colors=[colour], radii=[4.0]))
         stream.log(f"{path}/kind", labels_2d({text: [x, y]}))

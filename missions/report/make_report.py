@@ -11,8 +11,9 @@ from dirmusic.locating.association import Unassociated
 from dirmusic.locating.confirmation import LEVEL_QUANTILE
 from dirmusic.locating.finding import ellipse95
 from dirmusic.locating.yard_likelihood import Grid
+from dirmusic.pulses.phase_resolved import PhasePattern
 from pdpatrol.missions.record.events import EventKind
-from pdpatrol.missions.record.finding_pulses import FindingPulses, PhaseResolved, finding_pulses, phase_patterns
+from pdpatrol.missions.record.finding_pulses import FindingPulses, finding_pulses, phase_patterns
 from pdpatrol.missions.record.log_contents import described_grid, known_yard, true_yard
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.which_site import site_probabilities
@@ -153,7 +154,7 @@ def _findings(log: MissionLog, *states: str) -> tuple[FindingRecord, ...]:
             "covariance_m2": tuple(map(tuple, covariance_m2)),
             "ellipse95": ellipse95(covariance_m2[:2, :2])._asdict(),
             "sites": tuple({"name": name, "probability": value} for name, value in places.items() if value >= 0.01),
-            "discharge": _discharge(patterns[number]) if number in patterns else None,
+            "discharge": _discharge(*patterns[number]) if number in patterns else None,
             "strength": strength,
             "confirmed_s": confirmed_s if np.isfinite(confirmed_s) else None,
         }
@@ -178,14 +179,14 @@ def _strength(pulses: FindingPulses, aperture_deg: float, *, has_rate: bool) -> 
     )
 
 
-def _discharge(resolved: PhaseResolved) -> DischargeKind:
+def _discharge(pulses: FindingPulses, pattern: PhasePattern) -> DischargeKind:
     """Return the kind of a finding and its pattern; levels beyond 16 dB from the median are in the outer rows."""
-    middle_db = LEVEL_STEP_DB * np.floor(np.median(resolved.level_db) / LEVEL_STEP_DB)
-    level_db = np.clip(resolved.level_db, middle_db - 16.0, middle_db + 16.0 - 1e-9)
+    middle_db = LEVEL_STEP_DB * np.floor(np.median(pulses.level_db) / LEVEL_STEP_DB)
+    level_db = np.clip(pulses.level_db, middle_db - 16.0, middle_db + 16.0 - 1e-9)
     lowest_db = LEVEL_STEP_DB * np.floor(level_db.min() / LEVEL_STEP_DB)
     counts, _, _ = np.histogram2d(
         level_db,
-        np.mod(np.degrees(resolved.phase_rad), 360.0),
+        np.mod(np.degrees(pulses.phase_rad), 360.0),
         bins=(
             np.arange(lowest_db, level_db.max() + LEVEL_STEP_DB + 1e-9, LEVEL_STEP_DB),
             np.arange(0.0, 360.0 + PHASE_STEP_DEG, PHASE_STEP_DEG),
@@ -193,9 +194,9 @@ def _discharge(resolved: PhaseResolved) -> DischargeKind:
     )
     return DischargeKind.model_validate(
         {
-            "kind": resolved.pattern.kind,
-            "confidence": resolved.pattern.confidence,
-            "shift_deg": float(np.degrees(resolved.pattern.shift_rad)),
+            "kind": pattern.kind,
+            "confidence": pattern.confidence,
+            "shift_deg": float(np.degrees(pattern.shift_rad)),
             "phase_step_deg": PHASE_STEP_DEG,
             "lowest_db": lowest_db,
             "level_step_db": LEVEL_STEP_DB,

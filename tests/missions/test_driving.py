@@ -12,6 +12,7 @@ from pdpatrol.envs import Scenario
 from pdpatrol.envs.patrol_env import STEP_S, Observation, PatrolEnv
 from pdpatrol.envs.random_yard import random_yard
 from pdpatrol.envs.scenario.robot import RobotConfig
+from pdpatrol.envs.scenario.scenario import RouteConfig, TaskConfig
 from pdpatrol.missions.driving.lidar_stop import STOP_M, free_distance, lookahead_m, safe_speed
 from pdpatrol.missions.driving.path_follower import PathFollower
 from pdpatrol.missions.driving.site_map import SiteMap
@@ -27,18 +28,18 @@ ROBOT = load_robot("inspector")
 BEAMS_RAD = 2.0 * np.pi * np.arange(LIDAR_BEAMS) / LIDAR_BEAMS
 NOTHING = np.full(LIDAR_BEAMS, 12.0)
 
+
+def route(*waypoints_m: tuple[float, float]) -> RouteConfig:
+    return RouteConfig(dock_m=(2.0, 5.0), dock_yaw_deg=0.0, waypoints_m=waypoints_m)
+
+
 OPEN_YARD = Scenario.model_validate(
-    {
-        "name": "open_yard",
-        "yard": {"size_m": (14.0, 10.0)},
-        "route": {"dock_m": (2.0, 5.0), "dock_yaw_deg": 0.0, "waypoints_m": ((12.0, 5.0),)},
-        "array": {},
-    }
+    {"name": "open_yard", "yard": {"size_m": (14.0, 10.0)}, "route": route((12.0, 5.0)), "array": {}}
 )
 
 
 class Driven(NamedTuple):
-    """Result of a drive; visited waypoints count from 0, unreachable ones from 1."""
+    """Result of a drive; numbers of waypoints count from 1."""
 
     time_s: float
     touched: set[str]
@@ -51,20 +52,16 @@ class Driven(NamedTuple):
 
 def drive(scenario: Scenario, site_map: SiteMap, seed: int = 0, policy: ReportingPolicy | None = None) -> Driven:
     """Drive, without locating, until the policy is done, the robot has docked or the time is over."""
-    env = PatrolEnv(scenario, terminate_on_approach=False, full_info=True)
-    policy = policy or CollisionGuard(Patrol())
+    env, policy = PatrolEnv(scenario, terminate_on_approach=False, full_info=True), policy or CollisionGuard(Patrol())
     observation, info = env.reset(seed=seed)
     touched, phases, path, terminated, truncated = set[str](), set[str](), [info["true_pose"]], False, False
-    while not (terminated or truncated):
-        action = policy(observation, [], site_map)
-        if action is None:
-            break
+    while not (terminated or truncated) and (action := policy(observation, [], site_map)) is not None:
         observation, _, terminated, truncated, info = env.step(action)
         touched.update(info["touched_names"])
         phases.add(policy.phase.name)
         path.append(info["true_pose"])
-    visited, path_m = tuple(np.flatnonzero(info["waypoints_visited"]).tolist()), np.array(path)[:, :2]
-    return Driven(info["time_s"], touched, visited, policy.unreachable, terminated, phases, path_m)
+    visited = tuple((np.flatnonzero(info["waypoints_visited"]) + 1).tolist())
+    return Driven(info["time_s"], touched, visited, policy.unreachable, terminated, phases, np.array(path)[:, :2])
 
 
 def with_equipment(scenario: Scenario, *pieces: dict[str, Any]) -> Scenario:
@@ -80,26 +77,17 @@ def wall_at(x_m: float) -> np.ndarray:
         return np.where(np.cos(BEAMS_RAD) > 1e-9, np.minimum(x_m / np.cos(BEAMS_RAD), 12.0), 12.0)
 
 
-def test_free_distance_ends_at_walls_ahead_and_behind() -> None:
+def test_free_distance_ends_at_walls() -> None:
     for x_m in (0.3, 0.4, 0.55):
-        assert free_distance(wall_at(x_m), 0.8, 0.0, ROBOT) == pytest.approx(
-            x_m - ROBOT.footprint_radius_m - 0.04, abs=0.03
-        )
-        assert free_distance(np.roll(wall_at(x_m), LIDAR_BEAMS // 2), -0.8, 0.0, ROBOT) == free_distance(
-            wall_at(x_m), 0.8, 0.0, ROBOT
-        )
+        ahead_m = free_distance(wall_at(x_m), 0.8, 0.0, ROBOT)
+        assert ahead_m == pytest.approx(x_m - ROBOT.footprint_radius_m - 0.04, abs=0.03)
+        assert free_distance(np.roll(wall_at(x_m), LIDAR_BEAMS // 2), -0.8, 0.0, ROBOT) == ahead_m  # behind
     for v in (0.8, -0.8):
         assert free_distance(NOTHING, v, 0.3, ROBOT) == pytest.approx(0.6)
-
-
-def test_free_distance_depends_on_turn() -> None:
-    wall_on_the_left = np.roll(wall_at(0.3), LIDAR_BEAMS // 4)
-    assert (
-        free_distance(wall_on_the_left, 0.5, 0.0, ROBOT)
-        == free_distance(wall_on_the_left, 0.5, -1.0, ROBOT)
-        == pytest.approx(0.6)
-    )
-    assert free_distance(wall_on_the_left, 0.5, 1.0, ROBOT) < 0.4
+    on_the_left = np.roll(wall_at(0.3), LIDAR_BEAMS // 4)
+    straight_m, right_m, left_m = (free_distance(on_the_left, 0.5, yaw_rate, ROBOT) for yaw_rate in (0.0, -1.0, 1.0))
+    assert straight_m == right_m == pytest.approx(0.6)
+    assert left_m < 0.4
 
 
 def test_safe_speed_allows_driving_away_from_contact() -> None:
@@ -109,8 +97,7 @@ def test_safe_speed_allows_driving_away_from_contact() -> None:
 
 def test_safe_speed_stops_for_narrow_obstacles() -> None:
     for beam, blocks in ((0, True), (1, True), (2, True), (9, False), (18, False)):
-        pole = NOTHING.copy()
-        pole[beam] = 0.35
+        pole = np.where(np.arange(LIDAR_BEAMS) == beam, 0.35, NOTHING)
         assert (safe_speed(pole, 0.8, 0.0, ROBOT) < 0.6) is blocks
 
 
@@ -137,13 +124,8 @@ def test_guard_prevents_contacts_of_random_driving(seed: int) -> None:
         {"shape": "cylinder", "position_m": (3.5, 5.0), "radius_m": 0.3},
         {"shape": "cylinder", "position_m": (1.0, 3.5), "radius_m": 0.05},
     ]
-    small = OPEN_YARD.model_copy(
-        update={
-            "yard": OPEN_YARD.yard.model_copy(update={"size_m": (7.0, 9.0)}),
-            "route": OPEN_YARD.route.model_copy(update={"waypoints_m": ((6.0, 5.0),)}),
-            "task": OPEN_YARD.task.model_copy(update={"time_limit_s": 120.0}),
-        }
-    )
+    yard, task = OPEN_YARD.yard.model_copy(update={"size_m": (7.0, 9.0)}), TaskConfig(time_limit_s=120.0)
+    small = OPEN_YARD.model_copy(update={"yard": yard, "route": route((6.0, 5.0)), "task": task})
     scenario = with_equipment(small, *things)
     driven = drive(scenario, SiteMap(scenario), seed, CollisionGuard(Random(np.random.default_rng(seed))))
     unguarded = drive(scenario, SiteMap(scenario), seed, Random(np.random.default_rng(seed)))
@@ -152,51 +134,40 @@ def test_guard_prevents_contacts_of_random_driving(seed: int) -> None:
     assert np.ptp(driven.path_m, axis=0).max() > 2.0
 
 
-@pytest.mark.parametrize(
-    "pieces",
-    [
-        pytest.param([{"shape": "box", "position_m": (7.0, 5.0), "footprint_m": (1.0, 1.0)}], id="box"),
-        pytest.param(
-            [{"shape": "box", "position_m": (7.0, 5.0), "footprint_m": (0.4, 4.0), "yaw_deg": 10.0}], id="wall"
-        ),
-        pytest.param([{"shape": "cylinder", "position_m": (7.0, 5.0), "radius_m": 0.05}], id="pole"),
-        pytest.param(
-            [
-                {"shape": "box", "position_m": (9.0, 5.0), "footprint_m": (0.3, 3.3)},
-                {"shape": "box", "position_m": (7.6, 6.5), "footprint_m": (2.8, 0.3)},
-                {"shape": "box", "position_m": (7.6, 3.5), "footprint_m": (2.8, 0.3)},
-            ],
-            id="pocket",
-        ),
+BOX = {"shape": "box", "position_m": (7.0, 5.0), "footprint_m": (1.0, 1.0)}
+UNMAPPED: dict[str, list[dict[str, Any]]] = {
+    "box": [BOX],
+    "wall": [{**BOX, "footprint_m": (0.4, 4.0), "yaw_deg": 10.0}],
+    "pole": [{"shape": "cylinder", "position_m": (7.0, 5.0), "radius_m": 0.05}],
+    "pocket": [
+        {**BOX, "position_m": (9.0, 5.0), "footprint_m": (0.3, 3.3)},
+        {**BOX, "position_m": (7.6, 6.5), "footprint_m": (2.8, 0.3)},
+        {**BOX, "position_m": (7.6, 3.5), "footprint_m": (2.8, 0.3)},
     ],
-)
-def test_unmapped_obstacle_is_driven_around(pieces: list[dict[str, Any]]) -> None:
-    driven = drive(with_equipment(OPEN_YARD, *pieces), SiteMap(OPEN_YARD))
-    assert driven.touched == set()
-    assert driven.visited == (0,)
-    assert driven.is_docked
-    assert driven.time_s < 60.0 * len(pieces)
+}
+
+
+@pytest.mark.parametrize("name", UNMAPPED)
+def test_unmapped_obstacle_is_driven_around(name: str) -> None:
+    driven = drive(with_equipment(OPEN_YARD, *UNMAPPED[name]), SiteMap(OPEN_YARD))
+    assert (driven.touched, driven.visited, driven.is_docked) == (set(), (1,), True)
+    assert driven.time_s < 60.0 * len(UNMAPPED[name])
 
 
 def test_robot_backs_off_from_obstacle_below_lidar() -> None:
-    sill = {"shape": "box", "position_m": (7.0, 5.0), "footprint_m": (0.3, 0.8), "height_m": 0.1}  # below the beams
+    sill = {**BOX, "footprint_m": (0.3, 0.8), "height_m": 0.1}  # below the beams
     driven = drive(with_equipment(OPEN_YARD, sill), SiteMap(OPEN_YARD))
     assert "equipment/piece_0" in driven.touched
     assert "back off" in driven.phases
-    assert driven.visited == (0,)
-    assert driven.is_docked
+    assert (driven.visited, driven.is_docked) == ((1,), True)
 
 
 def test_blocked_waypoint_is_given_up() -> None:
-    yard = OPEN_YARD.model_copy(
-        update={"route": OPEN_YARD.route.model_copy(update={"waypoints_m": ((9.0, 5.0), (5.0, 8.0))})}
-    )
-    box = {"shape": "box", "position_m": (9.0, 5.0), "footprint_m": (2.0, 2.0)}
-    data = with_equipment(OPEN_YARD, box).model_copy(update={"route": yard.route})  # not a valid scenario
-    driven = drive(data, SiteMap(yard))
-    assert driven.touched == set()
-    assert driven.visited == (1,)
-    assert driven.unreachable == (1,)
+    planned = OPEN_YARD.model_copy(update={"route": route((9.0, 5.0), (5.0, 8.0))})
+    box = {**BOX, "position_m": (9.0, 5.0), "footprint_m": (2.0, 2.0)}
+    data = with_equipment(OPEN_YARD, box).model_copy(update={"route": planned.route})  # not a valid scenario
+    driven = drive(data, SiteMap(planned))
+    assert (driven.touched, driven.visited, driven.unreachable) == (set(), (2,), (1,))
     assert driven.time_s < 150.0
 
 
@@ -205,7 +176,7 @@ def complete(seed: int, robot: str = "inspector") -> None:
     site_map = SiteMap(scenario)
     driven = drive(scenario, site_map, seed)
     assert driven.touched == set()
-    assert sorted([number + 1 for number in driven.visited] + list(driven.unreachable)) == [1, 2, 3, 4]
+    assert sorted([*driven.visited, *driven.unreachable]) == [1, 2, 3, 4]
     reach = site_map.reach(np.array(scenario.route.dock_m))
     cells = [site_map.cell(stop) for stop in scenario.route.waypoints_m]
     assert len(driven.unreachable) == np.isinf(reach.length_m[cells]).sum()

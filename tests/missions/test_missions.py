@@ -27,8 +27,8 @@ def test_robot_without_route_stands_still() -> None:
     assert log.column("event", "subject")[-1] == "time limit"
 
 
-def limited(scenario: Scenario, time_limit_s: float) -> Scenario:
-    return scenario.model_copy(update={"task": scenario.task.model_copy(update={"time_limit_s": time_limit_s})})
+def limited(name: str, time_limit_s: float) -> Scenario:
+    return load_scenario(name, {"task.time_limit_s": time_limit_s})
 
 
 def assert_equal(first: MissionLog, second: MissionLog) -> None:
@@ -54,9 +54,7 @@ def test_mission_finds_the_discharge_and_docks() -> None:
     assert finding.n_bearings <= report.n_bearings
     counts = report.pulses
     assert counts.detected == log.n_rows("pulse") == sum(getattr(counts, fate) for fate in PULSE_CLASSES)
-    assert counts.detected - counts.not_credible == report.n_bearings
-    assert counts.of_findings is not None
-    assert counts.of_findings > 0.5 * report.n_bearings
+    assert counts.detected - counts.not_credible == report.n_bearings < 2 * (counts.of_findings or 0)
     assert finding.confirmed_s is not None
     assert finding.first_detected_s < finding.confirmed_s < report.sim_time_s
     assert finding.sites[0].name in load_scenario("one_source").yard.site_names()
@@ -69,7 +67,7 @@ def test_mission_finds_the_discharge_and_docks() -> None:
 
 
 def test_missions_are_deterministic() -> None:
-    scenario = limited(load_scenario("two_sources"), 60.0)
+    scenario = limited("two_sources", 60.0)
     first, second = (run_mission(scenario, seed=5) for _ in range(2))
     assert first.n_rows("finding") > 0
     assert_equal(first, second)
@@ -77,14 +75,14 @@ def test_missions_are_deterministic() -> None:
 
 
 def test_seeds_give_different_missions() -> None:
-    scenario = limited(load_scenario("one_source"), 5.0)
+    scenario = limited("one_source", 5.0)
     first, second = (run_mission(scenario, seed=seed).column("step", "true_pose") for seed in (0, 1))
     assert not np.array_equal(first, second)
 
 
 def scenario_with_silent_source(position_m: tuple[float, float, float]) -> Scenario:
     """Return a scenario with a source that never radiates."""
-    scenario = limited(load_scenario("one_source"), 40.0)
+    scenario = limited("one_source", 40.0)
     source = scenario.sources[0].model_copy(update={"sites": (), "position_m": position_m, "pulse_rate_hz": 0.0})
     return scenario.model_copy(update={"sources": (source,)})
 
@@ -100,27 +98,19 @@ def test_only_oracle_depends_on_the_truth(policy: str) -> None:
     assert isinstance(make_policy(policy, np.random.default_rng(0)), SeesTruth) is (policy == "oracle")
 
 
-def test_patrol_ignores_detections() -> None:
-    log = run_mission(load_scenario("quiet_yard"), "patrol", seed=1)
-    assert log.column("event", "subject")[-1] == "docked"
-    assert log.n_rows("bearing") > 100
-
-
 def test_unreachable_waypoint_is_skipped_and_reported() -> None:
-    scenario = load_scenario("quiet_yard")
-    data = scenario.model_dump()
     wall = {"kind": "wall", "shape": "box", "height_m": 2.0}
     walls = (
         {"name": "wall_n", "position_m": (29.0, 9.0), "footprint_m": (6.0, 0.4), **wall},
         {"name": "wall_w", "position_m": (26.0, 4.6), "footprint_m": (0.4, 9.2), **wall},
     )
+    data = load_scenario("quiet_yard").model_dump()
     data["yard"]["equipment"] = (*data["yard"]["equipment"], *walls)
-    data["interferers"] = ()
-    log = run_mission(Scenario.model_validate(data), "seek", seed=0)
+    log = run_mission(Scenario.model_validate({**data, "interferers": ()}), "seek", seed=0)
     report = make_report(log, 1.0)
     assert report.waypoints.missed == report.waypoints.unreachable == (2,)
     assert log.column("event", "number")[log.column("event", "kind") == "unreachable"].tolist() == [2]
-    assert report.sim_time_s < scenario.task.time_limit_s
+    assert log.column("event", "subject")[-1] != "time limit"
     assert report.collisions == 0
 
 
@@ -131,7 +121,7 @@ def test_interrupted_mission_equals_a_shorter_one() -> None:
 
     cut = run_mission(load_scenario("one_source"), "patrol", seed=1, after_step=stop)
     assert cut.n_rows("step") == 20
-    whole = run_mission(limited(load_scenario("one_source"), 2.0), "patrol", seed=1)
+    whole = run_mission(limited("one_source", 2.0), "patrol", seed=1)
     np.testing.assert_array_equal(cut.column("pulse", "strengths_v"), whole.column("pulse", "strengths_v"))
     assert make_report(cut, 1.0).findings == ()
 
@@ -203,8 +193,7 @@ def test_interferer_outside_the_fence_is_not_confirmed() -> None:
 
 
 def test_clipped_pulses_are_not_used_for_locating() -> None:
-    scenario = limited(load_scenario("one_source"), 30.0)
-    clipping = scenario.model_copy(update={"receiver": scenario.receiver.model_copy(update={"full_scale_v": 0.01})})
+    clipping = load_scenario("one_source", {"task.time_limit_s": 30.0, "receiver.full_scale_v": 0.01})
     log = run_mission(clipping, "patrol", seed=0)
     clipped = log.column("pulse", "is_clipped")
     assert clipped.any()
@@ -213,15 +202,12 @@ def test_clipped_pulses_are_not_used_for_locating() -> None:
 
 
 def test_mission_survives_a_dead_channel() -> None:
-    scenario = load_scenario("one_source")
-    dead = scenario.receiver.model_copy(update={"faults": (ChannelFault(channel=2, kind="dead", start_s=5.0),)})
-    log = run_mission(scenario.model_copy(update={"receiver": dead}), seed=1)
-    report = make_report(log, 0.0)
-    assert len(report.channel_faults) == 1
-    assert "channel 2 is dead" in report.channel_faults[0]
+    dead = ChannelFault(channel=2, kind="dead", start_s=5.0)
+    report = make_report(run_mission(load_scenario("one_source", {"receiver.faults": (dead,)}), seed=1), 0.0)
+    (fault,) = report.channel_faults
+    assert "channel 2 is dead" in fault
     assert all(source.found for source in report.scores.sources)
 
 
 def test_healthy_mission_reports_no_channel_fault() -> None:
-    log = run_mission(limited(load_scenario("two_sources"), 60.0), seed=11)
-    assert "channel fault" not in log.column("event", "kind")
+    assert "channel fault" not in run_mission(limited("two_sources", 60.0), seed=11).column("event", "kind")

@@ -25,13 +25,6 @@ def test_paths_keep_clear_of_equipment() -> None:
         assert MAP.yard.clearance(between).min() >= MAP.robot.footprint_radius_m + 0.5 * MARGIN_M
 
 
-def test_no_path_is_shorter_than_the_straight_line() -> None:
-    start = MAP.centres_m[MAP.cell((3.0, 3.0))]
-    reach = MAP.reach(start)
-    free = MAP.is_free & np.isfinite(reach.length_m)
-    assert (reach.length_m[free] >= np.linalg.norm(MAP.centres_m[free] - start, axis=-1) - 1e-9).all()
-
-
 def test_equipment_hides_places_behind_it() -> None:
     tank = next(item for item in MAP.yard.equipment if item.name == "transformer_1")
     south, north = np.array([[12.0, 13.0]]), np.array([[12.0, 21.0]])

@@ -57,17 +57,17 @@ def log_of_two_findings(seed: int, mains: bool = True, ghosts_every: int = 0) ->
 def test_patterns_hold_pulses_and_levels_of_their_finding() -> None:
     patterns = phase_patterns(log_of_two_findings(1))
     assert set(patterns) == {1, 2}
-    for number, resolved in patterns.items():
-        assert resolved.pattern.kind == SOURCES[number][0]
-        assert 70 < resolved.phase_rad.size < 180
-        assert np.median(resolved.level_db) == pytest.approx(20 * np.log10(number), abs=2.0)
-    assert np.std(patterns[1].level_db) < 1.5  # corona: equal pulses from near and far
+    for number, (pulses, pattern) in patterns.items():
+        assert pattern.kind == SOURCES[number][0]
+        assert 70 < pulses.phase_rad.size < 180
+        assert np.median(pulses.level_db) == pytest.approx(20 * np.log10(number), abs=2.0)
+    assert np.std(patterns[1][0].level_db) < 1.5  # corona: equal pulses from near and far
 
 
 def test_patterns_exclude_unassociated_pulses() -> None:
     whole, half = (phase_patterns(log_of_two_findings(2, ghosts_every=every)) for every in (0, 2))
     for number in SOURCES:
-        assert half[number].phase_rad.size == pytest.approx(whole[number].phase_rad.size / 2, abs=20)
+        assert half[number][0].time_s.size == pytest.approx(whole[number][0].time_s.size / 2, abs=20)
 
 
 def test_killed_mission_has_no_patterns() -> None:

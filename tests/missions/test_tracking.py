@@ -8,7 +8,6 @@ from dirmusic import ArrayModel, ElementSpread, Finding, GainManifold, PoseError
 from dirmusic.bearing.maximum_likelihood import maximum_likelihood
 from dirmusic.locating.association import Unassociated
 from dirmusic.locating.rules import CredibilityRules
-from dirmusic.locating.yard_likelihood import Grid, YardLikelihood
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.tracking import Tracker
@@ -39,11 +38,9 @@ class FixedLocator:
 
 
 def test_findings_are_logged_when_their_values_change() -> None:
-    log, locator = MissionLog({"n_elements": 6}), FixedLocator()
-    likelihood = YardLikelihood(
-        ARRAY, PoseError(position_m=0.05, heading_rad=0.01, correlation_s=5.0), Grid.over(np.zeros(2), np.ones(2))
-    )
-    tracker = Tracker(log, locator, ARRAY, maximum_likelihood, CredibilityRules(), likelihood)
+    log, locator = MissionLog({"n_elements": 6, "bounds_m": [[0, 0], [1, 1]]}), FixedLocator()
+    pose_error = PoseError(position_m=0.05, heading_rad=0.01, correlation_s=5.0)
+    tracker = Tracker(log, locator, ARRAY, pose_error, maximum_likelihood, CredibilityRules())
     once = (FINDING,)
     for findings in (once, once, (replace(FINDING),), (replace(FINDING, n_bearings=9),), ()):
         locator.findings = findings

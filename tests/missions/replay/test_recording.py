@@ -269,8 +269,8 @@ def test_phase_pattern_has_levels_in_decibels_and_separate_names(drawn: Entities
     names = [next(iter(drawn[f"phase_pattern/{number}/kind"]["positions"].values()))[0] for number in patterns]
     assert all(y < -UNITS_PER_DB * SPAN_DB for _, y in names)
     assert len({tuple(name) for name in names}) == len(names)
-    for number, resolved in patterns.items():
-        points, steps = drawn[f"phase_pattern/{number}"]["positions"], log.column("pulse", "step")[resolved.pulse]
+    for number, (pulses, _) in patterns.items():
+        points, steps = drawn[f"phase_pattern/{number}"]["positions"], log.column("pulse", "step")[pulses.pulse]
         assert set(points) == set(steps.tolist())
         level_db = middle_db - np.array(points[steps[0]])[:, 1] / UNITS_PER_DB
-        np.testing.assert_allclose(np.sort(level_db), np.sort(resolved.level_db[steps == steps[0]]), atol=1e-4)
+        np.testing.assert_allclose(np.sort(level_db), np.sort(pulses.level_db[steps == steps[0]]), atol=1e-4)
