@@ -5,7 +5,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
-from graphlib import CycleError, TopologicalSorter
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -27,8 +27,6 @@ ONLY_HOME = {
     "ray": "missions/sweep/ray_engine.py",
     "numba": "dirmusic/compiled.py",
 }
-MOST_ARGUMENTS = 8
-COMPILERS = {"compiled", "compiled_inner", "elementwise", "numba.njit", "numba.vectorize"}
 DIRMUSIC_MAY_USE = {"numpy", "scipy", "numba"}
 
 
@@ -64,17 +62,6 @@ def imported_modules(file: Path, known: set[str]) -> set[str]:
     return named & known
 
 
-def circles(root: Path) -> list[str]:
-    """Modules that import each other, one line for each circle, lazy imports counted."""
-    files = modules(root)
-    graph = TopologicalSorter({name: imported_modules(file, set(files)) for name, file in files.items()})
-    try:
-        graph.prepare()
-    except CycleError as error:
-        return [" -> ".join(error.args[1])]
-    return []
-
-
 def faults(root: Path) -> list[str]:
     found: list[str] = []
     for package, allowed in MAY_IMPORT.items():
@@ -100,14 +87,9 @@ def test_imports_go_down_only() -> None:
     [
         ("dirmusic", "import pdpatrol.sensing"),
         ("dirmusic", "import pydantic"),
-        ("sensing", "from pdpatrol.envs.scenario import Scenario"),
-        ("sensing", "import mujoco"),
         ("robot_models", "from dirmusic.angles import wrap"),
-        ("envs", "import mujoco"),
         ("envs", "from pdpatrol.missions.log import MissionLog"),
         ("missions", "import rerun as rr"),
-        ("missions", "from stable_baselines3 import PPO"),
-        ("envs", "import torch"),
         ("missions", "from ray.exceptions import RayError"),
     ],
 )
@@ -118,33 +100,10 @@ def test_a_forbidden_import_is_noticed(package: str, line: str, tmp_path: Path) 
 
 
 def test_no_modules_import_each_other_in_a_circle() -> None:
-    assert circles(ROOT) == []
-
-
-def test_a_circle_is_noticed_even_if_one_import_waits_inside_a_function(tmp_path: Path) -> None:
-    (tmp_path / "sensing").mkdir()
-    (tmp_path / "sensing" / "first.py").write_text("from pdpatrol.sensing.second import x\n", encoding="utf-8")
-    (tmp_path / "sensing" / "second.py").write_text(
-        "def f():\n    from pdpatrol.sensing import first\n", encoding="utf-8"
-    )
-    assert len(circles(tmp_path)) == 1
-
-
-def decorators(function: ast.FunctionDef) -> set[str]:
-    return {ast.unparse(decorator).partition("(")[0] for decorator in function.decorator_list}
-
-
-def test_no_compiled_kernel_takes_more_than_eight_arguments_or_returns_a_nameless_row() -> None:
-    wrong: list[str] = []
-    for name, file in modules(ROOT).items():
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.FunctionDef) and decorators(node) & COMPILERS:
-                if len(node.args.args) > MOST_ARGUMENTS:
-                    wrong.append(f"{name}.{node.name} takes {len(node.args.args)} arguments")
-                returned = ast.unparse(node.returns) if node.returns else ""
-                if returned.startswith("tuple[") and returned.count(",") > 1:
-                    wrong.append(f"{name}.{node.name} returns {returned}")
-    assert wrong == []
+    """No module imports itself through others, imports inside functions counted."""
+    files = modules(ROOT)
+    graph = TopologicalSorter({name: imported_modules(file, set(files)) for name, file in files.items()})
+    graph.prepare()  # raises a CycleError that names the modules
 
 
 def test_top_level_holds_packages_and_tests() -> None:

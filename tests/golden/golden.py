@@ -15,31 +15,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pdpatrol.envs import load_scenario
+from pdpatrol.envs.random_yard import random_yard
+from pdpatrol.missions.report.make_report import make_report
+from pdpatrol.missions.runner import run_mission
+
 STORED = Path(__file__).with_name("missions.json")
 SHIPPED = (
-    "bench",
-    "gis_hall",
-    "one_source",
-    "paper_field",
-    "quiet_yard",
-    "switchyard",
-    "transformer_bay",
-    "twin_transformers",
-    "two_sources",
-)
+    "bench", "gis_hall", "one_source", "paper_field", "quiet_yard", "switchyard", "transformer_bay",
+    "twin_transformers", "two_sources",
+)  # fmt: skip
 LEVELS = (
-    "open",
-    "cluttered",
-    "weak",
-    "reflective",
-    "several",
-    "high",
-    "faulty",
-    "interference",
-    "wrong_map",
-    "poor_pose",
+    "open", "cluttered", "weak", "reflective", "several", "high", "faulty", "interference", "wrong_map", "poor_pose",
     "quiet",
-)
+)  # fmt: skip
 
 
 class GoldenCase(NamedTuple):
@@ -66,36 +55,24 @@ def cases() -> Iterator[GoldenCase]:
 
 def run(case: GoldenCase) -> dict[str, Any]:
     """Run one mission and summarise it: confirmed findings with 95 % ellipses, times, and how it ended."""
-    from dirmusic.locating.finding import ellipse95
-    from pdpatrol.envs import load_scenario
-    from pdpatrol.envs.random_yard import random_yard
-    from pdpatrol.missions.runner import run_mission
-
     scenario = random_yard(case.seed, case.seed % 8) if case.scenario == "random" else load_scenario(case.scenario)
     log = run_mission(scenario, case.policy, case.seed)
-    table = log.table("finding")
-    last = {int(number): row for row, number in enumerate(table["id"])}
-    findings: list[dict[str, Any]] = []
-    for row in last.values():
-        if table["state"][row] == "confirmed":
-            covariance_m2 = table["covariance_m2"][row]
-            ellipse = ellipse95(covariance_m2[:2, :2])
-            findings.append(
-                {
-                    "position_m": np.round(table["position_m"][row], 4).tolist(),
-                    "semi_axes_m": [round(ellipse.semi_major_m, 4), round(ellipse.semi_minor_m, 4)],
-                    "height_std_m": round(float(covariance_m2[2, 2]) ** 0.5, 4),
-                    "confirmed_s": round(float(table["confirmed_s"][row]), 1),
-                }
-            )
-    truth = [source["position_m"] for source in log.meta["truth"]["sources"]]
+    report = make_report(log, 0.0)
     return {
         **case._asdict(),
-        "n_pulses": log.n_rows("pulse"),
-        "duration_s": round(float(log.column("step", "time_s")[-1]), 1),
-        "end": str(log.column("event", "subject")[-1]),
-        "sources_m": truth,
-        "findings": findings,
+        "n_pulses": report.pulses.detected,
+        "duration_s": round(report.sim_time_s, 1),
+        "end": report.ending,
+        "sources_m": [source["position_m"] for source in log.meta["truth"]["sources"]],
+        "findings": [
+            {
+                "position_m": np.round(finding.position_m, 4).tolist(),
+                "semi_axes_m": [round(finding.ellipse95.semi_major_m, 4), round(finding.ellipse95.semi_minor_m, 4)],
+                "height_std_m": round(finding.position_std_m[2], 4),
+                "confirmed_s": round(finding.confirmed_s or 0.0, 1),
+            }
+            for finding in report.findings
+        ],
     }
 
 

@@ -12,13 +12,11 @@ from pdpatrol.envs import load_scenario
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.tracking import Tracker
 from pdpatrol.missions.runner import run_mission
+from tests.missions.steps import candidate
 
 MANIFOLD = GainManifold.ring(6)
 ARRAY = ArrayModel(manifold=MANIFOLD, positions_m=np.zeros((6, 3)), spread=ElementSpread(gain=0.05))
-FINDING = Finding(
-    id=3, state="candidate", position_m=np.array([1.0, 2.0, 1.5]), covariance_m2=np.eye(3), n_bearings=1,
-    first_detected_s=0.0, last_detected_s=0.0, confirmed_s=None, aperture_rad=0.0, nearest_m=1.0, level_db=0.0,
-)  # fmt: skip
+FINDING = candidate((1.0, 2.0, 1.5), np.eye(3))
 
 
 class FixedLocator:

@@ -8,37 +8,33 @@ from pdpatrol.envs import load_scenario
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.policies.seek import KNOWN_M, Active
 from pdpatrol.missions.policies.viewpoints import driving_time, expected_information, likely_place
+from tests.missions.steps import candidate
 
 SITE_MAP = SiteMap(load_scenario("quiet_yard"))
 POSE = np.array([4.0, 5.0, 0.0])
 
 
-def candidate(position_m: tuple[float, float], along_m: float, across_m: float) -> Finding:
+def seen(x_m: float, y_m: float, along_m: float, across_m: float) -> Finding:
     """Return a candidate with standard deviations along and across the line of sight from `POSE`."""
-    sight_m = np.asarray(position_m) - POSE[:2]
+    sight_m = np.array([x_m, y_m]) - POSE[:2]
     ahead = sight_m / np.linalg.norm(sight_m)
     across = np.array([-ahead[1], ahead[0]])
     covariance_m2 = np.diag([0.0, 0.0, 1.0])
     covariance_m2[:2, :2] = along_m**2 * np.outer(ahead, ahead) + across_m**2 * np.outer(across, across)
-    return Finding(
-        id=1, state="candidate", position_m=np.array([*position_m, 1.5]), covariance_m2=covariance_m2, n_bearings=50,
-        first_detected_s=0.0, last_detected_s=0.0, confirmed_s=None, aperture_rad=0.1, nearest_m=6.0, level_db=-10.0,
-    )  # fmt: skip
-
-
-def test_likely_place_of_accurate_candidate_is_its_position() -> None:
-    target = candidate((16.0, 9.0), 0.3, 0.1)
-    np.testing.assert_allclose(likely_place(target, POSE, SITE_MAP), target.position_m, atol=0.1)
+    return candidate((x_m, y_m, 1.5), covariance_m2)
 
 
 def test_likely_place_is_farther_and_inside_the_fence() -> None:
-    near = likely_place(candidate((9.0, 5.0), 3.0, 0.3), POSE, SITE_MAP)
+    accurate, away = seen(16.0, 9.0, 0.3, 0.1), seen(-60.0, 5.0, 0.1, 0.1)  # the second is outside the yard
+    np.testing.assert_allclose(likely_place(accurate, POSE, SITE_MAP), accurate.position_m, atol=0.1)
+    np.testing.assert_array_equal(likely_place(away, POSE, SITE_MAP), away.position_m)
+    near = likely_place(seen(9.0, 5.0, 3.0, 0.3), POSE, SITE_MAP)
     assert near[0] > 11.0
     assert near[1] == pytest.approx(5.0)
-    outside = likely_place(candidate((90.0, 5.0), 60.0, 2.0), POSE, SITE_MAP)
-    assert POSE[0] < outside[0] < SITE_MAP.yard.size_m[0]
-    away = candidate((-60.0, 5.0), 0.1, 0.1)  # accurate and outside the yard
-    np.testing.assert_array_equal(likely_place(away, POSE, SITE_MAP), away.position_m)
+    assert POSE[0] < likely_place(seen(90.0, 5.0, 60.0, 2.0), POSE, SITE_MAP)[0] < SITE_MAP.yard.size_m[0]
+    at_the_robot = candidate((16.0, 5.0, 1.5), np.eye(3))
+    place_m = likely_place(at_the_robot, np.array([16.0, 5.0, 0.3]), SITE_MAP)
+    np.testing.assert_allclose(place_m, at_the_robot.position_m)
 
 
 def test_integrate_sums_along_the_path() -> None:
@@ -95,31 +91,25 @@ def test_driving_time_counts_turns_and_lengths() -> None:
     assert time_s[SITE_MAP.cell((12.0, 5.0))] > time_s[ahead]
 
 
-def test_active_keeps_a_nearly_best_viewpoint() -> None:
-    policy, target = Active(), candidate((16.0, 5.0), 2.0, 0.2)
-    views_m = POSE[np.newaxis, :2]
-    view = policy.viewpoint(target, views_m, POSE, SITE_MAP.reach(POSE), SITE_MAP)
+def viewpoint(policy: Active, target: Finding, pose: np.ndarray) -> np.ndarray:
+    """Return the next viewpoint of a candidate that has been viewed from the pose alone."""
+    view = policy.viewpoint(target, pose[np.newaxis, :2], pose, SITE_MAP.reach(pose), SITE_MAP)
     assert view is not None
+    return view
+
+
+def test_active_keeps_a_nearly_best_viewpoint() -> None:
+    policy, target = Active(), seen(16.0, 5.0, 2.0, 0.2)
+    view = viewpoint(policy, target, POSE)
     sight_m = target.position_m[:2] - view
     assert np.linalg.norm(sight_m) < 5.0
     assert abs(np.arctan2(sight_m[1], sight_m[0])) > np.radians(30.0)
-    moved = candidate((16.0, 4.6), 2.0, 0.2)
-    np.testing.assert_array_equal(policy.viewpoint(moved, views_m, POSE, SITE_MAP.reach(POSE), SITE_MAP), view)
-    other = Active().viewpoint(moved, views_m, POSE, SITE_MAP.reach(POSE), SITE_MAP)
-    assert other is not None
-    assert (other[1] - POSE[1]) * (view[1] - POSE[1]) < 0.0
+    moved = seen(16.0, 4.6, 2.0, 0.2)
+    np.testing.assert_array_equal(viewpoint(policy, moved, POSE), view)
+    assert (viewpoint(Active(), moved, POSE)[1] - POSE[1]) * (view[1] - POSE[1]) < 0.0
 
 
 def test_active_views_accurate_candidate_from_another_side() -> None:
-    policy, target = Active(), candidate((16.0, 5.0), 0.1, 0.1)
+    target = seen(16.0, 5.0, 0.1, 0.1)
     assert target.semi_major_m <= KNOWN_M
-    views_m = np.array([[13.0, 5.0]])
-    view = policy.viewpoint(target, views_m, np.array([13.0, 5.0, 0.0]), SITE_MAP.reach((13.0, 5.0)), SITE_MAP)
-    assert view is not None
-    assert np.linalg.norm(view - [13.0, 5.0]) > 1.0
-
-
-def test_likely_place_of_candidate_at_the_robot() -> None:
-    here = candidate((16.0, 5.0), 1.0, 1.0)
-    place_m = likely_place(here, np.array([16.0, 5.0, 0.3]), SITE_MAP)
-    np.testing.assert_allclose(place_m, here.position_m)
+    assert np.linalg.norm(viewpoint(Active(), target, np.array([13.0, 5.0, 0.0])) - [13.0, 5.0]) > 1.0

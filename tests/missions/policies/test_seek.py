@@ -2,22 +2,14 @@
 
 import numpy as np
 
-from dirmusic import Finding
 from dirmusic.locating.finding import State
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.policies.seek import PATIENCE_S, SILENCE_S, Seek
 from pdpatrol.missions.policies.viewpoints import MAX_ELEVATION_RAD, best_viewpoint
+from tests.missions.steps import candidate
 
 SITE_MAP = SiteMap(load_scenario("one_source"))
-
-
-def candidate(state: State, detected_s: float) -> Finding:
-    return Finding(
-        id=1, state=state, position_m=np.array([9.5, 8.0, 1.5]), covariance_m2=0.1 * np.eye(3), n_bearings=50,
-        first_detected_s=0.0, last_detected_s=detected_s, confirmed_s=None, aperture_rad=0.3, nearest_m=6.0,
-        level_db=-10.0,
-    )  # fmt: skip
 
 
 def phase_at(seek: Seek, time_s: float, state: State, detected_s: float | None = None) -> str:
@@ -26,7 +18,8 @@ def phase_at(seek: Seek, time_s: float, state: State, detected_s: float | None =
         "pose": np.array([16.0, 5.0, 1.0, 0.0], dtype=np.float32),
         "time": np.array([time_s], dtype=np.float32),
     }
-    seek(observation, [candidate(state, time_s if detected_s is None else detected_s)], SITE_MAP)
+    detected_s = time_s if detected_s is None else detected_s
+    seek(observation, [candidate((9.5, 8.0, 1.5), 0.1 * np.eye(3), state=state, last_detected_s=detected_s)], SITE_MAP)
     return str(seek.phase)
 
 
