@@ -39,7 +39,7 @@ class FindingPulses(NamedTuple):
 
     def take(self, rows: NDArray[np.bool_]) -> FindingPulses:
         """Return some rows, by mask (n,)."""
-        return FindingPulses(*(column[rows] for column in self))
+        return FindingPulses._make(column[rows] for column in self)
 
 
 def finding_pulses(log: MissionLog) -> dict[int, FindingPulses]:

@@ -1,4 +1,4 @@
-"""Array, grid, yards and bearing errors of a log: written as plain data, and rebuilt from them."""
+"""Array, grid, yards and bearing errors of a log, rebuilt from its metadata."""
 
 from __future__ import annotations
 
@@ -41,15 +41,9 @@ def described_manifold(description: Mapping[str, Any]) -> GainManifold:
     )
 
 
-def describe_grid(grid: Grid) -> dict[str, Any]:
-    """Return corner, cell size and number of cells."""
-    return {"corner_m": grid.corner_m.tolist(), "cell_m": grid.cell_m, "shape": list(grid.shape)}
-
-
-def described_grid(description: Mapping[str, Any]) -> Grid:
-    """Rebuild a grid."""
-    nx, ny = description["shape"]
-    return Grid(np.array(description["corner_m"]), description["cell_m"], (nx, ny))
+def grid_of(meta: Mapping[str, Any]) -> Grid:
+    """Return the grid of a log's table `likelihood`, which covers the bounds of the yard."""
+    return Grid.over(*np.array(meta["bounds_m"], dtype=np.float64))
 
 
 def known_yard(log: MissionLog) -> Yard | None:

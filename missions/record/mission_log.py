@@ -62,7 +62,7 @@ _COLUMNS: dict[str, dict[str, str]] = {
     },
     "likelihood": {  # likelihood over the yard by all credible pulses so far
         "step": "i8",
-        "log_likelihood": "f4",  # one value per cell of the grid in `meta`: (n, n_cells)
+        "log_likelihood": "f4",  # one value per cell of `log_contents.grid_of`: (n, n_cells)
     },
     "association": {  # written at the end; empty for a killed mission
         "pulse": "i8",  # row in the pulse table

@@ -14,10 +14,10 @@ from dirmusic.locating.finding import State
 from dirmusic.locating.plane_wave import MethodDeviation, is_credible
 from dirmusic.locating.protocol import LocatorProtocol, PoseError
 from dirmusic.locating.rules import CredibilityRules
-from dirmusic.locating.yard_likelihood import Grid, YardLikelihood
+from dirmusic.locating.yard_likelihood import YardLikelihood
 from pdpatrol.envs.scenario.array import ArrayCalibration, CalibratedArray
 from pdpatrol.envs.user_code import UserCodeError, calling, place_of
-from pdpatrol.missions.record.log_contents import describe_grid
+from pdpatrol.missions.record.log_contents import grid_of
 from pdpatrol.missions.record.mission_log import MissionLog
 
 FloatArray = NDArray[np.float64]
@@ -65,9 +65,7 @@ class Tracker:
         self._array = array
         self._method_deviation = MethodDeviation(estimator, array)
         self._rules = rules
-        grid = Grid.over(*np.array(log.meta["bounds_m"], dtype=np.float64))
-        log.meta["grid"] = describe_grid(grid)
-        self._likelihood = YardLikelihood(array, pose_error, grid)
+        self._likelihood = YardLikelihood(array, pose_error, grid_of(log.meta))
         self._began_s: float | None = None
         self._next_likelihood_s = -np.inf
         self._pending: list[tuple[PulseBatch, FloatArray]] = []

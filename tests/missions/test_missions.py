@@ -6,7 +6,7 @@ import pytest
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.missions.policies.make_policy import BUILT_IN, make_policy
 from pdpatrol.missions.policies.protocol import SeesTruth
-from pdpatrol.missions.record.log_contents import described_grid
+from pdpatrol.missions.record.log_contents import grid_of
 from pdpatrol.missions.record.mission_log import TABLES, MissionLog
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.records import Report, read_report, report_text
@@ -59,7 +59,7 @@ def test_mission_finds_the_discharge_and_docks() -> None:
     assert finding.first_detected_s < finding.confirmed_s < report.sim_time_s
     assert finding.sites[0].name in load_scenario("one_source").yard.site_names()
     assert read_report(report_text(report)).findings[0].id == finding.id
-    likelihood, grid = log.table("likelihood"), described_grid(log.meta["grid"])
+    likelihood, grid = log.table("likelihood"), grid_of(log.meta)
     assert np.all(np.diff(likelihood["step"]) > 0)
     assert np.all(np.diff(likelihood["log_likelihood"].max(axis=1)) >= 0.0)
     most_likely_m = grid.centres_m[likelihood["log_likelihood"][-1].argmax()]
