@@ -134,12 +134,6 @@ def test_wrong_table_is_refused_in_one_line(tmp_path: Path, text: str | bytes, m
     assert all(len(error) < 400 for error in refused.value.faults)
 
 
-def test_strengths_need_a_deviation(tmp_path: Path) -> None:
-    (tmp_path / "t.csv").write_text(f"{HEADER}\n0,0,0,0,1,2,3\n")
-    with pytest.raises(InputFileError, match="needs the columns std_1 to std_3, or --noise-v"):
-        read_field_data(tmp_path / "t.csv")
-
-
 @pytest.mark.parametrize("separator", [";", "\t", ","])
 def test_separators_and_decimal_commas_of_excel_are_read(tmp_path: Path, separator: str) -> None:
     text = TEXT.replace(",", ";").replace(".", ",") if separator == ";" else TEXT.replace(",", separator)
