@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import tyro
-from pydantic import ValidationError, validate_call
+from pydantic import ConfigDict, ValidationError, validate_call
 
 from dirmusic import InputFileError
 from pdpatrol.envs.user_code import UserCodeError
@@ -22,7 +22,7 @@ Settings = Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(n
 def call_verb(function: Callable[..., None], arguments: Sequence[str]) -> None:
     """Parse arguments and call the function of a verb; invalid input is one line per error and exit status 2."""
     prog = f"pdpatrol {function.__name__}"
-    checked = validate_call(function, config={"revalidate_instances": "always"})
+    checked = validate_call(config=ConfigDict(revalidate_instances="always"))(function)
     try:
         tyro.cli(checked, prog=prog, args=arguments, config=(tyro.conf.FlagCreatePairsOff,))
     except ValidationError as error:

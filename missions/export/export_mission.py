@@ -75,7 +75,7 @@ def longitude_latitude(places_m: FloatArray, reference: GeoreferenceConfig) -> F
     start = np.full_like(x, reference.longitude_deg), np.full_like(x, reference.latitude_deg)
     azimuth_deg = reference.heading_deg + np.degrees(np.arctan2(x, y))
     longitude, latitude, _ = Geod(ellps="WGS84").fwd(*start, azimuth_deg, np.hypot(x, y))
-    return np.round(np.stack([longitude, latitude], axis=-1), 8)  # to the millimetre
+    return np.round(np.stack([longitude, latitude], axis=-1, dtype=np.float64), 8)  # to the millimetre
 
 
 FINDING_COLUMNS = (

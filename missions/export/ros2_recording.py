@@ -139,7 +139,7 @@ def _messages(log: MissionLog, time_ns: NDArray[np.int64]) -> Iterator[tuple[int
         start_m = step["pose"][at][:2]
         for azimuth_rad in bearing["bearing_rad"][bearing_step == at]:
             end_m = start_m + 25.0 * np.array([np.cos(azimuth_rad), np.sin(azimuth_rad)])
-            rays["points"] += [_xyz(*start_m, 0.6), _xyz(*end_m, 0.6)]
+            rays["points"] += [_xyz(x, y, 0.6) for x, y in (start_m, end_m)]
         rays["lifetime"] = {"nanosec": 500_000_000}
         yield at, "/bearings", {"markers": [rays]}
     finding = log.table("finding")
@@ -186,9 +186,7 @@ def _finding_markers(row: Mapping[str, Any], header: Content) -> list[Content]:
     if state not in COLOURS:
         return []
     point = _marker(header, "sphere", "findings", number, COLOURS[state], (0.4, 0.4, 0.4), place_m)
-    name = _marker(
-        header, "text", "names", number, COLOURS[state], (0.0, 0.0, 0.5), place_m + np.array([0.0, 0.0, 0.5])
-    )
+    name = _marker(header, "text", "names", number, COLOURS[state], (0.0, 0.0, 0.5), (*place_m[:2], place_m[2] + 0.5))
     name["text"] = f"{'finding' if state == 'confirmed' else 'candidate'} {number}"
     ellipse = _marker(header, "line_strip", "ellipses", number, COLOURS[state], (0.06, 0.0, 0.0))
     ellipse["points"] = [_xyz(x, y, 0.05) for x, y in outline95(place_m[:2], row["covariance_m2"][:2, :2], 37)]

@@ -18,6 +18,8 @@ from pdpatrol.missions.sweep.dataset import MANIFEST, Dataset
 from pdpatrol.missions.sweep.plan import parse_toml
 
 FloatArray = NDArray[np.float64]
+Frame = Any
+"""A `pandas.DataFrame`, which has no type annotations."""
 
 CONFIDENCE = 0.95
 ALL = "all"
@@ -145,7 +147,7 @@ def summarise_groups(rows: pa.Table, *, pool: bool = False) -> list[Summary]:
         - `false`, `contacts`, `missed`: numbers of findings without a source, of collisions and of waypoints that were
           not visited
     """
-    frame = rows.to_pandas()
+    frame: Frame = rows.to_pandas()
     frame["group"] = "" if pool else level_or_scenario(frame)
     if frame["group"].nunique() > 1 and (frame["suite"] != "").all():
         frame = pd.concat([frame, frame.assign(group=ALL)])
@@ -157,41 +159,41 @@ def summarise_groups(rows: pa.Table, *, pool: bool = False) -> list[Summary]:
     ]
 
 
-def level_or_scenario(frame: pd.DataFrame) -> pd.Series:
-    """Return the level of the suite that each mission belongs to, or else its scenario."""
+def level_or_scenario(frame: Frame) -> Frame:
+    """Return the level of the suite that each mission belongs to, or else its scenario, as a `pandas.Series`."""
     return frame["level"].where(frame["level"] != "", frame["scenario"])
 
 
-def percentage_of(missions: pd.DataFrame, by: str, count: str, total: str) -> Estimate:
+def percentage_of(missions: Frame, by: str, count: str, total: str) -> Estimate:
     """Estimate the sum of one column in percent of that of another, for clusters with equal values in column `by`."""
     sums = missions.groupby(by, sort=False)[[count, total]].sum()
     return Estimate(*(100.0 * end for end in clustered_share(sums[count], sums[total])))
 
 
-def statistic_of(missions: pd.DataFrame, by: str, column: str, statistic: Callable[..., Any]) -> Estimate:
+def statistic_of(missions: Frame, by: str, column: str, statistic: Callable[..., Any]) -> Estimate:
     """Estimate a statistic of a column of numbers or lists of numbers, as `cluster_bootstrap` does."""
-    clusters = _numbers(missions, column, missions[by]).groupby(level=0, sort=False)
+    clusters = _numbers(missions.set_index(by), column).groupby(level=0, sort=False)
     return cluster_bootstrap([values.to_numpy() for _, values in clusters], statistic)
 
 
-def _numbers(missions: pd.DataFrame, column: str, index: pd.Series | pd.Index) -> pd.Series:
-    """Return each number of a column of numbers or lists; NaN for null and empty lists."""
-    return pd.Series(missions[column].to_numpy(), index).explode().astype(np.float64)
+def _numbers(missions: Frame, column: str) -> Frame:
+    """Return each number of a column of numbers or lists as a `pandas.Series`; NaN for null and empty lists."""
+    return missions[column].explode().astype(np.float64)
 
 
-def _summarise(missions: pd.DataFrame, by: str) -> Summary:
+def _summarise(missions: Frame, by: str) -> Summary:
     finished = missions[missions["status"] == "finished"]
-    finished = finished.assign(path_ratio=finished["found_all_m"] / finished["shortest_m"])
-    errors_m = _numbers(finished, "errors_m", finished.index)
+    finished = finished.assign(
+        path_ratio=finished["found_all_m"] / finished["shortest_m"],
+        bearing_rmse_deg=np.degrees(finished["bearing_rmse_rad"].astype(np.float64)),
+    )
     return {
         "missions": len(missions),
         "unfinished": len(missions) - len(finished),
-        "bearing RMSE (deg)": Estimate(
-            *np.degrees(statistic_of(finished, by, "bearing_rmse_rad", root_mean_square)).tolist()
-        ),
+        "bearing RMSE (deg)": statistic_of(finished, by, "bearing_rmse_deg", root_mean_square),
         "found (%)": percentage_of(finished, by, "n_found", "n_sources"),
         "median error (m)": statistic_of(finished, by, "errors_m", np.nanmedian),
-        "95 % below (m)": Estimate(float(errors_m.quantile(0.95))),
+        "95 % below (m)": Estimate(float(_numbers(finished, "errors_m").quantile(0.95))),
         "in ellipse (%)": percentage_of(finished, by, "n_in_ellipse", "n_found"),
         "right site (%)": percentage_of(finished, by, "n_right_site", "n_found"),
         "time to confirm (s)": statistic_of(finished, by, "confirmed_s", np.nanmedian),
@@ -203,7 +205,7 @@ def _summarise(missions: pd.DataFrame, by: str) -> Summary:
     }
 
 
-def pair_up(rows: pa.Table, first: str, second: str) -> tuple[pd.DataFrame, pd.DataFrame]:
+def pair_up(rows: pa.Table, first: str, second: str) -> tuple[Frame, Frame]:
     """Select the finished missions of two sides of a sweep that share scenario, seed and everything else.
 
     Args:
@@ -226,10 +228,10 @@ def pair_up(rows: pa.Table, first: str, second: str) -> tuple[pd.DataFrame, pd.D
     return sides[0].loc[common], sides[1].loc[common]
 
 
-def _side(rows: pa.Table, name: str) -> pd.DataFrame:
+def _side(rows: pa.Table, name: str) -> Frame:
     """Select the finished missions of one side, indexed by everything that both sides have in common."""
     is_dataset = (Path(name) / MANIFEST).exists()
-    frame = (Dataset(Path(name)).read() if is_dataset else rows).to_pandas()
+    frame: Frame = (Dataset(Path(name)).read() if is_dataset else rows).to_pandas()
     settings: list[dict[str, Any]] = [json.loads(text) for text in frame["settings"]]
     policy, (key, is_setting, text) = frame["policy"], name.partition("=")
     if is_dataset:
@@ -266,24 +268,24 @@ class Difference(NamedTuple):
     p: float
 
 
-def compare(first: pd.DataFrame, second: pd.DataFrame) -> list[Difference]:
+def compare(first: Frame, second: Frame) -> list[Difference]:
     """Compare all measures that at least one pair of missions has; the missions are those of `pair_up`."""
     sides = [_measures(missions) for missions in (first, second)]
     differences: list[Difference] = []
     for name in sides[0]:
-        values = pd.DataFrame({side: measures[name].to_numpy() for side, measures in enumerate(sides)}, first.index)
-        values = values.dropna().groupby(level=[0, 1], sort=False).mean().to_numpy()
+        pairs: Frame = pd.DataFrame(
+            {side: missions[name].to_numpy() for side, missions in enumerate(sides)}, first.index
+        )
+        values = pairs.dropna().groupby(level=[0, 1], sort=False).mean().to_numpy()
         if values.size:
             differences.append(difference(name, values))
     return differences
 
 
-def _measures(missions: pd.DataFrame) -> pd.DataFrame:
+def _measures(missions: Frame) -> Frame:
     """Return the measures of a paired comparison for each mission; NaN where it has none."""
     missions = missions.reset_index(drop=True)
-    error_m, confirmed_s = (
-        _numbers(missions, name, missions.index).groupby(level=0).mean() for name in ("errors_m", "confirmed_s")
-    )
+    error_m, confirmed_s = (_numbers(missions, name).groupby(level=0).mean() for name in ("errors_m", "confirmed_s"))
     return pd.DataFrame(
         {
             "found (%)": 100.0 * missions["n_found"] / missions["n_sources"],
@@ -308,4 +310,5 @@ def difference(name: str, values: FloatArray) -> Difference:
             (change,), np.mean, permutation_type="samples", vectorized=True, n_resamples=9999, rng=0
         )
         p = float(test.pvalue)
-    return Difference(name, len(values), *map(float, values.mean(axis=0)), interval, p)
+    first, second = map(float, values.mean(axis=0))
+    return Difference(name, len(values), first, second, interval, p)

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
 from pdpatrol.missions.atomic_file import atomic_file
-from pdpatrol.missions.sweep.analysis import level_or_scenario, percentage_of, statistic_of
+from pdpatrol.missions.sweep.analysis import Frame, level_or_scenario, percentage_of, statistic_of
 
 
 def draw_figures(rows: pa.Table, folder: Path) -> list[Path]:
@@ -29,7 +29,7 @@ def draw_figures(rows: pa.Table, folder: Path) -> list[Path]:
     """
     missions = missions_with_sources(rows)
     figures = {"errors": draw_errors(missions), "found_over_time": draw_found_over_time(missions)}
-    settings = pd.DataFrame([json.loads(text) for text in missions["settings"]]).astype(str)
+    settings: Frame = pd.DataFrame([json.loads(text) for text in missions["settings"]]).astype(str)
     for key in settings.columns[settings.nunique() > 1]:
         figures[f"over_{key}"] = draw_over_setting(missions, key)
     paths = [folder / f"{name}.png" for name in figures]
@@ -39,13 +39,13 @@ def draw_figures(rows: pa.Table, folder: Path) -> list[Path]:
     return paths
 
 
-def missions_with_sources(rows: pa.Table) -> pd.DataFrame:
+def missions_with_sources(rows: pa.Table) -> Frame:
     """Return the finished missions of a dataset in whose yard there is a source."""
-    missions = rows.to_pandas()
+    missions: Frame = rows.to_pandas()
     return missions[(missions["status"] == "finished") & (missions["n_sources"] > 0)]
 
 
-def _with_lines(missions: pd.DataFrame, without: str = "") -> pd.DataFrame:
+def _with_lines(missions: Frame, without: str = "") -> Frame:
     """Add a column `line` of policy and settings, except the setting `without`.
 
     If these are the same for all missions, the column holds level or scenario instead, or an empty text if `without`
@@ -69,18 +69,18 @@ def label_of(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def draw_errors(missions: pd.DataFrame) -> Figure:
+def draw_errors(missions: Frame) -> Figure:
     """Draw the share of all sources that were found with at most a given position error, a line for each label."""
     return _draw_steps(missions, "errors_m", "position error (m)", "sources found with at most that error")
 
 
-def draw_found_over_time(missions: pd.DataFrame) -> Figure:
+def draw_found_over_time(missions: Frame) -> Figure:
     """Draw the share of all sources that were confirmed by a given time, a line for each label."""
     end_s = missions["sim_time_s"].max()
     return _draw_steps(missions, "confirmed_s", "time since the start (s)", "sources confirmed by then", end_s)
 
 
-def _draw_steps(missions: pd.DataFrame, column: str, x: str, y: str, end: float | None = None) -> Figure:
+def _draw_steps(missions: Frame, column: str, x: str, y: str, end: float | None = None) -> Figure:
     """Draw the share of all sources whose value in a column is at most x, up to `end`."""
     figure = Figure(figsize=(7.0, 4.2), layout="constrained")
     axes = figure.add_subplot()
@@ -97,7 +97,7 @@ def _draw_steps(missions: pd.DataFrame, column: str, x: str, y: str, end: float 
     return figure
 
 
-def draw_over_setting(missions: pd.DataFrame, key: str) -> Figure:
+def draw_over_setting(missions: Frame, key: str) -> Figure:
     """Draw share found, error and time over the values of a setting, with 95 % intervals.
 
     The intervals resample scenarios, or missions if there is only one scenario.

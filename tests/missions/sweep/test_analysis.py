@@ -92,8 +92,8 @@ def test_pooled_summary_resamples_yards_and_others_missions(tmp_path: Path) -> N
     for job in plan.jobs:
         row = MissionRow.of_failure(job, "finished", "")
         dataset.write(row._replace(n_sources=1, n_found=int(job.scenario.name == "one_source"), ospa_m=0.1))
-    shares = [summary["found (%)"] for summary in summarise_groups(dataset.read())]
-    assert np.ravel(shares) == pytest.approx(100.0 * np.ravel([wilson(10, 10), wilson(0, 10)]))
+    for summary, n_found in zip(summarise_groups(dataset.read()), (10, 0), strict=True):
+        assert summary["found (%)"] == pytest.approx([100.0 * end for end in wilson(n_found, 10)])
     (pooled,) = summarise_groups(dataset.read(), pool=True)
     assert isinstance(pooled["found (%)"], Estimate)
     assert pooled["found (%)"].low < 10.0  # two yards say little about other yards
