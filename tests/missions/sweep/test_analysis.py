@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from dirmusic import InputFileError
@@ -13,8 +14,8 @@ from pdpatrol.missions.sweep.analysis import (
     compare,
     difference,
     pair_up,
+    percentage_of,
     root_mean_square,
-    summarise_groups,
     wilson,
 )
 from pdpatrol.missions.sweep.dataset import Dataset, MissionRow
@@ -86,18 +87,13 @@ def make_dataset(folder: Path, penalty_m: float) -> Dataset:
     return dataset
 
 
-def test_pooled_summary_resamples_yards_and_others_missions(tmp_path: Path) -> None:
-    plan = make_plan(["one_source", "two_sources"], ["seek"], {}, range(10))
-    dataset = Dataset.open_or_make(tmp_path / "out", plan)
-    for job in plan.jobs:
-        row = MissionRow.of_failure(job, "finished", "")
-        dataset.write(row._replace(n_sources=1, n_found=int(job.scenario.name == "one_source"), ospa_m=0.1))
-    for summary, n_found in zip(summarise_groups(dataset.read()), (10, 0), strict=True):
-        assert summary["found (%)"] == pytest.approx([100.0 * end for end in wilson(n_found, 10)])
-    (pooled,) = summarise_groups(dataset.read(), pool=True)
-    assert isinstance(pooled["found (%)"], Estimate)
-    assert pooled["found (%)"].low < 10.0  # two yards say little about other yards
-    assert (pooled["group"], pooled["missions"]) == ("", 20)
+def test_intervals_over_yards_are_wider_than_over_missions() -> None:
+    """Ten missions found all in one yard and nothing in another: two yards say little about other yards."""
+    found = [1] * 10 + [0] * 10
+    missions = pd.DataFrame({"key": range(20), "scenario": found, "n_found": found, "n_sources": 1})
+    over_missions, over_yards = (percentage_of(missions, by, "n_found", "n_sources") for by in ("key", "scenario"))
+    assert over_missions == pytest.approx([100.0 * end for end in wilson(10, 20)])
+    assert over_yards.low < 10.0
 
 
 def test_a_side_does_not_differ_from_itself(tmp_path: Path) -> None:
