@@ -115,17 +115,16 @@ def _own_cache() -> Generator[bool]:
         numba.config.CACHE_DIR = before  # pyright: ignore
 
 
-def compiled(function: _Function) -> _Function:
+def compiled(function: _Function, **options: bool) -> _Function:
     """Compile a function at its first call and keep the machine code on disk."""
     with _own_cache() as keep:
-        return cast("_Function", numba.njit(cache=keep, nogil=True, error_model="numpy")(function))  # pyright: ignore
+        compile_it: Any = numba.njit(cache=keep, nogil=True, error_model="numpy", **options)  # pyright: ignore
+        return cast("_Function", compile_it(function))
 
 
 def compiled_inner(function: _Function) -> _Function:
     """Compile a function that only compiled functions call: without an entry from Python, in a sixth less time."""
-    with _own_cache() as keep:
-        options: dict[str, Any] = {"cache": keep, "nogil": True, "error_model": "numpy", "no_cpython_wrapper": True}
-        return cast("_Function", numba.njit(**options)(function))  # pyright: ignore
+    return compiled(function, no_cpython_wrapper=True)
 
 
 def elementwise(function: Callable[..., float]) -> Callable[..., NDArray[np.float64]]:

@@ -20,6 +20,7 @@ from dirmusic.locating.joint_fit import (
     POSITION_PRIOR_M,
     ROBUST_SCALE,
     JointEstimate,
+    inverse,
     with_height,
     with_height_covariance,
 )
@@ -228,9 +229,9 @@ class _BearingProblem:
         errors = np.eye(n + 2)
         errors[:n, :n] = _error_covariance(position_m, *self._given) / np.multiply.outer(self._std_rad, self._std_rad)
         weighted = by_square[:, np.newaxis] * slopes
-        moved = weighted @ _inverse(slopes.T @ weighted)  # by unit residuals, shape (n + 2, 2)
+        moved = weighted @ inverse(slopes.T @ weighted)  # by unit residuals, shape (n + 2, 2)
         first_order = moved.T @ errors @ moved
-        root = _inverse(np.asarray(np.linalg.cholesky(first_order), dtype=np.float64))
+        root = inverse(np.asarray(np.linalg.cholesky(first_order), dtype=np.float64))
         worst = np.sqrt(2) * root @ moved.T @ errors  # two errors, each moving it by 1.4 deviations
         second_m = np.array(
             [0.5 * (self.solve(position_m, e) + self.solve(position_m, -e)) - position_m for e in worst]
@@ -256,10 +257,6 @@ class _BearingProblem:
         loss = np.stack([2.0 * (root - 1.0), 1.0 / root, -0.5 / root**3])
         loss[:, -2:] = [square[-2:], [1.0, 1.0], [0.0, 0.0]]
         return self._weight * loss
-
-
-def _inverse(matrix: FloatArray) -> FloatArray:
-    return np.linalg.inv(matrix).astype(np.float64)
 
 
 def _turn_per_metre(point_m: FloatArray, pose: FloatArray) -> FloatArray:

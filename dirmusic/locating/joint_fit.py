@@ -106,7 +106,7 @@ def locate_jointly(
         other, other_hessian = problem.solve(problem.mirrored(state, is_below))
         if problem.cost(other) < cost:
             state, hessian = other, other_hessian
-    n_places, covariance = 3 * n_sources, _inverse(hessian)
+    n_places, covariance = 3 * n_sources, inverse(hessian)
     of_array = slice(n_places, state.size - problem.n_terms)
     return JointEstimate(
         positions_m=state[:n_places].reshape(-1, 3),
@@ -132,7 +132,7 @@ def expected_covariances(
         Shape (n_sources, 3, 3), square metres.
     """
     problem = JointProblem(pulses, pose, source, positions_m, array, pose_error)
-    return problem.place_covariances(problem.start, _inverse(problem.hessian(problem.start)))
+    return problem.place_covariances(problem.start, inverse(problem.hessian(problem.start)))
 
 
 class JointProblem:
@@ -276,7 +276,8 @@ def with_height_covariance(covariances_m2: FloatArray) -> FloatArray:
     return in_space
 
 
-def _inverse(matrix: NDArray[np.floating[Any]]) -> FloatArray:
+def inverse(matrix: NDArray[np.floating[Any]]) -> FloatArray:
+    """Invert a matrix."""
     return np.linalg.inv(matrix).astype(np.float64)
 
 
@@ -285,7 +286,7 @@ def _decorrelation(covariance: FloatArray, spread: FloatArray, n_places: int, n_
     correlation = covariance / np.multiply.outer(spread, spread)
     np.fill_diagonal(correlation, 1.0)
     decorrelation, of_errors = np.eye(n_places + spread.size + n_terms), slice(n_places, n_places + spread.size)
-    decorrelation[of_errors, of_errors] = _inverse(np.linalg.cholesky(correlation))
+    decorrelation[of_errors, of_errors] = inverse(np.linalg.cholesky(correlation))
     return decorrelation
 
 

@@ -1,6 +1,6 @@
 """Cases in the free field: a robot drives once around discharges in an empty yard.
 
-Pulses are made by the shipped nature, array, receiver and pose sensor; what is drawn is drawn from the seed alone.
+The shipped models of nature, array, receiver and pose sensor make the pulses; the seed alone determines all draws.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ SPEED_MPS = 0.8
 HEIGHTS_M = 0.8, 3.2
 LEAST_RANGE_M, MOST_RANGE_M = 5.0, 10.0
 SOURCES_WITHIN_M, LEAST_APART_M = 5.0, 3.0
-"""Several sources lie so near the middle of the loop, and no nearer to each other."""
+"""Largest distance of several sources from the middle of the loop, and smallest distance between them."""
 
 FENCE_M = load_scenario("one_source").yard.size_m
 
@@ -38,12 +38,12 @@ class Case(NamedTuple):
     """One drive.
 
     Attributes:
-        sources_m: Where the sources are, shape (n_sources, 3), world frame.
-        real: The array as it was built.
-        array: What the robot knows of it.
-        pose_error: What the robot knows of its pose sensor.
+        sources_m: Positions of the sources, shape (n_sources, 3), world frame.
+        real: The array with its errors.
+        array: The array as the robot knows it.
+        pose_error: Error of the poses as the robot knows it.
         true_pose: x m, y m, yaw rad at each control step, world frame, shape (n_steps, 3).
-        pose: The same as the pose sensor has it, shape (n_steps, 3).
+        pose: The same as the pose sensor measures it, shape (n_steps, 3).
         pulses: All detected pulses with their directions, by time.
         step: Control step of each pulse, shape (n_pulses,).
     """
@@ -62,9 +62,9 @@ def draw_case(seed: int, n_sources: int = 1, *, is_exact: bool = False) -> Case:
     """Draw a drive by its seed.
 
     Args:
-        seed: Fixes all that is drawn.
-        n_sources: How many sources discharge: one in the middle of the loop, 5 to 10 m from it, or several about there.
-        is_exact: Whether array and poses are without error, and there is no ground: what is left is noise.
+        seed: Seed of all draws.
+        n_sources: Number of sources: one in the middle of the loop, 5 to 10 m from it, or several near there.
+        is_exact: Leave out the errors of array and poses and the ground, so that only noise remains.
     """
     scenario = empty_yard(n_sources, is_exact)
     surroundings = Surroundings.free_space() if is_exact else surroundings_of(scenario.yard)

@@ -19,7 +19,7 @@ from tests.benchmarks.free_field.cases import FENCE_M, Case
 FloatArray = NDArray[np.float64]
 
 NUDGE_M = 1e-4
-"""Step of the differences that the bound is made of."""
+"""Step of the finite differences in the bound."""
 
 
 class Fixes(NamedTuple):
@@ -37,7 +37,7 @@ class Fixes(NamedTuple):
 
 
 def credible(case: Case, rules: LocatingRules) -> NDArray[np.bool_]:
-    """Return which pulses are credible, shape (n_pulses,)."""
+    """Return True for each credible pulse, shape (n_pulses,)."""
     pulses = case.pulses
     return is_credible(pulses, case.array, np.zeros(pulses.n_pulses), rules.credibility)
 
@@ -71,7 +71,7 @@ def confirmed(findings: tuple[Finding, ...]) -> list[Finding]:
 
 
 def ospa_m(case: Case, findings: tuple[Finding, ...]) -> float:
-    """Distance between confirmed findings and sources as sets, with a cut-off of 2 m."""
+    """Compute the OSPA distance between confirmed findings and sources, with a cut-off of 2 m."""
     sources = {str(number): place_m for number, place_m in enumerate(case.sources_m)}
     return evaluate(confirmed(findings), sources).ospa_m
 
@@ -103,7 +103,7 @@ def position_bound(case: Case) -> FloatArray:
 
 
 def _gains(case: Case, source_m: FloatArray) -> FloatArray:
-    """Gain over range in each element, from where each pulse was really detected, shape (n_pulses, n_elements)."""
+    """Return the gain over the range in each element at the true pose of each pulse, shape (n_pulses, n_elements)."""
     pose, elements_m = case.true_pose[case.step], case.real.positions_m
     cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
     east, north = (source_m[:2] - pose[:, :2]).T

@@ -15,12 +15,12 @@ FloatArray = NDArray[np.float64]
 
 START = datetime(2000, 1, 1)
 WANDER_M2_PER_S = 1e-9
-"""Process noise: next to none, for the source stands still; without any, some filters lose rank."""
+"""Process noise: nearly zero, as the source stands still; without any, some filters lose rank."""
 
 N_PARTICLES = 2000
 
 CROSSING_STD_M = 2.0
-"""Of where two lines of sight cross: ample for lines that cross nearly square at 10 m."""
+"""Standard deviation of the crossing of two lines of sight: ample for lines that cross at nearly 90 degrees at 10 m."""
 
 
 class SightLines(NamedTuple):
@@ -28,7 +28,7 @@ class SightLines(NamedTuple):
 
     Attributes:
         time_s: Shape (n,).
-        from_m: Where each was taken, shape (n, 2).
+        from_m: Positions at which the bearings were taken, shape (n, 2).
         bearing_rad: World frame, shape (n,).
         std_rad: Shape (n,).
     """
@@ -48,7 +48,7 @@ def of_peer(name: str) -> Any:  # noqa: ANN401 - a module of a library that need
 def peer_fixes(lines: SightLines, fence_m: tuple[float, float]) -> dict[str, FloatArray]:
     """Return the position of each of the peer's filters after all bearings, shape (2,), by filter and start.
 
-    They start from what the fence tells alone, or from where two lines of sight cross.
+    They start from the middle of the yard, or from the crossing of two lines of sight.
     """
     starts = {
         "fence": (0.5 * np.asarray(fence_m), np.square(np.asarray(fence_m)) / 12.0),
@@ -81,7 +81,7 @@ def _standing_still() -> Any:  # noqa: ANN401
 
 
 def _detections(lines: SightLines) -> list[Any]:
-    """Each bearing with the measurement model of the place where it was taken."""
+    """Make a detection of each bearing, with the measurement model of the place where it was taken."""
     model, array = of_peer("models.measurement.nonlinear").Cartesian2DToBearing, of_peer("types.array")
     detection, bearing = of_peer("types.detection").Detection, of_peer("types.angle").Bearing
     return [
@@ -113,7 +113,7 @@ def _kalman(lines: SightLines, updater: Any, mean_m: FloatArray, variance_m2: Fl
 
 
 def _particles(lines: SightLines, mean_m: FloatArray, variance_m2: FloatArray) -> FloatArray:
-    """Resampled when few particles count, and moved on by Markov chains then."""
+    """Run a particle filter that resamples and regularises when the effective number of particles is small."""
     normal = np.random.default_rng(0).standard_normal((2, N_PARTICLES))
     at_m = mean_m[:, np.newaxis] + np.sqrt(variance_m2)[:, np.newaxis] * normal
     state = of_peer("types.state").ParticleState(

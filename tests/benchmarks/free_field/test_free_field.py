@@ -1,6 +1,6 @@
 """Accuracy in an empty yard; `uv run pytest -m slow tests/benchmarks/free_field -s` prints it.
 
-A share passes when its 95 % interval, after Wilson, reaches what is asked.
+A share passes when its 95 % Wilson interval reaches the required value.
 """
 
 from functools import lru_cache
@@ -14,12 +14,12 @@ from tests.benchmarks.free_field.cases import draw_case, with_wild_bearings
 from tests.benchmarks.free_field.figures import Fixes, confirmed, fixes, locate, ospa_m, position_bound
 
 FEW, FEW_WILD = 4, 16
-"""Cases that are always run; wild bearings, which some cases meet with and others do not, take more of them."""
+"""Numbers of cases in the short run; wild bearings affect only some cases, and need more of them."""
 
 MANY = 2000
 WILD_SHARE = 0.3
 ALL_PULSES = LocatingRules(max_pulses=2000)
-"""Where noise alone is left, every pulse counts."""
+"""Rules for cases in which noise is the only error, so that every pulse contributes."""
 
 few_or_many = pytest.mark.parametrize(
     "n_cases", [pytest.param(FEW, marks=pytest.mark.whole), pytest.param(MANY, marks=pytest.mark.slow)]
@@ -28,7 +28,7 @@ few_or_many = pytest.mark.parametrize(
 
 @lru_cache
 def shipped(n_cases: int) -> Fixes:
-    """With the shipped errors of array and pose."""
+    """Locate the sources of cases with the shipped errors of array and pose."""
     return fixes([(case, locate(case)) for case in map(draw_case, range(n_cases))])
 
 
@@ -80,7 +80,7 @@ def test_error_by_noise_is_near_the_bound(n_cases: int) -> None:
         f"\n{n_cases} cases without errors of array and pose: RMSE {1e3 * np.sqrt(square_m2.mean()):.2f} mm, "
         f"{over_bound:.3f} times the root of the bound"
     )
-    assert over_bound <= (1.10 if n_cases == MANY else 1.35)  # of so few, chance alone makes one in 20 larger
+    assert over_bound <= (1.10 if n_cases == MANY else 1.35)  # with so few cases, one run in 20 is larger by chance
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Positions from bearings beside Stone Soup's filters: `uv run --group peers pytest -m benchmark -n 0 -s`."""
+"""Positions from bearings, compared with Stone Soup's filters: `uv run --group peers pytest -m benchmark -n 0 -s`."""
 
 import numpy as np
 import pytest
@@ -58,4 +58,4 @@ def test_positions_are_no_worse_than_the_best_peer_filter() -> None:
     for name, median_m in medians.items():
         print(f"{name:28} {median_m:.3f} m  {median_m / medians[best]:.2f}")
     assert medians["Locator, joint fix"] <= medians[best]
-    assert medians["Locator, bearings alone"] <= 1.1 * medians[best]  # as good, within what so few cases tell
+    assert medians["Locator, bearings alone"] <= 1.1 * medians[best]  # equal within the statistics of so few cases

@@ -36,7 +36,7 @@ DETECTED_PULSES = 30
 """Number of pulses above which a source counts as detected on a route."""
 
 BUSHING_M = 3.0
-"""Height above which a source counts as one on a bushing."""
+"""Height above which a source counts as a source on a bushing."""
 
 
 class Outcome(NamedTuple):

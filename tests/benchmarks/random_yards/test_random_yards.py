@@ -30,7 +30,7 @@ Case = tuple[Scenario, str, int]
 
 
 FEW = 12
-"""Cases in CI; two of twelve may be missed if 95 % must be found, and three cases would decide nothing."""
+"""Cases in CI: with twelve, two may be missed if 95 % must be found; three would not decide anything."""
 
 
 def few_or_many(many: int, few: int = 3) -> pytest.MarkDecorator:

@@ -1,6 +1,5 @@
 """Locator: from pulses to findings, with an array that differs from its data sheet."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -43,7 +42,7 @@ def update(locator: Locator, time_s: float, pose: np.ndarray, strengths: np.ndar
 
 
 def listen_along(
-    path: np.ndarray, sources: Sequence[ArrayLike], seed: int, locator: Locator | None = None
+    path: np.ndarray, sources: ArrayLike, seed: int, locator: Locator | None = None
 ) -> tuple[Locator, list[tuple[Finding, ...]]]:
     """Add two pulses of each source at each step, received by an array with errors."""
     rng = np.random.default_rng(seed)
