@@ -12,7 +12,9 @@ from rich.progress import Progress
 from dirmusic import InputFileError
 from pdpatrol.missions.atomic_file import atomic_file
 from pdpatrol.missions.cli.mission_files import load_log, write_mission
+from pdpatrol.missions.cli.report import refused_if_damaged
 from pdpatrol.missions.cli.terminal import err, fail, note, out, refuse
+from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.runner import run_mission
 from pdpatrol.missions.sweep.dataset import Dataset
 from pdpatrol.missions.sweep.plan import digest_of_code
@@ -31,7 +33,7 @@ def replay(
 ) -> None:
     """Open recordings of missions in the Rerun viewer, several of them together.
 
-    The recording of each mission is drawn from its log; without a log, it is shown as it is.
+    The recording of each mission is drawn from its log.
 
     Args:
         folders: Folders of missions.
@@ -46,40 +48,36 @@ def replay(
     """
     if not folders:
         refuse("DIR is missing; give the folder of a mission")
-    for folder in folders:
-        if not folder.is_dir():
-            refuse(f"{folder}: no such folder; give the folder of a mission")
     if row and len(folders) > 1:
         refuse(f"--row needs one folder, that of a sweep, got {len(folders)}")
-    n_missions = len(row) or len(folders)
-    _check_new_file("--screenshot", screenshot, (".png",), n_missions)
-    _check_new_file("--video", video, (".mp4", ".gif"), n_missions)
+    for option, file, endings in (("--screenshot", screenshot, (".png",)), ("--video", video, (".mp4", ".gif"))):
+        if file is None:
+            continue
+        if max(len(row), len(folders)) > 1:
+            refuse(f"{option} needs one mission, got {max(len(row), len(folders))}")
+        if file.suffix.lower() not in endings or file.exists() or not file.parent.is_dir():
+            refuse(f"{option} must be a new {' or '.join(endings)} file in an existing folder, got {file}")
     if at is not None and (screenshot is None or not 0 <= at < math.inf):
         refuse(f"--at must be 0 or more, with --screenshot, got {at}")
     if pace is not None and (video is None or not 0.1 <= pace <= 1000.0):
         refuse(f"--pace must be from 0.1 to 1000, with --video, got {pace}")
     if row:
-        folders = tuple(_run_again(sweep, number) for number in row for sweep in folders)
+        folders = tuple(_run_again(folders[0], number) for number in row)
+    logs = [load_log(folder) for folder in folders]
     if video is not None:
-        for folder in folders:
-            _film(folder, video, pace)
+        _film(folders[0], logs[0], video, pace)
         if screenshot is None:
             return
-    _show(folders, web, screenshot, at)
-
-
-def _show(folders: tuple[Path, ...], web: bool, screenshot: Path | None, at_s: float | None) -> None:
-    """Show recordings in a viewer, or take a screenshot of it."""
     # here, because a film does not need Rerun
-    from pdpatrol.missions.recording import ViewerError, open_viewer, serve, take_screenshot, update_recording
+    from pdpatrol.missions.recording import ViewerError, open_viewer, serve, take_screenshot, write_recording
 
-    try:
-        recordings = [update_recording(folder, lists_recordings=len(folders) > 1) for folder in folders]
-    except (FileNotFoundError, ValueError) as error:
-        refuse(str(error))
+    recordings = [folder / "mission.rrd" for folder in folders]
+    for log, recording in zip(logs, recordings, strict=True):
+        with refused_if_damaged(recording.parent):
+            write_recording(log, recording, lists_recordings=len(logs) > 1)
     if screenshot is not None:
         with err.status("The viewer draws"), atomic_file(screenshot) as temporary:
-            temporary.write_bytes(take_screenshot(recordings[0], at_s))
+            temporary.write_bytes(take_screenshot(recordings[0], at))
         out.print(f"Written: {screenshot}", soft_wrap=True)
     elif web:
         serve(recordings, lambda url: out.print(f"Serving at {url}  (Ctrl-C ends it)", soft_wrap=True))
@@ -90,23 +88,8 @@ def _show(folders: tuple[Path, ...], web: bool, screenshot: Path | None, at_s: f
             fail(f"{error}; `pdpatrol replay --web` shows it in a browser")
 
 
-def _check_new_file(option: str, file: Path | None, endings: tuple[str, ...], n_missions: int) -> None:
-    """Refuse a file that cannot be written."""
-    if file is None:
-        return
-    if n_missions > 1:
-        refuse(f"{option} needs one mission, got {n_missions}")
-    if file.suffix.lower() not in endings:
-        refuse(f"{option} must end in {' or '.join(endings)}, got {file}")
-    if file.exists():
-        refuse(f"{option} must be a new file, and {file} exists")
-    if not file.parent.is_dir():
-        refuse(f"{option} must be in an existing folder, and {file.parent} is not one")
-
-
-def _film(folder: Path, video: Path, pace: float | None) -> None:
+def _film(folder: Path, log: MissionLog, video: Path, pace: float | None) -> None:
     """Write a film of a mission."""
-    log = load_log(folder)
     with Progress(console=err, transient=True, disable=not err.is_terminal) as progress:
         bar = progress.add_task(f"film of {folder.name}", total=1.0)
         try:

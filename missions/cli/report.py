@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -31,12 +32,19 @@ def report(
     wall_time_s = 0.0
     with suppress(OSError, ValueError):
         wall_time_s = read_report((folder / "report.json").read_text(encoding="utf-8")).wall_time_s
-    try:
+    with refused_if_damaged(folder):
         made = write_report(log, wall_time_s, folder)
-    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError):
-        refuse(f"{folder}: the metadata in its log are damaged; give the folder that `pdpatrol run` wrote")
     if json_output:
         print_json(made)
         return
     print_findings(made)
     print_written(folder, "report.json", "report.html")
+
+
+@contextmanager
+def refused_if_damaged(folder: Path) -> Iterator[None]:
+    """Refuse a mission whose log has metadata from which nothing can be made."""
+    try:
+        yield
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError):
+        refuse(f"{folder}: the metadata in its log are damaged; give the folder that `pdpatrol run` wrote")

@@ -108,8 +108,6 @@ def run(
             log = mission.run(after_step)
             with stopwatch.on("log, report and recording"):
                 report = write_mission(log, stopwatch.total_s - stopwatch.spent_s["compiling"], folder)
-        if viewer:
-            viewer.leave_open()
     print_outcome(report, folder, _summary(report), json_output)
     if timing:
         print_times(stopwatch)

@@ -1,6 +1,6 @@
 """Rerun recordings of mission logs, and viewers for them. No other package imports Rerun."""
 
-from pdpatrol.missions.recording.recorder import Recorder, update_recording, write_recording
+from pdpatrol.missions.recording.recorder import Recorder, write_recording
 from pdpatrol.missions.recording.viewer import (
     LiveView,
     ViewerError,
@@ -18,6 +18,5 @@ __all__ = [
     "open_viewer",
     "serve",
     "take_screenshot",
-    "update_recording",
     "write_recording",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from pdpatrol.missions.record.mission_log import MissionLog
 
-Table = dict[str, NDArray[Any]]
-
 
 @dataclass(frozen=True)
 class LogBin:
@@ -21,26 +19,22 @@ class LogBin:
 
     Attributes:
         log: Log of the mission.
-        first_step: Row of the first step.
-        first_pulse: Row of the first pulse.
+        first: Number of the first row, by the name of the table.
         tables: Rows of the bin, by the name of the table.
-        is_complete: False for the last bin if it has fewer steps than the others.
     """
 
     log: MissionLog
-    first_step: int
-    first_pulse: int
-    tables: dict[str, Table]
-    is_complete: bool
+    first: Mapping[str, int]
+    tables: Mapping[str, dict[str, NDArray[Any]]]
 
     @property
     def end(self) -> int:
         """Row after the last step."""
-        return self.first_step + self.tables["step"]["time_s"].size
+        return self.first["step"] + self.tables["step"]["time_s"].size
 
     def pose(self, steps: Any) -> NDArray[np.float64]:  # noqa: ANN401 - a step, or an array of steps
         """Return the estimated poses at steps of the bin, shape (..., 3)."""
-        return self.tables["step"]["pose"][steps - self.first_step]
+        return self.tables["step"]["pose"][steps - self.first["step"]]
 
 
 def set_step(stream: rr.RecordingStream, log: MissionLog, step: int) -> None:
@@ -50,9 +44,10 @@ def set_step(stream: rr.RecordingStream, log: MissionLog, step: int) -> None:
     stream.set_time("step", sequence=step)
 
 
-def labels_2d(places: Mapping[str, Sequence[float]]) -> rr.Points2D:
-    """Return white labels at places x, y of an image."""
-    return rr.Points2D(list(places.values()), labels=list(places), colors=[0xFFFFFFFF], radii=[0.1], show_labels=True)
+def at_steps(log: MissionLog, steps: NDArray[np.intp]) -> list[rr.TimeColumn]:
+    """Return the times of steps (n,) for `stream.send_columns`."""
+    time_s = log.column("step", "time_s")[steps]
+    return [rr.TimeColumn("sim_time", duration=time_s), rr.TimeColumn("step", sequence=steps)]
 
 
 def labels_3d(places: Mapping[str, ArrayLike], radius_m: float = 0.01) -> rr.Points3D:

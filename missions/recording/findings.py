@@ -1,13 +1,20 @@
-"""Candidates and findings with their 95 % ellipses, and the likelihood of a source on the ground."""
+"""Findings with their 95 % ellipses and phase-resolved patterns, and the likelihood of a source on the ground."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import rerun as rr
 
 from dirmusic.locating.finding import ellipse95, outline95
-from pdpatrol.missions.recording.bins import LogBin, labels_3d, set_step
-from pdpatrol.missions.report.make_report import likelihood_shares
+from pdpatrol.missions.record.finding_pulses import phase_patterns
+from pdpatrol.missions.record.log_contents import grid_of
+from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.recording.bins import LogBin, at_steps, labels_3d, set_step
+from pdpatrol.missions.report.records import Report
+from pdpatrol.missions.report.wording import kind_text
 
 COLOURS = {
     "candidate": (255, 178, 40),
@@ -15,61 +22,98 @@ COLOURS = {
     "outside": (150, 150, 160),
     "ghost": (170, 120, 120),
 }
-"""Colours of findings by state; the ellipse of a film has the same."""
+"""Colours of findings by state."""
+
+UNITS_PER_DB, SPAN_DB = 4.0, 30
+"""Scale of the levels of a pattern, whose axis points down, and their range around the middle; phases in degrees."""
+
+
+def name_of(state: str, number: int) -> str:
+    """Return the name of a finding."""
+    return f"{'finding' if state == 'confirmed' else state} {number}"
 
 
 def draw_findings(stream: rr.RecordingStream, part: LogBin) -> None:
     """Draw the last row of each finding in a bin, and the last likelihood."""
-    finding = part.tables["finding"]
+    finding, likelihood = part.tables["finding"], part.tables["likelihood"]
     for row in {number: row for row, number in enumerate(finding["id"].tolist())}.values():
-        _draw_finding(stream, part, row)
-    if part.tables["likelihood"]["step"].size:
-        _draw_likelihood(stream, part)
+        set_step(stream, part.log, int(finding["step"][row]))
+        _draw_finding(stream, {name: column[row] for name, column in finding.items()})
+    if likelihood["step"].size:
+        set_step(stream, part.log, int(likelihood["step"][-1]))
+        _draw_likelihood(stream, part.log.meta, likelihood["log_likelihood"][-1])
 
 
-def _draw_finding(stream: rr.RecordingStream, part: LogBin, row: int) -> None:
-    finding = {name: column[row] for name, column in part.tables["finding"].items()}
-    state, path = str(finding["state"]), f"world/findings/{finding['id']}"
-    set_step(stream, part.log, int(finding["step"]))
+def _draw_finding(stream: rr.RecordingStream, finding: Mapping[str, Any]) -> None:
+    state, number = str(finding["state"]), int(finding["id"])
+    path = f"world/findings/{number}"
     if state == "dropped":
         stream.log(path, rr.Clear(recursive=True))
         return
-    position_m, covariance_m2, colour = finding["position_m"], finding["covariance_m2"], COLOURS[state]
-    stream.log(path, rr.Points3D([position_m], colors=[colour], radii=[0.2]))
-    draw_label(
-        stream, int(finding["id"]), position_m, f"{'finding' if state == 'confirmed' else state} {finding['id']}"
-    )
+    (x, y, z), covariance_m2, colour = finding["position_m"], finding["covariance_m2"], COLOURS[state]
+    stream.log(path, rr.Points3D([[x, y, z]], colors=[colour], radii=[0.2]))
+    draw_label(stream, number, (x, y, z), name_of(state, number))
     semi_major_m = ellipse95(covariance_m2[:2, :2]).semi_major_m
     lines = []
     if semi_major_m <= 15.0:  # a larger one would hide the yard
-        outline_m = outline95(position_m[:2], covariance_m2[:2, :2], 33)
+        outline_m = outline95(np.array([x, y]), covariance_m2[:2, :2], 33)
         half_m = 1.96 * np.sqrt(covariance_m2[2, 2])  # 95 % interval of the height
-        x, y, z = position_m
         lines = [np.column_stack([outline_m, np.full(33, 0.1)]), [[x, y, max(z - half_m, 0.0)], [x, y, z + half_m]]]
     stream.log(f"{path}/ellipse", rr.LineStrips3D(lines, colors=[colour], radii=[0.05]))
-    stream.log(f"plots/uncertainty/{finding['id']}", rr.Scalars(np.log10(semi_major_m)))
+    stream.log(f"plots/uncertainty/{number}", rr.Scalars(semi_major_m))
 
 
-def draw_label(stream: rr.RecordingStream, number: int, position_m: np.ndarray, text: str) -> None:
+def draw_label(stream: rr.RecordingStream, number: int, position_m: tuple[float, ...], text: str) -> None:
     """Draw the label of a finding."""
     stream.log(f"world/findings/{number}/label", labels_3d({text: position_m}))
 
 
-def _draw_likelihood(stream: rr.RecordingStream, part: LogBin) -> None:
-    """Draw the likelihood as a texture of the ground."""
-    grid, share = likelihood_shares(part.log.meta, part.tables["likelihood"]["log_likelihood"][-1])
+def _draw_likelihood(stream: rr.RecordingStream, meta: Mapping[str, Any], log_likelihood: np.ndarray) -> None:
+    """Draw the likelihood of the cells of the grid as a texture of the ground."""
+    grid = grid_of(meta)
+    peak = max(log_likelihood.max(), 50.0)  # 50: some ten pulses from as many places
+    share = np.square(np.clip(log_likelihood.reshape(grid.shape) / peak, 0.0, 1.0))
     unlikely, likely = np.array([64, 70, 72]), np.array([235, 140, 60])
-    corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-    inner = 0.5 + corners * (np.array(grid.shape) - 1)  # between the centres of cells: textures repeat beyond
-    share = share.T[::-1, :, np.newaxis]  # north first
-    texture = np.round(unlikely + share * (likely - unlikely)).astype(np.uint8)
-    set_step(stream, part.log, int(part.tables["likelihood"]["step"][-1]))
+    inner = 0.5 + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * (np.array(grid.shape) - 1)  # textures repeat beyond
+    texture = unlikely + share.T[::-1, :, np.newaxis] * (likely - unlikely)  # north first
     stream.log(
         "world/likelihood",
         rr.Mesh3D(
             vertex_positions=np.column_stack([grid.corner_m + grid.cell_m * inner, np.zeros(4)]),
             vertex_texcoords=np.abs(inner / grid.shape - [0, 1]),  # v points down
             triangle_indices=[[0, 1, 2], [0, 2, 3]],
-            albedo_texture=texture,
+            albedo_texture=np.round(texture).astype(np.uint8),
         ),
     )
+
+
+def draw_phase_patterns(stream: rr.RecordingStream, log: MissionLog, report: Report) -> None:
+    """Draw the pattern of each finding of a finished mission, each pulse at its time, and its kind at the end."""
+    patterns, reach = phase_patterns(log), UNITS_PER_DB * SPAN_DB
+    records = [record for record in (*report.findings, *report.candidates) if record.id in patterns]
+    if not records:
+        return
+    level_db = np.concatenate([patterns[record.id][0].level_db for record in records])
+    middle_db = 10 * round(float(np.median(level_db)) / 10)
+    phase_deg = np.arange(0.0, 361.0, 5.0)
+    sine = np.column_stack([phase_deg, -0.8 * reach * np.sin(np.radians(phase_deg))])
+    frame = [[0, -reach], [0, reach], [360, reach], [360, -reach], [0, -reach]]
+    lines = rr.LineStrips2D([sine, [[0, 0], [360, 0]], frame], colors=[0x404648FF], radii=[0.6])
+    stream.log("phase_pattern/axes", lines, static=True)
+    marks = {f"{x}°": [x, reach + 9.0] for x in range(0, 361, 90)}
+    marks |= {f"{middle_db + db} dBV": [-22.0, -UNITS_PER_DB * db] for db in range(10 - SPAN_DB, SPAN_DB, 10)}
+    labels = rr.Points2D(list(marks.values()), labels=list(marks), colors=[0xFFFFFFFF], radii=[0.1], show_labels=True)
+    stream.log("phase_pattern/marks", labels, static=True)
+    for order, record in enumerate(records):
+        (pulses, _), path = patterns[record.id], f"phase_pattern/{record.id}"
+        colour = (0x5AC8FFFF, 0xFFB228FF, 0x3CDC6EFF, 0xE66EDCFF, 0xF0E66EFF)[order % 5]
+        steps, counts = np.unique(log.column("pulse", "step")[pulses.pulse], return_counts=True)
+        places = np.column_stack([np.degrees(pulses.phase_rad) % 360.0, UNITS_PER_DB * (middle_db - pulses.level_db)])
+        stream.log(path, rr.Points2D.from_fields(colors=[colour], radii=[1.2]), static=True)
+        points = rr.Points2D.columns(positions=places).partition(counts)
+        stream.send_columns(path, at_steps(log, steps), points)
+        row, column = divmod(order, 2)  # names stand in two columns above the frame
+        place = [90.0 + 180.0 * column, -reach - 18.0 * (row + 1.5)]
+        text = f"{name_of(record.state, record.id)}: {kind_text(record)}"
+        set_step(stream, log, log.n_rows("step") - 1)
+        stream.log(f"{path}/kind", rr.Points2D([place], labels=[text], colors=[colour], radii=[4.0], show_labels=True))

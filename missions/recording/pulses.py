@@ -1,4 +1,4 @@
-"""Pulses: bearings as rays, the pseudo-spectrum as a ring around the robot, strengths of the elements."""
+"""Pulses: bearings as rays and over time, the pseudo-spectrum as a ring around the robot, strengths of the elements."""
 
 from __future__ import annotations
 
@@ -6,64 +6,61 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from pdpatrol.missions.recording.bins import LogBin, lines_3d, set_step
-from pdpatrol.missions.recording.spectra import AZIMUTHS_RAD, pseudo_spectra
+from pdpatrol.missions.recording.bins import LogBin, at_steps, lines_3d, set_step
 
 FloatArray = NDArray[np.float64]
+
+AZIMUTHS_RAD = np.radians(np.arange(0.0, 360.0, 2.0))
+"""Azimuths at which pseudo-spectra are computed."""
 
 ARRAY_HEIGHT_M = 0.6
 """Height above ground at which rays and rings are drawn; roughly that of the array."""
 
+BEARING = 0xFFE86EFF
+
+
+def draw_plots(stream: rr.RecordingStream) -> None:
+    """Set names and colours of bearings and headings over time."""
+    for name, colour in (("bearing", BEARING), ("heading", 0x2896FFFF)):
+        style = rr.SeriesPoints(names=name, colors=[colour], marker_sizes=1.5)
+        stream.log(f"plots/directions/{name}", style, static=True)
+
 
 def draw_pulses(stream: rr.RecordingStream, part: LogBin, unit_gain: FloatArray) -> None:
-    """Draw all pulses of a bin as rays at their steps, and the strongest credible one as ring and darker ray.
+    """Draw the bearings of a bin as rays and over time, the strongest pulse as a ring, and the median strengths.
 
     Args:
         stream: Recording to draw on.
         part: Bin to draw.
-        unit_gain: See `pseudo_spectra`.
+        unit_gain: Gains at `AZIMUTHS_RAD`, normalised at each azimuth, shape (n_elements, n_azimuths).
     """
-    pulse, bearing_rad = part.tables["pulse"], part.tables["bearing"]["bearing_rad"]
-    credible = part.tables["bearing"]["pulse"] - part.first_pulse
-    rejected = np.setdiff1d(np.arange(pulse["step"].size), credible)
-    spectrum = pseudo_spectra(pulse["strengths_v"], unit_gain)
-    peak_rad = AZIMUTHS_RAD[spectrum.argmax(axis=-1)] + part.pose(pulse["step"])[:, 2]
-    for step in np.unique(pulse["step"]).tolist():
-        set_step(stream, part.log, step)
-        for path, rows, towards_rad, length_m, colour, width in (
-            ("world/bearings/new", credible, bearing_rad, 25.0, 0xFFE86EFF, 1.0),
-            ("world/bearings/rejected", rejected, peak_rad[rejected], 6.0, 0x7D8087FF, 0.8),
-        ):
-            own = pulse["step"][rows] == step
-            if own.any():
-                stream.log(path, _rays(part.pose(step), towards_rad[own], length_m, colour, width))
-    if not credible.size:
+    bearing_rad, rows = part.tables["bearing"]["bearing_rad"], part.tables["bearing"]["pulse"] - part.first["pulse"]
+    set_step(stream, part.log, max(part.end - 1, 0))
+    if not rows.size:
+        for path in ("world/bearings", "world/spectrum"):
+            stream.log(path, rr.Clear(recursive=False))
         return
-    set_step(stream, part.log, part.end - 1)
-    strengths_v = pulse["strengths_v"][credible]
+    step, strengths_v = part.tables["pulse"]["step"][rows], part.tables["pulse"]["strengths_v"][rows]
+    pose = part.pose(step)
+    start_m = np.column_stack([pose[:, :2], np.full(rows.size, ARRAY_HEIGHT_M)])
+    ahead = np.column_stack([np.cos(bearing_rad), np.sin(bearing_rad), np.zeros(rows.size)])
+    stream.log("world/bearings", lines_3d(np.stack([start_m, start_m + 25.0 * ahead], axis=1), BEARING, 1.0))
+    strongest = int(np.linalg.norm(strengths_v, axis=-1).argmax())
+    ring_m = _ring(pose[strongest], strengths_v[strongest], unit_gain)
+    stream.log("world/spectrum", lines_3d([ring_m], 0x5ADCFFFF, 1.5))
     level_db = 20.0 * np.log10(np.maximum(np.median(strengths_v, axis=0), 1e-3))  # zeros: elements that face away
     stream.log("plots/strengths", rr.Scalars(level_db))
-    strongest = int(np.linalg.norm(strengths_v, axis=-1).argmax())
-    pose = part.pose(pulse["step"][credible[strongest]])
-    ray = _rays(pose, bearing_rad[[strongest]], 25.0, 0x786E3AFF, 0.6)
-    stream.log("world/bearings/past", ray)
-    stream.log("plots/directions/bearing", rr.Scalars(np.degrees(bearing_rad[strongest])))
-    if part.is_complete:  # the view shows the rings of the duration of a bin
-        ring = _ring(pose, spectrum[credible[strongest]])
-        stream.log("world/spectrum", lines_3d([ring], 0x5ADCFFFF, 1.5))
+    degrees = rr.Scalars.columns(scalars=np.degrees(bearing_rad))
+    stream.send_columns("plots/directions/bearing", at_steps(part.log, step), degrees)
 
 
-def _rays(pose: FloatArray, towards_rad: FloatArray, length_m: float, colour: int, width: float) -> rr.LineStrips3D:
-    """Return rays from a pose in directions (n,) of the world frame."""
-    start = np.array([*pose[:2], ARRAY_HEIGHT_M])
-    ahead = np.column_stack([np.cos(towards_rad), np.sin(towards_rad), np.zeros(towards_rad.size)])
-    rays = np.stack([np.broadcast_to(start, ahead.shape), start + length_m * ahead], axis=1)
-    return lines_3d(rays.astype(np.float32), colour, width)
+def _ring(pose: FloatArray, strengths_v: FloatArray, unit_gain: FloatArray) -> FloatArray:
+    """Return the pseudo-spectrum of a pulse as a closed line around a pose, radius 0.8 m at zero and 3 m at the peak.
 
-
-def _ring(pose: FloatArray, spectrum: FloatArray) -> FloatArray:
-    """Return a pseudo-spectrum as a closed line around a pose, radius 0.8 m at zero and 3 m at the peak."""
+    It follows eq. (13) to (15) of the Dir-MUSIC paper, with 1.001 for 1 so that the peak is not infinite.
+    """
+    spectrum = 1.0 / (1.001 - np.square(strengths_v / np.linalg.norm(strengths_v) @ unit_gain))
     angle = np.append(AZIMUTHS_RAD, 0.0) + pose[2]
-    radius_m = 0.8 + 2.2 * np.append(spectrum, spectrum[0])
+    radius_m = 0.8 + 2.2 * np.append(spectrum, spectrum[0]) / spectrum.max()
     x, y = pose[0] + radius_m * np.cos(angle), pose[1] + radius_m * np.sin(angle)
     return np.column_stack([x, y, np.full(angle.size, ARRAY_HEIGHT_M)])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
 import os
 import signal
 import socket
@@ -48,7 +47,7 @@ def open_viewer(recordings: Sequence[Path]) -> None:
         ViewerError: If it cannot be opened.
     """
     check_screen()
-    with _rerun("--port", str(_free_port()), *(path.resolve() for path in recordings)) as viewer:
+    with _rerun("--new", *(path.resolve() for path in recordings)) as viewer:
         _wait(viewer)
 
 
@@ -63,7 +62,7 @@ def serve(recordings: Sequence[Path], announce: Callable[[str], None]) -> None:
         ViewerError: If they cannot be served.
     """
     port, web_port = _free_port(), _free_port()
-    options = ("--serve-web", "--port", str(port), "--web-viewer-port", str(web_port))
+    options = ("--serve-web", "--port", port, "--web-viewer-port", web_port)
     with _rerun(*options, *(path.resolve() for path in recordings)) as server:
         _retry(server, lambda: socket.create_connection((LOOPBACK, web_port), timeout=1.0).close())
         announce(f"http://{LOOPBACK}:{web_port}/?url=rerun%2Bhttp://{LOOPBACK}:{port}/proxy")
@@ -81,7 +80,7 @@ def take_screenshot(recording: Path, at_s: float | None = None) -> bytes:
         ViewerError: If the viewer cannot draw on this machine.
     """
     port = _free_port()
-    with _rerun("--headless", "--window-size", "1600x1000", "--hide-welcome-screen", "--port", str(port)) as viewer:
+    with _rerun("--headless", "--window-size", "1600x1000", "--hide-welcome-screen", "--port", port) as viewer:
         client = _connect(viewer, port)
         started_s = time.monotonic()
         try:
@@ -100,7 +99,7 @@ def take_screenshot(recording: Path, at_s: float | None = None) -> bytes:
 
 
 class LiveView:
-    """Viewer of a running mission; if the user closes it, the mission continues.
+    """Viewer of a running mission; it stays open after the mission, and if the user closes it, the mission continues.
 
     Raises:
         ViewerError: If it cannot be opened.
@@ -109,9 +108,7 @@ class LiveView:
     def __init__(self) -> None:
         check_screen()
         self._port = _free_port()
-        self._context = _rerun("--port", str(self._port), "--expect-data-soon", "--hide-welcome-screen")
-        self._viewer = self._context.__enter__()
-        self._close = atexit.register(self._context.__exit__, None, None, None)
+        self._viewer = _start("--port", self._port, "--expect-data-soon", "--hide-welcome-screen")
         _connect(self._viewer, self._port)
         self._recorder: Recorder | None = None
 
@@ -121,20 +118,15 @@ class LiveView:
             return
         if self._recorder is None:
             stream = recording_stream(log)
-            stream.connect_grpc(_address(self._port), default_blueprint=blueprint(log.meta, 0.5, is_live=True))
+            stream.connect_grpc(_address(self._port), default_blueprint=blueprint(log.meta, is_live=True))
             self._recorder = Recorder(stream, log)
         self._recorder.update()
 
-    def leave_open(self) -> None:
-        """Keep the viewer open when this process ends."""
-        atexit.unregister(self._close)
 
-
-@contextmanager
-def _rerun(*arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
-    """Run Rerun until the end of the block. It has its own process group, because it starts the viewer as a child."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "rerun", "--bind", LOOPBACK, *arguments],
+def _start(*arguments: object) -> subprocess.Popen[str]:
+    """Start Rerun in its own process group, because it starts the viewer as a child."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "rerun", "--bind", LOOPBACK, *map(str, arguments)],
         start_new_session=True,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
@@ -142,6 +134,12 @@ def _rerun(*arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
         env={**os.environ, "RUST_LOG": "error"},
         text=True,
     )
+
+
+@contextmanager
+def _rerun(*arguments: object) -> Iterator[subprocess.Popen[str]]:
+    """Run Rerun until the end of the block."""
+    process = _start(*arguments)
     try:
         yield process
     finally:

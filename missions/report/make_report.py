@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 from dirmusic.locating.association import Unassociated
 from dirmusic.locating.confirmation import LEVEL_QUANTILE
 from dirmusic.locating.finding import ellipse95
-from dirmusic.locating.yard_likelihood import Grid
 from dirmusic.pulses.phase_resolved import PhasePattern
 from pdpatrol.missions.record.events import EventKind
 from pdpatrol.missions.record.finding_pulses import FindingPulses, finding_pulses, phase_patterns
-from pdpatrol.missions.record.log_contents import grid_of, known_yard, true_yard
+from pdpatrol.missions.record.log_contents import known_yard, true_yard
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.record.which_site import site_probabilities
 from pdpatrol.missions.report.records import (
@@ -99,13 +98,6 @@ def findings_at(log: MissionLog, end: int, *states: str) -> dict[str, NDArray[An
     table = log.table("finding", start, stop)
     own = np.isin(table["state"], states)
     return {column: values[own] for column, values in table.items()}
-
-
-def likelihood_shares(meta: dict[str, Any], log_likelihood: FloatArray) -> tuple[Grid, FloatArray]:
-    """Return the grid of a log, and a row of its table `likelihood` on it as colours from 0 to 1, shape (nx, ny)."""
-    grid = grid_of(meta)
-    peak = max(log_likelihood.max(), 50.0)  # 50: some ten pulses from as many places
-    return grid, np.square(np.clip(log_likelihood.reshape(grid.shape) / peak, 0.0, 1.0))
 
 
 def _events(events: dict[str, NDArray[Any]], kind: EventKind, column: str = "text") -> tuple[Any, ...]:

@@ -72,6 +72,17 @@ ADVICE_LIMITS = (
     "assumptions and replace neither the manufacturer's advice nor the judgement of an insulation engineer."
 )
 
+PHASES = {
+    "patrol": "drives the route",
+    "seek": "approaches a candidate",
+    "listen": "stands and listens",
+    "return to dock": "returns to the dock",
+    "back off": "backs off from an obstacle",
+    "random": "drives at random",
+    "field": "field data",
+}
+"""Descriptions of the phases of built-in policies."""
+
 
 def advice_of(finding: FindingRecord) -> tuple[Advice, str, str]:
     """Return the recommended action for a finding, its time frame, and the rule that led to them.
@@ -119,17 +130,10 @@ def outcome_text(report: Report) -> str:
 
 def phase_text(phase: Phase) -> str:
     """Describe the activity of a policy."""
-    if phase.target and phase.name in ("patrol", "seek"):
-        return f"{'drives to waypoint' if phase.name == 'patrol' else 'approaches candidate'} {phase.target}"
-    texts = {
-        "patrol": "drives the route",
-        "listen": "stands and listens",
-        "return to dock": "returns to the dock",
-        "back off": "backs off from an obstacle",
-        "random": "drives at random",
-        "field": "field data",
-    }
-    return texts.get(phase.name, str(phase))
+    towards = {"patrol": "drives to waypoint", "seek": "approaches candidate"}
+    if phase.target and phase.name in towards:
+        return f"{towards[phase.name]} {phase.target}"
+    return PHASES.get(phase.name, str(phase))
 
 
 def no_finding_text(pulses: PulseCounts) -> str:

@@ -94,18 +94,15 @@ def test_replay_refuses_a_log_with_damaged_metadata(mission: Path, tmp_path: Pat
     arrays["meta"] = np.array(json.dumps({"schema": 5, "array": 7}))
     (tmp_path / "log.npz").write_bytes(hostile.packed(arrays))
     (line,) = refusal(pdpatrol("replay", ".", cwd=tmp_path))
-    assert "log with metadata that are damaged" in line
+    assert "the metadata in its log are damaged" in line
     assert [path.name for path in tmp_path.iterdir()] == ["log.npz"]
 
 
 @pytest.mark.whole
-def test_replay_refuses_a_damaged_recording_without_log(tmp_path: Path) -> None:
-    (tmp_path / "a" / "mission.rrd").mkdir(parents=True)
-    (tmp_path / "b").mkdir()
-    (tmp_path / "b" / "mission.rrd").write_bytes(b"junk")
-    for folder in ("a", "b"):
-        (line,) = refusal(pdpatrol("replay", "--web", folder, cwd=tmp_path))
-        assert "mission.rrd: not a readable recording" in line
+def test_replay_refuses_a_recording_without_log(tmp_path: Path) -> None:
+    (tmp_path / "mission.rrd").write_bytes(b"junk")
+    (line,) = refusal(pdpatrol("replay", "--web", ".", cwd=tmp_path))
+    assert "holds no log.npz" in line
 
 
 MANIFEST = {"version": 1, "plan": "p", "code": "c", "n_missions": 1, "suite": ""}
