@@ -89,11 +89,3 @@ def test_page_shows_text_and_pictures_and_loads_nothing(name: str, theme: Theme,
     assert n_colours(seen) > 50
     assert [url for url in asked if not url.startswith(("file:", "data:"))] == []
     assert errors == []
-
-
-def test_browser_reports_failed_scripts_and_missing_files(tmp_path: Path) -> None:
-    bad = tmp_path / "bad.html"
-    bad.write_text("<img src='nowhere.png'><script>console.error('one'); undefined_name</script>", encoding="utf-8")
-    with opened(bad.as_uri(), "light") as (page, errors):
-        assert not has_drawn(picture(page, "bad"))
-    assert len(errors) >= 3

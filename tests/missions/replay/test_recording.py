@@ -1,8 +1,6 @@
 """Recordings written and read back."""
 
 import re
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -54,13 +52,6 @@ def direction(rays: object) -> NDArray[np.float64]:
     """Return the directions of rays (n, 2, 3), shape (n,), radians."""
     ahead = np.diff(np.array(rays), axis=1)[:, 0]
     return np.arctan2(ahead[:, 1], ahead[:, 0])
-
-
-def test_rerun_verifies_the_file(recording: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "rerun", "rrd", "verify", str(recording)], capture_output=True, text=True, timeout=60
-    )
-    assert done.returncode == 0, done.stderr
 
 
 def test_recording_has_every_row_of_the_log(drawn: Entities, log: MissionLog) -> None:
@@ -198,17 +189,13 @@ def test_ring_peaks_on_a_ray(drawn: Entities) -> None:
         assert np.degrees(np.abs(wrap(peak - direction(rays[step])))).min() < 2.0  # azimuths are 2 degrees apart
 
 
-def test_left_turn_raises_the_heading_and_turns_the_robot(log: MissionLog, tmp_path: Path) -> None:
-    turning, step = MissionLog(log.meta), log.table("step")
-    yaw_rad = -0.5 + 0.03 * np.arange(40)
-    for k in range(40):
-        row = {name: column[k] for name, column in step.items()}
-        turning.append("step", **row | {"pose": np.array([5.0, 5.0, yaw_rad[k]])})
-    drawn = recorded(turning, tmp_path)
-    heading = drawn["plots/directions/heading"]["scalars"]
-    np.testing.assert_allclose(list(heading.values()), np.degrees(yaw_rad[4::5, np.newaxis]), atol=1e-6)
-    angles = drawn["world/robot"]["rotation_axis_angle"]
-    np.testing.assert_allclose([turn[0]["angle"] for turn in angles.values()], yaw_rad, atol=1e-6)
+def test_left_turn_turns_the_robot(drawn: Entities, log: MissionLog) -> None:
+    yaw_rad = np.unwrap(log.column("step", "pose")[:, 2])
+    assert np.ptp(yaw_rad) > 1.0
+    turns = np.unwrap([turn["angle"] for _, (turn,) in sorted(drawn["world/robot"]["rotation_axis_angle"].items())])
+    np.testing.assert_allclose(turns, yaw_rad, atol=1e-5)
+    for step, (degrees,) in drawn["plots/directions/heading"]["scalars"].items():
+        assert degrees == pytest.approx(np.degrees(wrap(yaw_rad[step])))
 
 
 def test_phase_pattern_has_levels_in_decibels(drawn: Entities, log: MissionLog) -> None:
