@@ -65,7 +65,6 @@ def test_help_and_version_load_nothing_heavy(argument: str, tmp_path: Path) -> N
         ("run nowhere", "nowhere"),
         ("run --seed -1", "--seed: must be greater than or equal to 0, got -1"),
         ("run --policy magic", "magic"),
-        ("plan --amplitude-v -1", "--amplitude-v: must be greater than 0, got -1.0"),
         ("replay nowhere", "nowhere: no such folder"),
         ("report nowhere", "nowhere: no such folder"),
         ("export nowhere", "nowhere: no such folder"),

@@ -14,7 +14,6 @@ from pdpatrol.envs.random_yard import random_yard
 from pdpatrol.envs.scenario.robot import RobotConfig
 from pdpatrol.envs.scenario.scenario import RouteConfig, TaskConfig
 from pdpatrol.missions.driving.lidar_stop import STOP_M, free_distance, lookahead_m, safe_speed
-from pdpatrol.missions.driving.path_follower import PathFollower
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.policies.collision_guard import BACK_OFF_S, CollisionGuard
 from pdpatrol.missions.policies.make_policy import Random
@@ -194,17 +193,6 @@ def test_obstacle_course_is_completed_without_contact(seed: int, robot: str) -> 
 def test_fifty_obstacle_courses_are_completed(first: int, robot: str) -> None:
     for seed in range(first, first + 10):
         complete(seed, robot)
-
-
-@pytest.mark.whole
-def test_waypoints_of_500_random_yards_are_reachable() -> None:
-    for seed in range(500):
-        scenario = random_yard(seed, seed % 8)
-        pose, site_map = np.array([*scenario.route.dock_m, 0.0]), SiteMap(scenario)
-        reach = site_map.reach(pose)
-        for stop in scenario.route.waypoints_m:
-            radius_m = scenario.task.waypoint_radius_m
-            assert PathFollower(site_map, pose, np.array(stop), 0.0, radius_m, reach).is_reachable, (seed, stop)
 
 
 class Ahead:
