@@ -69,13 +69,6 @@ def test_ring_starts_left_and_goes_clockwise() -> None:
     np.testing.assert_array_equal(strongest, np.arange(6))
 
 
-def test_tabulated_pattern_is_periodic_through_its_points() -> None:
-    angle = np.radians(np.arange(-180.0, 180.0, 15.0))
-    pattern = TabulatedPattern(angle, GaussianPattern()(angle))
-    np.testing.assert_allclose(pattern(angle), GaussianPattern()(angle), atol=1e-12)
-    np.testing.assert_allclose(pattern(angle + 2 * np.pi), pattern(angle), atol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("angle", "gain"),
     [([0.0, 1.0, 2.0], [1.0, 1.0, 1.0]), ([0.0, 2.0, 1.0, 3.0], [1.0] * 4), ([0.0, 1.0, 2.0, 7.0], [1.0] * 4),

@@ -38,17 +38,6 @@ def test_likelihood_peaks_at_the_source(n_wild: int) -> None:
         assert np.linalg.norm(peak_m - source_m) < 1.0
 
 
-def test_two_sources_have_two_peaks() -> None:
-    sources_m = np.array([[5.0, 12.0], [16.0, 10.0]])
-    likelihood = likelihood_of(sources_m, 1)
-    value, centres_m = likelihood.log_likelihood, GRID.centres_m
-    first_m = centres_m[value.argmax()]
-    far = np.linalg.norm(centres_m - first_m, axis=-1) > 3.0
-    second_m = centres_m[far][value[far].argmax()]
-    apart = np.linalg.norm(sources_m[:, np.newaxis] - [first_m, second_m], axis=-1)
-    assert apart.min(axis=1).max() < 1.2
-
-
 def test_pulse_adds_likelihood_only_where_it_points() -> None:
     likelihood = YardLikelihood(ARRAY, NO_POSE_ERROR, GRID)
     pulses = pulses_from(np.array([0.4]), 1.0)._replace(std_rad=np.array([1e-3]))
