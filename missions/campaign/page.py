@@ -134,10 +134,10 @@ def draw_history(discharge: TrackedDischarge) -> Figure:
         figure = Figure(figsize=(7.1, 2.7), layout="constrained")
         panels = figure.subplots(1, 2, sharex=True)
     for axes, (label, intervals, line, scale) in zip(panels, quantities, strict=True):
-        ends = [(each.value, each.lower, each.upper) if each else (np.nan,) * 3 for each in intervals]
-        values, lower, upper = np.array(ends).T
-        spans = (values - lower, upper - values)
-        axes.errorbar(weeks, values, spans, fmt="o", color=colour, ms=5, capsize=3, lw=1.1)
+        for week, each in zip(weeks, intervals, strict=True):
+            if each:
+                ends = [each.lower, each.value, each.upper]
+                axes.plot([week] * 3, ends, "o-", color=colour, markevery=[1], markersize=5, linewidth=1.1)
         if line is not None:
             axes.plot(weeks, scale(line.at_start + line.per_week.value * weeks), color=colour, alpha=0.7)
         axes.set(xlabel=f"weeks since {seen[0].date}", ylabel=label)

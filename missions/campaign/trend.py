@@ -68,7 +68,7 @@ def _discharge(
     """
     position_m, covariance_m2 = mean_position(found.values())
     levels = {k: level for k in sorted(found) if (level := source_level(inspections[k], found[k])) is not None}
-    z = float(norm.ppf(UPPER_QUANTILE))
+    ratio = float(norm.ppf(UPPER_QUANTILE))  # of half an interval to the standard deviation
     observations = list[Observation]()
     for k, inspection in enumerate(inspections):
         finding, level, presence = found.get(k), levels.get(k), "found"
@@ -82,10 +82,10 @@ def _discharge(
                 presence=presence,
                 finding_id=finding.id if finding else None,
                 is_confirmed=finding is not None and finding.state == "confirmed",
-                level_db=level and _interval(level.level_db, z * level.level_std_db),
+                level_db=level and _interval(level.level_db, ratio * level.level_std_db),
                 rate_hz=None
                 if level is None or inspection.is_field_data
-                else _interval(level.log_rate, z * level.log_rate_std, math.exp),
+                else _interval(level.log_rate, ratio * level.log_rate_std, math.exp),
                 n_pulses=level.n_pulses if level else 0,
             )
         )

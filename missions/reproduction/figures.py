@@ -25,17 +25,12 @@ def draw_bars(exhibit: Exhibit) -> Figure:
             ("ours, best method", [row.best_method for row in rows], 0.27, BEST),
         )
         for label, measured, shift, colour in methods:
-            ends = [
-                (each.value, *(each.interval or [each.value] * 2)) if each else (0.0, 0.0, 0.0) for each in measured
-            ]
-            values, low, high = np.array(ends).T
+            numbers = [(each.value, *each.interval) if each else (0.0, 0.0, 0.0) for each in measured]
+            values, low, high = np.array(numbers).T
             spans = (values - low, high - values)
-            bars = axes.bar(place + shift, values, 0.25, color=colour, yerr=spans, capsize=2, label=label)
-            axes.bar_label(
-                bars, [f"{value:.3g}" if value else "" for value in values], fontsize=6, rotation=90, padding=3
-            )
+            axes.bar(place + shift, values, 0.25, color=colour, yerr=spans, capsize=2, label=label)
         axes.set_xticks(place, [row.label.replace(", ", "\n") for row in rows], fontsize=7)
-        axes.set(ylabel=f"({unit})", ylim=(0.0, 1.15 * axes.get_ylim()[1]))
+        axes.set(ylabel=f"({unit})", ylim=(0.0, None))
     figure.suptitle(exhibit.title, fontsize=10)
     figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8)
     return figure

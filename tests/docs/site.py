@@ -1,12 +1,10 @@
-"""Build the documentation outside the repository and collect the addresses in its HTML."""
+"""Build the documentation outside the repository."""
 
 import os
 import shutil
 import subprocess
 import sys
-from html.parser import HTMLParser
 from pathlib import Path
-from typing import NamedTuple
 
 ROOT = Path(__file__).parents[2]
 LINKED = (
@@ -35,40 +33,3 @@ def build_site(folder: Path) -> subprocess.CompletedProcess[str]:
         text=True,
         timeout=120,
     )
-
-
-class Named(NamedTuple):
-    """An address in a page, with its tag and attribute."""
-
-    tag: str
-    attribute: str
-    address: str
-
-
-class Page(HTMLParser):
-    """A built page.
-
-    Attributes:
-        named: Addresses in it: links, pictures, scripts, stylesheets.
-        anchors: Targets for links within it.
-        words: Its text.
-    """
-
-    def __init__(self, file: Path) -> None:
-        super().__init__()
-        self.named: list[Named] = []
-        self.anchors: set[str] = set()
-        self.words = ""
-        self.feed(file.read_text(encoding="utf-8"))
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Collect the addresses and anchors of a tag."""
-        for name, value in attrs:
-            if value is not None and name in ("href", "src", "srcset", "data", "poster"):
-                self.named.append(Named(tag, name, value))
-            if value is not None and name in ("id", "name"):
-                self.anchors.add(value)
-
-    def handle_data(self, data: str) -> None:
-        """Collect the text."""
-        self.words += data

@@ -12,15 +12,12 @@ import pytest
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.runner import Mission
 from tests.docs.site import ROOT
-from tests.test_readme import commands, served_on_loopback
+from tests.test_readme import blocks, commands, served_on_loopback
 
 pytestmark = pytest.mark.whole
 
 DOCS = ROOT / "docs"
 BIN = Path(sys.executable).parent
-TOP = ("envs", "examples")
-"""Entries of the repository's top folder that the commands need."""
-
 LEAVES_MISSION, MISSION = "1. Run a mission", "runs/two_sources-7"
 
 ELSEWHERE = {
@@ -32,24 +29,13 @@ ELSEWHERE = {
 }
 """Pages whose commands are run by other tests, most of them with fewer missions."""
 
-INSTALL = "pip install uv"
-
-
-def page(name: str) -> str:
-    return (DOCS / name).read_text(encoding="utf-8")
-
-
-PAGES = sorted(file.relative_to(DOCS).as_posix() for file in DOCS.rglob("*.md"))
-
-
-def blocks(language: str, text: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE)
+PAGES = {file.relative_to(DOCS).as_posix(): file.read_text(encoding="utf-8") for file in sorted(DOCS.rglob("*.md"))}
 
 
 def lines(text: str) -> list[str]:
     """Return the lines of all shell blocks without comments."""
     shown = [line.split("  #")[0].strip() for block in blocks("sh", text) for line in block.splitlines()]
-    return [line for line in shown if line and line != INSTALL]
+    return [line for line in shown if line not in ("", "pip install uv")]
 
 
 def sections(text: str) -> dict[str, str]:
@@ -58,7 +44,7 @@ def sections(text: str) -> dict[str, str]:
     return dict(zip(parts[1::2], parts[2::2], strict=True))
 
 
-TUTORIAL = {title: steps for title, text in sections(page("tutorial.md")).items() if (steps := lines(text))}
+TUTORIAL = {title: steps for title, text in sections(PAGES["tutorial.md"]).items() if (steps := lines(text))}
 FOLLOWING = [title for title, steps in TUTORIAL.items() if MISSION in " ".join(steps)]
 ALONE = [title for title in TUTORIAL if title not in (LEAVES_MISSION, *FOLLOWING)]
 
@@ -79,7 +65,7 @@ def run(steps: list[str], folder: Path) -> None:
 
 @pytest.fixture
 def top(tmp_path: Path) -> Path:
-    for name in TOP:
+    for name in ("envs", "examples"):
         (tmp_path / name).symlink_to(ROOT / name)
     return tmp_path
 
@@ -93,26 +79,21 @@ def test_tutorial_uses_every_verb() -> None:
 def test_tutorial_runs_from_mission_to_export(top: Path) -> None:
     for title in (LEAVES_MISSION, *FOLLOWING):
         run(TUTORIAL[title], top)
-    shown = re.findall(r"^\| `([\w.]+)` \|", sections(page("tutorial.md"))[LEAVES_MISSION], flags=re.MULTILINE)
+    shown = re.findall(r"^\| `([\w.]+)` \|", sections(PAGES["tutorial.md"])[LEAVES_MISSION], flags=re.MULTILINE)
     assert {path.name for path in (top / MISSION).iterdir()} == set(shown)
-    for snippet in blocks("python", page("schemas/report.md")):
+    for snippet in blocks("python", PAGES["schemas/report.md"]):
         run_snippet(snippet, top)
 
 
-@pytest.mark.parametrize("title", ALONE)
-def test_other_step_of_the_tutorial_runs(title: str, top: Path) -> None:
-    run(TUTORIAL[title], top)
-
-
-def test_commands_for_a_yard_run(top: Path) -> None:
-    run(lines(page("how-to/yard.md")), top)
+@pytest.mark.parametrize("steps", [*(TUTORIAL[title] for title in ALONE), lines(PAGES["how-to/yard.md"])])
+def test_other_steps_of_the_docs_run(steps: list[str], top: Path) -> None:
+    run(steps, top)
 
 
 def test_every_command_of_the_docs_is_run_by_a_test() -> None:
-    known = {line for steps in TUTORIAL.values() for line in steps} | {*commands()} | {*lines(page("how-to/yard.md"))}
-    known = {" ".join(line.split("  #")[0].split()) for line in known}
-    others = [name for name in PAGES if name not in ELSEWHERE]
-    assert [(name, line) for name in others for line in lines(page(name)) if line not in known] == []
+    known = {*commands(), *lines(PAGES["tutorial.md"]), *lines(PAGES["how-to/yard.md"])}
+    others = {name: text for name, text in PAGES.items() if name not in ELSEWHERE}
+    assert [(name, line) for name, text in others.items() for line in lines(text) if line not in known] == []
     assert [place for place in ELSEWHERE.values() if not (ROOT / place).exists()] == []
 
 
@@ -121,20 +102,15 @@ def run_snippet(snippet: str, folder: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
-def test_snippet_for_random_yards_runs(tmp_path: Path) -> None:
-    (snippet,) = blocks("python", page("how-to/yard.md"))
+def test_snippets_of_the_yard_page_run(tmp_path: Path) -> None:
+    (snippet,), (scenario,) = blocks("python", PAGES["how-to/yard.md"]), blocks("toml", PAGES["how-to/yard.md"])
     run_snippet(snippet, tmp_path)
-
-
-def test_scenario_on_the_yard_page_is_complete(tmp_path: Path) -> None:
-    (text,) = blocks("toml", page("how-to/yard.md"))
-    (tmp_path / "yard.toml").write_text(text, encoding="utf-8")
-    scenario = load_scenario(tmp_path / "yard.toml")
-    assert len(scenario.yard.equipment) == 2
+    (tmp_path / "yard.toml").write_text(scenario, encoding="utf-8")
+    assert len(load_scenario(tmp_path / "yard.toml").yard.equipment) == 2
 
 
 def test_locator_on_its_page_runs_a_mission(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    text = page("how-to/locator.md")
+    text = PAGES["how-to/locator.md"]
     (code,), (table,) = blocks("python", text), blocks("toml", text)
     (tmp_path / "watched.py").write_text(code, encoding="utf-8")
     shipped = (ROOT / "envs/scenarios/one_source.toml").read_text(encoding="utf-8")
@@ -150,7 +126,7 @@ def test_locator_on_its_page_runs_a_mission(tmp_path: Path, capsys: pytest.Captu
 
 @pytest.mark.parametrize("name", ["how-to/plan.md", "radio.md"])
 def test_tables_of_a_page_are_valid_settings(name: str) -> None:
-    tables = [tomllib.loads(block) for block in blocks("toml", page(name))]
+    tables = [tomllib.loads(block) for block in blocks("toml", PAGES[name])]
     assert tables
     for each in tables:
         load_scenario(
@@ -159,8 +135,7 @@ def test_tables_of_a_page_are_valid_settings(name: str) -> None:
 
 
 def test_pages_with_snippets_are_listed_here() -> None:
-    here = {"how-to/yard.md", "how-to/locator.md", "schemas/report.md"}
-    assert {name for name in PAGES if blocks("python", page(name))} == here
-    settings = {"how-to/yard.md", "how-to/locator.md", "how-to/plan.md", "radio.md", "scenarios.md"}
-    shown = {name for name in PAGES if any("=" in block for block in blocks("toml", page(name)))}
-    assert shown == settings
+    code = {name for name, text in PAGES.items() if blocks("python", text)}
+    assert code == {"how-to/yard.md", "how-to/locator.md", "schemas/report.md"}
+    settings = {name for name, text in PAGES.items() if any("=" in block for block in blocks("toml", text))}
+    assert settings == {"how-to/yard.md", "how-to/locator.md", "how-to/plan.md", "radio.md", "scenarios.md"}

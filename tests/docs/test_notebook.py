@@ -35,8 +35,7 @@ def test_stored_notebook_has_pictures_and_no_local_paths() -> None:
 @pytest.mark.whole
 @pytest.mark.filterwarnings("default")  # the kernel's own sockets
 def test_notebook_gives_its_stored_output(tmp_path: Path) -> None:
-    stored = nbformat.read(NOTEBOOK, as_version=4)
-    run = nbformat.read(NOTEBOOK, as_version=4)
+    stored, run = (nbformat.read(NOTEBOOK, as_version=4) for _ in range(2))
     nbclient.NotebookClient(run, timeout=300, resources={"metadata": {"path": str(tmp_path)}}).execute()
     for before, after in zip(code_cells(stored), code_cells(run), strict=True):
         assert printed(after) == printed(before)

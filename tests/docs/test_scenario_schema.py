@@ -1,8 +1,7 @@
-"""The published schema of scenario files is that of the models, accepts what ships, and refuses what is broken."""
+"""The published schema of scenarios is made from the models, accepts all that ship, and refuses invalid ones."""
 
 import json
 import tomllib
-from collections.abc import Callable
 from pathlib import Path
 
 import jsonschema
@@ -27,59 +26,51 @@ def in_json(file: Path) -> dict:
     return json.loads(json.dumps(tomllib.loads(file.read_text(encoding="utf-8")), default=str))
 
 
-def test_the_published_schema_is_that_of_the_models_and_a_valid_one() -> None:
+def test_published_schema_is_valid_and_made_from_the_models() -> None:
     assert PUBLISHED.read_text(encoding="utf-8") == schema_text(), "run docs/schemas/make_schema.py"
     jsonschema.Draft202012Validator.check_schema(scenario_schema())
 
 
-def test_it_accepts_every_scenario_that_ships() -> None:
+def test_schema_accepts_every_scenario_that_ships() -> None:
     assert len(SHIPPED) > 200
-    refused = {
-        file.name: error.message for file in SHIPPED if (error := next(ACCEPTS.iter_errors(in_json(file)), None))
-    }
-    assert refused == {}
+    assert [file for file in SHIPPED if not ACCEPTS.is_valid(in_json(file))] == []
 
 
-def replaced(before: str, after: str) -> Callable[[str], str]:
-    def change(text: str) -> str:
-        assert before in text
-        return text.replace(before, after, 1)
-
-    return change
-
-
-BROKEN = {
-    "a table that is none": lambda text: text + "\n[reciever]\nnoise_v = 1e-3\n",
-    "a key that is none": lambda text: text + "\n[receiver]\nnoise = 1e-3\n",
-    "no route": replaced("[route]", "[campaign]"),
-    "a size in words": replaced("size_m = [40.0, 30.0]", 'size_m = "large"'),
-    "a size of three numbers": replaced("size_m = [40.0, 30.0]", "size_m = [40.0, 30.0, 5.0]"),
-    "a place of one number": replaced("dock_m = [3.0, 3.0]", "dock_m = [3.0]"),
-    "a shape that is none": replaced('shape = "box"', 'shape = "sphere"'),
-    "a negative height": replaced("height_m = 3.2", "height_m = -3.2"),
-    "a kind of discharge that is none": replaced('kind = "void"', 'kind = "thunder"'),
-    "a gain error beyond all bounds": replaced("gain_error = 0.05", "gain_error = 5.0"),
-    "more elements than an array may have": replaced("gain_error = 0.05", "n_elements = 40"),
-    "a date that is none": lambda text: text + '\n[campaign]\nnumber = 1\nbegins = "in March"\n',
-    "a fault of a channel that is none": lambda text: (
-        text + '\n[receiver]\nfaults = [{ channel = 1, kind = "tired" }]\n'
-    ),
-    "a latitude beyond the pole": lambda text: text + "\n[georeference]\nlatitude_deg = 95.0\nlongitude_deg = 0.0\n",
-}
-
-
-@pytest.mark.parametrize("name", BROKEN)
-def test_schema_and_loader_refuse_what_is_broken(name: str, tmp_path: Path) -> None:
-    file = tmp_path / "yard.toml"
-    file.write_text(
-        BROKEN[name]((ROOT / "envs/scenarios/one_source.toml").read_text(encoding="utf-8")), encoding="utf-8"
-    )
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        pytest.param("[route]", "[reciever]\nnoise_v = 1e-3\n\n[route]", id="unknown table"),
+        pytest.param("[route]", "[receiver]\nnoise = 1e-3\n\n[route]", id="unknown key"),
+        pytest.param("[route]", "[campaign]", id="no route"),
+        pytest.param("size_m = [40.0, 30.0]", 'size_m = "large"', id="size in words"),
+        pytest.param("size_m = [40.0, 30.0]", "size_m = [40.0, 30.0, 5.0]", id="size of three numbers"),
+        pytest.param("dock_m = [3.0, 3.0]", "dock_m = [3.0]", id="place of one number"),
+        pytest.param('shape = "box"', 'shape = "sphere"', id="unknown shape"),
+        pytest.param("height_m = 3.2", "height_m = -3.2", id="negative height"),
+        pytest.param('kind = "void"', 'kind = "thunder"', id="unknown kind of discharge"),
+        pytest.param("gain_error = 0.05", "gain_error = 5.0", id="gain error out of bounds"),
+        pytest.param("gain_error = 0.05", "n_elements = 40", id="too many elements"),
+        pytest.param("[route]", '[campaign]\nnumber = 1\nbegins = "in March"\n\n[route]', id="date in words"),
+        pytest.param(
+            "[route]", '[receiver]\nfaults = [{ channel = 1, kind = "tired" }]\n\n[route]', id="unknown channel fault"
+        ),
+        pytest.param(
+            "[route]",
+            "[georeference]\nlatitude_deg = 95.0\nlongitude_deg = 0.0\n\n[route]",
+            id="latitude out of bounds",
+        ),
+    ],
+)
+def test_schema_and_loader_refuse_an_invalid_scenario(before: str, after: str, tmp_path: Path) -> None:
+    text, file = (ROOT / "envs/scenarios/one_source.toml").read_text(encoding="utf-8"), tmp_path / "yard.toml"
+    assert before in text
+    file.write_text(text.replace(before, after, 1), encoding="utf-8")
     assert not ACCEPTS.is_valid(in_json(file))
     with pytest.raises(ScenarioError):
         load_scenario(file)
 
 
-def test_the_line_for_editors_that_the_docs_tell_leads_to_the_schema() -> None:
+def test_line_for_editors_in_the_docs_names_the_schema() -> None:
     page = (ROOT / "docs" / "schemas" / "scenario.md").read_text(encoding="utf-8")
     (line,) = [line for line in page.splitlines() if line.startswith("#:schema ")]
     assert (ROOT / line.removeprefix("#:schema ")) == PUBLISHED

@@ -8,11 +8,10 @@ import pytest
 from dirmusic import InputFileError
 from pdpatrol.missions.campaign.inspection import read_inspections
 from pdpatrol.missions.campaign.page import describe_change
-from pdpatrol.missions.campaign.records import TrackedDischarge, Trend
+from pdpatrol.missions.campaign.records import TrackedDischarge
 from pdpatrol.missions.campaign.trend import fit_line, make_trend
 from pdpatrol.missions.record.mission_log import MissionLog
-from pdpatrol.missions.report.records import report_text
-from tests.missions.campaign.surveys import DAYS, PAST, PLACE, SurveyedSource, along, growing, inspections, survey
+from tests.missions.campaign.surveys import DAYS, PAST, PLACE, SurveyedSource, along, inspections, survey
 
 OTHER = (30.0, 10.0, 1.6)
 PAST_BOTH, ELSEWHERE = along((6.0, 7.0), (34.0, 7.0)), along((5.0, 29.0), (9.0, 29.0))
@@ -85,13 +84,6 @@ def test_field_data_give_levels_but_neither_rates_nor_absence() -> None:
     assert place.rate is None
     assert all(each.rate_hz is None for each in place.observations)
     assert [each.presence for each in place.observations] == ["found"] * 3 + ["not inspected"]
-
-
-def test_trend_is_read_back_from_its_text() -> None:
-    trend = make_trend(inspections(growing()))
-    again = Trend.model_validate_json(report_text(trend))
-    assert report_text(again) == report_text(trend)
-    assert again.dates == DAYS[:4]
 
 
 @pytest.mark.parametrize(("scatter", "n_weeks"), [(0.0, 6), (1.0, 6), (1.0, 4), (3.0, 12)])
