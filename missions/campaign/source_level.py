@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from statsmodels.duration.survfunc import SurvfuncRight
 
 from dirmusic.locating.rules import AssignmentRules, CredibilityRules
@@ -33,13 +34,6 @@ change by less than 0.5 dB at 1.5, and by 1 dB at 3, where too few pulses are le
 CLIPPED_SHARE = 0.05
 """Share of clipped pulses above which a square is not used, because locating discards clipped pulses. Assumed; a source
 without clipped pulses is not affected."""
-
-MIN_PULSES = 20
-"""Smallest number of pulses for a level; 20 pulses also confirm a finding."""
-
-N_GROUPS = 12
-"""Number of groups of squares in the jackknife. Assumed; with 24 the standard deviation of a level is 0.9 times as
-large, with 6 up to 2.8 times."""
 
 FADING_STD_DB = 2.0
 """Least standard deviation of the level in one square. Measured: 1 to 3 dB."""
@@ -135,26 +129,35 @@ def source_level(inspection: InspectionLog, finding: LocatedFinding) -> SourceLe
     level_db = 20 * np.log10(pulses["strength_v"]) + pulses["loss_db"]
     pulses = pulses.assign(level_db=level_db, least_db=floor_db(inspection) + pulses["loss_db"])
     pulses = pulses[pulses["level_db"] >= pulses["least_db"]]
-    if len(pulses) < MIN_PULSES:
+    if len(pulses) < 20:  # as many as confirm a finding
         return None
     spent_s = near.groupby("square")["duration_s"].sum()
-    squares = spent_s.index.to_numpy()
+    squares = spent_s.index.to_list()
 
-    def estimate(left_out: ArrayLike) -> tuple[float, float]:
-        """Estimate level and logarithm of the rate without some squares; each square has the same weight."""
-        kept = pulses[~pulses["square"].isin(np.asarray(left_out))]
+    def estimate(left_out: Sequence[int]) -> tuple[float, float]:
+        """Estimate level and logarithm of the rate without some squares; each square has the same weight.
+
+        The level is the mean of the middle half of all levels: robust to outliers, unlike the mean, and continuous when
+        one of two clusters gains a few pulses, unlike the median. The rate includes pulses that were not detected.
+        """
+        kept = pulses[~pulses["square"].isin(left_out)]
         if kept.empty:
             return np.nan, np.nan
-        weight = 1.0 / spent_s[kept["square"]].to_numpy()
-        level_db, n_pulses = _level_and_number(kept["level_db"].to_numpy(), kept["least_db"].to_numpy(), weight)
-        return level_db, float(np.log(n_pulses / spent_s.drop(left_out).sum()))
+        level_db, least_db = kept[["level_db", "least_db"]].to_numpy().T
+        levels, share = product_limit(level_db, least_db, 1.0 / spent_s[kept["square"]].to_numpy())
+        within = np.diff(np.clip(np.append(0.0, share.cumsum()), 0.25, 0.75))
+        share_above = np.append(share[::-1].cumsum()[::-1], 0.0)
+        seen_above = share_above[np.searchsorted(levels, least_db[level_db >= levels[0]])]
+        n_pulses = (1.0 / np.maximum(seen_above, 1e-3)).sum()
+        return float(within @ levels / within.sum()), float(np.log(n_pulses / spent_s.drop(left_out).sum()))
 
     level_db, log_rate = estimate([])
     fading_db = log_rate_std = 0.0
-    if squares.size > 1:
-        jackknife = [estimate(group) for group in np.array_split(squares, min(N_GROUPS, squares.size))]
+    if len(squares) > 1:
+        # Assumed: 12 groups. With 24 the standard deviation of a level is 0.9 times as large, with 6 up to 2.8 times.
+        jackknife = [estimate(group.tolist()) for group in np.array_split(squares, min(12, len(squares)))]
         fading_db, log_rate_std = np.sqrt((len(jackknife) - 1) * np.nanvar(jackknife, axis=0)).tolist()
-    fading_db = max(fading_db, FADING_STD_DB / np.sqrt(squares.size))
+    fading_db = max(fading_db, FADING_STD_DB / np.sqrt(len(squares)))
     position_db = _position_std_db(inspection, finding, inspection.pose[near.index])
     return SourceLevel(
         level_db=level_db,
@@ -163,19 +166,6 @@ def source_level(inspection: InspectionLog, finding: LocatedFinding) -> SourceLe
         log_rate_std=max(log_rate_std, 1.0 / np.sqrt(len(pulses))),
         n_pulses=len(pulses),
     )
-
-
-def _level_and_number(level_db: FloatArray, least_db: FloatArray, weight: FloatArray) -> tuple[float, float]:
-    """Estimate the mean of the middle half of all levels, and the number of pulses including those not detected.
-
-    The mean of the middle half is robust to outliers, unlike the mean, and continuous when one of two clusters gains a
-    few pulses, unlike the median.
-    """
-    levels, share = product_limit(level_db, least_db, weight)
-    within = np.diff(np.clip(np.append(0.0, share.cumsum()), 0.25, 0.75))
-    share_above = np.append(share[::-1].cumsum()[::-1], 0.0)
-    seen_above = share_above[np.searchsorted(levels, least_db[level_db >= levels[0]])]
-    return float(within @ levels / within.sum()), float((1.0 / np.maximum(seen_above, 1e-3)).sum())
 
 
 def product_limit(level_db: FloatArray, least_db: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
