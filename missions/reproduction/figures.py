@@ -36,13 +36,16 @@ def draw_bars(exhibit: Exhibit) -> Figure:
     return figure
 
 
-def draw_errors(true_deg: FloatArray, paper_deg: FloatArray, best_deg: FloatArray) -> Figure:
+def draw_errors(true_paper: FloatArray, paper_deg: FloatArray, true_best: FloatArray, best_deg: FloatArray) -> Figure:
     """Draw Fig. 4: errors in whole degrees over the true directions."""
     figure = Figure(figsize=(9.0, 4.9), layout="constrained")
     bins = [np.arange(0.5, 361, 10.0), np.arange(paper_deg.min() - 1.5, paper_deg.max() + 2.5)]
     panels = figure.subplots(2, 1, sharex=True, sharey=True)
-    methods = (("ours, paper's method", paper_deg, "Blues"), ("ours, best method", best_deg, "Oranges"))
-    for axes, (title, errors_deg, colours) in zip(panels, methods, strict=True):
+    methods = (
+        ("ours, paper's method", true_paper, paper_deg, "Blues"),
+        ("ours, best method", true_best, best_deg, "Oranges"),
+    )
+    for axes, (title, true_deg, errors_deg, colours) in zip(panels, methods, strict=True):
         *_, mesh = axes.hist2d(true_deg, errors_deg, bins, cmap=colours, cmin=1, rasterized=True)
         figure.colorbar(mesh, ax=axes, label="trials", pad=0.01)
         axes.axhspan(-7, 8, facecolor="none", edgecolor="black", linestyle=":", label="range in the paper")

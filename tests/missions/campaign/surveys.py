@@ -34,7 +34,6 @@ class SurveyedSource(NamedTuple):
     level_db: float = 0.0
     spread_db: float = 0.0
     rate_hz: float = 20.0
-    is_confirmed: bool = True
 
 
 def along(start_m: tuple[float, float], end_m: tuple[float, float], speed_mps: float = 0.5) -> np.ndarray:
@@ -53,7 +52,6 @@ def survey(
     poses: np.ndarray,
     *sources: SurveyedSource,
     day: str | None = DAYS[0],
-    trigger_v: float = 5.0 * NOISE_V,
     seed: int = 0,
     name: str = "survey",
 ) -> MissionLog:
@@ -83,7 +81,7 @@ def survey(
                 level_db = source.level_db + source.spread_db * rng.standard_normal()
                 strengths_v = 10 ** (level_db / 20) * gain / np.linalg.norm(path_m)
                 strength_v = float(np.linalg.norm(strengths_v))
-                if strength_v < trigger_v:
+                if strength_v < 5.0 * NOISE_V:
                     continue
                 pulse = log.append(
                     "pulse", step=k, strengths_v=strengths_v, mains_phase_rad=0.0, is_clipped=False, is_credible=True
@@ -96,7 +94,7 @@ def survey(
     for number, source in enumerate(sources, start=1):
         log.append(
             "finding", step=len(poses) - 1, id=number, position_m=np.array(source.position_m),
-            covariance_m2=0.05**2 * np.eye(3), state="confirmed" if source.is_confirmed else "candidate",
+            covariance_m2=0.05**2 * np.eye(3), state="confirmed",
             n_bearings=100, first_detected_s=0.0, confirmed_s=1.0, aperture_rad=1.0,
         )  # fmt: skip
     return log

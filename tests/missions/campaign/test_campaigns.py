@@ -1,37 +1,33 @@
 """Campaigns of simulated missions with all errors of the shipped scenarios."""
 
-from datetime import date, timedelta
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from pdpatrol.envs import load_scenario
-from pdpatrol.missions.campaign.inspection import InspectionLog
 from pdpatrol.missions.campaign.records import Trend
 from pdpatrol.missions.campaign.trend import make_trend
+from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.runner import run_mission
+from tests.missions.campaign.surveys import DAYS, inspections
 
 pytestmark = pytest.mark.slow
-
-FIRST = date(2026, 3, 2)
 
 
 def campaign(number: int, *changes: dict[str, Any]) -> Trend:
     """Run a mission a week in `two_sources` with changes of its sources; seeds and arrays differ."""
-    inspections = list[InspectionLog]()
+    logs = list[MissionLog]()
     for week, changed in enumerate(changes):
         sources = [source.model_dump(exclude_unset=True) for source in load_scenario("two_sources").sources]
         settings = {
             "sources": tuple({**source, **changed.get(source["name"], {})} for source in sources),
             "campaign.number": number,
-            "campaign.begins": FIRST.isoformat(),
-            "campaign.date": (FIRST + timedelta(weeks=week)).isoformat(),
+            "campaign.begins": DAYS[0],
+            "campaign.date": DAYS[week],
         }
-        log = run_mission(load_scenario("two_sources", settings), "seek", 1000 * number + week)
-        inspections.append(InspectionLog.of(Path(f"week_{week}"), log))
-    return make_trend(inspections)
+        logs.append(run_mission(load_scenario("two_sources", settings), "seek", 1000 * number + week))
+    return make_trend(inspections(logs))
 
 
 @pytest.mark.parametrize(("number", "growing"), [(1, "discharge_east"), (2, "discharge_west")])
