@@ -62,13 +62,6 @@ def test_too_few_pulses_give_no_level() -> None:
     assert source_level(seen, seen.findings[0]) is None
 
 
-def test_product_limit_without_bounds_is_the_empirical_distribution() -> None:
-    level_db = np.random.default_rng(1).normal(0.0, 5.0, 200)
-    levels, share = product_limit(level_db, np.full(200, -100.0), np.ones(200))
-    np.testing.assert_allclose(share, 1 / 200)
-    np.testing.assert_array_equal(levels, np.sort(level_db))
-
-
 def test_product_limit_restores_truncated_levels() -> None:
     rng = np.random.default_rng(2)
     level_db, least_db = rng.normal(0.0, 5.0, 4000), rng.uniform(-20.0, 8.0, 4000)
