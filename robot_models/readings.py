@@ -1,4 +1,4 @@
-"""Readings of the simulated robots: poses, wheels, motors, lidar and contacts, in compiled loops over the robots."""
+"""Readings of the simulated robots: poses, wheels, motors and lidar, in a compiled loop over the robots."""
 
 from __future__ import annotations
 
@@ -109,24 +109,3 @@ def read(
             range_m = beams_m[r, beam] + beams_start_m
             lidar_m[r, beam] = range_m if beams_start_m <= range_m <= reach_m else reach_m
     return values, world_from_base
-
-
-@compiled
-def touching(touches: FloatArray) -> IntArray:
-    """Return the rows of the robots with any stored contact.
-
-    Args:
-        touches: Contacts stored by the sensors of the hull, shape (n_robots, n_sensors, n_steps, n_contacts, 4): found
-            or not, and x, y, z of each contact. Those found come first.
-    """
-    n_robots, n_sensors, n_steps = touches.shape[:3]
-    rows, n = np.empty(n_robots, np.intp), 0
-    for r in range(n_robots):
-        n_found = 0
-        for sensor in range(n_sensors):
-            for step in range(n_steps):
-                n_found += touches[r, sensor, step, 0, 0] > 0.0
-        if n_found > 0:
-            rows[n] = r
-            n += 1
-    return rows[:n]

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from pdpatrol.robot_models.antenna_elements import AntennaElements
 from pdpatrol.robot_models.description.robot_description import RobotDescription
 from pdpatrol.robot_models.description.robot_measures import driven_wheels
-from pdpatrol.robot_models.readings import Drive, Readings, read, touching
+from pdpatrol.robot_models.readings import Drive, Readings, read
 from pdpatrol.robot_models.sensors import LIDAR_BEAMS, LIDAR_PERIOD_S, LIDAR_RANGE_M
 from pdpatrol.robot_models.steering import command
 from pdpatrol.robot_models.world import build_spec, physics_only
@@ -84,6 +84,7 @@ class Robots:
         self._gyro_radps = sensordata[:, int(model.sensor("gyro").adr[0]) + 2] if has_feedback else np.zeros(n_robots)
         self._feedback = np.zeros(n_robots), np.zeros((n_robots, 2)), np.zeros(n_robots)
         self._touches = self._stored_contacts()
+        self._found = self._touches[..., 0, 0]  # of the contacts of a step, those found come first
         self._places: list[set[tuple[float, float]]] = [set() for _ in range(n_robots)]
         self.is_touching = np.zeros(n_robots, dtype=np.bool_)
         self.reset(self._all_rows, np.zeros((n_robots, 3)))
@@ -139,8 +140,8 @@ class Robots:
         batch.bind("time")[ids] = LIDAR_PERIOD_S  # so that the lidar is due; a step reads all sensors at its start
         batch.step(ids)
         for row in ids.tolist():
-            self._places[row] = self._take_places(row)
-            self.is_touching[row] = bool(self._places[row])
+            self._places[row] = set()
+            self._take_places(row)
         batch.state[ids] = start
         for state in self._feedback[1:]:
             state[ids] = 0.0
@@ -181,9 +182,9 @@ class Robots:
             n = min(n_substeps, self._touches.shape[2])
             self._batch.step(rows, n)
             n_substeps -= n
-            for row in touching(self._touches).tolist():
-                self._places[row] |= self._take_places(row)
-                self.is_touching[row] = True
+            if self._found.any():
+                for row in np.flatnonzero(self._found.any(axis=(1, 2))).tolist():
+                    self._take_places(row)
         self._update_readings()
 
     def _update_readings(self) -> None:
@@ -205,12 +206,13 @@ class Robots:
         mujoco.mj_forward(self.model, data)
         return data
 
-    def _take_places(self, row: int) -> set[tuple[float, float]]:
-        """Return the places of a robot's stored contacts, rounded to a centimetre, and clear them."""
+    def _take_places(self, row: int) -> None:
+        """Add the places of a robot's stored contacts, rounded to a centimetre, and clear the contacts."""
         contacts = self._touches[row]
         places_m = contacts[contacts[..., 0] > 0.0][:, 1:3]
+        self._places[row].update(map(tuple, np.round(places_m, 2).tolist()))
+        self.is_touching[row] = bool(self._places[row])
         contacts[..., 0] = 0.0
-        return set(map(tuple, np.round(places_m, 2).tolist()))
 
     def __getstate__(self) -> tuple[Any, ...]:
         state = self._batch.state.copy(), self._feedback, self._places, self.is_touching, self.readings

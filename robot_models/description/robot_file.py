@@ -48,7 +48,7 @@ IntArray = NDArray[np.intp]
 TOLERANCE_M = 0.005
 """Tolerance of positions (assumed)."""
 
-Requirement = tuple[str, bool, str]
+Requirement = tuple[str, bool | np.bool_, str]
 """Element of the file, whether it is as required, and what is required."""
 
 
@@ -90,16 +90,16 @@ def read_robot(path: Path) -> RobotDescription:
         model = spec.compile()
         _refuse(path, _part_requirements(model))
         robot = _measure(path, spec, model)
+        if not warnings:
+            return robot
     except RobotFileError:
         raise
     except (ValueError, KeyError) as error:  # KeyError: MuJoCo names the part that is missing, and those there are
         warnings.append(str(error.args[0]))
     finally:
         mujoco.set_mju_user_warning(before)
-    if warnings:
-        lines = [" ".join(text.removeprefix("Error: ").split()) for text in warnings]
-        raise RobotFileError([f"{path}: refused by MuJoCo: {line}" for line in lines])
-    return robot
+    lines = [" ".join(text.removeprefix("Error: ").split()) for text in warnings]
+    raise RobotFileError([f"{path}: refused by MuJoCo: {line}" for line in lines])
 
 
 def _refuse(path: Path, requirements: Sequence[Requirement]) -> None:

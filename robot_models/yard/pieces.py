@@ -45,7 +45,7 @@ class _Equipment(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_
     @cached_property
     def solids(self) -> YardSolids:
         """Parts, world frame."""
-        return YardSolids([self.placed])
+        return YardSolids.of([self.placed])
 
     def site_on_surface(self, site: str) -> FloatArray:
         """Return where a site lies, (3,), world frame."""

@@ -33,11 +33,8 @@ PlacedPiece = tuple[Sequence[Solid], tuple[float, float], float]
 """Solids of a piece of equipment, its position on the ground, and its yaw, radians."""
 
 
-class YardSolids:
+class YardSolids(NamedTuple):
     """Many solids at once, world frame. The last axis of every result runs over the solids.
-
-    Args:
-        pieces: Solids, position on the ground, and yaw of each piece of equipment.
 
     Attributes:
         centre_m: Middle of the footprints, shape (n_solids, 2).
@@ -49,37 +46,44 @@ class YardSolids:
         owner: Number of the piece of equipment, shape (n_solids,).
     """
 
-    def __init__(self, pieces: Sequence[PlacedPiece]) -> None:
+    centre_m: FloatArray
+    yaw_rad: FloatArray
+    half_size_m: FloatArray
+    radius_m: FloatArray
+    bottom_m: FloatArray
+    top_m: FloatArray
+    owner: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, pieces: Sequence[PlacedPiece]) -> YardSolids:
+        """Place the solids of pieces of equipment."""
         solids = [solid for parts, _, _ in pieces for solid in parts]
-        self.owner = np.repeat(np.arange(len(pieces)), [len(parts) for parts, _, _ in pieces])
-        self.yaw_rad = np.array([yaw_rad for _, _, yaw_rad in pieces], dtype=np.float64)[self.owner]
-        position_m = np.array([position_m for _, position_m, _ in pieces], dtype=np.float64).reshape(-1, 2)
-        self._cos, self._sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
+        owner = np.repeat(np.arange(len(pieces)), [len(parts) for parts, _, _ in pieces])
         columns = zip(*solids, strict=True) if solids else ((),) * 5
-        self.top_m, self.bottom_m, own, sides_m, self.radius_m = (np.array(values, float) for values in columns)
-        x, y = own.reshape(-1, 2).T
-        turned = np.stack([self._cos * x - self._sin * y, self._sin * x + self._cos * y], axis=-1)
-        self.centre_m: FloatArray = position_m[self.owner] + turned
-        self.half_size_m: FloatArray = 0.5 * sides_m.reshape(-1, 2)
+        top_m, bottom_m, own, sides_m, radius_m = (np.array(values, dtype=np.float64) for values in columns)
+        position_m = np.array([position_m for _, position_m, _ in pieces], dtype=np.float64).reshape(-1, 2)[owner]
+        yaw_rad = np.array([yaw_rad for _, _, yaw_rad in pieces], dtype=np.float64)[owner]
+        (x, y), cos, sin = own.reshape(-1, 2).T, np.cos(yaw_rad), np.sin(yaw_rad)
+        centre_m = position_m + np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+        return cls(centre_m, yaw_rad, 0.5 * sides_m.reshape(-1, 2), radius_m, bottom_m, top_m, owner)
 
     def take(self, chosen: NDArray[np.bool_]) -> YardSolids:
         """Return the solids that a mask (n_solids,) selects, in the same order."""
-        some = object.__new__(YardSolids)
-        for name, column in vars(self).items():
-            setattr(some, name, column[chosen])
-        return some
+        return YardSolids(*(column[chosen] for column in self))
 
     @property
     def extent_m(self) -> tuple[FloatArray, FloatArray]:
         """South-west and north-east corner of the area that they cover, each (2,)."""
-        turn = np.abs(np.array([[self._cos, self._sin], [self._sin, self._cos]]))
+        cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
+        turn = np.abs(np.array([[cos, sin], [sin, cos]]))
         half_m = np.einsum("ijn,nj->ni", turn, self.half_size_m) + self.radius_m[:, np.newaxis]
         return (self.centre_m - half_m).min(axis=0), (self.centre_m + half_m).max(axis=0)
 
     def horizontal_distance(self, points_m: FloatArray) -> FloatArray:
         """Return signed distances of points (..., 2 or 3) to the footprints, negative inside; (..., n_solids)."""
         dx, dy = points_m[..., :1] - self.centre_m[:, 0], points_m[..., 1:2] - self.centre_m[:, 1]
-        x, y = self._cos * dx + self._sin * dy, self._cos * dy - self._sin * dx
+        cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
+        x, y = cos * dx + sin * dy, cos * dy - sin * dx
         half_x, half_y = self.half_size_m.T
         beyond_x, beyond_y = np.abs(x) - half_x, np.abs(y) - half_y
         outside = np.sqrt(np.square(np.maximum(beyond_x, 0.0)) + np.square(np.maximum(beyond_y, 0.0)))

@@ -55,7 +55,7 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
     @cached_property
     def solids(self) -> YardSolids:
         """Parts of all equipment, world frame, in file order."""
-        return YardSolids([item.placed for item in self.equipment])
+        return YardSolids.of([item.placed for item in self.equipment])
 
     @property
     def owner(self) -> NDArray[np.intp]:
@@ -69,8 +69,7 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
 
     def solid_columns(self) -> dict[str, NDArray[Any]]:
         """Return the arrays of all solids and the piece of equipment of each, `owner`, by the names of `YardSolids`."""
-        names = ("centre_m", "yaw_rad", "half_size_m", "radius_m", "bottom_m", "top_m", "owner")
-        return {name: getattr(self.solids, name) for name in names}
+        return self.solids._asdict()
 
     def across_fence(self, item: Equipment) -> float:
         """Return by how many metres a piece of equipment extends beyond the fence, on plan; negative inside."""
@@ -84,7 +83,7 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
 
     def is_crossed(self, start_m: ArrayLike, end_m: ArrayLike) -> bool:
         """Return whether the straight line between two world points crosses the yard on plan, at one of 1000 points."""
-        return bool(self.contains(np.linspace(start_m, end_m, 1000)).any())
+        return bool(self.contains(np.linspace(np.asarray(start_m), np.asarray(end_m), 1000)).any())
 
     def clearance(self, points_m: ArrayLike) -> FloatArray:
         """Return the horizontal distance of world points (..., 2) to fence or obstacles of a robot, negative inside."""

@@ -9,7 +9,6 @@ import pytest
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.missions.driving.site_map import SiteMap
-from pdpatrol.missions.policies.viewpoints import best_viewpoint
 from pdpatrol.missions.record.log_contents import bearing_rmse
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.make_report import make_report
@@ -30,8 +29,6 @@ WRONG: dict[str, dict[str, Any]] = {
     "extra": {"extra": (KIOSK,)},
     "moved": {"moved": ({"name": "transformer_1", "by_m": (-3.0, 1.0)},)},
 }
-SOUTH, NORTH = np.array([12.0, 12.5]), np.array([12.0, 21.5])
-"""Points on both sides of transformer_1."""
 
 
 def mapped(**wrong: Any) -> Scenario:  # noqa: ANN401 - tables of many types
@@ -65,28 +62,17 @@ def test_simulation_uses_the_true_yard(wrong: str, right_drive: list[dict[str, A
             np.testing.assert_array_equal(step[key], value, err_msg=key)
 
 
-def test_missing_piece_is_transparent_and_drivable() -> None:
-    scenario = mapped(missing=("transformer_1",))
-    right, wrong = SiteMap(RIGHT), SiteMap(scenario)
-    assert not right.in_sight(SOUTH[np.newaxis], np.append(NORTH, 0.9), 0.0)
-    assert wrong.in_sight(SOUTH[np.newaxis], np.append(NORTH, 0.9), 0.0)
-    assert wrong.is_clear(SOUTH, NORTH)
-    assert not right.is_clear(SOUTH, NORTH)
-    lengths = [site_map.reach(SOUTH).length_m[site_map.cell(NORTH)] for site_map in (right, wrong)]
-    assert lengths[1] < lengths[0] - 1.0
-
-
-def test_extra_piece_is_avoided_and_hides() -> None:
-    scenario, south, north = mapped(extra=(KIOSK,)), np.array([5.0, 5.5]), np.array([5.0, 9.5])
-    right, wrong = SiteMap(RIGHT), SiteMap(scenario)
-    assert right.in_sight(south[np.newaxis], np.append(north, 0.9), 0.0)
-    assert not wrong.in_sight(south[np.newaxis], np.append(north, 0.9), 0.0)
-    lengths = [site_map.reach(south).length_m[site_map.cell(north)] for site_map in (right, wrong)]
+@pytest.mark.parametrize(("wrong", "x_m", "y_m"), [("missing", 12.0, (12.5, 21.5)), ("extra", 5.0, (5.5, 9.5))])
+def test_piece_on_the_map_hides_and_is_avoided(wrong: str, x_m: float, y_m: tuple[float, float]) -> None:
+    """Seen from both sides of a piece that only one of yard and map has."""
+    true, shown = SiteMap(RIGHT), SiteMap(mapped(**WRONG[wrong]))
+    without, having = (shown, true) if wrong == "missing" else (true, shown)
+    south, north = (np.array([x_m, y]) for y in y_m)
+    for site_map, is_open in ((without, True), (having, False)):
+        assert site_map.in_sight(south[np.newaxis], np.append(north, 0.9), 0.0)[0] == is_open
+        assert site_map.is_clear(south, north) == is_open
+    lengths = [site_map.reach(south).length_m[site_map.cell(north)] for site_map in (without, having)]
     assert lengths[1] > lengths[0] + 1.0
-    target, views = np.array([5.0, 7.0]), np.array([[5.0, 4.0]])
-    view = best_viewpoint(target, views, wrong.reach(south), wrong)
-    assert view is not None
-    assert scenario.known_yard.clearance(view) > wrong.robot.footprint_radius_m
 
 
 def test_moved_piece_has_moved_sites_and_obstacles() -> None:
