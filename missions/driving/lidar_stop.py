@@ -19,7 +19,7 @@ SIDE_M = 0.04
 STOP_M = 0.06
 """Clearance ahead. Assumed; three deviations of the lidar's noise, or a corner between two beams."""
 
-DEFLECTIONS_RADPS = (0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9)
+DEFLECTIONS_RADPS = np.array([0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9])
 """Changes of the yaw rate that are tried when the commanded arc is blocked. Assumed."""
 
 BEAM_RAD = 2.0 * np.pi * np.arange(LIDAR_BEAMS) / LIDAR_BEAMS
@@ -100,11 +100,9 @@ def safe_command(
 
     The arc a little to the side is often free, so the robot keeps off the walls of a passage despite its pose error.
     """
-    turns = [yaw_rate_radps + change for change in DEFLECTIONS_RADPS]
-    speeds = [safe_speed(lidar_m, v_mps, turns[0], robot)]
-    if speeds[0] != v_mps:
-        speeds += [safe_speed(lidar_m, v_mps, turn, robot) for turn in turns[1:]]
-    # A deflection of 1 rad/s must gain 0.1 m/s (assumed).
-    value = [abs(v) - 0.1 * abs(change) for v, change in zip(speeds, DEFLECTIONS_RADPS, strict=False)]
-    best = int(np.argmax(value))
-    return speeds[best], turns[best]
+    if safe_speed(lidar_m, v_mps, yaw_rate_radps, robot) == v_mps:
+        return v_mps, yaw_rate_radps
+    turns = yaw_rate_radps + DEFLECTIONS_RADPS
+    speeds_mps = np.array([safe_speed(lidar_m, v_mps, turn, robot) for turn in turns.tolist()])
+    best = int(np.argmax(np.abs(speeds_mps) - 0.1 * np.abs(DEFLECTIONS_RADPS)))  # 0.1 m/s for 1 rad/s (assumed)
+    return float(speeds_mps[best]), float(turns[best])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -33,7 +34,8 @@ PlacedPiece = tuple[Sequence[Solid], tuple[float, float], float]
 """Solids of a piece of equipment, its position on the ground, and its yaw, radians."""
 
 
-class YardSolids(NamedTuple):
+@dataclass(frozen=True, eq=False)  # compared by identity: yards that hold it are compared by their fields
+class YardSolids:
     """Many solids at once, world frame. The last axis of every result runs over the solids.
 
     Attributes:
@@ -69,7 +71,7 @@ class YardSolids(NamedTuple):
 
     def take(self, chosen: NDArray[np.bool_]) -> YardSolids:
         """Return the solids that a mask (n_solids,) selects, in the same order."""
-        return YardSolids(*(column[chosen] for column in self))
+        return YardSolids(*(column[chosen] for column in vars(self).values()))
 
     @property
     def extent_m(self) -> tuple[FloatArray, FloatArray]:

@@ -69,7 +69,7 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
 
     def solid_columns(self) -> dict[str, NDArray[Any]]:
         """Return the arrays of all solids and the piece of equipment of each, `owner`, by the names of `YardSolids`."""
-        return self.solids._asdict()
+        return dict(vars(self.solids))
 
     def across_fence(self, item: Equipment) -> float:
         """Return by how many metres a piece of equipment extends beyond the fence, on plan; negative inside."""
