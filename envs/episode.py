@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from pdpatrol.envs.scenario.checks import position_error
 from pdpatrol.envs.scenario.scenario import Scenario
 from pdpatrol.envs.scenario.sources import SourceConfig
 from pdpatrol.sensing import Carrier, DischargeSource, HelicalArray, PulseTrain, Scene, Surroundings
@@ -92,7 +93,7 @@ def _source_position(name: str, place: Any, scenario: Scenario) -> FloatArray:  
     if isinstance(place, str):
         return scenario.yard.site_position(place)
     position_m = _three_numbers(f"source `{name}`", place)
-    error = scenario.position_error(position_m)
+    error = position_error(scenario.yard, position_m)
     if error is not None or position_m[2] > MAX_SOURCE_HEIGHT_M:
         error = error or f"must be at most {MAX_SOURCE_HEIGHT_M:g} m above the ground, got {position_m[2]:g}"
         raise ValueError(f"`options`: source `{name}` {error}")

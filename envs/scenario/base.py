@@ -158,6 +158,11 @@ def _all_keys(model: type[BaseModel]) -> list[str]:
     return sorted({key for table in tables for key in table.get("properties", {})})
 
 
+def known_names(names: tuple[str, ...], wanted: str) -> str:
+    """List the names that are most like a wrong one, or the first few."""
+    return ", ".join(get_close_matches(wanted, names, n=3) or names[:12]) or "none"
+
+
 def shown(value: object) -> str:
     """Format a value for an error message, on one line and at most 60 characters."""
     try:

@@ -7,7 +7,7 @@ from math import radians
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, cast
 
-from pydantic import Field, ValidationInfo, WithJsonSchema, field_validator, model_validator
+from pydantic import Field, ValidationInfo, WithJsonSchema, create_model, field_validator, model_validator
 
 from dirmusic import ESTIMATORS, InputFileError
 from dirmusic.locating.rules import AssignmentRules, CredibilityRules, LocatingRules
@@ -15,12 +15,34 @@ from pdpatrol.envs.scenario.array import ArrayCalibration, read_calibration
 from pdpatrol.envs.scenario.base import Config, resolve_path, resolve_user_code
 from pdpatrol.sensing.quantities import PATH_PATTERN, PLAIN_ZERO, FilePath
 
-Decibel = Annotated[float, Field(ge=0.0, le=100.0), PLAIN_ZERO]
-Metre = Annotated[float, Field(ge=0.001, le=10_000.0)]
-Second = Annotated[float, Field(ge=0.01, le=86_400.0)]
-Share = Annotated[float, Field(ge=0.0, le=1.0), PLAIN_ZERO]
-Arc = Annotated[float, Field(ge=0.01, le=180.0)]
-Count = Annotated[int, Field(ge=1, le=1_000_000)]
+BOUNDS = {
+    "deg": Field(ge=0.0, le=360.0),
+    "db": Field(ge=0.0, le=100.0),
+    "m": Field(ge=0.0, le=10_000.0),
+    "s": Field(ge=0.01, le=86_400.0),
+    "rate": Field(ge=0.0, le=1.0),
+    "max_pulses": Field(ge=2, le=2000),
+    "initiation_pulses": Field(ge=2, le=10_000),
+}
+"""Bounds of the rules of the Locator by their keys, or by the last word of these."""
+
+
+def _optional_rules() -> dict[str, Any]:
+    """Define an optional key for each rule of the Locator: its type and bounds, and None as the default."""
+    keys = dict[str, Any]()
+    for rule in (*fields(CredibilityRules), *fields(AssignmentRules), *fields(LocatingRules)):
+        key = rule.name.replace("_rad", "_deg")
+        if isinstance(rule.default, bool):
+            keys[key] = bool | None, None
+        elif isinstance(rule.default, int):
+            keys[key] = Annotated[int, BOUNDS.get(key, Field(ge=1, le=1_000_000))] | None, None
+        elif isinstance(rule.default, float):
+            bounds = BOUNDS.get(key.rpartition("_")[2], Field(ge=0.0, le=1000.0))
+            keys[key] = Annotated[float, bounds, PLAIN_ZERO] | None, None
+    return keys
+
+
+OptionalRules = create_model("OptionalRules", __base__=Config, **_optional_rules())
 
 
 class EstimatorConfig(Config, frozen=True):
@@ -39,7 +61,7 @@ class EstimatorConfig(Config, frozen=True):
         return resolve_user_code(method, info)
 
 
-class LocatingConfig(Config, frozen=True):
+class LocatingConfig(OptionalRules, frozen=True):
     """The Locator and its rules.
 
     `dirmusic.locating.rules` documents the rules and their defaults, under the same names with `_rad` for `_deg`.
@@ -54,43 +76,6 @@ class LocatingConfig(Config, frozen=True):
         ArrayCalibration | None, WithJsonSchema({"type": "string", "maxLength": 1024, "pattern": PATH_PATTERN})
     ] = None
     """Path of a calibration that an earlier mission with this array has written."""
-
-    max_std_deg: Arc | None = None
-    misfit_factor: Annotated[float, Field(ge=0.001, le=1000.0)] | None = None
-    misfit_floor: Share | None = None
-
-    gate_sigmas: Annotated[float, Field(ge=0.01, le=20.0)] | None = None
-    level_window_s: Second | None = None
-    level_arc_deg: Annotated[float, Field(ge=0.01, le=360.0)] | None = None
-    obstruction_db: Decibel | None = None
-    direct_path_db: Decibel | None = None
-    ghost_db: Decibel | None = None
-    bias_arc_deg: Arc | None = None
-    bias_db: Decibel | None = None
-    sight_loss_db: Decibel | None = None
-    clear_loss_db: Decibel | None = None
-    surface_depth_m: Annotated[float, Field(ge=0.0, le=100.0), PLAIN_ZERO] | None = None
-    edge_margin_m: Annotated[float, Field(ge=0.0, le=100.0), PLAIN_ZERO] | None = None
-    detection_range_m: Metre | None = None
-
-    initiation_pulses: Annotated[int, Field(ge=2, le=10_000)] | None = None
-    initiation_s: Second | None = None
-    initiation_arc_deg: Arc | None = None
-    initiation_by_crossing: bool | None = None
-    refit_s: Second | None = None
-    max_pulses: Annotated[int, Field(ge=2, le=2000)] | None = None
-    confirm_aperture_deg: Annotated[float, Field(ge=0.0, le=359.0), PLAIN_ZERO] | None = None
-    confirm_semi_major_m: Metre | None = None
-    confirm_range_m: Metre | None = None
-    confirm_pulses: Count | None = None
-    confirm_disagreement: Annotated[float, Field(ge=0.001, le=1000.0)] | None = None
-    confirm_detection_rate: Share | None = None
-    ghost_detection_rate: Share | None = None
-    ghost_observed_s: Count | None = None
-    ghost_silent_s: Count | None = None
-    ghost_semi_major_m: Metre | None = None
-    least_range_m: Metre | None = None
-    merge_m: Metre | None = None
 
     @field_validator("locator")
     @classmethod
@@ -126,10 +111,10 @@ class LocatingConfig(Config, frozen=True):
 
     def rules(self) -> LocatingRules:
         """Return the rules of the Locator, angles in radians; rules that are not set have their defaults."""
-        given: dict[str, Any] = {}
-        for key, value in self.model_dump(exclude={"locator", "calibration"}, exclude_none=True).items():
-            in_degrees = key.endswith("_deg")
-            given[f"{key[:-4]}_rad" if in_degrees else key] = radians(value) if in_degrees else value
+        given = {
+            key.replace("_deg", "_rad"): radians(value) if key.endswith("_deg") else value
+            for key, value in self.model_dump(exclude={"locator", "calibration"}, exclude_none=True).items()
+        }
 
         def chosen(rules: type[CredibilityRules | AssignmentRules | LocatingRules]) -> dict[str, Any]:
             return {field.name: given[field.name] for field in fields(rules) if field.name in given}

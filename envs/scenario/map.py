@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, ValidationError
 
-from pdpatrol.envs.scenario.base import Config
+from pdpatrol.envs.scenario.base import Config, error_lines, known_names
 from pdpatrol.robot_models.yard.pieces import Equipment
 from pdpatrol.robot_models.yard.quantities import MOST_PIECES, Coordinate, Name
-from pdpatrol.robot_models.yard.yard import FENCE_TOLERANCE_M, Yard
+from pdpatrol.robot_models.yard.yard import Yard
 
 
 class GeoreferenceConfig(Config, frozen=True):
@@ -67,33 +66,18 @@ class MapConfig(Config, frozen=True):
 
     def errors(self, yard: Yard) -> list[str]:
         """List the errors of this map of a yard, as `key: message`."""
-        pieces = {item.name: item for item in yard.equipment}
-        names = list(pieces)
-
-        def unknown(name: str) -> str:
-            near = get_close_matches(name, names, n=3) or names[:12]
-            return f"no equipment `{name}` in this yard; known are {', '.join(near) or 'none'}"
-
-        def misplaced(item: Equipment) -> bool:
-            return not bool(yard.contains(item.position_m)) or yard.across_fence(item) > FENCE_TOLERANCE_M
-
-        size = "{:g} x {:g} m".format(*yard.size_m)
-        errors = [f"map.missing.{i}: {unknown(name)}" for i, name in enumerate(self.missing) if name not in pieces]
-        if not errors and len(pieces) - len(set(self.missing)) + len(self.extra) > MOST_PIECES:
-            errors.append(f"map.extra: the map must not show more than {MOST_PIECES} pieces of equipment")
-        for i, item in enumerate(self.extra):
-            if item.name in [*names, *(other.name for other in self.extra[:i])]:
-                errors.append(f"map.extra.{i}.name: must be used once, got `{item.name}` again")
-            if misplaced(item):
-                errors.append(f"map.extra.{i}.position_m: must lie inside the yard ({size}), got {item.position_m}")
-        for i, piece in enumerate(self.moved):
-            if piece.name not in pieces:
-                errors.append(f"map.moved.{i}.name: {unknown(piece.name)}")
-                continue
-            if piece.name in self.missing:
-                errors.append(f"map.moved.{i}.name: must not be missing too, got `{piece.name}`")
-            if piece.name in [other.name for other in self.moved[:i]]:
-                errors.append(f"map.moved.{i}.name: must be moved once, got `{piece.name}` again")
-            if misplaced(piece.placed(pieces[piece.name])):
-                errors.append(f"map.moved.{i}.by_m: must leave the piece inside the yard ({size}), got {piece.by_m}")
-        return errors
+        names = tuple(item.name for item in yard.equipment)
+        given = [(f"missing.{i}", name) for i, name in enumerate(self.missing)]
+        given += [(f"moved.{i}.name", piece.name) for i, piece in enumerate(self.moved)]
+        errors = [
+            f"map.{key}: no equipment `{name}` in this yard; known are {known_names(names, name)}"
+            for key, name in given
+            if name not in names
+        ]
+        if errors:
+            return errors
+        try:
+            self.of(yard)
+        except ValidationError as error:
+            return [f"map: {line}" for line in error_lines(error, Yard)]
+        return []

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from typing import Annotated, Literal, Self
 
-import numpy as np
-from numpy.typing import ArrayLike
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from dirmusic import ArrayModel
-from pdpatrol.envs.scenario.array import ArraySection, CalibratedArray, data_sheet
+from pdpatrol.envs.scenario.array import ArraySection, data_sheet
 from pdpatrol.envs.scenario.base import Config, MissionName
-from pdpatrol.envs.scenario.limits import growth_errors, level_errors, place_errors, pulse_errors
+from pdpatrol.envs.scenario.checks import scenario_errors
 from pdpatrol.envs.scenario.locating import EstimatorConfig, LocatingConfig
 from pdpatrol.envs.scenario.map import GeoreferenceConfig, MapConfig
 from pdpatrol.envs.scenario.radio import RadioConfig
@@ -22,7 +19,6 @@ from pdpatrol.robot_models.yard.quantities import MOST_YARD_M, Coordinate
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import ReceiverConfig
 from pdpatrol.sensing.quantities import PLAIN_ZERO, Degree
-from pdpatrol.sensing.radio.materials import KIND_MATERIALS
 
 PLANNED = "planned"
 """Value of `waypoints_m` with which a mission plans its own waypoints."""
@@ -45,6 +41,11 @@ class RouteConfig(Config, frozen=True):
     """Heading at the start, counter-clockwise from x; by default drawn per mission."""
     waypoints_m: Waypoints = ()
     """Waypoints in order, or `"planned"`: the mission plans them on the map when it starts, as `pdpatrol plan` does."""
+
+    @property
+    def is_planned(self) -> bool:
+        """Whether a mission plans its own waypoints."""
+        return self.waypoints_m == PLANNED
 
     @property
     def stops_m(self) -> tuple[tuple[float, float], ...]:
@@ -119,9 +120,9 @@ class Scenario(Config, frozen=True):
 
     def candidate_sites(self, source: SourceConfig) -> tuple[str, ...]:
         """Return the sites, `equipment/site`, from which the place of a source is drawn; empty if it has a position."""
-        return tuple(dict.fromkeys(site for entry in source.sites for site in self._expand(entry)))
+        return tuple(dict.fromkeys(site for entry in source.sites for site in self.expand_site(entry)))
 
-    def _expand(self, entry: str) -> list[str]:
+    def expand_site(self, entry: str) -> list[str]:
         """Return the sites that `equipment/*` stands for; any other entry stands for itself."""
         if not entry.endswith("/*"):
             return [entry]
@@ -129,141 +130,6 @@ class Scenario(Config, frozen=True):
 
     @model_validator(mode="after")
     def _check_combinations(self) -> Self:
-        errors = [
-            *self._equipment_errors(),
-            *self.map.errors(self.yard),
-            *self._route_errors(),
-            *self._task_errors(),
-            *self._source_errors(),
-            *self._interferer_errors(),
-            *self._receiver_errors(),
-            *self._calibration_errors(),
-            *growth_errors(self.sources, self.campaign.weeks),
-        ]
-        errors = errors or self._limit_errors()
-        if errors:
+        if errors := scenario_errors(self):
             raise ValueError("\n".join(errors))
         return self
-
-    @property
-    def _size(self) -> str:
-        return "{:g} x {:g} m".format(*self.yard.size_m)
-
-    def _equipment_errors(self) -> list[str]:
-        return [
-            f"{key}.{i}.kind: no kind `{item.kind}`; known are {', '.join(KIND_MATERIALS)}"
-            for key, pieces in (("yard.equipment", self.yard.equipment), ("map.extra", self.map.extra))
-            for i, item in enumerate(pieces)
-            if item.kind not in KIND_MATERIALS
-        ]
-
-    def _task_errors(self) -> list[str]:
-        side_m = min(self.yard.size_m)
-        return [
-            f"task.{key}: must be less than the shorter side of the yard, {side_m:g}, got {distance_m:g}"
-            for key in ("standoff_m", "waypoint_radius_m")
-            if (distance_m := getattr(self.task, key)) >= side_m
-        ]
-
-    def _limit_errors(self) -> list[str]:
-        """Check limits that need every table to be valid."""
-        limit_s, sites = self.task.time_limit_s, [self.candidate_sites(source) for source in self.sources]
-        sources = self.grown_sources
-        return [
-            *pulse_errors(sources, self.interferers, self.receiver, self.array.n_channels, limit_s),
-            *level_errors(sources, self.interferers, self.carriers, self.receiver, limit_s),
-            *place_errors(self.sources, sites, self.yard, self.robot.description.room_m),
-        ]
-
-    def _receiver_errors(self) -> list[str]:
-        n, errors = self.array.n_channels, list[str]()
-        channels = [fault.channel for fault in self.receiver.faults]
-        for i, fault in enumerate(self.receiver.faults):
-            for key, channel in (("channel", fault.channel), ("other", fault.other or 1)):
-                if channel > n:
-                    errors.append(f"receiver.faults.{i}.{key}: must be a channel from 1 to {n}, got {channel}")
-            if channels.index(fault.channel) != i:
-                errors.append(f"receiver.faults.{i}.channel: must have one fault only, got {fault.channel} again")
-        if self.estimator.method == "sub_bands" and self.receiver.n_bands == 0:
-            errors.append("estimator.method: sub_bands needs receiver.n_bands from 1 to 8, got 0")
-        return errors
-
-    def _calibration_errors(self) -> list[str]:
-        calibration, number = self.locating.calibration, self.array.serial_number
-        if calibration is None:
-            return []
-        if number is None:
-            return ["array.serial_number: is required with a calibration; without it each mission draws another array"]
-        mismatch = calibration.mismatch(CalibratedArray.of(data_sheet(self.array), number))
-        return [f"locating.calibration: {mismatch}"] if mismatch else []
-
-    def _route_errors(self) -> list[str]:
-        stops = {"route.dock_m": self.route.dock_m}
-        if self.route.waypoints_m != PLANNED:
-            stops |= {f"route.waypoints_m.{i}": point for i, point in enumerate(self.route.stops_m)}
-        known = self.yard if self.map.errors(self.yard) else self.known_yard
-        found = {
-            key: self._stop_error(point, self.yard) or self._stop_error(point, known, " on the map")
-            for key, point in stops.items()
-        }
-        return [f"{key}: {error}" for key, error in found.items() if error]
-
-    def _stop_error(self, point: tuple[float, float], yard: Yard, where: str = "") -> str | None:
-        room_m, covering = self.robot.description.room_m, yard.covering_equipment(point)
-        if not yard.contains(point):
-            return f"must lie inside the yard ({self._size}), got {point}"
-        if covering is not None:
-            return f"must lie on free ground, got {point} inside equipment `{covering}`{where}"
-        clearance_m = float(yard.clearance(point))
-        if clearance_m < room_m:
-            return (
-                f"must be {room_m:.3g} m or more from equipment and fence, so that the robot fits, got {point}, which "
-                f"is {clearance_m:.2f} m away{where}"
-            )
-        return None
-
-    def _source_errors(self) -> list[str]:
-        errors, known = list[str](), self.yard.site_names()
-        names = [source.name for source in (*self.sources, *self.interferers)]
-        for i, source in enumerate(self.sources):
-            if names.count(source.name) > 1 and names.index(source.name) == i:
-                errors.append(f"sources.{i}.name: must be used once, got `{source.name}` more than once")
-            places = {f"sources.{i}.position_m": source.position_m} if source.position_m is not None else {}
-            for entry in source.sites:
-                sites = self._expand(entry)
-                if sites and all(site in known for site in sites):
-                    places |= {f"sources.{i}.sites ({site})": self.yard.site_position(site) for site in sites}
-                else:
-                    near = get_close_matches(entry, known, n=3) or known[:12]
-                    errors.append(f"sources.{i}.sites: no site `{entry}`; known are {', '.join(near) or 'none'}")
-            found = {key: self.position_error(place) for key, place in places.items()}
-            errors += [f"{key}: {error}" for key, error in found.items() if error]
-        return errors
-
-    def position_error(self, position_m: ArrayLike) -> str | None:
-        """Describe why a source cannot be at a position (x, y, z); None if it can."""
-        x, y, z = (float(value) for value in np.asarray(position_m))
-        shown = round(x, 3), round(y, 3), round(z, 3)
-        enclosing = self.yard.enclosing_equipment(position_m)
-        if not self.yard.contains(position_m):
-            return f"must lie inside the yard ({self._size}), got {shown}"
-        if z <= 0.0:
-            return f"must lie above the ground, got {shown}"
-        if enclosing is not None:
-            return f"must not lie inside equipment `{enclosing}`, got {shown}"
-        return None
-
-    def _interferer_errors(self) -> list[str]:
-        errors = list[str]()
-        for i, item in enumerate(self.interferers):
-            if self.yard.contains(item.position_m):
-                errors.append(
-                    f"interferers.{i}.position_m: must lie outside the yard ({self._size}), got {item.position_m}; "
-                    "inside it, use [[sources]]"
-                )
-            elif item.moves_to_m is not None and self.yard.is_crossed(item.position_m, item.moves_to_m):
-                errors.append(
-                    f"interferers.{i}.moves_to_m: the path must not cross the yard ({self._size}), got "
-                    f"{item.position_m} to {item.moves_to_m}"
-                )
-        return errors
