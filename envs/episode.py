@@ -70,34 +70,28 @@ class ResetOptions(NamedTuple):
         options = {} if options is None else options
         if not isinstance(options, Mapping) or not set(options) <= {"start_pose", "sources"}:
             raise ValueError(f"`options` must be a dict with the keys start_pose and sources, got {options!r}")
-        pose, places = options.get("start_pose"), options.get("sources") or {}
+        start, places, yard = options.get("start_pose"), options.get("sources") or {}, scenario.yard
         if not isinstance(places, Mapping):
             raise ValueError(f"`options`: sources must be a dict from names to positions, got {places!r}")
-        start = None if pose is None else _start_pose(pose, scenario)
-        return cls(start, {name: _source_position(name, place, scenario) for name, place in places.items()})
-
-
-def _start_pose(pose: Any, scenario: Scenario) -> FloatArray:  # noqa: ANN401 - users may pass anything
-    start = _three_numbers("start_pose", pose)
-    if not scenario.yard.contains(start) or scenario.yard.clearance(start) < 0.0 or abs(start[2]) > 2.0 * np.pi:
-        raise ValueError(
-            f"`options`: start_pose must be x, y on free ground and a yaw in [-2 pi, 2 pi], got {start.tolist()}"
-        )
-    return start
-
-
-def _source_position(name: str, place: Any, scenario: Scenario) -> FloatArray:  # noqa: ANN401 - users may pass anything
-    names = [source.name for source in scenario.sources]
-    if name not in names:
-        raise ValueError(f"`options`: no source `{name}`; known are {', '.join(names) or 'none'}")
-    if isinstance(place, str):
-        return scenario.yard.site_position(place)
-    position_m = _three_numbers(f"source `{name}`", place)
-    error = position_error(scenario.yard, position_m)
-    if error is not None or position_m[2] > MAX_SOURCE_HEIGHT_M:
-        error = error or f"must be at most {MAX_SOURCE_HEIGHT_M:g} m above the ground, got {position_m[2]:g}"
-        raise ValueError(f"`options`: source `{name}` {error}")
-    return position_m
+        if start is not None:
+            start = _three_numbers("start_pose", start)
+            if not yard.contains(start) or yard.clearance(start) < 0.0 or abs(start[2]) > 2.0 * np.pi:
+                raise ValueError(
+                    f"`options`: start_pose must be x, y on free ground and a yaw in [-2 pi, 2 pi], got {start}"
+                )
+        names, sources_m = [source.name for source in scenario.sources], dict[str, FloatArray]()
+        for name, place in places.items():
+            if name not in names:
+                raise ValueError(f"`options`: no source `{name}`; known are {', '.join(names) or 'none'}")
+            is_site = isinstance(place, str)
+            place_m = yard.site_position(place) if is_site else _three_numbers(f"source `{name}`", place)
+            error = position_error(yard, place_m)
+            if place_m[2] > MAX_SOURCE_HEIGHT_M:
+                error = f"must be at most {MAX_SOURCE_HEIGHT_M:g} m above the ground, got {place_m[2]:g}"
+            if error is not None:
+                raise ValueError(f"`options`: source `{name}` {error}")
+            sources_m[name] = place_m
+        return cls(start, sources_m)
 
 
 def _three_numbers(name: str, value: Any) -> FloatArray:  # noqa: ANN401 - users may pass anything
@@ -248,16 +242,10 @@ def _truth(
             **motion,
         }
 
+    kinds = [source.kind for source in scenario.sources]
+    drawn = ("boresights_rad", "boresight_elevations_rad", "gain_factors", "gain_offsets", "positions_m")
     return {
-        "sources": [
-            {**describe(source), "kind": config.kind} for source, config in zip(sources, scenario.sources, strict=True)
-        ],
+        "sources": [{**describe(source), "kind": kind} for source, kind in zip(sources, kinds, strict=True)],
         "interferers": [describe(source) for source in interferers],
-        "array": {
-            "boresights_rad": array.boresights_rad.tolist(),
-            "boresight_elevations_rad": array.boresight_elevations_rad.tolist(),
-            "gain_factors": array.gain_factors.tolist(),
-            "gain_offsets": array.gain_offsets.tolist(),
-            "positions_m": array.positions_m.tolist(),
-        },
+        "array": {key: getattr(array, key).tolist() for key in drawn},
     }

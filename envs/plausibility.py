@@ -6,16 +6,12 @@ from collections.abc import Iterator
 from math import inf
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dirmusic.array.bounds import perpendicular_slope
 from dirmusic.locating.rules import CredibilityRules
 from pdpatrol.envs.scenario.array import data_sheet
 from pdpatrol.envs.scenario.scenario import Scenario
-from pdpatrol.envs.scenario.sources import SourceConfig
 from pdpatrol.sensing.receiver.receiver import Receiver
-
-FloatArray = NDArray[np.float64]
 
 REFLECTION_MARGIN_DB = 6.0
 """Gain that reflections may add to the direct path. Assumed; two coherent paths of equal strength."""
@@ -63,38 +59,21 @@ def _source_notes(scenario: Scenario) -> Iterator[str]:
             f"receiver.full_scale_v: {scenario.receiver.full_scale_v:g} V is below the trigger level, "
             f"{receiver.threshold_v:.2g} V, so that every detected pulse is clipped"
         )
-    ground_m, time_limit_s = _free_ground(scenario), scenario.task.time_limit_s
+    time_limit_s, room_m = scenario.task.time_limit_s, scenario.robot.description.room_m
     for i, source in enumerate(scenario.grown_sources):
         start_s, end_s = source.active_s or (0.0, inf)
         start_s = max(start_s, source.first_shot_s if source.n_shots is not None else 0.0)
         if source.pulse_rate_hz == 0.0 or start_s >= min(end_s, time_limit_s):
             yield f"sources.{i}: `{source.name}` does not discharge within the mission"
             continue
-        range_m = _nearest_m(scenario, source, ground_m)
+        places = [scenario.yard.site_position(site) for site in scenario.candidate_sites(source)]
+        heights_m = np.array([place[2] for place in (*places, source.position_m or (0, 0, source.anywhere_at_m))])
+        range_m = max(float(np.abs(heights_m - scenario.array.height_m).min()), room_m)
         peak_v = source.amplitude_v * 10 ** (source.amplitude_range_db / 40) * receiver.front_end.pulse_peak
         drift_db = max(source.drift_db_per_min * min(end_s, time_limit_s) / 60.0, 0.0)
         level_db = 20 * np.log10(peak_v / range_m / receiver.threshold_v) + drift_db
         if level_db < -REFLECTION_MARGIN_DB:
             yield (
-                f"sources.{i}: `{source.name}` cannot be detected: at {range_m:.1f} m, the closest the robot gets, its "
-                f"strongest pulse is {-level_db:.0f} dB below the trigger level"
+                f"sources.{i}: `{source.name}` cannot be detected: below it, {range_m:.1f} m away, its strongest pulse "
+                f"is {-level_db:.0f} dB below the trigger level"
             )
-
-
-def _free_ground(scenario: Scenario) -> FloatArray:
-    """Return points of a grid on which the robot fits, and its dock, shape (n, 2)."""
-    axes = [np.linspace(0.0, size_m, 81) for size_m in scenario.yard.size_m]
-    ground_m = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-    is_free = scenario.yard.clearance(ground_m) >= scenario.robot.description.room_m
-    return np.vstack([ground_m[is_free], scenario.route.dock_m])
-
-
-def _nearest_m(scenario: Scenario, source: SourceConfig, ground_m: FloatArray) -> float:
-    """Return the least distance between the array and any place where a source may be, at least 0.1 m."""
-    height_m = scenario.array.height_m
-    if source.anywhere_at_m is not None:
-        return max(abs(source.anywhere_at_m - height_m), 0.1)
-    places = [scenario.yard.site_position(site) for site in scenario.candidate_sites(source)]
-    places_m = np.array(places if source.position_m is None else [source.position_m])
-    antennas_m = np.column_stack([ground_m, np.full(len(ground_m), height_m)])
-    return max(float(min(np.linalg.norm(antennas_m - place_m, axis=-1).min() for place_m in places_m)), 0.1)

@@ -11,7 +11,7 @@ from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.envs.scenario.scenario import PLANNED, RouteConfig, Scenario, TaskConfig
 from pdpatrol.envs.scenario.sources import SourceConfig
 from pdpatrol.robot_models.equipment import CATALOGUE
-from pdpatrol.robot_models.yard.pieces import SITE_STANDOFF_M, CatalogueEquipment, Equipment
+from pdpatrol.robot_models.yard.pieces import SITE_STANDOFF_M, CatalogueEquipment
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import ArrayConfig
 from pdpatrol.sensing.radio.transmission import Sight
@@ -105,21 +105,12 @@ def _with_piece(yard: Yard, name: str, kind: str, rng: np.random.Generator) -> Y
             position_m=(float(position[0]), float(position[1])),
             yaw_deg=float(rng.choice([0.0, 90.0, 180.0, 270.0])),
         )
-        low, high = _bounds(item)
-        taken = [_bounds(other) for other in yard.equipment] + [(np.array(DOCK_M), np.array(DOCK_M))]
+        low, high = item.solids.extent_m
+        taken = [*(other.solids.extent_m for other in yard.equipment), (np.array(DOCK_M), np.array(DOCK_M))]
         apart = [np.maximum(low - other_high, other_low - high).max() for other_low, other_high in taken]
         if min(*low, *(yard.size_m - high), *apart) >= GAP_M:
             return Yard(size_m=yard.size_m, equipment=(*yard.equipment, item))
     return yard
-
-
-def _bounds(item: Equipment) -> tuple[FloatArray, FloatArray]:
-    """Return the south-west and north-east corners of a piece, each (2,), for a yaw of a multiple of 90 degrees."""
-    solids = item.solids
-    turned = np.abs(np.sin(solids.yaw_rad)) > 0.5
-    half_m = np.where(turned[:, np.newaxis], solids.half_size_m[:, ::-1], solids.half_size_m)
-    half_m = half_m + solids.radius_m[:, np.newaxis]
-    return (solids.centre_m - half_m).min(axis=0), (solids.centre_m + half_m).max(axis=0)
 
 
 def random_source(yard: Yard, rng: np.random.Generator) -> SourceConfig:
@@ -155,18 +146,16 @@ def place_off_sites(yard: Yard, rng: np.random.Generator) -> FloatArray | None:
         half_m = np.append(solids.half_size_m[part], 0.5 * (solids.top_m[part] - solids.bottom_m[part]))
         half_m[:2] += solids.radius_m[part]
         centre_m = np.append(solids.centre_m[part], 0.5 * (solids.top_m[part] + solids.bottom_m[part]))
-        place_m = _pushed_out(yard, centre_m + _turned(rng.uniform(-half_m, half_m), solids.yaw_rad[part]), off_m)
+        x, y, z = rng.uniform(-half_m, half_m)
+        cos, sin = np.cos(solids.yaw_rad[part]), np.sin(solids.yaw_rad[part])
+        within_m = np.array([cos * x - sin * y, sin * x + cos * y, z])
+        place_m = _pushed_out(yard, centre_m + within_m, off_m)
         is_place = yard.contains(place_m) and place_m[2] >= 0.2
         is_place = is_place and abs(_distance(yard, place_m) - off_m) < 0.5 * SITE_STANDOFF_M
         is_place = is_place and np.linalg.norm(sites_m - place_m, axis=-1).min() >= OFF_SITE_M
         if is_place and _can_be_seen(yard, sight, place_m):
             return np.round(place_m, 3)
     return None
-
-
-def _turned(point_m: FloatArray, yaw_rad: float) -> FloatArray:
-    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
-    return np.array([cos * point_m[0] - sin * point_m[1], sin * point_m[0] + cos * point_m[1], point_m[2]])
 
 
 def _distance(yard: Yard, place_m: FloatArray) -> float:

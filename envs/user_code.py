@@ -43,11 +43,7 @@ def load_object(name: str, folder: str | Path, expected: str) -> Any:  # noqa: A
     if not (place and attribute.isidentifier()):
         raise UserCodeError(f"{name}: must be my_file.py:Name or package.module:Name; expected {expected}")
     is_file = place.endswith(".py")
-    if is_file:
-        file = (Path(folder) / place).resolve()
-    else:
-        with calling(place, expected):
-            file = Path(getattr(importlib.util.find_spec(place), "origin", None) or place)
+    file = (Path(folder) / place).resolve() if is_file else Path(place)
     if is_file and not file.is_file():
         raise UserCodeError(f"{_relative(file)}: no such file; expected {expected}")
     with calling(file, expected):
@@ -161,13 +157,11 @@ class UserEstimator:
         wrong = [f"{name} of shape {column.shape}" for name, column in found._asdict().items() if column.shape != (n,)]
         if not wrong:
             is_noisy = pulses.variance_v2.any(axis=-1)  # without noise a deviation of 0 is right
-            is_valid = {
-                "azimuth_rad": np.isfinite(found.azimuth_rad),
-                "std_rad": (found.std_rad > 0.0) | ((found.std_rad == 0.0) & ~is_noisy),
-                "misfit": (found.misfit >= 0.0) & (found.misfit <= 1.0),
-            }
-            is_valid["std_rad"] &= np.isfinite(found.std_rad)
-            wrong = [f"{name} {getattr(found, name)[~valid][0]}" for name, valid in is_valid.items() if not valid.all()]
+            is_valid = np.isfinite(found.azimuth_rad) & np.isfinite(found.std_rad) & (found.std_rad >= 0.0)
+            is_valid &= ((found.std_rad > 0.0) | ~is_noisy) & (found.misfit >= 0.0) & (found.misfit <= 1.0)
+            wrong = [
+                f"{name} {column[~is_valid][0]:.3g}" for name, column in found._asdict().items() if not is_valid.all()
+            ]
         if wrong:
             raise UserCodeError(f"{place_of(self._estimator)}: returned {', '.join(wrong)}; expected {expected}")
         return found

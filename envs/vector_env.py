@@ -109,7 +109,7 @@ class PatrolVectorEnv(SimulatedEnv, VectorEnv[Observation, NDArray[np.float32], 
         self.single_observation_space = self.simulation.layout.space
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self._rngs: list[tuple[np.random.Generator, int] | None] = [None] * num_envs
+        self._rngs = [seeding.np_random() for _ in range(num_envs)]
         self._is_over = np.zeros(num_envs, dtype=np.bool_)
         self._all_rows = np.ones(num_envs, dtype=np.bool_)
 
@@ -131,14 +131,12 @@ class PatrolVectorEnv(SimulatedEnv, VectorEnv[Observation, NDArray[np.float32], 
     def _reset_mask(self, options: Any) -> BoolArray:  # noqa: ANN401 - users may pass anything
         if not isinstance(options, Mapping) or "reset_mask" not in options:
             return self._all_rows
-        try:
-            mask: NDArray[Any] = np.asarray(options["reset_mask"])
-        except ValueError:
-            mask = np.empty(0)
-        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
+        mask = options["reset_mask"]
+        is_mask = isinstance(mask, np.ndarray) and mask.shape == (self.num_envs,) and mask.dtype == np.bool_
+        if not is_mask or not mask.any():
             raise ValueError(
-                f"`options`: reset_mask must be {self.num_envs} booleans, at least one of them True, got "
-                f"{options['reset_mask']!r}"
+                f"`options`: reset_mask must be an array of {self.num_envs} booleans, at least one of them True, got "
+                f"{mask!r:.80}"
             )
         if not (mask.all() or self.simulation.has_begun):
             raise error.ResetNeeded("Cannot reset some rows before calling env.reset() for all of them")
@@ -152,24 +150,19 @@ class PatrolVectorEnv(SimulatedEnv, VectorEnv[Observation, NDArray[np.float32], 
             raise ValueError(f"`seed` must be an integer or {self.num_envs} of them, got {seed!r}")
         return [None if each is None else operator.index(each) for each in seed]
 
-    def _rng(self, row: int) -> tuple[np.random.Generator, int]:
-        """Return the generator of a row and its seed."""
-        self._rngs[row] = rng = self._rngs[row] or seeding.np_random()
-        return rng
-
     @property
     def np_random(self) -> tuple[np.random.Generator, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Generators of the rows."""
-        return tuple(self._rng(row)[0] for row in range(self.num_envs))
+        return tuple(rng for rng, _ in self._rngs)
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Seeds of the rows."""
-        return tuple(self._rng(row)[1] for row in range(self.num_envs))
+        return tuple(seed for _, seed in self._rngs)
 
     def _start(self, rows: Rows, options: ResetOptions, seeds: Sequence[int | None]) -> None:
         """Start new episodes in some rows."""
-        rngs = [self._rng(row) if seeds[row] is None else seeding.np_random(seeds[row]) for row in rows.tolist()]
+        rngs = [self._rngs[row] if seeds[row] is None else seeding.np_random(seeds[row]) for row in rows.tolist()]
         self.simulation.start(rows, [rng for rng, _ in rngs], options)
         for row, rng in zip(rows.tolist(), rngs, strict=True):
             self._rngs[row] = rng

@@ -7,6 +7,8 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium import spaces
+from gymnasium.utils import RecordConstructorArgs
+from gymnasium.wrappers import TransformObservation
 from numpy.typing import NDArray
 
 from pdpatrol.envs.observation import Observation
@@ -66,9 +68,7 @@ class Flattener:
         return np.clip(flat, -1.0, 1.0, dtype=np.float32)
 
 
-class BearingsOnly(
-    gymnasium.ObservationWrapper[Observation, Action, Observation], gymnasium.utils.RecordConstructorArgs
-):
+class BearingsOnly(TransformObservation[Observation, Action, Observation]):
     """Wrapper that applies `bearings_only`.
 
     Args:
@@ -76,18 +76,11 @@ class BearingsOnly(
     """
 
     def __init__(self, env: gymnasium.Env[Observation, Action]) -> None:
-        gymnasium.utils.RecordConstructorArgs.__init__(self)
-        super().__init__(env)
-        self.observation_space = bearings_only_space(env.observation_space)  # pyright: ignore[reportAttributeAccessIssue]
-
-    def observation(self, observation: Observation) -> Observation:
-        """Reduce an observation."""
-        return bearings_only(observation)
+        RecordConstructorArgs.__init__(self)
+        super().__init__(env, bearings_only, bearings_only_space(env.observation_space))
 
 
-class FlatObservation(
-    gymnasium.ObservationWrapper[NDArray[np.float32], Action, Observation], gymnasium.utils.RecordConstructorArgs
-):
+class FlatObservation(TransformObservation[NDArray[np.float32], Action, Observation]):
     """Wrapper that applies `Flattener`.
 
     Args:
@@ -98,11 +91,7 @@ class FlatObservation(
     """
 
     def __init__(self, env: gymnasium.Env[Observation, Action]) -> None:
-        gymnasium.utils.RecordConstructorArgs.__init__(self)
-        super().__init__(env)
-        self._flatten = Flattener(env.observation_space)
-        self.names, self.observation_space = self._flatten.names, self._flatten.space
-
-    def observation(self, observation: Observation) -> NDArray[np.float32]:
-        """Convert an observation to a vector."""
-        return self._flatten(observation)
+        RecordConstructorArgs.__init__(self)
+        flatten = Flattener(env.observation_space)
+        super().__init__(env, flatten, flatten.space)
+        self.names = flatten.names

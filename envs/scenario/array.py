@@ -194,23 +194,22 @@ class ArrayCalibration(Config, frozen=True):
 
     def as_toml(self) -> str:
         """Return the text of the calibration file."""
-        head = self.model_dump(exclude={"array", "errors"})
-        array = self.array.model_dump(exclude_none=True)
-        vectors = self.errors.model_dump(exclude={"covariance"})
+        tables = self.model_dump(mode="json", exclude_none=True)
+        array, errors = tables.pop("array"), tables.pop("errors")
+
+        def lines(table: dict[str, Any]) -> list[str]:
+            return [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in table.items()]
+
         return "\n".join(
             [
                 "# Errors of one array, estimated from pulses; `pdpatrol run --calibration` starts from them.",
-                *(f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in head.items()),
+                *lines(tables),
                 "",
                 "[array] # data sheet, and standard deviations of the errors of real arrays",
-                *(f"{key} = {json.dumps(value)}" for key, value in array.items()),
+                *lines(array),
                 "",
-                "[errors] # by element; gain relative, offset in units of gain",
-                *(f"{key} = {json.dumps(value)}" for key, value in vectors.items()),
-                "# lower triangle: gains, then pointings, then offsets",
-                "covariance = [",
-                *(f"  {json.dumps(row)}," for row in self.errors.covariance),
-                "]",
+                "[errors] # by element; gain relative, offset in units of gain; covariance: lower triangle of all",
+                *lines(errors),
                 "",
             ]
         )

@@ -97,7 +97,7 @@ def test_unknown_robot_is_named(model: str, words: str, tmp_path: Path) -> None:
 def test_stop_needs_room_for_the_robot(tmp_path: Path) -> None:
     near = ("dock_m = [3.0, 3.0]", "dock_m = [0.35, 3.0]")
     assert load_scenario(with_robot(tmp_path, "inspector", near)).route.dock_m == (0.35, 3.0)
-    with pytest.raises(ScenarioError, match=r"must be 0\.445 m or more .* is 0\.35 m away"):
+    with pytest.raises(ScenarioError, match=r"must lie inside the yard, 0\.445 m or more from equipment and fence"):
         load_scenario(with_robot(tmp_path, "crawler", near))
 
 
