@@ -67,7 +67,8 @@ def _source_notes(scenario: Scenario) -> Iterator[str]:
             yield f"sources.{i}: `{source.name}` does not discharge within the mission"
             continue
         places = [scenario.yard.site_position(site) for site in scenario.candidate_sites(source)]
-        heights_m = np.array([place[2] for place in (*places, source.position_m or (0, 0, source.anywhere_at_m))])
+        places = places or [source.position_m or (0.0, 0.0, source.anywhere_at_m)]
+        heights_m = np.array([place[2] for place in places])
         range_m = max(float(np.abs(heights_m - scenario.array.height_m).min()), room_m)
         peak_v = source.amplitude_v * 10 ** (source.amplitude_range_db / 40) * receiver.front_end.pulse_peak
         drift_db = max(source.drift_db_per_min * min(end_s, time_limit_s) / 60.0, 0.0)

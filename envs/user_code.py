@@ -43,8 +43,11 @@ def load_object(name: str, folder: str | Path, expected: str) -> Any:  # noqa: A
     if not (place and attribute.isidentifier()):
         raise UserCodeError(f"{name}: must be my_file.py:Name or package.module:Name; expected {expected}")
     is_file = place.endswith(".py")
-    file = (Path(folder) / place).resolve() if is_file else Path(place)
-    if is_file and not file.is_file():
+    file = (Path(folder) / place).resolve()
+    if not is_file:
+        with calling(place, expected):
+            file = Path(getattr(importlib.util.find_spec(place), "origin", None) or place)
+    elif not file.is_file():
         raise UserCodeError(f"{_relative(file)}: no such file; expected {expected}")
     with calling(file, expected):
         module = _import_file(file) if is_file else importlib.import_module(place)

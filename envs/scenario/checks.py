@@ -87,13 +87,14 @@ def _table_errors(scenario: Scenario) -> Iterator[str]:
 
 def position_error(yard: Yard, position_m: ArrayLike) -> str | None:
     """Describe why a source cannot be at a position (x, y, z); None if it can."""
-    place = tuple(np.round(np.asarray(position_m, dtype=np.float64), 3).tolist())
-    if not yard.contains(position_m):
-        return "must lie inside the yard ({:g} x {:g} m), got {}".format(*yard.size_m, place)
-    if place[2] <= 0.0:
-        return f"must lie above the ground, got {place}"
-    enclosing = yard.enclosing_equipment(position_m)
-    return f"must not lie inside equipment `{enclosing}`, got {place}" if enclosing else None
+    place, enclosing = (
+        np.round(np.asarray(position_m, dtype=np.float64), 3).tolist(),
+        yard.enclosing_equipment(position_m),
+    )
+    if yard.contains(position_m) and place[2] > 0.0 and enclosing is None:
+        return None
+    where = f" inside equipment `{enclosing}`" if enclosing else ""
+    return f"must lie in the yard, above the ground and outside equipment, got {place}{where}"
 
 
 def _source_errors(scenario: Scenario) -> Iterator[str]:
@@ -138,28 +139,20 @@ def _growth_errors(scenario: Scenario) -> Iterator[str]:
 
 
 def _route_errors(scenario: Scenario, known_yard: Yard) -> Iterator[str]:
-    """Check that the robot fits on the dock and the waypoints and that the tolerances are smaller than the yard."""
-    stops, task = {"route.dock_m": scenario.route.dock_m}, scenario.task
+    """Check that the robot fits on dock and waypoints, in the yard and on the map, and where sources are drawn."""
+    stops, room_m = {"route.dock_m": scenario.route.dock_m}, scenario.robot.description.room_m
     if not scenario.route.is_planned:
         stops |= {f"route.waypoints_m.{i}": point for i, point in enumerate(scenario.route.stops_m)}
-    room_m = scenario.robot.description.room_m
     for key, point in stops.items():
         for yard, where in ((scenario.yard, ""), (known_yard, " on the map")):
-            covering = yard.covering_equipment(point)
-            if covering is not None:
-                yield f"{key}: must lie on free ground, got {point} inside equipment `{covering}`{where}"
-            elif not yard.contains(point) or yard.clearance(point) < room_m:
+            clearance_m = float(yard.clearance(point))
+            if clearance_m < room_m:
+                (nearest,) = yard.obstacles_at([point])
                 yield (
-                    f"{key}: must lie inside the yard, {room_m:.3g} m or more from equipment and fence, so that the "
-                    f"robot fits, got {point}{where}"
+                    f"{key}: must lie in the yard, {room_m:.3g} m or more from any obstacle, so that the robot fits, "
+                    f"got {point}, {clearance_m:.2f} m from {nearest}{where}"
                 )
-            else:
-                continue
-            break
-    side_m = min(scenario.yard.size_m)
-    for key, distance_m in (("standoff_m", task.standoff_m), ("waypoint_radius_m", task.waypoint_radius_m)):
-        if distance_m >= side_m:
-            yield f"task.{key}: must be less than the shorter side of the yard, {side_m:g}, got {distance_m:g}"
+                break
     for i, source in enumerate(scenario.sources):
         if source.anywhere_at_m is not None:
             axes = [np.linspace(0.0, size_m, 33) for size_m in scenario.yard.size_m]

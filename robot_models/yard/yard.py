@@ -131,15 +131,7 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
 
     def enclosing_equipment(self, position_m: ArrayLike) -> str | None:
         """Return the name of the equipment that encloses a world position (3,), or None."""
-        return self._name_of_first(self.solids.distance(np.asarray(position_m, dtype=np.float64)) < 0)
-
-    def covering_equipment(self, position_m: ArrayLike) -> str | None:
-        """Return the name of the equipment whose outline a robot at a world position (2,) would overlap, or None."""
-        is_over = self.solids.horizontal_distance(np.asarray(position_m, dtype=np.float64)) < 0
-        return self._name_of_first(is_over & (self.solids.bottom_m < ROBOT_HEIGHT_M))
-
-    def _name_of_first(self, is_chosen: NDArray[np.bool_]) -> str | None:
-        owners = self.owner[is_chosen]
+        owners = self.owner[self.solids.distance(np.asarray(position_m, dtype=np.float64)) < 0]
         return self.equipment[int(owners[0])].name if owners.size else None
 
     def obstacles_at(self, points_m: ArrayLike) -> set[str]:

@@ -81,7 +81,7 @@ def test_options_set_what_is_drawn() -> None:
         ({"start_pose": (-3.0, 1.0, 0.0)}, "must be x, y on free ground"),
         ({"sources": {"other": (1.0, 1.0, 1.0)}}, "no source `other`; known are"),
         ({"sources": {"discharge": "tank/nowhere"}}, "no site `tank/nowhere`"),
-        ({"sources": {"discharge": (1.0, 1.0, -1.0)}}, "must lie above the ground"),
+        ({"sources": {"discharge": (1.0, 1.0, -1.0)}}, "must lie in the yard, above the ground"),
         ({"sources": {"discharge": (1.0, 1.0, 1e300)}}, "at most 100 m above the ground"),
         ({"start_pose": (3.0, 3.0, 180.0)}, "a yaw in [-2 pi, 2 pi]"),
         ({"start_pose": "dock"}, "start_pose must be three finite numbers, got 'dock'"),
@@ -112,21 +112,6 @@ def test_scenario_can_be_drawn_for_each_episode() -> None:
     mixed = PatrolEnv(lambda _: load_scenario(next(names)))
     with pytest.raises(ValueError, match="must draw scenarios with one size of yard"):
         mixed.reset(seed=0)
-
-
-def test_seed_determines_the_rollout_to_the_bit() -> None:
-    def rollout(seed: int) -> list[np.ndarray]:
-        env = PatrolEnv(full_info=True)
-        env.reset(seed=seed)
-        seen = []
-        for k in range(60):
-            observation, reward, *_, info = env.step(np.array([0.5, np.sin(0.1 * k)], dtype=np.float32))
-            seen += [*observation.values(), np.array([reward]), info["pulses"].strengths_v, info["true_pose"]]
-        return seen
-
-    first, second, other = rollout(1), rollout(1), rollout(2)
-    assert all(np.array_equal(a, b) for a, b in zip(first, second, strict=True))
-    assert not all(np.array_equal(a, b) for a, b in zip(first, other, strict=True))
 
 
 def test_entries_without_a_pulse_are_zero() -> None:
@@ -169,15 +154,6 @@ def test_episode_ends_on_approach_if_asked() -> None:
         env = PatrolEnv(close, terminate_on_approach=ends)
         env.reset(seed=0)
         assert env.step(np.zeros(2, dtype=np.float32))[2] is ends
-
-
-def test_episode_is_truncated_at_the_time_limit() -> None:
-    scenario = load_scenario("quiet_yard")
-    short = scenario.model_copy(update={"task": scenario.task.model_copy(update={"time_limit_s": 1.0})})
-    env = PatrolEnv(short)
-    env.reset(seed=0)
-    ends = [env.step(np.zeros(2, dtype=np.float32))[2:4] for _ in range(10)]
-    assert ends == [(False, False)] * 9 + [(False, True)]
 
 
 def test_seed_draws_site_amplitude_heading_and_array() -> None:

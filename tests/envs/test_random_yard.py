@@ -39,15 +39,11 @@ def check(seed: int) -> None:
         assert others.horizontal_distance(item.solids.centre_m).min(initial=np.inf) > GAP_M
 
 
-@pytest.mark.parametrize("first", [0, 20])
-def test_forty_random_yards_are_valid(first: int) -> None:
-    for seed in range(first, first + 20):
-        check(seed)
-
-
-@pytest.mark.slow
-def test_five_hundred_random_yards_are_valid() -> None:
-    for seed in range(100, 600):
+@pytest.mark.parametrize(
+    "seeds", [range(20), range(20, 40), pytest.param(range(100, 600), marks=pytest.mark.slow)], ids=str
+)
+def test_random_yards_are_valid(seeds: range) -> None:
+    for seed in seeds:
         check(seed)
 
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from gymnasium import error
 from gymnasium.envs.registration import EnvSpec
-from gymnasium.utils.env_checker import check_env
 
 from pdpatrol.envs import ScenarioError, load_scenario, shipped_scenarios
 from pdpatrol.envs.patrol_env import PatrolEnv
@@ -102,13 +101,6 @@ def test_spec_of_vector_environment_goes_through_json() -> None:
     for _ in range(6):
         result, expected = again.step(np.zeros((3, 2), dtype=np.float32)), envs.step(np.zeros((3, 2), dtype=np.float32))
         np.testing.assert_equal(listed(result), listed(expected))
-
-
-@pytest.mark.filterwarnings("error")
-def test_environment_from_a_spec_passes_check_env() -> None:
-    spec = gymnasium.make(ID, scenario=load_scenario("one_source")).spec
-    assert spec is not None
-    check_env(gymnasium.make(EnvSpec.from_json(spec.to_json())).unwrapped)
 
 
 def test_seeds_of_rows_reproduce_their_episodes() -> None:

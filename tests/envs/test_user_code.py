@@ -105,29 +105,12 @@ def test_wrong_arguments_name_the_definition(tmp_path: Path) -> None:
     assert line.startswith("my.py:2: TypeError: Thing.__init__() missing 1 required positional argument: 'two'")
 
 
-def takes_two(one: int, two: int) -> None:
-    """Do nothing, in the file of the caller."""
-
-
-def test_line_of_the_caller_is_not_named() -> None:
-    with pytest.raises(UserCodeError) as refused, calling(takes_two, "nothing"):
-        takes_two(1)  # pyright: ignore[reportCallIssue]
-    assert str(refused.value).startswith(f"{place_of(takes_two)}: TypeError")
-
-
 def test_system_exit_is_an_error_and_ctrl_c_is_not(tmp_path: Path) -> None:
     write(tmp_path, "my.py", "def f(error):", "    raise error")
     assert call_error("my.py:f", tmp_path, SystemExit(0)) == "my.py:2: SystemExit: 0; expected a number"
     called = load_object("my.py:f", tmp_path, "a thing")
     with pytest.raises(KeyboardInterrupt), calling(called, "a number"):
         called(KeyboardInterrupt())
-
-
-def test_user_code_error_passes_unchanged(tmp_path: Path) -> None:
-    first = UserCodeError("my.py:1: wrong")
-    with pytest.raises(UserCodeError) as refused, calling(tmp_path, "a number"):
-        raise first
-    assert refused.value is first
 
 
 def test_place_is_that_of_the_definition(tmp_path: Path) -> None:
@@ -171,13 +154,6 @@ def test_changed_file_is_loaded_anew(tmp_path: Path) -> None:
     assert load_object(f"../{tmp_path.name}/my.py:Thing", tmp_path, "") is first
     write(tmp_path, "helper.py", "VALUE = 5")  # as long as before, in the same second
     assert (first.gain, load_object("my.py:Thing", tmp_path, "").gain) == ((2, 1), (2, 5))
-
-
-def test_corrected_file_loads(tmp_path: Path) -> None:
-    write(tmp_path, "my.py", "x = 1 / 0", "def f():", "    return 1")
-    assert load_error("my.py:f", tmp_path).startswith("my.py:1: ZeroDivisionError")
-    write(tmp_path, "my.py", "x = 1 / 10", "def f():", "    return 1")
-    assert load_object("my.py:f", tmp_path, "")() == 1
 
 
 def test_dataclass_of_a_file_can_be_pickled(tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 """Estimators of users are used for bearings, and their errors are one line with file and line number."""
 
-import json
 import pickle
 import subprocess
 import sys
@@ -13,7 +12,6 @@ from pdpatrol.envs import Scenario, ScenarioError, load_scenario
 from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.envs.scenario import SHIPPED
 from pdpatrol.envs.user_code import UserCodeError
-from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.runner import run_mission
 
 PDPATROL = Path(sys.executable).parent / "pdpatrol"
@@ -104,20 +102,6 @@ def test_late_error_ends_the_mission_with_a_complete_log(tmp_path: Path) -> None
     assert "tired" in texts[-2]
     assert "mine.py:11" in texts[-2]
     assert log.n_rows("step") > 10
-
-
-@pytest.mark.whole
-def test_late_error_on_the_command_line_is_one_line(tmp_path: Path) -> None:
-    file = scenario_with(tmp_path, LATE)
-    command = [str(PDPATROL), "run", str(file), "--out", str(tmp_path / "out")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 1, done.stderr
-    assert len([line for line in done.stderr.splitlines() if "tired" in line and "mine.py" in line]) >= 1
-    assert "Traceback" not in done.stderr
-    log = MissionLog.load(tmp_path / "out")
-    assert log.column("event", "subject")[-1] == "error"
-    assert json.loads((tmp_path / "out" / "report.json").read_text())["sim_time_s"] > 0
-    assert (tmp_path / "out" / "mission.rrd").stat().st_size > 1000
 
 
 @pytest.mark.whole

@@ -5,7 +5,6 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.vector import AutoresetMode
 
 from pdpatrol.envs import Scenario, load_scenario
 from pdpatrol.envs.patrol_env import PatrolEnv
@@ -121,37 +120,6 @@ def test_truth_has_the_path_of_a_moving_interferer() -> None:
     standing, bus = info["truth"]["interferers"]
     assert not {"moves_to_m", "speed_mps"} & standing.keys()
     assert (bus["position_m"], bus["moves_to_m"], bus["speed_mps"]) == ([-9.0, 0.0, 3.0], [-9.0, 30.0, 3.0], 8.0)
-
-
-def test_same_step_returns_end_and_new_start() -> None:
-    envs = PatrolVectorEnv(2, brisk(), autoreset_mode="SameStep")
-    assert envs.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
-    envs.reset(seed=1)
-    for _ in range(N_STEPS):
-        observation, _, terminated, truncated, info = envs.step(np.zeros((2, 2), dtype=np.float32))
-        over = terminated | truncated
-        assert ("final_obs" in info) == over.any()
-        if over.any():
-            row = int(np.flatnonzero(over)[0])
-            assert info["_final_obs"].tolist() == over.tolist()
-            assert info["final_info"]["time_s"][row] > 0
-            assert info["time_s"][row] == 0
-            assert info["final_obs"][row]["time"] > observation["time"][row]
-            return
-    pytest.fail("no episode ended")
-
-
-def test_reset_mask_resets_some_rows() -> None:
-    envs = PatrolVectorEnv(3, brisk(), autoreset_mode="Disabled")
-    before, _ = envs.reset(seed=2)
-    for _ in range(5):
-        before, *_, info = envs.step(np.zeros((3, 2), dtype=np.float32))
-    after, info = envs.reset(options={"reset_mask": np.array([False, True, False])})
-    assert info["_time_s"].tolist() == [False, True, False]
-    for key, values in before.items():
-        np.testing.assert_array_equal(after[key][[0, 2]], values[[0, 2]])
-    for key, values in before.items():
-        np.testing.assert_array_equal(after[key][[0, 2]], values[[0, 2]])
 
 
 @pytest.mark.parametrize(

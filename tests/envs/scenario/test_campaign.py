@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from pdpatrol.envs import load_scenario
+from pdpatrol.envs.episode import Episode, Generators, ResetOptions
 from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.envs.scenario import restore_scenario
-from pdpatrol.missions.runner import Mission
-from pdpatrol.sensing import Scene
+from pdpatrol.sensing import Surroundings
 from pdpatrol.sensing.nature.sources import Emissions
 
 WEST = {"name": "west", "kind": "surface", "sites": ("reactor_west/*", "breaker_west/*", "vt_west/*")}
@@ -25,32 +25,17 @@ def sources_of(seed: int, **campaign: Any) -> list[dict[str, Any]]:  # noqa: ANN
     return env.reset(seed=seed)[1]["truth"]["sources"]
 
 
-def emitted_on(day: str, growth_db: float, monkeypatch: pytest.MonkeyPatch) -> Emissions:
-    """Return the pulses emitted in the first 5 s of a mission."""
-    emit, emitted = Scene.draw, list[Emissions]()
-
-    def noted(scene: Scene, start_s: float, duration_s: float, rng: np.random.Generator) -> Emissions:
-        emitted.append(emit(scene, start_s, duration_s, rng))
-        return emitted[-1]
-
-    settings = {
-        "sources": ({**WEST, "growth_db_per_week": growth_db}, EAST),
-        "campaign.begins": "2026-03-02",
-        "campaign.date": day,
-    }
-    with monkeypatch.context() as patched:
-        patched.setattr(Scene, "draw", noted)
-        mission = Mission(load_scenario("two_sources", settings), "patrol", 11)
-        while mission.time_s < 5.0:
-            mission.step()
-    assert mission.log.meta["date"] == day
-    return Emissions(*(np.concatenate(column) for column in zip(*emitted, strict=True)))
+def emitted_on(day: str) -> Emissions:
+    """Return the pulses emitted in 5 s on a day of a campaign that begins on 2026-03-02."""
+    sources = ({**WEST, "growth_db_per_week": 3.0}, EAST)
+    settings = {"sources": sources, "campaign.begins": "2026-03-02", "campaign.date": day}
+    scenario, generators = load_scenario("two_sources", settings), Generators.spawn(np.random.default_rng(11))
+    episode = Episode.draw(scenario, Surroundings.free_space(), generators, ResetOptions())
+    return episode.scene.draw(0.0, 5.0, generators.nature)
 
 
-def test_pulses_grow_with_the_weeks_of_the_campaign(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    first, later = (emitted_on(day, 3.0, monkeypatch) for day in ("2026-03-02", "2026-03-30"))
+def test_pulses_grow_with_the_weeks_of_the_campaign() -> None:
+    first, later = (emitted_on(day) for day in ("2026-03-02", "2026-03-30"))
     assert np.bincount(first.source).min() > 50
     np.testing.assert_array_equal(first.time_s, later.time_s)
     by_db = np.where(first.source == 0, 4 * 3.0, 0.0)

@@ -51,26 +51,15 @@ def errors_of(file: Path) -> list[str]:
 CASES: list[tuple[dict[str, Any], str]] = [
     # single values
     ({"receiver.noise_v": -1e-3}, "receiver.noise_v: must be greater than or equal to 0.000000001, got -0.001"),
-    ({"receiver.noise_v": "much"}, "receiver.noise_v: must be a valid number, got 'much'"),
     ({"receiver.noise_v": True}, "receiver.noise_v: must be a valid number, got True"),
     ({"receiver.noise_v": np.nan}, "receiver.noise_v: must be a finite number, got nan"),
-    ({"receiver.noise_v": 1e308}, "receiver.noise_v: must be less than or equal to 1000, got 1e+308"),
-    ({"receiver.bits": 12.5}, "receiver.bits: must be a valid integer, got 12.5"),
     ({"receiver.band_hz": 3}, "receiver.band_hz: must be an array, got 3"),
-    ({"receiver.band_hz": "some"}, "receiver.band_hz: must be 'all', got 'some'"),
-    ({"array.pattern": "a\x00b"}, "array.pattern: must match pattern"),
     ({"robot.model": "a\nb.xml"}, "robot.model: must match pattern '^[^\\x00-\\x1f\\x7f]*$', got 'a\\nb.xml'"),
     ({"yard.size_m": [20.0]}, "yard.size_m.1: is required"),
-    ({"yard.size_m": [np.inf, 15.0]}, "yard.size_m.0: must be a finite number, got inf"),
     (
         {"battery.idle_w": -(10**400)},
         "battery.idle_w: must be a valid number, got -10000000000000000000000000000000000000000000000000",
     ),
-    (
-        {"sources": [{**GUN, "position_m": [[1] * 900, 2.0, 2.0]}]},
-        "sources.0.position_m.0: must be a valid number, got (1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, ",
-    ),
-    ({"sources": [{"position_m": [16.0, 12.0, 2.0]}]}, "sources.0.name: is required"),
     (
         {"sources": [{**GUN, "kind": "sparks"}]},
         "sources.0.kind: must be 'corona', 'void', 'surface' or 'floating', got 'sparks'",
@@ -85,16 +74,8 @@ CASES: list[tuple[dict[str, Any], str]] = [
         "yard.equipment.0: must have the shape 'box', 'cylinder', 'catalogue', got 'cone'",
     ),
     ({"receiver.nois_v": 1e-3}, "receiver.nois_v: unknown key; did you mean `noise_v`?"),
-    ({"reciever": {"noise_v": 1e-3}}, "reciever: unknown key; did you mean `receiver`?"),
     ({"a\nb": 1}, "a\\nb: unknown key"),
     ({"name": "../../../evil"}, "name: must match pattern '^[A-Za-z0-9][A-Za-z0-9_.-]*$', got '../../../evil'"),
-    ({"name": "[bold]x[/nope]"}, "name: must match pattern '^[A-Za-z0-9][A-Za-z0-9_.-]*$', got '[bold]x[/nope]'"),
-    (
-        {"name": "x" * 300},
-        "name: must have at most 64 characters, got 'xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx",
-    ),
-    ({"sources": [{**GUN, "name": "../gun"}]}, "sources.0.name: must match pattern '^[a-z][a-z0-9_]*$', got '../gun'"),
-    ({"locating.solver": "strengths"}, "locating.solver: must be 'joint' or 'bearings', got 'strengths'"),
     (
         {"locating.locator": "MyLocator"},
         "locating.locator: no Locator `MyLocator`; name your own as my_file.py:MyLocator or package.modu",
@@ -104,7 +85,6 @@ CASES: list[tuple[dict[str, Any], str]] = [
         "estimator.method: no estimator `mine`; known are maximum_likelihood, sub_bands, music, stronges",
     ),
     ({"campaign.date": "2026-02-30"}, "campaign.date: must be a day of the calendar, got 2026-02-30"),
-    ({"campaign.date": "soon"}, "campaign.date: must match pattern '^20[0-9]{2}-[0-9]{2}-[0-9]{2}$', got 'soon'"),
     ({"campaign.number": -1}, "campaign.number: must be greater than or equal to 0, got -1"),
     # tables
     ({"campaign.date": "2026-01-04"}, "campaign.date: must not be before begins, 2026-01-05, got 2026-01-04"),
@@ -143,22 +123,21 @@ CASES: list[tuple[dict[str, Any], str]] = [
         "interferers.0.moves_to_m: must differ from position_m, got (-5.0, 5.0, 1.0)",
     ),
     # places
-    ({"route.dock_m": [4.9, 11.0]}, "route.dock_m: must lie on free ground, got (4.9, 11.0) inside equipment `ct`"),
     (
-        {"route.waypoints_m": [[25.0, 8.5]]},
-        "route.waypoints_m.0: must lie inside the yard, 0.25 m or more from equipment and fence, so that",
+        {"route.dock_m": [4.9, 11.0]},
+        "route.dock_m: must lie in the yard, 0.25 m or more from any obstacle, so that the robot fits, got",
     ),
     (
-        {"route.waypoints_m": [[0.2, 8.0]]},
-        "route.waypoints_m.0: must lie inside the yard, 0.25 m or more from equipment and fence, so that",
+        {"route.waypoints_m": [[25.0, 8.5]]},
+        "route.waypoints_m.0: must lie in the yard, 0.25 m or more from any obstacle, so that the robot",
     ),
     (
         {"map.moved": [{"name": "tank", "by_m": [-6.0, -6.0]}]},
-        "route.dock_m: must lie on free ground, got (3.0, 3.0) inside equipment `tank` on the map",
+        "route.dock_m: must lie in the yard, 0.25 m or more from any obstacle, so that the robot fits, got",
     ),
     (
         {"map.extra": [{**HUT, "position_m": [15.9, 8.0]}]},
-        "route.waypoints_m.1: must lie on free ground, got (16.0, 8.0) inside equipment `hut` on the map",
+        "route.waypoints_m.1: must lie in the yard, 0.25 m or more from any obstacle, so that the robot fits",
     ),
     ({"map.missing": ["tnk"]}, "map.missing.0: no equipment `tnk` in this yard; known are tank"),
     ({"map.mising": ["tank"]}, "map.mising: unknown key; did you mean `missing`?"),
@@ -186,15 +165,15 @@ CASES: list[tuple[dict[str, Any], str]] = [
     ),
     (
         {"sources": [{**GUN, "position_m": [10.0, 9.0, 1.0]}]},
-        "sources.0.position_m: must not lie inside equipment `tank`, got (10.0, 9.0, 1.0)",
+        "sources.0.position_m: must lie in the yard, above the ground and outside equipment, got [10.0, 9",
     ),
     (
         {"sources": [{**GUN, "position_m": [30.0, 9.0, 1.0]}]},
-        "sources.0.position_m: must lie inside the yard (20 x 16 m), got (30.0, 9.0, 1.0)",
+        "sources.0.position_m: must lie in the yard, above the ground and outside equipment, got [30.0, 9",
     ),
     (
         {"sources": [{**GUN, "position_m": [3.0, 9.0, -1.0]}]},
-        "sources.0.position_m: must lie above the ground, got (3.0, 9.0, -1.0)",
+        "sources.0.position_m: must lie in the yard, above the ground and outside equipment, got [3.0, 9.",
     ),
     ({"sources": [GUN, GUN]}, "sources.1.name: must be used once, got `gun` again"),
     (
@@ -215,10 +194,6 @@ CASES: list[tuple[dict[str, Any], str]] = [
         "receiver.faults.1.channel: must have one fault only, got 2 again",
     ),
     ({"estimator.method": "sub_bands"}, "estimator.method: sub_bands needs receiver.n_bands from 1 to 8, got 0"),
-    (
-        {"task.waypoint_radius_m": 16.0},
-        "task.waypoint_radius_m: must be less than the shorter side of the yard, 16, got 16",
-    ),
     ({"robot.max_speed_mps": 3.0}, "robot.max_speed_mps: must be at most the limit of the robot, 0.8, got 3"),
     (
         {"carriers": [{**CARRIER, "frequency_hz": 1e10}]},
@@ -325,7 +300,7 @@ def test_minus_zero_is_zero(tmp_path: Path) -> None:
         ({"route.dock_yaw_deg": 1.5708}, "route.dock_yaw_deg: 1.5708 degrees looks like radians"),
         ({"array.gain_error": 0.8}, "array: gain_error 0.8, pointing_error_deg 2 and gain_offset 0 turn bearings by"),
         ({"array.pointing_error_deg": 40.0}, "array: gain_error 0.05, pointing_error_deg 40 and gain_offset 0 turn"),
-        ({"sources": [{**GUN, "amplitude_v": 1e-4}]}, "sources.0: `gun` cannot be detected: at "),
+        ({"sources": [{**GUN, "amplitude_v": 1e-4}]}, "sources.0: `gun` cannot be detected: below it"),
         ({"sources": [{**GUN, "pulse_rate_hz": 0.0}]}, "sources.0: `gun` does not discharge within the mission"),
         ({"sources": [{**GUN, "active_s": [30.0, 60.0]}]}, "sources.0: `gun` does not discharge within the mission"),
         ({"sources": [{**GUN, "n_shots": 3, "first_shot_s": 30.0}]}, "sources.0: `gun` does not discharge within"),

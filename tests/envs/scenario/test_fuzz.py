@@ -67,21 +67,16 @@ def refused_or_run(file: Path) -> None:
             run(scenario)
 
 
-@settings(max_examples=150, deadline=None, derandomize=True, suppress_health_check=CHECKS)
-@given(table=SCENARIOS)
-def test_scenario_is_refused_or_runs(table: dict[str, Any], tmp_path: Path) -> None:
-    file = tmp_path / "drawn.toml"
-    file.write_text(as_toml(table), encoding="utf-8")
-    refused_or_run(file)
+@pytest.mark.parametrize("n", [150, pytest.param(5000, marks=pytest.mark.slow)])
+def test_scenario_is_refused_or_runs(n: int, tmp_path: Path) -> None:
+    @settings(max_examples=n, deadline=None, derandomize=n < 1000, suppress_health_check=CHECKS)
+    @given(table=SCENARIOS)
+    def check(table: dict[str, Any]) -> None:
+        file = tmp_path / "drawn.toml"
+        file.write_text(as_toml(table), encoding="utf-8")
+        refused_or_run(file)
 
-
-@pytest.mark.slow
-@settings(max_examples=5000, deadline=None, suppress_health_check=CHECKS)
-@given(table=SCENARIOS)
-def test_five_thousand_scenarios_are_refused_or_run(table: dict[str, Any], tmp_path: Path) -> None:
-    file = tmp_path / "drawn.toml"
-    file.write_text(as_toml(table), encoding="utf-8")
-    refused_or_run(file)
+    check()
 
 
 @pytest.mark.parametrize("file", HOSTILE_FILES, ids=lambda file: file.stem)

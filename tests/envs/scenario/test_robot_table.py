@@ -10,7 +10,7 @@ from pdpatrol.envs import Scenario, ScenarioError, load_scenario
 from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.envs.scenario import SHIPPED
 from pdpatrol.envs.vector_env import PatrolVectorEnv
-from pdpatrol.missions.driving.site_map import MARGIN_M, SiteMap
+from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.runner import run_mission
 from pdpatrol.robot_models.description.robot_description import xml_path
@@ -97,15 +97,8 @@ def test_unknown_robot_is_named(model: str, words: str, tmp_path: Path) -> None:
 def test_stop_needs_room_for_the_robot(tmp_path: Path) -> None:
     near = ("dock_m = [3.0, 3.0]", "dock_m = [0.35, 3.0]")
     assert load_scenario(with_robot(tmp_path, "inspector", near)).route.dock_m == (0.35, 3.0)
-    with pytest.raises(ScenarioError, match=r"must lie inside the yard, 0\.445 m or more from equipment and fence"):
+    with pytest.raises(ScenarioError, match=r"0\.445 m or more .* 0\.35 m from fence/west"):
         load_scenario(with_robot(tmp_path, "crawler", near))
-
-
-def test_map_keeps_the_clearance_of_the_robot(tmp_path: Path) -> None:
-    site_map = SiteMap(load_scenario(with_robot(tmp_path, "crawler")))
-    kept_m = site_map.clearance_m[site_map.is_free].min()
-    assert kept_m >= site_map.robot.footprint_radius_m + MARGIN_M
-    assert site_map.is_free.sum() < SiteMap(load_scenario("one_source")).is_free.sum()
 
 
 def test_actions_and_bounds_follow_the_limits_of_the_robot(tmp_path: Path) -> None:

@@ -108,7 +108,7 @@ DAMAGES = {
         lambda text: text.replace("\noffset = [0.0, ", "\noffset = ["),
         "errors.offset: must have 6 numbers",
     ),
-    "no covariance": (lambda text: text.replace("  [", "  [-", 1), "errors.covariance: must be positive semi-definite"),
+    "no covariance": (lambda text: text.replace("= [[", "= [[-"), "errors.covariance: must be positive semi-definite"),
     "no text": (lambda text: "\ufffe" + text, "not valid TOML"),
 }
 
