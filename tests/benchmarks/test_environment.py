@@ -146,7 +146,6 @@ def test_single_environment_is_faster_than_ant() -> None:
     assert over_ant >= 1.5
 
 
-@pytest.mark.xfail(strict=False, reason="ray tracing takes a third longer since its rewrite: two_sources reaches 0.96")
 def test_shipped_scenarios_are_as_fast_as_ant() -> None:
     ant, bare = gymnasium.make("Ant-v5"), bare_physics()
     one_s, two_s, bare_s, ant_s = median_seconds(

@@ -5,16 +5,6 @@ import numpy as np
 from pdpatrol.envs.patrol_env import PatrolEnv
 
 
-def test_believed_pose_has_the_configured_error() -> None:
-    env = PatrolEnv("quiet_yard")
-    errors = []
-    for seed in range(150):
-        _, info = env.reset(seed=seed)
-        errors.append(info["believed_pose"] - info["true_pose"])
-    wrapped = (np.array(errors) + np.pi) % (2 * np.pi) - np.pi
-    np.testing.assert_allclose(wrapped.std(axis=0), [0.05, 0.05, np.radians(0.5)], rtol=0.25)
-
-
 def test_lidar_measures_noisy_ranges_within_reach() -> None:
     env = PatrolEnv("one_source")
     observation, info = env.reset(seed=1)

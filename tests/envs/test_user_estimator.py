@@ -105,7 +105,7 @@ def test_late_error_ends_the_mission_with_a_complete_log(tmp_path: Path) -> None
 
 
 @pytest.mark.whole
-def test_run_with_invalid_locator_writes_nothing(tmp_path: Path) -> None:
+def test_run_with_broken_estimator_writes_nothing(tmp_path: Path) -> None:
     file = scenario_with(tmp_path, GOOD.replace("return found._replace", "return found.no_such"))
     command = [str(PDPATROL), "run", str(file), "--out", str(tmp_path / "out")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)

@@ -140,9 +140,3 @@ def test_seed_may_be_any_integer_type(seed: object) -> None:
     first, _ = envs.reset(seed=5)
     again, _ = envs.reset(seed=seed)  # pyright: ignore[reportArgumentType]
     np.testing.assert_array_equal(first["pose"], again["pose"])
-
-
-@pytest.mark.parametrize("seed", ["x", 5.0, [1], [1.0, 2.0]])
-def test_other_seeds_are_refused(seed: object) -> None:
-    with pytest.raises((ValueError, TypeError)):
-        PatrolVectorEnv(2).reset(seed=seed)  # pyright: ignore[reportArgumentType]

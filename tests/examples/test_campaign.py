@@ -8,25 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from pdpatrol.envs import load_scenario
-
 pytestmark = pytest.mark.whole
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "examples" / "campaign"
 README = (FOLDER / "README.md").read_text(encoding="utf-8")
-
-
-def test_yard_is_the_one_of_the_readme() -> None:
-    text = (FOLDER / "yard.toml").read_text(encoding="utf-8")
-    growing, constant = load_scenario(FOLDER / "yard.toml", {"campaign.date": "2026-03-16"}).grown_sources
-    stated = load_scenario(FOLDER / "yard.toml").sources[0]
-    assert growing.amplitude_v == pytest.approx(stated.amplitude_v * 10 ** (6.0 / 20))
-    assert growing.pulse_rate_hz == pytest.approx(stated.pulse_rate_hz * 1.21)
-    assert constant.amplitude_v == stated.amplitude_v
-    shown = re.findall(r"```toml\n(.*?)```", README, flags=re.DOTALL)[0]
-    for line in shown.splitlines():
-        assert line.split(" #")[0] in text
 
 
 @pytest.mark.slow
