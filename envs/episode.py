@@ -75,7 +75,7 @@ class ResetOptions(NamedTuple):
             raise ValueError(f"`options`: sources must be a dict from names to positions, got {places!r}")
         if start is not None:
             start = _three_numbers("start_pose", start)
-            if yard.clearance(start) < 0.0 or abs(start[2]) > 2.0 * np.pi:
+            if not yard.contains(start) or yard.clearance(start) < 0.0 or abs(start[2]) > 2.0 * np.pi:
                 raise ValueError(
                     f"`options`: start_pose must be x, y on free ground and a yaw in [-2 pi, 2 pi], got {start}"
                 )

@@ -152,7 +152,7 @@ CASES: list[tuple[dict[str, Any], str]] = [
     ({"map.extra": [{**HUT, "name": "tank"}]}, "map: equipment.2.name: must be unique, got `tank` again"),
     (
         {"map.extra": [{**HUT, "position_m": [28.0, 3.0]}]},
-        "map: equipment.2.position_m: must lie inside the yard, (0, 0) to (20.0, 16.0), got (28.0, 3.0)",
+        "map: equipment.2.position_m: all of `hut` must lie in (0, 0) to (20.0, 16.0); at (28.0, 3.0)",
     ),
     (
         {"map.extra": [{**HUT, "kind": "kiosk"}]},
