@@ -113,6 +113,6 @@ def test_errors_in_the_robot_file_are_reported_before_the_start(tmp_path: Path) 
     (tmp_path / "yard.toml").write_bytes((EXAMPLES / "own_robot" / "yard.toml").read_bytes())
     done = run(["run", "yard.toml"], tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
-    for error in ("wheels: names of hinges must begin with", "max_speed: must be one number above 0, got -1"):
+    for error in ("wheels: must be hinges with names that begin with", "max_speed: must be one number above 0, got -1"):
         assert f"yard.toml: robot.model: {tmp_path / 'runner.xml'}: {error}" in done.stderr.replace("\n", " ")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["runner.xml", "yard.toml"]
