@@ -10,7 +10,7 @@ from dirmusic.locating.rules import AssignmentRules, LocatingRules
 from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.envs.scenario.scenario import PLANNED, RouteConfig, Scenario, TaskConfig
 from pdpatrol.envs.scenario.sources import SourceConfig
-from pdpatrol.robot_models.equipment import CATALOGUE
+from pdpatrol.robot_models.equipment.catalogue import CATALOGUE
 from pdpatrol.robot_models.yard.pieces import SITE_STANDOFF_M, CatalogueEquipment
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import ArrayConfig

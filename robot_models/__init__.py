@@ -1,3 +1,1 @@
 """Robots and yards: the physical world in MuJoCo. Import its modules by name."""
-
-__all__: list[str] = []

@@ -9,7 +9,7 @@ import numpy as np
 
 from pdpatrol.robot_models.antenna_elements import AntennaElements, attach_elements
 from pdpatrol.robot_models.description.robot_description import RobotDescription
-from pdpatrol.robot_models.equipment import colour_of
+from pdpatrol.robot_models.equipment.catalogue import colour_of
 from pdpatrol.robot_models.sensors import FLOOR_CONTYPE, OBSTACLE_CONTYPE, add_contact_sensors, add_lidar
 from pdpatrol.robot_models.yard.pieces import Equipment
 from pdpatrol.robot_models.yard.yard import Yard

@@ -20,7 +20,7 @@ from dirmusic.locating.finding import outline95
 from pdpatrol.missions.record.log_contents import known_yard
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.report.records import DischargeKind, Report
-from pdpatrol.robot_models.equipment import colour_of
+from pdpatrol.robot_models.equipment.catalogue import colour_of
 from pdpatrol.robot_models.yard.yard import Yard
 
 STYLE: Any = {

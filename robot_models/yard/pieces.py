@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
 
-from pdpatrol.robot_models.equipment import CATALOGUE, Assembly
+from pdpatrol.robot_models.equipment.catalogue import CATALOGUE
+from pdpatrol.robot_models.equipment.kinds import Assembly
 from pdpatrol.robot_models.yard.quantities import MOST_SITES, Coordinate, Height, Length, Name, StretchedLength, Yaw
 from pdpatrol.robot_models.yard.solids import PlacedPiece, Solid, YardSolids
 

@@ -33,11 +33,10 @@ def test_encoders_agree_with_the_pose(shipped: OneRobot) -> None:
     assert turned == pytest.approx(shipped.pose()[2], rel={"inspector": 0.005, "crawler": 0.03}[shipped.robot.name])
 
 
-def test_gyro_and_accelerometer_measure_motion(shipped: OneRobot) -> None:
+def test_gyro_measures_the_yaw_rate(shipped: OneRobot) -> None:
     shipped.drive_on(0.0, 1.0, 3.0)
     shipped.drive(0.0, 1.0, shipped.robots.step_s)
     assert shipped.data.sensor("gyro").data[2] == pytest.approx(shipped.velocity()[1], rel=1e-4)
-    assert shipped.data.sensor("accelerometer").data[2] == pytest.approx(9.81, rel=0.01)
 
 
 def test_lidar_measures_from_the_middle(shipped: OneRobot) -> None:
