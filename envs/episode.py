@@ -209,7 +209,7 @@ def _draw_train(config: SourceConfig, scenario: Scenario, rng: np.random.Generat
         return None
     drawn_deg = float(rng.choice((0.0, 120.0, 240.0)))
     conductor_deg = drawn_deg if config.conductor_deg is None else config.conductor_deg
-    return PulseTrain.draw(config.kind, scenario.receiver.mains_hz, float(np.radians(conductor_deg)), rng)
+    return PulseTrain.of_kind(config.kind, scenario.receiver.mains_hz, float(np.radians(conductor_deg)), rng)
 
 
 def _draw_axis(stated: tuple[float, float, float] | None, rng: np.random.Generator) -> FloatArray:

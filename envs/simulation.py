@@ -119,8 +119,8 @@ class Simulation:
         self.scenario = scenario
         self.array, self.robot = scenario.known_array, scenario.robot.description
         self.estimator = make_estimator(scenario.estimator.method, self.array)
-        nominal = scenario.array.nominal_elements()
-        elements = AntennaElements(nominal.positions_m, nominal.boresights_rad, nominal.boresight_elevations_rad)
+        boresights_rad, elevations_rad, positions_m = scenario.array.nominal_elements()
+        elements = AntennaElements(positions_m, boresights_rad, elevations_rad)
         self.robots = Robots(self.robot, scenario.yard, elements, n_robots, n_threads)
         self.layout, self.states = ObservationLayout(scenario), RobotStates.zeros(n_robots, scenario)
         parameters = Parameters.of(

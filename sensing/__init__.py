@@ -4,7 +4,7 @@ from pdpatrol.sensing.array.config import ArrayConfig, ElementConfig
 from pdpatrol.sensing.array.helical_array import HelicalArray
 from pdpatrol.sensing.nature.pulses import PulseTrain
 from pdpatrol.sensing.nature.sources import Carrier, DischargeSource, Scene
-from pdpatrol.sensing.radio.surroundings import Faces, Surroundings, UprightSolids, level_transform
+from pdpatrol.sensing.radio.surroundings import Surroundings, level_transform, upright_solids
 from pdpatrol.sensing.receiver.config import ReceiverConfig
 from pdpatrol.sensing.receiver.detection import DetectedPulses
 
@@ -14,12 +14,11 @@ __all__ = [
     "DetectedPulses",
     "DischargeSource",
     "ElementConfig",
-    "Faces",
     "HelicalArray",
     "PulseTrain",
     "ReceiverConfig",
     "Scene",
     "Surroundings",
-    "UprightSolids",
     "level_transform",
+    "upright_solids",
 ]

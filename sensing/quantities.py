@@ -51,8 +51,8 @@ ArrayMetre = Annotated[float, Field(ge=0.01, le=2.0), PLAIN_ZERO]
 """Dimension of an array that a robot carries; helices do not fit closer than 1 cm."""
 
 ArrayCoordinate = Annotated[float, Field(ge=-2.0, le=2.0), PLAIN_ZERO]
-MountingHeight = Annotated[float, Field(ge=-2.0, le=5.0), PLAIN_ZERO]
-"""Height of an element; `ArrayConfig` checks that it is above the ground."""
+MountingHeight = Annotated[float, Field(gt=0.0, le=5.0), PLAIN_ZERO]
+"""Height of an element above the ground."""
 
 PlacementError = Annotated[float, Field(ge=0.0, le=0.1), PLAIN_ZERO]
 """Standard deviation of the position of an element, metres; 10 cm are the radius of a usual array."""

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from pdpatrol.envs import load_scenario
 from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.robot_models.yard.yard import Yard
-from pdpatrol.sensing import UprightSolids
 from pdpatrol.sensing.radio.geometry import Vector
 from pdpatrol.sensing.radio.materials import WAVELENGTH_M
 from pdpatrol.sensing.radio.ray_paths import find_ray_paths
@@ -63,7 +62,7 @@ def levels(yard: Yard, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatA
 
 def draw_equipment(panel: Axes, yard: Yard) -> None:
     """Draw the outlines of all equipment."""
-    solids = UprightSolids(**yard.solid_columns())
+    solids = yard.solids
     for centre_m, yaw_rad, half_m, radius_m in zip(
         solids.centre_m, solids.yaw_rad, solids.half_size_m, solids.radius_m, strict=True
     ):

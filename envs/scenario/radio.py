@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pdpatrol.envs.scenario.base import Config
 from pdpatrol.robot_models.yard.yard import Yard
-from pdpatrol.sensing import Faces, Surroundings, UprightSolids
+from pdpatrol.sensing import Surroundings, upright_solids
 
 
 class RadioConfig(Config, frozen=True):
@@ -22,6 +22,5 @@ def surroundings_of(yard: Yard, *, second_order: bool = False) -> Surroundings:
         yard: The true yard, or the yard as a map shows it.
         second_order: Whether to trace reflections from two walls in turn.
     """
-    solids = UprightSolids(**yard.solid_columns())
     kinds = [item.kind for item in yard.equipment]
-    return Surroundings.of_kinds(kinds, Faces.of(solids), solids)._replace(second_order=second_order)
+    return Surroundings.of_kinds(kinds, upright_solids(**yard.solid_columns()), second_order=second_order)

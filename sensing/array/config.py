@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple, Self, cast
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,20 +47,6 @@ class ElementConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_i
     """Position, array frame: x forward, y left, z up from the ground. By default on the ring, at the azimuth."""
 
 
-class Elements(NamedTuple):
-    """Elements of a data sheet, array frame.
-
-    Attributes:
-        boresights_rad: Azimuth of each boresight, shape (n_elements,).
-        boresight_elevations_rad: Elevation of each boresight, shape (n_elements,).
-        positions_m: Positions, shape (n_elements, 3).
-    """
-
-    boresights_rad: FloatArray
-    boresight_elevations_rad: FloatArray
-    positions_m: FloatArray
-
-
 class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
     """Data sheet of the array, and errors of real arrays.
 
@@ -73,7 +58,7 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
     Dir-MUSIC paper: the half width of uniform additions to the gains.
     """
 
-    n_elements: int | None = Field(default=None, ge=0, le=MOST_ELEMENTS)
+    n_elements: int | None = Field(default=None, ge=FEWEST_ELEMENTS, le=MOST_ELEMENTS)
     """Elements of the ring, 6 by default; None with a list of elements."""
     elements: tuple[ElementConfig, ...] = Field(default=(), max_length=MOST_ELEMENTS)
     """List of all elements, instead of a ring."""
@@ -98,22 +83,17 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
     robot assumes it: a standard deviation in the plane, and more off it (`dirmusic.ElementSpread`). Nothing is drawn by
     it; the deviation itself is that of `true_pattern`. The computed helices need 0.02."""
 
-    @model_validator(mode="before")
-    @classmethod
-    def _default_to_ring(cls, given: object) -> object:
-        if isinstance(given, dict):
-            table = cast("dict[str, Any]", given)
-            if not table.get("elements") and table.get("n_elements") is None:
-                return {**table, "n_elements": 6}
-        return cast("object", given)
-
     @property
     def n_channels(self) -> int:
         """Number of elements."""
-        return len(self.elements) or self.n_elements or 0
+        return len(self.elements) or self.n_elements or 6
 
-    def nominal_elements(self) -> Elements:
-        """Return the elements of the data sheet."""
+    def nominal_elements(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return azimuths and elevations of the boresights, and positions, as in the data sheet, array frame.
+
+        Returns:
+            Shapes (n_elements,), (n_elements,) and (n_elements, 3), radians and metres.
+        """
         boresights, tilts = ring_boresights_rad(self.n_channels), np.zeros(self.n_channels)
         if self.elements:
             boresights = np.radians([element.azimuth_deg for element in self.elements])
@@ -123,7 +103,7 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
         for k, element in enumerate(self.elements):
             if element.position_m is not None:
                 positions_m[k] = element.position_m
-        return Elements(boresights, tilts, positions_m)
+        return boresights, tilts, positions_m
 
     def nominal_pattern(self) -> GainPattern | SpatialPattern:
         """Return the pattern of the data sheet.
@@ -143,50 +123,32 @@ class ArrayConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf
 
     @model_validator(mode="after")
     def _check_consistency(self) -> Self:
-        errors = [*self._pattern_errors()]
-        key, n = "elements" if self.elements else "n_elements", self.n_channels
         if self.elements and self.n_elements is not None:
-            errors.insert(0, f"n_elements: must not be given with a list of elements, got {self.n_elements}")
-        elif not FEWEST_ELEMENTS <= n <= MOST_ELEMENTS:
-            errors.insert(0, f"{key}: must be {FEWEST_ELEMENTS} to {MOST_ELEMENTS}, got {n}")
-        errors = errors or [*self._position_errors()] or [*self._manifold_errors()]
-        if errors:
-            raise ValueError("\n".join(errors))
-        return self
-
-    def _pattern_errors(self) -> Iterator[str]:
+            raise ValueError(f"n_elements: must not be given with a list of elements, got {self.n_elements}")
+        if self.n_channels < FEWEST_ELEMENTS:
+            raise ValueError(f"elements: must be {FEWEST_ELEMENTS} to {MOST_ELEMENTS}, got {self.n_channels}")
         for key, path in (("pattern", self.pattern), ("true_pattern", self.true_pattern)):
             try:
                 if path is not None:
                     _read_pattern(path)
             except InputFileError as error:
-                yield from (f"{key}: {each}" for each in error.faults)
-
-    def _position_errors(self) -> Iterator[str]:
-        positions_m = self.nominal_elements().positions_m
-        shown = [f"({', '.join(f'{x:g}' for x in position)})" for position in positions_m]
-        for j in range(len(self.elements)):
-            if positions_m[j, 2] <= 0.0:
-                yield f"elements.{j}.position_m: must be above the ground, got {shown[j]}"
-            for i in range(j):
-                if np.linalg.norm(positions_m[j] - positions_m[i]) < 1e-3:
-                    yield f"elements.{j}.position_m: must differ from that of elements.{i}, got {shown[j]}"
-
-    def _manifold_errors(self) -> Iterator[str]:
-        key, elements = "elements" if self.elements else "pattern", self.nominal_elements()
+                raise ValueError("\n".join(f"{key}: {each}" for each in error.faults)) from error
+        boresights_rad, elevations_rad, positions_m = self.nominal_elements()
+        apart_m = np.linalg.norm(positions_m[:, np.newaxis] - positions_m, axis=-1)
+        if same := np.argwhere(np.triu(apart_m < 1e-3, 1)).tolist():
+            raise ValueError(f"elements.{same[0][1]}.position_m: must differ from that of elements.{same[0][0]}")
+        key, pattern = "elements" if self.elements else "pattern", self.nominal_pattern()
+        cut = pattern.cut() if isinstance(pattern, SpatialPattern) else pattern
         try:
-            pattern = self.nominal_pattern()
-            manifold = GainManifold(
-                pattern.cut() if isinstance(pattern, SpatialPattern) else pattern,
-                elements.boresights_rad,
-                boresight_elevations_rad=elements.boresight_elevations_rad,
-            )
+            manifold = GainManifold(cut, boresights_rad, boresight_elevations_rad=elevations_rad)
         except ValueError as error:
-            yield f"{key}: {error}"
-            return
+            raise ValueError(f"{key}: {error}") from error
         if alike := ambiguous_azimuths(manifold):
             first, second = np.degrees(alike)
-            yield f"{key}: must distinguish all azimuths, but receives {first:.0f} and {second:.0f} degrees alike"
+            raise ValueError(
+                f"{key}: must distinguish all azimuths, but receives {first:.0f} and {second:.0f} degrees alike"
+            )
+        return self
 
 
 def _read_pattern(path: str) -> TabulatedPattern | SpatialPattern:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -53,9 +53,15 @@ class HelicalArray:
     @classmethod
     def nominal(cls, config: ArrayConfig) -> Self:
         """Make the array of the data sheet, the only one that the estimator knows."""
-        ones = np.ones(config.n_channels)
-        elements = config.nominal_elements()._asdict()
-        return cls(pattern=config.nominal_pattern(), **elements, gain_factors=ones, gain_offsets=0 * ones)
+        boresights_rad, elevations_rad, positions_m = config.nominal_elements()
+        return cls(
+            pattern=config.nominal_pattern(),
+            boresights_rad=boresights_rad,
+            boresight_elevations_rad=elevations_rad,
+            positions_m=positions_m,
+            gain_factors=np.ones(config.n_channels),
+            gain_offsets=np.zeros(config.n_channels),
+        )
 
     @classmethod
     def draw(cls, config: ArrayConfig, rng: np.random.Generator) -> Self:
@@ -66,12 +72,11 @@ class HelicalArray:
             rng: Generator of the errors of an array without serial number; with one they depend on that alone.
         """
         rng = rng if config.serial_number is None else np.random.default_rng(config.serial_number)
-        nominal, n = config.nominal_elements(), config.n_channels
-        pointing_rad = rng.normal(0.0, np.radians(config.pointing_error_deg), n)
-        return cls(
+        nominal, n = cls.nominal(config), config.n_channels
+        return replace(
+            nominal,
             pattern=config.real_pattern(),
-            boresights_rad=nominal.boresights_rad + pointing_rad,
-            boresight_elevations_rad=nominal.boresight_elevations_rad,
+            boresights_rad=nominal.boresights_rad + rng.normal(0.0, np.radians(config.pointing_error_deg), n),
             positions_m=nominal.positions_m + rng.normal(0.0, config.position_error_m, (n, 3)),
             gain_factors=np.exp(rng.normal(0.0, config.gain_error, n)),
             gain_offsets=rng.uniform(-config.gain_offset, config.gain_offset, n),

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from functools import cache
 from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dirmusic.pulses.phase_resolved import KINDS, Cluster, KindName
+from dirmusic.pulses.phase_resolved import KINDS, KindName
 
 FloatArray = NDArray[np.float64]
 
@@ -55,8 +54,8 @@ def unit_pulse_energy(sample_rate_hz: float) -> float:
     return float(np.square(damped_pulse(np.arange(0.0, 20 * DECAY_S, 1 / sample_rate_hz))).sum())
 
 
-class ClusterTable(NamedTuple):
-    """Clusters of pulses over the phase of the mains; all columns have shape (n_clusters,).
+class PulseTrain(NamedTuple):
+    """Clusters of pulses over the phase of the mains, of one or several defects; columns have shape (n_clusters,).
 
     Attributes:
         rate_hz: Mean number of pulses per second.
@@ -81,10 +80,42 @@ class ClusterTable(NamedTuple):
     is_even: NDArray[np.bool_]
 
     @classmethod
-    def at_any_phase(cls, rate_hz: float) -> Self:
-        """Make one cluster of equal pulses that are independent of the mains."""
+    def at_any_phase(cls) -> Self:
+        """Make one cluster of equal pulses that are independent of the mains, one per second."""
         zero, one = np.zeros(1), np.ones(1)
-        return cls(np.array([rate_hz]), one, zero, zero, zero, zero, zero, one, np.ones(1, np.bool_))
+        return cls(one, one, zero, zero, zero, zero, zero, one, np.ones(1, np.bool_))
+
+    @classmethod
+    def of_kind(
+        cls, kind: KindName, mains_hz: float, conductor_rad: float, rng: np.random.Generator | None = None
+    ) -> Self:
+        """Make the clusters of a defect with one pulse per second.
+
+        Defects of one kind differ. Assumed: the phase of all clusters together by 5 degrees, because the inception
+        voltage differs, and then phase, level, width and share of each cluster.
+
+        Args:
+            kind: Kind of the defect.
+            mains_hz: Frequency of the mains.
+            conductor_rad: Phase by which the voltage of the conductor lags the mains of the receiver.
+            rng: Generator of the deviations; None for a typical defect.
+        """
+        share, centre_deg, width_deg, level_db, spread_db, polarity = np.array(
+            [(c.share, c.centre_deg, c.width_deg, c.level_db, c.spread_db, c.polarity) for c in KINDS[kind]]
+        ).T
+        if rng is not None:
+            common_deg = rng.normal(0.0, 5.0)
+            off_share, off_deg, off_width, off_db = rng.normal(0.0, (0.2, 3.0, 0.15, 1.0), (share.size, 4)).T
+            share, width_deg = share * np.exp(off_share), width_deg * np.exp(off_width)
+            centre_deg, level_db = centre_deg + common_deg + off_deg, level_db + off_db
+        mains, lag = np.full(share.size, mains_hz), np.full(share.size, conductor_rad / (2 * np.pi))
+        is_even = np.zeros(share.size, np.bool_)
+        centre, width, rate_hz = centre_deg / 360.0, width_deg / 360.0, share / share.sum()
+        return cls(rate_hz, mains, lag, centre, width, level_db, spread_db, polarity, is_even)
+
+    def times(self, factor: float) -> PulseTrain:
+        """Return the clusters with `factor` times as many pulses."""
+        return self._replace(rate_hz=factor * self.rate_hz)
 
     def draw(
         self, start_s: float, duration_s: float, rng: np.random.Generator
@@ -110,58 +141,3 @@ class ClusterTable(NamedTuple):
         row, cycle, off_level = row[inside], cycle[inside], off_level[inside]
         amplitude = self.polarity[row] * 10 ** ((self.level_db[row] + self.spread_db[row] * off_level) / 20)
         return row, (cycle + self.lag[row]) / self.mains_hz[row], amplitude
-
-
-@dataclass(frozen=True, kw_only=True)
-class PulseTrain:
-    """Timing and strength of the discharges of one defect within the cycle of the mains.
-
-    Attributes:
-        clusters: Clusters of this defect.
-        mains_hz: Frequency of the mains.
-        conductor_rad: Phase by which the voltage at the defect, that of its conductor, lags the mains of the receiver.
-    """
-
-    clusters: tuple[Cluster, ...]
-    mains_hz: float
-    conductor_rad: float
-
-    @classmethod
-    def draw(cls, kind: KindName, mains_hz: float, conductor_rad: float, rng: np.random.Generator) -> Self:
-        """Draw a defect of a kind.
-
-        Defects of one kind differ. Assumed: the phase of all clusters together by 5 degrees, because the inception
-        voltage differs, and then phase, level, width and share of each cluster.
-        """
-        common_deg = float(rng.normal(0.0, 5.0))
-        clusters = [
-            replace(
-                cluster,
-                share=cluster.share * float(np.exp(rng.normal(0.0, 0.2))),
-                centre_deg=cluster.centre_deg + common_deg + float(rng.normal(0.0, 3.0)),
-                width_deg=cluster.width_deg * float(np.exp(rng.normal(0.0, 0.15))),
-                level_db=cluster.level_db + float(rng.normal(0.0, 1.0)),
-            )
-            for cluster in KINDS[kind]
-        ]
-        total = sum(cluster.share for cluster in clusters)
-        scaled = tuple(replace(cluster, share=cluster.share / total) for cluster in clusters)
-        return cls(clusters=scaled, mains_hz=mains_hz, conductor_rad=conductor_rad)
-
-    def table(self, rate_hz: float) -> ClusterTable:
-        """Return the clusters for a mean number of pulses per second."""
-        share, centre, width, level, spread, polarity = np.array(
-            [(c.share, c.centre_deg, c.width_deg, c.level_db, c.spread_db, c.polarity) for c in self.clusters]
-        ).T
-        n = share.size
-        return ClusterTable(
-            rate_hz=rate_hz * share,
-            mains_hz=np.full(n, self.mains_hz),
-            lag=np.full(n, self.conductor_rad / (2 * np.pi)),
-            centre=centre / 360.0,
-            width=width / 360.0,
-            level_db=level,
-            spread_db=spread,
-            polarity=polarity,
-            is_even=np.zeros(n, dtype=np.bool_),
-        )

@@ -9,7 +9,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pdpatrol.sensing.nature.pulses import ClusterTable, PulseTrain
+from pdpatrol.sensing.nature.pulses import PulseTrain
 from pdpatrol.sensing.radio.surroundings import Surroundings
 
 FloatArray = NDArray[np.float64]
@@ -47,7 +47,7 @@ class DischargeSource:
         amplitude_v: Peak of a typical pulse in a unit-gain channel 1 m away, > 0.
         pulse_rate_hz: Mean number of pulses per second, >= 0.
         axis: Direction of the linear polarisation, a unit vector, shape (3,), world frame.
-        train: Phases and amplitudes of the pulses; None for equal pulses at any phase.
+        train: Phases and amplitudes of the pulses, for one per second; None for equal pulses at any phase.
         active_s: Start and end of the activity.
         drift_db_per_min: Rate at which the amplitude grows.
         n_shots: Number of shots of a discharge gun, regular at the pulse rate; None for a source without end.
@@ -73,11 +73,9 @@ class DischargeSource:
     speed_mps: float = 0.0
 
     @property
-    def clusters(self) -> ClusterTable | None:
-        """Clusters of random pulses; None for a discharge gun."""
-        if self.n_shots is not None:
-            return None
-        return self.train.table(self.pulse_rate_hz) if self.train else ClusterTable.at_any_phase(self.pulse_rate_hz)
+    def clusters(self) -> PulseTrain | None:
+        """Clusters of random pulses at the pulse rate; None for a discharge gun."""
+        return None if self.n_shots is not None else (self.train or PulseTrain.at_any_phase()).times(self.pulse_rate_hz)
 
     def position_at(self, time_s: float) -> FloatArray:
         """Return the position at a time, shape (3,), world frame."""
@@ -160,7 +158,7 @@ class Scene:
         random = [(k, table) for k, table in tables if table is not None]
         self._source_of_cluster = np.repeat([k for k, _ in random], [t.rate_hz.size for _, t in random]).astype(np.intp)
         columns = zip(*(table for _, table in random), strict=True)
-        self._clusters = ClusterTable(*(np.concatenate(column) for column in columns)) if random else None
+        self._clusters = PulseTrain(*(np.concatenate(column) for column in columns)) if random else None
 
     def positions_at(self, time_s: float) -> FloatArray:
         """Return the positions of the sources at a time, shape (n_sources, 3), world frame."""

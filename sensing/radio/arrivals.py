@@ -63,8 +63,8 @@ def arrive(ray_paths: RayPaths, world_from_array: FloatArray, array: ArrayTable)
         array: The array.
     """
     rows, elements_m, w = ray_paths.rows, array.elements_m, world_from_array
-    n_paths, n_elements, n_bands = rows.size, len(elements_m), array.grid.band_peak.size
-    has_grid, gain = array.grid.gain.size > 0, np.empty(n_bands)
+    n_paths, n_elements, n_bands = rows.size, len(elements_m), array.band_peak.size
+    has_grid, gain = array.grid.size > 0, np.empty(n_bands)
     delay_s, amplitude = np.empty((n_paths, n_elements)), np.empty((n_paths, n_elements, n_bands), np.complex128)
     peak, peak_s = np.empty(n_paths), np.empty(n_paths)
     for p in range(n_paths):
@@ -88,7 +88,7 @@ def arrive(ray_paths: RayPaths, world_from_array: FloatArray, array: ArrayTable)
             for band in range(n_bands):
                 with_errors = array.gain_factors[e] * gain[band] + array.gain_offsets[e]
                 amplitude[p, e, band] = path.coefficient * (with_errors / length_m)
-                level += array.grid.band_peak[band] * abs(amplitude[p, e, band])
+                level += array.band_peak[band] * abs(amplitude[p, e, band])
             if level > peak[p]:
                 peak[p], peak_s[p] = level, delay_s[p, e]
     return Arrivals(delay_s, amplitude, peak, peak_s)

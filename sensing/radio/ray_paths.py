@@ -164,19 +164,6 @@ def is_wall(face: Row) -> bool:
 
 
 @compiled_inner
-def add_second_order(
-    emitter: Emitter, target: Vector, faces: Rows, obstacles: Rows, least: float, paths: Rows, n: int
-) -> int:
-    """Add the paths by two upright faces in turn; return the number of paths."""
-    for f in range(faces.size):
-        for g in range(faces.size):
-            if f != g and is_wall(faces[f]) and is_wall(faces[g]):
-                coefficient, image = reflect_by_two_faces(emitter, target, faces[f], faces[g], obstacles, least)
-                n = add_path(paths, n, image, 0.0, coefficient, target)
-    return n
-
-
-@compiled_inner
 def add_box(
     emitter: Emitter,
     target: Vector,
@@ -275,13 +262,6 @@ def add_edges(
     return n, strongest
 
 
-@compiled_inner
-def fade(level: float, strongest: float, from_db: float) -> float:
-    """Return the factor of a path: 1 down to `from_db` below the strongest one, 0 from `FADE_OVER_DB` further on."""
-    below_db = 20.0 * math.log10(max(strongest / level, 1.0))
-    return 1.0 - smooth_step((below_db - from_db) / FADE_OVER_DB)
-
-
 @compiled
 def trace(
     emitter: Emitter, target: Vector, least: float, surroundings: Surroundings, shadows: Rows, paths: Rows
@@ -305,24 +285,26 @@ def trace(
     direct = direct_transmission(emitter.at, target, 0.0, obstacles) * received(radiated(emitter.axis, ray), ray)
     n = add_path(paths, 0, emitter.at, 0.0, direct, target)
 
-    weakest = 10.0 ** (-(GROUND_FADE_DB + FADE_OVER_DB) / 20.0) * strongest_level(paths, n)
-    around = Obstruction(obstacles, shadows, NO_SOLID, max(weakest, least))
-    for f in range(faces.size):
-        if faces[f].owner == GROUND and faces[f].flat_share > 0.0:
-            n = add_face(emitter, target, faces[f], ground, False, around, paths, n)
-    n_direct_and_ground = n
-
-    around = Obstruction(obstacles, shadows, NO_SOLID, max(WEAKEST * strongest_level(paths, n), least))
-    for f in range(faces.size):
-        if faces[f].owner != GROUND and faces[f].flat_share > 0.0:
-            n = add_face(emitter, target, faces[f], ground, False, around, paths, n)
-            if is_wall(faces[f]) and ground.flat_share > 0.0:
-                n = add_face(emitter, target, faces[f], ground, True, around, paths, n)
+    n_direct_and_ground, around = n, Obstruction(obstacles, shadows, NO_SOLID, least)
+    for is_ground in (True, False):
+        faintest = 10.0 ** (-(GROUND_FADE_DB + FADE_OVER_DB) / 20.0) if is_ground else WEAKEST
+        around = Obstruction(obstacles, shadows, NO_SOLID, max(faintest * strongest_level(paths, n), least))
+        for f in range(faces.size):
+            if (faces[f].owner == GROUND) == is_ground and faces[f].flat_share > 0.0:
+                n = add_face(emitter, target, faces[f], ground, False, around, paths, n)
+                if is_wall(faces[f]) and ground.flat_share > 0.0:
+                    n = add_face(emitter, target, faces[f], ground, True, around, paths, n)
+        if is_ground:
+            n_direct_and_ground = n
 
     strongest = strongest_level(paths, n)
     weakest = max(WEAKEST * strongest, least)
     if second_order:
-        n = add_second_order(emitter, target, faces, obstacles, weakest, paths, n)
+        for f in range(faces.size):
+            for g in range(faces.size):
+                if f != g and is_wall(faces[f]) and is_wall(faces[g]):
+                    coefficient, image = reflect_by_two_faces(emitter, target, faces[f], faces[g], obstacles, weakest)
+                    n = add_path(paths, n, image, 0.0, coefficient, target)
     for k in range(obstacles.size):
         if obstacles[k].radius_m > 0.0:
             coefficient, image = reflect_by_cylinder(emitter, target, Obstruction(obstacles, shadows, k, weakest))
@@ -333,7 +315,8 @@ def trace(
     for i in range(n):
         if paths[i].coefficient != 0.0 and paths[i].level >= least:
             from_db = GROUND_FADE_DB if i < n_direct_and_ground else FADE_DB
-            paths[i].coefficient *= fade(paths[i].level, strongest, from_db)
+            below_db = 20.0 * math.log10(max(strongest / paths[i].level, 1.0))
+            paths[i].coefficient *= 1.0 - smooth_step((below_db - from_db) / FADE_OVER_DB)
             if paths[i].coefficient != 0.0:
                 paths[n_kept] = paths[i]
                 n_kept += 1

@@ -84,22 +84,6 @@ class Obstruction(NamedTuple):
     least: float
 
 
-class DoubleReflection(NamedTuple):
-    """Ray by two mirrors, without obstacles.
-
-    Attributes:
-        coefficient: Signal over that of a direct ray of the same length.
-        before: Segment up to the first mirror.
-        between: Segment between the mirrors.
-        behind: Segment behind the second mirror.
-    """
-
-    coefficient: complex
-    before: Segment
-    between: Segment
-    behind: Segment
-
-
 @compiled_inner
 def plane_point(at: Vector, normal: Vector, source: Vector, target: Vector) -> SpecularPoint:
     """Find where a plane through a point reflects; its normal points to the side of source and target."""
@@ -149,8 +133,10 @@ def reflect_once(emitter: Emitter, target: Vector, mirror: Mirror, is_ground: bo
 
 
 @compiled_inner
-def reflect_twice(emitter: Emitter, target: Vector, first: Mirror, second: Mirror) -> DoubleReflection:
-    """Return the ray by two mirrors."""
+def reflect_twice(
+    emitter: Emitter, target: Vector, first: Mirror, second: Mirror
+) -> tuple[complex, Segment, Segment, Segment]:
+    """Return the coefficient of a ray by two mirrors as of `reflect_once`, without obstacles, and its segments."""
     arriving, between, leaving = (
         towards(emitter.at, first.at),
         towards(first.at, second.at),
@@ -161,12 +147,8 @@ def reflect_twice(emitter: Emitter, target: Vector, first: Mirror, second: Mirro
     reflection = face_reflection(abs(dot(between, second.normal)), second.material)
     field = reflected(field, between, leaving, second.normal, reflection)
     at_first, at_second = off_mirror(first), off_mirror(second)
-    return DoubleReflection(
-        received(field, leaving),
-        segment(emitter.at, at_first),
-        segment(at_first, at_second),
-        segment(at_second, target),
-    )
+    first_segment, last_segment = segment(emitter.at, at_first), segment(at_second, target)
+    return received(field, leaving), first_segment, segment(at_first, at_second), last_segment
 
 
 @compiled_inner

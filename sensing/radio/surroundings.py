@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.sensing.radio.geometry import UprightSolid, Vector, shift
@@ -33,8 +33,8 @@ FACE = np.dtype(
         ],
     )
 )
-"""Row of a face as of `Faces`, with its `Material`, the index of the solid that it bounds, or `NO_SOLID`, and whether
-the edges of that solid diffract."""
+"""Row of a flat rectangle that reflects, as of `flat_face`, with its `Material`, the index of the solid that it bounds,
+or `NO_SOLID`, and whether the edges of that solid diffract."""
 
 OBSTACLE = np.dtype(
     (
@@ -55,78 +55,86 @@ Rows = NDArray[Any]
 Row = Any
 
 
-class Faces(NamedTuple):
-    """Flat rectangles that reflect, world frame; a row is a face.
+def upright_solids(
+    *,
+    centre_m: FloatArray,
+    yaw_rad: FloatArray,
+    half_size_m: FloatArray,
+    radius_m: FloatArray,
+    bottom_m: FloatArray,
+    top_m: FloatArray,
+    owner: IntArray,
+) -> Rows:
+    """Make rows of `OBSTACLE`, without materials, of upright boxes and cylinders.
 
-    Attributes:
-        centre_m: Centres, shape (n_faces, 3).
-        normal: Unit vectors out of the equipment, shape (n_faces, 3).
-        axes: Unit vectors along the two sides, shape (n_faces, 2, 3).
-        half_size_m: Half the length of the two sides, shape (n_faces, 2); may be infinite.
-        owner: Index of the piece of equipment, shape (n_faces,); `GROUND` for the ground.
-    """
-
-    centre_m: FloatArray
-    normal: FloatArray
-    axes: FloatArray
-    half_size_m: FloatArray
-    owner: IntArray
-
-    @classmethod
-    def none(cls) -> Self:
-        """Return an empty table."""
-        return cls(np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 2, 3)), np.empty((0, 2)), np.empty(0, np.intp))
-
-    @classmethod
-    def of(cls, solids: UprightSolids) -> Self:
-        """Return the ground, and the four sides and the top of every box; cylinders have no flat face."""
-        up = np.array([0.0, 0.0, 1.0])
-        faces = [(np.zeros(3), up, np.eye(3)[:2], np.full(2, np.inf), GROUND)]
-        for k in np.flatnonzero(solids.radius_m == 0).tolist():
-            yaw, (half_x, half_y) = solids.yaw_rad[k], solids.half_size_m[k]
-            x, y = np.array([[np.cos(yaw), np.sin(yaw), 0.0], [-np.sin(yaw), np.cos(yaw), 0.0]])
-            half_z = 0.5 * (solids.top_m[k] - solids.bottom_m[k])
-            middle = np.array([*solids.centre_m[k], solids.bottom_m[k] + half_z])
-            for normal, depth, axes, half_size_m in (
-                (x, half_x, (y, up), (half_y, half_z)),
-                (-x, half_x, (y, up), (half_y, half_z)),
-                (y, half_y, (x, up), (half_x, half_z)),
-                (-y, half_y, (x, up), (half_x, half_z)),
-                (up, half_z, (x, y), (half_x, half_y)),
-            ):
-                faces.append(
-                    (middle + depth * normal, normal, np.array(axes), np.array(half_size_m), int(solids.owner[k]))
-                )
-        centre, normals, all_axes, half_size, owners = (np.array(column) for column in zip(*faces, strict=True))
-        return cls(centre, normals, all_axes, half_size, owners.astype(np.intp))
-
-
-class UprightSolids(NamedTuple):
-    """Upright boxes and cylinders, world frame; a row is a solid, and those of one piece of equipment are adjacent.
-
-    Attributes:
-        centre_m: Middles of the footprints, shape (n_solids, 2).
+    Args:
+        centre_m: Middles of the footprints, shape (n_solids, 2), world frame.
         yaw_rad: Yaws, shape (n_solids,).
         half_size_m: Half the sides of boxes, shape (n_solids, 2); 0 for cylinders.
         radius_m: Radii of cylinders, shape (n_solids,); 0 for boxes.
         bottom_m: Heights of the bottoms above ground, shape (n_solids,).
         top_m: Heights of the tops above ground, shape (n_solids,).
-        owner: Index of the piece of equipment, shape (n_solids,).
+        owner: Index of the piece of equipment, shape (n_solids,); the solids of one piece are adjacent.
     """
+    rows = np.zeros(owner.size, OBSTACLE)
+    rows["x"], rows["y"] = centre_m.T
+    rows["cos"], rows["sin"] = np.cos(yaw_rad), np.sin(yaw_rad)
+    rows["half_x"], rows["half_y"] = half_size_m.T
+    rows["reach_m"] = np.maximum(np.hypot(rows["half_x"], rows["half_y"]), radius_m)
+    rows["radius_m"], rows["bottom_m"], rows["top_m"], rows["owner"] = radius_m, bottom_m, top_m, owner
+    return rows
 
-    centre_m: FloatArray
-    yaw_rad: FloatArray
-    half_size_m: FloatArray
-    radius_m: FloatArray
-    bottom_m: FloatArray
-    top_m: FloatArray
-    owner: IntArray
 
-    @classmethod
-    def none(cls) -> Self:
-        """Return an empty table."""
-        none, flat = np.empty(0), np.empty((0, 2))
-        return cls(flat, none, flat, none, none, none, np.empty(0, np.intp))
+def flat_face(
+    centre_m: ArrayLike,
+    normal: ArrayLike,
+    sides: ArrayLike,
+    half_size_m: tuple[float, float],
+    owner: int,
+    solid: int = NO_SOLID,
+) -> Rows:
+    """Make one row of `FACE`, without material.
+
+    Args:
+        centre_m: Centre, shape (3,), world frame.
+        normal: Unit vector out of the equipment, shape (3,).
+        sides: Unit vectors along the two sides, shape (2, 3).
+        half_size_m: Half the length of the two sides; may be infinite.
+        owner: Index of the piece of equipment; `GROUND` for the ground.
+        solid: Index of the solid that it bounds.
+    """
+    row = np.zeros(1, FACE)
+    vectors = np.asarray([centre_m, normal, *np.asarray(sides)])
+    for name, vector in zip(("{}", "normal_{}", "first_{}", "second_{}"), vectors, strict=True):
+        for axis, component in zip("xyz", vector, strict=True):
+            row[name.format(axis)] = component
+    row["first_half_m"], row["second_half_m"] = half_size_m
+    row["owner"], row["solid"] = owner, solid
+    return row
+
+
+def ground_face() -> Rows:
+    """Make the face of the ground."""
+    return flat_face(np.zeros(3), np.eye(3)[2], np.eye(3)[:2], (np.inf, np.inf), GROUND)
+
+
+def faces_of(solids: Rows) -> Rows:
+    """Make the faces of the ground, and of the four sides and the top of every box; cylinders have no flat face."""
+    faces = [ground_face()]
+    for k in np.flatnonzero(solids["radius_m"] == 0).tolist():
+        x, y, cos, sin, half_x, half_y, _, _, bottom_m, top_m = solids[k].tolist()[: len(UprightSolid._fields)]
+        half_z, ahead, left, up = 0.5 * (top_m - bottom_m), (cos, sin, 0.0), (-sin, cos, 0.0), (0.0, 0.0, 1.0)
+        for sign, normal, depth_m, sides, half_size_m in (
+            (1, ahead, half_x, (left, up), (half_y, half_z)),
+            (-1, ahead, half_x, (left, up), (half_y, half_z)),
+            (1, left, half_y, (ahead, up), (half_x, half_z)),
+            (-1, left, half_y, (ahead, up), (half_x, half_z)),
+            (1, up, half_z, (ahead, left), (half_x, half_y)),
+        ):
+            out = sign * np.array(normal)
+            centre_m = np.array([x, y, bottom_m + half_z]) + depth_m * out
+            faces.append(flat_face(centre_m, out, sides, half_size_m, int(solids["owner"][k]), k))
+    return np.concatenate(faces)
 
 
 class Surroundings(NamedTuple):
@@ -145,22 +153,23 @@ class Surroundings(NamedTuple):
     second_order: bool
 
     @classmethod
-    def of_kinds(cls, kinds: Sequence[str], faces: Faces, solids: UprightSolids, ground: Material = GRAVEL) -> Self:
-        """Make surroundings of equipment of known kinds, one kind for each piece.
+    def of_kinds(cls, kinds: Sequence[str], solids: Rows, *, second_order: bool = False) -> Self:
+        """Make surroundings of equipment of known kinds, one kind for each piece, on gravel.
 
         Raises:
             KeyError: If a kind is not in `KIND_MATERIALS`.
         """
         flat = [KIND_MATERIALS[kind] for kind in kinds]
         curved = [ROUND_MATERIALS.get(kind, KIND_MATERIALS[kind]) for kind in kinds]
-        return cls.of_materials(flat, faces, solids, ground, curved)
+        made = cls.of_materials(flat, faces_of(solids), solids, curved=curved)
+        return made._replace(second_order=second_order)
 
     @classmethod
     def of_materials(
         cls,
         materials: Sequence[Material],
-        faces: Faces,
-        solids: UprightSolids,
+        faces: Rows | None = None,
+        solids: Rows | None = None,
         ground: Material = GRAVEL,
         curved: Sequence[Material] | None = None,
     ) -> Self:
@@ -168,67 +177,31 @@ class Surroundings(NamedTuple):
 
         Args:
             materials: Material of each piece of equipment.
-            faces: Reflecting faces.
-            solids: Solids of the equipment.
+            faces: Reflecting faces; None for none.
+            solids: Solids of the equipment; None for none.
             ground: Material of the ground.
             curved: Material of the cylinders of each piece; None if it is that of the piece.
         """
-        is_round = solids.radius_m > 0.0
-        of_solids = [
-            (curved or materials if is_curved else materials)[int(piece)]
-            for piece, is_curved in zip(solids.owner, is_round, strict=True)
-        ]
-        if GROUND not in faces.owner:
+        faces = np.empty(0, FACE) if faces is None else faces.copy()
+        solids = np.empty(0, OBSTACLE) if solids is None else solids.copy()
+        if GROUND not in faces["owner"]:
             ground = ground._replace(flat_share=0.0)
-        face_rows = _face_rows([*materials, ground], faces, solids)
-        return cls(face_rows, ground, _obstacle_rows(of_solids, solids), second_order=False)
+        of_faces = [[*materials, ground][piece] for piece in faces["owner"]]  # the owner of the ground is -1
+        of_solids = [
+            (curved or materials if radius_m > 0.0 else materials)[piece]
+            for piece, radius_m in zip(solids["owner"], solids["radius_m"], strict=True)
+        ]
+        for rows, of_rows in ((faces, of_faces), (solids, of_solids)):
+            for name in (*Material._fields, "diffracts"):
+                rows[name] = [getattr(material, name) for material in of_rows]
+        faces["diffracts"] &= faces["solid"] != NO_SOLID
+        solids["largest_reflection"] = [material.largest_reflection for material in of_solids]
+        return cls(faces, ground, solids, second_order=False)
 
     @classmethod
     def free_space(cls) -> Self:
         """Make empty surroundings, without a ground."""
-        return cls.of_materials([], Faces.none(), UprightSolids.none())
-
-
-def _obstacle_rows(materials: Sequence[Material], solids: UprightSolids) -> Rows:
-    rows = np.empty(solids.owner.size, OBSTACLE)
-    rows["x"], rows["y"] = solids.centre_m.T
-    rows["cos"], rows["sin"] = np.cos(solids.yaw_rad), np.sin(solids.yaw_rad)
-    rows["half_x"], rows["half_y"] = solids.half_size_m.T
-    rows["reach_m"] = np.maximum(np.hypot(rows["half_x"], rows["half_y"]), solids.radius_m)
-    for name in ("radius_m", "bottom_m", "top_m", "owner"):
-        rows[name] = getattr(solids, name)
-    for name in (*Material._fields, "largest_reflection", "diffracts"):
-        rows[name] = [getattr(material, name) for material in materials]
-    return rows
-
-
-def _face_rows(materials: Sequence[Material], faces: Faces, solids: UprightSolids) -> Rows:
-    """Make the rows of all faces; the ground's material is the last one, since its owner is -1."""
-    rows, own = np.empty(faces.owner.size, FACE), [materials[int(piece)] for piece in faces.owner]
-    for i, name in enumerate(("x", "y", "z")):
-        rows[name], rows[f"normal_{name}"] = faces.centre_m[:, i], faces.normal[:, i]
-        rows[f"first_{name}"], rows[f"second_{name}"] = faces.axes[:, :, i].T
-    rows["first_half_m"], rows["second_half_m"] = faces.half_size_m.T
-    for name in Material._fields:
-        rows[name] = [getattr(material, name) for material in own]
-    rows["owner"], rows["solid"] = faces.owner, _bounded_solids(faces, solids)
-    rows["diffracts"] = np.array([material.diffracts for material in own], np.bool_) & (rows["solid"] != NO_SOLID)
-    return rows
-
-
-def _bounded_solids(faces: Faces, solids: UprightSolids) -> IntArray:
-    """Find for each face the box of the same equipment that lies 1 um behind its middle, or `NO_SOLID`."""
-    inside_m = (faces.centre_m - 1e-6 * faces.normal)[:, np.newaxis]
-    off_x, off_y = np.moveaxis(inside_m[..., :2] - solids.centre_m, -1, 0)
-    cos, sin = np.cos(solids.yaw_rad), np.sin(solids.yaw_rad)
-    is_behind = (
-        (np.abs(cos * off_x + sin * off_y) < solids.half_size_m[:, 0])
-        & (np.abs(cos * off_y - sin * off_x) < solids.half_size_m[:, 1])
-        & (solids.bottom_m < inside_m[..., 2])
-        & (inside_m[..., 2] < solids.top_m)
-        & (solids.owner == faces.owner[:, np.newaxis])
-    )
-    return np.where(is_behind.any(axis=1), np.argmax(np.pad(is_behind, ((0, 0), (0, 1))), axis=1), NO_SOLID)
+        return cls.of_materials([])
 
 
 @compiled

@@ -5,7 +5,6 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,38 +30,28 @@ LEAST_ROBOTS = 4
 """Fewest robots per thread; fewer do not pay for one."""
 
 
-@dataclass(frozen=True, kw_only=True)
 class Listener:
-    """What belongs to one robot of a bank.
-
-    Attributes:
-        array: Array as it was built.
-        scene: Sources and surroundings.
-        nature_rng: Generator of the emissions.
-        receiver_rng: Generator of noise and triggers.
-    """
-
-    array: HelicalArray
-    scene: Scene
-    nature_rng: np.random.Generator
-    receiver_rng: np.random.Generator
-
-
-class Schedule:
-    """Emissions and false alarms of one robot, drawn ahead for intervals that follow one another.
+    """One robot of a bank, with its emissions and false alarms, drawn ahead for intervals that follow one another.
 
     After a gap or a step back in time, drawing starts anew.
 
     Args:
-        listener: The robot.
-        false_alarm_rate_hz: Mean rate at which noise alone triggers, as a Poisson process.
+        array: Array as it was built.
+        scene: Sources and surroundings.
+        nature_rng: Generator of the emissions.
+        receiver_rng: Generator of noise and triggers.
 
     Attributes:
+        array: Array as it was built.
+        scene: Sources and surroundings.
+        receiver_rng: Generator of noise and triggers.
         emissions: What has been drawn, by time.
     """
 
-    def __init__(self, listener: Listener, false_alarm_rate_hz: float) -> None:
-        self._listener, self._false_alarm_rate_hz = listener, false_alarm_rate_hz
+    def __init__(
+        self, *, array: HelicalArray, scene: Scene, nature_rng: np.random.Generator, receiver_rng: np.random.Generator
+    ) -> None:
+        self.array, self.scene, self.receiver_rng, self._nature_rng = array, scene, receiver_rng, nature_rng
         self._first_s = self._last_s = 0.0
         self.emissions = Emissions(np.empty(0, dtype=np.intp), np.empty(0), np.empty(0))
 
@@ -70,13 +59,19 @@ class Schedule:
         """Return True where an interval lies within what has been drawn."""
         return self._first_s <= start_s and end_s <= self._last_s
 
-    def draw(self, start_s: float, end_s: float) -> None:
-        """Draw emissions from the start of an interval to its end and beyond."""
+    def draw(self, start_s: float, end_s: float, false_alarm_rate_hz: float) -> None:
+        """Draw emissions from the start of an interval to its end and beyond.
+
+        Args:
+            start_s: Start of the interval.
+            end_s: End of the interval.
+            false_alarm_rate_hz: Mean rate at which noise alone triggers, as a Poisson process.
+        """
         if not self._first_s <= start_s <= self._last_s:
             self.emissions, self._last_s = self.emissions.take(slice(0)), start_s
-        rng, duration_s = self._listener.receiver_rng, max(AHEAD_S, end_s - self._last_s)
-        false_s = self._last_s + duration_s * rng.random(rng.poisson(self._false_alarm_rate_hz * duration_s))
-        drawn = self._listener.scene.draw(self._last_s, duration_s, self._listener.nature_rng)
+        rng, duration_s = self.receiver_rng, max(AHEAD_S, end_s - self._last_s)
+        false_s = self._last_s + duration_s * rng.random(rng.poisson(false_alarm_rate_hz * duration_s))
+        drawn = self.scene.draw(self._last_s, duration_s, self._nature_rng)
         false = Emissions(np.full(false_s.size, FALSE_ALARM), false_s, np.zeros(false_s.size))
         kept = self.emissions.take(self.emissions.time_s >= start_s)
         self._first_s, self._last_s = start_s, round_to_nanoseconds(self._last_s + duration_s)
@@ -104,19 +99,13 @@ class ReceiverBank:
         self._receiver = Receiver(config, array.n_elements)
         self._reading, self._grid = self._receiver.reading(), self._receiver.grid(array)
         self._pattern = tabulate(array.cut)
-        self._listeners = list(listeners)
-        self._schedules: list[Schedule] = []
-        self._states: list[Held[ReceiverState]] = []
+        self._listeners, self._states = list(listeners), [self._state(listener) for listener in listeners]
         self._found = [self._room(64) for _ in range(n_threads)]
         self._pool: ThreadPoolExecutor | None = None
-        for listener in listeners:
-            self._schedules.append(Schedule(listener, config.false_alarm_rate_hz))
-            self._states.append(self._state(listener))
 
     def replace(self, robot: int, listener: Listener) -> None:
         """Replace array, scene and generators of one robot, whose time starts anew."""
         self._listeners[robot], self._states[robot] = listener, self._state(listener)
-        self._schedules[robot] = Schedule(listener, self.config.false_alarm_rate_hz)
 
     def listen(
         self, world_from_array: FloatArray, start_s: FloatArray, duration_s: float, rows: IntArray | None = None
@@ -183,20 +172,20 @@ class ReceiverBank:
                 reading=self._reading,
                 channels=receiver.channels(0.0, (), array, np.eye(4)),
                 propagation=Propagation(positions_m, scene.axes, scene.burst_s, table, scene.surroundings),
-                emissions=Emissions(np.empty(0, np.intp), np.empty(0), np.empty(0)),
+                emissions=listener.emissions,
                 rng=listener.receiver_rng,
             )
         )
 
     def _update(self, robot: int, world_from_array: FloatArray, start_s: float, duration_s: float) -> tuple[int, int]:
         """Draw the emissions of an interval, return first and end of them, and update what time and pose change."""
-        receiver, schedule, listener = self._receiver, self._schedules[robot], self._listeners[robot]
-        scene, array, state = listener.scene, listener.array, self._states[robot].value
+        receiver, listener, state = self._receiver, self._listeners[robot], self._states[robot].value
+        scene, array = listener.scene, listener.array
         changed = state
         begin_s, end_s = round_to_nanoseconds(start_s), round_to_nanoseconds(start_s + duration_s)
-        if not schedule.covers(begin_s, end_s):
-            schedule.draw(begin_s, end_s)
-            changed = changed._replace(emissions=schedule.emissions)
+        if not listener.covers(begin_s, end_s):
+            listener.draw(begin_s, end_s, self.config.false_alarm_rate_hz)
+            changed = changed._replace(emissions=listener.emissions)
         if scene.has_movers:
             state.propagation.positions_m[:] = scene.positions_at(begin_s)
         if self.config.faults:
@@ -212,7 +201,7 @@ class ReceiverBank:
                 changed = changed._replace(sampler=state.sampler._replace(trigger=trigger))
         if changed is not state:
             self._states[robot] = Held(changed)
-        return schedule.between(begin_s, end_s)
+        return listener.between(begin_s, end_s)
 
 
 def listen_once(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dirmusic.array.spatial_pattern import SpatialPattern
 from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
 from dirmusic.bearing.sub_bands import SubBands
-from pdpatrol.sensing.array.array_table import GainGrid, gain_grid
+from pdpatrol.sensing.array.array_table import gain_grid
 from pdpatrol.sensing.array.helical_array import HelicalArray
 from pdpatrol.sensing.nature.pulses import DECAY_S
 from pdpatrol.sensing.nature.sources import Carrier
@@ -102,13 +102,13 @@ class Receiver:
         highest, spread = float(2 ** (config.bits - 1) - 1), front_end.energy_spread
         return GateReading(self.step_v, highest, config.mains_hz, spread, front_end.noise_on_pulse, band_lines, *bands)
 
-    def grid(self, array: HelicalArray) -> GainGrid | None:
-        """Return the gains of an array in the bands of the pulse; None for a pattern in the plane."""
+    def grid(self, array: HelicalArray) -> tuple[FloatArray, FloatArray] | None:
+        """Return the grid of gains of an array as of `ArrayTable.of`; None for a pattern in the plane."""
         if not isinstance(array.pattern, SpatialPattern):
             return None
         pulse, bands_hz = self.sampler(array).pulse, self.front_end.bands_hz(array.pattern.frequency_hz)
         peak = np.sqrt(np.square(pulse.sine_v) + np.square(pulse.cosine_v)).max(axis=(1, 2))
-        return gain_grid(array.pattern, bands_hz, peak)
+        return gain_grid(array.pattern, bands_hz), peak
 
     def channels(
         self, time_s: float, carriers: Sequence[Carrier], array: HelicalArray, world_from_array: FloatArray

@@ -9,16 +9,15 @@ import pytest
 from pdpatrol.sensing import (
     ArrayConfig,
     DischargeSource,
-    Faces,
     HelicalArray,
     ReceiverConfig,
     Scene,
     Surroundings,
-    UprightSolids,
     level_transform,
 )
-from pdpatrol.sensing.radio.materials import GRAVEL, METAL
+from pdpatrol.sensing.radio.materials import METAL
 from pdpatrol.sensing.receiver.bank import listen_once
+from tests.sensing.scenes import on_the_ground, wall_face
 
 pytestmark = pytest.mark.benchmark
 
@@ -31,14 +30,7 @@ OVER_FREQUENCY = HelicalArray.draw(ArrayConfig(true_pattern="helix_in_ring"), np
 
 def ground_and_wall() -> Surroundings:
     """Make the ground, and a wall half a metre behind the array: both reflections arrive within the gate."""
-    faces = Faces(
-        centre_m=np.array([[0.0, 0.0, 0.0], [-0.5, 0.0, 2.0]]),
-        normal=np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]),
-        axes=np.array([[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]]),
-        half_size_m=np.array([[np.inf, np.inf], [5.0, 2.0]]),
-        owner=np.array([-1, 0]),
-    )
-    return Surroundings.of_materials([METAL], faces, UprightSolids.none(), GRAVEL)
+    return Surroundings.of_materials([METAL], on_the_ground(wall_face((-0.5, 0.0, 2.0), (1.0, 0.0), (5.0, 2.0))))
 
 
 def seconds_a_pulse(amplitude_v: float, array: HelicalArray = REAL) -> tuple[float, float]:

@@ -26,14 +26,14 @@ def log_of_two_findings(seed: int, mains: bool = True, ghosts_every: int = 0) ->
             "array": {"boresights_rad": ring.boresights_rad.tolist(), "positions_m": np.zeros((6, 3)).tolist()},
         }
     )  # fmt: skip
-    trains = {k: PulseTrain.draw(kind, 50.0, 0.0, rng) for k, (kind, _) in SOURCES.items()}  # pyright: ignore
+    trains = {k: PulseTrain.of_kind(kind, 50.0, 0.0, rng) for k, (kind, _) in SOURCES.items()}  # pyright: ignore
     for step in range(60):
         pose = np.array([0.1 * step, 2.0, 0.03 * step])
         append_step(log, 0.1 * step, pose)
         for number, (_, place) in SOURCES.items():
             sight = np.array(place) - pose[:2]
             azimuth = float(wrap(np.arctan2(sight[1], sight[0]) - pose[2]))
-            _, times, amplitudes = trains[number].table(20.0).draw(0.1 * step, 0.1, rng)
+            _, times, amplitudes = trains[number].times(20.0).draw(0.1 * step, 0.1, rng)
             for time_s, amplitude in zip(times, amplitudes, strict=True):
                 strengths = abs(amplitude) * number / np.hypot(*sight) * ring.gain(azimuth)
                 phase = 2 * np.pi * 50.0 * time_s if mains else np.nan

@@ -1,23 +1,17 @@
 """Scenes of a wall, a piece of equipment and the ground, with stated losses and reflections."""
 
-from typing import Any, cast
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pdpatrol.sensing import Faces, Surroundings, UprightSolids
+from pdpatrol.sensing import Surroundings, upright_solids
 from pdpatrol.sensing.radio.materials import Material
+from pdpatrol.sensing.radio.surroundings import Rows, flat_face, ground_face
 
 
-def ground_face() -> Faces:
-    return Faces(np.zeros((1, 3)), np.eye(3)[2:], np.eye(3)[np.newaxis, :2], np.full((1, 2), np.inf), np.array([-1]))
-
-
-def wall_face(centre_m: ArrayLike, normal: tuple[float, float], half_m: tuple[float, float]) -> Faces:
+def wall_face(centre_m: ArrayLike, normal: tuple[float, float], half_m: tuple[float, float]) -> Rows:
     """Make one upright face; `half_m` is half its length and half its height."""
     x, y = normal
-    axes = np.array([[[-y, x, 0.0], [0.0, 0.0, 1.0]]])
-    return Faces(np.array([centre_m]), np.array([[x, y, 0.0]]), axes, np.array([half_m]), np.array([0]))
+    return flat_face(centre_m, (x, y, 0.0), ((-y, x, 0.0), (0.0, 0.0, 1.0)), half_m, 0)
 
 
 def solids_at(
@@ -26,21 +20,30 @@ def solids_at(
     radius_m: float = 0.0,
     bottom_m: float = 0.0,
     top_m: float = 3.0,
-) -> UprightSolids:
+    yaw_rad: float = 0.0,
+) -> Rows:
     """Make equal solids at centres on plan, each a piece of equipment."""
     one = np.ones(len(centres))
     half, owner = np.tile(half_m, (one.size, 1)), np.arange(one.size)
-    return UprightSolids(np.array(centres), 0.0 * one, half, radius_m * one, bottom_m * one, top_m * one, owner)
+    return upright_solids(
+        centre_m=np.array(centres),
+        yaw_rad=yaw_rad * one,
+        half_size_m=half,
+        radius_m=radius_m * one,
+        bottom_m=bottom_m * one,
+        top_m=top_m * one,
+        owner=owner,
+    )
 
 
-def wall_across(x: float, half_length: float = 1.0) -> UprightSolids:
+def wall_across(x: float, half_length: float = 1.0) -> Rows:
     """Make a wall, 0.4 m thick, across the x axis."""
     return solids_at((x, 0.0), half_m=(0.2, half_length))
 
 
-def on_the_ground(wall: Faces) -> Faces:
+def on_the_ground(wall: Rows) -> Rows:
     """Return the faces of the ground and a wall."""
-    return Faces(*(np.concatenate(cast("Any", pair)) for pair in zip(ground_face(), wall, strict=True)))
+    return np.concatenate([ground_face(), wall])
 
 
 def lossy(loss_db: float, flat_share: float = 0.0) -> Material:
@@ -48,12 +51,10 @@ def lossy(loss_db: float, flat_share: float = 0.0) -> Material:
     return Material.of_loss(1.0, 1e12, loss_db, flat_share)
 
 
-def around(
-    loss_db: float, faces: Faces | None = None, solids: UprightSolids | None = None, **share: float
-) -> Surroundings:
+def around(loss_db: float, faces: Rows | None = None, solids: Rows | None = None, **share: float) -> Surroundings:
     """Make one piece of equipment with a loss, and faces; `wall` and `ground` are their reflected shares."""
     ground = lossy(0.0, share.get("ground", 0.0))
     pieces = [lossy(loss_db, share.get("wall", 0.0))]
-    made = Surroundings.of_materials(pieces, faces or Faces.none(), solids or UprightSolids.none(), ground)
+    made = Surroundings.of_materials(pieces, faces, solids, ground)
     made.obstacles["diffracts"] = False
     return made

@@ -17,8 +17,8 @@ CYCLES = 200
 
 def pulses(kind: KindName, rng: np.random.Generator, rate_hz: float = 20.0) -> tuple[np.ndarray, np.ndarray]:
     """Draw phases and levels of 200 cycles of a defect on a random conductor, with 0.3 dB of noise."""
-    train = PulseTrain.draw(kind, MAINS_HZ, float(rng.choice([0.0, 2.0, 4.0])) * np.pi / 3, rng)
-    _, time_s, amplitude = train.table(rate_hz).draw(0.0, CYCLES / MAINS_HZ, rng)
+    train = PulseTrain.of_kind(kind, MAINS_HZ, float(rng.choice([0.0, 2.0, 4.0])) * np.pi / 3, rng)
+    _, time_s, amplitude = train.times(rate_hz).draw(0.0, CYCLES / MAINS_HZ, rng)
     level = 20 * np.log10(np.abs(amplitude)) + rng.normal(0.0, 0.3, time_s.size)
     return 2 * np.pi * MAINS_HZ * time_s, level
 
@@ -26,14 +26,14 @@ def pulses(kind: KindName, rng: np.random.Generator, rate_hz: float = 20.0) -> t
 @pytest.mark.parametrize("kind", NAMES)
 def test_train_has_its_rate_in_intervals_of_any_length(kind: KindName) -> None:
     rng = np.random.default_rng(1)
-    train = PulseTrain.draw(kind, MAINS_HZ, 1.0, rng)
+    train = PulseTrain.of_kind(kind, MAINS_HZ, 1.0, rng)
     for duration_s in (0.003, 0.1, 7.0):
         n = [
-            train.table(60.0).draw(k * duration_s, duration_s, rng)[0].size for k in range(round(400 / duration_s / 10))
+            train.times(60.0).draw(k * duration_s, duration_s, rng)[0].size for k in range(round(400 / duration_s / 10))
         ]
         expected = 60.0 * duration_s * len(n)
         assert sum(n) == pytest.approx(expected, abs=5 * np.sqrt(expected))
-    _, time_s, _ = train.table(1000.0).draw(3.0, 0.1, rng)
+    _, time_s, _ = train.times(1000.0).draw(3.0, 0.1, rng)
     assert time_s.min() >= 3.0
     assert time_s.max() < 3.1
 
@@ -42,8 +42,8 @@ def test_train_has_its_rate_in_intervals_of_any_length(kind: KindName) -> None:
 def test_pulses_have_phases_of_kind_and_lag_of_conductor(kind: KindName) -> None:
     rng = np.random.default_rng(2)
     lag = np.radians(120.0)
-    train = PulseTrain(clusters=KINDS[kind], mains_hz=60.0, conductor_rad=lag)
-    _, time_s, amplitude = train.table(100.0).draw(0.0, 100.0, rng)
+    train = PulseTrain.of_kind(kind, 60.0, lag)
+    _, time_s, amplitude = train.times(100.0).draw(0.0, 100.0, rng)
     phase = 2 * np.pi * 60.0 * time_s - lag
     for cluster in KINDS[kind]:
         near = np.abs(difference(phase, np.radians(cluster.centre_deg))) < np.radians(80.0)

@@ -23,7 +23,7 @@ from pdpatrol.sensing import (
 )
 from pdpatrol.sensing.nature.pulses import damped_pulse, unit_pulse_energy
 from pdpatrol.sensing.nature.sources import Emissions, round_to_nanoseconds
-from pdpatrol.sensing.receiver.bank import Listener, Schedule
+from pdpatrol.sensing.receiver.bank import Listener
 from pdpatrol.sensing.receiver.front_end import FrontEnd
 from pdpatrol.sensing.receiver.receiver import Receiver
 from tests.sensing import reference_receiver
@@ -66,15 +66,6 @@ def test_bearing_errors_reach_bound_all_around() -> None:
 def behind(loss_db: float, x: float = 2.0) -> Surroundings:
     """Make one piece of equipment across the x axis."""
     return around(loss_db, solids=wall_across(x))
-
-
-def test_obstacle_weakens_pulse_by_its_loss() -> None:
-    clear, hidden = (
-        listen(source_at(5.0, 0.0), surroundings=s, false_alarm_rate_hz=1e-9) for s in (None, behind(12.0))
-    )
-    ratio = np.median(hidden.pulses.strengths_v[:, 1]) / np.median(clear.pulses.strengths_v[:, 1])
-    assert -20 * np.log10(ratio) == pytest.approx(12.0, abs=0.3)
-    assert listen(source_at(15.0, 0.0), surroundings=behind(30.0), false_alarm_rate_hz=1e-9).pulses.time_s.size == 0
 
 
 def test_false_alarms_have_set_rate_and_noise_strength() -> None:
@@ -145,16 +136,15 @@ def test_elements_receive_pulse_with_their_delays() -> None:
     np.testing.assert_allclose(arrival - arrival[1], (delay_s - delay_s[1]) * 20e9, atol=2.0)
 
 
-def schedule(sources: list[DischargeSource]) -> Schedule:
-    """Make the schedule of a receiver with hardly any false alarms."""
+def listener(sources: list[DischargeSource]) -> Listener:
     rng = np.random.default_rng(0)
-    return Schedule(Listener(array=NOMINAL, scene=Scene(sources), nature_rng=rng, receiver_rng=rng), 1e-9)
+    return Listener(array=NOMINAL, scene=Scene(sources), nature_rng=rng, receiver_rng=rng)
 
 
-def drawn_between(ahead: Schedule, start_s: float, duration_s: float) -> Emissions:
+def drawn_between(ahead: Listener, start_s: float, duration_s: float) -> Emissions:
     start_s, end_s = round_to_nanoseconds(start_s), round_to_nanoseconds(start_s + duration_s)
     if not ahead.covers(start_s, end_s):
-        ahead.draw(start_s, end_s)
+        ahead.draw(start_s, end_s, 1e-9)
     return ahead.emissions.take(slice(*ahead.between(start_s, end_s)))
 
 
@@ -162,15 +152,15 @@ def test_shot_at_interval_border_is_fired_once() -> None:
     gun = DischargeSource(
         name="gun", position_m=np.ones(3), amplitude_v=1.0, pulse_rate_hz=10.0, n_shots=90, first_shot_s=0.3
     )
-    anew = np.concatenate([drawn_between(schedule([gun]), k * 0.1, 0.1).time_s for k in range(200)])
-    ahead = schedule([gun])
+    anew = np.concatenate([drawn_between(listener([gun]), k * 0.1, 0.1).time_s for k in range(200)])
+    ahead = listener([gun])
     in_turn = np.concatenate([drawn_between(ahead, k * 0.1, 0.1).time_s for k in range(200)])
     for fired in (anew, in_turn):
         np.testing.assert_allclose(fired, 0.3 + np.arange(90) / 10, atol=1e-9)
 
 
-def test_schedule_keeps_rates_and_restarts_on_step_back() -> None:
-    ahead = schedule([source_at(5.0, 0.0, rate_hz=50.0), source_at(9.0, 0.0, rate_hz=20.0)])
+def test_listener_keeps_rates_and_restarts_on_step_back() -> None:
+    ahead = listener([source_at(5.0, 0.0, rate_hz=50.0), source_at(9.0, 0.0, rate_hz=20.0)])
     pulses = [drawn_between(ahead, k * 0.1, 0.1) for k in range(3000)]
     for k, part in enumerate(pulses):
         assert ((part.time_s >= k * 0.1 - 1e-9) & (part.time_s < (k + 1) * 0.1 + 1e-9)).all()

@@ -5,9 +5,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdpatrol.robot_models.yard.yard import Yard
-from pdpatrol.sensing import Faces, Surroundings, UprightSolids
+from pdpatrol.sensing import upright_solids
 from pdpatrol.sensing.radio.geometry import Vector, crosses, segment
-from pdpatrol.sensing.radio.materials import METAL
 from pdpatrol.sensing.radio.surroundings import Rows, solid_of
 
 
@@ -25,15 +24,11 @@ def _cross(
     return crossed
 
 
-def cross(
-    starts_m: NDArray[np.float64], ends_m: NDArray[np.float64], solids: UprightSolids, n_pieces: int
-) -> NDArray[np.bool_]:
+def cross(starts_m: NDArray[np.float64], ends_m: NDArray[np.float64], solids: Rows, n_pieces: int) -> NDArray[np.bool_]:
     """Return which pieces lines from (n, 3) to (n, 3) cross, shape (n, n_pieces)."""
-    return _cross(
-        starts_m, ends_m, Surroundings.of_materials([METAL] * n_pieces, Faces.none(), solids).obstacles, n_pieces
-    )
+    return _cross(starts_m, ends_m, solids, n_pieces)
 
 
-def solids_of(yard: Yard) -> UprightSolids:
+def solids_of(yard: Yard) -> Rows:
     """Return all solids of a yard."""
-    return UprightSolids(**yard.solid_columns())
+    return upright_solids(**yard.solid_columns())

@@ -6,19 +6,17 @@ from numpy.typing import NDArray
 from dirmusic.array.element_errors import ElementSpread
 from dirmusic.array.model import ArrayModel
 from dirmusic.bearing.maximum_likelihood import maximum_likelihood
-from pdpatrol.robot_models.yard.pieces import BoxEquipment
-from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing import (
     DischargeSource,
-    Faces,
     Surroundings,
-    UprightSolids,
     level_transform,
 )
 from pdpatrol.sensing.radio.geometry import Vector
-from pdpatrol.sensing.radio.materials import GRAVEL, METAL, WAVELENGTH_M
+from pdpatrol.sensing.radio.materials import METAL, WAVELENGTH_M
 from pdpatrol.sensing.radio.ray_paths import RayPaths, find_ray_paths
+from pdpatrol.sensing.radio.surroundings import faces_of
 from tests.sensing.listening import NOMINAL, listen
+from tests.sensing.scenes import solids_at
 
 KNOWN = ArrayModel(manifold=NOMINAL.manifold(), positions_m=NOMINAL.positions_m, spread=ElementSpread())
 MIDDLE = np.array([12.0, 12.0])
@@ -26,19 +24,9 @@ K = 2 * np.pi / WAVELENGTH_M
 
 
 def next_to_tank(length_m: float, width_m: float, height_m: float, yaw_rad: float) -> Surroundings:
-    tank = BoxEquipment(
-        name="tank",
-        kind="power_transformer",
-        shape="box",
-        position_m=(float(MIDDLE[0]), float(MIDDLE[1])),
-        footprint_m=(length_m, width_m),
-        height_m=height_m,
-        yaw_deg=float(np.degrees(yaw_rad)),
-    )
-    yard = Yard(size_m=(24.0, 24.0), equipment=(tank,))
-    solids = UprightSolids(**yard.solid_columns())
-    faces = Faces.of(solids)
-    return Surroundings.of_materials([METAL], faces, solids, GRAVEL)
+    x, y = MIDDLE
+    tank = solids_at((x, y), half_m=(0.5 * length_m, 0.5 * width_m), top_m=height_m, yaw_rad=yaw_rad)
+    return Surroundings.of_materials([METAL], faces_of(tank), tank)
 
 
 def turned(angle_rad: float) -> NDArray[np.float64]:

@@ -8,11 +8,12 @@ from numpy.typing import ArrayLike
 
 from dirmusic import GainPattern
 from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
-from pdpatrol.sensing import ArrayConfig, Faces, HelicalArray, Surroundings, UprightSolids, level_transform
+from pdpatrol.sensing import ArrayConfig, HelicalArray, Surroundings, level_transform
 from pdpatrol.sensing.array.array_table import ArrayTable
 from pdpatrol.sensing.radio.arrivals import Propagation, propagate
 from pdpatrol.sensing.radio.materials import GRAVEL, KIND_MATERIALS, WAVELENGTH_M, Material
-from tests.sensing.scenes import ground_face, on_the_ground, solids_at, wall_face
+from pdpatrol.sensing.radio.surroundings import Rows, ground_face
+from tests.sensing.scenes import on_the_ground, solids_at, wall_face
 
 AT_ORIGIN = np.eye(4)
 
@@ -25,16 +26,11 @@ class Isotropic(GainPattern):
 
 
 class Paths(NamedTuple):
-    """Paths of one source to one element: origins, lengths, whether they are diffracted, and factors."""
+    """Paths of one source to one element: origins, lengths and factors."""
 
     from_m: np.ndarray
     range_m: np.ndarray
-    is_diffracted: np.ndarray
     factor: np.ndarray
-
-    def straight(self) -> "Paths":
-        """Return the paths without diffraction."""
-        return Paths(*(column[~self.is_diffracted] for column in self))
 
 
 def paths_between(
@@ -57,7 +53,7 @@ def paths_between(
     around = Propagation(np.array([source_m]), np.array([axis]), np.zeros(1), table, surroundings)
     ray_paths, arrivals = propagate(np.zeros(1), world_from_array, around)
     range_m = SPEED_OF_LIGHT_MPS * arrivals.delay_s[:, 0]
-    return Paths(ray_paths.from_m, range_m, ray_paths.extra_m > 0.0, arrivals.amplitude[:, 0, 0] * range_m)
+    return Paths(ray_paths.from_m, range_m, arrivals.amplitude[:, 0, 0] * range_m)
 
 
 def mirror(share: float) -> Material:
@@ -65,12 +61,12 @@ def mirror(share: float) -> Material:
     return Material.of_loss(1.0, 1e12, 0.0, share)
 
 
-def reflecting(faces: Faces, wall: float = 0.8, ground: float = 0.3) -> Surroundings:
+def reflecting(faces: Rows, wall: float = 0.8, ground: float = 0.3) -> Surroundings:
     """Make reflecting faces without obstacles."""
-    return Surroundings.of_materials([mirror(wall)], faces, UprightSolids.none(), mirror(ground))
+    return Surroundings.of_materials([mirror(wall)], faces, ground=mirror(ground))
 
 
-def ground_and_wall(wall_x: float = -2.0, half_length: float = 5.0) -> Faces:
+def ground_and_wall(wall_x: float = -2.0, half_length: float = 5.0) -> Rows:
     """Make the ground, and a wall that faces east."""
     return on_the_ground(wall_face((wall_x, 0.0, 2.0), (1.0, 0.0), (half_length, 2.0)))
 
@@ -124,7 +120,6 @@ def test_obstacle_counts_on_every_segment() -> None:
 def test_transmissions_of_pieces_multiply() -> None:
     surroundings = Surroundings.of_kinds(
         ["surge_arrester", "capacitor_bank"],
-        ground_and_wall(),
         solids_at((2.0, 0.0), (4.0, 0.0), radius_m=0.3, top_m=2.0),
     )
     passed = paths_between(surroundings, (6.0, 0.0, 0.6)).factor
@@ -135,7 +130,7 @@ def test_transmissions_of_pieces_multiply() -> None:
 @pytest.mark.parametrize("is_upright", [True, False])
 def test_direct_and_ground_wave_follow_two_ray_law(is_upright: bool) -> None:
     """Complex sum over 2 to 60 m, both polarisations, by Fresnel's formulas: within 0.1 dB."""
-    surroundings = Surroundings.of_materials([], ground_face(), UprightSolids.none(), GRAVEL)
+    surroundings = Surroundings.of_materials([], ground_face())
     k, up_m, down_m = 2 * np.pi / WAVELENGTH_M, 1.4, 0.6
     for distance_m in np.linspace(2.0, 60.0, 300):
         axis = (0.0, 0.0, 1.0) if is_upright else (0.0, 1.0, 0.0)

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.special import h2vp, hankel2, jv, jvp
 
-from pdpatrol.sensing import Faces, Surroundings
+from pdpatrol.sensing import Surroundings
 from pdpatrol.sensing.radio.geometry import Vector
 from pdpatrol.sensing.radio.materials import METAL, WAVELENGTH_M
 from pdpatrol.sensing.radio.ray_paths import find_ray_paths
@@ -28,8 +28,7 @@ def exact(radius_m: float, source: Place, target: Place, is_soft: bool) -> compl
 
 
 def around(radius_m: float) -> Surroundings:
-    high = solids_at((0.0, 0.0), radius_m=radius_m, top_m=TOP_M)
-    return Surroundings.of_materials([PERFECT], Faces.none(), high)
+    return Surroundings.of_materials([PERFECT], solids=solids_at((0.0, 0.0), radius_m=radius_m, top_m=TOP_M))
 
 
 def rays(radius_m: float, source: Place, target: Place) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:

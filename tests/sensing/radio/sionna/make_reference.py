@@ -5,33 +5,34 @@ Not a dependency of the project. By hand, with Python 3.11, in an environment of
     pip install sionna-rt==2.2.0            # wants LLVM: apt install libllvm19
     DRJIT_LIBLLVM_PATH=/usr/lib/x86_64-linux-gnu/libLLVM-19.so python make_reference.py
 
-and then `make_edges.py`. Direct paths, reflections of first and second order, ground included, and diffraction at one
-edge. Two runs write the same bytes. Four seeds with 200 000 to 2 000 000 rays find the same paths, but for two edges of
-a box of which the source is in the plane of a face.
+It writes direct paths, reflections of first and second order, ground included, and diffraction at one edge. Two runs
+write the same bytes. Four seeds with 200 000 to 2 000 000 rays find the same paths, except for two edges of a box of
+which the source lies in the plane of a face.
 
-**Boxes** have no lower face, and their faces share corners: Sionna finds edges between adjacent triangles, and those at
-the ground are none. Upright edges end there. Of those that both ends see on turned boxes, it leaves out some behind
-which the ray leaves the face that it came along.
+**Boxes** have no lower face, and their faces share corners: Sionna finds edges between adjacent triangles, and none at
+the ground, where upright edges end. Of the edges of turned boxes that both ends see, it omits some behind which the ray
+leaves along the face that it arrived on.
 
-**Ground**: a slab. Its far side is 2 m down, on the way to which and back the wave loses 200 dB: a half-space. With
-Sionna's usual 0.1 m, up to 2 dB of what is mirrored would come from below.
+**Ground**: a slab. Its far side is 2 m down, and the wave loses 200 dB on its way there and back, so that it acts as a
+half-space. With Sionna's default of 0.1 m, up to 2 dB of the reflection would come from below.
 
 **Matrices** are in the bases of spherical coordinates, theta (down, for level rays) and phi (counterclockwise on plan),
-of the direction in which source and receiver see the ray: as `iso` antennas `V` and `H` of the model `tr38901_2`. A row
-for what is received, a column for what is sent: of a direct path, [[1, 0], [0, -1]] over its length. Waves go as
-exp(+j omega t); what the way turns the phase by, exp(-2 pi j f delay), is not in the matrix.
+of the direction in which source and receiver see the ray, as for `iso` antennas `V` and `H` of the model `tr38901_2`. A
+row for what is received, a column for what is sent: for a direct path, [[1, 0], [0, -1]] over its length. Waves vary as
+exp(+j omega t); the phase exp(-2 pi j f delay) of the path is not in the matrix.
 
-**Edges**: this version turns the sign of what the faces of a wedge mirror. Of a conductor it has R_0 (D1 - D4) +
-R_n (D2 - D3), with R = 1 along the edge and -1 across it, and R_n = -1 for a face in the shadow; Kouyoumjian and Pathak
-have -(D1 + D2) + R_0 D4 + R_n D3. Steps remain where reflections end, and it is off the exact solution of a wedge by up
-to the incident wave. Its component across an edge is the right one of waves along it; for the rest see `make_edges.py`.
+**Edges**: this version inverts the sign of the reflections by the faces of a wedge. For a conductor it has
+R_0 (D1 - D4) + R_n (D2 - D3), with R = 1 along the edge and -1 across it, and R_n = -1 for a face in the shadow;
+Kouyoumjian and Pathak have -(D1 + D2) + R_0 D4 + R_n D3. Steps remain where reflections end, and the field is off
+the exact solution of a wedge by up to the incident wave. Its component across an edge is the correct one along it; both
+components of ours are compared with exact solutions in `test_diffraction.py`.
 """
 
 import json
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import sionna.rt as rt  # pyright: ignore[reportMissingImports]
@@ -86,36 +87,19 @@ FACES = ((0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7), (4, 5, 6, 7))
 Scene: TypeAlias = Any
 Box = tuple[float, float, float, float, float, float]
 Position = tuple[float, float, float]
-
-
-class Found(NamedTuple):
-    """A path.
-
-    Attributes:
-        kind: As stored.
-        objects: What it meets, in order.
-        points_m: Where, likewise.
-        delay_ns: In all.
-        matrix: As of the module.
-    """
-
-    kind: str
-    objects: tuple[str, ...]
-    points_m: tuple[Position, ...]
-    delay_ns: float
-    matrix: tuple[float, ...]
+Found = tuple[str, tuple[str, ...], tuple[Position, ...], float, tuple[float, ...]]
+"""Kind, objects met in order, points, delay in ns and matrix of a path."""
 
 
 def main() -> None:
     """Trace all links and write the file."""
-    rng = np.random.default_rng(7)
-    yards = []
+    rng, yards = np.random.default_rng(7), []
     for name, of in YARDS.items():
         boxes = of["boxes"]
         receivers = [clear_of(boxes, rng) for _ in range(of["n_receivers"])]
         links = []
         with TemporaryDirectory() as folder:
-            scene = rt.load_scene(write_scene(Path(folder), boxes, SLAB), merge_shapes=False)
+            scene = rt.load_scene(write_scene(Path(folder), boxes), merge_shapes=False)
         scene.frequency = FREQUENCY_HZ
         scene.tx_array = scene.rx_array = rt.PlanarArray(
             num_rows=1, num_cols=1, pattern="iso", polarization="VH", polarization_model="tr38901_2"
@@ -123,9 +107,20 @@ def main() -> None:
         for i, source in enumerate(of["sources"]):
             of_source = receivers[i :: len(of["sources"])]
             paths = trace(scene, source, of_source)
-            links += [(source, at, found) for at, found in zip(of_source, paths, strict=True)]
-        yards.append((name, boxes, links))
-    (Path(__file__).parent / "reference.json").write_text(as_text(yards), encoding="utf-8")
+            links += [
+                {"source_m": source, "receiver_m": at, "paths": found}
+                for at, found in zip(of_source, paths, strict=True)
+            ]
+        yards.append({"name": name, "boxes": boxes, "links": links})
+    written = {
+        "made_with": f"sionna-rt {version('sionna-rt')}, make_reference.py",
+        "frequency_hz": FREQUENCY_HZ,
+        "boxes_are": "middle x and y, sides, height in metres; yaw in degrees; of metal, on ground of concrete",
+        "paths_are": "kind, objects, points in metres, delay in ns, matrix over the amplitude at 1 m: [[theta to theta,"
+        " phi to theta], [theta to phi, phi to phi]], real and imaginary parts, without the phase of the path",
+        "yards": yards,
+    }
+    Path(__file__).with_name("reference.json").write_text(json.dumps(written), encoding="utf-8")
 
 
 def clear_of(boxes: dict[str, Box], rng: np.random.Generator) -> Position:
@@ -149,7 +144,7 @@ def trace(scene: Scene, source: Position, receivers: list[Position]) -> list[lis
         scene.add(rt.Receiver(f"receiver_{k:02}", position=list(position)))
     reflected = solve(scene, max_depth=2)
     bent = solve(scene, max_depth=1, los=False, specular_reflection=False, diffraction=True)
-    return [sorted([*some, *more], key=lambda path: path.delay_ns) for some, more in zip(reflected, bent, strict=True)]
+    return [sorted([*some, *more], key=lambda path: path[3]) for some, more in zip(reflected, bent, strict=True)]
 
 
 def solve(scene: Scene, **ways: int) -> list[list[Found]]:
@@ -178,7 +173,7 @@ def solve(scene: Scene, **ways: int) -> list[list[Found]]:
             kind = EDGE if (kinds[:, k, i] == DIFFRACTION).any() else REFLECTION if there.any() else DIRECT
             met = tuple(names[int(thing)].removeprefix("mesh-") for thing in objects[there, k, i])
             at = tuple(to_mm(point) for point in points_m[there, k, i])
-            answer[-1].append(Found(kind, met, at, round(1e9 * float(delay_s[k, i]), 5), flat(matrix[k, :, :, i])))
+            answer[-1].append((kind, met, at, round(1e9 * float(delay_s[k, i]), 5), flat(matrix[k, :, :, i])))
     return answer
 
 
@@ -195,35 +190,14 @@ def flat(matrix: NDArray[np.complex128]) -> tuple[float, ...]:
     return tuple(round(float(value), digits) + 0.0 for value in parts)
 
 
-def as_text(yards: list[tuple[str, dict[str, Box], list[tuple[Position, Position, list[Found]]]]]) -> str:
-    """Return JSON with one path per line."""
-    head = {
-        "made_with": f"sionna-rt {version('sionna-rt')}, make_reference.py",
-        "frequency_hz": FREQUENCY_HZ,
-        "boxes_are": "middle x and y, sides, height in metres; yaw in degrees; of metal, on ground of concrete",
-        "paths_are": "kind, objects, points in metres, delay in ns, matrix over the amplitude at 1 m: [[theta to theta,"
-        " phi to theta], [theta to phi, phi to phi]], real and imaginary parts, no phase of the way in it",
-    }
-    texts = []
-    for name, boxes, links in yards:
-        rows = []
-        for source, receiver, found in links:
-            lines = ",\n".join(json.dumps(path, separators=(",", ":")) for path in found)
-            rows.append(f'{{"source_m":{json.dumps(source)},"receiver_m":{json.dumps(receiver)},"paths":[\n{lines}]}}')
-        joined = ",\n".join(rows)
-        texts.append(f'{{"name":"{name}","boxes":{json.dumps(boxes)},"links":[\n{joined}]}}')
-    joined = ",\n".join(texts)
-    return f'{json.dumps(head, indent=1)[:-2]},\n "yards":[\n{joined}]}}\n'
-
-
 SLAB = (
     '<bsdf type="itu-radio-material" id="mat-itu_{name}"><string name="type" value="{name}"/>'
     f'<float name="thickness" value="{GROUND_M}"/></bsdf>'
 )
 
 
-def write_scene(folder: Path, boxes: dict[str, Box], material: str) -> str:
-    """Write a Mitsuba scene of the ground and the boxes, with a material as XML for `name`."""
+def write_scene(folder: Path, boxes: dict[str, Box]) -> str:
+    """Write a Mitsuba scene of the ground and the boxes."""
     ground = [(x, y, 0.0) for x, y in ((-60.0, -60.0), (90.0, -60.0), (90.0, 80.0), (-60.0, 80.0))]
     meshes: dict[str, Any] = {"ground": (ground, ((0, 1, 2, 3),))}
     for name, (x, y, length, width, height, yaw_deg) in boxes.items():
@@ -244,7 +218,7 @@ def write_scene(folder: Path, boxes: dict[str, Box], material: str) -> str:
             f'<shape type="ply" id="mesh-{name}"><string name="filename" value="{folder}/{name}.ply"/>'
             f'<boolean name="face_normals" value="true"/><ref id="mat-itu_{substance}" name="bsdf"/></shape>'
         )
-    materials = "".join(material.format(name=name) for name in ("metal", "concrete"))
+    materials = "".join(SLAB.format(name=name) for name in ("metal", "concrete"))
     path = folder / "scene.xml"
     path.write_text(f'<scene version="2.1.0">{materials}{"".join(shapes)}</scene>', encoding="utf-8")
     return str(path)
