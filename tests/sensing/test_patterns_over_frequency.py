@@ -194,8 +194,9 @@ def test_sub_band_strengths_match_their_definition() -> None:
     assert found.pulses.n_pulses == 20
     receiver = Receiver(config, 6)
     bands = SubBands(config.band_edges_hz, config.sample_rate_hz, 160, receiver.front_end.correlation)
-    noise_v2 = np.full(6, receiver.noise_variance_v2)
-    np.testing.assert_allclose(found.pulses.band_strengths_v, bands.strengths(found.waveforms_v, noise_v2), rtol=1e-9)
+    energy_v2 = np.square(np.einsum("kes,bls->kbel", found.waveforms_v, bands.lines)).sum(axis=-1)
+    pulse_v2 = energy_v2 - bands.noise_samples[:, np.newaxis] * receiver.noise_variance_v2
+    np.testing.assert_allclose(found.pulses.band_strengths_v, np.sqrt(np.maximum(pulse_v2, 0.0)), rtol=1e-9)
     in_band = np.square(found.pulses.band_strengths_v).sum(axis=1) / np.square(found.pulses.strengths_v)
     assert 0.85 < np.median(in_band) < 1.0
     assert whole.pulses.band_strengths_v.shape == (20, 0, 6)
