@@ -20,7 +20,7 @@ from pdpatrol.missions.report.make_report import make_report
 from pdpatrol.missions.report.page import report_page
 from pdpatrol.missions.report.records import Report, report_text
 from pdpatrol.missions.report.tables import candidates_table, findings_table
-from pdpatrol.missions.report.wording import no_finding_text
+from pdpatrol.missions.report.wording import summary_text
 from pdpatrol.missions.runner import Stopwatch
 
 
@@ -79,9 +79,8 @@ def print_json(report: Report) -> None:
 
 
 def print_findings(report: Report) -> None:
-    """Print findings, or the reason for their absence, and candidates."""
-    found = findings_table(report) if report.findings else no_finding_text(report.pulses)
-    out.print(found, soft_wrap=not report.findings)
+    """Print findings, or a summary of a mission without any, and candidates."""
+    out.print(findings_table(report) if report.findings else summary_text(report), soft_wrap=not report.findings)
     if report.candidates:
         out.print(candidates_table(report))
 

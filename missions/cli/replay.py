@@ -76,8 +76,9 @@ def replay(
         with refused_if_damaged(recording.parent):
             write_recording(log, recording, lists_recordings=len(logs) > 1)
     if screenshot is not None:
+        end_s = float(logs[0].column("step", "time_s").max(initial=0.0))
         with err.status("The viewer draws"), atomic_file(screenshot) as temporary:
-            temporary.write_bytes(take_screenshot(recordings[0], at))
+            temporary.write_bytes(take_screenshot(recordings[0], end_s if at is None else at))
         out.print(f"Written: {screenshot}", soft_wrap=True)
     elif web:
         serve(recordings, lambda url: out.print(f"Serving at {url}  (Ctrl-C ends it)", soft_wrap=True))

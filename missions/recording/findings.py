@@ -54,11 +54,8 @@ def _draw_finding(stream: rr.RecordingStream, finding: Mapping[str, Any]) -> Non
     stream.log(path, rr.Points3D([[x, y, z]], colors=[colour], radii=[0.2]))
     draw_label(stream, number, (x, y, z), name_of(state, number))
     semi_major_m = ellipse95(covariance_m2[:2, :2]).semi_major_m
-    lines = []
-    if semi_major_m <= 15.0:  # a larger one would hide the yard
-        outline_m = outline95(np.array([x, y]), covariance_m2[:2, :2], 33)
-        half_m = 1.96 * np.sqrt(covariance_m2[2, 2])  # 95 % interval of the height
-        lines = [np.column_stack([outline_m, np.full(33, 0.1)]), [[x, y, max(z - half_m, 0.0)], [x, y, z + half_m]]]
+    outline_m = np.column_stack([outline95(np.array([x, y]), covariance_m2[:2, :2], 33), np.full(33, 0.1)])
+    lines = [outline_m] if semi_major_m <= 15.0 else []  # a larger one would hide the yard
     stream.log(f"{path}/ellipse", rr.LineStrips3D(lines, colors=[colour], radii=[0.05]))
     stream.log(f"plots/uncertainty/{number}", rr.Scalars(semi_major_m))
 

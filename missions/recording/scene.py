@@ -17,19 +17,18 @@ TRUTH = 0xFF46C8FF
 def draw_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
     """Draw everything that does not move, from the metadata of a log."""
     solids, sites, truth = meta.get("solids", {}), meta.get("sites", {}), meta.get("truth", {})
-    true_sources = (*truth.get("sources", ()), *truth.get("interferers", ()))
-    sources = {source["name"]: source["position_m"] for source in true_sources}
+    sources = [*truth.get("sources", ()), *truth.get("interferers", ())]
     equipment, fence = (
         [solid for solid in solids.get("yard", ()) if solid["group"] == group] for group in ("equipment", "fence")
     )
-    names = {site.partition("/")[0]: [x, y + 1.8, z] for site, (x, y, z) in sites.items()}  # away from findings
+    pieces = {site.partition("/")[0]: [x, y + 1.8, z] for site, (x, y, z) in sites.items()}  # away from findings
     shapes: dict[str, Any] = {
         "world": rr.ViewCoordinates.RIGHT_HAND_Z_UP,
         **_solids("world/yard/equipment", equipment, "transparentfillmajorwireframe"),  # the robot may be behind it
         **_solids("world/yard/fence", fence, "solid"),
         **_solids("world/yard/map", solids.get("map", ()), "majorwireframe"),
         **_solids("world/robot/body", solids.get("robot", ()), "solid"),
-        "world/yard/names": labels_3d(names),
+        "world/yard/names": labels_3d(pieces),
         "world/yard/sites": rr.Points3D(
             list(sites.values()), labels=list(sites), colors=[0xC8965AFF], radii=[0.07], show_labels=False
         ),
@@ -40,9 +39,10 @@ def draw_scene(stream: rr.RecordingStream, meta: Mapping[str, Any]) -> None:
         ),
     }
     if sources:
-        shapes["world/truth/sources"] = rr.Points3D(list(sources.values()), colors=[TRUTH], radii=[0.22])
-        shapes["world/truth/names"] = labels_3d(
-            {f"true: {name}": [x, y, z + 1.5] for name, (x, y, z) in sources.items()}
+        names = [f"true: {source['name']}" for source in sources]
+        places = [source["position_m"] for source in sources]
+        shapes["world/truth/sources"] = rr.Points3D(
+            places, labels=names, colors=[TRUTH], radii=[0.22], show_labels=True
         )
     if "bounds_m" in meta:
         (left, bottom), (right, top) = meta["bounds_m"]

@@ -69,12 +69,12 @@ def serve(recordings: Sequence[Path], announce: Callable[[str], None]) -> None:
         _wait(server)
 
 
-def take_screenshot(recording: Path, at_s: float | None = None) -> bytes:
+def take_screenshot(recording: Path, at_s: float) -> bytes:
     """Return a PNG of the viewer; no screen is needed.
 
     Args:
         recording: Recording to show.
-        at_s: Simulated time to show; None for the end.
+        at_s: Simulated time to show.
 
     Raises:
         ViewerError: If the viewer cannot draw on this machine.
@@ -85,9 +85,7 @@ def take_screenshot(recording: Path, at_s: float | None = None) -> bytes:
         started_s = time.monotonic()
         try:
             client.open(str(recording.resolve()))
-            timelines = [timeline for shown in client.get_state().recordings for timeline in shown.timelines]
-            end_s = max((timeline.end or 0) * 1e-9 for timeline in timelines if timeline.name == "sim_time")
-            client.set_time("sim_time", duration=end_s if at_s is None else at_s, play_state="paused")
+            client.set_time("sim_time", duration=at_s, play_state="paused")
             before, picture = b"", client.take_screenshot()
             # notifications cover the views for 7 s; after that, wait until nothing moves
             while (waited_s := time.monotonic() - started_s) < 7.0 or (picture != before and waited_s < START_LIMIT_S):

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from pdpatrol.missions.record.events import Phase
 from pdpatrol.missions.record.which_site import in_words, percent
-from pdpatrol.missions.report.records import FindingRecord, PulseCounts, Report
+from pdpatrol.missions.report.records import FindingRecord, Report
 
 PULSE_CLASSES = {
     "of_findings": "associated with findings and candidates",
@@ -134,16 +134,6 @@ def phase_text(phase: Phase) -> str:
     if phase.target and phase.name in towards:
         return f"{towards[phase.name]} {phase.target}"
     return PHASES.get(phase.name, str(phase))
-
-
-def no_finding_text(pulses: PulseCounts) -> str:
-    """Describe the pulses of a mission without findings in one line."""
-    if not pulses.detected:
-        return "No discharge found: no pulse was detected."
-    counts = [
-        f"{count} {text.partition(':')[0]}" for name, text in PULSE_CLASSES.items() if (count := getattr(pulses, name))
-    ]
-    return f"No discharge found. {pulses.detected} pulses: {', '.join(counts)}."
 
 
 def summary_text(report: Report) -> str:
