@@ -242,11 +242,10 @@ def estimate_bearings(
 
     variance = np.zeros(()) if strength_variance is None else np.asarray(strength_variance, dtype=np.float64)
     pulses, variance = (
-        np.array(values).reshape(math.prod(a.shape[:-2]), *a.shape[-2:]) for values in np.broadcast_arrays(a, variance)
+        np.array(values, order="C").reshape(math.prod(a.shape[:-2]), *a.shape[-2:])
+        for values in np.broadcast_arrays(a, variance)
     )
-    found = _find_bearings(pulses, variance, variance.sum(axis=1), manifold, prior)
-    if strength_variance is None and prior is None:
-        found = found._replace(std_rad=np.full_like(found.std_rad, np.nan))
+    found = _find_bearings(pulses, variance, variance.sum(axis=1), manifold, prior, strength_variance is not None)
     return Bearings(*(column.reshape(a.shape[:-2]) for column in found))
 
 
@@ -288,12 +287,12 @@ def bearings_from_covariance(
 
     shape = r.shape[:-2]
     values, vectors = np.linalg.eigh(n_snapshots * r.reshape(-1, n, n))
-    components = np.sqrt(np.maximum(values, 0.0))[..., np.newaxis] * np.swapaxes(vectors, -1, -2)  # as of n pulses
+    root = np.sqrt(np.maximum(values, 0.0))[..., np.newaxis]
+    components = np.ascontiguousarray(root * np.swapaxes(vectors, -1, -2))  # like the strengths of n pulses
     variance_v2 = np.zeros(()) if noise_variance is None else np.asarray(noise_variance, dtype=np.float64)
     variance = np.broadcast_to(variance_v2, shape).reshape(-1, 1, 1) * np.ones((n, n))
-    found = _find_bearings(components, variance, n_snapshots * variance[:, 0], manifold, prior)
-    if noise_variance is None and prior is None:
-        found = found._replace(std_rad=np.full_like(found.std_rad, np.nan))
+    total_variance = n_snapshots * variance[:, 0]
+    found = _find_bearings(components, variance, total_variance, manifold, prior, noise_variance is not None)
     return Bearings(*(column.reshape(shape) for column in found))
 
 
@@ -303,9 +302,12 @@ def _find_bearings(
     total_variance: FloatArray,
     manifold: GainManifold,
     prior: ManifoldPrior | None,
+    is_noise_known: bool,
 ) -> Bearings:
-    """Compute bearings by maximum likelihood or, with a prior, by the posterior; arguments as of `fit_pulses`."""
+    """Compute bearings by `fit_pulses` or, with a prior, the posterior; without prior and noise, deviations are NaN."""
     fit = fit_pulses(strengths, variance, total_variance, manifold.held_table, (np.nan, np.nan, np.nan))
+    if prior is None and not is_noise_known:
+        fit.bearings.std_rad[:] = np.nan
     if prior is not None:
         seen = np.flatnonzero(np.isfinite(fit.bearings.misfit))
         for first in range(0, seen.size, 128):  # in about 10 MB

@@ -8,14 +8,11 @@ import pytest
 from dirmusic.locating.association import Assigner
 from dirmusic.locating.confirmation import disagreement, updated_state
 from dirmusic.locating.finding import Finding
-from dirmusic.locating.pulse_record import PulseRecord, PulsesAtPose
 from dirmusic.locating.rules import LocatingRules
 from tests.dirmusic.scenes import (
     ARRAY,
     LEVEL_DB,
     NO_ERRORS,
-    POSE_ERROR,
-    SMALL_ARRAY,
     make_finding,
     pulses_from,
     record_of,
@@ -28,47 +25,43 @@ FAR_M, NEAR_M = 10.0, 4.0
 CANDIDATE = make_finding(covariance_m2=0.05 * np.eye(3), n_bearings=20, nearest_m=FAR_M)
 
 
-class Listening:
-    """Pulses, one a second, detected from the west of a finding at the origin."""
+def judged(
+    *detections: tuple[float, float, float, float], finding: Finding = CANDIDATE, transmission: float = 1.0
+) -> Finding:
+    """Return a finding at the origin with its state by pulses that are detected from the west, one a second.
 
-    def __init__(self, transmission: float = 1.0) -> None:
-        self.record = PulseRecord(SMALL_ARRAY, POSE_ERROR, uniform_sight(transmission), RULES.assignment)
-        self.time_s = 0.0
-
-    def detect(self, n_seconds: int, range_m: float, excess_db: float = 0.0, bearing_deg: float = 0.0) -> None:
-        """Record one pulse a second from one direction, `excess_db` above `LEVEL_DB` at that range."""
+    Args:
+        detections: Number of seconds, range, level above `LEVEL_DB` at that range, and bearing in degrees.
+        finding: The finding before.
+        transmission: Transmission from everywhere by the map.
+    """
+    batches, time_s = [], 0.0
+    for n_seconds, range_m, excess_db, bearing_deg in detections:
         pulses = pulses_from(np.radians([bearing_deg]), 10 ** ((LEVEL_DB + excess_db) / 20) / range_m)
-        for _ in range(n_seconds):
-            self.record.extend([PulsesAtPose(self.time_s, np.array([-range_m, 0.0, 0.0]), pulses)])
-            self.time_s += 1.0
-
-    def judged(self, finding: Finding = CANDIDATE) -> Finding:
-        """Return the finding with its state by all pulses."""
-        assignment = Assigner(self.record, RULES.assignment).assign([finding], NO_ERRORS)
-        return updated_state(finding, 0, assignment, self.record, NO_ERRORS, RULES, None, self.time_s)
+        for _ in range(int(n_seconds)):
+            batches.append((time_s, [-range_m, 0.0, 0.0], pulses))
+            time_s += 1.0
+    record = record_of(*batches, sight=uniform_sight(transmission))
+    assignment = Assigner(record, RULES.assignment).assign([finding], NO_ERRORS)
+    return updated_state(finding, 0, assignment, record, NO_ERRORS, RULES, None, time_s)
 
 
 @pytest.mark.parametrize(("excess_db", "bearing_deg", "state"), [(WEAK_DB, 0.0, "candidate"), (0.0, 90.0, "ghost")])
 def test_candidate_is_a_ghost_if_only_others_are_detected(excess_db: float, bearing_deg: float, state: str) -> None:
-    listening = Listening()
-    listening.detect(40, FAR_M)
-    listening.detect(2 * RULES.ghost_silent_s, NEAR_M, excess_db, bearing_deg)
-    assert listening.judged().state == state
+    near = 2 * RULES.ghost_silent_s, NEAR_M, excess_db, bearing_deg
+    assert judged((40, FAR_M, 0.0, 0.0), near).state == state
 
 
 @pytest.mark.parametrize(("n_weak", "excess_db"), [(30, 0.0), (200, WEAK_DB)])
 def test_candidate_level_follows_the_majority_of_pulses(n_weak: int, excess_db: float) -> None:
-    listening = Listening()
-    listening.detect(40, FAR_M)
-    before_db = listening.judged().level_db
-    listening.detect(n_weak, NEAR_M, WEAK_DB)
-    assert listening.judged().level_db == pytest.approx(before_db + excess_db, abs=0.1)
+    far = 40, FAR_M, 0.0, 0.0
+    before_db, after_db = judged(far).level_db, judged(far, (n_weak, NEAR_M, WEAK_DB, 0.0)).level_db
+    assert after_db == pytest.approx(before_db + excess_db, abs=0.1)
 
 
 def test_detected_finding_stays_confirmed_out_of_sight() -> None:
-    listening = Listening(0.0)
-    listening.detect(40, NEAR_M)
-    assert listening.judged(replace(CANDIDATE, state="confirmed")).state == "confirmed"
+    confirmed = replace(CANDIDATE, state="confirmed")
+    assert judged((40, NEAR_M, 0.0, 0.0), finding=confirmed, transmission=0.0).state == "confirmed"
 
 
 NOISE_RAD = np.radians(7.0)
