@@ -10,7 +10,6 @@ from typing import Annotated
 
 import tyro
 from pydantic import Field
-from rich.progress import Progress
 
 from dirmusic import ElementSpread, PoseError, read_pattern
 from dirmusic.array.element_errors import UNEXPLAINED
@@ -18,7 +17,7 @@ from pdpatrol.envs.scenario.array import read_calibration
 from pdpatrol.envs.scenario.base import Day
 from pdpatrol.missions.cli.arguments import JsonOutput, OutFolder
 from pdpatrol.missions.cli.mission_files import print_outcome, print_times, write_mission
-from pdpatrol.missions.cli.terminal import err, note, output_folder
+from pdpatrol.missions.cli.terminal import err, note, output_folder, progress_bar
 from pdpatrol.missions.field.field_data import read_field_data
 from pdpatrol.missions.field.locate_field_data import array_model, calibrated, locate_field_data
 from pdpatrol.missions.runner import Stopwatch
@@ -109,7 +108,7 @@ def locate(
         calibration = survey.calibration and read_calibration(survey.calibration)
         if calibration is not None:
             model = calibrated(model, calibration)
-        with Progress(console=err, transient=True) as progress, stopwatch.on("locating"):
+        with progress_bar() as progress, stopwatch.on("locating"):
             bar = progress.add_task(f"{data.step.size} pulses", total=1.0)
             log = locate_field_data(
                 data,

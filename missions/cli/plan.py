@@ -7,12 +7,11 @@ from typing import Annotated
 
 import tyro
 from pydantic import Field, PositiveFloat
-from rich.progress import Progress
 
 from pdpatrol.envs.scenario import load_scenario
 from pdpatrol.missions.atomic_file import atomic_file, write_text
 from pdpatrol.missions.cli.arguments import JsonOutput, OutFolder, Settings
-from pdpatrol.missions.cli.terminal import err, out, output_folder, print_written, refuse
+from pdpatrol.missions.cli.terminal import out, output_folder, print_written, progress_bar, refuse
 from pdpatrol.missions.planning.output import as_json, as_toml, draw_plan, sites_table, summary
 from pdpatrol.missions.planning.plan import make_plan
 from pdpatrol.missions.sweep.plan import parse_grid
@@ -44,7 +43,7 @@ def plan(
     if several := [f"--set: {key} must have one value, got {len(grid[key])}" for key in grid if len(grid[key]) > 1]:
         refuse(*several)
     loaded = load_scenario(scenario, {key: value for key, (value,) in grid.items()})
-    with output_folder(out_dir, f"plan-{loaded.name}") as folder, Progress(console=err, transient=True) as progress:
+    with output_folder(out_dir, f"plan-{loaded.name}") as folder, progress_bar() as progress:
         bar = progress.add_task("map", total=1.0)
         made = make_plan(
             loaded, amplitude_v, lambda part, share: progress.update(bar, description=part, completed=share)

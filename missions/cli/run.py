@@ -9,14 +9,14 @@ from typing import Annotated, Any
 
 import tyro
 from pydantic import NonNegativeInt
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 
 from pdpatrol.envs.scenario import load_scenario
 from pdpatrol.envs.scenario.array import read_calibration
 from pdpatrol.missions.cli.arguments import JsonOutput, OutFolder
 from pdpatrol.missions.cli.mission_files import print_outcome, print_plausibility, print_times, write_mission
 from pdpatrol.missions.cli.process import FAILED, deferred_signals, print_error
-from pdpatrol.missions.cli.terminal import err, fail, output_folder
+from pdpatrol.missions.cli.terminal import err, fail, output_folder, progress_bar
 from pdpatrol.missions.first_run import compile_at_first_run
 from pdpatrol.missions.policies.make_policy import load_maker
 from pdpatrol.missions.report.records import Report
@@ -87,7 +87,7 @@ def run(
         with stopwatch.on("starting"):
             mission = Mission(loaded, policy, seed, folder, stopwatch)
         columns = TextColumn("{task.description:<36}"), BarColumn(), TimeRemainingColumn()
-        with Progress(*columns, console=err, transient=True) as progress, deferred_signals() as received:
+        with progress_bar(*columns) as progress, deferred_signals() as received:
             bar = progress.add_task("start", total=loaded.task.time_limit_s)
             n_printed = 0
 

@@ -11,11 +11,11 @@ from typing import Annotated, Literal
 
 import tyro
 from pydantic import Field, PositiveFloat, PositiveInt
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, TimeRemainingColumn
 
 from pdpatrol.missions.cli.arguments import OutFolder, Settings
 from pdpatrol.missions.cli.process import one_line
-from pdpatrol.missions.cli.terminal import err, fail, out, refuse
+from pdpatrol.missions.cli.terminal import err, fail, out, progress_bar, refuse
 from pdpatrol.missions.first_run import compile_at_first_run
 from pdpatrol.missions.sweep.analysis import summarise_groups
 from pdpatrol.missions.sweep.dataset import Dataset, MissionRow
@@ -83,9 +83,7 @@ def sweep(
         compile_at_first_run(err)  # or every worker would compile the same
     limits = MissionLimits(wall_limit_s, int(memory_gb * 1e9))
     try:
-        with Progress(
-            BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), console=err, transient=True
-        ) as progress:
+        with progress_bar(BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()) as progress:
             bar = progress.add_task("missions", total=len(shard_jobs), completed=len(shard_jobs) - len(jobs))
 
             def finish(row: MissionRow) -> None:

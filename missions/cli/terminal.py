@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from rich.console import Console
+from rich.progress import Progress, ProgressColumn
 
 from pdpatrol.missions.cli.process import FAILED, USAGE_ERROR, one_line, print_error
 
@@ -36,6 +37,11 @@ def fail(error: str) -> NoReturn:
 def note(text: str) -> None:
     """Print a note on something unusual, on the standard error output."""
     err.print(f"note: {one_line(text)}", soft_wrap=True)
+
+
+def progress_bar(*columns: ProgressColumn) -> Progress:
+    """Return a progress bar on the standard error output, which is shown on terminals only."""
+    return Progress(*columns, console=err, transient=True, disable=not err.is_terminal)
 
 
 def print_written(folder: Path, *names: str, console: Console = out) -> None:

@@ -155,13 +155,12 @@ def _read_npz(path: Path) -> WaveformRecord:
             "must be an .npz archive with the arrays waveforms, sample_rate_hz and, for counts, volts_per_count "
             f"({' '.join(str(error).split()):.100})"
         ) from None
-    if samples.ndim not in (2, 3) or samples.dtype.kind not in "iuf" or 0 in samples.shape:
+    kinds = "f" if scale is None else "iuf"
+    if samples.ndim not in (2, 3) or samples.dtype.kind not in kinds or 0 in samples.shape:
         raise ValueError(
-            "waveforms must be numbers of shape (n_channels, n_samples) or (n_pulses, n_channels, n_samples), got "
-            f"{samples.dtype} of shape {samples.shape}"
+            "waveforms must be numbers of shape (n_channels, n_samples) or (n_pulses, n_channels, n_samples), and "
+            f"whole numbers need volts_per_count; got {samples.dtype} of shape {samples.shape}"
         )
-    if samples.dtype.kind in "iu" and scale is None:
-        raise ValueError("waveforms that are whole numbers need volts_per_count")
     return WaveformRecord(samples.reshape(-1, *samples.shape[-2:]), 1.0 if scale is None else scale, rate_hz)
 
 
