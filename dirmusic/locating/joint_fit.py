@@ -115,26 +115,6 @@ def locate_jointly(
     )
 
 
-def expected_covariances(
-    pulses: PulseBatch,
-    pose: FloatArray,
-    source: NDArray[np.intp],
-    positions_m: FloatArray,
-    array: ArrayModel,
-    pose_error: PoseError,
-) -> FloatArray:
-    """Return the covariances that `locate_jointly` gives for sources at known positions and a nominal array.
-
-    For the strengths that its model predicts they are its error bound. It has the arguments of `locate_jointly`,
-    with the positions of the sources, shape (n_sources, 3), as the start.
-
-    Returns:
-        Shape (n_sources, 3, 3), square metres.
-    """
-    problem = JointProblem(pulses, pose, source, positions_m, array, pose_error)
-    return problem.place_covariances(problem.start, inverse(problem.hessian(problem.start)))
-
-
 class JointProblem:
     """The optimisation problem of `locate_jointly`; the optimiser sees errors in units of their spread.
 

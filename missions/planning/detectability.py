@@ -72,8 +72,9 @@ def targets_of(site_map: SiteMap, spacing_m: float) -> tuple[tuple[str, ...], Fl
     yard = site_map.yard
     if names := tuple(yard.site_names()):
         return names, np.array([yard.site_position(name) for name in names])
-    lattice = [size * (np.arange(n) + 0.5) / n for size, n in ((s, int(np.ceil(s / spacing_m))) for s in yard.size_m)]
-    places_m = [np.array([x, y, HEIGHT_PRIOR_M[0]]) for x in lattice[0] for y in lattice[1]]
+    n_rows = np.ceil(np.array(yard.size_m) / spacing_m)
+    x_m, y_m = (size * (np.arange(n) + 0.5) / n for size, n in zip(yard.size_m, n_rows, strict=True))
+    places_m = [np.array([x, y, HEIGHT_PRIOR_M[0]]) for x in x_m for y in y_m]
     free_m = [place_m for place_m in places_m if yard.enclosing_equipment(place_m) is None]
     return tuple(f"air/{number}" for number in range(1, len(free_m) + 1)), np.array(free_m).reshape(-1, 3)
 

@@ -29,23 +29,16 @@ def sites_table(plan: Plan) -> Table:
         f"Sites along the tour of {plan.scenario.name}, lengths in metres: discharges of {plan.amplitude_v:g} V at 1 m"
     )
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("site", no_wrap=True)
+    table.add_column("site", overflow="fold")
     for heading in ("z", "dB", "deg", "nearest"):
         table.add_column(heading, justify="right")
-    table.add_column("remark", overflow="fold")
-    rules, sites = plan.scenario.locating.rules(), plan.detectability
-    for k, detection in enumerate(plan.detections()):
-        cells, remarks = ["-"] * 3, list[str]()
-        if detection is None:
-            remarks.append("not detectable from any reachable place")
-        else:
+    sites = plan.detectability
+    for name, position_m, detection in zip(sites.names, sites.positions_m, plan.detections(), strict=True):
+        cells = ["-"] * 3
+        if detection is not None:
             level_db, aperture_rad, nearest_m = detection
             cells = [f"{level_db:.1f}", f"{np.degrees(aperture_rad):.0f}", f"{nearest_m:.1f}"]
-            if plan.required[k, 0] < rules.planned_aperture_rad:
-                remarks.append(f"aperture of at most {np.degrees(plan.required[k, 0]):.0f} degrees")
-            if nearest_m > rules.confirm_range_m:
-                remarks.append(f"no nearer than {nearest_m:.1f} m")
-        table.add_row(sites.names[k], f"{sites.positions_m[k, 2]:.2f}", *cells, ", ".join(remarks))
+        table.add_row(name, f"{position_m[2]:.2f}", *cells)
     return table
 
 

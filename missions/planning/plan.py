@@ -61,20 +61,11 @@ class Plan(NamedTuple):
     def detections(self) -> list[SiteDetection | None]:
         """Return how the tour detects each site; None for sites that no reachable place detects."""
         where, path = self.detectability, self.detectability.columns(self.tour.cells)
-        aperture_rad = coverage(where, path)[:, 0]
-        detections: list[SiteDetection | None] = []
-        for k in range(len(where.names)):
-            own = path[where.is_detectable[k, path]]
-            detections.append(
-                SiteDetection(
-                    level_db=float(where.level_db[k, own].max()),
-                    aperture_rad=float(aperture_rad[k]),
-                    nearest_m=float(where.range_m[k, own].min()),
-                )
-                if own.size
-                else None
-            )
-        return detections
+        is_detected = where.is_detectable[:, path]
+        level_db = np.where(is_detected, where.level_db[:, path], -np.inf).max(axis=1)
+        nearest_m = np.where(is_detected, where.range_m[:, path], np.inf).min(axis=1)
+        rows = np.column_stack([level_db, coverage(where, path)[:, 0], nearest_m]).tolist()
+        return [None if blind else SiteDetection(*row) for row, blind in zip(rows, where.is_blind, strict=True)]
 
 
 class SiteDetection(NamedTuple):

@@ -98,7 +98,10 @@ class CollisionGuard:
         return _limited(observation, site_map.robot.command_from_action(action), site_map.robot)
 
     def _is_stuck(self, pose: FloatArray, time_s: float, would_move: bool) -> bool:
-        """Return True if the robot has moved less than the pose error in more time than a turn takes (both assumed)."""
+        """Return True if the robot has moved less than 0.2 m in 4 s.
+
+        Both are assumed: 0.2 m is more than the pose error, 4 s are longer than a turn.
+        """
         has_moved = self._last_place_m is None or np.hypot(*(pose[:2] - self._last_place_m)) > 0.2
         if has_moved or not would_move:
             self._last_place_m, self._moved_s = pose[:2], time_s

@@ -30,7 +30,7 @@ FloatArray = NDArray[np.float64]
 PATIENCE_S = 50.0
 """Time without improvement after which a candidate is set aside. Assumed; enough to drive to another side of it."""
 
-SILENCE_S = 20.0
+UNDETECTED_S = 20.0
 """Time of pursuit without a detection after which a candidate is set aside until it is detected again. Assumed."""
 
 KNOWN_M = 0.5
@@ -44,34 +44,34 @@ class Pursuit:
     Attributes:
         spent_s: Total time.
         stagnant_s: Time since it last improved.
-        silent_s: Time since it was last detected.
+        undetected_s: Time since it was last detected.
         best_m: Smallest semi-major axis of its ellipse so far.
         detected_s: Time of the last detection.
     """
 
     spent_s: float = 0.0
     stagnant_s: float = 0.0
-    silent_s: float = 0.0
+    undetected_s: float = 0.0
     best_m: float = np.inf
     detected_s: float = -np.inf
 
     @property
     def is_over(self) -> bool:
         """True if more time would be wasted, or after 150 s (assumed) before and again after the route."""
-        return self.spent_s >= 150.0 or self.stagnant_s >= PATIENCE_S or self.silent_s >= SILENCE_S
+        return self.spent_s >= 150.0 or self.stagnant_s >= PATIENCE_S or self.undetected_s >= UNDETECTED_S
 
     def spend(self, target: Finding, time_s: float) -> None:
         """Add time, and check whether the candidate has improved: its ellipse is a fifth smaller (assumed)."""
         self.spent_s += time_s
         self.stagnant_s += time_s
-        self.silent_s += time_s
+        self.undetected_s += time_s
         if target.semi_major_m < 0.8 * self.best_m:
             self.best_m, self.stagnant_s = target.semi_major_m, 0.0
 
     def note_detection(self, target: Finding) -> None:
         """Check whether the candidate has been detected again."""
         if target.last_detected_s > self.detected_s:
-            self.detected_s, self.silent_s = target.last_detected_s, 0.0
+            self.detected_s, self.undetected_s = target.last_detected_s, 0.0
 
 
 class Seek:
@@ -134,14 +134,15 @@ class Seek:
         candidates = {f.id: f for f in findings if f.state == "candidate"}
         for number in candidates.keys() & self._pursuits.keys():
             self._pursuits[number].note_detection(candidates[number])
+            if self._pursuits[number].is_over:
+                del candidates[number]
+        if self._target in candidates:
+            return candidates[self._target]
         if self._target is not None:
-            if self._target in candidates and not self._pursuits[self._target].is_over:
-                return candidates[self._target]
             self._drop()
-        eligible = [f for f in candidates.values() if f.id not in self._pursuits or not self._pursuits[f.id].is_over]
-        if not eligible:
+        if not candidates:
             return None
-        target = min(eligible, key=lambda f: float(np.hypot(*(f.position_m[:2] - pose[:2]))))
+        target = min(candidates.values(), key=lambda f: float(np.hypot(*(f.position_m[:2] - pose[:2]))))
         self._target = target.id
         self._pursuits.setdefault(target.id, Pursuit())
         self._views_m, self._drive = [], None

@@ -118,11 +118,6 @@ def test_implausible_scenario_is_noted_and_used(verb: str, short: Path, tmp_path
     assert note.startswith("note: array: gain_error 0.9")
 
 
-def test_scenarios_are_listed_as_json(tmp_path: Path) -> None:
-    listed = json.loads(pdpatrol("scenarios", "--json", cwd=tmp_path).stdout)
-    assert {"one_source", "two_sources", "quiet_yard"} <= listed.keys()
-
-
 def run_until_parts(folder: Path) -> subprocess.Popen[str]:
     """Start a mission into `folder` and wait until a part of its log is written."""
     process = subprocess.Popen(

@@ -80,7 +80,7 @@ def test_seeds_give_different_missions() -> None:
     assert not np.array_equal(first, second)
 
 
-def scenario_with_silent_source(position_m: tuple[float, float, float]) -> Scenario:
+def scenario_without_pulses(position_m: tuple[float, float, float]) -> Scenario:
     """Return a scenario with a source that never radiates."""
     scenario = limited("one_source", 40.0)
     source = scenario.sources[0].model_copy(update={"sites": (), "position_m": position_m, "pulse_rate_hz": 0.0})
@@ -90,7 +90,7 @@ def scenario_with_silent_source(position_m: tuple[float, float, float]) -> Scena
 @pytest.mark.parametrize("policy", BUILT_IN)
 def test_only_oracle_depends_on_the_truth(policy: str) -> None:
     paths = [
-        run_mission(scenario_with_silent_source(position), policy, seed=2).column("step", "true_pose")
+        run_mission(scenario_without_pulses(position), policy, seed=2).column("step", "true_pose")
         for position in ((6.0, 20.0, 1.0), (33.0, 13.0, 1.0))
     ]
     same = paths[0].shape == paths[1].shape and np.array_equal(paths[0], paths[1])

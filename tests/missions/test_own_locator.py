@@ -52,9 +52,8 @@ def scenario_with(folder: Path, code: str, table: str = 'locator = "mine.py:Mine
 
 
 def mission_log(folder: Path, code: str, table: str = 'locator = "mine.py:Mine"') -> MissionLog:
-    scenario = load_scenario(scenario_with(folder, code, table))
-    task = scenario.task.model_copy(update={"time_limit_s": 15.0})
-    return run_mission(scenario.model_copy(update={"task": task}), "patrol", seed=1)
+    scenario = load_scenario(scenario_with(folder, code, table), {"task.time_limit_s": 15.0})
+    return run_mission(scenario, "patrol", seed=1)
 
 
 def test_own_locator_makes_findings_and_association(tmp_path: Path) -> None:
@@ -81,7 +80,7 @@ def test_own_locator_gets_rules_of_the_scenario(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("there", "instead", "told"),
+    ("there", "instead", "message"),
     [
         ("return self.findings\n\n    def refit", "return list(self.findings)\n\n    def refit", "mine.py:5: gave []"),
         ("self.n += pulses.n_pulses", "self.n += pulses.n_pulse", "mine.py:10: AttributeError"),
@@ -98,21 +97,21 @@ def test_own_locator_gets_rules_of_the_scenario(tmp_path: Path) -> None:
         ("np.full(self.n,", "1.0 * np.full(self.n,", "association gave float64"),
     ],
 )
-def test_failing_locator_ends_mission_with_complete_log(there: str, instead: str, told: str, tmp_path: Path) -> None:
+def test_failing_locator_ends_mission_with_complete_log(there: str, instead: str, message: str, tmp_path: Path) -> None:
     assert there in GOOD
     log = mission_log(tmp_path, GOOD.replace(there, instead))
     kinds, texts = log.column("event", "kind").tolist(), log.column("event", "text").tolist()
     assert (kinds[-2:], texts[-1]) == (["error", "end"], "mission over: error")
-    assert told in texts[-2]
+    assert message in texts[-2]
     assert kinds.count("error") == 1
     assert make_report(log, 0.0).sim_time_s > 0
 
 
 def test_invalid_locator_is_refused_before_the_start(tmp_path: Path) -> None:
-    for code, told in (
+    for code, message in (
         (GOOD.replace("def association", "def associate"), r"mine\.py:5: has no association"),
         (GOOD.replace("class Mine", "class Yours"), r"no `Mine` in it; it has Yours"),
         (GOOD.replace("fence_m, rules", "rules"), r"mine\.py:5: TypeError.*fence_m"),
     ):
-        with pytest.raises(UserCodeError, match=told):
+        with pytest.raises(UserCodeError, match=message):
             Mission(load_scenario(scenario_with(tmp_path, code)), "patrol", 0)

@@ -49,9 +49,7 @@ def test_findings_are_logged_when_their_values_change() -> None:
 
 
 def test_each_credible_pulse_has_an_association() -> None:
-    scenario = load_scenario("two_sources")
-    task = scenario.task.model_copy(update={"time_limit_s": 40.0})
-    log = run_mission(scenario.model_copy(update={"task": task}), seed=5)
+    log = run_mission(load_scenario("two_sources", {"task.time_limit_s": 40.0}), seed=5)
     np.testing.assert_array_equal(log.column("association", "pulse"), log.column("bearing", "pulse"))
     np.testing.assert_array_equal(log.column("bearing", "pulse"), np.flatnonzero(log.column("pulse", "is_credible")))
     alive = log.column("finding", "id")[log.column("finding", "step") == log.column("finding", "step")[-1]]

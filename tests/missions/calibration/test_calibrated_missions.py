@@ -77,8 +77,8 @@ def test_calibrated_missions_are_deterministic(first: MissionLog) -> None:
 def test_calibration_of_another_array_is_detected(first: MissionLog) -> None:
     wrong = scenario(5010, relabelled(calibration_of(first), 5010), limit_s=40.0)
     log = run_mission(wrong, seed=1010)
-    (told,) = make_report(log, 0.0).calibration
-    assert "contradict" in told
+    (message,) = make_report(log, 0.0).calibration
+    assert "contradict" in message
     assert calibration_of(log).n_missions == 1
     (match,) = make_report(log, 0.0).scores.matches
     assert match.inside_ellipse95

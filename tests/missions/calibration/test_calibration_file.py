@@ -70,7 +70,7 @@ def test_calibration_path_is_relative_to_scenario(file: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("settings", "told"),
+    ("settings", "message"),
     [
         ({"array.serial_number": 8}, "serial_number 7, here 8"),
         ({"array.gain_error": 0.1}, "gain_error 0.05, here 0.1"),
@@ -80,12 +80,12 @@ def test_calibration_path_is_relative_to_scenario(file: Path) -> None:
         ({"locating.solver": "bearings"}, "must go with solver"),
     ],
 )
-def test_calibration_of_another_array_is_refused(settings: dict[str, object], told: str, file: Path) -> None:
+def test_calibration_of_another_array_is_refused(settings: dict[str, object], message: str, file: Path) -> None:
     with pytest.raises(ScenarioError) as caught:
         load_scenario("one_source", {**NUMBER, **settings, "locating.calibration": str(file)})
     (line,) = caught.value.faults
     assert "locating.calibration: " in line
-    assert told in line
+    assert message in line
 
 
 def test_calibration_needs_a_serial_number(file: Path) -> None:
@@ -115,7 +115,7 @@ DAMAGES = {
 
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_damaged_calibration_is_refused(damage: str, file: Path) -> None:
-    change, told = DAMAGES[damage]
+    change, message = DAMAGES[damage]
     text = file.read_text(encoding="utf-8")
     assert change(text) != text
     file.write_text(change(text), encoding="utf-8")
@@ -123,7 +123,7 @@ def test_damaged_calibration_is_refused(damage: str, file: Path) -> None:
         read_calibration(file)
     (line,) = caught.value.faults
     assert line.startswith(f"{file}: ")
-    assert told in line
+    assert message in line
 
 
 @pytest.mark.whole

@@ -111,22 +111,21 @@ def file(tmp_path: Path) -> Path:
 
 
 def short(time_limit_s: float = 3.0) -> Scenario:
-    scenario = load_scenario("one_source")
-    return scenario.model_copy(update={"task": scenario.task.model_copy(update={"time_limit_s": time_limit_s})})
+    return load_scenario("one_source", {"task.time_limit_s": time_limit_s})
 
 
-def says(error: UserCodeError | None, told: str, name: str, path: Path) -> bool:
-    """Return True if an error is one line that starts with `told`, with the line number of the policy's mark."""
+def says(error: UserCodeError | None, message: str, name: str, path: Path) -> bool:
+    """Return True if an error is one line that starts with `message`, with the line number of the policy's mark."""
     (line,) = str(error).splitlines()
     marked = [n for n, text in enumerate(path.read_text().splitlines(), start=1) if text.endswith(f"# at {name}")]
-    return line.startswith(told.replace("my.py", str(path)).replace(":LINE:", f":{(marked or [0])[0]}:"))
+    return line.startswith(message.replace("my.py", str(path)).replace(":LINE:", f":{(marked or [0])[0]}:"))
 
 
 ACTION = "expected an action of 2 finite numbers in [-1, 1], or None to end the mission"
 
 
 @pytest.mark.parametrize(
-    ("name", "told", "n_steps"),
+    ("name", "message", "n_steps"),
     [
         ("Fails", f"my.py:LINE: ValueError: out of ideas; {ACTION}", 19),
         ("Leaves", f"my.py:LINE: SystemExit; {ACTION}", 0),
@@ -136,10 +135,10 @@ ACTION = "expected an action of 2 finite numbers in [-1, 1], or None to end the 
         ("guarded_three", f"my.py:LINE: returned [0.1, 0.2, 0.3]; {ACTION}", 0),
     ],
 )  # fmt: skip
-def test_failing_policy_ends_mission_with_complete_log(name: str, told: str, n_steps: int, file: Path) -> None:
+def test_failing_policy_ends_mission_with_complete_log(name: str, message: str, n_steps: int, file: Path) -> None:
     mission = Mission(short(), f"{file}:{name}", 0)
     log = mission.run()
-    assert says(mission.error, told, name.replace("guarded_three", "Three"), file), mission.error
+    assert says(mission.error, message, name.replace("guarded_three", "Three"), file), mission.error
     assert log.n_rows("step") == n_steps
     assert log.column("event", "kind")[-2:].tolist() == ["error", "end"]
     assert log.column("event", "text")[-2:].tolist() == [str(mission.error), "mission over: error"]
@@ -147,7 +146,7 @@ def test_failing_policy_ends_mission_with_complete_log(name: str, told: str, n_s
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "message"),
     [
         ("FailsAtOnce", "my.py:LINE: KeyError: 'weights'; expected seek, active"),
         ("Silent", "my.py:LINE: TypeError: makes a Silent, which cannot be called; expected"),
@@ -159,10 +158,10 @@ def test_failing_policy_ends_mission_with_complete_log(name: str, told: str, n_s
         ("Nobody", "my.py: no `Nobody` in it; it has Still, Draws, Fails"),
     ],
 )
-def test_invalid_policy_is_refused_before_the_start(name: str, told: str, file: Path) -> None:
+def test_invalid_policy_is_refused_before_the_start(name: str, message: str, file: Path) -> None:
     with pytest.raises(UserCodeError) as refused:
         Mission(short(), f"{file}:{name}", 0)
-    assert says(refused.value, told, name, file), refused.value
+    assert says(refused.value, message, name, file), refused.value
 
 
 def test_motionless_policy_runs_to_the_time_limit(file: Path) -> None:

@@ -5,7 +5,7 @@ import numpy as np
 from dirmusic.locating.finding import State
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.driving.site_map import SiteMap
-from pdpatrol.missions.policies.seek import PATIENCE_S, SILENCE_S, Seek
+from pdpatrol.missions.policies.seek import PATIENCE_S, UNDETECTED_S, Seek
 from pdpatrol.missions.policies.viewpoints import MAX_ELEVATION_RAD, best_viewpoint
 from tests.missions.steps import candidate
 
@@ -38,9 +38,9 @@ def test_candidate_without_improvement_is_set_aside() -> None:
     assert phases[-1].startswith("patrol")
 
 
-def test_silent_candidate_is_left_until_detected_again() -> None:
+def test_undetected_candidate_is_left_until_detected_again() -> None:
     seek = Seek()
-    n_steps = round(SILENCE_S / 0.1)
+    n_steps = round(UNDETECTED_S / 0.1)
     phases = [phase_at(seek, 0.1 * k, "candidate", detected_s=0.0) for k in range(n_steps + 5)]
     assert set(phases[:n_steps]) == {"seek 1"}
     assert phases[-1].startswith("patrol")
