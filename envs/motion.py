@@ -43,7 +43,8 @@ def start_motion(state: RobotStates, parameters: Parameters, reading: FloatArray
     state.pose_error[r] = np.nan
     state.n_steps[r], state.time_s[r], state.used_wh[r], state.battery[r] = 0.0, 0.0, 0.0, 1.0
     sense_pose(state, parameters, reading, r)
-    state.odometry[r] = state.believed_pose[r]
+    for k in range(3):  # an assignment of the row takes 2 s to compile
+        state.odometry[r, k] = state.believed_pose[r, k]
 
 
 @compiled
