@@ -131,10 +131,11 @@ def read_inspections(folders: Sequence[Path]) -> list[InspectionLog]:
     """Read the inspections of a campaign and sort them by date.
 
     Args:
-        folders: Folders of missions in any order; two may have the same date.
+        folders: Folders of missions in any order.
 
     Raises:
-        InputFileError: With a line for each folder that cannot be used, is given twice, or is of another yard.
+        InputFileError: With a line for each folder that cannot be used, is given twice, or is of another yard; or if
+            there are fewer than two dates.
     """
     inspections, errors, yard = dict[Path, InspectionLog](), list[str](), None
     for folder in folders:
@@ -152,9 +153,13 @@ def read_inspections(folders: Sequence[Path]) -> list[InspectionLog]:
             yard = settings
         elif settings != yard:
             errors.append(f"{folder}: must be of the yard of the first folder, but is of another")
+    by_date = sorted(inspections.values(), key=lambda each: each.day)
+    if not errors and len({each.day for each in by_date}) < 2:
+        days = ", ".join(each.day for each in by_date) or "none"
+        errors.append(f"RUN: inspections of at least two dates must be given, got {days}")
     if errors:
         raise InputFileError(errors)
-    return sorted(inspections.values(), key=lambda each: each.day)
+    return by_date
 
 
 def mean_position(findings: Iterable[LocatedFinding]) -> tuple[FloatArray, FloatArray]:

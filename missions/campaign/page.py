@@ -106,8 +106,8 @@ def trend_page(trend: Trend, inspections: Sequence[InspectionLog]) -> str:
 
 def draw_plan(trend: Trend, inspections: Sequence[InspectionLog]) -> Figure:
     """Draw the positions of the discharges with their changes, on the yard if there is a map."""
-    bounds_m = np.array([each.bounds_m for each in inspections])
-    low_m, high_m = bounds_m[:, 0].min(axis=0) - 1.0, bounds_m[:, 1].max(axis=0) + 1.0
+    low_m = np.min([each.bounds_m[0] for each in inspections], axis=0) - 1.0
+    high_m = np.max([each.bounds_m[1] for each in inspections], axis=0) + 1.0
     width_m, height_m = high_m - low_m
     with rc_context(STYLE):
         figure = Figure(figsize=(7.1, min(7.1 * height_m / width_m + 0.7, 6.2)), layout="constrained")

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
-import tyro
+from pydantic import Field, NonNegativeInt
 from rich.box import SIMPLE_HEAD
 from rich.progress import Progress
 from rich.table import Table
 
+from pdpatrol.missions.cli.arguments import JsonOutput, OutFolder
 from pdpatrol.missions.cli.mission_files import print_times
-from pdpatrol.missions.cli.terminal import err, out, output_folder, print_written, refuse
+from pdpatrol.missions.cli.terminal import err, out, output_folder, print_written
 from pdpatrol.missions.reproduction.comparison import verdict
 from pdpatrol.missions.reproduction.reproduce import COLUMNS, PARTS, cells, write_reproduction
 from pdpatrol.missions.reproduction.reproduce import reproduce as run_trials
@@ -20,10 +20,10 @@ from pdpatrol.missions.runner import Stopwatch
 
 def reproduce(
     *,
-    trials: int = 3600,
-    seed: int = 0,
-    out_dir: Annotated[Path | None, tyro.conf.arg(name="out", metavar="DIR")] = None,
-    json_output: Annotated[bool, tyro.conf.arg(name="json")] = False,
+    trials: Annotated[int, Field(ge=100, le=1_000_000)] = 3600,
+    seed: NonNegativeInt = 0,
+    out_dir: OutFolder = None,
+    json_output: JsonOutput = False,
     timing: bool = False,
 ) -> None:
     """Compare every exhibit of the Dir-MUSIC paper with ours, by the paper's method and by the best one.
@@ -38,13 +38,6 @@ def reproduce(
         json_output: Print the numbers as JSON instead of tables.
         timing: Print how long each part took.
     """
-    errors: list[str] = []
-    if not 100 <= trials <= 1_000_000:
-        errors.append(f"--trials must be from 100 to 1000000, got {trials}")
-    if seed < 0:
-        errors.append(f"--seed must be 0 or more, got {seed}")
-    if errors:
-        refuse(*errors)
     stopwatch = Stopwatch()
     with output_folder(out_dir, f"reproduction-{seed}") as folder:
         with stopwatch.on("trials"), Progress(console=err, transient=True) as progress:

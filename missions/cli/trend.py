@@ -9,20 +9,20 @@ import tyro
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from dirmusic import InputFileError
 from pdpatrol.missions.atomic_file import write_text
 from pdpatrol.missions.campaign.inspection import read_inspections
 from pdpatrol.missions.campaign.page import HEADINGS, summary_row, trend_page
 from pdpatrol.missions.campaign.trend import make_trend
-from pdpatrol.missions.cli.terminal import err, out, output_folder, print_written, refuse
+from pdpatrol.missions.cli.arguments import JsonOutput, OutFolder
+from pdpatrol.missions.cli.terminal import err, out, output_folder, print_written
 from pdpatrol.missions.report.records import report_text
 
 
 def trend(
     run: Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="RUN")],
     *,
-    out_dir: Annotated[Path | None, tyro.conf.arg(name="out", metavar="DIR")] = None,
-    json_output: Annotated[bool, tyro.conf.arg(name="json")] = False,
+    out_dir: OutFolder = None,
+    json_output: JsonOutput = False,
 ) -> None:
     """Join the findings of repeated inspections of one yard: which discharges are new, grown or gone.
 
@@ -35,15 +35,8 @@ def trend(
         out_dir: New or empty folder for trend.json and trend.html.
         json_output: Print trend.json instead of a table.
     """
-    if len(run) < 2:
-        refuse(f"RUN: at least two folders must be given, got {len(run)}")
-    try:
-        with err.status(f"Reading {len(run)} logs"):
-            inspections = read_inspections(run)
-    except InputFileError as error:
-        refuse(*error.faults)
-    if inspections[0].day == inspections[-1].day:
-        refuse(f"RUN: inspections of at least two dates must be given, got all of {inspections[0].day}")
+    with err.status(f"Reading {len(run)} logs"):
+        inspections = read_inspections(run)
     found = make_trend(inspections)
     if out_dir is not None:
         with output_folder(out_dir, "") as folder:

@@ -172,6 +172,6 @@ def test_reproduce_writes_numbers_and_pictures(tmp_path: Path) -> None:
     assert (data["trials"], data["seed"]) == (100, 4)
     assert len(list(folder.glob("*.png"))) == 10
     assert refusal(pdpatrol("reproduce", "--trials", 99, "--seed", -1, cwd=tmp_path)) == [
-        "--trials must be from 100 to 1000000, got 99",
-        "--seed must be 0 or more, got -1",
+        "--trials: must be greater than or equal to 100, got 99",
+        "--seed: must be greater than or equal to 0, got -1",
     ]

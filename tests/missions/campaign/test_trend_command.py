@@ -44,8 +44,9 @@ def test_unusable_folders_are_refused_in_one_line(runs: list[Path], tmp_path: Pa
     one_date.mkdir()
     growing()[0].save(one_date)
     for words, message in (
-        ([runs[0], one_date], "inspections of at least two dates must be given"),
-        (runs[:1], "RUN: at least two folders must be given, got 1"),
+        ([runs[0], one_date], "RUN: inspections of at least two dates must be given, got 2026-03-02"),
+        (runs[:1], "RUN: inspections of at least two dates must be given, got 2026-03-02"),
+        ([], "RUN: inspections of at least two dates must be given, got none"),
         ([runs[0], tmp_path], "log.npz"),
     ):
         (line,) = refusal(pdpatrol("trend", *words, "--out", "never", cwd=tmp_path))
