@@ -28,7 +28,7 @@ from pdpatrol.missions.reproduction.simulation import (
     by_paper,
     draw_covariances,
     draw_records,
-    energy_to_noise_of,
+    energy_to_noise,
     error_deg,
 )
 
@@ -51,7 +51,7 @@ def noise_tables(trials: Trials) -> tuple[Exhibit, ...]:
     def draw(snr_db: float, n: int, rng: np.random.Generator) -> tuple[FloatArray, ...]:
         true_deg = rng.choice(GRID_DEG, 40 * n)  # covariances from their exact law cost little
         gain = six.gain(np.radians(true_deg)).T
-        rho = energy_to_noise_of(gain, snr_db)
+        rho = energy_to_noise(gain, snr_db)
         covariance = _covariances(gain, rho, N_RECORD, rng)
         records = draw_records(gain[:n], rho[:n], rng)
         errors = [true_deg, true_deg[:n]]
@@ -155,7 +155,7 @@ def _ring_errors(
         gain = grid.T[true_deg - GRID_DEG[0]]
         if half_width:
             gain = gain + rng.uniform(-half_width, half_width, gain.shape)
-        rho = energy_to_noise_of(gain, 10.0, n_record)
+        rho = energy_to_noise(gain, 10.0, n_record)
         paper_deg = by_paper(_covariances(gain, rho, n_record, rng), grid)
         best_deg = paper_deg[:n]
         if n_elements > 1:  # the estimators refuse one element

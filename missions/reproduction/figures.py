@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from dirmusic import GainManifold, pulse_start
 from pdpatrol.missions.reproduction.comparison import Exhibit, FloatArray
-from pdpatrol.missions.reproduction.simulation import SAMPLE_RATE_HZ, draw_records, energy_to_noise_of
+from pdpatrol.missions.reproduction.simulation import SAMPLE_RATE_HZ, draw_records, energy_to_noise
 
 PAPER, OURS, BEST = "#8a8f98", "#2f6db3", "#e0762b"
 
@@ -70,7 +70,7 @@ def draw_manifold() -> Figure:
 def draw_noisy_pulse(seed: int) -> Figure:
     """Draw Fig. 3: six channels with one pulse at -10 dB, and 10 ns of each."""
     gain = GainManifold.ring(6).gain(np.radians([40.0])).T
-    record = draw_records(gain, energy_to_noise_of(gain, -10.0), np.random.default_rng([seed, 2]))[0]
+    record = draw_records(gain, energy_to_noise(gain, -10.0), np.random.default_rng([seed, 2]))[0]
     time_ns = np.arange(record.shape[-1]) / SAMPLE_RATE_HZ * 1e9
     at_ns = time_ns[pulse_start(record, 60)]
     figure = Figure(figsize=(8.2, 5.0), layout="constrained")

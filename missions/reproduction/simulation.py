@@ -25,9 +25,6 @@ SAMPLE_RATE_HZ = 20e9
 N_RECORD = 10_000
 """0.5 us at 20 GS/s: with this many samples the protocol agrees with every simulated exhibit of the paper."""
 
-UNIT_ENERGY_TO_NOISE = 28_070.0
-"""rho at 0 dB: energy of the pulse in a channel of unit gain over the variance of a noise sample, six elements."""
-
 FOUND_GATE_SAMPLES = 80
 """4 ns. A pulse of 1 ns decay has 99.7 % of its energy in 60 samples; a gate that is found in noise starts early or
 late."""
@@ -70,13 +67,11 @@ class Trials:
         return [np.concatenate(arrays) for arrays in zip(*parts, strict=True)]
 
 
-def energy_to_noise(snr_db: ArrayLike) -> FloatArray:
-    """Return rho for an SNR of the paper, six elements and records of any length."""
-    return UNIT_ENERGY_TO_NOISE * 10.0 ** (np.asarray(snr_db, dtype=np.float64) / 10)
-
-
-def energy_to_noise_of(gain: FloatArray, snr_db: float, n_record: int = N_RECORD) -> FloatArray:
+def energy_to_noise(gain: FloatArray, snr_db: float, n_record: int = N_RECORD) -> FloatArray:
     """Return rho by the paper's definition of SNR: one noise level, set by the mean square of the clean record.
+
+    rho is the energy of the pulse in a channel of unit gain over the variance of a noise sample. With six elements and
+    whole records it is 28 070 times 10^(SNR / 10) in all directions.
 
     Args:
         gain: True gains of all elements, shape (n_trials, n_elements).

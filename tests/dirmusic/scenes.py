@@ -37,6 +37,11 @@ LEVEL_DB = -10.0
 NO_ERRORS = bearing_error_table(RING, ElementErrors.none(6))
 
 
+def rho(snr_db: ArrayLike) -> np.ndarray:
+    """Return the energy of a pulse over the noise variance, with unit gain, for an SNR of the paper; six elements."""
+    return 28_070.0 * 10.0 ** (np.asarray(snr_db, dtype=np.float64) / 10)
+
+
 def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 

@@ -27,9 +27,8 @@ from dirmusic.array.element_errors import EstimatedErrors
 from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD
 from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
 from pdpatrol.missions.reproduction.simulation import SAMPLE_RATE_HZ
-from pdpatrol.missions.reproduction.simulation import energy_to_noise as rho
 from pdpatrol.sensing.nature.pulses import damped_pulse, unit_pulse_energy
-from tests.dirmusic.scenes import RING, rms
+from tests.dirmusic.scenes import RING, rho, rms
 
 GRID = np.radians(np.arange(360.0))
 

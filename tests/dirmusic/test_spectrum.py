@@ -11,8 +11,7 @@ from dirmusic import (
 )
 from dirmusic.angles import difference
 from pdpatrol.missions.reproduction.simulation import draw_covariances, wishart
-from pdpatrol.missions.reproduction.simulation import energy_to_noise as rho
-from tests.dirmusic.scenes import RING
+from tests.dirmusic.scenes import RING, rho
 
 GRID = np.radians(np.arange(360.0))
 

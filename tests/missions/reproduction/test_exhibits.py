@@ -40,7 +40,7 @@ def printed_rows(exhibit: Exhibit, unit: str = "%") -> list[tuple[float, Row]]:
 def test_covariances_have_the_law_of_whole_records() -> None:
     rng = np.random.default_rng(1)
     n, gain = 600, GainManifold.ring(6).gain(np.radians(77.0))
-    gains, rho = np.tile(gain, (n, 1)), np.full(n, simulation.energy_to_noise(-10.0))
+    gains, rho = np.tile(gain, (n, 1)), np.full(n, 28_070 * 0.1)
     x = simulation.draw_records(gains, rho, rng).astype(np.float64)
     records = x @ np.swapaxes(x, -1, -2) / N_RECORD
     exact = draw_covariances((gains * np.sqrt(rho)[:, np.newaxis])[..., np.newaxis], N_RECORD, rng)
@@ -52,7 +52,7 @@ def test_covariances_have_the_law_of_whole_records() -> None:
 def test_snr_of_the_paper_is_one_rho_in_all_directions() -> None:
     # facts.md: rho = 28 070 x 10^(SNR/10); the norm of the gain is flat to 0.03 dB
     gain = GainManifold.ring(6).gain(np.radians(np.arange(360))).T
-    np.testing.assert_allclose(simulation.energy_to_noise_of(gain, -5.0), simulation.energy_to_noise(-5.0), rtol=0.005)
+    np.testing.assert_allclose(simulation.energy_to_noise(gain, -5.0), 28_070 * 10**-0.5, rtol=0.005)
 
 
 @pytest.mark.parametrize("n_elements", [2, 4, 6, 10])
