@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.angles import wrapped
-from dirmusic.compiled import compiled
+from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.envs.robot_states import Parameters, RobotStates
 from pdpatrol.robot_models.readings import MOTOR_POWER, POSE, WHEEL_ANGLES
 
@@ -72,7 +72,7 @@ def sense_motion(state: RobotStates, parameters: Parameters, reading: FloatArray
     sense_pose(state, parameters, reading, r)
 
 
-@compiled
+@compiled_inner
 def sense_pose(state: RobotStates, parameters: Parameters, reading: FloatArray, r: int) -> None:
     """Read the pose sensor of robot `r`, and note its true pose and the angles of its wheels."""
     state.true_pose[r], state.wheels_rad[r] = reading[POSE], reading[WHEEL_ANGLES]

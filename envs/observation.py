@@ -7,7 +7,7 @@ from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
 from dirmusic.bearing.spectrum import pulse_spectrum
-from dirmusic.compiled import compiled
+from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.envs.progress import MAX_BEARING_AGE_S
 from pdpatrol.envs.robot_states import SPECTRUM_AZIMUTHS_RAD, Parameters, RobotStates
 from pdpatrol.envs.scenario.scenario import Scenario
@@ -67,7 +67,7 @@ class ObservationLayout:
         return {key: vectors[..., part] for key, part in self._parts.items()}
 
 
-@compiled
+@compiled_inner
 def strongest_pulses(
     is_usable: NDArray[np.bool_], robot: NDArray[np.intp], strengths_v: FloatArray, azimuth_rad: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.compiled import compiled
+from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.envs.robot_states import Parameters, RobotStates
 from pdpatrol.robot_models.readings import LEAST_UPRIGHT, POSE, UPRIGHT
 
@@ -15,7 +15,7 @@ MAX_BEARING_AGE_S = 60.0
 """Upper bound of the observed age of the last bearing. Assumed; older bearings say little about a moving robot."""
 
 
-@compiled
+@compiled_inner
 def nearest_distance(state: RobotStates, r: int, x: float, y: float) -> float:
     """Return the horizontal distance from (x, y) to the nearest source that robot `r` has not yet approached."""
     nearest_m, sources_m = np.inf, state.sources_m[r]
@@ -49,7 +49,7 @@ def visit(state: RobotStates, parameters: Parameters, reading: FloatArray, r: in
     state.truncated[r] = state.n_steps[r] >= parameters.max_steps
 
 
-@compiled
+@compiled_inner
 def start_progress(state: RobotStates, parameters: Parameters, reading: FloatArray, r: int) -> None:
     """Start the progress of robot `r` at the beginning of an episode; arguments as in `advance_progress`."""
     state.approached[r], state.waypoints_visited[r] = False, False
@@ -59,7 +59,7 @@ def start_progress(state: RobotStates, parameters: Parameters, reading: FloatArr
     state.terminated[r] = state.fell_over[r]
 
 
-@compiled
+@compiled_inner
 def advance_progress(state: RobotStates, parameters: Parameters, reading: FloatArray, r: int) -> None:
     """Update progress, reward and end of robot `r` after a step.
 

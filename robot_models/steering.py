@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dirmusic.compiled import compiled
+from dirmusic.compiled import compiled, compiled_inner
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -56,7 +56,7 @@ def command(
     return True
 
 
-@compiled
+@compiled_inner
 def _close_yaw_rate(
     r: int,
     v_mps: float,
