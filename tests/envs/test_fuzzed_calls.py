@@ -72,8 +72,7 @@ def send(env: Any, name: str, arguments: dict[str, Any]) -> Any:  # noqa: ANN401
 
 def play(sequence: list[Call], mode: AutoresetMode | None) -> None:
     """Send all calls to one environment and only the right ones to its twin."""
-    scenario = load_scenario("one_source")
-    short = scenario.model_copy(update={"task": scenario.task.model_copy(update={"time_limit_s": 0.3})})
+    short = load_scenario("one_source", {"task.time_limit_s": 0.3})
     env, twin = (
         PatrolEnv(short) if mode is None else PatrolVectorEnv(N_ROBOTS, short, num_threads=1, autoreset_mode=mode)
         for _ in range(2)

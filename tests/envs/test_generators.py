@@ -47,9 +47,7 @@ def test_two_policies_meet_the_same_discharges(scenario: str, monkeypatch: pytes
 def test_size_of_the_array_changes_no_other_draw() -> None:
     truths = []
     for n_elements in (4, 6):
-        scenario = load_scenario("two_sources")
-        array = scenario.array.model_copy(update={"n_elements": n_elements})
-        env = PatrolEnv(scenario.model_copy(update={"array": array}), full_info=True)
+        env = PatrolEnv(load_scenario("two_sources", {"array.n_elements": n_elements}), full_info=True)
         _, info = env.reset(seed=5)
         truths.append((info["truth"]["sources"], info["true_pose"].tolist()))
     assert truths[0] == truths[1]

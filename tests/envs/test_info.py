@@ -16,9 +16,8 @@ STAND = np.zeros(2, dtype=np.float32)
 AHEAD = np.array([1.0, 0.2], dtype=np.float32)
 
 
-def near(scenario: Scenario, standoff_m: float, time_limit_s: float = 60.0) -> Scenario:
-    task = scenario.task.model_copy(update={"standoff_m": standoff_m, "time_limit_s": time_limit_s})
-    return scenario.model_copy(update={"task": task})
+def near(name: str, standoff_m: float, time_limit_s: float = 60.0) -> Scenario:
+    return load_scenario(name, {"task.standoff_m": standoff_m, "task.time_limit_s": time_limit_s})
 
 
 def table() -> dict[str, str]:
@@ -42,7 +41,7 @@ def test_info_matches_the_docstring_table(name: str) -> None:
 
 @pytest.mark.parametrize("mode", ["SameStep", "NextStep"])
 def test_results_equal_those_of_sync_vector_env(mode: str) -> None:
-    scenario = near(load_scenario("one_source"), 12.0, 2.0)
+    scenario = near("one_source", 12.0, 2.0)
     rows = gymnasium.make_vec(ID, num_envs=3, scenario=scenario, autoreset_mode=mode, num_threads=1)
     singles = gymnasium.make_vec(
         ID, num_envs=3, scenario=scenario, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}
@@ -80,9 +79,9 @@ def assert_same(native: Any, sync: Any) -> None:  # noqa: ANN401 - any result of
 
 
 def test_success_is_to_have_approached_every_source() -> None:
-    scenario = load_scenario("two_sources")
+    scenario = near("two_sources", 1.0)
     first, second = (source.name for source in scenario.sources)
-    env = PatrolEnv(near(scenario, 1.0), terminate_on_approach=False)
+    env = PatrolEnv(scenario, terminate_on_approach=False)
     x, y = scenario.route.dock_m
     places = {second: (x + 2.0, y, 3.0), first: (x + 4.0, y, 3.0)}
     _, info = env.reset(seed=0, options={"start_pose": (x, y, 0.0), "sources": places})
@@ -97,9 +96,8 @@ def test_success_is_to_have_approached_every_source() -> None:
 
 
 def test_finished_route_without_sources_is_not_a_success() -> None:
-    scenario = load_scenario("quiet_yard")
-    here = scenario.route.model_copy(update={"waypoints_m": (scenario.route.dock_m,)})
-    env = PatrolEnv(scenario.model_copy(update={"route": here}))
+    dock_m = load_scenario("quiet_yard").route.dock_m
+    env = PatrolEnv(load_scenario("quiet_yard", {"route.waypoints_m": [dock_m]}))
     _, info = env.reset(seed=0)
     *_, terminated, _, info = env.step(STAND)
     assert terminated
@@ -122,7 +120,7 @@ def test_full_info_adds_entries_without_fixed_shape() -> None:
 
 
 def test_same_step_keeps_pulses_of_continuing_rows() -> None:
-    scenario = near(load_scenario("bench"), 2.5, 1.0)
+    scenario = near("bench", 2.5, 1.0)
     many = PatrolVectorEnv(3, scenario, full_info=True, autoreset_mode="SameStep", num_threads=1)
     alone = PatrolVectorEnv(3, scenario, full_info=True, autoreset_mode="Disabled", num_threads=1)
     for envs in (many, alone):

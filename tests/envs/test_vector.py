@@ -13,14 +13,9 @@ from pdpatrol.envs.vector_env import PatrolVectorEnv
 N_STEPS = 300
 
 
-def brisk(name: str = "one_source") -> Scenario:
-    """Make a scenario whose episodes end soon, by time or by approach."""
-    scenario = load_scenario(name)
-    return scenario.model_copy(
-        update={
-            "task": scenario.task.model_copy(update={"time_limit_s": 9.0, "standoff_m": 8.0}),
-        }
-    )
+def brisk(name: str = "one_source", **settings: Any) -> Scenario:  # noqa: ANN401 - as TOML
+    """Make a scenario whose episodes end soon, by time or by approach, with other tables replaced."""
+    return load_scenario(name, {"task.time_limit_s": 9.0, "task.standoff_m": 8.0, **settings})
 
 
 def actions(seed: int, n_steps: int = N_STEPS) -> np.ndarray:
@@ -71,11 +66,9 @@ def test_row_equals_single_environment_to_the_bit(num_envs: int, num_threads: in
 
 
 def test_rows_with_faulty_channels_equal_single_environments() -> None:
-    scenario = brisk("two_sources")
     fault = {"channel": 2, "kind": "dead", "start_s": 1.0}
-    receiver = type(scenario.receiver).model_validate({**scenario.receiver.model_dump(), "faults": (fault,)})
-    sources = tuple(source.model_copy(update={"pulse_rate_hz": 60.0}) for source in scenario.sources)
-    scenario = scenario.model_copy(update={"receiver": receiver, "sources": sources})
+    many = [{"name": f"in_{item}", "sites": [f"{item}/*"], "pulse_rate_hz": 60.0} for item in ("vt_west", "vt_east")]
+    scenario = brisk("two_sources", **{"receiver.faults": [fault], "sources": many})
     envs = PatrolVectorEnv(3, scenario, num_threads=2)
     observation, _ = envs.reset(seed=5)
     for step, action in enumerate(np.stack([actions(5 + row, 60) for row in range(3)], axis=1)):
@@ -87,10 +80,9 @@ def test_rows_with_faulty_channels_equal_single_environments() -> None:
 
 
 def test_moving_interferer_is_where_each_row_has_it() -> None:
-    scenario = brisk()
     tram = {"name": "tram", "position_m": (-20.0, -8.0, 3.0), "moves_to_m": (60.0, -8.0, 3.0), "speed_mps": 20.0}
     tram |= {"amplitude_v": 3.0, "pulse_rate_hz": 100.0}
-    scenario = Scenario.model_validate(scenario.model_dump() | {"interferers": (tram,)})
+    scenario = brisk(interferers=[tram])
     envs = PatrolVectorEnv(3, scenario, autoreset_mode="Disabled")
     singles = [PatrolEnv(scenario) for _ in range(3)]
     _, info = envs.reset(seed=40)
@@ -115,8 +107,7 @@ def test_moving_interferer_is_where_each_row_has_it() -> None:
 def test_truth_has_the_path_of_a_moving_interferer() -> None:
     tram = {"name": "tram", "position_m": (-9.0, 0.0, 3.0), "amplitude_v": 1.0}
     moving = {**tram, "name": "bus", "moves_to_m": (-9.0, 30.0, 3.0), "speed_mps": 8.0}
-    scenario = Scenario.model_validate(brisk().model_dump() | {"interferers": (tram, moving)})
-    _, info = PatrolEnv(scenario, full_info=True).reset(seed=0)
+    _, info = PatrolEnv(brisk(interferers=[tram, moving]), full_info=True).reset(seed=0)
     standing, bus = info["truth"]["interferers"]
     assert not {"moves_to_m", "speed_mps"} & standing.keys()
     assert (bus["position_m"], bus["moves_to_m"], bus["speed_mps"]) == ([-9.0, 0.0, 3.0], [-9.0, 30.0, 3.0], 8.0)
