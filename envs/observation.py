@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
@@ -9,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from dirmusic.bearing.spectrum import pulse_spectrum
 from dirmusic.compiled import compiled, compiled_inner
 from pdpatrol.envs.progress import MAX_BEARING_AGE_S
-from pdpatrol.envs.robot_states import SPECTRUM_AZIMUTHS_RAD, Parameters, RobotStates
+from pdpatrol.envs.robot_states import SPECTRUM_AZIMUTHS_RAD, HeldRobots
 from pdpatrol.envs.scenario.scenario import Scenario
 from pdpatrol.robot_models.readings import LIDAR, VELOCITY
 from pdpatrol.robot_models.sensors import LIDAR_BEAMS, LIDAR_RANGE_M
@@ -26,7 +28,7 @@ POSE_MARGIN_M = 5.0
 
 
 class ObservationLayout:
-    """Order and bounds of the entries of an observation in the vectors that `observe` computes.
+    """Order and bounds of the entries of an observation in the vectors that `observe_robots` computes.
 
     Args:
         scenario: Scenario whose yard, robot, array and time limit bound the observations.
@@ -44,7 +46,7 @@ class ObservationLayout:
             low, high = (np.array(np.broadcast_to(end, n), dtype=np.float32) for end in (low, high))
             return spaces.Box(low, high, (n,), np.float32)
 
-        boxes = {
+        boxes: dict[str, Any] = {
             "pose": box([-POSE_MARGIN_M, -POSE_MARGIN_M, -1, -1], [*(size_m + POSE_MARGIN_M), 1, 1], 4),
             "lidar": box(0, LIDAR_RANGE_M, LIDAR_BEAMS),
             "velocity": box(-2.0 * limits, 2.0 * limits, 2),
@@ -71,7 +73,7 @@ class ObservationLayout:
 def strongest_pulses(
     is_usable: NDArray[np.bool_], robot: NDArray[np.intp], strengths_v: FloatArray, azimuth_rad: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Find the pulse of each robot with most energy in its usable channels; arguments as in `observe`.
+    """Find the pulse of each robot with most energy in its usable channels; arguments as in `observe_robots`.
 
     Returns:
         Root of the energy, shape (n_robots,); strengths of unit norm, 0 in channels that are not usable, shape
@@ -92,10 +94,8 @@ def strongest_pulses(
 
 
 @compiled
-def observe(
-    state: RobotStates,
-    parameters: Parameters,
-    bounds: tuple[Float32Array, Float32Array],
+def observe_robots(
+    held: HeldRobots,
     readings: FloatArray,
     robot: NDArray[np.intp],
     strengths_v: FloatArray,
@@ -104,9 +104,7 @@ def observe(
     """Compute the observations of all robots, clipped to their bounds; the order is that of `ObservationLayout`.
 
     Args:
-        state: State of all robots; the last bearings are updated from the strongest pulses.
-        parameters: Parameters.
-        bounds: Lowest and highest values, shape (n_numbers,).
+        held: States, parameters and bounds; the last bearings are updated from the strongest pulses.
         readings: Values of `pdpatrol.robot_models.readings.Readings`, shape (n_robots, n_values).
         robot: Robot of each pulse of this step, shape (n_pulses,).
         strengths_v: Strengths of the pulses, shape (n_pulses, n_elements).
@@ -115,9 +113,10 @@ def observe(
     Returns:
         Shape (n_numbers, n_robots), so that each entry is contiguous.
     """
+    state, parameters, (low, high) = held.value
     level_v, strengths, azimuth = strongest_pulses(state.is_usable, robot, strengths_v, azimuth_rad)
     spectrum = pulse_spectrum(strengths, state.spectrum_gain)
-    velocity, lidar_m, (low, high) = readings[:, VELOCITY], readings[:, LIDAR], bounds
+    velocity, lidar_m = readings[:, VELOCITY], readings[:, LIDAR]
     n_robots, n_beams = lidar_m.shape
     numbers, observation = np.empty(low.size), np.empty((low.size, n_robots), np.float32)
     for r in range(n_robots):

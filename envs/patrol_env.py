@@ -81,7 +81,9 @@ def _plain(value: Any) -> Any:  # noqa: ANN401 - arguments are of many types
     return value.value if isinstance(value, Enum) else value
 
 
-class PatrolEnv(SimulatedEnv, gymnasium.Env[Observation, NDArray[np.float32]]):
+class PatrolEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
+    SimulatedEnv, gymnasium.Env[Observation, NDArray[np.float32]]
+):
     """An inspection robot in a substation yard that detects partial discharges with six directional antennas.
 
     ## Action

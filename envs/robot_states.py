@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dirmusic.compiled import Held
 from pdpatrol.envs.scenario.base import STEP_S
 from pdpatrol.envs.scenario.scenario import Scenario
 from pdpatrol.robot_models.sensors import LIDAR_BEAMS
@@ -113,12 +114,11 @@ class RobotStates(NamedTuple):
             "approached", "waypoints_visited", "success", "touched", "fell_over", "terminated", "truncated",
             "is_usable",
         )  # fmt: skip
-        return cls(
-            *(
-                np.zeros((n_robots, *shapes.get(field, ())), np.bool_ if field in flags else np.float64)
-                for field in cls._fields
-            )
-        )
+        arrays: list[Any] = [
+            np.zeros((n_robots, *shapes.get(field, ())), np.bool_ if field in flags else np.float64)
+            for field in cls._fields
+        ]
+        return cls(*arrays)
 
 
 class Parameters(NamedTuple):
@@ -196,3 +196,7 @@ class Parameters(NamedTuple):
             lidar_std_m=scenario.lidar.range_std_m,
             noise_v=scenario.receiver.noise_v,
         )
+
+
+HeldRobots = Held[tuple[RobotStates, Parameters, tuple[NDArray[np.float32], NDArray[np.float32]]]]
+"""States, parameters, and lowest and highest values of the observation vectors, which compiled functions take."""

@@ -19,9 +19,9 @@ from dirmusic.compiled import Held, compiled
 from dirmusic.pulses.batch import PulseBatch
 from pdpatrol.envs.episode import Episode, Generators, ResetOptions
 from pdpatrol.envs.motion import sense_motion, start_motion
-from pdpatrol.envs.observation import Float32Array, ObservationLayout, observe
+from pdpatrol.envs.observation import Float32Array, ObservationLayout, observe_robots
 from pdpatrol.envs.progress import advance_progress, start_progress
-from pdpatrol.envs.robot_states import SPECTRUM_AZIMUTHS_RAD, Parameters, RobotStates
+from pdpatrol.envs.robot_states import SPECTRUM_AZIMUTHS_RAD, HeldRobots, Parameters, RobotStates
 from pdpatrol.envs.scenario import Scenario
 from pdpatrol.envs.scenario.base import STEP_S
 from pdpatrol.envs.scenario.radio import surroundings_of
@@ -33,7 +33,6 @@ from pdpatrol.sensing.receiver.bank import Listener, ReceiverBank
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 Rows = NDArray[np.intp]
-Bounds = tuple[Float32Array, Float32Array]
 
 INFO_KEYS = (
     "time_s", "believed_pose", "odometry", "battery", "reward_progress", "reward_time", "reward_contact", "touched",
@@ -43,7 +42,7 @@ INFO_KEYS = (
 
 
 @compiled
-def start_robots(held: Held[tuple[RobotStates, Parameters, Bounds]], readings: FloatArray, rows: Rows) -> None:
+def start_robots(held: HeldRobots, readings: FloatArray, rows: Rows) -> None:
     """Start the episodes of some robots; arguments as in `advance_robots`."""
     state, parameters, _ = held.value
     for r in rows:
@@ -52,9 +51,7 @@ def start_robots(held: Held[tuple[RobotStates, Parameters, Bounds]], readings: F
 
 
 @compiled
-def advance_robots(
-    held: Held[tuple[RobotStates, Parameters, Bounds]], readings: FloatArray, is_touching: BoolArray, rows: Rows
-) -> None:
+def advance_robots(held: HeldRobots, readings: FloatArray, is_touching: BoolArray, rows: Rows) -> None:
     """Update the states of some robots after a step.
 
     Args:
@@ -68,19 +65,6 @@ def advance_robots(
         state.touched[r] = is_touching[r]
         sense_motion(state, parameters, readings[r], r)
         advance_progress(state, parameters, readings[r], r)
-
-
-@compiled
-def observe_robots(
-    held: Held[tuple[RobotStates, Parameters, Bounds]],
-    readings: FloatArray,
-    robot: Rows,
-    strengths_v: FloatArray,
-    azimuth_rad: FloatArray,
-) -> Float32Array:
-    """Compute the observations of all robots; see `observe`."""
-    state, parameters, bounds = held.value
-    return observe(state, parameters, bounds, readings, robot, strengths_v, azimuth_rad)
 
 
 class Simulation:

@@ -24,7 +24,9 @@ from pdpatrol.envs.simulation import Rows, Simulation
 BoolArray = NDArray[np.bool_]
 
 
-class PatrolVectorEnv(SimulatedEnv, VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
+class PatrolVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride]
+    SimulatedEnv, VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
+):
     """Many robots at once, as `gymnasium.make_vec("pdpatrol:PDPatrol-v0", num_envs=N)` makes them.
 
     Row i equals, to the bit, a `PatrolEnv` that was reset with `seed + i`, for any N and number of threads. The physics
@@ -144,8 +146,10 @@ class PatrolVectorEnv(SimulatedEnv, VectorEnv[Observation, NDArray[np.float32], 
 
     def _seeds(self, seed: Any) -> list[int | None]:  # noqa: ANN401 - users may pass anything
         """Return a seed or None for each row."""
-        if not isinstance(seed, (list, tuple, np.ndarray)) or np.ndim(seed) == 0:
-            seed = [None if seed is None else operator.index(seed) + row for row in range(self.num_envs)]
+        if seed is None:
+            return [None] * self.num_envs
+        if np.ndim(seed) == 0:
+            return [operator.index(seed) + row for row in range(self.num_envs)]
         if len(seed) != self.num_envs:
             raise ValueError(f"`seed` must be an integer or {self.num_envs} of them, got {seed!r}")
         return [None if each is None else operator.index(each) for each in seed]

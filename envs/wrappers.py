@@ -55,11 +55,10 @@ class Flattener:
 
     def __init__(self, whole: spaces.Space[Any]) -> None:
         assert isinstance(whole, spaces.Dict)
-        boxes: dict[str, Any] = dict(whole.spaces)
-        self._keys = tuple(boxes)
-        self.names = tuple(f"{key}[{index}]" for key, box in boxes.items() for index in range(box.shape[0]))
-        low, high = (np.concatenate([getattr(box, end) for box in boxes.values()]) for end in ("low", "high"))
-        self._middle, self._half = 0.5 * (low + high), 0.5 * (high - low)
+        self._keys, flat = tuple(whole.spaces), spaces.flatten_space(whole)
+        assert isinstance(flat, spaces.Box)
+        self.names = tuple(f"{key}[{index}]" for key in whole for index in range(spaces.flatdim(whole[key])))
+        self._middle, self._half = 0.5 * (flat.low + flat.high), 0.5 * (flat.high - flat.low)
         self.space = spaces.Box(-1.0, 1.0, (len(self.names),), np.float32)
 
     def __call__(self, observation: Observation) -> NDArray[np.float32]:
@@ -77,7 +76,8 @@ class BearingsOnly(TransformObservation[Observation, Action, Observation]):
 
     def __init__(self, env: gymnasium.Env[Observation, Action]) -> None:
         RecordConstructorArgs.__init__(self)
-        super().__init__(env, bearings_only, bearings_only_space(env.observation_space))
+        space: Any = bearings_only_space(env.observation_space)
+        super().__init__(env, bearings_only, space)
 
 
 class FlatObservation(TransformObservation[NDArray[np.float32], Action, Observation]):

@@ -13,7 +13,6 @@ from pdpatrol.envs.scenario.array import CalibratedArray, data_sheet
 from pdpatrol.envs.scenario.base import STEP_S, known_names
 from pdpatrol.envs.scenario.sources import SourceConfig
 from pdpatrol.robot_models.yard.yard import Yard
-from pdpatrol.sensing import ReceiverConfig
 from pdpatrol.sensing.radio.materials import KIND_MATERIALS
 
 if TYPE_CHECKING:
@@ -160,14 +159,6 @@ def _route_errors(scenario: Scenario, known_yard: Yard) -> Iterator[str]:
                 yield f"sources.{i}.anywhere_at_m: the yard must have free ground on which the robot fits"
 
 
-def samples_of_pulse(receiver: ReceiverConfig) -> float:
-    """Estimate the number of samples of one channel that are computed for a pulse."""
-    rate_hz, pulse_s = receiver.sample_rate_hz, 12e-9
-    bandwidth_hz = np.inf if receiver.band_hz == "all" else receiver.band_hz[1] - receiver.band_hz[0]
-    ringing = 12.0 * rate_hz / bandwidth_hz  # measured
-    return receiver.gate_samples + ringing + (pulse_s + receiver.longest_echo_s) * rate_hz
-
-
 def _mean_pulses(source: SourceConfig, time_limit_s: float) -> float:
     """Return the mean number of pulses of a source in a mission."""
     start_s, end_s = source.active_s or (0.0, time_limit_s)
@@ -185,7 +176,11 @@ def _rate_errors(scenario: Scenario) -> Iterator[str]:
     channels_hz = (others_hz + sum(source.pulse_rate_hz for source in sources)) * scenario.array.n_channels
     n_bytes = STEP_S * channels_hz * receiver.gate_samples * np.dtype(np.float64).itemsize
     yield from _at_most(key, n_bytes, MAX_GATE_BYTES, "bytes of waveforms per control step, of receiver.gate_samples")
-    samples_hz = channels_hz * samples_of_pulse(receiver)
+    rate_hz, pulse_s = receiver.sample_rate_hz, 12e-9
+    width_hz = inf if receiver.band_hz == "all" else receiver.band_hz[1] - receiver.band_hz[0]
+    ringing = 12.0 * rate_hz / width_hz  # measured
+    n_samples = receiver.gate_samples + ringing + (pulse_s + receiver.longest_echo_s) * rate_hz
+    samples_hz = channels_hz * n_samples
     yield from _at_most(key, samples_hz, MAX_SAMPLES_PER_S, "computed samples per second, by rate, band and echoes")
 
 

@@ -13,32 +13,33 @@ from dirmusic import ESTIMATORS, InputFileError
 from dirmusic.locating.rules import AssignmentRules, CredibilityRules, LocatingRules
 from pdpatrol.envs.scenario.array import ArrayCalibration, read_calibration
 from pdpatrol.envs.scenario.base import Config, resolve_path, resolve_user_code
-from pdpatrol.sensing.quantities import PATH_PATTERN, PLAIN_ZERO, FilePath
+from pdpatrol.sensing.quantities import PATH_PATTERN, FilePath
 
 BOUNDS = {
-    "deg": Field(ge=0.0, le=360.0),
-    "db": Field(ge=0.0, le=100.0),
-    "m": Field(ge=0.0, le=10_000.0),
-    "s": Field(ge=0.01, le=86_400.0),
-    "rate": Field(ge=0.0, le=1.0),
-    "max_pulses": Field(ge=2, le=2000),
-    "initiation_pulses": Field(ge=2, le=10_000),
+    "deg": (0.0, 360.0),
+    "db": (0.0, 100.0),
+    "m": (0.0, 10_000.0),
+    "s": (0.01, 86_400.0),
+    "rate": (0.0, 1.0),
+    "max_pulses": (2, 2000),
+    "initiation_pulses": (2, 10_000),
 }
-"""Bounds of the rules of the Locator by their keys, or by the last word of these."""
+"""Least and greatest values of the rules of the Locator by their keys, or by the last word of these."""
 
 
 def _optional_rules() -> dict[str, Any]:
-    """Define an optional key for each rule of the Locator: its type and bounds, and None as the default."""
+    """Define an optional key for each rule of the Locator: its type, and None as the default with bounds."""
     keys = dict[str, Any]()
     for rule in (*fields(CredibilityRules), *fields(AssignmentRules), *fields(LocatingRules)):
         key = rule.name.replace("_rad", "_deg")
         if isinstance(rule.default, bool):
             keys[key] = bool | None, None
         elif isinstance(rule.default, int):
-            keys[key] = Annotated[int, BOUNDS.get(key, Field(ge=1, le=1_000_000))] | None, None
+            low, high = BOUNDS.get(key, (1, 1_000_000))
+            keys[key] = int | None, Field(default=None, ge=low, le=high)
         elif isinstance(rule.default, float):
-            bounds = BOUNDS.get(key.rpartition("_")[2], Field(ge=0.0, le=1000.0))
-            keys[key] = Annotated[float, bounds, PLAIN_ZERO] | None, None
+            low, high = BOUNDS.get(key.rpartition("_")[2], (0.0, 1000.0))
+            keys[key] = float | None, Field(default=None, ge=low, le=high)
     return keys
 
 

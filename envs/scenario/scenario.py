@@ -130,6 +130,6 @@ class Scenario(Config, frozen=True):
 
     @model_validator(mode="after")
     def _check_combinations(self) -> Self:
-        if errors := scenario_errors(self):
+        if errors := scenario_errors(self):  # pyright: ignore[reportArgumentType] - the same class by another path
             raise ValueError("\n".join(errors))
         return self
