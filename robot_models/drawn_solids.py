@@ -13,9 +13,6 @@ import numpy as np
 from pdpatrol.robot_models.world import add_equipment
 from pdpatrol.robot_models.yard.pieces import Equipment
 
-SHAPES = ("box", "cylinder", "sphere", "ellipsoid", "capsule")
-"""Shapes that are described, as MuJoCo names them."""
-
 
 def describe_solids(model: mujoco.MjModel) -> dict[str, list[dict[str, Any]]]:
     """Describe the shapes of yard and robot.
@@ -29,11 +26,12 @@ def describe_solids(model: mujoco.MjModel) -> dict[str, list[dict[str, Any]]]:
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)  # in the pose of the model, the base is at the world's origin
+    shapes = ("box", "cylinder", "sphere", "ellipsoid", "capsule")
     solids: dict[str, list[dict[str, Any]]] = {"yard": [], "robot": []}
     for geom in range(model.ngeom):
         name, is_robot = model.geom(geom).name, bool(model.geom_bodyid[geom] > 0)
         shape = mujoco.mjtGeom(int(model.geom_type[geom])).name.removeprefix("mjGEOM_").lower()
-        if shape not in SHAPES or (is_robot and model.geom_group[geom] >= 3):
+        if shape not in shapes or (is_robot and model.geom_group[geom] >= 3):
             continue
         quaternion, material = np.empty(4), int(model.geom_matid[geom])
         mujoco.mju_mat2Quat(quaternion, data.geom_xmat[geom])

@@ -6,7 +6,6 @@ kinds) and, if it can be placed by its name alone, a row in `CATALOGUE` and a fu
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -82,4 +81,4 @@ def colour_of(kind: str, part: str) -> Colour:
         part: Name of the part; numbers at its end do not count: `post_1_2` is a post.
     """
     of_kind = KIND_COLOURS.get(kind, KIND_COLOURS["wall"])
-    return PART_COLOURS.get(re.sub(r"(_\d+)+$", "", part), of_kind)
+    return PART_COLOURS.get(part.rstrip("_0123456789"), of_kind)
