@@ -2,34 +2,34 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Annotated
 
 import tyro
-from rich.progress import Progress
+from pydantic import Field
 
-from dirmusic import InputFileError
 from pdpatrol.missions.atomic_file import atomic_file
 from pdpatrol.missions.cli.mission_files import load_log, write_mission
 from pdpatrol.missions.cli.report import refused_if_damaged
-from pdpatrol.missions.cli.terminal import err, fail, note, out, refuse
+from pdpatrol.missions.cli.terminal import err, note, out, progress_bar, refuse
 from pdpatrol.missions.record.mission_log import MissionLog
 from pdpatrol.missions.runner import run_mission
 from pdpatrol.missions.sweep.dataset import Dataset
 from pdpatrol.missions.sweep.plan import digest_of_code
-from pdpatrol.missions.video import FilmError, write_film
+from pdpatrol.missions.video import write_film
 
 
 def replay(
-    folders: Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="DIR [DIR ...]")],
+    folders: Annotated[
+        tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="DIR [DIR ...]"), Field(min_length=1)
+    ],
     *,
     row: Annotated[tyro.conf.UseAppendAction[tuple[int, ...]], tyro.conf.arg(metavar="NUMBER")] = (),
     web: bool = False,
     screenshot: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png")] = None,
-    at: Annotated[float | None, tyro.conf.arg(metavar="SECONDS")] = None,
+    at: Annotated[float | None, tyro.conf.arg(metavar="SECONDS"), Field(ge=0, allow_inf_nan=False)] = None,
     video: Annotated[Path | None, tyro.conf.arg(metavar="FILE.mp4|FILE.gif")] = None,
-    pace: Annotated[float | None, tyro.conf.arg(metavar="FACTOR")] = None,
+    pace: Annotated[float | None, tyro.conf.arg(metavar="FACTOR"), Field(ge=0.1, le=1000)] = None,
 ) -> None:
     """Open recordings of missions in the Rerun viewer, several of them together.
 
@@ -46,30 +46,29 @@ def replay(
             extra `video`.
         pace: Simulated seconds per second of the film. Default: the film lasts 20 s.
     """
-    if not folders:
-        refuse("DIR is missing; give the folder of a mission")
+    n_missions = max(len(row), len(folders))
     if row and len(folders) > 1:
         refuse(f"--row needs one folder, that of a sweep, got {len(folders)}")
     for option, file, endings in (("--screenshot", screenshot, (".png",)), ("--video", video, (".mp4", ".gif"))):
         if file is None:
             continue
-        if max(len(row), len(folders)) > 1:
-            refuse(f"{option} needs one mission, got {max(len(row), len(folders))}")
+        if n_missions > 1:
+            refuse(f"{option} needs one mission, got {n_missions}")
         if file.suffix.lower() not in endings or file.exists() or not file.parent.is_dir():
             refuse(f"{option} must be a new {' or '.join(endings)} file in an existing folder, got {file}")
-    if at is not None and (screenshot is None or not 0 <= at < math.inf):
-        refuse(f"--at must be 0 or more, with --screenshot, got {at}")
-    if pace is not None and (video is None or not 0.1 <= pace <= 1000.0):
-        refuse(f"--pace must be from 0.1 to 1000, with --video, got {pace}")
+    if at is not None and screenshot is None:
+        refuse("--at needs --screenshot")
+    if pace is not None and video is None:
+        refuse("--pace needs --video")
     if row:
-        folders = tuple(_run_again(folders[0], number) for number in row)
+        folders = tuple(_run_again(sweep, number) for number in row for sweep in folders)
     logs = [load_log(folder) for folder in folders]
     if video is not None:
-        _film(folders[0], logs[0], video, pace)
+        _film(logs[0], video, pace)
         if screenshot is None:
             return
     # here, because a film does not need Rerun
-    from pdpatrol.missions.recording import ViewerError, open_viewer, serve, take_screenshot, write_recording
+    from pdpatrol.missions.recording import open_viewer, serve, take_screenshot, write_recording
 
     recordings = [folder / "mission.rrd" for folder in folders]
     for log, recording in zip(logs, recordings, strict=True):
@@ -83,32 +82,24 @@ def replay(
     elif web:
         serve(recordings, lambda url: out.print(f"Serving at {url}  (Ctrl-C ends it)", soft_wrap=True))
     else:
-        try:
-            open_viewer(recordings)
-        except ViewerError as error:
-            fail(f"{error}; `pdpatrol replay --web` shows it in a browser")
+        open_viewer(recordings)
 
 
-def _film(folder: Path, log: MissionLog, video: Path, pace: float | None) -> None:
+def _film(log: MissionLog, video: Path, pace: float | None) -> None:
     """Write a film of a mission."""
-    with Progress(console=err, transient=True, disable=not err.is_terminal) as progress:
-        bar = progress.add_task(f"film of {folder.name}", total=1.0)
+    with progress_bar() as progress:
+        bar = progress.add_task("film", total=1.0)
         try:
             write_film(log, video, pace, lambda share: progress.update(bar, completed=share))
         except ValueError as error:
-            refuse(f"{folder}: {error}")
-        except FilmError as error:
-            fail(f"--video: {error}")
+            refuse(f"--video: {error}")
     out.print(f"Written: {video}", soft_wrap=True)
 
 
 def _run_again(folder: Path, row: int) -> Path:
     """Return the folder of one mission of a sweep, after running it if it has not been kept."""
-    try:
-        dataset = Dataset(folder)
-        job = dataset.job(row)
-    except InputFileError as error:
-        refuse(*error.faults)
+    dataset = Dataset(folder)
+    job = dataset.job(row)
     if dataset.manifest.code != digest_of_code():
         note("the sweep was made with a different version; results may differ")
     mission = folder / "missions" / str(row)

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import tyro
 
+from pdpatrol.missions.cli.arguments import JsonOutput
 from pdpatrol.missions.cli.mission_files import load_log, print_findings, print_json, write_report
 from pdpatrol.missions.cli.terminal import print_written, refuse
 from pdpatrol.missions.report.records import read_report
@@ -17,7 +18,7 @@ from pdpatrol.missions.report.records import read_report
 def report(
     folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")],
     *,
-    json_output: Annotated[bool, tyro.conf.arg(name="json")] = False,
+    json_output: JsonOutput = False,
 ) -> None:
     """Write report.json and report.html of a mission again from its log; existing ones are replaced.
 

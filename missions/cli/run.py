@@ -16,7 +16,7 @@ from pdpatrol.envs.scenario.array import read_calibration
 from pdpatrol.missions.cli.arguments import JsonOutput, OutFolder
 from pdpatrol.missions.cli.mission_files import print_outcome, print_plausibility, print_times, write_mission
 from pdpatrol.missions.cli.process import FAILED, deferred_signals, print_error
-from pdpatrol.missions.cli.terminal import err, fail, output_folder, progress_bar
+from pdpatrol.missions.cli.terminal import err, output_folder, progress_bar
 from pdpatrol.missions.first_run import compile_at_first_run
 from pdpatrol.missions.policies.make_policy import load_maker
 from pdpatrol.missions.report.records import Report
@@ -77,12 +77,9 @@ def run(
         viewer = None
         if live:
             os.environ.setdefault("RUST_LOG", "off")  # otherwise Rerun complains when the user closes the viewer
-            from pdpatrol.missions.recording import LiveView, ViewerError  # Rerun is optional
+            from pdpatrol.missions.recording import LiveView  # Rerun is optional
 
-            try:
-                viewer = LiveView()
-            except ViewerError as error:
-                fail(f"--live: {error}; `pdpatrol replay --web` shows the mission in a browser")
+            viewer = LiveView()
         print_plausibility(loaded)
         with stopwatch.on("starting"):
             mission = Mission(loaded, policy, seed, folder, stopwatch)

@@ -34,7 +34,7 @@ class Recorder:
         self._stream, self._log = stream, log
         # steps drawn together: 0.5 s of a mission; field data make at most 2000 bins
         self._bin_steps = 5 if "scenario" in log.meta else max(-(-log.n_rows("step") // 2000), 1)
-        self._n_drawn = dict.fromkeys(("step", "pulse", "bearing", "finding", "likelihood", "event"), 0)
+        self._n_drawn: dict[str, int] = dict.fromkeys(("step", "pulse", "bearing", "finding", "likelihood", "event"), 0)
         gain = described_manifold(log.meta["array"]).gain(AZIMUTHS_RAD)
         self._unit_gain = gain / np.linalg.norm(gain, axis=0)
         stream.send_recording_name(title_text(log.meta))

@@ -30,14 +30,14 @@ class ViewerError(OSError):
     """Reason why this machine cannot show a recording."""
 
 
-def check_screen() -> None:
+def _check_screen() -> None:
     """Check that there is a screen to open a window on.
 
     Raises:
         ViewerError: If no screen is available.
     """
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise ViewerError("no screen to open a viewer on (neither DISPLAY nor WAYLAND_DISPLAY is set)")
+        raise ViewerError("no screen to open a viewer on; `pdpatrol replay --web` shows missions in a browser")
 
 
 def open_viewer(recordings: Sequence[Path]) -> None:
@@ -46,7 +46,7 @@ def open_viewer(recordings: Sequence[Path]) -> None:
     Raises:
         ViewerError: If it cannot be opened.
     """
-    check_screen()
+    _check_screen()
     with _rerun("--new", *(path.resolve() for path in recordings)) as viewer:
         _wait(viewer)
 
@@ -104,7 +104,7 @@ class LiveView:
     """
 
     def __init__(self) -> None:
-        check_screen()
+        _check_screen()
         self._port = _free_port()
         self._viewer = _start("--port", self._port, "--expect-data-soon", "--hide-welcome-screen")
         _connect(self._viewer, self._port)

@@ -133,8 +133,9 @@ def _findings(log: MissionLog, *states: str) -> tuple[FindingRecord, ...]:
     for row in range(table["id"].size):
         finding = {column: values[row] for column, values in table.items() if column != "step"}
         number, position_m, covariance_m2 = int(finding["id"]), finding["position_m"], finding["covariance_m2"]
-        is_mapped = yard is not None and finding["state"] != "outside"
-        places = site_probabilities(yard, position_m, covariance_m2) if is_mapped else {}
+        places: dict[str, float] = {}
+        if yard is not None and finding["state"] != "outside":
+            places = site_probabilities(yard, position_m, covariance_m2)
         aperture_deg, confirmed_s = float(np.degrees(finding.pop("aperture_rad"))), float(finding["confirmed_s"])
         strength = None
         if number in pulses and pulses[number].time_s.size:
