@@ -18,6 +18,7 @@ from dirmusic.array.manifold import GainManifold
 from pdpatrol.envs.scenario.base import is_day
 from pdpatrol.missions.record.log_contents import described_manifold, known_yard
 from pdpatrol.missions.record.mission_log import MissionLog
+from pdpatrol.missions.report.make_report import findings_at
 from pdpatrol.robot_models.yard.yard import Yard
 
 FloatArray = NDArray[np.float64]
@@ -88,12 +89,12 @@ class InspectionLog:
 
     @classmethod
     def of(cls, folder: Path, log: MissionLog) -> InspectionLog:
-        """Take what a trend needs from a log.
+        """Extract the data of a trend from a log.
 
         Raises:
             ValueError: If the log is incomplete, has no date, or has damaged metadata.
         """
-        day, finding = log.meta.get("date"), log.table("finding")
+        day = log.meta.get("date")
         if not isinstance(day, str) or not is_day(day):
             raise ValueError(f"{folder}: must have a date; `pdpatrol run` and `locate` take --date")
         if log.n_rows("step") == 0 or log.n_rows("bearing") != log.n_rows("association"):
@@ -101,10 +102,10 @@ class InspectionLog:
         pulse, bearing = log.table("pulse"), log.table("bearing")
         pulses = pd.DataFrame({name: pulse[name] for name in ("step", "is_clipped")})
         pulses["strength_v"] = np.linalg.norm(pulse["strengths_v"], axis=-1)
-        columns = {"std_rad": bearing["std_rad"], "finding": log.column("association", "finding")}
-        pulses = pulses.join(pd.DataFrame(columns, index=bearing["pulse"]))
-        last = finding["step"] == finding["step"].max(initial=-1)
-        rows = np.flatnonzero(last & np.isin(finding["state"], ("confirmed", "candidate")))
+        of_bearing = {"std_rad": bearing["std_rad"], "finding": log.column("association", "finding")}
+        pulses = pulses.join(pd.DataFrame(of_bearing, index=bearing["pulse"]))
+        finding = findings_at(log, log.n_rows("step"), "confirmed", "candidate")
+        columns = (finding[name] for name in ("id", "state", "position_m", "covariance_m2"))
         try:
             return cls(
                 folder=folder,
@@ -118,10 +119,7 @@ class InspectionLog:
                 pose=log.column("step", "pose"),
                 time_s=log.column("step", "time_s"),
                 pulses=pulses,
-                findings=[
-                    LocatedFinding(*(finding[name][row] for name in ("id", "state", "position_m", "covariance_m2")))
-                    for row in rows
-                ],
+                findings=[LocatedFinding(*row) for row in zip(*columns, strict=True)],
             )
         except (KeyError, TypeError, ValueError, AttributeError, IndexError):
             raise ValueError(f"{folder}: is not the log of a mission (its metadata are damaged)") from None
