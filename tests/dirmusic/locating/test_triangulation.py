@@ -13,9 +13,9 @@ def seen_from(positions: np.ndarray) -> np.ndarray:
     return np.arctan2(sight[:, 1], sight[:, 0])
 
 
-def on_an_arc(n: int, radius_m: float = 6.0) -> np.ndarray:
+def on_an_arc(n: int) -> np.ndarray:
     angle = np.linspace(0.3, 2.3, n)
-    return SOURCE + radius_m * np.column_stack([np.cos(angle), np.sin(angle)])
+    return SOURCE + 6.0 * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
 def test_triangulation_of_exact_bearings() -> None:
@@ -56,14 +56,14 @@ def test_diverging_bearings_do_not_cross_behind() -> None:
 
 
 @pytest.mark.parametrize(
-    ("positions", "bearings", "std"),
+    ("bearings", "std"),
     [
-        (np.zeros((1, 2)), np.zeros(1), np.ones(1)),
-        (np.zeros((3, 2)), np.zeros(2), np.ones(3)),
-        (np.zeros((2, 2)), np.array([0.0, np.nan]), np.ones(2)),
-        (np.zeros((2, 2)), np.zeros(2), np.array([0.1, 0.0])),
+        (np.zeros(1), np.ones(1)),
+        (np.zeros(2), np.ones(3)),
+        (np.array([0.0, np.nan]), np.ones(2)),
+        (np.zeros(2), -np.ones(2)),
     ],
 )
-def test_invalid_bearings_are_refused(positions: np.ndarray, bearings: np.ndarray, std: np.ndarray) -> None:
+def test_invalid_bearings_are_refused(bearings: np.ndarray, std: np.ndarray) -> None:
     with pytest.raises(ValueError, match="bearings"):
-        triangulate(positions, bearings, std)
+        triangulate(np.zeros((bearings.size, 2)), bearings, std)
