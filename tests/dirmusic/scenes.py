@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from dirmusic import (
     ArrayModel,
     BearingEstimator,
+    Bearings,
     ElementErrors,
     ElementSpread,
     Finding,
@@ -15,6 +16,7 @@ from dirmusic import (
     PoseError,
     PulseBatch,
 )
+from dirmusic.angles import difference
 from dirmusic.bearing.maximum_likelihood import maximum_likelihood
 from dirmusic.locating.association import Assigner
 from dirmusic.locating.plane_wave import bearing_error_table
@@ -44,6 +46,15 @@ def rho(snr_db: ArrayLike) -> np.ndarray:
 
 def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
+
+
+def rms_error(found: Bearings, azimuth_rad: np.ndarray) -> float:
+    return rms(difference(found.azimuth_rad, azimuth_rad))
+
+
+def normalised_error_variance(found: Bearings, azimuth_rad: np.ndarray) -> float:
+    """Return the mean squared error in stated deviations."""
+    return rms(difference(found.azimuth_rad, azimuth_rad) / found.std_rad) ** 2
 
 
 def detected(strengths: np.ndarray, noise_v: float, time_s: float | np.ndarray = 0.0) -> PulseBatch:

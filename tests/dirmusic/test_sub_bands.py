@@ -11,7 +11,7 @@ from dirmusic.array.bounds import bearing_bound
 from dirmusic.array.pattern import GainPattern, TabulatedPattern
 from dirmusic.array.spatial_pattern import halves
 from dirmusic.bearing.sub_bands import SubBands
-from tests.dirmusic.scenes import detected, rms
+from tests.dirmusic.scenes import detected, rms, rms_error
 
 FloatArray = NDArray[np.float64]
 RATE_HZ, N = 20e9, 120
@@ -82,7 +82,7 @@ def test_sub_bands_are_exact_for_any_smooth_spectrum(
     whole = np.sqrt(np.square(bands).sum(axis=1))
     pulses = detected(whole, 1e-6)._replace(band_strengths_v=bands, band_variance_v2=np.full_like(bands, 1e-12))
     errors = {
-        name: np.degrees(rms(difference(ESTIMATORS[name](pulses, array).azimuth_rad, azimuth)))
+        name: np.degrees(rms_error(ESTIMATORS[name](pulses, array), azimuth))
         for name in ("sub_bands", "maximum_likelihood")
     }
     assert errors["sub_bands"] < 0.05
