@@ -152,8 +152,9 @@ def summary_text(report: Report) -> str:
     if report.inspection is None:
         sentences.append("Without a map of the sites, the report cannot state what was not inspected.")
     else:
+        n_inspected, n_sites = len(report.inspection.names("inspected")), len(report.inspection.sites)
         sentences.append(
-            f"{len(report.inspection.names('inspected'))} of {len(report.inspection.sites)} sites were inspected: a "
-            f"discharge of {report.inspection.level_db:.0f} dBV at 1 m or more would have been detected and located."
+            f"The robot inspected {n_inspected} of {n_sites} sites: a discharge of "
+            f"{report.inspection.level_db:.0f} dBV at 1 m or more would have been detected and located."
         )
     return " ".join(sentences)
