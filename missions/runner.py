@@ -21,8 +21,7 @@ from pdpatrol.envs.patrol_env import STEP_S, PatrolEnv
 from pdpatrol.envs.user_code import UserCodeError, calling, load_object, place_of
 from pdpatrol.missions.driving.site_map import SiteMap
 from pdpatrol.missions.planning.plan import with_planned_route
-from pdpatrol.missions.policies.make_policy import make_policy
-from pdpatrol.missions.policies.protocol import SeesTruth
+from pdpatrol.missions.policies.make_policy import Oracle, OwnPolicy, make_policy
 from pdpatrol.missions.record.events import EventKind
 from pdpatrol.missions.record.log_contents import describe_array
 from pdpatrol.missions.record.mission_log import MissionLog
@@ -115,7 +114,7 @@ class Mission:
         self._happened: list[tuple[EventKind, str, int, str]] = []
         self.log = MissionLog(self._meta(scenario, policy, seed, info))
         self._tracker = Tracker(self.log, locator, array, pose_error, simulation.estimator, rules.credibility)
-        if isinstance(self.policy, SeesTruth):
+        if isinstance(self.policy, Oracle | OwnPolicy):
             self.policy.reveal(info["truth"])
 
     @property

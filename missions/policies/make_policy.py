@@ -18,7 +18,6 @@ from pdpatrol.missions.policies.protocol import (
     ACTION,
     Action,
     ReportingPolicy,
-    SeesTruth,
     checked_action,
     status_of,
     time_of,
@@ -115,7 +114,7 @@ class OwnPolicy:
 
     def reveal(self, truth: dict[str, Any]) -> None:
         """Pass the truth on to a policy that accepts it."""
-        if isinstance(self._policy, SeesTruth):
+        if hasattr(self._policy, "reveal"):
             with calling(self._maker, "reveal(truth)"):
                 self._policy.reveal(copy.deepcopy(truth))
 

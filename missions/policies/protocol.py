@@ -5,7 +5,7 @@ from __future__ import annotations
 import operator
 import textwrap
 from collections.abc import Sequence
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,8 +42,9 @@ class Policy(Protocol):
     `pdpatrol.missions.record.events.Phase` (default: the name of its class), and `unreachable`, the numbers of the
     waypoints that it has given up, from 1 (default: none). Both are logged.
 
-    **Truth.** Only a policy that has `reveal(truth)` is given the truth, once before the first call; see `SeesTruth`.
-    A collision guard does not pass it on: put the guard inside, as `oracle` does.
+    **Truth.** Only a policy that has `reveal(truth)` is given the truth, once before the first call: `info["truth"]` of
+    the environment's reset, with `full_info`. It is a reference for others, and its own results do not count. A
+    collision guard does not pass the truth on: put the guard inside, as `oracle` does.
 
     **Collisions.** The runner does not keep the robot away from obstacles.
     `pdpatrol.missions.policies.collision_guard.CollisionGuard` around a policy stops before anything that the lidar
@@ -67,15 +68,6 @@ class ReportingPolicy(Policy, Protocol):
 
     phase: Phase
     unreachable: tuple[int, ...]
-
-
-@runtime_checkable
-class SeesTruth(Protocol):
-    """A policy that is given the truth: a reference for others, whose own results do not count."""
-
-    def reveal(self, truth: dict[str, Any]) -> None:
-        """Store the truth of the mission: `info["truth"]` of the environment's reset, with `full_info`."""
-        ...
 
 
 def checked_action(action: object, policy: object) -> Action | None:
