@@ -143,8 +143,8 @@ class Tracker:
         is_integer = association.ndim == 1 and association.size >= n_pulses and association.dtype.kind in "iu"
         if not is_integer or not np.isin(association, known).all():
             raise UserCodeError(
-                f"{place_of(self._locator)}: association gave {association.dtype} of shape {association.shape}, with "
-                f"{np.setdiff1d(association, known)[:3]}; expected {expected}"
+                f"{place_of(self._locator)}: association gave {association.dtype} of shape {association.shape}, "
+                f"{' '.join(repr(association).split()):.60}; expected {expected}"
             )
         return association[:n_pulses]
 

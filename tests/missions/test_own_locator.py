@@ -93,7 +93,7 @@ def test_own_locator_gets_rules_of_the_scenario(tmp_path: Path) -> None:
         ("id=7", "id=-1", "`id` must be at least 1, got -1"),
         ("            )\n        return", "            ) * 2\n        return", "gave (Finding(id=7"),
         ("np.full(self.n,", "np.full(3,", "association gave int64 of shape (3,)"),
-        ("np.full(self.n, 7", "np.full(self.n, 9", ", with [9]; expected an integer for each of"),
+        ("np.full(self.n, 7", "np.full(self.n, 9", ", array([9, 9"),
         ("np.full(self.n,", "1.0 * np.full(self.n,", "association gave float64"),
     ],
 )

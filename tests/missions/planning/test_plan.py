@@ -11,6 +11,7 @@ from pdpatrol.envs import load_scenario
 from pdpatrol.envs.random_yard import random_yard
 from pdpatrol.envs.scenario.map import MapConfig
 from pdpatrol.missions.driving.site_map import SiteMap
+from pdpatrol.missions.planning.cover import coverage
 from pdpatrol.missions.planning.detectability import compute_detectability
 from pdpatrol.missions.planning.output import as_json
 from pdpatrol.missions.planning.plan import Plan, make_plan
@@ -23,15 +24,11 @@ from tests.missions.planning.one_plan import YARDS, FloatArray, plan_of, scenari
 NEEDED_RAD, WITHIN_M = np.radians(60.0), 8.0
 
 
-def views_of(plan: Plan, site_m: FloatArray, from_m: FloatArray) -> FloatArray:
-    """Return the places (n, 2) from which a site is in sight and near enough."""
-    near_m = from_m[np.linalg.norm(from_m - site_m[:2], axis=-1) <= WITHIN_M]
-    return near_m[plan.site_map.in_sight(near_m, site_m, 0.0)] if near_m.size else near_m
-
-
-def aperture_of(views_m: FloatArray, site_m: FloatArray) -> float:
-    away_m = views_m - site_m[:2]
-    return aperture(np.arctan2(away_m[:, 1], away_m[:, 0]))
+def aperture_of(plan: Plan, site_m: FloatArray, from_m: FloatArray) -> float | None:
+    """Return the aperture of the places (n, 2) from which a site is in sight and near enough; None without any."""
+    away_m = from_m - site_m[:2]
+    sees = (np.linalg.norm(away_m, axis=-1) <= WITHIN_M) & plan.site_map.in_sight(from_m, site_m, 0.0)
+    return aperture(np.arctan2(away_m[sees, 1], away_m[sees, 0])) if sees.any() else None
 
 
 def check(plan: Plan) -> None:
@@ -39,11 +36,11 @@ def check(plan: Plan) -> None:
     where, site_map = plan.detectability, plan.site_map
     for name, detection in zip(where.names, plan.detections(), strict=True):
         site_m = site_map.yard.site_position(name)
-        everywhere = views_of(plan, site_m, where.places_m)
-        assert (detection is None) == (everywhere.size == 0), name
-        if detection is not None:
-            widest_rad = min(NEEDED_RAD, aperture_of(everywhere, site_m))
-            assert aperture_of(views_of(plan, site_m, plan.path_m), site_m) >= widest_rad - 1e-6, name
+        widest_rad, offered_rad = (aperture_of(plan, site_m, places_m) for places_m in (where.places_m, plan.path_m))
+        assert (detection is None) == (widest_rad is None), name
+        if widest_rad is not None:
+            assert offered_rad is not None, name
+            assert offered_rad >= min(NEEDED_RAD, widest_rad) - 1e-6, name
     tours, stops = ShortestTours(site_map), plan.tour.stops.tolist()
     for k in range(len(stops)):
         rest = tours.shortest(stops[:k] + stops[k + 1 :])
@@ -54,15 +51,7 @@ def check(plan: Plan) -> None:
 def covers_enough(plan: Plan, cells: NDArray[np.intp]) -> bool:
     """Return True if some cells cover each site as the plan requires."""
     where = plan.detectability
-    columns = where.columns(cells)
-    for k in range(len(where.names)):
-        aspect_rad = where.aspect_rad[k, columns[where.is_detectable[k, columns]]]
-        lines = np.sort(np.mod(aspect_rad, np.pi))
-        widest = np.diff(lines, append=lines[:1] + np.pi).max(initial=0.0)
-        crossing_rad = min(np.pi - widest, np.pi / 2) if lines.size else 0.0
-        if (np.array([aperture(aspect_rad), crossing_rad, aspect_rad.size]) < plan.required[k] - 1e-6).any():
-            return False
-    return True
+    return bool((coverage(where, where.columns(cells)) >= plan.required - 1e-6).all())
 
 
 @pytest.mark.parametrize("name", YARDS)
