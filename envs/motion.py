@@ -43,7 +43,7 @@ def start_motion(state: RobotStates, parameters: Parameters, reading: FloatArray
     state.pose_error[r] = np.nan
     state.n_steps[r], state.time_s[r], state.used_wh[r], state.battery[r] = 0.0, 0.0, 0.0, 1.0
     sense_pose(state, parameters, reading, r)
-    for k in range(3):  # an assignment of the row takes 2 s to compile
+    for k in range(3):
         state.odometry[r, k] = state.believed_pose[r, k]
 
 
@@ -75,7 +75,11 @@ def sense_motion(state: RobotStates, parameters: Parameters, reading: FloatArray
 @compiled_inner
 def sense_pose(state: RobotStates, parameters: Parameters, reading: FloatArray, r: int) -> None:
     """Read the pose sensor of robot `r`, and note its true pose and the angles of its wheels."""
-    state.true_pose[r], state.wheels_rad[r] = reading[POSE], reading[WHEEL_ANGLES]
+    pose, wheels_rad = reading[POSE], reading[WHEEL_ANGLES]
+    for k in range(3):  # an assignment of the row takes 2 s to compile
+        state.true_pose[r, k] = pose[k]
+    for k in range(wheels_rad.size):
+        state.wheels_rad[r, k] = wheels_rad[k]
     add_pose_error(
         state.true_pose[r], state.pose_error[r], parameters.pose_correlation, parameters.pose_std,
         state.motion_normal[r], state.believed_pose[r],
