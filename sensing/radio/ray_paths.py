@@ -256,9 +256,9 @@ def add_edges(
         if not obstacles[k].diffracts:
             continue
         own, n_before = Obstruction(obstacles, shadows, k, around.least), n
-        n, strongest = add_box(emitter, target, False, ground, own, strongest, paths, n)
-        if n > n_before and ground.flat_share > 0.0:
-            n, strongest = add_box(emitter, target, True, ground, own, strongest, paths, n)
+        for by_ground in (False, True):
+            if not by_ground or (n > n_before and ground.flat_share > 0.0):
+                n, strongest = add_box(emitter, target, by_ground, ground, own, strongest, paths, n)
     return n, strongest
 
 
@@ -291,9 +291,9 @@ def trace(
         around = Obstruction(obstacles, shadows, NO_SOLID, max(faintest * strongest_level(paths, n), least))
         for f in range(faces.size):
             if (faces[f].owner == GROUND) == is_ground and faces[f].flat_share > 0.0:
-                n = add_face(emitter, target, faces[f], ground, False, around, paths, n)
-                if is_wall(faces[f]) and ground.flat_share > 0.0:
-                    n = add_face(emitter, target, faces[f], ground, True, around, paths, n)
+                for with_ground in (False, True):
+                    if not with_ground or (is_wall(faces[f]) and ground.flat_share > 0.0):
+                        n = add_face(emitter, target, faces[f], ground, with_ground, around, paths, n)
         if is_ground:
             n_direct_and_ground = n
 

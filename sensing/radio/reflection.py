@@ -26,7 +26,16 @@ from pdpatrol.sensing.radio.geometry import (
 )
 from pdpatrol.sensing.radio.materials import Material
 from pdpatrol.sensing.radio.polarisation import Emitter, face_reflection, radiated, received, reflected
-from pdpatrol.sensing.radio.surroundings import Row, Rows, centre_of, material_of, normal_of, rim_distance, solid_of
+from pdpatrol.sensing.radio.surroundings import (
+    GROUND,
+    Row,
+    Rows,
+    centre_of,
+    material_of,
+    normal_of,
+    rim_distance,
+    solid_of,
+)
 from pdpatrol.sensing.radio.transmission import (
     RIM_M,
     bent_transmission,
@@ -274,4 +283,5 @@ def reflect_by_cylinder(emitter: Emitter, target: Vector, around: Obstruction) -
     caustic_m = 1.0 / (1.0 / before_m + 2.0 / (radius_m * cosine))
     spread = math.sqrt(caustic_m * (before_m + behind_m) / (before_m * (caustic_m + behind_m)))
     mirror = Mirror(point.at, normal, material_of(cylinder))
-    return rim_factor(rim_m) * spread * reflect_once(emitter, target, mirror, False, around), point.image
+    coefficient = reflect_once(emitter, target, mirror, cylinder.owner == GROUND, around)
+    return rim_factor(rim_m) * spread * coefficient, point.image

@@ -181,11 +181,11 @@ class ReceiverBank:
         """Draw the emissions of an interval, return first and end of them, and update what time and pose change."""
         receiver, listener, state = self._receiver, self._listeners[robot], self._states[robot].value
         scene, array = listener.scene, listener.array
-        changed = state
+        changes: dict[str, Any] = {}
         begin_s, end_s = round_to_nanoseconds(start_s), round_to_nanoseconds(start_s + duration_s)
         if not listener.covers(begin_s, end_s):
             listener.draw(begin_s, end_s, self.config.false_alarm_rate_hz)
-            changed = changed._replace(emissions=listener.emissions)
+            changes["emissions"] = listener.emissions
         if scene.has_movers:
             state.propagation.positions_m[:] = scene.positions_at(begin_s)
         if self.config.faults:
@@ -194,13 +194,13 @@ class ReceiverBank:
             table.gain_offsets[:] = array.gain_offsets * factors
         if scene.carriers or self.config.faults:
             channels = receiver.channels(begin_s, scene.carriers, array, world_from_array)
-            changed = changed._replace(channels=channels)
+            changes["channels"] = channels
             if scene.carriers:  # the trigger must be above them
                 level_v = receiver.threshold_v + float(channels.tone_v.sum(axis=0).max())
                 trigger = receiver.front_end.trigger(self.config.noise_v, level_v)
-                changed = changed._replace(sampler=state.sampler._replace(trigger=trigger))
-        if changed is not state:
-            self._states[robot] = Held(changed)
+                changes["sampler"] = state.sampler._replace(trigger=trigger)
+        if changes:
+            self._states[robot] = Held(state._replace(**changes))
         return listener.between(begin_s, end_s)
 
 

@@ -18,7 +18,7 @@ Every record x that triggers then occurs as often as with direct sampling, becau
 level of p_i P(x | i exceeds) / K = P(x). The table of p_i is rounded up; a pinned sample is rejected in proportion.
 
 Members of records are read outside of loops, because Numba counts the references of all arrays in a record that it
-takes apart.
+takes apart. Arguments are variables where they can be, because Numba compiles a function once more for each literal.
 """
 
 from __future__ import annotations
@@ -384,15 +384,16 @@ def pin_sample(
     Returns:
         False if the sample is rejected.
     """
-    trigger, limit_v, volts, at, channel, tabulated = sampler.trigger, channels.limit_v, window.volts, -1, 0, 0.0
-    for t in range(sampler.before, window.search_end):
+    trigger, limit_v, volts, end = sampler.trigger, channels.limit_v, window.volts, window.search_end
+    at, channel, tabulated = end, 0, 0.0
+    for t in range(sampler.before, end):
         for e in range(limit_v.size):
-            if at < 0 and limit_v[e] > trigger.level_v:
+            if at == end and limit_v[e] > trigger.level_v:
                 tabulated = trigger_probability(trigger, volts[e, t])
                 remaining -= tabulated
                 if remaining < 0.0:
                     at, channel = t, e
-    if at < 0:
+    if at == end:
         return False
     signal_v = volts[channel, at]
     towards = (trigger.level_v - abs(signal_v)) / trigger.noise_v
@@ -405,7 +406,7 @@ def pin_sample(
         noise_v = side * trigger.noise_v * draw_tail(towards, rng)
     else:
         noise_v = -side * trigger.noise_v * draw_tail(against, rng)
-    fill(window, window.search_end, signal, sampler, channels, rng)
+    fill(window, end, signal, sampler, channels, rng)
     pin_noise(volts[channel], at, signal_v + noise_v, trigger.correlation)
     return True
 
@@ -459,7 +460,8 @@ def read_out(
     the earlier the stronger the pulse. In a burst, the strongest channel has a mean power in all windows of the test.
     """
     before, n_gate, n_window, noise = sampler.before, sampler.gate, sampler.burst_window, sampler.noise
-    volts, limit_v, strongest, peak_v = window.volts, channels.limit_v, 0, 0.0
+    volts, limit_v = window.volts, channels.limit_v
+    strongest, peak_v = limit_v.size - 1, 0.0
     fill(window, crossing + sampler.peak, signal, sampler, channels, rng)
     for t in range(crossing, crossing + sampler.peak):
         for e in range(limit_v.size):
