@@ -194,7 +194,7 @@ def detect(
             of_source = slice(ray_paths.first[s], ray_paths.first[s] + ray_paths.n_paths[s])
             delay_s, amplitude, peak, peak_s = arrivals
             own = Arrivals(delay_s[of_source], amplitude[of_source], peak[of_source], peak_s[of_source])
-            outcome = sample_emission(peak_v[k], burst_s[s], own, sampler, channels, rng, gate_v)
+            outcome = sample_emission(peak_v[k], float(burst_s[s]), own, sampler, channels, rng, gate_v)
             n_rejected += outcome == IS_BURST
             if outcome != IS_PULSE:
                 continue

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
 from pdpatrol.sensing import Surroundings, upright_solids
@@ -114,8 +114,8 @@ def decibels(ratio: NDArray[Any]) -> NDArray[np.float64]:
     return 20.0 * np.log10(np.abs(ratio))
 
 
-def delay_ns(length_m: float) -> float:
-    return 1e9 * length_m / SPEED_OF_LIGHT_MPS
+def delay_ns(length_m: ArrayLike) -> NDArray[np.float64]:
+    return 1e9 * np.asarray(length_m) / SPEED_OF_LIGHT_MPS
 
 
 class Bend(NamedTuple):
