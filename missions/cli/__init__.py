@@ -42,11 +42,11 @@ def main() -> None:
             sys.stderr.write(f"verb must be one of {', '.join(VERBS)}, got {verb!r}{meant}\n")
             sys.exit(USAGE_ERROR)
         else:
+            if verb == "replay" and sys.platform == "linux" and any(word.startswith("--video") for word in arguments):
+                os.environ.setdefault("MUJOCO_GL", "egl")  # renders without a screen; read when MuJoCo is imported
             # Takes a second, which the help of all verbs does not need.
             from pdpatrol.missions.cli.arguments import call_verb
 
-            if verb == "replay" and sys.platform == "linux" and any(word.startswith("--video") for word in arguments):
-                os.environ.setdefault("MUJOCO_GL", "egl")  # renders without a screen; read when MuJoCo is imported
             call_verb(getattr(import_module(f"{__name__}.{verb}"), verb), arguments)
 
 
