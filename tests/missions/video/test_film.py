@@ -1,4 +1,5 @@
 """Films of missions."""
+# pyright: reportAttributeAccessIssue=false
 
 from importlib.util import find_spec
 from pathlib import Path
