@@ -9,8 +9,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pdpatrol.envs.scenario.checks import position_error
-from pdpatrol.envs.scenario.scenario import Scenario
+from pdpatrol.envs.scenario.scenario import Scenario, position_error
 from pdpatrol.envs.scenario.sources import SourceConfig
 from pdpatrol.sensing import Carrier, DischargeSource, HelicalArray, PulseTrain, Scene, Surroundings
 
