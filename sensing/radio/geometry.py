@@ -40,13 +40,13 @@ def dot(first: Vector, second: Vector) -> float:
     return first.x * second.x + first.y * second.y + first.z * second.z
 
 
-@compiled
+@compiled_inner
 def hypot(first: float, second: float) -> float:
     """Return the root of the sum of squares, three times as fast as `math.hypot`, which also handles extreme values."""
     return math.sqrt(first * first + second * second)
 
 
-@compiled
+@compiled_inner
 def length(vector: Vector) -> float:
     """Return the Euclidean length."""
     return math.sqrt(dot(vector, vector))
@@ -58,13 +58,13 @@ def minus(first: Vector, second: Vector) -> Vector:
     return Vector(first.x - second.x, first.y - second.y, first.z - second.z)
 
 
-@compiled
+@compiled_inner
 def distance(first: Vector, second: Vector) -> float:
     """Return the distance between two points."""
     return length(minus(first, second))
 
 
-@compiled
+@compiled_inner
 def shift(point: Vector, direction: Vector, by: float) -> Vector:
     """Return a point moved along a vector, by a multiple of its length."""
     return Vector(point.x + by * direction.x, point.y + by * direction.y, point.z + by * direction.z)
@@ -171,7 +171,7 @@ class UprightSolid(NamedTuple):
     top_m: float
 
 
-@compiled
+@compiled_inner
 def is_near(path: Segment, solid: UprightSolid, margin_m: float) -> bool:
     """Return True where a circle around the footprint of a solid comes within a margin of a segment, on plan."""
     x, y, reach_m = solid.x - path.start.x, solid.y - path.start.y, solid.reach_m + margin_m

@@ -9,7 +9,7 @@ from __future__ import annotations
 import cmath
 from typing import NamedTuple
 
-from dirmusic.compiled import compiled, compiled_inner
+from dirmusic.compiled import compiled_inner
 from pdpatrol.sensing.radio.geometry import UP, Vector, normal_to
 from pdpatrol.sensing.radio.materials import FREQUENCY_GHZ, LOSS_FACTOR, Material
 
@@ -50,7 +50,7 @@ class Reflection(NamedTuple):
     parallel: complex
 
 
-@compiled
+@compiled_inner
 def component(field: Field, direction: Vector) -> complex:
     """Return the component of a field along a direction."""
     return field.x * direction.x + field.y * direction.y + field.z * direction.z
@@ -76,7 +76,7 @@ def radiated(axis: Vector, ray: Vector) -> Field:
     return Field(complex(transverse.x), complex(transverse.y), complex(transverse.z))
 
 
-@compiled
+@compiled_inner
 def received(field: Field, ray: Vector) -> complex:
     """Return the signal of an antenna with right-handed circular polarisation in a field that arrives along a ray.
 
@@ -101,7 +101,7 @@ def fresnel(cosine: float, permittivity: float, conductivity_spm: float) -> Refl
     return Reflection((cosine - root) / (cosine + root), (inside * cosine - root) / (inside * cosine + root))
 
 
-@compiled
+@compiled_inner
 def face_reflection(cosine: float, material: Material) -> Reflection:
     """Return the reflection coefficients of a face; its roughness scatters a share of the wave."""
     share = material.flat_share
@@ -111,7 +111,7 @@ def face_reflection(cosine: float, material: Material) -> Reflection:
     return Reflection(share * smooth.perpendicular, share * smooth.parallel)
 
 
-@compiled
+@compiled_inner
 def reflected(field: Field, arriving: Vector, leaving: Vector, normal: Vector, reflection: Reflection) -> Field:
     """Return the field behind a mirror.
 
@@ -128,7 +128,7 @@ def reflected(field: Field, arriving: Vector, leaving: Vector, normal: Vector, r
     return superpose(perpendicular, across, parallel, normal_to(leaving, across))
 
 
-@compiled
+@compiled_inner
 def diffracted(field: Field, arriving: Vector, leaving: Vector, edge: Vector, soft: complex, hard: complex) -> Field:
     """Return the field behind an edge, before it spreads: Kouyoumjian and Pathak 1974, eq. (23).
 

@@ -262,7 +262,7 @@ def add_edges(
     return n, strongest
 
 
-@compiled
+@compiled_inner
 def trace(
     emitter: Emitter, target: Vector, least: float, surroundings: Surroundings, shadows: Rows, paths: Rows
 ) -> int:

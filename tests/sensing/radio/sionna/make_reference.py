@@ -40,15 +40,15 @@ from numpy.typing import NDArray
 
 FREQUENCY_HZ = 1.75e9
 AT_1M = 4 * np.pi * FREQUENCY_HZ / 299_792_458.0
-"""Turns a path's coefficient into its amplitude over that at 1 m."""
+"""Factor from the coefficient of a path to its amplitude over that at 1 m."""
 GROUND_M = 2.0
 RECEIVERS_UP_M = 0.6
 CLEAR_M = 0.4
-"""Receivers are no closer to a box."""
+"""Least distance of a receiver from a box, metres."""
 SIZE_M = (25.0, 20.0)
 N_RAYS, SEED = 1_000_000, 1
 DIFFRACTION = 8
-"""As of `rt.constants.InteractionType`."""
+"""Value of `rt.constants.InteractionType.DIFFRACTION`."""
 YARDS = {  # boxes: middle x and y, sides along their own axes, height, all in metres, and yaw in degrees
     "square": {
         "boxes": {
