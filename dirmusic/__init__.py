@@ -7,7 +7,6 @@ from dirmusic.array.model import ArrayModel
 from dirmusic.array.pattern import GainPattern, GaussianPattern, TabulatedPattern
 from dirmusic.array.pattern_file import read_pattern
 from dirmusic.bearing.estimators import ESTIMATORS, BearingEstimator, bearings_towards
-from dirmusic.bearing.gain_delay import bearings_from_delays
 from dirmusic.bearing.maximum_likelihood import bearings_from_covariance, estimate_bearings
 from dirmusic.bearing.spectrum import noise_subspace, pseudo_spectrum, pulse_spectrum, source_count, spectrum_peaks
 from dirmusic.input_file import InputFileError, InputFileWarning
@@ -43,7 +42,6 @@ __all__ = [
     "YardLikelihood",
     "bearing_bound",
     "bearings_from_covariance",
-    "bearings_from_delays",
     "bearings_towards",
     "cut_windows",
     "estimate_bearings",

@@ -10,6 +10,8 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
+SPEED_OF_LIGHT_MPS = 299_792_458.0
+
 PLAIN_ZERO = AfterValidator(lambda value: value + 0.0)
 """Turns -0.0 into 0, because random generators refuse a standard deviation of -0.0."""
 

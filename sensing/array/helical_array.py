@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from dirmusic import GainManifold, GainPattern
 from dirmusic.array.pattern import gain_in_space
 from dirmusic.array.spatial_pattern import SpatialPattern, halves
-from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
 from pdpatrol.sensing.array.config import ArrayConfig
 from pdpatrol.sensing.nature.pulses import FREQUENCY_HZ
+from pdpatrol.sensing.quantities import SPEED_OF_LIGHT_MPS
 
 FloatArray = NDArray[np.float64]
 

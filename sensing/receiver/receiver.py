@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dirmusic.array.spatial_pattern import SpatialPattern
-from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
 from dirmusic.bearing.sub_bands import SubBands
 from pdpatrol.sensing.array.array_table import gain_grid
 from pdpatrol.sensing.array.helical_array import HelicalArray
 from pdpatrol.sensing.nature.pulses import DECAY_S
 from pdpatrol.sensing.nature.sources import Carrier
+from pdpatrol.sensing.quantities import SPEED_OF_LIGHT_MPS
 from pdpatrol.sensing.receiver.config import ReceiverConfig
 from pdpatrol.sensing.receiver.detection import GateReading
 from pdpatrol.sensing.receiver.sampling import BURST_LENGTH, BURST_WINDOWS, Channels, Sampler

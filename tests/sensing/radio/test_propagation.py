@@ -7,9 +7,9 @@ import pytest
 from numpy.typing import ArrayLike
 
 from dirmusic import GainPattern
-from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
 from pdpatrol.sensing import ArrayConfig, HelicalArray, Surroundings, level_transform
 from pdpatrol.sensing.array.array_table import ArrayTable
+from pdpatrol.sensing.quantities import SPEED_OF_LIGHT_MPS
 from pdpatrol.sensing.radio.arrivals import Propagation, propagate
 from pdpatrol.sensing.radio.materials import GRAVEL, KIND_MATERIALS, WAVELENGTH_M, Material
 from pdpatrol.sensing.radio.surroundings import Rows, ground_face

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dirmusic.bearing.gain_delay import SPEED_OF_LIGHT_MPS
 from pdpatrol.sensing import Surroundings, upright_solids
+from pdpatrol.sensing.quantities import SPEED_OF_LIGHT_MPS
 from pdpatrol.sensing.radio.diffraction import (
     WedgeFaces,
     box_edge,
