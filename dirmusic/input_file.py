@@ -1,4 +1,4 @@
-"""Reading of files that a user gives, and the errors that they raise."""
+"""Reading of input files, and the errors that it raises."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class InputFileError(ValueError):
     """Error for a file that cannot be used.
 
     Attributes:
-        faults: One line for each error in the file: file, place, requirement and value found.
+        faults: One line for each error in the file: file, location, requirement and value found.
     """
 
     def __init__(self, faults: Sequence[str]) -> None:
@@ -22,7 +22,7 @@ class InputFileError(ValueError):
 
 
 class InputFileWarning(UserWarning):
-    """Warning about an unusual file that could be read nevertheless."""
+    """Warning about an unusual file that can still be read."""
 
 
 @contextmanager
@@ -41,7 +41,7 @@ def opened(path: Path, max_bytes: int) -> Generator[IO[bytes]]:
             size_mb, max_mb = status.st_size / 1e6, max_bytes / 1e6
             raise InputFileError([f"{path}: must have at most {max_mb:.0f} MB, has {size_mb:.1f} MB"])
         file = path.open("rb")
-    except (OSError, ValueError) as error:  # a path with a zero byte is a ValueError
+    except (OSError, ValueError) as error:  # a path with a zero byte raises ValueError
         if isinstance(error, InputFileError):
             raise
         reason = error.strerror if isinstance(error, OSError) else "invalid path"
@@ -51,7 +51,7 @@ def opened(path: Path, max_bytes: int) -> Generator[IO[bytes]]:
 
 
 def read_whole(path: Path, max_bytes: int) -> bytes:
-    """Read a file.
+    """Read a whole file.
 
     Raises:
         InputFileError: If the path is not a readable regular file, or the file is larger than `max_bytes`.

@@ -1,1 +1,1 @@
-"""The array: patterns, manifold, errors of the elements, calibration and bounds."""
+"""Antenna array: patterns, manifold, errors of the elements, calibration and bounds."""

@@ -1,4 +1,4 @@
-"""Gain manifold: gain of every element towards any azimuth, as steering vectors are for phased arrays."""
+"""Gain manifold: gain of every element towards any azimuth, like the steering vectors of a phased array."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FloatArray = NDArray[np.float64]
 
 SEARCH_STEP_RAD = np.radians(2.0)
 SEARCH_AZIMUTHS_RAD = np.arange(180) * SEARCH_STEP_RAD
-"""Grid on which peaks are searched before refinement; fine compared with any lobe of an element of a ring."""
+"""Grid for the coarse peak search, before refinement; its step is small compared with a lobe of a ring's element."""
 
 
 def nearest_search_azimuth(azimuth_rad: FloatArray) -> NDArray[np.intp]:
@@ -34,7 +34,7 @@ def nearest_search_azimuth(azimuth_rad: FloatArray) -> NDArray[np.intp]:
 
 
 class ManifoldTable(NamedTuple):
-    """Manifold as a kernel reads it, in even steps of azimuth from 0.
+    """Manifold for compiled kernels, tabulated in equal steps of azimuth from 0.
 
     Attributes:
         gain: Gains, shape (TABLE_SIZE, n_elements).
@@ -62,7 +62,7 @@ class GainManifold:
         boresight_elevations_rad: Elevation of each element's boresight, in [-pi/2, pi/2], shape (n_elements,). Default:
             level.
         gain_factors: Known factor of each element's gain, shape (n_elements,), positive; see `ElementErrors.correct`.
-        gain_offsets: Known addition to each element's gain, in units of gain, shape (n_elements,).
+        gain_offsets: Known offset added to each element's gain, in units of gain, shape (n_elements,).
 
     Attributes:
         search_gain: Gains towards `SEARCH_AZIMUTHS_RAD`, shape (n_elements, n_azimuths).
@@ -70,7 +70,7 @@ class GainManifold:
         search_unit_gain: These gains scaled to unit norm.
 
     Raises:
-        ValueError: If a vector is not finite or not of shape (n_elements,), or the ratios of the gains hardly change
+        ValueError: If a vector is not finite or not of shape (n_elements,), or if the ratios of the gains hardly change
             with azimuth, so that the array cannot distinguish directions.
 
     References:
@@ -90,7 +90,7 @@ class GainManifold:
         if boresights.ndim != 1 or boresights.size < 2 or not np.isfinite(boresights).all():
             raise ValueError(
                 f"`boresights_rad` must be finite with shape (n_elements,), n_elements >= 2, got {boresights_rad!r}. "
-                "One element alone gives no direction."
+                "A direction needs at least two elements."
             )
         self.boresights_rad = boresights
         self.boresight_elevations_rad, self.gain_factors, self.gain_offsets = (
@@ -109,7 +109,7 @@ class GainManifold:
                 raise ValueError(f"`{name}` must be finite, got {values!r}")
         if not np.all(self.gain_factors > 0):
             raise ValueError(
-                f"`gain_factors` must be positive, got {gain_factors!r}; leave a dead element out by `take`"
+                f"`gain_factors` must be positive, got {gain_factors!r}; use `take` to leave out a dead element"
             )
         if not np.all(np.abs(self.boresight_elevations_rad) <= np.pi / 2):
             raise ValueError(f"`boresight_elevations_rad` must be in [-pi/2, pi/2], got {boresight_elevations_rad!r}")
@@ -131,14 +131,14 @@ class GainManifold:
         return cls(pattern or GaussianPattern(), ring_boresights_rad(n_elements))
 
     def replaced(self, **changes: ArrayLike) -> GainManifold:
-        """Return a manifold with other boresights, gain factors or offsets, named as the arguments of the class."""
+        """Return a copy with other boresights, gain factors or offsets, given under their names in the constructor."""
         return GainManifold(self.pattern, **{**self._of_elements, **changes})
 
     def take(self, elements: Sequence[int] | NDArray[np.intp] | NDArray[np.bool_]) -> GainManifold:
-        """Select elements by index or mask, for a receiver with fewer channels or to leave faulty ones out."""
+        """Select elements by index or mask, for a receiver with fewer channels or to leave out faulty elements."""
         chosen = np.arange(self.n_elements)[np.asarray(elements)]
         key = tuple(chosen.tolist())
-        if key not in self._taken:  # the channel monitor asks for the same subsets again and again
+        if key not in self._taken:  # the channel monitor asks for the same subsets repeatedly
             self._taken[key] = self.replaced(**{name: each[chosen] for name, each in self._of_elements.items()})
         return self._taken[key]
 
@@ -149,7 +149,7 @@ class GainManifold:
 
     @cached_property
     def table(self) -> ManifoldTable:
-        """Table for kernels."""
+        """Table for compiled kernels."""
         gain, slope = self.gain_and_slope(2 * np.pi / TABLE_SIZE * np.arange(TABLE_SIZE))
         first, second = np.tril_indices(self.n_elements)
         pairs = self.search_unit_gain[first] * self.search_unit_gain[second]
@@ -160,12 +160,12 @@ class GainManifold:
 
     @cached_property
     def held_table(self) -> Held[ManifoldTable]:
-        """Table for kernels that are called often."""
+        """Table for compiled kernels that are called often."""
         return Held(self.table)
 
     @cached_property
     def pattern_table(self) -> PatternTable:
-        """Pattern of the elements for kernels."""
+        """Pattern of the elements for compiled kernels."""
         return tabulate(self.pattern)
 
     def gain(self, azimuth_rad: ArrayLike) -> FloatArray:
@@ -186,7 +186,7 @@ class GainManifold:
         return factors * gain + offsets, factors * slope
 
     def response_in_space(self, off_boresight_rad: FloatArray, elevation_rad: FloatArray) -> SpatialGain:
-        """Compute the gain of each element and its slopes at a separate direction each; elements on the last axis.
+        """Compute the gain and slopes of each element, each in its own direction; elements on the last axis.
 
         Args:
             off_boresight_rad: Azimuth off each boresight, shape (..., n_elements).
@@ -200,19 +200,19 @@ class GainManifold:
 
 
 FAR_APART_RAD = np.radians(20.0)
-"""Smallest distance of two directions that can be ambiguous; between nearer ones the error is that of the bound."""
+"""Smallest angle between two directions that count as ambiguous; confusing closer ones is part of the bearing error."""
 
 LEAST_CONTRAST_RAD = np.radians(1.0)
-"""Angle between unit gains below which two directions are ambiguous. Assumed: 1 degree is 2 % of the strengths, less
-than the spread of the elements. Rings have 5 degrees and more, two elements hundredths of one."""
+"""Angle between unit gain vectors below which two directions are ambiguous. Assumed: 1 degree is 2 % of the strengths,
+less than the spread of the elements. Rings have 5 degrees or more; two elements have hundredths of a degree."""
 
 
 def ambiguous_azimuths(manifold: GainManifold) -> tuple[float, float] | None:
-    """Find two azimuths far apart that an array does not distinguish.
+    """Find two azimuths, far apart, that an array cannot distinguish.
 
     Returns:
-        The pair of azimuths, at least `FAR_APART_RAD` apart, whose gains have the most similar ratios, array frame, in
-        [0, 2 pi); None if the angle between their vectors of gains is at least `LEAST_CONTRAST_RAD`.
+        Pair of azimuths in [0, 2 pi), array frame, at least `FAR_APART_RAD` apart, whose gains have the most similar
+        ratios; None if the angle between their gain vectors is at least `LEAST_CONTRAST_RAD`.
     """
     unit_gain = manifold.search_unit_gain
     similarity: FloatArray = unit_gain.T @ unit_gain

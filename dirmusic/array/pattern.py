@@ -1,4 +1,4 @@
-"""Gain of one directional element over the angle off its boresight, in the plane and in space."""
+"""Gain of one directional element as a function of the angle off its boresight, in the plane and in space."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ FloatArray = NDArray[np.float64]
 
 @compiled_inner
 def cubic(share: float, start: float, end: float, start_slope: float, end_slope: float) -> tuple[float, float]:
-    """Interpolate between two points by the cubic with their values and slopes; `share` in [0, 1].
+    """Interpolate between two points with the cubic that has the given values and slopes; `share` is in [0, 1].
 
     Returns:
-        Value, and slope per unit of `share`.
+        The value, and the slope per unit of `share`.
     """
     rise = end - start
     square, cube = 3.0 * rise - 2.0 * start_slope - end_slope, start_slope + end_slope - 2.0 * rise
@@ -28,14 +28,14 @@ def cubic(share: float, start: float, end: float, start_slope: float, end_slope:
 
 
 class GainPattern(Protocol):
-    """Amplitude gain of one element in the plane of the array; a subclass implements `gain_and_slope`."""
+    """Amplitude gain of one element in the plane of the array. Subclasses implement `gain_and_slope`."""
 
     def __call__(self, off_boresight_rad: ArrayLike) -> FloatArray:
         """Compute the gain, unitless and positive, at `off_boresight = azimuth - boresight` of any shape."""
         return self.gain_and_slope(off_boresight_rad)[0]
 
     def gain_and_slope(self, off_boresight_rad: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Compute the gain and its slope per radian, both of the shape of `off_boresight_rad`."""
+        """Compute the gain and its slope per radian, both with the shape of `off_boresight_rad`."""
         ...
 
 
@@ -45,9 +45,9 @@ class GaussianPattern(GainPattern):
     .. math:: g(\theta) = \sum_{i=1}^{3} a_i \exp(-(\theta - b_i)^2 / c_i^2), \quad
               \theta = (207^\circ + \text{off\_boresight}) \bmod 360^\circ
 
-    Its peak, 1.0058, is at 207 degrees of the printed formula, which is taken as the boresight. Gains lie in [0.07,
-    1.01]; the -3 dB width is 101 degrees, the front-to-back ratio 16.3 dB. The pattern is not symmetric, and has a step
-    of 0.006 where the printed angle passes 0/360 (153 degrees off boresight), as printed.
+    The peak of 1.0058 is at 207 degrees in the printed formula, which is taken as the boresight. Gains lie in [0.07,
+    1.01]. The -3 dB width is 101 degrees and the front-to-back ratio is 16.3 dB. The pattern is not symmetric. As in
+    the paper, it has a step of 0.006 where the printed angle passes 0/360 (153 degrees off boresight).
 
     References:
         Dir-MUSIC, eq. (1).
@@ -68,20 +68,20 @@ class GaussianPattern(GainPattern):
 
 MAX_GAP_RAD = np.radians(30.0)
 MAX_GAP_STEPS = 4.0
-"""Widest step of a table, in radians and in median steps; a spline would invent the gain in a wider one. Assumed."""
+"""Widest step of a table, in radians and in median steps. Assumed: the spline is not reliable across a wider gap."""
 
 
 class TabulatedPattern(GainPattern):
     """Measured pattern: a periodic cubic spline through gains at given angles.
 
     Args:
-        off_boresight_rad: Strictly increasing angles that span less than one turn, shape (n,), n >= 4, without a gap
-            wider than 30 degrees or four median steps, also between last and first.
+        off_boresight_rad: Strictly increasing angles that span less than one turn, shape (n,), n >= 4. No gap,
+            including the one between the last and the first angle, may be wider than 30 degrees or four median steps.
         gain: Amplitude gain at those angles, shape (n,), positive.
 
     Raises:
-        ValueError: If shapes disagree, angles do not increase within one turn or leave a gap, or a gain is not
-            positive and finite.
+        ValueError: If shapes disagree, if the angles do not increase within one turn or leave a gap, or if a gain is
+            not positive and finite.
     """
 
     def __init__(self, off_boresight_rad: ArrayLike, gain: ArrayLike) -> None:
@@ -89,7 +89,7 @@ class TabulatedPattern(GainPattern):
         value = np.array(gain, dtype=np.float64)
         if angle.ndim != 1 or angle.shape != value.shape or angle.size < 4:
             raise ValueError(
-                f"`off_boresight_rad` and `gain` must be of one shape (n,), n >= 4, got {angle.shape} and {value.shape}"
+                f"`off_boresight_rad` and `gain` must have one shape (n,), n >= 4, got {angle.shape} and {value.shape}"
             )
         if not (np.isfinite(angle).all() and np.all(np.diff(angle) > 0) and angle[-1] - angle[0] < 2 * np.pi):
             raise ValueError("`off_boresight_rad` must be finite and strictly increasing within one turn (2 pi)")
@@ -100,7 +100,7 @@ class TabulatedPattern(GainPattern):
         if steps[widest] > min(MAX_GAP_RAD, MAX_GAP_STEPS * float(np.median(steps))) * (1 + 1e-9):
             raise ValueError(
                 f"`off_boresight_rad` must have steps of at most {np.degrees(MAX_GAP_RAD):.0f} degrees and "
-                f"{MAX_GAP_STEPS:.0f} times the median step ({np.degrees(np.median(steps)):.1f} degrees), leaves a gap "
+                f"{MAX_GAP_STEPS:.0f} times the median step ({np.degrees(np.median(steps)):.1f} degrees), got a step "
                 f"of {np.degrees(steps[widest]):.1f} degrees after {np.degrees(angle[widest]):.1f} degrees"
             )
         self._start = angle[0]
@@ -119,11 +119,11 @@ class TabulatedPattern(GainPattern):
 
 
 NEAR_AXIS = 1e-9
-"""Sine of the angle from the boresight below which the roll around it is undefined; rounding decides beyond."""
+"""Sine of the angle from the boresight below which the roll angle is undefined, because rounding would determine it."""
 
 
 class SpatialGain(NamedTuple):
-    """Gains towards directions in space and their slopes per radian, all of one shape."""
+    """Gains towards directions in space and their slopes per radian, all of the same shape."""
 
     gain: FloatArray
     by_azimuth: FloatArray
@@ -138,13 +138,13 @@ def gain_in_space(
 ) -> SpatialGain:
     r"""Compute the gain of an element towards a direction in space.
 
-    With :math:`\psi` the angle from the boresight and :math:`\phi` the roll around it, zero for a level direction
-    to the left,
+    With :math:`\psi` the angle from the boresight and :math:`\phi` the roll angle around it, which is zero for a level
+    direction to the left,
 
     .. math:: g(\psi, \phi) = \cos^2(\phi / 2) \, g(+\psi) + \sin^2(\phi / 2) \, g(-\psi)
 
-    At zero elevation the gain of a level element is the pattern itself. The pattern is measured in one plane; assumed:
-    a helix has nearly the same pattern in all planes through its axis (`OFF_PLANE` says how nearly).
+    At zero elevation the gain of a level element is the pattern itself. The pattern is measured in one plane. Assumed:
+    a helix has nearly the same pattern in all planes through its axis; see `element_errors.OFF_PLANE`.
 
     Args:
         pattern: Pattern in the plane.
@@ -185,13 +185,13 @@ def gain_in_space(
 
 
 TABLE_SIZE = 3600
-"""Steps of a table, of 0.1 degrees; a cubic between them is exact to 1e-10 where the pattern is smooth."""
+"""Number of steps of a table, 0.1 degrees each; cubic interpolation is accurate to 1e-10 for a smooth pattern."""
 
 STEP_RAD = 2 * np.pi / TABLE_SIZE
 
 
 class PatternTable(NamedTuple):
-    """Pattern in the plane as a kernel reads it, in even steps from 0 off boresight.
+    """Pattern in the plane for compiled kernels, tabulated in equal steps of the angle off boresight, from 0.
 
     Attributes:
         gain: Gains, shape (TABLE_SIZE,).
@@ -203,7 +203,7 @@ class PatternTable(NamedTuple):
 
 
 def tabulate(pattern: GainPattern) -> PatternTable:
-    """Tabulate a pattern."""
+    """Tabulate a pattern for compiled kernels."""
     gain, slope = pattern.gain_and_slope(STEP_RAD * np.arange(TABLE_SIZE))
     return PatternTable(np.ascontiguousarray(gain), STEP_RAD * slope)
 
@@ -229,13 +229,13 @@ class Boresight(NamedTuple):
 
 
 def as_boresights(azimuth_rad: FloatArray, elevation_rad: FloatArray) -> FloatArray:
-    """Stack the fields of `Boresight`, shape (n_elements, 4), for azimuths and elevations (n_elements,)."""
+    """Compute the fields of `Boresight`, shape (n_elements, 4), for azimuths and elevations (n_elements,)."""
     return np.stack([f(angle) for angle in (azimuth_rad, elevation_rad) for f in (np.cos, np.sin)], axis=-1)
 
 
 @compiled
 def gain_towards(pattern: PatternTable, boresight: Boresight, x: float, y: float, z: float) -> float:
-    """Compute the gain of an element along the vector (x, y, z), z up, of any length, as `gain_in_space`."""
+    """Compute the gain of an element along the vector (x, y, z), z up, of any length; see `gain_in_space`."""
     level = boresight.cos_azimuth * x + boresight.sin_azimuth * y
     left = boresight.cos_azimuth * y - boresight.sin_azimuth * x
     ahead = boresight.cos_elevation * level + boresight.sin_elevation * z

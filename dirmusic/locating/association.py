@@ -1,4 +1,4 @@
-"""Association: the one finding that each pulse belongs to, or why it belongs to none."""
+"""Association of each pulse with one finding, or with the reason why it belongs to no finding."""
 
 from __future__ import annotations
 
@@ -18,50 +18,51 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 SAME_M, SAME_DB, SAME_RAD = 0.05, 0.5, np.radians(0.2)
-"""Changes of a finding's position, level and bearings up to which its pulses are not judged again (assumed): less than
-the errors of the poses, the margins of the rules, and the deviations of bearings."""
+"""Changes of a finding's position, level and bearings up to which its pulses are not compared with it again. Assumed:
+less than the errors of poses, the margins of the rules and the standard deviations of bearings."""
 
 LIKELIHOOD_RATIO = 3.0
-"""Ratio of likelihoods above which a bearing of another finding takes a pulse from a finding (assumed): more leaves
-more pulses unassociated, less gives more of them to the wrong finding."""
+"""Likelihood ratio of a bearing above which another finding takes a pulse. Assumed: a higher ratio leaves more pulses
+unassociated, a lower one gives more of them to the wrong finding."""
 
 MULTIPATH_WINDOW_S = 5.0
-"""Length of the windows in which pulses are counted (assumed): long for significant numbers, short for the robot's
-path."""
+"""Length of the windows in which pulses are counted. Assumed: long enough for significant counts, short enough that the
+robot does not drive far."""
 
 MULTIPATH_SECTOR_RAD = np.radians(30.0)
 """Width of the sectors in which the multipath of a window is counted (assumed)."""
 
 RATE_QUANTILE = 0.9
-"""Quantile over the windows in which a source was detected that is its rate of discharge (assumed): in the others
-distance or an obstacle took some of its pulses."""
+"""Quantile of the number of pulses per window that is taken as the rate of a source, over the windows in which it was
+detected. Assumed: in most windows, distance or an obstacle hides some of its pulses."""
 
 EXCESS_SIGMAS = 3.0
-"""Poisson deviations above the expected number of multipath pulses from which on there are too many (assumed)."""
+"""Number of Poisson standard deviations above the expected number of multipath pulses that is too many (assumed)."""
 
 N_PHASE_BINS = 24
 """Bins of a mains period (assumed): 15 degrees, half the width of most clusters of
 `dirmusic.pulses.phase_resolved`."""
 
 MIN_PHASE_RATIO = 0.1
-"""Ratio of the rate in a phase bin to the mean rate below which a finding does not discharge there (assumed). For a
-finding that discharges at any phase no bin is so empty: of more than 200 pulses, the fewest that can exclude anything,
-each bin holds 9 on average."""
+"""Ratio of the rate in a phase bin to the mean rate below which a finding does not discharge in that bin. Assumed: at
+least 200 pulses are needed to exclude a bin, 9 per bin on average, so a finding that discharges at all phases leaves no
+bin this empty."""
 
 
 class Unassociated(IntEnum):
     """Reason why a pulse belongs to no finding; negative, unlike positions and ids of findings."""
 
     UNASSIGNED = -1
-    """It points to no finding."""
+    """The pulse points to no finding."""
     AMBIGUOUS = -2
-    """It points to several findings."""
+    """The pulse points to several findings."""
     BIASED = -3
-    """It has the level of a finding in sight and points past it: a reflection within the gate biased its bearing."""
+    """The pulse has the level of a finding in sight but points past it: a reflection in its gate biased the bearing."""
     DIFFRACTED = -4
-    """It points to a finding and is too weak for the range: it was diffracted at an edge."""
+    """The pulse points to a finding but is too weak for the range: it was diffracted at an edge."""
     ECHO = -5
-    """It came while the map obstructs a finding, no stronger than that: from a reflector, or around an edge."""
+    """The pulse is multipath: it came, reflected or diffracted, while a finding was obstructed on the map, and was no
+    stronger than that finding."""
 
 
 class Assignment(NamedTuple):
@@ -69,13 +70,13 @@ class Assignment(NamedTuple):
 
     Attributes:
         finding: Position of the finding in the sequence of findings, or a code of `Unassociated`.
-        in_sight: True if the finding that the pulse points to best was in sight from where it was detected.
-        level_db: Level 1 m from each finding by the pulses of this time and direction, dB over 1 V, shape
-            (n_findings, n).
+        in_sight: True if the finding nearest to the pulse's bearing was in sight from the place of detection.
+        level_db: Level 1 m from each finding that the pulses of this time and direction imply, dB relative to 1 V,
+            shape (n_findings, n).
         may_be: True where direction and level are consistent with the finding, shape (n_findings, n).
-        is_too_weak: True where the pulse points to a finding that the map has in sight and is too weak for its level:
-            it was diffracted, or the level is wrong, shape (n_findings, n).
-        is_echo: True if the pulse may be multipath of another finding than its own.
+        is_too_weak: True where the pulse points to a finding that is in sight on the map but is too weak for that
+            finding's level: either the pulse was diffracted, or the level is wrong; shape (n_findings, n).
+        is_echo: True if the pulse may be multipath of a finding other than its own.
     """
 
     finding: NDArray[np.intp]
@@ -87,12 +88,12 @@ class Assignment(NamedTuple):
 
 
 class Judgement(NamedTuple):
-    """All pulses compared with one finding, kept while the finding and the known errors of the array hardly change.
+    """Comparison of all pulses with one finding, kept while the finding and the known array errors hardly change.
 
     Attributes:
-        finding: The finding as it was then.
-        error_rad: Table of known bearing errors as it was then.
-        n_settled: Number of first pulses whose comparison is final.
+        finding: The finding at the time of the comparison.
+        error_rad: Table of known bearing errors at that time.
+        n_settled: Number of leading pulses whose comparison is final.
         pulses: The comparison of all pulses.
     """
 
@@ -102,7 +103,7 @@ class Judgement(NamedTuple):
     pulses: JudgedPulses
 
     def holds_for(self, finding: Finding, error_rad: FloatArray) -> bool:
-        """Return whether the pulses need not be compared again with the finding as it is now."""
+        """Return whether the comparison is still valid for the current finding and table of bearing errors."""
         then = self.finding
         return (
             then.state == finding.state
@@ -118,7 +119,7 @@ class Judgement(NamedTuple):
 class Assigner:
     """Assigns the pulses of a record to findings.
 
-    Comparisons are kept: all pulses are compared again only with a finding that has changed, new pulses with every one.
+    Comparisons are kept: new pulses are compared with every finding, earlier pulses only with findings that changed.
 
     Args:
         record: The pulses.
@@ -135,7 +136,7 @@ class Assigner:
         """Assign all pulses so far.
 
         Args:
-            findings: The findings as they are now.
+            findings: Current findings.
             error_rad: Table of known bearing errors, see `PulseRecord.error_table`.
         """
         has_changed = [finding.id for finding in findings] != list(self._judged)
@@ -161,10 +162,10 @@ class Assigner:
     def _combined(self, findings: Sequence[Finding]) -> Assignment:
         """Combine the comparisons with all findings into one assignment.
 
-        The order of the steps matters. A pulse belongs to the one finding whose gate it is in. Pulses biased by a
-        reflection, and multipath ghosts of a confirmed finding, are taken out next, but only as many as can be: if
-        there are more than pulses of confirmed findings are missing, another source is among them, and they keep what
-        their direction says.
+        The order of the steps matters. First, a pulse that is in the gate of exactly one finding belongs to it. Then
+        pulses that may be multipath of a confirmed finding are taken out, biased ones first. If there are more of them
+        than there are missing direct pulses of confirmed findings, another source must be among them, and they keep the
+        finding that their direction gives.
         """
         n = self._record.n_pulses
         if not findings or n == 0:
@@ -210,11 +211,11 @@ class Assigner:
         )
 
     def _judged_by_likelihood(self, judged: JudgedPulses, confirmed: BoolArray) -> JudgedPulses:
-        """Take pulses out of the gate of a finding if another one makes their bearing much likelier.
+        """Take pulses out of the gate of a finding if another finding makes their bearing much likelier.
 
-        A candidate of poorly known position has every direction in its gate, and would leave nothing to better known
-        ones. Confirmed findings and candidates are compared among themselves only: a confirmed finding is known best,
-        and would take all pulses of a new source next to it.
+        The gate of a poorly located candidate contains every direction, which would make the pulses of all other
+        findings ambiguous. Confirmed findings are compared only with confirmed findings, and candidates only with
+        candidates: a confirmed finding is located best, and would take all pulses of a new source next to it.
 
         Args:
             judged: Pulses judged by direction, level and phase.
@@ -229,11 +230,12 @@ class Assigner:
         return judged._replace(offset_sigmas=offset_sigmas)
 
     def _judged_by_phase(self, judged: JudgedPulses, confirmed: BoolArray) -> JudgedPulses:
-        """Apply the phase of the mains.
+        """Rule out findings that do not discharge at the mains phase of a pulse.
 
-        Of several findings in one direction, those that do not discharge at the phase of a pulse are not its source,
-        and a pulse is not multipath of a confirmed finding that does not. The only finding that a pulse points to keeps
-        it at any phase: a kind may be weaker in one half cycle, and detected in it from close by only.
+        If several findings lie in one direction, those that do not discharge at the phase of a pulse are not its
+        source. Nor is a pulse multipath of a confirmed finding that does not discharge at its phase. If a pulse points
+        to one finding only, that finding keeps it at any phase: some kinds of discharge are weaker in one half cycle,
+        and the pulses of that half cycle are detected at short range only.
 
         Args:
             judged: Pulses judged by direction and level.
@@ -253,7 +255,7 @@ class Assigner:
         )
 
     def _outnumber_multipath(self, is_suspect: BoolArray, finding: Rows, confirmed: BoolArray) -> BoolArray:
-        """Return which suspected multipath pulses of confirmed findings are too many for that, shape (n,)."""
+        """Return which suspected multipath pulses are too many to come from confirmed findings, shape (n,)."""
         number = np.append(np.where(confirmed, np.cumsum(confirmed) - 1, -1), -1)  # among the confirmed ones
         return too_many_for_multipath(
             self._record.elapsed_s,
@@ -267,22 +269,22 @@ class Assigner:
 def too_many_for_multipath(
     time_s: FloatArray, bearing_rad: FloatArray, is_suspect: BoolArray, source: NDArray[np.intp], n_sources: int
 ) -> BoolArray:
-    r"""Return which pulses came from one direction in greater number than known sources can have multipath.
+    r"""Return which pulses came from one direction in greater number than the multipath of known sources can explain.
 
-    A discharge is detected once, on its direct path or as multipath, not as both. Source k, of which :math:`\lambda_k`
-    pulses are expected in a window and :math:`n_k` came on the direct path, leaves
-    :math:`b = \sum_k \max(\lambda_k - n_k, 0)` multipath pulses at most. If a sector has :math:`n > b + 3 \sqrt{b + 1}`
-    of them, another source is among them.
+    Each discharge is detected once, either on its direct path or as multipath. If :math:`\lambda_k` pulses of source k
+    are expected in a window and :math:`n_k` of them came on the direct path, all sources together leave at most
+    :math:`b = \sum_k \max(\lambda_k - n_k, 0)` multipath pulses. If a sector has :math:`n > b + 3 \sqrt{b + 1}`
+    suspected multipath pulses, another source is among them.
 
-    The number of multipath pulses is a Poisson number of mean b at most. The 1 keeps its tail below 0.4 % for small b:
-    with :math:`\sqrt{b}`, one stray pulse would be another source at b = 0, and one window in 100 would have one at
-    b = 0.1.
+    The number of multipath pulses has a Poisson distribution with a mean of at most b. The 1 keeps its tail below 0.4 %
+    for small b. With :math:`\sqrt{b}` instead, a single stray pulse would count as another source at b = 0, and so
+    would one window in 100 at b = 0.1.
 
     Args:
         time_s: Time of each pulse, shape (n,).
-        bearing_rad: World frame, shape (n,).
+        bearing_rad: Bearing of each pulse, world frame, shape (n,).
         is_suspect: True if a pulse may be multipath of one of these sources, shape (n,).
-        source: Source of each pulse on the direct path, in [0, n_sources), or any negative number, shape (n,).
+        source: Source of each direct pulse, in [0, n_sources); any negative number for other pulses; shape (n,).
         n_sources: Number of sources.
 
     Returns:
@@ -311,15 +313,16 @@ def too_many_for_multipath(
 
 
 def may_share_phase(phase_rad: FloatArray, source: NDArray[np.intp], n_findings: int) -> BoolArray:
-    r"""Return whether each pulse may have come from each finding, by the mains phases of the pulses that surely did.
+    r"""Return whether each pulse may have come from each finding, given the mains phases of the finding's sure pulses.
 
-    With :math:`c_b` of n pulses in bin b, smoothed over the adjacent bins, a pulse of that phase is excluded if
-    :math:`c_b + 1 < 0.1 (n / 24 + 1)`. The 1 allows for stray pulses, and few pulses exclude nothing (assumed).
+    If :math:`c_b` of the n sure pulses of a finding are in bin b, smoothed over the adjacent bins, pulses of that phase
+    are excluded if :math:`c_b + 1 < 0.1 (n / 24 + 1)`. The 1 is assumed: it allows for stray pulses, and a small number
+    of pulses excludes nothing.
 
     Args:
-        phase_rad: Phase of the mains at each pulse, in [0, 2 pi), shape (n,); NaN where it was not recorded, which
-            excludes nothing.
-        source: Finding that each pulse surely came from, in [0, n_findings), or any negative number, shape (n,).
+        phase_rad: Phase of the mains at each pulse, in [0, 2 pi), shape (n,); NaN where it was not recorded. Pulses
+            without a phase are never excluded.
+        source: Finding that each pulse surely came from, in [0, n_findings); any negative number if unsure; shape (n,).
         n_findings: Number of findings.
 
     Returns:

@@ -1,4 +1,4 @@
-"""The plane-wave model of a level array: credibility of pulses, and errors of bearings that assume the plane."""
+"""Plane-wave model of a level array: tests of pulses against it, and errors of bearings that assume zero elevation."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from dirmusic.pulses.batch import PulseBatch
 FloatArray = NDArray[np.float64]
 
 ELEVATIONS_RAD = np.radians([0.0, 15.0, 30.0, 45.0, 60.0, 75.0])
-"""Elevations at which waves are compared with the model, evenly spaced from zero (assumed): half a step changes gains
-by 2 % at most, less than the errors of elements. Nearly overhead there is no direction in the plane."""
+"""Elevations at which pulses are compared with the model, evenly spaced from zero. Assumed: half a step changes gains
+by at most 2 %, less than the errors of the elements. A wave from nearly overhead has no direction in the plane."""
 
 
 @lru_cache(maxsize=8)
@@ -40,15 +40,16 @@ def gains_in_space(manifold: GainManifold) -> FloatArray:
 def misfits_in_space(pulses: PulseBatch, manifold: GainManifold) -> FloatArray:
     """Compute the share of energy that a plane wave from each of `ELEVATIONS_RAD` leaves unexplained.
 
-    The gains of a level ring are more alike for waves from above, which are therefore not plane waves in the plane. The
-    nearest search azimuth, at most a degree off, stands for that of the pulse and leaves 4e-4 unexplained.
+    The gains of the elements of a level ring differ less for waves from above, so such waves do not fit the model at
+    zero elevation. The azimuth of a pulse is rounded to the nearest search azimuth, at most one degree off, which
+    leaves 4e-4 of the energy unexplained.
 
     Args:
         pulses: Pulses with their directions.
         manifold: Manifold of the array.
 
     Returns:
-        Shape (n_elevations, n_pulses); 1 for pulses without any strength.
+        Shape (n_elevations, n_pulses); 1 for pulses whose strengths are all zero.
     """
     nearest = nearest_search_azimuth(pulses.azimuth_rad)
     gain = gains_in_space(manifold)[:, nearest] * pulses.is_usable
@@ -59,7 +60,7 @@ def misfits_in_space(pulses: PulseBatch, manifold: GainManifold) -> FloatArray:
 
 
 class MethodDeviation:
-    """Standard deviation that an estimator states for its own method, by azimuth and set of usable channels.
+    """Standard deviation that an estimator states for its method, by azimuth and set of usable channels.
 
     Args:
         estimator: Estimator of the bearings; called once for each set of usable channels.
@@ -72,9 +73,9 @@ class MethodDeviation:
         self._by_channels: dict[tuple[bool, ...], FloatArray] = {}
 
     def of(self, pulses: PulseBatch) -> FloatArray:
-        """Return the deviation at the nearest search azimuth of each pulse, shape (n_pulses,), radians.
+        """Return the standard deviation at the nearest search azimuth of each pulse, shape (n_pulses,), radians.
 
-        It is 0 for maximum likelihood.
+        The standard deviation of the maximum-likelihood method is 0.
         """
         std_rad = np.empty(pulses.n_pulses)
         nearest = nearest_search_azimuth(pulses.azimuth_rad)
@@ -97,18 +98,19 @@ def _energy_and_turning(manifold: GainManifold) -> tuple[FloatArray, FloatArray]
 def is_credible(
     pulses: PulseBatch, array: ArrayModel, method_std_rad: FloatArray, rules: CredibilityRules
 ) -> NDArray[np.bool_]:
-    r"""Test whether each pulse is consistent with one plane wave in space and has a known direction.
+    r"""Test whether each pulse is consistent with a single plane wave and has a precise enough direction.
 
-    The deviation is limited by what noise adds to that of the estimator's own method,
-    :math:`\sigma^2 < \sigma_{method}^2 + \sigma_{max}^2`, so that coarse estimators that state their deviation pass.
-    Pulses that reached the full scale of the ADC in a usable channel fail, because their strengths are wrong.
+    The limit applies to the variance that noise adds to that of the estimator's method,
+    :math:`\sigma^2 < \sigma_{method}^2 + \sigma_{max}^2`, so that a coarse estimator passes if it states its standard
+    deviation. Pulses that reached the full scale of the ADC in a usable channel fail, because their strengths are
+    wrong.
 
     Args:
         pulses: Pulses with their directions.
         array: The array's data sheet and spread.
-        method_std_rad: Deviation that the estimator states for its own method for each pulse, shape (n_pulses,); see
-            `MethodDeviation`.
-        rules: Limits of deviation and misfit.
+        method_std_rad: Standard deviation that the estimator states for its method, for each pulse, shape (n_pulses,);
+            see `MethodDeviation`.
+        rules: Limits of standard deviation and misfit.
 
     Returns:
         Shape (n_pulses,).
@@ -130,12 +132,12 @@ def is_credible(
 
 
 def bearing_error_table(manifold: GainManifold, errors: ElementErrors) -> FloatArray:
-    """Tabulate the bearing error by known errors of the elements, for `BearingErrors`, shape (n_azimuths + 1,)."""
+    """Tabulate the bearing error caused by known errors of the elements, shape (n_azimuths + 1,); see `interpolate`."""
     return _closed(manifold_error(manifold, SEARCH_AZIMUTHS_RAD, errors))
 
 
 class BearingErrors:
-    """Errors of bearings by array and elevation, interpolated between the search azimuths.
+    """Bearing errors due to the array and to elevation, interpolated between the search azimuths.
 
     Args:
         array: The array's data sheet and spread.
@@ -147,14 +149,14 @@ class BearingErrors:
         self._by_pattern_rad = _deviation_by_pattern(array.manifold, array.spread)
 
     def std(self, azimuth_rad: FloatArray) -> FloatArray:
-        """Return the standard deviation of bearings by unknown errors of the array, shape (n,), radians."""
+        """Return the standard deviation of bearings due to unknown errors of the array, shape (n,), radians."""
         return interpolate(azimuth_rad, self._std_rad)
 
     def by_elevation(self, azimuth_rad: FloatArray, elevation_rad: FloatArray) -> FloatArray:
-        """Return the error of bearings that assume a wave in the plane, for waves from azimuths and elevations (n,).
+        """Return the error of bearings that assume zero elevation, for waves from azimuths and elevations (n,).
 
-        In a ring of helices it is 1.6 degrees rms at an elevation of 30 degrees and 8 at 60. Interpolation is exact to
-        half a degree; beyond the last of `ELEVATIONS_RAD` the error is taken as there.
+        For a ring of helices the rms error is 1.6 degrees at an elevation of 30 degrees, and 8 degrees at 60.
+        Interpolation is accurate to half a degree. Beyond the last of `ELEVATIONS_RAD` the error stays constant.
         """
         error_rad: FloatArray = map_coordinates(
             self._by_elevation_rad, _coordinates(azimuth_rad, elevation_rad), order=1, mode="nearest"
@@ -162,10 +164,11 @@ class BearingErrors:
         return error_rad
 
     def variance_off_plane(self, azimuth_rad: FloatArray, elevation_rad: FloatArray) -> FloatArray:
-        """Return the variance that an unknown pattern adds to bearings off the plane, shape (n,), rad^2.
+        """Return the variance that an unknown pattern adds to bearings of waves off the plane, shape (n,), rad^2.
 
-        It comes on top of `std`. For the computed helices it holds within a factor of two up to 75 degrees of
-        elevation: without the error `by_elevation` their bearings are off by 7 degrees at 30, by 49 at 45.
+        Add it to the variance of `std`. For the computed helices it is correct within a factor of two up to 75 degrees
+        of elevation. After correction by `by_elevation`, their bearing errors are 7 degrees at 30 degrees of elevation
+        and 49 degrees at 45.
         """
         row, column = _coordinates(azimuth_rad, elevation_rad)
         above, level = (
@@ -186,7 +189,7 @@ def _closed(at_search_azimuths: FloatArray) -> FloatArray:
 
 
 def _errors_by_elevation(manifold: GainManifold) -> FloatArray:
-    """Tabulate the best direction in the plane less the true one, shape (n_elevations, n_azimuths + 1)."""
+    """Tabulate the best-fitting in-plane azimuth minus the true azimuth, shape (n_elevations, n_azimuths + 1)."""
     in_plane = manifold.table.gain / np.linalg.norm(manifold.table.gain, axis=-1, keepdims=True)
     best_rad = 2 * np.pi / TABLE_SIZE * (gains_in_space(manifold) @ in_plane.T).argmax(axis=-1)
     error_rad = difference(best_rad, SEARCH_AZIMUTHS_RAD)
@@ -194,10 +197,11 @@ def _errors_by_elevation(manifold: GainManifold) -> FloatArray:
 
 
 def _deviation_by_pattern(manifold: GainManifold, spread: ElementSpread) -> FloatArray:
-    r"""Tabulate the deviation of bearings by errors of the pattern, shape (n_elevations, n_azimuths + 1).
+    r"""Tabulate the standard deviation of bearings due to pattern errors, shape (n_elevations, n_azimuths + 1).
 
-    To first order it is :math:`\sigma / \lVert g'_\perp \rVert`, with :math:`\sigma^2` of `off_by_pattern` and the
-    slope of the gains over azimuth at that elevation; at most that of a uniform distribution of directions.
+    To first order it is :math:`\sigma / \lVert g'_\perp \rVert`, with :math:`\sigma^2` from `off_by_pattern` and the
+    slope of the gains over azimuth at that elevation. It is limited to the standard deviation of uniformly distributed
+    directions.
     """
     gain = gains_in_space(manifold)
     slope = (np.roll(gain, -1, axis=1) - np.roll(gain, 1, axis=1)) / (2 * SEARCH_STEP_RAD)
@@ -208,5 +212,5 @@ def _deviation_by_pattern(manifold: GainManifold, spread: ElementSpread) -> Floa
 
 
 def _coordinates(azimuth_rad: FloatArray, elevation_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Convert directions to rows and columns of a table over elevation and azimuth."""
+    """Convert directions to fractional row and column indices of a table over elevation and azimuth."""
     return np.abs(elevation_rad) / ELEVATIONS_RAD[1], np.mod(azimuth_rad, 2 * np.pi) / SEARCH_STEP_RAD

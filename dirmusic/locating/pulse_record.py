@@ -1,4 +1,4 @@
-"""Record of all credible pulses of a mission, and of the places where they were detected."""
+"""Record of all pulses of a mission that fit a plane wave, and of the places where they were detected."""
 
 from __future__ import annotations
 
@@ -31,19 +31,20 @@ FloatArray = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
 PLACE_M = 0.25
-"""Side of the cells of the ground that count as one place (assumed): about the error of the pose, and less than the
-margin to edges."""
+"""Side of the grid cells of the ground; poses in one cell count as one place. Assumed: about the pose error, and less
+than `AssignmentRules.edge_margin_m`."""
 
 LEAST_RANGE_M = 0.3
-"""Smallest range on plan that is used (assumed): closer by, the pose error alone may turn the line of sight by any
-angle."""
+"""Smallest horizontal range that is used. Assumed: at shorter ranges the pose error alone can turn the line of sight by
+any angle."""
 
 FROM_ABOVE_RAD = np.radians(40.0)
-"""Elevation above which a pulse initiates no candidate but the first (assumed): two waves at a time look like one from
-above, and errors of the array like one from less than this."""
+"""Elevation above which a pulse can initiate only the first candidate. Assumed: two simultaneous waves look like one
+wave from above, and errors of the array look like a wave from a lower elevation than this."""
 
 HEIGHTS_SIGMAS = (-1.0, 0.0, 1.0, 2.0)
-"""Heights at which a finding may be, in standard deviations (assumed); obstacles are below it more often than above."""
+"""Trial heights of a finding: offsets from its estimate, in standard deviations. Assumed: more offsets are positive
+because obstacles are more often below a finding than above it."""
 
 LIKELIEST_HEIGHT = HEIGHTS_SIGMAS.index(0.0)
 
@@ -54,7 +55,7 @@ class PulsesAtPose(NamedTuple):
     Attributes:
         time_s: Time of the pose.
         pose: Estimated x m, y m, yaw rad, world frame, shape (3,).
-        pulses: Credible pulses with their directions, none or more.
+        pulses: Pulses that fit a plane wave, with their directions; may be empty.
     """
 
     time_s: float
@@ -63,22 +64,22 @@ class PulsesAtPose(NamedTuple):
 
 
 class PulseRecord:
-    """All credible pulses so far, in the order in which they were added.
+    """All pulses so far that fit a plane wave, in the order in which they were added.
 
     Pulses and places are only ever appended, so that row numbers stay valid and results for the first rows can be kept.
 
     Args:
         array: The array's data sheet and spread.
         pose_error: Error of the poses.
-        sight: Transmission along lines of sight by the map; None without a map.
-        rules: Which pulses share a local level.
+        sight: Transmission along lines of sight according to the map; None without a map.
+        rules: Rules that determine which pulses share a local level.
 
     Attributes:
         pulses: The pulses, n rows, without sub-bands.
         pose: Estimated x m, y m, yaw rad at each pulse, world frame, shape (n, 3).
         place: Row in `places_m` of each pulse, shape (n,).
-        elevation_rad: One of `ELEVATIONS_RAD` at which each pulse fits best, 0 where it fits in the plane, shape (n,).
-        places_m: Places of the array, one for each cell of the ground, shape (n_places, 3), world frame.
+        elevation_rad: Member of `ELEVATIONS_RAD` that fits each pulse best; 0 if a wave in the plane fits; shape (n,).
+        places_m: Places of the array, one for each visited grid cell, shape (n_places, 3), world frame.
         listened: Row in `places_m` of the array's place in each second, with or without pulses, shape (n_seconds,).
         listened_s: Start of those seconds, shape (n_seconds,).
         aperture_m: Radius of the ring of elements.
@@ -117,12 +118,12 @@ class PulseRecord:
 
     @property
     def n_settled(self) -> int:
-        """Number of first pulses whose level no later pulse changes; see `LocalLevels`."""
+        """Number of leading pulses whose local level later pulses cannot change; see `LocalLevels`."""
         return self._levels.n_settled
 
     @property
     def elapsed_s(self) -> FloatArray:
-        """Time of each pulse since the whole second of the first detection, shape (n,); windows are counted from it."""
+        """Time of each pulse, shape (n,), from the start of the second of the first pose, where time windows begin."""
         return self.pulses.time_s - (self._origin_s or 0.0)
 
     @property
@@ -136,7 +137,7 @@ class PulseRecord:
         return self._sight is not None
 
     def extend(self, detections: Sequence[PulsesAtPose]) -> None:
-        """Add the pulses of some poses, in their order; pulses get the time of their pose."""
+        """Append the pulses of some poses, in order, and give each pulse the time of its pose."""
         if not detections:
             return
         if self._origin_s is None:
@@ -154,8 +155,8 @@ class PulseRecord:
         variance = pulses.std_rad**2 + self._bearing_errors.std(pulses.azimuth_rad) ** 2
         bearing_rad = pulses.azimuth_rad + pose[:, 2]
         group, repeat = self._grouped(time_s - origin_s, place, pose[:, 2], bearing_rad)
-        # Share of the energy that waves from the plane, or from little above it, leave unexplained: in a ring of
-        # helices at most 0.01 up to 30 degrees of elevation, and 0.03 at `FROM_ABOVE_RAD`.
+        # The in-plane model leaves at most 0.01 of the energy of a wave unexplained up to 30 degrees of elevation in a
+        # ring of helices, and 0.03 at `FROM_ABOVE_RAD`.
         elevation_rad, off_plane = np.zeros(time_s.size), np.flatnonzero(pulses.misfit > 0.01)
         if off_plane.size:
             misfits = misfits_in_space(pulses.take(off_plane), self.array.manifold)
@@ -193,11 +194,11 @@ class PulseRecord:
     def _grouped(
         self, elapsed_s: FloatArray, place: Rows, yaw_rad: FloatArray, bearing_rad: FloatArray
     ) -> tuple[Rows, Rows]:
-        """Return the group of each pulse, and how many came before it in the group; all of shape (n,).
+        """Return the group number of each pulse, and how many pulses precede it in that group; both of shape (n,).
 
-        The pulses of a group came from one place, heading and direction, within the correlation time of the pose. The
-        widths are assumed: gains are nearly linear over 5 degrees, 10 degrees are a few deviations of a bearing, and
-        within a second the robot does not reach another place.
+        The pulses of a group share a place, a heading and a direction, within the correlation time of the pose. The
+        widths are assumed: gains are nearly linear over 5 degrees, 10 degrees are a few standard deviations of a
+        bearing, and the robot does not reach another place within a second.
         """
         window = elapsed_s // max(self.pose_error.correlation_s, 1.0)
         sector = bearing_rad % (2 * np.pi) // np.radians(10.0)
@@ -214,13 +215,13 @@ class PulseRecord:
         return group, repeat
 
     def pooled(self, rows: Rows, most: int) -> tuple[PulseBatch, FloatArray]:
-        """Pool some pulses by place, heading and direction.
+        """Average pulses that share a place, a heading and a direction.
 
-        At most `most` groups are used, chosen evenly, and at most 32 pulses of each (assumed): the errors that they
-        share limit them, not the noise. The choice hardly changes when a few rows are added.
+        At most `most` groups, evenly chosen, and at most 32 pulses of each group are used. Assumed: with 32 pulses the
+        errors that they share exceed the noise. The choice hardly changes when a few rows are added.
 
         Returns:
-            One pulse for each group, and the poses of these.
+            One pulse for each group, and their poses.
         """
         rows = rows[self._repeat[rows] < 32]
         groups = np.flatnonzero(np.bincount(self._group[rows]))
@@ -232,7 +233,7 @@ class PulseRecord:
         return bearing_error_table(self.array.manifold, errors)
 
     def bearings(self, rows: Rows | slice, error_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the corrected world bearings of some pulses and their deviations, both of shape (n,).
+        """Return the corrected world bearings of some pulses and their standard deviations, both of shape (n,).
 
         Args:
             rows: Rows of the pulses.
@@ -242,13 +243,13 @@ class PulseRecord:
         return azimuth - interpolate(azimuth, error_rad) + self.pose[rows, 2], self._std_rad[rows]
 
     def local_level_db(self, rows: slice) -> FloatArray:
-        """Return the local level of some pulses, shape (n,), dB over 1 V; see `LocalLevels`."""
+        """Return the local level of some pulses, shape (n,), dB relative to 1 V; see `LocalLevels`."""
         return self._levels.local_db()[rows]
 
     def errors_by_elevation(self, azimuth_rad: FloatArray, elevation_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return bearing errors by elevation, and the variance that remains when they are corrected; shape (n,).
+        """Return the bearing errors due to elevation, and the variance after their correction; both of shape (n,).
 
-        Half of the error is taken as unknown (assumed), because helices are not alike in all planes.
+        Assumed: half of the error is unknown, because a helix does not have the same pattern in every plane.
         """
         error_rad = self._bearing_errors.by_elevation(azimuth_rad, elevation_rad)
         remaining_rad2 = np.square(0.5 * error_rad)
@@ -257,17 +258,17 @@ class PulseRecord:
         return error_rad, remaining_rad2
 
     def level_at_one_metre(self, sight_m: FloatArray) -> FloatArray:
-        """Return the gain from the level in the array to that at 1 m, dB, for lines of sight (n, 3) from the array."""
+        """Return the dB to add to a level at the array to get the level at 1 m, for lines of sight (n, 3)."""
         plan_m = np.maximum(np.linalg.norm(sight_m[:, :2], axis=-1), LEAST_RANGE_M)
         elevation_deg = np.degrees(np.arctan2(np.abs(sight_m[:, 2]), plan_m))
         by_elevation_db = np.interp(elevation_deg, np.arange(self._elevation_db.size), self._elevation_db)
         return 20 * np.log10(np.hypot(plan_m, sight_m[:, 2])) - by_elevation_db
 
     def crossing(self, rows: Rows, error_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return where the lines of sight of some pulses cross, (3,), and its covariance (3, 3).
+        """Return the point where the lines of sight of some pulses cross, shape (3,), and its covariance (3, 3).
 
-        The covariance is infinite if they do not cross. The height is its prior. A crossing more than 60 m from the
-        last pose is taken at 60 m (assumed).
+        The covariance is infinite if the lines do not cross. The height is its prior mean. Assumed: a crossing more
+        than 60 m from the last pose is moved to 60 m.
         """
         bearing, std = self.bearings(rows, error_rad)
         from_m = self.pose[rows, :2]
@@ -277,14 +278,15 @@ class PulseRecord:
         return with_height(place_m), with_height_covariance(crossed.covariance_m2)
 
     def rough_crossing(self, rows: Rows, error_rad: FloatArray) -> FloatArray:
-        """Return a rough crossing of the lines of sight of some pulses, (3,), as the start of a fit."""
+        """Return an approximate crossing of the lines of sight of some pulses, shape (3,), to start a fit from."""
         return with_height(rough_crossing(self.pose[rows, :2], *self.bearings(rows, error_rad)))
 
     def transmission(self, target_m: FloatArray, within_m: float) -> FloatArray:
         """Return the transmission factor from every place to a target (3,), shape (n_places,); see `LineOfSight`.
 
-        Targets are rounded to 0.1 m (assumed): known findings move less. The results are kept for the last 1000
-        targets, about ten findings with their heights and sides, and continued for places that were added since.
+        Targets are rounded to 0.1 m. Assumed: findings that are already located move less. The results for the last
+        1000 targets are cached, enough for about ten findings with their trial heights and sideways offsets. For places
+        added later, only the missing entries are computed.
         """
         if self._sight is None:
             return np.ones(len(self.places_m))
@@ -299,9 +301,9 @@ class PulseRecord:
         return known
 
     def transmission_at_heights(self, finding: Finding, within_m: float) -> FloatArray:
-        """Return the transmission for each height at which a finding may be, shape (n_heights, n_places).
+        """Return the transmission factor for each trial height of a finding, shape (n_heights, n_places).
 
-        Nothing discharges below 0.1 m (assumed).
+        Assumed: nothing discharges below 0.1 m.
         """
         targets_m = np.tile(finding.position_m, (len(HEIGHTS_SIGMAS), 1))
         targets_m[:, 2] = np.maximum(targets_m[:, 2] + finding.height_std_m * np.array(HEIGHTS_SIGMAS), 0.1)
@@ -312,10 +314,10 @@ class LocalLevels:
     """Local level of each pulse: the median level of the pulses of the same time window and sector.
 
     Args:
-        rules: Width of window and sector.
+        rules: Widths of the window and the sector.
 
     Attributes:
-        n_settled: Number of first pulses whose local level is final, because their window has passed.
+        n_settled: Number of leading pulses whose local level is final, because their window has passed.
     """
 
     def __init__(self, rules: AssignmentRules) -> None:
@@ -328,7 +330,7 @@ class LocalLevels:
         self.n_settled = 0
 
     def extend(self, time_s: FloatArray, bearing_rad: FloatArray, level_db: FloatArray) -> None:
-        """Add pulses: times, world bearings, and levels in dB over any reference, each of shape (n,)."""
+        """Append the times, world bearings and levels of pulses, each of shape (n,); levels in dB, any reference."""
         window = np.floor(time_s / self._window_s)
         sector = np.floor(np.mod(bearing_rad, 2 * np.pi) / self._arc_rad)
         for row in np.flatnonzero(np.diff(window, prepend=self._last_window)).tolist():
@@ -342,7 +344,7 @@ class LocalLevels:
         self._is_known = False
 
     def local_db(self) -> FloatArray:
-        """Return the local level of each pulse so far, shape (n_pulses,), dB over the reference of `extend`."""
+        """Return the local level of each pulse so far, shape (n_pulses,), dB of the reference used in `extend`."""
         if self._is_known:
             return self._local_db
         first, self.n_settled = self.n_settled, self._first_of_last_window
@@ -369,16 +371,17 @@ def _elevation_db(manifold: GainManifold) -> FloatArray:
 def pool_pulses(pulses: PulseBatch, pose: FloatArray, group: NDArray[np.intp]) -> tuple[PulseBatch, FloatArray]:
     """Average the pulses of each group, weighted by their noise.
 
-    The amplitudes of pulses differ: strengths are averaged as shares of the norm, channel by channel, over the pulses
-    in which the channel is usable.
+    The amplitudes of pulses differ, so strengths are divided by their norm first. Each channel is averaged over the
+    pulses in which it is usable.
 
     Args:
         pulses: Pulses with their directions, n rows.
-        pose: Estimated x m, y m, yaw rad at each pulse, world frame, shape (n, 3); nearly alike within a group.
+        pose: Estimated x m, y m, yaw rad at each pulse, world frame, shape (n, 3); nearly equal within a group.
         group: Number of the group of each pulse, shape (n,).
 
     Returns:
-        The pulses, of unit strength, without sub-bands, and their poses, one row for each group in ascending order.
+        The averaged pulses, of unit strength and without sub-bands, and their poses; one row for each group, in
+        ascending order.
     """
     order = np.argsort(group, kind="stable")
     starts = np.flatnonzero(np.diff(group[order], prepend=group.min(initial=0) - 1))
@@ -417,9 +420,10 @@ def pool_pulses(pulses: PulseBatch, pose: FloatArray, group: NDArray[np.intp]) -
 
 
 def choose_evenly(numbers: Rows, most: int) -> Rows:
-    """Choose at most `most` of some numbers (n,), evenly spread; the choice hardly changes when a few are added.
+    """Choose at most `most` of the given numbers (n,), evenly spread.
 
-    Chosen are the smallest in bit-reversed order, the sequence of van der Corput (1935).
+    The numbers with the smallest reversed bits are chosen (van der Corput sequence, 1935), so that the choice hardly
+    changes when a few numbers are added.
     """
     if numbers.size <= most:
         return numbers

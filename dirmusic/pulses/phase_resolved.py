@@ -1,6 +1,6 @@
-"""Typical phase-resolved patterns of kinds of discharges, and classification of a pattern.
+"""Typical phase-resolved patterns of the kinds of discharge, and classification of a pattern.
 
-Simulated discharges differ from the typical ones; `sensing` draws how.
+Simulated discharges deviate from the typical patterns; `pdpatrol.sensing` draws the deviations.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ class Cluster:
 
     Attributes:
         share: Share of all pulses.
-        centre_deg: Phase of the sine of the voltage across the defect, in [0, 360).
+        centre_deg: Mean phase, relative to the sine of the voltage across the defect, in [0, 360).
         width_deg: Standard deviation of the phase.
-        level_db: Level of the pulses relative to the typical one of the kind.
+        level_db: Level of the pulses relative to the typical level of the kind.
         spread_db: Standard deviation of the level.
         polarity: Sign of the pulses.
     """
@@ -56,28 +56,30 @@ KINDS: dict[KindName, tuple[Cluster, ...]] = {
         Cluster(share=0.5, centre_deg=240, width_deg=7, level_db=0.0, spread_db=0.7, polarity=-1),
     ),
 }
-"""Corona at a point: one half cycle, around the crest, equal levels. Void: both half cycles alike, on the rising
-voltage, spread levels. Surface: both half cycles, different in level and number, wide. Floating metal: both half
-cycles, a few degrees wide, equal levels.
+"""Clusters of each kind of discharge.
+
+Corona at a point: one half cycle, around the crest, equal levels. Void: equal clusters in both half cycles, at rising
+voltage, spread levels. Surface: wide clusters in both half cycles, with different levels and numbers of pulses.
+Floating metal: both half cycles, a few degrees wide, equal levels.
 
 References:
-    CIGRE TB 226, "Knowledge rules for partial discharge diagnosis in service", 2003, for the shapes; the figures are
+    CIGRE TB 226, "Knowledge rules for partial discharge diagnosis in service", 2003, for the shapes; the numbers are
     assumed.
 """
 
 
 SHIFTS_RAD = np.radians(np.arange(0.0, 360.0, 5.0))
-"""Shifts of the mains phase to search: the phase of the conductor with the discharge is unknown."""
+"""Phase shifts to search: it is not known which phase conductor discharges."""
 
 OFFSETS_DB = np.arange(-12.0, 12.5, 1.5)
-"""Levels of the kind relative to the median of the pattern to search."""
+"""Levels of the kind to search, relative to the median of the pattern."""
 
 STRAY_DENSITY = 0.03 / (2 * np.pi * 40.0)
-"""Density of the 3 % of pulses outside all clusters, from noise and other sources: uniform in phase and over 40 dB of
-level; assumed."""
+"""Density of stray pulses from noise and other sources. Assumed: 3 % of all pulses, uniform in phase and over 40 dB of
+level."""
 
 LEAST_PULSES = 20
-"""Fewest pulses that are classified."""
+"""Smallest number of pulses that are classified."""
 
 LEAST_EXPLAINED = 0.88
 """Smallest share of pulses that the clusters of a kind must explain; otherwise the kind is unknown. Assumed."""
@@ -90,7 +92,7 @@ class PhasePattern:
     Attributes:
         kind: Most likely kind, or "unknown".
         confidence: Probability of `kind` among all kinds and "unknown", in [0, 1].
-        shift_rad: Phase by which the pattern leads that of the likeliest kind in `KINDS`, in [0, 2 pi).
+        shift_rad: Phase by which the pattern leads the pattern of the likeliest kind in `KINDS`, in [0, 2 pi).
         explained: Share of the pulses that the likeliest kind explains.
     """
 
@@ -103,17 +105,17 @@ class PhasePattern:
 def classify(phase_rad: ArrayLike, level_db: ArrayLike) -> PhasePattern:
     r"""Classify a phase-resolved pattern of unknown phase shift and level.
 
-    Each kind is a mixture of normal clusters in phase and level with a few stray pulses; the alternative is a uniform
-    phase and a normal level. The likelihoods at the best shift and level are tempered, because no defect is quite the
-    typical one.
+    Each kind is a mixture of clusters, normally distributed in phase and level, and a few stray pulses. The alternative
+    is a uniform phase and a normally distributed level. The likelihoods at the best shift and level are tempered,
+    because no defect matches the typical pattern exactly.
 
     Args:
         phase_rad: Phase of the mains at each pulse, shape (n,).
-        level_db: Level of each pulse corrected for range and gain, shape (n,); its zero is arbitrary.
+        level_db: Level of each pulse corrected for range and gain, dB relative to any reference, shape (n,).
 
     Returns:
-        The classification; "unknown" with fewer than `LEAST_PULSES` pulses, where no kind explains enough of them, or
-        where the phase is uniform.
+        The classification. The kind is "unknown" if there are fewer than `LEAST_PULSES` pulses, if no kind explains
+        enough of them, or if the phase is uniform.
 
     Raises:
         ValueError: If shapes disagree or a value is not finite.
@@ -125,7 +127,7 @@ def classify(phase_rad: ArrayLike, level_db: ArrayLike) -> PhasePattern:
         raise ValueError("`phase_rad` and `level_db` must be finite")
     if phase.size < LEAST_PULSES:
         return PhasePattern(kind="unknown", confidence=1.0, shift_rad=0.0, explained=0.0)
-    if phase.size > 100:  # no noise limits the result then, but the variation of the kinds
+    if phase.size > 100:  # more pulses do not help: the variation within each kind limits the result, not the noise
         some = np.linspace(0, phase.size - 1, 100).astype(np.intp)
         phase, level = phase[some], level[some]
     level = level - np.median(level)
@@ -134,7 +136,7 @@ def classify(phase_rad: ArrayLike, level_db: ArrayLike) -> PhasePattern:
     densities: dict[KindName, FloatArray] = {kind: _densities(phase, level, KINDS[kind]) for kind in KINDS}
     fits: dict[KindName, _Fit] = {kind: _best(densities[kind]) for kind in KINDS}
     evidence = np.array([*(fit.log_likelihood for fit in fits.values()), of_uniform.sum()])
-    independent_pulses = 12  # assumed: more are not independent evidence, since no pattern is quite the typical one
+    independent_pulses = 12  # assumed: further pulses are not independent evidence, since every pattern is atypical
     weight = np.exp((evidence - evidence.max()) * min(1.0, independent_pulses / phase.size))
     weight /= weight.sum()
     kind = list(KINDS)[int(weight[:-1].argmax())]
@@ -166,7 +168,7 @@ def _densities(phase: FloatArray, level: FloatArray, clusters: tuple[Cluster, ..
     above = level - OFFSETS_DB[:, np.newaxis]  # (n_offsets, n)
     density = np.zeros((SHIFTS_RAD.size, OFFSETS_DB.size, phase.size))
     for cluster in clusters:
-        # clusters are wider than typical ones by the variation of defects of one kind; assumed, sets the confidence
+        # assumed: clusters are widened by the variation between defects of one kind, which determines the confidence
         width, spread = np.radians(np.hypot(1.2 * cluster.width_deg, 7.0)), np.hypot(cluster.spread_db, 1.2)
         in_phase = np.exp(-0.5 * np.square(difference(off, np.radians(cluster.centre_deg)) / width)) / width
         in_level = np.exp(-0.5 * np.square((above - cluster.level_db) / spread)) / spread
@@ -175,7 +177,7 @@ def _densities(phase: FloatArray, level: FloatArray, clusters: tuple[Cluster, ..
 
 
 def _best(density: FloatArray, other: FloatArray | float = 0.0) -> _Fit:
-    """Find the best shift and level, alone or in a mixture with another density."""
+    """Find the best shift and level of a density, alone or in a mixture with another density."""
     likelihood = np.log(density + other + STRAY_DENSITY).sum(axis=-1)
     shift, offset = np.unravel_index(int(likelihood.argmax()), likelihood.shape)
     return _Fit(float(likelihood[shift, offset]), float(SHIFTS_RAD[shift]), density[shift, offset])

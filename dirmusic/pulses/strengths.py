@@ -1,4 +1,4 @@
-"""Gates of recorded pulses, and their strengths and covariances."""
+"""Gates, strengths and covariances of recorded pulses."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TINY = float(np.finfo(np.float64).tiny)
 
 @compiled
 def dot(first: FloatArray, second: FloatArray) -> float:
-    """Compute the scalar product of two rows (n,), term by term."""
+    """Compute the scalar product of two vectors (n,), adding the terms in order."""
     total = 0.0
     for e in range(first.size):
         total += first[e] * second[e]
@@ -38,13 +38,13 @@ def variance_of_strength(strength_v: float, noise_v2: float, energy_spread: floa
 
 
 def pulse_start(records: ArrayLike, n_samples: int) -> NDArray[np.intp]:
-    """Find the start of the gate of `n_samples` with most energy of all channels together.
+    """Find the start of the gate of `n_samples` with the most energy summed over all channels.
 
-    All channels share the gate: one for each channel would collect more noise where the pulse is weak.
+    All channels share one gate: a separate gate for each channel would collect more noise where the pulse is weak.
 
     Args:
         records: Shape (..., n_elements, n_record), n_record >= n_samples.
-        n_samples: Length of the gate. It must hold the pulse and its travel across the array.
+        n_samples: Length of the gate. It must cover the pulse and its travel time across the array.
 
     Returns:
         First sample, shape (...).
@@ -58,7 +58,7 @@ def pulse_start(records: ArrayLike, n_samples: int) -> NDArray[np.intp]:
 
 
 def cut_windows(records: NDArray[_Sample], start: NDArray[np.intp], n_samples: int) -> NDArray[_Sample]:
-    """Cut windows of `n_samples` from `start` (...) out of records (..., n_elements, n_record)."""
+    """Cut windows of `n_samples`, starting at `start` (...), out of records (..., n_elements, n_record)."""
     index = start[..., np.newaxis, np.newaxis] + np.arange(n_samples)
     return np.take_along_axis(records, np.broadcast_to(index, (*records.shape[:-1], n_samples)), axis=-1)
 
@@ -89,9 +89,9 @@ def sample_covariance(snapshots: ArrayLike) -> FloatArray:
 
 
 def pulse_strengths(waveforms: ArrayLike, noise_variance: ArrayLike) -> FloatArray:
-    r"""Compute the strength of each gated pulse in each channel: the root of its energy above that of the noise.
+    r"""Compute the strength of each gated pulse in each channel: the square root of its energy minus the noise energy.
 
-    The strength does not depend on the delay of the pulse from element to element, as long as the gate holds it.
+    The strength does not depend on the delay of the pulse from element to element, as long as the gate covers it.
 
     .. math:: a_i = \sqrt{\max(\sum_k x_{ik}^2 - n \sigma_i^2, 0)}
 
@@ -101,7 +101,7 @@ def pulse_strengths(waveforms: ArrayLike, noise_variance: ArrayLike) -> FloatArr
 
     Returns:
         Strengths, shape (..., n_elements), volts (root of a sum over samples, not a peak). NaN marks a dead channel:
-        all its samples are zero, though there should be noise and other channels have some.
+        all its samples are zero although its noise variance is not, and other channels have a signal.
 
     Raises:
         ValueError: If a sample is not finite or a variance is negative.
@@ -123,7 +123,7 @@ def pulse_strengths(waveforms: ArrayLike, noise_variance: ArrayLike) -> FloatArr
 
 
 def strengths_of_energies(energy: FloatArray, n_samples: int, noise_variance: FloatArray) -> FloatArray:
-    """Compute the strengths of `pulse_strengths` from the energies of the gates, sums of squares with noise, V^2."""
+    """Compute the strengths of `pulse_strengths` from the energies of the gates (sums of squared samples), V^2."""
     strengths = np.asarray(strength_of(energy, n_samples * noise_variance))
     silent = energy == 0.0
     if silent.any():  # a channel with noise has samples other than zero, however weak the pulse
@@ -142,17 +142,17 @@ def strength_variance(
 ) -> FloatArray:
     r"""Compute the variance of the strengths of `pulse_strengths`.
 
-    Noise with the correlation matrix :math:`C` over the gate, eigenvalues :math:`\mu_k`, gives a gate's energy the
-    variance :math:`2 \sigma^4 \sum_k \mu_k^2 + 4 \sigma^2 \kappa a^2`, where :math:`\kappa = d^T C d / d^T d` for the
-    pulse d; the root divides it by :math:`4 a^2`. In white noise the sum is n and :math:`\kappa` is 1. Where the noise
-    energy hides the pulse, the root is not linear, and the variance approaches that of
-    :math:`a^2 = \sigma^2 \sqrt{\sum_k \mu_k^2 / 2}`.
+    If the noise has the correlation matrix :math:`C` over the gate, with eigenvalues :math:`\mu_k`, the energy of the
+    gate has the variance :math:`2 \sigma^4 \sum_k \mu_k^2 + 4 \sigma^2 \kappa a^2`, where
+    :math:`\kappa = d^T C d / d^T d` for the pulse d. Taking the square root divides this by :math:`4 a^2`. For white
+    noise the sum is n and :math:`\kappa` is 1. Where the noise energy exceeds that of the pulse, the square root is not
+    linear, and the variance approaches its value at :math:`a^2 = \sigma^2 \sqrt{\sum_k \mu_k^2 / 2}`.
 
     Args:
         strengths: Shape (..., n_elements), volts, >= 0.
         noise_variance: Variance of one noise sample, V^2; broadcasts to (..., n_elements).
         n_samples: Samples in the gate, >= 1.
-        energy_spread: The sum of the squared eigenvalues; None for white noise.
+        energy_spread: Sum of the squared eigenvalues; None for white noise.
         noise_on_pulse: The factor kappa.
 
     Returns:
