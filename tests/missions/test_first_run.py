@@ -16,13 +16,13 @@ import sys
 from pdpatrol.envs import load_scenario
 from pdpatrol.missions.runner import run_mission
 log = run_mission(load_scenario(sys.argv[1], {"task.time_limit_s": float(sys.argv[2])}))
-print(log.n_rows("step"), log.n_rows("pulse"))
+print(log.n_rows("step"), log.n_rows("pulse"), log.column("pulse", "strengths_v").sum())
 """
 
 
 @pytest.mark.whole
 def test_mission_runs_without_compilation() -> None:
-    """The functions in Python detect the pulses that the compiled ones detect."""
+    """The functions in Python detect the pulses that the compiled ones detect, with the same strengths."""
     log = run_mission(load_scenario("two_sources", {"task.time_limit_s": 4.0}))
     assert log.n_rows("pulse")
     done = subprocess.run(
@@ -30,7 +30,8 @@ def test_mission_runs_without_compilation() -> None:
         env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, capture_output=True, text=True,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == [str(log.n_rows("step")), str(log.n_rows("pulse"))]
+    expected = log.n_rows("step"), log.n_rows("pulse"), log.column("pulse", "strengths_v").sum()
+    assert [float(value) for value in done.stdout.split()] == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.slow

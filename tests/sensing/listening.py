@@ -17,7 +17,7 @@ from pdpatrol.sensing import (
 )
 from pdpatrol.sensing.array.array_table import ArrayTable
 from pdpatrol.sensing.radio.arrivals import Arrivals, Propagation, propagate
-from pdpatrol.sensing.receiver.bank import listen_once
+from pdpatrol.sensing.receiver.bank import Listener, listen_once
 from pdpatrol.sensing.receiver.front_end import FrontEnd
 from pdpatrol.sensing.receiver.sampling import add_noise, settle
 
@@ -55,6 +55,12 @@ def listen(
         start_s=start_s,
         duration_s=duration_s,
     )
+
+
+def listener(*sources: DischargeSource, seed: int = 0) -> Listener:
+    """Make a receiver that listens in free space, with a generator for the sources and one for its noise."""
+    nature, noise = np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1])
+    return Listener(array=NOMINAL, scene=Scene(list(sources)), nature_rng=nature, receiver_rng=noise)
 
 
 def arrivals_of(scene: Scene, array: HelicalArray, world_from_array: np.ndarray) -> Arrivals:

@@ -7,7 +7,7 @@ import pytest
 
 from pdpatrol.envs import load_scenario, shipped_scenarios
 from pdpatrol.envs.scenario.radio import surroundings_of
-from pdpatrol.sensing import DischargeSource, HelicalArray, ReceiverConfig, Scene
+from pdpatrol.sensing import DischargeSource, HelicalArray, ReceiverConfig, Scene, level_transform
 from pdpatrol.sensing.receiver.bank import listen_once
 from pdpatrol.sensing.receiver.receiver import Receiver
 from tests.sensing.listening import arrivals_of
@@ -28,9 +28,8 @@ def share_rejected(name: str, burst_s: float, *, second_order: bool = False) -> 
     n_rejected = n_triggered = 0
     for _ in range(N_PLACES):
         axis, turn_rad = rng.standard_normal(3), rng.uniform(-np.pi, np.pi)
-        world_from_array = np.eye(4)
-        world_from_array[:2, :2] = [[np.cos(turn_rad), -np.sin(turn_rad)], [np.sin(turn_rad), np.cos(turn_rad)]]
-        world_from_array[:2, 3] = yard.free_place(rng, scenario.robot.description.room_m)[:2]
+        x, y, *_ = yard.free_place(rng, scenario.robot.description.room_m)
+        world_from_array = level_transform(np.array([x, y, turn_rad]))
         source = DischargeSource(
             name="source",
             position_m=yard.site_position(str(rng.choice(yard.site_names()))),

@@ -1,4 +1,4 @@
-"""Disturbances of the receiver: faulty channels, carriers and bursts."""
+"""Disturbances of the receiver: faulty channels and carriers."""
 
 from dataclasses import replace
 from typing import Any
@@ -100,13 +100,3 @@ def test_carrier_power_is_subtracted_from_strengths() -> None:
     error = carried.std() / np.sqrt(carried.size)
     assert carried.mean() == pytest.approx(clean.mean(), abs=4 * error)
     assert 4 * error < 0.5 * power
-
-
-def test_bursts_are_rejected() -> None:
-    burst = DischargeSource(
-        name="radar", position_m=np.array([5.0, 1.0, 0.6]), amplitude_v=0.27, pulse_rate_hz=300.0, burst_s=2e-7
-    )
-    detected = detect(source=burst)
-    assert detected.pulses.time_s.size == 0
-    assert detected.n_rejected > 200
-    assert detect().n_rejected == 0

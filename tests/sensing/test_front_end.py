@@ -17,6 +17,7 @@ from pdpatrol.sensing import (
     ReceiverConfig,
     Scene,
     Surroundings,
+    level_transform,
 )
 from pdpatrol.sensing.nature.pulses import damped_pulse
 from pdpatrol.sensing.radio.materials import METAL
@@ -32,12 +33,12 @@ N_SHOTS, N_PLAIN = 20_000, 600
 RATE_HZ, BAND_HZ = 20e9, (1.4e9, 2.2e9)
 FILTERED = FrontEnd(RATE_HZ, BAND_HZ, 90)
 WHITE = FrontEnd(RATE_HZ, None, 90)
+SECTIONS = butter(FILTER_ORDER, BAND_HZ, btype="bandpass", fs=RATE_HZ, output="sos")
 REAL = HelicalArray.draw(ArrayConfig(), np.random.default_rng(3))
 
 
 def test_noise_power_matches_frequency_response() -> None:
-    sections = butter(FILTER_ORDER, BAND_HZ, btype="bandpass", fs=RATE_HZ, output="sos")
-    frequency_hz, response = sosfreqz(sections, worN=1 << 16, fs=RATE_HZ)
+    frequency_hz, response = sosfreqz(SECTIONS, worN=1 << 16, fs=RATE_HZ)
     by_theory = np.trapezoid(np.square(np.abs(response)), frequency_hz) / (0.5 * RATE_HZ)
     drawn = noise_of(FILTERED, 400, 20_000).var()
     assert FILTERED.noise_power == pytest.approx(by_theory, rel=1e-3)
@@ -52,29 +53,20 @@ def test_noise_is_stationary_from_first_sample() -> None:
 
 
 def test_tabulated_pulse_matches_filter_between_samples() -> None:
-    sections = butter(FILTER_ORDER, BAND_HZ, btype="bandpass", fs=RATE_HZ, output="sos")
     for late in (0.0, 3.37, 7.9):
         at: FloatArray = np.arange(400.0) - late
-        np.testing.assert_allclose(FILTERED.pulse(at), sosfilt(sections, damped_pulse(at / RATE_HZ)), atol=2e-3)
+        np.testing.assert_allclose(FILTERED.pulse(at), sosfilt(SECTIONS, damped_pulse(at / RATE_HZ)), atol=2e-3)
         np.testing.assert_allclose(WHITE.pulse(at), damped_pulse(at / RATE_HZ), atol=2e-3)
     assert not FILTERED.pulse(np.array([-5.0, -1.0, 1e6])).any()
 
 
 def test_tone_response_at_edge_and_interferer() -> None:
-    sections = butter(FILTER_ORDER, BAND_HZ, btype="bandpass", fs=RATE_HZ, output="sos")
-    frequency_hz, response = sosfreqz(sections, worN=[948e6, 1.4e9, 1.75e9], fs=RATE_HZ)
+    frequency_hz, response = sosfreqz(SECTIONS, worN=[948e6, 1.4e9, 1.75e9], fs=RATE_HZ)
     for f, h in zip(frequency_hz, np.abs(response), strict=True):
         assert FILTERED.response(f) == pytest.approx(h, rel=1e-2, abs=1e-6)
     assert 20 * np.log10(FILTERED.response(1.4e9)) == pytest.approx(-3.0, abs=0.1)
     assert 20 * np.log10(FILTERED.response(948e6)) < -50
     assert WHITE.response(948e6) == pytest.approx(1.0)
-
-
-def test_energy_spread_matches_drawn_noise() -> None:
-    energies = np.square(noise_of(FILTERED, 20_000, 90)).sum(axis=-1) / FILTERED.noise_power
-    assert FILTERED.energy_spread == pytest.approx(0.5 * energies.var(), rel=0.05)
-    assert WHITE.energy_spread == 90
-    assert WHITE.noise_on_pulse == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(
@@ -84,11 +76,8 @@ def test_detections_match_reference_receiver(scene_number: int) -> None:
     """Rate, strengths and bearings near the trigger level, in scenes with reflections."""
     rng = np.random.default_rng(scene_number)
     wall_m, azimuth = rng.uniform(1.0, 6.0), rng.uniform(-np.pi, np.pi)
-    turn = np.array(
-        [[np.cos(azimuth), -np.sin(azimuth), 0.0], [np.sin(azimuth), np.cos(azimuth), 0.0], [0.0, 0.0, 1.0]]
-    )
-    normal = np.cos(azimuth), np.sin(azimuth)
-    wall = wall_face((-wall_m * normal[0], -wall_m * normal[1], 2.0), normal, (20.0, 4.0))
+    turn = level_transform(np.array([0.0, 0.0, azimuth]))[:3, :3]
+    wall = wall_face(turn @ [-wall_m, 0.0, 2.0], (turn[0, 0], turn[1, 0]), (20.0, 4.0))
     around = Surroundings.of_materials([METAL], on_the_ground(wall))
     at_m = turn @ [rng.uniform(3.0, 12.0), rng.uniform(-3.0, 3.0), rng.uniform(0.3, 3.0)]
     config = ReceiverConfig(false_alarm_rate_hz=1e-3)

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pdpatrol.sensing import DischargeSource, ReceiverConfig, Scene
-from pdpatrol.sensing.receiver.bank import Listener, ReceiverBank
-from tests.sensing.listening import NOMINAL, listen
+from pdpatrol.sensing.receiver.bank import ReceiverBank
+from tests.sensing.listening import listen, listener
 
 START_M, END_M, SPEED_MPS = np.array([-30.0, -20.0, 0.6]), np.array([30.0, -20.0, 0.6]), 12.0
 LINE_S = 5.0
@@ -52,17 +52,12 @@ def test_mover_is_received_like_fixed_source_at_its_place(start_s: float) -> Non
 
 def test_bank_moves_sources_by_time_of_each_robot() -> None:
     """The pulses of each robot equal, to the bit, those of a bank with that robot alone."""
-
-    def listener(seed: int) -> Listener:
-        nature, receiver = np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1])
-        return Listener(array=NOMINAL, scene=Scene([POST, tram()]), nature_rng=nature, receiver_rng=receiver)
-
     starts_s, poses = np.array([0.4, 3.1, 6.0]), np.tile(np.eye(4), (3, 1, 1))
-    together = ReceiverBank(ReceiverConfig(), [listener(seed) for seed in range(3)])
+    together = ReceiverBank(ReceiverConfig(), [listener(POST, tram(), seed=seed) for seed in range(3)])
     detected = together.listen(poses, starts_s, 0.1)
     detected_again = together.listen(poses, starts_s + 0.1, 0.1, np.array([0, 2]))
     for robot in range(3):
-        alone = ReceiverBank(ReceiverConfig(), [listener(robot)])
+        alone = ReceiverBank(ReceiverConfig(), [listener(POST, tram(), seed=robot)])
         for part, later_s in ((detected, 0.0), (detected_again, 0.1)):
             own = part.robot == robot
             if later_s and robot == 1:

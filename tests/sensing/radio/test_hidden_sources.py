@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from dirmusic.angles import difference
 from dirmusic.array.element_errors import ElementSpread
 from dirmusic.array.model import ArrayModel
 from dirmusic.bearing.maximum_likelihood import maximum_likelihood
@@ -40,7 +41,7 @@ def levels(paths: RayPaths, target: Vector) -> NDArray[np.float64]:
 
 def test_bearing_of_hidden_source_points_to_dominant_edge() -> None:
     """At random places where one edge is 10 dB stronger: within 3 degrees of that edge, not of the source."""
-    rng, off_edge_deg, off_source_deg, by_geometry_deg = np.random.default_rng(7), [], [], []
+    rng, off_edge_rad, off_source_rad, by_geometry_rad = np.random.default_rng(7), [], [], []
     for seed in range(300):
         length_m, width_m, height_m = rng.uniform((2.0, 1.5, 3.0), (5.0, 3.0, 4.0))
         surroundings = next_to_tank(length_m, width_m, height_m, rng.uniform(0.0, np.pi))
@@ -60,7 +61,8 @@ def test_bearing_of_hidden_source_points_to_dominant_edge() -> None:
         level, bearing = levels(found, target), np.arctan2(*(found.from_m[:, :2] - robot).T[::-1])
         if level.size == 0 or not found.extra_m[level.argmax()] > 0.0:
             continue  # direct or reflected
-        is_edge = np.abs(np.angle(np.exp(1j * (bearing - bearing[level.argmax()])))) < np.radians(1.0)
+        strongest_rad = bearing[level.argmax()]
+        is_edge = np.abs(difference(bearing, strongest_rad)) < np.radians(1.0)
         others = level[~is_edge].max(initial=0.0)
         if others > level.max() * 10 ** (-10.0 / 20):
             continue
@@ -78,17 +80,13 @@ def test_bearing_of_hidden_source_points_to_dominant_edge() -> None:
             continue
         azimuth = maximum_likelihood(detected.pulses, KNOWN).azimuth_rad[0] + 0.3
         to_source = np.arctan2(*(source - robot)[::-1])
-        off_edge_deg.append(abs(degrees_between(azimuth, bearing[level.argmax()])))
-        off_source_deg.append(degrees_between(azimuth, to_source))
-        by_geometry_deg.append(degrees_between(bearing[level.argmax()], to_source))
-    assert len(off_edge_deg) > 40
-    assert np.median(off_edge_deg) < 3.0
-    assert np.median(np.abs(np.subtract(off_source_deg, by_geometry_deg))) < 3.0
-    assert np.max(np.abs(by_geometry_deg)) > 20.0
-
-
-def degrees_between(first: float, second: float) -> float:
-    return float(np.degrees(np.angle(np.exp(1j * (first - second)))))
+        off_edge_rad.append(abs(difference(azimuth, strongest_rad)))
+        off_source_rad.append(difference(azimuth, to_source))
+        by_geometry_rad.append(difference(strongest_rad, to_source))
+    assert len(off_edge_rad) > 40
+    assert np.degrees(np.median(off_edge_rad)) < 3.0
+    assert np.degrees(np.median(np.abs(np.subtract(off_source_rad, by_geometry_rad)))) < 3.0
+    assert np.degrees(np.max(np.abs(by_geometry_rad))) > 20.0
 
 
 def field_along(

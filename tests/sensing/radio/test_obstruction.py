@@ -12,10 +12,10 @@ from pdpatrol.envs.random_yard import random_yard
 from pdpatrol.envs.scenario.radio import surroundings_of
 from pdpatrol.robot_models.description.robot_file import load_robot
 from pdpatrol.robot_models.world import build_spec
-from pdpatrol.robot_models.yard.pieces import BoxEquipment, CylinderEquipment
 from pdpatrol.robot_models.yard.yard import Yard
 from pdpatrol.sensing.radio.materials import KIND_MATERIALS, PORCELAIN, ROUND_MATERIALS
 from pdpatrol.sensing.radio.transmission import Sight
+from tests.robot_models.one_robot import YARD
 from tests.sensing.radio.crossing import cross, solids_of
 
 
@@ -23,13 +23,7 @@ def crossed_in(yard: Yard) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
     return partial(cross, solids=solids_of(yard), n_pieces=len(yard.equipment))
 
 
-TANK = BoxEquipment(
-    name="tank", kind="power_transformer", shape="box", position_m=(20.0, 10.0), footprint_m=(2.0, 4.0), height_m=3.0
-)
-BUSHING = CylinderEquipment(
-    name="bushing", kind="bushing", shape="cylinder", position_m=(10.0, 20.0), radius_m=0.3, height_m=2.5
-)
-TANK_AND_BUSHING = crossed_in(Yard(size_m=(30.0, 30.0), equipment=(TANK, BUSHING)))
+TANK_AND_BUSHING = crossed_in(YARD)
 
 
 def line(*points: float) -> np.ndarray:
@@ -37,29 +31,23 @@ def line(*points: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("start", "expected"),
+    ("start", "end", "expected"),
     [
-        ((15.0, 10.0, 1.0), [True, False]),  # behind the tank
-        ((25.0, 10.0, 1.0), [False, False]),  # on the source's own side
-        ((15.0, 10.0, 14.0), [False, False]),  # over the top: at the tank's far edge the line is still above 3 m
-        ((21.02, 10.0, 1.5), [False, False]),  # at the source itself
+        ((21.02, 10.0, 1.5), (15.0, 10.0, 1.0), [True, False]),  # from a source on the tank through it
+        ((21.02, 10.0, 1.5), (25.0, 10.0, 1.0), [False, False]),  # on the source's own side
+        ((21.02, 10.0, 1.5), (21.02, 10.0, 1.5), [False, False]),  # at the source itself
+        ((5.0, 10.0, 1.0), (19.0, 10.0, 1.0), [False, False]),  # up to a face
+        ((19.0, 5.0, 1.0), (19.0, 15.0, 1.0), [False, False]),  # along a face
+        ((5.0, 10.0, 1.0), (21.0, 10.0, 1.0), [True, False]),  # up to the face behind
+        ((10.1, 20.0, 0.1), (10.1, 20.0, 5.0), [False, True]),  # upright through the bushing
+        ((10.4, 20.0, 0.1), (10.4, 20.0, 5.0), [False, False]),  # upright next to it
     ],
 )
-def test_line_of_sight_crosses_obstacle_both_ways(start: tuple[float, float, float], expected: list[bool]) -> None:
-    source = line(21.02, 10.0, 1.5 if start[2] < 5 else 3.02)
-    assert TANK_AND_BUSHING(source, line(*start)).tolist() == [expected]
-    assert TANK_AND_BUSHING(line(*start), source).tolist() == [expected]
-
-
-def test_line_ending_on_face_does_not_cross() -> None:
-    assert not TANK_AND_BUSHING(line(5.0, 10.0, 1.0), line(19.0, 10.0, 1.0)).any()
-    assert not TANK_AND_BUSHING(line(19.0, 5.0, 1.0), line(19.0, 15.0, 1.0)).any()
-    assert TANK_AND_BUSHING(line(5.0, 10.0, 1.0), line(21.0, 10.0, 1.0)).tolist() == [[True, False]]
-
-
-def test_vertical_line_crosses_bushing() -> None:
-    assert TANK_AND_BUSHING(line(10.1, 20.0, 0.1), line(10.1, 20.0, 5.0)).tolist() == [[False, True]]
-    assert not TANK_AND_BUSHING(line(10.4, 20.0, 0.1), line(10.4, 20.0, 5.0)).any()
+def test_line_crosses_pieces_between_its_ends(
+    start: tuple[float, ...], end: tuple[float, ...], expected: list[bool]
+) -> None:
+    assert TANK_AND_BUSHING(line(*start), line(*end)).tolist() == [expected]
+    assert TANK_AND_BUSHING(line(*end), line(*start)).tolist() == [expected]
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -106,9 +94,8 @@ def transmits(kind: str) -> bool:
 
 
 def test_target_within_surface_is_seen_from_outside_only() -> None:
-    sight = Sight(surroundings_of(Yard(size_m=(30.0, 30.0), equipment=(TANK, BUSHING))))
-    inside, before, behind = np.array([18.7, 10.0, 1.0]), line(15.0, 10.0, 0.6), line(25.0, 10.0, 0.6)
-    inside[0] = 19.2  # 20 cm within
+    sight = Sight(surroundings_of(YARD))
+    inside, before, behind = np.array([19.2, 10.0, 1.0]), line(15.0, 10.0, 0.6), line(25.0, 10.0, 0.6)  # 20 cm within
     assert sight(before, inside).item() == 0.0
     assert sight(before, inside, 0.5).item() == 1.0
     assert sight(behind, inside, 0.5).item() == 0.0
@@ -120,6 +107,6 @@ def test_target_within_surface_is_seen_from_outside_only() -> None:
 
 
 def test_porcelain_transmits_its_share() -> None:
-    sight = Sight(surroundings_of(Yard(size_m=(30.0, 30.0), equipment=(TANK, BUSHING))))
+    sight = Sight(surroundings_of(YARD))
     left = sight(line(5.0, 20.0, 0.6), np.array([15.0, 20.0, 1.0])).item()
     assert left == pytest.approx(PORCELAIN.transmission, rel=0.001)

@@ -1,13 +1,13 @@
-"""Make `reference.json` with Sionna RT: all paths in three yards of metal boxes on concrete ground.
+"""Trace the links of `reference.json` again with Sionna RT: three yards of metal boxes on concrete ground.
 
 Not a dependency of the project. By hand, with Python 3.11, in an environment of its own:
 
     pip install sionna-rt==2.2.0            # wants LLVM: apt install libllvm19
     DRJIT_LIBLLVM_PATH=/usr/lib/x86_64-linux-gnu/libLLVM-19.so python make_reference.py
 
-It writes direct paths, reflections of first and second order, ground included, and diffraction at one edge. Two runs
-write the same bytes. Four seeds with 200 000 to 2 000 000 rays find the same paths, except for two edges of a box of
-which the source lies in the plane of a face.
+It keeps the boxes, sources and receivers of the file, and writes direct paths, reflections of first and second order,
+ground included, and diffraction at one edge. Two runs write the same bytes. Four seeds with 200 000 to 2 000 000 rays
+find the same paths, except for two edges of a box of which the source lies in the plane of a face.
 
 **Boxes** have no lower face, and their faces share corners: Sionna finds edges between adjacent triangles, and none at
 the ground, where upright edges end. Of the edges of turned boxes that both ends see, it omits some behind which the ray
@@ -30,6 +30,7 @@ components of ours are compared with exact solutions in `test_diffraction.py`.
 
 import json
 from importlib.metadata import version
+from itertools import groupby
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, TypeAlias
@@ -42,44 +43,9 @@ FREQUENCY_HZ = 1.75e9
 AT_1M = 4 * np.pi * FREQUENCY_HZ / 299_792_458.0
 """Factor from the coefficient of a path to its amplitude over that at 1 m."""
 GROUND_M = 2.0
-RECEIVERS_UP_M = 0.6
-CLEAR_M = 0.4
-"""Least distance of a receiver from a box, metres."""
-SIZE_M = (25.0, 20.0)
 N_RAYS, SEED = 1_000_000, 1
 DIFFRACTION = 8
 """Value of `rt.constants.InteractionType.DIFFRACTION`."""
-YARDS = {  # boxes: middle x and y, sides along their own axes, height, all in metres, and yaw in degrees
-    "square": {
-        "boxes": {
-            "tank": (10.0, 8.0, 5.0, 3.0, 3.2, 0.0),
-            "wall": (12.0, 15.0, 14.0, 0.4, 4.5, 0.0),
-            "cabinet": (19.0, 6.0, 1.0, 0.6, 1.8, 0.0),
-        },
-        "sources": ((7.0, 12.0, 1.5), (14.0, 5.0, 2.5)),
-        "n_receivers": 34,
-    },
-    "turned": {
-        "boxes": {
-            "tank": (8.0, 9.0, 4.0, 2.5, 2.8, 25.0),
-            "house": (18.0, 14.0, 6.0, 4.0, 3.5, -20.0),
-            "cabinet": (15.0, 6.0, 1.2, 0.8, 2.0, 50.0),
-            "bin": (4.0, 14.0, 0.8, 0.8, 1.2, 10.0),
-        },
-        "sources": ((12.0, 10.0, 0.8), (5.0, 6.0, 2.1)),
-        "n_receivers": 34,
-    },
-    "alley": {
-        "boxes": {
-            "hall": (5.0, 10.0, 3.0, 12.0, 4.0, 0.0),
-            "row": (12.0, 11.0, 2.5, 9.0, 3.0, 5.0),
-            "bay": (20.0, 7.0, 2.0, 5.0, 2.5, -40.0),
-            "screen": (18.0, 16.0, 5.0, 0.3, 2.2, 60.0),
-        },
-        "sources": ((8.7, 11.0, 1.2), (16.0, 9.0, 1.8)),
-        "n_receivers": 32,
-    },
-}
 DIRECT, REFLECTION, EDGE = "direct", "reflection", "edge"
 FACES = ((0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7), (4, 5, 6, 7))
 """Corners of a box, lower ones first, counterclockwise: its sides, and its top."""
@@ -93,61 +59,36 @@ Found = tuple[str, tuple[str, ...], tuple[Position, ...], float, tuple[float, ..
 
 def main() -> None:
     """Trace all links and write the file."""
-    rng, yards = np.random.default_rng(7), []
-    for name, of in YARDS.items():
-        boxes = of["boxes"]
-        receivers = [clear_of(boxes, rng) for _ in range(of["n_receivers"])]
-        links = []
+    file = Path(__file__).with_name("reference.json")
+    reference = json.loads(file.read_text(encoding="utf-8"))
+    for yard in reference["yards"]:
         with TemporaryDirectory() as folder:
-            scene = rt.load_scene(write_scene(Path(folder), boxes), merge_shapes=False)
+            scene = rt.load_scene(write_scene(Path(folder), yard["boxes"]), merge_shapes=False)
         scene.frequency = FREQUENCY_HZ
         scene.tx_array = scene.rx_array = rt.PlanarArray(
             num_rows=1, num_cols=1, pattern="iso", polarization="VH", polarization_model="tr38901_2"
         )
-        for i, source in enumerate(of["sources"]):
-            of_source = receivers[i :: len(of["sources"])]
-            paths = trace(scene, source, of_source)
-            links += [
-                {"source_m": source, "receiver_m": at, "paths": found}
-                for at, found in zip(of_source, paths, strict=True)
-            ]
-        yards.append({"name": name, "boxes": boxes, "links": links})
-    written = {
-        "made_with": f"sionna-rt {version('sionna-rt')}, make_reference.py",
-        "frequency_hz": FREQUENCY_HZ,
-        "boxes_are": "middle x and y, sides, height in metres; yaw in degrees; of metal, on ground of concrete",
-        "paths_are": "kind, objects, points in metres, delay in ns, matrix over the amplitude at 1 m: [[theta to theta,"
-        " phi to theta], [theta to phi, phi to phi]], real and imaginary parts, without the phase of the path",
-        "yards": yards,
-    }
-    Path(__file__).with_name("reference.json").write_text(json.dumps(written), encoding="utf-8")
-
-
-def clear_of(boxes: dict[str, Box], rng: np.random.Generator) -> Position:
-    """Draw a place for a receiver, clear of all boxes."""
-    while True:
-        x, y = (round(float(value), 2) for value in rng.uniform((0.0, 0.0), SIZE_M))
-        for middle_x, middle_y, length, width, _, yaw_deg in boxes.values():
-            turn = np.exp(-1j * np.radians(yaw_deg)) * complex(x - middle_x, y - middle_y)
-            if abs(turn.real) < 0.5 * length + CLEAR_M and abs(turn.imag) < 0.5 * width + CLEAR_M:
-                break
-        else:
-            return x, y, RECEIVERS_UP_M
+        for source, of_source in groupby(yard["links"], key=lambda link: link["source_m"]):
+            links = list(of_source)
+            for link, paths in zip(links, trace(scene, source, [link["receiver_m"] for link in links]), strict=True):
+                link["paths"] = paths
+    reference["made_with"] = f"sionna-rt {version('sionna-rt')}, make_reference.py"
+    file.write_text(json.dumps(reference), encoding="utf-8")
 
 
 def trace(scene: Scene, source: Position, receivers: list[Position]) -> list[list[Found]]:
-    """Return all paths from a source, for each receiver the shortest first."""
+    """Return all paths from a source, for each receiver in order of their delays."""
     for name in [*scene.transmitters, *scene.receivers]:
         scene.remove(name)
     scene.add(rt.Transmitter("source", position=list(source)))
     for k, position in enumerate(receivers):
         scene.add(rt.Receiver(f"receiver_{k:02}", position=list(position)))
     reflected = solve(scene, max_depth=2)
-    bent = solve(scene, max_depth=1, los=False, specular_reflection=False, diffraction=True)
-    return [sorted([*some, *more], key=lambda path: path[3]) for some, more in zip(reflected, bent, strict=True)]
+    diffracted = solve(scene, max_depth=1, los=False, specular_reflection=False, diffraction=True)
+    return [sorted([*some, *more], key=lambda path: path[3]) for some, more in zip(reflected, diffracted, strict=True)]
 
 
-def solve(scene: Scene, **ways: int) -> list[list[Found]]:
+def solve(scene: Scene, **options: int) -> list[list[Found]]:
     """Return the paths that one run of the solver finds, for each receiver."""
     paths = rt.PathSolver(deterministic=True)(
         scene,
@@ -157,7 +98,7 @@ def solve(scene: Scene, **ways: int) -> list[list[Found]]:
         edge_diffraction=False,
         diffraction_lit_region=True,
         seed=SEED,
-        **ways,
+        **options,
     )
     names = {thing.object_id: name for name, thing in scene.objects.items()}
     real, imaginary = (np.asarray(part) for part in paths.a)
