@@ -1,1 +1,1 @@
-"""Array of antennas: configuration, the array as built, and tables for compiled functions."""
+"""Antenna array: configuration, array as built, and tables for compiled functions."""

@@ -1,4 +1,4 @@
-"""Array of a robot and its gains as compiled functions read them."""
+"""Tables of an antenna array and its gains, for compiled functions."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from pdpatrol.sensing.array.helical_array import HelicalArray
 FloatArray = NDArray[np.float64]
 
 GRID_STEP_RAD = math.radians(2.0)
-"""Step of the grid of gains: a lobe 55 degrees wide is linear in between to 0.001."""
+"""Step of the grid of gains. Linear interpolation of a lobe 55 degrees wide is accurate to 0.001."""
 
 
 def gain_grid(pattern: SpatialPattern, band_hz: FloatArray) -> FloatArray:
-    """Tabulate the gain of an element over azimuth, elevation and frequency, as of `ArrayTable.grid`."""
+    """Tabulate the gain of an element over azimuth, elevation and frequency, as in `ArrayTable.grid`."""
     azimuth_rad, elevation_rad = GRID_STEP_RAD * np.arange(180), GRID_STEP_RAD * np.arange(91) - 0.5 * np.pi
     gain = pattern.gain(azimuth_rad[:, np.newaxis], elevation_rad, band_hz)
     return np.ascontiguousarray(np.moveaxis(gain, 0, -1))
@@ -31,9 +31,9 @@ def look_up_gains(grid: FloatArray, boresight: Boresight, x: float, y: float, z:
     """Interpolate the gains of an element along a vector.
 
     Args:
-        grid: Gains as of `ArrayTable.grid`.
+        grid: Gains, as in `ArrayTable.grid`.
         boresight: Boresight of the element.
-        x: Component of the vector, array frame; its length does not matter.
+        x: Component x of the vector, of any length, array frame.
         y: Component y.
         z: Component z, up.
         gain: Filled in, shape (n_bands,).
@@ -55,16 +55,17 @@ def look_up_gains(grid: FloatArray, boresight: Boresight, x: float, y: float, z:
 
 
 class ArrayTable(NamedTuple):
-    """Array of one robot.
+    """Antenna array of one robot.
 
     Attributes:
         elements_m: Positions of the elements, shape (n_elements, 3), array frame.
         boresights: Fields of `Boresight`, shape (n_elements, 4).
         gain_factors: Factors of the gains, shape (n_elements,).
-        gain_offsets: Additions to the gains, shape (n_elements,).
-        pattern: Pattern of all elements in the plane; unused where there is a grid.
-        grid: Gains of all elements over all directions and frequencies, shape (n_azimuths, n_elevations, n_bands),
-            azimuths once around from 0, elevations from straight down to straight up; empty for a pattern in the plane.
+        gain_offsets: Offsets added to the gains, shape (n_elements,).
+        pattern: Pattern of all elements in the plane; unused if there is a grid.
+        grid: Gain of every element over all directions and frequencies, shape (n_azimuths, n_elevations, n_bands).
+            Azimuths run once around from 0, elevations from straight down to straight up. Empty for a pattern in the
+            plane.
         band_peak: Largest magnitude of a pulse of 1 V in each band, shape (n_bands,).
     """
 
@@ -87,8 +88,9 @@ class ArrayTable(NamedTuple):
 
         Args:
             array: The array.
-            pattern: Table of its pattern, for several arrays to share; None to make one.
-            grid: Columns `grid` and `band_peak` of a pattern over all directions and frequencies; None in the plane.
+            pattern: Table of its pattern, which several arrays can share; None to make one.
+            grid: Fields `grid` and `band_peak` of a pattern over all directions and frequencies; None for a pattern in
+                the plane.
         """
         return cls(
             np.array(array.positions_m),

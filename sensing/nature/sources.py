@@ -1,4 +1,4 @@
-"""Sources of discharges and interference, and the scene that they make with their surroundings."""
+"""Sources of discharges and interference, and the scene that combines them with their surroundings."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FloatArray = NDArray[np.float64]
 
 
 def round_to_nanoseconds(time_s: float) -> float:
-    """Round a time >= 0, so that a shot on the border of two intervals is fired once however their ends round."""
+    """Round a time >= 0, so that a shot on the boundary of two intervals falls into exactly one of them."""
     return int(time_s * 1e9 + 0.5) / 1e9
 
 
@@ -26,8 +26,8 @@ class Carrier:
 
     Attributes:
         frequency_hz: Frequency of the tone.
-        amplitude_v: Peak in a unit-gain channel at the array, before the band-pass.
-        bearing_rad: Azimuth that it comes from, world frame.
+        amplitude_v: Peak in a unit-gain channel at the array, before the band-pass filter.
+        bearing_rad: Azimuth towards the transmitter, world frame.
     """
 
     frequency_hz: float
@@ -39,7 +39,8 @@ class Carrier:
 class DischargeSource:
     """Point source that radiates pulses equally in all directions.
 
-    It fires at random times, as a Poisson process over the phase of the mains, or a number of regular shots.
+    It fires at random times, as a Poisson process whose rate depends on the mains phase, or it fires a given number of
+    regular shots.
 
     Attributes:
         name: Name in reports.
@@ -47,14 +48,14 @@ class DischargeSource:
         amplitude_v: Peak of a typical pulse in a unit-gain channel 1 m away, > 0.
         pulse_rate_hz: Mean number of pulses per second, >= 0.
         axis: Direction of the linear polarisation, a unit vector, shape (3,), world frame.
-        train: Phases and amplitudes of the pulses, for one per second; None for equal pulses at any phase.
+        train: Phases and amplitudes of the pulses, at a rate of one per second; None for equal pulses at any phase.
         active_s: Start and end of the activity.
         drift_db_per_min: Rate at which the amplitude grows.
-        n_shots: Number of shots of a discharge gun, regular at the pulse rate; None for a source without end.
+        n_shots: Number of shots of a discharge gun, which fires regularly at the pulse rate; None for other sources.
         first_shot_s: Time of the first shot.
-        burst_s: Duration of each emission of a source of bursts of a carrier; 0 for pulses.
-        moves_to_m: Far end of the line on which the source moves back and forth, shape (3,), world frame; it starts
-            from `position_m` at time 0. None for a fixed source.
+        burst_s: Duration of each carrier burst, for a source of bursts; 0 for pulses.
+        moves_to_m: Far end of the line on which the source moves back and forth, shape (3,), world frame. It starts
+            from `position_m` at time 0. None for a stationary source.
         speed_mps: Speed of a moving source, > 0.
     """
 
@@ -74,7 +75,7 @@ class DischargeSource:
 
     @property
     def clusters(self) -> PulseTrain | None:
-        """Clusters of random pulses at the pulse rate; None for a discharge gun."""
+        """Clusters of random pulses, at the pulse rate of the source; None for a discharge gun."""
         return None if self.n_shots is not None else (self.train or PulseTrain.at_any_phase()).times(self.pulse_rate_hz)
 
     def position_at(self, time_s: float) -> FloatArray:
@@ -101,7 +102,7 @@ class Emissions(NamedTuple):
     Attributes:
         source: Index of the source, shape (n,).
         time_s: Time, shape (n,), ascending.
-        peak_v: Peak 1 m away in a unit-gain channel before the band-pass, with its sign, shape (n,).
+        peak_v: Signed peak 1 m away, in a unit-gain channel before the band-pass filter, shape (n,).
     """
 
     source: NDArray[np.intp]
@@ -121,11 +122,11 @@ class Emissions(NamedTuple):
 
 
 class Scene:
-    """Sources at their places, for one mission.
+    """Sources and surroundings of one mission.
 
     Args:
         sources: Sources of pulses or bursts.
-        surroundings: Surroundings; free space if None.
+        surroundings: Surroundings; None for free space.
         carriers: Transmitters that radiate all the time.
 
     Attributes:
@@ -165,7 +166,7 @@ class Scene:
         return np.array([source.position_at(time_s) for source in self.sources]).reshape(-1, 3)
 
     def draw(self, start_s: float, duration_s: float, rng: np.random.Generator) -> Emissions:
-        """Draw all emissions in [start_s, start_s + duration_s); adjoining intervals share none and miss none."""
+        """Draw all emissions in [start_s, start_s + duration_s); adjacent intervals neither share nor miss any."""
         source, time_s, relative = np.empty(0, dtype=np.intp), np.empty(0), np.empty(0)
         if self._clusters is not None:
             cluster, time_s, relative = self._clusters.draw(start_s, duration_s, rng)

@@ -1,4 +1,4 @@
-"""Arrivals of pulses at the elements of an array by every ray path, in compiled functions."""
+"""Compiled functions for the arrivals of pulses at the elements of an array along every ray path."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Propagation(NamedTuple):
         positions_m: Positions of the sources, shape (n_sources, 3), world frame.
         axes: Linear polarisations of the sources, unit vectors, shape (n_sources, 3).
         burst_s: Durations of bursts, 0 for sources of pulses, shape (n_sources,).
-        array: Array of the robot.
+        array: Antenna array of the robot.
         surroundings: Faces and solids.
     """
 
@@ -41,9 +41,10 @@ class Arrivals(NamedTuple):
 
     Attributes:
         delay_s: Travel times, shape (n_paths, n_elements).
-        amplitude: Complex amplitudes in each band, shape (n_paths, n_elements, n_bands): times exp(-j omega delay), the
-            response to a steady wave exp(j omega t). There is one band where the pattern does not depend on frequency.
-        peak: Upper bound of the signal at any element, shape (n_paths,).
+        amplitude: Complex amplitudes in each band, shape (n_paths, n_elements, n_bands). Multiplied by
+            exp(-j omega delay), they are the response to a steady wave exp(j omega t). There is a single band if the
+            pattern does not depend on frequency.
+        peak: Upper bound of the signal over all elements, shape (n_paths,).
         peak_s: Travel time to the element with that bound, shape (n_paths,).
     """
 
@@ -55,7 +56,7 @@ class Arrivals(NamedTuple):
 
 @compiled
 def arrive(ray_paths: RayPaths, world_from_array: FloatArray, array: ArrayTable) -> Arrivals:
-    """Return delay and amplitude of each ray path at each element of an array.
+    """Compute the delay and amplitude of each ray path at each element of an array.
 
     Args:
         ray_paths: Paths to the middle of the array.
@@ -96,12 +97,12 @@ def arrive(ray_paths: RayPaths, world_from_array: FloatArray, array: ArrayTable)
 
 @compiled
 def propagate(least: FloatArray, world_from_array: FloatArray, propagation: Propagation) -> tuple[RayPaths, Arrivals]:
-    """Find all paths from the sources to the array, and the arrivals by each.
+    """Find all paths from the sources to the array, and compute their arrivals at the elements.
 
-    The paths are those to the middle of the elements: an array is small compared with equipment.
+    Paths are traced to the middle of the elements, because an array is small compared with equipment.
 
     Args:
-        least: Weakest level of each source, as of `find_ray_paths`.
+        least: Weakest amplitude of each source, as in `find_ray_paths`.
         world_from_array: Pose of the array, shape (4, 4).
         propagation: Sources, array and surroundings.
     """

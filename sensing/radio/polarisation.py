@@ -1,7 +1,7 @@
-"""Electric field along a ray in compiled functions: radiated, reflected, diffracted and received.
+"""Compiled functions for the electric field along a ray: radiated, reflected, diffracted and received.
 
-Fields are relative to that of an isotropic, linearly polarised source: the field of a direct ray has length 1. Waves
-vary as exp(j (omega t - k r)).
+Fields are relative to the field of an isotropic, linearly polarised source, so that the field of a direct ray has
+length 1. Waves vary as exp(j (omega t - k r)).
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from pdpatrol.sensing.radio.geometry import UP, Vector, normal_to
 from pdpatrol.sensing.radio.materials import FREQUENCY_GHZ, LOSS_FACTOR, Material
 
 CONDUCTOR_SPM = 1e6
-"""Conductivity from which on a material counts as a perfect conductor; Fresnel's coefficients then differ from that by
-less than 0.001 up to 80 degrees."""
+"""Conductivity above which a material counts as a perfect conductor. The Fresnel coefficients then differ from those of
+a perfect conductor by less than 0.001 up to an angle of 80 degrees."""
 
 
 class Emitter(NamedTuple):
-    """Source that radiates.
+    """Radiating source.
 
     Attributes:
         at: Position.
-        axis: Direction of its linear polarisation, a unit vector.
+        axis: Direction of the linear polarisation, a unit vector.
     """
 
     at: Vector
@@ -43,7 +43,7 @@ class Reflection(NamedTuple):
 
     Attributes:
         perpendicular: Coefficient of the component perpendicular to the plane of incidence.
-        parallel: Coefficient of the component in that plane.
+        parallel: Coefficient of the component in the plane of incidence.
     """
 
     perpendicular: complex
@@ -78,10 +78,10 @@ def radiated(axis: Vector, ray: Vector) -> Field:
 
 @compiled_inner
 def received(field: Field, ray: Vector) -> complex:
-    """Return the signal of an antenna with right-handed circular polarisation in a field that arrives along a ray.
+    """Return the signal of a right-hand circularly polarised antenna for a field that arrives along a ray.
 
-    For linear polarisation of length 1 its magnitude is 1 in every direction of the field: half of the power, which the
-    measured gain of the antenna includes.
+    For a linearly polarised field of length 1 its magnitude is 1, whatever the direction of the field. The antenna
+    receives only half of the power of such a field; its measured gain already includes this loss.
     """
     horizontal = normal_to(ray, UP)
     return component(field, horizontal) + 1j * component(field, normal_to(horizontal, ray))
@@ -93,7 +93,7 @@ def fresnel(cosine: float, permittivity: float, conductivity_spm: float) -> Refl
 
     Args:
         cosine: Cosine of the angle between ray and normal, in [0, 1].
-        permittivity: Real part, relative to vacuum.
+        permittivity: Real part of the relative permittivity.
         conductivity_spm: Conductivity, S/m.
     """
     inside = permittivity - 1j * LOSS_FACTOR * conductivity_spm / FREQUENCY_GHZ
@@ -103,7 +103,7 @@ def fresnel(cosine: float, permittivity: float, conductivity_spm: float) -> Refl
 
 @compiled_inner
 def face_reflection(cosine: float, material: Material) -> Reflection:
-    """Return the reflection coefficients of a face; its roughness scatters a share of the wave."""
+    """Return the reflection coefficients of a face, reduced by the share of the wave that its roughness scatters."""
     share = material.flat_share
     if material.conductivity_spm >= CONDUCTOR_SPM:
         return Reflection(complex(-share), complex(share))
@@ -113,13 +113,13 @@ def face_reflection(cosine: float, material: Material) -> Reflection:
 
 @compiled_inner
 def reflected(field: Field, arriving: Vector, leaving: Vector, normal: Vector, reflection: Reflection) -> Field:
-    """Return the field behind a mirror.
+    """Return the field after reflection by a mirror.
 
     Args:
-        field: Field that arrives.
+        field: Incident field.
         arriving: Unit vector of the arriving ray.
         leaving: Unit vector of the leaving ray.
-        normal: Normal of the mirror, towards the rays.
+        normal: Normal of the mirror, on the side of the rays.
         reflection: Coefficients of the mirror.
     """
     across = normal_to(arriving, normal)
@@ -130,10 +130,10 @@ def reflected(field: Field, arriving: Vector, leaving: Vector, normal: Vector, r
 
 @compiled_inner
 def diffracted(field: Field, arriving: Vector, leaving: Vector, edge: Vector, soft: complex, hard: complex) -> Field:
-    """Return the field behind an edge, before it spreads: Kouyoumjian and Pathak 1974, eq. (23).
+    """Return the field after diffraction by an edge, without spreading: Kouyoumjian and Pathak 1974, eq. (23).
 
     Args:
-        field: Field that arrives.
+        field: Incident field.
         arriving: Unit vector of the arriving ray.
         leaving: Unit vector of the leaving ray.
         edge: Unit vector along the edge.

@@ -1,4 +1,4 @@
-"""Ray paths from sources to an array, found in one compiled call: direct, reflected and diffracted."""
+"""Direct, reflected and diffracted ray paths from sources to an array, found in one compiled call."""
 
 from __future__ import annotations
 
@@ -64,11 +64,12 @@ from pdpatrol.sensing.radio.transmission import (
 FloatArray = NDArray[np.float64]
 
 FADE_DB, GROUND_FADE_DB, FADE_OVER_DB = 20.0, 40.0, 6.0
-"""Level below the strongest path at which a path begins to fade, and that for the path by the ground alone; levels over
-which it fades to nothing. Assumed; they change strengths by less than a tenth, and levels by 0.1 dB."""
+"""Level below the strongest path at which a path begins to fade out; the same for the path reflected by the ground
+alone; and range of levels over which paths fade out. Assumed; they change strengths by less than a tenth, and levels by
+0.1 dB."""
 
 WEAKEST = 10.0 ** (-(FADE_DB + FADE_OVER_DB) / 20.0)
-"""Amplitude over that of the strongest path below which no path counts."""
+"""Amplitude relative to the strongest path below which a path is ignored."""
 
 PATH = np.dtype(
     (
@@ -79,13 +80,17 @@ PATH = np.dtype(
         ],
     )
 )
-"""Row of a path: the point that it comes from, which is the source, its image or the last point of diffraction; its
-length up to there; its amplitude at the array over that 1 m from the source; and the signal of a circular antenna over
-that of a direct path of the same length."""
+"""Row of a path.
+
+`x`, `y`, `z`: point that the path seems to come from, which is the source, its image or the last point of diffraction.
+`extra_m`: length of the path from the source to a point of diffraction, otherwise 0. `level`: amplitude at the array
+relative to the amplitude 1 m from the source. `coefficient`: signal of a circularly polarised antenna relative to that
+of a direct path of the same length.
+"""
 
 
 class RayPaths(NamedTuple):
-    """Paths to one array; those of one source follow one another.
+    """Paths to one array, grouped by source.
 
     Attributes:
         rows: Rows of `PATH`.
@@ -99,23 +104,23 @@ class RayPaths(NamedTuple):
 
     @property
     def from_m(self) -> FloatArray:
-        """Points that the paths come from, shape (n_paths, 3)."""
+        """Points that the paths seem to come from, shape (n_paths, 3); see `PATH`."""
         return np.column_stack([self.rows["x"], self.rows["y"], self.rows["z"]])
 
     @property
     def extra_m(self) -> FloatArray:
-        """Lengths of the paths up to these points, shape (n_paths,); 0 where nothing diffracts."""
+        """Lengths of the paths up to the last point of diffraction, shape (n_paths,); 0 without diffraction."""
         return self.rows["extra_m"]
 
     @property
     def coefficient(self) -> NDArray[np.complex128]:
-        """Signal of a circular antenna over that of a direct path of the same length, shape (n_paths,)."""
+        """Signal of a circularly polarised antenna relative to a direct path of the same length, shape (n_paths,)."""
         return self.rows["coefficient"]
 
 
 @compiled_inner
 def add_path(paths: Rows, n: int, at: Vector, extra_m: float, coefficient: complex, target: Vector) -> int:
-    """Write a path into row n; return the number of paths."""
+    """Write a path into row n, and return the number of paths."""
     path = paths[n]
     path.x, path.y, path.z = at
     path.extra_m, path.coefficient = extra_m, coefficient
@@ -143,7 +148,7 @@ def add_face(
     paths: Rows,
     n: int,
 ) -> int:
-    """Add the path by a face, or by an upright face and the ground; return the number of paths."""
+    """Add the path reflected by a face, or by an upright face and the ground, and return the number of paths."""
     source = mirror_in_ground(emitter.at) if with_ground else emitter.at
     image, at, rim_m = face_point(face, source, target)
     if rim_m < 0.0:
@@ -174,25 +179,25 @@ def add_box(
     paths: Rows,
     n: int,
 ) -> tuple[int, float]:
-    """Add the paths around the edges of a box, past all other obstacles.
+    """Add the paths diffracted around the edges of a box, attenuated by all other obstacles.
 
     Args:
         emitter: Source.
         target: Middle of the array.
-        by_ground: True for the paths that the ground reflects as well.
+        by_ground: True for the paths that are also reflected by the ground.
         ground: Material of the ground.
-        around: Obstacles; their own one is the box, or a cylinder in place of which the box within it diffracts.
-        strongest: Largest level of any path so far; a diffracted one counts twice, because an edge halves the
-            wave that it blocks.
+        around: Obstacles; `around.own` is the box, or a cylinder whose inscribed box diffracts in its place.
+        strongest: Largest level of any path so far; the level of a diffracted path counts twice, because an edge halves
+            the wave that it blocks.
         paths: Filled in from row n on.
         n: Number of paths so far.
 
     Returns:
-        Number of paths, and the largest level with these.
+        Number of paths, and the largest level including the new paths.
     """
     obstacle = around.obstacles[around.own]
     material = material_of(obstacle)
-    if obstacle.radius_m > 0.0:  # a cylinder reflects on its own
+    if obstacle.radius_m > 0.0:  # the reflection by a cylinder is a separate path
         material = Material(material.permittivity, material.conductivity_spm, material.transmission, 0.0)
     start = mirror_in_ground(emitter.at) if by_ground else emitter.at
     box = facing_box(segment(start, target), solid_of(obstacle))
@@ -204,9 +209,9 @@ def add_box(
             first = box_edge(box, family, i)
             if is_hidden(first, source):
                 continue
-            for step in (0, 1, 3):  # this edge alone, and on to its neighbours
+            for step in (0, 1, 3):  # this edge alone, then this edge and either neighbour
                 j = (i + step) % 4
-                if j >= n_edges or (family > 0 and (i < 2) != (j < 2)):  # only the upper and the lower face
+                if j >= n_edges or (family > 0 and (i < 2) != (j < 2)):  # only across the upper or the lower face
                     continue
                 last, least = box_edge(box, family, j), max(WEAKEST * strongest, around.least)
                 if is_hidden(last, goal) or largest_level(first, last, source, goal) < least:
@@ -241,11 +246,11 @@ def add_box(
 def add_edges(
     emitter: Emitter, target: Vector, ground: Material, around: Obstruction, strongest: float, paths: Rows, n: int
 ) -> tuple[int, float]:
-    """Add the paths around the edges of all boxes; arguments and results as those of `add_box`.
+    """Add the paths around the edges of all boxes; arguments and results are those of `add_box`.
 
-    Paths by the ground are longer and weaker than those without. Assumed: where no path without the ground would count
-    in the absence of other obstacles, none with it does. The obstacle with the deepest shadow comes first, because
-    paths around it are strong and allow more of the others to be left out.
+    Paths reflected by the ground are longer and weaker than the others. Assumed: if no path around an obstacle is
+    strong enough without the ground, none is with it. The obstacle with the deepest shadow is first, because paths
+    around it are strong, so that more of the other paths can be skipped.
     """
     obstacles, shadows, deepest = around.obstacles, around.shadows, 0
     for k in range(obstacles.size):
@@ -271,7 +276,7 @@ def trace(
     Args:
         emitter: Source.
         target: Middle of the array.
-        least: Amplitude at the array, over that 1 m from the source, below which no path counts.
+        least: Amplitude at the array, relative to that 1 m from the source, below which a path is ignored.
         surroundings: Faces and solids.
         shadows: Scratch space, a row of `SHADOW` for each obstacle.
         paths: Filled in, rows of `PATH`.
@@ -327,20 +332,20 @@ def trace(
 def find_ray_paths(
     sources_m: FloatArray, axes: FloatArray, least: FloatArray, target: Vector, surroundings: Surroundings
 ) -> RayPaths:
-    """Find all paths from the sources that emit to the middle of an array.
+    """Find all paths from the emitting sources to the middle of an array.
 
     Args:
         sources_m: Positions of the sources, shape (n_sources, 3), world frame.
         axes: Linear polarisations of the sources, unit vectors, shape (n_sources, 3).
-        least: Amplitude at the array, over that 1 m from the source, below which no path of a source counts, shape
-            (n_sources,); infinite for sources that do not emit.
+        least: Amplitude at the array, relative to that 1 m from the source, below which a path of each source is
+            ignored, shape (n_sources,); infinite for sources that do not emit.
         target: Middle of the array.
         surroundings: Faces and solids.
     """
     faces, obstacles, n_sources = surroundings.faces, surroundings.obstacles, least.size
     n_most, shadows = 1 + 2 * faces.size, np.empty(obstacles.size, SHADOW)
     for k in range(obstacles.size):
-        n_most += 1 + 48 * obstacles[k].diffracts  # 12 upright, 8 over the top, by the ground 12 and 16
+        n_most += 1 + 48 * obstacles[k].diffracts  # 12 upright and 8 horizontal; 12 and 16 with ground reflection
     if surroundings.second_order:
         n_most += faces.size * (faces.size - 1)
     paths = np.empty(n_most * (least < np.inf).sum(), PATH)

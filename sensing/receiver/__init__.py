@@ -1,1 +1,1 @@
-"""Receiver: configuration, band-pass, sampling, detection and banks of receivers."""
+"""Receivers: configuration, band-pass filter, sampling, detection, and banks of receivers."""

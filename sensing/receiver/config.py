@@ -21,26 +21,26 @@ from pdpatrol.sensing.quantities import (
 )
 
 NARROWEST = 1e-3
-"""Smallest width of the band, and distance of its edges from 0 and half the sampling rate, over the sampling rate. A
-narrower filter rings for more than ten thousand samples."""
+"""Smallest width of the band, and smallest distance of its edges from 0 and half the sampling rate, as a fraction of
+the sampling rate. A narrower filter rings for more than ten thousand samples."""
 
 LONGEST_DIVIDED_GATE = 1000
-"""Most samples of a gate that is read in sub-bands: their noise takes the decomposition of a matrix with as many rows,
-2 s for this and a minute for four times as many."""
+"""Largest number of samples of a gate with sub-bands. Their noise requires the decomposition of a square matrix of this
+size, which takes 2 s; four times this size takes a minute."""
 
 Band = Annotated[
     Annotated[tuple[Hertz, Hertz], Tag("[given]")] | Annotated[Literal["all"], Tag("[word]")],
     Discriminator(lambda value: "[word]" if isinstance(value, str) else "[given]"),
 ]
-"""Lower and upper edge, or "all" for no band-pass."""
+"""Lower and upper edge of the band, or "all" for no band-pass filter."""
 
 
 class ChannelFault(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
     """Fault of one channel, from `start_s` on.
 
-    `dead`: the signal is lost, the noise remains. `gain_drift`: the gain changes by `gain_db` within `ramp_s`.
-    `saturation`: the amplifier is limited to `level_v`. `swapped`: the plugs of this channel and channel `other` are
-    exchanged. `stuck`: the output of the ADC is constant.
+    `dead`: the signal is lost, but the noise remains. `gain_drift`: the gain changes by `gain_db` within `ramp_s`.
+    `saturation`: the output of the amplifier is limited to `level_v`. `swapped`: the plugs of this channel and of
+    channel `other` are swapped. `stuck`: the output of the ADC is constant.
     """
 
     channel: int = Field(ge=1, le=MOST_ELEMENTS)
@@ -67,35 +67,38 @@ class ChannelFault(BaseModel, frozen=True, strict=True, extra="forbid", allow_in
 class ReceiverConfig(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
     """Receiver with a channel for each element and a common trigger.
 
-    The defaults are assumed, close to those of a fast oscilloscope. Once a channel has crossed the threshold, the gate
-    starts `pretrigger_samples` before the strongest one reaches half its peak. A signal that lasts longer than any echo
-    is a burst and is rejected.
+    The defaults are assumed, close to those of a fast oscilloscope. When a channel crosses the threshold, the gate
+    starts `pretrigger_samples` before the strongest channel reaches half its peak. A signal that lasts longer than any
+    multipath is a burst and is rejected.
     """
 
     sample_rate_hz: SampleRate = 20e9
     band_hz: Band = (1.4e9, 2.2e9)
-    """Edges of the band-pass, where its loss is 3 dB. The default passes the energy of the pulses, mainly 1.5 to 2 GHz,
-    and takes 54 dB from the interferer of the Dir-MUSIC paper at 948 MHz; "all" leaves the noise white."""
+    """Edges of the band-pass filter, where its loss is 3 dB. The default passes the energy of the pulses, mainly at 1.5
+    to 2 GHz, and attenuates the 948 MHz interferer of the Dir-MUSIC paper by 54 dB. With "all" the noise stays white.
+    """
     noise_v: Volt = 1e-3
-    """Standard deviation of a sample of white noise, before the band-pass."""
+    """Standard deviation of a sample of white noise, before the band-pass filter."""
     pretrigger_samples: int = Field(default=20, ge=1, le=10_000)
     gate_samples: int = Field(default=90, ge=1, le=10_000)
     longest_echo_s: EchoSecond = 60e-9
-    """Largest delay of an echo, 18 m of detour. A signal three times as long is a burst."""
+    """Largest delay of multipath; the default is a detour of 18 m. A signal three times as long is a burst."""
     false_alarm_rate_hz: FalseAlarmRate = 0.1
     mains_hz: MainsHertz = 50.0
     bits: int = Field(default=12, ge=2, le=24)
     full_scale_v: Volt = 0.5
     """Largest voltage of the ADC, of either sign; larger pulses are clipped and flagged. With the defaults one count is
-    0.86 of the noise behind the band-pass; above two, rounding is no longer like noise."""
+    0.86 standard deviations of the noise after the band-pass filter. Above two, rounding errors no longer act like
+    noise."""
     n_bands: int = Field(default=0, ge=0, le=8)
-    """Sub-bands of equal width in which strengths are read as well, for the estimator `sub_bands`. They share noise
-    where they are narrower than the sampling rate over the length of the gate, 222 MHz with the defaults."""
+    """Number of sub-bands of equal width in which strengths are also read, for the estimator `sub_bands`. Their noise
+    is correlated if they are narrower than the sampling rate divided by the number of samples of the gate, 222 MHz with
+    the defaults."""
     faults: tuple[ChannelFault, ...] = Field(default=(), max_length=MOST_ELEMENTS)
 
     @property
     def band_edges_hz(self) -> tuple[float, ...]:
-        """Edges of the sub-bands, n_bands + 1 of them; none if no sub-bands are read."""
+        """The n_bands + 1 edges of the sub-bands; empty if no sub-bands are read."""
         if self.n_bands == 0 or self.band_hz == "all":
             return ()
         low_hz, high_hz = self.band_hz

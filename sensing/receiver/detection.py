@@ -1,4 +1,4 @@
-"""Detection of pulses in compiled functions: ADC, readings of gates, and the loop over the emissions of one robot."""
+"""Compiled detection of pulses: ADC, evaluation of gates, and the loop over the emissions that reach one robot."""
 
 from __future__ import annotations
 
@@ -27,19 +27,20 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 FALSE_ALARM = -1
-"""Source of what noise alone triggers."""
+"""Source number of a trigger by noise alone."""
 
 
 class GateReading(NamedTuple):
-    """Parameters of the ADC and of the readings of a gate; those of sub-bands as of `dirmusic.bearing.sub_bands`.
+    """Parameters of the ADC and of the evaluation of a gate; for sub-bands, see `dirmusic.bearing.sub_bands`.
 
     Attributes:
         step_v: Voltage of one count.
         highest: Largest count, of either sign.
         mains_hz: Frequency of the receiver's mains supply.
-        energy_spread: Spread of the noise energy as of `dirmusic.strength_variance`.
-        noise_on_pulse: Noise on a pulse as of `dirmusic.strength_variance`.
-        band_lines: Lines of the sub-bands, shape (n_bands, n_lines, n_samples); no bands if none are read.
+        energy_spread: Spread of the noise energy, as in `dirmusic.strength_variance`.
+        noise_on_pulse: Noise on a pulse, as in `dirmusic.strength_variance`.
+        band_lines: Spectral lines of the sub-bands, shape (n_bands, n_lines, n_samples); n_bands is 0 if no sub-bands
+            are read.
         band_noise_samples: Noise of the sub-bands, shape (n_bands,).
         band_energy_spread: Spread of the noise energy of the sub-bands, shape (n_bands,).
         band_noise_on_pulse: Noise on a pulse in the sub-bands, shape (n_bands,).
@@ -57,15 +58,15 @@ class GateReading(NamedTuple):
 
 
 class ReceiverState(NamedTuple):
-    """Everything that the detection of one robot depends on.
+    """Everything that the detection of pulses by one robot depends on.
 
     Attributes:
         sampler: Receiver up to the gate.
-        reading: ADC and readings.
+        reading: Parameters of the ADC and of the evaluation of gates.
         channels: State of the channels, and carriers.
         propagation: Sources, array and surroundings.
-        emissions: Emissions and false alarms by time; the source of the latter is `FALSE_ALARM`.
-        rng: Generator of noise and triggers.
+        emissions: Emissions and false alarms by time; the source of a false alarm is `FALSE_ALARM`.
+        rng: Random generator of noise and triggers.
     """
 
     sampler: Sampler
@@ -82,7 +83,7 @@ class DetectedPulses(NamedTuple):
     Attributes:
         robot: Robot that detected each pulse, shape (n_pulses,).
         pulses: The pulses, without directions.
-        waveforms_v: Gates behind the ADC, shape (n_pulses, n_elements, gate_samples), volts.
+        waveforms_v: Gates after the ADC, shape (n_pulses, n_elements, gate_samples), volts.
         n_rejected: Number of emissions that triggered and were rejected as bursts.
     """
 
@@ -93,13 +94,13 @@ class DetectedPulses(NamedTuple):
 
     @classmethod
     def room(cls, n_pulses: int, n_elements: int, n_samples: int, n_bands: int) -> Self:
-        """Allocate pulses, to be filled by `detect`."""
+        """Allocate memory for pulses, which `detect` fills in."""
         waveforms_v = np.empty((n_pulses, n_elements, n_samples))
         return cls(np.empty(n_pulses, np.intp), PulseBatch.room(n_pulses, n_elements, n_bands), waveforms_v, 0)
 
     @classmethod
     def join(cls, parts: Sequence[DetectedPulses]) -> Self:
-        """Join the pulses of parts that are ordered by robot."""
+        """Join the pulses of several parts, which must be ordered by robot."""
         return cls(
             robot=np.concatenate([part.robot for part in parts]),
             pulses=PulseBatch.join([part.pulses for part in parts]),
@@ -112,15 +113,15 @@ class DetectedPulses(NamedTuple):
 def read_gate(
     gate_v: FloatArray, time_s: float, reading: GateReading, channels: Channels, detected: DetectedPulses, k: int
 ) -> None:
-    """Convert a gate as the ADC does, and read strengths, variances, clipping and mains phase.
+    """Quantise a gate with the ADC, and compute strengths, variances, clipping and mains phase.
 
     Args:
-        gate_v: The gate in front of the ADC, shape (n_elements, n_samples).
+        gate_v: Gate before the ADC, shape (n_elements, n_samples).
         time_s: Time of the trigger.
-        reading: Parameters of the ADC and the reading.
+        reading: Parameters of the ADC and of the evaluation.
         channels: State of the channels.
         detected: Filled in.
-        k: Row to be filled in.
+        k: Row of `detected` to fill in.
     """
     pulses, step_v, highest = detected.pulses, reading.step_v, reading.highest
     pulses.time_s[k] = time_s
@@ -162,19 +163,19 @@ def detect(
     row: int,
     robot: int,
 ) -> tuple[int, int]:
-    """Read the gates of all emissions `first` to `end` that trigger.
+    """Evaluate the gates of those emissions from `first` up to `end` that cause a trigger.
 
     Args:
         held_state: State of the receiver.
-        first: First emission.
-        end: End of the emissions.
+        first: Index of the first emission.
+        end: Index after the last emission.
         world_from_array: Pose of the array, shape (4, 4).
-        held_detected: Filled in; there must be a row for each emission.
-        row: First row that is free.
+        held_detected: Filled in; must have a free row for each emission.
+        row: First free row.
         robot: Number of the robot.
 
     Returns:
-        The row behind the last that was filled, and the number of emissions rejected as bursts.
+        The next free row, and the number of emissions rejected as bursts.
     """
     sampler, reading, channels, propagation, emissions, rng = held_state.value
     detected, n_rejected = held_detected.value, 0
