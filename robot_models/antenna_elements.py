@@ -1,4 +1,4 @@
-"""Antenna elements of a robot: positions, directions, and their geoms in MuJoCo."""
+"""Antenna elements of a robot: positions, boresights, and geoms in MuJoCo."""
 # pyright: reportAttributeAccessIssue=false
 # The compiled bindings of MuJoCo carry no types for their enums and spec elements.
 
@@ -15,14 +15,14 @@ from scipy.spatial.transform import Rotation
 FloatArray = NDArray[np.float64]
 
 MAX_ELEMENTS = 16
-"""Largest number of antenna elements of a robot."""
+"""Maximum number of antenna elements of a robot."""
 
 
 class AntennaElements(NamedTuple):
-    """Antenna elements in the array frame: that of the robot's base, x forward, y left, z up from the floor.
+    """Antenna elements in the array frame, which is the robot's base frame: x forward, y left, z up from the floor.
 
     Attributes:
-        positions_m: Shape (n_elements, 3).
+        positions_m: Position of each element, shape (n_elements, 3).
         azimuth_rad: Azimuth of each boresight, counter-clockwise from x, shape (n_elements,).
         elevation_rad: Elevation of each boresight, shape (n_elements,).
     """
@@ -33,7 +33,7 @@ class AntennaElements(NamedTuple):
 
 
 def attach_elements(spec: mujoco.MjSpec, elements: AntennaElements) -> None:
-    """Attach a helix for each element to the robot's base, with sites `element_1` to `element_n`, x along boresight."""
+    """Attach a helix per element to the robot's base, with sites `element_1` to `element_n`, x along the boresight."""
     base = spec.body("base")
     helix = mujoco.MjSpec.from_file(str(Path(__file__).parent / "antenna" / "helix.xml"))
     angles_rad = np.column_stack([elements.azimuth_rad, -elements.elevation_rad])

@@ -14,15 +14,15 @@ IntArray = NDArray[np.intp]
 
 
 class Drive(NamedTuple):
-    """The driven wheels; a row is a wheel.
+    """Driven wheels of a robot; a row is a wheel.
 
     Attributes:
-        joint: Column of its angle among the joint positions, shape (n_wheels,).
-        actuator: Column of its motor among the actuators, shape (n_wheels,).
+        joint: Column of the wheel's angle among the joint positions, shape (n_wheels,).
+        actuator: Column of the wheel's motor among the actuators, shape (n_wheels,).
         side: 0 on the left, 1 on the right, shape (n_wheels,).
-        side_share: One over the number of wheels on its side, shape (n_wheels,).
-        resistance_ohm: Resistance of its motor, shape (n_wheels,); 0 if the file has no such data.
-        constant_nmpa: Torque constant of its motor, shape (n_wheels,).
+        side_share: Reciprocal of the number of driven wheels on the same side, shape (n_wheels,).
+        resistance_ohm: Resistance of the motor, shape (n_wheels,); 0 if the robot's file does not state it.
+        constant_nmpa: Torque constant of the motor, shape (n_wheels,).
     """
 
     joint: IntArray
@@ -37,21 +37,22 @@ POSE, VELOCITY, WHEEL_ANGLES, MOTOR_POWER, UPRIGHT, LIDAR = slice(0, 3), slice(3
 """Columns of `Readings.values`.
 
 `POSE`: x m, y m and yaw in (-pi, pi], world frame. `VELOCITY`: forward speed, m/s, and yaw rate, rad/s. `WHEEL_ANGLES`:
-angles of left and right wheels since the reset, radians. `MOTOR_POWER`: electrical power of the motors without
-recuperation, watts: mechanical power and known copper losses. `UPRIGHT`: cosine of the base's tilt. `LIDAR`: ranges
-from the robot's middle, metres, at most that of the lidar.
+mean angles of the left and the right wheels since the reset, radians. `MOTOR_POWER`: electrical power of the motors,
+watts: mechanical power plus copper losses if the resistance is known, without recuperation. `UPRIGHT`: cosine of the
+tilt of the base. `LIDAR`: ranges from the robot's middle, metres, limited to the maximum range of the lidar.
 """
 
 LEAST_UPRIGHT = np.cos(np.radians(45.0))
-"""Value of `UPRIGHT` below which a robot has fallen over (assumed): no wheeled robot recovers from there."""
+"""Value of `UPRIGHT` below which a robot has fallen over. Assumed: a wheeled robot cannot recover from this tilt."""
 
 
 class Readings(NamedTuple):
     """Readings of all robots; a row is a robot.
 
     Attributes:
-        values: All readings but the frame, as columns of one array, which compiled loops take quickly.
-        world_from_base: Frame of the base, on the floor under the middle of the axle, with tilt, shape (n, 4, 4).
+        values: All readings except the frame, as columns of a single array, which is fast to pass to compiled loops.
+        world_from_base: Frame of the base, including its tilt, shape (n, 4, 4). Its origin is on the floor under the
+            middle of the axle.
     """
 
     values: FloatArray
@@ -70,12 +71,13 @@ def read(
     """Compute the fields of `Readings` of all robots.
 
     Args:
-        live: Live views of the physics; a row is a robot. Position and wxyz quaternion of the base, shape (n, 7); its
-            linear velocity in the world frame and angular velocity in its own, (n, 6); all joint positions; torques
-            and speeds of all actuators; and ranges of the lidar's beams from their start, negative without a hit.
-        drive: `Drive` as a plain tuple, which compiled functions look up faster.
-        beams_start_m: Distance from a robot's middle to the start of the beams of its lidar.
-        reach_m: Greatest range of the lidar.
+        live: Live views of the physics; a row is a robot. Position and wxyz quaternion of the base, shape (n, 7);
+            linear velocity of the base in the world frame and angular velocity in the base frame, shape (n, 6); all
+            joint positions; torques and speeds of all actuators; and ranges of the lidar beams from their start,
+            negative without a hit.
+        drive: `Drive` as a plain tuple, which compiled functions access faster.
+        beams_start_m: Distance from the robot's middle to the start of the lidar beams.
+        reach_m: Maximum range of the lidar.
     """
     base, base_velocity, joints, torque_nm, actuator_radps, beams_m = live
     wheels = Drive(*drive)

@@ -1,4 +1,4 @@
-"""Robots in their worlds: drive them, and read their poses, contacts and lidar."""
+"""Simulated robots: driving, and reading of poses, contacts and lidar."""
 # pyright: reportAttributeAccessIssue=false
 # The compiled bindings of MuJoCo carry no types for their enums.
 
@@ -27,26 +27,26 @@ IntArray = NDArray[np.intp]
 
 
 class Robots:
-    """Robots of one kind, each alone in its own copy of a yard; without reward and radio.
+    """Robots of the same kind, each alone in its own copy of a yard, without rewards and radio.
 
-    They stand at the world's origin until `reset` puts them elsewhere. The motion of a robot does not depend on the
-    others, nor on the number of threads, to the bit. Every result has a row for each robot.
+    The robots stand at the world's origin until `reset` places them elsewhere. The motion of each robot is bit-for-bit
+    independent of the other robots and of the number of threads. Every result has a row for each robot.
 
     Args:
         robot: Description of all robots.
         yard: Fence and equipment.
         elements: Antenna elements of each robot.
         n_robots: Number of robots.
-        n_threads: Number of threads of the physics.
+        n_threads: Number of threads that step the physics.
 
     Attributes:
         robot: Description of all robots.
-        physics: World of each robot, without elements that are only seen.
+        physics: Model of each robot's world, without elements that are only visible.
         step_s: Length of a physics step.
         is_touching: True for robots that touched anything since the start of their last `drive` or `reset`, shape
             (n_robots,).
-        readings: Poses, motion and lidar since the last `drive` or `reset`. The lidar scanned in the last physics step:
-            at full speed the robot has moved by a few millimetres since.
+        readings: Poses, motion and lidar after the last `drive` or `reset`. The lidar scan dates from the start of the
+            last physics step; at full speed the robot has moved by a few millimetres since then.
     """
 
     def __init__(
@@ -84,16 +84,16 @@ class Robots:
         self._gyro_radps = sensordata[:, int(model.sensor("gyro").adr[0]) + 2] if has_feedback else np.zeros(n_robots)
         self._feedback = np.zeros(n_robots), np.zeros((n_robots, 2)), np.zeros(n_robots)
         self._touches = self._stored_contacts()
-        self._found = self._touches[..., 0, 0]  # of the contacts of a step, those found come first
+        self._found = self._touches[..., 0, 0]  # in each step, the contacts that were found are listed first
         self._places: list[set[tuple[float, float]]] = [set() for _ in range(n_robots)]
         self.is_touching = np.zeros(n_robots, dtype=np.bool_)
         self.reset(self._all_rows, np.zeros((n_robots, 3)))
 
     def _stored_contacts(self) -> FloatArray:
-        """Return a live view of the contacts stored by the hull's sensors.
+        """Return a live view of the contacts stored by the contact sensors of the hull.
 
-        The histories of the sensors are consecutive. In each, MuJoCo stores two numbers and
-        the times before the contacts. The numbers of a contact are: found, x, y, z.
+        The histories of the sensors are consecutive. In each history, MuJoCo stores two numbers and the times, and then
+        the contacts. The values of a contact are: found, x, y, z.
 
         Returns:
             Shape (n_robots, n_sensors, n_steps, n_contacts, 4).
@@ -109,12 +109,15 @@ class Robots:
 
     @cached_property
     def model(self) -> mujoco.MjModel:
-        """World of each robot, complete with its looks and all sensors."""
+        """Complete model of each robot's world, with visible elements and all sensors."""
         return build_spec(self.robot, self._yard, self._elements).compile()
 
     @property
     def touched(self) -> list[tuple[str, ...]]:
-        """Names of what each robot touched since its last `drive` or `reset` began: `equipment/NAME`, `fence/SIDE`."""
+        """Names of the objects that each robot touched since the start of its last `drive` or `reset`.
+
+        The names are `equipment/NAME` and `fence/SIDE`.
+        """
         return [tuple(sorted(self._yard.obstacles_at(list(places)))) if places else () for places in self._places]
 
     def reset(self, rows: Sequence[int] | NDArray[np.intp], poses: ArrayLike) -> None:
@@ -137,7 +140,7 @@ class Robots:
             base[:2] = x, y
             mujoco.mju_mulQuat(base[3:], [np.cos(0.5 * yaw), 0.0, 0.0, np.sin(0.5 * yaw)], base[3:].copy())
         start = batch.state[ids].copy()
-        batch.bind("time")[ids] = LIDAR_PERIOD_S  # so that the lidar is due; a step reads all sensors at its start
+        batch.bind("time")[ids] = LIDAR_PERIOD_S  # so that a lidar scan is due; a step reads all sensors at its start
         batch.step(ids)
         for row in ids.tolist():
             self._places[row] = set()
@@ -150,17 +153,17 @@ class Robots:
     def drive(
         self, v_mps: ArrayLike, yaw_rate_radps: ArrayLike, duration_s: float, rows: NDArray[np.intp] | None = None
     ) -> None:
-        """Drive for a time with one command each, and record all contacts.
+        """Drive each robot with a constant command, and record all contacts.
 
-        Commands are clipped to the robot's limits. The motors approach them no faster than its `max_acceleration`
-        allows, from the speeds of the previous `drive`. If wheels skid in turns, the gyro corrects the yaw rate from
-        one `drive` to the next.
+        Commands are clipped to the robot's limits. Starting from the speeds of the previous `drive`, the motors
+        approach them no faster than `max_acceleration_mps2` allows. If the wheels skid in turns, each `drive` uses the
+        gyro to correct the yaw rate.
 
         Args:
             v_mps: Forward speeds, shape (n_robots,), m/s; negative is backward.
             yaw_rate_radps: Yaw rates, shape (n_robots,), rad/s, counter-clockwise.
             duration_s: Duration, seconds; a whole number of physics steps.
-            rows: Rows of the robots that drive, independently of the others; None for all.
+            rows: Rows of the robots to drive; the others are not stepped. None for all robots.
 
         Raises:
             ValueError: If a command is not finite, or the duration is not a whole number of physics steps.
@@ -188,16 +191,16 @@ class Robots:
         self._update_readings()
 
     def _update_readings(self) -> None:
-        """Read the sensors, and keep the value of the gyro, which is not part of the state, for the next command."""
+        """Read the sensors, and store the gyro reading, which is not part of the state, for the next command."""
         self._feedback[0][:] = self._gyro_radps
         self.readings = Readings(*read(*self._read))
 
     def n_warnings(self) -> NDArray[np.intp]:
-        """Return the number of MuJoCo's warnings for each robot, shape (n_robots,)."""
+        """Return the number of MuJoCo warnings for each robot, shape (n_robots,)."""
         return np.asarray(self._batch.warning).reshape(len(self._places), -1).sum(axis=-1)
 
     def data(self, row: int = 0) -> mujoco.MjData:
-        """Copy the complete world of one robot in its current state, for pictures and queries."""
+        """Copy the complete world of one robot in its current state, for rendering and queries."""
         kind = mujoco.mjtState.mjSTATE_INTEGRATION
         state = np.empty(mujoco.mj_stateSize(self.model, kind))
         mujoco.mj_getState(self.physics, self._batch.get_data(row), state, kind)
@@ -207,7 +210,7 @@ class Robots:
         return data
 
     def _take_places(self, row: int) -> None:
-        """Add the places of a robot's stored contacts, rounded to a centimetre, and clear the contacts."""
+        """Record the places of a robot's stored contacts, rounded to a centimetre, and clear the contacts."""
         contacts = self._touches[row]
         places_m = contacts[contacts[..., 0] > 0.0][:, 1:3]
         self._places[row].update(map(tuple, np.round(places_m, 2).tolist()))
@@ -226,7 +229,7 @@ class Robots:
 
 
 def _drive(model: mujoco.MjModel) -> Drive:
-    """Look up the driven wheels in the model, and the data of their motors."""
+    """Look up the driven wheels and the data of their motors in the model."""
     joint, actuator, side = driven_wheels(model)
     is_dc = model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_DCMOTOR
     resistance, constant = model.actuator_gainprm[actuator, :2].T

@@ -1,4 +1,4 @@
-"""Conversion of commands to wheel speeds, in a compiled loop over the robots."""
+"""Conversion of velocity commands to wheel speeds, in a compiled loop over the robots."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ def command(
     feedback: tuple[FloatArray, FloatArray, FloatArray],
     control_radps: FloatArray,
 ) -> bool:
-    """Set the speeds of the wheels for commands, clipped to the limits.
+    """Set the wheel speeds for velocity commands, which are clipped to the limits.
 
     Args:
         v_mps: Forward speeds, shape (n,).
         yaw_rate_radps: Yaw rates, shape (n,).
-        rows: Rows of the robots to be commanded.
+        rows: Rows of the robots to command.
         period_s: Time since the last command.
-        steering: Greatest speed, greatest yaw rate, half the track by which wheel speeds turn the robot, rolling
-            radius, greatest acceleration of the rims of the wheels, and gain of the integrating feedback of the gyro,
-            1/s; 0 without feedback.
-        wheels: Column of its motor and side of each driven wheel, see `readings.Drive`.
-        feedback: Yaw rates by the gyro, shape (n,); and the state that is changed: set points of speed and yaw rate,
-            shape (n, 2), and corrections of the yaw rates for the skidding of the wheels, shape (n,).
-        control_radps: Filled with the speeds, shape (n, n_actuators).
+        steering: Maximum speed, maximum yaw rate, half of `RobotDescription.turning_track_m`, rolling radius of the
+            wheels, maximum acceleration of the wheel rims, and gain of the integrating gyro feedback, 1/s, which is 0
+            without feedback.
+        wheels: Actuator column and side of each driven wheel, see `readings.Drive`.
+        feedback: Yaw rates measured by the gyro, shape (n,); and the state, which is updated: set points of speed and
+            yaw rate, shape (n, 2), and corrections of the yaw rates for skidding wheels, shape (n,).
+        control_radps: Receives the wheel speeds, shape (n, n_actuators).
 
     Returns:
-        False, with nothing set, if any command of any robot is not finite.
+        False, with nothing changed, if any command of any robot is not finite; otherwise True.
     """
     if not (np.isfinite(v_mps).all() and np.isfinite(yaw_rate_radps).all()):
         return False
@@ -65,11 +65,11 @@ def _close_yaw_rate(
     steering: tuple[float, float, float, float, float, float],
     feedback: tuple[FloatArray, FloatArray, FloatArray],
 ) -> tuple[float, float]:
-    """Return the speed and yaw rate for the wheels that make a robot with skidding wheels move as commanded.
+    """Return the speed and yaw rate to set at the wheels so that a robot with skidding wheels moves as commanded.
 
-    The set point approaches the command no faster than the rims of the wheels can follow: the speed first when the
-    robot slows down, so that it stops within the same distance as on a straight path; otherwise the yaw rate first.
-    Arguments as in `command`, for the robot in row `r`.
+    The set point approaches the command no faster than the wheel rims can accelerate. When the robot slows down, the
+    speed has priority, so that the robot stops within the same distance as on a straight path; otherwise the yaw rate
+    has priority. The arguments are those of `command`, for the robot in row `r`.
     """
     _, most, half_track_m, _, acceleration_mps2, gain = steering
     gyro_radps, set_point, added_radps = feedback

@@ -1,4 +1,4 @@
-"""Yard and robot as one MuJoCo model: floor, fence and equipment, the robot, its sensors and antenna elements."""
+"""MuJoCo model of a yard with one robot: floor, fence, equipment, and the robot's sensors and antenna elements."""
 # pyright: reportAttributeAccessIssue=false
 # The compiled bindings of MuJoCo carry no types for their enums and spec elements.
 
@@ -15,27 +15,28 @@ from pdpatrol.robot_models.yard.pieces import Equipment
 from pdpatrol.robot_models.yard.yard import Yard
 
 CHASE = "chase"
-"""Camera that stays behind the robot, to its left; a robot's file may define its own."""
+"""Name of the camera that follows behind the robot, on its left. A robot's file can define its own."""
 
 FENCE_HEIGHT_M = 1.8
-"""Height of the fence (assumed): usual around substations."""
+"""Height of the fence (assumed), typical of substations."""
 
 FENCE_THICKNESS_M = 0.1
-"""Thickness of the fence (assumed): many times the movement of a robot in one physics step."""
+"""Thickness of the fence. Assumed: many times the distance that a robot moves in one physics step."""
 
 
 def build_spec(robot: RobotDescription, yard: Yard, elements: AntennaElements | None = None) -> mujoco.MjSpec:
     """Build an editable spec of the yard with one robot in it.
 
     Args:
-        robot: The robot, whose file is read again.
+        robot: Description of the robot, whose file is read again.
         yard: Fence and equipment.
-        elements: Antenna elements of the robot; they do not change how it moves.
+        elements: Antenna elements of the robot; they do not change its motion.
 
     Returns:
-        The spec. Equipment is named `equipment/NAME`, its further parts `equipment/NAME/PART`, the fence `fence/SIDE`,
-        the beams of the lidar `lidar_00` and so on, the contact sensors of the hull `hull/GEOM`, the sites of the
-        antenna elements `element_1` and so on, each with its x axis along the boresight.
+        The spec. The first part of a piece of equipment is named `equipment/NAME`, the other parts
+        `equipment/NAME/PART`, the fence `fence/SIDE`, the lidar beams `lidar_00` and so on, the contact sensors of the
+        hull `hull/GEOM`. The sites of the antenna elements are named `element_1` and so on, each with its x axis along
+        the boresight.
     """
     spec = mujoco.MjSpec.from_file(str(robot.xml_path))
     spec.modelname = "yard"
@@ -57,10 +58,11 @@ def build_spec(robot: RobotDescription, yard: Yard, elements: AntennaElements | 
 
 
 def physics_only(spec: mujoco.MjSpec, has_gyro: bool) -> mujoco.MjSpec:
-    """Copy a world without geoms that nothing can touch, cameras, lights, and sensors that are not read.
+    """Copy a spec without cameras, lights, sensors that are not read, and geoms that cannot collide.
 
-    It has the same state and motion, and steps faster by a fifth (measured). Its lidar sees through the robot's parts,
-    like the filter of a real scanner. Sensors with a history, such as lidar and contacts, are part of the state.
+    The copy has the same state and motion, and its steps take a fifth less time (measured). Its lidar beams pass
+    through the parts of the robot, as a real scanner filters them out. Sensors with a history, such as lidar and
+    contacts, are part of the state.
     """
     lean = spec.copy()
     kept = [sensor for sensor in lean.sensors if sensor.nsample > 0 or (has_gyro and sensor.name == "gyro")]
@@ -83,7 +85,7 @@ def physics_only(spec: mujoco.MjSpec, has_gyro: bool) -> mujoco.MjSpec:
 def _add_yard(spec: mujoco.MjSpec, yard: Yard) -> None:
     """Add floor `floor`, light `sun`, fence `fence/SIDE` and equipment `equipment/NAME` around a robot.
 
-    They are attached as a spec of their own, so that defaults of the robot's file do not apply to them.
+    They are built in a separate spec and then attached, so that the defaults of the robot's file do not apply to them.
     """
     own = mujoco.MjSpec()
     _add_ground(own, yard)
@@ -99,7 +101,7 @@ def _add_yard(spec: mujoco.MjSpec, yard: Yard) -> None:
     spec.stat.extent = 0.5 * float(np.hypot(size_x, size_y))
     spec.visual.headlight.ambient = [0.35, 0.35, 0.35]
     spec.visual.headlight.diffuse = [0.45, 0.45, 0.45]
-    spec.visual.map.shadowclip = 2.0  # at 1 the far floor is outside the sun's shadow map and speckled
+    spec.visual.map.shadowclip = 2.0  # with 1, the far floor is outside the sun's shadow map and looks speckled
 
 
 def _add_ground(spec: mujoco.MjSpec, yard: Yard) -> None:
@@ -139,7 +141,7 @@ def _add_ground(spec: mujoco.MjSpec, yard: Yard) -> None:
     spec.worldbody.add_light(
         name="sun",
         type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        pos=[0.5 * size_x, 0.5 * size_y, 22.0],  # if lower, the near corner of a yard lies behind it, without shadows
+        pos=[0.5 * size_x, 0.5 * size_y, 22.0],  # if lower, the near corner of a yard is behind it and has no shadows
         dir=[0.4, 0.5, -1.0],
         diffuse=[0.6, 0.6, 0.6],
     )

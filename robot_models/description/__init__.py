@@ -1,1 +1,1 @@
-"""Robots described by MJCF files: reading, checks and measures."""
+"""Robots described by MJCF files: reading, validation and dimensions."""

@@ -1,4 +1,4 @@
-"""Descriptions of robots: measures and limits."""
+"""Descriptions of robots: dimensions and limits."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SHIPPED = ("crawler", "inspector")
 
 
 class RobotFileError(ValueError):
-    """A robot that cannot be used.
+    """Error for a robot that cannot be used.
 
     Attributes:
         faults: One line for each error: file, element, requirement and value.
@@ -29,21 +29,23 @@ class RobotFileError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class RobotDescription:
-    """Measures and limits of a robot.
+    """Dimensions and limits of a robot.
 
     Attributes:
-        name: Name of its file, without the suffix.
-        xml_path: Its MJCF file.
-        home_qpos: Joint positions in which it stands at rest at the world's origin, shape (n_positions,).
+        name: Name of the robot's file, without the suffix.
+        xml_path: MJCF file of the robot.
+        home_qpos: Joint positions of the robot at rest at the world's origin, shape (n_positions,).
         wheel_radius_m: Rolling radius of the driven wheels.
-        turning_track_m: Track by which wheel speeds turn the robot: larger than the wheel spacing if wheels skid.
-        footprint_radius_m: Radius of the circle about the origin of the base that holds everything that can touch.
-        inner_radius_m: Radius of the largest such circle within the robot's outline.
-        height_m: Height of everything that can touch.
-        max_speed_mps: Greatest forward or backward speed that can be commanded.
-        max_yaw_rate_radps: Greatest yaw rate that can be commanded.
-        max_acceleration_mps2: Acceleration with which it speeds up and brakes.
-        yaw_rate_gain: Gain of the feedback of the gyro on the yaw rate, 1/s; 0 without feedback.
+        turning_track_m: Effective track width: the difference of the wheel speeds of the two sides divided by the yaw
+            rate. It is larger than the wheel spacing if the wheels skid in turns.
+        footprint_radius_m: Radius of the smallest circle, around the origin of the base, that contains all geoms that
+            can collide.
+        inner_radius_m: Radius of the largest circle around the same point within the robot's outline.
+        height_m: Height of the highest point that can collide.
+        max_speed_mps: Maximum speed that can be commanded, forward or backward.
+        max_yaw_rate_radps: Maximum yaw rate that can be commanded.
+        max_acceleration_mps2: Acceleration of the robot when it speeds up or brakes.
+        yaw_rate_gain: Gain of the gyro feedback on the yaw rate, 1/s; 0 without feedback.
         lidar_start_m: Distance from the origin of the base to the start of the lidar's beams.
         lidar_height_m: Height of the beams above the floor.
     """
@@ -65,19 +67,19 @@ class RobotDescription:
 
     @property
     def room_m(self) -> float:
-        """Radius of free ground that it needs to turn on the spot, metres, with a margin of 5 cm (assumed)."""
+        """Radius of free ground that the robot needs to turn on the spot, metres, with a margin of 5 cm (assumed)."""
         return self.footprint_radius_m + 0.05
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Greatest speed, m/s, and greatest yaw rate, rad/s."""
+        """Maximum speed, m/s, and maximum yaw rate, rad/s."""
         return self.max_speed_mps, self.max_yaw_rate_radps
 
     def command_from_action(self, action: ArrayLike) -> FloatArray:
-        """Convert actions, shares of the limits, to speeds, m/s, and yaw rates, rad/s, both of shape (..., 2).
+        """Convert actions, given as fractions of the limits, to speeds, m/s, and yaw rates, rad/s, shape (..., 2).
 
         Raises:
-            ValueError: If the last axis of `action` is not of length 2.
+            ValueError: If the last axis of `action` does not have length 2.
         """
         shares = np.asarray(action, dtype=np.float64)
         if shares.shape[-1:] != (2,):
@@ -90,7 +92,7 @@ class RobotDescription:
 
 
 def is_path(model: str | Path) -> bool:
-    """Return whether a robot is given by its file rather than its name."""
+    """Return whether a robot is given by its file rather than by its name."""
     return Path(model).suffix == ".xml" or len(Path(model).parts) > 1
 
 

@@ -1,6 +1,6 @@
-"""Shapes of the equipment of a 110 kV substation, each built from a length along its x axis.
+"""Shapes of the equipment of a 110 kV substation, each built for a given length along its x axis.
 
-Sizes are assumed, of the usual order for this class.
+All dimensions are assumed and are typical of this voltage class.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ Site = tuple[float, float, float]
 
 
 class Assembly(NamedTuple):
-    """A piece of equipment, in its own frame.
+    """Piece of equipment, in its own frame.
 
     Attributes:
-        parts: Solids by name; the first is named like the whole piece.
-        sites: Candidate discharge sites on its surface, by name.
+        parts: Solids by name. In the model, the first solid has the name of the piece.
+        sites: Candidate discharge sites on the surface, by name.
     """
 
     parts: Mapping[str, Solid]
@@ -43,9 +43,9 @@ def busbar(length_m: float) -> Assembly:
 
 
 def circuit_breaker(length_m: float) -> Assembly:
-    """Build a live-tank circuit breaker: three poles along x, and its drive in front of the middle one (y < 0).
+    """Build a live-tank circuit breaker: three poles along x, with the drive in front of the middle pole (y < 0).
 
-    It discharges at the flanges of its poles.
+    The candidate sites are at the flanges of the poles and at the drive.
     """
     poles_m = (-0.42 * length_m, 0.0, 0.42 * length_m)
     parts: dict[str, Solid] = {
@@ -59,7 +59,7 @@ def circuit_breaker(length_m: float) -> Assembly:
 
 
 def control_building(length_m: float) -> Assembly:
-    """Build a control building of one storey with a door step."""
+    """Build a single-storey control building with a doorstep."""
     return Assembly(
         parts={
             "walls": Solid(footprint_m=(length_m, 4.0), top_m=3.2),
@@ -70,9 +70,9 @@ def control_building(length_m: float) -> Assembly:
 
 
 def current_transformer(length_m: float) -> Assembly:
-    """Build a top-core current transformer: the head on top of the insulator.
+    """Build a top-core current transformer, with its head on top of the insulator.
 
-    It discharges at the head, at the foot of the insulator, and at the terminal box.
+    The candidate sites are at the head, at the foot of the insulator and at the terminal box.
     """
     return Assembly(
         parts={
@@ -85,14 +85,15 @@ def current_transformer(length_m: float) -> Assembly:
 
 
 def fence(length_m: float) -> Assembly:
-    """Build a fence of wire mesh inside the yard, around a live bay during work on others."""
+    """Build a wire mesh fence inside the yard, as set up around a live bay during work on other bays."""
     return Assembly(parts={"mesh": Solid(footprint_m=(length_m, 0.06), top_m=1.8)}, sites={})
 
 
 def gis_bay(length_m: float) -> Assembly:
-    """Build a bay of outdoor gas-insulated switchgear along x, its control cubicle at the near end (x < 0).
+    """Build a bay of outdoor gas-insulated switchgear along x, with the control cubicle at the end with x < 0.
 
-    It discharges at spacers between gas compartments, and radiates through their seals.
+    The candidate sites are at the spacers between gas compartments, whose seals let the waves out, at the cable end and
+    at the middle breaker.
     """
     half = 0.5 * length_m
     parts: dict[str, Solid] = {
@@ -112,14 +113,14 @@ def gis_bay(length_m: float) -> Assembly:
 
 
 def kerb(length_m: float) -> Assembly:
-    """Build the kerb of a path: too high for the robot, as high as its lidar."""
+    """Build the kerb of a path: too high for the robot to climb, and as high as its lidar."""
     return Assembly(parts={"stone": Solid(footprint_m=(length_m, 0.15), top_m=0.16)}, sites={})
 
 
 def power_transformer(length_m: float) -> Assembly:
-    """Build a transformer of about 40 MVA: tank along x, high voltage to the left (y > 0), low voltage to the right.
+    """Build a transformer of about 40 MVA: tank along x, high-voltage side at y > 0, low-voltage side at y < 0.
 
-    It discharges in its bushings, at the tap changer, and inside the tank behind a flange.
+    The candidate sites are at the high-voltage bushings, at the tap changer and at a flange at the end of the tank.
     """
     half, phases_m = 0.5 * length_m, (-1.4, 0.0, 1.4)
     parts: dict[str, Solid] = {
@@ -139,9 +140,9 @@ def power_transformer(length_m: float) -> Assembly:
 
 
 def voltage_transformer(length_m: float) -> Assembly:
-    """Build a voltage transformer: the tank below the insulator.
+    """Build a voltage transformer, with its tank below the insulator.
 
-    It discharges at the tank, at the foot of the insulator, and at the terminal box.
+    The candidate sites are at the tank, at the foot of the insulator and at the terminal box.
     """
     return Assembly(
         parts={

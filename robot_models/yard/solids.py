@@ -1,4 +1,4 @@
-"""Boxes and upright cylinders: single ones in the frame of their equipment, and many at once in the yard."""
+"""Boxes and upright cylinders: single solids in the frame of their equipment, and arrays of solids in the yard."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FloatArray = NDArray[np.float64]
 
 
 class Solid(NamedTuple):
-    """A box, or an upright cylinder, in the frame of its equipment: x and y as at yaw 0, z up.
+    """Box or upright cylinder in the frame of its equipment: x and y turn with the yaw, z is up.
 
     Attributes:
         top_m: Height of the top above the ground.
@@ -34,18 +34,18 @@ PlacedPiece = tuple[Sequence[Solid], tuple[float, float], float]
 """Solids of a piece of equipment, its position on the ground, and its yaw, radians."""
 
 
-@dataclass(frozen=True, eq=False)  # compared by identity: yards that hold it are compared by their fields
+@dataclass(frozen=True, eq=False)  # compared by identity, because yards are compared by their fields
 class YardSolids:
-    """Many solids at once, world frame. The last axis of every result runs over the solids.
+    """Arrays of solids, world frame. The last axis of every result runs over the solids.
 
     Attributes:
         centre_m: Middle of the footprints, shape (n_solids, 2).
-        yaw_rad: Shape (n_solids,).
-        half_size_m: Half the sides of boxes, shape (n_solids, 2); 0 for cylinders.
+        yaw_rad: Yaw of the boxes, shape (n_solids,).
+        half_size_m: Half the side lengths of boxes, shape (n_solids, 2); 0 for cylinders.
         radius_m: Radius of cylinders, shape (n_solids,); 0 for boxes.
-        bottom_m: Height above ground, shape (n_solids,).
-        top_m: Height above ground, shape (n_solids,).
-        owner: Number of the piece of equipment, shape (n_solids,).
+        bottom_m: Height of the bottom above the ground, shape (n_solids,).
+        top_m: Height of the top above the ground, shape (n_solids,).
+        owner: Index of the piece of equipment that each solid belongs to, shape (n_solids,).
     """
 
     centre_m: FloatArray
@@ -58,7 +58,7 @@ class YardSolids:
 
     @classmethod
     def of(cls, pieces: Sequence[PlacedPiece]) -> YardSolids:
-        """Place the solids of pieces of equipment."""
+        """Place the solids of pieces of equipment in the world frame."""
         solids = [solid for parts, _, _ in pieces for solid in parts]
         owner = np.repeat(np.arange(len(pieces)), [len(parts) for parts, _, _ in pieces])
         columns = zip(*solids, strict=True) if solids else ((),) * 5
@@ -75,14 +75,14 @@ class YardSolids:
 
     @property
     def extent_m(self) -> tuple[FloatArray, FloatArray]:
-        """South-west and north-east corner of the area that they cover, each (2,)."""
+        """South-west and north-east corners of the area that the solids cover, each of shape (2,)."""
         cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
         turn = np.abs(np.array([[cos, sin], [sin, cos]]))
         half_m = np.einsum("ijn,nj->ni", turn, self.half_size_m) + self.radius_m[:, np.newaxis]
         return (self.centre_m - half_m).min(axis=0), (self.centre_m + half_m).max(axis=0)
 
     def horizontal_distance(self, points_m: FloatArray) -> FloatArray:
-        """Return signed distances of points (..., 2 or 3) to the footprints, negative inside; (..., n_solids)."""
+        """Return signed distances from points (..., 2 or 3) to the footprints, negative inside; (..., n_solids)."""
         dx, dy = points_m[..., :1] - self.centre_m[:, 0], points_m[..., 1:2] - self.centre_m[:, 1]
         cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
         x, y = cos * dx + sin * dy, cos * dy - sin * dx
@@ -92,7 +92,7 @@ class YardSolids:
         return outside + np.minimum(np.maximum(beyond_x, beyond_y), 0.0) - self.radius_m
 
     def distance(self, points_m: FloatArray) -> FloatArray:
-        """Return signed distances of points (..., 3) to the surfaces, negative inside; shape (..., n_solids)."""
+        """Return signed distances from points (..., 3) to the surfaces, negative inside; shape (..., n_solids)."""
         sideways = self.horizontal_distance(points_m)
         height_m = points_m[..., 2, np.newaxis]
         upward = np.maximum(height_m - self.top_m, self.bottom_m - height_m)

@@ -1,7 +1,7 @@
-"""The yard as data: fence, equipment, and candidate sites of discharges on the equipment.
+"""Yard data: fence, equipment, and candidate discharge sites on the equipment.
 
-World frame: x east, y north, z up, origin on the ground at the south-west corner of the fence. Nothing here needs
-MuJoCo, so that scenarios are checked and paths planned without a model.
+World frame: x east, y north, z up, origin on the ground at the south-west corner of the fence. This module does not
+need MuJoCo, so that scenarios can be checked and paths planned without a model.
 """
 
 from __future__ import annotations
@@ -20,18 +20,17 @@ from pdpatrol.robot_models.yard.solids import YardSolids
 FloatArray = NDArray[np.float64]
 
 FENCE_TOLERANCE_M = 0.01
-"""Largest length by which equipment may extend beyond the fence (assumed): the width of a pencil line on a yard
-plan."""
+"""Largest length by which equipment may extend beyond the fence. Assumed: the width of a pencil line on a yard plan."""
 
 TILE_M = 5.0
-"""Side of the tiles in which many distances are computed."""
+"""Side of the tiles into which points are grouped when many distances are computed."""
 
 ROBOT_HEIGHT_M = 0.75
-"""Greatest height of a robot (assumed): it passes below equipment that begins higher."""
+"""Maximum height of a robot (assumed). Robots can pass below equipment whose bottom is higher."""
 
 
 class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=False):
-    """A fenced rectangle of ground with equipment."""
+    """Fenced rectangular yard with equipment."""
 
     size_m: tuple[YardLength, YardLength] = Field(description="length along x (east) and y (north), at most 200 m")
     equipment: tuple[Equipment, ...] = Field(default=(), max_length=MOST_PIECES)
@@ -59,7 +58,7 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
 
     @property
     def owner(self) -> NDArray[np.intp]:
-        """Number of the piece of equipment of each solid, shape (n_solids,)."""
+        """Index of the piece of equipment that each solid belongs to, shape (n_solids,)."""
         return self.solids.owner
 
     @cached_property
@@ -68,11 +67,11 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         return self.solids.take(self.solids.bottom_m < ROBOT_HEIGHT_M)
 
     def solid_columns(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays of all solids and the piece of equipment of each, `owner`, by the names of `YardSolids`."""
+        """Return the fields of `YardSolids` for all solids, by name."""
         return dict(vars(self.solids))
 
     def across_fence(self, item: Equipment) -> float:
-        """Return by how many metres a piece of equipment extends beyond the fence, on plan; negative inside."""
+        """Return the horizontal distance by which a piece of equipment extends beyond the fence; negative inside."""
         low_m, high_m = item.solids.extent_m
         return float(np.maximum(-low_m, high_m - np.asarray(self.size_m)).max())
 
@@ -82,20 +81,24 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         return np.all((points >= 0.0) & (points <= np.asarray(self.size_m)), axis=-1)
 
     def is_crossed(self, start_m: ArrayLike, end_m: ArrayLike) -> bool:
-        """Return whether the straight line between two world points crosses the yard on plan, at one of 1000 points."""
+        """Return whether at least one of 1000 points on the line between two world points lies inside the fence."""
         return bool(self.contains(np.linspace(np.asarray(start_m), np.asarray(end_m), 1000)).any())
 
     def clearance(self, points_m: ArrayLike) -> FloatArray:
-        """Return the horizontal distance of world points (..., 2) to fence or obstacles of a robot, negative inside."""
+        """Return the horizontal distance from world points (..., 2) to the nearest obstacle or fence; negative inside.
+
+        Equipment that a robot can pass below is not an obstacle.
+        """
         points = np.asarray(points_m, dtype=np.float64)[..., :2]
         to_fence = np.minimum(points, np.asarray(self.size_m) - points).min(axis=-1)
         return np.minimum(to_fence, self._to_equipment(points))
 
     def _to_equipment(self, points_m: FloatArray) -> FloatArray:
-        """Return the horizontal distance of points (..., 2) to the nearest obstacle, tile by tile for many distances.
+        """Return the horizontal distance from points (..., 2) to the nearest obstacle, tile by tile for many distances.
 
-        A solid that is farther from the middle of a tile than another by more than the tile's diagonal is nearest to
-        none of its points: time and memory grow with the points, and hardly with the equipment.
+        If one solid is farther from the middle of a tile than another by more than the tile's diagonal, it cannot be
+        the nearest solid to any point of the tile. Leaving out such solids makes time and memory almost independent of
+        the amount of equipment.
         """
         solids = self._obstacles
         if points_m.size * solids.yaw_rad.size <= 2_000_000:
@@ -111,7 +114,7 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         return least_m.reshape(points_m.shape[:-1])
 
     def free_place(self, rng: np.random.Generator, clearance_m: float) -> FloatArray:
-        """Draw a uniformly distributed place on the ground with a given clearance, shape (2,)."""
+        """Draw a place on the ground with at least a given clearance, uniformly distributed, shape (2,)."""
         while True:
             place_m = rng.uniform([0.0, 0.0], self.size_m)
             if self.clearance(place_m) >= clearance_m:
@@ -122,7 +125,7 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         return tuple(f"{item.name}/{site}" for item in self.equipment for site in item.assembly.sites)
 
     def site_position(self, name: str) -> FloatArray:
-        """Return the world position (3,) at which a discharge on the site `equipment/site` radiates, metres."""
+        """Return the world position (3,), metres, from which a discharge on the site `equipment/site` radiates."""
         equipment, _, site = name.partition("/")
         for item in self.equipment:
             if item.name == equipment and site in item.assembly.sites:
@@ -135,7 +138,7 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         return self.equipment[int(owners[0])].name if owners.size else None
 
     def obstacles_at(self, points_m: ArrayLike) -> set[str]:
-        """Return the nearest of `equipment/NAME` and `fence/SIDE` for each world point (n, 2), as a set."""
+        """Return the set of names of the obstacles nearest to world points (n, 2): `equipment/NAME`, `fence/SIDE`."""
         points = np.asarray(points_m, dtype=np.float64).reshape(-1, 2)
         names = ["fence/west", "fence/south", "fence/east", "fence/north"]
         names += [f"equipment/{self.equipment[owner].name}" for owner in self.owner.tolist()]
