@@ -5,29 +5,23 @@ Lidar, sensing and direction finding are on. All sides run in turns, and the res
 
 import statistics
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium
 import mujoco
 import numpy as np
 import pytest
-from threadpoolctl import threadpool_limits
 
 from pdpatrol.envs.patrol_env import PatrolEnv
 from pdpatrol.envs.simulation import STEP_S
 
-pytestmark = pytest.mark.benchmark
+pytestmark = [pytest.mark.benchmark, pytest.mark.usefixtures("one_thread")]
 
+ENV_ID = "pdpatrol:PDPatrol-v0"
+BENCH: dict[str, Any] = {"scenario": "bench", "terminate_on_approach": False}
 N_ENVS, N_THREADS = 64, 2
 ROUNDS, LEAST_QUIET, MOST_ROUNDS = 30, 20, 150
-
-
-@pytest.fixture(autouse=True)
-def one_thread() -> Iterator[None]:
-    """Limit linear algebra to one thread."""
-    with threadpool_limits(limits=1):
-        yield
 
 
 def median_seconds(*sides: Callable[[], int], undisturbed: Callable[[], int] | None = None) -> list[float]:
@@ -90,8 +84,7 @@ def vector_steps(envs: gymnasium.vector.VectorEnv[Any, Any, Any], n_steps: int =
 
 def bare_physics(n_steps: int = 300) -> Callable[[], int]:
     """Make a function that runs only `mj_step` on the same model with the same substeps and wheel commands."""
-    inspectors = PatrolEnv("bench").simulation.robots
-    model = inspectors.physics
+    model = PatrolEnv("bench").simulation.robots.physics
     data = mujoco.MjData(model)  # pyright: ignore[reportAttributeAccessIssue]
     mujoco.mj_resetDataKeyframe(model, data, 0)  # pyright: ignore[reportAttributeAccessIssue]
     data.qpos[:2] = 3.0, 3.0
@@ -108,76 +101,46 @@ def bare_physics(n_steps: int = 300) -> Callable[[], int]:
     return step_all
 
 
-def bench() -> gymnasium.Env[Any, Any]:
-    return gymnasium.make("pdpatrol:PDPatrol-v0", scenario="bench", terminate_on_approach=False)
-
-
-def shipped(scenario: str) -> gymnasium.Env[Any, Any]:
-    return gymnasium.make("pdpatrol:PDPatrol-v0", scenario=scenario)
-
-
 def test_every_step_of_the_bench_scenario_detects_a_pulse() -> None:
-    env = bench()
+    env = gymnasium.make(ENV_ID, **BENCH)
     env.reset(seed=0)
     rng = np.random.default_rng(1)
     detected = [env.step(rng.uniform(-1, 1, 2).astype(np.float32))[0]["detected"][0] for _ in range(600)]
     assert min(detected) == 1.0
-    envs = gymnasium.make_vec("pdpatrol:PDPatrol-v0", num_envs=8, scenario="bench", terminate_on_approach=False)
+    envs = gymnasium.make_vec(ENV_ID, num_envs=8, **BENCH)
     envs.reset(seed=0)
     for _ in range(100):
         observation, *_ = envs.step(rng.uniform(-1, 1, (8, 2)).astype(np.float32))
         assert observation["detected"].min() == 1.0
 
 
-def test_single_environment_is_faster_than_ant() -> None:
-    ant, cheetah = gymnasium.make("Ant-v5"), gymnasium.make("HalfCheetah-v5")
-    bare = bare_physics()
-    ours_s, bare_s, ant_s, cheetah_s = median_seconds(
-        random_steps(bench()), bare, random_steps(ant), random_steps(cheetah), undisturbed=bare
-    )
-    for name, step_s, sim_s in (
-        ("PDPatrol-v0", ours_s, STEP_S),
-        ("Ant-v5", ant_s, ant.unwrapped.dt),  # pyright: ignore[reportAttributeAccessIssue]
-        ("HalfCheetah-v5", cheetah_s, cheetah.unwrapped.dt),  # pyright: ignore[reportAttributeAccessIssue]
-    ):
-        print(f"{name:15} {1 / step_s:6.0f} env steps and {sim_s / step_s:6.0f} simulated seconds a second")
-    over_ant = (STEP_S / ours_s) / (ant.unwrapped.dt / ant_s)  # pyright: ignore[reportAttributeAccessIssue]
-    print(f"{over_ant:.2f} times the simulated seconds of Ant-v5; {bare_s / ours_s:.2f} of bare physics")
-    assert over_ant >= 1.5
-
-
-def test_shipped_scenarios_are_as_fast_as_ant() -> None:
+@pytest.mark.parametrize(
+    ("options", "least"), [(BENCH, 1.5), ({"scenario": "one_source"}, 1.2), ({"scenario": "two_sources"}, 1.0)]
+)
+def test_environment_is_as_fast_as_ant(options: dict[str, Any], least: float) -> None:
     ant, bare = gymnasium.make("Ant-v5"), bare_physics()
-    one_s, two_s, bare_s, ant_s = median_seconds(
-        random_steps(shipped("one_source")),
-        random_steps(shipped("two_sources")),
-        bare,
-        random_steps(ant),
-        undisturbed=bare,
+    ours = random_steps(gymnasium.make(ENV_ID, **options))
+    ours_s, bare_s, ant_s = median_seconds(ours, bare, random_steps(ant), undisturbed=bare)
+    over_ant = (STEP_S / ours_s) / (ant.unwrapped.dt / ant_s)  # pyright: ignore[reportAttributeAccessIssue]
+    print(
+        f"{options['scenario']}: {1 / ours_s:.0f} steps a second, {bare_s / ours_s:.2f} of bare physics; "
+        f"{over_ant:.2f} times the simulated seconds of Ant-v5"
     )
-    ant_sim_s = ant.unwrapped.dt / ant_s  # pyright: ignore[reportAttributeAccessIssue]
-    over_ant = {"one_source": STEP_S / one_s / ant_sim_s, "two_sources": STEP_S / two_s / ant_sim_s}
-    for name, step_s in (("one_source", one_s), ("two_sources", two_s)):
-        print(f"{name:12} {over_ant[name]:.2f} times the simulated seconds of Ant-v5; {bare_s / step_s:.2f} of physics")
-    assert over_ant["one_source"] >= 1.2
-    assert over_ant["two_sources"] >= 1.0
+    assert over_ant >= least
 
 
 def test_vector_environment_is_twice_as_fast() -> None:
     def made(mode: str | None, **options: Any) -> gymnasium.vector.VectorEnv[Any, Any, Any]:  # noqa: ANN401
-        return gymnasium.make_vec(
-            "pdpatrol:PDPatrol-v0",
-            num_envs=N_ENVS if mode is None else 8,
-            vectorization_mode=mode,
-            scenario="bench",
-            terminate_on_approach=False,
-            **options,
-        )
+        n_envs = N_ENVS if mode is None else 8
+        return gymnasium.make_vec(ENV_ID, num_envs=n_envs, vectorization_mode=mode, **BENCH, **options)
 
     native, sync, in_processes = made(None, num_threads=N_THREADS), made("sync"), made("async")
     try:
         single_s, native_s, sync_s, async_s = median_seconds(
-            random_steps(bench()), vector_steps(native), vector_steps(sync, 30), vector_steps(in_processes, 30)
+            random_steps(gymnasium.make(ENV_ID, **BENCH)),
+            vector_steps(native),
+            vector_steps(sync, 30),
+            vector_steps(in_processes, 30),
         )
     finally:
         in_processes.close()

@@ -57,10 +57,10 @@ def normalised_error_variance(found: Bearings, azimuth_rad: np.ndarray) -> float
     return rms(difference(found.azimuth_rad, azimuth_rad) / found.std_rad) ** 2
 
 
-def detected(strengths: np.ndarray, noise_v: float, time_s: float | np.ndarray = 0.0) -> PulseBatch:
+def detected(strengths: np.ndarray, noise_v: float | np.ndarray, time_s: float | np.ndarray = 0.0) -> PulseBatch:
     """Make pulses of strengths (n, n_elements) in white noise."""
     times_s = np.broadcast_to(np.asarray(time_s, dtype=np.float64), len(strengths))
-    return PulseBatch.detected(times_s, strengths, np.full(strengths.shape, noise_v**2))
+    return PulseBatch.detected(times_s, strengths, np.broadcast_to(np.square(noise_v), strengths.shape))
 
 
 def with_bearings(
@@ -70,10 +70,10 @@ def with_bearings(
     return estimator(pulses, array).attached_to(pulses)
 
 
-def drawn_errors(rng: np.random.Generator) -> ElementErrors:
-    """Draw errors of an array by `SPREAD`."""
+def drawn_errors(rng: np.random.Generator, spread: ElementSpread = SPREAD) -> ElementErrors:
+    """Draw gain and pointing errors of six elements."""
     return ElementErrors(
-        gain=rng.normal(0.0, SPREAD.gain, 6), pointing_rad=rng.normal(0.0, SPREAD.pointing_rad, 6), offset=np.zeros(6)
+        gain=rng.normal(0.0, spread.gain, 6), pointing_rad=rng.normal(0.0, spread.pointing_rad, 6), offset=np.zeros(6)
     )
 
 
@@ -100,6 +100,27 @@ def pulses_from(azimuth: np.ndarray, strength_v: np.ndarray | float) -> PulseBat
     n, gain = azimuth.size, RING.gain(azimuth)
     strengths = (gain / np.linalg.norm(gain, axis=0) * strength_v).T
     return detected(strengths, 1e-6)._replace(azimuth_rad=azimuth, std_rad=np.full(n, np.radians(0.3)))
+
+
+def rotation(turn_rad: float) -> np.ndarray:
+    """Return the matrix that turns vectors of the plane."""
+    cos, sin = np.cos(turn_rad), np.sin(turn_rad)
+    return np.array([[cos, -sin], [sin, cos]])
+
+
+def sights(pose: np.ndarray, place_m: np.ndarray, elements_m: np.ndarray = RING_M) -> tuple[np.ndarray, ...]:
+    """Return azimuth and elevation in the array frame and distance of places (n, 3) from elements at poses (n, 3)."""
+    cos, sin = np.cos(pose[:, 2:]), np.sin(pose[:, 2:])
+    east, north = (place_m[..., :2] - pose[:, :2]).T[..., np.newaxis]
+    forward, left = cos * east + sin * north - elements_m[:, 0], cos * north - sin * east - elements_m[:, 1]
+    plan, up = np.hypot(forward, left), place_m[..., 2:] - elements_m[:, 2]
+    return np.arctan2(left, forward), np.arctan2(up, plan), np.hypot(plan, up)
+
+
+def around(centre: ArrayLike, radius_m: float, from_deg: float, to_deg: float, n: int = 250) -> np.ndarray:
+    """Return places (n, 2) along a circle."""
+    angle = np.radians(np.linspace(from_deg, to_deg, n))
+    return np.asarray(centre) + radius_m * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
 def received(

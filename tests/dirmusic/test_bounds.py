@@ -7,7 +7,6 @@ import pytest
 
 from dirmusic import (
     ArrayModel,
-    ElementErrors,
     ElementSpread,
     UniformOffsets,
     bearing_bound,
@@ -27,7 +26,7 @@ from dirmusic.array.manifold import SEARCH_AZIMUTHS_RAD
 from pdpatrol.missions.reproduction.simulation import SAMPLE_RATE_HZ
 from pdpatrol.sensing.nature.pulses import damped_pulse, unit_pulse_energy
 from pdpatrol.sensing.quantities import SPEED_OF_LIGHT_MPS
-from tests.dirmusic.scenes import RING, normalised_error_variance, rho, rms, rms_error
+from tests.dirmusic.scenes import RING, drawn_errors, normalised_error_variance, rho, rms, rms_error
 
 GRID = np.radians(np.arange(360.0))
 
@@ -91,11 +90,9 @@ def test_strengths_reach_bound_for_any_ring_radius(snr_db: int) -> None:
 def test_subset_of_elements_reaches_its_bound() -> None:
     rng = np.random.default_rng(5)
     for elements in ([0, 1, 2, 3], [1, 3, 5], [0, 2, 3, 4, 5]):
-        manifold = RING.take(elements)
-        ahead = np.radians(np.array([-60.0, -20.0, 0.0, 45.0, 70.0]))
-        azimuth = np.repeat(ahead, 2000)
-        strengths = np.sqrt(rho(10)) * manifold.gain(azimuth).T + rng.standard_normal((azimuth.size, len(elements)))
-        bearings = estimate_bearings(np.abs(strengths)[:, np.newaxis], manifold, strength_variance=1.0)
+        manifold, azimuth = RING.take(elements), np.repeat(np.radians([-60.0, -20.0, 0.0, 45.0, 70.0]), 2000)
+        strengths = np.sqrt(rho(10)) * manifold.gain(azimuth) + rng.standard_normal((len(elements), azimuth.size))
+        bearings = estimate_bearings(np.abs(strengths).T[:, np.newaxis], manifold, strength_variance=1.0)
         bound = bearing_bound(manifold, azimuth, rho(10))
         assert rms_error(bearings, azimuth) == pytest.approx(rms(bound), rel=0.1)
         assert normalised_error_variance(bearings, azimuth) == pytest.approx(1.0, abs=0.2)
@@ -128,10 +125,11 @@ def test_array_bearing_std_decreases_with_known_errors() -> None:
 
 def test_pooling_averages_noise_but_not_manifold_error() -> None:
     prior = ElementSpread(offset=0.05)
-    gain = RING.gain(0.4)
-    strengths = np.abs(np.sqrt(rho(-20)) * gain + np.random.default_rng(9).standard_normal((400, 6)))
-    few = estimate_bearings(strengths[:1], RING, strength_variance=1.0, prior=prior).std_rad
-    many = estimate_bearings(strengths, RING, strength_variance=1.0, prior=prior).std_rad
+    strengths = np.abs(np.sqrt(rho(-20)) * RING.gain(0.4) + np.random.default_rng(9).standard_normal((400, 6)))
+    few, many = (
+        estimate_bearings(pooled, RING, strength_variance=1.0, prior=prior).std_rad
+        for pooled in (strengths[:1], strengths)
+    )
     floor = manifold_error_std(RING, 0.4, prior)
     assert few > 1.1 * floor
     assert many == pytest.approx(floor, rel=0.05)
@@ -193,13 +191,10 @@ def test_posterior_equals_quadrature_over_amplitude() -> None:
 
 def test_subset_of_corrected_manifold_keeps_corrections() -> None:
     rng = np.random.default_rng(16)
-    errors = ElementErrors(
-        gain=rng.normal(0, 0.1, 6), pointing_rad=rng.normal(0, 0.05, 6), offset=rng.uniform(-0.05, 0.05, 6)
-    )
-    mask = np.array([False, True, True, False, True, False])
+    errors = replace(drawn_errors(rng), offset=rng.uniform(-0.05, 0.05, 6))
     corrected = errors.correct(RING)
-    np.testing.assert_array_equal(corrected.take(mask).gain(GRID), corrected.gain(GRID)[[1, 2, 4]])
-    np.testing.assert_array_equal(corrected.take([4, 1, 2]).gain(GRID), corrected.gain(GRID)[[4, 1, 2]])
+    for elements in (np.array([False, True, True, False, True, False]), [4, 1, 2]):
+        np.testing.assert_array_equal(corrected.take(elements).gain(GRID), corrected.gain(GRID)[elements])
     np.testing.assert_allclose(
         corrected.gain(GRID)[3], (1 + errors.gain[3]) * RING.gain(GRID - errors.pointing_rad[3])[3] + errors.offset[3]
     )

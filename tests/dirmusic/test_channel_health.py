@@ -2,30 +2,23 @@
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from dirmusic import GainManifold, estimate_bearings
+from dirmusic import estimate_bearings
 from dirmusic.angles import difference
 from dirmusic.bearing.channel_health import ChannelMonitor
-from tests.dirmusic.scenes import RING, SMALL_ARRAY, detected
-
-
-def real_array(seed: int) -> tuple[GainManifold, NDArray[np.float64]]:
-    """Draw an array with pointing errors of 2 degrees and gain errors of 5 %, the shipped defaults."""
-    rng = np.random.default_rng(seed)
-    pointed = GainManifold(RING.pattern, RING.boresights_rad + rng.normal(0, np.radians(2.0), 6))
-    return pointed, np.exp(rng.normal(0, 0.05, 6))
+from tests.dirmusic.scenes import RING, SMALL_ARRAY, detected, drawn_errors, rho
 
 
 def draw_pulses(seed: int, n: int, snr_db: float, factors: dict[int, float]) -> tuple[np.ndarray, np.ndarray]:
     """Draw strengths (n, 6) of pulses from anywhere, with factors on some channels, and their azimuths (n,)."""
-    manifold, gains = real_array(seed)
+    manifold = drawn_errors(np.random.default_rng(seed)).correct(RING)
     rng = np.random.default_rng(1000 + seed)
     azimuth = rng.uniform(-np.pi, np.pi, n)
-    gain = manifold.gain(azimuth).T * gains
+    gain = manifold.gain(azimuth).T
     for channel, factor in factors.items():
         gain[:, channel - 1] *= factor
-    energy = rng.noncentral_chisquare(90, np.square(gain) * 28_070 * 10 ** (snr_db / 10))
+    energy = rng.noncentral_chisquare(90, np.square(gain) * rho(snr_db))
     return np.sqrt(np.maximum(energy - 90, 0.0)), azimuth
 
 
@@ -67,27 +60,20 @@ def test_imperfect_but_healthy_array_is_never_flagged(snr_db: int) -> None:
 
 
 @pytest.mark.parametrize("pair", [(1, 2), (2, 5), (3, 6)])
-def test_swapped_channels_are_both_found(pair: tuple[int, int]) -> None:
-    strengths, _ = draw_pulses(3, 100, 10, {})
+def test_swapped_channels_are_found_from_several_directions(pair: tuple[int, int]) -> None:
+    strengths, azimuth = draw_pulses(3, 4000, 10, {})
     a, b = (channel - 1 for channel in pair)
     strengths[:, [a, b]] = strengths[:, [b, a]]
     assert watch(strengths[:50]) == [(channel, "swapped") for channel in pair]
-
-
-@pytest.mark.parametrize("pair", [(1, 2), (2, 5), (3, 6)])
-def test_one_direction_alone_shows_no_swapped_channels(pair: tuple[int, int]) -> None:
-    strengths, azimuth = draw_pulses(3, 4000, 10, {})
-    strengths = strengths[np.abs(difference(azimuth, 0.2)) < np.radians(15.0)]
-    a, b = (channel - 1 for channel in pair)
-    strengths[:, [a, b]] = strengths[:, [b, a]]
-    assert len(strengths) > 200
-    assert "swapped" not in dict(watch(strengths)).values()
+    from_one_side = strengths[np.abs(difference(azimuth, 0.2)) < np.radians(15.0)]
+    assert len(from_one_side) > 200
+    assert "swapped" not in dict(watch(from_one_side)).values()
 
 
 def test_stuck_adc_is_found() -> None:
-    strengths, _ = draw_pulses(4, 100, 10, {})
+    strengths, _ = draw_pulses(4, 50, 10, {})
     strengths[:, 3] = 7.0
-    assert watch(strengths[:50]) == [(4, "stuck")]
+    assert watch(strengths) == [(4, "stuck")]
 
 
 def test_faults_do_not_depend_on_batch_size() -> None:

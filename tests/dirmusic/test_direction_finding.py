@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import ArrayLike
 
 from dirmusic import (
-    ElementErrors,
     ElementSpread,
     GainManifold,
     GaussianPattern,
@@ -21,7 +21,7 @@ from dirmusic import (
 )
 from dirmusic.angles import aperture, circular_mean, difference, wrap
 from dirmusic.array.bounds import manifold_error
-from tests.dirmusic.scenes import RING, rms
+from tests.dirmusic.scenes import RING, SPREAD, drawn_errors, rho, rms
 
 AZIMUTHS = np.radians(np.arange(-179.5, 180.0, 1.0))
 
@@ -71,10 +71,15 @@ def test_ring_starts_left_and_goes_clockwise() -> None:
 
 @pytest.mark.parametrize(
     ("angle", "gain"),
-    [([0.0, 1.0, 2.0], [1.0, 1.0, 1.0]), ([0.0, 2.0, 1.0, 3.0], [1.0] * 4), ([0.0, 1.0, 2.0, 7.0], [1.0] * 4),
-     ([0.0, 1.0, 2.0, 3.0], [1.0, -1.0, 1.0, 1.0]), ([0.0, 1.0, 2.0, np.nan], [1.0] * 4)],
-)  # fmt: skip
-def test_invalid_pattern_table_is_refused(angle: list[float], gain: list[float]) -> None:
+    [
+        (range(3), np.ones(3)),
+        ([0, 2, 1, 3], np.ones(4)),
+        ([0, 1, 2, 7], np.ones(4)),
+        ([0, 1, 2, np.nan], np.ones(4)),
+        (range(4), [1, -1, 1, 1]),
+    ],
+)
+def test_invalid_pattern_table_is_refused(angle: ArrayLike, gain: ArrayLike) -> None:
     with pytest.raises(ValueError, match=r"gain|off_boresight"):
         TabulatedPattern(angle, gain)
 
@@ -97,16 +102,13 @@ def test_zero_strengths_have_no_bearing() -> None:
 def test_bound_at_published_signal_levels() -> None:
     # facts.md: sqrt(CRB) for N = 6 at 10, 0, -10 dB
     for snr_db, degrees in ((10, 0.138), (0, 0.438), (-10, 1.385)):
-        bound = bearing_bound(RING, AZIMUTHS, 28070 * 10 ** (snr_db / 10))
+        bound = bearing_bound(RING, AZIMUTHS, rho(snr_db))
         assert np.degrees(rms(bound)) == pytest.approx(degrees, rel=0.01)
 
 
 def test_array_errors_bias_bearings_as_predicted() -> None:
-    rng = np.random.default_rng(3)
-    gain_errors, pointing = rng.normal(0, 0.01, 6), rng.normal(0, np.radians(0.3), 6)
-    real = GainManifold(GaussianPattern(), RING.boresights_rad + pointing)
-    errors = ElementErrors(gain=gain_errors, pointing_rad=pointing, offset=np.zeros(6))
-    strengths = (1 + gain_errors) * real.gain(AZIMUTHS).T
+    errors = drawn_errors(np.random.default_rng(3), ElementSpread(gain=0.01, pointing_rad=np.radians(0.3)))
+    strengths = errors.correct(RING).gain(AZIMUTHS).T
     pooled = estimate_bearings(np.repeat(strengths[:, np.newaxis], 50, axis=1), RING).azimuth_rad
     error = difference(pooled, AZIMUTHS)
     unexplained = error - manifold_error(RING, AZIMUTHS, errors)
@@ -116,7 +118,7 @@ def test_array_errors_bias_bearings_as_predicted() -> None:
 
 def test_shipped_spread_causes_two_and_a_half_degrees() -> None:
     # locating-notes.md: 2.5 deg RMSE for 5 % gain and 2 deg pointing
-    std = manifold_error_std(RING, AZIMUTHS, ElementSpread(gain=0.05, pointing_rad=np.radians(2.0)))
+    std = manifold_error_std(RING, AZIMUTHS, SPREAD)
     assert np.degrees(rms(std)) == pytest.approx(2.5, abs=0.1)
 
 
@@ -129,8 +131,7 @@ def test_pulse_spectrum_equals_pseudo_spectrum(n_elements: int) -> None:
     closed_form = pulse_spectrum(strengths, np.tile(unit, (20, 1, 1)))
     by_subspace = [pseudo_spectrum(sample_covariance(row[:, np.newaxis]), unit) for row in strengths]
     np.testing.assert_allclose(closed_form, by_subspace, rtol=1e-9)
-    silent = pulse_spectrum(np.zeros((1, n_elements)), unit[np.newaxis])
-    assert not silent.any()
+    assert not pulse_spectrum(np.zeros((1, n_elements)), unit[np.newaxis]).any()
 
 
 def test_gate_holds_the_pulse() -> None:

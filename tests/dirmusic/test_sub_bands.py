@@ -23,11 +23,13 @@ def beam(sharpness: float) -> GainPattern:
     return TabulatedPattern(OFF, 0.1 + np.exp(sharpness * (np.cos(OFF) - 1.0)) * (1.0 + 0.1 * np.sin(OFF)))
 
 
-def ring(sharpness: list[float]) -> ArrayModel:
-    """Make a ring with one sharpness of the beams for each half sub-band, and the mean sharpness for the full band."""
-    manifolds = tuple(GainManifold.ring(6, beam(each)) for each in sharpness)
-    middle = GainManifold.ring(6, beam(float(np.mean(sharpness))))
-    return ArrayModel(manifold=middle, positions_m=np.zeros((6, 3)), spread=ElementSpread(), band_manifolds=manifolds)
+ARRAY = ArrayModel(
+    manifold=GainManifold.ring(6, beam(1.1)),
+    positions_m=np.zeros((6, 3)),
+    spread=ElementSpread(),
+    band_manifolds=tuple(GainManifold.ring(6, beam(sharpness)) for sharpness in (0.6, 0.8, 1.0, 1.2, 1.4, 1.6)),
+)
+"""Ring whose beams have another sharpness in each half sub-band, and the mean one in the full band."""
 
 
 def test_band_energies_sum_to_gate_energy() -> None:
@@ -61,9 +63,9 @@ def test_band_strengths_have_stated_variance() -> None:
         assert strength.var() == pytest.approx(float(stated), rel=0.06)
 
 
-def strengths_of(array: ArrayModel, azimuth_rad: FloatArray, spectrum: list[float]) -> FloatArray:
+def strengths_of(azimuth_rad: FloatArray, spectrum: list[float]) -> FloatArray:
     """Compute strengths (n, n_bands, n_elements) for powers (2 n_bands,) in the half sub-bands."""
-    gains = [manifold.gain(azimuth_rad).T for manifold in array.band_manifolds]
+    gains = [manifold.gain(azimuth_rad).T for manifold in ARRAY.band_manifolds]
     power = [of_half * np.square(gain) for of_half, gain in zip(spectrum, gains, strict=True)]
     return np.sqrt(np.stack([low + high for low, high in zip(power[::2], power[1::2], strict=True)], axis=1))
 
@@ -76,13 +78,12 @@ def strengths_of(array: ArrayModel, azimuth_rad: FloatArray, spectrum: list[floa
 def test_sub_bands_are_exact_for_any_smooth_spectrum(
     spectrum: list[float],
 ) -> None:
-    array = ring([0.6, 0.8, 1.0, 1.2, 1.4, 1.6])
     azimuth = np.random.default_rng(3).uniform(-np.pi, np.pi, 300)
-    bands = strengths_of(array, azimuth, spectrum)
+    bands = strengths_of(azimuth, spectrum)
     whole = np.sqrt(np.square(bands).sum(axis=1))
     pulses = detected(whole, 1e-6)._replace(band_strengths_v=bands, band_variance_v2=np.full_like(bands, 1e-12))
     errors = {
-        name: np.degrees(rms_error(ESTIMATORS[name](pulses, array), azimuth))
+        name: np.degrees(rms_error(ESTIMATORS[name](pulses, ARRAY), azimuth))
         for name in ("sub_bands", "maximum_likelihood")
     }
     assert errors["sub_bands"] < 0.05
@@ -90,14 +91,14 @@ def test_sub_bands_are_exact_for_any_smooth_spectrum(
 
 
 def test_sub_bands_reach_bound_with_stated_deviation() -> None:
-    array, rng = ring([0.6, 0.8, 1.0, 1.2, 1.4, 1.6]), np.random.default_rng(4)
+    rng = np.random.default_rng(4)
     azimuth = rng.uniform(-np.pi, np.pi, 4000)
-    bands = 40.0 * strengths_of(array, azimuth, [1.0] * 6)
+    bands = 40.0 * strengths_of(azimuth, [1.0] * 6)
     noisy = bands + rng.normal(size=bands.shape)
     pulses = detected(noisy[:, 0], 1.0)._replace(band_strengths_v=noisy, band_variance_v2=np.ones_like(noisy))
-    found = ESTIMATORS["sub_bands"](pulses, array)
+    found = ESTIMATORS["sub_bands"](pulses, ARRAY)
     error = difference(found.azimuth_rad, azimuth)
-    middles = [GainManifold.ring(6, _mean(pair)) for pair in zip(*[iter(array.band_manifolds)] * 2, strict=True)]
+    middles = [GainManifold.ring(6, _mean(pair)) for pair in zip(*[iter(ARRAY.band_manifolds)] * 2, strict=True)]
     of_bands = [bearing_bound(manifold, azimuth, 2 * 40.0**2) for manifold in middles]
     limit = np.sum(np.power(of_bands, -2.0), axis=0) ** -0.5  # each has an amplitude of its own
     assert rms(error / limit) == pytest.approx(1.0, abs=0.04)

@@ -15,6 +15,7 @@ from dirmusic.locating.rules import LocatingRules
 from pdpatrol.envs.scenario.base import STEP_S
 from pdpatrol.missions.report.scoring import evaluate
 from tests.benchmarks.free_field.cases import FENCE_M, Case
+from tests.dirmusic.scenes import sights
 
 FloatArray = NDArray[np.float64]
 
@@ -23,7 +24,7 @@ NUDGE_M = 1e-4
 
 
 class Fixes(NamedTuple):
-    """Return errors of the finding with the most pulses in each case, NaN without a finding.
+    """Errors of the finding with the most pulses in each case, NaN without a finding.
 
     Attributes:
         miss_m: Distance from the truth on plan, shape (n_cases,).
@@ -54,7 +55,7 @@ def locate(case: Case, rules: LocatingRules | None = None) -> tuple[Finding, ...
 
 
 def fixes(cases: list[tuple[Case, tuple[Finding, ...]]]) -> Fixes:
-    """Results of cases of one source."""
+    """Return the errors of cases of one source."""
     miss_m, is_inside, n_false = [], [], []
     for case, findings in cases:
         best = max(findings, key=lambda finding: finding.n_bearings, default=None)
@@ -104,11 +105,5 @@ def position_bound(case: Case) -> FloatArray:
 
 def _gains(case: Case, source_m: FloatArray) -> FloatArray:
     """Return the gain over the range in each element at the true pose of each pulse, shape (n_pulses, n_elements)."""
-    pose, elements_m = case.true_pose[case.step], case.real.positions_m
-    cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
-    east, north = (source_m[:2] - pose[:, :2]).T
-    forward = (cos * east + sin * north)[:, np.newaxis] - elements_m[:, 0]
-    left = (cos * north - sin * east)[:, np.newaxis] - elements_m[:, 1]
-    up = np.broadcast_to(source_m[2] - elements_m[:, 2], forward.shape)
-    plan = np.hypot(forward, left)
-    return case.real.gain(np.arctan2(left, forward), np.arctan2(up, plan)) / np.hypot(plan, up)
+    azimuth_rad, elevation_rad, range_m = sights(case.true_pose[case.step], source_m, case.real.positions_m)
+    return case.real.gain(azimuth_rad, elevation_rad) / range_m

@@ -29,10 +29,6 @@ FIRST = 400_000
 Case = tuple[Scenario, str, int]
 
 
-FEW = 12
-"""Cases in CI: with twelve, two may be missed if 95 % must be found; three would not decide anything."""
-
-
 def few_or_many(many: int, few: int = 3) -> pytest.MarkDecorator:
     """Parametrize with a few cases for CI and many slow ones."""
     return pytest.mark.parametrize(
@@ -95,7 +91,7 @@ def test_several_sources_are_all_found(n_cases: int) -> None:
     assert np.median([outcome.ospa_m for outcome in done]) <= (0.10 if n_cases > 3 else 0.15)
 
 
-@few_or_many(100, few=FEW)
+@few_or_many(100, few=12)  # of twelve, two may be missed if 95 % must be found; three would decide nothing
 def test_source_with_narrow_line_of_sight_is_found(n_cases: int) -> None:
     drawn = ((seed, narrow(seed)) for seed in count(FIRST))
     done = outcomes(islice(((scenario, "seek", seed) for seed, scenario in drawn if scenario is not None), n_cases))

@@ -81,10 +81,7 @@ def disagreement_of(wandering_rad: float, seed: int, n_pulses: int = 15) -> floa
     return disagreement(record, np.arange(record.pulses.n_pulses), CANDIDATE, NO_ERRORS)
 
 
-def test_disagreement_of_a_source_is_one() -> None:
+def test_disagreement_of_one_source_is_one_and_of_wandering_bearings_large() -> None:
     assert np.mean([disagreement_of(0.0, seed, 1) for seed in range(5)]) == pytest.approx(1.0, abs=0.2)
     assert np.mean([disagreement_of(0.0, seed) for seed in range(5)]) < 1.0  # of array and pose, no error was drawn
-
-
-def test_disagreement_of_wandering_bearings_is_large() -> None:
     assert min(disagreement_of(1.2 * NOISE_RAD, seed) for seed in range(5)) > 1.5

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.stats import chi2
 
 from dirmusic.locating.finding import CHI2_95, ellipse95, is_inside95, outline95, reaches95
-from tests.dirmusic.scenes import make_finding
+from tests.dirmusic.scenes import make_finding, rotation
 
 
 @pytest.mark.parametrize(
@@ -37,8 +37,8 @@ def test_findings_are_equal_if_all_values_are() -> None:
 
 @given(st.floats(0.1, 3.0), st.floats(0.01, 0.09), st.floats(-1.5, 1.5))
 def test_ellipse_axes_are_those_of_the_covariance(major: float, minor: float, turn: float) -> None:
-    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-    ellipse = ellipse95(rotation @ np.diag([major**2, minor**2]) @ rotation.T)
+    axes = rotation(turn)
+    ellipse = ellipse95(axes @ np.diag([major**2, minor**2]) @ axes.T)
     assert ellipse.semi_major_m == pytest.approx(major * np.sqrt(CHI2_95))
     assert ellipse.semi_minor_m == pytest.approx(minor * np.sqrt(CHI2_95))
     assert abs(np.sin(ellipse.angle_rad - turn)) < 1e-6
@@ -60,8 +60,7 @@ def test_ellipse_reaches_a_rectangle_it_overlaps() -> None:
     grid = np.stack(np.meshgrid(np.linspace(0.0, 30.0, 301), np.linspace(0.0, 20.0, 201)), axis=-1).reshape(-1, 2)
     n_reaching = 0
     for _ in range(200):
-        turn, centre = rng.uniform(0.0, np.pi), rng.uniform(-40.0, 70.0, 2)
-        axes = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+        axes, centre = rotation(rng.uniform(0.0, np.pi)), rng.uniform(-40.0, 70.0, 2)
         covariance = axes @ np.diag(np.square([rng.uniform(0.5, 20.0), rng.uniform(0.5, 3.0)])) @ axes.T
         off = grid - centre
         distance2 = np.einsum("ni,ij,nj->n", off, np.linalg.inv(covariance), off).min()

@@ -5,7 +5,7 @@ import pytest
 
 from dirmusic import Locator, PulseBatch
 from dirmusic.locating.protocol import LineOfSight
-from tests.dirmusic.scenes import ARRAY, NO_POSE_ERROR, RING, RING_M, detected, uniform_sight, with_bearings
+from tests.dirmusic.scenes import ARRAY, NO_POSE_ERROR, RING, around, detected, sights, uniform_sight, with_bearings
 
 NOISE_V = 1e-3
 TANK_TOP_M = 2.0
@@ -13,12 +13,8 @@ TANK_TOP_M = 2.0
 
 def pulses_of(pose: np.ndarray, source_m: np.ndarray, gains: np.ndarray, rng: np.random.Generator) -> PulseBatch:
     """Make two pulses of a source in space, in an array with gain errors."""
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    elements_m = RING_M @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]]) + [*pose[:2], 0.0]
-    sight = source_m - elements_m
-    plan_m, range_m = np.hypot(sight[:, 0], sight[:, 1]), np.linalg.norm(sight, axis=-1)
-    off = np.arctan2(sight[:, 1], sight[:, 0]) - pose[2] - RING.boresights_rad
-    gain = gains * RING.response_in_space(off, np.arctan2(sight[:, 2], plan_m)).gain
+    azimuth, elevation, range_m = sights(pose[np.newaxis], source_m)
+    gain = gains * RING.response_in_space(azimuth - RING.boresights_rad, elevation).gain
     strengths = np.abs(0.8 / range_m * gain + rng.normal(0.0, NOISE_V, (2, 6)))
     return with_bearings(detected(strengths, NOISE_V))
 
@@ -26,11 +22,10 @@ def pulses_of(pose: np.ndarray, source_m: np.ndarray, gains: np.ndarray, rng: np
 def drive_round(source_m: np.ndarray, seed: int, sight: LineOfSight | None = None, radius_m: float = 3.0) -> Locator:
     """Drive a third of a circle around a source."""
     rng = np.random.default_rng(seed)
-    gains, start = np.exp(rng.normal(0.0, 0.05, 6)), rng.uniform(0.0, 2 * np.pi)
+    gains, start_deg = np.exp(rng.normal(0.0, 0.05, 6)), rng.uniform(0.0, 360.0)
     locator = Locator(ARRAY, NO_POSE_ERROR, sight=sight)
-    for k, angle in enumerate(start + np.linspace(0.0, np.radians(130.0), 200)):
-        place = source_m[:2] + radius_m * np.array([np.cos(angle), np.sin(angle)])
-        pose = np.array([*place, angle + 0.5 * np.pi + 0.7 * np.sin(0.1 * k)])
+    for k, place in enumerate(around(source_m[:2], radius_m, start_deg, start_deg + 130.0, 200)):
+        pose = np.array([*place, np.radians(start_deg + 90.0 + 0.65 * k) + 0.7 * np.sin(0.1 * k)])
         locator.update(0.1 * k, pose, pulses_of(pose, source_m, gains, rng))
     return locator
 

@@ -16,9 +16,11 @@ from tests.dirmusic.scenes import (
     ARRAY,
     NO_POSE_ERROR,
     RING,
+    around,
     drawn_errors,
     make_finding,
     received,
+    rotation,
     with_bearings,
 )
 
@@ -51,11 +53,6 @@ def listen_along(
     heading = np.gradient(path, axis=0)
     poses = np.column_stack([path, np.arctan2(heading[:, 1], heading[:, 0])])
     return locator, [update(locator, 0.1 * k, pose, received(pose, sources, real, rng)) for k, pose in enumerate(poses)]
-
-
-def around(centre: ArrayLike, radius_m: float, from_deg: float, to_deg: float, n: int = 250) -> np.ndarray:
-    angle = np.radians(np.linspace(from_deg, to_deg, n))
-    return np.asarray(centre) + radius_m * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
 def test_ellipse_covers_the_source_despite_array_errors() -> None:
@@ -171,11 +168,10 @@ STEP_S = 0.125  # exact in binary at every origin below
 
 def survey(origin_s: float, turn_rad: float = 0.0, shift_m: ArrayLike = (0.0, 0.0)) -> tuple[Finding, ...]:
     """Drive around a source near a wall, from a start time and in a yard that is rotated and moved."""
-    cos, sin = np.cos(turn_rad), np.sin(turn_rad)
-    rotation = np.array([[cos, -sin], [sin, cos]])
+    turn = rotation(turn_rad)
 
     def wall(points: np.ndarray, target: np.ndarray, ignore_m: float) -> np.ndarray:
-        local = [(np.atleast_2d(place)[:, :2] - shift_m) @ rotation for place in (points, target)]
+        local = [(np.atleast_2d(place)[:, :2] - shift_m) @ turn for place in (points, target)]
         return np.where((local[0][:, 1] - 5.0) * (local[1][0, 1] - 5.0) < 0, 0.3, 1.0)
 
     rng, locator = np.random.default_rng(12), make_locator(fence_m=None, sight=wall)
@@ -184,9 +180,7 @@ def survey(origin_s: float, turn_rad: float = 0.0, shift_m: ArrayLike = (0.0, 0.
     for k, place in enumerate(path):
         sources = ((0.0, 2.0), (0.0, 8.0), (4.0, 6.0))[: 1 + 2 * (k >= 100)]
         strengths = received(np.array([*place, 0.03 * k]), sources, real, rng)
-        update(
-            locator, origin_s + STEP_S * k, np.array([*(rotation @ place + shift_m), 0.03 * k + turn_rad]), strengths
-        )
+        update(locator, origin_s + STEP_S * k, np.array([*(turn @ place + shift_m), 0.03 * k + turn_rad]), strengths)
     return locator.refit(origin_s + STEP_S * len(path))
 
 
@@ -213,16 +207,16 @@ def test_findings_follow_a_rigid_motion_of_the_yard(
 ) -> None:
     """Findings move with the yard: exactly where cells and sectors of the world frame map onto themselves."""
     turn_rad = np.radians(turn_deg)
-    rotation = np.array([[np.cos(turn_rad), -np.sin(turn_rad)], [np.sin(turn_rad), np.cos(turn_rad)]])
+    turn = rotation(turn_rad)
     before, after = survey(0.0), survey(0.0, turn_rad, shift_m)
     assert len(before) == len(after) == 3
     for finding in before:
-        expected_m = rotation @ finding.position_m[:2] + shift_m
+        expected_m = turn @ finding.position_m[:2] + shift_m
         moved = min(after, key=lambda other: float(np.linalg.norm(other.position_m[:2] - expected_m)))
         np.testing.assert_allclose(moved.position_m[:2], expected_m, atol=tolerance_m)
         assert moved.state == finding.state
         if tolerance_m < 1e-3:
-            turned_m2 = rotation @ finding.covariance_m2[:2, :2] @ rotation.T
+            turned_m2 = turn @ finding.covariance_m2[:2, :2] @ turn.T
             np.testing.assert_allclose(moved.covariance_m2[:2, :2], turned_m2, rtol=0.01, atol=1e-8)
             assert moved.position_m[2] == pytest.approx(finding.position_m[2], abs=1e-3)
 

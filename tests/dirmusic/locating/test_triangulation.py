@@ -56,14 +56,8 @@ def test_diverging_bearings_do_not_cross_behind() -> None:
 
 
 @pytest.mark.parametrize(
-    ("bearings", "std"),
-    [
-        (np.zeros(1), np.ones(1)),
-        (np.zeros(2), np.ones(3)),
-        (np.array([0.0, np.nan]), np.ones(2)),
-        (np.zeros(2), -np.ones(2)),
-    ],
+    ("bearings", "std"), [([0.0], [1.0]), ([0.0, 0.0], [1.0] * 3), ([0.0, np.nan], [1.0] * 2), ([0.0, 0.0], [-1.0] * 2)]
 )
-def test_invalid_bearings_are_refused(bearings: np.ndarray, std: np.ndarray) -> None:
+def test_invalid_bearings_are_refused(bearings: list[float], std: list[float]) -> None:
     with pytest.raises(ValueError, match="bearings"):
-        triangulate(np.zeros((bearings.size, 2)), bearings, std)
+        triangulate(np.zeros((len(bearings), 2)), bearings, std)

@@ -14,7 +14,7 @@ from dirmusic.locating.finding import ellipse95, is_inside95
 from dirmusic.locating.joint_fit import JointEstimate, locate_jointly
 from dirmusic.locating.plane_wave import BearingErrors
 from pdpatrol.sensing.array.config import SHIPPED_PATTERNS
-from tests.dirmusic.scenes import RING, RING_M, detected
+from tests.dirmusic.scenes import RING, RING_M, detected, sights
 
 FloatArray = NDArray[np.float64]
 
@@ -27,14 +27,20 @@ def helix() -> SpatialPattern:
     return read_spatial_pattern(SHIPPED_PATTERNS["helix_in_ring"])
 
 
+def gain_of_helices(azimuth_rad: FloatArray, elevation_rad: FloatArray) -> FloatArray:
+    """Return the gain of each element in the band, shape (n, 6)."""
+    of_band = helix().gain(azimuth_rad - RING.boresights_rad, elevation_rad, BAND_HZ)
+    return np.sqrt(np.square(of_band).mean(axis=0))
+
+
 def pulses_of_helices(
     rng: np.random.Generator, pose: FloatArray, truth_m: FloatArray
 ) -> tuple[PulseBatch, FloatArray, NDArray[np.intp]]:
     """`N_PULSES` of a source at each pose in the ring of helices; their poses, and the source's number."""
-    dx, dy = (truth_m[:2] - pose[:, :2]).T
-    off = (np.arctan2(dy, dx) - pose[:, 2])[:, np.newaxis] - RING.boresights_rad + np.radians(2.0) * rng.normal(size=6)
-    up = np.broadcast_to(np.arctan2(truth_m[2] - 0.6, np.hypot(dx, dy))[:, np.newaxis], off.shape)
-    gain = np.sqrt(np.square(helix().gain(off, up, BAND_HZ)).mean(axis=0)) * np.exp(0.05 * rng.normal(size=6))
+    azimuth, elevation, _ = sights(pose, truth_m, RING_M * [0.0, 0.0, 1.0])
+    gain = gain_of_helices(azimuth + np.radians(2.0) * rng.normal(size=6), elevation) * np.exp(
+        0.05 * rng.normal(size=6)
+    )
     strengths = np.repeat(gain / np.linalg.norm(gain, axis=-1, keepdims=True), N_PULSES, axis=0)
     strengths = np.maximum(strengths + 0.02 * rng.normal(size=strengths.shape), 0.0)
     rows = np.repeat(np.arange(len(pose)), N_PULSES)
@@ -97,9 +103,7 @@ def test_bearing_errors_off_the_plane_agree_with_deviation(elevation_deg: float)
     array = ArrayModel(manifold=manifold, positions_m=RING_M, spread=ElementSpread(pattern=0.02))
     azimuth_rad = np.radians(np.arange(0.0, 360.0, 3.0))
     elevation_rad = np.full(azimuth_rad.size, np.radians(elevation_deg))
-    off = azimuth_rad[:, np.newaxis] - RING.boresights_rad
-    up = np.broadcast_to(elevation_rad[:, np.newaxis], off.shape)
-    strengths = np.sqrt(np.square(helix().gain(off, up, BAND_HZ)).mean(axis=0))
+    strengths = gain_of_helices(azimuth_rad[:, np.newaxis], np.tile(elevation_rad[:, np.newaxis], 6))
     table = manifold.table.gain / np.linalg.norm(manifold.table.gain, axis=-1, keepdims=True)
     bearing_rad = 2 * np.pi / len(table) * (strengths @ table.T).argmax(axis=-1)
     errors = BearingErrors(array)

@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from dirmusic.locating.yard_likelihood import OUTLIER_SIGMAS, Grid, YardLikelihood
-from tests.dirmusic.scenes import ARRAY, NO_POSE_ERROR, RING, detected, pulses_from, with_bearings
+from tests.dirmusic.scenes import (
+    ARRAY,
+    NO_POSE_ERROR,
+    RING,
+    detected,
+    drawn_errors,
+    pulses_from,
+    received,
+    with_bearings,
+)
 
 GRID = Grid.over(np.array([-2.0, 0.0]), np.array([22.0, 15.0]))
 
@@ -12,14 +21,13 @@ GRID = Grid.over(np.array([-2.0, 0.0]), np.array([22.0, 15.0]))
 def likelihood_of(sources_m: np.ndarray, seed: int, n_wild: int = 0) -> YardLikelihood:
     """Compute the likelihood after a drive past sources, with some pulses from random directions."""
     rng = np.random.default_rng(seed)
-    gains = np.exp(rng.normal(0.0, 0.05, 6))
+    manifold = drawn_errors(rng).correct(RING)
     likelihood = YardLikelihood(ARRAY, NO_POSE_ERROR, GRID)
     for x in np.linspace(2.0, 18.0, 33):
         pose = np.array([x, 1.0 + 0.2 * x, rng.uniform(-np.pi, np.pi)])
-        off = sources_m - pose[:2]
-        azimuth = np.concatenate([np.arctan2(off[:, 1], off[:, 0]) - pose[2], rng.uniform(-np.pi, np.pi, n_wild)])
-        strengths = np.abs(RING.gain(azimuth).T * gains * 0.1 + rng.normal(0.0, 1e-3, (azimuth.size, 6)))
-        likelihood.add(with_bearings(detected(strengths, 1e-3)), np.tile(pose, (azimuth.size, 1)))
+        anywhere_m = pose[:2] + rng.normal(0.0, 5.0, (n_wild, 2))
+        strengths = received(pose, np.concatenate([sources_m, anywhere_m]), manifold, rng)[::2]
+        likelihood.add(with_bearings(detected(strengths, 1e-3)), np.tile(pose, (len(strengths), 1)))
     return likelihood
 
 
