@@ -1,4 +1,4 @@
-"""Ground truth of one episode: sources, interferers, and the array with its errors, drawn or set by a reset."""
+"""Ground truth of one episode: sources, interferers, and the array with its errors, drawn or set at the reset."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from pdpatrol.sensing import Carrier, DischargeSource, HelicalArray, PulseTrain,
 FloatArray = NDArray[np.float64]
 
 MAX_SOURCE_HEIGHT_M = 100.0
-"""Greatest height of a source set by a reset. Assumed; gantries of 400 kV are some 30 m high."""
+"""Maximum height of a source that is set at a reset. Assumed; 400 kV gantries are about 30 m high."""
 
 
 class Generators(NamedTuple):
-    """Random generators of one episode, one per subsystem, so that more draws in one leave the others unchanged.
+    """Random generators of one episode, one per subsystem, so that extra draws in one do not change the others.
 
-    Two policies with one seed meet the same sources, array and emissions, whatever they do.
+    Two policies with the same seed meet the same sources, array and emissions, whatever they do.
 
     Attributes:
-        episode: Draws at the start: sources, amplitudes, the array with its errors, the heading at the dock.
-        motion: Errors of pose sensor, odometry and gyro.
+        episode: Draws at the start of the episode: sources, amplitudes, array with its errors, heading at the dock.
+        motion: Errors of the pose sensor, the odometry and the gyro.
         lidar: Noise of the lidar.
         nature: Times and strengths of the discharges.
-        receiver: Noise of the channels and the triggers that it causes.
-        policy: For policies that draw.
+        receiver: Noise of the channels, and the triggers that it causes.
+        policy: Draws of a stochastic policy.
         polarisation: Polarisation of the sources.
     """
 
@@ -44,16 +44,16 @@ class Generators(NamedTuple):
 
     @classmethod
     def spawn(cls, parent: np.random.Generator) -> Self:
-        """Spawn independent generators; each call gives others, determined by the seed of the parent."""
+        """Spawn independent generators; each call returns new ones, determined by the seed of the parent."""
         return cls(*parent.spawn(len(cls._fields)))
 
 
 class ResetOptions(NamedTuple):
-    """Values that a reset sets in place of drawing them.
+    """Values that are set at a reset instead of being drawn.
 
     Attributes:
         start_pose: x m, y m, yaw rad, shape (3,); None to start at the dock.
-        sources_m: Positions of sources by name, each of shape (3,).
+        sources_m: Positions of the sources to set, by name, each of shape (3,).
     """
 
     start_pose: FloatArray | None = None
@@ -61,10 +61,10 @@ class ResetOptions(NamedTuple):
 
     @classmethod
     def parse(cls, options: Any, scenario: Scenario) -> Self:  # noqa: ANN401 - users may pass anything
-        """Check the `options` of a reset.
+        """Check and convert the `options` of a reset.
 
         Raises:
-            ValueError: If an option is unknown or impossible in the scenario.
+            ValueError: If an option is unknown, or invalid in the scenario.
         """
         options = {} if options is None else options
         if not isinstance(options, Mapping) or not set(options) <= {"start_pose", "sources"}:
@@ -81,7 +81,7 @@ class ResetOptions(NamedTuple):
         names, sources_m = [source.name for source in scenario.sources], dict[str, FloatArray]()
         for name, place in places.items():
             if name not in names:
-                raise ValueError(f"`options`: no source `{name}`; known are {', '.join(names) or 'none'}")
+                raise ValueError(f"`options`: no source `{name}`; available: {', '.join(names) or 'none'}")
             is_site = isinstance(place, str)
             place_m = yard.site_position(place) if is_site else _three_numbers(f"source `{name}`", place)
             error = position_error(yard, place_m)
@@ -111,9 +111,9 @@ class Episode:
         sources: Discharges.
         interferers: Sources of impulses beyond the fence.
         array: Array with its errors.
-        scene: Everything that radiates.
+        scene: All radiating sources and their surroundings.
         start_pose: Pose of the robot at the start, x m, y m, yaw rad, shape (3,).
-        truth: The same as plain data, for logs and scores.
+        truth: Sources, interferers and array as plain data, for logs and scores.
     """
 
     sources: tuple[DischargeSource, ...]
@@ -127,7 +127,7 @@ class Episode:
     def draw(
         cls, scenario: Scenario, surroundings: Surroundings, generators: Generators, options: ResetOptions
     ) -> Self:
-        """Draw an episode; options take precedence over draws."""
+        """Draw an episode; values set by the options replace drawn values."""
         rng = generators.episode
         sources = _draw_sources(scenario, generators, options.sources_m)
         interferers = tuple(

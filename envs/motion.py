@@ -1,4 +1,4 @@
-"""Pose sensor, odometry and battery of the robots."""
+"""Simulation of the pose sensor, odometry and battery of the robots."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ def add_pose_error(
 
     Args:
         true_pose: x m, y m, yaw rad.
-        error: Error of the last reading, NaN before the first; replaced by that of this reading.
-        correlation: Correlation of the two errors.
+        error: Error of the previous reading, NaN before the first reading; replaced by the error of this reading.
+        correlation: Correlation between the errors of consecutive readings.
         std: Standard deviations of the error.
         normal: Standard normal draws, at least three.
-        pose: Receives the result, yaw in (-pi, pi].
+        pose: Receives the pose with the error, yaw in (-pi, pi].
     """
     innovation = np.sqrt(1.0 - correlation * correlation)
     for i in range(3):
@@ -39,7 +39,7 @@ def add_pose_error(
 
 @compiled
 def start_motion(state: RobotStates, parameters: Parameters, reading: FloatArray, r: int) -> None:
-    """Start the sensors of robot `r` at the beginning of an episode; arguments as in `sense_motion`."""
+    """Initialise the sensors of robot `r` at the start of an episode; the arguments are those of `sense_motion`."""
     state.pose_error[r] = np.nan
     state.n_steps[r], state.time_s[r], state.used_wh[r], state.battery[r] = 0.0, 0.0, 0.0, 1.0
     sense_pose(state, parameters, reading, r)
@@ -53,9 +53,9 @@ def sense_motion(state: RobotStates, parameters: Parameters, reading: FloatArray
 
     Args:
         state: State of all robots; updated.
-        parameters: Parameters.
-        reading: Row of the robot in `pdpatrol.robot_models.readings.Readings`.
-        r: The robot.
+        parameters: Parameters of the sensors and the battery.
+        reading: Row of the robot in `pdpatrol.robot_models.readings.Readings.values`.
+        r: Row of the robot.
     """
     step_s, wheels_rad, odometry = parameters.step_s, reading[WHEEL_ANGLES], state.odometry[r]
     turned_rad = wheels_rad[0] - state.wheels_rad[r, 0] + wheels_rad[1] - state.wheels_rad[r, 1]
@@ -74,9 +74,9 @@ def sense_motion(state: RobotStates, parameters: Parameters, reading: FloatArray
 
 @compiled_inner
 def sense_pose(state: RobotStates, parameters: Parameters, reading: FloatArray, r: int) -> None:
-    """Read the pose sensor of robot `r`, and note its true pose and the angles of its wheels."""
+    """Read the pose sensor of robot `r`, and store its true pose and wheel angles."""
     pose, wheels_rad = reading[POSE], reading[WHEEL_ANGLES]
-    for k in range(3):  # an assignment of the row takes 2 s to compile
+    for k in range(3):  # assigning the whole row would take 2 s to compile
         state.true_pose[r, k] = pose[k]
     for k in range(wheels_rad.size):
         state.wheels_rad[r, k] = wheels_rad[k]

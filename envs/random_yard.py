@@ -1,4 +1,4 @@
-"""Random yards: equipment of the catalogue at random places with one discharge, and an open yard for learners."""
+"""Random yards with catalogue equipment and one discharge, and an open yard for reinforcement learning."""
 
 from __future__ import annotations
 
@@ -23,37 +23,40 @@ DOCK_M = (2.5, 2.5)
 N_WAYPOINTS = 4
 
 GAP_M = 2.0
-"""Gap between pieces of equipment, and around the dock. Assumed; the width of a service car."""
+"""Gap between pieces of equipment, and around the dock. Assumed; about the width of a service vehicle."""
 
 TURNING_RADIUS_M = 0.55
-"""Clearance of every stop. Assumed; more than any of the shipped robots needs."""
+"""Clearance of every stop. Assumed; more than the shipped robots need."""
 
 OFF_SITE_SHARE = 0.2
-"""Share of sources away from the sites of the catalogue, as in the suite, so that sites alone are not the answer."""
+"""Share of sources away from the sites of the catalogue, as in the suite, so that guessing among the sites is not
+enough."""
 
 OFF_SITE_M = 0.3
-"""Least distance of these from every site. Assumed; several times the error of a good position estimate."""
+"""Smallest distance of such a source from every site. Assumed; several times the error of a good position estimate."""
 
 AIR_M = (0.1, 0.6)
-"""Range of distances from equipment for the half of these that do not sit on a surface. Assumed; as of conductors."""
+"""Range of distances from equipment for the half of these sources that are not on a surface. Assumed; typical of
+conductors."""
 
 SEEN_FROM_M = (2.0, 8.0)
-"""Range of distances from which a source off the sites must be in sight, over the aperture of a planned route."""
+"""Range of distances from which a source away from the sites must be in sight, over the aperture of a planned route."""
 
 
 def random_yard(
     seed: int | np.random.Generator, n_obstructions: int = 5, *, has_planned_route: bool = False
 ) -> Scenario:
-    """Draw a scenario with one discharge in a yard with random equipment; size and dock are always the same.
+    """Draw a scenario with one discharge in a yard with random equipment; the size and the dock are always the same.
 
-    The first piece is of a kind that can discharge. In four of five yards the source is on a site of the catalogue, in
-    the others on or near equipment off its sites; without equipment it is in the open. Waypoints lie where the robot
-    fits, but a path to each is not guaranteed: a mission reports the waypoints it could not reach.
+    The first piece of equipment is of a kind that can discharge. In four of five yards the source is on a site of the
+    catalogue; in the others it is on or near equipment, away from the sites. Without equipment it is on open ground.
+    The robot fits at every waypoint, but may not be able to reach it: a mission reports the waypoints that it could
+    not reach.
 
     Args:
         seed: Seed or generator.
-        n_obstructions: Number of pieces of equipment, in [0, 12]; there are fewer where no room is left.
-        has_planned_route: Whether missions plan the route; the environment alone refuses such a scenario.
+        n_obstructions: Number of pieces of equipment, in [0, 12]; fewer are placed if the yard is full.
+        has_planned_route: Whether missions plan the route. The environment itself rejects such a scenario.
 
     Raises:
         ValueError: If `n_obstructions` is out of range.
@@ -79,11 +82,11 @@ def random_yard(
 
 
 def open_yard() -> Scenario:
-    """Make a yard with nothing but a discharge in mid-air, as a first task for a learner.
+    """Make a yard without equipment and with a discharge in mid-air, as a first task for reinforcement learning.
 
     Each episode draws the position of the discharge, 1.5 m above the ground, its amplitude, the heading at the dock in
-    the south-west corner, and the errors of the array. The round is 84 m long and the robot drives at most 72 m in the
-    time limit, so that an episode terminates only at the source.
+    the south-west corner, and the errors of the array. The route is 84 m long, and the robot drives at most 72 m within
+    the time limit, so that an episode terminates only at the source.
     """
     return Scenario(
         name="open_yard",
@@ -96,7 +99,7 @@ def open_yard() -> Scenario:
 
 
 def _with_piece(yard: Yard, name: str, kind: str, rng: np.random.Generator) -> Yard:
-    """Return the yard with one more piece, or unchanged if 60 random positions leave no room."""
+    """Return the yard with one more piece of equipment, or unchanged if it fits at none of 60 random positions."""
     for _ in range(60):
         position = rng.uniform([0.0, 0.0], yard.size_m)
         item = CatalogueEquipment(
@@ -114,7 +117,7 @@ def _with_piece(yard: Yard, name: str, kind: str, rng: np.random.Generator) -> Y
 
 
 def random_source(yard: Yard, rng: np.random.Generator) -> SourceConfig:
-    """Draw a discharge on a site, off the sites in `OFF_SITE_SHARE` of cases, or in the open without sites."""
+    """Draw a discharge on a site, or off the sites in `OFF_SITE_SHARE` of cases; without sites, on open ground."""
     sites = yard.site_names()
     if not sites:
         return SourceConfig(name="discharge", position_m=(*yard.free_place(rng, TURNING_RADIUS_M).tolist(), 1.5))
@@ -127,14 +130,14 @@ def random_source(yard: Yard, rng: np.random.Generator) -> SourceConfig:
 
 
 def place_off_sites(yard: Yard, rng: np.random.Generator) -> FloatArray | None:
-    """Draw a visible place on or near equipment with discharge sites, but off the sites.
+    """Draw a place in sight of free ground, on or near equipment with discharge sites, but away from the sites.
 
     Args:
-        yard: A yard with discharge sites.
-        rng: Generator.
+        yard: Yard with discharge sites.
+        rng: Random generator.
 
     Returns:
-        Position, shape (3,), world frame; None if none of 200 places is suitable.
+        Position, shape (3,), world frame; None if none of 200 random places is suitable.
     """
     sites_m = np.array([yard.site_position(name) for name in yard.site_names()])
     discharging = [k for k, item in enumerate(yard.equipment) if item.assembly.sites]
@@ -159,7 +162,7 @@ def place_off_sites(yard: Yard, rng: np.random.Generator) -> FloatArray | None:
 
 
 def _distance(yard: Yard, place_m: FloatArray) -> float:
-    """Return the distance to the nearest surface, negative inside."""
+    """Return the distance from a place (3,) to the nearest surface, negative inside equipment."""
     return float(yard.solids.distance(place_m).min())
 
 
@@ -173,7 +176,7 @@ def _pushed_out(yard: Yard, place_m: FloatArray, off_m: float) -> FloatArray:
 
 
 def _can_be_seen(yard: Yard, sight: Sight, place_m: FloatArray) -> bool:
-    """Return whether a place is in sight from free ground nearby over the aperture of a planned route."""
+    """Return whether a place is in sight of free ground nearby, over the aperture of a planned route."""
     ahead = np.arange(-SEEN_FROM_M[1], SEEN_FROM_M[1] + 0.5, 0.5)
     off_m = np.stack(np.meshgrid(ahead, ahead), axis=-1).reshape(-1, 2)
     range_m = np.linalg.norm(off_m, axis=-1)

@@ -1,4 +1,4 @@
-"""Loading and calling of code that users name in a scenario or on the command line."""
+"""Loading and calling of user code that is named in a scenario or on the command line."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from dirmusic.bearing.estimators import method_std
 
 
 class UserCodeError(Exception):
-    """User code that cannot be loaded, raised an exception, or returned a wrong result.
+    """Error for user code that cannot be loaded, raises an exception, or returns an invalid result.
 
-    The message is one line with file and line number. An exception of the user's code is chained to it as its cause.
+    The message is one line with file and line number. An exception raised by the user code is chained as its cause.
     """
 
 
@@ -31,9 +31,9 @@ def load_object(name: str, folder: str | Path, expected: str) -> Any:  # noqa: A
     """Import a class or function by name.
 
     Args:
-        name: `my_file.py:Name`, relative to `folder`, or `package.module:Name`, installed or on PYTHONPATH. A file may
-            import others of its folder by `from . import other`.
-        folder: Folder at which relative paths start.
+        name: `my_file.py:Name`, relative to `folder`, or `package.module:Name`, installed or on PYTHONPATH. A file can
+            import other files of its folder with `from . import other`.
+        folder: Folder to which paths are relative.
         expected: Description of the expected object, for error messages.
 
     Raises:
@@ -62,9 +62,10 @@ def load_object(name: str, folder: str | Path, expected: str) -> Any:  # noqa: A
 
 
 def _import_file(file: Path) -> ModuleType:
-    """Import a file as a module of a package that stands for its folder, so that equal names in two folders differ.
+    """Import a file as a module of a package that represents its folder.
 
-    The modules of the package are imported anew when a Python file of the folder has changed.
+    Files of the same name in different folders therefore become different modules. All modules of the package are
+    imported again when a Python file in the folder has changed.
     """
     package = f"user_code_{hashlib.sha256(os.fsencode(file.parent)).hexdigest()[:16]}"
     stamp = {path.name: (path.stat().st_mtime_ns, path.stat().st_size) for path in file.parent.glob("*.py")}
@@ -74,7 +75,7 @@ def _import_file(file: Path) -> ModuleType:
         sys.modules[package] = ModuleType(package)
         vars(sys.modules[package]).update(__path__=[str(file.parent)], stamp=stamp)
         importlib.invalidate_caches()
-    before, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # byte code is dated to the second only
+    before, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # bytecode files resolve changes to a second only
     try:
         return importlib.import_module(f"{package}.{file.stem}")
     finally:
@@ -83,10 +84,10 @@ def _import_file(file: Path) -> ModuleType:
 
 @contextmanager
 def calling(thing: object, expected: str) -> Iterator[None]:
-    """Turn an exception of user code, including SystemExit, into a `UserCodeError` that names the line.
+    """Convert an exception raised by user code, including SystemExit, into a `UserCodeError` that names the line.
 
     Args:
-        thing: The callee: a class, a function, or an object that user code made; or the file that is imported.
+        thing: Callee (a class, a function, or an object made by user code), or file that is imported.
         expected: What the call should do, for the error message.
     """
     try:
@@ -131,17 +132,17 @@ EXPECTED_ESTIMATOR = "an estimator: MyEstimator() makes one, estimator(pulses, a
 
 
 class UserEstimator:
-    """Bearing estimator of the user, whose results are checked.
+    """User-supplied bearing estimator whose results are checked.
 
-    It is tried once on pulses without noise, so that it fails before a mission starts. Copies and pickles load it anew,
-    as an estimator has no memory.
+    The estimator is tried once on noise-free pulses, so that errors appear before a mission starts. Copying and
+    unpickling load the user's code again, because an estimator must not have any state.
 
     Args:
         name: `my_file.py:MyEstimator` or `package.module:MyEstimator`; see `load_object`.
-        array: Array on whose pulses it is tried.
+        array: Array for the trial.
 
     Raises:
-        UserCodeError: If it cannot be loaded, made or called, or does not return bearings.
+        UserCodeError: If the estimator cannot be loaded, made or called, or does not return valid bearings.
     """
 
     def __init__(self, name: str, array: ArrayModel) -> None:
@@ -159,7 +160,7 @@ class UserEstimator:
             found = Bearings(*(np.asarray(column, dtype=np.float64) for column in self._estimator(pulses, array)))
         wrong = [f"{name} of shape {column.shape}" for name, column in found._asdict().items() if column.shape != (n,)]
         if not wrong:
-            is_noisy = pulses.variance_v2.any(axis=-1)  # without noise a deviation of 0 is right
+            is_noisy = pulses.variance_v2.any(axis=-1)  # without noise, a standard deviation of 0 is correct
             is_valid = np.isfinite(found.azimuth_rad) & np.isfinite(found.std_rad) & (found.std_rad >= 0.0)
             is_valid &= ((found.std_rad > 0.0) | ~is_noisy) & (found.misfit >= 0.0) & (found.misfit <= 1.0)
             wrong = [
@@ -177,6 +178,6 @@ def make_estimator(name: str, array: ArrayModel) -> BearingEstimator:
     """Make the estimator that a scenario names.
 
     Raises:
-        UserCodeError: If it is not built in and does not work.
+        UserCodeError: If the name is not that of a built-in estimator, and no valid estimator can be loaded from it.
     """
     return ESTIMATORS[name] if name in ESTIMATORS else UserEstimator(name, array)

@@ -1,4 +1,4 @@
-"""The antenna array: its table, its data sheet, and calibrations that missions hand on to the next one."""
+"""Antenna array: scenario table, data sheet, and calibrations that one mission passes on to the next."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def _resolve_patterns(table: object, info: ValidationInfo) -> object:
 
 
 ArraySection = Annotated[ArrayConfig, BeforeValidator(_resolve_patterns)]
-"""Table `[array]`, in which relative paths start at the scenario file."""
+"""Table `[array]`, in which paths are relative to the scenario file."""
 
 
 def data_sheet(config: ArrayConfig, band_edges_hz: Sequence[float] = ()) -> ArrayModel:
@@ -43,7 +43,7 @@ def data_sheet(config: ArrayConfig, band_edges_hz: Sequence[float] = ()) -> Arra
 
     Args:
         config: Settings of the array.
-        band_edges_hz: Edges of the sub-bands that the receiver reads, rising; empty without sub-bands.
+        band_edges_hz: Ascending edges of the sub-bands that the receiver reads; empty without sub-bands.
     """
     nominal = HelicalArray.nominal(config)
     return ArrayModel(
@@ -61,7 +61,7 @@ def data_sheet(config: ArrayConfig, band_edges_hz: Sequence[float] = ()) -> Arra
 
 
 MAX_ELEMENTS = 32
-"""Largest number of elements of a calibrated array, as for field data."""
+"""Largest number of elements of a calibrated array; the same limit applies to field data."""
 
 Number = Annotated[float, Field(ge=-1000.0, le=1000.0), PLAIN_ZERO]
 Numbers = Annotated[tuple[Number, ...], Field(max_length=N_KINDS * MAX_ELEMENTS)]
@@ -73,16 +73,16 @@ class CalibratedArray(Config, frozen=True):
     """Identity of a calibrated array: its data sheet and its serial number."""
 
     serial_number: int | None = Field(default=None, ge=0, le=2**63 - 1)
-    """Serial number as in `sensing.ArrayConfig`; None for field data."""
+    """Serial number, as in `sensing.ArrayConfig`; None for field data."""
     boresights_deg: Annotated[Numbers, Field(min_length=1, max_length=MAX_ELEMENTS)]
     boresight_elevations_deg: Numbers
     positions_m: tuple[tuple[Number, Number, Number], ...] = Field(max_length=MAX_ELEMENTS)
     pattern_sha256: str = Field(pattern=r"^[0-9a-f]{64}$", max_length=64)
-    """Digest of the element gain at each whole degree off boresight, to six decimals."""
+    """SHA-256 of the element gain at each whole degree off boresight, rounded to six decimals."""
     gain_error: Spread
     pointing_error_deg: Spread
     offset_error: Spread
-    """Standard deviation, in units of gain."""
+    """Standard deviation of the gain offsets, in units of gain."""
     pattern_error: Spread
 
     @classmethod
@@ -146,7 +146,7 @@ class CalibratedErrors(Config, frozen=True):
 
 
 class ArrayCalibration(Config, frozen=True):
-    """Errors of one array as estimated by the missions so far."""
+    """Errors of one array, as estimated by the missions so far."""
 
     format: Literal["pdpatrol calibration 1"] = "pdpatrol calibration 1"
     mission: str = Field(max_length=1024, pattern=r"^[^\x00]*$")
@@ -166,13 +166,13 @@ class ArrayCalibration(Config, frozen=True):
 
     @classmethod
     def after(cls, mission: str, learned: Learned, array: CalibratedArray, before: Self | None) -> Self:
-        """Make the calibration that a mission hands on.
+        """Make the calibration that a mission passes on to the next one.
 
         Args:
             mission: Name of the mission.
             learned: Errors that the mission estimated.
             array: Identity of the array.
-            before: Calibration that the mission started from, None if there was none or the mission contradicted it.
+            before: Calibration that the mission started from; None without one, or if the mission contradicted it.
         """
         return cls(
             mission=mission,
@@ -189,7 +189,7 @@ class ArrayCalibration(Config, frozen=True):
         return f"must be a calibration of this array, but differs in {'; '.join(differing)}" if differing else None
 
     def applied_to(self, array: ArrayModel) -> ArrayModel:
-        """Return the array with the estimated errors, allowing for their drift since."""
+        """Return the array with the estimated errors, whose covariance allows for drift since the calibration."""
         return replace(array, errors=self.errors.estimated().drifted(array.spread))
 
     def as_toml(self) -> str:

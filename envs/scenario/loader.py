@@ -61,7 +61,7 @@ def _path_of(scenario: str | Path) -> Path:
     known = shipped_scenarios()
     if scenario not in known:
         raise ScenarioError(
-            [f"{scenario}: no such scenario; known are {', '.join(known)}, or give a path ending in .toml"]
+            [f"{scenario}: no such scenario; available: {', '.join(known)}, or give a path ending in .toml"]
         )
     return SHIPPED / f"{scenario}.toml"
 

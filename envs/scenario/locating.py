@@ -56,7 +56,7 @@ class EstimatorConfig(Config, frozen=True):
     def _check_method(cls, method: str, info: ValidationInfo) -> str:
         if method not in ESTIMATORS and ":" not in method:
             raise ValueError(
-                f"no estimator `{method}`; known are {', '.join(ESTIMATORS)}, or name your own as "
+                f"no estimator `{method}`; available: {', '.join(ESTIMATORS)}, or name your own as "
                 "my_file.py:MyEstimator or package.module:MyEstimator"
             )
         return resolve_user_code(method, info)

@@ -1,4 +1,4 @@
-"""Tables of the map of the yard, its errors, and its position on Earth."""
+"""Scenario tables for the errors of the yard's map and for its position on Earth."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class GeoreferenceConfig(Config, frozen=True):
     """Position of the yard's frame on the WGS 84 ellipsoid."""
 
     latitude_deg: Annotated[float, Field(ge=-85.0, le=85.0)]
-    """Latitude of the origin, the south-west corner. Beyond 85 degrees meridians converge within a yard."""
+    """Latitude of the origin, the south-west corner. Beyond 85 degrees the meridians converge noticeably in a yard."""
     longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0)]
     """Longitude of the origin, east positive."""
     heading_deg: Annotated[float, Field(ge=-360.0, le=360.0)] = 0.0
@@ -24,7 +24,7 @@ class GeoreferenceConfig(Config, frozen=True):
 
 
 class MovedPiece(Config, frozen=True):
-    """A piece of equipment that the map shows at a wrong position."""
+    """Piece of equipment that the map shows at a wrong position."""
 
     name: Name
     by_m: tuple[Coordinate, Coordinate]
@@ -37,22 +37,22 @@ class MovedPiece(Config, frozen=True):
 
 
 class MapConfig(Config, frozen=True):
-    """Differences between the map and the yard; by default the map is right.
+    """Differences between the map and the yard; by default the map is correct.
 
     Planner, policies, Locator and report use the map. Physics, lidar, radio and scores use the yard.
     """
 
     missing: tuple[Name, ...] = Field(default=(), max_length=MOST_PIECES)
-    """Pieces of the yard that the map does not show."""
+    """Pieces in the yard that the map does not show."""
     extra: tuple[Equipment, ...] = Field(default=(), max_length=MOST_PIECES)
-    """Pieces that the map shows and the yard does not have."""
+    """Pieces on the map that do not exist in the yard."""
     moved: tuple[MovedPiece, ...] = Field(default=(), max_length=MOST_PIECES)
 
     def of(self, yard: Yard) -> Yard:
-        """Return the yard as the map shows it, `yard` itself if the map is right.
+        """Return the yard as the map shows it, or `yard` itself if the map is correct.
 
         Args:
-            yard: The true yard; `errors(yard)` must be empty.
+            yard: True yard; `errors(yard)` must be empty.
         """
         if not (self.missing or self.extra or self.moved):
             return yard
@@ -65,12 +65,12 @@ class MapConfig(Config, frozen=True):
         return Yard(size_m=yard.size_m, equipment=(*shown, *self.extra))
 
     def errors(self, yard: Yard) -> list[str]:
-        """List the errors of this map of a yard, as `key: message`."""
+        """List the invalid keys of this table for a given yard, as `key: message`."""
         names = tuple(item.name for item in yard.equipment)
         given = [(f"missing.{i}", name) for i, name in enumerate(self.missing)]
         given += [(f"moved.{i}.name", piece.name) for i, piece in enumerate(self.moved)]
         errors = [
-            f"map.{key}: no equipment `{name}` in this yard; known are {known_names(names, name)}"
+            f"map.{key}: no equipment `{name}` in this yard; available: {known_names(names, name)}"
             for key, name in given
             if name not in names
         ]

@@ -1,4 +1,4 @@
-"""Radio propagation: its settings, and the reflecting and obstructing surfaces of a yard."""
+"""Radio propagation: settings, and the reflecting and obstructing surfaces of a yard."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ class RadioConfig(Config, frozen=True):
     """Settings of the propagation model."""
 
     second_order: bool = False
-    """Also trace waves that two walls reflect in turn. They are late and weak, and take time to compute. Waves that the
-    ground and one wall reflect are always traced."""
+    """Also trace waves that are reflected by two walls in turn. They arrive late and weak, and take time to compute.
+    Waves that are reflected by the ground and one wall are always traced."""
 
 
 def surroundings_of(yard: Yard, *, second_order: bool = False) -> Surroundings:
-    """Return the faces and solids of all equipment with the material of each kind.
+    """Return the faces and solids of all equipment, each with the material of its kind.
 
     Args:
-        yard: The true yard, or the yard as a map shows it.
-        second_order: Whether to trace reflections from two walls in turn.
+        yard: True yard, or yard as the map shows it.
+        second_order: Whether to trace waves that are reflected by two walls in turn.
     """
     kinds = [item.kind for item in yard.equipment]
     return Surroundings.of_kinds(kinds, upright_solids(**yard.solid_columns()), second_order=second_order)

@@ -185,7 +185,7 @@ def _table_errors(scenario: Scenario) -> Iterator[str]:
     for key, pieces in (("yard.equipment", scenario.yard.equipment), ("map.extra", scenario.map.extra)):
         for i, item in enumerate(pieces):
             if item.kind not in KIND_MATERIALS:
-                yield f"{key}.{i}.kind: no kind `{item.kind}`; known are {', '.join(KIND_MATERIALS)}"
+                yield f"{key}.{i}.kind: no kind `{item.kind}`; available: {', '.join(KIND_MATERIALS)}"
     n, receiver = scenario.array.n_channels, scenario.receiver
     channels = [fault.channel for fault in receiver.faults]
     for i, fault in enumerate(receiver.faults):
@@ -228,7 +228,7 @@ def _source_errors(scenario: Scenario) -> Iterator[str]:
         sites = set(scenario.candidate_sites(source))
         for entry in source.sites:
             if not (set(scenario.expand_site(entry)) & set(known)):
-                yield f"sources.{i}.sites: no site `{entry}`; known are {known_names(known, entry)}"
+                yield f"sources.{i}.sites: no site `{entry}`; available: {known_names(known, entry)}"
         places = {f"sources.{i}.sites ({site})": yard.site_position(site) for site in sorted(sites & set(known))}
         if source.position_m is not None:
             places = {f"sources.{i}.position_m": source.position_m}

@@ -1,4 +1,4 @@
-"""Tables of what radiates: discharges and their growth over a campaign, impulsive interferers, carriers."""
+"""Scenario tables for radiating sources: discharges and their growth, impulsive interferers, and carriers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _check_direction(direction: tuple[float, float, float]) -> tuple[float, floa
 
 Component = Annotated[float, Field(ge=-1000.0, le=1000.0), PLAIN_ZERO]
 Direction = Annotated[tuple[Component, Component, Component], AfterValidator(_check_direction)]
-"""Direction x, y, z in the world frame, of any length but zero."""
+"""Direction x, y, z in the world frame; its length must not be zero and has no effect."""
 
 FarCoordinate = Annotated[float, Field(ge=-10_000.0, le=10_000.0), PLAIN_ZERO]
 """Coordinate of an interferer, metres. A pulse loses 80 dB over 10 km compared with 1 m."""
@@ -38,16 +38,16 @@ RateGrowth = Annotated[float, Field(ge=-0.9, le=9.0), PLAIN_ZERO]
 
 
 class CampaignConfig(Config, frozen=True):
-    """Date of the inspection, and whether other inspections meet the same discharges.
+    """Date of the inspection, and seed of discharges that several inspections share.
 
-    The date of a mission comes from here and never from the clock, so that the same seed gives the same mission.
+    The date of a mission is set here and is never taken from the clock, so that the same seed gives the same mission.
     """
 
     number: int | None = Field(default=None, ge=0, le=2**63 - 1)
-    """Seed of the discharges of the yard. Missions of one number meet the same sites, amplitudes, polarisations and
-    phase patterns whatever their own seed; by default each mission draws others."""
+    """Seed of the discharges of the yard. Missions with the same number meet the same sites, amplitudes, polarisations
+    and phase patterns, whatever their own seed. By default each mission draws its own discharges."""
     begins: Day = "2026-01-05"
-    """Day on which sources have their stated amplitude and rate; growth counts from here."""
+    """Day on which sources have their stated amplitude and rate; growth starts on this day."""
     date: Day | None = None
     """Day of this inspection; by default the day on which the campaign begins."""
 
@@ -69,38 +69,38 @@ class CampaignConfig(Config, frozen=True):
 
 
 class SourceConfig(Config, frozen=True):
-    """A discharge, on a site drawn from `sites`, at a position, or above free ground."""
+    """Discharge on a site drawn from `sites`, at a given position, or above free ground."""
 
     name: Name
     sites: tuple[SiteChoice, ...] = Field(default=(), max_length=MOST_PIECES * MOST_SITES)
     position_m: tuple[Coordinate, Coordinate, Coordinate] | None = None
     anywhere_at_m: Height | None = None
-    """Height above a place on free ground that is drawn per mission."""
+    """Height above the ground, over a place on free ground that is drawn per mission."""
     amplitude_v: PeakVolt = 0.27
-    """Peak of a pulse in a unit-gain channel 1 m away. With the default receiver, the default gives a Cramer-Rao bound
-    of 0.44 degrees for the bearing of one pulse from 5 m and 1.3 degrees from 15 m."""
+    """Peak of a pulse in a unit-gain channel 1 m away. With the default receiver, the Cramer-Rao bound for the bearing
+    of one pulse of the default amplitude is 0.44 degrees at 5 m and 1.3 degrees at 15 m."""
     amplitude_range_db: RangeDecibel = 6.0
     """Width of the range around `amplitude_v` from which the amplitude is drawn per mission."""
     pulse_rate_hz: PulseRate = 20.0
     polarisation: Direction | None = None
     """Direction of the linear polarisation; by default drawn per mission."""
     kind: KindName | None = None
-    """Pattern of the pulses over the phase of the mains; by default they come at any phase."""
+    """Kind of discharge, which determines the phases and levels of the pulses; by default pulses come at any phase."""
     conductor_deg: Degree | None = None
-    """Phase of the conductor relative to the receiver's mains; by default 0, 120 or 240 is drawn per mission."""
+    """Phase of the conductor relative to the receiver's mains supply; by default 0, 120 or 240 is drawn per mission."""
     active_s: tuple[MissionSecond, MissionSecond] | None = None
     """Start and end of the activity; by default the whole mission."""
     drift_db_per_min: DriftDecibel = 0.0
     growth_db_per_week: DriftDecibel = 0.0
     """Growth of the amplitude over the weeks of the campaign."""
     rate_growth_per_week: RateGrowth = 0.0
-    """Relative growth of the pulse rate: 0.2 is a fifth per week, and 44 % in two weeks."""
+    """Relative growth of the pulse rate per week: 0.2 is 20 % in one week and 44 % in two weeks."""
     n_shots: int | None = Field(default=None, ge=1, le=1_000_000)
     """Makes the source a discharge gun, with this many pulses at the pulse rate from `first_shot_s` on."""
     first_shot_s: MissionSecond = 0.0
 
     def after(self, weeks: float) -> Self:
-        """Return the source as it is some weeks after the campaign began."""
+        """Return the source as it is a number of weeks after the campaign began."""
         gain, more = 10 ** (self.growth_db_per_week * weeks / 20), (1.0 + self.rate_growth_per_week) ** weeks
         return self.model_copy(
             update={"amplitude_v": self.amplitude_v * gain, "pulse_rate_hz": self.pulse_rate_hz * more}
@@ -122,7 +122,7 @@ class SourceConfig(Config, frozen=True):
 
 
 class InterfererConfig(Config, frozen=True):
-    """Source of impulses beyond the fence, which must not become a finding."""
+    """Source of impulses beyond the fence, which must not be reported as a finding."""
 
     name: Name
     position_m: FarPosition
@@ -132,9 +132,11 @@ class InterfererConfig(Config, frozen=True):
     polarisation: Direction | None = None
     """Direction of the linear polarisation; by default drawn per mission."""
     burst_s: Annotated[float, Field(ge=0.0, le=1e-3), PLAIN_ZERO] = 0.0
-    """Length of each burst of an in-band carrier, as from a switch or a radar; 0 for impulses as of discharges."""
+    """Length of each burst of an in-band carrier, as from a switch or a radar; 0 for impulses like those of a
+    discharge."""
     moves_to_m: FarPosition | None = None
-    """Far end of the path of a moving interferer, such as traffic. It starts at `position_m` and travels to and fro."""
+    """Far end of the path of a moving interferer, such as traffic. It starts at `position_m` and moves back and forth.
+    """
     speed_mps: Annotated[float, Field(ge=1e-3, le=1000.0)] | None = None
 
     @model_validator(mode="after")
@@ -147,11 +149,11 @@ class InterfererConfig(Config, frozen=True):
 
 
 class CarrierConfig(Config, frozen=True):
-    """A distant narrowband transmitter that is always on, such as the one at 948 MHz in the Dir-MUSIC paper."""
+    """Distant narrowband transmitter that is always on, such as the one at 948 MHz in the Dir-MUSIC paper."""
 
     name: Name
     frequency_hz: Hertz = 948e6
     amplitude_v: Volt
-    """Peak in a unit-gain channel at the array, before the band-pass."""
+    """Peak in a unit-gain channel at the array, before the band-pass filter."""
     bearing_deg: Degree
     """Direction towards the transmitter, counter-clockwise from x (east)."""

@@ -1,8 +1,8 @@
-"""The suite: frozen yards on which versions of the code are compared.
+"""Suite: a frozen set of yards on which versions of the code are compared.
 
 `envs/scenarios/suite` holds a public part for development and a test part that should be used rarely. Each part has a
-folder per level with one file per yard. A file fixes yard, map, sources, errors, receiver, robot and task. Estimator
-and Locator are under test: they have the defaults of the code or the settings of a sweep.
+folder per level, with one file per yard. A file sets the yard, map, sources, errors, receiver, robot and task. The
+estimator and the Locator are under test: they use the defaults of the code or the settings of a sweep.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class Suite(NamedTuple):
     """Index of the suite.
 
     Attributes:
-        version: Number that changes with the yards, sources, errors or seeds.
+        version: Version number, which changes whenever the yards, sources, errors or seeds do.
         checksum: SHA-256 of the names and contents of all files, in hexadecimal digits.
         levels: Description of each level by name, in order.
         seeds: Seeds of the missions in each yard, by part.
@@ -36,17 +36,17 @@ class Suite(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Version and beginning of the checksum, which results record."""
+        """Version and the first digits of the checksum, as recorded in results."""
         return f"{self.version}:{self.checksum[:12]}"
 
 
 class SuiteYard(NamedTuple):
-    """A yard of the suite.
+    """Yard of the suite.
 
     Attributes:
         level: Level of the yard.
-        part: `public` or `test`.
-        path: Scenario file.
+        part: Part of the suite, `public` or `test`.
+        path: Scenario file of the yard.
     """
 
     level: str
@@ -72,7 +72,7 @@ def load_suite() -> Suite:
 
 @cache
 def suite_yards() -> tuple[SuiteYard, ...]:
-    """List all yards, level by level in the order of the index, the public part of each first."""
+    """List all yards, level by level in the order of the index, with the public part of each level first."""
     levels = tomllib.loads((SUITE / "suite.toml").read_text(encoding="utf-8"))["levels"]
     return tuple(
         SuiteYard(level, part, path)
@@ -83,14 +83,14 @@ def suite_yards() -> tuple[SuiteYard, ...]:
 
 
 def choose_yards(name: str) -> tuple[SuiteYard, ...]:
-    """List the yards that a name on the command line stands for.
+    """List the yards that a name on the command line refers to.
 
     Args:
         name: `suite` for the public part, `suite/LEVEL` for one of its levels, `suite/test` and `suite/test/LEVEL` for
-            the test part, `suite/LEVEL_NUMBER` for one yard of either.
+            the test part and its levels, `suite/LEVEL_NUMBER` for one yard of either part.
 
     Raises:
-        ScenarioError: If no yard has this name.
+        ScenarioError: If the name matches no yard.
     """
     single = tuple(yard for yard in suite_yards() if yard.name == name)
     _, *rest = name.split("/")
@@ -99,11 +99,11 @@ def choose_yards(name: str) -> tuple[SuiteYard, ...]:
     if not (single or several):
         known = ", ".join(f"suite/{level}" for level in load_suite().levels)
         raise ScenarioError(
-            [f"{name}: no such part of the suite; known are suite, suite/test, {known}, suite/open_01 and so on"]
+            [f"{name}: no such part of the suite; available: suite, suite/test, {known}, suite/open_01 and so on"]
         )
     return single or several
 
 
 def is_of_suite(name: str) -> bool:
-    """Return whether a name on the command line stands for the suite or a part of it."""
+    """Return whether a name on the command line refers to the suite or a part of it."""
     return name.split("/")[0] == "suite" and not name.endswith(".toml")

@@ -130,7 +130,7 @@ class Yard(BaseModel, frozen=True, strict=True, extra="forbid", allow_inf_nan=Fa
         for item in self.equipment:
             if item.name == equipment and site in item.assembly.sites:
                 return item.site_position(site)
-        raise ValueError(f"no site `{name}` in this yard; known are {', '.join(self.site_names()) or 'none'}")
+        raise ValueError(f"no site `{name}` in this yard; available: {', '.join(self.site_names()) or 'none'}")
 
     def enclosing_equipment(self, position_m: ArrayLike) -> str | None:
         """Return the name of the equipment that encloses a world position (3,), or None."""

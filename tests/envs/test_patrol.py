@@ -70,7 +70,7 @@ def test_options_set_what_is_drawn() -> None:
     ("options", "message"),
     [
         ({"pose": (1.0, 1.0, 0.0)}, "must be a dict with the keys start_pose and sources, got {'pose'"),
-        ({"sources": {"other": (1.0, 1.0, 1.0)}}, "no source `other`; known are"),
+        ({"sources": {"other": (1.0, 1.0, 1.0)}}, "no source `other`; available:"),
         ({"sources": {"discharge": (1.0, 1.0, -1.0)}}, "must lie in the yard, above the ground"),
         ({"sources": {"discharge": (1.0, 1.0, 1e300)}}, "at most 100 m above the ground"),
         ({"start_pose": (3.0, 3.0, 180.0)}, "a yaw in [-2 pi, 2 pi]"),

@@ -86,7 +86,7 @@ def test_unknown_estimator_is_refused_with_known_names(tmp_path: Path) -> None:
         PatrolEnv(load_scenario(scenario_with(tmp_path, GOOD, "Yours")))
     file = scenario_with(tmp_path, GOOD)
     file.write_text(file.read_text(encoding="utf-8").replace("mine.py:Mine", "mine"), encoding="utf-8")
-    with pytest.raises(ScenarioError, match=r"estimator\.method: no estimator `mine`; known are maximum_likelihood"):
+    with pytest.raises(ScenarioError, match=r"estimator\.method: no estimator `mine`; available: maximum_likelihood"):
         load_scenario(file)
 
 

@@ -82,7 +82,7 @@ CASES: list[tuple[dict[str, Any], str]] = [
     ),
     (
         {"estimator.method": "mine"},
-        "estimator.method: no estimator `mine`; known are maximum_likelihood, sub_bands, music, stronges",
+        "estimator.method: no estimator `mine`; available: maximum_likelihood, sub_bands, music, stronges",
     ),
     ({"campaign.date": "2026-02-30"}, "campaign.date: must be a day of the calendar, got 2026-02-30"),
     ({"campaign.number": -1}, "campaign.number: must be greater than or equal to 0, got -1"),
@@ -139,11 +139,11 @@ CASES: list[tuple[dict[str, Any], str]] = [
         {"map.extra": [{**HUT, "position_m": [15.9, 8.0]}]},
         "route.waypoints_m.1: must lie in the yard, 0.25 m or more from any obstacle, so that the robot fits",
     ),
-    ({"map.missing": ["tnk"]}, "map.missing.0: no equipment `tnk` in this yard; known are tank"),
+    ({"map.missing": ["tnk"]}, "map.missing.0: no equipment `tnk` in this yard; available: tank"),
     ({"map.mising": ["tank"]}, "map.mising: unknown key; did you mean `missing`?"),
     (
         {"map.moved": [{"name": "pump", "by_m": [1.0, 0.0]}]},
-        "map.moved.0.name: no equipment `pump` in this yard; known are tank, ct, bb",
+        "map.moved.0.name: no equipment `pump` in this yard; available: tank, ct, bb",
     ),
     (
         {"map.moved": [{"name": "tank", "by_m": [9.0, 0.0]}]},
@@ -156,12 +156,12 @@ CASES: list[tuple[dict[str, Any], str]] = [
     ),
     (
         {"map.extra": [{**HUT, "kind": "kiosk"}]},
-        "map.extra.0.kind: no kind `kiosk`; known are building, busbar, bushing, cabinet, capacitor_bank",
+        "map.extra.0.kind: no kind `kiosk`; available: building, busbar, bushing, cabinet, capacitor_bank",
     ),
-    ({"sources": [{**ONE, "sites": ["tank/sout"]}]}, "sources.0.sites: no site `tank/sout`; known are tank/south"),
+    ({"sources": [{**ONE, "sites": ["tank/sout"]}]}, "sources.0.sites: no site `tank/sout`; available: tank/south"),
     (
         {"sources": [{**ONE, "sites": ["pump/*"]}]},
-        "sources.0.sites: no site `pump/*`; known are tank/south, ct/head, bb/post_1_1, bb/post_1_2, bb/",
+        "sources.0.sites: no site `pump/*`; available: tank/south, ct/head, bb/post_1_1, bb/post_1_2, bb/",
     ),
     (
         {"sources": [{**GUN, "position_m": [10.0, 9.0, 1.0]}]},
@@ -272,7 +272,7 @@ def test_missing_file_folder_and_unknown_name_are_refused(tmp_path: Path) -> Non
     for path in (tmp_path / "none.toml", tmp_path):
         with pytest.raises(ScenarioError, match="cannot be read"):
             load_scenario(path)
-    with pytest.raises(ScenarioError, match=r"known are .*one_source"):
+    with pytest.raises(ScenarioError, match=r"available: .*one_source"):
         load_scenario("one_sorce")
 
 
